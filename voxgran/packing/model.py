@@ -22,12 +22,11 @@ from voxgran.contacts.model import Contacts
 from voxgran.contacts.verify import Verification, verify
 from voxgran.containers.model import Container
 from voxgran.containers.one_unit import converted, in_one_unit
-from voxgran.packing.grains import GrainSequence, refuse_unlike
+from voxgran.packing.grains import GrainSequence, card_of_packing, common_shapes, frame_of, refuse_unlike
 from voxgran.packing.gravity import Down, as_down
 from voxgran.settling.relaxation import Relaxation
 from voxgran.shapes.model import Shape, check_shapes
 from voxgran.shapes.size_laws import SizeDistribution
-from voxgran.shapes.thumbnail import card, picture
 
 if TYPE_CHECKING:
     from xarray import DataTree
@@ -283,8 +282,8 @@ class Packing(GrainSequence):
         """
         if not isinstance(other, Packing):
             return NotImplemented
-        refuse_unlike(self._frame(), other._frame())
-        shapes, *ids = self._common_shapes(other)
+        refuse_unlike(frame_of(self), frame_of(other))
+        shapes, *ids = common_shapes(self, other)
         kept = self.stop_reason == other.stop_reason and self.stop_reason not in _OF_THE_WHOLE
         return replace(
             self,
@@ -301,18 +300,6 @@ class Packing(GrainSequence):
             relaxation=None,
         )
 
-    def _common_shapes(self, other: "Packing") -> tuple[tuple[Shape, ...], Integers, Integers]:
-        """Return the different shapes of two packings, and which of them each grain of one and of the other has."""
-        place = {shape: k for k, shape in enumerate(dict.fromkeys((*self.shapes, *other.shapes)))}
-        mine, its = (np.array([place[shape] for shape in one.shapes], int)[one.shape_id] for one in (self, other))
-        return tuple(place), mine, its
-
-    def _frame(self) -> dict[str, Any]:
-        """Return all that two packings must share so that their grains can be put together."""
-        lid = None if self.lid is None else (*self.lid.normal.tolist(), self.lid.level)
-        container = self.container.to_mapping()
-        return {"unit": self.unit, "container": container, "density": self.density, "gravity": self.gravity, "lid": lid}
-
     def __eq__(self, other: object) -> bool:
         if not isinstance(other, Packing):
             return NotImplemented
@@ -320,8 +307,8 @@ class Packing(GrainSequence):
         return (
             all(np.array_equal(getattr(self, name), getattr(other, name)) for name in arrays)
             and self.contact_gap == other.contact_gap
-            and self._frame() == other._frame()
-            and np.array_equal(*self._common_shapes(other)[1:])
+            and frame_of(self) == frame_of(other)
+            and np.array_equal(*common_shapes(self, other)[1:])
         )
 
     def __hash__(self) -> int:
@@ -441,31 +428,7 @@ class Packing(GrainSequence):
 
     def _repr_html_(self) -> str:
         """Small picture and numbers, for notebooks."""
-        names = ", ".join(shape.name for shape in self.shapes[:4]) + (" ..." if len(self.shapes) > 4 else "")
-        axes = ", ".join(axis for axis, wraps in zip("xyz", self.container.periodic, strict=True) if wraps)
-        rows = {
-            "packing": f"{self.count} grains of {len(self.shapes)} shapes: {names}",
-            "solid fraction": f"{self.solid_fraction:.4f}",
-            "method": str(self.provenance.get("method", "not known")),
-            "stopped": self.stop_reason,
-            **self._rest(),
-            "container": self.container.kind + (f", periodic in {axes}" if axes else ""),
-        }
-        if not self.count:
-            return card(None, rows)
-        unit = "" if self.unit == "1" else f" {self.unit}"
-        rows["equivalent diameter"] = f"{self.diameters.min():.4g} to {self.diameters.max():.4g}{unit}"
-        bodies = [shape.vertices[shape.faces] for shape in self.shapes]
-        matrices = self.matrices * self.scale[:, None, None]
-        flat = self.dimension == 2
-        return card(picture(bodies, self.shape_id, matrices, self.position, self.diameters, flat=flat), rows)
-
-    def _rest(self) -> dict[str, str]:
-        """Return how many grains rest, for notebooks; nothing where that is not known."""
-        if self.forces is None or not self.count:
-            return {}
-        shares = self.forces.share_at_rest, self.forces.share_of_rattlers
-        return {"at rest": "{:.1f} % of the grains, {:.1f} % are rattlers".format(*(100 * share for share in shares))}
+        return card_of_packing(self)
 
     def __repr__(self) -> str:
         """Count, solid fraction and how it ended."""

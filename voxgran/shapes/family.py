@@ -13,9 +13,10 @@ from voxgran._base.config import to_mapping
 from voxgran._base.errors import InputError
 from voxgran._base.registry import Registry
 from voxgran._base.seeds import stream
+from voxgran.shapes.describing.body import Geometry
 from voxgran.shapes.generating.ranges import drawn
 from voxgran.shapes.mesh import Mesh
-from voxgran.shapes.model import Geometry, Shape
+from voxgran.shapes.model import Shape
 from voxgran.shapes.primitive import Kind, Primitive
 from voxgran.shapes.surface import Surface
 

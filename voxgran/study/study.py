@@ -148,8 +148,8 @@ class Study:
         ...     "packing": {"method": "rsa", "count": 10},
         ... }
         >>> plan = vg.Study(base=base, axes={"packing.count": [5, 10]}, seeds=3).plan()
-        >>> plan.cells, plan.seeds
-        ((CellPlan(values={'packing.count': 5}, grains=5, memory=256901120, attempts=6000, done=0, failed=0, left=3, refusal=''), CellPlan(values={'packing.count': 10}, grains=10, memory=256901120, attempts=12000, done=0, failed=0, left=3, refusal='')), (0, 1, 2))
+        >>> len(plan.cells), plan.seeds, plan.total("left")
+        (2, (0, 1, 2), 6)
         """
         store = Store(Path(os.devnull) if folder is None else as_path(folder), self._settings.keep == "packings")
         return planned(self._settings, store)

@@ -47,8 +47,9 @@ class Inscribed:
     Examples
     --------
     >>> import voxgran as vg
-    >>> vg.fit_clump(vg.shapes.box(lengths=(1, 1, 2)), method=vg.clumps.Inscribed(), max_spheres=4).count
-    4
+    >>> sphere = vg.shapes.sphere(radius=2.0)
+    >>> vg.fit_clump(sphere, method=vg.clumps.Inscribed(), max_spheres=1).radii.round(2).tolist()
+    [2.0]
     """
 
     min_radius: float = parameter(
