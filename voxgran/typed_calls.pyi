@@ -48,7 +48,7 @@ class PackKeywords(TypedDict, total=False):
     settle: bool | Mapping[str, Any] | Settling | None
 
 class VoronoiFillKeywords(PackKeywords, total=False):
-    fill: Literal['shapes', 'cells']
+    fill: Literal["shapes", "cells"]
     smoothing: Whole
     orientations: Whole
     rounds: Whole
@@ -61,14 +61,14 @@ class TetrahedralKeywords(PackKeywords, total=False):
     mesh: str | None
 
 class RsaKeywords(PackKeywords, total=False):
-    scheme: Literal['classic', '1', '2', '3', '4a', '4b', '4c', '4d']
-    until: Literal['tries', 'saturated'] | None
+    scheme: Literal["classic", "1", "2", "3", "4a", "4b", "4c", "4d"]
+    until: Literal["tries", "saturated"] | None
     tries: Whole
-    retry: Literal['scan', 'next']
+    retry: Literal["scan", "next"]
     corrections: Whole
-    order: Literal['given', 'largest', 'random']
-    along: Literal['x', 'y', 'z']
-    numbers: Literal['philox', 'lcg']
+    order: Literal["given", "largest", "random"]
+    along: Literal["x", "y", "z"]
+    numbers: Literal["philox", "lcg"]
     aligned: bool
 
 class RandomApollonianKeywords(PackKeywords, total=False):
@@ -84,10 +84,10 @@ class MultilayerKeywords(PackKeywords, total=False):
 
 class JamKeywords(PackKeywords, total=False):
     growth_rate: Number
-    keep: Literal['container', 'sizes']
+    keep: Literal["container", "sizes"]
 
 class GrowthKeywords(PackKeywords, total=False):
-    arrival: Literal['together', 'continuous']
+    arrival: Literal["together", "continuous"]
     slowest: Number
     speed: Number
 
@@ -98,8 +98,8 @@ class GravityKeywords(PackKeywords, total=False):
     lid: Lid | None
     fall_time: Number | None
     rest: Number
-    parts: Literal['exact', 'hulls']
-    gravity: Literal['-x', '+x', '-y', '+y', '-z', '+z'] | (Sequence[Number] | NDArray[Any]) | None
+    parts: Literal["exact", "hulls"]
+    gravity: Literal["-x", "+x", "-y", "+y", "-z", "+z"] | (Sequence[Number] | NDArray[Any]) | None
     fill: Number
     height: Number | None
 
@@ -108,41 +108,41 @@ class ExpandKeywords(PackKeywords, total=False):
 
 class DigitalRsaKeywords(PackKeywords, total=False):
     voxel_size: Number | None
-    cover: Literal['touch', 'center']
+    cover: Literal["touch", "center"]
     turned: bool
     orientations: Whole
 
 class DigitalFillKeywords(PackKeywords, total=False):
     voxel_size: Number | None
-    cover: Literal['touch', 'center']
+    cover: Literal["touch", "center"]
     turned: bool
     orientations: Whole
-    place: Literal['lowest', 'contact', 'wall']
-    gravity: Literal['-x', '+x', '-y', '+y', '-z', '+z', 'none'] | None
-    order: Literal['random', 'largest']
+    place: Literal["lowest", "contact", "wall"]
+    gravity: Literal["-x", "+x", "-y", "+y", "-z", "+z", "none"] | None
+    order: Literal["random", "largest"]
 
 class DigitalKeywords(PackKeywords, total=False):
     sweeps: Whole
     cycles: Whole | None
     period: Whole | None
     decay: Number | None
-    gravity: Literal['-x', '+x', '-y', '+y', '-z', '+z', 'none'] | (Sequence[Number] | NDArray[Any]) | None
-    feed: Literal['rain', 'layers', 'at_once']
+    gravity: Literal["-x", "+x", "-y", "+y", "-z", "+z", "none"] | (Sequence[Number] | NDArray[Any]) | None
+    feed: Literal["rain", "layers", "at_once"]
     rate: Number
     layer_sweeps: Whole
     lid: bool
     voxel_size: Number | None
-    cover: Literal['touch', 'center']
+    cover: Literal["touch", "center"]
     downward_share: Number
     vibration_up: Number
     rotation_share: Number
     orientations: Whole
     guided: Number
-    schedule: Literal['random', 'sorted', 'sleeping']
+    schedule: Literal["random", "sorted", "sleeping"]
 
 class DepositionKeywords(PackKeywords, total=False):
     sticking: Number
-    toward: Literal['floor', 'center']
+    toward: Literal["floor", "center"]
     drops: Whole
 
 class ControlPointKeywords(PackKeywords, total=False):
@@ -150,15 +150,15 @@ class ControlPointKeywords(PackKeywords, total=False):
     cycles: Whole | None
     period: Whole | None
     decay: Number | None
-    gravity: Literal['-x', '+x', '-y', '+y', '-z', '+z', 'none'] | (Sequence[Number] | NDArray[Any]) | None
-    feed: Literal['rain', 'layers', 'at_once']
+    gravity: Literal["-x", "+x", "-y", "+y", "-z", "+z", "none"] | (Sequence[Number] | NDArray[Any]) | None
+    feed: Literal["rain", "layers", "at_once"]
     rate: Number
     layer_sweeps: Whole
     lid: bool
     spacing: Number
-    contact: Literal['sdf', 'kdtree']
-    points: Literal['surface', 'all']
-    tested_points: Literal['both', 'one']
+    contact: Literal["sdf", "kdtree"]
+    points: Literal["surface", "all"]
+    tested_points: Literal["both", "one"]
     distance: Number
     overlap: Number
     gravity_bias: Number
@@ -170,62 +170,133 @@ class ApollonianKeywords(PackKeywords, total=False):
     smallest: Number | None
 
 class AdvancingFrontKeywords(PackKeywords, total=False):
-    mode: Literal['loose', 'dense']
-    order: Literal['random', 'nearest', 'lowest']
+    mode: Literal["loose", "dense"]
+    order: Literal["random", "nearest", "lowest"]
     tries: Whole
     grow: Number
 
 @overload
-def pack(shapes: Sequence[Shape] | Shape, container: Container, method: Literal["advancing_front"], **keywords: Unpack[AdvancingFrontKeywords]) -> Packing: ...
+def pack(
+    shapes: Sequence[Shape] | Shape,
+    container: Container,
+    method: Literal["advancing_front"],
+    **keywords: Unpack[AdvancingFrontKeywords],
+) -> Packing: ...
 @overload
-def pack(shapes: Sequence[Shape] | Shape, container: Container, method: Literal["apollonian"], **keywords: Unpack[ApollonianKeywords]) -> Packing: ...
+def pack(
+    shapes: Sequence[Shape] | Shape,
+    container: Container,
+    method: Literal["apollonian"],
+    **keywords: Unpack[ApollonianKeywords],
+) -> Packing: ...
 @overload
-def pack(shapes: Sequence[Shape] | Shape, container: Container, method: Literal["control_point"], **keywords: Unpack[ControlPointKeywords]) -> Packing: ...
+def pack(
+    shapes: Sequence[Shape] | Shape,
+    container: Container,
+    method: Literal["control_point"],
+    **keywords: Unpack[ControlPointKeywords],
+) -> Packing: ...
 @overload
-def pack(shapes: Sequence[Shape] | Shape, container: Container, method: Literal["deposition"], **keywords: Unpack[DepositionKeywords]) -> Packing: ...
+def pack(
+    shapes: Sequence[Shape] | Shape,
+    container: Container,
+    method: Literal["deposition"],
+    **keywords: Unpack[DepositionKeywords],
+) -> Packing: ...
 @overload
-def pack(shapes: Sequence[Shape] | Shape, container: Container, method: Literal["digital"], **keywords: Unpack[DigitalKeywords]) -> Packing: ...
+def pack(
+    shapes: Sequence[Shape] | Shape,
+    container: Container,
+    method: Literal["digital"],
+    **keywords: Unpack[DigitalKeywords],
+) -> Packing: ...
 @overload
-def pack(shapes: Sequence[Shape] | Shape, container: Container, method: Literal["digital_fill"], **keywords: Unpack[DigitalFillKeywords]) -> Packing: ...
+def pack(
+    shapes: Sequence[Shape] | Shape,
+    container: Container,
+    method: Literal["digital_fill"],
+    **keywords: Unpack[DigitalFillKeywords],
+) -> Packing: ...
 @overload
-def pack(shapes: Sequence[Shape] | Shape, container: Container, method: Literal["digital_rsa"], **keywords: Unpack[DigitalRsaKeywords]) -> Packing: ...
+def pack(
+    shapes: Sequence[Shape] | Shape,
+    container: Container,
+    method: Literal["digital_rsa"],
+    **keywords: Unpack[DigitalRsaKeywords],
+) -> Packing: ...
 @overload
-def pack(shapes: Sequence[Shape] | Shape, container: Container, method: Literal["expand"], **keywords: Unpack[ExpandKeywords]) -> Packing: ...
+def pack(
+    shapes: Sequence[Shape] | Shape, container: Container, method: Literal["expand"], **keywords: Unpack[ExpandKeywords]
+) -> Packing: ...
 @overload
-def pack(shapes: Sequence[Shape] | Shape, container: Container, method: Literal["gravity"], **keywords: Unpack[GravityKeywords]) -> Packing: ...
+def pack(
+    shapes: Sequence[Shape] | Shape,
+    container: Container,
+    method: Literal["gravity"],
+    **keywords: Unpack[GravityKeywords],
+) -> Packing: ...
 @overload
-def pack(shapes: Sequence[Shape] | Shape, container: Container, method: Literal["growth"], **keywords: Unpack[GrowthKeywords]) -> Packing: ...
+def pack(
+    shapes: Sequence[Shape] | Shape, container: Container, method: Literal["growth"], **keywords: Unpack[GrowthKeywords]
+) -> Packing: ...
 @overload
-def pack(shapes: Sequence[Shape] | Shape, container: Container, method: Literal["jam"], **keywords: Unpack[JamKeywords]) -> Packing: ...
+def pack(
+    shapes: Sequence[Shape] | Shape, container: Container, method: Literal["jam"], **keywords: Unpack[JamKeywords]
+) -> Packing: ...
 @overload
-def pack(shapes: Sequence[Shape] | Shape, container: Container, method: Literal["multilayer"], **keywords: Unpack[MultilayerKeywords]) -> Packing: ...
+def pack(
+    shapes: Sequence[Shape] | Shape,
+    container: Container,
+    method: Literal["multilayer"],
+    **keywords: Unpack[MultilayerKeywords],
+) -> Packing: ...
 @overload
-def pack(shapes: Sequence[Shape] | Shape, container: Container, method: Literal["random_apollonian"], **keywords: Unpack[RandomApollonianKeywords]) -> Packing: ...
+def pack(
+    shapes: Sequence[Shape] | Shape,
+    container: Container,
+    method: Literal["random_apollonian"],
+    **keywords: Unpack[RandomApollonianKeywords],
+) -> Packing: ...
 @overload
-def pack(shapes: Sequence[Shape] | Shape, container: Container, method: Literal["rsa"], **keywords: Unpack[RsaKeywords]) -> Packing: ...
+def pack(
+    shapes: Sequence[Shape] | Shape, container: Container, method: Literal["rsa"], **keywords: Unpack[RsaKeywords]
+) -> Packing: ...
 @overload
-def pack(shapes: Sequence[Shape] | Shape, container: Container, method: Literal["tetrahedral"], **keywords: Unpack[TetrahedralKeywords]) -> Packing: ...
+def pack(
+    shapes: Sequence[Shape] | Shape,
+    container: Container,
+    method: Literal["tetrahedral"],
+    **keywords: Unpack[TetrahedralKeywords],
+) -> Packing: ...
 @overload
-def pack(shapes: Sequence[Shape] | Shape, container: Container, method: Literal["voronoi_fill"], **keywords: Unpack[VoronoiFillKeywords]) -> Packing: ...
+def pack(
+    shapes: Sequence[Shape] | Shape,
+    container: Container,
+    method: Literal["voronoi_fill"],
+    **keywords: Unpack[VoronoiFillKeywords],
+) -> Packing: ...
 @overload
-def pack(shapes: Sequence[Shape] | Shape, container: Container, method: str | Parameters, **keywords: Unpack[PackKeywords]) -> Packing: ...
+def pack(
+    shapes: Sequence[Shape] | Shape, container: Container, method: str | Parameters, **keywords: Unpack[PackKeywords]
+) -> Packing: ...
+
 class MakeShapeKeywords(TypedDict, total=False):
     seed: Whole
 
 class VoxelRainKeywords(MakeShapeKeywords, total=False):
     cubes: WholeRange
     width: Sequence[Whole] | NDArray[Any]
-    base: Literal['rectangle', 'ellipse']
+    base: Literal["rectangle", "ellipse"]
     plate: WholeRange
-    deposition: Literal['ballistic', 'random', 'relaxed']
+    deposition: Literal["ballistic", "random", "relaxed"]
     diameter: NumberRange | None
     edge: NumberRange | None
 
 class VoronoiFragmentKeywords(MakeShapeKeywords, total=False):
     seeds: WholeRange
-    process: Literal['random', 'jittered']
+    process: Literal["random", "jittered"]
     jitter: NumberRange
-    boundary: Literal['periodic', 'reflected']
+    boundary: Literal["periodic", "reflected"]
     aspect: Sequence[Number] | NDArray[Any] | None
     cell: WholeRange | None
     diameter: NumberRange | None
@@ -274,12 +345,12 @@ class SphericalHarmonicsKeywords(MakeShapeKeywords, total=False):
 
 class SphereAssemblyKeywords(MakeShapeKeywords, total=False):
     base: str | Shape | Mapping[str, Any]
-    arrangement: Literal['voxels', 'tetrahedra']
+    arrangement: Literal["voxels", "tetrahedra"]
     spacing: NumberRange
     probability: NumberRange
     radii: NumberRange | (Sequence[Number] | NDArray[Any])
     overlap: NumberRange
-    isolated: Literal['connect', 'remove']
+    isolated: Literal["connect", "remove"]
     diameter: NumberRange | None
 
 class SphereKeywords(MakeShapeKeywords, total=False):
@@ -300,13 +371,13 @@ class SolidUnionKeywords(MakeShapeKeywords, total=False):
     diameter: NumberRange | None
 
 class SierpinskiSpongeKeywords(MakeShapeKeywords, total=False):
-    kind: Literal['random', 'menger', 'sierpinski', 'carpet']
+    kind: Literal["random", "menger", "sierpinski", "carpet"]
     divisions: WholeRange
     levels: WholeRange
     hole: WholeRange | None
     removed: WholeRange | None
     kept: NumberRange | None
-    piece: Literal['largest', 'whole']
+    piece: Literal["largest", "whole"]
     diameter: NumberRange | None
     edge: NumberRange | None
 
@@ -321,12 +392,12 @@ class SheetKeywords(MakeShapeKeywords, total=False):
     lengths: Sequence[Number] | NDArray[Any] | None
 
 class RoughSheetKeywords(MakeShapeKeywords, total=False):
-    method: Literal['spectral', 'patir', 'whitehouse', 'midpoint']
+    method: Literal["spectral", "patir", "whitehouse", "midpoint"]
     rms: NumberRange | None
     correlation_length: NumberRange | (Sequence[Number] | NDArray[Any]) | (Sequence[Number] | NDArray[Any]) | None
     shortest: NumberRange | None
     hurst: NumberRange | None
-    autocorrelation: Literal['exponential', 'gaussian', 'linear'] | None
+    autocorrelation: Literal["exponential", "gaussian", "linear"] | None
     skewness: NumberRange
     kurtosis: NumberRange
     aspect: Sequence[Number] | NDArray[Any] | None
@@ -411,7 +482,7 @@ class CubeRainKeywords(MakeShapeKeywords, total=False):
     cubes: WholeRange
     edges: Sequence[Number] | NDArray[Any]
     overlap: NumberRange
-    fall: Literal['around', 'down']
+    fall: Literal["around", "down"]
     diameter: NumberRange | None
 
 class CrumpledKeywords(MakeShapeKeywords, total=False):
@@ -503,7 +574,9 @@ def make_shapes(family: Literal["box"], *, count: Whole, **keywords: Unpack[BoxK
 @overload
 def make_shapes(family: Literal["cone"], *, count: Whole, **keywords: Unpack[ConeKeywords]) -> list[Shape]: ...
 @overload
-def make_shapes(family: Literal["convex_polyhedron"], *, count: Whole, **keywords: Unpack[ConvexPolyhedronKeywords]) -> list[Shape]: ...
+def make_shapes(
+    family: Literal["convex_polyhedron"], *, count: Whole, **keywords: Unpack[ConvexPolyhedronKeywords]
+) -> list[Shape]: ...
 @overload
 def make_shapes(family: Literal["crumpled"], *, count: Whole, **keywords: Unpack[CrumpledKeywords]) -> list[Shape]: ...
 @overload
@@ -513,53 +586,88 @@ def make_shapes(family: Literal["cylinder"], *, count: Whole, **keywords: Unpack
 @overload
 def make_shapes(family: Literal["disk"], *, count: Whole, **keywords: Unpack[DiskKeywords]) -> list[Shape]: ...
 @overload
-def make_shapes(family: Literal["ellipsoid"], *, count: Whole, **keywords: Unpack[EllipsoidKeywords]) -> list[Shape]: ...
+def make_shapes(
+    family: Literal["ellipsoid"], *, count: Whole, **keywords: Unpack[EllipsoidKeywords]
+) -> list[Shape]: ...
 @overload
-def make_shapes(family: Literal["mollon_zhao"], *, count: Whole, **keywords: Unpack[MollonZhaoKeywords]) -> list[Shape]: ...
+def make_shapes(
+    family: Literal["mollon_zhao"], *, count: Whole, **keywords: Unpack[MollonZhaoKeywords]
+) -> list[Shape]: ...
 @overload
-def make_shapes(family: Literal["mollon_zhao_2d"], *, count: Whole, **keywords: Unpack[MollonZhao2dKeywords]) -> list[Shape]: ...
+def make_shapes(
+    family: Literal["mollon_zhao_2d"], *, count: Whole, **keywords: Unpack[MollonZhao2dKeywords]
+) -> list[Shape]: ...
 @overload
-def make_shapes(family: Literal["noise_star"], *, count: Whole, **keywords: Unpack[NoiseStarKeywords]) -> list[Shape]: ...
+def make_shapes(
+    family: Literal["noise_star"], *, count: Whole, **keywords: Unpack[NoiseStarKeywords]
+) -> list[Shape]: ...
 @overload
 def make_shapes(family: Literal["platonic"], *, count: Whole, **keywords: Unpack[PlatonicKeywords]) -> list[Shape]: ...
 @overload
 def make_shapes(family: Literal["polygon"], *, count: Whole, **keywords: Unpack[PolygonKeywords]) -> list[Shape]: ...
 @overload
-def make_shapes(family: Literal["polyhedron"], *, count: Whole, **keywords: Unpack[PolyhedronKeywords]) -> list[Shape]: ...
+def make_shapes(
+    family: Literal["polyhedron"], *, count: Whole, **keywords: Unpack[PolyhedronKeywords]
+) -> list[Shape]: ...
 @overload
-def make_shapes(family: Literal["random_growth"], *, count: Whole, **keywords: Unpack[RandomGrowthKeywords]) -> list[Shape]: ...
+def make_shapes(
+    family: Literal["random_growth"], *, count: Whole, **keywords: Unpack[RandomGrowthKeywords]
+) -> list[Shape]: ...
 @overload
-def make_shapes(family: Literal["random_surface"], *, count: Whole, **keywords: Unpack[RandomSurfaceKeywords]) -> list[Shape]: ...
+def make_shapes(
+    family: Literal["random_surface"], *, count: Whole, **keywords: Unpack[RandomSurfaceKeywords]
+) -> list[Shape]: ...
 @overload
-def make_shapes(family: Literal["rough_sheet"], *, count: Whole, **keywords: Unpack[RoughSheetKeywords]) -> list[Shape]: ...
+def make_shapes(
+    family: Literal["rough_sheet"], *, count: Whole, **keywords: Unpack[RoughSheetKeywords]
+) -> list[Shape]: ...
 @overload
 def make_shapes(family: Literal["sheet"], *, count: Whole, **keywords: Unpack[SheetKeywords]) -> list[Shape]: ...
 @overload
 def make_shapes(family: Literal["shell"], *, count: Whole, **keywords: Unpack[ShellKeywords]) -> list[Shape]: ...
 @overload
-def make_shapes(family: Literal["sierpinski_sponge"], *, count: Whole, **keywords: Unpack[SierpinskiSpongeKeywords]) -> list[Shape]: ...
+def make_shapes(
+    family: Literal["sierpinski_sponge"], *, count: Whole, **keywords: Unpack[SierpinskiSpongeKeywords]
+) -> list[Shape]: ...
 @overload
-def make_shapes(family: Literal["solid_union"], *, count: Whole, **keywords: Unpack[SolidUnionKeywords]) -> list[Shape]: ...
+def make_shapes(
+    family: Literal["solid_union"], *, count: Whole, **keywords: Unpack[SolidUnionKeywords]
+) -> list[Shape]: ...
 @overload
 def make_shapes(family: Literal["sphere"], *, count: Whole, **keywords: Unpack[SphereKeywords]) -> list[Shape]: ...
 @overload
-def make_shapes(family: Literal["sphere_assembly"], *, count: Whole, **keywords: Unpack[SphereAssemblyKeywords]) -> list[Shape]: ...
+def make_shapes(
+    family: Literal["sphere_assembly"], *, count: Whole, **keywords: Unpack[SphereAssemblyKeywords]
+) -> list[Shape]: ...
 @overload
-def make_shapes(family: Literal["spherical_harmonics"], *, count: Whole, **keywords: Unpack[SphericalHarmonicsKeywords]) -> list[Shape]: ...
+def make_shapes(
+    family: Literal["spherical_harmonics"], *, count: Whole, **keywords: Unpack[SphericalHarmonicsKeywords]
+) -> list[Shape]: ...
 @overload
-def make_shapes(family: Literal["spherocylinder"], *, count: Whole, **keywords: Unpack[SpherocylinderKeywords]) -> list[Shape]: ...
+def make_shapes(
+    family: Literal["spherocylinder"], *, count: Whole, **keywords: Unpack[SpherocylinderKeywords]
+) -> list[Shape]: ...
 @overload
-def make_shapes(family: Literal["superquadric"], *, count: Whole, **keywords: Unpack[SuperquadricKeywords]) -> list[Shape]: ...
+def make_shapes(
+    family: Literal["superquadric"], *, count: Whole, **keywords: Unpack[SuperquadricKeywords]
+) -> list[Shape]: ...
 @overload
-def make_shapes(family: Literal["superspherize"], *, count: Whole, **keywords: Unpack[SuperspherizeKeywords]) -> list[Shape]: ...
+def make_shapes(
+    family: Literal["superspherize"], *, count: Whole, **keywords: Unpack[SuperspherizeKeywords]
+) -> list[Shape]: ...
 @overload
 def make_shapes(family: Literal["torus"], *, count: Whole, **keywords: Unpack[TorusKeywords]) -> list[Shape]: ...
 @overload
-def make_shapes(family: Literal["voronoi_fragment"], *, count: Whole, **keywords: Unpack[VoronoiFragmentKeywords]) -> list[Shape]: ...
+def make_shapes(
+    family: Literal["voronoi_fragment"], *, count: Whole, **keywords: Unpack[VoronoiFragmentKeywords]
+) -> list[Shape]: ...
 @overload
-def make_shapes(family: Literal["voxel_rain"], *, count: Whole, **keywords: Unpack[VoxelRainKeywords]) -> list[Shape]: ...
+def make_shapes(
+    family: Literal["voxel_rain"], *, count: Whole, **keywords: Unpack[VoxelRainKeywords]
+) -> list[Shape]: ...
 @overload
 def make_shapes(family: str | Parameters, *, count: Whole, **keywords: Unpack[MakeShapeKeywords]) -> list[Shape]: ...
+
 class FitClumpKeywords(TypedDict, total=False):
     max_spheres: Whole | None
     target: str | None
@@ -567,7 +675,7 @@ class FitClumpKeywords(TypedDict, total=False):
     seed: Whole
 
 class OptimalKeywords(FitClumpKeywords, total=False):
-    mode: Literal['balanced', 'inscribed', 'bounding']
+    mode: Literal["balanced", "inscribed", "bounding"]
     overlap: bool
     uniform: bool
     min_radius: Number
@@ -581,7 +689,7 @@ class InscribedKeywords(FitClumpKeywords, total=False):
 class InnerNormalKeywords(FitClumpKeywords, total=False):
     min_radius: Number | None
     distance: Number | None
-    order: Literal['largest', 'random']
+    order: Literal["largest", "random"]
 
 class FourPointKeywords(FitClumpKeywords, total=False):
     tolerance: Number | None
@@ -595,22 +703,36 @@ class DynamicKeywords(FitClumpKeywords, total=False):
 
 class ClusterKeywords(FitClumpKeywords, total=False):
     radius: Number | None
-    lattice: Literal['cubic', 'hexagonal']
+    lattice: Literal["cubic", "hexagonal"]
     spacing: Number | None
     inside: Number | None
     merge: bool
 
 @overload
-def fit_clump(shape_or_voxels: Shape | Voxels, *, method: Literal["cluster"] = ..., **keywords: Unpack[ClusterKeywords]) -> Clump: ...
+def fit_clump(
+    shape_or_voxels: Shape | Voxels, *, method: Literal["cluster"] = ..., **keywords: Unpack[ClusterKeywords]
+) -> Clump: ...
 @overload
-def fit_clump(shape_or_voxels: Shape | Voxels, *, method: Literal["dynamic"] = ..., **keywords: Unpack[DynamicKeywords]) -> Clump: ...
+def fit_clump(
+    shape_or_voxels: Shape | Voxels, *, method: Literal["dynamic"] = ..., **keywords: Unpack[DynamicKeywords]
+) -> Clump: ...
 @overload
-def fit_clump(shape_or_voxels: Shape | Voxels, *, method: Literal["four_point"] = ..., **keywords: Unpack[FourPointKeywords]) -> Clump: ...
+def fit_clump(
+    shape_or_voxels: Shape | Voxels, *, method: Literal["four_point"] = ..., **keywords: Unpack[FourPointKeywords]
+) -> Clump: ...
 @overload
-def fit_clump(shape_or_voxels: Shape | Voxels, *, method: Literal["inner_normal"] = ..., **keywords: Unpack[InnerNormalKeywords]) -> Clump: ...
+def fit_clump(
+    shape_or_voxels: Shape | Voxels, *, method: Literal["inner_normal"] = ..., **keywords: Unpack[InnerNormalKeywords]
+) -> Clump: ...
 @overload
-def fit_clump(shape_or_voxels: Shape | Voxels, *, method: Literal["inscribed"] = ..., **keywords: Unpack[InscribedKeywords]) -> Clump: ...
+def fit_clump(
+    shape_or_voxels: Shape | Voxels, *, method: Literal["inscribed"] = ..., **keywords: Unpack[InscribedKeywords]
+) -> Clump: ...
 @overload
-def fit_clump(shape_or_voxels: Shape | Voxels, *, method: Literal["optimal"] = ..., **keywords: Unpack[OptimalKeywords]) -> Clump: ...
+def fit_clump(
+    shape_or_voxels: Shape | Voxels, *, method: Literal["optimal"] = ..., **keywords: Unpack[OptimalKeywords]
+) -> Clump: ...
 @overload
-def fit_clump(shape_or_voxels: Shape | Voxels, *, method: str | Parameters = ..., **keywords: Unpack[FitClumpKeywords]) -> Clump: ...
+def fit_clump(
+    shape_or_voxels: Shape | Voxels, *, method: str | Parameters = ..., **keywords: Unpack[FitClumpKeywords]
+) -> Clump: ...
