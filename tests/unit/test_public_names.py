@@ -367,9 +367,9 @@ def last_section(documentation):
 
 
 def lacks_examples(documentation):
-    """Return whether a docstring does not end with a section of examples that are code."""
+    """Return whether a docstring does not end with a section of examples that are code and do more than import."""
     head, text = last_section(documentation)
-    return head != "Examples" or not text.startswith(">>> ")
+    return head != "Examples" or not re.search(r"^>>> (?!import |from )", text, re.MULTILINE)
 
 
 def test_all_that_is_public_has_examples():
@@ -384,6 +384,7 @@ def test_what_lacks_examples_is_found():
     assert lacks_examples(None)
     assert lacks_examples("Return it.")
     assert lacks_examples(f"{head}    Call it with f(1).\n    ")
+    assert lacks_examples(f"{head}    >>> import voxgran as vg\n    f(1)\n    ")
     assert lacks_examples(f"{head}    >>> f(1)\n\n    Raises\n    ------\n    InputError\n        If not.\n    ")
 
 

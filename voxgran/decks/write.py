@@ -129,8 +129,10 @@ def write_deck(
     Examples
     --------
     >>> import voxgran as vg
-    >>> bed = vg.pack(vg.make_shape("sphere"), vg.Box((3, 3, 3)), "rsa", count=5, unit="mm")
-    >>> deck = vg.write_deck(bed, "run", "lammps", material=vg.Material(density=2500))  # doctest: +SKIP
+    >>> bed = vg.pack(vg.shapes.sphere(), vg.Box((3, 3, 3)), "rsa", count=5, unit="mm")
+    >>> deck = vg.write_deck(bed, "run", "lammps", material=vg.Material(density=2500))
+    >>> deck.engine, len(deck.files)
+    ('lammps', 2)
     """
     found = engine_registry().get(engine)
     simulation, held = described(
