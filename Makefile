@@ -16,7 +16,7 @@ unexport PYTHONDONTWRITEBYTECODE
 
 .DEFAULT_GOAL := demo
 .DELETE_ON_ERROR:
-.PHONY: demo test test-slow test-lowest test-engines lint bench studies figures clean
+.PHONY: demo test test-slow test-lowest test-engines test-dist lint docs dist bench studies figures clean
 
 demo: $(STAMP)   ## pack a small scene, check it, and write files and a report to out/demo
 	$(BIN)/voxgran demo -o out/demo --overwrite
@@ -38,6 +38,17 @@ lint: $(STAMP)   ## style, format and types
 	$(BIN)/ruff check
 	$(BIN)/ruff format --check
 	$(BIN)/mypy
+
+docs: $(VENV)/.docs   ## this package's site, with its gallery, in out/docs; a warning is an error
+	$(BIN)/python -m sphinx -W --keep-going -q -b html -d out/docs_cache docs out/docs
+	@echo "open out/docs/index.html"
+
+dist: $(STAMP)   ## sdist and wheel in dist/
+	rm -rf dist
+	$(BIN)/python -m build --outdir dist
+
+test-dist: dist   ## install the wheel in a fresh environment outside the checkout, run the demo and a script there
+	VOXGRAN_DIST=dist $(BIN)/python -m pytest -m dist
 
 bench: $(STAMP) $(ENGINES)/.ok   ## run time against error of voxelization, distances and packing, as figures
 	$(BIN)/voxgran bench voxelize -o docs/figures
@@ -109,6 +120,10 @@ clean:   ## remove what the targets above made, except the environment
 
 $(STAMP): pyproject.toml tools/bootstrap.sh
 	tools/bootstrap.sh $(VENV)
+
+$(VENV)/.docs: $(STAMP)
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check --editable '.[docs]'
+	touch $@
 
 $(ENGINES)/.ok: tools/engines.sh | $(STAMP)
 	tools/engines.sh $(ENGINES)

@@ -1,29 +1,96 @@
-"""The page on methods of one's own: its example passes the tests that it names, as an installed package would."""
+"""The package of examples/plugin and the examples of the page on extensions pass the suites, as if installed."""
 
 import os
 import re
 import subprocess
 import sys
+import tomllib
 from pathlib import Path
 
-PAGE = Path(__file__).parents[2] / "docs" / "contribute" / "extending.md"
+import pytest
+
+ROOT = Path(__file__).parents[2]
+PLUGIN = ROOT / "examples" / "plugin"
+PAGE = (ROOT / "docs" / "contribute" / "extending.md").read_text()
+PROJECT = tomllib.loads((PLUGIN / "pyproject.toml").read_text())["project"]
+#: number of tests in the suite of each kind that its page names; the last are skipped
+KINDS = {"wedge": (5, 0), "mean_height": (5, 0), "ring": (6, 1), "table": (5, 1)}
 
 
-def test_the_example_of_the_page_passes_the_suite(tmp_path):
-    blocks = dict(re.findall(r"```(python|toml)\n(.*?)```", PAGE.read_text(), flags=re.DOTALL)[:2])
-    tests = re.findall(r"```python\n(.*?)```", PAGE.read_text(), flags=re.DOTALL)[1]
-    (tmp_path / "cubic.py").write_text(blocks["python"])
-    (tmp_path / "test_cubic.py").write_text(tests)
-    info = tmp_path / "cubic-1.0.dist-info"
+def install(folder, name, groups):
+    """Write what pip would write beside the modules of a package, so that its entry points are found."""
+    info = folder / f"{name}-1.0.dist-info"
     info.mkdir()
-    (info / "METADATA").write_text("Metadata-Version: 2.1\nName: cubic\nVersion: 1.0\n")
-    head, entry = blocks["toml"].splitlines()
-    group = re.fullmatch(r'\[project\.entry-points\."(.*)"\]', head).group(1)
-    (info / "entry_points.txt").write_text(f"[{group}]\n{entry.replace(chr(34), '')}\n")
-    path = os.pathsep.join([str(tmp_path), *filter(None, [os.environ.get("PYTHONPATH")])])
-    command = [sys.executable, "-m", "pytest", "-q", "-p", "no:dash", "-p", "no:cacheprovider", "test_cubic.py"]
+    (info / "METADATA").write_text(f"Metadata-Version: 2.1\nName: {name}\nVersion: 1.0\n")
+    sections = (
+        f"[{group}]\n" + "".join(f"{key} = {value}\n" for key, value in rows.items()) for group, rows in groups.items()
+    )
+    (info / "entry_points.txt").write_text("".join(sections))
+
+
+def run(folder, *command):
+    """Run a module of Python in a folder whose packages are found; return its output."""
+    path = os.pathsep.join([str(folder), *filter(None, [os.environ.get("PYTHONPATH")])])
+    environment = {**os.environ, "PYTHONPATH": path}
     done = subprocess.run(
-        command, cwd=tmp_path, env={**os.environ, "PYTHONPATH": path}, capture_output=True, text=True, check=False
+        [sys.executable, "-m", *command], cwd=folder, env=environment, capture_output=True, text=True, check=False
     )
     assert done.returncode == 0, done.stdout + done.stderr
-    assert re.search(r"^13 passed", done.stdout, flags=re.MULTILINE), done.stdout
+    return done.stdout
+
+
+def check_plugin(folder):
+    """Use the method of the plugin at the prompt and run its tests."""
+    assert "grains on the sites of a simple cubic lattice" in run(folder, "voxgran", "methods")
+    assert "at least 0" in run(folder, "voxgran", "methods", "cubic")
+    page = (PLUGIN / "readme.md").read_text()
+    example = re.search(r"```python\n(.*?)```", page, flags=re.DOTALL)[1]
+    proof = 'assert packing.count == 20\nassert vg.verify(packing).ok\nassert packing.stop_reason == "count"\n'
+    (folder / "try_it.py").write_text(example + proof)
+    run(folder, "try_it")
+    found = run(folder, "pytest", "-q", "-p", "no:dash", "-p", "no:cacheprovider", "test_voxgran_cubic.py")
+    assert re.search(r"^13 passed", found, flags=re.MULTILINE), found
+    assert "the suite: 13 tests" in page
+
+
+def test_the_plugin_works_by_its_entry_point(tmp_path):
+    for path in PLUGIN.glob("*.py"):
+        (tmp_path / path.name).write_text(path.read_text())
+    install(tmp_path, "voxgran_cubic", PROJECT["entry-points"])
+    check_plugin(tmp_path)
+
+
+@pytest.mark.dist
+def test_the_plugin_works_after_pip_has_installed_it(tmp_path):
+    if "VOXGRAN_DIST" not in os.environ:
+        pytest.skip("pip fetches the build backend: make test-dist")
+    run(tmp_path, "pip", "install", "--quiet", "--no-deps", "--target", str(tmp_path), str(PLUGIN))
+    assert {path.name for path in tmp_path.iterdir()} >= {"voxgran_cubic.py", "voxgran_cubic-1.0.dist-info"}
+    (tmp_path / "test_voxgran_cubic.py").write_text((PLUGIN / "test_voxgran_cubic.py").read_text())
+    check_plugin(tmp_path)
+
+
+@pytest.mark.parametrize("name", KINDS)
+def test_the_examples_of_the_page_pass_their_suites(name, tmp_path):
+    blocks = re.findall(r"```python\n(.*?)```", PAGE, flags=re.DOTALL)
+    at = next(k for k, block in enumerate(blocks) if f'name="{name}"' in block or f'= "{name}", 3' in block)
+    (tmp_path / f"{name}.py").write_text(blocks[at])
+    (tmp_path / f"test_{name}.py").write_text(blocks[at + 1])
+    groups = dict(re.findall(r"`voxgran\.[a-z.]+\.(\w+)` \| `(voxgran\.\w+)`", PAGE))
+    entry = next((group for kind, group in groups.items() if f"registration = {kind}(" in blocks[at]), None)
+    install(tmp_path, name, {entry: {name: f"{name}:registration"}} if entry else {})
+    found = run(tmp_path, "pytest", "-q", "-p", "no:dash", "-p", "no:cacheprovider", f"test_{name}.py")
+    passed, skipped = KINDS[name]
+    told = f"{passed} passed, {skipped} skipped" if skipped else f"{passed} passed"
+    assert re.search(rf"^{told}", found, flags=re.MULTILINE), found
+
+
+def test_the_table_of_the_page_names_the_groups_that_the_registries_read():
+    from voxgran.decks.engine import engine_registry
+    from voxgran.measures.model import measure_registry
+    from voxgran.packing.method import method_registry
+    from voxgran.shapes.family import families
+
+    for registry in (engine_registry(), measure_registry(), method_registry(), families()):
+        entry = f"`{registry.entry.__module__}.{registry.entry.__name__}`"
+        assert f"| {registry.kind} | {entry} | `{registry.group}` |" in PAGE

@@ -310,16 +310,16 @@ def test_every_command_has_help(capsys):
 
 @pytest.mark.parametrize(("number", "status"), [(signal.SIGINT, 130), (signal.SIGTERM, 143)])
 def test_signals_leave_a_checkpoint_and_the_command_that_resumes(scene, tmp_path, number, status):
-    scene.write_text(scene.read_text().replace("sweeps = 200", "sweeps = 1000000000"))
+    endless = scene.read_text().replace("sweeps = 200", "sweeps = 1000000000")
+    scene.write_text(endless.replace("report = false", "report = false\nsnapshots = 2"))
     out = tmp_path / "out"
     run = subprocess.Popen(
         [sys.executable, "-m", "voxgran", "run", str(scene), "-o", str(out)], stderr=subprocess.PIPE, text=True
     )
-    deadline = time.monotonic() + 60
-    while not out.exists() and time.monotonic() < deadline:
-        time.sleep(0.1)
-    # the first attempt is made within some seconds, also on a busy machine
-    time.sleep(6.0)
+    # attempts are made once a snapshot is there
+    deadline = time.monotonic() + 300
+    while not (out / "snapshots.pvd").exists() and run.poll() is None and time.monotonic() < deadline:
+        time.sleep(0.05)
     run.send_signal(number)
     _, errors = run.communicate(timeout=60)
     assert run.returncode == status

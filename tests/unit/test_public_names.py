@@ -11,12 +11,20 @@ from pathlib import Path
 import pytest
 
 import voxgran as vg
+from voxgran._base.arrays import as_number
+from voxgran._base.config import parameter
 from voxgran._base.errors import CallError, InputError, UnknownNameError
+from voxgran._base.rotation import random_rotations
+from voxgran._base.seeds import stream
+from voxgran._base.stopping import stop_if_asked
 from voxgran.clumps.fit import fit_clump
 from voxgran.clumps.method import clump_registry
-from voxgran.packing.method import method_registry
+from voxgran.decks.engine import Engine
+from voxgran.packing.method import Cost, PackingMethod, State, method_registry
 from voxgran.packing.pack import pack
 from voxgran.shapes.family import families, make_shape
+from voxgran.study.result import StudyResult
+from voxgran.testing import PackingMethodSuite
 
 PACKAGE = Path(vg.__file__).parent
 NAMESPACES = [vg.containers, vg.clumps, vg.methods, vg.families]
@@ -314,6 +322,69 @@ def test_mypy_finds_mistakes_and_passes_what_is_right(tmp_path):
             found[int(number)] = found.get(int(number), "") + text
     assert sorted(found) == list(range(first, first + len(MISTAKES))), done.stdout
     assert all(word in text for word, (_, text) in zip(MISTAKES.values(), sorted(found.items()), strict=True)), found
+
+
+#: classes whose public methods have examples, beside themselves
+NOUNS = [
+    *(vg.Box, vg.Cloud, vg.ClosedMesh, vg.Cylinder, vg.Disk, vg.Packing, vg.Polygon, vg.Rectangle),
+    *(vg.Scene, vg.Series, vg.Shape, vg.Sphere, vg.Study, vg.clumps.Clump, StudyResult),
+]
+#: what docs/contribute/extending.md says that methods and engines of others use
+FOR_EXTENSIONS = [
+    *(Cost, Engine, PackingMethod, PackingMethodSuite, State),
+    *(as_number, parameter, random_rotations, stop_if_asked, stream),
+]
+
+
+def documented_names():
+    """Return each public function, class and method under its name."""
+    namespaces = {"voxgran": vg, "voxgran.sizes": vg.sizes, "voxgran.shapes": vg.shapes}
+    namespaces.update({space.__name__: space for space in NAMESPACES})
+    found = {}
+    for title, space in namespaces.items():
+        for name in dir(space):
+            thing = getattr(space, name)
+            # the module of sizes is a file, with names that it imports
+            own = space is not vg.sizes or getattr(thing, "__module__", "") == vg.sizes.__name__
+            if own and name[0] != "_" and (inspect.isfunction(thing) or inspect.isclass(thing)):
+                found[f"{title}.{name}"] = thing
+    found.update({thing.__name__: thing for thing in FOR_EXTENSIONS})
+    for cls in NOUNS:
+        found[cls.__name__] = cls
+        for name in dir(cls):
+            thing = inspect.getattr_static(cls, name)
+            thing = getattr(thing, "__func__", thing)
+            if not name.startswith("_") and inspect.isfunction(thing):
+                found[f"{cls.__name__}.{name}"] = thing
+    return found
+
+
+def last_section(documentation):
+    """Return the name and the text of the last section of a docstring."""
+    lines = inspect.cleandoc(documentation or "").splitlines()
+    heads = [k for k in range(len(lines) - 1) if lines[k] and re.fullmatch("-+", lines[k + 1])]
+    return (lines[heads[-1]], "\n".join(lines[heads[-1] + 2 :])) if heads else ("", "")
+
+
+def lacks_examples(documentation):
+    """Return whether a docstring does not end with a section of examples that are code."""
+    head, text = last_section(documentation)
+    return head != "Examples" or not text.startswith(">>> ")
+
+
+def test_all_that_is_public_has_examples():
+    names = documented_names()
+    assert len(names) > 270
+    assert [name for name, thing in names.items() if lacks_examples(thing.__doc__)] == []
+
+
+def test_what_lacks_examples_is_found():
+    head = "Return it.\n\n    Examples\n    --------\n"
+    assert not lacks_examples(f"{head}    >>> f(1)\n    2\n    ")
+    assert lacks_examples(None)
+    assert lacks_examples("Return it.")
+    assert lacks_examples(f"{head}    Call it with f(1).\n    ")
+    assert lacks_examples(f"{head}    >>> f(1)\n\n    Raises\n    ------\n    InputError\n        If not.\n    ")
 
 
 if __name__ == "__main__":

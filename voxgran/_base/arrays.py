@@ -165,6 +165,12 @@ def as_number(
     ------
     InputError
         If it is not a number, not finite, or out of bounds.
+
+    Examples
+    --------
+    >>> from voxgran._base.arrays import as_number
+    >>> as_number(2, "gap", at_least=0.0)
+    2.0
     """
     given = number_of(value)
     if given is None:

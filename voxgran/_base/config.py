@@ -68,6 +68,16 @@ def parameter(
 
     The unit is such as ``"length"``, ``"voxels"``, ``"radian"``; the former name is accepted with a DeprecationWarning.
     The bounds, exclusive below, inclusive below and inclusive above, hold for the value or for each entry of a list.
+
+    Examples
+    --------
+    >>> from dataclasses import dataclass
+    >>> from voxgran._base.config import parameter
+    >>> @dataclass(frozen=True, kw_only=True)
+    ... class Cubic:
+    ...     gap: float = parameter(0.0, doc="least distance", unit="length", at_least=0.0)
+    >>> Cubic(gap=0.1)
+    Cubic(gap=0.1)
     """
     given = {"above": above, "at_least": at_least, "at_most": at_most}
     bounds = {rule: bound for rule, bound in given.items() if bound is not None}

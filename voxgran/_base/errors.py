@@ -24,7 +24,17 @@ def with_article(noun: str) -> str:
 
 
 class VoxgranError(Exception):
-    """Base of all errors that voxgran raises on purpose."""
+    """Base of all errors that voxgran raises on purpose.
+
+    Examples
+    --------
+    >>> import voxgran as vg
+    >>> try:
+    ...     vg.Box((4, 4, -1))
+    ... except vg.VoxgranError as error:
+    ...     print(error)
+    length of the box is -1.0: it must be finite and above 0; change it
+    """
 
     exit_code: ClassVar[int] = 1
 

@@ -29,6 +29,7 @@ LIBRARIES = (
     "netCDF4",
     "numba",
     "open3d",
+    "plotly",
     "pyvista",
     "rich",
     "scipy",

@@ -82,7 +82,15 @@ def product(a: Floats, b: Floats) -> Floats:
 
 
 def random_rotations(generator: np.random.Generator, count: int) -> Floats:
-    """Return (count, 4) quaternions uniform on SO(3) (Shoemake 1992, doi:10.1016/B978-0-08-050755-2.50036-1)."""
+    """Return (count, 4) quaternions uniform on SO(3) (Shoemake 1992, doi:10.1016/B978-0-08-050755-2.50036-1).
+
+    Examples
+    --------
+    >>> from voxgran._base.rotation import random_rotations
+    >>> from voxgran._base.seeds import stream
+    >>> random_rotations(stream(1, "turns"), 5).shape
+    (5, 4)
+    """
     u, v, w = generator.random((3, count))
     inner, outer = np.sqrt(u), np.sqrt(1 - u)
     first, second = 2 * np.pi * v, 2 * np.pi * w

@@ -21,6 +21,13 @@ def stream(seed: int, stage: str, *index: int) -> np.random.Generator:
     """Return the generator of one stage, such as ``"sizes"``, of a run, independent of those of all other keys.
 
     Further keys are grain, chunk and so on; all keys are whole numbers of at least 0.
+
+    Examples
+    --------
+    >>> from voxgran._base.seeds import stream
+    >>> first, again = stream(1, "order").random(), stream(1, "order").random()
+    >>> first == again, first == stream(1, "turns").random()
+    (True, False)
     """
     return np.random.Generator(np.random.Philox(_sequence(seed, stage, *index)))
 

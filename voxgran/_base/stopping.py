@@ -23,6 +23,16 @@ def stop_if_asked() -> None:
     ------
     Stopped
         If so.
+
+    Examples
+    --------
+    >>> from voxgran._base.stopping import Stopped, stop_if_asked, stopping_when
+    >>> try:
+    ...     with stopping_when(lambda: True):
+    ...         stop_if_asked()
+    ... except Stopped:
+    ...     print("stopped")
+    stopped
     """
     if _asked.get()():
         raise Stopped

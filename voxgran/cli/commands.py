@@ -137,7 +137,9 @@ def report(options: argparse.Namespace) -> None:
     target = Path(options.output or Path(options.file).with_suffix(".html"))
     packing = _packing(options)
     found: dict[str, Any] = {"statistics": voxgran.measure(packing), "verification": voxgran.verify(packing)}
-    voxgran.save_report(packing, target, **found, **_fields(options, "color_by", "turntable", "overwrite"))
+    voxgran.save_report(
+        packing, target, **found, **_fields(options, "color_by", "turntable", "interactive", "overwrite")
+    )
     print(target)
 
 
@@ -151,7 +153,7 @@ def compare(options: argparse.Namespace) -> None:
         for packing in given:
             _say_assumed(packing, f"{path}: ")
         packings.setdefault(name, []).extend(given)
-    voxgran.save_comparison(packings, options.output, overwrite=options.overwrite)
+    voxgran.save_comparison(packings, options.output, **_fields(options, "interactive", "overwrite"))
     print(options.output)
 
 

@@ -73,6 +73,10 @@ def _value(text: str) -> Any:
     return text.split(",") if "," in text else text
 
 
+#: whether a page has a view beside its pictures
+INTERACTIVE = _flag(
+    "--interactive", action=argparse.BooleanOptionalAction, default=True, help="a view to turn and cut in a browser"
+)
 #: directions that begin like a flag
 DIRECTION = re.compile(r"-[xyz]|-[\d.][^,]*,.*")
 #: what a command line holds beside flags of its command
@@ -128,6 +132,7 @@ FLAGS: dict[str, tuple[Flag, ...]] = {
         _flag("-o", "--output", help="HTML file; the numbers go beside it as JSON"),
         _flag("--color-by", choices=COLOR_BY, default="diameter", help="what the grains are coloured by"),
         _flag("--turntable", action="store_true", help="add a picture that turns"),
+        INTERACTIVE,
     ),
     "compare": (
         _flag(
@@ -137,6 +142,7 @@ FLAGS: dict[str, tuple[Flag, ...]] = {
             "NAME=PATH names a group, and the same name again adds packings to it",
         ),
         _flag("-o", "--output", default="comparison.html", help="HTML file; the numbers go beside it as JSON"),
+        INTERACTIVE,
     ),
     "labels": (
         _flag("file", help="label image: .npy, .npz, .tif, .vti or .nrrd"),

@@ -84,6 +84,13 @@ def fit_clump(
     -----
     PackingWarning
         If there are fewer spheres than asked, except where they are exactly the shape.
+
+    Examples
+    --------
+    >>> import voxgran as vg
+    >>> clump = vg.fit_clump(vg.shapes.ellipsoid(aspect=(1, 1, 2)), max_spheres=3)
+    >>> clump.count, clump.errors.iou > 0.8
+    (3, True)
     """
     _, entry, settings = chosen(clump_registry(), method, parameters, where="clump method", beside=BESIDE)
     level = _level(target, value)

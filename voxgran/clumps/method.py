@@ -38,5 +38,12 @@ def clump_registry() -> Registry[ClumpMethod]:
 
 
 def clump_methods() -> tuple[str, ...]:
-    """Return the names of all clump methods."""
+    """Return the names of all clump methods.
+
+    Examples
+    --------
+    >>> import voxgran as vg
+    >>> vg.clump_methods()
+    ('cluster', 'dynamic', 'four_point', 'inner_normal', 'inscribed', 'optimal')
+    """
     return clump_registry().names()

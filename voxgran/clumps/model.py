@@ -72,6 +72,13 @@ class Clump:
         Name of the method that fitted the spheres.
     reason : str
         Why there are fewer spheres than asked; ``""`` if there are not.
+
+    Examples
+    --------
+    >>> import voxgran as vg
+    >>> clump = vg.fit_clump(vg.shapes.box(lengths=(1, 1, 2)), method="four_point", max_spheres=3)
+    >>> clump.count, clump.centers.shape, clump.method
+    (3, (3, 3), 'four_point')
     """
 
     centers: Floats
@@ -121,6 +128,13 @@ class Clump:
         ------
         InputError
             If `of` is something else.
+
+        Examples
+        --------
+        >>> import voxgran as vg
+        >>> clump = vg.fit_clump(vg.shapes.box(lengths=(1, 1, 2)), method="four_point", max_spheres=3)
+        >>> round(clump.mass_properties().volume, 12)  # of the box
+        2.0
         """
         if as_choice(of, "of", OF) == "spheres" or self._true_mass is None:
             return self._spheres.union
@@ -146,6 +160,13 @@ class Clump:
         ------
         InputError
             If `mass_properties` is something else.
+
+        Examples
+        --------
+        >>> import voxgran as vg
+        >>> clump = vg.fit_clump(vg.shapes.box(lengths=(1, 1, 2)), method="four_point", max_spheres=3)
+        >>> vg.pack(clump.to_shape(), vg.Box((4, 4, 4)), "rsa", count=5).count
+        5
         """
         name = f"{self.shape.name}, {self.count} spheres"
         if as_choice(mass_properties, "mass_properties", OF) == "spheres":
@@ -195,6 +216,13 @@ class Clump:
         -----
         PackingWarning
             If spheres are bonded that do not touch.
+
+        Examples
+        --------
+        >>> import voxgran as vg
+        >>> clump = vg.fit_clump(vg.shapes.box(lengths=(1, 1, 2)), method="four_point", max_spheres=2)
+        >>> clump.bonds(strength=1e6).sizes["bond"]
+        1
         """
         return bonds_of_bodies(
             [(self.centers, self.radii)],
@@ -242,6 +270,14 @@ class Clump:
             If the file is there and `overwrite` is false.
         OutputError
             If it cannot be written; what was there before is untouched.
+
+        Examples
+        --------
+        >>> import voxgran as vg
+        >>> clump = vg.fit_clump(vg.shapes.box(lengths=(1, 1, 2)), method="four_point", max_spheres=3)
+        >>> clump.save("clump.csv")
+        >>> vg.load_shape("clump.csv").geometry.radii.shape
+        (3,)
         """
         write_spheres(self.to_shape(mass_properties=mass_properties), path, overwrite=overwrite, density=density)
 

@@ -129,7 +129,15 @@ class Assembly:
         return read_only(self._of_shapes([shape.bounding_radius for shape in self.shapes]) * self.scale)
 
     def world_vertices(self, grain: int) -> Floats:
-        """Return the vertices (v, 3) of the tessellation of one grain in its pose."""
+        """Return the vertices (v, 3) of the tessellation of one grain in its pose.
+
+        Examples
+        --------
+        >>> import voxgran as vg
+        >>> bed = vg.pack(vg.shapes.box(lengths=(1, 1, 1)), vg.Box((4, 4, 4)), "rsa", count=3)
+        >>> bed.world_vertices(0).shape
+        (8, 3)
+        """
         body = self.shapes[self.shape_id[grain]].vertices * self.scale[grain]
         return body @ self.matrices[grain].T + self.position[grain]
 

@@ -30,8 +30,8 @@ from voxgran.contacts.solid import Solid
 from voxgran.contacts.spheres import sphere_contacts
 from voxgran.contacts.surface_pairs import surface_gaps
 from voxgran.contacts.touch import Touch
+from voxgran.shapes.describing.body import Geometry
 from voxgran.shapes.mesh import Mesh
-from voxgran.shapes.model import Geometry
 from voxgran.shapes.outline import Outline
 from voxgran.shapes.primitive import Primitive
 from voxgran.shapes.surface import Surface

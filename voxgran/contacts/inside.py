@@ -5,8 +5,8 @@ import numpy as np
 from voxgran._base.arrays import Floats
 from voxgran._base.rotation import stretch_of
 from voxgran.contacts.search import Inner
+from voxgran.shapes.describing.body import Geometry
 from voxgran.shapes.mesh import Mesh
-from voxgran.shapes.model import Geometry
 from voxgran.shapes.outline import Outline
 from voxgran.shapes.primitive import Primitive
 from voxgran.shapes.spheres import Spheres

@@ -25,7 +25,7 @@ from voxgran.contacts.search import deepest_point
 from voxgran.contacts.solid import Solid
 from voxgran.contacts.touch import Touch, direction
 from voxgran.contacts.triangles import TreeArrays
-from voxgran.shapes.model import Geometry
+from voxgran.shapes.describing.body import Geometry
 from voxgran.shapes.primitive import Primitive
 
 

@@ -23,8 +23,8 @@ from voxgran.contacts.sheet_crossing import crossing_depth
 from voxgran.contacts.solid import Solid
 from voxgran.contacts.touch import Touch, direction
 from voxgran.contacts.triangles import nearest_points
+from voxgran.shapes.describing.body import Geometry
 from voxgran.shapes.mesh import Mesh
-from voxgran.shapes.model import Geometry
 from voxgran.shapes.primitive import Primitive
 from voxgran.shapes.surface import Surface
 

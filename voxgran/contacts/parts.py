@@ -11,7 +11,7 @@ import numpy as np
 
 from voxgran._base.arrays import Floats, Integers
 from voxgran.contacts.gjk import BOX, CONE, CYLINDER, ELLIPSOID, POINT, ROW
-from voxgran.shapes.model import Geometry
+from voxgran.shapes.describing.body import Geometry
 from voxgran.shapes.outline import Outline
 from voxgran.shapes.primitive import Primitive
 from voxgran.shapes.spheres import Spheres

@@ -139,6 +139,14 @@ def verify(packing: Assembly, *, tolerance: float = 1e-9) -> Verification:
     are compared in closed form or by their support functions, without tessellation. Open surfaces overlap if their
     triangles cross; the depth is the shortest separating translation found, an upper bound of the minimum that is
     nearly independent of the triangulation. An open surface overlaps a solid if it has a point inside.
+
+    Examples
+    --------
+    >>> import voxgran as vg
+    >>> spheres = vg.Packing.of(vg.shapes.sphere(), vg.Box((4, 2, 2)), position=[(1, 1, 1), (1.95, 1, 1)])
+    >>> found = vg.verify(spheres)
+    >>> found.ok, found.overlapping_pairs, round(found.deepest, 3)
+    (False, 1, 0.05)
     """
     check_type(packing, Assembly, "packing", "a Packing; load or pack one")
     limit = as_number(tolerance, "tolerance", at_least=0.0)

@@ -58,6 +58,12 @@ class Block:
         ------
         InputError
             If the factor is not above 0, or a length is not between 1e-60 and 1e60 any longer.
+
+        Examples
+        --------
+        >>> import voxgran as vg
+        >>> vg.Box((1, 2, 3)).scaled(2.0).lengths
+        (2.0, 4.0, 6.0)
         """
         times = as_positive(factor, "factor")
         lengths, origin = ([value * times for value in vector] for vector in (self.lengths, self.origin))
@@ -70,6 +76,12 @@ class Block:
         ------
         InputError
             If `periodic` names no axes.
+
+        Examples
+        --------
+        >>> import voxgran as vg
+        >>> vg.Box((1, 2, 3)).with_periodic("xy").periodic
+        (True, True, False)
         """
         return self._with(self.lengths, periodic, self.origin)
 
@@ -80,7 +92,14 @@ class Block:
         return made
 
     def to_mapping(self) -> dict[str, Any]:
-        """Return kind and parameters as JSON-able values."""
+        """Return kind and parameters as JSON-able values.
+
+        Examples
+        --------
+        >>> import voxgran as vg
+        >>> vg.Rectangle((1, 2)).to_mapping()
+        {'kind': 'rectangle', 'lengths': [1.0, 2.0], 'periodic': [False, False], 'origin': [0.0, 0.0]}
+        """
         flags = list(self.periodic[: self.dimension])
         return {"kind": self.kind, "lengths": list(self.lengths), "periodic": flags, "origin": list(self.origin)}
 
@@ -114,6 +133,13 @@ class Box(Block):
         If there are other arguments than these.
     InputError
         If a length is not between 1e-60 and 1e60, the corner is out of this range, or `periodic` is invalid.
+
+    Examples
+    --------
+    >>> import voxgran as vg
+    >>> box = vg.Box((4, 4, 6), periodic="xy")
+    >>> box.volume, box.periodic
+    (96.0, (True, True, False))
     """
 
     lengths: tuple[float, float, float]
@@ -132,10 +158,24 @@ class Box(Block):
         ------
         InputError
             If the points are not an (n, 3) array of finite numbers.
+
+        Examples
+        --------
+        >>> import voxgran as vg
+        >>> vg.Box((2, 2, 2)).signed_distance([(1, 1, 1), (1, 1, 2.5)]).tolist()
+        [-1.0, 0.5]
         """
         return self._distance(as_points(points))
 
     def mesh(self) -> tuple[Floats, Integers]:
-        """Return vertices and triangles of the boundary."""
+        """Return vertices and triangles of the boundary.
+
+        Examples
+        --------
+        >>> import voxgran as vg
+        >>> vertices, faces = vg.Box((2, 2, 2)).mesh()
+        >>> vertices.shape, faces.shape
+        ((8, 3), (12, 3))
+        """
         vertices, faces, _ = unit_box()
         return (vertices + 0.5) * np.array(self.lengths) + np.array(self.origin), faces

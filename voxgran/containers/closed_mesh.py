@@ -36,6 +36,13 @@ class ClosedMesh:
     ------
     InputError
         If `shape` is not a Shape, or not a mesh.
+
+    Examples
+    --------
+    >>> import voxgran as vg
+    >>> hopper = vg.shapes.cone(radius=2.0, height=3.0)
+    >>> round(vg.ClosedMesh(vg.Shape.from_mesh(hopper.vertices, hopper.faces)).volume, 1)
+    12.6
     """
 
     shape: Shape
@@ -76,6 +83,13 @@ class ClosedMesh:
             If the surface does not bound exactly one solid.
         InputError
             If `path` is not a path.
+
+        Examples
+        --------
+        >>> import voxgran as vg
+        >>> vg.save_shape(vg.shapes.box(lengths=(2, 2, 2)), "vessel.stl")
+        >>> round(vg.ClosedMesh.from_file("vessel.stl", unit="m").volume, 6)
+        8.0
         """
         return cls(shape_of_file(path, unit=unit, remedies=MENDING))
 
@@ -102,6 +116,14 @@ class ClosedMesh:
         ------
         InputError
             If the points are not an (n, 3) array of finite numbers.
+
+        Examples
+        --------
+        >>> import voxgran as vg
+        >>> cube = vg.shapes.box(lengths=(2, 2, 2))
+        >>> vessel = vg.ClosedMesh(vg.Shape.from_mesh(cube.vertices, cube.faces))
+        >>> vessel.signed_distance([(0, 0, 0), (0, 0, 1.5)]).round(6).tolist()
+        [-1.0, 0.5]
         """
         return self._geometry.tree.signed_distance(as_points(points) - np.array(self.shape.offset))
 
@@ -112,11 +134,29 @@ class ClosedMesh:
         return self.shape.geometry
 
     def mesh(self) -> tuple[Floats, Integers]:
-        """Return vertices and triangles of the boundary."""
+        """Return vertices and triangles of the boundary.
+
+        Examples
+        --------
+        >>> import voxgran as vg
+        >>> cube = vg.shapes.box(lengths=(2, 2, 2))
+        >>> vertices, faces = vg.ClosedMesh(vg.Shape.from_mesh(cube.vertices, cube.faces)).mesh()
+        >>> vertices.shape, faces.shape
+        ((8, 3), (12, 3))
+        """
         return self.shape.vertices + np.array(self.shape.offset), self.shape.faces
 
     def scaled(self, factor: float) -> "ClosedMesh":
-        """Return the container with all lengths multiplied."""
+        """Return the container with all lengths multiplied.
+
+        Examples
+        --------
+        >>> import voxgran as vg
+        >>> cube = vg.shapes.box(lengths=(2, 2, 2))
+        >>> vessel = vg.ClosedMesh(vg.Shape.from_mesh(cube.vertices, cube.faces))
+        >>> round(vessel.scaled(0.5).volume, 6)
+        1.0
+        """
         return ClosedMesh(self.shape.scaled(factor))
 
     def to_unit(self, unit: str) -> "ClosedMesh":
@@ -128,11 +168,28 @@ class ClosedMesh:
             If the unit is unknown; the message gives the nearest one.
         InputError
             If the unit is not a string, or is ``"1"`` although the unit of the mesh is known.
+
+        Examples
+        --------
+        >>> import voxgran as vg
+        >>> cube = vg.shapes.box(lengths=(2, 2, 2))
+        >>> vessel = vg.ClosedMesh(vg.Shape.from_mesh(cube.vertices, cube.faces, unit="m"))
+        >>> vessel.to_unit("mm").bounds[1].round(6).tolist()
+        [1000.0, 1000.0, 1000.0]
         """
         return ClosedMesh(self.shape.to_unit(unit))
 
     def to_mapping(self) -> dict[str, Any]:
-        """Return kind, vertices (relative to the centroid), faces and centroid as JSON-able values."""
+        """Return kind, vertices (relative to the centroid), faces and centroid as JSON-able values.
+
+        Examples
+        --------
+        >>> import voxgran as vg
+        >>> cube = vg.shapes.box(lengths=(2, 2, 2))
+        >>> vessel = vg.ClosedMesh(vg.Shape.from_mesh(cube.vertices, cube.faces))
+        >>> vg.make_container(vessel.to_mapping()).kind
+        'mesh'
+        """
         return {
             "kind": self.kind,
             "name": self.shape.name,

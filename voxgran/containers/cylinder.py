@@ -32,6 +32,12 @@ class Cylinder:
         If there are other arguments than these.
     InputError
         If radius or height is not between 1e-60 and 1e60, or the center is out of this range.
+
+    Examples
+    --------
+    >>> import voxgran as vg
+    >>> round(vg.Cylinder(radius=2, height=5).volume, 3)
+    62.832
     """
 
     radius: float
@@ -72,6 +78,12 @@ class Cylinder:
         ------
         InputError
             If the points are not an (n, 3) array of finite numbers.
+
+        Examples
+        --------
+        >>> import voxgran as vg
+        >>> vg.Cylinder(radius=2, height=5).signed_distance([(0, 0, 2.5), (3, 0, 2.5)]).tolist()
+        [-2.0, 1.0]
         """
         p = as_points(points) - np.array(self.origin)
         beyond = np.stack([np.hypot(p[:, 0], p[:, 1]) - self.radius, np.maximum(-p[:, 2], p[:, 2] - self.height)])
@@ -79,7 +91,15 @@ class Cylinder:
         return np.where(outside > 0, outside, beyond.max(axis=0))
 
     def mesh(self) -> tuple[Floats, Integers]:
-        """Return vertices and triangles of the boundary."""
+        """Return vertices and triangles of the boundary.
+
+        Examples
+        --------
+        >>> import voxgran as vg
+        >>> vertices, faces = vg.Cylinder(radius=2, height=5).mesh()
+        >>> float(vertices[:, 2].max())
+        5.0
+        """
         vertices, faces, _ = revolved([(0.0, self.radius), (self.height, self.radius)])
         return vertices + np.array(self.origin), faces
 
@@ -90,10 +110,23 @@ class Cylinder:
         ------
         InputError
             If the factor is not above 0, or a length is not between 1e-60 and 1e60 any longer.
+
+        Examples
+        --------
+        >>> import voxgran as vg
+        >>> vg.Cylinder(radius=2, height=5).scaled(2.0).height
+        10.0
         """
         times = as_positive(factor, "factor")
         return Cylinder(self.radius * times, self.height * times, origin=[value * times for value in self.origin])
 
     def to_mapping(self) -> dict[str, Any]:
-        """Return kind and parameters as JSON-able values."""
+        """Return kind and parameters as JSON-able values.
+
+        Examples
+        --------
+        >>> import voxgran as vg
+        >>> vg.Cylinder(radius=2, height=5).to_mapping()
+        {'kind': 'cylinder', 'radius': 2.0, 'height': 5.0, 'origin': [0.0, 0.0, 0.0]}
+        """
         return {"kind": self.kind, "radius": self.radius, "height": self.height, "origin": list(self.origin)}

@@ -31,6 +31,12 @@ class Disk:
         If there are other arguments than these.
     InputError
         If the radius is not between 1e-60 and 1e60, or the center is out of this range.
+
+    Examples
+    --------
+    >>> import voxgran as vg
+    >>> round(vg.Disk(radius=2).volume, 3)  # its area
+    12.566
     """
 
     radius: float
@@ -68,12 +74,27 @@ class Disk:
         ------
         InputError
             If the points are not finite numbers in two or three columns.
+
+        Examples
+        --------
+        >>> import voxgran as vg
+        >>> vg.Disk(radius=2).signed_distance([(0, 0, 0), (3, 0, 0)]).tolist()
+        [-2.0, 1.0]
         """
         away = points_in_plane(points)[:, :2] - np.array(self.origin)
         return np.asarray(np.hypot(away[:, 0], away[:, 1]) - self.radius)
 
     def mesh(self) -> tuple[Floats, Integers]:
-        """Return vertices and triangles of the area."""
+        """Return vertices and triangles of the area.
+
+        Examples
+        --------
+        >>> import numpy as np
+        >>> import voxgran as vg
+        >>> vertices, faces = vg.Disk(radius=2).mesh()
+        >>> round(float(np.linalg.norm(vertices, axis=1).max()), 6)
+        2.0
+        """
         return Outline("disk", self.radius, center=self.origin).tessellation()[:2]
 
     def scaled(self, factor: float) -> "Disk":
@@ -83,10 +104,23 @@ class Disk:
         ------
         InputError
             If the factor is not above 0, or the radius is not between 1e-60 and 1e60 any longer.
+
+        Examples
+        --------
+        >>> import voxgran as vg
+        >>> vg.Disk(radius=2).scaled(2.0).radius
+        4.0
         """
         times = as_positive(factor, "factor")
         return Disk(self.radius * times, origin=[value * times for value in self.origin])
 
     def to_mapping(self) -> dict[str, Any]:
-        """Return kind and parameters as JSON-able values."""
+        """Return kind and parameters as JSON-able values.
+
+        Examples
+        --------
+        >>> import voxgran as vg
+        >>> vg.Disk(radius=2).to_mapping()
+        {'kind': 'disk', 'radius': 2.0, 'origin': [0.0, 0.0]}
+        """
         return {"kind": self.kind, "radius": self.radius, "origin": list(self.origin)}

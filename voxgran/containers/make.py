@@ -27,6 +27,24 @@ KINDS: dict[str, tuple[type, tuple[str, ...], tuple[str, ...]]] = {
     "rectangle": (Rectangle, ("lengths",), ("periodic", "origin")),
     "sphere": (Sphere, ("radius",), ("origin",)),
 }
+#: meaning of the keys, for the reference of the scene file
+KEYS: dict[str, str] = {
+    "lengths": "edges of a box (3 lengths) or rectangle (2)",
+    "periodic": 'axes along which a box or rectangle repeats, such as `"xy"`; default: none',
+    "radius": "radius of a cylinder, disk or sphere, a length above 0",
+    "height": "height of a cylinder along z, a length above 0",
+    "origin": "lower corner of a box, rectangle or picture, center of a disk, sphere or base of a cylinder; default: 0",
+    "file": "closed mesh, or picture of the inside of a polygon, relative to the scene file",
+    "vertices": "points of a mesh without file, shape (n, 3)",
+    "faces": "triangles of a mesh without file, shape (m, 3), as indices of vertices",
+    "name": "name of a mesh without file",
+    "offset": "what is added to the vertices of a mesh without file",
+    "pixel_size": "edge of a pixel of a picture, a length above 0",
+    "level": "value at the boundary of a picture; default: halfway between its smallest and its largest",
+    "min_area": "regions and holes of a picture of less area, in pixels, are left out as noise",
+    "corners": "corners of a polygon in order, shape (n, 2), in place of a file",
+    "holes": "corners of each hole of a polygon",
+}
 
 
 def container_classes() -> str:
@@ -55,6 +73,12 @@ def make_container(mapping: Mapping[str, Any], where: str = "[container]") -> Co
         If the kind or a key is unknown.
     InputError
         If `mapping` is not a mapping, a key is missing or a value is invalid.
+
+    Examples
+    --------
+    >>> import voxgran as vg
+    >>> vg.make_container({"kind": "box", "lengths": [4, 4, 6], "periodic": "xy"}).volume
+    96.0
     """
     if not isinstance(mapping, Mapping):
         raise InputError(f"{where} is {shown(mapping)}: it must be a mapping with the key kind; give one")

@@ -111,6 +111,15 @@ class Polygon:
         InputError
             If the image has not two axes, holds values that are not finite, no region or several are found, or an
             option is out of range.
+
+        Examples
+        --------
+        >>> import numpy as np
+        >>> import voxgran as vg
+        >>> picture = np.zeros((20, 20))
+        >>> picture[5:15, 5:15] = 1.0
+        >>> vg.Polygon.from_image(picture, pixel_size=0.1).volume < 1.0
+        True
         """
         corner = as_place(origin, "origin", length=2)
         outer, holes = region_loops(source, level=level, pixel_size=pixel_size, min_area=min_area, key=key)
@@ -157,6 +166,12 @@ class Polygon:
         ------
         InputError
             If the points are not finite numbers in two or three columns.
+
+        Examples
+        --------
+        >>> import voxgran as vg
+        >>> vg.Polygon([(0, 0), (2, 0), (2, 2), (0, 2)]).signed_distance([(1, 1), (1, 2.5)]).tolist()
+        [-1.0, 0.5]
         """
         solid = self.boundary.solid
         assert solid is not None
@@ -164,7 +179,15 @@ class Polygon:
         return solid.geometry.tree.signed_distance(points_in_plane(points))
 
     def mesh(self) -> tuple[Floats, Integers]:
-        """Return vertices and triangles of the area."""
+        """Return vertices and triangles of the area.
+
+        Examples
+        --------
+        >>> import voxgran as vg
+        >>> vertices, faces = vg.Polygon([(0, 0), (2, 0), (2, 2), (0, 2)]).mesh()
+        >>> vertices.shape
+        (4, 3)
+        """
         flat = np.concatenate(self._loops)
         return np.column_stack([flat, np.zeros(len(flat))]), triangles_of(self._loops)
 
@@ -175,6 +198,12 @@ class Polygon:
         ------
         InputError
             If the factor is not above 0, or the extent is not between 1e-60 and 1e60 any longer.
+
+        Examples
+        --------
+        >>> import voxgran as vg
+        >>> vg.Polygon([(0, 0), (2, 0), (2, 2), (0, 2)]).scaled(0.5).volume
+        1.0
         """
         times = as_positive(factor, "factor")
         check_lengths(np.ptp(self.corners, axis=0) * times, "extent of the polygon")
@@ -184,5 +213,12 @@ class Polygon:
         return other
 
     def to_mapping(self) -> dict[str, Any]:
-        """Return kind and loops as JSON-able values."""
+        """Return kind and loops as JSON-able values.
+
+        Examples
+        --------
+        >>> import voxgran as vg
+        >>> sorted(vg.Polygon([(0, 0), (2, 0), (2, 2), (0, 2)]).to_mapping())
+        ['corners', 'holes', 'kind']
+        """
         return {"kind": self.kind, "corners": self.corners.tolist(), "holes": [hole.tolist() for hole in self.holes]}

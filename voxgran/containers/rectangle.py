@@ -31,6 +31,12 @@ class Rectangle(Block):
         If there are other arguments than these.
     InputError
         If a length is not between 1e-60 and 1e60, the corner is out of this range, or `periodic` is invalid.
+
+    Examples
+    --------
+    >>> import voxgran as vg
+    >>> vg.Rectangle((4, 3), periodic="x").volume  # its area
+    12.0
     """
 
     lengths: tuple[float, float]
@@ -49,12 +55,26 @@ class Rectangle(Block):
         ------
         InputError
             If the points are not finite numbers in two or three columns.
+
+        Examples
+        --------
+        >>> import voxgran as vg
+        >>> vg.Rectangle((2, 2)).signed_distance([(1, 1, 0), (1, 2.5, 0)]).tolist()
+        [-1.0, 0.5]
         """
         columns = 2 if np.ndim(points) == 2 and np.shape(points)[1] == 2 else 3
         return self._distance(as_floats(points, "points", shape=(None, columns))[:, :2])
 
     def mesh(self) -> tuple[Floats, Integers]:
-        """Return vertices and triangles of the area."""
+        """Return vertices and triangles of the area.
+
+        Examples
+        --------
+        >>> import voxgran as vg
+        >>> vertices, faces = vg.Rectangle((2, 2)).mesh()
+        >>> vertices.shape
+        (4, 3)
+        """
         (x, y, _), (u, v, _) = self.bounds
         vertices = np.array([[x, y, 0.0], [u, y, 0.0], [u, v, 0.0], [x, v, 0.0]])
         return vertices, np.array([[0, 1, 2], [0, 2, 3]])

@@ -30,6 +30,13 @@ class Sphere:
         If there are other arguments than these.
     InputError
         If the radius is not between 1e-60 and 1e60, or the center is out of this range.
+
+    Examples
+    --------
+    >>> import voxgran as vg
+    >>> packing = vg.pack(vg.shapes.sphere(), vg.Sphere(radius=3), "rsa", count=20)
+    >>> packing.container.kind, packing.count
+    ('sphere', 20)
     """
 
     radius: float
@@ -67,12 +74,27 @@ class Sphere:
         ------
         InputError
             If the points are not an (n, 3) array of finite numbers.
+
+        Examples
+        --------
+        >>> import voxgran as vg
+        >>> vg.Sphere(radius=2).signed_distance([(0, 0, 0), (3, 0, 0)]).tolist()
+        [-2.0, 1.0]
         """
         away: Floats = np.linalg.norm(as_points(points) - np.array(self.origin), axis=1)
         return away - self.radius
 
     def mesh(self) -> tuple[Floats, Integers]:
-        """Return vertices and triangles of the boundary."""
+        """Return vertices and triangles of the boundary.
+
+        Examples
+        --------
+        >>> import numpy as np
+        >>> import voxgran as vg
+        >>> vertices, faces = vg.Sphere(radius=2).mesh()
+        >>> round(float(np.linalg.norm(vertices, axis=1).max()), 6)
+        2.0
+        """
         vertices, faces, _ = sphere()
         return vertices * self.radius + np.array(self.origin), faces
 
@@ -83,10 +105,23 @@ class Sphere:
         ------
         InputError
             If the factor is not above 0, or the radius is not between 1e-60 and 1e60 any longer.
+
+        Examples
+        --------
+        >>> import voxgran as vg
+        >>> vg.Sphere(radius=2).scaled(2.0).radius
+        4.0
         """
         times = as_positive(factor, "factor")
         return Sphere(self.radius * times, origin=[value * times for value in self.origin])
 
     def to_mapping(self) -> dict[str, Any]:
-        """Return kind and parameters as JSON-able values."""
+        """Return kind and parameters as JSON-able values.
+
+        Examples
+        --------
+        >>> import voxgran as vg
+        >>> vg.Sphere(radius=2).to_mapping()
+        {'kind': 'sphere', 'radius': 2.0, 'origin': [0.0, 0.0, 0.0]}
+        """
         return {"kind": self.kind, "radius": self.radius, "origin": list(self.origin)}

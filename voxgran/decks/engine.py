@@ -63,6 +63,12 @@ class Engine:
         ``read(folder)`` returns what the files hold.
     run : callable, optional
         ``run(folder, simulation)`` runs the files and yields states.
+
+    Examples
+    --------
+    >>> from voxgran.decks.engine import engine_registry
+    >>> engine_registry().get("lammps").title
+    'LAMMPS'
     """
 
     name: str
@@ -89,5 +95,12 @@ def engine_registry() -> Registry[Engine]:
 
 
 def engines() -> tuple[str, ...]:
-    """Return the names of all engines that input can be written for."""
+    """Return the names of all engines that input can be written for.
+
+    Examples
+    --------
+    >>> import voxgran as vg
+    >>> "lammps" in vg.engines()
+    True
+    """
     return engine_registry().names()

@@ -73,6 +73,13 @@ class Material:
     ----------
     Cundall & Strack 1979 (doi:10.1680/geot.1979.29.1.47); Tsuji, Tanaka & Ishida 1992
     (doi:10.1016/0032-5910(92)88030-L).
+
+    Examples
+    --------
+    >>> import voxgran as vg
+    >>> steel = vg.Material(law="hertz", density=7800, young_modulus=2e11, poisson_ratio=0.3, restitution=0.9)
+    >>> steel.law, steel.friction
+    ('hertz', 0.5)
     """
 
     law: Literal["linear", "hertz"] = parameter(

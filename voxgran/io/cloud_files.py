@@ -56,6 +56,15 @@ def load_cloud(path: str | os.PathLike[str], *, unit: str | None = None) -> Clou
         If the suffix is not known, or the file is empty, cut, or damaged.
     MissingLibraryError
         If a LAS file is given and laspy is not installed.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> import voxgran as vg
+    >>> vg.save_cloud(vg.Cloud.of(np.eye(3)), "scan.ply")
+    >>> cloud = vg.load_cloud("scan.ply", unit="mm")
+    >>> len(cloud), cloud.name, cloud.unit
+    (3, 'scan', 'mm')
     """
     found = existing_file(path)
     suffix = found.suffix.lower()
@@ -96,6 +105,14 @@ def save_cloud(
         If the file is there and `overwrite` is false.
     OutputError
         If it cannot be written.
+
+    Examples
+    --------
+    >>> import voxgran as vg
+    >>> bed = vg.pack(vg.shapes.sphere(), vg.Box((3, 3, 3)), "rsa", count=3)
+    >>> vg.save_cloud(bed, "grains.ply", spacing=0.2)
+    >>> sorted(set(vg.load_cloud("grains.ply").grain.tolist()))
+    [0, 1, 2]
     """
     target = as_path(path)
     suffix = target.suffix.lower()

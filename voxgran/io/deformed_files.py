@@ -34,6 +34,12 @@ def save_deformed(deformed: Deformed, path: str | os.PathLike[str], *, overwrite
     Notes
     -----
     Triangles have the array `grain`; contacts are field data, `contact_i`, `contact_j`, `contact_area` and so on.
+
+    Examples
+    --------
+    >>> import voxgran as vg
+    >>> pair = vg.Packing.of(vg.shapes.sphere(), vg.Box((4, 2, 2)), position=[(1, 1, 1), (1.96, 1, 1)])
+    >>> vg.save_deformed(vg.deform(pair), "deformed.vtp")
     """
     target = as_path(path)
     if target.suffix.lower() != ".vtp":

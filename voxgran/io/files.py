@@ -52,6 +52,14 @@ def save(packing: Packing, path: str | os.PathLike[str], *, overwrite: bool = Fa
         If the file is there and `overwrite` is false.
     OutputError
         If it cannot be written; what was there before is untouched.
+
+    Examples
+    --------
+    >>> import voxgran as vg
+    >>> bed = vg.pack(vg.shapes.sphere(), vg.Box((4, 4, 4)), "rsa", count=10)
+    >>> vg.save(bed, "bed.vtp")
+    >>> vg.load("bed.vtp") == bed
+    True
     """
     check_packing(packing, "packing")
     _WRITERS[known_suffix(path)](packing, path, overwrite=overwrite)
@@ -134,6 +142,13 @@ def load(
     -----
     PackingWarning
         If most spheres of a text without clumps overlap others, as those of one clump do.
+
+    Examples
+    --------
+    >>> import voxgran as vg
+    >>> vg.pack(vg.shapes.sphere(), vg.Box((4, 4, 4)), "rsa", count=10).save("bed.vtp")
+    >>> vg.load("bed.vtp").count
+    10
     """
     found = existing_file(path)
     with found.open("rb") as file:

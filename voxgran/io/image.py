@@ -56,6 +56,14 @@ def to_image(packing: Packing, voxel_size: float, *, labels: bool | ArrayLike = 
     -----
     A voxel belongs to a grain that holds its center; where several do, to the first of them. Grains continue across
     periodic faces. Outside of a container that is no box the image is void.
+
+    Examples
+    --------
+    >>> import voxgran as vg
+    >>> bed = vg.pack(vg.shapes.sphere(), vg.Box((4, 4, 4)), "rsa", count=10)
+    >>> image = vg.to_image(bed, voxel_size=0.1)
+    >>> image.shape, int(image.max())
+    ((40, 40, 40), 10)
     """
     known = None if isinstance(labels, bool | np.bool_) else _checked(labels, packing.count)
     image = labels_on(packing, image_grid(packing, voxel_size))
@@ -138,6 +146,14 @@ def save_image(
         If the file is there and `overwrite` is false.
     OutputError
         If it cannot be written; what was there before is untouched.
+
+    Examples
+    --------
+    >>> import voxgran as vg
+    >>> bed = vg.pack(vg.shapes.sphere(), vg.Box((4, 4, 4)), "rsa", count=10)
+    >>> vg.save_image(vg.to_image(bed, voxel_size=0.1), "grains.vti", voxel_size=0.1)
+    >>> vg.load_image("grains.vti").values.shape
+    (40, 40, 40)
     """
     if not os.fspath(path).lower().endswith(".vti"):
         raise FileFormatError(f"{path} has another suffix than .vti: images are kept as .vti; rename it")

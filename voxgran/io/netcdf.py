@@ -48,6 +48,12 @@ def save_statistics(tree: "DataTree", path: str | os.PathLike[str], *, overwrite
     -----
     netCDF attributes are numbers, texts or lists of these. Flags are kept as 0 and 1, mappings as JSON, and an
     attribute that is None is left out.
+
+    Examples
+    --------
+    >>> import voxgran as vg
+    >>> bed = vg.pack(vg.shapes.sphere(), vg.Box((4, 4, 4)), "rsa", count=10)
+    >>> vg.save_statistics(vg.measure(bed, which="coordination"), "statistics.nc")
     """
     load("netCDF4")
     register_accessor()
@@ -82,6 +88,14 @@ def load_statistics(path: str | os.PathLike[str]) -> "DataTree":
         If there is no such file.
     FileFormatError
         If it is damaged or no netCDF4 file.
+
+    Examples
+    --------
+    >>> import voxgran as vg
+    >>> bed = vg.pack(vg.shapes.sphere(), vg.Box((4, 4, 4)), "rsa", count=10)
+    >>> vg.save_statistics(vg.measure(bed, which="coordination"), "statistics.nc")
+    >>> vg.load_statistics("statistics.nc")["/grains"].sizes["grain"]
+    10
     """
     found = existing_file(path)
     # HDF5 crashes on some damaged files; what another process has read to the end can be read here

@@ -28,8 +28,9 @@ from voxgran.io.shape_record import record_as_json, record_of_json
 from voxgran.packing.gravity import as_down
 from voxgran.packing.model import Packing
 from voxgran.settling.relaxation import Relaxation
+from voxgran.shapes.describing.body import Geometry
 from voxgran.shapes.mesh import Mesh
-from voxgran.shapes.model import Geometry, Shape
+from voxgran.shapes.model import Shape
 from voxgran.shapes.outline import Outline
 from voxgran.shapes.primitive import Primitive
 from voxgran.shapes.sizes import make_sizes

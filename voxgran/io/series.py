@@ -42,6 +42,14 @@ class Series:
         If the file that is to be continued is damaged.
     OutputExistsError
         If the file or snapshots of it are there and neither `resume` nor `overwrite` is set.
+
+    Examples
+    --------
+    >>> import voxgran as vg
+    >>> series = vg.Series("run.pvd", every=100)
+    >>> series.record(vg.pack(vg.shapes.sphere(), vg.Box((4, 4, 4)), "rsa", count=5), 100)
+    >>> series.times, series.due(100)
+    ([100], 200)
     """
 
     @renamed(most="max_snapshots")
@@ -70,7 +78,14 @@ class Series:
             left.unlink(missing_ok=True)
 
     def due(self, done: int) -> int:
-        """Return after how many attempts the next snapshot is due."""
+        """Return after how many attempts the next snapshot is due.
+
+        Examples
+        --------
+        >>> import voxgran as vg
+        >>> vg.Series("run.pvd", every=100).due(150)
+        200
+        """
         return (done // self.every + 1) * self.every
 
     def record(self, packing: Packing, done: int) -> None:
@@ -87,6 +102,14 @@ class Series:
         ------
         OutputError
             If it cannot be written; the list before is untouched.
+
+        Examples
+        --------
+        >>> import voxgran as vg
+        >>> series = vg.Series("run.pvd", every=100)
+        >>> series.record(vg.pack(vg.shapes.sphere(), vg.Box((4, 4, 4)), "rsa", count=5), 100)
+        >>> series.path.read_text().count("<DataSet")
+        1
         """
         save_packing(packing, self._file(done), overwrite=True)
         self.times = sorted({*self.times, done})

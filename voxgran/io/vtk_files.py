@@ -154,6 +154,12 @@ def save_scene(packing: Packing, path: str | os.PathLike[str], *, gap: float = 0
     are lines between the centroids, with gap, normal and contact point. Where forces are known, the block `forces` has
     the contacts that carry one as such lines, at walls and the lid to the contact point; `magnitude` at their points is
     the force in weights of a median grain (for force chains apply the filter Tube, with the radius varied by it).
+
+    Examples
+    --------
+    >>> import voxgran as vg
+    >>> bed = vg.pack(vg.shapes.sphere(), vg.Box((4, 4, 4)), "rsa", count=10)
+    >>> vg.save_scene(bed, "scene.vtm", gap=0.05)
     """
     check_packing(packing, "packing")
     target = as_path(path)

@@ -67,6 +67,15 @@ def erosion(mask: ArrayLike, radius: float, *, periodic: Periodic = False, threa
     ------
     InputError
         If the image has not three axes, the radius is below 0, or `periodic` names no axes.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> import voxgran as vg
+    >>> mask = np.zeros((9, 9, 9), dtype=bool)
+    >>> mask[2:7, 2:7, 2:7] = True
+    >>> int(vg.erosion(mask, 1.0).sum())
+    27
     """
     return ~_within(as_mask(mask), radius, periodic, threads)
 
@@ -87,6 +96,16 @@ def opening(mask: ArrayLike, radius: float, *, periodic: Periodic = False, threa
     ------
     InputError
         If the image has not three axes, the radius is below 0, or `periodic` names no axes.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> import voxgran as vg
+    >>> mask = np.zeros((9, 9, 9), dtype=bool)
+    >>> mask[2:7, 2:7, 2:7] = True
+    >>> mask[4, 4, 8] = True
+    >>> int(vg.opening(mask, 1.0).sum()), bool(vg.opening(mask, 1.0)[4, 4, 8])
+    (81, False)
     """
     core = erosion(mask, radius, periodic=periodic, threads=threads)
     return dilation(core, radius, periodic=periodic, threads=threads)
@@ -108,6 +127,15 @@ def closing(mask: ArrayLike, radius: float, *, periodic: Periodic = False, threa
     ------
     InputError
         If the image has not three axes, the radius is below 0, or `periodic` names no axes.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> import voxgran as vg
+    >>> mask = np.ones((9, 9, 9), dtype=bool)
+    >>> mask[4, 4, 4] = False
+    >>> bool(vg.closing(mask, 1.0).all())
+    True
     """
     hull = dilation(mask, radius, periodic=periodic, threads=threads)
     return erosion(hull, radius, periodic=periodic, threads=threads)

@@ -53,6 +53,14 @@ def segment(
     ----------
     Otsu 1979, A threshold selection method from gray-level histograms, doi:10.1109/TSMC.1979.4310076. Watershed of the
     distance with h-maxima as seeds: Soille 2004, Morphological image analysis, doi:10.1007/978-3-662-05088-0.
+
+    Examples
+    --------
+    >>> import voxgran as vg
+    >>> spheres = vg.Packing.of(vg.shapes.sphere(), vg.Box((4, 2, 2)), position=[(1, 1, 1), (1.95, 1, 1)])
+    >>> grey = vg.to_image(spheres, voxel_size=0.05, labels=False).astype(float)
+    >>> int(vg.segment(grey, threshold=0.5).max())
+    2
     """
     grey = np.asarray(image)
     if grey.ndim != 3 or not grey.size:

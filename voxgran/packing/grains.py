@@ -1,4 +1,6 @@
-"""Grains as a sequence: what Python users expect of something that holds many things, and tables and meshes of it."""
+"""Grains as a sequence: what Python users expect of something that holds many things, with tables,
+meshes and a card for notebooks.
+"""
 
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, fields, replace
@@ -17,6 +19,7 @@ from voxgran.contacts.assembly import Assembly
 from voxgran.contacts.surfaces import merged_surfaces
 from voxgran.shapes.model import Shape
 from voxgran.shapes.spheres import Spheres
+from voxgran.shapes.thumbnail import card, picture
 
 if TYPE_CHECKING:
     from xarray import Dataset
@@ -209,6 +212,14 @@ class GrainSequence(Assembly):
         -----
         PackingWarning
             If spheres are bonded that do not touch.
+
+        Examples
+        --------
+        >>> import voxgran as vg
+        >>> clump = vg.fit_clump(vg.shapes.box(lengths=(1, 1, 2)), max_spheres=4).to_shape()
+        >>> bed = vg.pack(clump, vg.Box((4, 4, 4)), "rsa", count=3)
+        >>> bed.bonds(strength=1e6).sizes["bond"] > 0
+        True
         """
         bodies = []
         for index, shape in enumerate(self.shapes):
@@ -239,6 +250,13 @@ class GrainSequence(Assembly):
             If there are more than 40 million triangles.
         MissingLibraryError
             If PyVista cannot be loaded.
+
+        Examples
+        --------
+        >>> import voxgran as vg
+        >>> bed = vg.pack(vg.shapes.box(lengths=(1, 1, 1)), vg.Box((4, 4, 4)), "rsa", count=3)
+        >>> bed.to_pyvista().n_cells
+        36
         """
         merged = merged_surfaces(self)
         mesh = load("pyvista").PolyData.from_regular_faces(merged.vertices, merged.faces)
@@ -253,6 +271,13 @@ class GrainSequence(Assembly):
         ------
         MissingLibraryError
             If pandas cannot be loaded.
+
+        Examples
+        --------
+        >>> import voxgran as vg
+        >>> bed = vg.pack(vg.shapes.sphere(), vg.Box((4, 4, 4)), "rsa", count=5)
+        >>> bed.to_dataframe().diameter.tolist()
+        [1.0, 1.0, 1.0, 1.0, 1.0]
         """
         columns: dict[str, Any] = {"shape": [self.shapes[index].name for index in self.shape_id]}
         columns.update(zip("xyz", self.position.T, strict=True))
@@ -263,8 +288,27 @@ class GrainSequence(Assembly):
         return made
 
 
+def common_shapes(one: Assembly, other: Assembly) -> tuple[tuple[Shape, ...], Integers, Integers]:
+    """Return the different shapes of two packings, and which of them each grain of one and of the other has."""
+    place = {shape: k for k, shape in enumerate(dict.fromkeys((*one.shapes, *other.shapes)))}
+    mine, its = (np.array([place[shape] for shape in each.shapes], int)[each.shape_id] for each in (one, other))
+    return tuple(place), mine, its
+
+
+def frame_of(packing: Any) -> dict[str, Any]:
+    """Return all that two packings must share so that their grains can be put together."""
+    lid = None if packing.lid is None else (*packing.lid.normal.tolist(), packing.lid.level)
+    return {
+        "unit": packing.unit,
+        "container": packing.container.to_mapping(),
+        "density": packing.density,
+        "gravity": packing.gravity,
+        "lid": lid,
+    }
+
+
 def refuse_unlike(mine: Mapping[str, Any], its: Mapping[str, Any]) -> None:
-    """Refuse two packings that differ in what `Packing._frame` returns of them.
+    """Refuse two packings that differ in what `frame_of` returns of them.
 
     Raises
     ------
@@ -285,3 +329,33 @@ def refuse_unlike(mine: Mapping[str, Any], its: Mapping[str, Any]) -> None:
             f"{what} of the packings is {shown(one)} and {shown(other)}: grains are put together in one container, "
             f"unit and material; {remedy}"
         )
+
+
+def card_of_packing(packing: Any) -> str:
+    """Return a small picture and numbers of a packing as HTML."""
+    names = ", ".join(shape.name for shape in packing.shapes[:4]) + (" ..." if len(packing.shapes) > 4 else "")
+    axes = ", ".join(axis for axis, wraps in zip("xyz", packing.container.periodic, strict=True) if wraps)
+    rows = {
+        "packing": f"{packing.count} grains of {len(packing.shapes)} shapes: {names}",
+        "solid fraction": f"{packing.solid_fraction:.4f}",
+        "method": str(packing.provenance.get("method", "not known")),
+        "stopped": packing.stop_reason,
+        **_rest(packing),
+        "container": packing.container.kind + (f", periodic in {axes}" if axes else ""),
+    }
+    if not packing.count:
+        return card(None, rows)
+    unit = "" if packing.unit == "1" else f" {packing.unit}"
+    rows["equivalent diameter"] = f"{packing.diameters.min():.4g} to {packing.diameters.max():.4g}{unit}"
+    bodies = [shape.vertices[shape.faces] for shape in packing.shapes]
+    matrices = packing.matrices * packing.scale[:, None, None]
+    flat = packing.dimension == 2
+    return card(picture(bodies, packing.shape_id, matrices, packing.position, packing.diameters, flat=flat), rows)
+
+
+def _rest(packing: Any) -> dict[str, str]:
+    """Return how many grains rest, for notebooks; nothing where that is not known."""
+    if packing.forces is None or not packing.count:
+        return {}
+    shares = packing.forces.share_at_rest, packing.forces.share_of_rattlers
+    return {"at rest": "{:.1f} % of the grains, {:.1f} % are rattlers".format(*(100 * share for share in shares))}

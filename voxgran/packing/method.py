@@ -31,7 +31,14 @@ SAMPLING_BYTES = 310 * 2**20
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Cost:
-    """Cost of a run, known before it starts."""
+    """Cost of a run, known before it starts.
+
+    Examples
+    --------
+    >>> from voxgran.packing.method import Cost
+    >>> Cost(memory=10**6, attempts=100)
+    Cost(memory=1000000, attempts=100, voxelized_shapes=0, sampled_shapes=0)
+    """
 
     memory: int  # estimated bytes at the peak, without the libraries
     attempts: int  # largest number of attempts
@@ -66,6 +73,14 @@ class State:
 
     done, total: attempts made, and largest number of attempts.  stop_reason: empty while the method has not stopped.
     derived: data that follow from the problem and the other fields; computed again when missing, never saved.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from voxgran.packing.method import State
+    >>> state = State({"order": np.arange(5)}, {"placed": 0}, 0, 5)
+    >>> state.done, state.total
+    (0, 5)
     """
 
     arrays: dict[str, Array]
@@ -151,6 +166,12 @@ class PackingMethod:
     sizing : {"drawn", "scaled", "made"}
         How the sizes of the grains come about: as drawn; by a common factor on the drawn ones, which meets the solid
         fraction exactly, also together with a count; or by the method, which then takes no size distribution.
+
+    Examples
+    --------
+    >>> from voxgran.packing.method import method_registry
+    >>> method_registry().get("rsa").summary
+    'random sequential addition of spheres and true shapes: schemes of Chu 2011, or to proven saturation'
     """
 
     name: str
@@ -176,7 +197,14 @@ def method_registry() -> Registry[PackingMethod]:
 
 
 def packing_methods() -> tuple[str, ...]:
-    """Return the names of all packing methods."""
+    """Return the names of all packing methods.
+
+    Examples
+    --------
+    >>> import voxgran as vg
+    >>> "rsa" in vg.packing_methods()
+    True
+    """
     return method_registry().names()
 
 

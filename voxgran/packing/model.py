@@ -22,12 +22,11 @@ from voxgran.contacts.model import Contacts
 from voxgran.contacts.verify import Verification, verify
 from voxgran.containers.model import Container
 from voxgran.containers.one_unit import converted, in_one_unit
-from voxgran.packing.grains import GrainSequence, refuse_unlike
+from voxgran.packing.grains import GrainSequence, card_of_packing, common_shapes, frame_of, refuse_unlike
 from voxgran.packing.gravity import Down, as_down
 from voxgran.settling.relaxation import Relaxation
 from voxgran.shapes.model import Shape, check_shapes
 from voxgran.shapes.size_laws import SizeDistribution
-from voxgran.shapes.thumbnail import card, picture
 
 if TYPE_CHECKING:
     from xarray import DataTree
@@ -69,6 +68,15 @@ class Packing(GrainSequence):
         other poses or another gravity with ``dataclasses.replace``, give ``forces=None, stop_reason="count"`` too.
     relaxation : Relaxation or None
         What an engine changed that brought these grains to rest, as of :func:`voxgran.relax`; None for others.
+
+    Examples
+    --------
+    >>> import voxgran as vg
+    >>> bed = vg.pack(vg.shapes.sphere(), vg.Box((4, 4, 4)), "rsa", count=20, sizes=vg.sizes.uniform(0.8, 1.2))
+    >>> len(bed), bed.position.shape, bed[bed.diameter > 1.0].count
+    (20, (20, 3), 10)
+    >>> bed[0].shape
+    Shape('sphere', primitive, diameter=1)
     """
 
     density: float = 1.0
@@ -160,6 +168,13 @@ class Packing(GrainSequence):
             forces are those of another number of grains.
         UnknownNameError
             If the unit is unknown; the message gives the nearest one.
+
+        Examples
+        --------
+        >>> import voxgran as vg
+        >>> pair = vg.Packing.of(vg.shapes.sphere(), vg.Box((4, 2, 2)), position=[(1, 1, 1), (3, 1, 1)])
+        >>> round(pair.solid_fraction, 4)
+        0.0654
         """
         shapes, container, unit = in_one_unit(check_shapes(shapes), container, unit)
         return cls(
@@ -189,6 +204,13 @@ class Packing(GrainSequence):
             If the unit is unknown; the message gives the nearest one.
         InputError
             If it is no text, or only one of the two units is known.
+
+        Examples
+        --------
+        >>> import voxgran as vg
+        >>> bed = vg.pack(vg.shapes.sphere(), vg.Box((4, 4, 4)), "rsa", count=5, unit="mm")
+        >>> bed.to_unit("m").container.lengths
+        (0.004, 0.004, 0.004)
         """
         target = as_unit(unit)
         if target == self.unit:
@@ -234,6 +256,13 @@ class Packing(GrainSequence):
         ------
         InputError
             If a clump is that of another shape, a shape cannot be fitted, or a keyword is given beside clumps.
+
+        Examples
+        --------
+        >>> import voxgran as vg
+        >>> bed = vg.pack(vg.shapes.box(lengths=(1, 1, 2)), vg.Box((4, 4, 4)), "rsa", count=3)
+        >>> bed.with_clumps(max_spheres=4).shapes[0].geometry.radii.shape
+        (4,)
         """
         shapes, errors = as_clumps(self.shapes, clumps, fitting)
         if not any(errors):
@@ -253,8 +282,8 @@ class Packing(GrainSequence):
         """
         if not isinstance(other, Packing):
             return NotImplemented
-        refuse_unlike(self._frame(), other._frame())
-        shapes, *ids = self._common_shapes(other)
+        refuse_unlike(frame_of(self), frame_of(other))
+        shapes, *ids = common_shapes(self, other)
         kept = self.stop_reason == other.stop_reason and self.stop_reason not in _OF_THE_WHOLE
         return replace(
             self,
@@ -271,18 +300,6 @@ class Packing(GrainSequence):
             relaxation=None,
         )
 
-    def _common_shapes(self, other: "Packing") -> tuple[tuple[Shape, ...], Integers, Integers]:
-        """Return the different shapes of two packings, and which of them each grain of one and of the other has."""
-        place = {shape: k for k, shape in enumerate(dict.fromkeys((*self.shapes, *other.shapes)))}
-        mine, its = (np.array([place[shape] for shape in one.shapes], int)[one.shape_id] for one in (self, other))
-        return tuple(place), mine, its
-
-    def _frame(self) -> dict[str, Any]:
-        """Return all that two packings must share so that their grains can be put together."""
-        lid = None if self.lid is None else (*self.lid.normal.tolist(), self.lid.level)
-        container = self.container.to_mapping()
-        return {"unit": self.unit, "container": container, "density": self.density, "gravity": self.gravity, "lid": lid}
-
     def __eq__(self, other: object) -> bool:
         if not isinstance(other, Packing):
             return NotImplemented
@@ -290,8 +307,8 @@ class Packing(GrainSequence):
         return (
             all(np.array_equal(getattr(self, name), getattr(other, name)) for name in arrays)
             and self.contact_gap == other.contact_gap
-            and self._frame() == other._frame()
-            and np.array_equal(*self._common_shapes(other)[1:])
+            and frame_of(self) == frame_of(other)
+            and np.array_equal(*common_shapes(self, other)[1:])
         )
 
     def __hash__(self) -> int:
@@ -333,6 +350,13 @@ class Packing(GrainSequence):
         ------
         InputError
             If the gap is negative or not finite.
+
+        Examples
+        --------
+        >>> import voxgran as vg
+        >>> pair = vg.Packing.of(vg.shapes.sphere(), vg.Box((4, 2, 2)), position=[(1, 1, 1), (2.02, 1, 1)])
+        >>> pair.contacts().count, pair.contacts(gap=0.05).count
+        (0, 1)
         """
         reach = as_number(gap, "gap", at_least=0.0)
         if reach not in self._contacts:
@@ -340,7 +364,14 @@ class Packing(GrainSequence):
         return self._contacts[reach]
 
     def verify(self, *, tolerance: float = 1e-9) -> Verification:
-        """Return whether grains overlap or leave the container, as :func:`voxgran.verify`."""
+        """Return whether grains overlap or leave the container, as :func:`voxgran.verify`.
+
+        Examples
+        --------
+        >>> import voxgran as vg
+        >>> vg.pack(vg.shapes.sphere(), vg.Box((4, 4, 4)), "rsa", count=5).verify().ok
+        True
+        """
         return verify(self, tolerance=tolerance)
 
     def measure(self, which: str | Sequence[str] | None = None) -> "DataTree":
@@ -350,6 +381,13 @@ class Packing(GrainSequence):
         ----------
         which : str or sequence of str, optional
             Names of measures; all that the packing allows where left out.
+
+        Examples
+        --------
+        >>> import voxgran as vg
+        >>> bed = vg.pack(vg.shapes.sphere(), vg.Box((4, 4, 4)), "rsa", count=5)
+        >>> sorted(bed.measure("coordination")["/grains"].data_vars)
+        ['coordination_number', 'rattler']
         """
         found: DataTree = public("measure")(self, which=which)
         return found
@@ -363,46 +401,34 @@ class Packing(GrainSequence):
             File to write; its extension chooses the format.
         overwrite : bool
             Whether an existing file may be replaced.
+
+        Examples
+        --------
+        >>> import voxgran as vg
+        >>> vg.pack(vg.shapes.sphere(), vg.Box((4, 4, 4)), "rsa", count=5).save("bed.vtp")
         """
         public("save")(self, path, overwrite=overwrite)
 
-    def plot(self, *, color: Literal["diameter", "shape", "coordination", "distance", "force"] = "diameter") -> Any:
+    def plot(
+        self, *, color: Literal["diameter", "height", "shape", "coordination", "distance", "force"] = "diameter"
+    ) -> Any:
         """Show the packing in a window, or return a picture of it, as :func:`voxgran.plot`.
 
         Parameters
         ----------
-        color : {"diameter", "shape", "coordination", "distance", "force"}
+        color : {"diameter", "height", "shape", "coordination", "distance", "force"}
             What the colours show; "force", the largest force on each grain, where forces are known.
+
+        Examples
+        --------
+        >>> import voxgran as vg
+        >>> vg.pack(vg.shapes.sphere(), vg.Box((4, 4, 4)), "rsa", count=5).plot()  # doctest: +SKIP
         """
         return public("plot")(self, color=color)
 
     def _repr_html_(self) -> str:
         """Small picture and numbers, for notebooks."""
-        names = ", ".join(shape.name for shape in self.shapes[:4]) + (" ..." if len(self.shapes) > 4 else "")
-        axes = ", ".join(axis for axis, wraps in zip("xyz", self.container.periodic, strict=True) if wraps)
-        rows = {
-            "packing": f"{self.count} grains of {len(self.shapes)} shapes: {names}",
-            "solid fraction": f"{self.solid_fraction:.4f}",
-            "method": str(self.provenance.get("method", "not known")),
-            "stopped": self.stop_reason,
-            **self._rest(),
-            "container": self.container.kind + (f", periodic in {axes}" if axes else ""),
-        }
-        if not self.count:
-            return card(None, rows)
-        unit = "" if self.unit == "1" else f" {self.unit}"
-        rows["equivalent diameter"] = f"{self.diameters.min():.4g} to {self.diameters.max():.4g}{unit}"
-        bodies = [shape.vertices[shape.faces] for shape in self.shapes]
-        matrices = self.matrices * self.scale[:, None, None]
-        flat = self.dimension == 2
-        return card(picture(bodies, self.shape_id, matrices, self.position, self.diameters, flat=flat), rows)
-
-    def _rest(self) -> dict[str, str]:
-        """Return how many grains rest, for notebooks; nothing where that is not known."""
-        if self.forces is None or not self.count:
-            return {}
-        shares = self.forces.share_at_rest, self.forces.share_of_rattlers
-        return {"at rest": "{:.1f} % of the grains, {:.1f} % are rattlers".format(*(100 * share for share in shares))}
+        return card_of_packing(self)
 
     def __repr__(self) -> str:
         """Count, solid fraction and how it ended."""

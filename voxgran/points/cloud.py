@@ -56,6 +56,14 @@ class Cloud:
     ------
     InputError
         If `points` is not an (n, 3) array of finite numbers, or there is not one normal or grain for each point.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> import voxgran as vg
+    >>> cloud = vg.Cloud.of(np.random.default_rng(1).normal(size=(500, 3)))
+    >>> len(cloud), cloud.normals is None
+    (500, True)
     """
 
     points: Floats
@@ -101,6 +109,12 @@ class Cloud:
         ------
         InputError
             If an array has the wrong shape, a value is not finite, a normal is zero, or a grain is no whole number.
+
+        Examples
+        --------
+        >>> import voxgran as vg
+        >>> vg.Cloud.of([(0, 0, 0), (1, 0, 0)], name="scan", unit="mm").points.shape
+        (2, 3)
         """
         # copies, so that the caller's arrays are not made read-only
         found = np.array(as_points(points))
@@ -150,6 +164,13 @@ class Cloud:
         ----------
         mask : (n,) array_like of bool, or array_like of int
             Mask or indices of the points.
+
+        Examples
+        --------
+        >>> import voxgran as vg
+        >>> cloud = vg.Cloud.of([(0, 0, 0), (1, 0, 0), (5, 0, 0)])
+        >>> len(cloud.chosen(cloud.points[:, 0] < 2))
+        2
         """
         kept = np.asarray(mask)
         parts = (self.normals, self.grain)
@@ -168,6 +189,12 @@ class Cloud:
         ------
         InputError
             If `lower` is above `upper`.
+
+        Examples
+        --------
+        >>> import voxgran as vg
+        >>> len(vg.Cloud.of([(0, 0, 0), (1, 0, 0), (5, 0, 0)]).cropped((-1, -1, -1), (2, 1, 1)))
+        2
         """
         low, high = as_vector(lower, "lower"), as_vector(upper, "upper")
         if (low > high).any():
@@ -186,6 +213,12 @@ class Cloud:
         ------
         InputError
             If `spacing` is not above 0, or far below the extent of the cloud.
+
+        Examples
+        --------
+        >>> import voxgran as vg
+        >>> len(vg.Cloud.of([(0.1, 0, 0), (0.2, 0, 0), (5.1, 0, 0)]).thinned(1.0))
+        2
         """
         edge = as_length(spacing, "spacing")
         if edge < FINEST * Frame.around(self.points).size:
@@ -221,6 +254,15 @@ class Cloud:
         ------
         InputError
             If `deviations` is not above 0 or `neighbours` below 1.
+
+        Examples
+        --------
+        >>> import numpy as np
+        >>> import voxgran as vg
+        >>> points = np.vstack([np.random.default_rng(1).random((500, 3)), [[9.0, 9.0, 9.0]]])
+        >>> cloud = vg.Cloud.of(points).without_outliers(deviations=10.0)
+        >>> bool((cloud.points < 2).all())
+        True
         """
         many, ratio = as_count(neighbours, "neighbours", at_least=1), as_number(deviations, "deviations", above=0.0)
         if len(self) < FEWEST:
@@ -240,6 +282,13 @@ class Cloud:
         ------
         InputError
             If there are fewer points than neighbours, or fewer than 4.
+
+        Examples
+        --------
+        >>> import voxgran as vg
+        >>> cloud = vg.Cloud.of(vg.sample_surface(vg.shapes.box(lengths=(1, 1, 1)), spacing=0.2))
+        >>> cloud.with_normals().normals.shape == cloud.points.shape
+        True
         """
         many = as_count(neighbours, "neighbours", at_least=3)
         if len(self) <= many:
@@ -277,6 +326,15 @@ class Cloud:
         ----------
         Ester, Kriegel, Sander & Xu 1996, A density-based algorithm for discovering clusters in large spatial databases
         with noise, Proc. 2nd Int. Conf. Knowledge Discovery and Data Mining (KDD-96), 226.
+
+        Examples
+        --------
+        >>> import numpy as np
+        >>> import voxgran as vg
+        >>> points = np.random.default_rng(1).random((400, 3))
+        >>> points[:200] += 5.0
+        >>> [len(part) for part in vg.Cloud.of(points).clusters(distance=0.5)]
+        [200, 200]
         """
         least = as_count(min_points, "min_points", at_least=1)
         reach = 3.0 * self.spacing if distance is None else as_length(distance, "distance")

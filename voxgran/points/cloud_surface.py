@@ -105,6 +105,13 @@ def shape_of_cloud(
     ----------
     Kazhdan & Hoppe 2013, Screened Poisson surface reconstruction, doi:10.1145/2487228.2487237. Edelsbrunner & Mucke
     1994, Three-dimensional alpha shapes, doi:10.1145/174462.156635.
+
+    Examples
+    --------
+    >>> import voxgran as vg
+    >>> cloud = vg.Cloud.of(vg.sample_surface(vg.shapes.sphere(), spacing=0.2))
+    >>> round(vg.shape_of_cloud(cloud).shape.diameter, 1)
+    1.0
     """
     check_type(cloud, Cloud, "cloud", "a Cloud; load_cloud reads one")
     as_choice(method, "method", ("poisson", "alpha"))

@@ -94,6 +94,15 @@ def register_clouds(cloud: Cloud, target: Cloud, *, distance: float | None = Non
     Rusu, Blodow & Beetz 2009, Fast point feature histograms (FPFH) for 3D registration,
     doi:10.1109/ROBOT.2009.5152473. Chen & Medioni 1992, Object modelling by registration of multiple range images,
     doi:10.1016/0262-8856(92)90066-C.
+
+    Examples
+    --------
+    >>> import voxgran as vg
+    >>> points = vg.sample_surface(vg.shapes.ellipsoid(semi_axes=(3, 2, 1)), spacing=0.4)
+    >>> scan = vg.Cloud.of(points)
+    >>> motion = vg.register_clouds(vg.Cloud.of(points + [5.0, 0.0, 0.0]), scan, seed=1)
+    >>> round(motion.overlap, 2)
+    1.0
     """
     for one in (cloud, target):
         if len(one) < FEWEST:

@@ -76,6 +76,14 @@ def sample_surface(shape: Shape, *, spacing: float, seed: int = 0, method: str =
         If the spacing is not above 0, the method is unknown, or the spacing needs more than half a million points.
     MissingLibraryError
         If Open3D cannot be loaded.
+
+    Examples
+    --------
+    >>> import voxgran as vg
+    >>> cube = vg.shapes.box(lengths=(1, 1, 1))
+    >>> points = vg.sample_surface(cube, spacing=0.3)
+    >>> points.shape[1], points.spacing <= 0.3
+    (3, True)
     """
     check_type(shape, Shape, "shape", "a Shape; make_shape and load_shape make one")
     wanted = as_length(spacing, "spacing") / shape.diameter

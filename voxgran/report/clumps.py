@@ -80,6 +80,12 @@ def save_clump_picture(
         If it cannot be written; what was there before is untouched.
     MissingLibraryError
         If PyVista or Matplotlib cannot be loaded.
+
+    Examples
+    --------
+    >>> import voxgran as vg
+    >>> clump = vg.fit_clump(vg.shapes.sphere(), max_spheres=1)
+    >>> vg.save_clump_picture(clump, "clump.png")
     """
     drawn = [clumps] if isinstance(clumps, Clump) else list(clumps)
     for clump in drawn:

@@ -11,8 +11,10 @@ from voxgran.measures.registered.coordination import coordination_number
 from voxgran.measures.registered.forces import known_forces
 from voxgran.packing.model import Packing
 
-ColorBy: TypeAlias = Literal["diameter", "shape", "coordination", "distance", "force"]
-COLOR_BY: tuple[ColorBy, ...] = ("diameter", "shape", "coordination", "distance", "force")
+ColorBy: TypeAlias = Literal["diameter", "height", "shape", "coordination", "distance", "force"]
+COLOR_BY: tuple[ColorBy, ...] = ("diameter", "height", "shape", "coordination", "distance", "force")
+#: map of the colours, whose lightness increases evenly
+COLORS = "viridis"
 
 
 @dataclass(frozen=True, slots=True)
@@ -33,8 +35,9 @@ class Coloring:
 
 
 def coloring(packing: Packing, color_by: str) -> Coloring:
-    """Return the colouring of the grains by equivalent diameter, index of the shape, number of neighbours within the
-    contact gap, distance of the centroid from the nearest other one, or largest contact force; see :data:`COLOR_BY`.
+    """Return the colouring of the grains by equivalent diameter, height of the centroid above the lowest
+    point of the container, index of the shape, number of neighbours within the contact gap, distance of the centroid
+    from the nearest other one, or largest contact force; see :data:`COLOR_BY`.
 
     Raises
     ------
@@ -47,12 +50,29 @@ def coloring(packing: Packing, color_by: str) -> Coloring:
         return Coloring(known_forces(packing).largest_force(), "largest contact force", "weights of a median grain")
     if color_by == "diameter" or not packing.count:
         return Coloring(packing.diameters, "equivalent diameter", unit)
+    if color_by == "height":
+        return Coloring(_heights(packing), "height of the centroid", unit)
     if color_by == "shape":
         return Coloring(packing.shape_id.astype(np.float64), "number of the shape")
     if color_by == "coordination":
         neighbours = coordination_number(packing).of_grain
         return Coloring(neighbours.astype(np.float64), "coordination number")
     return Coloring(_nearest(packing), "distance of the centroid from the nearest one", unit)
+
+
+def gradient() -> list[str]:
+    """Return nine evenly spaced colours of the map, from that of the smallest value to that of the largest."""
+    scale = load("matplotlib").colormaps[COLORS]
+    return [load("matplotlib.colors").to_hex(scale(k / 8)) for k in range(9)]
+
+
+def _heights(packing: Packing) -> Floats:
+    """Return the heights of the centroids against gravity, along the last axis where there is none, above the lowest
+    corner of the bounds.
+    """
+    up = np.eye(3)[packing.dimension - 1] if packing.gravity is None else -np.asarray(packing.gravity, np.float64)
+    bounds = packing.container.bounds
+    return np.asarray(packing.position @ up - np.minimum(*(bounds * up)).sum())
 
 
 def _nearest(packing: Packing) -> Floats:

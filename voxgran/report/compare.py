@@ -17,11 +17,13 @@ from voxgran import __version__
 from voxgran._base.files import as_path, refuse_to_replace, write_text
 from voxgran.packing.model import Packing
 from voxgran.report import facts, plots, scenes
+from voxgran.report.colors import gradient
 from voxgran.report.figures import curves_of
 from voxgran.report.groups import Group, compared, distributions, groups_of
 from voxgran.report.numbers import json_text
 from voxgran.report.page import page_template, view_of
 from voxgran.report.significance import LEVEL, p_text
+from voxgran.report.view import views_of
 
 #: largest number of packings of a group whose curves are drawn
 DRAWN = 5
@@ -34,6 +36,7 @@ def save_comparison(
     which: Sequence[str] | None = None,
     pictures: bool = True,
     title: str = "Comparison of packings",
+    interactive: bool = True,
     overwrite: bool = False,
 ) -> None:
     """Write a self-contained HTML page that compares packings, and a JSON file with its numbers.
@@ -48,9 +51,11 @@ def save_comparison(
     which : sequence of str, optional
         Measures to compare. Default: all that apply.
     pictures : bool
-        Whether one picture of each group is rendered.
+        Whether one picture of each group is rendered; if false, the page has no interactive view.
     title : str
         Title of the page.
+    interactive : bool
+        Whether the page has a view of the first packing of each group that can be turned and cut in a browser.
     overwrite : bool
         Whether existing files may be replaced.
 
@@ -72,6 +77,13 @@ def save_comparison(
     are compared by Welch's t-test over packings; distributions over grains by a permutation test over packings, if
     there are at least four and four, three and four, or two and five. Groups packed with the same seeds may share
     random draws; both tests are then conservative.
+
+    Examples
+    --------
+    >>> import voxgran as vg
+    >>> dense = vg.pack(vg.shapes.sphere(), vg.Box((5, 5, 5)), "rsa", count=40)
+    >>> beds = {"dense": dense, "loose": vg.remove_grains(dense, solid_fraction=0.1)}
+    >>> vg.save_comparison(beds, "page.html", which=["coordination"], pictures=False)
     """
     twin = as_path(path).with_suffix(".json")
     if not overwrite:
@@ -87,6 +99,8 @@ def save_comparison(
         notes=_notes(groups),
         tests=[_test_row(test) for test in tests],
         views=[_picture(group) for group in groups] if pictures else [],
+        view=_view(groups) if interactive and pictures else None,
+        gradient=", ".join(gradient()) if pictures else "gray, gray",
         figures=_figures(groups),
     )
     write_text(path, text, overwrite=overwrite)
@@ -202,6 +216,11 @@ def _picture(group: Group) -> Any:
     many = len(group.packings)
     caption = group.name if many == 1 else f"{group.name}: the first of {many} packings"
     return view_of(picture, f"{caption}, seen from outside", caption)
+
+
+def _view(groups: Sequence[Group]) -> dict[str, Any] | None:
+    """Return the interactive view of the first packing of each group."""
+    return views_of({group.name: group.packings[0] for group in groups})
 
 
 def _figures(groups: Sequence[Group]) -> list[dict[str, str]]:

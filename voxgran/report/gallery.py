@@ -90,6 +90,11 @@ def save_gallery(
         If it cannot be written; what was there before is untouched.
     MissingLibraryError
         If PyVista or Matplotlib cannot be loaded.
+
+    Examples
+    --------
+    >>> import voxgran as vg
+    >>> vg.save_gallery(vg.make_shapes("convex_polyhedron", count=3), "rocks.png")
     """
     drawn = [shapes] if isinstance(shapes, Shape) else list(shapes)
     for shape in drawn:

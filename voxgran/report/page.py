@@ -21,12 +21,13 @@ from voxgran._base.lazy import load
 from voxgran.packing.model import Packing, check_packing
 from voxgran.report import facts, scenes
 from voxgran.report.closeup import picture_contacts
-from voxgran.report.colors import Coloring, coloring
+from voxgran.report.colors import Coloring, coloring, gradient
 from voxgran.report.figures import figures_of
 from voxgran.report.force_chains import picture_forces
 from voxgran.report.numbers import json_text, page_numbers
 from voxgran.report.stage import Picture, png_of
 from voxgran.report.turntable import animated
+from voxgran.report.view import views_of
 from voxgran.shapes.model import Shape
 
 if TYPE_CHECKING:
@@ -73,6 +74,7 @@ def save_report(
     comparisons: Mapping[str, Mapping[str, Any]] | None = None,
     color_by: str = "diameter",
     turntable: bool = False,
+    interactive: bool = True,
     overwrite: bool = False,
 ) -> None:
     """Write a self-contained HTML report of a packing, and a JSON file with its numbers.
@@ -88,17 +90,19 @@ def save_report(
     verification : Verification, optional
         Result of :func:`voxgran.verify`.
     pictures : bool
-        Whether pictures are rendered; if false, no graphics library is loaded.
+        Whether pictures are rendered; if false, no graphics library is loaded and the page has no interactive view.
     pictures_folder : path-like, optional
         Folder for the pictures as PNG files: whole, cut_open, grain_0, ... Default: none are written.
     title : str, optional
         Title of the page.
     comparisons : mapping of str to mapping, optional
         Rows of a table of packings: name of each packing to a mapping from column names to values.
-    color_by : {"diameter", "shape", "coordination", "distance", "force"}
+    color_by : {"diameter", "height", "shape", "coordination", "distance", "force"}
         Quantity shown by the colours of the grains.
     turntable : bool
         Whether an animated picture of the rotating packing is added.
+    interactive : bool
+        Whether the page has a view that can be turned and cut in a browser, about 2 MB; the pictures stand without it.
     overwrite : bool
         Whether existing files may be replaced.
 
@@ -112,6 +116,12 @@ def save_report(
         If a file cannot be written; existing files are then unchanged.
     MissingLibraryError
         If a required library cannot be loaded.
+
+    Examples
+    --------
+    >>> import voxgran as vg
+    >>> bed = vg.pack(vg.shapes.sphere(), vg.Box((4, 4, 4)), "rsa", count=10)
+    >>> vg.save_report(bed, "page.html", verification=vg.verify(bed), pictures=False)
     """
     check_packing(packing, "packing")
     twin = as_path(path).with_suffix(".json")
@@ -131,9 +141,10 @@ def save_report(
         headline=facts.headline(packing, statistics, verification),
         views=[view_of(*parts) for parts in drawn.packing.values()]
         + (_turning(packing, color_by) if turntable else []),
+        view=views_of({"": packing}, color_by) if interactive and pictures else None,
         legend=_legend(colors),
         legend_label=colors.label,
-        gradient=_gradient() if pictures else "gray, gray",
+        gradient=", ".join(gradient()) if pictures else "gray, gray",
         grains=[{"name": n, "views": [view_of(*p) for p in v.values()]} for n, v in drawn.grains.items()],
         grains_note=_grains_note(packing),
         figures=figures,
@@ -262,13 +273,6 @@ def _legend(colors: Coloring) -> tuple[str, str] | None:
     unit = f" {colors.unit}" if colors.unit else ""
     low, high = (facts.number(value) for value in colors.limits)
     return f"{low}{unit}", f"{high}{unit}"
-
-
-def _gradient() -> str:
-    """Return the colour scale as stops of a CSS gradient."""
-    matplotlib = load("matplotlib")
-    scale = matplotlib.colormaps[scenes.COLORS]
-    return ", ".join(load("matplotlib.colors").to_hex(scale(k / 8)) for k in range(9))
 
 
 def _worst(verification: "Verification") -> dict[str, list[list[str]]]:

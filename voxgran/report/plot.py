@@ -9,8 +9,8 @@ import numpy as np
 from voxgran._base.arrays import as_choice, check_type
 from voxgran._base.lazy import load
 from voxgran.packing.model import Packing
-from voxgran.report.colors import COLOR_BY, ColorBy, coloring
-from voxgran.report.scenes import COLORS, GRAIN_COLOR, SMOOTH, picture_packing
+from voxgran.report.colors import COLOR_BY, COLORS, ColorBy, coloring
+from voxgran.report.scenes import GRAIN_COLOR, SMOOTH, picture_packing
 from voxgran.report.stage import look_at, shot, stage_of
 from voxgran.shapes.model import Shape
 
@@ -22,7 +22,7 @@ def plot(what: Packing | Shape, *, color: ColorBy = "diameter", window: tuple[in
     ----------
     what : Packing or Shape
         What is shown.
-    color : {"diameter", "shape", "coordination", "distance", "force"}
+    color : {"diameter", "height", "shape", "coordination", "distance", "force"}
         What the colours of grains show, "force" the largest contact force on each where forces are known; not used for
         a shape.
     window : tuple of int
@@ -37,6 +37,12 @@ def plot(what: Packing | Shape, *, color: ColorBy = "diameter", window: tuple[in
     ------
     InputError
         If it is neither a packing nor a shape, `color` is unknown, or it is "force" and no forces are known.
+
+    Examples
+    --------
+    >>> import voxgran as vg
+    >>> bed = vg.pack(vg.shapes.sphere(), vg.Box((4, 4, 4)), "rsa", count=10)
+    >>> vg.plot(bed, color="coordination")  # doctest: +SKIP
     """
     check_type(what, (Packing, Shape), "what", "a Packing or a Shape; pack or make one")
     as_choice(color, "color", COLOR_BY)

@@ -14,7 +14,7 @@ from voxgran.clumps.fit import fit_clump
 from voxgran.contacts.surfaces import merged_surfaces
 from voxgran.packing.model import Packing
 from voxgran.points.sample import sample_surface
-from voxgran.report.colors import Coloring, coloring
+from voxgran.report.colors import COLORS, Coloring, coloring
 from voxgran.report.stage import (
     MATERIAL,
     Picture,
@@ -40,7 +40,6 @@ BALL_LIMIT = 10_000
 FLAT_LIMIT = 5_000
 
 GRAIN_COLOR = "#6d9fb5"
-COLORS = "viridis"
 SMOOTH = {"smooth_shading": True, "split_sharp_edges": True, **MATERIAL}
 
 

@@ -57,6 +57,12 @@ def save_turntable(
         If the file exists and `overwrite` is false.
     OutputError
         If the file cannot be written.
+
+    Examples
+    --------
+    >>> import voxgran as vg
+    >>> bed = vg.pack(vg.shapes.sphere(), vg.Box((4, 4, 4)), "rsa", count=5)
+    >>> vg.save_turntable(bed, "bed.gif", frames=2, window=(64, 64))
     """
     count = as_count(frames, "frames", at_least=1) if packing.dimension == 3 else 1
     with written_whole(path, overwrite=overwrite) as draft:

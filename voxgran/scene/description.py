@@ -23,6 +23,7 @@ from voxgran.io.files import load
 from voxgran.packing.gravity import proposed_axis
 from voxgran.packing.method import method_registry
 from voxgran.packing.model import Packing
+from voxgran.scene.keys import Measured, Packed, Settled, names_of
 from voxgran.scene.sections import General, Output
 from voxgran.scene.shape_entries import ShapeEntry, given_values, shape_entries
 from voxgran.settling.parameters import Settling
@@ -105,6 +106,16 @@ class SceneDescription:
             If a section, key, method or family is unknown; the message gives the nearest name.
         InputError
             If a value is missing or breaks a rule.
+
+        Examples
+        --------
+        >>> import voxgran as vg
+        >>> with open("scene.toml", "w") as file:
+        ...     print('shape = [{family = "sphere"}]', file=file)
+        ...     print('container = {kind = "box", lengths = [4, 4, 4]}', file=file)
+        ...     print('packing = {method = "rsa", count = 10}', file=file)
+        >>> vg.Scene.from_toml("scene.toml").count
+        10
         """
         found = existing_file(path)
         return cls.from_mapping(read_toml(found), folder=found.parent)
@@ -130,6 +141,15 @@ class SceneDescription:
             If a section, key, method or family is unknown; the message gives the nearest name.
         InputError
             If a value is missing or breaks a rule.
+
+        Examples
+        --------
+        >>> import voxgran as vg
+        >>> shape, box = [{"family": "sphere"}], {"kind": "box", "lengths": [4, 4, 4]}
+        >>> packing = {"method": "rsa", "count": 10}
+        >>> scene = vg.Scene.from_mapping({"shape": shape, "container": box, "packing": packing})
+        >>> scene.container.volume
+        64.0
         """
         check_type(mapping, Mapping, "scene", "a mapping of sections; for a file use Scene.from_toml")
         for name in mapping:
@@ -150,7 +170,7 @@ class SceneDescription:
             raise InputError(f"[packing] has no method: a scene is packed by one; add method, one of {known}")
         count, solid = packing.pop("count", None), packing.pop("solid_fraction", None)
         start = packing.pop("start", None)
-        beside = ("method", "count", "solid_fraction", "start")
+        beside = names_of(Packed)
         if "settle" in packing:
             raise UnknownNameError(f"[packing] settle is no key: {SETTLE_KEYS}")
         output: Output = from_mapping(Output, mapping.get("output", {}), "[output]")
@@ -178,7 +198,17 @@ class SceneDescription:
         )
 
     def to_mapping(self) -> dict[str, Any]:
-        """Return the scene as nested JSON-able values, from which :meth:`from_mapping` makes it again."""
+        """Return the scene as nested JSON-able values, from which :meth:`from_mapping` makes it again.
+
+        Examples
+        --------
+        >>> import voxgran as vg
+        >>> shape, box = [{"family": "sphere"}], {"kind": "box", "lengths": [4, 4, 4]}
+        >>> packing = {"method": "rsa", "count": 10}
+        >>> scene = vg.Scene.from_mapping({"shape": shape, "container": box, "packing": packing})
+        >>> scene.to_mapping()["packing"]["method"]
+        'rsa'
+        """
         shapes = [entry.to_mapping() for entry in self.shapes]
         packing = {name: getattr(self, name) for name in ("method", "count", "solid_fraction", "start")}
         made = {
@@ -201,7 +231,17 @@ class SceneDescription:
         return made
 
     def asked(self) -> dict[str, Any]:
-        """Return the keyword arguments of :func:`voxgran.pack`, without the parameters of the method."""
+        """Return the keyword arguments of :func:`voxgran.pack`, without the parameters of the method.
+
+        Examples
+        --------
+        >>> import voxgran as vg
+        >>> shape, box = [{"family": "sphere"}], {"kind": "box", "lengths": [4, 4, 4]}
+        >>> packing = {"method": "rsa", "count": 10}
+        >>> scene = vg.Scene.from_mapping({"shape": shape, "container": box, "packing": packing})
+        >>> scene.asked()["count"]
+        10
+        """
         return {
             "method": self.method,
             "count": self.count,
@@ -223,6 +263,15 @@ class SceneDescription:
         ------
         FileFormatError
             If the file is no packing.
+
+        Examples
+        --------
+        >>> import voxgran as vg
+        >>> shape, box = [{"family": "sphere"}], {"kind": "box", "lengths": [4, 4, 4]}
+        >>> packing = {"method": "rsa", "count": 10}
+        >>> scene = vg.Scene.from_mapping({"shape": shape, "container": box, "packing": packing})
+        >>> scene.begin() is None
+        True
         """
         return None if self.start is None else load(self.start)
 
@@ -266,7 +315,7 @@ def _settle(
             f"[settle] and method {method!r}: it packs without gravity; leave this section out, and settle the packing "
             f"with 'voxgran settle out/packing.vtp --gravity {proposed_axis(container)} -o settled.vtp'"
         )
-    settling = from_mapping(Settling, given, "[settle]", beside=("enabled",))
+    settling = from_mapping(Settling, given, "[settle]", beside=names_of(Settled))
     return settling if enabled else False
 
 
@@ -291,8 +340,8 @@ def _which(mapping: Mapping[str, Any]) -> tuple[str, ...] | None:
     from voxgran.measures.model import ALL, measure_registry
 
     for key in mapping:
-        if key != "which":
-            raise UnknownNameError(unknown("[measure] key", key, ("which",)))
+        if key not in names_of(Measured):
+            raise UnknownNameError(unknown("[measure] key", key, names_of(Measured)))
     if "which" not in mapping:
         return None
     check_type(mapping["which"], (list, tuple), "[measure] which", "a list of names, such as ['density']")

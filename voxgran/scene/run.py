@@ -204,7 +204,14 @@ def finish_folder(
         save_scene(packing, folder / "scene.vtm", overwrite=True)
     tell(3, "drawing")
     if scene.output.report:
-        save_report(packing, folder / "report.html", statistics=statistics, verification=proof, overwrite=True)
+        save_report(
+            packing,
+            folder / "report.html",
+            statistics=statistics,
+            verification=proof,
+            interactive=scene.output.interactive,
+            overwrite=True,
+        )
     tell(4, "writing input of engines")
     _write_decks(packing, folder / DECKS, scene)
     tell(5, "done")

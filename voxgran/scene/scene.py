@@ -12,7 +12,17 @@ from voxgran.scene.run import SceneResult, run_one
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Scene(SceneDescription):
-    """A granular scene, from a TOML file or a mapping; its attributes are those of :class:`SceneDescription`."""
+    """A granular scene, from a TOML file or a mapping; its attributes are those of :class:`SceneDescription`.
+
+    Examples
+    --------
+    >>> import voxgran as vg
+    >>> shape, box = [{"family": "sphere"}], {"kind": "box", "lengths": [4, 4, 4]}
+    >>> packing = {"method": "rsa", "count": 10}
+    >>> scene = vg.Scene.from_mapping({"shape": shape, "container": box, "packing": packing})
+    >>> scene.method, scene.count
+    ('rsa', 10)
+    """
 
     def plan(self) -> Plan:
         """Return what a run would compute, skip and cost; nothing is packed, and neither Open3D nor VTK is
@@ -24,6 +34,15 @@ class Scene(SceneDescription):
             If the scene breaks a rule that shows only now, such as grains that cannot fit.
         TooLargeError
             If it does not fit in memory.
+
+        Examples
+        --------
+        >>> import voxgran as vg
+        >>> shape, box = [{"family": "sphere"}], {"kind": "box", "lengths": [4, 4, 4]}
+        >>> packing = {"method": "rsa", "count": 10}
+        >>> scene = vg.Scene.from_mapping({"shape": shape, "container": box, "packing": packing})
+        >>> scene.plan().grains, round(scene.plan().solid_fraction, 3)
+        (10, 0.082)
         """
         return make_plan(self)
 
@@ -60,6 +79,15 @@ class Scene(SceneDescription):
             If the scene breaks a rule that shows only now.
         Interrupted
             On SIGINT or SIGTERM, after a checkpoint was written.
+
+        Examples
+        --------
+        >>> import voxgran as vg
+        >>> shape, box = [{"family": "sphere"}], {"kind": "box", "lengths": [4, 4, 4]}
+        >>> packing, output = {"method": "rsa", "count": 10}, {"report": False}
+        >>> given = {"shape": shape, "container": box, "packing": packing, "measure": {"which": ["coordination"]}}
+        >>> vg.Scene.from_mapping({**given, "output": output}).run("out").packing.count
+        10
         """
         run = run_seeds if self.general.seeds > 1 else run_one
         return run(self, folder, resume=resume, overwrite=overwrite, on_step=on_step)

@@ -34,6 +34,7 @@ class Output:
     vtk: bool = parameter(True, doc="write the scene for ParaView")
     statistics: bool = parameter(True, doc="write the measures as netCDF")
     report: bool = parameter(True, doc="write the page with pictures")
+    interactive: bool = parameter(True, doc="give the page a view that can be turned and cut in a browser")
     snapshots: int = parameter(0, doc="most snapshots of the run to keep for ParaView; 0 for none")
     dem: tuple[str, ...] = parameter((), doc="engines to write input for")
     clump: int | None = parameter(

@@ -15,6 +15,7 @@ from voxgran._base.units import as_unit
 from voxgran.clumps.fit import TARGETS, fit_clump
 from voxgran.clumps.method import clump_registry
 from voxgran.clumps.stand_in import record_of
+from voxgran.scene.keys import AnyShape, ClumpOfShape, ShapeOfFamily, ShapeOfFile, names_of
 from voxgran.shapes.family import families, make_shape, make_shapes, seeds_of_shapes
 from voxgran.shapes.files import shape_of_file
 from voxgran.shapes.generating.ranges import drawn
@@ -24,8 +25,9 @@ from voxgran.shapes.roughness.parameters import Roughness
 from voxgran.shapes.roughness.roughen import roughen
 
 #: keys of a [[shape]] from a file, and of any
-FILE_KEYS = ("file", "share", "repair", "surface", "unit", "clump", "roughen")
-SHAPE_KEYS = (*FILE_KEYS, "family", "seed", "count")
+FILE_KEYS = names_of(AnyShape, ShapeOfFile)
+FAMILY_KEYS = tuple(key for key in names_of(AnyShape, ShapeOfFamily) if key not in ("family", "share"))
+SHAPE_KEYS = (*FILE_KEYS, *names_of(ShapeOfFamily))
 #: remedies for a mesh that is not one closed solid
 REMEDIES = Remedies(
     mend="set repair = true in its [[shape]]",
@@ -34,7 +36,7 @@ REMEDIES = Remedies(
     hole="close it with 'voxgran repair' and a larger --max-hole",
 )
 #: keys of a clump beside the parameters of its method
-CLUMP_KEYS = ("max_spheres", "method", "target", "value", "seed")
+CLUMP_KEYS = names_of(ClumpOfShape)
 
 
 @dataclass(frozen=True, slots=True)
@@ -147,7 +149,7 @@ def _of_family(rest: dict[str, Any], folder: Path, common: Mapping[str, Any]) ->
     count = rest.pop("count") if "count" in rest else None
     # values that are drawn differ between shapes, so that the ranges are kept and one draw is checked
     values = drawn(entry.parameters, rest, stream(0, "check"), where=where)
-    settings = given_values(entry.parameters, values, where, beside=("clump", "count", "roughen", "seed"))
+    settings = given_values(entry.parameters, values, where, beside=FAMILY_KEYS)
     settings |= {key: value for key, value in rest.items() if key in settings and values[key] is not value}
     if count is not None:
         as_count(count, "[[shape]] count", at_least=1)

@@ -158,6 +158,14 @@ def equilibrium(packing: Assembly, friction: float = 0.5, gap: float = 1e-3, *, 
     ----------
     Mazhar, Heyn, Negrut & Tasora 2015, doi:10.1145/2735627: the convex problem and its solution with friction
     Mehrotra 1992, doi:10.1137/0802028: the interior point, without friction
+
+    Examples
+    --------
+    >>> import voxgran as vg
+    >>> bed = vg.pack(vg.shapes.sphere(), vg.Box((3, 3, 6)), "gravity", count=20)
+    >>> found = vg.equilibrium(bed, friction=0.5)
+    >>> float(found.rests.mean()), bool(found.residual.max() < 0.01)
+    (1.0, True)
     """
     check_type(packing, Assembly, "packing", "a Packing")
     down = getattr(packing, "gravity", None)

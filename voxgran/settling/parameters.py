@@ -26,6 +26,13 @@ class Shaking:
     ------
     InputError
         If one of them is not above 0.
+
+    Examples
+    --------
+    >>> import voxgran as vg
+    >>> loose = vg.pack(vg.shapes.sphere(), vg.Box((3, 3, 6)), "rsa", count=20)
+    >>> vg.settle(loose, gravity="-z", shaking=vg.Shaking(acceleration=2.0, duration=5.0)).stop_reason
+    'settled'
     """
 
     acceleration: float = parameter(
@@ -53,6 +60,14 @@ class Lid:
     ------
     InputError
         If it is not above 0, or above 100.
+
+    Examples
+    --------
+    >>> import voxgran as vg
+    >>> loose = vg.pack(vg.shapes.sphere(), vg.Box((3, 3, 6)), "rsa", count=20)
+    >>> pressed = vg.settle(loose, gravity="-z", lid=vg.Lid(weight=2.0))
+    >>> pressed.stop_reason, pressed.lid.level < 6
+    ('settled', True)
     """
 
     weight: float = parameter(1.0, doc="weight, in weights of all grains together", above=0.0, at_most=HEAVIEST)

@@ -13,9 +13,10 @@ from voxgran._base.config import to_mapping
 from voxgran._base.errors import InputError
 from voxgran._base.registry import Registry
 from voxgran._base.seeds import stream
+from voxgran.shapes.describing.body import Geometry
 from voxgran.shapes.generating.ranges import drawn
 from voxgran.shapes.mesh import Mesh
-from voxgran.shapes.model import Geometry, Shape
+from voxgran.shapes.model import Shape
 from voxgran.shapes.primitive import Kind, Primitive
 from voxgran.shapes.surface import Surface
 
@@ -61,7 +62,14 @@ def families() -> Registry[ShapeFamily]:
 
 
 def shape_families() -> tuple[str, ...]:
-    """Return the names of all shape families."""
+    """Return the names of all shape families.
+
+    Examples
+    --------
+    >>> import voxgran as vg
+    >>> "sphere" in vg.shape_families()
+    True
+    """
     return families().names()
 
 
@@ -125,8 +133,7 @@ def make_shape(family: str | Parameters, *, seed: int = 0, **parameters: Any) ->
     family, parameters = _with_drawn_values(family, parameters, seed)
     name, entry, values = chosen(families(), family, parameters, where="", beside=("seed",))
     for key, value in to_mapping(values).items():
-        if isinstance(value, int | float | list | tuple) and not isinstance(value, bool):
-            _check_numbers(value, f"{name} {key}")
+        _check_numbers(value, f"{name} {key}")
     return entry.make(values, stream(seed, f"shape {name}"))
 
 
@@ -171,6 +178,16 @@ def seeds_of_shapes(seed: int, count: int) -> list[int]:
     ------
     InputError
         If one of the two is no whole number of at least 0.
+
+    Examples
+    --------
+    >>> import voxgran as vg
+    >>> seeds = vg.seeds_of_shapes(7, 3)
+    >>> seeds == vg.seeds_of_shapes(7, 4)[:3]
+    True
+    >>> rocks = vg.make_shapes("convex_polyhedron", count=3, seed=7)
+    >>> rocks[2] == vg.make_shape("convex_polyhedron", seed=seeds[2])
+    True
     """
     generator = stream(seed, "shapes")
     return [int(value) for value in generator.integers(2**53, size=as_count(count, "count"))]
@@ -192,10 +209,10 @@ def _with_drawn_values(
 
 
 def _check_numbers(value: Any, name: str) -> None:
-    """Check a number, or all numbers of a nested list, as lengths; other values are ignored."""
+    """Check a real number, or all of a nested list, as lengths; counts have bounds of their own."""
     for part in value if isinstance(value, list | tuple) else ():
         _check_numbers(part, name)
-    if isinstance(value, int | float) and not isinstance(value, bool):
+    if isinstance(value, float):
         check_lengths(value, name)
 
 

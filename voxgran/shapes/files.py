@@ -62,6 +62,14 @@ def load_shape(
         although `surface` is true.
     InputError
         If `repair` or `surface` is neither True nor False, both are true, or one is true for a clump.
+
+    Examples
+    --------
+    >>> import voxgran as vg
+    >>> vg.save_shape(vg.shapes.box(lengths=(1, 2, 3)), "brick.stl")
+    >>> brick = vg.load_shape("brick.stl", unit="mm")
+    >>> brick.name, brick.unit, round(brick.volume, 6)
+    ('brick', 'mm', 6.0)
     """
     return shape_of_file(path, unit=unit, repair=repair, surface=surface, remedies=LOADING)
 
@@ -138,6 +146,13 @@ def save_shape(shape: Shape, path: str | os.PathLike[str], *, overwrite: bool = 
         If the file exists and `overwrite` is false.
     OutputError
         If the file cannot be written.
+
+    Examples
+    --------
+    >>> import voxgran as vg
+    >>> vg.save_shape(vg.shapes.torus(), "ring.ply")
+    >>> round(vg.load_shape("ring.ply").diameter, 2)
+    1.0
     """
     check_type(shape, Shape, "shape", "a Shape; make_shape and load_shape make one")
     target = as_path(path)

@@ -1,37 +1,29 @@
 """Shape: the true geometry of a grain in its body frame."""
 
-import hashlib
-import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from functools import cached_property
-from typing import Any, TypeAlias
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from voxgran._base import public
-from voxgran._base.arrays import Booleans, Floats, Integers, as_faces, as_points, as_positive, as_quaternions, read_only
+from voxgran._base.arrays import Booleans, Floats, as_faces, as_points, as_positive, as_quaternions
 from voxgran._base.errors import InputError, shown
 from voxgran._base.lazy import load
 from voxgran._base.rotation import rotation_matrices
-from voxgran._base.scalars import cube_root
-from voxgran._base.tree import TriangleTree, grow_tree
 from voxgran._base.units import as_unit, stated_unit, unit_factor
+from voxgran.shapes.describing.body import Body, Geometry
 from voxgran.shapes.generating.record import Record
 from voxgran.shapes.mesh import Mesh
 from voxgran.shapes.outline import Outline
 from voxgran.shapes.primitive import Primitive
 from voxgran.shapes.repairing.diagnose import as_solid, merged
-from voxgran.shapes.spheres import Spheres
 from voxgran.shapes.surface import Surface, refuse_unfit
-from voxgran.shapes.thumbnail import card, portrait
-
-Geometry: TypeAlias = Mesh | Primitive | Spheres | Outline | Surface
 
 
-@dataclass(frozen=True, eq=False)
-class Shape:
+@dataclass(frozen=True, eq=False, repr=False)
+class Shape(Body):
     """Immutable solid or open surface with its centroid at the origin of its body frame.
 
     Attributes
@@ -55,6 +47,13 @@ class Shape:
         If the unit is unknown; the message gives the nearest one.
     InputError
         If the record holds something else.
+
+    Examples
+    --------
+    >>> import voxgran as vg
+    >>> cube = vg.shapes.box(lengths=(2, 2, 2))
+    >>> cube.volume, cube.surface_area, cube.bounds.tolist()
+    (8.0, 24.0, [[-1.0, -1.0, -1.0], [1.0, 1.0, 1.0]])
     """
 
     geometry: Geometry
@@ -84,6 +83,15 @@ class Shape:
             Unit of lengths.
         record : mapping, optional
             What its generator notes about it.
+
+        Examples
+        --------
+        >>> import numpy as np
+        >>> import voxgran as vg
+        >>> from voxgran.shapes.spheres import Spheres
+        >>> pair = vg.Shape.of(Spheres(np.array([[0.0, 0, 0], [2, 0, 0]]), np.ones(2)), name="pair")
+        >>> pair.offset
+        (1.0, 0.0, 0.0)
         """
         center = np.asarray(geometry.centroid, dtype=np.float64)
         if not isinstance(geometry, Primitive) and center.any():
@@ -119,6 +127,14 @@ class Shape:
             If an array has the wrong shape, an index is out of range or a coordinate is not finite.
         DirtyMeshError
             If the surface does not bound exactly one solid; the message says where and why.
+
+        Examples
+        --------
+        >>> import voxgran as vg
+        >>> corners = [(0, 0, 0), (1, 0, 0), (0, 1, 0), (0, 0, 1)]
+        >>> solid = vg.Shape.from_mesh(corners, [(0, 2, 1), (0, 1, 3), (1, 2, 3), (2, 0, 3)])
+        >>> round(solid.volume, 4), solid.offset
+        (0.1667, (0.25, 0.25, 0.25))
         """
         points = as_points(vertices, "vertices")
         return cls.of(Mesh(*as_solid(points, as_faces(faces, len(points)), name)), name=name, unit=unit)
@@ -153,62 +169,18 @@ class Shape:
             If an array has the wrong shape, an index is out of range or a coordinate is not finite.
         DirtyMeshError
             If the triangles are not one surface without self-intersections.
+
+        Examples
+        --------
+        >>> import voxgran as vg
+        >>> sheet = vg.Shape.from_surface([(0, 0, 0), (1, 0, 0), (1, 1, 0), (0, 1, 0)], [(0, 1, 2), (0, 2, 3)])
+        >>> sheet.surface_area, sheet.volume
+        (1.0, 0.0)
         """
         points = as_points(vertices, "vertices")
         corners, triangles = merged(points, as_faces(faces, len(points)))
         refuse_unfit(corners, triangles, name)
         return cls.of(Surface(corners, triangles), name=name, unit=unit)
-
-    @cached_property
-    def key(self) -> str:
-        """Hash of the content: two shapes with the same key are equal."""
-        return hashlib.sha256(self.geometry.content()).hexdigest()
-
-    def __eq__(self, other: object) -> bool:
-        """Compare by content."""
-        return isinstance(other, Shape) and self.key == other.key
-
-    def __hash__(self) -> int:
-        """Hash by content."""
-        return hash(self.key)
-
-    def __repr__(self) -> str:
-        """Name, kind of geometry and size."""
-        kind = type(self.geometry).__name__.lower()
-        return f"Shape({self.name!r}, {kind}, diameter={self.diameter:.6g})"
-
-    def _repr_html_(self) -> str:
-        """Small picture and numbers, for notebooks."""
-        kind = str(getattr(self.geometry, "kind", type(self.geometry).__name__.lower()))
-        flat, unit = self.dimension == 2, f" {self.unit}" if self.unit else ""
-        rows = {
-            "shape": f"{self.name} ({kind})",
-            "equivalent diameter": f"{self.diameter:.6g}{unit}",
-            "area" if flat else "volume": f"{self.volume:.6g}",
-            "perimeter" if flat else "surface area": f"{self.surface_area:.6g}",
-            "faces": f"{len(self.faces)}, at most {self.tessellation_error:.2g} from the true surface",
-        }
-        return card(portrait(self.vertices[self.faces], self.bounding_radius, flat=flat), rows)
-
-    @property
-    def dimension(self) -> int:
-        """2 for an outline, else 3."""
-        return self.geometry.dimension
-
-    @property
-    def is_open(self) -> bool:
-        """Whether the shape is a surface without thickness and interior: a sheet, a shell or a skin."""
-        return isinstance(self.geometry, Surface)
-
-    @property
-    def is_sphere(self) -> bool:
-        """Whether it is a single sphere (in 2D a disk) about its centroid, however it is described."""
-        geometry = self.geometry
-        if isinstance(geometry, Spheres):
-            return len(geometry.radii) == 1 and not geometry.centers.any() and geometry.mass is None
-        if isinstance(geometry, Primitive):
-            return geometry.kind == "sphere"
-        return isinstance(geometry, Outline) and geometry.kind == "disk" and geometry.center == (0.0, 0.0)
 
     def refuse_open(self, what: str) -> None:
         """Raise an error if the shape is open; `what` names the operation that needs an interior, such as ``"voxels"``.
@@ -217,77 +189,17 @@ class Shape:
         ------
         InputError
             If the shape is an open surface.
+
+        Examples
+        --------
+        >>> import voxgran as vg
+        >>> vg.shapes.sphere().refuse_open("voxels")  # a solid
         """
         if self.is_open:
             raise InputError(
                 f"shape {self.name!r} is an open surface: {what} need a solid, with an inside; use it with "
                 "control_point and contact 'kdtree', or give it thickness"
             )
-
-    @property
-    def volume(self) -> float:
-        """True volume (area in 2D); 0 for an open surface."""
-        return self.geometry.volume
-
-    @property
-    def surface_area(self) -> float:
-        """True surface area (perimeter in 2D); for an open surface that of one side."""
-        return self.geometry.surface_area
-
-    @property
-    def inertia(self) -> Floats:
-        """Inertia tensor about the centroid at unit density, (3, 3); an error for an open surface, which has none."""
-        return self.geometry.inertia
-
-    @cached_property
-    def diameter(self) -> float:
-        """Diameter of the sphere of equal volume (in 2D, and of open surfaces, of the disk of equal area)."""
-        if self.is_open:
-            return 2 * math.sqrt(self.surface_area / math.pi)
-        if self.dimension == 2:
-            return 2 * math.sqrt(self.volume / math.pi)
-        return cube_root(6 * self.volume / math.pi)
-
-    @property
-    def centroid(self) -> Floats:
-        """Centroid in the body frame, (3,): the origin; `offset` is its place in the original coordinates."""
-        return np.zeros(3)
-
-    @cached_property
-    def bounds(self) -> Floats:
-        """Lower and upper corner of the true shape in its body frame, (2, 3)."""
-        return read_only(np.array(self.geometry.bounds))
-
-    @cached_property
-    def bounding_radius(self) -> float:
-        """Radius of the bounding sphere about the centroid."""
-        return self.geometry.bounding_radius
-
-    @cached_property
-    def _tessellation(self) -> tuple[Floats, Integers, float]:
-        """Vertices, faces and error, computed on first use."""
-        vertices, faces, error = self.geometry.tessellation()
-        return read_only(vertices), read_only(faces), error
-
-    @property
-    def vertices(self) -> Floats:
-        """Vertices of the tessellation, (n, 3); in 2D in the plane z = 0."""
-        return self._tessellation[0]
-
-    @property
-    def faces(self) -> Integers:
-        """Triangles of the tessellation, (m, 3)."""
-        return self._tessellation[1]
-
-    @property
-    def tessellation_error(self) -> float:
-        """Largest distance of the tessellation from the true surface, in the unit of lengths."""
-        return self._tessellation[2]
-
-    @cached_property
-    def _tree(self) -> TriangleTree:
-        """Box tree of the tessellation."""
-        return self.geometry.tree if isinstance(self.geometry, Mesh) else grow_tree(self.vertices, self.faces)
 
     def contains(self, points: ArrayLike) -> Booleans:
         """Return whether points lie in the solid.
@@ -305,6 +217,12 @@ class Shape:
         ------
         InputError
             If the points are not an (n, 3) array of finite numbers, or the shape is an open surface.
+
+        Examples
+        --------
+        >>> import voxgran as vg
+        >>> vg.shapes.box(lengths=(2, 2, 2)).contains([(0, 0, 0), (1.5, 0, 0)]).tolist()
+        [True, False]
         """
         self.refuse_open("points inside")
         if isinstance(self.geometry, Mesh):
@@ -332,6 +250,12 @@ class Shape:
         ------
         InputError
             If the points are not an (n, 3) array of finite numbers, or the shape is an open surface.
+
+        Examples
+        --------
+        >>> import voxgran as vg
+        >>> vg.shapes.sphere(radius=1.0).signed_distance([(0, 0, 0), (1.5, 0, 0)]).tolist()
+        [-1.0, 0.5]
         """
         self.refuse_open("signed distances")
         places = as_points(points)
@@ -343,11 +267,24 @@ class Shape:
         return np.where(self.contains(places), -np.abs(distance), np.abs(distance))
 
     def voxelize(self, voxel_size: float, **options: Any) -> Any:
-        """Return the voxels of the solid, as :func:`voxgran.voxelize`, which takes the same options."""
+        """Return the voxels of the solid, as :func:`voxgran.voxelize`, which takes the same options.
+
+        Examples
+        --------
+        >>> import voxgran as vg
+        >>> int(vg.shapes.box(lengths=(2, 2, 2)).voxelize(0.5).mask.sum())
+        64
+        """
         return public("voxelize")(self, voxel_size=voxel_size, **options)
 
     def plot(self) -> Any:
-        """Show the shape in a window, or return a picture of it, as :func:`voxgran.plot`."""
+        """Show the shape in a window, or return a picture of it, as :func:`voxgran.plot`.
+
+        Examples
+        --------
+        >>> import voxgran as vg
+        >>> vg.shapes.torus().plot()  # doctest: +SKIP
+        """
         return public("plot")(self)
 
     def skin(self) -> "Shape":
@@ -357,6 +294,13 @@ class Shape:
         ------
         InputError
             If the shape is flat.
+
+        Examples
+        --------
+        >>> import voxgran as vg
+        >>> skin = vg.shapes.box(lengths=(1, 1, 1)).skin()
+        >>> skin.is_open, round(skin.surface_area, 12)
+        (True, 6.0)
         """
         if self.dimension == 2:
             raise InputError(f"shape {self.name!r} is flat: skins are surfaces of solids; take a solid")
@@ -377,6 +321,13 @@ class Shape:
         ------
         InputError
             If `quaternion` is not a unit quaternion.
+
+        Examples
+        --------
+        >>> import voxgran as vg
+        >>> brick = vg.shapes.box(lengths=(3, 1, 1))
+        >>> brick.rotated((0.5**0.5, 0, 0, 0.5**0.5)).bounds[1].round(6).tolist()  # by 90 degrees about z
+        [0.5, 1.5, 0.5]
         """
         matrix = rotation_matrices(as_quaternions(np.asarray(quaternion)[None], "quaternion"))[0]
         return replace(self, geometry=self.geometry.rotated(matrix))
@@ -388,6 +339,12 @@ class Shape:
         ------
         InputError
             If the factor is not a finite number above 0.
+
+        Examples
+        --------
+        >>> import voxgran as vg
+        >>> vg.shapes.sphere(radius=1.0).scaled(2.0).diameter
+        4.0
         """
         factor = as_positive(factor, "factor")
         x, y, z = (value * factor for value in self.offset)
@@ -407,6 +364,13 @@ class Shape:
             If the unit is unknown; the message gives the nearest one.
         InputError
             If the unit is not a string, or is ``"1"`` although the unit of the shape is known.
+
+        Examples
+        --------
+        >>> import voxgran as vg
+        >>> vg.save_shape(vg.shapes.box(lengths=(1, 2, 3)), "brick.stl")
+        >>> vg.load_shape("brick.stl", unit="mm").to_unit("m").bounds[1].round(6).tolist()
+        [0.0005, 0.001, 0.0015]
         """
         target = as_unit(unit)
         factor = 1.0 if self.unit is None else unit_factor(self.unit, target)
@@ -419,6 +383,12 @@ class Shape:
         ------
         MissingLibraryError
             If PyVista cannot be loaded.
+
+        Examples
+        --------
+        >>> import voxgran as vg
+        >>> vg.shapes.box(lengths=(1, 1, 1)).to_pyvista().n_cells
+        12
         """
         faces = np.column_stack([np.full(len(self.faces), 3), self.faces])
         return load("pyvista").PolyData(self.vertices.copy(), faces)
@@ -430,9 +400,15 @@ class Shape:
         ------
         MissingLibraryError
             If Open3D cannot be loaded.
+
+        Examples
+        --------
+        >>> import voxgran as vg
+        >>> len(vg.shapes.box(lengths=(1, 1, 1)).to_open3d().triangles)
+        12
         """
         open3d = load("open3d")
-        vertices = open3d.utility.Vector3dVector(self.vertices)
+        vertices = open3d.utility.Vector3dVector(self.vertices.copy())  # it takes no read-only array
         return open3d.geometry.TriangleMesh(vertices, open3d.utility.Vector3iVector(self.faces.astype(np.int32)))
 
 

@@ -57,6 +57,15 @@ def lognormal(
         If there are other arguments than these.
     InputError
         If a number is not above 0, `sigma` is above 5, or the cuts leave nothing.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> import voxgran as vg
+    >>> sizes = vg.sizes.lognormal(median=2.0, sigma=0.3)
+    >>> bed = vg.pack(vg.shapes.sphere(), vg.Box((20, 20, 20)), "rsa", count=100, sizes=sizes)
+    >>> round(float(np.median(bed.diameters)), 1)
+    2.0
     """
     return Lognormal(
         median=as_number(median, "median"),
@@ -74,6 +83,13 @@ def fixed(diameter: float = 1.0) -> Fixed:
     ------
     InputError
         If the size is not above 0.
+
+    Examples
+    --------
+    >>> import voxgran as vg
+    >>> bed = vg.pack(vg.shapes.sphere(), vg.Box((9, 9, 9)), "rsa", count=5, sizes=vg.sizes.fixed(2.0))
+    >>> bed.diameters.tolist()
+    [2.0, 2.0, 2.0, 2.0, 2.0]
     """
     return Fixed(diameter=as_number(diameter, "diameter"))
 
@@ -85,6 +101,12 @@ def uniform(low: float, high: float, *, basis: Basis = "number") -> Uniform:
     ------
     InputError
         If a size is not above 0, or the largest not above the smallest.
+
+    Examples
+    --------
+    >>> import voxgran as vg
+    >>> vg.sizes.uniform(0.8, 1.2, basis="volume").basis
+    'volume'
     """
     return Uniform(low=as_number(low, "low"), high=as_number(high, "high"), basis=basis)
 
@@ -96,6 +118,15 @@ def discrete(diameters: ArrayLike, weights: ArrayLike, *, basis: Basis = "number
     ------
     InputError
         If the numbers of sizes and weights differ, a size is not above 0, a weight is negative or all are 0.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> import voxgran as vg
+    >>> sizes = vg.sizes.discrete([1, 2], [3, 1])
+    >>> bed = vg.pack(vg.shapes.sphere(), vg.Box((9, 9, 9)), "rsa", count=40, sizes=sizes)
+    >>> np.unique(bed.diameters).tolist()
+    [1.0, 2.0]
     """
     return Discrete(diameters=_numbers(diameters), weights=_numbers(weights), basis=basis)
 
@@ -118,6 +149,12 @@ def sieve(openings: ArrayLike, passing: ArrayLike, *, as_diameter: bool = False,
     ------
     InputError
         If openings do not increase or shares do not rise from 0 to 1.
+
+    Examples
+    --------
+    >>> import voxgran as vg
+    >>> vg.sizes.sieve(openings=[1.0, 2.0, 4.0], passing=[0.0, 0.4, 1.0]).basis
+    'volume'
     """
     return Sieve(openings=_numbers(openings), passing=_numbers(passing), as_diameter=as_diameter, basis=basis)
 
@@ -128,7 +165,14 @@ def _numbers(values: ArrayLike) -> tuple[float, ...]:
 
 
 def size_kinds() -> tuple[str, ...]:
-    """Return the kinds of distributions, the values of `kind` in scene files."""
+    """Return the kinds of distributions, the values of `kind` in scene files.
+
+    Examples
+    --------
+    >>> import voxgran as vg
+    >>> vg.sizes.size_kinds()
+    ('discrete', 'fixed', 'lognormal', 'sieve', 'uniform')
+    """
     return tuple(sorted(KINDS))
 
 
@@ -152,6 +196,12 @@ def make_sizes(mapping: Mapping[str, Any], where: str = "[sizes]") -> SizeDistri
         If the kind or a parameter is not known.
     InputError
         If the kind is missing, or a parameter is missing or invalid.
+
+    Examples
+    --------
+    >>> import voxgran as vg
+    >>> vg.sizes.make_sizes({"kind": "uniform", "low": 0.8, "high": 1.2}) == vg.sizes.uniform(0.8, 1.2)
+    True
     """
     values = dict(mapping)
     if "kind" not in values:
@@ -167,7 +217,15 @@ KINDS: dict[str, type[SizeDistribution]] = {law.kind: law for law in (Discrete, 
 
 
 def size_distance(asked: Floats, placed: Floats) -> float:
-    """Return the largest difference of the shares of grains up to a size (Kolmogorov and Smirnov); 0 without grains."""
+    """Return the largest difference of the shares of grains up to a size (Kolmogorov and Smirnov); 0 without grains.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> import voxgran as vg
+    >>> round(vg.sizes.size_distance(np.array([1.0, 2.0, 3.0, 4.0]), np.array([1.0, 2.0, 3.0, 3.0])), 6)
+    0.25
+    """
     if not len(asked) or not len(placed):
         return 0.0
     asked, placed = np.sort(asked), np.sort(placed)

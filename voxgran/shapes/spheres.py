@@ -48,6 +48,13 @@ class MassProperties:
     InputError
         If a value is not finite or has the wrong shape, the volume is not above 0, the tensor is not symmetric, or a
         principal moment is not above 0 or is larger than the sum of the other two.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> from voxgran.clumps import MassProperties
+    >>> float(MassProperties(1.0, np.zeros(3), np.eye(3) / 6).inertia.trace())  # of a cube of edge 1
+    0.5
     """
 
     volume: float

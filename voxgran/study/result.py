@@ -57,6 +57,15 @@ class StudyResult:
         How many runs were computed by this call; the others were there before.
     experiments : dict
         Ranges of measured values beside which the results are drawn.
+
+    Examples
+    --------
+    >>> import xarray as xr
+    >>> from pathlib import Path
+    >>> from voxgran.study.result import StudyResult
+    >>> data = xr.Dataset({"solid_fraction": (("method", "seed"), [[0.5, 0.52, 0.54]])}, {"method": ["rsa"]})
+    >>> StudyResult(dataset=data, rows=[], folder=Path("study"), computed=3).failures
+    []
     """
 
     dataset: "Dataset"
@@ -75,12 +84,33 @@ class StudyResult:
     ) -> "Dataset":
         """Return the mean of a variable over the seeds of each cell, with its standard error and confidence interval;
         as :func:`voxgran.study.statistics.summary`.
+
+        Examples
+        --------
+        >>> import xarray as xr
+        >>> from pathlib import Path
+        >>> from voxgran.study.result import StudyResult
+        >>> data = xr.Dataset({"solid_fraction": (("method", "seed"), [[0.5, 0.52, 0.54]])}, {"method": ["rsa"]})
+        >>> result = StudyResult(dataset=data, rows=[], folder=Path("study"), computed=3)
+        >>> float(result.summary().standard_error.round(4).item())
+        0.0115
         """
         return summary(self.dataset, variable, confidence=confidence, interval=interval)
 
     def compare(self, variable: str = "solid_fraction", over: str | None = None, *, confidence: float = 0.95) -> Any:
         """Return a pandas.DataFrame with the comparisons of the values of one axis: differences, the tests of Welch and
         of Kruskal and Wallis, and effect sizes; its columns are those of :func:`voxgran.study.comparisons.compare`.
+
+        Examples
+        --------
+        >>> import xarray as xr
+        >>> from pathlib import Path
+        >>> from voxgran.study.result import StudyResult
+        >>> values = [[0.50, 0.52, 0.54], [0.60, 0.61, 0.62]]
+        >>> data = xr.Dataset({"solid_fraction": (("method", "seed"), values)}, {"method": ["rsa", "jam"]})
+        >>> result = StudyResult(dataset=data, rows=[], folder=Path("study"), computed=6)
+        >>> result.compare()[["test", "verdict"]].values.tolist()
+        [['Welch', 'significant'], ['Kruskal-Wallis', 'not significant']]
         """
         return load("pandas").DataFrame(compare(self.dataset, variable, over, confidence=confidence))
 
@@ -97,6 +127,15 @@ class StudyResult:
     ) -> Path:
         """Write a page with figures and tables, and csv files; as :func:`voxgran.study.page.write_study_page`, by
         default into the folder of the study, with its experiments.
+
+        Examples
+        --------
+        >>> import xarray as xr
+        >>> from pathlib import Path
+        >>> from voxgran.study.result import StudyResult
+        >>> data = xr.Dataset({"solid_fraction": (("method", "seed"), [[0.5, 0.52]])}, {"method": ["rsa"]})
+        >>> StudyResult(dataset=data, rows=[], folder=Path("study"), computed=2).write_page().as_posix()
+        'study/study.html'
         """
         return write_study_page(
             self.dataset,
@@ -111,7 +150,18 @@ class StudyResult:
         )
 
     def table(self) -> Any:
-        """Return a pandas.DataFrame with one row for each run: coordinates, seed, numbers and texts."""
+        """Return a pandas.DataFrame with one row for each run: coordinates, seed, numbers and texts.
+
+        Examples
+        --------
+        >>> import xarray as xr
+        >>> from pathlib import Path
+        >>> from voxgran.study.result import StudyResult
+        >>> rows = [{"method": "rsa", "seed": 0, "solid_fraction": 0.31, "failure": ""}]
+        >>> result = StudyResult(dataset=xr.Dataset(), rows=rows, folder=Path("study"), computed=1)
+        >>> result.table().solid_fraction.tolist()
+        [0.31]
+        """
         return load("pandas").DataFrame(self.rows)
 
 

@@ -116,7 +116,19 @@ class Study:
         return self._settings.seeds
 
     def cells(self) -> tuple[Cell, ...]:
-        """Return all cells, each with its values and its scene; the last dimension varies fastest."""
+        """Return all cells, each with its values and its scene; the last dimension varies fastest.
+
+        Examples
+        --------
+        >>> import voxgran as vg
+        >>> base = {
+        ...     "shape": [{"family": "sphere"}],
+        ...     "container": {"kind": "box", "lengths": [4, 4, 4]},
+        ...     "packing": {"method": "rsa", "count": 10},
+        ... }
+        >>> [cell.name for cell in vg.Study(base=base, axes={"packing.count": [5, 10]}).cells()]
+        ['packing.count 5', 'packing.count 10']
+        """
         return self._settings.cells
 
     def plan(self, folder: str | os.PathLike[str] | None = None) -> StudyPlan:
@@ -126,6 +138,18 @@ class Study:
         ----------
         folder : path-like, optional
             Folder of the study; what is finished there is not computed again.
+
+        Examples
+        --------
+        >>> import voxgran as vg
+        >>> base = {
+        ...     "shape": [{"family": "sphere"}],
+        ...     "container": {"kind": "box", "lengths": [4, 4, 4]},
+        ...     "packing": {"method": "rsa", "count": 10},
+        ... }
+        >>> plan = vg.Study(base=base, axes={"packing.count": [5, 10]}, seeds=3).plan()
+        >>> len(plan.cells), plan.seeds, plan.total("left")
+        (2, (0, 1, 2), 6)
         """
         store = Store(Path(os.devnull) if folder is None else as_path(folder), self._settings.keep == "packings")
         return planned(self._settings, store)
@@ -186,6 +210,17 @@ class Study:
             If there is no Dask scheduler, or it goes away; what is finished is kept.
         Interrupted
             On SIGINT or SIGTERM; what is finished is kept.
+
+        Examples
+        --------
+        >>> import voxgran as vg
+        >>> base = {
+        ...     "shape": [{"family": "sphere"}],
+        ...     "container": {"kind": "box", "lengths": [4, 4, 4]},
+        ...     "packing": {"method": "rsa", "count": 10},
+        ... }
+        >>> study = vg.Study(base=base, axes={"packing.count": [5, 10]}, seeds=3)
+        >>> study.run("study", workers=2).dataset.sizes["seed"]  # doctest: +SKIP
         """
         options = Options(
             workers=workers, memory=memory, dask=dask, retry=retry, overwrite=overwrite, zarr=zarr, on_step=on_step

@@ -5,8 +5,8 @@ import numpy as np
 from voxgran._base.arrays import Floats, Integers
 from voxgran.lattice.grid import Grid
 from voxgran.lattice.packed import PackedMask
+from voxgran.shapes.describing.body import Geometry
 from voxgran.shapes.mesh import Mesh
-from voxgran.shapes.model import Geometry
 from voxgran.shapes.outline import Outline
 from voxgran.shapes.primitive import Primitive
 from voxgran.shapes.spheres import Spheres

@@ -28,8 +28,9 @@ from voxgran._base.registry import unknown
 from voxgran._base.rotation import rotation_matrices
 from voxgran.lattice.grid import Grid
 from voxgran.lattice.packed import PackedMask
+from voxgran.shapes.describing.body import Geometry
 from voxgran.shapes.mesh import Mesh
-from voxgran.shapes.model import Geometry, Shape
+from voxgran.shapes.model import Shape
 from voxgran.shapes.outline import Outline
 from voxgran.shapes.primitive import Primitive
 from voxgran.shapes.spheres import Spheres
@@ -236,7 +237,7 @@ def _written(bits: PackedMask, out: Booleans | str | os.PathLike[str], *, overwr
         bits.unpacked(image)
         image.flush()
         del image
-    mapped: Booleans = np.load(path, mmap_mode="r")
+    mapped: Booleans = np.load(path, mmap_mode="r", allow_pickle=False)
     return mapped
 
 

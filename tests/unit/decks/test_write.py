@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 import voxgran as vg
-from voxgran._base.errors import InputError, OutputExistsError, UnknownNameError
+from voxgran._base.errors import InputError, UnknownNameError
 from voxgran.decks.engine import engine_registry
 from voxgran.decks.walls import Walls
 from voxgran.decks.write import described
@@ -26,16 +26,6 @@ def test_all_engines_are_there():
 
 
 @pytest.mark.parametrize("engine", ENGINES)
-def test_each_engine_says_what_it_is(engine):
-    entry = engine_registry().get(engine)
-    assert entry.name == engine
-    assert entry.summary
-    assert entry.source
-    assert entry.verified
-    assert entry.kinds
-
-
-@pytest.mark.parametrize("engine", ENGINES)
 @pytest.mark.parametrize("packing", [cases.spheres(), cases.mixed(), cases.rocks()], ids=["spheres", "mixed", "rocks"])
 def test_every_file_begins_with_the_name_of_the_engine_and_states_units(engine, packing, tmp_path):
     deck = vg.write_deck(packing, tmp_path, engine, clump=None if engine == "blocks" else 5)
@@ -50,17 +40,6 @@ def test_every_file_begins_with_the_name_of_the_engine_and_states_units(engine, 
 def test_decks_of_all_engines_share_a_folder(tmp_path):
     files = [path for engine in ENGINES for path in vg.write_deck(cases.mixed(), tmp_path, engine).files]
     assert len({path.name.lower() for path in files}) == len(files) == len(list(tmp_path.iterdir()))
-
-
-@pytest.mark.parametrize("engine", ENGINES)
-def test_nothing_is_overwritten_unasked(engine, tmp_path):
-    deck = vg.write_deck(cases.spheres(), tmp_path, engine)
-    before = {path: path.read_text() for path in deck.files}
-    with pytest.raises(OutputExistsError, match="overwrite=True"):
-        vg.write_deck(cases.spheres(seed=5), tmp_path, engine)
-    assert {path: path.read_text() for path in deck.files} == before
-    again = vg.write_deck(cases.spheres(seed=5), tmp_path, engine, overwrite=True)
-    assert {path: path.read_text() for path in again.files} != before
 
 
 @pytest.mark.parametrize("engine", ENGINES)

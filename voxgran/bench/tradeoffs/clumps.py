@@ -118,7 +118,7 @@ def peer_spheres(python: str, script: Path, shape: Shape, count: int) -> tuple[F
             ended = subprocess.run(command, capture_output=True, text=True, timeout=LONGEST, check=True)
         except (OSError, subprocess.SubprocessError):
             return None
-        made = np.load(spheres)
+        made = np.load(spheres, allow_pickle=False)
         return made["centers"], made["radii"], float(ended.stdout.split()[-1])
 
 

@@ -230,7 +230,7 @@ def peer_packing(python: str, script: Path, start: Packing, friction: float) -> 
             ended = subprocess.run(command, capture_output=True, text=True, timeout=LONGEST, check=True)
         except (subprocess.SubprocessError, OSError):
             return None
-        with np.load(poses) as found:
+        with np.load(poses, allow_pickle=False) as found:
             position, orientation = np.array(found["position"]), np.array(found["orientation"])
     return _within(start, position, orientation), float(ended.stdout.split()[-1])
 

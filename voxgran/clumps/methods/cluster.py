@@ -77,6 +77,12 @@ class Cluster:
     ------
     InputError
         If a value is out of range.
+
+    Examples
+    --------
+    >>> import voxgran as vg
+    >>> vg.fit_clump(vg.shapes.box(lengths=(1, 1, 2)), method=vg.clumps.Cluster(), max_spheres=4).count
+    4
     """
 
     radius: float | None = parameter(

@@ -43,6 +43,12 @@ class Dynamic:
     ------
     InputError
         If a value is out of range.
+
+    Examples
+    --------
+    >>> import voxgran as vg
+    >>> vg.fit_clump(vg.shapes.box(lengths=(1, 1, 2)), method=vg.clumps.Dynamic(), max_spheres=4).count
+    4
     """
 
     steps: int = parameter(300, doc="number of steps", at_least=1, at_most=100_000)

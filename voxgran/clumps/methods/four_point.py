@@ -47,6 +47,12 @@ class FourPoint:
     ------
     InputError
         If a value is out of range.
+
+    Examples
+    --------
+    >>> import voxgran as vg
+    >>> vg.fit_clump(vg.shapes.box(lengths=(1, 1, 2)), method=vg.clumps.FourPoint(), max_spheres=4).count
+    4
     """
 
     tolerance: float | None = parameter(

@@ -42,6 +42,12 @@ class InnerNormal:
     ------
     InputError
         If a value is out of range.
+
+    Examples
+    --------
+    >>> import voxgran as vg
+    >>> vg.fit_clump(vg.shapes.box(lengths=(1, 1, 2)), method=vg.clumps.InnerNormal(), max_spheres=4).count
+    4
     """
 
     min_radius: float | None = parameter(

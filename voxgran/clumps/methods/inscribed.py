@@ -43,6 +43,13 @@ class Inscribed:
     ------
     InputError
         If a value is out of range.
+
+    Examples
+    --------
+    >>> import voxgran as vg
+    >>> sphere = vg.shapes.sphere(radius=2.0)
+    >>> vg.fit_clump(sphere, method=vg.clumps.Inscribed(), max_spheres=1).radii.round(2).tolist()
+    [2.0]
     """
 
     min_radius: float = parameter(

@@ -66,6 +66,13 @@ class Optimal:
     ------
     InputError
         If a value is out of range, the largest radius is not above the smallest, or tangent spheres are to be bounding.
+
+    Examples
+    --------
+    >>> import voxgran as vg
+    >>> clump = vg.fit_clump(vg.shapes.sphere(radius=2.0), method=vg.clumps.Optimal(), max_spheres=1)
+    >>> clump.radii.tolist()
+    [2.0]
     """
 
     mode: Literal["balanced", "inscribed", "bounding"] = parameter(

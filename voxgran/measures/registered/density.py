@@ -61,7 +61,7 @@ def window_solid_fraction(packing: Packing, lower: ArrayLike, upper: ArrayLike) 
     >>> import voxgran as vg
     >>> box = vg.Box((2, 2, 2), periodic="xyz")
     >>> packing = vg.Packing.of([vg.make_shape("sphere")], box, position=[[0, 0, 0]])
-    >>> round(window_solid_fraction(packing, (-0.5, -0.5, -0.5), (0.5, 0.5, 0.5)), 12)
+    >>> round(vg.window_solid_fraction(packing, (-0.5, -0.5, -0.5), (0.5, 0.5, 0.5)), 12)
     0.523598775598
     """
     low, high = as_window(lower, upper, packing.dimension)

@@ -92,6 +92,7 @@ def homogeneity(packing: Packing, *, tolerance: float = TOLERANCE, inset: float 
     Examples
     --------
     >>> import voxgran as vg
+    >>> from voxgran.measures.registered.homogeneity import homogeneity
     >>> box = vg.Box((6, 6, 6), periodic="xyz")
     >>> position = [[x + 0.5, y + 0.5, z + 0.5] for x in range(6) for y in range(6) for z in range(6)]
     >>> found = homogeneity(vg.Packing.of([vg.make_shape("sphere")], box, position=position))

@@ -81,6 +81,7 @@ def radial_distribution(
     Examples
     --------
     >>> import voxgran as vg
+    >>> from voxgran.measures.registered.rdf import radial_distribution
     >>> box = vg.Box((8, 8, 8), periodic="xyz")
     >>> position = [[x + 0.5, y + 0.5, z + 0.5] for x in range(8) for y in range(8) for z in range(8)]
     >>> found = radial_distribution(vg.Packing.of([vg.make_shape("sphere")], box, position=position), reach=1.2)

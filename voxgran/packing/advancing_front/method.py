@@ -61,6 +61,13 @@ class AdvancingFront:
     ------
     InputError
         If a number is out of its range, or dense packing is requested in random order.
+
+    Examples
+    --------
+    >>> import voxgran as vg
+    >>> packing = vg.pack(vg.shapes.sphere(), vg.Box((5, 5, 5)), vg.methods.AdvancingFront())
+    >>> packing.stop_reason, packing.verify().ok
+    ('full', True)
     """
 
     mode: Literal["loose", "dense"] = parameter(

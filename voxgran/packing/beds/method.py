@@ -53,6 +53,13 @@ class Gravity(Settling):
     ------
     InputError
         If a number is out of its range, or gravity is ``"none"``.
+
+    Examples
+    --------
+    >>> import voxgran as vg
+    >>> bed = vg.pack(vg.shapes.sphere(), vg.Box((3, 3, 6)), vg.methods.Gravity(friction=0.3), count=20)
+    >>> bed.stop_reason
+    'settled'
     """
 
     gravity: Literal["-x", "+x", "-y", "+y", "-z", "+z"] | tuple[float, float, float] | None = parameter(

@@ -20,6 +20,12 @@ class ControlPoint(Walking):
     ------
     InputError
         If a number is out of its range, or parameters do not go together.
+
+    Examples
+    --------
+    >>> import voxgran as vg
+    >>> vg.pack(vg.shapes.sphere(), vg.Box((3, 3, 5)), vg.methods.ControlPoint(sweeps=20), count=5).count
+    5
     """
 
     spacing: float = parameter(

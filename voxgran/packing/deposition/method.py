@@ -51,6 +51,12 @@ class Deposition:
     ------
     InputError
         If a number is out of its range.
+
+    Examples
+    --------
+    >>> import voxgran as vg
+    >>> vg.pack(vg.shapes.sphere(), vg.Box((5, 5, 10)), vg.methods.Deposition(sticking=1.0), count=20).count
+    20
     """
 
     sticking: float = parameter(

@@ -71,6 +71,12 @@ class DigitalFill(LatticeSearch):
     ------
     InputError
         If a number is out of its range, or the lowest place is asked without gravity.
+
+    Examples
+    --------
+    >>> import voxgran as vg
+    >>> vg.pack(vg.shapes.sphere(), vg.Box((4, 4, 4)), vg.methods.DigitalFill(voxel_size=0.1), count=20).count
+    20
     """
 
     usual_voxel_size: ClassVar[float] = 1 / 20

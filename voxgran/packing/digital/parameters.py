@@ -18,6 +18,12 @@ class Digital(Walking):
     InputError
         If a number is out of its range, `downward_share` and `vibration_up` exceed 1 together, or parameters do not go
         together.
+
+    Examples
+    --------
+    >>> import voxgran as vg
+    >>> vg.pack(vg.shapes.sphere(), vg.Box((4, 4, 4)), vg.methods.Digital(voxel_size=0.1), count=20).count
+    20
     """
 
     usual_voxel_size: ClassVar[float] = 1 / 16

@@ -43,7 +43,14 @@ MOST_CANDIDATES = 2**40
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class DigitalRsa(LatticeSearch):
-    """Parameters of random sequential addition on a lattice."""
+    """Parameters of random sequential addition on a lattice.
+
+    Examples
+    --------
+    >>> import voxgran as vg
+    >>> vg.pack(vg.shapes.sphere(), vg.Box((4, 4, 4)), vg.methods.DigitalRsa(voxel_size=0.1), count=20).count
+    20
+    """
 
     usual_voxel_size: ClassVar[float] = 1 / 16
 

@@ -34,7 +34,16 @@ from voxgran.packing.problem import Problem
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Expand(Compression):
-    """Parameters of the expansion."""
+    """Parameters of the expansion.
+
+    Examples
+    --------
+    >>> import voxgran as vg
+    >>> box = vg.Box((4, 4, 4), periodic="xyz")
+    >>> packing = vg.pack(vg.shapes.sphere(), box, vg.methods.Expand(), count=20, solid_fraction=0.4)
+    >>> round(packing.solid_fraction, 6)
+    0.4
+    """
 
 
 def prepare(problem: Problem) -> CompressState:

@@ -36,6 +36,13 @@ class Jam(Compression):
     ------
     InputError
         If a value is not one of those listed.
+
+    Examples
+    --------
+    >>> import voxgran as vg
+    >>> jammed = vg.pack(vg.shapes.sphere(), vg.Box((4, 4, 4), periodic="xyz"), vg.methods.Jam(), count=30)
+    >>> 0.55 < jammed.solid_fraction < 0.7
+    True
     """
 
     keep: Literal["container", "sizes"] = parameter(

@@ -46,6 +46,14 @@ class Multilayer:
     ------
     InputError
         If a number is out of its range.
+
+    Examples
+    --------
+    >>> import voxgran as vg
+    >>> method = vg.methods.Multilayer(layers=2)
+    >>> column = vg.pack(vg.shapes.sphere(), vg.Box((4, 4, 8)), method, solid_fraction=0.5)
+    >>> round(column.solid_fraction, 2)
+    0.5
     """
 
     layers: int = parameter(5, doc="number of layers, of equally many grains", at_least=1, at_most=1000)

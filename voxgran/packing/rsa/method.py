@@ -92,6 +92,12 @@ class Rsa:
     ------
     InputError
         If a number is out of its range, or parameters contradict each other.
+
+    Examples
+    --------
+    >>> import voxgran as vg
+    >>> vg.pack(vg.shapes.sphere(), vg.Box((4, 4, 4)), vg.methods.Rsa(tries=100), count=10).count
+    10
     """
 
     scheme: Literal["classic", "1", "2", "3", "4a", "4b", "4c", "4d"] = parameter(

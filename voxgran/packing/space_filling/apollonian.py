@@ -51,6 +51,13 @@ class Apollonian:
     ------
     InputError
         If the smallest diameter is not above 0.
+
+    Examples
+    --------
+    >>> import voxgran as vg
+    >>> gasket = vg.pack(vg.shapes.disk(), vg.Disk(radius=2), vg.methods.Apollonian(smallest=0.5))
+    >>> gasket.count, gasket.dimension
+    (6, 2)
     """
 
     smallest: float | None = parameter(

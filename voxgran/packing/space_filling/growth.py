@@ -59,6 +59,13 @@ class Growth:
     ------
     InputError
         If a number is out of its range.
+
+    Examples
+    --------
+    >>> import voxgran as vg
+    >>> packing = vg.pack(vg.shapes.sphere(), vg.Box((4, 4, 4)), vg.methods.Growth(), count=20)
+    >>> packing.count, packing.verify().ok
+    (20, True)
     """
 
     arrival: Literal["together", "continuous"] = parameter(

@@ -73,6 +73,13 @@ class RandomApollonian:
     ------
     InputError
         If a number is out of its range, or the largest diameter is below the smallest.
+
+    Examples
+    --------
+    >>> import voxgran as vg
+    >>> method = vg.methods.RandomApollonian(smallest=0.5, largest=2.0)
+    >>> vg.pack(vg.shapes.sphere(), vg.Box((5, 5, 5)), method, count=20).count
+    20
     """
 
     smallest: float | None = parameter(

@@ -73,6 +73,13 @@ class Tetrahedral:
     ------
     InputError
         If a number is out of its range, or the smallest diameter is larger than the largest.
+
+    Examples
+    --------
+    >>> import voxgran as vg
+    >>> packing = vg.pack(vg.shapes.sphere(), vg.Box((4, 4, 4)), vg.methods.Tetrahedral(edge=1.0))
+    >>> packing.verify().ok
+    True
     """
 
     edge: float | None = parameter(

@@ -67,6 +67,13 @@ class VoronoiFill:
     ------
     InputError
         If a number is out of its range.
+
+    Examples
+    --------
+    >>> import voxgran as vg
+    >>> packing = vg.pack(vg.shapes.sphere(), vg.Box((4, 4, 4)), vg.methods.VoronoiFill(fill="cells"), count=10)
+    >>> packing.count
+    10
     """
 
     fill: Literal["shapes", "cells"] = parameter(

@@ -69,6 +69,16 @@ def packing_of_labels(
         If the library that reads the format is not installed.
     InputError
         If the image holds no label or what is no label, no grain is left, or an option is out of range.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> import voxgran as vg
+    >>> image = np.zeros((16, 16, 16), dtype=int)
+    >>> image[2:6, 2:6, 2:6], image[8:14, 8:14, 8:14] = 1, 2
+    >>> packing = vg.packing_of_labels(image, voxel_size=0.5)
+    >>> packing.count, packing.position.round(3).tolist()
+    (2, [[2.0, 2.0, 2.0], [5.5, 5.5, 5.5]])
     """
     turns = as_periodic(periodic)
     image = image_of(source, key)

@@ -14,8 +14,9 @@ from voxgran._base.lazy import load
 from voxgran.contacts.gjk import BOX, CONE, CYLINDER, ELLIPSOID, ROW, erosion_limit
 from voxgran.contacts.parts import CODES, row_of
 from voxgran.settling.contact_rows import Grains
+from voxgran.shapes.describing.body import Geometry
 from voxgran.shapes.mesh import Mesh
-from voxgran.shapes.model import Geometry, Shape
+from voxgran.shapes.model import Shape
 from voxgran.shapes.primitive import Primitive
 from voxgran.shapes.spheres import Spheres
 from voxgran.shapes.tessellate import unit_box

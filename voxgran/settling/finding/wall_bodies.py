@@ -18,8 +18,9 @@ from voxgran._base.tree import STACK, TriangleTree, grow_tree, normals_of
 from voxgran.contacts.parts import is_disk
 from voxgran.containers.model import UNKNOWN, Container, boundary_of
 from voxgran.containers.plane import prism_of
+from voxgran.shapes.describing.body import Geometry
 from voxgran.shapes.mesh import Mesh
-from voxgran.shapes.model import Geometry, Shape
+from voxgran.shapes.model import Shape
 from voxgran.shapes.outline import Outline
 from voxgran.shapes.primitive import Primitive
 from voxgran.shapes.spheres import Spheres

@@ -3,8 +3,9 @@
 import numpy as np
 
 from voxgran._base.arrays import Floats, Integers
+from voxgran.shapes.describing.body import Geometry
 from voxgran.shapes.describing.inscribed import inscribed_radius
-from voxgran.shapes.model import Geometry, Shape
+from voxgran.shapes.model import Shape
 from voxgran.shapes.outline import Outline
 from voxgran.shapes.primitive import Primitive
 from voxgran.shapes.spheres import Spheres

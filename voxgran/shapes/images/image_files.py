@@ -1,6 +1,7 @@
 """Images in: .npy, .npz, TIFF stacks, .vti and .nrrd, as arrays with axes x, y, z."""
 
 import os
+import zipfile
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
@@ -62,6 +63,14 @@ def load_image(path: str | os.PathLike[str], *, key: str | None = None) -> Image
         If the library that reads the format is not installed.
     TooLargeError
         If it does not fit in memory.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> import voxgran as vg
+    >>> np.save("scan.npy", np.zeros((10, 20, 30), dtype=np.uint8))
+    >>> vg.load_image("scan.npy").values.shape
+    (10, 20, 30)
     """
     found = existing_file(path)
     reader = READERS.get(found.suffix.lower())
@@ -84,7 +93,25 @@ def _read_npz(path: Path, key: str | None) -> Image:
     """Read one array of a .npz file."""
     _refuse_others(path, b"PK")
     with path.open("rb") as file, np.load(file, allow_pickle=False) as archive:
-        return Image(archive[chosen_name(list(archive.files), key, path)])
+        name = chosen_name(list(archive.files), key, path)
+        _refuse_other_packing(archive.zip, path)
+        return Image(archive[name])
+
+
+def _refuse_other_packing(archive: zipfile.ZipFile, path: Path) -> None:
+    """Refuse compression by other than DEFLATE, which alone bounds what a small file can become, and which NumPy uses.
+
+    Raises
+    ------
+    FileFormatError
+        If an array is compressed in another way.
+    """
+    for member in archive.infolist():
+        if member.compress_type not in (zipfile.ZIP_STORED, zipfile.ZIP_DEFLATED):
+            raise FileFormatError(
+                f"{path} holds {shown(member.filename)} compressed by method {member.compress_type}: NumPy writes by "
+                "none or DEFLATE (8); save it again with numpy.savez_compressed"
+            )
 
 
 def _refuse_others(path: Path, begin: bytes) -> None:

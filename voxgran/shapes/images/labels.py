@@ -103,6 +103,15 @@ def load_labels(
     -----
     PackingWarning
         If labels have several pieces, or grains that are kept are cut by the border of the image.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> import voxgran as vg
+    >>> image = np.zeros((16, 16, 16), dtype=int)
+    >>> image[2:6, 2:6, 2:6], image[8:14, 8:14, 8:14] = 1, 2
+    >>> [round(shape.volume, 3) for shape in vg.load_labels(image, voxel_size=0.5)]
+    [8.0, 27.0]
     """
     image = image_of(source, key)
     how: dict[str, Any] = {"border": border, "surface": surface, "smoothing": smoothing, "periodic": periodic}
@@ -145,6 +154,15 @@ def label_table(
         If it is of no known format, or damaged.
     InputError
         If it holds no label or what is no label, or the voxel size is out of range.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> import voxgran as vg
+    >>> image = np.zeros((8, 8, 8), dtype=int)
+    >>> image[1:3, 1:3, 1:3], image[4:7, 4:7, 4:7] = 1, 2
+    >>> vg.label_table(image, voxel_size=0.5).volume.values.tolist()
+    [1.0, 3.375]
     """
     image = image_of(source, key)
     size, found = np.array(voxel_sizes(voxel_size, image)), _counted(image)

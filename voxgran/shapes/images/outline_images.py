@@ -66,6 +66,15 @@ def load_outlines(
     InputError
         If the image has not two axes, holds values that are not finite, no particle is found, or an option is out of
         range.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> import voxgran as vg
+    >>> x, y = np.indices((40, 40))
+    >>> picture = ((x - 20) ** 2 + (y - 20) ** 2 < 100).astype(float)
+    >>> [(shape.name, round(shape.volume)) for shape in vg.load_outlines(picture)]
+    [('outline 0', 304)]
     """
     size = as_length(pixel_size, "pixel_size")
     least = as_number(min_area, "min_area", at_least=0.0)

@@ -135,6 +135,13 @@ def diagnose(vertices: ArrayLike | Any, faces: ArrayLike | None = None) -> Diagn
     ------
     InputError
         If an array has the wrong shape or an index is out of range.
+
+    Examples
+    --------
+    >>> import voxgran as vg
+    >>> cube = vg.shapes.box(lengths=(1, 1, 1))
+    >>> vg.diagnose(cube).closed, vg.diagnose(cube.vertices, cube.faces[1:]).open_edges
+    (True, 3)
     """
     if faces is None:
         if not hasattr(vertices, "vertices") or not hasattr(vertices, "faces"):

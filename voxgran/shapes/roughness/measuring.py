@@ -92,6 +92,14 @@ def surface_statistics(
     InputError
         If a solid is given without `smooth`, the heights are not an array of at least 8 by 8 finite numbers, all
         heights are equal, or a length is not above 0.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> import voxgran as vg
+    >>> heights = 0.1 * np.sin(np.arange(64) * np.pi / 8)[:, None] * np.ones(64)
+    >>> round(vg.surface_statistics(heights).rms, 4)
+    0.0707
     """
     if shortest is not None:
         as_number(shortest, "shortest", at_least=0.0)

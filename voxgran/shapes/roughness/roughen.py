@@ -11,9 +11,10 @@ from voxgran._base.arrays import Floats, check_type
 from voxgran._base.config import from_mapping
 from voxgran._base.errors import InputError, TooLargeError
 from voxgran._base.seeds import stream
+from voxgran.shapes.describing.body import Geometry
 from voxgran.shapes.finer import vertex_normals
 from voxgran.shapes.mesh import Mesh
-from voxgran.shapes.model import Geometry, Shape
+from voxgran.shapes.model import Shape
 from voxgran.shapes.outline import SIDES, Outline, is_simple
 from voxgran.shapes.repairing.crossing import count_crossings
 from voxgran.shapes.roughness.fields import draw_field

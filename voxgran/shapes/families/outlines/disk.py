@@ -12,7 +12,14 @@ from voxgran.shapes.outline import Outline
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Disk(Sphere):
-    """Parameters of a disk: those of a sphere."""
+    """Parameters of a disk: those of a sphere.
+
+    Examples
+    --------
+    >>> import voxgran as vg
+    >>> round(vg.shapes.disk(radius=1.0).volume, 4)  # its area
+    3.1416
+    """
 
 
 def make(parameters: Disk, generator: np.random.Generator) -> Shape:

@@ -29,7 +29,15 @@ LARGEST = 0.95
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class MollonZhao2d(FourierSpectrum):
-    """Parameters of a grain in the plane with a Fourier spectrum."""
+    """Parameters of a grain in the plane with a Fourier spectrum.
+
+    Examples
+    --------
+    >>> import voxgran as vg
+    >>> grain = vg.shapes.mollon_zhao_2d(d_2=0.15, seed=1)
+    >>> grain.dimension, round(grain.diameter, 6)
+    (2, 1.0)
+    """
 
     diameter: float | None = parameter(
         None, doc="diameter of the disk of equal area; default: 1", unit="length", above=0.0

@@ -17,7 +17,14 @@ MOST_CORNERS = 10_000
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Polygon:
-    """Parameters of a polygon."""
+    """Parameters of a polygon.
+
+    Examples
+    --------
+    >>> import voxgran as vg
+    >>> vg.shapes.polygon(vertices=[(0, 0), (2, 0), (2, 1), (0, 1)]).volume  # its area
+    2.0
+    """
 
     corners: int | None = parameter(None, doc="number of corners of a regular polygon; default: 6")
     stretch: float | None = parameter(None, doc="factor by which x is stretched before scaling to diameter; default: 1")

@@ -18,7 +18,14 @@ from voxgran.shapes.model import Shape
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class ConvexPolyhedron:
-    """Parameters of a convex polyhedron."""
+    """Parameters of a convex polyhedron.
+
+    Examples
+    --------
+    >>> import voxgran as vg
+    >>> vg.shapes.convex_polyhedron(points=12, seed=1)
+    Shape('convex_polyhedron', mesh, diameter=1)
+    """
 
     points: int = parameter(20, doc="number of random points, which become the vertices; from 4 to 100 000")
     aspect: tuple[float, float, float] = parameter(

@@ -38,6 +38,12 @@ class CubeRain:
     ------
     InputError
         If a parameter is out of range.
+
+    Examples
+    --------
+    >>> import voxgran as vg
+    >>> vg.shapes.cube_rain(cubes=5, seed=1)
+    Shape('cube_rain', mesh, diameter=1)
     """
 
     cubes: int = parameter(12, doc="number of cubes; from 1 to 1000")

@@ -46,7 +46,14 @@ HALVINGS = 40
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class MollonZhao(FourierSpectrum):
-    """Parameters of a grain whose sections have a Fourier spectrum."""
+    """Parameters of a grain whose sections have a Fourier spectrum.
+
+    Examples
+    --------
+    >>> import voxgran as vg
+    >>> vg.shapes.mollon_zhao(subdivisions=2, d_2=0.15, seed=1)
+    Shape('mollon_zhao', mesh, diameter=1)
+    """
 
     subdivisions: int = parameter(
         4, doc="subdivisions of the triangles of an icosahedron into four, for the mesh", at_least=2, at_most=7

@@ -37,6 +37,12 @@ class NoiseStar:
     ------
     InputError
         If a number is out of range.
+
+    Examples
+    --------
+    >>> import voxgran as vg
+    >>> vg.shapes.noise_star(deviation=0.1, subdivisions=2, seed=1)
+    Shape('noise_star', mesh, diameter=1)
     """
 
     deviation: float = parameter(0.2, doc="standard deviation of the radius, in mean radii", at_least=0.0, at_most=1.0)

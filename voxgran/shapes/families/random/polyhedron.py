@@ -37,6 +37,12 @@ class Polyhedron:
     ------
     InputError
         If a number is out of range, or points are given for a regular solid.
+
+    Examples
+    --------
+    >>> import voxgran as vg
+    >>> len(vg.shapes.polyhedron(solid="cube").vertices)
+    8
     """
 
     solid: Solid = parameter(  # noqa: RUF009
@@ -72,7 +78,8 @@ class Polyhedron:
             if self.solid != "random":
                 raise InputError(f"points is given for solid {self.solid!r}, which has its own corners; leave it out")
             low, high = self.points if isinstance(self.points, tuple) else (self.points, self.points)
-            as_count(high, "points", at_least=as_count(low, "points", at_least=4), at_most=MOST_POINTS)
+            least = as_count(low, "points", at_least=4, at_most=MOST_POINTS)
+            as_count(high, "points", at_least=least, at_most=MOST_POINTS)
 
 
 def make(parameters: Polyhedron, generator: np.random.Generator) -> Shape:

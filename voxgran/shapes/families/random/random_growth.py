@@ -45,6 +45,12 @@ class RandomGrowth:
     ------
     InputError
         If a parameter is out of range, or rates and aspect are both given.
+
+    Examples
+    --------
+    >>> import voxgran as vg
+    >>> round(vg.shapes.random_growth(cubes=20, edge=1.0, seed=1).volume, 6)
+    20.0
     """
 
     cubes: int = parameter(500, doc="number of cubes; from 1 to 2 000 000")

@@ -28,7 +28,7 @@ import numpy as np
 
 from voxgran._base.arrays import Booleans, Integers, as_choice, as_count, as_number
 from voxgran._base.config import parameter
-from voxgran._base.errors import InputError
+from voxgran._base.errors import InputError, shown
 from voxgran.shapes.family import ShapeFamily
 from voxgran.shapes.generating.voxel_solid import largest_piece, mask_of_cubes, voxel_solid
 from voxgran.shapes.model import Shape
@@ -46,6 +46,12 @@ class SierpinskiSponge:
     ------
     InputError
         If a parameter is out of range, or does not belong to the kind.
+
+    Examples
+    --------
+    >>> import voxgran as vg
+    >>> vg.shapes.sierpinski_sponge(divisions=3, levels=1, seed=1)
+    Shape('sierpinski_sponge', mesh, diameter=1)
     """
 
     kind: Literal["random", "menger", "sierpinski", "carpet"] = parameter(
@@ -180,15 +186,15 @@ def _dimension(parameters: SierpinskiSponge) -> float:
 
 def _check_levels(parameters: SierpinskiSponge) -> None:
     """Refuse levels at which the sponge is too large."""
-    b, levels = parameters.divisions, as_count(parameters.levels, "levels")
+    b, levels = parameters.divisions, as_count(parameters.levels, "levels", at_most=None)
     per_cube = max(_staying(parameters), 1.0)
     possible = int(math.log(MOST_ON_SIDE) / math.log(b) + 1e-9)
     if per_cube > 1:
         possible = min(possible, int(math.log(MOST_CELLS) / math.log(per_cube) + 1e-9))
     if levels > possible:
         raise InputError(
-            f"levels is {levels} with divisions {b}: at most {MOST_ON_SIDE} cells on a side and {MOST_CELLS} in all "
-            f"are made; take at most {possible}"
+            f"levels is {shown(levels)} with divisions {b}: at most {MOST_ON_SIDE} cells on a side and {MOST_CELLS} in "
+            f"all are made; take at most {possible}"
         )
 
 

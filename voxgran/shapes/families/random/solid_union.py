@@ -61,6 +61,12 @@ class SolidUnion:
     ------
     InputError
         If a number is out of range, or `counts` does not fit `kinds` or is given beside `solids`.
+
+    Examples
+    --------
+    >>> import voxgran as vg
+    >>> vg.shapes.solid_union(solids=3, kinds=("box",), seed=1)
+    Shape('solid_union', mesh, diameter=1)
     """
 
     solids: int | tuple[int, int] = parameter(
@@ -104,7 +110,8 @@ class SolidUnion:
         if not self.kinds:
             raise InputError("kinds is empty: at least one kind of base solid is needed; name one")
         low, high = _ends(self.solids)
-        as_count(high, "solids", at_least=as_count(low, "solids", at_least=1), at_most=MOST_SOLIDS)
+        least = as_count(low, "solids", at_least=1, at_most=MOST_SOLIDS)
+        as_count(high, "solids", at_least=least, at_most=MOST_SOLIDS)
         if self.counts is not None:
             self._check_counts(self.counts)
         for kind in self.kinds:
@@ -128,7 +135,7 @@ class SolidUnion:
             )
         ends = [_ends(item) for item in counts]
         for low, high in ends:
-            as_count(high, "counts", at_least=as_count(low, "counts"), at_most=MOST_SOLIDS)
+            as_count(high, "counts", at_least=as_count(low, "counts", at_most=MOST_SOLIDS), at_most=MOST_SOLIDS)
         if not sum(low for low, _ in ends):
             raise InputError("counts may all be 0: a union needs at least one base solid; raise one of them")
         as_count(sum(high for _, high in ends), "sum of counts", at_most=MOST_SOLIDS)

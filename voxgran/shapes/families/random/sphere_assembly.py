@@ -51,6 +51,12 @@ class SphereAssembly:
         If the base is the name of no family.
     InputError
         If a number is out of range, or the base is no solid.
+
+    Examples
+    --------
+    >>> import voxgran as vg
+    >>> vg.shapes.sphere_assembly(base="sphere", spacing=0.4, seed=1)
+    Shape('sphere_assembly', spheres, diameter=1)
     """
 
     base: str | Shape | Mapping[str, Any] = parameter(  # noqa: RUF009

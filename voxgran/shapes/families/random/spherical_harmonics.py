@@ -58,6 +58,12 @@ class SphericalHarmonics:
         If `like` is the name of no family.
     InputError
         If a number is out of range, or `like` is no solid, or is given together with `roughness` or `exponent`.
+
+    Examples
+    --------
+    >>> import voxgran as vg
+    >>> vg.shapes.spherical_harmonics(degree=4, subdivisions=2, roughness=0.1, seed=1)
+    Shape('spherical_harmonics', mesh, diameter=1)
     """
 
     like: str | Shape | Mapping[str, Any] | None = parameter(  # noqa: RUF009

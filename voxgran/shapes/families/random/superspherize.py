@@ -40,6 +40,12 @@ class Superspherize:
         If the base is the name of no family.
     InputError
         If a number is out of range, or the base is no solid.
+
+    Examples
+    --------
+    >>> import voxgran as vg
+    >>> vg.shapes.superspherize(inflations=1, longest_edge=0.3, seed=1)
+    Shape('superspherize', mesh, diameter=1)
     """
 
     base: str | Shape | Mapping[str, Any] = parameter(  # noqa: RUF009

@@ -34,6 +34,12 @@ class VoronoiFragment:
     ------
     InputError
         If a number is out of range, a choice is not known, or the size is given twice.
+
+    Examples
+    --------
+    >>> import voxgran as vg
+    >>> vg.shapes.voronoi_fragment(seeds=20, seed=1)
+    Shape('voronoi_fragment', mesh, diameter=1)
     """
 
     seeds: int = parameter(
@@ -54,7 +60,7 @@ class VoronoiFragment:
     aspect: tuple[float, float, float] | None = parameter(
         None, doc="factors by which the cells are stretched along x, y and z; default: (1, 1, 1)", above=0.0
     )
-    cell: int | None = parameter(None, doc="which cell, from 0; default: a random one", at_least=0)
+    cell: int | None = parameter(None, doc="which cell, from 0; default: a random one")
     diameter: float | None = parameter(None, doc="equivalent diameter; default: 1", unit="length", above=0.0)
     lengths: tuple[float, float, float] | None = parameter(
         None,

@@ -41,6 +41,12 @@ class VoxelRain:
     ------
     InputError
         If a parameter is out of range.
+
+    Examples
+    --------
+    >>> import voxgran as vg
+    >>> round(vg.shapes.voxel_rain(cubes=40, width=(4, 4), edge=1.0, seed=1).volume, 6)
+    56.0
     """
 
     cubes: int = parameter(400, doc="number of cubes that fall; to 5 000 000")

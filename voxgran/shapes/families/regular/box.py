@@ -11,7 +11,14 @@ from voxgran.shapes.model import Shape
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Box:
-    """Parameters of a box."""
+    """Parameters of a box.
+
+    Examples
+    --------
+    >>> import voxgran as vg
+    >>> vg.shapes.box(lengths=(1, 2, 3)).volume
+    6.0
+    """
 
     aspect: tuple[float, float, float] | None = parameter(None, doc="ratios of the edge lengths; default: (1, 1, 1)")
     diameter: float | None = parameter(None, doc="equivalent diameter; default: 1", unit="length")

@@ -11,7 +11,14 @@ from voxgran.shapes.model import Shape
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Cone(Cylinder):
-    """Parameters of a cone: those of a cylinder."""
+    """Parameters of a cone: those of a cylinder.
+
+    Examples
+    --------
+    >>> import voxgran as vg
+    >>> round(vg.shapes.cone(radius=1.0, height=3.0).volume, 4)
+    3.1416
+    """
 
 
 def make(parameters: Cone, generator: np.random.Generator) -> Shape:

@@ -13,7 +13,14 @@ from voxgran.shapes.model import Shape
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Cylinder:
-    """Parameters of a cylinder."""
+    """Parameters of a cylinder.
+
+    Examples
+    --------
+    >>> import voxgran as vg
+    >>> round(vg.shapes.cylinder(radius=1.0, height=2.0).volume, 4)
+    6.2832
+    """
 
     aspect: float | None = parameter(None, doc="ratio of the height to the diameter of the base; default: 1")
     diameter: float | None = parameter(None, doc="equivalent diameter; default: 1", unit="length")

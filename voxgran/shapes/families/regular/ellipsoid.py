@@ -11,7 +11,14 @@ from voxgran.shapes.model import Shape
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Ellipsoid:
-    """Parameters of an ellipsoid."""
+    """Parameters of an ellipsoid.
+
+    Examples
+    --------
+    >>> import voxgran as vg
+    >>> round(vg.shapes.ellipsoid(semi_axes=(1, 2, 3)).volume, 4)
+    25.1327
+    """
 
     aspect: tuple[float, float, float] | None = parameter(None, doc="ratios of the axes; default: (1, 0.8, 0.6)")
     diameter: float | None = parameter(None, doc="equivalent diameter; default: 1", unit="length")

@@ -15,7 +15,14 @@ from voxgran.shapes.model import Shape
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Platonic:
-    """Parameters of a Platonic solid."""
+    """Parameters of a Platonic solid.
+
+    Examples
+    --------
+    >>> import voxgran as vg
+    >>> len(vg.shapes.platonic(solid="dodecahedron").vertices)
+    20
+    """
 
     solid: PlatonicSolid = parameter("icosahedron", doc="which of the five Platonic solids")  # noqa: RUF009
     diameter: float | None = parameter(None, doc="equivalent diameter; default: 1", unit="length")

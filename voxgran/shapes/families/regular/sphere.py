@@ -12,7 +12,14 @@ from voxgran.shapes.primitive import Primitive
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Sphere:
-    """Parameters of a sphere."""
+    """Parameters of a sphere.
+
+    Examples
+    --------
+    >>> import voxgran as vg
+    >>> round(vg.shapes.sphere(radius=1.0).volume, 4)
+    4.1888
+    """
 
     diameter: float | None = parameter(None, doc="diameter; default: 1", unit="length")
     radius: float | None = parameter(None, doc="radius, in place of the diameter", unit="length")

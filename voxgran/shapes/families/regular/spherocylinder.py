@@ -25,6 +25,12 @@ class Spherocylinder:
     ------
     InputError
         If a number is out of range, the size is given twice or in part, or the height is below twice the radius.
+
+    Examples
+    --------
+    >>> import voxgran as vg
+    >>> round(vg.shapes.spherocylinder(radius=1.0, height=2.0).volume, 2)
+    4.16
     """
 
     aspect: float | None = parameter(

@@ -38,6 +38,12 @@ class Superquadric:
     ------
     InputError
         If a number is out of range, or the size is given twice.
+
+    Examples
+    --------
+    >>> import voxgran as vg
+    >>> vg.shapes.superquadric(e1=0.5, e2=0.5, aspect=(1, 1, 2), tolerance=0.05)
+    Shape('superquadric', mesh, diameter=1)
     """
 
     e1: float = parameter(

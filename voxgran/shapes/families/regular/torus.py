@@ -24,6 +24,12 @@ class Torus:
     ------
     InputError
         If a number is out of range, the size is given twice or in part, or the minor radius leaves no hole.
+
+    Examples
+    --------
+    >>> import voxgran as vg
+    >>> vg.shapes.torus(major_radius=2.0, minor_radius=0.5, tolerance=0.02).bounds[1].round(6).tolist()
+    [2.5, 2.474554, 0.475528]
     """
 
     aspect: float | None = parameter(

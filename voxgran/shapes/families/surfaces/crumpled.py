@@ -38,6 +38,12 @@ class Crumpled:
     ------
     InputError
         If a number is out of range.
+
+    Examples
+    --------
+    >>> import voxgran as vg
+    >>> vg.shapes.crumpled(fold_length=0.5, seed=1).is_open
+    True
     """
 
     fold_length: float = parameter(

@@ -30,6 +30,12 @@ class RandomSurface:
     ------
     InputError
         If a number is out of range.
+
+    Examples
+    --------
+    >>> import voxgran as vg
+    >>> vg.shapes.random_surface(height=0.1, seed=1).is_open
+    True
     """
 
     aspect: tuple[float, float] = parameter((1.0, 1.0), doc="ratio of the edges along x and y of the flat sheet")

@@ -33,6 +33,13 @@ class RoughSheet(Roughness):
     ------
     InputError
         If a number is out of range, or a parameter is given that its method does not have.
+
+    Examples
+    --------
+    >>> import voxgran as vg
+    >>> sheet = vg.shapes.rough_sheet(lengths=(10, 10), rms=0.1, correlation_length=1.0, seed=1)
+    >>> round(vg.surface_statistics(sheet).rms, 2)
+    0.1
     """
 
     aspect: tuple[float, float] | None = parameter(

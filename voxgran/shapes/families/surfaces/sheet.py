@@ -23,6 +23,12 @@ class Sheet:
     ------
     InputError
         If the angle is negative, or so large that the sheet would touch itself.
+
+    Examples
+    --------
+    >>> import voxgran as vg
+    >>> round(vg.shapes.sheet(lengths=(2, 1)).surface_area, 6)
+    2.0
     """
 
     aspect: tuple[float, float] | None = parameter(None, doc="ratio of the edges along x and y; default: (1, 1)")

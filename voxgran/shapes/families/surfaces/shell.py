@@ -23,6 +23,12 @@ class Shell:
     ------
     InputError
         If the shell has no area or no hole.
+
+    Examples
+    --------
+    >>> import voxgran as vg
+    >>> round(vg.shapes.shell(opening=90.0, diameter=1.0).diameter, 6)  # of the disk of the same area
+    1.0
     """
 
     opening: float = parameter(

@@ -1,0 +1,123 @@
+"""The page of the scene file, made of the tables by which scenes are checked."""
+
+import dataclasses
+
+from site_tables import code, table
+
+from voxgran._base.config import parameters_of
+from voxgran.cli.commands import SCENE
+from voxgran.clumps.method import clump_registry
+from voxgran.containers.make import KEYS, KINDS
+from voxgran.decks.material import Material
+from voxgran.packing.method import method_registry
+from voxgran.scene import keys
+from voxgran.scene.sections import General, Output
+from voxgran.settling.parameters import Lid, Settling, Shaking
+from voxgran.shapes.family import families
+from voxgran.shapes.roughness.parameters import Roughness
+from voxgran.shapes.sizes import KINDS as LAWS
+
+#: sections with the classes of their keys, in the order of a scene file, and what is said of them
+SECTIONS = {
+    "[scene]": ((General,), "What holds for the whole scene. The section may be left out."),
+    "[[shape]]": (
+        (keys.AnyShape, keys.ShapeOfFile, keys.ShapeOfFamily),
+        "Grains, with `file` or `family`. The parameters of the family are keys of the same section.",
+    ),
+    "clump = { ... } of a [[shape]]": (
+        (keys.ClumpOfShape,),
+        "A clump of spheres in place of the shape. The parameters of the method are keys of the same table.",
+    ),
+    "roughen = { ... } of a [[shape]]": ((Roughness,), "A rough surface; a `seed` may be given, too."),
+    "[packing]": (
+        (keys.Packed,),
+        "How the grains are packed. Parameters of the method are keys of the same section.",
+    ),
+    "[settle]": (
+        (keys.Settled, Settling),
+        "How grains come to rest after they are packed. Without the section, it is up to the method.",
+    ),
+    "shaking = { ... } of [settle]": ((Shaking,), "Shaking before the grains come to rest."),
+    "lid = { ... } of [settle]": ((Lid,), "A plate that lies on the bed."),
+    "[material]": ((Material,), "The contact law in the input of engines. The section may be left out."),
+    "[measure]": ((keys.Measured,), "What is measured. The section may be left out."),
+    "[output]": ((Output,), "What is written. The section may be left out."),
+}
+HEAD = """# Scene files
+
+A scene file says in TOML which grains are packed into what. `voxgran init scene.toml` writes one to start from,
+`voxgran plan scene.toml` checks it, and `voxgran run scene.toml -o out` packs it. Lengths are in the unit of `[scene]`.
+An unknown key is an error that gives the nearest name. Each `[[shape]]` is one kind of grain; a pair of numbers for
+a number of its family is a range from which each shape draws a value of its own.
+
+```toml
+{scene}```
+"""
+
+
+def toml(value):
+    """Return a default as it stands in a scene file."""
+    if value is dataclasses.MISSING:
+        return "required"
+    if value is None:
+        return ""
+    if isinstance(value, bool):
+        return f"`{str(value).lower()}`"
+    if isinstance(value, list | tuple):
+        return f"`[{', '.join(toml(item).strip('`') for item in value)}]`"
+    return f'`"{value}"`' if isinstance(value, str) else f"`{value:g}`" if isinstance(value, float) else f"`{value}`"
+
+
+def keys_of(*classes):
+    """Return the table of the keys that parameter classes describe."""
+    items = [item for cls in classes for item in parameters_of(cls)]
+    rows = [(code(item.name), item.type_text, item.unit, toml(item.default), item.doc) for item in items]
+    return table(("key", "type and range", "unit", "default", "meaning"), rows)
+
+
+def containers():
+    """Return the section of the containers."""
+    kinds = [(code(kind), *(", ".join(map(code, some)) for some in entry[1:])) for kind, entry in KINDS.items()]
+    parts = ["## [container]", "", "What holds the grains: its `kind` and the keys of that kind.", ""]
+    parts += [table(("kind", "required keys", "other keys"), kinds), ""]
+    parts += [table(("key", "meaning"), [(code(key), text) for key, text in KEYS.items()])]
+    return "\n".join(parts)
+
+
+def sizes():
+    """Return the section of the sizes."""
+    parts = [
+        "## [sizes]",
+        "",
+        "Equivalent diameters of the grains. Without the section each shape keeps its own size.",
+        "",
+    ]
+    parts += [keys_of(keys.Shares), ""]
+    for kind, law in LAWS.items():
+        parts += [f"### Sizes of the kind {kind}", "", keys_of(law), ""]
+    return "\n".join(parts)
+
+
+def own_parameters():
+    """Return the sections of the parameters of families, methods and clump methods."""
+    parts = []
+    for heading, registry in (
+        ("Parameters of the packing methods", method_registry()),
+        ("Parameters of the families of shapes", families()),
+        ("Parameters of the clump methods", clump_registry()),
+    ):
+        parts += [f"## {heading}", ""]
+        for name in registry.names():
+            cls = registry.get(name).parameters
+            parts += [f"### {name}", "", keys_of(cls) if parameters_of(cls) else "No parameters.", ""]
+    return "\n".join(parts)
+
+
+def page():
+    """Return the page of the scene file, in Markdown."""
+    parts = [HEAD.format(scene=SCENE)]
+    for heading, (classes, text) in SECTIONS.items():
+        parts += [f"## {heading}", "", text, "", keys_of(*classes), ""]
+        if heading.startswith("roughen"):
+            parts += [sizes(), containers(), ""]
+    return "\n".join([*parts, own_parameters()])

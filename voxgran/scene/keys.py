@@ -1,0 +1,92 @@
+"""Keys of a scene that are no parameters of a calculation: the one table of their names, types and meanings.
+
+The checks take the names from here, the reference of the scene file names, types and meanings.
+"""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any, Literal
+
+from voxgran._base.config import parameter, parameters_of
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class AnyShape:
+    """Keys of every [[shape]]."""
+
+    share: float = parameter(1.0, doc="share of the grains that have this shape", at_least=0.0)
+    clump: int | Mapping[str, Any] | None = parameter(
+        None, doc="a clump of spheres is packed in place of the shape: their number, or a table such as { mode = ... }"
+    )
+    roughen: Mapping[str, Any] | None = parameter(None, doc="rough surface, a table such as { rms = 0.02 }")
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ShapeOfFile:
+    """Keys of a [[shape]] that is read from a file."""
+
+    file: str = parameter(doc="mesh file, relative to the scene file")
+    repair: bool = parameter(False, doc="a mesh that is not one closed solid is mended")
+    surface: bool = parameter(False, doc="an open surface stays open")
+    unit: str | None = parameter(None, doc="unit of the lengths in the file; default: that of the scene")
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ShapeOfFamily:
+    """Keys of a [[shape]] of a family, beside the parameters of that family."""
+
+    family: str = parameter(doc="family of shapes; 'voxgran methods' lists them with their parameters")
+    seed: int = parameter(0, doc="seed of a random family", at_least=0)
+    count: int | None = parameter(None, doc="number of different shapes that the entry stands for", at_least=1)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ClumpOfShape:
+    """Keys of the table `clump` of a [[shape]], beside the parameters of its method."""
+
+    max_spheres: int | None = parameter(None, doc="number of spheres, with a target the largest", at_least=1)
+    method: str = parameter("optimal", doc="clump method; 'voxgran methods' lists them with their parameters")
+    target: Literal["iou", "volume", "inertia", "surface"] | None = parameter(
+        None, doc="error that is to be reached with the fewest spheres"
+    )
+    value: float | None = parameter(None, doc="value of the target", above=0.0, at_most=1.0)
+    seed: int = parameter(0, doc="seed of the method", at_least=0)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Packed:
+    """Keys of [packing], beside the parameters of its method."""
+
+    method: str = parameter(doc="packing method; 'voxgran methods' lists them with their parameters")
+    count: int | None = parameter(None, doc="number of grains", at_least=0)
+    solid_fraction: float | None = parameter(
+        None, doc="solid fraction at which the packing ends; with a count, whichever comes first", above=0, at_most=1
+    )
+    start: str | None = parameter(None, doc="file of a packing whose grains are there from the beginning")
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Shares:
+    """Keys of [sizes], beside the parameters of its kind."""
+
+    kind: str = parameter(doc="distribution of the equivalent diameters")
+    share_by: Literal["number", "volume"] = parameter("number", doc="what the shares of the shapes are of")
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Settled:
+    """Keys of [settle], beside the parameters of settling."""
+
+    enabled: bool = parameter(True, doc="grains settle; false leaves them where the method ends")
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Measured:
+    """Keys of [measure]."""
+
+    which: tuple[str, ...] | None = parameter(None, doc="measures, or 'all'; default: those that cost little")
+
+
+def names_of(*classes: type) -> tuple[str, ...]:
+    """Return the keys that classes describe."""
+    return tuple(item.name for cls in classes for item in parameters_of(cls))
