@@ -11,8 +11,6 @@ import shutil
 from pathlib import Path
 from typing import Any
 
-from sphinx_gallery.scrapers import figure_rst
-
 ROOT = Path(__file__).resolve().parents[1]
 #: where scripts of the gallery write; it is emptied before a script runs
 OUTPUT = ROOT / "out" / "gallery"
@@ -56,6 +54,8 @@ def pictures_in(folder: Path) -> list[Path]:
 
 def collect_pictures(block: Any, block_vars: dict[str, Any], gallery_conf: dict[str, Any]) -> str:
     """Copy the pictures that a cell has written into the gallery, and return the reStructuredText that shows them."""
+    from sphinx_gallery.scrapers import figure_rst
+
     folder = folder_of(block_vars["src_file"])
     taken = block_vars["example_globals"].setdefault("__pictures_of_the_gallery__", set())
     new = [path for path in pictures_in(folder) if path.name not in taken]

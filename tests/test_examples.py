@@ -49,6 +49,7 @@ def test_pack_rocks(tmp_path, capsys, monkeypatch):
     solid = float(re.search(r"([\d.]+)$", text.strip()).group(1))
     assert 0.34 < solid < 0.56
     assert vg.load(tmp_path / "packing.vtp").count == 60
+    assert (tmp_path / "pack_rocks.png").exists()
 
 
 def test_scan_to_shape(tmp_path, capsys, monkeypatch):
@@ -56,6 +57,7 @@ def test_scan_to_shape(tmp_path, capsys, monkeypatch):
     assert float(re.search(r"volume off by ([\d.]+) %", text).group(1)) < 1.0
     assert float(re.search(r"mean residual ([\d.]+) noises", text).group(1)) < 2.0
     assert len(vg.load_cloud(tmp_path / "scan.ply")) > 20_000
+    assert (tmp_path / "scan_to_shape.png").exists()
 
 
 def test_directions(tmp_path, capsys, monkeypatch):
@@ -269,6 +271,7 @@ def test_hulls_on_a_front(tmp_path, capsys, monkeypatch):
     assert 0.3 < hulls / spheres < 0.6
     packing = vg.load(tmp_path / "hulls.vtp")
     assert len(packing.shapes) == packing.count == int(text.split()[0])
+    assert (tmp_path / "hulls_on_a_front.png").exists()
 
 
 @pytest.mark.slow
@@ -331,11 +334,12 @@ def test_settled_bed(tmp_path, capsys, monkeypatch):
     assert vg.load(tmp_path / "poured.vtp").forces is not None
 
 
-def test_fit_clump(capsys, monkeypatch):
-    text = printed("fit_clump.py", capsys, monkeypatch)
+def test_fit_clump(tmp_path, capsys, monkeypatch):
+    text = printed("fit_clump.py", capsys, monkeypatch, str(tmp_path))
     overlaps = [float(value) for value in re.findall(r"overlap ([\d.]+)", text)]
     assert overlaps[1] > 0.83
     assert overlaps[1] > overlaps[0] + 0.05
+    assert (tmp_path / "fit_clump.png").exists()
 
 
 # in the region as many disks are tried as coordinates are drawn, of which most find no place
