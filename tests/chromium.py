@@ -14,11 +14,19 @@ from PIL import Image
 
 PROGRAM = shutil.which("chromium") or shutil.which("google-chrome")
 #: WebGL on the processor, which needs no graphics card; root needs --no-sandbox
-FLAGS = (
-    "--headless=new --no-sandbox --disable-dev-shm-usage --hide-scrollbars --no-first-run --disable-extensions "
-    "--disable-background-networking --enable-unsafe-swiftshader --use-gl=angle --use-angle=swiftshader "
-    "--remote-debugging-pipe"
-).split()
+FLAGS = [
+    "--headless=new",
+    "--no-sandbox",
+    "--disable-dev-shm-usage",
+    "--hide-scrollbars",
+    "--no-first-run",
+    "--disable-extensions",
+    "--disable-background-networking",
+    "--enable-unsafe-swiftshader",
+    "--use-gl=angle",
+    "--use-angle=swiftshader",
+    "--remote-debugging-pipe",
+]
 #: seconds that a page may take to answer
 PATIENCE = 120.0
 

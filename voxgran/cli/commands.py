@@ -136,7 +136,9 @@ def report(options: argparse.Namespace) -> None:
     target = Path(options.output or Path(options.file).with_suffix(".html"))
     packing = _packing(options)
     found: dict[str, Any] = {"statistics": voxgran.measure(packing), "verification": voxgran.verify(packing)}
-    voxgran.save_report(packing, target, **found, **_fields(options, "color_by", "turntable", "interactive", "overwrite"))
+    voxgran.save_report(
+        packing, target, **found, **_fields(options, "color_by", "turntable", "interactive", "overwrite")
+    )
     print(target)
 
 

@@ -366,7 +366,9 @@ class Packing(GrainSequence):
         """
         public("save")(self, path, overwrite=overwrite)
 
-    def plot(self, *, color: Literal["diameter", "height", "shape", "coordination", "distance", "force"] = "diameter") -> Any:
+    def plot(
+        self, *, color: Literal["diameter", "height", "shape", "coordination", "distance", "force"] = "diameter"
+    ) -> Any:
         """Show the packing in a window, or return a picture of it, as :func:`voxgran.plot`.
 
         Parameters

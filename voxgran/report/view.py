@@ -142,7 +142,9 @@ def view_data(packing: Packing, shown: Integers, most: int) -> tuple[dict[str, A
         "orientation": packing.orientation[shown].astype(np.float32),
         "scale": packing.scale[shown].astype(np.float32),
         "values": np.array([color.values[shown] for color in colors]).astype(np.float32),
-        "contacts": np.unique(np.sort(np.column_stack([contacts.i, contacts.j])[kept], axis=1), axis=0).astype(np.uint32),
+        "contacts": np.unique(np.sort(np.column_stack([contacts.i, contacts.j])[kept], axis=1), axis=0).astype(
+            np.uint32
+        ),
         "lines": lines.astype(np.float32),
     }
     head = {
@@ -183,7 +185,9 @@ def outline(container: Container) -> Floats:
     """
     mesh = load("pyvista").PolyData.from_regular_faces(*container.mesh())
     if container.dimension == 2:
-        return _segments(mesh.extract_feature_edges(feature_edges=False, manifold_edges=False, non_manifold_edges=False))
+        return _segments(
+            mesh.extract_feature_edges(feature_edges=False, manifold_edges=False, non_manifold_edges=False)
+        )
     edges = _segments(mesh.extract_feature_edges(30.0, boundary_edges=False, manifold_edges=False))
     if mesh.n_cells <= PLANE:
         return edges
