@@ -43,7 +43,7 @@ lint: $(STAMP)   ## style, format and types
 	$(BIN)/ruff format --check
 	$(BIN)/mypy
 
-bench: demo $(ENGINES)/.ok   ## run time against error of voxelization, distances and packing, as figures
+bench: demo $(STAMP) $(ENGINES)/.ok   ## run time against error of voxelization, distances and packing, as figures
 	$(BIN)/voxgran bench voxelize -o docs/figures
 	$(BIN)/voxgran bench distance -o docs/figures
 	$(BIN)/voxgran bench digital -o docs/figures

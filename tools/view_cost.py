@@ -23,7 +23,9 @@ def on_lattice(count: int, shapes: list[vg.Shape]) -> vg.Packing:
     edge = int(np.ceil(count ** (1 / 3)))
     position = np.stack(np.unravel_index(np.arange(count), (edge,) * 3), axis=1) + 0.5
     box = vg.Box((edge,) * 3)
-    return vg.Packing.of(shapes, box, position=position, scale=np.full(count, 0.9), shape_id=np.arange(count) % len(shapes))
+    return vg.Packing.of(
+        shapes, box, position=position, scale=np.full(count, 0.9), shape_id=np.arange(count) % len(shapes)
+    )
 
 
 def rough(count: int) -> list[vg.Shape]:
@@ -62,8 +64,8 @@ def main() -> None:
     cases["many spheres"] = on_lattice(20_000, [vg.make_shape("sphere")])
     cases["more spheres than are shown"] = on_lattice(100_000, [vg.make_shape("sphere")])
     rows = [measured(name, packing) for name, packing in cases.items()]
-    with Path(target).open("w", newline="", encoding="utf-8") as stream_:
-        writer = csv.DictWriter(stream_, list(rows[0]), lineterminator="\n")
+    with Path(target).open("w", newline="", encoding="utf-8") as file:
+        writer = csv.DictWriter(file, list(rows[0]), lineterminator="\n")
         writer.writeheader()
         writer.writerows(rows)
 
