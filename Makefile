@@ -16,13 +16,13 @@ unexport PYTHONDONTWRITEBYTECODE
 
 .DEFAULT_GOAL := demo
 .DELETE_ON_ERROR:
-.PHONY: demo test test-slow test-lowest test-engines test-dist lint docs dist bench studies figures clean
+.PHONY: demo test test-slow test-lowest test-engines test-browser test-dist lint docs dist bench studies figures clean
 
 demo: $(STAMP)   ## pack a small scene, check it, and write files and a report to out/demo
 	$(BIN)/voxgran demo -o out/demo --overwrite
 
-test: $(STAMP)   ## the tests, without those marked slow, file by file in WORKERS processes
-	$(BIN)/python -m pytest -m "not slow" --numprocesses=$(WORKERS) --dist=loadfile
+test: $(STAMP)   ## the tests, without those marked slow or browser, file by file in WORKERS processes
+	$(BIN)/python -m pytest -m "not slow and not browser" --numprocesses=$(WORKERS) --dist=loadfile
 
 test-slow: $(STAMP)   ## the tests marked slow, with many more random examples
 	$(BIN)/python -m pytest -m slow --hypothesis-profile=thorough
@@ -33,6 +33,10 @@ test-lowest: $(LOWEST)/.ok   ## a quick part of the tests on the lowest versions
 
 test-engines: $(ENGINES)/.ok   ## install LAMMPS, Kratos, YADE and LIGGGHTS, and run the tests of decks in them
 	$(BIN)/python -m pytest -m engine
+
+test-browser: $(STAMP)   ## install Chromium if it is missing, and look at pages in it
+	tools/chromium.sh
+	$(BIN)/python -m pytest -m browser
 
 lint: $(STAMP)   ## style, format and types
 	$(BIN)/ruff check
@@ -50,7 +54,7 @@ dist: $(STAMP)   ## sdist and wheel in dist/
 test-dist: dist   ## install the wheel in a fresh environment outside the checkout, run the demo and a script there
 	VOXGRAN_DIST=dist $(BIN)/python -m pytest -m dist
 
-bench: $(STAMP) $(ENGINES)/.ok   ## run time against error of voxelization, distances and packing, as figures
+bench: demo $(STAMP) $(ENGINES)/.ok   ## run time against error of voxelization, distances and packing, as figures
 	$(BIN)/voxgran bench voxelize -o docs/figures
 	$(BIN)/voxgran bench distance -o docs/figures
 	$(BIN)/voxgran bench digital -o docs/figures
@@ -70,6 +74,7 @@ bench: $(STAMP) $(ENGINES)/.ok   ## run time against error of voxelization, dist
 	$(BIN)/voxgran bench settle -o docs/figures
 	$(BIN)/voxgran bench clumps -o docs/figures
 	VOXGRAN_LAMMPS=$(ENGINES)/bin/lmp $(BIN)/voxgran bench relax -o docs/figures
+	$(BIN)/python tools/view_cost.py docs/figures/view_cost.csv out/demo/packing.vtp
 	$(BIN)/python examples/directions.py docs/figures 120
 	$(BIN)/python examples/chu_rsa.py docs/figures
 	$(BIN)/python examples/control_studies.py docs/figures 400 400 3

@@ -1,7 +1,8 @@
-"""`plot`: a packing or a shape in a window; a picture in a notebook and on a machine without a display."""
+"""`plot`: a packing or a shape in a window, or in a notebook where PyVista can turn it there; a picture elsewhere."""
 
 import os
 import sys
+from importlib.util import find_spec
 from typing import Any
 
 import numpy as np
@@ -13,6 +14,10 @@ from voxgran.report.colors import COLOR_BY, COLORS, ColorBy, coloring
 from voxgran.report.scenes import GRAIN_COLOR, SMOOTH, picture_packing
 from voxgran.report.stage import look_at, shot, stage_of
 from voxgran.shapes.model import Shape
+
+#: backends of PyVista whose scenes can be turned in a notebook, and what these need
+TURNS = ("trame", "client", "server", "html")
+TRAME = ("trame", "trame_vtk", "trame_vuetify")
 
 
 def plot(what: Packing | Shape, *, color: ColorBy = "diameter", window: tuple[int, int] = (900, 900)) -> Any:
@@ -30,8 +35,9 @@ def plot(what: Packing | Shape, *, color: ColorBy = "diameter", window: tuple[in
 
     Returns
     -------
-    PIL.Image.Image or None
-        The picture in a notebook, which shows it, and where there is no display; None after a window was closed.
+    PIL.Image.Image, widget or None
+        In a notebook the widget of PyVista's backend, which turns, where trame is installed and the backend is not
+        "static"; otherwise a picture there, and where there is no display; None after a window was closed.
 
     Raises
     ------
@@ -46,19 +52,13 @@ def plot(what: Packing | Shape, *, color: ColorBy = "diameter", window: tuple[in
     """
     check_type(what, (Packing, Shape), "what", "a Packing or a Shape; pack or make one")
     as_choice(color, "color", COLOR_BY)
-    if _has_window():
-        plotter = load("pyvista").Plotter(window_size=list(window))
-        mesh, look = what.to_pyvista(), {"color": GRAIN_COLOR}
-        if isinstance(what, Packing):
-            found = coloring(what, color)
-            mesh.cell_data[found.label] = found.values[mesh.cell_data["grain"]]
-            look = {"scalars": found.label, "cmap": COLORS}
-            plotter.add_mesh(load("pyvista").PolyData.from_regular_faces(*what.container.mesh()), style="wireframe")
-        # PyVista refuses empty meshes
-        if mesh.n_points:
-            plotter.add_mesh(mesh, **look)
-        plotter.show()
-        return None
+    backend = _notebook_backend()
+    if backend is not None or _has_window():
+        plotter = _plotter(what, color, window, notebook=backend is not None)
+        if backend is None:
+            plotter.show()
+            return None
+        return plotter.show(jupyter_backend=backend, return_viewer=True)
     if isinstance(what, Packing):
         picture = picture_packing(what, color_by=color, window=window)
     else:
@@ -67,6 +67,31 @@ def plot(what: Packing | Shape, *, color: ColorBy = "diameter", window: tuple[in
             look_at(stage, np.asarray(what.vertices), flat=what.dimension == 2)
             picture = shot(stage)
     return load("PIL.Image").fromarray(picture)
+
+
+def _plotter(what: Packing | Shape, color: str, window: tuple[int, int], *, notebook: bool) -> Any:
+    """Return a plotter that holds a packing with its container, or a shape."""
+    plotter = load("pyvista").Plotter(window_size=list(window), notebook=notebook, off_screen=notebook or None)
+    mesh, look = what.to_pyvista(), {"color": GRAIN_COLOR}
+    if isinstance(what, Packing):
+        found = coloring(what, color)
+        mesh.cell_data[found.label] = found.values[mesh.cell_data["grain"]]
+        look = {"scalars": found.label, "cmap": COLORS}
+        plotter.add_mesh(load("pyvista").PolyData.from_regular_faces(*what.container.mesh()), style="wireframe")
+    # PyVista refuses empty meshes
+    if mesh.n_points:
+        plotter.add_mesh(mesh, **look)
+    return plotter
+
+
+def _notebook_backend() -> str | None:
+    """Return the backend with which PyVista shows a scene that turns in a notebook; None outside of one, and where the
+    backend gives a picture only or trame is not installed.
+    """
+    if "ipykernel" not in sys.modules:
+        return None
+    backend = load("pyvista").global_theme.jupyter_backend
+    return str(backend) if backend in TURNS and all(find_spec(name) for name in TRAME) else None
 
 
 def _has_window() -> bool:

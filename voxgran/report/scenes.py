@@ -136,7 +136,7 @@ def drawn_surface(shape: Shape, most: int) -> tuple[Floats, Integers]:
     of the time of edge collapses; packings of hundreds of different shapes are common.
     """
     if shape.is_sphere and shape.dimension == 3:
-        level = int(np.clip(np.log(most / 20) / np.log(4), 1, 4))
+        level = int(np.clip(np.log(most / 20) / np.log(4) + 1e-9, 0, 4))
         vertices, faces, _ = sphere(level)
         return vertices * shape.bounding_radius, faces
     vertices, faces = shape.vertices, shape.faces

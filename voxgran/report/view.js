@@ -196,11 +196,12 @@
 
   function layout(p) {
     const sizes = p.ends.map(([low, high]) => high - low), largest = Math.max(...sizes);
+    const room = Math.min(1, find("canvas").clientWidth / find("canvas").clientHeight);
     const ink = getComputedStyle(document.body).color, flat = p.dimension === 2;
-    const scene = { dragmode: flat ? "pan" : "orbit", aspectmode: "manual", uirevision: String(state.at), aspectratio: {} };
+    const scene = { dragmode: flat ? "pan" : "turntable", aspectmode: "manual", uirevision: String(state.at), aspectratio: {} };
     AXES.forEach((name, axis) => {
       const shown = ticks(...p.bounds.map((corner) => corner[axis]));
-      scene.aspectratio[name] = 1.5 * sizes[axis] / largest;
+      scene.aspectratio[name] = 1.5 * room * sizes[axis] / largest;
       scene[name + "axis"] = {
         visible: !(flat && axis === 2), range: p.ends[axis], showbackground: false, showgrid: false, zeroline: false,
         showspikes: false, color: ink, title: { text: name + (p.unit ? " (" + p.unit + ")" : "") },
