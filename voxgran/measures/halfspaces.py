@@ -77,7 +77,13 @@ def _cut(fill: Any, d: int, centers: Floats, radii: Floats, lower: Floats, upper
 def _fill_spheres(centers, radii, lower, upper, start, normals, offsets, work, volumes):  # type: ignore[no-untyped-def]
     """Write the volume of each sphere inside the box and its half-spaces."""
     for i in range(len(radii)):
-        count = 0
+        count, r = 0, radii[i]
+        whole = start[i + 1] == start[i]
+        for axis in range(3):
+            whole = whole and lower[axis] <= centers[i, axis] - r and centers[i, axis] + r <= upper[axis]
+        if whole:
+            volumes[i] = r**3 * (4.0 * math.pi / 3.0)
+            continue
         for k in range(6 + start[i + 1] - start[i]):
             if k < 6:
                 axis, sign = k // 2, 2.0 * (k % 2) - 1.0
@@ -103,6 +109,14 @@ def _fill_spheres(centers, radii, lower, upper, start, normals, offsets, work, v
 @kernel
 def unit_sphere(work: Floats, count: int) -> float:
     """Return the volume of the unit sphere inside the half-spaces in the first four columns of `work`."""
+    if count == 0:
+        return 4.0 * math.pi / 3.0
+    if count == 1:
+        return math.pi * (1.0 + work[0, 3]) ** 2 * (2.0 - work[0, 3]) / 3.0
+    if count == 2 and work[0, 0] == -work[1, 0] and work[0, 1] == -work[1, 1] and work[0, 2] == -work[1, 2]:
+        # between two parallel planes; without cancellation also where they are close to each other
+        a, b = work[0, 3], work[1, 3]
+        return max(0.0, math.pi * (a + b) * (1.0 - (a * a - a * b + b * b) / 3.0))
     total, inside = 0.0, True
     for f in range(count):
         height = work[f, 3]

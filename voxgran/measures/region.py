@@ -253,8 +253,8 @@ def held_height(solids: Solids, axis: int, sign: int) -> float:
     wanted = HELD * float(packing.volumes.sum())
     height = -sign * packing.position[:, axis]
     bottom, top = height - packing.bounding_radii, height + packing.bounding_radii
-    low, high = float(bottom.min()), float(top.max())
-    active, below = np.arange(packing.count), 0.0
+    low, high = _around_height(bottom, top, packing.volumes, wanted)
+    active, below = np.flatnonzero((top > low) & (bottom < high)), float(packing.volumes[top <= low].sum())
     for _ in range(54):
         middle = (low + high) / 2
         lower, upper = np.full(packing.dimension, -np.inf), np.full(packing.dimension, np.inf)
@@ -271,3 +271,17 @@ def held_height(solids: Solids, axis: int, sign: int) -> float:
             high = middle
             active = active[bottom[active] < high]
     return -sign * low
+
+
+def _around_height(bottom: Floats, top: Floats, volumes: Floats, wanted: float) -> tuple[float, float]:
+    """Return two heights between which grains with ends at `bottom` and `top`, (n,), hold a volume below.
+
+    Where all grains that begin below a height hold less, the grains below it hold less too; where those that end below
+    it hold as much, they hold as much.
+    """
+    found = []
+    for ends in (bottom, top):
+        order = np.argsort(ends)
+        enough = int(np.searchsorted(np.cumsum(volumes[order]), wanted))
+        found.append(float(ends[order[min(enough, len(order) - 1)]]))
+    return found[0], found[1]

@@ -20,6 +20,7 @@ from voxgran._base.kernels import kernel
 from voxgran.containers.model import Container
 from voxgran.measures.halfspaces import cut_disks, cut_spheres
 from voxgran.measures.overlap import overlap_volume
+from voxgran.measures.slabs import Ordered, near_box
 from voxgran.measures.slices import cut_mesh, cut_polygon
 from voxgran.packing.model import Packing
 from voxgran.shapes.mesh import Mesh
@@ -121,7 +122,25 @@ class Solids:
         if any(isinstance(shape.geometry, Spheres) and shape.geometry.mass is not None for shape in used):
             return None
         centers, radii = flat_spheres(self.packing)
+        known = self.packing._contacts
+        if known and all(shape.is_sphere for shape in self.packing.shapes):
+            # contacts of single spheres are found already, and overlaps are among them
+            found = known[max(known)]
+            deep = found.gap <= -NO_DEPTH * float(radii.mean())
+            pairs = found.i[deep], found.j[deep], found.image[deep]
+            return centers, radii, _planes_of(pairs, centers, radii, _periods(self.packing.container))
         return centers, radii, power_planes(centers, radii, self.packing.container)
+
+    @property
+    def _ordered(self) -> list[Ordered]:
+        """The centers of all spheres along each axis, sorted once for all measures of a packing."""
+        found = self.packing._found
+        if "ordered" not in found:
+            assert self.spheres is not None
+            packing, centers = self.packing, self.spheres[0]
+            found["ordered"] = [Ordered.of(centers, packing.container, axis) for axis in range(packing.dimension)]
+        ordered: list[Ordered] = found["ordered"]
+        return ordered
 
     @cached_property
     def overlaps(self) -> tuple[Integers, Integers, Integers]:
@@ -141,7 +160,10 @@ class Solids:
     def _sphere_volume(self, spheres: tuple[Floats, Floats, Planes], lower: Floats, upper: Floats) -> float:
         """Return the volume of a union of spheres inside a box."""
         centers, radii, planes = spheres
-        sphere, shift = images(centers, radii, lower, upper, self.packing.container)
+        near = near_box(self._ordered, float(radii.max(initial=0.0)), lower, upper)
+        some = slice(None) if near is None else near
+        sphere, shift = images(centers[some], radii[some], lower, upper, self.packing.container)
+        sphere = sphere if near is None else near[sphere]
         chosen = chosen_planes(planes, sphere) if len(planes[1]) else None
         moved = centers[sphere] + shift
         if self.packing.dimension == 3:
@@ -228,7 +250,13 @@ def power_planes(centers: Floats, radii: Floats, container: Container | None = N
     periodic, lower, lengths = (False, False, False), np.zeros(3), np.ones(3)
     if container is not None:
         periodic, lower, lengths = container.periodic, container.bounds[0], _periods(container)
-    i, j, image = near_pairs(centers, radii, slack, lower=lower, lengths=lengths, periodic=periodic)
+    pairs = near_pairs(centers, radii, slack, lower=lower, lengths=lengths, periodic=periodic)
+    return _planes_of(pairs, centers, radii, lengths)
+
+
+def _planes_of(pairs: tuple[Integers, Integers, Integers], centers: Floats, radii: Floats, lengths: Floats) -> Planes:
+    """Return the planes of equal power of pairs (i, j, image) of overlapping spheres, as :func:`power_planes`."""
+    i, j, image = pairs
     apart = centers[j] + image * lengths - centers[i]
     distance = np.sqrt((apart**2).sum(axis=1))
     same = distance == 0.0

@@ -185,3 +185,30 @@ def test_disks_agree_with_segments_and_sectors():
     for b, c in generator.uniform(0, 1.2, (200, 2)):
         area = cut_disks(np.zeros((1, 2)), np.ones(1), lower=np.zeros(2), upper=np.array([b, c]))[0]
         assert area == pytest.approx(face_area(1.0, b, c), abs=1e-15)
+
+
+@pytest.mark.parametrize("height", [-1 + 1e-9, -0.5, -1e-16, 0.0, 0.3, 1 - 1e-9])
+@pytest.mark.parametrize("normal", [(0.0, 0, 1), (0.48, 0.6, 0.64)])
+def test_closed_forms_of_one_plane_and_of_a_slab_agree_with_the_general_sum(height, normal):
+    """A third plane, parallel to the first and behind it, cuts nothing but leads to the general sum."""
+    first, behind = (normal, height), (normal, (height + 1) / 2)
+    opposite = (tuple(-x for x in normal), 0.4)
+    assert cut_unit_sphere(first) == pytest.approx(cut_unit_sphere(first, behind), abs=2e-15)
+    assert cut_unit_sphere(first, opposite) == pytest.approx(cut_unit_sphere(first, opposite, behind), abs=2e-15)
+
+
+def test_a_thin_slab_keeps_its_digits():
+    for width in (1e-3, 1e-8, 1e-12):
+        middle = np.array([0.0, 0.0, 0.3])
+        low, high = middle - [np.inf, np.inf, width / 2], middle + [np.inf, np.inf, width / 2]
+        area = math.pi * (1 - 0.3**2) - math.pi * width**2 / 12
+        found = cut_spheres(np.zeros((1, 3)), np.ones(1), lower=low, upper=high)[0]
+        assert found == pytest.approx(area * (high[2] - low[2]), rel=1e-13)
+
+
+def test_spheres_whole_in_a_box_and_cut_by_it():
+    centers = np.array([[0.5, 0.5, 0.5], [0.5, 0.5, 0.4999999], [1.5, 0.5, 0.5], [0.0, 0.5, 0.5]])
+    found = cut_spheres(centers, np.full(4, 0.5), lower=np.zeros(3), upper=np.ones(3))
+    assert found[0] == BALL / 8
+    assert found[1] < found[0]
+    assert found[[2, 3]].tolist() == pytest.approx([0.0, BALL / 16], abs=1e-16)

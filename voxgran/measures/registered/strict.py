@@ -4,6 +4,7 @@ from dataclasses import replace
 
 from voxgran.contacts.verify import verify
 from voxgran.measures.model import Groups, Measure, dataset, variable
+from voxgran.measures.registered.coordination import near_contacts
 from voxgran.measures.window import NO_DEPTH
 from voxgran.packing.model import Packing
 
@@ -37,7 +38,7 @@ def _overlaps(packing: Packing) -> bool:
     """Return whether grains overlap, as true shapes may after a method that works with voxels."""
     if packing.count < 2:
         return False
-    gap = packing.contacts(0.0).gap
+    gap = near_contacts(packing).gap
     return bool(gap.min(initial=0.0) < -NO_DEPTH * packing.diameters.mean())
 
 
