@@ -103,6 +103,7 @@ class SoftSpheres:
         self.numbers = np.zeros(NUMBERS)
         self.listed = self.spheres.copy()
         self._pairs: PairList | None = None
+        self._beyond: Floats | None = None
         if n:
             self._calm_down()
             self._list()
@@ -139,7 +140,7 @@ class SoftSpheres:
         self.done_steps, self.in_round = int(counters["steps"]), int(counters["in_round"])
         self.ended, self.jams = bool(counters["ended"]), bool(counters["jammed"])
         # pairs are listed as they were, from where the spheres were then
-        self._pairs = None
+        self._pairs = self._beyond = None
 
     @property
     def factor(self) -> float:
@@ -197,7 +198,7 @@ class SoftSpheres:
         while left > 0:
             if self._pairs is None:
                 self._pairs = self._listing()
-            beyond, many = self._beyond(), left if self.known else 1
+            beyond, many = self._walls_near(), left if self.known else 1
             made = relax_spheres(
                 *(self.spheres, self.velocity, self.force, self.lightness, self._pairs, self.walls, beyond),
                 *(self.listed, FREE, self.numbers, many, goal, self.calm),
@@ -265,7 +266,8 @@ class SoftSpheres:
         """Compute the forces at the present positions."""
         if self._pairs is None:
             self._pairs = self._listing()
-        push_spheres(self.spheres, self._pairs, self.walls, self._beyond(), self.force, self.numbers)
+        self._beyond = None
+        push_spheres(self.spheres, self._pairs, self.walls, self._walls_near(), self.force, self.numbers)
         self.numbers[RESIDUAL] = np.inf
 
     def _list(self) -> None:
@@ -299,21 +301,27 @@ class SoftSpheres:
         near = np.flatnonzero(depth < reach * self.listed[:, 3]).astype(np.int64)
         return PairList(first, other, image, image_shifts(walls.lengths * walls.periodic), near)
 
-    def _beyond(self) -> Floats:
-        """Return distance and inward normal of walls that are known by their distance only, for spheres near them."""
-        if self.known:
-            return np.zeros((0, 4))
+    def _walls_near(self) -> Floats:
+        """Return distance and inward normal of walls that are known by their distance only, for spheres near them.
+
+        They are kept until the next call of `_push`, which follows each move of spheres near such walls.
+        """
+        if self._beyond is None:
+            self._beyond = np.zeros((0, 4)) if self.known else self._measured_walls()
+        return self._beyond
+
+    def _measured_walls(self) -> Floats:
+        """Return what `_walls_near` returns, by finite differences of the distance."""
         assert self._pairs is not None
         points = self.spheres[self._pairs.near_wall, :3]
-        away = -np.asarray(self.container.signed_distance(points))
+        shifts = NUDGE * np.eye(3)[: self.dimension]
+        # one call for all points: small ones cost more than what they compute
+        asked = np.concatenate([np.zeros((1, 3)), shifts, -shifts])[:, None] + points
+        away = -np.asarray(self.container.signed_distance(asked.reshape(-1, 3))).reshape(len(asked), len(points))
         normal = np.zeros((len(points), 3))
-        for axis in range(self.dimension):
-            shift = np.zeros(3)
-            shift[axis] = NUDGE
-            ahead, behind = (np.asarray(self.container.signed_distance(points + side * shift)) for side in (1.0, -1.0))
-            normal[:, axis] = behind - ahead
+        normal[:, : self.dimension] = (away[1 : self.dimension + 1] - away[self.dimension + 1 :]).T
         normal /= np.maximum(np.linalg.norm(normal, axis=1), 1e-300)[:, None]
-        return np.column_stack([away, normal])
+        return np.column_stack([away[0], normal])
 
 
 def _is_known(container: Container) -> bool:
