@@ -90,7 +90,7 @@ def test_every_room_has_its_question():
     assert HOUSE["questions"]().keys() == HOUSE["imports"]().keys()
 
 
-PAGES = ["CONTRIBUTING.md", "SECURITY.md", "docs/contribute/extending.md", "examples/plugin/readme.md"]
+PAGES = ["CONTRIBUTING.md", "SECURITY.md", "docs/contribute/extending.md", "examples/plugin/about.md"]
 
 
 @pytest.mark.parametrize("name", PAGES)

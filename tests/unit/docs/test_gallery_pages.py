@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 from matplotlib.image import imsave
 
-ROOT = Path(__file__).parents[2]
+ROOT = Path(__file__).parents[3]
 EXAMPLES = ROOT / "examples"
 SCRIPTS = sorted(EXAMPLES.glob("*.py"))
 sys.path.insert(0, str(ROOT / "docs"))
@@ -101,3 +101,9 @@ def test_the_settings_are_names_and_relative_paths():
     for value in GALLERY.SPHINX_GALLERY_CONF.values():
         assert not callable(value)
         assert str(ROOT) not in str(value)
+
+
+def test_only_the_folder_of_the_scripts_is_a_gallery():
+    # sphinx-gallery takes every folder with one of these files for a gallery of its own
+    heads = [path for path in EXAMPLES.rglob("*") if path.stem in {"README", "readme", "GALLERY_HEADER"}]
+    assert [path.relative_to(EXAMPLES).as_posix() for path in heads] == ["GALLERY_HEADER.rst"]

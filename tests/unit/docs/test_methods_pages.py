@@ -16,7 +16,7 @@ from voxgran.clumps.method import clump_registry
 from voxgran.packing.method import method_registry
 from voxgran.shapes.family import families
 
-DOCS = Path(__file__).parents[2] / "docs"
+DOCS = Path(__file__).parents[3] / "docs"
 sys.path.insert(0, str(DOCS))
 PAGES = importlib.import_module("methods_pages")
 CASES = importlib.import_module("method_cases")
