@@ -14,6 +14,7 @@ from voxgran._base import public
 from voxgran._base.arrays import Booleans, Floats, Integers, as_faces, as_points, as_positive, as_quaternions, read_only
 from voxgran._base.errors import InputError, shown
 from voxgran._base.lazy import load
+from voxgran._base.registry import ExplainedAttributes
 from voxgran._base.rotation import rotation_matrices
 from voxgran._base.scalars import cube_root
 from voxgran._base.tree import TriangleTree, grow_tree
@@ -31,7 +32,7 @@ Geometry: TypeAlias = Mesh | Primitive | Spheres | Outline | Surface
 
 
 @dataclass(frozen=True, eq=False)
-class Shape:
+class Shape(ExplainedAttributes):
     """Immutable solid or open surface with its centroid at the origin of its body frame.
 
     Attributes
@@ -546,5 +547,8 @@ def check_shapes(shapes: Any) -> tuple[Shape, ...]:
     """
     given = (shapes,) if isinstance(shapes, Shape) else shapes
     if not isinstance(given, Sequence) or not all(isinstance(shape, Shape) for shape in given):
-        raise InputError(f"shapes is {shown(shapes)}: it must be a Shape or a list of them; make_shape makes one")
+        entries = given if isinstance(given, Sequence) else (shapes,)
+        clumps = any(hasattr(entry, "to_shape") for entry in entries)
+        remedy = "a clump has one, clump.to_shape()" if clumps else "make_shape makes one"
+        raise InputError(f"shapes is {shown(shapes)}: it must be a Shape or a list of them; {remedy}")
     return tuple(given)
