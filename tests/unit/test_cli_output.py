@@ -1,10 +1,12 @@
 """Where the command line writes to: devices, pipes, links and names that no file system takes."""
 
+import json
 import os
 import subprocess
 import sys
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from voxgran.cli import main
@@ -107,3 +109,32 @@ def test_numbers_that_are_typed_or_written_are_refused_in_a_short_sentence(value
     said = capsys.readouterr().err
     assert said.count("\n") == 1
     assert len(said) < 300
+
+
+def test_a_flag_that_is_unknown_names_one_alike_without_its_dashes_or_none(capsys):
+    for words, said in (
+        (["clump", "rock.stl", "-n", "20"], "did you mean '--max-spheres'?"),
+        (["export", "bed.vtp", "-o", "run", "--spheres", "20"], "did you mean '--clump'?"),
+        (["verify", "bed.vtp", "--tolerence", "1"], "did you mean '--tolerance'?"),
+    ):
+        assert main(words) == 2
+        assert said in capsys.readouterr().err
+    assert main(["init", "--method", "gravity"]) == 2
+    assert "flag of init '--method' is unknown: known are --json" in capsys.readouterr().err
+
+
+def test_a_measure_beside_the_file_names_its_flag(capsys):
+    assert main(["measure", "bed.vtp", "voids"]) == 2
+    assert "'voids' is one argument too many; write --which voids" in capsys.readouterr().err
+
+
+def test_a_grey_image_is_segmented_at_the_prompt(tmp_path, capsys):
+    pytest.importorskip("skimage")
+    grey = np.full((16, 16, 16), 10, dtype=np.uint8)
+    grey[4:10, 4:10, 4:10] = 200
+    np.save(tmp_path / "grey.npy", grey)
+    words = ["labels", str(tmp_path / "grey.npy"), "--voxel-size", "0.5", "--segment", "--surface", "voxel", "--json"]
+    assert main(words) == 0
+    found = json.loads(capsys.readouterr().out)
+    assert found["grains"] == 1
+    assert found["solid_fraction"] == pytest.approx((6 / 16) ** 3)

@@ -28,7 +28,9 @@ def lazy_names(package: str, file: str) -> tuple[Callable[[str], Any], Callable[
     def find(name: str) -> Any:
         """Import a public name on first use."""
         if name not in places:
-            raise AttributeError(f"module {package!r} has no attribute {name!r}")
+            from voxgran._base.registry import missing_name
+
+            raise AttributeError(missing_name(package, name, names))
         place, stored = places[name]
         # a module of a package, such as voxgran.shapes.sizes, is no attribute of it before it is imported
         found = None if place == package else getattr(import_module(place), stored, None)
@@ -51,3 +53,8 @@ def public(name: str) -> Any:
     it: rooms import only from rooms below them.
     """
     return getattr(import_module("voxgran"), name)
+
+
+def public_functions() -> list[str]:
+    """Return the names of all public functions of voxgran, which messages suggest."""
+    return [name for name in import_module("voxgran").__all__ if name.islower()]

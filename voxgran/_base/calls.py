@@ -10,7 +10,7 @@ from typing import Any, ClassVar, ParamSpec, Protocol, TypeVar
 from voxgran._base.config import from_mapping, parameters_of, removal_of, to_mapping
 from voxgran._base.deprecation import warn_former
 from voxgran._base.errors import CallError, InputError, shown
-from voxgran._base.registry import Registry, unknown
+from voxgran._base.registry import Registry, nearest, unknown
 
 P = ParamSpec("P")
 R = TypeVar("R")
@@ -83,6 +83,8 @@ def _broken_rule(
     known = [entry.name for entry in entries if entry.kind is not entry.VAR_KEYWORD]
     by_position = [entry.name for entry in entries if entry.kind is entry.POSITIONAL_OR_KEYWORD]
     if len(given) > len(by_position):
+        if not by_position:
+            return f"{name} takes no arguments by position but by name: {', '.join(known)}"
         listed = ", ".join(by_position)
         return f"{name} takes {len(by_position)} arguments by position ({listed}) and was given {len(given)}"
     if len(known) == len(entries):
@@ -95,7 +97,12 @@ def _broken_rule(
     there = {*by_position[: len(given)], *keywords}
     missing = [entry.name for entry in entries if entry.name in known and entry.default is entry.empty]
     missing = [key for key in missing if key not in there]
-    return f"{name} needs {' and '.join(missing)}" if missing else None
+    if not missing:
+        return None
+    # of a function that takes any keywords, one that it does not name may be a slip
+    others = ((key, nearest(key, [*missing, *known])) for key in keywords if key not in known)
+    slips = "".join(f", and {key!r} may stand for {meant!r}" for key, meant in others if meant)
+    return f"{name} needs {' and '.join(missing)}{slips}"
 
 
 class Parameters(Protocol):

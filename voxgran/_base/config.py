@@ -268,6 +268,6 @@ def _describe(wanted: Any) -> str:
         entries = dataclasses.fields(wanted)
         example = {field.name: field.default for field in entries if field.default is not MISSING}
         return f"a table of {' and '.join(field.name for field in entries)}" + (
-            f", such as {example}" if example else ""
+            f", such as {example}, or {wanted.__name__}({next(iter(example))}=...)" if example else ""
         )
     return getattr(wanted, "__name__", str(wanted))

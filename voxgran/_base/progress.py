@@ -1,9 +1,13 @@
 """Progress of long work, reported through a callback.
 
-Whoever runs it shows it (the command line with rich) or leaves it.
+Whoever runs it shows it (the command line with rich) or leaves it. Where nobody does, a person who waits at a terminal
+or in a notebook is told every ten seconds what happens.
 """
 
-from dataclasses import dataclass
+import contextlib
+import sys
+import time
+from dataclasses import dataclass, field
 from typing import Protocol
 
 
@@ -22,3 +26,43 @@ class OnStep(Protocol):
 
     def __call__(self, step: Step, /) -> None:
         """Take note of a step."""
+
+
+#: seconds after which a person who waits is told what happens, and between two lines
+SECONDS = 10.0
+
+
+@dataclass(slots=True)
+class ProgressLines:
+    """A callback that writes a line on the error stream every ten seconds, and at once that kernels are compiled."""
+
+    began: float = field(default_factory=time.monotonic)
+    told: float = field(default_factory=time.monotonic)
+    compiling: bool = False  # whether it was said that kernels are compiled
+
+    def __call__(self, step: Step, /) -> None:
+        """Write a line if it is due."""
+        now = time.monotonic()
+        compiles = step.stage == "compiling" and not self.compiling
+        if now - self.told < SECONDS and not compiles:
+            return
+        self.told, self.compiling = now, self.compiling or compiles
+        text = f": {step.text}" if step.text else ""
+        # where the error stream takes nothing there is nobody to tell
+        with contextlib.suppress(OSError, ValueError, AttributeError):
+            sys.stderr.write(f"voxgran: {step.stage}{text} (after {now - self.began:.0f} s)\n")
+            sys.stderr.flush()
+
+
+def silent(step: Step, /) -> None:
+    """Leave a step unreported, also to a person who waits."""
+
+
+def reported(on_step: OnStep | None) -> OnStep | None:
+    """Return the callback, or if there is none, one that writes lines where a person waits at a terminal or in a
+    notebook.
+    """
+    if on_step is not None:
+        return on_step
+    watched = "ipykernel" in sys.modules or (sys.stderr is not None and sys.stderr.isatty())
+    return ProgressLines() if watched else None

@@ -3,6 +3,8 @@
 A registry looks in one package and in the packages inside it: the file ``digital.py`` that holds a module-level
 `registration` is the entry ``"digital"``. Files are imported when they are asked for, never before. Third parties add
 entries through an entry-point group, whose values point at such a registration.
+
+The messages for names that are unknown are made here too: of entries, keys, modules and attributes.
 """
 
 import difflib
@@ -12,8 +14,9 @@ import pkgutil
 import sys
 from collections.abc import Iterable
 from functools import cache, lru_cache
-from typing import Generic, TypeVar
+from typing import TYPE_CHECKING, Any, Generic, TypeVar
 
+from voxgran._base import public_functions
 from voxgran._base.errors import InputError, UnknownNameError, shown
 
 T = TypeVar("T")
@@ -92,38 +95,83 @@ def _modules_of(package: str, *, packages: bool) -> tuple[str, ...]:
 #: words that people type for a name of ours, as other programs have it; the first that is known is suggested
 SYNONYMS: dict[str, tuple[str, ...]] = {
     "ball": ("sphere",),
+    "centers": ("position",),
     "circle": ("disk",),
+    "clump": ("fit_clump",),
+    "contact_number": ("coordination", "measure"),
+    "coordination": ("measure",),
     "cube": ("box",),
     "cuboid": ("box",),
     "diameter": ("radius",),
+    "export": ("write_deck",),
+    "fill": ("pack",),
+    "generate": ("pack", "make_shape"),
+    "grading": ("gradation",),
+    "grain_size": ("gradation",),
+    "html": ("report",),
+    "info": ("describe",),
+    "kind": ("family",),
+    "load_ct": ("load_image",),
+    "load_mesh": ("load_shape",),
     "mean": ("median",),
-    "n": ("count",),
+    "n": ("count", "max_spheres"),
     "n_grains": ("count",),
+    "n_spheres": ("max_spheres",),
     "num": ("count",),
     "number": ("count",),
     "pack": ("run",),
     "packing_fraction": ("solid_fraction", "density"),
+    "pair_correlation": ("rdf", "measure"),
+    "pore_size": ("voids", "measure"),
+    "pore_sizes": ("voids", "measure"),
+    "pores": ("voids", "measure"),
     "porosity": ("solid_fraction", "density"),
+    "positions": ("position",),
+    "profile": ("measure",),
+    "psd": ("gradation",),
+    "radial_distribution": ("rdf", "measure"),
+    "segment": ("labels",),
+    "shake": ("settle",),
     "size": ("lengths", "diameter"),
     "solid_fraction": ("density",),
+    "spheres": ("clump", "max_spheres"),
     "square": ("rectangle", "box"),
     "std": ("sigma",),
     "tetrahedron": ("platonic",),
+    "type": ("kind", "family"),
+    "to_csv": ("to_dataframe",),
     "void_ratio": ("solid_fraction", "density"),
     "volume_fraction": ("solid_fraction", "density"),
+    "weight": ("share",),
+    "write_lammps": ("write_deck",),
 }
 
 
-def unknown(kind: str, name: object, known: Iterable[str], *, beside: Iterable[str] = ()) -> str:
+def unknown(
+    kind: str, name: object, known: Iterable[str], *, beside: Iterable[str] = (), meant: str | None = None
+) -> str:
     """Return the message for an unknown name, with all known names and the one that was most likely meant.
 
-    `kind` is such as ``"packing method"``; names of `beside` may be suggested but are not listed.
+    `kind` is such as ``"packing method"``; names of `beside` may be suggested but are not listed. `meant` is suggested
+    where the caller knows better than the spelling says.
     """
     names = sorted(known)
-    meant = nearest(name, (*names, *beside))
+    meant = meant or nearest(name, (*names, *beside))
     hint = f"did you mean {meant!r}? " if meant else ""
     listed = f"known are {', '.join(names)}" if names else "there are no others" if meant else "there are none"
     return f"{kind} {shown(name)} is unknown: {hint}{listed}"
+
+
+def nearest_word(name: str, known: Iterable[str]) -> str | None:
+    """Return the known name that was most likely meant, as :func:`nearest`, or else one that has a word of it, as
+    ``load_image`` has one of ``image_file``.
+    """
+    names = list(known)
+    found = nearest(name, names)
+    if found:
+        return found
+    words = set(name.casefold().split("_"))
+    return next((entry for entry in names if words & set(entry.casefold().split("_"))), None)
 
 
 def nearest(name: object, known: Iterable[str]) -> str | None:
@@ -133,3 +181,50 @@ def nearest(name: object, known: Iterable[str]) -> str | None:
     alike = difflib.get_close_matches(given, by_case, n=1, cutoff=0.5)
     candidates = (given, *SYNONYMS.get(given, ()), *alike)
     return next((by_case[entry] for entry in candidates if entry in by_case), None)
+
+
+def missing_name(module: str, name: str, known: list[str]) -> str:
+    """Return the message for a name that a module does not have, with the one that was most likely meant."""
+    meant = None if name.startswith("__") else nearest_word(name, known)
+    hint = f"did you mean {meant!r}?" if meant else f"dir({module}) lists its names"
+    return f"module {module!r} has no attribute {name!r}: {hint}"
+
+
+class ExplainedAttributes:
+    """Objects that answer an unknown attribute with the one that was most likely meant.
+
+    A public function of voxgran of that name, such as `equilibrium`, is named too, since it may be called with them.
+    """
+
+    # hidden from type checkers, which would otherwise accept any name
+    if not TYPE_CHECKING:
+
+        def __getattr__(self, name: str) -> Any:
+            """Explain an attribute that is missing.
+
+            Raises
+            ------
+            AttributeError
+                Always.
+            """
+            kind = type(self)
+            if name.startswith("__") or hasattr(kind, name):
+                # a special method that Python asks for, or an error within a property, which is raised again
+                return object.__getattribute__(self, name)
+            raise AttributeError(f"{kind.__name__} has no attribute {name!r}: {_remedy(kind, name)}")
+
+
+def _remedy(kind: type, name: str) -> str:
+    """Return what may be written in place of an unknown attribute."""
+    functions = public_functions()
+    own = [entry for entry in dir(kind) if not entry.startswith("_")]
+    fields = [*own, *getattr(kind, "__dataclass_fields__", ())]
+    call = f"{kind.__name__.lower()}, ..."
+    for function in (name, f"save_{name}", f"write_{name}"):
+        if function in functions:
+            return f"write vg.{function}({call})"
+    meant = nearest(name, fields)
+    if meant:
+        return f"did you mean {meant!r}?"
+    meant = nearest(name, functions)
+    return f"did you mean vg.{meant}({call})?" if meant else f"dir({kind.__name__}) lists its attributes"

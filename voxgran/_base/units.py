@@ -18,6 +18,19 @@ _METRES = {
 }
 #: other spellings
 _SPELLINGS = {"in": "inch", "\u00b5m": "um", "\u03bcm": "um", "\u00c5": "angstrom", "\u212b": "angstrom"}
+#: names in full, in the singular
+_NAMES = {
+    "kilometre": "km",
+    "metre": "m",
+    "decimetre": "dm",
+    "centimetre": "cm",
+    "millimetre": "mm",
+    "micrometre": "um",
+    "micron": "um",
+    "nanometre": "nm",
+    "picometre": "pm",
+    "inche": "inch",
+}
 
 
 def as_unit(value: object, name: str = "unit") -> str:
@@ -39,7 +52,9 @@ def as_unit(value: object, name: str = "unit") -> str:
         raise InputError(f"{name} is {shown(value)}: it must be the name of a unit of length, such as 'mm'")
     found = known_unit(value)
     if found is None and value.strip() != NO_UNIT:
-        raise UnknownNameError(unknown(name, value, (NO_UNIT, *_METRES)))
+        # names in full are suggested, not accepted: one spelling is written into files
+        word = value.strip().casefold().removesuffix("s").replace("meter", "metre")
+        raise UnknownNameError(unknown(name, value, (NO_UNIT, *_METRES), meant=_NAMES.get(word)))
     return found or NO_UNIT
 
 

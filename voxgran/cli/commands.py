@@ -3,7 +3,7 @@
 import argparse
 import json
 from collections.abc import Callable, Sequence
-from dataclasses import MISSING
+from dataclasses import MISSING, replace
 from pathlib import Path
 from typing import Any
 
@@ -189,7 +189,10 @@ def _called(path: str) -> str:
 def labels(options: argparse.Namespace) -> None:
     """Make a packing of a label image and write it."""
     given = _fields(options, "voxel_size", "border", "surface", "periodic", "unit", "key")
-    packing = voxgran.packing_of_labels(options.file, **given)
+    source = voxgran.load_image(options.file, key=options.key) if options.segment else options.file
+    if options.segment:
+        source = replace(source, values=voxgran.segment(source.values))
+    packing = voxgran.packing_of_labels(source, **given)
     if options.output:
         voxgran.save(packing, options.output, overwrite=options.overwrite)
     numbers = {"grains": packing.count, "solid_fraction": packing.solid_fraction}

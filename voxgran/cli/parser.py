@@ -15,7 +15,7 @@ from voxgran._base.config import Parameter, parameters_of
 from voxgran._base.deprecation import warn_former
 from voxgran._base.errors import InputError, UnknownNameError
 from voxgran._base.lazy import load
-from voxgran._base.registry import unknown
+from voxgran._base.registry import nearest, unknown
 from voxgran.decks.material import Material
 from voxgran.decks.simulation import LONGEST, REST
 from voxgran.decks.write import KINDS
@@ -147,6 +147,7 @@ FLAGS: dict[str, tuple[Flag, ...]] = {
     "labels": (
         _flag("file", help="label image: .npy, .npz, .tif, .vti or .nrrd"),
         _flag("--voxel-size", type=float, help="edge of a voxel; default: as the file says"),
+        _flag("--segment", action="store_true", help="the image holds grey values, of which labels are made first"),
         _flag("--border", choices=("keep", "drop"), default="keep", help="grains that the image cuts"),
         _flag("--surface", choices=("smooth", "voxel"), default="smooth", help="smooth, or faces of voxels"),
         _flag("--periodic", default="", help="axes along which the image repeats, such as xy"),
@@ -248,7 +249,8 @@ EXAMPLES: dict[str, str] = {
     "measure": "voxgran measure out/packing.vtp --which density --which coordination -o statistics.nc",
     "report": "voxgran report out/packing.vtp -o report.html",
     "compare": "voxgran compare digital=out/digital points=out/points -o comparison.html",
-    "labels": "voxgran labels scan.tif --voxel-size 0.02 --unit mm -o scan.vtp",
+    "labels": "voxgran labels scan.tif --voxel-size 0.02 --unit mm -o scan.vtp\n"
+    "  voxgran labels grey.tif --segment --voxel-size 0.02 -o scan.vtp",
     "shape": "voxgran shape solid_union --seed 7 --solids 3,5 -o grain.stl\n"
     "  voxgran shape convex_polyhedron --count 300 --points 8,20 -o grains --gallery grains.png",
     "repair": "voxgran repair scan.ply -o rock.ply\n  voxgran repair scan.ply --bodies largest --max-hole 0.1",
@@ -333,10 +335,19 @@ def parse(words: Sequence[str], commands: Mapping[str, tuple[str, Callable[..., 
     for word in rest:
         flag, _, _ = word.partition("=")
         if flag.startswith("-"):
-            known = (f"--{name.replace('_', '-')}" for name in vars(options) if name not in NO_FLAGS)
-            raise UnknownNameError(unknown(f"flag of {options.command}", flag, known))
-        raise InputError(f"{word!r} is one argument too many; see 'voxgran {options.command} --help'")
+            raise UnknownNameError(_unknown_flag(flag, options))
+        remedy = f"write --which {word}" if hasattr(options, "which") else f"see 'voxgran {options.command} --help'"
+        raise InputError(f"{word!r} is one argument too many; {remedy}")
     return options
+
+
+def _unknown_flag(flag: str, options: argparse.Namespace) -> str:
+    """Return the message for an unknown flag; names are compared without the dashes, which all flags share."""
+    names = [name for name in vars(options) if name not in NO_FLAGS]
+    meant = nearest(flag.strip("-").replace("-", "_"), names)
+    known = sorted(f"--{name.replace('_', '-')}" for name in names)
+    hint = f"did you mean '--{meant.replace('_', '-')}'? " if meant else ""
+    return f"flag of {options.command} {flag!r} is unknown: {hint}known are {', '.join(known)}"
 
 
 def _joined(words: Sequence[str]) -> list[str]:

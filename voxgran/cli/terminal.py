@@ -11,14 +11,14 @@ from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
 
 from voxgran._base.lazy import load
-from voxgran._base.progress import OnStep, Step
+from voxgran._base.progress import OnStep, Step, silent
 
 
 @contextlib.contextmanager
 def progress(options: argparse.Namespace) -> Iterator[OnStep | None]:
     """Show a progress bar with rate and remaining time on a terminal, and nothing in a pipe (context manager)."""
     if options.quiet or options.json or not sys.stderr.isatty():
-        yield None
+        yield silent
         return
     rich = load("rich.progress")
     columns = (

@@ -56,6 +56,8 @@ def _one_each(clumps: Any, changed: list[bool]) -> list[Clump | None]:
         raise InputError(f"clumps is a single Clump for {count} shapes: give a list of one for each shape")
     if few:
         return [clumps if other else None for other in changed]
+    if isinstance(clumps, int | np.integer):
+        raise InputError(f"clumps is {clumps}: it must be {wanted}; a number of spheres is max_spheres={clumps}")
     check_type(clumps, Sequence, "clumps", wanted)
     if len(clumps) != len(changed):
         raise InputError(f"clumps has {len(clumps)} entries for {len(changed)} shapes: it must be {wanted}")

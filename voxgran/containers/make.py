@@ -5,7 +5,7 @@ from typing import Any
 
 from voxgran._base.arrays import as_faces, as_points, as_vector
 from voxgran._base.errors import InputError, UnknownNameError, shown, with_article
-from voxgran._base.registry import unknown
+from voxgran._base.registry import nearest, unknown
 from voxgran.containers.box import Box
 from voxgran.containers.closed_mesh import ClosedMesh
 from voxgran.containers.cylinder import Cylinder
@@ -84,6 +84,11 @@ def make_container(mapping: Mapping[str, Any], where: str = "[container]") -> Co
         raise InputError(f"{where} is {shown(mapping)}: it must be a mapping with the key kind; give one")
     rest = dict(mapping)
     kind = rest.pop("kind", None)
+    if kind is None:
+        # another key may have been written in its place
+        slip = next((key for key in rest if nearest(key, ("kind",))), None)
+        meant = "" if slip is None else f", and {slip!r} may stand for it"
+        raise InputError(f"{where} kind is missing{meant}: it must be one of {', '.join(KINDS)}; add it")
     if not isinstance(kind, str) or kind not in KINDS:
         raise UnknownNameError(unknown(f"{where} kind", kind, KINDS))
     made, needed, optional = KINDS[kind]

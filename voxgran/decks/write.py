@@ -9,6 +9,7 @@ from typing import Any, Literal
 import numpy as np
 
 from voxgran._base.arrays import as_choice, as_count, as_positive, check_type
+from voxgran._base.calls import explained
 from voxgran._base.config import from_mapping
 from voxgran._base.errors import InputError
 from voxgran._base.files import as_path, refuse_to_replace, write_text
@@ -62,6 +63,7 @@ class Deck:
         return f"Deck({self.packing.count} grains for {self.engine}, {len(self.files)} files in {str(self.folder)!r})"
 
 
+@explained(hint='write_deck(packing, "run", "lammps", material=Material(density=2650))')
 def write_deck(
     packing: Packing,
     folder: str | os.PathLike[str],

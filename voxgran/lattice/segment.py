@@ -1,5 +1,6 @@
 """Segmentation of grey images: threshold, removal of noise and watershed, by scikit-image."""
 
+import os
 from typing import Any
 
 import numpy as np
@@ -25,8 +26,8 @@ def segment(
 
     Parameters
     ----------
-    image : (nx, ny, nz) ndarray
-        Grey values.
+    image : (nx, ny, nz) ndarray or Image
+        Grey values; what :func:`voxgran.load_image` returns is one.
     threshold : float or "otsu"
         Grey value above which a voxel is solid; ``"otsu"`` determines it from the histogram.
     dark_grains : bool
@@ -62,6 +63,8 @@ def segment(
     >>> int(vg.segment(grey, threshold=0.5).max())
     2
     """
+    if isinstance(image, str | os.PathLike):
+        raise InputError(f"image is the path {str(image)!r}: grey values are needed; write segment(load_image(path))")
     grey = np.asarray(image)
     if grey.ndim != 3 or not grey.size:
         raise InputError(f"image has the shape {grey.shape}: three axes are needed; stack slices, or choose a channel")

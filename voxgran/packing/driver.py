@@ -7,7 +7,7 @@ import logging
 import math
 import os
 import time
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import partial
 from pathlib import Path
 from typing import Any, Protocol
@@ -20,7 +20,7 @@ from voxgran._base.errors import CheckpointError, InputError, Interrupted, Outpu
 from voxgran._base.files import as_path, remove_drafts
 from voxgran._base.kernels import telling_of_compilation
 from voxgran._base.lock import locked_file
-from voxgran._base.progress import OnStep, Step
+from voxgran._base.progress import OnStep, Step, reported
 from voxgran._base.stopping import Signals, Stopped, stopping_when
 from voxgran.packing.method import PackingMethod, RunState
 from voxgran.packing.model import Packing
@@ -75,6 +75,7 @@ def drive(method: PackingMethod, problem: Problem, how: Drive) -> RunState:
     Interrupted
         On SIGINT or SIGTERM: after a checkpoint was written; before the first attempt, and on a second signal, at once.
     """
+    how = replace(how, on_step=reported(how.on_step))
     with locked_file(how.checkpoint), telling_of_compilation(partial(_tell_of_kernels, how)), Signals() as signals:
         state = method.prepare(problem)
         mark = fingerprint(method, problem)

@@ -13,6 +13,7 @@ from numpy.typing import ArrayLike
 from voxgran._base.arrays import Floats, Integers
 from voxgran._base.errors import GrainIndexError, InputError, shown
 from voxgran._base.lazy import load
+from voxgran._base.registry import ExplainedAttributes
 from voxgran._base.units import NO_UNIT
 from voxgran.clumps.bonds import LEAST_AREA, TOUCHING, Strengths, bonds_of_bodies
 from voxgran.contacts.assembly import Assembly
@@ -71,7 +72,7 @@ class Grain:
 
 
 @dataclass(frozen=True, eq=False)
-class GrainSequence(Assembly):
+class GrainSequence(ExplainedAttributes, Assembly):
     """An assembly whose grains are counted, visited and chosen as the items of a sequence are."""
 
     @property

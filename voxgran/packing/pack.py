@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from voxgran._base.arrays import as_number, as_positive, check_lengths
+from voxgran._base.arrays import as_number, check_lengths
 from voxgran._base.calls import Parameters, chosen, explained
 from voxgran._base.config import to_mapping
 from voxgran._base.errors import InputError, PackingWarning, shown
@@ -27,7 +27,7 @@ from voxgran.packing.driver import Drive, Recorder, check_drive, drive
 from voxgran.packing.gravity import gravity_vector, proposed_axis
 from voxgran.packing.method import PackingMethod, RunState, check_memory, method_registry, packing_memory
 from voxgran.packing.model import Packing, check_packing
-from voxgran.packing.problem import Problem, normalized_problem, too_coarse, warn_of_units
+from voxgran.packing.problem import Problem, normalized_problem, one_density, too_coarse, warn_of_units
 from voxgran.packing.settle import as_settling, warn_of_unrest, with_target
 from voxgran.packing.settling_run import with_settling
 from voxgran.packing.start import check_start
@@ -55,7 +55,7 @@ class Task:
     sizes: SizeDistribution | None
 
 
-@explained(hint='pack(shapes, Box((4, 4, 4)), method="digital", count=20)')
+@explained(hint='pack(shapes, Box((4, 4, 4)), method="gravity", count=20)')
 def pack(
     shapes: Sequence[Shape] | Shape,
     container: Container,
@@ -124,7 +124,8 @@ def pack(
         Seconds after which the run stops, though not before the first attempt, with a checkpoint; the stop reason is
         then ``interrupted``.
     on_step : callable, optional
-        Told of each step of the work.
+        Told of each step of the work; default: at a terminal and in a notebook, a line on the error stream every ten
+        seconds.
     recorder : Recorder, optional
         Given the packing whenever a snapshot is due, such as a :class:`Series` for ParaView.
     settle : bool, mapping or Settling, optional
@@ -269,7 +270,7 @@ def prepare_task(
         known = len(grains.diameter) if count is not None or none_asked else 0 if start is None else start.count
         grains = scaled_to(grains, given, container, solid_fraction, given=known)
     problem = normalized_problem(given, container, grains, settings, seed=seed, start=start)
-    problem.unit, problem.density = unit, 1.0 if density is None else as_positive(density, "density")
+    problem.unit, problem.density = unit, one_density(density)
     problem.asked_count, problem.asked_fraction = asked["count"], asked["solid_fraction"]
     problem.settling = _settling_of(entry, problem, settle)
     entry = entry if problem.settling is None else with_settling(entry, problem.settling)

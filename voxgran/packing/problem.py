@@ -7,16 +7,16 @@ the same numbers. Representations are cached up to a limit of memory; the oldest
 import hashlib
 import warnings
 from collections import OrderedDict
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from voxgran._base.arrays import Booleans, Floats, Integers, as_count
+from voxgran._base.arrays import Booleans, Floats, Integers, as_count, as_positive
 from voxgran._base.config import to_mapping
-from voxgran._base.errors import InputError, PackingWarning
+from voxgran._base.errors import InputError, PackingWarning, shown
 from voxgran._base.rotation import normalized
 from voxgran._base.seeds import stream
 from voxgran.contacts.assembly import Assembly
@@ -323,3 +323,16 @@ def too_coarse(problem: Problem) -> str:
     if voxel is None or voxel <= coarsest or settings.cover != "touch":
         return ""
     return f"a grain takes all voxels that it touches, and voxel_size is {voxel:.4g}; make it at most {coarsest:.4g}"
+
+
+def one_density(density: Any) -> float:
+    """Return the density of the material; those of several materials are refused.
+
+    Raises
+    ------
+    InputError
+        If it is no number above 0.
+    """
+    if isinstance(density, Sequence) and not isinstance(density, str):
+        raise InputError(f"density is {shown(density)}: all grains of a packing have one density; give one number")
+    return 1.0 if density is None else as_positive(density, "density")

@@ -101,7 +101,8 @@ def settle(
     resume : bool
         Whether to go on from that file where it is there.
     on_step : callable, optional
-        Called with each :class:`Step` of the work.
+        Called with each :class:`Step` of the work; default: at a terminal and in a notebook, a line on the error stream
+        every ten seconds.
 
     Returns
     -------

@@ -293,7 +293,8 @@ def read_toml(path: str | os.PathLike[str]) -> dict[str, Any]:
         return tomllib.loads(found.read_text(encoding="utf-8"))
     except (ValueError, RecursionError) as error:
         # a number of too many digits is a bare ValueError, values in too many brackets are a RecursionError
-        raise FileFormatError(f"{found} is not TOML ({reason_of(error)}): mend that line") from error
+        mend = "mend that line; text is written in quotes, flags are true and false"
+        raise FileFormatError(f"{found} is not TOML ({reason_of(error)}): {mend}") from error
 
 
 def _settle(

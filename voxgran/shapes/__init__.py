@@ -15,7 +15,9 @@ def __getattr__(name: str) -> "Callable[..., Any]":
 
         if name in shape_families():
             return family_function(name)
-    raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+    from voxgran._base.registry import missing_name
+
+    raise AttributeError(missing_name(__name__, name, __dir__()))
 
 
 def __dir__() -> list[str]:

@@ -9,8 +9,8 @@ import numpy as np
 
 from voxgran._base.arrays import as_count, as_positive, check_lengths
 from voxgran._base.calls import Parameters, chosen, document
-from voxgran._base.config import to_mapping
-from voxgran._base.errors import InputError
+from voxgran._base.config import parameters_of, to_mapping
+from voxgran._base.errors import CallError, InputError, shown
 from voxgran._base.registry import Registry
 from voxgran._base.seeds import stream
 from voxgran.shapes.describing.body import Geometry
@@ -80,11 +80,19 @@ def family_function(name: str) -> Callable[..., Shape]:
     ------
     UnknownNameError
         If there is no such family.
+    CallError
+        By the returned function, if it is given a parameter by position.
     """
     entry = families().get(name)
     document(entry.parameters)
 
-    def make(*, seed: int = 0, **parameters: Any) -> Shape:
+    hint = f"shapes.{name}({', '.join(f'{item.name}=...' for item in parameters_of(entry.parameters)[:1])})"
+
+    def make(*arguments: Any, seed: int = 0, **parameters: Any) -> Shape:
+        if arguments:
+            raise CallError(
+                f"{name} takes its parameters by name only and was given {shown(arguments[0])}; write {hint}"
+            )
         return make_shape(name, seed=seed, **parameters)
 
     make.__name__ = make.__qualname__ = name

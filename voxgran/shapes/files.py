@@ -5,6 +5,7 @@ import os
 from pathlib import Path
 
 from voxgran._base.arrays import check_type
+from voxgran._base.calls import explained
 from voxgran._base.errors import FileFormatError, InputError, shown
 from voxgran._base.files import as_path, written_whole
 from voxgran.shapes.formats.mesh_files import WRITERS, read_surface
@@ -24,6 +25,7 @@ LOADING = Remedies(
 log = logging.getLogger(__name__)
 
 
+@explained(hint='load_shape("rock.stl", unit="mm")')
 def load_shape(
     path: str | os.PathLike[str], *, unit: str | None = None, repair: bool = False, surface: bool = False
 ) -> Shape:

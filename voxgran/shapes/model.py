@@ -11,6 +11,7 @@ from voxgran._base import public
 from voxgran._base.arrays import Booleans, Floats, as_faces, as_points, as_positive, as_quaternions
 from voxgran._base.errors import InputError, shown
 from voxgran._base.lazy import load
+from voxgran._base.registry import ExplainedAttributes
 from voxgran._base.rotation import rotation_matrices
 from voxgran._base.units import as_unit, stated_unit, unit_factor
 from voxgran.shapes.describing.body import Body, Geometry
@@ -23,7 +24,7 @@ from voxgran.shapes.surface import Surface, refuse_unfit
 
 
 @dataclass(frozen=True, eq=False, repr=False)
-class Shape(Body):
+class Shape(ExplainedAttributes, Body):
     """Immutable solid or open surface with its centroid at the origin of its body frame.
 
     Attributes
@@ -422,5 +423,8 @@ def check_shapes(shapes: Any) -> tuple[Shape, ...]:
     """
     given = (shapes,) if isinstance(shapes, Shape) else shapes
     if not isinstance(given, Sequence) or not all(isinstance(shape, Shape) for shape in given):
-        raise InputError(f"shapes is {shown(shapes)}: it must be a Shape or a list of them; make_shape makes one")
+        entries = given if isinstance(given, Sequence) else (shapes,)
+        clumps = any(hasattr(entry, "to_shape") for entry in entries)
+        remedy = "a clump has one, clump.to_shape()" if clumps else "make_shape makes one"
+        raise InputError(f"shapes is {shown(shapes)}: it must be a Shape or a list of them; {remedy}")
     return tuple(given)

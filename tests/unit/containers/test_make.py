@@ -90,7 +90,7 @@ def test_the_boundary_is_that_of_the_signed_distance(container):
     ("mapping", "error", "message"),
     [
         ({"kind": "bx", "lengths": [1, 1, 1]}, UnknownNameError, "did you mean 'box'"),
-        ({}, UnknownNameError, "known are box"),
+        ({}, InputError, "kind is missing: it must be one of box"),
         ({"kind": []}, UnknownNameError, "known are box"),
         (3, InputError, "container. is 3: it must be a mapping"),
         ({"kind": "mesh", "file": 3}, InputError, "path is 3"),

@@ -2,6 +2,7 @@
 
 import inspect
 import warnings
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -220,3 +221,40 @@ def test_missing_and_unknown_files_are_refused(tmp_path):
     (tmp_path / "image.bmp").write_bytes(b"BM")
     with pytest.raises(FileFormatError, match=r"images are read from \.npy"):
         vg.load_labels(tmp_path / "image.bmp", voxel_size=1.0)
+
+
+@pytest.fixture
+def grey():
+    image = sphere_image(6.0, n=20) * 1000 + stream(3, "noise").integers(100, 400, (20, 20, 20))
+    return image.astype(np.uint16)
+
+
+@pytest.mark.parametrize("take", [vg.load_labels, vg.packing_of_labels])
+def test_grey_values_are_refused_at_once(grey, take):
+    with pytest.raises(InputError, match=r"values, which mostly differ .* make labels with segment\(load_image"):
+        take(grey, voxel_size=0.1)
+
+
+@pytest.mark.filterwarnings("ignore:.*cut by the border")
+def test_many_small_grains_are_no_grey_values():
+    cells = np.arange(1, 126).reshape(5, 5, 5)
+    touching = cells.repeat(2, 0).repeat(2, 1).repeat(2, 2)
+    assert len(vg.load_labels(touching, voxel_size=1.0, surface="voxel")) == 125
+    apart = np.zeros((20, 20, 20), dtype=int)
+    apart[1::4, 1::4, 1::4] = cells
+    assert len(vg.load_labels(apart, voxel_size=1.0, surface="voxel")) == 125
+
+
+def test_an_image_is_taken_as_it_is_by_what_takes_arrays(grey, tmp_path):
+    np.save(tmp_path / "grey.npy", grey)
+    image = vg.load_image(tmp_path / "grey.npy")
+    assert repr(image) == "Image(shape=(20, 20, 20), uint16)"
+    assert np.array_equal(np.asarray(image), grey)
+    assert np.array(image, dtype=float).dtype == float
+    assert len(vg.load_labels(replace(image, values=sphere_image(4.0)), voxel_size=1.0)) == 1
+    pytest.importorskip("skimage")
+    assert vg.segment(image).max() == 1
+    with pytest.raises(InputError, match=r"is the path '.*grey.npy': grey values are needed; write segment\(load"):
+        vg.segment(tmp_path / "grey.npy")
+    with pytest.raises(InputError, match="argument of what takes the image"):
+        vg.load_image(tmp_path / "grey.npy", voxel_size=0.1)

@@ -11,12 +11,12 @@ from voxgran._base.axes import Periodic, as_periodic, axis_names
 from voxgran.containers.box import Box
 from voxgran.lattice.census import census
 from voxgran.packing.model import Packing
-from voxgran.shapes.images.image_files import voxel_sizes
+from voxgran.shapes.images.image_files import Image, voxel_sizes
 from voxgran.shapes.images.labels import LabelledGrain, image_of, labelled_grains
 
 
 def packing_of_labels(
-    source: str | os.PathLike[str] | NDArray[Any],
+    source: str | os.PathLike[str] | NDArray[Any] | Image,
     *,
     voxel_size: Any = None,
     border: str = "keep",
@@ -30,7 +30,7 @@ def packing_of_labels(
 
     Parameters
     ----------
-    source : path-like or (nx, ny, nz) ndarray of int
+    source : path-like, Image or (nx, ny, nz) ndarray of int
         As :func:`voxgran.load_labels`.
     voxel_size : float or (3,) array_like of float, optional
         Edges of a voxel; default: as the file says.

@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from voxgran._base.arrays import check_lengths, float_array
+from voxgran._base.calls import explained
 from voxgran._base.errors import FileFormatError, InputError, MissingLibraryError, shown
 from voxgran._base.files import existing_file
 from voxgran._base.guarded import Content, read_guarded, refused
@@ -36,7 +37,16 @@ class Image:
     voxel_size: tuple[float, float, float] | None = None
     origin: tuple[float, float, float] = (0.0, 0.0, 0.0)
 
+    def __repr__(self) -> str:
+        known = "" if self.voxel_size is None else f", voxel_size={self.voxel_size}"
+        return f"Image(shape={self.values.shape}, {self.values.dtype}{known})"
 
+    def __array__(self, dtype: Any = None, copy: bool | None = None) -> NDArray[Any]:
+        """Return the values, so that functions of arrays take an image."""
+        return np.array(self.values, dtype=dtype) if copy else np.asarray(self.values, dtype=dtype)
+
+
+@explained(hint='load_image("scan.npy"); the size of a voxel is an argument of what takes the image')
 def load_image(path: str | os.PathLike[str], *, key: str | None = None) -> Image:
     """Read an image of any known format.
 

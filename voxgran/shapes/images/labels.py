@@ -32,6 +32,8 @@ if TYPE_CHECKING:
 BORDER, SURFACES = ("drop", "keep"), ("smooth", "voxel")
 #: widest Gaussian, in voxels: it takes six times that around each grain
 WIDEST = 20.0
+#: least number of values of a grey image, and how many planes are looked at to recognize one
+LEAST_GREY, GREY_PLANES = 100, 16
 
 
 @dataclass(frozen=True, slots=True)
@@ -47,7 +49,7 @@ class LabelledGrain:
 
 
 def load_labels(
-    source: str | os.PathLike[str] | NDArray[Any],
+    source: str | os.PathLike[str] | NDArray[Any] | Image,
     *,
     voxel_size: Any = None,
     border: str = "keep",
@@ -61,7 +63,7 @@ def load_labels(
 
     Parameters
     ----------
-    source : path-like or (nx, ny, nz) ndarray of int
+    source : path-like, Image or (nx, ny, nz) ndarray of int
         A file as :func:`voxgran.load_image` takes it, or labels with 0 for void; a memory map may be larger than the
         memory.
     voxel_size : float or (3,) array_like of float, optional
@@ -128,13 +130,13 @@ def load_labels(
 
 
 def label_table(
-    source: str | os.PathLike[str] | NDArray[Any], *, voxel_size: Any = None, key: str | None = None
+    source: str | os.PathLike[str] | NDArray[Any] | Image, *, voxel_size: Any = None, key: str | None = None
 ) -> "Dataset":
     """Say what labels an image has.
 
     Parameters
     ----------
-    source : path-like or (nx, ny, nz) ndarray of int
+    source : path-like, Image or (nx, ny, nz) ndarray of int
         As :func:`load_labels`.
     voxel_size : float or (3,) array_like of float, optional
         Edges of a voxel; default: as the file says.
@@ -183,8 +185,8 @@ def label_table(
     return dataset
 
 
-def image_of(source: str | os.PathLike[str] | NDArray[Any], key: str | None = None) -> Image:
-    """Return an image that is given as a file or as an array.
+def image_of(source: str | os.PathLike[str] | NDArray[Any] | Image, key: str | None = None) -> Image:
+    """Return an image that is given as a file, as an array or as it is.
 
     Raises
     ------
@@ -195,6 +197,8 @@ def image_of(source: str | os.PathLike[str] | NDArray[Any], key: str | None = No
     """
     if isinstance(source, str | os.PathLike):
         return load_image(source, key=key)
+    if isinstance(source, Image):
+        return source
     return Image(np.asanyarray(source))
 
 
@@ -273,7 +277,26 @@ def _counted(image: Image) -> Census:
     found = census(image.values)
     if not len(found.label):
         raise InputError(f"the image of shape {image.values.shape} holds 0 labels: all is void; segment it first")
+    if len(found.label) >= LEAST_GREY and _is_grey(image.values):
+        raise InputError(
+            f"the image of shape {image.values.shape} has {len(found.label)} values, which mostly differ from voxel to "
+            "voxel: these are grey values and no labels; make labels with segment(load_image(file)), at the prompt "
+            "--segment"
+        )
     return found
+
+
+def _is_grey(values: NDArray[Any]) -> bool:
+    """Return whether most voxels that are not 0 differ from the next one along an axis: noise does, grains do not."""
+    planes = range(0, len(values), max(1, len(values) // GREY_PLANES))
+    equal = pairs = 0
+    for k in planes:
+        plane = np.asarray(values[k])
+        for first, second in ((plane[1:], plane[:-1]), (plane[:, 1:], plane[:, :-1])):
+            both = (first != 0) & (second != 0)
+            pairs += int(both.sum())
+            equal += int((both & (first == second)).sum())
+    return 2 * equal < pairs
 
 
 def _smooth(mask: Booleans, smoothing: float) -> list[tuple[Floats, Integers]]:
