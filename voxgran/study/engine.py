@@ -203,12 +203,15 @@ class _Work:
             seed = self.settings.seeds[number]
             key = run_hash(cell.key, seed)
             file = str(self.store.packing(key).absolute()) if self.store.packings else ""
+            # workers elsewhere may not see the folder
+            kept = "" if self.options.dask is not None else str(self.store.checkpoint(key).absolute())
             run = Run(
                 key=key,
                 cell=cell.key,
                 mapping=cell.mapping,
                 seed=seed,
                 packing=file,
+                checkpoint=kept,
                 memory=plan.memory,
                 attempts=plan.attempts,
             )

@@ -22,9 +22,9 @@ from voxgran.contacts.verify import verify
 from voxgran.io.files import save
 from voxgran.measures.model import measure, measure_registry
 from voxgran.packing.model import Packing
-from voxgran.packing.pack import pack
 from voxgran.scene.description import SceneDescription
 from voxgran.shapes.model import Shape
+from voxgran.study.checkpoints import Checkpoint
 
 LOG = logging.getLogger(__name__)
 
@@ -52,6 +52,8 @@ class Run:
         Seed of the scene.
     packing : str
         File for the packing; empty where it is not kept.
+    checkpoint : str
+        File for the checkpoint, from which a run that was ended goes on; empty where it begins anew.
     memory, attempts : int
         Bytes at the peak and attempts, as planned.
     version : str
@@ -63,6 +65,7 @@ class Run:
     mapping: dict[str, Any]
     seed: int
     packing: str = ""
+    checkpoint: str = ""
     memory: int = 0
     attempts: int = 0
     version: str = __version__
@@ -133,9 +136,10 @@ def compute(run: Run, cache: SceneCache | None = None) -> Record:
     _forget_peak()
     with warnings.catch_warnings(record=True) as caught, counting_preparation() as preparation:
         warnings.simplefilter("always")
+        kept = Checkpoint(run.checkpoint, lambda: _seconds() - began - preparation.seconds)
         try:
             scene, shapes = (cache or SceneCache()).of(run)
-            packing = pack(shapes, scene.container, **scene.asked(), **scene.parameters)
+            packing = kept.pack(scene, shapes)
             record.numbers = numbers_of(packing, scene.which)
             record.stop_reason = packing.stop_reason
             if run.packing:
@@ -149,7 +153,8 @@ def compute(run: Run, cache: SceneCache | None = None) -> Record:
             record.failure = f"{type(error).__name__}: {error}"
     record.failure = " ".join(record.failure.split())
     record.warnings = list(dict.fromkeys(" ".join(str(one.message).split()) for one in caught))
-    record.seconds, record.memory = _seconds() - began - preparation.seconds, _peak()
+    record.seconds, record.memory = _seconds() - began - preparation.seconds + kept.before, _peak()
+    kept.remove()
     return record
 
 

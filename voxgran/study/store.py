@@ -14,6 +14,8 @@ from voxgran.study.runs import Record, Run, from_text, to_text
 
 #: folder of the finished runs
 CELLS = "cells"
+#: folder of the checkpoints of runs that are not finished
+CHECKPOINTS = "checkpoints"
 
 
 @dataclass(frozen=True, slots=True)
@@ -30,6 +32,10 @@ class Store:
     def packing(self, key: str) -> Path:
         """Return the file of the packing of a run."""
         return self.folder / CELLS / f"{key}.vtp"
+
+    def checkpoint(self, key: str) -> Path:
+        """Return the file of the checkpoint of a run."""
+        return self.folder / CHECKPOINTS / f"{key}.voxgran"
 
     def read(self, key: str) -> Record | None:
         """Return what a run has left; None where it is not finished, its file is damaged or its packing is missing."""

@@ -8,12 +8,14 @@ import subprocess
 import sys
 import time
 import warnings
+from dataclasses import asdict, replace
 
 import numpy as np
 import pytest
 import xarray
 
 import voxgran as vg
+from voxgran._base.checkpoint import load_checkpoint
 from voxgran._base.errors import (
     InputError,
     Interrupted,
@@ -23,11 +25,12 @@ from voxgran._base.errors import (
     PackingWarning,
 )
 from voxgran._base.lock import locked_folder
-from voxgran.study import engine, processes
+from voxgran.study import checkpoints, engine, processes
 from voxgran.study.engine import memory_bytes
 from voxgran.study.processes import Processes
 from voxgran.study.result import MACHINE
-from voxgran.study.runs import Record, Run
+from voxgran.study.runs import Record, Run, compute
+from voxgran.study.store import Store
 
 
 def same(one, other):
@@ -349,3 +352,70 @@ def test_the_hash_is_that_of_values_files_and_version(base, tmp_path, monkeypatc
     assert key(tmp_path / "a", measure={"which": ["density", "coordination"]}) != first
     monkeypatch.setattr("voxgran.study.files.__version__", "9.9")
     assert key(tmp_path / "a") != first
+
+
+def test_a_run_goes_on_from_its_checkpoint(tmp_path):
+    """Its process is killed when the first checkpoint lies there; numbers are those of a run without an end."""
+    scene = {
+        "shape": [{"family": "sphere"}],
+        "container": {"kind": "box", "lengths": [40, 40, 40]},
+        "packing": {"method": "rsa", "count": 20_000},
+        "measure": {"which": ["density"]},
+    }
+    file = tmp_path / "checkpoints" / "a.voxgran"
+    run = Run(key="a", cell="c", mapping=scene, seed=3, checkpoint=str(file))
+    whole = compute(replace(run, checkpoint=""))
+    assert not whole.failure
+    script = (
+        "import json, os, signal, sys; from voxgran.packing import driver; from voxgran.study.runs import Run, compute;"
+        "driver.CHECKPOINT_SECONDS = 0.0; kept = driver._Keeper.keep\n"
+        "def keep(self, state, *, at_once):\n"
+        "    kept(self, state, at_once=at_once)\n"
+        "    keep.times += 1\n"
+        "    if keep.times == 3: os.kill(os.getpid(), signal.SIGKILL)\n"
+        "keep.times, driver._Keeper.keep = 0, keep\n"
+        "compute(Run(**json.loads(sys.argv[1])))"
+    )
+    asked = json.dumps(asdict(run))
+    ended = subprocess.run([sys.executable, "-c", script, asked], check=False, capture_output=True)
+    assert ended.returncode == -signal.SIGKILL
+    done = load_checkpoint(file)[0]["done"]
+    assert 0 < done < 20_000
+    before = float((tmp_path / "checkpoints" / "a.voxgran.seconds").read_text())
+    assert before > 0
+    begun = []
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(checkpoints.Checkpoint, "_note", lambda self, step: begun.append(step.done))
+        found = compute(run)
+    assert min(step for step in begun if step) > done
+    assert (str(found.numbers), found.stop_reason) == (str(whole.numbers), whole.stop_reason)
+    assert found.seconds > before
+    # a finished run leaves no checkpoint
+    assert [path.name for path in file.parent.iterdir() if path.suffix != ".lock"] == []
+
+
+def test_a_checkpoint_that_belongs_to_another_run_is_left_out(tmp_path, base):
+    scene = {**base, "measure": {"which": ["density"]}}
+    run = Run(key="a", cell="c", mapping=scene, seed=3, checkpoint=str(tmp_path / "a.voxgran"))
+    whole = compute(replace(run, checkpoint=""))
+    (tmp_path / "a.voxgran").write_bytes(b"no checkpoint")
+    (tmp_path / "a.voxgran.seconds").write_text("1e9")
+    found = compute(run)
+    assert (found.failure, str(found.numbers)) == ("", str(whole.numbers))
+    assert found.seconds < 1e6
+
+
+def test_a_killed_run_of_a_study_goes_on(tmp_path, base, marks):
+    """The measure ends the process once: the packing is not made again, and checkpoints of finished runs are gone."""
+    marks.order(kill={"1": 1})
+    result = vg.Study(base=base, seeds=[1, 2]).run(tmp_path / "o", workers=1)
+    assert not any(record.failure for record in [*map(Store(tmp_path / "o").read, keys_in(tmp_path / "o"))])
+    assert len(marks.begun()[1]) == 2
+    assert not list((tmp_path / "o" / "checkpoints").glob("*.voxgran*"))
+    marks.order()
+    assert same(result, vg.Study(base=base, seeds=[1, 2]).run(tmp_path / "two", workers=1))
+
+
+def keys_in(folder):
+    """Return the keys of the runs in the folder of a study."""
+    return [path.stem for path in (folder / "cells").glob("*.json")]

@@ -1,0 +1,78 @@
+"""Checkpoints of runs of a study: a run that was ended with its process goes on from its last one."""
+
+import contextlib
+import os
+from collections.abc import Callable
+from pathlib import Path
+
+from voxgran._base.errors import CheckpointError
+from voxgran._base.files import write_text
+from voxgran._base.progress import Step
+from voxgran.packing.model import Packing
+from voxgran.packing.pack import pack
+from voxgran.scene.description import SceneDescription
+from voxgran.shapes.model import Shape
+
+
+class Checkpoint:
+    """The checkpoint of a run, and beside it the processor time that led to it.
+
+    Parameters
+    ----------
+    file : str
+        Path of the checkpoint; empty where the run is always begun anew.
+    seconds : callable
+        Returns the processor time of the run so far, without that before the checkpoint.
+    """
+
+    def __init__(self, file: str, seconds: Callable[[], float]) -> None:
+        self._file, self._seconds = file, seconds
+        self._clock = Path(f"{file}.seconds")
+        self._stamp = self._written()
+        #: processor time that led to the checkpoint from which the run goes on
+        self.before = 0.0
+        if self._stamp:
+            with contextlib.suppress(OSError, ValueError):
+                self.before = float(self._clock.read_text(encoding="ascii"))
+
+    def pack(self, scene: SceneDescription, shapes: tuple[Shape, ...]) -> Packing:
+        """Pack a scene, from its checkpoint where there is one that belongs to it.
+
+        Parameters
+        ----------
+        scene : SceneDescription
+            The scene.
+        shapes : tuple of Shape
+            Its shapes.
+        """
+        asked = {**scene.asked(), **scene.parameters}
+        if not self._file:
+            return pack(shapes, scene.container, **asked)
+        kept = {"checkpoint": self._file, "resume": True, "on_step": self._note}
+        try:
+            return pack(shapes, scene.container, **asked, **kept)
+        except CheckpointError:
+            # damaged, or of another version
+            self.remove()
+            self.before = 0.0
+            return pack(shapes, scene.container, **asked, **kept)
+
+    def remove(self) -> None:
+        """Remove the checkpoint of a finished run."""
+        for path in (self._file, self._clock) if self._file else ():
+            with contextlib.suppress(OSError):
+                os.unlink(path)
+
+    def _note(self, step: Step) -> None:
+        """Write the processor time when a checkpoint has been written since the last step."""
+        del step
+        stamp = self._written()
+        if stamp != self._stamp:
+            self._stamp = stamp
+            write_text(self._clock, str(self.before + self._seconds()), sync=False)
+
+    def _written(self) -> int:
+        """Return when the checkpoint was written, 0 where there is none."""
+        with contextlib.suppress(OSError):
+            return os.stat(self._file).st_mtime_ns
+        return 0
