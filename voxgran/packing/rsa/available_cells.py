@@ -158,7 +158,6 @@ def cut_cells(
     kind: int,
     shapes: TrueShapes | None = None,
     rows: int | None = None,
-    trees: int | None = None,
 ) -> Open:
     """Return the open cells with those of class `kind` cut and the excluded parts closed; `known` is overwritten.
 
@@ -188,7 +187,7 @@ def cut_cells(
             if shapes is None:
                 many += int(look_at_parts(grains, cells, walls, some, *shape, near, kept[part]))
             else:
-                many += int(look_at_true(grains, cells, walls, some, *shape, kept[part], shapes, rows, trees))
+                many += int(look_at_true(grains, cells, walls, some, *shape, kept[part], shapes, rows))
         width = max(_width(classes, depth), known.cell.shape[1])
         cell = parts_in_place(known.cell, begin, kept, many, parts, width)
     if most:
@@ -251,7 +250,6 @@ def throw_into_cells(
     last: int,
     shapes: TrueShapes | None,
     rows: object,
-    trees: object,
 ) -> tuple[int, int]:
     """Make attempts `first` to `last` - 1, one throw each.
 
@@ -272,7 +270,7 @@ def throw_into_cells(
         tried again, rejected since the last was placed.
     shapes : TrueShapes or None
         None for spheres and aligned boxes.
-    rows, trees : object
+    rows : object
         As in :mod:`voxgran.packing.rsa.true_pairs`.
 
     Returns
@@ -301,7 +299,7 @@ def throw_into_cells(
         if shapes is None:
             there = _place(grains, cells, walls, g, x, y, z)
         else:
-            there = place_true(grains, cells, walls, shapes, g, x, y, z, key, attempt, rows, trees)
+            there = place_true(grains, cells, walls, shapes, g, x, y, z, key, attempt, rows)
         if there:
             tally[PLACED] += 1
             tally[TURN] += 1

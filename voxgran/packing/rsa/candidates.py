@@ -67,12 +67,11 @@ def add_candidates(
     last: int,
     shapes: TrueShapes | None,
     rows: object,
-    trees: object,
 ) -> int:
     """Make attempts `first` to `last` - 1, one candidate each; return the number of the next attempt.
 
     The loop ends early when no grain or no coordinate is left, and with the first grain that is dropped if `ends`.
-    shapes: None for spheres and aligned boxes.  rows, trees: as in :mod:`voxgran.packing.rsa.true_pairs`.
+    shapes: None for spheres and aligned boxes.  rows: as in :mod:`voxgran.packing.rsa.true_pairs`.
     """
     for attempt in range(first, last):
         c = _next_coordinate(rules, coordinates, queue, tally, attempt)
@@ -85,7 +84,7 @@ def add_candidates(
             u, v, w = coordinate(coordinates.table, key, c)
             inner = shapes.inner[g]
             x, y, z = placed(walls, 0, u, inner), placed(walls, 1, v, inner), placed(walls, 2, w, inner)
-            moves = place_true(grains, cells, walls, shapes, g, x, y, z, key, c, rows, trees) - 1
+            moves = place_true(grains, cells, walls, shapes, g, x, y, z, key, c, rows) - 1
         tally[TRIED] += 1
         if moves < 0:
             tally[REFUSED] += 1

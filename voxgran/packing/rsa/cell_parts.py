@@ -99,7 +99,6 @@ def look_at_true(
     kept: NDArray[np.uint8],
     shapes: TrueShapes,
     rows: object,
-    trees: object,
 ) -> int:
     """Write which parts of each cell stay open for true shapes, as bits, and return their number.
 
@@ -123,7 +122,7 @@ def look_at_true(
             qx, qy, qz = (2 * i + 1) * px - ex, (2 * j + 1) * py - ey, (2 * n + 1) * pz - ez
             if is_barred(walls, x + qx, y + qy, z + qz, px, py, pz, half[0]):
                 continue
-            if is_taken(grains, shapes, many, qx, qy, qz, radius, rows, trees):
+            if is_taken(grains, shapes, many, qx, qy, qz, radius, rows):
                 continue
             bits |= 1 << part
             total += 1

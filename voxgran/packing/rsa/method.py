@@ -69,7 +69,7 @@ from voxgran.packing.rsa.precompute import (
     searches,
 )
 from voxgran.packing.rsa.saturation import goes_on, proof_of, warn_if_not_proven
-from voxgran.packing.rsa.true_shapes import TrueShapes, kinds_of_parts
+from voxgran.packing.rsa.true_shapes import TrueShapes, mark_of_rows
 from voxgran.packing.start import Start
 
 #: what the kernels count, in their order
@@ -319,11 +319,11 @@ def _grains_of(state: State, made: Precomputed) -> Grains:
     return Grains(arrays["position"], made.half, made.level, arrays["entered"], made.boxes)
 
 
-def _true_shapes(state: State, made: Precomputed) -> tuple[TrueShapes | None, int | None, int | None]:
-    """Return true shapes as kernels take them, and which kinds of parts there are; None without true shapes."""
+def _true_shapes(state: State, made: Precomputed) -> tuple[TrueShapes | None, int | None]:
+    """Return true shapes as kernels take them, and whether some have rows; None without true shapes."""
     if made.shapes is None:
-        return None, None, None
-    return made.shapes._replace(orientation=state.arrays["orientation"]), *kinds_of_parts(made.shapes)
+        return None, None
+    return made.shapes._replace(orientation=state.arrays["orientation"]), mark_of_rows(made.shapes)
 
 
 def _throw(state: State, made: Precomputed, grains: Grains, tally: Integers, key: Words, last: int) -> None:

@@ -38,11 +38,10 @@ def place_true(
     key: Words,
     number: int,
     rows: object,
-    trees: object,
 ) -> bool:
     """Place grain g at (x, y, z), in the orientation of block (number, 1), if it meets nothing; return whether it did.
 
-    rows, trees: as in :mod:`voxgran.packing.rsa.true_pairs`.
+    rows: as in :mod:`voxgran.packing.rsa.true_pairs`.
     """
     s, f, inner, work = shapes.shape[g], shapes.scale[g], shapes.inner[g], shapes.work
     if is_barred(walls, x, y, z, 0.0, 0.0, 0.0, inner):
@@ -54,11 +53,11 @@ def place_true(
     if shapes.turns[s]:
         draw_quaternion(walls.dimension, key, number, work.quaternion)
     write_matrix(work.quaternion, work.turn)
-    if _meets_near(shapes, s, f, many, rows, trees):
+    if _meets_near(shapes, s, f, many, rows):
         return False
-    if not is_within_walls(walls, shapes, s, f, x, y, z, rows, trees):
+    if not is_within_walls(walls, shapes, s, f, x, y, z, rows):
         return False
-    if meets_itself(cells.span, shapes, s, f, grains.half[g, 0], rows, trees):
+    if meets_itself(cells.span, shapes, s, f, grains.half[g, 0], rows):
         return False
     for c in range(4):
         shapes.orientation[g, c] = work.quaternion[c]
@@ -69,7 +68,6 @@ def place_true(
 @bare_kernel
 def is_taken(
     grains: Grains, shapes: TrueShapes, many: int, x: float, y: float, z: float, radius: float, rows: object,
-    trees: object,
 ) -> bool:  # fmt: skip
     """Return whether a sphere meets one of the listed grains; rounding only makes it smaller.
 
@@ -89,9 +87,7 @@ def is_taken(
             return True
         write_matrix(shapes.orientation[g], work.other)
         place_relative(shapes)
-        if shapes_meet(
-            shapes, len(shapes.turns), shapes.shape[g], dx / f, dy / f, dz / f, shapes.scale[g] / f, rows, trees
-        ):
+        if shapes_meet(shapes, len(shapes.turns), shapes.shape[g], dx / f, dy / f, dz / f, shapes.scale[g] / f, rows):
             return True
     return False
 
@@ -148,7 +144,7 @@ def list_near(
 
 
 @bare_kernel
-def _meets_near(shapes, s, f, many, rows, trees):  # type: ignore[no-untyped-def]
+def _meets_near(shapes, s, f, many, rows):  # type: ignore[no-untyped-def]
     """Return whether the new grain, rotated by `work.turn`, meets one of the listed grains."""
     work = shapes.work
     place, grain = work.place, work.grain
@@ -162,7 +158,7 @@ def _meets_near(shapes, s, f, many, rows, trees):  # type: ignore[no-untyped-def
         write_matrix(shapes.orientation[g], work.other)
         place_relative(shapes)
         x, y, z = in_frame(work.turn, f, place[best, 0], place[best, 1], place[best, 2])
-        if shapes_meet(shapes, s, shapes.shape[g], x, y, z, shapes.scale[g] / f, rows, trees):
+        if shapes_meet(shapes, s, shapes.shape[g], x, y, z, shapes.scale[g] / f, rows):
             return True
         for c in range(4):
             place[best, c] = place[left - 1, c]
@@ -172,7 +168,7 @@ def _meets_near(shapes, s, f, many, rows, trees):  # type: ignore[no-untyped-def
 
 @bare_kernel
 def meets_itself(
-    span: Floats, shapes: TrueShapes, s: int, f: float, radius: float, rows: object, trees: object
+    span: Floats, shapes: TrueShapes, s: int, f: float, radius: float, rows: object
 ) -> bool:  # fmt: skip
     """Return whether the new grain meets one of its own periodic images; span: periodic lengths, 0 without."""
     work = shapes.work
@@ -191,7 +187,7 @@ def meets_itself(
                 dx, dy, dz = kx * span[0], ky * span[1], kz * span[2]
                 if dx * dx + dy * dy + dz * dz < 4.0 * radius * radius:
                     x, y, z = in_frame(work.turn, f, dx, dy, dz)
-                    if shapes_meet(shapes, s, s, x, y, z, 1.0, rows, trees):
+                    if shapes_meet(shapes, s, s, x, y, z, 1.0, rows):
                         return True
     return False
 

@@ -30,13 +30,11 @@ def place_relative(shapes: TrueShapes) -> None:
 
 
 @bare_kernel
-def shapes_meet(
-    shapes: TrueShapes, a: int, b: int, x: float, y: float, z: float, stretch: float, rows: object, trees: object
-) -> bool:
+def shapes_meet(shapes: TrueShapes, a: int, b: int, x: float, y: float, z: float, stretch: float, rows: object) -> bool:
     """Return whether shape a and shape b have a point in common.
 
     x, y, z: centroid of b in the frame of a, in the unit of a.  stretch: unit of b in that of a.  The rotation from b
-    to a is in `work.relative`.  rows, trees: None where no shape has a row, or several parts.
+    to a is in `work.relative`.  rows: None where no shape has a row.
     """
     if shapes.box[b, 0] > 0.0:
         if shapes.box[a, 0] > 0.0:
@@ -46,12 +44,8 @@ def shapes_meet(
     if shapes.hull[a] >= 0 and shapes.hull[b] >= 0:
         if not _parts_meet(shapes, a, b, shapes.hull[a], shapes.hull[b], x, y, z, stretch, rows):
             return False
-        if trees is None or (
-            shapes.first[a + 1, 0] - shapes.first[a, 0] == 1 and shapes.first[b + 1, 0] - shapes.first[b, 0] == 1
-        ):
+        if shapes.first[a + 1, 0] - shapes.first[a, 0] == 1 and shapes.first[b + 1, 0] - shapes.first[b, 0] == 1:
             return True
-    if trees is None:
-        return True
     return surfaces_meet(shapes, a, b, x, y, z, stretch, rows) or is_nested(shapes, a, b, x, y, z, stretch)
 
 

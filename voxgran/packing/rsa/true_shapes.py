@@ -171,10 +171,10 @@ def inner_radius(shape: Shape) -> float:
     return max(depth, 0.0) * (1.0 if shape.is_sphere else 1.0 - ROUNDING)
 
 
-def kinds_of_parts(shapes: TrueShapes) -> tuple[int | None, int | None]:
-    """Return whether there are ellipsoids, cylinders or cones, and trees of parts: 1, or None where there are none."""
-    kinds, trees = shapes.part[:, 0], np.diff(shapes.first[:, 0]) > 1
-    return 1 if ((kinds != POINT) & (kinds != BOX)).any() else None, 1 if trees.any() else None
+def mark_of_rows(shapes: TrueShapes) -> int | None:
+    """Return 1 where there are ellipsoids, cylinders or cones, else None: what is None is not compiled."""
+    kinds = shapes.part[:, 0]
+    return 1 if ((kinds != POINT) & (kinds != BOX)).any() else None
 
 
 def _solid_of(shape: Shape) -> Shape:

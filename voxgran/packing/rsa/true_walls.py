@@ -20,11 +20,10 @@ from voxgran.settling.finding.convex_distance import core_support
 @bare_kernel
 def is_within_walls(
     walls: KernelContainer, shapes: TrueShapes, s: int, f: float, x: float, y: float, z: float, rows: object,
-    trees: object,
 ) -> bool:  # fmt: skip
     """Return whether the container holds a grain of shape s and scale f at (x, y, z), rotated by `work.turn`.
 
-    rows, trees: as in :mod:`voxgran.packing.rsa.true_pairs`.
+    rows: as in :mod:`voxgran.packing.rsa.true_pairs`.
     """
     bound = f * shapes.bounding[s]
     for axis in range(3):
@@ -43,7 +42,7 @@ def is_within_walls(
         if math.sqrt(dx * dx + dy * dy + dz * dz) + bound <= walls.radius + walls.slack:
             return True
         return _farthest(shapes, s, f, dx, dy, dz, walls.kind == ROUND, rows) <= walls.radius + walls.slack
-    if trees is not None and walls.kind == MESH:
+    if walls.kind == MESH:
         if -mesh_distance(walls.mesh, x, y, z) >= bound:
             return True
         return _is_within_mesh(walls, shapes, s, f, x, y, z, rows)

@@ -64,13 +64,13 @@ class Surroundings(NamedTuple):
 
 @bare_kernel
 def largest_scale(
-    around: Surroundings, s: int, x: float, y: float, z: float, least: float, most: float, rows: object, trees: object
+    around: Surroundings, s: int, x: float, y: float, z: float, least: float, most: float, rows: object
 ) -> float:
     """Return the largest scale, up to `most`, at which shape s, rotated by `work.turn`, fits at a point.
 
     It is 0 if the scale is below `least` or the point is taken. The direction away from the contact is written.
 
-    rows, trees: as in :mod:`voxgran.packing.rsa.true_pairs`.
+    rows: as in :mod:`voxgran.packing.rsa.true_pairs`.
     """
     away, core = around.away, around.core[s]
     away[0] = away[1] = away[2] = 0.0
@@ -83,43 +83,43 @@ def largest_scale(
         return 0.0
     if core > 0.0:
         f = min(f, gap / core)
-    f = _beside_others(around, s, x, y, z, f, least, False, rows, trees)
+    f = _beside_others(around, s, x, y, z, f, least, False, rows)
     if f < least or f <= 0.0:
         return 0.0
     if around.walls.kind == MESH:
-        f = _within_mesh(around, s, x, y, z, f, rows, trees)
-    elif not _is_alone(around, s, x, y, z, f, rows, trees):
-        f = _within(around, s, x, y, z, f, rows, trees)
+        f = _within_mesh(around, s, x, y, z, f, rows)
+    elif not _is_alone(around, s, x, y, z, f, rows):
+        f = _within(around, s, x, y, z, f, rows)
     return f if f >= least else 0.0
 
 
 @bare_kernel
 def fits(
-    around: Surroundings, s: int, x: float, y: float, z: float, f: float, rows: object, trees: object
+    around: Surroundings, s: int, x: float, y: float, z: float, f: float, rows: object
 ) -> bool:  # fmt: skip
     """Return whether shape s at scale f, rotated by `work.turn`, meets no grain, no wall and no image of itself."""
     if clearance(around.walls, x, y, z) <= f * around.core[s] * (1.0 - 4.0 * SMALLER):
         return False
-    if _beside_others(around, s, x, y, z, f, 0.0, True, rows, trees) == 0.0:
+    if _beside_others(around, s, x, y, z, f, 0.0, True, rows) == 0.0:
         return False
-    return _is_alone(around, s, x, y, z, f, rows, trees)
+    return _is_alone(around, s, x, y, z, f, rows)
 
 
 @bare_kernel
-def _is_alone(around, s, x, y, z, f, rows, trees):  # type: ignore[no-untyped-def]
+def _is_alone(around, s, x, y, z, f, rows):  # type: ignore[no-untyped-def]
     """Return whether a grain meets no wall and no image of itself."""
-    if not is_within_walls(around.walls, around.shapes, s, f, x, y, z, rows, trees):
+    if not is_within_walls(around.walls, around.shapes, s, f, x, y, z, rows):
         return False
-    return not meets_itself(around.cells.span, around.shapes, s, f, f * around.shapes.bounding[s], rows, trees)
+    return not meets_itself(around.cells.span, around.shapes, s, f, f * around.shapes.bounding[s], rows)
 
 
 @bare_kernel
-def _within(around, s, x, y, z, most, rows, trees):  # type: ignore[no-untyped-def]
+def _within(around, s, x, y, z, most, rows):  # type: ignore[no-untyped-def]
     """Return the scale, below one that is too large, at which a grain touches a wall or its own image."""
     low, high = 0.0, most
     for _ in range(HALVINGS):
         middle = 0.5 * (low + high)
-        if _is_alone(around, s, x, y, z, middle, rows, trees):
+        if _is_alone(around, s, x, y, z, middle, rows):
             low = middle
         else:
             high = middle
@@ -135,10 +135,10 @@ def _within(around, s, x, y, z, most, rows, trees):  # type: ignore[no-untyped-d
 
 
 @bare_kernel
-def _within_mesh(around, s, x, y, z, most, rows, trees):  # type: ignore[no-untyped-def]
+def _within_mesh(around, s, x, y, z, most, rows):  # type: ignore[no-untyped-def]
     """Return the scale, up to `most`, at which a grain touches a wall of a closed mesh, the last shape."""
     shapes, away, shift = around.shapes, around.away, around.walls.mesh.shift
-    if trees is None or -mesh_distance(around.walls.mesh, x, y, z) >= most * shapes.bounding[s]:
+    if -mesh_distance(around.walls.mesh, x, y, z) >= most * shapes.bounding[s]:
         return most
     for i in range(3):
         for j in range(3):
@@ -152,7 +152,7 @@ def _within_mesh(around, s, x, y, z, most, rows, trees):  # type: ignore[no-unty
 
 
 @bare_kernel
-def _beside_others(around, s, x, y, z, f, least, only, rows, trees):  # type: ignore[no-untyped-def]
+def _beside_others(around, s, x, y, z, f, least, only, rows):  # type: ignore[no-untyped-def]
     """Return the scale, up to f, at which a grain meets no other; 0 if it is below `least` or, with `only`, below f."""
     cells, seen, bound = around.cells, around.seen, around.shapes.bounding[s]
     around.searches[0] += 1
@@ -177,7 +177,7 @@ def _beside_others(around, s, x, y, z, f, least, only, rows, trees):  # type: ig
                         g = cells.item[entry]
                         if seen[g] != search:
                             seen[g] = search
-                            f = _beside(around, s, g, x, y, z, f, only, rows, trees)
+                            f = _beside(around, s, g, x, y, z, f, only, rows)
                             if f <= 0.0 or f < least:
                                 return 0.0
                         entry = cells.after[entry]
@@ -188,7 +188,7 @@ def _beside_others(around, s, x, y, z, f, least, only, rows, trees):  # type: ig
 
 
 @bare_kernel
-def _beside(around, s, g, x, y, z, f, only, rows, trees):  # type: ignore[no-untyped-def]
+def _beside(around, s, g, x, y, z, f, only, rows):  # type: ignore[no-untyped-def]
     """Return the scale, up to f, at which a grain meets no image of grain g; 0 with `only` if it is below f."""
     spheres, shapes = around.spheres, around.shapes
     bound, core = shapes.bounding[s], around.core[s]
@@ -212,7 +212,7 @@ def _beside(around, s, g, x, y, z, f, only, rows, trees):  # type: ignore[no-unt
                     f = (math.sqrt(square) - around.cores[g, 3]) / core
                     if f <= 0.0:
                         return 0.0
-                f = _beside_image(around, s, g, ex, ey, ez, f, only, rows, trees)
+                f = _beside_image(around, s, g, ex, ey, ez, f, only, rows)
                 if f <= 0.0:
                     return 0.0
     return f
@@ -228,7 +228,7 @@ def _images(cells, axis, step, reach):  # type: ignore[no-untyped-def]
 
 
 @bare_kernel
-def _beside_image(around, s, g, ex, ey, ez, f, only, rows, trees):  # type: ignore[no-untyped-def]
+def _beside_image(around, s, g, ex, ey, ez, f, only, rows):  # type: ignore[no-untyped-def]
     """Return the scale, up to f, at which a grain does not meet another, whose centroid lies at e from its own."""
     shapes, away = around.shapes, around.away
     turn, other, relative = shapes.work.turn, shapes.work.other, shapes.work.relative
@@ -240,11 +240,11 @@ def _beside_image(around, s, g, ex, ey, ez, f, only, rows, trees):  # type: igno
     x, y, z = in_frame(other, own, -ex, -ey, -ez)
     single = shapes.first[b + 1, 0] - shapes.first[b, 0] == 1 and shapes.first[s + 1, 0] - shapes.first[s, 0] == 1
     # at a larger scale, so that what is a little apart by rounding is not taken for free
-    if (only or single) and not shapes_meet(shapes, b, s, x, y, z, f / own * (1.0 + OPEN), rows, trees):
+    if (only or single) and not shapes_meet(shapes, b, s, x, y, z, f / own * (1.0 + OPEN), rows):
         return f
     if only:
         return 0.0
-    if trees is None or single:
+    if single:
         found, nx, ny, nz = _parts_touch(shapes, b, s, shapes.hull[b], shapes.hull[s], x, y, z, f / own, rows)
     elif shapes.closed[b] and holds(shapes, b, x, y, z):
         return 0.0

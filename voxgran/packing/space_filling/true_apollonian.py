@@ -18,7 +18,7 @@ from voxgran.containers.kernel_container import kernel_container
 from voxgran.packing.method import State
 from voxgran.packing.problem import Problem
 from voxgran.packing.rsa.true_overlaps import draw_quaternion
-from voxgran.packing.rsa.true_shapes import inner_radius, kinds_of_parts, true_shapes
+from voxgran.packing.rsa.true_shapes import inner_radius, mark_of_rows, true_shapes
 from voxgran.packing.space_filling.largest_scale import Surroundings, fits, largest_scale
 from voxgran.packing.space_filling.reach_cells import cells_with, list_sphere, with_room, wrapped
 
@@ -46,7 +46,6 @@ class PrecomputedShapes:
     volume: Floats  # of each shape at scale 1
     limits: Floats  # smallest and largest scale, factor on the largest scale that fits, volume that is asked for
     rows: int | None
-    trees: int | None
 
 
 def precompute_shapes(problem: Problem, state: State, limits: Floats) -> PrecomputedShapes:
@@ -67,7 +66,7 @@ def precompute_shapes(problem: Problem, state: State, limits: Floats) -> Precomp
     around = Surroundings(
         walls, cells, tables, arrays["spheres"], cores, core, longest, seen, searches, np.zeros(3)
     )  # fmt: skip
-    return PrecomputedShapes(around, volume, limits, *kinds_of_parts(tables))
+    return PrecomputedShapes(around, volume, limits, mark_of_rows(tables))
 
 
 def advance_shapes(problem: Problem, state: State, made: PrecomputedShapes, key: Words, last: int) -> int:
@@ -76,7 +75,7 @@ def advance_shapes(problem: Problem, state: State, made: PrecomputedShapes, key:
     while end == NO_ROOM:
         done, end = put_shapes(
             *(made.around, made.volume, made.limits, settings.shift, settings.rotate, key),
-            *(state.arrays["tally"], state.arrays["volume"], state.done, last, made.rows, made.trees),
+            *(state.arrays["tally"], state.arrays["volume"], state.done, last, made.rows),
         )
         state.done = int(done)
         if end == NO_ROOM:
@@ -97,11 +96,10 @@ def put_shapes(
     done: int,
     last: int,
     rows: object,
-    trees: object,
 ) -> tuple[int, int]:
     """Make attempts up to number `last`; return the number after the last that was made, and how this part ends.
 
-    filled: (1,) volume of the grains that were placed.  rows, trees: as in :mod:`voxgran.packing.rsa.true_pairs`.
+    filled: (1,) volume of the grains that were placed.  rows: as in :mod:`voxgran.packing.rsa.true_pairs`.
     """
     walls, shapes, place = around.walls, around.shapes, np.zeros(4)
     while done < last and tally[PLACED] < len(around.spheres) and tally[MISSED] < PATIENCE:
@@ -110,7 +108,7 @@ def put_shapes(
         place[0] = unit_float(words[0]) * walls.lengths[0]
         place[1] = unit_float(words[1]) * walls.lengths[1]
         place[2] = unit_float(words[2]) * walls.lengths[2] if walls.dimension == 3 else 0.0
-        _grow_at(around, s, place, limits, shift, rotate, key, done, rows, trees)
+        _grow_at(around, s, place, limits, shift, rotate, key, done, rows)
         f = place[3] * limits[2]
         added, reached = volume[s] * f**walls.dimension, False
         if f > 0.0 and filled[0] + added >= limits[3]:
@@ -146,7 +144,7 @@ def _enter(around, n, s, place, f):  # type: ignore[no-untyped-def]
 
 
 @bare_kernel
-def _grow_at(around, s, place, limits, shift, rotate, key, number, rows, trees):  # type: ignore[no-untyped-def]
+def _grow_at(around, s, place, limits, shift, rotate, key, number, rows):  # type: ignore[no-untyped-def]
     """Write the largest scale at a place, and the orientation; the place moves if grains shift."""
     work, dimension = around.shapes.work, around.walls.dimension
     least, most = limits[0] / limits[2], limits[1]
@@ -156,16 +154,16 @@ def _grow_at(around, s, place, limits, shift, rotate, key, number, rows, trees):
     if around.shapes.turns[s]:
         draw_quaternion(dimension, key, number, work.quaternion)
     write_matrix(work.quaternion, work.turn)
-    place[3] = largest_scale(around, s, place[0], place[1], place[2], first, most, rows, trees)
+    place[3] = largest_scale(around, s, place[0], place[1], place[2], first, most, rows)
     for _ in range(shift):
-        if place[3] <= 0.0 or place[3] >= most or not _move(around, s, place, most, rows, trees):
+        if place[3] <= 0.0 or place[3] >= most or not _move(around, s, place, most, rows):
             break
     if place[3] > 0.0 and rotate > 0 and around.shapes.turns[s]:
-        _rotate(around, s, place, most, rotate, key, number, rows, trees)
+        _rotate(around, s, place, most, rotate, key, number, rows)
 
 
 @bare_kernel
-def _move(around, s, place, most, rows, trees):  # type: ignore[no-untyped-def]
+def _move(around, s, place, most, rows):  # type: ignore[no-untyped-def]
     """Move a grain away from what it touches while it grows; return whether it has become larger."""
     ux, uy, uz = around.away[0], around.away[1], around.away[2] if around.walls.dimension == 3 else 0.0
     length, before = math.sqrt(ux * ux + uy * uy + uz * uz), place[3]
@@ -177,8 +175,8 @@ def _move(around, s, place, most, rows, trees):  # type: ignore[no-untyped-def]
         y = wrapped(around.cells, 1, place[1] + step * uy)
         z = wrapped(around.cells, 2, place[2] + step * uz)
         grown = 0.0
-        if fits(around, s, x, y, z, place[3] * (1.0 + GAIN), rows, trees):
-            grown = largest_scale(around, s, x, y, z, place[3], most, rows, trees)
+        if fits(around, s, x, y, z, place[3] * (1.0 + GAIN), rows):
+            grown = largest_scale(around, s, x, y, z, place[3], most, rows)
         if grown > place[3]:
             place[0], place[1], place[2], place[3] = x, y, z, grown
             step *= 2.0
@@ -188,7 +186,7 @@ def _move(around, s, place, most, rows, trees):  # type: ignore[no-untyped-def]
 
 
 @bare_kernel
-def _rotate(around, s, place, most, tries, key, number, rows, trees):  # type: ignore[no-untyped-def]
+def _rotate(around, s, place, most, tries, key, number, rows):  # type: ignore[no-untyped-def]
     """Rotate a grain to where it can grow further, in so many tries."""
     work, span = around.shapes.work, 1.0
     q = work.quaternion
@@ -207,8 +205,8 @@ def _rotate(around, s, place, most, tries, key, number, rows, trees):  # type: i
         q[2], q[3] = a * j - b * k + c * w + d * i, a * k + b * j - c * i + d * w
         write_matrix(q, work.turn)
         grown = 0.0
-        if fits(around, s, place[0], place[1], place[2], place[3] * (1.0 + GAIN), rows, trees):
-            grown = largest_scale(around, s, place[0], place[1], place[2], place[3], most, rows, trees)
+        if fits(around, s, place[0], place[1], place[2], place[3] * (1.0 + GAIN), rows):
+            grown = largest_scale(around, s, place[0], place[1], place[2], place[3], most, rows)
         if grown > place[3]:
             place[3], w, i, j, k = grown, q[0], q[1], q[2], q[3]
             span = min(1.0, span * WIDER)
