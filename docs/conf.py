@@ -30,7 +30,7 @@ source_suffix = {".rst": "restructuredtext", ".md": "markdown"}
 
 # GitHub's anchors of headings, so that one link works there and here
 myst_heading_anchors = 4
-myst_enable_extensions = ["colon_fence", "deflist"]
+myst_enable_extensions = ["attrs_inline", "colon_fence", "deflist"]
 
 # every class and function has a page of its own, written by site_reference
 autosummary_generate = False

@@ -61,6 +61,16 @@ def test_a_page_has_all_parts(folder, kind, name):
         assert (DOCS / "methods" / kind.folder / target).resolve().is_file(), target
 
 
+def test_an_index_shows_the_pictures_that_are_there(tmp_path):
+    (tmp_path / "pictures").mkdir()
+    (tmp_path / "pictures" / "clumps_optimal.png").touch()
+    clumps = PAGES.KINDS[1]
+    page = PAGES.index_of(clumps, tmp_path)
+    # not as raw HTML, whose files Sphinx does not copy
+    assert re.findall(r"!\[.*?\)", page) == ["![optimal](../pictures/clumps_optimal.png)"]
+    assert "<img" not in page
+
+
 def test_indexes_list_every_entry(folder):
     for kind in PAGES.KINDS:
         page = (folder / kind.folder / "index.md").read_text()
