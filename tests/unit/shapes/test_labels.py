@@ -235,6 +235,13 @@ def test_grey_values_are_refused_at_once(grey, take):
         take(grey, voxel_size=0.1)
 
 
+def test_grey_values_within_a_mask_of_zeros_are_refused_too(grey):
+    masked = np.zeros((40, 40, 40), dtype=np.uint16)
+    masked[:12, :12, :12] = grey[:12, :12, :12]
+    with pytest.raises(InputError, match="these are grey values"):
+        vg.load_labels(masked, voxel_size=0.1)
+
+
 @pytest.mark.filterwarnings("ignore:.*cut by the border")
 def test_many_small_grains_are_no_grey_values():
     cells = np.arange(1, 126).reshape(5, 5, 5)
