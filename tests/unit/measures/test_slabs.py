@@ -1,5 +1,7 @@
 """Spheres near a box by their order along the axes, against a test of all spheres."""
 
+import itertools
+
 import numpy as np
 import pytest
 
@@ -66,7 +68,7 @@ def test_slices_of_overlapping_spheres_add_up_to_the_whole(periodic):
     ends = np.linspace(0.0, 6.0, 41)
     lower, upper = np.full(3, -np.inf), np.full(3, np.inf)
     parts = []
-    for low, high in zip(ends[:-1], ends[1:], strict=True):
+    for low, high in itertools.pairwise(ends):
         lower[2], upper[2] = low, high
         parts.append(solids.volume(lower, upper))
     whole = np.full(3, -np.inf), np.full(3, np.inf)
