@@ -2,6 +2,7 @@
 
 import ast
 import doctest
+import itertools
 import json
 import re
 import runpy
@@ -135,6 +136,25 @@ def test_tables_of_studies_are_those_of_their_files(name, row, head):
     for key, values in means.iterrows():
         found = next(texts for label, texts in shown.items() if label.lower() == str(key).lower())
         assert [float(text) for text in found] == pytest.approx(values.tolist(), abs=5.1e-4)
+
+
+def test_the_table_of_feeding_is_that_of_its_file():
+    docs = EXAMPLES.parent / "docs"
+    cells = pd.read_csv(docs / "figures" / "study_feeding.csv")
+    columns = ["settle", "shape", "container.periodic"]
+    means = cells.pivot_table(index="method", columns=columns, values="bed_solid_fraction", sort=False)
+    order = itertools.product(("as packed", "settled"), ("sphere", "random solids"), ("[]", '["x", "y"]'))
+    means = means[list(order)]
+    head = "| method and feed | as packed: spheres, walls |"
+    text = (docs / "guide" / "studies.md").read_text()
+    lines = text.split(head)[1].split("\n")[2 : 2 + len(means)]
+    shown = {cells[1].strip(): cells[2:-1] for cells in (line.split("|") for line in lines)}
+    assert list(shown) == list(means.index)
+    for key, values in means.iterrows():
+        assert [float(text) for text in shown[key]] == pytest.approx(values.tolist(), abs=5.1e-4)
+    settled = means["settled"]
+    assert 0.034 < (settled.max() - settled.min()).max() < 0.035
+    assert "hardly: 0.035 at most" in text
 
 
 def test_chu_totals(tmp_path, capsys, monkeypatch):

@@ -4,6 +4,7 @@ import contextlib
 import os
 from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 from voxgran._base.errors import CheckpointError
 from voxgran._base.files import write_text
@@ -45,10 +46,10 @@ class Checkpoint:
         shapes : tuple of Shape
             Its shapes.
         """
-        asked = {**scene.asked(), **scene.parameters}
+        asked: dict[str, Any] = {**scene.asked(), **scene.parameters}
         if not self._file:
             return pack(shapes, scene.container, **asked)
-        kept = {"checkpoint": self._file, "resume": True, "on_step": self._note}
+        kept: dict[str, Any] = {"checkpoint": self._file, "resume": True, "on_step": self._note}
         try:
             return pack(shapes, scene.container, **asked, **kept)
         except CheckpointError:

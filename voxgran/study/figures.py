@@ -1,7 +1,7 @@
 """Figures of a study: density against processor time, and density by shape and method beside experiments."""
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 from typing import TYPE_CHECKING, Any
 
@@ -64,11 +64,21 @@ class Points:
         filled = color // len(plots.DISTINCT) % 2 == 0
         return {"color": ink, "marker": MARKERS[marker % len(MARKERS)], "markerfacecolor": ink if filled else "none"}
 
-    def by_style(self, places: Integers) -> Iterator[tuple[Integers, dict[str, Any]]]:
-        """Yield the points of each colour and marker, with their style."""
+    def over_categories(self, dataset: "Dataset") -> "Points":
+        """Return the points for a figure over the values of the axis of markers, in which markers tell another axis
+        apart: the first one that varies besides; none where there is no other.
+        """
+        taken = (self.color_axis, self.marker_axis, LISTED)
+        dimension = axes_of(dataset)
+        known = {dimension[name] for name in taken if name in dimension}
+        free = [name for name in varied_axes(dataset) if name not in taken and dimension[name] not in known]
+        return replace(self, marker_axis=next(iter(free), None))
+
+    def by_style(self, places: Integers, category: str | None = None) -> Iterator[tuple[Integers, dict[str, Any]]]:
+        """Yield the points of each colour and marker, and of each value of a category, with their style."""
         groups: dict[tuple[Label, ...], list[int]] = {}
         for at in map(int, places):
-            axes = [axis for axis in (self.color_axis, self.marker_axis) if axis is not None]
+            axes = [axis for axis in (self.color_axis, category, self.marker_axis) if axis is not None]
             groups.setdefault(tuple(self.labels[at][axis] for axis in axes), []).append(at)
         for members in groups.values():
             yield np.array(members), self.style(members[0])
@@ -156,19 +166,21 @@ def figures_of(
     density = _values(dataset, variable, confidence, interval)
     size = (WIDTH, max(HEIGHT, 0.28 * _legend_rows(points) + 1.0))
     name, what = variable.replace("_", "-"), variable.replace("_", " ")
-    bars = f"Bars are {100 * confidence:g} % confidence intervals of the means over the seeds.{_alike(dataset, points)}"
+    bars = f"Bars are {100 * confidence:g} % confidence intervals of the means over the seeds."
     found = []
     if "seconds" in dataset:
         seconds = _values(dataset, "seconds", confidence, interval)
         draw = partial(_draw_against_seconds, points=points, density=density, seconds=seconds)
         svg = plots.svg_of(draw, f"{name}-against-seconds", size=size)
         title = f"{what} against processor time"
-        found.append(Figure(f"{variable}_against_seconds", svg, title, f"{_capital(title)}, one marker a cell. {bars}"))
-    draw = partial(_draw_by_category, points=points, density=density, bands=bands, placed=placed)
+        caption = f"{_capital(title)}, one marker a cell. {bars}{_alike(dataset, points)}"
+        found.append(Figure(f"{variable}_against_seconds", svg, title, caption))
+    marked = points.over_categories(dataset)
+    draw = partial(_draw_by_category, points=points, marked=marked, density=density, bands=bands, placed=placed)
     svg = plots.svg_of(draw, f"{name}-by-cell", size=size)
     by = " and ".join(axis for axis in (category, over) if axis is not None)
     title = f"{what} by {by}" if by else what
-    caption = f"{_capital(title)}. {bars}{_sources(bands)}"
+    caption = f"{_capital(title)}. {bars}{_alike(dataset, marked, category)}{_sources(bands)}"
     return [*found, Figure(f"{variable}_by_cell", svg, title, caption)]
 
 
@@ -177,9 +189,10 @@ def _capital(text: str) -> str:
     return f"{text[:1].upper()}{text[1:]}"
 
 
-def _alike(dataset: "Dataset", points: Points) -> str:
-    """Return in which axes points that look alike differ, as part of a caption."""
-    told = [axis for axis in varied_axes(dataset) if axis not in (points.color_axis, points.marker_axis, LISTED)]
+def _alike(dataset: "Dataset", points: Points, category: str | None = None) -> str:
+    """Return in which axes points that look alike differ, besides that of the abscissa, as part of a caption."""
+    shown = (points.color_axis, points.marker_axis, category, LISTED)
+    told = [axis for axis in varied_axes(dataset) if axis not in shown]
     return f" Points of the same colour and marker differ in {', '.join(told)}." if told else ""
 
 
@@ -225,8 +238,12 @@ def _draw_against_seconds(axes: Any, *, points: Points, density: _Values, second
     _legend(axes, points, markers=True)
 
 
-def _draw_by_category(axes: Any, *, points: Points, density: _Values, bands: Sequence[Band], placed: bool) -> None:
-    """Draw the density of each cell over the values of the axis of markers, beside each other by colour."""
+def _draw_by_category(
+    axes: Any, *, points: Points, marked: Points, density: _Values, bands: Sequence[Band], placed: bool
+) -> None:
+    """Draw the density of each cell over the values of the axis of markers, beside each other by colour; `marked` says
+    what markers tell apart here.
+    """
     category = points.marker_axis
     values = points.values(category)
     if len(values) > 1 and all(isinstance(value, int | float) for value in values):
@@ -244,13 +261,18 @@ def _draw_by_category(axes: Any, *, points: Points, density: _Values, bands: Seq
         _draw_band(
             axes, band, (middle[band.label] - BAND * width, middle[band.label] + BAND * width) if placed else None
         )
-    for places, style in points.by_style(np.flatnonzero(np.isfinite(density.mean))):
-        error, style["marker"] = density.errors(places), "o"
+    for places, style in marked.by_style(np.flatnonzero(np.isfinite(density.mean)), category):
         axes.errorbar(
-            place[places], density.mean[places], yerr=error, linestyle="none", elinewidth=1.4, markersize=6, **style
+            place[places],
+            density.mean[places],
+            yerr=density.errors(places),
+            linestyle="none",
+            elinewidth=1.4,
+            markersize=6,
+            **style,
         )
     axes.set(xlabel=(category or "").replace("_", " "), ylabel=density.label)
-    _legend(axes, points, markers=False, bands=bool(bands))
+    _legend(axes, marked, markers=marked.marker_axis is not None, bands=bool(bands))
 
 
 def _numbers(axes: Any, values: Sequence[Any]) -> tuple[dict[str, float], float]:

@@ -200,7 +200,8 @@ def test_closed_forms_of_one_plane_and_of_a_slab_agree_with_the_general_sum(heig
 def test_a_thin_slab_keeps_its_digits():
     for width in (1e-3, 1e-8, 1e-12):
         middle = np.array([0.0, 0.0, 0.3])
-        low, high = middle - [np.inf, np.inf, width / 2], [*middle, np.inf, np.inf, width / 2]
+        reach = np.array([np.inf, np.inf, width / 2])
+        low, high = middle - reach, middle + reach
         area = math.pi * (1 - 0.3**2) - math.pi * width**2 / 12
         found = cut_spheres(np.zeros((1, 3)), np.ones(1), lower=low, upper=high)[0]
         assert found == pytest.approx(area * (high[2] - low[2]), rel=1e-13)

@@ -257,9 +257,10 @@ def test_numbers_on_the_axis_are_joined_and_bands_of_other_axes_go_across(tmp_pa
 
 
 def test_what_neither_colour_nor_marker_says_is_in_the_caption(tmp_path):
-    dims = ("method", "shape", "sizes.sigma", "seed")
-    values = {"solid_fraction": (dims, stream(3, "values").uniform(0.5, 0.6, (2, 2, 2, 2)))}
-    made = xr.Dataset(values, {"method": ["a", "b"], "shape": ["s", "t"], "sizes.sigma": [0.1, 0.2]})
+    dims = ("method", "shape", "settle", "sizes.sigma", "seed")
+    values = {"solid_fraction": (dims, stream(3, "values").uniform(0.5, 0.6, (2, 2, 2, 2, 2)))}
+    named = {"method": ["a", "b"], "shape": ["s", "t"], "settle": ["no", "yes"], "sizes.sigma": [0.1, 0.2]}
+    made = xr.Dataset(values, named)
     text = write_study_page(made, tmp_path).read_text()
     assert "Points of the same colour and marker differ in sizes.sigma." in text
 
@@ -376,3 +377,30 @@ def test_the_command_writes_the_page(tmp_path, monkeypatch, capsys):
         assert "<h1>Study beds</h1>" in text
         assert "sphere 0.05\u20130.06 (nobody)" in text
         (tmp_path / "out" / "study.html").unlink()
+
+
+def test_markers_over_categories_tell_a_third_axis_apart(monkeypatch):
+    """Over shapes, markers are those of the next axis that varies; the caption says what is left."""
+    drawn = []
+
+    def noted(draw, name, **options):
+        from matplotlib.figure import Figure
+
+        axes = Figure().add_subplot()
+        draw(axes)
+        drawn.append(axes)
+        return ""
+
+    monkeypatch.setattr(plots, "svg_of", noted)
+    sizes = {"method": ["a", "b"], "shape": ["s", "t"], "settle": ["no", "yes"], "sizes.sigma": [0.1, 0.2]}
+    values = {"solid_fraction": ((*sizes, "seed"), stream(4, "values").uniform(0.5, 0.6, (2, 2, 2, 2, 2)))}
+    (figure,) = figures_of(xr.Dataset(values, sizes), "solid_fraction", over="method")
+    assert "Points of the same colour and marker differ in sizes.sigma." in figure.caption
+    kinds = [(c.lines[0].get_color(), c.lines[0].get_marker()) for c in drawn[0].containers]
+    assert sorted(set(kinds)) == sorted(itertools.product(plots.DISTINCT[:2], "os"))
+    assert [text.get_text() for text in drawn[0].get_legend().get_texts()] == ["a", "b", "no", "yes"]
+    del sizes["sizes.sigma"], sizes["settle"]
+    values = {"solid_fraction": ((*sizes, "seed"), np.full((2, 2, 2), 0.5))}
+    figures_of(xr.Dataset(values, sizes), "solid_fraction", over="method")
+    assert {c.lines[0].get_marker() for c in drawn[1].containers} == {"o"}
+    assert [text.get_text() for text in drawn[1].get_legend().get_texts()] == ["a", "b"]
