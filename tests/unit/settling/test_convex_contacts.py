@@ -4,7 +4,7 @@ import itertools
 
 import numpy as np
 import pytest
-from scipy.optimize import linprog, minimize
+from scipy.optimize import linprog, nnls
 
 from voxgran._base.rotation import rotation_matrices
 from voxgran.settling.contact_rows import CONVEX, SPHERE, ContactRows, Grains, PairList
@@ -185,22 +185,14 @@ def test_the_order_of_a_pair_and_a_rotation_of_the_whole_change_no_gap(pair):
 
 
 def distance_of_hulls(one, other):
-    """Return whether a plane separates two point sets, and the distance of them, by a convex program on the weights."""
-    a, b = len(one), len(other)
-    weights = np.concatenate([np.ones(a) / a, np.ones(b) / b])
-    difference = np.concatenate([one, -other])
-    sums = np.zeros((2, a + b))
-    sums[0, :a], sums[1, a:] = 1.0, 1.0
-    found = minimize(
-        lambda w: ((w @ difference) ** 2).sum(),
-        weights,
-        jac=lambda w: 2 * difference @ (w @ difference),
-        bounds=[(0, 1)] * (a + b),
-        constraints={"type": "eq", "fun": lambda w: sums @ w - 1, "jac": lambda w: sums},
-        method="SLSQP",
-        options={"ftol": 1e-16, "maxiter": 500},
-    )
-    return float(np.sqrt(found.fun))
+    """Return the distance of the hulls of two point sets: that of the origin from the hull of their differences.
+
+    Of all weights w >= 0 those that minimize |sum w d|^2 + (sum w - 1)^2 are, but for a factor, those of the point of
+    the hull of the differences d that is nearest to the origin (Lawson and Hanson 1974, least distance programming).
+    """
+    difference = (one[:, None] - other).reshape(-1, 3)
+    weights, _ = nnls(np.column_stack([difference, np.ones(len(difference))]).T, [0.0, 0.0, 0.0, 1.0])
+    return float(np.linalg.norm(weights @ difference) / weights.sum())
 
 
 def are_separate(one, other):

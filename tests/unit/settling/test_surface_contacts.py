@@ -121,13 +121,13 @@ def test_other_solids_have_contacts_with_meshes():
         pairs.bound[:] = -1e9
         look(grains, bodies, pairs)
         high, low = np.where(pairs.bound > 0, middle, high), np.where(pairs.bound > 0, low, middle)
+    # edges may touch each other between their ends
+    dense = [np.concatenate([shape.vertices, vg.sample_surface(shape, spacing=0.03)]) for shape in shapes]
     for p in range(4):
         one, other = shapes[0], shapes[p + 1]
         offset = grains.position[2 * p + 1] - grains.position[2 * p]
-        # edges may touch each other between their ends
-        dense = [np.concatenate([shape.vertices, vg.sample_surface(shape, spacing=0.03)]) for shape in (one, other)]
         mine = dense[0] @ grains.matrix[2 * p].T - offset
-        theirs = dense[1] @ grains.matrix[2 * p + 1].T + offset
+        theirs = dense[p + 1] @ grains.matrix[2 * p + 1].T + offset
         gap = min(
             other.signed_distance(mine @ grains.matrix[2 * p + 1]).min(),
             one.signed_distance(theirs @ grains.matrix[2 * p]).min(),

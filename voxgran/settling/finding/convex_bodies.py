@@ -174,10 +174,9 @@ def convex_bodies(shapes: Sequence[Shape], *, hulls: bool = False) -> ConvexBodi
     )
 
 
-def kinds_among(bodies: ConvexBodies) -> tuple[bool, bool, bool]:
-    """Return whether there are unions of spheres, ellipsoids, and cylinders or cones among shapes."""
-    kinds = set(bodies.kind.tolist())
-    return SPHERES in kinds, ELLIPSOID in kinds, bool(kinds & {CYLINDER, CONE})
+def has_rows(bodies: ConvexBodies) -> bool:
+    """Return whether there are ellipsoids, cylinders or cones among shapes."""
+    return not {ELLIPSOID, CYLINDER, CONE}.isdisjoint(bodies.kind.tolist())
 
 
 def convex_work(bodies: ConvexBodies, grains: Grains) -> ConvexWork:

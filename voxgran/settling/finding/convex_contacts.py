@@ -10,7 +10,7 @@ import math
 from voxgran._base.arrays import Floats
 from voxgran._base.kernels import bare_kernel, inlined_kernel, kernel
 from voxgran.settling.contact_rows import CONVEX, ContactRows, Grains, PairList, write_contact
-from voxgran.settling.finding.convex_bodies import ConvexBodies, ConvexWork, kinds_among
+from voxgran.settling.finding.convex_bodies import ConvexBodies, ConvexWork, has_rows
 from voxgran.settling.finding.convex_distance import ellipsoid_gap, part_gap
 from voxgran.settling.finding.face_contacts import SAME, write_face_contacts
 
@@ -35,9 +35,9 @@ def find_convex_contacts(
     gap, beside the room.
     """
     known = [(array, array[:size].copy()) for array in (pairs.first, pairs.count, pairs.bound, pairs.way, pairs.normal)]
-    # what is None is not compiled: most beds have one kind of solids
-    unions, ellipsoids, rounds = (1 if some else None for some in kinds_among(bodies))
-    found = _find(grains, bodies, work, pairs, size, rows, m, margin, rest, unions, ellipsoids, rounds)
+    # what is None is not compiled: it slows the search among corners
+    curved = 1 if has_rows(bodies) else None
+    found = _find(grains, bodies, work, pairs, size, rows, m, margin, rest, curved, curved)
     if found < 0:
         for array, old in known:
             array[:size] = old
@@ -101,10 +101,10 @@ def _write_form(placed, form):  # type: ignore[no-untyped-def]
 
 
 @kernel
-def _find(grains, bodies, work, pairs, size, rows, m, margin, rest, unions, ellipsoids, rounds):  # type: ignore[no-untyped-def]
+def _find(grains, bodies, work, pairs, size, rows, m, margin, rest, ellipsoids, rounds):  # type: ignore[no-untyped-def]
     """Write the contacts of all pairs; return the next row, or -1.
 
-    unions, ellipsoids, rounds: None where there are no spheres, ellipsoids, or cylinders and cones.
+    ellipsoids, rounds: None where there are no ellipsoids, or cylinders and cones.
     """
     _place(grains, bodies, work, ellipsoids, rounds)
     offset = work.offset
@@ -136,13 +136,12 @@ def _find(grains, bodies, work, pairs, size, rows, m, margin, rest, unions, elli
                 grains, bodies, work, rows, m, one, two, offset, start, reach, look, old_rows, normal,
                 ellipsoids, rounds,
             )  # fmt: skip
-        elif unions is not None:
-            if kind_i == 0 and kind_j == 0:
-                m, gap = _touch_spheres(grains, work, rows, m, i, j, offset, reach, look, old_rows, normal)
-            elif kind_i >= 0 and kind_j >= 0:
-                m, gap = _touch_union(
-                    grains, bodies, work, rows, m, i, j, offset, reach, look, old_rows, normal, ellipsoids, rounds
-                )
+        elif kind_i == 0 and kind_j == 0:
+            m, gap = _touch_spheres(grains, work, rows, m, i, j, offset, reach, look, old_rows, normal)
+        elif kind_i >= 0 and kind_j >= 0:
+            m, gap = _touch_union(
+                grains, bodies, work, rows, m, i, j, offset, reach, look, old_rows, normal, ellipsoids, rounds
+            )
         if m < 0:
             return -1
         pairs.bound[p] = gap

@@ -33,11 +33,11 @@ GOLDEN = 0.6180339887498949
 @bare_kernel
 def near_mesh(
     bodies: WallBodies, walls: MeshWalls, shape: int, scale: float, m: Floats, x: float, y: float, z: float,
-    radius: float, reach: float, smooth: object, edges: object,
+    radius: float, reach: float, smooth: object,
 ) -> int:  # fmt: skip
     """Write the points of a grain at (x, y, z) within reach of a closed mesh; return how many there are.
 
-    smooth, edges: None where no shape is a smooth solid, and where no edge of the wall is reentrant.
+    smooth: None where no shape is a smooth solid.
     """
     px, py, pz = x + walls.shift[0], y + walls.shift[1], z + walls.shift[2]
     square, triangle, feature, qx, qy, qz = search_triangles(
@@ -61,7 +61,8 @@ def near_mesh(
         c = _near_point(bodies, walls, c, px, py, pz, ax, ay, az, r, reach, far)
     if smooth is not None and bodies.kind[shape] != POINTS:
         c = _near_supports(bodies, walls, c, shape, scale, m, px, py, pz, reach, far)
-    if edges is not None:
+    # where an edge of the wall is reentrant
+    if len(bodies.mesh.edge) > 0:
         first = bodies.mesh.triangle
         if bodies.kind[shape] != POINTS or first[shape + 1] > first[shape]:
             c = _near_edges(bodies, c, shape, scale, m, x, y, z, radius, reach)

@@ -58,17 +58,14 @@ def find_wall_contacts(
         before `m` are untouched: with larger arrays that hold the same old rows the call can be made again.
     """
     # closed meshes have a kernel of their own: others need not be compiled with what only these use
-    # and of each, what is None here is not compiled: smooth solids, round walls, reentrant edges
+    # and of each, what is None here is not compiled: smooth solids
     smooth = 1 if bodies.kind.any() else None
-    if walls.kind == MESH:
-        find, other = _find_in_mesh, 1 if len(bodies.mesh.edge) else None
-    else:
-        find, other = _find_in_closed_form, None if walls.kind == FLAT else 1
-    return int(find(grains, walls, lid, bodies, first, count, rows, m, margin, rest, smooth, other))
+    find = _find_in_mesh if walls.kind == MESH else _find_in_closed_form
+    return int(find(grains, walls, lid, bodies, first, count, rows, m, margin, rest, smooth))
 
 
 @kernel
-def _find_in_closed_form(grains, walls, lid, bodies, first, count, rows, m, margin, rest, smooth, around):  # type: ignore[no-untyped-def]
+def _find_in_closed_form(grains, walls, lid, bodies, first, count, rows, m, margin, rest, smooth):  # type: ignore[no-untyped-def]
     """Write the contacts with flat and round walls and with a lid."""
     n = len(grains.position)
     here, many = np.empty(n, dtype=np.int64), np.empty(n, dtype=np.int64)
@@ -82,7 +79,7 @@ def _find_in_closed_form(grains, walls, lid, bodies, first, count, rows, m, marg
             if room > near:
                 continue
             shape, scale, matrix = grains.shape[g], grains.scale[g], grains.matrix[g]
-            if around is not None and side == AROUND:
+            if side == AROUND and walls.kind != FLAT:
                 flat = 1.0 if walls.kind == ROUND else 0.0
                 dx, dy, dz = x - walls.middle[0], y - walls.middle[1], z - walls.middle[2]
                 c = near_round(bodies, shape, scale, matrix, dx, dy, dz, flat, walls.radius, reach, smooth)
@@ -100,7 +97,7 @@ def _find_in_closed_form(grains, walls, lid, bodies, first, count, rows, m, marg
 
 
 @kernel
-def _find_in_mesh(grains, walls, lid, bodies, first, count, rows, m, margin, rest, smooth, edges):  # type: ignore[no-untyped-def]
+def _find_in_mesh(grains, walls, lid, bodies, first, count, rows, m, margin, rest, smooth):  # type: ignore[no-untyped-def]
     """Write the contacts with the walls of a closed mesh and with a lid."""
     n = len(grains.position)
     here, many = np.empty(n, dtype=np.int64), np.empty(n, dtype=np.int64)
@@ -111,7 +108,7 @@ def _find_in_mesh(grains, walls, lid, bodies, first, count, rows, m, margin, res
         shape, scale, matrix, radius = grains.shape[g], grains.scale[g], grains.matrix[g], grains.radius[g]
         for side in range(2):
             if side == 0:
-                c = near_mesh(bodies, walls.mesh, shape, scale, matrix, x, y, z, radius, reach, smooth, edges)
+                c = near_mesh(bodies, walls.mesh, shape, scale, matrix, x, y, z, radius, reach, smooth)
                 if walls.dimension == 2:
                     _lay_flat(bodies.found, c)
             else:
