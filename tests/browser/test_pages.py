@@ -14,6 +14,7 @@ from kit import lattice
 
 import voxgran as vg
 from voxgran.report import view
+from voxgran.report.stage import view_axes
 
 pytestmark = [
     pytest.mark.browser,
@@ -28,7 +29,7 @@ def beds():
     """Return 27 grains of three shapes, in contact along x, and the same with smaller grains."""
     shapes = [vg.make_shape("sphere"), vg.make_shape("box"), vg.make_shape("cylinder")]
     position = lattice(3, 3, 3)
-    bed = vg.Packing.of(shapes, vg.Box((3, 3, 3)), position=position, shape_id=np.arange(27) % 3, unit="mm")
+    bed = vg.Packing.of(shapes, vg.Box((3, 3, 3)), position=position, shape_id=np.arange(27) // 3 % 3, unit="mm")
     return bed, dataclasses.replace(bed, scale=np.full(27, 0.8))
 
 
@@ -128,11 +129,16 @@ def test_a_drag_turns_the_packing_and_picks_no_grain(report):
 def test_a_click_names_the_grain_under_it(report):
     click(report, 0.5, 0.5)
     said = info(report)
-    # the grain in front, at high x, low y and high z, is one of a corner or an edge
     assert said.startswith("Grain ")
     bed, _ = beds()
     number = int(said.split()[1].rstrip(":"))
-    assert bed.position[number][1] == bed.position[:, 1].min() or bed.position[number][0] == bed.position[:, 0].max()
+    # the line of sight through the middle meets it, and no grain in front of it for certain
+    toward = view_axes()[2]
+    away = bed.position - bed.container.bounds.mean(axis=0)
+    depth = away @ toward
+    off = np.linalg.norm(away - depth[:, None] * toward, axis=1)
+    assert off[number] < bed.bounding_radii[number]
+    assert depth[number] >= depth[off < 0.35].max() - 1e-9
     assert f"shape {bed.shapes[bed.shape_id[number]].name}" in said
     assert f"diameter {bed.diameters[number]:.4g} mm" in said
     found = bed.contacts(1e-9)

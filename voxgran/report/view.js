@@ -146,7 +146,7 @@
     type: "mesh3d", flatshading: true, hoverinfo: "none", showscale: false,
     lighting: { ambient: 0.4, diffuse: 0.75, specular: 0.1, roughness: 0.6, fresnel: 0.05,
       vertexnormalsepsilon: 0, facenormalsepsilon: 0 },
-    lightposition: { x: 30000, y: 70000, z: -60000 },
+    lightposition: { x: 20000, y: -110000, z: -60000 },
   };
 
   function grains(p) {
@@ -195,20 +195,23 @@
   }
 
   function layout(p) {
-    const sizes = p.ends.map(([low, high]) => high - low), largest = Math.max(...sizes);
-    const room = Math.min(1, find("canvas").clientWidth / find("canvas").clientHeight);
-    const ink = getComputedStyle(document.body).color, flat = p.dimension === 2;
+    const sizes = p.ends.map(([low, high]) => high - low), flat = p.dimension === 2;
+    const [right, up, eye] = flat ? [[1, 0, 0], [0, 1, 0], [0, 0, 1]] : settings.axes;
+    // plotly shows about two of its units in the height of the canvas; the packing and its labels fill most of that
+    const seen = (axis) => axis.reduce((sum, part, k) => sum + Math.abs(part) * sizes[k], 0);
+    const across = find("canvas").clientWidth / find("canvas").clientHeight;
+    const unit = 1.65 * Math.min(1 / seen(up), across / seen(right));
+    const ink = getComputedStyle(document.body).color;
     const scene = { dragmode: flat ? "pan" : "turntable", aspectmode: "manual", uirevision: String(state.at), aspectratio: {} };
     AXES.forEach((name, axis) => {
       const shown = ticks(...p.bounds.map((corner) => corner[axis]));
-      scene.aspectratio[name] = 1.5 * room * sizes[axis] / largest;
+      scene.aspectratio[name] = unit * sizes[axis];
       scene[name + "axis"] = {
         visible: !(flat && axis === 2), range: p.ends[axis], showbackground: false, showgrid: false, zeroline: false,
         showspikes: false, color: ink, title: { text: name + (p.unit ? " (" + p.unit + ")" : "") },
         tickvals: shown.map((v) => (v - p.middle[axis]) / p.length), ticktext: shown.map(number),
       };
     });
-    const eye = flat ? [0, 0, 1] : settings.eye;
     scene.camera = {
       projection: { type: "orthographic" }, up: flat ? { x: 0, y: 1, z: 0 } : { x: 0, y: 0, z: 1 },
       center: { x: 0, y: 0, z: 0 }, eye: { x: 2 * eye[0], y: 2 * eye[1], z: 2 * eye[2] },
