@@ -88,7 +88,7 @@ def index_of(kind: Kind, folder: Path) -> str:
     lines = [f"# {kind.title}", "", kind.intro, "", "| | name | what it is |", "|---|---|---|"]
     for name in kind.registry().names():
         there = (folder / "pictures" / f"{kind.folder}_{name}.png").is_file()
-        image = f"![{name}](../pictures/{kind.folder}_{name}.png){{width=120px}}" if there else ""
+        image = f"![{name}](../pictures/{kind.folder}_{name}.png){{height=70px}}" if there else ""
         lines.append(f"| {image} | [{name}]({name}.md) | {kind.registry().get(name).summary} |")
     return "\n".join([*lines, "", *_toctree(kind.registry().names())]) + "\n"
 
