@@ -81,7 +81,7 @@ def test_coordination_is_counted_up_to_one_gap(groups, tmp_path):
 
 def test_single_packings_have_no_verdict(groups, tmp_path):
     pair = {"a": groups["few"][0], "b <i>": groups["many"][0]}
-    text, twin = written(pair, tmp_path, which=["density"], pictures=True)
+    text, twin = written(pair, tmp_path, which=["density"], pictures=True, interactive=False)
     assert "No significance is claimed for differences from or of a, b &lt;i&gt;, which have one packing each" in text
     for words in ("significant,", "p =", "±", "nan"):
         assert words not in text
