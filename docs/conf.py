@@ -59,7 +59,7 @@ html_copy_source = False
 html_sidebars = {"index": [], "glossary": [], "changelog": []}
 html_theme_options = {
     "logo": {"text": "voxgran"},
-    "header_links_before_dropdown": 9,
+    "header_links_before_dropdown": 6,
     "navbar_end": ["theme-switcher"],
     "navigation_with_keys": False,
     "show_prev_next": True,

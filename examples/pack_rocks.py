@@ -8,10 +8,7 @@ Random solids are packed under gravity and settle, the packing is verified again
 import sys
 from pathlib import Path
 
-from matplotlib.image import imsave
-
 import voxgran as vg
-from voxgran.report.scenes import picture_packing
 
 folder = Path(sys.argv[1] if len(sys.argv) > 1 else "out/rocks")
 rocks = [vg.make_shape("solid_union", seed=seed, solids=(3, 5)) for seed in range(3)]
@@ -28,4 +25,4 @@ print(f"grains {packing.count}  verified {proof.ok}  solid fraction between 0.5 
 # **The packing, coloured by size**
 
 # Picture: A bed of 60 rounded rocks in a tall box, small ones dark and large ones bright.
-imsave(folder / "pack_rocks.png", picture_packing(packing))
+vg.save_picture(packing, folder / "pack_rocks.png", overwrite=True)

@@ -13,7 +13,6 @@ from matplotlib.image import imsave
 
 import voxgran as vg
 from voxgran.report.force_chains import picture_forces
-from voxgran.report.scenes import picture_packing
 
 folder = Path(sys.argv[1] if len(sys.argv) > 1 else "out/tutorial")
 folder.mkdir(parents=True, exist_ok=True)
@@ -40,7 +39,7 @@ box = vg.Box((5, 5, 10), periodic="xy")
 packing = vg.pack(rock, box, method="gravity", count=150, friction=0.5, sizes=sizes, seed=1, unit="mm")
 print(packing)
 # Picture: A bed of 150 elongated rocks in the lower part of a tall box, small ones dark and large ones bright.
-imsave(folder / "tutorial_bed.png", picture_packing(packing, window=(700, 700)))
+vg.save_picture(packing, folder / "tutorial_bed.png", window=(700, 700), overwrite=True)
 
 # %%
 # **Two proofs: nothing overlaps, and the bed rests**

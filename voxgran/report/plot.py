@@ -1,4 +1,4 @@
-"""`plot`: a packing or a shape in a window, or in a notebook where PyVista can turn it there; a picture elsewhere."""
+"""`plot` shows a packing or a shape in a window or notebook, or as a picture; `save_picture` writes that picture."""
 
 import os
 import sys
@@ -8,11 +8,13 @@ from typing import Any
 import numpy as np
 
 from voxgran._base.arrays import as_choice, check_type
+from voxgran._base.files import written_whole
 from voxgran._base.lazy import load
 from voxgran.packing.model import Packing
+from voxgran.report.clumps import check_picture_path
 from voxgran.report.colors import COLOR_BY, COLORS, ColorBy, coloring
-from voxgran.report.scenes import GRAIN_COLOR, SMOOTH, picture_packing
-from voxgran.report.stage import look_at, shot, stage_of
+from voxgran.report.scenes import GRAIN_COLOR, SMOOTH, picture_cut, picture_packing
+from voxgran.report.stage import Picture, look_at, png_of, shot, stage_of
 from voxgran.shapes.model import Shape
 
 #: backends of PyVista whose scenes can be turned in a notebook, and what these need
@@ -59,14 +61,74 @@ def plot(what: Packing | Shape, *, color: ColorBy = "diameter", window: tuple[in
             plotter.show()
             return None
         return plotter.show(jupyter_backend=backend, return_viewer=True)
+    return load("PIL.Image").fromarray(_picture(what, color, window))
+
+
+def save_picture(
+    what: Packing | Shape,
+    path: str | os.PathLike[str],
+    *,
+    color_by: ColorBy = "diameter",
+    cut: bool = False,
+    window: tuple[int, int] = (900, 900),
+    overwrite: bool = False,
+) -> None:
+    """Write a picture of a packing in its container, or of a shape.
+
+    Parameters
+    ----------
+    what : Packing or Shape
+        What is drawn.
+    path : path-like
+        File to write, ``.png``.
+    color_by : {"diameter", "height", "shape", "coordination", "distance", "force"}
+        What the colours of grains show, from dark to bright, as in :func:`plot`; not used for a shape.
+    cut : bool
+        Whether the grains with centroids in the quarter of the container that faces the viewer are left out; not used
+        for a shape, nor in two dimensions.
+    window : tuple of int
+        Width and height, in pixels.
+    overwrite : bool
+        Whether an existing file may be replaced.
+
+    Raises
+    ------
+    InputError
+        If it is neither a packing nor a shape, `color_by` is unknown, or it is "force" and no forces are known.
+    FileFormatError
+        If the suffix is not ``.png``.
+    OutputExistsError
+        If the file exists and `overwrite` is false.
+    OutputError
+        If the file cannot be written.
+
+    See Also
+    --------
+    save_turntable : Write an animated picture of a packing that rotates.
+    save_gallery : Write one picture of many shapes.
+
+    Examples
+    --------
+    >>> import voxgran as vg
+    >>> bed = vg.pack(vg.shapes.sphere(), vg.Box((4, 4, 4)), "rsa", count=10)
+    >>> vg.save_picture(bed, "bed.png", color_by="coordination", window=(64, 64))
+    """
+    check_type(what, (Packing, Shape), "what", "a Packing or a Shape; pack or make one")
+    as_choice(color_by, "color_by", COLOR_BY)
+    check_picture_path(path, overwrite=overwrite)
+    content = png_of(_picture(what, color_by, window, cut=cut))
+    with written_whole(path, overwrite=overwrite) as draft:
+        draft.write_bytes(content)
+
+
+def _picture(what: Packing | Shape, color: str, window: tuple[int, int], *, cut: bool = False) -> Picture:
+    """Draw a packing with its container, or a shape."""
     if isinstance(what, Packing):
-        picture = picture_packing(what, color_by=color, window=window)
-    else:
-        with stage_of(window) as stage:
-            stage.add_mesh(what.to_pyvista(), color=GRAIN_COLOR, **SMOOTH)
-            look_at(stage, np.asarray(what.vertices), flat=what.dimension == 2)
-            picture = shot(stage)
-    return load("PIL.Image").fromarray(picture)
+        return (picture_cut if cut else picture_packing)(what, color_by=color, window=window)
+    with stage_of(window) as stage:
+        stage.add_mesh(what.to_pyvista(), color=GRAIN_COLOR, **SMOOTH)
+        look_at(stage, np.asarray(what.vertices), flat=what.dimension == 2)
+        return shot(stage)
 
 
 def _plotter(what: Packing | Shape, color: str, window: tuple[int, int], *, notebook: bool) -> Any:

@@ -64,7 +64,7 @@ def views_of(packings: Mapping[str, Packing], color_by: str = "diameter") -> dic
     views = [_view(name, packing, TRIANGLES // len(full)) for name, packing in full.items()]
     flat = all(packing.dimension == 2 for packing in full.values())
     settings = {"gradient": gradient(), "axes": view_axes().tolist(), "color": color_by}
-    return {"packings": views, "viewer": viewer(), "settings": json.dumps(settings), "flat": flat}
+    return {"packings": views, "viewer": viewer(), "settings": settings, "flat": flat}
 
 
 @cache

@@ -4,7 +4,9 @@ import numpy as np
 import pytest
 import pyvista
 from matplotlib.colors import to_rgb
+from PIL import Image
 
+import voxgran as vg
 from voxgran._base.rotation import rotation_matrices
 from voxgran.containers.box import Box
 from voxgran.containers.closed_mesh import ClosedMesh
@@ -186,3 +188,33 @@ def test_pictures_follow_the_orientation_of_a_grain(packing):
     same = Packing.of([by_hand], Box((2, 2, 2)), position=[[1, 1, 1]])
     assert (render_ids(one) != render_ids(turned)).mean() > 0.02
     assert (render_ids(same) != render_ids(turned)).mean() < 0.002
+
+
+def test_save_picture_draws_what_the_pictures_of_a_report_show(tmp_path):
+    bed = vg.pack(vg.shapes.sphere(), vg.Box((4, 4, 4)), "rsa", count=12, seed=1)
+    window = (120, 100)
+    files = {name: tmp_path / f"{name}.png" for name in ("whole", "cut", "shape")}
+    vg.save_picture(bed, files["whole"], color_by="height", window=window)
+    vg.save_picture(bed, files["cut"], cut=True, window=window)
+    vg.save_picture(vg.make_shape("convex_polyhedron"), files["shape"], window=window)
+    drawn = {name: np.asarray(Image.open(path))[..., :3] for name, path in files.items()}
+    assert np.array_equal(drawn["whole"], scenes.picture_packing(bed, color_by="height", window=window)[..., :3])
+    assert np.array_equal(drawn["cut"], scenes.picture_cut(bed, window=window)[..., :3])
+    assert drawn["shape"].shape == (100, 120, 3)
+    assert len(np.unique(drawn["shape"].reshape(-1, 3), axis=0)) > 10
+
+
+def test_save_picture_refuses_before_it_draws(tmp_path, monkeypatch):
+    bed = vg.pack(vg.shapes.sphere(), vg.Box((4, 4, 4)), "rsa", count=2)
+    there = tmp_path / "there.png"
+    there.write_text("kept")
+    monkeypatch.setattr("voxgran.report.plot._picture", None)
+    with pytest.raises(vg.VoxgranError, match=r"suffix '\.jpg'"):
+        vg.save_picture(bed, tmp_path / "bed.jpg")
+    with pytest.raises(vg.VoxgranError, match="is there already"):
+        vg.save_picture(bed, there)
+    with pytest.raises(vg.VoxgranError, match="color_by is 'taste'"):
+        vg.save_picture(bed, there, color_by="taste", overwrite=True)
+    with pytest.raises(vg.VoxgranError, match="a Packing or a Shape"):
+        vg.save_picture([1], there, overwrite=True)
+    assert there.read_text() == "kept"
