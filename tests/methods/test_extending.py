@@ -43,7 +43,7 @@ def check_plugin(folder):
     """Use the method of the plugin at the prompt and run its tests."""
     assert "grains on the sites of a simple cubic lattice" in run(folder, "voxgran", "methods")
     assert "at least 0" in run(folder, "voxgran", "methods", "cubic")
-    page = (PLUGIN / "readme.md").read_text()
+    page = (PLUGIN / "about.md").read_text()
     example = re.search(r"```python\n(.*?)```", page, flags=re.DOTALL)[1]
     proof = 'assert packing.count == 20\nassert vg.verify(packing).ok\nassert packing.stop_reason == "count"\n'
     (folder / "try_it.py").write_text(example + proof)

@@ -53,8 +53,3 @@ def public(name: str) -> Any:
     it: rooms import only from rooms below them.
     """
     return getattr(import_module("voxgran"), name)
-
-
-def public_functions() -> list[str]:
-    """Return the names of all public functions of voxgran, which messages suggest."""
-    return [name for name in import_module("voxgran").__all__ if name.islower()]

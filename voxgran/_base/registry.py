@@ -16,7 +16,6 @@ from collections.abc import Iterable
 from functools import cache, lru_cache
 from typing import TYPE_CHECKING, Any, Generic, TypeVar
 
-from voxgran._base import public_functions
 from voxgran._base.errors import InputError, UnknownNameError, shown
 
 T = TypeVar("T")
@@ -212,6 +211,11 @@ class ExplainedAttributes:
                 # a special method that Python asks for, or an error within a property, which is raised again
                 return object.__getattribute__(self, name)
             raise AttributeError(f"{kind.__name__} has no attribute {name!r}: {_remedy(kind, name)}")
+
+
+def public_functions() -> list[str]:
+    """Return the names of all public functions of voxgran, which messages suggest."""
+    return [name for name in importlib.import_module("voxgran").__all__ if name.islower()]
 
 
 def _remedy(kind: type, name: str) -> str:

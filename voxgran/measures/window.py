@@ -123,7 +123,7 @@ class Solids:
             return None
         centers, radii = flat_spheres(self.packing)
         known = self.packing._contacts
-        if known and all(shape.is_sphere for shape in self.packing.shapes):
+        if known and len(radii) and all(shape.is_sphere for shape in self.packing.shapes):
             # contacts of single spheres are found already, and overlaps are among them
             found = known[max(known)]
             deep = found.gap <= -NO_DEPTH * float(radii.mean())

@@ -226,10 +226,11 @@ def _steps(scene: SceneDescription, task: Task) -> dict[str, tuple[str, ...]]:
     computed.append("measure " + (", ".join(scene.which) if scene.which else "the usual measures"))
     skipped = []
     libraries = {"scipy", "xarray", "vtkmodules", *task.method.libraries}
+    drawing = ("matplotlib", "jinja2", "pyvista", "open3d", *(("plotly",) if scene.output.interactive else ()))
     for wanted, step, needs in (
         (scene.output.vtk, "write surfaces, container and contacts for ParaView", ()),
         (scene.output.statistics, "write statistics.nc", ("netCDF4",)),
-        (scene.output.report, "draw pictures and write report.html", ("matplotlib", "jinja2", "pyvista", "open3d")),
+        (scene.output.report, "draw pictures and write report.html", drawing),
     ):
         if wanted:
             computed.append(step)

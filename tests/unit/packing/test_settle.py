@@ -298,7 +298,10 @@ def test_grains_that_overlap_too_deep_are_named():
         ({"fall_time": -1.0}, "fall_time"),
         ({"lid": {"weight": 0.0}}, "lid weight is 0.0: it must be finite and above 0"),
         ({"lid": {"weight": 1e6}}, "lid weight is 1000000.0: it must be .* at most 100"),
-        ({"lid": 1.0}, "lid is 1.0: it must be a table of weight, such as {'weight': 1.0} or left out"),
+        (
+            {"lid": 1.0},
+            r"lid is 1.0: it must be a table of weight, such as {'weight': 1.0}, or Lid\(weight=...\) or left out",
+        ),
         ({"shaking": {"acceleration": -1.0}}, "shaking acceleration is -1.0"),
         ({"shaking": {"duration": -1.0}}, "shaking duration is -1.0"),
         ({"parts": "all"}, "parts"),
