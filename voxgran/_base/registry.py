@@ -215,7 +215,7 @@ class ExplainedAttributes:
 
 def public_functions() -> list[str]:
     """Return the names of all public functions of voxgran, which messages suggest."""
-    return [name for name in importlib.import_module("voxgran").__all__ if name.islower()]
+    return [name for name in sys.modules["voxgran"].__all__ if name.islower()]
 
 
 def _remedy(kind: type, name: str) -> str:
