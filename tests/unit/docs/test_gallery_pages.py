@@ -19,7 +19,7 @@ sys.path.insert(0, str(ROOT / "docs"))
 GALLERY = importlib.import_module("gallery")
 #: calls that write a picture
 SAVERS = (
-    r"\b(\w+\.savefig|imsave|matplotlib\.image\.imsave|vg\.save_gallery|vg\.save_clump_picture)\((?!clumps, rows_in)"
+    r"\b(\w+\.savefig|imsave|matplotlib\.image\.imsave|vg\.save_(?:gallery|clump_picture|picture))\((?!clumps, rows_in)"
 )
 
 
