@@ -138,6 +138,14 @@ def test_tables_of_studies_are_those_of_their_files(name, row, head):
         assert [float(text) for text in found] == pytest.approx(values.tolist(), abs=5.1e-4)
 
 
+def test_ellipsoids_of_the_study_jam_as_in_the_experiment():
+    cells = pd.read_csv(EXAMPLES.parent / "docs" / "figures" / "study_maximum_and_loose.csv")
+    found = cells[(cells["shape"] == "ellipsoid 1.25 : 1 : 0.8") & (cells["method"] == "jammed")]
+    measured = references("non_spherical")["ellipsoids_in_a_sphere"]
+    jammed = float(found["bulk_solid_fraction"].iloc[0])
+    assert jammed == pytest.approx(measured["core_solid_fraction"], abs=2 * measured["error"])
+
+
 def test_the_table_of_feeding_is_that_of_its_file():
     docs = EXAMPLES.parent / "docs"
     cells = pd.read_csv(docs / "figures" / "study_feeding.csv")
