@@ -156,7 +156,7 @@ class Study:
 
     def run(
         self,
-        folder: str | os.PathLike[str],
+        folder: str | os.PathLike[str] = "out",
         *,
         workers: int | None = None,
         memory: int | str | None = None,
@@ -171,7 +171,8 @@ class Study:
         Parameters
         ----------
         folder : path-like
-            Where results are and go: a study goes on where it was interrupted, and what it has finished stays.
+            Where results are and go: a study goes on where it was interrupted, and what it has finished stays. Default:
+            ``out``, as at the prompt.
         workers : int, optional
             Number of processes, one thread each. Default: one for each processor.
         memory : int or str, optional
