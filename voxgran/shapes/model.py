@@ -265,6 +265,8 @@ class Shape(ExplainedAttributes, Body):
         if isinstance(self.geometry, Primitive) and self.geometry.kind == "sphere":
             return np.asarray(np.linalg.norm(places, axis=1) - self.bounding_radius)
         distance = self._tree.signed_distance(places)
+        if isinstance(self.geometry, Mesh):
+            return distance
         return np.where(self.contains(places), -np.abs(distance), np.abs(distance))
 
     def voxelize(self, voxel_size: float, **options: Any) -> Any:

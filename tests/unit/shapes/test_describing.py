@@ -95,6 +95,61 @@ def test_inscribed_sphere_of_a_solid_that_is_not_convex():
     assert inscribed_radius(notched) == pytest.approx(1 / (1 + math.sqrt(0.5)), rel=1e-4)
 
 
+def sphere_by_every_point(shape, points=60):
+    """Return the largest depth on a lattice, and the largest difference from the radius of the inscribed sphere."""
+    axes = shape.dimension
+    low, high = shape.bounds[:, :axes]
+    step = (high - low).max() / points
+    places = np.stack(np.meshgrid(*[np.arange(a, b, step) for a, b in zip(low, high, strict=True)], indexing="ij"), -1)
+    flat = np.zeros((places[..., 0].size, 3))
+    flat[:, :axes] = places.reshape(-1, axes)
+    return float(-shape.signed_distance(flat).min()), step * math.sqrt(axes) / 2
+
+
+@pytest.mark.parametrize(
+    ("family", "seed"),
+    [("random_growth", 0), ("cube_rain", 1), ("noise_star", 2), ("solid_union", 3), ("mollon_zhao_2d", 4)],
+)
+def test_inscribed_spheres_against_all_points_of_a_lattice(family, seed):
+    shape = vg.make_shape(family, seed=seed)
+    radius = inscribed_radius(shape)
+    deepest, slack = sphere_by_every_point(shape)
+    assert deepest <= radius * (1 + 1e-9)
+    assert radius <= deepest + slack
+
+
+@pytest.mark.parametrize("scale", [1e-6, 1.0, 1e6])
+def test_inscribed_sphere_of_a_solid_with_known_center_is_exact(scale):
+    # two boxes in a row, the larger one of edge 2, joined by a thin bar: the sphere fills the larger one
+    from voxgran.shapes.boolean import united
+    from voxgran.shapes.tessellate import unit_box
+
+    vertices, faces, _ = unit_box()
+    parts = [(vertices * 2, faces), (vertices * 1.9 + [4, 0, 0], faces), (vertices * [4, 0.5, 0.5] + [2, 0, 0], faces)]
+    mesh = united(parts)
+    shape = turned(vg.Shape.from_mesh(scale * mesh[0], mesh[1]))
+    assert inscribed_radius(shape) == pytest.approx(scale, rel=1e-8)
+
+
+def test_a_ridge_of_equal_spheres_is_found_exactly():
+    # an L of two long bars of square section: the sphere in the corner touches two outer sides and the inner edge
+    long = vg.make_shape("polygon", vertices=[[0, 0], [40, 0], [40, 1], [1, 1], [1, 30], [0, 30]])
+    assert inscribed_radius(turned_in_plane(long, 0.4)) == pytest.approx(1 / (1 + math.sqrt(0.5)), rel=1e-8)
+
+
+def test_depths_below_the_known_one_are_left_out():
+    from voxgran.shapes.describing import inscribed
+
+    shape = vg.make_shape("noise_star", seed=1)
+    places = stream(0, "places").uniform(-0.6, 0.6, size=(500, 3))
+    depth = -shape.signed_distance(places)
+    found = inscribed._depths(shape._tree, places, 0.1, 0.3)
+    known = np.isfinite(found)
+    assert found[known] == pytest.approx(depth[known], abs=1e-12)
+    assert (depth[~known] <= max(0.3, depth.max()) - 0.1).all()
+    assert 0 < known.sum() < 450
+
+
 def cross():
     """Return a cross of two bars 3 x 1 x 5, so high that only its plan counts."""
     from voxgran.shapes.boolean import united
