@@ -254,7 +254,7 @@ def test_smooth_grey_values_are_refused_too(blur):
         vg.load_labels(image, voxel_size=0.1)
 
 
-@pytest.mark.filterwarnings("ignore:.*several pieces")
+@pytest.mark.filterwarnings("ignore::voxgran._base.errors.PackingWarning")
 def test_grains_that_touch_are_no_grey_values():
     points = stream(5, "cells").uniform(0, 20, (120, 3))
     points = points[np.argsort(points[:, 0])]  # neighbours have labels that are near each other, as from a raster scan
