@@ -15,6 +15,7 @@ from voxgran._base.machine import memory_limit, processor_count
 from voxgran._base.progress import OnStep, Step
 from voxgran._base.stopping import Signals
 from voxgran.scene.run import opened_folder
+from voxgran.study.cells import Cell
 from voxgran.study.dask_runs import DaskRuns
 from voxgran.study.files import run_hash
 from voxgran.study.plan import StudyPlan, cell_plan
@@ -99,12 +100,17 @@ def planned(settings: StudySettings, store: Store) -> StudyPlan:
     """
     rows = []
     for cell in settings.cells:
-        found = [store.read(run_hash(cell.key, seed)) for seed in settings.seeds]
+        found = [_finished(store, cell, seed) for seed in settings.seeds]
         failed = sum(bool(record and record.failure) for record in found)
         left = sum(record is None for record in found)
         rows.append(cell_plan(cell, done=len(found) - left - failed, failed=failed, left=left))
     sides = {dimension.name: len(dimension) for dimension in settings.dimensions}
     return StudyPlan(cells=tuple(rows), seeds=settings.seeds, dimensions=sides)
+
+
+def _finished(store: Store, cell: Cell, seed: int) -> Record | None:
+    """Return what a run has left, also under its former name; None where it is not finished."""
+    return store.read(run_hash(cell.key, seed)) or store.read(run_hash(cell.former_key, seed))
 
 
 def run_study(settings: StudySettings, folder: Path, options: Options) -> StudyResult:
@@ -179,7 +185,7 @@ class _Work:
         left: dict[int, list[int]] = {}
         for at, cell in enumerate(self.settings.cells):
             for number, seed in enumerate(self.settings.seeds):
-                record = None if self.options.overwrite else self.store.read(run_hash(cell.key, seed))
+                record = None if self.options.overwrite else _finished(self.store, cell, seed)
                 if record is None or (record.failure and self.options.retry):
                     left.setdefault(at, []).append(number)
                 else:

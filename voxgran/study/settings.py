@@ -15,7 +15,7 @@ from voxgran.study.axes import plain
 from voxgran.study.cell_values import text_of
 from voxgran.study.cells import Cell, Dimension, cells_of, dimensions_of
 from voxgran.study.experiments import bands_of, check_labels
-from voxgran.study.files import UNUSED, with_absolute_files
+from voxgran.study.files import with_absolute_files
 
 KEYS = ("scene", "base", "seeds", "axes", "combine", "zip", "cell", "keep", "experiments")
 #: what is kept of each run
@@ -168,7 +168,8 @@ def _base(base: Any, folder: Path) -> dict[str, Any]:
             check_type(
                 mapping[name], Mapping, f"[{name}] of the base", f"a section; write [base.{name}] above its keys"
             )
-    kept = {name: value for name, value in mapping.items() if name not in UNUSED}
+    # a study itself says what is written
+    kept = {name: value for name, value in mapping.items() if name != "output"}
     return with_absolute_files(kept, place)
 
 
