@@ -81,8 +81,8 @@ def _mean_of(lengths: Floats, ends: Integers, counts: tuple[int, int]) -> tuple[
 def _gaps(low, high, bounds, extent, walls, around, least, lengths, ends, found):  # type: ignore[no-untyped-def]
     """Write length and number of ends of the gaps of each line, and the chords; return the number of chords.
 
-    Intervals `bounds[k]` to `bounds[k + 1]` are those of line k, which runs from 0 to `extent`. Gaps shorter than `least`
-    count as closed. A periodic line joins its last gap to its first one.
+    Intervals `bounds[k]` to `bounds[k + 1]` are those of line k, which runs from 0 to `extent`. Gaps shorter than
+    `least` count as closed. A periodic line joins its last gap to its first one.
     """
     count = 0
     for k in range(len(bounds) - 1):

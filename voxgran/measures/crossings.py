@@ -1,8 +1,8 @@
 """Where straight lines along an axis pass through grains, and where they leave the container, in closed form.
 
-Spheres, clumps of spheres, ellipsoids, cylinders, cones and disks are met in the roots of a quadratic, closed meshes and
-polygons in crossings with their triangles and sides. Containers that are known by their signed distance only are met by
-bisection between points at the spacing of the lines.
+Spheres, clumps of spheres, ellipsoids, cylinders, cones and disks are met in the roots of a quadratic, closed meshes
+and polygons in crossings with their triangles and sides. Containers that are known by their signed distance only are
+met by bisection between points at the spacing of the lines.
 """
 
 from dataclasses import dataclass
@@ -19,8 +19,8 @@ from voxgran.shapes.mesh import Mesh
 from voxgran.shapes.outline import Outline
 from voxgran.shapes.primitive import Primitive
 from voxgran.shapes.spheres import Spheres
-from voxgran.voxels.closed_form import body_frame, interval_below_zero, profile, upright_faces
-from voxgran.voxels.scanline import FINEST, by_rising_x, cut_at, sides_of, whole_numbers_in
+from voxgran.voxels.closed_form import _below_zero, body_frame, profile, upright_faces
+from voxgran.voxels.scanline import FINEST, _first_last, _ordered, _segment, _sides
 
 #: halvings of an interval that holds a wall known by its signed distance
 HALVINGS = 40
@@ -309,7 +309,7 @@ def _cross_round(stretch, middle, curve, ends, step, window, many, line, low, hi
             pt = stretch[2, 0] * u + stretch[2, 1] * v
             half = px * dx + py * dy - dt * (curve[2] * pt + 0.5 * curve[1])
             rest = px * px + py * py - (curve[0] + pt * (curve[1] + curve[2] * pt))
-            begin, end = interval_below_zero(square, half, rest, pt, dt, curve)
+            begin, end = _below_zero(square, half, rest, pt, dt, curve)
             if dt != 0.0:
                 a, b = (ends[0] - pt) / dt, (ends[1] - pt) / dt
                 begin, end = max(begin, min(a, b)), min(end, max(a, b))
@@ -329,16 +329,16 @@ def _cross_triangles(vertices, faces, counts, line, place):  # type: ignore[no-u
     """
     count, room = 0, len(line)
     for f in range(len(faces)):
-        a, b, c, _ = by_rising_x(vertices, faces[f, 0], faces[f, 1], faces[f, 2])
-        begin, end = whole_numbers_in(vertices[a, 0], vertices[c, 0], counts[0])
+        a, b, c, _ = _ordered(vertices, faces[f, 0], faces[f, 1], faces[f, 2])
+        begin, end = _first_last(vertices[a, 0], vertices[c, 0], counts[0])
         ya, yb, yc = vertices[a, 1], vertices[b, 1], vertices[c, 1]
-        lowest, highest = whole_numbers_in(min(ya, yb, yc), max(ya, yb, yc), counts[1])
+        lowest, highest = _first_last(min(ya, yb, yc), max(ya, yb, yc), counts[1])
         if begin > end or lowest > highest:
             continue
-        long, first, second = sides_of(vertices, a, b, c)
+        long, first, second = _sides(vertices, a, b, c)
         for i in range(begin, end + 1):
-            y_1, z_1, y_2, z_2, _ = cut_at(long, first, second, float(i))
-            lowest, highest = whole_numbers_in(y_1, y_2, counts[1])
+            y_1, z_1, y_2, z_2, _ = _segment(long, first, second, float(i))
+            lowest, highest = _first_last(y_1, y_2, counts[1])
             for j in range(lowest, highest + 1):
                 if count < room:
                     height = z_1 + (j - y_1) * (z_2 - z_1) / (y_2 - y_1)

@@ -193,7 +193,7 @@ def _fill_round(stretch, middle, curve, ends, words, nz):  # type: ignore[no-unt
             pt = stretch[2, 0] * (i - middle[0]) + stretch[2, 1] * (j - middle[1])
             half = px * dx + py * dy - dt * (curve[2] * pt + 0.5 * curve[1])
             rest = px * px + py * py - (curve[0] + pt * (curve[1] + curve[2] * pt))
-            low, high = interval_below_zero(square, half, rest, pt, dt, curve)
+            low, high = _below_zero(square, half, rest, pt, dt, curve)
             if dt != 0.0:
                 a, b = (ends[0] - pt) / dt, (ends[1] - pt) / dt
                 low, high = max(low, min(a, b)), min(high, max(a, b))
@@ -205,7 +205,7 @@ def _fill_round(stretch, middle, curve, ends, words, nz):  # type: ignore[no-unt
 
 
 @kernel
-def interval_below_zero(square, half, rest, height, rise, curve):  # type: ignore[no-untyped-def]
+def _below_zero(square, half, rest, height, rise, curve):  # type: ignore[no-untyped-def]
     """Return the interval of z where square z^2 + 2 half z + rest <= 0, of a cone on the side of its base."""
     inf = np.inf
     scale = abs(square) + abs(half) + 1e-300

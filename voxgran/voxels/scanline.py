@@ -88,13 +88,13 @@ def _settled(vertices: Floats) -> Floats:
 
 
 @kernel
-def whole_numbers_in(low, high, count):  # type: ignore[no-untyped-def]
+def _first_last(low, high, count):  # type: ignore[no-untyped-def]
     """Return the first and last whole number at or above `low` and below `high`, of 0 ... count - 1."""
     return int(min(max(np.ceil(low), 0.0), count)), int(max(min(np.ceil(high) - 1.0, count - 1.0), -1.0))
 
 
 @kernel
-def by_rising_x(vertices, a, b, c):  # type: ignore[no-untyped-def]
+def _ordered(vertices, a, b, c):  # type: ignore[no-untyped-def]
     """Return the corners of a triangle by rising x, and whether the order runs against that of the face."""
     turned = False
     if vertices[a, 0] > vertices[b, 0]:
@@ -107,7 +107,7 @@ def by_rising_x(vertices, a, b, c):  # type: ignore[no-untyped-def]
 
 
 @kernel
-def sides_of(vertices, a, b, c):  # type: ignore[no-untyped-def]
+def _sides(vertices, a, b, c):  # type: ignore[no-untyped-def]
     """Return each side of a triangle, whose corners are given by rising x, as start x, y, z and 1 / length, dy, dz."""
     ax, ay, az = vertices[a, 0], vertices[a, 1], vertices[a, 2]
     bx, by, bz = vertices[b, 0], vertices[b, 1], vertices[b, 2]
@@ -125,7 +125,7 @@ def _on_side(side, x):  # type: ignore[no-untyped-def]
 
 
 @kernel
-def cut_at(long, first, second, x):  # type: ignore[no-untyped-def]
+def _segment(long, first, second, x):  # type: ignore[no-untyped-def]
     """Return the ends (y, z) of the cut at x by rising y, and whether the middle corner lies on the upper side."""
     y_1, z_1 = _on_side(long, x)
     y_2, z_2 = _on_side(second if second[0] <= x else first, x)
@@ -139,16 +139,16 @@ def _toggle(vertices, faces, words, nz, above):  # type: ignore[no-untyped-def]
     """Toggle a bit where a column crosses a triangle; centers at whole numbers."""
     nx, ny = words.shape[0], words.shape[1]
     for f in range(len(faces)):
-        a, b, c, _ = by_rising_x(vertices, faces[f, 0], faces[f, 1], faces[f, 2])
-        begin, end = whole_numbers_in(vertices[a, 0], vertices[c, 0], nx)
+        a, b, c, _ = _ordered(vertices, faces[f, 0], faces[f, 1], faces[f, 2])
+        begin, end = _first_last(vertices[a, 0], vertices[c, 0], nx)
         ya, yb, yc = vertices[a, 1], vertices[b, 1], vertices[c, 1]
-        lowest, highest = whole_numbers_in(min(ya, yb, yc), max(ya, yb, yc), ny)
+        lowest, highest = _first_last(min(ya, yb, yc), max(ya, yb, yc), ny)
         if begin > end or lowest > highest:
             continue
-        long, first, second = sides_of(vertices, a, b, c)
+        long, first, second = _sides(vertices, a, b, c)
         for i in range(begin, end + 1):
-            y_1, z_1, y_2, z_2, _ = cut_at(long, first, second, float(i))
-            lowest, highest = whole_numbers_in(y_1, y_2, ny)
+            y_1, z_1, y_2, z_2, _ = _segment(long, first, second, float(i))
+            lowest, highest = _first_last(y_1, y_2, ny)
             if lowest > highest:
                 continue
             slope = (z_2 - z_1) / (y_2 - y_1)
@@ -194,14 +194,14 @@ def _wind(vertices, faces, numbers, total):  # type: ignore[no-untyped-def]
     """Add up the crossings of columns, +1 into the solid; centers at whole numbers."""
     nx, ny, nz = numbers.shape
     for f in range(len(faces)):
-        a, b, c, turned = by_rising_x(vertices, faces[f, 0], faces[f, 1], faces[f, 2])
-        begin, end = whole_numbers_in(vertices[a, 0], vertices[c, 0], nx)
+        a, b, c, turned = _ordered(vertices, faces[f, 0], faces[f, 1], faces[f, 2])
+        begin, end = _first_last(vertices[a, 0], vertices[c, 0], nx)
         if begin > end:
             continue
-        long, first, second = sides_of(vertices, a, b, c)
+        long, first, second = _sides(vertices, a, b, c)
         for i in range(begin, end + 1):
-            y_1, z_1, y_2, z_2, upper = cut_at(long, first, second, float(i))
-            lowest, highest = whole_numbers_in(y_1, y_2, ny)
+            y_1, z_1, y_2, z_2, upper = _segment(long, first, second, float(i))
+            lowest, highest = _first_last(y_1, y_2, ny)
             slope = (z_2 - z_1) / (y_2 - y_1)
             floor, ceiling = max(min(z_1, z_2), 0.0), max(z_1, z_2)
             step = 1 if upper != turned else -1

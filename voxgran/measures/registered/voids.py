@@ -58,9 +58,10 @@ class Voids:
 def voids(packing: Packing, *, voxel_size: float | None = None) -> Voids:
     """Return pore sizes, chords and connected shares of the pore space.
 
-    Chords are those of the true shapes, on lines along each axis that are about a voxel apart. By default voxels are a twentieth of the mean diameter, in two dimensions a fiftieth, or larger where there would be
-    more than 20 million. Without grains they divide the container likewise. Where the largest pore is more than 24
-    voxels wide, pore sizes are found on larger voxels, so that it is not.
+    Chords are those of the true shapes, on lines along each axis that are about a voxel apart. By default voxels are a
+    twentieth of the mean diameter, in two dimensions a fiftieth, or larger where there would be more than 20 million.
+    Without grains they divide the container likewise. Where the largest pore is more than 24 voxels wide, pore sizes
+    are found on larger voxels, so that it is not.
 
     Raises
     ------
