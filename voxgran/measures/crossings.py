@@ -130,8 +130,8 @@ def _of_shape(packing: Packing, index: int, shifts: Floats, lines: Lines) -> lis
     places = packing.position[grains]
     spheres = _spheres_of(geometry)
     if spheres is not None:
-        body, radii = spheres
-        centers = np.einsum("gij,sj->gsi", matrices, body) * scale[:, None, None] + places[:, None]
+        inner, radii = spheres
+        centers = np.einsum("gij,sj->gsi", matrices, inner) * scale[:, None, None] + places[:, None]
         centers = (centers[None] + shifts[:, None, None]).reshape(-1, 3)[:, axes]
         sizes = np.tile((scale[:, None] * radii).ravel(), len(shifts))
         return [_in_spheres(centers, sizes, lines)]
