@@ -176,6 +176,8 @@ def add_spheres(stage: Any, positions: Floats, radii: Floats, colors: Floats) ->
     actor = stage.add_mesh(cloud, scalars="color", rgb=True, style="points_gaussian", emissive=False, **MATERIAL)
     actor.mapper.scale_array = "radius"
     actor.mapper.scale_factor = 1.0
+    # each is drawn on a triangle around its disk; by default it is three times as large
+    actor.mapper.SetBoundScale(1.0)
     actor.mapper.SetSplatShaderCode(_BALL_SHADER)
 
 
