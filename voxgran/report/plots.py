@@ -26,6 +26,7 @@ DISTINCT = ("#0072b2", "#e69f00", "#009e73", "#d55e00", "#cc79a7", "#56b4e9")
 
 _STYLE = {
     "axes.edgecolor": INK,
+    "axes.facecolor": "none",
     "axes.grid": True,
     "axes.labelcolor": INK,
     "axes.labelsize": 12,
@@ -33,6 +34,7 @@ _STYLE = {
     "axes.spines.right": False,
     "axes.spines.top": False,
     "figure.constrained_layout.use": True,
+    "figure.facecolor": "none",
     "font.family": "sans-serif",
     "font.sans-serif": ["DejaVu Sans"],
     "grid.alpha": 0.18,
@@ -58,12 +60,16 @@ def svg_of(
     The name is the prefix of all ids in the element, so that one page can contain several plots; the size is in inches.
     """
     matplotlib = load("matplotlib")
-    load("matplotlib.backends.backend_svg")
+    canvas = load("matplotlib.backends.backend_svg").FigureCanvasSVG
     with matplotlib.rc_context({**_STYLE, "svg.hashsalt": name}):
         figure = load("matplotlib.figure").Figure(figsize=size)
         draw(figure.add_subplot(projection=projection))
-        buffer = io.StringIO()
-        figure.savefig(buffer, format="svg", transparent=True, metadata={"Date": None, "Creator": None})
+        # what `savefig` does, but for a first drawing that is thrown away and only serves to place the axes
+        page, buffer, resolution = canvas(figure), io.StringIO(), figure.dpi
+        figure.get_layout_engine().execute(figure)
+        figure.set_layout_engine("none")
+        figure.dpi = resolution
+        page.print_svg(buffer, metadata={"Date": None, "Creator": None})
     text = buffer.getvalue()
     text = text[text.index("<svg") :].replace(INK, "currentColor")
     text = re.sub(r"<metadata>.*?</metadata>\s*", "", text, flags=re.DOTALL)
