@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 import voxgran as vg
-from voxgran.bench.tradeoffs.measures import counted, measured, packings
+from voxgran.bench.tradeoffs.measures import counted, measured, packings, reported
 from voxgran.measures.registered.profile import axis_profile
 
 
@@ -15,6 +15,13 @@ def test_rows_of_small_packings():
         rows = {row[2]: row for row in measured(name, packing)}
         assert {"all usual", "contacts", "density", "profile", "profile along z"} <= set(rows)
         assert all(row[:2] == (name, packing.count) and row[3] >= 0 for row in rows.values())
+
+
+@pytest.mark.filterwarnings("ignore:the bulk holds")
+def test_rows_of_reports():
+    rows = reported(30)
+    assert [row[:3] for row in rows] == [("random solids", 30, "report"), ("spheres", 30, "report")]
+    assert all(row[3] > 0 and row[4] is None for row in rows)
 
 
 @pytest.mark.parametrize("name", ["random solids", "spheres"])

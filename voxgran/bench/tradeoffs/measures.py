@@ -3,24 +3,30 @@
 Packings are random solids and spheres at places of a lattice, in random orientation, without overlap. Each measure is
 computed on a packing of which nothing is known yet, contacts and cut planes included. The peer counts points: each
 grain is represented by random points of equal weight in its solid, which are sorted into the slices of the exact
-profile; its error is the largest difference of the solid fraction in a slice.
+profile; its error is the largest difference of the solid fraction in a slice. The report is the page of a packing that
+is measured and verified already.
 """
 
 import math
+import tempfile
 import time
 from collections.abc import Callable
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
 from voxgran._base.arrays import Floats
 from voxgran._base.seeds import stream
 from voxgran.bench.model import TradeOff, calibration, panels_of, write_rows
+from voxgran.contacts.verify import verify
 from voxgran.containers.box import Box
 from voxgran.measures.model import measure, measure_registry
 from voxgran.measures.registered.profile import axis_profile
 from voxgran.packing.model import Packing
+from voxgran.report.page import save_report
 from voxgran.shapes.family import make_shape, make_shapes
 from voxgran.shapes.model import Shape
 from voxgran.voxels.occupy import voxelize
@@ -29,6 +35,9 @@ from voxgran.voxels.occupy import voxelize
 SOLIDS, SPHERES, KINDS, CELL = 3_000, 200_000, 10, 1.05
 #: points of a grain that the peer counts, and voxels of a shape in which they lie
 POINTS, VOXELS = (10, 100, 1000), 30_000
+
+#: grains of the packings of which a report is written
+REPORTED = 20_000
 
 #: packing, number of grains, what is computed, seconds, largest error of a solid fraction (None where none is known)
 Row = tuple[str, int, str, float, float | None]
@@ -72,6 +81,17 @@ def measured(name: str, packing: Packing) -> list[Row]:
     return rows
 
 
+def reported(count: int = REPORTED) -> list[Row]:
+    """Return the rows of the reports of both kinds of packings, of which measures and verification are known."""
+    rows: list[Row] = []
+    for name, packing in packings(count, count).items():
+        known: dict[str, Any] = {"statistics": measure(packing), "verification": verify(packing)}
+        with tempfile.TemporaryDirectory() as folder:
+            write = partial(save_report, path=Path(folder) / "page.html", overwrite=True, **known)
+            rows.append((name, count, "report", _seconds(write, packing), None))
+    return rows
+
+
 def counted(packing: Packing, edges: Floats, points: int) -> Floats:
     """Return the solid fractions in slices across z by random points in the grains."""
     held = np.zeros(len(edges) - 1)
@@ -103,12 +123,12 @@ def run(folder: Path) -> tuple[Path, ...]:
     """Measure, and write rows as CSV and a figure as SVG."""
     loop = calibration()
     rows = [row for name, packing in packings().items() for row in measured(name, packing)]
+    _draw(rows, folder / "measures.svg")
     lines = [
         f"{name},{count},{what},{seconds:.3g},{'' if error is None else f'{error:.2g}'},{loop:.5f}"
-        for name, count, what, seconds, error in rows
+        for name, count, what, seconds, error in [*rows, *reported()]
     ]
     head = "packing,grains,computed,processor_seconds,largest_error,calibration_seconds"
-    _draw(rows, folder / "measures.svg")
     return write_rows(folder / "measures.csv", head, lines), folder / "measures.svg"
 
 
@@ -135,5 +155,7 @@ def _draw(rows: list[Row], path: Path) -> None:
 
 
 registration = TradeOff(
-    name="measures", summary="measures: seconds of each, and the profile against one by counted points", run=run
+    name="measures",
+    summary="measures and reports: seconds of each, and the profile against one by counted points",
+    run=run,
 )
