@@ -45,6 +45,11 @@ def pages(tmp_path_factory):
             vg.shapes.disk(), vg.Rectangle((3, 2)), position=[[0.5, 0.5, 0], [1.5, 0.5, 0], [2, 1.4, 0]]
         )
         vg.save_report(disks, folder / "disks.html")
+        for name in ("sphere", "box"):
+            one = vg.Packing.of(vg.make_shape(name), vg.Box((2, 2, 2)), position=[[1, 1, 1]])
+            with pytest.MonkeyPatch.context() as coarse:
+                coarse.setattr(view, "TRIANGLES", 80)
+                vg.save_report(one, folder / f"{name}.html")
         vg.save_comparison({"first": bed, "second": smaller}, folder / "comparison.html", which=["density"])
     return folder
 
@@ -183,6 +188,17 @@ def test_colours_are_those_of_the_chosen_quantity(report):
     assert (pictures[1] != pictures[2]).any(axis=-1).mean() > 0.02
     assert report.run("document.getElementById('view-legend').textContent") == "Colour: number of the shape"
     assert report.run("document.getElementById('view-high').textContent") == "2"
+
+
+@pytest.mark.parametrize(("name", "smooth"), [("sphere", True), ("box", False)])
+def test_spheres_are_shaded_smoothly_and_boxes_have_flat_sides(browser, pages, name, smooth):
+    browser.open(pages / f"{name}.html")
+    picture = settled(browser).astype(int)
+    shown = np.ptp(picture, axis=-1) > 40
+    assert shown.sum() > 5_000
+    # of a sphere of 80 flat triangles 85 % of the pixels have the colour of the next one
+    equal = (picture[:, 1:] == picture[:, :-1]).all(axis=-1)[shown[:, 1:]].mean()
+    assert equal < 0.5 if smooth else equal > 0.9
 
 
 def test_disks_are_seen_from_above(browser, pages):

@@ -141,10 +141,11 @@
     });
   }
 
+  // Surfaces are smooth but for edges on which each side has vertices of its own.
   // In parallel projection plotly takes lights with a negative z for those on the side of the viewer.
   const MATERIAL = {
-    type: "mesh3d", flatshading: true, hoverinfo: "none", showscale: false,
-    lighting: { ambient: 0.4, diffuse: 0.75, specular: 0.1, roughness: 0.6, fresnel: 0.05,
+    type: "mesh3d", flatshading: false, hoverinfo: "none", showscale: false,
+    lighting: { ambient: 0.3, diffuse: 0.7, specular: 0.1, roughness: 0.6, fresnel: 0.05,
       vertexnormalsepsilon: 0, facenormalsepsilon: 0 },
     lightposition: { x: 20000, y: -110000, z: -60000 },
   };

@@ -153,6 +153,39 @@ def test_a_box_is_drawn_by_its_twelve_edges():
     assert np.linalg.norm(lines[:, 1] - lines[:, 0], axis=1).sum() == pytest.approx(48)
 
 
+@pytest.mark.parametrize(
+    ("family", "parameters", "added"),
+    [
+        # three sides meet in each corner of a cube, five in each of an icosahedron, and two along the rims of a cylinder
+        ("box", {}, 16),
+        ("platonic", {"solid": "icosahedron"}, 48),
+        ("cylinder", {}, None),
+        ("sphere", {}, 0),
+        ("ellipsoid", {"semi_axes": (1, 1, 3)}, 0),
+    ],
+)
+@pytest.mark.parametrize("most", [1000, 40])
+def test_surfaces_are_split_along_sharp_edges_only(family, parameters, added, most):
+    shape = vg.make_shape(family, **parameters)
+    vertices, faces = drawn_surface(shape, most)
+    split, triangles = view.creased(shape, vertices, faces)
+    assert split[triangles] == pytest.approx(vertices[faces], abs=0)
+    rim = np.unique(np.round(vertices[np.abs(np.abs(vertices[:, 2]) - np.abs(vertices[:, 2]).max()) < 1e-6], 9), axis=0)
+    assert len(split) - len(vertices) == (len(rim) if added is None else added)
+
+
+def test_normals_at_the_vertices_of_a_cube_are_those_of_its_sides():
+    shape = vg.make_shape("box")
+    corners, faces = view.creased(shape, shape.vertices, shape.faces)
+    normal = np.cross(corners[faces[:, 1]] - corners[faces[:, 0]], corners[faces[:, 2]] - corners[faces[:, 0]])
+    around = np.zeros_like(corners)
+    for k in range(3):
+        np.add.at(around, faces[:, k], normal / np.linalg.norm(normal, axis=1, keepdims=True))
+    assert np.sort(np.abs(around / np.linalg.norm(around, axis=1, keepdims=True)), axis=1) == pytest.approx(
+        np.tile([0.0, 0.0, 1.0], (24, 1)), abs=1e-12
+    )
+
+
 def many(count, shapes, edge, *, scale=0.9):
     position = lattice(edge, edge, -(-count // edge**2))[:count]
     size = position.max(axis=0) + 0.5
@@ -177,7 +210,7 @@ def rough(count):
 
 @pytest.mark.slow
 def test_a_page_of_1000_shapes_of_1000_triangles_has_at_most_8_megabytes(tmp_path, monkeypatch):
-    # plots take less than 0.5 MB, but the roundness of 1,000 shapes minutes
+    # plots take less than 0.5 MB, but the roundness of 1,000 shapes most of a minute
     monkeypatch.setattr("voxgran.report.page.figures_of", lambda packing, statistics: [])
     # apart, so that no time goes into contacts
     packing = many(1000, rough(1000), 10, scale=0.7)
