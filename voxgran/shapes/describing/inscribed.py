@@ -1,26 +1,45 @@
 """The largest sphere inside of a shape (in 2D, the largest circle)."""
 
+import math
+from typing import Any
+
 import numpy as np
 
 from voxgran._base.arrays import Floats
+from voxgran._base.kernels import kernel
 from voxgran._base.lazy import load
+from voxgran._base.tree import STACK, TriangleTree, closest_on_triangle, grow_tree, is_behind, square_to_box
 from voxgran.shapes.model import Shape
+from voxgran.shapes.outline import Outline
 from voxgran.shapes.primitive import Primitive
 
-#: points along the longest edge of the first lattice, and lattices, each of half the step of the one before
-POINTS, LEVELS = 12, 15
+#: cells along the longest edge of the first lattice, and lattices, each of half the step of the one before
+CELLS, LEVELS = 8, 10
+#: lattice from which on the deepest center is moved to the next local maximum
+MOVED_FROM = 3
 #: cells that are kept of each lattice at the most, the deepest ones
-KEPT = 60
-#: difference of the volumes of a shape and its convex hull, relative, up to which it counts as convex
-CONVEX = 1e-9
+KEPT = 250
+#: gain of depth, relative, below which a center is not moved any more
+LEAST_GAIN = 1e-9
+#: moves of one center, and linear programs for one move, at the most
+MOST_MOVES, MOST_PROGRAMS = 20, 20
+#: nearest triangles with which a linear program begins, and violated ones that are added at once
+FIRST, ADDED = 20, 10
 
 
 def inscribed_radius(shape: Shape) -> float:
     """Return the radius of the largest sphere (in 2D, the largest circle) inside of a shape; NaN for an open surface.
 
-    Solids in closed form have closed formulas, convex ones are a linear program. For others cells of a lattice are
-    bisected as long as the depth at their center and half of their diagonal exceed the largest depth that is known, to
-    a hundred-thousandth of the size.
+    Solids in closed form have closed formulas. For others the cells of a lattice are bisected as long as they can
+    contain a deeper point than the deepest one that is known: the distance from the surface changes at most as much as
+    the place. The deepest center is moved to the local maximum, where the sphere touches the surface all around; the
+    radius is that of the tessellation up to rounding. Two local maxima that differ by less than 2e-4 of the size may be
+    taken for each other.
+
+    References
+    ----------
+    .. [1] Garcia-Castellanos & Lombardo 2007, doi:10.1080/14702540801897809: poles of inaccessibility
+    .. [2] Hunter & Lange 2004, doi:10.1198/0003130042836: maximization of lower bounds that touch at the present place
     """
     if shape.is_open:
         return float("nan")
@@ -29,12 +48,25 @@ def inscribed_radius(shape: Shape) -> float:
         return float(shape.bounding_radius)
     if isinstance(geometry, Primitive):
         return _of_primitive(geometry)
-    axes = shape.dimension
-    hull = load("scipy.spatial").ConvexHull(shape.vertices[:, :axes])
-    if hull.volume <= shape.volume * (1 + CONVEX):
-        return _of_hull(hull.equations)
-    low, high = shape.bounds[0, :axes], shape.bounds[1, :axes]
-    counts = np.ceil(POINTS * (high - low) / (high - low).max()).astype(int)
+    if isinstance(geometry, Outline):
+        return geometry.radius if geometry.kind == "disk" else _of_tree(_walls(geometry.vertices), axes=2)
+    return _of_tree(shape._tree, axes=3)
+
+
+def _walls(corners: Floats) -> TriangleTree:
+    """Return the walls of a prism whose section at z = 0 is a polygon, so high that its ends are far away."""
+    end = 2 * float(np.ptp(corners, axis=0).max())
+    count = len(corners)
+    below, above = (np.column_stack([corners, np.full(count, z)]) for z in (-end, end))
+    one, two = np.arange(count), np.roll(np.arange(count), -1)
+    faces = np.concatenate([np.column_stack([one, two, two + count]), np.column_stack([one, two + count, one + count])])
+    return grow_tree(np.concatenate([below, above]), faces)
+
+
+def _of_tree(tree: TriangleTree, *, axes: int) -> float:
+    """Return the largest depth in a closed surface, in 2D at z = 0."""
+    low, high = tree.low[0, :axes], tree.high[0, :axes]
+    counts = np.ceil(CELLS * (high - low) / (high - low).max()).astype(int)
     half = (high - low) / counts / 2
     places = low + (2 * np.indices(counts).reshape(axes, -1).T + 1) * half
     children = 2 * np.indices((2,) * axes).reshape(axes, -1).T - 1
@@ -43,28 +75,140 @@ def inscribed_radius(shape: Shape) -> float:
         if level:
             half = half / 2
             places = (places[:, None] + children * half).reshape(-1, axes)
-        depth = _depths(shape, places)
-        best = max(best, float(depth.max()))
-        order = np.argsort(-depth, kind="stable")[:KEPT]
-        places = places[order[depth[order] + np.linalg.norm(half) > best]]
+        reach = float(np.linalg.norm(half))
+        depth = _depths(tree, places, reach, best)
+        deepest = int(depth.argmax())
+        if depth[deepest] > best:
+            best = float(depth[deepest])
+            if level >= MOVED_FROM:
+                best = _local_maximum(tree, places[deepest], best, float(half.max()))
+        kept = np.argsort(-depth, kind="stable")[:KEPT]
+        places = places[kept[depth[kept] + reach > best]]
+        if not len(places):
+            break
     return best
 
 
-def _of_hull(equations: Floats) -> float:
-    """Return the radius of the largest sphere inside of half-spaces n x + d <= 0 with unit normals, rows (n, d)."""
-    unknowns = equations.shape[1]
-    # the center and the radius r, which is maximized, with n x + r <= -d
-    limits = np.column_stack([equations[:, :-1], np.ones(len(equations))])
-    bounds = [(None, None)] * (unknowns - 1) + [(0.0, None)]
-    found = load("scipy.optimize").linprog(-np.eye(unknowns)[-1], A_ub=limits, b_ub=-equations[:, -1], bounds=bounds)
-    return float(found.x[-1])
+def _depths(tree: TriangleTree, places: Floats, reach: float, best: float) -> Floats:
+    """Return the distances of points from the surface, negative outside, and minus infinity for points around which no
+    point within `reach` is deeper than `best` or than one of the points before.
+    """
+    depth = np.full(len(places), -np.inf)
+    _find_depths(_in_space(places), *tree.arrays, tree.normals, reach, best, depth)
+    return depth
 
 
-def _depths(shape: Shape, places: Floats) -> Floats:
-    """Return the distances of points from the surface, negative outside."""
-    flat = np.zeros((len(places), 3))
-    flat[:, : places.shape[1]] = places
-    return -shape.signed_distance(flat)
+def _in_space(places: Floats) -> Floats:
+    """Return points (n, 2) or (n, 3) as (n, 3), at z = 0 in 2D."""
+    placed = np.zeros((len(places), 3))
+    placed[:, : places.shape[1]] = places
+    return placed
+
+
+def _local_maximum(tree: TriangleTree, center: Floats, depth: float, trust: float) -> float:
+    """Return the depth at the local maximum next to a point of known depth.
+
+    The distance from a triangle is a convex function, which its tangent plane at the present place supports from below.
+    The smallest of these lower bounds is maximized by a linear program within `trust` along each axis, over all
+    triangles that can be the nearest one there; the depth at the maximum is at least as large. Where the sphere touches
+    faces only, the bounds are exact.
+    """
+    for _ in range(MOST_MOVES):
+        at = _in_space(center[None])[0]
+        near = np.empty((len(tree.corners), 3))
+        # the center moves by at most sqrt(3) trust, and depths change by no more than that
+        count = _find_near(at[0], at[1], at[2], *tree.arrays, depth + 2 * math.sqrt(3) * trust, near)
+        away = at - near[:count]
+        distance = np.linalg.norm(away, axis=1)
+        step = _best_step((away / distance[:, None])[:, : len(center)], (distance - depth) / trust)
+        moved = center + trust * step
+        deeper = float(_depths(tree, moved[None], 0.0, 0.0)[0])
+        gain = deeper - depth
+        if gain > 0:
+            center, depth = moved, deeper
+        if gain <= LEAST_GAIN * depth:
+            break
+        trust = min(trust, 2 * trust * float(np.abs(step).max()))
+    return depth
+
+
+def _best_step(ways: Floats, spare: Floats) -> Floats:
+    """Return the step in the cube of edge 2 that maximizes the smallest of ``spare + ways @ step``; (m, d), (m,).
+
+    A linear program with the constraints of least `spare` is solved, and again with those that its solution violates.
+    """
+    solve: Any = load("scipy.optimize").linprog
+    axes = ways.shape[1]
+    cost = np.append(np.zeros(axes), -1.0)
+    bounds = [(-1.0, 1.0)] * axes + [(None, None)]
+    rows = np.column_stack([-ways, np.ones(len(ways))])
+    used = np.argsort(spare, kind="stable")[:FIRST]
+    for _ in range(MOST_PROGRAMS):
+        found = solve(cost, A_ub=rows[used], b_ub=spare[used], bounds=bounds, method="highs-ds").x
+        if found is None:
+            return np.zeros(axes)
+        excess = rows @ found - spare
+        excess[used] = 0.0
+        worst = np.argsort(-excess, kind="stable")[:ADDED]
+        worst = worst[excess[worst] > LEAST_GAIN]
+        if not len(worst):
+            break
+        used = np.append(used, worst)
+    step: Floats = found[:axes]
+    return step
+
+
+@kernel
+def _find_depths(points, corners, low, high, start, normals, reach, best, depth):  # type: ignore[no-untyped-def]
+    """Write the depth of each point around which a deeper point than the deepest one so far can lie."""
+    stack = np.zeros(STACK, dtype=np.int64)
+    leaves = len(low) // 2
+    for p in range(len(points)):
+        x, y, z = points[p, 0], points[p, 1], points[p, 2]
+        enough = max(best - reach, 0.0) ** 2
+        square, found, feature = np.inf, -1, 0
+        qx, qy, qz = x, y, z
+        stack[0], waiting = 0, 1
+        # the search ends with the first triangle that is near enough
+        while waiting > 0 and square >= enough:
+            waiting -= 1
+            node = stack[waiting]
+            if square_to_box(low, high, node, x, y, z) >= square:
+                continue
+            if node < leaves:
+                left = 2 * node + 1
+                one = square_to_box(low, high, left, x, y, z)
+                two = square_to_box(low, high, left + 1, x, y, z)
+                stack[waiting] = left + 1 if one <= two else left
+                stack[waiting + 1] = left if one <= two else left + 1
+                waiting += 2
+                continue
+            for k in range(start[node, 0], start[node, 1]):
+                px, py, pz, part = closest_on_triangle(corners, k, x, y, z)
+                away = (px - x) ** 2 + (py - y) ** 2 + (pz - z) ** 2
+                if away < square:
+                    square, found, feature = away, k, part
+                    qx, qy, qz = px, py, pz
+        if square < enough:
+            continue
+        inside = is_behind(normals, found, feature, x - qx, y - qy, z - qz)
+        depth[p] = math.sqrt(square) if inside else -math.sqrt(square)
+        best = max(best, depth[p])
+
+
+@kernel
+def _find_near(x, y, z, corners, low, high, start, reach, near):  # type: ignore[no-untyped-def]
+    """Write the nearest point of each triangle within reach of (x, y, z); return their number."""
+    count = 0
+    for node in range(len(low) // 2, len(low)):
+        if square_to_box(low, high, node, x, y, z) > reach * reach:
+            continue
+        for k in range(start[node, 0], start[node, 1]):
+            px, py, pz, _ = closest_on_triangle(corners, k, x, y, z)
+            if (px - x) ** 2 + (py - y) ** 2 + (pz - z) ** 2 <= reach * reach:
+                near[count, 0], near[count, 1], near[count, 2] = px, py, pz
+                count += 1
+    return count
 
 
 def _of_primitive(geometry: Primitive) -> float:

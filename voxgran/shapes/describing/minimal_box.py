@@ -49,7 +49,7 @@ def principal_lengths(shape: Shape) -> Floats:
     if hull.shape[1] == 2:
         return np.array([*sorted(_rectangle(hull)[0], reverse=True), 0.0])
     turns = rotation_matrices(random_rotations(stream(0, "boxes"), TRIED))
-    turns = np.concatenate([np.linalg.svd(hull - hull.mean(axis=0))[2][None], turns])
+    turns = np.concatenate([np.linalg.svd(hull - hull.mean(axis=0), full_matrices=False)[2][None], turns])
     turns = turns[np.argsort(_volumes(hull, turns), kind="stable")[:TURNED]]
     ways = np.indices((3, 3, 3)).reshape(3, -1).T - 1.0
     for level in range(HALVED):
