@@ -20,6 +20,7 @@ from voxgran._base.arrays import (
 )
 from voxgran._base.errors import InputError
 from voxgran._base.rotation import rotation_matrices
+from voxgran.contacts.densities import NOT_STATED, Density, as_density, by_shape
 from voxgran.containers.model import Container
 from voxgran.shapes.model import Shape
 
@@ -54,8 +55,15 @@ class Assembly:
         Unit quaternions (w, x, y, z) from the body frame to the container.
     container : Container
         Container of the grains.
+    density : float or tuple of float
+        Density of the material, mass per volume in the user's units: one number, or one for each shape.
     lid : Lid, optional
         Additional flat wall on the grains.
+
+    Raises
+    ------
+    InputError
+        If there are more or fewer densities than shapes, or one is no finite number above 0.
     """
 
     shapes: tuple[Shape, ...]
@@ -64,6 +72,7 @@ class Assembly:
     position: Floats
     orientation: Floats
     container: Container
+    density: Density = NOT_STATED
     lid: Lid | None = field(default=None, kw_only=True)
 
     @classmethod
@@ -76,6 +85,7 @@ class Assembly:
         scale: ArrayLike | None = None,
         shape_id: ArrayLike | None = None,
         orientation: ArrayLike | None = None,
+        density: float | Sequence[float] = NOT_STATED,
     ) -> "Assembly":
         """Make an assembly from array-likes; by default scales are 1, shape indices 0 and orientations the identity.
 
@@ -83,13 +93,16 @@ class Assembly:
         ------
         InputError
             If an array has the wrong length, a scale is not above 0, a shape index is no whole number or out of
-            range, the dimension of a shape is not that of the container, or a grain lies off the plane in 2D.
+            range, the dimension of a shape is not that of the container, a grain lies off the plane in 2D, or the
+            density is neither one number above 0 nor one for each shape.
         """
-        return cls(*checked_arrays(shapes, container, position, scale, shape_id, orientation), container)
+        arrays = checked_arrays(shapes, container, position, scale, shape_id, orientation)
+        return cls(*arrays, container, as_density(density, len(arrays[0])))
 
     def __post_init__(self) -> None:
         for array in (self.shape_id, self.scale, self.position, self.orientation):
             read_only(array)
+        object.__setattr__(self, "density", as_density(self.density, len(self.shapes)))
 
     @property
     def count(self) -> int:
@@ -110,6 +123,32 @@ class Assembly:
     def volumes(self) -> Floats:
         """True volumes of the grains (areas in 2D), (n,)."""
         return read_only(self._of_shapes([shape.volume for shape in self.shapes]) * self.scale**self.dimension)
+
+    @cached_property
+    def densities(self) -> Floats:
+        """Densities of the grains, (n,)."""
+        return read_only(self._of_shapes(by_shape(self.density, len(self.shapes))))
+
+    @cached_property
+    def masses(self) -> Floats:
+        """True masses of the grains, (n,): density times volume, in 2D times area."""
+        return read_only(self.densities * self.volumes)
+
+    @property
+    def mean_density(self) -> float:
+        """Mass of all grains over their volume; exactly the density where there is one."""
+        if isinstance(self.density, float):
+            return self.density
+        return float(self.masses.sum() / self.volumes.sum()) if self.count else NOT_STATED
+
+    @cached_property
+    def relative_densities(self) -> Floats:
+        """Densities of the grains over their mean by volume, (n,); exactly 1 where they are all equal."""
+        if not self.count or self.densities.min() == self.densities.max():
+            return read_only(np.ones(self.count))
+        # ratios first: they, and so all that follows, have the same bits in other units of density
+        ratio = self.densities / self.densities.max()
+        return read_only(ratio / ((ratio * self.volumes).sum() / self.volumes.sum()))
 
     @cached_property
     def surface_areas(self) -> Floats:

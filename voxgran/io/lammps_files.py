@@ -13,6 +13,7 @@ import numpy as np
 
 from voxgran._base.arrays import LONGEST, SHORTEST, Floats
 from voxgran._base.errors import FileFormatError, InputError
+from voxgran.contacts.densities import NOT_STATED
 from voxgran.containers.box import Box
 from voxgran.io.particles import Particles, refuse_bad_spheres
 
@@ -20,6 +21,8 @@ from voxgran.io.particles import Particles, refuse_bad_spheres
 STYLES = {"sphere": (2, 3, 4), "bpm/sphere": (3, 4, 5)}
 #: lines that are looked at to recognize a data file
 HEAD_LINES = 40
+#: different densities that are taken for those of materials: a shape is made for each
+MOST_DENSITIES = 20
 #: lengths of the units that a dump file may name
 UNITS = {"si": "m", "cgs": "cm", "micro": "um", "nano": "nm", "real": "angstrom", "metal": "angstrom"}
 
@@ -71,12 +74,15 @@ def read_lammps_data(path: Path) -> Particles:
     table = table[np.argsort(table[:, 0], kind="stable")]
     centers, radii = table[:, x : x + 3], table[:, diameter] / 2
     refuse_bad_spheres(centers, radii, path, row="atom")
-    densities = np.unique(table[:, density])
+    density_of = table[:, density]
+    known = bool((np.isfinite(density_of) & (density_of > 0)).all()) and len(density_of) > 0
+    if known and len(np.unique(density_of)) > MOST_DENSITIES:
+        known, assumed["density"] = False, f"1: the file has more than {MOST_DENSITIES} different ones"
     return Particles(
         centers=centers,
         radii=radii,
         container=_box(bounds, "", path),
-        density=float(densities[0]) if len(densities) == 1 and densities[0] > 0 else 1.0,
+        density=density_of if known else NOT_STATED,
         assumed=assumed,
     )
 

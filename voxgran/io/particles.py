@@ -15,6 +15,7 @@ from voxgran._base.cells import near_pairs
 from voxgran._base.errors import FileFormatError, InputError, PackingWarning, shown, with_article
 from voxgran._base.rotation import quaternions_of
 from voxgran._base.units import known_unit
+from voxgran.contacts.densities import NOT_STATED, shapes_by_density
 from voxgran.containers.box import Box
 from voxgran.containers.model import Container
 from voxgran.containers.rectangle import Rectangle
@@ -47,8 +48,8 @@ class Particles:
     container: Container | None = None
     #: unit of lengths that the file names
     unit: str | None = None
-    #: 1 where the file gives none or several
-    density: float = 1.0
+    #: that of each sphere (n,), or of all; 1 where the file gives none
+    density: float | Floats = NOT_STATED
     #: gravity and contact gap of a packing of ours
     fields: Mapping[str, Any] = field(default_factory=dict)
     #: what was taken for granted, by subject
@@ -132,9 +133,13 @@ def packing_of(
         if particles.clump is None
         else _clumps(particles)
     )
+    density = particles.density
+    if isinstance(density, np.ndarray):
+        ids = np.zeros(len(density), dtype=np.int64)
+        grains["shapes"], grains["shape_id"], density = shapes_by_density(grains["shapes"], ids, density)
     return Packing.of(
         container=held,
-        density=particles.density,
+        density=density,
         provenance={"method": "file", "parameters": {"path": str(path)}} | ({"assumed": assumed} if assumed else {}),
         unit=unit or named,
         # gravity is a direction in the container of the file

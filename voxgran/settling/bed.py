@@ -1,6 +1,7 @@
 """A bed: grains, their near pairs and their contacts, changed in place step by step.
 
-Lengths are in median diameters and times in sqrt(d / g); the inverse mass of a grain of the median diameter is 1.
+Lengths are in median diameters and times in sqrt(d / g); the inverse mass of a grain of the median diameter is 1, where
+densities differ of one of their mean by volume.
 Grains are kept in the order of their heights at the beginning, so that neighbours lie close in memory.
 """
 
@@ -37,7 +38,7 @@ class Bed:
     gravity : (3,) ndarray of float
         Unit vector in which gravity acts.
     lid_weight : float
-        Weight of the lid, if the assembly has one, in weights of a grain of the median diameter.
+        Weight of the lid, if the assembly has one, in weights of a grain of the median diameter and the mean density.
     exact : bool
         Whether contacts of meshes that are not convex come from their triangles, not from grids of distances.
     hulls : bool
@@ -75,6 +76,7 @@ class Bed:
         )
         write_matrices(self.orientation, self.grains.matrix)
         self.diameter: Floats = assembly.diameters[order].copy()
+        self.density: Floats = assembly.relative_densities[order]
         self.bodies, self.motion = _bodies(assembly, order, lid_weight), np.zeros((n + 1, 6))
         self.lid_level = math.inf if assembly.lid is None else float(assembly.lid.level)
         self.pairs: PairList = no_pairs()
@@ -281,6 +283,7 @@ class Bed:
         write_matrices(self.orientation, matrix)
         self.bounding = self.assembly.bounding_radii[self.order].copy()
         self.diameter = self.assembly.diameters[self.order].copy()
+        self.density = self.assembly.relative_densities[self.order]
         self.pairs = PairList(*(held[f"pair_{name}"] for name in PairList._fields))
         self.listed = bool(held["listed"])
         self.m = len(held["row"])
@@ -299,7 +302,7 @@ def normalized_bed(assembly: Assembly, gravity: Floats) -> Bed:
     unit = float(np.median(assembly.diameters)) if assembly.count else 1.0
     lid = assembly.lid if assembly.lid is None else Lid(assembly.lid.normal, assembly.lid.level / unit)
     arrays = (assembly.shapes, assembly.shape_id, assembly.scale / unit, assembly.position / unit, assembly.orientation)
-    normalized = Assembly(*arrays, assembly.container.scaled(1.0 / unit), lid=lid)
+    normalized = Assembly(*arrays, assembly.container.scaled(1.0 / unit), assembly.density, lid=lid)
     return Bed(normalized, gravity, lid_weight=math.inf, exact=True)
 
 
@@ -308,13 +311,14 @@ def _bodies(assembly: Assembly, order: Integers, lid_weight: float) -> Floats:
     n = assembly.count
     bodies = np.zeros((n + 1, BODY))
     unit = math.pi / 6 if assembly.dimension == 3 else math.pi / 4
-    mass = assembly.volumes[order] / unit
+    density = assembly.relative_densities[order]
+    mass = assembly.volumes[order] / unit * density
     bodies[:n, 6] = 1.0 / mass
     # the mean of the three principal moments stands for all: rest does not depend on them
     own = [np.trace(shape.inertia) / 3 if assembly.dimension == 3 else shape.inertia[2, 2] for shape in assembly.shapes]
     power = assembly.dimension + 2
     moment = np.array(own)[assembly.shape_id[order]] * assembly.scale[order] ** power / unit if n else np.zeros(0)
-    bodies[:n, 7] = 1.0 / moment
+    bodies[:n, 7] = 1.0 / (moment * density)
     bodies[n, 6] = 1.0 / lid_weight if assembly.lid is not None else 0.0
     return bodies
 

@@ -132,7 +132,7 @@ def test_a_foreign_poly_data_is_no_packing(tmp_path):
 
 
 def test_a_newer_layout_is_refused(spheres, tmp_path, monkeypatch):
-    monkeypatch.setattr("voxgran.io.record.FORMAT", 2)
+    monkeypatch.setattr("voxgran.io.record.FORMAT", 0)
     save_packing(spheres, tmp_path / "p.vtp")
     monkeypatch.undo()
     with pytest.raises(FileFormatError, match="version 2: this voxgran reads up to 1; install a newer one"):
