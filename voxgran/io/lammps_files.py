@@ -74,17 +74,29 @@ def read_lammps_data(path: Path) -> Particles:
     table = table[np.argsort(table[:, 0], kind="stable")]
     centers, radii = table[:, x : x + 3], table[:, diameter] / 2
     refuse_bad_spheres(centers, radii, path, row="atom")
-    density_of = table[:, density]
-    known = bool((np.isfinite(density_of) & (density_of > 0)).all()) and len(density_of) > 0
-    if known and len(np.unique(density_of)) > MOST_DENSITIES:
-        known, assumed["density"] = False, f"1: the file has more than {MOST_DENSITIES} different ones"
+    density_of = _densities(table[:, density], assumed)
     return Particles(
         centers=centers,
         radii=radii,
         container=_box(bounds, "", path),
-        density=density_of if known else NOT_STATED,
+        density=density_of,
         assumed=assumed,
     )
+
+
+def _densities(values: Floats, assumed: dict[str, str]) -> Floats | float:
+    """Return the density of each atom, (n,), or of all; 1 where the file tells none, or too many to be materials."""
+    different, place = np.unique(values, return_inverse=True)
+    if not len(values) or not (np.isfinite(different) & (different > 0)).all():
+        return NOT_STATED
+    if len(different) > 1:
+        # those of one material, mass over volume, may differ by round-off
+        rounded = np.array([float(f"{one:.9g}") for one in different.tolist()])
+        values, different = rounded[place.reshape(-1)], np.unique(rounded)
+    if len(different) > MOST_DENSITIES:
+        assumed["density"] = f"1: the file has more than {MOST_DENSITIES} different ones"
+        return NOT_STATED
+    return values
 
 
 def read_lammps_dump(path: Path, *, frame: int = -1) -> Particles:

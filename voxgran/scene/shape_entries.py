@@ -87,7 +87,9 @@ class ShapeEntry:
     def to_mapping(self) -> dict[str, Any]:
         """Return the entry as nested JSON-able values, as the scene file has it."""
         tables = {"clump": self.clump, "roughen": self.roughness}
-        more = {"density": self.density, "count": self.count} | {key: None if table is None else dict(table) for key, table in tables.items()}
+        more = {"density": self.density, "count": self.count} | {
+            key: None if table is None else dict(table) for key, table in tables.items()
+        }
         rest = {key: value for key, value in more.items() if value is not None}
         return {self.source: self.name, "share": self.share, **self.parameters, **rest}
 
