@@ -15,7 +15,19 @@ import numpy as np
 from voxgran._base.arrays import Floats, Integers
 from voxgran._base.rotation import normalized
 from voxgran.contacts.assembly import Assembly, Lid
-from voxgran.settling.contact_rows import MASS_ACROSS, ROW, ContactRows, Grains, PairList, carry_rows
+from voxgran.settling.contact_rows import (
+    ARM_I,
+    ARM_J,
+    GAP,
+    MASS_ACROSS,
+    NORMAL,
+    ROW,
+    SURFACE,
+    ContactRows,
+    Grains,
+    PairList,
+    carry_rows,
+)
 from voxgran.settling.finding.finders import ContactFinders, kinds_of
 from voxgran.settling.impulses import move_bodies, write_matrices
 from voxgran.settling.pair_list import no_pairs, renewed
@@ -24,6 +36,8 @@ Array = TypeVar("Array", bound="np.ndarray[Any, Any]")
 
 #: distance up to which pairs are listed, in median diameters
 SKIN = 0.5
+#: share of the smaller diameter from which on an overlap of meshes that are not convex is deep
+DEEP = 0.1
 #: numbers of a body: velocity (3), angular velocity (3), inverse mass and inverse moment of inertia
 BODY = 8
 
@@ -136,8 +150,30 @@ class Bed:
             for place, old in zip(places, before, strict=True):
                 place[:] = old
         self.m = found
+        if SURFACE in self.grains.kind and not self.finders.exact:
+            self._unlock()
         # nothing of former steps is left in what solvers write
         self.rows.row[:found, MASS_ACROSS] = 0.0
+
+    def _unlock(self) -> None:
+        """Let the contacts of pairs that overlap deeply push along the line of centres.
+
+        Deep within a mesh that is not convex, the normals of contacts point to all its sides, and their forces leave
+        the pair as it is.
+        """
+        row, i, j = self.rows.row[: self.m], self.rows.i[: self.m], self.rows.j[: self.m]
+        inner = (j >= 0) & (j < self.count)
+        other = np.where(inner, j, i)
+        deep = inner & (row[:, GAP] < -DEEP * np.minimum(self.diameter[i], self.diameter[other]))
+        if not deep.any():
+            return
+        pair = i.astype(np.int64) * (self.count + 1) + j
+        rows = np.flatnonzero(inner & np.isin(pair, pair[deep]))
+        line = row[rows, ARM_I : ARM_I + 3] - row[rows, ARM_J : ARM_J + 3]
+        line += row[rows, GAP, None] * row[rows, NORMAL : NORMAL + 3]
+        length = np.linalg.norm(line, axis=1)
+        some = length > 1e-6
+        row[rows[some], NORMAL : NORMAL + 3] = line[some] / length[some, None]
 
     def _found(self, margin: float, rest: float, reuse: float) -> int:
         """Return the number of contacts, or -1 where they are more than the rows."""
