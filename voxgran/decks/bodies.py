@@ -9,8 +9,7 @@ import numpy as np
 
 from voxgran._base.arrays import Floats, Integers, read_only
 from voxgran._base.rotation import quaternions_of
-from voxgran.contacts.assembly import Assembly
-from voxgran.contacts.densities import by_shape
+from voxgran.contacts.assembly import Assembly, by_shape
 from voxgran.shapes.model import Shape
 from voxgran.shapes.spheres import Spheres
 

@@ -17,7 +17,7 @@ from voxgran._base.cells import near_pairs
 from voxgran._base.errors import InputError
 from voxgran._base.units import NO_UNIT
 from voxgran.clumps.bonds import LEAST_AREA, TOUCHING, Strengths, bonds_of_bodies
-from voxgran.contacts.densities import NOT_STATED, Density, by_shape, density_text
+from voxgran.contacts.assembly import NOT_STATED, Density, by_shape, density_text
 from voxgran.decks.bodies import Bodies, Kind, Template
 from voxgran.decks.material import GRAVITY, QUARTZ, STEPS_PER_COLLISION, ContactLaw, Material, contact_law
 from voxgran.decks.walls import Walls

@@ -13,7 +13,7 @@ import numpy as np
 
 from voxgran._base.arrays import LONGEST, SHORTEST, Floats
 from voxgran._base.errors import FileFormatError, InputError
-from voxgran.contacts.densities import NOT_STATED
+from voxgran.contacts.assembly import NOT_STATED
 from voxgran.containers.box import Box
 from voxgran.io.particles import Particles, refuse_bad_spheres
 

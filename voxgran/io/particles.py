@@ -15,7 +15,7 @@ from voxgran._base.cells import near_pairs
 from voxgran._base.errors import FileFormatError, InputError, PackingWarning, shown, with_article
 from voxgran._base.rotation import quaternions_of
 from voxgran._base.units import known_unit
-from voxgran.contacts.densities import NOT_STATED, shapes_by_density
+from voxgran.contacts.assembly import NOT_STATED, shapes_by_density
 from voxgran.containers.box import Box
 from voxgran.containers.model import Container
 from voxgran.containers.rectangle import Rectangle
@@ -133,13 +133,14 @@ def packing_of(
         if particles.clump is None
         else _clumps(particles)
     )
-    density = particles.density
-    if isinstance(density, np.ndarray):
-        ids = np.zeros(len(density), dtype=np.int64)
-        grains["shapes"], grains["shape_id"], density = shapes_by_density(grains["shapes"], ids, density)
+    if isinstance(particles.density, np.ndarray):
+        ids = np.zeros(len(particles.density), dtype=np.int64)
+        by_density = shapes_by_density(grains["shapes"], ids, particles.density)
+        grains["shapes"], grains["shape_id"], grains["density"] = by_density
+    else:
+        grains["density"] = particles.density
     return Packing.of(
         container=held,
-        density=density,
         provenance={"method": "file", "parameters": {"path": str(path)}} | ({"assumed": assumed} if assumed else {}),
         unit=unit or named,
         # gravity is a direction in the container of the file

@@ -153,7 +153,7 @@ def _packing(record: Record) -> Packing:
         scale=record.per_grain["scale"],
         shape_id=record.per_grain["shape_id"],
         orientation=record.per_grain["orientation"],
-        density=float(densities[0]) if len(densities) == 1 else densities,
+        density=float(densities[0]) if len(densities) == 1 else densities.tolist(),
         provenance=json.loads(record.texts["provenance"]),
         stop_reason=record.texts["stop_reason"],
         unit=unit,

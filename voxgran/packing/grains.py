@@ -16,8 +16,7 @@ from voxgran._base.lazy import load
 from voxgran._base.registry import ExplainedAttributes
 from voxgran._base.units import NO_UNIT
 from voxgran.clumps.bonds import LEAST_AREA, TOUCHING, Strengths, bonds_of_bodies
-from voxgran.contacts.assembly import Assembly
-from voxgran.contacts.densities import Density, by_shape, merged
+from voxgran.contacts.assembly import Assembly, Density, by_shape, merged
 from voxgran.contacts.surfaces import merged_surfaces
 from voxgran.shapes.model import Shape
 from voxgran.shapes.spheres import Spheres

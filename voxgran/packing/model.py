@@ -15,8 +15,7 @@ from voxgran._base.arrays import Integers, as_choice, as_number, check_type
 from voxgran._base.units import as_unit, unit_factor
 from voxgran.clumps.model import Clump
 from voxgran.clumps.stand_in import as_clumps
-from voxgran.contacts.assembly import checked_arrays
-from voxgran.contacts.densities import as_density
+from voxgran.contacts.assembly import as_density, checked_arrays
 from voxgran.contacts.find import find_contacts
 from voxgran.contacts.forces import ContactForces, check_forces
 from voxgran.contacts.model import Contacts

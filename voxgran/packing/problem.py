@@ -19,8 +19,7 @@ from voxgran._base.config import to_mapping
 from voxgran._base.errors import InputError, PackingWarning
 from voxgran._base.rotation import normalized
 from voxgran._base.seeds import stream
-from voxgran.contacts.assembly import Assembly
-from voxgran.contacts.densities import NOT_STATED, Density
+from voxgran.contacts.assembly import NOT_STATED, Assembly, Density
 from voxgran.contacts.verify import verify
 from voxgran.containers.model import Container
 from voxgran.lattice.grid import Grid
@@ -107,8 +106,10 @@ class Problem:
     def start_assembly(self, start: Start) -> Assembly:
         """Return the grains of a start with their true shapes, in the normalized frame."""
         n = start.count
-        arrays = {"position": start.position, "scale": self.diameter[:n], "shape_id": self.shape_id[:n]}
-        return Assembly.of(self.shapes, self.container, orientation=start.orientation, **arrays)
+        return Assembly.of(
+            self.shapes, self.container, position=start.position, scale=self.diameter[:n], shape_id=self.shape_id[:n],
+            orientation=start.orientation,
+        )  # fmt: skip
 
     def packing(
         self,

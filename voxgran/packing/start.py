@@ -14,8 +14,7 @@ import numpy as np
 
 from voxgran._base.arrays import Floats, Integers
 from voxgran._base.errors import InputError
-from voxgran.contacts.assembly import Assembly
-from voxgran.contacts.densities import NOT_STATED, Density, as_density, by_shape, density_text, merged
+from voxgran.contacts.assembly import NOT_STATED, Assembly, Density, as_density, by_shape, density_text, merged
 from voxgran.containers.model import Container
 
 

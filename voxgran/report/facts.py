@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from voxgran.contacts.densities import by_shape, density_text
+from voxgran.contacts.assembly import by_shape, density_text
 from voxgran.contacts.forces import AT_REST
 from voxgran.measures.registered.segregation import warning_of
 from voxgran.packing.model import Packing

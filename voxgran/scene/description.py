@@ -14,7 +14,7 @@ from voxgran._base.files import existing_file
 from voxgran._base.guarded import reason_of
 from voxgran._base.registry import unknown
 from voxgran._base.units import as_unit
-from voxgran.contacts.densities import NOT_STATED
+from voxgran.contacts.assembly import NOT_STATED
 from voxgran.containers.make import make_container
 from voxgran.containers.model import Container
 from voxgran.decks.engine import engine_registry

@@ -1,14 +1,13 @@
 """Density of shapes: what is stored, what keeps it, and that settling and the balance of forces weigh grains by it."""
 
 import dataclasses
-import itertools
 
 import numpy as np
 import pytest
 
 import voxgran as vg
 from voxgran._base.errors import CheckpointError, FileFormatError, InputError
-from voxgran.contacts.densities import as_density, shapes_by_density
+from voxgran.contacts.assembly import as_density, shapes_by_density
 from voxgran.io.record import to_record
 
 STEEL, GLASS = 7800.0, 2500.0
@@ -24,7 +23,7 @@ def pair(density=(STEEL, GLASS), **given):
 def column(lower, upper):
     """Return two touching spheres of diameter 1, one on the other, on the floor."""
     return vg.Packing.of(
-        [BALL, BALL], vg.Box((1, 1, 3)), position=[(0.5, 0.5, 0.5), (0.5, 0.5, 1.5)], shape_id=[0, 1],
+        [BALL, BALL], vg.Box((3, 3, 3)), position=[(1.5, 1.5, 0.5), (1.5, 1.5, 1.5)], shape_id=[0, 1],
         density=[lower, upper],
     )  # fmt: skip
 
@@ -118,7 +117,7 @@ def test_packings_of_several_densities_are_put_together():
 
 def test_inscribed_grains_have_the_densities_of_their_spheres():
     spheres = vg.Packing.of([BALL, BALL], BOX, position=pair().position, shape_id=[0, 1, 0], density=[STEEL, GLASS])
-    found = vg.inscribe(spheres, [CUBE, vg.shapes.cylinder(height=1)], shape_id=[0, 0, 1])
+    found = vg.inscribe(spheres, [CUBE, vg.shapes.cylinder(radius=0.5, height=1)], shape_id=[0, 0, 1])
     assert found.densities.tolist() == [STEEL, GLASS, STEEL]
     assert [found.shapes[k].name for k in found.shape_id] == ["box", "box", "cylinder"]
     assert vg.verify(found).ok
@@ -132,11 +131,9 @@ def test_shapes_by_density_is_a_grouping():
     assert shapes_by_density([BALL], np.zeros(2, int), [3.0, 3.0])[2] == 3.0
 
 
-@pytest.mark.parametrize("fill", ["spheres", "cells"])
-def test_cells_have_the_densities_of_their_grains(fill):
+def test_cells_have_the_densities_of_their_grains():
     sizes = [vg.shapes.sphere(diameter=0.5), vg.shapes.sphere(diameter=1.0)]
-    del fill
-    made = vg.pack(sizes, vg.Box((6, 6, 6)), "voronoi", count=40, density=[STEEL, GLASS])
+    made = vg.pack(sizes, vg.Box((6, 6, 6)), "voronoi_fill", count=40, density=[STEEL, GLASS])
     heavy = made.densities == STEEL
     assert 5 < heavy.sum() < 35
     # the cells of small ones are smaller
@@ -148,7 +145,7 @@ def test_a_start_keeps_its_densities():
     start = vg.pack([BALL, BALL], box, "rsa", count=8, density=[STEEL, GLASS], seed=1)
     more = vg.pack(CUBE, box, "rsa", count=4, density=1000, start=start)
     assert more.densities.tolist() == [*start.densities.tolist(), *[1000.0] * 4]
-    with pytest.raises(InputError, match="density is left out and grains of start have 7800, 2500.*give theirs"):
+    with pytest.raises(InputError, match=r"density is left out and grains of start have 7800, 2500.*give theirs"):
         vg.pack(CUBE, box, "rsa", count=4, start=start)
     with pytest.raises(InputError, match=r"density is \[1, 2\]: it must be one number, or 1,"):
         vg.pack(CUBE, box, "rsa", count=4, start=start, density=[1, 2])
@@ -180,7 +177,7 @@ def test_the_floor_bears_the_weight_of_a_heavy_and_a_light_sphere(lower, upper):
     mean = (lower + upper) / 2
     assert weight[-1] == pytest.approx(2.0, abs=1e-3)
     assert weight[1] == pytest.approx(upper / mean, abs=1e-3)
-    assert found.carried.values == pytest.approx([upper / lower, 0.0], abs=1e-3)
+    assert found.carried.values == pytest.approx([upper / lower, 0.0], rel=1e-6, abs=1e-3)
     assert found.rests.values.all()
 
 
@@ -248,20 +245,6 @@ def test_only_the_ratio_of_densities_matters():
     alone = vg.pack([BALL, BALL], vg.Box((4, 4, 12)), "gravity", count=60, seed=3, friction=0.4, weights=[1, 0],
                     density=[STEEL, GLASS])  # fmt: skip
     assert few.position.tobytes() == alone.position.tobytes()
-
-
-def test_steel_sinks_below_glass_when_shaken():
-    # glass lies on steel and stays there, steel lies on glass and sinks
-    box, places = vg.Box((5, 5, 12)), np.array(list(itertools.product(range(5), range(5), range(6)))) + 0.5
-    upper = (places[:, 2] > 3).astype(int)
-    sunk = []
-    for density in ([GLASS, STEEL], [GLASS / 3, 3 * STEEL], [STEEL, GLASS]):
-        start = vg.Packing.of([BALL, BALL], box, position=places, shape_id=upper, density=density)
-        shaken = vg.settle(start, friction=0.2, shaking={"acceleration": 3.0, "duration": 60.0}, seed=2)
-        height = shaken.position[:, 2]
-        sunk.append(height[upper == 0].mean() - height[upper == 1].mean())
-    assert sunk[2] < sunk[0] < 0
-    assert sunk[1] > sunk[0]
 
 
 def test_a_run_does_not_go_on_with_other_densities(tmp_path):

@@ -6,8 +6,7 @@ volume differs between the versions.
 References
 ----------
 docs.itascacg.com/pfc700, pages of the commands `model domain`, `model mechanical`, `contact cmat default`,
-`ball create`, `clump template`, `clump replicate`, `rblock create` and `wall create`, of the contact models `linear`
-and `hysteretic`, and of the FISH statements.
+`ball create`, `clump template`, `clump replicate`, `rblock create`, `wall create`, of `linear`, `hysteretic` and FISH.
 """
 
 import math
@@ -241,9 +240,9 @@ def _grains(simulation: Simulation, low: Floats, high: Floats) -> list[str]:
 def _ball_densities(simulation: Simulation) -> list[str]:
     """Return the commands that give spheres their density; where densities differ, by the groups of shapes."""
     bodies = simulation.bodies
-    used = np.unique(bodies.assembly.shape_id[bodies.of_kind("sphere")]).tolist()
+    used = np.unique(bodies.assembly.shape_id[bodies.of_kind("sphere")])
     if isinstance(bodies.assembly.density, float):
-        return [f"ball attribute density {bodies.assembly.density!r}"] if used else []
+        return [f"ball attribute density {bodies.assembly.density!r}"] if len(used) else []
     return [f"ball attribute density {bodies.densities[k]!r} range group '{bodies.templates[k].name}'" for k in used]
 
 

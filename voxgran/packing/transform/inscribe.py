@@ -12,7 +12,7 @@ from voxgran._base.errors import InputError
 from voxgran._base.kernels import kernel
 from voxgran._base.rotation import normalized, random_rotations, rotation_matrices
 from voxgran._base.seeds import stream
-from voxgran.contacts.densities import shapes_by_density
+from voxgran.contacts.assembly import shapes_by_density
 from voxgran.packing.model import Packing, check_packing
 from voxgran.shapes.model import Shape, check_shapes
 
