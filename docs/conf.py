@@ -13,6 +13,7 @@ sys.path.insert(0, str(DOCS))
 
 import gallery
 import methods_pages
+import site_inventories
 import site_links
 import site_reference
 from numpydoc.xref import DEFAULT_LINKS
@@ -24,7 +25,8 @@ author = "the voxgran developers"
 copyright = author
 version = release = voxgran.__version__
 
-extensions = ["myst_parser", "sphinx.ext.autodoc", "sphinx.ext.autosummary", "numpydoc", "sphinx_gallery.gen_gallery"]
+extensions = ["myst_parser", "sphinx.ext.autodoc", "sphinx.ext.autosummary"]
+extensions += ["sphinx.ext.intersphinx", "numpydoc", "sphinx_gallery.gen_gallery"]
 exclude_patterns = ["**/README.*"]
 source_suffix = {".rst": "restructuredtext", ".md": "markdown"}
 
@@ -41,11 +43,17 @@ numpydoc_show_class_members = False
 # types that are classes of voxgran lead to their pages
 numpydoc_xref_param_type = True
 numpydoc_xref_ignore = "all"
-DEFAULT_LINKS.clear()  # terms of NumPy and Python, which a site without a network cannot lead to
-numpydoc_xref_aliases = {name: f"voxgran.{name}" for name in voxgran.__all__ if name[0].isupper()} | {
-    "SizeDistribution": "voxgran.sizes.SizeDistribution",
-    "Clump": "voxgran.clumps.Clump",
-}
+# types of Python, NumPy and xarray lead to the sites of these projects
+intersphinx_mapping = site_inventories.write_inventories(DOCS / "inventories")
+DEFAULT_LINKS.clear()  # the words of numpydoc, of which many lead to what the inventories do not hold
+numpydoc_xref_aliases = (
+    {name: f"voxgran.{name}" for name in voxgran.__all__ if name[0].isupper()}
+    | site_inventories.WORDS
+    | {
+        "SizeDistribution": "voxgran.sizes.SizeDistribution",
+        "Clump": "voxgran.clumps.Clump",
+    }
+)
 
 # the gallery's configuration holds functions, which Sphinx cannot keep between builds
 suppress_warnings = ["config.cache"]

@@ -1,5 +1,6 @@
 """The site is built without a warning, and its pages open from the file system."""
 
+import importlib
 import importlib.util
 import re
 import subprocess
@@ -31,4 +32,18 @@ def test_the_site_is_built_without_a_warning_and_needs_no_network(tmp_path):
             assert "://" in target or (page.parent / target).exists(), (page, target)
     settling = (tmp_path / "site/guide/settling.html").read_text()
     assert "glossary.html#term-" in settling
+    assert (
+        "https://numpy.org/doc/stable/glossary.html#term-array_like"
+        in (tmp_path / "site/reference/names/voxgran.pack.html").read_text()
+    )
     assert "voxgran.Packing.verify" in (tmp_path / "site/reference/names/voxgran.Packing.html").read_text()
+
+
+def test_the_names_of_other_projects_exist(monkeypatch):
+    monkeypatch.syspath_prepend(ROOT / "docs")
+    table = importlib.import_module("site_inventories").OUTSIDE
+    names = [name for _, names in table.values() for role, name, _ in names if role == "py:class" and "." in name]
+    assert len(names) > 3
+    for name in names:
+        module, _, attribute = name.rpartition(".")
+        assert hasattr(importlib.import_module(module), attribute), name

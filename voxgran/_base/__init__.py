@@ -30,7 +30,8 @@ def lazy_names(package: str, file: str) -> tuple[Callable[[str], Any], Callable[
         if name not in places:
             from voxgran._base.registry import missing_name
 
-            raise AttributeError(missing_name(package, name, names))
+            # with its name and no object, Python adds no suggestion of its own
+            raise AttributeError(missing_name(package, name, names), name=name)
         place, stored = places[name]
         # a module of a package, such as voxgran.shapes.sizes, is no attribute of it before it is imported
         found = None if place == package else getattr(import_module(place), stored, None)

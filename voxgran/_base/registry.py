@@ -98,13 +98,16 @@ SYNONYMS: dict[str, tuple[str, ...]] = {
     "circle": ("disk",),
     "clump": ("fit_clump",),
     "contact_number": ("coordination", "measure"),
+    "contacts": ("coordination", "measure"),
     "coordination": ("measure",),
     "cube": ("box",),
     "cuboid": ("box",),
+    "density": ("solid_fraction", "measure"),
     "diameter": ("radius",),
     "export": ("write_deck",),
     "fill": ("pack",),
     "generate": ("pack", "make_shape"),
+    "gradation": ("sizes",),
     "grading": ("gradation",),
     "grain_size": ("gradation",),
     "html": ("report",),
@@ -113,36 +116,47 @@ SYNONYMS: dict[str, tuple[str, ...]] = {
     "load_ct": ("load_image",),
     "load_mesh": ("load_shape",),
     "mean": ("median",),
+    "mesh": ("load_shape",),
     "n": ("count", "max_spheres"),
     "n_grains": ("count",),
     "n_spheres": ("max_spheres",),
     "num": ("count",),
     "number": ("count",),
+    "open": ("load",),
     "pack": ("run",),
     "packing_fraction": ("solid_fraction", "density"),
     "pair_correlation": ("rdf", "measure"),
     "pore_size": ("voids", "measure"),
     "pore_sizes": ("voids", "measure"),
     "pores": ("voids", "measure"),
-    "porosity": ("solid_fraction", "density"),
+    "porosity": ("solid_fraction", "density", "measure"),
     "positions": ("position",),
     "profile": ("measure",),
     "psd": ("gradation",),
     "radial_distribution": ("rdf", "measure"),
+    "read": ("load",),
+    "read_stl": ("load_shape",),
     "segment": ("labels",),
     "shake": ("settle",),
+    "shape": ("make_shape",),
+    "show": ("plot",),
+    "simulate": ("settle", "relax"),
     "size": ("lengths", "diameter"),
     "solid_fraction": ("density",),
     "spheres": ("clump", "max_spheres"),
     "square": ("rectangle", "box"),
     "std": ("sigma",),
     "tetrahedron": ("platonic",),
-    "type": ("kind", "family"),
     "to_csv": ("to_dataframe",),
+    "to_vtk": ("save",),
+    "type": ("kind", "family"),
+    "view": ("plot",),
     "void_ratio": ("solid_fraction", "density"),
     "volume_fraction": ("solid_fraction", "density"),
     "weight": ("share",),
+    "write": ("save",),
     "write_lammps": ("write_deck",),
+    "write_vtk": ("save",),
 }
 
 
@@ -166,27 +180,49 @@ def nearest_word(name: str, known: Iterable[str]) -> str | None:
     ``load_image`` has one of ``image_file``.
     """
     names = list(known)
-    found = nearest(name, names)
+    synonym = next((entry for entry in SYNONYMS.get(name, ()) if entry in names), None)
+    found = synonym or nearest(name, names, cutoff=0.65)
     if found:
         return found
     words = set(name.casefold().split("_"))
     return next((entry for entry in names if words & set(entry.casefold().split("_"))), None)
 
 
-def nearest(name: object, known: Iterable[str]) -> str | None:
+def nearest(name: object, known: Iterable[str], *, cutoff: float = 0.5) -> str | None:
     """Return the known name that was most likely meant, in any case: itself, a synonym, or one spelt alike."""
     given = name.casefold() if isinstance(name, str) else ""
     by_case = {entry.casefold(): entry for entry in known}
-    alike = difflib.get_close_matches(given, by_case, n=1, cutoff=0.5)
+    alike = difflib.get_close_matches(given, by_case, n=1, cutoff=cutoff)
     candidates = (given, *SYNONYMS.get(given, ()), *alike)
     return next((by_case[entry] for entry in candidates if entry in by_case), None)
 
 
 def missing_name(module: str, name: str, known: list[str]) -> str:
     """Return the message for a name that a module does not have, with the one that was most likely meant."""
+    written = _written_elsewhere(name, known) if module == "voxgran" and not name.startswith("_") else None
     meant = None if name.startswith("__") else nearest_word(name, known)
-    hint = f"did you mean {meant!r}?" if meant else f"dir({module}) lists its names"
+    hint = written or (f"did you mean {meant!r}?" if meant else f"dir({module}) lists its names")
     return f"module {module!r} has no attribute {name!r}: {hint}"
+
+
+def _written_elsewhere(name: str, known: Iterable[str]) -> str | None:
+    """Return how a shape, size law, method, engine or measure is written, of which a module was asked for the name."""
+    voxgran = sys.modules["voxgran"]
+    word = name.casefold()
+    container = next((entry for entry in known if entry.casefold() == word), None)
+    places = (
+        (dir(voxgran.shapes), "vg.shapes.{}()"),
+        (voxgran.sizes.__all__, "vg.sizes.{}(...)"),
+        (voxgran.packing_methods(), "vg.pack(shapes, container, {!r}, ...)"),
+        (voxgran.clump_methods(), "vg.fit_clump(shape, method={!r})"),
+        (voxgran.engines(), "vg.write_deck(packing, folder, {!r})"),
+        (sys.modules[voxgran.measure.__module__].measures(), "vg.measure(packing, {!r})"),
+    )
+    words = (word, *SYNONYMS.get(word, ()))
+    call = next((call.format(one) for one in words for names, call in places if one in names), None)
+    if call and container:
+        return f"write {call} for the shape, vg.{container}(...) for the container"
+    return f"write {call}" if call else None
 
 
 class ExplainedAttributes:
@@ -210,7 +246,8 @@ class ExplainedAttributes:
             if name.startswith("__") or hasattr(kind, name):
                 # a special method that Python asks for, or an error within a property, which is raised again
                 return object.__getattribute__(self, name)
-            raise AttributeError(f"{kind.__name__} has no attribute {name!r}: {_remedy(kind, name)}")
+            # with its name and no object, Python adds no suggestion of its own
+            raise AttributeError(f"{kind.__name__} has no attribute {name!r}: {_remedy(kind, name)}", name=name)
 
 
 def public_functions() -> list[str]:

@@ -22,7 +22,7 @@ def labels_on(packing: Packing, grid: Grid) -> NDArray[np.int32]:
         If a grain is an open surface.
     """
     image = np.zeros(grid.shape, dtype=np.int32)
-    shifts = _shifts(packing)
+    shifts = image_shifts(packing)
     spheres = np.array(
         [isinstance(s.geometry, Spheres) or (s.is_sphere and s.dimension == 3) for s in packing.shapes], dtype=bool
     )
@@ -33,7 +33,7 @@ def labels_on(packing: Packing, grid: Grid) -> NDArray[np.int32]:
     return image
 
 
-def _shifts(packing: Packing) -> Floats:
+def image_shifts(packing: Packing) -> Floats:
     """Return the (k, 3) shifts to the periodic images that may reach into the container."""
     container = packing.container
     lower, upper = container.bounds

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from voxgran._base.arrays import Booleans, Floats, Integers
+from voxgran._base.arrays import Booleans, Floats
 from voxgran.containers.model import boundary_of
 from voxgran.lattice.distance import distance_transform
 from voxgran.lattice.grid import Grid
@@ -83,37 +83,6 @@ class Pores:
         padded = np.pad(self.mask, ends)
         return padded, tuple(slice(low, n - high) for (low, high), n in zip(ends, padded.shape, strict=True))
 
-    def chords(self, axis: int) -> tuple[Integers, float]:
-        """Return the lengths (m,) of the chords along an axis in voxels, and their mean in the unit of lengths.
-
-        A chord is a run of pores between two grains or walls. The mean is twice the length of all lines in the pores
-        over the number of their ends, which counts what the free surface cuts, and lines that meet no grain. It is
-        infinite without an end.
-        """
-        part, around = self.below, self.periodic[axis]
-        mask = np.moveaxis(part.mask, axis, 2)
-        n = mask.shape[2]
-        before, after = np.roll(mask, 1, axis=2), np.roll(mask, -1, axis=2)
-        if not around:
-            before[..., 0] = after[..., -1] = False
-        first, last = mask & ~before, mask & ~after
-        ends = int(first.sum()) + int(last.sum())
-        open_end = self.surface is not None and self.surface[0] == axis
-        if open_end and self.surface is not None:
-            high = self.surface[1] == 0
-            ends -= int((last[..., -1] if high else first[..., 0]).sum())
-        start, (end_row, end) = _rows(first)[1], _rows(last)
-        if around:
-            wraps = (mask[..., 0] & mask[..., -1]).ravel()
-            leads = np.concatenate([[True], end_row[1:] != end_row[:-1]]) if len(end_row) else np.zeros(0, bool)
-            end = end + n * (leads & wraps[end_row])
-            end = end[np.lexsort((end, end_row))]
-        lengths = end - start + 1
-        if open_end and self.surface is not None:
-            lengths = lengths[(end < n - 1) if self.surface[1] == 0 else (start > 0)]
-        mean = 2.0 * int(mask.sum()) * self.voxel_size / ends if ends else math.inf
-        return lengths, mean
-
     def percolating(self, axis: int) -> float:
         """Return the share of the pores in bodies that connect the two sides across an axis; NaN without pores.
 
@@ -131,12 +100,6 @@ class Pores:
         through[np.intersect1d(low, high)] = True
         through[0] = False
         return float(np.bincount(labels.ravel(), minlength=count + 1)[through].sum()) / total
-
-
-def _rows(edges: Booleans) -> tuple[Integers, Integers]:
-    """Return line and place of each True of an image, in the order of the lines."""
-    flat = np.flatnonzero(edges)
-    return flat // edges.shape[2], flat % edges.shape[2]
 
 
 def pores_of(packing: Packing, voxel_size: float) -> Pores:

@@ -221,6 +221,8 @@ class SceneDescription:
         if self.sizes is not None:
             kept = {key: value for key, value in self.sizes.to_mapping().items() if value is not None}
             made["sizes"] = kept | {"share_by": self.share_by}
+        elif self.share_by != "number":
+            made["sizes"] = {"share_by": self.share_by}
         if self.settle is not None:
             given = to_mapping(self.settle) if self.settle else {"enabled": False}
             made["settle"] = {key: value for key, value in given.items() if value is not None}

@@ -17,7 +17,8 @@ def __getattr__(name: str) -> "Callable[..., Any]":
             return family_function(name)
     from voxgran._base.registry import missing_name
 
-    raise AttributeError(missing_name(__name__, name, __dir__()))
+    # with its name and no object, Python adds no suggestion of its own
+    raise AttributeError(missing_name(__name__, name, __dir__()), name=name)
 
 
 def __dir__() -> list[str]:

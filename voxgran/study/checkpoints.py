@@ -2,17 +2,50 @@
 
 import contextlib
 import os
-from collections.abc import Callable
+import socket
+import time
+from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
 
-from voxgran._base.errors import CheckpointError
+from voxgran._base.errors import CheckpointError, InUseError, OutputError
 from voxgran._base.files import write_text
 from voxgran._base.progress import Step
 from voxgran.packing.model import Packing
 from voxgran.packing.pack import pack
 from voxgran.scene.description import SceneDescription
 from voxgran.shapes.model import Shape
+
+#: file in the folder of checkpoints by which a worker on another machine finds that it sees the same folder
+MARK = "study"
+
+
+@contextlib.contextmanager
+def marked(folder: Path) -> Iterator[str]:
+    """Yield a text that is in a file of the folder of checkpoints as long as the study runs (context manager).
+
+    Raises
+    ------
+    OutputError
+        If the file cannot be written.
+    """
+    mark = f"{socket.gethostname()} {os.getpid()} {time.time_ns()}"
+    folder.mkdir(exist_ok=True)
+    write_text(folder / MARK, mark)
+    try:
+        yield mark
+    finally:
+        with contextlib.suppress(OSError):
+            (folder / MARK).unlink()
+
+
+def is_seen(checkpoint: str, mark: str) -> bool:
+    """Return whether this machine sees the folder of a checkpoint that has this mark, and may write there."""
+    folder = Path(checkpoint).parent
+    try:
+        return (folder / MARK).read_text(encoding="utf-8") == mark and os.access(folder, os.W_OK)
+    except (OSError, ValueError):
+        return False
 
 
 class Checkpoint:
@@ -51,12 +84,17 @@ class Checkpoint:
             return pack(shapes, scene.container, **asked)
         kept: dict[str, Any] = {"checkpoint": self._file, "resume": True, "on_step": self._note}
         try:
-            return pack(shapes, scene.container, **asked, **kept)
-        except CheckpointError:
-            # damaged, or of another version
-            self.remove()
-            self.before = 0.0
-            return pack(shapes, scene.container, **asked, **kept)
+            try:
+                return pack(shapes, scene.container, **asked, **kept)
+            except CheckpointError:
+                # damaged, or of another version
+                self.remove()
+                self.before = 0.0
+                return pack(shapes, scene.container, **asked, **kept)
+        except (InUseError, OutputError):
+            # the disk is full, or another worker still computes this run: what it writes stays
+            self._file, self.before = "", 0.0
+            return pack(shapes, scene.container, **asked)
 
     def remove(self) -> None:
         """Remove the checkpoint of a finished run."""

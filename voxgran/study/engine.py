@@ -15,6 +15,8 @@ from voxgran._base.machine import memory_limit, processor_count
 from voxgran._base.progress import OnStep, Step
 from voxgran._base.stopping import Signals
 from voxgran.scene.run import opened_folder
+from voxgran.study.cells import Cell
+from voxgran.study.checkpoints import marked
 from voxgran.study.dask_runs import DaskRuns
 from voxgran.study.files import run_hash
 from voxgran.study.plan import StudyPlan, cell_plan
@@ -22,7 +24,7 @@ from voxgran.study.processes import Processes
 from voxgran.study.result import StudyResult, dataset_of, rows_of, save_results
 from voxgran.study.runs import Record, Run
 from voxgran.study.settings import StudySettings
-from voxgran.study.store import CELLS, Store
+from voxgran.study.store import CELLS, CHECKPOINTS, Store
 
 #: share of the memory of the machine that processes may take
 MEMORY_SHARE = 0.8
@@ -99,12 +101,17 @@ def planned(settings: StudySettings, store: Store) -> StudyPlan:
     """
     rows = []
     for cell in settings.cells:
-        found = [store.read(run_hash(cell.key, seed)) for seed in settings.seeds]
+        found = [_finished(store, cell, seed) for seed in settings.seeds]
         failed = sum(bool(record and record.failure) for record in found)
         left = sum(record is None for record in found)
         rows.append(cell_plan(cell, done=len(found) - left - failed, failed=failed, left=left))
     sides = {dimension.name: len(dimension) for dimension in settings.dimensions}
     return StudyPlan(cells=tuple(rows), seeds=settings.seeds, dimensions=sides)
+
+
+def _finished(store: Store, cell: Cell, seed: int) -> Record | None:
+    """Return what a run has left, also under its former name; None where it is not finished."""
+    return store.read(run_hash(cell.key, seed)) or store.read(run_hash(cell.former_key, seed))
 
 
 def run_study(settings: StudySettings, folder: Path, options: Options) -> StudyResult:
@@ -154,6 +161,7 @@ class _Work:
     left: dict[str, tuple[Place, Run]] = field(default_factory=dict)
     began: float = field(default_factory=time.monotonic)
     told: float = 0.0
+    mark: str = ""
 
     def do(self) -> int:
         """Read what is finished, and compute what is left; return how many runs were computed.
@@ -167,7 +175,8 @@ class _Work:
         computed = 0
         if missing:
             # processes load their libraries while the runs are planned
-            with _executor(self.options, sum(map(len, missing.values()))) as executor:
+            executing = _executor(self.options, sum(map(len, missing.values())))
+            with executing as executor, marked(self.store.folder / CHECKPOINTS) as self.mark:
                 for at, numbers in missing.items():
                     self._plan(at, numbers)
                 computed = self._compute(executor)
@@ -179,7 +188,7 @@ class _Work:
         left: dict[int, list[int]] = {}
         for at, cell in enumerate(self.settings.cells):
             for number, seed in enumerate(self.settings.seeds):
-                record = None if self.options.overwrite else self.store.read(run_hash(cell.key, seed))
+                record = None if self.options.overwrite else _finished(self.store, cell, seed)
                 if record is None or (record.failure and self.options.retry):
                     left.setdefault(at, []).append(number)
                 else:
@@ -203,8 +212,7 @@ class _Work:
             seed = self.settings.seeds[number]
             key = run_hash(cell.key, seed)
             file = str(self.store.packing(key).absolute()) if self.store.packings else ""
-            # workers elsewhere may not see the folder
-            kept = "" if self.options.dask is not None else str(self.store.checkpoint(key).absolute())
+            kept = str(self.store.checkpoint(key).absolute())
             run = Run(
                 key=key,
                 cell=cell.key,
@@ -212,6 +220,7 @@ class _Work:
                 seed=seed,
                 packing=file,
                 checkpoint=kept,
+                mark=self.mark,
                 memory=plan.memory,
                 attempts=plan.attempts,
             )

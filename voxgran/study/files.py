@@ -9,9 +9,7 @@ from typing import Any
 from voxgran import __version__
 from voxgran._base.files import existing_file
 from voxgran.scene.description import SceneDescription
-
-#: sections of a scene that do not change the result
-UNUSED = ("output",)
+from voxgran.study.canonical import SEEDS, canonical_scene
 
 
 def with_absolute_files(scene: Mapping[str, Any], folder: str | Path) -> dict[str, Any]:
@@ -66,11 +64,23 @@ class FileHashes:
 
 
 def scene_hash(scene: SceneDescription, hashes: FileHashes) -> str:
-    """Return the hash of all that the results of a scene depend on but its seed: its values, the bytes of the files
-    that it names, and the version of voxgran.
+    """Return the hash of all that the results of a scene depend on but its seed: its values in their canonical form,
+    the bytes of the files that it names, and the version of voxgran.
     """
-    mapping = {key: value for key, value in scene.to_mapping().items() if key not in UNUSED}
-    mapping["scene"] = {key: value for key, value in mapping["scene"].items() if key not in ("seed", "seeds")}
+    return _hash(canonical_scene(scene), hashes)
+
+
+def former_scene_hash(scene: SceneDescription, hashes: FileHashes) -> str:
+    """Return the hash that results had before scenes were put in their canonical form, under which those of older
+    studies are found.
+    """
+    mapping = {key: value for key, value in scene.to_mapping().items() if key != "output"}
+    mapping["scene"] = {key: value for key, value in mapping["scene"].items() if key not in SEEDS}
+    return _hash(mapping, hashes)
+
+
+def _hash(mapping: Mapping[str, Any], hashes: FileHashes) -> str:
+    """Return the hash of a scene as nested values, with those of its files."""
     text = json.dumps([__version__, with_files(mapping, hashes.of)], sort_keys=True, default=_plain)
     return hashlib.sha256(text.encode()).hexdigest()
 

@@ -24,7 +24,7 @@ from voxgran.measures.model import measure, measure_registry
 from voxgran.packing.model import Packing
 from voxgran.scene.description import SceneDescription
 from voxgran.shapes.model import Shape
-from voxgran.study.checkpoints import Checkpoint
+from voxgran.study.checkpoints import Checkpoint, is_seen
 
 LOG = logging.getLogger(__name__)
 
@@ -54,6 +54,8 @@ class Run:
         File for the packing; empty where it is not kept.
     checkpoint : str
         File for the checkpoint, from which a run that was ended goes on; empty where it begins anew.
+    mark : str
+        What is in the folder of the checkpoint, by which a Dask worker finds that it sees the same folder.
     memory, attempts : int
         Bytes at the peak and attempts, as planned.
     version : str
@@ -66,6 +68,7 @@ class Run:
     seed: int
     packing: str = ""
     checkpoint: str = ""
+    mark: str = ""
     memory: int = 0
     attempts: int = 0
     version: str = __version__
@@ -160,8 +163,10 @@ def compute(run: Run, cache: SceneCache | None = None) -> Record:
 
 def compute_with_file(run: Run) -> tuple[Record, bytes]:
     """Return the record of a run and the content of the file of its packing, empty where it is not kept: for workers
-    on machines that may not see the folder of the study.
+    on machines that may not see the folder of the study. The checkpoint is used by those that see it.
     """
+    if run.checkpoint and not is_seen(run.checkpoint, run.mark):
+        run = replace(run, checkpoint="")
     if not run.packing:
         return compute(run), b""
     with tempfile.TemporaryDirectory() as folder:

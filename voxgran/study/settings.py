@@ -15,7 +15,7 @@ from voxgran.study.axes import plain
 from voxgran.study.cell_values import text_of
 from voxgran.study.cells import Cell, Dimension, cells_of, dimensions_of
 from voxgran.study.experiments import bands_of, check_labels
-from voxgran.study.files import UNUSED, with_absolute_files
+from voxgran.study.files import with_absolute_files
 
 KEYS = ("scene", "base", "seeds", "axes", "combine", "zip", "cell", "keep", "experiments")
 #: what is kept of each run
@@ -62,10 +62,9 @@ def settings_of_file(path: str | os.PathLike[str]) -> StudySettings:
     """
     found = existing_file(path)
     given = read_toml(found)
-    for key in given:
+    for key, value in given.items():
         if key not in KEYS:
-            hint = f": a scene has it, and a study the section [base.{key}] or the key scene" if key in SECTIONS else ""
-            raise UnknownNameError(unknown("key of a study", key, KEYS) + hint)
+            raise UnknownNameError(unknown("key of a study", key, KEYS) + _hint(key, value))
     if ("scene" in given) == ("base" in given):
         told = "both scene and base" if "scene" in given else "neither scene nor base"
         raise InputError(
@@ -79,6 +78,18 @@ def settings_of_file(path: str | os.PathLike[str]) -> StudySettings:
         base = found.parent / name
     listed = given.pop("cell", None)
     return make_settings(base, folder=found.parent, cells=listed, **given)
+
+
+def _hint(key: str, value: Any) -> str:
+    """Return what to write in place of an unknown key at the top of a study file; empty where nothing is known."""
+    if key == "study":
+        return "; the keys of a study are at the top of its file, above all sections: remove the line [study]"
+    if isinstance(value, list) and not all(isinstance(item, Mapping) for item in value):
+        return f"; if it is an axis, write it below [axes]: {key} = {shown(value)}"
+    if key in SECTIONS:
+        name = f"[[base.{key}]]" if isinstance(value, list) else f"[base.{key}]"
+        return f'; it is a section of the scene that the study varies: write {name}, or scene = "scene.toml"'
+    return ""
 
 
 def make_settings(
@@ -168,7 +179,8 @@ def _base(base: Any, folder: Path) -> dict[str, Any]:
             check_type(
                 mapping[name], Mapping, f"[{name}] of the base", f"a section; write [base.{name}] above its keys"
             )
-    kept = {name: value for name, value in mapping.items() if name not in UNUSED}
+    # a study itself says what is written
+    kept = {name: value for name, value in mapping.items() if name != "output"}
     return with_absolute_files(kept, place)
 
 

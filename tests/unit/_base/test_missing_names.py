@@ -2,6 +2,9 @@
 
 import copy
 import pickle
+import re
+import subprocess
+import sys
 
 import pytest
 
@@ -18,11 +21,40 @@ def packing() -> vg.Packing:
 
 @pytest.mark.parametrize(
     ("typed", "meant"),
-    [("info", "describe"), ("shake", "settle"), ("pore_sizes", "measure"), ("make_shap", "make_shape"), ("box", "Box")],
+    [
+        ("info", "describe"),
+        ("shake", "settle"),
+        ("make_shap", "make_shape"),
+        ("shape", "make_shape"),
+    ],
 )
 def test_a_name_that_is_not_there_names_the_one_that_was_meant(typed: str, meant: str) -> None:
     with pytest.raises(AttributeError, match=f"has no attribute '{typed}': did you mean '{meant}'"):
         getattr(vg, typed)
+
+
+@pytest.mark.parametrize(
+    ("typed", "written"),
+    [
+        ("ellipsoid", "vg.shapes.ellipsoid()"),
+        ("box", "vg.shapes.box() for the shape, vg.Box(...) for the container"),
+        ("rsa", "vg.pack(shapes, container, 'rsa', ...)"),
+        ("Lognormal", "vg.sizes.lognormal(...)"),
+        ("optimal", "vg.fit_clump(shape, method='optimal')"),
+        ("lammps", "vg.write_deck(packing, folder, 'lammps')"),
+        ("rdf", "vg.measure(packing, 'rdf')"),
+        ("pore_sizes", "vg.measure(packing, 'voids')"),
+        ("porosity", "vg.measure(packing, 'density')"),
+    ],
+)
+def test_what_is_made_by_a_call_names_the_call(typed: str, written: str) -> None:
+    with pytest.raises(AttributeError, match=re.escape(f"has no attribute '{typed}': write {written}") + "$"):
+        getattr(vg, typed)
+
+
+def test_python_adds_no_second_suggestion() -> None:
+    done = subprocess.run([sys.executable, "-c", "import voxgran; voxgran.shape"], capture_output=True, text=True)
+    assert done.stderr.rstrip().endswith("did you mean 'make_shape'?")
 
 
 def test_a_name_like_none_says_where_names_are() -> None:

@@ -8,6 +8,8 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from scipy import ndimage
+from scipy.spatial import KDTree
 
 import voxgran as vg
 from voxgran._base.errors import FileFormatError, InputError, MissingFileError, PackingWarning
@@ -231,7 +233,7 @@ def grey():
 
 @pytest.mark.parametrize("take", [vg.load_labels, vg.packing_of_labels])
 def test_grey_values_are_refused_at_once(grey, take):
-    with pytest.raises(InputError, match=r"values, which mostly differ .* make labels with segment\(load_image"):
+    with pytest.raises(InputError, match=r"values, which rise and fall .* make labels with segment\(load_image"):
         take(grey, voxel_size=0.1)
 
 
@@ -240,6 +242,25 @@ def test_grey_values_within_a_mask_of_zeros_are_refused_too(grey):
     masked[:12, :12, :12] = grey[:12, :12, :12]
     with pytest.raises(InputError, match="these are grey values"):
         vg.load_labels(masked, voxel_size=0.1)
+
+
+@pytest.mark.parametrize("blur", [0.5, 1.0, 4.0, 12.0])
+def test_smooth_grey_values_are_refused_too(blur):
+    noise = stream(4, "blur").normal(size=(40, 40, 40))
+    grains = ndimage.gaussian_filter(noise, 4.0) > 0
+    image = ndimage.gaussian_filter(180.0 * grains + 40, blur) if blur < 10 else ndimage.gaussian_filter(noise, blur)
+    image = np.interp(image, (image.min(), image.max()), (1, 255)).astype(np.uint8)
+    with pytest.raises(InputError, match="these are grey values"):
+        vg.load_labels(image, voxel_size=0.1)
+
+
+@pytest.mark.filterwarnings("ignore::voxgran._base.errors.PackingWarning")
+def test_grains_that_touch_are_no_grey_values():
+    points = stream(5, "cells").uniform(0, 20, (120, 3))
+    points = points[np.argsort(points[:, 0])]  # neighbours have labels that are near each other, as from a raster scan
+    voxels = np.argwhere(np.ones((20, 20, 20), dtype=bool))
+    cells = KDTree(points).query(voxels)[1].reshape(20, 20, 20) + 1
+    assert len(vg.load_labels(cells, voxel_size=1.0, surface="voxel", border="keep")) == 120
 
 
 @pytest.mark.filterwarnings("ignore:.*cut by the border")

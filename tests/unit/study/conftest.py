@@ -19,6 +19,10 @@ def compute(packing):
     times = len(begun.read_text().split()) if begun.exists() else 0
     with begun.open("a") as file:
         file.write(f"{os.getpid()} ")
+    if "watch" in orders:
+        found = sorted(pathlib.Path(orders["watch"]).glob("*.voxgran"))
+        with (PLACE / "stamps").open("a") as file:
+            file.write(" ".join(str(path.stat().st_mtime_ns) for path in found) + "\\n")
     time.sleep(orders.get("wait", 0))
     if times < orders.get("kill", {}).get(str(seed), 0):
         os.kill(os.getpid(), signal.SIGKILL)

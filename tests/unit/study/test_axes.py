@@ -254,7 +254,10 @@ def test_a_study_file_says_what_it_is_of(tmp_path):
         ('scene = "a.toml"\n[base.packing]\ncount = 3\n', "both scene and base"),
         ("scene = 3\n", "must be the path of a file"),
         ('sene = "scene.toml"\n', "did you mean 'scene'"),
-        ("[packing]\ncount = 3\n", r"section \[base.packing\]"),
+        ("[packing]\ncount = 3\n", r"write \[base\.packing\], or scene ="),
+        ('[[shape]]\nfamily = "sphere"\n', r"write \[\[base\.shape\]\]"),
+        ("[study]\nseeds = 3\n", r"remove the line \[study\]"),
+        ('method = ["rsa"]\n', r"write it below \[axes\]"),
         ("[base.paking]\ncount = 3\n", "did you mean 'packing'"),
         ('keep = "all"\n[base.packing]\ncount = 3\n', "keep is 'all'"),
         ("[base.packing]\ncount = 3\n[cell]\n", r"write \[\[cell\]\]"),
@@ -266,3 +269,39 @@ def test_a_study_file_says_what_it_is_of(tmp_path):
     path.write_text('scene = "scene.toml"\n')
     with pytest.raises(MissingFileError, match=r"scene.toml is not there"):
         vg.Study(path)
+
+
+WALK = BASE | {"packing": {"method": "digital", "count": 5}}
+SHELL = WALK | {"shape": [{"family": "shell"}]}
+
+
+@pytest.mark.parametrize(
+    ("one", "other"),
+    [
+        (WALK, WALK | {"settle": {"enabled": True}}),
+        (WALK, WALK | {"settle": {"friction": 0.5}}),
+        (BASE, BASE | {"settle": {"enabled": False}}),
+        (BASE, BASE | {"packing": BASE["packing"] | {"tries": 1000}}),
+        (BASE, BASE | {"shape": [{"family": "sphere", "share": 1, "seed": 0}]}),
+        (BASE | {"sizes": {}}, BASE | {"sizes": {"share_by": "number"}}),
+        (BASE, BASE | {"material": {"friction": 0.1}}),
+        (BASE | {"measure": {"which": ["density", "rdf"]}}, BASE | {"measure": {"which": ["rdf", "density"]}}),
+        (WALK | {"settle": {"friction": 1}}, WALK | {"settle": {"friction": 1.0}}),
+    ],
+)  # fmt: skip
+def test_scenes_that_are_the_same_have_the_same_hash(one, other):
+    assert study({}, one).cells()[0].key == study({}, other).cells()[0].key
+
+
+@pytest.mark.parametrize(
+    ("one", "other"),
+    [
+        (WALK, WALK | {"settle": {"enabled": False}}),
+        (WALK, WALK | {"settle": {"friction": 0.4}}),
+        (SHELL, SHELL | {"settle": {"enabled": True}}),
+        (BASE | {"sizes": {}}, BASE | {"sizes": {"share_by": "volume"}}),
+        (BASE, BASE | {"packing": BASE["packing"] | {"tries": 999}}),
+    ],
+)
+def test_scenes_that_differ_have_different_hashes(one, other):
+    assert study({}, one).cells()[0].key != study({}, other).cells()[0].key

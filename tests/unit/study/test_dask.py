@@ -6,13 +6,18 @@ import subprocess
 import sys
 import time
 import types
+from dataclasses import replace
 
 import numpy as np
 import pytest
 
 import voxgran as vg
 from voxgran._base.errors import ClusterError, Interrupted, MissingLibraryError
+from voxgran._base.lock import locked_file
+from voxgran.study import runs
+from voxgran.study.checkpoints import MARK, marked
 from voxgran.study.result import MACHINE
+from voxgran.study.runs import Run, compute, compute_with_file
 
 
 def test_a_missing_library_is_one_sentence(base, tmp_path, monkeypatch):
@@ -119,3 +124,40 @@ def test_an_interrupt_leaves_the_cluster_alone(cluster, base, marks, tmp_path):
     marks.order()
     cluster_like = types.SimpleNamespace(scheduler_address=address)
     assert not made.run(tmp_path / "o", dask=cluster_like).failures
+
+
+@pytest.mark.filterwarnings("ignore::DeprecationWarning", "ignore::ResourceWarning")
+def test_a_run_goes_on_from_its_checkpoint_where_the_worker_sees_the_folder(cluster, base, marks, tmp_path):
+    _, address = cluster
+    # killed after packing: the second worker packs nothing, and leaves the checkpoint as it is
+    marks.order(kill={"2": 1}, watch=str(tmp_path / "o" / "checkpoints"))
+    result = vg.Study(base=base, seeds=[2]).run(tmp_path / "o", dask=address)
+    assert not result.failures
+    first, second = (marks.place / "stamps").read_text().splitlines()
+    assert first
+    assert first == second
+    assert list((tmp_path / "o" / "checkpoints").glob("*.voxgran")) == []
+    assert not (tmp_path / "o" / "checkpoints" / MARK).exists()
+
+
+def test_a_worker_that_does_not_see_the_folder_begins_anew(base, tmp_path, monkeypatch):
+    given = []
+    monkeypatch.setattr(runs, "compute", lambda run: given.append(run.checkpoint))
+    file = tmp_path / "checkpoints" / "a.voxgran"
+    with marked(file.parent) as mark:
+        asked = Run(key="a", cell="c", mapping=base, seed=1, checkpoint=str(file), mark=mark)
+        compute_with_file(asked)
+        compute_with_file(replace(asked, mark="another study"))
+        compute_with_file(replace(asked, checkpoint=str(tmp_path / "elsewhere" / "a.voxgran")))
+    compute_with_file(asked)
+    assert given == [str(file), "", "", ""]
+
+
+def test_a_checkpoint_that_another_worker_writes_is_left_alone(base, tmp_path):
+    scene = {**base, "measure": {"which": ["density"]}}
+    file = tmp_path / "a.voxgran"
+    with locked_file(file):
+        file.write_text("of the other one")
+        found = compute(Run(key="a", cell="c", mapping=scene, seed=3, checkpoint=str(file)))
+    assert not found.failure
+    assert file.read_text() == "of the other one"

@@ -1,17 +1,19 @@
-"""The pore space on voxels: pore sizes, chord lengths and what connects opposite sides; and the specific surface.
+"""The pore space: pore sizes, chord lengths and what connects opposite sides; and the specific surface.
 
-The pore size is the local thickness, the diameter of the largest sphere of pores that covers a point. In beds the pores
-are those below the height that holds 85 % of the volume of the grains. Each number has an error, the difference from
-the one on voxels that are twice as large.
+The pore size is the local thickness, the diameter of the largest sphere of pores that covers a point, on voxels; its
+error is the difference from the one on voxels that are twice as large. Chords are those of the true shapes on lines
+through the voxels; their error is the standard error of the lines. In beds the pores are those below the height that
+holds 85 % of the volume of the grains.
 """
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 
-from voxgran._base.arrays import Floats, Integers, as_length
+from voxgran._base.arrays import Floats, as_length
+from voxgran.measures.chords import Chords, chords_along
 from voxgran.measures.model import Groups, Measure, dataset, length_unit, variable
 from voxgran.measures.pores import pores_of
 from voxgran.measures.registered.density import specific_surface
@@ -28,14 +30,13 @@ BINS = 40
 
 @dataclass(frozen=True, eq=False)
 class Voids:
-    """Pore space of a packing on voxels of one size."""
+    """Pore space of a packing, on voxels of one size and lines through them."""
 
     voxel_size: float
     size_voxel: float  # voxel size of the pore sizes, larger where pores are many voxels wide
     porosity: float  # of the image, below the surface of a bed
     sizes: Floats  # (n,) pore size at each voxel of the pores, in the unit of lengths
-    chords: tuple[Integers, ...]  # (m,) lengths of the chords along each axis, in voxels
-    mean_chords: tuple[float, ...]  # mean chord along each axis, in the unit of lengths
+    chords: tuple[Chords, ...]  # chords along each axis
     percolating: tuple[float, ...]  # share of the pores that connects opposite sides along each axis
 
     def numbers(self) -> dict[str, float]:
@@ -47,17 +48,20 @@ class Voids:
             "pore_size_std": float(self.sizes.std()) if some else math.nan,
             "pore_size_median": float(np.median(self.sizes)) if some else math.nan,
         }
-        for axis, chord, share in zip("xyz", self.mean_chords, self.percolating, strict=False):
-            found |= {f"mean_chord_{axis}": chord, f"percolating_porosity_{axis}": share}
+        for axis, chords in zip("xyz", self.chords, strict=False):
+            found[f"mean_chord_{axis}"] = chords.mean
+        for axis, share in zip("xyz", self.percolating, strict=False):
+            found[f"percolating_porosity_{axis}"] = share
         return found
 
 
 def voids(packing: Packing, *, voxel_size: float | None = None) -> Voids:
     """Return pore sizes, chords and connected shares of the pore space.
 
-    By default voxels are a twentieth of the mean diameter, in two dimensions a fiftieth, or larger where there would be
-    more than 20 million. Without grains they divide the container likewise. Where the largest pore is more than 24
-    voxels wide, pore sizes are found on larger voxels, so that it is not.
+    Chords are those of the true shapes, on lines along each axis that are about a voxel apart. By default voxels are a
+    twentieth of the mean diameter, in two dimensions a fiftieth, or larger where there would be more than 20 million.
+    Without grains they divide the container likewise. Where the largest pore is more than 24 voxels wide, pore sizes
+    are found on larger voxels, so that it is not.
 
     Raises
     ------
@@ -65,9 +69,14 @@ def voids(packing: Packing, *, voxel_size: float | None = None) -> Voids:
         If the voxel size is not above 0, or a grain is an open surface.
     """
     size = default_voxel_size(packing) if voxel_size is None else as_length(voxel_size, "voxel_size")
+    image = _on_voxels(packing, size)
+    chords = tuple(chords_along(packing, axis, image.voxel_size) for axis in range(packing.dimension))
+    return replace(image, chords=chords)
+
+
+def _on_voxels(packing: Packing, size: float) -> Voids:
+    """Return what the image of the pore space gives, without chords."""
     pores = pores_of(packing, size)
-    axes = range(packing.dimension)
-    chords = [pores.chords(axis) for axis in axes]
     widest = pores.widest
     factor = math.ceil(widest / WIDEST) if math.isfinite(widest) else 1
     sized = pores if factor <= 1 else pores_of(packing, factor * pores.voxel_size)
@@ -76,9 +85,8 @@ def voids(packing: Packing, *, voxel_size: float | None = None) -> Voids:
         sized.voxel_size,
         pores.porosity,
         sized.sizes(),
-        tuple(lengths for lengths, _ in chords),
-        tuple(mean for _, mean in chords),
-        tuple(pores.percolating(axis) for axis in axes),
+        (),
+        tuple(pores.percolating(axis) for axis in range(packing.dimension)),
     )
 
 
@@ -95,7 +103,7 @@ def default_voxel_size(packing: Packing) -> float:
 def _compute(packing: Packing) -> Groups:
     """Return numbers and distributions of the pore space."""
     fine = voids(packing)
-    coarse = voids(packing, voxel_size=2.0 * fine.size_voxel)
+    coarse = _on_voxels(packing, 2.0 * fine.size_voxel)
     unit = length_unit(packing)
     meanings = {
         "pore_porosity": ("1", "share of the voxels that are pores, below the surface of a bed"),
@@ -104,7 +112,6 @@ def _compute(packing: Packing) -> Groups:
         "pore_size_median": (unit, "median pore size over the pore space"),
     }
     for axis in "xyz"[: packing.dimension]:
-        meanings[f"mean_chord_{axis}"] = unit, f"mean chord of the pore space along {axis}"
         share = f"share of the pore space that connects opposite sides along {axis}"
         meanings[f"percolating_porosity_{axis}"] = "1", share
     fines, coarses = fine.numbers(), coarse.numbers()
@@ -112,6 +119,9 @@ def _compute(packing: Packing) -> Groups:
         name: variable((), fines[name], *meanings[name], error=_difference(fines[name], coarses[name]))
         for name in meanings
     }
+    for axis, chords in zip("xyz", fine.chords, strict=False):
+        text = f"mean chord of the pore space along {axis}"
+        whole[f"mean_chord_{axis}"] = variable((), chords.mean, unit, text, error=chords.error)
     whole["pore_voxel_size"] = variable((), fine.voxel_size, unit, "edge of the voxels of the pore space")
     text = "edge of the voxels of the pore sizes"
     whole["pore_size_voxel_size"] = variable((), fine.size_voxel, unit, text)
@@ -136,13 +146,10 @@ def _distributions(found: Voids, packing: Packing, unit: str) -> Any:
             ("pore_size",), density, per_length, f"probability density of the pore size by {kind}"
         )
     }
-    # chords are whole numbers of voxels: edges between these
-    longest = max((int(lengths.max(initial=1)) for lengths in found.chords), default=1)
-    step = max(1, math.ceil(longest / BINS))
-    ends = (np.arange(0, longest + step, step) + 0.5) * found.voxel_size
-    for axis, lengths in zip("xyz", found.chords, strict=False):
-        counts = np.histogram(lengths * found.voxel_size, ends)[0]
-        shares = counts / (max(len(lengths), 1) * np.diff(ends))
+    longest = max((float(one.lengths.max(initial=0.0)) for one in found.chords), default=0.0) or found.voxel_size
+    ends = np.linspace(0.0, longest * (1 + 1e-9), BINS + 1)
+    for axis, one in zip("xyz", found.chords, strict=False):
+        shares = np.histogram(one.lengths, ends)[0] / (max(len(one.lengths), 1) * np.diff(ends))
         text = f"probability density by number of the chords of the pore space along {axis}"
         values[f"chord_density_{axis}"] = variable(("chord_length",), shares, per_length, text)
     coordinates = {
@@ -162,7 +169,7 @@ def _histogram(sizes: Floats, voxel_size: float) -> tuple[Floats, Floats]:
 
 registration = Measure(
     name="voids",
-    summary="pore space on voxels: pore sizes, chord lengths, percolating porosity; specific surface",
+    summary="pore space: pore sizes, chord lengths, percolating porosity; specific surface",
     groups=("/", "/voids"),
     compute=_compute,
     applies=lambda packing: not any(packing.shapes[k].is_open for k in np.unique(packing.shape_id)),

@@ -16,7 +16,7 @@ from voxgran.settling.contact_rows import ContactRows, PairList, write_contact
 from voxgran.settling.finding.distance_grids import SurfaceBodies
 
 #: clusters that are kept of each grain of a pair, and pairs of triangles
-LEAVES, NEAR = 48, 512
+LEAVES, NEAR = 48, 2048
 #: pairs of triangles of one pair of grains that are listed at once
 LISTED = 16384
 #: what the square of its distance from the centroid counts of the gap of a point

@@ -1,0 +1,301 @@
+"""Chords of the pore space: closed formulas, all shapes, walls, surfaces of beds, rates of convergence, porespy."""
+
+import itertools
+import math
+
+import numpy as np
+import pytest
+
+import voxgran as vg
+from voxgran._base.rotation import rotation_matrices
+from voxgran.measures.chords import _gaps, chords_along
+from voxgran.measures.crossings import Lines, grain_intervals, outside_intervals
+from voxgran.measures.pores import pores_of
+
+SPHERE = vg.make_shape("sphere")
+BRICK = vg.make_shape("box", lengths=(3, 2, 4))
+TURN = np.array([0.5, 0.1, -0.7, 0.5]) / np.linalg.norm([0.5, 0.1, -0.7, 0.5])
+
+
+def spheres(seed=1, fraction=0.3, edge=4.0):
+    """Return spheres at random in a periodic box."""
+    return vg.pack([SPHERE], vg.Box((edge,) * 3, periodic="xyz"), "rsa", solid_fraction=fraction, seed=seed)
+
+
+def by_surface(packing):
+    """Return 4 void volume / surface, which in spheres is the mean chord along each axis."""
+    return 4 * (packing.container.volume - packing.volumes.sum()) / packing.surface_areas.sum()
+
+
+def alone(shape, edge=3.0, periodic="xyz", turn=TURN):
+    """Return one grain in the middle of a box, or of a rectangle."""
+    if shape.dimension == 2:
+        turn = (math.cos(0.2), 0, 0, math.sin(0.2))
+        return vg.Packing.of(
+            [shape], vg.Rectangle((edge,) * 2, periodic="xy"), position=[[1.4, 1.5, 0]], orientation=[turn]
+        )
+    box = vg.Box((edge,) * 3, periodic=periodic)
+    return vg.Packing.of([shape], box, position=[[1.4, 1.5, 1.6]], orientation=[turn])
+
+
+def test_spheres_have_the_chord_of_their_surface_within_the_error():
+    deviations = []
+    for seed in range(12):
+        packing = spheres(seed)
+        found = [chords_along(packing, axis, 0.05) for axis in range(3)]
+        deviations += [(one.mean / by_surface(packing) - 1, one.error / one.mean) for one in found]
+    missed, errors = np.array(deviations).T
+    # the voxels that were used before gave 0.056
+    assert abs(missed.mean()) < 5e-4
+    assert np.abs(missed).max() < 5e-3
+    assert 0.3 < math.sqrt((missed**2).mean() / (errors**2).mean()) < 1.0
+
+
+def test_the_error_decays_with_the_spacing():
+    sizes, missed = (0.2, 0.1, 0.05, 0.025), []
+    for size in sizes:
+        found = [
+            chords_along(spheres(seed), k, size).mean / by_surface(spheres(seed)) for seed in range(4) for k in range(3)
+        ]
+        missed.append(math.sqrt(np.mean((np.array(found) - 1) ** 2)))
+    # points of a lattice in a disk: the number misses by the power 3/2 of the spacing
+    assert np.polyfit(np.log(sizes), np.log(missed), 1)[0] > 1.3, missed
+
+
+def test_dense_spheres_of_many_sizes():
+    packing = vg.pack([SPHERE], vg.Box((5, 5, 5), periodic="xyz"), "jam", count=150, sizes=vg.sizes.uniform(0.6, 1.2))
+    found = np.mean([chords_along(packing, axis, 0.05).mean for axis in range(3)])
+    assert found == pytest.approx(by_surface(packing), rel=2e-3)
+
+
+def test_disks():
+    packing = vg.pack([vg.make_shape("disk")], vg.Rectangle((20, 20), periodic="xy"), "rsa", solid_fraction=0.4, seed=1)
+    expected = math.pi * (packing.container.volume - packing.volumes.sum()) / packing.surface_areas.sum()
+    for axis in range(2):
+        found = chords_along(packing, axis, 0.02)
+        assert found.mean == pytest.approx(expected, rel=3e-3)
+        assert abs(found.mean - expected) < 3 * found.error
+
+
+@pytest.mark.parametrize(
+    "shape",
+    [
+        vg.make_shape("solid_union", seed=3),
+        vg.make_shape("ellipsoid", semi_axes=(0.4, 0.6, 0.8)),
+        vg.make_shape("cylinder", aspect=1.5),
+        vg.make_shape("cone", aspect=1.2),
+        vg.make_shape("box", lengths=(1, 0.7, 0.8)),
+        vg.make_shape("mollon_zhao_2d", seed=1),
+    ],
+    ids=lambda shape: shape.name,
+)
+def test_the_surface_seen_along_an_axis(shape):
+    packing, d = alone(shape), shape.dimension
+    space = packing.container.volume - packing.volumes[0]
+    if d == 2:
+        corners = shape.geometry.rotated(packing.matrices[0]).vertices
+        seen = np.abs(np.roll(corners, -1, axis=0) - corners)[:, ::-1].sum(axis=0)
+    else:
+        vertices, faces = _triangles(shape, packing)
+        seen = np.abs(np.cross(*(vertices[faces[:, k]] - vertices[faces[:, 0]] for k in (1, 2)))).sum(axis=0) / 2
+    for axis in range(d):
+        found = chords_along(packing, axis, 0.01 if d == 3 else 1e-4)
+        assert found.mean == pytest.approx(2 * space / seen[axis], rel=4e-3), axis
+
+
+def _triangles(shape, packing):
+    """Return the turned triangles of a shape."""
+    return shape.vertices @ packing.matrices[0].T, shape.faces
+
+
+def test_round_solids_are_met_as_their_triangles():
+    for shape in (
+        vg.make_shape("ellipsoid", semi_axes=(0.4, 0.6, 0.8)),
+        vg.make_shape("cylinder"),
+        vg.make_shape("cone"),
+    ):
+        mesh = vg.Shape.from_mesh(shape.vertices, shape.faces)
+        for axis in range(3):
+            totals = []
+            for one in (shape, mesh):
+                packing = alone(one)
+                lines = Lines.through(axis, *packing.container.bounds, 0.02, dimension=3)
+                line, low, high = grain_intervals(packing, lines)
+                assert (high > low).all()
+                totals.append((len(line), (high - low).sum(), ((high + low) * (high - low)).sum()))
+            assert totals[0] == pytest.approx(totals[1], rel=5e-3)
+
+
+def test_clumps_are_the_union_of_their_spheres():
+    clump = vg.fit_clump(vg.make_shape("ellipsoid", semi_axes=(0.4, 0.4, 0.8)), max_spheres=8).shape
+    packing = alone(clump)
+    for axis in range(3):
+        lines = Lines.through(axis, *packing.container.bounds, 0.02, dimension=3)
+        found = chords_along(packing, axis, 0.02)
+        solid = 27 - found.mean * _ends(packing, axis) / 2 * float(np.prod(lines.step))
+        assert solid == pytest.approx(packing.volumes[0], rel=3e-3)
+
+
+def _ends(packing, axis):
+    """Return the number of ends of the lines, those of lone runs of a plain search over the intervals of each line."""
+    lines = Lines.through(axis, *packing.container.bounds, 0.02, dimension=3)
+    line, low, high = grain_intervals(packing, lines)
+    ends = 0
+    for k in np.unique(line):
+        order = np.argsort(low[line == k])
+        starts, tops = low[line == k][order], np.maximum.accumulate(high[line == k][order])
+        ends += 2 * (1 + int((starts[1:] > tops[:-1]).sum()))
+    return ends
+
+
+def test_gaps_against_a_plain_search():
+    generator = np.random.default_rng(0)
+    for around in (False, True):
+        for walls in ((True, True), (True, False), (False, True)):
+            if around and not all(walls):
+                continue
+            low = generator.uniform(-0.3, 1.2, 400)
+            high, line = low + generator.uniform(0, 0.3, 400), np.sort(generator.integers(0, 150, 400))
+            bounds = np.concatenate([[0], np.cumsum(np.bincount(line, minlength=150))])
+            lengths, ends, found = np.zeros(150), np.zeros(150, dtype=np.int64), np.empty(550)
+            arrays = low.copy(), high.copy(), bounds, 1.0, np.array(walls), around, 1e-12, lengths, ends, found
+            count = _gaps(*arrays)
+            expected, expected_ends = [], np.zeros(150, dtype=int)
+            for k in range(150):
+                gaps, _edges = _plain(low[line == k], high[line == k])
+                assert lengths[k] == pytest.approx(sum(b - a for a, b in gaps))
+                if around and len(gaps) > 1 and gaps[0][0] == 0 and gaps[-1][1] == 1:
+                    gaps = [*gaps[1:-1], (gaps[-1][0] - 1, gaps[0][1])]
+                for a, b in gaps:
+                    meets = int(a != 0 or walls[0]) + int(b < 1 or walls[1])
+                    if around and a == 0 and b == 1:
+                        meets = 0
+                    expected_ends[k] += meets
+                    expected += [b - a] if meets == 2 else []
+            assert np.sort(found[:count]) == pytest.approx(np.sort(expected))
+            assert ends.tolist() == expected_ends.tolist()
+
+
+def _plain(low, high):
+    """Return the gaps of intervals in [0, 1]."""
+    edges = np.unique(np.clip(np.concatenate([[0, 1], low, high]), 0, 1))
+    gaps = []
+    for a, b in itertools.pairwise(edges):
+        if not ((low < (a + b) / 2) & (high > (a + b) / 2)).any():
+            if gaps and gaps[-1][1] == a:
+                gaps[-1] = (gaps[-1][0], b)
+            else:
+                gaps.append((a, b))
+    return gaps, edges
+
+
+@pytest.mark.parametrize(
+    ("container", "expected"),
+    [
+        (vg.Box((3, 2, 2)), (3.0, 2.0, 2.0)),
+        # 4 volume / surface seen: a line in a disk of radius 1 is pi / 2 long
+        (vg.Cylinder(1.0, 3.0), (math.pi / 2, math.pi / 2, 3.0)),
+        (vg.Sphere(1.5), (2.0, 2.0, 2.0)),
+        (vg.ClosedMesh(vg.Shape.from_mesh(BRICK.vertices, BRICK.faces)), (3.0, 2.0, 4.0)),
+        (vg.Disk(2.0), (math.pi, math.pi)),
+        (vg.Polygon([[0, 0], [2, 0], [0, 2]]), (1.0, 1.0)),
+    ],
+    ids=lambda value: getattr(value, "kind", ""),
+)
+def test_walls_alone(container, expected):
+    shape = SPHERE if container.dimension == 3 else vg.make_shape("disk")
+    none = vg.Packing.of([shape], container, position=np.zeros((0, 3)))
+    for axis, length in enumerate(expected):
+        assert chords_along(none, axis, 0.01).mean == pytest.approx(length, rel=2e-3)
+
+
+class Hidden:
+    """A container without walls in closed form."""
+
+    def __init__(self, container):
+        self._container = container
+        self.kind, self.dimension, self.periodic = "hidden", container.dimension, container.periodic
+        self.volume, self.bounds = container.volume, container.bounds
+        self.signed_distance, self.mesh = container.signed_distance, container.mesh
+
+
+@pytest.mark.parametrize("container", [vg.Cylinder(1.0, 3.0), vg.Sphere(1.5)], ids=lambda one: one.kind)
+def test_walls_by_their_signed_distance(container):
+    for axis in range(3):
+        lines = Lines.through(axis, *container.bounds, 0.1, dimension=3)
+        totals = []
+        for one in (container, Hidden(container)):
+            line, low, high = outside_intervals(one, lines)
+            extent = lines.high - lines.low
+            totals.append(np.bincount(line, np.clip(high, 0, extent) - np.clip(low, 0, extent), minlength=lines.count))
+        assert totals[0] == pytest.approx(totals[1], abs=1e-9)
+
+
+def test_the_surface_of_a_bed_ends_no_chord():
+    # three layers; the height of 85 % of their volume lies in the third
+    place = np.array([[i + 0.5, j + 0.5, k + 0.5] for i in range(3) for j in range(3) for k in range(3)])
+    bed = vg.Packing.of([SPHERE], vg.Box((3, 3, 9)), position=place, gravity=(0, 0, -1))
+    found = chords_along(bed, 2, 0.02)
+    # between the layers, and to the floor: no chord is longer than from floor to the surface
+    assert found.lengths.max() <= 1.0 + 1e-9
+    upside = vg.Packing.of([SPHERE], vg.Box((3, 3, 9)), position=[3, 3, 9] - place, gravity=(0, 0, 1))
+    for axis in range(3):
+        assert chords_along(upside, axis, 0.02).mean == pytest.approx(chords_along(bed, axis, 0.02).mean, rel=1e-9)
+
+
+def test_lengths_and_places():
+    usual = spheres()
+    for factor in (1e-9, 1e30):
+        box = usual.container.scaled(factor)
+        other = vg.Packing.of([SPHERE.scaled(factor)], box, position=usual.position * factor, scale=usual.scale)
+        a, b = chords_along(usual, 1, 0.1), chords_along(other, 1, 0.1 * factor)
+        assert b.mean / factor == pytest.approx(a.mean, rel=1e-9)
+        assert len(a.lengths) == len(b.lengths)
+    # a period is a period wherever it is cut
+    moved = vg.Packing.of([SPHERE], usual.container, position=usual.position + 1.3, scale=usual.scale)
+    assert chords_along(moved, 0, 0.02).mean == pytest.approx(chords_along(usual, 0, 0.02).mean, rel=2e-3)
+
+
+def test_grains_that_touch_leave_no_gap():
+    cube = vg.make_shape("box", lengths=(1, 1, 1))
+    place = np.array([[0.5, 0.5, k + 0.5] for k in range(3)]) * 0.1
+    box = vg.Box((0.2, 0.1, 0.4), periodic="xyz")
+    packing = vg.Packing.of([cube.scaled(0.1)], box, position=place)
+    found = chords_along(packing, 2, 0.013)
+    assert found.lengths == pytest.approx(0.1)
+    assert len(found.lengths) == 7 * 8  # the lines through the column
+
+
+def test_few_lines_have_no_error():
+    assert math.isnan(chords_along(alone(SPHERE), 0, 2.9).error)
+    none = vg.Packing.of([SPHERE], vg.Box((2, 2, 2), periodic="xyz"), position=np.zeros((0, 3)))
+    assert (chords_along(none, 0, 0.5).mean, chords_along(none, 0, 0.5).error) == (math.inf, 0.0)
+
+
+@pytest.mark.filterwarnings("ignore::DeprecationWarning")
+def test_runs_of_voxels_converge_to_the_chords():
+    porespy = pytest.importorskip("porespy")
+    packing, found = spheres(), []
+    for size in (0.05, 0.025):
+        mask = pores_of(packing, size).mask
+        lines = porespy.filters.apply_chords(mask, axis=0, spacing=0, trim_edges=False) > 0
+        found.append(2 * lines.sum() * size / (lines != np.roll(lines, 1, axis=0)).sum())
+    # runs miss the shortest chords, a share in proportion to the voxel
+    assert 2 * found[1] - found[0] == pytest.approx(chords_along(packing, 0, 0.025).mean, rel=3e-3)
+    assert found[1] / chords_along(packing, 0, 0.025).mean > 1.01
+
+
+def test_all_orders_of_the_axes():
+    turned = rotation_matrices(TURN[None])[0]
+    assert np.linalg.det(turned) == pytest.approx(1)
+    shape = vg.make_shape("ellipsoid", semi_axes=(0.4, 0.6, 0.8))
+    packing = alone(shape)
+    for axis in range(3):
+        lines = Lines.through(axis, *packing.container.bounds, 0.02, dimension=3)
+        line, low, high = grain_intervals(packing, lines)
+        u, v = (one[line] for one in lines.across)
+        for end in (low, high):
+            points = np.zeros((len(line), 3))
+            points[:, lines.axes[0]], points[:, lines.axes[1]], points[:, axis] = u, v, end + lines.low
+            inner = (points - packing.position[0]) @ packing.matrices[0]
+            assert ((inner / np.array(shape.geometry.dimensions)) ** 2).sum(axis=1) == pytest.approx(1, abs=1e-9)

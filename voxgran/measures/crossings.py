@@ -1,0 +1,348 @@
+"""Where straight lines along an axis pass through grains, and where they leave the container, in closed form.
+
+Spheres, clumps of spheres, ellipsoids, cylinders, cones and disks are met in the roots of a quadratic, closed meshes
+and polygons in crossings with their triangles and sides. Containers that are known by their signed distance only are
+met by bisection between points at the spacing of the lines.
+"""
+
+from dataclasses import dataclass
+from typing import TypeAlias
+
+import numpy as np
+
+from voxgran._base.arrays import Floats, Integers
+from voxgran._base.kernels import kernel
+from voxgran.containers.model import Container, boundary_of
+from voxgran.measures.painting import image_shifts
+from voxgran.packing.model import Packing
+from voxgran.shapes.mesh import Mesh
+from voxgran.shapes.outline import Outline
+from voxgran.shapes.primitive import Primitive
+from voxgran.shapes.spheres import Spheres
+from voxgran.voxels.closed_form import _below_zero, body_frame, profile, upright_faces
+from voxgran.voxels.scanline import FINEST, _first_last, _ordered, _segment, _sides
+
+#: halvings of an interval that holds a wall known by its signed distance
+HALVINGS = 40
+#: points of lines whose signed distances are in memory at a time
+POINTS = 2**20
+
+#: intervals: the line (n,) of each, its start (n,) and its end (n,) along the line
+Intervals: TypeAlias = tuple[Integers, Floats, Floats]
+
+
+@dataclass(frozen=True, eq=False)
+class Lines:
+    """A lattice of lines along an axis through a box; the line (i, j) has the index i * counts[1] + j."""
+
+    axes: tuple[int, int, int]  # the two axes across the lines, and that along them
+    first: Floats  # (2,) coordinates of line (0, 0) across
+    step: Floats  # (2,) spacing across
+    counts: tuple[int, int]
+    low: float  # where the lines start
+    high: float  # where they end
+
+    @classmethod
+    def through(cls, axis: int, lower: Floats, upper: Floats, spacing: float, *, dimension: int) -> "Lines":
+        """Return the lines through a box that divide its sides into equal parts of about a spacing, in 2D at z = 0."""
+        axes = ((axis + 1) % 3, (axis + 2) % 3, axis)
+        lengths = upper - lower
+        counts = [max(1, round(float(lengths[k] / spacing))) if k < dimension else 1 for k in axes[:2]]
+        step = np.array([lengths[k] / n if k < dimension else 1.0 for k, n in zip(axes, counts, strict=False)])
+        first = np.array([lower[k] + s / 2 if k < dimension else 0.0 for k, s in zip(axes, step, strict=False)])
+        return cls(axes, first, step, (counts[0], counts[1]), float(lower[axis]), float(upper[axis]))
+
+    @property
+    def count(self) -> int:
+        """Number of lines."""
+        return self.counts[0] * self.counts[1]
+
+    @property
+    def across(self) -> tuple[Floats, Floats]:
+        """Coordinates of each line along the two axes across, (count,) each."""
+        places = [
+            first + np.arange(n) * step for first, n, step in zip(self.first, self.counts, self.step, strict=True)
+        ]
+        u, v = np.meshgrid(*places, indexing="ij")
+        return u.ravel(), v.ravel()
+
+
+def grain_intervals(packing: Packing, lines: Lines) -> Intervals:
+    """Return where lines are in grains and their periodic images; starts and ends are measured from the lower end.
+
+    Raises
+    ------
+    InputError
+        If a grain is an open surface.
+    """
+    found = [_nothing()]
+    if packing.count:
+        shifts = image_shifts(packing)
+        for index in np.unique(packing.shape_id):
+            packing.shapes[index].refuse_open("voids")
+            found += _of_shape(packing, int(index), shifts, lines)
+    return _joined(found)
+
+
+def outside_intervals(container: Container, lines: Lines) -> Intervals:
+    """Return where lines are outside of a container whose walls are not its bounds; none if they are.
+
+    The intervals extend to infinity at both ends of each line.
+    """
+    boundary, d = boundary_of(container), container.dimension
+    if boundary.is_flat:
+        return _nothing()
+    if boundary.solid is not None and isinstance(boundary.solid.geometry, Mesh):
+        mesh = boundary.solid.geometry
+        at, place = _Crossings(lines).of(mesh.vertices + np.array(boundary.solid.offset), mesh.faces)
+    elif boundary.round_axes > 0:
+        at, place = _round_wall(lines, np.array(boundary.center), boundary.radius, min(boundary.round_axes, d))
+    else:
+        at, place = _by_distance(container, lines)
+    every = np.arange(lines.count)
+    ends = np.full(lines.count, np.inf)
+    return _paired(np.concatenate([every, at, every]), np.concatenate([-ends, place, ends]))
+
+
+def _nothing() -> Intervals:
+    """Return no intervals."""
+    return np.zeros(0, dtype=np.int64), np.zeros(0), np.zeros(0)
+
+
+def _joined(parts: list[Intervals]) -> Intervals:
+    """Return intervals in one."""
+    line, low, high = (np.concatenate(arrays) for arrays in zip(*parts, strict=True))
+    return line, low, high
+
+
+def _paired(line: Integers, place: Floats) -> Intervals:
+    """Return the intervals between every other crossing of each line."""
+    order = np.lexsort((place, line))
+    ends = place[order].reshape(-1, 2)
+    return line[order][::2], ends[:, 0], ends[:, 1]
+
+
+def _of_shape(packing: Packing, index: int, shifts: Floats, lines: Lines) -> list[Intervals]:
+    """Return the intervals in all grains of a shape."""
+    geometry, axes = packing.shapes[index].geometry, list(lines.axes)
+    grains = np.flatnonzero(packing.shape_id == index)
+    scale, matrices = packing.scale[grains], packing.matrices[grains]
+    places = packing.position[grains]
+    spheres = _spheres_of(geometry)
+    if spheres is not None:
+        inner, radii = spheres
+        centers = np.einsum("gij,sj->gsi", matrices, inner) * scale[:, None, None] + places[:, None]
+        centers = (centers[None] + shifts[:, None, None]).reshape(-1, 3)[:, axes]
+        sizes = np.tile((scale[:, None] * radii).ravel(), len(shifts))
+        return [_in_spheres(centers, sizes, lines)]
+    crossings, found = _Crossings(lines), []
+    for place, factor, matrix, reach in zip(places, scale, matrices, packing.bounding_radii[grains], strict=True):
+        body = geometry.scaled(factor).rotated(matrix)
+        for middle in place + shifts:
+            if not crossings.reaches(middle[axes], float(reach)):
+                continue
+            if isinstance(body, Primitive) and body.kind != "box":
+                found.append(_in_round(body, middle[axes], float(reach), lines))
+            else:
+                vertices, faces = _triangles_of(body)
+                found.append(_paired(*crossings.of(vertices + middle, faces)))
+    return found
+
+
+def _spheres_of(geometry: object) -> tuple[Floats, Floats] | None:
+    """Return centers and radii of a geometry made of spheres or a disk, else None."""
+    if isinstance(geometry, Spheres):
+        return geometry.centers, geometry.radii
+    if isinstance(geometry, Primitive) and geometry.kind == "sphere":
+        return np.zeros((1, 3)), np.array(geometry.dimensions)
+    if isinstance(geometry, Outline) and geometry.kind == "disk":
+        return np.array([[*geometry.center, 0.0]]), np.array([geometry.radius])
+    return None
+
+
+def _triangles_of(body: object) -> tuple[Floats, Integers]:
+    """Return vertices and triangles of a mesh, of a box, or of the upright sides of a polygon."""
+    if isinstance(body, Outline):
+        return upright_faces(body.vertices, -1.0, 1.0)
+    if isinstance(body, Mesh):
+        return body.vertices, body.faces
+    assert isinstance(body, Primitive)
+    return body.tessellation()[:2]
+
+
+def _in_spheres(centers: Floats, radii: Floats, lines: Lines) -> Intervals:
+    """Return the intervals in spheres with centers (n, 3) in the order of the axes of the lines."""
+    centers = np.ascontiguousarray(centers - [*lines.first, lines.low])
+    no_line, no_place = np.zeros(0, dtype=np.int64), np.zeros(0)
+    count = _cross_spheres(centers, radii, lines.step, lines.counts, no_line, no_place, no_place)
+    line, low, high = np.empty(count, dtype=np.int64), np.empty(count), np.empty(count)
+    _cross_spheres(centers, radii, lines.step, lines.counts, line, low, high)
+    return line, low, high
+
+
+def _in_round(solid: Primitive, middle: Floats, reach: float, lines: Lines) -> Intervals:
+    """Return the intervals in an ellipsoid, cylinder or cone."""
+    stretch, curve, ends = body_frame(solid, *profile(solid), 1.0)
+    start = middle - [*lines.first, lines.low]
+    first = np.maximum(np.ceil((start[:2] - reach) / lines.step), 0).astype(int)
+    last = np.minimum(np.floor((start[:2] + reach) / lines.step), np.array(lines.counts) - 1).astype(int)
+    many = int(np.prod(np.maximum(last - first + 1, 0)))
+    line, low, high = np.empty(many, dtype=np.int64), np.empty(many), np.empty(many)
+    frame = np.ascontiguousarray(stretch[:, list(lines.axes)])
+    window = np.concatenate([first, last])
+    count = _cross_round(frame, start, curve, ends, lines.step, window, lines.counts[1], line, low, high)
+    return line[:count], low[:count], high[:count]
+
+
+class _Crossings:
+    """Crossings of lines and triangles, with room that is used again."""
+
+    def __init__(self, lines: Lines) -> None:
+        self._lines = lines
+        self._line, self._place = np.empty(1024, dtype=np.int64), np.empty(1024)
+        self._lower = np.array([*lines.first, lines.low])
+        self._upper = np.array([*(lines.first + lines.step * (np.array(lines.counts) - 1)), lines.high])
+
+    def reaches(self, middle: Floats, reach: float) -> bool:
+        """Return whether a sphere may meet the lines."""
+        return bool(((middle + reach >= self._lower) & (middle - reach <= self._upper)).all())
+
+    def of(self, vertices: Floats, faces: Integers) -> tuple[Integers, Floats]:
+        """Return line and place, from the lower end, of each crossing; of a closed surface, an even number a line."""
+        lines = self._lines
+        inner = (vertices[:, list(lines.axes)] - self._lower) / [*lines.step, 1.0]
+        # lines pass corners and edges at an infinitesimal distance on the same side, despite round-off
+        inner[:, :2] = np.rint(inner[:, :2] * FINEST) / FINEST
+        count = _cross_triangles(inner, faces, lines.counts, self._line, self._place)
+        if count > len(self._line):
+            self._line, self._place = np.empty(2 * count, dtype=np.int64), np.empty(2 * count)
+            _cross_triangles(inner, faces, lines.counts, self._line, self._place)
+        return self._line[:count].copy(), self._place[:count].copy()
+
+
+def _round_wall(lines: Lines, center: Floats, radius: float, round_axes: int) -> tuple[Integers, Floats]:
+    """Return the crossings with a wall around the line along z (round_axes 2) or around a point (3)."""
+    rest = np.full(lines.count, radius**2)
+    for axis, place in zip(lines.axes, lines.across, strict=False):
+        if axis < round_axes:
+            rest -= (place - center[axis]) ** 2
+    at = np.flatnonzero(rest > 0)
+    axis = lines.axes[2]
+    half = np.sqrt(rest[at]) if axis < round_axes else np.full(len(at), np.inf)
+    middle = center[axis] - lines.low
+    return np.concatenate([at, at]), np.concatenate([middle - half, middle + half])
+
+
+def _by_distance(container: Container, lines: Lines) -> tuple[Integers, Floats]:
+    """Return the crossings with walls known by their signed distance, an even number on each line."""
+    steps = max(2, round((lines.high - lines.low) / float(lines.step.min())))
+    along = np.linspace(lines.low, lines.high, steps + 1)
+    points = np.zeros((lines.count, 3))
+    points[:, lines.axes[0]], points[:, lines.axes[1]] = lines.across
+
+    def inside(line: Integers, place: Floats) -> Floats:
+        here = points[line]
+        here[:, lines.axes[2]] = place
+        return np.asarray(container.signed_distance(here) < 0)
+
+    found_line, found_place = [], []
+    block = max(1, POINTS // len(along))
+    for begin in range(0, lines.count, block):
+        line = np.arange(begin, min(begin + block, lines.count))
+        state = inside(np.repeat(line, len(along)), np.tile(along, len(line))).reshape(len(line), -1)
+        # the ends of the lines lie at the bounds: a point there is in the container if the one beside it is
+        at, left = np.nonzero(state[:, 1:] != state[:, :-1])
+        low, high, first = along[left], along[left + 1], state[at, left]
+        for _ in range(HALVINGS):
+            middle = (low + high) / 2
+            same = inside(line[at], middle) == first
+            low, high = np.where(same, middle, low), np.where(same, high, middle)
+        starts, ends = line[state[:, 0]], line[state[:, -1]]
+        found_line += [line[at], starts, ends]
+        found_place += [low - lines.low, np.full(len(starts), -np.inf), np.full(len(ends), np.inf)]
+    return np.concatenate(found_line), np.concatenate(found_place)
+
+
+@kernel
+def _cross_spheres(centers, radii, step, counts, line, low, high):  # type: ignore[no-untyped-def]
+    """Write the intervals of lines in spheres as long as there is room; return their number."""
+    count, room = 0, len(line)
+    for s in range(len(radii)):
+        x, y, z, r = centers[s, 0], centers[s, 1], centers[s, 2], radii[s]
+        for i in range(
+            max(0, int(np.ceil((x - r) / step[0]))), min(counts[0] - 1, int(np.floor((x + r) / step[0]))) + 1
+        ):
+            dx = i * step[0] - x
+            rest = r * r - dx * dx
+            if rest <= 0.0:
+                continue
+            half = np.sqrt(rest)
+            first = max(0, int(np.ceil((y - half) / step[1])))
+            last = min(counts[1] - 1, int(np.floor((y + half) / step[1])))
+            for j in range(first, last + 1):
+                dy = j * step[1] - y
+                square = rest - dy * dy
+                if square <= 0.0:
+                    continue
+                if count < room:
+                    root = np.sqrt(square)
+                    line[count], low[count], high[count] = i * counts[1] + j, z - root, z + root
+                count += 1
+    return count
+
+
+@kernel
+def _cross_round(stretch, middle, curve, ends, step, window, many, line, low, high):  # type: ignore[no-untyped-def]
+    """Write the intervals of lines in a solid of revolution; return their number.
+
+    Along a line the point is p + z d in the frame of the axis; inside, the squared distance from the axis is at most
+    c0 + c1 t + c2 t^2, where t is the height.
+    """
+    dx, dy, dt = stretch[0, 2], stretch[1, 2], stretch[2, 2]
+    square = dx * dx + dy * dy - curve[2] * dt * dt
+    count = 0
+    for i in range(window[0], window[2] + 1):
+        for j in range(window[1], window[3] + 1):
+            u, v = i * step[0] - middle[0], j * step[1] - middle[1]
+            px = stretch[0, 0] * u + stretch[0, 1] * v
+            py = stretch[1, 0] * u + stretch[1, 1] * v
+            pt = stretch[2, 0] * u + stretch[2, 1] * v
+            half = px * dx + py * dy - dt * (curve[2] * pt + 0.5 * curve[1])
+            rest = px * px + py * py - (curve[0] + pt * (curve[1] + curve[2] * pt))
+            begin, end = _below_zero(square, half, rest, pt, dt, curve)
+            if dt != 0.0:
+                a, b = (ends[0] - pt) / dt, (ends[1] - pt) / dt
+                begin, end = max(begin, min(a, b)), min(end, max(a, b))
+            elif pt < ends[0] or pt > ends[1]:
+                continue
+            if begin < end:
+                line[count], low[count], high[count] = i * many + j, begin + middle[2], end + middle[2]
+                count += 1
+    return count
+
+
+@kernel
+def _cross_triangles(vertices, faces, counts, line, place):  # type: ignore[no-untyped-def]
+    """Write the crossings of lines with triangles as long as there is room; return their number.
+
+    Lines pass through whole numbers. The ranges are half-open, so that a closed surface gives each line an even number.
+    """
+    count, room = 0, len(line)
+    for f in range(len(faces)):
+        a, b, c, _ = _ordered(vertices, faces[f, 0], faces[f, 1], faces[f, 2])
+        begin, end = _first_last(vertices[a, 0], vertices[c, 0], counts[0])
+        ya, yb, yc = vertices[a, 1], vertices[b, 1], vertices[c, 1]
+        lowest, highest = _first_last(min(ya, yb, yc), max(ya, yb, yc), counts[1])
+        if begin > end or lowest > highest:
+            continue
+        long, first, second = _sides(vertices, a, b, c)
+        for i in range(begin, end + 1):
+            y_1, z_1, y_2, z_2, _ = _segment(long, first, second, float(i))
+            lowest, highest = _first_last(y_1, y_2, counts[1])
+            for j in range(lowest, highest + 1):
+                if count < room:
+                    height = z_1 + (j - y_1) * (z_2 - z_1) / (y_2 - y_1)
+                    place[count] = max(min(height, max(z_1, z_2)), min(z_1, z_2))
+                    line[count] = i * counts[1] + j
+                count += 1
+    return count
