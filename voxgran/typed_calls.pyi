@@ -39,7 +39,7 @@ class PackKeywords(TypedDict, total=False):
     seed: Whole
     start: Packing | None
     unit: str | None
-    density: Number | None
+    density: Number | Sequence[float] | None
     checkpoint: str | os.PathLike[str] | None
     resume: bool
     time_limit: Number | None

@@ -1,8 +1,10 @@
-"""Grains in a container as plain arrays: few shapes, many poses."""
+"""Grains in a container as plain arrays: few shapes, many poses, and one density or one for each shape."""
 
-from collections.abc import Sequence
+import math
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
+from typing import Any, TypeAlias
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -13,15 +15,21 @@ from voxgran._base.arrays import (
     as_floats,
     as_indices,
     as_points,
+    as_positive,
     as_quaternions,
     check_lengths,
     float_array,
     read_only,
 )
-from voxgran._base.errors import InputError
+from voxgran._base.errors import InputError, shown
 from voxgran._base.rotation import rotation_matrices
 from voxgran.containers.model import Container
 from voxgran.shapes.model import Shape
+
+#: that of all shapes, or one for each shape
+Density: TypeAlias = float | tuple[float, ...]
+#: density of grains whose density is not stated
+NOT_STATED = 1.0
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -54,8 +62,15 @@ class Assembly:
         Unit quaternions (w, x, y, z) from the body frame to the container.
     container : Container
         Container of the grains.
+    density : float or tuple of float
+        Density of the material, mass per volume in the user's units: one number, or one for each shape.
     lid : Lid, optional
         Additional flat wall on the grains.
+
+    Raises
+    ------
+    InputError
+        If there are more or fewer densities than shapes, or one is no finite number above 0.
     """
 
     shapes: tuple[Shape, ...]
@@ -64,6 +79,7 @@ class Assembly:
     position: Floats
     orientation: Floats
     container: Container
+    density: Density = NOT_STATED
     lid: Lid | None = field(default=None, kw_only=True)
 
     @classmethod
@@ -76,6 +92,7 @@ class Assembly:
         scale: ArrayLike | None = None,
         shape_id: ArrayLike | None = None,
         orientation: ArrayLike | None = None,
+        density: float | Sequence[float] = NOT_STATED,
     ) -> "Assembly":
         """Make an assembly from array-likes; by default scales are 1, shape indices 0 and orientations the identity.
 
@@ -83,13 +100,16 @@ class Assembly:
         ------
         InputError
             If an array has the wrong length, a scale is not above 0, a shape index is no whole number or out of
-            range, the dimension of a shape is not that of the container, or a grain lies off the plane in 2D.
+            range, the dimension of a shape is not that of the container, a grain lies off the plane in 2D, or the
+            density is neither one number above 0 nor one for each shape.
         """
-        return cls(*checked_arrays(shapes, container, position, scale, shape_id, orientation), container)
+        arrays = checked_arrays(shapes, container, position, scale, shape_id, orientation)
+        return cls(*arrays, container, as_density(density, len(arrays[0])))
 
     def __post_init__(self) -> None:
         for array in (self.shape_id, self.scale, self.position, self.orientation):
             read_only(array)
+        object.__setattr__(self, "density", as_density(self.density, len(self.shapes)))
 
     @property
     def count(self) -> int:
@@ -110,6 +130,32 @@ class Assembly:
     def volumes(self) -> Floats:
         """True volumes of the grains (areas in 2D), (n,)."""
         return read_only(self._of_shapes([shape.volume for shape in self.shapes]) * self.scale**self.dimension)
+
+    @cached_property
+    def densities(self) -> Floats:
+        """Densities of the grains, (n,)."""
+        return read_only(self._of_shapes(by_shape(self.density, len(self.shapes))))
+
+    @cached_property
+    def masses(self) -> Floats:
+        """True masses of the grains, (n,): density times volume, in 2D times area."""
+        return read_only(self.densities * self.volumes)
+
+    @property
+    def mean_density(self) -> float:
+        """Mass of all grains over their volume; exactly the density where there is one."""
+        if isinstance(self.density, float):
+            return self.density
+        return float(self.masses.sum() / self.volumes.sum()) if self.count else NOT_STATED
+
+    @cached_property
+    def relative_densities(self) -> Floats:
+        """Densities of the grains over their mean by volume, (n,); exactly 1 where they are all equal."""
+        if not self.count or self.densities.min() == self.densities.max():
+            return read_only(np.ones(self.count))
+        # ratios first: they, and so all that follows, have the same bits in other units of density
+        ratio = self.densities / self.densities.max()
+        return read_only(ratio / ((ratio * self.volumes).sum() / self.volumes.sum()))
 
     @cached_property
     def surface_areas(self) -> Floats:
@@ -190,3 +236,62 @@ def checked_arrays(
         flat = rows is not None and rows.size == 4 * n
         turns = as_quaternions(np.reshape(rows, (n, 4)) if rows is not None and flat else orientation)
     return tuple(shapes), index, scales.copy(), points.copy(), turns
+
+
+def as_density(value: Any, shapes: int, name: str = "density") -> Density:
+    """Return a density, or one for each of so many shapes; a single number where they are all equal.
+
+    Raises
+    ------
+    InputError
+        If there are more or fewer values than shapes, or one is no finite number above 0.
+    """
+    if type(value) is float and 0.0 < value < math.inf:
+        return value
+    if isinstance(value, str | bytes | Mapping) or not isinstance(value, Iterable) or getattr(value, "ndim", 1) == 0:
+        return as_positive(value, name)
+    given = list(value)
+    if len(given) != shapes:
+        raise InputError(
+            f"{name} is {shown(value)}: it must be one number, or {shapes}, one for each shape; give as many as shapes"
+        )
+    return merged([as_positive(one, f"{name} of shape {number}") for number, one in enumerate(given)])
+
+
+def merged(densities: Sequence[float]) -> Density:
+    """Return the densities of shapes, as one number where they are all equal."""
+    return tuple(densities) if len(set(densities)) != 1 else densities[0]
+
+
+def by_shape(density: Density, shapes: int) -> tuple[float, ...]:
+    """Return the density of each of so many shapes."""
+    return density if isinstance(density, tuple) else (density,) * shapes
+
+
+def density_text(density: Density, form: str = "g") -> str:
+    """Return a density in words: one number, or the different ones in the order of the shapes."""
+    return ", ".join(format(one, form) for one in dict.fromkeys(by_shape(density, 1)))
+
+
+def shapes_by_density(
+    shapes: Sequence[Shape], shape_id: Integers, densities: ArrayLike
+) -> tuple[tuple[Shape, ...], Integers, Density]:
+    """Return shapes, the shape of each grain and the densities of the shapes, of grains with densities of their own.
+
+    A shape of which grains have several densities is there once for each.
+
+    Parameters
+    ----------
+    shapes : sequence of Shape
+        The shapes.
+    shape_id : (n,) ndarray of int
+        Which shape each grain has.
+    densities : (n,) array_like of float
+        Density of each grain.
+    """
+    values: Floats = np.asarray(densities, dtype=np.float64)
+    if len(np.unique(values)) <= 1:
+        return tuple(shapes), shape_id, float(values[0]) if len(values) else NOT_STATED
+    pairs, place = np.unique(np.column_stack([shape_id, values]), axis=0, return_inverse=True)
+    chosen = tuple(shapes[int(number)] for number, _ in pairs)
+    return chosen, place.reshape(-1).astype(np.int64), merged(pairs[:, 1].tolist())

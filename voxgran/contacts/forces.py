@@ -27,7 +27,8 @@ UNIT_LENGTH = 1e-6
 class ContactForces:
     """Forces at contacts, and the residual of each grain; arrays are copied and read-only.
 
-    Forces are in weights of a grain of the median diameter. Any array_like is accepted for an array.
+    Forces are in weights of a grain of the median diameter and, where densities differ, of their mean by volume. Any
+    array_like is accepted for an array.
 
     Attributes
     ----------

@@ -1,6 +1,5 @@
 """The grains of a packing as rigid bodies of an engine: spheres, clumps, polyhedra or meshes, in SI units."""
 
-import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
@@ -10,7 +9,7 @@ import numpy as np
 
 from voxgran._base.arrays import Floats, Integers, read_only
 from voxgran._base.rotation import quaternions_of
-from voxgran.contacts.assembly import Assembly
+from voxgran.contacts.assembly import Assembly, by_shape
 from voxgran.shapes.model import Shape
 from voxgran.shapes.spheres import Spheres
 
@@ -75,29 +74,32 @@ class Bodies:
         The different shapes.
     assembly : Assembly
         Poses of the grains, in metres: `shape_id` is the number of the template, `scale` the factor on its lengths,
-        `position` (n, 3) that of the centroid, `matrices` (n, 3, 3) the rotation from its body frame.
-    density : float
+        `position` (n, 3) that of the centroid, `matrices` (n, 3, 3) the rotation from its body frame, `density` in
         kg/m^3.
     """
 
     templates: tuple[Template, ...]
     assembly: Assembly
-    density: float
 
     @property
     def count(self) -> int:
         """Number of grains."""
         return self.assembly.count
 
-    @cached_property
+    @property
+    def densities(self) -> tuple[float, ...]:
+        """Density of each template, kg/m^3."""
+        return by_shape(self.assembly.density, len(self.templates))
+
+    @property
     def mass(self) -> Floats:
         """True masses (n,), kg."""
-        return read_only(self.density * self.assembly.volumes)
+        return self.assembly.masses
 
     @cached_property
     def _moment_factors(self) -> Floats:
         """Factors (n,) from the moments of inertia of a template to those of a grain, kg/m^3."""
-        return self.density * self.assembly.scale ** (self.assembly.dimension + 2)
+        return self.assembly.densities * self.assembly.scale ** (self.assembly.dimension + 2)
 
     @cached_property
     def inertia(self) -> Floats:
@@ -147,9 +149,24 @@ class Bodies:
     @cached_property
     def least_radius(self) -> float:
         """Least radius of a sphere, or least equivalent radius of a grain without spheres, in metres."""
-        radii = self.spheres[1]
-        others = self.assembly.diameters[self.of_kind("polyhedron", "mesh", "level_set", "convex_parts")] / 2
-        return float(min(radii.min(initial=math.inf), others.min(initial=math.inf)))
+        return float(self._sizes[0].min())
+
+    @cached_property
+    def quickest(self) -> tuple[float, float]:
+        """Radius in metres and density in kg/m^3 of the sphere, or of the equivalent sphere of a grain without spheres,
+        that waves cross in the least time: of the least radius times root of the density.
+        """
+        radii, grain = self._sizes
+        densities = self.assembly.densities[grain]
+        least = int((radii * np.sqrt(densities)).argmin())
+        return float(radii[least]), float(densities[least])
+
+    @property
+    def _sizes(self) -> tuple[Floats, Integers]:
+        """Radii (s,) of spheres, and equivalent ones of grains without spheres, with the grain of each."""
+        _, radii, grain = self.spheres
+        others = self.of_kind("polyhedron", "mesh", "level_set", "convex_parts")
+        return np.concatenate([radii, self.assembly.diameters[others] / 2]), np.concatenate([grain, others])
 
 
 def names_of(shapes: Sequence[Shape]) -> list[str]:

@@ -7,7 +7,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from voxgran._base.arrays import Floats
+from voxgran._base.arrays import Floats, Integers
 from voxgran._base.errors import FileFormatError, InputError
 from voxgran.decks.bodies import Bodies, Template
 from voxgran.decks.facets import Facets
@@ -36,21 +36,43 @@ def clumps_of(bodies: Bodies) -> dict[int, int]:
     return {number: FIRST_CLUMP + place for place, number in enumerate(used)}
 
 
+def spheres_of(bodies: Bodies) -> list[tuple[int, str, float, Integers]]:
+    """Return the materials of grains that are spheres: identification number, name, density in kg/m^3, and the grains.
+
+    There is one for each density; the numbers of those after the first follow those of clumps.
+    """
+    mine = bodies.of_kind("sphere")
+    densities = bodies.assembly.densities[mine]
+    found = [one for one in dict.fromkeys(bodies.densities) if (densities == one).any()]
+    if not found:
+        # the material of spheres is there without any
+        return [(SPHERES, "spheres", bodies.densities[0], mine)]
+    after = FIRST_CLUMP + len(clumps_of(bodies)) - 1
+    return [
+        (after + k if k else SPHERES, f"spheres_{k + 1}" if k else "spheres", one, mine[densities == one])
+        for k, one in enumerate(found)
+    ]
+
+
 def sphere_text(simulation: Simulation, comments: Sequence[str]) -> str:
     """Return the .mdpa file of the grains that are spheres; their ids are those of the grains, counted from 1."""
     bodies = simulation.bodies
     centers, radii, grain = bodies.spheres
     mine = np.isin(grain, bodies.of_kind("sphere"))
     ids = (grain[mine] + 1).tolist()
-    elements = [f"{number} {SPHERES} {number}" for number in ids]
+    materials, material = spheres_of(bodies), np.zeros(bodies.count, dtype=np.int64)
+    for number, _, _, grains in materials:
+        material[grains] = number
+    elements = [f"{number} {material[number - 1]} {number}" for number in ids]
+    parts = [(name.title(), (grains + 1).tolist()) for _, name, _, grains in materials]
     lines = [
         *_comments(comments),
         *_block("ModelPartData", []),
-        *_block(f"Properties {SPHERES}", []),
+        *(line for number, *_ in materials for line in _block(f"Properties {number}", [])),
         *_block("Nodes", _rows(ids, centers[mine])),
         *_block("Elements SphericParticle3D", elements),
         *_block("NodalData RADIUS", _rows(ids, radii[mine, None], "0 ")),
-        *_part("Spheres", [], Nodes=ids, Elements=ids),
+        *(line for name, own in parts for line in _part(name, [], Nodes=own, Elements=own)),
     ]
     return _text(lines)
 

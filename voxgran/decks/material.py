@@ -40,8 +40,8 @@ class Material:
     law : {"linear", "hertz"}
         Contact law: linear spring-dashpot, or Hertz with the tangential stiffness of Mindlin.
     density : float, optional
-        Density of the solid, kg/m^3. Default: that of the packing; where that is 1, which is the value of a packing
-        without a stated density, 2650, that of quartz.
+        Density of the solid, kg/m^3. Default: that of the packing, or of each of its shapes; where that is 1, which is
+        the value of a packing without a stated density, 2650, that of quartz.
     stiffness : float, optional
         Normal stiffness of the linear law, N/m. Default: ``pi / 4`` times Young's modulus times the median diameter
         where the modulus is given, else such that the weight of the bed presses the most loaded of its lowest grains
@@ -131,7 +131,7 @@ class ContactLaw:
     """Numbers of the contact law of a simulation, in SI units; those of the other law are 0."""
 
     name: Literal["linear", "hertz"]
-    density: float
+    density: float  # kg/m^3; where shapes differ, their mean by volume
     stiffness: float  # N/m
     shear_stiffness: float  # N/m
     young_modulus: float  # Pa
@@ -158,10 +158,12 @@ def damping_ratio(restitution: float) -> float:
 
 
 def contact_law(
-    material: Material, *, density: float, mass: Floats, radius: float, diameter: float, load: tuple[float, float]
-) -> ContactLaw:
-    """Return the contact law of grains with masses (n,) in kg, the smallest sphere of `radius` in m, and the median
-    `diameter` in m; `load` is what the most loaded grain bears, in N, and its diameter in m.
+    material: Material, *, density: float, mass: Floats, quickest: tuple[float, float], diameter: float,
+    load: tuple[float, float],
+) -> ContactLaw:  # fmt: skip
+    """Return the contact law of grains with masses (n,) in kg and the mean `density`, the sphere that waves cross in
+    the least time, by its radius in m and its density, and the median `diameter` in m; `load` is what the most loaded
+    grain bears, in N, and its diameter in m.
 
     Raises
     ------
@@ -187,9 +189,11 @@ def contact_law(
         effective = young / (2 * (1 - material.poisson_ratio**2))
         overlap = (0.75 * load[0] / (effective * math.sqrt(load[1] / 4))) ** (2 / 3) / load[1]
         shear_modulus = young / (2 * (1 + material.poisson_ratio))
-        rayleigh = math.pi * radius * math.sqrt(density / shear_modulus) / (0.1631 * material.poisson_ratio + 0.8766)
+        radius, own = quickest
+        rayleigh = math.pi * radius * math.sqrt(own / shear_modulus) / (0.1631 * material.poisson_ratio + 0.8766)
         step = RAYLEIGH_SHARE * rayleigh
         formula = f"{RAYLEIGH_SHARE} pi r sqrt(density / G) / (0.1631 nu + 0.8766), with the least radius r of a sphere"
+        formula += "" if own == density else f" times root of its density {own:g}"
     _refuse_soft(material, overlap, *load)
     return ContactLaw(
         name=material.law,

@@ -17,6 +17,7 @@ from voxgran._base.cells import near_pairs
 from voxgran._base.errors import InputError
 from voxgran._base.units import NO_UNIT
 from voxgran.clumps.bonds import LEAST_AREA, TOUCHING, Strengths, bonds_of_bodies
+from voxgran.contacts.assembly import NOT_STATED, Density, by_shape, density_text
 from voxgran.decks.bodies import Bodies, Kind, Template
 from voxgran.decks.material import GRAVITY, QUARTZ, STEPS_PER_COLLISION, ContactLaw, Material, contact_law
 from voxgran.decks.walls import Walls
@@ -139,7 +140,7 @@ class Simulation:
         lines = [
             f"voxgran {__version__}: {bodies.count} grains for {engine} ({what})",
             f"SI units: m, kg, s, N, Pa, J; {lengths}; total mass {float(bodies.mass.sum())!r} kg",
-            *_law_lines(law),
+            *_law_lines(law, density_text(bodies.assembly.density)),
             f"time step {self.time_step:.6g} s; stable up to {law.stable_step:.6g} s = {law.formula}",
         ]
         if self.bonds is not None:
@@ -154,9 +155,9 @@ class Simulation:
         return [" ".join(line.split()) for line in lines]
 
 
-def _law_lines(law: ContactLaw) -> list[str]:
-    """Return the contact law in words."""
-    common = f"density {law.density:g} kg/m^3, restitution {law.restitution:g}, friction {law.friction:g}"
+def _law_lines(law: ContactLaw, density: str) -> list[str]:
+    """Return the contact law in words, with the densities."""
+    common = f"density {density} kg/m^3, restitution {law.restitution:g}, friction {law.friction:g}"
     if law.name == "linear":
         stiffness = f"normal stiffness {law.stiffness:.6g} N/m, shear stiffness {law.shear_stiffness:.6g} N/m"
         return [
@@ -188,8 +189,7 @@ def simulation_of(
     """
     metric = packing if packing.unit == NO_UNIT else packing.to_unit("m")
     scaled = tuple(replace(one, shape=shape) for one, shape in zip(templates, metric.shapes, strict=True))
-    density = _density(material, packing)
-    bodies = Bodies(scaled, metric, density)
+    bodies = Bodies(scaled, replace(metric, density=_density(material, packing)))
     bonds = None if material.bond_strength is None else _bonds(bodies, material.bond_strength)
     gravity = np.zeros(3)
     if metric.gravity is not None:
@@ -197,9 +197,9 @@ def simulation_of(
     diameter = float(np.median(metric.diameters))
     law = contact_law(
         material,
-        density=density,
+        density=bodies.assembly.mean_density,
         mass=bodies.mass if bonds is None else _bonded_masses(bodies, bonds),
-        radius=bodies.least_radius,
+        quickest=bodies.quickest,
         diameter=diameter,
         load=_load(bodies, gravity, acceleration),
     )
@@ -250,23 +250,31 @@ def _load(bodies: Bodies, gravity: Floats, acceleration: float) -> tuple[float, 
     return float(loads[worst]), float(diameters[worst])
 
 
-def _density(material: Material, packing: Packing) -> float:
-    """Return the density of the solid, kg/m^3.
+def _density(material: Material, packing: Packing) -> Density:
+    """Return the density of the solid, or of that of each shape, kg/m^3.
 
     Raises
     ------
     InputError
-        If that of the packing cannot be in this unit.
+        If that of the packing cannot be in this unit, or the material has one although shapes differ.
     """
+    several = isinstance(packing.density, tuple)
     if material.density is not None:
+        if several:
+            raise InputError(
+                f"material density is {material.density:g}: the shapes of the packing have "
+                f"{density_text(packing.density)}; leave it out, or give the packing one with dataclasses.replace"
+            )
         return material.density
-    if packing.density == 1.0:
+    if packing.density == NOT_STATED:
         return QUARTZ
-    if not SPARSEST <= packing.density <= DENSEST:
-        raise InputError(
-            f"density of the packing is {packing.density:g}: as kg/m^3 that is no solid; give the density in kg/m^3 in "
-            "the material"
-        )
+    for density in by_shape(packing.density, 1):
+        if not SPARSEST <= density <= DENSEST:
+            remedy = "each shape with dataclasses.replace" if several else "the material"
+            raise InputError(
+                f"density of the packing is {density:g}: as kg/m^3 that is no solid; give the density in kg/m^3 in "
+                f"{remedy}"
+            )
     return packing.density
 
 

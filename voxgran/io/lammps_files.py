@@ -13,6 +13,7 @@ import numpy as np
 
 from voxgran._base.arrays import LONGEST, SHORTEST, Floats
 from voxgran._base.errors import FileFormatError, InputError
+from voxgran.contacts.assembly import NOT_STATED
 from voxgran.containers.box import Box
 from voxgran.io.particles import Particles, refuse_bad_spheres
 
@@ -20,6 +21,8 @@ from voxgran.io.particles import Particles, refuse_bad_spheres
 STYLES = {"sphere": (2, 3, 4), "bpm/sphere": (3, 4, 5)}
 #: lines that are looked at to recognize a data file
 HEAD_LINES = 40
+#: different densities that are taken for those of materials: a shape is made for each
+MOST_DENSITIES = 20
 #: lengths of the units that a dump file may name
 UNITS = {"si": "m", "cgs": "cm", "micro": "um", "nano": "nm", "real": "angstrom", "metal": "angstrom"}
 
@@ -71,14 +74,29 @@ def read_lammps_data(path: Path) -> Particles:
     table = table[np.argsort(table[:, 0], kind="stable")]
     centers, radii = table[:, x : x + 3], table[:, diameter] / 2
     refuse_bad_spheres(centers, radii, path, row="atom")
-    densities = np.unique(table[:, density])
+    density_of = _densities(table[:, density], assumed)
     return Particles(
         centers=centers,
         radii=radii,
         container=_box(bounds, "", path),
-        density=float(densities[0]) if len(densities) == 1 and densities[0] > 0 else 1.0,
+        density=density_of,
         assumed=assumed,
     )
+
+
+def _densities(values: Floats, assumed: dict[str, str]) -> Floats | float:
+    """Return the density of each atom, (n,), or of all; 1 where the file tells none, or too many to be materials."""
+    different, place = np.unique(values, return_inverse=True)
+    if not len(values) or not (np.isfinite(different) & (different > 0)).all():
+        return NOT_STATED
+    if len(different) > 1:
+        # those of one material, mass over volume, may differ by round-off
+        rounded = np.array([float(f"{one:.9g}") for one in different.tolist()])
+        values, different = rounded[place.reshape(-1)], np.unique(rounded)
+    if len(different) > MOST_DENSITIES:
+        assumed["density"] = f"1: the file has more than {MOST_DENSITIES} different ones"
+        return NOT_STATED
+    return values
 
 
 def read_lammps_dump(path: Path, *, frame: int = -1) -> Particles:

@@ -15,6 +15,7 @@ from voxgran._base.cells import near_pairs
 from voxgran._base.errors import FileFormatError, InputError, PackingWarning, shown, with_article
 from voxgran._base.rotation import quaternions_of
 from voxgran._base.units import known_unit
+from voxgran.contacts.assembly import NOT_STATED, shapes_by_density
 from voxgran.containers.box import Box
 from voxgran.containers.model import Container
 from voxgran.containers.rectangle import Rectangle
@@ -47,8 +48,8 @@ class Particles:
     container: Container | None = None
     #: unit of lengths that the file names
     unit: str | None = None
-    #: 1 where the file gives none or several
-    density: float = 1.0
+    #: that of each sphere (n,), or of all; 1 where the file gives none
+    density: float | Floats = NOT_STATED
     #: gravity and contact gap of a packing of ours
     fields: Mapping[str, Any] = field(default_factory=dict)
     #: what was taken for granted, by subject
@@ -132,9 +133,14 @@ def packing_of(
         if particles.clump is None
         else _clumps(particles)
     )
+    if isinstance(particles.density, np.ndarray):
+        ids = np.zeros(len(particles.density), dtype=np.int64)
+        by_density = shapes_by_density(grains["shapes"], ids, particles.density)
+        grains["shapes"], grains["shape_id"], grains["density"] = by_density
+    else:
+        grains["density"] = particles.density
     return Packing.of(
         container=held,
-        density=particles.density,
         provenance={"method": "file", "parameters": {"path": str(path)}} | ({"assumed": assumed} if assumed else {}),
         unit=unit or named,
         # gravity is a direction in the container of the file

@@ -37,8 +37,8 @@ from voxgran.shapes.sizes import make_sizes
 from voxgran.shapes.spheres import MassProperties, Spheres
 from voxgran.shapes.surface import Surface
 
-#: version of the layout; a reader refuses a higher one
-FORMAT = 1
+#: version of the layout; a reader refuses a higher one. Only packings of several densities need the second
+FORMAT = 2
 #: arrays of the forces with one row a contact, and a grain; in files they stand behind this word
 _OF_CONTACTS, _OF_GRAINS = ("i", "j", "point", "normal", "force", "gap"), ("residual", "rattler")
 _FORCES = "forces_"
@@ -85,8 +85,11 @@ def to_record(packing: Packing) -> Record:
         partners = np.concatenate([contacts.i, contacts.j])
         per_grain["coordination_number"] = np.bincount(partners, minlength=packing.count)
         arrays["coordination_gap"] = np.array([gap])
-    arrays["format"] = np.array([FORMAT])
-    arrays["density"] = np.array([packing.density])
+    several = isinstance(packing.density, tuple)
+    if several:
+        per_grain["density"] = packing.densities
+    arrays["format"] = np.array([FORMAT if several else 1])
+    arrays["density"] = np.array(packing.density).reshape(-1)
     arrays["solid_fraction"] = np.array([packing.solid_fraction])
     arrays["contact_gap"] = np.array([packing.contact_gap])
     arrays["gravity"] = np.zeros(3) if packing.gravity is None else np.array(packing.gravity)
@@ -141,7 +144,7 @@ def _packing(record: Record) -> Packing:
         units = {known_unit(entry["unit"]) for entry in entries} - {None}
         unit = units.pop() if len(units) == 1 else None
     shapes = tuple(_shape(entry, record.arrays, unit) for entry in entries)
-    kind = json.loads(record.texts["container"])
+    kind, densities = json.loads(record.texts["container"]), record.arrays["density"]
     solid = kind["kind"] == ClosedMesh.kind
     packing = Packing.of(
         shapes[:-1] if solid else shapes,
@@ -150,7 +153,7 @@ def _packing(record: Record) -> Packing:
         scale=record.per_grain["scale"],
         shape_id=record.per_grain["shape_id"],
         orientation=record.per_grain["orientation"],
-        density=float(record.arrays["density"][0]),
+        density=float(densities[0]) if len(densities) == 1 else densities.tolist(),
         provenance=json.loads(record.texts["provenance"]),
         stop_reason=record.texts["stop_reason"],
         unit=unit,

@@ -218,7 +218,8 @@ def _spheres_as_points(packing: Packing) -> Any:
 
 def _per_grain(packing: Packing, grains: Any) -> dict[str, Any]:
     """Return the arrays by which triangles and points are coloured."""
-    return {"grain": grains, "shape_id": packing.shape_id[grains], "diameter": packing.diameters[grains]}
+    density = {"density": packing.densities[grains]} if isinstance(packing.density, tuple) else {}
+    return {"grain": grains, "shape_id": packing.shape_id[grains], "diameter": packing.diameters[grains], **density}
 
 
 def _grain_surfaces(packing: Packing) -> Any:

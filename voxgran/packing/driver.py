@@ -157,6 +157,8 @@ def fingerprint(method: PackingMethod, problem: Problem) -> str:
         "asked": [problem.asked_count, problem.asked_fraction],
         "shapes": [shape.key for shape in problem.shapes],
         "settling": None if problem.settling is None else to_mapping(problem.settling),
+        # one density for all is no part of what is computed
+        **({"density": problem.density} if isinstance(problem.density, tuple) else {}),
     }
     digest.update(json.dumps(head, sort_keys=True, default=str).encode())
     arrays = [problem.shape_id, problem.diameter]

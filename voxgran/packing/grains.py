@@ -16,7 +16,7 @@ from voxgran._base.lazy import load
 from voxgran._base.registry import ExplainedAttributes
 from voxgran._base.units import NO_UNIT
 from voxgran.clumps.bonds import LEAST_AREA, TOUCHING, Strengths, bonds_of_bodies
-from voxgran.contacts.assembly import Assembly
+from voxgran.contacts.assembly import Assembly, Density, by_shape, merged
 from voxgran.contacts.surfaces import merged_surfaces
 from voxgran.shapes.model import Shape
 from voxgran.shapes.spheres import Spheres
@@ -30,7 +30,6 @@ if TYPE_CHECKING:
 _REMEDIES = {
     "unit": "convert one with to_unit",
     "container": "make one anew in the container of the other with Packing.of",
-    "density": "give one the density of the other with dataclasses.replace",
     "gravity": "give one the gravity of the other with dataclasses.replace",
     "lid": "give one the lid of the other with dataclasses.replace",
 }
@@ -266,7 +265,8 @@ class GrainSequence(ExplainedAttributes, Assembly):
         return mesh
 
     def to_dataframe(self) -> Any:
-        """Return a `pandas.DataFrame` with one row per grain: shape, x, y, z, qw, qx, qy, qz, scale, diameter, volume.
+        """Return a `pandas.DataFrame` with one row per grain: shape, x, y, z, qw, qx, qy, qz, scale, diameter, volume,
+        and density where that differs between shapes.
 
         Raises
         ------
@@ -284,16 +284,24 @@ class GrainSequence(ExplainedAttributes, Assembly):
         columns.update(zip("xyz", self.position.T, strict=True))
         columns.update(zip(("qw", "qx", "qy", "qz"), self.orientation.T, strict=True))
         columns.update(scale=self.scale, diameter=self.diameters, volume=self.volumes)
+        if isinstance(self.density, tuple):
+            columns["density"] = self.densities
         made = load("pandas").DataFrame(columns)
         made.index.name = "grain"
         return made
 
 
-def common_shapes(one: Assembly, other: Assembly) -> tuple[tuple[Shape, ...], Integers, Integers]:
-    """Return the different shapes of two packings, and which of them each grain of one and of the other has."""
-    place = {shape: k for k, shape in enumerate(dict.fromkeys((*one.shapes, *other.shapes)))}
-    mine, its = (np.array([place[shape] for shape in each.shapes], int)[each.shape_id] for each in (one, other))
-    return tuple(place), mine, its
+def common_shapes(one: Assembly, other: Assembly) -> tuple[tuple[Shape, ...], Density, Integers, Integers]:
+    """Return the different shapes of two packings with their densities, and which of them each grain of one and of the
+    other has; a shape of two densities is there twice.
+    """
+    kinds = [list(zip(each.shapes, by_shape(each.density, len(each.shapes)), strict=True)) for each in (one, other)]
+    place = {kind: k for k, kind in enumerate(dict.fromkeys((*kinds[0], *kinds[1])))}
+    mine, its = (
+        np.array([place[kind] for kind in own], int)[each.shape_id]
+        for own, each in zip(kinds, (one, other), strict=True)
+    )
+    return tuple(shape for shape, _ in place), merged([density for _, density in place]), mine, its
 
 
 def frame_of(packing: Any) -> dict[str, Any]:
@@ -302,7 +310,6 @@ def frame_of(packing: Any) -> dict[str, Any]:
     return {
         "unit": packing.unit,
         "container": packing.container.to_mapping(),
-        "density": packing.density,
         "gravity": packing.gravity,
         "lid": lid,
     }
@@ -327,8 +334,8 @@ def refuse_unlike(mine: Mapping[str, Any], its: Mapping[str, Any]) -> None:
             one, other = ({key: box[key] for key in keys if key in box} for box in (one, other))
             what = f"container ({', '.join(keys)})"
         raise InputError(
-            f"{what} of the packings is {shown(one)} and {shown(other)}: grains are put together in one container, "
-            f"unit and material; {remedy}"
+            f"{what} of the packings is {shown(one)} and {shown(other)}: grains are put together in one container "
+            f"and unit; {remedy}"
         )
 
 

@@ -11,11 +11,11 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from voxgran._base import public
-from voxgran._base.arrays import Integers, as_choice, as_number, as_positive, check_type
+from voxgran._base.arrays import Integers, as_choice, as_number, check_type
 from voxgran._base.units import as_unit, unit_factor
 from voxgran.clumps.model import Clump
 from voxgran.clumps.stand_in import as_clumps
-from voxgran.contacts.assembly import checked_arrays
+from voxgran.contacts.assembly import as_density, checked_arrays
 from voxgran.contacts.find import find_contacts
 from voxgran.contacts.forces import ContactForces, check_forces
 from voxgran.contacts.model import Contacts
@@ -47,8 +47,9 @@ class Packing(GrainSequence):
 
     Attributes
     ----------
-    density : float
-        Density of the material, mass per volume in the user's units.
+    density : float or tuple of float
+        Density of the material, mass per volume in the user's units: one number, or one for each shape where they
+        differ. ``densities`` and ``masses`` have it by grain.
     provenance : dict
         JSON-able record of what was asked, what was done and what was missed.
     stop_reason : str
@@ -79,7 +80,6 @@ class Packing(GrainSequence):
     Shape('sphere', primitive, diameter=1)
     """
 
-    density: float = 1.0
     provenance: Mapping[str, Any] = field(default_factory=dict)
     stop_reason: str = "count"
     unit: str = "1"
@@ -110,7 +110,7 @@ class Packing(GrainSequence):
         scale: ArrayLike | None = None,
         shape_id: ArrayLike | None = None,
         orientation: ArrayLike | None = None,
-        density: float = 1.0,
+        density: float | Sequence[float] = 1.0,
         provenance: Mapping[str, Any] | None = None,
         stop_reason: str = "count",
         unit: str | None = None,
@@ -135,8 +135,8 @@ class Packing(GrainSequence):
             Which shape each grain has; 0 where left out.
         orientation : (n, 4) array_like of float, optional
             Unit quaternions (w, x, y, z); no rotation where left out.
-        density : float
-            Density of the material.
+        density : float or (len(shapes),) sequence of float
+            Density of the material: one number, or one for each shape.
         provenance : mapping, optional
             JSON-able record.
         stop_reason : str
@@ -161,7 +161,7 @@ class Packing(GrainSequence):
         Raises
         ------
         InputError
-            If `shapes` is neither a Shape nor a list of them, an array has the wrong length, a scale or the density is
+            If `shapes` is neither a Shape nor a list of them, an array has the wrong length, a scale or a density is
             not above 0, a shape index is out of range, the dimension of a shape is not that of the container, a grain
             lies off the plane in 2D, the stop reason is unknown, gravity is no direction or has a part along a periodic
             axis or out of the plane, the contact gap is negative, shapes have several units and none is given, or the
@@ -180,7 +180,7 @@ class Packing(GrainSequence):
         return cls(
             *checked_arrays(shapes, container, position, scale, shape_id, orientation),
             container,
-            as_positive(density, "density"),
+            as_density(density, len(shapes)),
             dict(provenance or {}),
             as_choice(stop_reason, "stop_reason", STOP_REASONS),
             unit,
@@ -278,16 +278,17 @@ class Packing(GrainSequence):
         Raises
         ------
         InputError
-            If they differ in container, unit, density, gravity or lid.
+            If they differ in container, unit, gravity or lid.
         """
         if not isinstance(other, Packing):
             return NotImplemented
         refuse_unlike(frame_of(self), frame_of(other))
-        shapes, *ids = common_shapes(self, other)
+        shapes, density, *ids = common_shapes(self, other)
         kept = self.stop_reason == other.stop_reason and self.stop_reason not in _OF_THE_WHOLE
         return replace(
             self,
             shapes=shapes,
+            density=density,
             shape_id=np.concatenate(ids),
             scale=np.concatenate([self.scale, other.scale]),
             position=np.concatenate([self.position, other.position]),
@@ -308,7 +309,7 @@ class Packing(GrainSequence):
             all(np.array_equal(getattr(self, name), getattr(other, name)) for name in arrays)
             and self.contact_gap == other.contact_gap
             and frame_of(self) == frame_of(other)
-            and np.array_equal(*common_shapes(self, other)[1:])
+            and np.array_equal(*common_shapes(self, other)[2:])
         )
 
     def __hash__(self) -> int:

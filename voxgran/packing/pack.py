@@ -27,10 +27,10 @@ from voxgran.packing.driver import Drive, Recorder, check_drive, drive
 from voxgran.packing.gravity import gravity_vector, proposed_axis
 from voxgran.packing.method import PackingMethod, RunState, check_memory, method_registry, packing_memory
 from voxgran.packing.model import Packing, check_packing
-from voxgran.packing.problem import Problem, normalized_problem, one_density, too_coarse, warn_of_units
+from voxgran.packing.problem import Problem, normalized_problem, too_coarse, warn_of_units
 from voxgran.packing.settle import as_settling, warn_of_unrest, with_target
 from voxgran.packing.settling_run import with_settling
-from voxgran.packing.start import check_start
+from voxgran.packing.start import check_start, density_around
 from voxgran.settling.parameters import Settling
 from voxgran.shapes.model import Shape, check_shapes
 from voxgran.shapes.sizes import SizeDistribution, size_distance
@@ -69,7 +69,7 @@ def pack(
     seed: int = 0,
     start: Packing | None = None,
     unit: str | None = None,
-    density: float | None = None,
+    density: float | Sequence[float] | None = None,
     checkpoint: str | os.PathLike[str] | None = None,
     resume: bool = False,
     time_limit: float | None = None,
@@ -113,8 +113,9 @@ def pack(
     unit : str, optional
         Unit of all lengths that have none of their own: container, sizes, parameters, regular shapes. Shapes of other
         units are converted to it. Left out: that of the start, or else the one of the shapes, where it is known.
-    density : float, optional
-        Density of the material; default: that of the start, or else 1.
+    density : float or (len(shapes),) sequence of float, optional
+        Density of the material: one number, or one for each shape. Grains of the start keep theirs, unless that is 1,
+        the value of a packing without one, and a single number is given. Default: that of the start, or else 1.
     checkpoint : path-like, optional
         File for checkpoints, written every ten seconds, when the run is asked to stop, and at the end. It holds the
         poses and little more: some hundred bytes a grain, whatever the shapes.
@@ -217,7 +218,7 @@ def prepare_task(
     parameters: dict[str, Any],
     start: Packing | None = None,
     unit: str | None = None,
-    density: float | None = None,
+    density: float | Sequence[float] | None = None,
     settle: bool | Mapping[str, Any] | Settling | None = None,
 ) -> Task:
     """Check the arguments of :func:`pack`, draw the grains and put all into the normalized frame; nothing is packed.
@@ -241,7 +242,7 @@ def prepare_task(
     if start is not None:
         check_start(start, container.dimension)
         start = start if start.unit == NO_UNIT else start.to_unit(unit)
-        density = start.density if density is None else density
+    density = density_around(start, density, len(given))
     _refuse_unfit(entry, given if start is None else (*given, *start.shapes), container)
     scaled = entry.sizing == "scaled"
     none_asked = start is not None and count is None and (solid_fraction is None or (scaled and not given))
@@ -270,7 +271,7 @@ def prepare_task(
         known = len(grains.diameter) if count is not None or none_asked else 0 if start is None else start.count
         grains = scaled_to(grains, given, container, solid_fraction, given=known)
     problem = normalized_problem(given, container, grains, settings, seed=seed, start=start)
-    problem.unit, problem.density = unit, one_density(density)
+    problem.unit, problem.density = unit, density
     problem.asked_count, problem.asked_fraction = asked["count"], asked["solid_fraction"]
     problem.settling = _settling_of(entry, problem, settle)
     entry = entry if problem.settling is None else with_settling(entry, problem.settling)

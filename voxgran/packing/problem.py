@@ -7,19 +7,19 @@ the same numbers. Representations are cached up to a limit of memory; the oldest
 import hashlib
 import warnings
 from collections import OrderedDict
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from voxgran._base.arrays import Booleans, Floats, Integers, as_count, as_positive
+from voxgran._base.arrays import Booleans, Floats, Integers, as_count
 from voxgran._base.config import to_mapping
-from voxgran._base.errors import InputError, PackingWarning, shown
+from voxgran._base.errors import InputError, PackingWarning
 from voxgran._base.rotation import normalized
 from voxgran._base.seeds import stream
-from voxgran.contacts.assembly import Assembly
+from voxgran.contacts.assembly import NOT_STATED, Assembly, Density
 from voxgran.contacts.verify import verify
 from voxgran.containers.model import Container
 from voxgran.lattice.grid import Grid
@@ -56,7 +56,7 @@ class Problem:
     original: tuple[Shape, ...]  # the shapes as the user gave them
     start: Start | None = None  # poses of the first grains, which are present from the beginning
     unit: str = "1"  # the user's unit of lengths
-    density: float = 1.0
+    density: Density = NOT_STATED  # of the shapes
     settling: Any = None  # how the grains settle after the method; None if they do not
     # what is requested; without both, grains are more than enough
     asked_count: int | None = None
@@ -106,8 +106,10 @@ class Problem:
     def start_assembly(self, start: Start) -> Assembly:
         """Return the grains of a start with their true shapes, in the normalized frame."""
         n = start.count
-        arrays = {"position": start.position, "scale": self.diameter[:n], "shape_id": self.shape_id[:n]}
-        return Assembly.of(self.shapes, self.container, orientation=start.orientation, **arrays)
+        return Assembly.of(
+            self.shapes, self.container, position=start.position, scale=self.diameter[:n], shape_id=self.shape_id[:n],
+            orientation=start.orientation,
+        )  # fmt: skip
 
     def packing(
         self,
@@ -323,16 +325,3 @@ def too_coarse(problem: Problem) -> str:
     if voxel is None or voxel <= coarsest or settings.cover != "touch":
         return ""
     return f"a grain takes all voxels that it touches, and voxel_size is {voxel:.4g}; make it at most {coarsest:.4g}"
-
-
-def one_density(density: Any) -> float:
-    """Return the density of the material; those of several materials are refused.
-
-    Raises
-    ------
-    InputError
-        If it is no number above 0.
-    """
-    if isinstance(density, Sequence) and not isinstance(density, str):
-        raise InputError(f"density is {shown(density)}: all grains of a packing have one density; give one number")
-    return 1.0 if density is None else as_positive(density, "density")

@@ -244,7 +244,7 @@ def normalized_assembly(packing: Packing) -> tuple[Assembly, float]:
     """Return the grains of a packing with lengths in median diameters, without lid, and the median diameter."""
     unit = float(np.median(packing.diameters))
     arrays = (packing.shapes, packing.shape_id, packing.scale / unit, packing.position / unit, packing.orientation)
-    return Assembly(*arrays, packing.container.scaled(1.0 / unit)), unit
+    return Assembly(*arrays, packing.container.scaled(1.0 / unit), packing.density), unit
 
 
 def advance_settling(problem: Problem, state: SettleState, attempts: int) -> SettleState:

@@ -8,12 +8,13 @@ provides the distance that the method requires. On a lattice they are displaced 
 """
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
 from voxgran._base.arrays import Floats, Integers
 from voxgran._base.errors import InputError
-from voxgran.contacts.assembly import Assembly
+from voxgran.contacts.assembly import NOT_STATED, Assembly, Density, as_density, by_shape, density_text, merged
 from voxgran.containers.model import Container
 
 
@@ -72,3 +73,31 @@ def check_start(start: Assembly, dimension: int) -> None:
         raise InputError(
             f"start has dimension {start.dimension}: the container has {dimension}; use packings of one dimension"
         )
+
+
+def density_around(start: Assembly | None, density: Any, shapes: int) -> Density:
+    """Return the density of the shapes of a start followed by so many new ones.
+
+    Grains of the start keep theirs, unless that is not stated and a single one is given. Without new shapes the given
+    one is that of the start.
+
+    Raises
+    ------
+    InputError
+        If it is neither a number above 0 nor one for each new shape, or left out where the start has several.
+    """
+    if start is None:
+        return as_density(NOT_STATED if density is None else density, shapes)
+    if not shapes:
+        return start.density if density is None else as_density(density, len(start.shapes))
+    if density is None:
+        if isinstance(start.density, tuple):
+            raise InputError(
+                f"density is left out and grains of start have {density_text(start.density)}: which of them the new "
+                "grains have is not known; give theirs"
+            )
+        return start.density
+    given = as_density(density, shapes)
+    if start.density == NOT_STATED and isinstance(given, float):
+        return given
+    return merged([*by_shape(start.density, len(start.shapes)), *by_shape(given, shapes)])

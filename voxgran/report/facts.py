@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from voxgran.contacts.assembly import by_shape, density_text
 from voxgran.contacts.forces import AT_REST
 from voxgran.measures.registered.segregation import warning_of
 from voxgran.packing.model import Packing
@@ -129,7 +130,7 @@ def details(packing: Packing) -> list[Fact]:
         Fact("seed", number(record.get("seed"))),
         Fact("container", f"{kind}: {_pairs(container)}" if container else kind),
         Fact("unit of lengths", "not given" if unit == "1" else unit),
-        Fact("density of the material", number(packing.density)),
+        Fact("density of the material", density_text(packing.density, ".4g")),
     ]
     if packing.count:
         low, middle, high = (number(float(v)) for v in np.quantile(packing.diameters, [0.0, 0.5, 1.0]))
@@ -156,14 +157,17 @@ def _missed(record: Mapping[str, Any]) -> list[Fact]:
 
 
 def shape_rows(packing: Packing) -> list[tuple[str, str, str, str]]:
-    """Return name, geometry, grains and share by volume of each shape, the most frequent first."""
+    """Return name, geometry, grains and share by volume of each shape, the most frequent first; where densities differ,
+    the geometry says that of the shape.
+    """
     counts = np.bincount(packing.shape_id, minlength=len(packing.shapes))
     volumes = np.bincount(packing.shape_id, weights=packing.volumes, minlength=len(packing.shapes))
     whole = max(float(volumes.sum()), 1e-300)
-    rows = []
+    rows, density = [], by_shape(packing.density, len(packing.shapes))
     for index in np.argsort(-counts, kind="stable"):
         geometry = packing.shapes[index].geometry
         kind = str(getattr(geometry, "kind", type(geometry).__name__.lower()))
+        kind += f", density {number(density[index])}" if isinstance(packing.density, tuple) else ""
         rows.append((packing.shapes[index].name, kind, number(counts[index]), f"{100 * volumes[index] / whole:.1f} %"))
     return rows
 

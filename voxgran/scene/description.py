@@ -14,6 +14,7 @@ from voxgran._base.files import existing_file
 from voxgran._base.guarded import reason_of
 from voxgran._base.registry import unknown
 from voxgran._base.units import as_unit
+from voxgran.contacts.assembly import NOT_STATED
 from voxgran.containers.make import make_container
 from voxgran.containers.model import Container
 from voxgran.decks.engine import engine_registry
@@ -164,7 +165,7 @@ class SceneDescription:
         sizes = dict(mapping.get("sizes", {}))
         share_by = sizes.pop("share_by", "number")
         packing = dict(mapping["packing"])
-        method = packing.pop("method", None)
+        method, general = packing.pop("method", None), _general(mapping.get("scene", {}))
         if method is None:
             known = ", ".join(method_registry().names())
             raise InputError(f"[packing] has no method: a scene is packed by one; add method, one of {known}")
@@ -181,8 +182,8 @@ class SceneDescription:
         for engine in output.dem:
             refuse_unheld(engine_registry().get(engine), material, container)
         return cls(
-            general=_general(mapping.get("scene", {})),
-            shapes=shape_entries(mapping["shape"], place),
+            general=general,
+            shapes=_with_densities(shape_entries(mapping["shape"], place), general),
             sizes=make_sizes(sizes) if sizes else None,
             share_by=_share_by(share_by),
             container=container,
@@ -254,9 +255,27 @@ class SceneDescription:
             "seed": self.general.seed,
             "start": self.begin(),
             "unit": self.general.unit,
-            "density": self.general.density,
+            "density": self.density(),
             "settle": self.settle,
         }
+
+    def density(self) -> float | list[float] | None:
+        """Return the density of the grains as :func:`voxgran.pack` takes it: that of [scene], or one for each shape.
+
+        It is None where neither [scene] nor a [[shape]] states one, so that grains of a start keep theirs.
+
+        Examples
+        --------
+        >>> import voxgran as vg
+        >>> shapes = [{"family": "sphere", "density": 7800}, {"family": "sphere", "density": 2500}]
+        >>> box, packing = {"kind": "box", "lengths": [4, 4, 4]}, {"method": "rsa", "count": 10}
+        >>> vg.Scene.from_mapping({"shape": shapes, "container": box, "packing": packing}).density()
+        [7800.0, 2500.0]
+        """
+        usual = None if self.general.density == NOT_STATED else self.general.density
+        own = [usual if entry.density is None else entry.density for entry in self.shapes for _ in entry.shares()]
+        known = [one for one in own if one is not None]
+        return known if any(entry.density is not None for entry in self.shapes) else usual
 
     def begin(self) -> Packing | None:
         """Return the packing whose grains are there from the beginning, read from its file; None where there is none.
@@ -329,6 +348,23 @@ def _general(mapping: Mapping[str, Any]) -> General:
     as_count(made.seeds, "[scene] seeds", at_least=1)
     as_positive(made.density, "[scene] density")
     return replace(made, unit=as_unit(made.unit, "[scene] unit"))
+
+
+def _with_densities(shapes: tuple[ShapeEntry, ...], general: General) -> tuple[ShapeEntry, ...]:
+    """Return the entries, refused where some have a density of their own and the others have none.
+
+    Raises
+    ------
+    InputError
+        If one has none, and the scene neither.
+    """
+    given = [entry.density for entry in shapes]
+    if None in given and given != [None] * len(shapes) and general.density == NOT_STATED:
+        raise InputError(
+            f"[[shape]] {shapes[given.index(None)].name} has no density, and another [[shape]] has one: the mass of "
+            "all grains must be known; give it a density, or give [scene] density"
+        )
+    return shapes
 
 
 def _share_by(value: Any) -> str:

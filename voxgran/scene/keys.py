@@ -15,6 +15,9 @@ class AnyShape:
     """Keys of every [[shape]]."""
 
     share: float = parameter(1.0, doc="share of the grains that have this shape", at_least=0.0)
+    density: float | None = parameter(
+        None, doc="density of the material of these grains; default: that of [scene]", above=0.0
+    )
     clump: int | Mapping[str, Any] | None = parameter(
         None, doc="a clump of spheres is packed in place of the shape: their number, or a table such as { mode = ... }"
     )

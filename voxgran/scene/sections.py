@@ -16,7 +16,7 @@ class General:
     seed: int = parameter(0, doc="seed of all random numbers")
     seeds: int = parameter(1, doc="how many packings to make, with this seed and the next ones")
     unit: str = parameter("1", doc="unit of every length below that has none of its own")
-    density: float = parameter(1.0, doc="density of the material")
+    density: float = parameter(1.0, doc="density of the material; a [[shape]] may have its own")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

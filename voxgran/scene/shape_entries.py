@@ -5,7 +5,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, Literal
 
-from voxgran._base.arrays import as_choice, as_count, as_number, check_type
+from voxgran._base.arrays import as_choice, as_count, as_number, as_positive, check_type
 from voxgran._base.config import from_mapping, parameters_of
 from voxgran._base.errors import InputError, UnknownNameError, shown
 from voxgran._base.files import existing_file
@@ -42,7 +42,8 @@ CLUMP_KEYS = names_of(ClumpOfShape)
 @dataclass(frozen=True, slots=True)
 class ShapeEntry:
     """One [[shape]]: a file or a family with parameters, its share, how a clump is fitted that is packed in its
-    place (None for the shape itself), how many different shapes of a family it stands for, and its roughness.
+    place (None for the shape itself), how many different shapes of a family it stands for, its roughness, and its
+    density (None for that of the scene).
     """
 
     source: Literal["file", "family"]
@@ -52,6 +53,7 @@ class ShapeEntry:
     clump: Mapping[str, Any] | None = None
     count: int | None = None
     roughness: Mapping[str, Any] | None = None
+    density: float | None = None
 
     def make(self) -> list[Shape]:
         """Return the shapes, before clumps take their place; each has a roughness of its own."""
@@ -85,7 +87,9 @@ class ShapeEntry:
     def to_mapping(self) -> dict[str, Any]:
         """Return the entry as nested JSON-able values, as the scene file has it."""
         tables = {"clump": self.clump, "roughen": self.roughness}
-        more = {"count": self.count} | {key: None if table is None else dict(table) for key, table in tables.items()}
+        more = {"density": self.density, "count": self.count} | {
+            key: None if table is None else dict(table) for key, table in tables.items()
+        }
         rest = {key: value for key, value in more.items() if value is not None}
         return {self.source: self.name, "share": self.share, **self.parameters, **rest}
 
@@ -108,6 +112,7 @@ def shape_entries(entries: Any, folder: Path) -> tuple[ShapeEntry, ...]:
         check_type(entry, Mapping, "[[shape]]", "a section; write [[shape]] above its keys")
         rest = dict(entry)
         share = as_number(rest.pop("share", 1.0), "[[shape]] share", at_least=0.0)
+        density = as_positive(rest.pop("density"), "[[shape]] density") if "density" in rest else None
         clump = _clump(rest.pop("clump")) if "clump" in rest else None
         roughness = _roughness(rest.pop("roughen")) if "roughen" in rest else None
         if ("file" in rest) == ("family" in rest):
@@ -115,7 +120,7 @@ def shape_entries(entries: Any, folder: Path) -> tuple[ShapeEntry, ...]:
             if meant is not None:
                 raise UnknownNameError(unknown("[[shape]] key", meant, SHAPE_KEYS))
             raise InputError(f"[[shape]] has the keys {', '.join(entry)}: give either file or family")
-        common = {"share": share, "clump": clump, "roughness": roughness}
+        common = {"share": share, "clump": clump, "roughness": roughness, "density": density}
         made.append(_of_file(rest, folder, common) if "file" in rest else _of_family(rest, folder, common))
     return tuple(made)
 

@@ -1,6 +1,7 @@
 """A bed: grains, their near pairs and their contacts, changed in place step by step.
 
-Lengths are in median diameters and times in sqrt(d / g); the inverse mass of a grain of the median diameter is 1.
+Lengths are in median diameters and times in sqrt(d / g); the inverse mass of a grain of the median diameter is 1, where
+densities differ of one of their mean by volume.
 Grains are kept in the order of their heights at the beginning, so that neighbours lie close in memory.
 """
 
@@ -14,7 +15,19 @@ import numpy as np
 from voxgran._base.arrays import Floats, Integers
 from voxgran._base.rotation import normalized
 from voxgran.contacts.assembly import Assembly, Lid
-from voxgran.settling.contact_rows import MASS_ACROSS, ROW, ContactRows, Grains, PairList, carry_rows
+from voxgran.settling.contact_rows import (
+    ARM_I,
+    ARM_J,
+    GAP,
+    MASS_ACROSS,
+    NORMAL,
+    ROW,
+    SURFACE,
+    ContactRows,
+    Grains,
+    PairList,
+    carry_rows,
+)
 from voxgran.settling.finding.finders import ContactFinders, kinds_of
 from voxgran.settling.impulses import move_bodies, write_matrices
 from voxgran.settling.pair_list import no_pairs, renewed
@@ -23,6 +36,8 @@ Array = TypeVar("Array", bound="np.ndarray[Any, Any]")
 
 #: distance up to which pairs are listed, in median diameters
 SKIN = 0.5
+#: share of the smaller diameter from which on an overlap of meshes that are not convex is deep
+DEEP = 0.1
 #: numbers of a body: velocity (3), angular velocity (3), inverse mass and inverse moment of inertia
 BODY = 8
 
@@ -37,7 +52,7 @@ class Bed:
     gravity : (3,) ndarray of float
         Unit vector in which gravity acts.
     lid_weight : float
-        Weight of the lid, if the assembly has one, in weights of a grain of the median diameter.
+        Weight of the lid, if the assembly has one, in weights of a grain of the median diameter and the mean density.
     exact : bool
         Whether contacts of meshes that are not convex come from their triangles, not from grids of distances.
     hulls : bool
@@ -75,6 +90,7 @@ class Bed:
         )
         write_matrices(self.orientation, self.grains.matrix)
         self.diameter: Floats = assembly.diameters[order].copy()
+        self.density: Floats = assembly.relative_densities[order]
         self.bodies, self.motion = _bodies(assembly, order, lid_weight), np.zeros((n + 1, 6))
         self.lid_level = math.inf if assembly.lid is None else float(assembly.lid.level)
         self.pairs: PairList = no_pairs()
@@ -134,8 +150,30 @@ class Bed:
             for place, old in zip(places, before, strict=True):
                 place[:] = old
         self.m = found
+        if SURFACE in self.grains.kind and not self.finders.exact:
+            self._unlock()
         # nothing of former steps is left in what solvers write
         self.rows.row[:found, MASS_ACROSS] = 0.0
+
+    def _unlock(self) -> None:
+        """Let the contacts of pairs that overlap deeply push along the line of centres.
+
+        Deep within a mesh that is not convex, the normals of contacts point to all its sides, and their forces leave
+        the pair as it is.
+        """
+        row, i, j = self.rows.row[: self.m], self.rows.i[: self.m], self.rows.j[: self.m]
+        inner = (j >= 0) & (j < self.count)
+        other = np.where(inner, j, i)
+        deep = inner & (row[:, GAP] < -DEEP * np.minimum(self.diameter[i], self.diameter[other]))
+        if not deep.any():
+            return
+        pair = i.astype(np.int64) * (self.count + 1) + j
+        rows = np.flatnonzero(inner & np.isin(pair, pair[deep]))
+        line = row[rows, ARM_I : ARM_I + 3] - row[rows, ARM_J : ARM_J + 3]
+        line += row[rows, GAP, None] * row[rows, NORMAL : NORMAL + 3]
+        length = np.linalg.norm(line, axis=1)
+        some = length > 1e-6
+        row[rows[some], NORMAL : NORMAL + 3] = line[some] / length[some, None]
 
     def _found(self, margin: float, rest: float, reuse: float) -> int:
         """Return the number of contacts, or -1 where they are more than the rows."""
@@ -281,6 +319,7 @@ class Bed:
         write_matrices(self.orientation, matrix)
         self.bounding = self.assembly.bounding_radii[self.order].copy()
         self.diameter = self.assembly.diameters[self.order].copy()
+        self.density = self.assembly.relative_densities[self.order]
         self.pairs = PairList(*(held[f"pair_{name}"] for name in PairList._fields))
         self.listed = bool(held["listed"])
         self.m = len(held["row"])
@@ -299,7 +338,7 @@ def normalized_bed(assembly: Assembly, gravity: Floats) -> Bed:
     unit = float(np.median(assembly.diameters)) if assembly.count else 1.0
     lid = assembly.lid if assembly.lid is None else Lid(assembly.lid.normal, assembly.lid.level / unit)
     arrays = (assembly.shapes, assembly.shape_id, assembly.scale / unit, assembly.position / unit, assembly.orientation)
-    normalized = Assembly(*arrays, assembly.container.scaled(1.0 / unit), lid=lid)
+    normalized = Assembly(*arrays, assembly.container.scaled(1.0 / unit), assembly.density, lid=lid)
     return Bed(normalized, gravity, lid_weight=math.inf, exact=True)
 
 
@@ -308,13 +347,14 @@ def _bodies(assembly: Assembly, order: Integers, lid_weight: float) -> Floats:
     n = assembly.count
     bodies = np.zeros((n + 1, BODY))
     unit = math.pi / 6 if assembly.dimension == 3 else math.pi / 4
-    mass = assembly.volumes[order] / unit
+    density = assembly.relative_densities[order]
+    mass = assembly.volumes[order] / unit * density
     bodies[:n, 6] = 1.0 / mass
     # the mean of the three principal moments stands for all: rest does not depend on them
     own = [np.trace(shape.inertia) / 3 if assembly.dimension == 3 else shape.inertia[2, 2] for shape in assembly.shapes]
     power = assembly.dimension + 2
     moment = np.array(own)[assembly.shape_id[order]] * assembly.scale[order] ** power / unit if n else np.zeros(0)
-    bodies[:n, 7] = 1.0 / moment
+    bodies[:n, 7] = 1.0 / (moment * density)
     bodies[n, 6] = 1.0 / lid_weight if assembly.lid is not None else 0.0
     return bodies
 

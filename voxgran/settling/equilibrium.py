@@ -71,14 +71,14 @@ class Balance:
 def balance_forces(
     rows: ContactRows, m: int, bodies: Floats, gravity: Floats, *, friction: float, tolerance: float = 0.01,
     forces: Floats | None = None, height: Floats | None = None, iterations: int = ITERATIONS, dimension: int = 3,
-    decide: bool = False,
+    decide: bool = False, density: Floats | float = 1.0,
 ) -> Balance:  # fmt: skip
     """Return the forces at the first m contacts, within their friction cones, that balance the grains best.
 
     bodies: (n + 1, 8) rows of the grains and of the lid.  gravity: (3,) unit vector.  forces: (m, 3), where the search
     with friction begins; none where left out.  height: (n,) of the grains, or left out where they are numbered
-    by it.  dimension: 2 or 3, by which masses tell radii.  decide: whether the search goes on near the optimum while
-    grains that do not rest may rest at the optimum.
+    by it.  dimension: 2 or 3, by which masses and relative densities (n,) tell radii.  decide: whether the search goes
+    on near the optimum while grains that do not rest may rest at the optimum.
     """
     row, i, j = rows.row, rows.i, rows.j
     found = np.zeros((m, 3)) if forces is None else np.array(forces, dtype=np.float64)
@@ -105,7 +105,7 @@ def balance_forces(
     residual = np.linalg.norm(accelerations[:-1, :3], axis=1)
     # moment of inertia over mass, and the radius of a sphere or disk of the same volume
     moment = bodies[:-1, 6] / np.where(bodies[:-1, 7] > 0.0, bodies[:-1, 7], np.inf)
-    radius = 0.5 * bodies[:-1, 6] ** (-1.0 / (dimension))
+    radius = 0.5 * (bodies[:-1, 6] * density) ** (-1.0 / (dimension))
     torque = np.linalg.norm(accelerations[:-1, 3:], axis=1) * moment / radius
     rests = (residual <= tolerance) & (torque <= tolerance)
     return Balance(found, residual, torque, rests, made, distance)
@@ -142,8 +142,8 @@ def equilibrium(packing: Assembly, friction: float = 0.5, gap: float = 1e-3, *, 
 
         By contact: ``contact_i`` and ``contact_j``, the grains, of which the second is -1 at a wall and -2 at the lid;
         ``point``, at grain i, in the unit of lengths; ``normal`` from grain i to grain j; ``force`` on grain j,
-        and with opposite sign on grain i, in weights of a grain of the median diameter; ``normal_force``, along the
-        normal; and ``gap``, in the unit of lengths.
+        and with opposite sign on grain i, in weights of a grain of the median diameter (of the mean density by volume,
+        where densities differ); ``normal_force``, along the normal; and ``gap``, in the unit of lengths.
 
         Attributes: ``friction``, ``gap`` and ``tolerance`` as given; ``share_at_rest``, the share of the grains,
         rattlers apart, that rest; ``share_of_rattlers``; and ``distance``, about how far the residuals are from the
@@ -213,7 +213,7 @@ def balance_bed(
     found = balance_forces(
         bed.rows, bed.m, bed.bodies, bed.gravity, friction=friction, tolerance=tolerance, forces=bed.forces(),
         iterations=iterations, dimension=bed.assembly.dimension, height=-(bed.grains.position @ bed.gravity),
-        decide=decide,
+        decide=decide, density=bed.density,
     )  # fmt: skip
     bed.keep_forces(found.forces)
     return found

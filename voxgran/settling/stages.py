@@ -20,6 +20,7 @@ from voxgran.settling.closing import close_round
 from voxgran.settling.contact_rows import SURFACE
 from voxgran.settling.equilibrium import balance_bed
 from voxgran.settling.fall import Fall, fall_step, stop_falling
+from voxgran.settling.manners import EXACT, FIELDS, FREE, RUBBING, Manner
 from voxgran.settling.parameters import Settling
 from voxgran.settling.parting import part_grains
 from voxgran.settling.quasi_static import frictionless_step, quasi_static_step
@@ -27,8 +28,8 @@ from voxgran.settling.quasi_static import frictionless_step, quasi_static_step
 #: stages, in their order: growth to full size, an examination of grains that may rest already, fall, shaking, the fall
 #: after it, quasi-static steps, rounds in which surfaces are parted, and the end
 GROWTH, START, FALL, SHAKING, AGAIN, STILL, CLOSING, ENDED = range(8)
-#: distance that surfaces keep, and up to which they touch
-KEPT, TOUCHING = 5e-4, 1e-3
+#: distance up to which surfaces touch
+TOUCHING = 1e-3
 #: sinking in a unit of time, and kinetic energy, below which the fall ends; units of time that it lasts at least
 SINKING, ENERGY, SHORTEST = 0.05, 0.05, 4.0
 #: speed of grains that move fast, in sqrt(g d), and their share from which on the fall goes on
@@ -59,40 +60,15 @@ EXAMINED, ENOUGH = 10, 0.025
 RESIDUAL = 0.01
 #: iterations of an examination, and of the last one
 QUICK, THOROUGH = 300, 3000
-#: distance to which overlapping grains are parted, rounds for it, how often it is tried, and depth that is rounding
-PARTED, ROUNDS, TRIALS, ROUND_OFF = 1e-4, 60, 3, 1e-13
+#: distance to which overlapping grains are parted, rounds for it, by triangles and by other contacts, how often it is
+#: tried, and depth that is rounding
+PARTED, FEW_ROUNDS, ROUNDS, TRIALS, ROUND_OFF = 1e-4, 20, 60, 3, 1e-13
 
 
-@dataclass(frozen=True, slots=True)
-class Manner:
-    """How quasi-static steps are made."""
-
-    kept: float  # distance that surfaces keep
-    margin: float  # gap up to which contacts are found
-    most: float  # farthest that a grain moves in a step
-    first: float  # length of the first step
-    last: float  # of the last ones
-    steps: int  # largest number of steps
-    reuse: float = 0.0  # motion of a pair up to which its contacts are not found again
-
-
-#: of spheres and disks, of convex grains and polygons, and of meshes that are not convex: by grids of distances, then
-#: by triangles
-RUBBING = (
-    Manner(KEPT, 0.1, 0.1, first=0.3, last=0.1, steps=150),
-    Manner(KEPT, 0.1, 0.1, first=0.2, last=0.1, steps=150),
-)
-#: without friction
-FREE = (
-    Manner(2e-4, 0.15, 0.1, first=1.0, last=1.0, steps=40),
-    Manner(KEPT, 0.1, 0.03, first=0.2, last=0.05, steps=60),
-)
 #: accuracy of steps without friction while many grains move, and when few do
 COARSE, FINE = 3e-2, 3e-3
 #: largest number of spheres for which steps without friction are solved to the end
 MOST_DIRECT = 3000
-FIELDS = Manner(4e-3, 0.024, 0.02, first=0.15, last=0.1, steps=50)
-EXACT = Manner(KEPT, 5e-3, 2e-3, first=0.05, last=0.03, steps=160, reuse=5e-4)
 
 
 @dataclass(slots=True)
@@ -326,16 +302,25 @@ class Settler:
             return
         if progress.smallest < 0.0 and (progress.trials < TRIALS or (last and progress.exact)):
             progress.trials += 1
-            if progress.exact:
+            if not self._part():
                 self._look_closer()
                 return
-            part_grains(bed, PARTED, ROUNDS)
-            progress.length = min(progress.length, AFTER_PARTING * manner.last)
+            if not progress.exact:
+                progress.length = min(progress.length, AFTER_PARTING * manner.last)
             self._examine(QUICK)
         if last or (progress.moving < enough and progress.smallest >= 0.0):
             if progress.smallest < 0.0 and not progress.exact:
                 part_grains(bed, PARTED, ROUNDS)
             self._end()
+
+    def _part(self) -> bool:
+        """Part grains that overlap; return whether they are parted as far as their present contacts can do it."""
+        bed = self.bed
+        if not self.progress.exact:
+            part_grains(bed, PARTED, ROUNDS)
+            return True
+        smallest = part_grains(bed, PARTED, FEW_ROUNDS, most=EXACT.most, margin=EXACT.margin)
+        return smallest >= 0.0 and not bed.finders.crossing(bed.pairs, bed.grains)
 
     def _end(self) -> None:
         """Examine the bed for the last time; let it fall again, or go back to a former one that was better."""

@@ -152,6 +152,6 @@ def test_a_container_without_kind_names_the_key_in_its_place() -> None:
         vg.make_container({"lengths": [1, 1, 1]})
 
 
-def test_densities_of_several_materials_are_refused_by_that_rule() -> None:
-    with pytest.raises(InputError, match=r"density is \[2650, 7800\]: all grains of a packing have one density"):
-        vg.pack(vg.shapes.sphere(), vg.Box((4, 4, 4)), method="rsa", count=2, density=[2650, 7800])  # type: ignore[call-overload]
+def test_more_densities_than_shapes_are_refused_by_that_rule() -> None:
+    with pytest.raises(InputError, match=r"density is \[2650, 7800\]: it must be one number, or 1, one for each shape"):
+        vg.pack(vg.shapes.sphere(), vg.Box((4, 4, 4)), method="rsa", count=2, density=[2650, 7800])

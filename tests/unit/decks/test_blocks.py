@@ -115,7 +115,7 @@ def test_solids_have_the_true_mass_centroid_and_inertia(tmp_path, kind):
         for solid in solids:
             assert_closed(solid)
         volume, middle, tensor = moments(solids)
-        density = simulation.bodies.density
+        density = simulation.bodies.assembly.density
         assert volume * density == pytest.approx(grain["mass"], rel=1e-9)
         np.testing.assert_allclose(middle, grain["centroid"], atol=1e-9 * simulation.diameter)
         np.testing.assert_allclose(
@@ -240,7 +240,7 @@ def test_flat_grains_are_outlines(tmp_path):
         x, y = np.array(grain["vertices"]).T
         area = float(np.sum(x * np.roll(y, -1) - y * np.roll(x, -1)) / 2)
         allowed = 1e-2 if grain["shape"].startswith("disk") else 1e-9
-        assert area * made.simulation.bodies.density == pytest.approx(grain["mass"], rel=allowed)
+        assert area * made.simulation.bodies.assembly.density == pytest.approx(grain["mass"], rel=allowed)
 
 
 def test_many_rocks_are_written_in_seconds(tmp_path):

@@ -15,7 +15,7 @@ MASS, DIAMETER = np.array([2.0, 1.0, 4.0]), 0.5
 
 
 def law_of(load=1.0, radius=0.2, **material):
-    size = {"mass": MASS, "radius": radius, "diameter": DIAMETER}
+    size = {"mass": MASS, "quickest": (radius, 2500.0), "diameter": DIAMETER}
     return contact_law(vg.Material(**material), density=2500.0, load=(load, DIAMETER), **size)
 
 

@@ -73,7 +73,7 @@ def test_the_size_of_a_clump_is_that_of_the_sphere_of_its_volume(tmp_path):
     bodies = made.simulation.bodies
     mine = bodies.of_kind("clump")
     diameters = [one["diameter"][0] for one in given(tmp_path, "clump replicate")]
-    np.testing.assert_allclose(diameters, np.cbrt(6 * bodies.mass[mine] / bodies.density / math.pi))
+    np.testing.assert_allclose(diameters, np.cbrt(6 * bodies.mass[mine] / bodies.assembly.density / math.pi))
     assert all(set(one) == {"id", "name", "position", "axis", "angle", "diameter", "density"}
                for one in given(tmp_path, "clump replicate"))  # fmt: skip
 

@@ -132,9 +132,11 @@ def test_a_foreign_poly_data_is_no_packing(tmp_path):
 
 
 def test_a_newer_layout_is_refused(spheres, tmp_path, monkeypatch):
-    monkeypatch.setattr("voxgran.io.record.FORMAT", 2)
-    save_packing(spheres, tmp_path / "p.vtp")
-    monkeypatch.undo()
+    several = spheres + Packing.of(
+        spheres.shapes, spheres.container, position=[spheres.container.bounds[1]], density=3.0, unit=spheres.unit
+    )
+    save_packing(several, tmp_path / "p.vtp")
+    monkeypatch.setattr("voxgran.io.record.FORMAT", 1)
     with pytest.raises(FileFormatError, match="version 2: this voxgran reads up to 1; install a newer one"):
         load_packing(tmp_path / "p.vtp")
 

@@ -120,7 +120,6 @@ def test_two_packings_are_put_together():
     taller = dataclasses.replace(packing, container=vg.Box((4, 4, 5)))
     for other, message in (
         (three(unit="mm"), "unit of the packings is .*state the unknown one"),
-        (three(density=2.0), "density of the packings is 1.0 and 2.0.*give one the density"),
         (three(gravity=None), "gravity of the packings is .*give one the gravity"),
         (taller, r"container .lengths. of the packings is .*5.0.*make one anew in the container"),
     ):

@@ -101,7 +101,9 @@ def test_density_is_that_of_the_start_unless_given():
     assert bed.density == 2.0
     assert thrown(BALL, vg.Box((6, 6, 6))).density == 1.0
     assert thrown(BALL, vg.Box((6, 6, 12)), start=bed).density == 2.0
-    assert thrown(BALL, vg.Box((6, 6, 12)), start=bed, density=3).density == 3.0
+    # grains of the start keep theirs, unless it is not stated
+    assert thrown(BALL, vg.Box((6, 6, 12)), start=bed, density=3).density == (2.0, 3.0)
+    assert thrown(BALL, vg.Box((6, 6, 12)), start=thrown(BALL, vg.Box((6, 6, 6))), density=3).density == 3.0
     with pytest.raises(InputError, match="density is 0: it must be finite and above 0"):
         thrown(BALL, vg.Box((6, 6, 6)), density=0)
 

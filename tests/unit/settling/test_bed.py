@@ -7,6 +7,7 @@ import voxgran as vg
 from voxgran.packing.settling_run import normalized_assembly
 from voxgran.settling.bed import Bed
 from voxgran.settling.contact_rows import ARM_I, ARM_J
+from voxgran.settling.parting import part_grains
 
 DOWN = np.array([0.0, 0.0, -1.0])
 MARGIN, REST = 5e-3, 5e-4
@@ -94,3 +95,24 @@ def test_what_is_kept_is_all_rows_with_their_impulses(assembly):
     # rotation matrices are made again from quaternions that are normalized again
     np.testing.assert_allclose(bed.rows.row[: bed.m, :14], before, rtol=0, atol=1e-14)
     np.testing.assert_array_equal(np.array([bed.rows.i[: bed.m], bed.rows.j[: bed.m]]), np.array(pairs))
+
+
+@pytest.mark.parametrize("apart", [0.02, 0.1, 0.2])
+@pytest.mark.parametrize("seed", [1, 3])
+def test_two_meshes_that_cross_each_other_deeply_are_parted(seed, apart):
+    rock = vg.make_shape("solid_union", seed=seed)
+    place = 3.0 * rock.diameter
+    position = [(place, place, place), (place, place, place + apart * rock.diameter)]
+    half = np.sqrt(0.5)
+    crossed = vg.Packing.of(
+        rock, vg.Box((2 * place,) * 3), position=position, orientation=[(1.0, 0, 0, 0), (half, 0, 0, half)]
+    )
+    bed = Bed(normalized_assembly(crossed)[0], DOWN)
+    bed.find(0.0, 0.0)
+    assert bed.gap.min() < -0.12
+    # the contacts of the pair push both apart along the line of their centres
+    line = bed.grains.position[1] - bed.grains.position[0]
+    assert (bed.rows.row[: bed.m, :3] @ line).min() > 0.99 * np.linalg.norm(line)
+    assert part_grains(bed, 1e-3, 60) > 0.0
+    bed.find(0.1, 0.0)
+    assert 0.0 < bed.gap.min() < 3e-3

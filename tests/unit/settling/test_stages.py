@@ -111,3 +111,30 @@ def test_only_small_beds_fall_once_more(resting):
     settler.progress.stage = STILL
     settler._end()
     assert settler.progress.stage == ENDED
+
+
+def test_meshes_that_overlap_a_little_are_parted_by_their_triangles_and_those_that_cross_are_not():
+    rock = vg.make_shape("solid_union", seed=3)
+    bed = vg.pack(rock, vg.Box((3, 3, 8), periodic="xy"), "gravity", count=12)
+    settler = Settler(normalized_assembly(bed)[0], Settling(), DOWN)
+    progress, grains = settler.progress, settler.bed.grains
+    progress.stage, progress.exact, settler.bed.finders.exact = STILL, 1, True
+    higher = grains.position[:, 2] > np.median(grains.position[:, 2])
+    settler.bed.move(np.where(np.append(higher, False)[:, None], [0, 0, -1e-3, 0, 0, 0], 0.0), 1.0)
+    settler._examine(300)
+    assert -2e-3 < progress.smallest < 0.0
+    assert settler._part()
+    settler._examine(300)
+    assert progress.smallest >= 0.0
+    settler.bed.move(np.where(np.append(higher, False)[:, None], [0, 0, -0.2, 0, 0, 0], 0.0), 1.0)
+    assert not settler._part()
+
+
+def test_rocks_that_were_locked_in_each_other_while_they_grew_come_free():
+    rock = vg.load_shape(vg.data_file("eros.obj"))
+    width = 2.3 * rock.diameter
+    bed = vg.pack(rock, vg.Box((width, width, 14 * rock.diameter)), "gravity", count=20)
+    assert bed.stop_reason == "settled"
+    assert bed.verify().ok
+    # contacts by triangles are found in few steps only
+    assert bed.provenance["settling"]["steps"] < 700

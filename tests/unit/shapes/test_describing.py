@@ -280,3 +280,25 @@ def test_wrong_calls_are_explained():
     shapes = [vg.make_shape("sphere").to_unit("mm"), vg.make_shape("sphere").to_unit("m")]
     with pytest.raises(InputError, match="the shapes have the units m, mm"):
         vg.describe(shapes)
+
+
+@pytest.mark.parametrize("factor", [1e-6, 1.0, 1e6])
+@pytest.mark.parametrize(
+    ("solid", "radius"),
+    [("tetrahedron", 1 / math.sqrt(24)), ("cube", 0.5), ("octahedron", 1 / math.sqrt(6)),
+     ("dodecahedron", math.sqrt((25 + 11 * math.sqrt(5)) / 40)),
+     ("icosahedron", (3 * math.sqrt(3) + math.sqrt(15)) / 12)],
+)  # fmt: skip
+def test_the_largest_sphere_in_a_mesh_is_found_to_rounding(solid, radius, factor):
+    body = vg.shapes.platonic(solid=solid)
+    edge = np.linalg.norm(np.diff(body.vertices[body.faces[:, :2]], axis=1), axis=2).min()
+    turn = rotation_matrices(np.array([[0.5, -0.5, 0.1, 0.7]]))[0].T
+    shape = vg.Shape.from_mesh(factor / edge * body.vertices @ turn, body.faces)
+    assert inscribed_radius(shape) == pytest.approx(factor * radius, rel=1e-7)
+
+
+def test_the_largest_sphere_in_a_torus_of_facets_lies_between_those_of_its_section():
+    ring = vg.shapes.torus()
+    across = np.hypot(ring.vertices[:, 0], ring.vertices[:, 1])
+    tube = (across.max() - across.min()) / 2
+    assert 0.98 * tube < inscribed_radius(ring) <= tube

@@ -2,6 +2,9 @@
 
 import pytest
 
+from voxgran.study import engine
+from voxgran.study.runs import SceneCache, compute
+
 MEASURE = """
 import json, os, pathlib, signal, time
 from voxgran.measures.model import Measure, dataset, variable
@@ -62,6 +65,30 @@ def marks(tmp_path_factory, monkeypatch):
     (info / "entry_points.txt").write_text("[voxgran.measures]\nmark = marking:registration\n")
     monkeypatch.syspath_prepend(place)
     return Marks(place)
+
+
+class Here:
+    """Computes runs in this process; starting others takes longer than all else in most tests of a study."""
+
+    running = 0
+
+    def __enter__(self):
+        return self
+
+    def __exit__(self, *_):
+        return None
+
+    def results(self, runs):
+        """Yield each run with its record."""
+        cache = SceneCache()
+        for run in runs:
+            yield run, compute(run, cache), b""
+
+
+@pytest.fixture
+def here(monkeypatch):
+    """Compute the runs of studies in this process."""
+    monkeypatch.setattr(engine, "_executor", lambda options, runs: Here())
 
 
 @pytest.fixture

@@ -38,9 +38,9 @@ def test_all_combinations_of_values_are_cells():
     assert all(cell.scene.general.seed == 4 for cell in cells)
 
 
-def test_a_study_runs_in_the_folder_out_where_none_is_given(tmp_path, monkeypatch):
+def test_a_study_runs_in_the_folder_out_where_none_is_given(tmp_path, monkeypatch, here):
     monkeypatch.chdir(tmp_path)
-    result = study({"packing.count": [5]}, seeds=[1]).run(workers=1)
+    result = study({"packing.count": [5]}, seeds=[1]).run()
     assert result.folder.resolve() == (tmp_path / "out").resolve()
     assert (tmp_path / "out" / "study.nc").exists()
 

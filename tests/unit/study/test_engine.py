@@ -85,9 +85,9 @@ def test_results_are_those_of_single_scenes(base, tmp_path):
     assert result.table()["solid_fraction"].tolist() == data["solid_fraction"].values.ravel().tolist()
 
 
-def test_nothing_is_computed_twice(base, marks, tmp_path):
+def test_nothing_is_computed_twice(base, marks, tmp_path, here):
     def run(counts, seeds, **given):
-        return vg.Study(base=base, axes={"packing.count": counts}, seeds=seeds).run(tmp_path / "o", workers=1, **given)
+        return vg.Study(base=base, axes={"packing.count": counts}, seeds=seeds).run(tmp_path / "o", **given)
 
     first = run([5, 6], [1, 2])
     assert first.computed == 4
@@ -114,18 +114,18 @@ def test_nothing_is_computed_twice(base, marks, tmp_path):
     assert same(run([5, 6], [1, 2]), first)
 
 
-def test_cells_that_are_the_same_scene_are_computed_once(base, tmp_path):
+def test_cells_that_are_the_same_scene_are_computed_once(base, tmp_path, here):
     base |= {"measure": {"which": ["density"]}}
     result = vg.Study(base=base, axes={"packing.count": [5, 6], "packing.tries": [1000]}, seeds=1).run(tmp_path / "o")
     twice = vg.Study(base=base, cells=[{"packing.count": 5}, {"packing": {"count": 5, "tries": 1000}}], seeds=1)
-    assert twice.run(tmp_path / "two", workers=1).rows[0]["solid_fraction"] == result.rows[0]["solid_fraction"]
-    equal = vg.Study(base=base, cells=[{"label": "a"}, {"label": "b"}], seeds=1).run(tmp_path / "three", workers=1)
+    assert twice.run(tmp_path / "two").rows[0]["solid_fraction"] == result.rows[0]["solid_fraction"]
+    equal = vg.Study(base=base, cells=[{"label": "a"}, {"label": "b"}], seeds=1).run(tmp_path / "three")
     assert equal.computed == 1
     assert [row["cell"] for row in equal.rows] == ["a", "b"]
     assert equal.rows[0]["grain_volume"] == equal.rows[1]["grain_volume"]
 
 
-def test_faults_and_kills_cost_their_run_only(base, marks, tmp_path):
+def test_faults_and_kills_cost_their_run_only(base, marks, tmp_path, request):
     # seed 3 ends its process each time, seed 4 once, seed 5 fails
     marks.order(kill={"3": 9, "4": 1}, fail=[5])
     made = vg.Study(base=base, seeds=range(1, 9))
@@ -142,19 +142,20 @@ def test_faults_and_kills_cost_their_run_only(base, marks, tmp_path):
     # failures are kept, and tried again where asked
     marks.order()
     assert made.run(tmp_path / "o").computed == 0
-    again = made.run(tmp_path / "o", workers=1, retry=True)
+    request.getfixturevalue("here")
+    again = made.run(tmp_path / "o", retry=True)
     assert again.computed == 2
     assert not again.failures
     assert np.array_equal(again.dataset["mark"].values, np.arange(10, 90, 10))
 
 
-def test_what_cannot_be_packed_is_a_row_and_no_end(base, tmp_path):
+def test_what_cannot_be_packed_is_a_row_and_no_end(base, tmp_path, here):
     base |= {"measure": {"which": ["density"]}}
     made = vg.Study(base=base, axes={"container.lengths": [[4, 4, 4], [0.5, 0.5, 0.5]]}, seeds=2)
     plan = made.plan(tmp_path / "o")
     assert [bool(cell.refusal) for cell in plan.cells] == [False, True]
     assert [cell.left for cell in plan.cells] == [2, 0]
-    result = made.run(tmp_path / "o", workers=1)
+    result = made.run(tmp_path / "o")
     assert result.computed == 2
     assert [bool(row["failure"]) for row in result.rows] == [False, False, True, True]
     assert "cannot be done  container.lengths [0.5, 0.5, 0.5]: " in str(plan)
@@ -206,13 +207,13 @@ def test_what_is_begun_at_once_fits_in_memory(monkeypatch, mebibytes, limit, beg
         assert [[run.memory // 2**20 for run in worker.connection] for worker in pool._workers] == begun
 
 
-def test_memory_is_a_limit(base, tmp_path):
+def test_memory_is_a_limit(base, tmp_path, here):
     made = vg.Study(base=base | {"measure": {"which": ["density"]}}, seeds=1)
     refused = made.run(tmp_path / "two", memory="100 MB")
     assert refused.computed == 0
     assert "more than the 95 MiB that memory allows" in refused.rows[0]["failure"]
     # it is asked anew
-    assert not made.run(tmp_path / "two", workers=1).failures
+    assert not made.run(tmp_path / "two").failures
 
 
 def test_memory_is_given_in_many_ways(monkeypatch):
@@ -290,7 +291,7 @@ def test_steps_count_the_runs(base, marks, tmp_path):
     assert [step.done for step in steps] == sorted(step.done for step in steps)
 
 
-def test_an_interrupted_study_goes_on(base, marks, tmp_path):
+def test_an_interrupted_study_goes_on(base, marks, tmp_path, request):
     marks.order(wait=0.3)
     made = vg.Study(base=base, seeds=range(1, 9))
     sent = []
@@ -311,20 +312,22 @@ def test_an_interrupted_study_goes_on(base, marks, tmp_path):
     assert (plan.total("done"), plan.total("left")) == (len(kept), 8 - len(kept))
     before = marks.begun()
     marks.order()
-    result = made.run(tmp_path / "o", workers=2)
+    # what is left is computed in this process, and all of it once more
+    request.getfixturevalue("here")
+    result = made.run(tmp_path / "o")
     assert result.computed == 8 - len(kept)
     assert all(marks.begun()[seed] == before[seed] for seed in kept)
-    assert same(result, made.run(tmp_path / "two", workers=1))
+    assert same(result, made.run(tmp_path / "two"))
 
 
-def test_folders_of_others_are_left_alone(base, tmp_path):
+def test_folders_of_others_are_left_alone(base, tmp_path, here):
     made = vg.Study(base=base | {"measure": {"which": ["density"]}}, seeds=1)
     (tmp_path / "notes.txt").write_text("notes")
     with pytest.raises(OutputExistsError, match="holds something else than a study"):
         made.run(tmp_path, overwrite=True)
     with pytest.raises(OutputExistsError, match="is a file"):
         made.run(tmp_path / "notes.txt")
-    made.run(tmp_path / "o", workers=1)
+    made.run(tmp_path / "o")
     with locked_folder(tmp_path / "o"), pytest.raises(InUseError):
         made.run(tmp_path / "o")
     for wrong in ({"workers": 0}, {"memory": "much"}, {"dask": 8786}):
@@ -405,7 +408,7 @@ def test_a_checkpoint_that_belongs_to_another_run_is_left_out(tmp_path, base):
     assert found.seconds < 1e6
 
 
-def test_a_killed_run_of_a_study_goes_on(tmp_path, base, marks):
+def test_a_killed_run_of_a_study_goes_on(tmp_path, base, marks, request):
     """The measure ends the process once: the packing is not made again, and checkpoints of finished runs are gone."""
     marks.order(kill={"1": 1})
     result = vg.Study(base=base, seeds=[1, 2]).run(tmp_path / "o", workers=1)
@@ -413,7 +416,8 @@ def test_a_killed_run_of_a_study_goes_on(tmp_path, base, marks):
     assert len(marks.begun()[1]) == 2
     assert not list((tmp_path / "o" / "checkpoints").glob("*.voxgran*"))
     marks.order()
-    assert same(result, vg.Study(base=base, seeds=[1, 2]).run(tmp_path / "two", workers=1))
+    request.getfixturevalue("here")
+    assert same(result, vg.Study(base=base, seeds=[1, 2]).run(tmp_path / "two"))
 
 
 def keys_in(folder):

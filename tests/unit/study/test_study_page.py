@@ -329,11 +329,11 @@ BASE = {
 }
 
 
-def test_results_of_a_study_have_it_all(tmp_path):
+def test_results_of_a_study_have_it_all(tmp_path, here):
     axes = {"shape": ["sphere", "ellipsoid"], "packing.count": [3, 5]}
     base = {**BASE, "shape": [{"family": "sphere"}]}
     made = vg.Study(base=base, axes=axes, seeds=2, experiments={"sphere": (0.05, 0.06, "nobody")})
-    result = made.run(tmp_path / "out", workers=1)
+    result = made.run(tmp_path / "out")
     assert result.summary()["mean"].identical(summary(result.dataset)["mean"])
     compared = result.compare(over="packing.count")
     assert compared.query("test == 'Welch'").groupby("shape").size().to_dict() == {
@@ -362,7 +362,7 @@ def test_shapes_of_experiments_are_checked_before_anything_is_packed(tmp_path):
         vg.Study(file, experiments={})
 
 
-def test_the_command_writes_the_page(tmp_path, monkeypatch, capsys):
+def test_the_command_writes_the_page(tmp_path, monkeypatch, capsys, here):
     monkeypatch.chdir(tmp_path)
     (tmp_path / "beds.toml").write_text(
         'seeds = 2\n[base.container]\nkind = "box"\nlengths = [4, 4, 4]\n[[base.shape]]\nfamily = "sphere"\n'
@@ -371,7 +371,7 @@ def test_the_command_writes_the_page(tmp_path, monkeypatch, capsys):
     )
     # the second time nothing is computed, and the page is written anew
     for _ in range(2):
-        assert main(["study", "beds.toml", "--workers", "1", "--quiet"]) == 0
+        assert main(["study", "beds.toml", "--quiet"]) == 0
         assert "study.html" in capsys.readouterr().out
         text = (tmp_path / "out" / "study.html").read_text()
         assert "<h1>Study beds</h1>" in text

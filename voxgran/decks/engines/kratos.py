@@ -21,7 +21,6 @@ from voxgran._base.rotation import rotation_matrices
 from voxgran.decks.engine import Engine, Held
 from voxgran.decks.facets import facets_of
 from voxgran.decks.kratos_model import (
-    SPHERES,
     WALLS,
     Cluster,
     clu_text,
@@ -30,6 +29,7 @@ from voxgran.decks.kratos_model import (
     read_clu,
     read_mdpa,
     sphere_text,
+    spheres_of,
     wall_text,
 )
 from voxgran.decks.simulation import SETTLING, Simulation
@@ -265,19 +265,24 @@ def _materials(simulation: Simulation) -> dict[str, Any]:
     """Return the materials: of spheres, of walls, and of each template that is a clump, whose file it names."""
     law, bodies = simulation.law, simulation.bodies
     elastic = {"YOUNG_MODULUS": _young_modulus(simulation), "POISSON_RATIO": law.poisson_ratio}
-    grain = {"PARTICLE_DENSITY": bodies.density, **elastic}
-    clumps = {material: bodies.templates[k].name for k, material in clumps_of(bodies).items()}
-    materials = [_material("spheres", SPHERES, grain), _material("walls", WALLS, {**elastic, "COMPUTE_WEAR": False})]
-    table = [["SpheresPart", "spheres"], ["RigidFacePart", "walls"]]
-    for material, name in clumps.items():
+    spheres, clumps = spheres_of(bodies), {material: k for k, material in clumps_of(bodies).items()}
+    walls = _material("walls", WALLS, {**elastic, "COMPUTE_WEAR": False})
+    several, materials, table = len(spheres) > 1, [], []
+    for material, name, density, _ in spheres:
+        materials.append(_material(name, material, {"PARTICLE_DENSITY": density, **elastic}))
+        table.append([f"SpheresPart.{name.title()}" if several else "SpheresPart", name])
+    materials.insert(1, walls)
+    table.insert(1, ["RigidFacePart", "walls"])
+    names = {material: name for material, name, *_ in spheres} | {WALLS: "walls"}
+    for material, k in clumps.items():
+        names[material] = name = bodies.templates[k].name
         own = {"CLUSTER_FILE_NAME": _cluster_file(name), "BREAKABLE_CLUSTER": False}
-        materials.append(_material(name, material, {**grain, **own}))
+        materials.append(_material(name, material, {"PARTICLE_DENSITY": bodies.densities[k], **elastic, **own}))
         table.append([f"ClusterPart.{name}", name])
-    names = {SPHERES: "spheres", WALLS: "walls", **clumps}
     contact = _contact(simulation)
     relations = [
         {"material_names_list": [names[a], names[b]], "material_ids_list": [a, b], "Variables": contact}
-        for a, b in itertools.combinations_with_replacement((SPHERES, *clumps, WALLS), 2)
+        for a, b in itertools.combinations_with_replacement((*(one[0] for one in spheres), *clumps, WALLS), 2)
         if (a, b) != (WALLS, WALLS)
     ]
     return {"materials": materials, "material_relations": relations, "material_assignation_table": table}
@@ -363,13 +368,13 @@ def _read(folder: Path) -> Held:
         one["material_id"]: one["Variables"]
         for one in json.loads((folder / MATERIALS).read_text(encoding="utf-8"))["materials"]
     }
-    density = float(materials[SPHERES]["PARTICLE_DENSITY"])
+    densities = {number: float(variables.get("PARTICLE_DENSITY", 0.0)) for number, variables in materials.items()}
     clusters = {
         number: read_clu(folder / variables["CLUSTER_FILE_NAME"])
         for number, variables in materials.items()
         if "CLUSTER_FILE_NAME" in variables
     }
-    bodies = {**_spheres(folder / GRAINS, density), **_clusters(folder / CLUMPS, density, clusters)}
+    bodies = {**_spheres(folder / GRAINS, densities), **_clusters(folder / CLUMPS, densities, clusters)}
     rows = [bodies[grain] for grain in sorted(bodies)]
     mass, position, inertia, centers, radii = zip(*rows, strict=True)
     joined = np.concatenate(centers), np.concatenate(radii)
@@ -380,32 +385,33 @@ def _read(folder: Path) -> Held:
 Body = tuple[float, Floats, Floats, Floats, Floats]
 
 
-def _spheres(path: Path, density: float) -> dict[int, Body]:
-    """Return the grains that are spheres, by their numbers."""
-    nodes, sizes = read_mdpa(path, "Nodes", "NodalData RADIUS")
+def _spheres(path: Path, densities: Mapping[int, float]) -> dict[int, Body]:
+    """Return the grains that are spheres, by their numbers; densities are those of the materials."""
+    nodes, elements, sizes = read_mdpa(path, "Nodes", "Elements SphericParticle3D", "NodalData RADIUS")
     radii = {int(words[0]): float(words[2]) for words in sizes}
+    material = {int(words[2]): int(words[1]) for words in elements}
     found: dict[int, Body] = {}
     for words in nodes:
         grain, center = int(words[0]), np.array(words[1:], dtype=float)
         radius = radii[grain]
-        mass = density * 4 / 3 * math.pi * radius**3
+        mass = densities[material[grain]] * 4 / 3 * math.pi * radius**3
         found[grain] = mass, center, 0.4 * mass * radius**2 * np.eye(3), center[None], np.array([radius])
     return found
 
 
-def _clusters(path: Path, density: float, clusters: Mapping[int, Cluster]) -> dict[int, Body]:
-    """Return the grains that are clumps, by their numbers."""
+def _clusters(path: Path, densities: Mapping[int, float], clusters: Mapping[int, Cluster]) -> dict[int, Body]:
+    """Return the grains that are clumps, by their numbers; densities and clusters are those of the materials."""
     names = ("Nodes", "Elements Cluster3D", "NodalData CHARACTERISTIC_LENGTH", "NodalData ORIENTATION")
     nodes, elements, sizes, orientations = read_mdpa(path, *names)
     lengths = {int(words[0]): float(words[2]) for words in sizes}
     turns = {int(words[0]): np.array(words[3:], dtype=float) for words in orientations}
-    of_node = {int(words[2]): clusters[int(words[1])] for words in elements}
+    material = {int(words[2]): int(words[1]) for words in elements}
     found: dict[int, Body] = {}
     for words in nodes:
         grain, center = int(words[0]), np.array(words[1:], dtype=float)
-        cluster, turn = of_node[grain], rotation_matrices(np.roll(turns[grain], 1)[None])[0]
+        cluster, turn = clusters[material[grain]], rotation_matrices(np.roll(turns[grain], 1)[None])[0]
         scale = lengths[grain] / cluster.size
-        mass = density * cluster.volume * scale**3
+        mass = densities[material[grain]] * cluster.volume * scale**3
         inertia = turn @ np.diag(mass * scale**2 * cluster.inertia) @ turn.T
         found[grain] = mass, center, inertia, center + scale * cluster.centers @ turn.T, scale * cluster.radii
     return found

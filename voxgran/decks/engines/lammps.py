@@ -72,9 +72,9 @@ def _write(simulation: Simulation) -> Mapping[str, str]:
     bonds = _bond_texts(simulation)
     if bonds is not None:
         files[BONDS] = "\n".join([_comments(simulation), *bonds.commands]) + "\n"
-    for template in bodies.templates:
+    for template, density in zip(bodies.templates, bodies.densities, strict=True):
         if template.kind == "clump":
-            files[f"lammps_{template.name}.mol"] = text_of_spheres(template.shape, ".mol", density=bodies.density)
+            files[f"lammps_{template.name}.mol"] = text_of_spheres(template.shape, ".mol", density=density)
     return files
 
 

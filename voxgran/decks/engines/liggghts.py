@@ -178,14 +178,14 @@ def _clumps(simulation: Simulation) -> str:
 def _clump(simulation: Simulation, grain: int, number: int, block: Floats) -> list[str]:
     """Return the template of a clump and the region (3, 2) of its centroid."""
     bodies = simulation.bodies
-    template = bodies.templates[bodies.assembly.shape_id[grain]]
+    template, density = bodies.templates[bodies.assembly.shape_id[grain]], float(bodies.assembly.densities[grain])
     scale = float(bodies.assembly.scale[grain])
     # in the frame of the template: LIGGGHTS turns it with the clump
-    tensor = template.shape.inertia * bodies.density * scale**5
+    tensor = template.shape.inertia * density * scale**5
     inertia = _row(np.array([tensor[place] for place in PLACES]))
     name = grain + 1
     made = (
-        f"fix t{name} all particletemplate/multisphere {SEEDS[0]} atom_type 1 density constant {bodies.density!r} "
+        f"fix t{name} all particletemplate/multisphere {SEEDS[0]} atom_type 1 density constant {density!r} "
         f"nspheres {len(template.spheres[1])} ntry 1000 spheres file {_file(template.name)} scale {scale!r} "
         f"type {number} mass {float(bodies.mass[grain])!r} inertia_tensor {inertia} use_density"
     )

@@ -231,7 +231,7 @@ def _write(simulation: Simulation) -> Mapping[str, str]:
         files[WALLS] = _text([*lines, *(_row(row) for row in np.concatenate(triangles))])
     for k, template in enumerate(bodies.templates):
         if k in used:
-            for table, rows in _tables(template, bodies.density).items():
+            for table, rows in _tables(template, bodies.densities[k]).items():
                 files[f"mercury_{template.name}_{table}.txt"] = _text(_row(row) for row in rows)
     return files
 

@@ -6,8 +6,7 @@ volume differs between the versions.
 References
 ----------
 docs.itascacg.com/pfc700, pages of the commands `model domain`, `model mechanical`, `contact cmat default`,
-`ball create`, `clump template`, `clump replicate`, `rblock create` and `wall create`, of the contact models `linear`
-and `hysteretic`, and of the FISH statements.
+`ball create`, `clump template`, `clump replicate`, `rblock create`, `wall create`, of `linear`, `hysteretic` and FISH.
 """
 
 import math
@@ -52,8 +51,8 @@ COMMANDS: Mapping[str, Mapping[str, str]] = {
         "model": "w", "property": "", "kn": "f", "ks": "f", "fric": "f", "dp_nratio": "f", "hz_shear": "f",
         "hz_poiss": "f", "dp_en": "f",
     },
-    "ball create": {"id": "i", "radius": "f", "position": "fff"},
-    "ball attribute": {"density": "f"},
+    "ball create": {"id": "i", "radius": "f", "position": "fff", "group": "s"},
+    "ball attribute": {"density": "f", "range": "ws"},
     "clump template create": {"name": "s", "pebbles": "p", "volume": "f", "inertia": "ffffff"},
     "clump replicate": {
         "id": "i", "name": "s", "position": "fff", "axis": "fff", "angle": "f", "diameter": "f", "density": "f"
@@ -62,7 +61,7 @@ COMMANDS: Mapping[str, Mapping[str, str]] = {
     "wall create": {"id": "i", "name": "s", "vertices": "f*"},
 }  # fmt: skip
 #: words that a `w` may be
-WORDS = {"linear", "hysteretic", "periodic", "stop"}
+WORDS = {"linear", "hysteretic", "periodic", "stop", "group"}
 NUMBER = r"[-+]?\d+\.?\d*(?:[eE][-+]?\d+)?"
 #: what each kind of argument is
 ARGUMENTS = {
@@ -213,30 +212,38 @@ def _grains(simulation: Simulation, low: Floats, high: Floats) -> list[str]:
     places = (
         grains.position - np.where(simulation.walls.periodic, np.floor((grains.position - low) / length), 0) * length
     )
-    turns = bodies.principal_orientation
+    turns, several = bodies.principal_orientation, isinstance(grains.density, tuple)
     corners = {k: _corners(one) for k, one in enumerate(bodies.templates) if one.kind == "polyhedron"}
     lines = []
     for k, (shape, place) in enumerate(zip(grains.shape_id.tolist(), places, strict=True)):
-        template, scale = bodies.templates[shape], float(grains.scale[k])
+        template, scale, density = bodies.templates[shape], float(grains.scale[k]), bodies.densities[shape]
         if template.kind == "sphere":
             radius = scale * float(template.spheres[1][0])
             lines.append(f"ball create id {k + 1} radius {radius!r} position {_row(place)}")
+            lines[-1] += f" group '{template.name}'" if several else ""
         elif template.kind == "clump":
             turn = _turn(turns[k])
             diameter = float(grains.diameters[k])
             lines.append(
                 f"clump replicate id {k + 1} name '{template.name}' position {_row(place)}{turn} diameter {diameter!r} "
-                f"density {bodies.density!r}"
+                f"density {density!r}"
             )
         else:
             points, share = corners[shape]
-            lines.append(f"rblock create id {k + 1} density {bodies.density * share!r} vertices ...")
+            lines.append(f"rblock create id {k + 1} density {density * share!r} vertices ...")
             world = (scale * points) @ grains.matrices[k].T + place
             lines += [f"  {_row(point)} ..." for point in world[:-1]]
             lines.append(f"  {_row(world[-1])}")
-    if len(bodies.of_kind("sphere")):
-        lines.append(f"ball attribute density {bodies.density!r}")
-    return lines
+    return [*lines, *_ball_densities(simulation)]
+
+
+def _ball_densities(simulation: Simulation) -> list[str]:
+    """Return the commands that give spheres their density; where densities differ, by the groups of shapes."""
+    bodies = simulation.bodies
+    used = np.unique(bodies.assembly.shape_id[bodies.of_kind("sphere")])
+    if isinstance(bodies.assembly.density, float):
+        return [f"ball attribute density {bodies.assembly.density!r}"] if len(used) else []
+    return [f"ball attribute density {bodies.densities[k]!r} range group '{bodies.templates[k].name}'" for k in used]
 
 
 def _turn(quaternion: Floats) -> str:
@@ -302,13 +309,15 @@ def _read(folder: Path) -> Held:
         If a line is not as the documentation of PFC has it, or a template is missing.
     """
     found = list(_statements(folder, RUN))
-    density = next((one.given["density"][0] for one in found if one.command == "ball attribute"), 0.0)
+    # by group; that of balls without a group is under the empty name
+    attributes = [one.given for one in found if one.command == "ball attribute"]
+    densities = {given.get("range", [""])[-1]: given["density"][0] for given in attributes}
     templates = {one.given["name"][0]: one.given for one in found if one.command == "clump template create"}
     rows: dict[int, tuple[float, Floats, Floats, Floats, Floats]] = {}
     for statement in found:
         given = statement.given
         if statement.command == "ball create":
-            row = _sphere(given, density)
+            row = _sphere(given, densities.get(given.get("group", [""])[0], 0.0))
         elif statement.command == "clump replicate":
             if given["name"][0] not in templates:
                 raise FileFormatError(f"{folder / GRAINS} names no template {given['name'][0]!r}: write the deck again")

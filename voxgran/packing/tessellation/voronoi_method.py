@@ -35,6 +35,7 @@ from voxgran._base.errors import InputError, PackingWarning
 from voxgran._base.rotation import normalized
 from voxgran._base.seeds import philox_key, stream
 from voxgran._base.stopping import stop_if_asked
+from voxgran.contacts.assembly import by_shape
 from voxgran.containers.kernel_container import kernel_container
 from voxgran.packing.method import Cost, PackingMethod, State
 from voxgran.packing.model import Packing
@@ -343,7 +344,8 @@ def _finish_cells(problem: Problem, state: State) -> Packing:
         empty.container,
         position=center * unit,
         shape_id=np.arange(len(grains)),
-        density=empty.density,
+        # each cell is a shape of its own, with the density of the grain that it was drawn for
+        density=np.array(by_shape(problem.density, len(problem.shapes)))[problem.shape_id[placed]].tolist(),
         provenance=empty.provenance,
         stop_reason=empty.stop_reason,
         unit=empty.unit,

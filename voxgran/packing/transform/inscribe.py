@@ -12,6 +12,7 @@ from voxgran._base.errors import InputError
 from voxgran._base.kernels import kernel
 from voxgran._base.rotation import normalized, random_rotations, rotation_matrices
 from voxgran._base.seeds import stream
+from voxgran.contacts.assembly import shapes_by_density
 from voxgran.packing.model import Packing, check_packing
 from voxgran.shapes.model import Shape, check_shapes
 
@@ -89,7 +90,6 @@ def inscribe(
         position=packing.position,
         shape_id=drawn if shape_id is None else shape_id,
         orientation=turns,
-        density=packing.density,
         provenance={
             **packing.provenance,
             "shapes": [{"name": shape.name, "key": shape.key} for shape in given],
@@ -104,7 +104,12 @@ def inscribe(
     # the sphere around a shape of size 1 is mapped to the sphere of the grain
     scale = packing.bounding_radii / spheres[inscribed.shape_id, 3]
     beside = np.einsum("nij,nj->ni", rotation_matrices(turns), spheres[inscribed.shape_id, :3])
-    return replace(inscribed, scale=scale, position=packing.position - scale[:, None] * beside)
+    # each grain keeps the density of its sphere
+    shapes, chosen, density = inscribed.shapes, inscribed.shape_id, packing.density
+    if isinstance(density, tuple):
+        shapes, chosen, density = shapes_by_density(shapes, chosen, packing.densities)
+    made = replace(inscribed, shapes=shapes, shape_id=chosen, density=density)
+    return replace(made, scale=scale, position=packing.position - scale[:, None] * beside)
 
 
 def _drawn(generator: np.random.Generator, many: int, n: int, weights: ArrayLike | None) -> ArrayLike:

@@ -1,0 +1,34 @@
+"""How quasi-static steps are made, by the kind of the grains and the friction."""
+
+from dataclasses import dataclass
+
+#: distance that surfaces keep
+KEPT = 5e-4
+
+
+@dataclass(frozen=True, slots=True)
+class Manner:
+    """How quasi-static steps are made."""
+
+    kept: float  # distance that surfaces keep
+    margin: float  # gap up to which contacts are found
+    most: float  # farthest that a grain moves in a step
+    first: float  # length of the first step
+    last: float  # of the last ones
+    steps: int  # largest number of steps
+    reuse: float = 0.0  # motion of a pair up to which its contacts are not found again
+
+
+#: of spheres and disks, and of convex grains and polygons
+RUBBING = (
+    Manner(KEPT, 0.1, 0.1, first=0.3, last=0.1, steps=150),
+    Manner(KEPT, 0.1, 0.1, first=0.2, last=0.1, steps=150),
+)
+#: of the same without friction
+FREE = (
+    Manner(2e-4, 0.15, 0.1, first=1.0, last=1.0, steps=40),
+    Manner(KEPT, 0.1, 0.03, first=0.2, last=0.05, steps=60),
+)
+#: of meshes that are not convex: by grids of distances, then by triangles
+FIELDS = Manner(4e-3, 0.024, 0.02, first=0.15, last=0.1, steps=50)
+EXACT = Manner(KEPT, 5e-3, 2e-3, first=0.2, last=0.05, steps=160, reuse=5e-4)
