@@ -265,3 +265,22 @@ def test_scenes_state_densities_beside_their_shapes():
     assert made.density() == [7800, 2500]
     with pytest.raises(InputError, match=r"\[\[shape\]\] density is -1: it must be finite and above 0"):
         vg.Scene.from_mapping({"shape": [{"family": "sphere", "density": -1}], **rest})
+
+
+@pytest.mark.parametrize("seed", [0, 1])
+def test_heavy_grains_sink_when_a_settled_bed_is_shaken(seed):
+    """Grains of steel among foam come lower; the same bed of one density hardly sorts itself."""
+    start = vg.pack([BALL, BALL], vg.Cylinder(2.5, 14), "gravity", count=150, density=[20, 1], friction=0.2, seed=seed)
+    heavy = start.densities == 20
+
+    def rise(packing):
+        height = packing.position[:, 2]
+        return height[heavy].mean() - height[~heavy].mean()
+
+    shaking = {"acceleration": 5.0, "duration": 60.0}
+    apart, alike = (
+        rise(vg.settle(one, friction=0.1, shaking=shaking, seed=seed)) - rise(start)
+        for one in (start, dataclasses.replace(start, density=1.0))
+    )
+    assert apart < -0.5
+    assert abs(alike) < 0.4
