@@ -52,7 +52,7 @@ def test_the_lines_at_the_prompt_run_and_give_the_same_bed(tmp_path, monkeypatch
     assert len(lines) == 8
     for line in lines:
         assert main(shlex.split(line)) == 0, line
-    assert "share at rest            0.98" in capsys.readouterr().out
+    assert "share at rest            0.99" in capsys.readouterr().out
     packing = vg.load(tmp_path / "bed" / "packing.vtp")
     assert (packing.count, packing.unit) == (150, "mm")
     assert packing.solid_fraction == pytest.approx(0.3766, abs=1e-4)
