@@ -109,13 +109,13 @@ class SceneCache:
     """The scene of the last run and its shapes: the runs of a cell differ by their seeds only."""
 
     def __init__(self) -> None:
-        self._key = ""
+        self._key: str | None = None
         self._made: tuple[SceneDescription, tuple[Shape, ...]]
 
     def of(self, run: Run) -> tuple[SceneDescription, tuple[Shape, ...]]:
         """Return scene and shapes of a run."""
         if self._key != run.cell:
-            self._key = ""
+            self._key = None
             scene = SceneDescription.from_mapping(run.mapping)
             self._made = scene, tuple(shape for entry in scene.shapes for shape, _ in entry.grains())
             self._key = run.cell

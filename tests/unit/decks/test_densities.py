@@ -15,11 +15,11 @@ READERS = [name for name in engine_registry().names() if engine_registry().get(n
 
 def mixed(density=(STEEL, GLASS, WOOD, GLASS), unit="mm"):
     """Return spheres of two densities, in turn, and two kinds of clumps."""
-    ball = vg.shapes.sphere()
+    sphere = vg.shapes.sphere()
     rods = [vg.fit_clump(vg.shapes.box(lengths=(1, 1, long)), max_spheres=4).to_shape() for long in (1.5, 2)]
     places = [(1 + 2 * (k % 4), 1 + 2 * (k // 4), 2) for k in range(12)]
     return vg.Packing.of(
-        [ball, ball, *rods], vg.Box((8, 6, 4)), position=places, shape_id=[0, 1, 2, 3] * 3,
+        [sphere, sphere, *rods], vg.Box((8, 6, 4)), position=places, shape_id=[0, 1, 2, 3] * 3,
         scale=np.linspace(0.8, 1.1, 12), density=density, unit=unit,
     )  # fmt: skip
 
@@ -58,11 +58,11 @@ def test_a_deck_of_one_density_is_as_before(engine, tmp_path):
 
 
 def test_the_time_step_of_hertz_is_that_of_the_sphere_that_waves_cross_first():
-    ball, law = vg.shapes.sphere(), {"law": "hertz", "young_modulus": 1e7}
+    sphere, law = vg.shapes.sphere(), {"law": "hertz", "young_modulus": 1e7}
 
     def step(density, scale):
         packing = vg.Packing.of(
-            [ball, ball], vg.Box((8, 8, 8)), position=[(2, 2, 2), (5, 5, 5)], shape_id=[0, 1], scale=scale,
+            [sphere, sphere], vg.Box((8, 8, 8)), position=[(2, 2, 2), (5, 5, 5)], shape_id=[0, 1], scale=scale,
             density=density, unit="mm",
         )  # fmt: skip
         from voxgran.decks.write import described

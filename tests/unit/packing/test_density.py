@@ -11,26 +11,26 @@ from voxgran.contacts.assembly import as_density, shapes_by_density
 from voxgran.io.record import to_record
 
 STEEL, GLASS = 7800.0, 2500.0
-BALL, CUBE = vg.shapes.sphere(), vg.shapes.box(lengths=(1, 1, 1))
+SPHERE, CUBE = vg.shapes.sphere(), vg.shapes.box(lengths=(1, 1, 1))
 BOX = vg.Box((4, 4, 4))
 
 
 def pair(density=(STEEL, GLASS), **given):
     places = [(1, 1, 1), (3, 1, 1), (1, 3, 1)]
-    return vg.Packing.of([BALL, CUBE], BOX, position=places, shape_id=[0, 1, 0], density=density, **given)
+    return vg.Packing.of([SPHERE, CUBE], BOX, position=places, shape_id=[0, 1, 0], density=density, **given)
 
 
 def column(lower, upper):
     """Return two touching spheres of diameter 1, one on the other, on the floor."""
     return vg.Packing.of(
-        [BALL, BALL], vg.Box((3, 3, 3)), position=[(1.5, 1.5, 0.5), (1.5, 1.5, 1.5)], shape_id=[0, 1],
+        [SPHERE, SPHERE], vg.Box((3, 3, 3)), position=[(1.5, 1.5, 0.5), (1.5, 1.5, 1.5)], shape_id=[0, 1],
         density=[lower, upper],
     )  # fmt: skip
 
 
 def bed(density, **given):
     asked = {"count": 60, "seed": 3, "friction": 0.4, **given}
-    return vg.pack([BALL, BALL], vg.Box((4, 4, 12)), "gravity", density=density, **asked)
+    return vg.pack([SPHERE, SPHERE], vg.Box((4, 4, 12)), "gravity", density=density, **asked)
 
 
 @pytest.mark.parametrize(
@@ -60,7 +60,7 @@ def test_bad_densities_are_refused(density, message):
         dataclasses.replace(pair(), density=density)
     if density is not None:
         with pytest.raises(InputError, match=message):
-            vg.pack([BALL, CUBE], BOX, "rsa", count=2, density=density)
+            vg.pack([SPHERE, CUBE], BOX, "rsa", count=2, density=density)
 
 
 def test_density_is_one_number_or_one_for_each_shape():
@@ -110,13 +110,13 @@ def test_packings_of_several_densities_are_put_together():
     # one shape of two materials is there twice
     both = pair(STEEL) + pair(GLASS)
     assert both.densities.tolist() == [STEEL] * 3 + [GLASS] * 3
-    assert both.shapes == (BALL, CUBE, BALL, CUBE)
+    assert both.shapes == (SPHERE, CUBE, SPHERE, CUBE)
     assert both[:3] == pair(STEEL)
     assert (pair(GLASS) + pair(GLASS)).density == GLASS
 
 
 def test_inscribed_grains_have_the_densities_of_their_spheres():
-    spheres = vg.Packing.of([BALL, BALL], BOX, position=pair().position, shape_id=[0, 1, 0], density=[STEEL, GLASS])
+    spheres = vg.Packing.of([SPHERE, SPHERE], BOX, position=pair().position, shape_id=[0, 1, 0], density=[STEEL, GLASS])
     found = vg.inscribe(spheres, [CUBE, vg.shapes.cylinder(radius=0.5, height=1)], shape_id=[0, 0, 1])
     assert found.densities.tolist() == [STEEL, GLASS, STEEL]
     assert [found.shapes[k].name for k in found.shape_id] == ["box", "box", "cylinder"]
@@ -125,10 +125,10 @@ def test_inscribed_grains_have_the_densities_of_their_spheres():
 
 
 def test_shapes_by_density_is_a_grouping():
-    shapes, shape_id, density = shapes_by_density([BALL, CUBE], np.array([1, 0, 1, 0]), [2.0, 3.0, 3.0, 3.0])
+    shapes, shape_id, density = shapes_by_density([SPHERE, CUBE], np.array([1, 0, 1, 0]), [2.0, 3.0, 3.0, 3.0])
     assert [(shapes[k].name, density[k]) for k in shape_id] == [("box", 2), ("sphere", 3), ("box", 3), ("sphere", 3)]
     assert len(shapes) == 3
-    assert shapes_by_density([BALL], np.zeros(2, int), [3.0, 3.0])[2] == 3.0
+    assert shapes_by_density([SPHERE], np.zeros(2, int), [3.0, 3.0])[2] == 3.0
 
 
 def test_cells_have_the_densities_of_their_grains():
@@ -142,7 +142,7 @@ def test_cells_have_the_densities_of_their_grains():
 
 def test_a_start_keeps_its_densities():
     box = vg.Box((6, 6, 12))
-    start = vg.pack([BALL, BALL], box, "rsa", count=8, density=[STEEL, GLASS], seed=1)
+    start = vg.pack([SPHERE, SPHERE], box, "rsa", count=8, density=[STEEL, GLASS], seed=1)
     more = vg.pack(CUBE, box, "rsa", count=4, density=1000, start=start)
     assert more.densities.tolist() == [*start.densities.tolist(), *[1000.0] * 4]
     with pytest.raises(InputError, match=r"density is left out and grains of start have 7800, 2500.*give theirs"):
@@ -202,7 +202,7 @@ def test_residuals_are_in_the_weight_and_the_radius_of_each_grain():
     plate = vg.shapes.box(lengths=(3, 1, 0.2))
     places = [(2, 2, 0.5), (2.8, 2, 1.1), (2, 6, 0.5), (2.8, 6, 1.1)]
     packing = vg.Packing.of(
-        [BALL, plate] * 2, vg.Box((6, 8, 4)), position=places, shape_id=range(4),
+        [SPHERE, plate] * 2, vg.Box((6, 8, 4)), position=places, shape_id=range(4),
         density=[1000, 1000, 6000, 6000],
     )  # fmt: skip
     found = vg.equilibrium(packing, friction=0.5)
@@ -238,14 +238,14 @@ def test_only_the_ratio_of_densities_matters():
     assert plain.position.tobytes() == equal.position.tobytes() == stated.position.tobytes()
     assert plain.position.tobytes() != one.position.tobytes()
     # what counts is the grains that are there: a shape without grains has no weight
-    few = vg.pack([BALL, BALL], vg.Box((4, 4, 12)), "gravity", count=60, seed=3, friction=0.4, weights=[1, 0])
-    alone = vg.pack([BALL, BALL], vg.Box((4, 4, 12)), "gravity", count=60, seed=3, friction=0.4, weights=[1, 0],
+    few = vg.pack([SPHERE, SPHERE], vg.Box((4, 4, 12)), "gravity", count=60, seed=3, friction=0.4, weights=[1, 0])
+    alone = vg.pack([SPHERE, SPHERE], vg.Box((4, 4, 12)), "gravity", count=60, seed=3, friction=0.4, weights=[1, 0],
                     density=[STEEL, GLASS])  # fmt: skip
     assert few.position.tobytes() == alone.position.tobytes()
 
 
 def test_a_run_does_not_go_on_with_other_densities(tmp_path):
-    start = vg.Packing.of([BALL, BALL], vg.Box((3, 3, 8)), position=[(1, 1, 2), (2, 2, 4), (1, 2, 6)],
+    start = vg.Packing.of([SPHERE, SPHERE], vg.Box((3, 3, 8)), position=[(1, 1, 2), (2, 2, 4), (1, 2, 6)],
                           shape_id=[0, 1, 0], density=[STEEL, GLASS])  # fmt: skip
     where = {"checkpoint": tmp_path / "c", "resume": True}
     first = vg.settle(start, **where)
@@ -270,7 +270,9 @@ def test_scenes_state_densities_beside_their_shapes():
 @pytest.mark.parametrize("seed", [0, 1])
 def test_heavy_grains_sink_when_a_settled_bed_is_shaken(seed):
     """Grains of steel among foam come lower; the same bed of one density hardly sorts itself."""
-    start = vg.pack([BALL, BALL], vg.Cylinder(2.5, 14), "gravity", count=150, density=[20, 1], friction=0.2, seed=seed)
+    start = vg.pack(
+        [SPHERE, SPHERE], vg.Cylinder(2.5, 14), "gravity", count=150, density=[20, 1], friction=0.2, seed=seed
+    )
     heavy = start.densities == 20
 
     def rise(packing):

@@ -31,6 +31,7 @@ from voxgran.study.processes import Processes
 from voxgran.study.result import MACHINE
 from voxgran.study.runs import Record, Run, compute
 from voxgran.study.store import Store
+from voxgran.study.worker import FIRST
 
 
 def same(one, other):
@@ -423,3 +424,7 @@ def test_a_killed_run_of_a_study_goes_on(tmp_path, base, marks, request):
 def keys_in(folder):
     """Return the keys of the runs in the folder of a study."""
     return [path.stem for path in (folder / "cells").glob("*.json")]
+
+
+def test_what_a_worker_computes_at_first_succeeds():
+    assert compute(Run(key="", cell="", mapping=FIRST, seed=0)).failure == ""

@@ -309,7 +309,7 @@ def _read(folder: Path) -> Held:
         If a line is not as the documentation of PFC has it, or a template is missing.
     """
     found = list(_statements(folder, RUN))
-    # by group; that of balls without a group is under the empty name
+    # by group; that of spheres without a group is under the empty name
     attributes = [one.given for one in found if one.command == "ball attribute"]
     densities = {given.get("range", [""])[-1]: given["density"][0] for given in attributes}
     templates = {one.given["name"][0]: one.given for one in found if one.command == "clump template create"}
