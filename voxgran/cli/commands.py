@@ -22,7 +22,7 @@ from voxgran.cli.terminal import complain, entry_line, progress, show, table
 #: which parts use several cores
 CORES = (
     "methods and measures use one core, with the same bits for each seed; voxgran study uses all cores, and "
-    "distance transforms of voxels, alone or as a part of morphology and pore sizes, take a number of threads"
+    "distance transforms of voxels, alone or as a part of morphology and of local_thickness, take a number of threads"
 )
 
 

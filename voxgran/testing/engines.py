@@ -80,6 +80,23 @@ class EngineSuite:
         np.testing.assert_allclose(held.mass, bodies.mass, rtol=1e-6)
         np.testing.assert_allclose(held.position, 1e-3 * self.packing().position, rtol=0, atol=1e-9)
 
+    def test_each_grain_has_the_density_of_its_shape(self, tmp_path: Path) -> None:
+        """Masses of grains of two materials, in kg; skipped where the engine has no reader."""
+        reader = self.entry().read
+        if reader is None:
+            pytest.skip("the engine has no reader")
+        one = self.packing()
+        two = Packing.of(
+            [self.shape()] * 2,
+            one.container,
+            position=one.position,
+            shape_id=[0, 1, 0],
+            unit="mm",
+            density=[7800, 2500],
+        )
+        write_deck(two, tmp_path, self.engine)
+        np.testing.assert_allclose(reader(tmp_path).mass, 1e-9 * self.shape().volume * two.densities, rtol=1e-6)
+
     def test_nothing_is_overwritten_unasked(self, tmp_path: Path) -> None:
         """A deck stays as it is unless it is to be replaced."""
         deck = write_deck(self.packing(), tmp_path, self.engine)
