@@ -119,9 +119,7 @@ def _picture(
             mesh = load("pyvista").PolyData.from_regular_faces(merged.vertices, merged.faces)
             mesh.cell_data["value"] = values[merged.grain]
             shading = MATERIAL if len(as_meshes) > FLAT_LIMIT else SMOOTH
-            # the insides of closed surfaces are not seen
-            closed = packing.dimension == 3 and not any(shape.is_open for shape in packing.shapes)
-            stage.add_mesh(mesh, scalars="value", culling="back" if closed else None, **look, **shading)
+            stage.add_mesh(mesh, scalars="value", **look, **shading)
         if len(as_points):
             shades = load("matplotlib").colormaps[COLORS]((values[as_points] - low) / (high - low))[:, :3]
             add_spheres(stage, packing.position[as_points], packing.bounding_radii[as_points], shades)
