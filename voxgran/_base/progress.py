@@ -6,7 +6,9 @@ or in a notebook is told every ten seconds what happens.
 
 import contextlib
 import sys
+import threading
 import time
+from collections.abc import Iterator
 from dataclasses import dataclass, field
 from typing import Protocol
 
@@ -66,3 +68,35 @@ def reported(on_step: OnStep | None) -> OnStep | None:
         return on_step
     watched = "ipykernel" in sys.modules or (sys.stderr is not None and sys.stderr.isatty())
     return ProgressLines() if watched else None
+
+
+@contextlib.contextmanager
+def repeated(on_step: OnStep | None) -> Iterator[OnStep]:
+    """Give a callback for stages that report only their beginning (context manager).
+
+    Where lines are written for a person, the last step is passed on every second, so that one is written every ten
+    seconds while a stage takes long.
+    """
+    told = reported(on_step)
+    if not isinstance(told, ProgressLines):
+        yield told or silent
+        return
+    last: list[Step] = []
+    ended = threading.Event()
+
+    def note(step: Step, /) -> None:
+        last[:] = [step]
+        told(step)
+
+    def repeat() -> None:
+        while not ended.wait(SECONDS / 10):
+            if last:
+                told(last[0])
+
+    watch = threading.Thread(target=repeat, name="voxgran progress", daemon=True)
+    watch.start()
+    try:
+        yield note
+    finally:
+        ended.set()
+        watch.join()

@@ -118,8 +118,12 @@ def _picture(
             merged = merged_surfaces(packing, grains=as_meshes, bodies=bodies)
             mesh = load("pyvista").PolyData.from_regular_faces(merged.vertices, merged.faces)
             mesh.cell_data["value"] = values[merged.grain]
-            shading = MATERIAL if len(as_meshes) > FLAT_LIMIT else SMOOTH
-            stage.add_mesh(mesh, scalars="value", **look, **shading)
+            many = len(as_meshes) > FLAT_LIMIT
+            # the insides of closed surfaces are not seen; some triangles of reduced ones are turned, which shows on
+            # grains of more than a few pixels
+            closed = packing.dimension == 3 and not any(shape.is_open for shape in packing.shapes)
+            culling = "back" if many and closed else None
+            stage.add_mesh(mesh, scalars="value", culling=culling, **look, **(MATERIAL if many else SMOOTH))
         if len(as_points):
             shades = load("matplotlib").colormaps[COLORS]((values[as_points] - low) / (high - low))[:, :3]
             add_spheres(stage, packing.position[as_points], packing.bounding_radii[as_points], shades)

@@ -16,7 +16,7 @@ from voxgran._base.files import as_path, write_text
 from voxgran._base.guarded import refused
 from voxgran._base.lazy import loaded
 from voxgran._base.lock import FOLDER_LOCK, locked_folder
-from voxgran._base.progress import OnStep, Step
+from voxgran._base.progress import OnStep, Step, repeated
 from voxgran.contacts.verify import Verification, verify
 from voxgran.decks.engine import engine_registry
 from voxgran.decks.write import write_deck
@@ -187,34 +187,34 @@ def finish_folder(
         If something cannot be written.
     """
     began = time.monotonic()
+    with repeated(on_step) as told:
 
-    def tell(number: int, text: str) -> None:
-        if on_step is not None:
-            on_step(Step(stage="finishing", done=number, total=5, text=text))
+        def tell(number: int, text: str) -> None:
+            told(Step(stage="finishing", done=number, total=5, text=text))
 
-    tell(0, "verifying")
-    proof = verify(packing)
-    save(packing, folder / PACKING, overwrite=True)
-    tell(1, "measuring")
-    statistics = measure(packing, which=scene.which)
-    if scene.output.statistics:
-        save_statistics(statistics, folder / "statistics.nc", overwrite=True)
-    tell(2, "writing surfaces")
-    if scene.output.vtk:
-        save_scene(packing, folder / "scene.vtm", overwrite=True)
-    tell(3, "drawing")
-    if scene.output.report:
-        save_report(
-            packing,
-            folder / "report.html",
-            statistics=statistics,
-            verification=proof,
-            interactive=scene.output.interactive,
-            overwrite=True,
-        )
-    tell(4, "writing input of engines")
-    _write_decks(packing, folder / DECKS, scene)
-    tell(5, "done")
+        tell(0, "verifying")
+        proof = verify(packing)
+        save(packing, folder / PACKING, overwrite=True)
+        tell(1, "measuring")
+        statistics = measure(packing, which=scene.which)
+        if scene.output.statistics:
+            save_statistics(statistics, folder / "statistics.nc", overwrite=True)
+        tell(2, "writing surfaces")
+        if scene.output.vtk:
+            save_scene(packing, folder / "scene.vtm", overwrite=True)
+        tell(3, "drawing the report")
+        if scene.output.report:
+            save_report(
+                packing,
+                folder / "report.html",
+                statistics=statistics,
+                verification=proof,
+                interactive=scene.output.interactive,
+                overwrite=True,
+            )
+        tell(4, "writing input of engines")
+        _write_decks(packing, folder / DECKS, scene)
+        tell(5, "done")
     summary = summary_of(packing, proof, statistics)
     summary["seconds_finishing"] = time.monotonic() - began
     return SceneResult(packing=packing, verification=proof, statistics=statistics, summary=summary, folder=folder)

@@ -2,13 +2,16 @@
 
 import io
 import sys
+import threading
+import time
+from pathlib import Path
 from types import SimpleNamespace
 
 import pytest
 
 import voxgran as vg
 from voxgran._base import progress
-from voxgran._base.progress import ProgressLines, Step, reported, silent
+from voxgran._base.progress import ProgressLines, Step, repeated, reported, silent
 
 
 class Terminal(io.StringIO):
@@ -73,3 +76,46 @@ def test_a_long_packing_says_what_it_does(monkeypatch: pytest.MonkeyPatch) -> No
     terminal.truncate(0)
     vg.pack(*asked, method="rsa", count=3, on_step=silent)
     assert "voxgran" not in terminal.getvalue()
+
+
+def test_a_stage_that_says_nothing_more_is_told_again(monkeypatch: pytest.MonkeyPatch) -> None:
+    terminal = at_terminal(monkeypatch)
+    monkeypatch.setattr(progress, "SECONDS", 0.1)
+    with repeated(None) as told:
+        told(settling("a"))
+        told(settling("b"))
+        end = time.monotonic() + 20
+        while terminal.getvalue().count("settling: b") < 3 and time.monotonic() < end:
+            time.sleep(0.01)
+    assert terminal.getvalue().count("settling: b") >= 3
+    # nothing is told after the end
+    assert "voxgran progress" not in [thread.name for thread in threading.enumerate()]
+
+
+def test_who_shows_steps_gets_each_once(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(progress, "SECONDS", 0.01)
+    steps: list[Step] = []
+    with repeated(steps.append) as told:
+        told(settling("a"))
+        time.sleep(0.1)
+    assert steps == [settling("a")]
+    monkeypatch.setattr(sys, "stderr", io.StringIO())
+    monkeypatch.delitem(sys.modules, "ipykernel", raising=False)
+    with repeated(None) as told:
+        assert told is silent
+
+
+def test_the_end_of_a_run_says_what_it_does(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    terminal = at_terminal(monkeypatch)
+    monkeypatch.setattr(progress, "SECONDS", 0.0)
+    scene = vg.Scene.from_mapping(
+        {
+            "shape": [{"family": "sphere"}],
+            "container": {"kind": "box", "lengths": [4, 4, 4]},
+            "packing": {"method": "rsa", "count": 3},
+            "measure": {"which": ["gradation"]},
+            "output": {"report": False, "vtk": False, "statistics": False},
+        }
+    )
+    scene.run(tmp_path / "out")
+    assert "voxgran: finishing: measuring" in terminal.getvalue()

@@ -218,3 +218,24 @@ def test_save_picture_refuses_before_it_draws(tmp_path, monkeypatch):
     with pytest.raises(vg.VoxgranError, match="a Packing or a Shape"):
         vg.save_picture([1], there, overwrite=True)
     assert there.read_text() == "kept"
+
+
+def test_faces_that_are_not_drawn_are_not_seen(packing, monkeypatch):
+    monkeypatch.setattr(scenes, "FLAT_LIMIT", 5)
+    picture = picture_packing(packing, window=WINDOW).astype(int)
+    add = pyvista.Plotter.add_mesh
+    monkeypatch.setattr(
+        pyvista.Plotter, "add_mesh", lambda self, mesh, **look: add(self, mesh, **{**look, "culling": None})
+    )
+    every = picture_packing(packing, window=WINDOW).astype(int)
+    assert (np.abs(picture - every).max(axis=2) > 8).mean() < 0.003
+
+
+def test_both_sides_of_a_sheet_are_drawn(monkeypatch):
+    monkeypatch.setattr(scenes, "FLAT_LIMIT", 0)
+    shares = []
+    for turn in ((1, 0, 0, 0), (0, 1, 0, 0)):
+        sheet = Packing.of(vg.make_shape("sheet"), Box((2, 2, 2)), position=[[1, 1, 1]], orientation=[turn])
+        shares.append(covered(picture_packing(sheet, window=WINDOW), contrast=40))
+    assert min(shares) > 0.03
+    assert shares[0] == pytest.approx(shares[1], rel=0.05)

@@ -156,7 +156,7 @@ def test_a_box_is_drawn_by_its_twelve_edges():
 @pytest.mark.parametrize(
     ("family", "parameters", "added"),
     [
-        # three sides meet in each corner of a cube, five in that of an icosahedron, two along the rims of a cylinder
+        # three sides meet in each corner of a cube, five in each of an icosahedron, two along the rims of a cylinder
         ("box", {}, 16),
         ("platonic", {"solid": "icosahedron"}, 48),
         ("cylinder", {}, None),
