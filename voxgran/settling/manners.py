@@ -31,4 +31,4 @@ FREE = (
 )
 #: of meshes that are not convex: by grids of distances, then by triangles
 FIELDS = Manner(4e-3, 0.024, 0.02, first=0.15, last=0.1, steps=50)
-EXACT = Manner(KEPT, 5e-3, 2e-3, first=0.2, last=0.05, steps=160, reuse=5e-4)
+EXACT = Manner(KEPT, 5e-3, 2e-3, first=0.1, last=0.05, steps=160, reuse=5e-4)
