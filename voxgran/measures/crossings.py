@@ -14,12 +14,12 @@ from voxgran._base.arrays import Floats, Integers
 from voxgran._base.kernels import kernel
 from voxgran.containers.model import Container, boundary_of
 from voxgran.measures.painting import image_shifts
+from voxgran.measures.window import body_spheres
 from voxgran.packing.model import Packing
 from voxgran.shapes.mesh import Mesh
 from voxgran.shapes.outline import Outline
 from voxgran.shapes.primitive import Primitive
-from voxgran.shapes.spheres import Spheres
-from voxgran.voxels.closed_form import _below_zero, body_frame, profile, upright_faces
+from voxgran.voxels.closed_form import _chord_in_round, body_frame, profile, upright_faces
 from voxgran.voxels.scanline import FINEST, _first_last, _ordered, _segment, _sides
 
 #: halvings of an interval that holds a wall known by its signed distance
@@ -128,7 +128,7 @@ def _of_shape(packing: Packing, index: int, shifts: Floats, lines: Lines) -> lis
     grains = np.flatnonzero(packing.shape_id == index)
     scale, matrices = packing.scale[grains], packing.matrices[grains]
     places = packing.position[grains]
-    spheres = _spheres_of(geometry)
+    spheres = body_spheres(packing.shapes[index])
     if spheres is not None:
         inner, radii = spheres
         centers = np.einsum("gij,sj->gsi", matrices, inner) * scale[:, None, None] + places[:, None]
@@ -147,17 +147,6 @@ def _of_shape(packing: Packing, index: int, shifts: Floats, lines: Lines) -> lis
                 vertices, faces = _triangles_of(body)
                 found.append(_paired(*crossings.of(vertices + middle, faces)))
     return found
-
-
-def _spheres_of(geometry: object) -> tuple[Floats, Floats] | None:
-    """Return centers and radii of a geometry made of spheres or a disk, else None."""
-    if isinstance(geometry, Spheres):
-        return geometry.centers, geometry.radii
-    if isinstance(geometry, Primitive) and geometry.kind == "sphere":
-        return np.zeros((1, 3)), np.array(geometry.dimensions)
-    if isinstance(geometry, Outline) and geometry.kind == "disk":
-        return np.array([[*geometry.center, 0.0]]), np.array([geometry.radius])
-    return None
 
 
 def _triangles_of(body: object) -> tuple[Floats, Integers]:
@@ -293,28 +282,11 @@ def _cross_spheres(centers, radii, step, counts, line, low, high):  # type: igno
 
 @kernel
 def _cross_round(stretch, middle, curve, ends, step, window, many, line, low, high):  # type: ignore[no-untyped-def]
-    """Write the intervals of lines in a solid of revolution; return their number.
-
-    Along a line the point is p + z d in the frame of the axis; inside, the squared distance from the axis is at most
-    c0 + c1 t + c2 t^2, where t is the height.
-    """
-    dx, dy, dt = stretch[0, 2], stretch[1, 2], stretch[2, 2]
-    square = dx * dx + dy * dy - curve[2] * dt * dt
+    """Write the intervals of lines in a solid of revolution; return their number."""
     count = 0
     for i in range(window[0], window[2] + 1):
         for j in range(window[1], window[3] + 1):
-            u, v = i * step[0] - middle[0], j * step[1] - middle[1]
-            px = stretch[0, 0] * u + stretch[0, 1] * v
-            py = stretch[1, 0] * u + stretch[1, 1] * v
-            pt = stretch[2, 0] * u + stretch[2, 1] * v
-            half = px * dx + py * dy - dt * (curve[2] * pt + 0.5 * curve[1])
-            rest = px * px + py * py - (curve[0] + pt * (curve[1] + curve[2] * pt))
-            begin, end = _below_zero(square, half, rest, pt, dt, curve)
-            if dt != 0.0:
-                a, b = (ends[0] - pt) / dt, (ends[1] - pt) / dt
-                begin, end = max(begin, min(a, b)), min(end, max(a, b))
-            elif pt < ends[0] or pt > ends[1]:
-                continue
+            begin, end = _chord_in_round(stretch, curve, ends, i * step[0] - middle[0], j * step[1] - middle[1])
             if begin < end:
                 line[count], low[count], high[count] = i * many + j, begin + middle[2], end + middle[2]
                 count += 1

@@ -117,7 +117,7 @@ class Solids:
     def _find_spheres(self) -> tuple[Floats, Floats, Planes] | None:
         """Return centers, radii and planes of equal power of all spheres, where all grains are spheres."""
         used = [self.packing.shapes[k] for k in np.unique(self.packing.shape_id)]
-        if any(_body_spheres(shape) is None for shape in used):
+        if any(body_spheres(shape) is None for shape in used):
             return None
         if any(isinstance(shape.geometry, Spheres) and shape.geometry.mass is not None for shape in used):
             return None
@@ -229,7 +229,7 @@ def flat_spheres(packing: Packing) -> tuple[Floats, Floats]:
     centers, radii, owner = [np.zeros((0, 3))], [np.zeros(0)], [np.zeros(0, np.int64)]
     for k in np.unique(packing.shape_id):
         grain = np.flatnonzero(packing.shape_id == k)
-        found = _body_spheres(packing.shapes[k])
+        found = body_spheres(packing.shapes[k])
         assert found is not None
         body, sizes = found
         stretched = body[None] * packing.scale[grain, None, None]
@@ -283,7 +283,7 @@ def chosen_planes(planes: Planes, sphere: Integers) -> Planes:
     return ends, normals[index], offsets[index]
 
 
-def _body_spheres(shape: Shape) -> tuple[Floats, Floats] | None:
+def body_spheres(shape: Shape) -> tuple[Floats, Floats] | None:
     """Return centers and radii of a sphere, a union of spheres or a disk in its frame; None for other shapes."""
     geometry = shape.geometry
     if isinstance(geometry, Spheres):

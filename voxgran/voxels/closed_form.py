@@ -177,28 +177,34 @@ def _fill_spheres(centers, radii, reach, words, nz):  # type: ignore[no-untyped-
 
 
 @kernel
-def _fill_round(stretch, middle, curve, ends, words, nz):  # type: ignore[no-untyped-def]
-    """Set the voxels of a solid of revolution; voxel centers at whole numbers.
+def _chord_in_round(stretch, curve, ends, u, v):  # type: ignore[no-untyped-def]
+    """Return where the line at (u, v) enters and leaves a solid of revolution; the first is larger where it does not.
 
-    Along a column the point is p + z d in the frame of the axis; inside, the squared distance from the axis is at most
+    Along the line the point is p + z d in the frame of the axis; inside, the squared distance from the axis is at most
     c0 + c1 t + c2 t^2, where t is the height.
     """
-    nx, ny = words.shape[0], words.shape[1]
     dx, dy, dt = stretch[0, 2], stretch[1, 2], stretch[2, 2]
     square = dx * dx + dy * dy - curve[2] * dt * dt
-    for i in range(nx):
-        for j in range(ny):
-            px = stretch[0, 0] * (i - middle[0]) + stretch[0, 1] * (j - middle[1])
-            py = stretch[1, 0] * (i - middle[0]) + stretch[1, 1] * (j - middle[1])
-            pt = stretch[2, 0] * (i - middle[0]) + stretch[2, 1] * (j - middle[1])
-            half = px * dx + py * dy - dt * (curve[2] * pt + 0.5 * curve[1])
-            rest = px * px + py * py - (curve[0] + pt * (curve[1] + curve[2] * pt))
-            low, high = _below_zero(square, half, rest, pt, dt, curve)
-            if dt != 0.0:
-                a, b = (ends[0] - pt) / dt, (ends[1] - pt) / dt
-                low, high = max(low, min(a, b)), min(high, max(a, b))
-            elif pt < ends[0] or pt > ends[1]:
-                continue
+    px = stretch[0, 0] * u + stretch[0, 1] * v
+    py = stretch[1, 0] * u + stretch[1, 1] * v
+    pt = stretch[2, 0] * u + stretch[2, 1] * v
+    half = px * dx + py * dy - dt * (curve[2] * pt + 0.5 * curve[1])
+    rest = px * px + py * py - (curve[0] + pt * (curve[1] + curve[2] * pt))
+    low, high = _below_zero(square, half, rest, pt, dt, curve)
+    if dt != 0.0:
+        a, b = (ends[0] - pt) / dt, (ends[1] - pt) / dt
+        return max(low, min(a, b)), min(high, max(a, b))
+    if pt < ends[0] or pt > ends[1]:
+        return np.inf, -np.inf
+    return low, high
+
+
+@kernel
+def _fill_round(stretch, middle, curve, ends, words, nz):  # type: ignore[no-untyped-def]
+    """Set the voxels of a solid of revolution; voxel centers at whole numbers."""
+    for i in range(words.shape[0]):
+        for j in range(words.shape[1]):
+            low, high = _chord_in_round(stretch, curve, ends, i - middle[0], j - middle[1])
             first, last = _range(low + middle[2], high + middle[2], nz)
             if first <= last:
                 _fill_run(words, i, j, first, last)
