@@ -53,7 +53,7 @@ def float_array(value: Any) -> Floats | None:
         return np.asarray(array, dtype=np.float64, order="C")
 
 
-def as_floats(value: ArrayLike, name: str, *, shape: tuple[int | None, ...]) -> Floats:
+def as_floats(value: "ArrayLike", name: str, *, shape: tuple[int | None, ...]) -> Floats:
     """Return `value` as a contiguous finite float64 array of the given shape, in which None stands for any length.
 
     Raises
@@ -75,19 +75,19 @@ def as_floats(value: ArrayLike, name: str, *, shape: tuple[int | None, ...]) -> 
     return array
 
 
-def as_points(value: ArrayLike, name: str = "points", *, dimension: int = 3) -> Floats:
+def as_points(value: "ArrayLike", name: str = "points", *, dimension: int = 3) -> Floats:
     """Return `value` as (n, dimension) finite float64 points with coordinates of at most 1e60."""
     points = as_floats(value, name, shape=(None, dimension))
     check_coordinates(points, name)
     return points
 
 
-def as_vector(value: ArrayLike, name: str, *, length: int = 3) -> Floats:
+def as_vector(value: "ArrayLike", name: str, *, length: int = 3) -> Floats:
     """Return `value` as a finite float64 vector of the given length."""
     return as_floats(value, name, shape=(length,))
 
 
-def as_faces(value: ArrayLike, vertex_count: int, name: str = "faces") -> Integers:
+def as_faces(value: "ArrayLike", vertex_count: int, name: str = "faces") -> Integers:
     """Return `value` as (m, 3) int64 vertex indices below `vertex_count`.
 
     Raises
@@ -115,7 +115,7 @@ def as_faces(value: ArrayLike, vertex_count: int, name: str = "faces") -> Intege
     return faces
 
 
-def as_indices(value: ArrayLike, name: str, *, length: int, below: int) -> Integers:
+def as_indices(value: "ArrayLike", name: str, *, length: int, below: int) -> Integers:
     """Return `value` as (length,) int64 indices below `below`, in an array of their own.
 
     Raises
@@ -134,7 +134,7 @@ def as_indices(value: ArrayLike, name: str, *, length: int, below: int) -> Integ
     return array.astype(np.int64)
 
 
-def as_quaternions(value: ArrayLike, name: str = "orientation") -> Floats:
+def as_quaternions(value: "ArrayLike", name: str = "orientation") -> Floats:
     """Return `value` as (n, 4) unit quaternions (w, x, y, z), normalized to round-off.
 
     Raises
@@ -200,14 +200,14 @@ def as_length(value: Any, name: str) -> float:
     return length
 
 
-def as_place(value: ArrayLike, name: str, *, length: int = 3) -> Floats:
+def as_place(value: "ArrayLike", name: str, *, length: int = 3) -> Floats:
     """Return `value` as a vector of coordinates of at most 1e60."""
     place = as_vector(value, name, length=length)
     check_lengths(np.maximum(np.abs(place), SHORTEST), name)
     return place
 
 
-def check_lengths(values: ArrayLike, name: str) -> None:
+def check_lengths(values: "ArrayLike", name: str) -> None:
     """Check that lengths are between 1e-60 and 1e60, so that volumes and second moments are finite; 0 is allowed.
 
     Raises

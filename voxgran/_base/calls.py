@@ -45,6 +45,17 @@ def explained(*, hint: str, owner: type = object) -> Callable[[Callable[P, R]], 
     return decorate
 
 
+def explained_methods(cls: type[T]) -> type[T]:
+    """Explain calls of the public methods of a class that do not fit, as :func:`explained` does (decorator)."""
+    for name, member in list(vars(cls).items()):
+        function = getattr(member, "__func__", member)
+        if name.startswith("_") or not inspect.isfunction(function):
+            continue
+        called = explained(hint=f"help({cls.__name__}.{name}) to see its arguments")(function)
+        setattr(cls, name, called if member is function else type(member)(called))
+    return cls
+
+
 def renamed(**former: str) -> Callable[[Callable[P, R]], Callable[P, R]]:
     """Accept former names of keyword arguments, as in ``largest_hole="max_hole"``, with a DeprecationWarning
     (decorator).
@@ -78,15 +89,17 @@ def _broken_rule(
 ) -> str | None:
     """Return which rule of the signature a call breaks; None where it breaks none."""
     name = function.__qualname__.removesuffix(".__init__")
-    entries = [entry for entry in inspect.signature(function).parameters.values() if entry.name != "self"]
-    given = arguments[1:] if function.__name__ == "__init__" else arguments
+    entries = list(inspect.signature(function).parameters.values())
+    bound = len(entries) > 0 and entries[0].name in ("self", "cls")
+    entries, given = entries[bound:], arguments[bound:]
     known = [entry.name for entry in entries if entry.kind is not entry.VAR_KEYWORD]
     by_position = [entry.name for entry in entries if entry.kind is entry.POSITIONAL_OR_KEYWORD]
     if len(given) > len(by_position):
         if not by_position:
             return f"{name} takes no arguments by position but by name: {', '.join(known)}"
         listed = ", ".join(by_position)
-        return f"{name} takes {len(by_position)} arguments by position ({listed}) and was given {len(given)}"
+        noun = "argument" if len(by_position) == 1 else "arguments"
+        return f"{name} takes {len(by_position)} {noun} by position ({listed}) and was given {len(given)}"
     if len(known) == len(entries):
         for key in keywords:
             if key not in known:

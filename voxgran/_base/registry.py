@@ -95,6 +95,7 @@ def _modules_of(package: str, *, packages: bool) -> tuple[str, ...]:
 SYNONYMS: dict[str, tuple[str, ...]] = {
     "ball": ("sphere",),
     "centers": ("position",),
+    "centres": ("position",),
     "circle": ("disk",),
     "clump": ("fit_clump",),
     "contact_number": ("coordination", "measure"),

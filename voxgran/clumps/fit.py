@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 
 from voxgran._base.arrays import as_choice, as_count, as_number, check_type
-from voxgran._base.calls import Parameters, chosen
+from voxgran._base.calls import Parameters, chosen, explained
 from voxgran._base.errors import InputError, PackingWarning
 from voxgran.clumps.body import Body
 from voxgran.clumps.errors import clump_errors
@@ -35,6 +35,7 @@ EXACT = ClumpErrors(
 SMOOTHING = 0.7
 
 
+@explained(hint="fit_clump(shape, max_spheres=20)")
 def fit_clump(
     shape_or_voxels: Shape | Voxels,
     *,

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Literal
 import numpy as np
 
 from voxgran._base.arrays import Floats, as_choice
+from voxgran._base.calls import explained_methods
 from voxgran.clumps.bonds import LEAST_AREA, TOUCHING, Strengths, bonds_of_bodies
 from voxgran.shapes.formats.sphere_files import write_spheres
 from voxgran.shapes.model import Shape
@@ -54,6 +55,7 @@ class ClumpErrors:
         return {field.name: float(getattr(self, field.name)) for field in fields(self)}
 
 
+@explained_methods
 @dataclass(frozen=True, eq=False)
 class Clump:
     """Spheres that approximate a grain.

@@ -88,10 +88,10 @@ class Assembly:
         shapes: Sequence[Shape],
         container: Container,
         *,
-        position: ArrayLike,
-        scale: ArrayLike | None = None,
-        shape_id: ArrayLike | None = None,
-        orientation: ArrayLike | None = None,
+        position: "ArrayLike",
+        scale: "ArrayLike | None" = None,
+        shape_id: "ArrayLike | None" = None,
+        orientation: "ArrayLike | None" = None,
         density: float | Sequence[float] = NOT_STATED,
     ) -> "Assembly":
         """Make an assembly from array-likes; by default scales are 1, shape indices 0 and orientations the identity.
@@ -195,10 +195,10 @@ class Assembly:
 def checked_arrays(
     shapes: Sequence[Shape],
     container: Container,
-    position: ArrayLike,
-    scale: ArrayLike | None,
-    shape_id: ArrayLike | None,
-    orientation: ArrayLike | None,
+    position: "ArrayLike",
+    scale: "ArrayLike | None",
+    shape_id: "ArrayLike | None",
+    orientation: "ArrayLike | None",
 ) -> tuple[tuple[Shape, ...], Integers, Floats, Floats, Floats]:
     """Return shapes, shape_id, scale, position and orientation in the form that an assembly stores.
 
@@ -274,7 +274,7 @@ def density_text(density: Density, form: str = "g") -> str:
 
 
 def shapes_by_density(
-    shapes: Sequence[Shape], shape_id: Integers, densities: ArrayLike
+    shapes: Sequence[Shape], shape_id: Integers, densities: "ArrayLike"
 ) -> tuple[tuple[Shape, ...], Integers, Density]:
     """Return shapes, the shape of each grain and the densities of the shapes, of grains with densities of their own.
 

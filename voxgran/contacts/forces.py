@@ -201,13 +201,13 @@ def check_forces(forces: ContactForces | None, count: int) -> None:
         )
 
 
-def _flat(value: ArrayLike) -> Sequence[Any] | NDArray[Any]:
+def _flat(value: "ArrayLike") -> Sequence[Any] | NDArray[Any]:
     """Return a value that has a length."""
     array = np.asarray(value)
     return array if array.ndim else array.reshape(1)
 
 
-def _partners(value: ArrayLike, name: str, *, length: int, lowest: int, below: int) -> Integers:
+def _partners(value: "ArrayLike", name: str, *, length: int, lowest: int, below: int) -> Integers:
     """Return indices of grains, or marks from `lowest`, as int64."""
     array = as_floats(value, name, shape=(length,))
     wrong = np.flatnonzero((array < lowest) | (array >= below) | (array != np.floor(array)))
@@ -220,7 +220,7 @@ def _partners(value: ArrayLike, name: str, *, length: int, lowest: int, below: i
     return array.astype(np.int64)
 
 
-def _flags(value: ArrayLike, count: int) -> Booleans:
+def _flags(value: "ArrayLike", count: int) -> Booleans:
     """Return flags of the grains."""
     array = np.asarray(value)
     if array.shape != (count,) or (count and array.dtype != np.bool_):

@@ -9,6 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from voxgran._base.arrays import as_number, check_type
+from voxgran._base.calls import explained
 from voxgran.contacts.assembly import Assembly, checked_arrays
 from voxgran.contacts.broad import grain_pairs
 from voxgran.contacts.find import contacts_of_pairs
@@ -113,6 +114,7 @@ class Verification:
     __str__ = summary
 
 
+@explained(hint="verify(packing, tolerance=1e-9)")
 def verify(packing: Assembly, *, tolerance: float = 1e-9) -> Verification:
     """Check a packing against the true geometry of its grains.
 

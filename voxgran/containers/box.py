@@ -24,7 +24,7 @@ class Block:
     kind: ClassVar[str]
     dimension: ClassVar[int]
 
-    def _set(self, lengths: ArrayLike, periodic: Periodic, origin: ArrayLike) -> None:
+    def _set(self, lengths: "ArrayLike", periodic: Periodic, origin: "ArrayLike") -> None:
         """Check and set the attributes."""
         d = self.dimension
         edges = tuple(
@@ -85,7 +85,7 @@ class Block:
         """
         return self._with(self.lengths, periodic, self.origin)
 
-    def _with(self, lengths: ArrayLike, periodic: Periodic, origin: ArrayLike) -> Self:
+    def _with(self, lengths: "ArrayLike", periodic: Periodic, origin: "ArrayLike") -> Self:
         """Return a container of the same kind."""
         made = object.__new__(type(self))
         made._set(lengths, periodic, origin)
@@ -148,10 +148,12 @@ class Box(Block):
     dimension: ClassVar[int] = 3
 
     @explained(hint='Box((4, 4, 6)) or Box((4, 4, 6), periodic="xy")')
-    def __init__(self, lengths: ArrayLike, periodic: Periodic = False, *, origin: ArrayLike = (0.0, 0.0, 0.0)) -> None:
+    def __init__(
+        self, lengths: "ArrayLike", periodic: Periodic = False, *, origin: "ArrayLike" = (0.0, 0.0, 0.0)
+    ) -> None:
         self._set(lengths, periodic, origin)
 
-    def signed_distance(self, points: ArrayLike) -> Floats:
+    def signed_distance(self, points: "ArrayLike") -> Floats:
         """Return the distance of (n, 3) points from the nearest wall, negative inside.
 
         Raises

@@ -109,7 +109,7 @@ class ClosedMesh:
         """The wall in closed form."""
         return Boundary(solid=self.shape)
 
-    def signed_distance(self, points: ArrayLike) -> Floats:
+    def signed_distance(self, points: "ArrayLike") -> Floats:
         """Return the distance of (n, 3) points from the surface, negative inside.
 
         Raises

@@ -48,7 +48,7 @@ class Cylinder:
     periodic: ClassVar[tuple[bool, bool, bool]] = (False, False, False)
 
     @explained(hint="Cylinder(radius=2, height=6)")
-    def __init__(self, radius: float, height: float, *, origin: ArrayLike = (0.0, 0.0, 0.0)) -> None:
+    def __init__(self, radius: float, height: float, *, origin: "ArrayLike" = (0.0, 0.0, 0.0)) -> None:
         a, b, c = (float(value) for value in as_place(origin, "origin"))
         object.__setattr__(self, "radius", as_length(radius, "radius of the cylinder"))
         object.__setattr__(self, "height", as_length(height, "height of the cylinder"))
@@ -71,7 +71,7 @@ class Cylinder:
         """The walls in closed form."""
         return Boundary(flat=(False, False, True), round_axes=2, radius=self.radius, center=self.origin)
 
-    def signed_distance(self, points: ArrayLike) -> Floats:
+    def signed_distance(self, points: "ArrayLike") -> Floats:
         """Return the distance of (n, 3) points from the nearest wall, negative inside.
 
         Raises

@@ -46,7 +46,7 @@ class Disk:
     periodic: ClassVar[tuple[bool, bool, bool]] = (False, False, False)
 
     @explained(hint="Disk(radius=2)")
-    def __init__(self, radius: float, *, origin: ArrayLike = (0.0, 0.0)) -> None:
+    def __init__(self, radius: float, *, origin: "ArrayLike" = (0.0, 0.0)) -> None:
         x, y = (float(value) for value in as_place(origin, "origin", length=2))
         object.__setattr__(self, "radius", as_length(radius, "radius of the disk"))
         object.__setattr__(self, "origin", (x, y))
@@ -67,7 +67,7 @@ class Disk:
         """The wall in closed form."""
         return Boundary(round_axes=2, radius=self.radius, center=(*self.origin, 0.0))
 
-    def signed_distance(self, points: ArrayLike) -> Floats:
+    def signed_distance(self, points: "ArrayLike") -> Floats:
         """Return the distance of (n, 2 or 3) points from the wall, negative inside; z does not count.
 
         Raises

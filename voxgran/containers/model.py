@@ -43,7 +43,7 @@ class Container(Protocol):
     def bounds(self) -> Floats:
         """Lower and upper corner, (2, 3), in the unit of lengths; z = 0 in 2D."""
 
-    def signed_distance(self, points: ArrayLike) -> Floats:
+    def signed_distance(self, points: "ArrayLike") -> Floats:
         """Return the distance of (n, 3) points from the nearest wall, negative inside; periodic axes have no wall."""
 
     def mesh(self) -> tuple[Floats, Integers]:

@@ -21,7 +21,7 @@ PAIRS = 2**20
 NO_WIDTH = 1e-14
 
 
-def points_in_plane(points: ArrayLike) -> Floats:
+def points_in_plane(points: "ArrayLike") -> Floats:
     """Return (n, 2 or 3) points as (n, 3) with z = 0.
 
     Raises
@@ -34,7 +34,7 @@ def points_in_plane(points: ArrayLike) -> Floats:
     return np.column_stack([given[:, :2], np.zeros(len(given))])
 
 
-def as_loops(corners: ArrayLike, holes: Sequence[ArrayLike]) -> tuple[Floats, ...]:
+def as_loops(corners: "ArrayLike", holes: "Sequence[ArrayLike]") -> tuple[Floats, ...]:
     """Return the loops (n, 2) of a region: the outer one counterclockwise, then its holes clockwise.
 
     A last corner that repeats the first one is left out.
@@ -99,7 +99,7 @@ def prism_of(loops: Sequence[Floats], half: float) -> Mesh:
     return Mesh(vertices, np.concatenate([cap[:, ::-1], cap + n, sides]))
 
 
-def _as_loop(loop: ArrayLike, name: str, *, turn: int) -> Floats:
+def _as_loop(loop: "ArrayLike", name: str, *, turn: int) -> Floats:
     """Return the corners of a loop in the sense of a turn: 1 counterclockwise, -1 clockwise."""
     # without the sign of a zero, so that loops that are equal have the same bits
     points = as_points(loop, name, dimension=2) + 0.0

@@ -61,7 +61,7 @@ class Polygon:
     periodic: ClassVar[tuple[bool, bool, bool]] = (False, False, False)
 
     @explained(hint="Polygon([(0, 0), (6, 0), (3, 5)])")
-    def __init__(self, corners: ArrayLike, *, holes: Sequence[ArrayLike] = ()) -> None:
+    def __init__(self, corners: "ArrayLike", *, holes: "Sequence[ArrayLike]" = ()) -> None:
         outer, *inner = as_loops(corners, holes)
         object.__setattr__(self, "corners", outer)
         object.__setattr__(self, "holes", tuple(inner))
@@ -74,7 +74,7 @@ class Polygon:
         pixel_size: float,
         level: float | None = None,
         min_area: float = 9.0,
-        origin: ArrayLike = (0.0, 0.0),
+        origin: "ArrayLike" = (0.0, 0.0),
         key: str | None = None,
     ) -> "Polygon":
         """Make a container of the one bright region of a 2D image, with its holes.
@@ -159,7 +159,7 @@ class Polygon:
         prism = prism_of(self._loops, float(np.ptp(self.corners, axis=0).max()))
         return Boundary(solid=Shape(prism, "polygon"), loops=self._loops)
 
-    def signed_distance(self, points: ArrayLike) -> Floats:
+    def signed_distance(self, points: "ArrayLike") -> Floats:
         """Return the distance of (n, 2 or 3) points from the nearest edge, negative inside; z does not count.
 
         Raises

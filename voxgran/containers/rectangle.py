@@ -45,10 +45,10 @@ class Rectangle(Block):
     dimension: ClassVar[int] = 2
 
     @explained(hint='Rectangle((4, 6)) or Rectangle((4, 6), periodic="x")')
-    def __init__(self, lengths: ArrayLike, periodic: Periodic = False, *, origin: ArrayLike = (0.0, 0.0)) -> None:
+    def __init__(self, lengths: "ArrayLike", periodic: Periodic = False, *, origin: "ArrayLike" = (0.0, 0.0)) -> None:
         self._set(lengths, periodic, origin)
 
-    def signed_distance(self, points: ArrayLike) -> Floats:
+    def signed_distance(self, points: "ArrayLike") -> Floats:
         """Return the distance of (n, 2 or 3) points from the nearest wall, negative inside; z does not count.
 
         Raises

@@ -46,7 +46,7 @@ class Sphere:
     periodic: ClassVar[tuple[bool, bool, bool]] = (False, False, False)
 
     @explained(hint="Sphere(radius=2)")
-    def __init__(self, radius: float, *, origin: ArrayLike = (0.0, 0.0, 0.0)) -> None:
+    def __init__(self, radius: float, *, origin: "ArrayLike" = (0.0, 0.0, 0.0)) -> None:
         a, b, c = (float(value) for value in as_place(origin, "origin"))
         object.__setattr__(self, "radius", as_length(radius, "radius of the sphere"))
         object.__setattr__(self, "origin", (a, b, c))
@@ -67,7 +67,7 @@ class Sphere:
         """The wall in closed form."""
         return Boundary(round_axes=3, radius=self.radius, center=self.origin)
 
-    def signed_distance(self, points: ArrayLike) -> Floats:
+    def signed_distance(self, points: "ArrayLike") -> Floats:
         """Return the distance of (n, 3) points from the wall, negative inside.
 
         Raises

@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from voxgran._base.arrays import Floats, Integers, as_positive
+from voxgran._base.calls import explained
 from voxgran._base.cells import near_pairs
 from voxgran._base.errors import EngineError, FileFormatError, InputError, VoxgranError
 from voxgran._base.files import as_path, refuse_to_replace, write_text, written_whole
@@ -43,6 +44,7 @@ TOUCHING = 2e-3
 FEWEST_CONTACTS, FEWEST_FRICTIONLESS = 2, 4
 
 
+@explained(hint='relax(packing, "lammps")')
 def relax(
     packing: Packing,
     engine: str = "lammps",

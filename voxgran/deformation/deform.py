@@ -19,6 +19,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from voxgran._base.arrays import Floats, Integers, as_length, check_type, float_array
+from voxgran._base.calls import explained
 from voxgran._base.errors import InputError, shown
 from voxgran._base.tree import enclosed_volume, normals_of
 from voxgran.contacts.assembly import Assembly
@@ -92,7 +93,8 @@ class Deformed:
         return float(np.abs(self.volume_after / self.volume_before - 1).max(initial=0.0))
 
 
-def deform(packing: Assembly, *, stiffness: ArrayLike = 1.0, spacing: float = 0.1, reach: float = 1.0) -> Deformed:
+@explained(hint="deform(packing, stiffness=1.0)")
+def deform(packing: Assembly, *, stiffness: "ArrayLike" = 1.0, spacing: float = 0.1, reach: float = 1.0) -> Deformed:
     """Let the grains of a packing give way where they overlap.
 
     Parameters
@@ -163,7 +165,7 @@ def deform(packing: Assembly, *, stiffness: ArrayLike = 1.0, spacing: float = 0.
     return _deformed(packing, contacts, softness, bodies)
 
 
-def _softness(stiffness: ArrayLike, count: int) -> Floats:
+def _softness(stiffness: "ArrayLike", count: int) -> Floats:
     """Return the inverse of each stiffness; 0 where it is infinite."""
     values = float_array(stiffness)
     if values is None or values.shape not in ((), (count,)):

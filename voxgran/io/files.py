@@ -5,6 +5,7 @@ import os
 from collections.abc import Callable
 
 from voxgran._base.axes import Periodic
+from voxgran._base.calls import explained
 from voxgran._base.errors import FileFormatError, InputError
 from voxgran._base.files import as_path, existing_file
 from voxgran.containers.model import Container
@@ -28,6 +29,7 @@ _WRITERS: dict[str, Callable[..., None]] = {
 _HEAD = 4096
 
 
+@explained(hint='save(packing, "bed.vtp")')
 def save(packing: Packing, path: str | os.PathLike[str], *, overwrite: bool = False) -> None:
     """Write a packing to a file.
 
@@ -97,6 +99,7 @@ def check_savable(packing: Packing, path: str | os.PathLike[str]) -> None:
         owned_spheres(packing)
 
 
+@explained(hint='load("bed.vtp")')
 def load(
     path: str | os.PathLike[str],
     *,

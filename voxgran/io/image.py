@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from voxgran._base.arrays import as_length, as_vector
+from voxgran._base.calls import explained
 from voxgran._base.errors import FileFormatError, InputError, PackingWarning, TooLargeError, shown
 from voxgran._base.files import written_whole
 from voxgran._base.vtk_data import image_data, write_data
@@ -19,7 +20,8 @@ from voxgran.packing.model import Packing
 VOXEL_LIMIT = 4 * 10**9
 
 
-def to_image(packing: Packing, voxel_size: float, *, labels: bool | ArrayLike = True) -> NDArray[Any]:
+@explained(hint="to_image(packing, 0.1)")
+def to_image(packing: Packing, voxel_size: float, *, labels: "bool | ArrayLike" = True) -> NDArray[Any]:
     """Put a packing on a lattice over the bounds of its container.
 
     Parameters
@@ -72,7 +74,7 @@ def to_image(packing: Packing, voxel_size: float, *, labels: bool | ArrayLike = 
     return image if labels else image > 0
 
 
-def _checked(labels: ArrayLike, count: int) -> NDArray[Any]:
+def _checked(labels: "ArrayLike", count: int) -> NDArray[Any]:
     """Return 0 for void and the label of each grain."""
     given = np.asarray(labels)
     whole = given.shape == (count,) and (given.dtype.kind in "iu" or not count)
@@ -118,7 +120,7 @@ def save_image(
     path: str | os.PathLike[str],
     *,
     voxel_size: float,
-    origin: ArrayLike = (0.0, 0.0, 0.0),
+    origin: "ArrayLike" = (0.0, 0.0, 0.0),
     overwrite: bool = False,
 ) -> None:
     """Write an image as a ``.vti`` file, for ParaView.

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from voxgran._base.calls import explained
 from voxgran._base.errors import OutputError
 from voxgran._base.files import existing_file, written_whole
 from voxgran._base.guarded import Content, read_guarded, refused
@@ -25,6 +26,7 @@ _COMPRESS_ABOVE = 1000
 _NAME = "tree_name"
 
 
+@explained(hint='save_statistics(measure(packing), "bed.nc")')
 def save_statistics(tree: "DataTree", path: str | os.PathLike[str], *, overwrite: bool = False) -> None:
     """Write statistics to a netCDF4 file.
 

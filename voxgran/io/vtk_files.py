@@ -14,6 +14,7 @@ from xml.sax.saxutils import quoteattr
 import numpy as np
 
 from voxgran._base.arrays import as_number
+from voxgran._base.calls import explained
 from voxgran._base.errors import FileFormatError
 from voxgran._base.files import as_path, existing_file, refuse_to_replace, write_text, written_whole
 from voxgran._base.guarded import read_guarded, reason_of
@@ -120,6 +121,7 @@ def _tail(path: Path) -> bytes:
         return file.read()
 
 
+@explained(hint='save_scene(packing, "scene.vtm")')
 def save_scene(packing: Packing, path: str | os.PathLike[str], *, gap: float = 0.0, overwrite: bool = False) -> None:
     """Write the surfaces of the grains, the container and the contacts of a packing for ParaView.
 

@@ -28,7 +28,7 @@ LONG = 40.0
 
 
 def distance_transform(
-    mask: ArrayLike,
+    mask: "ArrayLike",
     *,
     periodic: Periodic = False,
     squared: bool = False,
@@ -110,7 +110,7 @@ def inside_distance(mask: Booleans, voxel_size: float) -> Floats:
     return np.asarray(np.maximum(np.sqrt(squares.astype(np.float64)) - 0.5, 0.0) * voxel_size)
 
 
-def as_mask(image: ArrayLike, name: str = "mask") -> Booleans:
+def as_mask(image: "ArrayLike", name: str = "mask") -> Booleans:
     """Return an image as a contiguous (nx, ny, nz) array of bool.
 
     Raises

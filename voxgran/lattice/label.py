@@ -15,7 +15,7 @@ _RANKS = {6: 1, 18: 2, 26: 3}
 
 
 def connected_components(
-    mask: ArrayLike, *, connectivity: int = 6, periodic: Periodic = False
+    mask: "ArrayLike", *, connectivity: int = 6, periodic: Periodic = False
 ) -> tuple[NDArray[np.int32], int]:
     """Return numbers for the connected bodies of taken voxels.
 

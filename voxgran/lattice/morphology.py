@@ -12,7 +12,7 @@ from voxgran._base.axes import Periodic
 from voxgran.lattice.distance import as_mask, distance_transform
 
 
-def dilation(mask: ArrayLike, radius: float, *, periodic: Periodic = False, threads: int = 1) -> Booleans:
+def dilation(mask: "ArrayLike", radius: float, *, periodic: Periodic = False, threads: int = 1) -> Booleans:
     """Return the voxels within a distance of an occupied one.
 
     Parameters
@@ -51,7 +51,7 @@ def dilation(mask: ArrayLike, radius: float, *, periodic: Periodic = False, thre
     return _within(~as_mask(mask), radius, periodic, threads)
 
 
-def erosion(mask: ArrayLike, radius: float, *, periodic: Periodic = False, threads: int = 1) -> Booleans:
+def erosion(mask: "ArrayLike", radius: float, *, periodic: Periodic = False, threads: int = 1) -> Booleans:
     """Return the occupied voxels farther than a distance from every free one.
 
     Parameters
@@ -80,7 +80,7 @@ def erosion(mask: ArrayLike, radius: float, *, periodic: Periodic = False, threa
     return ~_within(as_mask(mask), radius, periodic, threads)
 
 
-def opening(mask: ArrayLike, radius: float, *, periodic: Periodic = False, threads: int = 1) -> Booleans:
+def opening(mask: "ArrayLike", radius: float, *, periodic: Periodic = False, threads: int = 1) -> Booleans:
     """Return the voxels covered by spheres inside the occupied ones: an erosion followed by a dilation.
 
     Parameters
@@ -111,7 +111,7 @@ def opening(mask: ArrayLike, radius: float, *, periodic: Periodic = False, threa
     return dilation(core, radius, periodic=periodic, threads=threads)
 
 
-def closing(mask: ArrayLike, radius: float, *, periodic: Periodic = False, threads: int = 1) -> Booleans:
+def closing(mask: "ArrayLike", radius: float, *, periodic: Periodic = False, threads: int = 1) -> Booleans:
     """Return the occupied voxels and the gaps in which no sphere fits: a dilation followed by an erosion.
 
     Parameters

@@ -15,7 +15,7 @@ MOST_VOXELS = 2**32
 
 
 def resample(
-    image: ArrayLike, *, factor: float | None = None, shape: tuple[int, int, int] | None = None, method: str = "mean"
+    image: "ArrayLike", *, factor: float | None = None, shape: tuple[int, int, int] | None = None, method: str = "mean"
 ) -> NDArray[Any]:
     """Return an image of the same box with another number of voxels.
 
@@ -82,7 +82,7 @@ def resample(
     return np.ascontiguousarray(mean)
 
 
-def crop(image: ArrayLike, *, margin: int = 0) -> tuple[NDArray[Any], Integers]:
+def crop(image: "ArrayLike", *, margin: int = 0) -> tuple[NDArray[Any], Integers]:
     """Return the part of an image that contains all nonzero voxels.
 
     Parameters

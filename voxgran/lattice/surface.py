@@ -19,7 +19,7 @@ MOST_LEVELS = 30
 
 
 def iso_surface(
-    field: ArrayLike, *, level: float | None = None, volume: float | None = None
+    field: "ArrayLike", *, level: float | None = None, volume: float | None = None
 ) -> tuple[Floats, Integers]:
     """Return the closed level surface of a field on voxel centers, for a level or an enclosed volume.
 

@@ -14,7 +14,7 @@ from voxgran._base.kernels import kernel
 from voxgran.lattice.distance import NEVER, as_mask, distance_transform
 
 
-def local_thickness(mask: ArrayLike, *, periodic: Periodic = False, threads: int = 1) -> NDArray[np.float32]:
+def local_thickness(mask: "ArrayLike", *, periodic: Periodic = False, threads: int = 1) -> NDArray[np.float32]:
     """Return for each voxel the diameter of the largest sphere of occupied voxels that covers it.
 
     Applied to the void between grains this is the pore size.

@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from voxgran._base.arrays import check_type
+from voxgran._base.calls import explained
 from voxgran._base.lazy import load
 from voxgran._base.registry import Registry
 from voxgran.measures.accessor import register_accessor
@@ -56,6 +57,7 @@ def measures() -> tuple[str, ...]:
     return measure_registry().names()
 
 
+@explained(hint='measure(packing, ["contacts", "rdf"])')
 def measure(packing: Packing, which: str | Sequence[str] | None = None) -> "DataTree":
     """Measure a packing.
 
@@ -116,7 +118,7 @@ def dataset(variables: Mapping[str, Any], coordinates: Mapping[str, Any] | None 
 
 
 def variable(
-    dims: tuple[str, ...], values: ArrayLike, units: str, long_name: str, *, error: float | None = None
+    dims: tuple[str, ...], values: "ArrayLike", units: str, long_name: str, *, error: float | None = None
 ) -> tuple[tuple[str, ...], Any, dict[str, Any]]:
     """Return dimensions, values and attributes as a variable of xarray; the unit is ``"1"`` if there is none.
 

@@ -18,7 +18,7 @@ from voxgran._base.errors import InputError, shown
 from voxgran._base.kernels import kernel
 
 
-def as_window(lower: ArrayLike, upper: ArrayLike, dimension: int) -> tuple[Floats, Floats]:
+def as_window(lower: "ArrayLike", upper: "ArrayLike", dimension: int) -> tuple[Floats, Floats]:
     """Return the corners of a box, infinite on open sides; in 2D a third coordinate is ignored.
 
     Raises

@@ -51,7 +51,7 @@ def draw_grains(
     *,
     count: int | None,
     solid_fraction: float | None,
-    weights: ArrayLike | None,
+    weights: "ArrayLike | None",
     weights_by: str,
     seed: int,
     surplus: bool = False,
@@ -180,7 +180,7 @@ def _refuse_denser_than_lattice(
         )
 
 
-def _shares(shapes: Sequence[Shape], weights: ArrayLike | None, weights_by: str, own_size: bool) -> Floats:
+def _shares(shapes: Sequence[Shape], weights: "ArrayLike | None", weights_by: str, own_size: bool) -> Floats:
     """Return the probability of each shape by number."""
     if not len(shapes):
         raise InputError("shapes is empty: a packing needs at least one shape; give one")

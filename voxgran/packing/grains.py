@@ -102,8 +102,8 @@ class GrainSequence(ExplainedAttributes, Assembly):
     @overload
     def __getitem__(self, chosen: int) -> Grain: ...
     @overload
-    def __getitem__(self, chosen: slice | ArrayLike) -> Self: ...
-    def __getitem__(self, chosen: int | slice | ArrayLike) -> Grain | Self:
+    def __getitem__(self, chosen: "slice | ArrayLike") -> Self: ...
+    def __getitem__(self, chosen: "int | slice | ArrayLike") -> Grain | Self:
         """Return one grain by its index, or those that a slice, a mask or indices choose.
 
         Raises

@@ -12,6 +12,7 @@ from numpy.typing import ArrayLike
 
 from voxgran._base import public
 from voxgran._base.arrays import Integers, as_choice, as_number, check_type
+from voxgran._base.calls import explained_methods
 from voxgran._base.units import as_unit, unit_factor
 from voxgran.clumps.model import Clump
 from voxgran.clumps.stand_in import as_clumps
@@ -37,6 +38,7 @@ STOP_REASONS = ("settled", "count", "solid_fraction", "saturated", "full", "step
 _OF_THE_WHOLE = ("saturated", "full")
 
 
+@explained_methods
 @dataclass(frozen=True, eq=False)
 class Packing(GrainSequence):
     """Grains in a container, with how they came there.
@@ -106,15 +108,15 @@ class Packing(GrainSequence):
         shapes: Shape | Sequence[Shape],
         container: Container,
         *,
-        position: ArrayLike,
-        scale: ArrayLike | None = None,
-        shape_id: ArrayLike | None = None,
-        orientation: ArrayLike | None = None,
+        position: "ArrayLike",
+        scale: "ArrayLike | None" = None,
+        shape_id: "ArrayLike | None" = None,
+        orientation: "ArrayLike | None" = None,
         density: float | Sequence[float] = 1.0,
         provenance: Mapping[str, Any] | None = None,
         stop_reason: str = "count",
         unit: str | None = None,
-        gravity: ArrayLike | None = "down",
+        gravity: "ArrayLike | None" = "down",
         contact_gap: float = 0.0,
         asked_sizes: SizeDistribution | None = None,
         forces: ContactForces | None = None,
@@ -153,10 +155,6 @@ class Packing(GrainSequence):
             Distribution of sizes that was asked for.
         forces : ContactForces, optional
             Forces at the contacts of these grains.
-
-        Returns
-        -------
-        Packing
 
         Raises
         ------
@@ -411,13 +409,13 @@ class Packing(GrainSequence):
         public("save")(self, path, overwrite=overwrite)
 
     def plot(
-        self, *, color: Literal["diameter", "height", "shape", "coordination", "distance", "force"] = "diameter"
+        self, *, color_by: Literal["diameter", "height", "shape", "coordination", "distance", "force"] = "diameter"
     ) -> Any:
         """Show the packing in a window, or return a picture of it, as :func:`voxgran.plot`.
 
         Parameters
         ----------
-        color : {"diameter", "height", "shape", "coordination", "distance", "force"}
+        color_by : {"diameter", "height", "shape", "coordination", "distance", "force"}
             What the colours show; "force", the largest force on each grain, where forces are known.
 
         Examples
@@ -425,7 +423,7 @@ class Packing(GrainSequence):
         >>> import voxgran as vg
         >>> vg.pack(vg.shapes.sphere(), vg.Box((4, 4, 4)), "rsa", count=5).plot()  # doctest: +SKIP
         """
-        return public("plot")(self, color=color)
+        return public("plot")(self, color_by=color_by)
 
     def _repr_html_(self) -> str:
         """Small picture and numbers, for notebooks."""

@@ -119,7 +119,7 @@ class Problem:
         stop_reason: str,
         orientation: Floats | None = None,
         provenance: Mapping[str, Any] | None = None,
-        gravity: ArrayLike | None = None,
+        gravity: "ArrayLike | None" = None,
         contact_gap: float = 0.0,
         voxel_size: float | None = None,
         diameter: Floats | None = None,

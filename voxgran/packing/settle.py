@@ -49,7 +49,7 @@ def settle(
     shaking: Shaking | Mapping[str, Any] | None = None,
     lid: Lid | Mapping[str, Any] | None = None,
     container: Container | None = None,
-    gravity: ArrayLike | None = None,
+    gravity: "ArrayLike | None" = None,
     seed: int = 0,
     fall_time: float | None = None,
     solid_fraction: float | None = None,
@@ -185,7 +185,7 @@ def settle(
     return settled
 
 
-def _prepared(packing: Packing, container: Container | None, gravity: ArrayLike | None) -> Packing:
+def _prepared(packing: Packing, container: Container | None, gravity: "ArrayLike | None") -> Packing:
     """Return the packing in another container and under another gravity, where they are given.
 
     Raises

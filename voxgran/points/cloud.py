@@ -21,7 +21,7 @@ from voxgran._base.arrays import (
     as_vector,
     read_only,
 )
-from voxgran._base.calls import renamed
+from voxgran._base.calls import explained_methods, renamed
 from voxgran._base.errors import InputError
 from voxgran._base.lazy import load
 from voxgran._base.units import stated_unit
@@ -35,6 +35,7 @@ WHOLE = 2.0**53
 FINEST = 1e-8
 
 
+@explained_methods
 @dataclass(frozen=True, eq=False)
 class Cloud:
     """Immutable point cloud with optional normals and grain numbers.
@@ -83,9 +84,9 @@ class Cloud:
     @classmethod
     def of(
         cls,
-        points: ArrayLike,
-        normals: ArrayLike | None = None,
-        grain: ArrayLike | None = None,
+        points: "ArrayLike",
+        normals: "ArrayLike | None" = None,
+        grain: "ArrayLike | None" = None,
         *,
         name: str = "cloud",
         unit: str | None = None,
@@ -157,7 +158,7 @@ class Cloud:
         distance = load("scipy.spatial").cKDTree(different).query(different, k=[neighbours + 1])[0]
         return float(np.median(distance) * np.sqrt(np.pi / neighbours))
 
-    def chosen(self, mask: ArrayLike) -> "Cloud":
+    def chosen(self, mask: "ArrayLike") -> "Cloud":
         """Return a subset of the points.
 
         Parameters
@@ -177,7 +178,7 @@ class Cloud:
         normals, grain = (None if part is None else read_only(part[kept]) for part in parts)
         return replace(self, points=read_only(self.points[kept]), normals=normals, grain=grain)
 
-    def cropped(self, lower: ArrayLike, upper: ArrayLike) -> "Cloud":
+    def cropped(self, lower: "ArrayLike", upper: "ArrayLike") -> "Cloud":
         """Return the points within a box.
 
         Parameters

@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 
 from voxgran._base.arrays import Floats, as_choice, as_count, as_length, check_type
+from voxgran._base.calls import explained
 from voxgran._base.errors import InputError
 from voxgran.points.backend_open3d import sample_triangles
 from voxgran.points.covering import covering_radius
@@ -47,6 +48,7 @@ class SurfacePoints(np.ndarray[Any, np.dtype[np.float64]]):
         self.spacing = getattr(source, "spacing", float("nan"))
 
 
+@explained(hint="sample_surface(shape, spacing=0.1)")
 def sample_surface(shape: Shape, *, spacing: float, seed: int = 0, method: str = "poisson") -> SurfacePoints:
     """Sample points on the surface of a shape with at most the given spacing.
 

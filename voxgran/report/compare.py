@@ -14,6 +14,7 @@ from typing import Any
 import numpy as np
 
 from voxgran import __version__
+from voxgran._base.calls import explained
 from voxgran._base.files import as_path, refuse_to_replace, write_text
 from voxgran.packing.model import Packing
 from voxgran.report import facts, plots, scenes
@@ -29,6 +30,7 @@ from voxgran.report.view import views_of
 DRAWN = 5
 
 
+@explained(hint='save_comparison({"loose": bed, "dense": other}, "page.html")')
 def save_comparison(
     packings: Mapping[str, Packing | Sequence[Packing]],
     path: str | os.PathLike[str],

@@ -14,7 +14,7 @@ RADII, TURNS = 25, 73
 
 
 def plot_direction_map(
-    axes: Any, polar: ArrayLike, azimuth: ArrayLike, density: ArrayLike, *, deviator: ArrayLike, pole: int = 2
+    axes: Any, polar: "ArrayLike", azimuth: "ArrayLike", density: "ArrayLike", *, deviator: "ArrayLike", pole: int = 2
 ) -> Any:
     """Draw the density of directions on the hemisphere around an axis, in Lambert's equal-area projection.
 

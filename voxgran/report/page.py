@@ -15,6 +15,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from voxgran import __version__
+from voxgran._base.calls import explained
 from voxgran._base.errors import with_article
 from voxgran._base.files import as_path, refuse_to_replace, write_text, written_whole
 from voxgran._base.lazy import load
@@ -62,6 +63,7 @@ class Drawn:
     grains: dict[str, dict[str, tuple[Picture, str, str]]]
 
 
+@explained(hint='save_report(packing, "page.html")')
 def save_report(
     packing: Packing,
     path: str | os.PathLike[str],

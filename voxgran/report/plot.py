@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 
 from voxgran._base.arrays import as_choice, check_type
+from voxgran._base.calls import explained
 from voxgran._base.files import written_whole
 from voxgran._base.lazy import load
 from voxgran.packing.model import Packing
@@ -17,19 +18,20 @@ from voxgran.report.scenes import GRAIN_COLOR, SMOOTH, picture_cut, picture_pack
 from voxgran.report.stage import Picture, look_at, png_of, shot, stage_of
 from voxgran.shapes.model import Shape
 
-#: backends of PyVista whose scenes can be turned in a notebook, and what these need
+#: backends of PyVista before 0.48 whose scenes can be turned in a notebook, and what these need
 TURNS = ("trame", "client", "server", "html")
 TRAME = ("trame", "trame_vtk", "trame_vuetify")
 
 
-def plot(what: Packing | Shape, *, color: ColorBy = "diameter", window: tuple[int, int] = (900, 900)) -> Any:
+@explained(hint='plot(packing, color_by="height")')
+def plot(what: Packing | Shape, *, color_by: ColorBy = "diameter", window: tuple[int, int] = (900, 900)) -> Any:
     """Show a packing or a shape.
 
     Parameters
     ----------
     what : Packing or Shape
         What is shown.
-    color : {"diameter", "height", "shape", "coordination", "distance", "force"}
+    color_by : {"diameter", "height", "shape", "coordination", "distance", "force"}
         What the colours of grains show, "force" the largest contact force on each where forces are known; not used for
         a shape.
     window : tuple of int
@@ -44,26 +46,27 @@ def plot(what: Packing | Shape, *, color: ColorBy = "diameter", window: tuple[in
     Raises
     ------
     InputError
-        If it is neither a packing nor a shape, `color` is unknown, or it is "force" and no forces are known.
+        If it is neither a packing nor a shape, `color_by` is unknown, or it is "force" and no forces are known.
 
     Examples
     --------
     >>> import voxgran as vg
     >>> bed = vg.pack(vg.shapes.sphere(), vg.Box((4, 4, 4)), "rsa", count=10)
-    >>> vg.plot(bed, color="coordination")  # doctest: +SKIP
+    >>> vg.plot(bed, color_by="coordination")  # doctest: +SKIP
     """
     check_type(what, (Packing, Shape), "what", "a Packing or a Shape; pack or make one")
-    as_choice(color, "color", COLOR_BY)
+    as_choice(color_by, "color_by", COLOR_BY)
     backend = _notebook_backend()
     if backend is not None or _has_window():
-        plotter = _plotter(what, color, window, notebook=backend is not None)
+        plotter = _plotter(what, color_by, window, notebook=backend is not None)
         if backend is None:
             plotter.show()
             return None
         return plotter.show(jupyter_backend=backend, return_viewer=True)
-    return load("PIL.Image").fromarray(_picture(what, color, window))
+    return load("PIL.Image").fromarray(_picture(what, color_by, window))
 
 
+@explained(hint='save_picture(packing, "bed.png")')
 def save_picture(
     what: Packing | Shape,
     path: str | os.PathLike[str],
@@ -121,22 +124,22 @@ def save_picture(
         draft.write_bytes(content)
 
 
-def _picture(what: Packing | Shape, color: str, window: tuple[int, int], *, cut: bool = False) -> Picture:
+def _picture(what: Packing | Shape, color_by: str, window: tuple[int, int], *, cut: bool = False) -> Picture:
     """Draw a packing with its container, or a shape."""
     if isinstance(what, Packing):
-        return (picture_cut if cut else picture_packing)(what, color_by=color, window=window)
+        return (picture_cut if cut else picture_packing)(what, color_by=color_by, window=window)
     with stage_of(window) as stage:
         stage.add_mesh(what.to_pyvista(), color=GRAIN_COLOR, **SMOOTH)
         look_at(stage, np.asarray(what.vertices), flat=what.dimension == 2)
         return shot(stage)
 
 
-def _plotter(what: Packing | Shape, color: str, window: tuple[int, int], *, notebook: bool) -> Any:
+def _plotter(what: Packing | Shape, color_by: str, window: tuple[int, int], *, notebook: bool) -> Any:
     """Return a plotter that holds a packing with its container, or a shape."""
     plotter = load("pyvista").Plotter(window_size=list(window), notebook=notebook, off_screen=notebook or None)
     mesh, look = what.to_pyvista(), {"color": GRAIN_COLOR}
     if isinstance(what, Packing):
-        found = coloring(what, color)
+        found = coloring(what, color_by)
         mesh.cell_data[found.label] = found.values[mesh.cell_data["grain"]]
         look = {"scalars": found.label, "cmap": COLORS}
         plotter.add_mesh(load("pyvista").PolyData.from_regular_faces(*what.container.mesh()), style="wireframe")
@@ -147,13 +150,20 @@ def _plotter(what: Packing | Shape, color: str, window: tuple[int, int], *, note
 
 
 def _notebook_backend() -> str | None:
-    """Return the backend with which PyVista shows a scene that turns in a notebook; None outside of one, and where the
-    backend gives a picture only or trame is not installed.
+    """Return the backend with which PyVista shows a scene that turns in a notebook; None outside of one, where the
+    backend chosen gives a picture only, and where none is installed.
     """
     if "ipykernel" not in sys.modules:
         return None
-    backend = load("pyvista").global_theme.jupyter_backend
-    return str(backend) if backend in TURNS and all(find_spec(name) for name in TRAME) else None
+    pyvista = load("pyvista")
+    if hasattr(pyvista, "registered_jupyter_backends"):
+        installed = [str(entry.name) for entry in pyvista.registered_jupyter_backends()]
+    else:
+        installed = [*TURNS] if all(find_spec(name) for name in TRAME) else []
+    # None stands for the best of what is installed, which is trame itself, before its variants, wherever it is there
+    best = "trame" if "trame" in installed else next(iter(installed), None)
+    backend = pyvista.global_theme.jupyter_backend or best
+    return backend if backend in installed else None
 
 
 def _has_window() -> bool:

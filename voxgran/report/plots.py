@@ -107,14 +107,14 @@ def plot_gradation(axes: Any, packing: Packing) -> Any:
 
 def plot_profile(
     axes: Any,
-    place: ArrayLike,
-    solid_fraction: ArrayLike,
+    place: "ArrayLike",
+    solid_fraction: "ArrayLike",
     *,
     name: str,
     unit: str,
-    error: ArrayLike = 0.0,
+    error: "ArrayLike" = 0.0,
     levels: Mapping[str, float] | None = None,
-    published: Mapping[str, ArrayLike] | None = None,
+    published: "Mapping[str, ArrayLike] | None" = None,
 ) -> Any:
     """Draw the solid fraction (n,) over a coordinate (n,) of this name, in the unit of lengths; NaN leaves a gap.
 
@@ -144,7 +144,7 @@ def plot_profile(
 
 
 def plot_coordination(
-    axes: Any, gap: ArrayLike, coordination_number: ArrayLike, *, unit: str, name: str = "gap"
+    axes: Any, gap: "ArrayLike", coordination_number: "ArrayLike", *, unit: str, name: str = "gap"
 ) -> Any:
     """Draw the mean coordination number (n,) over the gap (n,) up to which grains count as neighbours, in `unit`, such
     as ``"mean diameters"``; `name` is the label of the axis.
@@ -167,12 +167,12 @@ def plot_coordination(
 
 def plot_estimate(
     axes: Any,
-    place: ArrayLike,
-    estimate: ArrayLike,
+    place: "ArrayLike",
+    estimate: "ArrayLike",
     *,
     label: str,
     name: str,
-    error: ArrayLike = 0.0,
+    error: "ArrayLike" = 0.0,
     level: float | None = None,
     logarithmic: bool = False,
 ) -> Any:
@@ -204,7 +204,7 @@ def plot_estimate(
     return axes
 
 
-def plot_contact_numbers(axes: Any, numbers: ArrayLike, probability: ArrayLike, *, error: ArrayLike = 0.0) -> Any:
+def plot_contact_numbers(axes: Any, numbers: "ArrayLike", probability: "ArrayLike", *, error: "ArrayLike" = 0.0) -> Any:
     """Draw the probability (n,) of each number of contacts (n,) as bars, with standard errors.
 
     Raises
@@ -222,7 +222,7 @@ def plot_contact_numbers(axes: Any, numbers: ArrayLike, probability: ArrayLike, 
     return axes
 
 
-def plot_forces(axes: Any, relative: ArrayLike, density: ArrayLike, *, decay: float = np.nan) -> Any:
+def plot_forces(axes: Any, relative: "ArrayLike", density: "ArrayLike", *, decay: float = np.nan) -> Any:
     """Draw the probability density (n,) of normal forces over their mean (n,), with the published law of beads under a
     piston, Mueth, Jaeger & Nagel 1998, doi:10.1103/PhysRevE.57.3164; `decay` is that of the tail, NaN if not known.
 
@@ -245,7 +245,7 @@ def plot_forces(axes: Any, relative: ArrayLike, density: ArrayLike, *, decay: fl
     return axes
 
 
-def plot_densities(axes: Any, place: ArrayLike, curves: Mapping[str, ArrayLike], *, name: str, unit: str) -> Any:
+def plot_densities(axes: Any, place: "ArrayLike", curves: "Mapping[str, ArrayLike]", *, name: str, unit: str) -> Any:
     """Draw probability densities (n,) over the middles (n,) of equal bins of a quantity of this name, in `unit`.
 
     Several curves have the last parts of their names as labels, such as the axes of chords.

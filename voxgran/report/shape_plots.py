@@ -15,7 +15,7 @@ SECTORS = 18
 ZINGG = 2 / 3
 
 
-def plot_zingg(axes: Any, elongation: ArrayLike, flatness: ArrayLike) -> Any:
+def plot_zingg(axes: Any, elongation: "ArrayLike", flatness: "ArrayLike") -> Any:
     """Draw grains (n,) by the ratios of the edges of their smallest boxes.
 
     References
@@ -36,21 +36,21 @@ def plot_zingg(axes: Any, elongation: ArrayLike, flatness: ArrayLike) -> Any:
     return axes
 
 
-def plot_roundness(axes: Any, sphericity: ArrayLike, roundness: ArrayLike) -> Any:
+def plot_roundness(axes: Any, sphericity: "ArrayLike", roundness: "ArrayLike") -> Any:
     """Draw grains (n,) by sphericity and roundness."""
     _dots(axes, roundness, sphericity)
     axes.set(xlim=(-0.03, 1.03), ylim=(0.0, 1.03), xlabel="roundness", ylabel="sphericity")
     return axes
 
 
-def _dots(axes: Any, x: ArrayLike, y: ArrayLike) -> None:
+def _dots(axes: Any, x: "ArrayLike", y: "ArrayLike") -> None:
     """Draw pairs of numbers (n,), equal ones as larger dots where there are few different ones."""
     points, counts = np.unique(np.round(np.column_stack([x, y]), 6), axis=0, return_counts=True)
     size = 16 + 220 * counts / counts.sum() if len(counts) <= 50 else 10
     axes.scatter(points[:, 0], points[:, 1], s=size, color=PLACED, alpha=0.75, linewidth=0)
 
 
-def normal_rose(normals: ArrayLike, *, dimension: int, down: int | None) -> tuple[Floats, Floats]:
+def normal_rose(normals: "ArrayLike", *, dimension: int, down: int | None) -> tuple[Floats, Floats]:
     """Return the distribution of contact normals (m, 3) over direction, relative to an isotropic one; opposite vectors
     are equivalent.
 
@@ -74,12 +74,12 @@ def normal_rose(normals: ArrayLike, *, dimension: int, down: int | None) -> tupl
 
 def plot_rose(
     axes: Any,
-    angle: ArrayLike,
-    share: ArrayLike,
+    angle: "ArrayLike",
+    share: "ArrayLike",
     *,
     upright: bool,
-    error: ArrayLike | None = None,
-    deviator: ArrayLike | None = None,
+    error: "ArrayLike | None" = None,
+    deviator: "ArrayLike | None" = None,
 ) -> Any:
     """Draw a rose over half a turn, in radians (k,), such as that of :func:`normal_rose`, on polar axes.
 

@@ -7,6 +7,7 @@ from collections.abc import Iterator
 import numpy as np
 
 from voxgran._base.arrays import as_count
+from voxgran._base.calls import explained
 from voxgran._base.files import written_whole
 from voxgran._base.lazy import load
 from voxgran._base.progress import OnStep, Step
@@ -20,6 +21,7 @@ FRAME_TIME = 80
 PALETTE = 128
 
 
+@explained(hint='save_turntable(packing, "bed.gif")')
 def save_turntable(
     packing: Packing,
     path: str | os.PathLike[str],

@@ -13,7 +13,7 @@ EQUAL = 0.02
 SEAM = 0.637
 
 
-def wall_law(distance: ArrayLike, *, bulk: float) -> Floats:
+def wall_law(distance: "ArrayLike", *, bulk: float) -> Floats:
     """Return the solid fraction (n,) of a bed of equal spheres at distances (n,) from a cylindrical wall, in diameters;
     `bulk` is the solid fraction far from the wall.
 

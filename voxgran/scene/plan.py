@@ -247,6 +247,8 @@ def _steps(scene: SceneDescription, task: Task) -> dict[str, tuple[str, ...]]:
     if task.problem.dimension == 2:
         libraries.discard("open3d")
         skipped.append("anything in three dimensions: the container is flat")
+    if "open3d" in libraries:
+        libraries.add("plotly")  # which it imports itself
     if scene.settle is False:
         skipped.append("settling: [settle] says enabled = false")
     if scene.sizes is None and task.method.sizing != "made":

@@ -3,6 +3,7 @@
 import os
 from dataclasses import dataclass
 
+from voxgran._base.calls import explained_methods
 from voxgran._base.progress import OnStep
 from voxgran.scene.description import SceneDescription
 from voxgran.scene.plan import Plan, make_plan
@@ -10,6 +11,7 @@ from voxgran.scene.replicates import run_seeds
 from voxgran.scene.run import SceneResult, run_one
 
 
+@explained_methods
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Scene(SceneDescription):
     """A granular scene, from a TOML file or a mapping; its attributes are those of :class:`SceneDescription`.

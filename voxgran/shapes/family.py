@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from voxgran._base.arrays import as_count, as_positive, check_lengths
-from voxgran._base.calls import Parameters, chosen, document
+from voxgran._base.calls import Parameters, chosen, document, explained
 from voxgran._base.config import parameters_of, to_mapping
 from voxgran._base.errors import CallError, InputError, shown
 from voxgran._base.registry import Registry
@@ -145,6 +145,7 @@ def make_shape(family: str | Parameters, *, seed: int = 0, **parameters: Any) ->
     return entry.make(values, stream(seed, f"shape {name}"))
 
 
+@explained(hint='make_shapes("polyhedron", count=10)')
 def make_shapes(family: str | Parameters, *, count: int, seed: int = 0, **parameters: Any) -> list[Shape]:
     """Make many shapes of a family, each with random numbers of its own.
 

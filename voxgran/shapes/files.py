@@ -124,6 +124,7 @@ def shape_of_file(
     return Shape.of((Surface if surface else Mesh)(corners, triangles), name=found.stem, unit=unit)
 
 
+@explained(hint='save_shape(shape, "rock.stl")')
 def save_shape(shape: Shape, path: str | os.PathLike[str], *, overwrite: bool = False) -> None:
     """Write the tessellation of a shape, or its spheres, in its body frame.
 

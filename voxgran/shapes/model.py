@@ -9,6 +9,7 @@ from numpy.typing import ArrayLike
 
 from voxgran._base import public
 from voxgran._base.arrays import Booleans, Floats, as_faces, as_points, as_positive, as_quaternions
+from voxgran._base.calls import explained_methods
 from voxgran._base.errors import InputError, shown
 from voxgran._base.lazy import load
 from voxgran._base.registry import ExplainedAttributes
@@ -23,6 +24,7 @@ from voxgran.shapes.repairing.diagnose import as_solid, merged
 from voxgran.shapes.surface import Surface, refuse_unfit
 
 
+@explained_methods
 @dataclass(frozen=True, eq=False, repr=False)
 class Shape(ExplainedAttributes, Body):
     """Immutable solid or open surface with its centroid at the origin of its body frame.
@@ -102,7 +104,7 @@ class Shape(ExplainedAttributes, Body):
 
     @classmethod
     def from_mesh(
-        cls, vertices: ArrayLike, faces: ArrayLike, *, name: str = "mesh", unit: str | None = None
+        cls, vertices: "ArrayLike", faces: "ArrayLike", *, name: str = "mesh", unit: str | None = None
     ) -> "Shape":
         """Make a shape from a closed triangle mesh.
 
@@ -142,7 +144,7 @@ class Shape(ExplainedAttributes, Body):
 
     @classmethod
     def from_surface(
-        cls, vertices: ArrayLike, faces: ArrayLike, *, name: str = "surface", unit: str | None = None
+        cls, vertices: "ArrayLike", faces: "ArrayLike", *, name: str = "surface", unit: str | None = None
     ) -> "Shape":
         """Make a shape from an open triangle mesh, a sheet or shell without thickness, or from the skin of a solid.
 
@@ -202,7 +204,7 @@ class Shape(ExplainedAttributes, Body):
                 "control_point and contact 'kdtree', or give it thickness"
             )
 
-    def contains(self, points: ArrayLike) -> Booleans:
+    def contains(self, points: "ArrayLike") -> Booleans:
         """Return whether points lie in the solid.
 
         Parameters
@@ -231,7 +233,7 @@ class Shape(ExplainedAttributes, Body):
         assert not isinstance(self.geometry, Surface)
         return self.geometry.contains(as_points(points))
 
-    def signed_distance(self, points: ArrayLike) -> Floats:
+    def signed_distance(self, points: "ArrayLike") -> Floats:
         """Return the distance of points from the surface, negative inside.
 
         It is exact for meshes, boxes, spheres and outlines. For other shapes it is the distance from the tessellation,
@@ -312,7 +314,7 @@ class Shape(ExplainedAttributes, Body):
         surface = Surface(self.vertices.copy(), self.faces.copy())
         return Shape.of(surface, name=self.name, unit=self.unit, record=self.record)
 
-    def rotated(self, quaternion: ArrayLike) -> "Shape":
+    def rotated(self, quaternion: "ArrayLike") -> "Shape":
         """Return the shape rotated about its centroid.
 
         Parameters

@@ -45,7 +45,7 @@ class SizeDistribution(ABC):
         """Whether sizes are intermediate axes; the caller turns them into equivalent diameters."""
         return False
 
-    def cumulative(self, sizes: ArrayLike, *, basis: Basis | None = None, dimension: int = 3) -> Floats:
+    def cumulative(self, sizes: "ArrayLike", *, basis: Basis | None = None, dimension: int = 3) -> Floats:
         """Return the cumulative distribution function, the share of grains up to a size.
 
         Parameters
@@ -71,7 +71,7 @@ class SizeDistribution(ABC):
         whole = self._partial(np.array(math.inf), power)
         return self._partial(np.asarray(sizes, dtype=np.float64), power) / whole
 
-    def quantile(self, shares: ArrayLike, *, basis: Basis | None = None, dimension: int = 3) -> Floats:
+    def quantile(self, shares: "ArrayLike", *, basis: Basis | None = None, dimension: int = 3) -> Floats:
         """Return the sizes up to which given shares of the grains lie.
 
         Parameters

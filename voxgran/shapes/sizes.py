@@ -111,7 +111,7 @@ def uniform(low: float, high: float, *, basis: Basis = "number") -> Uniform:
     return Uniform(low=as_number(low, "low"), high=as_number(high, "high"), basis=basis)
 
 
-def discrete(diameters: ArrayLike, weights: ArrayLike, *, basis: Basis = "number") -> Discrete:
+def discrete(diameters: "ArrayLike", weights: "ArrayLike", *, basis: Basis = "number") -> Discrete:
     """Return a discrete distribution: a few sizes, each with its weight.
 
     Raises
@@ -131,7 +131,7 @@ def discrete(diameters: ArrayLike, weights: ArrayLike, *, basis: Basis = "number
     return Discrete(diameters=_numbers(diameters), weights=_numbers(weights), basis=basis)
 
 
-def sieve(openings: ArrayLike, passing: ArrayLike, *, as_diameter: bool = False, basis: Basis = "volume") -> Sieve:
+def sieve(openings: "ArrayLike", passing: "ArrayLike", *, as_diameter: bool = False, basis: Basis = "volume") -> Sieve:
     """Return the distribution of a sieve analysis.
 
     Parameters
@@ -159,7 +159,7 @@ def sieve(openings: ArrayLike, passing: ArrayLike, *, as_diameter: bool = False,
     return Sieve(openings=_numbers(openings), passing=_numbers(passing), as_diameter=as_diameter, basis=basis)
 
 
-def _numbers(values: ArrayLike) -> tuple[float, ...]:
+def _numbers(values: "ArrayLike") -> tuple[float, ...]:
     """Return a list of numbers as a tuple."""
     return tuple(as_floats(values, "list of sizes or shares", shape=(None,)).tolist())
 

@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from voxgran import __version__
+from voxgran._base.calls import explained_methods
 from voxgran._base.files import write_text, written_whole
 from voxgran._base.lazy import load
 from voxgran.io.netcdf import save_statistics
@@ -39,6 +40,7 @@ TEXTS = {
 }
 
 
+@explained_methods
 @dataclass(frozen=True, slots=True, kw_only=True)
 class StudyResult:
     """What a study has left.

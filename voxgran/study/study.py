@@ -5,6 +5,7 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
+from voxgran._base.calls import explained_methods
 from voxgran._base.errors import InputError
 from voxgran._base.files import as_path
 from voxgran._base.progress import OnStep
@@ -17,6 +18,7 @@ from voxgran.study.settings import make_settings, settings_of_file
 from voxgran.study.store import Store
 
 
+@explained_methods
 class Study:
     """A base scene that is varied along axes, and packed with several seeds.
 

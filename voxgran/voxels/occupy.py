@@ -22,6 +22,7 @@ from voxgran._base.arrays import (
     as_vector,
     check_type,
 )
+from voxgran._base.calls import explained
 from voxgran._base.errors import InputError, TooLargeError, UnknownNameError
 from voxgran._base.files import as_path, refuse_to_replace, written_whole
 from voxgran._base.registry import unknown
@@ -48,6 +49,7 @@ BACKENDS = ("open3d", "scanline")
 MOST_VOXELS = 2**34
 
 
+@explained(hint="voxelize(shape, voxel_size=0.1)")
 def voxelize(
     shape: Shape,
     *,
@@ -148,8 +150,8 @@ def occupied(
     grid: Grid,
     *,
     scale: float = 1.0,
-    rotation: ArrayLike | None = None,
-    offset: ArrayLike | None = None,
+    rotation: "ArrayLike | None" = None,
+    offset: "ArrayLike | None" = None,
     backend: str | None = None,
     cover: str = "center",
 ) -> PackedMask:
@@ -241,7 +243,7 @@ def _written(bits: PackedMask, out: Booleans | str | os.PathLike[str], *, overwr
     return mapped
 
 
-def _posed(geometry: Geometry, scale: float, rotation: ArrayLike | None) -> Geometry:
+def _posed(geometry: Geometry, scale: float, rotation: "ArrayLike | None") -> Geometry:
     """Return the geometry stretched and turned."""
     if scale != 1.0:
         geometry = geometry.scaled(scale)

@@ -30,7 +30,7 @@ MOST_VOXELS = 2**31
 
 
 def voxelize_mesh(
-    vertices: ArrayLike, faces: ArrayLike, *, voxel_size: float | None = None, grid: Grid | None = None
+    vertices: "ArrayLike", faces: "ArrayLike", *, voxel_size: float | None = None, grid: Grid | None = None
 ) -> Voxels:
     """Return the voxels whose center lies in what triangles enclose, clean or not.
 

@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from voxgran._base.arrays import Floats, Integers, as_choice, as_floats, as_number
+from voxgran._base.calls import explained
 from voxgran._base.errors import InputError
 from voxgran._base.kernels import kernel
 from voxgran._base.lazy import load
@@ -55,6 +56,7 @@ class SignedDistance:
     error: float
 
 
+@explained(hint="signed_distance(shape, voxel_size=0.1)")
 def signed_distance(
     shape: Shape,
     *,
@@ -128,7 +130,7 @@ def signed_distance(
     return SignedDistance(values, np.array(lattice.origin), lattice.voxel_size, reach * lattice.voxel_size, error)
 
 
-def distance_from_shares(share: ArrayLike, *, band: float = 3.0) -> Floats:
+def distance_from_shares(share: "ArrayLike", *, band: float = 3.0) -> Floats:
     """Return signed distances of voxel centers from a surface, in voxels, negative inside, from (nx, ny, nz) shares in
     [0, 1].
 

@@ -8,6 +8,7 @@ from voxgran._base.errors import CallError, UnknownNameError
 from voxgran._base.registry import nearest
 
 SPHERE, BOX = vg.make_shape("sphere"), vg.Box((4, 4, 4))
+BED = vg.Packing.of([SPHERE], BOX, position=[(2, 2, 2)])
 
 
 @pytest.mark.parametrize(
@@ -26,6 +27,12 @@ SPHERE, BOX = vg.make_shape("sphere"), vg.Box((4, 4, 4))
         (lambda: vg.sizes.lognormal(sigma=0.2), "lognormal needs median;"),
         (lambda: vg.sizes.lognormal(1.0, std=0.2), "did you mean 'sigma'"),
         (lambda: vg.pack(SPHERE, BOX), "pack needs method"),
+        (lambda: vg.plot(SPHERE, colour="height"), "argument of plot 'colour' is unknown: did you mean 'color_by'"),
+        (lambda: BED.plot(colour="height"), r"Packing.plot 'colour' .* 'color_by'.*write help\(Packing.plot\) to see"),
+        (lambda: BED.measure(bins=10), "argument of Packing.measure 'bins' is unknown: known are which;"),
+        (lambda: BED.save("a.vtp", True), r"Packing.save takes 1 argument by position \(path\) and was given 2"),
+        (lambda: vg.Shape.from_mesh([(0, 0, 0)]), "Shape.from_mesh needs faces"),
+        (lambda: vg.measure(BED, bins=10), r"known are packing, which; write measure\(packing, "),
     ],
 )
 def test_calls_that_do_not_fit_are_explained(call, sentence):

@@ -92,7 +92,7 @@ def test_what_is_no_disk_is_refused(radius, origin, words):
 def test_other_arguments_are_told():
     with pytest.raises(CallError, match=r"'center' is unknown: known are origin, radius; write Disk\(radius=2\)"):
         Disk(1, center=(0, 0))
-    with pytest.raises(CallError, match="Disk takes 1 arguments by position"):
+    with pytest.raises(CallError, match="Disk takes 1 argument by position"):
         Disk(1, (0, 0))
     with pytest.raises(CallError, match="Disk needs radius"):
         Disk()

@@ -179,11 +179,11 @@ def test_it_verifies_measures_and_saves_itself(tmp_path, monkeypatch):
     with pytest.raises(vg.VoxgranError, match="overwrite"):
         packing.save(tmp_path / "a.vtp")
     monkeypatch.delenv("DISPLAY", raising=False)
-    assert np.asarray(packing.plot(color="shape")).shape == (900, 900, 3)
+    assert np.asarray(packing.plot(color_by="shape")).shape == (900, 900, 3)
     with pytest.raises((InputError, UnknownNameError), match="color"):
-        packing.plot(color="taste")
-    with pytest.raises(InputError, match=r"^color is 'taste'"):
-        vg.plot(vg.shapes.cone(), color="taste")
+        packing.plot(color_by="taste")
+    with pytest.raises(InputError, match=r"^color_by is 'taste'"):
+        vg.plot(vg.shapes.cone(), color_by="taste")
     assert vg.measure(packing, "coordination").equals(packing.measure("coordination"))
     with pytest.raises(InputError, match="which is 2"):
         packing.measure(2)
@@ -204,7 +204,7 @@ def test_a_window_shows_grains_in_colour(monkeypatch):
 
     monkeypatch.setattr("voxgran.report.plot._has_window", lambda: True)
     monkeypatch.setattr("pyvista.Plotter", Plotter)
-    assert three().plot(color="shape") is None
+    assert three().plot(color_by="shape") is None
     assert vg.shapes.cone().plot() is None
     (_, (grains, look)), ((_, plain),) = shown
     assert set(grains.cell_data[look["scalars"]]) == {0, 1}

@@ -85,7 +85,7 @@ def test_grains_are_coloured_by_their_largest_force(pair):
     assert found.values.tolist() == [2.0, 1.0]
     assert found.label == "largest contact force"
     assert (picture_packing(pair, color_by="force", window=WINDOW) != picture_packing(pair, window=WINDOW)).any()
-    assert vg.plot(pair, color="force", window=WINDOW).size == WINDOW
+    assert vg.plot(pair, color_by="force", window=WINDOW).size == WINDOW
     for packing in (replace(pair, forces=None), pair[:0]):
         with pytest.raises(InputError, match="forces of the packing are None"):
             coloring(packing, "force")

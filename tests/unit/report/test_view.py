@@ -7,6 +7,7 @@ import json
 import re
 import sys
 import time
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -317,16 +318,28 @@ def test_a_notebook_turns_the_packing_where_trame_is_installed(packing, monkeypa
     asked = []
     monkeypatch.setitem(sys.modules, "ipykernel", sys)
     monkeypatch.setattr(pyvista.Plotter, "show", lambda self, **options: asked.append((self, options)) or "widget")
-    monkeypatch.setattr("voxgran.report.plot.find_spec", lambda name: name)
-    monkeypatch.setattr(pyvista.global_theme, "_jupyter_backend", "trame")
-    assert packing.plot(color="height") == "widget"
+    backends = [SimpleNamespace(name=name) for name in ("client", "html", "trame")]
+    monkeypatch.setattr(pyvista, "registered_jupyter_backends", lambda: backends, raising=False)
+    monkeypatch.setattr(pyvista.global_theme, "_jupyter_backend", None)
+    assert packing.plot(color_by="height") == "widget"
     plotter, options = asked.pop()
     assert options == {"jupyter_backend": "trame", "return_viewer": True}
     assert len(plotter.actors) >= 2
     plotter.close()
-    monkeypatch.setattr(pyvista.global_theme, "_jupyter_backend", "static")
-    assert vg.plot(packing, window=(200, 100)).size == (200, 100)
-    monkeypatch.setattr(pyvista.global_theme, "_jupyter_backend", "trame")
+    for chosen, there in (("static", backends), ("trame", []), (None, [])):
+        monkeypatch.setattr(pyvista, "registered_jupyter_backends", lambda there=there: there)
+        monkeypatch.setattr(pyvista.global_theme, "_jupyter_backend", chosen)
+        assert vg.plot(packing, window=(200, 100)).size == (200, 100)
+    assert asked == []
+
+
+def test_a_notebook_of_an_older_pyvista_turns_the_packing(packing, monkeypatch):
+    pyvista = pytest.importorskip("pyvista")
+    monkeypatch.setitem(sys.modules, "ipykernel", sys)
+    monkeypatch.setattr(pyvista.Plotter, "show", lambda self, **options: options["jupyter_backend"])
+    monkeypatch.delattr(pyvista, "registered_jupyter_backends", raising=False)
+    monkeypatch.setattr(pyvista.global_theme, "_jupyter_backend", "server")
+    monkeypatch.setattr("voxgran.report.plot.find_spec", lambda name: name)
+    assert packing.plot() == "server"
     monkeypatch.setattr("voxgran.report.plot.find_spec", lambda name: None)
     assert vg.plot(packing, window=(200, 100)).size == (200, 100)
-    assert asked == []

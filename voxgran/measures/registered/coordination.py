@@ -63,7 +63,7 @@ class Rattlers:
 
 
 def coordination_number(
-    packing: Packing, gaps: ArrayLike | None = None, *, reference_gap: float | None = None
+    packing: Packing, gaps: "ArrayLike | None" = None, *, reference_gap: float | None = None
 ) -> Coordination:
     """Return the coordination number as a function of the gap, and that of each grain at the reference gap.
 

@@ -34,7 +34,7 @@ def bulk_solid_fraction(packing: Packing) -> Estimate:
     return _bulk(packing)[0]
 
 
-def window_solid_fraction(packing: Packing, lower: ArrayLike, upper: ArrayLike) -> Estimate:
+def window_solid_fraction(packing: Packing, lower: "ArrayLike", upper: "ArrayLike") -> Estimate:
     """Return the solid fraction inside a window along the axes, periodic images included.
 
     Parameters

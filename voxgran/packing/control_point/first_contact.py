@@ -90,7 +90,7 @@ class Encounter:
             return self._unit * float(extent[:, HALF_SPACING].sum())
         return self._unit * float(min(threshold(extent, 0, 1, 0.0), threshold(extent, 1, 0, 0.0)))
 
-    def is_refused(self, offset: ArrayLike, turns: ArrayLike) -> bool:
+    def is_refused(self, offset: "ArrayLike", turns: "ArrayLike") -> bool:
         """Return whether the test refuses a pose.
 
         Parameters
@@ -110,7 +110,7 @@ class Encounter:
         kept = (self._grains, self._setting.bodies, self._setting.cache, self._setting.scratch)
         return bool(_is_refused_at(*kept, self._gap, np.zeros(3), where, 0.0))
 
-    def _turn(self, turns: ArrayLike) -> None:
+    def _turn(self, turns: "ArrayLike") -> None:
         """Take over orientations."""
         quaternions = normalized(as_floats(turns, "turns", shape=(2, 4)))
         self._state.orientation[:] = quaternions
@@ -118,10 +118,10 @@ class Encounter:
 
     def first_contact(
         self,
-        direction: ArrayLike,
+        direction: "ArrayLike",
         *,
-        turns: ArrayLike = ((1.0, 0.0, 0.0, 0.0), (1.0, 0.0, 0.0, 0.0)),
-        aside: ArrayLike = (0.0, 0.0, 0.0),
+        turns: "ArrayLike" = ((1.0, 0.0, 0.0, 0.0), (1.0, 0.0, 0.0, 0.0)),
+        aside: "ArrayLike" = (0.0, 0.0, 0.0),
     ) -> Floats:
         """Let the other grain come straight towards the standing one until the test refuses it.
 

@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 
 from voxgran._base.arrays import as_number
 from voxgran._base.axes import Periodic, as_periodic, axis_names
+from voxgran._base.calls import explained
 from voxgran.containers.box import Box
 from voxgran.lattice.census import census
 from voxgran.packing.model import Packing
@@ -15,6 +16,7 @@ from voxgran.shapes.images.image_files import Image, voxel_sizes
 from voxgran.shapes.images.labels import LabelledGrain, image_of, labelled_grains
 
 
+@explained(hint='packing_of_labels("scan.tif", voxel_size=0.1)')
 def packing_of_labels(
     source: str | os.PathLike[str] | NDArray[Any] | Image,
     *,

@@ -24,8 +24,8 @@ def inscribe(
     packing: Packing,
     shapes: Sequence[Shape] | Shape,
     *,
-    weights: ArrayLike | None = None,
-    shape_id: ArrayLike | None = None,
+    weights: "ArrayLike | None" = None,
+    shape_id: "ArrayLike | None" = None,
     seed: int = 0,
 ) -> Packing:
     """Inscribe a shape in the bounding sphere of each grain, randomly rotated and as large as it fits.
@@ -112,7 +112,7 @@ def inscribe(
     return replace(made, scale=scale, position=packing.position - scale[:, None] * beside)
 
 
-def _drawn(generator: np.random.Generator, many: int, n: int, weights: ArrayLike | None) -> ArrayLike:
+def _drawn(generator: np.random.Generator, many: int, n: int, weights: "ArrayLike | None") -> "ArrayLike":
     """Return the shape of each grain, drawn by the shares."""
     if not many:
         raise InputError("shapes is empty: a sphere gets one of them; give at least one")

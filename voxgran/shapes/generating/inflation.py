@@ -80,9 +80,9 @@ def spherize(
     shape: Shape,
     radius: float,
     *,
-    center: ArrayLike = (0.0, 0.0, 0.0),
+    center: "ArrayLike" = (0.0, 0.0, 0.0),
     amount: float = 1.0,
-    axis: ArrayLike = (0.0, 0.0, 1.0),
+    axis: "ArrayLike" = (0.0, 0.0, 1.0),
     half_angle: float = 180.0,
     longest_edge: float | None = None,
 ) -> Shape:

@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 
 from voxgran._base.arrays import Booleans, Floats, Integers, as_choice, as_number
 from voxgran._base.axes import Periodic, as_periodic
+from voxgran._base.calls import explained
 from voxgran._base.errors import DirtyMeshError, InputError, PackingWarning
 from voxgran._base.lazy import load
 from voxgran.lattice.census import Census, census
@@ -48,6 +49,7 @@ class LabelledGrain:
     cut: bool  # whether it touches the border of the image along an axis that does not repeat
 
 
+@explained(hint='load_labels("scan.tif", voxel_size=0.1)')
 def load_labels(
     source: str | os.PathLike[str] | NDArray[Any] | Image,
     *,

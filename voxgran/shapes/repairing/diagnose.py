@@ -117,7 +117,7 @@ class Diagnosis:
         return found
 
 
-def diagnose(vertices: ArrayLike | Any, faces: ArrayLike | None = None) -> Diagnosis:
+def diagnose(vertices: "ArrayLike | Any", faces: "ArrayLike | None" = None) -> Diagnosis:
     """Find out whether a triangle mesh bounds one solid.
 
     Parameters

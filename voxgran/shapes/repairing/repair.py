@@ -76,8 +76,8 @@ class Repair:
 
 @renamed(largest_hole="max_hole")
 def repair(
-    vertices: ArrayLike | Any,
-    faces: ArrayLike | None = None,
+    vertices: "ArrayLike | Any",
+    faces: "ArrayLike | None" = None,
     *,
     max_hole: float = LARGEST_HOLE,
     bodies: str = "refuse",
@@ -144,8 +144,8 @@ def repair(
 
 
 def repaired(
-    vertices: ArrayLike,
-    faces: ArrayLike,
+    vertices: "ArrayLike",
+    faces: "ArrayLike",
     *,
     name: str,
     unit: str | None = None,

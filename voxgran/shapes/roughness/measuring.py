@@ -61,7 +61,7 @@ class SurfaceStatistics:
 
 
 def surface_statistics(
-    surface: Shape | ArrayLike,
+    surface: "Shape | ArrayLike",
     *,
     smooth: Shape | None = None,
     spacing: float | tuple[float, float] = 1.0,

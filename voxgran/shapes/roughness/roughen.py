@@ -8,6 +8,7 @@ from typing import Any, Literal
 import numpy as np
 
 from voxgran._base.arrays import Floats, check_type
+from voxgran._base.calls import explained
 from voxgran._base.config import from_mapping
 from voxgran._base.errors import InputError, TooLargeError
 from voxgran._base.seeds import stream
@@ -34,6 +35,7 @@ SEARCHED = 12
 SMALL = 1e-4
 
 
+@explained(hint="roughen(shape, rms=0.01)")
 def roughen(
     shape: Shape,
     *,
