@@ -12,12 +12,15 @@ from dataclasses import dataclass
 import numpy as np
 
 from voxgran._base.arrays import Floats, Integers, read_only
+from voxgran._base.compiling.threads import in_blocks
 from voxgran._base.kernels import bare_kernel, kernel
 
 #: triangles in a leaf, at most
 LEAF = 4
 #: boxes that wait in a search, at most
 STACK = 64
+#: points of which a thread takes no fewer
+LEAST_POINTS = 512
 
 
 def normals_of(triangles: Floats) -> Floats:
@@ -67,7 +70,8 @@ class TriangleTree:
         queries = np.ascontiguousarray(points, dtype=np.float64)
         distance = np.full(len(queries), np.inf)
         found, triangle = queries.copy(), np.full(len(queries), -1, dtype=np.int64)
-        _find_nearest(queries, *self.arrays, self.normals, float(reach), distance, found, triangle)
+        known = *self.arrays, self.normals, float(reach)
+        in_blocks(_find_nearest, len(queries), queries, *known, distance, found, triangle, least=LEAST_POINTS)
         return distance, found, triangle
 
     def signed_distance(self, points: Floats) -> Floats:
@@ -227,9 +231,11 @@ def is_behind(normals: Floats, k: int, feature: int, dx: float, dy: float, dz: f
 
 
 @kernel
-def _find_nearest(points, corners, low, high, start, normals, reach, distance, nearest, triangle):  # type: ignore[no-untyped-def]
-    """Write signed distance, nearest point and triangle of each point."""
-    for p in range(len(points)):
+def _find_nearest(  # type: ignore[no-untyped-def]
+    points, corners, low, high, start, normals, reach, distance, nearest, triangle, first, stop
+):
+    """Write signed distance, nearest point and triangle of each point of a block."""
+    for p in range(first, stop):
         x, y, z = points[p, 0], points[p, 1], points[p, 2]
         square, k, feature, qx, qy, qz = nearest_triangle(corners, low, high, start, x, y, z, reach)
         if k < 0:

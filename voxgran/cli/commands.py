@@ -21,8 +21,8 @@ from voxgran.cli.terminal import complain, entry_line, progress, show, table
 
 #: which parts use several cores
 CORES = (
-    "methods and measures use one core, with the same bits for each seed; voxgran study uses all cores, and "
-    "distance transforms of voxels, alone or as a part of morphology and of local_thickness, take a number of threads"
+    "packing and settling use one core; voxelization, distance transforms, local thickness, contacts, verify and "
+    "measures use all, or as many as OMP_NUM_THREADS says, with the same bits; voxgran study runs one cell on each"
 )
 
 

@@ -15,6 +15,7 @@ import math
 import numpy as np
 
 from voxgran._base.arrays import Booleans, Floats
+from voxgran._base.compiling.threads import in_blocks
 from voxgran._base.kernels import kernel
 from voxgran.contacts.broad import Pairs
 from voxgran.contacts.gjk import erosion_limit, separation, support
@@ -23,6 +24,8 @@ from voxgran.contacts.spheres import sphere_gap
 
 #: distance, in sizes of the parts, at which they count as touching
 TOUCHING = 1e-14
+#: pairs of which a thread takes no fewer
+LEAST_PAIRS = 256
 
 
 def part_contacts(pairs: Pairs, parts: Parts, gap: float) -> tuple[Floats, Floats, Floats, Booleans]:
@@ -34,17 +37,18 @@ def part_contacts(pairs: Pairs, parts: Parts, gap: float) -> tuple[Floats, Float
     found = np.full(pairs.count, np.inf)
     normal, point = np.zeros((pairs.count, 3)), np.zeros((pairs.count, 3))
     deep = np.zeros(pairs.count, dtype=np.bool_)
-    _touch_parts(pairs.i, pairs.j, pairs.offset, *parts.arrays, float(gap), found, normal, point, deep)
+    arguments = pairs.i, pairs.j, pairs.offset, *parts.arrays, float(gap), found, normal, point, deep
+    in_blocks(_touch_parts, pairs.count, *arguments, least=LEAST_PAIRS)
     return found, normal, point, deep
 
 
 @kernel
 def _touch_parts(  # type: ignore[no-untyped-def]
-    i, j, offset, start, row, margin, center, reach, gap, found, normal, point, deep
+    i, j, offset, start, row, margin, center, reach, gap, found, normal, point, deep, first, stop
 ):
-    """Write the nearest or deepest contact of each pair of grains."""
+    """Write the nearest or deepest contact of each pair of grains of a block."""
     shift, contact = np.zeros(3), np.zeros(7)
-    for k in range(len(i)):
+    for k in range(first, stop):
         best = gap
         for a in range(start[i[k]], start[i[k] + 1]):
             for b in range(start[j[k]], start[j[k] + 1]):

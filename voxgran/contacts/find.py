@@ -13,6 +13,7 @@ from functools import partial
 import numpy as np
 
 from voxgran._base.arrays import Floats, as_number
+from voxgran._base.compiling.threads import using_threads
 from voxgran._base.stopping import stop_if_asked
 from voxgran._base.tree import TriangleTree
 from voxgran.contacts.assembly import Assembly
@@ -53,7 +54,8 @@ def find_contacts(assembly: Assembly, gap: float = 0.0) -> Contacts:
         If the gap is not finite.
     """
     reach = as_number(gap, "gap")
-    return contacts_of_pairs(assembly, grain_pairs(assembly, reach), reach)
+    with using_threads(None):
+        return contacts_of_pairs(assembly, grain_pairs(assembly, reach), reach)
 
 
 def overlaps(assembly: Assembly, *, at_least: float = 0.0) -> Contacts:

@@ -10,6 +10,7 @@ from collections.abc import Callable
 import numpy as np
 
 from voxgran._base.arrays import Booleans, Floats
+from voxgran._base.compiling.threads import in_blocks, thread_count
 from voxgran._base.kernels import kernel
 from voxgran._base.stopping import stop_if_asked
 from voxgran._base.tree import TriangleTree
@@ -18,8 +19,10 @@ from voxgran.contacts.broad import Pairs
 from voxgran.contacts.meshes import ROUNDING
 from voxgran.contacts.triangles import find_nearest_pair
 
-#: number of pairs processed between two checks for a request to stop
+#: number of pairs that a thread processes between two checks for a request to stop
 AT_ONCE = 64
+#: pairs of which a thread takes no fewer
+LEAST_PAIRS = 16
 
 
 def surface_gaps(
@@ -52,10 +55,11 @@ def surface_gaps(
         reach = np.maximum(max(gap, 0.0) / scale[some], margin)
         distance, points = np.full(len(some), np.inf), np.zeros((len(some), 6))
         poses = np.ascontiguousarray(matrix[some]), offset[some], reach, distance, points
-        for first in range(0, len(some), AT_ONCE):
+        together = AT_ONCE * thread_count()
+        for first in range(0, len(some), together):
             stop_if_asked()
-            part = (array[first : first + AT_ONCE] for array in poses)
-            _nearest_of_pairs(trees[0].arrays, trees[1].arrays, *part)
+            part = [array[first : first + together] for array in poses]
+            in_blocks(_nearest_of_pairs, len(part[0]), trees[0].arrays, trees[1].arrays, *part, least=LEAST_PAIRS)
         found[some], near[some] = distance, points
         proven[some] = (distance > margin) & ~_nested(trees, matrix[some], offset[some], stretch[some])
     apart = near[:, 3:] - near[:, :3]
@@ -79,8 +83,8 @@ def _nested(trees: tuple[TriangleTree, TriangleTree], matrix: Floats, offset: Fl
 
 
 @kernel
-def _nearest_of_pairs(one, other, matrix, offset, reach, distance, points):  # type: ignore[no-untyped-def]
-    """Write the distance and the nearest points of two surfaces in several poses."""
-    for k in range(len(matrix)):
+def _nearest_of_pairs(one, other, matrix, offset, reach, distance, points, first, stop):  # type: ignore[no-untyped-def]
+    """Write the distance and the nearest points of two surfaces in a block of poses."""
+    for k in range(first, stop):
         square = find_nearest_pair(one, other, matrix[k], np.abs(matrix[k]), offset[k], reach[k], points[k])
         distance[k] = math.sqrt(square)

@@ -10,6 +10,7 @@ import numpy as np
 
 from voxgran._base.arrays import as_number, check_type
 from voxgran._base.calls import explained
+from voxgran._base.compiling.threads import using_threads
 from voxgran.contacts.assembly import Assembly, checked_arrays
 from voxgran.contacts.broad import grain_pairs
 from voxgran.contacts.find import contacts_of_pairs
@@ -115,7 +116,7 @@ class Verification:
 
 
 @explained(hint="verify(packing, tolerance=1e-9)")
-def verify(packing: Assembly, *, tolerance: float = 1e-9) -> Verification:
+def verify(packing: Assembly, *, tolerance: float = 1e-9, threads: int | None = None) -> Verification:
     """Check a packing against the true geometry of its grains.
 
     Parameters
@@ -124,6 +125,8 @@ def verify(packing: Assembly, *, tolerance: float = 1e-9) -> Verification:
         The grains.
     tolerance : float
         Largest depth and protrusion that are ignored, in mean equivalent diameters.
+    threads : int, optional
+        Number of threads, by default that of the processors or of ``OMP_NUM_THREADS``; the result is the same.
 
     Returns
     -------
@@ -133,7 +136,8 @@ def verify(packing: Assembly, *, tolerance: float = 1e-9) -> Verification:
     Raises
     ------
     InputError
-        If a position, scale or orientation is not finite or out of range, or the tolerance is negative.
+        If a position, scale or orientation is not finite or out of range, the tolerance is negative, or
+        `threads` is no whole number above 0.
 
     Notes
     -----
@@ -157,8 +161,9 @@ def verify(packing: Assembly, *, tolerance: float = 1e-9) -> Verification:
         *(packing.scale, packing.shape_id, packing.orientation),
     )
     mean = float(packing.diameters.mean()) if packing.count else 1.0
-    near = grain_pairs(packing, -limit * mean)
-    contacts = contacts_of_pairs(packing, near, -limit * mean)
+    with using_threads(threads):
+        near = grain_pairs(packing, -limit * mean)
+        contacts = contacts_of_pairs(packing, near, -limit * mean)
     depth = -contacts.gap / mean
     bad = depth > limit
     escape = escape_depths(packing) / mean

@@ -8,16 +8,14 @@ doi:10.1007/0-306-47025-X_36); for long distances the lower envelope of parabola
 the same bits.
 """
 
-from concurrent.futures import ThreadPoolExecutor
-from functools import partial
-from itertools import pairwise
 from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from voxgran._base.arrays import Booleans, Floats, as_count
+from voxgran._base.arrays import Booleans, Floats
 from voxgran._base.axes import Periodic, as_periodic
+from voxgran._base.compiling.threads import in_blocks, using_threads
 from voxgran._base.errors import InputError, TooLargeError
 from voxgran._base.kernels import kernel
 
@@ -25,6 +23,8 @@ from voxgran._base.kernels import kernel
 NEVER = 2**30
 #: distance above which the envelope is faster than the scan of neighbours
 LONG = 40.0
+#: voxels of which a thread takes no fewer
+LEAST_VOXELS = 2**15
 
 
 def distance_transform(
@@ -32,7 +32,7 @@ def distance_transform(
     *,
     periodic: Periodic = False,
     squared: bool = False,
-    threads: int = 1,
+    threads: int | None = None,
     out: NDArray[Any] | None = None,
 ) -> NDArray[Any]:
     """Return the exact distance of each occupied voxel's center from that of the nearest free voxel.
@@ -45,8 +45,8 @@ def distance_transform(
         Periodic axes, such as ``"xy"``, as in :class:`voxgran.Box`.
     squared : bool
         Whether to return squared distances, as whole numbers.
-    threads : int
-        Number of threads; the result does not depend on it.
+    threads : int, optional
+        Number of threads, by default that of the processors or of ``OMP_NUM_THREADS``; the result is the same.
     out : (nx, ny, nz) ndarray of float32, float64 or int32, optional
         Array for the result, of type int32 for squared distances. Default: a new array.
 
@@ -86,10 +86,11 @@ def distance_transform(
         raise InputError(
             f"out has shape {out.shape} and type {out.dtype}: it must have shape {taken.shape} and type {wanted[0]}"
         )
-    workers = as_count(threads, "threads", at_least=1)
     squares = np.empty(taken.shape, dtype=np.int32) if out is None or not squared else out
-    _in_blocks(_pass_planes, taken.shape[0], workers, taken, squares, turns[2], turns[1], LONG)
-    _in_blocks(_pass_columns, taken.shape[1], workers, squares, turns[0], LONG)
+    least = max(1, LEAST_VOXELS // max(max(taken.shape[0], taken.shape[1]) * taken.shape[2], 1))
+    with using_threads(threads):
+        in_blocks(_pass_planes, taken.shape[0], taken, squares, turns[2], turns[1], LONG, least=least)
+        in_blocks(_pass_columns, taken.shape[1], squares, turns[0], LONG, least=least)
     if squared:
         return squares
     result = np.empty(taken.shape, dtype=np.float32) if out is None else out
@@ -126,20 +127,6 @@ def as_mask(image: "ArrayLike", name: str = "mask") -> Booleans:
             raise InputError(f"{name} holds {array.dtype}: taken voxels are True or 1; compare labels with 0 first")
         array = array.astype(np.bool_)
     return np.ascontiguousarray(array)
-
-
-def _in_blocks(work: Any, count: int, threads: int, *arguments: Any) -> None:
-    """Call a kernel for blocks of planes on several threads in parallel."""
-    blocks = min(count, threads)
-    bounds = [count * b // max(blocks, 1) for b in range(blocks + 1)]
-    if blocks <= 1:
-        work(*arguments, 0, count)
-        return
-    compiled = work.compiled()
-    with ThreadPoolExecutor(blocks) as pool:
-        jobs = [pool.submit(partial(compiled, *arguments, a, b)) for a, b in pairwise(bounds)]
-    for job in jobs:
-        job.result()
 
 
 @kernel

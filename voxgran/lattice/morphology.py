@@ -12,7 +12,7 @@ from voxgran._base.axes import Periodic
 from voxgran.lattice.distance import as_mask, distance_transform
 
 
-def dilation(mask: "ArrayLike", radius: float, *, periodic: Periodic = False, threads: int = 1) -> Booleans:
+def dilation(mask: "ArrayLike", radius: float, *, periodic: Periodic = False, threads: int | None = None) -> Booleans:
     """Return the voxels within a distance of an occupied one.
 
     Parameters
@@ -23,8 +23,8 @@ def dilation(mask: "ArrayLike", radius: float, *, periodic: Periodic = False, th
         Radius of the sphere in voxels, at least 0; centers at exactly this distance are included.
     periodic : str, bool or sequence
         Periodic axes, such as ``"xy"``, as in :class:`voxgran.Box`.
-    threads : int
-        Number of threads; the result does not depend on it.
+    threads : int, optional
+        Number of threads, by default that of the processors or of ``OMP_NUM_THREADS``; the result is the same.
 
     Returns
     -------
@@ -51,7 +51,7 @@ def dilation(mask: "ArrayLike", radius: float, *, periodic: Periodic = False, th
     return _within(~as_mask(mask), radius, periodic, threads)
 
 
-def erosion(mask: "ArrayLike", radius: float, *, periodic: Periodic = False, threads: int = 1) -> Booleans:
+def erosion(mask: "ArrayLike", radius: float, *, periodic: Periodic = False, threads: int | None = None) -> Booleans:
     """Return the occupied voxels farther than a distance from every free one.
 
     Parameters
@@ -80,7 +80,7 @@ def erosion(mask: "ArrayLike", radius: float, *, periodic: Periodic = False, thr
     return ~_within(as_mask(mask), radius, periodic, threads)
 
 
-def opening(mask: "ArrayLike", radius: float, *, periodic: Periodic = False, threads: int = 1) -> Booleans:
+def opening(mask: "ArrayLike", radius: float, *, periodic: Periodic = False, threads: int | None = None) -> Booleans:
     """Return the voxels covered by spheres inside the occupied ones: an erosion followed by a dilation.
 
     Parameters
@@ -111,7 +111,7 @@ def opening(mask: "ArrayLike", radius: float, *, periodic: Periodic = False, thr
     return dilation(core, radius, periodic=periodic, threads=threads)
 
 
-def closing(mask: "ArrayLike", radius: float, *, periodic: Periodic = False, threads: int = 1) -> Booleans:
+def closing(mask: "ArrayLike", radius: float, *, periodic: Periodic = False, threads: int | None = None) -> Booleans:
     """Return the occupied voxels and the gaps in which no sphere fits: a dilation followed by an erosion.
 
     Parameters
@@ -141,7 +141,7 @@ def closing(mask: "ArrayLike", radius: float, *, periodic: Periodic = False, thr
     return erosion(hull, radius, periodic=periodic, threads=threads)
 
 
-def _within(mask: Booleans, radius: float, periodic: Periodic, threads: int) -> Booleans:
+def _within(mask: Booleans, radius: float, periodic: Periodic, threads: int | None) -> Booleans:
     """Return the voxels within a distance of a free one."""
     reach = as_number(radius, "radius", at_least=0.0)
     squares = distance_transform(mask, periodic=periodic, squared=True, threads=threads)

@@ -9,12 +9,15 @@ from numpy.typing import ArrayLike, NDArray
 
 from voxgran._base.arrays import Integers
 from voxgran._base.axes import Periodic, as_periodic
+from voxgran._base.compiling.threads import in_blocks, using_threads
 from voxgran._base.errors import InputError
 from voxgran._base.kernels import kernel
-from voxgran.lattice.distance import NEVER, as_mask, distance_transform
+from voxgran.lattice.distance import LEAST_VOXELS, NEVER, as_mask, distance_transform
 
 
-def local_thickness(mask: "ArrayLike", *, periodic: Periodic = False, threads: int = 1) -> NDArray[np.float32]:
+def local_thickness(
+    mask: "ArrayLike", *, periodic: Periodic = False, threads: int | None = None
+) -> NDArray[np.float32]:
     """Return for each voxel the diameter of the largest sphere of occupied voxels that covers it.
 
     Applied to the void between grains this is the pore size.
@@ -25,8 +28,8 @@ def local_thickness(mask: "ArrayLike", *, periodic: Periodic = False, threads: i
         Mask of the occupied voxels; the exterior of the image counts neither as occupied nor as free.
     periodic : str, bool or sequence
         Periodic axes, such as ``"xy"``, as in :class:`voxgran.Box`.
-    threads : int
-        Number of threads of the distance transform; the result does not depend on it.
+    threads : int, optional
+        Number of threads, by default that of the processors or of ``OMP_NUM_THREADS``; the result is the same.
 
     Returns
     -------
@@ -59,12 +62,15 @@ def local_thickness(mask: "ArrayLike", *, periodic: Periodic = False, threads: i
     [0.0, 0.0, 4.0, 4.0, 4.0, 4.0, 0.0, 0.0]
     """
     around, taken = as_periodic(periodic), as_mask(mask)
-    squares = distance_transform(taken, periodic=around, squared=True, threads=threads)
-    largest = int(squares.max(initial=0))
-    if largest == NEVER:
-        raise InputError("mask has no free voxel: no sphere ends anywhere; leave a free layer around the body")
-    covered = np.zeros(taken.shape, dtype=np.int32)
-    _paint_spheres(squares, _needed(largest), np.array(around), covered)
+    with using_threads(threads):
+        squares = distance_transform(taken, periodic=around, squared=True)
+        largest = int(squares.max(initial=0))
+        if largest == NEVER:
+            raise InputError("mask has no free voxel: no sphere ends anywhere; leave a free layer around the body")
+        covered = np.zeros(taken.shape, dtype=np.int32)
+        least = max(1, LEAST_VOXELS // max(taken.shape[1] * taken.shape[2], 1))
+        arguments = squares, _needed(largest), np.array(around), covered
+        in_blocks(_paint_spheres, taken.shape[0], *arguments, least=least)
     thickness = squares.view(np.float32)
     np.sqrt(covered, out=thickness, dtype=np.float32, casting="unsafe")
     thickness *= 2
@@ -120,18 +126,26 @@ def _is_held(squares, needed, around, i, j, k):  # type: ignore[no-untyped-def]
 
 
 @kernel
-def _paint_spheres(squares, needed, around, covered):  # type: ignore[no-untyped-def]
-    """Raise each voxel to the largest squared radius of the spheres that cover it."""
+def _paint_spheres(squares, needed, around, covered, first, stop):  # type: ignore[no-untyped-def]
+    """Raise each voxel of some planes to the largest squared radius of the spheres that cover it."""
     nx, ny, nz = squares.shape
     for i in range(nx):
         for j in range(ny):
             for k in range(nz):
                 own = squares[i, j, k]
-                if own == 0 or _is_held(squares, needed, around, i, j, k):
+                if own == 0:
                     continue
                 reach = int(np.ceil(np.sqrt(own))) - 1
+                if i + reach < first and not (around[0] and i - reach < 0):
+                    continue
+                if i - reach >= stop and not (around[0] and i + reach >= nx):
+                    continue
+                if _is_held(squares, needed, around, i, j, k):
+                    continue
                 for u in range(i - reach, i + reach + 1):
                     if (u < 0 or u >= nx) and not around[0]:
+                        continue
+                    if not first <= (u + nx) % nx < stop:
                         continue
                     for v in range(j - reach, j + reach + 1):
                         if (v < 0 or v >= ny) and not around[1]:

@@ -13,6 +13,7 @@ from numpy.typing import ArrayLike
 
 from voxgran._base.arrays import check_type
 from voxgran._base.calls import explained
+from voxgran._base.compiling.threads import using_threads
 from voxgran._base.lazy import load
 from voxgran._base.registry import Registry
 from voxgran.measures.accessor import register_accessor
@@ -58,7 +59,7 @@ def measures() -> tuple[str, ...]:
 
 
 @explained(hint='measure(packing, ["contacts", "rdf"])')
-def measure(packing: Packing, which: str | Sequence[str] | None = None) -> "DataTree":
+def measure(packing: Packing, which: str | Sequence[str] | None = None, *, threads: int | None = None) -> "DataTree":
     """Measure a packing.
 
     Parameters
@@ -68,6 +69,8 @@ def measure(packing: Packing, which: str | Sequence[str] | None = None) -> "Data
     which : str or sequence of str, optional
         Names of measures; `voxgran methods` lists them. Only these and the provenance are computed. ``"all"`` are
         all that apply to the packing. Default: the usual ones of these, which take a small part of the time of packing.
+    threads : int, optional
+        Number of threads, by default that of the processors or of ``OMP_NUM_THREADS``; the result is the same.
 
     Returns
     -------
@@ -78,7 +81,8 @@ def measure(packing: Packing, which: str | Sequence[str] | None = None) -> "Data
     Raises
     ------
     InputError
-        If `packing` is not a packing, or `which` is neither a name nor a sequence of names.
+        If `packing` is not a packing, `which` is neither a name nor a sequence of names, or `threads`
+        is no whole number above 0.
     UnknownNameError
         If there is no measure of that name.
 
@@ -104,9 +108,10 @@ def measure(packing: Packing, which: str | Sequence[str] | None = None) -> "Data
     groups: dict[str, Any] = {"/": dataset({"count": variable((), packing.count, "1", "number of grains")})}
     told = {"unit": packing.unit, "gravity": packing.gravity or "none", "contact_gap": packing.contact_gap}
     groups["/"].attrs.update(told)
-    for entry in chosen:
-        for group, found in entry.compute(packing).items():
-            groups[group] = groups[group].merge(found, compat="identical") if group in groups else found
+    with using_threads(threads):
+        computed = [entry.compute(packing) for entry in chosen]
+    for group, found in (item for some in computed for item in some.items()):
+        groups[group] = groups[group].merge(found, compat="identical") if group in groups else found
     tree: DataTree = load("xarray").DataTree.from_dict(groups, name="measures")
     return tree
 

@@ -23,6 +23,7 @@ from voxgran._base.arrays import (
     check_type,
 )
 from voxgran._base.calls import explained
+from voxgran._base.compiling.threads import using_threads
 from voxgran._base.errors import InputError, TooLargeError, UnknownNameError
 from voxgran._base.files import as_path, refuse_to_replace, written_whole
 from voxgran._base.registry import unknown
@@ -60,6 +61,7 @@ def voxelize(
     fraction: bool = False,
     out: Booleans | str | os.PathLike[str] | None = None,
     overwrite: bool = False,
+    threads: int | None = None,
 ) -> Voxels:
     """Return the voxels of a solid.
 
@@ -88,6 +90,8 @@ def voxelize(
         voxels stay bits, an eighth of a byte each, until their `mask` is asked for.
     overwrite : bool
         Whether a file that is there may be replaced.
+    threads : int, optional
+        Number of threads, by default that of the processors or of ``OMP_NUM_THREADS``; the result is the same.
 
     Returns
     -------
@@ -97,7 +101,8 @@ def voxelize(
     ------
     InputError
         If not exactly one of voxel size and lattice is given, the voxel size is not above 0, the cover is unknown,
-        `out` has another shape or type than the mask or does not end in ``.npy``, or the shape is an open surface.
+        `out` has another shape or type than the mask or does not end in ``.npy``, the shape is an open surface, or
+        `threads` is no whole number above 0.
     UnknownNameError
         If the backend is unknown.
     MissingLibraryError
@@ -133,7 +138,8 @@ def voxelize(
     if out is not None and not isinstance(out, np.ndarray):
         _check_file(out, overwrite=overwrite)
     lattice = lattice_of(shape, voxel_size, grid)
-    bits = occupied(shape, lattice, backend=backend, cover=cover)
+    with using_threads(threads):
+        bits = occupied(shape, lattice, backend=backend, cover=cover)
     shares = voxel_shares(shape.geometry, lattice, np.zeros(3)) if fraction else None
     taken = bits if out is None else _written(bits, out, overwrite=overwrite)
     origin = np.array(lattice.origin)

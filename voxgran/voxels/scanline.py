@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from voxgran._base.arrays import Floats, Integers
+from voxgran._base.compiling.threads import in_blocks
 from voxgran._base.errors import DirtyMeshError
 from voxgran._base.kernels import kernel
 from voxgran.lattice.grid import Grid
@@ -24,6 +25,8 @@ from voxgran.lattice.packed import PackedMask
 FINEST = 2.0**33
 #: voxels whose winding numbers are in memory at a time
 SLAB = 2**22
+#: voxels of which a thread takes no fewer
+LEAST_VOXELS = 2**22
 
 
 def scanline_inside(vertices: Floats, faces: Integers, grid: Grid) -> PackedMask:
@@ -51,8 +54,11 @@ def centers_inside(vertices: Floats, faces: Integers, counts: tuple[int, int, in
     """
     bits = PackedMask.empty(counts)
     above = np.zeros(counts[:2], dtype=np.bool_)
-    _toggle(_settled(vertices), faces, bits.words, counts[2], above)
-    return bits, int(_carry(bits.words, counts[2], above))
+    least = max(1, LEAST_VOXELS // max(counts[1] * counts[2], 1))
+    in_blocks(_toggle, counts[0], _settled(vertices), faces, bits.words, counts[2], above, least=least)
+    odd = np.zeros(counts[0], dtype=np.int64)
+    in_blocks(_carry, counts[0], bits.words, counts[2], above, odd, least=least)
+    return bits, int(odd.sum())
 
 
 def winding_slabs(
@@ -135,12 +141,13 @@ def _segment(long, first, second, x):  # type: ignore[no-untyped-def]
 
 
 @kernel
-def _toggle(vertices, faces, words, nz, above):  # type: ignore[no-untyped-def]
-    """Toggle a bit where a column crosses a triangle; centers at whole numbers."""
-    nx, ny = words.shape[0], words.shape[1]
+def _toggle(vertices, faces, words, nz, above, from_plane, to_plane):  # type: ignore[no-untyped-def]
+    """Toggle a bit where a column of some planes crosses a triangle; centers at whole numbers."""
+    ny = words.shape[1]
     for f in range(len(faces)):
         a, b, c, _ = _ordered(vertices, faces[f, 0], faces[f, 1], faces[f, 2])
-        begin, end = _first_last(vertices[a, 0], vertices[c, 0], nx)
+        begin, end = _first_last(vertices[a, 0], vertices[c, 0], to_plane)
+        begin = max(begin, from_plane)
         ya, yb, yc = vertices[a, 1], vertices[b, 1], vertices[c, 1]
         lowest, highest = _first_last(min(ya, yb, yc), max(ya, yb, yc), ny)
         if begin > end or lowest > highest:
@@ -163,13 +170,12 @@ def _toggle(vertices, faces, words, nz, above):  # type: ignore[no-untyped-def]
 
 
 @kernel
-def _carry(words, nz, above):  # type: ignore[no-untyped-def]
-    """Carry the parity up each column; count the columns that end inside."""
-    nx, ny, many = words.shape
+def _carry(words, nz, above, odd, from_plane, to_plane):  # type: ignore[no-untyped-def]
+    """Carry the parity up each column of some planes; count the columns of each plane that end inside."""
+    _, ny, many = words.shape
     full = np.uint64(0xFFFFFFFFFFFFFFFF)
     last = full if nz % 64 == 0 else (np.uint64(1) << np.uint64(nz % 64)) - np.uint64(1)
-    odd = 0
-    for i in range(nx):
+    for i in range(from_plane, to_plane):
         for j in range(ny):
             inside = np.uint64(0)
             for q in range(many):
@@ -185,8 +191,7 @@ def _carry(words, nz, above):  # type: ignore[no-untyped-def]
                 words[i, j, q] = word
                 inside = full if word >> np.uint64(63) else np.uint64(0)
             words[i, j, many - 1] &= last
-            odd += (inside != 0) != above[i, j]
-    return odd
+            odd[i] += (inside != 0) != above[i, j]
 
 
 @kernel

@@ -32,7 +32,7 @@ BED = vg.Packing.of([SPHERE], BOX, position=[(2, 2, 2)])
         (lambda: BED.measure(bins=10), "argument of Packing.measure 'bins' is unknown: known are which;"),
         (lambda: BED.save("a.vtp", True), r"Packing.save takes 1 argument by position \(path\) and was given 2"),
         (lambda: vg.Shape.from_mesh([(0, 0, 0)]), "Shape.from_mesh needs faces"),
-        (lambda: vg.measure(BED, bins=10), r"known are packing, which; write measure\(packing, "),
+        (lambda: vg.measure(BED, bins=10), r"known are packing, threads, which; write measure\(packing, "),
     ],
 )
 def test_calls_that_do_not_fit_are_explained(call, sentence):

@@ -1,0 +1,85 @@
+"""Measure what threads save: thread_speed.py FILE.csv [MOST]
+
+Each line is a function that takes a number of threads, with the seconds of the clock on one thread and on more, the
+smallest of three, and whether the results have the same bits. It needs a machine that does nothing else.
+"""
+
+import csv
+import sys
+import time
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+
+import voxgran as vg
+from voxgran._base.machine import processor_count
+from voxgran._base.seeds import stream
+
+CHECKED = 20_000
+
+
+def overlapping(shapes: list[vg.Shape], count: int) -> vg.Packing:
+    """Return grains in random poses on a lattice, on which many of them touch or overlap a little."""
+    generator, edge = stream(1, "poses"), int(np.ceil(count ** (1 / 3)))
+    turns = generator.normal(size=(count, 4))
+    turns /= np.linalg.norm(turns, axis=1, keepdims=True)
+    place = np.stack(np.unravel_index(np.arange(count), (edge,) * 3), axis=1) + 0.5
+    which = np.arange(count) % len(shapes)
+    return vg.Packing.of(shapes, vg.Box((edge,) * 3), position=place, orientation=turns, shape_id=which)
+
+
+def cases() -> dict[str, Callable[[int], Any]]:
+    """Return the calls that are measured."""
+    rock = vg.load_shape(vg.data_file("eros.obj"))
+    convex = overlapping([vg.shapes.ellipsoid(aspect=(1, 1, 1.5))], CHECKED)
+    meshes = overlapping(vg.make_shapes("polyhedron", count=5, solid="random"), CHECKED)
+    pores = stream(2, "pores").random((250, 250, 250)) > 0.01
+    size = rock.volume ** (1 / 3) / 700
+    return {
+        "voxelize, a scan in 650 million voxels": lambda threads: (
+            vg.voxelize(rock, voxel_size=size, threads=threads).volume
+        ),
+        "distance_transform, 250 voxels wide": lambda threads: vg.distance_transform(pores, threads=threads).sum(),
+        "local_thickness, 250 voxels wide": lambda threads: vg.local_thickness(pores, threads=threads).sum(),
+        "verify, 20,000 ellipsoids": lambda threads: vg.verify(convex, threads=threads).deepest,
+        "verify, 20,000 polyhedra": lambda threads: vg.verify(meshes, threads=threads).deepest,
+    }
+
+
+def timed(call: Callable[[int], Any], threads: int) -> tuple[float, Any]:
+    """Return the smallest time of three calls, and their result."""
+    seconds = []
+    for _ in range(3):
+        began = time.perf_counter()
+        found = call(threads)
+        seconds.append(time.perf_counter() - began)
+    return min(seconds), found
+
+
+def main() -> None:
+    """Write the table."""
+    target = sys.argv[1]
+    most = int(sys.argv[2]) if len(sys.argv) > 2 else processor_count()
+    rows = []
+    for name, call in cases().items():
+        call(1), call(most)
+        (alone, one), (together, other) = timed(call, 1), timed(call, most)
+        rows.append(
+            {
+                "call": name,
+                "seconds_1": f"{alone:.3f}",
+                "threads": most,
+                "seconds": f"{together:.3f}",
+                "factor": f"{alone / together:.2f}",
+                "same_bits": one == other,
+            }
+        )
+    with open(target, "w", newline="", encoding="utf-8") as file:
+        writer = csv.DictWriter(file, rows[0])
+        writer.writeheader()
+        writer.writerows(rows)
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,87 @@
+"""Threads of a call: kernels whose rows do not depend on each other run on blocks of them at the same time.
+
+Functions with an argument `threads` open a team, and the kernels that are called meanwhile find it, so that nothing
+between them passes a number on. Without a team, as in packing methods, one thread does all. Kernels release the GIL.
+"""
+
+import os
+from collections.abc import Iterator
+from concurrent.futures import ThreadPoolExecutor
+from contextlib import contextmanager
+from contextvars import ContextVar, copy_context
+from dataclasses import dataclass, field
+from functools import partial
+from itertools import pairwise
+
+from voxgran._base.arrays import as_count
+from voxgran._base.kernels import Kernel
+from voxgran._base.machine import processor_count
+
+
+@dataclass(slots=True)
+class _Team:
+    """Number of threads of a call, and what runs them, made when it is first needed."""
+
+    count: int = 1
+    pool: ThreadPoolExecutor | None = field(default=None)
+
+    def run(self, work: Kernel, bounds: list[int], arguments: tuple[object, ...]) -> None:
+        """Call a kernel for the blocks between bounds."""
+        if self.pool is None:
+            self.pool = ThreadPoolExecutor(self.count)
+        jobs = [self.pool.submit(copy_context().run, partial(work, *arguments, a, b)) for a, b in pairwise(bounds)]
+        for job in jobs:
+            job.result()
+
+
+_team: ContextVar[_Team | None] = ContextVar("team", default=None)
+
+
+@contextmanager
+def using_threads(threads: int | None) -> Iterator[None]:
+    """Let the kernels that are called meanwhile run on several threads (context manager).
+
+    None stands for the threads of the call around this one; without one, for as many as there are processors, or for
+    the number in the variable ``OMP_NUM_THREADS`` of the environment where that is smaller.
+
+    Raises
+    ------
+    InputError
+        If `threads` is no whole number above 0.
+    """
+    if threads is None and _team.get() is not None:
+        yield
+        return
+    team = _Team(_most_threads() if threads is None else as_count(threads, "threads", at_least=1))
+    token = _team.set(team)
+    try:
+        yield
+    finally:
+        _team.reset(token)
+        if team.pool is not None:
+            team.pool.shutdown()
+
+
+def thread_count() -> int:
+    """Return how many threads kernels may use at this place."""
+    team = _team.get()
+    return 1 if team is None else team.count
+
+
+def in_blocks(work: Kernel, count: int, *arguments: object, least: int = 1) -> None:
+    """Call a kernel with these arguments and the first and last row + 1 of each block of `count` rows.
+
+    Blocks have at least `least` rows, of which the work is worth a thread; there are as many blocks as threads.
+    """
+    team = _team.get()
+    blocks = 1 if team is None else min(team.count, count // least)
+    if team is None or blocks <= 1:
+        work(*arguments, 0, count)
+        return
+    team.run(work, [count * b // blocks for b in range(blocks + 1)], arguments)
+
+
+def _most_threads() -> int:
+    """Return the number of threads of calls that name none."""
+    asked = os.environ.get("OMP_NUM_THREADS", "")
+    return min(processor_count(), int(asked) or 1) if asked.isdecimal() else processor_count()
