@@ -21,7 +21,7 @@ EXAMPLES = Path(__file__).parents[1] / "examples"
 CHU = references("chu_rsa_2d")
 
 # small scenes have no bulk to speak of, which is said in a warning
-pytestmark = pytest.mark.filterwarnings("ignore:the bulk holds")
+pytestmark = [pytest.mark.filterwarnings("ignore:the bulk holds"), pytest.mark.usefixtures("jagged_pictures")]
 
 
 def printed(name, capsys, monkeypatch, *arguments):

@@ -11,6 +11,8 @@ import pytest
 
 from voxgran.cli import main
 
+pytestmark = pytest.mark.usefixtures("jagged_pictures")
+
 FULL = Path("/dev/full")
 LONG = "n" * 256
 SCENE = """

@@ -13,6 +13,8 @@ import pytest
 import voxgran as vg
 from voxgran.cli import main
 
+pytestmark = pytest.mark.usefixtures("jagged_pictures")
+
 SCENE = """
 [[shape]]
 family = "sphere"

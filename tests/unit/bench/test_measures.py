@@ -7,6 +7,8 @@ import voxgran as vg
 from voxgran.bench.tradeoffs.measures import counted, measured, packings, reported
 from voxgran.measures.registered.profile import axis_profile
 
+pytestmark = pytest.mark.usefixtures("jagged_pictures")
+
 
 @pytest.mark.filterwarnings("ignore:the bulk holds")
 def test_rows_of_small_packings():

@@ -16,6 +16,8 @@ from voxgran.clumps.method import clump_registry
 from voxgran.packing.method import method_registry
 from voxgran.shapes.family import families
 
+pytestmark = pytest.mark.usefixtures("jagged_pictures")
+
 DOCS = Path(__file__).parents[3] / "docs"
 sys.path.insert(0, str(DOCS))
 PAGES = importlib.import_module("methods_pages")

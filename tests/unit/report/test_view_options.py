@@ -7,6 +7,8 @@ from voxgran._base.errors import InputError
 from voxgran.cli import main
 from voxgran.scene.sections import Output
 
+pytestmark = pytest.mark.usefixtures("jagged_pictures")
+
 VIEW = 'id="view-canvas"'
 SCENE = """
 [[shape]]
