@@ -21,8 +21,8 @@ def test_rows_of_small_packings():
 
 @pytest.mark.filterwarnings("ignore:the bulk holds")
 def test_rows_of_reports():
-    rows = reported(30)
-    assert [row[:3] for row in rows] == [("random solids", 30, "report"), ("spheres", 30, "report")]
+    rows = reported(8)
+    assert [row[:3] for row in rows] == [("random solids", 8, "report"), ("spheres", 8, "report")]
     assert all(row[3] > 0 and row[4] is None for row in rows)
 
 

@@ -86,8 +86,9 @@ def test_pairs_meet_where_contacts_say_so(one, other):
     room = vg.Box((40, 40, 40)) if dimension == 3 else vg.Rectangle((40, 40))
     made, rows = tables(shapes, room, scale)
     generator = stream(len(one) + 7 * len(other), "test")
-    found = []
-    for _ in range(25):
+    # the contacts of the union take long to find
+    found, many = [], 12 if "union" in (one, other) else 25
+    for _ in range(many):
         orientation = turns(generator, 2, dimension)
         step = generator.normal(size=3) * (np.arange(3) < dimension)
         step *= generator.uniform(0.0, 1.6) / np.linalg.norm(step)
@@ -100,7 +101,7 @@ def test_pairs_meet_where_contacts_say_so(one, other):
         meet = shapes_meet(made, 0, 1, x, y, z, scale[1] / scale[0], rows)
         assert meet == (vg.verify(pair).overlapping_pairs == 1)
         found.append(meet)
-    assert 3 < sum(found) < 25
+    assert many / 8 < sum(found) < many
 
 
 def test_shapes_within_a_mesh_meet_it():
