@@ -8,6 +8,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from kit import small_scene
 
 from voxgran.cli import main
 
@@ -15,17 +16,10 @@ pytestmark = pytest.mark.usefixtures("jagged_pictures")
 
 FULL = Path("/dev/full")
 LONG = "n" * 256
-SCENE = """
-[scene]
+SCENE = (
+    small_scene()
+    + """[scene]
 unit = "mm"
-[[shape]]
-family = "sphere"
-[container]
-kind = "box"
-lengths = [4, 4, 4]
-[packing]
-method = "rsa"
-count = 3
 [measure]
 which = ["gradation"]
 [output]
@@ -33,6 +27,7 @@ vtk = false
 statistics = false
 report = false
 """
+)
 
 
 def typed(*words, unbuffered="", **streams):
