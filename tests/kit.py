@@ -24,6 +24,20 @@ def references(table):
     return tomllib.loads(REFERENCES.read_text())[table]
 
 
+def small_scene(family="sphere", count=3):
+    """Return the tables of a scene that is packed in no time: [[shape]], [container] and, last, [packing]."""
+    return f"""
+[[shape]]
+family = "{family}"
+[container]
+kind = "box"
+lengths = [4, 4, 4]
+[packing]
+method = "rsa"
+count = {count}
+"""
+
+
 def task_of(method, shapes, container, *, count=None, sizes=None, seed=0, start=None, settle=False, **parameters):
     """Return the task of packing so many grains, ready to run, with parameters of the method; they do not settle."""
     return prepare_task(

@@ -370,6 +370,7 @@ def test_fit_clump(tmp_path, capsys, monkeypatch):
     assert (tmp_path / "fit_clump.png").exists()
 
 
+@pytest.mark.usefixtures("jagged_pictures")
 # in the region as many disks are tried as coordinates are drawn, of which most find no place
 @pytest.mark.filterwarnings("ignore:[0-9]+ of 1500 grains were placed")
 @pytest.mark.parametrize(
@@ -396,6 +397,7 @@ def test_scenes(name, count, low, high, tmp_path):
     assert vg.load(tmp_path / "out" / "packing.vtp").position.tobytes() == result.packing.position.tobytes()
 
 
+@pytest.mark.usefixtures("jagged_pictures")
 def test_rocks_scene_leaves_a_page_and_files(tmp_path):
     # a third of the rocks, in a lower box
     text = (EXAMPLES / "rocks_in_box.toml").read_text().replace("count = 60", "count = 20")

@@ -9,6 +9,8 @@ import pytest
 import voxgran as vg
 from voxgran.cli import main
 
+pytestmark = pytest.mark.usefixtures("jagged_pictures")
+
 ROOT = Path(__file__).parents[1]
 PAGE = ROOT / "docs" / "start" / "tutorial.md"
 

@@ -29,7 +29,7 @@ from voxgran.shapes.family import families
 from voxgran.shapes.winding import winding_numbers
 
 # small scenes have no bulk to speak of, which is said in a warning
-pytestmark = pytest.mark.filterwarnings("ignore:.*the bulk holds")
+pytestmark = [pytest.mark.filterwarnings("ignore:.*the bulk holds"), pytest.mark.usefixtures("jagged_pictures")]
 
 
 @pytest.fixture

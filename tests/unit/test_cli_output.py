@@ -8,22 +8,18 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from kit import small_scene
 
 from voxgran.cli import main
 
+pytestmark = pytest.mark.usefixtures("jagged_pictures")
+
 FULL = Path("/dev/full")
 LONG = "n" * 256
-SCENE = """
-[scene]
+SCENE = (
+    small_scene()
+    + """[scene]
 unit = "mm"
-[[shape]]
-family = "sphere"
-[container]
-kind = "box"
-lengths = [4, 4, 4]
-[packing]
-method = "rsa"
-count = 3
 [measure]
 which = ["gradation"]
 [output]
@@ -31,6 +27,7 @@ vtk = false
 statistics = false
 report = false
 """
+)
 
 
 def typed(*words, unbuffered="", **streams):

@@ -9,22 +9,19 @@ import sys
 import time
 
 import pytest
+from kit import small_scene
 
 import voxgran as vg
 from voxgran.cli import main
 
-SCENE = """
-[[shape]]
-family = "sphere"
-[container]
-kind = "box"
-lengths = [4, 4, 4]
-[packing]
-method = "rsa"
-count = 5
-[measure]
+pytestmark = pytest.mark.usefixtures("jagged_pictures")
+
+SCENE = (
+    small_scene(count=5)
+    + """[measure]
 which = ["density"]
 """
+)
 STUDY = """
 scene = "scene.toml"
 seeds = 2

@@ -70,13 +70,14 @@ def warm(on_step: OnStep | None = None) -> Warmed:
 
 
 def scenes() -> list[Callable[[], None]]:
-    """Return the scenes, those that compile most first: settling, each method with each kind of shape, solids, and
-    each family of shapes.
+    """Return the scenes, those that compile most first: settling and each method with each kind of shape in turn, so
+    that two processes compile different kernels, then solids and each family of shapes.
     """
     packed = [partial(pack_few, method, family) for family in FAMILIES for method in _methods()]
     settled = [partial(settle_few, family) for family in SETTLED]
     made = [partial(make_few, family) for family in shape_families()]
-    return [*settled, *packed, deform_few, use_solids, *made]
+    in_turn = [task for pair in zip(settled, packed, strict=False) for task in pair]
+    return [*in_turn, *packed[len(settled) :], deform_few, use_solids, *made]
 
 
 def _methods() -> list[str]:

@@ -16,6 +16,8 @@ from voxgran.shapes.tessellate import sphere
 Picture: TypeAlias = NDArray[np.uint8]
 
 BACKGROUND = "#eef1f4"
+#: how edges are smoothed: each pixel is the mean of several
+SMOOTHING: str | None = "ssaa"
 #: material of surfaces
 MATERIAL = {"ambient": 0.28, "diffuse": 0.75, "specular": 0.12, "specular_power": 12}
 
@@ -47,8 +49,8 @@ def stage_of(window: tuple[int, int], *, lit: bool = True) -> Iterator[Any]:
     stage = pyvista.Plotter(off_screen=True, window_size=list(window), lighting="none")
     try:
         stage.set_background(BACKGROUND if lit else "black")
-        if lit:
-            stage.enable_anti_aliasing("ssaa")
+        if lit and SMOOTHING:
+            stage.enable_anti_aliasing(SMOOTHING)
         else:
             stage.disable_anti_aliasing()
         for place, strength in _LIGHTS if lit else ():

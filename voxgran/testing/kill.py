@@ -1,9 +1,7 @@
-"""Kills a run at given moments, in a process of its own: a script for the tests of packing methods."""
+"""Kills a run at given moments, for the tests of packing methods: called in a process of its own."""
 
 import os
-import pickle
 import signal
-import sys
 import time
 from pathlib import Path
 from typing import Any
@@ -43,7 +41,3 @@ def _run(request: dict[str, Any], how: driver.Drive) -> None:
     """Run a request to its end."""
     task = prepare_task(**request)
     driver.drive(task.method, task.problem, how)
-
-
-if __name__ == "__main__":
-    kill_and_resume(**pickle.load(sys.stdin.buffer))

@@ -1,9 +1,7 @@
 """What every packing method must keep, as a class of tests to derive from."""
 
-import pickle
-import subprocess
-import sys
 from collections.abc import Mapping
+from multiprocessing import get_context
 from pathlib import Path
 from typing import Any, ClassVar
 
@@ -23,6 +21,7 @@ from voxgran.packing.pack import Task, pack, prepare_task
 from voxgran.shapes.family import make_shape
 from voxgran.shapes.model import Shape
 from voxgran.shapes.sizes import lognormal
+from voxgran.testing.kill import kill_and_resume
 
 #: interruptions of one run, at most
 MOST_STOPS = 40
@@ -206,8 +205,15 @@ class PackingMethodSuite:
     ) -> Packing:
         """Return the packing of a run that is killed after some shares of its whole time, and then comes through."""
         asked = {"request": cls.request(count=count), "checkpoint": checkpoint, "shares": shares, "chunk": chunk}
-        command = [sys.executable, "-m", "voxgran.testing.kill"]
-        subprocess.run(command, input=pickle.dumps(asked), check=True, timeout=1200)
+        # forked from a process that has loaded the compiler and holds no threads
+        context = get_context("forkserver")
+        context.set_forkserver_preload(["voxgran.testing.kill", "voxgran._base.compiling.linking"])
+        process = context.Process(target=kill_and_resume, kwargs=asked)
+        process.start()
+        process.join(1200)
+        exit_code = process.exitcode
+        process.kill()
+        assert exit_code == 0, f"a run that was not killed ended with exit code {exit_code}"
         return _packed(cls.task(count=count), Drive(checkpoint=checkpoint, resume=True, chunk=chunk))
 
     def test_a_start_stays_in_order_and_goes_on(self) -> None:

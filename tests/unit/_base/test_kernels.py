@@ -1,11 +1,13 @@
 """The kernel decorator compiles late, links kernels to each other and keeps its cache by content."""
 
+import gc
 import os
 import subprocess
 import sys
 from functools import partial
 
 import numpy as np
+import pytest
 
 from voxgran._base.kernels import Kernel, cache_folder, inlined_kernel, kernel, telling_of_compilation
 from voxgran._base.registry import Registry, unknown
@@ -168,3 +170,20 @@ def test_progress_tells_that_kernels_are_compiled():
     with telling_of_compilation(lambda: steps.append("compiling")):
         new.compiled()._cache._cache_file.load("no such types")
     assert steps == ["compiling"]
+
+
+@pytest.mark.parametrize("collects", [True, False])
+def test_no_garbage_is_looked_for_while_a_kernel_is_compiled(collects, monkeypatch):
+    @kernel
+    def new(x):
+        return x + 3.0
+
+    meanwhile = []
+    # it is asked for once the compilation has begun
+    monkeypatch.setattr(new.compiled()._cache._cache_file, "load", lambda key: meanwhile.append(gc.isenabled()))
+    before = gc.isenabled()
+    (gc.enable if collects else gc.disable)()
+    assert new(2.0) == 5.0
+    after = gc.isenabled()
+    (gc.enable if before else gc.disable)()
+    assert (meanwhile, after) == ([False], collects)

@@ -16,6 +16,8 @@ from voxgran.clumps.method import clump_registry
 from voxgran.packing.method import method_registry
 from voxgran.shapes.family import families
 
+pytestmark = pytest.mark.usefixtures("jagged_pictures")
+
 DOCS = Path(__file__).parents[3] / "docs"
 sys.path.insert(0, str(DOCS))
 PAGES = importlib.import_module("methods_pages")
@@ -95,7 +97,8 @@ def test_scenes_of_the_examples_are_those_of_the_calls(name, tmp_path):
 @pytest.mark.filterwarnings("ignore:the bulk holds")
 @pytest.mark.parametrize("name", ["digital_fill", "expand", "rsa"])
 def test_calls_of_the_examples_give_the_packings_of_their_scenes(name, tmp_path):
-    (tmp_path / "scene.toml").write_text(PAGES.packing_scene(name, CASES.PACKING[name]))
+    scene = PAGES.packing_scene(name, CASES.PACKING[name])
+    (tmp_path / "scene.toml").write_text(f"{scene}\n[output]\nreport = false\nstatistics = false\n")
     found = {}
     exec(PAGES.packing_call(name, CASES.PACKING[name]), found)
     result = vg.Scene.from_toml(tmp_path / "scene.toml").run(tmp_path / "out")

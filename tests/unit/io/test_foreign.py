@@ -15,7 +15,7 @@ from voxgran._base.seeds import stream
 from voxgran.io.spheres import owned_spheres
 from voxgran.shapes.spheres import Spheres
 
-pytestmark = pytest.mark.filterwarnings("ignore:the bulk holds")
+pytestmark = [pytest.mark.filterwarnings("ignore:the bulk holds"), pytest.mark.usefixtures("jagged_pictures")]
 
 DATA = """LAMMPS data file via write_data, version 29 Aug 2024, timestep = 1000
 

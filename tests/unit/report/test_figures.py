@@ -19,7 +19,7 @@ from voxgran.report.figures import figures_of, size_test
 from voxgran.report.shape_plots import normal_rose
 from voxgran.report.wall_law import law_applies, wall_law
 
-pytestmark = pytest.mark.filterwarnings("ignore:the bulk holds")
+pytestmark = [pytest.mark.filterwarnings("ignore:the bulk holds"), pytest.mark.usefixtures("jagged_pictures")]
 
 
 def of_sizes(sizes, asked):

@@ -22,7 +22,7 @@ from voxgran.report.scenes import picture_packing
 from voxgran.shapes.mesh import Mesh
 
 WINDOW = (240, 240)
-pytestmark = pytest.mark.filterwarnings("ignore:the bulk holds")
+pytestmark = [pytest.mark.filterwarnings("ignore:the bulk holds"), pytest.mark.usefixtures("jagged_pictures")]
 
 
 @pytest.fixture

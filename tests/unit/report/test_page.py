@@ -14,6 +14,8 @@ from voxgran.packing.model import Packing
 from voxgran.report import facts
 from voxgran.report.page import save_report
 
+pytestmark = pytest.mark.usefixtures("jagged_pictures")
+
 VOID = {"meta", "img", "link", "br", "hr", "input"}
 
 

@@ -24,6 +24,8 @@ from voxgran.report.scenes import drawn_surface
 from voxgran.shapes.primitive import Primitive
 from voxgran.shapes.tessellate import sphere
 
+pytestmark = pytest.mark.usefixtures("jagged_pictures")
+
 
 def unpacked(text):
     """Return head and arrays of the data of a view, as the page's script reads them."""

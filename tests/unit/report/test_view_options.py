@@ -1,28 +1,25 @@
 """The interactive view is asked for and left out at the prompt and in scenes."""
 
 import pytest
+from kit import small_scene
 
 import voxgran as vg
 from voxgran._base.errors import InputError
 from voxgran.cli import main
 from voxgran.scene.sections import Output
 
+pytestmark = pytest.mark.usefixtures("jagged_pictures")
+
 VIEW = 'id="view-canvas"'
-SCENE = """
-[[shape]]
-family = "sphere"
-[container]
-kind = "box"
-lengths = [4, 4, 4]
-[packing]
-method = "rsa"
-count = 3
-[measure]
+SCENE = (
+    small_scene()
+    + """[measure]
 which = ["gradation"]
 [output]
 vtk = false
 statistics = false
 """
+)
 
 
 @pytest.fixture

@@ -1,24 +1,18 @@
 """Input of engines from scenes: `[output] dem` and `[material]`."""
 
 import pytest
+from kit import small_scene
 
 import voxgran as vg
 from voxgran._base.errors import InputError, PackingWarning, UnknownNameError
 from voxgran.cli import main
 
-SCENE = """
-[scene]
+SCENE = (
+    small_scene("convex_polyhedron", count=5)
+    + """[scene]
 seed = 1
 unit = "mm"
 density = 2500
-[[shape]]
-family = "convex_polyhedron"
-[container]
-kind = "box"
-lengths = [4, 4, 4]
-[packing]
-method = "rsa"
-count = 5
 [material]
 friction = 0.25
 [output]
@@ -28,6 +22,7 @@ vtk = false
 report = false
 statistics = false
 """
+)
 
 # small scenes have no bulk to speak of, which is said in a warning
 pytestmark = pytest.mark.filterwarnings("ignore:the bulk holds")

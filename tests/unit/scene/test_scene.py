@@ -46,7 +46,7 @@ report = false
 """
 
 # small scenes have no bulk to speak of, which is said in a warning
-pytestmark = pytest.mark.filterwarnings("ignore:the bulk holds")
+pytestmark = [pytest.mark.filterwarnings("ignore:the bulk holds"), pytest.mark.usefixtures("jagged_pictures")]
 
 
 @pytest.fixture

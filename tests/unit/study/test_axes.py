@@ -103,7 +103,9 @@ def test_sizes_and_containers_are_replaced_by_kind_or_changed_by_key():
 def test_paths_lead_into_sections_and_shapes():
     two = BASE | {"shape": [{"family": "box", "lengths": [1, 1, 1]}, {"family": "sphere"}]}
     assert [e["share"] for e in changed(two, {"shape.share": 0.5})["shape"]] == [0.5, 0.5]
-    assert changed(two, {"shape.0.lengths": [1, 2, 3]})["shape"][0]["lengths"] == [1, 2, 3]
+    one = changed(two, {"shape.0.lengths": [1, 2, 3]})["shape"]
+    assert one[0]["lengths"] == [1, 2, 3]
+    assert one[1:] == two["shape"][1:]
     assert changed(BASE, {"packing.shaking.duration": 3})["packing"]["shaking"] == {"duration": 3}
     with pytest.raises(InputError, match=r"2 \[\[shape\]\]"):
         changed(two, {"shape.2.share": 1})

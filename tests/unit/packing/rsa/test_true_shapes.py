@@ -41,7 +41,8 @@ SOLIDS = {
     "cylinder": lambda: vg.make_shape("cylinder", radius=0.4, height=1.5),
     "cone": lambda: vg.make_shape("cone", radius=0.7, height=1.1),
     "polyhedron": lambda: vg.make_shape("convex_polyhedron", seed=1),
-    "union": lambda: vg.make_shape("solid_union", seed=2),
+    # with few facets, since the depth of each overlap is found too
+    "union": lambda: vg.make_shape("solid_union", seed=2, chord_error=0.01),
     "clump": dumbbell,
 }
 FLAT = {
@@ -85,8 +86,9 @@ def test_pairs_meet_where_contacts_say_so(one, other):
     room = vg.Box((40, 40, 40)) if dimension == 3 else vg.Rectangle((40, 40))
     made, rows = tables(shapes, room, scale)
     generator = stream(len(one) + 7 * len(other), "test")
-    found = []
-    for _ in range(25):
+    # the contacts of the union take long to find
+    found, many = [], 12 if "union" in (one, other) else 25
+    for _ in range(many):
         orientation = turns(generator, 2, dimension)
         step = generator.normal(size=3) * (np.arange(3) < dimension)
         step *= generator.uniform(0.0, 1.6) / np.linalg.norm(step)
@@ -99,7 +101,7 @@ def test_pairs_meet_where_contacts_say_so(one, other):
         meet = shapes_meet(made, 0, 1, x, y, z, scale[1] / scale[0], rows)
         assert meet == (vg.verify(pair).overlapping_pairs == 1)
         found.append(meet)
-    assert 3 < sum(found) < 25
+    assert many / 8 < sum(found) < many
 
 
 def test_shapes_within_a_mesh_meet_it():
