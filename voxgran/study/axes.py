@@ -26,8 +26,9 @@ NAMED = {"method": "method", "shape": "family", "sizes": "kind", "container": "k
 FIXED = ("measure", "output")
 #: axes that change no result, and why
 IDLE = {
-    "material": "it is the contact law in the input of engines, and changes no result of a study; the friction with "
-    'which grains settle is "settle.friction", or "packing.friction" of method gravity, and their density "shape.density"',
+    "material": "it is the contact law in the input of engines, and changes no result of a study; the friction of "
+    'grains that settle is "settle.friction", or "packing.friction" of method gravity, and their density is '
+    '"shape.density"',
     "scene.unit": "all cells have one unit of length; set it in the base, and vary sizes",
 }
 #: what a value is called: text, or a number where all values of an axis are numbers
