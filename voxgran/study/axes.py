@@ -24,6 +24,13 @@ from voxgran.scene.description import SECTIONS
 NAMED = {"method": "method", "shape": "family", "sizes": "kind", "container": "kind"}
 #: sections that no axis changes: what is measured and written is the same for all cells
 FIXED = ("measure", "output")
+#: axes that change no result, and why
+IDLE = {
+    "material": "it is the contact law in the input of engines, and changes no result of a study; the friction of "
+    'grains that settle is "settle.friction", or "packing.friction" of method gravity, and their density is '
+    '"shape.density"',
+    "scene.unit": "all cells have one unit of length; set it in the base, and vary sizes",
+}
 #: what a value is called: text, or a number where all values of an axis are numbers
 Label: TypeAlias = str | int | float
 
@@ -72,13 +79,17 @@ def check_axis(axis: str, beside: Iterable[str] = ()) -> None:
     UnknownNameError
         If a scene has nothing of that name; the message gives the nearest one.
     InputError
-        If the study itself says that, such as the seeds.
+        If the study itself says that, such as the seeds, or it changes no result.
     """
-    first, *rest = str(axis).split(".")
+    axis = str(axis)
+    first, *rest = axis.split(".")
     if axis in ("seed", "seeds", "scene.seed", "scene.seeds"):
         raise InputError(f"axis {axis}: the seeds of a study are no axis; write seeds = 5 or seeds = [1, 2, 3]")
     if first in FIXED:
         raise InputError(f"axis {axis}: what is measured and written is the same for all cells; set it in the base")
+    for idle, told in IDLE.items():
+        if axis == idle or axis.startswith(f"{idle}."):
+            raise InputError(f"axis {axis}: {told}")
     if first in (*NAMED, *SECTIONS) and all(rest) and not (first == "method" and rest):
         return
     path = f"packing.{axis.rpartition('.')[2]}"
@@ -86,7 +97,7 @@ def check_axis(axis: str, beside: Iterable[str] = ()) -> None:
         raise UnknownNameError(
             f"axis {shown(axis)} is unknown: did you mean {path!r}? an axis is a path into the scene"
         )
-    known = (*NAMED, *(f"{name}.KEY" for name in SECTIONS if name not in (*NAMED, *FIXED)))
+    known = (*NAMED, *(f"{name}.KEY" for name in SECTIONS if name not in (*NAMED, *FIXED, *IDLE)))
     raise UnknownNameError(unknown("axis", axis, known, beside=(*beside, "seeds")))
 
 
@@ -129,7 +140,10 @@ def _given(axis: str, value: Any) -> tuple[str, Any]:
             f"{{ {NAMED[axis]} = ..., label = ... }}; change it"
         )
     if "." not in axis and axis not in NAMED and not isinstance(value, dict | bool):
-        raise InputError(f"axis {axis} has the value {shown(value)}: it must be a table of keys of [{axis}]; change it")
+        also = ", true or false" if axis == "settle" else ""
+        raise InputError(
+            f"axis {axis} has the value {shown(value)}: it must be a table of keys of [{axis}]{also}; change it"
+        )
     if axis == "scene" and {"seed", "seeds"} & set(value):
         check_axis("seeds")
     return label, value

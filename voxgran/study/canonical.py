@@ -46,6 +46,21 @@ def canonical_scene(scene: SceneDescription) -> dict[str, Any]:
     return found
 
 
+def canonical_numbers(scene: SceneDescription) -> dict[str, Any]:
+    """Return the canonical form of all that the numbers of a scene depend on: without densities that change none.
+
+    Parameters
+    ----------
+    scene : SceneDescription
+        The scene.
+    """
+    made = canonical_scene(scene)
+    if not _density_counts(scene):
+        for table in (made["scene"], *made["shape"]):
+            table.pop("density", None)
+    return made
+
+
 def _shape(entry: Mapping[str, Any]) -> dict[str, Any]:
     """Return a [[shape]] without values that equal their defaults."""
     made = dict(entry)
@@ -66,6 +81,16 @@ def _without_defaults(given: Mapping[str, Any], *classes: type) -> dict[str, Any
     """
     defaults = {item.name: item.default for cls in reversed(classes) for item in parameters_of(cls)}
     return {key: value for key, value in given.items() if key not in defaults or _plain(defaults[key]) != _plain(value)}
+
+
+def _density_counts(scene: SceneDescription) -> bool:
+    """Return whether densities change the numbers of a study: where grains of several densities settle."""
+    parameters = method_registry().get(scene.method).parameters
+    if not method_registry().get(scene.method).builds_bed and not issubclass(parameters, Settling):
+        return False
+    given = scene.density()
+    several = isinstance(given, list) and len(set(given)) > 1
+    return scene.settle is not False and (several or scene.start is not None)
 
 
 def _is_default_settling(scene: SceneDescription) -> bool:

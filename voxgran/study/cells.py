@@ -12,7 +12,7 @@ from voxgran._base.registry import unknown
 from voxgran.packing.method import method_registry
 from voxgran.scene.description import SceneDescription
 from voxgran.study.axes import AxisValue, Label, axis_values, changed, check_axis, refuse_equal
-from voxgran.study.files import FileHashes, former_scene_hash, scene_hash, with_absolute_files
+from voxgran.study.files import FileHashes, former_scene_hash, numbers_hash, scene_hash, with_absolute_files
 
 #: dimension of cells that are listed
 LISTED = "cell"
@@ -201,7 +201,9 @@ def _listed(listed: Sequence[Mapping[str, Any]], beside: Sequence[str]) -> Dimen
     return Dimension(LISTED, labels, tuple({a: e.given for a, e in entries.items()} for entries in choices))
 
 
-def cells_of(base: Mapping[str, Any], dimensions: Sequence[Dimension], *, folder: str, seed: int) -> tuple[Cell, ...]:
+def cells_of(
+    base: Mapping[str, Any], dimensions: Sequence[Dimension], *, folder: str, seed: int, keep: str
+) -> tuple[Cell, ...]:
     """Return all cells of a study, each with its checked scene.
 
     Parameters
@@ -214,12 +216,15 @@ def cells_of(base: Mapping[str, Any], dimensions: Sequence[Dimension], *, folder
         Where the files that axes name are looked for.
     seed : int
         The first seed.
+    keep : {"numbers", "packings"}
+        What is kept of each run.
 
     Raises
     ------
     InputError
-        If a method of a cell has not a parameter that it is given, or the scene of a cell breaks a rule; the message
-        names the cell. Errors of other classes are those of :meth:`voxgran.Scene.from_mapping`.
+        If a method of a cell has not a parameter that it is given, the scene of a cell breaks a rule, or two values of
+        an axis give the same numbers in all cells; the message names the cell or the values. Errors of other classes
+        are those of :meth:`voxgran.Scene.from_mapping`.
     """
     hashes = FileHashes()
     made = []
@@ -237,7 +242,9 @@ def cells_of(base: Mapping[str, Any], dimensions: Sequence[Dimension], *, folder
         mapping["output"] = NOTHING
         made.append((place, values, mapping))
     refuse_foreign([mapping for _, _, mapping in made])
-    return tuple(Cell(place, values, _scene(mapping, values), mapping, hashes) for place, values, mapping in made)
+    cells = tuple(Cell(place, values, _scene(mapping, values), mapping, hashes) for place, values, mapping in made)
+    refuse_idle(cells, dimensions, numbers=keep == "numbers")
+    return cells
 
 
 def _scene(mapping: Mapping[str, Any], values: Mapping[str, Label]) -> SceneDescription:
@@ -255,6 +262,30 @@ def _scene(mapping: Mapping[str, Any], values: Mapping[str, Label]) -> SceneDesc
             raise
         told = ", ".join(f"{name} {value}" for name, value in values.items())
         raise type(error)(f"cell {told}: {error}") from error
+
+
+def refuse_idle(cells: Sequence[Cell], dimensions: Sequence[Dimension], *, numbers: bool) -> None:
+    """Refuse values of an axis that give the same results in all cells; `numbers` is whether these are numbers alone.
+
+    Raises
+    ------
+    InputError
+        If two values do: they would be the same numbers under two names.
+    """
+    keys = {cell.place: numbers_hash(cell.scene, cell.hashes) if numbers else cell.key for cell in cells}
+    for at, dimension in enumerate(dimensions):
+        found: dict[tuple[str, ...], int] = {}
+        # cells that are listed may be the same scene under two names
+        for place in range(len(dimension) if dimension.name != LISTED else 0):
+            other = found.setdefault(tuple(key for where, key in keys.items() if where[at] == place), place)
+            if other != place:
+                one, two = (
+                    ", ".join(f"{name} {labels[number]}" for name, labels in dimension.labels.items())
+                    for number in (other, place)
+                )
+                raise InputError(
+                    f"{one} and {two} give the same numbers in all cells: what differs changes no result; drop one"
+                )
 
 
 def refuse_foreign(mappings: Sequence[Mapping[str, Any]]) -> None:

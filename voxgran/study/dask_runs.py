@@ -3,6 +3,7 @@
 import contextlib
 import logging
 import math
+import os
 import queue
 import time
 from collections.abc import Iterator, Sequence
@@ -16,6 +17,10 @@ from voxgran.study.runs import Record, Run, compute_with_file
 ANSWER, TICK = 10.0, 0.2
 #: seconds between looks at how many workers there are
 LOOK = 2.0
+#: how often a run is given to the cluster whose workers are killed each time, and which gets no further
+TRIES = 2
+#: name of the error of a run whose workers were killed several times
+KILLED = "KilledWorker"
 #: loggers of what Dask says of connections
 LOGGERS = ("asyncio", "distributed", "distributed.batched", "distributed.client", "tornado.application")
 
@@ -33,6 +38,8 @@ class DaskRuns:
         self._address = address
         self._client: Any = None
         self._left: dict[str, Any] = {}
+        self._tries: dict[str, int] = {}
+        self._stamps: dict[str, int] = {}
         self._threads, self._asked = 0, -math.inf
         self._levels: dict[str, int] = {}
 
@@ -97,9 +104,7 @@ class DaskRuns:
         finished: queue.SimpleQueue[tuple[Run, Any]] = queue.SimpleQueue()
         try:
             for number, run in enumerate(runs):
-                future = self._client.submit(compute_with_file, run, pure=False, priority=len(runs) - number)
-                self._left[run.key] = future
-                future.add_done_callback(_noting(finished, run))
+                self._submit(run, finished, priority=len(runs) - number)
             while self._left:
                 try:
                     run, future = finished.get(timeout=TICK)
@@ -108,6 +113,9 @@ class DaskRuns:
                     yield None
                     continue
                 self._check(lost=future.status == "cancelled")
+                if type(future.exception()).__name__ == KILLED and self._goes_on(run):
+                    self._submit(run, finished, priority=len(runs))
+                    continue
                 record, packing = _outcome(future)
                 del self._left[run.key]
                 yield run, record, packing
@@ -116,6 +124,24 @@ class DaskRuns:
             if isinstance(error, VoxgranError):
                 raise
             self._check(lost=True)
+
+    def _submit(self, run: Run, finished: "queue.SimpleQueue[tuple[Run, Any]]", *, priority: int) -> None:
+        """Give a run to the cluster; it is noted when it is finished."""
+        future = self._client.submit(compute_with_file, run, pure=False, priority=priority)
+        self._left[run.key] = future
+        future.add_done_callback(_noting(finished, run))
+
+    def _goes_on(self, run: Run) -> bool:
+        """Return whether a run whose workers were killed is given to others: as long as its checkpoint gets further,
+        since jobs end at their wall time, and once more where it does not.
+        """
+        stamp = 0
+        with contextlib.suppress(OSError):
+            stamp = os.stat(run.checkpoint).st_mtime_ns if run.checkpoint else 0
+        further = stamp > self._stamps.get(run.key, 0)
+        self._stamps[run.key] = stamp
+        self._tries[run.key] = 0 if further else self._tries.get(run.key, 0) + 1
+        return self._tries[run.key] < TRIES
 
     def _check(self, *, lost: bool) -> None:
         """Raise a ClusterError where the scheduler is lost."""
@@ -136,4 +162,10 @@ def _outcome(future: Any) -> tuple[Record, bytes]:
     error = future.exception()
     if error is None:
         return future.result()
+    if type(error).__name__ == KILLED:
+        told = (
+            "its Dask workers were killed each time: memory may have run out, or their jobs are too short for a "
+            "checkpoint; compute it again with retry=True, at the prompt --retry, and with longer jobs or more memory"
+        )
+        return Record(failure=told), b""
     return Record(failure=f"its Dask worker failed ({type(error).__name__}: {' '.join(str(error).split())})"), b""

@@ -9,7 +9,7 @@ from typing import Any
 from voxgran import __version__
 from voxgran._base.files import existing_file
 from voxgran.scene.description import SceneDescription
-from voxgran.study.canonical import SEEDS, canonical_scene
+from voxgran.study.canonical import SEEDS, canonical_numbers, canonical_scene
 
 
 def with_absolute_files(scene: Mapping[str, Any], folder: str | Path) -> dict[str, Any]:
@@ -68,6 +68,13 @@ def scene_hash(scene: SceneDescription, hashes: FileHashes) -> str:
     the bytes of the files that it names, and the version of voxgran.
     """
     return _hash(canonical_scene(scene), hashes)
+
+
+def numbers_hash(scene: SceneDescription, hashes: FileHashes) -> str:
+    """Return the hash of all that the numbers of a scene depend on but its seed; scenes whose packings differ in their
+    density alone have the same.
+    """
+    return _hash(canonical_numbers(scene), hashes)
 
 
 def former_scene_hash(scene: SceneDescription, hashes: FileHashes) -> str:

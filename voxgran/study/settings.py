@@ -84,6 +84,8 @@ def _hint(key: str, value: Any) -> str:
     """Return what to write in place of an unknown key at the top of a study file; empty where nothing is known."""
     if key == "study":
         return "; the keys of a study are at the top of its file, above all sections: remove the line [study]"
+    if key == "seed":
+        return f"; seeds is how many, or a list of them: write seeds = [{value}] for this one"
     if isinstance(value, list) and not all(isinstance(item, Mapping) for item in value):
         return f"; if it is an axis, write it below [axes]: {key} = {shown(value)}"
     if key in SECTIONS:
@@ -133,7 +135,7 @@ def make_settings(
     )
     _check_experiments(experiments, dimensions)
     known = _seeds(seeds, first, count)
-    made = cells_of(scene, dimensions, folder=str(folder), seed=known[0])
+    made = cells_of(scene, dimensions, folder=str(folder), seed=known[0], keep=keep)
     return StudySettings(
         base=scene, seeds=known, dimensions=dimensions, keep=keep, cells=made, experiments=dict(experiments or {})
     )

@@ -307,3 +307,38 @@ def test_scenes_that_are_the_same_have_the_same_hash(one, other):
 )
 def test_scenes_that_differ_have_different_hashes(one, other):
     assert study({}, one).cells()[0].key != study({}, other).cells()[0].key
+
+
+DENSER = [{"family": "sphere", "density": 2.0}, {"family": "box", "density": 1.0}]
+ALIKE = [{"family": "sphere", "density": 2.0}, {"family": "box", "density": 2.0}]
+BED = BASE | {"packing": {"method": "gravity", "count": 5}}
+
+
+@pytest.mark.parametrize(
+    ("axes", "base", "told"),
+    [
+        ({"material": [{"friction": 0.1}, {"friction": 0.2}]}, BASE, "axis material: it is the contact law"),
+        ({"material.friction": [0.1, 0.2]}, BASE, "axis material.friction: it is the contact law"),
+        ({"scene.unit": ["mm", "m"]}, BASE, "all cells have one unit"),
+        ({"shape.density": [1, 2]}, BED, "shape.density 1 and shape.density 2 give the same numbers"),
+        ({"scene.density": [1, 2]}, BED, "give the same numbers"),
+        ({"shape": [DENSER, {"shapes": ALIKE, "label": "alike"}]}, BASE, "shape sphere [+] box and shape alike give"),
+        ({"settle": [True, {"enabled": True}]}, WALK, "settle true and settle enabled true give"),
+        ({"packing.tries": [999, 1000], "settle": [False, {"enabled": False}]}, BASE, "settle false and settle"),
+    ],
+)
+def test_axes_that_change_no_result_are_refused(axes, base, told):
+    with pytest.raises(InputError, match=told):
+        study(axes, base)
+
+
+def test_densities_are_axes_where_grains_of_several_settle_and_where_packings_are_kept():
+    assert len(study({"shape": [DENSER, {"shapes": ALIKE, "label": "alike"}]}, BED).cells()) == 2
+    assert len(study({"shape.0.density": [1, 2, 3]}, BED | {"shape": DENSER}).cells()) == 3
+    assert len(study({"shape.density": [1, 2]}, keep="packings").cells()) == 2
+
+
+def test_values_that_differ_in_one_cell_alone_are_an_axis():
+    densities = {"shape.0.density": [1, 3], "method": ["rsa", {"method": "gravity", "label": "bed"}]}
+    made = study(densities, BASE | {"shape": DENSER})
+    assert [cell.values["shape.0.density"] for cell in made.cells()] == [1, 1, 3, 3]

@@ -16,6 +16,7 @@ from voxgran._base.errors import ClusterError, Interrupted, MissingLibraryError
 from voxgran._base.lock import locked_file
 from voxgran.study import runs
 from voxgran.study.checkpoints import MARK, marked
+from voxgran.study.dask_runs import DaskRuns
 from voxgran.study.result import MACHINE
 from voxgran.study.runs import Run, compute, compute_with_file
 
@@ -161,3 +162,14 @@ def test_a_checkpoint_that_another_worker_writes_is_left_alone(base, tmp_path):
         found = compute(Run(key="a", cell="c", mapping=scene, seed=3, checkpoint=str(file)))
     assert not found.failure
     assert file.read_text() == "of the other one"
+
+
+def test_a_run_is_given_up_only_where_its_checkpoint_gets_no_further(tmp_path):
+    checkpoint = tmp_path / "run.voxgran"
+    run, runs = Run(key="a", cell="c", mapping={}, seed=0, checkpoint=str(checkpoint)), DaskRuns("tcp://127.0.0.1:1")
+    for second in range(1, 5):
+        checkpoint.touch()
+        os.utime(checkpoint, (second, second))
+        assert runs._goes_on(run)
+    assert runs._goes_on(run)
+    assert not runs._goes_on(run)
