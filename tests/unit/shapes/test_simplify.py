@@ -91,7 +91,7 @@ def test_tiny_and_huge_units(factor):
 def test_what_cannot_be_simplified():
     ring = vg.make_shape("torus")
     for faces in (3, 10.5, "many", True):
-        with pytest.raises(InputError, match="faces is .*: it must be a whole number, at least 4"):
+        with pytest.raises(InputError, match=r"faces is .*: it must be a whole number, at least 4"):
             vg.simplify(ring, faces=faces)
     with pytest.raises(InputError, match="flat"):
         vg.simplify(vg.make_shape("disk"), faces=10)
