@@ -84,6 +84,7 @@ from voxgran.shapes.images.outline_images import load_outlines as load_outlines
 from voxgran.shapes.model import Shape as Shape
 from voxgran.shapes.repairing.diagnose import diagnose as diagnose
 from voxgran.shapes.repairing.repair import repair as repair
+from voxgran.shapes.repairing.simplify import simplify as simplify
 from voxgran.shapes.roughness.measuring import surface_statistics as surface_statistics
 from voxgran.shapes.roughness.roughen import roughen as roughen
 from voxgran.study.study import Study as Study

@@ -230,6 +230,15 @@ def repair(options: argparse.Namespace) -> None:
     show(numbers, options)
 
 
+def simplify(options: argparse.Namespace) -> None:
+    """Reduce a mesh file to fewer triangles and tell what that changed."""
+    made = voxgran.simplify(voxgran.load_shape(options.file, repair=options.repair), faces=options.faces)
+    if options.output:
+        voxgran.save_shape(made.shape, options.output, overwrite=options.overwrite)
+    names = ("faces_before", "faces", "volume_change", "area_change", "mean_distance", "largest_distance")
+    show({**_fields(made, *names), "diameter": made.shape.diameter, "mended": list(made.sentences)}, options)
+
+
 def cloud(options: argparse.Namespace) -> None:
     """Make a shape of a scanned point cloud and tell how far the two are apart."""
     scan = voxgran.load_cloud(options.file)
@@ -349,6 +358,7 @@ COMMANDS: dict[str, tuple[str, Callable[[argparse.Namespace], int | None]]] = {
     "labels": ("make a packing of a label image", labels),
     "shape": ("make a shape of a family", shape),
     "repair": ("mend a mesh file and say what was done", repair),
+    "simplify": ("reduce a mesh file to fewer triangles and tell what that changed", simplify),
     "cloud": ("make a closed surface of a scanned point cloud", cloud),
     "clump": ("fit a clump of spheres to a mesh file", clump),
     "export": ("write the input of a DEM or DDA engine for a packing", export),

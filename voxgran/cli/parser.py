@@ -169,6 +169,12 @@ FLAGS: dict[str, tuple[Flag, ...]] = {
             "--bodies", choices=("refuse", "largest", "all"), default="refuse", help="what becomes of several solids"
         ),
     ),
+    "simplify": (
+        _flag("file", help="mesh file: STL, OBJ, PLY, OFF, VTP, VTU, VTK or MSH"),
+        _flag("--faces", type=int, required=True, help="largest number of triangles"),
+        _flag("--repair", action="store_true", help="mend the surface first, as 'voxgran repair' does"),
+        _flag("-o", "--output", help="mesh file for the result: STL, OBJ, PLY, OFF or VTP"),
+    ),
     "cloud": (
         _flag("file", help="point cloud: .ply, .pcd, .xyz, .csv or .las"),
         _flag("--method", choices=("poisson", "alpha"), default="poisson", help="smooth, or through the points"),
@@ -254,6 +260,7 @@ EXAMPLES: dict[str, str] = {
     "shape": "voxgran shape solid_union --seed 7 --solids 3,5 -o grain.stl\n"
     "  voxgran shape convex_polyhedron --count 300 --points 8,20 -o grains --gallery grains.png",
     "repair": "voxgran repair scan.ply -o rock.ply\n  voxgran repair scan.ply --bodies largest --max-hole 0.1",
+    "simplify": "voxgran simplify scan.stl --faces 500 -o small.stl",
     "cloud": "voxgran cloud scan.ply --outliers 2 -o rock.stl",
     "clump": "voxgran clump rock.stl --spheres 50 -o rock.csv --picture rock.png\n"
     "  voxgran clump rock.stl --target iou --value 0.95 --mode balanced -o rock.mol",

@@ -21,6 +21,9 @@ class AnyShape:
     clump: int | Mapping[str, Any] | None = parameter(
         None, doc="a clump of spheres is packed in place of the shape: their number, or a table such as { mode = ... }"
     )
+    faces: int | None = parameter(
+        None, doc="largest number of triangles; a solid that has more is reduced as by vg.simplify", at_least=4
+    )
     roughen: Mapping[str, Any] | None = parameter(None, doc="rough surface, a table such as { rms = 0.02 }")
 
 

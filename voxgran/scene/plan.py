@@ -207,7 +207,9 @@ def _steps(scene: SceneDescription, task: Task) -> dict[str, tuple[str, ...]]:
     clumps = [entry.clump for entry in scene.shapes if entry.clump is not None for _ in entry.shares()]
     most = max(map(_spheres_of, clumps), default=0)
     rough = sum(len(entry.shares()) for entry in scene.shapes if entry.roughness is not None)
-    computed = [f"give {rough} of the shapes a rough skin"] if rough else []
+    limits = [entry.faces for entry in scene.shapes if entry.faces is not None for _ in entry.shares()]
+    computed = [f"reduce {len(limits)} of the shapes to at most {max(limits)} triangles"] if limits else []
+    computed += [f"give {rough} of the shapes a rough skin"] if rough else []
     computed += [f"fit clumps of up to {most} spheres to {len(clumps)} of the shapes"] if clumps else []
     bound = "at most " if task.method.sizing == "made" else ""
     computed += [f"pack {bound}{task.problem.count} grains by {scene.method}"]

@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import Any, Literal
 
 from voxgran._base.arrays import as_choice, as_count, as_number, as_positive, check_type
-from voxgran._base.config import from_mapping, parameters_of
+from voxgran._base.config import from_mapping, parameters_of, removal_of
 from voxgran._base.errors import InputError, UnknownNameError, shown
 from voxgran._base.files import existing_file
 from voxgran._base.registry import nearest, unknown
@@ -21,6 +21,7 @@ from voxgran.shapes.files import shape_of_file
 from voxgran.shapes.generating.ranges import drawn
 from voxgran.shapes.model import Shape
 from voxgran.shapes.repairing.diagnose import Remedies
+from voxgran.shapes.repairing.simplify import FEWEST, simplify
 from voxgran.shapes.roughness.parameters import Roughness
 from voxgran.shapes.roughness.roughen import roughen
 
@@ -42,8 +43,8 @@ CLUMP_KEYS = names_of(ClumpOfShape)
 @dataclass(frozen=True, slots=True)
 class ShapeEntry:
     """One [[shape]]: a file or a family with parameters, its share, how a clump is fitted that is packed in its
-    place (None for the shape itself), how many different shapes of a family it stands for, its roughness, and its
-    density (None for that of the scene).
+    place (None for the shape itself), how many different shapes of a family it stands for, its roughness, its density
+    (None for that of the scene), and the largest number of its triangles (None for all).
     """
 
     source: Literal["file", "family"]
@@ -54,15 +55,22 @@ class ShapeEntry:
     count: int | None = None
     roughness: Mapping[str, Any] | None = None
     density: float | None = None
+    faces: int | None = None
 
     def make(self) -> list[Shape]:
         """Return the shapes, before clumps take their place; each has a roughness of its own."""
         if self.roughness is None:
-            return self._smooth()
+            return self._reduced()
         rest = {key: value for key, value in self.roughness.items() if key != "seed"}
-        shapes = self._smooth()
+        shapes = self._reduced()
         seeds = seeds_of_shapes(self.roughness.get("seed", 0), len(shapes))
         return [roughen(shape, **rest, seed=seed) for shape, seed in zip(shapes, seeds, strict=True)]
+
+    def _reduced(self) -> list[Shape]:
+        """Return the shapes without roughness, with at most so many triangles."""
+        if self.faces is None:
+            return self._smooth()
+        return [simplify(shape, faces=self.faces).shape for shape in self._smooth()]
 
     def _smooth(self) -> list[Shape]:
         """Return the shapes without roughness."""
@@ -87,7 +95,7 @@ class ShapeEntry:
     def to_mapping(self) -> dict[str, Any]:
         """Return the entry as nested JSON-able values, as the scene file has it."""
         tables = {"clump": self.clump, "roughen": self.roughness}
-        more = {"density": self.density, "count": self.count} | {
+        more = {"density": self.density, "count": self.count, "faces": self.faces} | {
             key: None if table is None else dict(table) for key, table in tables.items()
         }
         rest = {key: value for key, value in more.items() if value is not None}
@@ -113,6 +121,7 @@ def shape_entries(entries: Any, folder: Path) -> tuple[ShapeEntry, ...]:
         rest = dict(entry)
         share = as_number(rest.pop("share", 1.0), "[[shape]] share", at_least=0.0)
         density = as_positive(rest.pop("density"), "[[shape]] density") if "density" in rest else None
+        faces = as_count(rest.pop("faces"), "[[shape]] faces", at_least=FEWEST) if "faces" in rest else None
         clump = _clump(rest.pop("clump")) if "clump" in rest else None
         roughness = _roughness(rest.pop("roughen")) if "roughen" in rest else None
         if ("file" in rest) == ("family" in rest):
@@ -120,7 +129,7 @@ def shape_entries(entries: Any, folder: Path) -> tuple[ShapeEntry, ...]:
             if meant is not None:
                 raise UnknownNameError(unknown("[[shape]] key", meant, SHAPE_KEYS))
             raise InputError(f"[[shape]] has the keys {', '.join(entry)}: give either file or family")
-        common = {"share": share, "clump": clump, "roughness": roughness, "density": density}
+        common = {"share": share, "clump": clump, "roughness": roughness, "density": density, "faces": faces}
         made.append(_of_file(rest, folder, common) if "file" in rest else _of_family(rest, folder, common))
     return tuple(made)
 
@@ -150,6 +159,11 @@ def _of_family(rest: dict[str, Any], folder: Path, common: Mapping[str, Any]) ->
         # a file, which a scene names relative to itself
         rest["like"] = str(existing_file(folder / like))
     entry, where = families().get(family), f"[[shape]] {family}"
+    known = {name for item in parameters_of(entry.parameters) for name in item.names}
+    for key in rest:
+        if key not in (*known, *FAMILY_KEYS) and not removal_of(entry.parameters, key, where):
+            names = (*(item.name for item in parameters_of(entry.parameters)), "share", *FAMILY_KEYS)
+            raise UnknownNameError(unknown(f"{where} key", key, names))
     seed = {key: rest.pop(key) for key in ("seed",) if key in rest}
     count = rest.pop("count") if "count" in rest else None
     # values that are drawn differ between shapes, so that the ranges are kept and one draw is checked

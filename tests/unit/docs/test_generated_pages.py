@@ -79,7 +79,7 @@ def test_every_key_of_the_table_is_taken_by_a_scene(tmp_path):
     vg.save(packing, tmp_path / "start.vtp")
     clump = {"max_spheres": 9, "method": "optimal", "target": "iou", "value": 0.5, "seed": 1}
     values = {
-        keys.AnyShape: {"share": 1.0, "density": 7800.0, "clump": clump, "roughen": {"rms": 0.02}},
+        keys.AnyShape: {"share": 1.0, "density": 7800.0, "clump": clump, "faces": 20, "roughen": {"rms": 0.02}},
         keys.ShapeOfFile: {"file": "box.stl", "repair": True, "surface": False, "unit": "mm"},
         keys.ShapeOfFamily: {"family": "solid_union", "seed": 1, "count": 2},
         keys.Packed: {"method": "digital", "count": 2, "solid_fraction": 0.1, "start": "start.vtp"},
