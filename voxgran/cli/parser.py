@@ -320,7 +320,8 @@ def make_parser(words: Sequence[str], commands: Mapping[str, tuple[str, Callable
         if name == "clump" and named[:1] == ["clump"]:
             _add_parameters(sub, _clump_parameters(words))
         sub.add_argument("--json", action="store_true", help="print JSON")
-        sub.add_argument("--overwrite", action="store_true", help="replace what is there")
+        again = "compute all runs anew, also those that are finished" if name == "study" else "replace what is there"
+        sub.add_argument("--overwrite", action="store_true", help=again)
         sub.add_argument("-v", "--verbose", action="store_true", help="say more on the error stream")
         sub.add_argument("-q", "--quiet", action="store_true", help="no progress")
     return top

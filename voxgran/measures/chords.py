@@ -47,7 +47,7 @@ def chords_along(packing: Packing, axis: int, spacing: float) -> Chords:
             bound[down] = height
             walls[side] = down != axis
             around = around and down != axis
-    lines = Lines.through(axis, lower, upper, spacing, dimension=d)
+    lines = Lines.through(axis, lower, upper, spacing, dimension=d, periodic=container.periodic)
     line, low, high = (
         np.concatenate(two)
         for two in zip(grain_intervals(packing, lines), outside_intervals(container, lines), strict=True)

@@ -26,6 +26,8 @@ from voxgran.voxels.scanline import FINEST, _first_last, _ordered, _segment, _si
 HALVINGS = 40
 #: points of lines whose signed distances are in memory at a time
 POINTS = 2**20
+#: places of lines in their parts across two periodic axes
+SHIFTED = (0.618, 0.276)
 
 #: intervals: the line (n,) of each, its start (n,) and its end (n,) along the line
 Intervals: TypeAlias = tuple[Integers, Floats, Floats]
@@ -43,14 +45,28 @@ class Lines:
     high: float  # where they end
 
     @classmethod
-    def through(cls, axis: int, lower: Floats, upper: Floats, spacing: float, *, dimension: int) -> "Lines":
-        """Return the lines through a box that divide its sides into equal parts of about a spacing, in 2D at z = 0."""
+    def through(
+        cls,
+        axis: int,
+        lower: Floats,
+        upper: Floats,
+        spacing: float,
+        *,
+        dimension: int,
+        periodic: tuple[bool, bool, bool] = (False, False, False),
+    ) -> "Lines":
+        """Return the lines through a box that divide its sides into equal parts of about a spacing, in 2D at z = 0.
+
+        Between walls they pass through the middles of the parts. Across periodic axes they are shifted from there, so
+        that no plane of symmetry of an ordered packing makes parts of the lattice of lines equal.
+        """
         axes = ((axis + 1) % 3, (axis + 2) % 3, axis)
         lengths = upper - lower
         counts = [max(1, round(float(lengths[k] / spacing))) if k < dimension else 1 for k in axes[:2]]
         step = np.array([lengths[k] / n if k < dimension else 1.0 for k, n in zip(axes, counts, strict=False)])
-        first = np.array([lower[k] + s / 2 if k < dimension else 0.0 for k, s in zip(axes, step, strict=False)])
-        return cls(axes, first, step, (counts[0], counts[1]), float(lower[axis]), float(upper[axis]))
+        places = [share if periodic[k] else 0.5 for k, share in zip(axes, SHIFTED, strict=False)]
+        first = [lower[k] + p * s if k < dimension else 0.0 for k, p, s in zip(axes, places, step, strict=False)]
+        return cls(axes, np.array(first), step, (counts[0], counts[1]), float(lower[axis]), float(upper[axis]))
 
     @property
     def count(self) -> int:

@@ -130,15 +130,21 @@ def test_clumps_are_the_union_of_their_spheres():
     clump = vg.fit_clump(vg.make_shape("ellipsoid", semi_axes=(0.4, 0.4, 0.8)), max_spheres=8).shape
     packing = alone(clump)
     for axis in range(3):
-        lines = Lines.through(axis, *packing.container.bounds, 0.02, dimension=3)
+        lines = lines_of(packing, axis)
         found = chords_along(packing, axis, 0.02)
         solid = 27 - found.mean * _ends(packing, axis) / 2 * float(np.prod(lines.step))
         assert solid == pytest.approx(packing.volumes[0], rel=3e-3)
 
 
+def lines_of(packing, axis):
+    """Return the lines of chords at a spacing of 0.02."""
+    box = packing.container
+    return Lines.through(axis, *box.bounds, 0.02, dimension=3, periodic=box.periodic)
+
+
 def _ends(packing, axis):
     """Return the number of ends of the lines, those of lone runs of a plain search over the intervals of each line."""
-    lines = Lines.through(axis, *packing.container.bounds, 0.02, dimension=3)
+    lines = lines_of(packing, axis)
     line, low, high = grain_intervals(packing, lines)
     ends = 0
     for k in np.unique(line):
@@ -267,7 +273,8 @@ def test_grains_that_touch_leave_no_gap():
 
 
 def test_few_lines_have_no_error():
-    assert math.isnan(chords_along(alone(SPHERE), 0, 2.9).error)
+    between_walls = vg.Packing.of([SPHERE], vg.Box((3, 3, 3)), position=[(1.5, 1.5, 1.5)])
+    assert math.isnan(chords_along(between_walls, 0, 2.9).error)
     none = vg.Packing.of([SPHERE], vg.Box((2, 2, 2), periodic="xyz"), position=np.zeros((0, 3)))
     assert (chords_along(none, 0, 0.5).mean, chords_along(none, 0, 0.5).error) == (math.inf, 0.0)
 
@@ -299,3 +306,13 @@ def test_all_orders_of_the_axes():
             points[:, lines.axes[0]], points[:, lines.axes[1]], points[:, axis] = u, v, end + lines.low
             inner = (points - packing.position[0]) @ packing.matrices[0]
             assert ((inner / np.array(shape.geometry.dimensions)) ** 2).sum(axis=1) == pytest.approx(1, abs=1e-9)
+
+
+@pytest.mark.parametrize("spacing", [0.1, 0.05, 0.025])
+def test_the_error_of_an_ordered_packing_is_told(spacing):
+    # on a lattice of lines that is symmetric about the spheres, interleaved parts are equal and tell nothing
+    places = np.stack(np.meshgrid(*[np.arange(3)] * 3, indexing="ij"), axis=-1).reshape(-1, 3) + 0.5
+    packing = vg.Packing.of([SPHERE], vg.Box((3, 3, 3), periodic="xyz"), position=places)
+    for axis in range(3):
+        found = chords_along(packing, axis, spacing)
+        assert 0.0 < abs(found.mean - (1 - math.pi / 6) / (math.pi / 4)) < 2 * found.error < 0.1 * found.mean
