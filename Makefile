@@ -71,10 +71,12 @@ bench: demo $(STAMP) $(ENGINES)/.ok   ## run time against error of voxelization,
 	$(BIN)/voxgran bench deposits -o docs/figures
 	$(BIN)/voxgran bench tessellation -o docs/figures
 	$(BIN)/voxgran bench measures -o docs/figures
+	$(BIN)/voxgran bench voids -o docs/figures
 	$(BIN)/voxgran bench settle -o docs/figures
 	$(BIN)/voxgran bench clumps -o docs/figures
 	VOXGRAN_LAMMPS=$(ENGINES)/bin/lmp $(BIN)/voxgran bench relax -o docs/figures
 	$(BIN)/python tools/thread_speed.py docs/figures/threads.csv
+	$(BIN)/python tools/simplify_cost.py docs/figures/simplify.csv
 	$(BIN)/python tools/view_cost.py docs/figures/view_cost.csv out/demo/packing.vtp
 	$(BIN)/python examples/directions.py docs/figures 120
 	$(BIN)/python examples/chu_rsa.py docs/figures

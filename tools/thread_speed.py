@@ -19,21 +19,23 @@ from voxgran._base.seeds import stream
 CHECKED = 20_000
 
 
-def overlapping(shapes: list[vg.Shape], count: int) -> vg.Packing:
-    """Return grains in random poses on a lattice, on which many of them touch or overlap a little."""
+def neighbours(shapes: list[vg.Shape], count: int) -> vg.Packing:
+    """Return grains in random poses on a lattice, so close that the contacts of all neighbours have to be tested."""
     generator, edge = stream(1, "poses"), int(np.ceil(count ** (1 / 3)))
     turns = generator.normal(size=(count, 4))
     turns /= np.linalg.norm(turns, axis=1, keepdims=True)
     place = np.stack(np.unravel_index(np.arange(count), (edge,) * 3), axis=1) + 0.5
-    which = np.arange(count) % len(shapes)
-    return vg.Packing.of(shapes, vg.Box((edge,) * 3), position=place, orientation=turns, shape_id=which)
+    widest = max(shape.bounding_radius for shape in shapes)
+    spacing, which = 1.9 * widest, np.arange(count) % len(shapes)
+    box = vg.Box((spacing * edge,) * 3)
+    return vg.Packing.of(shapes, box, position=spacing * place, orientation=turns, shape_id=which)
 
 
 def cases() -> dict[str, Callable[[int], Any]]:
     """Return the calls that are measured."""
     rock = vg.load_shape(vg.data_file("eros.obj"))
-    convex = overlapping([vg.shapes.ellipsoid(aspect=(1, 1, 1.5))], CHECKED)
-    meshes = overlapping(vg.make_shapes("polyhedron", count=5, solid="random"), CHECKED)
+    convex = neighbours([vg.shapes.ellipsoid(aspect=(1, 1, 1.5))], CHECKED)
+    meshes = neighbours(vg.make_shapes("polyhedron", count=5, solid="random"), CHECKED)
     pores = stream(2, "pores").random((250, 250, 250)) > 0.01
     size = rock.volume ** (1 / 3) / 700
     return {

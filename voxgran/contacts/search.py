@@ -37,7 +37,7 @@ def deepest_point(one: Inner, other: Inner, low: Floats, high: Floats) -> tuple[
     lattice = np.array(list(product(*ticks)))
     stencils = [stencil * extent / LATTICE for stencil in _stencils(counts)]
     for deep, bound in ((one, other), (other, one)):
-        values = np.where(bound(lattice) >= 0, deep(lattice), -np.inf)
+        values = _common(deep, bound, lattice)
         for start in np.argsort(-values, kind="stable")[:STARTS]:
             if values[start] < 0:
                 break
@@ -45,6 +45,14 @@ def deepest_point(one: Inner, other: Inner, low: Floats, high: Floats) -> tuple[
             if depth > best:
                 best, where, in_one = depth, point, deep is one
     return best, where, in_one
+
+
+def _common(deep: Inner, bound: Inner, points: Floats) -> Floats:
+    """Return the signed distances in a grain of points that lie in the other; minus infinity elsewhere."""
+    values = np.full(len(points), -np.inf)
+    inside = bound(points) >= 0
+    values[inside] = deep(points[inside])
+    return values
 
 
 def _stencils(counts: Integers) -> list[Floats]:
@@ -62,7 +70,7 @@ def _climb(deep: Inner, bound: Inner, point: Floats, depth: float, stencils: lis
     size, failed = 1.0, 0
     while size > SMALL * LATTICE:
         around = point + size * stencils[failed]
-        values = np.where(bound(around) >= 0, deep(around), -np.inf)
+        values = _common(deep, bound, around)
         best = int(values.argmax())
         if values[best] > depth:
             point, depth, failed = around[best], float(values[best]), 0
