@@ -368,6 +368,26 @@ def test_a_full_disk_is_one_line(scene, tmp_path):
         subprocess.run(["umount", str(disk)], check=True)
 
 
+def test_simplify(data_dir, tmp_path, capsys):
+    out, scan = tmp_path / "small.stl", str(data_dir / "itokawa_lp.obj")
+    assert main(["simplify", scan, "--faces", "300", "-o", str(out), "--json"]) == 0
+    numbers = json.loads(capsys.readouterr().out)
+    small = vg.load_shape(out)
+    assert numbers["faces_before"] == len(vg.load_shape(scan).faces)
+    assert len(small.faces) == numbers["faces"] <= 300
+    assert numbers["diameter"] == pytest.approx(small.diameter, rel=1e-6)
+    assert 0 < numbers["mean_distance"] < numbers["largest_distance"] < 0.05 * small.diameter
+    before = out.read_bytes()
+    for faces, wrong in (
+        ("300", "is there already"),
+        ("2", "it must be a whole number, at least 4"),
+        ("many", "--faces"),
+    ):
+        status, line = complaint(capsys, "simplify", scan, "--faces", faces, "-o", str(out))
+        assert (status, wrong in line) == (2, True), line
+    assert out.read_bytes() == before
+
+
 def test_a_scan_is_mended_and_told(tmp_path, data_dir, capsys):
     out = tmp_path / "bunny.ply"
     assert main(["repair", str(data_dir / "bunny_dirty.ply"), "-o", str(out)]) == 0
