@@ -66,6 +66,9 @@ def test_failures_are_told_and_give_status_1(file, tmp_path, capsys):
     assert main(["study", str(file), "-o", str(tmp_path / "out"), "--workers", "1"]) == 1
     told = capsys.readouterr()
     assert "0/2" in told.out
+    # what failed is no packing that could be verified, and what no run has measured has no column
+    assert re.search(r"^not verified +0$", told.out, re.M)
+    assert "bed_solid_fraction" not in told.out
     assert told.err.startswith("voxgran: 4 of 8 runs failed: ")
     assert len(told.err.splitlines()) == 1
 

@@ -12,7 +12,7 @@ import voxgran
 from voxgran.cli.terminal import complain, progress, show, table
 
 #: numbers of the table that is printed, where they were measured
-SHOWN = ("solid_fraction", "bulk_solid_fraction", "mean_coordination_number", "seconds")
+SHOWN = ("solid_fraction", "bulk_solid_fraction", "bed_solid_fraction", "mean_coordination_number", "seconds")
 #: most rows of that table, and most sentences of failures
 MOST_ROWS, MOST_SENTENCES = 40, 5
 
@@ -34,7 +34,8 @@ def study(options: argparse.Namespace) -> int:
         table(rows[:MOST_ROWS])
         if len(rows) > MOST_ROWS:
             print(f"... and {len(rows) - MOST_ROWS} cells more")
-    overlaps = sum(bool(row.get("overlapping_pairs") or row.get("escaped_grains")) for row in result.rows)
+    # what failed has NaN there
+    overlaps = sum(any(row.get(name, 0) > 0 for name in ("overlapping_pairs", "escaped_grains")) for row in result.rows)
     numbers = {"runs": len(result.rows), "computed": result.computed, "failed": len(failed), "not_verified": overlaps}
     show(numbers, options, f"results in {result.folder}: study.html, study.nc, table.csv, cells.csv, comparisons.csv")
     sentences = Counter(row["failure"] for row in failed)
@@ -46,16 +47,20 @@ def study(options: argparse.Namespace) -> int:
 
 
 def _means(rows: Sequence[Mapping[str, Any]]) -> list[dict[str, Any]]:
-    """Return a row for each cell: its values, the number of its seeds with results, and means over them."""
+    """Return a row for each cell: its values, the number of its seeds with results, and means over them.
+
+    What no run has, such as the bulk of small packings, is left out.
+    """
     names = list(rows[0])
     axes = names[: names.index("seed")]
+    shown = [name for name in SHOWN if name in names and any(math.isfinite(row[name]) for row in rows)]
     groups: dict[tuple[Any, ...], list[Mapping[str, Any]]] = {}
     for row in rows:
         groups.setdefault(tuple(row[axis] for axis in axes), []).append(row)
     made = []
     for values, group in groups.items():
         good = [row for row in group if not row["failure"]]
-        means = {name: _mean([row[name] for row in good]) for name in SHOWN if name in names}
+        means = {name: _mean([row[name] for row in good]) for name in shown}
         made.append(dict(zip(axes, values, strict=True)) | {"seeds": f"{len(good)}/{len(group)}"} | means)
     return made
 
