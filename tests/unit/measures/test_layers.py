@@ -11,7 +11,7 @@ from voxgran.containers.box import Box
 from voxgran.containers.rectangle import Rectangle
 from voxgran.measures.layers import LAYERS, QUANTILES, TABLES, size_layers
 from voxgran.measures.model import measure
-from voxgran.measures.registered.segregation import layers_of, segregation, size_ranks
+from voxgran.measures.registered.segregation import layers_of, ranks_of, segregation
 from voxgran.packing.model import Packing
 from voxgran.shapes.model import Shape
 from voxgran.shapes.outline import Outline
@@ -24,7 +24,7 @@ DISK = Shape.of(Outline("disk", radius=0.5), name="disk")
 def layers(sizes, height=None):
     """Return the layers of grains of these sizes, from low to high where no heights are given."""
     sizes = np.asarray(sizes, dtype=float)
-    return size_layers(sizes, size_ranks(sizes), np.arange(len(sizes), dtype=float) if height is None else height)
+    return size_layers(sizes, ranks_of(sizes), np.arange(len(sizes), dtype=float) if height is None else height)
 
 
 def test_p_values_of_random_order_are_uniform():

@@ -10,7 +10,7 @@ from voxgran._base.seeds import stream
 from voxgran.containers.box import Box
 from voxgran.containers.rectangle import Rectangle
 from voxgran.measures.model import measure
-from voxgran.measures.registered.segregation import heights, is_notable, segregation, size_ranks, warning_of
+from voxgran.measures.registered.segregation import heights, is_notable, ranks_of, segregation, warning_of
 from voxgran.packing.model import Packing
 from voxgran.shapes.model import Shape
 from voxgran.shapes.outline import Outline
@@ -100,6 +100,38 @@ def test_heights_run_against_gravity():
     assert heights(packing).min() >= 0
 
 
+def test_grains_of_two_densities():
+    """Two shapes of one size: the heavy ones in the lower layers, in the upper ones, and anywhere."""
+    heavy, light = BALL, Shape.of(Primitive("sphere", (0.5,)), name="light")
+
+    def mixed(which, density=(7800.0, 2500.0)):
+        layers = bed(np.full(COUNT, 0.9))
+        shapes = [heavy, light]
+        return Packing.of(
+            shapes,
+            layers.container,
+            position=layers.position,
+            scale=np.full(COUNT, 0.9),
+            shape_id=which,
+            gravity="-z",
+            density=density,
+        )
+
+    low = np.arange(COUNT) // (COUNT // 2)
+    shuffled = stream(4, "order").permutation(low)
+    for which in (low, 1 - low, shuffled):
+        packing = mixed(which)
+        expected = scipy.stats.spearmanr(packing.densities, packing.position[:, 2]).statistic
+        assert float(measure(packing).density_segregation) == pytest.approx(expected, abs=1e-12)
+        assert math.isnan(float(measure(packing).segregation))
+    assert segregation(mixed(low)).by_density == pytest.approx(-math.sqrt(3) / 2, abs=1e-4)
+    assert segregation(mixed(1 - low)).by_density == pytest.approx(math.sqrt(3) / 2, abs=1e-4)
+    assert abs(segregation(mixed(shuffled)).by_density) < 4 / math.sqrt(COUNT - 1)
+    equal = mixed(low, density=2500.0)
+    assert math.isnan(segregation(equal).by_density)
+    assert "density_segregation" not in measure(bed(SIZES), "segregation")
+
+
 def test_disks():
     disk = Shape.of(Outline("disk", radius=0.5), name="disk")
     position = np.column_stack([np.full(9, 0.5), np.arange(9) + 0.5, np.zeros(9)])
@@ -108,8 +140,8 @@ def test_disks():
 
 
 def test_ranks_of_sizes():
-    assert size_ranks(np.array([2.0, 1.0, 2.0 + 1e-12, 3.0])).tolist() == [1, 0, 1, 2]
-    assert size_ranks(np.zeros(0)).tolist() == []
+    assert ranks_of(np.array([2.0, 1.0, 2.0 + 1e-12, 3.0])).tolist() == [1, 0, 1, 2]
+    assert ranks_of(np.zeros(0)).tolist() == []
 
 
 def test_a_warning_is_of_more_than_noise():

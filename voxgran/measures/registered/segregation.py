@@ -4,7 +4,8 @@ It is Spearman's rank correlation of the equivalent diameter and the height of t
 1 where the grains are sorted with the largest on top, -1 with the largest at the bottom, and 0 on average, with a
 standard deviation of 1 / sqrt(n - 1), where sizes and places of n grains are independent of each other. Equal values
 share the mean of their ranks. Spearman 1904, doi:10.2307/1412159. What it cannot see, such as middle sizes on top, is
-in the gradation of layers: see :mod:`voxgran.measures.layers`.
+in the gradation of layers: see :mod:`voxgran.measures.layers`. Where grains have different densities, the correlation
+of density and height is given likewise.
 """
 
 import math
@@ -24,7 +25,7 @@ from voxgran.packing.model import Packing
 if TYPE_CHECKING:
     from xarray import Dataset
 
-#: relative difference up to which two diameters are equal
+#: relative difference up to which two diameters or densities are equal
 SAME = 1e-9
 #: largest number of size classes
 CLASSES = 5
@@ -42,6 +43,7 @@ class Segregation:
     largest: Floats  # (k,) largest one
     count: Integers  # (k,) grains of each class
     height: Floats  # (k,) mean height of their centroids above the lowest point of the bounds of the container
+    by_density: float = math.nan  # correlation of density and height of all grains; NaN where all densities are equal
 
 
 def segregation(packing: Packing) -> Segregation:
@@ -55,7 +57,7 @@ def segregation(packing: Packing) -> Segregation:
     if height is None or not packing.count:
         empty = np.zeros(0)
         return Segregation(math.nan, math.nan, empty, empty, np.zeros(0, np.int64), empty)
-    rank = size_ranks(packing.diameters)
+    rank = ranks_of(packing.diameters)
     bulk = math.nan
     if rank.max() > 0:
         region = Regions(packing).at(INSET * float(np.median(packing.diameters)))
@@ -70,6 +72,7 @@ def segregation(packing: Packing) -> Segregation:
         np.array([packing.diameters[m].max() for m in members]),
         np.array([len(m) for m in members]),
         np.array([height[m].mean() for m in members]),
+        _spearman(ranks_of(packing.densities), height),
     )
 
 
@@ -85,14 +88,14 @@ def heights(packing: Packing) -> Floats | None:
     return np.asarray((packing.position - lowest) @ up)
 
 
-def size_ranks(diameters: Floats) -> Integers:
-    """Return the rank of each diameter among the different ones, (n,) from 0; those that differ by round-off are
-    equal.
+def ranks_of(values: Floats) -> Integers:
+    """Return the rank of each diameter or density among the different ones, (n,) from 0; those that differ by round-off
+    are equal.
     """
-    order = np.argsort(diameters, kind="stable")
-    ordered = diameters[order]
+    order = np.argsort(values, kind="stable")
+    ordered = values[order]
     larger = np.diff(ordered, prepend=ordered[:1]) > SAME * ordered
-    ranks = np.zeros(len(diameters), np.int64)
+    ranks = np.zeros(len(values), np.int64)
     ranks[order] = np.cumsum(larger)
     return ranks
 
@@ -134,8 +137,9 @@ def _classes(rank: Integers) -> Integers:
 
 
 def _applies(packing: Packing) -> bool:
-    """Return whether there are gravity and different sizes."""
-    return packing.gravity is not None and packing.count > 0 and bool(size_ranks(packing.diameters).any())
+    """Return whether there are gravity and different sizes or densities."""
+    different = any(ranks_of(values).any() for values in (packing.diameters, packing.densities))
+    return packing.gravity is not None and packing.count > 0 and different
 
 
 def layers_of(packing: Packing) -> Layers:
@@ -143,7 +147,7 @@ def layers_of(packing: Packing) -> Layers:
     height = heights(packing)
     if height is None:
         height = np.zeros(0)
-    return size_layers(packing.diameters[: len(height)], size_ranks(packing.diameters[: len(height)]), height)
+    return size_layers(packing.diameters[: len(height)], ranks_of(packing.diameters[: len(height)]), height)
 
 
 def _compute(packing: Packing) -> Groups:
@@ -159,6 +163,9 @@ def _compute(packing: Packing) -> Groups:
             (), layers.p_value, "1", "probability of as large a distance of any layer in random order"
         ),
     }
+    if not math.isnan(found.by_density):
+        label = label.replace("diameter", "density")
+        values["density_segregation"] = variable((), found.by_density, "1", label)
     classes = {
         "smallest_diameter": variable(row, found.smallest, unit, "smallest equivalent diameter of the size class"),
         "largest_diameter": variable(row, found.largest, unit, "largest equivalent diameter of the size class"),
@@ -189,7 +196,7 @@ def _layer_dataset(layers: Layers, unit: str) -> "Dataset":
 
 registration = Measure(
     name="segregation",
-    summary="rank correlation of diameter and height, size classes, and the gradation of layers",
+    summary="rank correlation of diameter (and density) and height, size classes, and the gradation of layers",
     groups=("/", "/size_classes", "/layers"),
     compute=_compute,
     applies=_applies,
