@@ -202,6 +202,8 @@ def test_ctrl_c_ends_the_reader_too(path, tmp_path):
         f"sys.path.append({str(tmp_path)!r})\n"
         "import readers_of_a_test as readers\n"
         "from voxgran._base.guarded import read_guarded\n"
+        # a shell that starts the tests in the background has it ignored
+        "signal.signal(signal.SIGINT, signal.default_int_handler)\n"
         "threading.Timer(1.0, os.kill, [os.getpid(), signal.SIGINT]).start()\n"
         "try:\n"
         f"    read_guarded(readers.sleeps, pathlib.Path({str(path)!r}))\n"
