@@ -100,11 +100,13 @@ def measure(packing: Packing, which: str | Sequence[str] | None = None, *, threa
     registry = measure_registry()
     check_type(which, (Iterable, type(None)), "which", "a name or a list of names, such as ['density']")
     names = [which] if isinstance(which, str) else which
-    if names is None or ALL in (names := list(names)):
+    names = None if names is None else list(names)
+    named = [registry.get(name) for name in dict.fromkeys([*(names or ()), *ALWAYS]) if name != ALL]
+    if names is None or ALL in names:
         entries = map(registry.get, registry.names())
         chosen = [entry for entry in entries if (entry.usual or names is not None) and entry.applies(packing)]
     else:
-        chosen = [registry.get(name) for name in dict.fromkeys([*names, *ALWAYS])]
+        chosen = named
     groups: dict[str, Any] = {"/": dataset({"count": variable((), packing.count, "1", "number of grains")})}
     told = {"unit": packing.unit, "gravity": packing.gravity or "none", "contact_gap": packing.contact_gap}
     groups["/"].attrs.update(told)

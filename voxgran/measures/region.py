@@ -27,6 +27,8 @@ HELD = 0.85
 POINTS, MOST_POINTS, CONTAINER_POINTS = 60_000, 1000, 60_000
 #: voxels of a shape in which the points of its grains lie: they are the smaller the sharper its surface
 VOXELS = 30_000
+#: distance outside of a face, relative to its coordinate, up to which a centroid lies in it
+ON_FACE = 1e-12
 
 
 class Regions:
@@ -97,7 +99,9 @@ class BoxRegion:
         if self.volume <= 0:
             return np.zeros(packing.count, dtype=np.bool_)
         p = packing.position[:, : len(self.lower)]
-        return np.asarray((((p >= self.lower) & (p <= self.upper)) | ~self.walls).all(axis=1))
+        # a centroid in a face counts, whatever the unit of lengths
+        slack = ON_FACE * np.maximum(np.abs(self.lower), np.abs(self.upper))
+        return np.asarray((((p >= self.lower - slack) & (p <= self.upper + slack)) | ~self.walls).all(axis=1))
 
     def solid(self, solids: Solids) -> Estimate:
         """Return the volume of the grains inside."""

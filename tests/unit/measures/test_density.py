@@ -236,3 +236,13 @@ def test_the_solid_fraction_below_the_surface_of_a_bed_reaches_from_wall_to_wall
     height = held_height(Solids(disks), 1, -1)
     root = measure(disks, which="density")
     assert float(root["bed_solid_fraction"]) == pytest.approx(8.5 * math.pi / 4 / height, rel=1e-9)
+
+
+@pytest.mark.parametrize("unit", [1.0, 1e-3, 1e-6, 25.4])
+def test_centroids_in_a_face_of_the_bulk_count_in_any_unit(unit):
+    box = Box((6 * unit, 5 * unit, 5 * unit), periodic="x")
+    position = (lattice(6, 5, 5)) * unit
+    packing = Packing.of([BALL], box, position=position, scale=np.full(150, unit), gravity=None)
+    tree = measure(packing, "density")
+    assert int(tree.bulk_count) == 54
+    assert float(tree.bulk_solid_fraction) == pytest.approx(math.pi / 6)

@@ -238,3 +238,16 @@ def test_what_is_refused():
         homogeneity(packing, tolerance=0)
     with pytest.raises(InputError, match="inset is -1"):
         homogeneity(packing, inset=-1)
+
+
+@pytest.mark.parametrize("height", [3.03, 3.4])
+def test_a_region_thinner_than_the_smallest_window_has_no_windows(height):
+    """Bars as flat as the region would be called cubes of their volume."""
+    found = homogeneity(grains(lattice(6, 6, 3), Box((6, 6, height), periodic="xy")))
+    assert not len(found.size)
+    assert math.isnan(found.representative_size)
+
+
+def test_a_region_without_solid_has_no_representative_size():
+    found = homogeneity(grains([[0.5, 0.7, 3.2]], Box((6, 6, 6))))
+    assert math.isnan(found.representative_size)

@@ -9,7 +9,7 @@ import pytest
 import xarray
 from kit import column, lattice
 
-from voxgran._base.errors import PackingWarning, UnknownNameError
+from voxgran._base.errors import InputError, PackingWarning, UnknownNameError
 from voxgran.containers.box import Box
 from voxgran.containers.rectangle import Rectangle
 from voxgran.io.netcdf import load_statistics, save_statistics
@@ -169,3 +169,13 @@ def test_few_grains_warn_once():
         tree = measure(Packing.of([BALL], Box((4, 4, 4)), position=[[2, 2, 2]]))
     assert len(found) == 1
     assert isinstance(tree, xarray.DataTree)
+
+
+def test_the_relaxation_of_a_packing_that_was_not_relaxed():
+    with pytest.raises(InputError, match=r"relaxation of the packing is None: .*; use relax"):
+        measure(some(), "relaxation")
+
+
+def test_unknown_names_beside_all():
+    with pytest.raises(UnknownNameError, match="did you mean 'fabric'"):
+        measure(some(), ["all", "fabrik"])

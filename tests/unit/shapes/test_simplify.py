@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 import voxgran as vg
-from voxgran._base.errors import InputError, UnknownNameError
+from voxgran._base.errors import CallError, InputError, UnknownNameError
 from voxgran.shapes.repairing.diagnose import diagnose
 from voxgran.shapes.repairing.simplify import distances
 from voxgran.shapes.tessellate import sphere, unit_box
@@ -102,6 +102,14 @@ def test_what_cannot_be_simplified():
     sponge = vg.make_shape("sierpinski_sponge", kind="menger", levels=2)
     with pytest.raises(InputError, match=r"faces is 20: no closed surface .* which has 2112; (give at least|leave it)"):
         vg.simplify(sponge, faces=20)
+
+
+def test_calls_that_do_not_fit_are_explained():
+    ring = vg.make_shape("torus")
+    with pytest.raises(CallError, match=r"did you mean 'faces'.*write simplify\(shape, faces=500\)"):
+        vg.simplify(ring, face=100)
+    with pytest.raises(CallError, match=r"write simplify\(shape, faces=500\)"):
+        vg.simplify(ring)
 
 
 def test_a_file_is_read(tmp_path):

@@ -106,7 +106,8 @@ def homogeneity(packing: Packing, *, tolerance: float = TOLERANCE, inset: float 
     d, diameter = packing.dimension, mean_diameter(packing)
     none = np.zeros(0)
     nothing = Homogeneity(none, none, none, none, *[math.nan] * 5)
-    if not diameter or window.reach <= 0:
+    # windows are cubes: a region thinner than the smallest one holds none
+    if not diameter or 2 * window.reach < SMALLEST * diameter * (1 - 1e-9):
         return nothing
     cells, edges = _lattice(window, diameter)
     held = _held(window, cells, edges)
@@ -121,6 +122,9 @@ def homogeneity(packing: Packing, *, tolerance: float = TOLERANCE, inset: float 
     size = np.array(steps, dtype=np.float64) * volume ** (1 / d) * edges.max()
     windows = held.sum() / np.array(steps, dtype=np.float64) ** d
     mean = float(fraction[held].mean())
+    if not mean > 0.0:
+        # no solid, whose share could be compared
+        return nothing
     found = np.array([deviations[m] for m in steps]) / np.sqrt(1 - 1 / windows)[:, None]
     found[found < ROUND_OFF * mean] = 0.0
     volume, weight = (size / diameter) ** d, np.minimum(windows - 1, MANY)

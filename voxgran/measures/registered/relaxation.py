@@ -1,13 +1,24 @@
 """Distance of a packing from rest, as an engine found it: sinking and change of the coordination number."""
 
+from voxgran._base.errors import InputError
 from voxgran.measures.model import Groups, Measure, dataset, variable
 from voxgran.packing.model import Packing
 
 
 def _compute(packing: Packing) -> Groups:
-    """Return the numbers of the relaxation that the packing is the end of."""
+    """Return the numbers of the relaxation that the packing is the end of.
+
+    Raises
+    ------
+    InputError
+        If the packing was not relaxed.
+    """
     found = packing.relaxation
-    assert found is not None
+    if found is None:
+        raise InputError(
+            "relaxation of the packing is None: it is known of a packing that an engine brought to rest; "
+            "use relax, or leave this measure out"
+        )
     change = found.coordination_after - found.coordination_before
     where = f"from the start to the end of a run of {found.engine}"
     return {

@@ -14,6 +14,7 @@ from typing import Any
 import numpy as np
 
 from voxgran._base.arrays import Floats, Integers, as_count, check_type
+from voxgran._base.calls import explained
 from voxgran._base.errors import DirtyMeshError, InputError
 from voxgran._base.lazy import load
 from voxgran._base.scalars import cube_root
@@ -67,6 +68,7 @@ class Simplification:
     sentences: tuple[str, ...]
 
 
+@explained(hint="simplify(shape, faces=500)")
 def simplify(shape: Shape | str | os.PathLike[str], *, faces: int) -> Simplification:
     """Reduce a solid to at most so many triangles, with its volume kept.
 
