@@ -165,7 +165,7 @@ def test_overlapping_spheres_count_once():
 
 
 def test_the_mean_is_the_bulk_solid_fraction():
-    packing = pack([SPHERE], Box((10, 10, 10)), method="expand", solid_fraction=0.55, seed=1)
+    packing = pack([SPHERE], Box((13, 13, 13)), method="expand", solid_fraction=0.55, seed=1)
     tree = measure(packing, ["density", "homogeneity"])
     found = homogeneity(packing)
     assert found.solid_fraction == pytest.approx(float(tree.bulk_solid_fraction), rel=1e-12)
@@ -193,6 +193,17 @@ def test_below_the_surface_of_a_bed():
     centers = lattice(8, 8, 8)
     bed = grains(centers, Box((8, 8, 16)), gravity="-z")
     assert homogeneity(bed, inset=0.0).solid_fraction == pytest.approx(math.pi / 6, rel=0.03)
+
+
+@pytest.mark.parametrize("lengths", [(5, 5, 5), (20, 20, 5)], ids=str)
+def test_windows_that_see_single_grains_give_no_exponent(lengths):
+    generator = stream(5, "places")
+    place = generator.random((int(0.74 * np.prod(lengths)), 3)) * lengths
+    box = Box(lengths, periodic="xyz" if lengths[2] == lengths[0] else "xy")
+    found = homogeneity(Packing.of([SPHERE], box, position=place))
+    assert len(found.size) > 1
+    assert math.isnan(found.exponent)
+    assert math.isnan(found.representative_size)
 
 
 def test_the_fit():

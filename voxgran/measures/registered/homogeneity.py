@@ -80,7 +80,7 @@ def homogeneity(packing: Packing, *, tolerance: float = TOLERANCE, inset: float 
     Returns
     -------
     Homogeneity
-        The exponent is fitted to windows of at least two mean diameters, where there are three such sizes. The
+        The exponent is fitted to windows of at least two mean diameters; NaN for fewer than three such sizes. The
         representative size is interpolated between windows, or extrapolated with the exponent from the largest one; it
         is the smallest window where this is below the tolerance.
 
@@ -204,13 +204,12 @@ def _sums(values: Floats, step: int, periodic: Booleans) -> Floats:
 
 def _fit(volume: Floats, deviation: Floats, weight: Floats, least: float, wanted: float) -> tuple[float, float]:
     """Return the exponent of the deviation over the volume, fitted from the volume `least` on, and the volume at which
-    the deviation falls below `wanted`.
+    the deviation falls below `wanted`; an exponent of fewer than three windows is NaN.
     """
-    seen = deviation > 0
-    used = seen & (volume >= least)
-    used = used if used.sum() >= 3 else seen
+    # smaller windows see single grains, whose deviation decays more slowly
+    used = (deviation > 0) & (volume >= least)
     exponent = math.nan
-    if used.sum() >= 2:
+    if used.sum() >= 3:
         x, y, w = np.log(volume[used]), np.log(deviation[used]), weight[used]
         x, y = x - np.average(x, weights=w), y - np.average(y, weights=w)
         exponent = float((w * x * y).sum() / (w * x * x).sum())
