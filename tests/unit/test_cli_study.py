@@ -52,7 +52,7 @@ def test_a_study_is_planned_run_and_shown(file, tmp_path, capsys):
     assert numbers == {"runs": 4, "computed": 4, "failed": 0, "not_verified": 0}
     assert main([*words, "--resume"]) == 0
     text = capsys.readouterr().out
-    assert re.search(r"^ +9 +2/2 +0\.0736\d? ", text, re.M)
+    assert re.search(r"^ +9 +2/2 +9 +0\.0736\d? ", text, re.M)
     assert "results in" in text
     assert re.search(r"^computed +0$", text, re.M)
     assert main([*words, "--dry-run", "--json"]) == 0

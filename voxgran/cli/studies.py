@@ -12,7 +12,14 @@ import voxgran
 from voxgran.cli.terminal import complain, progress, show, table
 
 #: numbers of the table that is printed, where they were measured
-SHOWN = ("solid_fraction", "bulk_solid_fraction", "bed_solid_fraction", "mean_coordination_number", "seconds")
+SHOWN = (
+    "count",
+    "bulk_solid_fraction",
+    "bed_solid_fraction",
+    "solid_fraction",
+    "mean_coordination_number",
+    "seconds",
+)
 #: most rows of that table, and most sentences of failures
 MOST_ROWS, MOST_SENTENCES = 40, 5
 

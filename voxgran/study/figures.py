@@ -20,7 +20,7 @@ from voxgran.study.statistics import Interval, summary
 if TYPE_CHECKING:
     from xarray import Dataset
 
-MARKERS = ("o", "s", "^", "D", "v", "P", "X", "<", ">", "p")
+MARKERS = ("o", "s", "^", "D", "v", "P", "X", "<", ">", "p", "*", "d", (4, 1, 0), "h", (8, 1, 0))
 #: inches of a figure, and of a legend column beside it
 WIDTH, HEIGHT = 7.6, 4.4
 #: largest ratio of numbers on an axis that is not logarithmic

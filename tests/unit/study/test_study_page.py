@@ -379,6 +379,13 @@ def test_the_command_writes_the_page(tmp_path, monkeypatch, capsys, here):
         (tmp_path / "out" / "study.html").unlink()
 
 
+def test_ninety_cells_of_fifteen_shapes_look_different():
+    sizes = {"method": [f"m{k}" for k in range(6)], "shape": [f"s{k}" for k in range(15)]}
+    values = {"solid_fraction": ((*sizes, "seed"), stream(4, "values").uniform(0.5, 0.6, (6, 15, 1)))}
+    points = points_of(xr.Dataset(values, sizes), over="method")
+    assert len({tuple(points.style(at).values()) for at in range(90)}) == 90
+
+
 def test_markers_over_categories_tell_a_third_axis_apart(monkeypatch):
     """Over shapes, markers are those of the next axis that varies; the caption says what is left."""
     drawn = []

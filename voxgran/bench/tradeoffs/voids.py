@@ -104,7 +104,8 @@ def _draw(rows: list[Row], path: Path) -> None:
             panel.loglog(seconds, [row[3] for row in mine], "o-", label=f"{name}: mean chord")
             if mine[0][5] is not None:
                 panel.loglog(seconds, [row[5] for row in mine], "s--", label=f"{name}: largest pore")
-        panel.set(xlabel="seconds", ylabel="relative error")
+        panel.xaxis.set_minor_formatter("")
+        panel.set(xlabel="processor time (s)", ylabel="relative error")
         panel.legend(frameon=False, fontsize=8)
 
 
