@@ -93,18 +93,24 @@ def _modules_of(package: str, *, packages: bool) -> tuple[str, ...]:
 
 #: words that people type for a name of ours, as other programs have it; the first that is known is suggested
 SYNONYMS: dict[str, tuple[str, ...]] = {
+    "array": ("values",),
     "ball": ("sphere",),
+    "center_of_mass": ("centroid",),
     "centers": ("position",),
-    "centres": ("position",),
+    "centres": ("centers", "position"),
     "circle": ("disk",),
     "clump": ("fit_clump",),
+    "com": ("centroid",),
     "contact_number": ("coordination", "measure"),
     "contacts": ("coordination", "measure"),
     "coordination": ("measure",),
     "cube": ("box",),
     "cuboid": ("box",),
+    "data": ("values",),
+    "decimate": ("simplify",),
     "density": ("solid_fraction", "measure"),
     "diameter": ("radius",),
+    "dtype": ("values",),
     "export": ("write_deck",),
     "fill": ("pack",),
     "generate": ("pack", "make_shape"),
@@ -112,22 +118,31 @@ SYNONYMS: dict[str, tuple[str, ...]] = {
     "grading": ("gradation",),
     "grain_size": ("gradation",),
     "html": ("report",),
+    "image": ("load_image", "to_image"),
+    "imread": ("load_image",),
     "info": ("describe",),
     "kind": ("family",),
+    "length": ("lengths", "height"),
     "load_ct": ("load_image",),
     "load_mesh": ("load_shape",),
+    "load_tiff": ("load_image",),
+    "mass": ("masses",),
+    "mass_density": ("density",),
     "mean": ("median",),
     "mesh": ("load_shape",),
     "n": ("count", "max_spheres"),
     "n_grains": ("count",),
-    "n_spheres": ("max_spheres",),
+    "n_spheres": ("count", "max_spheres"),
     "num": ("count",),
     "number": ("count",),
     "open": ("load",),
+    "open_image": ("load_image",),
     "pack": ("run",),
     "packing_fraction": ("solid_fraction", "density"),
     "pair_correlation": ("rdf", "measure"),
+    "passed": ("ok",),
     "pore_size": ("voids", "measure"),
+    "pore_size_distribution": ("voids", "measure"),
     "pore_sizes": ("voids", "measure"),
     "pores": ("voids", "measure"),
     "porosity": ("solid_fraction", "density", "measure"),
@@ -135,25 +150,34 @@ SYNONYMS: dict[str, tuple[str, ...]] = {
     "profile": ("measure",),
     "psd": ("gradation",),
     "radial_distribution": ("rdf", "measure"),
+    "radii": ("diameters",),
     "read": ("load",),
+    "read_mesh": ("load_shape",),
     "read_stl": ("load_shape",),
+    "read_tiff": ("load_image",),
+    "reduce": ("simplify",),
+    "remesh": ("simplify",),
     "segment": ("labels",),
     "shake": ("settle",),
-    "shape": ("make_shape",),
+    "shape": ("make_shape", "values"),
     "show": ("plot",),
     "simulate": ("settle", "relax"),
     "size": ("lengths", "diameter"),
+    "sizes": ("diameters",),
     "solid_fraction": ("density",),
-    "spheres": ("clump", "max_spheres"),
+    "spheres": ("clump", "max_spheres", "centers"),
     "square": ("rectangle", "box"),
     "std": ("sigma",),
+    "summary": ("numbers", "describe"),
     "tetrahedron": ("platonic",),
+    "threshold": ("segment",),
     "to_csv": ("to_dataframe",),
     "to_vtk": ("save",),
     "type": ("kind", "family"),
     "view": ("plot",),
     "void_ratio": ("solid_fraction", "density"),
     "volume_fraction": ("solid_fraction", "density"),
+    "watershed": ("segment",),
     "weight": ("share",),
     "write": ("save",),
     "write_lammps": ("write_deck",),
@@ -232,6 +256,8 @@ class ExplainedAttributes:
     A public function of voxgran of that name, such as `equilibrium`, is named too, since it may be called with them.
     """
 
+    __slots__ = ()
+
     # hidden from type checkers, which would otherwise accept any name
     if not TYPE_CHECKING:
 
@@ -244,29 +270,30 @@ class ExplainedAttributes:
                 Always.
             """
             kind = type(self)
-            if name.startswith("__") or hasattr(kind, name):
-                # a special method that Python asks for, or an error within a property, which is raised again
+            if name.startswith("_") or hasattr(kind, name):
+                # a method that Python or a notebook asks for, or an error within a property, which is raised again
                 return object.__getattribute__(self, name)
             # with its name and no object, Python adds no suggestion of its own
             raise AttributeError(f"{kind.__name__} has no attribute {name!r}: {_remedy(kind, name)}", name=name)
 
 
-def public_functions() -> list[str]:
-    """Return the names of all public functions of voxgran, which messages suggest."""
-    return [name for name in sys.modules["voxgran"].__all__ if name.islower()]
-
-
 def _remedy(kind: type, name: str) -> str:
     """Return what may be written in place of an unknown attribute."""
-    functions = public_functions()
+    voxgran = sys.modules["voxgran"]
+    names = [entry for entry in voxgran.__all__ if entry.islower()]
+    call = f"({kind.__name__.lower()}, ...)"
     own = [entry for entry in dir(kind) if not entry.startswith("_")]
     fields = [*own, *getattr(kind, "__dataclass_fields__", ())]
-    call = f"{kind.__name__.lower()}, ..."
-    for function in (name, f"save_{name}", f"write_{name}"):
-        if function in functions:
-            return f"write vg.{function}({call})"
+    synonyms = SYNONYMS.get(name.casefold(), ())
+    meant = next((entry for entry in synonyms if entry in fields), None)
+    if meant:
+        return f"did you mean {meant!r}?"
+    for function in (name, f"save_{name}", f"write_{name}", *synonyms):
+        # modules such as voxgran.sizes are no functions
+        if function in names and callable(getattr(voxgran, function)):
+            return f"write vg.{function}{call}"
     meant = nearest(name, fields)
     if meant:
         return f"did you mean {meant!r}?"
-    meant = nearest(name, functions)
-    return f"did you mean vg.{meant}({call})?" if meant else f"dir({kind.__name__}) lists its attributes"
+    meant = nearest(name, names, cutoff=0.65)
+    return f"did you mean vg.{meant}{call}?" if meant else f"dir({kind.__name__}) lists its attributes"

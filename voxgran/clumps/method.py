@@ -5,6 +5,7 @@ from dataclasses import dataclass
 from typing import Any, NamedTuple
 
 from voxgran._base.arrays import Floats
+from voxgran._base.calls import explained
 from voxgran._base.registry import Registry
 from voxgran.clumps.body import Body
 
@@ -37,6 +38,7 @@ def clump_registry() -> Registry[ClumpMethod]:
     return Registry("clump method", "voxgran.clumps.methods", ClumpMethod, group="voxgran.clump_methods")
 
 
+@explained(hint="clump_methods()")
 def clump_methods() -> tuple[str, ...]:
     """Return the names of all clump methods.
 

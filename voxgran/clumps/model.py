@@ -9,6 +9,7 @@ import numpy as np
 
 from voxgran._base.arrays import Floats, as_choice
 from voxgran._base.calls import explained_methods
+from voxgran._base.registry import ExplainedAttributes
 from voxgran.clumps.bonds import LEAST_AREA, TOUCHING, Strengths, bonds_of_bodies
 from voxgran.shapes.formats.sphere_files import write_spheres
 from voxgran.shapes.model import Shape
@@ -23,7 +24,7 @@ OF = ("true", "spheres")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class ClumpErrors:
+class ClumpErrors(ExplainedAttributes):
     """Errors of a clump relative to its solid; lengths in equivalent diameters.
 
     Attributes
@@ -57,7 +58,7 @@ class ClumpErrors:
 
 @explained_methods
 @dataclass(frozen=True, eq=False)
-class Clump:
+class Clump(ExplainedAttributes):
     """Spheres that approximate a grain.
 
     Attributes

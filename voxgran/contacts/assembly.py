@@ -248,7 +248,9 @@ def as_density(value: Any, shapes: int, name: str = "density") -> Density:
     """
     if type(value) is float and 0.0 < value < math.inf:
         return value
-    if isinstance(value, str | bytes | Mapping) or not isinstance(value, Iterable) or getattr(value, "ndim", 1) == 0:
+    if isinstance(value, Mapping):
+        raise InputError(f"{name} is {shown(value)}: it must be one number or a list of one for each shape, in order")
+    if isinstance(value, str | bytes) or not isinstance(value, Iterable) or getattr(value, "ndim", 1) == 0:
         return as_positive(value, name)
     given = list(value)
     if len(given) != shapes:

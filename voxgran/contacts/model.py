@@ -5,10 +5,11 @@ from dataclasses import dataclass
 import numpy as np
 
 from voxgran._base.arrays import Floats, Integers
+from voxgran._base.registry import ExplainedAttributes
 
 
 @dataclass(frozen=True, eq=False)
-class Contacts:
+class Contacts(ExplainedAttributes):
     """Pairs of grains closer than a given gap, each once per periodic image.
 
     Attributes

@@ -11,6 +11,7 @@ import numpy as np
 from voxgran._base.arrays import as_number, check_type
 from voxgran._base.calls import explained
 from voxgran._base.compiling.threads import using_threads
+from voxgran._base.registry import ExplainedAttributes
 from voxgran.contacts.assembly import Assembly, checked_arrays
 from voxgran.contacts.broad import grain_pairs
 from voxgran.contacts.find import contacts_of_pairs
@@ -58,7 +59,7 @@ class Escape:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Verification:
+class Verification(ExplainedAttributes):
     """Result of the verification; lengths are in mean equivalent diameters of the grains.
 
     Attributes

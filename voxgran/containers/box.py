@@ -10,6 +10,7 @@ from numpy.typing import ArrayLike
 from voxgran._base.arrays import Floats, Integers, as_length, as_place, as_points, as_positive, as_vector
 from voxgran._base.axes import Flags, Periodic, as_periodic
 from voxgran._base.calls import explained
+from voxgran._base.registry import ExplainedAttributes
 from voxgran.containers.model import Boundary
 from voxgran.shapes.tessellate import unit_box
 
@@ -115,7 +116,7 @@ class Block:
 
 
 @dataclass(frozen=True, init=False)
-class Box(Block):
+class Box(ExplainedAttributes, Block):
     """A box along the axes.
 
     Parameters

@@ -9,6 +9,7 @@ from numpy.typing import ArrayLike
 
 from voxgran._base.arrays import Floats, Integers, as_points
 from voxgran._base.errors import InputError, shown
+from voxgran._base.registry import ExplainedAttributes
 from voxgran.containers.model import Boundary
 from voxgran.shapes.files import shape_of_file
 from voxgran.shapes.mesh import Mesh
@@ -24,7 +25,7 @@ MENDING = Remedies(
 
 
 @dataclass(frozen=True, eq=False)
-class ClosedMesh:
+class ClosedMesh(ExplainedAttributes):
     """The interior of a closed triangle mesh, in the coordinates that the shape was made from.
 
     Attributes

@@ -9,12 +9,13 @@ from numpy.typing import ArrayLike
 
 from voxgran._base.arrays import Floats, Integers, as_length, as_place, as_points, as_positive
 from voxgran._base.calls import explained
+from voxgran._base.registry import ExplainedAttributes
 from voxgran.containers.model import Boundary
 from voxgran.shapes.tessellate import revolved
 
 
 @dataclass(frozen=True, init=False)
-class Cylinder:
+class Cylinder(ExplainedAttributes):
     """A cylinder whose axis is along z.
 
     Parameters

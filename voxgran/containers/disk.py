@@ -9,13 +9,14 @@ from numpy.typing import ArrayLike
 
 from voxgran._base.arrays import Floats, Integers, as_length, as_place, as_positive
 from voxgran._base.calls import explained
+from voxgran._base.registry import ExplainedAttributes
 from voxgran.containers.model import Boundary
 from voxgran.containers.plane import points_in_plane
 from voxgran.shapes.outline import Outline
 
 
 @dataclass(frozen=True, init=False)
-class Disk:
+class Disk(ExplainedAttributes):
     """The interior of a circle in the plane z = 0.
 
     Parameters

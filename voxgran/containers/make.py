@@ -4,6 +4,7 @@ from collections.abc import Callable, Mapping
 from typing import Any
 
 from voxgran._base.arrays import as_faces, as_points, as_vector
+from voxgran._base.calls import explained
 from voxgran._base.errors import InputError, UnknownNameError, shown, with_article
 from voxgran._base.registry import nearest, unknown
 from voxgran.containers.box import Box
@@ -52,6 +53,7 @@ def container_classes() -> str:
     return ", ".join(sorted(made.__name__ for made, _, _ in KINDS.values()))
 
 
+@explained(hint='make_container({"kind": "box", "size": [4, 4, 6]})')
 def make_container(mapping: Mapping[str, Any], where: str = "[container]") -> Container:
     """Return a container from kind and parameters.
 

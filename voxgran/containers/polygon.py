@@ -11,6 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from voxgran._base.arrays import Floats, Integers, as_place, as_positive, check_lengths, read_only
 from voxgran._base.calls import explained
+from voxgran._base.registry import ExplainedAttributes
 from voxgran.containers.model import Boundary
 from voxgran.containers.plane import area_of, as_loops, points_in_plane, prism_of, triangles_of
 from voxgran.shapes.images.outline_images import region_loops
@@ -19,7 +20,7 @@ from voxgran.shapes.model import Shape
 
 
 @dataclass(frozen=True, init=False, eq=False)
-class Polygon:
+class Polygon(ExplainedAttributes):
     """A region in the plane z = 0 within a loop of straight edges, without holes within others.
 
     Parameters

@@ -9,11 +9,12 @@ from numpy.typing import ArrayLike
 from voxgran._base.arrays import Floats, Integers, as_floats
 from voxgran._base.axes import Periodic
 from voxgran._base.calls import explained
+from voxgran._base.registry import ExplainedAttributes
 from voxgran.containers.box import Block
 
 
 @dataclass(frozen=True, init=False)
-class Rectangle(Block):
+class Rectangle(ExplainedAttributes, Block):
     """A rectangle along the axes in the plane z = 0.
 
     Parameters

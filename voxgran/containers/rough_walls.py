@@ -5,6 +5,7 @@ from typing import Any, Literal
 
 import numpy as np
 
+from voxgran._base.calls import explained
 from voxgran._base.config import from_mapping
 from voxgran._base.errors import InputError
 from voxgran._base.seeds import stream
@@ -17,6 +18,7 @@ from voxgran.shapes.roughness.parameters import Method, Roughness
 from voxgran.shapes.roughness.roughen import roughened
 
 
+@explained(hint="rough_walls(container, rms=0.05)")
 def rough_walls(
     container: Container,
     *,

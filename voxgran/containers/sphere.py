@@ -9,12 +9,13 @@ from numpy.typing import ArrayLike
 
 from voxgran._base.arrays import Floats, Integers, as_length, as_place, as_points, as_positive
 from voxgran._base.calls import explained
+from voxgran._base.registry import ExplainedAttributes
 from voxgran.containers.model import Boundary
 from voxgran.shapes.tessellate import sphere
 
 
 @dataclass(frozen=True, init=False)
-class Sphere:
+class Sphere(ExplainedAttributes):
     """The interior of a sphere.
 
     Parameters

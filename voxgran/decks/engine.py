@@ -6,6 +6,7 @@ from pathlib import Path
 from typing import NamedTuple
 
 from voxgran._base.arrays import Floats
+from voxgran._base.calls import explained
 from voxgran._base.registry import Registry
 from voxgran.decks.bodies import Kind
 from voxgran.decks.simulation import Simulation
@@ -94,6 +95,7 @@ def engine_registry() -> Registry[Engine]:
     return Registry("engine", "voxgran.decks.engines", Engine, group="voxgran.engines")
 
 
+@explained(hint="engines()")
 def engines() -> tuple[str, ...]:
     """Return the names of all engines that input can be written for.
 

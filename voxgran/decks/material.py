@@ -10,6 +10,7 @@ import numpy as np
 from voxgran._base.arrays import Floats, as_choice
 from voxgran._base.config import check_bounds, parameter
 from voxgran._base.errors import InputError, PackingWarning
+from voxgran._base.registry import ExplainedAttributes
 
 #: acceleration of gravity at the surface of the Earth, m/s^2
 GRAVITY = 9.81
@@ -27,7 +28,7 @@ SHEAR_RATIO = 2 / 7
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)
-class Material:
+class Material(ExplainedAttributes):
     """Material of grains and walls in an engine, in SI units.
 
     Under the linear law two grains that overlap by delta repel each other with ``k delta + c delta'``; the damping

@@ -13,6 +13,7 @@ from voxgran._base.calls import explained
 from voxgran._base.config import from_mapping
 from voxgran._base.errors import InputError
 from voxgran._base.files import as_path, refuse_to_replace, write_text
+from voxgran._base.registry import ExplainedAttributes
 from voxgran.clumps.fit import fit_clump
 from voxgran.clumps.model import Clump
 from voxgran.containers.model import Container
@@ -32,7 +33,7 @@ KINDS = ("clump", "polyhedron", "mesh", "level_set", "convex_parts")
 
 
 @dataclass(frozen=True, eq=False, slots=True, kw_only=True)
-class Deck:
+class Deck(ExplainedAttributes):
     """Input of an engine in a folder.
 
     Attributes

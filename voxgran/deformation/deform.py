@@ -21,6 +21,7 @@ from numpy.typing import ArrayLike
 from voxgran._base.arrays import Floats, Integers, as_length, check_type, float_array
 from voxgran._base.calls import explained
 from voxgran._base.errors import InputError, shown
+from voxgran._base.registry import ExplainedAttributes
 from voxgran._base.tree import enclosed_volume, normals_of
 from voxgran.contacts.assembly import Assembly
 from voxgran.contacts.broad import Pairs, grain_pairs
@@ -39,7 +40,7 @@ COINCIDING = 0.1
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
-class Deformed:
+class Deformed(ExplainedAttributes):
     """Grains that have given way, as closed surfaces.
 
     Attributes

@@ -12,6 +12,7 @@ from typing import Any, TypeAlias
 
 import numpy as np
 
+from voxgran._base.calls import explained
 from voxgran._base.errors import FileFormatError, InputError, MissingLibraryError
 from voxgran._base.files import as_path, existing_file, written_whole
 from voxgran._base.guarded import Content, read_guarded, reason_of
@@ -31,6 +32,7 @@ LARGEST = 2**31 - 1
 log = logging.getLogger(__name__)
 
 
+@explained(hint='load_cloud("rock.ply", unit="mm")')
 def load_cloud(path: str | os.PathLike[str], *, unit: str | None = None) -> Cloud:
     """Read a point cloud.
 
@@ -79,6 +81,7 @@ def load_cloud(path: str | os.PathLike[str], *, unit: str | None = None) -> Clou
         raise FileFormatError(f"{found}: {reason_of(error, most=300)}") from error
 
 
+@explained(hint='save_cloud(cloud, "rock.ply")')
 def save_cloud(
     cloud: Cloud | Packing, path: str | os.PathLike[str], *, spacing: float | None = None, overwrite: bool = False
 ) -> None:

@@ -2,6 +2,7 @@
 
 from pathlib import Path
 
+from voxgran._base.calls import explained
 from voxgran._base.errors import MissingFileError, UnknownNameError
 from voxgran._base.registry import unknown
 
@@ -9,6 +10,7 @@ from voxgran._base.registry import unknown
 DATA_FILES = ("bennu_lp.obj", "bunny_dirty.ply", "eros.obj", "ice_cream_cone.npy", "itokawa_lp.obj")
 
 
+@explained(hint='data_file("eros.ply")')
 def data_file(name: str) -> Path:
     """Return the path of a file that comes with voxgran, such as the scan of an asteroid.
 

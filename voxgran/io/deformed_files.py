@@ -4,12 +4,14 @@ import os
 
 import numpy as np
 
+from voxgran._base.calls import explained
 from voxgran._base.errors import FileFormatError
 from voxgran._base.files import as_path, written_whole
 from voxgran._base.vtk_data import attach, poly_data, write_data
 from voxgran.deformation.deform import Deformed
 
 
+@explained(hint='save_deformed(deformed, "deformed.vtu")')
 def save_deformed(deformed: Deformed, path: str | os.PathLike[str], *, overwrite: bool = False) -> None:
     """Write the surfaces of deformed grains to one ``.vtp`` file.
 

@@ -25,6 +25,15 @@ _WRITERS: dict[str, Callable[..., None]] = {
     ".xyzr": save_spheres,
     ".csv": save_spheres,
 }
+_SHAPE = ("one shape", "vg.load_shape reads it, vg.load_cloud if it has points only")
+_IMAGE = ("an image", "vg.load_image reads it, vg.packing_of_labels makes a packing of its grains")
+#: what files with these suffixes hold, and what to do with them
+_OTHERS = {
+    ".toml": ("a scene", "'voxgran run' packs it; give the packing.vtp that it writes"),
+    ".nc": ("statistics", "vg.load_statistics reads them; give the packing.vtp beside it"),
+    **dict.fromkeys((".stl", ".obj", ".off", ".ply", ".msh"), _SHAPE),
+    **dict.fromkeys((".tif", ".tiff", ".png", ".npy", ".npz", ".nrrd", ".vti"), _IMAGE),
+}
 #: bytes that are looked at to recognize a file
 _HEAD = 4096
 
@@ -163,10 +172,9 @@ def load(
         if named:
             raise InputError(f"{named[0]} is given for {found}, which holds its own: leave it out")
         return load_packing(found)
-    if found.suffix.lower() == ".toml":
-        raise FileFormatError(
-            f"{found} is a scene and no packing: 'voxgran run {found}' packs it; give the packing.vtp"
-        )
+    if found.suffix.lower() in _OTHERS:
+        kind, remedy = _OTHERS[found.suffix.lower()]
+        raise FileFormatError(f"{found} holds {kind} and no packing: {remedy}")
     if found.suffix.lower() in SUFFIXES:
         particles = read_vtk_points(found)
     elif "\0" in head:

@@ -115,6 +115,7 @@ def image_grid(packing: Packing, voxel_size: float) -> Grid:
     return Grid((x, y, z), size, (nx, ny, nz))
 
 
+@explained(hint='save_image(image, "bed.vti", voxel_size=0.1)')
 def save_image(
     image: NDArray[Any],
     path: str | os.PathLike[str],

@@ -71,6 +71,7 @@ def save_statistics(tree: "DataTree", path: str | os.PathLike[str], *, overwrite
             raise OutputError(f"{path} cannot be written ({error}): free space or choose another place") from error
 
 
+@explained(hint='load_statistics("statistics.nc")')
 def load_statistics(path: str | os.PathLike[str]) -> "DataTree":
     """Read statistics from a netCDF4 file.
 

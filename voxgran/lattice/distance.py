@@ -15,6 +15,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from voxgran._base.arrays import Booleans, Floats
 from voxgran._base.axes import Periodic, as_periodic
+from voxgran._base.calls import explained
 from voxgran._base.compiling.threads import in_blocks, using_threads
 from voxgran._base.errors import InputError, TooLargeError
 from voxgran._base.kernels import kernel
@@ -27,6 +28,7 @@ LONG = 40.0
 LEAST_VOXELS = 2**15
 
 
+@explained(hint="distance_transform(mask); distances are in voxels")
 def distance_transform(
     mask: "ArrayLike",
     *,

@@ -5,6 +5,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from voxgran._base.arrays import Integers
 from voxgran._base.axes import Periodic, as_periodic
+from voxgran._base.calls import explained
 from voxgran._base.errors import InputError, shown
 from voxgran._base.lazy import load
 from voxgran._base.scalars import whole_number_of
@@ -14,6 +15,7 @@ from voxgran.lattice.distance import as_mask
 _RANKS = {6: 1, 18: 2, 26: 3}
 
 
+@explained(hint="connected_components(mask, connectivity=26)")
 def connected_components(
     mask: "ArrayLike", *, connectivity: int = 6, periodic: Periodic = False
 ) -> tuple[NDArray[np.int32], int]:

@@ -9,9 +9,11 @@ from numpy.typing import ArrayLike
 
 from voxgran._base.arrays import Booleans, as_number
 from voxgran._base.axes import Periodic
+from voxgran._base.calls import explained
 from voxgran.lattice.distance import as_mask, distance_transform
 
 
+@explained(hint="dilation(mask, 3); the radius is in voxels")
 def dilation(mask: "ArrayLike", radius: float, *, periodic: Periodic = False, threads: int | None = None) -> Booleans:
     """Return the voxels within a distance of an occupied one.
 
@@ -51,6 +53,7 @@ def dilation(mask: "ArrayLike", radius: float, *, periodic: Periodic = False, th
     return _within(~as_mask(mask), radius, periodic, threads)
 
 
+@explained(hint="erosion(mask, 3); the radius is in voxels")
 def erosion(mask: "ArrayLike", radius: float, *, periodic: Periodic = False, threads: int | None = None) -> Booleans:
     """Return the occupied voxels farther than a distance from every free one.
 
@@ -80,6 +83,7 @@ def erosion(mask: "ArrayLike", radius: float, *, periodic: Periodic = False, thr
     return ~_within(as_mask(mask), radius, periodic, threads)
 
 
+@explained(hint="opening(mask, 3); the radius is in voxels")
 def opening(mask: "ArrayLike", radius: float, *, periodic: Periodic = False, threads: int | None = None) -> Booleans:
     """Return the voxels covered by spheres inside the occupied ones: an erosion followed by a dilation.
 
@@ -111,6 +115,7 @@ def opening(mask: "ArrayLike", radius: float, *, periodic: Periodic = False, thr
     return dilation(core, radius, periodic=periodic, threads=threads)
 
 
+@explained(hint="closing(mask, 3); the radius is in voxels")
 def closing(mask: "ArrayLike", radius: float, *, periodic: Periodic = False, threads: int | None = None) -> Booleans:
     """Return the occupied voxels and the gaps in which no sphere fits: a dilation followed by an erosion.
 

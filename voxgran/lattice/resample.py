@@ -7,6 +7,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from voxgran._base.arrays import Floats, Integers, as_choice, as_count, as_floats, as_positive
+from voxgran._base.calls import explained
 from voxgran._base.errors import InputError, TooLargeError
 from voxgran._base.lazy import load
 
@@ -14,6 +15,7 @@ from voxgran._base.lazy import load
 MOST_VOXELS = 2**32
 
 
+@explained(hint="resample(image, factor=0.5)")
 def resample(
     image: "ArrayLike", *, factor: float | None = None, shape: tuple[int, int, int] | None = None, method: str = "mean"
 ) -> NDArray[Any]:
@@ -82,6 +84,7 @@ def resample(
     return np.ascontiguousarray(mean)
 
 
+@explained(hint="crop(image, margin=1)")
 def crop(image: "ArrayLike", *, margin: int = 0) -> tuple[NDArray[Any], Integers]:
     """Return the part of an image that contains all nonzero voxels.
 

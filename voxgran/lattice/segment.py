@@ -7,12 +7,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from voxgran._base.arrays import Integers, as_count, as_number, as_positive
-from voxgran._base.calls import renamed
+from voxgran._base.calls import explained, renamed
 from voxgran._base.errors import InputError, MissingLibraryError, shown
 from voxgran._base.lazy import load
 from voxgran.lattice.distance import distance_transform
 
 
+@explained(hint="segment(image, min_size=50); sizes are in voxels")
 @renamed(smallest="min_size")
 def segment(
     image: NDArray[Any],

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from voxgran._base.arrays import Booleans, Floats, Integers, as_floats, as_number, as_positive
+from voxgran._base.calls import explained
 from voxgran._base.errors import InputError
 from voxgran._base.lazy import load
 from voxgran._base.tree import enclosed_volume
@@ -18,6 +19,7 @@ LEVEL_ACCURACY = 1e-4
 MOST_LEVELS = 30
 
 
+@explained(hint="iso_surface(field, level=0.5)")
 def iso_surface(
     field: "ArrayLike", *, level: float | None = None, volume: float | None = None
 ) -> tuple[Floats, Integers]:

@@ -9,12 +9,14 @@ from numpy.typing import ArrayLike, NDArray
 
 from voxgran._base.arrays import Integers
 from voxgran._base.axes import Periodic, as_periodic
+from voxgran._base.calls import explained
 from voxgran._base.compiling.threads import in_blocks, using_threads
 from voxgran._base.errors import InputError
 from voxgran._base.kernels import kernel
 from voxgran.lattice.distance import LEAST_VOXELS, NEVER, as_mask, distance_transform
 
 
+@explained(hint="local_thickness(mask); widths are in voxels")
 def local_thickness(
     mask: "ArrayLike", *, periodic: Periodic = False, threads: int | None = None
 ) -> NDArray[np.float32]:

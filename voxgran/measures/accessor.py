@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 from voxgran._base.errors import UnknownNameError
 from voxgran._base.lazy import load
-from voxgran._base.registry import unknown
+from voxgran._base.registry import ExplainedAttributes, unknown
 
 if TYPE_CHECKING:
     from xarray import Dataset, DataTree
@@ -15,7 +15,7 @@ if TYPE_CHECKING:
 NAME = "voxgran"
 
 
-class StatisticsAccessor:
+class StatisticsAccessor(ExplainedAttributes):
     """Numbers with their units, and their provenance.
 
     Parameters
@@ -26,6 +26,9 @@ class StatisticsAccessor:
 
     def __init__(self, statistics: "DataTree | Dataset") -> None:
         self._statistics = statistics
+
+    def __repr__(self) -> str:
+        return "\n".join(self.text(name) for name in self.numbers) or "no numbers"
 
     @property
     def numbers(self) -> dict[str, float]:

@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from voxgran._base.arrays import check_type
+from voxgran._base.calls import explained
 from voxgran._base.errors import InputError, UnknownNameError
 from voxgran._base.registry import unknown
 from voxgran.measures.model import dataset, variable
@@ -17,6 +18,7 @@ if TYPE_CHECKING:
     from xarray import Dataset
 
 
+@explained(hint="describe(packing)")
 def describe(what: Packing | Shape | Sequence[Shape], which: str | Sequence[str] | None = None) -> "Dataset":
     """Describe the form of shapes, or of the grains of a packing.
 

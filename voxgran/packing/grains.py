@@ -36,7 +36,7 @@ _REMEDIES = {
 
 
 @dataclass(frozen=True, eq=False, slots=True, kw_only=True)
-class Grain:
+class Grain(ExplainedAttributes):
     """One grain of a packing.
 
     Attributes

@@ -15,6 +15,7 @@ from typing import Any, Literal, Protocol, TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
+from voxgran._base.calls import explained
 from voxgran._base.errors import TooLargeError
 from voxgran._base.machine import memory_limit
 from voxgran._base.registry import Registry
@@ -196,6 +197,7 @@ def method_registry() -> Registry[PackingMethod]:
     return Registry("packing method", "voxgran.packing.methods", PackingMethod, group="voxgran.packing_methods")
 
 
+@explained(hint="packing_methods()")
 def packing_methods() -> tuple[str, ...]:
     """Return the names of all packing methods.
 

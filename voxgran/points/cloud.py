@@ -24,6 +24,7 @@ from voxgran._base.arrays import (
 from voxgran._base.calls import explained_methods, renamed
 from voxgran._base.errors import InputError
 from voxgran._base.lazy import load
+from voxgran._base.registry import ExplainedAttributes
 from voxgran._base.units import stated_unit
 from voxgran.points.normals import turned_alike
 
@@ -37,7 +38,7 @@ FINEST = 1e-8
 
 @explained_methods
 @dataclass(frozen=True, eq=False)
-class Cloud:
+class Cloud(ExplainedAttributes):
     """Immutable point cloud with optional normals and grain numbers.
 
     Attributes

@@ -7,9 +7,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from voxgran._base.arrays import Floats, Integers, as_choice, as_count, as_length, as_number, check_type
-from voxgran._base.calls import renamed
+from voxgran._base.calls import explained, renamed
 from voxgran._base.errors import DirtyMeshError, InputError, shown
 from voxgran._base.lazy import load
+from voxgran._base.registry import ExplainedAttributes
 from voxgran.lattice.label import components
 from voxgran.points.backend_open3d import without_stderr
 from voxgran.points.cloud import Cloud, Frame
@@ -33,7 +34,7 @@ ALPHA = 3.0
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Reconstruction:
+class Reconstruction(ExplainedAttributes):
     """Shape reconstructed from a cloud, with the residuals between the two.
 
     Attributes
@@ -59,6 +60,7 @@ class Reconstruction:
     sentences: tuple[str, ...]
 
 
+@explained(hint='shape_of_cloud(cloud, method="poisson")')
 @renamed(largest_hole="max_gap")
 def shape_of_cloud(
     cloud: Cloud,

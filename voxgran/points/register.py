@@ -6,8 +6,10 @@ from typing import Any
 import numpy as np
 
 from voxgran._base.arrays import Floats, as_count, as_length
+from voxgran._base.calls import explained
 from voxgran._base.errors import InputError
 from voxgran._base.lazy import load
+from voxgran._base.registry import ExplainedAttributes
 from voxgran.points.backend_open3d import seed_open3d
 from voxgran.points.cloud import Cloud, Frame
 from voxgran.points.normals import turned_alike
@@ -27,7 +29,7 @@ FINEST = 1e-6
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Registration:
+class Registration(ExplainedAttributes):
     """Rigid motion from one cloud to another, with its quality.
 
     Attributes
@@ -60,6 +62,7 @@ class Registration:
         return Cloud.of(points, normals, cloud.grain, name=cloud.name, unit=cloud.unit)
 
 
+@explained(hint="register_clouds(cloud, target, distance=0.1)")
 def register_clouds(cloud: Cloud, target: Cloud, *, distance: float | None = None, seed: int = 0) -> Registration:
     """Find the rigid motion that aligns one scan with another of the same body, from any initial pose.
 

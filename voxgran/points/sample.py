@@ -11,6 +11,7 @@ import numpy as np
 from voxgran._base.arrays import Floats, as_choice, as_count, as_length, check_type
 from voxgran._base.calls import explained
 from voxgran._base.errors import InputError
+from voxgran._base.registry import ExplainedAttributes
 from voxgran.points.backend_open3d import sample_triangles
 from voxgran.points.covering import covering_radius
 from voxgran.shapes.model import Shape
@@ -25,7 +26,7 @@ MOST_POINTS = 500_000
 POISSON, UNIFORM = 0.95, 2.5
 
 
-class SurfacePoints(np.ndarray[Any, np.dtype[np.float64]]):
+class SurfacePoints(ExplainedAttributes, np.ndarray[Any, np.dtype[np.float64]]):
     """(n, 3) points with their spacing.
 
     Attributes

@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 
 from voxgran._base.arrays import check_type
+from voxgran._base.calls import explained
 from voxgran._base.errors import FileFormatError, InputError
 from voxgran._base.files import as_path, refuse_to_replace, written_whole
 from voxgran.clumps.body import Body
@@ -51,6 +52,7 @@ def picture_clumps(
     return np.concatenate(images, axis=1)
 
 
+@explained(hint='save_clump_picture(clumps, "clumps.png")')
 def save_clump_picture(
     clumps: Clump | Sequence[Clump], path: str | os.PathLike[str], *, overwrite: bool = False
 ) -> None:

@@ -7,6 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from voxgran._base.arrays import as_count, check_type
+from voxgran._base.calls import explained
 from voxgran._base.errors import InputError
 from voxgran._base.files import written_whole
 from voxgran._base.lazy import load
@@ -60,6 +61,7 @@ def picture_shapes(shapes: Sequence[Shape], *, columns: int | None = None) -> Pi
         return shot(stage)
 
 
+@explained(hint='save_gallery(shapes, "shapes.png")')
 def save_gallery(
     shapes: Sequence[Shape], path: str | os.PathLike[str], *, columns: int | None = None, overwrite: bool = False
 ) -> None:

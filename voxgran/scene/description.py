@@ -12,7 +12,7 @@ from voxgran._base.config import from_mapping, parameters_of, to_mapping
 from voxgran._base.errors import FileFormatError, InputError, UnknownNameError, shown
 from voxgran._base.files import existing_file
 from voxgran._base.guarded import reason_of
-from voxgran._base.registry import unknown
+from voxgran._base.registry import ExplainedAttributes, unknown
 from voxgran._base.units import as_unit
 from voxgran.contacts.assembly import NOT_STATED
 from voxgran.containers.make import make_container
@@ -36,7 +36,7 @@ SETTLE_KEYS = "a section [settle] says how grains settle; with enabled = false i
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class SceneDescription:
+class SceneDescription(ExplainedAttributes):
     """A granular scene as its file describes it.
 
     Attributes

@@ -10,6 +10,7 @@ import numpy as np
 
 from voxgran._base.config import to_mapping
 from voxgran._base.errors import InputError
+from voxgran._base.registry import ExplainedAttributes
 from voxgran.containers.model import boundary_of
 from voxgran.packing.method import check_memory, packing_memory
 from voxgran.packing.pack import Task, prepare_task
@@ -36,7 +37,7 @@ DRAWING_BYTES = 580 * 2**20
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Plan:
+class Plan(ExplainedAttributes):
     """What a run of a scene would do.
 
     Attributes

@@ -4,6 +4,7 @@ from dataclasses import dataclass
 from typing import ClassVar, Literal
 
 from voxgran._base.config import check_bounds, parameter
+from voxgran._base.registry import ExplainedAttributes
 
 #: largest coefficient of friction with which sweeps over the contacts are known to converge
 MOST_FRICTION = 2.0
@@ -12,7 +13,7 @@ HEAVIEST = 100.0
 
 
 @dataclass(frozen=True, slots=True)
-class Shaking:
+class Shaking(ExplainedAttributes):
     """Random accelerations of all grains, with moments, which fall linearly to zero.
 
     Parameters
@@ -48,7 +49,7 @@ class Shaking:
 
 
 @dataclass(frozen=True, slots=True)
-class Lid:
+class Lid(ExplainedAttributes):
     """A flat plate that lies on the bed and moves along gravity only.
 
     Parameters

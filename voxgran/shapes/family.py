@@ -61,6 +61,7 @@ def families() -> Registry[ShapeFamily]:
     return Registry("shape family", "voxgran.shapes.families", ShapeFamily, group="voxgran.shape_families")
 
 
+@explained(hint="shape_families()")
 def shape_families() -> tuple[str, ...]:
     """Return the names of all shape families.
 
@@ -105,6 +106,7 @@ def family_function(name: str) -> Callable[..., Shape]:
     return make
 
 
+@explained(hint='make_shape("polyhedron", seed=1)')
 def make_shape(family: str | Parameters, *, seed: int = 0, **parameters: Any) -> Shape:
     """Make a shape of a family.
 
@@ -180,6 +182,7 @@ def make_shapes(family: str | Parameters, *, count: int, seed: int = 0, **parame
     return [make_shape(family, seed=own, **parameters) for own in seeds_of_shapes(seed, count)]
 
 
+@explained(hint="seeds_of_shapes(0, 10)")
 def seeds_of_shapes(seed: int, count: int) -> list[int]:
     """Return the seeds of the shapes that :func:`make_shapes` makes with one seed; a larger count adds to them.
 

@@ -16,6 +16,7 @@ from voxgran import __version__
 from voxgran._base.calls import explained_methods
 from voxgran._base.files import write_text, written_whole
 from voxgran._base.lazy import load
+from voxgran._base.registry import ExplainedAttributes
 from voxgran.io.netcdf import save_statistics
 from voxgran.study.cells import Cell, Dimension
 from voxgran.study.comparisons import compare
@@ -42,7 +43,7 @@ TEXTS = {
 
 @explained_methods
 @dataclass(frozen=True, slots=True, kw_only=True)
-class StudyResult:
+class StudyResult(ExplainedAttributes):
     """What a study has left.
 
     Attributes

@@ -9,6 +9,7 @@ from voxgran._base.calls import explained_methods
 from voxgran._base.errors import InputError
 from voxgran._base.files import as_path
 from voxgran._base.progress import OnStep
+from voxgran._base.registry import ExplainedAttributes
 from voxgran.scene.description import SceneDescription
 from voxgran.study.cells import Cell
 from voxgran.study.engine import Options, planned, run_study
@@ -19,7 +20,7 @@ from voxgran.study.store import Store
 
 
 @explained_methods
-class Study:
+class Study(ExplainedAttributes):
     """A base scene that is varied along axes, and packed with several seeds.
 
     Each combination of values is a cell. A cell with a seed is one scene, packed, verified and measured; its results

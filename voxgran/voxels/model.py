@@ -6,13 +6,14 @@ from functools import cached_property
 import numpy as np
 
 from voxgran._base.arrays import Booleans, Floats
+from voxgran._base.registry import ExplainedAttributes
 from voxgran.lattice.grid import Grid
 from voxgran.lattice.packed import PackedMask
 from voxgran.voxels.shares import Shares
 
 
 @dataclass(frozen=True, eq=False)
-class Voxels:
+class Voxels(ExplainedAttributes):
     """The voxels of one solid.
 
     Attributes

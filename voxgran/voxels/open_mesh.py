@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from voxgran._base.arrays import Booleans, Floats, Integers, as_faces, as_length, as_points
+from voxgran._base.calls import explained
 from voxgran._base.errors import DirtyMeshWarning, InputError, TooLargeError
 from voxgran.lattice.grid import Grid
 from voxgran.lattice.label import components
@@ -29,6 +30,7 @@ from voxgran.voxels.scanline import winding_slabs
 MOST_VOXELS = 2**31
 
 
+@explained(hint="voxelize_mesh(vertices, faces, voxel_size=0.1)")
 def voxelize_mesh(
     vertices: "ArrayLike", faces: "ArrayLike", *, voxel_size: float | None = None, grid: Grid | None = None
 ) -> Voxels:

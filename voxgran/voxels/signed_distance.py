@@ -17,6 +17,7 @@ from voxgran._base.calls import explained
 from voxgran._base.errors import InputError
 from voxgran._base.kernels import kernel
 from voxgran._base.lazy import load
+from voxgran._base.registry import ExplainedAttributes
 from voxgran.lattice.grid import Grid
 from voxgran.lattice.morphology import dilation
 from voxgran.shapes.model import Shape
@@ -31,7 +32,7 @@ SHARE_ERROR = 0.02
 
 
 @dataclass(frozen=True, eq=False)
-class SignedDistance:
+class SignedDistance(ExplainedAttributes):
     """Distances of voxel centers from a surface, below 0 inside.
 
     Attributes

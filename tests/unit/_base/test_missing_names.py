@@ -1,17 +1,20 @@
 """Messages for names that are not there: of modules, packings and shapes, arguments and flags."""
 
 import copy
+import inspect
 import pickle
 import re
 import subprocess
 import sys
 
+import numpy as np
 import pytest
 
 import voxgran as vg
 from voxgran._base.errors import CallError, InputError, UnknownNameError
 from voxgran._base.registry import ExplainedAttributes, nearest, nearest_word
 from voxgran._base.units import as_unit
+from voxgran.shapes.images.image_files import Image
 
 
 @pytest.fixture(scope="module")
@@ -26,6 +29,10 @@ def packing() -> vg.Packing:
         ("shake", "settle"),
         ("make_shap", "make_shape"),
         ("shape", "make_shape"),
+        ("decimate", "simplify"),
+        ("watershed", "segment"),
+        ("read_mesh", "load_shape"),
+        ("Image", "load_image"),
     ],
 )
 def test_a_name_that_is_not_there_names_the_one_that_was_meant(typed: str, meant: str) -> None:
@@ -44,6 +51,7 @@ def test_a_name_that_is_not_there_names_the_one_that_was_meant(typed: str, meant
         ("lammps", "vg.write_deck(packing, folder, 'lammps')"),
         ("rdf", "vg.measure(packing, 'rdf')"),
         ("pore_sizes", "vg.measure(packing, 'voids')"),
+        ("pore_size_distribution", "vg.measure(packing, 'voids')"),
         ("porosity", "vg.measure(packing, 'density')"),
     ],
 )
@@ -77,6 +85,8 @@ def test_a_word_of_a_name_is_enough() -> None:
         ("report", r"write vg\.save_report\(packing, \.\.\.\)"),
         ("positions", "did you mean 'position'"),
         ("to_csv", "did you mean 'to_dataframe'"),
+        ("radii", "did you mean 'diameters'"),
+        ("sizes", "did you mean 'diameters'"),
         ("qqq", r"dir\(Packing\) lists its attributes"),
     ],
 )
@@ -94,6 +104,38 @@ def test_shapes_answer_too_and_are_copied_and_pickled_as_before(packing: vg.Pack
     assert copy.copy(packing.shapes[0]) == packing.shapes[0] == pickle.loads(pickle.dumps(packing.shapes[0]))
     assert copy.deepcopy(packing).count == pickle.loads(pickle.dumps(packing)).count == 2
     assert not hasattr(packing, "__array_interface__")
+
+
+def test_objects_that_functions_return_answer_too(packing: vg.Packing) -> None:
+    clump = vg.fit_clump(packing.shapes[0], method="inscribed", max_spheres=1)
+    for owner, typed, remedy in (
+        (clump, "n_spheres", "did you mean 'count'"),
+        (clump, "centres", "did you mean 'centers'"),
+        (packing.shapes[0], "decimate", r"write vg\.simplify\(shape, \.\.\.\)"),
+        (packing.verify(), "passed", "did you mean 'ok'"),
+        (packing.contacts(), "gaps", "did you mean 'gap'"),
+        (vg.Cylinder(radius=1, height=2), "length", "did you mean 'height'"),
+        (packing.measure("gradation").voxgran, "summary", "did you mean 'numbers'"),
+    ):
+        with pytest.raises(AttributeError, match=f"{type(owner).__name__} has no attribute '{typed}': {remedy}"):
+            getattr(owner, typed)
+    image = Image(np.zeros((2, 2, 2)))
+    with pytest.raises(AttributeError, match="Image has no attribute 'data': did you mean 'values'"):
+        _ = image.data  # type: ignore[attr-defined]
+
+
+def test_every_public_function_explains_calls_that_do_not_fit() -> None:
+    functions = [entry for name in vg.__all__ if inspect.isfunction(entry := getattr(vg, name))]
+    assert len(functions) > 60
+    for function in functions:
+        with pytest.raises(CallError, match=f"{function.__name__} .*; write "):
+            function(*[0] * 20)
+    with pytest.raises(CallError, match=r"'voxel_size' is unknown.*sizes are in voxels"):
+        vg.segment(np.zeros((4, 4, 4)), voxel_size=0.1)  # type: ignore[call-arg]
+
+
+def test_statistics_are_shown_with_their_units(packing: vg.Packing) -> None:
+    assert "number of grains: 2" in repr(packing.measure("gradation").voxgran)
 
 
 def test_an_error_within_a_property_is_that_error() -> None:

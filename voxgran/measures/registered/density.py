@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
+from voxgran._base.calls import explained
 from voxgran._base.errors import InputError, PackingWarning
 from voxgran.measures.model import Groups, Measure, dataset, length_unit, variable
 from voxgran.measures.region import Regions
@@ -34,6 +35,7 @@ def bulk_solid_fraction(packing: Packing) -> Estimate:
     return _bulk(packing)[0]
 
 
+@explained(hint="window_solid_fraction(packing, lower, upper)")
 def window_solid_fraction(packing: Packing, lower: "ArrayLike", upper: "ArrayLike") -> Estimate:
     """Return the solid fraction inside a window along the axes, periodic images included.
 

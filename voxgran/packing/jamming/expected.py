@@ -16,6 +16,7 @@ import math
 import numpy as np
 
 from voxgran._base.arrays import Floats
+from voxgran._base.calls import explained
 from voxgran._base.errors import InputError, shown
 from voxgran.shapes.sizes import SizeDistribution
 
@@ -28,6 +29,7 @@ RODS, SIZES = 2**17, 2**17
 GOLDEN = (math.sqrt(5.0) - 1.0) / 2.0
 
 
+@explained(hint="expected_solid_fraction(sizes)")
 def expected_solid_fraction(sizes: SizeDistribution, *, dimension: int = 3) -> float:
     """Return the solid fraction at which spheres, or disks, of a gradation are expected to be jammed at random.
 

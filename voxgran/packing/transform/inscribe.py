@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from voxgran._base.arrays import Floats, as_count, as_floats
+from voxgran._base.calls import explained
 from voxgran._base.errors import InputError
 from voxgran._base.kernels import kernel
 from voxgran._base.rotation import normalized, random_rotations, rotation_matrices
@@ -20,6 +21,7 @@ from voxgran.shapes.model import Shape, check_shapes
 STEPS = 400
 
 
+@explained(hint="inscribe(packing, shapes)")
 def inscribe(
     packing: Packing,
     shapes: Sequence[Shape] | Shape,

@@ -6,6 +6,7 @@ from dataclasses import replace
 import numpy as np
 
 from voxgran._base.arrays import Integers, as_number
+from voxgran._base.calls import explained
 from voxgran._base.errors import InputError, PackingWarning
 from voxgran._base.seeds import stream
 from voxgran.packing.model import Packing, check_packing
@@ -15,6 +16,7 @@ from voxgran.shapes.sizes import size_distance
 GOLDEN = 0.5 * (np.sqrt(5.0) - 1.0)
 
 
+@explained(hint="remove_grains(packing, solid_fraction=0.4)")
 def remove_grains(packing: Packing, *, solid_fraction: float, seed: int = 0) -> Packing:
     """Remove grains at random until a packing has a lower solid fraction, with the same gradation.
 

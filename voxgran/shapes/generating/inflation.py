@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from voxgran._base.arrays import Floats, Integers, as_number, as_positive, as_vector, check_type
+from voxgran._base.calls import explained
 from voxgran._base.errors import InputError, TooLargeError
 from voxgran._base.tree import areas_of
 from voxgran.shapes.finer import cut_edges, edges_of
@@ -76,6 +77,7 @@ def inflated(vertices: Floats, faces: Integers, inflation: Inflation, longest: f
     return vertices, faces, 0.0
 
 
+@explained(hint="spherize(shape, 1.0)")
 def spherize(
     shape: Shape,
     radius: float,

@@ -16,11 +16,12 @@ from voxgran._base.errors import FileFormatError, InputError, MissingLibraryErro
 from voxgran._base.files import existing_file
 from voxgran._base.guarded import Content, read_guarded, refused
 from voxgran._base.lazy import load
+from voxgran._base.registry import ExplainedAttributes
 from voxgran._base.vtk_readers import chosen_name, vtk_image
 
 
 @dataclass(frozen=True, slots=True)
-class Image:
+class Image(ExplainedAttributes):
     """An image and what its file says of its lattice.
 
     Attributes

@@ -18,6 +18,7 @@ from voxgran._base.axes import Periodic, as_periodic
 from voxgran._base.calls import explained
 from voxgran._base.errors import DirtyMeshError, InputError, PackingWarning
 from voxgran._base.lazy import load
+from voxgran._base.registry import ExplainedAttributes
 from voxgran.lattice.census import Census, census
 from voxgran.lattice.cuberille import voxel_surface
 from voxgran.lattice.interfaces import fitted_surface
@@ -38,7 +39,7 @@ LEAST_GREY, GREY_PLANES = 100, 16
 
 
 @dataclass(frozen=True, slots=True)
-class LabelledGrain:
+class LabelledGrain(ExplainedAttributes):
     """One grain of a label image."""
 
     label: int  # its label
@@ -131,6 +132,7 @@ def load_labels(
     return [grain.shape for grain in grains]
 
 
+@explained(hint='label_table("scan.tif", voxel_size=0.1)')
 def label_table(
     source: str | os.PathLike[str] | NDArray[Any] | Image, *, voxel_size: Any = None, key: str | None = None
 ) -> "Dataset":

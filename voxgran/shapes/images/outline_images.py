@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from voxgran._base.arrays import Floats, as_length, as_number
-from voxgran._base.calls import renamed
+from voxgran._base.calls import explained, renamed
 from voxgran._base.errors import InputError, shown
 from voxgran._base.lazy import load
 from voxgran.shapes.images.image_files import load_image
@@ -20,6 +20,7 @@ STRAIGHT = 1e-9
 LEVEL = 1e-6
 
 
+@explained(hint='load_outlines("grains.png", pixel_size=0.1)')
 @renamed(least_area="min_area")
 def load_outlines(
     source: str | os.PathLike[str] | NDArray[Any],

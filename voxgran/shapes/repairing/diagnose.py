@@ -11,8 +11,10 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from voxgran._base.arrays import Floats, Integers, as_faces
+from voxgran._base.calls import explained
 from voxgran._base.errors import DirtyMeshError, InputError
 from voxgran._base.lazy import load
+from voxgran._base.registry import ExplainedAttributes
 from voxgran.lattice.label import components
 from voxgran.shapes.repairing.crossing import count_crossings
 from voxgran.shapes.shells import count_apart, count_flipped, edge_faults, shell_counts
@@ -43,7 +45,7 @@ IN_PYTHON = Remedies()
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Diagnosis:
+class Diagnosis(ExplainedAttributes):
     """What is known about a triangle mesh; all are counts.
 
     Attributes
@@ -117,6 +119,7 @@ class Diagnosis:
         return found
 
 
+@explained(hint="diagnose(vertices, faces)")
 def diagnose(vertices: "ArrayLike | Any", faces: "ArrayLike | None" = None) -> Diagnosis:
     """Find out whether a triangle mesh bounds one solid.
 

@@ -17,8 +17,9 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from voxgran._base.arrays import Floats, Integers, as_choice, as_faces, as_number, as_points
-from voxgran._base.calls import renamed
+from voxgran._base.calls import explained, renamed
 from voxgran._base.errors import DirtyMeshError, InputError
+from voxgran._base.registry import ExplainedAttributes
 from voxgran.shapes.boolean import united
 from voxgran.shapes.formats.mesh_files import read_surface
 from voxgran.shapes.model import Shape
@@ -43,7 +44,7 @@ BODIES = ("refuse", "largest", "all")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Repair:
+class Repair(ExplainedAttributes):
     """What came of a repair.
 
     Attributes
@@ -74,6 +75,7 @@ class Repair:
         return self.volume / self.volume_before - 1 if self.volume_before else float("inf")
 
 
+@explained(hint="repair(vertices, faces)")
 @renamed(largest_hole="max_hole")
 def repair(
     vertices: "ArrayLike | Any",

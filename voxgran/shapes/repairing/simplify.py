@@ -17,6 +17,7 @@ from voxgran._base.arrays import Floats, Integers, as_count, check_type
 from voxgran._base.calls import explained
 from voxgran._base.errors import DirtyMeshError, InputError
 from voxgran._base.lazy import load
+from voxgran._base.registry import ExplainedAttributes
 from voxgran._base.scalars import cube_root
 from voxgran._base.seeds import stream
 from voxgran._base.tree import areas_of, grow_tree
@@ -38,7 +39,7 @@ SAME = 1e-6
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Simplification:
+class Simplification(ExplainedAttributes):
     """What came of a simplification.
 
     Attributes

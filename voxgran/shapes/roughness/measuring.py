@@ -14,8 +14,10 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from voxgran._base.arrays import Floats, Integers, as_floats, as_number, as_positive, check_type
+from voxgran._base.calls import explained
 from voxgran._base.errors import InputError
 from voxgran._base.lazy import load
+from voxgran._base.registry import ExplainedAttributes
 from voxgran._base.tree import areas_of
 from voxgran.shapes.model import Shape
 from voxgran.shapes.roughness.autocorrelation import roll_off_of, self_affine_correlation
@@ -31,7 +33,7 @@ LEAST_HURST, MOST_HURST = 0.02, 1.2
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class SurfaceStatistics:
+class SurfaceStatistics(ExplainedAttributes):
     """What is measured on a rough surface.
 
     Attributes
@@ -60,6 +62,7 @@ class SurfaceStatistics:
         return asdict(self)
 
 
+@explained(hint="surface_statistics(shape)")
 def surface_statistics(
     surface: "Shape | ArrayLike",
     *,
