@@ -1,19 +1,29 @@
 """Local thickness: the diameter of the largest sphere in the occupied voxels that covers a voxel; pore size for voids.
 
-Only spheres that no neighbour's sphere contains are drawn; a table gives the radius that a neighbour needs (distance
-ridge, Dougherty & Kunzelmann 2007, doi:10.1017/S1431927607074430). On the lattice the result is exact.
+Only spheres that are not known to lie in another one are looked at (distance ridge, Dougherty & Kunzelmann 2007,
+doi:10.1017/S1431927607074430). Boxes of voxels are halved again and again, each with the list of the spheres that reach
+into it and are larger than one that contains it: of a wide pore a box is soon in one sphere. The result is exact.
 """
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from voxgran._base.arrays import Integers
 from voxgran._base.axes import Periodic, as_periodic
 from voxgran._base.calls import explained
 from voxgran._base.compiling.threads import in_blocks, using_threads
 from voxgran._base.errors import InputError
 from voxgran._base.kernels import kernel
+from voxgran._base.progress import Step, repeated
 from voxgran.lattice.distance import LEAST_VOXELS, NEVER, as_mask, distance_transform
+
+#: edge in voxels of boxes that are divided no more
+LEAF = 4
+#: edge in voxels of boxes for which spheres are collected, at least
+WIDTH = 32
+#: longest step, in voxels, to a sphere that may contain that of a voxel
+FARTHEST = 16
+#: radius in voxels of spheres for which only neighbours are asked
+SMALL = 6
 
 
 @explained(hint="local_thickness(mask); widths are in voxels")
@@ -47,7 +57,9 @@ def local_thickness(
 
     Notes
     -----
-    Memory beside the mask: 8 bytes per voxel.
+    Memory beside the mask: 9 bytes per voxel, and for each thread about 70 bytes for each sphere that is looked at
+    within the width of the largest one. With 2.3 million voxels and pores 257 voxels wide it takes 2 seconds of the
+    processor.
 
     References
     ----------
@@ -64,102 +76,182 @@ def local_thickness(
     [0.0, 0.0, 4.0, 4.0, 4.0, 4.0, 0.0, 0.0]
     """
     around, taken = as_periodic(periodic), as_mask(mask)
-    with using_threads(threads):
+    with using_threads(threads), repeated(None) as told:
+        told(Step(stage="local thickness", done=0, total=0))
         squares = distance_transform(taken, periodic=around, squared=True)
         largest = int(squares.max(initial=0))
         if largest == NEVER:
             raise InputError("mask has no free voxel: no sphere ends anywhere; leave a free layer around the body")
-        covered = np.zeros(taken.shape, dtype=np.int32)
+        needed, covered = np.empty(taken.shape, dtype=np.bool_), np.zeros(taken.shape, dtype=np.int32)
         least = max(1, LEAST_VOXELS // max(taken.shape[1] * taken.shape[2], 1))
-        arguments = squares, _needed(largest), np.array(around), covered
-        in_blocks(_paint_spheres, taken.shape[0], *arguments, least=least)
+        sides = np.array(around)
+        in_blocks(_mark_needed, taken.shape[0], squares, sides, needed, least=least)
+        in_blocks(_cover_planes, taken.shape[0], squares, needed, sides, largest, covered, least=least)
     thickness = squares.view(np.float32)
     np.sqrt(covered, out=thickness, dtype=np.float32, casting="unsafe")
     thickness *= 2
     return thickness
 
 
-def _needed(largest: int) -> Integers:
-    """Return the squared radius that a neighbour's sphere needs to contain a sphere, (3, largest + 1).
-
-    A sphere of squared radius s contains the lattice points with a squared distance below s. Row n is for a step along
-    n + 1 axes.
-    """
-    reach = int(np.sqrt(largest)) + 1
-    y, z = np.meshgrid(np.arange(reach + 1), np.arange(reach + 1), indexing="ij")
-    most = np.zeros((3, largest + 1), dtype=np.int64)
-    for x in range(reach + 1):
-        distance = x * x + y * y + z * z
-        held = distance < largest
-        for row, aside in enumerate((0 * y, y, y + z)):
-            # the farthest points lie on the other side of the sphere
-            farther = distance + 2 * (x + aside) + row + 1
-            np.maximum.at(most[row], distance[held] + 1, farther[held] + 1)
-    return np.maximum.accumulate(most, axis=1)
+@kernel
+def _mark_needed(squares, around, needed, first, stop):  # type: ignore[no-untyped-def]
+    """Mark the voxels of some planes whose spheres are not known to lie in other spheres."""
+    for i in range(first, stop):
+        for j in range(squares.shape[1]):
+            for k in range(squares.shape[2]):
+                needed[i, j, k] = squares[i, j, k] > 0 and not _is_held(squares, around, i, j, k)
 
 
 @kernel
-def _is_held(squares, needed, around, i, j, k):  # type: ignore[no-untyped-def]
-    """Return whether the sphere of a neighbour contains the sphere of a voxel."""
+def _is_held(squares, around, i, j, k):  # type: ignore[no-untyped-def]
+    """Return whether the sphere of a voxel lies in that of a neighbour, or of a voxel farther from the solid."""
     nx, ny, nz = squares.shape
-    own = squares[i, j, k]
+    own, inner = squares[i, j, k], 0 < i < nx - 1 and 0 < j < ny - 1 and 0 < k < nz - 1
+    one, two, three = _to_hold(own, 1), _to_hold(own, 2), _to_hold(own, 3)
     for di in range(-1, 2):
-        u = i + di
-        if u < 0 or u >= nx:
-            if not around[0]:
-                continue
-            u = (u + nx) % nx
         for dj in range(-1, 2):
-            v = j + dj
-            if v < 0 or v >= ny:
-                if not around[1]:
-                    continue
-                v = (v + ny) % ny
             for dk in range(-1, 2):
-                w = k + dk
-                if w < 0 or w >= nz:
-                    if not around[2]:
-                        continue
-                    w = (w + nz) % nz
-                step = abs(di) + abs(dj) + abs(dk)
-                if step and squares[u, v, w] > own and squares[u, v, w] >= needed[step - 1, own]:
-                    return True
+                other = squares[i + di, j + dj, k + dk] if inner else _at(squares, around, i + di, j + dj, k + dk)
+                if other >= one:
+                    step = abs(di) + abs(dj) + abs(dk)
+                    if other >= (one if step == 1 else two if step == 2 else three):
+                        return True
+    if own < SMALL**2:
+        return False
+    # near the voxel the gradient leads away from the nearest free voxel
+    x = _at(squares, around, i + 1, j, k) - _at(squares, around, i - 1, j, k)
+    y = _at(squares, around, i, j + 1, k) - _at(squares, around, i, j - 1, k)
+    z = _at(squares, around, i, j, k + 1) - _at(squares, around, i, j, k - 1)
+    length = np.sqrt(float(x) ** 2 + float(y) ** 2 + float(z) ** 2)
+    for step in range(2, FARTHEST + 1 if length else 0):
+        u, v, w = int(np.rint(step * x / length)), int(np.rint(step * y / length)), int(np.rint(step * z / length))
+        if _at(squares, around, i + u, j + v, k + w) >= _to_hold(own, u * u + v * v + w * w):
+            return True
     return False
 
 
 @kernel
-def _paint_spheres(squares, needed, around, covered, first, stop):  # type: ignore[no-untyped-def]
-    """Raise each voxel of some planes to the largest squared radius of the spheres that cover it."""
+def _to_hold(own, step):  # type: ignore[no-untyped-def]
+    """Return the squared radius that suffices for a sphere to contain another one at a squared distance of theirs.
+
+    A sphere of squared radius s contains the lattice points p with p^2 <= s - 1. From a center at e their squared
+    distance is p^2 + 2 pe + e^2, where pe is a whole number, at most the root of p^2 e^2.
+    """
+    return own + 2 * int(np.sqrt(float(own - 1) * step)) + step
+
+
+@kernel
+def _at(squares, around, i, j, k):  # type: ignore[no-untyped-def]
+    """Return the squared distance at a voxel, 0 outside of the image."""
     nx, ny, nz = squares.shape
-    for i in range(nx):
-        for j in range(ny):
-            for k in range(nz):
-                own = squares[i, j, k]
-                if own == 0:
-                    continue
-                reach = int(np.ceil(np.sqrt(own))) - 1
-                if i + reach < first and not (around[0] and i - reach < 0):
-                    continue
-                if i - reach >= stop and not (around[0] and i + reach >= nx):
-                    continue
-                if _is_held(squares, needed, around, i, j, k):
-                    continue
-                for u in range(i - reach, i + reach + 1):
-                    if (u < 0 or u >= nx) and not around[0]:
-                        continue
-                    if not first <= (u + nx) % nx < stop:
-                        continue
-                    for v in range(j - reach, j + reach + 1):
-                        if (v < 0 or v >= ny) and not around[1]:
-                            continue
-                        rest = own - (u - i) ** 2 - (v - j) ** 2
-                        if rest <= 0:
-                            continue
-                        half = int(np.ceil(np.sqrt(rest))) - 1
-                        row = covered[(u + nx) % nx, (v + ny) % ny]
-                        if around[2]:
-                            for w in range(k - half, k + half + 1):
-                                row[w % nz] = max(row[w % nz], own)
-                        else:
-                            for w in range(max(k - half, 0), min(k + half, nz - 1) + 1):
-                                row[w] = max(row[w], own)
+    if not (0 <= i < nx and 0 <= j < ny and 0 <= k < nz):
+        i, j, k = i % nx if around[0] else i, j % ny if around[1] else j, k % nz if around[2] else k
+        if not (0 <= i < nx and 0 <= j < ny and 0 <= k < nz):
+            return np.int32(0)
+    return squares[i, j, k]
+
+
+@kernel
+def _cover_planes(squares, needed, around, largest, covered, first, stop):  # type: ignore[no-untyped-def]
+    """Write for the voxels of some planes the squared radius of the largest sphere that covers them.
+
+    The planes are divided into boxes about as wide as the largest sphere.
+    """
+    ny, nz = squares.shape[1:]
+    edge = max(WIDTH, int(np.sqrt(largest)))
+    spheres = np.empty((1024, 4), np.int32)
+    for a in range(first, stop, edge):
+        for b in range(0, ny, edge):
+            for c in range(0, nz, edge):
+                box = (a, b, c, min(a + edge, stop) - 1, min(b + edge, ny) - 1, min(c + edge, nz) - 1)
+                count = _collect(squares, needed, around, largest, box, spheres)
+                if count > len(spheres):
+                    spheres = np.empty((count, 4), np.int32)
+                    _collect(squares, needed, around, largest, box, spheres)
+                _cover_box(squares, spheres[np.argsort(-spheres[:count, 3])], box, covered)
+
+
+@kernel
+def _collect(squares, needed, around, largest, box, spheres):  # type: ignore[no-untyped-def]
+    """Write centers and squared radii of the marked spheres that reach into a box, with their images across periodic
+    faces, as long as there is room; return their number.
+    """
+    nx, ny, nz = squares.shape
+    reach, count, room = int(np.sqrt(largest)) + 1, 0, len(spheres)
+    for x in range(box[0] - reach, box[3] + reach + 1):
+        if not (around[0] or 0 <= x < nx):
+            continue
+        for y in range(box[1] - reach, box[4] + reach + 1):
+            if not (around[1] or 0 <= y < ny):
+                continue
+            aside = max(box[0] - x, x - box[3], 0) ** 2 + max(box[1] - y, y - box[4], 0) ** 2
+            row, marks = squares[x % nx, y % ny], needed[x % nx, y % ny]
+            low, high = box[2] - reach, box[5] + reach + 1
+            for z in range(low if around[2] else max(low, 0), high if around[2] else min(high, nz)):
+                w = z if 0 <= z < nz else z % nz
+                if marks[w] and aside + max(box[2] - z, z - box[5], 0) ** 2 < row[w]:
+                    if count < room:
+                        spheres[count, 0], spheres[count, 1], spheres[count, 2], spheres[count, 3] = x, y, z, row[w]
+                    count += 1
+    return count
+
+
+@kernel
+def _cover_box(squares, spheres, box, covered):  # type: ignore[no-untyped-def]
+    """Write for the voxels of a box the first of the spheres, in decreasing size, that covers them.
+
+    Boxes are halved along each axis. The list of a box holds the spheres that reach into it, up to the first one that
+    contains it.
+    """
+    many, count = len(spheres), 1
+    lists = np.arange(2 * many).astype(np.int32)
+    # the ends of a box, and where the list of the box around it begins and ends
+    boxes = np.empty((7 * 32, 8), np.int64)
+    boxes[0, :6], boxes[0, 6:] = np.array(box), (0, many)
+    while count:
+        count -= 1
+        a, b, c, d, e, f, begin, end = boxes[count]
+        if len(lists) < 2 * end - begin:
+            longer = np.empty(2 * len(lists), np.int32)
+            longer[:end] = lists[:end]
+            lists = longer
+        last = _reaching(spheres, boxes[count, :6], lists, begin, end)
+        if last <= end + 1 or max(d - a, e - b, f - c) < LEAF:
+            for i in range(a, d + 1):
+                for j in range(b, e + 1):
+                    for k in range(c, f + 1):
+                        if squares[i, j, k]:
+                            covered[i, j, k] = _first_over(spheres, lists[end:last], i, j, k)
+            continue
+        x, y, z = (a + d) // 2, (b + e) // 2, (c + f) // 2
+        for low, high in ((a, x), (x + 1, d)):
+            for left, right in ((b, y), (y + 1, e)):
+                for under, over in ((c, z), (z + 1, f)):
+                    if low <= high and left <= right and under <= over:
+                        boxes[count] = low, left, under, high, right, over, end, last
+                        count += 1
+
+
+@kernel
+def _reaching(spheres, box, lists, begin, end):  # type: ignore[no-untyped-def]
+    """Append the spheres of a list that reach into a box, up to the first one that contains it; return the new end."""
+    a, b, c, d, e, f = box
+    last = end
+    for s in range(begin, end):
+        x, y, z, square = spheres[lists[s]]
+        if max(a - x, x - d, 0) ** 2 + max(b - y, y - e, 0) ** 2 + max(c - z, z - f, 0) ** 2 < square:
+            lists[last] = lists[s]
+            last += 1
+            if max(x - a, d - x) ** 2 + max(y - b, e - y) ** 2 + max(z - c, f - z) ** 2 < square:
+                break
+    return last
+
+
+@kernel
+def _first_over(spheres, some, i, j, k):  # type: ignore[no-untyped-def]
+    """Return the squared radius of the first of some spheres that covers a voxel, 0 if none does."""
+    for sphere in some:
+        x, y, z, square = spheres[sphere]
+        if (i - x) ** 2 + (j - y) ** 2 + (k - z) ** 2 < square:
+            return square
+    return np.int32(0)

@@ -13,6 +13,8 @@ from voxgran.packing.model import Packing
 
 #: length, in spacings of the lines, up to which a gap between solids is closed: that of round-off
 CLOSED = 1e-9
+#: parts of the rows of lines whose means are compared; every sixth multiple of the golden section is spread well, too
+PARTS = 6
 
 
 @dataclass(frozen=True, eq=False)
@@ -21,7 +23,7 @@ class Chords:
 
     lengths: Floats  # (m,) of the chords between two grains or walls, in the unit of lengths
     mean: float  # twice the length of all lines in the pores over the number of their ends at grains and walls
-    error: float  # standard error of the mean, from four interleaved lattices of lines
+    error: float  # standard error of the mean, from six interleaved lattices of lines
 
 
 def chords_along(packing: Packing, axis: int, spacing: float) -> Chords:
@@ -47,7 +49,7 @@ def chords_along(packing: Packing, axis: int, spacing: float) -> Chords:
             bound[down] = height
             walls[side] = down != axis
             around = around and down != axis
-    lines = Lines.through(axis, lower, upper, spacing, dimension=d, periodic=container.periodic)
+    lines = Lines.through(axis, lower, upper, spacing, dimension=d)
     line, low, high = (
         np.concatenate(two)
         for two in zip(grain_intervals(packing, lines), outside_intervals(container, lines), strict=True)
@@ -62,19 +64,18 @@ def chords_along(packing: Packing, axis: int, spacing: float) -> Chords:
 
 
 def _mean_of(lengths: Floats, ends: Integers, counts: tuple[int, int]) -> tuple[float, float]:
-    """Return the mean chord and its standard error, NaN with fewer than four lines."""
+    """Return the mean chord and its standard error, NaN where a part of the rows meets no end."""
     total = int(ends.sum())
     mean = 2.0 * float(lengths.sum()) / total if total else math.inf
-    i, j = np.indices(counts)
-    # every second line both ways, or every fourth in a single row
-    part = ((i + j) % 4 if min(counts) == 1 else 2 * (i % 2) + j % 2).ravel()
-    ends_of = np.bincount(part, ends, minlength=4)
+    # rows are shared out in turn
+    part = np.arange(len(ends)) // counts[1] % PARTS
+    ends_of = np.bincount(part, ends, minlength=PARTS)
     if not total:
         return mean, 0.0
-    if len(part) < 4 or not ends_of.all():
+    if not ends_of.all():
         return mean, math.nan
-    means = 2.0 * np.bincount(part, lengths, minlength=4) / ends_of
-    return mean, float(means.std(ddof=1)) / 2.0
+    means = 2.0 * np.bincount(part, lengths, minlength=PARTS) / ends_of
+    return mean, float(means.std(ddof=1)) / math.sqrt(PARTS)
 
 
 @kernel

@@ -5,6 +5,7 @@ and polygons in crossings with their triangles and sides. Containers that are kn
 met by bisection between points at the spacing of the lines.
 """
 
+import math
 from dataclasses import dataclass
 from typing import TypeAlias
 
@@ -26,8 +27,13 @@ from voxgran.voxels.scanline import FINEST, _first_last, _ordered, _segment, _si
 HALVINGS = 40
 #: points of lines whose signed distances are in memory at a time
 POINTS = 2**20
-#: places of lines in their parts across two periodic axes
-SHIFTED = (0.618, 0.276)
+#: rows of lines in a spacing, and spacings between the lines of a row
+ROWS = 6
+#: shift of the lines from row to row, in lines of a row: the golden section, which spreads them best
+GOLDEN = (5**0.5 - 1) / 2
+#: place of the first row in its part of the box, and of the first line in its part of the row, so that no plane of
+#: symmetry of an ordered packing makes parts of the lines equal
+FIRST_ROW, FIRST_LINE = 0.618, 0.276
 
 #: intervals: the line (n,) of each, its start (n,) and its end (n,) along the line
 Intervals: TypeAlias = tuple[Integers, Floats, Floats]
@@ -35,38 +41,34 @@ Intervals: TypeAlias = tuple[Integers, Floats, Floats]
 
 @dataclass(frozen=True, eq=False)
 class Lines:
-    """A lattice of lines along an axis through a box; the line (i, j) has the index i * counts[1] + j."""
+    """Rows of lines along an axis through a box; the line j of row i has the index i * counts[1] + j.
 
-    axes: tuple[int, int, int]  # the two axes across the lines, and that along them
-    first: Floats  # (2,) coordinates of line (0, 0) across
-    step: Floats  # (2,) spacing across
-    counts: tuple[int, int]
+    Rows are closer than the lines in them, and each is shifted against the one before, so that faces of grains along
+    the axes lie at many places between lines, also where all grains are aligned (Kronecker lattice).
+    """
+
+    axes: tuple[int, int, int]  # that across the rows, that along them, and that along the lines
+    first: Floats  # (2,) coordinates of the first row, and of the start of all rows
+    step: Floats  # (2,) distance of rows, and of the lines in a row
+    counts: tuple[int, int]  # rows, and lines in a row
+    turn: float  # shift from row to row, in distances of lines
     low: float  # where the lines start
     high: float  # where they end
 
     @classmethod
-    def through(
-        cls,
-        axis: int,
-        lower: Floats,
-        upper: Floats,
-        spacing: float,
-        *,
-        dimension: int,
-        periodic: tuple[bool, bool, bool] = (False, False, False),
-    ) -> "Lines":
-        """Return the lines through a box that divide its sides into equal parts of about a spacing, in 2D at z = 0.
-
-        Between walls they pass through the middles of the parts. Across periodic axes they are shifted from there, so
-        that no plane of symmetry of an ordered packing makes parts of the lattice of lines equal.
+    def through(cls, axis: int, lower: Floats, upper: Floats, spacing: float, *, dimension: int) -> "Lines":
+        """Return lines through a box of which each stands for an area of about the square of a spacing, or in 2D, at
+        z = 0, for a spacing.
         """
-        axes = ((axis + 1) % 3, (axis + 2) % 3, axis)
-        lengths = upper - lower
-        counts = [max(1, round(float(lengths[k] / spacing))) if k < dimension else 1 for k in axes[:2]]
-        step = np.array([lengths[k] / n if k < dimension else 1.0 for k, n in zip(axes, counts, strict=False)])
-        places = [share if periodic[k] else 0.5 for k, share in zip(axes, SHIFTED, strict=False)]
-        first = [lower[k] + p * s if k < dimension else 0.0 for k, p, s in zip(axes, places, step, strict=False)]
-        return cls(axes, np.array(first), step, (counts[0], counts[1]), float(lower[axis]), float(upper[axis]))
+        axes = ((axis + 1) % 3, (axis + 2) % 3, axis) if dimension == 3 else (1 - axis, 2, axis)
+        low, lengths = lower[list(axes)], (upper - lower)[list(axes)]
+        many = max(1, round(float(lengths[1] / (ROWS * spacing)))) if dimension == 3 else 1
+        aside = float(lengths[1] / spacing) / many if dimension == 3 else 1.0
+        rows = _prime(round(float(lengths[0] / spacing) * aside))
+        step = np.array([lengths[0] / rows, lengths[1] / many if dimension == 3 else 1.0])
+        first = np.array([low[0] + FIRST_ROW * step[0], low[1] if dimension == 3 else -FIRST_LINE])
+        turn = GOLDEN if dimension == 3 else 0.0
+        return cls(axes, first, step, (rows, many), turn, float(lower[axis]), float(upper[axis]))
 
     @property
     def count(self) -> int:
@@ -75,12 +77,18 @@ class Lines:
 
     @property
     def across(self) -> tuple[Floats, Floats]:
-        """Coordinates of each line along the two axes across, (count,) each."""
-        places = [
-            first + np.arange(n) * step for first, n, step in zip(self.first, self.counts, self.step, strict=True)
-        ]
-        u, v = np.meshgrid(*places, indexing="ij")
-        return u.ravel(), v.ravel()
+        """Coordinates of each line across the rows and along them, (count,) each."""
+        row, place = np.divmod(np.arange(self.count), self.counts[1])
+        shift = _shift_of(row, self.turn)
+        return self.first[0] + row * self.step[0], self.first[1] + (place + shift) * self.step[1]
+
+
+def _prime(least: int) -> int:
+    """Return the smallest prime from a number on; 1 for numbers below 2."""
+    number = max(least, 1)
+    while any(number % k == 0 for k in range(2, math.isqrt(number) + 1)):
+        number += 1
+    return number
 
 
 def grain_intervals(packing: Packing, lines: Lines) -> Intervals:
@@ -179,9 +187,10 @@ def _in_spheres(centers: Floats, radii: Floats, lines: Lines) -> Intervals:
     """Return the intervals in spheres with centers (n, 3) in the order of the axes of the lines."""
     centers = np.ascontiguousarray(centers - [*lines.first, lines.low])
     no_line, no_place = np.zeros(0, dtype=np.int64), np.zeros(0)
-    count = _cross_spheres(centers, radii, lines.step, lines.counts, no_line, no_place, no_place)
+    lattice = lines.step, lines.counts, lines.turn
+    count = _cross_spheres(centers, radii, *lattice, no_line, no_place, no_place)
     line, low, high = np.empty(count, dtype=np.int64), np.empty(count), np.empty(count)
-    _cross_spheres(centers, radii, lines.step, lines.counts, line, low, high)
+    _cross_spheres(centers, radii, *lattice, line, low, high)
     return line, low, high
 
 
@@ -189,13 +198,15 @@ def _in_round(solid: Primitive, middle: Floats, reach: float, lines: Lines) -> I
     """Return the intervals in an ellipsoid, cylinder or cone."""
     stretch, curve, ends = body_frame(solid, *profile(solid), 1.0)
     start = middle - [*lines.first, lines.low]
-    first = np.maximum(np.ceil((start[:2] - reach) / lines.step), 0).astype(int)
+    # a line is shifted by less than the distance of lines
+    first = np.maximum(np.ceil((start[:2] - reach) / lines.step) - [0, 1], 0).astype(int)
     last = np.minimum(np.floor((start[:2] + reach) / lines.step), np.array(lines.counts) - 1).astype(int)
     many = int(np.prod(np.maximum(last - first + 1, 0)))
     line, low, high = np.empty(many, dtype=np.int64), np.empty(many), np.empty(many)
     frame = np.ascontiguousarray(stretch[:, list(lines.axes)])
     window = np.concatenate([first, last])
-    count = _cross_round(frame, start, curve, ends, lines.step, window, lines.counts[1], line, low, high)
+    lattice = lines.step, window, lines.counts[1], lines.turn
+    count = _cross_round(frame, start, curve, ends, *lattice, line, low, high)
     return line[:count], low[:count], high[:count]
 
 
@@ -206,7 +217,7 @@ class _Crossings:
         self._lines = lines
         self._line, self._place = np.empty(1024, dtype=np.int64), np.empty(1024)
         self._lower = np.array([*lines.first, lines.low])
-        self._upper = np.array([*(lines.first + lines.step * (np.array(lines.counts) - 1)), lines.high])
+        self._upper = np.array([*(lines.first + lines.step * np.array(lines.counts)), lines.high])
 
     def reaches(self, middle: Floats, reach: float) -> bool:
         """Return whether a sphere may meet the lines."""
@@ -218,10 +229,10 @@ class _Crossings:
         inner = (vertices[:, list(lines.axes)] - self._lower) / [*lines.step, 1.0]
         # lines pass corners and edges at an infinitesimal distance on the same side, despite round-off
         inner[:, :2] = np.rint(inner[:, :2] * FINEST) / FINEST
-        count = _cross_triangles(inner, faces, lines.counts, self._line, self._place)
+        count = _cross_triangles(inner, faces, lines.counts, lines.turn, self._line, self._place)
         if count > len(self._line):
             self._line, self._place = np.empty(2 * count, dtype=np.int64), np.empty(2 * count)
-            _cross_triangles(inner, faces, lines.counts, self._line, self._place)
+            _cross_triangles(inner, faces, lines.counts, lines.turn, self._line, self._place)
         return self._line[:count].copy(), self._place[:count].copy()
 
 
@@ -240,7 +251,7 @@ def _round_wall(lines: Lines, center: Floats, radius: float, round_axes: int) ->
 
 def _by_distance(container: Container, lines: Lines) -> tuple[Integers, Floats]:
     """Return the crossings with walls known by their signed distance, an even number on each line."""
-    steps = max(2, round((lines.high - lines.low) / float(lines.step.min())))
+    steps = max(2, round((lines.high - lines.low) / math.sqrt(float(lines.step[0]) * float(lines.step[1]))))
     along = np.linspace(lines.low, lines.high, steps + 1)
     points = np.zeros((lines.count, 3))
     points[:, lines.axes[0]], points[:, lines.axes[1]] = lines.across
@@ -268,8 +279,16 @@ def _by_distance(container: Container, lines: Lines) -> tuple[Integers, Floats]:
     return np.concatenate(found_line), np.concatenate(found_place)
 
 
+def _shift_of(row: Integers, turn: float) -> Floats:
+    """Return the shift of the lines of rows, in distances of lines."""
+    return np.asarray((FIRST_LINE + row * turn) % 1.0)
+
+
+_shift = kernel(_shift_of)
+
+
 @kernel
-def _cross_spheres(centers, radii, step, counts, line, low, high):  # type: ignore[no-untyped-def]
+def _cross_spheres(centers, radii, step, counts, turn, line, low, high):  # type: ignore[no-untyped-def]
     """Write the intervals of lines in spheres as long as there is room; return their number."""
     count, room = 0, len(line)
     for s in range(len(radii)):
@@ -281,11 +300,11 @@ def _cross_spheres(centers, radii, step, counts, line, low, high):  # type: igno
             rest = r * r - dx * dx
             if rest <= 0.0:
                 continue
-            half = np.sqrt(rest)
-            first = max(0, int(np.ceil((y - half) / step[1])))
-            last = min(counts[1] - 1, int(np.floor((y + half) / step[1])))
+            half, shift = np.sqrt(rest), _shift(i, turn)
+            first = max(0, int(np.ceil((y - half) / step[1] - shift)))
+            last = min(counts[1] - 1, int(np.floor((y + half) / step[1] - shift)))
             for j in range(first, last + 1):
-                dy = j * step[1] - y
+                dy = (j + shift) * step[1] - y
                 square = rest - dy * dy
                 if square <= 0.0:
                     continue
@@ -297,12 +316,14 @@ def _cross_spheres(centers, radii, step, counts, line, low, high):  # type: igno
 
 
 @kernel
-def _cross_round(stretch, middle, curve, ends, step, window, many, line, low, high):  # type: ignore[no-untyped-def]
+def _cross_round(stretch, middle, curve, ends, step, window, many, turn, line, low, high):  # type: ignore[no-untyped-def]
     """Write the intervals of lines in a solid of revolution; return their number."""
     count = 0
     for i in range(window[0], window[2] + 1):
+        shift = _shift(i, turn)
         for j in range(window[1], window[3] + 1):
-            begin, end = _chord_in_round(stretch, curve, ends, i * step[0] - middle[0], j * step[1] - middle[1])
+            x, y = i * step[0] - middle[0], (j + shift) * step[1] - middle[1]
+            begin, end = _chord_in_round(stretch, curve, ends, x, y)
             if begin < end:
                 line[count], low[count], high[count] = i * many + j, begin + middle[2], end + middle[2]
                 count += 1
@@ -310,26 +331,28 @@ def _cross_round(stretch, middle, curve, ends, step, window, many, line, low, hi
 
 
 @kernel
-def _cross_triangles(vertices, faces, counts, line, place):  # type: ignore[no-untyped-def]
+def _cross_triangles(vertices, faces, counts, turn, line, place):  # type: ignore[no-untyped-def]
     """Write the crossings of lines with triangles as long as there is room; return their number.
 
-    Lines pass through whole numbers. The ranges are half-open, so that a closed surface gives each line an even number.
+    Lines are at whole numbers, along the rows with their shift. The ranges are half-open, so that a closed surface
+    gives each line an even number.
     """
     count, room = 0, len(line)
     for f in range(len(faces)):
         a, b, c, _ = _ordered(vertices, faces[f, 0], faces[f, 1], faces[f, 2])
         begin, end = _first_last(vertices[a, 0], vertices[c, 0], counts[0])
         ya, yb, yc = vertices[a, 1], vertices[b, 1], vertices[c, 1]
-        lowest, highest = _first_last(min(ya, yb, yc), max(ya, yb, yc), counts[1])
+        lowest, highest = _first_last(min(ya, yb, yc) - 1.0, max(ya, yb, yc), counts[1])
         if begin > end or lowest > highest:
             continue
         long, first, second = _sides(vertices, a, b, c)
         for i in range(begin, end + 1):
             y_1, z_1, y_2, z_2, _ = _segment(long, first, second, float(i))
-            lowest, highest = _first_last(y_1, y_2, counts[1])
+            shift = _shift(i, turn)
+            lowest, highest = _first_last(y_1 - shift, y_2 - shift, counts[1])
             for j in range(lowest, highest + 1):
                 if count < room:
-                    height = z_1 + (j - y_1) * (z_2 - z_1) / (y_2 - y_1)
+                    height = z_1 + (j + shift - y_1) * (z_2 - z_1) / (y_2 - y_1)
                     place[count] = max(min(height, max(z_1, z_2)), min(z_1, z_2))
                     line[count] = i * counts[1] + j
                 count += 1

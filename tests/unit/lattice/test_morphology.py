@@ -1,5 +1,7 @@
 """Operations with spheres against SciPy's structuring elements; local thickness against all spheres."""
 
+import itertools
+
 import numpy as np
 import pytest
 from scipy.ndimage import binary_dilation, binary_erosion, distance_transform_edt
@@ -62,15 +64,17 @@ def test_no_free_voxel_and_no_taken_one():
         vg.opening(full[0], 1.0)
 
 
-def all_spheres(mask):
-    """Return the local thickness by painting the sphere of each voxel: the plain twin."""
-    squares = np.round(distance_transform_edt(mask) ** 2)
+def all_spheres(mask, copies=(1, 1, 1)):
+    """Return the local thickness, by painting the sphere of each voxel and of its copies: the plain twin."""
+    inner = tuple(slice(n * (many // 2), n * (many // 2 + 1)) for n, many in zip(mask.shape, copies, strict=True))
+    squares = np.round(distance_transform_edt(np.tile(mask, copies))[inner] ** 2)
     places = np.argwhere(mask)
     found = np.zeros(mask.shape)
-    for voxel in places:
-        near = ((places - voxel) ** 2).sum(axis=1) < squares[tuple(voxel)]
-        part = tuple(places[near].T)
-        found[part] = np.maximum(found[part], squares[tuple(voxel)])
+    for shift in itertools.product(*(np.arange(many) - many // 2 for many in copies)):
+        for voxel in places:
+            near = ((places - voxel - np.array(shift) * mask.shape) ** 2).sum(axis=1) < squares[tuple(voxel)]
+            part = tuple(places[near].T)
+            found[part] = np.maximum(found[part], squares[tuple(voxel)])
     return 2 * np.sqrt(found)
 
 
@@ -84,6 +88,18 @@ def test_local_thickness_is_that_of_all_spheres(index):
         mask |= ((x - middle[:, None, None, None]) ** 2).sum(axis=0) < radius**2
     for part in (mask, ~mask):
         assert np.allclose(vg.local_thickness(part), all_spheres(part), rtol=1e-6)
+
+
+@pytest.mark.parametrize("periodic", ["", "x", "yz"])
+@pytest.mark.parametrize("shape", [(20, 9, 7), (70, 9, 4), (5, 8, 70)])
+def test_local_thickness_of_wide_rooms(shape, periodic):
+    # a few free voxels at one end: spheres of many voxels, wider than the image and than the boxes that are divided
+    generator = stream(8, "room", *shape)
+    mask = np.ones(shape, dtype=bool)
+    mask[tuple(generator.integers(0, [n // 2 for n in shape], (6, 3)).T)] = False
+    expected = all_spheres(mask, [7 if axis in periodic else 1 for axis in "xyz"])
+    assert expected.max() > 15
+    assert np.allclose(vg.local_thickness(mask, periodic=periodic or False), expected, rtol=1e-6)
 
 
 def test_local_thickness_of_periodic_images():

@@ -139,7 +139,7 @@ def test_clumps_are_the_union_of_their_spheres():
 def lines_of(packing, axis):
     """Return the lines of chords at a spacing of 0.02."""
     box = packing.container
-    return Lines.through(axis, *box.bounds, 0.02, dimension=3, periodic=box.periodic)
+    return Lines.through(axis, *box.bounds, 0.02, dimension=3)
 
 
 def _ends(packing, axis):
@@ -212,7 +212,9 @@ def test_walls_alone(container, expected):
     shape = SPHERE if container.dimension == 3 else vg.make_shape("disk")
     none = vg.Packing.of([shape], container, position=np.zeros((0, 3)))
     for axis, length in enumerate(expected):
-        assert chords_along(none, axis, 0.01).mean == pytest.approx(length, rel=2e-3)
+        found = chords_along(none, axis, 0.01)
+        assert found.mean == pytest.approx(length, rel=2e-3)
+        assert abs(found.mean - length) <= 2 * found.error + 1e-12
 
 
 class Hidden:
@@ -246,7 +248,7 @@ def test_the_surface_of_a_bed_ends_no_chord():
     assert found.lengths.max() <= 1.0 + 1e-9
     upside = vg.Packing.of([SPHERE], vg.Box((3, 3, 9)), position=[3, 3, 9] - place, gravity=(0, 0, 1))
     for axis in range(3):
-        assert chords_along(upside, axis, 0.02).mean == pytest.approx(chords_along(bed, axis, 0.02).mean, rel=1e-9)
+        assert chords_along(upside, axis, 0.02).mean == pytest.approx(chords_along(bed, axis, 0.02).mean, rel=3e-3)
 
 
 def test_lengths_and_places():
@@ -269,7 +271,8 @@ def test_grains_that_touch_leave_no_gap():
     packing = vg.Packing.of([cube.scaled(0.1)], box, position=place)
     found = chords_along(packing, 2, 0.013)
     assert found.lengths == pytest.approx(0.1)
-    assert len(found.lengths) == 7 * 8  # the lines through the column
+    lines = Lines.through(2, *box.bounds, 0.013, dimension=3)
+    assert len(found.lengths) == (lines.across[0] < 0.1).sum()  # the lines through the column
 
 
 def test_few_lines_have_no_error():
@@ -306,6 +309,78 @@ def test_all_orders_of_the_axes():
             points[:, lines.axes[0]], points[:, lines.axes[1]], points[:, axis] = u, v, end + lines.low
             inner = (points - packing.position[0]) @ packing.matrices[0]
             assert ((inner / np.array(shape.geometry.dimensions)) ** 2).sum(axis=1) == pytest.approx(1, abs=1e-9)
+
+
+def test_lines_meet_spheres_and_boxes_as_in_a_plain_search():
+    generator = np.random.default_rng(3)
+    for shape, count in ((SPHERE, 5), (vg.make_shape("box", lengths=(0.9, 0.7, 0.8)), 3)):
+        place = generator.uniform(0.6, 2.4, (count, 3))
+        packing = vg.Packing.of([shape], vg.Box((3, 3, 3)), position=place)
+        for axis in range(3):
+            lines = Lines.through(axis, *packing.container.bounds, 0.1, dimension=3)
+            line, low, high = grain_intervals(packing, lines)
+            aside = np.stack(lines.across, axis=1)[:, None] - place[:, lines.axes[:2]]
+            if shape is SPHERE:
+                half = np.sqrt(np.maximum(0.25 - (aside**2).sum(axis=2), 0))
+            else:
+                sides = np.array([0.9, 0.7, 0.8])[list(lines.axes)] / 2
+                half = sides[2] * (np.abs(aside) < sides[:2]).all(axis=2)
+            at, grain = np.nonzero(half)
+            expected = np.stack([at, place[grain, axis] - half[at, grain], place[grain, axis] + half[at, grain]])
+            found = np.stack([line, low, high])
+            order, mine = np.lexsort((expected[1], at)), np.lexsort((low, line))
+            assert found[:, mine] == pytest.approx(expected[:, order], abs=1e-8)
+
+
+def test_lines_are_spread_over_the_box_and_over_its_projections():
+    lower, upper = np.array([0.0, 1.0, 2.0]), np.array([3.0, 3.0, 6.0])
+    for axis in range(3):
+        lines = Lines.through(axis, lower, upper, 0.1, dimension=3)
+        across = (np.stack(lines.across, axis=1) - lower[list(lines.axes[:2])]) / (upper - lower)[list(lines.axes[:2])]
+        area = float(np.prod((upper - lower)[list(lines.axes[:2])]))
+        assert lines.count == pytest.approx(area / 0.01, rel=0.15)
+        # seen along the rows and across them, the lines have no two alike, and no wide gaps: a square lattice of the
+        # same number has gaps of 1 / 20 to 1 / 40
+        for places in across.T:
+            assert 0 < places.min() < places.max() < 1
+            assert np.diff(np.unique(places)).max() < 0.01
+
+
+def lattice_of(shape, count, spacing):
+    """Return grains on a cubic lattice, periodic."""
+    place = np.indices((count,) * 3).reshape(3, -1).T * spacing
+    return vg.Packing.of([shape], vg.Box((count * spacing,) * 3, periodic="xyz"), position=place)
+
+
+@pytest.mark.parametrize("size", [0.1, 0.05, 0.0403])
+@pytest.mark.parametrize("kind", ["cubes", "one cube", "spheres"])
+def test_the_error_of_aligned_grains_is_told_wherever_they_lie(kind, size):
+    cube = vg.make_shape("box", lengths=(0.806,) * 3)
+    shape, count, spacing = {"cubes": (cube, 3, 1.0075), "one cube": (cube, 1, 1.3), "spheres": (SPHERE, 3, 1.0)}[kind]
+    packing = lattice_of(shape, count, spacing)
+    seen = math.pi / 4 if shape is SPHERE else 0.806**2
+    exact = 2 * (packing.container.volume - packing.volumes.sum()) / (2 * packing.count * seen)
+    generator, found = np.random.default_rng(1), []
+    for _ in range(20):
+        moved = vg.Packing.of([shape], packing.container, position=packing.position + generator.uniform(0, 1, 3))
+        chords = chords_along(moved, 0, size)
+        found.append((chords.mean - exact, chords.error))
+    missed, errors = np.array(found).T
+    assert (np.abs(missed) < 2 * errors).mean() >= 0.9
+    assert 0.1 < math.sqrt((missed**2).mean() / (errors**2).mean()) < 1.1
+    # a square lattice of lines missed by 0.012 in the root mean square, at a spacing of 0.025
+    assert count == 1 or np.abs(missed).max() < 0.2 * size * exact
+
+
+def test_cubes_between_walls_whose_faces_a_square_lattice_of_lines_follows():
+    cube, spacing = vg.make_shape("box", lengths=(0.806,) * 3), 1.0075
+    place = (np.indices((3,) * 3).reshape(3, -1).T + 0.5) * spacing
+    packing = vg.Packing.of([cube], vg.Box((3 * spacing,) * 3, periodic="xz"), position=place)
+    space, faces = (3 * spacing) ** 3 - 27 * 0.806**3, 27 * 0.806**2
+    for axis, walls in enumerate((0.0, (3 * spacing) ** 2, 0.0)):
+        found = chords_along(packing, axis, 0.05)
+        exact = space / (faces + walls)
+        assert abs(found.mean - exact) < min(2 * found.error, 0.006 * exact)
 
 
 @pytest.mark.parametrize("spacing", [0.1, 0.05, 0.025])
