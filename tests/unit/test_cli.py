@@ -263,7 +263,7 @@ def test_mistakes_are_one_line_and_status_2(words, expected, capsys):
 
 
 def test_scenes_and_packings_that_are_mistaken_for_each_other_are_told(scene, tmp_path, capsys):
-    assert "is a scene and no packing" in complaint(capsys, "measure", str(scene))[1]
+    assert "holds a scene and no packing" in complaint(capsys, "measure", str(scene))[1]
     (tmp_path / "bed.vtp").touch()
     assert "is a packing and no scene" in complaint(capsys, "run", str(tmp_path / "bed.vtp"))[1]
 

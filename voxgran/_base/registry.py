@@ -193,7 +193,7 @@ def unknown(
     `kind` is such as ``"packing method"``; names of `beside` may be suggested but are not listed. `meant` is suggested
     where the caller knows better than the spelling says.
     """
-    names = sorted(known)
+    names = sorted(set(known))
     meant = meant or nearest(name, (*names, *beside))
     hint = f"did you mean {meant!r}? " if meant else ""
     listed = f"known are {', '.join(names)}" if names else "there are no others" if meant else "there are none"

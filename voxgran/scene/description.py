@@ -25,6 +25,7 @@ from voxgran.packing.gravity import proposed_axis
 from voxgran.packing.method import method_registry
 from voxgran.packing.model import Packing
 from voxgran.scene.keys import Measured, Packed, Settled, names_of
+from voxgran.scene.mistakes import Mistakes, refuse_unknown
 from voxgran.scene.sections import General, Output
 from voxgran.scene.shape_entries import ShapeEntry, given_values, shape_entries
 from voxgran.settling.parameters import Settling
@@ -153,49 +154,44 @@ class SceneDescription(ExplainedAttributes):
         64.0
         """
         check_type(mapping, Mapping, "scene", "a mapping of sections; for a file use Scene.from_toml")
-        for name in mapping:
-            if name not in SECTIONS:
-                raise UnknownNameError(unknown("section", name, SECTIONS))
-            if name != "shape":
-                check_type(mapping[name], Mapping, f"[{name}]", f"a section; write [{name}] above its keys")
-        for name in ("shape", "container", "packing"):
-            if name not in mapping:
-                raise InputError(f"[{name}] is missing: a scene needs this section; add it")
-        place = Path(folder)
-        sizes = dict(mapping.get("sizes", {}))
-        share_by = sizes.pop("share_by", "number")
-        packing = dict(mapping["packing"])
-        method, general = packing.pop("method", None), _general(mapping.get("scene", {}))
-        if method is None:
-            known = ", ".join(method_registry().names())
-            raise InputError(f"[packing] has no method: a scene is packed by one; add method, one of {known}")
-        count, solid = packing.pop("count", None), packing.pop("solid_fraction", None)
-        start = packing.pop("start", None)
-        beside = names_of(Packed)
-        if "settle" in packing:
-            raise UnknownNameError(f"[packing] settle is no key: {SETTLE_KEYS}")
-        output: Output = from_mapping(Output, mapping.get("output", {}), "[output]")
-        material: Material = from_mapping(Material, mapping.get("material", {}), "[material]")
-        parameters = method_registry().get(method).parameters
-        packing = given_values(parameters, packing, "[packing]", beside=beside)
-        container = make_container(_with_file(mapping["container"], place))
+        _check_sections(mapping)
+        place, mistakes = Path(folder), Mistakes()
+        with mistakes.part():
+            general = _general(mapping.get("scene", {}))
+        with mistakes.part():
+            shapes = shape_entries(mapping["shape"], place)
+        with mistakes.part():
+            sizes = dict(mapping.get("sizes", {}))
+            share_by = _share_by(sizes.pop("share_by", "number"))
+            law = make_sizes(sizes) if sizes else None
+        with mistakes.part():
+            container = make_container(_with_file(mapping["container"], place))
+        with mistakes.part():
+            packing = dict(mapping["packing"])
+            method, parameters, given = _method(packing)
+            packed = _packed(packing, place)
+        with mistakes.part():
+            material: Material = from_mapping(Material, mapping.get("material", {}), "[material]")
+        with mistakes.part():
+            which = _which(mapping.get("measure", {}))
+        with mistakes.part():
+            output: Output = _output(mapping.get("output", {}))
+        mistakes.refuse()
         for engine in output.dem:
             refuse_unheld(engine_registry().get(engine), material, container)
         return cls(
             general=general,
-            shapes=_with_densities(shape_entries(mapping["shape"], place), general),
-            sizes=make_sizes(sizes) if sizes else None,
-            share_by=_share_by(share_by),
+            shapes=_with_densities(shapes, general),
+            sizes=law,
+            share_by=share_by,
             container=container,
-            method=str(method),
-            count=None if count is None else as_count(count, "[packing] count", at_most=None),
-            solid_fraction=None if solid is None else as_number(solid, "[packing] solid_fraction", above=0, at_most=1),
-            start=None if start is None else str(existing_file(place / str(start))),
-            parameters=packing,
-            settle=_settle(mapping.get("settle"), str(method), parameters, container),
-            which=_which(mapping.get("measure", {})),
+            method=method,
+            parameters=given,
+            settle=_settle(mapping.get("settle"), method, parameters, container),
+            which=which,
             material=material,
             output=output,
+            **packed,
         )
 
     def to_mapping(self) -> dict[str, Any]:
@@ -318,6 +314,53 @@ def read_toml(path: str | os.PathLike[str]) -> dict[str, Any]:
         raise FileFormatError(f"{found} is not TOML ({reason_of(error)}): {mend}") from error
 
 
+def _check_sections(mapping: Mapping[str, Any]) -> None:
+    """Refuse sections that are unknown, missing or no sections."""
+    check_type(mapping, Mapping, "scene", "a mapping of sections; for a file use Scene.from_toml")
+    mistakes = Mistakes()
+    for name in mapping:
+        with mistakes.part():
+            if name not in SECTIONS:
+                raise UnknownNameError(unknown("section", name, SECTIONS))
+            if name != "shape":
+                check_type(mapping[name], Mapping, f"[{name}]", f"a section; write [{name}] above its keys")
+    mistakes.refuse()  # a section that is missing may be there under a wrong name
+    for name in ("shape", "container", "packing"):
+        with mistakes.part():
+            if name not in mapping:
+                raise InputError(f"[{name}] is missing: a scene needs this section; add it")
+    mistakes.refuse()
+
+
+def _method(packing: Mapping[str, Any]) -> tuple[str, type, dict[str, Any]]:
+    """Return the method that [packing] names, the class of its parameters and those that are given."""
+    if packing.get("method") is None:
+        known = ", ".join(method_registry().names())
+        raise InputError(f"[packing] has no method: a scene is packed by one; add method, one of {known}")
+    if "settle" in packing:
+        raise UnknownNameError(f"[packing] settle is no key: {SETTLE_KEYS}")
+    parameters, beside = method_registry().get(packing["method"]).parameters, names_of(Packed)
+    own = {key: value for key, value in packing.items() if key not in beside}
+    refuse_unknown(own, "[packing]", parameters, beside=beside)
+    return str(packing["method"]), parameters, given_values(parameters, own, "[packing]")
+
+
+def _packed(packing: Mapping[str, Any], place: Path) -> dict[str, Any]:
+    """Return how many grains [packing] asks for, and the file that it starts from."""
+    count, solid, start = (packing.get(key) for key in ("count", "solid_fraction", "start"))
+    return {
+        "count": None if count is None else as_count(count, "[packing] count", at_most=None),
+        "solid_fraction": None if solid is None else as_number(solid, "[packing] solid_fraction", above=0, at_most=1),
+        "start": None if start is None else str(existing_file(place / str(start))),
+    }
+
+
+def _output(mapping: Mapping[str, Any]) -> Output:
+    """Return the checked section [output]."""
+    refuse_unknown(mapping, "[output]", Output)
+    return from_mapping(Output, mapping, "[output]")
+
+
 def _settle(
     mapping: Mapping[str, Any] | None, method: str, parameters: type, container: Container
 ) -> Settling | Literal[False] | None:
@@ -337,12 +380,14 @@ def _settle(
             f"[settle] and method {method!r}: it packs without gravity; leave this section out, and settle the packing "
             f"with 'voxgran settle out/packing.vtp --gravity {proposed_axis(container)} -o settled.vtp'"
         )
-    settling = from_mapping(Settling, given, "[settle]", beside=names_of(Settled))
+    refuse_unknown(given, "[settle]", Settling, beside=names_of(Settled))
+    settling = from_mapping(Settling, given, "[settle]")
     return settling if enabled else False
 
 
 def _general(mapping: Mapping[str, Any]) -> General:
     """Return the checked section [scene]."""
+    refuse_unknown(mapping, "[scene]", General)
     made = from_mapping(General, mapping, "[scene]")
     as_count(made.seed, "[scene] seed", at_most=None)
     as_count(made.seeds, "[scene] seeds", at_least=1)
@@ -378,9 +423,7 @@ def _which(mapping: Mapping[str, Any]) -> tuple[str, ...] | None:
     """Return the names of the measures that are asked for; "all" may be among them."""
     from voxgran.measures.model import ALL, measure_registry
 
-    for key in mapping:
-        if key not in names_of(Measured):
-            raise UnknownNameError(unknown("[measure] key", key, names_of(Measured)))
+    refuse_unknown(mapping, "[measure]", Measured)
     if "which" not in mapping:
         return None
     check_type(mapping["which"], (list, tuple), "[measure] which", "a list of names, such as ['density']")
