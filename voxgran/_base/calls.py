@@ -8,9 +8,9 @@ from functools import wraps
 from typing import Any, ClassVar, ParamSpec, Protocol, TypeVar
 
 from voxgran._base.config import from_mapping, parameters_of, removal_of, to_mapping
-from voxgran._base.deprecation import warn_former
 from voxgran._base.errors import CallError, InputError, shown
 from voxgran._base.registry import Registry, nearest, unknown
+from voxgran._base.warning import warn_former
 
 P = ParamSpec("P")
 R = TypeVar("R")

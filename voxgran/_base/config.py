@@ -18,10 +18,10 @@ from functools import lru_cache
 from typing import Any, TypeVar
 
 from voxgran._base.arrays import as_count, as_number, check_lengths
-from voxgran._base.deprecation import warn_former
 from voxgran._base.errors import InputError, UnknownNameError, shown
 from voxgran._base.registry import unknown
 from voxgran._base.scalars import float_of, number_of, unwrapped, whole_number_of
+from voxgran._base.warning import warn_former
 
 T = TypeVar("T")
 

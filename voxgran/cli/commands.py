@@ -188,7 +188,7 @@ def _called(path: str) -> str:
 
 def labels(options: argparse.Namespace) -> None:
     """Make a packing of a label image and write it."""
-    given = _fields(options, "voxel_size", "border", "surface", "periodic", "unit", "key")
+    given = _fields(options, "voxel_size", "border", "surface", "periodic", "gravity", "unit", "key")
     source = voxgran.load_image(options.file, key=options.key) if options.segment else options.file
     if options.segment:
         source = replace(source, values=voxgran.segment(source.values))

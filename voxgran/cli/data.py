@@ -1,14 +1,27 @@
-"""Command that copies a file that comes with the package."""
+"""Command that lists the files that come with the package, or copies one."""
 
 import argparse
 
 import voxgran
+from voxgran._base.errors import InputError
 from voxgran._base.files import written_whole
-from voxgran.cli.terminal import show
+from voxgran.cli.terminal import entry_line, show
+from voxgran.io.data_files import DATA_FILES
 
 
 def data(options: argparse.Namespace) -> None:
-    """Copy a file that comes with voxgran, and say where the copy is."""
+    """Copy a file that comes with voxgran, and say where the copy is; without a name, list the files."""
+    if options.name is None:
+        if options.output:
+            raise InputError(
+                f"-o {options.output} is given without a name: name the file to copy; one of {', '.join(DATA_FILES)}"
+            )
+        if options.json:
+            show(DATA_FILES, options)
+        else:
+            for name, about in DATA_FILES.items():
+                entry_line(name, about)
+        return
     source, target = voxgran.data_file(options.name), options.output or options.name
     with written_whole(target, overwrite=options.overwrite) as draft:
         draft.write_bytes(source.read_bytes())

@@ -12,10 +12,10 @@ from typing import Any, NoReturn
 
 import voxgran
 from voxgran._base.config import Parameter, parameters_of
-from voxgran._base.deprecation import warn_former
 from voxgran._base.errors import InputError, UnknownNameError
 from voxgran._base.lazy import load
 from voxgran._base.registry import nearest, unknown
+from voxgran._base.warning import warn_former
 from voxgran.decks.material import Material
 from voxgran.decks.simulation import LONGEST, REST
 from voxgran.decks.write import KINDS
@@ -151,6 +151,7 @@ FLAGS: dict[str, tuple[Flag, ...]] = {
         _flag("--border", choices=("keep", "drop"), default="keep", help="grains that the image cuts"),
         _flag("--surface", choices=("smooth", "voxel"), default="smooth", help="smooth, or faces of voxels"),
         _flag("--periodic", default="", help="axes along which the image repeats, such as xy"),
+        _flag("--gravity", type=_value, help="where gravity acts in the sample: -z or x,y,z; default: nowhere"),
         _flag("--unit", help="unit of the voxel size"),
         _flag("--key", help="which array of an .npz or .vti file"),
         _flag("-o", "--output", help="file for the packing that the sample is: .vtp"),
@@ -237,7 +238,7 @@ FLAGS: dict[str, tuple[Flag, ...]] = {
     "bench": (_flag("name", help="trade-off"), _flag("-o", "--output", default="bench", help="folder")),
     "doctor": (_flag("--warm", action="store_true", help="compile the kernels of usual scenes, which takes minutes"),),
     "data": (
-        _flag("name", help="such as eros.obj or itokawa_lp.obj"),
+        _flag("name", nargs="?", help="such as eros.obj or itokawa_lp.obj; default: the files are listed"),
         _flag("-o", "--output", help="file; default: of the same name, in this folder"),
     ),
     "demo": (_flag("-o", "--output", default="out/demo", help="folder for the results"),),

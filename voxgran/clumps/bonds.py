@@ -7,7 +7,6 @@ beyond that circle or all of it is within the other. The area of a bond is thus 
 """
 
 import math
-import warnings
 from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any, NamedTuple
 
@@ -17,6 +16,7 @@ from voxgran._base.arrays import Floats, Integers, as_number
 from voxgran._base.cells import near_pairs
 from voxgran._base.errors import PackingWarning
 from voxgran._base.lazy import load
+from voxgran._base.warning import warn
 
 if TYPE_CHECKING:
     from xarray import Dataset
@@ -173,10 +173,9 @@ def bonds_of_bodies(
             )
         )
     if added:
-        warnings.warn(
+        warn(
             f"{added} bonds join spheres that do not touch, so that each grain is one body: their gaps are in 'gap'",
             PackingWarning,
-            stacklevel=3,
         )
     return _dataset(rows, strengths, unit, added)
 

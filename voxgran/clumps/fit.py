@@ -1,6 +1,5 @@
 """`fit_clump`: spheres for a shape or for voxels, with measured errors."""
 
-import warnings
 from typing import Any
 
 import numpy as np
@@ -8,6 +7,7 @@ import numpy as np
 from voxgran._base.arrays import as_choice, as_count, as_number, check_type
 from voxgran._base.calls import Parameters, chosen, explained
 from voxgran._base.errors import InputError, PackingWarning
+from voxgran._base.warning import warn
 from voxgran.clumps.body import Body
 from voxgran.clumps.errors import clump_errors
 from voxgran.clumps.method import ClumpMethod, Fitted, clump_methods, clump_registry
@@ -102,7 +102,7 @@ def fit_clump(
     if target is None:
         clump = fit.clump(most)
         if clump.reason and _own_spheres(shape, most) is None:
-            warnings.warn(f"{shape.name!r} has {clump.count} spheres: {clump.reason}", PackingWarning, stacklevel=2)
+            warn(f"{shape.name!r} has {clump.count} spheres: {clump.reason}", PackingWarning)
         return clump
     return _fewest(fit, target, level, most)
 

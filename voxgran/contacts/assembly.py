@@ -138,7 +138,11 @@ class Assembly:
 
     @cached_property
     def masses(self) -> Floats:
-        """True masses of the grains, (n,): density times volume, in 2D times area."""
+        """True masses of the grains, (n,): density times volume, in 2D times area.
+
+        They are in kg where the density is in kg/m³ and lengths are in m, as those of ``to_unit("m")``; with lengths in
+        mm they are in 1e-9 kg.
+        """
         return read_only(self.densities * self.volumes)
 
     @property

@@ -1,7 +1,6 @@
 """Material of the grains in an engine, and the contact law that follows from it."""
 
 import math
-import warnings
 from dataclasses import dataclass
 from typing import Literal
 
@@ -11,6 +10,7 @@ from voxgran._base.arrays import Floats, as_choice
 from voxgran._base.config import check_bounds, parameter
 from voxgran._base.errors import InputError, PackingWarning
 from voxgran._base.registry import ExplainedAttributes
+from voxgran._base.warning import warn
 
 #: acceleration of gravity at the surface of the Earth, m/s^2
 GRAVITY = 9.81
@@ -237,4 +237,4 @@ def _refuse_soft(material: Material, overlap: float, load: float, diameter: floa
     )
     if overlap > LARGEST_OVERLAP:
         raise InputError(text)
-    warnings.warn(text, PackingWarning, stacklevel=4)
+    warn(text, PackingWarning)

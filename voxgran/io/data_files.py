@@ -7,10 +7,16 @@ from voxgran._base.errors import MissingFileError, UnknownNameError
 from voxgran._base.registry import unknown
 
 #: what the installed package holds, or the checkout beside it; data/SOURCES.md names the origin of each
-DATA_FILES = ("bennu_lp.obj", "bunny_dirty.ply", "eros.obj", "ice_cream_cone.npy", "itokawa_lp.obj")
+DATA_FILES = {
+    "bennu_lp.obj": "asteroid Bennu, 1,474 triangles; NASA, free of restrictions",
+    "bunny_dirty.ply": "Stanford bunny with holes, 16,301 triangles; MIT licence",
+    "eros.obj": "asteroid Eros, 14,744 triangles; NASA, free of restrictions",
+    "ice_cream_cone.npy": "voxel image of a grain, 64 x 64 x 64; MIT licence",
+    "itokawa_lp.obj": "asteroid Itokawa, 1,622 triangles; JAXA, free of restrictions",
+}
 
 
-@explained(hint='data_file("eros.ply")')
+@explained(hint='data_file("eros.obj")')
 def data_file(name: str) -> Path:
     """Return the path of a file that comes with voxgran, such as the scan of an asteroid.
 

@@ -1,7 +1,6 @@
 """Label images: any packing on a lattice, for LBM, FFT and pore-network computations."""
 
 import os
-import warnings
 from typing import Any
 
 import numpy as np
@@ -12,6 +11,7 @@ from voxgran._base.calls import explained
 from voxgran._base.errors import FileFormatError, InputError, PackingWarning, TooLargeError, shown
 from voxgran._base.files import written_whole
 from voxgran._base.vtk_data import image_data, write_data
+from voxgran._base.warning import warn
 from voxgran.lattice.grid import Grid, check_voxel_size
 from voxgran.measures.painting import labels_on
 from voxgran.packing.model import Packing
@@ -105,11 +105,10 @@ def image_grid(packing: Packing, voxel_size: float) -> Grid:
         raise TooLargeError(f"the image has {nx} x {ny} x {nz} voxels: at most {VOXEL_LIMIT} fit; take larger voxels")
     for axis in np.flatnonzero(np.array(packing.container.periodic) & (counts != exact)):
         if abs(exact[axis] - counts[axis]) > 1e-9 * counts[axis]:
-            warnings.warn(
+            warn(
                 f"voxel_size is {size:g}: the period along {'xyz'[axis]} is {exact[axis]:.6g} voxels and the image "
                 f"does not repeat seamlessly; take {(upper - lower)[axis] / counts[axis]:.10g}",
                 PackingWarning,
-                stacklevel=3,
             )
     x, y, z = (float(value) for value in lower)
     return Grid((x, y, z), size, (nx, ny, nz))

@@ -1,6 +1,5 @@
 """Spheres of a file of another program, and the packing of these, with a record of all assumptions."""
 
-import warnings
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from itertools import pairwise
@@ -15,6 +14,7 @@ from voxgran._base.cells import near_pairs
 from voxgran._base.errors import FileFormatError, InputError, PackingWarning, shown, with_article
 from voxgran._base.rotation import quaternions_of
 from voxgran._base.units import known_unit
+from voxgran._base.warning import warn
 from voxgran.contacts.assembly import NOT_STATED, shapes_by_density
 from voxgran.containers.box import Box
 from voxgran.containers.model import Container
@@ -161,11 +161,10 @@ def _warn_of_a_clump(particles: Particles, path: Path) -> None:
     deep = depth > DEEP * np.minimum(radii[i], radii[j])
     count = len(np.union1d(i[deep], j[deep]))
     if count > len(radii) / 2:
-        warnings.warn(
+        warn(
             f"{path} holds {len(radii)} spheres as a packing, of which {count} overlap others by more than {DEEP:.0%} "
             "of their radius: if they are one clump, read it with vg.load_shape",
             PackingWarning,
-            stacklevel=4,
         )
 
 

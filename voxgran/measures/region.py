@@ -99,9 +99,7 @@ class BoxRegion:
         if self.volume <= 0:
             return np.zeros(packing.count, dtype=np.bool_)
         p = packing.position[:, : len(self.lower)]
-        # a centroid in a face counts, whatever the unit of lengths
-        slack = ON_FACE * np.maximum(np.abs(self.lower), np.abs(self.upper))
-        return np.asarray((((p >= self.lower - slack) & (p <= self.upper + slack)) | ~self.walls).all(axis=1))
+        return np.asarray((_between(p, self.lower, self.upper) | ~self.walls).all(axis=1))
 
     def solid(self, solids: Solids) -> Estimate:
         """Return the volume of the grains inside."""
@@ -125,8 +123,7 @@ class CylinderRegion:
     def grains(self, packing: Packing) -> Booleans:
         """Return the mask of the grains with their centroids in the region."""
         p = packing.position - np.array([*self.center[:2], 0.0])
-        tall = (p[:, 2] >= self.lower) & (p[:, 2] <= self.upper)
-        return np.asarray(tall & (np.hypot(p[:, 0], p[:, 1]) <= self.radius))
+        return _between(p[:, 2], self.lower, self.upper) & _between(np.hypot(p[:, 0], p[:, 1]), -math.inf, self.radius)
 
     def solid(self, solids: Solids) -> Estimate:
         """Return the volume of the spheres inside.
@@ -235,8 +232,17 @@ class SampledRegion:
 
     def _held(self, points: Floats, depths: Floats) -> Booleans:
         """Return the mask of the sample points in the region."""
-        low = ((points >= self.limits[0]) & (points <= self.limits[1])).all(axis=1)
-        return np.asarray(low & (depths >= self.inset) & (depths < self.until))
+        low = _between(points, *self.limits).all(axis=1)
+        # the slack of both bounds is inward to the walls, so that no point is in two regions that meet
+        slack = ON_FACE * float(np.abs(points).max(initial=0.0))
+        return np.asarray(low & (depths >= self.inset - slack) & (depths < self.until - slack))
+
+
+def _between(values: Floats, lower: "Floats | float", upper: "Floats | float") -> Booleans:
+    """Return which coordinates lie between two faces or in one of them, whatever the unit of lengths."""
+    bounds = np.abs(np.array([lower, upper]))
+    slack = ON_FACE * np.where(np.isfinite(bounds), bounds, 0.0).max(axis=0)
+    return np.asarray((values >= lower - slack) & (values <= upper + slack))
 
 
 def gravity_of(packing: Packing) -> tuple[int, int] | None:

@@ -2,7 +2,6 @@
 
 import logging
 import math
-import warnings
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Any, Literal
@@ -13,6 +12,7 @@ from numpy.typing import ArrayLike, NDArray
 from voxgran._base.arrays import Floats, Integers, as_choice, as_count, as_floats, as_number, check_lengths
 from voxgran._base.errors import GrainTooLargeError, InputError, PackingWarning, TooLargeError, shown
 from voxgran._base.seeds import stream
+from voxgran._base.warning import warn
 from voxgran.containers.model import Container, boundary_of
 from voxgran.containers.size_limits import can_fit
 from voxgran.shapes.describing.extents import principal_extents
@@ -109,11 +109,10 @@ def draw_grains(
         )
     removed = {"count": int((~fits).sum()), "volume": float(volumes[~fits].sum())}
     if removed["count"]:
-        warnings.warn(
+        warn(
             f"{removed['count']} grains of volume {removed['volume']:.6g} cannot fit in the container: the "
             "gradation is cut there; make the container larger to keep it whole",
             PackingWarning,
-            stacklevel=5,
         )
     return DrawnGrains(shape_id[fits], diameter[fits], removed)
 

@@ -333,13 +333,13 @@ class Packing(GrainSequence):
         """What several measures need and is slow to compute, by name, for them to keep."""
         return {}
 
-    def contacts(self, gap: float = 0.0) -> Contacts:
+    def contacts(self, gap: float | None = None) -> Contacts:
         """Return all pairs of grains whose surfaces are nearer than a gap; found once and kept.
 
         Parameters
         ----------
-        gap : float
-            Largest distance of the surfaces, in the unit of lengths, at least 0.
+        gap : float, optional
+            Largest distance of the surfaces, in the unit of lengths, at least 0; default: `contact_gap`.
 
         Returns
         -------
@@ -357,7 +357,7 @@ class Packing(GrainSequence):
         >>> pair.contacts().count, pair.contacts(gap=0.05).count
         (0, 1)
         """
-        reach = as_number(gap, "gap", at_least=0.0)
+        reach = self.contact_gap if gap is None else as_number(gap, "gap", at_least=0.0)
         if reach not in self._contacts:
             self._contacts[reach] = find_contacts(self, reach)
         return self._contacts[reach]

@@ -3,7 +3,6 @@
 import inspect
 import os
 import time
-import warnings
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
@@ -19,6 +18,7 @@ from voxgran._base.machine import installed_versions
 from voxgran._base.progress import OnStep
 from voxgran._base.scalars import number_of, whole_number_of
 from voxgran._base.units import NO_UNIT, as_unit
+from voxgran._base.warning import warn
 from voxgran.containers.make import container_classes
 from voxgran.containers.model import UNKNOWN, Container, boundary_of, check_container
 from voxgran.containers.one_unit import in_one_unit
@@ -427,7 +427,7 @@ def _warn_of_misses(task: Task, packing: Packing) -> None:
     missed, asked, reason = packing.provenance["missed"], task.asked, packing.stop_reason
     parts = []
     if not packing.count and task.problem.count and not task.problem.target and reason != "interrupted":
-        warnings.warn(EMPTY, PackingWarning, stacklevel=4)
+        warn(EMPTY, PackingWarning)
     if asked["count"] is not None and missed["count"] > 0:
         placed = packing.count - task.problem.started
         parts.append(f"{placed} of {asked['count']} grains were placed before the method stopped ({reason})")
@@ -445,4 +445,4 @@ def _warn_of_misses(task: Task, packing: Packing) -> None:
             else LESS
         )
         text = f"{' and '.join(parts)}: {too_coarse(task.problem) or remedy}"
-        warnings.warn(text, PackingWarning, stacklevel=4)
+        warn(text, PackingWarning)

@@ -5,7 +5,6 @@ the same numbers. Representations are cached up to a limit of memory; the oldest
 """
 
 import hashlib
-import warnings
 from collections import OrderedDict
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
@@ -19,6 +18,7 @@ from voxgran._base.config import to_mapping
 from voxgran._base.errors import InputError, PackingWarning
 from voxgran._base.rotation import normalized
 from voxgran._base.seeds import stream
+from voxgran._base.warning import warn
 from voxgran.contacts.assembly import NOT_STATED, Assembly, Density
 from voxgran.contacts.verify import verify
 from voxgran.containers.model import Container
@@ -264,13 +264,11 @@ def warn_of_units(problem: Problem) -> None:
     largest, share = float(problem.diameter.max()), float(problem.volumes.sum()) / problem.container.volume
     if largest <= TINY * edge and share < NOTHING:
         unit = "" if problem.unit == "1" else f" {problem.unit}"
-        warnings.warn(
+        warn(
             f"all {problem.count} grains, of diameters up to {largest * problem.unit_length:g}{unit}, fill "
             f"{share:.1g} of a container that is {edge * problem.unit_length:g}{unit} wide: if that is a mistake of "
             "units, give sizes and container in the same one",
             PackingWarning,
-            # the same line for a plan and for its run, so that the warning is shown once
-            stacklevel=2,
         )
 
 

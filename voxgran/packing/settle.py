@@ -5,7 +5,6 @@ signals and progress.
 """
 
 import os
-import warnings
 from collections.abc import Mapping
 from dataclasses import replace
 from typing import Any, Literal
@@ -18,6 +17,7 @@ from voxgran._base.calls import explained
 from voxgran._base.config import from_mapping
 from voxgran._base.errors import InputError, PackingWarning, shown
 from voxgran._base.progress import OnStep
+from voxgran._base.warning import warn
 from voxgran.containers.model import Container, boundary_of, check_container
 from voxgran.containers.one_unit import in_one_unit
 from voxgran.packing.bed_search import sentence_of
@@ -272,16 +272,16 @@ def warn_of_unrest(packing: Packing) -> None:
             f"grains still overlap by up to {-record['smallest_gap']:.2g} median diameters: settle them once more or, "
             "where that does not help, give a larger container or fewer grains"
         )
-        warnings.warn(text, PackingWarning, stacklevel=3)
+        warn(text, PackingWarning)
     elif record["resting"] < asked:
         lighter = ", a lighter lid" if packing.lid is not None else ""
         text = (
             f"{record['resting']:.1%} of the grains are proven to rest, where {asked:.1%} are asked for: settle them "
             f"once more, or take a larger friction{lighter}"
         )
-        warnings.warn(text, PackingWarning, stacklevel=3)
+        warn(text, PackingWarning)
     if not (sought := record.get("sought", {"met": True}))["met"]:
-        warnings.warn(sentence_of(sought), PackingWarning, stacklevel=3)
+        warn(sentence_of(sought), PackingWarning)
 
 
 def with_target(parameters: Any, solid_fraction: Any) -> tuple[Any, Any]:

@@ -10,6 +10,7 @@ import numpy as np
 from voxgran._base.arrays import Floats
 from voxgran._base.errors import InputError
 from voxgran._base.units import NO_UNIT
+from voxgran._base.warning import warn
 from voxgran.measures.model import measure
 from voxgran.measures.registered.coordination import coordination_number, usual_gap
 from voxgran.packing.model import Packing, check_packing
@@ -120,7 +121,7 @@ def _measured(packing: Packing, label: str, which: Sequence[str] | None) -> "Dat
         warnings.simplefilter("always")
         tree = measure(packing, which=which)
     for one in caught:
-        warnings.warn(f"{label}: {one.message}", one.category, stacklevel=6)
+        warn(f"{label}: {one.message}", one.category)
     return tree
 
 

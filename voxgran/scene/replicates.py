@@ -2,7 +2,6 @@
 
 import json
 import os
-import warnings
 from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
@@ -14,6 +13,7 @@ from voxgran._base.errors import FileFormatError, InputError, MissingFileError, 
 from voxgran._base.files import as_path, write_text
 from voxgran._base.lazy import load
 from voxgran._base.progress import OnStep, Step
+from voxgran._base.warning import warn
 from voxgran.io.netcdf import save_statistics
 from voxgran.io.vtk_files import load_packing
 from voxgran.packing.model import Packing
@@ -89,11 +89,7 @@ def packings_of_run(folder: str | os.PathLike[str]) -> list[Packing]:
         )
     for place in places:
         if not (place / PACKING).is_file():
-            warnings.warn(
-                f"{place} holds no {PACKING}: it is left out; run the scene again with --resume",
-                PackingWarning,
-                stacklevel=2,
-            )
+            warn(f"{place} holds no {PACKING}: it is left out; run the scene again with --resume", PackingWarning)
     return [load_packing(path) for path in found]
 
 

@@ -5,7 +5,6 @@ import json
 import math
 import os
 import time
-import warnings
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -17,6 +16,7 @@ from voxgran._base.guarded import refused
 from voxgran._base.lazy import loaded
 from voxgran._base.lock import FOLDER_LOCK, locked_folder
 from voxgran._base.progress import OnStep, Step, repeated
+from voxgran._base.warning import warn
 from voxgran.contacts.verify import Verification, verify
 from voxgran.decks.engine import engine_registry
 from voxgran.decks.write import write_deck
@@ -230,7 +230,7 @@ def _write_decks(packing: Packing, folder: Path, scene: SceneDescription) -> Non
             write_deck(packing, folder, engine, material=scene.material, clump=clump, overwrite=True)
         except InputError as error:
             # all else that was computed stays
-            warnings.warn(f"input for {engine} is not written: {error}", PackingWarning, stacklevel=2)
+            warn(f"input for {engine} is not written: {error}", PackingWarning)
 
 
 def summary_of(packing: Packing, proof: Verification, statistics: "DataTree") -> dict[str, Any]:

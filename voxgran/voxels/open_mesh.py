@@ -7,14 +7,13 @@ It is found without adding up all faces: the open edges are the boundary of a fa
 the fan is closed and has whole winding numbers by columns, and those of the fan are subtracted.
 """
 
-import warnings
-
 import numpy as np
 from numpy.typing import ArrayLike
 
 from voxgran._base.arrays import Booleans, Floats, Integers, as_faces, as_length, as_points
 from voxgran._base.calls import explained
 from voxgran._base.errors import DirtyMeshWarning, InputError, TooLargeError
+from voxgran._base.warning import warn
 from voxgran.lattice.grid import Grid
 from voxgran.lattice.label import components
 from voxgran.lattice.packed import PackedMask
@@ -99,20 +98,18 @@ def voxelize_mesh(
     bits, columns = _wound(inner, triangles, grid.shape)
     doubtful = 0
     if turned and not len(rim):
-        warnings.warn(
+        warn(
             f"the mesh had {turned} faces wound against their neighbours, which were turned over: mend it with "
             "voxgran.repair",
             DirtyMeshWarning,
-            stacklevel=2,
         )
     if len(rim):
         bits, doubtful = _voted(inner, triangles, rim, grid.shape)
-        warnings.warn(
+        warn(
             f"the mesh has {len(rim)} open or oppositely wound edges, and {columns} columns of voxels end inside: "
             f"{doubtful} voxels in doubt were settled by the generalized winding number; mend it with voxgran.repair "
             "where that matters",
             DirtyMeshWarning,
-            stacklevel=2,
         )
     return Voxels(
         bits, np.array(grid.origin), grid.voxel_size, open_columns=columns, doubtful_voxels=doubtful,

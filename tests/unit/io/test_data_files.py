@@ -37,3 +37,14 @@ def test_the_prompt_copies_a_file_and_replaces_nothing_unasked(tmp_path, capsys,
     assert main(["data", "itokawa_lp.obj", "-o", "rock.obj", "--overwrite"]) == 0
     assert main(["data", "eros"]) == 2
     assert "did you mean 'eros.obj'" in capsys.readouterr().err
+
+
+def test_the_prompt_lists_the_files(capsys):
+    assert main(["data"]) == 0
+    text = capsys.readouterr().out
+    assert all(name in text for name in DATA_FILES)
+    assert "Eros, 14,744 triangles; NASA" in text
+    assert len(vg.load_shape(vg.data_file("eros.obj")).faces) == 14744
+    assert len(vg.load_shape(vg.data_file("itokawa_lp.obj")).faces) == 1622
+    assert main(["data", "-o", "rock.obj"]) == 2
+    assert "without a name" in capsys.readouterr().err

@@ -14,7 +14,7 @@ from voxgran.containers.closed_mesh import ClosedMesh
 from voxgran.containers.cylinder import Cylinder
 from voxgran.containers.rectangle import Rectangle
 from voxgran.measures.model import measure
-from voxgran.measures.region import Regions, gravity_of, held_height
+from voxgran.measures.region import Regions, SampledRegion, Samples, gravity_of, held_height
 from voxgran.measures.registered.density import bulk_solid_fraction
 from voxgran.measures.window import Solids
 from voxgran.packing.model import Packing
@@ -246,3 +246,17 @@ def test_centroids_in_a_face_of_the_bulk_count_in_any_unit(unit):
     tree = measure(packing, "density")
     assert int(tree.bulk_count) == 54
     assert float(tree.bulk_solid_fraction) == pytest.approx(math.pi / 6)
+
+
+@pytest.mark.parametrize("unit", [1.0, 1e-3, 1e-6, 25.4])
+def test_centroids_in_the_faces_of_a_cylinder_and_of_a_sampled_region_count_in_any_unit(unit):
+    turns = np.arange(12) * np.pi / 6
+    ring = np.column_stack([3.3 * np.cos(turns), 3.3 * np.sin(turns), np.full(12, 1.7)])
+    for position in (ring, ring + np.array([0, 0, 4.6])):
+        packing = Packing.of([BALL], Cylinder(5 * unit, 8 * unit), position=position * unit, scale=np.full(12, unit))
+        assert Regions(packing).at(1.7 * unit).grains(packing).sum() == 12
+        sampled = SampledRegion(Samples.of(packing), 1.7 * unit, np.array([[-np.inf] * 3, [np.inf] * 3]))
+        assert sampled.grains(packing).sum() == 12
+        beyond = SampledRegion(sampled.samples, 0.0, sampled.limits, until=1.7 * unit)
+        assert not beyond.grains(packing).any()
+        assert not Regions(packing).at(1.71 * unit).grains(packing).any()

@@ -263,6 +263,8 @@ def test_what_has_no_pairs():
                 tree = measure(grains(container.bounds.mean(axis=0)[None][:count], container), "rdf")
                 assert int(tree.pair_window_count) <= count
                 assert np.isnan(tree["profiles"].radial_distribution).all()
+    one = measure(grains([[1.0, 1.0, 1.0]], Box((2, 3, 4), periodic="xyz")), "rdf")
+    assert float(one.number_density) == pytest.approx(1 / 24)
     with pytest.warns(PackingWarning, match="window of the radial distribution function holds 0 of the centroids"):
         assert not len(radial_distribution(grains([[0.5, 0.5, 0.5], [1.5, 0.5, 0.5]], Box((2, 2, 2)))).g)
 

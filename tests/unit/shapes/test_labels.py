@@ -101,7 +101,8 @@ def test_holes_in_the_numbering_and_the_border():
 
 def test_both_readers_of_labels_have_the_same_defaults():
     one, two = (inspect.signature(reader).parameters for reader in (vg.load_labels, vg.packing_of_labels))
-    assert {name: item.default for name, item in one.items()} == {name: item.default for name, item in two.items()}
+    of_packing = {name: item.default for name, item in two.items() if name != "gravity"}
+    assert {name: item.default for name, item in one.items()} == of_packing
 
 
 def test_neighbours_stay_apart_and_the_sample_is_measured():
@@ -119,7 +120,7 @@ def test_a_made_packing_comes_back_from_its_image():
     rock = vg.make_shape("ellipsoid", semi_axes=(0.6, 0.5, 0.4))
     made = vg.pack([rock], vg.Box((4, 4, 5), "xy"), method="digital", count=30, voxel_size=0.1, sweeps=100, seed=1)
     image = vg.to_image(made, 0.05)
-    back = vg.packing_of_labels(image, voxel_size=0.05, periodic="xy")
+    back = vg.packing_of_labels(image, voxel_size=0.05, periodic="xy", gravity="-z")
     assert back.count == made.count
     assert back.container.periodic == (True, True, False)
     np.testing.assert_allclose(back.volumes, made.volumes, rtol=0.03)
@@ -286,3 +287,31 @@ def test_an_image_is_taken_as_it_is_by_what_takes_arrays(grey, tmp_path):
         vg.segment(tmp_path / "grey.npy")
     with pytest.raises(InputError, match="argument of what takes the image"):
         vg.load_image(tmp_path / "grey.npy", voxel_size=0.1)
+
+
+def bed(axis, upward):
+    """Return an image whose grains leave more than half of it empty along one side of an axis."""
+    image = np.zeros((14, 14, 30), dtype=int)
+    image[1:13, 1:7, 1:12], image[1:13, 7:13, 1:12] = 1, 2
+    return np.moveaxis(image if upward else image[:, :, ::-1], 2, axis)
+
+
+@pytest.mark.parametrize(
+    ("axis", "upward", "gravity"), [(0, True, "-x"), (1, False, r"\+y"), (2, True, "-z"), (2, False, r"\+z")]
+)
+def test_a_bed_in_an_image_is_told_to_give_its_gravity(axis, upward, gravity):
+    image = bed(axis, upward)
+    with pytest.warns(PackingWarning, match=f"give gravity='{gravity}'"):
+        loose = vg.packing_of_labels(image, voxel_size=0.1)
+    held = vg.packing_of_labels(image, voxel_size=0.1, gravity=gravity.replace("\\", ""))
+    assert loose.gravity is None
+    assert held.gravity[axis] == (-1.0 if upward else 1.0)
+    room = [float(one.measure("voids").pore_porosity) for one in (loose, held)]
+    assert room[1] < 0.5 * room[0]
+
+
+def test_a_full_image_is_not_taken_for_a_bed():
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        vg.packing_of_labels(three(), voxel_size=0.1)
+        vg.packing_of_labels(bed(2, True), voxel_size=0.1, gravity="none")

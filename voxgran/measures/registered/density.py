@@ -1,7 +1,6 @@
 """Solid fraction of a packing: of the whole, of the bulk away from walls and surface, and inside a window."""
 
 import math
-import warnings
 from typing import Any
 
 import numpy as np
@@ -9,6 +8,7 @@ from numpy.typing import ArrayLike
 
 from voxgran._base.calls import explained
 from voxgran._base.errors import InputError, PackingWarning
+from voxgran._base.warning import warn
 from voxgran.measures.model import Groups, Measure, dataset, length_unit, variable
 from voxgran.measures.region import Regions
 from voxgran.measures.slices import as_window
@@ -95,11 +95,10 @@ def _bulk(packing: Packing, regions: Regions | None = None) -> tuple[Estimate, i
     region = regions.at(INSET * float(np.median(packing.diameters)))
     room, count = region.volume, int(region.grains(packing).sum())
     if count < FEWEST or room <= 0:
-        warnings.warn(
+        warn(
             f"the bulk holds {count} of the grains: at least {FEWEST} are needed for a bulk solid fraction; "
             "take more grains or a container that is larger than three median diameters across",
             PackingWarning,
-            stacklevel=4,
         )
         return Estimate(math.nan, math.nan), count, float(room)
     solid = region.solid(regions.solids)

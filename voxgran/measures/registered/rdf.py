@@ -1,13 +1,13 @@
 """Radial distribution function and structure factor of the centroids."""
 
 import math
-import warnings
 from dataclasses import dataclass
 
 import numpy as np
 
 from voxgran._base.arrays import Floats, as_length, as_number
 from voxgran._base.errors import InputError, PackingWarning
+from voxgran._base.warning import warn
 from voxgran.measures.model import Groups, Measure, dataset, length_unit, variable
 from voxgran.measures.pair_sums import PairSums, pair_sums
 from voxgran.measures.pair_window import PairWindow
@@ -97,14 +97,14 @@ def radial_distribution(
     count, bins = len(points), len(edges) - 1
     if count < 2 or not bins:
         if packing.count > 1:
-            warnings.warn(
+            warn(
                 f"the window of the radial distribution function holds {count} of the centroids: it needs at least 2; "
                 "take more grains, a larger container or a smaller inset",
                 PackingWarning,
-                stacklevel=2,
             )
         none = np.full(bins, np.nan)
-        return RadialDistribution(edges, none, none, none, np.zeros(bins), count, math.nan)
+        density = float(weights.sum()) / window.volume if window.volume > 0 else math.nan
+        return RadialDistribution(edges, none, none, none, np.zeros(bins), count, density)
     sums = _sums(window, points, weights, edges)
     whole = float(weights.sum())
     other = weights * (whole - weights)

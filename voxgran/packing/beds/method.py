@@ -9,7 +9,6 @@ References
 Moreau 1988, Unilateral contact and dry friction in finite freedom dynamics, doi:10.1007/978-3-7091-2624-0_1.
 """
 
-import warnings
 from dataclasses import dataclass, fields, replace
 from typing import Literal
 
@@ -19,6 +18,7 @@ from voxgran._base.arrays import Floats
 from voxgran._base.config import check_bounds, parameter, to_mapping
 from voxgran._base.errors import InputError, PackingWarning
 from voxgran._base.seeds import stream
+from voxgran._base.warning import warn
 from voxgran.contacts.assembly import Assembly
 from voxgran.packing.bed_search import SoughtBed
 from voxgran.packing.beds.filling import highest_surface, usual_solid_fraction, volume_at_rest
@@ -149,11 +149,10 @@ def _most_volume(problem: Problem, up: Floats) -> float:
     wanted, highest = _height(problem, up), highest_surface(problem, up)
     if wanted is not None and wanted > highest:
         unit = problem.unit_length
-        warnings.warn(
+        warn(
             f"height is {wanted * unit:g}, and grains are filled to {highest * unit:.4g} only, so that the bed has "
             "room below the top of the container: ask for less, or give a higher container",
             PackingWarning,
-            stacklevel=2,
         )
     height = highest if wanted is None else min(wanted, highest)
     return volume_at_rest(problem, up, height, stream(problem.seed, "height"))

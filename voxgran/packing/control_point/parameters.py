@@ -4,8 +4,8 @@ from dataclasses import dataclass
 from typing import Literal
 
 from voxgran._base.config import parameter
-from voxgran._base.deprecation import warn_former
 from voxgran._base.errors import InputError
+from voxgran._base.warning import warn_former
 from voxgran.packing.walking.parameters import MOST_SWEEPS, Walking
 
 #: shortest step, in diameters of the grain

@@ -19,12 +19,12 @@ O'Hern, Silbert, Liu & Nagel 2003, Jamming at zero temperature and zero applied 
 Physical Review E 68, 011306, doi:10.1103/PhysRevE.68.011306.
 """
 
-import warnings
 from dataclasses import dataclass
 
 import numpy as np
 
 from voxgran._base.errors import PackingWarning
+from voxgran._base.warning import warn
 from voxgran.packing.gravity import Down
 from voxgran.packing.jamming.method import Compression, CompressState, advance, cost, first_state, told
 from voxgran.packing.method import PackingMethod
@@ -63,11 +63,10 @@ def finish(problem: Problem, state: CompressState, gravity: Down | None = None) 
     position, orientation = compressor.poses()
     n, factor = len(position), compressor.factor
     if state.stop_reason == "count" and factor < 1.0:
-        warnings.warn(
+        warn(
             f"the grains have {factor:.4g} times the sizes that were drawn: more do not fit; ask for fewer or smaller "
             "grains, or make the container larger",
             PackingWarning,
-            stacklevel=3,
         )
     return problem.packing(
         np.arange(n),

@@ -1,12 +1,12 @@
 """Whether a run has ended, and what it has proven."""
 
-import warnings
 from typing import Any
 
 import numpy as np
 
 from voxgran._base.arrays import Integers
 from voxgran._base.errors import PackingWarning
+from voxgran._base.warning import warn
 from voxgran.packing.method import State
 from voxgran.packing.problem import Problem
 from voxgran.packing.rsa.available_cells import UNPROVEN
@@ -42,10 +42,9 @@ def warn_if_not_proven(problem: Problem, state: State) -> None:
     if problem.parameters.until == "saturated" and state.stop_reason == "steps":
         row = state.counters["refused_in_row"]
         last = f", the last {row} in a row" if row else ""
-        warnings.warn(
+        warn(
             f"saturation is not proven: {state.counters['refused']} tries failed{last}; more tries come nearer to it",
             PackingWarning,
-            stacklevel=4,
         )
 
 

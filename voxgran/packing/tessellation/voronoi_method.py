@@ -23,7 +23,6 @@ generating grains of given volumes, Philosophical Magazine 100, 2677-2707, doi:1
 """
 
 import math
-import warnings
 from dataclasses import dataclass
 from typing import Any, Literal
 
@@ -35,6 +34,7 @@ from voxgran._base.errors import InputError, PackingWarning
 from voxgran._base.rotation import normalized
 from voxgran._base.seeds import philox_key, stream
 from voxgran._base.stopping import stop_if_asked
+from voxgran._base.warning import warn
 from voxgran.contacts.assembly import by_shape
 from voxgran.containers.kernel_container import kernel_container
 from voxgran.packing.method import Cost, PackingMethod, State
@@ -268,12 +268,11 @@ def finish(problem: Problem, state: State) -> Packing:
     kept = np.minimum(size, factor ** (1.0 / problem.dimension) * drawn)
     short = size < drawn * (1.0 - 1e-9)
     if state.stop_reason == "count" and short.any():
-        warnings.warn(
+        warn(
             f"{short.sum()} of {len(short)} grains have sizes below those that were drawn, by a factor of down to "
             f"{(size / drawn).min():.3g}: their cells have no more room; ask for fewer or smaller grains, or make the "
             "container larger",
             PackingWarning,
-            stacklevel=3,
         )
     return problem.packing(
         placed,

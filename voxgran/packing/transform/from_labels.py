@@ -4,11 +4,13 @@ import os
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from voxgran._base.arrays import as_number
 from voxgran._base.axes import Periodic, as_periodic, axis_names
 from voxgran._base.calls import explained
+from voxgran._base.errors import PackingWarning
+from voxgran._base.warning import warn
 from voxgran.containers.box import Box
 from voxgran.lattice.census import census
 from voxgran.packing.model import Packing
@@ -25,6 +27,7 @@ def packing_of_labels(
     surface: str = "smooth",
     smoothing: float = 1.0,
     periodic: Periodic = False,
+    gravity: "ArrayLike | None" = None,
     unit: str | None = None,
     key: str | None = None,
 ) -> Packing:
@@ -49,6 +52,9 @@ def packing_of_labels(
     periodic : str, bool or sequence
         Axes along which the image repeats, such as ``"xy"``, as of :class:`voxgran.Box`:
         grains go on across these faces.
+    gravity : str or (3,) array_like of float, optional
+        Where gravity acts in the sample, an axis such as ``"-z"`` or any vector; default: nowhere. With it measures
+        leave out the room above the grains, as of any bed.
     unit : str, optional
         Unit of the voxel size.
     key : str, optional
@@ -71,6 +77,11 @@ def packing_of_labels(
         If the library that reads the format is not installed.
     InputError
         If the image holds no label or what is no label, no grain is left, or an option is out of range.
+
+    Warns
+    -----
+    PackingWarning
+        If no gravity is given and the grains leave one side of the image empty by more than their mean diameter.
 
     Examples
     --------
@@ -103,16 +114,38 @@ def packing_of_labels(
         "labels": [grain.label for grain in grains],
         "largest_volume_error": float(errors.max()),
     }
-    return Packing.of(
+    packing = Packing.of(
         tuple(grain.shape for grain in grains),
         box,
         position=np.array([grain.position for grain in grains]),
         shape_id=np.arange(len(grains)),
         provenance=record,
         unit=unit,
-        gravity=None,
+        gravity=gravity,
         contact_gap=float(size.max()),
     )
+    if packing.gravity is None and gravity is None:
+        _warn_of_room(packing)
+    return packing
+
+
+def _warn_of_room(packing: Packing) -> None:
+    """Warn if one side of the container is empty by more than a mean diameter and than twice what the other side is."""
+    lower, upper = packing.container.bounds
+    vertices = [packing.world_vertices(grain) for grain in range(packing.count)]
+    below = np.min([corners.min(axis=0) for corners in vertices], axis=0) - lower
+    above = upper - np.max([corners.max(axis=0) for corners in vertices], axis=0)
+    room = np.where(packing.container.periodic, 0.0, above - below)
+    axis = int(np.argmax(np.abs(room)))
+    name, empty = "xyz"[axis], float(max(above[axis], below[axis]))
+    if abs(room[axis]) > 0.5 * empty and empty > packing.diameters.mean():
+        down = f"-{name}" if room[axis] > 0 else f"+{name}"
+        side = "upper" if room[axis] > 0 else "lower"
+        warn(
+            f"the grains leave {empty:.3g} of {upper[axis] - lower[axis]:.3g} empty at the {side} side of {name}, "
+            f"which measures count as voids: of a bed that gravity holds, give gravity={down!r}",
+            PackingWarning,
+        )
 
 
 def _around(grains: list[LabelledGrain], box: Box) -> Box:

@@ -1,6 +1,5 @@
 """Removal of grains at random, for samples that are looser than a method gives."""
 
-import warnings
 from dataclasses import replace
 
 import numpy as np
@@ -9,6 +8,7 @@ from voxgran._base.arrays import Integers, as_number
 from voxgran._base.calls import explained
 from voxgran._base.errors import InputError, PackingWarning
 from voxgran._base.seeds import stream
+from voxgran._base.warning import warn
 from voxgran.packing.model import Packing, check_packing
 from voxgran.shapes.sizes import size_distance
 
@@ -101,14 +101,13 @@ def _warn_of_loss(packing: Packing, kept: Packing) -> None:
     least = packing.dimension + 1
     before, after = _contacts_per_grain(packing), _contacts_per_grain(kept)
     if before >= least > after:
-        warnings.warn(
+        warn(
             f"the grains have {after:.3g} contacts each on average, and had {before:.3g}: below {least} no packing "
             "rests; settle it, or remove fewer",
             PackingWarning,
-            stacklevel=3,
         )
 
 
 def _contacts_per_grain(packing: Packing) -> float:
     """Return the mean number of contacts of a grain, without walls."""
-    return 2.0 * packing.contacts(packing.contact_gap).count / packing.count if packing.count else 0.0
+    return 2.0 * packing.contacts().count / packing.count if packing.count else 0.0

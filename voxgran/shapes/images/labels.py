@@ -5,7 +5,6 @@ voxels (:mod:`voxgran.lattice.cuberille`), or one that its neighbours share (:mo
 """
 
 import os
-import warnings
 from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
@@ -19,6 +18,7 @@ from voxgran._base.calls import explained
 from voxgran._base.errors import DirtyMeshError, InputError, PackingWarning
 from voxgran._base.lazy import load
 from voxgran._base.registry import ExplainedAttributes
+from voxgran._base.warning import warn
 from voxgran.lattice.census import Census, census
 from voxgran.lattice.cuberille import voxel_surface
 from voxgran.lattice.interfaces import fitted_surface
@@ -123,11 +123,10 @@ def load_labels(
     grains = list(labelled_grains(image, voxel_size=voxel_size, unit=unit, fitted=False, **how))
     cut = [grain.label for grain in grains if grain.cut]
     if cut:
-        warnings.warn(
+        warn(
             f"{len(cut)} of {len(grains)} labels are cut by the border of the image (label {cut[0]} first): their "
             "shapes are what is left of them; leave them out with border='drop'",
             PackingWarning,
-            stacklevel=2,
         )
     return [grain.shape for grain in grains]
 
@@ -255,11 +254,10 @@ def labelled_grains(
         error = shape.volume / (found.count[k] * size.prod()) - 1
         yield LabelledGrain(label, shape, position, len(bodies), float(error), bool(cut[k]))
     if several:
-        warnings.warn(
+        warn(
             f"{len(several)} of {len(kept)} labels have several pieces (label {several[0]} first): the largest piece "
             "of each is kept; label connected bodies, or clean the image",
             PackingWarning,
-            stacklevel=3,
         )
 
 
