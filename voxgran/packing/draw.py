@@ -11,6 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from voxgran._base.arrays import Floats, Integers, as_choice, as_count, as_floats, as_number, check_lengths
 from voxgran._base.errors import GrainTooLargeError, InputError, PackingWarning, TooLargeError, shown
+from voxgran._base.machine import memory_limit
 from voxgran._base.seeds import stream
 from voxgran._base.warning import warn
 from voxgran.containers.model import Container, boundary_of
@@ -26,8 +27,10 @@ log = logging.getLogger(__name__)
 DENSEST = {2: math.pi / math.sqrt(12.0), 3: math.pi / math.sqrt(18.0)}
 #: number of grains drawn at a time, and largest number, if no count is given
 BLOCK, MOST_DRAWN = 1024, 10_000_000
-#: largest count: 30 GB at 300 bytes per grain
-MOST_ASKED = 100_000_000
+#: largest count, and bytes of a grain that every method needs at least
+MOST_ASKED, GRAIN_BYTES = 100_000_000, 300
+#: counts above this are first checked by so many grains
+PROBE = 100_000
 #: largest number of grains whose sizes the method makes, if no count is given
 MOST_MADE = 250_000
 
@@ -89,6 +92,8 @@ def draw_grains(
         return _without_sizes(shapes, container, shares, sizes, wanted, seed)
     if wanted is None and all(shape.is_open for shape, share in zip(shapes, shares, strict=True) if share > 0):
         raise InputError("count is None and all shapes are open surfaces: they have no volume to fill; give a count")
+    if wanted is not None and wanted > PROBE:
+        _refuse_too_many(shapes, shares, sizes, container, wanted, bounded=not surplus and sizing == "drawn", seed=seed)
     shape_id, diameter = _draw(shapes, shares, sizes, wanted, target, seed)
     volumes = _volumes(shapes, shape_id, diameter)
     if solid_fraction is not None and wanted is not None and sizing == "drawn":
@@ -103,10 +108,7 @@ def draw_grains(
             f"{_lengths_text(container)}, however it is turned; make the grains smaller or the container larger"
         )
     if wanted is not None and not surplus and sizing == "drawn" and volumes[fits].sum() > container.volume:
-        raise InputError(
-            f"count is {wanted}: these grains have {volumes[fits].sum() / container.volume:.3g} times the volume of "
-            "the container; ask for fewer or smaller grains or a larger container"
-        )
+        raise InputError(_too_much(wanted, volumes[fits].sum() / container.volume))
     removed = {"count": int((~fits).sum()), "volume": float(volumes[~fits].sum())}
     if removed["count"]:
         warn(
@@ -115,6 +117,38 @@ def draw_grains(
             PackingWarning,
         )
     return DrawnGrains(shape_id[fits], diameter[fits], removed)
+
+
+def _refuse_too_many(
+    shapes: Sequence[Shape],
+    shares: Floats,
+    sizes: SizeDistribution | None,
+    container: Container,
+    count: int,
+    *,
+    bounded: bool,
+    seed: int,
+) -> None:
+    """Refuse, before all grains are drawn, a count that is far beyond the memory or, where `bounded`, the container."""
+    available = memory_limit()
+    if count * GRAIN_BYTES > available:
+        raise TooLargeError(
+            f"count is {count}: these grains need at least {count * GRAIN_BYTES / 2**30:.1f} GiB, and this machine has "
+            f"{available / 2**30:.1f} GiB; ask for fewer"
+        )
+    shape_id, diameter = _draw_block(shapes, shares, sizes, PROBE, seed, 0)
+    fits = can_fit(shapes, container, shape_id, diameter)
+    volume = float(_volumes(shapes, shape_id, diameter)[fits].sum()) * (count / PROBE)
+    if bounded and volume > 2.0 * container.volume:
+        raise InputError(_too_much(count, volume / container.volume))
+
+
+def _too_much(count: int, share: float) -> str:
+    """Return the message for grains of more volume than the container."""
+    return (
+        f"count is {count}: these grains have {share:.3g} times the volume of the container; ask for fewer or smaller "
+        "grains or a larger container"
+    )
 
 
 def _without_sizes(

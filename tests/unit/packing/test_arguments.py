@@ -4,6 +4,7 @@ import pytest
 
 import voxgran as vg
 from voxgran._base.errors import InputError, TooLargeError, UnknownNameError, shown
+from voxgran.packing import draw
 
 SPHERE, BOX = vg.make_shape("sphere"), vg.Box((4, 4, 4))
 
@@ -111,3 +112,16 @@ def test_lengths_just_within_are_taken(size):
     assert packing.position / size == pytest.approx(usual.position, rel=1e-12)
     assert packing.solid_fraction == pytest.approx(usual.solid_fraction)
     assert vg.verify(packing).ok
+
+
+def test_counts_far_beyond_memory_or_container_are_refused_by_their_first_grains(monkeypatch):
+    drawn = []
+    original = draw._draw_block
+    monkeypatch.setattr(draw, "_draw_block", lambda *given: drawn.append(given[3]) or original(*given))
+    with pytest.raises(InputError, match=r"count is 1000000: these grains have \S+ times the volume of the container"):
+        vg.pack(SPHERE, BOX, method="gravity", count=10**6)
+    assert drawn == [draw.PROBE]
+    monkeypatch.setattr(draw, "memory_limit", lambda: 10**9)
+    with pytest.raises(TooLargeError, match=r"count is 10000000: these grains need at least 2\.8 GiB.*has 0\.9 GiB"):
+        vg.pack(SPHERE, BOX, method="rsa", count=10**7)
+    assert drawn == [draw.PROBE]
