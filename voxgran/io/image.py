@@ -9,15 +9,18 @@ from numpy.typing import ArrayLike, NDArray
 from voxgran._base.arrays import as_length, as_vector
 from voxgran._base.calls import explained
 from voxgran._base.errors import FileFormatError, InputError, PackingWarning, TooLargeError, shown
-from voxgran._base.files import written_whole
+from voxgran._base.files import as_path, written_whole
 from voxgran._base.vtk_data import image_data, write_data
 from voxgran._base.warning import warn
 from voxgran.lattice.grid import Grid, check_voxel_size
 from voxgran.measures.painting import labels_on
 from voxgran.packing.model import Packing
+from voxgran.shapes.images.image_files import image_library
 
 #: most voxels of an image (int32 labels of 16 GB)
 VOXEL_LIMIT = 4 * 10**9
+#: what images are kept as
+SUFFIXES = (".vti", ".tif", ".tiff")
 
 
 @explained(hint="to_image(packing, 0.1)")
@@ -123,14 +126,16 @@ def save_image(
     origin: "ArrayLike" = (0.0, 0.0, 0.0),
     overwrite: bool = False,
 ) -> None:
-    """Write an image as a ``.vti`` file, for ParaView.
+    """Write an image as a ``.vti`` file, for ParaView, or as a stack of pages, for ImageJ and scikit-image.
 
     Parameters
     ----------
     image : (nx, ny, nz) ndarray of int, float or bool
         One value a voxel, such as :func:`to_image` returns; kept as the cell data ``image``.
     path : path-like
-        File to write.
+        File to write: ``.vti``, or ``.tif`` or ``.tiff``, whose pages are z, rows y and columns x, as
+        :func:`load_image` reads them. Such a stack does not hold voxel size and origin, and has whole numbers of at
+        most 32 bits, where the values allow it.
     voxel_size : float
         Edge of a voxel, in the unit of lengths.
     origin : (3,) array_like of float
@@ -141,7 +146,9 @@ def save_image(
     Raises
     ------
     FileFormatError
-        If the suffix is not ``.vti``.
+        If the suffix is none of these.
+    MissingLibraryError
+        If the library that writes TIFF is not installed.
     InputError
         If the image has not three axes or holds no numbers, or a value breaks a rule.
     OutputExistsError
@@ -157,12 +164,29 @@ def save_image(
     >>> vg.load_image("grains.vti").values.shape
     (40, 40, 40)
     """
-    if not os.fspath(path).lower().endswith(".vti"):
-        raise FileFormatError(f"{path} has another suffix than .vti: images are kept as .vti; rename it")
+    suffix = as_path(path).suffix.lower()
+    if suffix not in SUFFIXES:
+        raise FileFormatError(f"{path} has the suffix {suffix!r}: images are kept as {', '.join(SUFFIXES)}; choose one")
     array = np.asarray(image)
     if array.ndim != 3 or array.dtype.kind not in "biuf":
         raise InputError(f"image has shape {array.shape} and type {array.dtype}: give numbers along x, y and z")
-    x, y, z = (float(value) for value in as_vector(origin, "origin"))
-    data = image_data(array, "image", voxel_size=as_length(voxel_size, "voxel_size"), origin=(x, y, z))
+    size, (x, y, z) = as_length(voxel_size, "voxel_size"), (float(value) for value in as_vector(origin, "origin"))
+    data = image_data(array, "image", voxel_size=size, origin=(x, y, z)) if suffix == ".vti" else _pages(array)
     with written_whole(path, overwrite=overwrite) as draft:
-        write_data("vtkXMLImageDataWriter", data, draft)
+        if suffix == ".vti":
+            write_data("vtkXMLImageDataWriter", data, draft)
+        else:
+            image_library("tifffile").imwrite(draft, data, photometric="minisblack")
+
+
+def _pages(array: NDArray[Any]) -> NDArray[Any]:
+    """Return the pages of an image in a type that other programs read; one page is a picture, whose rows go down."""
+    low, high = array.min(initial=0), array.max(initial=0)
+    small = next((kind for kind in (np.uint8, np.uint16, np.int32) if _holds(kind, low, high)), array.dtype)
+    kept = array if array.dtype.kind == "f" else array.astype(small)
+    return kept[:, ::-1, 0].T if kept.shape[2] == 1 else kept.transpose(2, 1, 0)
+
+
+def _holds(kind: Any, low: Any, high: Any) -> bool:
+    """Return whether a type of whole numbers holds a range."""
+    return bool(np.iinfo(kind).min <= low and high <= np.iinfo(kind).max)

@@ -11,6 +11,7 @@ from voxgran._base.seeds import stream
 from voxgran.containers.box import Box
 from voxgran.io.image import image_grid, save_image, to_image
 from voxgran.packing.model import Packing
+from voxgran.shapes.images.image_files import load_image
 from voxgran.shapes.model import Shape
 from voxgran.shapes.primitive import Primitive
 from voxgran.shapes.spheres import Spheres
@@ -143,8 +144,33 @@ def test_the_file_holds_the_image(spheres, labels, tmp_path):
     np.testing.assert_array_equal(data.cell_data["image"].reshape(image.shape, order="F"), image)
 
 
+@pytest.mark.parametrize("shape", [(5, 4, 3), (5, 4, 1), (1, 4, 3), (5, 1, 3), (2, 3, 4)])
+@pytest.mark.parametrize("kind", [np.bool_, np.int64, np.float32])
+def test_a_stack_of_pages_comes_back_and_has_pages_along_z(shape, kind, tmp_path):
+    tifffile = pytest.importorskip("tifffile")
+    image = (np.arange(np.prod(shape)).reshape(shape) % 7).astype(kind)
+    save_image(image, tmp_path / "i.tif", voxel_size=0.5)
+    back = load_image(tmp_path / "i.tif").values
+    np.testing.assert_array_equal(np.asarray(back).reshape(shape), image)
+    pages = tifffile.imread(tmp_path / "i.tif")
+    assert pages.dtype == (np.float32 if kind is np.float32 else np.uint8)
+    if shape[2] > 1 and 1 not in shape:
+        np.testing.assert_array_equal(pages[1], image[:, :, 1].T)
+
+
+@pytest.mark.parametrize(
+    ("values", "kind"),
+    [((0, 255), "uint8"), ((0, 256), "uint16"), ((0, 65536), "int32"), ((-1, 3), "int32"), ((0, 2**40), "int64")],
+)
+def test_stacks_have_the_smallest_type_that_holds_the_labels(values, kind, tmp_path):
+    tifffile = pytest.importorskip("tifffile")
+    save_image(np.array(values).reshape(1, 1, 2), tmp_path / "i.tiff", voxel_size=1.0)
+    pages = tifffile.imread(tmp_path / "i.tiff")
+    assert (pages.dtype, tuple(pages.ravel())) == (np.dtype(kind), values)
+
+
 def test_images_of_another_kind_are_refused(tmp_path):
-    with pytest.raises(FileFormatError, match=r"kept as .vti"):
+    with pytest.raises(FileFormatError, match=r"kept as \.vti, \.tif, \.tiff; choose one"):
         save_image(np.zeros((2, 2, 2)), tmp_path / "i.png", voxel_size=1.0)
     for bad in (np.zeros((2, 2)), np.full((2, 2, 2), "a")):
         with pytest.raises(InputError, match="give numbers along x, y and z"):

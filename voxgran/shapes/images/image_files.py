@@ -147,7 +147,7 @@ def tiff_pages(path: Path) -> Content:
 
     The facts are ``offset``, ``dtype`` and ``shape`` if the pages can be mapped; otherwise the arrays hold ``pages``.
     """
-    tifffile = _extra("tifffile")
+    tifffile = image_library("tifffile")
     try:
         pages = tifffile.memmap(path, mode="r")
     except ValueError:
@@ -177,7 +177,7 @@ def nrrd_values(path: Path) -> Content:
     The facts are ``shape`` and ``spacing`` (None if unknown); the array is ``values``, flat, the first axis running
     fastest.
     """
-    values, header = _extra("nrrd").read(str(path))
+    values, header = image_library("nrrd").read(str(path))
     directions = header.get("space directions")
     if directions is not None and np.asarray(directions).shape == (3, 3):
         spacing = np.linalg.norm(np.asarray(directions, dtype=float), axis=1)
@@ -194,13 +194,19 @@ def _read_vti(path: Path, key: str | None) -> Image:
     return Image(found["values"].reshape(facts["shape"], order="F"), tuple(facts["spacing"]), tuple(facts["origin"]))
 
 
-def _extra(name: str) -> Any:
-    """Load a library of the extra `images`."""
+def image_library(name: str) -> Any:
+    """Load a library of the extra `images`.
+
+    Raises
+    ------
+    MissingLibraryError
+        If it is not installed.
+    """
     try:
         return load(name)
     except MissingLibraryError as error:
         raise MissingLibraryError(
-            f"{name} is not installed: it reads such images; install it with pip install 'voxgran[images]'"
+            f"{name} is not installed: it reads and writes such images; install it with pip install 'voxgran[images]'"
         ) from error
 
 
