@@ -23,16 +23,9 @@ def near_pairs(
     n = len(centers)
     if n == 0:
         return np.zeros(0, np.int64), np.zeros(0, np.int64), np.zeros((0, 3), np.int64)
-    wraps = np.array(periodic, dtype=np.int64)
-    turns = np.where(wraps, np.floor((centers - lower) / np.where(wraps, lengths, 1.0)), 0.0).astype(np.int64)
-    wrapped = np.where(wraps, centers - turns * np.where(wraps, lengths, 0.0), centers)
-    low = np.where(wraps, lower, wrapped.min(axis=0))
-    span = np.where(wraps, lengths, np.maximum(wrapped.max(axis=0) - low, 1e-300))
-    reach = 2 * radii.max() + gap
-    place = Placed(wrapped, radii, low, span, wraps)
+    place, turns = _placed(centers, radii, lower, lengths, periodic)
     # spheres of similar size share cells, whose width is that of the largest of them
-    reach = radii + max(0.0, 0.5 * gap)
-    size = np.floor(np.log2(reach.max() / np.maximum(reach, 1e-18 * reach.max()) + 1e-300) / CLASS).astype(np.int64)
+    size = _classes(radii + max(0.0, 0.5 * gap))
     found = []
     for k in np.unique(size):
         members = np.flatnonzero(size == k)
@@ -45,6 +38,35 @@ def near_pairs(
     return i, j, rows[:, 2:] + turns[i] - turns[j]
 
 
+def spheres_near(
+    points: Floats,
+    reach: Floats,
+    centers: Floats,
+    radii: Floats,
+    *,
+    lower: Floats,
+    lengths: Floats,
+    periodic: tuple[bool, bool, bool],
+) -> tuple[Integers, Integers, Integers]:
+    """Return each pair of a point and a sphere whose surface is within the reach (n,) of the point, or which holds it.
+
+    The pairs (i, j), (m,), are in the order of the points. A pair is (point i, center j + image * lengths) with `image`
+    (m, 3). The box is used on periodic axes only.
+    """
+    n = len(points)
+    found = [np.zeros((0, 5), dtype=np.int64)]
+    turns = np.zeros((n, 3), dtype=np.int64)
+    if n and len(centers):
+        both = np.concatenate([points, centers]), np.concatenate([reach, radii])
+        place, turns = _placed(*both, lower, lengths, periodic)
+        size = _classes(radii)
+        found += [_pairs_with(place, np.arange(n), n + np.flatnonzero(size == k), 0.0) for k in np.unique(size)]
+    rows = np.concatenate(found)
+    rows = rows[np.argsort(rows[:, 0], kind="stable")]
+    i, j = rows[:, 0].copy(), rows[:, 1].copy()
+    return i, j - n, rows[:, 2:] + turns[i] - turns[j]
+
+
 class Placed(NamedTuple):
     """Spheres in the bounds: wrapped centers (n, 3), radii (n,), lower corner, lengths, and which axes are periodic."""
 
@@ -55,10 +77,28 @@ class Placed(NamedTuple):
     wraps: Integers
 
 
+def _placed(
+    centers: Floats, radii: Floats, lower: Floats, lengths: Floats, periodic: tuple[bool, bool, bool]
+) -> tuple[Placed, Integers]:
+    """Return spheres in the bounds, and by how many lengths (n, 3) they were moved there."""
+    wraps = np.array(periodic, dtype=np.int64)
+    turns = np.where(wraps, np.floor((centers - lower) / np.where(wraps, lengths, 1.0)), 0.0).astype(np.int64)
+    wrapped = np.where(wraps, centers - turns * np.where(wraps, lengths, 0.0), centers)
+    low = np.where(wraps, lower, wrapped.min(axis=0))
+    span = np.where(wraps, lengths, np.maximum(wrapped.max(axis=0) - low, 1e-300))
+    return Placed(wrapped, radii, low, span, wraps), turns
+
+
+def _classes(reach: Floats) -> Integers:
+    """Return the classes (n,) of similar sizes, 0 for the largest."""
+    most = reach.max()
+    return np.asarray(np.floor(np.log2(most / np.maximum(reach, 1e-18 * most) + 1e-300) / CLASS).astype(np.int64))
+
+
 def _pairs_with(place: Placed, queries: Integers, members: Integers, gap: float) -> Integers:
     """Return the pairs (i, j, image) of each of `queries` with `members` as j, (m, 5); within a set each pair once."""
     low, span, wraps = place.low, place.span, place.wraps
-    reach = 2 * place.radii[members].max() + gap
+    reach = place.radii[members].max() + place.radii[queries].max() + gap
     # no more cells than spheres (per axis: cube root), no cell narrower than the reach
     most = max(1, int(np.ceil(2 * len(members) ** (1 / 3))))
     cells = np.clip(np.floor(span / max(reach, 1e-300)), 1, most).astype(np.int64)

@@ -8,6 +8,7 @@ into it and are larger than one that contains it: of a wide pore a box is soon i
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from voxgran._base.arrays import Booleans, Floats
 from voxgran._base.axes import Periodic, as_periodic
 from voxgran._base.calls import explained
 from voxgran._base.compiling.threads import in_blocks, using_threads
@@ -20,6 +21,8 @@ from voxgran.lattice.distance import LEAST_VOXELS, NEVER, as_mask, distance_tran
 LEAF = 4
 #: edge in voxels of boxes for which spheres are collected, at least
 WIDTH = 32
+#: edge in voxels of boxes for which spheres with any center are collected
+BLOCK = 64
 #: longest step, in voxels, to a sphere that may contain that of a voxel
 FARTHEST = 16
 #: radius in voxels of spheres for which only neighbours are asked
@@ -82,15 +85,44 @@ def local_thickness(
         largest = int(squares.max(initial=0))
         if largest == NEVER:
             raise InputError("mask has no free voxel: no sphere ends anywhere; leave a free layer around the body")
-        needed, covered = np.empty(taken.shape, dtype=np.bool_), np.zeros(taken.shape, dtype=np.int32)
+        needed, covered = ridge(squares, around), np.zeros(taken.shape, dtype=np.int32)
         least = max(1, LEAST_VOXELS // max(taken.shape[1] * taken.shape[2], 1))
         sides = np.array(around)
-        in_blocks(_mark_needed, taken.shape[0], squares, sides, needed, least=least)
         in_blocks(_cover_planes, taken.shape[0], squares, needed, sides, largest, covered, least=least)
     thickness = squares.view(np.float32)
     np.sqrt(covered, out=thickness, dtype=np.float32, casting="unsafe")
     thickness *= 2
     return thickness
+
+
+def ridge(squares: NDArray[np.int32], around: tuple[bool, bool, bool]) -> Booleans:
+    """Return the mask of the voxels whose spheres, of these squared radii, are not known to lie in other spheres."""
+    needed = np.empty(squares.shape, dtype=np.bool_)
+    least = max(1, LEAST_VOXELS // max(squares.shape[1] * squares.shape[2], 1))
+    in_blocks(_mark_needed, squares.shape[0], squares, np.array(around), needed, least=least)
+    return needed
+
+
+def cover(mask: Booleans, spheres: Floats, around: tuple[bool, bool, bool]) -> Floats:
+    """Return for each occupied voxel the squared radius of the largest sphere that covers its center, 0 for none.
+
+    Spheres (n, 4) are given by their center, in voxels from that of the first voxel, and squared radius.
+    """
+    for axis in np.flatnonzero(around):
+        n, parts, place, reach = mask.shape[axis], [spheres], spheres[:, axis], np.sqrt(spheres[:, 3])
+        for turn in range(1, int(reach.max(initial=0.0) // n) + 2):
+            for shift, inside in ((turn * n, place + turn * n - reach < n), (-turn * n, place - turn * n + reach > -1)):
+                parts.append(spheres[inside] + np.array([shift if k == axis else 0.0 for k in range(4)]))
+        spheres = np.concatenate(parts)
+    spheres = np.ascontiguousarray(spheres[np.argsort(-spheres[:, 3])])
+    covered = np.zeros(mask.shape)
+    for low in np.ndindex(*(-(-n // BLOCK) for n in mask.shape)):
+        lower = np.array(low) * BLOCK
+        upper = np.minimum(lower + BLOCK, mask.shape) - 1
+        aside = np.maximum(np.maximum(lower - spheres[:, :3], spheres[:, :3] - upper), 0.0)
+        near = spheres[(aside**2).sum(axis=1) < spheres[:, 3]]
+        _cover_box(mask, near, tuple(int(value) for value in (*lower, *upper)), covered)
+    return covered
 
 
 @kernel
@@ -254,4 +286,4 @@ def _first_over(spheres, some, i, j, k):  # type: ignore[no-untyped-def]
         x, y, z, square = spheres[sphere]
         if (i - x) ** 2 + (j - y) ** 2 + (k - z) ** 2 < square:
             return square
-    return np.int32(0)
+    return 0 * spheres[0, 3]

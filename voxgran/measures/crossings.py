@@ -149,16 +149,13 @@ def _paired(line: Integers, place: Floats) -> Intervals:
 def _of_shape(packing: Packing, index: int, shifts: Floats, lines: Lines) -> list[Intervals]:
     """Return the intervals in all grains of a shape."""
     geometry, axes = packing.shapes[index].geometry, list(lines.axes)
+    spheres = spheres_of(packing, index)
+    if spheres is not None:
+        centers = (spheres[0][None] + shifts[:, None]).reshape(-1, 3)[:, axes]
+        return [_in_spheres(centers, np.tile(spheres[1], len(shifts)), lines)]
     grains = np.flatnonzero(packing.shape_id == index)
     scale, matrices = packing.scale[grains], packing.matrices[grains]
     places = packing.position[grains]
-    spheres = body_spheres(packing.shapes[index])
-    if spheres is not None:
-        inner, radii = spheres
-        centers = np.einsum("gij,sj->gsi", matrices, inner) * scale[:, None, None] + places[:, None]
-        centers = (centers[None] + shifts[:, None, None]).reshape(-1, 3)[:, axes]
-        sizes = np.tile((scale[:, None] * radii).ravel(), len(shifts))
-        return [_in_spheres(centers, sizes, lines)]
     crossings, found = _Crossings(lines), []
     for place, factor, matrix, reach in zip(places, scale, matrices, packing.bounding_radii[grains], strict=True):
         body = geometry.scaled(factor).rotated(matrix)
@@ -171,6 +168,17 @@ def _of_shape(packing: Packing, index: int, shifts: Floats, lines: Lines) -> lis
                 vertices, faces = _triangles_of(body)
                 found.append(_paired(*crossings.of(vertices + middle, faces)))
     return found
+
+
+def spheres_of(packing: Packing, index: int) -> tuple[Floats, Floats] | None:
+    """Return centers (n, 3) and radii (n,) of the spheres or disks of all grains of a shape; None for other shapes."""
+    spheres = body_spheres(packing.shapes[index])
+    if spheres is None:
+        return None
+    grains = np.flatnonzero(packing.shape_id == index)
+    scale = packing.scale[grains]
+    centers = np.einsum("gij,sj->gsi", packing.matrices[grains], spheres[0]) * scale[:, None, None]
+    return (centers + packing.position[grains][:, None]).reshape(-1, 3), (scale[:, None] * spheres[1]).ravel()
 
 
 def _triangles_of(body: object) -> tuple[Floats, Integers]:

@@ -13,6 +13,7 @@ from voxgran.lattice.grid import Grid
 from voxgran.lattice.label import connected_components
 from voxgran.lattice.thickness import local_thickness
 from voxgran.measures.painting import labels_on
+from voxgran.measures.pore_spheres import Bodies
 from voxgran.measures.region import Regions, gravity_of
 from voxgran.packing.model import Packing
 from voxgran.shapes.mesh import Mesh
@@ -36,6 +37,8 @@ class Pores:
     # the axis of the free surface of a bed, the index of the first voxel and that after the last one below it; None
     # where the region is the whole container
     surface: tuple[int, int, int] | None = None
+    origin: tuple[float, float, float] = (0.0, 0.0, 0.0)  # lower corner of the image
+    bodies: Bodies | None = None  # what is around the pores, where its distance is known exactly
 
     @property
     def below(self) -> "Pores":
@@ -57,15 +60,19 @@ class Pores:
     def sizes(self) -> NDArray[np.float64]:
         """Return the local thickness (n,) at each voxel of the pores below the surface, in the unit of lengths.
 
-        It is the diameter of the largest sphere of pores that covers the voxel; walls limit spheres, as grains do.
-        It is empty where nothing limits them.
+        It is the diameter of the largest sphere of pores that covers the center of the voxel; walls limit spheres, as
+        grains do. Between spheres, disks and walls in closed form the radii are those of the true shapes, for centers
+        anywhere in voxels; otherwise those of the image. It is empty where nothing limits them.
         """
         padded, inner = self._walled()
         if padded.all() or not padded.any():
             return np.zeros(0)
-        found = local_thickness(padded, periodic=self.periodic)
-        part = found[inner][self._kept][self.below.mask]
-        return np.asarray(part, dtype=np.float64) * self.voxel_size
+        if self.bodies is None:
+            found = local_thickness(padded, periodic=self.periodic).astype(np.float64) * self.voxel_size
+        else:
+            corner = np.array(self.origin) - [part.start * self.voxel_size for part in inner]
+            found = self.bodies.sizes(padded, corner, self.voxel_size, self.periodic)
+        return np.asarray(found[inner][self._kept][self.below.mask])
 
     @property
     def widest(self) -> float:
@@ -135,7 +142,8 @@ def pores_of(packing: Packing, voxel_size: float) -> Pores:
         surface = (surface[0], max(1, min(surface[1], int(counts[surface[0]]) - 1)), int(counts[surface[0]]))
     grid = Grid(tuple(float(value) for value in start), size, tuple(int(n) for n in counts))  # type: ignore[arg-type]
     room = _room(packing, grid)
-    return Pores(room & (labels_on(packing, grid) == 0), room, size, d, periodic, surface)  # type: ignore[arg-type]
+    mask = room & (labels_on(packing, grid) == 0)
+    return Pores(mask, room, size, d, periodic, surface, grid.origin, Bodies.of(packing))  # type: ignore[arg-type]
 
 
 def commensurate(size: float, lengths: Floats) -> float:

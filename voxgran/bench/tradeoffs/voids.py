@@ -25,15 +25,18 @@ RESOLUTIONS = (10, 20, 40)
 #: edge of the boxes in diameters, and number of polyhedra
 EDGE, POLYHEDRA = 4, 40
 
+#: place of the first sphere
+OFFSET = (0.31, 0.43, 0.57)
+
 #: packing, voxels of a diameter, seconds, error of the mean chords, error stated, error of the largest pore (None where
 #: it is not known), share of the pores that is not connected
 Row = tuple[str, int, float, float, float, float | None, float]
 
 
 def cubic_lattice(edge: int = EDGE) -> Packing:
-    """Return touching spheres of diameter 1 on a cubic lattice, periodic."""
+    """Return touching spheres of diameter 1 on a cubic lattice, periodic, whose pores lie anywhere in voxels."""
     places = np.stack(np.meshgrid(*[np.arange(edge)] * 3, indexing="ij"), axis=-1).reshape(-1, 3)
-    return Packing.of(make_shape("sphere"), Box((edge,) * 3, periodic="xyz"), position=places + 0.5)
+    return Packing.of(make_shape("sphere"), Box((edge,) * 3, periodic="xyz"), position=places + OFFSET)
 
 
 def polyhedra(count: int = POLYHEDRA, edge: int = EDGE) -> Packing:
