@@ -383,9 +383,21 @@ def test_simplify(data_dir, tmp_path, capsys):
         ("2", "it must be a whole number, at least 4"),
         ("many", "--faces"),
     ):
-        status, line = complaint(capsys, "simplify", scan, "--faces", faces, "-o", str(out))
+        over = () if faces == "300" else ("--overwrite",)
+        status, line = complaint(capsys, "simplify", scan, "--faces", faces, "-o", str(out), *over)
         assert (status, wrong in line) == (2, True), line
     assert out.read_bytes() == before
+
+
+@pytest.mark.parametrize("words", [("simplify", "--faces", "9"), ("cloud",)])
+def test_outputs_are_checked_before_the_input_is_read(words, tmp_path, capsys):
+    command, *rest = words
+    for name, wrong in (("rock.foo", r"surfaces are kept as .obj, .off, .ply, .stl, .vtp; choose one"), ("", "")):
+        output = tmp_path / (name or "there.stl")
+        if not name:
+            output.write_bytes(b"x")
+        status, line = complaint(capsys, command, str(tmp_path / "none.ply"), *rest, "-o", str(output))
+        assert (status, (wrong or "is there already") in line) == (2, True), line
 
 
 def test_a_scan_is_mended_and_told(tmp_path, data_dir, capsys):

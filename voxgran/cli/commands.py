@@ -18,6 +18,7 @@ from voxgran.cli.doctor import doctor
 from voxgran.cli.parser import parameter_text
 from voxgran.cli.shapes import shape
 from voxgran.cli.terminal import complain, entry_line, progress, show, table
+from voxgran.shapes.files import check_surface_output
 
 #: which parts use several cores
 CORES = (
@@ -232,6 +233,8 @@ def repair(options: argparse.Namespace) -> None:
 
 def simplify(options: argparse.Namespace) -> None:
     """Reduce a mesh file to fewer triangles and tell what that changed."""
+    if options.output:
+        check_surface_output(options.output, overwrite=options.overwrite)
     made = voxgran.simplify(voxgran.load_shape(options.file, repair=options.repair), faces=options.faces)
     if options.output:
         voxgran.save_shape(made.shape, options.output, overwrite=options.overwrite)
@@ -241,6 +244,8 @@ def simplify(options: argparse.Namespace) -> None:
 
 def cloud(options: argparse.Namespace) -> None:
     """Make a shape of a scanned point cloud and tell how far the two are apart."""
+    if options.output:
+        check_surface_output(options.output, overwrite=options.overwrite)
     scan = voxgran.load_cloud(options.file)
     given = len(scan)
     if options.outliers is not None:

@@ -7,7 +7,7 @@ from pathlib import Path
 from voxgran._base.arrays import check_type
 from voxgran._base.calls import explained
 from voxgran._base.errors import FileFormatError, InputError, shown
-from voxgran._base.files import as_path, written_whole
+from voxgran._base.files import as_path, refuse_to_replace, written_whole
 from voxgran.shapes.formats.mesh_files import WRITERS, read_surface
 from voxgran.shapes.formats.sphere_files import SUFFIXES, read_spheres, write_spheres
 from voxgran.shapes.mesh import Mesh
@@ -122,6 +122,24 @@ def shape_of_file(
         corners, triangles = as_solid(points, faces, found.name, remedies=remedies)
     log.info("%s: %d triangles", found, len(triangles))
     return Shape.of((Surface if surface else Mesh)(corners, triangles), name=found.stem, unit=unit)
+
+
+def check_surface_output(path: str | os.PathLike[str], *, overwrite: bool) -> None:
+    """Check, before anything is computed, that a surface can be written to a file.
+
+    Raises
+    ------
+    FileFormatError
+        If the suffix is none of a mesh file.
+    OutputExistsError
+        If the file is there and `overwrite` is false.
+    """
+    target = as_path(path)
+    if target.suffix.lower() not in WRITERS:
+        known = ", ".join(sorted(WRITERS))
+        raise FileFormatError(f"{target} has the suffix {target.suffix!r}: surfaces are kept as {known}; choose one")
+    if not overwrite:
+        refuse_to_replace(target)
 
 
 @explained(hint='save_shape(shape, "rock.stl")')

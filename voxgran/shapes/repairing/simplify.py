@@ -123,14 +123,26 @@ def simplify(shape: Shape | str | os.PathLike[str], *, faces: int) -> Simplifica
     surface = without_flat_edges(solid.vertices / size, solid.faces)
     found = _closed(*surface, most)
     if found is None:
-        tries = (most * 2**k for k in range(1, 30) if most * 2**k < before)
-        enough = next((n for n in tries if _closed(*surface, n) is not None), None)
-        remedy = "leave it as it is" if enough is None else f"give at least {enough}"
+        enough = _enough(*surface, most, before)
+        remedy = "leave it as it is" if enough is None else f"give {enough}"
         raise InputError(
             f"faces is {most}: no closed surface of so few triangles is found for {solid.name!r}, which has {before}; "
             f"{remedy}"
         )
     return _compared(solid, size, *found)
+
+
+def _enough(vertices: Floats, faces: Integers, most: int, before: int) -> int | None:
+    """Return a number of triangles, within a tenth of the least, for which a closed surface is found; None without."""
+    tries = (most * 2**k for k in range(1, 30) if most * 2**k < before)
+    enough = next((n for n in tries if _closed(vertices, faces, n) is not None), None)
+    if enough is None:
+        return None
+    few = enough // 2
+    while enough - few > enough // 10 + 1:
+        middle = (few + enough) // 2
+        few, enough = (few, middle) if _closed(vertices, faces, middle) is not None else (middle, enough)
+    return enough
 
 
 def _compared(solid: Shape, size: float, reduced: Shape, sentences: tuple[str, ...]) -> Simplification:
