@@ -94,7 +94,7 @@ DECK: tuple[Flag, ...] = (
     _flag("--time-step", type=float, help="time step in s; default: by the contact law"),
 )
 TARGETS = ("iou", "volume", "inertia", "surface")
-COLOR_BY = ("diameter", "shape", "coordination", "distance", "force")
+COLOR_BY = ("diameter", "height", "shape", "density", "coordination", "distance", "force")
 
 #: flags of each command beside --json and --overwrite
 FLAGS: dict[str, tuple[Flag, ...]] = {

@@ -11,8 +11,8 @@ from voxgran.measures.registered.coordination import coordination_number
 from voxgran.measures.registered.forces import known_forces
 from voxgran.packing.model import Packing
 
-ColorBy: TypeAlias = Literal["diameter", "height", "shape", "coordination", "distance", "force"]
-COLOR_BY: tuple[ColorBy, ...] = ("diameter", "height", "shape", "coordination", "distance", "force")
+ColorBy: TypeAlias = Literal["diameter", "height", "shape", "density", "coordination", "distance", "force"]
+COLOR_BY: tuple[ColorBy, ...] = ("diameter", "height", "shape", "density", "coordination", "distance", "force")
 #: map of the colours, whose lightness increases evenly
 COLORS = "viridis"
 
@@ -35,9 +35,9 @@ class Coloring:
 
 
 def coloring(packing: Packing, color_by: str) -> Coloring:
-    """Return the colouring of the grains by equivalent diameter, height of the centroid above the lowest
-    point of the container, index of the shape, number of neighbours within the contact gap, distance of the centroid
-    from the nearest other one, or largest contact force; see :data:`COLOR_BY`.
+    """Return the colouring of the grains by one of :data:`COLOR_BY`: equivalent diameter, height of the centroid above
+    the lowest point of the container, index of the shape, density of its material, number of neighbours within the
+    contact gap, distance of the centroid from the nearest other one, or largest contact force.
 
     Raises
     ------
@@ -54,6 +54,8 @@ def coloring(packing: Packing, color_by: str) -> Coloring:
         return Coloring(_heights(packing), "height of the centroid", unit)
     if color_by == "shape":
         return Coloring(packing.shape_id.astype(np.float64), "number of the shape")
+    if color_by == "density":
+        return Coloring(np.asarray(packing.densities, np.float64), "density of the material")
     if color_by == "coordination":
         neighbours = coordination_number(packing).of_grain
         return Coloring(neighbours.astype(np.float64), "coordination number")

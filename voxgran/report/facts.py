@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from voxgran.contacts.assembly import by_shape, density_text
+from voxgran.contacts.assembly import density_text
 from voxgran.contacts.forces import AT_REST
 from voxgran.measures.registered.segregation import warning_of
 from voxgran.packing.model import Packing
@@ -156,19 +156,24 @@ def _missed(record: Mapping[str, Any]) -> list[Fact]:
     return [Fact("missed", _pairs(others)), Fact("sizes, placed against drawn", number(missed["gradation"]), note)]
 
 
+def shape_names(packing: Packing) -> list[str]:
+    """Return the names of the shapes, with their density where densities differ."""
+    names = [shape.name for shape in packing.shapes]
+    if not isinstance(packing.density, tuple):
+        return names
+    return [f"{name}, density {number(density)}" for name, density in zip(names, packing.density, strict=True)]
+
+
 def shape_rows(packing: Packing) -> list[tuple[str, str, str, str]]:
-    """Return name, geometry, grains and share by volume of each shape, the most frequent first; where densities differ,
-    the geometry says that of the shape.
-    """
+    """Return name, geometry, grains and share by volume of each shape, the most frequent first."""
     counts = np.bincount(packing.shape_id, minlength=len(packing.shapes))
     volumes = np.bincount(packing.shape_id, weights=packing.volumes, minlength=len(packing.shapes))
     whole = max(float(volumes.sum()), 1e-300)
-    rows, density = [], by_shape(packing.density, len(packing.shapes))
+    rows, names = [], shape_names(packing)
     for index in np.argsort(-counts, kind="stable"):
         geometry = packing.shapes[index].geometry
         kind = str(getattr(geometry, "kind", type(geometry).__name__.lower()))
-        kind += f", density {number(density[index])}" if isinstance(packing.density, tuple) else ""
-        rows.append((packing.shapes[index].name, kind, number(counts[index]), f"{100 * volumes[index] / whole:.1f} %"))
+        rows.append((names[index], kind, number(counts[index]), f"{100 * volumes[index] / whole:.1f} %"))
     return rows
 
 

@@ -99,7 +99,7 @@ def save_report(
         Title of the page.
     comparisons : mapping of str to mapping, optional
         Rows of a table of packings: name of each packing to a mapping from column names to values.
-    color_by : {"diameter", "height", "shape", "coordination", "distance", "force"}
+    color_by : {"diameter", "height", "shape", "density", "coordination", "distance", "force"}
         Quantity shown by the colours of the grains.
     turntable : bool
         Whether an animated picture of the rotating packing is added.

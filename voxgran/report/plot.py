@@ -31,7 +31,7 @@ def plot(what: Packing | Shape, *, color_by: ColorBy = "diameter", window: tuple
     ----------
     what : Packing or Shape
         What is shown.
-    color_by : {"diameter", "height", "shape", "coordination", "distance", "force"}
+    color_by : {"diameter", "height", "shape", "density", "coordination", "distance", "force"}
         What the colours of grains show, "force" the largest contact force on each where forces are known; not used for
         a shape.
     window : tuple of int
@@ -84,7 +84,7 @@ def save_picture(
         What is drawn.
     path : path-like
         File to write, ``.png``.
-    color_by : {"diameter", "height", "shape", "coordination", "distance", "force"}
+    color_by : {"diameter", "height", "shape", "density", "coordination", "distance", "force"}
         What the colours of grains show, from dark to bright, as in :func:`plot`; not used for a shape.
     cut : bool
         Whether the grains with centroids in the quarter of the container that faces the viewer are left out; not used

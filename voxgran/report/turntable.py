@@ -42,7 +42,7 @@ def save_turntable(
         File to write, usually ``.gif``.
     frames : int
         Number of frames per turn.
-    color_by : {"diameter", "shape", "coordination", "distance", "force"}
+    color_by : {"diameter", "height", "shape", "density", "coordination", "distance", "force"}
         Quantity shown by the colours.
     window : tuple of int
         Width and height, in pixels.

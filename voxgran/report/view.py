@@ -24,6 +24,7 @@ from voxgran.containers.model import Container
 from voxgran.measures.registered.coordination import touching_contacts
 from voxgran.packing.model import Packing
 from voxgran.report.colors import COLOR_BY, coloring, gradient
+from voxgran.report.facts import shape_names
 from voxgran.report.scenes import drawn_surface
 from voxgran.report.stage import view_axes
 from voxgran.shapes.model import Shape
@@ -128,7 +129,8 @@ def view_data(packing: Packing, shown: Integers, most: int) -> tuple[dict[str, A
     bodies = [creased(packing.shapes[s], *drawn_surface(packing.shapes[s], most)) for s in used]
     reach = np.array([np.abs(vertices).max() for vertices, _ in bodies])
     whole = [np.round(vertices / r * WHOLE) for (vertices, _), r in zip(bodies, reach, strict=True)]
-    shades = [name for name in COLOR_BY if name != "force" or packing.forces is not None]
+    known = {"force": packing.forces is not None, "density": isinstance(packing.density, tuple)}
+    shades = [name for name in COLOR_BY if known.get(name, True)]
     colors = [coloring(packing, name) for name in shades]
     lines = (outline(packing.container) - middle) / length
     contacts = touching_contacts(packing)
@@ -152,13 +154,14 @@ def view_data(packing: Packing, shown: Integers, most: int) -> tuple[dict[str, A
         ),
         "lines": lines.astype(np.float32),
     }
+    names = shape_names(packing)
     head = {
         "dimension": packing.dimension,
         "unit": "" if packing.unit == "1" else packing.unit,
         "length": length,
         "middle": middle.tolist(),
         "bounds": packing.container.bounds.tolist(),
-        "shapes": [packing.shapes[s].name for s in used],
+        "shapes": [names[s] for s in used],
         "colors": [{"name": n, "label": c.label, "unit": c.unit} for n, c in zip(shades, colors, strict=True)],
     }
     return head, arrays

@@ -112,3 +112,18 @@ def test_the_profiles_in_the_tree():
     assert found.solid_fraction_z_error.values.max() == 0.0
     assert float(found.solid_fraction_y.mean()) == pytest.approx(packing.solid_fraction, rel=1e-12)
     assert found.solid_fraction_wall.dims == ("wall_distance",)
+
+
+def test_the_mass_density_where_densities_differ():
+    """Heavy spheres lie below light ones: the mean over the container is the mass over its volume."""
+    position = [(x + 0.5, y + 0.5, z + 0.5) for z in (0, 2) for x in range(3) for y in range(3)]
+    bed = Packing.of([BALL, BALL], Box((3, 3, 4)), position=position, shape_id=[0] * 9 + [1] * 9, density=(7800, 2500))
+    tree = measure(bed, "profile")["profiles"]
+    for axis in "xyz":
+        assert float(tree[f"mass_density_{axis}"].mean()) == pytest.approx(bed.masses.sum() / 36)
+    along = tree["mass_density_z"].sel(z=slice(0, 1)), tree["solid_fraction_z"].sel(z=slice(0, 1))
+    np.testing.assert_allclose(along[0], 7800 * along[1])
+    along = tree["mass_density_z"].sel(z=slice(2, 3)), tree["solid_fraction_z"].sel(z=slice(2, 3))
+    np.testing.assert_allclose(along[0], 2500 * along[1])
+    one = Packing.of([BALL], Box((3, 3, 4)), position=position, density=7800)
+    assert "mass_density_z" not in measure(one, "profile")["profiles"]

@@ -10,9 +10,11 @@ import voxgran as vg
 from voxgran._base.errors import InputError, OutputExistsError
 from voxgran.report.closeup import picture_contacts
 from voxgran.report.colors import coloring
+from voxgran.report.facts import shape_rows
 from voxgran.report.scenes import picture_packing
 from voxgran.report.stage import round_length
 from voxgran.report.turntable import animated, save_turntable
+from voxgran.report.view import view_data
 
 WINDOW = (240, 240)
 
@@ -32,6 +34,21 @@ def test_values_are_those_of_the_grains(row):
     assert coloring(row, "shape").values.tolist() == [0, 0, 0, 0]
     with pytest.raises(InputError, match="color_by is 'size'"):
         coloring(row, "size")
+
+
+def test_materials_are_told_apart():
+    sphere = vg.make_shape("sphere")
+    where = [(1, 1, 1), (3, 1, 1), (3, 3, 1)]
+    bed = vg.Packing.of([sphere] * 2, vg.Box((4, 4, 4)), position=where, shape_id=[0, 1, 1], density=(7800, 2500))
+    assert coloring(bed, "density").values.tolist() == [7800, 2500, 2500]
+    assert [row[0] for row in shape_rows(bed)] == ["sphere, density 2500", "sphere, density 7800"]
+    head, arrays = view_data(bed, np.arange(3), 100)
+    names = [color["name"] for color in head["colors"]]
+    assert sorted(head["shapes"]) == ["sphere, density 2500", "sphere, density 7800"]
+    assert arrays["values"][names.index("density")].tolist() == [7800, 2500, 2500]
+    same = vg.Packing.of([sphere], vg.Box((4, 4, 4)), position=where, density=2500)
+    assert "density" not in [color["name"] for color in view_data(same, np.arange(3), 100)[0]["colors"]]
+    assert [row[0] for row in shape_rows(same)] == ["sphere"]
 
 
 @pytest.mark.parametrize("color_by", ["diameter", "shape", "coordination", "distance"])

@@ -144,6 +144,18 @@ def _columns(
     return values, {coordinate: variable(row, profile.middle, unit, f"{meaning}, middle of the bin")}
 
 
+def _mass_density(packing: Packing, axis: str, bins: int) -> Any:
+    """Return the variable of the mass of the grains over the volume of the slices across an axis, where densities
+    differ; what grains of one density have in common counts once.
+    """
+    mass = np.zeros(bins)
+    for density in np.unique(packing.densities):
+        of_density = packing[packing.densities == density]
+        mass += density * axis_profile(of_density, axis, bins=bins).solid_fraction
+    meaning = f"mass of the grains over the volume of the container, over the coordinate {axis}"
+    return variable((axis,), mass, "unit of the density", meaning)
+
+
 def _compute(packing: Packing) -> Groups:
     """Return the profiles along all axes and, if there are walls, with the distance from them."""
     unit = length_unit(packing)
@@ -153,6 +165,8 @@ def _compute(packing: Packing) -> Groups:
         profile = axis_profile(packing, axis)
         more, along = _columns(profile, f"solid_fraction_{axis}", axis, (unit, f"the coordinate {axis}"))
         values, coordinates = values | more, coordinates | along
+        if isinstance(packing.density, tuple):
+            values[f"mass_density_{axis}"] = _mass_density(packing, axis, len(profile.solid_fraction))
     if packing.count and not all(packing.container.periodic[: packing.dimension]):
         meaning = "the distance from the nearest wall"
         more, along = _columns(wall_profile(packing), "solid_fraction_wall", "wall_distance", (unit, meaning))
@@ -162,7 +176,7 @@ def _compute(packing: Packing) -> Groups:
 
 registration = Measure(
     name="profile",
-    summary="solid fraction along the axes and as a function of the distance from the walls",
+    summary="solid fraction, and mass density where densities differ, along the axes; solid fraction from the walls",
     groups=("/profiles",),
     compute=_compute,
 )
