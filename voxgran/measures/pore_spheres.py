@@ -12,7 +12,7 @@ import numpy as np
 from voxgran._base.arrays import Booleans, Floats, Integers
 from voxgran._base.cells import spheres_near
 from voxgran._base.compiling.threads import in_blocks, using_threads
-from voxgran._base.kernels import kernel
+from voxgran._base.kernels import bare_kernel, kernel
 from voxgran.containers.kernel_container import KernelContainer, clearance, kernel_container
 from voxgran.containers.model import boundary_of
 from voxgran.lattice.distance import distance_transform
@@ -63,8 +63,9 @@ class Bodies:
         lower, lengths = self.bounds[0], self.bounds[1] - self.bounds[0]
         for begin in range(0, len(places), POINTS):
             part = slice(begin, begin + POINTS)
-            # the distance of a sphere changes by at most the half diagonal, and so does the radius
-            far = reach[part] + math.sqrt(3.0) * edge
+            # to a corner of the voxel the distance and the radius change by half a diagonal each; voxels may miss the
+            # length of a period by half of one
+            far = reach[part] + (math.sqrt(3.0) + 0.5) * edge
             known = {"lower": lower, "lengths": lengths, "periodic": self.periodic}
             point, body, image = spheres_near(places[part], far, self.centers, self.radii, **known)
             near = np.column_stack([self.centers[body] + image * lengths, self.radii[body]])
@@ -109,7 +110,9 @@ def _climb(walls, places, half, near, starts, found, begin, end):  # type: ignor
     for p in range(begin, end):
         x, y, z = places[p]
         around = near[starts[p] : starts[p + 1]]
-        best, step, left = _room(walls, around, x, y, z), half, FINER
+        wall, best, step, left = clearance(walls, x, y, z), _room(walls, False, around, -np.inf, x, y, z), half, FINER
+        # in the voxel both change by less than 2 half edges
+        walled, best = wall < best + 4 * half, min(wall, best)
         while left >= 0:
             u, v, w, before = x, y, z, best
             for i in range(-1, 2):
@@ -118,7 +121,7 @@ def _climb(walls, places, half, near, starts, found, begin, end):  # type: ignor
                         a = min(max(u + i * step, places[p, 0] - half), places[p, 0] + half)
                         b = min(max(v + j * step, places[p, 1] - half), places[p, 1] + half)
                         c = min(max(w + k * step, places[p, 2] - half), places[p, 2] + half)
-                        room = _room(walls, around, a, b, c)
+                        room = _room(walls, walled, around, best, a, b, c)
                         if room > best:
                             x, y, z, best = a, b, c, room
             if best <= before + 1e-6 * half:
@@ -126,11 +129,18 @@ def _climb(walls, places, half, near, starts, found, begin, end):  # type: ignor
         found[p, 0], found[p, 1], found[p, 2], found[p, 3] = x, y, z, max(best, 0.0)
 
 
-@kernel
-def _room(walls, near, x, y, z):  # type: ignore[no-untyped-def]
-    """Return the distance of a point from the nearest wall or sphere, negative inside of one."""
-    room = clearance(walls, x, y, z)
+@bare_kernel
+def _room(walls, walled, near, least, x, y, z):  # type: ignore[no-untyped-def]
+    """Return the distance of a point from the nearest sphere or, if asked for, wall; negative inside of one.
+
+    What is not above `least` need not be the nearest one.
+    """
+    room = clearance(walls, x, y, z) if walled else np.inf
     for s in range(len(near)):
         dx, dy, dz = x - near[s, 0], y - near[s, 1], z - near[s, 2]
-        room = min(room, np.sqrt(dx * dx + dy * dy + dz * dz) - near[s, 3])
+        square, reach = dx * dx + dy * dy + dz * dz, room + near[s, 3]
+        if square < reach * reach:
+            room = np.sqrt(square) - near[s, 3]
+        if room <= least:
+            break
     return room
