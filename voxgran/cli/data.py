@@ -10,7 +10,13 @@ from voxgran.io.data_files import DATA_FILES
 
 
 def data(options: argparse.Namespace) -> None:
-    """Copy a file that comes with voxgran, and say where the copy is; without a name, list the files."""
+    """Copy a file that comes with voxgran, and say where the copy is; without a name, list the files.
+
+    Raises
+    ------
+    InputError
+        If an output is given without a name.
+    """
     if options.name is None:
         if options.output:
             raise InputError(

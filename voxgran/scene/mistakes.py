@@ -47,7 +47,9 @@ class Mistakes:
         Raises
         ------
         VoxgranError
-            The only error that was found, or an InputError with the sentences of all.
+            The only error that was found.
+        InputError
+            If there are several, with the sentences of all.
         """
         if len(self.found) == 1:
             raise self.found[0]

@@ -177,5 +177,5 @@ def test_the_command_makes_a_surface(tmp_path, capsys):
     assert main(["cloud", str(scan), "-o", str(out), "--outliers", "4"]) == 0
     assert "mean residual" in capsys.readouterr().out
     assert vg.load_shape(out).volume == pytest.approx(4 / 3 * np.pi, rel=0.01)
-    assert main(["cloud", str(scan), "-o", str(out), "--max-gap", "0.1"]) == 2
+    assert main(["cloud", str(scan), "-o", str(out), "--max-gap", "0.1", "--overwrite"]) == 2
     assert "too sparse to close" in capsys.readouterr().err

@@ -26,6 +26,6 @@ def test_an_unknown_suffix_names_the_known_ones(spheres, tmp_path):
     with pytest.raises(InputError, match="packing is 'spheres': it must be a Packing"):
         save("spheres", tmp_path / "p.vtp")
     assert list(tmp_path.iterdir()) == []
-    (tmp_path / "p.stl").write_bytes(b"\0" * 100)
-    with pytest.raises(FileFormatError, match=r"suffix '.stl' and no known content: .* LAMMPS"):
-        load(tmp_path / "p.stl")
+    (tmp_path / "p.bin").write_bytes(b"\0" * 100)
+    with pytest.raises(FileFormatError, match=r"suffix '.bin' and no known content: .* LAMMPS"):
+        load(tmp_path / "p.bin")

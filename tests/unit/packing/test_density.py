@@ -46,7 +46,7 @@ def bed(density, **given):
         ([STEEL, True], "density of shape 1 is True: it must be a number"),
         ([STEEL, "glass"], "density of shape 1 is 'glass': it must be a number"),
         ([[STEEL], [GLASS]], "density of shape 0 is .*: it must be a number"),
-        ({"steel": STEEL}, "density is .*: it must be a number"),
+        ({"steel": STEEL}, "density is .*: it must be one number or a list"),
         ("steel", "density is 'steel': it must be a number"),
         (0.0, "density is 0.0: it must be finite and above 0"),
         (None, "density is None"),
