@@ -18,7 +18,7 @@ from voxgran.containers.rectangle import Rectangle
 from voxgran.containers.sphere import Sphere
 from voxgran.measures.cell_volumes import cell_volumes
 from voxgran.measures.model import measure
-from voxgran.measures.registered.homogeneity import _fit, homogeneity
+from voxgran.measures.registered.homogeneity import _covariance, _deviation, _fit, homogeneity
 from voxgran.measures.window import Solids
 from voxgran.packing.model import Packing
 from voxgran.packing.pack import pack
@@ -87,8 +87,51 @@ def test_deviations_are_those_of_windows_at_all_places(container):
         exact = np.std(values) / np.prod(step * edges) / math.sqrt(1 - share)
         assert found.deviation[k] == pytest.approx(exact, rel=1e-9)
         assert found.windows[k] == pytest.approx(1 / share)
-    least = found.deviation * np.sqrt((2 / 3) ** d / (2 * found.windows))
-    assert (found.error >= least * (1 - 1e-9)).all()
+
+
+def scattered(kind, seed):
+    """Return a random packing."""
+    cube = Box((12, 12, 12), periodic="xyz")
+    if kind.startswith("independent"):
+        box, count = (Box((14, 14, 14)), 1570) if "walls" in kind else (cube, 990)
+        return grains(box.bounds[1] * stream(seed, "gas").random((count, 3)), box)
+    if kind == "dense":
+        return pack([SPHERE], cube, method="expand", solid_fraction=0.55, seed=seed)
+    if kind == "bed":
+        return pack([SPHERE], Box((12, 12, 16)), method="deposition", count=1980, seed=seed)
+    container = {
+        "rsa": cube,
+        "rsa, a wall": Box((14, 14, 14), periodic="xy"),
+        "disks": Rectangle((24, 24), periodic="xy"),
+        "cylinder": Cylinder(7, 14),
+    }[kind]
+    shape = DISK if kind == "disks" else SPHERE
+    return pack([shape], container, method="rsa", solid_fraction=0.3, seed=seed)
+
+
+@pytest.mark.parametrize(
+    "kind", ["independent", "independent, walls", "rsa", "rsa, a wall", "disks", "cylinder", "dense", "bed"]
+)
+def test_stated_errors_are_the_scatter_over_seeds(kind):
+    found = [homogeneity(scattered(kind, seed)) for seed in range(24)]
+    exponent, stated = (np.array([getattr(one, name) for one in found]) for name in ("exponent", "exponent_error"))
+    assert 0.7 < exponent.std(ddof=1) / stated.mean() < 1.4
+    deviation, error = (np.array([getattr(one, name) for one in found]) for name in ("deviation", "error"))
+    large = found[0].size > 1.9
+    assert 0.6 < np.median(deviation.std(axis=0, ddof=1)[large] / error.mean(axis=0)[large]) < 1.6
+    size = np.array([[one.representative_size, one.representative_size_error] for one in found])
+    assert 0.5 < size[:, 0].std(ddof=1) / size[:, 1].mean() < 1.6
+
+
+@pytest.mark.parametrize("periodic", [(True, True), (True, False), (False, False)])
+def test_the_covariance_of_deviations_is_that_of_drawn_fields(periodic):
+    """Cells with normal values, some of them smoothed, whose variance is above 0 at all sizes."""
+    steps, fields = [2, 4, 7], stream(3, "fields").normal(size=(1500, 32, 36))
+    fields = fields + np.roll(fields, 1, axis=1)
+    held = np.ones((32, 36), dtype=bool)
+    drawn = np.log([[_deviation(field, held, step, np.array(periodic)) for step in steps] for field in fields])
+    stated = np.mean([_covariance(field, 1.0, steps, np.array(periodic)) for field in fields], axis=0)
+    assert stated == pytest.approx(np.cov(drawn.T), rel=0.12)
 
 
 def turned_lattice():
@@ -208,17 +251,17 @@ def test_windows_that_see_single_grains_give_no_exponent(lengths):
 
 def test_the_fit():
     volume = np.array([1.0, 2, 4, 8, 16])
-    exponent, reached = _fit(volume, 0.3 * volume**-0.7, np.ones(5), 0.0, 0.3 * 3**-0.7)
+    exponent, reached = _fit(0.3 * volume**-0.7, volume, np.ones(5), 0.0, 0.3 * 3**-0.7)
     assert exponent == pytest.approx(-0.7)
     assert reached == pytest.approx(3)
     # extrapolated
-    assert _fit(volume, 0.3 * volume**-0.7, np.ones(5), 0.0, 0.3 * 100**-0.7)[1] == pytest.approx(100)
+    assert _fit(0.3 * volume**-0.7, volume, np.ones(5), 0.0, 0.3 * 100**-0.7)[1] == pytest.approx(100)
     # only the last three follow another power
     bent = np.where(volume < 4, 1.0, 4 / volume)
-    assert _fit(volume, bent, np.ones(5), 4.0, 0.5)[0] == pytest.approx(-1)
-    assert math.isnan(_fit(volume, np.ones(5), np.ones(5), 0.0, 0.5)[1])
-    assert _fit(volume, np.zeros(5), np.ones(5), 0.0, 0.5)[1] == 1.0
-    assert math.isnan(_fit(volume, np.zeros(5), np.ones(5), 0.0, 0.5)[0])
+    assert _fit(bent, volume, np.ones(5), 4.0, 0.5)[0] == pytest.approx(-1)
+    assert math.isnan(_fit(np.ones(5), volume, np.ones(5), 0.0, 0.5)[1])
+    assert _fit(np.zeros(5), volume, np.ones(5), 0.0, 0.5)[1] == 1.0
+    assert math.isnan(_fit(np.zeros(5), volume, np.ones(5), 0.0, 0.5)[0])
 
 
 @pytest.mark.parametrize("scale", [1e-50, 1e50])

@@ -30,14 +30,14 @@ RATIO = 1.35
 FEWEST, MANY = 8, 100
 #: smallest window of the fit in mean diameters, where three are larger
 ASYMPTOTIC = 2.0
-#: blocks of the jackknife along each axis, in 3D and 2D
-BLOCKS = {3: 2, 2: 3}
 #: share of the solid fraction below which a deviation is round-off
 ROUND_OFF = 1e-10
 #: relative deviation of a representative volume
 TOLERANCE = 0.05
 #: slowest decay: a representative volume farther away is not known
 SLOWEST = -0.05
+#: relative change of a deviation by which derivatives are found
+SMALL = 1e-4
 
 
 @dataclass(frozen=True, eq=False)
@@ -46,7 +46,7 @@ class Homogeneity:
 
     size: Floats  # (k,) edge of the cube (in 2D square) with the volume of a window, in the unit of lengths
     deviation: Floats  # (k,) standard deviation of the solid fraction
-    error: Floats  # (k,) its standard error, from a jackknife over blocks
+    error: Floats  # (k,) its standard error
     windows: Floats  # (k,) how many windows fit beside each other
     solid_fraction: float  # of the whole region; NaN without one
     exponent: float  # of the decay of the deviation with the volume of the window; NaN where it is 0
@@ -65,8 +65,9 @@ def homogeneity(packing: Packing, *, tolerance: float = TOLERANCE, inset: float 
     other than spheres counts for each.
 
     Since all windows lie in one region, their variance is divided by one minus the share of a window of the region.
-    Windows overlap; so standard errors are those of a jackknife over eight (in 2D nine) blocks of the region, and of
-    deviations at least that of overlapping windows of independent places.
+    Windows overlap, and those of all sizes see the same grains; standard errors come from the power of the Fourier
+    modes of the solid fraction, which are taken as independent of each other. The scatter of exponents over seeds was
+    0.8 to 1.3 times the stated error; deviations of windows smaller than a diameter scatter less than stated.
 
     Parameters
     ----------
@@ -115,8 +116,8 @@ def homogeneity(packing: Packing, *, tolerance: float = TOLERANCE, inset: float 
         return nothing
     volume = float(np.prod(edges / edges.max()))
     fraction = cell_volumes(Solids(packing), window.lower, edges, held) / edges.max() ** d / volume
-    deviations = {m: _deviations(fraction, held, m, window.periodic) for m in _steps(int(cells.min()))}
-    steps = [m for m, row in deviations.items() if held.sum() >= FEWEST * m**d and np.isfinite(row).all()]
+    deviations = {m: _deviation(fraction, held, m, window.periodic) for m in _steps(int(cells.min()))}
+    steps = [m for m, one in deviations.items() if held.sum() >= FEWEST * m**d and math.isfinite(one)]
     if not steps:
         return nothing
     size = np.array(steps, dtype=np.float64) * volume ** (1 / d) * edges.max()
@@ -125,20 +126,20 @@ def homogeneity(packing: Packing, *, tolerance: float = TOLERANCE, inset: float 
     if not mean > 0.0:
         # no solid, whose share could be compared
         return nothing
-    found = np.array([deviations[m] for m in steps]) / np.sqrt(1 - 1 / windows)[:, None]
+    found = np.array([deviations[m] for m in steps]) / np.sqrt(1 - 1 / windows)
     found[found < ROUND_OFF * mean] = 0.0
-    volume, weight = (size / diameter) ** d, np.minimum(windows - 1, MANY)
-    fits = [_fit(volume, column, weight, ASYMPTOTIC**d * (1 - 1e-9), mean * wanted) for column in found.T]
-    fits = [(exponent, reached ** (1 / d) * diameter) for exponent, reached in fits]
-    whole, spread = fits[0], [_jackknife(np.array([fit[k] for fit in fits[1:]])) for k in range(2)]
-    # the least error is that of overlapping windows of independent places: the common share of two windows along an
-    # axis, squared, is 2 / 3 on average
-    share = np.sqrt((2 / 3) ** d / (2 * windows))
-    error = np.maximum([_jackknife(row[1:]) for row in found], share * found[:, 0])
-    reached, doubt = whole[1], spread[1]
-    if math.isfinite(reached) and whole[0] < SLOWEST:
-        doubt = max(doubt, reached / (d * abs(whole[0])) * float(np.interp(reached, size, share)))
-    return Homogeneity(size, found[:, 0], error, windows, mean, whole[0], spread[0], reached, doubt)
+    covariance = _covariance(np.where(held, fraction, mean), float(held.mean()), steps, window.periodic)
+    rule = (size / diameter) ** d, np.minimum(windows - 1, MANY), ASYMPTOTIC**d * (1 - 1e-9), mean * wanted
+    exponent, reached = _fit(found, *rule)
+    moved = [_fit(found * np.where(np.arange(len(steps)) == k, 1 + SMALL, 1.0), *rule) for k in range(len(steps))]
+    change = (np.array(moved) - [exponent, reached]) / SMALL
+    doubt = np.sqrt(np.maximum(np.einsum("ki,kl,li->i", change, covariance, change), 0.0))
+    # reached is a volume, in cubed or squared mean diameters
+    edge = reached ** (1 / d) * diameter
+    error = found * np.sqrt(np.diag(covariance))
+    return Homogeneity(
+        size, found, error, windows, mean, exponent, float(doubt[0]), edge, float(edge * doubt[1] / (d * reached))
+    )
 
 
 def _lattice(window: PairWindow, diameter: float) -> tuple[Floats, Floats]:
@@ -172,24 +173,47 @@ def _steps(cells: int) -> Iterator[int]:
         edge = max(edge * RATIO, last + 1.0)
 
 
-def _deviations(fraction: Floats, held: Booleans, step: int, periodic: Booleans) -> Floats:
-    """Return the standard deviation over all windows, and without those of each block, (1 + blocks,)."""
-    d = fraction.ndim
-    means = _sums(fraction, step, periodic) / step**d
-    known = _sums(held.astype(np.float64), step, periodic) > step**d - 0.5
-    parts = BLOCKS[d]
-    block = sum(
-        np.arange(n).reshape([-1 if b == a else 1 for b in range(d)]) * parts // n * parts**a
-        for a, n in enumerate(means.shape)
-    )
-    label, values = np.broadcast_to(block, means.shape)[known], means[known]
-    if not len(values):
-        return np.full(1 + parts**d, np.nan)
-    middle = values.mean()
-    sums = [np.bincount(label, weights=(values - middle) ** k, minlength=parts**d) for k in range(3)]
-    without = [np.append(one.sum(), one.sum() - one) for one in sums]
-    count = np.maximum(without[0], 1.0)
-    return np.asarray(np.sqrt(np.maximum(without[2] / count - (without[1] / count) ** 2, 0.0)))
+def _deviation(fraction: Floats, held: Booleans, step: int, periodic: Booleans) -> float:
+    """Return the standard deviation over all windows; NaN without one."""
+    cells = step**fraction.ndim
+    known = _sums(held.astype(np.float64), step, periodic) > cells - 0.5
+    return float((_sums(fraction, step, periodic)[known] / cells).std()) if known.any() else math.nan
+
+
+def _covariance(fraction: Floats, share: float, steps: list[int], periodic: Booleans) -> Floats:
+    """Return the covariance (k, k) of the logarithms of the deviations of windows of `steps` cells.
+
+    The variance over windows of a periodic region is the sum of the power of the Fourier modes, weighted by the square
+    of the transform of a window. The power of a mode of a random field has a standard deviation as large as its mean,
+    and so half the mean of its square as variance. Between walls fewer windows fit: each axis has the ratio of the
+    covariances of uncorrelated cells between walls, in the share of the region that is held, and in a periodic region.
+    """
+    power = np.abs(np.fft.fftn(fraction - fraction.mean())) ** 2
+    power /= power.sum() or 1.0
+    transforms = [[_transform(n, step) for n in fraction.shape] for step in steps]
+    seen = np.array([(power * math.prod(np.ix_(*of))).ravel() for of in transforms])
+    mean = seen.sum(axis=1)
+    # a deviation is the root of a variance, so its relative error is half as large
+    covariance = seen @ seen.T / 4 / np.maximum(np.outer(mean, mean), np.finfo(float).tiny)
+    for n, wraps in zip(fraction.shape, periodic, strict=True):
+        if not wraps:
+            held = max(round(n * share ** (1 / fraction.ndim)), *steps)
+            covariance *= _common(held, steps, False) / _common(n, steps, True)
+    return np.asarray(covariance)
+
+
+def _transform(n: int, step: int) -> Floats:
+    """Return the square of the Fourier transform, (n,), of a window of `step` of n cells."""
+    return np.asarray(np.abs(np.fft.fft(np.arange(n) < step) / step) ** 2)
+
+
+def _common(n: int, steps: list[int], wraps: bool) -> Floats:
+    """Return the mean square (k, k) of the cells that windows share, over all their places on an axis of n cells,
+    relative to the product of their lengths.
+    """
+    inside = [(np.arange(n) - np.arange(n if wraps else n - step + 1)[:, None]) % n < step for step in steps]
+    rows = [one.astype(np.float64) for one in inside]
+    return np.array([[((a @ b.T) ** 2).mean() / (a[0].sum() * b[0].sum()) for b in rows] for a in rows])
 
 
 def _sums(values: Floats, step: int, periodic: Booleans) -> Floats:
@@ -202,7 +226,7 @@ def _sums(values: Floats, step: int, periodic: Booleans) -> Floats:
     return values
 
 
-def _fit(volume: Floats, deviation: Floats, weight: Floats, least: float, wanted: float) -> tuple[float, float]:
+def _fit(deviation: Floats, volume: Floats, weight: Floats, least: float, wanted: float) -> tuple[float, float]:
     """Return the exponent of the deviation over the volume, fitted from the volume `least` on, and the volume at which
     the deviation falls below `wanted`; an exponent of fewer than three windows is NaN.
     """
@@ -225,11 +249,6 @@ def _fit(volume: Floats, deviation: Floats, weight: Floats, least: float, wanted
         return exponent, float(volume[first])
     share = math.log(deviation[first - 1] / wanted) / math.log(deviation[first - 1] / deviation[first])
     return exponent, float(volume[first - 1] * (volume[first] / volume[first - 1]) ** share)
-
-
-def _jackknife(values: Floats) -> float:
-    """Return the standard error from values that each lack one block."""
-    return float(np.sqrt((len(values) - 1) * np.var(values)))
 
 
 def _compute(packing: Packing) -> Groups:
