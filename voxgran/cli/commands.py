@@ -206,6 +206,9 @@ def repair(options: argparse.Namespace) -> None:
     from voxgran.shapes.repairing.diagnose import Remedies
     from voxgran.shapes.repairing.repair import repaired
 
+    if options.output:
+        # several bodies are written under names of their own, and looked for when their number is known
+        check_surface_output(options.output, overwrite=True)
     points, faces = read_surface(options.file)
     remedies = Remedies(keep_open="", choose="choose with --bodies largest or --bodies all", hole="raise --max-hole")
     made = repaired(

@@ -79,11 +79,6 @@ class Bodies:
 
         A voxel that no sphere covers has that of the largest sphere with its center in the voxel.
         """
-        with using_threads(None):
-            return self._sizes(mask, origin, edge, around)
-
-    def _sizes(self, mask: Booleans, origin: Floats, edge: float, around: tuple[bool, bool, bool]) -> Floats:
-        """Return what `sizes` does."""
         squares = distance_transform(mask, periodic=around, squared=True)
 
         def spheres(voxels: Integers) -> Floats:
@@ -91,12 +86,13 @@ class Bodies:
             places[:, self.walls.dimension :] = 0.0
             return self.largest_near(places, np.sqrt(squares.ravel()[voxels]) * edge, edge)
 
-        known = spheres(np.flatnonzero(ridge(squares, around)))
-        scaled = np.column_stack([(known[:, :3] - origin) / edge - 0.5, (known[:, 3] / edge) ** 2])
-        scaled[:, self.walls.dimension : 3] = 0.0
-        found = 2.0 * edge * np.sqrt(cover(mask, scaled, around))
-        missed = np.flatnonzero(mask & (found == 0.0))
-        found.ravel()[missed] = 2.0 * spheres(missed)[:, 3]
+        with using_threads(None):
+            known = spheres(np.flatnonzero(ridge(squares, around)))
+            scaled = np.column_stack([(known[:, :3] - origin) / edge - 0.5, (known[:, 3] / edge) ** 2])
+            scaled[:, self.walls.dimension : 3] = 0.0
+            found = 2.0 * edge * np.sqrt(cover(mask, scaled, around))
+            missed = np.flatnonzero(mask & (found == 0.0))
+            found.ravel()[missed] = 2.0 * spheres(missed)[:, 3]
         return found
 
 

@@ -233,7 +233,7 @@ class SampledRegion:
     def _held(self, points: Floats, depths: Floats) -> Booleans:
         """Return the mask of the sample points in the region."""
         low = _between(points, *self.limits).all(axis=1)
-        # the slack of both bounds is inward to the walls, so that no point is in two regions that meet
+        # both bounds have the same slack, so that no point is in two regions that meet
         slack = ON_FACE * float(np.abs(points).max(initial=0.0))
         return np.asarray(low & (depths >= self.inset - slack) & (depths < self.until - slack))
 

@@ -161,7 +161,7 @@ def shape_names(packing: Packing) -> list[str]:
     names = [shape.name for shape in packing.shapes]
     if not isinstance(packing.density, tuple):
         return names
-    return [f"{name}, density {number(density)}" for name, density in zip(names, packing.density, strict=True)]
+    return [f"{name} (density {number(density)})" for name, density in zip(names, packing.density, strict=True)]
 
 
 def shape_rows(packing: Packing) -> list[tuple[str, str, str, str]]:

@@ -5,7 +5,7 @@ import tomllib
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any, Literal, Self
+from typing import Any, Literal, Self, TypeVar
 
 from voxgran._base.arrays import as_count, as_number, as_positive, check_type
 from voxgran._base.config import from_mapping, parameters_of, to_mapping
@@ -30,6 +30,8 @@ from voxgran.scene.sections import General, Output
 from voxgran.scene.shape_entries import ShapeEntry, given_values, shape_entries
 from voxgran.settling.parameters import Settling
 from voxgran.shapes.sizes import SizeDistribution, make_sizes
+
+T = TypeVar("T")
 
 SECTIONS = ("scene", "shape", "sizes", "container", "packing", "settle", "material", "measure", "output")
 #: where a scene says whether and how its grains settle
@@ -153,7 +155,6 @@ class SceneDescription(ExplainedAttributes):
         >>> scene.container.volume
         64.0
         """
-        check_type(mapping, Mapping, "scene", "a mapping of sections; for a file use Scene.from_toml")
         _check_sections(mapping)
         place, mistakes = Path(folder), Mistakes()
         with mistakes.part():
@@ -171,11 +172,11 @@ class SceneDescription(ExplainedAttributes):
             method, parameters, given = _method(packing)
             packed = _packed(packing, place)
         with mistakes.part():
-            material: Material = from_mapping(Material, mapping.get("material", {}), "[material]")
+            material: Material = _section(Material, mapping.get("material", {}), "[material]")
         with mistakes.part():
             which = _which(mapping.get("measure", {}))
         with mistakes.part():
-            output: Output = _output(mapping.get("output", {}))
+            output: Output = _section(Output, mapping.get("output", {}), "[output]")
         mistakes.refuse()
         for engine in output.dem:
             refuse_unheld(engine_registry().get(engine), material, container)
@@ -355,10 +356,10 @@ def _packed(packing: Mapping[str, Any], place: Path) -> dict[str, Any]:
     }
 
 
-def _output(mapping: Mapping[str, Any]) -> Output:
-    """Return the checked section [output]."""
-    refuse_unknown(mapping, "[output]", Output)
-    return from_mapping(Output, mapping, "[output]")
+def _section(cls: type[T], mapping: Mapping[str, Any], place: str) -> T:
+    """Return a section that holds the parameters of a class and nothing else."""
+    refuse_unknown(mapping, place, cls)
+    return from_mapping(cls, mapping, place)
 
 
 def _settle(
@@ -387,8 +388,7 @@ def _settle(
 
 def _general(mapping: Mapping[str, Any]) -> General:
     """Return the checked section [scene]."""
-    refuse_unknown(mapping, "[scene]", General)
-    made = from_mapping(General, mapping, "[scene]")
+    made = _section(General, mapping, "[scene]")
     as_count(made.seed, "[scene] seed", at_most=None)
     as_count(made.seeds, "[scene] seeds", at_least=1)
     as_positive(made.density, "[scene] density")

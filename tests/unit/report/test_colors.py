@@ -41,10 +41,10 @@ def test_materials_are_told_apart():
     where = [(1, 1, 1), (3, 1, 1), (3, 3, 1)]
     bed = vg.Packing.of([sphere] * 2, vg.Box((4, 4, 4)), position=where, shape_id=[0, 1, 1], density=(7800, 2500))
     assert coloring(bed, "density").values.tolist() == [7800, 2500, 2500]
-    assert [row[0] for row in shape_rows(bed)] == ["sphere, density 2500", "sphere, density 7800"]
+    assert [row[0] for row in shape_rows(bed)] == ["sphere (density 2500)", "sphere (density 7800)"]
     head, arrays = view_data(bed, np.arange(3), 100)
     names = [color["name"] for color in head["colors"]]
-    assert sorted(head["shapes"]) == ["sphere, density 2500", "sphere, density 7800"]
+    assert sorted(head["shapes"]) == ["sphere (density 2500)", "sphere (density 7800)"]
     assert arrays["values"][names.index("density")].tolist() == [7800, 2500, 2500]
     same = vg.Packing.of([sphere], vg.Box((4, 4, 4)), position=where, density=2500)
     assert "density" not in [color["name"] for color in view_data(same, np.arange(3), 100)[0]["colors"]]

@@ -79,6 +79,14 @@ def test_few_faces_come_back_unchanged():
     assert (made.faces_before, made.faces, made.largest_distance, made.sentences) == (12, 12, 0.0, ())
 
 
+def test_the_record_has_no_roughness_of_the_surface_before():
+    stone = vg.roughen(vg.shapes.sphere(), rms=0.02, seed=1)
+    made = vg.simplify(stone, faces=300).shape
+    assert any(key.startswith("roughness_") for key in stone.record)
+    assert made.record["simplified_from"] == len(stone.faces)
+    assert not any(key.startswith("roughness_") for key in made.record)
+
+
 @pytest.mark.parametrize("factor", [2.0**-100, 2.0**100])
 def test_tiny_and_huge_units(factor):
     ring = vg.make_shape("torus")

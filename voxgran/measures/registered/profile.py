@@ -145,8 +145,9 @@ def _columns(
 
 
 def _mass_density(packing: Packing, axis: str, bins: int) -> Any:
-    """Return the variable of the mass of the grains over the volume of the slices across an axis, where densities
-    differ; what grains of one density have in common counts once.
+    """Return the variable of the mass of the grains over the volume of the slices across an axis.
+
+    The volume that grains of different densities have in common counts for each density.
     """
     mass = np.zeros(bins)
     for density in np.unique(packing.densities):

@@ -81,7 +81,7 @@ def packing_of_labels(
     Warns
     -----
     PackingWarning
-        If no gravity is given and the grains leave one side of the image empty by more than their mean diameter.
+        If no gravity is given and the grains leave just one side of the image empty by more than their mean diameter.
 
     Examples
     --------
@@ -130,20 +130,20 @@ def packing_of_labels(
 
 
 def _warn_of_room(packing: Packing) -> None:
-    """Warn if one side of the container is empty by more than a mean diameter and than twice what the other side is."""
+    """Warn if just one side of the container is empty by more than a mean diameter, as the upper one of a bed is."""
     lower, upper = packing.container.bounds
     vertices = [packing.world_vertices(grain) for grain in range(packing.count)]
     below = np.min([corners.min(axis=0) for corners in vertices], axis=0) - lower
     above = upper - np.max([corners.max(axis=0) for corners in vertices], axis=0)
-    room = np.where(packing.container.periodic, 0.0, above - below)
-    axis = int(np.argmax(np.abs(room)))
-    name, empty = "xyz"[axis], float(max(above[axis], below[axis]))
-    if abs(room[axis]) > 0.5 * empty and empty > packing.diameters.mean():
-        down = f"-{name}" if room[axis] > 0 else f"+{name}"
-        side = "upper" if room[axis] > 0 else "lower"
+    room = np.where(packing.container.periodic, 0.0, [below, above])
+    wide = np.argwhere(room > packing.diameters.mean())
+    if len(wide) == 1:
+        end, axis = wide[0]
+        side, name = ("lower", "upper")[end], "xyz"[axis]
         warn(
-            f"the grains leave {empty:.3g} of {upper[axis] - lower[axis]:.3g} empty at the {side} side of {name}, "
-            f"which measures count as voids: of a bed that gravity holds, give gravity={down!r}",
+            f"the grains leave {room[end, axis]:.3g} of {upper[axis] - lower[axis]:.3g} empty at the {side} side of "
+            f"{name}, which measures count as voids: of a bed that gravity holds, give gravity='{'+-'[end]}{name}', "
+            "of another sample gravity='none'",
             PackingWarning,
         )
 

@@ -152,7 +152,9 @@ def _compared(solid: Shape, size: float, reduced: Shape, sentences: tuple[str, .
     corners = size * (np.array(reduced.offset) + factor * reduced.vertices)
     made = Shape.from_mesh(corners, reduced.faces, name=solid.name, unit=solid.unit)
     x, y, z = (float(a + b) for a, b in zip(solid.offset, made.offset, strict=True))
-    record = {**solid.record, "simplified_from": len(solid.faces)}
+    # the statistics of a rough surface are not those of the reduced one
+    kept = {key: value for key, value in solid.record.items() if not key.startswith("roughness_")}
+    record = kept | {"simplified_from": len(solid.faces)}
     mean, largest = distances(solid.vertices / size, solid.faces, corners / size, reduced.faces)
     return Simplification(
         shape=replace(made, offset=(x, y, z), record=record),
