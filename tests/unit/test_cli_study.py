@@ -1,5 +1,6 @@
 """`voxgran study`: what it prints and writes, how it is stopped and goes on, and one line per mistake."""
 
+import csv
 import json
 import os
 import re
@@ -49,16 +50,36 @@ def test_a_study_is_planned_run_and_shown(file, tmp_path, capsys):
     assert not out.exists()
     assert main([*words, "--json"]) == 0
     numbers = json.loads(capsys.readouterr().out)
-    assert numbers == {"runs": 4, "computed": 4, "failed": 0, "not_verified": 0}
+    assert numbers == {"runs": 4, "computed": 4, "failed": 0, "ended_full": 0, "not_verified": 0}
     assert main([*words, "--resume"]) == 0
     text = capsys.readouterr().out
     assert re.search(r"^ +9 +2/2 +9 +0\.0736\d? ", text, re.M)
     assert "results in" in text
     assert re.search(r"^computed +0$", text, re.M)
+    assert "full:" not in text
     assert main([*words, "--dry-run", "--json"]) == 0
     plan = json.loads(capsys.readouterr().out)
     assert [cell["done"] for cell in plan["cells"]] == [2, 2]
     assert float(vg.load_statistics(out / "study.nc")["count"].sel({"packing.count": 9, "seed": 1})) == 9
+
+
+def test_runs_that_ended_full_are_counted(file, tmp_path, capsys):
+    scene = SCENE.replace("rsa", "deposition") + "[settle]\nenabled = false\n"
+    (tmp_path / "scene.toml").write_text(scene)
+    file.write_text(STUDY.replace("[4, 9]", "[4, 100]"))
+    out = tmp_path / "out"
+    assert main(["study", str(file), "-o", str(out), "--workers", "1"]) == 0
+    text = capsys.readouterr().out
+    assert re.search(r"^packing.count +seeds +full +count", text, re.M)
+    assert re.search(r"^ +4 +2/2 +0 +4 ", text, re.M)
+    assert re.search(r"^ +100 +2/2 +2 +[1-9]\d ", text, re.M)
+    assert re.search(r"^full: runs that ended where nothing more had room", text, re.M)
+    assert re.search(r"^ended full +2$", text, re.M)
+    page = (out / "study.html").read_text()
+    assert "<th>full</th>" in re.sub(r"<th[^>]*>", "<th>", page)
+    assert "Full: runs that ended" in page
+    with (out / "cells.csv").open() as lines:
+        assert [row["full"] for row in csv.DictReader(lines)] == ["0", "2"]
 
 
 def test_failures_are_told_and_give_status_1(file, tmp_path, capsys):

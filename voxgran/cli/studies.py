@@ -10,6 +10,7 @@ from typing import Any
 
 import voxgran
 from voxgran.cli.terminal import complain, progress, show, table
+from voxgran.study.cell_values import ENDED, FULL, FULL_NOTE
 
 #: numbers of the table that is printed, where they were measured
 SHOWN = (
@@ -41,9 +42,13 @@ def study(options: argparse.Namespace) -> int:
         table(rows[:MOST_ROWS])
         if len(rows) > MOST_ROWS:
             print(f"... and {len(rows) - MOST_ROWS} cells more")
+        if FULL in rows[0]:
+            print(FULL_NOTE)
     # what failed has NaN there
     overlaps = sum(any(row.get(name, 0) > 0 for name in ("overlapping_pairs", "escaped_grains")) for row in result.rows)
-    numbers = {"runs": len(result.rows), "computed": result.computed, "failed": len(failed), "not_verified": overlaps}
+    full = sum(row[ENDED] == FULL for row in result.rows)
+    numbers = {"runs": len(result.rows), "computed": result.computed, "failed": len(failed), "ended_full": full}
+    numbers["not_verified"] = overlaps
     show(numbers, options, f"results in {result.folder}: study.html, study.nc, table.csv, cells.csv, comparisons.csv")
     sentences = Counter(row["failure"] for row in failed)
     for sentence, count in sentences.most_common(MOST_SENTENCES):
@@ -56,11 +61,12 @@ def study(options: argparse.Namespace) -> int:
 def _means(rows: Sequence[Mapping[str, Any]]) -> list[dict[str, Any]]:
     """Return a row for each cell: its values, the number of its seeds with results, and means over them.
 
-    What no run has, such as the bulk of small packings, is left out.
+    What no run has, such as the bulk of small packings, is left out; so is how many runs ended full where none did.
     """
     names = list(rows[0])
     axes = names[: names.index("seed")]
     shown = [name for name in SHOWN if name in names and any(math.isfinite(row[name]) for row in rows)]
+    is_full = any(row[ENDED] == FULL for row in rows)
     groups: dict[tuple[Any, ...], list[Mapping[str, Any]]] = {}
     for row in rows:
         groups.setdefault(tuple(row[axis] for axis in axes), []).append(row)
@@ -68,7 +74,10 @@ def _means(rows: Sequence[Mapping[str, Any]]) -> list[dict[str, Any]]:
     for values, group in groups.items():
         good = [row for row in group if not row["failure"]]
         means = {name: _mean([row[name] for row in good]) for name in shown}
-        made.append(dict(zip(axes, values, strict=True)) | {"seeds": f"{len(good)}/{len(group)}"} | means)
+        told: dict[str, Any] = {"seeds": f"{len(good)}/{len(group)}"}
+        if is_full:
+            told[FULL] = sum(row[ENDED] == FULL for row in group)
+        made.append(dict(zip(axes, values, strict=True)) | told | means)
     return made
 
 

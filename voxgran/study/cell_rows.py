@@ -7,7 +7,7 @@ from collections import Counter
 from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
-from voxgran.study.cell_values import failures_of, labels_of, numbers_of
+from voxgran.study.cell_values import ENDED, FAILURE, FULL, labels_of, numbers_of, texts_of
 from voxgran.study.statistics import Interval, summary
 
 if TYPE_CHECKING:
@@ -27,9 +27,10 @@ def cell_rows(dataset: "Dataset", *, confidence: float = 0.95, interval: Interva
     Returns
     -------
     list of dict
-        The values of the axes; `runs`, `failures` and the sentences on these, `failure`; and for each number of the
-        study its mean under its own name, and with the endings ``_standard_error``, ``_low``, ``_high`` (limits of the
-        confidence interval) and ``_count`` (number of values).
+        The values of the axes; `runs`, `failures` and the sentences on these, `failure`; how many runs ended `full`,
+        with fewer grains than asked for since no other had room; and for each number of the study its mean under its
+        own name, and with the endings ``_standard_error``, ``_low``, ``_high`` (limits of the confidence interval) and
+        ``_count`` (number of values).
 
     Raises
     ------
@@ -37,10 +38,13 @@ def cell_rows(dataset: "Dataset", *, confidence: float = 0.95, interval: Interva
         If it is no dataset of a study, or `confidence` or `interval` breaks a rule.
     """
     rows: list[dict[str, Any]] = []
-    for labels, sentences in zip(labels_of(dataset), failures_of(dataset), strict=True):
+    texts = texts_of(dataset, FAILURE), texts_of(dataset, ENDED)
+    for labels, sentences, ends in zip(labels_of(dataset), *texts, strict=True):
         told = Counter(text for text in sentences if text)
         failure = "; ".join(text if count == 1 else f"{count} times: {text}" for text, count in told.items())
-        rows.append({**labels, "runs": len(sentences), "failures": told.total(), "failure": failure})
+        rows.append(
+            {**labels, "runs": len(sentences), "failures": told.total(), "failure": failure, FULL: ends.count(FULL)}
+        )
     endings = {
         "": "mean",
         "_standard_error": "standard_error",

@@ -14,8 +14,11 @@ from voxgran.study.cells import LISTED
 if TYPE_CHECKING:
     from xarray import Dataset
 
-#: dimension of the repetitions, and variable of the sentences on failures
-SEED, FAILURE = "seed", "failure"
+#: dimension of the repetitions, and variables of the sentences on failures and of why packings ended
+SEED, FAILURE, ENDED = "seed", "failure", "stop_reason"
+#: why a packing ended that has fewer grains than asked for, since no other had room, and what a table says of it
+FULL = "full"
+FULL_NOTE = "full: runs that ended where nothing more had room, before the number or solid fraction that was asked for"
 
 
 def dimensions_of_cells(dataset: "Dataset") -> tuple[str, ...]:
@@ -63,12 +66,14 @@ def values_of(dataset: "Dataset", variable: str) -> Floats:
     return values
 
 
-def failures_of(dataset: "Dataset") -> list[list[str]]:
-    """Return the sentences on failures of each cell, one for each seed; empty where a run has numbers."""
+def texts_of(dataset: "Dataset", name: str) -> list[list[str]]:
+    """Return the texts of a variable of each cell, one for each seed: such as the sentences on failures, empty where a
+    run has numbers. All are empty where the study has none.
+    """
     dims = (*dimensions_of_cells(dataset), SEED)
-    if FAILURE not in dataset:
-        return [[""] * dataset.sizes[SEED]] * int(np.prod([dataset.sizes[name] for name in dims[:-1]], dtype=int))
-    ordered = dataset[FAILURE].transpose(*dims).values
+    if name not in dataset:
+        return [[""] * dataset.sizes[SEED]] * int(np.prod([dataset.sizes[dim] for dim in dims[:-1]], dtype=int))
+    ordered = dataset[name].transpose(*dims).values
     return [[str(text) for text in row] for row in ordered.reshape(-1, dataset.sizes[SEED])]
 
 

@@ -20,7 +20,17 @@ from voxgran.report.figures import Figure
 from voxgran.report.page import page_template
 from voxgran.report.significance import EQUAL, LEVEL, p_text
 from voxgran.study.cell_rows import cell_rows, csv_text
-from voxgran.study.cell_values import axes_of, failures_of, numbers_of, text_of, values_of, varied_axes
+from voxgran.study.cell_values import (
+    FAILURE,
+    FULL,
+    FULL_NOTE,
+    axes_of,
+    numbers_of,
+    text_of,
+    texts_of,
+    values_of,
+    varied_axes,
+)
 from voxgran.study.comparisons import compare, compared_axis
 from voxgran.study.experiments import bands_of
 from voxgran.study.figures import figures_of
@@ -223,16 +233,19 @@ def _cells(dataset: "Dataset", rows: Sequence[Mapping[str, Any]], level: float) 
         f"{LEAST_FOR_BOOTSTRAP} values Student\u2019s, otherwise by the bootstrap (bias-corrected and accelerated), "
         "unless another kind was asked for. A single value has no interval."
     )
-    notes = [note]
+    is_full = any(row[FULL] for row in rows)
+    notes = [note] + [f"{FULL_NOTE[0].upper()}{FULL_NOTE[1:]}."] * is_full
     texts = [
         [
             *([text_of(row[axis]) for axis in axes] or ["the base"]),
             f"{row['runs'] - row['failures']} of {row['runs']}",
+            *[text_of(row[FULL])] * is_full,
             *(_cell_text(row, name) for name in shown),
         ]
         for row in rows
     ]
-    return Table("cells", "Cells", [*(axes or ("cell",)), "runs", *names], _short(texts, notes, CELLS_TABLE), notes)
+    head = [*(axes or ("cell",)), "runs", *[FULL] * is_full, *names]
+    return Table("cells", "Cells", head, _short(texts, notes, CELLS_TABLE), notes)
 
 
 def _cell_text(row: Mapping[str, Any], name: str) -> str:
@@ -259,7 +272,7 @@ def _failures(dataset: "Dataset", rows: Sequence[Mapping[str, Any]]) -> Table | 
     """Return the table of the runs that failed."""
     axes, texts = varied_axes(dataset), []
     seeds = [text_of(value) for value in dataset["seed"].values.tolist()]
-    for row, sentences in zip(rows, failures_of(dataset), strict=True):
+    for row, sentences in zip(rows, texts_of(dataset, FAILURE), strict=True):
         for sentence in dict.fromkeys(text for text in sentences if text):
             of_it = [seed for seed, text in zip(seeds, sentences, strict=True) if text == sentence]
             cell = [text_of(row[axis]) for axis in axes] or ["the base"]

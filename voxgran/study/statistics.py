@@ -19,7 +19,7 @@ from voxgran._base.arrays import Floats, as_choice, as_number
 from voxgran._base.lazy import load
 from voxgran._base.seeds import stream
 from voxgran.report.significance import all_equal, standard_error
-from voxgran.study.cell_values import dimensions_of_cells, failures_of, values_of
+from voxgran.study.cell_values import FAILURE, dimensions_of_cells, texts_of, values_of
 
 if TYPE_CHECKING:
     from xarray import Dataset
@@ -80,7 +80,7 @@ def summary(
     low, high = confidence_limits(known, level, kind)
     attrs = dataset[variable].attrs
     name, units = str(attrs.get("long_name", variable)), {"units": str(attrs.get("units", "1"))}
-    failed = [sum(map(bool, row)) for row in failures_of(dataset)]
+    failed = [sum(map(bool, row)) for row in texts_of(dataset, FAILURE)]
     columns: dict[str, tuple[Any, dict[str, str]]] = {
         "mean": ([float(row.mean()) if len(row) else math.nan for row in known], {"long_name": f"mean of {name}"}),
         "standard_error": ([standard_error(row) for row in known], {"long_name": "standard error of the mean"}),
