@@ -587,3 +587,25 @@ def test_several_seeds_are_shown_with_their_scatter(scene, tmp_path, capsys):
     text = capsys.readouterr().out
     assert "standard error" in text
     assert "seeds                    1, 2" in text
+
+
+@pytest.mark.parametrize(
+    ("words", "meant"),
+    [
+        (["init", "x.toml", "--over"], "--overwrite"),
+        (["study", "study.toml", "-o", "out", "--dry"], "--dry-run"),
+        (["shape", "torus", "--see", "3"], "--seed"),
+        (["clump", "rock.stl", "--meth", "optimal"], "--method"),
+    ],
+)
+def test_flags_are_written_out(words, meant, tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    status, line = complaint(capsys, *words)
+    assert (status, f"did you mean {meant!r}?" in line) == (2, True), line
+    assert not list(tmp_path.iterdir())
+
+
+def test_short_flags_may_stand_together(tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    _, line = complaint(capsys, "plan", "missing.toml", "-qv")
+    assert "missing.toml is not there" in line

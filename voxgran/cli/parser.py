@@ -23,7 +23,12 @@ from voxgran.settling.parameters import Settling
 
 
 class Parser(argparse.ArgumentParser):
-    """An argument parser whose errors are one line."""
+    """An argument parser whose errors are one line, and whose flags are written out: a part of a name may come to mean
+    another flag.
+    """
+
+    def __init__(self, **keywords: Any) -> None:
+        super().__init__(**{"allow_abbrev": False, **keywords})
 
     def error(self, message: str) -> NoReturn:
         """Raise the message as bad input.
