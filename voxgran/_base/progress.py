@@ -12,6 +12,8 @@ from collections.abc import Iterator
 from dataclasses import dataclass, field
 from typing import Protocol
 
+from voxgran._base.errors import InputError, shown
+
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Step:
@@ -63,8 +65,15 @@ def silent(step: Step, /) -> None:
 def reported(on_step: OnStep | None) -> OnStep | None:
     """Return the callback, or if there is none, one that writes lines where a person waits at a terminal or in a
     notebook.
+
+    Raises
+    ------
+    InputError
+        If it is given and no function.
     """
     if on_step is not None:
+        if not callable(on_step):
+            raise InputError(f"on_step is {shown(on_step)}: it must be a function of a step; change it")
         return on_step
     watched = "ipykernel" in sys.modules or (sys.stderr is not None and sys.stderr.isatty())
     return ProgressLines() if watched else None

@@ -93,15 +93,21 @@ def grow_tree(vertices: Floats, faces: Integers) -> TriangleTree:
         extent = np.maximum.reduceat(placed, edges[:-1]) - np.minimum.reduceat(placed, edges[:-1])
         key = placed[np.arange(count), extent.argmax(axis=1)[node]]
         order = order[np.lexsort((key, node))]
-    starts, lows, highs = [], [], []
-    for level in range(depth + 1):
-        edges = (count * np.arange(2**level + 1)) >> level
-        starts.append(np.column_stack([edges[:-1], edges[1:]]))
-        lows.append(np.minimum.reduceat(corners[order].min(axis=1), edges[:-1]))
-        highs.append(np.maximum.reduceat(corners[order].max(axis=1), edges[:-1]))
+    ordered = corners[order]
+    a, b, c = np.moveaxis(ordered, 1, 0)
+    edges = (count * np.arange(2**depth + 1)) >> depth
+    starts = [np.column_stack([edges[:-1], edges[1:]])]
+    lows = [np.minimum.reduceat(np.minimum(np.minimum(a, b), c), edges[:-1])]
+    highs = [np.maximum.reduceat(np.maximum(np.maximum(a, b), c), edges[:-1])]
+    for _ in range(depth):
+        # a box is that of its two halves
+        starts.append(starts[-1].reshape(-1, 4)[:, [0, 3]])
+        lows.append(np.minimum(lows[-1][0::2], lows[-1][1::2]))
+        highs.append(np.maximum(highs[-1][0::2], highs[-1][1::2]))
     arrays = (
-        *(corners[order], _pseudo_normals(corners, faces)[order]),
-        *(np.concatenate(lows), np.concatenate(highs), np.concatenate(starts), order),
+        *(ordered, _pseudo_normals(corners, faces)[order]),
+        *(np.concatenate(levels[::-1]) for levels in (lows, highs, starts)),
+        order,
     )
     return TriangleTree(*(read_only(array) for array in arrays))
 
@@ -116,15 +122,20 @@ def _pseudo_normals(corners: Floats, faces: Integers) -> Floats:
     key = ends.min(axis=-1) * (int(faces.max(initial=0)) + 1) + ends.max(axis=-1)
     _, edge = np.unique(key, return_inverse=True)
     edge = edge.reshape(faces.shape)
-    along_edges = np.zeros((int(edge.max(initial=-1)) + 1, 3))
-    np.add.at(along_edges, edge, normal[:, None])
+    along_edges = _sums(edge, normal)
     one = corners[:, [1, 2, 0]] - corners
     two = corners[:, [2, 0, 1]] - corners
     sine = np.linalg.norm(np.cross(one, two), axis=2)
     angle = np.arctan2(sine, (one * two).sum(axis=2))
-    at_corners = np.zeros((int(faces.max(initial=-1)) + 1, 3))
-    np.add.at(at_corners, faces, angle[:, :, None] * normal[:, None])
+    at_corners = _sums(faces, angle[:, :, None] * normal[:, None])
     return np.concatenate([normal[:, None], along_edges[edge], at_corners[faces]], axis=1)
+
+
+def _sums(place: Integers, values: Floats) -> Floats:
+    """Return the sums (n, 3) of vectors, (m, 3, 3) or one for each row, at their (m, 3) places."""
+    spread = np.broadcast_to(values if values.ndim == 3 else values[:, None], (*place.shape, 3))
+    flat = place.ravel()
+    return np.column_stack([np.bincount(flat, spread[..., k].ravel()) for k in range(3)])
 
 
 @bare_kernel

@@ -63,7 +63,9 @@ def study(options: argparse.Namespace) -> int:
 
 def verify(options: argparse.Namespace) -> int:
     """Check a packing against the true shapes; exit status 1 where it fails."""
-    proof = voxgran.verify(_packing(options), tolerance=options.tolerance)
+    packing = _packing(options)
+    with progress(options) as on_step:
+        proof = voxgran.verify(packing, tolerance=options.tolerance, on_step=on_step)
     show(_fields(proof, "ok", "overlapping_pairs", "deepest", "escaped", "tolerance"), options)
     return 0 if proof.ok else 1
 
@@ -137,7 +139,9 @@ def report(options: argparse.Namespace) -> None:
     """Write a page about a packing."""
     target = Path(options.output or Path(options.file).with_suffix(".html"))
     packing = _packing(options)
-    found: dict[str, Any] = {"statistics": voxgran.measure(packing), "verification": voxgran.verify(packing)}
+    with progress(options) as on_step:
+        proof = voxgran.verify(packing, on_step=on_step)
+    found: dict[str, Any] = {"statistics": voxgran.measure(packing), "verification": proof}
     voxgran.save_report(
         packing, target, **found, **_fields(options, "color_by", "turntable", "interactive", "overwrite")
     )
@@ -193,7 +197,8 @@ def labels(options: argparse.Namespace) -> None:
     source = voxgran.load_image(options.file, key=options.key) if options.segment else options.file
     if options.segment:
         source = replace(source, values=voxgran.segment(source.values))
-    packing = voxgran.packing_of_labels(source, **given)
+    with progress(options) as on_step:
+        packing = voxgran.packing_of_labels(source, on_step=on_step, **given)
     if options.output:
         voxgran.save(packing, options.output, overwrite=options.overwrite)
     numbers = {"grains": packing.count, "solid_fraction": packing.solid_fraction}

@@ -64,7 +64,8 @@ def settle(options: argparse.Namespace, packing: Packing) -> int:
         )
     voxgran.save(settled, options.output, overwrite=options.overwrite)
     checkpoint.unlink(missing_ok=True)
-    proof = voxgran.verify(settled)
+    with progress(options) as on_step:
+        proof = voxgran.verify(settled, on_step=on_step)
     numbers = _summary(packing, settled)
     numbers["verify"] = {name: getattr(proof, name) for name in ("ok", "overlapping_pairs", "deepest", "escaped")}
     show(numbers, options, str(options.output))

@@ -23,6 +23,8 @@ from voxgran._base.tree import (
 
 #: relative difference of the bounds at which a patch is not bisected further
 ACCURACY = 1e-3
+#: depth, in sizes of the surface, below which no deeper point is searched for: rounding decides about it
+FLOOR = 1e-12
 #: largest number of patches examined
 MOST_PATCHES = 20_000
 
@@ -38,7 +40,7 @@ def deepest_of_triangles(
     found = np.zeros(6)
     depth = _search_triangles(
         np.ascontiguousarray(triangles),
-        *(*tree.arrays, tree.normals, inside, 1e-15 * tree.size, ACCURACY, MOST_PATCHES, found),
+        *(*tree.arrays, tree.normals, inside, FLOOR * tree.size, ACCURACY, MOST_PATCHES, found),
     )
     return depth, found[:3], found[3:]
 

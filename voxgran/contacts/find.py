@@ -14,6 +14,7 @@ import numpy as np
 
 from voxgran._base.arrays import Floats, as_number
 from voxgran._base.compiling.threads import using_threads
+from voxgran._base.progress import OnStep, Step, silent
 from voxgran._base.stopping import stop_if_asked
 from voxgran._base.tree import TriangleTree
 from voxgran.contacts.assembly import Assembly
@@ -105,16 +106,16 @@ def pair_keys(pairs: Pairs) -> list[PairKey]:
     return [(i, j, x, y, z) for i, j, x, y, z in rows]
 
 
-def contacts_of_pairs(assembly: Assembly, pairs: Pairs, gap: float) -> Contacts:
+def contacts_of_pairs(assembly: Assembly, pairs: Pairs, gap: float, *, on_step: OnStep = silent) -> Contacts:
     """Return the exact contacts within a gap, in the unit of lengths, of the pairs of the broad phase."""
-    distance, normal, point = gaps_of_pairs(assembly, pairs, gap)
+    distance, normal, point = gaps_of_pairs(assembly, pairs, gap, on_step=on_step)
     point += assembly.position[pairs.i]
     contacts = Contacts(pairs.i, pairs.j, pairs.image, distance, normal, point)
     return _keep(contacts, distance <= gap)
 
 
 def gaps_of_pairs(
-    assembly: Assembly, pairs: Pairs, gap: float, *, deepest: bool = True
+    assembly: Assembly, pairs: Pairs, gap: float, *, deepest: bool = True, on_step: OnStep = silent
 ) -> tuple[Floats, Floats, Floats]:
     """Return gaps (m,), normals (m, 3) and points (m, 3) from centroid i of all pairs; gaps beyond `gap` are infinite.
 
@@ -122,7 +123,7 @@ def gaps_of_pairs(
     """
     if all(shape.is_sphere for shape in assembly.shapes):
         return sphere_contacts(pairs, assembly.bounding_radii)
-    return _test_mixed(assembly, pairs, gap, deepest=deepest)
+    return _test_mixed(assembly, pairs, gap, deepest=deepest, on_step=on_step)
 
 
 def _keep(contacts: Contacts, mask: np.ndarray[tuple[int], np.dtype[np.bool_]]) -> Contacts:
@@ -132,7 +133,9 @@ def _keep(contacts: Contacts, mask: np.ndarray[tuple[int], np.dtype[np.bool_]]) 
     return Contacts(*(getattr(contacts, name)[mask] for name in ("i", "j", "image", "gap", "normal", "point")))
 
 
-def _test_mixed(assembly: Assembly, pairs: Pairs, gap: float, *, deepest: bool) -> tuple[Floats, Floats, Floats]:
+def _test_mixed(
+    assembly: Assembly, pairs: Pairs, gap: float, *, deepest: bool, on_step: OnStep
+) -> tuple[Floats, Floats, Floats]:
     """Return gap, normal and point (from centroid i) of pairs of any geometries."""
     distance = np.full(pairs.count, np.inf)
     normal, point = np.zeros((pairs.count, 3)), np.zeros((pairs.count, 3))
@@ -150,12 +153,14 @@ def _test_mixed(assembly: Assembly, pairs: Pairs, gap: float, *, deepest: bool) 
     rest = ~simple
     surfaces = np.flatnonzero(rest & closed[pairs.i] & closed[pairs.j])
     if len(surfaces):
-        *known, proven = surface_gaps(assembly, pairs.where(surfaces), gap, tree_of=tests.tree)
+        *known, proven = surface_gaps(assembly, pairs.where(surfaces), gap, tree_of=tests.tree, on_step=on_step)
         proven_pairs = surfaces[proven]
         distance[proven_pairs], normal[proven_pairs], point[proven_pairs] = (part[proven] for part in known)
         rest[proven_pairs] = False
-    for k in np.flatnonzero(rest):
+    total = int(rest.sum())
+    for done, k in enumerate(np.flatnonzero(rest)):
         stop_if_asked()
+        on_step(Step(stage="overlaps", done=done, total=total, text=f"{done} of {total} near pairs"))
         i, j = int(pairs.i[k]), int(pairs.j[k])
         touch = tests.touch(i, j, pairs.offset[k], gap)
         distance[k], normal[k], point[k] = touch.gap, touch.normal, touch.point

@@ -12,6 +12,7 @@ import numpy as np
 from voxgran._base.arrays import Booleans, Floats
 from voxgran._base.compiling.threads import in_blocks, thread_count
 from voxgran._base.kernels import kernel
+from voxgran._base.progress import OnStep, Step, silent
 from voxgran._base.stopping import stop_if_asked
 from voxgran._base.tree import TriangleTree
 from voxgran.contacts.assembly import Assembly
@@ -26,7 +27,7 @@ LEAST_PAIRS = 16
 
 
 def surface_gaps(
-    assembly: Assembly, pairs: Pairs, gap: float, *, tree_of: Callable[[int], TriangleTree]
+    assembly: Assembly, pairs: Pairs, gap: float, *, tree_of: Callable[[int], TriangleTree], on_step: OnStep = silent
 ) -> tuple[Floats, Floats, Floats, Booleans]:
     """Return gap, normal, point and proven of m pairs of grains with closed surfaces; gaps beyond `gap` are infinite.
 
@@ -47,6 +48,7 @@ def surface_gaps(
     stretch = assembly.scale[pairs.j] / scale
     matrix = np.einsum("kji,kjl->kil", turn, assembly.matrices[pairs.j]) * stretch[:, None, None]
     offset = np.einsum("kji,kj->ki", turn, pairs.offset) / scale[:, None]
+    done = 0
     for a, b in np.unique(np.column_stack([one, other]), axis=0).tolist():
         some = np.flatnonzero((one == a) & (other == b))
         trees = tree_of(a), tree_of(b)
@@ -58,8 +60,10 @@ def surface_gaps(
         together = AT_ONCE * thread_count()
         for first in range(0, len(some), together):
             stop_if_asked()
+            on_step(Step(stage="surfaces", done=done, total=m, text=f"{done} of {m} pairs"))
             part = [array[first : first + together] for array in poses]
             in_blocks(_nearest_of_pairs, len(part[0]), trees[0].arrays, trees[1].arrays, *part, least=LEAST_PAIRS)
+            done += len(part[0])
         found[some], near[some] = distance, points
         proven[some] = (distance > margin) & ~_nested(trees, matrix[some], offset[some], stretch[some])
     apart = near[:, 3:] - near[:, :3]

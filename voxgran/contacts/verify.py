@@ -11,6 +11,7 @@ import numpy as np
 from voxgran._base.arrays import as_number, check_type
 from voxgran._base.calls import explained
 from voxgran._base.compiling.threads import using_threads
+from voxgran._base.progress import OnStep, reported, silent
 from voxgran._base.registry import ExplainedAttributes
 from voxgran.contacts.assembly import Assembly, checked_arrays
 from voxgran.contacts.broad import grain_pairs
@@ -117,7 +118,9 @@ class Verification(ExplainedAttributes):
 
 
 @explained(hint="verify(packing, tolerance=1e-9)")
-def verify(packing: Assembly, *, tolerance: float = 1e-9, threads: int | None = None) -> Verification:
+def verify(
+    packing: Assembly, *, tolerance: float = 1e-9, threads: int | None = None, on_step: OnStep | None = None
+) -> Verification:
     """Check a packing against the true geometry of its grains.
 
     Parameters
@@ -128,6 +131,9 @@ def verify(packing: Assembly, *, tolerance: float = 1e-9, threads: int | None = 
         Largest depth and protrusion that are ignored, in mean equivalent diameters.
     threads : int, optional
         Number of threads, by default that of the processors or of ``OMP_NUM_THREADS``; the result is the same.
+    on_step : callable, optional
+        Told of each pair of surfaces that is compared; default: at a terminal and in a notebook, a line on the error
+        stream every ten seconds.
 
     Returns
     -------
@@ -137,8 +143,8 @@ def verify(packing: Assembly, *, tolerance: float = 1e-9, threads: int | None = 
     Raises
     ------
     InputError
-        If a position, scale or orientation is not finite or out of range, the tolerance is negative, or
-        `threads` is no whole number above 0.
+        If a position, scale or orientation is not finite or out of range, the tolerance is negative, `threads` is no
+        whole number above 0, or `on_step` is no function.
 
     Notes
     -----
@@ -156,7 +162,7 @@ def verify(packing: Assembly, *, tolerance: float = 1e-9, threads: int | None = 
     (False, 1, 0.05)
     """
     check_type(packing, Assembly, "packing", "a Packing; load or pack one")
-    limit = as_number(tolerance, "tolerance", at_least=0.0)
+    limit, told = as_number(tolerance, "tolerance", at_least=0.0), reported(on_step) or silent
     checked_arrays(
         *(packing.shapes, packing.container, packing.position),
         *(packing.scale, packing.shape_id, packing.orientation),
@@ -164,7 +170,7 @@ def verify(packing: Assembly, *, tolerance: float = 1e-9, threads: int | None = 
     mean = float(packing.diameters.mean()) if packing.count else 1.0
     with using_threads(threads):
         near = grain_pairs(packing, -limit * mean)
-        contacts = contacts_of_pairs(packing, near, -limit * mean)
+        contacts = contacts_of_pairs(packing, near, -limit * mean, on_step=told)
     depth = -contacts.gap / mean
     bad = depth > limit
     escape = escape_depths(packing) / mean

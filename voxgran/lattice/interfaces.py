@@ -20,8 +20,8 @@ from voxgran._base.tree import enclosed_volume
 MARGIN = 0.05
 #: lower bound of the difference of shares along an edge, so that no vertex jumps
 LEAST_SLOPE = 0.05
-#: number of steps of the search for the shift
-MOST_SHIFTS = 100
+#: accuracy of the shift
+SHIFT = 1e-15
 
 #: edges of the outward triangles in a right-handed tetrahedron, by the nodes that belong to the grain, as bits
 _ONE = {1: ("01", "02", "03"), 2: ("01", "13", "12"), 4: ("23", "02", "12"), 8: ("23", "13", "03")}
@@ -56,13 +56,16 @@ def fitted_surface(labels: Integers, own: Booleans, beyond: Booleans, *, smoothi
         return nodes + np.clip(share + shift * free, MARGIN, 1 - MARGIN)[:, None] * way
 
     wanted = float(own.sum())
-    low, high = -1.0, 1.0
-    for _ in range(MOST_SHIFTS):
-        shift = (low + high) / 2
-        if shift in (low, high):
-            break
-        low, high = (shift, high) if enclosed_volume(vertices(shift), faces) < wanted else (low, shift)
-    return vertices((low + high) / 2), faces
+
+    def missing(shift: float) -> float:
+        """Return what the enclosed volume lacks after a shift; it falls."""
+        return wanted - enclosed_volume(vertices(shift), faces)
+
+    if missing(-1.0) <= 0.0 or not free.any():
+        return vertices(-1.0), faces
+    if missing(1.0) >= 0.0:
+        return vertices(1.0), faces
+    return vertices(load("scipy.optimize").brentq(missing, -1.0, 1.0, xtol=SHIFT, rtol=SHIFT)), faces
 
 
 def _cut_edges(own: Booleans) -> tuple[Integers, Integers, Integers]:

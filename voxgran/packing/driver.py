@@ -242,7 +242,6 @@ def check_drive(checkpoint: Any, resume: Any, on_step: Any, recorder: Any) -> No
         raise InputError(f"resume is {shown(resume)}: it must be True or False; give the file as checkpoint")
     if resume and checkpoint is None:
         raise InputError("resume is True and checkpoint is None: give the file to go on from as checkpoint")
-    if on_step is not None and not callable(on_step):
-        raise InputError(f"on_step is {shown(on_step)}: it must be a function of a step; change it")
+    reported(on_step)
     if recorder is not None and not (hasattr(recorder, "due") and hasattr(recorder, "record")):
         raise InputError(f"recorder is {shown(recorder)}: it must have the methods due and record; give a Series")

@@ -193,7 +193,7 @@ def finish_folder(
             told(Step(stage="finishing", done=number, total=5, text=text))
 
         tell(0, "verifying")
-        proof = verify(packing)
+        proof = verify(packing, on_step=told)
         save(packing, folder / PACKING, overwrite=True)
         tell(1, "measuring")
         statistics = measure(packing, which=scene.which)

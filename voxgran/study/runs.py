@@ -18,6 +18,7 @@ from typing import Any
 from voxgran import __version__
 from voxgran._base.errors import VoxgranError
 from voxgran._base.lazy import counting_preparation
+from voxgran._base.progress import silent
 from voxgran.contacts.verify import verify
 from voxgran.io.files import save
 from voxgran.measures.model import measure, measure_registry
@@ -184,7 +185,7 @@ def numbers_of(packing: Packing, which: tuple[str, ...] | None) -> dict[str, lis
     if names is None:
         entries = [measure_registry().get(name) for name in measure_registry().names()]
         names = tuple(e.name for e in entries if e.usual and "/" in e.groups and e.applies(packing))
-    proof, tree = verify(packing), measure(packing, which=names)
+    proof, tree = verify(packing, on_step=silent), measure(packing, which=names)
     found = {name: [float(getattr(proof, key)), "1", text] for key, (name, text) in VERIFIED.items()}
     for name, value in tree.dataset.data_vars.items():
         if value.ndim == 0 and value.dtype.kind in "iufb":

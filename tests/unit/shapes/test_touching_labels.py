@@ -150,3 +150,19 @@ def test_smoothing_brings_a_sphere_nearer_to_its_shape():
         found[surface] = np.sqrt(np.mean(off[corners[:, 0] > 8] ** 2))
     assert found["smooth"] < 0.15
     assert found["voxel"] > 2 * found["smooth"]
+
+
+@pytest.mark.parametrize("surface", ["smooth", "voxel"])
+def test_whoever_waits_is_told_of_grains_and_of_pairs(surface):
+    image = np.zeros((24, 12, 12), dtype=int)
+    image[2:9, 2:10, 2:10], image[9:16, 2:10, 2:10], image[16:22, 2:10, 2:10] = 1, 2, 3
+    steps = []
+    packing = vg.packing_of_labels(image, voxel_size=1.0, surface=surface, on_step=steps.append)
+    assert [(step.stage, step.done, step.total) for step in steps] == [("grains", k, 3) for k in range(3)]
+    del steps[:]
+    assert vg.verify(packing, on_step=steps.append).ok
+    # 1 touches 2, and 2 touches 3
+    told = [(step.stage, step.done, step.total) for step in steps]
+    assert told == [("surfaces", 0, 2), ("surfaces", 1, 2), ("overlaps", 0, 2), ("overlaps", 1, 2)]
+    with pytest.raises(vg.VoxgranError, match="on_step is 3: it must be a function of a step; change it"):
+        vg.verify(packing, on_step=3)

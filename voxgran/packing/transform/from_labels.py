@@ -10,6 +10,7 @@ from voxgran._base.arrays import as_number
 from voxgran._base.axes import Periodic, as_periodic, axis_names
 from voxgran._base.calls import explained
 from voxgran._base.errors import PackingWarning
+from voxgran._base.progress import OnStep
 from voxgran._base.warning import warn
 from voxgran.containers.box import Box
 from voxgran.lattice.census import census
@@ -30,6 +31,7 @@ def packing_of_labels(
     gravity: "ArrayLike | None" = None,
     unit: str | None = None,
     key: str | None = None,
+    on_step: OnStep | None = None,
 ) -> Packing:
     """Make a packing of a label image, so that it can be verified, measured, shown and packed on as any other.
 
@@ -59,6 +61,8 @@ def packing_of_labels(
         Unit of the voxel size.
     key : str, optional
         Which array of an ``.npz`` or ``.vti`` file.
+    on_step : callable, optional
+        Told of each grain; default: at a terminal and in a notebook, a line on the error stream every ten seconds.
 
     Returns
     -------
@@ -97,7 +101,7 @@ def packing_of_labels(
     image = image_of(source, key)
     how: dict[str, Any] = {"border": border, "surface": surface, "periodic": turns}
     how["smoothing"] = as_number(smoothing, "smoothing")
-    grains = list(labelled_grains(image, voxel_size=voxel_size, unit=unit, fitted=True, **how))
+    grains = list(labelled_grains(image, voxel_size=voxel_size, unit=unit, fitted=True, on_step=on_step, **how))
     size = np.array(voxel_sizes(voxel_size, image))
     box = Box(np.array(image.values.shape) * size, turns, origin=image.origin)
     if border == "drop" and len(grains) < len(census(image.values).label):

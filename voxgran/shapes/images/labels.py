@@ -17,6 +17,7 @@ from voxgran._base.axes import Periodic, as_periodic
 from voxgran._base.calls import explained
 from voxgran._base.errors import DirtyMeshError, InputError, PackingWarning
 from voxgran._base.lazy import load
+from voxgran._base.progress import OnStep, Step, reported, silent
 from voxgran._base.registry import ExplainedAttributes
 from voxgran._base.warning import warn
 from voxgran.lattice.census import Census, census
@@ -24,8 +25,10 @@ from voxgran.lattice.cuberille import voxel_surface
 from voxgran.lattice.interfaces import fitted_surface
 from voxgran.lattice.surface import smooth_surface
 from voxgran.shapes.images.image_files import Image, load_image, voxel_sizes
+from voxgran.shapes.mesh import Mesh
 from voxgran.shapes.model import Shape
 from voxgran.shapes.repairing.bodies import split
+from voxgran.shapes.repairing.diagnose import as_solid
 from voxgran.shapes.repairing.repair import repair
 
 if TYPE_CHECKING:
@@ -61,6 +64,7 @@ def load_labels(
     periodic: Periodic = False,
     unit: str | None = None,
     key: str | None = None,
+    on_step: OnStep | None = None,
 ) -> list[Shape]:
     """Make a shape of each label of an image.
 
@@ -85,6 +89,8 @@ def load_labels(
         Unit of the voxel size; recorded.
     key : str, optional
         Which array of an ``.npz`` or ``.vti`` file.
+    on_step : callable, optional
+        Told of each grain; default: at a terminal and in a notebook, a line on the error stream every ten seconds.
 
     Returns
     -------
@@ -120,7 +126,7 @@ def load_labels(
     """
     image = image_of(source, key)
     how: dict[str, Any] = {"border": border, "surface": surface, "smoothing": smoothing, "periodic": periodic}
-    grains = list(labelled_grains(image, voxel_size=voxel_size, unit=unit, fitted=False, **how))
+    grains = list(labelled_grains(image, voxel_size=voxel_size, unit=unit, fitted=False, on_step=on_step, **how))
     cut = [grain.label for grain in grains if grain.cut]
     if cut:
         warn(
@@ -215,6 +221,7 @@ def labelled_grains(
     periodic: Periodic,
     unit: str | None,
     fitted: bool,
+    on_step: OnStep | None = None,
 ) -> Iterator[LabelledGrain]:
     """Yield the grains of a label image, rising by label.
 
@@ -236,8 +243,9 @@ def labelled_grains(
         raise InputError(
             f"all {len(found.label)} labels touch the border of the image: they are left out unless border is 'keep'"
         )
-    several = []
-    for k in kept:
+    several, told = [], reported(on_step) or silent
+    for done, k in enumerate(kept):
+        told(Step(stage="grains", done=done, total=len(kept), text=f"{done} of {len(kept)} labels"))
         label, upper = int(found.label[k]), found.upper[k]
         mask = np.asarray(image.values[tuple(slice(a, b) for a, b in zip(found.lower[k], upper, strict=True))]) == label
         mask, lower = _unwrapped(mask, found.lower[k], wraps & (mask.shape == np.array(image.values.shape)))
@@ -249,7 +257,7 @@ def labelled_grains(
             bodies = _smooth(mask, sigma)
         if len(bodies) > 1:
             several.append(label)
-        shape = _solid(*bodies[0], size, f"label {label}", unit)
+        shape = _solid(*bodies[0], size, f"label {label}", unit, uncrossed=exact or fitted)
         position = np.array(shape.offset) + np.array(image.origin) + lower * size
         error = shape.volume / (found.count[k] * size.prod()) - 1
         yield LabelledGrain(label, shape, position, len(bodies), float(error), bool(cut[k]))
@@ -338,9 +346,10 @@ def _fitted(
     return split(vertices - ring, faces)
 
 
-def _solid(points: Floats, faces: Integers, size: Floats, name: str, unit: str | None) -> Shape:
+def _solid(points: Floats, faces: Integers, size: Floats, name: str, unit: str | None, *, uncrossed: bool) -> Shape:
     """Return the solid that a surface in voxels bounds."""
     try:
-        return Shape.from_mesh(points * size, faces, name=name, unit=unit)
+        mesh = Mesh(*as_solid(points * size, faces, name, uncrossed=uncrossed))
     except DirtyMeshError:
         return repair(points * size, faces, name=name, unit=unit, bodies="largest").shape
+    return Shape.of(mesh, name=name, unit=unit)
