@@ -61,8 +61,8 @@ def local_thickness(
     Notes
     -----
     Memory beside the mask: 9 bytes per voxel, and for each thread about 70 bytes for each sphere that is looked at
-    within the width of the largest one. With 2.3 million voxels and pores 257 voxels wide it takes 2 seconds of the
-    processor.
+    within the width of the largest one. With 2.3 million voxels and a pore 120 voxels wide it takes a second of the
+    processor (``tools/thickness_speed.py``).
 
     References
     ----------
