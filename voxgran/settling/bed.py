@@ -149,6 +149,8 @@ class Bed:
             self.rows = _doubled(self.rows)
             for place, old in zip(places, before, strict=True):
                 place[:] = old
+            # where a search has ended depends on the number of threads: the next one begins without it
+            self.finders.forget()
         self.m = found
         if SURFACE in self.grains.kind and not self.finders.exact:
             self._unlock()

@@ -5,17 +5,20 @@ between them passes a number on. Without a team, as in packing methods, one thre
 """
 
 import os
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager
 from contextvars import ContextVar, copy_context
 from dataclasses import dataclass, field
 from functools import partial
 from itertools import pairwise
+from typing import TypeVar
 
 from voxgran._base.arrays import as_count
 from voxgran._base.kernels import Kernel
 from voxgran._base.machine import processor_count
+
+Result = TypeVar("Result")
 
 
 @dataclass(slots=True)
@@ -25,13 +28,12 @@ class _Team:
     count: int = 1
     pool: ThreadPoolExecutor | None = field(default=None)
 
-    def run(self, work: Kernel, bounds: list[int], arguments: tuple[object, ...]) -> None:
-        """Call a kernel for the blocks between bounds."""
+    def run(self, jobs: Sequence[Callable[[], Result]]) -> list[Result]:
+        """Call functions, at most `count`, at the same time, and return what they return."""
         if self.pool is None:
             self.pool = ThreadPoolExecutor(self.count)
-        jobs = [self.pool.submit(copy_context().run, partial(work, *arguments, a, b)) for a, b in pairwise(bounds)]
-        for job in jobs:
-            job.result()
+        begun = [self.pool.submit(copy_context().run, job) for job in jobs]
+        return [job.result() for job in begun]
 
 
 _team: ContextVar[_Team | None] = ContextVar("team", default=None)
@@ -73,12 +75,21 @@ def in_blocks(work: Kernel, count: int, *arguments: object, least: int = 1) -> N
 
     Blocks have at least `least` rows, of which the work is worth a thread; there are as many blocks as threads.
     """
+    at_once([partial(work, *arguments, first, last) for first, last in blocks_of(count, least)])
+
+
+def blocks_of(count: int, least: int) -> list[tuple[int, int]]:
+    """Return the first and last row + 1 of blocks of `count` rows, as many as threads, of at least `least` rows."""
+    blocks = max(min(thread_count(), count // least), 1)
+    return list(pairwise(count * b // blocks for b in range(blocks + 1)))
+
+
+def at_once(jobs: Sequence[Callable[[], Result]]) -> list[Result]:
+    """Call functions at the same time, not more than there are threads, and return what they return, in their order."""
     team = _team.get()
-    blocks = 1 if team is None else min(team.count, count // least)
-    if team is None or blocks <= 1:
-        work(*arguments, 0, count)
-        return
-    team.run(work, [count * b // blocks for b in range(blocks + 1)], arguments)
+    if team is None or len(jobs) <= 1:
+        return [job() for job in jobs]
+    return team.run(jobs)
 
 
 def _most_threads() -> int:

@@ -86,6 +86,10 @@ class ConvexWork(NamedTuple):
     two: Integers
 
 
+#: arrays of the work that each thread has for itself
+SCRATCH = ("offset", "simplex", "mine", "weight", "kept", "near", "window", "ring", "other", "one", "two")
+
+
 class _Hull(NamedTuple):
     """Corners of a convex solid, neighbors of each of them, and its faces."""
 

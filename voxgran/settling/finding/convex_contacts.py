@@ -10,7 +10,8 @@ import math
 from voxgran._base.arrays import Floats
 from voxgran._base.kernels import bare_kernel, inlined_kernel, kernel
 from voxgran.settling.contact_rows import CONVEX, ContactRows, Grains, PairList, write_contact
-from voxgran.settling.finding.convex_bodies import ConvexBodies, ConvexWork, has_rows
+from voxgran.settling.finding.blocks import find_in_blocks, pairs_of_kind
+from voxgran.settling.finding.convex_bodies import SCRATCH, ConvexBodies, ConvexWork, has_rows
 from voxgran.settling.finding.convex_distance import ellipsoid_gap, part_gap
 from voxgran.settling.finding.face_contacts import SAME, write_face_contacts
 
@@ -28,23 +29,23 @@ def find_convex_contacts(
 ) -> int:
     """Write rows m, ... for the pairs of kind `CONVEX`; return the next row.
 
-    Returns -1 if there is no space in `rows`. Then `pairs` and `rows.old` are as before the call, and of the other rows
-    only m, ... have changed, so that the call can be repeated with longer arrays.
+    Returns -1 if there is no space in `rows`; what was known of pairs is then to be restored.
 
     margin: gap, beyond the room of a pair, up to which contacts are written.  rest: length that is subtracted from each
     gap, beside the room.
     """
-    known = [(array, array[:size].copy()) for array in (pairs.first, pairs.count, pairs.bound, pairs.way, pairs.normal)]
     # what is None is not compiled: it slows the search among corners
     curved = 1 if has_rows(bodies) else None
-    found = _find(grains, bodies, work, pairs, size, rows, m, margin, rest, curved, curved)
-    if found < 0:
-        for array, old in known:
-            array[:size] = old
-    return int(found)
+    _place(grains, bodies, work, curved, curved)
+
+    def find(own: ConvexWork, part: ContactRows, start: int, first: int, last: int) -> int:
+        return int(_find(grains, bodies, own, pairs, part, start, margin, rest, curved, curved, first, last))
+
+    chosen = pairs_of_kind(grains, pairs, size, CONVEX)
+    return find_in_blocks(find, work, SCRATCH, pairs=pairs, chosen=chosen, rows=rows, m=m)
 
 
-@bare_kernel
+@kernel
 def _place(grains, bodies, work, ellipsoids, rounds):  # type: ignore[no-untyped-def]
     """Write the corners and rows of all grains, rotated and scaled."""
     for i in range(len(grains.shape)):
@@ -101,14 +102,13 @@ def _write_form(placed, form):  # type: ignore[no-untyped-def]
 
 
 @kernel
-def _find(grains, bodies, work, pairs, size, rows, m, margin, rest, ellipsoids, rounds):  # type: ignore[no-untyped-def]
-    """Write the contacts of all pairs; return the next row, or -1.
+def _find(grains, bodies, work, pairs, rows, m, margin, rest, ellipsoids, rounds, begin, end):  # type: ignore[no-untyped-def]
+    """Write the contacts of the pairs from `begin` to `end` - 1; return the next row, or -1.
 
     ellipsoids, rounds: None where there are no ellipsoids, or cylinders and cones.
     """
-    _place(grains, bodies, work, ellipsoids, rounds)
     offset = work.offset
-    for p in range(size):
+    for p in range(begin, end):
         i, j = pairs.i[p], pairs.j[p]
         if max(grains.kind[i], grains.kind[j]) != CONVEX:
             continue

@@ -115,6 +115,11 @@ class ContactFinders:
         if size > len(self._surface_work.key):
             self._surface_work = surface_work(self._surfaces, 2 * size)
 
+    def forget(self) -> None:
+        """Forget all that a search has remembered of pairs of meshes."""
+        if SURFACE in self._kinds:
+            self._surface_work.key[:] = -1
+
     def find(
         self, grains: Grains, pairs: PairList, rows: ContactRows, *, at_walls: tuple[Integers, Integers],
         lid_level: float, margin: float, rest: float, reuse: float = 0.0,

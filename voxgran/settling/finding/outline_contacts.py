@@ -13,6 +13,7 @@ import numpy as np
 from voxgran._base.arrays import Floats, Integers
 from voxgran._base.kernels import bare_kernel, kernel
 from voxgran.settling.contact_rows import OUTLINE, ContactRows, Grains, PairList
+from voxgran.settling.finding.blocks import find_in_blocks, pairs_of_kind
 from voxgran.settling.finding.candidates import add_candidate, choose_candidates, is_candidate, write_candidates
 from voxgran.shapes.model import Shape
 from voxgran.shapes.outline import Outline
@@ -45,6 +46,10 @@ class OutlineBodies(NamedTuple):
     placed: Floats
     found: Floats
     seen: Floats
+
+
+#: arrays of these that each thread has for itself
+SCRATCH = ("placed", "found", "seen")
 
 
 def outline_bodies(shapes: tuple[Shape, ...]) -> OutlineBodies:
@@ -83,7 +88,6 @@ def _is_convex(vertex: Floats) -> bool:
     return len(vertex) > 2 and bool((turn >= -1e-9 * np.abs(vertex).max() ** 2).all())
 
 
-@kernel
 def find_outline_contacts(
     grains: Grains, bodies: OutlineBodies, pairs: PairList, size: int, rows: ContactRows, m: int, margin: float,
     rest: float,
@@ -115,12 +119,20 @@ def find_outline_contacts(
     Returns
     -------
     int
-        The row after the last one; -1 where the rows are full. Then `first` and `count` are those given, and the other
-        entries remain true: with larger arrays that hold the same old rows the call can be made again.
+        The row after the last one; -1 where the rows are full: what was known of pairs is then to be restored.
     """
-    former = np.empty((size, 2), dtype=np.int64)
-    for p in range(size):
-        former[p, 0], former[p, 1] = pairs.first[p], pairs.count[p]
+
+    def find(own: OutlineBodies, part: ContactRows, start: int, first: int, last: int) -> int:
+        return int(_find(grains, own, pairs, part, start, margin, rest, first, last))
+
+    chosen = pairs_of_kind(grains, pairs, size, OUTLINE)
+    return find_in_blocks(find, bodies, SCRATCH, pairs=pairs, chosen=chosen, rows=rows, m=m)
+
+
+@kernel
+def _find(grains, bodies, pairs, rows, m, margin, rest, begin, end):  # type: ignore[no-untyped-def]
+    """Write the contacts of the pairs from `begin` to `end` - 1; return the next row, or -1."""
+    for p in range(begin, end):
         i, j = pairs.i[p], pairs.j[p]
         if max(grains.kind[i], grains.kind[j]) != OUTLINE:
             continue
@@ -155,8 +167,6 @@ def find_outline_contacts(
         kept = choose_candidates(found, kept, MOST, spread)
         m = write_candidates(rows, m, i, j, found, kept, ox, oy, 0.0, first, count, beyond)
         if m < 0:
-            for q in range(p + 1):
-                pairs.first[q], pairs.count[q] = former[q, 0], former[q, 1]
             return -1
         pairs.count[p] = kept
     return m

@@ -13,14 +13,15 @@ from numpy.typing import NDArray
 from voxgran._base.arrays import Floats
 from voxgran._base.kernels import bare_kernel, inlined_kernel, kernel
 from voxgran.settling.contact_rows import SURFACE, ContactRows, Grains, PairList
+from voxgran.settling.finding.blocks import find_in_blocks, pairs_of_kind
 from voxgran.settling.finding.distance_grids import SurfaceBodies
 from voxgran.settling.finding.surface_memory import (
     LEAVES,
+    SCRATCH,
     SurfaceWork,
     copy_numbers,
     is_kept,
     motion_since,
-    restore,
     spacing_of,
     write_pose,
     write_spread,
@@ -256,7 +257,6 @@ def field_candidates(
     return k, min(low, clear)
 
 
-@kernel
 def find_surface_contacts(
     grains: Grains, bodies: SurfaceBodies, work: SurfaceWork, pairs: PairList, size: int, rows: ContactRows, m: int,
     margin: float, rest: float,
@@ -267,17 +267,25 @@ def find_surface_contacts(
     pairs: `PairList`, of which the first `size` are looked at where the larger kind is SURFACE.  rows: `ContactRows`.
     margin: gap up to which contacts are written.  rest: what is subtracted, with the room of the pair, from the gaps.
 
-    Returns -1 if the rows are full. All pairs of this kind then have their old rows back, so that the caller makes the
-    rows longer, keeps `rows.old`, and calls again with the same m.
+    Returns -1 if the rows are full; what was known of pairs is then to be restored.
     """
+
+    def find(own: SurfaceWork, part: ContactRows, start: int, first: int, last: int) -> int:
+        return int(_find(grains, bodies, own, pairs, part, start, margin, rest, first, last))
+
+    chosen = pairs_of_kind(grains, pairs, size, SURFACE)
+    return find_in_blocks(find, work, SCRATCH, pairs=pairs, chosen=chosen, rows=rows, m=m)
+
+
+@kernel
+def _find(grains, bodies, work, pairs, rows, m, margin, rest, begin, end):  # type: ignore[no-untyped-def]
+    """Write the contacts of the pairs from `begin` to `end` - 1; return the next row, or -1."""
     offset = work.now[16:19]
-    for p in range(size):
+    for p in range(begin, end):
         i, j = pairs.i[p], pairs.j[p]
-        work.saved[p, 0] = -1
         if max(grains.kind[i], grains.kind[j]) != SURFACE:
             continue
         first, count = pairs.first[p], pairs.count[p]
-        work.saved[p, 0], work.saved[p, 1] = first, count
         pairs.first[p], pairs.count[p] = m, 0
         near = margin + pairs.room[p]
         way = grains.way[i] + grains.way[j]
@@ -302,7 +310,6 @@ def find_surface_contacts(
             rows, m, i, j, offset, work.candidate, k, MOST, near, rest + pairs.room[p], spacing, first, count
         )
         if after < 0:
-            restore(pairs, work.saved, p)
             return -1
         if after > m:
             for r in range(3):

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from voxgran._base.arrays import Floats, Integers
 from voxgran._base.kernels import bare_kernel
-from voxgran.settling.contact_rows import ContactRows, PairList, write_contact
+from voxgran.settling.contact_rows import ContactRows, write_contact
 from voxgran.settling.finding.distance_grids import SurfaceBodies
 
 #: clusters that are kept of each grain of a pair, and pairs of triangles
@@ -35,7 +35,7 @@ class SurfaceWork(NamedTuple):
     the triangles were nearest.  key: (cap, 2, 4): i, j, and the
     lengths of the lists, -1 without a list.  leaf: (cap, 2 LEAVES) clusters of j, then of i.  near: (cap, NEAR, 2)
     triangles of i and of j, and apart: (cap, NEAR) lower bounds of their distances.  saved: (cap, 2) first and
-    count before a call.
+    count of pairs that overlap, before a call.
     candidate: (LISTED, 8) contact points: place on i from its centroid (3), normal (3), gap.  now: (28,) a pose and an
     offset.  turn: (2, 12) maps to the cells of grids.  listed: (2, c) clusters or leaves.  found: (LISTED, 3) and
     found_apart: (LISTED,) pairs of triangles.  stack: (256,), points: (16,): of searches.  placed: (2, t, 3, 3),
@@ -61,6 +61,12 @@ class SurfaceWork(NamedTuple):
     placed: Floats
     plane: Floats
     number: Integers
+
+
+#: arrays of the work that each thread has for itself
+SCRATCH = (
+    *("candidate", "now", "turn", "listed", "found", "found_apart", "stack", "points", "placed", "plane", "number"),
+)
 
 
 def surface_work(bodies: SurfaceBodies, cap: int) -> SurfaceWork:
@@ -173,10 +179,3 @@ def write_spread(
                     candidate[q, 6] = 1e300
     return m
 
-
-@bare_kernel
-def restore(pairs: PairList, saved: Integers, last: int) -> None:
-    """Give the pairs up to `last` that were looked at their old rows back."""
-    for p in range(last + 1):
-        if saved[p, 0] >= 0:
-            pairs.first[p], pairs.count[p] = saved[p, 0], saved[p, 1]

@@ -15,12 +15,13 @@ from voxgran._base.arrays import Booleans, Floats
 from voxgran._base.kernels import bare_kernel, kernel
 from voxgran._base.tree import is_behind, search_triangles
 from voxgran.settling.contact_rows import SURFACE, ContactRows, Grains, PairList
+from voxgran.settling.finding.blocks import find_in_blocks, pairs_of_kind
 from voxgran.settling.finding.distance_grids import SurfaceBodies
 from voxgran.settling.finding.surface_contacts import field_candidates
 from voxgran.settling.finding.surface_memory import (
+    SCRATCH,
     SurfaceWork,
     copy_numbers,
-    restore,
     spacing_of,
     write_pose,
     write_spread,
@@ -212,27 +213,35 @@ def find_triangle_contacts(
     of pairs that overlap follow those of all others. If m is -1 no rows are written and `pairs` is left as it is.
     Pairs known to be separate whose surfaces have moved by no more than `reuse` since keep their old rows.
     """
-    made = int(_find_exact(grains, bodies, work, pairs, size, rows, m, margin, rest, reuse))
-    if made >= 0 and np.isneginf(work.gap[:size]).any():
+
+    def find(own: SurfaceWork, part: ContactRows, start: int, first: int, last: int) -> int:
+        return int(_find_exact(grains, bodies, own, pairs, part, start, margin, rest, reuse, first, last))
+
+    def find_crossing(own: SurfaceWork, part: ContactRows, start: int, first: int, last: int) -> int:
+        return int(_find_crossing(grains, bodies, own, pairs, part, start, margin, rest, first, last))
+
+    chosen = pairs_of_kind(grains, pairs, size, SURFACE)
+    made = find_in_blocks(find, work, SCRATCH, pairs=pairs, chosen=chosen, rows=rows, m=m)
+    overlap = np.isneginf(work.gap[:size])
+    if made >= 0 and overlap.any():
         # a kernel of its own: beds without overlap need not wait for its compilation
-        made = int(_find_crossing(grains, bodies, work, pairs, size, rows, made, margin, rest))
+        made = find_in_blocks(find_crossing, work, SCRATCH, pairs=pairs, chosen=overlap, rows=rows, m=made)
     return made
 
 
 @kernel
-def _find_exact(grains, bodies, work, pairs, size, rows, m, margin, rest, reuse):  # type: ignore[no-untyped-def]
-    """Write the contacts of pairs that do not overlap, and the gaps of all."""
+def _find_exact(grains, bodies, work, pairs, rows, m, margin, rest, reuse, begin, end):  # type: ignore[no-untyped-def]
+    """Write the contacts of pairs from `begin` to `end` - 1 that do not overlap, and the gaps of all."""
     offset, silent = work.now[16:19], m < 0
-    for p in range(size):
+    for p in range(begin, end):
         i, j = pairs.i[p], pairs.j[p]
-        work.saved[p, 0], work.gap[p] = -1, math.inf
+        work.gap[p] = math.inf
         if max(grains.kind[i], grains.kind[j]) != SURFACE:
             continue
         way = grains.way[i] + grains.way[j] - pairs.way[p]
         if reuse > 0.0 and way <= reuse and pairs.bound[p] > SEPARATE:
             m = _keep_rows(pairs, work, p, rows, m)
             if m < 0:
-                restore(pairs, work.saved, p)
                 return -1
             continue
         far = _write_offset(grains, pairs, p, offset)
@@ -252,16 +261,15 @@ def _find_exact(grains, bodies, work, pairs, size, rows, m, margin, rest, reuse)
             continue
         m = _write_pair(grains, work, pairs, p, offset, rows, m, k, margin, rest)
         if m < 0:
-            restore(pairs, work.saved, p)
             return -1
     return m
 
 
 @kernel
-def _find_crossing(grains, bodies, work, pairs, size, rows, m, margin, rest):  # type: ignore[no-untyped-def]
-    """Write the contacts of the pairs that overlap."""
+def _find_crossing(grains, bodies, work, pairs, rows, m, margin, rest, begin, end):  # type: ignore[no-untyped-def]
+    """Write the contacts of the pairs from `begin` to `end` - 1 that overlap."""
     offset = work.now[16:19]
-    for p in range(size):
+    for p in range(begin, end):
         if work.gap[p] != -math.inf:
             continue
         i, j = pairs.i[p], pairs.j[p]
@@ -271,7 +279,6 @@ def _find_crossing(grains, bodies, work, pairs, size, rows, m, margin, rest):  #
         pairs.first[p], pairs.bound[p] = m, low
         m = _write_pair(grains, work, pairs, p, offset, rows, m, k, margin, rest)
         if m < 0:
-            restore(pairs, work.saved, size - 1)
             return -1
     return m
 
@@ -280,7 +287,6 @@ def _find_crossing(grains, bodies, work, pairs, size, rows, m, margin, rest):  #
 def _keep_rows(pairs, work, p, rows, m):  # type: ignore[no-untyped-def]
     """Write the old rows of a pair from row m on; return the new number of rows, or -1."""
     first, count = pairs.first[p], pairs.count[p]
-    work.saved[p, 0], work.saved[p, 1] = first, count
     pairs.first[p] = m
     if m + count > len(rows.row):
         return -1
@@ -339,5 +345,5 @@ def prove_separate(
         Whether the grains are separate; false for pairs of other kinds.
     """
     work.gap[:size], work.proven[:size] = np.inf, False
-    _find_exact(grains, bodies, work, pairs, size, rows, -1, reach, 0.0, 0.0)
+    find_triangle_contacts(grains, bodies, work, pairs, size, rows, -1, reach, 0.0)
     return work.gap[:size].copy(), work.proven[:size].copy()
