@@ -31,12 +31,20 @@ def neighbours(shapes: list[vg.Shape], count: int) -> vg.Packing:
     return vg.Packing.of(shapes, box, position=spacing * place, orientation=turns, shape_id=which)
 
 
+def bed_of(shapes: vg.Shape | list[vg.Shape], count: int, threads: int) -> float:
+    """Return the mean height of a bed of grains at rest, half as tall as the box."""
+    edge = (count / 2) ** (1 / 3)
+    bed = vg.pack(shapes, vg.Box((edge, edge, 4 * edge)), "gravity", count=count, threads=threads)
+    return float(bed.position[:, 2].mean())
+
+
 def cases() -> dict[str, Callable[[int], Any]]:
     """Return the calls that are measured."""
     rock = vg.load_shape(vg.data_file("eros.obj"))
     convex = neighbours([vg.shapes.ellipsoid(aspect=(1, 1, 1.5))], CHECKED)
     meshes = neighbours(vg.make_shapes("polyhedron", count=5, solid="random"), CHECKED)
     pores = stream(2, "pores").random((250, 250, 250)) > 0.01
+    solids = vg.make_shapes("solid_union", count=5)
     size = rock.volume ** (1 / 3) / 700
     return {
         "voxelize, a scan in 650 million voxels": lambda threads: (
@@ -46,6 +54,8 @@ def cases() -> dict[str, Callable[[int], Any]]:
         "local_thickness, 250 voxels wide": lambda threads: vg.local_thickness(pores, threads=threads).sum(),
         "verify, 20,000 ellipsoids": lambda threads: vg.verify(convex, threads=threads).deepest,
         "verify, 20,000 polyhedra": lambda threads: vg.verify(meshes, threads=threads).deepest,
+        "pack by gravity, 1,000 convex polyhedra": lambda threads: bed_of(vg.shapes.convex_polyhedron(), 1000, threads),
+        "pack by gravity, 300 random solids": lambda threads: bed_of(solids, 300, threads),
     }
 
 

@@ -43,6 +43,7 @@ class PackKeywords(TypedDict, total=False):
     checkpoint: str | os.PathLike[str] | None
     resume: bool
     time_limit: Number | None
+    threads: Whole | None
     on_step: OnStep | None
     recorder: Recorder | None
     settle: bool | Mapping[str, Any] | Settling | None

@@ -15,6 +15,7 @@ from typing import Any, Protocol
 import numpy as np
 
 from voxgran._base.checkpoint import load_checkpoint, save_checkpoint
+from voxgran._base.compiling.threads import using_threads
 from voxgran._base.config import to_mapping
 from voxgran._base.errors import CheckpointError, InputError, Interrupted, OutputError, shown
 from voxgran._base.files import as_path, remove_drafts
@@ -58,6 +59,7 @@ class Drive:
     chunk: int | None = None  # attempts per chunk; None adapts it to the clock
     time_limit: float | None = None  # seconds after which the run stops, though not before the first attempt
     recorder: Recorder | None = None  # receives the packing whenever a snapshot is due
+    threads: int | None = None  # None: those of the call around it, or as many as processors
     started: float = field(default_factory=time.monotonic)
 
 
@@ -72,11 +74,14 @@ def drive(method: PackingMethod, problem: Problem, how: Drive) -> RunState:
         If the checkpoint cannot be written; the previous one is then still valid.
     InUseError
         If another process writes that checkpoint.
+    InputError
+        If the number of threads is no whole number above 0.
     Interrupted
         On SIGINT or SIGTERM: after a checkpoint was written; before the first attempt, and on a second signal, at once.
     """
     how = replace(how, on_step=reported(how.on_step))
-    with locked_file(how.checkpoint), telling_of_compilation(partial(_tell_of_kernels, how)), Signals() as signals:
+    told = telling_of_compilation(partial(_tell_of_kernels, how))
+    with locked_file(how.checkpoint), using_threads(how.threads), told, Signals() as signals:
         state = method.prepare(problem)
         mark = fingerprint(method, problem)
         if how.resume and how.checkpoint is not None and Path(how.checkpoint).exists():

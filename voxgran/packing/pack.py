@@ -73,6 +73,7 @@ def pack(
     checkpoint: str | os.PathLike[str] | None = None,
     resume: bool = False,
     time_limit: float | None = None,
+    threads: int | None = None,
     on_step: OnStep | None = None,
     recorder: Recorder | None = None,
     settle: bool | Mapping[str, Any] | Settling | None = None,
@@ -117,16 +118,16 @@ def pack(
         Density of the material: one number, or one for each shape. Grains of the start keep theirs, unless that is 1,
         the value of a packing without one, and a single number is given. Default: that of the start, or else 1.
     checkpoint : path-like, optional
-        File for checkpoints, written every ten seconds, when the run is asked to stop, and at the end. It holds the
-        poses and little more: some hundred bytes a grain, whatever the shapes.
+        File for checkpoints, written every ten seconds, when asked to stop, and at the end; some hundred bytes a grain.
     resume : bool
         Whether to go on from that file where it is there.
     time_limit : float, optional
         Seconds after which the run stops, though not before the first attempt, with a checkpoint; the stop reason is
         then ``interrupted``.
+    threads : int, optional
+        Number of threads, by default that of the processors or of ``OMP_NUM_THREADS``; the result is the same.
     on_step : callable, optional
-        Told of each step of the work; default: at a terminal and in a notebook, a line on the error stream every ten
-        seconds.
+        Told of each step; default: at a terminal and in a notebook, a line on the error stream every ten seconds.
     recorder : Recorder, optional
         Given the packing whenever a snapshot is due, such as a :class:`Series` for ParaView.
     settle : bool, mapping or Settling, optional
@@ -196,7 +197,7 @@ def pack(
     limit = None if time_limit is None else as_number(time_limit, "time_limit", at_least=0.0)
     check_drive(checkpoint, resume, on_step, recorder)
     check_memory(task.method, packing_memory(task.method, task.problem), "the packing")
-    how = Drive(checkpoint, resume, on_step, time_limit=limit, recorder=recorder)
+    how = Drive(checkpoint, resume, on_step, time_limit=limit, recorder=recorder, threads=threads)
     state = drive(task.method, task.problem, how)
     packing = with_provenance(task, state, task.method.finish(task.problem, state), seconds=time.monotonic() - began)
     _warn_of_misses(task, packing)

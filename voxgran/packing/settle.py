@@ -57,6 +57,7 @@ def settle(
     parts: Literal["exact", "hulls"] = "exact",
     checkpoint: str | os.PathLike[str] | None = None,
     resume: bool = False,
+    threads: int | None = None,
     on_step: OnStep | None = None,
 ) -> Packing:
     """Let the grains of a packing come to rest under gravity, by their true shapes.
@@ -100,6 +101,8 @@ def settle(
         File for checkpoints, written every ten seconds, when the run is asked to stop, and at the end.
     resume : bool
         Whether to go on from that file where it is there.
+    threads : int, optional
+        Number of threads, by default that of the processors or of ``OMP_NUM_THREADS``; the result is the same.
     on_step : callable, optional
         Called with each :class:`Step` of the work; default: at a terminal and in a notebook, a line on the error stream
         every ten seconds.
@@ -115,7 +118,8 @@ def settle(
     ------
     InputError
         If a value breaks a rule, there is no gravity, grains are outside of the container, fill more of it than they
-        can or overlap so deep that they cannot be parted, or a shape is an open surface.
+        can or overlap so deep that they cannot be parted, a shape is an open surface, or `threads` is no whole number
+        above 0.
     CheckpointError
         If the checkpoint is damaged or belongs to another run.
     OutputError
@@ -179,7 +183,7 @@ def settle(
         finish=lambda _, state: finished(packing, state),
         cost=lambda _: Cost(memory=GRAIN_BYTES * packing.count, attempts=0),
     )
-    state = drive(method, problem, Drive(checkpoint, resume, on_step))
+    state = drive(method, problem, Drive(checkpoint, resume, on_step, threads=threads))
     settled = method.finish(problem, state)
     warn_of_unrest(settled)
     return settled

@@ -14,6 +14,7 @@ import numpy as np
 
 from voxgran._base.arrays import Booleans, Floats, as_number, as_positive, check_type
 from voxgran._base.calls import explained
+from voxgran._base.compiling.threads import using_threads
 from voxgran._base.errors import InputError
 from voxgran._base.lazy import load
 from voxgran.contacts.assembly import Assembly
@@ -112,7 +113,9 @@ def balance_forces(
 
 
 @explained(hint="equilibrium(packing, friction=0.5)")
-def equilibrium(packing: Assembly, friction: float = 0.5, gap: float = 1e-3, *, tolerance: float = 0.01) -> "Dataset":
+def equilibrium(
+    packing: Assembly, friction: float = 0.5, gap: float = 1e-3, *, tolerance: float = 0.01, threads: int | None = None
+) -> "Dataset":
     """Return whether grains rest: forces at their contacts that balance the weight and the torque of each.
 
     Contacts are all places where grains are within a gap of each other, of walls and of the lid. A lid is a fixed wall
@@ -130,6 +133,8 @@ def equilibrium(packing: Assembly, friction: float = 0.5, gap: float = 1e-3, *, 
         Distance of the surfaces, in median diameters, up to which grains touch; at least 0.
     tolerance : float
         Net force, in weights of a grain, and net torque, in its weight times its radius, up to which it rests; above 0.
+    threads : int, optional
+        Number of threads, by default that of the processors or of ``OMP_NUM_THREADS``; the result is the same.
 
     Returns
     -------
@@ -152,7 +157,7 @@ def equilibrium(packing: Assembly, friction: float = 0.5, gap: float = 1e-3, *, 
     Raises
     ------
     InputError
-        If `packing` is no packing, has no gravity, or a number is out of range.
+        If `packing` is no packing, has no gravity, or a number, also that of threads, is out of range.
 
     References
     ----------
@@ -178,9 +183,10 @@ def equilibrium(packing: Assembly, friction: float = 0.5, gap: float = 1e-3, *, 
     friction, gap = as_number(friction, "friction", at_least=0.0), as_number(gap, "gap", at_least=0.0)
     tolerance = as_positive(tolerance, "tolerance")
     bed = normalized_bed(packing, np.array(down, dtype=np.float64))
-    if friction > 0.0:
-        _guess_forces(bed, friction, gap)
-    found = balance_bed(bed, friction, reach=gap, tolerance=tolerance, decide=True)
+    with using_threads(threads):
+        if friction > 0.0:
+            _guess_forces(bed, friction, gap)
+        found = balance_bed(bed, friction, reach=gap, tolerance=tolerance, decide=True)
     return _dataset(packing, bed, found, {"friction": friction, "gap": gap, "tolerance": tolerance})
 
 

@@ -112,6 +112,17 @@ def findings(verification):
     )
 
 
+def loose():
+    """Return solids of several kinds that do not touch."""
+    shapes = [vg.make_shape(name) for name in ("platonic", "ellipsoid", "cylinder")]
+    return vg.pack(shapes, vg.Box((4, 4, 8), periodic="xy"), "rsa", count=60, seed=2)
+
+
+def poses(packing):
+    """Return the places and orientations of the grains."""
+    return packing.position, packing.orientation
+
+
 CALLS = {
     "voxelize": lambda threads: vg.voxelize(rotated(vg.shapes.torus()), voxel_size=0.003, threads=threads).mask,
     "distance_transform": lambda threads: vg.distance_transform(BLOB, periodic="x", threads=threads),
@@ -120,6 +131,11 @@ CALLS = {
     "opening": lambda threads: vg.opening(BLOB, 1.5, threads=threads),
     "verify, convex": lambda threads: findings(vg.verify(ellipsoids(), threads=threads)),
     "verify, meshes": lambda threads: findings(vg.verify(polyhedra(), threads=threads)),
+    "pack, meshes at rest": lambda threads: np.hstack(
+        poses(vg.pack(vg.shapes.torus(), vg.Box((3, 3, 6)), "gravity", count=25, rest=0.5, threads=threads))
+    ),
+    "settle, convex solids": lambda threads: np.hstack(poses(vg.settle(loose(), gravity="-z", threads=threads))),
+    "equilibrium": lambda threads: vg.equilibrium(vg.settle(loose(), gravity="-z"), threads=threads).force.values,
     "measure": lambda threads: vg.measure(polyhedra(), ["contacts"], threads=threads)["/contacts"].gap.values,
 }
 
@@ -135,3 +151,7 @@ def test_any_number_of_threads_gives_the_same_bits(name):
 def test_numbers_of_threads_that_are_refused(threads):
     with pytest.raises(InputError, match="threads"):
         vg.verify(ellipsoids(), threads=threads)
+    with pytest.raises(InputError, match="threads"):
+        vg.pack(vg.shapes.sphere(), vg.Box((3, 3, 3)), "rsa", count=3, threads=threads)
+    with pytest.raises(InputError, match="threads"):
+        vg.settle(loose(), gravity="-z", threads=threads)

@@ -52,8 +52,7 @@ def find_in_blocks(
     if min(ends) < 0 or m + sum(ends) > len(rows.row):
         return -1
     for part, end, (first, last) in zip(parts, ends, blocks, strict=True):
-        for mine, all_rows in zip(part[:3], rows[:3], strict=True):
-            all_rows[m : m + end] = mine[:end]
+        rows.row[m : m + end], rows.i[m : m + end], rows.j[m : m + end] = part.row[:end], part.i[:end], part.j[:end]
         pairs.first[first:last][chosen[first:last]] += m
         m += end
     return m
@@ -66,10 +65,10 @@ def pairs_of_kind(grains: Grains, pairs: PairList, size: int, kind: int) -> Bool
 
 def _room_like(rows: ContactRows) -> ContactRows:
     """Return room for as many rows, with the same old ones."""
-    return ContactRows(*(np.empty_like(array) for array in rows[:3]), rows.old)
+    return ContactRows(np.empty_like(rows.row), np.empty_like(rows.i), np.empty_like(rows.j), rows.old)
 
 
 def _with_own(work: Work, scratch: Sequence[str]) -> Work:
     """Return the work with other arrays in place of those that are scratch."""
     own = {name: np.zeros(getattr(work, name).shape, dtype=getattr(work, name).dtype) for name in scratch}
-    return work._replace(**own)  # type: ignore[attr-defined, no-any-return]
+    return work._replace(**own)  # type: ignore[attr-defined]

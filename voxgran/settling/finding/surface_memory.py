@@ -178,4 +178,3 @@ def write_spread(
                 if q == at or (square < spacing * spacing and cosine > SAME):
                     candidate[q, 6] = 1e300
     return m
-
