@@ -96,7 +96,8 @@ def _broken_rule(
     by_position = [entry.name for entry in entries if entry.kind is entry.POSITIONAL_OR_KEYWORD]
     if len(given) > len(by_position):
         if not by_position:
-            return f"{name} takes no arguments by position but by name: {', '.join(known)}"
+            named = f" by position but by name: {', '.join(known)}" if known else ""
+            return f"{name} takes no arguments{named}"
         listed = ", ".join(by_position)
         noun = "argument" if len(by_position) == 1 else "arguments"
         return f"{name} takes {len(by_position)} {noun} by position ({listed}) and was given {len(given)}"

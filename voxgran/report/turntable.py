@@ -11,7 +11,7 @@ from voxgran._base.calls import explained
 from voxgran._base.files import written_whole
 from voxgran._base.lazy import load
 from voxgran._base.progress import OnStep, Step
-from voxgran.packing.model import Packing
+from voxgran.packing.model import Packing, check_packing
 from voxgran.report.scenes import picture_packing
 from voxgran.report.stage import Picture
 
@@ -66,6 +66,7 @@ def save_turntable(
     >>> bed = vg.pack(vg.shapes.sphere(), vg.Box((4, 4, 4)), "rsa", count=5)
     >>> vg.save_turntable(bed, "bed.gif", frames=2, window=(64, 64))
     """
+    check_packing(packing, "packing")
     count = as_count(frames, "frames", at_least=1) if packing.dimension == 3 else 1
     with written_whole(path, overwrite=overwrite) as draft:
         draft.write_bytes(animated(_views(packing, count, color_by, window, on_step)))

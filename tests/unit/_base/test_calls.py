@@ -90,9 +90,66 @@ def test_every_door_suggests_what_was_meant(call, meant):
         call()
 
 
-def test_what_belongs_to_pack_is_suggested_and_not_listed():
-    with pytest.raises(UnknownNameError, match=r"known are (?!.*checkpoint)"):
+def test_what_belongs_to_the_function_is_suggested_and_listed_after_the_parameters():
+    with pytest.raises(UnknownNameError, match=r"'count'\? known are aligned, .*, and beside them .*count, density"):
         vg.pack(SPHERE, BOX, method="rsa", n=4)
+    with pytest.raises(UnknownNameError, match=r"'max_spheres'\? known are .*, and beside them max_spheres"):
+        vg.fit_clump(vg.shapes.box(), n=20)
+
+
+@pytest.mark.parametrize(
+    ("given", "other"),
+    [
+        # most letters are shared, and the word is another
+        ("max_size", "min_size"),
+        ("version", "erosion"),
+        ("resize", "sizes"),
+        ("axis", "radius"),
+        ("split", "plot"),
+        ("sigma", "image"),
+        ("steps", "on_step"),
+        ("progress", "rest"),
+        ("edem", "yade"),
+        ("method", "threshold"),
+        ("scale", "surface"),
+        ("count", "container"),
+        ("nosuch.obj", "eros.obj"),
+        ("to_file", "to_unit"),
+        ("rotate", "contacts"),
+    ],
+)
+def test_names_that_are_not_truly_alike_are_not_suggested(given, other):
+    assert nearest(given, [other]) is None
+
+
+@pytest.mark.parametrize(
+    ("given", "meant"),
+    [
+        ("lenght", "length"),
+        ("rfd", "rdf"),
+        ("voxelsize", "voxel_size"),
+        ("max_sphere", "max_spheres"),
+        ("period", "periodic"),
+        ("wall_friction", "friction"),
+        ("friction_coefficient", "friction"),
+        ("poresizes", "voids"),
+        ("mu", "friction"),
+        ("E", "young_modulus"),
+    ],
+)
+def test_slips_parts_and_words_of_other_programs_are_suggested(given, meant):
+    assert nearest(given, ["count", "other", meant]) == meant
+
+
+def test_a_function_without_arguments_says_so():
+    with pytest.raises(CallError, match=r"^shape_families takes no arguments; write shape_families\(\)$"):
+        vg.shape_families("sphere")
+
+
+@pytest.mark.parametrize(("typed", "meant"), [("repeats", "seeds"), ("replicates", "seeds"), ("scene", "base")])
+def test_the_arguments_of_a_study_are_explained(typed, meant):
+    with pytest.raises(CallError, match=f"argument of Study '{typed}' is unknown: did you mean '{meant}'.*write Study"):
+        vg.Study(base={}, axes={}, **{typed: 2})
 
 
 def test_former_names_of_arguments_are_accepted_with_a_warning():
