@@ -1,5 +1,8 @@
 """Calls that do not fit a signature, and names that are meant: one sentence with what is right."""
 
+import pickle
+import pydoc
+
 import pytest
 
 import voxgran as vg
@@ -162,3 +165,11 @@ def test_former_names_of_arguments_are_accepted_with_a_warning():
         assert grow(most=4.0) == 4.0
     with pytest.raises(CallError, match="max_factor twice, also by its former name most"):
         grow(most=4.0, max_factor=3.0)
+
+
+@pytest.mark.parametrize("made", [vg.Shaking(acceleration=2.0), vg.Lid(), vg.methods.Rsa(tries=7)])
+def test_help_of_a_parameter_class_shows_no_comments_of_python(made):
+    shown = pydoc.render_doc(type(made), renderer=pydoc.plaintext)
+    assert "Return the values of the fields." in shown
+    assert "pickling" not in shown
+    assert pickle.loads(pickle.dumps(made)) == made
