@@ -20,7 +20,9 @@ def called_module(module: str) -> str:
     place, _, name = module.rpartition(".")
     beside = sys.modules[place]
     known = [one for one in vars(beside).get("__all__", dir(beside)) if one != name]
-    return f"{module} is a module and no function: {_remedy_in_module(place, name, known)}"
+    method = place == "voxgran" and inspect.isfunction(getattr(beside.Packing, name, None))
+    remedy = f"write packing.{name}()" if method else _remedy_in_module(place, name, known)
+    return f"{module} is a module and no function: {remedy}"
 
 
 def _remedy_in_module(module: str, name: str, known: Iterable[str]) -> str:
@@ -139,8 +141,9 @@ def _remedy(kind: type[ExplainedAttributes], name: str) -> str:
     for word in (name, *synonyms_of(name)):
         if word in fields:
             return f"did you mean {word!r}?"
-        if "to_shape" in fields and word in _fields(sys.modules["voxgran"].Shape):
-            return f"write {thing}.to_shape().{word}"
+        if "to_shape" in fields and word in _fields(shape := sys.modules["voxgran"].Shape):
+            called = "(...)" if inspect.isfunction(getattr(shape, word, None)) else ""
+            return f"write {thing}.to_shape().{word}{called}"
         for function in (word, f"save_{word}", f"write_{word}"):
             if _takes(function, kind):
                 return f"write vg.{function}({thing}, ...)"

@@ -210,12 +210,14 @@ def _likeness_of_words(one: str, other: str) -> float:
     """Return how alike two words are, from 0 to 1: 0 for less than one slip in four letters, or in five of short words,
     and where they begin differently, as slips seldom do.
     """
-    ratio = difflib.SequenceMatcher(None, one, other).ratio()
-    if one[:1] != other[:1] and ratio < 0.9:
-        return 0.0
-    least = 0.8 if min(len(one), len(other)) < 5 else 0.75
+    matcher = difflib.SequenceMatcher(None, one, other)
+    least = 0.9 if one[:1] != other[:1] else 0.8 if min(len(one), len(other)) < 5 else 0.75
     # letters that are swapped count twice in the ratio
-    return ratio if ratio >= least or sorted(one) == sorted(other) else 0.0
+    if one[:1] == other[:1] and sorted(one) == sorted(other):
+        return matcher.ratio()
+    # bounds of the ratio, which take less time
+    likely = matcher.real_quick_ratio() >= least and matcher.quick_ratio() >= least
+    return ratio if likely and (ratio := matcher.ratio()) >= least else 0.0
 
 
 def _parts(given: str, known: Iterable[str]) -> list[str]:
