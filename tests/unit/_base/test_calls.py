@@ -106,6 +106,8 @@ def test_what_belongs_to_the_function_is_suggested_and_listed_after_the_paramete
         # most letters are shared, and the word is another
         ("max_size", "min_size"),
         ("version", "erosion"),
+        ("open_packing", "opening"),
+        ("values", "volumes"),
         ("resize", "sizes"),
         ("axis", "radius"),
         ("split", "plot"),
