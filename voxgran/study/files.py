@@ -91,8 +91,8 @@ def refuse_changed(files: Mapping[str, str]) -> None:
     for name, known in files.items():
         if FileHashes().of(name) != known:
             raise InputError(
-                f"{name} has changed since the study began: results are kept by the content of files; run the study once "
-                "more, with --retry where the file is as it was"
+                f"{name} has changed since the study began: results are kept by the content of files; run the study "
+                "once more, with --retry where the file is as it was"
             )
 
 
