@@ -122,7 +122,7 @@ def test_shapes_and_clumps(tmp_path, capsys):
         (["--min-radus", "0.1"], "did you mean '--min-radius'"),
         (["-o", "rock.stl"], "rock.stl has the suffix '.stl': clumps are kept as"),
         (["-o", "FOLDER/there.csv"], "there.csv"),
-        (["--picture", "rock.jpg"], "pictures are written as .png"),
+        (["--picture", "rock.jpg"], "pictures are kept as .png"),
     ],
 )
 def test_clumps_that_cannot_be(words, text, tmp_path, capsys):
@@ -250,7 +250,7 @@ def test_doctor_is_content(capsys):
         (["shape", "sphere", "more"], "'more' is one argument too many"),
         (["shape", "sphere", "--count", "-1"], "count is -1: it must be a whole number, at least 0"),
         (["shape", "sphere", "--count", "3", "-o", "a.stl"], "many shapes are written to a folder; name one, and"),
-        (["shape", "sphere", "--gallery", "a.jpg"], "pictures are written as .png"),
+        (["shape", "sphere", "--gallery", "a.jpg"], "pictures are kept as .png"),
         (["pack", "scene.toml"], "did you mean 'run'"),
         (["bench", "voxelise"], "did you mean 'voxelize'"),
         (["plan", "scene.toml", "--jsn"], "did you mean '--json'"),
@@ -395,10 +395,21 @@ def test_outputs_are_checked_before_the_input_is_read(words, tmp_path, capsys):
     there, scan = tmp_path / "there.stl", str(tmp_path / "none.ply")
     there.write_bytes(b"x")
     status, line = complaint(capsys, command, scan, *rest, "-o", str(tmp_path / "rock.foo"))
-    assert (status, "surfaces are kept as .obj, .off, .ply, .stl, .vtp; choose one" in line) == (2, True), line
+    assert (status, "surfaces are kept as .obj, .off, .ply, .stl, .vtp; choose one of these" in line) == (2, True), line
     status, line = complaint(capsys, command, scan, *rest, "-o", str(there))
     # solids that are mended may be several, with other names
     assert (status, ("none.ply" if command == "repair" else "is there already") in line) == (2, True), line
+
+
+@pytest.mark.parametrize(("command", "ending"), [("report", ".html"), ("compare", ".html"), ("measure", ".nc")])
+def test_pages_and_statistics_are_checked_before_the_input_is_read(command, ending, tmp_path, capsys):
+    there = tmp_path / f"there{ending}"
+    there.write_bytes(b"x")
+    beds = [str(tmp_path / name) for name in ("one.vtp", "two.vtp")[: 1 + (command == "compare")]]
+    status, line = complaint(capsys, command, *beds, "-o", str(tmp_path / "out.pdf"))
+    assert (status, f"are kept as {ending}; choose that" in line) == (2, True), line
+    status, line = complaint(capsys, command, *beds, "-o", str(there))
+    assert (status, "is there already" in line) == (2, True), line
 
 
 def test_a_scan_is_mended_and_told(tmp_path, data_dir, capsys):

@@ -72,8 +72,11 @@ def verify(options: argparse.Namespace) -> int:
 
 def measure(options: argparse.Namespace) -> None:
     """Measure a packing; warn where it is sorted by size."""
+    from voxgran.io.netcdf import check_statistics_path
     from voxgran.measures.registered.segregation import warning_of
 
+    if options.output:
+        check_statistics_path(options.output, overwrite=options.overwrite)
     tree = voxgran.measure(_packing(options), which=options.which or None)
     if options.output:
         voxgran.save_statistics(tree, options.output, overwrite=options.overwrite)
@@ -137,7 +140,10 @@ def _say_assumed(packing: Any, of_what: str = "") -> None:
 
 def report(options: argparse.Namespace) -> None:
     """Write a page about a packing."""
+    from voxgran.report.page import check_page_path
+
     target = Path(options.output or Path(options.file).with_suffix(".html"))
+    check_page_path(target, overwrite=options.overwrite)
     packing = _packing(options)
     with progress(options) as on_step:
         proof = voxgran.verify(packing, on_step=on_step)
@@ -150,8 +156,10 @@ def report(options: argparse.Namespace) -> None:
 
 def compare(options: argparse.Namespace) -> None:
     """Write a page that compares packings."""
+    from voxgran.report.page import check_page_path
     from voxgran.scene.replicates import packings_of_run
 
+    check_page_path(options.output, overwrite=options.overwrite)
     packings: dict[str, list[Any]] = {}
     for name, path in _named(options.file):
         given = packings_of_run(path) if Path(path).is_dir() else [voxgran.load(path)]

@@ -77,6 +77,14 @@ class StudyResult(ExplainedAttributes):
     computed: int
     experiments: dict[str, Any] = field(default_factory=dict)
 
+    def __repr__(self) -> str:
+        """Numbers of runs, dimensions and folder."""
+        sizes = self.dataset.sizes
+        sides = " x ".join(f"{name} {count}" for name, count in sizes.items())
+        failed = len(self.failures)
+        runs = f"{len(self.rows)} runs, {len(self.rows) - failed} finished, {failed} failed"
+        return f"StudyResult({runs}; {sides}; in {str(self.folder)!r})"
+
     @property
     def failures(self) -> list[dict[str, Any]]:
         """Rows of the runs that failed."""
