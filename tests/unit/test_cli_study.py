@@ -1,5 +1,6 @@
 """`voxgran study`: what it prints and writes, how it is stopped and goes on, and one line per mistake."""
 
+import contextlib
 import csv
 import json
 import os
@@ -155,6 +156,22 @@ def test_a_study_that_is_stopped_says_how_to_go_on(file, tmp_path, capsys, numbe
     kept = len(list(out.glob("cells/*.json")))
     assert main(["study", str(file), "-o", str(out), "--dry-run"]) == 0
     assert f"{kept} done, 0 failed, {800 - kept} to compute" in capsys.readouterr().out
+
+
+@contextlib.contextmanager
+def stopping_at_once(options, *, timed):
+    """Ask the process to stop at the first step, in place of showing progress."""
+    yield lambda step: signal.raise_signal(signal.SIGTERM)
+
+
+def test_a_study_that_is_stopped_before_its_first_run_says_how_to_go_on(file, tmp_path, capsys, monkeypatch):
+    monkeypatch.setattr("voxgran.cli.studies.progress", stopping_at_once)
+    words = ["study", str(file), "-o", str(tmp_path / "out"), "--workers", "1"]
+    assert main([*words, "--overwrite"]) == 143
+    assert capsys.readouterr().err.splitlines() == [
+        "voxgran: stopped before the first of 4 runs was finished: the same command computes them",
+        f"voxgran: to go on: voxgran {' '.join(words)}",
+    ]
 
 
 def test_the_processes_of_a_study_that_is_killed_end(file, tmp_path):

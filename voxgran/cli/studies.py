@@ -33,7 +33,7 @@ def study(options: argparse.Namespace) -> int:
         print(json.dumps(plan.to_mapping(), indent=2) if options.json else plan)
         return 0
     names = ("workers", "memory", "dask", "retry", "overwrite", "zarr")
-    with progress(options) as on_step:
+    with progress(options, timed=False) as on_step:
         result = made.run(options.output, on_step=on_step, **{name: getattr(options, name) for name in names})
     failed = result.failures
     result.write_page(title=f"Study {Path(options.file).stem}", overwrite=True)

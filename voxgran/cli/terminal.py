@@ -15,8 +15,16 @@ from voxgran._base.progress import OnStep, Step, silent
 
 
 @contextlib.contextmanager
-def progress(options: argparse.Namespace) -> Iterator[OnStep | None]:
-    """Show a progress bar with rate and remaining time on a terminal, and nothing in a pipe (context manager)."""
+def progress(options: argparse.Namespace, *, timed: bool = True) -> Iterator[OnStep | None]:
+    """Show the bar of the present stage on a terminal, and nothing in a pipe (context manager).
+
+    Parameters
+    ----------
+    options : argparse.Namespace
+        Those of the command.
+    timed : bool
+        Whether rate and remaining time are shown, which follow from the steps; false where their texts tell the time.
+    """
     if options.quiet or options.json or not sys.stderr.isatty():
         yield silent
         return
@@ -25,18 +33,23 @@ def progress(options: argparse.Namespace) -> Iterator[OnStep | None]:
         rich.TextColumn("{task.description:14}"),
         rich.BarColumn(),
         rich.TaskProgressColumn(),
-        rich.TextColumn("{task.fields[rate]}"),
-        rich.TextColumn("at most"),
-        rich.TimeRemainingColumn(),
+        *((rich.TextColumn("{task.fields[rate]}"), rich.TextColumn("at most"), rich.TimeRemainingColumn()) * timed),
         rich.TextColumn("{task.fields[text]}"),
     )
     with rich.Progress(*columns, console=load("rich.console").Console(stderr=True), transient=True) as bar:
         stages: dict[str, Any] = {}
+        present: list[Any] = []
 
         def show(step: Step) -> None:
             if step.stage not in stages:
                 stages[step.stage] = bar.add_task(step.stage, total=step.total or None, text="", rate="")
             task = stages[step.stage]
+            if present != [task]:
+                # another stage has ended, or waits for this one, at whatever share it was told last
+                for other in present:
+                    bar.update(other, visible=False)
+                present[:] = [task]
+                bar.update(task, visible=True)
             bar.update(task, completed=step.done, total=step.total or None, text=step.text)
             speed = next((one.speed for one in bar.tasks if one.id == task), None)
             bar.update(task, rate=f"{speed:,.0f}/s" if speed else "")

@@ -231,7 +231,7 @@ def test_memory_is_given_in_many_ways(monkeypatch):
 class Noting:
     """Computes nothing: notes what it is asked for, and says that each run took so many seconds."""
 
-    running = 0
+    running, compiling, computing = 0, False, 1.0
 
     def __init__(self, seconds):
         self.seconds, self.order = seconds, []
