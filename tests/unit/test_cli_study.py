@@ -51,10 +51,10 @@ def test_a_study_is_planned_run_and_shown(file, tmp_path, capsys):
     assert not out.exists()
     assert main([*words, "--json"]) == 0
     numbers = json.loads(capsys.readouterr().out)
-    assert numbers == {"runs": 4, "computed": 4, "failed": 0, "ended_full": 0, "not_verified": 0}
+    assert numbers == {"runs": 4, "computed": 4, "failed": 0, "ended_full": 0, "not_verified": 0, "warned": 4}
     assert main([*words, "--resume"]) == 0
     text = capsys.readouterr().out
-    assert re.search(r"^ +9 +2/2 +9 +0\.0736\d? ", text, re.M)
+    assert re.search(r"^ +9 +2/2 +2 +9 +0\.0736\d? ", text, re.M)
     assert "results in" in text
     assert re.search(r"^computed +0$", text, re.M)
     assert "full:" not in text
@@ -71,11 +71,13 @@ def test_runs_that_ended_full_are_counted(file, tmp_path, capsys):
     out = tmp_path / "out"
     assert main(["study", str(file), "-o", str(out), "--workers", "1"]) == 0
     text = capsys.readouterr().out
-    assert re.search(r"^packing.count +seeds +full +count", text, re.M)
-    assert re.search(r"^ +4 +2/2 +0 +4 ", text, re.M)
-    assert re.search(r"^ +100 +2/2 +2 +[1-9]\d ", text, re.M)
+    assert re.search(r"^packing.count +seeds +full +warned +count", text, re.M)
+    assert re.search(r"^ +4 +2/2 +0 +2 +4 ", text, re.M)
+    assert re.search(r"^ +100 +2/2 +2 +2 +[1-9]\d ", text, re.M)
     assert re.search(r"^full: runs that ended where nothing more had room", text, re.M)
     assert re.search(r"^ended full +2$", text, re.M)
+    assert re.search(r"^warned: 2 of 4 runs, such as: .*\bof 100\b", text, re.M), text
+    assert re.search(r"^warned +4$", text, re.M)
     page = (out / "study.html").read_text()
     assert "<th>full</th>" in re.sub(r"<th[^>]*>", "<th>", page)
     assert "Full: runs that ended" in page

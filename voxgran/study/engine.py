@@ -288,8 +288,9 @@ class _Work:
         whole, left = sum(costs.values()), sum(costs[key] for key in self.left)
         text = f"{executor.running} running, {failed} failed"
         if executor.compiling:
+            # how long that takes is not known
             text += ", compiling kernels (once per machine)"
-        if left < whole:
+        elif left < whole:
             text += f", about {_duration(self.computing * left / (whole - left))} left"
         total = len(self.settings.cells) * len(self.settings.seeds)
         self.options.on_step(Step(stage="runs", done=len(self.records), total=total, text=text))

@@ -91,7 +91,7 @@ class StudyResult(ExplainedAttributes):
         return [row for row in self.rows if row["failure"]]
 
     def summary(
-        self, variable: str = "solid_fraction", *, confidence: float = 0.95, interval: Interval = "auto"
+        self, variable: str | None = None, *, confidence: float = 0.95, interval: Interval = "auto"
     ) -> "Dataset":
         """Return the mean of a variable over the seeds of each cell, with its standard error and confidence interval;
         as :func:`voxgran.study.statistics.summary`.
@@ -108,7 +108,7 @@ class StudyResult(ExplainedAttributes):
         """
         return summary(self.dataset, variable, confidence=confidence, interval=interval)
 
-    def compare(self, variable: str = "solid_fraction", over: str | None = None, *, confidence: float = 0.95) -> Any:
+    def compare(self, variable: str | None = None, over: str | None = None, *, confidence: float = 0.95) -> Any:
         """Return a pandas.DataFrame with the comparisons of the values of one axis: differences, the tests of Welch and
         of Kruskal and Wallis, and effect sizes; its columns are those of :func:`voxgran.study.comparisons.compare`.
 
