@@ -57,13 +57,36 @@ def progress(options: argparse.Namespace, *, timed: bool = True) -> Iterator[OnS
         yield show
 
 
-def show(numbers: Mapping[str, Any], options: argparse.Namespace, last: str = "") -> None:
-    """Print numbers by name, or as JSON."""
+#: units of the depths of a verification, and what shares are of
+UNITS = {
+    **dict.fromkeys(("deepest", "tolerance"), "mean diameters"),
+    **dict.fromkeys(("share_at_rest", "share_of_rattlers"), "of all grains"),
+    "share_at_rest_without_rattlers": "of the grains that are no rattlers",
+}
+
+
+def show(
+    numbers: Mapping[str, Any], options: argparse.Namespace, last: str = "", units: Mapping[str, str] | None = None
+) -> None:
+    """Print numbers by name, or as JSON.
+
+    Parameters
+    ----------
+    numbers : mapping
+        The numbers.
+    options : argparse.Namespace
+        Those of the command.
+    last : str
+        A line behind them, not in JSON.
+    units : mapping, optional
+        What is written behind numbers besides `UNITS`, by name; not in JSON.
+    """
     if options.json:
         print(json.dumps(_finite(numbers), indent=2, default=str))
         return
+    known = {**UNITS, **(units or {})}
     for name, value in numbers.items():
-        print(f"{name.replace('_', ' '):24} {_plain(value)}")
+        print(f"{name.replace('_', ' '):24} {_with_unit(name, value, known)}")
     if last:
         print(last)
 
@@ -77,12 +100,19 @@ def _finite(value: Any) -> Any:
     return None if isinstance(value, float) and not math.isfinite(value) else value
 
 
-def _plain(value: Any) -> str:
+def _with_unit(name: str, value: Any, units: Mapping[str, str]) -> str:
+    """Write a value with its unit; values in it have their own."""
+    plain, unit = _plain(value, units), units.get(name, "1")
+    return plain if unit == "1" or isinstance(value, Mapping) else f"{plain} {unit}"
+
+
+def _plain(value: Any, units: Mapping[str, str]) -> str:
     """Write a value on one line, as a person would."""
     if isinstance(value, Mapping):
-        return ", ".join(f"{str(key).replace('_', ' ')} {_plain(item)}" for key, item in value.items()) or "none"
+        items = (f"{str(key).replace('_', ' ')} {_with_unit(str(key), item, units)}" for key, item in value.items())
+        return ", ".join(items) or "none"
     if isinstance(value, list | tuple):
-        return ", ".join(_plain(item) for item in value) or "none"
+        return ", ".join(_plain(item, units) for item in value) or "none"
     if isinstance(value, bool):
         return "yes" if value else "no"
     return f"{value:.6g}" if isinstance(value, float) else str(value)
