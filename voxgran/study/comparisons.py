@@ -18,7 +18,7 @@ from voxgran._base.errors import InputError, UnknownNameError
 from voxgran._base.registry import unknown
 from voxgran.report.significance import all_equal, difference_of, holm, verdict_of
 from voxgran.study.axes import Label
-from voxgran.study.cell_values import axes_of, labels_of, text_of, values_of, varied_axes
+from voxgran.study.cell_values import axes_of, labels_of, main_variable, text_of, values_of, varied_axes
 from voxgran.study.cells import LISTED
 from voxgran.study.effect_sizes import hedges_g
 from voxgran.study.rank_test import rank_test
@@ -40,7 +40,7 @@ class _Block:
 
 def compare(
     dataset: "Dataset",
-    variable: str = "solid_fraction",
+    variable: str | None = None,
     over: str | None = None,
     *,
     confidence: float = 0.95,
@@ -51,8 +51,8 @@ def compare(
     ----------
     dataset : xarray.Dataset
         That of a study, with the dimension ``seed``.
-    variable : str
-        Name of the variable.
+    variable : str, optional
+        Name of the variable. Default: that of :func:`voxgran.study.statistics.summary`.
     over : str, optional
         Axis whose values are compared; axes that vary together with it are compared as one. Default: `method` where it
         varies, otherwise the first axis that does.
@@ -108,6 +108,7 @@ def compare(
     [('Welch', 0.09, 'significant'), ('Kruskal-Wallis', nan, 'not significant')]
     """
     level = as_number(confidence, "confidence", above=0, at_most=0.9999)
+    variable = main_variable(dataset) if variable is None else variable
     values = values_of(dataset, variable)
     axis = compared_axis(dataset) if over is None else over
     if axis is None:

@@ -159,6 +159,8 @@ def test_what_cannot_be_packed_is_a_row_and_no_end(base, tmp_path, here):
     result = made.run(tmp_path / "o")
     assert result.computed == 2
     assert [bool(row["failure"]) for row in result.rows] == [False, False, True, True]
+    runs = "4 runs, 2 finished, 2 failed; container.lengths 2 x seed 2"
+    assert repr(result) == f"StudyResult({runs}; in {str(tmp_path / 'o')!r})"
     assert "cannot be done  container.lengths [0.5, 0.5, 0.5]: " in str(plan)
 
 
@@ -229,7 +231,7 @@ def test_memory_is_given_in_many_ways(monkeypatch):
 class Noting:
     """Computes nothing: notes what it is asked for, and says that each run took so many seconds."""
 
-    running = 0
+    running, compiling, computing = 0, False, 1.0
 
     def __init__(self, seconds):
         self.seconds, self.order = seconds, []
