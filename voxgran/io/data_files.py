@@ -43,7 +43,8 @@ def data_file(name: str) -> Path:
     >>> vg.load_shape(vg.data_file("itokawa_lp.obj")).name
     'itokawa_lp'
     """
-    if name not in DATA_FILES:
+    # a list, say, cannot be looked up in a mapping
+    if name not in tuple(DATA_FILES):
         raise UnknownNameError(unknown("file of voxgran", name, DATA_FILES))
     place = _place_of(name)
     if place is None:

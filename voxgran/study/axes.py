@@ -15,7 +15,7 @@ from typing import Any, TypeAlias
 from voxgran._base.calls import chosen
 from voxgran._base.config import parameters_of, to_mapping
 from voxgran._base.errors import InputError, UnknownNameError, shown
-from voxgran._base.registry import unknown
+from voxgran._base.registry import nearest, unknown
 from voxgran._base.scalars import unwrapped
 from voxgran.packing.method import method_registry
 from voxgran.scene.description import SECTIONS
@@ -92,13 +92,13 @@ def check_axis(axis: str, beside: Iterable[str] = ()) -> None:
             raise InputError(f"axis {axis}: {told}")
     if first in (*NAMED, *SECTIONS) and all(rest) and not (first == "method" and rest):
         return
-    path = f"packing.{axis.rpartition('.')[2]}"
-    if path in beside:
-        raise UnknownNameError(
-            f"axis {shown(axis)} is unknown: did you mean {path!r}? an axis is a path into the scene"
-        )
     known = (*NAMED, *(f"{name}.KEY" for name in SECTIONS if name not in (*NAMED, *FIXED, *IDLE)))
-    raise UnknownNameError(unknown("axis", axis, known, beside=(*beside, "seeds")))
+    paths = {path.rpartition(".")[2]: path for path in beside}
+    meant = nearest(axis.rpartition(".")[2], (*known, *paths, "seeds"))
+    if meant in paths or meant == "seeds":
+        rule = "seeds are no axis; write seeds = 5" if meant == "seeds" else "an axis is a path into the scene"
+        raise UnknownNameError(f"axis {shown(axis)} is unknown: did you mean {paths.get(meant, meant)!r}? {rule}")
+    raise UnknownNameError(unknown("axis", axis, known, meant=meant))
 
 
 def plain(value: Any) -> Any:

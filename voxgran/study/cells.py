@@ -11,6 +11,8 @@ from voxgran._base.errors import InputError, UnknownNameError, VoxgranError, sho
 from voxgran._base.registry import unknown
 from voxgran.packing.method import method_registry
 from voxgran.scene.description import SceneDescription
+from voxgran.scene.keys import names_of
+from voxgran.shapes.sizes import KINDS
 from voxgran.study.axes import AxisValue, Label, axis_values, changed, check_axis, refuse_equal
 from voxgran.study.files import FileHashes, former_scene_hash, numbers_hash, scene_hash, with_absolute_files
 
@@ -129,10 +131,11 @@ def dimensions_of(
 
 
 def _parameter_paths(method: str | None) -> tuple[str, ...]:
-    """Return the paths of the parameters of a method."""
-    if method not in method_registry().names():
-        return ()
-    return tuple(f"packing.{item.name}" for item in parameters_of(method_registry().get(method).parameters))
+    """Return the paths of the parameters of size laws and of a method, and of what all methods take."""
+    own = method_registry().get(method).parameters if method in method_registry().names() else None
+    found = [("sizes", item) for law in KINDS.values() for item in names_of(law)]
+    found += [("packing", item) for item in ("count", "solid_fraction", *(names_of(own) if own else ()))]
+    return tuple(f"{section}.{item}" for section, item in found)
 
 
 def _flat(axes: Mapping[str, Any], prefix: str = "") -> Iterator[tuple[str, Any]]:

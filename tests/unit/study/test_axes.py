@@ -193,6 +193,9 @@ def test_listed_cells_are_one_dimension():
         ("sizes.sigm", "sigma"),
         ("scene.densty", "density"),
         ("seds", "seeds"),
+        ("count", "packing.count"),
+        ("sigma", "sizes.sigma"),
+        ("packing_count", "packing.count"),
     ],
 )
 def test_a_misspelt_axis_gets_a_suggestion(axis, meant):

@@ -13,7 +13,7 @@ from voxgran.measures.model import Groups, Measure, dataset, length_unit, variab
 from voxgran.measures.region import Regions
 from voxgran.measures.slices import as_window
 from voxgran.measures.window import Estimate, Solids
-from voxgran.packing.model import Packing
+from voxgran.packing.model import Packing, check_packing
 
 #: distance of the bulk from the walls, in median diameters, and smallest number of grains in it
 INSET = 1.5
@@ -66,6 +66,7 @@ def window_solid_fraction(packing: Packing, lower: "ArrayLike", upper: "ArrayLik
     >>> round(vg.window_solid_fraction(packing, (-0.5, -0.5, -0.5), (0.5, 0.5, 0.5)), 12)
     0.523598775598
     """
+    check_packing(packing, "packing")
     low, high = as_window(lower, upper, packing.dimension)
     room = float(np.prod(high - low))
     if not (math.isfinite(room) and room > 0):
