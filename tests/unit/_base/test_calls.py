@@ -130,6 +130,8 @@ def test_names_that_are_not_truly_alike_are_not_suggested(given, other):
     [
         ("lenght", "length"),
         ("rfd", "rdf"),
+        ("settling", "settle"),
+        ("segmentation", "segment"),
         ("voxelsize", "voxel_size"),
         ("max_sphere", "max_spheres"),
         ("period", "periodic"),

@@ -1,6 +1,7 @@
 """Names that are unknown: which one was meant, by its spelling or by the words of other programs, and the message."""
 
 import difflib
+import re
 from collections.abc import Iterable
 
 from voxgran._base.errors import shown
@@ -208,9 +209,11 @@ def _likeness(one: str, other: str) -> float:
 
 def _likeness_of_words(one: str, other: str) -> float:
     """Return how alike two words are, from 0 to 1: 0 for less than one slip in four letters, or in five of short words,
-    and where they begin differently, as slips seldom do.
+    and where they begin differently, as slips seldom do. Forms of one word, such as settle and settling, are alike.
     """
     matcher = difflib.SequenceMatcher(None, one, other)
+    if len(_stem(one)) > 3 and _stem(one) == _stem(other):
+        return matcher.ratio()
     least = 0.9 if one[:1] != other[:1] else 0.8 if min(len(one), len(other)) < 5 else 0.75
     # letters that are swapped count twice in the ratio
     if one[:1] == other[:1] and sorted(one) == sorted(other):
@@ -218,6 +221,11 @@ def _likeness_of_words(one: str, other: str) -> float:
     # bounds of the ratio, which take less time
     likely = matcher.real_quick_ratio() >= least and matcher.quick_ratio() >= least
     return ratio if likely and (ratio := matcher.ratio()) >= least else 0.0
+
+
+def _stem(word: str) -> str:
+    """Return a word without the ending of its form."""
+    return re.sub("(ation|ing|ed|s|e)$", "", word)
 
 
 def _parts(given: str, known: Iterable[str]) -> list[str]:
