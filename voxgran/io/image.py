@@ -8,8 +8,8 @@ from numpy.typing import ArrayLike, NDArray
 
 from voxgran._base.arrays import as_length, as_vector
 from voxgran._base.calls import explained
-from voxgran._base.errors import FileFormatError, InputError, PackingWarning, TooLargeError, shown
-from voxgran._base.files import as_path, written_whole
+from voxgran._base.errors import InputError, PackingWarning, TooLargeError, shown
+from voxgran._base.files import output_suffix, written_whole
 from voxgran._base.vtk_data import image_data, write_data
 from voxgran._base.warning import warn
 from voxgran.lattice.grid import Grid, check_voxel_size
@@ -165,9 +165,7 @@ def save_image(
     >>> vg.load_image("grains.vti").values.shape
     (40, 40, 40)
     """
-    suffix = as_path(path).suffix.lower()
-    if suffix not in SUFFIXES:
-        raise FileFormatError(f"{path} has the suffix {suffix!r}: images are kept as {', '.join(SUFFIXES)}; choose one")
+    suffix = output_suffix(path, SUFFIXES, "images are kept")
     array = np.asarray(image)
     if array.ndim != 3 or array.dtype.kind not in "biuf":
         raise InputError(f"image has shape {array.shape} and type {array.dtype}: give numbers along x, y and z")

@@ -8,8 +8,8 @@ import numpy as np
 
 from voxgran._base.arrays import check_type
 from voxgran._base.calls import explained
-from voxgran._base.errors import FileFormatError, InputError
-from voxgran._base.files import as_path, refuse_to_replace, written_whole
+from voxgran._base.errors import InputError
+from voxgran._base.files import output_suffix, refuse_to_replace, written_whole
 from voxgran.clumps.body import Body
 from voxgran.clumps.model import Clump
 from voxgran.report.stage import MATERIAL, Picture, beads, look_at, png_of, shot, stage_of
@@ -112,9 +112,7 @@ def check_picture_path(path: str | os.PathLike[str], *, overwrite: bool) -> None
     OutputExistsError
         If the file is there and `overwrite` is false.
     """
-    suffix = as_path(path).suffix
-    if suffix.lower() != ".png":
-        raise FileFormatError(f"{path} has the suffix {suffix!r}: pictures are written as .png; choose that")
+    output_suffix(path, [".png"], "pictures are kept")
     if not overwrite:
         refuse_to_replace(path)
 

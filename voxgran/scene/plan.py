@@ -12,8 +12,10 @@ from voxgran._base.config import to_mapping
 from voxgran._base.errors import InputError
 from voxgran._base.registry import ExplainedAttributes
 from voxgran.containers.model import boundary_of
+from voxgran.decks.material import Material
 from voxgran.packing.method import check_memory, packing_memory
 from voxgran.packing.pack import Task, prepare_task
+from voxgran.packing.problem import too_coarse
 from voxgran.scene.description import SceneDescription
 from voxgran.scene.shape_entries import REMEDIES, ShapeEntry
 from voxgran.settling.parameters import Settling
@@ -28,8 +30,12 @@ from voxgran.shapes.repairing.diagnose import merged, refuse_open
 from voxgran.shapes.spheres import MassProperties, Spheres
 from voxgran.shapes.surface import Surface
 
+#: folder of the input of engines
+DECKS = "dem"
 #: spheres that a clump of which none are asked for has, without and with a target
 SPHERES, FOR_A_TARGET = 50, 200
+#: solid fraction from which on grains hardly find room
+DENSE = 0.75
 #: bytes with the libraries that check, measure and save, when the method's own arrays are gone (measured)
 FINISHING_BYTES = 245 * 2**20
 #: and what the libraries that draw take beside them (measured)
@@ -58,6 +64,10 @@ class Plan(ExplainedAttributes):
         Libraries that will be loaded.
     makes_sizes : bool
         Whether the method makes the sizes; there are then at most so many grains, of a volume that is not known.
+    amount_asked : bool
+        Whether the scene has a count or a solid fraction.
+    notes : tuple of str
+        What in the scene may be meant otherwise, in sentences.
     """
 
     grains: int
@@ -70,10 +80,14 @@ class Plan(ExplainedAttributes):
     skipped: tuple[str, ...]
     libraries: tuple[str, ...]
     makes_sizes: bool = False
+    amount_asked: bool = True
+    notes: tuple[str, ...] = ()
 
     def __str__(self) -> str:
         """Return the plan as a person reads it."""
         grains = f"{self.grains} drawn; if all find room: {self.solid_fraction:.3f} of the container"
+        if not self.amount_asked:
+            grains = f"{self.grains} drawn, with the volume of the container: those that find room are packed"
         if self.makes_sizes:
             grains = f"at most {self.grains}, of sizes that the method makes"
         lines = [
@@ -84,6 +98,7 @@ class Plan(ExplainedAttributes):
             f"libraries       {', '.join(self.libraries)}",
             *(f"will be done    {step}" for step in self.computed),
             *(f"is skipped      {step}" for step in self.skipped),
+            *(f"note            {note}" for note in self.notes),
         ]
         return "\n".join(lines)
 
@@ -120,6 +135,8 @@ def make_plan(scene: SceneDescription) -> Plan:
         sampled_shapes=cost.sampled_shapes,
         **_steps(scene, task),
         makes_sizes=task.method.sizing == "made",
+        amount_asked=scene.count is not None or scene.solid_fraction is not None,
+        notes=_notes(scene, task),
     )
 
 
@@ -203,6 +220,37 @@ def _settling_of(task: Task) -> Settling | None:
     return parameters if isinstance(parameters, Settling) else task.problem.settling
 
 
+def _notes(scene: SceneDescription, task: Task) -> tuple[str, ...]:
+    """Return what in a scene may be meant otherwise, in sentences."""
+    return tuple(note for note in (_full(scene, task), too_coarse(task.problem), _two_frictions(scene, task)) if note)
+
+
+def _full(scene: SceneDescription, task: Task) -> str:
+    """Return that grains hardly find room; empty where they do, or no amount is asked for."""
+    share = float(task.problem.volumes.sum() / task.problem.container.volume)
+    given = scene.count is not None or scene.solid_fraction is not None
+    if not given or task.method.sizing == "made" or share <= DENSE:
+        return ""
+    return (
+        f"{share:.3f} of the container is more than most grains fill (spheres of one size at random 0.64): those that "
+        "find room are packed; ask for less, or give a larger container"
+    )
+
+
+def _two_frictions(scene: SceneDescription, task: Task) -> str:
+    """Return that frictions of settling and of input for engines differ; empty where they do not."""
+    settling, material = _settling_of(task), scene.material
+    used = bool(scene.output.dem) or material != Material()
+    # a solid fraction that is asked for is reached by frictions that are not known yet
+    if not used or settling is None or settling.solid_fraction is not None or settling.friction == material.friction:
+        return ""
+    section = "[packing]" if settling is task.problem.parameters else "[settle]"
+    return (
+        f"friction of settling is {settling.friction:g}, by {section}; that of [material], {material.friction:g}, goes "
+        f"into input for engines only: give {section} friction = {material.friction:g} if both are the same grains"
+    )
+
+
 def _steps(scene: SceneDescription, task: Task) -> dict[str, tuple[str, ...]]:
     """Return what is done, what is skipped and why, and the libraries that this takes."""
     clumps = [entry.clump for entry in scene.shapes if entry.clump is not None for _ in entry.shares()]
@@ -240,6 +288,8 @@ def _steps(scene: SceneDescription, task: Task) -> dict[str, tuple[str, ...]]:
             libraries.update(needs)
         else:
             skipped.append(f"{step}: not asked for in [output]")
+    if scene.output.dem:
+        computed.append(f"write input for {', '.join(scene.output.dem)} into {DECKS}/")
     for entry in scene.shapes:
         if entry.source == "family":
             libraries.update(families().get(entry.name).libraries)

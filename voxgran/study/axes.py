@@ -177,8 +177,10 @@ def _labels(axis: str, given: Sequence[tuple[str, Any]]) -> list[Label]:
     values = [value for _, value in given]
     names = [label or _name(axis, value) for label, value in given]
     full = [label or _text(value) for label, value in given]
+    # a short name stands for one value, which listed cells may share
+    called = {name: {_text(value) for its, value in zip(names, values, strict=True) if its == name} for name in names}
     labels: list[Label] = [
-        name if name and names.count(name) == 1 else text for name, text in zip(names, full, strict=True)
+        name if name and len(called[name]) == 1 else text for name, text in zip(names, full, strict=True)
     ]
     if all(isinstance(value, int | float) and not isinstance(value, bool) for value in values):
         labels = list(values)

@@ -213,7 +213,7 @@ def test_errors_and_other_names_that_are_not_public_say_what_is() -> None:
     with pytest.raises(AttributeError, match=r"write ValueError, of which it is a kind, or vg\.VoxgranError for all"):
         _ = vg.InputError  # type: ignore[attr-defined]
     with pytest.raises(AttributeError, match=r"write UserWarning, of which it is a kind$"):
-        _ = vg.PackingWarning  # type: ignore[attr-defined]
+        _ = vg.DirtyMeshWarning  # type: ignore[attr-defined]
     with pytest.raises(AttributeError, match="did you mean '__version__'"):
         _ = vg.version  # type: ignore[attr-defined]
 

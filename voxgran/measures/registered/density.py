@@ -107,10 +107,21 @@ def _bulk(packing: Packing, regions: Regions | None = None) -> tuple[Estimate, i
     return Estimate(solid / room, error), count, float(room)
 
 
-def _bed(packing: Packing, regions: Regions) -> Estimate | None:
-    """Return the solid fraction below the surface of a bed, from wall to wall; None without grains or gravity."""
+def bed_fraction(packing: Packing, regions: Regions | None = None) -> Estimate | None:
+    """Return the solid fraction below the surface of a bed, from wall to wall; None without grains or gravity.
+
+    It is found once and kept.  regions: of the packing, made where left out.
+    """
     if not packing.count or packing.gravity is None:
         return None
+    if "bed_fraction" not in packing._found:
+        packing._found["bed_fraction"] = _bed_fraction(Regions(packing) if regions is None else regions)
+    found: Estimate = packing._found["bed_fraction"]
+    return found
+
+
+def _bed_fraction(regions: Regions) -> Estimate:
+    """Find the solid fraction below the surface of a bed."""
     region = regions.at(0.0)
     room, solid = region.volume, region.solid(regions.solids)
     if room <= 0:
@@ -122,7 +133,7 @@ def _compute(packing: Packing) -> Groups:
     """Return the numbers of the whole packing."""
     regions = Regions(packing)
     bulk, bulk_count, room = _bulk(packing, regions)
-    bed = _bed(packing, regions)
+    bed = bed_fraction(packing, regions)
     d, unit = packing.dimension, length_unit(packing)
     size = length_unit(packing, power=d)
     kind = "volume" if d == 3 else "area"
