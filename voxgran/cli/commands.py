@@ -22,8 +22,9 @@ from voxgran.shapes.files import check_surface_output
 
 #: which parts use several cores
 CORES = (
-    "packing and settling use one core; voxelization, distance transforms, local thickness, contacts, verify and "
-    "measures use all, or as many as OMP_NUM_THREADS says, with the same bits; voxgran study runs one cell on each"
+    "packing uses one core; voxelization, distance transforms, local thickness, contacts, also those of grains that "
+    "settle, verify and measures use all, or as many as OMP_NUM_THREADS says, with the same bits; voxgran study runs "
+    "one cell on each"
 )
 
 

@@ -14,7 +14,7 @@ from voxgran._base.vtk_data import image_data, write_data
 from voxgran._base.warning import warn
 from voxgran.lattice.grid import Grid, check_voxel_size
 from voxgran.measures.painting import labels_on
-from voxgran.packing.model import Packing
+from voxgran.packing.model import Packing, check_packing
 from voxgran.shapes.images.image_files import image_library
 
 #: most voxels of an image (int32 labels of 16 GB)
@@ -70,6 +70,7 @@ def to_image(packing: Packing, voxel_size: float, *, labels: "bool | ArrayLike" 
     >>> image.shape, int(image.max())
     ((40, 40, 40), 10)
     """
+    check_packing(packing, "packing")
     known = None if isinstance(labels, bool | np.bool_) else _checked(labels, packing.count)
     image = labels_on(packing, image_grid(packing, voxel_size))
     if known is not None:

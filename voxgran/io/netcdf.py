@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from voxgran._base.arrays import check_type
 from voxgran._base.calls import explained
 from voxgran._base.errors import OutputError
 from voxgran._base.files import existing_file, output_suffix, refuse_to_replace, written_whole
@@ -43,6 +44,8 @@ def save_statistics(tree: "DataTree", path: str | os.PathLike[str], *, overwrite
     ------
     FileFormatError
         If the suffix is not ``.nc``.
+    InputError
+        If `tree` is something else.
     OutputExistsError
         If the file is there and `overwrite` is false.
     OutputError
@@ -63,6 +66,7 @@ def save_statistics(tree: "DataTree", path: str | os.PathLike[str], *, overwrite
     load("netCDF4")
     register_accessor()
     xarray = load("xarray")
+    check_type(tree, xarray.DataTree, "tree", "a tree of datasets, such as measure(packing)")
     safe = {node.path: _with_safe_attributes(node.to_dataset(inherit=False)) for node in tree.subtree}
     encoding = {place: {str(n): _encoding(v) for n, v in data.variables.items()} for place, data in safe.items()}
     if tree.name is not None:

@@ -11,7 +11,7 @@ from voxgran._base.calls import explained
 from voxgran._base.files import output_suffix, written_whole
 from voxgran._base.lazy import load
 from voxgran._base.progress import OnStep, Step
-from voxgran.packing.model import Packing
+from voxgran.packing.model import Packing, check_packing
 from voxgran.report.scenes import picture_packing
 from voxgran.report.stage import Picture
 
@@ -69,6 +69,7 @@ def save_turntable(
     >>> vg.save_turntable(bed, "bed.gif", frames=2, window=(64, 64))
     """
     output_suffix(path, [".gif"], "turntables are kept")
+    check_packing(packing, "packing")
     count = as_count(frames, "frames", at_least=1) if packing.dimension == 3 else 1
     with written_whole(path, overwrite=overwrite) as draft:
         draft.write_bytes(animated(_views(packing, count, color_by, window, on_step)))

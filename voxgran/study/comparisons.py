@@ -121,7 +121,7 @@ def compare(
     rows, kinds = [], []
     for labels, of_table in tables:
         head = {"variable": variable, "over": axis, **{name: labels.get(name, "") for name in others}}
-        for row in _tests(names, of_table, level):
+        for row in _tests(names, of_table, level, of_table is blocks or len(blocks) == 1):
             rows.append({**head, **row})
             kinds.append((row["test"], len(of_table) > 1))
     for kind in dict.fromkeys(kinds):
@@ -189,11 +189,14 @@ def _blocks(dataset: "Dataset", over: str, values: Floats) -> tuple[list[str], l
     return names, blocks
 
 
-def _tests(names: Sequence[str], blocks: Sequence[_Block], level: float) -> Iterator[dict[str, Any]]:
-    """Yield a row for each pair of groups, and one for all of them if none is without values in all blocks."""
+def _tests(names: Sequence[str], blocks: Sequence[_Block], level: float, whole: bool) -> Iterator[dict[str, Any]]:
+    """Yield a row for each pair of groups, and one for all of them if none is without values in all blocks.
+
+    whole: whether these are all blocks, so that groups without values are told as well.
+    """
     for at, to in combinations(range(len(names)), 2):
         pairs = [(block.groups[at], block.groups[to]) for block in blocks]
-        if all(len(one) and len(other) for one, other in pairs) or len(blocks) > 1:
+        if whole or all(len(one) and len(other) for one, other in pairs):
             yield {"test": "Welch", "one": names[at], "other": names[to], **_pair(pairs, level)}
     found = rank_test([block.groups for block in blocks])
     entering = [block for block in blocks if sum(len(values) > 0 for values in block.groups) > 1]

@@ -18,7 +18,7 @@ from voxgran.scene.run import opened_folder
 from voxgran.study.cells import Cell
 from voxgran.study.checkpoints import marked
 from voxgran.study.dask_runs import DaskRuns
-from voxgran.study.files import run_hash
+from voxgran.study.files import files_of, run_hash
 from voxgran.study.plan import StudyPlan, cell_plan
 from voxgran.study.processes import Processes
 from voxgran.study.result import StudyResult, dataset_of, rows_of, save_results
@@ -224,6 +224,7 @@ class _Work:
                 mark=self.mark,
                 memory=plan.memory,
                 attempts=plan.attempts,
+                files={name: cell.hashes.of(name) for name in files_of(cell.mapping)},
             )
             # two cells may be the same scene, by values that change nothing
             self.left.setdefault(run.key, ((at, number), run))

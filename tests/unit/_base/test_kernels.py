@@ -64,7 +64,7 @@ def test_unknown_names_get_the_nearest():
     assert unknown("method", "digitl", ["digital", "control_point"]) == (
         "method 'digitl' is unknown: did you mean 'digital'? known are control_point, digital"
     )
-    assert Registry("tool", "voxgran._base", object, group="none").names()[:2] == ("arrays", "axes")
+    assert Registry("tool", "voxgran._base", object, group="none").names()[:2] == ("arrays", "attributes")
 
 
 @kernel
