@@ -19,14 +19,19 @@ if TYPE_CHECKING:
 
 #: dimension of the repetitions, and variables of the sentences on failures and of why packings ended
 SEED, FAILURE, ENDED = "seed", "failure", "stop_reason"
-#: why a packing ended that has fewer grains than asked for, since no other had room, and what a table says of it
-FULL = "full"
+#: why packings ended since no other grain had room, the column of runs that so have fewer than asked for, and its note
+NO_ROOM, FULL = ("full", "saturated"), "full"
 FULL_NOTE = "full: runs that ended where nothing more had room, before the number or solid fraction that was asked for"
 #: variable of the sentences of warnings, and the column of how many runs have any
 WARNINGS, WARNED = "warnings", "warned"
 #: solid fraction of the whole container, and all solid fractions: those that say more of a packing come first
 OF_CONTAINER = "solid_fraction"
 DENSITIES: tuple[str, ...] = ("bulk_solid_fraction", "bed_solid_fraction", OF_CONTAINER)
+
+
+def is_full(stop_reason: str, warning: str) -> bool:
+    """Return whether a run ended where nothing more had room, and was warned of that: more was asked for."""
+    return stop_reason in NO_ROOM and bool(warning)
 
 
 def dimensions_of_cells(dataset: "Dataset") -> tuple[str, ...]:

@@ -145,7 +145,10 @@ def test_the_page_says_how_many_runs_warned_of_what(data, tmp_path):
     texts = np.full(data.solid_fraction.shape, "", dtype=object)
     texts[1, 0, :3] = [f"rsa placed {count} of 250 grains" for count in (243, 250, 99)]
     texts[2, 1, 0] = "the bulk holds 3"
-    made = data.assign(warnings=(data.solid_fraction.dims, texts))
+    ends = np.full(texts.shape, "settled", dtype=object)
+    # as many as were asked for may end so too, which is not told; a warning of something else tells nothing of it
+    ends[1, 0, :2], ends[1, 1, 0], ends[2, 0, 0] = ("saturated", "full"), "full", "saturated"
+    made = data.assign(warnings=(data.solid_fraction.dims, texts), stop_reason=(data.solid_fraction.dims, ends))
     text = re.sub(r"<t([hd])[^>]*>", r"<t\1>", write_study_page(made, tmp_path).read_text())
     for words in (
         "<th>warned</th>",
@@ -154,6 +157,7 @@ def test_the_page_says_how_many_runs_warned_of_what(data, tmp_path):
     ):
         assert words in text, words
     assert [row["warned"] for row in table(tmp_path / "cells.csv")] == ["0", "0", "3", "0", "0", "1"]
+    assert [row["full"] for row in table(tmp_path / "cells.csv")] == ["0", "0", "2", "0", "0", "0"]
 
 
 def test_cells_in_the_csv_file_are_those_of_the_summary(written, data):
