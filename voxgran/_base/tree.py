@@ -8,6 +8,7 @@ doi:10.1109/TVCG.2005.49); no ray is shot and no angle is summed.
 
 import math
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
@@ -55,6 +56,11 @@ class TriangleTree:
     def arrays(self) -> tuple[Floats, Floats, Floats, Integers]:
         """Corners and boxes, as kernels take them."""
         return self.corners, self.low, self.high, self.start
+
+    @cached_property
+    def boxes(self) -> Floats:
+        """Boxes (k, 5, 3) of the nodes that are turned with their triangles; see :func:`turned_boxes`."""
+        return turned_boxes(self.corners, self.start)
 
     @property
     def size(self) -> float:
@@ -110,6 +116,42 @@ def grow_tree(vertices: Floats, faces: Integers) -> TriangleTree:
         order,
     )
     return TriangleTree(*(read_only(array) for array in arrays))
+
+
+def turned_boxes(corners: Floats, start: Integers) -> Floats:
+    """Return the middles, the three axes and half of the edges, as rows (k, 5, 3), of boxes around ranges of triangles.
+
+    The axes are those of the second moments of the corners, or those of the coordinates where the surface of the box is
+    no larger. The ranges (k, 2) are the levels of a tree, each with all triangles.
+    """
+    origin = corners.reshape(-1, 3).mean(axis=0)
+    points, straight = corners - origin, np.eye(3)
+    moments, sums = np.einsum("mci,mcj->mij", points, points), points.sum(axis=1)
+    found = []
+    for first, last in ((2**level - 1, 2 ** (level + 1) - 1) for level in range(len(start).bit_length())):
+        begin, count = start[first:last, 0], np.diff(start[first:last], axis=1)[:, 0]
+        mean = np.add.reduceat(sums, begin) / (3 * count[:, None])
+        spread = np.add.reduceat(moments, begin) / (3 * count[:, None, None])
+        axes = np.linalg.eigh(spread - mean[:, :, None] * mean[:, None, :])[1].transpose(0, 2, 1)
+        turned = _extents(points, axes, begin, count)
+        plain = _extents(points, np.broadcast_to(straight, axes.shape), begin, count)
+        better = _box_surface(turned[1] - turned[0]) < _box_surface(plain[1] - plain[0])
+        axes = np.where(better[:, None, None], axes, straight)
+        low, high = (np.where(better[:, None], one, other) for one, other in zip(turned, plain, strict=True))
+        middle = np.einsum("ki,kij->kj", (low + high) / 2, axes) + origin
+        found.append(np.concatenate([middle[:, None], axes, (high - low)[:, None] / 2], axis=1))
+    return read_only(np.concatenate(found))
+
+
+def _extents(points: Floats, axes: Floats, begin: Integers, count: Integers) -> tuple[Floats, Floats]:
+    """Return the lowest and highest coordinates (k, 3) along the axes (k, 3, 3) of ranges of triangles (m, 3, 3)."""
+    along = points @ np.repeat(axes, count, axis=0).transpose(0, 2, 1)
+    return np.minimum.reduceat(along.min(axis=1), begin), np.maximum.reduceat(along.max(axis=1), begin)
+
+
+def _box_surface(edges: Floats) -> Floats:
+    """Return half the surface areas (k,) of boxes with edges (k, 3)."""
+    return np.asarray((edges * np.roll(edges, 1, axis=1)).sum(axis=1))
 
 
 def _pseudo_normals(corners: Floats, faces: Integers) -> Floats:

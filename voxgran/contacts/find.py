@@ -69,7 +69,7 @@ def overlaps(assembly: Assembly, *, at_least: float = 0.0) -> Contacts:
     """
     limit = as_number(at_least, "at_least", at_least=0.0)
     found = contacts_of_pairs(assembly, grain_pairs(assembly, -limit), -limit)
-    return _keep(found, found.gap < -limit)
+    return found.where(found.gap < -limit)
 
 
 def meeting_pairs(assembly: Assembly, depth: float, looked_at: Collection[PairKey] = ()) -> Pairs:
@@ -111,7 +111,7 @@ def contacts_of_pairs(assembly: Assembly, pairs: Pairs, gap: float, *, on_step: 
     distance, normal, point = gaps_of_pairs(assembly, pairs, gap, on_step=on_step)
     point += assembly.position[pairs.i]
     contacts = Contacts(pairs.i, pairs.j, pairs.image, distance, normal, point)
-    return _keep(contacts, distance <= gap)
+    return contacts.where(distance <= gap)
 
 
 def gaps_of_pairs(
@@ -124,13 +124,6 @@ def gaps_of_pairs(
     if all(shape.is_sphere for shape in assembly.shapes):
         return sphere_contacts(pairs, assembly.bounding_radii)
     return _test_mixed(assembly, pairs, gap, deepest=deepest, on_step=on_step)
-
-
-def _keep(contacts: Contacts, mask: np.ndarray[tuple[int], np.dtype[np.bool_]]) -> Contacts:
-    """Return a subset of the contacts."""
-    if mask.all():
-        return contacts
-    return Contacts(*(getattr(contacts, name)[mask] for name in ("i", "j", "image", "gap", "normal", "point")))
 
 
 def _test_mixed(

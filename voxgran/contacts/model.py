@@ -1,10 +1,10 @@
 """Contacts: pairs of grains with gap, normal and point."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 
 import numpy as np
 
-from voxgran._base.arrays import Floats, Integers
+from voxgran._base.arrays import Booleans, Floats, Integers
 from voxgran._base.registry import ExplainedAttributes
 
 
@@ -37,6 +37,13 @@ class Contacts(ExplainedAttributes):
     def count(self) -> int:
         """Number of contacts."""
         return len(self.i)
+
+    def where(self, mask: Booleans) -> "Contacts":
+        """Return the contacts of a mask (m,); these themselves where it holds all of them."""
+        if mask.all():
+            return self
+        kept = np.flatnonzero(mask)
+        return Contacts(*(np.take(getattr(self, one.name), kept, axis=0) for one in fields(self)))
 
     @classmethod
     def none(cls) -> "Contacts":

@@ -18,7 +18,7 @@ from voxgran._base.tree import TriangleTree
 from voxgran.contacts.assembly import Assembly
 from voxgran.contacts.broad import Pairs
 from voxgran.contacts.meshes import ROUNDING
-from voxgran.contacts.triangles import find_nearest_pair
+from voxgran.contacts.triangles import find_nearest_pair, turned_arrays
 
 #: number of pairs that a thread processes between two checks for a request to stop
 AT_ONCE = 64
@@ -57,12 +57,13 @@ def surface_gaps(
         reach = np.maximum(max(gap, 0.0) / scale[some], margin)
         distance, points = np.full(len(some), np.inf), np.zeros((len(some), 6))
         poses = np.ascontiguousarray(matrix[some]), offset[some], reach, distance, points
+        known = turned_arrays(trees[0]), turned_arrays(trees[1])
         together = AT_ONCE * thread_count()
         for first in range(0, len(some), together):
             stop_if_asked()
             on_step(Step(stage="surfaces", done=done, total=m, text=f"{done} of {m} pairs"))
             part = [array[first : first + together] for array in poses]
-            in_blocks(_nearest_of_pairs, len(part[0]), trees[0].arrays, trees[1].arrays, *part, least=LEAST_PAIRS)
+            in_blocks(_nearest_of_pairs, len(part[0]), *known, *part, least=LEAST_PAIRS)
             done += len(part[0])
         found[some], near[some] = distance, points
         proven[some] = (distance > margin) & ~_nested(trees, matrix[some], offset[some], stretch[some])
@@ -90,5 +91,5 @@ def _nested(trees: tuple[TriangleTree, TriangleTree], matrix: Floats, offset: Fl
 def _nearest_of_pairs(one, other, matrix, offset, reach, distance, points, first, stop):  # type: ignore[no-untyped-def]
     """Write the distance and the nearest points of two surfaces in a block of poses."""
     for k in range(first, stop):
-        square = find_nearest_pair(one, other, matrix[k], np.abs(matrix[k]), offset[k], reach[k], points[k])
+        square = find_nearest_pair(one, other, matrix[k], offset[k], reach[k], points[k])
         distance[k] = math.sqrt(square)

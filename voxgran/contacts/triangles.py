@@ -10,11 +10,17 @@ import math
 import numpy as np
 
 from voxgran._base.arrays import Floats, Integers
-from voxgran._base.kernels import kernel
+from voxgran._base.kernels import bare_kernel, kernel
 from voxgran._base.tree import TriangleTree, closest_on_triangle
 
 #: corners, low, high and start of a box tree, as kernels take them
 TreeArrays = tuple[Floats, Floats, Floats, Integers]
+#: corners, start and turned boxes of a tree, as kernels take them
+TurnedArrays = tuple[Floats, Integers, Floats]
+#: by how much a bound must exceed the best distance, relative to it and to the sizes, so that rounding drops no pair
+RELATIVE, ABSOLUTE = 1e-9, 1e-13
+#: square of the sine of an angle of a triangle up to which its plane is not used
+SLIVER = 1e-6
 
 
 def nearest_points(
@@ -26,11 +32,16 @@ def nearest_points(
     """
     found = np.zeros(6)
     turn, place = np.ascontiguousarray(matrix), np.ascontiguousarray(offset)
-    square = find_nearest_pair(one.arrays, other.arrays, turn, np.abs(matrix), place, float(reach), found)
+    square = find_nearest_pair(turned_arrays(one), turned_arrays(other), turn, place, float(reach), found)
     return math.sqrt(square), found[:3], found[3:]
 
 
-@kernel
+def turned_arrays(tree: TriangleTree) -> TurnedArrays:
+    """Return triangles and turned boxes of a tree, as kernels take them."""
+    return tree.corners, tree.start, tree.boxes
+
+
+@bare_kernel
 def pair_bound(
     one: TreeArrays, a: int, other: TreeArrays, b: int, matrix: Floats, size: Floats, offset: Floats
 ) -> float:
@@ -50,29 +61,37 @@ def pair_bound(
 
 @kernel
 def find_nearest_pair(
-    one: TreeArrays, other: TreeArrays, matrix: Floats, size: Floats, offset: Floats, reach: float, found: Floats
+    one: TurnedArrays, other: TurnedArrays, matrix: Floats, offset: Floats, reach: float, found: Floats
 ) -> float:
     """Traverse both trees, closer boxes first; write both points and return the squared distance."""
-    corners, low, high, start = one
-    other_corners, other_low, other_high, other_start = other
+    corners, start, boxes = one
+    other_corners, other_start, other_boxes = other
+    factor = math.sqrt(matrix[0, 0] ** 2 + matrix[1, 0] ** 2 + matrix[2, 0] ** 2)
+    slack = 0.0
+    for i in range(3):
+        slack += ABSOLUTE * (boxes[0, 4, i] + factor * other_boxes[0, 4, i] + abs(offset[i]))
     best, hit = reach * reach, False
-    leaves, other_leaves = len(low) // 2, len(other_low) // 2
+    bar = _raised(best, slack)
+    leaves, other_leaves = len(boxes) // 2, len(other_boxes) // 2
     stack, bounds = np.zeros((256, 2), dtype=np.int64), np.zeros(256)
-    turned, points, depth = np.zeros((16, 3, 3)), np.zeros(6), 1
+    turned, points, apart, depth = np.zeros((16, 3, 3)), np.zeros(6), np.zeros(2), 1
     while depth > 0:
         depth -= 1
         a, b = stack[depth, 0], stack[depth, 1]
-        if bounds[depth] > best:
+        if bounds[depth] > bar:
             continue
         if a >= leaves and b >= other_leaves:
             turn_triangles(other_corners, other_start[b, 0], other_start[b, 1], matrix, offset, turned)
             for i in range(start[a, 0], start[a, 1]):
                 for j in range(other_start[b, 1] - other_start[b, 0]):
-                    if box_gap(corners, i, turned, j) > best:
+                    if box_gap(corners, i, turned, j) > bar or plane_gap(corners, i, turned, j) > bar:
+                        continue
+                    if plane_gap(turned, j, corners, i) > bar:
                         continue
                     square = triangle_distance(corners, i, turned, j, points)
                     if square < best or (not hit and square == best):
                         best, hit = square, True
+                        bar = _raised(best, slack)
                         for k in range(6):
                             found[k] = points[k]
             if best == 0.0 and hit:
@@ -80,16 +99,16 @@ def find_nearest_pair(
             continue
         wide = 0.0
         for i in range(3):
-            wide += abs(high[a, i] - low[a, i])
-            for j in range(3):
-                wide -= size[i, j] * (other_high[b, j] - other_low[b, j])
+            wide += boxes[a, 4, i] - factor * other_boxes[b, 4, i]
         split_one = a < leaves and (wide >= 0.0 or b >= other_leaves)
         for side in range(2):
             c = 2 * a + 1 + side if split_one else a
             d = b if split_one else 2 * b + 1 + side
             stack[depth + side, 0], stack[depth + side, 1] = c, d
-            bounds[depth + side] = pair_bound(one, c, other, d, matrix, size, offset)
-        if bounds[depth] < bounds[depth + 1]:
+            bounds[depth + side], apart[side] = turned_bound(boxes, c, other_boxes, d, matrix, factor, offset)
+        nearer = bounds[depth] < bounds[depth + 1]
+        # of boxes that overlap both, the one with the nearer middle has the nearer triangles more often
+        if nearer or (bounds[depth] == bounds[depth + 1] and apart[0] < apart[1]):
             for k in range(2):
                 stack[depth, k], stack[depth + 1, k] = stack[depth + 1, k], stack[depth, k]
             bounds[depth], bounds[depth + 1] = bounds[depth + 1], bounds[depth]
@@ -97,7 +116,47 @@ def find_nearest_pair(
     return best if hit else np.inf
 
 
-@kernel
+@bare_kernel
+def _raised(best: float, slack: float) -> float:
+    """Return the squared bound beyond which rounding hides no pair that is nearer than the best."""
+    return (math.sqrt(best) * (1.0 + RELATIVE) + slack) ** 2
+
+
+@bare_kernel
+def turned_bound(
+    one: Floats, a: int, other: Floats, b: int, matrix: Floats, factor: float, offset: Floats
+) -> tuple[float, float]:
+    """Return a lower bound of the squared distance of two turned boxes, and the squared distance of their middles.
+
+    It is the larger one of the distances of each box from the box along its axes around the other.
+    """
+    # vector between the middles, and below the axes of the other box, each as long as the factor
+    tx, ty, tz = offset[0] - one[a, 0, 0], offset[1] - one[a, 0, 1], offset[2] - one[a, 0, 2]
+    x, y, z = other[b, 0, 0], other[b, 0, 1], other[b, 0, 2]
+    tx += matrix[0, 0] * x + matrix[0, 1] * y + matrix[0, 2] * z
+    ty += matrix[1, 0] * x + matrix[1, 1] * y + matrix[1, 2] * z
+    tz += matrix[2, 0] * x + matrix[2, 1] * y + matrix[2, 2] * z
+    gx = abs(one[a, 1, 0] * tx + one[a, 1, 1] * ty + one[a, 1, 2] * tz) - one[a, 4, 0]
+    gy = abs(one[a, 2, 0] * tx + one[a, 2, 1] * ty + one[a, 2, 2] * tz) - one[a, 4, 1]
+    gz = abs(one[a, 3, 0] * tx + one[a, 3, 1] * ty + one[a, 3, 2] * tz) - one[a, 4, 2]
+    bound = 0.0
+    for j in range(3):
+        x, y, z, wide = other[b, 1 + j, 0], other[b, 1 + j, 1], other[b, 1 + j, 2], other[b, 4, j]
+        ux = matrix[0, 0] * x + matrix[0, 1] * y + matrix[0, 2] * z
+        uy = matrix[1, 0] * x + matrix[1, 1] * y + matrix[1, 2] * z
+        uz = matrix[2, 0] * x + matrix[2, 1] * y + matrix[2, 2] * z
+        rx = abs(one[a, 1, 0] * ux + one[a, 1, 1] * uy + one[a, 1, 2] * uz)
+        ry = abs(one[a, 2, 0] * ux + one[a, 2, 1] * uy + one[a, 2, 2] * uz)
+        rz = abs(one[a, 3, 0] * ux + one[a, 3, 1] * uy + one[a, 3, 2] * uz)
+        gx, gy, gz = gx - rx * wide, gy - ry * wide, gz - rz * wide
+        near = rx * one[a, 4, 0] + ry * one[a, 4, 1] + rz * one[a, 4, 2]
+        gap = max((abs(ux * tx + uy * ty + uz * tz) - near) / factor - factor * wide, 0.0)
+        bound += gap * gap
+    gx, gy, gz = max(gx, 0.0), max(gy, 0.0), max(gz, 0.0)
+    return max(bound, gx * gx + gy * gy + gz * gz), tx * tx + ty * ty + tz * tz
+
+
+@bare_kernel
 def turn_triangles(corners: Floats, first: int, last: int, matrix: Floats, offset: Floats, turned: Floats) -> None:
     """Write the triangles first ... last in the frame of the other surface."""
     for k in range(first, last):
@@ -111,7 +170,7 @@ def turn_triangles(corners: Floats, first: int, last: int, matrix: Floats, offse
                 )
 
 
-@kernel
+@bare_kernel
 def box_gap(one: Floats, i: int, other: Floats, j: int) -> float:
     """Return the squared distance of the boxes around two triangles."""
     square = 0.0
@@ -125,7 +184,25 @@ def box_gap(one: Floats, i: int, other: Floats, j: int) -> float:
     return square
 
 
-@kernel
+@bare_kernel
+def plane_gap(one: Floats, i: int, other: Floats, j: int) -> float:
+    """Return the squared distance of triangle other[j] from the plane of one[i]; 0 where it meets the plane."""
+    ax, ay, az = one[i, 0, 0], one[i, 0, 1], one[i, 0, 2]
+    ux, uy, uz = one[i, 1, 0] - ax, one[i, 1, 1] - ay, one[i, 1, 2] - az
+    vx, vy, vz = one[i, 2, 0] - ax, one[i, 2, 1] - ay, one[i, 2, 2] - az
+    nx, ny, nz = uy * vz - uz * vy, uz * vx - ux * vz, ux * vy - uy * vx
+    p = nx * (other[j, 0, 0] - ax) + ny * (other[j, 0, 1] - ay) + nz * (other[j, 0, 2] - az)
+    q = nx * (other[j, 1, 0] - ax) + ny * (other[j, 1, 1] - ay) + nz * (other[j, 1, 2] - az)
+    r = nx * (other[j, 2, 0] - ax) + ny * (other[j, 2, 1] - ay) + nz * (other[j, 2, 2] - az)
+    gap = max(min(p, q, r), -max(p, q, r), 0.0)
+    square = nx * nx + ny * ny + nz * nz
+    # the normal of a sliver has lost its digits
+    if square <= SLIVER * (ux * ux + uy * uy + uz * uz) * (vx * vx + vy * vy + vz * vz):
+        return 0.0
+    return gap * gap / square
+
+
+@bare_kernel
 def triangle_distance(one: Floats, i: int, other: Floats, j: int, points: Floats) -> float:
     """Return the squared distance of triangles one[i] and other[j]; write the nearest points."""
     best = np.inf
@@ -145,7 +222,7 @@ def triangle_distance(one: Floats, i: int, other: Floats, j: int, points: Floats
     return best
 
 
-@kernel
+@bare_kernel
 def _keep_nearer(points, best, ax, ay, az, bx, by, bz):  # type: ignore[no-untyped-def]
     """Write two points where they are nearer than the best ones; return the lesser squared distance."""
     square = (ax - bx) ** 2 + (ay - by) ** 2 + (az - bz) ** 2
@@ -156,7 +233,7 @@ def _keep_nearer(points, best, ax, ay, az, bx, by, bz):  # type: ignore[no-untyp
     return best
 
 
-@kernel
+@bare_kernel
 def _try_edges(one, i, c, other, j, d, points, best):  # type: ignore[no-untyped-def]
     """Compare with the nearest inner points of edge c of one[i] and edge d of other[j].
 
@@ -179,7 +256,7 @@ def _try_edges(one, i, c, other, j, d, points, best):  # type: ignore[no-untyped
     return _keep_nearer(points, best, px + s * ux, py + s * uy, pz + s * uz, qx + t * vx, qy + t * vy, qz + t * vz)
 
 
-@kernel
+@bare_kernel
 def _pierces(one, i, c, other, j, points):  # type: ignore[no-untyped-def]
     """Return whether edge c of one[i] pierces other[j]; write the point."""
     c2 = (c + 1) % 3

@@ -20,6 +20,8 @@ from voxgran.contacts.walls import escape_depths
 
 #: number of the worst pairs and escapes that are listed
 LISTED = 20
+#: largest depth and protrusion that are ignored where no other is given, in mean diameters
+TOLERANCE = 1e-9
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -119,7 +121,7 @@ class Verification(ExplainedAttributes):
 
 @explained(hint="verify(packing, tolerance=1e-9)")
 def verify(
-    packing: Assembly, *, tolerance: float = 1e-9, threads: int | None = None, on_step: OnStep | None = None
+    packing: Assembly, *, tolerance: float = TOLERANCE, threads: int | None = None, on_step: OnStep | None = None
 ) -> Verification:
     """Check a packing against the true geometry of its grains.
 

@@ -13,13 +13,21 @@ Legendre polynomials P. In space the second one is 5 times the nematic order par
 """
 
 import math
-from collections.abc import Iterator
 from dataclasses import dataclass
-from itertools import combinations_with_replacement, permutations, product
+from itertools import permutations, product
 
 import numpy as np
 
 from voxgran._base.arrays import Booleans, Floats
+from voxgran.measures.direction_sums import (
+    RINGS,
+    mean_products,
+    multisets,
+    shares_of_map,
+    unit_vectors,
+    values_along,
+    wave_products,
+)
 
 #: factor of the traceless part in the tensor D, squared norm of the traceless part for a single direction, and factor
 #: of the norm of D in the anisotropy; by dimension and order
@@ -28,12 +36,8 @@ SINGLE = {(2, 2): 1 / 2, (2, 4): 1 / 8, (3, 2): 2 / 3, (3, 4): 8 / 35}
 AMPLITUDE = {(2, 2): math.sqrt(1 / 2), (2, 4): math.sqrt(1 / 8), (3, 2): math.sqrt(2 / 3), (3, 4): math.sqrt(8 / 35)}
 #: independent components of the traceless part
 COMPONENTS = {(2, 2): 2, (2, 4): 2, (3, 2): 5, (3, 4): 9}
-#: sectors of a rose over half a turn, and rings of an equal-area map around the cell of its pole
-SECTORS, RINGS = 18, 4
-#: distance from the equator of a map at which a direction lies on it
-ON_EQUATOR = 1e-9
-#: directions that are treated at once
-BLOCK = 1 << 15
+#: sectors of a rose over half a turn
+SECTORS = 18
 
 
 @dataclass(frozen=True, eq=False)
@@ -84,15 +88,12 @@ def fabric_of(vectors: Floats, weights: Floats | None = None, *, dimension: int,
         nowhere = [Anisotropy(np.full((d,) * order, math.nan), *(math.nan,) * 3) for order in (2, 4)]
         return Fabric(0, nowhere[0].deviator, nowhere[1].deviator, *nowhere)
     share = weight / total
-    fourth = _tensor(np.sum([share[some] @ _products(way[some]) for some in _blocks(m)], axis=0), d)
+    fourth = _tensor(mean_products(way, share), d)
     # the trace of n n is 1
     second = np.einsum("ijkk->ij", fourth)
     parts = traceless_2(second), traceless_4(fourth)
     # the traceless means along each direction, whose means are their squared norms
-    each = (
-        np.einsum("ci,ij,cj->c", way, parts[0], way, optimize=True),
-        np.concatenate([_products(way[some]) @ _sums(parts[1]) for some in _blocks(m)]),
-    )
+    each = values_along(way, parts[0], _sums(parts[1]))
     scatters = (None, None) if turns is None or m < 2 else _scatters(way, share, turns[kept], parts)
     found = [
         _anisotropy(parts[k], each[k], share, dimension=d, order=order, scatter=scatters[k])
@@ -106,14 +107,8 @@ def _scatters(way: Floats, share: Floats, turns: Floats, parts: tuple[Floats, Fl
 
     A wave has one period in the sample, or none, along each axis: its phases are 2 pi times a sum of `turns` (m, d).
     """
-    m, d = way.shape
-    signs = np.array(list(product((0, 1, -1), repeat=d)))
-    first = np.array([row[row != 0][:1].sum() for row in signs])
-    signs = signs[first > 0]
-    waves = np.zeros((2 * len(signs), len(_multisets(d))))
-    for some in _blocks(m):
-        phase = 2.0 * np.pi * signs @ turns[some].T
-        waves += (np.concatenate([np.cos(phase), np.sin(phase)]) * share[some]) @ _products(way[some])
+    d = way.shape[1]
+    waves = wave_products(way, share, turns)
     second = fourth = 0.0
     for wave in waves:
         whole = _tensor(wave, d)
@@ -122,28 +117,12 @@ def _scatters(way: Floats, share: Floats, turns: Floats, parts: tuple[Floats, Fl
         second += float(np.square(traceless_2(pairs) - rest * parts[0]).sum())
         fourth += float(np.square(traceless_4(whole) - rest * parts[1]).sum())
     # the squares of cosine and sine have the sum 1
-    return second / len(signs), fourth / len(signs)
-
-
-def _blocks(m: int) -> Iterator[slice]:
-    """Yield slices of m directions that bound the memory."""
-    yield from (slice(begin, begin + BLOCK) for begin in range(0, m, BLOCK))
-
-
-def _multisets(d: int) -> list[tuple[int, ...]]:
-    """Return the different products of four components, as sorted indices."""
-    return list(combinations_with_replacement(range(d), 4))
-
-
-def _products(way: Floats) -> Floats:
-    """Return the different products of four components of directions, (m, 15) in space and (m, 5) in the plane."""
-    columns = way.T
-    return np.array([columns[a] * columns[b] * (columns[c] * columns[d]) for a, b, c, d in _multisets(len(columns))]).T
+    return 2.0 * second / len(waves), 2.0 * fourth / len(waves)
 
 
 def _tensor(values: Floats, d: int) -> Floats:
     """Return the symmetric tensor (d, d, d, d) with these different components."""
-    place = {some: k for k, some in enumerate(_multisets(d))}
+    place = {some: k for k, some in enumerate(multisets(d))}
     index = [place[tuple(sorted(some))] for some in product(range(d), repeat=4)]
     return np.asarray(values[index].reshape((d,) * 4))
 
@@ -151,7 +130,7 @@ def _tensor(values: Floats, d: int) -> Floats:
 def _sums(tensor: Floats) -> Floats:
     """Return for each product of four components the sum of the equal components of a symmetric tensor."""
     d = len(tensor)
-    return np.array([tensor[some] * len(set(permutations(some))) for some in _multisets(d)])
+    return np.array([tensor[some] * len(set(permutations(some))) for some in multisets(d)])
 
 
 def _anisotropy(
@@ -219,18 +198,17 @@ def rose_of(vectors: Floats, weights: Floats | None = None, *, dimension: int, p
     """
     way, weight, _ = _unit(vectors, weights, dimension)
     cells = _sectors() if dimension == 2 else _sphere_cells()
+    k = len(cells)
     if dimension == 2:
         turn = np.mod(np.arctan2(way[:, 1], way[:, 0]) / np.pi * SECTORS + 0.5, SECTORS)
         index = np.minimum(turn.astype(np.int64), SECTORS - 1)
+        held, squared = (np.bincount(index, weights=one, minlength=k) for one in (weight, np.square(weight)))
     else:
-        index, owner = _sphere_index(way[:, [(pole + 1) % 3, (pole + 2) % 3, pole]])
-        # each direction and its opposite count half where both lie on the map
-        weight = weight[owner] / np.bincount(owner, minlength=len(way))[owner]
-    total, k = float(weight.sum()), len(cells)
+        held, squared = shares_of_map(way, weight, pole)
+    total = float(weight.sum())
     if not len(way) or not total > 0.0:
         return Rose(cells, np.full(k, math.nan), np.full(k, math.nan))
-    share = np.bincount(index, weights=weight, minlength=k) / total
-    squared = np.bincount(index, weights=np.square(weight), minlength=k)
+    share = held / total
     # variance of a ratio of sums: sum of w^2 (inside - share)^2 over (sum of w)^2
     spread = np.sqrt(squared * (1.0 - 2.0 * share) + np.square(share) * squared.sum()) / total
     return Rose(cells, k * share, k * spread)
@@ -258,24 +236,10 @@ def _colatitude(steps: int) -> float:
     return math.acos(max(1.0 - (steps / (2 * RINGS + 1)) ** 2, 0.0))
 
 
-def _sphere_index(way: Floats) -> tuple[np.ndarray, np.ndarray]:
-    """Return the cell of each direction (m, 3) or its opposite that lies on the map, and which direction it is of."""
-    both = np.concatenate([way, -way])
-    on = np.flatnonzero(both[:, 2] >= -ON_EQUATOR)
-    x, y, z = both[on].T
-    radius = np.sqrt(np.maximum(1.0 - np.maximum(z, 0.0), 0.0)) * (2 * RINGS + 1)
-    ring = np.minimum(((radius + 1.0) / 2.0).astype(np.int64), RINGS)
-    many = np.maximum(8 * ring, 1)
-    place = np.floor(np.arctan2(y, x) / (2.0 * np.pi) * many + 0.5).astype(np.int64) % many
-    return np.where(ring > 0, (2 * ring - 1) ** 2 + place, 0), on % len(way)
-
-
 def _unit(vectors: Floats, weights: Floats | None, dimension: int) -> tuple[Floats, Floats, Booleans]:
     """Return unit vectors (m, d) and weights (m,) of all vectors that are not 0, and which they are."""
     way = np.asarray(vectors, dtype=np.float64).reshape(-1, 3)[:, :dimension]
-    largest = np.abs(way).max(axis=1, initial=0.0)
-    kept = largest > 0.0
-    way = way[kept] / largest[kept, None]
-    weight = np.ones(len(way)) if weights is None else np.asarray(weights, dtype=np.float64)[kept]
+    unit, kept = unit_vectors(np.ascontiguousarray(way))
+    weight = np.ones(len(unit)) if weights is None else np.asarray(weights, dtype=np.float64)[kept]
     top = float(weight.max(initial=0.0))
-    return way / np.linalg.norm(way, axis=1, keepdims=True), weight / top if top > 0.0 else weight, kept
+    return unit, weight / top if top > 0.0 else weight, kept

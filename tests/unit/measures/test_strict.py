@@ -1,13 +1,18 @@
 """The strict solid fraction: grains shrunk until they are free."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 from voxgran._base.errors import PackingWarning
+from voxgran._base.seeds import stream
+from voxgran.contacts.verify import verify
 from voxgran.containers.box import Box
 from voxgran.measures.model import measure
 from voxgran.measures.registered.strict import PRECISION, strict_solid_fraction
 from voxgran.packing.model import Packing
+from voxgran.shapes.family import make_shape
 from voxgran.shapes.model import Shape
 from voxgran.shapes.primitive import Primitive
 
@@ -54,3 +59,15 @@ def test_it_is_in_the_tree_where_grains_overlap():
 def test_no_grains():
     empty = Packing.of([BALL], Box((4, 4, 4)), position=np.zeros((0, 3)))
     assert strict_solid_fraction(empty) == 0.0
+
+
+@pytest.mark.parametrize("family", ["sphere", "polyhedron"])
+def test_it_is_that_of_verifying_the_shrunk_packing(family):
+    box = Box((3, 3, 3), periodic=(True, False, True))
+    place = stream(2, "places").uniform(0.7, 2.3, (14, 3))
+    packing = Packing.of([make_shape(family, seed=0)], box, position=place, scale=np.linspace(0.5, 1.0, 14))
+    found = strict_solid_fraction(packing)
+    factor = (found / packing.solid_fraction) ** (1 / 3)
+    assert 0.0 < factor < 0.9
+    for step, ok in ((0, True), (1.5 * PRECISION, False)):
+        assert verify(replace(packing, scale=packing.scale * (factor + step))).ok == ok

@@ -157,10 +157,13 @@ def near_contacts(packing: Packing, gap: float | None = None) -> Contacts:
 
 
 def touching_contacts(packing: Packing) -> Contacts:
-    """Return the contacts up to :func:`usual_gap`."""
-    found = near_contacts(packing)
-    near = found.gap <= (usual_gap(packing) + ROUND_OFF) * mean_diameter(packing)
-    return Contacts(*(getattr(found, name)[near] for name in ("i", "j", "image", "gap", "normal", "point")))
+    """Return the contacts up to :func:`usual_gap`, found once and kept."""
+    if "touching" not in packing._found:
+        found = near_contacts(packing)
+        near = found.gap <= (usual_gap(packing) + ROUND_OFF) * mean_diameter(packing)
+        packing._found["touching"] = found.where(near)
+    touching: Contacts = packing._found["touching"]
+    return touching
 
 
 def mean_diameter(packing: Packing) -> float:

@@ -57,13 +57,15 @@ def fabric_vectors(packing: Packing) -> dict[str, Vectors]:
 def fabric(packing: Packing, vectors: Vectors) -> Fabric:
     """Return the fabric tensors of vectors of a packing, with the scatter that they have at the longest waves."""
     d = packing.dimension
-    place = vectors.place[:, :d]
+    # extremes along rows of memory are found faster than along its columns
+    place = np.ascontiguousarray(vectors.place[:, :d].T)
     lower, upper = packing.container.bounds
     length = np.where(packing.container.periodic, upper - lower, 0.0)[:d]
-    if len(place):
+    if place.size:
         # walls and the free surface end the sample
-        length = np.where(length > 0.0, length, np.ptp(place, axis=0))
-    turns = (place - place.min(axis=0, initial=np.inf)) / length if (length > 0.0).all() else None
+        length = np.where(length > 0.0, length, np.ptp(place, axis=1))
+    origin = place.min(axis=1, initial=np.inf)
+    turns = ((place - origin[:, None]) / length[:, None]).T if (length > 0.0).all() else None
     return fabric_of(vectors.way, vectors.weight, dimension=d, turns=turns)
 
 

@@ -1,8 +1,13 @@
 """Strict solid fraction: that of the packing with its grains shrunk in place until nothing overlaps."""
 
-from dataclasses import replace
+import numpy as np
 
-from voxgran.contacts.verify import verify
+from voxgran._base.compiling.threads import using_threads
+from voxgran.contacts.assembly import Assembly
+from voxgran.contacts.broad import Pairs, grain_pairs
+from voxgran.contacts.find import contacts_of_pairs
+from voxgran.contacts.verify import TOLERANCE, verify
+from voxgran.contacts.walls import escape_depths
 from voxgran.measures.model import Groups, Measure, dataset, variable
 from voxgran.measures.registered.coordination import near_contacts
 from voxgran.measures.window import NO_DEPTH
@@ -19,19 +24,36 @@ def strict_solid_fraction(packing: Packing) -> float:
     """
     if not packing.count or verify(packing).ok:
         return packing.solid_fraction
+    # grains shrunk in place meet no others than those that they are near at full size
+    near = grain_pairs(packing, 0.0)
     low, high = 0.0, 1.0
     while high - low > PRECISION:
         middle = (low + high) / 2
-        if verify(_shrunk(packing, middle)).ok:
+        if _is_free(_shrunk(packing, middle), near):
             low = middle
         else:
             high = middle
     return packing.solid_fraction * low**packing.dimension
 
 
-def _shrunk(packing: Packing, factor: float) -> Packing:
-    """Return the packing with the grains shrunk about their centroids."""
-    return replace(packing, scale=packing.scale * factor, forces=None)
+def _shrunk(packing: Packing, factor: float) -> Assembly:
+    """Return the grains shrunk about their centroids."""
+    scale = packing.scale * factor
+    return Assembly(
+        *(packing.shapes, packing.shape_id, scale, packing.position, packing.orientation, packing.container),
+        lid=packing.lid,
+    )
+
+
+def _is_free(assembly: Assembly, near: Pairs) -> bool:
+    """Return whether `verify` finds no overlap and no escape of grains of which no other pairs can overlap."""
+    limit = TOLERANCE * float(assembly.diameters.mean())
+    if (escape_depths(assembly) > limit).any():
+        return False
+    reach = (assembly.bounding_radii[near.i] + assembly.bounding_radii[near.j]) ** 2
+    pairs = near.where(np.einsum("ki,ki->k", near.offset, near.offset) < reach)
+    with using_threads(None):
+        return not (contacts_of_pairs(assembly, pairs, -limit).gap < -limit).any()
 
 
 def _overlaps(packing: Packing) -> bool:

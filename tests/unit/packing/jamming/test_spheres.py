@@ -8,6 +8,7 @@ from scipy.spatial import cKDTree
 
 import voxgran as vg
 from voxgran._base.errors import InputError, PackingWarning
+from voxgran._base.seeds import stream
 from voxgran.contacts.assembly import Assembly
 from voxgran.packing.jamming.coordination import NearPairs
 from voxgran.packing.jamming.soft_kernels import DEPTH, ENERGY
@@ -241,3 +242,22 @@ def test_few_grains_and_none():
     two = vg.pack(SPHERE, box, method="jam", count=2)
     assert vg.verify(two).ok
     assert two.solid_fraction > 0.2
+
+
+@pytest.mark.parametrize("fewest", [2, 3, 4, 6])
+def test_rattlers_are_removed_as_by_rounds_over_all_contacts(fewest):
+    draw = stream(8, "contacts", fewest)
+    count, m = 300, 700
+    i, j = draw.integers(count, size=(2, m))
+    near = NearPairs(count, 3, i, j, draw.random(m), draw.integers(count, size=80), draw.random(80))
+    pairs, walls = near.gap <= 0.8, near.wall_gap <= 0.8
+    held = np.ones(count, dtype=bool)
+    while True:
+        live = pairs & held[i] & held[j]
+        ends = np.concatenate([i[live], j[live], near.at_wall[walls & held[near.at_wall]]])
+        still = held & (np.bincount(ends, minlength=count) >= fewest)
+        if (still == held).all():
+            break
+        held = still
+    assert (near.bearing(0.8, fewest) == held).all()
+    assert 0 < (~held).sum()

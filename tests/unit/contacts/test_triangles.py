@@ -1,0 +1,89 @@
+"""Nearest points of two surfaces are those of all pairs of their triangles."""
+
+import math
+
+import numpy as np
+import pytest
+
+from voxgran._base.rotation import random_rotations, rotation_matrices
+from voxgran._base.seeds import stream
+from voxgran._base.tree import grow_tree
+from voxgran.contacts.triangles import nearest_points, plane_gap, triangle_distance, turned_bound
+from voxgran.shapes.family import make_shape
+
+
+def poses(count):
+    """Return matrices that turn and stretch, and directions, in pairs."""
+    draw = stream(3, "poses")
+    turns = rotation_matrices(random_rotations(draw, 2 * count))
+    return [(turns[k] * factor, turns[count + k, 0]) for k, factor in enumerate(draw.uniform(0.5, 2.0, count))]
+
+
+def tree_of(family, seed=0):
+    """Return the box tree of a random solid."""
+    return make_shape(family, seed=seed).geometry.tree
+
+
+@pytest.mark.parametrize("reach", [0.02, 0.5, math.inf])
+def test_no_triangles_of_random_solids_are_nearer_than_the_nearest_points(reach):
+    one, other, points = tree_of("solid_union"), tree_of("solid_union", 1), np.zeros(6)
+    some = np.linspace(0, len(one.corners) - 1, 60, dtype=int)
+    for matrix, way in poses(6):
+        for distance in (0.2, 0.3, 0.45):
+            offset = distance * (one.size + other.size) * way
+            turned = np.ascontiguousarray(other.corners @ matrix.T + offset)
+            found, mine, theirs = nearest_points(one, other, matrix=matrix, offset=offset, reach=reach)
+            every = min(triangle_distance(one.corners, i, turned, j, points) for i in some for j in range(len(turned)))
+            assert found <= math.sqrt(every) * (1 + 1e-12) or math.sqrt(every) > reach
+            if math.isfinite(found):
+                assert found <= reach
+                assert found == pytest.approx(float(np.linalg.norm(mine - theirs)), abs=1e-12)
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_the_distance_of_polyhedra_is_the_smallest_of_all_pairs(seed):
+    one, other, points = tree_of("polyhedron", seed), tree_of("polyhedron", seed + 10), np.zeros(6)
+    for matrix, way in poses(5):
+        offset = 0.55 * (one.size + other.size) * way
+        turned = np.ascontiguousarray(other.corners @ matrix.T + offset)
+        pairs = [(i, j) for i in range(len(one.corners)) for j in range(len(turned))]
+        square = min(triangle_distance(one.corners, i, turned, j, points) for i, j in pairs)
+        assert nearest_points(one, other, matrix=matrix, offset=offset)[0] == pytest.approx(
+            math.sqrt(square), rel=1e-12
+        )
+        # a plane bounds the distance from below
+        for i, j in pairs[:: len(pairs) // 40]:
+            assert plane_gap(one.corners, i, turned, j) <= triangle_distance(one.corners, i, turned, j, points) + 1e-14
+
+
+def test_the_plane_of_a_sliver_bounds_nothing():
+    sliver = np.array([[[0.0, 0, 0], [1, 0, 0], [2, 1e-4, 0]]])
+    assert plane_gap(sliver, 0, sliver + [0, 0, 1.0], 0) == 0.0
+    sliver[0, 2] = [0, 1, 0]
+    assert plane_gap(sliver, 0, sliver + [0, 0, 2.0], 0) == pytest.approx(4.0)
+
+
+@pytest.mark.parametrize("family", ["polyhedron", "solid_union", "box"])
+def test_turned_boxes_hold_their_triangles_and_are_no_larger_than_straight_ones(family):
+    shape = make_shape(family, seed=0)
+    tree = grow_tree(shape.vertices, shape.faces)
+    for (first, last), (middle, *axes, half) in zip(tree.start, tree.boxes, strict=True):
+        points = tree.corners[first:last].reshape(-1, 3)
+        assert np.asarray(axes) @ np.transpose(axes) == pytest.approx(np.eye(3), abs=1e-14)
+        assert (np.abs((points - middle) @ np.transpose(axes)) <= half + 1e-14).all()
+        edges = [2 * half, np.ptp(points, axis=0)]
+        turned, straight = (float((edge * np.roll(edge, 1)).sum()) for edge in edges)
+        assert turned <= straight * (1 + 1e-12)
+
+
+def test_turned_boxes_bound_the_distance_of_what_they_hold():
+    one, other = tree_of("solid_union"), tree_of("solid_union", 1)
+    for matrix, way in poses(8):
+        offset, factor = 0.5 * (one.size + other.size) * way, float(np.linalg.norm(matrix[:, 0]))
+        for node in (0, 1, 6, 20, 60):
+            mine = one.corners[slice(*one.start[node])].reshape(-1, 3)
+            theirs = other.corners[slice(*other.start[node])].reshape(-1, 3) @ matrix.T + offset
+            bound, apart = turned_bound(one.boxes, node, other.boxes, node, matrix, factor, offset)
+            assert bound <= np.square(mine[:, None] - theirs).sum(axis=2).min() * (1 + 1e-12)
+            middle = matrix @ other.boxes[node, 0] + offset - one.boxes[node, 0]
+            assert apart == pytest.approx(float(middle @ middle))
