@@ -6,7 +6,7 @@ from voxgran._base.arrays import Floats, Integers
 from voxgran._base.lazy import load
 from voxgran.contacts.forces import chain_ends
 from voxgran.packing.model import Packing
-from voxgran.report.stage import MATERIAL, Picture, add_container, add_scale_bar, look_at, shot, stage_of
+from voxgran.report.stage import MATERIAL, Picture, add_container, add_outlines, add_scale_bar, look_at, shot, stage_of
 
 #: colours from weak to strong forces; the weakest differ from the background
 COLORS = "viridis_r"
@@ -19,7 +19,7 @@ THINNEST = 0.03
 #: sides of a tube, and largest number of tubes: the weakest are left out
 SIDES, MOST = 10, 60_000
 
-_GRAIN = "#d3dae0"
+_GRAIN, _OUTLINE = "#d3dae0", "#aab5be"
 
 
 def picture_forces(packing: Packing, *, window: tuple[int, int] = (900, 900)) -> Picture | None:
@@ -46,6 +46,7 @@ def picture_forces(packing: Packing, *, window: tuple[int, int] = (900, 900)) ->
             # behind the tubes, which lie in the plane
             grains = packing.to_pyvista().translate((0.0, 0.0, -float(packing.diameters.max())))
             stage.add_mesh(grains, color=_GRAIN, lighting=False)
+            add_outlines(stage, grains, color=_OUTLINE)
         stage.add_mesh(mesh, scalars="strength", cmap=COLORS, clim=(0.0, 1.0), show_scalar_bar=False, **MATERIAL)
         add_container(stage, packing.container)
         look_at(stage, packing.container.mesh()[0], flat=flat)

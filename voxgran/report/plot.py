@@ -14,7 +14,7 @@ from voxgran._base.lazy import load
 from voxgran.packing.model import Packing
 from voxgran.report.clumps import check_picture_path
 from voxgran.report.colors import COLOR_BY, COLORS, ColorBy, coloring
-from voxgran.report.scenes import GRAIN_COLOR, SMOOTH, picture_cut, picture_packing
+from voxgran.report.scenes import GRAIN_COLOR, SMOOTH, picture_cut, picture_packing, surface_of
 from voxgran.report.stage import Picture, look_at, png_of, shot, stage_of
 from voxgran.shapes.model import Shape
 
@@ -129,7 +129,7 @@ def _picture(what: Packing | Shape, color_by: str, window: tuple[int, int], *, c
     if isinstance(what, Packing):
         return (picture_cut if cut else picture_packing)(what, color_by=color_by, window=window)
     with stage_of(window) as stage:
-        stage.add_mesh(what.to_pyvista(), color=GRAIN_COLOR, **SMOOTH)
+        stage.add_mesh(surface_of(what), color=GRAIN_COLOR, **SMOOTH)
         look_at(stage, np.asarray(what.vertices), flat=what.dimension == 2)
         return shot(stage)
 
