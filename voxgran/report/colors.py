@@ -2,7 +2,7 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import Literal, TypeAlias
+from typing import get_args
 
 import numpy as np
 
@@ -10,13 +10,15 @@ from voxgran._base.arrays import Floats, as_choice
 from voxgran._base.lazy import load
 from voxgran.measures.registered.coordination import coordination_number
 from voxgran.measures.registered.forces import known_forces
+from voxgran.packing.grains import ColorBy
 from voxgran.packing.model import Packing
 from voxgran.report.facts import shape_names
 
-ColorBy: TypeAlias = Literal["diameter", "height", "shape", "density", "coordination", "distance", "force"]
-COLOR_BY: tuple[ColorBy, ...] = ("diameter", "height", "shape", "density", "coordination", "distance", "force")
+COLOR_BY: tuple[ColorBy, ...] = get_args(ColorBy)
 #: map of the colours, whose lightness increases evenly
 COLORS = "viridis"
+#: unit of forces
+FORCE_UNIT = "weights of a median grain"
 #: largest number of values that a legend lists
 ENTRIES = 10
 #: relative difference up to which all values are equal
@@ -73,7 +75,7 @@ def coloring(packing: Packing, color_by: str) -> Coloring:
     as_choice(color_by, "color_by", COLOR_BY)
     unit = "" if packing.unit == "1" else packing.unit
     if color_by == "force":
-        return Coloring(known_forces(packing).largest_force(), "largest contact force", "weights of a median grain")
+        return Coloring(known_forces(packing).largest_force(), "largest contact force", FORCE_UNIT)
     if color_by == "diameter" or not packing.count:
         return Coloring(packing.diameters, "equivalent diameter", unit)
     if color_by == "height":

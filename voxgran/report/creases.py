@@ -50,28 +50,33 @@ def creased(shape: Shape, vertices: Floats, faces: Integers) -> tuple[Floats, In
 
 def shaded(vertices: Floats, faces: Integers) -> Any:
     """Return a surface for PyVista with the normals by which it is shaded: means over the triangles around a vertex,
-    weighted by their angles there, so that narrow triangles count little (Thürmer & Wüthrich 1998,
-    doi:10.1080/10867651.1998.10487487).
+    weighted by their areas and by their angles there, so that small and narrow triangles count little.
     """
-    sides = [vertices[np.roll(faces, -k, axis=1)[:, 1]] - vertices[faces[:, k]] for k in range(3)]
-    sides = [side / np.maximum(np.linalg.norm(side, axis=1, keepdims=True), 1e-300) for side in sides]
-    normal = _normals(vertices, faces)
-    around = np.zeros((3, len(vertices)))
+    sides = [_units(vertices[faces[:, (k + 1) % 3]] - vertices[faces[:, k]]) for k in range(3)]
+    normal, around = _normals(vertices, faces), np.zeros((3, len(vertices)))
     for k in range(3):
         angle = np.arccos(np.clip(-(sides[k] * sides[k - 1]).sum(axis=1), -1.0, 1.0))
         for axis in range(3):
             around[axis] += np.bincount(faces[:, k], weights=angle * normal[:, axis], minlength=len(vertices))
-    around /= np.maximum(np.linalg.norm(around, axis=0), 1e-300)
     mesh = load("pyvista").PolyData.from_regular_faces(vertices, faces)
-    mesh.point_data.active_normals = around.T
+    mesh.point_data.active_normals = _units(around.T)
     return mesh
 
 
+def surface_of(shape: Shape) -> Any:
+    """Return the surface of a shape for PyVista, with normals."""
+    return shaded(*creased(shape, shape.vertices, shape.faces))
+
+
 def _normals(vertices: Floats, faces: Integers) -> Floats:
-    """Return the unit normals of triangles (m, 3); 0 where a triangle has no area."""
+    """Return the normals of triangles (m, 3), as long as twice their areas."""
     a, b, c = (vertices[faces[:, k]] for k in range(3))
-    normal = np.cross(b - a, c - a)
-    return np.asarray(normal / np.maximum(np.linalg.norm(normal, axis=1, keepdims=True), 1e-300))
+    return np.cross(b - a, c - a)
+
+
+def _units(vectors: Floats) -> Floats:
+    """Return vectors (n, 3) with length 1; those of length 0 remain."""
+    return np.asarray(vectors / np.maximum(np.linalg.norm(vectors, axis=1, keepdims=True), 1e-300))
 
 
 def _neighbours(vertices: Floats, faces: Integers) -> tuple[Integers, Integers, Floats]:
@@ -84,7 +89,7 @@ def _neighbours(vertices: Floats, faces: Integers) -> tuple[Integers, Integers, 
     _, first, count = np.unique(key[order], return_index=True, return_counts=True)
     first = first[count == 2]
     one, two = order[first], order[first + 1]
-    normal = _normals(vertices, faces)
+    normal = _units(_normals(vertices, faces))
     return one, two, np.arccos(np.clip((normal[one // 3] * normal[two // 3]).sum(axis=1), -1.0, 1.0))
 
 

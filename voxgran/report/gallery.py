@@ -10,10 +10,9 @@ from voxgran._base.arrays import as_count, check_type
 from voxgran._base.calls import explained
 from voxgran._base.errors import InputError
 from voxgran._base.files import written_whole
-from voxgran.report.clumps import check_picture_path
 from voxgran.report.creases import creased, shaded
 from voxgran.report.scenes import FEWEST_FACES, GRAIN_COLOR, SMOOTH, TRIANGLE_BUDGET, drawn_surface
-from voxgran.report.stage import Picture, look_at, png_of, shot, stage_of, view_axes
+from voxgran.report.stage import Picture, check_picture_path, look_at, png_of, shot, stage_of, view_axes
 from voxgran.shapes.model import Shape
 
 #: width of each shape, in pixels: of a few shapes and of very many

@@ -28,6 +28,7 @@ class Legend:
     """Texts and coloured tiles, placed in pixels from the lower left corner of a picture."""
 
     height: float  # of the strip that they take, in heights of the picture
+    size: int  # of the texts
     labels: tuple[tuple[str, float, float, str], ...]  # text, x and y of its base line, and which part of it is at x
     tiles: Floats  # (n, 4) left, low, right and high
     colors: Floats  # (n, 3) in [0, 1]
@@ -36,7 +37,7 @@ class Legend:
         """Draw the legend, with texts of this colour."""
         add_tiles(stage, self.tiles, self.colors)
         for text, x, y, side in self.labels:
-            add_label(stage, text, (x, y), side=side, color=color)
+            add_label(stage, text, (x, y), side=side, color=color, size=self.size)
 
 
 def legend_of(colors: Coloring, window: tuple[int, int], *, shades: str = COLORS, left: float = LEFT) -> Legend | None:
@@ -62,7 +63,7 @@ def legend_of(colors: Coloring, window: tuple[int, int], *, shades: str = COLORS
         return None
     bottom, brightest = colors.limits
     shown = load("matplotlib").colormaps[shades]((values - bottom) / (brightest - bottom))[:, :3]
-    return Legend(highest / window[1], tuple(labels), np.array(tiles), np.asarray(shown, dtype=np.float64))
+    return Legend(highest / window[1], size, tuple(labels), np.array(tiles), np.asarray(shown, dtype=np.float64))
 
 
 def _entries(colors: Coloring, size: int, place: tuple[float, float, float]) -> tuple[list[Any], Any, Floats, float]:

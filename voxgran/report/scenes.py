@@ -15,7 +15,7 @@ from voxgran.contacts.surfaces import merged_surfaces
 from voxgran.packing.model import Packing
 from voxgran.points.sample import sample_surface
 from voxgran.report.colors import COLORS, Coloring, coloring
-from voxgran.report.creases import creased, shaded
+from voxgran.report.creases import creased, shaded, surface_of
 from voxgran.report.legend import legend_of
 from voxgran.report.stage import (
     MATERIAL,
@@ -112,11 +112,6 @@ def picture_grain(shape: Shape, *, window: tuple[int, int] = (400, 300), spheres
             look_at(stage, 1.06 * shape.vertices, flat=flat)
             pictures[name] = shot(stage)
     return pictures
-
-
-def surface_of(shape: Shape) -> Any:
-    """Return the surface of a shape for PyVista, with normals."""
-    return shaded(*creased(shape, shape.vertices, shape.faces))
 
 
 def _picture(

@@ -2,6 +2,7 @@
 
 import contextlib
 import io
+import os
 from collections.abc import Iterator
 from typing import Any, TypeAlias
 
@@ -9,6 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from voxgran._base.arrays import Floats
+from voxgran._base.errors import FileFormatError
+from voxgran._base.files import as_path, refuse_to_replace
 from voxgran._base.lazy import load
 from voxgran.containers.model import Container
 from voxgran.shapes.tessellate import sphere
@@ -106,6 +109,23 @@ def shot(stage: Any) -> Picture:
     return image
 
 
+def check_picture_path(path: str | os.PathLike[str], *, overwrite: bool) -> None:
+    """Refuse a file that a picture cannot be written to, before the work.
+
+    Raises
+    ------
+    FileFormatError
+        If the suffix is not ``.png``.
+    OutputExistsError
+        If the file is there and `overwrite` is false.
+    """
+    suffix = as_path(path).suffix
+    if suffix.lower() != ".png":
+        raise FileFormatError(f"{path} has the suffix {suffix!r}: pictures are written as .png; choose that")
+    if not overwrite:
+        refuse_to_replace(path)
+
+
 def png_of(picture: Picture, *, colors: int | None = None) -> bytes:
     """Return a picture as a PNG file.
 
@@ -185,15 +205,23 @@ def text_width(text: str, size: int) -> float:
     return float(box[1] - box[0])
 
 
-def add_label(stage: Any, text: str, place: tuple[float, float], *, side: str = "left", color: Any = LETTERS) -> None:
+def add_label(
+    stage: Any,
+    text: str,
+    place: tuple[float, float],
+    *,
+    side: str = "left",
+    color: Any = LETTERS,
+    size: int | None = None,
+) -> None:
     """Write a text in front of the scene, of which the left end or the middle of the base line is at a place, in pixels
-    from the lower left corner.
+    from the lower left corner; its size is that of all texts in the picture if none is given.
     """
     actor = load("vtkmodules.vtkRenderingCore").vtkTextActor()
     actor.SetInput(text)
     style = actor.GetTextProperty()
     style.SetFontFamilyToArial()
-    style.SetFontSize(text_size(stage.window_size))
+    style.SetFontSize(size or text_size(stage.window_size))
     style.SetColor(*load("pyvista").Color(color).float_rgb)
     if side == "middle":
         style.SetJustificationToCentered()

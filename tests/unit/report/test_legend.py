@@ -81,9 +81,7 @@ def test_more_values_than_can_be_listed_have_a_bar():
 
 
 @pytest.mark.parametrize("window", [(900, 900), (1200, 500), (300, 700), (320, 240)])
-@pytest.mark.parametrize(
-    "name", ["rock", "a name of a rock that is far too long for any picture of a packing"]
-)
+@pytest.mark.parametrize("name", ["rock", "a name of a rock that is far too long for any picture of a packing"])
 def test_a_legend_stays_within_its_strip(window, name):
     values = np.arange(4.0)
     colors = Coloring(values, "distance from the nearest centroid", "mm", {v: f"{v:g}: {name}" for v in values})
