@@ -3,6 +3,7 @@
 import csv
 import json
 import os
+import re
 import signal
 import subprocess
 import sys
@@ -103,6 +104,10 @@ def test_shapes_and_clumps(tmp_path, capsys):
     picture = tmp_path / "rock.png"
     assert main([*words, "--picture", str(picture), "--json"]) == 0
     assert json.loads(capsys.readouterr().out)["spheres"] == 5
+    assert main([*words, "--overwrite"]) == 0
+    shown = capsys.readouterr().out
+    assert re.search(r"^surface max +0\.\d+ of the equivalent diameter$", shown, re.M)
+    assert re.search(r"^volume +\S+ of that of the solid$", shown, re.M)
     rows = spheres.read_text().splitlines()
     assert rows[0] == "x,y,z,r"
     assert sum(not row.startswith("#") for row in rows) == 6
@@ -122,7 +127,7 @@ def test_shapes_and_clumps(tmp_path, capsys):
         (["--min-radus", "0.1"], "did you mean '--min-radius'"),
         (["-o", "rock.stl"], "rock.stl has the suffix '.stl': clumps are kept as"),
         (["-o", "FOLDER/there.csv"], "there.csv"),
-        (["--picture", "rock.jpg"], "pictures are written as .png"),
+        (["--picture", "rock.jpg"], "pictures are kept as .png"),
     ],
 )
 def test_clumps_that_cannot_be(words, text, tmp_path, capsys):
@@ -163,6 +168,26 @@ def test_numbers_in_json_are_whole_or_null(tmp_path, capsys):
     assert found["count"] == 1
     assert isinstance(found["count"], int)
     assert None in found.values()
+
+
+def test_numbers_have_the_units_of_the_packing_and_arrays_a_file(tmp_path, capsys):
+    path = str(tmp_path / "bed.vtp")
+    box = vg.Box((4, 4, 4))
+    vg.Packing.of(vg.shapes.sphere(radius=0.5), box, position=[(1, 1, 1), (3, 3, 2.9)], unit="mm").save(path)
+
+    def said(*words):
+        assert main([*words]) == 0
+        return [" ".join(line.split()) for line in capsys.readouterr().out.splitlines()]
+
+    lines = said("measure", path, "--which", "density")
+    assert {"mean diameter 1 mm", "container volume 64 mm^3"} <= set(lines)
+    assert any(line.startswith("specific surface 0.098") and line.endswith("mm^-1") for line in lines), lines
+    assert not any("of density" in line for line in lines)
+    assert said("verify", path)[2:] == ["deepest 0 mean diameters", "escaped 0", "tolerance 1e-09 mean diameters"]
+    lines = said("measure", path, "--which", "profile", "--which", "gradation")
+    assert lines == ["count 2", "of gradation, profile there are arrays only: write them with -o FILE.nc"]
+    out = str(tmp_path / "bed.nc")
+    assert said("measure", path, "--which", "profile", "-o", out) == ["count 2", out]
 
 
 def test_a_bed_that_is_sorted_by_size_is_warned_of(tmp_path, capsys):
@@ -250,7 +275,7 @@ def test_doctor_is_content(capsys):
         (["shape", "sphere", "more"], "'more' is one argument too many"),
         (["shape", "sphere", "--count", "-1"], "count is -1: it must be a whole number, at least 0"),
         (["shape", "sphere", "--count", "3", "-o", "a.stl"], "many shapes are written to a folder; name one, and"),
-        (["shape", "sphere", "--gallery", "a.jpg"], "pictures are written as .png"),
+        (["shape", "sphere", "--gallery", "a.jpg"], "pictures are kept as .png"),
         (["pack", "scene.toml"], "did you mean 'run'"),
         (["bench", "voxelise"], "did you mean 'voxelize'"),
         (["plan", "scene.toml", "--jsn"], "did you mean '--json'"),
@@ -395,10 +420,21 @@ def test_outputs_are_checked_before_the_input_is_read(words, tmp_path, capsys):
     there, scan = tmp_path / "there.stl", str(tmp_path / "none.ply")
     there.write_bytes(b"x")
     status, line = complaint(capsys, command, scan, *rest, "-o", str(tmp_path / "rock.foo"))
-    assert (status, "surfaces are kept as .obj, .off, .ply, .stl, .vtp; choose one" in line) == (2, True), line
+    assert (status, "surfaces are kept as .obj, .off, .ply, .stl, .vtp; choose one of these" in line) == (2, True), line
     status, line = complaint(capsys, command, scan, *rest, "-o", str(there))
     # solids that are mended may be several, with other names
     assert (status, ("none.ply" if command == "repair" else "is there already") in line) == (2, True), line
+
+
+@pytest.mark.parametrize(("command", "ending"), [("report", ".html"), ("compare", ".html"), ("measure", ".nc")])
+def test_pages_and_statistics_are_checked_before_the_input_is_read(command, ending, tmp_path, capsys):
+    there = tmp_path / f"there{ending}"
+    there.write_bytes(b"x")
+    beds = [str(tmp_path / name) for name in ("one.vtp", "two.vtp")[: 1 + (command == "compare")]]
+    status, line = complaint(capsys, command, *beds, "-o", str(tmp_path / "out.pdf"))
+    assert (status, f"are kept as {ending}; choose that" in line) == (2, True), line
+    status, line = complaint(capsys, command, *beds, "-o", str(there))
+    assert (status, "is there already" in line) == (2, True), line
 
 
 def test_a_scan_is_mended_and_told(tmp_path, data_dir, capsys):

@@ -62,6 +62,13 @@ def test_a_packing_settles_and_is_written(file, tmp_path, capsys):
     assert found["friction"] == 0.3
     assert found["rests"] is True
     assert len(found["largest_residuals"]) == 10
+    # one word, one number: that of the settled bed is that of the proof
+    assert found["share_at_rest"] == numbers["share_at_rest"]
+    assert main(words[:2]) == 0
+    shown = [" ".join(line.split()) for line in capsys.readouterr().out.splitlines()]
+    of_others = found["share_at_rest_without_rattlers"]
+    assert f"share at rest {found['share_at_rest']:.6g} of all grains" in shown
+    assert f"share at rest without rattlers {of_others:.6g} of the grains that are no rattlers" in shown
     assert main([*words, "--friction", "0", "--rest", "1"]) == 1
     assert json.loads(capsys.readouterr().out)["friction"] == 0.0
 

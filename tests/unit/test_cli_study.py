@@ -1,5 +1,6 @@
 """`voxgran study`: what it prints and writes, how it is stopped and goes on, and one line per mistake."""
 
+import contextlib
 import csv
 import json
 import os
@@ -50,10 +51,10 @@ def test_a_study_is_planned_run_and_shown(file, tmp_path, capsys):
     assert not out.exists()
     assert main([*words, "--json"]) == 0
     numbers = json.loads(capsys.readouterr().out)
-    assert numbers == {"runs": 4, "computed": 4, "failed": 0, "ended_full": 0, "not_verified": 0}
+    assert numbers == {"runs": 4, "computed": 4, "failed": 0, "ended_full": 0, "not_verified": 0, "warned": 4}
     assert main([*words, "--resume"]) == 0
     text = capsys.readouterr().out
-    assert re.search(r"^ +9 +2/2 +9 +0\.0736\d? ", text, re.M)
+    assert re.search(r"^ +9 +2/2 +2 +9 +0\.0736\d? ", text, re.M)
     assert "results in" in text
     assert re.search(r"^computed +0$", text, re.M)
     assert "full:" not in text
@@ -70,11 +71,13 @@ def test_runs_that_ended_full_are_counted(file, tmp_path, capsys):
     out = tmp_path / "out"
     assert main(["study", str(file), "-o", str(out), "--workers", "1"]) == 0
     text = capsys.readouterr().out
-    assert re.search(r"^packing.count +seeds +full +count", text, re.M)
-    assert re.search(r"^ +4 +2/2 +0 +4 ", text, re.M)
-    assert re.search(r"^ +100 +2/2 +2 +[1-9]\d ", text, re.M)
+    assert re.search(r"^packing.count +seeds +full +warned +count", text, re.M)
+    assert re.search(r"^ +4 +2/2 +0 +2 +4 ", text, re.M)
+    assert re.search(r"^ +100 +2/2 +2 +2 +[1-9]\d ", text, re.M)
     assert re.search(r"^full: runs that ended where nothing more had room", text, re.M)
     assert re.search(r"^ended full +2$", text, re.M)
+    assert re.search(r"^warned: 2 of 4 runs, such as: .*\bof 100\b", text, re.M), text
+    assert re.search(r"^warned +4$", text, re.M)
     page = (out / "study.html").read_text()
     assert "<th>full</th>" in re.sub(r"<th[^>]*>", "<th>", page)
     assert "Full: runs that ended" in page
@@ -155,6 +158,22 @@ def test_a_study_that_is_stopped_says_how_to_go_on(file, tmp_path, capsys, numbe
     kept = len(list(out.glob("cells/*.json")))
     assert main(["study", str(file), "-o", str(out), "--dry-run"]) == 0
     assert f"{kept} done, 0 failed, {800 - kept} to compute" in capsys.readouterr().out
+
+
+@contextlib.contextmanager
+def stopping_at_once(options, *, timed):
+    """Ask the process to stop at the first step, in place of showing progress."""
+    yield lambda step: signal.raise_signal(signal.SIGTERM)
+
+
+def test_a_study_that_is_stopped_before_its_first_run_says_how_to_go_on(file, tmp_path, capsys, monkeypatch):
+    monkeypatch.setattr("voxgran.cli.studies.progress", stopping_at_once)
+    words = ["study", str(file), "-o", str(tmp_path / "out"), "--workers", "1"]
+    assert main([*words, "--overwrite"]) == 143
+    assert capsys.readouterr().err.splitlines() == [
+        "voxgran: stopped before the first of 4 runs was finished: the same command computes them",
+        f"voxgran: to go on: voxgran {' '.join(words)}",
+    ]
 
 
 def test_the_processes_of_a_study_that_is_killed_end(file, tmp_path):

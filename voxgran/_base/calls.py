@@ -5,6 +5,7 @@ import inspect
 import textwrap
 from collections.abc import Callable, Iterable, Mapping
 from functools import wraps
+from types import FunctionType
 from typing import Any, ClassVar, ParamSpec, Protocol, TypeVar
 
 from voxgran._base.config import from_mapping, parameters_of, removal_of, to_mapping
@@ -15,6 +16,9 @@ from voxgran._base.warning import warn_former
 P = ParamSpec("P")
 R = TypeVar("R")
 T = TypeVar("T")
+
+#: what dataclasses with slots have for pickle, without docstrings
+_PICKLING = {"__getstate__": "Return the values of the fields.", "__setstate__": "Set the values of the fields."}
 
 
 def explained(*, hint: str, owner: type = object) -> Callable[[Callable[P, R]], Callable[P, R]]:
@@ -96,7 +100,8 @@ def _broken_rule(
     by_position = [entry.name for entry in entries if entry.kind is entry.POSITIONAL_OR_KEYWORD]
     if len(given) > len(by_position):
         if not by_position:
-            return f"{name} takes no arguments by position but by name: {', '.join(known)}"
+            named = f" by position but by name: {', '.join(known)}" if known else ""
+            return f"{name} takes no arguments{named}"
         listed = ", ".join(by_position)
         noun = "argument" if len(by_position) == 1 else "arguments"
         return f"{name} takes {len(by_position)} {noun} by position ({listed}) and was given {len(given)}"
@@ -176,6 +181,13 @@ def document(cls: type) -> None:
         keyword = next((f"{item.name}=..." for item in parameters_of(cls)), "")
         # setattr, since mypy refuses the assignment of a method
         setattr(cls, "__init__", explained(hint=f"{cls.__name__}({keyword})", owner=cls)(constructor))  # noqa: B010
+    for name, meaning in _PICKLING.items():
+        method = vars(cls).get(name)
+        if method is not None and method.__doc__ is None:
+            # the functions of dataclasses are those of all classes; help shows the comments above them
+            own = FunctionType(method.__code__, method.__globals__, name)
+            own.__doc__ = meaning
+            setattr(cls, name, own)
     text = cls.__doc__ or ""
     if "Parameters\n" in text:
         return

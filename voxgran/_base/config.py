@@ -155,7 +155,7 @@ def from_mapping(cls: type[T], mapping: Mapping[str, Any], where: str, *, beside
 def removal_of(cls: type, name: str, where: str) -> str:
     """Return the sentence that says what replaces a parameter that a class has lost; empty where it never had it."""
     remedy = getattr(cls, "removed", {}).get(name)
-    return "" if remedy is None else f"{where} {name} is no longer a parameter: {remedy}"
+    return "" if remedy is None else f"{where} {name} is not a parameter: {remedy}"
 
 
 def _renamed(mapping: Mapping[str, Any], known: Mapping[str, Parameter], where: str) -> dict[str, Any]:
@@ -214,7 +214,8 @@ def _convert(value: Any, wanted: Any, where: str) -> Any:
         return dict(value)
     if origin is None and (found := _plain_value(value, wanted)) is not None:
         return found
-    raise InputError(f"{where} is {shown(value)}: it must be {_describe(wanted)}")
+    remedy = f"; write [{shown(value)}]" if isinstance(value, str) and wanted == tuple[str, ...] else ""
+    raise InputError(f"{where} is {shown(value)}: it must be {_describe(wanted)}{remedy}")
 
 
 def _convert_union(value: Any, kinds: tuple[Any, ...], where: str) -> Any:
@@ -229,7 +230,8 @@ def _convert_union(value: Any, kinds: tuple[Any, ...], where: str) -> Any:
             raise
         except InputError:
             continue
-    raise InputError(f"{where} is {shown(value)}: it must be {' or '.join(_describe(kind) for kind in kinds)}")
+    told = " or ".join(_describe(kind) for kind in kinds if kind is not type(None))
+    raise InputError(f"{where} is {shown(value)}: it must be {told}{'; or leave it out' * (type(None) in kinds)}")
 
 
 def _plain_value(value: Any, wanted: Any) -> Any:

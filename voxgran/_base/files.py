@@ -14,10 +14,10 @@ import secrets
 import shutil
 import stat
 import tempfile
-from collections.abc import Iterator
+from collections.abc import Collection, Iterator
 from pathlib import Path
 
-from voxgran._base.errors import InputError, MissingFileError, OutputError, OutputExistsError, shown
+from voxgran._base.errors import FileFormatError, InputError, MissingFileError, OutputError, OutputExistsError, shown
 
 #: streams of this process: what is written there goes behind what was written before
 STREAMS = {"/dev/stdout": 1, "/dev/stderr": 2}
@@ -71,6 +71,32 @@ def existing_file(path: str | os.PathLike[str]) -> Path:
             return found
     except OSError as error:
         raise OutputError(f"{found} cannot be read ({error.strerror}): change its permissions") from error
+
+
+def output_suffix(path: str | os.PathLike[str], known: Collection[str], kept: str) -> str:
+    """Return the suffix of a file that is to be written, in small letters; refuse one of another format.
+
+    Parameters
+    ----------
+    path : path-like
+        The file.
+    known : collection of str
+        Suffixes that are allowed, in small letters.
+    kept : str
+        What is written, with its verb, for the message: such as ``"packings are kept"``.
+
+    Raises
+    ------
+    FileFormatError
+        If the suffix is none of these.
+    InputError
+        If it is no path.
+    """
+    suffix = as_path(path).suffix.lower()
+    if suffix not in known:
+        choice = "choose one of these" if len(known) > 1 else "choose that"
+        raise FileFormatError(f"{path} has the suffix {suffix!r}: {kept} as {', '.join(known)}; {choice}")
+    return suffix
 
 
 def refuse_to_replace(*paths: str | os.PathLike[str]) -> None:

@@ -16,7 +16,7 @@ from contextvars import ContextVar
 from functools import cache, cached_property, update_wrapper
 from pathlib import Path
 from types import CodeType, FunctionType
-from typing import Any
+from typing import Any, TypeAlias
 
 import numpy as np
 
@@ -25,7 +25,9 @@ from voxgran._base.lazy import load
 
 log = logging.getLogger(__name__)
 
-_told: ContextVar[Callable[[], None]] = ContextVar("told", default=lambda: None)
+#: what is called before and after each compilation
+_Listener: TypeAlias = tuple[Callable[[], None], Callable[[], None]]
+_listeners: ContextVar[tuple[_Listener, ...]] = ContextVar("listeners", default=())
 
 
 class Kernel:
@@ -65,7 +67,7 @@ class Kernel:
         if self._compiled is None:
             made: Any = self._dispatcher("CallerDispatcher", "CallerCompiler")
             made._cache = load("voxgran._base.compiling.kernel_files").KernelCache(
-                made.py_func, self.code_hash[:16], cache_folder(), on_miss=self._tell
+                made.py_func, self.code_hash[:16], cache_folder(), on_miss=self._tell, on_save=self._tell_end
             )
             self._compiled = made
         return self._compiled
@@ -99,7 +101,13 @@ class Kernel:
     def _tell(self) -> None:
         """Say that the kernel is compiled."""
         log.info("compiling %s (once per machine)", self.plain.__qualname__)
-        _told.get()()
+        for begins, _ in _listeners.get():
+            begins()
+
+    def _tell_end(self) -> None:
+        """Say that the kernel has been compiled."""
+        for _, ends in _listeners.get():
+            ends()
 
     def _dispatcher(self, kind: str, compiler: str, **options: Any) -> Callable[..., Any]:
         """Return a dispatcher of the function: its class and that of its compiler are named in `linking`."""
@@ -164,20 +172,25 @@ def inlined_kernel(function: Callable[..., Any]) -> Kernel:
     return Kernel(function, counted=False, inlined=True)
 
 
+def _nothing() -> None:
+    """Do nothing."""
+
+
 @contextmanager
-def telling_of_compilation(tell: Callable[[], None]) -> Iterator[None]:
-    """Call a function before each kernel that is compiled meanwhile (context manager); that of this thread alone.
+def telling_of_compilation(begins: Callable[[], None], ends: Callable[[], None] = _nothing) -> Iterator[None]:
+    """Call functions before and after each kernel that is compiled meanwhile by this thread (context manager); those of
+    an outer one are called, too.
 
     Parameters
     ----------
-    tell : callable
-        What is called.
+    begins, ends : callable
+        What is called before a kernel is compiled, and after it.
     """
-    token = _told.set(tell)
+    token = _listeners.set((*_listeners.get(), (begins, ends)))
     try:
         yield
     finally:
-        _told.reset(token)
+        _listeners.reset(token)
 
 
 def _code_parts(code: CodeType) -> Iterator[bytes]:

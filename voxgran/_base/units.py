@@ -4,7 +4,7 @@ from collections.abc import Iterable
 from fractions import Fraction
 
 from voxgran._base.errors import InputError, UnknownNameError, shown
-from voxgran._base.registry import unknown
+from voxgran._base.registry import nearest, unknown
 
 #: no unit is known
 NO_UNIT = "1"
@@ -54,7 +54,7 @@ def as_unit(value: object, name: str = "unit") -> str:
     if found is None and value.strip() != NO_UNIT:
         # names in full are suggested, not accepted: one spelling is written into files
         word = value.strip().casefold().removesuffix("s").replace("meter", "metre")
-        raise UnknownNameError(unknown(name, value, (NO_UNIT, *_METRES), meant=_NAMES.get(word)))
+        raise UnknownNameError(unknown(name, value, (NO_UNIT, *_METRES), meant=_NAMES.get(nearest(word, _NAMES) or "")))
     return found or NO_UNIT
 
 

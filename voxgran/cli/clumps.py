@@ -10,6 +10,12 @@ from voxgran.clumps.method import clump_registry
 from voxgran.report.stage import check_picture_path
 from voxgran.shapes.formats.sphere_files import clump_suffix
 
+#: what the errors of a clump are relative to
+UNITS = {
+    **dict.fromkeys(("volume", "inertia"), "of that of the solid"),
+    **dict.fromkeys(("centroid", "surface_mean", "surface_max"), "of the equivalent diameter"),
+}
+
 
 def clump(options: argparse.Namespace) -> None:
     """Fit a clump of spheres to a mesh file, and write its spheres and a picture."""
@@ -42,4 +48,4 @@ def clump(options: argparse.Namespace) -> None:
     if options.picture:
         voxgran.save_clump_picture(made, options.picture, overwrite=options.overwrite)
     written = ", ".join(str(path) for path in (options.output, options.picture) if path)
-    show({"spheres": made.count, **made.errors.to_mapping()}, options, written)
+    show({"spheres": made.count, **made.errors.to_mapping()}, options, written, UNITS)

@@ -17,13 +17,14 @@ from voxgran.cli.data import data
 from voxgran.cli.doctor import doctor
 from voxgran.cli.parser import parameter_text
 from voxgran.cli.shapes import shape
-from voxgran.cli.terminal import complain, entry_line, progress, show, table
+from voxgran.cli.terminal import UNITS, complain, entry_line, progress, show, table
 from voxgran.shapes.files import check_surface_output
 
 #: which parts use several cores
 CORES = (
-    "packing and settling use one core; voxelization, distance transforms, local thickness, contacts, verify and "
-    "measures use all, or as many as OMP_NUM_THREADS says, with the same bits; voxgran study runs one cell on each"
+    "packing uses one core; voxelization, distance transforms, local thickness, contacts, also those of grains that "
+    "settle, verify and measures use all, or as many as OMP_NUM_THREADS says, with the same bits; voxgran study runs "
+    "one cell on each"
 )
 
 
@@ -72,12 +73,23 @@ def verify(options: argparse.Namespace) -> int:
 
 def measure(options: argparse.Namespace) -> None:
     """Measure a packing; warn where it is sorted by size."""
+    from voxgran.io.netcdf import check_statistics_path
+    from voxgran.measures.model import measure_registry
     from voxgran.measures.registered.segregation import warning_of
 
+    registry = measure_registry()
+    if options.output:
+        check_statistics_path(options.output, overwrite=options.overwrite)
     tree = voxgran.measure(_packing(options), which=options.which or None)
+    last = str(options.output or "")
+    asked = [name for name in registry.names() if name in (options.which or ())]
     if options.output:
         voxgran.save_statistics(tree, options.output, overwrite=options.overwrite)
-    show({str(name): value.item() for name, value in tree.dataset.data_vars.items() if value.ndim == 0}, options)
+    elif arrays := [name for name in asked if "/" not in registry.get(name).groups]:
+        last = f"of {', '.join(arrays)} there are arrays only: write them with -o FILE.nc"
+    found = {str(name): value for name, value in tree.dataset.data_vars.items() if value.ndim == 0}
+    units = {name: str(value.attrs.get("units", "1")) for name, value in found.items() if name not in UNITS}
+    show({name: value.item() for name, value in found.items()}, options, last, units)
     if "segregation" in tree and (warning := warning_of(float(tree["segregation"]), int(tree["count"]))):
         complain(f"warning: {warning}")
 
@@ -137,7 +149,10 @@ def _say_assumed(packing: Any, of_what: str = "") -> None:
 
 def report(options: argparse.Namespace) -> None:
     """Write a page about a packing."""
+    from voxgran.report.page import check_page_path
+
     target = Path(options.output or Path(options.file).with_suffix(".html"))
+    check_page_path(target, overwrite=options.overwrite)
     packing = _packing(options)
     with progress(options) as on_step:
         proof = voxgran.verify(packing, on_step=on_step)
@@ -150,8 +165,10 @@ def report(options: argparse.Namespace) -> None:
 
 def compare(options: argparse.Namespace) -> None:
     """Write a page that compares packings."""
+    from voxgran.report.page import check_page_path
     from voxgran.scene.replicates import packings_of_run
 
+    check_page_path(options.output, overwrite=options.overwrite)
     packings: dict[str, list[Any]] = {}
     for name, path in _named(options.file):
         given = packings_of_run(path) if Path(path).is_dir() else [voxgran.load(path)]

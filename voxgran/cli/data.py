@@ -6,7 +6,7 @@ import voxgran
 from voxgran._base.errors import InputError
 from voxgran._base.files import written_whole
 from voxgran.cli.terminal import entry_line, show
-from voxgran.io.data_files import DATA_FILES
+from voxgran.io.data_files import installed_data_files
 
 
 def data(options: argparse.Namespace) -> None:
@@ -19,13 +19,12 @@ def data(options: argparse.Namespace) -> None:
     """
     if options.name is None:
         if options.output:
-            raise InputError(
-                f"-o {options.output} is given without a name: name the file to copy; one of {', '.join(DATA_FILES)}"
-            )
+            names = ", ".join(installed_data_files())
+            raise InputError(f"-o {options.output} is given without a name: name the file to copy; one of {names}")
         if options.json:
-            show(DATA_FILES, options)
+            show(installed_data_files(), options)
         else:
-            for name, about in DATA_FILES.items():
+            for name, about in installed_data_files().items():
                 entry_line(name, about)
         return
     source, target = voxgran.data_file(options.name), options.output or options.name

@@ -106,7 +106,8 @@ def _say_how_to_go_on(options: argparse.Namespace, words: Sequence[str]) -> None
         if state.exists():
             kept = [str(state) if word == options.file else word for word in words]
             complain(f"to go on from the last state: voxgran {shlex.join(kept)}")
-    if command == "study" and next(Path(options.output).glob("cells/*.json"), None):
+    # what is finished is found again, and nothing is lost where nothing is
+    if command == "study" and not options.dry_run:
         complain(f"to go on: voxgran {shlex.join(word for word in words if word != '--overwrite')}")
     if command != "run":
         return

@@ -20,6 +20,8 @@ from voxgran.packing.gravity import as_down, proposed_axis
 from voxgran.packing.model import Packing
 from voxgran.settling.parameters import Settling
 
+#: shares of the grains that `equilibrium` tells
+SHARES = ("share_at_rest", "share_at_rest_without_rattlers", "share_of_rattlers")
 #: largest number of grains that a message lists
 LISTED = 10
 
@@ -144,8 +146,7 @@ def equilibrium(options: argparse.Namespace, packing: Packing) -> int:
             "grains": packing.count,
             "contacts": found.sizes["contact"],
             "friction": friction,
-            "share_at_rest": found.attrs["share_at_rest"],
-            "share_of_rattlers": found.attrs["share_of_rattlers"],
+            **{name: found.attrs[name] for name in SHARES},
             "rattlers": rattlers.tolist() if options.json else _listed(rattlers.tolist()),
             "largest_residuals": {f"grain_{grain}": float(residual[grain]) for grain in worst.tolist()},
         },

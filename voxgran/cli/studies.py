@@ -10,7 +10,7 @@ from typing import Any
 
 import voxgran
 from voxgran.cli.terminal import complain, progress, show, table
-from voxgran.study.cell_values import ENDED, FULL, FULL_NOTE
+from voxgran.study.cell_values import ENDED, FULL, FULL_NOTE, WARNED, WARNINGS, warnings_of
 
 #: numbers of the table that is printed, where they were measured
 SHOWN = (
@@ -33,7 +33,7 @@ def study(options: argparse.Namespace) -> int:
         print(json.dumps(plan.to_mapping(), indent=2) if options.json else plan)
         return 0
     names = ("workers", "memory", "dask", "retry", "overwrite", "zarr")
-    with progress(options) as on_step:
+    with progress(options, timed=False) as on_step:
         result = made.run(options.output, on_step=on_step, **{name: getattr(options, name) for name in names})
     failed = result.failures
     result.write_page(title=f"Study {Path(options.file).stem}", overwrite=True)
@@ -44,11 +44,12 @@ def study(options: argparse.Namespace) -> int:
             print(f"... and {len(rows) - MOST_ROWS} cells more")
         if FULL in rows[0]:
             print(FULL_NOTE)
+        _print_warnings(result.rows)
     # what failed has NaN there
     overlaps = sum(any(row.get(name, 0) > 0 for name in ("overlapping_pairs", "escaped_grains")) for row in result.rows)
     full = sum(row[ENDED] == FULL for row in result.rows)
     numbers = {"runs": len(result.rows), "computed": result.computed, "failed": len(failed), "ended_full": full}
-    numbers["not_verified"] = overlaps
+    numbers |= {"not_verified": overlaps, WARNED: sum(bool(row[WARNINGS]) for row in result.rows)}
     show(numbers, options, f"results in {result.folder}: study.html, study.nc, table.csv, cells.csv, comparisons.csv")
     sentences = Counter(row["failure"] for row in failed)
     for sentence, count in sentences.most_common(MOST_SENTENCES):
@@ -58,15 +59,26 @@ def study(options: argparse.Namespace) -> int:
     return 1 if failed else 0
 
 
+def _print_warnings(rows: Sequence[Mapping[str, Any]]) -> None:
+    """Print how many runs have warned of what, with the sentence of one of them."""
+    kinds = warnings_of(row[WARNINGS] for row in rows)
+    for count, sentence in kinds[:MOST_SENTENCES]:
+        print(f"{WARNED}: {count} of {len(rows)} runs, such as: {sentence}")
+    if len(kinds) > MOST_SENTENCES:
+        print(f"{WARNED}: {len(kinds) - MOST_SENTENCES} other kinds of warnings are in table.csv")
+
+
 def _means(rows: Sequence[Mapping[str, Any]]) -> list[dict[str, Any]]:
     """Return a row for each cell: its values, the number of its seeds with results, and means over them.
 
-    What no run has, such as the bulk of small packings, is left out; so is how many runs ended full where none did.
+    What no run has, such as the bulk of small packings, is left out; so is how many runs ended full, or
+    with a warning, where none did.
     """
     names = list(rows[0])
     axes = names[: names.index("seed")]
     shown = [name for name in SHOWN if name in names and any(math.isfinite(row[name]) for row in rows)]
-    is_full = any(row[ENDED] == FULL for row in rows)
+    counted = {FULL: lambda row: row[ENDED] == FULL, WARNED: lambda row: bool(row[WARNINGS])}
+    counts = {name: of for name, of in counted.items() if any(map(of, rows))}
     groups: dict[tuple[Any, ...], list[Mapping[str, Any]]] = {}
     for row in rows:
         groups.setdefault(tuple(row[axis] for axis in axes), []).append(row)
@@ -75,8 +87,7 @@ def _means(rows: Sequence[Mapping[str, Any]]) -> list[dict[str, Any]]:
         good = [row for row in group if not row["failure"]]
         means = {name: _mean([row[name] for row in good]) for name in shown}
         told: dict[str, Any] = {"seeds": f"{len(good)}/{len(group)}"}
-        if is_full:
-            told[FULL] = sum(row[ENDED] == FULL for row in group)
+        told |= {name: sum(map(of, group)) for name, of in counts.items()}
         made.append(dict(zip(axes, values, strict=True)) | told | means)
     return made
 

@@ -15,8 +15,16 @@ from voxgran._base.progress import OnStep, Step, silent
 
 
 @contextlib.contextmanager
-def progress(options: argparse.Namespace) -> Iterator[OnStep | None]:
-    """Show a progress bar with rate and remaining time on a terminal, and nothing in a pipe (context manager)."""
+def progress(options: argparse.Namespace, *, timed: bool = True) -> Iterator[OnStep | None]:
+    """Show the bar of the present stage on a terminal, and nothing in a pipe (context manager).
+
+    Parameters
+    ----------
+    options : argparse.Namespace
+        Those of the command.
+    timed : bool
+        Whether rate and remaining time are shown, which follow from the steps; false where their texts tell the time.
+    """
     if options.quiet or options.json or not sys.stderr.isatty():
         yield silent
         return
@@ -25,18 +33,23 @@ def progress(options: argparse.Namespace) -> Iterator[OnStep | None]:
         rich.TextColumn("{task.description:14}"),
         rich.BarColumn(),
         rich.TaskProgressColumn(),
-        rich.TextColumn("{task.fields[rate]}"),
-        rich.TextColumn("at most"),
-        rich.TimeRemainingColumn(),
+        *((rich.TextColumn("{task.fields[rate]}"), rich.TextColumn("at most"), rich.TimeRemainingColumn()) * timed),
         rich.TextColumn("{task.fields[text]}"),
     )
     with rich.Progress(*columns, console=load("rich.console").Console(stderr=True), transient=True) as bar:
         stages: dict[str, Any] = {}
+        present: list[Any] = []
 
         def show(step: Step) -> None:
             if step.stage not in stages:
                 stages[step.stage] = bar.add_task(step.stage, total=step.total or None, text="", rate="")
             task = stages[step.stage]
+            if present != [task]:
+                # another stage has ended, or waits for this one, at whatever share it was told last
+                for other in present:
+                    bar.update(other, visible=False)
+                present[:] = [task]
+                bar.update(task, visible=True)
             bar.update(task, completed=step.done, total=step.total or None, text=step.text)
             speed = next((one.speed for one in bar.tasks if one.id == task), None)
             bar.update(task, rate=f"{speed:,.0f}/s" if speed else "")
@@ -44,13 +57,36 @@ def progress(options: argparse.Namespace) -> Iterator[OnStep | None]:
         yield show
 
 
-def show(numbers: Mapping[str, Any], options: argparse.Namespace, last: str = "") -> None:
-    """Print numbers by name, or as JSON."""
+#: units of the depths of a verification, and what shares are of
+UNITS = {
+    **dict.fromkeys(("deepest", "tolerance"), "mean diameters"),
+    **dict.fromkeys(("share_at_rest", "share_of_rattlers"), "of all grains"),
+    "share_at_rest_without_rattlers": "of the grains that are no rattlers",
+}
+
+
+def show(
+    numbers: Mapping[str, Any], options: argparse.Namespace, last: str = "", units: Mapping[str, str] | None = None
+) -> None:
+    """Print numbers by name, or as JSON.
+
+    Parameters
+    ----------
+    numbers : mapping
+        The numbers.
+    options : argparse.Namespace
+        Those of the command.
+    last : str
+        A line behind them, not in JSON.
+    units : mapping, optional
+        What is written behind numbers besides `UNITS`, by name; not in JSON.
+    """
     if options.json:
         print(json.dumps(_finite(numbers), indent=2, default=str))
         return
+    known = {**UNITS, **(units or {})}
     for name, value in numbers.items():
-        print(f"{name.replace('_', ' '):24} {_plain(value)}")
+        print(f"{name.replace('_', ' '):24} {_with_unit(name, value, known)}")
     if last:
         print(last)
 
@@ -64,12 +100,19 @@ def _finite(value: Any) -> Any:
     return None if isinstance(value, float) and not math.isfinite(value) else value
 
 
-def _plain(value: Any) -> str:
+def _with_unit(name: str, value: Any, units: Mapping[str, str]) -> str:
+    """Write a value with its unit; values in it have their own."""
+    plain, unit = _plain(value, units), units.get(name, "1")
+    return plain if unit == "1" or isinstance(value, Mapping) else f"{plain} {unit}"
+
+
+def _plain(value: Any, units: Mapping[str, str]) -> str:
     """Write a value on one line, as a person would."""
     if isinstance(value, Mapping):
-        return ", ".join(f"{str(key).replace('_', ' ')} {_plain(item)}" for key, item in value.items()) or "none"
+        items = (f"{str(key).replace('_', ' ')} {_with_unit(str(key), item, units)}" for key, item in value.items())
+        return ", ".join(items) or "none"
     if isinstance(value, list | tuple):
-        return ", ".join(_plain(item) for item in value) or "none"
+        return ", ".join(_plain(item, units) for item in value) or "none"
     if isinstance(value, bool):
         return "yes" if value else "no"
     return f"{value:.6g}" if isinstance(value, float) else str(value)

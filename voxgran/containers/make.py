@@ -53,7 +53,7 @@ def container_classes() -> str:
     return ", ".join(sorted(made.__name__ for made, _, _ in KINDS.values()))
 
 
-@explained(hint='make_container({"kind": "box", "size": [4, 4, 6]})')
+@explained(hint='make_container({"kind": "box", "lengths": [4, 4, 6]})')
 def make_container(mapping: Mapping[str, Any], where: str = "[container]") -> Container:
     """Return a container from kind and parameters.
 

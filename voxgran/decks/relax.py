@@ -16,7 +16,7 @@ from voxgran._base.arrays import Floats, Integers, as_positive
 from voxgran._base.calls import explained
 from voxgran._base.cells import near_pairs
 from voxgran._base.errors import EngineError, FileFormatError, InputError, VoxgranError
-from voxgran._base.files import as_path, refuse_to_replace, write_text, written_whole
+from voxgran._base.files import as_path, output_suffix, refuse_to_replace, write_text, written_whole
 from voxgran._base.lazy import load
 from voxgran._base.progress import OnStep, Step
 from voxgran._base.rotation import quaternions_of
@@ -217,8 +217,7 @@ def save_history(history: "Dataset", path: str | os.PathLike[str], *, overwrite:
     OutputError
         If it cannot be written.
     """
-    if as_path(path).suffix.lower() != ".nc":
-        raise FileFormatError(f"{path} has another suffix than .nc: the course of a run is kept as netCDF; change it")
+    output_suffix(path, [".nc"], "the course of a run is kept")
     with written_whole(path, overwrite=overwrite) as draft:
         history.to_netcdf(draft, engine="netcdf4")
 

@@ -43,10 +43,25 @@ def data_file(name: str) -> Path:
     >>> vg.load_shape(vg.data_file("itokawa_lp.obj")).name
     'itokawa_lp'
     """
-    if name not in DATA_FILES:
+    # a list, say, cannot be looked up in a mapping
+    if name not in tuple(DATA_FILES):
         raise UnknownNameError(unknown("file of voxgran", name, DATA_FILES))
+    place = _place_of(name)
+    if place is None:
+        raise MissingFileError(
+            f"{name} is not in the installed package: it comes with a checkout of voxgran; here are "
+            f"{', '.join(installed_data_files())}"
+        )
+    return place
+
+
+def installed_data_files() -> dict[str, str]:
+    """Return the files that are there, with what they are."""
+    return {name: about for name, about in DATA_FILES.items() if _place_of(name) is not None}
+
+
+def _place_of(name: str) -> Path | None:
+    """Return where a file is, in the package or in the checkout beside it; None where it is in neither."""
     package = Path(__file__).parents[1]
-    for folder in (package / "data", package.parent / "data"):
-        if (folder / name).is_file():
-            return folder / name
-    raise MissingFileError(f"{name} is neither in the package nor beside it: install voxgran again, with its data")
+    places = (folder / name for folder in (package / "data", package.parent / "data"))
+    return next((place for place in places if place.is_file()), None)

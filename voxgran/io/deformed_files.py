@@ -5,8 +5,7 @@ import os
 import numpy as np
 
 from voxgran._base.calls import explained
-from voxgran._base.errors import FileFormatError
-from voxgran._base.files import as_path, written_whole
+from voxgran._base.files import as_path, output_suffix, written_whole
 from voxgran._base.vtk_data import attach, poly_data, write_data
 from voxgran.deformation.deform import Deformed
 
@@ -44,8 +43,7 @@ def save_deformed(deformed: Deformed, path: str | os.PathLike[str], *, overwrite
     >>> vg.save_deformed(vg.deform(pair), "deformed.vtp")
     """
     target = as_path(path)
-    if target.suffix.lower() != ".vtp":
-        raise FileFormatError(f"{target} has the suffix {target.suffix!r}: surfaces are kept as .vtp; rename it")
+    output_suffix(target, [".vtp"], "surfaces of deformed grains are kept")
     start = np.cumsum([0, *(len(vertices) for vertices in deformed.vertices)])
     corners = [faces + base for faces, base in zip(deformed.faces, start[:-1].tolist(), strict=True)]
     data = poly_data(

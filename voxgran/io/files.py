@@ -7,7 +7,7 @@ from collections.abc import Callable
 from voxgran._base.axes import Periodic
 from voxgran._base.calls import explained
 from voxgran._base.errors import FileFormatError, InputError
-from voxgran._base.files import as_path, existing_file
+from voxgran._base.files import existing_file, output_suffix
 from voxgran.containers.model import Container
 from voxgran.io.lammps_files import is_data, is_dump, read_lammps_data, read_lammps_dump
 from voxgran.io.particles import packing_of
@@ -86,12 +86,7 @@ def known_suffix(path: str | os.PathLike[str]) -> str:
     InputError
         If the path is no path.
     """
-    suffix = as_path(path).suffix.lower()
-    if suffix not in _WRITERS:
-        raise FileFormatError(
-            f"{path} has the suffix {suffix!r}: packings are kept as {', '.join(_WRITERS)}; choose one of these"
-        )
-    return suffix
+    return output_suffix(path, _WRITERS, "packings are kept")
 
 
 def check_savable(packing: Packing, path: str | os.PathLike[str]) -> None:

@@ -8,13 +8,13 @@ from numpy.typing import ArrayLike, NDArray
 
 from voxgran._base.arrays import as_length, as_vector
 from voxgran._base.calls import explained
-from voxgran._base.errors import FileFormatError, InputError, PackingWarning, TooLargeError, shown
-from voxgran._base.files import as_path, written_whole
+from voxgran._base.errors import InputError, PackingWarning, TooLargeError, shown
+from voxgran._base.files import output_suffix, written_whole
 from voxgran._base.vtk_data import image_data, write_data
 from voxgran._base.warning import warn
 from voxgran.lattice.grid import Grid, check_voxel_size
 from voxgran.measures.painting import labels_on
-from voxgran.packing.model import Packing
+from voxgran.packing.model import Packing, check_packing
 from voxgran.shapes.images.image_files import image_library
 
 #: most voxels of an image (int32 labels of 16 GB)
@@ -70,6 +70,7 @@ def to_image(packing: Packing, voxel_size: float, *, labels: "bool | ArrayLike" 
     >>> image.shape, int(image.max())
     ((40, 40, 40), 10)
     """
+    check_packing(packing, "packing")
     known = None if isinstance(labels, bool | np.bool_) else _checked(labels, packing.count)
     image = labels_on(packing, image_grid(packing, voxel_size))
     if known is not None:
@@ -164,9 +165,7 @@ def save_image(
     >>> vg.load_image("grains.vti").values.shape
     (40, 40, 40)
     """
-    suffix = as_path(path).suffix.lower()
-    if suffix not in SUFFIXES:
-        raise FileFormatError(f"{path} has the suffix {suffix!r}: images are kept as {', '.join(SUFFIXES)}; choose one")
+    suffix = output_suffix(path, SUFFIXES, "images are kept")
     array = np.asarray(image)
     if array.ndim != 3 or array.dtype.kind not in "biuf":
         raise InputError(f"image has shape {array.shape} and type {array.dtype}: give numbers along x, y and z")

@@ -10,9 +10,10 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from voxgran._base.arrays import check_type
 from voxgran._base.calls import explained
 from voxgran._base.errors import OutputError
-from voxgran._base.files import existing_file, written_whole
+from voxgran._base.files import existing_file, output_suffix, refuse_to_replace, written_whole
 from voxgran._base.guarded import Content, read_guarded, refused
 from voxgran._base.lazy import load
 from voxgran.measures.accessor import register_accessor
@@ -35,12 +36,16 @@ def save_statistics(tree: "DataTree", path: str | os.PathLike[str], *, overwrite
     tree : xarray.DataTree
         What :func:`voxgran.measure` returns, or any tree of datasets.
     path : path-like
-        File to write, by custom ``.nc``.
+        File to write, ``.nc``.
     overwrite : bool
         Whether a file that is there may be replaced.
 
     Raises
     ------
+    FileFormatError
+        If the suffix is not ``.nc``.
+    InputError
+        If `tree` is something else.
     OutputExistsError
         If the file is there and `overwrite` is false.
     OutputError
@@ -57,9 +62,11 @@ def save_statistics(tree: "DataTree", path: str | os.PathLike[str], *, overwrite
     >>> bed = vg.pack(vg.shapes.sphere(), vg.Box((4, 4, 4)), "rsa", count=10)
     >>> vg.save_statistics(vg.measure(bed, which="coordination"), "statistics.nc")
     """
+    check_statistics_path(path, overwrite=overwrite)
     load("netCDF4")
     register_accessor()
     xarray = load("xarray")
+    check_type(tree, xarray.DataTree, "tree", "a tree of datasets, such as measure(packing)")
     safe = {node.path: _with_safe_attributes(node.to_dataset(inherit=False)) for node in tree.subtree}
     encoding = {place: {str(n): _encoding(v) for n, v in data.variables.items()} for place, data in safe.items()}
     if tree.name is not None:
@@ -69,6 +76,21 @@ def save_statistics(tree: "DataTree", path: str | os.PathLike[str], *, overwrite
             xarray.DataTree.from_dict(safe).to_netcdf(draft, engine="netcdf4", encoding=encoding)
         except RuntimeError as error:
             raise OutputError(f"{path} cannot be written ({error}): free space or choose another place") from error
+
+
+def check_statistics_path(path: str | os.PathLike[str], *, overwrite: bool) -> None:
+    """Refuse a file that statistics cannot be written to, before the work.
+
+    Raises
+    ------
+    FileFormatError
+        If the suffix is not ``.nc``.
+    OutputExistsError
+        If the file is there and `overwrite` is false.
+    """
+    output_suffix(path, [".nc"], "statistics are kept")
+    if not overwrite:
+        refuse_to_replace(path)
 
 
 @explained(hint='load_statistics("statistics.nc")')

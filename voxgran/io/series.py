@@ -13,7 +13,7 @@ from pathlib import Path
 from voxgran._base.arrays import as_count
 from voxgran._base.calls import renamed
 from voxgran._base.errors import FileFormatError
-from voxgran._base.files import as_path, refuse_to_replace, write_text
+from voxgran._base.files import as_path, output_suffix, refuse_to_replace, write_text
 from voxgran.io.vtk_files import save_packing
 from voxgran.packing.model import Packing
 
@@ -39,7 +39,7 @@ class Series:
     InputError
         If `max_snapshots` is below 2 or `every` below 1.
     FileFormatError
-        If the file that is to be continued is damaged.
+        If the suffix is not ``.pvd``, or the file that is to be continued is damaged.
     OutputExistsError
         If the file or snapshots of it are there and neither `resume` nor `overwrite` is set.
 
@@ -62,6 +62,7 @@ class Series:
         resume: bool = False,
         overwrite: bool = False,
     ) -> None:
+        output_suffix(path, [".pvd"], "series are kept")
         self.path = as_path(path)
         self.folder = self.path.with_suffix("")
         self.max_snapshots = as_count(max_snapshots, "max_snapshots", at_least=2)

@@ -16,7 +16,7 @@ import numpy as np
 from voxgran._base.arrays import as_number
 from voxgran._base.calls import explained
 from voxgran._base.errors import FileFormatError
-from voxgran._base.files import as_path, existing_file, refuse_to_replace, write_text, written_whole
+from voxgran._base.files import as_path, existing_file, output_suffix, refuse_to_replace, write_text, written_whole
 from voxgran._base.guarded import read_guarded, reason_of
 from voxgran._base.vtk_data import attach, attach_texts, poly_data, write_data
 from voxgran._base.vtk_readers import vtk_points
@@ -165,8 +165,7 @@ def save_scene(packing: Packing, path: str | os.PathLike[str], *, gap: float = 0
     """
     check_packing(packing, "packing")
     target = as_path(path)
-    if target.suffix.lower() != ".vtm":
-        raise FileFormatError(f"{target} has the suffix {target.suffix!r}: scenes are kept as .vtm; rename it")
+    output_suffix(target, [".vtm"], "scenes are kept")
     reach = as_number(gap, "gap", at_least=0.0)
     if not overwrite:
         refuse_to_replace(target, target.with_suffix(""))

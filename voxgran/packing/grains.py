@@ -5,7 +5,7 @@ meshes and a card for notebooks.
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, fields, replace
 from functools import partial
-from typing import TYPE_CHECKING, Any, Literal, Self, TypeAlias, overload
+from typing import TYPE_CHECKING, Any, ClassVar, Literal, Self, TypeAlias, overload
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -55,6 +55,11 @@ class Grain(ExplainedAttributes):
         Equivalent diameter, in the unit of lengths.
     """
 
+    _instead: ClassVar[Mapping[str, str]] = {
+        "radius": "grain.diameter / 2",
+        "volume": "grain.shape.volume * grain.scale**3",
+    }
+
     shape: Shape
     position: Floats
     orientation: Floats
@@ -75,6 +80,19 @@ class Grain(ExplainedAttributes):
 @dataclass(frozen=True, eq=False)
 class GrainSequence(ExplainedAttributes, Assembly):
     """An assembly whose grains are counted, visited and chosen as the items of a sequence are."""
+
+    _instead: ClassVar[Mapping[str, str]] = {
+        "append": "packing + other",
+        "concat": "packing + other",
+        "copy": "copy.copy(packing); what it holds never changes",
+        "crop": "packing[packing.position[:, 2] < 1.0], the grains below a height",
+        "filter": "packing[packing.diameter > 1.0], the grains that a mask chooses",
+        "head": "packing[:5]",
+        "radius": "packing.diameter / 2",
+        "select": "packing[packing.diameter > 1.0], the grains that a mask chooses",
+        "sort_values": "packing[packing.diameter.argsort()]",
+        "voxelize": "vg.to_image(packing, voxel_size)",
+    }
 
     @property
     def diameter(self) -> Floats:

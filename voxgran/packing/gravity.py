@@ -72,8 +72,10 @@ def axis_of(asked: str | None, container: Container) -> Integers:
         axis = "xyz".index(direction[1])
         if axis >= container.dimension or container.periodic[axis]:
             told = repr(direction) if asked else f"not set and thus {direction!r}"
+            walls = f", or walls along {direction[1]}" if axis < container.dimension else ""
             raise InputError(
-                f"gravity is {told}: it must point along a walled axis of the container; choose another axis, or 'none'"
+                f"gravity is {told}: it must point along a walled axis of the container; choose another axis{walls}, "
+                "or 'none'"
             )
         vector[axis] = -1 if direction[0] == "-" else 1
     return vector

@@ -5,7 +5,7 @@ from typing import Any
 
 import numpy as np
 
-from voxgran._base.arrays import Floats, as_count, as_length
+from voxgran._base.arrays import Floats, as_count, as_length, check_type
 from voxgran._base.calls import explained
 from voxgran._base.errors import InputError
 from voxgran._base.lazy import load
@@ -107,7 +107,8 @@ def register_clouds(cloud: Cloud, target: Cloud, *, distance: float | None = Non
     >>> round(motion.overlap, 2)
     1.0
     """
-    for one in (cloud, target):
+    for name, one in (("cloud", cloud), ("target", target)):
+        check_type(one, Cloud, name, "a Cloud; load_cloud reads one")
         if len(one) < FEWEST:
             raise InputError(f"{one.name} has {len(one)} points: registration needs {FEWEST} or more; scan more finely")
     frame = Frame.around(target.points)

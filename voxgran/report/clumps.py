@@ -112,9 +112,11 @@ def save_clump_picture(
     >>> clump = vg.fit_clump(vg.shapes.sphere(), max_spheres=1)
     >>> vg.save_clump_picture(clump, "clump.png")
     """
+    rule = "a Clump, or a list of them; fit_clump makes one"
+    check_type(clumps, (Clump, Sequence), "clumps", rule)
     drawn = [clumps] if isinstance(clumps, Clump) else list(clumps)
     for clump in drawn:
-        check_type(clump, Clump, "clumps", "a Clump, or a list of them; fit_clump makes one")
+        check_type(clump, Clump, "clumps", rule)
     if len({clump.shape for clump in drawn}) != 1:
         raise InputError(f"clumps has {len(drawn)} entries: it must be clumps of one solid; fit them to the same shape")
     check_picture_path(path, overwrite=overwrite)

@@ -15,14 +15,14 @@ import numpy as np
 
 from voxgran import __version__
 from voxgran._base.calls import explained
-from voxgran._base.files import as_path, refuse_to_replace, write_text
+from voxgran._base.files import write_text
 from voxgran.packing.model import Packing
 from voxgran.report import facts, plots, scenes
 from voxgran.report.colors import gradient
 from voxgran.report.figures import curves_of
 from voxgran.report.groups import Group, compared, distributions, groups_of
 from voxgran.report.numbers import json_text
-from voxgran.report.page import page_template, view_of
+from voxgran.report.page import check_page_path, page_template, view_of
 from voxgran.report.significance import LEVEL, p_text
 from voxgran.report.view import views_of
 
@@ -49,7 +49,7 @@ def save_comparison(
         At least two groups; the first is the reference for the others and defines the unit of lengths. Several packings
         of a group must be independent of each other, such as those of several seeds, and give a standard error.
     path : path-like
-        File to write, usually ``.html``; the numbers are written to the same name with the suffix ``.json``.
+        File to write, ``.html``; the numbers are written to the same name with the suffix ``.json``.
     which : sequence of str, optional
         Measures to compare. Default: all that apply.
     pictures : bool
@@ -68,6 +68,8 @@ def save_comparison(
         packings have a unit.
     UnknownNameError
         If there is no measure of that name.
+    FileFormatError
+        If the suffix is not ``.html``.
     OutputExistsError
         If the page or the JSON file exists and `overwrite` is false.
     OutputError
@@ -87,9 +89,7 @@ def save_comparison(
     >>> beds = {"dense": dense, "loose": vg.remove_grains(dense, solid_fraction=0.1)}
     >>> vg.save_comparison(beds, "page.html", which=["coordination"], pictures=False)
     """
-    twin = as_path(path).with_suffix(".json")
-    if not overwrite:
-        refuse_to_replace(path, twin)
+    twin = check_page_path(path, overwrite=overwrite)
     groups = groups_of(packings, which)
     rows, tests = compared(groups), distributions(groups)
     text = page_template("comparison.html.j2").render(

@@ -131,6 +131,9 @@ def curves_of(packing: Packing, statistics: "DataTree | None") -> "list[tuple[Da
             along = str(variable.dims[0]) if variable.ndim == 1 else ""
             if along not in data.coords or variable.size < 2 or along in periodic or str(name).endswith("_error"):
                 continue
+            # as of a packing without grains
+            if variable.isnull().all():
+                continue
             if (
                 str(name) in ESTIMATES
                 or str(name).startswith("solid_fraction")

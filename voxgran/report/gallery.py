@@ -97,9 +97,11 @@ def save_gallery(
     >>> import voxgran as vg
     >>> vg.save_gallery(vg.make_shapes("convex_polyhedron", count=3), "rocks.png")
     """
+    rule = "a list of shapes; make_shapes makes one"
+    check_type(shapes, (Shape, Sequence), "shapes", rule)
     drawn = [shapes] if isinstance(shapes, Shape) else list(shapes)
     for shape in drawn:
-        check_type(shape, Shape, "shapes", "a list of shapes; make_shapes makes one")
+        check_type(shape, Shape, "shapes", rule)
     if not drawn:
         raise InputError("shapes is empty: a gallery needs at least one shape; make some")
     if columns is not None:

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from voxgran._base.arrays import Floats
+from voxgran._base.arrays import Floats, check_type
 from voxgran._base.errors import InputError
 from voxgran._base.units import NO_UNIT
 from voxgran._base.warning import warn
@@ -69,6 +69,7 @@ def groups_of(packings: Mapping[str, Packing | Sequence[Packing]], which: Sequen
     UnknownNameError
         If there is no measure of that name.
     """
+    check_type(packings, Mapping, "packings", 'a mapping of names to packings, such as {"loose": bed, "dense": other}')
     if len(packings) < 2:
         raise InputError(f"packings has {len(packings)} entries: a comparison needs at least two; add another")
     chosen = {name: tuple(given) if isinstance(given, Sequence) else (given,) for name, given in packings.items()}

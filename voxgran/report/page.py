@@ -17,7 +17,7 @@ import numpy as np
 from voxgran import __version__
 from voxgran._base.calls import explained
 from voxgran._base.errors import with_article
-from voxgran._base.files import as_path, refuse_to_replace, write_text, written_whole
+from voxgran._base.files import as_path, output_suffix, refuse_to_replace, write_text, written_whole
 from voxgran._base.lazy import load
 from voxgran.packing.model import Packing, check_packing
 from voxgran.report import facts, scenes
@@ -86,7 +86,7 @@ def save_report(
     packing : Packing
         The packing.
     path : path-like
-        File to write, usually ``.html``; the numbers are written to the same name with the suffix ``.json``.
+        File to write, ``.html``; the numbers are written to the same name with the suffix ``.json``.
     statistics : xarray.DataTree, optional
         Result of :func:`voxgran.measure`; required for profiles and the bulk solid fraction.
     verification : Verification, optional
@@ -112,6 +112,8 @@ def save_report(
     ------
     InputError
         If `color_by` is unknown, or it is "force" and no forces are known.
+    FileFormatError
+        If the suffix is not ``.html``.
     OutputExistsError
         If the page, the JSON file or a picture exists and `overwrite` is false.
     OutputError
@@ -126,9 +128,7 @@ def save_report(
     >>> vg.save_report(bed, "page.html", verification=vg.verify(bed), pictures=False)
     """
     check_packing(packing, "packing")
-    twin = as_path(path).with_suffix(".json")
-    if not overwrite:
-        refuse_to_replace(path, twin)
+    twin = check_page_path(path, overwrite=overwrite)
     colors = coloring(packing, color_by)
     drawn = _draw(packing, color_by) if pictures else Drawn({}, {})
     files = _picture_files(drawn, Path(pictures_folder)) if pictures_folder is not None else {}
@@ -164,6 +164,23 @@ def save_report(
             draft.write_bytes(content)
     write_text(path, text, overwrite=overwrite)
     write_text(twin, json_text(page_numbers(packing, statistics, verification, figures=figures)), overwrite=overwrite)
+
+
+def check_page_path(path: str | os.PathLike[str], *, overwrite: bool) -> Path:
+    """Refuse a file that a page cannot be written to, before the work; return the JSON file for its numbers.
+
+    Raises
+    ------
+    FileFormatError
+        If the suffix is not ``.html``.
+    OutputExistsError
+        If the page or the JSON file is there and `overwrite` is false.
+    """
+    output_suffix(path, [".html"], "pages are kept")
+    twin = as_path(path).with_suffix(".json")
+    if not overwrite:
+        refuse_to_replace(path, twin)
+    return twin
 
 
 def page_template(name: str) -> Any:

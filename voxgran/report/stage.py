@@ -10,8 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from voxgran._base.arrays import Floats
-from voxgran._base.errors import FileFormatError
-from voxgran._base.files import as_path, refuse_to_replace
+from voxgran._base.files import output_suffix, refuse_to_replace
 from voxgran._base.lazy import load
 from voxgran.containers.model import Container
 from voxgran.shapes.tessellate import sphere
@@ -119,9 +118,7 @@ def check_picture_path(path: str | os.PathLike[str], *, overwrite: bool) -> None
     OutputExistsError
         If the file is there and `overwrite` is false.
     """
-    suffix = as_path(path).suffix
-    if suffix.lower() != ".png":
-        raise FileFormatError(f"{path} has the suffix {suffix!r}: pictures are written as .png; choose that")
+    output_suffix(path, [".png"], "pictures are kept")
     if not overwrite:
         refuse_to_replace(path)
 

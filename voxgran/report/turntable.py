@@ -9,10 +9,10 @@ import numpy as np
 
 from voxgran._base.arrays import as_count
 from voxgran._base.calls import explained
-from voxgran._base.files import written_whole
+from voxgran._base.files import output_suffix, written_whole
 from voxgran._base.lazy import load
 from voxgran._base.progress import OnStep, Step
-from voxgran.packing.model import Packing
+from voxgran.packing.model import Packing, check_packing
 from voxgran.report.scenes import picture_packing
 from voxgran.report.stage import Picture
 
@@ -41,7 +41,7 @@ def save_turntable(
     packing : Packing
         The packing; in two dimensions there is a single frame.
     path : path-like
-        File to write, usually ``.gif``.
+        File to write, ``.gif``.
     frames : int
         Number of frames per turn.
     color_by : {"diameter", "height", "shape", "density", "coordination", "distance", "force"}
@@ -59,6 +59,8 @@ def save_turntable(
     ------
     InputError
         If the number of frames is below 1, `color_by` is unknown, or it is "force" and no forces are known.
+    FileFormatError
+        If the suffix is not ``.gif``.
     OutputExistsError
         If the file exists and `overwrite` is false.
     OutputError
@@ -70,6 +72,8 @@ def save_turntable(
     >>> bed = vg.pack(vg.shapes.sphere(), vg.Box((4, 4, 4)), "rsa", count=5)
     >>> vg.save_turntable(bed, "bed.gif", frames=2, window=(64, 64))
     """
+    output_suffix(path, [".gif"], "turntables are kept")
+    check_packing(packing, "packing")
     count = as_count(frames, "frames", at_least=1) if packing.dimension == 3 else 1
     with written_whole(path, overwrite=overwrite) as draft:
         draft.write_bytes(

@@ -161,11 +161,11 @@ class SceneDescription(ExplainedAttributes):
             general = _general(mapping.get("scene", {}))
         with mistakes.part():
             shapes = shape_entries(mapping["shape"], place)
-        with mistakes.part():
+        with mistakes.part("[sizes]"):
             sizes = dict(mapping.get("sizes", {}))
             share_by = _share_by(sizes.pop("share_by", "number"))
             law = make_sizes(sizes) if sizes else None
-        with mistakes.part():
+        with mistakes.part("[container]"):
             container = make_container(_with_file(mapping["container"], place))
         with mistakes.part():
             packing = dict(mapping["packing"])
@@ -329,7 +329,8 @@ def _check_sections(mapping: Mapping[str, Any]) -> None:
     for name in ("shape", "container", "packing"):
         with mistakes.part():
             if name not in mapping:
-                raise InputError(f"[{name}] is missing: a scene needs this section; add it")
+                told = "[[shape]]" if name == "shape" else f"[{name}]"
+                raise InputError(f"{told} is missing: a scene needs this section; add it")
     mistakes.refuse()
 
 

@@ -32,14 +32,15 @@ class Mistakes:
         self.found: list[VoxgranError] = []
 
     @contextmanager
-    def part(self) -> Iterator[None]:
-        """Keep an error of bad input that the block raises (context manager)."""
+    def part(self, section: str = "") -> Iterator[None]:
+        """Keep an error of bad input that the block raises (context manager), which names a section if one is given."""
         try:
             yield
         except VoxgranError as error:
             if error.exit_code != InputError.exit_code:
                 raise
-            self.found.append(error)
+            told = str(error)
+            self.found.append(error if told.startswith("[") or not section else type(error)(f"{section} {told}"))
 
     def refuse(self) -> None:
         """Raise what was found.

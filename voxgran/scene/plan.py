@@ -12,6 +12,7 @@ from voxgran._base.config import to_mapping
 from voxgran._base.errors import InputError
 from voxgran._base.registry import ExplainedAttributes
 from voxgran.containers.model import boundary_of
+from voxgran.decks.material import Material
 from voxgran.packing.method import check_memory, packing_memory
 from voxgran.packing.pack import Task, prepare_task
 from voxgran.scene.description import SceneDescription
@@ -28,6 +29,8 @@ from voxgran.shapes.repairing.diagnose import merged, refuse_open
 from voxgran.shapes.spheres import MassProperties, Spheres
 from voxgran.shapes.surface import Surface
 
+#: folder of the input of engines
+DECKS = "dem"
 #: spheres that a clump of which none are asked for has, without and with a target
 SPHERES, FOR_A_TARGET = 50, 200
 #: bytes with the libraries that check, measure and save, when the method's own arrays are gone (measured)
@@ -58,6 +61,8 @@ class Plan(ExplainedAttributes):
         Libraries that will be loaded.
     makes_sizes : bool
         Whether the method makes the sizes; there are then at most so many grains, of a volume that is not known.
+    notes : tuple of str
+        What in the scene may be meant otherwise, in sentences.
     """
 
     grains: int
@@ -70,6 +75,7 @@ class Plan(ExplainedAttributes):
     skipped: tuple[str, ...]
     libraries: tuple[str, ...]
     makes_sizes: bool = False
+    notes: tuple[str, ...] = ()
 
     def __str__(self) -> str:
         """Return the plan as a person reads it."""
@@ -84,6 +90,7 @@ class Plan(ExplainedAttributes):
             f"libraries       {', '.join(self.libraries)}",
             *(f"will be done    {step}" for step in self.computed),
             *(f"is skipped      {step}" for step in self.skipped),
+            *(f"note            {note}" for note in self.notes),
         ]
         return "\n".join(lines)
 
@@ -120,6 +127,7 @@ def make_plan(scene: SceneDescription) -> Plan:
         sampled_shapes=cost.sampled_shapes,
         **_steps(scene, task),
         makes_sizes=task.method.sizing == "made",
+        notes=_notes(scene, task),
     )
 
 
@@ -203,6 +211,21 @@ def _settling_of(task: Task) -> Settling | None:
     return parameters if isinstance(parameters, Settling) else task.problem.settling
 
 
+def _notes(scene: SceneDescription, task: Task) -> tuple[str, ...]:
+    """Return what in a scene may be meant otherwise: frictions of settling and of input for engines that differ."""
+    settling, material = _settling_of(task), scene.material
+    used = bool(scene.output.dem) or material != Material()
+    # a solid fraction that is asked for is reached by frictions that are not known yet
+    if not used or settling is None or settling.solid_fraction is not None or settling.friction == material.friction:
+        return ()
+    section = "[packing]" if settling is task.problem.parameters else "[settle]"
+    note = (
+        f"friction of settling is {settling.friction:g}, by {section}; that of [material], {material.friction:g}, goes "
+        f"into input for engines only: give {section} friction = {material.friction:g} if both are the same grains"
+    )
+    return (note,)
+
+
 def _steps(scene: SceneDescription, task: Task) -> dict[str, tuple[str, ...]]:
     """Return what is done, what is skipped and why, and the libraries that this takes."""
     clumps = [entry.clump for entry in scene.shapes if entry.clump is not None for _ in entry.shares()]
@@ -240,6 +263,8 @@ def _steps(scene: SceneDescription, task: Task) -> dict[str, tuple[str, ...]]:
             libraries.update(needs)
         else:
             skipped.append(f"{step}: not asked for in [output]")
+    if scene.output.dem:
+        computed.append(f"write input for {', '.join(scene.output.dem)} into {DECKS}/")
     for entry in scene.shapes:
         if entry.source == "family":
             libraries.update(families().get(entry.name).libraries)

@@ -29,7 +29,7 @@ from voxgran.packing.model import Packing
 from voxgran.packing.pack import pack
 from voxgran.report.page import save_report
 from voxgran.scene.description import SceneDescription
-from voxgran.scene.plan import Plan, make_plan
+from voxgran.scene.plan import DECKS, Plan, make_plan
 from voxgran.shapes.model import Shape
 
 if TYPE_CHECKING:
@@ -38,8 +38,6 @@ if TYPE_CHECKING:
 CHECKPOINT = "checkpoint.voxgran"
 SUMMARY = "summary.json"
 PACKING = "packing.vtp"
-#: folder of the input of engines
-DECKS = "dem"
 #: measures that a summary has, where they are measured and not NaN
 NUMBERS = (
     "bulk_solid_fraction",
@@ -213,24 +211,29 @@ def finish_folder(
                 overwrite=True,
             )
         tell(4, "writing input of engines")
-        _write_decks(packing, folder / DECKS, scene)
+        decks = _write_decks(packing, folder / DECKS, scene)
         tell(5, "done")
-    summary = summary_of(packing, proof, statistics)
+    summary = summary_of(packing, proof, statistics) | ({"dem": decks} if decks else {})
     summary["seconds_finishing"] = time.monotonic() - began
     return SceneResult(packing=packing, verification=proof, statistics=statistics, summary=summary, folder=folder)
 
 
-def _write_decks(packing: Packing, folder: Path, scene: SceneDescription) -> None:
-    """Write the input of all engines that the scene names; warn of grains that one cannot hold."""
+def _write_decks(packing: Packing, folder: Path, scene: SceneDescription) -> dict[str, str]:
+    """Write the input of all engines that the scene names; warn of grains that one cannot hold. Return the file that
+    each engine starts with.
+    """
+    written = {}
     for engine in scene.output.dem:
         # solids that an engine holds as they are stay what they are
         solid = next(kind for kind in engine_registry().get(engine).kinds if kind != "sphere")
         clump = scene.output.clump if solid == "clump" else None
         try:
-            write_deck(packing, folder, engine, material=scene.material, clump=clump, overwrite=True)
+            deck = write_deck(packing, folder, engine, material=scene.material, clump=clump, overwrite=True)
+            written[engine] = f"{DECKS}/{deck.files[0].name}"
         except InputError as error:
             # all else that was computed stays
             warn(f"input for {engine} is not written: {error}", PackingWarning)
+    return written
 
 
 def summary_of(packing: Packing, proof: Verification, statistics: "DataTree") -> dict[str, Any]:

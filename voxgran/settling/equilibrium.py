@@ -150,8 +150,9 @@ def equilibrium(
         and with opposite sign on grain i, in weights of a grain of the median diameter (of the mean density by volume,
         where densities differ); ``normal_force``, along the normal; and ``gap``, in the unit of lengths.
 
-        Attributes: ``friction``, ``gap`` and ``tolerance`` as given; ``share_at_rest``, the share of the grains,
-        rattlers apart, that rest; ``share_of_rattlers``; and ``distance``, about how far the residuals are from the
+        Attributes: ``friction``, ``gap`` and ``tolerance`` as given; ``share_at_rest``, the share of all grains that
+        rest, and ``share_at_rest_without_rattlers``, that of the grains that are no rattlers; ``share_of_rattlers``, of
+        all grains; and ``distance``, about how far the residuals are from the
         least ones (root mean square, in weights).
 
     Raises
@@ -267,7 +268,8 @@ def _dataset(packing: Assembly, bed: Bed, found: Balance, parameters: dict[str, 
         }
     )
     made.attrs.update(parameters)
-    made.attrs["share_at_rest"] = float(others.mean()) if len(others) else 1.0
+    made.attrs["share_at_rest"] = float(rests.mean()) if packing.count else 1.0
+    made.attrs["share_at_rest_without_rattlers"] = float(others.mean()) if len(others) else 1.0
     made.attrs["share_of_rattlers"] = float(rattler.mean()) if packing.count else 0.0
     made.attrs["distance"] = found.distance if math.isfinite(found.distance) else -1.0
     return made

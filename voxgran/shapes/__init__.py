@@ -15,7 +15,7 @@ def __getattr__(name: str) -> "Callable[..., Any]":
 
         if name in shape_families():
             return family_function(name)
-    from voxgran._base.registry import missing_name
+    from voxgran._base.registry.attributes import missing_name
 
     # with its name and no object, Python adds no suggestion of its own
     raise AttributeError(missing_name(__name__, name, __dir__()), name=name)

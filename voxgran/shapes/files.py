@@ -6,8 +6,8 @@ from pathlib import Path
 
 from voxgran._base.arrays import check_type
 from voxgran._base.calls import explained
-from voxgran._base.errors import FileFormatError, InputError, shown
-from voxgran._base.files import as_path, refuse_to_replace, written_whole
+from voxgran._base.errors import InputError, shown
+from voxgran._base.files import as_path, output_suffix, refuse_to_replace, written_whole
 from voxgran.shapes.formats.mesh_files import WRITERS, read_surface
 from voxgran.shapes.formats.sphere_files import SUFFIXES, read_spheres, write_spheres
 from voxgran.shapes.mesh import Mesh
@@ -135,9 +135,7 @@ def check_surface_output(path: str | os.PathLike[str], *, overwrite: bool) -> No
         If the file is there and `overwrite` is false.
     """
     target = as_path(path)
-    if target.suffix.lower() not in WRITERS:
-        known = ", ".join(sorted(WRITERS))
-        raise FileFormatError(f"{target} has the suffix {target.suffix!r}: surfaces are kept as {known}; choose one")
+    output_suffix(target, sorted(WRITERS), "surfaces are kept")
     if not overwrite:
         refuse_to_replace(target)
 
@@ -177,12 +175,9 @@ def save_shape(shape: Shape, path: str | os.PathLike[str], *, overwrite: bool = 
     """
     check_type(shape, Shape, "shape", "a Shape; make_shape and load_shape make one")
     target = as_path(path)
-    if target.suffix.lower() in SUFFIXES:
+    suffix = output_suffix(target, sorted((*WRITERS, *SUFFIXES)), "shapes are kept")
+    if suffix in SUFFIXES:
         write_spheres(shape, target, overwrite=overwrite)
         return
-    writer = WRITERS.get(target.suffix.lower())
-    if writer is None:
-        known = ", ".join(sorted((*WRITERS, *SUFFIXES)))
-        raise FileFormatError(f"{target} has the suffix {target.suffix!r}: known are {known}; choose one")
     with written_whole(target, overwrite=overwrite) as draft:
-        writer(shape.vertices, shape.faces, draft)
+        WRITERS[suffix](shape.vertices, shape.faces, draft)

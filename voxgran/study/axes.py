@@ -15,7 +15,7 @@ from typing import Any, TypeAlias
 from voxgran._base.calls import chosen
 from voxgran._base.config import parameters_of, to_mapping
 from voxgran._base.errors import InputError, UnknownNameError, shown
-from voxgran._base.registry import unknown
+from voxgran._base.registry import nearest, unknown
 from voxgran._base.scalars import unwrapped
 from voxgran.packing.method import method_registry
 from voxgran.scene.description import SECTIONS
@@ -92,13 +92,13 @@ def check_axis(axis: str, beside: Iterable[str] = ()) -> None:
             raise InputError(f"axis {axis}: {told}")
     if first in (*NAMED, *SECTIONS) and all(rest) and not (first == "method" and rest):
         return
-    path = f"packing.{axis.rpartition('.')[2]}"
-    if path in beside:
-        raise UnknownNameError(
-            f"axis {shown(axis)} is unknown: did you mean {path!r}? an axis is a path into the scene"
-        )
     known = (*NAMED, *(f"{name}.KEY" for name in SECTIONS if name not in (*NAMED, *FIXED, *IDLE)))
-    raise UnknownNameError(unknown("axis", axis, known, beside=(*beside, "seeds")))
+    paths = {path.rpartition(".")[2]: path for path in beside}
+    meant = nearest(axis.rpartition(".")[2], (*known, *paths, "seeds"))
+    if meant in paths or meant == "seeds":
+        rule = "seeds are no axis; write seeds = 5" if meant == "seeds" else "an axis is a path into the scene"
+        raise UnknownNameError(f"axis {shown(axis)} is unknown: did you mean {paths.get(meant, meant)!r}? {rule}")
+    raise UnknownNameError(unknown("axis", axis, known, meant=meant))
 
 
 def plain(value: Any) -> Any:
@@ -177,8 +177,10 @@ def _labels(axis: str, given: Sequence[tuple[str, Any]]) -> list[Label]:
     values = [value for _, value in given]
     names = [label or _name(axis, value) for label, value in given]
     full = [label or _text(value) for label, value in given]
+    # a short name stands for one value, which listed cells may share
+    called = {name: {_text(value) for its, value in zip(names, values, strict=True) if its == name} for name in names}
     labels: list[Label] = [
-        name if name and names.count(name) == 1 else text for name, text in zip(names, full, strict=True)
+        name if name and len(called[name]) == 1 else text for name, text in zip(names, full, strict=True)
     ]
     if all(isinstance(value, int | float) and not isinstance(value, bool) for value in values):
         labels = list(values)

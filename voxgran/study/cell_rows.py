@@ -7,7 +7,7 @@ from collections import Counter
 from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
-from voxgran.study.cell_values import ENDED, FAILURE, FULL, labels_of, numbers_of, texts_of
+from voxgran.study.cell_values import ENDED, FAILURE, FULL, WARNED, WARNINGS, labels_of, numbers_of, texts_of
 from voxgran.study.statistics import Interval, summary
 
 if TYPE_CHECKING:
@@ -28,9 +28,9 @@ def cell_rows(dataset: "Dataset", *, confidence: float = 0.95, interval: Interva
     -------
     list of dict
         The values of the axes; `runs`, `failures` and the sentences on these, `failure`; how many runs ended `full`,
-        with fewer grains than asked for since no other had room; and for each number of the study its mean under its
-        own name, and with the endings ``_standard_error``, ``_low``, ``_high`` (limits of the confidence interval) and
-        ``_count`` (number of values).
+        with fewer grains than asked for since no other had room; how many runs `warned`; and
+        for each number of the study its mean under its own name, and with the endings ``_standard_error``, ``_low``,
+        ``_high`` (limits of the confidence interval) and ``_count`` (number of values).
 
     Raises
     ------
@@ -38,13 +38,12 @@ def cell_rows(dataset: "Dataset", *, confidence: float = 0.95, interval: Interva
         If it is no dataset of a study, or `confidence` or `interval` breaks a rule.
     """
     rows: list[dict[str, Any]] = []
-    texts = texts_of(dataset, FAILURE), texts_of(dataset, ENDED)
-    for labels, sentences, ends in zip(labels_of(dataset), *texts, strict=True):
+    texts = [texts_of(dataset, name) for name in (FAILURE, ENDED, WARNINGS)]
+    for labels, sentences, ends, warned in zip(labels_of(dataset), *texts, strict=True):
         told = Counter(text for text in sentences if text)
         failure = "; ".join(text if count == 1 else f"{count} times: {text}" for text, count in told.items())
-        rows.append(
-            {**labels, "runs": len(sentences), "failures": told.total(), "failure": failure, FULL: ends.count(FULL)}
-        )
+        counts = {FULL: ends.count(FULL), WARNED: sum(map(bool, warned))}
+        rows.append({**labels, "runs": len(sentences), "failures": told.total(), "failure": failure, **counts})
     endings = {
         "": "mean",
         "_standard_error": "standard_error",

@@ -1,5 +1,7 @@
 """Values of the cells of a study as rows: one row for each cell, one column for each seed."""
 
+import re
+from collections.abc import Iterable
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -8,6 +10,7 @@ from voxgran._base.arrays import Floats
 from voxgran._base.errors import InputError, UnknownNameError, shown
 from voxgran._base.registry import unknown
 from voxgran._base.scalars import unwrapped
+from voxgran.report.significance import EQUAL, all_equal
 from voxgran.study.axes import Label
 from voxgran.study.cells import LISTED
 
@@ -19,6 +22,11 @@ SEED, FAILURE, ENDED = "seed", "failure", "stop_reason"
 #: why a packing ended that has fewer grains than asked for, since no other had room, and what a table says of it
 FULL = "full"
 FULL_NOTE = "full: runs that ended where nothing more had room, before the number or solid fraction that was asked for"
+#: variable of the sentences of warnings, and the column of how many runs have any
+WARNINGS, WARNED = "warnings", "warned"
+#: solid fraction of the whole container, and all solid fractions: those that say more of a packing come first
+OF_CONTAINER = "solid_fraction"
+DENSITIES: tuple[str, ...] = ("bulk_solid_fraction", "bed_solid_fraction", OF_CONTAINER)
 
 
 def dimensions_of_cells(dataset: "Dataset") -> tuple[str, ...]:
@@ -64,6 +72,58 @@ def values_of(dataset: "Dataset", variable: str) -> Floats:
     values: Floats = ordered.reshape(-1, dataset.sizes[SEED])
     values[~np.isfinite(values)] = np.nan
     return values
+
+
+def is_own(dataset: "Dataset", name: str) -> bool:
+    """Return whether a study has a number that is known in at least one run, and is not that of the whole container."""
+    known = numbers_of(dataset)
+    if name not in known:
+        return False
+    values = values_of(dataset, name)
+    if name not in DENSITIES or name == OF_CONTAINER or OF_CONTAINER not in known:
+        return bool(np.isfinite(values).any())
+    # without walls and a free surface the bulk and the bed are the whole container
+    return bool((np.abs(values - values_of(dataset, OF_CONTAINER)) > EQUAL).any())
+
+
+def varies(dataset: "Dataset", name: str) -> bool:
+    """Return whether a number differs between cells with the same seed; in a study of one cell, between seeds.
+
+    Where count and container are the same in all cells, the solid fraction of the container is so, too: it says nothing
+    of what is varied.
+    """
+    values = values_of(dataset, name)
+    columns = values if len(values) == 1 else values.T
+    return not all(all_equal(column[np.isfinite(column)]) for column in columns)
+
+
+def main_variable(dataset: "Dataset") -> str:
+    """Return the variable that a study is about by default: the first of the solid fractions of the bulk, of the bed
+    and of the container that varies, and is known in each cell that has that of the container; otherwise the last.
+    """
+    for name in DENSITIES[:-1]:
+        if is_own(dataset, name) and varies(dataset, name):
+            missing = ~np.isfinite(values_of(dataset, name)).any(axis=1)
+            if OF_CONTAINER not in numbers_of(dataset):
+                return name
+            if not np.isfinite(values_of(dataset, OF_CONTAINER)[missing]).any():
+                return name
+    return OF_CONTAINER
+
+
+def warnings_of(texts: Iterable[str]) -> list[tuple[int, str]]:
+    """Return how many runs have warnings that differ in their numbers only, with those of one of them, the most
+    frequent ones first.
+
+    Parameters
+    ----------
+    texts : iterable of str
+        Sentences of each run; empty where it has none.
+    """
+    kinds: dict[str, list[str]] = {}
+    for text in filter(None, texts):
+        kinds.setdefault(re.sub(r"\d[\d.,e+-]*", "0", text), []).append(text)
+    return sorted(((len(alike), alike[0]) for alike in kinds.values()), key=lambda kind: -kind[0])
 
 
 def texts_of(dataset: "Dataset", name: str) -> list[list[str]]:

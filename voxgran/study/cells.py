@@ -11,6 +11,8 @@ from voxgran._base.errors import InputError, UnknownNameError, VoxgranError, sho
 from voxgran._base.registry import unknown
 from voxgran.packing.method import method_registry
 from voxgran.scene.description import SceneDescription
+from voxgran.scene.keys import names_of
+from voxgran.shapes.sizes import KINDS
 from voxgran.study.axes import AxisValue, Label, axis_values, changed, check_axis, refuse_equal
 from voxgran.study.files import FileHashes, former_scene_hash, numbers_hash, scene_hash, with_absolute_files
 
@@ -129,10 +131,11 @@ def dimensions_of(
 
 
 def _parameter_paths(method: str | None) -> tuple[str, ...]:
-    """Return the paths of the parameters of a method."""
-    if method not in method_registry().names():
-        return ()
-    return tuple(f"packing.{item.name}" for item in parameters_of(method_registry().get(method).parameters))
+    """Return the paths of the parameters of size laws and of a method, and of what all methods take."""
+    own = method_registry().get(method).parameters if method in method_registry().names() else None
+    found = [("sizes", item) for law in KINDS.values() for item in names_of(law)]
+    found += [("packing", item) for item in ("count", "solid_fraction", *(names_of(own) if own else ()))]
+    return tuple(f"{section}.{item}" for section, item in found)
 
 
 def _flat(axes: Mapping[str, Any], prefix: str = "") -> Iterator[tuple[str, Any]]:
@@ -180,24 +183,29 @@ def _zipped(values: Mapping[str, tuple[AxisValue, ...]]) -> Dimension:
 
 def _listed(listed: Sequence[Mapping[str, Any]], beside: Sequence[str]) -> Dimension:
     """Return the dimension of cells that are listed."""
-    choices, names = [], []
-    for number, table in enumerate(listed):
+    choices: list[dict[str, AxisValue]] = [{} for _ in listed]
+    for table in listed:
         if not isinstance(table, Mapping):
             raise InputError(f"[[cell]] is {shown(table)}: it must be a table of values by axis; change it")
-        given = {key: value for key, value in table.items() if key != "label"}
-        for axis in given:
-            check_axis(axis, beside)
-        entries = {axis: axis_values(axis, [value])[0] for axis, value in given.items()}
-        choices.append(entries)
+    axes = list(dict.fromkeys(axis for table in listed for axis in table if axis != "label"))
+    for axis in axes:
+        check_axis(axis, beside)
+        # together, so that different values are called differently
+        having = [number for number, table in enumerate(listed) if axis in table]
+        found = axis_values(axis, [listed[number][axis] for number in having])
+        refuse_equal(axis, [value.label for at, value in enumerate(found) if value not in found[:at]])
+        for number, value in zip(having, found, strict=True):
+            choices[number][axis] = value
+    names = []
+    for number, (table, entries) in enumerate(zip(listed, choices, strict=True)):
         told = ", ".join(f"{axis} {entry.label}" for axis, entry in entries.items())
         names.append(str(table.get("label", told or f"{number}")))
     refuse_equal(LISTED, names)
-    axes = list(dict.fromkeys(axis for entries in choices for axis in entries))
     labels: dict[str, tuple[Label, ...]] = {LISTED: tuple(names)}
     for axis in axes:
-        found = [entries[axis].label if axis in entries else "" for entries in choices]
-        numbers = all(isinstance(label, int | float) for label in found)
-        labels[axis] = tuple(found if numbers else map(str, found))
+        told_as = [entries[axis].label if axis in entries else "" for entries in choices]
+        numbers = all(isinstance(label, int | float) for label in told_as)
+        labels[axis] = tuple(told_as if numbers else map(str, told_as))
     return Dimension(LISTED, labels, tuple({a: e.given for a, e in entries.items()} for entries in choices))
 
 

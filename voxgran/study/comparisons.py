@@ -18,7 +18,7 @@ from voxgran._base.errors import InputError, UnknownNameError
 from voxgran._base.registry import unknown
 from voxgran.report.significance import all_equal, difference_of, holm, verdict_of
 from voxgran.study.axes import Label
-from voxgran.study.cell_values import axes_of, labels_of, text_of, values_of, varied_axes
+from voxgran.study.cell_values import axes_of, labels_of, main_variable, text_of, values_of, varied_axes
 from voxgran.study.cells import LISTED
 from voxgran.study.effect_sizes import hedges_g
 from voxgran.study.rank_test import rank_test
@@ -40,7 +40,7 @@ class _Block:
 
 def compare(
     dataset: "Dataset",
-    variable: str = "solid_fraction",
+    variable: str | None = None,
     over: str | None = None,
     *,
     confidence: float = 0.95,
@@ -51,8 +51,8 @@ def compare(
     ----------
     dataset : xarray.Dataset
         That of a study, with the dimension ``seed``.
-    variable : str
-        Name of the variable.
+    variable : str, optional
+        Name of the variable. Default: that of :func:`voxgran.study.statistics.summary`.
     over : str, optional
         Axis whose values are compared; axes that vary together with it are compared as one. Default: `method` where it
         varies, otherwise the first axis that does.
@@ -108,6 +108,7 @@ def compare(
     [('Welch', 0.09, 'significant'), ('Kruskal-Wallis', nan, 'not significant')]
     """
     level = as_number(confidence, "confidence", above=0, at_most=0.9999)
+    variable = main_variable(dataset) if variable is None else variable
     values = values_of(dataset, variable)
     axis = compared_axis(dataset) if over is None else over
     if axis is None:
@@ -120,7 +121,7 @@ def compare(
     rows, kinds = [], []
     for labels, of_table in tables:
         head = {"variable": variable, "over": axis, **{name: labels.get(name, "") for name in others}}
-        for row in _tests(names, of_table, level):
+        for row in _tests(names, of_table, level, of_table is blocks or len(blocks) == 1):
             rows.append({**head, **row})
             kinds.append((row["test"], len(of_table) > 1))
     for kind in dict.fromkeys(kinds):
@@ -188,11 +189,14 @@ def _blocks(dataset: "Dataset", over: str, values: Floats) -> tuple[list[str], l
     return names, blocks
 
 
-def _tests(names: Sequence[str], blocks: Sequence[_Block], level: float) -> Iterator[dict[str, Any]]:
-    """Yield a row for each pair of groups, and one for all of them if none is without values in all blocks."""
+def _tests(names: Sequence[str], blocks: Sequence[_Block], level: float, whole: bool) -> Iterator[dict[str, Any]]:
+    """Yield a row for each pair of groups, and one for all of them if none is without values in all blocks.
+
+    whole: whether these are all blocks, so that groups without values are told as well.
+    """
     for at, to in combinations(range(len(names)), 2):
         pairs = [(block.groups[at], block.groups[to]) for block in blocks]
-        if all(len(one) and len(other) for one, other in pairs) or len(blocks) > 1:
+        if whole or all(len(one) and len(other) for one, other in pairs):
             yield {"test": "Welch", "one": names[at], "other": names[to], **_pair(pairs, level)}
     found = rank_test([block.groups for block in blocks])
     entering = [block for block in blocks if sum(len(values) > 0 for values in block.groups) > 1]

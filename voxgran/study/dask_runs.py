@@ -52,6 +52,16 @@ class DaskRuns:
             self._asked = time.monotonic()
         return min(len(self._left), self._threads)
 
+    @property
+    def compiling(self) -> bool:
+        """False: what workers compile is not known here."""
+        return False
+
+    @property
+    def computing(self) -> float:
+        """Share of the time in which runs are computed, as far as it is known: all of it."""
+        return 1.0
+
     def __enter__(self) -> "DaskRuns":
         """Connect to the scheduler.
 

@@ -18,7 +18,7 @@ from voxgran.scene.run import opened_folder
 from voxgran.study.cells import Cell
 from voxgran.study.checkpoints import marked
 from voxgran.study.dask_runs import DaskRuns
-from voxgran.study.files import run_hash
+from voxgran.study.files import files_of, run_hash
 from voxgran.study.plan import StudyPlan, cell_plan
 from voxgran.study.processes import Processes
 from voxgran.study.result import StudyResult, dataset_of, rows_of, save_results
@@ -159,7 +159,8 @@ class _Work:
     options: Options
     records: dict[Place, Record] = field(default_factory=dict)
     left: dict[str, tuple[Place, Run]] = field(default_factory=dict)
-    began: float = field(default_factory=time.monotonic)
+    looked: float = field(default_factory=time.monotonic)
+    computing: float = 0.0  # seconds that runs were computed, without those of loading and compiling
     told: float = 0.0
     mark: str = ""
 
@@ -223,6 +224,7 @@ class _Work:
                 mark=self.mark,
                 memory=plan.memory,
                 attempts=plan.attempts,
+                files={name: cell.hashes.of(name) for name in files_of(cell.mapping)},
             )
             # two cells may be the same scene, by values that change nothing
             self.left.setdefault(run.key, ((at, number), run))
@@ -278,20 +280,27 @@ class _Work:
     def _tell(self, executor: DaskRuns | Processes, costs: Mapping[str, float]) -> None:
         """Report progress, ten times a second at the most."""
         now = time.monotonic()
+        self.computing += (now - self.looked) * executor.computing
+        self.looked = now
         if self.options.on_step is None or (self.left and now - self.told < TELL_SECONDS):
             return
         self.told = now
         failed = sum(bool(record.failure) for record in self.records.values())
         whole, left = sum(costs.values()), sum(costs[key] for key in self.left)
         text = f"{executor.running} running, {failed} failed"
-        if left < whole:
-            text += f", about {_duration((now - self.began) * left / (whole - left))} left"
+        if executor.compiling:
+            # how long that takes is not known
+            text += ", compiling kernels (once per machine)"
+        elif left < whole:
+            text += f", about {_duration(self.computing * left / (whole - left))} left"
         total = len(self.settings.cells) * len(self.settings.seeds)
         self.options.on_step(Step(stage="runs", done=len(self.records), total=total, text=text))
 
     def _farewell(self) -> str:
         """Return the message of a study that was stopped."""
         total = len(self.records) + len(self.left)
+        if not self.records:
+            return f"stopped before the first of {total} runs was finished: the same command computes them"
         return (
             f"stopped after {len(self.records)} of {total} runs, which are kept: the same command computes the others"
         )

@@ -173,7 +173,10 @@ def figures_of(
         draw = partial(_draw_against_seconds, points=points, density=density, seconds=seconds)
         svg = plots.svg_of(draw, f"{name}-against-seconds", size=size)
         title = f"{what} against processor time"
-        caption = f"{_capital(title)}, one marker a cell. {bars}{_alike(dataset, points)}"
+        beyond = (
+            " An arrow at the left border is an interval that goes on beyond it." if np.any(seconds.low <= 0) else ""
+        )
+        caption = f"{_capital(title)}, one marker a cell. {bars}{beyond}{_alike(dataset, points)}"
         found.append(Figure(f"{variable}_against_seconds", svg, title, caption))
     marked = points.over_categories(dataset)
     draw = partial(_draw_by_category, points=points, marked=marked, density=density, bands=bands, placed=placed)
@@ -233,7 +236,11 @@ def _draw_against_seconds(axes: Any, *, points: Points, density: _Values, second
         # Student's intervals of few values may reach below 0
         ends = np.concatenate([seconds.mean[shown], seconds.low[shown], seconds.high[shown]])
         ends = ends[ends > seconds.mean[shown].min() / MOST_LINEAR]
-        axes.set_xlim(0.8 * ends.min(), 1.25 * ends.max())
+        left = 0.8 * ends.min()
+        axes.set_xlim(left, 1.25 * ends.max())
+        for at in shown[seconds.low[shown] < left].tolist():
+            look = {**points.style(at), "marker": "<", "markersize": 5}
+            axes.plot(left, density.mean[at], linestyle="none", clip_on=False, **look)
     axes.set(xlabel="processor time (s)", ylabel=density.label)
     _legend(axes, points, markers=True)
 

@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from voxgran import __version__
+from voxgran._base.errors import InputError
 from voxgran._base.files import existing_file
 from voxgran.scene.description import SceneDescription
 from voxgran.study.canonical import SEEDS, canonical_numbers, canonical_scene
@@ -61,6 +62,38 @@ class FileHashes:
             with existing_file(path).open("rb") as file:
                 self._known[path] = hashlib.file_digest(file, "sha256").hexdigest()
         return self._known[path]
+
+
+def files_of(scene: Mapping[str, Any]) -> tuple[str, ...]:
+    """Return the files that the mapping of a scene names."""
+    found: list[str] = []
+
+    def note(name: str) -> str:
+        found.append(name)
+        return name
+
+    with_files(scene, note)
+    return tuple(dict.fromkeys(found))
+
+
+def refuse_changed(files: Mapping[str, str]) -> None:
+    """Refuse files that are no longer those of some hashes: results of them would be kept under a wrong name.
+
+    Raises
+    ------
+    InputError
+        If one has changed.
+    MissingFileError
+        If one is gone.
+    OutputError
+        If one cannot be read.
+    """
+    for name, known in files.items():
+        if FileHashes().of(name) != known:
+            raise InputError(
+                f"{name} has changed since the study began: results are kept by the content of files; run the study "
+                "once more, with --retry where the file is as it was"
+            )
 
 
 def scene_hash(scene: SceneDescription, hashes: FileHashes) -> str:

@@ -18,18 +18,25 @@ from voxgran.report import facts
 from voxgran.report.facts import Fact
 from voxgran.report.figures import Figure
 from voxgran.report.page import page_template
-from voxgran.report.significance import EQUAL, LEVEL, p_text
+from voxgran.report.significance import LEVEL, p_text
 from voxgran.study.cell_rows import cell_rows, csv_text
 from voxgran.study.cell_values import (
+    DENSITIES,
     FAILURE,
     FULL,
     FULL_NOTE,
+    WARNED,
+    WARNINGS,
     axes_of,
+    is_own,
+    main_variable,
     numbers_of,
     text_of,
     texts_of,
     values_of,
     varied_axes,
+    varies,
+    warnings_of,
 )
 from voxgran.study.comparisons import compare, compared_axis
 from voxgran.study.experiments import bands_of
@@ -40,8 +47,7 @@ if TYPE_CHECKING:
     from xarray import Dataset
 
 PAGE, CELLS_TABLE, COMPARISONS_TABLE = "study.html", "cells.csv", "comparisons.csv"
-#: densities, of which there are figures, and all numbers that are compared and listed, where a study has them
-DENSITIES = ("solid_fraction", "bulk_solid_fraction", "bed_solid_fraction")
+#: numbers that are compared and listed, where a study has them; of the densities there are figures
 LISTED_NUMBERS = (*DENSITIES, "mean_coordination_number", "seconds", "memory")
 #: numbers that are not compared: what the machine did
 MACHINE = ("seconds", "memory")
@@ -91,8 +97,8 @@ def write_study_page(
         Axis whose values are compared and told apart by colours. Default: `method` where it varies, otherwise the first
         that does.
     variables : sequence of str, optional
-        Densities, or other numbers, that are drawn and compared. Default: the solid fractions of the study are drawn,
-        these and the mean coordination number compared.
+        Densities, or other numbers, that are drawn and compared. Default: the solid fractions of the study that vary
+        are drawn, that of the bulk first, and compared, as is the mean coordination number.
     confidence, interval : float, str
         Those of :func:`voxgran.study.statistics.summary`.
     overwrite : bool
@@ -129,9 +135,9 @@ def write_study_page(
         if name not in known:
             raise UnknownNameError(unknown("variable", name, known))
     axis = over or compared_axis(dataset)
-    chosen = variables if variables is not None else [name for name in LISTED_NUMBERS if _has(dataset, name)]
+    chosen = list(variables) if variables is not None else _chosen(dataset)
     compared = [name for name in chosen if name not in MACHINE]
-    drawn = list(chosen) if variables is not None else [name for name in chosen if name in DENSITIES]
+    drawn = chosen if variables is not None else [name for name in chosen if name in DENSITIES]
     bands = bands_of(experiments)
     rows = cell_rows(dataset, confidence=level, interval=interval)
     tests = [row for name in compared if axis for row in compare(dataset, name, axis, confidence=level)]
@@ -149,16 +155,13 @@ def write_study_page(
     return place / PAGE
 
 
-def _has(dataset: "Dataset", name: str) -> bool:
-    """Return whether a study has a number that is known in at least one run, and is not that of the whole container."""
-    if name not in numbers_of(dataset):
-        return False
-    values = values_of(dataset, name)
-    if name not in DENSITIES[1:] or DENSITIES[0] not in numbers_of(dataset):
-        return bool(np.isfinite(values).any())
-    # without walls and a free surface the bulk and the bed are the whole container
-    differs = np.abs(values - values_of(dataset, DENSITIES[0])) > EQUAL
-    return bool(differs.any())
+def _chosen(dataset: "Dataset") -> list[str]:
+    """Return the numbers that are drawn or compared by default, the main one first; densities that vary, or one."""
+    main = main_variable(dataset)
+    known = [name for name in LISTED_NUMBERS if is_own(dataset, name)]
+    return [name for name in known if name == main] + [
+        name for name in known if name != main and (name not in DENSITIES or varies(dataset, name))
+    ]
 
 
 def _files(
@@ -180,7 +183,7 @@ def _html(
     level: float,
 ) -> str:
     """Return the page."""
-    tables = [_cells(dataset, rows, level), _failures(dataset, rows), *_comparisons(dataset, tests)]
+    tables = [_cells(dataset, rows, level), _failures(dataset, rows), _warnings(dataset), *_comparisons(dataset, tests)]
     axes = [f"{name} ({len(set(dataset[name].values.tolist()))})" for name in varied_axes(dataset)]
     text: str = page_template("study.html.j2").render(
         version=__version__,
@@ -203,9 +206,11 @@ def _headline(dataset: "Dataset", rows: Sequence[Mapping[str, Any]]) -> list[Fac
             "failed", facts.number(failed), "see the table of failures" if failed else "", "bad" if failed else "good"
         ),
     ]
-    if _has(dataset, "seconds"):
+    if warned := sum(row[WARNED] for row in rows):
+        found.append(Fact("warned", facts.number(warned), "see the table of warnings"))
+    if is_own(dataset, "seconds"):
         found.append(Fact("processor time", _time_text(float(np.nansum(values_of(dataset, "seconds"))))))
-    if _has(dataset, "memory"):
+    if is_own(dataset, "memory"):
         largest = float(np.nanmax(values_of(dataset, "memory"))) / MEBIBYTE
         found.append(Fact("memory", f"{facts.number(largest)} MiB", "largest of all runs"))
     return found
@@ -221,7 +226,7 @@ def _time_text(seconds: float) -> str:
 def _cells(dataset: "Dataset", rows: Sequence[Mapping[str, Any]], level: float) -> Table:
     """Return the table of the cells."""
     axes = varied_axes(dataset) or tuple(axes_of(dataset))[:1]
-    shown = [name for name in LISTED_NUMBERS if _has(dataset, name)]
+    shown = [name for name in LISTED_NUMBERS if is_own(dataset, name)]
     heads = {"seconds": "processor time (s)", "memory": "memory (MiB)"}
     units = {name: str(dataset[name].attrs.get("units", "1")) for name in shown}
     names = [
@@ -233,18 +238,18 @@ def _cells(dataset: "Dataset", rows: Sequence[Mapping[str, Any]], level: float) 
         f"{LEAST_FOR_BOOTSTRAP} values Student\u2019s, otherwise by the bootstrap (bias-corrected and accelerated), "
         "unless another kind was asked for. A single value has no interval."
     )
-    is_full = any(row[FULL] for row in rows)
-    notes = [note] + [f"{FULL_NOTE[0].upper()}{FULL_NOTE[1:]}."] * is_full
+    counts = [name for name in (FULL, WARNED) if any(row[name] for row in rows)]
+    notes = [note] + [f"{FULL_NOTE[0].upper()}{FULL_NOTE[1:]}."] * (FULL in counts)
     texts = [
         [
             *([text_of(row[axis]) for axis in axes] or ["the base"]),
             f"{row['runs'] - row['failures']} of {row['runs']}",
-            *[text_of(row[FULL])] * is_full,
+            *(text_of(row[name]) for name in counts),
             *(_cell_text(row, name) for name in shown),
         ]
         for row in rows
     ]
-    head = [*(axes or ("cell",)), "runs", *[FULL] * is_full, *names]
+    head = [*(axes or ("cell",)), "runs", *counts, *names]
     return Table("cells", "Cells", head, _short(texts, notes, CELLS_TABLE), notes)
 
 
@@ -280,6 +285,16 @@ def _failures(dataset: "Dataset", rows: Sequence[Mapping[str, Any]]) -> Table | 
     notes: list[str] = []
     head = [*(axes or ("cell",)), "seeds", "why"]
     return Table("failures", "Failures", head, _short(texts, notes, CELLS_TABLE), notes, wraps=True)
+
+
+def _warnings(dataset: "Dataset") -> Table:
+    """Return the table of what runs warned of."""
+    told = warnings_of(text for texts in texts_of(dataset, WARNINGS) for text in texts)
+    notes = [
+        "Warnings that differ in their numbers only are one row, with those of one run. Those of all are in table.csv."
+    ]
+    texts = [[text_of(count), sentence] for count, sentence in told]
+    return Table("warnings", "Warnings", ["runs", "such as"], _short(texts, notes, CELLS_TABLE), notes, wraps=True)
 
 
 def _comparisons(dataset: "Dataset", tests: Sequence[Mapping[str, Any]]) -> list[Table]:

@@ -13,7 +13,7 @@ from voxgran._base.errors import MissingLibraryError
 from voxgran._base.guarded import reason_of
 from voxgran.scene.plan import FINISHING_BYTES
 from voxgran.study.runs import Record, Run
-from voxgran.study.worker import READY
+from voxgran.study.worker import COMPILED, COMPILING, READY
 
 #: libraries take the number of their threads from the environment when they are loaded
 _ENVIRONMENT = dict.fromkeys(
@@ -47,6 +47,7 @@ class _Worker:
     connection: Connection
     given: list[Run] = field(default_factory=list)
     ready: bool = False
+    compiling: bool = False
 
     @property
     def memory(self) -> int:
@@ -77,6 +78,17 @@ class Processes:
     def running(self) -> int:
         """How many runs are computed now."""
         return sum(bool(worker.given) for worker in self._workers)
+
+    @property
+    def compiling(self) -> bool:
+        """Whether a process compiles kernels now."""
+        return any(worker.compiling for worker in self._workers)
+
+    @property
+    def computing(self) -> float:
+        """Share of the processes with runs that compute them now; the others load libraries or compile kernels."""
+        busy = [worker for worker in self._workers if worker.given]
+        return sum(worker.ready and not worker.compiling for worker in busy) / max(1, len(busy))
 
     def __enter__(self) -> "Processes":
         """Start the processes."""
@@ -110,8 +122,8 @@ class Processes:
             for worker in self._workers:
                 self._give(worker)
             came = wait([worker.connection for worker in self._workers], timeout=TICK)
-            if not came:
-                yield None
+            # before what came is noted, so that the processes are seen as they were meanwhile
+            yield None
             for worker in [one for one in self._workers if one.connection in came]:
                 yield from self._heard(worker)
 
@@ -120,10 +132,13 @@ class Processes:
         try:
             while worker.connection.poll():
                 message = worker.connection.recv()
+                if message in (COMPILING, COMPILED):
+                    worker.compiling = message == COMPILING
+                    continue
                 if message == READY:
                     worker.ready, self._failed_starts = True, 0
                     continue
-                run, (record, seconds) = worker.given.pop(0), message
+                run, (record, seconds), worker.compiling = worker.given.pop(0), message, False
                 # the pace of the last dozen of runs
                 self._pace += (seconds - self._pace) / 12
                 self._give(worker)

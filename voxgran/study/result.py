@@ -77,13 +77,21 @@ class StudyResult(ExplainedAttributes):
     computed: int
     experiments: dict[str, Any] = field(default_factory=dict)
 
+    def __repr__(self) -> str:
+        """Numbers of runs, dimensions and folder."""
+        sizes = self.dataset.sizes
+        sides = " x ".join(f"{name} {count}" for name, count in sizes.items())
+        failed = len(self.failures)
+        runs = f"{len(self.rows)} runs, {len(self.rows) - failed} finished, {failed} failed"
+        return f"StudyResult({runs}; {sides}; in {str(self.folder)!r})"
+
     @property
     def failures(self) -> list[dict[str, Any]]:
         """Rows of the runs that failed."""
         return [row for row in self.rows if row["failure"]]
 
     def summary(
-        self, variable: str = "solid_fraction", *, confidence: float = 0.95, interval: Interval = "auto"
+        self, variable: str | None = None, *, confidence: float = 0.95, interval: Interval = "auto"
     ) -> "Dataset":
         """Return the mean of a variable over the seeds of each cell, with its standard error and confidence interval;
         as :func:`voxgran.study.statistics.summary`.
@@ -100,7 +108,7 @@ class StudyResult(ExplainedAttributes):
         """
         return summary(self.dataset, variable, confidence=confidence, interval=interval)
 
-    def compare(self, variable: str = "solid_fraction", over: str | None = None, *, confidence: float = 0.95) -> Any:
+    def compare(self, variable: str | None = None, over: str | None = None, *, confidence: float = 0.95) -> Any:
         """Return a pandas.DataFrame with the comparisons of the values of one axis: differences, the tests of Welch and
         of Kruskal and Wallis, and effect sizes; its columns are those of :func:`voxgran.study.comparisons.compare`.
 

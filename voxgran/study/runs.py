@@ -26,6 +26,7 @@ from voxgran.packing.model import Packing
 from voxgran.scene.description import SceneDescription
 from voxgran.shapes.model import Shape
 from voxgran.study.checkpoints import Checkpoint, is_seen
+from voxgran.study.files import refuse_changed
 
 LOG = logging.getLogger(__name__)
 
@@ -61,6 +62,8 @@ class Run:
         Bytes at the peak and attempts, as planned.
     version : str
         Version of voxgran that the results are to be of.
+    files : dict
+        Hashes of the files that the scene names, by which the worker finds that one has changed.
     """
 
     key: str
@@ -73,6 +76,7 @@ class Run:
     memory: int = 0
     attempts: int = 0
     version: str = __version__
+    files: dict[str, str] = field(default_factory=dict)
 
 
 @dataclass(slots=True, kw_only=True)
@@ -144,6 +148,8 @@ def compute(run: Run, cache: SceneCache | None = None) -> Record:
         try:
             scene, shapes = (cache or SceneCache()).of(run)
             packing = kept.pack(scene, shapes)
+            # all that is read has been read before: a change in between is found here
+            refuse_changed(run.files)
             record.numbers = numbers_of(packing, scene.which)
             record.stop_reason = packing.stop_reason
             if run.packing:

@@ -19,7 +19,7 @@ from voxgran._base.arrays import Floats, as_choice, as_number
 from voxgran._base.lazy import load
 from voxgran._base.seeds import stream
 from voxgran.report.significance import all_equal, standard_error
-from voxgran.study.cell_values import FAILURE, dimensions_of_cells, texts_of, values_of
+from voxgran.study.cell_values import FAILURE, dimensions_of_cells, main_variable, texts_of, values_of
 
 if TYPE_CHECKING:
     from xarray import Dataset
@@ -32,7 +32,7 @@ DRAWS, NUMBERS_AT_ONCE = 9999, 4_000_000
 
 
 def summary(
-    dataset: "Dataset", variable: str = "solid_fraction", *, confidence: float = 0.95, interval: Interval = "auto"
+    dataset: "Dataset", variable: str | None = None, *, confidence: float = 0.95, interval: Interval = "auto"
 ) -> "Dataset":
     """Return the mean of a variable over the seeds of each cell, with its standard error and confidence interval.
 
@@ -40,8 +40,9 @@ def summary(
     ----------
     dataset : xarray.Dataset
         That of a study, with the dimension ``seed``.
-    variable : str
-        Name of the variable.
+    variable : str, optional
+        Name of the variable. Default: the solid fraction of the bulk where it varies over the cells, otherwise that of
+        the bed, otherwise that of the container.
     confidence : float
         Probability that an interval holds the true mean, above 0, at most 0.9999.
     interval : {"auto", "bca", "percentile", "student"}
@@ -73,6 +74,7 @@ def summary(
     """
     level = as_number(confidence, "confidence", above=0, at_most=0.9999)
     kind = as_choice(interval, "interval", get_args(Interval))
+    variable = main_variable(dataset) if variable is None else variable
     values = values_of(dataset, variable)
     dims = dimensions_of_cells(dataset)
     shape = tuple(dataset.sizes[name] for name in dims)

@@ -5,7 +5,7 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-from voxgran._base.calls import explained_methods
+from voxgran._base.calls import explained, explained_methods
 from voxgran._base.errors import InputError
 from voxgran._base.files import as_path
 from voxgran._base.progress import OnStep
@@ -75,6 +75,7 @@ class Study(ExplainedAttributes):
     ['packing.count 5', 'packing.count 10']
     """
 
+    @explained(hint='Study("study.toml") or Study(base=scene, axes={"packing.count": [20, 50]}, seeds=3)')
     def __init__(
         self,
         source: str | os.PathLike[str] | None = None,

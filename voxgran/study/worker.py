@@ -8,10 +8,11 @@ import time
 from multiprocessing.connection import Connection
 from typing import Any
 
+from voxgran._base.kernels import telling_of_compilation
 from voxgran.study.runs import Run, SceneCache, compute
 
-#: what a worker sends when it can compute
-READY = "ready"
+#: what a worker sends when it can compute, and before and after it compiles a kernel
+READY, COMPILING, COMPILED = "ready", "compiling", "compiled"
 #: a small scene that loads what most scenes need
 FIRST = {
     "shape": [{"family": "sphere"}],
@@ -36,14 +37,15 @@ def serve(descriptor: int) -> None:
     runs: queue.SimpleQueue[Any] = queue.SimpleQueue()
     threading.Thread(target=_receive, args=(connection, runs), daemon=True).start()
     cache = SceneCache()
-    # what is loaded only once is not counted as time of the first run
-    compute(Run(key="", cell="", mapping=FIRST, seed=0))
-    _send(connection, READY)
-    while True:
-        run = runs.get()
-        began = time.monotonic()
-        record = compute(run, cache)
-        _send(connection, (record, time.monotonic() - began))
+    with telling_of_compilation(lambda: _send(connection, COMPILING), lambda: _send(connection, COMPILED)):
+        # what is loaded only once is not counted as time of the first run
+        compute(Run(key="", cell="", mapping=FIRST, seed=0))
+        _send(connection, READY)
+        while True:
+            run = runs.get()
+            began = time.monotonic()
+            record = compute(run, cache)
+            _send(connection, (record, time.monotonic() - began))
 
 
 def _receive(connection: Connection, runs: "queue.SimpleQueue[Any]") -> None:

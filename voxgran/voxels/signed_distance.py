@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from voxgran._base.arrays import Floats, Integers, as_choice, as_floats, as_number
+from voxgran._base.arrays import Floats, Integers, as_choice, as_floats, as_number, check_type
 from voxgran._base.calls import explained
 from voxgran._base.errors import InputError
 from voxgran._base.kernels import kernel
@@ -109,6 +109,7 @@ def signed_distance(
     >>> round(float(field.values.min() / field.voxel_size), 6)
     -1.5
     """
+    check_type(shape, Shape, "shape", "a Shape; make_shape and load_shape make one")
     if shape.dimension != 3:
         raise InputError(f"shape {shape.name!r} is flat: signed distances need a solid in three dimensions")
     shape.refuse_open("signed distances")

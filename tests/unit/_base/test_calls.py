@@ -1,5 +1,8 @@
 """Calls that do not fit a signature, and names that are meant: one sentence with what is right."""
 
+import pickle
+import pydoc
+
 import pytest
 
 import voxgran as vg
@@ -90,9 +93,66 @@ def test_every_door_suggests_what_was_meant(call, meant):
         call()
 
 
-def test_what_belongs_to_pack_is_suggested_and_not_listed():
-    with pytest.raises(UnknownNameError, match=r"known are (?!.*checkpoint)"):
+def test_what_belongs_to_the_function_is_suggested_and_listed_after_the_parameters():
+    with pytest.raises(UnknownNameError, match=r"'count'\? known are aligned, .*, and beside them .*count, density"):
         vg.pack(SPHERE, BOX, method="rsa", n=4)
+    with pytest.raises(UnknownNameError, match=r"'max_spheres'\? known are .*, and beside them max_spheres"):
+        vg.fit_clump(vg.shapes.box(), n=20)
+
+
+@pytest.mark.parametrize(
+    ("given", "other"),
+    [
+        # most letters are shared, and the word is another
+        ("max_size", "min_size"),
+        ("version", "erosion"),
+        ("resize", "sizes"),
+        ("axis", "radius"),
+        ("split", "plot"),
+        ("sigma", "image"),
+        ("steps", "on_step"),
+        ("progress", "rest"),
+        ("edem", "yade"),
+        ("method", "threshold"),
+        ("scale", "surface"),
+        ("count", "container"),
+        ("nosuch.obj", "eros.obj"),
+        ("to_file", "to_unit"),
+        ("rotate", "contacts"),
+    ],
+)
+def test_names_that_are_not_truly_alike_are_not_suggested(given, other):
+    assert nearest(given, [other]) is None
+
+
+@pytest.mark.parametrize(
+    ("given", "meant"),
+    [
+        ("lenght", "length"),
+        ("rfd", "rdf"),
+        ("voxelsize", "voxel_size"),
+        ("max_sphere", "max_spheres"),
+        ("period", "periodic"),
+        ("wall_friction", "friction"),
+        ("friction_coefficient", "friction"),
+        ("poresizes", "voids"),
+        ("mu", "friction"),
+        ("E", "young_modulus"),
+    ],
+)
+def test_slips_parts_and_words_of_other_programs_are_suggested(given, meant):
+    assert nearest(given, ["count", "other", meant]) == meant
+
+
+def test_a_function_without_arguments_says_so():
+    with pytest.raises(CallError, match=r"^shape_families takes no arguments; write shape_families\(\)$"):
+        vg.shape_families("sphere")
+
+
+@pytest.mark.parametrize(("typed", "meant"), [("repeats", "seeds"), ("replicates", "seeds"), ("scene", "base")])
+def test_the_arguments_of_a_study_are_explained(typed, meant):
+    with pytest.raises(CallError, match=f"argument of Study '{typed}' is unknown: did you mean '{meant}'.*write Study"):
+        vg.Study(base={}, axes={}, **{typed: 2})
 
 
 def test_former_names_of_arguments_are_accepted_with_a_warning():
@@ -105,3 +165,11 @@ def test_former_names_of_arguments_are_accepted_with_a_warning():
         assert grow(most=4.0) == 4.0
     with pytest.raises(CallError, match="max_factor twice, also by its former name most"):
         grow(most=4.0, max_factor=3.0)
+
+
+@pytest.mark.parametrize("made", [vg.Shaking(acceleration=2.0), vg.Lid(), vg.methods.Rsa(tries=7)])
+def test_help_of_a_parameter_class_shows_no_comments_of_python(made):
+    shown = pydoc.render_doc(type(made), renderer=pydoc.plaintext)
+    assert "Return the values of the fields." in shown
+    assert "pickling" not in shown
+    assert pickle.loads(pickle.dumps(made)) == made

@@ -39,7 +39,7 @@ def test_unknown_key_names_the_nearest():
         ({"name": "a", "sweeps": True}, "whole number"),
         ({"name": "a", "cover": "touchh"}, "'touch', 'center'"),
         ({"name": "a", "range": [1.0]}, "list of 2"),
-        ({"name": "a", "voxel_size": "big"}, "a number or left out"),
+        ({"name": "a", "voxel_size": "big"}, "a number; or leave it out"),
     ],
 )
 def test_wrong_values_are_named(mapping, words):

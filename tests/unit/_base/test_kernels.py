@@ -63,7 +63,7 @@ def test_unknown_names_get_the_nearest():
     assert unknown("method", "digitl", ["digital", "control_point"]) == (
         "method 'digitl' is unknown: did you mean 'digital'? known are control_point, digital"
     )
-    assert Registry("tool", "voxgran._base", object, group="none").names()[:2] == ("arrays", "axes")
+    assert Registry("tool", "voxgran._base", object, group="none").names()[:2] == ("arrays", "attributes")
 
 
 @kernel
@@ -161,15 +161,19 @@ def test_homes_that_cannot_be_written(tmp_path):
 
 
 def test_progress_tells_that_kernels_are_compiled():
-    steps = []
+    steps, outer = [], []
 
     @kernel
     def new(x):
         return x + 0.123
 
-    with telling_of_compilation(lambda: steps.append("compiling")):
+    both = telling_of_compilation(lambda: outer.append("begins"), lambda: outer.append("ends"))
+    with both, telling_of_compilation(lambda: steps.append("compiling")):
         new.compiled()._cache._cache_file.load("no such types")
-    assert steps == ["compiling"]
+        assert (steps, outer) == (["compiling"], ["begins"])
+        new(1.0)
+    assert steps == ["compiling"] * 2
+    assert outer == ["begins", "begins", "ends"]
 
 
 @pytest.mark.parametrize("collects", [True, False])

@@ -1,18 +1,21 @@
 """Messages for names that are not there: of modules, packings and shapes, arguments and flags."""
 
 import copy
+import importlib
 import inspect
 import pickle
 import re
 import subprocess
 import sys
+from typing import Any
 
 import numpy as np
 import pytest
 
 import voxgran as vg
-from voxgran._base.errors import CallError, InputError, UnknownNameError
-from voxgran._base.registry import ExplainedAttributes, nearest, nearest_word
+from voxgran._base.errors import CallError, InputError, UnknownNameError, VoxgranError
+from voxgran._base.registry import ExplainedAttributes, nearest
+from voxgran._base.registry.names import nearest_word
 from voxgran._base.units import as_unit
 from voxgran.shapes.images.image_files import Image
 
@@ -88,6 +91,23 @@ def test_a_word_of_a_name_is_enough() -> None:
         ("radii", "did you mean 'diameters'"),
         ("sizes", "did you mean 'diameters'"),
         ("qqq", r"dir\(Packing\) lists its attributes"),
+        ("bounds", "did you mean 'container'"),
+        ("centroids", "did you mean 'position'"),
+        ("neighbors", "did you mean 'contacts'"),
+        ("mesh", "did you mean 'to_pyvista'"),
+        ("shape", "did you mean 'shapes'"),
+        ("to_file", "did you mean 'save'"),
+        ("quaternions", "did you mean 'orientation'"),
+        ("coordination_number", r"write vg\.measure\(packing, 'coordination'\)"),
+        ("sphericity", r"write vg\.describe\(packing\)\['sphericity'\]"),
+        ("remove", r"did you mean vg\.remove_grains\(packing, \.\.\.\)"),
+        ("radius", r"write packing\.diameter / 2$"),
+        ("filter", r"write packing\[packing\.diameter > 1\.0\]"),
+        ("voxelize", r"write vg\.to_image\(packing, voxel_size\)"),
+        ("local_thickness", r"write vg\.local_thickness\(vg\.to_image\(packing, voxel_size, labels=False\), "),
+        # vg.simplify takes a shape, vg.resample an image of any kind
+        ("simplify", r"dir\(Packing\) lists its attributes"),
+        ("rotate", r"dir\(Packing\) lists its attributes"),
     ],
 )
 def test_an_attribute_of_a_packing_that_is_not_there_names_what_to_write(
@@ -111,6 +131,14 @@ def test_objects_that_functions_return_answer_too(packing: vg.Packing) -> None:
     for owner, typed, remedy in (
         (clump, "n_spheres", "did you mean 'count'"),
         (clump, "centres", "did you mean 'centers'"),
+        (clump, "show", r"write clump\.to_shape\(\)\.plot\(\.\.\.\)"),
+        (packing[0], "volume", r"write grain\.shape\.volume \* grain\.scale\*\*3"),
+        (packing[0], "mesh", "did you mean 'shape'"),
+        (packing.shapes[0], "save", r"write vg\.save_shape\(shape, \.\.\.\)"),
+        (packing.shapes[0], "export", r"write vg\.save_shape\(shape, \.\.\.\)"),
+        (packing.shapes[0], "report", r"dir\(Shape\) lists its attributes"),
+        (packing.shapes[0], "sphericity", r"write vg\.describe\(shape\)\['sphericity'\]"),
+        (packing.container, "rough_walls", r"write vg\.rough_walls\(box, \.\.\.\)"),
         (packing.shapes[0], "decimate", r"write vg\.simplify\(shape, \.\.\.\)"),
         (packing.verify(), "passed", "did you mean 'ok'"),
         (packing.contacts(), "gaps", "did you mean 'gap'"),
@@ -122,6 +150,78 @@ def test_objects_that_functions_return_answer_too(packing: vg.Packing) -> None:
     image = Image(np.zeros((2, 2, 2)))
     with pytest.raises(AttributeError, match="Image has no attribute 'data': did you mean 'values'"):
         _ = image.data  # type: ignore[attr-defined]
+
+
+@pytest.mark.parametrize(
+    ("owner", "typed", "remedy"),
+    [
+        (vg.Packing, "from_file", r"write vg\.load\(\.\.\.\)"),
+        (vg.Shape, "from_file", r"write vg\.load_shape\(\.\.\.\)"),
+        (vg.Shape, "load", r"write vg\.load_shape\(\.\.\.\)"),
+        (vg.Scene, "from_file", "did you mean 'from_toml'"),
+        (vg.Box, "qqq", r"dir\(Box\) lists its attributes"),
+    ],
+)
+def test_classes_answer_too(owner: type, typed: str, remedy: str) -> None:
+    with pytest.raises(AttributeError, match=f"^{owner.__name__} has no attribute '{typed}': {remedy}"):
+        getattr(owner, typed)
+    assert not hasattr(owner, "__array_interface__")
+
+
+@pytest.mark.parametrize(
+    ("typed", "remedy"),
+    [
+        ("normal", "did you mean 'lognormal'"),
+        ("log_normal", "did you mean 'lognormal'"),
+        ("monodisperse", "did you mean 'fixed'"),
+        ("psd", "did you mean 'sieve'"),
+        ("weibull", r"dir\(voxgran\.shapes\.sizes\) lists"),
+    ],
+)
+def test_modules_without_public_names_on_first_use_answer_too(typed: str, remedy: str) -> None:
+    with pytest.raises(AttributeError, match=f"module 'voxgran.shapes.sizes' has no attribute '{typed}': {remedy}"):
+        getattr(vg.sizes, typed)
+    with pytest.raises(AttributeError, match=r"module 'voxgran\.io' has no attribute 'load': write vg\.load$"):
+        _ = importlib.import_module("voxgran.io").load
+
+
+@pytest.mark.parametrize(
+    ("module", "remedy"),
+    [
+        ("voxgran.packing.methods.rsa", "did you mean 'Rsa'"),
+        ("voxgran.packing.methods.digital_rsa", "did you mean 'DigitalRsa'"),
+        ("voxgran.containers.box", "did you mean 'Box'"),
+        ("voxgran.contacts", r"write packing\.contacts\(\)$"),
+    ],
+)
+def test_a_module_that_is_called_names_what_may_be_called(module: str, remedy: str) -> None:
+    called: Any = importlib.import_module(module)
+    with pytest.raises(CallError, match=f"^{re.escape(module)} is a module and no function: {remedy}"):
+        called()
+    assert pickle.loads(pickle.dumps(called)) is called
+
+
+def test_errors_and_other_names_that_are_not_public_say_what_is() -> None:
+    with pytest.raises(AttributeError, match=r"write ValueError, of which it is a kind, or vg\.VoxgranError for all"):
+        _ = vg.InputError  # type: ignore[attr-defined]
+    with pytest.raises(AttributeError, match=r"write UserWarning, of which it is a kind$"):
+        _ = vg.PackingWarning  # type: ignore[attr-defined]
+    with pytest.raises(AttributeError, match="did you mean '__version__'"):
+        _ = vg.version  # type: ignore[attr-defined]
+
+
+def test_every_public_function_refuses_other_objects_in_one_sentence(packing: vg.Packing) -> None:
+    voxels = vg.voxelize(vg.shapes.box(lengths=(1, 1, 1)), voxel_size=0.5)
+    rest = {"verify": (), "window_solid_fraction": ((0, 0, 0), (1, 1, 1)), "to_image": (0.1,)}
+    for name in (*rest, *(name for name in vg.__all__ if name.startswith("save"))):
+        function: Any = getattr(vg, name)
+        for other in ("rock", [packing, packing], 3, None, voxels):
+            with pytest.raises(VoxgranError):
+                function(other, *rest.get(name, ("folder",)))
+    with pytest.raises(InputError, match=r"^packing is Shape\(.*it must be a Packing"):
+        vg.to_image(packing.shapes[0], 0.1)  # type: ignore[arg-type]
+    with pytest.raises(InputError, match=r'a mapping of names to packings, such as \{"loose": bed'):
+        vg.save_comparison([packing, packing], "c.html")  # type: ignore[arg-type]
 
 
 def test_every_public_function_explains_calls_that_do_not_fit() -> None:

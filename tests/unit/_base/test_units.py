@@ -18,7 +18,7 @@ def test_known_units_have_one_spelling(given, written):
     assert known_unit(given) == (None if written == "1" else written)
 
 
-@pytest.mark.parametrize(("given", "words"), [("milimm", "did you mean 'mm'"), ("Mm", "did you mean 'mm'|'m'|'pm'")])
+@pytest.mark.parametrize(("given", "words"), [("milimetre", "did you mean 'mm'"), ("Mm", "did you mean 'mm'|'m'|'pm'")])
 def test_the_nearest_unit_is_named(given, words):
     with pytest.raises(UnknownNameError, match=words):
         as_unit(given)

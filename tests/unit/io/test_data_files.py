@@ -4,7 +4,7 @@ import pytest
 
 import voxgran as vg
 from voxgran.cli import main
-from voxgran.io.data_files import DATA_FILES
+from voxgran.io.data_files import DATA_FILES, installed_data_files
 
 
 @pytest.mark.parametrize("name", DATA_FILES)
@@ -24,7 +24,7 @@ def test_a_wrong_name_gives_the_nearest():
 
 def test_a_file_that_is_not_installed_is_named(monkeypatch, tmp_path):
     monkeypatch.setattr("voxgran.io.data_files.__file__", str(tmp_path / "voxgran" / "io" / "data_files.py"))
-    with pytest.raises(vg.VoxgranError, match=r"eros\.obj is neither in the package nor beside it"):
+    with pytest.raises(vg.VoxgranError, match=r"eros\.obj is not in the installed package.*: it comes with a checkout"):
         vg.data_file("eros.obj")
 
 
@@ -48,3 +48,13 @@ def test_the_prompt_lists_the_files(capsys):
     assert len(vg.load_shape(vg.data_file("itokawa_lp.obj")).faces) == 1622
     assert main(["data", "-o", "rock.obj"]) == 2
     assert "without a name" in capsys.readouterr().err
+
+
+def test_only_files_that_are_there_are_listed(monkeypatch, tmp_path):
+    assert installed_data_files() == DATA_FILES
+    (tmp_path / "voxgran" / "data").mkdir(parents=True)
+    (tmp_path / "voxgran" / "data" / "eros.obj").write_text("")
+    monkeypatch.setattr("voxgran.io.data_files.__file__", str(tmp_path / "voxgran" / "io" / "data_files.py"))
+    assert list(installed_data_files()) == ["eros.obj"]
+    with pytest.raises(vg.VoxgranError, match=r"bunny_dirty\.ply .* here are eros\.obj"):
+        vg.data_file("bunny_dirty.ply")

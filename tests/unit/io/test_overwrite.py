@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import voxgran as vg
-from voxgran._base.errors import OutputExistsError
+from voxgran._base.errors import InputError, OutputExistsError
 
 BALL = vg.make_shape("sphere")
 PACKING = vg.Packing.of([BALL], vg.Box((4, 4, 4)), position=[(1, 1, 1), (3, 3, 3)])
@@ -40,6 +40,13 @@ def test_what_is_there_stays_until_told(name, tmp_path):
     assert [one.name for one in tmp_path.iterdir()] == [name]
     save(path, overwrite=True)
     assert path.read_bytes() != b"before"
+
+
+@pytest.mark.parametrize("name", SAVERS)
+def test_what_a_suffix_says_is_what_the_file_holds(name, tmp_path):
+    with pytest.raises(InputError, match=r"page\.pdf"):
+        SAVERS[name](tmp_path / "page.pdf")
+    assert not list(tmp_path.iterdir())
 
 
 def test_every_saver_takes_the_wish():

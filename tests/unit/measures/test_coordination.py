@@ -154,8 +154,11 @@ def test_spheres_without_gravity_need_more_contacts_than_dimensions():
     assert "fewer than 4 contacts with grains, rattlers removed, and walls" in few.definition
     # by friction the four hold each other; the two that hang go one after the other
     shapes = [BALL, Shape.of(Primitive("box", (0.1, 0.1, 0.1)), name="box")]
+    alone = find_rattlers(Packing.of(shapes, Box((9, 9, 9), "xyz"), **given, shape_id=np.zeros(6, dtype=int)))
+    assert alone.definition == few.definition
+    given |= {"position": np.vstack([position, [[0.5, 0.5, 0.5]]]), "shape_id": [0] * 6 + [1]}
     rough = find_rattlers(Packing.of(shapes, Box((9, 9, 9), "xyz"), **given))
-    assert rough.mask.tolist() == [False] * 4 + [True] * 2
+    assert rough.mask.tolist() == [False] * 4 + [True] * 3
     assert rough.coordination == 3.0
     assert "fewer than 2" in rough.definition
 

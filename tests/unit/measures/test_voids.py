@@ -115,6 +115,15 @@ def test_the_error_holds():
     assert tree.pore_size_mean.attrs["error"] > 0
 
 
+@pytest.mark.parametrize(("spacing", "periodic"), [(1.2046, ""), (1.0740, "xyz")])
+def test_the_error_of_the_porosity_holds_for_lattices(spacing, periodic):
+    """All spheres lie alike on the voxels, also on those of twice the size, so that both images may miss by as much."""
+    place = np.stack(np.meshgrid(*[np.arange(3)] * 3, indexing="ij"), axis=-1).reshape(-1, 3) * spacing + spacing / 2
+    box = vg.Box((3 * spacing,) * 3, periodic=periodic)
+    found = measure(vg.Packing.of(vg.make_shape("sphere"), box, position=place, gravity=None), "voids").pore_porosity
+    assert abs(float(found) - (1 - math.pi / (6 * spacing**3))) <= float(found.error) * (1 + 1e-9)
+
+
 def test_the_pores_of_a_bed_end_at_its_surface():
     packing = vg.pack([SPHERE], vg.Cylinder(2.5, 12.0), "deposition", count=100, seed=0)
     found = voids(packing)

@@ -300,7 +300,7 @@ def test_grains_that_overlap_too_deep_are_named():
         ({"lid": {"weight": 1e6}}, "lid weight is 1000000.0: it must be .* at most 100"),
         (
             {"lid": 1.0},
-            r"lid is 1.0: it must be a table of weight, such as {'weight': 1.0}, or Lid\(weight=...\) or left out",
+            r"lid is 1.0: it must be a table of weight, such as {'weight': 1.0}, or Lid\(weight=...\); or leave it out",
         ),
         ({"shaking": {"acceleration": -1.0}}, "shaking acceleration is -1.0"),
         ({"shaking": {"duration": -1.0}}, "shaking duration is -1.0"),

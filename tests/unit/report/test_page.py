@@ -10,6 +10,7 @@ import pytest
 
 from voxgran._base.errors import OutputExistsError
 from voxgran.contacts.verify import verify
+from voxgran.measures.model import measure
 from voxgran.packing.model import Packing
 from voxgran.report import facts
 from voxgran.report.page import save_report
@@ -158,6 +159,12 @@ def test_an_empty_packing_has_a_page(packing, tmp_path):
     assert "Packing of 0 grains" in page.texts
     assert len(page.all("img")) == 1
     assert page.all("svg") == []
+    # with shapes, measures and a verification: as where no grain had room
+    none = Packing.of(packing.shapes, packing.container, position=[], shape_id=[])
+    assert (
+        "Packing of 0 grains"
+        in page_of(none, tmp_path / "n.html", statistics=measure(none), verification=verify(none)).texts
+    )
 
 
 def test_two_dimensions_have_a_page(flat, tmp_path):

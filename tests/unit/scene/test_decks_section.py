@@ -36,13 +36,42 @@ def scene(tmp_path, old="", new=""):
 
 
 def test_a_run_writes_the_input_of_engines(tmp_path):
-    scene(tmp_path).run(tmp_path / "out")
+    made = scene(tmp_path)
+    assert "write input for lammps, yade into dem/" in made.plan().computed
+    decks = made.run(tmp_path / "out").summary["dem"]
+    assert decks == {"lammps": "dem/lammps_run.in", "yade": "dem/yade_run.py"}
     names = {path.name for path in (tmp_path / "out" / "dem").iterdir()}
     assert {"lammps_run.in", "yade_run.py"} <= names
     text = (tmp_path / "out" / "dem" / "lammps_run.in").read_text()
     assert "density 2500 kg/m^3" in text
     assert "friction 0.25" in text
     assert "clump of 4 spheres" in text
+
+
+@pytest.mark.parametrize(
+    ("method", "settle", "section"),
+    [
+        ("digital", {}, "[settle]"),
+        ("digital", {"friction": 0.25}, None),
+        # a solid fraction is reached by a friction that is not known yet
+        ("digital", {"solid_fraction": 0.6}, None),
+        ("digital", {"enabled": False}, None),
+        ("gravity", None, "[packing]"),
+    ],
+)
+def test_the_plan_says_where_friction_goes_to_engines_only(method, settle, section, tmp_path):
+    made = scene(tmp_path).to_mapping()
+    made["packing"] = {"method": method, "count": 5, "gravity": "-z"}
+    made["shape"] = [{"family": "sphere"}]
+    if settle is not None:
+        made["settle"] = settle
+    notes = vg.Scene.from_mapping(made).plan().notes
+    told = "that of [material], 0.25, goes into input for engines only"
+    assert [told in note and f"give {section} friction = 0.25" in note for note in notes] == [True] * bool(section)
+    # without input for engines, and without a material, nothing is meant otherwise
+    made["output"]["dem"] = []
+    del made["material"]
+    assert vg.Scene.from_mapping(made).plan().notes == ()
 
 
 def test_the_description_holds_material_and_engines(tmp_path):

@@ -61,7 +61,7 @@ def test_mistakes_of_several_sections_are_told_together() -> None:
 
 
 def test_missing_sections_are_told_together() -> None:
-    with pytest.raises(InputError, match=r"2 mistakes: \(1\) \[shape\] is missing.*\(2\) \[container\] is missing"):
+    with pytest.raises(InputError, match=r"2 mistakes: \(1\) \[\[shape\]\] is missing.*\(2\) \[container\] is missing"):
         vg.Scene.from_mapping({"packing": {"method": "rsa", "count": 3}})
     with pytest.raises(UnknownNameError, match="'sape' is unknown: did you mean 'shape'"):
         vg.Scene.from_mapping({"sape": [], "packing": {"method": "rsa", "count": 3}})
@@ -70,3 +70,14 @@ def test_missing_sections_are_told_together() -> None:
 def test_one_mistake_keeps_its_own_error() -> None:
     with pytest.raises(UnknownNameError, match=r"^\[scene\] key 'sed' is unknown: did you mean 'seed'"):
         scene(scene={"sed": 1})
+
+
+def test_values_of_sizes_and_containers_name_their_section() -> None:
+    with pytest.raises(InputError, match=r"^\[container\] lengths has shape \(2,\)"):
+        scene(container={"kind": "box", "lengths": [5, 5]})
+    with pytest.raises(InputError, match=r"^\[sizes\] high is 0.5: it must be finite and above 1.5"):
+        scene(sizes={"kind": "uniform", "low": 1.5, "high": 0.5})
+    with pytest.raises(
+        InputError, match=r"\[output\] dem is 'lamps': it must be a list, each entry text; write \['lamps'\]"
+    ):
+        scene(output={"dem": "lamps"})

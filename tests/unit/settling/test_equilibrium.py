@@ -54,7 +54,9 @@ def test_forces_grow_with_the_sizes_of_grains():
     np.testing.assert_allclose(found.carried, [8.0, 0, 0, 0], atol=1e-2)
     # the grain in the air is no rattler: nothing holds it
     np.testing.assert_array_equal(found.rattler, [False, True, False, True])
-    assert found.attrs["share_at_rest"] == 0.5
+    # all grains, and those that are no rattlers
+    assert found.attrs["share_at_rest"] == 0.75
+    assert found.attrs["share_at_rest_without_rattlers"] == 0.5
     assert found.attrs["share_of_rattlers"] == 0.5
 
 

@@ -17,6 +17,15 @@ QUADS = [(0, 1, 3, 2), (4, 6, 7, 5), (0, 4, 5, 1), (2, 3, 7, 6), (0, 2, 6, 4), (
 THIRD = 1 / 3  # no text with fewer than 16 digits gives it back
 
 
+def test_an_image_says_what_makes_shapes_of_one(tmp_path):
+    np.save(tmp_path / "cone.npy", np.zeros((2, 2, 2), dtype=bool))
+    with pytest.raises(FileFormatError, match=r"'.npy': it is that of an image, of which load_labels makes shapes"):
+        load_shape(tmp_path / "cone.npy")
+    (tmp_path / "cone.step").write_text("")
+    with pytest.raises(FileFormatError, match=r"'.step': known are .msh, .*; convert it"):
+        load_shape(tmp_path / "cone.step")
+
+
 def obj_text(faces, vertices=VERTICES):
     lines = [f"v {x!r} {y!r} {z!r}" for x, y, z in np.asarray(vertices).tolist()]
     return "\n".join([*lines, *(("f " + " ".join(str(k + 1) for k in face)) for face in faces)]) + "\n"

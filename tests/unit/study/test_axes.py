@@ -152,6 +152,19 @@ def test_zipped_axes_share_one_dimension():
         study(axes, combine="product")
 
 
+def test_different_values_of_listed_cells_are_called_differently():
+    smooth, rough = ({"method": "gravity", "friction": friction} for friction in (0.0, 1.0))
+    listed = [{"label": name, "method": value} for name, value in (("a", smooth), ("b", rough), ("c", smooth))]
+    cells = study(cells=[*listed, {"label": "d", "method": "digital"}]).cells()
+    methods = [cell.values["method"] for cell in cells]
+    assert methods == ["method gravity, friction 0.0", "method gravity, friction 1.0", methods[0], "digital"]
+    one = [{"label": name, "method": smooth, "packing.count": count} for name, count in (("a", 5), ("b", 6))]
+    assert [cell.values["method"] for cell in study(cells=one).cells()] == ["gravity", "gravity"]
+    named = [{"label": name, "method": value | {"label": "bed"}} for name, value in (("a", smooth), ("b", rough))]
+    with pytest.raises(InputError, match="axis method has two values 'bed'"):
+        study(cells=named)
+
+
 def test_listed_cells_are_one_dimension():
     listed = [{"packing.count": 5, "label": "few"}, {"method": {"method": "expand", "solid_fraction": 0.3}}]
     cells = study({"sizes.sigma": [0.1, 0.2]}, cells=listed).cells()
@@ -180,6 +193,9 @@ def test_listed_cells_are_one_dimension():
         ("sizes.sigm", "sigma"),
         ("scene.densty", "density"),
         ("seds", "seeds"),
+        ("count", "packing.count"),
+        ("sigma", "sizes.sigma"),
+        ("packing_count", "packing.count"),
     ],
 )
 def test_a_misspelt_axis_gets_a_suggestion(axis, meant):

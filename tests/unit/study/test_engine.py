@@ -159,6 +159,8 @@ def test_what_cannot_be_packed_is_a_row_and_no_end(base, tmp_path, here):
     result = made.run(tmp_path / "o")
     assert result.computed == 2
     assert [bool(row["failure"]) for row in result.rows] == [False, False, True, True]
+    runs = "4 runs, 2 finished, 2 failed; container.lengths 2 x seed 2"
+    assert repr(result) == f"StudyResult({runs}; in {str(tmp_path / 'o')!r})"
     assert "cannot be done  container.lengths [0.5, 0.5, 0.5]: " in str(plan)
 
 
@@ -229,7 +231,7 @@ def test_memory_is_given_in_many_ways(monkeypatch):
 class Noting:
     """Computes nothing: notes what it is asked for, and says that each run took so many seconds."""
 
-    running = 0
+    running, compiling, computing = 0, False, 1.0
 
     def __init__(self, seconds):
         self.seconds, self.order = seconds, []
@@ -356,6 +358,26 @@ def test_the_hash_is_that_of_values_files_and_version(base, tmp_path, monkeypatc
     assert key(tmp_path / "a", measure={"which": ["density", "coordination"]}) != first
     monkeypatch.setattr("voxgran.study.files.__version__", "9.9")
     assert key(tmp_path / "a") != first
+
+
+def test_a_file_that_changes_during_a_study_gives_no_numbers(base, tmp_path, data_dir):
+    """Results are kept under the hash of the file as it was: those of another one would be found for ever."""
+    old, new = (data_dir / name for name in ("bennu_lp.obj", "eros.obj"))
+    rock = tmp_path / "rock.obj"
+    rock.write_bytes(old.read_bytes())
+    scene = {
+        "shape": [{"file": str(rock)}],
+        "sizes": {"kind": "fixed", "diameter": 0.5},
+        "measure": {"which": ["density"]},
+    }
+    study = vg.Study(base=base | scene, seeds=1)
+    rock.write_bytes(new.read_bytes())
+    changed = study.run(tmp_path / "out", workers=1)
+    assert "rock.obj has changed since the study began" in str(changed.dataset["failure"].values)
+    rock.write_bytes(old.read_bytes())
+    again = study.run(tmp_path / "out", workers=1, retry=True)
+    assert again.computed == 1
+    assert not again.dataset["failure"].values.any()
 
 
 def test_a_run_goes_on_from_its_checkpoint(tmp_path):

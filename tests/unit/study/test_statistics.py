@@ -47,6 +47,28 @@ def study(values, **axes):
     return xr.Dataset(variables, {**axes, "seed": np.arange(values.shape[-1])})
 
 
+@pytest.mark.parametrize(
+    ("bulk", "bed", "whole", "main"),
+    [
+        # the same count in the same container: what the study varies does not show in it
+        ([[0.6, 0.61], [0.62, 0.63]], [[0.5, 0.51], [0.52, 0.53]], [[0.4, 0.41], [0.4, 0.41]], "bulk_solid_fraction"),
+        ([[math.nan] * 2, [0.62, 0.63]], [[0.5, 0.51], [0.52, 0.53]], [[0.4, 0.41], [0.4, 0.41]], "bed_solid_fraction"),
+        ([[math.nan] * 2] * 2, [[math.nan] * 2] * 2, [[0.4, 0.41], [0.4, 0.41]], "solid_fraction"),
+        # without walls the bulk is the whole
+        ([[0.6, 0.61], [0.62, 0.63]], [[math.nan] * 2] * 2, [[0.6, 0.61], [0.62, 0.63]], "solid_fraction"),
+        # a single cell: seeds differ
+        ([[0.6, 0.6]], [[0.5, 0.51]], [[0.4, 0.4]], "bed_solid_fraction"),
+    ],
+)
+def test_the_default_variable_is_the_first_solid_fraction_that_varies(bulk, bed, whole, main):
+    made = study(whole, method=["rsa", "jam"][: len(whole)])
+    dims = made.solid_fraction.dims
+    made = made.assign(bulk_solid_fraction=(dims, np.array(bulk)), bed_solid_fraction=(dims, np.array(bed)))
+    assert summary(made).attrs["variable"] == main
+    if len(whole) > 1:
+        assert {row["variable"] for row in compare(made)} == {main}
+
+
 def pair(rows, one, other, **place):
     """Return the row of Welch's test of two groups."""
     found = [

@@ -129,6 +129,33 @@ def test_the_bulk_is_shown_where_it_is_not_the_whole_container(data, tmp_path):
         assert ("Comparison of bulk solid fraction" in text) == (files == 4)
 
 
+def test_what_is_equal_by_construction_is_not_drawn_and_what_varies_comes_first(data, tmp_path):
+    made = data.assign(bulk_solid_fraction=data.solid_fraction, solid_fraction=0 * data.solid_fraction + 0.5)
+    text = write_study_page(made, tmp_path).read_text()
+    assert sorted(path.name for path in tmp_path.glob("*.svg")) == [
+        "bulk_solid_fraction_against_seconds.svg",
+        "bulk_solid_fraction_by_cell.svg",
+    ]
+    assert "Comparison of bulk solid fraction" in text
+    assert "Comparison of solid fraction" not in text
+    assert "<th>solid fraction</th>" in re.sub(r"<th[^>]*>", "<th>", text)
+
+
+def test_the_page_says_how_many_runs_warned_of_what(data, tmp_path):
+    texts = np.full(data.solid_fraction.shape, "", dtype=object)
+    texts[1, 0, :3] = [f"rsa placed {count} of 250 grains" for count in (243, 250, 99)]
+    texts[2, 1, 0] = "the bulk holds 3"
+    made = data.assign(warnings=(data.solid_fraction.dims, texts))
+    text = re.sub(r"<t([hd])[^>]*>", r"<t\1>", write_study_page(made, tmp_path).read_text())
+    for words in (
+        "<th>warned</th>",
+        "<th>3</th><td>rsa placed 243 of 250 grains</td>",
+        "<th>1</th><td>the bulk holds 3</td>",
+    ):
+        assert words in text, words
+    assert [row["warned"] for row in table(tmp_path / "cells.csv")] == ["0", "0", "3", "0", "0", "1"]
+
+
 def test_cells_in_the_csv_file_are_those_of_the_summary(written, data):
     rows = table(written[0] / "cells.csv")
     assert [(row["method"], row["shape"]) for row in rows] == list(itertools.product(METHODS, SHAPES))
@@ -205,6 +232,29 @@ def test_points_of_the_figures_are_the_means(data, monkeypatch):
     bands = [path.get_extents() for collection in drawn[1].collections for path in collection.get_paths()]
     spans = [(box.x0, box.x1, box.y0, box.y1) for box in bands if box.width > 0.5 and box.height > 0.01]
     np.testing.assert_allclose(spans, [(-0.42, 0.42, 0.55, 0.64), (0.58, 1.42, 0.54, 0.67)])
+
+
+def test_an_interval_of_times_that_reaches_below_0_ends_in_an_arrow(data, monkeypatch):
+    drawn = []
+
+    def noted(draw, name, **options):
+        from matplotlib.figure import Figure
+
+        drawn.append(Figure().add_subplot())
+        draw(drawn[-1])
+        return ""
+
+    monkeypatch.setattr(plots, "svg_of", noted)
+    found = {}
+    for wide in (False, True):
+        seconds = data["seconds"].copy()
+        if wide:
+            seconds[1, 0] = [0.1, 0.1, 0.1, 5.0]
+        figure, _ = figures_of(data.assign(seconds=seconds), "solid_fraction", over="method")
+        arrows = [line.get_xydata()[0].tolist() for line in drawn[-2].lines if line.get_marker() == "<"]
+        found[wide] = arrows, "An arrow at the left border" in figure.caption
+    mean = float(data["solid_fraction"][1, 0].mean())
+    assert found == {False: ([], False), True: ([[drawn[-2].get_xlim()[0], mean]], True)}
 
 
 def lab(color, matrix):

@@ -46,14 +46,22 @@ class KernelCache(FunctionCache):
         Hash of its code and of all that it calls.
     folder : Path
         Where compiled kernels are kept.
-    on_miss : callable
-        Told of each compilation.
+    on_miss, on_save : callable
+        Called before and after each compilation.
     """
 
-    def __init__(self, function: Callable[..., Any], code: str, folder: Path, *, on_miss: Callable[[], None]) -> None:
+    def __init__(
+        self,
+        function: Callable[..., Any],
+        code: str,
+        folder: Path,
+        *,
+        on_miss: Callable[[], None],
+        on_save: Callable[[], None],
+    ) -> None:
         self._name, self._py_func = repr(function), function
         self._impl, self._cache_path = _Results(folder), str(folder)
-        self._cache_file = _Files(folder, f"{function.__name__.strip('_')}-{code}", on_miss)
+        self._cache_file = _Files(folder, f"{function.__name__.strip('_')}-{code}", on_miss, on_save)
         self.enable()
 
 
@@ -78,8 +86,8 @@ class _Locator:
 class _Files:
     """One file for each combination of argument types."""
 
-    def __init__(self, folder: Path, stem: str, on_miss: Callable[[], None]) -> None:
-        self.folder, self.stem, self.on_miss = folder, stem, on_miss
+    def __init__(self, folder: Path, stem: str, on_miss: Callable[[], None], on_save: Callable[[], None]) -> None:
+        self.folder, self.stem, self.on_miss, self.on_save = folder, stem, on_miss, on_save
 
     def _path(self, key: object) -> Path:
         """Return the file of a combination of types and a processor."""
@@ -109,6 +117,7 @@ class _Files:
             log.info("%s was not kept: %s", path, error)
             with contextlib.suppress(OSError):
                 draft.unlink()
+        self.on_save()
 
     def flush(self) -> None:
         """Forget nothing: names decide what is fresh."""

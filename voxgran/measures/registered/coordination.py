@@ -110,7 +110,8 @@ def _rattlers(packing: Packing) -> Rattlers:
         definition = "a grain that rests and, by the contact forces, carries nothing but itself"
     else:
         free = packing.gravity is None
-        fewest = packing.dimension + 1 if free and all(shape.is_sphere for shape in packing.shapes) else FEWEST
+        round_grains = all(packing.shapes[k].is_sphere for k in np.unique(packing.shape_id))
+        fewest = packing.dimension + 1 if free and round_grains else FEWEST
         walls = walls_touched(packing, usual_gap(packing) * mean_diameter(packing))
         at_wall = np.repeat(np.arange(n), walls)
         near = NearPairs(

@@ -13,7 +13,7 @@ from voxgran.measures.model import Groups, Measure, dataset, length_unit, variab
 from voxgran.measures.region import Regions
 from voxgran.measures.slices import as_window
 from voxgran.measures.window import Estimate, Solids
-from voxgran.packing.model import Packing
+from voxgran.packing.model import Packing, check_packing
 
 #: distance of the bulk from the walls, in median diameters, and smallest number of grains in it
 INSET = 1.5
@@ -66,6 +66,7 @@ def window_solid_fraction(packing: Packing, lower: "ArrayLike", upper: "ArrayLik
     >>> round(vg.window_solid_fraction(packing, (-0.5, -0.5, -0.5), (0.5, 0.5, 0.5)), 12)
     0.523598775598
     """
+    check_packing(packing, "packing")
     low, high = as_window(lower, upper, packing.dimension)
     room = float(np.prod(high - low))
     if not (math.isfinite(room) and room > 0):
@@ -106,10 +107,21 @@ def _bulk(packing: Packing, regions: Regions | None = None) -> tuple[Estimate, i
     return Estimate(solid / room, error), count, float(room)
 
 
-def _bed(packing: Packing, regions: Regions) -> Estimate | None:
-    """Return the solid fraction below the surface of a bed, from wall to wall; None without grains or gravity."""
+def bed_fraction(packing: Packing, regions: Regions | None = None) -> Estimate | None:
+    """Return the solid fraction below the surface of a bed, from wall to wall; None without grains or gravity.
+
+    It is found once and kept.  regions: of the packing, made where left out.
+    """
     if not packing.count or packing.gravity is None:
         return None
+    if "bed_fraction" not in packing._found:
+        packing._found["bed_fraction"] = _bed_fraction(Regions(packing) if regions is None else regions)
+    found: Estimate = packing._found["bed_fraction"]
+    return found
+
+
+def _bed_fraction(regions: Regions) -> Estimate:
+    """Find the solid fraction below the surface of a bed."""
     region = regions.at(0.0)
     room, solid = region.volume, region.solid(regions.solids)
     if room <= 0:
@@ -121,7 +133,7 @@ def _compute(packing: Packing) -> Groups:
     """Return the numbers of the whole packing."""
     regions = Regions(packing)
     bulk, bulk_count, room = _bulk(packing, regions)
-    bed = _bed(packing, regions)
+    bed = bed_fraction(packing, regions)
     d, unit = packing.dimension, length_unit(packing)
     size = length_unit(packing, power=d)
     kind = "volume" if d == 3 else "area"

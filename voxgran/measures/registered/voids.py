@@ -17,7 +17,7 @@ from voxgran._base.arrays import Floats, as_length
 from voxgran.measures.chords import Chords, chords_along
 from voxgran.measures.model import Groups, Measure, dataset, length_unit, variable
 from voxgran.measures.pores import pores_of
-from voxgran.measures.registered.density import specific_surface
+from voxgran.measures.registered.density import bed_fraction, specific_surface
 from voxgran.packing.model import Packing
 
 #: voxels in a mean diameter, in 3D and 2D, and most voxels
@@ -127,6 +127,8 @@ def _compute(packing: Packing) -> Groups:
     fines, coarses = fine.numbers(), coarse.numbers()
 
     def least(name: str) -> float:
+        if name == "pore_porosity":
+            return abs(fine.porosity - _exact_porosity(packing))
         return fine.size_error if name.startswith("pore_size") else 0.0
 
     whole = {
@@ -141,6 +143,12 @@ def _compute(packing: Packing) -> Groups:
     whole["pore_size_voxel_size"] = variable((), fine.size_voxel, unit, text)
     whole["specific_surface"] = specific_surface(packing)
     return {"/": dataset(whole), "/voids": _distributions(fine, packing, unit)}
+
+
+def _exact_porosity(packing: Packing) -> float:
+    """Return the porosity by the volumes of the grains, below the surface of a bed."""
+    bed = bed_fraction(packing)
+    return packing.porosity if bed is None or math.isnan(bed) else 1.0 - float(bed)
 
 
 def _difference(fine: float, coarse: float, least: float) -> float:

@@ -20,6 +20,7 @@ from voxgran._base.lazy import load
 from voxgran._base.vtk_data import poly_data, write_data
 from voxgran._base.vtk_readers import vtk_triangles
 from voxgran.shapes.formats.mesh_formats import Polygons, gmsh_polygons, read_obj, read_off, read_ply, read_stl
+from voxgran.shapes.images.image_files import READERS as IMAGES
 
 #: largest number of corners of a polygon that is clipped: the time grows with its square and the recursion is deep
 MOST_CORNERS = 5000
@@ -38,9 +39,13 @@ def read_surface(path: str | os.PathLike[str]) -> tuple[Floats, Integers]:
     found = existing_file(path)
     reader = READERS.get(found.suffix.lower())
     if reader is None:
-        raise FileFormatError(
-            f"{found} has the suffix {found.suffix!r}: known are {', '.join(sorted(READERS))}; convert it"
+        image = found.suffix.lower() in IMAGES
+        remedy = (
+            "it is that of an image, of which load_labels makes shapes, or 'voxgran labels' at the prompt; use that"
+            if image
+            else f"known are {', '.join(sorted(READERS))}; convert it"
         )
+        raise FileFormatError(f"{found} has the suffix {found.suffix!r}: {remedy}")
     if found.stat().st_size == 0:
         raise FileFormatError(f"{found} is empty: it must hold a closed surface; write it again")
     points, polygons = reader(found)

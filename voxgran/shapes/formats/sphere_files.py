@@ -22,7 +22,7 @@ import numpy as np
 
 from voxgran._base.arrays import LONGEST, SHORTEST, Floats, as_positive
 from voxgran._base.errors import FileFormatError, InputError, with_article
-from voxgran._base.files import as_path, existing_file, written_whole
+from voxgran._base.files import as_path, existing_file, output_suffix, written_whole
 from voxgran._base.units import known_unit
 from voxgran.shapes.model import Shape
 from voxgran.shapes.primitive import Primitive
@@ -332,10 +332,7 @@ def clump_suffix(path: str | os.PathLike[str]) -> str:
     FileFormatError
         If the suffix is unknown.
     """
-    target = as_path(path)
-    if target.suffix.lower() not in SUFFIXES:
-        raise FileFormatError(f"{target} has the suffix {target.suffix!r}: clumps are kept as {', '.join(SUFFIXES)}")
-    return target.suffix.lower()
+    return output_suffix(path, SUFFIXES, "clumps are kept")
 
 
 def _spheres_of(shape: Shape) -> Spheres:

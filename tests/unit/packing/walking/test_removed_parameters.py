@@ -11,7 +11,7 @@ BOX = {"kind": "box", "lengths": [4, 4, 4]}
 @pytest.mark.parametrize("method", ["digital", "control_point"])
 @pytest.mark.parametrize("name", ["settling", "friction", "shaking", "acceleration"])
 def test_former_parameters_say_what_replaces_them(method, name):
-    words = rf"{name} is no longer a parameter: .*settle=dict\((friction|shaking)=\.\.\.\)"
+    words = rf"{name} is not a parameter: .*settle=dict\((friction|shaking)=\.\.\.\)"
     with pytest.raises(UnknownNameError, match=words):
         vg.pack(vg.make_shape("sphere"), vg.Box((4, 4, 4)), method, count=1, **{name: 1})
     scene = {"shape": [{"family": "sphere"}], "container": BOX, "packing": {"method": method, "count": 1, name: 1}}
