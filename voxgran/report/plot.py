@@ -17,7 +17,7 @@ from voxgran.report.colors import COLOR_BY, COLORS, coloring
 from voxgran.report.creases import surface_of
 from voxgran.report.legend import legend_of
 from voxgran.report.scenes import GRAIN_COLOR, SMOOTH, picture_cut, picture_packing
-from voxgran.report.stage import Picture, check_picture_path, look_at, png_of, shot, stage_of
+from voxgran.report.stage import Picture, as_window, check_picture_path, look_at, png_of, shot, stage_of
 from voxgran.shapes.model import Shape
 
 #: backends of PyVista before 0.48 whose scenes can be turned in a notebook, and what these need
@@ -57,7 +57,8 @@ def plot(
     Raises
     ------
     InputError
-        If it is neither a packing nor a shape, `color_by` is unknown, or it is "force" and no forces are known.
+        If it is neither a packing nor a shape, `color_by` is unknown, or it is "force" and no forces are known, or
+        `window` is not two whole numbers above 0.
 
     Examples
     --------
@@ -67,6 +68,7 @@ def plot(
     """
     check_type(what, (Packing, Shape), "what", "a Packing or a Shape; pack or make one")
     as_choice(color_by, "color_by", COLOR_BY)
+    window = as_window(window)
     backend = _notebook_backend()
     if backend is not None or _has_window():
         plotter = _plotter(what, color_by, window, notebook=backend is not None, legend=legend)
@@ -111,7 +113,8 @@ def save_picture(
     Raises
     ------
     InputError
-        If it is neither a packing nor a shape, `color_by` is unknown, or it is "force" and no forces are known.
+        If it is neither a packing nor a shape, `color_by` is unknown, or it is "force" and no forces are known, or
+        `window` is not two whole numbers above 0.
     FileFormatError
         If the suffix is not ``.png``.
     OutputExistsError
@@ -133,7 +136,7 @@ def save_picture(
     check_type(what, (Packing, Shape), "what", "a Packing or a Shape; pack or make one")
     as_choice(color_by, "color_by", COLOR_BY)
     check_picture_path(path, overwrite=overwrite)
-    content = png_of(_picture(what, color_by, window, cut=cut, legend=legend))
+    content = png_of(_picture(what, color_by, as_window(window), cut=cut, legend=legend))
     with written_whole(path, overwrite=overwrite) as draft:
         draft.write_bytes(content)
 

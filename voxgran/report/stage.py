@@ -9,7 +9,8 @@ from typing import Any, TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
-from voxgran._base.arrays import Floats
+from voxgran._base.arrays import Floats, as_count, check_type
+from voxgran._base.errors import InputError, shown
 from voxgran._base.files import output_suffix, refuse_to_replace
 from voxgran._base.lazy import load
 from voxgran.containers.model import Container
@@ -106,6 +107,22 @@ def shot(stage: Any) -> Picture:
     stage.render()
     image: Picture = np.ascontiguousarray(stage.screenshot(None, return_img=True)[:, :, :3])
     return image
+
+
+def as_window(window: Any) -> tuple[int, int]:
+    """Return width and height of a picture in pixels, checked.
+
+    Raises
+    ------
+    InputError
+        If they are not two whole numbers above 0.
+    """
+    rule = "width and height in pixels, such as (900, 900)"
+    check_type(window, (list, tuple), "window", rule)
+    if len(window) != 2:
+        raise InputError(f"window is {shown(window)}: it must be {rule}; change it")
+    width, height = (as_count(side, "window", at_least=1) for side in window)
+    return width, height
 
 
 def check_picture_path(path: str | os.PathLike[str], *, overwrite: bool) -> None:
