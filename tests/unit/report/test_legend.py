@@ -1,11 +1,15 @@
 """Legends and colour bars say what the colours of a picture mean, beside the packing and within the picture."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from matplotlib import colormaps
 
 import voxgran as vg
 from voxgran.report.colors import ENTRIES, Coloring, coloring
+from voxgran.report.facts import headline
+from voxgran.report.figures import curves_of, figures_of
 from voxgran.report.legend import LEFT, RIGHT, TICKS, legend_of
 from voxgran.report.scenes import picture_cut, picture_packing
 from voxgran.report.stage import text_size, text_width
@@ -109,3 +113,20 @@ def test_the_packing_stands_above_its_legend(two):
     # one line of background between the container and the strip
     assert ground[row - 3 : row - 1].all()
     assert not ground[: row - 8].all()
+
+
+def test_the_page_of_two_densities_has_their_segregation_and_the_mass_density_along_gravity():
+    sphere, where = vg.make_shape("sphere"), [(1, 1, 0.5), (3, 1, 0.5), (1, 1, 1.5), (3, 1, 1.5)]
+    box = vg.Box((4, 4, 4))
+    bed = vg.Packing.of([sphere] * 2, box, position=where, shape_id=[0, 0, 1, 1], density=(7800, 2500), gravity="-z")
+    tree = vg.measure(bed, ["segregation", "profile"])
+    found = {fact.label: fact for fact in headline(bed, tree, None)}
+    assert found["density segregation"].value == "\u22121.00"
+    assert "below 0 where heavy grains lie below" in found["density segregation"].note
+    assert [name for _, name in curves_of(bed, tree) if "mass" in name] == ["mass_density_z"]
+    drawn = {figure.name: figure for figure in figures_of(bed, tree)}
+    assert "mass density, in the unit given" in drawn["mass_density_z"].svg
+    same = replace(bed, density=2500.0)
+    tree = vg.measure(same, ["segregation", "profile"])
+    assert "density segregation" not in [fact.label for fact in headline(same, tree, None)]
+    assert not any("mass" in name for _, name in curves_of(same, tree))
