@@ -99,6 +99,13 @@ def gradient() -> list[str]:
     return [load("matplotlib.colors").to_hex(scale(k / 8)) for k in range(9)]
 
 
+def swatches(colors: Coloring) -> list[tuple[str, str]]:
+    """Return colour and name of each value, where these can be listed."""
+    low, high = colors.limits
+    scale, to_hex = load("matplotlib").colormaps[COLORS], load("matplotlib.colors").to_hex
+    return [(to_hex(scale((value - low) / (high - low))), name) for value, name in colors.entries.items()]
+
+
 def _heights(packing: Packing) -> Floats:
     """Return the heights of the centroids against gravity, along the last axis where there is none, above the lowest
     corner of the bounds.

@@ -162,7 +162,7 @@ def _plotter(what: Packing | Shape, color_by: str, window: tuple[int, int], *, n
         mesh.cell_data[found.label] = found.values[mesh.cell_data["grain"]]
         look = {"scalars": found.label, "cmap": COLORS, "clim": found.limits, "show_scalar_bar": False}
         if legend and (strip := legend_of(found, window)) is not None:
-            strip.add_to(plotter, color=plotter.theme.font.color)
+            strip.add_to(plotter, color=load("pyvista").global_theme.font.color)
         plotter.add_mesh(load("pyvista").PolyData.from_regular_faces(*what.container.mesh()), style="wireframe")
     # PyVista refuses empty meshes
     if mesh.n_points:

@@ -50,6 +50,14 @@ def test_densities_and_shapes_are_listed_with_their_colours(two):
         assert all(share(bare, color) < 5e-4 for color in ENDS)
 
 
+def test_the_page_lists_densities_with_their_colours_below_the_pictures(two, tmp_path, jagged_pictures):
+    vg.save_report(two, tmp_path / "page.html", color_by="density", interactive=False)
+    text = (tmp_path / "page.html").read_text()
+    line = text[text.index("Colour: density of the material, in the unit given") :].partition("</p>")[0]
+    assert '<b style="background: #440154"></b> 2500' in line
+    assert '<b style="background: #fde725"></b> 7800' in line
+
+
 def test_values_have_a_bar_with_name_unit_and_numbers(packing):
     *numbers, title = texts(packing, "diameter")
     assert title == "equivalent diameter (mm)"
