@@ -9,7 +9,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 from kit import small_scene
+from PIL import Image
 
+import voxgran as vg
 from voxgran.cli import main
 
 pytestmark = pytest.mark.usefixtures("jagged_pictures")
@@ -135,3 +137,33 @@ def test_a_grey_image_is_segmented_at_the_prompt(tmp_path, capsys):
     found = json.loads(capsys.readouterr().out)
     assert found["grains"] == 1
     assert found["solid_fraction"] == pytest.approx((6 / 16) ** 3)
+
+
+def test_a_packing_becomes_a_picture_at_the_prompt(tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    vg.pack(vg.shapes.sphere(), vg.Box((4, 4, 4)), "rsa", count=12, seed=1).save("bed.vtp")
+    assert main(["picture", "bed.vtp", "--window", "240,180"]) == 0
+    assert capsys.readouterr().out == "bed.png\n"
+    assert main(["picture", "bed.vtp", "-o", "cut.png", "--color-by", "height", "--cut", "--no-legend"]) == 0
+    drawn = {path.stem: np.asarray(Image.open(path))[..., :3] for path in tmp_path.glob("*.png")}
+    assert {name: picture.shape for name, picture in drawn.items()} == {"bed": (180, 240, 3), "cut": (900, 900, 3)}
+    vg.save_picture(vg.load("bed.vtp"), "same.png", color_by="height", cut=True, legend=False)
+    assert np.array_equal(drawn["cut"], np.asarray(Image.open("same.png"))[..., :3])
+
+
+def test_a_picture_that_cannot_be_is_refused_before_the_packing_is_read(tmp_path, capsys):
+    there = tmp_path / "there.png"
+    there.write_text("mine")
+    for words, said in (
+        (["-o", str(there)], "is there already"),
+        (["-o", "bed.jpg"], "has the suffix '.jpg'"),
+    ):
+        assert main(["picture", "missing.vtp", *words]) == 2
+        assert said in capsys.readouterr().err
+    vg.pack(vg.shapes.sphere(), vg.Box((4, 4, 4)), "rsa", count=2).save(tmp_path / "bed.vtp")
+    for window in ("900", "900,0", "2,3,4"):
+        assert main(["picture", str(tmp_path / "bed.vtp"), "--window", window]) == 2
+        assert "window is" in capsys.readouterr().err
+    for guess in ("show", "plot", "view", "draw", "figure"):
+        assert main([guess, "bed.vtp"]) == 2
+        assert "did you mean 'picture'?" in capsys.readouterr().err

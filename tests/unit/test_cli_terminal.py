@@ -3,11 +3,12 @@
 import argparse
 import contextlib
 import io
+import time
 
 import pytest
 import rich.progress
 
-from voxgran._base.progress import Step
+from voxgran._base.progress import Step, repeated
 from voxgran.cli.terminal import progress
 
 
@@ -60,3 +61,18 @@ def test_what_tells_its_time_has_no_other_time_beside_it(bars, timed):
     steps(("runs", 1, 9), timed=timed)
     kinds = [type(column) for column in bars[0].columns]
     assert (rich.progress.TimeRemainingColumn in kinds) == timed
+
+
+@pytest.mark.parametrize(("given", "told"), [({}, True), ({"quiet": True}, False), ({"json": True}, False)])
+def test_a_log_has_a_line_every_ten_seconds_also_of_a_stage_that_says_nothing_more(monkeypatch, given, told):
+    options = argparse.Namespace(**{"quiet": False, "json": False, **given})
+    log = io.StringIO()
+    with contextlib.redirect_stderr(log), progress(options) as on_step:
+        on_step(Step(stage="compiling", done=0, total=0))
+        assert log.getvalue() == ""
+        monkeypatch.setattr("voxgran._base.progress.SECONDS", 0.05)
+        with repeated(on_step) as say:
+            say(Step(stage="finishing", done=1, total=5, text="measuring"))
+            time.sleep(0.3)
+    assert ("voxgran: finishing: measuring (after" in log.getvalue()) == told
+    assert (log.getvalue().count("\n") > 1) == told

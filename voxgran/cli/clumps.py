@@ -7,7 +7,7 @@ from voxgran._base.config import parameters_of
 from voxgran._base.files import refuse_to_replace
 from voxgran.cli.terminal import show
 from voxgran.clumps.method import clump_registry
-from voxgran.report.clumps import check_picture_path
+from voxgran.report.stage import check_picture_path
 from voxgran.shapes.formats.sphere_files import clump_suffix
 
 #: what the errors of a clump are relative to

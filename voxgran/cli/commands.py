@@ -4,6 +4,7 @@ import argparse
 import json
 from collections.abc import Callable, Sequence
 from dataclasses import MISSING, replace
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -161,6 +162,13 @@ def report(options: argparse.Namespace) -> None:
         packing, target, **found, **_fields(options, "color_by", "turntable", "interactive", "overwrite")
     )
     print(target)
+
+
+def picture(options: argparse.Namespace) -> None:
+    """Write a picture of a packing."""
+    from voxgran.cli import pictures
+
+    pictures.picture(options, partial(_packing, options))
 
 
 def compare(options: argparse.Namespace) -> None:
@@ -388,6 +396,7 @@ COMMANDS: dict[str, tuple[str, Callable[[argparse.Namespace], int | None]]] = {
     "equilibrium": ("prove that the grains of a packing rest", equilibrium),
     "measure": ("measure a packing", measure),
     "report": ("write a page with pictures about a packing", report),
+    "picture": ("write a picture of a packing", picture),
     "compare": ("write a page that compares packings", compare),
     "labels": ("make a packing of a label image", labels),
     "shape": ("make a shape of a family", shape),

@@ -16,9 +16,11 @@ from voxgran._base.errors import InputError, UnknownNameError
 from voxgran._base.lazy import load
 from voxgran._base.registry import nearest, unknown
 from voxgran._base.warning import warn_former
+from voxgran.cli.examples import EXAMPLES
 from voxgran.decks.material import Material
 from voxgran.decks.simulation import LONGEST, REST
 from voxgran.decks.write import KINDS
+from voxgran.packing.grains import ColorBy
 from voxgran.settling.parameters import Settling
 
 
@@ -99,7 +101,9 @@ DECK: tuple[Flag, ...] = (
     _flag("--time-step", type=float, help="time step in s; default: by the contact law"),
 )
 TARGETS = ("iou", "volume", "inertia", "surface")
-COLOR_BY = ("diameter", "height", "shape", "density", "coordination", "distance", "force")
+COLORED = _flag(
+    "--color-by", choices=typing.get_args(ColorBy), default="diameter", help="what the grains are coloured by"
+)
 
 #: flags of each command beside --json and --overwrite
 FLAGS: dict[str, tuple[Flag, ...]] = {
@@ -135,9 +139,17 @@ FLAGS: dict[str, tuple[Flag, ...]] = {
     "report": (
         *PACKING,
         _flag("-o", "--output", help="HTML file; the numbers go beside it as JSON"),
-        _flag("--color-by", choices=COLOR_BY, default="diameter", help="what the grains are coloured by"),
+        COLORED,
         _flag("--turntable", action="store_true", help="add a picture that turns"),
         INTERACTIVE,
+    ),
+    "picture": (
+        *PACKING,
+        _flag("-o", "--output", help="PNG file; default: of the same name"),
+        COLORED,
+        _flag("--cut", action="store_true", help="leave out the grains in the quarter that faces the viewer"),
+        _flag("--window", type=_value, default="900,900", help="width and height, in pixels"),
+        _flag("--legend", action=argparse.BooleanOptionalAction, default=True, help="say what the colours mean"),
     ),
     "compare": (
         _flag(
@@ -247,40 +259,6 @@ FLAGS: dict[str, tuple[Flag, ...]] = {
         _flag("-o", "--output", help="file; default: of the same name, in this folder"),
     ),
     "demo": (_flag("-o", "--output", default="out/demo", help="folder for the results"),),
-}
-
-#: an example of each command, shown at the end of its help
-EXAMPLES: dict[str, str] = {
-    "init": "voxgran init scene.toml",
-    "plan": "voxgran plan scene.toml",
-    "run": "voxgran run scene.toml -o out\n  voxgran run scene.toml -o out --resume",
-    "verify": "voxgran verify out/packing.vtp",
-    "settle": "voxgran settle loose.vtp -o bed.vtp --friction 0.3\n"
-    "  voxgran settle spheres.txt --periodic xy --gravity -z -o bed.vtp --shaking-duration 20",
-    "equilibrium": "voxgran equilibrium bed.vtp --friction 0.5",
-    "measure": "voxgran measure out/packing.vtp --which density --which coordination -o statistics.nc",
-    "report": "voxgran report out/packing.vtp -o report.html",
-    "compare": "voxgran compare digital=out/digital points=out/points -o comparison.html",
-    "labels": "voxgran labels scan.tif --voxel-size 0.02 --unit mm -o scan.vtp\n"
-    "  voxgran labels grey.tif --segment --voxel-size 0.02 -o scan.vtp",
-    "shape": "voxgran shape solid_union --seed 7 --solids 3,5 -o grain.stl\n"
-    "  voxgran shape convex_polyhedron --count 300 --points 8,20 -o grains --gallery grains.png",
-    "repair": "voxgran repair scan.ply -o rock.ply\n  voxgran repair scan.ply --bodies largest --max-hole 0.1",
-    "simplify": "voxgran simplify scan.stl --faces 500 -o small.stl",
-    "cloud": "voxgran cloud scan.ply --outliers 2 -o rock.stl",
-    "clump": "voxgran clump rock.stl --spheres 50 -o rock.csv --picture rock.png\n"
-    "  voxgran clump rock.stl --target iou --value 0.95 --mode balanced -o rock.mol",
-    "export": "voxgran export bed.vtp --engine lammps -o run\n"
-    "  voxgran export bed.vtp --engine yade --clump 50 --density 2650 --friction 0.4 -o run",
-    "relax": "voxgran relax bed.vtp -o rested.vtp --history rested.nc",
-    "engines": "voxgran engines",
-    "methods": "voxgran methods\n  voxgran methods digital",
-    "study": "voxgran study study.toml --dry-run\n  voxgran study study.toml -o out --workers 4\n"
-    "  voxgran study study.toml -o out --dask tcp://127.0.0.1:8786",
-    "bench": "voxgran bench voxelize -o figures",
-    "doctor": "voxgran doctor\n  voxgran doctor --warm",
-    "data": "voxgran data itokawa_lp.obj -o rock.obj",
-    "demo": "voxgran demo -o out/demo",
 }
 
 

@@ -12,7 +12,7 @@ from voxgran._base.errors import InputError, OutputExistsError
 from voxgran._base.files import write_text
 from voxgran._base.progress import Step
 from voxgran.cli.terminal import progress, show
-from voxgran.report.clumps import check_picture_path
+from voxgran.report.stage import check_picture_path
 from voxgran.shapes.formats.mesh_files import WRITERS
 
 #: name of the table in a folder of shapes

@@ -11,12 +11,12 @@ from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
 
 from voxgran._base.lazy import load
-from voxgran._base.progress import OnStep, Step, silent
+from voxgran._base.progress import OnStep, ProgressLines, Step, silent
 
 
 @contextlib.contextmanager
 def progress(options: argparse.Namespace, *, timed: bool = True) -> Iterator[OnStep | None]:
-    """Show the bar of the present stage on a terminal, and nothing in a pipe (context manager).
+    """Show the bar of the present stage on a terminal, and a line every ten seconds in a log (context manager).
 
     Parameters
     ----------
@@ -25,8 +25,12 @@ def progress(options: argparse.Namespace, *, timed: bool = True) -> Iterator[OnS
     timed : bool
         Whether rate and remaining time are shown, which follow from the steps; false where their texts tell the time.
     """
-    if options.quiet or options.json or not sys.stderr.isatty():
+    if options.quiet or options.json:
         yield silent
+        return
+    if not sys.stderr.isatty():
+        # that kernels are compiled is not worth a line of its own where nobody waits
+        yield ProgressLines(compiling=True)
         return
     rich = load("rich.progress")
     columns = (

@@ -58,9 +58,12 @@ def measures() -> tuple[str, ...]:
     return measure_registry().names()
 
 
-@explained(hint='measure(packing, ["contacts", "rdf"])')
+@explained(
+    hint='measure(packing, ["contacts", "rdf"]), or for each shape or material in turn '
+    'measure(packing[packing.shape_id == 0], "profile")'
+)
 def measure(packing: Packing, which: str | Sequence[str] | None = None, *, threads: int | None = None) -> "DataTree":
-    """Measure a packing.
+    """Measure a packing, or the grains of one shape: ``measure(packing[packing.shape_id == 0], "profile")``.
 
     Parameters
     ----------

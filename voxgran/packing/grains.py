@@ -5,7 +5,7 @@ meshes and a card for notebooks.
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, fields, replace
 from functools import partial
-from typing import TYPE_CHECKING, Any, ClassVar, Self, overload
+from typing import TYPE_CHECKING, Any, ClassVar, Literal, Self, TypeAlias, overload
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -26,6 +26,8 @@ if TYPE_CHECKING:
     from xarray import Dataset
 
 
+#: what the colours of grains show in pictures
+ColorBy: TypeAlias = Literal["diameter", "height", "shape", "density", "coordination", "distance", "force"]
 #: how packings become alike in what they must share for a sum
 _REMEDIES = {
     "unit": "convert one with to_unit",

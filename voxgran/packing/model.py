@@ -5,7 +5,7 @@ from collections.abc import Mapping, Sequence
 from copy import deepcopy
 from dataclasses import dataclass, field, replace
 from functools import cached_property
-from typing import TYPE_CHECKING, Any, Literal
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -23,7 +23,7 @@ from voxgran.contacts.model import Contacts
 from voxgran.contacts.verify import Verification, verify
 from voxgran.containers.model import Container
 from voxgran.containers.one_unit import converted, in_one_unit
-from voxgran.packing.grains import GrainSequence, card_of_packing, common_shapes, frame_of, refuse_unlike
+from voxgran.packing.grains import ColorBy, GrainSequence, card_of_packing, common_shapes, frame_of, refuse_unlike
 from voxgran.packing.gravity import Down, as_down
 from voxgran.settling.relaxation import Relaxation
 from voxgran.shapes.model import Shape, check_shapes
@@ -408,22 +408,22 @@ class Packing(GrainSequence):
         """
         public("save")(self, path, overwrite=overwrite)
 
-    def plot(
-        self, *, color_by: Literal["diameter", "height", "shape", "coordination", "distance", "force"] = "diameter"
-    ) -> Any:
+    def plot(self, *, color_by: ColorBy = "diameter", legend: bool = True) -> Any:
         """Show the packing in a window, or return a picture of it, as :func:`voxgran.plot`.
 
         Parameters
         ----------
-        color_by : {"diameter", "height", "shape", "coordination", "distance", "force"}
+        color_by : {"diameter", "height", "shape", "density", "coordination", "distance", "force"}
             What the colours show; "force", the largest force on each grain, where forces are known.
+        legend : bool
+            Whether a legend or a colour bar says what they mean.
 
         Examples
         --------
         >>> import voxgran as vg
         >>> vg.pack(vg.shapes.sphere(), vg.Box((4, 4, 4)), "rsa", count=5).plot()  # doctest: +SKIP
         """
-        return public("plot")(self, color_by=color_by)
+        return public("plot")(self, color_by=color_by, legend=legend)
 
     def _repr_html_(self) -> str:
         """Small picture and numbers, for notebooks."""

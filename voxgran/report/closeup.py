@@ -5,9 +5,9 @@ from typing import Any
 import numpy as np
 
 from voxgran._base.arrays import Floats, Integers
-from voxgran._base.lazy import load
 from voxgran.measures.registered.coordination import WIDEST_GAP, mean_diameter
 from voxgran.packing.model import Packing
+from voxgran.report.creases import creased, shaded
 from voxgran.report.stage import MATERIAL, Picture, add_scale_bar, beads, look_at, shot, stage_of
 
 _MIDDLE, _NEIGHBOUR, _POINT = "#2a9d8f", "#b9c3ca", "#d1495b"
@@ -50,8 +50,8 @@ def _busiest(packing: Packing, i: Integers, j: Integers) -> int:
 def _add_grain(stage: Any, packing: Packing, grain: int, shift: Floats, *, color: str, opacity: float) -> Floats:
     """Draw a periodic image of a grain; return its vertices."""
     shape = packing.shapes[packing.shape_id[grain]]
-    turned = shape.vertices @ packing.matrices[grain].T * packing.scale[grain]
+    corners, faces = creased(shape, shape.vertices, shape.faces)
+    turned = corners @ packing.matrices[grain].T * packing.scale[grain]
     vertices: Floats = turned + packing.position[grain] + shift
-    mesh = load("pyvista").PolyData.from_regular_faces(vertices, shape.faces)
-    stage.add_mesh(mesh, color=color, opacity=opacity, smooth_shading=True, split_sharp_edges=True, **MATERIAL)
+    stage.add_mesh(shaded(vertices, faces), color=color, opacity=opacity, smooth_shading=True, **MATERIAL)
     return vertices

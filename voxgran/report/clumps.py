@@ -9,10 +9,24 @@ import numpy as np
 from voxgran._base.arrays import check_type
 from voxgran._base.calls import explained
 from voxgran._base.errors import InputError
-from voxgran._base.files import output_suffix, refuse_to_replace, written_whole
+from voxgran._base.files import written_whole
 from voxgran.clumps.body import Body
 from voxgran.clumps.model import Clump
-from voxgran.report.stage import MATERIAL, Picture, beads, look_at, png_of, shot, stage_of
+from voxgran.report.colors import Coloring
+from voxgran.report.creases import surface_of
+from voxgran.report.legend import legend_of
+from voxgran.report.stage import (
+    MATERIAL,
+    Picture,
+    add_label,
+    beads,
+    check_picture_path,
+    look_at,
+    png_of,
+    shot,
+    stage_of,
+    text_size,
+)
 
 #: colours from inside of the solid to outside
 COLORS = "RdBu_r"
@@ -24,7 +38,6 @@ WINDOW = (420, 380)
 MANY = 100
 
 _SOLID = "#b9c4cb"
-_SMOOTH = {"smooth_shading": True, "split_sharp_edges": True, **MATERIAL}
 
 
 def picture_clumps(
@@ -32,24 +45,34 @@ def picture_clumps(
 ) -> Picture:
     """Draw the solid of the first clump and all clumps in a row, from the same side.
 
-    Blue parts of a clump lie inside of the solid, red ones protrude; white ones are on its surface. The window, in
-    pixels, is that of each body; titles are those of the clumps. Returns an (h, w, 3) array of bytes.
+    Blue parts of a clump lie inside of the solid, red ones protrude; white ones are on its surface; a colour bar gives
+    the distance. The window, in pixels, is that of each body; titles are those of the clumps. Returns an (h, w, 3)
+    array of bytes.
     """
     shape = clumps[0].shape
     corners = [shape.vertices, *(beads(clump.centers, clump.radii, 1).points for clump in clumps)]
     frame = 1.05 * np.concatenate(corners)
     names = ["solid", *(titles or [f"{clump.method}, {clump.count} spheres" for clump in clumps])]
+    # a line for the name, and as much again above and below it
+    below = 2 * text_size(window)
     images = []
     for clump, name in zip([None, *clumps], names, strict=True):
         with stage_of(window) as stage:
             if clump is None:
-                stage.add_mesh(shape.to_pyvista(), color=_SOLID, **_SMOOTH)
+                stage.add_mesh(surface_of(shape), color=_SOLID, smooth_shading=True, **MATERIAL)
             else:
                 _add_clump(stage, clump)
-            stage.add_text(name, position="lower_edge", font_size=9, color="#2b3640")
-            look_at(stage, frame)
+            add_label(stage, name, (window[0] / 2, below / 4), side="middle")
+            look_at(stage, frame, below=below / window[1])
             images.append(shot(stage))
-    return np.concatenate(images, axis=1)
+    row = np.concatenate(images, axis=1)
+    colors = Coloring(np.array([-FARTHEST, FARTHEST]), "distance from the true surface, above 0 outside", "diameters")
+    legend = legend_of(colors, (row.shape[1], window[1]), shades=COLORS)
+    if legend is None:
+        return row
+    with stage_of((row.shape[1], round(legend.height * window[1]))) as stage:
+        legend.add_to(stage)
+        return np.concatenate([row, shot(stage)])
 
 
 @explained(hint='save_clump_picture(clumps, "clumps.png")')
@@ -59,7 +82,7 @@ def save_clump_picture(
     """Write a picture of a solid beside its clumps as PNG.
 
     Blue parts of a clump lie inside of the solid, red ones protrude, both up to 5 % of the equivalent diameter; white
-    ones are on its surface.
+    ones are on its surface. A colour bar gives the distance in equivalent diameters.
 
     Parameters
     ----------
@@ -100,21 +123,6 @@ def save_clump_picture(
     content = png_of(picture_clumps(drawn))
     with written_whole(path, overwrite=overwrite) as draft:
         draft.write_bytes(content)
-
-
-def check_picture_path(path: str | os.PathLike[str], *, overwrite: bool) -> None:
-    """Refuse a file that a picture cannot be written to, before the work.
-
-    Raises
-    ------
-    FileFormatError
-        If the suffix is not ``.png``.
-    OutputExistsError
-        If the file is there and `overwrite` is false.
-    """
-    output_suffix(path, [".png"], "pictures are kept")
-    if not overwrite:
-        refuse_to_replace(path)
 
 
 def _add_clump(stage: Any, clump: Clump) -> None:

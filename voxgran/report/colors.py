@@ -1,7 +1,8 @@
 """Colouring of grains: one value per grain, with name and unit."""
 
-from dataclasses import dataclass
-from typing import Literal, TypeAlias
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import get_args
 
 import numpy as np
 
@@ -9,29 +10,56 @@ from voxgran._base.arrays import Floats, as_choice
 from voxgran._base.lazy import load
 from voxgran.measures.registered.coordination import coordination_number
 from voxgran.measures.registered.forces import known_forces
+from voxgran.packing.grains import ColorBy
 from voxgran.packing.model import Packing
+from voxgran.report.facts import shape_names
 
-ColorBy: TypeAlias = Literal["diameter", "height", "shape", "density", "coordination", "distance", "force"]
-COLOR_BY: tuple[ColorBy, ...] = ("diameter", "height", "shape", "density", "coordination", "distance", "force")
+COLOR_BY: tuple[ColorBy, ...] = get_args(ColorBy)
 #: map of the colours, whose lightness increases evenly
 COLORS = "viridis"
+#: unit of forces
+FORCE_UNIT = "weights of a median grain"
+#: largest number of values that a legend lists
+ENTRIES = 10
+#: relative difference up to which all values are equal
+SAME = 1e-9
 
 
 @dataclass(frozen=True, slots=True)
 class Coloring:
-    """Values (n,) of grains, with name and unit (``""`` if there is none) for the colour bar."""
+    """Values (n,) of grains, with name and unit (``""`` if there is none), and what single values are called."""
 
     values: Floats
     label: str
     unit: str = ""
+    names: Mapping[float, str] = field(default_factory=dict)
+
+    @property
+    def same(self) -> bool:
+        """Whether all values are equal, but for round-off."""
+        low, high = float(self.values.min(initial=np.inf)), float(self.values.max(initial=-np.inf))
+        return not low < high - SAME * abs(high)
 
     @property
     def limits(self) -> tuple[float, float]:
         """Smallest and largest value; slightly different if all values are equal."""
         low, high = float(self.values.min(initial=np.inf)), float(self.values.max(initial=-np.inf))
-        if low < high:
+        if not self.same:
             return low, high
-        return (0.6 * low, 1.2 * high) if low == high and low > 0 else (-0.5, 0.5)
+        return (0.6 * low, 1.2 * high) if low <= high and low > 0 else (-0.5, 0.5)
+
+    @property
+    def title(self) -> str:
+        """Name, with the unit in brackets."""
+        return f"{self.label} ({self.unit})" if self.unit else self.label
+
+    @property
+    def entries(self) -> dict[float, str]:
+        """Values with what they are called, where these can be listed: a few that have names, or a single one."""
+        different = self.values[:1] if self.same else np.unique(self.values)
+        if len(different) > (ENTRIES if self.names else 1):
+            return {}
+        return {value: self.names.get(value, f"{value:.4g}") for value in different.tolist()}
 
 
 def coloring(packing: Packing, color_by: str) -> Coloring:
@@ -47,25 +75,35 @@ def coloring(packing: Packing, color_by: str) -> Coloring:
     as_choice(color_by, "color_by", COLOR_BY)
     unit = "" if packing.unit == "1" else packing.unit
     if color_by == "force":
-        return Coloring(known_forces(packing).largest_force(), "largest contact force", "weights of a median grain")
+        return Coloring(known_forces(packing).largest_force(), "largest contact force", FORCE_UNIT)
     if color_by == "diameter" or not packing.count:
         return Coloring(packing.diameters, "equivalent diameter", unit)
     if color_by == "height":
         return Coloring(_heights(packing), "height of the centroid", unit)
     if color_by == "shape":
-        return Coloring(packing.shape_id.astype(np.float64), "number of the shape")
+        names = {float(index): f"{index}: {name}" for index, name in enumerate(shape_names(packing))}
+        return Coloring(packing.shape_id.astype(np.float64), "number of the shape", names=names)
     if color_by == "density":
-        return Coloring(np.asarray(packing.densities, np.float64), "density of the material")
+        values = np.asarray(packing.densities, np.float64)
+        names = {value: f"{value:.6g}" for value in np.unique(values).tolist()}
+        return Coloring(values, "density of the material, in the unit given", names=names)
     if color_by == "coordination":
         neighbours = coordination_number(packing).of_grain
         return Coloring(neighbours.astype(np.float64), "coordination number")
-    return Coloring(_nearest(packing), "distance of the centroid from the nearest one", unit)
+    return Coloring(_nearest(packing), "distance from the nearest centroid", unit)
 
 
 def gradient() -> list[str]:
     """Return nine evenly spaced colours of the map, from that of the smallest value to that of the largest."""
     scale = load("matplotlib").colormaps[COLORS]
     return [load("matplotlib.colors").to_hex(scale(k / 8)) for k in range(9)]
+
+
+def swatches(colors: Coloring) -> list[tuple[str, str]]:
+    """Return colour and name of each value, where these can be listed."""
+    low, high = colors.limits
+    scale, to_hex = load("matplotlib").colormaps[COLORS], load("matplotlib.colors").to_hex
+    return [(to_hex(scale((value - low) / (high - low))), name) for value, name in colors.entries.items()]
 
 
 def _heights(packing: Packing) -> Floats:

@@ -108,6 +108,10 @@ def _rest(packing: Packing, statistics: "DataTree | None") -> list[Fact]:
         facts.append(
             Fact("segregation", f"{sorted_by_size:.2f}".replace("-", "\u2212"), note, "bad" if warning else "")
         )
+    by_density = scalar(statistics, "density_segregation")
+    if by_density is not None and math.isfinite(by_density):
+        note = "rank correlation of density and height: below 0 where heavy grains lie below light ones"
+        facts.append(Fact("density segregation", f"{by_density:.2f}".replace("-", "\u2212"), note))
     return facts
 
 

@@ -29,6 +29,8 @@ ESTIMATES: dict[str, tuple[str, float | None, bool]] = {
     "structure_factor": ("S(k)", 1.0, False),
     "window_deviation": ("standard deviation of the solid fraction", None, True),
 }
+#: the same of the mass density, along gravity
+MASS_DENSITY: tuple[str, float | None, bool] = ("mass density, in the unit given", None, False)
 #: group and title of distributions, and the label of the coordinate that their variables share
 DENSITIES = (
     ("local_density", "distribution of the local solid fraction", "local_solid_fraction_bin"),
@@ -118,11 +120,12 @@ def _curves(packing: Packing, statistics: "DataTree | None") -> Iterator[Figure]
 
 
 def curves_of(packing: Packing, statistics: "DataTree | None") -> "list[tuple[Dataset, str]]":
-    """Return dataset and name of each curve: solid fractions over a coordinate, coordination numbers over the gap, and
-    :data:`ESTIMATES`.
+    """Return dataset and name of each curve: solid fractions over a coordinate, the mass density along gravity,
+    coordination numbers over the gap, and :data:`ESTIMATES`.
 
     Periodic axes are omitted, since all positions along them are equivalent.
     """
+    upright = packing.dimension - 1 if packing.gravity is None else int(np.abs(packing.gravity).argmax())
     periodic = [axis for axis, flag in zip("xyz", packing.container.periodic, strict=True) if flag]
     found = []
     for node in statistics.subtree if statistics is not None else ():
@@ -135,7 +138,7 @@ def curves_of(packing: Packing, statistics: "DataTree | None") -> "list[tuple[Da
             if variable.isnull().all():
                 continue
             if (
-                str(name) in ESTIMATES
+                str(name) in (*ESTIMATES, f"mass_density_{'xyz'[upright]}")
                 or str(name).startswith("solid_fraction")
                 or (along == "gap" and "coordination" in str(name))
             ):
@@ -152,8 +155,8 @@ def _draw_curve(axes: Any, *, data: "Dataset", name: str, levels: Any, published
     if place.name == "gap":
         return plots.plot_coordination(axes, place.values, variable.values, name=label, unit=unit)
     error = data[f"{name}_error"].values if f"{name}_error" in data else 0.0
-    if name in ESTIMATES:
-        title, level, logarithmic = ESTIMATES[name]
+    if name in ESTIMATES or name.startswith("mass_density"):
+        title, level, logarithmic = ESTIMATES.get(name, MASS_DENSITY)
         return plots.plot_estimate(
             axes,
             place.values,

@@ -6,7 +6,9 @@ from voxgran._base.arrays import Floats, Integers
 from voxgran._base.lazy import load
 from voxgran.contacts.forces import chain_ends
 from voxgran.packing.model import Packing
-from voxgran.report.stage import MATERIAL, Picture, add_container, add_scale_bar, look_at, shot, stage_of
+from voxgran.report.colors import FORCE_UNIT, Coloring
+from voxgran.report.legend import legend_of
+from voxgran.report.stage import MATERIAL, Picture, add_container, add_outlines, add_scale_bar, look_at, shot, stage_of
 
 #: colours from weak to strong forces; the weakest differ from the background
 COLORS = "viridis_r"
@@ -19,14 +21,15 @@ THINNEST = 0.03
 #: sides of a tube, and largest number of tubes: the weakest are left out
 SIDES, MOST = 10, 60_000
 
-_GRAIN = "#d3dae0"
+_GRAIN, _OUTLINE = "#d3dae0", "#aab5be"
 
 
 def picture_forces(packing: Packing, *, window: tuple[int, int] = (900, 900)) -> Picture | None:
     """Draw the contacts that carry a force as tubes with radii in proportion to it, in 2D in front of the grains.
 
     Bright is weak and dark is strong. A tube runs between the centroids of the two grains, at a wall or the lid to the
-    contact point; at periodic sides it leaves the container. Return None where no forces are known or none is carried.
+    contact point; at periodic sides it leaves the container. The largest hundredth have the colour of the end of the
+    colour bar. Return None where no forces are known or none is carried.
     """
     forces = packing.forces
     if forces is None or not forces.carries.any():
@@ -35,7 +38,9 @@ def picture_forces(packing: Packing, *, window: tuple[int, int] = (900, 900)) ->
     kept = kept[np.argsort(-forces.magnitude[kept], kind="stable")][:MOST]
     start, end = (ends[kept] for ends in chain_ends(packing, forces))
     force = forces.magnitude[kept]
-    strength = np.minimum(force / np.quantile(force, LARGEST), 1.0)
+    limit = float(np.quantile(force, LARGEST))
+    strength = np.minimum(force / limit, 1.0)
+    strip = legend_of(Coloring(np.array([0.0, limit]), "contact force", FORCE_UNIT), window, shades=COLORS)
     radius = THICKEST * float(np.median(packing.diameters)) * np.maximum(strength, THINNEST)
     vertices, faces = tubes(start, end, radius)
     mesh = load("pyvista").PolyData.from_regular_faces(vertices, faces)
@@ -46,10 +51,13 @@ def picture_forces(packing: Packing, *, window: tuple[int, int] = (900, 900)) ->
             # behind the tubes, which lie in the plane
             grains = packing.to_pyvista().translate((0.0, 0.0, -float(packing.diameters.max())))
             stage.add_mesh(grains, color=_GRAIN, lighting=False)
+            add_outlines(stage, grains, color=_OUTLINE)
         stage.add_mesh(mesh, scalars="strength", cmap=COLORS, clim=(0.0, 1.0), show_scalar_bar=False, **MATERIAL)
         add_container(stage, packing.container)
-        look_at(stage, packing.container.mesh()[0], flat=flat)
+        look_at(stage, packing.container.mesh()[0], flat=flat, below=0.0 if strip is None else strip.height)
         add_scale_bar(stage, packing.unit)
+        if strip is not None:
+            strip.add_to(stage)
         return shot(stage)
 
 

@@ -10,10 +10,9 @@ from voxgran._base.arrays import as_count, check_type
 from voxgran._base.calls import explained
 from voxgran._base.errors import InputError
 from voxgran._base.files import written_whole
-from voxgran._base.lazy import load
-from voxgran.report.clumps import check_picture_path
+from voxgran.report.creases import creased, shaded
 from voxgran.report.scenes import FEWEST_FACES, GRAIN_COLOR, SMOOTH, TRIANGLE_BUDGET, drawn_surface
-from voxgran.report.stage import Picture, look_at, png_of, shot, stage_of, view_axes
+from voxgran.report.stage import Picture, check_picture_path, look_at, png_of, shot, stage_of, view_axes
 from voxgran.shapes.model import Shape
 
 #: width of each shape, in pixels: of a few shapes and of very many
@@ -40,7 +39,7 @@ def picture_shapes(shapes: Sequence[Shape], *, columns: int | None = None) -> Pi
     flat = all(shape.dimension == 2 for shape in shapes)
     axes = view_axes(flat=flat)
     most = max(FEWEST_FACES, TRIANGLE_BUDGET // len(shapes))
-    surfaces = [drawn_surface(shape, most) for shape in shapes]
+    surfaces = [creased(shape, *drawn_surface(shape, most)) for shape in shapes]
     seen = [points @ axes[:2].T for points, _ in surfaces]
     low, high = (np.array([side(points, axis=0) for points in seen]) for side in (np.min, np.max))
     cell = np.quantile(high - low, MOST, axis=0)
@@ -51,7 +50,7 @@ def picture_shapes(shapes: Sequence[Shape], *, columns: int | None = None) -> Pi
     moved = [s * points + at @ axes[:2] for (points, _), s, at in zip(surfaces, fitting, places, strict=True)]
     first = np.cumsum([0, *map(len, moved)])
     faces = [triangles + begin for (_, triangles), begin in zip(surfaces, first[:-1], strict=True)]
-    mesh = load("pyvista").PolyData.from_regular_faces(np.concatenate(moved), np.concatenate(faces))
+    mesh = shaded(np.concatenate(moved), np.concatenate(faces))
     corners = np.array([(x, y) for x in (-0.5, wide - 0.5) for y in (0.5, 0.5 - rows)]) * step @ axes[:2]
     width = max(SMALLEST, min(LARGEST, WIDEST // wide))
     window = (width * wide, max(1, round(width * rows * step[1] / step[0])))

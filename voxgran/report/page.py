@@ -22,7 +22,7 @@ from voxgran._base.lazy import load
 from voxgran.packing.model import Packing, check_packing
 from voxgran.report import facts, scenes
 from voxgran.report.closeup import picture_contacts
-from voxgran.report.colors import Coloring, coloring, gradient
+from voxgran.report.colors import Coloring, coloring, gradient, swatches
 from voxgran.report.figures import figures_of
 from voxgran.report.force_chains import picture_forces
 from voxgran.report.numbers import json_text, page_numbers
@@ -145,7 +145,8 @@ def save_report(
         + (_turning(packing, color_by) if turntable else []),
         view=views_of({"": packing}, color_by) if interactive and pictures else None,
         legend=_legend(colors),
-        legend_label=colors.label,
+        legend_label=colors.title if colors.entries else colors.label,
+        swatches=swatches(colors) if pictures else [],
         gradient=", ".join(gradient()) if pictures else "gray, gray",
         grains=[{"name": n, "views": [view_of(*p) for p in v.values()]} for n, v in drawn.grains.items()],
         grains_note=_grains_note(packing),
@@ -287,7 +288,7 @@ def _subtitle(packing: Packing) -> str:
 
 def _legend(colors: Coloring) -> tuple[str, str] | None:
     """Return the values of the darkest and the brightest colour."""
-    if not len(colors.values) or colors.values.min() == colors.values.max():
+    if not len(colors.values) or colors.same:
         return None
     unit = f" {colors.unit}" if colors.unit else ""
     low, high = (facts.number(value) for value in colors.limits)

@@ -11,11 +11,13 @@ from voxgran._base.arrays import as_choice, check_type
 from voxgran._base.calls import explained
 from voxgran._base.files import written_whole
 from voxgran._base.lazy import load
+from voxgran.packing.grains import ColorBy
 from voxgran.packing.model import Packing
-from voxgran.report.clumps import check_picture_path
-from voxgran.report.colors import COLOR_BY, COLORS, ColorBy, coloring
+from voxgran.report.colors import COLOR_BY, COLORS, coloring
+from voxgran.report.creases import surface_of
+from voxgran.report.legend import legend_of
 from voxgran.report.scenes import GRAIN_COLOR, SMOOTH, picture_cut, picture_packing
-from voxgran.report.stage import Picture, look_at, png_of, shot, stage_of
+from voxgran.report.stage import Picture, as_window, check_picture_path, look_at, png_of, shot, stage_of
 from voxgran.shapes.model import Shape
 
 #: backends of PyVista before 0.48 whose scenes can be turned in a notebook, and what these need
@@ -24,7 +26,13 @@ TRAME = ("trame", "trame_vtk", "trame_vuetify")
 
 
 @explained(hint='plot(packing, color_by="height")')
-def plot(what: Packing | Shape, *, color_by: ColorBy = "diameter", window: tuple[int, int] = (900, 900)) -> Any:
+def plot(
+    what: Packing | Shape,
+    *,
+    color_by: ColorBy = "diameter",
+    window: tuple[int, int] = (900, 900),
+    legend: bool = True,
+) -> Any:
     """Show a packing or a shape.
 
     Parameters
@@ -36,6 +44,9 @@ def plot(what: Packing | Shape, *, color_by: ColorBy = "diameter", window: tuple
         a shape.
     window : tuple of int
         Width and height, in pixels.
+    legend : bool
+        Whether a legend says which colour is which shape or density (ten at most), or a colour bar which is which
+        value; it is left out where it would take more than a third of the picture.
 
     Returns
     -------
@@ -46,7 +57,8 @@ def plot(what: Packing | Shape, *, color_by: ColorBy = "diameter", window: tuple
     Raises
     ------
     InputError
-        If it is neither a packing nor a shape, `color_by` is unknown, or it is "force" and no forces are known.
+        If it is neither a packing nor a shape, `color_by` is unknown, or it is "force" and no forces are known, or
+        `window` is not two whole numbers above 0.
 
     Examples
     --------
@@ -56,14 +68,15 @@ def plot(what: Packing | Shape, *, color_by: ColorBy = "diameter", window: tuple
     """
     check_type(what, (Packing, Shape), "what", "a Packing or a Shape; pack or make one")
     as_choice(color_by, "color_by", COLOR_BY)
+    window = as_window(window)
     backend = _notebook_backend()
     if backend is not None or _has_window():
-        plotter = _plotter(what, color_by, window, notebook=backend is not None)
+        plotter = _plotter(what, color_by, window, notebook=backend is not None, legend=legend)
         if backend is None:
             plotter.show()
             return None
         return plotter.show(jupyter_backend=backend, return_viewer=True)
-    return load("PIL.Image").fromarray(_picture(what, color_by, window))
+    return load("PIL.Image").fromarray(_picture(what, color_by, window, legend=legend))
 
 
 @explained(hint='save_picture(packing, "bed.png")')
@@ -74,6 +87,7 @@ def save_picture(
     color_by: ColorBy = "diameter",
     cut: bool = False,
     window: tuple[int, int] = (900, 900),
+    legend: bool = True,
     overwrite: bool = False,
 ) -> None:
     """Write a picture of a packing in its container, or of a shape.
@@ -91,13 +105,16 @@ def save_picture(
         for a shape, nor in two dimensions.
     window : tuple of int
         Width and height, in pixels.
+    legend : bool
+        Whether a legend or a colour bar says what the colours mean, as in :func:`plot`.
     overwrite : bool
         Whether an existing file may be replaced.
 
     Raises
     ------
     InputError
-        If it is neither a packing nor a shape, `color_by` is unknown, or it is "force" and no forces are known.
+        If it is neither a packing nor a shape, `color_by` is unknown, or it is "force" and no forces are known, or
+        `window` is not two whole numbers above 0.
     FileFormatError
         If the suffix is not ``.png``.
     OutputExistsError
@@ -119,29 +136,33 @@ def save_picture(
     check_type(what, (Packing, Shape), "what", "a Packing or a Shape; pack or make one")
     as_choice(color_by, "color_by", COLOR_BY)
     check_picture_path(path, overwrite=overwrite)
-    content = png_of(_picture(what, color_by, window, cut=cut))
+    content = png_of(_picture(what, color_by, as_window(window), cut=cut, legend=legend))
     with written_whole(path, overwrite=overwrite) as draft:
         draft.write_bytes(content)
 
 
-def _picture(what: Packing | Shape, color_by: str, window: tuple[int, int], *, cut: bool = False) -> Picture:
+def _picture(
+    what: Packing | Shape, color_by: str, window: tuple[int, int], *, cut: bool = False, legend: bool = True
+) -> Picture:
     """Draw a packing with its container, or a shape."""
     if isinstance(what, Packing):
-        return (picture_cut if cut else picture_packing)(what, color_by=color_by, window=window)
+        return (picture_cut if cut else picture_packing)(what, color_by=color_by, window=window, legend=legend)
     with stage_of(window) as stage:
-        stage.add_mesh(what.to_pyvista(), color=GRAIN_COLOR, **SMOOTH)
+        stage.add_mesh(surface_of(what), color=GRAIN_COLOR, **SMOOTH)
         look_at(stage, np.asarray(what.vertices), flat=what.dimension == 2)
         return shot(stage)
 
 
-def _plotter(what: Packing | Shape, color_by: str, window: tuple[int, int], *, notebook: bool) -> Any:
+def _plotter(what: Packing | Shape, color_by: str, window: tuple[int, int], *, notebook: bool, legend: bool) -> Any:
     """Return a plotter that holds a packing with its container, or a shape."""
     plotter = load("pyvista").Plotter(window_size=list(window), notebook=notebook, off_screen=notebook or None)
-    mesh, look = what.to_pyvista(), {"color": GRAIN_COLOR}
+    mesh, look = what.to_pyvista(), dict[str, Any](color=GRAIN_COLOR)
     if isinstance(what, Packing):
         found = coloring(what, color_by)
         mesh.cell_data[found.label] = found.values[mesh.cell_data["grain"]]
-        look = {"scalars": found.label, "cmap": COLORS}
+        look = {"scalars": found.label, "cmap": COLORS, "clim": found.limits, "show_scalar_bar": False}
+        if legend and (strip := legend_of(found, window)) is not None:
+            strip.add_to(plotter, color=load("pyvista").global_theme.font.color)
         plotter.add_mesh(load("pyvista").PolyData.from_regular_faces(*what.container.mesh()), style="wireframe")
     # PyVista refuses empty meshes
     if mesh.n_points:

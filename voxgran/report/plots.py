@@ -200,7 +200,7 @@ def plot_estimate(
     axes.plot(x, y, color=PLACED, marker=marker, markersize=4)
     axes.set(xlabel=label, ylabel=name)
     if not logarithmic:
-        axes.set(xlim=(0, None), ylim=(0, None))
+        axes.set(xlim=(float(x.min(initial=0.0)), None), ylim=(0, None))
     return axes
 
 

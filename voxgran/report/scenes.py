@@ -15,10 +15,13 @@ from voxgran.contacts.surfaces import merged_surfaces
 from voxgran.packing.model import Packing
 from voxgran.points.sample import sample_surface
 from voxgran.report.colors import COLORS, Coloring, coloring
+from voxgran.report.creases import creased, shaded, surface_of
+from voxgran.report.legend import legend_of
 from voxgran.report.stage import (
     MATERIAL,
     Picture,
     add_container,
+    add_outlines,
     add_scale_bar,
     add_spheres,
     beads,
@@ -40,7 +43,10 @@ BALL_LIMIT = 10_000
 FLAT_LIMIT = 5_000
 
 GRAIN_COLOR = "#6d9fb5"
-SMOOTH = {"smooth_shading": True, "split_sharp_edges": True, **MATERIAL}
+#: look of surfaces with normals
+SMOOTH = {"smooth_shading": True, **MATERIAL}
+#: colours of the outlines of flat grains that are dark, and of those that are bright
+OUTLINES = ("#dfe5ea", "#22303a")
 
 
 def picture_faces(packing: Packing) -> int:
@@ -49,20 +55,27 @@ def picture_faces(packing: Packing) -> int:
 
 
 def picture_packing(
-    packing: Packing, *, color_by: str = "diameter", window: tuple[int, int] = (900, 900), turn: float = 0.0
+    packing: Packing,
+    *,
+    color_by: str = "diameter",
+    window: tuple[int, int] = (900, 900),
+    turn: float = 0.0,
+    legend: bool = True,
 ) -> Picture:
     """Draw the whole packing, coloured as by :func:`coloring` (dark is small, bright is large), seen from an angle
-    around the vertical axis, in degrees; the window is in pixels.
+    around the vertical axis, in degrees; the window is in pixels. A legend says what the colours mean.
 
     Raises
     ------
     InputError
         If `color_by` is unknown, or it is "force" and no forces are known.
     """
-    return _picture(packing, np.arange(packing.count), coloring(packing, color_by), window, turn=turn)
+    return _picture(packing, np.arange(packing.count), coloring(packing, color_by), window, turn=turn, legend=legend)
 
 
-def picture_cut(packing: Packing, *, color_by: str = "diameter", window: tuple[int, int] = (900, 900)) -> Picture:
+def picture_cut(
+    packing: Packing, *, color_by: str = "diameter", window: tuple[int, int] = (900, 900), legend: bool = True
+) -> Picture:
     """Draw the packing without the grains whose centroids lie in the quarter that faces the viewer; in 2D all grains.
 
     Raises
@@ -73,7 +86,7 @@ def picture_cut(packing: Packing, *, color_by: str = "diameter", window: tuple[i
     middle = packing.container.bounds.mean(axis=0)
     near = (packing.position[:, 0] > middle[0]) & (packing.position[:, 1] < middle[1])
     kept = np.flatnonzero(~near | (packing.dimension == 2))
-    return _picture(packing, kept, coloring(packing, color_by), window)
+    return _picture(packing, kept, coloring(packing, color_by), window, legend=legend)
 
 
 def picture_grain(shape: Shape, *, window: tuple[int, int] = (400, 300), spheres: int = 30) -> dict[str, Picture]:
@@ -89,7 +102,7 @@ def picture_grain(shape: Shape, *, window: tuple[int, int] = (400, 300), spheres
     for name in names[: 3 if flat else None]:
         with stage_of(window) as stage:
             if name == "surface":
-                stage.add_mesh(shape.to_pyvista(), color=GRAIN_COLOR, **SMOOTH)
+                stage.add_mesh(surface_of(shape), color=GRAIN_COLOR, **SMOOTH)
             elif name == "voxels":
                 _add_voxels(stage, shape)
             elif name == "points":
@@ -102,35 +115,55 @@ def picture_grain(shape: Shape, *, window: tuple[int, int] = (400, 300), spheres
 
 
 def _picture(
-    packing: Packing, grains: Integers, colors: Coloring, window: tuple[int, int], *, turn: float = 0.0
+    packing: Packing,
+    grains: Integers,
+    colors: Coloring,
+    window: tuple[int, int],
+    *,
+    turn: float = 0.0,
+    legend: bool = True,
 ) -> Picture:
-    """Draw some grains, the container and a scale bar."""
-    values, (low, high) = colors.values, colors.limits
-    look = {"cmap": COLORS, "clim": (low, high), "show_scalar_bar": False}
+    """Draw some grains, the container, a scale bar and a legend."""
+    low, high = colors.limits
     round_ones = np.array([*(shape.is_sphere and shape.dimension == 3 for shape in packing.shapes), False])
     spheres = round_ones[packing.shape_id[grains]]
     as_points = grains[spheres] if spheres.sum() > BALL_LIMIT else grains[:0]
     as_meshes = np.setdiff1d(grains, as_points)
+    strip = legend_of(colors, window) if legend else None
     with stage_of(window) as stage:
         if len(as_meshes):
-            most = picture_faces(packing)
-            bodies = [drawn_surface(shape, most) for shape in packing.shapes]
-            merged = merged_surfaces(packing, grains=as_meshes, bodies=bodies)
-            mesh = load("pyvista").PolyData.from_regular_faces(merged.vertices, merged.faces)
-            mesh.cell_data["value"] = values[merged.grain]
-            many = len(as_meshes) > FLAT_LIMIT
-            # the insides of closed surfaces are not seen; some triangles of reduced ones are turned, which shows on
-            # grains of more than a few pixels
-            closed = packing.dimension == 3 and not any(shape.is_open for shape in packing.shapes)
-            culling = "back" if many and closed else None
-            stage.add_mesh(mesh, scalars="value", culling=culling, **look, **(MATERIAL if many else SMOOTH))
+            _add_meshes(stage, packing, as_meshes, colors)
         if len(as_points):
-            shades = load("matplotlib").colormaps[COLORS]((values[as_points] - low) / (high - low))[:, :3]
+            shades = load("matplotlib").colormaps[COLORS]((colors.values[as_points] - low) / (high - low))[:, :3]
             add_spheres(stage, packing.position[as_points], packing.bounding_radii[as_points], shades)
         add_container(stage, packing.container)
-        look_at(stage, packing.container.mesh()[0], flat=packing.dimension == 2, turn=turn)
+        below, flat = 0.0 if strip is None else strip.height, packing.dimension == 2
+        look_at(stage, packing.container.mesh()[0], flat=flat, turn=turn, below=below)
         add_scale_bar(stage, packing.unit)
+        if strip is not None:
+            strip.add_to(stage)
         return shot(stage)
+
+
+def _add_meshes(stage: Any, packing: Packing, grains: Integers, colors: Coloring) -> None:
+    """Draw grains as surfaces, flat ones with outlines."""
+    most, many, flat = picture_faces(packing), len(grains) > FLAT_LIMIT, packing.dimension == 2
+    bodies = [drawn_surface(shape, most) for shape in packing.shapes]
+    if not many:
+        bodies = [creased(shape, *body) for shape, body in zip(packing.shapes, bodies, strict=True)]
+    merged = merged_surfaces(packing, grains=grains, bodies=bodies)
+    plain = load("pyvista").PolyData.from_regular_faces
+    mesh = (plain if many or flat else shaded)(merged.vertices, merged.faces)
+    mesh.cell_data["value"] = colors.values[merged.grain]
+    # the insides of closed surfaces are not seen; some triangles of reduced ones are turned, which shows on grains of
+    # more than a few pixels
+    closed = not flat and not any(shape.is_open for shape in packing.shapes)
+    look = {"scalars": "value", "clim": colors.limits, "show_scalar_bar": False}
+    culling = "back" if many and closed else None
+    stage.add_mesh(mesh, cmap=COLORS, culling=culling, **look, **(MATERIAL if many or flat else SMOOTH))
+    if flat and not many:
+        # grains of one colour that touch would be one
+        add_outlines(stage, mesh, cmap=list(OUTLINES), **look)
 
 
 def drawn_surface(shape: Shape, most: int) -> tuple[Floats, Integers]:
@@ -173,7 +206,7 @@ def _add_voxels(stage: Any, shape: Shape) -> None:
 def _add_points(stage: Any, shape: Shape) -> None:
     """Draw control points with a spacing of a tenth of the diameter, on the translucent surface."""
     points = np.asarray(sample_surface(shape, spacing=shape.diameter / 10))
-    stage.add_mesh(shape.to_pyvista(), color="#d7dee3", **SMOOTH)
+    stage.add_mesh(surface_of(shape), color="#d7dee3", **SMOOTH)
     stage.add_mesh(beads(points, 0.018 * shape.diameter, 2), color="#2f4b7c", **MATERIAL)
 
 

@@ -2,13 +2,16 @@
 
 import contextlib
 import io
+import os
 from collections.abc import Iterator
 from typing import Any, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
 
-from voxgran._base.arrays import Floats
+from voxgran._base.arrays import Floats, as_count, check_type
+from voxgran._base.errors import InputError, shown
+from voxgran._base.files import output_suffix, refuse_to_replace
 from voxgran._base.lazy import load
 from voxgran.containers.model import Container
 from voxgran.shapes.tessellate import sphere
@@ -21,7 +24,11 @@ SMOOTHING: str | None = "ssaa"
 #: material of surfaces
 MATERIAL = {"ambient": 0.28, "diffuse": 0.75, "specular": 0.12, "specular_power": 12}
 
-_LINE = "#5b6670"
+#: smallest text, in pixels, and how many texts above each other fill a picture
+SMALLEST, TEXTS = 14, 36
+
+#: colours of lines and of texts
+INK, LETTERS = "#5b6670", "#2b3640"
 _LIGHTS = (((-0.6, 0.9, 1.0), 0.85), ((1.0, 0.1, 0.6), 0.35), ((0.0, -0.8, 0.4), 0.15))
 #: direction from the center to the camera
 _VIEW = (0.85, -1.55, 0.75)
@@ -60,17 +67,20 @@ def stage_of(window: tuple[int, int], *, lit: bool = True) -> Iterator[Any]:
         stage.close()
 
 
-def look_at(stage: Any, points: Floats, *, flat: bool = False, turn: float = 0.0) -> None:
+def look_at(stage: Any, points: Floats, *, flat: bool = False, turn: float = 0.0, below: float = 0.0) -> None:
     """Frame points (n, 3) with the camera; flat scenes are viewed from above.
 
-    The camera is turned around the vertical axis by an angle in degrees, of which its distance is independent.
+    The camera is turned around the vertical axis by an angle in degrees, of which its distance is independent. The
+    share `below` of the height at the lower edge is left free.
     """
     axes = view_axes(flat=flat, turn=turn)
     toward = axes[2]
     low, high = (points @ axes.T).min(axis=0), (points @ axes.T).max(axis=0)
     middle, (wide, tall, deep) = (low + high) / 2 @ axes, (high - low) / 2
     width, height = stage.window_size
-    scale = max(tall, wide * height / width, 1e-300) / (1 - 2 * _MARGIN)
+    free = 1 - 2 * _MARGIN
+    scale = max(tall / (free - below), wide * height / width / free, 1e-300)
+    middle = middle - below * scale * axes[1]
     stage.camera.parallel_projection = True
     stage.camera.focal_point = tuple(middle)
     stage.camera.position = tuple(middle + 10 * (scale + deep) * toward)
@@ -97,6 +107,37 @@ def shot(stage: Any) -> Picture:
     stage.render()
     image: Picture = np.ascontiguousarray(stage.screenshot(None, return_img=True)[:, :, :3])
     return image
+
+
+def as_window(window: Any) -> tuple[int, int]:
+    """Return width and height of a picture in pixels, checked.
+
+    Raises
+    ------
+    InputError
+        If they are not two whole numbers above 0.
+    """
+    rule = "width and height in pixels, such as (900, 900)"
+    check_type(window, (list, tuple), "window", rule)
+    if len(window) != 2:
+        raise InputError(f"window is {shown(window)}: it must be {rule}; change it")
+    width, height = (as_count(side, "window", at_least=1) for side in window)
+    return width, height
+
+
+def check_picture_path(path: str | os.PathLike[str], *, overwrite: bool) -> None:
+    """Refuse a file that a picture cannot be written to, before the work.
+
+    Raises
+    ------
+    FileFormatError
+        If the suffix is not ``.png``.
+    OutputExistsError
+        If the file is there and `overwrite` is false.
+    """
+    output_suffix(path, [".png"], "pictures are kept")
+    if not overwrite:
+        refuse_to_replace(path)
 
 
 def png_of(picture: Picture, *, colors: int | None = None) -> bytes:
@@ -127,12 +168,19 @@ def add_container(stage: Any, container: Container) -> None:
     """Draw the outline of a container: its sharp edges and its silhouette."""
     mesh = load("pyvista").PolyData.from_regular_faces(*container.mesh())
     if container.dimension == 3:
-        stage.add_mesh(mesh, color=_LINE, opacity=0.05, lighting=False, show_edges=False)
+        stage.add_mesh(mesh, color=INK, opacity=0.05, lighting=False, show_edges=False)
     if container.dimension == 2:
         mesh = mesh.extract_feature_edges(feature_edges=False, manifold_edges=False, non_manifold_edges=False)
-        stage.add_mesh(mesh, color=_LINE, line_width=2, lighting=False)
+        stage.add_mesh(mesh, color=INK, line_width=2, lighting=False)
     else:
-        stage.add_silhouette(mesh, color=_LINE, line_width=2, feature_angle=30.0)
+        stage.add_silhouette(mesh, color=INK, line_width=2, feature_angle=30.0)
+
+
+def add_outlines(stage: Any, mesh: Any, **look: Any) -> None:
+    """Draw the outlines of flat grains, whose triangles are one mesh, upon them."""
+    outlines = mesh.extract_feature_edges(feature_edges=False, manifold_edges=False, non_manifold_edges=False)
+    outlines.points[:, 2] += 1e-3 * mesh.length
+    stage.add_mesh(outlines, line_width=1.5, lighting=False, **look)
 
 
 def add_scale_bar(stage: Any, unit: str) -> None:
@@ -142,20 +190,75 @@ def add_scale_bar(stage: Any, unit: str) -> None:
     width, height = stage.window_size
     pixel = 2 * stage.camera.parallel_scale / height
     length = round_length(0.25 * width * pixel)
-    left, low, wide = 0.03 * width, 0.03 * height, length / pixel
-    tick = 0.008 * height
-    corners = np.array([(left, low + tick), (left, low), (left + wide, low), (left + wide, low + tick)])
-    lines = load("pyvista").PolyData(np.column_stack([corners, np.zeros(4)]), lines=[4, 0, 1, 2, 3])
-    mapper = load("vtkmodules.vtkRenderingCore").vtkPolyDataMapper2D()
-    mapper.SetInputData(lines)
-    actor = load("vtkmodules.vtkRenderingCore").vtkActor2D()
-    actor.SetMapper(mapper)
-    actor.GetProperty().SetColor(*load("pyvista").Color(_LINE).float_rgb)
-    actor.GetProperty().SetLineWidth(3)
-    stage.add_actor(actor, reset_camera=False)
+    left, low, wide, tick = 0.03 * width, 0.03 * height, length / pixel, 0.008 * height
+    right, thick = left + wide, max(2.0, height / 300)
+    tiles = [
+        (left, low, right, low + thick),
+        (left, low, left + thick, low + tick),
+        (right - thick, low, right, low + tick),
+    ]
+    add_tiles(stage, np.array(tiles), np.tile(load("pyvista").Color(INK).float_rgb, (3, 1)))
     text = f"{length:g}" + ("" if unit == "1" else f" {unit}")
-    size = max(8, height // 60)
-    stage.add_text(text, position=(left, low + 2 * tick), font_size=size, color=_LINE)
+    add_label(stage, text, (left, low + 2 * tick))
+
+
+def text_size(window: tuple[int, int]) -> int:
+    """Return the size of texts in a picture, in pixels."""
+    return max(SMALLEST, min(window) // TEXTS)
+
+
+def text_width(text: str, size: int) -> float:
+    """Return the width of a text of a size, in pixels."""
+    kinds, box = load("vtkmodules.vtkRenderingCore"), [0, 0, 0, 0]
+    # without this library there are no letters
+    load("vtkmodules.vtkRenderingFreeType")
+    style = kinds.vtkTextProperty()
+    style.SetFontFamilyToArial()
+    style.SetFontSize(size)
+    kinds.vtkTextRenderer.GetInstance().GetBoundingBox(style, text, box, 72)
+    return float(box[1] - box[0])
+
+
+def add_label(
+    stage: Any,
+    text: str,
+    place: tuple[float, float],
+    *,
+    side: str = "left",
+    color: Any = LETTERS,
+    size: int | None = None,
+) -> None:
+    """Write a text in front of the scene, of which the left end or the middle of the base line is at a place, in pixels
+    from the lower left corner; its size is that of all texts in the picture if none is given.
+    """
+    actor = load("vtkmodules.vtkRenderingCore").vtkTextActor()
+    actor.SetInput(text)
+    style = actor.GetTextProperty()
+    style.SetFontFamilyToArial()
+    style.SetFontSize(size or text_size(stage.window_size))
+    style.SetColor(*load("pyvista").Color(color).float_rgb)
+    if side == "middle":
+        style.SetJustificationToCentered()
+    actor.GetPositionCoordinate().SetCoordinateSystemToNormalizedViewport()
+    actor.SetPosition(*np.divide(place, stage.window_size))
+    stage.add_actor(actor, reset_camera=False)
+
+
+def add_tiles(stage: Any, tiles: Floats, colors: Floats) -> None:
+    """Draw rectangles in front of the scene: left, low, right and high (n, 4), in pixels from the lower left corner,
+    with colours (n, 3) in [0, 1].
+    """
+    corners = tiles[:, [0, 1, 2, 1, 2, 3, 0, 3]].reshape(-1, 2) / stage.window_size
+    points = np.column_stack([corners, np.zeros(len(corners))])
+    mesh = load("pyvista").PolyData.from_regular_faces(points, np.arange(len(points)).reshape(-1, 4))
+    mesh.cell_data["color"] = np.round(255 * colors).astype(np.uint8)
+    kinds = load("vtkmodules.vtkRenderingCore")
+    frame, mapper, actor = kinds.vtkCoordinate(), kinds.vtkPolyDataMapper2D(), kinds.vtkActor2D()
+    frame.SetCoordinateSystemToNormalizedViewport()
+    mapper.SetTransformCoordinate(frame)
+    mapper.SetInputData(mesh)
+    actor.SetMapper(mapper)
+    stage.add_actor(actor, reset_camera=False)
 
 
 def round_length(most: float) -> float:

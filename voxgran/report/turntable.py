@@ -3,6 +3,7 @@
 import io
 import os
 from collections.abc import Iterator
+from typing import Any
 
 import numpy as np
 
@@ -29,6 +30,7 @@ def save_turntable(
     frames: int = 36,
     color_by: str = "diameter",
     window: tuple[int, int] = (480, 480),
+    legend: bool = True,
     overwrite: bool = False,
     on_step: OnStep | None = None,
 ) -> None:
@@ -46,6 +48,8 @@ def save_turntable(
         Quantity shown by the colours.
     window : tuple of int
         Width and height, in pixels.
+    legend : bool
+        Whether a legend or a colour bar says what the colours mean.
     overwrite : bool
         Whether an existing file may be replaced.
     on_step : callable, optional
@@ -72,15 +76,15 @@ def save_turntable(
     check_packing(packing, "packing")
     count = as_count(frames, "frames", at_least=1) if packing.dimension == 3 else 1
     with written_whole(path, overwrite=overwrite) as draft:
-        draft.write_bytes(animated(_views(packing, count, color_by, window, on_step)))
+        draft.write_bytes(
+            animated(_views(packing, count, {"color_by": color_by, "window": window, "legend": legend}, on_step))
+        )
 
 
-def _views(
-    packing: Packing, count: int, color_by: str, window: tuple[int, int], on_step: OnStep | None
-) -> Iterator[Picture]:
+def _views(packing: Packing, count: int, look: dict[str, Any], on_step: OnStep | None) -> Iterator[Picture]:
     """Draw a packing from all sides."""
     for frame in range(count):
-        yield picture_packing(packing, color_by=color_by, window=window, turn=360.0 * frame / count)
+        yield picture_packing(packing, turn=360.0 * frame / count, **look)
         if on_step is not None:
             on_step(Step(stage="drawing", done=frame + 1, total=count))
 

@@ -24,11 +24,10 @@ from voxgran.containers.model import Container
 from voxgran.measures.registered.coordination import touching_contacts
 from voxgran.packing.model import Packing
 from voxgran.report.colors import COLOR_BY, coloring, gradient
+from voxgran.report.creases import creased
 from voxgran.report.facts import shape_names
 from voxgran.report.scenes import drawn_surface
 from voxgran.report.stage import view_axes
-from voxgran.shapes.model import Shape
-from voxgran.shapes.primitive import Primitive
 
 #: about the largest number of triangles of a view, which a laptop turns smoothly
 TRIANGLES = 240_000
@@ -38,9 +37,6 @@ FEWEST, MOST = 20, 1_000
 GRAINS = 20_000
 #: largest number of line segments of the outline of a container, and of triangles of one without curved walls
 SEGMENTS, PLANE = 5_000, 100
-#: angle between the normals of neighbouring triangles above which their edge is drawn sharp, in degrees: of whole
-#: surfaces, and of reduced ones, whose triangles meet at larger angles
-SHARP, SHARP_REDUCED = 30.0, 60.0
 #: largest of the whole numbers that stand for the coordinates of a surface
 WHOLE = 32_767
 
@@ -165,21 +161,6 @@ def view_data(packing: Packing, shown: Integers, most: int) -> tuple[dict[str, A
         "colors": [{"name": n, "label": c.label, "unit": c.unit} for n, c in zip(shades, colors, strict=True)],
     }
     return head, arrays
-
-
-def creased(shape: Shape, vertices: Floats, faces: Integers) -> tuple[Floats, Integers]:
-    """Return the drawn surface of a shape with vertices of their own on each side of sharp edges.
-
-    The browser shades a surface by the normals at its vertices, which are means over the triangles that share them.
-    """
-    ellipsoid = isinstance(shape.geometry, Primitive) and shape.geometry.kind == "ellipsoid"
-    if shape.dimension == 2 or shape.is_sphere or ellipsoid:
-        return vertices, faces
-    angle = SHARP_REDUCED if len(faces) < len(shape.faces) else SHARP
-    mesh = load("pyvista").PolyData.from_regular_faces(vertices, faces)
-    options = {"cell_normals": False, "consistent_normals": False, "non_manifold_traversal": False}
-    split = mesh.compute_normals(split_vertices=True, feature_angle=angle, **options)
-    return np.asarray(split.points, dtype=np.float64), split.regular_faces.astype(np.int64)
 
 
 def _joined(faces: Sequence[Integers]) -> Any:

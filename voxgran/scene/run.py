@@ -46,6 +46,7 @@ NUMBERS = (
     "coordination_without_rattlers",
     "contact_anisotropy",
     "segregation",
+    "density_segregation",
     "layer_p_value",
     "share_at_rest",
     "share_of_rattlers",

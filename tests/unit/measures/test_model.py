@@ -14,6 +14,7 @@ from voxgran.containers.box import Box
 from voxgran.containers.rectangle import Rectangle
 from voxgran.io.netcdf import load_statistics, save_statistics
 from voxgran.measures.model import Measure, measure, measure_registry, measures
+from voxgran.measures.registered.profile import axis_profile
 from voxgran.packing.model import Packing
 from voxgran.settling.relaxation import Relaxation
 from voxgran.shapes.model import Shape
@@ -179,3 +180,14 @@ def test_the_relaxation_of_a_packing_that_was_not_relaxed():
 def test_unknown_names_beside_all():
     with pytest.raises(UnknownNameError, match="did you mean 'fabric'"):
         measure(some(), ["all", "fabrik"])
+
+
+@pytest.mark.parametrize("guess", ["by", "by_material", "group_by", "per_shape"])
+def test_a_measure_of_each_material_is_that_of_its_grains(guess):
+    bed = Packing.of([BALL] * 2, Box((4, 4, 4)), position=[(1, 1, 1), (3, 1, 3)], shape_id=[0, 1])
+    with pytest.raises(InputError, match=r"measure\(packing\[packing.shape_id == 0\], \"profile\"\)"):
+        measure(bed, "profile", **{guess: "shape"})
+    both = axis_profile(bed, "z", bins=8).solid_fraction
+    parts = [axis_profile(bed[bed.shape_id == number], "z", bins=8).solid_fraction for number in (0, 1)]
+    np.testing.assert_allclose(sum(parts), both)
+    assert not (parts[0] * parts[1]).any()

@@ -190,11 +190,16 @@ def test_it_verifies_measures_and_saves_itself(tmp_path, monkeypatch):
 
 
 def test_a_window_shows_grains_in_colour(monkeypatch):
-    shown = []
+    shown, texts = [], []
 
     class Plotter:
         def __init__(self, **options):
             self.meshes = []
+            self.window_size = options["window_size"]
+
+        def add_actor(self, actor, **options):
+            if hasattr(actor, "GetInput"):
+                texts.append(actor.GetInput())
 
         def add_mesh(self, mesh, **look):
             self.meshes.append((mesh, look))
@@ -205,6 +210,12 @@ def test_a_window_shows_grains_in_colour(monkeypatch):
     monkeypatch.setattr("voxgran.report.plot._has_window", lambda: True)
     monkeypatch.setattr("pyvista.Plotter", Plotter)
     assert three().plot(color_by="shape") is None
+    assert texts[-1] == "number of the shape"
+    assert [text[:3] for text in texts[:-1]] == ["0: ", "1: "]
+    texts.clear()
+    three().plot(color_by="shape", legend=False)
+    assert texts == []
+    shown.pop()
     assert vg.shapes.cone().plot() is None
     (_, (grains, look)), ((_, plain),) = shown
     assert set(grains.cell_data[look["scalars"]]) == {0, 1}

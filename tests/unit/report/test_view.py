@@ -20,6 +20,7 @@ from voxgran._base.seeds import stream
 from voxgran.contacts.forces import ContactForces
 from voxgran.report import view
 from voxgran.report.colors import coloring, gradient
+from voxgran.report.creases import creased
 from voxgran.report.scenes import drawn_surface
 from voxgran.shapes.primitive import Primitive
 from voxgran.shapes.tessellate import sphere
@@ -171,7 +172,7 @@ def test_a_box_is_drawn_by_its_twelve_edges():
 def test_surfaces_are_split_along_sharp_edges_only(family, parameters, added, most):
     shape = vg.make_shape(family, **parameters)
     vertices, faces = drawn_surface(shape, most)
-    split, triangles = view.creased(shape, vertices, faces)
+    split, triangles = creased(shape, vertices, faces)
     assert split[triangles] == pytest.approx(vertices[faces], abs=0)
     rim = np.unique(np.round(vertices[np.abs(np.abs(vertices[:, 2]) - np.abs(vertices[:, 2]).max()) < 1e-6], 9), axis=0)
     assert len(split) - len(vertices) == (len(rim) if added is None else added)
@@ -179,7 +180,7 @@ def test_surfaces_are_split_along_sharp_edges_only(family, parameters, added, mo
 
 def test_normals_at_the_vertices_of_a_cube_are_those_of_its_sides():
     shape = vg.make_shape("box")
-    corners, faces = view.creased(shape, shape.vertices, shape.faces)
+    corners, faces = creased(shape, shape.vertices, shape.faces)
     normal = np.cross(corners[faces[:, 1]] - corners[faces[:, 0]], corners[faces[:, 2]] - corners[faces[:, 0]])
     around = np.zeros_like(corners)
     for k in range(3):
