@@ -3,6 +3,7 @@
 from voxgran import clumps as clumps
 from voxgran import containers as containers
 from voxgran import shapes as shapes
+from voxgran._base.errors import PackingWarning as PackingWarning
 from voxgran._base.errors import VoxgranError as VoxgranError
 from voxgran.clumps.fit import clump_methods as clump_methods
 from voxgran.contacts.verify import verify as verify

@@ -130,4 +130,15 @@ class DirtyMeshWarning(UserWarning):
 
 
 class PackingWarning(UserWarning):
-    """A packing that misses a requested property, or a measure of it that is not meaningful."""
+    """A packing that misses a requested property, or a measure of it that is not meaningful.
+
+    Examples
+    --------
+    >>> import warnings
+    >>> import voxgran as vg
+    >>> with warnings.catch_warnings():
+    ...     warnings.simplefilter("ignore", vg.PackingWarning)
+    ...     few = vg.pack(vg.shapes.sphere(), vg.Box((2, 2, 2)), "rsa", count=9)
+    >>> few.count < 9
+    True
+    """

@@ -218,6 +218,10 @@ def _called(path: str) -> str:
 
 def labels(options: argparse.Namespace) -> None:
     """Make a packing of a label image and write it."""
+    from voxgran.io.files import check_output
+
+    if options.output:
+        check_output(options.output, overwrite=options.overwrite)
     given = _fields(options, "voxel_size", "border", "surface", "periodic", "gravity", "unit", "key")
     source = voxgran.load_image(options.file, key=options.key) if options.segment else options.file
     if options.segment:

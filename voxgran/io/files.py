@@ -7,7 +7,7 @@ from collections.abc import Callable
 from voxgran._base.axes import Periodic
 from voxgran._base.calls import explained
 from voxgran._base.errors import FileFormatError, InputError
-from voxgran._base.files import existing_file, output_suffix
+from voxgran._base.files import existing_file, output_suffix, refuse_to_replace
 from voxgran.containers.model import Container
 from voxgran.io.lammps_files import is_data, is_dump, read_lammps_data, read_lammps_dump
 from voxgran.io.particles import packing_of
@@ -87,6 +87,21 @@ def known_suffix(path: str | os.PathLike[str]) -> str:
         If the path is no path.
     """
     return output_suffix(path, _WRITERS, "packings are kept")
+
+
+def check_output(path: str | os.PathLike[str], *, overwrite: bool) -> None:
+    """Refuse a file that a packing cannot be written to, before the work.
+
+    Raises
+    ------
+    FileFormatError
+        If the suffix is unknown.
+    OutputExistsError
+        If the file is there and `overwrite` is false.
+    """
+    known_suffix(path)
+    if not overwrite:
+        refuse_to_replace(path)
 
 
 def check_savable(packing: Packing, path: str | os.PathLike[str]) -> None:

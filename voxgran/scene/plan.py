@@ -15,6 +15,7 @@ from voxgran.containers.model import boundary_of
 from voxgran.decks.material import Material
 from voxgran.packing.method import check_memory, packing_memory
 from voxgran.packing.pack import Task, prepare_task
+from voxgran.packing.problem import too_coarse
 from voxgran.scene.description import SceneDescription
 from voxgran.scene.shape_entries import REMEDIES, ShapeEntry
 from voxgran.settling.parameters import Settling
@@ -33,6 +34,8 @@ from voxgran.shapes.surface import Surface
 DECKS = "dem"
 #: spheres that a clump of which none are asked for has, without and with a target
 SPHERES, FOR_A_TARGET = 50, 200
+#: solid fraction from which on grains hardly find room
+DENSE = 0.75
 #: bytes with the libraries that check, measure and save, when the method's own arrays are gone (measured)
 FINISHING_BYTES = 245 * 2**20
 #: and what the libraries that draw take beside them (measured)
@@ -61,6 +64,8 @@ class Plan(ExplainedAttributes):
         Libraries that will be loaded.
     makes_sizes : bool
         Whether the method makes the sizes; there are then at most so many grains, of a volume that is not known.
+    amount_asked : bool
+        Whether the scene has a count or a solid fraction.
     notes : tuple of str
         What in the scene may be meant otherwise, in sentences.
     """
@@ -75,11 +80,14 @@ class Plan(ExplainedAttributes):
     skipped: tuple[str, ...]
     libraries: tuple[str, ...]
     makes_sizes: bool = False
+    amount_asked: bool = True
     notes: tuple[str, ...] = ()
 
     def __str__(self) -> str:
         """Return the plan as a person reads it."""
         grains = f"{self.grains} drawn; if all find room: {self.solid_fraction:.3f} of the container"
+        if not self.amount_asked:
+            grains = f"{self.grains} drawn, with the volume of the container: those that find room are packed"
         if self.makes_sizes:
             grains = f"at most {self.grains}, of sizes that the method makes"
         lines = [
@@ -127,6 +135,7 @@ def make_plan(scene: SceneDescription) -> Plan:
         sampled_shapes=cost.sampled_shapes,
         **_steps(scene, task),
         makes_sizes=task.method.sizing == "made",
+        amount_asked=scene.count is not None or scene.solid_fraction is not None,
         notes=_notes(scene, task),
     )
 
@@ -212,18 +221,34 @@ def _settling_of(task: Task) -> Settling | None:
 
 
 def _notes(scene: SceneDescription, task: Task) -> tuple[str, ...]:
-    """Return what in a scene may be meant otherwise: frictions of settling and of input for engines that differ."""
+    """Return what in a scene may be meant otherwise, in sentences."""
+    return tuple(note for note in (_full(scene, task), too_coarse(task.problem), _two_frictions(scene, task)) if note)
+
+
+def _full(scene: SceneDescription, task: Task) -> str:
+    """Return that grains hardly find room; empty where they do, or no amount is asked for."""
+    share = float(task.problem.volumes.sum() / task.problem.container.volume)
+    given = scene.count is not None or scene.solid_fraction is not None
+    if not given or task.method.sizing == "made" or share <= DENSE:
+        return ""
+    return (
+        f"{share:.3f} of the container is more than most grains fill (spheres of one size at random 0.64): those that "
+        "find room are packed; ask for less, or give a larger container"
+    )
+
+
+def _two_frictions(scene: SceneDescription, task: Task) -> str:
+    """Return that frictions of settling and of input for engines differ; empty where they do not."""
     settling, material = _settling_of(task), scene.material
     used = bool(scene.output.dem) or material != Material()
     # a solid fraction that is asked for is reached by frictions that are not known yet
     if not used or settling is None or settling.solid_fraction is not None or settling.friction == material.friction:
-        return ()
+        return ""
     section = "[packing]" if settling is task.problem.parameters else "[settle]"
-    note = (
+    return (
         f"friction of settling is {settling.friction:g}, by {section}; that of [material], {material.friction:g}, goes "
         f"into input for engines only: give {section} friction = {material.friction:g} if both are the same grains"
     )
-    return (note,)
 
 
 def _steps(scene: SceneDescription, task: Task) -> dict[str, tuple[str, ...]]:

@@ -291,6 +291,8 @@ class _Work:
         if executor.compiling:
             # how long that takes is not known
             text += ", compiling kernels (once per machine)"
+        elif executor.running and not executor.computing:
+            text += ", loading libraries"
         elif left < whole:
             text += f", about {_duration(self.computing * left / (whole - left))} left"
         total = len(self.settings.cells) * len(self.settings.seeds)

@@ -173,10 +173,9 @@ def figures_of(
         draw = partial(_draw_against_seconds, points=points, density=density, seconds=seconds)
         svg = plots.svg_of(draw, f"{name}-against-seconds", size=size)
         title = f"{what} against processor time"
-        beyond = (
-            " An arrow at the left border is an interval that goes on beyond it." if np.any(seconds.low <= 0) else ""
-        )
-        caption = f"{_capital(title)}, one marker a cell. {bars}{beyond}{_alike(dataset, points)}"
+        _, beyond, _ = _shown(density, seconds)
+        arrows = " An arrow at the left border is an interval that goes on beyond it." * bool(len(beyond))
+        caption = f"{_capital(title)}, one marker a cell. {bars}{arrows}{_alike(dataset, points)}"
         found.append(Figure(f"{variable}_against_seconds", svg, title, caption))
     marked = points.over_categories(dataset)
     draw = partial(_draw_by_category, points=points, marked=marked, density=density, bands=bands, placed=placed)
@@ -217,9 +216,18 @@ def _legend_rows(points: Points) -> int:
     return len(points.values(points.color_axis)) + len(points.values(points.marker_axis)) + 3
 
 
+def _shown(density: _Values, seconds: _Values) -> tuple[Integers, Integers, float]:
+    """Return the cells that have a density and a time, those of them whose interval of time goes on beyond the left
+    border, and the time that lies beyond it: Student's intervals of few values may reach below 0.
+    """
+    shown = np.flatnonzero(np.isfinite(density.mean) & (seconds.mean > 0))
+    least = float(seconds.mean[shown].min(initial=np.inf)) / MOST_LINEAR
+    return shown, shown[seconds.low[shown] <= least], least
+
+
 def _draw_against_seconds(axes: Any, *, points: Points, density: _Values, seconds: _Values) -> None:
     """Draw the density of each cell against its processor time."""
-    shown = np.flatnonzero(np.isfinite(density.mean) & (seconds.mean > 0))
+    shown, beyond, least = _shown(density, seconds)
     for places, style in points.by_style(shown):
         axes.errorbar(
             seconds.mean[places],
@@ -233,12 +241,11 @@ def _draw_against_seconds(axes: Any, *, points: Points, density: _Values, second
         )
     axes.set_xscale("log")
     if len(shown):
-        # Student's intervals of few values may reach below 0
         ends = np.concatenate([seconds.mean[shown], seconds.low[shown], seconds.high[shown]])
-        ends = ends[ends > seconds.mean[shown].min() / MOST_LINEAR]
+        ends = ends[ends > least]
         left = 0.8 * ends.min()
         axes.set_xlim(left, 1.25 * ends.max())
-        for at in shown[seconds.low[shown] < left].tolist():
+        for at in beyond.tolist():
             look = {**points.style(at), "marker": "<", "markersize": 5}
             axes.plot(left, density.mean[at], linestyle="none", clip_on=False, **look)
     axes.set(xlabel="processor time (s)", ylabel=density.label)

@@ -106,6 +106,8 @@ def test_what_belongs_to_the_function_is_suggested_and_listed_after_the_paramete
         # most letters are shared, and the word is another
         ("max_size", "min_size"),
         ("version", "erosion"),
+        ("open_packing", "opening"),
+        ("values", "volumes"),
         ("resize", "sizes"),
         ("axis", "radius"),
         ("split", "plot"),
@@ -130,6 +132,8 @@ def test_names_that_are_not_truly_alike_are_not_suggested(given, other):
     [
         ("lenght", "length"),
         ("rfd", "rdf"),
+        ("settling", "settle"),
+        ("segmentation", "segment"),
         ("voxelsize", "voxel_size"),
         ("max_sphere", "max_spheres"),
         ("period", "periodic"),

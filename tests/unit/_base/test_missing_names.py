@@ -36,6 +36,10 @@ def packing() -> vg.Packing:
         ("watershed", "segment"),
         ("read_mesh", "load_shape"),
         ("Image", "load_image"),
+        ("material", "Material"),
+        ("load_packing", "load"),
+        ("plot_packing", "plot"),
+        ("picture", "save_picture"),
     ],
 )
 def test_a_name_that_is_not_there_names_the_one_that_was_meant(typed: str, meant: str) -> None:
@@ -48,6 +52,9 @@ def test_a_name_that_is_not_there_names_the_one_that_was_meant(typed: str, meant
     [
         ("ellipsoid", "vg.shapes.ellipsoid()"),
         ("box", "vg.shapes.box() for the shape, vg.Box(...) for the container"),
+        ("make_sphere", "vg.shapes.sphere() for the shape, vg.Sphere(...) for the container"),
+        ("voronoi", "vg.measure(packing, 'local_density')"),
+        ("coordination_number", "vg.measure(packing, 'coordination')"),
         ("rsa", "vg.pack(shapes, container, 'rsa', ...)"),
         ("Lognormal", "vg.sizes.lognormal(...)"),
         ("optimal", "vg.fit_clump(shape, method='optimal')"),
@@ -100,6 +107,7 @@ def test_a_word_of_a_name_is_enough() -> None:
         ("quaternions", "did you mean 'orientation'"),
         ("coordination_number", r"write vg\.measure\(packing, 'coordination'\)"),
         ("sphericity", r"write vg\.describe\(packing\)\['sphericity'\]"),
+        ("surface_area", "did you mean 'surface_areas'"),
         ("remove", r"did you mean vg\.remove_grains\(packing, \.\.\.\)"),
         ("radius", r"write packing\.diameter / 2$"),
         ("filter", r"write packing\[packing\.diameter > 1\.0\]"),
@@ -205,7 +213,7 @@ def test_errors_and_other_names_that_are_not_public_say_what_is() -> None:
     with pytest.raises(AttributeError, match=r"write ValueError, of which it is a kind, or vg\.VoxgranError for all"):
         _ = vg.InputError  # type: ignore[attr-defined]
     with pytest.raises(AttributeError, match=r"write UserWarning, of which it is a kind$"):
-        _ = vg.PackingWarning  # type: ignore[attr-defined]
+        _ = vg.DirtyMeshWarning  # type: ignore[attr-defined]
     with pytest.raises(AttributeError, match="did you mean '__version__'"):
         _ = vg.version  # type: ignore[attr-defined]
 

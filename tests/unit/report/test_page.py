@@ -194,8 +194,8 @@ def test_pictures_go_into_a_folder_beside_what_is_there(packing, tmp_path):
 
 def test_the_same_packing_gives_the_same_page(packing, statistics, tmp_path):
     for name in ("a", "b"):
-        save_report(packing, tmp_path / name, statistics=statistics, pictures=False)
-    assert (tmp_path / "a").read_bytes() == (tmp_path / "b").read_bytes()
+        save_report(packing, tmp_path / f"{name}.html", statistics=statistics, pictures=False)
+    assert (tmp_path / "a.html").read_bytes() == (tmp_path / "b.html").read_bytes()
 
 
 @pytest.mark.parametrize(

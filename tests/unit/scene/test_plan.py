@@ -216,3 +216,22 @@ def test_a_method_that_makes_the_sizes_has_a_plan_of_at_most_so_many_grains():
     assert "of the container" not in text
     assert f"pack at most {plan.grains} grains by random_apollonian" in text
     assert not any("drawing sizes" in step for step in plan.skipped)
+
+
+def test_the_plan_tells_what_hardly_finds_room():
+    scene = {"shape": [{"family": "sphere"}], "container": {"kind": "box", "lengths": [5, 5, 8]}}
+    plans = {
+        name: vg.Scene.from_mapping({**scene, "packing": packing}).plan()
+        for name, packing in {
+            "usual": {"method": "digital", "count": 200},
+            "dense": {"method": "digital", "count": 310},
+            "coarse": {"method": "digital", "count": 200, "voxel_size": 3},
+            "no amount": {"method": "jam"},
+        }.items()
+    }
+    assert plans["usual"].notes == plans["no amount"].notes == ()
+    assert plans["dense"].notes[0].startswith("0.812 of the container is more than most grains fill")
+    assert "note            0.812 of the container" in str(plans["dense"])
+    assert plans["coarse"].notes[0].endswith("voxel_size is 3; make it at most 0.1")
+    assert "382 drawn, with the volume of the container: those that find room are packed" in str(plans["no amount"])
+    assert "200 drawn; if all find room: 0.524 of the container" in str(plans["usual"])

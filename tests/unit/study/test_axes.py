@@ -279,7 +279,7 @@ def test_a_study_file_says_what_it_is_of(tmp_path):
         ("[base.paking]\ncount = 3\n", "did you mean 'packing'"),
         ('keep = "all"\n[base.packing]\ncount = 3\n', "keep is 'all'"),
         ("[base.packing]\ncount = 3\n[cell]\n", r"write \[\[cell\]\]"),
-        ("[base.packing]\ncount = 3\n", r"\[shape\] is missing"),
+        ("[base.packing]\ncount = 3\n", r"\[\[shape\]\] is missing"),
     ):
         path.write_text(text)
         with pytest.raises(InputError, match=told):

@@ -53,6 +53,13 @@ def study(values, **axes):
         # the same count in the same container: what the study varies does not show in it
         ([[0.6, 0.61], [0.62, 0.63]], [[0.5, 0.51], [0.52, 0.53]], [[0.4, 0.41], [0.4, 0.41]], "bulk_solid_fraction"),
         ([[math.nan] * 2, [0.62, 0.63]], [[0.5, 0.51], [0.52, 0.53]], [[0.4, 0.41], [0.4, 0.41]], "bed_solid_fraction"),
+        # a cell without a bulk would be left out
+        (
+            [[0.6] * 2, [0.7] * 2, [math.nan] * 2],
+            [[0.5] * 2, [0.6] * 2, [0.7] * 2],
+            [[0.4] * 2] * 3,
+            "bed_solid_fraction",
+        ),
         ([[math.nan] * 2] * 2, [[math.nan] * 2] * 2, [[0.4, 0.41], [0.4, 0.41]], "solid_fraction"),
         # without walls the bulk is the whole
         ([[0.6, 0.61], [0.62, 0.63]], [[math.nan] * 2] * 2, [[0.6, 0.61], [0.62, 0.63]], "solid_fraction"),
@@ -61,7 +68,7 @@ def study(values, **axes):
     ],
 )
 def test_the_default_variable_is_the_first_solid_fraction_that_varies(bulk, bed, whole, main):
-    made = study(whole, method=["rsa", "jam"][: len(whole)])
+    made = study(whole, method=["rsa", "jam", "gravity"][: len(whole)])
     dims = made.solid_fraction.dims
     made = made.assign(bulk_solid_fraction=(dims, np.array(bulk)), bed_solid_fraction=(dims, np.array(bed)))
     assert summary(made).attrs["variable"] == main

@@ -41,6 +41,7 @@ def test_compilation_is_told_and_not_extrapolated(base, marks, tmp_path, monkeyp
     texts = [step.text for step in steps]
     assert "1 running, 0 failed, compiling kernels (once per machine)" in texts
     told = [step for step in steps if "left" in step.text]
+    assert texts[0] == "1 running, 0 failed, loading libraries"
     assert told[0].done == 1
     # twenty times the second of compilation would be more
     assert all(float(step.text.split()[-3]) < 5 for step in told), told

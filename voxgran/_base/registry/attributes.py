@@ -51,8 +51,9 @@ def _error_of(name: str) -> str | None:
 def _written_elsewhere(name: str, known: Iterable[str]) -> str | None:
     """Return how a shape, size law, method, engine or measure is written, of which a module was asked for the name."""
     voxgran = sys.modules["voxgran"]
-    word = name.casefold()
-    container = next((entry for entry in known if entry.casefold() == word), None)
+    word = name.casefold().removeprefix("make_")
+    # a class of this name, such as a container or Material, is meant rather than a synonym
+    container = next((entry for entry in known if entry.casefold() == word.removesuffix("s")), None)
     places = (
         (dir(voxgran.shapes), "vg.shapes.{}()"),
         (voxgran.sizes.__all__, "vg.sizes.{}(...)"),
@@ -61,7 +62,7 @@ def _written_elsewhere(name: str, known: Iterable[str]) -> str | None:
         (voxgran.engines(), "vg.write_deck(packing, folder, {!r})"),
         (_measures(), "vg.measure(packing, {!r})"),
     )
-    words = (word, *synonyms_of(word))
+    words = (word, *(() if container else synonyms_of(word)))
     call = next((call.format(one) for one in words for names, call in places if one in names), None)
     return f"{call} for the shape, vg.{container}(...) for the container" if call and container else call
 
@@ -70,6 +71,11 @@ def _measures() -> tuple[str, ...]:
     """Return the names of the measures."""
     names: tuple[str, ...] = sys.modules[sys.modules["voxgran"].measure.__module__].measures()
     return names
+
+
+def _descriptors() -> tuple[str, ...]:
+    """Return the names of the descriptors of form."""
+    return tuple(sys.modules[sys.modules["voxgran"].describe.__module__].DESCRIPTORS)
 
 
 class ExplainedClass(type):
@@ -149,8 +155,6 @@ def _remedy(kind: type[ExplainedAttributes], name: str) -> str:
                 return f"write vg.{function}({thing}, ...)"
         if _takes("measure", kind) and word in _measures():
             return f"write vg.measure({thing}, {word!r})"
-        if _takes("describe", kind) and word in sys.modules[sys.modules["voxgran"].describe.__module__].DESCRIPTORS:
-            return f"write vg.describe({thing})[{word!r}]"
     first = _first(name)
     if first and first.name in ("image", "mask") and _takes("to_image", kind):
         labels = ", labels=False" if first.name == "mask" else ""
@@ -158,6 +162,10 @@ def _remedy(kind: type[ExplainedAttributes], name: str) -> str:
     meant = nearest(name, fields)
     if meant:
         return f"did you mean {meant!r}?"
+    described = _descriptors() if _takes("describe", kind) else ()
+    meant = next((word for word in (name, *synonyms_of(name)) if word in described), None)
+    if meant:
+        return f"write vg.describe({thing})[{meant!r}]"
     meant = nearest(name, [entry for entry in sys.modules["voxgran"].__all__ if entry.islower()])
     taken = meant is not None and _takes(meant, kind)
     return f"did you mean vg.{meant}({thing}, ...)?" if taken else f"dir({kind.__name__}) lists its attributes"

@@ -1,6 +1,7 @@
 """Names that are unknown: which one was meant, by its spelling or by the words of other programs, and the message."""
 
 import difflib
+import re
 from collections.abc import Iterable
 
 from voxgran._base.errors import shown
@@ -34,6 +35,7 @@ SYNONYMS: dict[str, tuple[str, ...]] = {
     "data": ("values",),
     "decimate": ("simplify",),
     "density": ("solid_fraction", "measure"),
+    "descriptors": ("describe",),
     "diameter": ("radius",),
     "draw": ("plot", "picture"),
     "dt": ("time_step",),
@@ -45,6 +47,7 @@ SYNONYMS: dict[str, tuple[str, ...]] = {
     "from_file": ("from_toml", "load"),
     "gaussian": ("normal", "lognormal"),
     "generate": ("pack", "make_shape"),
+    "generate_packing": ("pack",),
     "gradation": ("sizes",),
     "grading": ("gradation",),
     "grain_size": ("gradation",),
@@ -57,7 +60,10 @@ SYNONYMS: dict[str, tuple[str, ...]] = {
     "length": ("lengths", "height"),
     "load_ct": ("load_image",),
     "load_mesh": ("load_shape",),
+    "load_packing": ("load",),
+    "load_stl": ("load_shape",),
     "load_tiff": ("load_image",),
+    "make_packing": ("pack",),
     "marching_cubes": ("iso_surface",),
     "mass": ("masses",),
     "mass_density": ("density",),
@@ -98,6 +104,7 @@ SYNONYMS: dict[str, tuple[str, ...]] = {
     "radii": ("diameters",),
     "read": ("load", "from_file"),
     "read_mesh": ("load_shape",),
+    "read_packing": ("load",),
     "read_stl": ("load_shape",),
     "read_tiff": ("load_image",),
     "reduce": ("simplify",),
@@ -109,15 +116,18 @@ SYNONYMS: dict[str, tuple[str, ...]] = {
     "resize": ("resample",),
     "rho": ("density",),
     "save": ("save_shape", "save_cloud", "save_deformed", "write_page"),
+    "save_packing": ("save",),
     "scene": ("base",),
     "segment": ("labels",),
     "shake": ("settle",),
     "shape": ("make_shape", "values"),
+    "shape_factors": ("describe",),
     "show": ("plot", "write_page", "picture"),
     "simulate": ("settle", "relax"),
     "size": ("lengths", "diameter"),
     "sizes": ("diameters",),
     "solid_fraction": ("density",),
+    "sphere_packing": ("pack",),
     "spheres": ("clump", "max_spheres", "centers"),
     "square": ("rectangle", "box"),
     "std": ("sigma",),
@@ -172,7 +182,7 @@ def nearest_word(name: str, known: Iterable[str]) -> str | None:
     names = list(known)
     synonym = next((entry for entry in SYNONYMS.get(name, ()) if entry in names), None)
     words = set(name.casefold().split("_")) - LITTLE_WORDS
-    shared = (entry for entry in names if words & set(entry.casefold().split("_")))
+    shared = (entry for entry in sorted(names, key=len) if words & set(entry.casefold().split("_")))
     return synonym or nearest(name, names) or next(shared, None)
 
 
@@ -205,28 +215,37 @@ def _likeness(one: str, other: str) -> float:
     They are compared word by word: ``max_size`` and ``min_size`` share most of their letters.
     """
     words, others = one.split("_"), other.split("_")
-    pairs = zip(words, others, strict=True) if len(words) == len(others) else [("".join(words), "".join(others))]
-    return min(_likeness_of_words(*pair) for pair in pairs)
+    if len(words) != len(others):
+        return _likeness_of_words("".join(words), "".join(others), least=0.9)
+    return min(_likeness_of_words(*pair) for pair in zip(words, others, strict=True))
 
 
-def _likeness_of_words(one: str, other: str) -> float:
-    """Return how alike two words are, from 0 to 1: 0 for less than one slip in four letters, or in five of short words,
-    and where they begin differently, as slips seldom do.
+def _likeness_of_words(one: str, other: str, *, least: float = 0.8) -> float:
+    """Return how alike two words are, from 0 to 1: 0 for less than the least, such as one slip in five letters, and
+    where they begin differently, as slips seldom do. Forms of one word, such as settle and settling, are alike.
     """
     matcher = difflib.SequenceMatcher(None, one, other)
-    least = 0.9 if one[:1] != other[:1] else 0.8 if min(len(one), len(other)) < 5 else 0.75
     # letters that are swapped count twice in the ratio
-    if one[:1] == other[:1] and sorted(one) == sorted(other):
+    swapped = one[:1] == other[:1] and sorted(one) == sorted(other)
+    if swapped or (len(_stem(one)) > 3 and _stem(one) == _stem(other)):
         return matcher.ratio()
+    least = least if one[:1] == other[:1] else 0.9
     # bounds of the ratio, which take less time
     likely = matcher.real_quick_ratio() >= least and matcher.quick_ratio() >= least
     return ratio if likely and (ratio := matcher.ratio()) >= least else 0.0
 
 
+def _stem(word: str) -> str:
+    """Return a word without the ending of its form."""
+    return re.sub("(ation|ing|ed|s|e)$", "", word)
+
+
 def _parts(given: str, known: Iterable[str]) -> list[str]:
-    """Return the names that are an end of what is given, as ``friction`` of ``friction_angle``, the longest first, then
-    those that begin with it, the shortest first.
+    """Return the names that are the beginning or the end of what is given, as ``friction`` of ``friction_angle``, the
+    longest first, then those that begin with it, the shortest first.
     """
     names = sorted(known, key=len)
-    held = [name for name in names if len(name) > 3 and (given.startswith(f"{name}_") or given.endswith(f"_{name}"))]
-    return held[::-1] + [name for name in names if len(given) > 2 and name.startswith(given)]
+    long = [name for name in reversed(names) if len(name) > 3]
+    begin = [name for name in long if given.startswith(f"{name}_") and name not in LITTLE_WORDS]
+    end = [name for name in long if given.endswith(f"_{name}")]
+    return [*begin, *end, *(name for name in names if len(given) > 2 and name.startswith(given))]
