@@ -48,7 +48,7 @@ def test_wrong_calls_are_explained(tmp_path):
         vg.save_gallery([vg.make_shape("box")], path, columns=0)
     with pytest.raises(InputError, match="a list of shapes; make_shapes makes one"):
         vg.save_gallery([3], path)
-    with pytest.raises(FileFormatError, match="pictures are kept as .png"):
+    with pytest.raises(FileFormatError, match="pictures are kept as"):
         vg.save_gallery([vg.make_shape("box")], tmp_path / "gallery.jpg")
     path.write_text("mine")
     with pytest.raises(OutputExistsError, match="gallery"):
