@@ -100,9 +100,15 @@ def reported(count: int = REPORTED) -> list[Row]:
     for name, packing in packings(count, count).items():
         known: dict[str, Any] = {"statistics": measure(packing), "verification": verify(packing)}
         with tempfile.TemporaryDirectory() as folder:
-            write = partial(save_report, path=Path(folder) / "page.html", overwrite=True, **known)
+            write = partial(_report, measured=packing, path=Path(folder) / "page.html", **known)
             rows.append((name, packing.count, "report", _seconds(write, packing), None))
     return rows
+
+
+def _report(packing: Packing, *, measured: Packing, **options: Any) -> None:
+    """Write the report of a packing of which contacts were found when it was measured."""
+    packing._contacts.update(measured._contacts)
+    save_report(packing, overwrite=True, **options)
 
 
 def counted(packing: Packing, edges: Floats, points: int) -> Floats:
