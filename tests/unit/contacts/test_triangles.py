@@ -9,6 +9,8 @@ from voxgran._base.rotation import random_rotations, rotation_matrices
 from voxgran._base.seeds import stream
 from voxgran._base.tree import grow_tree
 from voxgran.contacts.triangles import nearest_points, plane_gap, triangle_distance, turned_bound
+from voxgran.containers.box import Box
+from voxgran.packing.model import Packing
 from voxgran.shapes.family import make_shape
 
 
@@ -91,3 +93,15 @@ def test_turned_boxes_bound_the_distance_of_what_they_hold():
             middle = matrix @ other.boxes[b, 0] + offset - one.boxes[a, 0]
             assert apart == pytest.approx(float(middle @ middle))
     assert np.quantile(close, 0.75) > 0.7
+
+
+@pytest.mark.parametrize("family", ["sphere", "polyhedron"])
+def test_contacts_of_a_smaller_gap_are_taken_from_those_of_a_larger_one(family):
+    place = stream(1, "places").uniform(0.0, 4.0, (60, 3))
+    grains = [make_shape(family, seed=0)], Box((4, 4, 4), periodic="xyz")
+    one, other = (Packing.of(*grains, position=place) for _ in range(2))
+    many = one.contacts(0.3).count
+    found, wanted = one.contacts(0.05), other.contacts(0.05)
+    assert 0 < found.count < many
+    for name in ("i", "j", "image", "gap", "normal"):
+        assert getattr(found, name) == pytest.approx(getattr(wanted, name), abs=1e-12)
