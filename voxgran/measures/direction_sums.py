@@ -65,7 +65,7 @@ def values_along(way: Floats, second: Floats, fourth: Floats) -> tuple[Floats, F
 
 
 def shares_of_map(way: Floats, weight: Floats, pole: int) -> tuple[Floats, Floats]:
-    """Return the sums of the weights (m,), and of their squares, of directions (m, 3) in the cells of an equal-area map.
+    """Return the sums of weights (m,), and of their squares, in the cells of an equal-area map of directions (m, 3).
 
     Each direction or its opposite lies on the hemisphere around the axis `pole`; both count half where both do.
     """

@@ -202,7 +202,8 @@ def rose_of(vectors: Floats, weights: Floats | None = None, *, dimension: int, p
     if dimension == 2:
         turn = np.mod(np.arctan2(way[:, 1], way[:, 0]) / np.pi * SECTORS + 0.5, SECTORS)
         index = np.minimum(turn.astype(np.int64), SECTORS - 1)
-        held, squared = (np.bincount(index, weights=one, minlength=k) for one in (weight, np.square(weight)))
+        held = np.asarray(np.bincount(index, weights=weight, minlength=k), dtype=np.float64)
+        squared = np.asarray(np.bincount(index, weights=np.square(weight), minlength=k), dtype=np.float64)
     else:
         held, squared = shares_of_map(way, weight, pole)
     total = float(weight.sum())

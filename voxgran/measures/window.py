@@ -146,9 +146,7 @@ class Solids:
     def overlaps(self) -> tuple[Integers, Integers, Integers]:
         """Pairs (i, j, image) of grains that overlap."""
         packing = self.packing
-        # contacts that are found already hold all that overlap
-        known = packing._contacts
-        found = known[max(known)] if known else packing.contacts(0.0)
+        found = packing.contacts(0.0)
         deep = found.gap < -NO_DEPTH * (packing.diameters.mean() if packing.count else 1.0)
         # open surfaces have no volume
         deep &= (packing.volumes[found.i] > 0.0) & (packing.volumes[found.j] > 0.0)

@@ -359,7 +359,9 @@ class Packing(GrainSequence):
         """
         reach = self.contact_gap if gap is None else as_number(gap, "gap", at_least=0.0)
         if reach not in self._contacts:
-            self._contacts[reach] = find_contacts(self, reach)
+            # those of a larger gap hold them
+            wider = [self._contacts[known] for known in sorted(self._contacts) if known > reach]
+            self._contacts[reach] = wider[0].where(wider[0].gap <= reach) if wider else find_contacts(self, reach)
         return self._contacts[reach]
 
     def verify(self, *, tolerance: float = 1e-9) -> Verification:

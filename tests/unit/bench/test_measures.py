@@ -16,6 +16,8 @@ pytestmark = pytest.mark.usefixtures("jagged_pictures")
 def test_rows_of_small_packings():
     for name, packing in packings(solids=30, spheres=60).items():
         assert vg.verify(packing).ok
+        near = packing.contacts(packing.contact_gap)
+        assert near.count > 1.5 * packing.count
         rows = {row[2]: row for row in measured(name, packing)}
         assert {"all usual", "contacts", "density", "profile", "profile along z"} <= set(rows)
         assert all(row[:2] == (name, packing.count) and row[3] >= 0 for row in rows.values())

@@ -9,6 +9,8 @@ from voxgran._base.rotation import random_rotations, rotation_matrices
 from voxgran._base.seeds import stream
 from voxgran._base.tree import grow_tree
 from voxgran.contacts.triangles import nearest_points, plane_gap, triangle_distance, turned_bound
+from voxgran.containers.box import Box
+from voxgran.packing.model import Packing
 from voxgran.shapes.family import make_shape
 
 
@@ -58,9 +60,10 @@ def test_the_distance_of_polyhedra_is_the_smallest_of_all_pairs(seed):
 
 def test_the_plane_of_a_sliver_bounds_nothing():
     sliver = np.array([[[0.0, 0, 0], [1, 0, 0], [2, 1e-4, 0]]])
-    assert plane_gap(sliver, 0, sliver + [0, 0, 1.0], 0) == 0.0
+    above = np.array([0.0, 0.0, 2.0])
+    assert plane_gap(sliver, 0, sliver + above, 0) == 0.0
     sliver[0, 2] = [0, 1, 0]
-    assert plane_gap(sliver, 0, sliver + [0, 0, 2.0], 0) == pytest.approx(4.0)
+    assert plane_gap(sliver, 0, sliver + above, 0) == pytest.approx(4.0)
 
 
 @pytest.mark.parametrize("family", ["polyhedron", "solid_union", "box"])
@@ -77,13 +80,28 @@ def test_turned_boxes_hold_their_triangles_and_are_no_larger_than_straight_ones(
 
 
 def test_turned_boxes_bound_the_distance_of_what_they_hold():
-    one, other = tree_of("solid_union"), tree_of("solid_union", 1)
-    for matrix, way in poses(8):
-        offset, factor = 0.5 * (one.size + other.size) * way, float(np.linalg.norm(matrix[:, 0]))
-        for node in (0, 1, 6, 20, 60):
-            mine = one.corners[slice(*one.start[node])].reshape(-1, 3)
-            theirs = other.corners[slice(*other.start[node])].reshape(-1, 3) @ matrix.T + offset
-            bound, apart = turned_bound(one.boxes, node, other.boxes, node, matrix, factor, offset)
-            assert bound <= np.square(mine[:, None] - theirs).sum(axis=2).min() * (1 + 1e-12)
-            middle = matrix @ other.boxes[node, 0] + offset - one.boxes[node, 0]
+    one, other, draw, close = tree_of("solid_union"), tree_of("solid_union", 1), stream(9, "nodes"), []
+    for matrix, way in poses(40):
+        offset, factor = 0.3 * (one.size + other.size) * way, float(np.linalg.norm(matrix[:, 0]))
+        for a, b in draw.integers(1, len(one.start) // 4, (20, 2)):
+            mine = one.corners[slice(*one.start[a])].reshape(-1, 3)
+            theirs = other.corners[slice(*other.start[b])].reshape(-1, 3) @ matrix.T + offset
+            bound, apart = turned_bound(one.boxes, a, other.boxes, b, matrix, factor, offset)
+            square = np.square(mine[:, None] - theirs).sum(axis=2).min()
+            assert bound <= square * (1 + 1e-12)
+            close.append(bound / square)
+            middle = matrix @ other.boxes[b, 0] + offset - one.boxes[a, 0]
             assert apart == pytest.approx(float(middle @ middle))
+    assert np.quantile(close, 0.75) > 0.7
+
+
+@pytest.mark.parametrize("family", ["sphere", "polyhedron"])
+def test_contacts_of_a_smaller_gap_are_taken_from_those_of_a_larger_one(family):
+    place = stream(1, "places").uniform(0.0, 4.0, (60, 3))
+    grains = [make_shape(family, seed=0)], Box((4, 4, 4), periodic="xyz")
+    one, other = (Packing.of(*grains, position=place) for _ in range(2))
+    many = one.contacts(0.3).count
+    found, wanted = one.contacts(0.05), other.contacts(0.05)
+    assert 0 < found.count < many
+    for name in ("i", "j", "image", "gap", "normal"):
+        assert getattr(found, name) == pytest.approx(getattr(wanted, name), abs=1e-12)

@@ -1,10 +1,10 @@
 """Measures of packings: seconds of each, and the profile of the solid fraction against one by counted points.
 
-Packings are random solids and spheres at places of a lattice, in random orientation, without overlap. Each measure is
-computed on a packing of which nothing is known yet, contacts and cut planes included. The peer counts points: each
-grain is represented by random points of equal weight in its solid, which are sorted into the slices of the exact
-profile; its error is the largest difference of the solid fraction in a slice. The report is the page of a packing that
-is measured and verified already.
+Packings are random solids and spheres that touch: jammed in a periodic cell, of which copies lie beside each other in a
+box with walls, under gravity. Each measure is computed on a packing of which nothing is known yet, contacts and cut
+planes included. The peer counts points: each grain is represented by random points of equal weight in its solid, which
+are sorted into the slices of the exact profile; its error is the largest difference of the solid fraction in a slice.
+The report is the page of a packing that is measured and verified already.
 """
 
 import math
@@ -26,13 +26,16 @@ from voxgran.containers.box import Box
 from voxgran.measures.model import measure, measure_registry
 from voxgran.measures.registered.profile import axis_profile
 from voxgran.packing.model import Packing
+from voxgran.packing.pack import pack
 from voxgran.report.page import save_report
 from voxgran.shapes.family import make_shape, make_shapes
 from voxgran.shapes.model import Shape
+from voxgran.shapes.sizes import lognormal
 from voxgran.voxels.occupy import voxelize
 
-#: numbers of random solids and of spheres, different solids, and edge of a cell of the lattice over the diameter
-SOLIDS, SPHERES, KINDS, CELL = 3_000, 200_000, 10, 1.05
+#: numbers of random solids and of spheres, different solids, and numbers of grains in a cell of either, about
+SOLIDS, SPHERES, KINDS = 3_000, 200_000, 10
+SOLIDS_OF_CELL, SPHERES_OF_CELL = 48, 1_600
 #: points of a grain that the peer counts, and voxels of a shape in which they lie
 POINTS, VOXELS = (10, 100, 1000), 30_000
 
@@ -43,25 +46,35 @@ REPORTED = 20_000
 Row = tuple[str, int, str, float, float | None]
 
 
-def packing_of(shapes: list[Shape], count: int) -> Packing:
-    """Return grains of some shapes at places of a cubic lattice, in random orientation, with gravity."""
-    many, edge = math.ceil(count ** (1 / 3)), CELL * 2 * max(shape.bounding_radius for shape in shapes)
-    places = np.stack(np.meshgrid(*[np.arange(many)] * 3, indexing="ij"), axis=-1).reshape(-1, 3)[:count]
-    turns = stream(0, "turns").normal(size=(count, 4))
+def packing_of(shapes: list[Shape], count: int, of_cell: int) -> Packing:
+    """Return about so many jammed grains: copies of a periodic cell of about `of_cell`, with gravity and walls."""
+    many = max(round((count / of_cell) ** (1 / 3)), 1)
+    held = round(count / many**3)
+    edge = math.cbrt(held)
+    cell = pack(shapes, Box((edge,) * 3, periodic="xyz"), "jam", count=held, sizes=lognormal(1.0, 0.1), seed=0)
+    steps = np.stack(np.meshgrid(*[np.arange(many)] * 3, indexing="ij"), axis=-1).reshape(-1, 3)
+    # walls lie where no grain of the cells at the sides reaches
+    margin, copies = float(cell.bounding_radii.max()), len(steps)
+    places = np.mod(cell.position, edge) + steps[:, None] * edge + margin
     return Packing.of(
-        shapes,
-        Box((many * edge,) * 3),
-        position=(places + 0.5) * edge,
-        orientation=turns / np.linalg.norm(turns, axis=1, keepdims=True),
-        shape_id=np.arange(count) % len(shapes),
+        cell.shapes,
+        Box((many * edge + 2 * margin,) * 3),
+        position=places.reshape(-1, 3),
+        orientation=np.tile(cell.orientation, (copies, 1)),
+        scale=np.tile(cell.scale, copies),
+        shape_id=np.tile(cell.shape_id, copies),
         gravity=(0.0, 0.0, -1.0),
+        contact_gap=cell.contact_gap,
     )
 
 
 def packings(solids: int = SOLIDS, spheres: int = SPHERES) -> dict[str, Packing]:
     """Return the packings by their names."""
     shapes = make_shapes("solid_union", count=KINDS, seed=0)
-    return {"random solids": packing_of(shapes, solids), "spheres": packing_of([make_shape("sphere")], spheres)}
+    return {
+        "random solids": packing_of(shapes, solids, SOLIDS_OF_CELL),
+        "spheres": packing_of([make_shape("sphere")], spheres, SPHERES_OF_CELL),
+    }
 
 
 def measured(name: str, packing: Packing) -> list[Row]:
@@ -87,9 +100,15 @@ def reported(count: int = REPORTED) -> list[Row]:
     for name, packing in packings(count, count).items():
         known: dict[str, Any] = {"statistics": measure(packing), "verification": verify(packing)}
         with tempfile.TemporaryDirectory() as folder:
-            write = partial(save_report, path=Path(folder) / "page.html", overwrite=True, **known)
-            rows.append((name, count, "report", _seconds(write, packing), None))
+            write = partial(_report, measured=packing, path=Path(folder) / "page.html", **known)
+            rows.append((name, packing.count, "report", _seconds(write, packing), None))
     return rows
+
+
+def _report(packing: Packing, *, measured: Packing, **options: Any) -> None:
+    """Write the report of a packing of which contacts were found when it was measured."""
+    packing._contacts.update(measured._contacts)
+    save_report(packing, overwrite=True, **options)
 
 
 def counted(packing: Packing, edges: Floats, points: int) -> Floats:
