@@ -78,9 +78,13 @@ def in_blocks(work: Kernel, count: int, *arguments: object, least: int = 1) -> N
     at_once([partial(work, *arguments, first, last) for first, last in blocks_of(count, least)])
 
 
-def blocks_of(count: int, least: int) -> list[tuple[int, int]]:
-    """Return the first and last row + 1 of blocks of `count` rows, as many as threads, of at least `least` rows."""
-    blocks = max(min(thread_count(), count // least), 1)
+def blocks_of(count: int, least: int, parts: int = 1) -> list[tuple[int, int]]:
+    """Return the first and last row + 1 of blocks of `count` rows, of at least `least` rows.
+
+    There are as many blocks as threads, or `parts` for each where rows differ in their work.
+    """
+    threads = thread_count()
+    blocks = max(min(parts * threads if threads > 1 else 1, count // least), 1)
     return list(pairwise(count * b // blocks for b in range(blocks + 1)))
 
 

@@ -13,7 +13,7 @@ import numpy as np
 from voxgran._base.arrays import Floats, Integers
 from voxgran._base.kernels import bare_kernel, kernel
 from voxgran.settling.contact_rows import OUTLINE, ContactRows, Grains, PairList
-from voxgran.settling.finding.blocks import find_in_blocks, pairs_of_kind
+from voxgran.settling.finding.blocks import Blocks, pairs_of_kind
 from voxgran.settling.finding.candidates import add_candidate, choose_candidates, is_candidate, write_candidates
 from voxgran.shapes.model import Shape
 from voxgran.shapes.outline import Outline
@@ -89,8 +89,8 @@ def _is_convex(vertex: Floats) -> bool:
 
 
 def find_outline_contacts(
-    grains: Grains, bodies: OutlineBodies, pairs: PairList, size: int, rows: ContactRows, m: int, margin: float,
-    rest: float,
+    grains: Grains, bodies: OutlineBodies | Blocks[OutlineBodies], pairs: PairList, size: int, rows: ContactRows,
+    m: int, margin: float, rest: float,
 ) -> int:  # fmt: skip
     """Write where polygons are near polygons and disks, from row m; return the next row, or -1 where rows are full.
 
@@ -125,8 +125,9 @@ def find_outline_contacts(
     def find(own: OutlineBodies, part: ContactRows, start: int, first: int, last: int) -> int:
         return int(_find(grains, own, pairs, part, start, margin, rest, first, last))
 
+    blocks = bodies if isinstance(bodies, Blocks) else Blocks(bodies, SCRATCH)
     chosen = pairs_of_kind(grains, pairs, size, OUTLINE)
-    return find_in_blocks(find, bodies, SCRATCH, pairs=pairs, chosen=chosen, rows=rows, m=m)
+    return blocks.find(find, pairs=pairs, chosen=chosen, rows=rows, m=m)
 
 
 @kernel

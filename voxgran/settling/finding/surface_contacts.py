@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from voxgran._base.arrays import Floats
 from voxgran._base.kernels import bare_kernel, inlined_kernel, kernel
 from voxgran.settling.contact_rows import SURFACE, ContactRows, Grains, PairList
-from voxgran.settling.finding.blocks import find_in_blocks, pairs_of_kind
+from voxgran.settling.finding.blocks import Blocks, pairs_of_kind
 from voxgran.settling.finding.distance_grids import SurfaceBodies
 from voxgran.settling.finding.surface_memory import (
     LEAVES,
@@ -258,8 +258,8 @@ def field_candidates(
 
 
 def find_surface_contacts(
-    grains: Grains, bodies: SurfaceBodies, work: SurfaceWork, pairs: PairList, size: int, rows: ContactRows, m: int,
-    margin: float, rest: float,
+    grains: Grains, bodies: SurfaceBodies, work: SurfaceWork | Blocks[SurfaceWork], pairs: PairList, size: int,
+    rows: ContactRows, m: int, margin: float, rest: float,
 ) -> int:  # fmt: skip
     """Write the contacts of the pairs with a non-convex mesh from row m on; return the new number of rows.
 
@@ -273,8 +273,9 @@ def find_surface_contacts(
     def find(own: SurfaceWork, part: ContactRows, start: int, first: int, last: int) -> int:
         return int(_find(grains, bodies, own, pairs, part, start, margin, rest, first, last))
 
+    blocks = work if isinstance(work, Blocks) else Blocks(work, SCRATCH)
     chosen = pairs_of_kind(grains, pairs, size, SURFACE)
-    return find_in_blocks(find, work, SCRATCH, pairs=pairs, chosen=chosen, rows=rows, m=m)
+    return blocks.find(find, pairs=pairs, chosen=chosen, rows=rows, m=m)
 
 
 @kernel

@@ -15,7 +15,7 @@ from voxgran._base.arrays import Booleans, Floats
 from voxgran._base.kernels import bare_kernel, kernel
 from voxgran._base.tree import is_behind, search_triangles
 from voxgran.settling.contact_rows import SURFACE, ContactRows, Grains, PairList
-from voxgran.settling.finding.blocks import find_in_blocks, pairs_of_kind
+from voxgran.settling.finding.blocks import Blocks, pairs_of_kind
 from voxgran.settling.finding.distance_grids import SurfaceBodies
 from voxgran.settling.finding.surface_contacts import field_candidates
 from voxgran.settling.finding.surface_memory import (
@@ -201,8 +201,8 @@ def _crossing_candidates(grains, bodies, work, p, i, j, offset, margin):  # type
 
 
 def find_triangle_contacts(
-    grains: Grains, bodies: SurfaceBodies, work: SurfaceWork, pairs: PairList, size: int, rows: ContactRows, m: int,
-    margin: float, rest: float, *, reuse: float = 0.0,
+    grains: Grains, bodies: SurfaceBodies, work: SurfaceWork | Blocks[SurfaceWork], pairs: PairList, size: int,
+    rows: ContactRows, m: int, margin: float, rest: float, *, reuse: float = 0.0,
 ) -> int:  # fmt: skip
     """Write the exact contacts of the pairs with a non-convex mesh from row m on; return the new number of rows.
 
@@ -220,12 +220,13 @@ def find_triangle_contacts(
     def find_crossing(own: SurfaceWork, part: ContactRows, start: int, first: int, last: int) -> int:
         return int(_find_crossing(grains, bodies, own, pairs, part, start, margin, rest, first, last))
 
+    blocks = work if isinstance(work, Blocks) else Blocks(work, SCRATCH)
     chosen = pairs_of_kind(grains, pairs, size, SURFACE)
-    made = find_in_blocks(find, work, SCRATCH, pairs=pairs, chosen=chosen, rows=rows, m=m)
-    overlap = np.isneginf(work.gap[:size])
+    made = blocks.find(find, pairs=pairs, chosen=chosen, rows=rows, m=m)
+    overlap = np.isneginf(blocks.work.gap[:size])
     if made >= 0 and overlap.any():
         # a kernel of its own: beds without overlap need not wait for its compilation
-        made = find_in_blocks(find_crossing, work, SCRATCH, pairs=pairs, chosen=overlap, rows=rows, m=made)
+        made = blocks.find(find_crossing, pairs=pairs, chosen=overlap, rows=rows, m=made)
     return made
 
 
@@ -323,8 +324,8 @@ def _write_pair(grains, work, pairs, p, offset, rows, m, k, margin, rest):  # ty
 
 
 def prove_separate(
-    grains: Grains, bodies: SurfaceBodies, work: SurfaceWork, *, pairs: PairList, size: int, rows: ContactRows,
-    reach: float,
+    grains: Grains, bodies: SurfaceBodies, work: SurfaceWork | Blocks[SurfaceWork], *, pairs: PairList, size: int,
+    rows: ContactRows, reach: float,
 ) -> tuple[Floats, Booleans]:  # fmt: skip
     """Return exact gaps of pairs with a non-convex mesh, and whether they are proven to be separate.
 
@@ -344,6 +345,7 @@ def prove_separate(
     proven : (size,) ndarray of bool
         Whether the grains are separate; false for pairs of other kinds.
     """
-    work.gap[:size], work.proven[:size] = np.inf, False
+    shared = work.work if isinstance(work, Blocks) else work
+    shared.gap[:size], shared.proven[:size] = np.inf, False
     find_triangle_contacts(grains, bodies, work, pairs, size, rows, -1, reach, 0.0)
-    return work.gap[:size].copy(), work.proven[:size].copy()
+    return shared.gap[:size].copy(), shared.proven[:size].copy()
