@@ -42,7 +42,7 @@ def included():
 
 
 def test_the_wheel_takes_the_scans_of_the_demo_and_their_sources():
-    assert {Path(name).name for name in included()} == {*SCANS, "SOURCES.md"}
+    assert {Path(name).name for name in included()} == {*SCANS, "ice_cream_cone.npy", "SOURCES.md"}
     for source, place in included().items():
         assert (ROOT / source).is_file()
         assert place == f"voxgran/{source}"

@@ -20,6 +20,8 @@ from voxgran._base.kernels import bare_kernel, kernel
 LEAF = 4
 #: boxes that wait in a search, at most
 STACK = 64
+#: pairs of surfaces from which on turned boxes are worth making: they take as long as some ten searches
+TURNED = 16
 #: points of which a thread takes no fewer
 LEAST_POINTS = 512
 
@@ -61,6 +63,16 @@ class TriangleTree:
     def boxes(self) -> Floats:
         """Boxes (k, 5, 3) of the nodes that are turned with their triangles; see :func:`turned_boxes`."""
         return turned_boxes(self.corners, self.start)
+
+    @cached_property
+    def straight_boxes(self) -> Floats:
+        """Boxes (k, 5, 3) of the nodes along the coordinates, in the form of those that are turned."""
+        middle, half = (self.low + self.high)[:, None] / 2, (self.high - self.low)[:, None] / 2
+        return read_only(np.concatenate([middle, np.broadcast_to(np.eye(3), (len(half), 3, 3)), half], axis=1))
+
+    def boxes_for(self, pairs: int) -> Floats:
+        """Return turned boxes where so many searches are worth making them, else those along the coordinates."""
+        return self.boxes if pairs >= TURNED or "boxes" in vars(self) else self.straight_boxes
 
     @property
     def size(self) -> float:

@@ -18,7 +18,7 @@ from voxgran._base.tree import TriangleTree
 from voxgran.contacts.assembly import Assembly
 from voxgran.contacts.broad import Pairs
 from voxgran.contacts.meshes import ROUNDING
-from voxgran.contacts.triangles import find_nearest_pair, turned_arrays
+from voxgran.contacts.triangles import boxed_arrays, find_nearest_pair
 
 #: number of pairs that a thread processes between two checks for a request to stop
 AT_ONCE = 64
@@ -57,7 +57,7 @@ def surface_gaps(
         reach = np.maximum(max(gap, 0.0) / scale[some], margin)
         distance, points = np.full(len(some), np.inf), np.zeros((len(some), 6))
         poses = np.ascontiguousarray(matrix[some]), offset[some], reach, distance, points
-        known = turned_arrays(trees[0]), turned_arrays(trees[1])
+        known = boxed_arrays(trees[0], len(some)), boxed_arrays(trees[1], len(some))
         together = AT_ONCE * thread_count()
         for first in range(0, len(some), together):
             stop_if_asked()

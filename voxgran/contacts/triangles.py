@@ -32,13 +32,13 @@ def nearest_points(
     """
     found = np.zeros(6)
     turn, place = np.ascontiguousarray(matrix), np.ascontiguousarray(offset)
-    square = find_nearest_pair(turned_arrays(one), turned_arrays(other), turn, place, float(reach), found)
+    square = find_nearest_pair(boxed_arrays(one), boxed_arrays(other), turn, place, float(reach), found)
     return math.sqrt(square), found[:3], found[3:]
 
 
-def turned_arrays(tree: TriangleTree) -> TurnedArrays:
-    """Return triangles and turned boxes of a tree, as kernels take them."""
-    return tree.corners, tree.start, tree.boxes
+def boxed_arrays(tree: TriangleTree, pairs: int = 1) -> TurnedArrays:
+    """Return triangles and boxes of a tree, as kernels take them for so many pairs of surfaces."""
+    return tree.corners, tree.start, tree.boxes_for(pairs)
 
 
 @bare_kernel

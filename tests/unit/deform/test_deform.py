@@ -298,7 +298,7 @@ def test_surfaces_and_contacts_are_saved(tmp_path):
     assert vtk_to_numpy(data.GetFieldData().GetArray("contact_area")).tobytes() == soft.area.tobytes()
     with pytest.raises(OutputExistsError):
         vg.save_deformed(soft, tmp_path / "soft.vtp")
-    with pytest.raises(FileFormatError, match="rename"):
+    with pytest.raises(FileFormatError, match="choose that"):
         vg.save_deformed(soft, tmp_path / "soft.stl")
 
 

@@ -88,7 +88,7 @@ SYNONYMS: dict[str, tuple[str, ...]] = {
     "pair_correlation": ("rdf", "measure"),
     "passed": ("ok",),
     "plot": ("write_page", "picture"),
-    "picture": ("plot", "save_picture"),
+    "picture": ("save_picture", "plot"),
     "pore_size": ("voids", "measure"),
     "pore_size_distribution": ("voids", "measure"),
     "pores": ("voids", "measure"),
