@@ -12,9 +12,14 @@ from voxgran.measures.registered.profile import axis_profile
 pytestmark = pytest.mark.usefixtures("jagged_pictures")
 
 
+@pytest.fixture(scope="module")
+def small():
+    return packings(solids=40, spheres=60)
+
+
 @pytest.mark.filterwarnings("ignore:the bulk holds")
-def test_rows_of_small_packings():
-    for name, packing in packings(solids=30, spheres=60).items():
+def test_rows_of_small_packings(small):
+    for name, packing in small.items():
         assert vg.verify(packing).ok
         near = packing.contacts(packing.contact_gap)
         assert near.count > 1.5 * packing.count
@@ -39,8 +44,8 @@ def test_rows_of_reports(monkeypatch):
 
 
 @pytest.mark.parametrize("name", ["random solids", "spheres"])
-def test_counted_points_tend_to_the_exact_profile(name):
-    packing = packings(solids=60, spheres=60)[name]
+def test_counted_points_tend_to_the_exact_profile(small, name):
+    packing = small[name]
     exact = axis_profile(packing)
     few, many = (
         np.sqrt(np.mean((counted(packing, exact.edges, points) - exact.solid_fraction) ** 2))
