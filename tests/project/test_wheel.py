@@ -21,7 +21,7 @@ ROOT = Path(__file__).parents[2]
 PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text())
 MOST_BYTES = 2_000_000
 #: what a wheel holds beside Python files
-SUFFIXES = {".js", ".py", ".pyi", ".typed", ".j2", ".obj", ".md"}
+SUFFIXES = {".js", ".py", ".pyi", ".typed", ".j2", ".npy", ".obj", ".md"}
 #: the first lines of the tutorial, with a scan that travels with the package
 TUTORIAL = """
 from pathlib import Path
@@ -101,7 +101,7 @@ def test_the_wheel_is_small_and_holds_the_package_only(wheel):
     package = {name for name in names if ".dist-info/" not in name}
     assert {name.split("/")[0] for name in package} == {"voxgran"}
     assert {Path(name).suffix for name in package} == SUFFIXES
-    assert {name for name in package if Path(name).suffix in (".obj", ".md")} == set(included().values())
+    assert {name for name in package if Path(name).suffix in (".npy", ".obj", ".md")} == set(included().values())
     assert [name for name in names if re.search(r"(^|/)(tests?|bench_peers|docs|examples|figures)/", name)] == []
     written = {path.relative_to(ROOT).as_posix() for path in ROOT.glob("voxgran/**/*.py")}
     assert written == {name for name in package if name.endswith(".py")}
