@@ -73,7 +73,7 @@ def existing_file(path: str | os.PathLike[str]) -> Path:
         raise OutputError(f"{found} cannot be read ({error.strerror}): change its permissions") from error
 
 
-def output_suffix(path: str | os.PathLike[str], known: Collection[str], kept: str) -> str:
+def output_suffix(path: str | os.PathLike[str], known: Collection[str], kept: str, *, overwrite: bool = True) -> str:
     """Return the suffix of a file that is to be written, in small letters; refuse one of another format.
 
     Parameters
@@ -84,6 +84,8 @@ def output_suffix(path: str | os.PathLike[str], known: Collection[str], kept: st
         Suffixes that are allowed, in small letters.
     kept : str
         What is written, with its verb, for the message: such as ``"packings are kept"``.
+    overwrite : bool
+        Whether a file that is there may be replaced; where it is written at once, writing checks that itself.
 
     Raises
     ------
@@ -91,11 +93,15 @@ def output_suffix(path: str | os.PathLike[str], known: Collection[str], kept: st
         If the suffix is none of these.
     InputError
         If it is no path.
+    OutputExistsError
+        If the file is there and may not be replaced.
     """
     suffix = as_path(path).suffix.lower()
     if suffix not in known:
         choice = "choose one of these" if len(known) > 1 else "choose that"
         raise FileFormatError(f"{path} has the suffix {suffix!r}: {kept} as {', '.join(known)}; {choice}")
+    if not overwrite:
+        refuse_to_replace(path)
     return suffix
 
 

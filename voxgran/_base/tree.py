@@ -71,8 +71,11 @@ class TriangleTree:
         return read_only(np.concatenate([middle, np.broadcast_to(np.eye(3), (len(half), 3, 3)), half], axis=1))
 
     def boxes_for(self, pairs: int) -> Floats:
-        """Return turned boxes where so many searches are worth making them, else those along the coordinates."""
-        return self.boxes if pairs >= TURNED or "boxes" in vars(self) else self.straight_boxes
+        """Return turned boxes where so many searches are worth making them, else those along the coordinates.
+
+        Which they are decides between points that are equally near: it must not depend on what was computed before.
+        """
+        return self.boxes if pairs >= TURNED else self.straight_boxes
 
     @property
     def size(self) -> float:

@@ -29,7 +29,7 @@ def progress(options: argparse.Namespace, *, timed: bool = True) -> Iterator[OnS
         yield silent
         return
     if not sys.stderr.isatty():
-        # that kernels are compiled is not worth a line of its own where nobody waits
+        # the compilation of kernels gets no line of its own in a log
         yield ProgressLines(compiling=True)
         return
     rich = load("rich.progress")

@@ -15,8 +15,8 @@ from voxgran._base.tree import TriangleTree, closest_on_triangle
 
 #: corners, low, high and start of a box tree, as kernels take them
 TreeArrays = tuple[Floats, Floats, Floats, Integers]
-#: corners, start and turned boxes of a tree, as kernels take them
-TurnedArrays = tuple[Floats, Integers, Floats]
+#: corners, start and boxes of a tree that have axes of their own, as kernels take them
+BoxedArrays = tuple[Floats, Integers, Floats]
 #: by how much a bound must exceed the best distance, relative to it and to the sizes, so that rounding drops no pair
 RELATIVE, ABSOLUTE = 1e-9, 1e-13
 #: square of the sine of an angle of a triangle up to which its plane is not used
@@ -36,7 +36,7 @@ def nearest_points(
     return math.sqrt(square), found[:3], found[3:]
 
 
-def boxed_arrays(tree: TriangleTree, pairs: int = 1) -> TurnedArrays:
+def boxed_arrays(tree: TriangleTree, pairs: int = 1) -> BoxedArrays:
     """Return triangles and boxes of a tree, as kernels take them for so many pairs of surfaces."""
     return tree.corners, tree.start, tree.boxes_for(pairs)
 
@@ -61,7 +61,7 @@ def pair_bound(
 
 @kernel
 def find_nearest_pair(
-    one: TurnedArrays, other: TurnedArrays, matrix: Floats, offset: Floats, reach: float, found: Floats
+    one: BoxedArrays, other: BoxedArrays, matrix: Floats, offset: Floats, reach: float, found: Floats
 ) -> float:
     """Traverse both trees, closer boxes first; write both points and return the squared distance."""
     corners, start, boxes = one

@@ -7,7 +7,7 @@ from collections.abc import Callable
 from voxgran._base.axes import Periodic
 from voxgran._base.calls import explained
 from voxgran._base.errors import FileFormatError, InputError
-from voxgran._base.files import existing_file, output_suffix, refuse_to_replace
+from voxgran._base.files import existing_file, output_suffix
 from voxgran.containers.model import Container
 from voxgran.io.lammps_files import is_data, is_dump, read_lammps_data, read_lammps_dump
 from voxgran.io.particles import packing_of
@@ -19,6 +19,8 @@ from voxgran.packing.model import Packing, check_packing
 
 log = logging.getLogger(__name__)
 
+#: what is written, for messages
+KEPT = "packings are kept"
 _WRITERS: dict[str, Callable[..., None]] = {
     ".vtp": save_packing,
     ".txt": save_spheres,
@@ -86,7 +88,7 @@ def known_suffix(path: str | os.PathLike[str]) -> str:
     InputError
         If the path is no path.
     """
-    return output_suffix(path, _WRITERS, "packings are kept")
+    return output_suffix(path, _WRITERS, KEPT)
 
 
 def check_output(path: str | os.PathLike[str], *, overwrite: bool) -> None:
@@ -99,9 +101,7 @@ def check_output(path: str | os.PathLike[str], *, overwrite: bool) -> None:
     OutputExistsError
         If the file is there and `overwrite` is false.
     """
-    known_suffix(path)
-    if not overwrite:
-        refuse_to_replace(path)
+    output_suffix(path, _WRITERS, KEPT, overwrite=overwrite)
 
 
 def check_savable(packing: Packing, path: str | os.PathLike[str]) -> None:

@@ -13,7 +13,7 @@ import numpy as np
 from voxgran._base.arrays import check_type
 from voxgran._base.calls import explained
 from voxgran._base.errors import OutputError
-from voxgran._base.files import existing_file, output_suffix, refuse_to_replace, written_whole
+from voxgran._base.files import existing_file, output_suffix, written_whole
 from voxgran._base.guarded import Content, read_guarded, refused
 from voxgran._base.lazy import load
 from voxgran.measures.accessor import register_accessor
@@ -88,9 +88,7 @@ def check_statistics_path(path: str | os.PathLike[str], *, overwrite: bool) -> N
     OutputExistsError
         If the file is there and `overwrite` is false.
     """
-    output_suffix(path, [".nc"], "statistics are kept")
-    if not overwrite:
-        refuse_to_replace(path)
+    output_suffix(path, [".nc"], "statistics are kept", overwrite=overwrite)
 
 
 @explained(hint='load_statistics("statistics.nc")')

@@ -37,8 +37,8 @@ from voxgran.shapes.sizes import SizeDistribution, size_distance
 
 #: what helps where a count or a solid fraction is missed, and where the method found that there is no room
 FEWER = "make the container larger, the grains fewer, or give the method more attempts"
-LESS = "ask for less, give the method more attempts, a larger container or choose a method that packs denser"
-NO_ROOM = "no grain finds room any more; ask for less, take smaller grains, a larger container or a denser method"
+LESS = "ask for less, give the method more attempts, make the container larger or choose a method that packs denser"
+NO_ROOM = "no grain finds room any more; ask for less, or take smaller grains, a larger container or a denser packing"
 MADE = "the method makes the sizes; ask for less, or change its parameters"
 EMPTY = "no grain is packed: none finds room; change the limits of the sizes, or the container"
 JAMMED = "these grains jam there; ask for less, for a wider gradation or for a periodic container"

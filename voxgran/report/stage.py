@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from voxgran._base.arrays import Floats, as_count, check_type
 from voxgran._base.errors import InputError, shown
-from voxgran._base.files import output_suffix, refuse_to_replace
+from voxgran._base.files import output_suffix
 from voxgran._base.lazy import load
 from voxgran.containers.model import Container
 from voxgran.shapes.tessellate import sphere
@@ -135,9 +135,7 @@ def check_picture_path(path: str | os.PathLike[str], *, overwrite: bool) -> None
     OutputExistsError
         If the file is there and `overwrite` is false.
     """
-    output_suffix(path, [".png"], "pictures are kept")
-    if not overwrite:
-        refuse_to_replace(path)
+    output_suffix(path, [".png"], "pictures are kept", overwrite=overwrite)
 
 
 def png_of(picture: Picture, *, colors: int | None = None) -> bytes:

@@ -152,8 +152,8 @@ def equilibrium(
 
         Attributes: ``friction``, ``gap`` and ``tolerance`` as given; ``share_at_rest``, the share of all grains that
         rest, and ``share_at_rest_without_rattlers``, that of the grains that are no rattlers; ``share_of_rattlers``, of
-        all grains; and ``distance``, about how far the residuals are from the
-        least ones (root mean square, in weights).
+        all grains; and ``distance``, about how far the residuals are from the least ones (root mean square, in
+        weights).
 
     Raises
     ------

@@ -7,7 +7,7 @@ from pathlib import Path
 from voxgran._base.arrays import check_type
 from voxgran._base.calls import explained
 from voxgran._base.errors import InputError, shown
-from voxgran._base.files import as_path, output_suffix, refuse_to_replace, written_whole
+from voxgran._base.files import as_path, output_suffix, written_whole
 from voxgran.shapes.formats.mesh_files import WRITERS, read_surface
 from voxgran.shapes.formats.sphere_files import SUFFIXES, read_spheres, write_spheres
 from voxgran.shapes.mesh import Mesh
@@ -134,10 +134,7 @@ def check_surface_output(path: str | os.PathLike[str], *, overwrite: bool) -> No
     OutputExistsError
         If the file is there and `overwrite` is false.
     """
-    target = as_path(path)
-    output_suffix(target, sorted(WRITERS), "surfaces are kept")
-    if not overwrite:
-        refuse_to_replace(target)
+    output_suffix(path, sorted(WRITERS), "surfaces are kept", overwrite=overwrite)
 
 
 @explained(hint='save_shape(shape, "rock.stl")')

@@ -27,15 +27,12 @@ def tree_of(family, seed=0):
 
 
 @pytest.mark.parametrize("reach", [0.02, 0.5, math.inf])
-def test_no_triangles_of_random_solids_are_nearer_than_the_nearest_points(reach):
+def test_no_triangles_of_random_solids_are_nearer_than_the_nearest_points(reach, monkeypatch):
     one, other, points = tree_of("solid_union"), tree_of("solid_union", 1), np.zeros(6)
     some = np.linspace(0, len(one.corners) - 1, 60, dtype=int)
     for number, (matrix, way) in enumerate(poses(6)):
-        if number == 3:
-            # the rest of the searches are by boxes that are turned
-            assert one.boxes_for(1) is one.straight_boxes
-            assert one.boxes_for(100) is one.boxes_for(1) is not one.straight_boxes
-            other.boxes_for(100)
+        # half of the searches are by boxes that are turned
+        monkeypatch.setattr("voxgran._base.tree.TURNED", 1 if number % 2 else 16)
         for distance in (0.2, 0.3, 0.45):
             offset = distance * (one.size + other.size) * way
             turned = np.ascontiguousarray(other.corners @ matrix.T + offset)
@@ -48,16 +45,16 @@ def test_no_triangles_of_random_solids_are_nearer_than_the_nearest_points(reach)
 
 
 @pytest.mark.parametrize("seed", range(4))
-def test_the_distance_of_polyhedra_is_the_smallest_of_all_pairs(seed):
+def test_the_distance_of_polyhedra_is_the_smallest_of_all_pairs(seed, monkeypatch):
     one, other, points = tree_of("polyhedron", seed), tree_of("polyhedron", seed + 10), np.zeros(6)
-    one.boxes_for(100)
     for matrix, way in poses(5):
         offset = 0.55 * (one.size + other.size) * way
         turned = np.ascontiguousarray(other.corners @ matrix.T + offset)
         pairs = [(i, j) for i in range(len(one.corners)) for j in range(len(turned))]
         square = min(triangle_distance(one.corners, i, turned, j, points) for i, j in pairs)
-        for tree in (one, grow_tree(one.corners.reshape(-1, 3), np.arange(3 * len(one.corners)).reshape(-1, 3))):
-            found = nearest_points(tree, other, matrix=matrix, offset=offset)[0]
+        for turned_from in (1, 16):
+            monkeypatch.setattr("voxgran._base.tree.TURNED", turned_from)
+            found = nearest_points(one, other, matrix=matrix, offset=offset)[0]
             assert found == pytest.approx(math.sqrt(square), rel=1e-12)
         # a plane bounds the distance from below
         for i, j in pairs[:: len(pairs) // 40]:
@@ -111,3 +108,10 @@ def test_contacts_of_a_smaller_gap_are_taken_from_those_of_a_larger_one(family):
     assert 0 < found.count < many
     for name in ("i", "j", "image", "gap", "normal"):
         assert getattr(found, name) == pytest.approx(getattr(wanted, name), abs=1e-12)
+
+
+def test_boxes_do_not_depend_on_former_searches():
+    tree = make_shape("solid_union", seed=3).geometry.tree
+    few = tree.boxes_for(1)
+    assert tree.boxes_for(100) is tree.boxes
+    assert tree.boxes_for(1) is few is not tree.boxes

@@ -42,8 +42,8 @@ def test_gaps_and_normals_are_those_of_the_general_tests(rocks):
     deepest = rows.row[pairs.first[near]]
     np.testing.assert_allclose(deepest[:, GAP], gap[near] - 1e-3, atol=1e-13)
     np.testing.assert_allclose(deepest[:, :3], normal[near], atol=1e-9)
-    np.testing.assert_allclose(work.gap[near], gap[near], atol=1e-13)
-    np.testing.assert_array_equal(work.proven, proven)
+    np.testing.assert_allclose(work.arrays.gap[near], gap[near], atol=1e-13)
+    np.testing.assert_array_equal(work.arrays.proven, proven)
     assert not pairs.count[proven & (gap > 0.01)].any()
     overlapping = pairs.first[np.flatnonzero(~proven)]
     assert (pairs.count[~proven] > 0).all()
@@ -91,7 +91,7 @@ def test_edges_of_crossed_boxes_touch_at_one_place():
     # the height of one edge over the other goes on through zero
     assert m == 1
     np.testing.assert_allclose(rows.row[0, :10], [0, 0, 1, 0, 0, high / 2, 0, 0, -high / 2, -1e-3], atol=1e-12)
-    assert not work.proven[0]
+    assert not work.arrays.proven[0]
 
 
 def test_a_corner_in_a_face_has_its_depth():
@@ -108,7 +108,7 @@ def test_a_corner_in_a_face_has_its_depth():
             assert m == 1
             assert rows.row[0, GAP] == pytest.approx(gap, abs=1e-12)
             np.testing.assert_allclose(rows.row[0, :3], [0, 0, 1 if one == 0 else -1], atol=1e-12)
-            assert work.proven[0] == (gap > 0)
+            assert work.arrays.proven[0] == (gap > 0)
 
 
 def test_faces_touch_at_their_corners():
@@ -127,8 +127,8 @@ def test_a_grain_in_a_cavity_is_separate_and_one_in_the_solid_is_not():
     inner = mesh_box((0.2, 0.2, 0.2))
     grains = grains_of([outer, inner], [0, 1], [[0, 0, 0], [0.1, 0, 0]], np.repeat(STRAIGHT, 2, axis=0))
     rows, work, m = contacts(grains, surface_bodies([outer, inner]), pairs_of([0], [1]), 1e-2)
-    assert not work.proven[0]
-    assert work.gap[0] == -np.inf
+    assert not work.arrays.proven[0]
+    assert work.arrays.gap[0] == -np.inf
     assert m > 0
     assert rows.row[:m, GAP].min() < -0.2
 
@@ -150,7 +150,7 @@ def test_spheres_and_clumps_are_as_far_as_their_centers_less_the_radius(rocks):
     rows, work, _ = contacts(grains, bodies, pairs, 0.3)
     for p in np.flatnonzero((true < 0.3) & (true > -0.4)):
         assert rows.row[pairs.first[p], GAP] == pytest.approx(true[p], abs=1e-12)
-        assert work.proven[p] == (true[p] > 0)
+        assert work.arrays.proven[p] == (true[p] > 0)
     assert not pairs.count[true > 0.3].any()
 
 
@@ -165,7 +165,7 @@ def test_a_grain_twenty_times_smaller_is_found_exactly(rocks):
     near = np.flatnonzero(proven & (gap < 2e-3))
     assert len(near) > 20
     np.testing.assert_allclose(rows.row[pairs.first[near], GAP], gap[near], atol=1e-13)
-    np.testing.assert_array_equal(work.proven, proven)
+    np.testing.assert_array_equal(work.arrays.proven, proven)
 
 
 def test_two_tetrahedra_edge_to_edge():

@@ -147,7 +147,9 @@ def packed(case: Case, shapes: list[Shape], count: int, seed: int) -> tuple[Pack
     with warnings.catch_warnings():
         # how many rest is a column of the table
         warnings.simplefilter("ignore", PackingWarning)
-        packing = pack(shapes, box, method="gravity", count=count, sizes=sizes, friction=case.friction, seed=seed)
+        packing = pack(
+            shapes, box, method="gravity", count=count, sizes=sizes, friction=case.friction, seed=seed, threads=1
+        )
     return packing, time.process_time() - began
 
 

@@ -32,7 +32,7 @@ class Blocks(Generic[Work]):
 
     Attributes
     ----------
-    work : NamedTuple of ndarray
+    arrays : NamedTuple of ndarray
         Arrays that the kernel works with.
     scratch : tuple of str
         Names of those that each block has for itself.
@@ -40,7 +40,7 @@ class Blocks(Generic[Work]):
         Work and rows of each block.
     """
 
-    work: Work
+    arrays: Work
     scratch: tuple[str, ...]
     own: list[tuple[Work, ContactRows]] = field(default_factory=list)
 
@@ -62,7 +62,7 @@ class Blocks(Generic[Work]):
         """
         blocks = blocks_of(len(chosen), LEAST_PAIRS, PARTS)
         if len(blocks) == 1:
-            return int(find(self.work, rows, m, 0, len(chosen)))
+            return int(find(self.arrays, rows, m, 0, len(chosen)))
         own = [self._own(k, rows) for k in range(len(blocks))]
         ends = at_once([
             partial(find, work, room, min(m, 0), first, last)
@@ -79,13 +79,18 @@ class Blocks(Generic[Work]):
     def _own(self, block: int, rows: ContactRows) -> tuple[Work, ContactRows]:
         """Return the work of a block, and room for as many rows as there are, with the same old ones."""
         if block == len(self.own):
-            scratch = {name: _apart(getattr(self.work, name)) for name in self.scratch}
-            self.own.append((self.work._replace(**scratch), rows))  # type: ignore[attr-defined]
+            scratch = {name: _apart(getattr(self.arrays, name)) for name in self.scratch}
+            self.own.append((self.arrays._replace(**scratch), _room_like(rows)))  # type: ignore[attr-defined]
         work, room = self.own[block]
-        if room is rows or len(room.row) != len(rows.row):
-            room = ContactRows(np.empty_like(rows.row), np.empty_like(rows.i), np.empty_like(rows.j), rows.old)
+        if len(room.row) != len(rows.row):
+            room = _room_like(rows)
         self.own[block] = work, room._replace(old=rows.old)
         return self.own[block]
+
+
+def _room_like(rows: ContactRows) -> ContactRows:
+    """Return room for as many rows, with the same old ones."""
+    return ContactRows(np.empty_like(rows.row), np.empty_like(rows.i), np.empty_like(rows.j), rows.old)
 
 
 def pairs_of_kind(grains: Grains, pairs: PairList, size: int, kind: int) -> Booleans:

@@ -14,6 +14,7 @@ from voxgran._base.lazy import load
 from voxgran.contacts.gjk import BOX, CONE, CYLINDER, ELLIPSOID, ROW, erosion_limit
 from voxgran.contacts.parts import CODES, row_of
 from voxgran.settling.contact_rows import Grains
+from voxgran.settling.finding.blocks import Blocks
 from voxgran.shapes.describing.body import Geometry
 from voxgran.shapes.mesh import Mesh
 from voxgran.shapes.model import Shape
@@ -183,8 +184,8 @@ def has_rows(bodies: ConvexBodies) -> bool:
     return not {ELLIPSOID, CYLINDER, CONE}.isdisjoint(bodies.kind.tolist())
 
 
-def convex_work(bodies: ConvexBodies, grains: Grains) -> ConvexWork:
-    """Return the arrays that the kernels work with, for the shapes of some grains.
+def convex_work(bodies: ConvexBodies, grains: Grains) -> Blocks[ConvexWork]:
+    """Return what the kernels work with, for the shapes of some grains.
 
     Parameters
     ----------
@@ -197,7 +198,7 @@ def convex_work(bodies: ConvexBodies, grains: Grains) -> ConvexWork:
     first = _starts(counts.tolist())
     total, n = int(first[-1]), len(grains.shape)
     most = int(counts.max()) if n else 0
-    return ConvexWork(
+    work = ConvexWork(
         first=first,
         corner=np.zeros((total, 3)),
         radius=np.zeros(total),
@@ -215,6 +216,7 @@ def convex_work(bodies: ConvexBodies, grains: Grains) -> ConvexWork:
         one=np.zeros(most, dtype=np.int64),
         two=np.zeros(most, dtype=np.int64),
     )
+    return Blocks(work, SCRATCH)
 
 
 def _body(geometry: Geometry, row: Floats) -> tuple[int, _Hull, Floats, float]:

@@ -11,7 +11,7 @@ from voxgran._base.arrays import Floats
 from voxgran._base.kernels import bare_kernel, inlined_kernel, kernel
 from voxgran.settling.contact_rows import CONVEX, ContactRows, Grains, PairList, write_contact
 from voxgran.settling.finding.blocks import Blocks, pairs_of_kind
-from voxgran.settling.finding.convex_bodies import SCRATCH, ConvexBodies, ConvexWork, has_rows
+from voxgran.settling.finding.convex_bodies import ConvexBodies, ConvexWork, has_rows
 from voxgran.settling.finding.convex_distance import ellipsoid_gap, part_gap
 from voxgran.settling.finding.face_contacts import SAME, write_face_contacts
 
@@ -19,7 +19,7 @@ from voxgran.settling.finding.face_contacts import SAME, write_face_contacts
 def find_convex_contacts(
     grains: Grains,
     bodies: ConvexBodies,
-    work: ConvexWork | Blocks[ConvexWork],
+    work: Blocks[ConvexWork],
     pairs: PairList,
     size: int,
     rows: ContactRows,
@@ -36,14 +36,13 @@ def find_convex_contacts(
     """
     # what is None is not compiled: it slows the search among corners
     curved = 1 if has_rows(bodies) else None
-    blocks = work if isinstance(work, Blocks) else Blocks(work, SCRATCH)
-    _place(grains, bodies, blocks.work, curved, curved)
+    _place(grains, bodies, work.arrays, curved, curved)
 
     def find(own: ConvexWork, part: ContactRows, start: int, first: int, last: int) -> int:
         return int(_find(grains, bodies, own, pairs, part, start, margin, rest, curved, curved, first, last))
 
     chosen = pairs_of_kind(grains, pairs, size, CONVEX)
-    return blocks.find(find, pairs=pairs, chosen=chosen, rows=rows, m=m)
+    return work.find(find, pairs=pairs, chosen=chosen, rows=rows, m=m)
 
 
 @kernel

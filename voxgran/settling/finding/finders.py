@@ -12,16 +12,13 @@ from voxgran.contacts.parts import is_disk
 from voxgran.containers.kernel_container import kernel_container
 from voxgran.containers.model import UNKNOWN, boundary_of
 from voxgran.settling.contact_rows import CONVEX, OUTLINE, SPHERE, SURFACE, ContactRows, Grains, PairList
-from voxgran.settling.finding.blocks import Blocks
-from voxgran.settling.finding.convex_bodies import SCRATCH as CONVEX_SCRATCH
+from voxgran.settling.finding.blocks import pairs_of_kind
 from voxgran.settling.finding.convex_bodies import convex_bodies, convex_work, has_convex_parts
 from voxgran.settling.finding.convex_contacts import find_convex_contacts
 from voxgran.settling.finding.distance_grids import surface_bodies
-from voxgran.settling.finding.outline_contacts import SCRATCH as OUTLINE_SCRATCH
 from voxgran.settling.finding.outline_contacts import find_outline_contacts, outline_bodies
 from voxgran.settling.finding.sphere_contacts import find_sphere_contacts
 from voxgran.settling.finding.surface_contacts import find_surface_contacts
-from voxgran.settling.finding.surface_memory import SCRATCH as SURFACE_SCRATCH
 from voxgran.settling.finding.surface_memory import surface_work
 from voxgran.settling.finding.triangle_contacts import find_triangle_contacts, prove_separate
 from voxgran.settling.finding.wall_bodies import Lid, wall_bodies
@@ -86,12 +83,12 @@ class ContactFinders:
         self._normal = np.zeros(3) if assembly.lid is None else np.array(assembly.lid.normal, dtype=np.float64)
         if CONVEX in self._kinds:
             self._convex = convex_bodies(assembly.shapes, hulls=hulls)
-            self._convex_work = Blocks(convex_work(self._convex, grains), CONVEX_SCRATCH)
+            self._convex_work = convex_work(self._convex, grains)
         if SURFACE in self._kinds:
             self._surfaces = surface_bodies(assembly.shapes)
-            self._surface_work = Blocks(surface_work(self._surfaces, 0), SURFACE_SCRATCH)
+            self._surface_work = surface_work(self._surfaces, 0)
         if OUTLINE in self._kinds:
-            self._outlines = Blocks(outline_bodies(assembly.shapes), OUTLINE_SCRATCH)
+            self._outlines = outline_bodies(assembly.shapes)
 
     def prove(
         self, grains: Grains, pairs: PairList, rows: ContactRows, reach: float
@@ -101,28 +98,27 @@ class ContactFinders:
         All are (m,); gaps are infinite beyond reach.
         """
         size = len(pairs.i)
-        kind = np.maximum(grains.kind[pairs.i], grains.kind[pairs.j])
         self._make_room(size)
         work = self._surface_work
         gap, proven = prove_separate(grains, self._surfaces, work, pairs=pairs, size=size, rows=rows, reach=reach)
-        return gap, proven, np.asarray(kind == SURFACE)
+        return gap, proven, pairs_of_kind(grains, pairs, size, SURFACE)
 
     def crossing(self, pairs: PairList, grains: Grains) -> int:
         """Return how many pairs were not proven to be separate when exact contacts were last found."""
         if SURFACE not in self._kinds or not self.exact:
             return 0
-        kind = np.maximum(grains.kind[pairs.i], grains.kind[pairs.j])
-        return int(((kind == SURFACE) & ~self._surface_work.work.proven[: len(pairs.i)]).sum())
+        size = len(pairs.i)
+        return int((pairs_of_kind(grains, pairs, size, SURFACE) & ~self._surface_work.arrays.proven[:size]).sum())
 
     def _make_room(self, size: int) -> None:
         """Make room for the memory of pairs."""
-        if size > len(self._surface_work.work.key):
-            self._surface_work = Blocks(surface_work(self._surfaces, 2 * size), SURFACE_SCRATCH)
+        if size > len(self._surface_work.arrays.key):
+            self._surface_work = surface_work(self._surfaces, 2 * size)
 
     def forget(self) -> None:
         """Forget all that a search has remembered of pairs of meshes."""
         if SURFACE in self._kinds:
-            self._surface_work.work.key[:] = -1
+            self._surface_work.arrays.key[:] = -1
 
     def find(
         self, grains: Grains, pairs: PairList, rows: ContactRows, *, at_walls: tuple[Integers, Integers],

@@ -52,7 +52,7 @@ class OutlineBodies(NamedTuple):
 SCRATCH = ("placed", "found", "seen")
 
 
-def outline_bodies(shapes: tuple[Shape, ...]) -> OutlineBodies:
+def outline_bodies(shapes: tuple[Shape, ...]) -> Blocks[OutlineBodies]:
     """Return the tables of shapes in the plane; those of other shapes are empty.
 
     Parameters
@@ -74,10 +74,11 @@ def outline_bodies(shapes: tuple[Shape, ...]) -> OutlineBodies:
     counts = [len(item) for item in vertices]
     spread = np.array([SPREAD * shape.diameter for shape in shapes])
     most, convex = max(counts), np.array([_is_convex(item) for item in vertices[1:]], dtype=np.int64)
-    return OutlineBodies(
+    bodies = OutlineBodies(
         *(np.cumsum(counts).astype(np.int64), np.concatenate(vertices), center, radius, spread, convex),
         *(np.zeros((2, most, 2)), np.zeros((2 * EDGES * most + 64, 8)), np.zeros((EDGES, 4))),
     )
+    return Blocks(bodies, SCRATCH)
 
 
 def _is_convex(vertex: Floats) -> bool:
@@ -89,7 +90,7 @@ def _is_convex(vertex: Floats) -> bool:
 
 
 def find_outline_contacts(
-    grains: Grains, bodies: OutlineBodies | Blocks[OutlineBodies], pairs: PairList, size: int, rows: ContactRows,
+    grains: Grains, bodies: Blocks[OutlineBodies], pairs: PairList, size: int, rows: ContactRows,
     m: int, margin: float, rest: float,
 ) -> int:  # fmt: skip
     """Write where polygons are near polygons and disks, from row m; return the next row, or -1 where rows are full.
@@ -125,9 +126,8 @@ def find_outline_contacts(
     def find(own: OutlineBodies, part: ContactRows, start: int, first: int, last: int) -> int:
         return int(_find(grains, own, pairs, part, start, margin, rest, first, last))
 
-    blocks = bodies if isinstance(bodies, Blocks) else Blocks(bodies, SCRATCH)
     chosen = pairs_of_kind(grains, pairs, size, OUTLINE)
-    return blocks.find(find, pairs=pairs, chosen=chosen, rows=rows, m=m)
+    return bodies.find(find, pairs=pairs, chosen=chosen, rows=rows, m=m)
 
 
 @kernel

@@ -17,7 +17,6 @@ from voxgran.settling.finding.blocks import Blocks, pairs_of_kind
 from voxgran.settling.finding.distance_grids import SurfaceBodies
 from voxgran.settling.finding.surface_memory import (
     LEAVES,
-    SCRATCH,
     SurfaceWork,
     copy_numbers,
     is_kept,
@@ -258,7 +257,7 @@ def field_candidates(
 
 
 def find_surface_contacts(
-    grains: Grains, bodies: SurfaceBodies, work: SurfaceWork | Blocks[SurfaceWork], pairs: PairList, size: int,
+    grains: Grains, bodies: SurfaceBodies, work: Blocks[SurfaceWork], pairs: PairList, size: int,
     rows: ContactRows, m: int, margin: float, rest: float,
 ) -> int:  # fmt: skip
     """Write the contacts of the pairs with a non-convex mesh from row m on; return the new number of rows.
@@ -273,9 +272,8 @@ def find_surface_contacts(
     def find(own: SurfaceWork, part: ContactRows, start: int, first: int, last: int) -> int:
         return int(_find(grains, bodies, own, pairs, part, start, margin, rest, first, last))
 
-    blocks = work if isinstance(work, Blocks) else Blocks(work, SCRATCH)
     chosen = pairs_of_kind(grains, pairs, size, SURFACE)
-    return blocks.find(find, pairs=pairs, chosen=chosen, rows=rows, m=m)
+    return work.find(find, pairs=pairs, chosen=chosen, rows=rows, m=m)
 
 
 @kernel

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from voxgran._base.arrays import Floats, Integers
 from voxgran._base.kernels import bare_kernel
 from voxgran.settling.contact_rows import ContactRows, write_contact
+from voxgran.settling.finding.blocks import Blocks
 from voxgran.settling.finding.distance_grids import SurfaceBodies
 
 #: clusters that are kept of each grain of a pair, and pairs of triangles
@@ -69,11 +70,11 @@ SCRATCH = (
 )
 
 
-def surface_work(bodies: SurfaceBodies, cap: int) -> SurfaceWork:
-    """Return work arrays for lists of up to `cap` pairs; they have no memory."""
+def surface_work(bodies: SurfaceBodies, cap: int) -> Blocks[SurfaceWork]:
+    """Return what the kernels work with, for lists of up to `cap` pairs, without memory."""
     counts = np.diff(bodies.first, axis=0).max(axis=0, initial=1)
     scratch = max(LISTED, int(2 * counts[0]), int(counts[4]))
-    return SurfaceWork(
+    work = SurfaceWork(
         gap=np.full(cap, np.inf),
         proven=np.zeros(cap, dtype=np.bool_),
         pose=np.zeros((cap, 2, 20)),
@@ -94,6 +95,7 @@ def surface_work(bodies: SurfaceBodies, cap: int) -> SurfaceWork:
         plane=np.zeros((2, int(counts[3]), 9)),
         number=np.zeros((2, int(counts[3])), dtype=np.int64),
     )
+    return Blocks(work, SCRATCH)
 
 
 @bare_kernel

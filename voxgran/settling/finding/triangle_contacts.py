@@ -19,7 +19,6 @@ from voxgran.settling.finding.blocks import Blocks, pairs_of_kind
 from voxgran.settling.finding.distance_grids import SurfaceBodies
 from voxgran.settling.finding.surface_contacts import field_candidates
 from voxgran.settling.finding.surface_memory import (
-    SCRATCH,
     SurfaceWork,
     copy_numbers,
     spacing_of,
@@ -201,7 +200,7 @@ def _crossing_candidates(grains, bodies, work, p, i, j, offset, margin):  # type
 
 
 def find_triangle_contacts(
-    grains: Grains, bodies: SurfaceBodies, work: SurfaceWork | Blocks[SurfaceWork], pairs: PairList, size: int,
+    grains: Grains, bodies: SurfaceBodies, work: Blocks[SurfaceWork], pairs: PairList, size: int,
     rows: ContactRows, m: int, margin: float, rest: float, *, reuse: float = 0.0,
 ) -> int:  # fmt: skip
     """Write the exact contacts of the pairs with a non-convex mesh from row m on; return the new number of rows.
@@ -220,13 +219,12 @@ def find_triangle_contacts(
     def find_crossing(own: SurfaceWork, part: ContactRows, start: int, first: int, last: int) -> int:
         return int(_find_crossing(grains, bodies, own, pairs, part, start, margin, rest, first, last))
 
-    blocks = work if isinstance(work, Blocks) else Blocks(work, SCRATCH)
     chosen = pairs_of_kind(grains, pairs, size, SURFACE)
-    made = blocks.find(find, pairs=pairs, chosen=chosen, rows=rows, m=m)
-    overlap = np.isneginf(blocks.work.gap[:size])
+    made = work.find(find, pairs=pairs, chosen=chosen, rows=rows, m=m)
+    overlap = np.isneginf(work.arrays.gap[:size])
     if made >= 0 and overlap.any():
         # a kernel of its own: beds without overlap need not wait for its compilation
-        made = blocks.find(find_crossing, pairs=pairs, chosen=overlap, rows=rows, m=made)
+        made = work.find(find_crossing, pairs=pairs, chosen=overlap, rows=rows, m=made)
     return made
 
 
@@ -324,7 +322,7 @@ def _write_pair(grains, work, pairs, p, offset, rows, m, k, margin, rest):  # ty
 
 
 def prove_separate(
-    grains: Grains, bodies: SurfaceBodies, work: SurfaceWork | Blocks[SurfaceWork], *, pairs: PairList, size: int,
+    grains: Grains, bodies: SurfaceBodies, work: Blocks[SurfaceWork], *, pairs: PairList, size: int,
     rows: ContactRows, reach: float,
 ) -> tuple[Floats, Booleans]:  # fmt: skip
     """Return exact gaps of pairs with a non-convex mesh, and whether they are proven to be separate.
@@ -345,7 +343,7 @@ def prove_separate(
     proven : (size,) ndarray of bool
         Whether the grains are separate; false for pairs of other kinds.
     """
-    shared = work.work if isinstance(work, Blocks) else work
+    shared = work.arrays
     shared.gap[:size], shared.proven[:size] = np.inf, False
     find_triangle_contacts(grains, bodies, work, pairs, size, rows, -1, reach, 0.0)
     return shared.gap[:size].copy(), shared.proven[:size].copy()
