@@ -10,7 +10,7 @@ from typing import Any
 
 import voxgran
 from voxgran.cli.terminal import complain, progress, show, table
-from voxgran.study.cell_values import ENDED, FULL, FULL_NOTE, WARNED, WARNINGS, is_full, warnings_of
+from voxgran.study.cell_values import FULL, FULL_NOTE, WARNED, WARNINGS, is_full, warnings_of
 
 #: numbers of the table that is printed, where they were measured
 SHOWN = (
@@ -47,7 +47,7 @@ def study(options: argparse.Namespace) -> int:
         _print_warnings(result.rows)
     # what failed has NaN there
     overlaps = sum(any(row.get(name, 0) > 0 for name in ("overlapping_pairs", "escaped_grains")) for row in result.rows)
-    full = sum(is_full(row[ENDED], row[WARNINGS]) for row in result.rows)
+    full = sum(is_full(row[WARNINGS]) for row in result.rows)
     numbers = {"runs": len(result.rows), "computed": result.computed, "failed": len(failed), "ended_full": full}
     numbers |= {"not_verified": overlaps, WARNED: sum(bool(row[WARNINGS]) for row in result.rows)}
     show(numbers, options, f"results in {result.folder}: study.html, study.nc, table.csv, cells.csv, comparisons.csv")
@@ -77,7 +77,7 @@ def _means(rows: Sequence[Mapping[str, Any]]) -> list[dict[str, Any]]:
     names = list(rows[0])
     axes = names[: names.index("seed")]
     shown = [name for name in SHOWN if name in names and any(math.isfinite(row[name]) for row in rows)]
-    counted = {FULL: lambda row: is_full(row[ENDED], row[WARNINGS]), WARNED: lambda row: bool(row[WARNINGS])}
+    counted = {FULL: lambda row: is_full(row[WARNINGS]), WARNED: lambda row: bool(row[WARNINGS])}
     counts = {name: of for name, of in counted.items() if any(map(of, rows))}
     groups: dict[tuple[Any, ...], list[Mapping[str, Any]]] = {}
     for row in rows:

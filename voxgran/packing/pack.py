@@ -35,10 +35,11 @@ from voxgran.settling.parameters import Settling
 from voxgran.shapes.model import Shape, check_shapes
 from voxgran.shapes.sizes import SizeDistribution, size_distance
 
-#: what helps where a count or a solid fraction is missed, and where the method found that there is no room
+#: what helps where a count or a solid fraction is missed, where there is no room, and why the method ended
 FEWER = "make the container larger, the grains fewer, or give the method more attempts"
 LESS = "ask for less, give the method more attempts, make the container larger or choose a method that packs denser"
 NO_ROOM = "no grain finds room any more; ask for less, or take smaller grains, a larger container or a denser packing"
+STOPPED = "the method stopped ({})"
 MADE = "the method makes the sizes; ask for less, or change its parameters"
 EMPTY = "no grain is packed: none finds room; change the limits of the sizes, or the container"
 JAMMED = "these grains jam there; ask for less, for a wider gradation or for a periodic container"
@@ -431,12 +432,12 @@ def _warn_of_misses(task: Task, packing: Packing) -> None:
         warn(EMPTY, PackingWarning)
     if asked["count"] is not None and missed["count"] > 0:
         placed = packing.count - task.problem.started
-        parts.append(f"{placed} of {asked['count']} grains were placed before the method stopped ({reason})")
+        parts.append(f"{placed} of {asked['count']} grains were placed before {STOPPED.format(reason)}")
     if asked["solid_fraction"] is not None and missed["solid_fraction"] > 0:
         reached = asked["solid_fraction"] - missed["solid_fraction"]
         parts.append(f"the solid fraction is {reached:.4g} instead of {asked['solid_fraction']:.4g}")
         if len(parts) == 1:
-            parts[0] += f" where the method stopped ({reason})"
+            parts[0] += f" where {STOPPED.format(reason)}"
     if parts and reason != "interrupted":
         remedy = (
             {"scaled": JAMMED, "made": MADE}.get(task.method.sizing, NO_ROOM)

@@ -99,7 +99,7 @@ def plot_gradation(axes: Any, packing: Packing) -> Any:
         what = "intermediate axis" if asked.by_intermediate_axis else "equivalent diameter"
         axes.plot(sizes, shares, color=ASKED, linestyle=(0, (4, 2)), label=f"requested, {what}")
     if packing.count and diameters.max() > 4 * diameters.min():
-        axes.set_xscale("log")
+        set_log_scale(axes)
     axes.set(ylim=(0, 101), xlabel=f"size{unit_text(packing.unit)}", ylabel="passing by volume (%)")
     axes.legend(loc="best")
     return axes
@@ -281,6 +281,16 @@ def plot_passing(axes: Any, sizes: Floats, volumes: Floats, *, color: str, label
     axes.step(
         np.concatenate([x[:1], x]), np.concatenate([[0.0] * len(x[:1]), y]), where="post", color=color, label=label
     )
+
+
+def set_log_scale(axes: Any) -> None:
+    """Make the horizontal axis, whose limits are final, logarithmic, with plain numbers at its marks."""
+    axes.set_xscale("log")
+    ticker, (low, high) = load("matplotlib.ticker"), axes.get_xlim()
+    # in few decades numbers at 2 and 5 find room
+    axes.xaxis.set_major_locator(ticker.LogLocator(subs=(1.0, 2.0, 5.0) if high < 100.0 * low else (1.0,)))
+    axes.xaxis.set_major_formatter(ticker.FuncFormatter(lambda value, _: f"{value:g}"))
+    axes.xaxis.set_minor_formatter(ticker.NullFormatter())
 
 
 def unit_text(unit: str) -> str:

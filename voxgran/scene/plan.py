@@ -247,7 +247,7 @@ def _two_frictions(scene: SceneDescription, task: Task) -> str:
     section = "[packing]" if settling is task.problem.parameters else "[settle]"
     return (
         f"friction of settling is {settling.friction:g}, by {section}; that of [material], {material.friction:g}, goes "
-        f"into input for engines only: give {section} friction = {material.friction:g} if both are the same grains"
+        f"into input for engines only: give {section} friction = {material.friction:g} if the grains have it"
     )
 
 

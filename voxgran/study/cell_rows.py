@@ -7,7 +7,7 @@ from collections import Counter
 from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
-from voxgran.study.cell_values import ENDED, FAILURE, FULL, WARNED, WARNINGS, is_full, labels_of, numbers_of, texts_of
+from voxgran.study.cell_values import FAILURE, FULL, WARNED, WARNINGS, is_full, labels_of, numbers_of, texts_of
 from voxgran.study.statistics import Interval, summary
 
 if TYPE_CHECKING:
@@ -38,11 +38,11 @@ def cell_rows(dataset: "Dataset", *, confidence: float = 0.95, interval: Interva
         If it is no dataset of a study, or `confidence` or `interval` breaks a rule.
     """
     rows: list[dict[str, Any]] = []
-    texts = [texts_of(dataset, name) for name in (FAILURE, ENDED, WARNINGS)]
-    for labels, sentences, ends, warned in zip(labels_of(dataset), *texts, strict=True):
+    texts = [texts_of(dataset, name) for name in (FAILURE, WARNINGS)]
+    for labels, sentences, warned in zip(labels_of(dataset), *texts, strict=True):
         told = Counter(text for text in sentences if text)
         failure = "; ".join(text if count == 1 else f"{count} times: {text}" for text, count in told.items())
-        counts = {FULL: sum(map(is_full, ends, warned)), WARNED: sum(map(bool, warned))}
+        counts = {FULL: sum(map(is_full, warned)), WARNED: sum(map(bool, warned))}
         rows.append({**labels, "runs": len(sentences), "failures": told.total(), "failure": failure, **counts})
     endings = {
         "": "mean",

@@ -10,6 +10,7 @@ from voxgran._base.arrays import Floats
 from voxgran._base.errors import InputError, UnknownNameError, shown
 from voxgran._base.registry import unknown
 from voxgran._base.scalars import unwrapped
+from voxgran.packing.pack import STOPPED
 from voxgran.report.significance import EQUAL, all_equal
 from voxgran.study.axes import Label
 from voxgran.study.cells import LISTED
@@ -17,10 +18,10 @@ from voxgran.study.cells import LISTED
 if TYPE_CHECKING:
     from xarray import Dataset
 
-#: dimension of the repetitions, and variables of the sentences on failures and of why packings ended
-SEED, FAILURE, ENDED = "seed", "failure", "stop_reason"
-#: why packings ended since no other grain had room, the column of runs that so have fewer than asked for, and its note
-NO_ROOM, FULL = ("full", "saturated"), "full"
+#: dimension of the repetitions, and variable of the sentences on failures
+SEED, FAILURE = "seed", "failure"
+#: what a warning says where no other grain had room, the column of runs that so have fewer than asked for, and its note
+NO_ROOM, FULL = tuple(map(STOPPED.format, ("full", "saturated"))), "full"
 FULL_NOTE = "full: runs that ended where nothing more had room, before the number or solid fraction that was asked for"
 #: variable of the sentences of warnings, and the column of how many runs have any
 WARNINGS, WARNED = "warnings", "warned"
@@ -29,9 +30,9 @@ OF_CONTAINER = "solid_fraction"
 DENSITIES: tuple[str, ...] = ("bulk_solid_fraction", "bed_solid_fraction", OF_CONTAINER)
 
 
-def is_full(stop_reason: str, warning: str) -> bool:
-    """Return whether a run ended where nothing more had room, and was warned of that: more was asked for."""
-    return stop_reason in NO_ROOM and bool(warning)
+def is_full(warning: str) -> bool:
+    """Return whether a run was warned that nothing more had room before as much as was asked for was packed."""
+    return any(text in warning for text in NO_ROOM)
 
 
 def dimensions_of_cells(dataset: "Dataset") -> tuple[str, ...]:

@@ -239,7 +239,6 @@ def _draw_against_seconds(axes: Any, *, points: Points, density: _Values, second
             markersize=7,
             **style,
         )
-    axes.set_xscale("log")
     if len(shown):
         ends = np.concatenate([seconds.mean[shown], seconds.low[shown], seconds.high[shown]])
         ends = ends[ends > least]
@@ -248,6 +247,7 @@ def _draw_against_seconds(axes: Any, *, points: Points, density: _Values, second
         for at in beyond.tolist():
             look = {**points.style(at), "marker": "<", "markersize": 5}
             axes.plot(left, density.mean[at], linestyle="none", clip_on=False, **look)
+    plots.set_log_scale(axes)
     axes.set(xlabel="processor time (s)", ylabel=density.label)
     _legend(axes, points, markers=True)
 

@@ -143,21 +143,21 @@ def test_what_is_equal_by_construction_is_not_drawn_and_what_varies_comes_first(
 
 def test_the_page_says_how_many_runs_warned_of_what(data, tmp_path):
     texts = np.full(data.solid_fraction.shape, "", dtype=object)
-    texts[1, 0, :3] = [f"rsa placed {count} of 250 grains" for count in (243, 250, 99)]
-    texts[2, 1, 0] = "the bulk holds 3"
-    ends = np.full(texts.shape, "settled", dtype=object)
-    # as many as were asked for may end so too, which is not told; a warning of something else tells nothing of it
-    ends[1, 0, :2], ends[1, 1, 0], ends[2, 0, 0] = ("saturated", "full"), "full", "saturated"
-    made = data.assign(warnings=(data.solid_fraction.dims, texts), stop_reason=(data.solid_fraction.dims, ends))
+    ended = (f"{count} of 250 grains were placed before the method stopped (full)" for count in (243, 249, 99))
+    texts[1, 0, :3] = list(ended)
+    # more of the container was asked for, too; what else is warned of tells nothing of that
+    texts[2, 0, 0] = "the solid fraction is 0.3 instead of 0.5 where the method stopped (saturated)"
+    texts[2, 1, :2] = "the bulk holds 3", "3 of 9 grains were placed before the method stopped (steps)"
+    made = data.assign(warnings=(data.solid_fraction.dims, texts))
     text = re.sub(r"<t([hd])[^>]*>", r"<t\1>", write_study_page(made, tmp_path).read_text())
     for words in (
         "<th>warned</th>",
-        "<th>3</th><td>rsa placed 243 of 250 grains</td>",
+        "<th>3</th><td>243 of 250 grains were placed before the method stopped (full)</td>",
         "<th>1</th><td>the bulk holds 3</td>",
     ):
         assert words in text, words
-    assert [row["warned"] for row in table(tmp_path / "cells.csv")] == ["0", "0", "3", "0", "0", "1"]
-    assert [row["full"] for row in table(tmp_path / "cells.csv")] == ["0", "0", "2", "0", "0", "0"]
+    assert [row["warned"] for row in table(tmp_path / "cells.csv")] == ["0", "0", "3", "0", "1", "2"]
+    assert [row["full"] for row in table(tmp_path / "cells.csv")] == ["0", "0", "3", "0", "1", "0"]
 
 
 def test_cells_in_the_csv_file_are_those_of_the_summary(written, data):
