@@ -5,6 +5,7 @@ from pathlib import Path
 
 import pytest
 
+import voxgran as vg
 from voxgran._base.errors import EngineError
 
 ROOT = Path(__file__).resolve().parents[1]
@@ -46,3 +47,4 @@ def test_the_python_of_pages_runs(page, tmp_path, monkeypatch):
             exec(compile(block, page.name, "exec"), names)
         except EngineError as error:
             pytest.skip(str(error))
+    assert names["vg"] is vg
