@@ -8,19 +8,31 @@ files and folders are replaced; links are followed, and a device or a pipe is wr
 import contextlib
 import errno
 import glob
+import gzip
 import hashlib
 import os
 import secrets
 import shutil
 import stat
 import tempfile
+import zlib
 from collections.abc import Collection, Iterator
 from pathlib import Path
 
-from voxgran._base.errors import FileFormatError, InputError, MissingFileError, OutputError, OutputExistsError, shown
+from voxgran._base.errors import (
+    FileFormatError,
+    InputError,
+    MissingFileError,
+    OutputError,
+    OutputExistsError,
+    VoxgranError,
+    shown,
+)
 
 #: streams of this process: what is written there goes behind what was written before
 STREAMS = {"/dev/stdout": 1, "/dev/stderr": 2}
+#: bytes of the content of a ``.gz`` file that are unpacked, however small the file is
+MOST_UNPACKED = 2**28
 #: longest suffix that a draft takes over, in bytes; those of known formats are shorter
 LONGEST_SUFFIX = 32
 
@@ -71,6 +83,46 @@ def existing_file(path: str | os.PathLike[str]) -> Path:
             return found
     except OSError as error:
         raise OutputError(f"{found} cannot be read ({error.strerror}): change its permissions") from error
+
+
+@contextlib.contextmanager
+def unpacked(path: Path) -> Iterator[Path]:
+    """Yield a file as it is, or the content of a ``.gz`` file as a temporary one (context manager).
+
+    Messages of errors that are raised within name the file itself.
+
+    Raises
+    ------
+    MissingFileError
+        If there is no such ``.gz`` file.
+    FileFormatError
+        If it is damaged, or more than `MOST_UNPACKED` and 100 times as large when it is unpacked.
+    """
+    if path.suffix.lower() != ".gz":
+        yield path
+        return
+    most = max(MOST_UNPACKED, 100 * existing_file(path).stat().st_size)
+    with tempfile.TemporaryDirectory(prefix="voxgran-") as folder:
+        target = Path(folder) / path.stem
+        try:
+            with gzip.open(path) as packed, target.open("wb") as file:
+                while (block := packed.read(2**20)) and file.tell() <= most:
+                    file.write(block)
+                too_large = file.tell() > most
+        except (OSError, EOFError, zlib.error) as error:
+            reason = getattr(error, "strerror", None) or str(error)
+            raise FileFormatError(
+                f"{path} cannot be unpacked ({reason}): unpack it with gunzip, or write it again"
+            ) from None
+        if too_large:
+            raise FileFormatError(
+                f"{path} holds more than {most} bytes, 100 times its size: unpack it with gunzip first"
+            )
+        try:
+            yield target
+        except VoxgranError as error:
+            error.args = (str(error).replace(str(target), str(path)),)
+            raise
 
 
 def output_suffix(path: str | os.PathLike[str], known: Collection[str], kept: str, *, overwrite: bool = True) -> str:

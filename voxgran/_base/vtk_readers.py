@@ -16,7 +16,7 @@ from voxgran._base.vtk_data import numpy_support, watched
 
 
 def vtk_points(path: Path) -> Content:
-    """Return the points of a ``.vtp`` or ``.vtu`` file, with their arrays and those of the field data.
+    """Return the points of a ``.vtp``, ``.vtu`` or ``.vtk`` file, with their arrays and those of the field data.
 
     Facts: ``texts``, texts of the field data by name. Arrays: ``points`` (n, 3), ``point/NAME`` and ``field/NAME``.
     """

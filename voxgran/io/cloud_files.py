@@ -14,7 +14,7 @@ import numpy as np
 
 from voxgran._base.calls import explained
 from voxgran._base.errors import FileFormatError, InputError, MissingLibraryError
-from voxgran._base.files import as_path, existing_file, written_whole
+from voxgran._base.files import as_path, existing_file, unpacked, written_whole
 from voxgran._base.guarded import Content, read_guarded, reason_of
 from voxgran._base.lazy import load
 from voxgran.io.cloud_of_packing import cloud_of_packing
@@ -41,7 +41,8 @@ def load_cloud(path: str | os.PathLike[str], *, unit: str | None = None) -> Clou
     path : path-like
         File in PLY, PCD (not compressed; points that are NaN, rays that met nothing, are left out) or LAS format, or a
         table of text: rows of x y z, with spaces, commas or semicolons between; more columns are taken by their names
-        in a first row (nx, ny, nz, grain), without names only a normal of length 1 and a whole number of the grain.
+        in a first row (nx, ny, nz, grain), without names only a normal of length 1 and a whole number of the grain. It
+        may be packed, with ``.gz`` behind its suffix.
     unit : str, optional
         Unit of its lengths; it is recorded and nothing is converted.
 
@@ -69,14 +70,16 @@ def load_cloud(path: str | os.PathLike[str], *, unit: str | None = None) -> Clou
     (3, 'scan', 'mm')
     """
     found = existing_file(path)
-    suffix = found.suffix.lower()
+    name = found.with_suffix("") if found.suffix.lower() == ".gz" else found
+    suffix = name.suffix.lower()
     if suffix not in READERS:
         raise FileFormatError(f"{found} ends in {suffix!r}: known are {', '.join(READERS)}; convert it")
-    columns = READERS[suffix](found)
+    with unpacked(found) as plain:
+        columns = READERS[suffix](plain)
     if not len(columns[0]):
         raise FileFormatError(f"{found} holds no points: it is empty, cut or damaged; write it again")
     try:
-        return Cloud.of(*columns, name=found.stem, unit=unit)
+        return Cloud.of(*columns, name=name.stem, unit=unit)
     except InputError as error:
         raise FileFormatError(f"{found}: {reason_of(error, most=300)}") from error
 

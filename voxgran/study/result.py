@@ -236,7 +236,7 @@ def dataset_of(
         values = np.array([record.numbers.get(name, [math.nan])[0] for record in order]).reshape(shape)
         told = {tuple(record.numbers[name][1:]) for record in order if name in record.numbers}
         units = {unit for unit, _ in told}
-        attributes = {"units": units.pop() if len(units) == 1 else "that of the scene", "long_name": min(told)[1]}
+        attributes = {"units": " or ".join(sorted(units)), "long_name": min(told)[1]}
         variables[_named(name, coordinates)] = (dims, values, attributes)
     for name, (unit, text) in MACHINE.items():
         values = np.array([float(getattr(record, name)) for record in order]).reshape(shape)
