@@ -14,6 +14,9 @@ from voxgran._base.guarded import Content
 from voxgran._base.lazy import load
 from voxgran._base.vtk_data import numpy_support, watched
 
+#: types of data sets in files that refer to no other files: polygons and the four kinds of grids
+OF_ONE_FILE = (0, 2, 3, 4, 6)
+
 
 def vtk_points(path: Path) -> Content:
     """Return the points of a ``.vtp``, ``.vtu`` or ``.vtk`` file, with their arrays and those of the field data.
@@ -98,7 +101,7 @@ def chosen_name(names: list[str], key: str | None, path: Path) -> str:
 
 
 def _read(path: Path) -> Any:
-    """Return the data set of a file."""
+    """Return the data set of a file; refuse one whose data stand in other files that it names."""
     core = load("vtkmodules.vtkCommonCore")
     if path.suffix.lower() == ".vtk":
         reader = load("vtkmodules.vtkIOLegacy").vtkGenericDataObjectReader()
@@ -110,6 +113,10 @@ def _read(path: Path) -> Any:
         reader.SetReaderErrorObserver(forward)
         reader.SetParserErrorObserver(forward)
         heard = watched(reader, reader.GetExecutive())
+        parts = core.reference(False)
+        kind = reader.ReadOutputType(str(path), parts)
+        if parts or (kind >= 0 and kind not in OF_ONE_FILE):
+            raise FileFormatError(f"{path} only names other files, which may lie anywhere: give one of these")
     reader.SetFileName(str(path))
     return _output(reader, heard, path)
 

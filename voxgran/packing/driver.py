@@ -19,6 +19,7 @@ from voxgran._base.compiling.threads import using_threads
 from voxgran._base.config import to_mapping
 from voxgran._base.errors import CheckpointError, InputError, Interrupted, OutputError, shown
 from voxgran._base.files import as_path, remove_drafts
+from voxgran._base.guarded import reason_of
 from voxgran._base.kernels import telling_of_compilation
 from voxgran._base.lock import locked_file
 from voxgran._base.progress import OnStep, Step, reported
@@ -196,13 +197,23 @@ def _restore(problem: Problem, state: RunState, path: str | os.PathLike[str], ma
             f"{path} belongs to another run (other shapes, sizes, parameters, seed or version): resume with the scene "
             "or the options that wrote it, or start anew: without it, or at the prompt with --overwrite"
         )
-    for name in problem.made:
-        problem.made[name] |= set(arrays.pop(name).tolist())
-    state.restore(arrays, dict(header["counters"]))
-    state.done, state.total = int(header["done"]), int(header["total"])
-    state.stop_reason = str(header["stop_reason"])
+    try:
+        for name in problem.made:
+            problem.made[name] |= set(arrays.pop(name).tolist())
+        state.restore(arrays, _counters(header["counters"]))
+        state.done, state.total = int(header["done"]), int(header["total"])
+        state.stop_reason = str(header["stop_reason"])
+    except (KeyError, TypeError, ValueError, OverflowError, AttributeError) as error:
+        raise CheckpointError(
+            f"{path} is not as a run leaves it ({reason_of(error)}): start anew without it"
+        ) from error
     state.derived = {}
     log.info("resumed after %d attempts from %s", state.done, path)
+
+
+def _counters(told: Any) -> dict[str, int | None]:
+    """Return counters as a state has them: whole numbers, or None for one that is not known yet."""
+    return {str(name): None if value is None else int(value) for name, value in dict(told).items()}
 
 
 def _tell(how: Drive, state: RunState) -> None:

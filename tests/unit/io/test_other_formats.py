@@ -214,3 +214,16 @@ def test_units_in_brackets_that_are_one(tmp_path):
     packing = read(tmp_path, "x (µm),y (um),z,r\n1,2,3,1\n", "p.csv")
     assert packing.unit == "um"
     assert "px" in read(tmp_path, "x [px],y [px],z [px],r [px]\n1,2,3,1\n", "p.csv").provenance["assumed"]["unit"]
+
+
+def test_names_of_columns_that_lack_one_or_repeat_one_very_often(tmp_path):
+    (tmp_path / "p.csv").write_text("y [um],z [mm],r [mm]\n1,2,3\n")
+    with pytest.raises(FileFormatError, match="there is no x"):
+        vg.load(tmp_path / "p.csv")
+    with pytest.raises(FileFormatError, match="does not name the columns x, y, z and r"):
+        vg.load_shape(tmp_path / "p.csv")
+    (tmp_path / "p.csv").write_text("x," * 20_000 + "y,z,r\n")
+    for load in (vg.load, vg.load_shape):
+        with pytest.raises(FileFormatError, match="both columns of x") as caught:
+            load(tmp_path / "p.csv")
+        assert len(str(caught.value)) < 500

@@ -70,9 +70,9 @@ def columns_of(words: Sequence[str], where: str, *, stated: str | None = None) -
     found = places_of(words)
     for name, places in found.items():
         if len(places) > 1:
+            one, other = (shown(words[place]) for place in places[:2])
             raise FileFormatError(
-                f"{where}: {' and '.join(shown(words[place]) for place in places)} are both columns of {name}: which "
-                "one holds is not certain; rename the others"
+                f"{where}: {one} and {other} are both columns of {name}: which one holds is not certain; rename one"
             )
     columns = {name: place for name, (place,) in found.items()}
     stated = None if stated == NO_UNIT else stated
@@ -83,10 +83,10 @@ def columns_of(words: Sequence[str], where: str, *, stated: str | None = None) -
     units = {name: known_unit(stated if unit is None else unit) for name, unit in own.items()}
     if None in units.values() or (stated is not None and known_unit(stated) is None):
         raise FileFormatError(
-            f"{where}: the columns have lengths in {' and '.join(map(shown, told))}, and not each has a known unit; "
-            "give each its unit in brackets, such as [mm]"
+            f"{where}: the columns have lengths in {' and '.join(map(shown, list(told)[:3]))}, and not each has a "
+            "known unit; give each its unit in brackets, such as [mm]"
         )
-    target = known_unit(stated) or units["x"]
+    target = known_unit(stated) or next(iter(units.values()))
     factors = {name: unit_factor(str(unit), str(target)) for name, unit in units.items() if unit != target}
     return Columns(columns, target, factors)
 

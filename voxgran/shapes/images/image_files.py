@@ -12,10 +12,11 @@ from numpy.typing import NDArray
 
 from voxgran._base.arrays import check_lengths, float_array
 from voxgran._base.calls import explained
-from voxgran._base.errors import FileFormatError, InputError, MissingLibraryError, shown
+from voxgran._base.errors import FileFormatError, InputError, MissingLibraryError, TooLargeError, shown
 from voxgran._base.files import existing_file
 from voxgran._base.guarded import Content, read_guarded, refused
 from voxgran._base.lazy import load
+from voxgran._base.machine import memory_limit
 from voxgran._base.registry import ExplainedAttributes
 from voxgran._base.units import as_unit, known_unit, unit_factor
 from voxgran._base.vtk_readers import chosen_name, vtk_image
@@ -110,6 +111,7 @@ def _read_npz(path: Path, key: str | None) -> Image:
     with path.open("rb") as file, np.load(file, allow_pickle=False) as archive:
         name = chosen_name(list(archive.files), key, path)
         _refuse_other_packing(archive.zip, path)
+        _refuse_too_large(archive.zip, name, path)
         return Image(archive[name])
 
 
@@ -127,6 +129,22 @@ def _refuse_other_packing(archive: zipfile.ZipFile, path: Path) -> None:
                 f"{path} holds {shown(member.filename)} compressed by method {member.compress_type}: NumPy writes by "
                 "none or DEFLATE (8); save it again with numpy.savez_compressed"
             )
+
+
+def _refuse_too_large(archive: zipfile.ZipFile, name: str, path: Path) -> None:
+    """Refuse an array that does not fit in memory, which a small file may hold.
+
+    Raises
+    ------
+    TooLargeError
+        If it is larger.
+    """
+    size = max((one.file_size for one in archive.infolist() if one.filename in (name, f"{name}.npy")), default=0)
+    if size > memory_limit():
+        raise TooLargeError(
+            f"{path} of {path.stat().st_size} bytes holds {shown(name)} of {size} bytes: more than the memory; cut it "
+            "into parts"
+        )
 
 
 def _refuse_others(path: Path, begin: bytes) -> None:
@@ -185,9 +203,14 @@ def nrrd_values(path: Path) -> Content:
     Raises
     ------
     FileFormatError
-        If the axes have several units of which not all are known.
+        If its data stand in other files, or the axes have several units of which not all are known.
     """
-    values, header = image_library("nrrd").read(str(path))
+    library = image_library("nrrd")
+    if {"data file", "datafile"} & library.read_header(str(path)).keys():
+        raise FileFormatError(
+            f"{path} only names other files, which may lie anywhere: write header and data as one file"
+        )
+    values, header = library.read(str(path))
     directions = header.get("space directions")
     if directions is not None and np.asarray(directions).shape == (3, 3):
         spacing = np.linalg.norm(np.asarray(directions, dtype=float), axis=1)

@@ -188,11 +188,11 @@ def repaired(
     rules = _Rules(name, limit, remedies)
     if apart is not None and all(bounds_solid(*solid) for solid in split(*apart)):
         _say(done, touching, "parted the surface at {} edges along which it touches itself")
-        before, whole = _enclosed(*apart), apart
+        before, surface = _enclosed(*apart), apart
     else:
         triangles = _cleared(corners, triangles, done)
-        before, whole = _enclosed(corners, triangles), _mended(corners, triangles, rules, done)
-    solids = _chosen(whole, bodies, rules, done)
+        before, surface = _enclosed(corners, triangles), _mended(corners, triangles, rules, done)
+    solids = _chosen(surface, bodies, rules, done)
     names = [name] if len(solids) == 1 else [f"{name}_{k}" for k in range(len(solids))]
     shapes = tuple(Shape.from_mesh(*solid, name=one, unit=unit) for solid, one in zip(solids, names, strict=True))
     for sentence in done:
