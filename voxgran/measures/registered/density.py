@@ -1,7 +1,6 @@
 """Solid fraction of a packing: of the whole, of the bulk away from walls and surface, and inside a window."""
 
 import math
-from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -12,6 +11,7 @@ from voxgran._base.warning import warn
 from voxgran.measures.model import Groups, Measure, dataset, length_unit, variable
 from voxgran.measures.region import Regions
 from voxgran.measures.slices import as_window
+from voxgran.measures.wetted import specific_surfaces
 from voxgran.measures.window import Estimate, Solids
 from voxgran.packing.model import Packing, check_packing
 
@@ -77,17 +77,6 @@ def window_solid_fraction(packing: Packing, lower: "ArrayLike", upper: "ArrayLik
     return Estimate(solid / room, solid.error / room)
 
 
-def specific_surface(packing: Packing) -> tuple[tuple[str, ...], Any, dict[str, Any]]:
-    """Return the variable of the surface of the grains over the volume of the container, in 2D of their outlines.
-
-    It is exact; surfaces within other grains count.
-    """
-    ratio = packing.surface_areas.sum() / packing.container.volume
-    kind = "volume" if packing.dimension == 3 else "area"
-    text = f"surface of the grains over {kind} of the container"
-    return variable((), ratio, length_unit(packing, power=-1), text)
-
-
 def _bulk(packing: Packing, regions: Regions | None = None) -> tuple[Estimate, int, float]:
     """Return solid fraction, number of grains and volume of the bulk."""
     if not packing.count:
@@ -141,7 +130,7 @@ def _compute(packing: Packing) -> Groups:
     values = {
         "container_volume": variable((), packing.container.volume, size, f"{kind} of the container"),
         "grain_volume": variable((), packing.volumes.sum(), size, f"{kind} of all grains together"),
-        "specific_surface": specific_surface(packing),
+        **specific_surfaces(packing),
         "mean_diameter": variable((), diameters.mean(), unit, "mean equivalent diameter of the grains"),
         "median_diameter": variable((), np.median(diameters), unit, "median equivalent diameter of the grains"),
         "solid_fraction": variable(
