@@ -12,6 +12,7 @@ from voxgran.measures.describe import describe
 from voxgran.measures.directions import FACTOR, traceless_2
 from voxgran.measures.region import gravity_of
 from voxgran.measures.registered.coordination import mean_diameter
+from voxgran.measures.registered.density import main_fraction
 from voxgran.measures.registered.gradation import distance_from, gradation
 from voxgran.packing.model import Packing
 from voxgran.report import facts, plots, shape_plots
@@ -110,7 +111,9 @@ def _gradation(packing: Packing) -> Figure:
 
 def _curves(packing: Packing, statistics: "DataTree | None") -> Iterator[Figure]:
     """Yield solid fractions over a coordinate and coordination numbers over the gap."""
-    levels = {"whole": packing.solid_fraction, "bulk": facts.scalar(statistics, "bulk_solid_fraction") or np.nan}
+    bulk = facts.scalar(statistics, "bulk_solid_fraction")
+    region, fraction = main_fraction(packing, statistics)
+    levels = {region: fraction, "container": packing.solid_fraction, "bulk": np.nan if bulk is None else bulk}
     for data, name in curves_of(packing, statistics):
         place = data[name][data[name].dims[0]]
         published: dict[str, Any] = {}
