@@ -2,8 +2,6 @@
 
 import argparse
 import dataclasses
-import math
-import warnings
 from pathlib import Path
 from typing import Any
 
@@ -16,6 +14,7 @@ from voxgran._base.files import as_path, refuse_to_replace
 from voxgran.cli.parser import nested_class
 from voxgran.cli.terminal import progress, show
 from voxgran.io.files import check_savable
+from voxgran.measures.registered.density import main_fraction
 from voxgran.packing.gravity import as_down, proposed_axis
 from voxgran.packing.model import Packing
 from voxgran.settling.parameters import Settling
@@ -92,12 +91,14 @@ def settling_of(options: argparse.Namespace) -> dict[str, Any]:
 def _summary(before: Packing, after: Packing) -> dict[str, Any]:
     """Return the main numbers of a settled packing."""
     record = after.provenance.get("settling", {})
-    fractions = {"bulk_solid_fraction_before": _bulk(before), "bulk_solid_fraction": _bulk(after)}
+    (region, fraction), was = main_fraction(after), main_fraction(before)
     numbers: dict[str, Any] = {
         "grains": after.count,
         "steps": record.get("steps", 0),
-        "solid_fraction": after.solid_fraction,
-        **{name: value for name, value in fractions.items() if math.isfinite(value)},
+        **({"solid_fraction_before": was[1]} if was[0] == region else {}),
+        "solid_fraction": fraction,
+        "region": region,
+        "container_solid_fraction": after.solid_fraction,
     }
     if (sought := record.get("sought")) is not None:
         shaking = sought["shaking"] or {}
@@ -106,14 +107,6 @@ def _summary(before: Packing, after: Packing) -> dict[str, Any]:
     if after.forces is not None:
         numbers |= {name: getattr(after.forces, name) for name in ("share_at_rest", "share_of_rattlers")}
     return numbers | {"stop_reason": after.stop_reason}
-
-
-def _bulk(packing: Packing) -> float:
-    """Return the bulk solid fraction; NaN where the packing has no bulk to speak of."""
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore")
-        tree = voxgran.measure(packing, which="density")
-    return float(tree["bulk_solid_fraction"]) if "bulk_solid_fraction" in tree else math.nan
 
 
 def equilibrium(options: argparse.Namespace, packing: Packing) -> int:

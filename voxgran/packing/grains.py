@@ -417,7 +417,7 @@ def card_of_packing(packing: Any) -> str:
     axes = ", ".join(axis for axis, wraps in zip("xyz", packing.container.periodic, strict=True) if wraps)
     rows = {
         "packing": f"{packing.count} grains of {len(packing.shapes)} shapes: {names}",
-        "solid fraction": f"{packing.solid_fraction:.4f}",
+        "solid fraction of the container": f"{packing.solid_fraction:.4f}",
         "method": str(packing.provenance.get("method", "not known")),
         "stopped": packing.stop_reason,
         **_rest(packing),

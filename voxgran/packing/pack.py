@@ -27,7 +27,7 @@ from voxgran.packing.driver import Drive, Recorder, check_drive, drive
 from voxgran.packing.gravity import gravity_vector, proposed_axis
 from voxgran.packing.method import PackingMethod, RunState, check_memory, method_registry, packing_memory
 from voxgran.packing.model import Packing, check_packing
-from voxgran.packing.problem import Problem, normalized_problem, too_coarse, warn_of_units
+from voxgran.packing.problem import Problem, normalized_problem, too_coarse, warn_of_overlaps, warn_of_units
 from voxgran.packing.settle import as_settling, warn_of_unrest, with_target
 from voxgran.packing.settling_run import with_settling
 from voxgran.packing.start import check_start, density_around
@@ -202,6 +202,7 @@ def pack(
     state = drive(task.method, task.problem, how)
     packing = with_provenance(task, state, task.method.finish(task.problem, state), seconds=time.monotonic() - began)
     _warn_of_misses(task, packing)
+    warn_of_overlaps(task.problem, packing)
     warn_of_unrest(packing)
     return packing
 
@@ -446,5 +447,4 @@ def _warn_of_misses(task: Task, packing: Packing) -> None:
             if missed["count"] and asked["count"]
             else LESS
         )
-        text = f"{' and '.join(parts)}: {too_coarse(task.problem) or remedy}"
-        warn(text, PackingWarning)
+        warn(f"{' and '.join(parts)}: {too_coarse(task.problem) or remedy}", PackingWarning)

@@ -323,3 +323,16 @@ def too_coarse(problem: Problem) -> str:
     if voxel is None or voxel <= coarsest or settings.cover != "touch":
         return ""
     return f"a grain takes all voxels that it touches, and voxel_size is {voxel:.4g}; make it at most {coarsest:.4g}"
+
+
+def warn_of_overlaps(problem: Problem, packing: Packing) -> None:
+    """Warn of grains that overlap because voxels by their centers represent them, unless they have settled since."""
+    if problem.settling is not None or getattr(problem.parameters, "cover", "touch") == "touch" or not packing.count:
+        return
+    proof = verify(packing)
+    if proof.overlapping_pairs:
+        warn(
+            f"{proof.overlapping_pairs} pairs of grains overlap by up to {proof.deepest:.2g} mean diameters, since "
+            "voxels represent a grain whose center lies in it: take cover='touch', or let the grains settle",
+            PackingWarning,
+        )

@@ -16,6 +16,7 @@ import numpy as np
 from voxgran import __version__
 from voxgran._base.calls import explained
 from voxgran._base.files import write_text
+from voxgran.measures.registered.density import main_fraction
 from voxgran.packing.model import Packing
 from voxgran.report import facts, plots, scenes
 from voxgran.report.colors import gradient
@@ -137,8 +138,10 @@ def _headline(group: Group) -> dict[str, str]:
     counts = [packing.count for packing in group.packings]
     grains = " to ".join(facts.number(count) for count in sorted({min(counts), max(counts)}))
     many = f"{len(counts)} packings of " if len(counts) > 1 else ""
-    fraction = np.mean([packing.solid_fraction for packing in group.packings])
-    note = f"{many}{grains} grains, {', '.join(_methods(group))}"
+    found = [main_fraction(*pair) for pair in zip(group.packings, group.trees, strict=True)]
+    fraction = np.mean([value for _, value in found])
+    regions = " or ".join(dict.fromkeys(region for region, _ in found))
+    note = f"solid fraction of the {regions}; {many}{grains} grains, {', '.join(_methods(group))}"
     return {"name": group.name, "value": f"{fraction:.4f}", "note": note}
 
 

@@ -7,12 +7,13 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from voxgran._base.lazy import load
+from voxgran._base.seeds import stream
 from voxgran.measures.describe import describe
 from voxgran.measures.directions import FACTOR, traceless_2
 from voxgran.measures.region import gravity_of
 from voxgran.measures.registered.coordination import mean_diameter
-from voxgran.measures.registered.gradation import gradation
+from voxgran.measures.registered.density import main_fraction
+from voxgran.measures.registered.gradation import distance_from, gradation
 from voxgran.packing.model import Packing
 from voxgran.report import facts, plots, shape_plots
 from voxgran.report.direction_maps import plot_direction_map
@@ -31,6 +32,8 @@ ESTIMATES: dict[str, tuple[str, float | None, bool]] = {
 }
 #: the same of the mass density, along gravity
 MASS_DENSITY: tuple[str, float | None, bool] = ("mass density, in the unit given", None, False)
+#: sizes drawn at random to test those of a packing, in as many draws as these limits allow
+SIZES, DRAWS = 500_000, (19, 499)
 #: group and title of distributions, and the label of the coordinate that their variables share
 DENSITIES = (
     ("local_density", "distribution of the local solid fraction", "local_solid_fraction_bin"),
@@ -65,17 +68,23 @@ def figures_of(packing: Packing, statistics: "DataTree | None") -> list[Figure]:
     return [*found, *(figure for figure in last if figure is not None)]
 
 
-def size_test(packing: Packing) -> dict[str, float] | None:
-    """Compare the placed sizes with the requested distribution, by number.
+def size_test(packing: Packing) -> dict[str, Any] | None:
+    """Compare the placed sizes with the requested distribution, by volume as the curves of a report.
 
-    Return the Kolmogorov-Smirnov ``distance``, as in :func:`voxgran.measure`, and its ``p_value``, the probability that
-    as many independent draws have a larger distance (scipy.stats.kstest); None without a requested distribution or a
-    grain.
+    Return the `basis`, the Kolmogorov-Smirnov ``distance``, as in :func:`voxgran.measure`, and its ``p_value``, the
+    probability that as many sizes drawn independently have a larger distance, from such draws; None without a requested
+    distribution or a grain.
     """
-    if packing.asked_sizes is None or not packing.count:
+    asked, n, d = packing.asked_sizes, packing.count, packing.dimension
+    if asked is None or not n:
         return None
-    distance = gradation(packing).distance["number"]
-    return {"distance": distance, "p_value": float(load("scipy.stats").kstwo.sf(distance, packing.count))}
+    distance = gradation(packing).distance["volume"]
+    generator, larger = stream(0, "sizes as requested"), 0
+    draws = int(np.clip(SIZES // n, *DRAWS))
+    for _ in range(draws):
+        sizes = asked.sample(n, generator, dimension=d)
+        larger += distance_from(asked, sizes, sizes**d, basis="volume", dimension=d) >= distance
+    return {"basis": "volume", "distance": distance, "p_value": (1 + larger) / (1 + draws)}
 
 
 def _gradation(packing: Packing) -> Figure:
@@ -85,10 +94,9 @@ def _gradation(packing: Packing) -> Figure:
     caption = "Gradation: the share by volume that passes each size."
     if test is not None:
         caption += (
-            " Placed against requested: the largest difference, by number, between the share of the placed grains up "
-            "to a size and that of the requested distribution (Kolmogorov\u2013Smirnov) is "
-            f"{test['distance']:.3g}; as many independent draws have a larger difference with a probability of "
-            f"{test['p_value']:.2g}."
+            " Placed against requested: the largest difference between the two curves, by volume "
+            f"(Kolmogorov\u2013Smirnov), is {test['distance']:.3g}; as many sizes drawn independently have a larger "
+            f"one with a probability of {test['p_value']:.2g}."
         )
     order = np.argsort(packing.diameters, kind="stable")
     shares = np.cumsum(packing.volumes[order]) / max(float(packing.volumes.sum()), 1e-300)
@@ -103,7 +111,9 @@ def _gradation(packing: Packing) -> Figure:
 
 def _curves(packing: Packing, statistics: "DataTree | None") -> Iterator[Figure]:
     """Yield solid fractions over a coordinate and coordination numbers over the gap."""
-    levels = {"whole": packing.solid_fraction, "bulk": facts.scalar(statistics, "bulk_solid_fraction") or np.nan}
+    bulk = facts.scalar(statistics, "bulk_solid_fraction")
+    region, fraction = main_fraction(packing, statistics)
+    levels = {region: fraction, "container": packing.solid_fraction, "bulk": np.nan if bulk is None else bulk}
     for data, name in curves_of(packing, statistics):
         place = data[name][data[name].dims[0]]
         published: dict[str, Any] = {}

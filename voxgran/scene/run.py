@@ -25,6 +25,7 @@ from voxgran.io.netcdf import save_statistics
 from voxgran.io.series import Series
 from voxgran.io.vtk_files import save_scene
 from voxgran.measures.model import measure
+from voxgran.measures.registered.density import main_fraction
 from voxgran.packing.model import Packing
 from voxgran.packing.pack import pack
 from voxgran.report.page import save_report
@@ -41,6 +42,7 @@ PACKING = "packing.vtp"
 #: measures that a summary has, where they are measured and not NaN
 NUMBERS = (
     "bulk_solid_fraction",
+    "bed_solid_fraction",
     "strict_solid_fraction",
     "mean_coordination_number",
     "coordination_without_rattlers",
@@ -238,16 +240,20 @@ def _write_decks(packing: Packing, folder: Path, scene: SceneDescription) -> dic
 
 
 def summary_of(packing: Packing, proof: Verification, statistics: "DataTree") -> dict[str, Any]:
-    """Return the main numbers of a packing, JSON-able."""
+    """Return the main numbers of a packing, JSON-able; solid fraction and porosity are those of the `region`."""
     record = packing.provenance
     numbers = {name: float(statistics[name]) for name in NUMBERS if name in statistics}
     numbers = {name: value for name, value in numbers.items() if math.isfinite(value)}
+    region, fraction = main_fraction(packing, statistics)
     return {
         "method": record.get("method", ""),
         "seed": record.get("seed", 0),
         "grains": packing.count,
-        "solid_fraction": packing.solid_fraction,
-        "porosity": packing.porosity,
+        "solid_fraction": fraction,
+        "porosity": 1.0 - fraction,
+        "region": region,
+        "container_solid_fraction": packing.solid_fraction,
+        "container_porosity": packing.porosity,
         **numbers,
         "stop_reason": packing.stop_reason,
         "verify": {name: getattr(proof, name) for name in ("ok", "overlapping_pairs", "deepest", "escaped")},

@@ -38,15 +38,8 @@ def union_moments(centers: Floats, radii: Floats) -> tuple[float, Floats, Floats
 
     The origin should lie among the centers.
     """
-    keep = ~contained(centers, radii)
-    c, r = np.ascontiguousarray(centers[keep]), radii[keep]
-    for attempt in range(4):
-        # the tests of four spheres that meet in one point may contradict each other; a change of the radii
-        # by a few bits, different for each, resolves this
-        spread = np.modf((np.arange(len(r)) + 1) * 0.6180339887498949)[0]
-        sums, gap = _patch_sums(c, r * (1.0 + attempt * NUDGE * 10.0**attempt * spread))
-        if gap <= CLOSED:
-            break
+    keep, sums = _exposed(centers, radii)
+    c, r = centers[keep], radii[keep]
     zeroth, first, second, third = _patch_moments(c, sums)
     flux = np.einsum("ni,ni->n", c, first) + r * zeroth
     inner = np.einsum("nij,nj->ni", second, c)
@@ -57,6 +50,28 @@ def union_moments(centers: Floats, radii: Floats) -> tuple[float, Floats, Floats
     products += (r**2)[:, None, None] * (third + r[:, None, None] * second)
     products *= (r**2)[:, None, None] / 5
     return volume, moment.sum(axis=0) / 4, products.sum(axis=0), float((r**2 * zeroth).sum())
+
+
+def exposed_areas(centers: Floats, radii: Floats) -> Floats:
+    """Return the area (n,) of each sphere that lies in no other one; of equal spheres at one place the first has it."""
+    keep, sums = _exposed(centers, radii)
+    areas = np.zeros(len(radii))
+    areas[keep] = radii[keep] ** 2 * sums[:, 0]
+    return areas
+
+
+def _exposed(centers: Floats, radii: Floats) -> tuple[Booleans, Floats]:
+    """Return the mask (n,) of the spheres that are not inside others, and the boundary integrals (k, 16) of these."""
+    keep = ~contained(centers, radii)
+    c, r = np.ascontiguousarray(centers[keep]), radii[keep]
+    for attempt in range(4):
+        # the tests of four spheres that meet in one point may contradict each other; a change of the radii
+        # by a few bits, different for each, resolves this
+        spread = np.modf((np.arange(len(r)) + 1) * 0.6180339887498949)[0]
+        sums, gap = _patch_sums(c, r * (1.0 + attempt * NUDGE * 10.0**attempt * spread))
+        if gap <= CLOSED:
+            break
+    return keep, sums
 
 
 def contained(centers: Floats, radii: Floats) -> Booleans:
