@@ -23,6 +23,7 @@ from voxgran.contacts.model import Contacts
 from voxgran.contacts.verify import Verification, verify
 from voxgran.containers.model import Container
 from voxgran.containers.one_unit import converted, in_one_unit
+from voxgran.containers.size_limits import check_grain_sizes
 from voxgran.packing.grains import ColorBy, GrainSequence, card_of_packing, common_shapes, frame_of, refuse_unlike
 from voxgran.packing.gravity import Down, as_down
 from voxgran.settling.relaxation import Relaxation
@@ -92,14 +93,15 @@ class Packing(GrainSequence):
     relaxation: Relaxation | None = None
 
     def __post_init__(self) -> None:
-        """Make arrays read-only and check that the forces are those of the grains.
+        """Make arrays read-only, and check the sizes of the grains and that the forces are theirs.
 
         Raises
         ------
         InputError
-            If the forces have the residuals of another number of grains, or are no ContactForces.
+            If a grain is far too large, or the forces are no ContactForces or those of other grains.
         """
         super().__post_init__()
+        check_grain_sizes(self.shapes, self.container, self.shape_id, self.scale)
         check_forces(self.forces, self.count)
 
     @classmethod
@@ -159,11 +161,10 @@ class Packing(GrainSequence):
         Raises
         ------
         InputError
-            If `shapes` is neither a Shape nor a list of them, an array has the wrong length, a scale or a density is
-            not above 0, a shape index is out of range, the dimension of a shape is not that of the container, a grain
-            lies off the plane in 2D, the stop reason is unknown, gravity is no direction or has a part along a periodic
-            axis or out of the plane, the contact gap is negative, shapes have several units and none is given, or the
-            forces are those of another number of grains.
+            If `shapes` are no shapes, an array has the wrong length, a scale or density is not above 0, a shape index
+            is out of range, dimensions differ, a grain lies off the plane in 2D, contains a sphere wider than a period
+            or is far larger than the container, the stop reason is unknown, gravity is no direction or has a part along
+            a periodic axis or off the plane, the contact gap is negative, units differ, or forces are of other grains.
         UnknownNameError
             If the unit is unknown; the message gives the nearest one.
 
