@@ -93,7 +93,7 @@ def test_a_grain_goes_on_across_a_periodic_face():
 
 def test_a_grain_larger_than_a_periodic_box_fills_it():
     packing = Packing.of(
-        [Shape.of(Primitive("sphere", (3.0,)), name="sphere")],
+        [Shape.from_mesh(BOX.scaled(3.0).vertices, BOX.faces)],
         Box((2, 2, 2), periodic=(True, True, True)),
         position=[[1, 1, 1]],
     )
