@@ -24,6 +24,7 @@ from voxgran._base.arrays import (
 from voxgran._base.errors import InputError, shown
 from voxgran._base.rotation import rotation_matrices
 from voxgran.containers.model import Container
+from voxgran.containers.size_limits import check_grain_sizes
 from voxgran.shapes.model import Shape
 
 #: that of all shapes, or one for each shape
@@ -98,6 +99,8 @@ class Assembly:
 
         Raises
         ------
+        GrainTooLargeError
+            If a grain contains a sphere wider than a period, or is beyond all proportion to the container.
         InputError
             If an array has the wrong length, a scale is not above 0, a shape index is no whole number or out of
             range, the dimension of a shape is not that of the container, a grain lies off the plane in 2D, or the
@@ -239,6 +242,7 @@ def checked_arrays(
         rows = float_array(orientation)
         flat = rows is not None and rows.size == 4 * n
         turns = as_quaternions(np.reshape(rows, (n, 4)) if rows is not None and flat else orientation)
+    check_grain_sizes(shapes, container, index, scales)
     return tuple(shapes), index, scales.copy(), points.copy(), turns
 
 

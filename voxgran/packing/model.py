@@ -146,11 +146,10 @@ class Packing(GrainSequence):
         Raises
         ------
         InputError
-            If `shapes` is neither a Shape nor a list of them, an array has the wrong length, a scale or a density is
-            not above 0, a shape index is out of range, the dimension of a shape is not that of the container, a grain
-            lies off the plane in 2D, the stop reason is unknown, gravity is no direction or has a part along a periodic
-            axis or out of the plane, the contact gap is negative, shapes have several units and none is given, or the
-            forces are those of another number of grains.
+            If `shapes` are no shapes, an array has the wrong length, a scale or density is not above 0, a shape index
+            is out of range, dimensions differ, a grain lies off the plane in 2D, contains a sphere wider than a period
+            or is far larger than the container, the stop reason is unknown, gravity is no direction or has a part along
+            a periodic axis or off the plane, the contact gap is negative, units differ, or forces are of other grains.
         UnknownNameError
             If the unit is unknown; the message gives the nearest one.
 

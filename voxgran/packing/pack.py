@@ -25,7 +25,7 @@ from voxgran.containers.one_unit import in_one_unit
 from voxgran.packing.draw import draw_grains, joined, scaled_to
 from voxgran.packing.driver import Drive, Recorder, check_drive, drive
 from voxgran.packing.gravity import gravity_vector, proposed_axis
-from voxgran.packing.method import PackingMethod, RunState, check_memory, method_registry, packing_memory
+from voxgran.packing.method import PackingMethod, RunState, check_cost, method_registry
 from voxgran.packing.model import Packing, check_packing
 from voxgran.packing.problem import Problem, normalized_problem, too_coarse, warn_of_overlaps, warn_of_units
 from voxgran.packing.settle import as_settling, warn_of_unrest, with_target
@@ -169,7 +169,7 @@ def pack(
     Warns
     -----
     PackingWarning
-        If neither the count nor the solid fraction is reached, or grains cannot fit.
+        If neither the count nor the solid fraction is reached, grains cannot fit, or the search takes minutes.
 
     Examples
     --------
@@ -197,7 +197,7 @@ def pack(
     )
     limit = None if time_limit is None else as_number(time_limit, "time_limit", at_least=0.0)
     check_drive(checkpoint, resume, on_step, recorder)
-    check_memory(task.method, packing_memory(task.method, task.problem), "the packing")
+    check_cost(task.method, task.problem)
     how = Drive(checkpoint, resume, on_step, time_limit=limit, recorder=recorder, threads=threads)
     state = drive(task.method, task.problem, how)
     packing = with_provenance(task, state, task.method.finish(task.problem, state), seconds=time.monotonic() - began)

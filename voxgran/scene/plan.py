@@ -13,7 +13,7 @@ from voxgran._base.errors import InputError
 from voxgran._base.registry import ExplainedAttributes
 from voxgran.containers.model import boundary_of
 from voxgran.decks.material import Material
-from voxgran.packing.method import check_memory, packing_memory
+from voxgran.packing.method import check_memory, long_run, packing_memory
 from voxgran.packing.pack import Task, prepare_task
 from voxgran.packing.problem import too_coarse
 from voxgran.scene.description import SceneDescription
@@ -222,7 +222,9 @@ def _settling_of(task: Task) -> Settling | None:
 
 def _notes(scene: SceneDescription, task: Task) -> tuple[str, ...]:
     """Return what in a scene may be meant otherwise, in sentences."""
-    return tuple(note for note in (_full(scene, task), too_coarse(task.problem), _two_frictions(scene, task)) if note)
+    problem = task.problem
+    found = _full(scene, task), too_coarse(problem), long_run(task.method, problem), _two_frictions(scene, task)
+    return tuple(note for note in found if note)
 
 
 def _full(scene: SceneDescription, task: Task) -> str:

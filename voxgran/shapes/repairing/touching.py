@@ -16,7 +16,7 @@ def parted(points: Floats, faces: Integers) -> tuple[Floats, Integers] | None:
     Around such an edge, the faces that bound one wedge of the solid stay together. An edge gets a vertex in its middle
     for each of its wedges, so that no two edges have the same ends; no vertex is moved.
     """
-    points, faces, _, _ = with_middles(points, faces, np.zeros(len(faces), dtype=np.int64))
+    points, faces = with_middles(points, faces, np.zeros(len(faces), dtype=np.int64))
     start, end, edge, uses = half_edges(faces, len(points))
     if (uses % 2).any() or (np.bincount(edge, weights=np.sign(end - start)) != 0).any() or (start == end).any():
         return None
