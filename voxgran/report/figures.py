@@ -185,22 +185,26 @@ def _draw_curve(axes: Any, *, data: "Dataset", name: str, levels: Any, published
 def _forms(packing: Packing) -> Iterator[Figure]:
     """Give the plots of the form of the grains: in 3D after Zingg; sphericity against roundness of closed shapes."""
     form = {str(name): values.values for name, values in describe(packing, FORM).items()}
-    means = {f"mean_{name}": float(values.mean()) for name, values in form.items()}
+    known = np.isfinite(form["roundness"])
     more = "Larger dots represent more grains."
     if packing.dimension == 3:
         svg = plots.svg_of(
             lambda axes: shape_plots.plot_zingg(axes, form["elongation"], form["flatness"]), "zingg", size=(5.2, 4.2)
         )
         caption = f"Form after Zingg 1935: edges of the smallest box around each grain. {more}"
-        yield Figure("zingg", svg, "Zingg plot", caption, dict(list(means.items())[:2]))
-    if np.isfinite(form["roundness"]).all():
-        svg = plots.svg_of(
-            lambda axes: shape_plots.plot_roundness(axes, form["sphericity"], form["roundness"]),
-            "roundness",
-            size=(5.2, 4.2),
-        )
+        means = {f"mean_{name}": float(form[name].mean()) for name in FORM[:2]}
+        yield Figure("zingg", svg, "Zingg plot", caption, means)
+    if known.any():
+        drawn = {name: form[name][known] for name in FORM[2:]}
+        svg = plots.svg_of(lambda axes: shape_plots.plot_roundness(axes, **drawn), "roundness", size=(5.2, 4.2))
         caption = f"Sphericity and roundness of the grains after Wadell 1932. {more}"
-        yield Figure("roundness", svg, "Sphericity and roundness", caption, dict(list(means.items())[2:]))
+        left = len(known) - int(known.sum())
+        if left:
+            caption += (
+                f" {left} of {len(known)} grains are left out: open surfaces, or meshes too coarse to have a curvature."
+            )
+        means = {f"mean_{name}": float(values.mean()) for name, values in drawn.items()}
+        yield Figure("roundness", svg, "Sphericity and roundness", caption, means)
 
 
 def _contact_numbers(statistics: "DataTree | None") -> Figure | None:

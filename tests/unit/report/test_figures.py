@@ -18,6 +18,7 @@ from voxgran.report import plots
 from voxgran.report.figures import figures_of, size_test
 from voxgran.report.shape_plots import normal_rose
 from voxgran.report.wall_law import law_applies, wall_law
+from voxgran.shapes.tessellate import sphere
 
 pytestmark = [pytest.mark.filterwarnings("ignore:the bulk holds"), pytest.mark.usefixtures("jagged_pictures")]
 
@@ -123,6 +124,19 @@ def test_form_is_that_of_the_smallest_box():
     assert numbers["roundness"] == pytest.approx({"mean_sphericity": ratio, "mean_roundness": 0.0})
     flat = vg.Packing.of([vg.make_shape("disk")], vg.Rectangle((9, 9)), position=[(4, 4, 0)])
     assert {"zingg", "roundness"} & {figure.name for figure in figures_of(flat, None)} == {"roundness"}
+
+
+def test_grains_without_a_roundness_are_left_out_and_the_caption_says_so():
+    # a spheroid of 80 triangles is too coarse, a box is not
+    points, faces, _ = sphere(1)
+    shapes = [vg.Shape.from_mesh(points * [1, 1, 2], faces, name="coarse"), vg.make_shape("box")]
+    packing = vg.Packing.of(
+        shapes, vg.Box((30, 9, 9)), position=[(5, 5, 5), (15, 5, 5), (25, 5, 5)], shape_id=[0, 1, 0]
+    )
+    with pytest.warns(vg.PackingWarning, match="roundness of 'coarse' is NaN"):
+        figure = {figure.name: figure for figure in figures_of(packing, None)}["roundness"]
+    assert figure.numbers == pytest.approx({"mean_sphericity": (math.pi / 6) ** (1 / 3), "mean_roundness": 0.0})
+    assert "2 of 3 grains are left out: open surfaces, or meshes too coarse to have a curvature." in figure.caption
 
 
 def lattice():
