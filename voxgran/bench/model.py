@@ -20,6 +20,7 @@ import numpy as np
 from voxgran._base.files import write_text, written_whole
 from voxgran._base.lazy import load
 from voxgran._base.registry import Registry
+from voxgran._base.seeds import stream
 from voxgran.shapes.files import load_shape
 from voxgran.shapes.model import Shape
 
@@ -76,7 +77,7 @@ def calibration() -> float:
     """Return the yardstick by which rows from different machines compare: the least processor time of
     `scipy.ndimage.distance_transform_edt` of 128^3 voxels, half of them solid at random.
     """
-    solid = np.random.default_rng(0).random((128, 128, 128)) < 0.5
+    solid = stream(0, "yardstick").random((128, 128, 128)) < 0.5
     return least_seconds(lambda: load("scipy.ndimage").distance_transform_edt(solid), processor=True)
 
 
