@@ -27,6 +27,7 @@ from voxgran.decks.material import GRAVITY, Material
 from voxgran.decks.simulation import LONGEST, REST, Simulation
 from voxgran.decks.write import described
 from voxgran.io.files import save
+from voxgran.io.vtk_files import load_packing
 from voxgran.measures.region import HELD, Regions
 from voxgran.measures.registered.density import INSET
 from voxgran.packing.model import Packing
@@ -113,7 +114,7 @@ def relax(
     EngineError
         If the engine is not installed, with the line that installs it, or fails, with its last lines.
     OutputExistsError
-        If one of the files is in the folder and `overwrite` is false.
+        If one of the files is in the folder and `overwrite` is false, or the checkpoint is there and no state of a run.
     FileFormatError
         If the checkpoint has another suffix.
     Interrupted
@@ -150,8 +151,10 @@ def relax(
         simulation = replace(simulation, time_step=simulation.law.stable_step)
     if checkpoint is not None and as_path(checkpoint).suffix.lower() != ".vtp":
         raise FileFormatError(f"checkpoint is {str(checkpoint)!r}: the last state is kept as .vtp; change the suffix")
+    if checkpoint is not None and not _is_state(checkpoint):
+        refuse_to_replace(checkpoint)
     texts = found.write(simulation)
-    place = _written(texts, folder, overwrite=overwrite)
+    place = _written(texts, folder, engine=engine, overwrite=overwrite)
     history = _History(simulation, held, packing.contact_gap)
     try:
         _follow(found, place, simulation, history, on_step)
@@ -171,10 +174,11 @@ def relax(
     return history.packing(engine), history.dataset(engine)
 
 
-def _written(texts: Mapping[str, str], folder: str | os.PathLike[str] | None, *, overwrite: bool) -> Path:
+def _written(texts: Mapping[str, str], folder: str | os.PathLike[str] | None, *, engine: str, overwrite: bool) -> Path:
     """Write the files of an engine into a folder, a temporary one where none is named, and return it."""
     if folder is not None and not overwrite:
-        refuse_to_replace(*(as_path(folder) / name for name in texts))
+        # what a run writes is named after its engine, too
+        refuse_to_replace(*(as_path(folder) / name for name in texts), *as_path(folder).glob(f"{engine}*"))
     place = Path(tempfile.mkdtemp(prefix="voxgran_")) if folder is None else as_path(folder)
     for name, text in texts.items():
         write_text(place / name, text)
@@ -188,6 +192,20 @@ def _save_last(packing: Packing, checkpoint: str | os.PathLike[str]) -> None:
     except VoxgranError as error:
         # the interrupt is what the caller waits for
         log.warning("the last state is lost: %s", error)
+
+
+def _is_state(path: str | os.PathLike[str]) -> bool:
+    """Return whether a file is the state of a run."""
+    try:
+        return "relaxed" in load_packing(path).provenance
+    except VoxgranError:
+        return False
+
+
+def remove_state(path: str | os.PathLike[str]) -> None:
+    """Remove the last state of a run that was interrupted, if it is there; any other file stays."""
+    if _is_state(path):
+        as_path(path).unlink()
 
 
 def _remove(place: Path, folder: object) -> None:

@@ -14,7 +14,7 @@ from typing import Any, Protocol
 
 import numpy as np
 
-from voxgran._base.checkpoint import load_checkpoint, save_checkpoint
+from voxgran._base.checkpoint import load_checkpoint, refuse_other_file, save_checkpoint
 from voxgran._base.compiling.threads import using_threads
 from voxgran._base.config import to_mapping
 from voxgran._base.errors import CheckpointError, InputError, Interrupted, OutputError, shown
@@ -69,7 +69,7 @@ def drive(method: PackingMethod, problem: Problem, how: Drive) -> RunState:
     Raises
     ------
     CheckpointError
-        If the checkpoint is damaged or belongs to another run.
+        If the checkpoint is damaged, belongs to another run, or is another file, which is not replaced.
     OutputError
         If the checkpoint cannot be written; the previous one is then still valid.
     InUseError
@@ -81,6 +81,8 @@ def drive(method: PackingMethod, problem: Problem, how: Drive) -> RunState:
     """
     how = replace(how, on_step=reported(how.on_step))
     told = telling_of_compilation(partial(_tell_of_kernels, how))
+    if how.checkpoint is not None:
+        refuse_other_file(how.checkpoint)
     with locked_file(how.checkpoint), using_threads(how.threads), told, Signals() as signals:
         state = method.prepare(problem)
         mark = fingerprint(method, problem)

@@ -279,6 +279,10 @@ def test_the_dataset_is_written_as_zarr_too(base, tmp_path, monkeypatch):
     assert again["packing.count"].values.tolist() == [4, 5, 6]
     assert again["failure"].values.tolist() == [["", ""]] * 3
     assert not [path for path in (tmp_path / "o").iterdir() if path.name.startswith(".")]
+    (tmp_path / "o" / "study.zarr" / "thesis.txt").write_text("kept")
+    with pytest.raises(OutputExistsError, match=r"holds thesis\.txt"):
+        vg.Study(base=base, axes={"packing.count": [4, 5, 6]}, seeds=2).run(tmp_path / "o", zarr=True)
+    assert (tmp_path / "o" / "study.zarr" / "thesis.txt").read_text() == "kept"
     monkeypatch.setitem(sys.modules, "zarr", None)
     with pytest.raises(MissingLibraryError, match="pip install zarr"):
         vg.Study(base=base, seeds=1).run(tmp_path / "new", zarr=True)
