@@ -8,6 +8,7 @@ written to.
 
 import contextlib
 import errno
+import functools
 import hashlib
 import os
 import re
@@ -15,10 +16,11 @@ import secrets
 import shutil
 import stat
 import tempfile
-from collections.abc import Callable, Collection, Iterator
+from collections.abc import Callable, Collection, Iterator, Mapping
 from pathlib import Path
 
 from voxgran._base.errors import FileFormatError, InputError, MissingFileError, OutputError, OutputExistsError, shown
+from voxgran._base.stopping import heed, undone_at_end
 
 #: streams of this process: what is written there goes behind what was written before
 STREAMS = {"/dev/stdout": 1, "/dev/stderr": 2}
@@ -151,13 +153,16 @@ def written_whole(
         refuse_to_replace(target)
     if is_own is not None:
         _refuse_other_files(target, is_own)
-    draft = None
+    heed()
+    draft, made = None, list[Path]()
     try:
         if _kind(target) in (None, stat.S_IFREG, stat.S_IFDIR):
             place = Path(os.path.realpath(target))
             draft = place.with_name(_draft_name(place, secrets.token_hex(4)))
+            made = [folder for folder in place.parents if not folder.exists()]
             place.parent.mkdir(parents=True, exist_ok=True)
-            yield draft
+            with undone_at_end(functools.partial(_remove, draft)):
+                yield draft
             if sync:
                 _sync(draft)
             _replace(draft, place, is_own or _none_is_own)
@@ -174,6 +179,33 @@ def written_whole(
     finally:
         if draft is not None:
             _remove(draft)
+        with contextlib.suppress(OSError):
+            # new folders stay where something lies in them
+            for parent in made:
+                parent.rmdir()
+
+
+def write_files(contents: Mapping[Path, str | bytes], *, overwrite: bool = True) -> None:
+    """Write several files of text or bytes, all or none of them; `overwrite` is that of :func:`written_whole`."""
+    with contextlib.ExitStack() as stack:
+        for path, content in contents.items():
+            draft = stack.enter_context(written_whole(path, overwrite=overwrite))
+            draft.write_bytes(content if isinstance(content, bytes) else content.encode())
+
+
+def made_folder(path: Path) -> Path:
+    """Return a folder, made if needed.
+
+    Raises
+    ------
+    OutputError
+        If it cannot be made.
+    """
+    try:
+        path.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise OutputError(f"{path} cannot be made ({error.strerror}): free space or choose another place") from error
+    return path
 
 
 def write_text(path: str | os.PathLike[str], text: str, *, overwrite: bool = True, sync: bool = True) -> None:

@@ -22,6 +22,7 @@ import numpy as np
 from voxgran._base.errors import InputError
 from voxgran._base.files import is_private
 from voxgran._base.lazy import load
+from voxgran._base.stopping import heed
 
 log = logging.getLogger(__name__)
 
@@ -52,7 +53,8 @@ class Kernel:
         update_wrapper(self, function)
 
     def __call__(self, *arguments: Any) -> Any:
-        """Call the compiled function."""
+        """Call the compiled function; a signal that has been noted is heeded before."""
+        heed()
         compiled = self._compiled or self.compiled()
         return compiled(*arguments)
 

@@ -15,8 +15,8 @@ import numpy as np
 from voxgran._base.arrays import Floats, Integers, as_positive
 from voxgran._base.calls import explained
 from voxgran._base.cells import near_pairs
-from voxgran._base.errors import EngineError, FileFormatError, InputError, VoxgranError
-from voxgran._base.files import as_path, output_suffix, refuse_to_replace, write_text, written_whole
+from voxgran._base.errors import EngineError, FileFormatError, InputError, OutputError, VoxgranError
+from voxgran._base.files import as_path, output_suffix, refuse_to_replace, write_files
 from voxgran._base.lazy import load
 from voxgran._base.progress import OnStep, Step
 from voxgran._base.rotation import quaternions_of
@@ -27,6 +27,7 @@ from voxgran.decks.material import GRAVITY, Material
 from voxgran.decks.simulation import LONGEST, REST, Simulation
 from voxgran.decks.write import described
 from voxgran.io.files import save
+from voxgran.io.netcdf import save_statistics
 from voxgran.io.vtk_files import load_packing
 from voxgran.measures.region import HELD, Regions
 from voxgran.measures.registered.density import INSET
@@ -180,8 +181,11 @@ def _written(texts: Mapping[str, str], folder: str | os.PathLike[str] | None, *,
         # what a run writes is named after its engine, too
         refuse_to_replace(*(as_path(folder) / name for name in texts), *as_path(folder).glob(f"{engine}*"))
     place = Path(tempfile.mkdtemp(prefix="voxgran_")) if folder is None else as_path(folder)
-    for name, text in texts.items():
-        write_text(place / name, text)
+    try:
+        write_files({place / name: text for name, text in texts.items()})
+    except OutputError:
+        _remove(place, folder)
+        raise
     return place
 
 
@@ -236,8 +240,7 @@ def save_history(history: "Dataset", path: str | os.PathLike[str], *, overwrite:
         If it cannot be written.
     """
     output_suffix(path, [".nc"], "the course of a run is kept")
-    with written_whole(path, overwrite=overwrite) as draft:
-        history.to_netcdf(draft, engine="netcdf4")
+    save_statistics(load("xarray").DataTree(history), path, overwrite=overwrite)
 
 
 def _follow(engine: Engine, folder: Path, simulation: Simulation, history: "_History", on_step: OnStep | None) -> None:

@@ -13,7 +13,7 @@ from pathlib import Path
 
 from voxgran._base.arrays import as_count
 from voxgran._base.calls import renamed
-from voxgran._base.errors import FileFormatError
+from voxgran._base.errors import FileFormatError, OutputError
 from voxgran._base.files import as_path, output_suffix, refuse_to_replace, remove_drafts_in, write_text
 from voxgran.io.vtk_files import has_seal, save_packing
 from voxgran.packing.model import Packing
@@ -115,6 +115,7 @@ class Series:
         >>> series.path.read_text().count("<DataSet")
         1
         """
+        before, is_new = (self.times, self.every), not self._file(done).exists()
         save_packing(packing, self._file(done), overwrite=True)
         self.times = sorted({*self.times, done})
         # the end of a run falls between two regular times, and stays
@@ -123,7 +124,13 @@ class Series:
             self.every *= 2
             gone += [time for time in self.times if time % self.every and time != last]
             self.times = [time for time in self.times if not time % self.every or time == last]
-        self._list()
+        try:
+            self._list()
+        except OutputError:
+            self.times, self.every = before
+            if is_new:
+                _remove(self._file(done))
+            raise
         for time in gone:
             _remove(self._file(time))
 

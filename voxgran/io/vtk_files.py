@@ -16,7 +16,7 @@ import numpy as np
 from voxgran._base.arrays import as_number
 from voxgran._base.calls import explained
 from voxgran._base.errors import FileFormatError
-from voxgran._base.files import as_path, existing_file, output_suffix, refuse_to_replace, write_text, written_whole
+from voxgran._base.files import as_path, existing_file, output_suffix, refuse_to_replace, written_whole
 from voxgran._base.guarded import read_guarded, reason_of
 from voxgran._base.vtk_data import attach, attach_texts, poly_data, write_data
 from voxgran._base.vtk_readers import vtk_points
@@ -185,11 +185,12 @@ def save_scene(packing: Packing, path: str | os.PathLike[str], *, gap: float = 0
         _force_lines(packing),
     )
     parts = {name: data for name, data in zip(PARTS, made, strict=True) if data.GetNumberOfPoints()}
-    with written_whole(target.with_suffix(""), overwrite=overwrite, is_own=_is_part) as folder:
+    beside = written_whole(target.with_suffix(""), overwrite=overwrite, is_own=_is_part)
+    with written_whole(target, overwrite=overwrite) as draft, beside as folder:
+        draft.write_text(_multi_block(target.stem, list(parts)), encoding="utf-8")
         folder.mkdir()
         for name, data in parts.items():
             write_data("vtkXMLPolyDataWriter", data, folder / f"{name}.vtp")
-    write_text(target, _multi_block(target.stem, list(parts)), overwrite=overwrite)
 
 
 def _is_part(path: Path) -> bool:

@@ -22,7 +22,7 @@ from voxgran._base.files import as_path, remove_drafts
 from voxgran._base.kernels import telling_of_compilation
 from voxgran._base.lock import locked_file
 from voxgran._base.progress import OnStep, Step, reported
-from voxgran._base.stopping import Signals, Stopped, stopping_when
+from voxgran._base.stopping import Signals, Stopped, heed, stopping_when
 from voxgran.packing.method import PackingMethod, RunState
 from voxgran.packing.model import Packing
 from voxgran.packing.problem import Problem
@@ -85,12 +85,14 @@ def drive(method: PackingMethod, problem: Problem, how: Drive) -> RunState:
         refuse_other_file(how.checkpoint)
     with locked_file(how.checkpoint), using_threads(how.threads), told, Signals() as signals:
         state = method.prepare(problem)
+        heed()
         mark = fingerprint(method, problem)
         if how.resume and how.checkpoint is not None and Path(how.checkpoint).exists():
             _restore(problem, state, how.checkpoint, mark)
         if not state.stop_reason:
             # derived data are computed here: nothing is lost if a signal ends this at once
             state = method.advance(problem, state, 0)
+            heed()
             signals.patient = True
             keeper = _Keeper(problem, how.checkpoint, mark)
             state = _make_attempts(method, problem, state, how, keeper, signals)

@@ -10,7 +10,7 @@ from typing import Any
 
 from voxgran._base.checkpoint import remove_checkpoint
 from voxgran._base.errors import CheckpointError, InUseError, OutputError
-from voxgran._base.files import write_text
+from voxgran._base.files import made_folder, write_text
 from voxgran._base.progress import Step
 from voxgran.packing.model import Packing
 from voxgran.packing.pack import pack
@@ -31,8 +31,7 @@ def marked(folder: Path) -> Iterator[str]:
         If the file cannot be written.
     """
     mark = f"{socket.gethostname()} {os.getpid()} {time.time_ns()}"
-    folder.mkdir(exist_ok=True)
-    write_text(folder / MARK, mark)
+    write_text(made_folder(folder) / MARK, mark)
     try:
         yield mark
     finally:

@@ -15,7 +15,7 @@ import numpy as np
 
 from voxgran import __version__
 from voxgran._base.calls import explained_methods
-from voxgran._base.files import write_text, written_whole
+from voxgran._base.files import written_whole
 from voxgran._base.lazy import load
 from voxgran._base.registry import ExplainedAttributes
 from voxgran.io.netcdf import save_statistics
@@ -293,10 +293,11 @@ def save_results(dataset: "Dataset", rows: Sequence[Mapping[str, Any]], folder: 
     writer = csv.DictWriter(text, fieldnames=list(rows[0]), lineterminator="\n")
     writer.writeheader()
     writer.writerows(rows)
-    write_text(folder / TABLE, text.getvalue())
-    save_statistics(load("xarray").DataTree(dataset, name="study"), folder / DATASET, overwrite=True)
-    if zarr:
-        place = folder / ZARR
-        with written_whole(place, is_own=lambda path: _is_zarr(path, place)) as draft:
-            # the specification of format 3 has no texts yet
-            dataset.to_zarr(draft, mode="w", zarr_format=2)
+    with written_whole(folder / TABLE) as table:
+        table.write_text(text.getvalue(), encoding="utf-8")
+        save_statistics(load("xarray").DataTree(dataset, name="study"), folder / DATASET, overwrite=True)
+        if zarr:
+            place = folder / ZARR
+            with written_whole(place, is_own=lambda path: _is_zarr(path, place)) as draft:
+                # the specification of format 3 has no texts yet
+                dataset.to_zarr(draft, mode="w", zarr_format=2)
