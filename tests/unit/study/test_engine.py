@@ -454,3 +454,15 @@ def keys_in(folder):
 
 def test_what_a_worker_computes_at_first_succeeds():
     assert compute(Run(key="", cell="", mapping=FIRST, seed=0)).failure == ""
+
+
+def test_drafts_that_a_killed_study_has_left_are_removed(base, tmp_path, monkeypatch):
+    monkeypatch.setattr(engine, "_executor", lambda options, runs: Noting(lambda run: 1.0))
+    mine, other = ".voxgran-0a1b2c3d-0a1b2c3d", ".voxgran-thesis"
+    for folder in ("cells", "checkpoints"):
+        (tmp_path / folder).mkdir()
+        for name in (f"{mine}.json", f"{mine}.vtp", mine, other):
+            (tmp_path / folder / name).write_text("half")
+    (tmp_path / f"{mine}.nc").write_text("half")
+    vg.Study(base=base | {"measure": {"which": ["density"]}}, seeds=1).run(tmp_path)
+    assert [path.name for path in tmp_path.rglob(".voxgran*")] == [other, other]
