@@ -19,6 +19,7 @@ from types import ModuleType
 from typing import Any
 
 from voxgran._base.errors import MissingLibraryError
+from voxgran._base.stopping import heed
 
 #: the libraries that a run may load: `plan` predicts them, `run` records them
 LIBRARIES = (
@@ -87,7 +88,7 @@ def preparing() -> Iterator[None]:
 
 
 def load(name: str) -> Any:
-    """Import a library on first use.
+    """Import a library on first use; a signal that has been noted is heeded before.
 
     Parameters
     ----------
@@ -104,6 +105,7 @@ def load(name: str) -> Any:
     MissingLibraryError
         If it, or a system library under it, cannot be loaded.
     """
+    heed()
     root = name.partition(".")[0]
     if root in ("vtkmodules", "pyvista") and not os.environ.get("DISPLAY"):
         os.environ.setdefault("VTK_DEFAULT_OPENGL_WINDOW", "vtkEGLRenderWindow")

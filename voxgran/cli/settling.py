@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 
 import voxgran
+from voxgran._base.checkpoint import remove_checkpoint
 from voxgran._base.config import parameters_of
 from voxgran._base.errors import InputError, OutputExistsError
 from voxgran._base.files import as_path, refuse_to_replace
@@ -52,7 +53,7 @@ def settle(options: argparse.Namespace, packing: Packing) -> int:
                 "--overwrite"
             )
     if not options.resume:
-        checkpoint.unlink(missing_ok=True)
+        remove_checkpoint(checkpoint)
     with progress(options) as on_step:
         settled = voxgran.settle(
             packing,
@@ -64,7 +65,7 @@ def settle(options: argparse.Namespace, packing: Packing) -> int:
             on_step=on_step,
         )
     voxgran.save(settled, options.output, overwrite=options.overwrite)
-    checkpoint.unlink(missing_ok=True)
+    remove_checkpoint(checkpoint)
     with progress(options) as on_step:
         proof = voxgran.verify(settled, on_step=on_step)
     numbers = _summary(packing, settled)

@@ -14,7 +14,7 @@ from typing import Any, Protocol
 
 import numpy as np
 
-from voxgran._base.checkpoint import load_checkpoint, save_checkpoint
+from voxgran._base.checkpoint import load_checkpoint, refuse_other_file, save_checkpoint
 from voxgran._base.compiling.threads import using_threads
 from voxgran._base.config import to_mapping
 from voxgran._base.errors import CheckpointError, InputError, Interrupted, OutputError, shown
@@ -23,7 +23,7 @@ from voxgran._base.guarded import reason_of
 from voxgran._base.kernels import telling_of_compilation
 from voxgran._base.lock import locked_file
 from voxgran._base.progress import OnStep, Step, reported
-from voxgran._base.stopping import Signals, Stopped, stopping_when
+from voxgran._base.stopping import Signals, Stopped, heed, stopping_when
 from voxgran.packing.method import PackingMethod, RunState
 from voxgran.packing.model import Packing
 from voxgran.packing.problem import Problem
@@ -70,7 +70,7 @@ def drive(method: PackingMethod, problem: Problem, how: Drive) -> RunState:
     Raises
     ------
     CheckpointError
-        If the checkpoint is damaged or belongs to another run.
+        If the checkpoint is damaged, belongs to another run, or is another file, which is not replaced.
     OutputError
         If the checkpoint cannot be written; the previous one is then still valid.
     InUseError
@@ -82,14 +82,18 @@ def drive(method: PackingMethod, problem: Problem, how: Drive) -> RunState:
     """
     how = replace(how, on_step=reported(how.on_step))
     told = telling_of_compilation(partial(_tell_of_kernels, how))
+    if how.checkpoint is not None:
+        refuse_other_file(how.checkpoint)
     with locked_file(how.checkpoint), using_threads(how.threads), told, Signals() as signals:
         state = method.prepare(problem)
+        heed()
         mark = fingerprint(method, problem)
         if how.resume and how.checkpoint is not None and Path(how.checkpoint).exists():
             _restore(problem, state, how.checkpoint, mark)
         if not state.stop_reason:
             # derived data are computed here: nothing is lost if a signal ends this at once
             state = method.advance(problem, state, 0)
+            heed()
             signals.patient = True
             keeper = _Keeper(problem, how.checkpoint, mark)
             state = _make_attempts(method, problem, state, how, keeper, signals)

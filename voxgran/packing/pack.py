@@ -157,7 +157,7 @@ def pack(
     TooLargeError
         If more than 100 million grains are asked for, or the packing does not fit in memory.
     CheckpointError
-        If the checkpoint is damaged or belongs to another run.
+        If the checkpoint is damaged, belongs to another run, or is another file, which is not replaced.
     OutputError
         If the checkpoint cannot be written.
     InUseError

@@ -121,7 +121,7 @@ def settle(
         can or overlap so deep that they cannot be parted, a shape is an open surface, or `threads` is no whole number
         above 0.
     CheckpointError
-        If the checkpoint is damaged or belongs to another run.
+        If the checkpoint is damaged, belongs to another run, or is another file, which is not replaced.
     OutputError
         If the checkpoint cannot be written.
     InUseError

@@ -15,7 +15,7 @@ import numpy as np
 
 from voxgran import __version__
 from voxgran._base.calls import explained
-from voxgran._base.files import write_text
+from voxgran._base.files import as_path, write_files
 from voxgran.measures.registered.density import main_fraction
 from voxgran.packing.model import Packing
 from voxgran.report import facts, plots, scenes
@@ -106,7 +106,6 @@ def save_comparison(
         gradient=", ".join(gradient()) if pictures else "gray, gray",
         figures=_figures(groups),
     )
-    write_text(path, text, overwrite=overwrite)
     record = {
         "voxgran": __version__,
         "groups": [_record(group) for group in groups],
@@ -114,7 +113,7 @@ def save_comparison(
         "numbers": rows,
         "distributions": tests,
     }
-    write_text(twin, json_text(record), overwrite=overwrite)
+    write_files({as_path(path): text, twin: json_text(record)}, overwrite=overwrite)
 
 
 def _record(group: Group) -> dict[str, Any]:

@@ -17,7 +17,7 @@ import numpy as np
 from voxgran import __version__
 from voxgran._base.calls import explained
 from voxgran._base.errors import with_article
-from voxgran._base.files import as_path, output_suffix, refuse_to_replace, write_text, written_whole
+from voxgran._base.files import as_path, output_suffix, refuse_to_replace, write_files
 from voxgran._base.lazy import load
 from voxgran.packing.model import Packing, check_packing
 from voxgran.report import facts, scenes
@@ -160,11 +160,8 @@ def save_report(
         space="volume" if packing.dimension == 3 else "area",
         provenance=json.dumps(packing.provenance, indent=2, default=str, ensure_ascii=False),
     )
-    for place, content in files.items():
-        with written_whole(place, overwrite=overwrite) as draft:
-            draft.write_bytes(content)
-    write_text(path, text, overwrite=overwrite)
-    write_text(twin, json_text(page_numbers(packing, statistics, verification, figures=figures)), overwrite=overwrite)
+    numbers = json_text(page_numbers(packing, statistics, verification, figures=figures))
+    write_files({**files, as_path(path): text, twin: numbers}, overwrite=overwrite)
 
 
 def check_page_path(path: str | os.PathLike[str], *, overwrite: bool) -> Path:

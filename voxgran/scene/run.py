@@ -10,8 +10,9 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from voxgran._base.checkpoint import remove_checkpoint
 from voxgran._base.errors import CheckpointError, InputError, OutputExistsError, PackingWarning
-from voxgran._base.files import as_path, write_text
+from voxgran._base.files import as_path, remove_drafts_in, write_text
 from voxgran._base.guarded import refused
 from voxgran._base.lazy import loaded
 from voxgran._base.lock import FOLDER_LOCK, locked_folder
@@ -111,7 +112,7 @@ def _run_in(
     """Pack, check, measure and save a scene in a folder that no other process uses."""
     checkpoint = target / CHECKPOINT
     if not resume:
-        checkpoint.unlink(missing_ok=True)
+        remove_checkpoint(checkpoint)
     recorder = None
     if scene.output.snapshots:
         place, most = target / "snapshots.pvd", scene.output.snapshots
@@ -124,7 +125,7 @@ def _run_in(
     result = finish_folder(packing, target, scene=scene, on_step=on_step)
     result.summary["plan"] = plan.to_mapping()
     write_text(target / SUMMARY, json.dumps(result.summary, indent=2) + "\n")
-    checkpoint.unlink(missing_ok=True)
+    remove_checkpoint(checkpoint)
     return result
 
 
@@ -156,7 +157,8 @@ def read_folder(scene: SceneDescription, folder: Path) -> SceneResult:
 
 @contextlib.contextmanager
 def opened_folder(folder: str | os.PathLike[str], *, resume: bool, overwrite: bool) -> Iterator[Path]:
-    """Give the folder for results, made if needed, and keep other processes from it (context manager).
+    """Give the folder for results, made if needed, and keep other processes from it (context manager);
+    drafts that killed processes left there are removed.
 
     Raises
     ------
@@ -174,6 +176,7 @@ def opened_folder(folder: str | os.PathLike[str], *, resume: bool, overwrite: bo
     with locked_folder(os.path.realpath(target)):
         if not (resume or overwrite) and any(entry.name != FOLDER_LOCK for entry in target.iterdir()):
             raise OutputExistsError(f"{target} is not empty: name another folder, or ask with --overwrite or --resume")
+        remove_drafts_in(target)
         yield target
 
 

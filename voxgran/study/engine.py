@@ -10,6 +10,7 @@ from typing import Any
 
 from voxgran._base.arrays import as_count
 from voxgran._base.errors import InputError, Interrupted, shown
+from voxgran._base.files import made_folder, remove_drafts_in
 from voxgran._base.lazy import load
 from voxgran._base.machine import memory_limit, processor_count
 from voxgran._base.progress import OnStep, Step
@@ -134,7 +135,7 @@ def run_study(settings: StudySettings, folder: Path, options: Options) -> StudyR
     store = Store(folder, settings.keep == "packings")
     store.refuse_other()
     with opened_folder(folder, resume=True, overwrite=True):
-        (folder / CELLS).mkdir(exist_ok=True)
+        remove_drafts_in(made_folder(folder / CELLS), folder / CHECKPOINTS)
         work = _Work(settings, store, options)
         computed = work.do()
         rows = rows_of(settings.cells, settings.seeds, work.records)

@@ -36,12 +36,26 @@ def test_nothing_is_replaced_unasked(tmp_path):
 
 def test_folders_are_replaced_whole(tmp_path):
     target = tmp_path / "out"
-    target.mkdir()
-    (target / "old").write_text("old")
-    with written_whole(target) as draft:
+    (target / "inner").mkdir(parents=True)
+    (target / "inner" / "old").write_text("old")
+    with written_whole(target, is_own=lambda path: path.read_text() == "old") as draft:
         draft.mkdir()
         (draft / "new").write_text("new")
     assert [path.name for path in target.iterdir()] == ["new"]
+    assert [path.name for path in tmp_path.iterdir()] == ["out"]
+
+
+@pytest.mark.parametrize("is_own", [None, lambda path: path.read_text() == "old"])
+@pytest.mark.parametrize("make", [lambda path: path.write_text("thesis"), lambda path: path.symlink_to("old")])
+def test_folders_with_files_of_others_are_not_replaced(tmp_path, is_own, make):
+    target = tmp_path / "out"
+    (target / "inner").mkdir(parents=True)
+    (target / "old").write_text("old")
+    make(target / "inner" / "other")
+    with pytest.raises(OutputExistsError, match="voxgran did not write"):  # noqa: SIM117
+        with written_whole(target, is_own=is_own) as draft:
+            draft.mkdir()
+    assert (target / "inner" / "other").exists() or (target / "inner" / "other").is_symlink()
     assert [path.name for path in tmp_path.iterdir()] == ["out"]
 
 

@@ -7,7 +7,7 @@ import voxgran as vg
 from voxgran._base.errors import FileFormatError, InputError, MissingFileError, MissingLibraryError, OutputExistsError
 from voxgran._base.rotation import random_rotations
 from voxgran._base.seeds import stream
-from voxgran.cli.main import main
+from voxgran.cli import main
 from voxgran.points.cloud import Cloud
 
 PLY = (

@@ -279,6 +279,10 @@ def test_the_dataset_is_written_as_zarr_too(base, tmp_path, monkeypatch):
     assert again["packing.count"].values.tolist() == [4, 5, 6]
     assert again["failure"].values.tolist() == [["", ""]] * 3
     assert not [path for path in (tmp_path / "o").iterdir() if path.name.startswith(".")]
+    (tmp_path / "o" / "study.zarr" / "thesis.txt").write_text("kept")
+    with pytest.raises(OutputExistsError, match=r"holds thesis\.txt"):
+        vg.Study(base=base, axes={"packing.count": [4, 5, 6]}, seeds=2).run(tmp_path / "o", zarr=True)
+    assert (tmp_path / "o" / "study.zarr" / "thesis.txt").read_text() == "kept"
     monkeypatch.setitem(sys.modules, "zarr", None)
     with pytest.raises(MissingLibraryError, match="pip install zarr"):
         vg.Study(base=base, seeds=1).run(tmp_path / "new", zarr=True)
@@ -450,3 +454,15 @@ def keys_in(folder):
 
 def test_what_a_worker_computes_at_first_succeeds():
     assert compute(Run(key="", cell="", mapping=FIRST, seed=0)).failure == ""
+
+
+def test_drafts_that_a_killed_study_has_left_are_removed(base, tmp_path, monkeypatch):
+    monkeypatch.setattr(engine, "_executor", lambda options, runs: Noting(lambda run: 1.0))
+    mine, other = ".voxgran-0a1b2c3d-0a1b2c3d", ".voxgran-thesis"
+    for folder in ("cells", "checkpoints"):
+        (tmp_path / folder).mkdir()
+        for name in (f"{mine}.json", f"{mine}.vtp", mine, other):
+            (tmp_path / folder / name).write_text("half")
+    (tmp_path / f"{mine}.nc").write_text("half")
+    vg.Study(base=base | {"measure": {"which": ["density"]}}, seeds=1).run(tmp_path)
+    assert [path.name for path in tmp_path.rglob(".voxgran*")] == [other, other]
