@@ -86,7 +86,7 @@ def load_checkpoint(path: str | os.PathLike[str]) -> tuple[dict[str, Any], dict[
     try:
         with refused(found), np.load(io.BytesIO(body), allow_pickle=False) as archive:
             if sum(member.file_size for member in archive.zip.infolist()) > len(body):
-                raise ValueError("its arrays are packed, and those of voxgran are not")
+                raise CheckpointError(f"{path} holds packed arrays: another program wrote it; start anew without it")
             members = {name: archive[name] for name in archive.files}
             header = dict(json.loads(members.pop("header").tobytes().decode()))
     except FileFormatError as error:

@@ -375,7 +375,7 @@ def _checked(packing: Any) -> dict[str, Any]:
     check_forces(packing.forces, len(packing.position))
     as_choice(packing.stop_reason, "stop_reason", STOP_REASONS)
     unit, down = as_unit(packing.unit), packing.gravity
-    foreign = next((shape for shape in packing.shapes if shape.unit not in (None, unit)), None)
+    foreign = next((shape for shape in packing.shapes if unit != NO_UNIT and shape.unit not in (None, unit)), None)
     if foreign is not None:
         raise InputError(
             f"unit is {unit} and shape {foreign.name!r} has its lengths in {foreign.unit}: a packing has one unit; "

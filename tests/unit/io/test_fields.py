@@ -179,7 +179,10 @@ def test_what_cannot_be_loaded_is_not_saved(tmp_path):
         ({"scale": np.array([1.0, -1.0])}, "scale is -1.0 for grain 1"),
         ({"shape_id": np.array([0, 1])}, "shape_id is 1 at index 1"),
         ({"orientation": np.zeros((2, 4))}, "orientation has length 0 at row 0"),
-        ({"shapes": (dataclasses.replace(BALL, unit="mm"),)}, "unit is 1 and shape 'sphere' has its lengths in mm"),
+        (
+            {"shapes": (dataclasses.replace(BALL, unit="mm"),), "unit": "um"},
+            "unit is um and shape 'sphere' has its lengths in mm",
+        ),
     ],
 )
 def test_fields_that_are_replaced_are_checked_as_those_that_are_given(change, words):
