@@ -28,6 +28,7 @@ import voxgran as vg
 
 folder = Path(sys.argv[1] if len(sys.argv) > 1 else "out/chu_rsa")
 orders = int(sys.argv[2]) if len(sys.argv) > 2 else 10
+corrections = int(sys.argv[3]) if len(sys.argv) > 3 else 2
 candidates, radii, touching = 5000, (0.3, 0.4, 0.5), 1e-7
 schemes = ("classic", "1", "2", "3", "4a", "4b", "4c", "4d")
 paper = {"1": (547, 271, 190), "3": (505, 306, 264), "4b": (521, 314, 268), "4d": (453, 339, 327)}
@@ -48,6 +49,7 @@ def replay(scheme, seed, *, many=candidates, retry="scan"):
         retry=retry,
         count=many,
         tries=1,
+        corrections=corrections,
         numbers="lcg",
         sizes=sizes,
         seed=seed,
