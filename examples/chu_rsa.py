@@ -13,7 +13,7 @@ Columns: disks by radius, all disks, survival rate of the coordinates, porosity,
 contact normals (difference of the principal values of the fabric tensor over their mean; 0 if isotropic) and the angle
 of its axis from x, share of contact normals within 30 degrees of x (1/3 if isotropic), seconds.
 
-Arguments: folder, number of random orders.
+Arguments: folder, number of random orders, largest number of corrections (2).
 """
 
 import sys

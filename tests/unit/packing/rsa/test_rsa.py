@@ -636,5 +636,5 @@ def test_the_largest_first_leaves_equal_sizes_in_their_order():
 
 
 def test_candidates_of_a_count_come_as_drawn():
-    packing = vg.pack(vg.make_shape("sphere"), vg.Box((8, 8, 8)), method="rsa", count=50, sizes=LOGNORMAL)
+    packing = vg.pack(vg.make_shape("sphere"), vg.Box((8, 8, 8)), method="rsa", count=20, sizes=LOGNORMAL)
     assert packing.provenance["parameters"]["order"] == "given"
