@@ -42,6 +42,8 @@ ARROWS["scene"] = ARROWS["report"] | {"report"}
 ARROWS["study"] = ARROWS["bench"] = ARROWS["testing"] = ARROWS["scene"] | {"scene"}
 #: imports between the sub-rooms of packing/, each with its reason; all of them may import the files at the top of it
 LATERAL = {
+    # how deep a bed will be is said before any method begins
+    "": {"beds"},
     # both methods feed, vibrate and settle grains by the same rules
     "digital": {"walking"},
     "control_point": {"walking"},

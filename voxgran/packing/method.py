@@ -28,6 +28,8 @@ Array: TypeAlias = NDArray[Any]
 
 #: bytes of the interpreter and the libraries during packing (measured)
 PACKING_BYTES = 120 * 2**20
+#: what a warning says of a method that has no room for all grains
+NO_ROOM = "no grain finds room any more; ask for less, or take smaller grains, a larger container or a denser packing"
 #: bytes that Open3D adds if a method samples surfaces (measured)
 SAMPLING_BYTES = 310 * 2**20
 #: expected seconds from which on a run with default voxels says before it starts that it takes long
@@ -173,6 +175,8 @@ class PackingMethod:
     sizing : {"drawn", "scaled", "made"}
         How the sizes of the grains come about: as drawn; by a common factor on the drawn ones, which meets the solid
         fraction exactly, also together with a count; or by the method, which then takes no size distribution.
+    no_room : str
+        What a warning says where the method stops since no other grain has room: why, and what helps.
 
     Examples
     --------
@@ -196,6 +200,7 @@ class PackingMethod:
     any_container: bool = False
     builds_bed: bool = False
     sizing: Literal["drawn", "scaled", "made"] = "drawn"
+    no_room: str = NO_ROOM
 
 
 def method_registry() -> Registry[PackingMethod]:

@@ -18,12 +18,12 @@ from voxgran._base.config import from_mapping
 from voxgran._base.errors import InputError, PackingWarning, shown
 from voxgran._base.progress import OnStep
 from voxgran._base.warning import warn
-from voxgran.containers.model import Container, boundary_of, check_container
+from voxgran.containers.model import UNKNOWN, Container, boundary_of, check_container
 from voxgran.containers.one_unit import in_one_unit
 from voxgran.packing.bed_search import sentence_of
 from voxgran.packing.draw import DENSEST
 from voxgran.packing.driver import Drive, check_drive, drive
-from voxgran.packing.gravity import as_down, proposed_axis
+from voxgran.packing.gravity import as_down, gravity_vector, proposed_axis
 from voxgran.packing.method import Cost, PackingMethod
 from voxgran.packing.model import Packing, check_packing
 from voxgran.packing.problem import Problem
@@ -308,6 +308,35 @@ def with_target(parameters: Any, solid_fraction: Any) -> tuple[Any, Any]:
             "are that of the bed; leave one of them out"
         )
     return replace(parameters, solid_fraction=as_number(solid_fraction, "solid_fraction", above=0.0, at_most=1.0)), None
+
+
+def settling_after(method: PackingMethod, problem: Problem, asked: Any) -> Settling | None:
+    """Return how the grains settle after the method, or None if they do not.
+
+    Raises
+    ------
+    InputError
+        If they are to settle although there is no gravity, or a value breaks a rule.
+    UnknownNameError
+        If a parameter is unknown.
+    """
+    if asked is None and not (method.builds_bed and _can_settle(problem)):
+        return None
+    pulled = hasattr(problem.parameters, "gravity") and bool(gravity_vector(problem).any())
+    settling = as_settling(pulled if asked is None else asked, problem.parameters)
+    if settling is not None and not pulled:
+        raise InputError(
+            f"settle is {shown(asked)}: method {method.name!r} packs without gravity here; leave settle out, or call "
+            f"settle(packing, gravity={proposed_axis(problem.container)!r})"
+        )
+    return settling
+
+
+def _can_settle(problem: Problem) -> bool:
+    """Return whether grains settle unasked: closed ones, not to keep a distance or to overlap, within known walls."""
+    apart = any(getattr(problem.parameters, name, 0.0) for name in ("distance", "overlap"))
+    known = boundary_of(problem.container) is not UNKNOWN
+    return known and not apart and not any(shape.is_open for shape in problem.shapes)
 
 
 def as_settling(asked: Any, parameters: Any = None) -> Settling | None:

@@ -9,18 +9,19 @@ from pathlib import Path
 from typing import Any
 
 from voxgran._base.arrays import as_count
-from voxgran._base.errors import InputError, Interrupted, shown
+from voxgran._base.errors import InputError, Interrupted, PackingWarning, shown
 from voxgran._base.files import made_folder, remove_drafts_in
 from voxgran._base.lazy import load
 from voxgran._base.machine import memory_limit, processor_count
 from voxgran._base.progress import OnStep, Step
 from voxgran._base.stopping import Signals
+from voxgran._base.warning import warn
 from voxgran.scene.run import opened_folder
 from voxgran.study.cells import Cell
 from voxgran.study.checkpoints import marked
 from voxgran.study.dask_runs import DaskRuns
 from voxgran.study.files import files_of, run_hash
-from voxgran.study.plan import StudyPlan, cell_plan
+from voxgran.study.plan import CellPlan, StudyPlan, cell_plan, note_of_beds
 from voxgran.study.processes import Processes
 from voxgran.study.result import StudyResult, dataset_of, rows_of, save_results
 from voxgran.study.runs import Record, Run
@@ -179,8 +180,9 @@ class _Work:
             # processes load their libraries while the runs are planned
             executing = _executor(self.options, sum(map(len, missing.values())))
             with executing as executor, marked(self.store.folder / CHECKPOINTS) as self.mark:
-                for at, numbers in missing.items():
-                    self._plan(at, numbers)
+                plans = [self._plan(at, numbers) for at, numbers in missing.items()]
+                if note := note_of_beds(plans):
+                    warn(note, PackingWarning)
                 computed = self._compute(executor)
         self._fill()
         return computed
@@ -197,7 +199,7 @@ class _Work:
                     self.records[at, number] = record
         return left
 
-    def _plan(self, at: int, missing: Sequence[int]) -> None:
+    def _plan(self, at: int, missing: Sequence[int]) -> CellPlan:
         """Note the runs of a cell that are left, or why it cannot be computed, which is asked anew each time."""
         cell, limit = self.settings.cells[at], memory_bytes(self.options.memory)
         plan = cell_plan(cell, done=0, failed=0, left=len(missing))
@@ -229,6 +231,7 @@ class _Work:
             )
             # two cells may be the same scene, by values that change nothing
             self.left.setdefault(run.key, ((at, number), run))
+        return plan
 
     def _compute(self, executor: DaskRuns | Processes) -> int:
         """Compute the runs that are left, the longest first; return how many."""

@@ -119,7 +119,7 @@ def prepare(problem: Problem) -> State:
     n = 0 if problem.start is None else problem.start.count
     waiting = n + stream(problem.seed, "order").permutation(problem.count - n)
     if problem.parameters.order == "largest":
-        waiting = waiting[np.argsort(-problem.volumes[waiting], kind="stable")]
+        waiting = problem.largest_first(waiting)
     arrays = {
         "site": np.zeros((problem.count, 3), dtype=np.int64),
         "member": np.full(problem.count, -1, dtype=np.int64),
