@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from voxgran._base.errors import InputError, shown
-from voxgran._base.scalars import float_of, number_of, whole_number_of
+from voxgran._base.scalars import float_of, number_of, unwrapped, whole_number_of
 
 Floats = NDArray[np.float64]
 Integers = NDArray[np.int64]
@@ -73,6 +73,20 @@ def as_floats(value: "ArrayLike", name: str, *, shape: tuple[int | None, ...]) -
         where = tuple(int(k) for k in np.argwhere(~finite)[0])
         raise InputError(f"{name} is {array[where]} at index {where}: every value must be finite; remove or mend it")
     return array
+
+
+def as_array(value: Any, name: str) -> NDArray[Any]:
+    """Return array-like values of any type and shape as an array.
+
+    Raises
+    ------
+    InputError
+        If they do not fit in one, such as rows of different lengths.
+    """
+    try:
+        return np.asarray(value)
+    except (TypeError, ValueError):
+        raise InputError(f"{name} is {shown(value)}: it must be an array; give rows of one length") from None
 
 
 def as_points(value: "ArrayLike", name: str = "points", *, dimension: int = 3) -> Floats:
@@ -186,6 +200,27 @@ def as_number(
     if at_most < math.inf:
         rules.append(f"at most {at_most:g}")
     raise InputError(f"{name} is {shown(value)}: it must be {' and '.join(rules)}; change it")
+
+
+def as_share(value: Any, name: str, *, zero: bool = False) -> float:
+    """Return `value` as a share of a whole: a float above 0, or from 0 on with `zero`, and at most 1."""
+    if zero:
+        return as_number(value, name, at_least=0.0, at_most=1.0)
+    return as_number(value, name, above=0.0, at_most=1.0)
+
+
+def as_flag(value: Any, name: str) -> bool:
+    """Return `value` as True or False.
+
+    Raises
+    ------
+    InputError
+        If it is neither of Python nor of NumPy; text and numbers are not flags.
+    """
+    plain = unwrapped(value)
+    if not isinstance(plain, bool):
+        raise InputError(f"{name} is {shown(value)}: it must be True or False")
+    return plain
 
 
 def as_positive(value: Any, name: str) -> float:

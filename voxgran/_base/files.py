@@ -67,8 +67,10 @@ def existing_file(path: str | os.PathLike[str]) -> Path:
         kind = "is a folder" if found.is_dir() else "is no regular file" if found.exists() else "is not there"
         raise MissingFileError(f"{found} {kind}: a file is needed; check the path")
     try:
-        with found.open("rb"):
-            return found
+        with found.open("rb") as file:
+            # some are opened that cannot be read, such as the memory of a process
+            file.read(1)
+        return found
     except OSError as error:
         raise OutputError(f"{found} cannot be read ({error.strerror}): change its permissions") from error
 

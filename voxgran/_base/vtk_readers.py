@@ -3,6 +3,7 @@
 What VTK complains about is heard by an observer and raised; nothing is printed.
 """
 
+import os
 from pathlib import Path
 from typing import Any
 
@@ -110,7 +111,7 @@ def _read(path: Path) -> Any:
         reader.SetReaderErrorObserver(forward)
         reader.SetParserErrorObserver(forward)
         heard = watched(reader, reader.GetExecutive())
-    reader.SetFileName(str(path))
+    reader.SetFileName(os.fsencode(path))
     return _output(reader, heard, path)
 
 

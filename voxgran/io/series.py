@@ -11,13 +11,14 @@ import xml.etree.ElementTree as ET
 from pathlib import Path
 
 from voxgran._base.arrays import as_count
-from voxgran._base.calls import renamed
+from voxgran._base.calls import explained, explained_methods, renamed
 from voxgran._base.errors import FileFormatError
 from voxgran._base.files import as_path, output_suffix, refuse_to_replace, write_text
 from voxgran.io.vtk_files import save_packing
-from voxgran.packing.model import Packing
+from voxgran.packing.model import Packing, check_packing
 
 
+@explained_methods
 class Series:
     """Snapshots in a folder, and their list beside it.
 
@@ -52,6 +53,7 @@ class Series:
     ([100], 200)
     """
 
+    @explained(hint='Series("run.pvd")')
     @renamed(most="max_snapshots")
     def __init__(
         self,
@@ -87,7 +89,7 @@ class Series:
         >>> vg.Series("run.pvd", every=100).due(150)
         200
         """
-        return (done // self.every + 1) * self.every
+        return (as_count(done, "done") // self.every + 1) * self.every
 
     def record(self, packing: Packing, done: int) -> None:
         """Write a snapshot and list it.
@@ -101,6 +103,8 @@ class Series:
 
         Raises
         ------
+        InputError
+            If it is no packing, or `done` no whole number of at least 0.
         OutputError
             If it cannot be written; the list before is untouched.
 
@@ -112,6 +116,8 @@ class Series:
         >>> series.path.read_text().count("<DataSet")
         1
         """
+        check_packing(packing, "packing")
+        done = as_count(done, "done")
         save_packing(packing, self._file(done), overwrite=True)
         self.times = sorted({*self.times, done})
         # the end of a run falls between two regular times, and stays

@@ -12,7 +12,7 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import ArrayLike
 
-from voxgran._base.arrays import Integers, as_count, as_number
+from voxgran._base.arrays import Integers, as_count, as_share
 from voxgran._base.calls import explained
 from voxgran._base.config import from_mapping
 from voxgran._base.errors import InputError, PackingWarning, shown
@@ -307,7 +307,7 @@ def with_target(parameters: Any, solid_fraction: Any) -> tuple[Any, Any]:
             f"solid_fraction is {shown(solid_fraction)}, and that of the parameters of the method is {held:g}: both "
             "are that of the bed; leave one of them out"
         )
-    return replace(parameters, solid_fraction=as_number(solid_fraction, "solid_fraction", above=0.0, at_most=1.0)), None
+    return replace(parameters, solid_fraction=as_share(solid_fraction, "solid_fraction")), None
 
 
 def as_settling(asked: Any, parameters: Any = None) -> Settling | None:

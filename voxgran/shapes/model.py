@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from voxgran._base import public
-from voxgran._base.arrays import Booleans, Floats, as_faces, as_points, as_positive, as_quaternions
+from voxgran._base.arrays import Booleans, Floats, as_faces, as_points, as_positive, as_quaternions, as_vector
 from voxgran._base.calls import explained_methods
 from voxgran._base.errors import InputError, shown
 from voxgran._base.lazy import load
@@ -334,7 +334,7 @@ class Shape(ExplainedAttributes, Body):
         >>> brick.rotated((0.5**0.5, 0, 0, 0.5**0.5)).bounds[1].round(6).tolist()  # by 90 degrees about z
         [0.5, 1.5, 0.5]
         """
-        matrix = rotation_matrices(as_quaternions(np.asarray(quaternion)[None], "quaternion"))[0]
+        matrix = rotation_matrices(as_quaternions(as_vector(quaternion, "quaternion", length=4)[None], "quaternion"))[0]
         return replace(self, geometry=self.geometry.rotated(matrix))
 
     def scaled(self, factor: float) -> "Shape":
