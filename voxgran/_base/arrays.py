@@ -33,6 +33,9 @@ def float_array(value: Any) -> Floats | None:
     number.
     """
     try:
+        if isinstance(value, np.ma.MaskedArray):
+            # below a mask there may be anything
+            value = np.ma.filled(value.astype(np.float64), np.nan)
         # a list may hold what NumPy would take for a number: text, True, None
         array = np.asarray(value) if hasattr(value, "__array__") else np.asarray(value, dtype=object)
         if array.dtype.kind == "O":
@@ -81,8 +84,10 @@ def as_array(value: Any, name: str) -> NDArray[Any]:
     Raises
     ------
     InputError
-        If they do not fit in one, such as rows of different lengths.
+        If they do not fit in one, such as rows of different lengths, or some are masked.
     """
+    if np.ma.is_masked(value):
+        raise InputError(f"{name} is {shown(value)}: some values are masked; fill them")
     try:
         return np.asarray(value)
     except (TypeError, ValueError):
@@ -316,7 +321,23 @@ def check_type(value: object, wanted: type | tuple[type, ...], name: str, rule: 
         If it is of another type.
     """
     if not isinstance(value, wanted):
-        raise InputError(f"{name} is {shown(value)}: it must be {rule}")
+        raise InputError(f"{name} is {shown(value)}: it must be {rule}{_remedy_within(value, wanted)}")
+
+
+def _remedy_within(value: Any, wanted: type | tuple[type, ...]) -> str:
+    """Return what may be written behind a value that is not of the wanted type but holds such an object, as the result
+    of a repair holds a shape; an empty text for others.
+    """
+    for kind in wanted if isinstance(wanted, tuple) else (wanted,):
+        noun = kind.__name__.lower()
+        # the shape of a clump is that which it stands for
+        if not isinstance(value, type) and callable(getattr(value, f"to_{noun}", None)):
+            return f"; write .to_{noun}() behind it"
+        if isinstance(getattr(value, noun, None), kind):
+            return f"; write .{noun} behind it"
+        if isinstance(value, tuple) and value and isinstance(value[0], kind):
+            return "; write [0] behind it"
+    return ""
 
 
 def read_only(array: NDArray[Any]) -> NDArray[Any]:

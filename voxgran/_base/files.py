@@ -31,12 +31,14 @@ def as_path(path: str | os.PathLike[str]) -> Path:
     Raises
     ------
     InputError
-        If it is neither, contains a NUL, or is too long for the file system.
+        If it is neither, contains a NUL, is ``"-"``, or is too long for the file system.
     OutputError
         If it leads through a folder without access, or through links in a circle.
     """
     if not isinstance(path, str | os.PathLike):
         raise InputError(f"path is {shown(path)}: it must be the path of a file, as text or a Path; change it")
+    if os.fspath(path) == "-":
+        raise InputError("path is '-': streams are called /dev/stdin and /dev/stdout; write that, or name a file")
     try:
         os.stat(path)
     except (FileNotFoundError, NotADirectoryError):

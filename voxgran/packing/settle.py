@@ -17,6 +17,7 @@ from voxgran._base.calls import explained
 from voxgran._base.config import from_mapping
 from voxgran._base.errors import InputError, PackingWarning, shown
 from voxgran._base.progress import OnStep
+from voxgran._base.seeds import MOST_SEED
 from voxgran._base.warning import warn
 from voxgran.containers.model import Container, boundary_of, check_container
 from voxgran.containers.one_unit import in_one_unit
@@ -169,7 +170,7 @@ def settle(
     how = from_mapping(Settling, given, "settle")
     packing = _prepared(packing, container, gravity)
     check_drive(checkpoint, resume, on_step, None)
-    seed = as_count(seed, "seed", at_most=None)
+    seed = as_count(seed, "seed", at_most=MOST_SEED)
     if not packing.count:
         return replace(packing, stop_reason="settled", forces=no_forces(how.friction))
     problem = _problem_of(packing, how, seed)

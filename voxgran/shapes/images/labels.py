@@ -210,8 +210,7 @@ def image_of(source: str | os.PathLike[str] | NDArray[Any] | Image, key: str | N
         return load_image(source, key=key)
     if isinstance(source, Image):
         return source
-    given: Any = source
-    return Image(given if isinstance(given, np.ndarray) else as_array(given, "image"))
+    return Image(as_array(source, "image"))
 
 
 def labelled_grains(

@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from voxgran._base.arrays import Floats, as_choice, as_length, as_number
+from voxgran._base.arrays import Floats, as_array, as_choice, as_length, as_number
 from voxgran._base.calls import explained, renamed
 from voxgran._base.errors import InputError
 from voxgran._base.lazy import load
@@ -134,7 +134,7 @@ def region_loops(
 def _image_of(source: str | os.PathLike[str] | NDArray[Any], key: str | None) -> NDArray[Any]:
     """Return the values (nx, ny) of an image, checked."""
     values = source if isinstance(source, np.ndarray) else load_image(source, key=key).values
-    values = np.asarray(values)
+    values = as_array(values, "image")
     if values.ndim == 3 and values.shape[2] == 1:
         values = values[:, :, 0]
     if values.ndim != 2 or min(values.shape) < 2:

@@ -7,14 +7,13 @@ the shortest and the longest wavelength, which lie less than two decades apart o
 """
 
 import math
-from collections.abc import Sequence
 from dataclasses import asdict, dataclass
 from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from voxgran._base.arrays import Floats, Integers, as_floats, as_length, as_number, as_vector, check_type
+from voxgran._base.arrays import Floats, Integers, as_array, as_floats, as_length, as_number, as_vector, check_type
 from voxgran._base.calls import explained
 from voxgran._base.errors import InputError
 from voxgran._base.lazy import load
@@ -119,8 +118,7 @@ def surface_statistics(
     heights = as_floats(surface, "surface", shape=(None, None))
     if min(heights.shape) < 8:
         raise InputError(f"surface has shape {heights.shape}: statistics need at least 8 by 8 heights; give more")
-    pair = spacing if isinstance(spacing, Sequence | np.ndarray) and np.ndim(spacing) else (spacing, spacing)
-    steps = as_vector(pair, "spacing", length=2)
+    steps = as_vector(spacing if as_array(spacing, "spacing").ndim else (spacing, spacing), "spacing", length=2)
     for step in steps:
         as_length(step, "spacing")
     ends = (0.0, POINTS * float(steps.max())) if shortest is None else (shortest,)
