@@ -314,7 +314,7 @@ class _Work:
         elif executor.running and not executor.computing:
             text += ", loading libraries"
         elif self.left and math.isfinite(left := self._remaining()):
-            text += f", about {_duration(left)} left" if left >= 0 else ", longer than expected"
+            text += f", about {_duration(max(left, 0.0))} left" if left > -1.0 else ", longer than expected"
         self.options.on_step(Step(stage="runs", done=len(self.records), total=total, text=text))
 
     def _farewell(self) -> str:
