@@ -48,12 +48,14 @@ def as_path(path: str | os.PathLike[str]) -> Path:
     Raises
     ------
     InputError
-        If it is neither, contains a NUL, or is too long for the file system.
+        If it is neither, contains a NUL, is ``"-"``, or is too long for the file system.
     OutputError
         If it leads through a folder without access, or through links in a circle.
     """
     if not isinstance(path, str | os.PathLike):
         raise InputError(f"path is {shown(path)}: it must be the path of a file, as text or a Path; change it")
+    if os.fspath(path) == "-":
+        raise InputError("path is '-': streams are called /dev/stdin and /dev/stdout; write that, or name a file")
     try:
         os.stat(path)
     except (FileNotFoundError, NotADirectoryError):
@@ -84,8 +86,10 @@ def existing_file(path: str | os.PathLike[str]) -> Path:
         kind = "is a folder" if found.is_dir() else "is no regular file" if found.exists() else "is not there"
         raise MissingFileError(f"{found} {kind}: a file is needed; check the path")
     try:
-        with found.open("rb"):
-            return found
+        with found.open("rb") as file:
+            # some are opened that cannot be read, such as the memory of a process
+            file.read(1)
+        return found
     except OSError as error:
         raise OutputError(f"{found} cannot be read ({error.strerror}): change its permissions") from error
 

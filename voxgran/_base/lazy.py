@@ -114,6 +114,11 @@ def load(name: str) -> Any:
             module = importlib.import_module(name)
     except (ImportError, OSError) as error:
         raise MissingLibraryError(f"{root} cannot be loaded ({error}): {_remedy(root, str(error))}") from error
+    except ValueError as error:
+        # numba reads its environment when it is imported
+        raise MissingLibraryError(
+            f"{name} cannot be loaded ({error}): correct the variables of the environment, such as NUMBA_NUM_THREADS"
+        ) from error
     if name == "numba":
         module.config.THREADING_LAYER = "omp"
     return module

@@ -3,6 +3,7 @@
 What VTK complains about is heard by an observer and raised; nothing is printed.
 """
 
+import os
 from pathlib import Path
 from typing import Any
 
@@ -114,10 +115,10 @@ def _read(path: Path) -> Any:
         reader.SetParserErrorObserver(forward)
         heard = watched(reader, reader.GetExecutive())
         parts = core.reference(False)
-        kind = reader.ReadOutputType(str(path), parts)
+        kind = reader.ReadOutputType(os.fsencode(path), parts)
         if parts or (kind >= 0 and kind not in OF_ONE_FILE):
             raise FileFormatError(f"{path} only names other files, which may lie anywhere: give one of these")
-    reader.SetFileName(str(path))
+    reader.SetFileName(os.fsencode(path))
     return _output(reader, heard, path)
 
 

@@ -65,6 +65,9 @@ def _run(words: list[str], signals: Signals) -> int:
         if isinstance(error, OutputError):
             _say_how_to_go_on(options, words)
         return error.exit_code
+    except Warning as warning:
+        complain(f"warning: {warning}; it ends the command, as PYTHONWARNINGS or -W asks")
+        return 1
     except BrokenPipeError:
         # whoever read the output has gone: there is nobody to tell
         return 0

@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 
 import voxgran
+from voxgran._base.arrays import as_share
 from voxgran._base.checkpoint import remove_checkpoint
 from voxgran._base.config import parameters_of
 from voxgran._base.errors import InputError, OutputExistsError
@@ -118,6 +119,7 @@ def equilibrium(options: argparse.Namespace, packing: Packing) -> int:
     InputError
         If there is no gravity, or a number is out of range.
     """
+    least = as_share(options.rest, "rest", zero=True)
     if options.gravity is not None:
         packing = dataclasses.replace(packing, gravity=as_down(options.gravity, packing.container))
     if packing.gravity is None:
@@ -133,7 +135,7 @@ def equilibrium(options: argparse.Namespace, packing: Packing) -> int:
     rattlers = np.flatnonzero(found["rattler"].values)
     residual = np.maximum(found["residual"].values, found["residual_torque"].values)
     worst = np.argsort(-residual, kind="stable")[:LISTED]
-    rests = found.attrs["share_at_rest"] >= options.rest
+    rests = found.attrs["share_at_rest"] >= least
     show(
         {
             "rests": bool(rests),

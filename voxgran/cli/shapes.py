@@ -20,7 +20,13 @@ TABLE = "shapes.csv"
 
 
 def shape(options: argparse.Namespace) -> None:
-    """Make one shape of a family, or many, and write them."""
+    """Make one shape of a family, or many, and write them.
+
+    Raises
+    ------
+    InputError
+        If a kind of files is given for one shape.
+    """
     from voxgran.shapes.family import families
 
     names = [name for item in parameters_of(families().get(options.family).parameters) for name in item.names]
@@ -30,6 +36,8 @@ def shape(options: argparse.Namespace) -> None:
     if options.count is not None:
         _many(options, given)
         return
+    if options.format:
+        raise InputError(f"--format is {options.format} without --count: one file is of the kind that --output names")
     made = voxgran.make_shape(options.family, seed=options.seed, **given)
     if options.output:
         voxgran.save_shape(made, options.output, overwrite=options.overwrite)
@@ -54,7 +62,7 @@ def _many(options: argparse.Namespace, given: dict[str, Any]) -> None:
     if folder is not None:
         made_folder(folder)
         digits = len(str(options.count - 1))
-        files = [f"{options.family}_{k:0{digits}}.{options.format}" for k in range(len(shapes))]
+        files = [f"{options.family}_{k:0{digits}}.{options.format or 'stl'}" for k in range(len(shapes))]
         for made, file in zip(shapes, files, strict=True):
             voxgran.save_shape(made, folder / file, overwrite=options.overwrite)
         columns = {"file": files, "seed": seeds, **{str(name): values.values for name, values in form.items()}}

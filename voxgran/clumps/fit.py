@@ -28,6 +28,8 @@ BESIDE = ("max_spheres", "target", "value", "seed")
 TARGETS = ("iou", "volume", "inertia", "surface")
 #: number of spheres without a target, and the largest number that is tried for one
 DEFAULT_SPHERES, MOST_SPHERES = 50, 1000
+#: largest clump that may be asked for
+LARGEST = 100_000
 #: errors of spheres that are exactly the shape
 EXACT = ClumpErrors(
     iou=1.0, iou_uncertainty=0.0, volume=0.0, centroid=0.0, inertia=0.0, surface_mean=0.0, surface_max=0.0
@@ -98,7 +100,7 @@ def fit_clump(
     _, entry, settings = chosen(clump_registry(), method, parameters, where="clump method", beside=BESIDE)
     level = _level(target, value)
     default = DEFAULT_SPHERES if target is None else MOST_SPHERES
-    most = default if max_spheres is None else as_count(max_spheres, "max_spheres", at_least=1)
+    most = default if max_spheres is None else as_count(max_spheres, "max_spheres", at_least=1, at_most=LARGEST)
     shape = _solid(shape_or_voxels)
     fit = _Fit(shape, entry, settings, as_count(seed, "seed", at_most=None))
     if target is None:

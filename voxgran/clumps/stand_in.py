@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from voxgran._base.arrays import check_type
-from voxgran._base.errors import InputError
+from voxgran._base.errors import InputError, shown
 from voxgran.clumps.fit import fit_clump
 from voxgran.clumps.model import Clump
 from voxgran.shapes.model import Shape
@@ -57,7 +57,8 @@ def _one_each(clumps: Any, changed: list[bool]) -> list[Clump | None]:
     if few:
         return [clumps if other else None for other in changed]
     if isinstance(clumps, int | np.integer):
-        raise InputError(f"clumps is {clumps}: it must be {wanted}; a number of spheres is max_spheres={clumps}")
+        given = shown(clumps)
+        raise InputError(f"clumps is {given}: it must be {wanted}; a number of spheres is max_spheres={given}")
     check_type(clumps, Sequence, "clumps", wanted)
     if len(clumps) != len(changed):
         raise InputError(f"clumps has {len(clumps)} entries for {len(changed)} shapes: it must be {wanted}")

@@ -12,6 +12,7 @@ from numpy.typing import ArrayLike
 from voxgran._base.arrays import (
     Floats,
     Integers,
+    as_count,
     as_floats,
     as_indices,
     as_points,
@@ -23,7 +24,7 @@ from voxgran._base.arrays import (
 )
 from voxgran._base.errors import InputError, shown
 from voxgran._base.rotation import rotation_matrices
-from voxgran.containers.model import Container
+from voxgran.containers.model import Container, check_container
 from voxgran.containers.size_limits import check_grain_sizes
 from voxgran.shapes.model import Shape
 
@@ -191,6 +192,7 @@ class Assembly:
         >>> bed.world_vertices(0).shape
         (8, 3)
         """
+        as_count(grain, "grain", at_most=len(self.scale) - 1)
         body = self.shapes[self.shape_id[grain]].vertices * self.scale[grain]
         return body @ self.matrices[grain].T + self.position[grain]
 
@@ -214,6 +216,7 @@ def checked_arrays(
     InputError
         As :meth:`Assembly.of`.
     """
+    check_container(container)
     given = float_array(position)
     points = np.zeros((0, 3)) if given is not None and not given.size else as_points(position, "position")
     n = len(points)

@@ -8,7 +8,7 @@ from typing import Any, Literal
 
 import numpy as np
 
-from voxgran._base.arrays import as_choice, as_count, as_positive, check_type
+from voxgran._base.arrays import as_choice, as_count, as_number, check_type
 from voxgran._base.calls import explained
 from voxgran._base.config import from_mapping
 from voxgran._base.errors import InputError
@@ -189,7 +189,7 @@ def described(
         held,
         templates,
         law,
-        acceleration=as_positive(acceleration, "acceleration"),
+        acceleration=as_number(acceleration, "acceleration", above=0.0, at_most=1e9),
         time_step=time_step,
         rest=rest,
         longest=longest,

@@ -12,6 +12,7 @@ from typing import Any, TypeAlias
 
 import numpy as np
 
+from voxgran._base.arrays import check_type
 from voxgran._base.calls import explained
 from voxgran._base.errors import FileFormatError, InputError, MissingLibraryError
 from voxgran._base.files import as_path, existing_file, unpacked, written_whole
@@ -124,6 +125,7 @@ def save_cloud(
     suffix = target.suffix.lower()
     if suffix not in (".ply", ".pcd", ".xyz"):
         raise InputError(f"{target} ends in {suffix!r}: clouds are written as .ply, .pcd or .xyz; choose one of these")
+    check_type(cloud, (Cloud, Packing), "cloud", "a Cloud or a Packing; Cloud.of and load_cloud make one")
     if isinstance(cloud, Packing):
         made = cloud_of_packing(cloud, spacing)
     elif spacing is not None:

@@ -13,11 +13,11 @@ from voxgran._base.axes import Periodic
 from voxgran._base.cells import near_pairs
 from voxgran._base.errors import FileFormatError, InputError, PackingWarning, shown, with_article
 from voxgran._base.rotation import quaternions_of
-from voxgran._base.units import known_unit
+from voxgran._base.units import known_unit, stated_unit
 from voxgran._base.warning import warn
 from voxgran.contacts.assembly import NOT_STATED, shapes_by_density
 from voxgran.containers.box import Box
-from voxgran.containers.model import Container
+from voxgran.containers.model import Container, check_container
 from voxgran.containers.rectangle import Rectangle
 from voxgran.packing.model import Packing
 from voxgran.shapes.model import Shape
@@ -209,7 +209,9 @@ def packing_of(
     """
     _warn_of_a_clump(particles, path)
     assumed = dict(particles.assumed)
-    held = container or particles.container
+    if container is not None:
+        check_container(container)
+    held = particles.container if container is None else container
     if held is None:
         held = _box_around(particles, path)
         assumed["container"] = "the box around the spheres"
@@ -225,7 +227,7 @@ def packing_of(
         held = held.with_periodic(periodic)
         assumed.pop("periodic", None)
     _warn_of_strays(particles, held, path)
-    named = known_unit(particles.unit)
+    asked, named = stated_unit(unit), known_unit(particles.unit)
     if unit is None and named is None:
         told = "none" if particles.unit is None else f"{shown(particles.unit)} is no unit that is known"
         assumed["unit"] = f"{told}: lengths are taken as they stand"
@@ -243,7 +245,7 @@ def packing_of(
     return Packing.of(
         container=held,
         provenance={"method": "file", "parameters": {"path": str(path)}} | ({"assumed": assumed} if assumed else {}),
-        unit=unit or named,
+        unit=asked or named,
         # gravity is a direction in the container of the file
         **(particles.fields if held is particles.container else {}),
         **grains,

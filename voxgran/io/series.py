@@ -12,13 +12,14 @@ import xml.etree.ElementTree as ET
 from pathlib import Path
 
 from voxgran._base.arrays import as_count
-from voxgran._base.calls import renamed
+from voxgran._base.calls import explained, explained_methods, renamed
 from voxgran._base.errors import FileFormatError, OutputError
 from voxgran._base.files import as_path, output_suffix, refuse_to_replace, remove_drafts_in, write_text
 from voxgran.io.vtk_files import has_seal, save_packing
-from voxgran.packing.model import Packing
+from voxgran.packing.model import Packing, check_packing
 
 
+@explained_methods
 class Series:
     """Snapshots in a folder, and their list beside it.
 
@@ -53,6 +54,7 @@ class Series:
     ([100], 200)
     """
 
+    @explained(hint='Series("run.pvd")')
     @renamed(most="max_snapshots")
     def __init__(
         self,
@@ -90,7 +92,7 @@ class Series:
         >>> vg.Series("run.pvd", every=100).due(150)
         200
         """
-        return (done // self.every + 1) * self.every
+        return (as_count(done, "done") // self.every + 1) * self.every
 
     def record(self, packing: Packing, done: int) -> None:
         """Write a snapshot and list it.
@@ -104,6 +106,8 @@ class Series:
 
         Raises
         ------
+        InputError
+            If it is no packing, or `done` no whole number of at least 0.
         OutputError
             If it cannot be written; the list before is untouched.
 
@@ -115,6 +119,8 @@ class Series:
         >>> series.path.read_text().count("<DataSet")
         1
         """
+        check_packing(packing, "packing")
+        done = as_count(done, "done")
         before, is_new = (self.times, self.every), not self._file(done).exists()
         save_packing(packing, self._file(done), overwrite=True)
         self.times = sorted({*self.times, done})

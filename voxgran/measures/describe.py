@@ -121,6 +121,7 @@ def _checked(which: str | Sequence[str] | None) -> list[str]:
     check_type(which, Iterable, "which", "a name or a list of names, such as ['sphericity']")
     names = [which] if isinstance(which, str) else list(which)
     for name in names:
+        check_type(name, str, "which", "a name or a list of names, such as ['sphericity']")
         if name not in DESCRIPTORS:
             raise UnknownNameError(unknown("descriptor", name, DESCRIPTORS))
     return names

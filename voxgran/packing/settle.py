@@ -12,11 +12,12 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import ArrayLike
 
-from voxgran._base.arrays import Integers, as_count, as_number
+from voxgran._base.arrays import Integers, as_count, as_share
 from voxgran._base.calls import explained
 from voxgran._base.config import from_mapping
 from voxgran._base.errors import InputError, PackingWarning, shown
 from voxgran._base.progress import OnStep
+from voxgran._base.seeds import MOST_SEED
 from voxgran._base.warning import warn
 from voxgran.containers.model import UNKNOWN, Container, boundary_of, check_container
 from voxgran.containers.one_unit import in_one_unit
@@ -169,7 +170,7 @@ def settle(
     how = from_mapping(Settling, given, "settle")
     packing = _prepared(packing, container, gravity)
     check_drive(checkpoint, resume, on_step, None)
-    seed = as_count(seed, "seed", at_most=None)
+    seed = as_count(seed, "seed", at_most=MOST_SEED)
     if not packing.count:
         return replace(packing, stop_reason="settled", forces=no_forces(how.friction))
     problem = _problem_of(packing, how, seed)
@@ -307,7 +308,7 @@ def with_target(parameters: Any, solid_fraction: Any) -> tuple[Any, Any]:
             f"solid_fraction is {shown(solid_fraction)}, and that of the parameters of the method is {held:g}: both "
             "are that of the bed; leave one of them out"
         )
-    return replace(parameters, solid_fraction=as_number(solid_fraction, "solid_fraction", above=0.0, at_most=1.0)), None
+    return replace(parameters, solid_fraction=as_share(solid_fraction, "solid_fraction")), None
 
 
 def settling_after(method: PackingMethod, problem: Problem, asked: Any) -> Settling | None:

@@ -237,14 +237,22 @@ def _draw(packing: Packing, color_by: str) -> Drawn:
 def _drawn_shapes(packing: Packing) -> list[Shape]:
     """Return the most frequent shapes, one of each name."""
     counts = np.bincount(packing.shape_id, minlength=len(packing.shapes))
-    frequent = [packing.shapes[index] for index in np.argsort(-counts, kind="stable") if counts[index]]
-    return list({shape.name: shape for shape in reversed(frequent[:SHAPES_DRAWN])}.values())[::-1]
+    named: dict[str, Shape] = {}
+    for index in np.argsort(-counts, kind="stable"):
+        if counts[index] and len(named) < SHAPES_DRAWN:
+            named.setdefault(packing.shapes[index].name, packing.shapes[index])
+    return list(named.values())
 
 
 def _grains_note(packing: Packing) -> str:
     """Return a note on the shapes that are drawn if not all are."""
-    used = len(np.unique(packing.shape_id))
-    return f"The {SHAPES_DRAWN} most frequent of {used} shapes." if used > SHAPES_DRAWN else ""
+    counts = np.unique(packing.shape_id, return_counts=True)[1]
+    drawn = len(_drawn_shapes(packing))
+    if drawn == len(counts):
+        return ""
+    return f"{drawn} of {len(counts)} shapes, " + (
+        "the most frequent ones." if counts.max() > counts.min() else "all of which are equally frequent."
+    )
 
 
 def view_of(picture: Picture, alt: str, caption: str) -> View:

@@ -1,9 +1,10 @@
 """Running a study: what is finished is read, what is left is ordered and computed, and all of it is gathered."""
 
+import math
 import re
-import statistics
 import time
-from collections.abc import Mapping, Sequence
+from collections import Counter, defaultdict
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -163,6 +164,13 @@ class _Work:
     left: dict[str, tuple[Place, Run]] = field(default_factory=dict)
     looked: float = field(default_factory=time.monotonic)
     computing: float = 0.0  # seconds that runs were computed, without those of loading and compiling
+    finished: float = 0.0  # the same when a run was finished last
+    done: float = 0.0  # seconds of the runs that were computed now
+    spent: dict[str, float] = field(
+        default_factory=lambda: defaultdict(float)
+    )  # seconds of the runs that have a result, by their method
+    tried: Counter[str] = field(default_factory=Counter)  # their attempts
+    ahead: Counter[str] = field(default_factory=Counter)  # attempts of the runs that are left
     told: float = 0.0
     mark: str = ""
 
@@ -236,14 +244,20 @@ class _Work:
     def _compute(self, executor: DaskRuns | Processes) -> int:
         """Compute the runs that are left, the longest first; return how many."""
         total = len(self.left)
-        costs = self._costs()
-        order = sorted((run for _, run in self.left.values()), key=lambda run: -costs[run.key])
+        for (at, _), record in self.records.items():
+            self._note(at, record)
+        for _, run in self.left.values():
+            self.ahead[_method(run)] += _attempts(run)
+        # a method that was not timed comes first, since nothing is known of it
+        unknown = max(map(self._rate, self.tried), default=1.0)
+        rates = {method: self._rate(method) if method in self.tried else unknown for method in self.ahead}
+        order = sorted((run for _, run in self.left.values()), key=lambda run: -_attempts(run) * rates[_method(run)])
         with Signals() as signals:
             signals.patient = True
             for came in executor.results(order):
                 if came is not None:
                     self._keep(*came)
-                self._tell(executor, costs)
+                self._tell(executor)
                 if signals.number:
                     raise Interrupted(self._farewell(), signals.number)
         return total
@@ -254,6 +268,9 @@ class _Work:
         record.attempts = run.attempts
         self.store.write(run, record, self.settings.cells[place[0]].values, packing)
         self.records[place] = record
+        self._note(place[0], record)
+        self.ahead[_method(run)] -= _attempts(run)
+        self.done, self.finished = self.done + record.seconds, self.computing
 
     def _fill(self) -> None:
         """Give cells that are the same scene the same records."""
@@ -266,22 +283,25 @@ class _Work:
                 if (at, number) not in self.records:
                     self.records[at, number] = known[run_hash(cell.key, seed)]
 
-    def _costs(self) -> dict[str, float]:
-        """Return what each run will take, for their order: attempts, in seconds where the method has been timed."""
-        rates: dict[str, list[float]] = {}
-        for (at, _), record in self.records.items():
-            if record.attempts and not record.failure:
-                method = self.settings.cells[at].scene.method
-                rates.setdefault(method, []).append(record.seconds / record.attempts)
-        found = {method: statistics.median(values) for method, values in rates.items()}
-        # a method that was not timed comes first, since nothing is known of it
-        unknown = max(found.values(), default=1.0)
-        return {
-            key: max(run.attempts, 1) * found.get(run.mapping["packing"]["method"], unknown)
-            for key, (_, run) in self.left.items()
-        }
+    def _note(self, at: int, record: Record) -> None:
+        """Note the time of a run of a cell."""
+        if record.attempts and not record.failure:
+            method = self.settings.cells[at].scene.method
+            self.spent[method] += record.seconds
+            self.tried[method] += record.attempts
 
-    def _tell(self, executor: DaskRuns | Processes, costs: Mapping[str, float]) -> None:
+    def _rate(self, method: str) -> float:
+        """Return the mean seconds of an attempt of a method; NaN where it has not been timed."""
+        return self.spent[method] / self.tried[method] if method in self.tried else math.nan
+
+    def _remaining(self) -> float:
+        """Return the seconds that the runs that are left will take, by those that were computed; NaN if not known, and
+        negative where they take longer than was expected.
+        """
+        left = sum(attempts * self._rate(method) for method, attempts in self.ahead.items() if attempts)
+        return self.finished * left / self.done - (self.computing - self.finished) if self.done else math.nan
+
+    def _tell(self, executor: DaskRuns | Processes) -> None:
         """Report progress, ten times a second at the most."""
         now = time.monotonic()
         self.computing += (now - self.looked) * executor.computing
@@ -290,16 +310,15 @@ class _Work:
             return
         self.told = now
         failed = sum(bool(record.failure) for record in self.records.values())
-        whole, left = sum(costs.values()), sum(costs[key] for key in self.left)
-        text = f"{executor.running} running, {failed} failed"
+        total = len(self.settings.cells) * len(self.settings.seeds)
+        text = f"{len(self.records)} of {total}, {executor.running} running, {failed} failed"
         if executor.compiling:
             # how long that takes is not known
             text += ", compiling kernels (once per machine)"
         elif executor.running and not executor.computing:
             text += ", loading libraries"
-        elif left < whole:
-            text += f", about {_duration(self.computing * left / (whole - left))} left"
-        total = len(self.settings.cells) * len(self.settings.seeds)
+        elif self.left and math.isfinite(left := self._remaining()):
+            text += f", about {_duration(max(left, 0.0))} left" if left > -1.0 else ", longer than expected"
         self.options.on_step(Step(stage="runs", done=len(self.records), total=total, text=text))
 
     def _farewell(self) -> str:
@@ -310,6 +329,16 @@ class _Work:
         return (
             f"stopped after {len(self.records)} of {total} runs, which are kept: the same command computes the others"
         )
+
+
+def _method(run: Run) -> str:
+    """Return the packing method of a run."""
+    return str(run.mapping["packing"]["method"])
+
+
+def _attempts(run: Run) -> int:
+    """Return the attempts that a run is expected to take, at least one."""
+    return max(run.attempts, 1)
 
 
 def _duration(seconds: float) -> str:

@@ -172,6 +172,7 @@ def occupied(
         If the backend is unknown.
     """
     as_choice(cover, "cover", COVERS)
+    check_type(backend, (str, type(None)), "backend", f"one of {', '.join(BACKENDS)}")
     if backend not in (None, *BACKENDS):
         raise UnknownNameError(unknown("voxelization backend", backend, BACKENDS))
     shape.refuse_open("voxels")

@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 from kit import lattice
 
+import voxgran as vg
 from voxgran._base.errors import OutputExistsError
 from voxgran.contacts.verify import verify
 from voxgran.containers.box import Box
@@ -17,6 +18,7 @@ from voxgran.measures.model import measure
 from voxgran.measures.registered.density import main_fraction
 from voxgran.packing.model import Packing
 from voxgran.report import facts
+from voxgran.report import page as pages
 from voxgran.report.compare import save_comparison
 from voxgran.report.figures import figures_of
 from voxgran.report.numbers import page_numbers
@@ -88,7 +90,7 @@ def test_a_whole_page(packing, statistics, tmp_path, monkeypatch):
     for part in ("Blocks & <spheres>", "48", f"{packing.solid_fraction:.4f}", "0.4321", f"{1 - 0.4321:.4f}"):
         assert part in text
     for part in (
-        "The 1 most frequent of 2 shapes",
+        "1 of 2 shapes, all of which are equally frequent.",
         "digital",
         "control_point",
         "12.5",
@@ -310,3 +312,19 @@ def test_figures_and_comparisons_of_a_bed_are_of_what_lies_below_its_surface(tmp
     assert f"{fraction:.4f}" in text
     assert f"solid fraction of the {region}; 384 grains" in text.replace("\u202f", "")
     assert "solid fraction of the container; 384 grains" in text
+
+
+def test_the_shapes_that_are_drawn_are_called_as_frequent_as_they_are(monkeypatch):
+    monkeypatch.setattr("voxgran.report.page.SHAPES_DRAWN", 2)
+    balls = [vg.make_shape("sphere", diameter=d) for d in (1.0, 0.9, 0.8, 0.7)]
+    named = [vg.Shape.of(ball.geometry, name=name) for ball, name in zip(balls, "abbc", strict=True)]
+    places = [(1 + k, 1, 1) for k in range(5)]
+    rare = vg.Packing.of(named, vg.Box((7, 2, 2)), position=places[:4], shape_id=[0, 1, 2, 3])
+    assert pages._grains_note(rare) == "2 of 4 shapes, all of which are equally frequent."
+    # those of one name count as one
+    assert [shape.name for shape in pages._drawn_shapes(rare)] == ["a", "b"]
+    often = vg.Packing.of(named, vg.Box((7, 2, 2)), position=places, shape_id=[0, 1, 2, 3, 3])
+    assert pages._grains_note(often) == "2 of 4 shapes, the most frequent ones."
+    assert [shape.name for shape in pages._drawn_shapes(often)] == ["c", "a"]
+    few = vg.Packing.of(named[:2], vg.Box((7, 2, 2)), position=places[:3], shape_id=[0, 1, 1])
+    assert pages._grains_note(few) == ""

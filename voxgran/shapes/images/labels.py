@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from voxgran._base.arrays import Booleans, Floats, Integers, as_choice, as_number
+from voxgran._base.arrays import Booleans, Floats, Integers, as_array, as_choice, as_number
 from voxgran._base.axes import Periodic, as_periodic
 from voxgran._base.calls import explained
 from voxgran._base.errors import DirtyMeshError, InputError, PackingWarning
@@ -204,12 +204,14 @@ def image_of(source: str | os.PathLike[str] | NDArray[Any] | Image, key: str | N
         If there is no such file.
     FileFormatError
         If it is of no known format, or damaged.
+    InputError
+        If it is neither a file, an array nor an image.
     """
     if isinstance(source, str | os.PathLike):
         return load_image(source, key=key)
     if isinstance(source, Image):
         return source
-    return Image(np.asanyarray(source))
+    return Image(as_array(source, "image"))
 
 
 def labelled_grains(

@@ -168,7 +168,7 @@ def repaired(
     as_choice(bodies, "bodies", BODIES)
     limit = as_number(max_hole, "max_hole", at_least=0.0)
     given = as_points(vertices, "vertices")
-    triangles = as_faces(np.asarray(faces), len(given))
+    triangles = as_faces(faces, len(given))
     if not len(triangles):
         raise InputError(f"{name} has 0 faces: a solid needs a closed surface; check the file")
     if bounds_solid(given, triangles):

@@ -19,7 +19,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from voxgran._base.arrays import Floats, Integers, as_floats, as_number, as_positive, check_type
+from voxgran._base.arrays import Floats, Integers, as_array, as_floats, as_length, as_number, as_vector, check_type
 from voxgran._base.calls import explained
 from voxgran._base.errors import InputError
 from voxgran._base.kernels import kernel
@@ -135,9 +135,9 @@ def surface_statistics(
     heights = as_floats(surface, "surface", shape=(None, None))
     if min(heights.shape) < 8:
         raise InputError(f"surface has shape {heights.shape}: statistics need at least 8 by 8 heights; give more")
-    steps = as_floats(np.broadcast_to(np.asarray(spacing), 2), "spacing", shape=(2,))
+    steps = as_vector(spacing if as_array(spacing, "spacing").ndim else (spacing, spacing), "spacing", length=2)
     for step in steps:
-        as_positive(step, "spacing")
+        as_length(step, "spacing")
     ends = (0.0, POINTS * float(steps.max())) if shortest is None else (shortest,)
     return lattice_statistics(heights, steps, ends, errors=True)
 
