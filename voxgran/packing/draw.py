@@ -12,6 +12,7 @@ from numpy.typing import ArrayLike, NDArray
 from voxgran._base.arrays import Floats, Integers, as_choice, as_count, as_floats, as_share, check_lengths
 from voxgran._base.errors import GrainTooLargeError, InputError, PackingWarning, TooLargeError, shown
 from voxgran._base.machine import memory_limit
+from voxgran._base.scalars import cube_root
 from voxgran._base.seeds import stream
 from voxgran._base.warning import warn
 from voxgran.containers.model import Container, boundary_of
@@ -164,8 +165,8 @@ def _without_sizes(
     shape_id = stream(seed, "shapes").choice(len(shapes), size=many, p=shares).astype(np.int64)
     unit = np.array([shape.volume / shape.diameter**container.dimension for shape in shapes])
     total = float(unit[shape_id].sum()) if many else 1.0
-    # these roots give the same bits in units that differ by a power of two
-    diameter = (np.cbrt if container.dimension == 3 else np.sqrt)(container.volume / total)
+    room = container.volume / total
+    diameter = cube_root(room) if container.dimension == 3 else math.sqrt(room)
     return DrawnGrains(shape_id, np.full(many, diameter), {"count": 0, "volume": 0.0})
 
 
