@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from voxgran._base.checkpoint import load_checkpoint, save_checkpoint
+from voxgran._base.checkpoint import load_checkpoint, remove_checkpoint, save_checkpoint
 from voxgran._base.errors import CheckpointError, InputError, MissingFileError, OutputError, OutputExistsError
 from voxgran._base.files import as_path, existing_file, remove_drafts, write_text, written_whole
 
@@ -96,6 +96,7 @@ def test_a_file_does_not_take_the_place_of_a_folder(tmp_path):
 def test_devices_are_written_to_and_stay():
     write_text("/dev/null", "text", overwrite=False)
     save_checkpoint("/dev/null", {"done": 3}, {"a": np.arange(3)})
+    remove_checkpoint("/dev/null")
     with pytest.raises(OutputError, match="No space left"):
         save_checkpoint("/dev/full", {"done": 3}, {"a": np.arange(3)})
     assert all(stat.S_ISCHR(Path(name).stat().st_mode) for name in ("/dev/null", "/dev/full"))
