@@ -10,6 +10,7 @@ import sys
 import textwrap
 import time
 import warnings
+from dataclasses import replace
 from functools import partial
 
 import numpy as np
@@ -228,6 +229,24 @@ def test_numbers_have_the_units_of_the_packing_and_arrays_a_file(tmp_path, capsy
     assert lines == ["count 2", "of gradation, profile there are arrays only: write them with -o FILE.nc"]
     out = str(tmp_path / "bed.nc")
     assert said("measure", path, "--which", "profile", "-o", out) == ["count 2", out]
+
+
+def test_the_prompt_begins_with_the_numbers_of_a_bed_below_its_surface(tmp_path, capsys):
+    path = str(tmp_path / "bed.vtp")
+    position = [(x, y, z) for x in (0.5, 1.5) for y in (0.5, 1.5) for z in (0.5, 1.5, 2.5)]
+    spheres = vg.shapes.sphere(radius=0.5)
+    bed = vg.Packing.of(spheres, vg.Box((2, 2, 30)), position=position, gravity="-z")
+    bed.save(path)
+    assert main(["measure", path, "--which", "density", "--json"]) == 0
+    found = json.loads(capsys.readouterr().out)
+    assert list(found)[:5] == ["solid_fraction", "porosity", "region", "container_solid_fraction", "container_porosity"]
+    assert (found["region"], found["solid_fraction"]) == ("bed", found["bed_solid_fraction"])
+    assert found["porosity"] == 1 - found["solid_fraction"]
+    assert found["container_solid_fraction"] == pytest.approx(bed.solid_fraction)
+    assert found["solid_fraction"] > 8 * found["container_solid_fraction"]
+    # what is read first of a packing says whose solid fraction it is
+    assert repr(bed) == "Packing(12 grains, container_solid_fraction=0.0524, count)"
+    assert repr(replace(bed, gravity=None)) == "Packing(12 grains, solid_fraction=0.0524, count)"
 
 
 def test_a_bed_that_is_sorted_by_size_is_warned_of(tmp_path, capsys):

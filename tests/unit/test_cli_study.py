@@ -85,6 +85,11 @@ def test_runs_that_ended_full_are_counted(file, tmp_path, capsys):
         assert [row["full"] for row in csv.DictReader(lines)] == ["0", "2"]
 
 
+def complaints(text):
+    """Return the lines of an error stream without those of progress, of which a busy machine writes some."""
+    return [line for line in text.splitlines() if not re.search(r" \(after \d+ s\)$", line)]
+
+
 def test_failures_are_told_and_give_status_1(file, tmp_path, capsys):
     file.write_text(STUDY + '"container.lengths" = [[4, 4, 4], [0.5, 0.5, 0.5]]\n')
     assert main(["study", str(file), "-o", str(tmp_path / "out"), "--workers", "1"]) == 1
@@ -93,8 +98,8 @@ def test_failures_are_told_and_give_status_1(file, tmp_path, capsys):
     # what failed is no packing that could be verified, and what no run has measured has no column
     assert re.search(r"^not verified +0$", told.out, re.M)
     assert "bed_solid_fraction" not in told.out
-    assert told.err.startswith("voxgran: 4 of 8 runs failed: ")
-    assert len(told.err.splitlines()) == 1
+    (line,) = complaints(told.err)
+    assert line.startswith("voxgran: 4 of 8 runs failed: ")
 
 
 @pytest.mark.parametrize(
@@ -150,7 +155,7 @@ def test_a_study_that_is_stopped_says_how_to_go_on(file, tmp_path, capsys, numbe
     seconds = time.monotonic() - began
     assert process.returncode == status
     assert seconds < 2.0
-    first, second = told.splitlines()
+    first, second = complaints(told)
     assert re.fullmatch(r"voxgran: stopped after \d+ of 800 runs, which are kept: .*", first)
     assert second == f"voxgran: to go on: voxgran study {file} -o {out} --workers 2"
     assert ended(workers)

@@ -17,7 +17,7 @@ from voxgran.cli.clumps import clump
 from voxgran.cli.data import data
 from voxgran.cli.doctor import doctor
 from voxgran.cli.parser import parameter_text
-from voxgran.cli.shapes import shape
+from voxgran.cli.shapes import shape, simplify
 from voxgran.cli.terminal import UNITS, complain, entry_line, progress, show, table
 from voxgran.shapes.files import check_surface_output
 
@@ -76,12 +76,14 @@ def measure(options: argparse.Namespace) -> None:
     """Measure a packing; warn where it is sorted by size."""
     from voxgran.io.netcdf import check_statistics_path
     from voxgran.measures.model import measure_registry
+    from voxgran.measures.registered.density import main_numbers
     from voxgran.measures.registered.segregation import warning_of
 
     registry = measure_registry()
     if options.output:
         check_statistics_path(options.output, overwrite=options.overwrite)
-    tree = voxgran.measure(_packing(options), which=options.which or None)
+    packing = _packing(options)
+    tree = voxgran.measure(packing, which=options.which or None)
     last = str(options.output or "")
     asked = [name for name in registry.names() if name in (options.which or ())]
     if options.output:
@@ -90,7 +92,11 @@ def measure(options: argparse.Namespace) -> None:
         last = f"of {', '.join(arrays)} there are arrays only: write them with -o FILE.nc"
     found = {str(name): value for name, value in tree.dataset.data_vars.items() if value.ndim == 0}
     units = {name: str(value.attrs.get("units", "1")) for name, value in found.items() if name not in UNITS}
-    show({name: value.item() for name, value in found.items()}, options, last, units)
+    numbers = {name: value.item() for name, value in found.items()}
+    if "solid_fraction" in numbers:
+        # those of the tree are of the container
+        numbers = {**(known := main_numbers(packing, tree)), **numbers, **known}
+    show(numbers, options, last, units)
     if "segregation" in tree and (warning := warning_of(float(tree["segregation"]), int(tree["count"]))):
         complain(f"warning: {warning}")
 
@@ -219,7 +225,7 @@ def _called(path: str) -> str:
 def labels(options: argparse.Namespace) -> None:
     """Make a packing of a label image and write it."""
     from voxgran.io.files import check_output
-    from voxgran.measures.registered.density import main_fraction
+    from voxgran.measures.registered.density import main_numbers
 
     if options.output:
         check_output(options.output, overwrite=options.overwrite)
@@ -231,7 +237,7 @@ def labels(options: argparse.Namespace) -> None:
         packing = voxgran.packing_of_labels(source, on_step=on_step, **given)
     if options.output:
         voxgran.save(packing, options.output, overwrite=options.overwrite)
-    numbers = {"grains": packing.count, **dict(zip(("region", "solid_fraction"), main_fraction(packing), strict=True))}
+    numbers = {"grains": packing.count, **main_numbers(packing)}
     show({**numbers, "largest_volume_error": packing.provenance["largest_volume_error"]}, options)
 
 
@@ -267,17 +273,6 @@ def repair(options: argparse.Namespace) -> None:
         return
     print(*(numbers.pop("done")), sep="\n")
     show(numbers, options)
-
-
-def simplify(options: argparse.Namespace) -> None:
-    """Reduce a mesh file to fewer triangles and tell what that changed."""
-    if options.output:
-        check_surface_output(options.output, overwrite=options.overwrite)
-    made = voxgran.simplify(voxgran.load_shape(options.file, repair=options.repair), faces=options.faces)
-    if options.output:
-        voxgran.save_shape(made.shape, options.output, overwrite=options.overwrite)
-    names = ("faces_before", "faces", "volume_change", "area_change", "mean_distance", "largest_distance")
-    show({**_fields(made, *names), "diameter": made.shape.diameter, "mended": list(made.sentences)}, options)
 
 
 def cloud(options: argparse.Namespace) -> None:

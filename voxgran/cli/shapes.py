@@ -1,4 +1,4 @@
-"""Command that makes shapes of a family: one into a file, or many into a folder with a table of their form."""
+"""Commands that make shapes of a family, one into a file or many into a folder with a table, and that simplify one."""
 
 import argparse
 import csv
@@ -13,6 +13,7 @@ from voxgran._base.files import made_folder, write_text
 from voxgran._base.progress import Step
 from voxgran.cli.terminal import progress, show, warn
 from voxgran.report.stage import check_picture_path
+from voxgran.shapes.files import check_surface_output
 from voxgran.shapes.formats.mesh_files import WRITERS
 
 #: name of the table in a folder of shapes
@@ -45,6 +46,18 @@ def shape(options: argparse.Namespace) -> None:
         voxgran.save_gallery([made], options.gallery, overwrite=options.overwrite)
     numbers = {name: getattr(made, name) for name in ("name", "volume", "surface_area", "diameter")}
     show({**numbers, "faces": len(made.faces)}, options)
+
+
+def simplify(options: argparse.Namespace) -> None:
+    """Reduce a mesh file to fewer triangles and tell what that changed."""
+    if options.output:
+        check_surface_output(options.output, overwrite=options.overwrite)
+    made = voxgran.simplify(voxgran.load_shape(options.file, repair=options.repair), faces=options.faces)
+    if options.output:
+        voxgran.save_shape(made.shape, options.output, overwrite=options.overwrite)
+    names = ("faces_before", "faces", "volume_change", "area_change", "mean_distance", "largest_distance")
+    numbers = {name: getattr(made, name) for name in names}
+    show({**numbers, "diameter": made.shape.diameter, "mended": list(made.sentences)}, options)
 
 
 def _many(options: argparse.Namespace, given: dict[str, Any]) -> None:

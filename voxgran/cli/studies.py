@@ -6,11 +6,14 @@ import math
 from collections import Counter
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import voxgran
 from voxgran.cli.terminal import complain, progress, show, table
-from voxgran.study.cell_values import FULL, FULL_NOTE, WARNED, WARNINGS, is_full, warnings_of
+from voxgran.study.cell_values import FULL, FULL_NOTE, WARNED, WARNINGS, is_full, title_of, warnings_of
+
+if TYPE_CHECKING:
+    from voxgran.study.result import StudyResult
 
 #: numbers of the table that is printed, where they were measured
 SHOWN = (
@@ -38,7 +41,7 @@ def study(options: argparse.Namespace) -> int:
     failed = result.failures
     result.write_page(title=f"Study {Path(options.file).stem}", overwrite=True)
     if not options.json:
-        rows = _means(result.rows)
+        rows = _means(result)
         table(rows[:MOST_ROWS])
         if len(rows) > MOST_ROWS:
             print(f"... and {len(rows) - MOST_ROWS} cells more")
@@ -68,15 +71,17 @@ def _print_warnings(rows: Sequence[Mapping[str, Any]]) -> None:
         print(f"{WARNED}: {len(kinds) - MOST_SENTENCES} other kinds of warnings are in table.csv")
 
 
-def _means(rows: Sequence[Mapping[str, Any]]) -> list[dict[str, Any]]:
+def _means(result: "StudyResult") -> list[dict[str, Any]]:
     """Return a row for each cell: its values, the number of its seeds with results, and means over them.
 
     What no run has, such as the bulk of small packings, is left out; so is how many runs ended full, or
     with a warning, where none did.
     """
+    rows = result.rows
     names = list(rows[0])
     axes = names[: names.index("seed")]
     shown = [name for name in SHOWN if name in names and any(math.isfinite(row[name]) for row in rows)]
+    titles = {name: title_of(result.dataset, name).replace(" ", "_") for name in shown}
     counted = {FULL: lambda row: is_full(row[WARNINGS]), WARNED: lambda row: bool(row[WARNINGS])}
     counts = {name: of for name, of in counted.items() if any(map(of, rows))}
     groups: dict[tuple[Any, ...], list[Mapping[str, Any]]] = {}
@@ -85,7 +90,7 @@ def _means(rows: Sequence[Mapping[str, Any]]) -> list[dict[str, Any]]:
     made = []
     for values, group in groups.items():
         good = [row for row in group if not row["failure"]]
-        means = {name: _mean([row[name] for row in good]) for name in shown}
+        means = {titles[name]: _mean([row[name] for row in good]) for name in shown}
         told: dict[str, Any] = {"seeds": f"{len(good)}/{len(group)}"}
         told |= {name: sum(map(of, group)) for name, of in counts.items()}
         made.append(dict(zip(axes, values, strict=True)) | told | means)

@@ -97,7 +97,8 @@ def relax(
     -------
     Packing
         The grains as the engine has them, with clumps in place of shapes that it cannot hold. Its stop reason is
-        ``"settled"`` where the bed rests, else ``"steps"``. Grains of an engine overlap by their elastic deformation.
+        ``"count"`` where the bed rests, of which :func:`voxgran.equilibrium` may find a proof, else ``"steps"``. Grains
+        of an engine overlap by their elastic deformation.
     xarray.Dataset
         Along ``time``, in s: ``kinetic_energy`` (mean of a grain, in m g d), ``mean_sinking`` and
         ``largest_displacement`` (median diameters), ``coordination_number``, ``share_of_rattlers`` (grains that touch
@@ -350,7 +351,8 @@ class _History:
             held,
             position=position,
             orientation=quaternions_of(last.matrices @ held.matrices),
-            stop_reason="settled" if self.rests else "steps",
+            # little kinetic energy proves no rest
+            stop_reason="count" if self.rests else "steps",
             provenance={**held.provenance, "relaxed": told},
             contact_gap=self.gap * factor,
             forces=None,

@@ -421,7 +421,9 @@ class Packing(GrainSequence):
         """Count, solid fraction and how it ended."""
         forces = self.forces if self.count else None
         rest = "" if forces is None else f", {100 * forces.share_at_rest:.1f} % at rest"
-        return f"Packing({self.count} grains, solid_fraction={self.solid_fraction:.4f}, {self.stop_reason}{rest})"
+        # of a bed the container has room above the surface
+        of = "" if self.gravity is None else "container_"
+        return f"Packing({self.count} grains, {of}solid_fraction={self.solid_fraction:.4f}, {self.stop_reason}{rest})"
 
 
 def check_packing(packing: Any, name: str) -> None:

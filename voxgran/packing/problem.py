@@ -332,13 +332,17 @@ def too_coarse(problem: Problem) -> str:
 
 
 def warn_of_overlaps(problem: Problem, packing: Packing) -> None:
-    """Warn of grains that overlap because voxels by their centers represent them, unless they have settled since."""
-    if problem.settling is not None or getattr(problem.parameters, "cover", "touch") == "touch" or not packing.count:
+    """Warn of grains that overlap because voxels or control points represent them, unless they have settled since."""
+    settings = problem.parameters
+    if getattr(settings, "cover", "touch") == "center":
+        why = "a grain takes only voxels whose centers lie in it: take cover='touch'"
+    elif getattr(settings, "overlap", None) == 0.0:
+        why = "surfaces may cross between control points: take a smaller spacing"
+    else:
         return
-    proof = verify(packing)
-    if proof.overlapping_pairs:
+    if problem.settling is None and packing.count and (proof := verify(packing)).overlapping_pairs:
         warn(
             f"{proof.overlapping_pairs} pairs of grains overlap by up to {proof.deepest:.2g} mean diameters, since "
-            "voxels represent a grain whose center lies in it: take cover='touch', or let the grains settle",
+            f"{why}, or let the grains settle",
             PackingWarning,
         )

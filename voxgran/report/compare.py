@@ -120,6 +120,7 @@ def _record(group: Group) -> dict[str, Any]:
     """Return a JSON-able description of the packings of a group."""
     return {
         "name": group.name,
+        **_fraction(group),
         "packings": len(group.packings),
         "grains": [packing.count for packing in group.packings],
         "methods": _methods(group),
@@ -137,11 +138,16 @@ def _headline(group: Group) -> dict[str, str]:
     counts = [packing.count for packing in group.packings]
     grains = " to ".join(facts.number(count) for count in sorted({min(counts), max(counts)}))
     many = f"{len(counts)} packings of " if len(counts) > 1 else ""
+    known = _fraction(group)
+    note = f"solid fraction of the {known['region']}; {many}{grains} grains, {', '.join(_methods(group))}"
+    return {"name": group.name, "value": f"{known['solid_fraction']:.4f}", "note": note}
+
+
+def _fraction(group: Group) -> dict[str, Any]:
+    """Return the mean solid fraction of the packings of a group, and of which regions it is."""
     found = [main_fraction(*pair) for pair in zip(group.packings, group.trees, strict=True)]
-    fraction = np.mean([value for _, value in found])
     regions = " or ".join(dict.fromkeys(region for region, _ in found))
-    note = f"solid fraction of the {regions}; {many}{grains} grains, {', '.join(_methods(group))}"
-    return {"name": group.name, "value": f"{fraction:.4f}", "note": note}
+    return {"solid_fraction": float(np.mean([value for _, value in found])), "region": regions}
 
 
 def _notes(groups: Sequence[Group]) -> list[str]:

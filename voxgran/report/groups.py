@@ -145,6 +145,7 @@ def compared(groups: Sequence[Group]) -> list[dict[str, Any]]:
         for numbers, group in zip(all_numbers, groups, strict=True):
             means = [values.mean() if len(values) else np.nan for values in group.neighbours]
             numbers["coordination_number"] = np.array(means)
+    beds = any(packing.gravity is not None for group in groups for packing in group.packings)
     rows = []
     for name, attrs in meaning.items():
         first = all_numbers[0][name]
@@ -155,7 +156,9 @@ def compared(groups: Sequence[Group]) -> list[dict[str, Any]]:
         if len(entries) < 2:
             continue
         long_name, unit = str(attrs.get("long_name", name)), str(attrs.get("units", "1"))
-        rows.append({"name": name, "long_name": long_name, "unit": unit, "groups": entries})
+        # of beds the numbers of the container are named after it, as on other pages
+        told = f"container_{name}" if beds and name in ("solid_fraction", "porosity") else name
+        rows.append({"name": told, "long_name": long_name, "unit": unit, "groups": entries})
     return rows
 
 

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from voxgran import __version__
-from voxgran.measures.registered.density import main_fraction
+from voxgran.measures.registered.density import main_numbers
 from voxgran.packing.model import Packing
 from voxgran.report import facts
 from voxgran.report.figures import Figure
@@ -33,15 +33,10 @@ def page_numbers(
         for name, value in statistics.data_vars.items():
             if not value.ndim and value.dtype.kind in "biuf":
                 scalars[str(name)] = {"value": value.item(), **{k: str(v) for k, v in value.attrs.items()}}
-    region, fraction = main_fraction(packing, statistics)
     return {
         "voxgran": __version__,
         "count": packing.count,
-        "solid_fraction": fraction,
-        "porosity": 1.0 - fraction,
-        "region": region,
-        "container_solid_fraction": packing.solid_fraction,
-        "container_porosity": packing.porosity,
+        **main_numbers(packing, statistics),
         "stop_reason": packing.stop_reason,
         "unit": packing.unit,
         "density": packing.density,

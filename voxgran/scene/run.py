@@ -26,7 +26,7 @@ from voxgran.io.netcdf import save_statistics
 from voxgran.io.series import Series
 from voxgran.io.vtk_files import save_scene
 from voxgran.measures.model import measure
-from voxgran.measures.registered.density import main_fraction
+from voxgran.measures.registered.density import main_numbers
 from voxgran.packing.model import Packing
 from voxgran.packing.pack import pack
 from voxgran.report.page import save_report
@@ -247,16 +247,11 @@ def summary_of(packing: Packing, proof: Verification, statistics: "DataTree") ->
     record = packing.provenance
     numbers = {name: float(statistics[name]) for name in NUMBERS if name in statistics}
     numbers = {name: value for name, value in numbers.items() if math.isfinite(value)}
-    region, fraction = main_fraction(packing, statistics)
     return {
         "method": record.get("method", ""),
         "seed": record.get("seed", 0),
         "grains": packing.count,
-        "solid_fraction": fraction,
-        "porosity": 1.0 - fraction,
-        "region": region,
-        "container_solid_fraction": packing.solid_fraction,
-        "container_porosity": packing.porosity,
+        **main_numbers(packing, statistics),
         **numbers,
         "stop_reason": packing.stop_reason,
         "verify": {name: getattr(proof, name) for name in ("ok", "overlapping_pairs", "deepest", "escaped")},

@@ -2,6 +2,7 @@
 
 import re
 from collections.abc import Iterable
+from functools import partial
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -104,17 +105,25 @@ def varies(dataset: "Dataset", name: str) -> bool:
 
 
 def main_variable(dataset: "Dataset") -> str:
-    """Return the variable that a study is about by default: the first of the solid fractions of the bulk, of the bed
-    and of the container that varies, and is known in each cell that has that of the container; otherwise the last.
+    """Return the variable that a study is about by default: of the solid fractions of the bulk, of the bed and of the
+    container the first that varies, and is known in each cell that has that of the container; where none varies, the
+    first that is known there.
     """
-    for name in DENSITIES[:-1]:
-        if is_own(dataset, name) and varies(dataset, name):
-            missing = ~np.isfinite(values_of(dataset, name)).any(axis=1)
-            if OF_CONTAINER not in numbers_of(dataset):
-                return name
-            if not np.isfinite(values_of(dataset, OF_CONTAINER)[missing]).any():
-                return name
-    return OF_CONTAINER
+    whole = OF_CONTAINER in numbers_of(dataset)
+    found = []
+    for name in filter(partial(is_own, dataset), DENSITIES):
+        missing = ~np.isfinite(values_of(dataset, name)).any(axis=1)
+        if not (whole and np.isfinite(values_of(dataset, OF_CONTAINER)[missing]).any()):
+            found.append(name)
+    return next((name for name in found if varies(dataset, name)), next(iter(found), OF_CONTAINER))
+
+
+def title_of(dataset: "Dataset", name: str) -> str:
+    """Return what a number is called: the solid fraction of the whole container is named after it where that of the
+    bulk or of the bed is another one.
+    """
+    parts = any(is_own(dataset, part) for part in DENSITIES if part != OF_CONTAINER)
+    return ("container " if name == OF_CONTAINER and parts else "") + name.replace("_", " ")
 
 
 def warnings_of(texts: Iterable[str]) -> list[tuple[int, str]]:

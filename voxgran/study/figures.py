@@ -12,7 +12,7 @@ from voxgran._base.lazy import load
 from voxgran.report import plots
 from voxgran.report.figures import Figure
 from voxgran.study.axes import Label
-from voxgran.study.cell_values import axes_of, labels_of, text_of, varied_axes
+from voxgran.study.cell_values import axes_of, labels_of, text_of, title_of, varied_axes
 from voxgran.study.cells import LISTED
 from voxgran.study.experiments import Band, check_labels
 from voxgran.study.statistics import Interval, summary
@@ -123,7 +123,7 @@ def _values(dataset: "Dataset", variable: str, confidence: float, interval: Inte
     found = summary(dataset, variable, confidence=confidence, interval=interval)
     mean, low, high = (found[name].values.ravel() for name in ("mean", "confidence_low", "confidence_high"))
     unit = plots.unit_text(str(dataset[variable].attrs.get("units", "1")))
-    return _Values(mean, low, high, f"{variable.replace('_', ' ')}{unit}")
+    return _Values(mean, low, high, f"{title_of(dataset, variable)}{unit}")
 
 
 def figures_of(
@@ -165,7 +165,7 @@ def figures_of(
         check_labels(bands, labels)
     density = _values(dataset, variable, confidence, interval)
     size = (WIDTH, max(HEIGHT, 0.28 * _legend_rows(points) + 1.0))
-    name, what = variable.replace("_", "-"), variable.replace("_", " ")
+    name, what = variable.replace("_", "-"), title_of(dataset, variable)
     bars = f"Bars are {100 * confidence:g} % confidence intervals of the means over the seeds."
     found = []
     if "seconds" in dataset:

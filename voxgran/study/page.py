@@ -33,6 +33,7 @@ from voxgran.study.cell_values import (
     numbers_of,
     text_of,
     texts_of,
+    title_of,
     values_of,
     varied_axes,
     varies,
@@ -227,7 +228,7 @@ def _cells(dataset: "Dataset", rows: Sequence[Mapping[str, Any]], level: float) 
     heads = {"seconds": "processor time (s)", "memory": "memory (MiB)"}
     units = {name: str(dataset[name].attrs.get("units", "1")) for name in shown}
     names = [
-        heads.get(name, name.replace("_", " ") + ("" if units[name] in ("", "1") else f" ({units[name]})"))
+        heads.get(name, title_of(dataset, name) + ("" if units[name] in ("", "1") else f" ({units[name]})"))
         for name in shown
     ]
     note = (
@@ -314,7 +315,7 @@ def _comparisons(dataset: "Dataset", tests: Sequence[Mapping[str, Any]]) -> list
         notes = [what, how]
         head = [*others, "compared", "runs", "difference", "effect size", "verdict"]
         texts = [[*(text_of(row[name]) for name in others), *_test_texts(row)] for row in of_it]
-        title = f"Comparison of {variable.replace('_', ' ')}"
+        title = f"Comparison of {title_of(dataset, variable)}"
         name = f"comparison-{variable.replace('_', '-')}"
         tables.append(Table(name, title, head, _short(texts, notes, COMPARISONS_TABLE), notes))
     return tables

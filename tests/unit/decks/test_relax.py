@@ -76,7 +76,7 @@ def test_poses_and_numbers_of_the_last_state(sinking):
     assert history["largest_displacement"].values == pytest.approx([0, 0.1 / median, 0.2 / median])
     assert history.attrs["sinking"] == pytest.approx(0.2 / median)
     assert history.attrs["rests"] == 1
-    assert rested.stop_reason == "settled"
+    assert rested.stop_reason == "count"
     assert all(history[name].attrs["long_name"] for name in NAMES)
     assert history["time"].attrs["units"] == "s"
 
@@ -231,7 +231,7 @@ def test_a_bed_at_rest_hardly_sinks_and_a_loose_one_does(lammps):
     box = vg.Box((5, 5, 9), periodic="xy")
     bed = vg.pack(vg.make_shape("sphere"), box, "gravity", count=100, seed=1)
     rested, history = vg.relax(bed)
-    assert rested.stop_reason == "settled"
+    assert rested.stop_reason == "count"
     assert abs(history.attrs["sinking"]) < 0.1
     assert history["share_of_rattlers"].values[-1] < 0.05
     loose = cases.falling(vg.pack(vg.make_shape("sphere"), box, "rsa", count=100, seed=1))

@@ -13,6 +13,7 @@ import voxgran as vg
 from voxgran._base.errors import InputError, OutputExistsError, PackingWarning
 from voxgran._base.seeds import stream
 from voxgran.measures.registered.coordination import coordination_number
+from voxgran.measures.registered.density import main_fraction
 
 pytestmark = pytest.mark.filterwarnings("ignore:.*the bulk holds")
 
@@ -41,7 +42,7 @@ def row_of(twin, name):
 
 def test_means_errors_and_significance_are_those_of_scipy(groups, tmp_path):
     text, twin = written(groups, tmp_path, which=["density", "coordination"])
-    row = row_of(twin, "solid_fraction")
+    row = row_of(twin, "container_solid_fraction")
     few, many = ([packing.solid_fraction for packing in group] for group in groups.values())
     assert row["few"]["mean"] == pytest.approx(np.mean(few))
     assert row["many"]["standard_error"] == pytest.approx(scipy.stats.sem(many))
@@ -53,6 +54,20 @@ def test_means_errors_and_significance_are_those_of_scipy(groups, tmp_path):
         assert words in text
     assert "No significance is claimed" not in text
     assert "src=" not in text
+
+
+def test_numbers_of_the_container_of_a_bed_are_named_after_it(tmp_path):
+    beds = {name: replace(heap(k, 40), gravity=(0.0, 0.0, -1.0)) for k, name in enumerate(("one", "two"))}
+    _, twin = written(beds, tmp_path, which=["density"])
+    for place, bed in zip(twin["groups"], beds.values(), strict=True):
+        assert (place["region"], place["solid_fraction"]) == main_fraction(bed)
+        assert place["region"] == "bed"
+        whole = {"solid_fraction": bed.solid_fraction, "porosity": bed.porosity}
+        for name, value in whole.items():
+            assert row_of(twin, f"container_{name}")[place["name"]]["mean"] == pytest.approx(value)
+    names = [row["name"] for row in twin["numbers"]]
+    assert not {"solid_fraction", "porosity"} & set(names)
+    assert names.index("bed_solid_fraction") < names.index("container_solid_fraction")
 
 
 def test_distances_over_grains_are_tested_by_regrouping_packings_only(groups, tmp_path):
@@ -120,7 +135,7 @@ def test_equal_to_rounding_is_equal(groups, tmp_path):
     assert text.count("<td>equal</td>") == sum(known) + 1
     assert {row["groups"]["moved"]["verdict"] for row in several["numbers"]} == {"equal", "not tested"}
     assert {test["verdict"] for test in several["distributions"]} == {"equal"}
-    assert row_of(several, "solid_fraction")["few"]["standard_error"] > 0
+    assert row_of(several, "container_solid_fraction")["few"]["standard_error"] > 0
     assert row_of(several, "container_volume")["few"]["standard_error"] == 0.0
 
 
@@ -156,6 +171,8 @@ def test_counts_and_methods_of_all_packings_are_told(tmp_path):
     assert "3 packings of 40 to 45 grains, rsa, digital" in text
     assert twin["groups"][0] == {
         "name": "mixed",
+        "solid_fraction": np.mean([main_fraction(packing)[1] for packing in mixed]),
+        "region": "bed",
         "packings": 3,
         "grains": [40, 45, 42],
         "methods": ["rsa", "digital"],
@@ -206,11 +223,13 @@ def test_packings_of_other_units_are_converted_to_that_of_the_first(groups, tmp_
     pair = {"mm": few, "metres": few.to_unit("m")}
     vg.save_comparison(pair, tmp_path / "c.html", which=["density"], pictures=False)
     rows = {row["name"]: row for row in json.loads((tmp_path / "c.json").read_text())["numbers"]}
-    for name in ("mean_diameter", "solid_fraction", "specific_surface"):
+    for name in ("mean_diameter", "container_solid_fraction", "specific_surface"):
         entry = rows[name]["groups"]["metres"]
         assert entry["mean"] == pytest.approx(rows[name]["groups"]["mm"]["mean"], rel=1e-12)
         assert abs(entry["difference"]) < 1e-12
-    units = {name: rows[name]["unit"] for name in ("mean_diameter", "grain_volume", "specific_surface", "porosity")}
+    units = {
+        name: rows[name]["unit"] for name in ("mean_diameter", "grain_volume", "specific_surface", "container_porosity")
+    }
     assert list(units.values()) == ["mm", "mm^3", "mm^-1", "1"]
     assert "equivalent diameter (mm)" in (tmp_path / "c.html").read_text()
     vg.save_comparison(dict(reversed(pair.items())), tmp_path / "d.html", which=["density"], pictures=False)

@@ -65,6 +65,9 @@ def study(values, **axes):
         ([[0.6, 0.61], [0.62, 0.63]], [[math.nan] * 2] * 2, [[0.6, 0.61], [0.62, 0.63]], "solid_fraction"),
         # a single cell: seeds differ
         ([[0.6, 0.6]], [[0.5, 0.51]], [[0.4, 0.4]], "bed_solid_fraction"),
+        # nothing varies: that of the container is still the last to tell of the packings
+        ([[0.6, 0.6]], [[0.5, 0.5]], [[0.4, 0.4]], "bulk_solid_fraction"),
+        ([[math.nan] * 2], [[0.5, 0.5]], [[0.4, 0.4]], "bed_solid_fraction"),
     ],
 )
 def test_the_default_variable_is_the_first_solid_fraction_that_varies(bulk, bed, whole, main):

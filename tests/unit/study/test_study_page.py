@@ -137,8 +137,14 @@ def test_what_is_equal_by_construction_is_not_drawn_and_what_varies_comes_first(
         "bulk_solid_fraction_by_cell.svg",
     ]
     assert "Comparison of bulk solid fraction" in text
-    assert "Comparison of solid fraction" not in text
-    assert "<th>solid fraction</th>" in re.sub(r"<th[^>]*>", "<th>", text)
+    assert "solid fraction" not in re.findall(r"Comparison of ([^<]*)", text)
+    # beside another one that of the container says whose it is
+    heads = re.findall(r"<th[^>]*>([^<]*)</th>", text)
+    assert heads.index("bulk solid fraction") < heads.index("container solid fraction")
+    assert "solid fraction" not in heads
+    figure, _ = figures_of(made, "solid_fraction", over="method")
+    assert figure.caption.startswith("Container solid fraction against processor time")
+    assert ">container solid fraction<" in figure.svg
 
 
 def test_the_page_says_how_many_runs_warned_of_what(data, tmp_path):

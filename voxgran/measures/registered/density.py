@@ -2,7 +2,7 @@
 
 import math
 import warnings
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -137,6 +137,18 @@ def main_fraction(packing: Packing, statistics: "DataTree | None" = None) -> tup
             if math.isfinite(fraction):
                 return region, fraction
     return "container", packing.solid_fraction
+
+
+def main_numbers(packing: Packing, statistics: "DataTree | None" = None) -> dict[str, Any]:
+    """Return solid fraction and porosity of the region of :func:`main_fraction`, and those of the container."""
+    region, fraction = main_fraction(packing, statistics)
+    return {
+        "solid_fraction": fraction,
+        "porosity": 1.0 - fraction,
+        "region": region,
+        "container_solid_fraction": packing.solid_fraction,
+        "container_porosity": packing.porosity,
+    }
 
 
 def _quiet_bulk(packing: Packing) -> float:
