@@ -198,12 +198,14 @@ def test_three_grains_share_what_they_have_in_common(depths):
 
 
 def test_periodic_images_are_partners():
-    packing = vg.Packing.of([BALL], vg.Box((0.97, 0.96, 2.0), "xy"), position=[(0.9, 0.1, 1.0)])
-    soft = vg.deform(packing, spacing=0.2)
-    assert soft.image.tolist() == [[0, 1, 0], [1, 0, 0]] or soft.image.tolist() == [[1, 0, 0], [0, 1, 0]]
-    assert np.ptp(soft.vertices[0], axis=0)[:2] == pytest.approx([0.97, 0.96], abs=1e-13)
+    places = [(x, y, 1.0) for x in (0.9, 1.87) for y in (0.1, 1.06)]
+    soft = vg.deform(vg.Packing.of([BALL], vg.Box((1.94, 1.92, 2.0), "xy"), position=places), spacing=0.2)
+    # each grain touches two others, both of them directly and across a face
+    assert sorted(np.abs(soft.image).tolist()) == [[0, 0, 0]] * 4 + [[0, 1, 0]] * 2 + [[1, 0, 0]] * 2
+    for vertices in soft.vertices:
+        assert np.ptp(vertices, axis=0)[:2] == pytest.approx([0.97, 0.96], abs=1e-13)
     alone = [vg.deform(two_spheres(depth), spacing=0.2).area[0] for depth in (0.03, 0.04)]
-    assert np.sort(soft.area) == pytest.approx(alone, rel=2e-3)
+    assert np.sort(soft.area) == pytest.approx(np.repeat(alone, 4), rel=2e-3)
     # a neighbour of the same diameter across the face gives the same
     pair = vg.Packing.of([BALL], vg.Box((1.98, 3, 3), "x"), position=[(0.2, 1, 1), (1.22, 1, 1)])
     assert vg.deform(pair, spacing=0.2).image.tolist() == [[-1, 0, 0]]
@@ -329,8 +331,8 @@ def test_what_cannot_give_way_is_refused(monkeypatch):
         vg.deform(small_within)
     with pytest.raises(InputError, match="grain 0 or 1 lies wholly within the other"):
         vg.deform(small_within, stiffness=[1.0, np.inf])
-    cell = [(x, y, z) for x, y, z in itertools.product((0.36,), (0.36,), (0.36,))]
-    crushed = vg.Packing.of([BALL], vg.Box((0.72, 0.72, 0.72), "xyz"), position=cell)
+    cell = list(itertools.product((0.36, 1.08), repeat=3))
+    crushed = vg.Packing.of([BALL], vg.Box((1.44, 1.44, 1.44), "xyz"), position=cell)
     with pytest.raises(InputError, match="no room to bulge"):
         vg.deform(crushed, spacing=0.4)
     monkeypatch.setattr(soft_surface, "MOST_VERTICES", 3000)
