@@ -30,8 +30,6 @@ Array: TypeAlias = NDArray[Any]
 PACKING_BYTES = 120 * 2**20
 #: what a warning says of a method that has no room for all grains
 NO_ROOM = "no grain finds room any more; ask for less, or take smaller grains, a larger container or a denser packing"
-#: bytes that Open3D adds if a method samples surfaces (measured)
-SAMPLING_BYTES = 310 * 2**20
 #: expected seconds from which on a run with default voxels says before it starts that it takes long
 LONG_RUN = 30.0
 
@@ -231,8 +229,7 @@ def packing_memory(method: PackingMethod, problem: Problem) -> int:
     TooLargeError
         If the lattice has more voxels than the method can hold.
     """
-    sampling = SAMPLING_BYTES if "open3d" in method.libraries else 0
-    return PACKING_BYTES + sampling + method.cost(problem).memory
+    return PACKING_BYTES + method.cost(problem).memory
 
 
 def check_cost(method: PackingMethod, problem: Problem) -> None:

@@ -4,7 +4,7 @@ The spacing of a set of points is twice its covering radius: every point of the 
 spacing. Therefore, if two surfaces cross, two of their samples are closer than the larger of the two spacings.
 """
 
-from functools import lru_cache
+import math
 from typing import Any
 
 import numpy as np
@@ -13,7 +13,7 @@ from voxgran._base.arrays import Floats, as_choice, as_count, as_length, check_t
 from voxgran._base.calls import explained
 from voxgran._base.errors import InputError
 from voxgran._base.registry import ExplainedAttributes
-from voxgran.points.backend_open3d import sample_triangles
+from voxgran.points.blue_noise import random_points, spread_points
 from voxgran.points.covering import covering_radius
 from voxgran.shapes.model import Shape
 from voxgran.shapes.outline import Outline
@@ -22,11 +22,9 @@ from voxgran.shapes.primitive import Primitive
 #: largest number of attempts with an increasing number of points
 ROUNDS = 8
 MOST_POINTS = 500_000
-#: sets of points that are kept between calls
-KEPT = 8
-#: initial number of points, in units of the area over the squared covering radius (measured: 0.9 to 1.4 and 1.4 to 4.7;
-#: 0.38 for a hexagonal arrangement)
-POISSON, UNIFORM = 0.95, 2.5
+#: the number of points in units of the area over the squared covering radius increases by the logarithm of that ratio:
+#: its value at 1 and its slope, by method (0.38 for a hexagonal arrangement of any number)
+NUMBERS = {"poisson": (0.47, 0.055), "uniform": (0.1, 0.4)}
 
 
 class SurfacePoints(ExplainedAttributes, np.ndarray[Any, np.dtype[np.float64]]):
@@ -57,7 +55,7 @@ def sample_surface(shape: Shape, *, spacing: float, seed: int = 0, method: str =
     """Sample points on the surface of a shape with at most the given spacing.
 
     The body is sampled at unit equivalent diameter and scaled back. The number of points increases until the covering
-    radius, computed to one percent, is small enough. The points of the last calls are kept.
+    radius, computed to one percent, is small enough.
 
     Parameters
     ----------
@@ -69,7 +67,8 @@ def sample_surface(shape: Shape, *, spacing: float, seed: int = 0, method: str =
     seed : int
         Random seed.
     method : {"poisson", "uniform"}
-        "poisson": points with a mutual distance. "uniform": independent points, many more for the same spacing.
+        "poisson": points with a mutual distance. "uniform": random points, each anywhere in a share of its own of the
+        area; many more for the same spacing.
 
     Returns
     -------
@@ -81,7 +80,11 @@ def sample_surface(shape: Shape, *, spacing: float, seed: int = 0, method: str =
     InputError
         If the spacing is not above 0, the method is unknown, or the spacing needs more than half a million points.
     MissingLibraryError
-        If Open3D cannot be loaded.
+        If numba cannot be loaded.
+
+    References
+    ----------
+    McCool & Fiume 1992, Hierarchical Poisson disk sampling distributions.
 
     Examples
     --------
@@ -94,32 +97,21 @@ def sample_surface(shape: Shape, *, spacing: float, seed: int = 0, method: str =
     check_type(shape, Shape, "shape", "a Shape; make_shape and load_shape make one")
     wanted = as_length(spacing, "spacing")
     as_choice(method, "method", ("poisson", "uniform"))
-    return _sampled(shape, wanted, as_count(seed, "seed", at_most=None), method).copy()
-
-
-@lru_cache(maxsize=KEPT)
-def _sampled(shape: Shape, spacing: float, seed: int, method: str) -> SurfacePoints:
-    """Return the points of :func:`sample_surface`.
-
-    Raises
-    ------
-    InputError
-        If the spacing needs more than half a million points.
-    """
-    wanted = spacing / shape.diameter
+    chosen = as_count(seed, "seed", at_most=None)
+    wanted /= shape.diameter
     if isinstance(shape.geometry, Outline):
         points, reached = _along_outline(shape.geometry.scaled(1 / shape.diameter), wanted)
         return SurfacePoints.from_points(points * shape.diameter, reached * shape.diameter)
     vertices = shape.vertices / shape.diameter
     area = shape.surface_area / shape.diameter**2
-    share = POISSON if method == "poisson" else UNIFORM
-    estimate = max(12.0, share * area / (wanted / 2) ** 2)
+    sampled = spread_points if method == "poisson" else random_points
+    (least, slope), size = NUMBERS[method], area / (wanted / 2) ** 2
+    estimate = max(12.0, size * (least + slope * math.log(max(size, 1.0))))
     for _ in range(ROUNDS):
         if estimate > MOST_POINTS:
             break
         count = int(estimate)
-        points = sample_triangles(vertices, shape.faces, count, seed=seed, poisson=method == "poisson")
-        points, slack = _on_sphere(shape, points)
+        points, slack = _on_sphere(shape, sampled(vertices, shape.faces, count, seed=chosen))
         reached = 2 * (covering_radius(points, vertices, shape.faces) + slack)
         if reached <= wanted:
             return SurfacePoints.from_points(points * shape.diameter, reached * shape.diameter)

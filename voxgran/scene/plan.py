@@ -295,7 +295,7 @@ def _steps(scene: SceneDescription, task: Task) -> dict[str, tuple[str, ...]]:
     computed.append("measure " + (", ".join(scene.which) if scene.which else "the usual measures"))
     skipped = []
     libraries = {"scipy", "xarray", "vtkmodules", *task.method.libraries}
-    drawing = ("matplotlib", "jinja2", "pyvista", "open3d", *(("plotly",) if scene.output.interactive else ()))
+    drawing = ("matplotlib", "jinja2", "pyvista", *(("plotly",) if scene.output.interactive else ()))
     for wanted, step, needs in (
         (scene.output.vtk, "write surfaces, container and contacts for ParaView", ()),
         (scene.output.statistics, "write statistics.nc", ("netCDF4",)),
@@ -316,10 +316,7 @@ def _steps(scene: SceneDescription, task: Task) -> dict[str, tuple[str, ...]]:
     if polygon or any(isinstance(shape.geometry, Mesh) for shape in task.problem.shapes):
         libraries.add("manifold3d")
     if task.problem.dimension == 2:
-        libraries.discard("open3d")
         skipped.append("anything in three dimensions: the container is flat")
-    if "open3d" in libraries:
-        libraries.add("plotly")  # which it imports itself
     if scene.settle is False:
         skipped.append("settling: [settle] says enabled = false")
     if scene.sizes is None and task.method.sizing != "made":

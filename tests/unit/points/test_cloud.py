@@ -9,7 +9,7 @@ import voxgran as vg
 from voxgran._base.errors import DirtyMeshError, InputError
 from voxgran._base.rotation import random_rotations, rotation_matrices
 from voxgran._base.seeds import stream
-from voxgran.points.backend_open3d import sample_triangles
+from voxgran.points.blue_noise import random_points
 from voxgran.points.cloud import Cloud
 
 
@@ -22,7 +22,7 @@ def sphere_points(count, seed=1):
 def scan_of(shape, count, noise, seed=1):
     """Return noisy points anyhow on a shape."""
     corners, faces, _ = shape.geometry.tessellation()
-    points = sample_triangles(corners / shape.diameter, faces, count, seed=seed, poisson=False) * shape.diameter
+    points = random_points(corners, faces, count, seed=seed)
     return points + noise * stream(seed, "noise").normal(size=points.shape)
 
 

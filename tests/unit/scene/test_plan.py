@@ -79,14 +79,14 @@ def test_the_run_loads_and_makes_what_the_plan_says(name, tmp_path):
     assert counters["attempts"] <= plan["attempts"]
 
 
-def test_a_report_of_a_flat_scene_draws_no_solids(tmp_path):
+def test_no_report_needs_open3d(tmp_path):
     path = tmp_path / "scene.toml"
     output = {"vtk": "false", "statistics": "false", "report": "true"}
     for container, packing, shape in ((FLAT, RSA, DISK), (BOX, DIGITAL, BALL)):
         path.write_text(SCENE.format(shape=shape, container=container, packing=packing, **output))
         libraries = vg.Scene.from_toml(path).plan().libraries
         assert "pyvista" in libraries
-        assert ("open3d" in libraries) == (container == BOX)
+        assert "open3d" not in libraries
 
 
 LARGE = """

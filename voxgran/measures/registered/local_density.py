@@ -15,7 +15,7 @@ from voxgran._base.arrays import Floats, as_count
 from voxgran.measures.cells import cell_volumes
 from voxgran.measures.model import Groups, Measure, dataset, length_unit, variable
 from voxgran.packing.model import Packing
-from voxgran.points.backend_open3d import sample_triangles
+from voxgran.points.blue_noise import spread_points
 from voxgran.points.sample import sample_surface
 from voxgran.shapes.model import Shape
 from voxgran.shapes.outline import Outline
@@ -98,7 +98,7 @@ def surface_points(shape: Shape, points: int) -> Floats:
     if isinstance(shape.geometry, Outline):
         return np.asarray(sample_surface(shape, spacing=shape.surface_area / points))
     size = shape.bounding_radius
-    return sample_triangles(shape.vertices / size, shape.faces, points, seed=0, poisson=True) * size
+    return spread_points(shape.vertices / size, shape.faces, points, seed=0) * size
 
 
 def _shares(packing: Packing, cells: Floats) -> Floats:

@@ -202,7 +202,7 @@ registration = PackingMethod(
     finish=finish,
     cost=cost,
     dimensions=(2, 3),
-    libraries=("numba", "open3d"),
+    libraries=("numba",),
     open_surfaces=True,
     builds_bed=True,
 )

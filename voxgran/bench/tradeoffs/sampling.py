@@ -1,0 +1,73 @@
+"""Points on surfaces: seconds, covering radius and smallest distance by their number, beside Open3D's Poisson disks.
+
+The covering radius is the error: half the spacing that so many points reach. A hexagonal arrangement has 0.62 in units
+of the root of the area of a point.
+"""
+
+import math
+from pathlib import Path
+
+import numpy as np
+
+from voxgran._base.lazy import load
+from voxgran.bench.model import TradeOff, least_seconds, panels_of, peers_of, scans, write_rows
+from voxgran.points.blue_noise import spread_points
+from voxgran.points.covering import covering_radius
+from voxgran.shapes.family import make_shape
+
+#: numbers of points; scanned body
+COUNTS, SCAN = (500, 5_000, 50_000), "itokawa_lp.obj"
+
+#: program, shape, points, processor seconds, covering radius over the root of the area of a point, smallest distance
+#: over that of a hexagonal arrangement
+Row = tuple[str, str, int, float, float, float]
+
+
+def measured(counts: tuple[int, ...] = COUNTS) -> list[Row]:
+    """Return the rows of voxgran, and those of Open3D in a checkout of the source repository."""
+    programs, peers = {"voxgran": spread_points}, peers_of("sampling")
+    if peers is not None:
+        programs["Open3D"] = peers.open3d_points
+    rows = []
+    for name, shape in {"box": make_shape("box"), **scans(SCAN)}.items():
+        mesh = shape.vertices / shape.diameter, shape.faces
+        for count in counts:
+            share = shape.surface_area / shape.diameter**2 / count
+            for program, sampled in programs.items():
+                seconds = least_seconds(lambda: sampled(*mesh, count, seed=0), repeats=1, processor=True)  # noqa: B023
+                points = sampled(*mesh, count, seed=0)
+                apart = load("scipy.spatial").cKDTree(points).query(points, k=2)[0][:, 1].min()
+                error = covering_radius(points, *mesh) / math.sqrt(share)
+                rows.append((program, name, count, seconds, error, float(apart / np.sqrt(share * 2 / np.sqrt(3)))))
+    return rows
+
+
+def run(folder: Path) -> tuple[Path, ...]:
+    """Measure, and write rows as CSV and a figure as SVG."""
+    rows = measured()
+    lines = [
+        f"{program},{name},{count},{seconds:.4f},{error:.3f},{apart:.3f}"
+        for program, name, count, seconds, error, apart in rows
+    ]
+    head = "program,shape,points,processor_seconds,covering_radius,smallest_distance"
+    _draw(rows, folder / "sampling.svg")
+    return write_rows(folder / "sampling.csv", head, lines), folder / "sampling.svg"
+
+
+def _draw(rows: list[Row], path: Path) -> None:
+    """Draw the covering radius, relative to the root of the area of the surface, against seconds."""
+    with panels_of(path, 1, width=6.0) as (panel,):
+        for program, name in dict.fromkeys(row[:2] for row in rows):
+            mine = [row for row in rows if row[:2] == (program, name)]
+            radius = [row[4] / math.sqrt(row[2]) for row in mine]
+            style = "o-" if program == "voxgran" else "s:"
+            panel.loglog([row[3] for row in mine], radius, style, label=f"{program}, {name}")
+        panel.set(xlabel="processor time (s)", ylabel="covering radius / root of the area")
+        panel.legend(frameon=False, fontsize=8)
+
+
+registration = TradeOff(
+    name="sampling",
+    summary="points on surfaces: seconds, covering radius and smallest distance",
+    run=run,
+)
