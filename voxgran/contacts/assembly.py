@@ -22,8 +22,8 @@ from voxgran._base.arrays import (
     read_only,
 )
 from voxgran._base.errors import InputError, shown
-from voxgran._base.rotation import rotation_matrices
 from voxgran.containers.model import Container
+from voxgran.geometry.rotation import rotation_matrices
 from voxgran.shapes.model import Shape
 
 #: that of all shapes, or one for each shape

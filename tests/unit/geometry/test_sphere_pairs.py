@@ -5,8 +5,8 @@ import itertools
 import numpy as np
 import pytest
 
-from voxgran._base.cells import near_pairs
 from voxgran._base.seeds import stream
+from voxgran.geometry.sphere_pairs import near_pairs
 
 LENGTHS = np.array([1.0, 1.3, 1.7])
 
