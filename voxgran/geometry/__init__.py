@@ -1,1 +1,1 @@
-"""Geometry without grains: vectors, triangles, trees of boxes, grids of cells, rotations, convex solids."""
+"""Geometry without grains: vectors, rotations, triangles, trees of boxes, pairs of spheres and grids of cells."""
