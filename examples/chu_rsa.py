@@ -13,7 +13,7 @@ Columns: disks by radius, all disks, survival rate of the coordinates, porosity,
 contact normals (difference of the principal values of the fabric tensor over their mean; 0 if isotropic) and the angle
 of its axis from x, share of contact normals within 30 degrees of x (1/3 if isotropic), seconds.
 
-Arguments: folder, number of random orders.
+Arguments: folder, number of random orders, largest number of corrections (2).
 """
 
 import sys
@@ -28,6 +28,7 @@ import voxgran as vg
 
 folder = Path(sys.argv[1] if len(sys.argv) > 1 else "out/chu_rsa")
 orders = int(sys.argv[2]) if len(sys.argv) > 2 else 10
+corrections = int(sys.argv[3]) if len(sys.argv) > 3 else 2
 candidates, radii, touching = 5000, (0.3, 0.4, 0.5), 1e-7
 schemes = ("classic", "1", "2", "3", "4a", "4b", "4c", "4d")
 paper = {"1": (547, 271, 190), "3": (505, 306, 264), "4b": (521, 314, 268), "4d": (453, 339, 327)}
@@ -48,6 +49,7 @@ def replay(scheme, seed, *, many=candidates, retry="scan"):
         retry=retry,
         count=many,
         tries=1,
+        corrections=corrections,
         numbers="lcg",
         sizes=sizes,
         seed=seed,

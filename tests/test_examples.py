@@ -73,6 +73,16 @@ def test_directions(tmp_path, capsys, monkeypatch):
     assert (tmp_path / "directions.svg").exists()
 
 
+def test_the_order_of_the_totals_of_chu_depends_on_the_corrections(tmp_path, capsys, monkeypatch):
+    """4d > 4b > 3 and 1 with three corrections, as in the paper; 4b before 4d with two."""
+    for corrections in (2, 3):
+        text = printed("chu_rsa.py", capsys, monkeypatch, str(tmp_path), "4", str(corrections))
+        rows = re.findall(r"^(\d[a-d]?) +\d+ +\d+ +\d+ +(\d+) ", text.split("words of the paper")[0], re.M)
+        count = {scheme: int(number) for scheme, number in rows}
+        assert (count["4d"] > count["4b"]) == (corrections == 3)
+        assert count["4b"] > max(count["1"], count["3"])
+
+
 def test_chu_rsa(tmp_path, capsys, monkeypatch):
     """The claims of the paper on the reading by scans, and its totals within what the reading reaches."""
     text = printed("chu_rsa.py", capsys, monkeypatch, str(tmp_path), "6")

@@ -25,14 +25,14 @@ def bed_of(shape: vg.Shape) -> tuple[float, vg.Packing]:
 
 def row_of(name: str, scan: vg.Shape, faces: int | None) -> dict[str, object]:
     """Return a line of the table; of the scan itself where `faces` is None."""
-    row: dict[str, object] = {"scan": name, "faces": len(scan.faces), "seconds": "", "volume_change": ""}
+    row: dict[str, object] = {"scan": name, "faces": len(scan.faces), "seconds": "", "collapse_volume_change": ""}
     row.update(mean_distance="", largest_distance="")
     shape = scan
     if faces is not None:
         began = time.process_time()
         made = vg.simplify(scan, faces=faces)
         row["seconds"] = f"{time.process_time() - began:.2f}"
-        row.update(faces=made.faces, volume_change=f"{made.volume_change:.1e}")
+        row.update(faces=made.faces, collapse_volume_change=f"{made.collapse_volume_change:.1e}")
         row["mean_distance"] = f"{made.mean_distance / scan.diameter:.1e}"
         row["largest_distance"] = f"{made.largest_distance / scan.diameter:.1e}"
         shape = made.shape

@@ -67,7 +67,7 @@ class RsaKeywords(PackKeywords, total=False):
     tries: Whole
     retry: Literal["scan", "next"]
     corrections: Whole
-    order: Literal["given", "largest", "random"]
+    order: Literal["given", "largest", "random"] | None
     along: Literal["x", "y", "z"]
     numbers: Literal["philox", "lcg"]
     aligned: bool

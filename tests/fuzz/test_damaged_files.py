@@ -5,6 +5,8 @@ number, so that a failure names the mutation that caused it.
 """
 
 import contextlib
+import gzip
+import json
 import os
 import random
 import re
@@ -118,6 +120,32 @@ which = ["density", "coordination"]
 vtk = true
 report = false
 """
+
+
+MERCURY = "4 0 0 0 0 4 4 4\n" + "".join(f"{x} {y} {z} 0 0 0 {r} 0 0 0 0 0 0 0\n" for x, y, z, r in SPHERES.tolist())
+EXTENDED = '4\nLattice="4 0 0 0 4 0 0 0 4" Properties=species:S:1:pos:R:3:radius:R:1 pbc="T T F"\n'
+EXTENDED += "".join(f"C {x} {y} {z} {r}\n" for x, y, z, r in SPHERES.tolist())
+STUDY = """seeds = 2
+combine = "cross"
+[axes]
+"packing.count" = [3, 5]
+shape = [{ family = "sphere", label = "a" }, { family = "box", label = "b" }]
+[experiments]
+a = { low = 0.1, high = 0.2, source = "none" }
+[base.scene]
+unit = "mm"
+[base.container]
+kind = "box"
+lengths = [8, 8, 8]
+[base.packing]
+method = "rsa"
+"""
+LEGACY = "# vtk DataFile Version 2.0\nmade by a test\nASCII\nDATASET POLYDATA\nPOINTS 4 double\n"
+LEGACY += "".join(f"{x} {y} {z}\n" for x, y, z, _ in SPHERES.tolist())
+LEGACY += (
+    "VERTICES 4 8\n1 0\n1 1\n1 2\n1 3\nPOINT_DATA 4\nSCALARS radius double 1\nLOOKUP_TABLE default\n.5\n.25\n.5\n.75\n"
+)
+UNITS = "x [um],y [um],z [mm],radius [mm]\n1000,2000,3,1\n5000,2000,3,1\n"
 
 
 def binary_stl():
@@ -252,6 +280,29 @@ def checkpoint(path):
     return saved(lambda p: save_checkpoint(p, {"done": 3}, {"a": np.arange(20)}), path)
 
 
+def run_of(path, *, resume):
+    """Pack a few spheres, with a checkpoint."""
+    box = vg.Box((4, 4, 4))
+    return vg.pack(vg.shapes.sphere(), box, "rsa", count=9, seed=1, checkpoint=path, resume=resume)
+
+
+def resealed(path):
+    """Go on from a checkpoint with another header, sealed as if voxgran had written it."""
+    good = path.with_name("run.checkpoint")
+    try:
+        header = json.loads(path.read_bytes())
+    except (ValueError, RecursionError):
+        header = {}
+    save_checkpoint(path.with_suffix(".sealed"), header if isinstance(header, dict) else {}, load_checkpoint(good)[1])
+    return run_of(path.with_suffix(".sealed"), resume=True)
+
+
+def header_of_a_run(path):
+    good = path.with_name("run.checkpoint")
+    saved(lambda p: run_of(p, resume=False), good)
+    return saved(lambda p: p.write_text(json.dumps(load_checkpoint(good)[0])), path)
+
+
 def laser(path):
     laspy = pytest.importorskip("laspy")
     data = laspy.LasData(laspy.LasHeader(point_format=0))
@@ -277,6 +328,10 @@ def as_cells(path):
 
 def as_plan(path):
     return vg.Scene.from_toml(path)
+
+
+def as_study(path):
+    return vg.Study(path).cells()
 
 
 #: suffix, what writes a well-formed file, and what reads it
@@ -342,6 +397,16 @@ FORMATS = {
     "checkpoint": (".checkpoint", checkpoint, load_checkpoint),
     "scene": (".toml", constant(SCENE), as_plan),
     "series": (".pvd", constant(PVD), listed_times),
+    "study": (".toml", constant(STUDY), as_study),
+    "run": (".checkpoint", header_of_a_run, resealed),
+    "mercury": (".data", constant(MERCURY), vg.load),
+    "extended xyz": (".xyz", constant(EXTENDED), vg.load),
+    "xyzd": (".xyzd", constant((SPHERES * [1, 1, 1, 2]).astype("<f8").tobytes()), vg.load),
+    "legacy points": (".vtk", constant(LEGACY), vg.load),
+    "units": (".csv", constant(UNITS), vg.load),
+    "units of a clump": (".csv", constant(UNITS.replace("5000", "1500")), vg.load_shape),
+    "packed": (".csv.gz", constant(gzip.compress(UNITS.encode(), mtime=0)), vg.load),
+    "packed shape": (".obj.gz", constant(gzip.compress(OBJ.encode(), mtime=0)), vg.load_shape),
 }
 
 NUMBERS = [b"0", b"-1", b"nan", b"inf", b"-inf", b"1e160", b"1e300", b"-1e300", b"1e-300", b"1e400", b"5e-324", b"1e59"]

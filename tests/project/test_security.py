@@ -1,9 +1,14 @@
 """The promises of SECURITY.md about files of strangers that no other test holds."""
 
 import ast
+import dataclasses
+import hashlib
+import html
 import io
+import json
 import pickle
 import re
+import xml.etree.ElementTree as ET
 import zipfile
 from pathlib import Path
 
@@ -11,7 +16,10 @@ import numpy as np
 import pytest
 
 import voxgran as vg
-from voxgran._base.errors import VoxgranError
+from voxgran._base.checkpoint import load_checkpoint
+from voxgran._base.errors import CheckpointError, FileFormatError, TooLargeError, VoxgranError
+from voxgran.io.series import listed_times
+from voxgran.shapes.images import image_files
 
 ROOT = Path(__file__).parents[2]
 PACKAGE = ROOT / "voxgran"
@@ -151,6 +159,108 @@ def test_arrays_that_state_more_than_they_hold_are_refused(tmp_path):
         vg.load_image(path)
 
 
+@pytest.mark.parametrize("size", [2**30, 2**40])
+def test_arrays_larger_than_the_memory_are_refused_before_they_are_read(size, tmp_path, monkeypatch):
+    path, body = tmp_path / "bomb.npz", io.BytesIO()
+    np.save(body, np.zeros(2**21, dtype=np.uint8))
+    with zipfile.ZipFile(path, "w", compression=zipfile.ZIP_DEFLATED) as archive:
+        archive.writestr("labels.npy", body.getvalue())
+    assert path.stat().st_size < body.tell() / 500
+    monkeypatch.setattr(image_files, "memory_limit", lambda: 2**20)
+    with pytest.raises(TooLargeError, match=r"holds 'labels' of 2097280 bytes: more than the memory"):
+        vg.load_image(path)
+
+
+def test_checkpoints_that_grow_are_refused(tmp_path):
+    body = io.BytesIO()
+    np.savez_compressed(body, header=np.zeros(2**22, dtype=np.uint8))
+    seal = hashlib.sha256(body.getvalue()).hexdigest().encode()
+    (tmp_path / "c").write_bytes(b"voxgran checkpoint 1 %s %d\n" % (seal, body.tell()) + body.getvalue())
+    with pytest.raises(CheckpointError, match="another program wrote it; start anew"):
+        load_checkpoint(tmp_path / "c")
+
+
+def external(kind, body):
+    """Return XML whose entity is another file."""
+    head = '<?xml version="1.0"?><!DOCTYPE VTKFile [<!ENTITY a SYSTEM "secret.txt">]>'
+    return f'{head}<VTKFile type="{kind}">{body}</VTKFile>'
+
+
+def test_entities_of_xml_that_name_files_are_not_read(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "secret.txt").write_text('<DataSet timestep="7"/>')
+    (tmp_path / "a.pvd").write_text(external("Collection", "<Collection>&a;</Collection>"))
+    with pytest.raises(FileFormatError, match="undefined entity"):
+        listed_times(tmp_path / "a.pvd")
+    (tmp_path / "secret.txt").write_text("1 1 1 3 3 3")
+    radius = '<DataArray type="Float64" Name="radius" format="ascii">1 1</DataArray>'
+    places = '<DataArray type="Float64" NumberOfComponents="3" format="ascii">&a;</DataArray>'
+    text = f"<PointData>{radius}</PointData><Points>{places}</Points>"
+    body = f'<PolyData><Piece NumberOfPoints="2">{text}</Piece></PolyData>'
+    (tmp_path / "a.vtp").write_text(external("PolyData", body))
+    with pytest.raises(FileFormatError):
+        vg.load(tmp_path / "a.vtp")
+    (tmp_path / "a.vtp").write_text(external("PolyData", body).replace("&a;", "1 1 1 3 3 3"))
+    assert vg.load(tmp_path / "a.vtp").count == 2
+
+
+PARTS = {
+    "a.vtp": ("PPolyData", '<PPoints><PDataArray type="Float32" NumberOfComponents="3"/></PPoints>'),
+    "b.vtu": ("PUnstructuredGrid", '<PPoints><PDataArray type="Float32" NumberOfComponents="3"/></PPoints>'),
+    "c.vti": ("PImageData", '<PCellData><PDataArray type="Int64" Name="labels"/></PCellData>'),
+    "d.vtp": ("vtkMultiBlockDataSet", ""),
+}
+
+
+@pytest.mark.parametrize("name", PARTS)
+def test_files_that_lead_to_others_are_refused(name, tmp_path):
+    pyvista = pytest.importorskip("pyvista")
+    if name == "c.vti":
+        grid = pyvista.ImageData(dimensions=(3, 3, 3))
+        grid.cell_data["labels"] = np.arange(8)
+    else:
+        grid = pyvista.PolyData(np.eye(3))
+        grid.point_data["radius"] = np.full(3, 0.5)
+        grid = grid.cast_to_unstructured_grid() if name == "b.vtu" else grid
+    secret = tmp_path / f"secret{name[-4:]}"
+    grid.save(secret)
+    read = vg.load_image if name == "c.vti" else vg.load
+    read(secret)
+    kind, declared = PARTS[name]
+    extent = 'WholeExtent="0 2 0 2 0 2" Extent="0 2 0 2 0 2" Origin="0 0 0" Spacing="1 1 1" GhostLevel="0"'
+    part = (
+        f'<DataSet index="0" file="../{secret.name}"/>'
+        if "Multi" in kind
+        else f'<Piece {extent} Source="../{secret.name}"/>'
+    )
+    (tmp_path / "in").mkdir()
+    decoy = '<!-- <VTKFile type="PolyData" version="1.0"> -->'
+    (tmp_path / "in" / name).write_text(
+        f'<?xml version="1.0"?>{decoy}<VTKFile type="{kind}" version="1.0" byte_order="LittleEndian">'
+        f"<{kind} {extent}>{declared}{part}</{kind}></VTKFile>"
+    )
+    for way in (read, vg.load_shape):
+        with pytest.raises(FileFormatError, match=r"only names other files|has the suffix '.vti'"):
+            way(tmp_path / "in" / name)
+
+
+def test_images_whose_data_stand_elsewhere_are_refused(tmp_path):
+    pytest.importorskip("nrrd")
+    (tmp_path / "secret.raw").write_bytes(bytes(8))
+    head = "NRRD0004\ntype: uint8\ndimension: 3\nsizes: 2 2 2\nencoding: raw\ndata file: ../secret.raw\n"
+    (tmp_path / "in").mkdir()
+    (tmp_path / "in" / "a.nrrd").write_text(head)
+    with pytest.raises(FileFormatError, match="only names other files"):
+        vg.load_image(tmp_path / "in" / "a.nrrd")
+
+
+def test_scenes_for_paraview_name_their_own_parts_only(tmp_path):
+    name = """a"b'<c>&"""
+    vg.save_scene(pair(), tmp_path / f"{name}.vtm")
+    files = [entry.attrib["file"] for entry in ET.parse(tmp_path / f"{name}.vtm").getroot().iter("DataSet")]
+    assert files == [f"{name}/grains.vtp", f"{name}/container.vtp"]
+
+
 def test_entities_of_xml_that_grow_are_refused(tmp_path):
     rows = "".join(f'<!ENTITY a{k} "{f"&a{k - 1};" * 10}">' for k in range(1, 12))
     head = f'<?xml version="1.0"?><!DOCTYPE VTKFile [<!ENTITY a0 "0 0 0 ">{rows}]>'
@@ -158,3 +268,72 @@ def test_entities_of_xml_that_grow_are_refused(tmp_path):
     for read in (vg.load, vg.load_shape):
         with pytest.raises(VoxgranError):
             read(tmp_path / "laughs.vtp")
+    for name, kind in (("laughs.vtu", "UnstructuredGrid"), ("laughs.vti", "ImageData"), ("laughs.pvd", "Collection")):
+        (tmp_path / name).write_text(f'{head}<VTKFile type="{kind}">&a11;</VTKFile>')
+        read = {"laughs.vti": vg.load_image, "laughs.pvd": listed_times}.get(name, vg.load)
+        with pytest.raises(VoxgranError):
+            read(tmp_path / name)
+
+
+#: a name that would be markup, a command of a shell, of Python and of C++, a formula and a template, on several lines
+EVIL = """<script>alert(1)</script><img src=x onerror=alert(1)>"; rm -rf x; '\n; import os; os.system("rm -rf x") #
+\r\x0b\x85\u2028*/ system("rm -rf x"); // $\\frac{ {{ 7*7 }} \\"""
+#: short enough for legends, and without characters that no font has
+MARKUP = '<script>alert(1)</script>"; rm -rf x {{ 7*7 }} $'
+#: beginnings of lines that engines skip
+COMMENTS = ("#", "//", ";", "*", "{")
+
+
+def pair(name="sphere"):
+    ball = dataclasses.replace(vg.shapes.sphere(), name=name)
+    return vg.Packing.of([ball], vg.Box((4, 4, 4)), position=[(1, 1, 1), (3, 3, 3)], unit="mm")
+
+
+def refuse_markup(path):
+    text = path.read_text()
+    assert "<script>alert" not in text
+    assert "rm -rf x" in html.unescape(text)
+    assert "{{ 7*7 }}" in html.unescape(text)
+
+
+def test_names_are_no_markup_of_comparisons_and_reports(tmp_path):
+    pytest.importorskip("matplotlib")
+    more = pair(MARKUP), dataclasses.replace(pair(MARKUP), position=np.array([[1.0, 1, 1], [3, 3, 2]]))
+    vg.save_comparison(
+        {MARKUP: more[0], "other": more[1]}, tmp_path / "c.html", which=["gradation"], pictures=False, title=MARKUP
+    )
+    refuse_markup(tmp_path / "c.html")
+    assert json.loads((tmp_path / "c.json").read_text())["groups"][0]["name"] == MARKUP
+    vg.save_report(pair(MARKUP), tmp_path / "r.html", pictures=False, title=MARKUP)
+    refuse_markup(tmp_path / "r.html")
+
+
+def test_names_are_no_markup_of_studies_and_no_files(tmp_path):
+    shapes = [{"family": "sphere", "label": MARKUP}, {"family": "box", "label": "box"}]
+    base = {"container": {"kind": "box", "lengths": [4, 4, 4]}, "packing": {"method": "rsa", "count": 3}}
+    measured = {MARKUP: {"low": 0.1, "high": 0.2, "source": MARKUP}}
+    made = vg.Study(base=base, axes={"shape": shapes}, seeds=1, experiments=measured)
+    made.run(tmp_path / "out", workers=1).write_page(tmp_path / "page")
+    assert all(re.fullmatch(r"[\w./-]+", path.relative_to(tmp_path).as_posix()) for path in tmp_path.rglob("*"))
+    refuse_markup(tmp_path / "page" / "study.html")
+
+
+@pytest.mark.parametrize("engine", vg.engines())
+@pytest.mark.parametrize("kind", ["sphere", "box"])
+def test_names_are_no_commands_of_engines(engine, kind, tmp_path):
+    solid = vg.shapes.sphere() if kind == "sphere" else vg.shapes.box(lengths=(1, 1, 1))
+    named = dataclasses.replace(solid, name=EVIL)
+    bed = vg.Packing.of([named], vg.Box((6, 6, 6)), position=[(1, 1, 1), (4, 4, 4)], unit="mm")
+    vg.write_deck(bed, tmp_path / "deck", engine)
+    for path in (tmp_path / "deck").rglob("*"):
+        assert re.fullmatch(r"[\w.-]+", path.name)
+        text = path.read_text(encoding="utf-8")
+        if path.suffix == ".json":
+            json.loads(text)
+            continue
+        if path.suffix == ".py":
+            assert "rm -rf" not in ast.unparse(ast.parse(text))
+        # what some reader takes for the end of a line counts as one
+        for line in text.splitlines():
+            assert "rm -rf" not in line or line.startswith(COMMENTS), f"{path.name}: {line}"
+            assert not (line.startswith("//") and line.endswith("\\")), f"{path.name}: {line}"

@@ -55,6 +55,43 @@ def complaint(capsys, *words):
     return status, lines[0]
 
 
+@pytest.mark.parametrize(
+    ("words", "told"),
+    [
+        ("export a.vtp -o out --engine lammps --engine yade", "--engine is given twice"),
+        ("verify a.vtp --unit=mm --unit=m", "--unit is given twice"),
+        ("report a.vtp -o a.html --output b.html", "--output is given beside -o"),
+        ("report a.vtp --interactive --no-interactive", "--no-interactive is given beside --interactive"),
+        ("clump a.stl --spheres 5 --max-spheres 6", "--max-spheres is given beside --spheres"),
+        ("repair a.stl --max-hole 1 --largest-hole 2", "--largest-hole is given beside --max-hole"),
+        ("shape box --lengths 1,1,1 --lengths 2,2,2", "--lengths is given twice"),
+        ("shape sphere -o a.stl --format obj", "--format is obj without --count"),
+        ("settle a.vtp -o b.vtp --friction 0.1 --friction 0.2", "--friction is given twice"),
+    ],
+)
+def test_no_flag_is_replaced_or_passed_over_silently(capsys, words, told):
+    status, line = complaint(capsys, *words.split())
+    assert status == 2
+    assert told in line
+
+
+def test_flags_that_may_be_repeated(scene, tmp_path, capsys):
+    assert main(["plan", str(scene), "-q", "-q"]) == 0
+    bed = tmp_path / "bed.vtp"
+    vg.Packing.of([vg.make_shape("sphere")], vg.Box((4, 4, 4)), position=[(1, 1, 1)]).save(bed)
+    capsys.readouterr()
+    assert main(["measure", str(bed), "--which", "contacts", "--which", "coordination"]) == 0
+    assert "mean coordination number" in capsys.readouterr().out
+
+
+@pytest.mark.parametrize("rest", ["nan", "1.5", "-0.1", "inf"])
+def test_a_share_is_one(tmp_path, capsys, rest):
+    bed = tmp_path / "bed.vtp"
+    vg.Packing.of([vg.make_shape("sphere")], vg.Box((4, 4, 4)), position=[(1, 1, 0.5)]).save(bed)
+    status, line = complaint(capsys, "equilibrium", str(bed), "--gravity", "-z", f"--rest={rest}")
+    assert (status, f"--rest is {rest}" in line or f"rest is {rest}" in line) == (2, True), line
+
+
 def test_the_whole_way(scene, tmp_path, capsys):
     out = tmp_path / "out"
     assert main(["plan", str(scene), "--json"]) == 0
@@ -91,9 +128,12 @@ def test_many_shapes_with_a_table_and_a_gallery(tmp_path, capsys):
     (folder / "notes.txt").write_text("mine")
     (folder / "other.ply").write_bytes(b"mine")
     fewer = ["shape", "torus", "--count", "2", "-o", str(folder), "--overwrite"]
-    assert main(fewer) == 0  # what the earlier table names goes, what is not of voxgran stays
+    capsys.readouterr()
+    assert main(fewer) == 0
+    told = capsys.readouterr().err
+    assert "holds 12 other shapes, such as convex_polyhedron_00.ply, which shapes.csv does not list: they stay" in told
     left = {path.name for path in folder.iterdir()}
-    assert left == {"notes.txt", "other.ply", "shapes.csv", "torus_0.stl", "torus_1.stl"}
+    assert left == {path.name for path in before} | {"notes.txt", "other.ply", "torus_0.stl", "torus_1.stl"}
 
 
 def test_shapes_and_clumps(tmp_path, capsys):

@@ -1,6 +1,9 @@
 """Every number that a user may give, with values that break naive code: one sentence, or a result."""
 
 import itertools
+import os
+import subprocess
+import sys
 import typing
 import warnings
 from collections.abc import Mapping
@@ -9,6 +12,7 @@ from fractions import Fraction
 
 import numpy as np
 import pytest
+from voxgran.cli.main import main
 
 import voxgran as vg
 from voxgran._base.config import from_mapping, parameters_of
@@ -323,3 +327,83 @@ def test_a_packing_of_odd_numbers_is_that_of_plain_ones(tmp_path):
     assert again.position.tobytes() == plain.position.tobytes()
     assert again.provenance["asked"] == plain.provenance["asked"]
     assert again.provenance["parameters"] == plain.provenance["parameters"]
+
+
+#: results that hold a shape, and how it is had of each
+HOLDING = {
+    ".shape": (vg.repair(*TRIANGLES), vg.simplify(ROCK, faces=100)),
+    ".to_shape()": (vg.fit_clump(ROCK, max_spheres=2),),
+    "[0]": ((ROCK, "and what was done"),),
+}
+#: functions that take a shape
+TAKING = {
+    "pack": lambda held: vg.pack(held, BOX, "rsa", count=1),
+    "pack a list": lambda held: vg.pack([BALL, held], BOX, "rsa", count=1),
+    "Packing.of": lambda held: vg.Packing.of([held], BOX, position=[(1, 1, 1)]),
+    "ClosedMesh": vg.ClosedMesh,
+    "inscribe": lambda held: vg.inscribe(PACKING, [held]),
+    "voxelize": lambda held: vg.voxelize(held, voxel_size=0.5),
+    "signed_distance": lambda held: vg.signed_distance(held, voxel_size=0.5),
+    "sample_surface": lambda held: vg.sample_surface(held, spacing=0.5),
+    "fit_clump": vg.fit_clump,
+    "roughen": lambda held: vg.roughen(held, rms=0.01),
+    "simplify": lambda held: vg.simplify(held, faces=10),
+    "spherize": lambda held: vg.spherize(held, 1.0),
+    "describe": vg.describe,
+    "save_shape": lambda held: vg.save_shape(held, "rock.stl"),
+    "save_gallery": lambda held: vg.save_gallery([held], "rocks.png"),
+    "plot": vg.plot,
+}
+
+
+@pytest.mark.parametrize("name", TAKING)
+def test_results_that_hold_a_shape_are_told_how_it_is_had(name, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    for remedy, results in HOLDING.items():
+        for held in results:
+            if isinstance(held, tuple) and name in ("pack", "inscribe", "describe"):
+                # a tuple of shapes is a list of them
+                continue
+            with pytest.raises(VoxgranError) as found:
+                TAKING[name](held)
+            assert f"write {remedy} behind it" in str(found.value)
+            assert len(str(found.value)) < 300
+
+
+def test_a_closed_mesh_of_a_primitive_is_told_how_it_is_had():
+    with pytest.raises(VoxgranError, match=r"is a primitive: .*from_mesh\(shape.vertices, shape.faces\)\), whose"):
+        vg.ClosedMesh(BALL)
+    with pytest.raises(VoxgranError, match="that bound a solid; take a solid"):
+        vg.ClosedMesh(vg.make_shape("disk"))
+    made = vg.ClosedMesh(vg.Shape.from_mesh(BALL.vertices, BALL.faces))
+    assert made.volume == pytest.approx(BALL.volume, rel=0.01)
+
+
+def test_a_dash_is_no_file(tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    assert main(["init", "-"]) == 2
+    assert "/dev/stdout" in capsys.readouterr().err
+    assert not list(tmp_path.iterdir())
+
+
+def test_what_lies_below_a_mask_is_no_number():
+    with pytest.raises(VoxgranError, match="nan at index"):
+        BOX.signed_distance(np.ma.masked_all((2, 3)))
+    with pytest.raises(VoxgranError, match="some values are masked"):
+        vg.load_labels(np.ma.masked_less(MASK.astype(int), 1), voxel_size=1.0)
+
+
+@pytest.mark.parametrize(
+    ("name", "value", "told"),
+    [
+        ("NUMBA_NUM_THREADS", "0", "cannot be loaded"),
+        ("PYTHONWARNINGS", "error::UserWarning", "it ends the command, as PYTHONWARNINGS"),
+    ],
+)
+def test_odd_environments_are_one_line(tmp_path, name, value, told):
+    PACKING.save(tmp_path / "bed.vtp")
+    command = [sys.executable, "-m", "voxgran", "measure", str(tmp_path / "bed.vtp"), "--which", "density"]
+    done = subprocess.run(command, env={**os.environ, name: value}, capture_output=True, text=True, check=False)
+    assert done.returncode == 1
+    assert len(done.stderr.splitlines()) == 1
+    assert told in done.stderr

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from voxgran._base.errors import InputError, shown
-from voxgran._base.scalars import float_of, number_of, whole_number_of
+from voxgran._base.scalars import float_of, number_of, unwrapped, whole_number_of
 
 Floats = NDArray[np.float64]
 Integers = NDArray[np.int64]
@@ -33,6 +33,9 @@ def float_array(value: Any) -> Floats | None:
     number.
     """
     try:
+        if isinstance(value, np.ma.MaskedArray):
+            # below a mask there may be anything
+            value = np.ma.filled(value.astype(np.float64), np.nan)
         # a list may hold what NumPy would take for a number: text, True, None
         array = np.asarray(value) if hasattr(value, "__array__") else np.asarray(value, dtype=object)
         if array.dtype.kind == "O":
@@ -73,6 +76,22 @@ def as_floats(value: "ArrayLike", name: str, *, shape: tuple[int | None, ...]) -
         where = tuple(int(k) for k in np.argwhere(~finite)[0])
         raise InputError(f"{name} is {array[where]} at index {where}: every value must be finite; remove or mend it")
     return array
+
+
+def as_array(value: Any, name: str) -> NDArray[Any]:
+    """Return array-like values of any type and shape as an array.
+
+    Raises
+    ------
+    InputError
+        If they do not fit in one, such as rows of different lengths, or some are masked.
+    """
+    if np.ma.is_masked(value):
+        raise InputError(f"{name} is {shown(value)}: some values are masked; fill them")
+    try:
+        return np.asarray(value)
+    except (TypeError, ValueError):
+        raise InputError(f"{name} is {shown(value)}: it must be an array; give rows of one length") from None
 
 
 def as_points(value: "ArrayLike", name: str = "points", *, dimension: int = 3) -> Floats:
@@ -188,6 +207,27 @@ def as_number(
     raise InputError(f"{name} is {shown(value)}: it must be {' and '.join(rules)}; change it")
 
 
+def as_share(value: Any, name: str, *, zero: bool = False) -> float:
+    """Return `value` as a share of a whole: a float above 0, or from 0 on with `zero`, and at most 1."""
+    if zero:
+        return as_number(value, name, at_least=0.0, at_most=1.0)
+    return as_number(value, name, above=0.0, at_most=1.0)
+
+
+def as_flag(value: Any, name: str) -> bool:
+    """Return `value` as True or False.
+
+    Raises
+    ------
+    InputError
+        If it is neither of Python nor of NumPy; text and numbers are not flags.
+    """
+    plain = unwrapped(value)
+    if not isinstance(plain, bool):
+        raise InputError(f"{name} is {shown(value)}: it must be True or False")
+    return plain
+
+
 def as_positive(value: Any, name: str) -> float:
     """Return `value` as a finite float above zero."""
     return as_number(value, name, above=0.0)
@@ -281,7 +321,23 @@ def check_type(value: object, wanted: type | tuple[type, ...], name: str, rule: 
         If it is of another type.
     """
     if not isinstance(value, wanted):
-        raise InputError(f"{name} is {shown(value)}: it must be {rule}")
+        raise InputError(f"{name} is {shown(value)}: it must be {rule}{_remedy_within(value, wanted)}")
+
+
+def _remedy_within(value: Any, wanted: type | tuple[type, ...]) -> str:
+    """Return what may be written behind a value that is not of the wanted type but holds such an object, as the result
+    of a repair holds a shape; an empty text for others.
+    """
+    for kind in wanted if isinstance(wanted, tuple) else (wanted,):
+        noun = kind.__name__.lower()
+        # the shape of a clump is that which it stands for
+        if not isinstance(value, type) and callable(getattr(value, f"to_{noun}", None)):
+            return f"; write .to_{noun}() behind it"
+        if isinstance(getattr(value, noun, None), kind):
+            return f"; write .{noun} behind it"
+        if isinstance(value, tuple) and value and isinstance(value[0], kind):
+            return "; write [0] behind it"
+    return ""
 
 
 def read_only(array: NDArray[Any]) -> NDArray[Any]:

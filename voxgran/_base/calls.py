@@ -8,6 +8,7 @@ from functools import wraps
 from types import FunctionType
 from typing import Any, ClassVar, ParamSpec, Protocol, TypeVar
 
+from voxgran._base.arrays import as_flag
 from voxgran._base.config import from_mapping, parameters_of, removal_of, to_mapping
 from voxgran._base.errors import CallError, InputError, shown
 from voxgran._base.registry import Registry, nearest, unknown
@@ -22,20 +23,26 @@ _PICKLING = {"__getstate__": "Return the values of the fields.", "__setstate__":
 
 
 def explained(*, hint: str, owner: type = object) -> Callable[[Callable[P, R]], Callable[P, R]]:
-    """Raise a `CallError` in place of Python's TypeError if a call does not fit the signature (decorator).
+    """Raise a `CallError` in place of Python's TypeError if a call does not fit the signature, and an `InputError` if a
+    keyword of type `bool` is neither True nor False (decorator).
 
-    The message ends with the hint, a correct call such as ``"Box((4, 4, 6))"``. `owner` is the parameter class whose
-    constructor is decorated; names that it has lost are explained.
+    The first message ends with the hint, a correct call such as ``"Box((4, 4, 6))"``. `owner` is the parameter class
+    whose constructor is decorated; names that it has lost are explained.
 
     Raises
     ------
-    CallError
+    CallError, InputError
         By the decorated function.
     """
 
     def decorate(function: Callable[P, R]) -> Callable[P, R]:
+        flags = [name for name, kind in inspect.get_annotations(function).items() if kind is bool and name != "return"]
+
         @wraps(function)
         def call(*arguments: P.args, **keywords: P.kwargs) -> R:
+            for name in flags:
+                if name in keywords:
+                    keywords[name] = as_flag(keywords[name], name)
             try:
                 return function(*arguments, **keywords)
             except TypeError:

@@ -4,11 +4,13 @@ Layout: one line of text ``voxgran checkpoint 1 <sha256 of the rest> <length of 
 archive whose member ``header`` is JSON.
 """
 
+import contextlib
 import hashlib
 import io
 import json
 import os
 from collections.abc import Mapping
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -37,6 +39,31 @@ def save_checkpoint(
         draft.write_bytes(_MAGIC + b" " + line + body)
 
 
+def refuse_other_file(path: str | os.PathLike[str]) -> None:
+    """Refuse a regular file that is no checkpoint as the place of one, before it is replaced.
+
+    Raises
+    ------
+    CheckpointError
+        If there is such a file.
+    """
+    if os.path.isfile(path) and not _is_checkpoint(path):
+        raise CheckpointError(f"{path} is there and no checkpoint of voxgran: it is not replaced; name another file")
+
+
+def remove_checkpoint(path: str | os.PathLike[str]) -> None:
+    """Remove a checkpoint, if it is there; any other file stays."""
+    with contextlib.suppress(FileNotFoundError):
+        if _is_checkpoint(path):
+            Path(path).unlink()
+
+
+def _is_checkpoint(path: str | os.PathLike[str]) -> bool:
+    """Return whether a file begins as a checkpoint does."""
+    with open(path, "rb") as file:
+        return file.read(len(_MAGIC)) == _MAGIC
+
+
 def load_checkpoint(path: str | os.PathLike[str]) -> tuple[dict[str, Any], dict[str, NDArray[Any]]]:
     """Return header and arrays of a checkpoint.
 
@@ -58,6 +85,8 @@ def load_checkpoint(path: str | os.PathLike[str]) -> tuple[dict[str, Any], dict[
         )
     try:
         with refused(found), np.load(io.BytesIO(body), allow_pickle=False) as archive:
+            if sum(member.file_size for member in archive.zip.infolist()) > len(body):
+                raise CheckpointError(f"{path} holds packed arrays: another program wrote it; start anew without it")
             members = {name: archive[name] for name in archive.files}
             header = dict(json.loads(members.pop("header").tobytes().decode()))
     except FileFormatError as error:

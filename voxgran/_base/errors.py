@@ -14,6 +14,8 @@ def shown(value: object) -> str:
     except ValueError:
         # Python writes no whole number of more than 4300 digits
         text = f"<{type(value).__name__} of more than 4300 digits>"
+    except RecursionError:
+        text = f"<{type(value).__name__} that is nested too deeply to be shown>"
     text = " ".join(text.split())
     return text if len(text) <= 60 else f"{text[:57]}..."
 

@@ -2,25 +2,42 @@
 
 Everything is written beside its place first and moved there at the end, so that neither a full disk nor a kill leaves
 half a file under the final name, and a file that was there before stays until the new one is complete. Only regular
-files and folders are replaced; links are followed, and a device or a pipe is written to.
+files are replaced, and folders of which voxgran has written all content; links are followed, and a device or a pipe is
+written to.
 """
 
 import contextlib
 import errno
-import glob
+import functools
+import gzip
 import hashlib
 import os
+import re
 import secrets
 import shutil
 import stat
 import tempfile
-from collections.abc import Collection, Iterator
+import zlib
+from collections.abc import Callable, Collection, Iterator, Mapping
 from pathlib import Path
 
-from voxgran._base.errors import FileFormatError, InputError, MissingFileError, OutputError, OutputExistsError, shown
+from voxgran._base.errors import (
+    FileFormatError,
+    InputError,
+    MissingFileError,
+    OutputError,
+    OutputExistsError,
+    VoxgranError,
+    shown,
+)
+from voxgran._base.stopping import heed, undone_at_end
 
 #: streams of this process: what is written there goes behind what was written before
 STREAMS = {"/dev/stdout": 1, "/dev/stderr": 2}
+#: bytes of the content of a ``.gz`` file that are unpacked, however small the file is
+MOST_UNPACKED = 2**28
+#: names of drafts: a hash of the name of the file, and a random number
+DRAFTS = r"\.voxgran-[0-9a-f]{8}-[0-9a-f]{8}(\..*)?"
 #: longest suffix that a draft takes over, in bytes; those of known formats are shorter
 LONGEST_SUFFIX = 32
 
@@ -31,12 +48,14 @@ def as_path(path: str | os.PathLike[str]) -> Path:
     Raises
     ------
     InputError
-        If it is neither, contains a NUL, or is too long for the file system.
+        If it is neither, contains a NUL, is ``"-"``, or is too long for the file system.
     OutputError
         If it leads through a folder without access, or through links in a circle.
     """
     if not isinstance(path, str | os.PathLike):
         raise InputError(f"path is {shown(path)}: it must be the path of a file, as text or a Path; change it")
+    if os.fspath(path) == "-":
+        raise InputError("path is '-': streams are called /dev/stdin and /dev/stdout; write that, or name a file")
     try:
         os.stat(path)
     except (FileNotFoundError, NotADirectoryError):
@@ -67,10 +86,52 @@ def existing_file(path: str | os.PathLike[str]) -> Path:
         kind = "is a folder" if found.is_dir() else "is no regular file" if found.exists() else "is not there"
         raise MissingFileError(f"{found} {kind}: a file is needed; check the path")
     try:
-        with found.open("rb"):
-            return found
+        with found.open("rb") as file:
+            # some are opened that cannot be read, such as the memory of a process
+            file.read(1)
+        return found
     except OSError as error:
         raise OutputError(f"{found} cannot be read ({error.strerror}): change its permissions") from error
+
+
+@contextlib.contextmanager
+def unpacked(path: Path) -> Iterator[Path]:
+    """Yield a file as it is, or the content of a ``.gz`` file as a temporary one (context manager).
+
+    Messages of errors that are raised within name the file itself.
+
+    Raises
+    ------
+    MissingFileError
+        If there is no such ``.gz`` file.
+    FileFormatError
+        If it is damaged, or more than `MOST_UNPACKED` and 100 times as large when it is unpacked.
+    """
+    if path.suffix.lower() != ".gz":
+        yield path
+        return
+    most = max(MOST_UNPACKED, 100 * existing_file(path).stat().st_size)
+    with tempfile.TemporaryDirectory(prefix="voxgran-") as folder:
+        target = Path(folder) / path.stem
+        try:
+            with gzip.open(path) as packed, target.open("wb") as file:
+                while (block := packed.read(2**20)) and file.tell() <= most:
+                    file.write(block)
+                too_large = file.tell() > most
+        except (OSError, EOFError, zlib.error) as error:
+            reason = getattr(error, "strerror", None) or str(error)
+            raise FileFormatError(
+                f"{path} cannot be unpacked ({reason}): unpack it with gunzip, or write it again"
+            ) from None
+        if too_large:
+            raise FileFormatError(
+                f"{path} holds more than {most} bytes, 100 times its size: unpack it with gunzip first"
+            )
+        try:
+            yield target
+        except VoxgranError as error:
+            error.args = (str(error).replace(str(target), str(path)),)
+            raise
 
 
 def output_suffix(path: str | os.PathLike[str], known: Collection[str], kept: str, *, overwrite: bool = True) -> str:
@@ -123,32 +184,44 @@ def refuse_to_replace(*paths: str | os.PathLike[str]) -> None:
 
 
 @contextlib.contextmanager
-def written_whole(path: str | os.PathLike[str], *, overwrite: bool = True, sync: bool = True) -> Iterator[Path]:
+def written_whole(
+    path: str | os.PathLike[str],
+    *,
+    overwrite: bool = True,
+    sync: bool = True,
+    is_own: Callable[[Path], bool] | None = None,
+) -> Iterator[Path]:
     """Yield a path with the same suffix to write to, and move the result to its place at the end (context manager).
 
     Links are followed; for a character device or a pipe the result is copied to it. Without `sync` a power cut may
-    leave the name without the content, which is for many small files whose content is checked when they are read.
+    leave the name without the content, which is for many small files whose content is checked when they are read. A
+    folder is replaced only if `is_own` is true of all files in it, by their names and contents.
 
     Raises
     ------
     OutputExistsError
-        If a file or a folder is there and `overwrite` is false.
+        If a file or a folder is there and `overwrite` is false, or a folder holds other files than `is_own` knows.
     OutputError
         If it cannot be written: no space, no permission, no such folder, a socket or a disk.
     """
     target = as_path(path)
     if not overwrite:
         refuse_to_replace(target)
-    draft = None
+    if is_own is not None:
+        _refuse_other_files(target, is_own)
+    heed()
+    draft, made = None, list[Path]()
     try:
         if _kind(target) in (None, stat.S_IFREG, stat.S_IFDIR):
             place = Path(os.path.realpath(target))
             draft = place.with_name(_draft_name(place, secrets.token_hex(4)))
+            made = [folder for folder in place.parents if not folder.exists()]
             place.parent.mkdir(parents=True, exist_ok=True)
-            yield draft
+            with undone_at_end(functools.partial(_remove, draft)):
+                yield draft
             if sync:
                 _sync(draft)
-            _replace(draft, place)
+            _replace(draft, place, is_own or _none_is_own)
         else:
             with tempfile.TemporaryDirectory() as folder:
                 whole = Path(folder) / f"draft{target.suffix}"
@@ -162,6 +235,33 @@ def written_whole(path: str | os.PathLike[str], *, overwrite: bool = True, sync:
     finally:
         if draft is not None:
             _remove(draft)
+        with contextlib.suppress(OSError):
+            # new folders stay where something lies in them
+            for parent in made:
+                parent.rmdir()
+
+
+def write_files(contents: Mapping[Path, str | bytes], *, overwrite: bool = True) -> None:
+    """Write several files of text or bytes, all or none of them; `overwrite` is that of :func:`written_whole`."""
+    with contextlib.ExitStack() as stack:
+        for path, content in contents.items():
+            draft = stack.enter_context(written_whole(path, overwrite=overwrite))
+            draft.write_bytes(content if isinstance(content, bytes) else content.encode())
+
+
+def made_folder(path: Path) -> Path:
+    """Return a folder, made if needed.
+
+    Raises
+    ------
+    OutputError
+        If it cannot be made.
+    """
+    try:
+        path.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise OutputError(f"{path} cannot be made ({error.strerror}): free space or choose another place") from error
+    return path
 
 
 def write_text(path: str | os.PathLike[str], text: str, *, overwrite: bool = True, sync: bool = True) -> None:
@@ -173,8 +273,29 @@ def write_text(path: str | os.PathLike[str], text: str, *, overwrite: bool = Tru
 def remove_drafts(path: str | os.PathLike[str]) -> None:
     """Remove drafts that killed processes left beside a file; no other process may be writing it."""
     place = Path(os.path.realpath(as_path(path)))
-    for draft in place.parent.glob(glob.escape(_draft_name(place, "TOKEN")).replace("TOKEN", "?" * 8, 1)):
-        _remove(draft)
+    mine = _draft_name(place, "TOKEN").split("TOKEN")
+    for draft in _drafts_in(place.parent):
+        if draft.name.startswith(mine[0]) and draft.name.endswith(mine[1]):
+            _remove(draft)
+
+
+def remove_drafts_in(*folders: Path) -> None:
+    """Remove drafts that killed processes left in folders; no other process may be writing there."""
+    for folder in folders:
+        for draft in _drafts_in(folder):
+            _remove(draft)
+
+
+def _drafts_in(folder: Path) -> list[Path]:
+    """Return the drafts of all files in a folder, known by their names."""
+    return [path for path in folder.glob(".voxgran-*") if re.fullmatch(DRAFTS, path.name)]
+
+
+def is_private(about: os.stat_result) -> bool:
+    """Return whether a file or a folder belongs to this user and nobody else may write it; always true on a system
+    without users.
+    """
+    return not hasattr(os, "getuid") or (about.st_uid == os.getuid() and not about.st_mode & 0o022)
 
 
 def _kind(path: Path) -> int | None:
@@ -191,7 +312,7 @@ def _draft_name(place: Path, token: str) -> str:
     """Return the name of a draft: short for any name of the file, and unique to it."""
     mark = hashlib.sha256(os.fsencode(place.name)).hexdigest()[:8]
     suffix = place.suffix if len(os.fsencode(place.suffix)) <= LONGEST_SUFFIX else ""
-    return f".{mark}.{token}{suffix}"
+    return f".voxgran-{mark}-{token}{suffix}"
 
 
 def _sync(draft: Path) -> None:
@@ -201,9 +322,32 @@ def _sync(draft: Path) -> None:
             os.fsync(file.fileno())
 
 
-def _replace(draft: Path, place: Path) -> None:
+def _refuse_other_files(folder: Path, is_own: Callable[[Path], bool]) -> None:
+    """Refuse to replace a folder that holds files, links or devices which voxgran has not written.
+
+    Raises
+    ------
+    OutputExistsError
+        If it does.
+    """
+    for path in folder.rglob("*") if folder.is_dir() else ():
+        if path.is_symlink() or not (path.is_dir() or (path.is_file() and is_own(path))):
+            raise OutputExistsError(
+                f"{folder} holds {path.relative_to(folder)}, which voxgran did not write there: the folder is not "
+                "replaced; give another name, or move that file"
+            )
+
+
+def _none_is_own(path: Path) -> bool:
+    """Return false: no file of a folder may be removed."""
+    del path
+    return False
+
+
+def _replace(draft: Path, place: Path, is_own: Callable[[Path], bool]) -> None:
     """Move the draft to its place."""
     if draft.is_dir() and place.is_dir():
+        _refuse_other_files(place, is_own)
         old = place.with_name(_draft_name(place, secrets.token_hex(4)))
         os.replace(place, old)
         os.replace(draft, place)

@@ -27,6 +27,7 @@ from numpy.typing import NDArray
 from voxgran._base import errors
 from voxgran._base.errors import FileFormatError, MissingLibraryError, TooLargeError, VoxgranError
 from voxgran._base.machine import memory_limit
+from voxgran._base.stopping import undone_at_end
 
 #: what a reader returns: JSON-able facts, and arrays of numbers
 Content: TypeAlias = tuple[dict[str, Any], dict[str, NDArray[Any]]]
@@ -120,7 +121,6 @@ def reason_of(error: BaseException, *, most: int = 100) -> str:
 
 def serve(request: str) -> None:
     """Read the file of a request of `read_guarded` (JSON: reader, file, options, limits) to the standard output."""
-    signal.signal(signal.SIGINT, signal.SIG_DFL)
     # what libraries print goes where the standard error goes, which is nowhere
     channel = os.fdopen(os.dup(1), "wb")
     os.dup2(2, 1)
@@ -172,6 +172,7 @@ def _process(request: str) -> Iterator[subprocess.Popen[bytes]]:
             stdout=subprocess.PIPE,
             stderr=subprocess.DEVNULL,
             env={**os.environ, **_ENVIRONMENT},
+            start_new_session=True,
         )
     except (OSError, ValueError) as error:
         raise MissingLibraryError(
@@ -179,7 +180,8 @@ def _process(request: str) -> Iterator[subprocess.Popen[bytes]]:
             "read in one; free processes and memory"
         ) from error
     try:
-        yield process
+        with undone_at_end(process.kill):
+            yield process
     finally:
         # after its answer too: the destructors of libraries may crash on what they have read
         process.kill()

@@ -8,7 +8,6 @@ what depends on it and nothing else.
 import hashlib
 import logging
 import os
-import shutil
 import tempfile
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
@@ -21,7 +20,9 @@ from typing import Any, TypeAlias
 import numpy as np
 
 from voxgran._base.errors import InputError
+from voxgran._base.files import is_private
 from voxgran._base.lazy import load
+from voxgran._base.stopping import heed
 from voxgran._base.warning import warn
 
 log = logging.getLogger(__name__)
@@ -53,7 +54,8 @@ class Kernel:
         update_wrapper(self, function)
 
     def __call__(self, *arguments: Any) -> Any:
-        """Call the compiled function."""
+        """Call the compiled function; a signal that has been noted is heeded before."""
+        heed()
         compiled = self._compiled or self.compiled()
         return compiled(*arguments)
 
@@ -255,29 +257,30 @@ def cache_folder() -> Path:
     """Return the folder of compiled kernels, of which those that were long not used are removed.
 
     It lies in ``$VOXGRAN_CACHE``, else ``$XDG_CACHE_HOME/voxgran``, else ``~/.cache/voxgran``, else (none of them
-    can be written) in the folder for temporary files, one for each user.
+    can be written, or other users may write there) in the folder for temporary files, one for each user.
     """
     home = os.environ.get("XDG_CACHE_HOME") or os.path.expanduser("~/.cache")
-    for parent in (os.environ.get("VOXGRAN_CACHE"), os.path.join(home, "voxgran")):
-        if parent and (folder := _writable(Path(parent) / "kernels")):
-            load("voxgran._base.compiling.kernel_files").remove_forgotten(folder)
-            for old in Path(parent).glob("kernels-*"):
-                # each edit of a kernel left one of these
-                shutil.rmtree(old, ignore_errors=True)
-            return folder
-    shared = Path(tempfile.gettempdir()) / f"voxgran-{os.getuid() if hasattr(os, 'getuid') else 'kernels'}"
-    folder = _writable(shared)
-    own = folder is not None and (not hasattr(os, "getuid") or folder.stat().st_uid == os.getuid())
-    # what others could have written is not run
-    if folder is not None and own and not folder.is_symlink() and not folder.stat().st_mode & 0o022:
-        return folder
+    parents = (os.environ.get("VOXGRAN_CACHE"), os.path.join(home, "voxgran"))
+    places = [Path(parent) / "kernels" for parent in parents if parent]
+    places.append(Path(tempfile.gettempdir()) / f"voxgran-{os.getuid() if hasattr(os, 'getuid') else 'kernels'}")
+    for folder in places:
+        if _writable(folder):
+            # what others could have written is not run
+            if is_private(folder.stat()):
+                load("voxgran._base.compiling.kernel_files").remove_forgotten(folder)
+                return folder
+            log.warning(
+                "%s belongs to another user, or others may write there: kernels are programs, so that it is not read; "
+                "name a folder of your own in VOXGRAN_CACHE",
+                folder,
+            )
     return Path(tempfile.mkdtemp(prefix="voxgran-"))
 
 
-def _writable(folder: Path) -> Path | None:
-    """Return the folder, made if needed, or None where nothing can be written."""
+def _writable(folder: Path) -> bool:
+    """Return whether a folder, made if needed, can be written."""
     try:
         folder.mkdir(parents=True, exist_ok=True, mode=0o700)
     except OSError:
-        return None
-    return folder if os.access(folder, os.W_OK) else None
+        return False
+    return os.access(folder, os.W_OK)

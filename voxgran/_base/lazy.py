@@ -19,6 +19,7 @@ from types import ModuleType
 from typing import Any
 
 from voxgran._base.errors import MissingLibraryError
+from voxgran._base.stopping import heed
 
 #: the libraries that a run may load: `plan` predicts them, `run` records them
 LIBRARIES = (
@@ -87,7 +88,7 @@ def preparing() -> Iterator[None]:
 
 
 def load(name: str) -> Any:
-    """Import a library on first use.
+    """Import a library on first use; a signal that has been noted is heeded before.
 
     Parameters
     ----------
@@ -104,6 +105,7 @@ def load(name: str) -> Any:
     MissingLibraryError
         If it, or a system library under it, cannot be loaded.
     """
+    heed()
     root = name.partition(".")[0]
     if root in ("vtkmodules", "pyvista") and not os.environ.get("DISPLAY"):
         os.environ.setdefault("VTK_DEFAULT_OPENGL_WINDOW", "vtkEGLRenderWindow")
@@ -112,6 +114,11 @@ def load(name: str) -> Any:
             module = importlib.import_module(name)
     except (ImportError, OSError) as error:
         raise MissingLibraryError(f"{root} cannot be loaded ({error}): {_remedy(root, str(error))}") from error
+    except ValueError as error:
+        # numba reads its environment when it is imported
+        raise MissingLibraryError(
+            f"{name} cannot be loaded ({error}): correct the variables of the environment, such as NUMBA_NUM_THREADS"
+        ) from error
     if name == "numba":
         module.config.THREADING_LAYER = "omp"
     return module

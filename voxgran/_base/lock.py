@@ -17,6 +17,7 @@ from pathlib import Path
 from typing import Any
 
 from voxgran._base.errors import InUseError, OutputError
+from voxgran._base.stopping import undone_at_end
 
 log = logging.getLogger(__name__)
 
@@ -62,7 +63,8 @@ def _locked(path: Path, target: Path) -> Iterator[None]:
         reason = error.strerror or str(error)
         raise OutputError(f"{target} cannot be written ({reason}): choose another place") from error
     try:
-        yield
+        with undone_at_end(path.unlink):
+            yield
     finally:
         # a waiting process then makes a new file
         with contextlib.suppress(OSError):
@@ -77,8 +79,7 @@ def _taken(path: Path, target: Path) -> int:
         try:
             _take(file, path, target)
             if _is_same(file, path):
-                os.ftruncate(file, 0)
-                os.pwrite(file, json.dumps(_this_process()).encode(), 0)
+                _sign(file, path)
                 return file
         except BaseException:
             os.close(file)
@@ -105,6 +106,17 @@ def _take(file: int, path: Path, target: Path) -> None:
             ) from error
     if known:
         log.info("%s was left by %s, which is dead: taken over", target, _named(known))
+
+
+def _sign(file: int, path: Path) -> None:
+    """Write this process into a lock that it holds; where the disk is full, nothing is left of the lock."""
+    try:
+        os.ftruncate(file, 0)
+        os.pwrite(file, json.dumps(_this_process()).encode(), 0)
+    except OSError:
+        with contextlib.suppress(OSError):
+            path.unlink()
+        raise
 
 
 def _is_same(file: int, path: Path) -> bool:

@@ -16,6 +16,9 @@ from voxgran._base.arrays import as_count
 from voxgran._base.kernels import instruction, kernel
 from voxgran._base.lazy import load
 
+#: largest seed; larger ones would not fit in the headers of files
+MOST_SEED = 2**128 - 1
+
 
 def stream(seed: int, stage: str, *index: int) -> np.random.Generator:
     """Return the generator of one stage, such as ``"sizes"``, of a run, independent of those of all other keys.
@@ -40,7 +43,7 @@ def philox_key(seed: int, stage: str) -> NDArray[np.uint64]:
 def _sequence(seed: int, stage: str, *index: int) -> np.random.SeedSequence:
     """Mix seed, stage and indices."""
     key = (zlib.crc32(stage.encode()), *(as_count(value, "index", at_most=None) for value in index))
-    return np.random.SeedSequence(as_count(seed, "seed", at_most=None), spawn_key=key)
+    return np.random.SeedSequence(as_count(seed, "seed", at_most=MOST_SEED), spawn_key=key)
 
 
 @kernel

@@ -1,15 +1,24 @@
-"""Stopping long work: signals are recorded, and the work checks for them where its state is consistent."""
+"""Stopping long work: signals are noted, and the work looks for them where its state is consistent.
+
+An exception that a handler raises appears between any two instructions, also within a library that is called back from
+C: it may then be lost, turned into another error, or end the process. Here a handler only notes the signal, and looks
+(`heed`, `stop_if_asked`) raise: before each kernel, library and file, and within what takes long.
+"""
 
 import contextlib
 import signal
 import threading
 from collections.abc import Callable, Iterator
-from contextvars import ContextVar
+from contextvars import ContextVar, Token
 from types import FrameType
 
 from voxgran._base.errors import Interrupted
 
 _asked: ContextVar[Callable[[], bool]] = ContextVar("asked", default=lambda: False)
+_innermost: ContextVar["Signals | None"] = ContextVar("innermost", default=None)
+
+#: signals that ask to stop
+NUMBERS = (signal.SIGINT, signal.SIGTERM)
 
 
 class Stopped(BaseException):
@@ -17,7 +26,8 @@ class Stopped(BaseException):
 
 
 def stop_if_asked() -> None:
-    """Raise `Stopped` if :func:`stopping_when` requests it; the check takes less than a microsecond.
+    """Raise `Stopped` if :func:`stopping_when` requests it; the check takes less than a microsecond. Signals are
+    heeded as by :func:`heed`.
 
     Raises
     ------
@@ -36,6 +46,7 @@ def stop_if_asked() -> None:
     """
     if _asked.get()():
         raise Stopped
+    heed()
 
 
 @contextlib.contextmanager
@@ -48,36 +59,102 @@ def stopping_when(asked: Callable[[], bool]) -> Iterator[None]:
         _asked.reset(token)
 
 
-class Signals:
-    """Record SIGINT and SIGTERM instead of ending at once (context manager); in the main thread only.
+def heed() -> None:
+    """End the work of this thread if a signal has been noted, unless whoever notes it is patient; the check takes less
+    than a microsecond.
 
-    `number` is the first signal received, 0 for none. The first one is only recorded if `patient`; a second one always
-    ends the work at once.
+    Raises
+    ------
+    Interrupted
+        If so.
+    """
+    signals = _innermost.get()
+    if signals is not None and signals.number and not (signals.patient or signals.heeded):
+        signals.heeded = True
+        raise Interrupted(signals.reason, signals.number)
+
+
+@contextlib.contextmanager
+def undone_at_end(undo: Callable[[], object]) -> Iterator[None]:
+    """Have a function called if a program is ended within this block without leaving it (context manager)."""
+    signals = _innermost.get()
+    if signals is None:
+        yield
+        return
+    signals.undo[key := object()] = undo
+    try:
+        yield
+    finally:
+        del signals.undo[key]
+
+
+class Signals:
+    """Note SIGINT and SIGTERM instead of ending at once (context manager); in the main thread only.
+
+    `number` is the first signal received, 0 for none. The first look after it ends the work unless `patient`; a second
+    signal always ends it at once. What is noted and not heeded until the block ends is noted by the one around it.
     """
 
     def __init__(self) -> None:
         self.number = 0
         self.patient = False
+        self.heeded = False
+        #: what a program that is ended does first; shared with those within
+        self.undo: dict[object, Callable[[], object]] = {}
+        self.within: Signals | None = None
+        self._around: Signals | None = None
+        self._token: Token[Signals | None] | None = None
         self._before: dict[int, Callable[[int, FrameType | None], object] | int | None] = {}
 
     def __enter__(self) -> "Signals":
         """Install the handlers."""
         if threading.current_thread() is threading.main_thread():
-            for number in (signal.SIGINT, signal.SIGTERM):
+            self._around = _innermost.get()
+            if self._around is not None:
+                self._around.within, self.undo = self, self._around.undo
+            self._token = _innermost.set(self)
+            for number in NUMBERS:
                 self._before[number] = signal.signal(number, self._note)
         return self
 
-    def __exit__(self, *_: object) -> None:
+    def __exit__(self, kind: type[BaseException] | None, *_: object) -> None:
         """Restore the former handlers."""
         for number, handler in self._before.items():
             # None: the former handler was not installed by Python and cannot be restored
             signal.signal(number, signal.SIG_DFL if handler is None else handler)
-        self._before = {}
+        if self._token is not None:
+            _innermost.reset(self._token)
+        if self._around is not None:
+            self._around.number = self._around.number or self.number
+            self._around.heeded = self.heeded or (kind is not None and issubclass(kind, Interrupted))
+            self._around.within = None
+        self._before, self._token, self._around = {}, None, None
+
+    def ends(self) -> None:
+        """Take note that the work ends by itself: no look stops that."""
+        self.patient = True
+
+    @property
+    def reason(self) -> str:
+        """What is said where the work ends at a look."""
+        return "stopped before the next attempt"
 
     def _note(self, number: int, frame: FrameType | None) -> None:
-        """Record a signal, or end the work."""
+        """Note a signal, or end the work."""
         del frame
         first, self.number = not self.number, self.number or number
-        if not (first and self.patient):
-            lost = "what came after the last checkpoint is lost"
-            raise Interrupted("stopped before the next attempt" if first else f"stopped at once: {lost}", number)
+        if not first:
+            self._end_at_once(number)
+
+    def _end_at_once(self, number: int) -> None:
+        """End the work at a second signal.
+
+        Raises
+        ------
+        Interrupted
+            Always, but in a program, which is ended as a whole.
+        """
+        if self._around is not None:
+            self._around._end_at_once(number)
+            return
+        raise Interrupted("stopped at once: what came after the last checkpoint is lost", number)

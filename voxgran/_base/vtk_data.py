@@ -3,6 +3,7 @@
 Errors of VTK are heard by observers and raised; nothing is printed.
 """
 
+import os
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
@@ -73,7 +74,7 @@ def write_data(writer_name: str, data: Any, path: Path) -> None:
     """
     writer = getattr(load("vtkmodules.vtkIOXML"), writer_name)()
     heard = watched(writer, writer.GetExecutive())
-    writer.SetFileName(str(path))
+    writer.SetFileName(os.fsencode(path))
     writer.SetInputData(data)
     writer.SetDataModeToAppended()
     writer.EncodeAppendedDataOff()

@@ -3,6 +3,7 @@
 What VTK complains about is heard by an observer and raised; nothing is printed.
 """
 
+import os
 from pathlib import Path
 from typing import Any
 
@@ -14,9 +15,12 @@ from voxgran._base.guarded import Content
 from voxgran._base.lazy import load
 from voxgran._base.vtk_data import numpy_support, watched
 
+#: types of data sets in files that refer to no other files: polygons and the four kinds of grids
+OF_ONE_FILE = (0, 2, 3, 4, 6)
+
 
 def vtk_points(path: Path) -> Content:
-    """Return the points of a ``.vtp`` or ``.vtu`` file, with their arrays and those of the field data.
+    """Return the points of a ``.vtp``, ``.vtu`` or ``.vtk`` file, with their arrays and those of the field data.
 
     Facts: ``texts``, texts of the field data by name. Arrays: ``points`` (n, 3), ``point/NAME`` and ``field/NAME``.
     """
@@ -98,7 +102,7 @@ def chosen_name(names: list[str], key: str | None, path: Path) -> str:
 
 
 def _read(path: Path) -> Any:
-    """Return the data set of a file."""
+    """Return the data set of a file; refuse one whose data stand in other files that it names."""
     core = load("vtkmodules.vtkCommonCore")
     if path.suffix.lower() == ".vtk":
         reader = load("vtkmodules.vtkIOLegacy").vtkGenericDataObjectReader()
@@ -110,7 +114,11 @@ def _read(path: Path) -> Any:
         reader.SetReaderErrorObserver(forward)
         reader.SetParserErrorObserver(forward)
         heard = watched(reader, reader.GetExecutive())
-    reader.SetFileName(str(path))
+        parts = core.reference(False)
+        kind = reader.ReadOutputType(os.fsencode(path), parts)
+        if parts or (kind >= 0 and kind not in OF_ONE_FILE):
+            raise FileFormatError(f"{path} only names other files, which may lie anywhere: give one of these")
+    reader.SetFileName(os.fsencode(path))
     return _output(reader, heard, path)
 
 

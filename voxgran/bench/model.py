@@ -4,7 +4,9 @@ Those programs, the peers, lie in the folder ``bench_peers`` of the source repos
 """
 
 import contextlib
+import csv
 import importlib.util
+import io
 import logging
 import time
 from collections.abc import Callable, Iterable, Iterator
@@ -18,10 +20,13 @@ import numpy as np
 from voxgran._base.files import write_text, written_whole
 from voxgran._base.lazy import load
 from voxgran._base.registry import Registry
+from voxgran._base.seeds import stream
 from voxgran.shapes.files import load_shape
 from voxgran.shapes.model import Shape
 
 LOG = logging.getLogger(__name__)
+#: column of the yardstick, and ending of columns of seconds in units of it
+YARDSTICK, OVER = "calibration_seconds", "_over_calibration"
 #: folder of the peers in a checkout of the source repository
 PEERS = Path(__file__).parents[2] / "bench_peers"
 #: folder of the scanned bodies in such a checkout
@@ -69,9 +74,11 @@ def least_seconds(work: Callable[[], object], *, repeats: int = 3, processor: bo
 
 
 def calibration() -> float:
-    """Return the seconds of a fixed loop, by which rows from different machines compare: sorting a million numbers."""
-    numbers = np.sin(np.arange(1_000_000) * 12.9898)
-    return least_seconds(lambda: np.sort(numbers), repeats=5)
+    """Return the yardstick by which rows from different machines compare: the least processor time of
+    `scipy.ndimage.distance_transform_edt` of 128^3 voxels, half of them solid at random.
+    """
+    solid = stream(0, "yardstick").random((128, 128, 128)) < 0.5
+    return least_seconds(lambda: load("scipy.ndimage").distance_transform_edt(solid), processor=True)
 
 
 def best_rate(
@@ -108,9 +115,39 @@ def ratios(rate: float, peers: Iterable[float | None]) -> str:
 
 
 def write_rows(path: Path, head: str, rows: Iterable[str]) -> Path:
-    """Write a CSV table and return its path."""
-    write_text(path, "\n".join([head, *rows]) + "\n")
+    """Write a CSV table and return its path.
+
+    A table with seconds or rates has the column :data:`YARDSTICK`, which is measured where the rows lack it, and these
+    columns once more in units of it, such as ``seconds_over_calibration`` and ``attempts_per_calibration``.
+    """
+    names, *table = csv.reader([head, *rows])
+    timed = [name for name in names if name != YARDSTICK and ("seconds" in name or _is_rate(name))]
+    if timed and YARDSTICK not in names:
+        loop = f"{calibration():.5f}"
+        names, table = [*names, YARDSTICK], [[*row, loop] for row in table]
+    for row in table:
+        told = dict(zip(names, row, strict=True))
+        row += [_in_yardsticks(name, told[name], told[YARDSTICK]) for name in timed]
+    names += [name.replace("per_second", "per_calibration") if _is_rate(name) else f"{name}{OVER}" for name in timed]
+    text = io.StringIO()
+    csv.writer(text, lineterminator="\n").writerows([names, *table])
+    write_text(path, text.getvalue())
     return path
+
+
+def _is_rate(name: str) -> bool:
+    """Return whether a column has numbers per second."""
+    return name.endswith("per_second")
+
+
+def _in_yardsticks(name: str, value: str, loop: str) -> str:
+    """Return seconds or a rate in units of the yardstick; empty where there is none."""
+    if not value or not loop:
+        return ""
+    if _is_rate(name):
+        return f"{float(value) * float(loop):.4g}"
+    factor = {"micro": 1e-6, "milli": 1e-3}.get(name[:5], 1.0)
+    return f"{float(value) * factor / float(loop):.4g}"
 
 
 @contextlib.contextmanager

@@ -1,5 +1,21 @@
-"""The command line."""
+"""The command line; signals are noted from its first line on, before any other library is imported."""
 
-from voxgran.cli.main import main
+from collections.abc import Sequence
+
+from voxgran._base.stopping import Signals
+from voxgran.cli.ending import Program, leave
 
 __all__ = ["main"]
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Run a command and return the exit status: 0, or 2 for bad input, 1 for failure, 130 and 143 after an interrupt.
+
+    The arguments are the words after the name of the program; by default those of this process, which then ends where
+    it is interrupted.
+    """
+    with Program() if arguments is None else Signals() as signals:
+        from voxgran.cli.program import run
+
+        status = run(arguments, signals)
+        return leave(status) if arguments is None and signals.number else status

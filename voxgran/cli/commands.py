@@ -219,6 +219,7 @@ def _called(path: str) -> str:
 def labels(options: argparse.Namespace) -> None:
     """Make a packing of a label image and write it."""
     from voxgran.io.files import check_output
+    from voxgran.measures.registered.density import main_fraction
 
     if options.output:
         check_output(options.output, overwrite=options.overwrite)
@@ -230,7 +231,7 @@ def labels(options: argparse.Namespace) -> None:
         packing = voxgran.packing_of_labels(source, on_step=on_step, **given)
     if options.output:
         voxgran.save(packing, options.output, overwrite=options.overwrite)
-    numbers = {"grains": packing.count, "solid_fraction": packing.solid_fraction}
+    numbers = {"grains": packing.count, **dict(zip(("region", "solid_fraction"), main_fraction(packing), strict=True))}
     show({**numbers, "largest_volume_error": packing.provenance["largest_volume_error"]}, options)
 
 
@@ -366,8 +367,7 @@ def bench(options: argparse.Namespace) -> None:
     """Measure run time against error and write rows and a figure."""
     from voxgran.bench.model import trade_offs
 
-    entry = trade_offs().get(options.name)
-    for path in entry.run(Path(options.output)):
+    for path in trade_offs().get(options.name).run(Path(options.output)):
         print(path)
 
 

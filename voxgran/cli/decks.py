@@ -12,7 +12,7 @@ from voxgran._base.files import as_path, refuse_to_replace
 from voxgran.cli.terminal import entry_line, progress, show
 from voxgran.decks.engine import Engine, engine_registry
 from voxgran.decks.material import Material
-from voxgran.decks.relax import save_history
+from voxgran.decks.relax import remove_state, save_history
 from voxgran.io.files import known_suffix
 from voxgran.packing.model import Packing
 
@@ -76,7 +76,7 @@ def relax(options: argparse.Namespace, packing: Packing) -> int:
     voxgran.save(rested, options.output, overwrite=options.overwrite)
     if options.history:
         save_history(history, options.history, overwrite=options.overwrite)
-    checkpoint_of(options).unlink(missing_ok=True)
+    remove_state(checkpoint_of(options))
     last = {str(name): float(values[-1]) for name, values in history.data_vars.items()}
     told = {name: history.attrs[name] for name in ("sinking", "change_of_coordination", "touching_gap")}
     rests = bool(history.attrs["rests"])

@@ -16,6 +16,7 @@ from voxgran._base.errors import MissingLibraryError
 from voxgran._base.kernels import cache_folder
 from voxgran._base.lazy import LIBRARIES, load
 from voxgran._base.machine import memory_limit, processor_count
+from voxgran._base.stopping import undone_at_end
 from voxgran.cli.terminal import progress, show
 
 #: name of the distribution where it is not that of the module
@@ -133,13 +134,14 @@ def _numbers(version: str) -> tuple[int, ...]:
 def _picture() -> Finding:
     """Draw a small picture off screen."""
     remedy = "install Mesa's drivers: sudo apt-get install -y libgl1 libegl1 libgl1-mesa-dri"
-    try:
-        drawn = subprocess.run(
-            [sys.executable, "-c", PICTURE], capture_output=True, text=True, timeout=PATIENCE, check=False
-        )
-    except subprocess.TimeoutExpired:
-        return Finding("pictures", f"none after {PATIENCE} s", good=False, remedy=remedy)
-    words = drawn.stdout.split()
+    pipe = subprocess.PIPE
+    with subprocess.Popen([sys.executable, "-c", PICTURE], stdout=pipe, stderr=pipe, text=True) as drawn:
+        try:
+            with undone_at_end(drawn.kill):
+                words = drawn.communicate(timeout=PATIENCE)[0].split()
+        except subprocess.TimeoutExpired:
+            drawn.kill()
+            return Finding("pictures", f"none after {PATIENCE} s", good=False, remedy=remedy)
     if drawn.returncode or len(words) != 2:
         return Finding("pictures", f"cannot be drawn (exit status {drawn.returncode})", good=False, remedy=remedy)
     if words[1] == "0":

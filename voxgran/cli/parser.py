@@ -31,6 +31,7 @@ class Parser(argparse.ArgumentParser):
 
     def __init__(self, **keywords: Any) -> None:
         super().__init__(**{"allow_abbrev": False, **keywords})
+        self.register("action", None, _Once)
 
     def error(self, message: str) -> NoReturn:
         """Raise the message as bad input.
@@ -55,14 +56,41 @@ def _flag(*names: str, **keywords: Any) -> Flag:
     return names, keywords
 
 
-class _Former(argparse.Action):
+def _refuse_again(namespace: argparse.Namespace, dest: str, flag: str | None) -> None:
+    """Note that a flag sets `dest`, and refuse it where one has set it before, whose value would be lost silently."""
+    given = vars(namespace).setdefault("given", {})
+    if flag and dest in given:
+        former = "twice" if given[dest] == flag else f"beside {given[dest]}"
+        raise InputError(f"{flag} is given {former}: it takes effect once; leave one of them out")
+    given[dest] = flag
+
+
+class _Once(argparse.Action):
+    """A flag whose value is stored, and which may be given once."""
+
+    def __call__(self, parser: Any, namespace: argparse.Namespace, values: Any, option_string: Any = None) -> None:
+        """Store the value."""
+        _refuse_again(namespace, self.dest, option_string)
+        setattr(namespace, self.dest, values)
+
+
+class _Former(_Once):
     """A former flag: stores its value under the present one, named by `dest`, and what to say of it in `former`."""
 
     def __call__(self, parser: Any, namespace: argparse.Namespace, values: Any, option_string: Any = None) -> None:
         """Store the value."""
+        super().__call__(parser, namespace, values, option_string)
         present = f"--{self.dest.replace('_', '-')}"
         namespace.former = f"flag {option_string} is now {present}; write that name"
-        setattr(namespace, self.dest, values)
+
+
+class _Switch(argparse.BooleanOptionalAction):
+    """A flag with its opposite, of which one may be given once."""
+
+    def __call__(self, parser: Any, namespace: argparse.Namespace, values: Any, option_string: Any = None) -> None:
+        """Store True or False."""
+        _refuse_again(namespace, self.dest, option_string)
+        super().__call__(parser, namespace, values, option_string)
 
 
 def _former(flag: str, present: str, kind: Callable[[str], Any]) -> Flag:
@@ -81,9 +109,7 @@ def _value(text: str) -> Any:
 
 
 #: whether a page has a view beside its pictures
-INTERACTIVE = _flag(
-    "--interactive", action=argparse.BooleanOptionalAction, default=True, help="a view to turn and cut in a browser"
-)
+INTERACTIVE = _flag("--interactive", action=_Switch, default=True, help="a view to turn and cut in a browser")
 #: directions that begin like a flag
 DIRECTION = re.compile(r"-[xyz]|-[\d.][^,]*,.*")
 #: what a command line holds beside flags of its command
@@ -149,7 +175,7 @@ FLAGS: dict[str, tuple[Flag, ...]] = {
         COLORED,
         _flag("--cut", action="store_true", help="leave out the grains in the quarter that faces the viewer"),
         _flag("--window", type=_value, default="900,900", help="width and height, in pixels"),
-        _flag("--legend", action=argparse.BooleanOptionalAction, default=True, help="say what the colours mean"),
+        _flag("--legend", action=_Switch, default=True, help="say what the colours mean"),
     ),
     "compare": (
         _flag(
@@ -322,6 +348,7 @@ def parse(words: Sequence[str], commands: Mapping[str, tuple[str, Callable[..., 
         If something is missing, superfluous or cannot be read.
     """
     options, rest = make_parser(words, commands).parse_known_args(_joined(words))
+    vars(options).pop("given", None)
     if hasattr(options, "former"):
         warn_former(vars(options).pop("former"))
     for word in rest:
@@ -374,7 +401,7 @@ def _add_family(sub: argparse.ArgumentParser, named: Sequence[str]) -> None:
     sub.add_argument("-o", "--output", help="mesh file: STL, OBJ, PLY, OFF or VTP; with --count, a folder")
     sub.add_argument("--count", type=int, help="make so many shapes, each with random numbers of its own")
     kinds = ("stl", "obj", "ply", "off", "vtp")
-    sub.add_argument("--format", choices=kinds, default="stl", help="kind of the files of many shapes")
+    sub.add_argument("--format", choices=kinds, help="kind of the files of many shapes; default: stl")
     sub.add_argument("--gallery", help="picture of the shapes in rows (.png)")
     if len(named) > 1 and named[0] == "shape":
         for item in parameters_of(families().get(named[1]).parameters):

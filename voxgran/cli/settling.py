@@ -2,20 +2,21 @@
 
 import argparse
 import dataclasses
-import math
-import warnings
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 import voxgran
+from voxgran._base.arrays import as_share
+from voxgran._base.checkpoint import remove_checkpoint
 from voxgran._base.config import parameters_of
 from voxgran._base.errors import InputError, OutputExistsError
 from voxgran._base.files import as_path, refuse_to_replace
 from voxgran.cli.parser import nested_class
 from voxgran.cli.terminal import progress, show
 from voxgran.io.files import check_savable
+from voxgran.measures.registered.density import main_fraction
 from voxgran.packing.gravity import as_down, proposed_axis
 from voxgran.packing.model import Packing
 from voxgran.settling.parameters import Settling
@@ -53,7 +54,7 @@ def settle(options: argparse.Namespace, packing: Packing) -> int:
                 "--overwrite"
             )
     if not options.resume:
-        checkpoint.unlink(missing_ok=True)
+        remove_checkpoint(checkpoint)
     with progress(options) as on_step:
         settled = voxgran.settle(
             packing,
@@ -65,7 +66,7 @@ def settle(options: argparse.Namespace, packing: Packing) -> int:
             on_step=on_step,
         )
     voxgran.save(settled, options.output, overwrite=options.overwrite)
-    checkpoint.unlink(missing_ok=True)
+    remove_checkpoint(checkpoint)
     with progress(options) as on_step:
         proof = voxgran.verify(settled, on_step=on_step)
     numbers = _summary(packing, settled)
@@ -92,12 +93,14 @@ def settling_of(options: argparse.Namespace) -> dict[str, Any]:
 def _summary(before: Packing, after: Packing) -> dict[str, Any]:
     """Return the main numbers of a settled packing."""
     record = after.provenance.get("settling", {})
-    fractions = {"bulk_solid_fraction_before": _bulk(before), "bulk_solid_fraction": _bulk(after)}
+    (region, fraction), was = main_fraction(after), main_fraction(before)
     numbers: dict[str, Any] = {
         "grains": after.count,
         "steps": record.get("steps", 0),
-        "solid_fraction": after.solid_fraction,
-        **{name: value for name, value in fractions.items() if math.isfinite(value)},
+        **({"solid_fraction_before": was[1]} if was[0] == region else {}),
+        "solid_fraction": fraction,
+        "region": region,
+        "container_solid_fraction": after.solid_fraction,
     }
     if (sought := record.get("sought")) is not None:
         shaking = sought["shaking"] or {}
@@ -108,14 +111,6 @@ def _summary(before: Packing, after: Packing) -> dict[str, Any]:
     return numbers | {"stop_reason": after.stop_reason}
 
 
-def _bulk(packing: Packing) -> float:
-    """Return the bulk solid fraction; NaN where the packing has no bulk to speak of."""
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore")
-        tree = voxgran.measure(packing, which="density")
-    return float(tree["bulk_solid_fraction"]) if "bulk_solid_fraction" in tree else math.nan
-
-
 def equilibrium(options: argparse.Namespace, packing: Packing) -> int:
     """Say which grains of a packing rest; return exit status 1 where fewer than asked for do.
 
@@ -124,6 +119,7 @@ def equilibrium(options: argparse.Namespace, packing: Packing) -> int:
     InputError
         If there is no gravity, or a number is out of range.
     """
+    least = as_share(options.rest, "rest", zero=True)
     if options.gravity is not None:
         packing = dataclasses.replace(packing, gravity=as_down(options.gravity, packing.container))
     if packing.gravity is None:
@@ -139,7 +135,7 @@ def equilibrium(options: argparse.Namespace, packing: Packing) -> int:
     rattlers = np.flatnonzero(found["rattler"].values)
     residual = np.maximum(found["residual"].values, found["residual_torque"].values)
     worst = np.argsort(-residual, kind="stable")[:LISTED]
-    rests = found.attrs["share_at_rest"] >= options.rest
+    rests = found.attrs["share_at_rest"] >= least
     show(
         {
             "rests": bool(rests),

@@ -9,9 +9,9 @@ from typing import Any
 import voxgran
 from voxgran._base.config import parameters_of
 from voxgran._base.errors import InputError, OutputExistsError
-from voxgran._base.files import write_text
+from voxgran._base.files import made_folder, write_text
 from voxgran._base.progress import Step
-from voxgran.cli.terminal import progress, show
+from voxgran.cli.terminal import progress, show, warn
 from voxgran.report.stage import check_picture_path
 from voxgran.shapes.formats.mesh_files import WRITERS
 
@@ -20,7 +20,13 @@ TABLE = "shapes.csv"
 
 
 def shape(options: argparse.Namespace) -> None:
-    """Make one shape of a family, or many, and write them."""
+    """Make one shape of a family, or many, and write them.
+
+    Raises
+    ------
+    InputError
+        If a kind of files is given for one shape.
+    """
     from voxgran.shapes.family import families
 
     names = [name for item in parameters_of(families().get(options.family).parameters) for name in item.names]
@@ -30,6 +36,8 @@ def shape(options: argparse.Namespace) -> None:
     if options.count is not None:
         _many(options, given)
         return
+    if options.format:
+        raise InputError(f"--format is {options.format} without --count: one file is of the kind that --output names")
     made = voxgran.make_shape(options.family, seed=options.seed, **given)
     if options.output:
         voxgran.save_shape(made, options.output, overwrite=options.overwrite)
@@ -52,15 +60,15 @@ def _many(options: argparse.Namespace, given: dict[str, Any]) -> None:
     form = voxgran.describe(shapes)
     written = []
     if folder is not None:
-        folder.mkdir(parents=True, exist_ok=True)
+        made_folder(folder)
         digits = len(str(options.count - 1))
-        files = [f"{options.family}_{k:0{digits}}.{options.format}" for k in range(len(shapes))]
-        _remove_stale(folder, keep=files)
+        files = [f"{options.family}_{k:0{digits}}.{options.format or 'stl'}" for k in range(len(shapes))]
         for made, file in zip(shapes, files, strict=True):
             voxgran.save_shape(made, folder / file, overwrite=options.overwrite)
         columns = {"file": files, "seed": seeds, **{str(name): values.values for name, values in form.items()}}
         write_text(folder / TABLE, _csv(columns), overwrite=options.overwrite)
         written = [str(folder)]
+        _tell_of_others(folder, files)
     if options.gallery and shapes:
         voxgran.save_gallery(shapes, options.gallery, overwrite=options.overwrite)
         written.append(str(options.gallery))
@@ -89,17 +97,11 @@ def _folder(options: argparse.Namespace) -> Path:
     return folder
 
 
-def _remove_stale(folder: Path, *, keep: list[str]) -> None:
-    """Remove the shapes of an earlier call from a folder: the files that its table names and the new one will not."""
-    table = folder / TABLE
-    if not table.is_file():
-        return
-    with table.open(newline="", encoding="utf-8") as lines:
-        named = [row.get("file") or "" for row in csv.DictReader(lines)]
-    for name in set(named) - set(keep):
-        path = folder / name
-        if name == Path(name).name and path.suffix.lower() in WRITERS and path.is_file():
-            path.unlink()
+def _tell_of_others(folder: Path, files: list[str]) -> None:
+    """Warn of other shapes in a folder, which may be those of an earlier call."""
+    others = sorted(path.name for path in folder.iterdir() if path.suffix.lower() in WRITERS and path.name not in files)
+    if others:
+        warn(f"{folder} holds {len(others)} other shapes, such as {others[0]}, which {TABLE} does not list: they stay")
 
 
 def _csv(columns: dict[str, Any]) -> str:

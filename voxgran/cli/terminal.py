@@ -8,6 +8,7 @@ import shutil
 import sys
 import textwrap
 from collections.abc import Iterator, Mapping, Sequence
+from datetime import timedelta
 from typing import Any
 
 from voxgran._base.lazy import load
@@ -37,7 +38,7 @@ def progress(options: argparse.Namespace, *, timed: bool = True) -> Iterator[OnS
         rich.TextColumn("{task.description:14}"),
         rich.BarColumn(),
         rich.TaskProgressColumn(),
-        *((rich.TextColumn("{task.fields[rate]}"), rich.TextColumn("at most"), rich.TimeRemainingColumn()) * timed),
+        *((rich.TextColumn("{task.fields[rate]}"), rich.TextColumn("{task.fields[left]}")) * timed),
         rich.TextColumn("{task.fields[text]}"),
     )
     with rich.Progress(*columns, console=load("rich.console").Console(stderr=True), transient=True) as bar:
@@ -46,7 +47,7 @@ def progress(options: argparse.Namespace, *, timed: bool = True) -> Iterator[OnS
 
         def show(step: Step) -> None:
             if step.stage not in stages:
-                stages[step.stage] = bar.add_task(step.stage, total=step.total or None, text="", rate="")
+                stages[step.stage] = bar.add_task(step.stage, total=step.total or None, text="", rate="", left="")
             task = stages[step.stage]
             if present != [task]:
                 # another stage has ended, or waits for this one, at whatever share it was told last
@@ -55,8 +56,13 @@ def progress(options: argparse.Namespace, *, timed: bool = True) -> Iterator[OnS
                 present[:] = [task]
                 bar.update(task, visible=True)
             bar.update(task, completed=step.done, total=step.total or None, text=step.text)
-            speed = next((one.speed for one in bar.tasks if one.id == task), None)
-            bar.update(task, rate=f"{speed:,.0f}/s" if speed else "")
+            one = next(one for one in bar.tasks if one.id == task)
+            left = one.time_remaining
+            bar.update(
+                task,
+                rate=f"{one.speed:,.0f}/s" if one.speed else "",
+                left="" if left is None else f"at most {timedelta(seconds=int(left))}",
+            )
 
         yield show
 

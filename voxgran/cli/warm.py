@@ -3,16 +3,17 @@
 import time
 import warnings
 from collections.abc import Callable
-from concurrent.futures import ProcessPoolExecutor, as_completed
+from contextlib import ExitStack
 from dataclasses import dataclass
 from functools import partial
-from multiprocessing import get_context
+from multiprocessing.connection import wait
 from typing import Any
 
 from voxgran._base.errors import InputError, PackingWarning
 from voxgran._base.kernels import cache_folder
 from voxgran._base.machine import processor_count
 from voxgran._base.progress import OnStep, Step
+from voxgran._base.stopping import heed
 from voxgran.clumps.fit import fit_clump
 from voxgran.contacts.verify import verify
 from voxgran.containers.box import Box
@@ -25,6 +26,7 @@ from voxgran.measures.model import measure
 from voxgran.packing.method import packing_methods
 from voxgran.packing.pack import pack
 from voxgran.packing.settle import settle
+from voxgran.scene.processes import TICK, Process, compute, start
 from voxgran.settling.equilibrium import equilibrium
 from voxgran.shapes.family import make_shape, shape_families
 from voxgran.shapes.repairing.repair import repair
@@ -59,10 +61,20 @@ def warm(on_step: OnStep | None = None) -> Warmed:
         Told of each scene.
     """
     began, before, tasks = time.monotonic(), _count(), scenes()
-    with ProcessPoolExecutor(min(PROCESSES, processor_count()), mp_context=get_context("spawn")) as pool:
-        waiting = [pool.submit(_compute, task) for task in tasks]
-        for done, future in enumerate(as_completed(waiting), start=1):
-            future.result()
+    waiting = [partial(_compute, task) for task in reversed(tasks)]
+    with ExitStack() as stack:
+        pool = {}
+        for _ in range(min(PROCESSES, processor_count(), len(tasks))):
+            process = stack.enter_context(start(compute, Process))
+            pool[process.connection] = process
+            process.connection.send(waiting.pop())
+        for done in range(1, len(tasks) + 1):
+            while not (answered := wait(pool, timeout=TICK)):
+                heed()
+            process = next(pool[connection] for connection in pool if connection in answered)
+            process.receive()
+            if waiting:
+                process.connection.send(waiting.pop())
             if on_step is not None:
                 text = f"kernels (once per machine), {_count() - before} so far"
                 on_step(Step(stage="compiling", done=done, total=len(tasks), text=text))

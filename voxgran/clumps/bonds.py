@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
-from voxgran._base.arrays import Floats, Integers, as_number
+from voxgran._base.arrays import Floats, Integers, as_number, as_share
 from voxgran._base.errors import PackingWarning
 from voxgran._base.lazy import load
 from voxgran._base.warning import warn
@@ -61,7 +61,7 @@ class Strengths(NamedTuple):
             normal,
             normal if shear_strength is None else as_number(shear_strength, "shear_strength", at_least=0.0),
             as_number(tolerance, "tolerance", at_least=0.0),
-            as_number(least_area, "least_area", at_least=0.0, at_most=1.0),
+            as_share(least_area, "least_area", zero=True),
         )
 
 

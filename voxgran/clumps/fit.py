@@ -1,6 +1,7 @@
 """`fit_clump`: spheres for a shape or for voxels, with measured errors."""
 
-from typing import Any
+from dataclasses import replace
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -27,6 +28,8 @@ BESIDE = ("max_spheres", "target", "value", "seed")
 TARGETS = ("iou", "volume", "inertia", "surface")
 #: number of spheres without a target, and the largest number that is tried for one
 DEFAULT_SPHERES, MOST_SPHERES = 50, 1000
+#: largest clump that may be asked for
+LARGEST = 100_000
 #: errors of spheres that are exactly the shape
 EXACT = ClumpErrors(
     iou=1.0, iou_uncertainty=0.0, volume=0.0, centroid=0.0, inertia=0.0, surface_mean=0.0, surface_max=0.0
@@ -60,7 +63,8 @@ def fit_clump(
     target : {"iou", "volume", "inertia", "surface"}, optional
         Error that is to be reached with the fewest spheres: the intersection over union, the relative error of the
         volume or of the inertia tensor, or the largest distance between the surfaces in equivalent diameters. Default:
-        none; the clump has `max_spheres` spheres.
+        none; the clump has `max_spheres` spheres. The volume is that before a method changes the radii to match that of
+        the solid, which any number of spheres can.
     value : float, optional
         Value of the target: at least this for ``"iou"``, at most this for the others. Required with `target`.
     seed : int, optional
@@ -96,15 +100,22 @@ def fit_clump(
     _, entry, settings = chosen(clump_registry(), method, parameters, where="clump method", beside=BESIDE)
     level = _level(target, value)
     default = DEFAULT_SPHERES if target is None else MOST_SPHERES
-    most = default if max_spheres is None else as_count(max_spheres, "max_spheres", at_least=1)
+    most = default if max_spheres is None else as_count(max_spheres, "max_spheres", at_least=1, at_most=LARGEST)
     shape = _solid(shape_or_voxels)
     fit = _Fit(shape, entry, settings, as_count(seed, "seed", at_most=None))
     if target is None:
-        clump = fit.clump(most)
+        clump = fit.tried(most).clump
         if clump.reason and _own_spheres(shape, most) is None:
             warn(f"{shape.name!r} has {clump.count} spheres: {clump.reason}", PackingWarning)
         return clump
     return _fewest(fit, target, level, most)
+
+
+class _Tried(NamedTuple):
+    """A clump, and the errors by which it is compared with a target: those before a matching that meets one."""
+
+    clump: Clump
+    errors: ClumpErrors
 
 
 class _Fit:
@@ -115,7 +126,7 @@ class _Fit:
         self._body = Body(shape)
         self._entry, self._settings, self._seed = entry, settings, seed
 
-    def clump(self, count: int) -> Clump:
+    def tried(self, count: int) -> _Tried:
         """Return the clump of at most so many spheres.
 
         Raises
@@ -126,14 +137,19 @@ class _Fit:
         size = self.shape.diameter
         own = _own_spheres(self.shape, count)
         if own is not None:
-            return Clump(own.centers, own.radii, self.shape, EXACT, self._entry.name, own.reason)
+            return _Tried(Clump(own.centers, own.radii, self.shape, EXACT, self._entry.name, own.reason), EXACT)
         made = self._entry.fit(self._body, count, self._settings, self._seed)
         found = Fitted(made.centers * size, made.radii * size, made.reason)
         if len(found.radii) == 0:
             reason = found.reason or "every sphere is too small"
             raise InputError(f"no sphere fits in {self.shape.name!r}: {reason}; allow smaller ones, or finer voxels")
         errors = clump_errors(self._body, Spheres(found.centers / size, found.radii / size))
-        return Clump(found.centers, found.radii, self.shape, errors, self._entry.name, found.reason)
+        clump = Clump(found.centers, found.radii, self.shape, errors, self._entry.name, found.reason)
+        if made.unmatched is None:
+            return _Tried(clump, errors)
+        return _Tried(
+            clump, replace(errors, volume=Spheres(made.centers, made.unmatched).volume / self._body.volume - 1)
+        )
 
 
 def _own_spheres(shape: Shape, count: int) -> Fitted | None:
@@ -168,43 +184,42 @@ def _fewest(fit: _Fit, target: str, level: float, most: int) -> Clump:
         If none reaches it.
     """
 
-    def reached(clump: Clump) -> bool:
-        found = getattr(clump.errors, "surface_max" if target == "surface" else target)
-        return bool(found >= level) if target == "iou" else abs(found) <= level
+    def reached(tried: _Tried) -> bool:
+        return _distance(tried, target) <= (1.0 - level if target == "iou" else level)
 
     low, high = 0, 1
-    best = clump = fit.clump(1)
-    while not reached(clump):
-        if high >= most or clump.reason:
+    best = found = fit.tried(1)
+    while not reached(found):
+        if high >= most or found.clump.reason:
             raise InputError(_unreached(best, target, level, most))
         low, high = high, min(2 * high, most)
-        clump = fit.clump(high)
-        best = min(best, clump, key=lambda made: _distance(made, target))
+        found = fit.tried(high)
+        best = min(best, found, key=lambda tried: _distance(tried, target))
     while high - low > 1:
         middle = (low + high) // 2
-        tried = fit.clump(middle)
+        tried = fit.tried(middle)
         if reached(tried):
-            high, clump = middle, tried
+            high, found = middle, tried
         else:
             low = middle
-    return clump
+    return found.clump
 
 
-def _distance(clump: Clump, target: str) -> float:
+def _distance(tried: _Tried, target: str) -> float:
     """Return how far a clump is from its solid in the sense of a target."""
-    found = getattr(clump.errors, "surface_max" if target == "surface" else target)
+    found = getattr(tried.errors, "surface_max" if target == "surface" else target)
     return 1.0 - float(found) if target == "iou" else abs(float(found))
 
 
-def _unreached(best: Clump, target: str, level: float, most: int) -> str:
+def _unreached(best: _Tried, target: str, level: float, most: int) -> str:
     """Say what was reached in place of the target."""
     distance = _distance(best, target)
     found = 1.0 - distance if target == "iou" else distance
     side = "at least" if target == "iou" else "at most"
-    why = f": {best.reason}" if best.reason else ""
+    why = f": {best.clump.reason}" if best.clump.reason else ""
     return (
         f"{target} of {side} {level:g} is not reached with up to {most} spheres; the best is {found:.4g}, with "
-        f"{best.count}{why}; ask for less, or raise max_spheres"
+        f"{best.clump.count}{why}; ask for less, or raise max_spheres"
     )
 
 

@@ -17,6 +17,8 @@ class Fitted(NamedTuple):
     radii: Floats  # (n,)
     #: why there are fewer than asked, as half a sentence such as "the spheres cover every voxel"; "" if there are not
     reason: str = ""
+    #: radii before they were changed so that the union has the volume of the solid; None where they were not
+    unmatched: Floats | None = None
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from voxgran._base.arrays import check_type
-from voxgran._base.errors import InputError
+from voxgran._base.errors import InputError, shown
 from voxgran.clumps.fit import fit_clump
 from voxgran.clumps.model import Clump
 from voxgran.shapes.model import Shape
@@ -40,9 +40,9 @@ def as_clumps(
         given = _one_each(clumps, changed)
         for number, (clump, shape) in enumerate(zip(given, shapes, strict=True)):
             if clump is not None:
-                _refuse_other(clump, shape, number)
+                _refuse_other(_in_unit(clump.shape, shape.unit), shape, number)
     made = (
-        shape if one is None else replace(one.to_shape(), unit=shape.unit)
+        shape if one is None else replace(_in_unit(one.to_shape(), shape.unit), unit=shape.unit)
         for shape, one in zip(shapes, given, strict=True)
     )
     return tuple(made), [None if one is None else record_of(one) for one in given]
@@ -57,7 +57,8 @@ def _one_each(clumps: Any, changed: list[bool]) -> list[Clump | None]:
     if few:
         return [clumps if other else None for other in changed]
     if isinstance(clumps, int | np.integer):
-        raise InputError(f"clumps is {clumps}: it must be {wanted}; a number of spheres is max_spheres={clumps}")
+        given = shown(clumps)
+        raise InputError(f"clumps is {given}: it must be {wanted}; a number of spheres is max_spheres={given}")
     check_type(clumps, Sequence, "clumps", wanted)
     if len(clumps) != len(changed):
         raise InputError(f"clumps has {len(clumps)} entries for {len(changed)} shapes: it must be {wanted}")
@@ -66,22 +67,27 @@ def _one_each(clumps: Any, changed: list[bool]) -> list[Clump | None]:
     return [clump if other else None for clump, other in zip(clumps, changed, strict=True)]
 
 
-def _refuse_other(clump: Clump, shape: Shape, number: int) -> None:
-    """Refuse a clump that approximates another shape.
+def _in_unit(shape: Shape, unit: str | None) -> Shape:
+    """Return a shape in a unit, where both are known; else as it is."""
+    return shape if None in (shape.unit, unit) else shape.to_unit(str(unit))
+
+
+def _refuse_other(solid: Shape, shape: Shape, number: int) -> None:
+    """Refuse a clump whose solid is another shape.
 
     Raises
     ------
     InputError
         If volumes or inertia tensors differ.
     """
-    if clump.shape == shape:
+    if solid == shape:
         return
     shape.refuse_open("clumps of spheres")
     size = float(np.abs(shape.inertia).max())
-    apart = abs(clump.shape.volume / shape.volume - 1), float(np.abs(clump.shape.inertia - shape.inertia).max()) / size
+    apart = abs(solid.volume / shape.volume - 1), float(np.abs(solid.inertia - shape.inertia).max()) / size
     if max(apart) > ALIKE:
         raise InputError(
-            f"clump {number} is that of {clump.shape.name!r} with a volume of {clump.shape.volume:.6g}, shape {number} "
+            f"clump {number} is that of {solid.name!r} with a volume of {solid.volume:.6g}, shape {number} "
             f"is {shape.name!r} with {shape.volume:.6g}: volume and inertia must agree; fit it to that shape"
         )
 

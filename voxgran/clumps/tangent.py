@@ -15,8 +15,8 @@ from voxgran.clumps.sphere_sets import union_gaps
 
 #: voxels along the equivalent diameter at which room is looked for
 RESOLUTION = 40.0
-#: accuracy of centers and radii, in equivalent diameters
-ACCURACY = 1e-6
+#: accuracy of centers and radii, in equivalent diameters: far below the gap up to which spheres are bonded
+ACCURACY = 1e-9
 #: directions in which more room is looked for
 WAYS = np.array([w for w in np.ndindex(3, 3, 3) if w != (1, 1, 1)]) - 1.0
 #: halvings of the interval in which the radius of equal spheres lies, and places of their lattice that are tried

@@ -12,6 +12,7 @@ from numpy.typing import ArrayLike
 from voxgran._base.arrays import (
     Floats,
     Integers,
+    as_count,
     as_floats,
     as_indices,
     as_points,
@@ -22,7 +23,8 @@ from voxgran._base.arrays import (
     read_only,
 )
 from voxgran._base.errors import InputError, shown
-from voxgran.containers.model import Container
+from voxgran.containers.model import Container, check_container
+from voxgran.containers.size_limits import check_grain_sizes
 from voxgran.geometry.rotation import rotation_matrices
 from voxgran.shapes.model import Shape
 
@@ -98,6 +100,8 @@ class Assembly:
 
         Raises
         ------
+        GrainTooLargeError
+            If a grain contains a sphere wider than a period, or is beyond all proportion to the container.
         InputError
             If an array has the wrong length, a scale is not above 0, a shape index is no whole number or out of
             range, the dimension of a shape is not that of the container, a grain lies off the plane in 2D, or the
@@ -188,6 +192,7 @@ class Assembly:
         >>> bed.world_vertices(0).shape
         (8, 3)
         """
+        as_count(grain, "grain", at_most=len(self.scale) - 1)
         body = self.shapes[self.shape_id[grain]].vertices * self.scale[grain]
         return body @ self.matrices[grain].T + self.position[grain]
 
@@ -211,6 +216,7 @@ def checked_arrays(
     InputError
         As :meth:`Assembly.of`.
     """
+    check_container(container)
     given = float_array(position)
     points = np.zeros((0, 3)) if given is not None and not given.size else as_points(position, "position")
     n = len(points)
@@ -239,6 +245,7 @@ def checked_arrays(
         rows = float_array(orientation)
         flat = rows is not None and rows.size == 4 * n
         turns = as_quaternions(np.reshape(rows, (n, 4)) if rows is not None and flat else orientation)
+    check_grain_sizes(shapes, container, index, scales)
     return tuple(shapes), index, scales.copy(), points.copy(), turns
 
 

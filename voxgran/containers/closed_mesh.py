@@ -7,8 +7,8 @@ from typing import Any, ClassVar
 import numpy as np
 from numpy.typing import ArrayLike
 
-from voxgran._base.arrays import Floats, Integers, as_points
-from voxgran._base.errors import InputError, shown
+from voxgran._base.arrays import Floats, Integers, as_points, check_type
+from voxgran._base.errors import InputError, with_article
 from voxgran._base.registry import ExplainedAttributes
 from voxgran.containers.model import Boundary
 from voxgran.shapes.files import shape_of_file
@@ -53,14 +53,19 @@ class ClosedMesh(ExplainedAttributes):
 
     def __post_init__(self) -> None:
         """Check that the shape is a mesh."""
-        if not isinstance(self.shape, Shape):
-            raise InputError(
-                f"shape is {shown(self.shape)}: a closed-mesh container needs a Shape; for a mesh file use "
-                "ClosedMesh.from_file"
-            )
+        check_type(self.shape, Shape, "shape", "a Shape; for a mesh file use ClosedMesh.from_file")
         if not isinstance(self.shape.geometry, Mesh):
+            kind, error = type(self.shape.geometry).__name__.lower(), self.shape.tessellation_error
+            solid = self.shape.dimension == 3 and not self.shape.is_open
+            remedy = (
+                "write ClosedMesh(Shape.from_mesh(shape.vertices, shape.faces)), whose walls are within "
+                f"{error:.2g} of its surface"
+                if solid
+                else "take a solid"
+            )
             raise InputError(
-                f"shape {self.shape.name!r} is no mesh: a closed-mesh container needs one; load a mesh file"
+                f"shape {self.shape.name!r} is {with_article(kind)}: a closed-mesh container is made of triangles that "
+                f"bound a solid; {remedy}"
             )
 
     @classmethod

@@ -53,6 +53,21 @@ def container_classes() -> str:
     return ", ".join(sorted(made.__name__ for made, _, _ in KINDS.values()))
 
 
+def refuse_own(container: Container) -> None:
+    """Refuse to write a container of a class that :func:`make_container` does not make again.
+
+    Raises
+    ------
+    InputError
+        If it is of such a class.
+    """
+    if type(container) not in [made for made, _, _ in KINDS.values()]:
+        raise InputError(
+            f"container is a {type(container).__name__}, a class of your own: load could not make it again; give the "
+            f"packing one of {container_classes()} with dataclasses.replace, such as a ClosedMesh of the same walls"
+        )
+
+
 @explained(hint='make_container({"kind": "box", "lengths": [4, 4, 6]})')
 def make_container(mapping: Mapping[str, Any], where: str = "[container]") -> Container:
     """Return a container from kind and parameters.

@@ -96,7 +96,7 @@ def check_container(container: Any) -> None:
         If it lacks attributes of :class:`Container`, or is smaller than 1e-60 or larger than 1e60.
     """
     if isinstance(container, Shape):
-        remedy = "a Rectangle, Disk or Polygon" if container.dimension == 2 else "a Box, or ClosedMesh(shape)"
+        remedy = "a Rectangle, Disk or Polygon" if container.dimension == 2 else "a Box, or ClosedMesh(shape) of a mesh"
         raise InputError(f"container is {shown(container)}: a Shape is no container; give {remedy}")
     missing = [name for name in NEEDED if not hasattr(container, name)]
     if isinstance(container, type) or "signed_distance" in missing:

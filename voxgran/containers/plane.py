@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from voxgran._base.arrays import Booleans, Floats, Integers, as_floats, as_points, check_lengths, read_only
+from voxgran._base.arrays import Booleans, Floats, Integers, as_array, as_floats, as_points, check_lengths, read_only
 from voxgran._base.errors import InputError, shown
 from voxgran._base.lazy import load
 from voxgran.shapes.mesh import Mesh
@@ -29,8 +29,8 @@ def points_in_plane(points: "ArrayLike") -> Floats:
     InputError
         If the points are not finite numbers in two or three columns.
     """
-    columns = 2 if np.ndim(points) == 2 and np.shape(points)[1] == 2 else 3
-    given = as_floats(points, "points", shape=(None, columns))
+    array = as_array(points, "points")
+    given = as_floats(points, "points", shape=(None, 2 if array.ndim == 2 and array.shape[1] == 2 else 3))
     return np.column_stack([given[:, :2], np.zeros(len(given))])
 
 

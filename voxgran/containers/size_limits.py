@@ -6,8 +6,10 @@ from collections.abc import Sequence
 import numpy as np
 
 from voxgran._base.arrays import Booleans, Floats, Integers
+from voxgran._base.errors import GrainTooLargeError
 from voxgran._base.lazy import load
 from voxgran.containers.model import Container, boundary_of
+from voxgran.geometry.sphere_pairs import MOST_IMAGES, images_within
 from voxgran.shapes.describing.extents import principal_extents
 from voxgran.shapes.model import Shape
 from voxgran.shapes.primitive import Primitive
@@ -16,6 +18,44 @@ from voxgran.shapes.surface import Surface
 
 #: factor that allows for rounding of a length
 EXACT = 1 + 1e-12
+#: a grain wider than a period by no more than the rounding of files is kept, and its overlap is found
+ROUNDED = 1 + 1e-3
+#: a grain whose bounding sphere is so many times as wide as the container is long has the wrong unit
+MOST_WIDTHS = 1000.0
+
+
+def check_grain_sizes(shapes: Sequence[Shape], container: Container, shape_id: Integers, scale: Floats) -> None:
+    """Check that no grain is so large that its overlaps with periodic images are beyond counting.
+
+    Raises
+    ------
+    GrainTooLargeError
+        If a grain contains a sphere wider than a period by more than 0.1 %, has more than 10,000 of its periodic
+        images within its width, or is more than 1,000 times as wide as the container is long.
+    """
+    if not len(scale):
+        return
+    lower, upper = container.bounds
+    lengths, radii = upper - lower, np.array([shape.bounding_radius for shape in shapes])[shape_id]
+    width = 2.0 * radii * scale
+    cramped = [axis for axis in range(container.dimension) if container.periodic[axis]]
+    period = lengths[cramped].min(initial=math.inf)
+    known: dict[int, float] = {}
+    for grain in np.flatnonzero(width > min(period * ROUNDED, MOST_WIDTHS * lengths.max())).tolist():
+        index = int(shape_id[grain])
+        if index not in known:
+            known[index] = _spheres(shapes[index])[0]
+        if known[index] * scale[grain] > period * ROUNDED:
+            rule = f"it contains a sphere wider than the period of {period:g} and overlaps its own images"
+        elif images_within(width[grain], lengths, container.periodic) > MOST_IMAGES:
+            rule = f"more than {MOST_IMAGES} of its periodic images lie within its width, from {period:g} on"
+        elif width[grain] > MOST_WIDTHS * lengths.max():
+            rule = f"it must be at most {MOST_WIDTHS:g} times as wide as the container is long, {lengths.max():g}"
+        else:
+            continue
+        raise GrainTooLargeError(
+            f"grain {grain} is {width[grain]:.6g} wide: {rule}; correct its size or unit, or enlarge the container"
+        )
 
 
 def can_fit(shapes: Sequence[Shape], container: Container, shape_id: Integers, diameter: Floats) -> Booleans:

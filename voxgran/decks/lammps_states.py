@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 
 from voxgran._base.arrays import Floats
+from voxgran._base.stopping import heed
 from voxgran.decks.engine import Frame
 from voxgran.decks.lammps_bonds import fitted_poses
 from voxgran.decks.program import Tail, program_of, refuse_failure, running
@@ -58,6 +59,7 @@ def _frames(folder: Path, simulation: Simulation, process: subprocess.Popen[byte
     energy: dict[int, float] = {0: 0.0}
     start: Floats | None = None
     while True:
+        heed()
         # whatever was written before the end is read after it
         ended = process.poll() is not None
         energy |= {int(words[0]): float(words[1]) for words in map(str.split, tails[ENERGY].lines()) if words[0] != "#"}

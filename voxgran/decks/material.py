@@ -88,7 +88,7 @@ class Material(ExplainedAttributes):
     )
     density: float | None = parameter(
         None, doc="density of the solid; if omitted, that of the packing, or 2650 where it has none", unit="kg/m^3",
-        above=0.0,
+        above=0.0, at_most=1e12,
     )  # fmt: skip
     stiffness: float | None = parameter(
         None, doc="normal stiffness of the linear law; if omitted, by Young's modulus, or such that grains overlap by "

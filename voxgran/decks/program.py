@@ -1,6 +1,7 @@
 """Programs of engines: found, started in a folder, and ended with all that they started."""
 
 import contextlib
+import functools
 import os
 import shutil
 import signal
@@ -10,6 +11,7 @@ from collections.abc import Iterator, Sequence
 from pathlib import Path
 
 from voxgran._base.errors import EngineError, InputError
+from voxgran._base.stopping import undone_at_end
 
 #: lines of the end of a failed run that a message shows
 LAST_LINES = 3
@@ -79,7 +81,8 @@ def running(command: Sequence[str], folder: Path, log: str) -> Iterator[subproce
         except OSError as error:
             raise EngineError(f"{command[0]} cannot be started ({error.strerror}): reinstall it") from error
     try:
-        yield process
+        with undone_at_end(functools.partial(os.killpg, process.pid, signal.SIGKILL)):
+            yield process
     finally:
         _end(process)
 

@@ -14,8 +14,8 @@ import numpy as np
 
 from voxgran._base.arrays import Floats, Integers, as_positive
 from voxgran._base.calls import explained
-from voxgran._base.errors import EngineError, FileFormatError, InputError, VoxgranError
-from voxgran._base.files import as_path, output_suffix, refuse_to_replace, write_text, written_whole
+from voxgran._base.errors import EngineError, FileFormatError, InputError, OutputError, VoxgranError
+from voxgran._base.files import as_path, output_suffix, refuse_to_replace, write_files
 from voxgran._base.lazy import load
 from voxgran._base.progress import OnStep, Step
 from voxgran._base.units import NO_UNIT, unit_factor
@@ -27,6 +27,8 @@ from voxgran.decks.write import described
 from voxgran.geometry.rotation import quaternions_of
 from voxgran.geometry.sphere_pairs import near_pairs
 from voxgran.io.files import save
+from voxgran.io.netcdf import save_statistics
+from voxgran.io.vtk_files import load_packing
 from voxgran.measures.region import HELD, Regions
 from voxgran.measures.registered.density import INSET
 from voxgran.packing.model import Packing
@@ -113,7 +115,7 @@ def relax(
     EngineError
         If the engine is not installed, with the line that installs it, or fails, with its last lines.
     OutputExistsError
-        If one of the files is in the folder and `overwrite` is false.
+        If one of the files is in the folder and `overwrite` is false, or the checkpoint is there and no state of a run.
     FileFormatError
         If the checkpoint has another suffix.
     Interrupted
@@ -150,8 +152,10 @@ def relax(
         simulation = replace(simulation, time_step=simulation.law.stable_step)
     if checkpoint is not None and as_path(checkpoint).suffix.lower() != ".vtp":
         raise FileFormatError(f"checkpoint is {str(checkpoint)!r}: the last state is kept as .vtp; change the suffix")
+    if checkpoint is not None and not _is_state(checkpoint):
+        refuse_to_replace(checkpoint)
     texts = found.write(simulation)
-    place = _written(texts, folder, overwrite=overwrite)
+    place = _written(texts, folder, engine=engine, overwrite=overwrite)
     history = _History(simulation, held, packing.contact_gap)
     try:
         _follow(found, place, simulation, history, on_step)
@@ -171,13 +175,17 @@ def relax(
     return history.packing(engine), history.dataset(engine)
 
 
-def _written(texts: Mapping[str, str], folder: str | os.PathLike[str] | None, *, overwrite: bool) -> Path:
+def _written(texts: Mapping[str, str], folder: str | os.PathLike[str] | None, *, engine: str, overwrite: bool) -> Path:
     """Write the files of an engine into a folder, a temporary one where none is named, and return it."""
     if folder is not None and not overwrite:
-        refuse_to_replace(*(as_path(folder) / name for name in texts))
+        # what a run writes is named after its engine, too
+        refuse_to_replace(*(as_path(folder) / name for name in texts), *as_path(folder).glob(f"{engine}*"))
     place = Path(tempfile.mkdtemp(prefix="voxgran_")) if folder is None else as_path(folder)
-    for name, text in texts.items():
-        write_text(place / name, text)
+    try:
+        write_files({place / name: text for name, text in texts.items()})
+    except OutputError:
+        _remove(place, folder)
+        raise
     return place
 
 
@@ -188,6 +196,20 @@ def _save_last(packing: Packing, checkpoint: str | os.PathLike[str]) -> None:
     except VoxgranError as error:
         # the interrupt is what the caller waits for
         log.warning("the last state is lost: %s", error)
+
+
+def _is_state(path: str | os.PathLike[str]) -> bool:
+    """Return whether a file is the state of a run."""
+    try:
+        return "relaxed" in load_packing(path).provenance
+    except VoxgranError:
+        return False
+
+
+def remove_state(path: str | os.PathLike[str]) -> None:
+    """Remove the last state of a run that was interrupted, if it is there; any other file stays."""
+    if _is_state(path):
+        as_path(path).unlink()
 
 
 def _remove(place: Path, folder: object) -> None:
@@ -218,8 +240,7 @@ def save_history(history: "Dataset", path: str | os.PathLike[str], *, overwrite:
         If it cannot be written.
     """
     output_suffix(path, [".nc"], "the course of a run is kept")
-    with written_whole(path, overwrite=overwrite) as draft:
-        history.to_netcdf(draft, engine="netcdf4")
+    save_statistics(load("xarray").DataTree(history), path, overwrite=overwrite)
 
 
 def _follow(engine: Engine, folder: Path, simulation: Simulation, history: "_History", on_step: OnStep | None) -> None:

@@ -30,6 +30,8 @@ if TYPE_CHECKING:
 USUAL_STEP = 0.5
 #: least and largest density of a solid, kg/m^3
 SPARSEST, DENSEST = 10.0, 3e4
+#: most time steps of a run
+MOST_STEPS = 1e12
 #: mean kinetic energy of a grain, in m g d of the median grain, below which a bed rests
 REST = 1e-6
 #: how long a script runs at the most, the time between its outputs, and that from the start, when all grains stand
@@ -185,7 +187,7 @@ def simulation_of(
     Raises
     ------
     InputError
-        If a grain has no volume, the stiffness is too low, or the time step is above the stable one.
+        If a grain has no volume, the stiffness is too low, or the time step is above the stable one or too short.
     """
     metric = packing if packing.unit == NO_UNIT else packing.to_unit("m")
     scaled = tuple(replace(one, shape=shape) for one, shape in zip(templates, metric.shapes, strict=True))
@@ -210,7 +212,13 @@ def simulation_of(
         raise InputError(
             f"time_step is {step:g} s: it must be at most {law.stable_step:.4g} s, which is {law.formula}; leave it out"
         )
-    return Simulation(bodies, Walls.of(metric), law, gravity, step, bonds, packing.unit, rest, longest)
+    made = Simulation(bodies, Walls.of(metric), law, gravity, step, bonds, packing.unit, rest, longest)
+    if not made.duration <= MOST_STEPS * step:
+        raise InputError(
+            f"time_step is {step:g} s: a run of {made.duration:.4g} s would take more than {MOST_STEPS:g} steps; give "
+            "a longer one, or a material that is less stiff or denser"
+        )
+    return made
 
 
 def _bonded_masses(bodies: Bodies, bonds: "Dataset") -> Floats:

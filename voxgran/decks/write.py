@@ -8,11 +8,11 @@ from typing import Any, Literal
 
 import numpy as np
 
-from voxgran._base.arrays import as_choice, as_count, as_positive, check_type
+from voxgran._base.arrays import as_choice, as_count, as_number, check_type
 from voxgran._base.calls import explained
 from voxgran._base.config import from_mapping
 from voxgran._base.errors import InputError
-from voxgran._base.files import as_path, refuse_to_replace, write_text
+from voxgran._base.files import as_path, refuse_to_replace, write_files
 from voxgran._base.registry import ExplainedAttributes
 from voxgran.clumps.fit import fit_clump
 from voxgran.clumps.model import Clump
@@ -150,8 +150,7 @@ def write_deck(
     paths = tuple(place / name for name in texts)
     if not overwrite:
         refuse_to_replace(*paths)
-    for path, text in zip(paths, texts.values(), strict=True):
-        write_text(path, text)
+    write_files(dict(zip(paths, texts.values(), strict=True)))
     return Deck(engine=engine, folder=place, files=paths, simulation=simulation, packing=held, command=found.command)
 
 
@@ -190,7 +189,7 @@ def described(
         held,
         templates,
         law,
-        acceleration=as_positive(acceleration, "acceleration"),
+        acceleration=as_number(acceleration, "acceleration", above=0.0, at_most=1e9),
         time_step=time_step,
         rest=rest,
         longest=longest,

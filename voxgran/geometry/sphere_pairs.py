@@ -4,11 +4,20 @@ from typing import NamedTuple
 
 import numpy as np
 
-from voxgran._base.arrays import Floats, Integers
+from voxgran._base.arrays import Booleans, Floats, Integers
+from voxgran._base.errors import InputError
 from voxgran._base.kernels import kernel
 
 #: spheres share cells if their sizes differ by no more than this power of two
 CLASS = 2.0
+#: most periodic images that are compared with a sphere
+MOST_IMAGES = 10_000
+
+
+def images_within(reach: "float | Floats", lengths: Floats, periodic: tuple[bool, bool, bool] | Booleans) -> Floats:
+    """Return how many periodic images of a point, about, lie within a reach (one or several); 1 if none but its own."""
+    axes = np.flatnonzero(periodic)
+    return np.asarray(np.prod(2.0 * np.floor(np.divide.outer(reach, lengths[axes])) + 1.0, axis=-1))
 
 
 def near_pairs(
@@ -19,6 +28,11 @@ def near_pairs(
     The pairs (i, j), (m,), are in lexical order with i <= j; i == j stands for a sphere and its own image. A pair is
     (center i, center j + image * lengths) with the (n, 3) centers as given, anywhere on periodic axes, and `image` (m,
     3). The box is used on periodic axes only.
+
+    Raises
+    ------
+    InputError
+        If more than 10,000 images lie within the gap and the largest radii.
     """
     n = len(centers)
     if n == 0:
@@ -52,6 +66,11 @@ def spheres_near(
 
     The pairs (i, j), (m,), are in the order of the points. A pair is (point i, center j + image * lengths) with `image`
     (m, 3). The box is used on periodic axes only.
+
+    Raises
+    ------
+    InputError
+        If more than 10,000 images lie within the largest reach and radius.
     """
     n = len(points)
     found = [np.zeros((0, 5), dtype=np.int64)]
@@ -99,6 +118,11 @@ def _pairs_with(place: Placed, queries: Integers, members: Integers, gap: float)
     """Return the pairs (i, j, image) of each of `queries` with `members` as j, (m, 5); within a set each pair once."""
     low, span, wraps = place.low, place.span, place.wraps
     reach = place.radii[members].max() + place.radii[queries].max() + gap
+    if (many := float(images_within(max(reach, 0.0), span, wraps.astype(np.bool_)))) > MOST_IMAGES:
+        raise InputError(
+            f"spheres are compared up to a distance of {reach:g} between their centers, within which there are about "
+            f"{many:.0f} periodic images: there must be at most {MOST_IMAGES}; lower the gap or enlarge the container"
+        )
     # no more cells than spheres (per axis: cube root), no cell narrower than the reach
     most = max(1, int(np.ceil(2 * len(members) ** (1 / 3))))
     cells = np.clip(np.floor(span / max(reach, 1e-300)), 1, most).astype(np.int64)

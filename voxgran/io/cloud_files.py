@@ -1,24 +1,25 @@
 """Files of point clouds.
 
-PLY and PCD are read here and written by Open3D: its reader returns memory as it lies of a file that is cut, and dies of
-some that mix types. LAS is read by laspy where it is there.
+PLY and PCD are read and written here: Open3D's reader returns memory as it lies of a file that is cut, and dies of some
+that mix types; its writer reports success on a full disk. LAS is read by laspy where it is there.
 """
 
 import logging
 import os
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any, TypeAlias
 
 import numpy as np
 
+from voxgran._base.arrays import check_type
 from voxgran._base.calls import explained
 from voxgran._base.errors import FileFormatError, InputError, MissingLibraryError
-from voxgran._base.files import as_path, existing_file, written_whole
+from voxgran._base.files import as_path, existing_file, unpacked, written_whole
 from voxgran._base.guarded import Content, read_guarded, reason_of
 from voxgran._base.lazy import load
 from voxgran.io.cloud_of_packing import cloud_of_packing
-from voxgran.io.pcd_format import pcd_columns
+from voxgran.io.pcd_format import pcd_bytes, pcd_columns
 from voxgran.io.point_tables import read_point_table
 from voxgran.packing.model import Packing
 from voxgran.points.cloud import Cloud
@@ -41,7 +42,8 @@ def load_cloud(path: str | os.PathLike[str], *, unit: str | None = None) -> Clou
     path : path-like
         File in PLY, PCD (not compressed; points that are NaN, rays that met nothing, are left out) or LAS format, or a
         table of text: rows of x y z, with spaces, commas or semicolons between; more columns are taken by their names
-        in a first row (nx, ny, nz, grain), without names only a normal of length 1 and a whole number of the grain.
+        in a first row (nx, ny, nz, grain), without names only a normal of length 1 and a whole number of the grain. It
+        may be packed, with ``.gz`` behind its suffix.
     unit : str, optional
         Unit of its lengths; it is recorded and nothing is converted.
 
@@ -69,14 +71,16 @@ def load_cloud(path: str | os.PathLike[str], *, unit: str | None = None) -> Clou
     (3, 'scan', 'mm')
     """
     found = existing_file(path)
-    suffix = found.suffix.lower()
+    name = found.with_suffix("") if found.suffix.lower() == ".gz" else found
+    suffix = name.suffix.lower()
     if suffix not in READERS:
         raise FileFormatError(f"{found} ends in {suffix!r}: known are {', '.join(READERS)}; convert it")
-    columns = READERS[suffix](found)
+    with unpacked(found) as plain:
+        columns = READERS[suffix](plain)
     if not len(columns[0]):
         raise FileFormatError(f"{found} holds no points: it is empty, cut or damaged; write it again")
     try:
-        return Cloud.of(*columns, name=found.stem, unit=unit)
+        return Cloud.of(*columns, name=name.stem, unit=unit)
     except InputError as error:
         raise FileFormatError(f"{found}: {reason_of(error, most=300)}") from error
 
@@ -121,6 +125,7 @@ def save_cloud(
     suffix = target.suffix.lower()
     if suffix not in (".ply", ".pcd", ".xyz"):
         raise InputError(f"{target} ends in {suffix!r}: clouds are written as .ply, .pcd or .xyz; choose one of these")
+    check_type(cloud, (Cloud, Packing), "cloud", "a Cloud or a Packing; Cloud.of and load_cloud make one")
     if isinstance(cloud, Packing):
         made = cloud_of_packing(cloud, spacing)
     elif spacing is not None:
@@ -132,10 +137,7 @@ def save_cloud(
     if made.grain is not None and np.abs(made.grain).max() > LARGEST:
         raise InputError(f"grain is {int(np.abs(made.grain).max())}: files hold numbers up to {LARGEST}; number anew")
     with written_whole(target, overwrite=overwrite) as draft:
-        if suffix == ".xyz":
-            _write_text(made, draft)
-        else:
-            _write_open3d(made, draft)
+        {".xyz": _write_text, ".ply": _write_ply, ".pcd": _write_pcd}[suffix](made, draft)
 
 
 def _read_ply(path: Path) -> Columns:
@@ -172,17 +174,31 @@ def _write_text(cloud: Cloud, path: Path) -> None:
     np.savetxt(path, np.hstack(columns), fmt=formats)
 
 
-def _write_open3d(cloud: Cloud, path: Path) -> None:
-    """Write points, normals and grains."""
-    open3d = load("open3d")
-    tensor = open3d.core.Tensor
-    made = open3d.t.geometry.PointCloud(tensor(np.array(cloud.points)))
+def _records(cloud: Cloud, normals: Sequence[str]) -> np.ndarray[tuple[int], np.dtype[np.void]]:
+    """Return points as records of x, y, z, normals under these names and grain, where there are any."""
+    columns: dict[str, Any] = dict(zip("xyz", cloud.points.T, strict=True))
     if cloud.normals is not None:
-        made.point["normals"] = tensor(np.array(cloud.normals))
+        columns |= dict(zip(normals, cloud.normals.T, strict=True))
     if cloud.grain is not None:
-        made.point["grain"] = tensor(cloud.grain.astype(np.int32)[:, None])
-    if not open3d.t.io.write_point_cloud(str(path), made):
-        raise OSError(f"Open3D did not write {len(cloud)} points")
+        columns["grain"] = cloud.grain
+    row = np.dtype([(name, "<i4" if name == "grain" else "<f8") for name in columns])
+    records = np.zeros(len(cloud), dtype=row)
+    for name, column in columns.items():
+        records[name] = column
+    return records
+
+
+def _write_ply(cloud: Cloud, path: Path) -> None:
+    """Write binary PLY in double precision."""
+    records = _records(cloud, ("nx", "ny", "nz"))
+    head = ["ply", "format binary_little_endian 1.0", f"element vertex {len(cloud)}"]
+    head += [f"property {'int' if name == 'grain' else 'double'} {name}" for name in records.dtype.names or ()]
+    path.write_bytes("\n".join([*head, "end_header\n"]).encode("ascii") + records.tobytes())
+
+
+def _write_pcd(cloud: Cloud, path: Path) -> None:
+    """Write binary PCD in double precision."""
+    path.write_bytes(pcd_bytes(_records(cloud, ("normal_x", "normal_y", "normal_z"))))
 
 
 def _read_laser(path: Path) -> Columns:

@@ -2,6 +2,7 @@
 
 from pathlib import Path
 
+from voxgran._base.arrays import check_type
 from voxgran._base.calls import explained
 from voxgran._base.errors import MissingFileError, UnknownNameError
 from voxgran._base.registry import unknown
@@ -43,8 +44,8 @@ def data_file(name: str) -> Path:
     >>> vg.load_shape(vg.data_file("itokawa_lp.obj")).name
     'itokawa_lp'
     """
-    # a list, say, cannot be looked up in a mapping
-    if name not in tuple(DATA_FILES):
+    check_type(name, str, "name", "the name of a file that comes with voxgran, such as 'eros.obj'")
+    if name not in DATA_FILES:
         raise UnknownNameError(unknown("file of voxgran", name, DATA_FILES))
     place = _place_of(name)
     if place is None:

@@ -3,18 +3,22 @@
 import logging
 import os
 from collections.abc import Callable
+from pathlib import Path
 
 from voxgran._base.axes import Periodic
 from voxgran._base.calls import explained
 from voxgran._base.errors import FileFormatError, InputError
-from voxgran._base.files import existing_file, output_suffix
+from voxgran._base.files import existing_file, output_suffix, unpacked
+from voxgran.containers.make import refuse_own
 from voxgran.containers.model import Container
 from voxgran.io.lammps_files import is_data, is_dump, read_lammps_data, read_lammps_dump
-from voxgran.io.particles import packing_of
+from voxgran.io.mercury_files import is_mercury, read_mercury
+from voxgran.io.particles import Particles, packing_of
 from voxgran.io.spheres import owned_spheres, save_spheres
 from voxgran.io.tables import read_table
 from voxgran.io.vtk_files import is_own, load_packing, save_packing
 from voxgran.io.vtk_points import SUFFIXES, read_vtk_points
+from voxgran.io.xyz_files import is_xyz, read_xyz, read_xyzd
 from voxgran.packing.model import Packing, check_packing
 
 log = logging.getLogger(__name__)
@@ -60,7 +64,8 @@ def save(packing: Packing, path: str | os.PathLike[str], *, overwrite: bool = Fa
     FileFormatError
         If the suffix is unknown.
     InputError
-        If the packing is none or does not fit the format, or the path is no path.
+        If the packing is none or does not fit the format, its container is of a class of one's own, which
+        :func:`load` could not make again, or the path is no path.
     OutputExistsError
         If the file is there and `overwrite` is false.
     OutputError
@@ -112,10 +117,13 @@ def check_savable(packing: Packing, path: str | os.PathLike[str]) -> None:
     FileFormatError
         If the suffix is unknown.
     InputError
-        If the grains do not fit the format, or the path is no path.
+        If the grains or the container do not fit the format, or the path is no path.
     """
-    if _WRITERS[known_suffix(path)] is save_spheres:
+    suffix = known_suffix(path)
+    if _WRITERS[suffix] is save_spheres:
         owned_spheres(packing)
+    if suffix != ".csv":
+        refuse_own(packing.container)
 
 
 @explained(hint='load("bed.vtp")')
@@ -133,8 +141,9 @@ def load(
     ----------
     path : path-like
         Recognized by its content: a ``.vtp`` that :func:`save` wrote; spheres as text (``x y z r``, YADE's
-        ``x y z r clumpId``, CSV with a header); a LAMMPS data or dump file; ``.vtp`` or ``.vtu`` points with radii. The
-        file of one clump is read by :func:`load_shape`.
+        ``x y z r clumpId``, CSV with a header); a LAMMPS data or dump file; a data file of MercuryDPM; extended XYZ
+        with radii; ``.vtp``, ``.vtu`` or ``.vtk`` points with radii; a ``.xyzd`` of PackingGeneration; and a ``.gz`` of
+        any of these. The file of one clump is read by :func:`load_shape`.
     container : Container, optional
         What holds the spheres of another program; default: as the file says, or else the box around them.
     unit : str, optional
@@ -143,7 +152,7 @@ def load(
         Axes along which their box is periodic, such as ``"xy"``, as of
         :class:`voxgran.Box`; default: as the file says, or else none.
     frame : int
-        Which frame of a dump file, from 0; negative: from the end.
+        Which frame of a file with several, as of LAMMPS, MercuryDPM and XYZ, from 0; negative: from the end.
 
     Returns
     -------
@@ -163,7 +172,8 @@ def load(
     Warns
     -----
     PackingWarning
-        If most spheres of a text without clumps overlap others, as those of one clump do.
+        If most spheres of a text without clumps overlap others, as those of one clump do, or centers lie outside of the
+        container.
 
     Examples
     --------
@@ -173,32 +183,46 @@ def load(
     10
     """
     found = existing_file(path)
-    with found.open("rb") as file:
-        # bytes that are no text become NUL
-        head = file.read(_HEAD).decode("utf-8", errors="replace").replace("\ufffd", "\0")
     given = {"container": container, "unit": unit, "periodic": periodic}
-    if found.suffix.lower() == ".vtp" and is_own(found):
-        named = [name for name, value in given.items() if value is not None]
-        if named:
-            raise InputError(f"{named[0]} is given for {found}, which holds its own: leave it out")
-        return load_packing(found)
-    if found.suffix.lower() in _OTHERS:
-        kind, remedy = _OTHERS[found.suffix.lower()]
-        raise FileFormatError(f"{found} holds {kind} and no packing: {remedy}")
-    if found.suffix.lower() in SUFFIXES:
-        particles = read_vtk_points(found)
-    elif "\0" in head:
-        raise FileFormatError(
-            f"{found} has the suffix {found.suffix!r} and no known content: packings are read from .vtp, .vtu, text "
-            "tables of spheres, LAMMPS data and dump files; convert it"
-        )
-    elif is_dump(head):
-        particles = read_lammps_dump(found, frame=frame)
-    elif is_data(head):
-        particles = read_lammps_data(found)
-    else:
-        particles = read_table(found)
+    with unpacked(found) as plain:
+        if plain.suffix.lower() == ".vtp" and is_own(plain):
+            named = [name for name, value in given.items() if value is not None]
+            if named:
+                raise InputError(f"{named[0]} is given for {found}, which holds its own: leave it out")
+            return load_packing(plain)
+        particles = _particles(plain, frame)
     packing = packing_of(particles, found, container=container, unit=unit, periodic=periodic)
     for subject, sentence in packing.provenance.get("assumed", {}).items():
         log.info("%s: assumed %s: %s", found, subject, sentence)
     return packing
+
+
+def _particles(found: Path, frame: int) -> Particles:
+    """Return the spheres of a file of another program, or of text."""
+    with found.open("rb") as file:
+        # bytes that are no text become NUL
+        head = file.read(_HEAD).decode("utf-8", errors="replace").replace("\ufffd", "\0")
+    if found.suffix.lower() in _OTHERS:
+        kind, remedy = _OTHERS[found.suffix.lower()]
+        raise FileFormatError(f"{found} holds {kind} and no packing: {remedy}")
+    if found.suffix.lower() in SUFFIXES:
+        return read_vtk_points(found)
+    if found.suffix.lower() == ".xyzd":
+        return read_xyzd(found)
+    if "\0" in head:
+        raise FileFormatError(
+            f"{found} has the suffix {found.suffix!r} and no known content: packings are read from .vtp, .vtu, .vtk, "
+            ".xyzd, text tables of spheres, files of LAMMPS and MercuryDPM, and extended XYZ; convert it"
+        )
+    for recognized, read in _WITH_FRAMES:
+        if recognized(head):
+            return read(found, frame=frame)
+    return read_lammps_data(found) if is_data(head) else read_table(found)
+
+
+#: formats of several frames: what recognizes the first characters, and what reads one frame
+_WITH_FRAMES: tuple[tuple[Callable[[str], bool], Callable[..., Particles]], ...] = (
+    (is_dump, read_lammps_dump),
+    (is_mercury, read_mercury),
+    (is_xyz, read_xyz),
+)

@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from voxgran._base.arrays import as_length, as_vector
+from voxgran._base.arrays import as_array, as_length, as_vector
 from voxgran._base.calls import explained
 from voxgran._base.errors import InputError, PackingWarning, TooLargeError, shown
 from voxgran._base.files import output_suffix, written_whole
@@ -80,7 +80,7 @@ def to_image(packing: Packing, voxel_size: float, *, labels: "bool | ArrayLike" 
 
 def _checked(labels: "ArrayLike", count: int) -> NDArray[Any]:
     """Return 0 for void and the label of each grain."""
-    given = np.asarray(labels)
+    given = as_array(labels, "labels")
     whole = given.shape == (count,) and (given.dtype.kind in "iu" or not count)
     if not whole or (count and not 0 < int(given.min()) <= int(given.max()) < 2**63):
         raise InputError(f"labels is {shown(labels)}: give one whole number above 0 for each of the {count} grains")
@@ -166,7 +166,7 @@ def save_image(
     (40, 40, 40)
     """
     suffix = output_suffix(path, SUFFIXES, "images are kept")
-    array = np.asarray(image)
+    array = as_array(image, "image")
     if array.ndim != 3 or array.dtype.kind not in "biuf":
         raise InputError(f"image has shape {array.shape} and type {array.dtype}: give numbers along x, y and z")
     size, (x, y, z) = as_length(voxel_size, "voxel_size"), (float(value) for value in as_vector(origin, "origin"))

@@ -11,11 +11,18 @@ from pathlib import Path
 
 import numpy as np
 
-from voxgran._base.arrays import LONGEST, SHORTEST, Floats
-from voxgran._base.errors import FileFormatError, InputError
+from voxgran._base.arrays import Floats, Integers
+from voxgran._base.errors import FileFormatError
 from voxgran.contacts.assembly import NOT_STATED
-from voxgran.containers.box import Box
-from voxgran.io.particles import Particles, refuse_bad_spheres
+from voxgran.io.particles import (
+    Particles,
+    box_of,
+    frame_of,
+    numbers_of,
+    radii_of,
+    refuse_bad_spheres,
+    text_lines,
+)
 
 #: place of diameter, density and x in a row of the section Atoms, by atom style
 STYLES = {"sphere": (2, 3, 4), "bpm/sphere": (3, 4, 5)}
@@ -48,7 +55,7 @@ def read_lammps_data(path: Path) -> Particles:
         If the box is tilted, the style has no diameters, a line is wrong, or there are more or fewer atoms than the
         head says.
     """
-    lines = _text_lines(path)
+    lines = text_lines(path, "a text file of LAMMPS")
     bounds, count = _data_head(lines, path)
     start = next((k for k, line in enumerate(lines) if re.match(r"\s*Atoms\b", line)), None)
     if start is None:
@@ -70,15 +77,15 @@ def read_lammps_data(path: Path) -> Particles:
             "have diameters: write the file with one of these"
         )
     diameter, density, x = STYLES[style]
-    table = _numbers(rows, numbers, path, width=max(len(rows[0]) if rows else 0, x + 3))
-    table = table[np.argsort(table[:, 0], kind="stable")]
+    table = numbers_of(rows, numbers, path, width=max(len(rows[0]) if rows else 0, x + 3))
+    table = table[_by_id(table[:, 0], numbers, path)]
     centers, radii = table[:, x : x + 3], table[:, diameter] / 2
     refuse_bad_spheres(centers, radii, path, row="atom")
     density_of = _densities(table[:, density], assumed)
     return Particles(
         centers=centers,
         radii=radii,
-        container=_box(bounds, "", path),
+        container=box_of(bounds, "", path),
         density=density_of,
         assumed=assumed,
     )
@@ -110,20 +117,20 @@ def read_lammps_dump(path: Path, *, frame: int = -1) -> Particles:
     FileFormatError
         If there is no such frame, it is cut off, the box is tilted, a column is missing, or a line is wrong.
     """
-    lines = _text_lines(path)
+    lines = text_lines(path, "a text file of LAMMPS")
     starts = [k for k, line in enumerate(lines) if line.startswith("ITEM: TIMESTEP")]
-    if not -len(starts) <= frame < len(starts):
-        raise FileFormatError(f"{path} has {len(starts)} frames: there is no frame {frame}; choose another")
-    begin = starts[frame]
+    begin = starts[frame_of(len(starts), frame, path)]
     end = starts[starts.index(begin) + 1] if begin != starts[-1] else len(lines)
     block = lines[begin:end]
     words = [line.split() for line in block]
     names = {row[1]: place for place, row in enumerate(words) if row[:1] == ["ITEM:"] and len(row) > 1}
     if not {"NUMBER", "BOX", "ATOMS"} <= names.keys() or len(block) < max(names["NUMBER"] + 2, names["BOX"] + 4):
         raise FileFormatError(f"{path}, line {begin + 1}: the frame is cut off; dump it again or choose another one")
-    count = _numbers([words[names["NUMBER"] + 1]], [begin + names["NUMBER"] + 2], path, width=1)[0, 0]
+    count = numbers_of([words[names["NUMBER"] + 1]], [begin + names["NUMBER"] + 2], path, width=1)[0, 0]
     columns = words[names["ATOMS"]][2:]
     first = names["ATOMS"] + 1
+    # what stands before the next frame, such as its time, belongs to that
+    words = words[: next((k for k, row in enumerate(words) if k >= first and row[:1] == ["ITEM:"]), len(words))]
     rows = [row for row in words[first:] if row]
     if len(rows) != count:
         raise FileFormatError(
@@ -132,29 +139,30 @@ def read_lammps_dump(path: Path, *, frame: int = -1) -> Particles:
         )
     box = names["BOX"]
     flags = [word for word in words[box][3:] if len(word) == 2 and word[0] in "pfsm"]
-    if {"xy", "xz", "yz", "abc"} & set(words[box][3:]):
+    skewed = "abc" in words[box][3:]
+    wide = 3 if {"xy", "xz", "yz"} & set(words[box][3:]) else 4 if skewed else 2
+    bounds = numbers_of(words[box + 1 : box + 4], [begin + box + k for k in (2, 3, 4)], path, width=wide)
+    if skewed:
+        # the vector of each edge, and a coordinate of the corner in which they begin
+        tilts, bounds = bounds[:, :3] - np.diag(np.diag(bounds)), bounds[:, 3:] + np.outer(np.diag(bounds), (0.0, 1.0))
+    else:
+        tilts, bounds = bounds[:, 2:], bounds[:, :2]
+    if tilts.any():
         raise FileFormatError(f"{path}, line {begin + box + 1}: the box is tilted: give an upright one")
-    bounds = _numbers(words[box + 1 : box + 4], [begin + box + k for k in (2, 3, 4)], path, width=2)
     numbers = [begin + k + 1 for k, row in enumerate(words) if k >= first and row]
     texts = [k for k, name in enumerate(columns) if name in ("element", "type", "typelabel")]
-    table = _numbers(rows, numbers, path, width=len(columns), text=texts)
+    table = numbers_of(rows, numbers, path, width=len(columns), text=texts)
     if "id" in columns:
-        table = table[np.argsort(table[:, columns.index("id")], kind="stable")]
+        table = table[_by_id(table[:, columns.index("id")], numbers, path)]
     centers, radii = _columns(table, columns, bounds, path)
     refuse_bad_spheres(centers, radii, path, row="atom")
-    unit = UNITS.get(lines[1].strip()) if lines[0].startswith("ITEM: UNITS") else None
+    # one file may be several, one behind the other
+    told = [k for k, line in enumerate(lines[:begin]) if line.startswith("ITEM: UNITS")]
+    unit = UNITS.get(lines[told[-1] + 1].strip()) if told else None
     step = block[1].strip()
     periodic = "".join(axis for axis, flag in zip("xyz", flags, strict=False) if flag == "pp")
     assumed = {"frame": f"time step {step}, one of {len(starts)}"} if len(starts) > 1 else {}
-    return Particles(centers=centers, radii=radii, container=_box(bounds, periodic, path), unit=unit, assumed=assumed)
-
-
-def _text_lines(path: Path) -> list[str]:
-    """Return the lines of a text file."""
-    try:
-        return path.read_text(encoding="utf-8").splitlines()
-    except UnicodeDecodeError as error:
-        raise FileFormatError(f"{path} is no text ({error.reason}): give a text file of LAMMPS") from error
+    return Particles(centers=centers, radii=radii, container=box_of(bounds, periodic, path), unit=unit, assumed=assumed)
 
 
 def _data_head(lines: list[str], path: Path) -> tuple[Floats, float]:
@@ -163,11 +171,11 @@ def _data_head(lines: list[str], path: Path) -> tuple[Floats, float]:
     for number, line in enumerate(lines[:HEAD_LINES], 1):
         words = line.partition("#")[0].split()
         if words[-1:] == ["atoms"]:
-            count = _numbers([words[:1]], [number], path, width=1)[0, 0]
+            count = numbers_of([words[:1]], [number], path, width=1)[0, 0]
         for axis, name in enumerate("xyz"):
             if words[-2:] == [f"{name}lo", f"{name}hi"]:
-                bounds[axis] = _numbers([words[:2]], [number], path, width=2)[0]
-        tilted = words[-3:] == ["xy", "xz", "yz"] and bool(_numbers([words[:3]], [number], path, width=3).any())
+                bounds[axis] = numbers_of([words[:2]], [number], path, width=2)[0]
+        tilted = words[-3:] == ["xy", "xz", "yz"] and bool(numbers_of([words[:3]], [number], path, width=3).any())
         if tilted or words[-1:] in (["avec"], ["bvec"], ["cvec"]):
             raise FileFormatError(f"{path}, line {number}: the box is tilted: give an upright one")
     if not np.isfinite(bounds).all():
@@ -175,6 +183,19 @@ def _data_head(lines: list[str], path: Path) -> tuple[Floats, float]:
             raise FileFormatError(f"{path} is a molecule and no packing: read it with vg.load_shape, as a clump")
         raise FileFormatError(f"{path} gives no box (xlo xhi, ylo yhi, zlo zhi): write it with write_data")
     return bounds, count
+
+
+def _by_id(ids: Floats, numbers: Sequence[int], path: Path) -> Integers:
+    """Return the order of atoms by their ids; two of one id are refused."""
+    order: Integers = np.argsort(ids, kind="stable")
+    twice = np.flatnonzero(np.diff(ids[order]) == 0)
+    if len(twice):
+        first, second = (numbers[k] for k in order[twice[0] : twice[0] + 2].tolist())
+        raise FileFormatError(
+            f"{path}, line {second}: the atom has the id {ids[order[twice[0]]]:g}, as that of line {first}: each atom "
+            "has its own; write the file again"
+        )
+    return order
 
 
 def _section(lines: list[str], start: int) -> tuple[list[list[str]], list[int]]:
@@ -191,26 +212,6 @@ def _section(lines: list[str], start: int) -> tuple[list[list[str]], list[int]]:
     return rows, numbers
 
 
-def _numbers(rows: list[list[str]], numbers: list[int], path: Path, *, width: int, text: Sequence[int] = ()) -> Floats:
-    """Return rows as numbers, 0 for words in the columns `text`; the first row that is wrong is named."""
-    if text:
-        rows = [["0" if k in text else word for k, word in enumerate(row)] for row in rows]
-    try:
-        table: Floats = np.array(rows, dtype=np.float64).reshape(len(rows), width)
-        return table
-    except ValueError:
-        for row, number in zip(rows, numbers, strict=True):
-            try:
-                good = len([float(word) for word in row]) == width
-            except ValueError:
-                good = False
-            if not good:
-                raise FileFormatError(
-                    f"{path}, line {number}: {' '.join(row)[:60]!r} is not {width} numbers; mend or remove the line"
-                ) from None
-        raise
-
-
 def _columns(table: Floats, columns: list[str], bounds: Floats, path: Path) -> tuple[Floats, Floats]:
     """Return centers and radii of the columns of a dump."""
     centers = None
@@ -220,25 +221,14 @@ def _columns(table: Floats, columns: list[str], bounds: Floats, path: Path) -> t
             centers = table[:, [columns.index(name) for name in names]]
             if scaled:
                 centers = bounds[:, 0] + centers * (bounds[:, 1] - bounds[:, 0])
-    size = next((name for name in ("radius", "diameter") if name in columns), None)
-    if centers is None or size is None:
+            for name in (*names, "radius", "diameter", "id"):
+                if columns.count(name) > 1:
+                    raise FileFormatError(
+                        f"{path} has {columns.count(name)} columns {name}: which one holds is not certain; dump one"
+                    )
+    sizes = {short: columns.index(name) for short, name in (("r", "radius"), ("d", "diameter")) if name in columns}
+    if centers is None or not sizes:
         raise FileFormatError(
             f"{path} has the columns {' '.join(columns)[:80]}: x y z and radius or diameter are needed; dump these too"
         )
-    radii = table[:, columns.index(size)] / (2.0 if size == "diameter" else 1.0)
-    return centers, radii
-
-
-def _box(bounds: Floats, periodic: str, path: Path) -> Box:
-    """Return the box of a file."""
-    lengths = bounds[:, 1] - bounds[:, 0]
-    if not ((np.abs(bounds) <= LONGEST).all() and (lengths >= SHORTEST).all()):
-        raise FileFormatError(
-            f"{path} has a box of {lengths.tolist()}: all lengths must be above 0, and bounds at most {LONGEST:g} in "
-            "magnitude; write it again"
-        )
-    x, y, z = lengths.tolist()
-    try:
-        return Box((x, y, z), periodic, origin=tuple(bounds[:, 0].tolist()))
-    except InputError as error:
-        raise FileFormatError(f"{path}: {error}") from error
+    return centers, radii_of(table, sizes, path)

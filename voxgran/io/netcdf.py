@@ -74,7 +74,8 @@ def save_statistics(tree: "DataTree", path: str | os.PathLike[str], *, overwrite
     with written_whole(path, overwrite=overwrite) as draft:
         try:
             xarray.DataTree.from_dict(safe).to_netcdf(draft, engine="netcdf4", encoding=encoding)
-        except RuntimeError as error:
+        # a name that is not UTF-8 is refused by the library
+        except (RuntimeError, UnicodeEncodeError) as error:
             raise OutputError(f"{path} cannot be written ({error}): free space or choose another place") from error
 
 

@@ -1,6 +1,6 @@
 """Spheres of a file of another program, and the packing of these, with a record of all assumptions."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from itertools import pairwise
 from pathlib import Path
@@ -11,11 +11,11 @@ import numpy as np
 from voxgran._base.arrays import LONGEST, SHORTEST, Booleans, Floats, Integers
 from voxgran._base.axes import Periodic
 from voxgran._base.errors import FileFormatError, InputError, PackingWarning, shown, with_article
-from voxgran._base.units import known_unit
+from voxgran._base.units import known_unit, stated_unit
 from voxgran._base.warning import warn
 from voxgran.contacts.assembly import NOT_STATED, shapes_by_density
 from voxgran.containers.box import Box
-from voxgran.containers.model import Container
+from voxgran.containers.model import Container, check_container
 from voxgran.containers.rectangle import Rectangle
 from voxgran.geometry.rotation import quaternions_of
 from voxgran.geometry.sphere_pairs import near_pairs
@@ -31,6 +31,8 @@ SPHERE_RULE = f"all must be finite and at most {LONGEST:g} in magnitude, and r a
 LARGEST_CLUMP = 2.0**53
 #: largest number of spheres that may be a clump, and overlap in radii of the smaller one above which they may be one
 MOST_OF_A_CLUMP, DEEP = 2000, 0.05
+#: relative difference, from digits that a file leaves out, up to which a diameter is twice a radius
+ROUNDED = 1e-3
 #: clumps whose spheres agree within this part of their size share a shape
 SAME = 1e-6
 
@@ -83,6 +85,104 @@ def refuse_bad_spheres(centers: Floats, radii: Floats, path: Path, *, row: str =
         )
 
 
+def radii_of(table: Floats, columns: Mapping[str, int], path: Path) -> Floats:
+    """Return the radii of the rows of a table with a column ``r``, ``d`` or both, by their places.
+
+    Raises
+    ------
+    FileFormatError
+        If a diameter is not twice the radius beside it.
+    """
+    if "r" not in columns:
+        return np.asarray(table[:, columns["d"]] / 2)
+    radii = table[:, columns["r"]]
+    if "d" in columns and len(table):
+        apart = np.abs(2 * radii - table[:, columns["d"]])
+        k = int(apart.argmax())
+        if not apart[k] <= ROUNDED * 2 * radii[k]:
+            raise FileFormatError(
+                f"{path}, row {k}: the radius is {radii[k]:g} and the diameter {table[k, columns['d']]:g}, which must "
+                "be twice the radius; leave one of the columns out"
+            )
+    return radii
+
+
+def text_lines(path: Path, wanted: str) -> list[str]:
+    """Return the lines of a text file without blank ones at its end; `wanted` is what the message asks for.
+
+    Raises
+    ------
+    FileFormatError
+        If it is no text.
+    """
+    try:
+        return path.read_text(encoding="utf-8").rstrip().splitlines()
+    except UnicodeDecodeError as error:
+        raise FileFormatError(f"{path} is no text ({error.reason}): give {wanted}") from error
+
+
+def frame_of(count: int, frame: int, path: Path) -> int:
+    """Return the number of a frame, from 0, of a file with so many; negative ones count from the end.
+
+    Raises
+    ------
+    FileFormatError
+        If there is no such frame.
+    """
+    if not -count <= frame < count:
+        raise FileFormatError(f"{path} has {count} frames: there is no frame {frame}; choose another")
+    return frame % count
+
+
+def numbers_of(
+    rows: list[list[str]], numbers: list[int], path: Path, *, width: int, text: Sequence[int] = ()
+) -> Floats:
+    """Return rows of words, with the numbers of their lines, as numbers; 0 for words in the columns `text`.
+
+    Raises
+    ------
+    FileFormatError
+        If a row does not hold `width` numbers; the message gives the first.
+    """
+    if text:
+        rows = [["0" if k in text else word for k, word in enumerate(row)] for row in rows]
+    try:
+        table: Floats = np.array(rows, dtype=np.float64).reshape(len(rows), width)
+        return table
+    except ValueError:
+        for row, number in zip(rows, numbers, strict=True):
+            try:
+                good = len([float(word) for word in row]) == width
+            except ValueError:
+                good = False
+            if not good:
+                raise FileFormatError(
+                    f"{path}, line {number}: {' '.join(row)[:60]!r} is not {width} numbers; mend or remove the line"
+                ) from None
+        raise
+
+
+def box_of(bounds: Floats, periodic: Periodic, path: Path) -> Box:
+    """Return the box that a file gives by its bounds (3, 2).
+
+    Raises
+    ------
+    FileFormatError
+        If it has no size, or a bound is not finite.
+    """
+    lengths = bounds[:, 1] - bounds[:, 0]
+    if not ((np.abs(bounds) <= LONGEST).all() and (lengths >= SHORTEST).all()):
+        raise FileFormatError(
+            f"{path} has a box of {lengths.tolist()}: all lengths must be above 0, and bounds at most {LONGEST:g} in "
+            "magnitude; write it again"
+        )
+    x, y, z = lengths.tolist()
+    try:
+        return Box((x, y, z), periodic, origin=tuple(bounds[:, 0].tolist()))
+    except InputError as error:
+        raise FileFormatError(f"{path}: {error}") from error
+
+
 def packing_of(
     particles: Particles,
     path: Path,
@@ -105,11 +205,13 @@ def packing_of(
     Warns
     -----
     PackingWarning
-        If most spheres overlap others, as those of a clump do.
+        If most spheres overlap others, as those of a clump do, or centers lie outside of the container.
     """
     _warn_of_a_clump(particles, path)
     assumed = dict(particles.assumed)
-    held = container or particles.container
+    if container is not None:
+        check_container(container)
+    held = particles.container if container is None else container
     if held is None:
         held = _box_around(particles, path)
         assumed["container"] = "the box around the spheres"
@@ -124,7 +226,8 @@ def packing_of(
             )
         held = held.with_periodic(periodic)
         assumed.pop("periodic", None)
-    named = known_unit(particles.unit)
+    _warn_of_strays(particles, held, path)
+    asked, named = stated_unit(unit), known_unit(particles.unit)
     if unit is None and named is None:
         told = "none" if particles.unit is None else f"{shown(particles.unit)} is no unit that is known"
         assumed["unit"] = f"{told}: lengths are taken as they stand"
@@ -142,7 +245,7 @@ def packing_of(
     return Packing.of(
         container=held,
         provenance={"method": "file", "parameters": {"path": str(path)}} | ({"assumed": assumed} if assumed else {}),
-        unit=unit or named,
+        unit=asked or named,
         # gravity is a direction in the container of the file
         **(particles.fields if held is particles.container else {}),
         **grains,
@@ -164,6 +267,22 @@ def _warn_of_a_clump(particles: Particles, path: Path) -> None:
         warn(
             f"{path} holds {len(radii)} spheres as a packing, of which {count} overlap others by more than {DEEP:.0%} "
             "of their radius: if they are one clump, read it with vg.load_shape",
+            PackingWarning,
+        )
+
+
+def _warn_of_strays(particles: Particles, container: Container, path: Path) -> None:
+    """Warn where spheres have their centers outside of a container; across a periodic face they are images of those
+    inside.
+    """
+    depth = container.signed_distance(particles.centers)
+    size = float(np.max(container.bounds[1] - container.bounds[0]))
+    strays = np.flatnonzero(depth > SAME * size)
+    if len(strays):
+        warn(
+            f"{path} has {len(strays)} of {len(depth)} spheres with their centers outside of the container, the first "
+            f"at {particles.centers[strays[0]].tolist()}: they stay there; give periodic for axes along which it "
+            "repeats, or another container",
             PackingWarning,
         )
 

@@ -1,7 +1,4 @@
-"""PCD files, the point clouds of PCL: header and points, text or binary.
-
-Open3D writes these files and does not read them here: of a file that is cut it returns whatever the memory holds.
-"""
+"""PCD files, the point clouds of PCL: header and points, text or binary."""
 
 import numpy as np
 
@@ -39,6 +36,26 @@ def pcd_columns(raw: bytes, name: str) -> dict[str, Floats]:
     if not {"x", "y", "z"} <= columns.keys():
         raise FileFormatError(f"{name} has the fields {', '.join(fields)[:80]}: x, y and z are needed; write it again")
     return columns
+
+
+def pcd_bytes(records: np.ndarray[tuple[int], np.dtype[np.void]]) -> bytes:
+    """Return the bytes of a binary file of points, whose fields are numbers."""
+    kinds = [records.dtype[name] for name in records.dtype.names or ()]
+    letters = {kind: letter for letter, kind in KINDS.items()}
+    head = {
+        "VERSION": ["0.7"],
+        "FIELDS": records.dtype.names or (),
+        "SIZE": [kind.itemsize for kind in kinds],
+        "TYPE": [letters[kind.kind] for kind in kinds],
+        "COUNT": [1] * len(kinds),
+        "WIDTH": [len(records)],
+        "HEIGHT": [1],
+        "VIEWPOINT": [0, 0, 0, 1, 0, 0, 0],
+        "POINTS": [len(records)],
+        "DATA": ["binary"],
+    }
+    lines = [" ".join(map(str, (key, *words))) for key, words in head.items()]
+    return ("\n".join(lines) + "\n").encode("ascii") + records.tobytes()
 
 
 def _header(raw: bytes) -> tuple[dict[str, list[str]], bytes]:

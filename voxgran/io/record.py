@@ -21,7 +21,7 @@ from voxgran._base.units import known_unit
 from voxgran.contacts.assembly import Lid
 from voxgran.contacts.forces import ContactForces
 from voxgran.containers.closed_mesh import ClosedMesh
-from voxgran.containers.make import make_container
+from voxgran.containers.make import make_container, refuse_own
 from voxgran.containers.model import boundary_of
 from voxgran.io.older import fields_of
 from voxgran.io.shape_record import record_as_json, record_of_json
@@ -33,7 +33,7 @@ from voxgran.shapes.mesh import Mesh
 from voxgran.shapes.model import Shape
 from voxgran.shapes.outline import Outline
 from voxgran.shapes.primitive import Primitive
-from voxgran.shapes.sizes import make_sizes
+from voxgran.shapes.sizes import KINDS, make_sizes
 from voxgran.shapes.spheres import MassProperties, Spheres
 from voxgran.shapes.surface import Surface
 
@@ -64,8 +64,15 @@ def to_record(packing: Packing) -> Record:
     Raises
     ------
     InputError
-        If the provenance or the container holds something that JSON cannot.
+        If the provenance or the container holds something that JSON cannot, or the container or the distribution of
+        sizes is of a class of one's own, which cannot be made again.
     """
+    refuse_own(packing.container)
+    if type(packing.asked_sizes) not in (type(None), *KINDS.values()):
+        raise InputError(
+            f"asked_sizes is a {type(packing.asked_sizes).__name__}, a class of your own: load could not make it "
+            "again; leave it out with dataclasses.replace(packing, asked_sizes=None)"
+        )
     per_grain = {
         "grain": np.arange(packing.count),
         "shape_id": packing.shape_id,

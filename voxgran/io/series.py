@@ -7,17 +7,19 @@ between half the number asked for and that number, evenly spaced, and never more
 
 import contextlib
 import os
+import re
 import xml.etree.ElementTree as ET
 from pathlib import Path
 
 from voxgran._base.arrays import as_count
-from voxgran._base.calls import renamed
-from voxgran._base.errors import FileFormatError
-from voxgran._base.files import as_path, output_suffix, refuse_to_replace, write_text
-from voxgran.io.vtk_files import save_packing
-from voxgran.packing.model import Packing
+from voxgran._base.calls import explained, explained_methods, renamed
+from voxgran._base.errors import FileFormatError, OutputError
+from voxgran._base.files import as_path, output_suffix, refuse_to_replace, remove_drafts_in, write_text
+from voxgran.io.vtk_files import has_seal, save_packing
+from voxgran.packing.model import Packing, check_packing
 
 
+@explained_methods
 class Series:
     """Snapshots in a folder, and their list beside it.
 
@@ -52,6 +54,7 @@ class Series:
     ([100], 200)
     """
 
+    @explained(hint='Series("run.pvd")')
     @renamed(most="max_snapshots")
     def __init__(
         self,
@@ -68,6 +71,8 @@ class Series:
         self.max_snapshots = as_count(max_snapshots, "max_snapshots", at_least=2)
         self.every = as_count(every, "every", at_least=1)
         self.times: list[int] = []
+        if resume or overwrite:
+            remove_drafts_in(self.folder)
         if resume and self.path.is_file():
             self.times = listed_times(self.path)
             self.every = self.times[0] if self.times else self.every
@@ -76,7 +81,7 @@ class Series:
         if not (resume or overwrite):
             refuse_to_replace(self.path, *snapshots)
         for left in snapshots:
-            left.unlink(missing_ok=True)
+            _remove(left)
 
     def due(self, done: int) -> int:
         """Return after how many attempts the next snapshot is due.
@@ -87,7 +92,7 @@ class Series:
         >>> vg.Series("run.pvd", every=100).due(150)
         200
         """
-        return (done // self.every + 1) * self.every
+        return (as_count(done, "done") // self.every + 1) * self.every
 
     def record(self, packing: Packing, done: int) -> None:
         """Write a snapshot and list it.
@@ -101,6 +106,8 @@ class Series:
 
         Raises
         ------
+        InputError
+            If it is no packing, or `done` no whole number of at least 0.
         OutputError
             If it cannot be written; the list before is untouched.
 
@@ -112,6 +119,9 @@ class Series:
         >>> series.path.read_text().count("<DataSet")
         1
         """
+        check_packing(packing, "packing")
+        done = as_count(done, "done")
+        before, is_new = (self.times, self.every), not self._file(done).exists()
         save_packing(packing, self._file(done), overwrite=True)
         self.times = sorted({*self.times, done})
         # the end of a run falls between two regular times, and stays
@@ -120,10 +130,15 @@ class Series:
             self.every *= 2
             gone += [time for time in self.times if time % self.every and time != last]
             self.times = [time for time in self.times if not time % self.every or time == last]
-        self._list()
+        try:
+            self._list()
+        except OutputError:
+            self.times, self.every = before
+            if is_new:
+                _remove(self._file(done))
+            raise
         for time in gone:
-            with contextlib.suppress(OSError):
-                self._file(time).unlink(missing_ok=True)
+            _remove(self._file(time))
 
     def _file(self, done: int) -> Path:
         """Return the file of a snapshot."""
@@ -138,6 +153,13 @@ class Series:
             ET.SubElement(collection, "DataSet", timestep=str(time), group="", part="0", file=file)
         ET.indent(root)
         write_text(self.path, ET.tostring(root, encoding="unicode", xml_declaration=True) + "\n")
+
+
+def _remove(path: Path) -> None:
+    """Remove a snapshot, if it is there; any other file stays."""
+    with contextlib.suppress(OSError):
+        if re.fullmatch(r"snapshot_\d{15}\.vtp", path.name) and has_seal(path):
+            path.unlink()
 
 
 def listed_times(path: str | os.PathLike[str]) -> list[int]:

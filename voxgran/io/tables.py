@@ -5,9 +5,8 @@ pandas does not replace this: it fills rows that are too short with NaN and read
 """
 
 import json
-import re
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
@@ -18,31 +17,12 @@ from voxgran._base.errors import FileFormatError, VoxgranError
 from voxgran._base.guarded import reason_of
 from voxgran.containers.make import make_container
 from voxgran.containers.model import Container
-from voxgran.io.particles import LARGEST_CLUMP, SPHERE_RULE, Particles, good_spheres
+from voxgran.io.particles import LARGEST_CLUMP, SPHERE_RULE, Particles, good_spheres, radii_of, refuse_bad_spheres
+from voxgran.shapes.formats.columns import columns_of, places_of
 
 #: comments at the top in which :func:`save_spheres` keeps container, unit, and the fields gravity and contact gap
 CONTAINER, UNIT = "# container ", "# unit "
 FIELDS = ("gravity", "contact_gap")
-
-#: names of columns, in lower case and without unit, blanks and separators
-NAMES: dict[str, tuple[str, ...]] = {
-    axis: (
-        *(f"{axis}{tail}" for tail in ("", "coord", "coordinate")),
-        *(f"{head}{axis}" for head in ("pos", "position", "p", "c", "center")),
-        *(f"{head}{place}" for head in ("points", "coordinates", "center")),
-    )
-    for place, axis in enumerate("xyz")
-} | {
-    "r": ("r", "radius", "radii", "rad"),
-    "d": ("d", "diameter", "dia", "diam"),
-    "clump": ("clumpid", "clump", "idclump"),
-}
-
-
-#: characters of a name of a column that are looked at
-LONGEST_NAME = 100
-#: a name and its unit in brackets
-_BRACKET = re.compile(r"([^\[(]*)[\[(]([^\])]*)[\])]\s*")
 
 
 @dataclass(frozen=True, slots=True)
@@ -57,8 +37,9 @@ class Layout:
     skipped: int
     #: values a row
     width: int
-    #: unit named in the header
+    #: unit of all lengths, as the names tell it, once columns are multiplied by the factors
     unit: str | None = None
+    factors: dict[str, float] = field(default_factory=dict)
     #: whether the file names its columns
     named: bool = False
 
@@ -77,9 +58,9 @@ def read_table(path: Path) -> Particles:
         one; the message gives its number.
     """
     try:
-        layout = _layout(path)
-        table = np.zeros((0, 4)) if layout is None else _rows(path, layout)
         container, unit, fields = _comments(path)
+        layout = _layout(path, unit)
+        table = np.zeros((0, 4)) if layout is None else _rows(path, layout)
     except UnicodeDecodeError as error:
         raise FileFormatError(f"{path} is no text ({error.reason}): give spheres as lines of x y z r") from error
     if layout is None:
@@ -98,12 +79,19 @@ def read_table(path: Path) -> Particles:
         raise FileFormatError(f"{path} has no column of z, and clumps: those of disks are not known; leave out clumpId")
     if flat and container is None:
         assumed["dimension"] = "two: there is no column of z"
+    if layout.factors:
+        assumed["units"] = f"lengths in several units are converted to {layout.unit}"
+        for name, factor in layout.factors.items():
+            table[:, columns[name]] *= factor
     places = [columns[name] for name in "xyz" if name in columns]
     centers = np.zeros((len(table), 3))
     centers[:, : len(places)] = table[:, places]
+    radii = radii_of(table, columns, path)
+    if layout.factors:
+        refuse_bad_spheres(centers, radii, path, row="row")
     return Particles(
         centers=centers,
-        radii=_radii(table, layout),
+        radii=radii,
         clump=clump,
         container=container,
         unit=unit or layout.unit,
@@ -121,8 +109,8 @@ def _lines(path: Path) -> Iterator[tuple[int, str]]:
                 yield number, text
 
 
-def _layout(path: Path) -> Layout | None:
-    """Return the layout of a table; None for an empty one."""
+def _layout(path: Path, unit: str | None) -> Layout | None:
+    """Return the layout of a table with the unit that a comment states; None for an empty one."""
     lines = _lines(path)
     number, first = next(lines, (0, ""))
     if not first:
@@ -130,10 +118,10 @@ def _layout(path: Path) -> Layout | None:
     mark = next((mark for mark in (";", ",") if mark in first), None)
     words = _split(first, mark)
     if not any(_is_number(word, mark) for word in words):
-        return _named(path, words, number, mark)
-    hint = _hinted(path)
-    if hint is not None and hint[1] == len(words):
-        return Layout(hint[0], mark, 0, len(words), named=True)
+        return _named(words, f"{path}, line {number}", number, mark, unit)
+    hint = _hinted(path, len(words))
+    if hint is not None:
+        return _named(hint[0], f"{path}, line {hint[1]}", 0, mark, unit)
     if len(words) < 4 or not all(_is_number(word, mark) for word in words[:4]):
         raise FileFormatError(f"{path}, line {number}: {first[:60]!r} is not x y z r; mend or remove the line")
     return Layout({"x": 0, "y": 1, "z": 2, "r": 3}, mark, 0, len(words))
@@ -154,44 +142,30 @@ def _is_number(word: str, mark: str | None) -> bool:
     return True
 
 
-def _named(path: Path, words: list[str], number: int, mark: str | None) -> Layout:
+def _named(words: list[str], where: str, skipped: int, mark: str | None, unit: str | None) -> Layout:
     """Return the layout that a line of names gives."""
-    found, unit = _places(words)
-    missing = [name for name in "xy" if name not in found]
-    if missing or not ("r" in found or "d" in found):
+    found = columns_of(words, where, stated=unit)
+    missing = [name for name in "xy" if name not in found.places]
+    if missing or not ("r" in found.places or "d" in found.places):
         lacking = missing or ["r or diameter"]
         raise FileFormatError(
-            f"{path}, line {number}: the columns are {' '.join(words)[:80]}; there is no {', '.join(lacking)}: name "
-            "columns x, y, z and r"
+            f"{where}: the columns are {' '.join(words)[:80]}; there is no {', '.join(lacking)}: name columns x, y, z "
+            "and r"
         )
-    return Layout(found, mark, number, len(words), unit, named=True)
+    return Layout(found.places, mark, skipped, len(words), found.unit, found.factors, named=True)
 
 
-def _places(words: list[str]) -> tuple[dict[str, int], str | None]:
-    """Return the places of known columns by their names, and the unit in brackets behind them."""
-    found: dict[str, int] = {}
-    unit = None
-    for place, word in enumerate(words):
-        bracket = _BRACKET.fullmatch(word[:LONGEST_NAME])
-        plain = re.sub(r"[^a-z0-9]", "", (bracket[1] if bracket else word[:LONGEST_NAME]).lower())
-        for name, known in NAMES.items():
-            if plain in known and name not in found:
-                found[name] = place
-                unit = unit or (bracket[2].strip() if bracket and name in "xyzrd" else None)
-    return found, unit
-
-
-def _hinted(path: Path) -> tuple[dict[str, int], int] | None:
-    """Return the places of columns that a comment at the top names, as YADE's do, and how many it names."""
+def _hinted(path: Path, width: int) -> tuple[list[str], int] | None:
+    """Return the names of so many columns in a comment at the top, as YADE writes them, and the number of its line."""
     with path.open(encoding="utf-8-sig") as file:
-        for line in file:
+        for number, line in enumerate(file, 1):
             if not line.startswith("#"):
                 break
             text = line.lstrip("# ").strip()
             words = text.removeprefix("format").strip().split("_") if text.startswith("format") else text.split()
-            found, _ = _places(words)
-            if {"x", "y"} <= found.keys() and ("r" in found or "d" in found):
-                return found, len(words)
+            found = places_of(words).keys()
+            if {"x", "y"} <= found and ("r" in found or "d" in found):
+                return (words, number) if len(words) == width else None
     return None
 
 
@@ -266,7 +240,7 @@ def _comments(path: Path) -> tuple[Container | None, str | None, dict[str, Any]]
             if not line.startswith("#"):
                 break
             if line.startswith(UNIT):
-                unit = line.removeprefix(UNIT).strip()
+                unit = line.removeprefix(UNIT).strip("= \n")
             elif line.startswith(CONTAINER):
                 container = _container(line.removeprefix(CONTAINER), path, number)
             elif container is not None and (words := line[1:].split(maxsplit=1))[0] in FIELDS:

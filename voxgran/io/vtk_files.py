@@ -16,7 +16,7 @@ import numpy as np
 from voxgran._base.arrays import as_number
 from voxgran._base.calls import explained
 from voxgran._base.errors import FileFormatError
-from voxgran._base.files import as_path, existing_file, output_suffix, refuse_to_replace, write_text, written_whole
+from voxgran._base.files import as_path, existing_file, output_suffix, refuse_to_replace, written_whole
 from voxgran._base.guarded import read_guarded, reason_of
 from voxgran._base.vtk_data import attach, attach_texts, poly_data, write_data
 from voxgran._base.vtk_readers import vtk_points
@@ -27,6 +27,9 @@ from voxgran.packing.model import Packing, check_packing
 
 #: a scene with more spheres than this draws them as points with a radius, not as surfaces
 BALL_SURFACE_LIMIT = 1000
+
+#: names of the parts of a scene
+PARTS = ("grains", "spheres", "container", "contacts", "forces")
 
 _SEAL = b"<!-- voxgran seal %s -->\n"
 _SEAL_LENGTH = len(_SEAL) - 2 + 64
@@ -95,6 +98,11 @@ def is_own(path: Path) -> bool:
     return not _ends_whole(path) or _sealed(path) or _is_rewritten(path)
 
 
+def has_seal(path: Path) -> bool:
+    """Return whether a file ends with the seal of :func:`save_packing`, right or wrong."""
+    return _SEAL.partition(b"%s")[0] in _tail(path)
+
+
 def _is_rewritten(path: Path) -> bool:
     """Return whether another program wrote the packing again: a whole file that names our arrays and has no seal."""
     if _sealed(path) or not _ends_whole(path):
@@ -145,7 +153,7 @@ def save_scene(packing: Packing, path: str | os.PathLike[str], *, gap: float = 0
     TooLargeError
         If the surfaces have more triangles than fit.
     OutputExistsError
-        If it is there and `overwrite` is false.
+        If it is there and `overwrite` is false, or the folder holds files that are no parts of a scene.
     OutputError
         If it cannot be written; what was there before is untouched.
 
@@ -169,19 +177,26 @@ def save_scene(packing: Packing, path: str | os.PathLike[str], *, gap: float = 0
     reach = as_number(gap, "gap", at_least=0.0)
     if not overwrite:
         refuse_to_replace(target, target.with_suffix(""))
-    parts = {
-        "grains": _grain_surfaces(packing),
-        "spheres": _sphere_points(packing),
-        "container": poly_data(packing.container.mesh()[0], "Polys", packing.container.mesh()[1]),
-        "contacts": _contact_lines(packing, reach),
-        "forces": _force_lines(packing),
-    }
-    parts = {name: data for name, data in parts.items() if data.GetNumberOfPoints()}
-    with written_whole(target.with_suffix(""), overwrite=overwrite) as folder:
+    made = (
+        _grain_surfaces(packing),
+        _sphere_points(packing),
+        poly_data(packing.container.mesh()[0], "Polys", packing.container.mesh()[1]),
+        _contact_lines(packing, reach),
+        _force_lines(packing),
+    )
+    parts = {name: data for name, data in zip(PARTS, made, strict=True) if data.GetNumberOfPoints()}
+    beside = written_whole(target.with_suffix(""), overwrite=overwrite, is_own=_is_part)
+    with written_whole(target, overwrite=overwrite) as draft, beside as folder:
+        draft.write_text(_multi_block(target.stem, list(parts)), encoding="utf-8")
         folder.mkdir()
         for name, data in parts.items():
             write_data("vtkXMLPolyDataWriter", data, folder / f"{name}.vtp")
-    write_text(target, _multi_block(target.stem, list(parts)), overwrite=overwrite)
+
+
+def _is_part(path: Path) -> bool:
+    """Return whether a file of the folder of a scene is one of its parts, by its name and its first bytes."""
+    with path.open("rb") as file:
+        return path.suffix == ".vtp" and path.stem in PARTS and b'<VTKFile type="PolyData"' in file.read(100)
 
 
 def _hash(path: Path, length: int) -> str:

@@ -10,14 +10,14 @@ from voxgran._base.vtk_readers import vtk_points
 from voxgran.io.particles import Particles, refuse_bad_spheres
 
 #: suffixes of such files
-SUFFIXES = (".vtp", ".vtu")
+SUFFIXES = (".vtp", ".vtu", ".vtk")
 #: names of arrays, in lower case, and the factor that makes them radii
 SIZES = {"radius": 1.0, "radii": 1.0, "rad": 1.0, "r": 1.0, "diameter": 0.5, "diameters": 0.5, "d": 0.5}
 
 
 def read_vtk_points(path: Path) -> Particles:
-    """Read spheres from a ``.vtp`` or ``.vtu`` file whose points carry an array ``radius`` (or radii, rad, r) or
-    ``diameter``.
+    """Read spheres from a ``.vtp``, ``.vtu`` or legacy ``.vtk`` file whose points carry an array ``radius`` (or radii,
+    rad, r) or ``diameter``.
 
     Raises
     ------

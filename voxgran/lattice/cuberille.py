@@ -1,8 +1,8 @@
 """Voxel surface: the outer faces of voxels, each as two triangles (cuberille, Herman & Liu 1979).
 
 Voxels that share only an edge or a corner would give edges with four faces. The surface is split there, so that each
-voxel keeps its own faces: vertices on such edges and corners are doubled, and displaced slightly into their voxels
-unless the volume is to be exactly that of the voxels.
+voxel keeps its own faces: vertices on such edges and corners are doubled. None is displaced, since neighbours that
+occupy the voxels beside such an edge would overlap, and the volume would not be that of the voxels.
 
 References
 ----------
@@ -15,35 +15,24 @@ import numpy as np
 from voxgran._base.arrays import Booleans, Floats, Integers
 from voxgran.lattice.label import components
 
-#: displacement of split vertices, as a fraction of the distance from the centers of their voxels
-APART = 2.0**-10
 
-
-def voxel_surface(mask: Booleans, *, apart: float = APART) -> tuple[Floats, Integers]:
+def voxel_surface(mask: Booleans) -> tuple[Floats, Integers]:
     """Return vertices (n, 3) and triangles (m, 3) of the surface of an (nx, ny, nz) mask with at least one occupied
     voxel.
 
-    Voxel (i, j, k) is the cube from (i, j, k) to (i + 1, j + 1, k + 1); vertices are whole numbers, except where voxels
-    share only an edge or a corner and `apart` is above 0. Triangles are outward, those of cavities inward. Each edge
-    has two faces, and voxels without a common face are not connected.
+    Voxel (i, j, k) is the cube from (i, j, k) to (i + 1, j + 1, k + 1); vertices are corners of voxels, and middles of
+    edges that two voxels of the mask share without a common face. There vertices coincide. Triangles are outward, those
+    of cavities inward. Each edge has two faces, and voxels without a common face are not connected.
     """
     faces, owner = _outer_faces(mask)
     corner = np.unique(faces)
     at = np.column_stack(np.unravel_index(corner, np.array(mask.shape) + 1)).astype(np.float64)
     faces = np.searchsorted(corner, faces)
-    at, faces, owner, middle = with_middles(at, faces, owner)
+    at, faces = with_middles(at, faces, owner)
     vertex = fans(faces, *_sides(faces))
     original = np.zeros(int(vertex.max()) + 1, dtype=np.int64)
     original[vertex] = faces.ravel()
-    vertices = at[original]
-    if not apart:
-        return vertices, vertex.reshape(-1, 3)
-    # one of several copies, or the middle of an edge that has two
-    split = (np.bincount(original)[original] > 1) | (original >= middle)
-    centers = np.repeat(np.column_stack(np.unravel_index(owner, mask.shape)) + 0.5, 3, axis=0)
-    total = np.column_stack([np.bincount(vertex, weights=centers[:, k]) for k in range(3)])
-    inward = total / np.bincount(vertex)[:, None] - vertices
-    return vertices + apart * split[:, None] * inward, vertex.reshape(-1, 3)
+    return at[original], vertex.reshape(-1, 3)
 
 
 def _outer_faces(mask: Booleans) -> tuple[Integers, Integers]:
@@ -66,11 +55,8 @@ def _outer_faces(mask: Booleans) -> tuple[Integers, Integers]:
     return np.concatenate(faces).astype(np.int64), np.concatenate(owners).astype(np.int64)
 
 
-def with_middles(at: Floats, faces: Integers, owner: Integers) -> tuple[Floats, Integers, Integers, int]:
-    """Return vertices, faces and owners with a vertex of each owner of its faces on every edge of more than two faces.
-
-    Also the number of the first of these vertices.
-    """
+def with_middles(at: Floats, faces: Integers, owner: Integers) -> tuple[Floats, Integers]:
+    """Return vertices and faces with a vertex of each owner of its faces on every edge of more than two faces."""
     many = len(at)
     ends = np.sort(np.stack([faces, np.roll(faces, -1, axis=1)], axis=-1), axis=-1)
     edges, count = np.unique(ends[..., 0] * many + ends[..., 1], return_counts=True)
@@ -98,7 +84,7 @@ def with_middles(at: Floats, faces: Integers, owner: Integers) -> tuple[Floats, 
     which = crowded[keys // (int(owner.max()) + 1)] if len(keys) else keys
     middles = (at[which // many] + at[which % many]) / 2
     faces = np.where(faces < 0, many + np.searchsorted(keys, -1 - faces), faces)
-    return np.concatenate([at, middles]), faces, owner, many
+    return np.concatenate([at, middles]), faces
 
 
 def fans(faces: Integers, one: Integers, two: Integers) -> Integers:

@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from voxgran._base.arrays import Booleans, Floats
+from voxgran._base.arrays import Booleans, Floats, as_array, check_type
 from voxgran._base.axes import Periodic, as_periodic
 from voxgran._base.calls import explained
 from voxgran._base.compiling.threads import in_blocks, using_threads
@@ -84,6 +84,7 @@ def distance_transform(
     if sum(n * n for n in taken.shape) >= NEVER:
         raise TooLargeError(f"mask has shape {taken.shape}: its diagonal must be shorter than 2**15 voxels; cut it")
     wanted = (np.dtype(np.int32),) if squared else (np.dtype(np.float32), np.dtype(np.float64))
+    check_type(out, (np.ndarray, type(None)), "out", "an array; leave it out for a new one")
     if out is not None and (out.shape != taken.shape or out.dtype not in wanted):
         raise InputError(
             f"out has shape {out.shape} and type {out.dtype}: it must have shape {taken.shape} and type {wanted[0]}"
@@ -121,7 +122,7 @@ def as_mask(image: "ArrayLike", name: str = "mask") -> Booleans:
     InputError
         If the image does not have three axes, or contains values other than bool, 0 and 1.
     """
-    array = np.asarray(image)
+    array = as_array(image, name)
     if array.ndim != 3:
         raise InputError(f"{name} has shape {array.shape}: three axes x, y, z are needed; give a slice an axis of one")
     if array.dtype != np.bool_:

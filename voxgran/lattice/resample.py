@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from voxgran._base.arrays import Floats, Integers, as_choice, as_count, as_floats, as_positive
+from voxgran._base.arrays import Floats, Integers, as_array, as_choice, as_count, as_floats, as_positive
 from voxgran._base.calls import explained
 from voxgran._base.errors import InputError, TooLargeError
 from voxgran._base.lazy import load
@@ -58,7 +58,7 @@ def resample(
     >>> vg.resample(np.arange(6.0).reshape(1, 1, 6), shape=(1, 1, 4))[0, 0].round(3).tolist()
     [0.333, 1.667, 3.333, 4.667]
     """
-    given = np.asarray(image)
+    given = as_array(image, "image")
     if given.ndim != 3 or not given.size:
         raise InputError(f"image has shape {given.shape}: three axes with voxels are needed")
     if (factor is None) == (shape is None):
@@ -117,7 +117,7 @@ def crop(image: "ArrayLike", *, margin: int = 0) -> tuple[NDArray[Any], Integers
     >>> part.shape, start.tolist()
     ((3, 4, 3), [0, 1, 4])
     """
-    given = np.asarray(image)
+    given = as_array(image, "image")
     if given.ndim != 3:
         raise InputError(f"image has shape {given.shape}: three axes are needed")
     layers = min(as_count(margin, "margin"), max(given.shape))

@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from voxgran._base.arrays import Integers, as_count, as_number, as_positive
+from voxgran._base.arrays import Integers, as_array, as_count, as_number, as_positive
 from voxgran._base.calls import explained, renamed
 from voxgran._base.errors import InputError, MissingLibraryError, shown
 from voxgran._base.lazy import load
@@ -66,7 +66,7 @@ def segment(
     """
     if isinstance(image, str | os.PathLike):
         raise InputError(f"image is the path {str(image)!r}: grey values are needed; write segment(load_image(path))")
-    grey = np.asarray(image)
+    grey = as_array(image, "image")
     if grey.ndim != 3 or not grey.size:
         raise InputError(f"image has the shape {grey.shape}: three axes are needed; stack slices, or choose a channel")
     if grey.dtype.kind not in "buif" or not np.isfinite(grey).all():
@@ -75,7 +75,7 @@ def segment(
     # no distance within the image exceeds the sum of its edges
     height = min(as_positive(separation, "separation"), sum(grey.shape))
     filters, morphology, segmentation = (_skimage(name) for name in ("filters", "morphology", "segmentation"))
-    if threshold == "otsu":
+    if isinstance(threshold, str) and threshold == "otsu":
         level = float(filters.threshold_otsu(grey)) if grey.min() < grey.max() else float(grey.max())
     elif isinstance(threshold, str):
         raise InputError(f"threshold is {shown(threshold)}: give a grey value or 'otsu'")

@@ -8,7 +8,7 @@ less than a ten-thousandth.
 import numpy as np
 from numpy.typing import ArrayLike
 
-from voxgran._base.arrays import Booleans, Floats, Integers, as_floats, as_number, as_positive
+from voxgran._base.arrays import Booleans, Floats, Integers, as_array, as_floats, as_number, as_positive
 from voxgran._base.calls import explained
 from voxgran._base.errors import InputError
 from voxgran._base.lazy import load
@@ -62,7 +62,7 @@ def iso_surface(
     >>> bool(abs(body.volume / voxels.volume - 1) < 1e-9)
     True
     """
-    given = np.asarray(field)
+    given = as_array(field, "field")
     given = given.astype(np.float64) if given.dtype == np.bool_ else given
     values = as_floats(given, "field", shape=(None, None, None))
     if not values.size:

@@ -14,7 +14,7 @@ import numpy as np
 from voxgran._base.arrays import Floats, Integers
 from voxgran._base.kernels import kernel
 from voxgran.containers.model import Container, boundary_of
-from voxgran.measures.painting import image_shifts
+from voxgran.measures.painting import with_images
 from voxgran.measures.window import body_spheres
 from voxgran.packing.model import Packing
 from voxgran.shapes.mesh import Mesh
@@ -101,7 +101,7 @@ def grain_intervals(packing: Packing, lines: Lines) -> Intervals:
     """
     found = [_nothing()]
     if packing.count:
-        shifts = image_shifts(packing)
+        packing, shifts = with_images(packing)
         for index in np.unique(packing.shape_id):
             packing.shapes[index].refuse_open("voids")
             found += _of_shape(packing, int(index), shifts, lines)

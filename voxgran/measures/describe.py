@@ -1,14 +1,15 @@
 """`describe`: the form of shapes, or of all grains of a packing, in numbers."""
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
 
-from voxgran._base.arrays import check_type
+from voxgran._base.arrays import Floats, check_type
 from voxgran._base.calls import explained
-from voxgran._base.errors import InputError, UnknownNameError
+from voxgran._base.errors import InputError, PackingWarning, UnknownNameError
 from voxgran._base.registry import unknown
+from voxgran._base.warning import warn
 from voxgran.measures.model import dataset, variable
 from voxgran.packing.model import Packing
 from voxgran.shapes.describing.ratios import DESCRIPTORS, Form
@@ -34,7 +35,8 @@ def describe(what: Packing | Shape | Sequence[Shape], which: str | Sequence[str]
     xarray.Dataset
         One variable for each descriptor along the dimension ``shape``, or ``grain`` for a packing, with the attributes
         `units`, `long_name`, `formula` and, where there is one, `source`. NaN where a descriptor is not defined:
-        flatness in 2D, sphericity, convexity and roundness of open surfaces.
+        flatness in 2D, sphericity, convexity and roundness of open surfaces, and roundness of a mesh that is too coarse
+        to have a curvature.
 
         ================================================  ======================================================
         ``volume``, ``surface_area``                      exact, of the true geometry
@@ -54,6 +56,11 @@ def describe(what: Packing | Shape | Sequence[Shape], which: str | Sequence[str]
         If `what` is neither shapes nor a packing, or the shapes have different units of length.
     UnknownNameError
         If there is no descriptor of a name; the message gives the nearest one.
+
+    Warns
+    -----
+    PackingWarning
+        If meshes are too coarse to have a roundness.
 
     Examples
     --------
@@ -76,6 +83,7 @@ def describe(what: Packing | Shape | Sequence[Shape], which: str | Sequence[str]
         form = Form(shape)
         for name in names:
             values[name][k] = DESCRIPTORS[name].compute(form)
+    _tell_coarse(shapes, values)
     dimension = max((shape.dimension for shape in shapes), default=3)
     made = {}
     for name in names:
@@ -93,6 +101,19 @@ def describe(what: Packing | Shape | Sequence[Shape], which: str | Sequence[str]
     return dataset(made, {"name": ((row,), labels)})
 
 
+def _tell_coarse(shapes: Sequence[Shape], values: Mapping[str, Floats]) -> None:
+    """Warn of closed shapes without a roundness."""
+    missing = np.isnan(values.get("roundness", np.zeros(0)))
+    coarse = [shape for shape, lacks in zip(shapes, missing, strict=False) if lacks and not shape.is_open]
+    if coarse:
+        more = f" and {len(coarse) - 1} more shapes" if len(coarse) > 1 else ""
+        warn(
+            f"roundness of {coarse[0].name!r}{more} is NaN: too coarse a mesh to tell sharp edges from a curved "
+            "surface; give a finer one",
+            PackingWarning,
+        )
+
+
 def _checked(which: str | Sequence[str] | None) -> list[str]:
     """Return the names of the descriptors that are asked for."""
     if which is None:
@@ -100,6 +121,7 @@ def _checked(which: str | Sequence[str] | None) -> list[str]:
     check_type(which, Iterable, "which", "a name or a list of names, such as ['sphericity']")
     names = [which] if isinstance(which, str) else list(which)
     for name in names:
+        check_type(name, str, "which", "a name or a list of names, such as ['sphericity']")
         if name not in DESCRIPTORS:
             raise UnknownNameError(unknown("descriptor", name, DESCRIPTORS))
     return names

@@ -104,6 +104,8 @@ def measure(packing: Packing, which: str | Sequence[str] | None = None, *, threa
     check_type(which, (Iterable, type(None)), "which", "a name or a list of names, such as ['density']")
     names = [which] if isinstance(which, str) else which
     names = None if names is None else list(names)
+    for name in names or ():
+        check_type(name, str, "which", "a name or a list of names, such as ['density']")
     named = [registry.get(name) for name in dict.fromkeys([*(names or ()), *ALWAYS]) if name != ALL]
     if names is None or ALL in names:
         entries = map(registry.get, registry.names())

@@ -1,5 +1,7 @@
 """Labels of the grains of a packing on a lattice."""
 
+from dataclasses import replace
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -22,7 +24,7 @@ def labels_on(packing: Packing, grid: Grid) -> NDArray[np.int32]:
         If a grain is an open surface.
     """
     image = np.zeros(grid.shape, dtype=np.int32)
-    shifts = image_shifts(packing)
+    packing, shifts = with_images(packing)
     spheres = np.array(
         [isinstance(s.geometry, Spheres) or (s.is_sphere and s.dimension == 3) for s in packing.shapes], dtype=bool
     )
@@ -33,16 +35,20 @@ def labels_on(packing: Packing, grid: Grid) -> NDArray[np.int32]:
     return image
 
 
-def image_shifts(packing: Packing) -> Floats:
-    """Return the (k, 3) shifts to the periodic images that may reach into the container."""
+def with_images(packing: Packing) -> tuple[Packing, Floats]:
+    """Return a packing with its centers moved into the container along periodic axes, and the (k, 3) shifts to the
+    periodic images that may reach into it.
+    """
     container = packing.container
     lower, upper = container.bounds
-    reach = float(packing.bounding_radii.max(initial=0.0))
-    low, high = packing.position.min(axis=0, initial=np.inf), packing.position.max(axis=0, initial=-np.inf)
-    outside = np.maximum(0.0, np.maximum(lower - low, high - upper))
-    far, axes = np.zeros(3, dtype=np.int64), np.flatnonzero(container.periodic)
-    far[axes] = np.ceil((reach + outside[axes]) / (upper - lower)[axes])
-    return (np.array(list(np.ndindex(*(2 * far + 1)))) - far) * (upper - lower)
+    axes, lengths = np.flatnonzero(container.periodic), upper - lower
+    turns = np.zeros_like(packing.position)
+    turns[:, axes] = np.floor((packing.position - lower)[:, axes] / lengths[axes])
+    if turns.any():
+        packing = replace(packing, position=packing.position - turns * lengths)
+    far = np.zeros(3, dtype=np.int64)
+    far[axes] = np.ceil(float(packing.bounding_radii.max(initial=0.0)) / lengths[axes])
+    return packing, (np.array(list(np.ndindex(*(2 * far + 1)))) - far) * lengths
 
 
 def _paint_round(image: NDArray[np.int32], grid: Grid, packing: Packing, grains: Integers, shifts: Floats) -> None:

@@ -7,6 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from voxgran._base.arrays import Booleans, Floats
+from voxgran._base.errors import TooLargeError
 from voxgran.containers.model import boundary_of
 from voxgran.lattice.distance import distance_transform
 from voxgran.lattice.grid import Grid
@@ -19,6 +20,8 @@ from voxgran.packing.model import Packing
 from voxgran.shapes.mesh import Mesh
 from voxgran.voxels.occupy import occupy
 
+#: voxels of the pore space at the most
+MOST_VOXELS = 2**31
 #: tries for a voxel size that divides all periodic lengths
 TRIES = 200
 #: layer above the surface of a bed whose grains limit the pores below, in mean diameters
@@ -116,6 +119,8 @@ def pores_of(packing: Packing, voxel_size: float) -> Pores:
     ------
     InputError
         If a grain is an open surface.
+    TooLargeError
+        If there are more than 2**31 voxels.
     """
     container, d = packing.container, packing.dimension
     lower, upper = container.bounds
@@ -136,6 +141,11 @@ def pores_of(packing: Packing, voxel_size: float) -> Pores:
     counts = np.maximum(np.where(periodic, np.rint((end - start) / size), np.ceil((end - start) / size - 1e-9)), 1)
     if d == 2:
         counts[2] = 1
+    if float(np.prod(counts)) > MOST_VOXELS:
+        raise TooLargeError(
+            f"voxel_size is {size:.4g}: the pore space would take {float(np.prod(counts)):.3g} voxels, at most "
+            f"{MOST_VOXELS:.3g} fit; take larger voxels"
+        )
     if surface is not None and surface[2] < 0:
         # voxels lie at the wall, which is the upper end
         start[surface[0]] = end[surface[0]] - counts[surface[0]] * size

@@ -9,9 +9,10 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from voxgran._base.arrays import Floats, Integers, as_choice, as_count, as_floats, as_number, check_lengths
+from voxgran._base.arrays import Floats, Integers, as_choice, as_count, as_floats, as_share, check_lengths
 from voxgran._base.errors import GrainTooLargeError, InputError, PackingWarning, TooLargeError, shown
 from voxgran._base.machine import memory_limit
+from voxgran._base.scalars import cube_root
 from voxgran._base.seeds import stream
 from voxgran._base.warning import warn
 from voxgran.containers.model import Container, boundary_of
@@ -84,9 +85,7 @@ def draw_grains(
         raise TooLargeError(
             f"count is {shown(wanted)}: at most {MOST_ASKED} grains can be packed at a time; pack in parts"
         )
-    target = container.volume * (
-        1.0 if solid_fraction is None else as_number(solid_fraction, "solid_fraction", above=0.0, at_most=1.0)
-    )
+    target = container.volume * (1.0 if solid_fraction is None else as_share(solid_fraction, "solid_fraction"))
     shares = _shares(shapes, weights, weights_by, sizes is None)
     if sizing == "made":
         return _without_sizes(shapes, container, shares, sizes, wanted, seed)
@@ -166,7 +165,8 @@ def _without_sizes(
     shape_id = stream(seed, "shapes").choice(len(shapes), size=many, p=shares).astype(np.int64)
     unit = np.array([shape.volume / shape.diameter**container.dimension for shape in shapes])
     total = float(unit[shape_id].sum()) if many else 1.0
-    diameter = (container.volume / total) ** (1.0 / container.dimension)
+    room = container.volume / total
+    diameter = cube_root(room) if container.dimension == 3 else math.sqrt(room)
     return DrawnGrains(shape_id, np.full(many, diameter), {"count": 0, "volume": 0.0})
 
 

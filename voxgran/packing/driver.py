@@ -14,15 +14,16 @@ from typing import Any, Protocol
 
 import numpy as np
 
-from voxgran._base.checkpoint import load_checkpoint, save_checkpoint
+from voxgran._base.checkpoint import load_checkpoint, refuse_other_file, save_checkpoint
 from voxgran._base.compiling.threads import using_threads
 from voxgran._base.config import to_mapping
 from voxgran._base.errors import CheckpointError, InputError, Interrupted, OutputError, shown
 from voxgran._base.files import as_path, remove_drafts
+from voxgran._base.guarded import reason_of
 from voxgran._base.kernels import telling_of_compilation
 from voxgran._base.lock import locked_file
 from voxgran._base.progress import OnStep, Step, reported
-from voxgran._base.stopping import Signals, Stopped, stopping_when
+from voxgran._base.stopping import Signals, Stopped, heed, stopping_when
 from voxgran.packing.method import PackingMethod, RunState
 from voxgran.packing.model import Packing
 from voxgran.packing.problem import Problem
@@ -69,7 +70,7 @@ def drive(method: PackingMethod, problem: Problem, how: Drive) -> RunState:
     Raises
     ------
     CheckpointError
-        If the checkpoint is damaged or belongs to another run.
+        If the checkpoint is damaged, belongs to another run, or is another file, which is not replaced.
     OutputError
         If the checkpoint cannot be written; the previous one is then still valid.
     InUseError
@@ -81,14 +82,18 @@ def drive(method: PackingMethod, problem: Problem, how: Drive) -> RunState:
     """
     how = replace(how, on_step=reported(how.on_step))
     told = telling_of_compilation(partial(_tell_of_kernels, how))
+    if how.checkpoint is not None:
+        refuse_other_file(how.checkpoint)
     with locked_file(how.checkpoint), using_threads(how.threads), told, Signals() as signals:
         state = method.prepare(problem)
+        heed()
         mark = fingerprint(method, problem)
         if how.resume and how.checkpoint is not None and Path(how.checkpoint).exists():
             _restore(problem, state, how.checkpoint, mark)
         if not state.stop_reason:
             # derived data are computed here: nothing is lost if a signal ends this at once
             state = method.advance(problem, state, 0)
+            heed()
             signals.patient = True
             keeper = _Keeper(problem, how.checkpoint, mark)
             state = _make_attempts(method, problem, state, how, keeper, signals)
@@ -196,13 +201,23 @@ def _restore(problem: Problem, state: RunState, path: str | os.PathLike[str], ma
             f"{path} belongs to another run (other shapes, sizes, parameters, seed or version): resume with the scene "
             "or the options that wrote it, or start anew: without it, or at the prompt with --overwrite"
         )
-    for name in problem.made:
-        problem.made[name] |= set(arrays.pop(name).tolist())
-    state.restore(arrays, dict(header["counters"]))
-    state.done, state.total = int(header["done"]), int(header["total"])
-    state.stop_reason = str(header["stop_reason"])
+    try:
+        for name in problem.made:
+            problem.made[name] |= set(arrays.pop(name).tolist())
+        state.restore(arrays, _counters(header["counters"]))
+        state.done, state.total = int(header["done"]), int(header["total"])
+        state.stop_reason = str(header["stop_reason"])
+    except (KeyError, TypeError, ValueError, OverflowError, AttributeError) as error:
+        raise CheckpointError(
+            f"{path} is not as a run leaves it ({reason_of(error)}): start anew without it"
+        ) from error
     state.derived = {}
     log.info("resumed after %d attempts from %s", state.done, path)
+
+
+def _counters(told: Any) -> dict[str, int | None]:
+    """Return counters as a state has them: whole numbers, or None for one that is not known yet."""
+    return {str(name): None if value is None else int(value) for name, value in dict(told).items()}
 
 
 def _tell(how: Drive, state: RunState) -> None:

@@ -10,15 +10,19 @@ from typing import TYPE_CHECKING, Any, ClassVar, Literal, Self, TypeAlias, overl
 import numpy as np
 from numpy.typing import ArrayLike
 
-from voxgran._base.arrays import Floats, Integers
+from voxgran._base.arrays import Floats, Integers, as_choice, as_number, check_type
 from voxgran._base.errors import GrainIndexError, InputError, shown
 from voxgran._base.lazy import load
 from voxgran._base.registry import ExplainedAttributes
-from voxgran._base.units import NO_UNIT
+from voxgran._base.units import NO_UNIT, as_unit
 from voxgran.clumps.bonds import LEAST_AREA, TOUCHING, Strengths, bonds_of_bodies
-from voxgran.contacts.assembly import Assembly, Density, by_shape, merged
+from voxgran.contacts.assembly import Assembly, Density, Lid, by_shape, checked_arrays, merged
+from voxgran.contacts.forces import check_forces
 from voxgran.contacts.surfaces import merged_surfaces
+from voxgran.packing.gravity import as_down
+from voxgran.settling.relaxation import Relaxation
 from voxgran.shapes.model import Shape
+from voxgran.shapes.size_laws import SizeDistribution
 from voxgran.shapes.spheres import Spheres
 from voxgran.shapes.thumbnail import card, picture
 
@@ -26,6 +30,8 @@ if TYPE_CHECKING:
     from xarray import Dataset
 
 
+#: why a method stopped
+STOP_REASONS = ("settled", "count", "solid_fraction", "saturated", "full", "steps", "interrupted")
 #: what the colours of grains show in pictures
 ColorBy: TypeAlias = Literal["diameter", "height", "shape", "density", "coordination", "distance", "force"]
 #: how packings become alike in what they must share for a sum
@@ -93,6 +99,18 @@ class GrainSequence(ExplainedAttributes, Assembly):
         "sort_values": "packing[packing.diameter.argsort()]",
         "voxelize": "vg.to_image(packing, voxel_size)",
     }
+
+    def __post_init__(self) -> None:
+        """Make arrays read-only and check the fields.
+
+        Raises
+        ------
+        InputError
+            If a field breaks a rule of :meth:`Packing.of`.
+        """
+        for name, value in _checked(self).items():
+            object.__setattr__(self, name, value)
+        super().__post_init__()
 
     @property
     def diameter(self) -> Floats:
@@ -335,6 +353,40 @@ def frame_of(packing: Any) -> dict[str, Any]:
     }
 
 
+def _checked(packing: Any) -> dict[str, Any]:
+    """Return shapes, unit, gravity and contact gap of a packing as they are kept, and check its other fields.
+
+    What ``dataclasses.replace`` makes can so be saved and loaded again.
+
+    Raises
+    ------
+    InputError
+        If arrays do not belong to each other or to the shapes, or a field breaks a rule of :meth:`Packing.of`.
+    UnknownNameError
+        If the unit is unknown.
+    """
+    checked_arrays(
+        packing.shapes, packing.container, packing.position, packing.scale, packing.shape_id, packing.orientation
+    )
+    check_type(packing.provenance, Mapping, "provenance", "a mapping of JSON-able values")
+    check_type(packing.asked_sizes, (SizeDistribution, type(None)), "asked_sizes", "a size distribution or None")
+    check_type(packing.relaxation, (Relaxation, type(None)), "relaxation", "that of vg.relax or None")
+    check_type(packing.lid, (Lid, type(None)), "lid", "that of another packing or None")
+    check_forces(packing.forces, len(packing.position))
+    as_choice(packing.stop_reason, "stop_reason", STOP_REASONS)
+    unit, down = as_unit(packing.unit), packing.gravity
+    foreign = next((shape for shape in packing.shapes if unit != NO_UNIT and shape.unit not in (None, unit)), None)
+    if foreign is not None:
+        raise InputError(
+            f"unit is {unit} and shape {foreign.name!r} has its lengths in {foreign.unit}: a packing has one unit; "
+            "convert it with to_unit"
+        )
+    if not (down is None or (isinstance(down, tuple) and len(down) == 3 and abs(np.linalg.norm(down) - 1.0) < 1e-9)):
+        down = as_down(down, packing.container)
+    gap = as_number(packing.contact_gap, "contact_gap", at_least=0.0)
+    return {"shapes": tuple(packing.shapes), "unit": unit, "gravity": down, "contact_gap": gap}
+
+
 def refuse_unlike(mine: Mapping[str, Any], its: Mapping[str, Any]) -> None:
     """Refuse two packings that differ in what `frame_of` returns of them.
 
@@ -365,7 +417,7 @@ def card_of_packing(packing: Any) -> str:
     axes = ", ".join(axis for axis, wraps in zip("xyz", packing.container.periodic, strict=True) if wraps)
     rows = {
         "packing": f"{packing.count} grains of {len(packing.shapes)} shapes: {names}",
-        "solid fraction": f"{packing.solid_fraction:.4f}",
+        "solid fraction of the container": f"{packing.solid_fraction:.4f}",
         "method": str(packing.provenance.get("method", "not known")),
         "stopped": packing.stop_reason,
         **_rest(packing),

@@ -8,6 +8,7 @@ more than half a second, the method calls :func:`voxgran._base.stopping.stop_if_
 counters as after the last attempt.
 """
 
+import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, fields
 from typing import Any, Literal, Protocol, TypeAlias
@@ -16,9 +17,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from voxgran._base.calls import explained
-from voxgran._base.errors import TooLargeError
+from voxgran._base.errors import PackingWarning, TooLargeError
 from voxgran._base.machine import memory_limit
 from voxgran._base.registry import Registry
+from voxgran._base.warning import warn
 from voxgran.packing.model import Packing
 from voxgran.packing.problem import Problem
 
@@ -26,8 +28,12 @@ Array: TypeAlias = NDArray[Any]
 
 #: bytes of the interpreter and the libraries during packing (measured)
 PACKING_BYTES = 120 * 2**20
+#: what a warning says of a method that has no room for all grains
+NO_ROOM = "no grain finds room any more; ask for less, or take smaller grains, a larger container or a denser packing"
 #: bytes that Open3D adds if a method samples surfaces (measured)
 SAMPLING_BYTES = 310 * 2**20
+#: expected seconds from which on a run with default voxels says before it starts that it takes long
+LONG_RUN = 30.0
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -38,7 +44,7 @@ class Cost:
     --------
     >>> from voxgran.packing.method import Cost
     >>> Cost(memory=10**6, attempts=100)
-    Cost(memory=1000000, attempts=100, voxelized_shapes=0, sampled_shapes=0)
+    Cost(memory=1000000, attempts=100, voxelized_shapes=0, sampled_shapes=0, seconds=0.0)
     """
 
     memory: int  # estimated bytes at the peak, without the libraries
@@ -46,6 +52,8 @@ class Cost:
     # number of solids that are voxelized and sampled: exactly what the run counts
     voxelized_shapes: int = 0
     sampled_shapes: int = 0
+    # expected processor time of searches of a whole lattice on a usual core; 0 where it is not known
+    seconds: float = 0.0
 
 
 class RunState(Protocol):
@@ -167,6 +175,8 @@ class PackingMethod:
     sizing : {"drawn", "scaled", "made"}
         How the sizes of the grains come about: as drawn; by a common factor on the drawn ones, which meets the solid
         fraction exactly, also together with a count; or by the method, which then takes no size distribution.
+    no_room : str
+        What a warning says where the method stops since no other grain has room: why, and what helps.
 
     Examples
     --------
@@ -190,6 +200,7 @@ class PackingMethod:
     any_container: bool = False
     builds_bed: bool = False
     sizing: Literal["drawn", "scaled", "made"] = "drawn"
+    no_room: str = NO_ROOM
 
 
 def method_registry() -> Registry[PackingMethod]:
@@ -222,6 +233,37 @@ def packing_memory(method: PackingMethod, problem: Problem) -> int:
     """
     sampling = SAMPLING_BYTES if "open3d" in method.libraries else 0
     return PACKING_BYTES + sampling + method.cost(problem).memory
+
+
+def check_cost(method: PackingMethod, problem: Problem) -> None:
+    """Check that this machine has the memory of a packing, and warn of a run that takes long.
+
+    Raises
+    ------
+    InputError
+        If the lattice of the method does not fit the container.
+    TooLargeError
+        If the machine has less memory, or the lattice has more voxels than the method can hold.
+
+    Warns
+    -----
+    PackingWarning
+        If the search of a lattice is expected to take more than half a minute with the default voxels.
+    """
+    check_memory(method, packing_memory(method, problem), "the packing")
+    if text := long_run(method, problem):
+        warn(text, PackingWarning)
+
+
+def long_run(method: PackingMethod, problem: Problem) -> str:
+    """Return that the search of a lattice takes long with the default voxels, and what shortens it; empty if not."""
+    seconds = method.cost(problem).seconds
+    if seconds <= LONG_RUN or problem.parameters.voxel_size is not None:
+        return ""
+    return (
+        f"method {method.name!r} is expected to take about {math.ceil(seconds / 60)} min: larger voxels (voxel_size), "
+        "fewer orientations, turned=False, fewer different sizes or fewer grains take less"
+    )
 
 
 def check_memory(method: PackingMethod, needed: int, what: str) -> None:

@@ -11,14 +11,14 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from voxgran._base import public
-from voxgran._base.arrays import Integers, as_choice, as_number, check_type
+from voxgran._base.arrays import Integers, as_number, check_type
 from voxgran._base.calls import explained_methods
 from voxgran._base.units import as_unit, unit_factor
 from voxgran.clumps.model import Clump
 from voxgran.clumps.stand_in import as_clumps
 from voxgran.contacts.assembly import as_density, checked_arrays
 from voxgran.contacts.find import find_contacts
-from voxgran.contacts.forces import ContactForces, check_forces
+from voxgran.contacts.forces import ContactForces
 from voxgran.contacts.model import Contacts
 from voxgran.contacts.verify import Verification, verify
 from voxgran.containers.model import Container
@@ -32,8 +32,6 @@ from voxgran.shapes.size_laws import SizeDistribution
 if TYPE_CHECKING:
     from xarray import DataTree
 
-#: why a method stopped
-STOP_REASONS = ("settled", "count", "solid_fraction", "saturated", "full", "steps", "interrupted")
 #: reasons that hold for all grains of a packing together
 _OF_THE_WHOLE = ("saturated", "full")
 
@@ -55,7 +53,7 @@ class Packing(GrainSequence):
     provenance : dict
         JSON-able record of what was asked, what was done and what was missed.
     stop_reason : str
-        One of :data:`STOP_REASONS`.
+        One of :data:`voxgran.packing.grains.STOP_REASONS`.
     unit : str
         Unit of all lengths, ``"1"`` where none is known.
     gravity : tuple of float or None
@@ -90,17 +88,6 @@ class Packing(GrainSequence):
     asked_sizes: SizeDistribution | None = None
     forces: ContactForces | None = None
     relaxation: Relaxation | None = None
-
-    def __post_init__(self) -> None:
-        """Make arrays read-only and check that the forces are those of the grains.
-
-        Raises
-        ------
-        InputError
-            If the forces have the residuals of another number of grains, or are no ContactForces.
-        """
-        super().__post_init__()
-        check_forces(self.forces, self.count)
 
     @classmethod
     def of(
@@ -142,7 +129,7 @@ class Packing(GrainSequence):
         provenance : mapping, optional
             JSON-able record.
         stop_reason : str
-            One of :data:`STOP_REASONS`.
+            One of :data:`voxgran.packing.grains.STOP_REASONS`.
         unit : str, optional
             Unit of all lengths; left out or ``"1"``: the one of the shapes, where one is known. Shapes of other units
             are converted to it, those without a unit are taken to be in it.
@@ -159,11 +146,10 @@ class Packing(GrainSequence):
         Raises
         ------
         InputError
-            If `shapes` is neither a Shape nor a list of them, an array has the wrong length, a scale or a density is
-            not above 0, a shape index is out of range, the dimension of a shape is not that of the container, a grain
-            lies off the plane in 2D, the stop reason is unknown, gravity is no direction or has a part along a periodic
-            axis or out of the plane, the contact gap is negative, shapes have several units and none is given, or the
-            forces are those of another number of grains.
+            If `shapes` are no shapes, an array has the wrong length, a scale or density is not above 0, a shape index
+            is out of range, dimensions differ, a grain lies off the plane in 2D, contains a sphere wider than a period
+            or is far larger than the container, the stop reason is unknown, gravity is no direction or has a part along
+            a periodic axis or off the plane, the contact gap is negative, units differ, or forces are of other grains.
         UnknownNameError
             If the unit is unknown; the message gives the nearest one.
 
@@ -180,10 +166,10 @@ class Packing(GrainSequence):
             container,
             as_density(density, len(shapes)),
             dict(provenance or {}),
-            as_choice(stop_reason, "stop_reason", STOP_REASONS),
+            stop_reason,
             unit,
             as_down(gravity, container),
-            as_number(contact_gap, "contact_gap", at_least=0.0),
+            contact_gap,
             asked_sizes,
             forces,
         )

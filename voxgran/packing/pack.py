@@ -1,6 +1,7 @@
 """`pack`: from shapes and a container to a packing, by any registered method."""
 
 import inspect
+import logging
 import os
 import time
 from collections.abc import Mapping, Sequence
@@ -12,33 +13,35 @@ from numpy.typing import ArrayLike
 
 from voxgran._base.arrays import as_number, check_lengths
 from voxgran._base.calls import Parameters, chosen, explained
-from voxgran._base.config import to_mapping
+from voxgran._base.config import parameters_of, to_mapping
 from voxgran._base.errors import InputError, PackingWarning, shown
 from voxgran._base.machine import installed_versions
-from voxgran._base.progress import OnStep
+from voxgran._base.progress import OnStep, Step, reported
 from voxgran._base.scalars import number_of, whole_number_of
 from voxgran._base.units import NO_UNIT, as_unit
 from voxgran._base.warning import warn
 from voxgran.containers.make import container_classes
 from voxgran.containers.model import UNKNOWN, Container, boundary_of, check_container
 from voxgran.containers.one_unit import in_one_unit
+from voxgran.packing.beds.expected import expected_bed
 from voxgran.packing.draw import draw_grains, joined, scaled_to
 from voxgran.packing.driver import Drive, Recorder, check_drive, drive
-from voxgran.packing.gravity import gravity_vector, proposed_axis
-from voxgran.packing.method import PackingMethod, RunState, check_memory, method_registry, packing_memory
+from voxgran.packing.method import PackingMethod, RunState, check_cost, method_registry
 from voxgran.packing.model import Packing, check_packing
-from voxgran.packing.problem import Problem, normalized_problem, too_coarse, warn_of_units
-from voxgran.packing.settle import as_settling, warn_of_unrest, with_target
+from voxgran.packing.problem import DECIMALS, Problem, normalized_problem, too_coarse, warn_of_overlaps, warn_of_units
+from voxgran.packing.settle import settling_after, warn_of_unrest, with_target
 from voxgran.packing.settling_run import with_settling
 from voxgran.packing.start import check_start, density_around
 from voxgran.settling.parameters import Settling
 from voxgran.shapes.model import Shape, check_shapes
 from voxgran.shapes.sizes import SizeDistribution, size_distance
 
+log = logging.getLogger(__name__)
+
 #: what helps where a count or a solid fraction is missed, where there is no room, and why the method ended
 FEWER = "make the container larger, the grains fewer, or give the method more attempts"
 LESS = "ask for less, give the method more attempts, make the container larger or choose a method that packs denser"
-NO_ROOM = "no grain finds room any more; ask for less, or take smaller grains, a larger container or a denser packing"
+LARGEST_FIRST = "give order='largest', by which more grains of a gradation find room, or "
 STOPPED = "the method stopped ({})"
 MADE = "the method makes the sizes; ask for less, or change its parameters"
 EMPTY = "no grain is packed: none finds room; change the limits of the sizes, or the container"
@@ -157,7 +160,7 @@ def pack(
     TooLargeError
         If more than 100 million grains are asked for, or the packing does not fit in memory.
     CheckpointError
-        If the checkpoint is damaged or belongs to another run.
+        If the checkpoint is damaged, belongs to another run, or is another file, which is not replaced.
     OutputError
         If the checkpoint cannot be written.
     InUseError
@@ -169,7 +172,8 @@ def pack(
     Warns
     -----
     PackingWarning
-        If neither the count nor the solid fraction is reached, or grains cannot fit.
+        If neither the count nor the solid fraction is reached, grains cannot fit, the search takes minutes, or a bed of
+        a solid fraction that is asked for is expected to have no bulk.
 
     Examples
     --------
@@ -197,13 +201,28 @@ def pack(
     )
     limit = None if time_limit is None else as_number(time_limit, "time_limit", at_least=0.0)
     check_drive(checkpoint, resume, on_step, recorder)
-    check_memory(task.method, packing_memory(task.method, task.problem), "the packing")
+    check_cost(task.method, task.problem)
+    _tell_of_bed(task.problem, on_step)
     how = Drive(checkpoint, resume, on_step, time_limit=limit, recorder=recorder, threads=threads)
     state = drive(task.method, task.problem, how)
     packing = with_provenance(task, state, task.method.finish(task.problem, state), seconds=time.monotonic() - began)
     _warn_of_misses(task, packing)
+    warn_of_overlaps(task.problem, packing)
     warn_of_unrest(packing)
     return packing
+
+
+def _tell_of_bed(problem: Problem, on_step: OnStep | None) -> None:
+    """Tell how deep the bed will be; warn where a solid fraction is asked of it and it will have no bulk."""
+    bed = expected_bed(problem)
+    if bed is None:
+        return
+    log.info("the bed is expected to be %s", bed)
+    if (told := reported(on_step)) is not None:
+        told(Step(stage="expected bed", done=0, total=0, text=str(bed)))
+    settling = problem.settling or problem.parameters
+    if bed.note and settling.solid_fraction is not None:
+        warn(bed.note, PackingWarning)
 
 
 def prepare_task(
@@ -275,39 +294,10 @@ def prepare_task(
     problem = normalized_problem(given, container, grains, settings, seed=seed, start=start)
     problem.unit, problem.density = unit, density
     problem.asked_count, problem.asked_fraction = asked["count"], asked["solid_fraction"]
-    problem.settling = _settling_of(entry, problem, settle)
+    problem.settling = settling_after(entry, problem, settle)
     entry = entry if problem.settling is None else with_settling(entry, problem.settling)
     warn_of_units(problem)
     return Task(entry, problem, grains.removed, asked, sizes)
-
-
-def _settling_of(method: PackingMethod, problem: Problem, asked: Any) -> Settling | None:
-    """Return how the grains settle after the method, or None if they do not.
-
-    Raises
-    ------
-    InputError
-        If they are to settle although there is no gravity, or a value breaks a rule.
-    UnknownNameError
-        If a parameter is unknown.
-    """
-    if asked is None and not (method.builds_bed and _can_settle(problem)):
-        return None
-    pulled = hasattr(problem.parameters, "gravity") and bool(gravity_vector(problem).any())
-    settling = as_settling(pulled if asked is None else asked, problem.parameters)
-    if settling is not None and not pulled:
-        raise InputError(
-            f"settle is {shown(asked)}: method {method.name!r} packs without gravity here; leave settle out, or call "
-            f"settle(packing, gravity={proposed_axis(problem.container)!r})"
-        )
-    return settling
-
-
-def _can_settle(problem: Problem) -> bool:
-    """Return whether grains settle unasked: closed ones, not to keep a distance or to overlap, within known walls."""
-    apart = any(getattr(problem.parameters, name, 0.0) for name in ("distance", "overlap"))
-    known = boundary_of(problem.container) is not UNKNOWN
-    return known and not apart and not any(shape.is_open for shape in problem.shapes)
 
 
 def check_asked(shapes: Any, container: Any, sizes: Any, start: Any) -> tuple[Shape, ...]:
@@ -440,11 +430,19 @@ def _warn_of_misses(task: Task, packing: Packing) -> None:
             parts[0] += f" where {STOPPED.format(reason)}"
     if parts and reason != "interrupted":
         remedy = (
-            {"scaled": JAMMED, "made": MADE}.get(task.method.sizing, NO_ROOM)
+            {"scaled": JAMMED, "made": MADE}.get(task.method.sizing, task.method.no_room)
             if reason in ("saturated", "full")
             else FEWER
             if missed["count"] and asked["count"]
             else LESS
         )
-        text = f"{' and '.join(parts)}: {too_coarse(task.problem) or remedy}"
+        text = f"{' and '.join(parts)}: {too_coarse(task.problem) or _largest_first(task, packing) + remedy}"
         warn(text, PackingWarning)
+
+
+def _largest_first(task: Task, packing: Packing) -> str:
+    """Return that more grains find room, the largest first; empty where sizes are equal or they already come so."""
+    settings, order = task.problem.parameters, packing.provenance["parameters"].get("order")
+    known = any("'largest'" in item.type_text for item in parameters_of(type(settings)) if item.name == "order")
+    helps = known and order != "largest" and bool(np.ptp(np.round(task.problem.diameter, DECIMALS)) > 0.0)
+    return LARGEST_FIRST if helps else ""

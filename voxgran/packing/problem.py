@@ -11,7 +11,7 @@ from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
 from voxgran._base.arrays import Booleans, Floats, Integers, as_count
 from voxgran._base.config import to_mapping
@@ -35,6 +35,8 @@ from voxgran.voxels.occupy import occupy
 ROUND_OFF = 1e-10
 #: parts of the container, by length and by volume, below which sizes are likely in another unit than the container
 TINY, NOTHING = 1e-3, 1e-6
+#: decimals up to which diameters, in median ones, are told apart
+DECIMALS = 9
 #: random points drawn at a time, per point that is wanted
 TRIES = 2
 
@@ -93,6 +95,10 @@ class Problem:
         """True volumes of the grains, (n,)."""
         shapes = np.array([shape.volume for shape in self.shapes])
         return shapes[self.shape_id] * self.diameter**self.dimension
+
+    def largest_first(self, grains: NDArray[Any]) -> NDArray[Any]:
+        """Return grains, the largest first; those that differ by rounding only, as of several shapes, stay in order."""
+        return grains[np.argsort(-np.round(self.diameter[grains], DECIMALS), kind="stable")]
 
     @property
     def counters(self) -> dict[str, int]:
@@ -323,3 +329,16 @@ def too_coarse(problem: Problem) -> str:
     if voxel is None or voxel <= coarsest or settings.cover != "touch":
         return ""
     return f"a grain takes all voxels that it touches, and voxel_size is {voxel:.4g}; make it at most {coarsest:.4g}"
+
+
+def warn_of_overlaps(problem: Problem, packing: Packing) -> None:
+    """Warn of grains that overlap because voxels by their centers represent them, unless they have settled since."""
+    if problem.settling is not None or getattr(problem.parameters, "cover", "touch") == "touch" or not packing.count:
+        return
+    proof = verify(packing)
+    if proof.overlapping_pairs:
+        warn(
+            f"{proof.overlapping_pairs} pairs of grains overlap by up to {proof.deepest:.2g} mean diameters, since "
+            "voxels represent a grain whose center lies in it: take cover='touch', or let the grains settle",
+            PackingWarning,
+        )

@@ -12,18 +12,19 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import ArrayLike
 
-from voxgran._base.arrays import Integers, as_count, as_number
+from voxgran._base.arrays import Integers, as_count, as_share
 from voxgran._base.calls import explained
 from voxgran._base.config import from_mapping
 from voxgran._base.errors import InputError, PackingWarning, shown
 from voxgran._base.progress import OnStep
+from voxgran._base.seeds import MOST_SEED
 from voxgran._base.warning import warn
-from voxgran.containers.model import Container, boundary_of, check_container
+from voxgran.containers.model import UNKNOWN, Container, boundary_of, check_container
 from voxgran.containers.one_unit import in_one_unit
 from voxgran.packing.bed_search import sentence_of
 from voxgran.packing.draw import DENSEST
 from voxgran.packing.driver import Drive, check_drive, drive
-from voxgran.packing.gravity import as_down, proposed_axis
+from voxgran.packing.gravity import as_down, gravity_vector, proposed_axis
 from voxgran.packing.method import Cost, PackingMethod
 from voxgran.packing.model import Packing, check_packing
 from voxgran.packing.problem import Problem
@@ -121,7 +122,7 @@ def settle(
         can or overlap so deep that they cannot be parted, a shape is an open surface, or `threads` is no whole number
         above 0.
     CheckpointError
-        If the checkpoint is damaged or belongs to another run.
+        If the checkpoint is damaged, belongs to another run, or is another file, which is not replaced.
     OutputError
         If the checkpoint cannot be written.
     InUseError
@@ -169,7 +170,7 @@ def settle(
     how = from_mapping(Settling, given, "settle")
     packing = _prepared(packing, container, gravity)
     check_drive(checkpoint, resume, on_step, None)
-    seed = as_count(seed, "seed", at_most=None)
+    seed = as_count(seed, "seed", at_most=MOST_SEED)
     if not packing.count:
         return replace(packing, stop_reason="settled", forces=no_forces(how.friction))
     problem = _problem_of(packing, how, seed)
@@ -307,7 +308,36 @@ def with_target(parameters: Any, solid_fraction: Any) -> tuple[Any, Any]:
             f"solid_fraction is {shown(solid_fraction)}, and that of the parameters of the method is {held:g}: both "
             "are that of the bed; leave one of them out"
         )
-    return replace(parameters, solid_fraction=as_number(solid_fraction, "solid_fraction", above=0.0, at_most=1.0)), None
+    return replace(parameters, solid_fraction=as_share(solid_fraction, "solid_fraction")), None
+
+
+def settling_after(method: PackingMethod, problem: Problem, asked: Any) -> Settling | None:
+    """Return how the grains settle after the method, or None if they do not.
+
+    Raises
+    ------
+    InputError
+        If they are to settle although there is no gravity, or a value breaks a rule.
+    UnknownNameError
+        If a parameter is unknown.
+    """
+    if asked is None and not (method.builds_bed and _can_settle(problem)):
+        return None
+    pulled = hasattr(problem.parameters, "gravity") and bool(gravity_vector(problem).any())
+    settling = as_settling(pulled if asked is None else asked, problem.parameters)
+    if settling is not None and not pulled:
+        raise InputError(
+            f"settle is {shown(asked)}: method {method.name!r} packs without gravity here; leave settle out, or call "
+            f"settle(packing, gravity={proposed_axis(problem.container)!r})"
+        )
+    return settling
+
+
+def _can_settle(problem: Problem) -> bool:
+    """Return whether grains settle unasked: closed ones, not to keep a distance or to overlap, within known walls."""
+    apart = any(getattr(problem.parameters, name, 0.0) for name in ("distance", "overlap"))
+    known = boundary_of(problem.container) is not UNKNOWN
+    return known and not apart and not any(shape.is_open for shape in problem.shapes)
 
 
 def as_settling(asked: Any, parameters: Any = None) -> Settling | None:

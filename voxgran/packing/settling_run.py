@@ -13,9 +13,10 @@ from voxgran.contacts.assembly import Assembly
 from voxgran.contacts.assembly import Lid as LidPlane
 from voxgran.contacts.forces import LID, WALL, ContactForces
 from voxgran.packing.bed_search import SoughtBed
+from voxgran.packing.grains import STOP_REASONS
 from voxgran.packing.gravity import main_axis
 from voxgran.packing.method import Array, Cost, PackingMethod, RunState
-from voxgran.packing.model import STOP_REASONS, Packing
+from voxgran.packing.model import Packing
 from voxgran.packing.problem import Problem
 from voxgran.settling.contact_rows import ARM_I, GAP, NORMAL
 from voxgran.settling.equilibrium import carried_by

@@ -13,6 +13,7 @@ from numpy.typing import ArrayLike
 from voxgran._base.arrays import (
     Floats,
     Integers,
+    as_array,
     as_count,
     as_floats,
     as_length,
@@ -22,7 +23,7 @@ from voxgran._base.arrays import (
     read_only,
 )
 from voxgran._base.calls import explained_methods, renamed
-from voxgran._base.errors import InputError
+from voxgran._base.errors import InputError, shown
 from voxgran._base.lazy import load
 from voxgran._base.registry import ExplainedAttributes
 from voxgran._base.units import stated_unit
@@ -167,6 +168,11 @@ class Cloud(ExplainedAttributes):
         mask : (n,) array_like of bool, or array_like of int
             Mask or indices of the points.
 
+        Raises
+        ------
+        InputError
+            If it is neither a mask of all points nor a list of their indices.
+
         Examples
         --------
         >>> import voxgran as vg
@@ -174,7 +180,13 @@ class Cloud(ExplainedAttributes):
         >>> len(cloud.chosen(cloud.points[:, 0] < 2))
         2
         """
-        kept = np.asarray(mask)
+        kept = as_array(mask, "mask")
+        if kept.dtype.kind not in "bui" or (kept.dtype.kind == "b" and kept.shape != (len(self),)) or kept.ndim != 1:
+            raise InputError(
+                f"mask is {shown(mask)}: it must be a mask of the {len(self)} points or a list of numbers; give one"
+            )
+        if kept.size and kept.dtype.kind != "b" and not -len(self) <= kept.min() <= kept.max() < len(self):
+            raise InputError(f"mask is {shown(mask)}: the points have the numbers 0 ... {len(self) - 1}; give these")
         parts = (self.normals, self.grain)
         normals, grain = (None if part is None else read_only(part[kept]) for part in parts)
         return replace(self, points=read_only(self.points[kept]), normals=normals, grain=grain)
@@ -266,7 +278,8 @@ class Cloud(ExplainedAttributes):
         >>> bool((cloud.points < 2).all())
         True
         """
-        many, ratio = as_count(neighbours, "neighbours", at_least=1), as_number(deviations, "deviations", above=0.0)
+        many = min(as_count(neighbours, "neighbours", at_least=1), len(self))
+        ratio = as_number(deviations, "deviations", above=0.0)
         if len(self) < FEWEST:
             return self
         _, kept = Frame.around(self.points).to_open3d(self).remove_statistical_outlier(many, ratio)

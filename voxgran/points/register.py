@@ -89,8 +89,9 @@ def register_clouds(cloud: Cloud, target: Cloud, *, distance: float | None = Non
     Raises
     ------
     InputError
-        If a cloud has fewer than 50 points, or fewer after thinning to cubes of edge `distance`, `distance` is not
-        above 0, the seed is not a whole number of at least 0, or less than 30 % of the points have a partner.
+        If the clouds have different units, a cloud has fewer than 50 points, or fewer after thinning to cubes of edge
+        `distance`, `distance` is not above 0, the seed is not a whole number of at least 0, or less than 30 % of the
+        points have a partner.
 
     References
     ----------
@@ -111,6 +112,11 @@ def register_clouds(cloud: Cloud, target: Cloud, *, distance: float | None = Non
         check_type(one, Cloud, name, "a Cloud; load_cloud reads one")
         if len(one) < FEWEST:
             raise InputError(f"{one.name} has {len(one)} points: registration needs {FEWEST} or more; scan more finely")
+    if cloud.unit != target.unit and None not in (cloud.unit, target.unit):
+        raise InputError(
+            f"{cloud.name} has lengths in {cloud.unit} and {target.name} in {target.unit}: both scans must have one "
+            "unit; convert the points of one"
+        )
     frame = Frame.around(target.points)
     reach = COARSE if distance is None else as_length(distance, "distance") / frame.size
     if reach < FINEST:

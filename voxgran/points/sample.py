@@ -4,6 +4,7 @@ The spacing of a set of points is twice its covering radius: every point of the 
 spacing. Therefore, if two surfaces cross, two of their samples are closer than the larger of the two spacings.
 """
 
+from functools import lru_cache
 from typing import Any
 
 import numpy as np
@@ -21,6 +22,8 @@ from voxgran.shapes.primitive import Primitive
 #: largest number of attempts with an increasing number of points
 ROUNDS = 8
 MOST_POINTS = 500_000
+#: sets of points that are kept between calls
+KEPT = 8
 #: initial number of points, in units of the area over the squared covering radius (measured: 0.9 to 1.4 and 1.4 to 4.7;
 #: 0.38 for a hexagonal arrangement)
 POISSON, UNIFORM = 0.95, 2.5
@@ -54,7 +57,7 @@ def sample_surface(shape: Shape, *, spacing: float, seed: int = 0, method: str =
     """Sample points on the surface of a shape with at most the given spacing.
 
     The body is sampled at unit equivalent diameter and scaled back. The number of points increases until the covering
-    radius, computed to one percent, is small enough.
+    radius, computed to one percent, is small enough. The points of the last calls are kept.
 
     Parameters
     ----------
@@ -89,9 +92,21 @@ def sample_surface(shape: Shape, *, spacing: float, seed: int = 0, method: str =
     (3, True)
     """
     check_type(shape, Shape, "shape", "a Shape; make_shape and load_shape make one")
-    wanted = as_length(spacing, "spacing") / shape.diameter
+    wanted = as_length(spacing, "spacing")
     as_choice(method, "method", ("poisson", "uniform"))
-    chosen = as_count(seed, "seed", at_most=None)
+    return _sampled(shape, wanted, as_count(seed, "seed", at_most=None), method).copy()
+
+
+@lru_cache(maxsize=KEPT)
+def _sampled(shape: Shape, spacing: float, seed: int, method: str) -> SurfacePoints:
+    """Return the points of :func:`sample_surface`.
+
+    Raises
+    ------
+    InputError
+        If the spacing needs more than half a million points.
+    """
+    wanted = spacing / shape.diameter
     if isinstance(shape.geometry, Outline):
         points, reached = _along_outline(shape.geometry.scaled(1 / shape.diameter), wanted)
         return SurfacePoints.from_points(points * shape.diameter, reached * shape.diameter)
@@ -103,7 +118,7 @@ def sample_surface(shape: Shape, *, spacing: float, seed: int = 0, method: str =
         if estimate > MOST_POINTS:
             break
         count = int(estimate)
-        points = sample_triangles(vertices, shape.faces, count, seed=chosen, poisson=method == "poisson")
+        points = sample_triangles(vertices, shape.faces, count, seed=seed, poisson=method == "poisson")
         points, slack = _on_sphere(shape, points)
         reached = 2 * (covering_radius(points, vertices, shape.faces) + slack)
         if reached <= wanted:

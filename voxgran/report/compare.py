@@ -15,7 +15,8 @@ import numpy as np
 
 from voxgran import __version__
 from voxgran._base.calls import explained
-from voxgran._base.files import write_text
+from voxgran._base.files import as_path, write_files
+from voxgran.measures.registered.density import main_fraction
 from voxgran.packing.model import Packing
 from voxgran.report import facts, plots, scenes
 from voxgran.report.colors import gradient
@@ -105,7 +106,6 @@ def save_comparison(
         gradient=", ".join(gradient()) if pictures else "gray, gray",
         figures=_figures(groups),
     )
-    write_text(path, text, overwrite=overwrite)
     record = {
         "voxgran": __version__,
         "groups": [_record(group) for group in groups],
@@ -113,7 +113,7 @@ def save_comparison(
         "numbers": rows,
         "distributions": tests,
     }
-    write_text(twin, json_text(record), overwrite=overwrite)
+    write_files({as_path(path): text, twin: json_text(record)}, overwrite=overwrite)
 
 
 def _record(group: Group) -> dict[str, Any]:
@@ -137,8 +137,10 @@ def _headline(group: Group) -> dict[str, str]:
     counts = [packing.count for packing in group.packings]
     grains = " to ".join(facts.number(count) for count in sorted({min(counts), max(counts)}))
     many = f"{len(counts)} packings of " if len(counts) > 1 else ""
-    fraction = np.mean([packing.solid_fraction for packing in group.packings])
-    note = f"{many}{grains} grains, {', '.join(_methods(group))}"
+    found = [main_fraction(*pair) for pair in zip(group.packings, group.trees, strict=True)]
+    fraction = np.mean([value for _, value in found])
+    regions = " or ".join(dict.fromkeys(region for region, _ in found))
+    note = f"solid fraction of the {regions}; {many}{grains} grains, {', '.join(_methods(group))}"
     return {"name": group.name, "value": f"{fraction:.4f}", "note": note}
 
 

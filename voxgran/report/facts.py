@@ -10,6 +10,7 @@ import numpy as np
 
 from voxgran.contacts.assembly import density_text
 from voxgran.contacts.forces import AT_REST
+from voxgran.measures.registered.density import main_fraction
 from voxgran.measures.registered.segregation import warning_of
 from voxgran.packing.model import Packing
 
@@ -56,15 +57,24 @@ def decimals_of(error: float) -> int | None:
 def headline(packing: Packing, statistics: "DataTree | None", verification: "Verification | None") -> list[Fact]:
     """Return the most important numbers of a packing, its measures and its verification."""
     space = "volume" if packing.dimension == 3 else "area"
+    region, fraction = main_fraction(packing, statistics)
+    notes = {
+        "bulk": "of the bulk: away from walls and the free surface",
+        "bed": "of the bed: below its free surface, from wall to wall; too few grains lie away from walls",
+        "container": f"true grain {space} / container {space}",
+    }
     facts = [
         Fact("grains", number(packing.count), f"stopped: {packing.stop_reason.replace('_', ' ')}"),
-        Fact("solid fraction", f"{packing.solid_fraction:.4f}", f"true grain {space} / container {space}"),
+        Fact("solid fraction", f"{fraction:.4f}", notes[region]),
+        Fact("porosity", f"{1.0 - fraction:.4f}", "1 \u2212 solid fraction"),
     ]
+    if region != "container":
+        whole = f"true grain {space} / container {space}, with the room above the bed"
+        facts.append(Fact("solid fraction of the container", f"{packing.solid_fraction:.4f}", whole))
     bulk = scalar(statistics, "bulk_solid_fraction")
-    if bulk is not None:
-        note = "away from walls and the free surface" if math.isfinite(bulk) else "too few grains away from walls"
+    if region == "container" and bulk is not None:
+        note = "away from walls" if math.isfinite(bulk) else "too few grains away from walls"
         facts.append(Fact("bulk solid fraction", f"{bulk:.4f}" if math.isfinite(bulk) else "not known", note))
-    facts.append(Fact("porosity", f"{packing.porosity:.4f}", "1 \u2212 solid fraction"))
     strict = scalar(statistics, "strict_solid_fraction")
     if strict is not None:
         facts.append(Fact("strict solid fraction", f"{strict:.4f}", "all grains shrunk until none overlap"))

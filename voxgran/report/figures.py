@@ -7,12 +7,13 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from voxgran._base.lazy import load
+from voxgran._base.seeds import stream
 from voxgran.measures.describe import describe
 from voxgran.measures.directions import FACTOR, traceless_2
 from voxgran.measures.region import gravity_of
 from voxgran.measures.registered.coordination import mean_diameter
-from voxgran.measures.registered.gradation import gradation
+from voxgran.measures.registered.density import main_fraction
+from voxgran.measures.registered.gradation import distance_from, gradation
 from voxgran.packing.model import Packing
 from voxgran.report import facts, plots, shape_plots
 from voxgran.report.direction_maps import plot_direction_map
@@ -31,6 +32,8 @@ ESTIMATES: dict[str, tuple[str, float | None, bool]] = {
 }
 #: the same of the mass density, along gravity
 MASS_DENSITY: tuple[str, float | None, bool] = ("mass density, in the unit given", None, False)
+#: sizes drawn at random to test those of a packing, in as many draws as these limits allow
+SIZES, DRAWS = 500_000, (19, 499)
 #: group and title of distributions, and the label of the coordinate that their variables share
 DENSITIES = (
     ("local_density", "distribution of the local solid fraction", "local_solid_fraction_bin"),
@@ -65,17 +68,23 @@ def figures_of(packing: Packing, statistics: "DataTree | None") -> list[Figure]:
     return [*found, *(figure for figure in last if figure is not None)]
 
 
-def size_test(packing: Packing) -> dict[str, float] | None:
-    """Compare the placed sizes with the requested distribution, by number.
+def size_test(packing: Packing) -> dict[str, Any] | None:
+    """Compare the placed sizes with the requested distribution, by volume as the curves of a report.
 
-    Return the Kolmogorov-Smirnov ``distance``, as in :func:`voxgran.measure`, and its ``p_value``, the probability that
-    as many independent draws have a larger distance (scipy.stats.kstest); None without a requested distribution or a
-    grain.
+    Return the `basis`, the Kolmogorov-Smirnov ``distance``, as in :func:`voxgran.measure`, and its ``p_value``, the
+    probability that as many sizes drawn independently have a larger distance, from such draws; None without a requested
+    distribution or a grain.
     """
-    if packing.asked_sizes is None or not packing.count:
+    asked, n, d = packing.asked_sizes, packing.count, packing.dimension
+    if asked is None or not n:
         return None
-    distance = gradation(packing).distance["number"]
-    return {"distance": distance, "p_value": float(load("scipy.stats").kstwo.sf(distance, packing.count))}
+    distance = gradation(packing).distance["volume"]
+    generator, larger = stream(0, "sizes as requested"), 0
+    draws = int(np.clip(SIZES // n, *DRAWS))
+    for _ in range(draws):
+        sizes = asked.sample(n, generator, dimension=d)
+        larger += distance_from(asked, sizes, sizes**d, basis="volume", dimension=d) >= distance
+    return {"basis": "volume", "distance": distance, "p_value": (1 + larger) / (1 + draws)}
 
 
 def _gradation(packing: Packing) -> Figure:
@@ -85,10 +94,9 @@ def _gradation(packing: Packing) -> Figure:
     caption = "Gradation: the share by volume that passes each size."
     if test is not None:
         caption += (
-            " Placed against requested: the largest difference, by number, between the share of the placed grains up "
-            "to a size and that of the requested distribution (Kolmogorov\u2013Smirnov) is "
-            f"{test['distance']:.3g}; as many independent draws have a larger difference with a probability of "
-            f"{test['p_value']:.2g}."
+            " Placed against requested: the largest difference between the two curves, by volume "
+            f"(Kolmogorov\u2013Smirnov), is {test['distance']:.3g}; as many sizes drawn independently have a larger "
+            f"one with a probability of {test['p_value']:.2g}."
         )
     order = np.argsort(packing.diameters, kind="stable")
     shares = np.cumsum(packing.volumes[order]) / max(float(packing.volumes.sum()), 1e-300)
@@ -103,7 +111,9 @@ def _gradation(packing: Packing) -> Figure:
 
 def _curves(packing: Packing, statistics: "DataTree | None") -> Iterator[Figure]:
     """Yield solid fractions over a coordinate and coordination numbers over the gap."""
-    levels = {"whole": packing.solid_fraction, "bulk": facts.scalar(statistics, "bulk_solid_fraction") or np.nan}
+    bulk = facts.scalar(statistics, "bulk_solid_fraction")
+    region, fraction = main_fraction(packing, statistics)
+    levels = {region: fraction, "container": packing.solid_fraction, "bulk": np.nan if bulk is None else bulk}
     for data, name in curves_of(packing, statistics):
         place = data[name][data[name].dims[0]]
         published: dict[str, Any] = {}
@@ -175,22 +185,26 @@ def _draw_curve(axes: Any, *, data: "Dataset", name: str, levels: Any, published
 def _forms(packing: Packing) -> Iterator[Figure]:
     """Give the plots of the form of the grains: in 3D after Zingg; sphericity against roundness of closed shapes."""
     form = {str(name): values.values for name, values in describe(packing, FORM).items()}
-    means = {f"mean_{name}": float(values.mean()) for name, values in form.items()}
+    known = np.isfinite(form["roundness"])
     more = "Larger dots represent more grains."
     if packing.dimension == 3:
         svg = plots.svg_of(
             lambda axes: shape_plots.plot_zingg(axes, form["elongation"], form["flatness"]), "zingg", size=(5.2, 4.2)
         )
         caption = f"Form after Zingg 1935: edges of the smallest box around each grain. {more}"
-        yield Figure("zingg", svg, "Zingg plot", caption, dict(list(means.items())[:2]))
-    if np.isfinite(form["roundness"]).all():
-        svg = plots.svg_of(
-            lambda axes: shape_plots.plot_roundness(axes, form["sphericity"], form["roundness"]),
-            "roundness",
-            size=(5.2, 4.2),
-        )
+        means = {f"mean_{name}": float(form[name].mean()) for name in FORM[:2]}
+        yield Figure("zingg", svg, "Zingg plot", caption, means)
+    if known.any():
+        drawn = {name: form[name][known] for name in FORM[2:]}
+        svg = plots.svg_of(lambda axes: shape_plots.plot_roundness(axes, **drawn), "roundness", size=(5.2, 4.2))
         caption = f"Sphericity and roundness of the grains after Wadell 1932. {more}"
-        yield Figure("roundness", svg, "Sphericity and roundness", caption, dict(list(means.items())[2:]))
+        left = len(known) - int(known.sum())
+        if left:
+            caption += (
+                f" {left} of {len(known)} grains are left out: open surfaces, or meshes too coarse to have a curvature."
+            )
+        means = {f"mean_{name}": float(values.mean()) for name, values in drawn.items()}
+        yield Figure("roundness", svg, "Sphericity and roundness", caption, means)
 
 
 def _contact_numbers(statistics: "DataTree | None") -> Figure | None:

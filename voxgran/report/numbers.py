@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from voxgran import __version__
+from voxgran.measures.registered.density import main_fraction
 from voxgran.packing.model import Packing
 from voxgran.report import facts
 from voxgran.report.figures import Figure
@@ -32,11 +33,15 @@ def page_numbers(
         for name, value in statistics.data_vars.items():
             if not value.ndim and value.dtype.kind in "biuf":
                 scalars[str(name)] = {"value": value.item(), **{k: str(v) for k, v in value.attrs.items()}}
+    region, fraction = main_fraction(packing, statistics)
     return {
         "voxgran": __version__,
         "count": packing.count,
-        "solid_fraction": packing.solid_fraction,
-        "porosity": packing.porosity,
+        "solid_fraction": fraction,
+        "porosity": 1.0 - fraction,
+        "region": region,
+        "container_solid_fraction": packing.solid_fraction,
+        "container_porosity": packing.porosity,
         "stop_reason": packing.stop_reason,
         "unit": packing.unit,
         "density": packing.density,

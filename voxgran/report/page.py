@@ -17,7 +17,7 @@ import numpy as np
 from voxgran import __version__
 from voxgran._base.calls import explained
 from voxgran._base.errors import with_article
-from voxgran._base.files import as_path, output_suffix, refuse_to_replace, write_text, written_whole
+from voxgran._base.files import as_path, output_suffix, refuse_to_replace, write_files
 from voxgran._base.lazy import load
 from voxgran.packing.model import Packing, check_packing
 from voxgran.report import facts, scenes
@@ -160,11 +160,8 @@ def save_report(
         space="volume" if packing.dimension == 3 else "area",
         provenance=json.dumps(packing.provenance, indent=2, default=str, ensure_ascii=False),
     )
-    for place, content in files.items():
-        with written_whole(place, overwrite=overwrite) as draft:
-            draft.write_bytes(content)
-    write_text(path, text, overwrite=overwrite)
-    write_text(twin, json_text(page_numbers(packing, statistics, verification, figures=figures)), overwrite=overwrite)
+    numbers = json_text(page_numbers(packing, statistics, verification, figures=figures))
+    write_files({**files, as_path(path): text, twin: numbers}, overwrite=overwrite)
 
 
 def check_page_path(path: str | os.PathLike[str], *, overwrite: bool) -> Path:
@@ -240,14 +237,22 @@ def _draw(packing: Packing, color_by: str) -> Drawn:
 def _drawn_shapes(packing: Packing) -> list[Shape]:
     """Return the most frequent shapes, one of each name."""
     counts = np.bincount(packing.shape_id, minlength=len(packing.shapes))
-    frequent = [packing.shapes[index] for index in np.argsort(-counts, kind="stable") if counts[index]]
-    return list({shape.name: shape for shape in reversed(frequent[:SHAPES_DRAWN])}.values())[::-1]
+    named: dict[str, Shape] = {}
+    for index in np.argsort(-counts, kind="stable"):
+        if counts[index] and len(named) < SHAPES_DRAWN:
+            named.setdefault(packing.shapes[index].name, packing.shapes[index])
+    return list(named.values())
 
 
 def _grains_note(packing: Packing) -> str:
     """Return a note on the shapes that are drawn if not all are."""
-    used = len(np.unique(packing.shape_id))
-    return f"The {SHAPES_DRAWN} most frequent of {used} shapes." if used > SHAPES_DRAWN else ""
+    counts = np.unique(packing.shape_id, return_counts=True)[1]
+    drawn = len(_drawn_shapes(packing))
+    if drawn == len(counts):
+        return ""
+    return f"{drawn} of {len(counts)} shapes, " + (
+        "the most frequent ones." if counts.max() > counts.min() else "all of which are equally frequent."
+    )
 
 
 def view_of(picture: Picture, alt: str, caption: str) -> View:

@@ -14,6 +14,7 @@ from numpy.typing import ArrayLike
 
 from voxgran._base.arrays import Floats, as_floats
 from voxgran._base.lazy import load
+from voxgran.measures.registered.gradation import size_range
 from voxgran.packing.model import Packing
 from voxgran.shapes.describing.extents import principal_extents
 
@@ -92,13 +93,15 @@ def plot_gradation(axes: Any, packing: Packing) -> Any:
     if packing.count and np.abs(ratio - 1).max() > 0.01 and packing.dimension == 3:
         plot_passing(axes, middle, packing.volumes, color=OTHER, label="placed, intermediate axis")
     asked = packing.asked_sizes
+    low, high = 1.0, 1.0
+    if packing.count:
+        low, high = size_range(np.concatenate([diameters, middle]), asked, packing.dimension)
     if asked is not None and packing.count:
-        low, high = min(diameters.min(), middle.min()), max(diameters.max(), middle.max())
         sizes = np.geomspace(0.8 * low, 1.25 * high, 600)
         shares = 100 * asked.cumulative(sizes, basis="volume", dimension=packing.dimension)
         what = "intermediate axis" if asked.by_intermediate_axis else "equivalent diameter"
         axes.plot(sizes, shares, color=ASKED, linestyle=(0, (4, 2)), label=f"requested, {what}")
-    if packing.count and diameters.max() > 4 * diameters.min():
+    if high > 4 * low:
         set_log_scale(axes)
     axes.set(ylim=(0, 101), xlabel=f"size{unit_text(packing.unit)}", ylabel="passing by volume (%)")
     axes.legend(loc="best")

@@ -5,9 +5,8 @@ measured, saved and shown.
 import json
 import os
 import time
-from concurrent.futures import ProcessPoolExecutor
 from dataclasses import dataclass
-from multiprocessing import get_context
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -23,6 +22,7 @@ from voxgran.measures.model import measure
 from voxgran.packing.model import Packing
 from voxgran.packing.pack import pack
 from voxgran.report.page import save_report
+from voxgran.scene.processes import Process, compute, start
 from voxgran.scene.run import opened_folder, summary_of
 from voxgran.shapes.family import make_shape
 from voxgran.shapes.files import load_shape
@@ -75,10 +75,10 @@ def run_demo(
 def _run_in(target: Path, grains: int, on_step: OnStep | None) -> list[dict[str, Any]]:
     """Pack, check, measure and draw in a folder that no other process uses."""
     # one core each: the second method works in a process of its own while the first shows its progress here
-    with ProcessPoolExecutor(1, mp_context=get_context("spawn")) as other:
-        waiting = other.submit(_packed, "control_point", grains)
+    with start(compute, Process) as other:
+        other.connection.send(partial(_packed, "control_point", grains))
         first = _packed("digital", grains, on_step)
-        second = waiting.result()
+        second = other.receive()
     rows = []
     for stem, result in (("", first), ("_control_point", second)):
         save(result.packing, target / f"packing{stem}.vtp", overwrite=True)

@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, Literal, Self, TypeVar
 
-from voxgran._base.arrays import as_count, as_number, as_positive, check_type
+from voxgran._base.arrays import as_count, as_positive, as_share, check_type
 from voxgran._base.config import from_mapping, parameters_of, to_mapping
 from voxgran._base.errors import FileFormatError, InputError, UnknownNameError, shown
 from voxgran._base.files import existing_file
@@ -352,7 +352,7 @@ def _packed(packing: Mapping[str, Any], place: Path) -> dict[str, Any]:
     count, solid, start = (packing.get(key) for key in ("count", "solid_fraction", "start"))
     return {
         "count": None if count is None else as_count(count, "[packing] count", at_most=None),
-        "solid_fraction": None if solid is None else as_number(solid, "[packing] solid_fraction", above=0, at_most=1),
+        "solid_fraction": None if solid is None else as_share(solid, "[packing] solid_fraction"),
         "start": None if start is None else str(existing_file(place / str(start))),
     }
 

@@ -13,7 +13,8 @@ from voxgran._base.errors import InputError
 from voxgran._base.registry import ExplainedAttributes
 from voxgran.containers.model import boundary_of
 from voxgran.decks.material import Material
-from voxgran.packing.method import check_memory, packing_memory
+from voxgran.packing.beds.expected import ExpectedBed, expected_bed
+from voxgran.packing.method import check_memory, long_run, packing_memory
 from voxgran.packing.pack import Task, prepare_task
 from voxgran.packing.problem import too_coarse
 from voxgran.scene.description import SceneDescription
@@ -66,6 +67,10 @@ class Plan(ExplainedAttributes):
         Whether the method makes the sizes; there are then at most so many grains, of a volume that is not known.
     amount_asked : bool
         Whether the scene has a count or a solid fraction.
+    depth : float or None
+        Expected depth of the bed, in median diameters; None where grains form none.
+    bulk_grains : int or None
+        Expected number of grains in its bulk.
     notes : tuple of str
         What in the scene may be meant otherwise, in sentences.
     """
@@ -81,6 +86,8 @@ class Plan(ExplainedAttributes):
     libraries: tuple[str, ...]
     makes_sizes: bool = False
     amount_asked: bool = True
+    depth: float | None = None
+    bulk_grains: int | None = None
     notes: tuple[str, ...] = ()
 
     def __str__(self) -> str:
@@ -92,6 +99,7 @@ class Plan(ExplainedAttributes):
             grains = f"at most {self.grains}, of sizes that the method makes"
         lines = [
             f"grains          {grains}",
+            *(() if self.depth is None else (f"bed             {ExpectedBed(self.depth, self.bulk_grains or 0)}",)),
             f"memory          {self.memory / 2**20:.0f} MiB at the peak, estimated",
             f"attempts        {self.attempts:,} at the most",
             f"solids          {self.voxelized_shapes:,} turned into voxels, {self.sampled_shapes:,} into points",
@@ -122,7 +130,7 @@ def make_plan(scene: SceneDescription) -> Plan:
         If it does not fit in memory.
     """
     task = task_of(scene, tuple(shape for entry in scene.shapes for shape in _stand_ins(entry)))
-    cost = task.method.cost(task.problem)
+    cost, bed = task.method.cost(task.problem), expected_bed(task.problem)
     finishing = FINISHING_BYTES + (DRAWING_BYTES if scene.output.report else 0)
     memory = max(packing_memory(task.method, task.problem), finishing)
     check_memory(task.method, memory, "the scene")
@@ -136,7 +144,9 @@ def make_plan(scene: SceneDescription) -> Plan:
         **_steps(scene, task),
         makes_sizes=task.method.sizing == "made",
         amount_asked=scene.count is not None or scene.solid_fraction is not None,
-        notes=_notes(scene, task),
+        depth=None if bed is None else bed.depth,
+        bulk_grains=None if bed is None else bed.bulk,
+        notes=_notes(scene, task, bed),
     )
 
 
@@ -220,9 +230,17 @@ def _settling_of(task: Task) -> Settling | None:
     return parameters if isinstance(parameters, Settling) else task.problem.settling
 
 
-def _notes(scene: SceneDescription, task: Task) -> tuple[str, ...]:
+def _notes(scene: SceneDescription, task: Task, bed: ExpectedBed | None) -> tuple[str, ...]:
     """Return what in a scene may be meant otherwise, in sentences."""
-    return tuple(note for note in (_full(scene, task), too_coarse(task.problem), _two_frictions(scene, task)) if note)
+    problem, shallow = task.problem, "" if bed is None else bed.note
+    notes = (
+        _full(scene, task),
+        too_coarse(problem),
+        long_run(task.method, problem),
+        _two_frictions(scene, task),
+        shallow,
+    )
+    return tuple(note for note in notes if note)
 
 
 def _full(scene: SceneDescription, task: Task) -> str:

@@ -10,8 +10,9 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from voxgran._base.checkpoint import remove_checkpoint
 from voxgran._base.errors import CheckpointError, InputError, OutputExistsError, PackingWarning
-from voxgran._base.files import as_path, write_text
+from voxgran._base.files import as_path, remove_drafts_in, write_text
 from voxgran._base.guarded import refused
 from voxgran._base.lazy import loaded
 from voxgran._base.lock import FOLDER_LOCK, locked_folder
@@ -25,6 +26,7 @@ from voxgran.io.netcdf import save_statistics
 from voxgran.io.series import Series
 from voxgran.io.vtk_files import save_scene
 from voxgran.measures.model import measure
+from voxgran.measures.registered.density import main_fraction
 from voxgran.packing.model import Packing
 from voxgran.packing.pack import pack
 from voxgran.report.page import save_report
@@ -41,6 +43,7 @@ PACKING = "packing.vtp"
 #: measures that a summary has, where they are measured and not NaN
 NUMBERS = (
     "bulk_solid_fraction",
+    "bed_solid_fraction",
     "strict_solid_fraction",
     "mean_coordination_number",
     "coordination_without_rattlers",
@@ -109,7 +112,7 @@ def _run_in(
     """Pack, check, measure and save a scene in a folder that no other process uses."""
     checkpoint = target / CHECKPOINT
     if not resume:
-        checkpoint.unlink(missing_ok=True)
+        remove_checkpoint(checkpoint)
     recorder = None
     if scene.output.snapshots:
         place, most = target / "snapshots.pvd", scene.output.snapshots
@@ -122,7 +125,7 @@ def _run_in(
     result = finish_folder(packing, target, scene=scene, on_step=on_step)
     result.summary["plan"] = plan.to_mapping()
     write_text(target / SUMMARY, json.dumps(result.summary, indent=2) + "\n")
-    checkpoint.unlink(missing_ok=True)
+    remove_checkpoint(checkpoint)
     return result
 
 
@@ -154,7 +157,8 @@ def read_folder(scene: SceneDescription, folder: Path) -> SceneResult:
 
 @contextlib.contextmanager
 def opened_folder(folder: str | os.PathLike[str], *, resume: bool, overwrite: bool) -> Iterator[Path]:
-    """Give the folder for results, made if needed, and keep other processes from it (context manager).
+    """Give the folder for results, made if needed, and keep other processes from it (context manager);
+    drafts that killed processes left there are removed.
 
     Raises
     ------
@@ -172,6 +176,7 @@ def opened_folder(folder: str | os.PathLike[str], *, resume: bool, overwrite: bo
     with locked_folder(os.path.realpath(target)):
         if not (resume or overwrite) and any(entry.name != FOLDER_LOCK for entry in target.iterdir()):
             raise OutputExistsError(f"{target} is not empty: name another folder, or ask with --overwrite or --resume")
+        remove_drafts_in(target)
         yield target
 
 
@@ -238,16 +243,20 @@ def _write_decks(packing: Packing, folder: Path, scene: SceneDescription) -> dic
 
 
 def summary_of(packing: Packing, proof: Verification, statistics: "DataTree") -> dict[str, Any]:
-    """Return the main numbers of a packing, JSON-able."""
+    """Return the main numbers of a packing, JSON-able; solid fraction and porosity are those of the `region`."""
     record = packing.provenance
     numbers = {name: float(statistics[name]) for name in NUMBERS if name in statistics}
     numbers = {name: value for name, value in numbers.items() if math.isfinite(value)}
+    region, fraction = main_fraction(packing, statistics)
     return {
         "method": record.get("method", ""),
         "seed": record.get("seed", 0),
         "grains": packing.count,
-        "solid_fraction": packing.solid_fraction,
-        "porosity": packing.porosity,
+        "solid_fraction": fraction,
+        "porosity": 1.0 - fraction,
+        "region": region,
+        "container_solid_fraction": packing.solid_fraction,
+        "container_porosity": packing.porosity,
         **numbers,
         "stop_reason": packing.stop_reason,
         "verify": {name: getattr(proof, name) for name in ("ok", "overlapping_pairs", "deepest", "escaped")},

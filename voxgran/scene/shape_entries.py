@@ -5,7 +5,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, Literal
 
-from voxgran._base.arrays import as_choice, as_count, as_number, as_positive, check_type
+from voxgran._base.arrays import as_choice, as_count, as_number, as_positive, as_share, check_type
 from voxgran._base.config import from_mapping, parameters_of, removal_of
 from voxgran._base.errors import InputError, UnknownNameError, shown
 from voxgran._base.files import existing_file
@@ -215,7 +215,7 @@ def _clump(given: Any) -> dict[str, Any]:
         raise InputError(f"{where} has no {missing}: target and value belong together; give both, or max_spheres alone")
     if "target" in beside:
         as_choice(beside["target"], f"{where} target", TARGETS)
-        as_number(beside["value"], f"{where} value", above=0.0, at_most=1.0)
+        as_share(beside["value"], f"{where} value")
     return beside | given_values(parameters, rest, where, beside=CLUMP_KEYS)
 
 

@@ -10,6 +10,8 @@ from voxgran._base.registry import ExplainedAttributes
 MOST_FRICTION = 2.0
 #: largest weight of a lid under which beds were seen to come to rest, in weights of all grains
 HEAVIEST = 100.0
+#: longest times, in sqrt(d / g): no run of so many steps ends
+LONGEST = 1e6
 
 
 @dataclass(frozen=True, slots=True)
@@ -26,7 +28,7 @@ class Shaking(ExplainedAttributes):
     Raises
     ------
     InputError
-        If one of them is not above 0.
+        If one of them is not above 0, or the duration above a million.
 
     Examples
     --------
@@ -40,7 +42,7 @@ class Shaking(ExplainedAttributes):
         1.0, doc="amplitude at the beginning", unit="gravitational accelerations", above=0.0
     )
     duration: float = parameter(
-        10.0, doc="how long grains are shaken, in sqrt(d / g) with the median diameter d", above=0.0
+        10.0, doc="how long grains are shaken, in sqrt(d / g) with the median diameter d", above=0.0, at_most=LONGEST
     )
 
     def __post_init__(self) -> None:
@@ -109,6 +111,7 @@ class Settling:
         doc="longest time of the fall with inertia, in sqrt(d / g) with the median diameter d; if omitted, until the "
         "mean grain sinks by less than 0.05 d in that time unit",
         at_least=0.0,
+        at_most=LONGEST,
     )
     solid_fraction: float | None = parameter(
         None,

@@ -20,6 +20,9 @@ from voxgran.shapes.model import Shape
 from voxgran.shapes.primitive import Kind, Primitive
 from voxgran.shapes.surface import Surface
 
+#: most shapes that are made at a time
+MOST_SHAPES = 1_000_000
+
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ShapeFamily:
@@ -189,7 +192,7 @@ def seeds_of_shapes(seed: int, count: int) -> list[int]:
     Raises
     ------
     InputError
-        If one of the two is no whole number of at least 0.
+        If one of the two is no whole number of at least 0, or the count is above a million.
 
     Examples
     --------
@@ -202,7 +205,7 @@ def seeds_of_shapes(seed: int, count: int) -> list[int]:
     True
     """
     generator = stream(seed, "shapes")
-    return [int(value) for value in generator.integers(2**53, size=as_count(count, "count"))]
+    return [int(value) for value in generator.integers(2**53, size=as_count(count, "count", at_most=MOST_SHAPES))]
 
 
 def _with_drawn_values(

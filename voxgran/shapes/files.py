@@ -2,14 +2,13 @@
 
 import logging
 import os
-from pathlib import Path
 
 from voxgran._base.arrays import check_type
 from voxgran._base.calls import explained
 from voxgran._base.errors import InputError, shown
-from voxgran._base.files import as_path, output_suffix, written_whole
+from voxgran._base.files import as_path, output_suffix, unpacked, written_whole
 from voxgran.shapes.formats.mesh_files import WRITERS, read_surface
-from voxgran.shapes.formats.sphere_files import SUFFIXES, read_spheres, write_spheres
+from voxgran.shapes.formats.sphere_files import SUFFIXES, is_spheres, read_spheres, write_spheres
 from voxgran.shapes.mesh import Mesh
 from voxgran.shapes.model import Shape
 from voxgran.shapes.repairing.diagnose import Remedies, as_solid, merged
@@ -38,7 +37,9 @@ def load_shape(
         File in STL, OBJ, PLY, OFF, VTP, VTU, VTK or MSH format, by its suffix. Polygons are triangulated; coordinates
         keep all digits of the format. A ``.csv``, ``.txt``, ``.xyzr``, ``.mol`` or ``.molecule`` is a clump: a table
         ``x,y,z,r`` with or without names of the columns, lines ``x y z r clumpId`` as of YADE, or a molecule file of
-        LAMMPS with diameters. Mass properties that such a file states are those of the shape.
+        LAMMPS with diameters; with another suffix that no mesh has, such as ``.multisphere``, it is recognized by its
+        content. Mass properties that such a file states are those of the shape. A file may be packed, with ``.gz``
+        behind its suffix.
     unit : str, optional
         Unit of lengths, which is recorded; lengths are not converted. Default: as a clump file says, or else unknown.
     repair : bool
@@ -104,15 +105,15 @@ def shape_of_file(
         raise InputError(
             "repair and surface are both true: repair closes a surface, and surface keeps it open; use one"
         )
-    if as_path(path).suffix.lower() in SUFFIXES:
-        if repair or surface:
-            raise InputError(
-                f"{'repair' if repair else 'surface'} is true for {path}, which holds spheres: only surfaces of "
-                "triangles are repaired or open; leave it out"
-            )
-        return read_spheres(path, unit=unit)
-    points, faces = read_surface(path)
-    found = Path(path)
+    with unpacked(as_path(path)) as found:
+        if is_spheres(found):
+            if repair or surface:
+                raise InputError(
+                    f"{'repair' if repair else 'surface'} is true for {path}, which holds spheres: only surfaces of "
+                    "triangles are repaired or open; leave it out"
+                )
+            return read_spheres(found, unit=unit)
+        points, faces = read_surface(found)
     if repair:
         return repaired(points, faces, name=found.stem, unit=unit, remedies=remedies).shape
     if surface:

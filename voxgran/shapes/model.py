@@ -8,9 +8,18 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from voxgran._base import public
-from voxgran._base.arrays import Booleans, Floats, as_faces, as_points, as_positive, as_quaternions
+from voxgran._base.arrays import (
+    Booleans,
+    Floats,
+    as_faces,
+    as_points,
+    as_positive,
+    as_quaternions,
+    as_vector,
+    check_type,
+)
 from voxgran._base.calls import explained_methods
-from voxgran._base.errors import InputError, shown
+from voxgran._base.errors import InputError
 from voxgran._base.lazy import load
 from voxgran._base.registry import ExplainedAttributes
 from voxgran._base.units import as_unit, stated_unit, unit_factor
@@ -334,7 +343,7 @@ class Shape(ExplainedAttributes, Body):
         >>> brick.rotated((0.5**0.5, 0, 0, 0.5**0.5)).bounds[1].round(6).tolist()  # by 90 degrees about z
         [0.5, 1.5, 0.5]
         """
-        matrix = rotation_matrices(as_quaternions(np.asarray(quaternion)[None], "quaternion"))[0]
+        matrix = rotation_matrices(as_quaternions(as_vector(quaternion, "quaternion", length=4)[None], "quaternion"))[0]
         return replace(self, geometry=self.geometry.rotated(matrix))
 
     def scaled(self, factor: float) -> "Shape":
@@ -426,9 +435,7 @@ def check_shapes(shapes: Any) -> tuple[Shape, ...]:
         If it is something else.
     """
     given = (shapes,) if isinstance(shapes, Shape) else shapes
-    if not isinstance(given, Sequence) or not all(isinstance(shape, Shape) for shape in given):
-        entries = given if isinstance(given, Sequence) else (shapes,)
-        clumps = any(hasattr(entry, "to_shape") for entry in entries)
-        remedy = "a clump has one, clump.to_shape()" if clumps else "make_shape makes one"
-        raise InputError(f"shapes is {shown(shapes)}: it must be a Shape or a list of them; {remedy}")
-    return tuple(given)
+    entries = given if isinstance(given, Sequence) and not isinstance(given, str) else (shapes,)
+    for entry in entries:
+        check_type(entry, Shape, "shapes", "a Shape or a list of them; make_shape and load_shape make one")
+    return tuple(entries)

@@ -11,6 +11,8 @@ from voxgran.shapes.winding import winding_numbers
 
 #: volume, in units of area times diagonal of the bounding box, below which a shell counts as having none
 FLAT = 1e-12
+#: how far below a triangle a point of its shell is taken, in edges of a square of twice its area
+BELOW = 1e-6
 
 
 def half_edges(faces: Integers, vertex_count: int) -> tuple[Integers, Integers, Integers, Integers]:
@@ -95,7 +97,7 @@ def shell_counts(points: Floats, faces: Integers) -> dict[str, int]:
     high = np.maximum.reduceat(triangles.max(axis=1), bounds[:-1])
     for s in solid.tolist() if len(solid) > 1 else []:
         largest = bounds[s] + int(areas[bounds[s] : bounds[s + 1]].argmax())
-        point = triangles[largest].mean(axis=0)
+        point = inner_point(triangles[largest], float(volumes[s]))
         reached = solid[((low[solid] <= point) & (point <= high[solid])).all(axis=1)]
         around[s] = _surrounding(point, s, reached, triangles, bounds)
     inward = volumes[solid] < 0
@@ -107,6 +109,17 @@ def shell_counts(points: Floats, faces: Integers) -> dict[str, int]:
         "outward_inner_shells": int((~inward & (level != 0)).sum()),
         "inside_out": int((inward & (level != 1)).sum()),
     }
+
+
+def inner_point(corners: Floats, volume: float) -> Floats:
+    """Return a point (3,) in a shell, just below one of its triangles (3, 3), by the sign of the volume of the shell.
+
+    A point on the surface itself may lie on that of another shell, which touches this one.
+    """
+    normal = np.cross(corners[1] - corners[0], corners[2] - corners[0])
+    length = float(np.linalg.norm(normal))
+    depth = np.sign(volume) * BELOW * np.sqrt(length) / length if length > 0.0 else 0.0
+    return np.asarray(corners.mean(axis=0) - depth * normal)
 
 
 def _surrounding(point: Floats, own: int, shells: Integers, triangles: Floats, bounds: Integers) -> int:

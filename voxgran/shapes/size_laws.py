@@ -14,10 +14,11 @@ from typing import Any, ClassVar, Literal, Self
 import numpy as np
 from numpy.typing import ArrayLike
 
-from voxgran._base.arrays import Floats, as_choice, as_count, as_length, as_number, as_positive
+from voxgran._base.arrays import Floats, as_choice, as_count, as_length, as_number, as_positive, as_share
 from voxgran._base.config import parameter, parameters_of, to_mapping
 from voxgran._base.errors import InputError, shown
 from voxgran._base.lazy import load
+from voxgran._base.scalars import whole_number_of
 
 Basis = Literal["number", "volume"]
 #: largest standard deviation of the logarithm of the size; sizes then typically differ by a factor of a million
@@ -165,7 +166,7 @@ class SizeDistribution(ABC):
     def _power(self, basis: Basis | None, dimension: int) -> int:
         """Return k such that the share in the wanted basis is the integral of size**k in the distribution's basis."""
         wanted = self.basis if basis is None else as_choice(basis, "basis", ("number", "volume"))
-        if dimension not in (2, 3):
+        if whole_number_of(dimension) not in (2, 3):
             raise InputError(f"dimension is {shown(dimension)}: it must be 2 or 3")
         return dimension * ((wanted == "volume") - (self.basis == "volume"))
 
@@ -376,7 +377,7 @@ class Sieve(SizeDistribution):
         for value in self.openings:
             as_length(value, "opening")
         for value in self.passing:
-            as_number(value, "passing", at_least=0.0, at_most=1.0)
+            as_share(value, "passing", zero=True)
         if len(self.openings) < 2 or (np.diff(self.openings) <= 0).any():
             given = shown(list(self.openings))
             raise InputError(f"openings are {given}: at least two must increase strictly; sort them")

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from voxgran._base.arrays import Floats, as_floats, as_number
+from voxgran._base.arrays import Floats, as_floats, as_number, check_type
 from voxgran._base.calls import explained
 from voxgran._base.config import from_mapping
 from voxgran._base.errors import InputError, UnknownNameError
@@ -76,6 +76,7 @@ def lognormal(
     )
 
 
+@explained(hint="fixed(1.0)")
 def fixed(diameter: float = 1.0) -> Fixed:
     """Return the distribution of grains of one size.
 
@@ -94,6 +95,7 @@ def fixed(diameter: float = 1.0) -> Fixed:
     return Fixed(diameter=as_number(diameter, "diameter"))
 
 
+@explained(hint="uniform(0.8, 1.2)")
 def uniform(low: float, high: float, *, basis: Basis = "number") -> Uniform:
     """Return the uniform distribution between two sizes.
 
@@ -111,6 +113,7 @@ def uniform(low: float, high: float, *, basis: Basis = "number") -> Uniform:
     return Uniform(low=as_number(low, "low"), high=as_number(high, "high"), basis=basis)
 
 
+@explained(hint="discrete([1.0, 2.0], [3, 1])")
 def discrete(diameters: "ArrayLike", weights: "ArrayLike", *, basis: Basis = "number") -> Discrete:
     """Return a discrete distribution: a few sizes, each with its weight.
 
@@ -131,6 +134,7 @@ def discrete(diameters: "ArrayLike", weights: "ArrayLike", *, basis: Basis = "nu
     return Discrete(diameters=_numbers(diameters), weights=_numbers(weights), basis=basis)
 
 
+@explained(hint="sieve([1.0, 2.0, 4.0], [0.0, 0.4, 1.0])")
 def sieve(openings: "ArrayLike", passing: "ArrayLike", *, as_diameter: bool = False, basis: Basis = "volume") -> Sieve:
     """Return the distribution of a sieve analysis.
 
@@ -164,6 +168,7 @@ def _numbers(values: "ArrayLike") -> tuple[float, ...]:
     return tuple(as_floats(values, "list of sizes or shares", shape=(None,)).tolist())
 
 
+@explained(hint="size_kinds()")
 def size_kinds() -> tuple[str, ...]:
     """Return the kinds of distributions, the values of `kind` in scene files.
 
@@ -176,6 +181,7 @@ def size_kinds() -> tuple[str, ...]:
     return tuple(sorted(KINDS))
 
 
+@explained(hint='make_sizes({"kind": "uniform", "low": 0.8, "high": 1.2})')
 def make_sizes(mapping: Mapping[str, Any], where: str = "[sizes]") -> SizeDistribution:
     """Make a distribution from kind and parameters, as in scene files.
 
@@ -203,11 +209,12 @@ def make_sizes(mapping: Mapping[str, Any], where: str = "[sizes]") -> SizeDistri
     >>> vg.sizes.make_sizes({"kind": "uniform", "low": 0.8, "high": 1.2}) == vg.sizes.uniform(0.8, 1.2)
     True
     """
+    check_type(mapping, Mapping, where, "a mapping with a kind, such as {'kind': 'fixed', 'diameter': 1.0}")
     values = dict(mapping)
     if "kind" not in values:
         raise InputError(f"{where} kind is missing: it must be one of {', '.join(size_kinds())}; add it")
     kind = values.pop("kind")
-    if kind not in KINDS:
+    if not isinstance(kind, str) or kind not in KINDS:
         raise UnknownNameError(unknown(f"{where} kind", kind, KINDS))
     return from_mapping(KINDS[kind], values, where)
 

@@ -40,13 +40,7 @@ def union_moments(centers: Floats, radii: Floats) -> tuple[float, Floats, Floats
     """
     keep = ~contained(centers, radii)
     c, r = np.ascontiguousarray(centers[keep]), radii[keep]
-    for attempt in range(4):
-        # the tests of four spheres that meet in one point may contradict each other; a change of the radii
-        # by a few bits, different for each, resolves this
-        spread = np.modf((np.arange(len(r)) + 1) * 0.6180339887498949)[0]
-        sums, gap = _patch_sums(c, r * (1.0 + attempt * NUDGE * 10.0**attempt * spread))
-        if gap <= CLOSED:
-            break
+    sums = _closed_sums(c, r)
     zeroth, first, second, third = _patch_moments(c, sums)
     flux = np.einsum("ni,ni->n", c, first) + r * zeroth
     inner = np.einsum("nij,nj->ni", second, c)
@@ -57,6 +51,13 @@ def union_moments(centers: Floats, radii: Floats) -> tuple[float, Floats, Floats
     products += (r**2)[:, None, None] * (third + r[:, None, None] * second)
     products *= (r**2)[:, None, None] / 5
     return volume, moment.sum(axis=0) / 4, products.sum(axis=0), float((r**2 * zeroth).sum())
+
+
+def exposed_areas(centers: Floats, radii: Floats) -> Floats:
+    """Return the area (n,) of each sphere that lies in no other one; of equal spheres at one place the first has it."""
+    areas, keep = np.zeros(len(radii)), ~contained(centers, radii)
+    areas[keep] = radii[keep] ** 2 * _closed_sums(np.ascontiguousarray(centers[keep]), radii[keep])[:, 0]
+    return areas
 
 
 def contained(centers: Floats, radii: Floats) -> Booleans:
@@ -76,6 +77,18 @@ def _touching(centers: Floats, radii: Floats) -> tuple[Integers, Integers]:
     """Return the pairs i < j of spheres that touch or overlap."""
     i, j, _ = near_pairs(centers, radii, 0.0, lower=np.zeros(3), lengths=np.ones(3), periodic=(False, False, False))
     return i, j
+
+
+def _closed_sums(centers: Floats, radii: Floats) -> Floats:
+    """Return the boundary integrals (n, 16) of the exposed region of each sphere, none of which is inside another."""
+    # the tests of four spheres that meet in one point may contradict each other; a change of the radii by a few bits,
+    # different for each, resolves this
+    spread = np.modf((np.arange(len(radii)) + 1) * 0.6180339887498949)[0]
+    for attempt in range(4):
+        sums, gap = _patch_sums(centers, radii * (1.0 + attempt * NUDGE * 10.0**attempt * spread))
+        if gap <= CLOSED:
+            break
+    return sums
 
 
 def _patch_sums(centers: Floats, radii: Floats) -> tuple[Floats, float]:

@@ -104,11 +104,24 @@ def check_axis(axis: str, beside: Iterable[str] = ()) -> None:
 def plain(value: Any) -> Any:
     """Return a value as TOML has it: NumPy numbers and arrays, tuples, and objects of voxgran become numbers, lists and
     tables.
+
+    Raises
+    ------
+    InputError
+        If it is nested too deeply.
     """
+    try:
+        return _plain(value)
+    except RecursionError:
+        raise InputError(f"value is {shown(value)}: a study takes numbers, texts, lists and tables; give one") from None
+
+
+def _plain(value: Any) -> Any:
+    """Return a value as TOML has it."""
     if isinstance(value, Mapping):
-        return {str(key): plain(item) for key, item in value.items()}
+        return {str(key): _plain(item) for key, item in value.items()}
     if isinstance(value, list | tuple | range):
-        return [plain(item) for item in value]
+        return [_plain(item) for item in value]
     if getattr(value, "ndim", 0) and hasattr(value, "tolist"):
         return value.tolist()
     if isinstance(value, Path):

@@ -9,6 +9,7 @@ from typing import Any
 from voxgran._base.config import parameters_of
 from voxgran._base.errors import InputError, UnknownNameError, VoxgranError, shown
 from voxgran._base.registry import unknown
+from voxgran._base.units import NO_UNIT, as_unit
 from voxgran.packing.method import method_registry
 from voxgran.scene.description import SceneDescription
 from voxgran.scene.keys import names_of
@@ -251,6 +252,7 @@ def cells_of(
         made.append((place, values, mapping))
     refuse_foreign([mapping for _, _, mapping in made])
     cells = tuple(Cell(place, values, _scene(mapping, values), mapping, hashes) for place, values, mapping in made)
+    _refuse_units(cells)
     refuse_idle(cells, dimensions, numbers=keep == "numbers")
     return cells
 
@@ -270,6 +272,24 @@ def _scene(mapping: Mapping[str, Any], values: Mapping[str, Label]) -> SceneDesc
             raise
         told = ", ".join(f"{name} {value}" for name, value in values.items())
         raise type(error)(f"cell {told}: {error}") from error
+
+
+def _refuse_units(cells: Sequence[Cell]) -> None:
+    """Refuse cells whose lengths would be in different units: those of their shapes, where the scene has none.
+
+    Raises
+    ------
+    InputError
+        If there are such cells.
+    """
+    scenes = [cell.scene for cell in cells if cell.scene.general.unit == NO_UNIT]
+    given = {entry.parameters.get("unit") for scene in scenes for entry in scene.shapes if entry.source == "file"}
+    units = sorted({as_unit(unit) for unit in given} - {NO_UNIT})
+    if len(units) > 1:
+        raise InputError(
+            f"[[shape]] unit is {' and '.join(units)} and [scene] unit is not given: the numbers of all cells must be "
+            "in one unit; give [scene] unit"
+        )
 
 
 def refuse_idle(cells: Sequence[Cell], dimensions: Sequence[Dimension], *, numbers: bool) -> None:

@@ -8,8 +8,9 @@ from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
 
+from voxgran._base.checkpoint import remove_checkpoint
 from voxgran._base.errors import CheckpointError, InUseError, OutputError
-from voxgran._base.files import write_text
+from voxgran._base.files import made_folder, write_text
 from voxgran._base.progress import Step
 from voxgran.packing.model import Packing
 from voxgran.packing.pack import pack
@@ -30,13 +31,13 @@ def marked(folder: Path) -> Iterator[str]:
         If the file cannot be written.
     """
     mark = f"{socket.gethostname()} {os.getpid()} {time.time_ns()}"
-    folder.mkdir(exist_ok=True)
-    write_text(folder / MARK, mark)
+    write_text(made_folder(folder) / MARK, mark)
     try:
         yield mark
     finally:
-        with contextlib.suppress(OSError):
-            (folder / MARK).unlink()
+        if is_seen(str(folder / "any"), mark):
+            with contextlib.suppress(OSError):
+                (folder / MARK).unlink()
 
 
 def is_seen(checkpoint: str, mark: str) -> bool:
@@ -91,16 +92,19 @@ class Checkpoint:
                 self.remove()
                 self.before = 0.0
                 return pack(shapes, scene.container, **asked, **kept)
-        except (InUseError, OutputError):
-            # the disk is full, or another worker still computes this run: what it writes stays
+        except (CheckpointError, InUseError, OutputError):
+            # the disk is full, another worker still computes this run, or another file lies there: that stays
             self._file, self.before = "", 0.0
             return pack(shapes, scene.container, **asked)
 
     def remove(self) -> None:
         """Remove the checkpoint of a finished run."""
-        for path in (self._file, self._clock) if self._file else ():
-            with contextlib.suppress(OSError):
-                os.unlink(path)
+        if self._file:
+            with contextlib.suppress(OSError, ValueError):
+                remove_checkpoint(self._file)
+                # what holds no number is another file
+                float(self._clock.read_text(encoding="ascii"))
+                self._clock.unlink()
 
     def _note(self, step: Step) -> None:
         """Write the processor time when a checkpoint has been written since the last step."""

@@ -1,25 +1,28 @@
 """Running a study: what is finished is read, what is left is ordered and computed, and all of it is gathered."""
 
+import math
 import re
-import statistics
 import time
-from collections.abc import Mapping, Sequence
+from collections import Counter, defaultdict
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
 from voxgran._base.arrays import as_count
-from voxgran._base.errors import InputError, Interrupted, shown
+from voxgran._base.errors import InputError, Interrupted, PackingWarning, shown
+from voxgran._base.files import made_folder, remove_drafts_in
 from voxgran._base.lazy import load
 from voxgran._base.machine import memory_limit, processor_count
 from voxgran._base.progress import OnStep, Step
 from voxgran._base.stopping import Signals
+from voxgran._base.warning import warn
 from voxgran.scene.run import opened_folder
 from voxgran.study.cells import Cell
 from voxgran.study.checkpoints import marked
 from voxgran.study.dask_runs import DaskRuns
 from voxgran.study.files import files_of, run_hash
-from voxgran.study.plan import StudyPlan, cell_plan
+from voxgran.study.plan import CellPlan, StudyPlan, cell_plan, note_of_beds
 from voxgran.study.processes import Processes
 from voxgran.study.result import StudyResult, dataset_of, rows_of, save_results
 from voxgran.study.runs import Record, Run
@@ -134,7 +137,7 @@ def run_study(settings: StudySettings, folder: Path, options: Options) -> StudyR
     store = Store(folder, settings.keep == "packings")
     store.refuse_other()
     with opened_folder(folder, resume=True, overwrite=True):
-        (folder / CELLS).mkdir(exist_ok=True)
+        remove_drafts_in(made_folder(folder / CELLS), folder / CHECKPOINTS)
         work = _Work(settings, store, options)
         computed = work.do()
         rows = rows_of(settings.cells, settings.seeds, work.records)
@@ -161,6 +164,13 @@ class _Work:
     left: dict[str, tuple[Place, Run]] = field(default_factory=dict)
     looked: float = field(default_factory=time.monotonic)
     computing: float = 0.0  # seconds that runs were computed, without those of loading and compiling
+    finished: float = 0.0  # the same when a run was finished last
+    done: float = 0.0  # seconds of the runs that were computed now
+    spent: dict[str, float] = field(
+        default_factory=lambda: defaultdict(float)
+    )  # seconds of the runs that have a result, by their method
+    tried: Counter[str] = field(default_factory=Counter)  # their attempts
+    ahead: Counter[str] = field(default_factory=Counter)  # attempts of the runs that are left
     told: float = 0.0
     mark: str = ""
 
@@ -178,8 +188,9 @@ class _Work:
             # processes load their libraries while the runs are planned
             executing = _executor(self.options, sum(map(len, missing.values())))
             with executing as executor, marked(self.store.folder / CHECKPOINTS) as self.mark:
-                for at, numbers in missing.items():
-                    self._plan(at, numbers)
+                plans = [self._plan(at, numbers) for at, numbers in missing.items()]
+                if note := note_of_beds(plans):
+                    warn(note, PackingWarning)
                 computed = self._compute(executor)
         self._fill()
         return computed
@@ -196,7 +207,7 @@ class _Work:
                     self.records[at, number] = record
         return left
 
-    def _plan(self, at: int, missing: Sequence[int]) -> None:
+    def _plan(self, at: int, missing: Sequence[int]) -> CellPlan:
         """Note the runs of a cell that are left, or why it cannot be computed, which is asked anew each time."""
         cell, limit = self.settings.cells[at], memory_bytes(self.options.memory)
         plan = cell_plan(cell, done=0, failed=0, left=len(missing))
@@ -228,18 +239,25 @@ class _Work:
             )
             # two cells may be the same scene, by values that change nothing
             self.left.setdefault(run.key, ((at, number), run))
+        return plan
 
     def _compute(self, executor: DaskRuns | Processes) -> int:
         """Compute the runs that are left, the longest first; return how many."""
         total = len(self.left)
-        costs = self._costs()
-        order = sorted((run for _, run in self.left.values()), key=lambda run: -costs[run.key])
+        for (at, _), record in self.records.items():
+            self._note(at, record)
+        for _, run in self.left.values():
+            self.ahead[_method(run)] += _attempts(run)
+        # a method that was not timed comes first, since nothing is known of it
+        unknown = max(map(self._rate, self.tried), default=1.0)
+        rates = {method: self._rate(method) if method in self.tried else unknown for method in self.ahead}
+        order = sorted((run for _, run in self.left.values()), key=lambda run: -_attempts(run) * rates[_method(run)])
         with Signals() as signals:
             signals.patient = True
             for came in executor.results(order):
                 if came is not None:
                     self._keep(*came)
-                self._tell(executor, costs)
+                self._tell(executor)
                 if signals.number:
                     raise Interrupted(self._farewell(), signals.number)
         return total
@@ -250,6 +268,9 @@ class _Work:
         record.attempts = run.attempts
         self.store.write(run, record, self.settings.cells[place[0]].values, packing)
         self.records[place] = record
+        self._note(place[0], record)
+        self.ahead[_method(run)] -= _attempts(run)
+        self.done, self.finished = self.done + record.seconds, self.computing
 
     def _fill(self) -> None:
         """Give cells that are the same scene the same records."""
@@ -262,22 +283,25 @@ class _Work:
                 if (at, number) not in self.records:
                     self.records[at, number] = known[run_hash(cell.key, seed)]
 
-    def _costs(self) -> dict[str, float]:
-        """Return what each run will take, for their order: attempts, in seconds where the method has been timed."""
-        rates: dict[str, list[float]] = {}
-        for (at, _), record in self.records.items():
-            if record.attempts and not record.failure:
-                method = self.settings.cells[at].scene.method
-                rates.setdefault(method, []).append(record.seconds / record.attempts)
-        found = {method: statistics.median(values) for method, values in rates.items()}
-        # a method that was not timed comes first, since nothing is known of it
-        unknown = max(found.values(), default=1.0)
-        return {
-            key: max(run.attempts, 1) * found.get(run.mapping["packing"]["method"], unknown)
-            for key, (_, run) in self.left.items()
-        }
+    def _note(self, at: int, record: Record) -> None:
+        """Note the time of a run of a cell."""
+        if record.attempts and not record.failure:
+            method = self.settings.cells[at].scene.method
+            self.spent[method] += record.seconds
+            self.tried[method] += record.attempts
 
-    def _tell(self, executor: DaskRuns | Processes, costs: Mapping[str, float]) -> None:
+    def _rate(self, method: str) -> float:
+        """Return the mean seconds of an attempt of a method; NaN where it has not been timed."""
+        return self.spent[method] / self.tried[method] if method in self.tried else math.nan
+
+    def _remaining(self) -> float:
+        """Return the seconds that the runs that are left will take, by those that were computed; NaN if not known, and
+        negative where they take longer than was expected.
+        """
+        left = sum(attempts * self._rate(method) for method, attempts in self.ahead.items() if attempts)
+        return self.finished * left / self.done - (self.computing - self.finished) if self.done else math.nan
+
+    def _tell(self, executor: DaskRuns | Processes) -> None:
         """Report progress, ten times a second at the most."""
         now = time.monotonic()
         self.computing += (now - self.looked) * executor.computing
@@ -286,16 +310,15 @@ class _Work:
             return
         self.told = now
         failed = sum(bool(record.failure) for record in self.records.values())
-        whole, left = sum(costs.values()), sum(costs[key] for key in self.left)
-        text = f"{executor.running} running, {failed} failed"
+        total = len(self.settings.cells) * len(self.settings.seeds)
+        text = f"{len(self.records)} of {total}, {executor.running} running, {failed} failed"
         if executor.compiling:
             # how long that takes is not known
             text += ", compiling kernels (once per machine)"
         elif executor.running and not executor.computing:
             text += ", loading libraries"
-        elif left < whole:
-            text += f", about {_duration(self.computing * left / (whole - left))} left"
-        total = len(self.settings.cells) * len(self.settings.seeds)
+        elif self.left and math.isfinite(left := self._remaining()):
+            text += f", about {_duration(max(left, 0.0))} left" if left > -1.0 else ", longer than expected"
         self.options.on_step(Step(stage="runs", done=len(self.records), total=total, text=text))
 
     def _farewell(self) -> str:
@@ -306,6 +329,16 @@ class _Work:
         return (
             f"stopped after {len(self.records)} of {total} runs, which are kept: the same command computes the others"
         )
+
+
+def _method(run: Run) -> str:
+    """Return the packing method of a run."""
+    return str(run.mapping["packing"]["method"])
+
+
+def _attempts(run: Run) -> int:
+    """Return the attempts that a run is expected to take, at least one."""
+    return max(run.attempts, 1)
 
 
 def _duration(seconds: float) -> str:

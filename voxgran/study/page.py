@@ -12,7 +12,7 @@ import numpy as np
 from voxgran import __version__
 from voxgran._base.arrays import as_choice, as_number
 from voxgran._base.errors import UnknownNameError
-from voxgran._base.files import as_path, refuse_to_replace, write_text
+from voxgran._base.files import as_path, write_files
 from voxgran._base.registry import unknown
 from voxgran.report import facts
 from voxgran.report.facts import Fact
@@ -148,10 +148,7 @@ def write_study_page(
     ]
     place = as_path(folder)
     files = _files(place, _html(dataset, rows, tests, title=title, figures=figures, level=level), rows, tests, figures)
-    if not overwrite:
-        refuse_to_replace(*files)
-    for path, text in files.items():
-        write_text(path, text, overwrite=overwrite)
+    write_files(files, overwrite=overwrite)
     return place / PAGE
 
 

@@ -5,6 +5,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from voxgran._base.errors import VoxgranError
+from voxgran.packing.beds.expected import FEWEST
 from voxgran.scene.plan import make_plan
 from voxgran.study.cells import Cell
 
@@ -24,6 +25,10 @@ class CellPlan:
         Grains that are asked for, bytes at the peak, and attempts at the most.
     done, failed, left : int
         Number of seeds with results, with a failure, and that are to be computed.
+    depth : float or None
+        Expected depth of the bed, in median diameters; None where grains form none.
+    has_bulk : bool
+        Whether its bulk is expected to hold enough grains for a solid fraction; true where there is no bed.
     refusal : str
         Why it cannot be computed, in a sentence; empty where it can.
     """
@@ -35,6 +40,8 @@ class CellPlan:
     done: int = 0
     failed: int = 0
     left: int = 0
+    depth: float | None = None
+    has_bulk: bool = True
     refusal: str = ""
 
 
@@ -72,6 +79,7 @@ class StudyPlan:
             f"memory          {max(c.memory for c in self.cells) / 2**20:.0f} MiB for the largest cell, estimated",
             f"attempts        {sum(c.attempts * c.left for c in self.cells):,} at the most in what is left",
         ]
+        lines += [f"note            {note}" for note in [note_of_beds(self.cells)] if note]
         lines += [f"cannot be done  {_told(cell.values)}: {cell.refusal}" for cell in refused]
         lines += _table([_row(cell) for cell in self.cells[:SHOWN]])
         if len(self.cells) > SHOWN:
@@ -80,7 +88,7 @@ class StudyPlan:
 
     def to_mapping(self) -> dict[str, Any]:
         """Return the plan as JSON-able values."""
-        names = ("grains", "attempts", "done", "failed", "left", "refusal")
+        names = ("grains", "attempts", "done", "failed", "left", "depth", "has_bulk", "refusal")
         cells = [
             {"values": cell.values, "memory_bytes": cell.memory} | {name: getattr(cell, name) for name in names}
             for cell in self.cells
@@ -103,7 +111,26 @@ def cell_plan(cell: Cell, *, done: int, failed: int, left: int) -> CellPlan:
         made = make_plan(cell.scene)
     except VoxgranError as error:
         return CellPlan(**counts | {"left": 0}, refusal=" ".join(str(error).split()))
-    return CellPlan(**counts, grains=made.grains, memory=made.memory, attempts=made.attempts)
+    return CellPlan(
+        **counts,
+        grains=made.grains,
+        memory=made.memory,
+        attempts=made.attempts,
+        depth=made.depth,
+        has_bulk=made.bulk_grains is None or made.bulk_grains >= FEWEST,
+    )
+
+
+def note_of_beds(cells: Sequence[CellPlan]) -> str:
+    """Return in how many cells the bed is expected to have no bulk, in a sentence; empty where it has one in all."""
+    shallow = [cell for cell in cells if not cell.has_bulk]
+    if not shallow:
+        return ""
+    return (
+        f"in {len(shallow)} of {_counted(len(cells), 'cell')} the bed is expected to have fewer than {FEWEST} grains "
+        f"in its bulk, such as {_told(shallow[0].values)} (about {shallow[0].depth:.1f} median diameters deep): there "
+        "is no bulk solid fraction; give more grains, and a container more than three diameters across"
+    )
 
 
 def _row(cell: CellPlan) -> dict[str, str]:
@@ -112,6 +139,7 @@ def _row(cell: CellPlan) -> dict[str, str]:
         "grains": f"{cell.grains}",
         "MiB": f"{cell.memory / 2**20:.0f}",
         "attempts": f"{cell.attempts:,}",
+        "depth": "" if cell.depth is None else f"{cell.depth:.1f}",
         "done": f"{cell.done}",
         "failed": f"{cell.failed}",
         "left": f"{cell.left}",

@@ -1,19 +1,16 @@
 """Runs in processes of this machine: as many as memory allows, each with one thread, and none lost with another."""
 
 import contextlib
-import os
-import signal
-import subprocess
 import sys
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
-from multiprocessing.connection import Connection, Pipe, wait
+from multiprocessing.connection import wait
 
 from voxgran._base.errors import MissingLibraryError
-from voxgran._base.guarded import reason_of
 from voxgran.scene.plan import FINISHING_BYTES
+from voxgran.scene.processes import Process, ending_of, start
 from voxgran.study.runs import Record, Run
-from voxgran.study.worker import COMPILED, COMPILING, READY
+from voxgran.study.worker import COMPILED, COMPILING, READY, serve
 
 #: libraries take the number of their threads from the environment when they are loaded
 _ENVIRONMENT = dict.fromkeys(
@@ -27,10 +24,6 @@ _ENVIRONMENT = dict.fromkeys(
     ),
     "1",
 ) | {"VTK_SMP_BACKEND_IN_USE": "Sequential"}
-_START = (
-    "import sys; number = int(sys.argv[1]); sys.path[:] = sys.argv[2:]; "
-    "from voxgran.study.worker import serve; serve(number)"
-)
 #: seconds of work that a process is given in advance, and the most runs of it
 AHEAD_SECONDS, MOST_AHEAD = 0.5, 32
 #: seconds between looks at whether the study is asked to stop
@@ -40,11 +33,9 @@ TRIES = 2
 
 
 @dataclass(slots=True, eq=False)
-class _Worker:
+class _Worker(Process):
     """A process with the runs that it was given, in their order; it computes the first one."""
 
-    process: subprocess.Popen[bytes]
-    connection: Connection
     given: list[Run] = field(default_factory=list)
     ready: bool = False
     compiling: bool = False
@@ -91,15 +82,19 @@ class Processes:
         return sum(worker.ready and not worker.compiling for worker in busy) / max(1, len(busy))
 
     def __enter__(self) -> "Processes":
-        """Start the processes."""
-        for _ in range(max(1, min(self._most, self._limit // FINISHING_BYTES))):
-            self._workers.append(_started())
+        """Start the processes, all or none."""
+        try:
+            for _ in range(max(1, min(self._most, self._limit // FINISHING_BYTES))):
+                self._workers.append(_started())
+        except BaseException:
+            self.__exit__()
+            raise
         return self
 
     def __exit__(self, *_: object) -> None:
         """End all processes at once."""
         for worker in self._workers:
-            _end(worker)
+            worker.end()
         self._workers.clear()
 
     def results(self, runs: Sequence[Run]) -> Iterator[tuple[Run, Record, bytes] | None]:
@@ -148,15 +143,15 @@ class Processes:
 
     def _lost(self, worker: _Worker) -> Iterator[tuple[Run, Record, bytes]]:
         """Start another process for one that has ended; only the run that it was computing counts as begun."""
-        _end(worker)
+        worker.end()
         code = worker.process.returncode
         self._workers.remove(worker)
         if not worker.ready:
             self._failed_starts += 1
             if self._failed_starts > TRIES:
                 raise MissingLibraryError(
-                    f"{sys.executable} cannot import voxgran in a second process ({_ending(code)}): runs are computed "
-                    "in such processes; install it for this Python, or free memory"
+                    f"{sys.executable} cannot import voxgran in a second process ({ending_of(code)}): runs are "
+                    "computed in such processes; install it for this Python, or free memory"
                 )
         elif worker.given:
             run = worker.given[0]
@@ -193,50 +188,13 @@ class Processes:
 
 
 def _started() -> _Worker:
-    """Return a new process, in a session of its own, so that Ctrl-C in a terminal does not reach it.
-
-    Raises
-    ------
-    MissingLibraryError
-        If it cannot be started.
-    """
-    here, there = Pipe()
-    try:
-        process = subprocess.Popen(
-            [sys.executable, "-P", "-c", _START, str(there.fileno()), *map(str, sys.path)],
-            stdin=subprocess.DEVNULL,
-            stdout=subprocess.DEVNULL,
-            stderr=subprocess.DEVNULL,
-            pass_fds=[there.fileno()],
-            env={**os.environ, **_ENVIRONMENT},
-            start_new_session=True,
-        )
-    except OSError as error:
-        here.close()
-        raise MissingLibraryError(
-            f"{sys.executable or 'Python'} cannot be started as a second process ({reason_of(error)}): runs are "
-            "computed in such processes; free processes and memory"
-        ) from error
-    finally:
-        there.close()
-    return _Worker(process, here)
-
-
-def _end(worker: _Worker) -> None:
-    """End a process at once."""
-    worker.process.kill()
-    worker.process.wait()
-    worker.connection.close()
-
-
-def _ending(code: int) -> str:
-    """Return how a process has ended."""
-    return f"ended by {signal.Signals(-code).name}" if code < 0 else f"ended with code {code}"
+    """Return a new process."""
+    return start(serve, _Worker, _ENVIRONMENT)
 
 
 def _killed(code: int) -> str:
     """Return the sentence for a run that has ended with its process each time."""
     return (
-        f"its process was {_ending(code)}, {TRIES} times: memory may have run out, or a library has crashed; compute "
+        f"its process was {ending_of(code)}, {TRIES} times: memory may have run out, or a library has crashed; compute "
         "it again with retry=True, at the prompt --retry, and fewer workers"
     )

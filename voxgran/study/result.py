@@ -2,9 +2,10 @@
 
 import csv
 import io
+import json
 import math
 import os
-import shutil
+import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -14,7 +15,7 @@ import numpy as np
 
 from voxgran import __version__
 from voxgran._base.calls import explained_methods
-from voxgran._base.files import write_text, written_whole
+from voxgran._base.files import written_whole
 from voxgran._base.lazy import load
 from voxgran._base.registry import ExplainedAttributes
 from voxgran.io.netcdf import save_statistics
@@ -236,7 +237,7 @@ def dataset_of(
         values = np.array([record.numbers.get(name, [math.nan])[0] for record in order]).reshape(shape)
         told = {tuple(record.numbers[name][1:]) for record in order if name in record.numbers}
         units = {unit for unit, _ in told}
-        attributes = {"units": units.pop() if len(units) == 1 else "that of the scene", "long_name": min(told)[1]}
+        attributes = {"units": " or ".join(sorted(units)), "long_name": min(told)[1]}
         variables[_named(name, coordinates)] = (dims, values, attributes)
     for name, (unit, text) in MACHINE.items():
         values = np.array([float(getattr(record, name)) for record in order]).reshape(shape)
@@ -258,6 +259,15 @@ def _text(value: Any) -> str:
     return "; ".join(value) if isinstance(value, list) else str(value)
 
 
+def _is_zarr(path: Path, root: Path) -> bool:
+    """Return whether a file is named as one of zarr, in the folder of a dataset that voxgran has written."""
+    try:
+        about = json.loads((root / ".zattrs").read_text(encoding="utf-8"))
+    except (OSError, ValueError):
+        return False
+    return "voxgran" in about and re.fullmatch(r"\.z\w+|\d+(\.\d+)*", path.name) is not None
+
+
 def save_results(dataset: "Dataset", rows: Sequence[Mapping[str, Any]], folder: Path, *, zarr: bool) -> None:
     """Write the dataset and the table.
 
@@ -276,15 +286,18 @@ def save_results(dataset: "Dataset", rows: Sequence[Mapping[str, Any]], folder: 
     ------
     OutputError
         If something cannot be written.
+    OutputExistsError
+        If the folder of the dataset as zarr holds something else.
     """
     text = io.StringIO()
     writer = csv.DictWriter(text, fieldnames=list(rows[0]), lineterminator="\n")
     writer.writeheader()
     writer.writerows(rows)
-    write_text(folder / TABLE, text.getvalue())
-    save_statistics(load("xarray").DataTree(dataset, name="study"), folder / DATASET, overwrite=True)
-    if zarr:
-        with written_whole(folder / ZARR) as draft:
-            shutil.rmtree(draft, ignore_errors=True)
-            # the specification of format 3 has no texts yet
-            dataset.to_zarr(draft, mode="w", zarr_format=2)
+    with written_whole(folder / TABLE) as table:
+        table.write_text(text.getvalue(), encoding="utf-8")
+        save_statistics(load("xarray").DataTree(dataset, name="study"), folder / DATASET, overwrite=True)
+        if zarr:
+            place = folder / ZARR
+            with written_whole(place, is_own=lambda path: _is_zarr(path, place)) as draft:
+                # the specification of format 3 has no texts yet
+                dataset.to_zarr(draft, mode="w", zarr_format=2)

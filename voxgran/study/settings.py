@@ -18,6 +18,8 @@ from voxgran.study.experiments import bands_of, check_labels
 from voxgran.study.files import with_absolute_files
 
 KEYS = ("scene", "base", "seeds", "axes", "combine", "zip", "cell", "keep", "experiments")
+#: most seeds of a study
+MOST_SEEDS = 1_000_000
 #: what is kept of each run
 KEEP = ("numbers", "packings")
 
@@ -199,7 +201,7 @@ def _seeds(given: Any, first: Any, count: Any) -> tuple[int, ...]:
         given = as_count(count, "[scene] seeds", at_least=1)
     values = plain(given)
     if not isinstance(values, list):
-        values = list(range(first, first + as_count(values, "seeds", at_least=1)))
+        values = list(range(first, first + as_count(values, "seeds", at_least=1, at_most=MOST_SEEDS)))
     seeds = tuple(as_count(seed, "seeds", at_most=None) for seed in values)
     if not seeds or len(set(seeds)) < len(seeds):
         raise InputError(f"seeds is {shown(list(seeds))}: it must have at least one seed, and each once; change it")

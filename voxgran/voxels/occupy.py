@@ -172,6 +172,7 @@ def occupied(
         If the backend is unknown.
     """
     as_choice(cover, "cover", COVERS)
+    check_type(backend, (str, type(None)), "backend", f"one of {', '.join(BACKENDS)}")
     if backend not in (None, *BACKENDS):
         raise UnknownNameError(unknown("voxelization backend", backend, BACKENDS))
     shape.refuse_open("voxels")
@@ -242,6 +243,9 @@ def _written(bits: PackedMask, out: Booleans | str | os.PathLike[str], *, overwr
     path = as_path(out)
     with written_whole(path, overwrite=overwrite) as draft:
         image = np.lib.format.open_memmap(draft, mode="w+", dtype=np.bool_, shape=bits.shape)
+        with draft.open("rb+") as file:
+            # a page of a map for which the disk has no room would end the process
+            os.posix_fallocate(file.fileno(), 0, draft.stat().st_size)
         bits.unpacked(image)
         image.flush()
         del image

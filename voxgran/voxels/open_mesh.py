@@ -20,6 +20,7 @@ from voxgran.lattice.packed import PackedMask
 from voxgran.shapes.mesh import Mesh
 from voxgran.shapes.repairing.bodies import outward
 from voxgran.shapes.repairing.diagnose import merged
+from voxgran.shapes.repairing.patches import one_sided
 from voxgran.shapes.shells import turned_faces
 from voxgran.shapes.winding import winding_numbers
 from voxgran.voxels.model import Voxels
@@ -63,7 +64,7 @@ def voxelize_mesh(
     Warns
     -----
     DirtyMeshWarning
-        If edges are open, or wound against their neighbours.
+        If edges are open, or wound against their neighbours, or a surface has two sides.
 
     Examples
     --------
@@ -84,6 +85,12 @@ def voxelize_mesh(
     if (voxel_size is None) == (grid is None):
         raise InputError("voxel_size and grid: give exactly one of them")
     corners, triangles = merged(points, triangles)
+    triangles, second = one_sided(triangles, len(corners))
+    if second:
+        warn(
+            f"the mesh has {second} faces both ways round, whose second side was left out: mend it with voxgran.repair",
+            DirtyMeshWarning,
+        )
     if grid is None:
         size = as_length(voxel_size, "voxel_size") if voxel_size is not None else 1.0
         low, high = corners.min(axis=0), corners.max(axis=0)

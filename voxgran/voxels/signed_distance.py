@@ -118,6 +118,7 @@ def signed_distance(
     lattice = grid or lattice_of(shape, voxel_size, None, margin=int(np.ceil(reach)))
     if grid is not None and voxel_size is not None:
         raise InputError("voxel_size and grid: give exactly one of them")
+    check_type(out, (np.ndarray, type(None)), "out", "an array; leave it out for a new one")
     if out is not None and (out.shape != lattice.shape or out.dtype.kind != "f" or out.dtype.itemsize < 4):
         raise InputError(f"out has shape {out.shape} and type {out.dtype}: float32 of shape {lattice.shape} is needed")
     values = np.empty(lattice.shape, dtype=np.float32) if out is None else out

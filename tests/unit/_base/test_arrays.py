@@ -3,7 +3,16 @@
 import numpy as np
 import pytest
 
-from voxgran._base.arrays import as_count, as_faces, as_floats, as_number, as_points, as_quaternions
+from voxgran._base.arrays import (
+    as_count,
+    as_faces,
+    as_flag,
+    as_floats,
+    as_number,
+    as_points,
+    as_quaternions,
+    as_share,
+)
 from voxgran._base.errors import InputError, VoxgranError
 
 
@@ -57,3 +66,26 @@ def test_bad_numbers_are_refused(value):
 def test_bad_counts_are_refused(value):
     with pytest.raises(InputError, match="count"):
         as_count(value, "count")
+
+
+@pytest.mark.parametrize("value", [True, False, np.True_, np.array(False)])
+def test_flags_pass_as_those_of_python(value):
+    assert as_flag(value, "squared") is bool(value)
+
+
+@pytest.mark.parametrize("value", ["no", "False", "0", 1.0, 1, 0, None, [], np.array([True])])
+def test_what_is_no_flag_is_refused(value):
+    with pytest.raises(InputError, match=r"^squared is .*: it must be True or False$"):
+        as_flag(value, "squared")
+
+
+@pytest.mark.parametrize("value", [np.nan, np.inf, -0.1, 1.1, "1", True, None])
+def test_what_is_no_share_is_refused(value):
+    with pytest.raises(InputError, match="rest is "):
+        as_share(value, "rest", zero=True)
+
+
+def test_a_share_of_nothing_is_one_where_that_is_said():
+    assert (as_share(0, "rest", zero=True), as_share(1, "rest")) == (0.0, 1.0)
+    with pytest.raises(InputError, match="above 0"):
+        as_share(0, "rest")

@@ -1,5 +1,7 @@
 """Calls that do not fit a signature, and names that are meant: one sentence with what is right."""
 
+import contextlib
+import inspect
 import pickle
 import pydoc
 
@@ -7,7 +9,7 @@ import pytest
 
 import voxgran as vg
 from voxgran._base.calls import explained, renamed
-from voxgran._base.errors import CallError, UnknownNameError
+from voxgran._base.errors import CallError, InputError, UnknownNameError
 from voxgran._base.registry import nearest
 
 SPHERE, BOX = vg.make_shape("sphere"), vg.Box((4, 4, 4))
@@ -177,3 +179,34 @@ def test_help_of_a_parameter_class_shows_no_comments_of_python(made):
     assert "Return the values of the fields." in shown
     assert "pickling" not in shown
     assert pickle.loads(pickle.dumps(made)) == made
+
+
+def flags():
+    """Return the public functions and methods that take flags, with these."""
+    found = set()
+    for top in [getattr(vg, name) for name in vg.__all__]:
+        names = getattr(top, "__all__", dir(top))
+        beside = [getattr(top, key) for key in names if not key.startswith("_")]
+        for one in [top, *beside] if inspect.isclass(top) or inspect.ismodule(top) else [top]:
+            if inspect.isfunction(one) or (inspect.isclass(one) and "voxgran" in one.__module__):
+                with contextlib.suppress(ValueError):
+                    entries = inspect.signature(one).parameters.values()
+                    found |= {(one, entry) for entry in entries if entry.annotation is bool}
+    return found
+
+
+@pytest.mark.parametrize("value", ["no", "False", 1.0, 0, None])
+def test_a_flag_is_true_or_false(value):
+    assert len(flags()) > 50
+    for function, flag in flags():
+        assert flag.kind is flag.KEYWORD_ONLY, function
+        with pytest.raises(InputError, match=f"{flag.name} is .* it must be (True or False|true or false)"):
+            function(**{flag.name: value})
+
+
+def test_a_bad_flag_costs_no_file(tmp_path):
+    BED.save(tmp_path / "bed.vtp")
+    before = (tmp_path / "bed.vtp").read_bytes()
+    with pytest.raises(InputError, match="overwrite is 'no'"):
+        BED.save(tmp_path / "bed.vtp", overwrite="no")
+    assert (tmp_path / "bed.vtp").read_bytes() == before

@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from voxgran._base.checkpoint import load_checkpoint, save_checkpoint
+from voxgran._base.checkpoint import load_checkpoint, remove_checkpoint, save_checkpoint
 from voxgran._base.errors import CheckpointError, InputError, MissingFileError, OutputError, OutputExistsError
 from voxgran._base.files import as_path, existing_file, remove_drafts, write_text, written_whole
 
@@ -36,12 +36,26 @@ def test_nothing_is_replaced_unasked(tmp_path):
 
 def test_folders_are_replaced_whole(tmp_path):
     target = tmp_path / "out"
-    target.mkdir()
-    (target / "old").write_text("old")
-    with written_whole(target) as draft:
+    (target / "inner").mkdir(parents=True)
+    (target / "inner" / "old").write_text("old")
+    with written_whole(target, is_own=lambda path: path.read_text() == "old") as draft:
         draft.mkdir()
         (draft / "new").write_text("new")
     assert [path.name for path in target.iterdir()] == ["new"]
+    assert [path.name for path in tmp_path.iterdir()] == ["out"]
+
+
+@pytest.mark.parametrize("is_own", [None, lambda path: path.read_text() == "old"])
+@pytest.mark.parametrize("make", [lambda path: path.write_text("thesis"), lambda path: path.symlink_to("old")])
+def test_folders_with_files_of_others_are_not_replaced(tmp_path, is_own, make):
+    target = tmp_path / "out"
+    (target / "inner").mkdir(parents=True)
+    (target / "old").write_text("old")
+    make(target / "inner" / "other")
+    with pytest.raises(OutputExistsError, match="voxgran did not write"):  # noqa: SIM117
+        with written_whole(target, is_own=is_own) as draft:
+            draft.mkdir()
+    assert (target / "inner" / "other").exists() or (target / "inner" / "other").is_symlink()
     assert [path.name for path in tmp_path.iterdir()] == ["out"]
 
 
@@ -82,6 +96,7 @@ def test_a_file_does_not_take_the_place_of_a_folder(tmp_path):
 def test_devices_are_written_to_and_stay():
     write_text("/dev/null", "text", overwrite=False)
     save_checkpoint("/dev/null", {"done": 3}, {"a": np.arange(3)})
+    remove_checkpoint("/dev/null")
     with pytest.raises(OutputError, match="No space left"):
         save_checkpoint("/dev/full", {"done": 3}, {"a": np.arange(3)})
     assert all(stat.S_ISCHR(Path(name).stat().st_mode) for name in ("/dev/null", "/dev/full"))

@@ -2,6 +2,7 @@
 
 import gc
 import os
+import stat
 import subprocess
 import sys
 import time
@@ -10,6 +11,8 @@ from functools import partial
 import numpy as np
 import pytest
 
+from voxgran._base.compiling.kernel_files import MARK, _Files
+from voxgran._base.files import is_private
 from voxgran._base.kernels import Kernel, cache_folder, inlined_kernel, kernel, telling_of_compilation
 from voxgran._base.registry import Registry, unknown
 
@@ -154,21 +157,63 @@ def run_with(**environment):
 
 def test_a_kernel_is_compiled_once_per_machine(tmp_path):
     run = partial(run_with, VOXGRAN_CACHE=str(tmp_path))
-    (tmp_path / "kernels-0123456789abcdef").mkdir()
     first, files = run(), {path.name: path.stat().st_mtime_ns for path in (tmp_path / "kernels").iterdir()}
     assert "compiling" in first
     assert "(once per machine)" in first
-    assert not (tmp_path / "kernels-0123456789abcdef").exists()
     assert "compiling" not in run()
-    # a damaged file is compiled again, one of a kernel that nobody used for long is removed
+    # a damaged file is compiled again
     for path in (tmp_path / "kernels").iterdir():
         path.write_bytes(b"damaged")
-    old = tmp_path / "kernels" / "old-0-0.kernel"
-    old.touch()
-    os.utime(old, (0, 0))
     assert "compiling" in run()
-    assert not old.exists()
     assert set(files) == {path.name for path in (tmp_path / "kernels").iterdir()}
+
+
+@pytest.mark.parametrize(
+    ("uid", "mode", "private"),
+    [(0, 0o700, True), (0, 0o755, True), (1, 0o700, False), (0, 0o720, False), (0, 0o702, False)],
+)
+def test_what_others_own_or_may_write_is_not_private(monkeypatch, uid, mode, private):
+    monkeypatch.setattr(os, "getuid", lambda: 0)
+    assert is_private(os.stat_result((stat.S_IFREG | mode, 0, 0, 1, uid, 0, 0, 0, 0, 0))) is private
+
+
+def cache_in(monkeypatch, parent):
+    """Return the folder of kernels that another process would find."""
+    monkeypatch.setenv("VOXGRAN_CACHE", str(parent))
+    monkeypatch.setenv("XDG_CACHE_HOME", str(parent / "other"))
+    return cache_folder.__wrapped__()
+
+
+def test_kernels_that_others_could_have_written_are_not_run(tmp_path, monkeypatch, caplog):
+    folder, missed = cache_in(monkeypatch, tmp_path), []
+    files = _Files(folder, "f", on_miss=partial(missed.append, "missed"), on_save=lambda: None)
+    files.save("key", {"a": 1})
+    (file,) = folder.iterdir()
+    assert (files.load("key"), missed) == ({"a": 1}, [])
+    file.chmod(0o666)
+    assert (files.load("key"), missed) == (None, ["missed"])
+    assert not caplog.records
+    folder.chmod(0o777)
+    assert cache_in(monkeypatch, tmp_path) == tmp_path / "other" / "voxgran" / "kernels"
+    assert f"{folder} belongs to another user, or others may write there" in caplog.text
+
+
+def test_only_forgotten_files_of_the_cache_are_removed(tmp_path, monkeypatch):
+    hashes = f"{'0' * 16}-{'a' * 16}.kernel"
+    names = {f"f-{hashes}": MARK, f".{'0' * 16}.draft": MARK, f"g-{hashes}": b"thesis", "thesis.kernel": MARK}
+    names |= {".thesis.draft": MARK, "notes.txt": MARK, "../kernels-thesis/results": b"thesis"}
+    folder = tmp_path / "kernels"
+    (folder / f"h-{hashes}").mkdir(parents=True)
+    (tmp_path / "kernels-thesis").mkdir()
+    for name, content in names.items():
+        (folder / name).write_bytes(content)
+    before = set(tmp_path.rglob("*"))
+    assert cache_in(monkeypatch, tmp_path) == folder
+    assert set(tmp_path.rglob("*")) == before
+    for path in before:
+        os.utime(path, (0, 0))
+    cache_in(monkeypatch, tmp_path)
+    assert before - set(tmp_path.rglob("*")) == {folder / name for name in list(names)[:2]}
 
 
 def test_homes_that_cannot_be_written(tmp_path):

@@ -6,7 +6,10 @@ import threading
 import pytest
 
 from voxgran._base.errors import Interrupted, VoxgranError
-from voxgran._base.stopping import Signals, Stopped, stop_if_asked, stopping_when
+from voxgran._base.files import write_text, written_whole
+from voxgran._base.kernels import kernel
+from voxgran._base.lazy import load
+from voxgran._base.stopping import Signals, Stopped, heed, stop_if_asked, stopping_when
 
 NUMBERS = (signal.SIGINT, signal.SIGTERM)
 
@@ -57,10 +60,50 @@ def test_the_first_signal_is_noted_and_the_second_ends_at_once(number):
 
 
 @pytest.mark.parametrize(("number", "status"), [(signal.SIGINT, 130), (signal.SIGTERM, 143)])
-def test_a_signal_ends_at_once_what_has_not_begun(number, status):
-    with pytest.raises(Interrupted, match="before the next attempt") as stop, Signals():
-        signal.raise_signal(number)
-    assert (stop.value.signal_number, stop.value.exit_code) == (number, status)
+def test_a_signal_ends_what_has_not_begun_at_the_next_look(number, status, tmp_path):
+    looks = (heed, stop_if_asked, lambda: kernel(looks)(), lambda: load("json"), lambda: write_text(tmp_path / "a", ""))
+    for look in looks:
+        with Signals() as signals:
+            # nothing is raised where the signal arrives
+            signal.raise_signal(number)
+            assert signals.number == number
+            with pytest.raises(Interrupted, match="before the next attempt") as stop:
+                look()
+            assert (stop.value.signal_number, stop.value.exit_code) == (number, status)
+            # the work ends, and may write what it leaves
+            write_text(tmp_path / "left", "")
+    assert [path.name for path in tmp_path.iterdir()] == ["left"]
+
+
+def test_a_signal_that_was_not_heeded_is_heeded_outside():
+    with Signals() as outer:
+        with Signals() as inner:
+            inner.patient = True
+            signal.raise_signal(signal.SIGINT)
+            heed()
+        assert outer.number == signal.SIGINT
+        with pytest.raises(Interrupted):
+            heed()
+    with Signals() as outer:
+        with pytest.raises(Interrupted), Signals():  # noqa: PT012
+            signal.raise_signal(signal.SIGINT)
+            heed()
+        # it was heeded within
+        heed()
+        assert outer.number == signal.SIGINT
+    heed()
+
+
+def test_what_is_to_be_undone_is_known_as_long_as_it_is_there(tmp_path):
+    with Signals() as outer, Signals():
+        with written_whole(tmp_path / "a") as draft:
+            draft.write_text("half")
+            (undo,) = outer.undo.values()
+            undo()
+            assert not draft.exists()
+            draft.write_text("whole")
+        assert not outer.undo
+    assert (tmp_path / "a").read_text() == "whole"
 
 
 def test_signals_are_left_alone_outside_of_the_main_thread():

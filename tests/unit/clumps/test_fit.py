@@ -98,6 +98,17 @@ def test_the_target_of_a_biased_method_is_its_volume(eros):
     assert -0.12 <= clump.errors.volume < 0.0
 
 
+def test_a_target_of_the_volume_is_measured_before_volumes_are_matched(eros):
+    # matched, one sphere has the volume of any solid
+    clump = fit_clump(eros, target="volume", value=0.05)
+    free = [fit_clump(eros, max_spheres=count, match_volume=False).errors.volume for count in (1, 2)]
+    assert abs(free[0]) > 0.05 > abs(free[1])
+    assert clump.count == 2
+    assert abs(clump.errors.volume) < 1e-5
+    with pytest.raises(InputError, match=r"volume of at most 0\.05 .* up to 1 spheres; the best is 0\.2\d+, with 1"):
+        fit_clump(eros, target="volume", value=0.05, max_spheres=1)
+
+
 def test_an_unreachable_target_says_what_was_reached(eros):
     with pytest.raises(InputError, match=r"iou of at least 0.99 .* up to 8 spheres; the best is 0\.8.*, with 8"):
         fit_clump(eros, target="iou", value=0.99, max_spheres=8)

@@ -184,6 +184,16 @@ def test_wrong_clumps_are_refused(cube, eight, clumps, more, message):
         packing.with_clumps(given, **more)
 
 
+def test_a_clump_in_another_unit_is_converted_to_that_of_its_shape(cube, eight):
+    packing = vg.Packing.of(cube.to_unit("mm"), vg.Box((9, 9, 9)), position=[[4, 4, 4]])
+    small = clump_of(cube.to_unit("mm").to_unit("um"), 1000 * eight.centers, 1000 * eight.radii)
+    made = packing.with_clumps(small)
+    assert made.shapes[0].unit == made.unit == "mm"
+    assert made.shapes[0].geometry.radii == pytest.approx(eight.radii)
+    with pytest.raises(InputError, match="volume and inertia must agree"):
+        packing.with_clumps(clump_of(cube.to_unit("um"), eight.centers, eight.radii))
+
+
 def test_one_clump_for_two_shapes_is_refused(cube, eight):
     both = cube, cube.scaled(1.5)
     packing = vg.Packing.of(both, vg.Box((4, 4, 4)), position=[[1, 1, 1], [3, 3, 3]], shape_id=[0, 1])

@@ -1,13 +1,15 @@
 """Grains are refused only where they cannot fit however they are turned."""
 
+import dataclasses
 import math
 
 import numpy as np
 import pytest
 
 import voxgran as vg
-from voxgran._base.errors import GrainTooLargeError, PackingWarning
+from voxgran._base.errors import FileFormatError, GrainTooLargeError, PackingWarning
 from voxgran._base.seeds import stream
+from voxgran.contacts.assembly import Assembly
 from voxgran.containers.size_limits import can_fit
 from voxgran.geometry.rotation import random_rotations, rotation_matrices
 
@@ -91,3 +93,46 @@ def test_the_messages():
         vg.pack(rod, CUBE, method="rsa", count=2, tries=1, until="tries")
     with pytest.warns(PackingWarning, match=r"0 of 2 grains were placed before the method stopped \(saturated\)"):
         vg.pack(box(0.2, 0.2, 5.0), vg.Box((6, 6, 4)), method="rsa", aligned=True, count=2)
+
+
+@pytest.mark.parametrize(
+    ("scale", "container", "message"),
+    [
+        (4.1, vg.Box((4, 4, 8), "xy"), r"grain 1 is 4.1 wide: it contains a sphere wider than the period of 4"),
+        (1e6, vg.Box((4, 4, 8), "z"), "contains a sphere wider than the period of 8"),
+        (1e6, vg.Box((4, 4, 8)), "at most 1000 times as wide as the container is long, 8"),
+        (1e6, vg.Sphere(4.0), "at most 1000 times as wide"),
+    ],
+)
+def test_spheres_wider_than_a_period_or_beyond_all_proportion_are_refused(scale, container, message):
+    places, scales = np.array([(1.0, 1, 1), (2, 2, 2)]), np.array([1.0, scale])
+    given = {"position": places, "scale": scales}
+    for refused in (
+        lambda: vg.Packing.of(vg.shapes.sphere(), container, **given),
+        lambda: vg.verify(Assembly.of([vg.shapes.sphere()], container, **given)),
+        lambda: dataclasses.replace(vg.Packing.of(vg.shapes.sphere(), container, position=places), scale=scales),
+    ):
+        with pytest.raises(GrainTooLargeError, match=message):
+            refused()
+
+
+def test_files_with_a_huge_sphere_are_refused(tmp_path):
+    path = tmp_path / "bed.csv"
+    path.write_text("x,y,z,radius\n1,1,1,0.5\n2,2,2,1e4\n")
+    huge = pytest.raises(GrainTooLargeError, match="grain 1 is 20000 wide")
+    with huge, pytest.warns(PackingWarning, match="2 overlap others"):
+        vg.load(path, container=vg.Box((4, 4, 4), "xy"))
+    bed = vg.Packing.of(vg.shapes.sphere(), vg.Box((4, 4, 4), "xy"), position=[(1, 1, 1), (2, 2, 2)])
+    object.__setattr__(bed, "scale", np.array([1.0, 1e4]))
+    vg.save(bed, tmp_path / "bed.vtp")
+    with pytest.raises(FileFormatError, match="grain 1 is 10000 wide"):
+        vg.load(tmp_path / "bed.vtp")
+
+
+def test_rods_longer_than_periods_are_kept_while_their_images_can_be_counted():
+    rod, slab = vg.make_shape("cylinder", radius=0.05, height=20.0), vg.Box((30, 30, 0.5), "xyz")
+    bed = vg.Packing.of(rod, slab, position=[(1, 1, 0.2), (15, 15, 0.2)])
+    # each crosses its own images at 0.5, 1, ..., 19.5, and touches that at 20
+    assert vg.verify(bed).overlapping_pairs == 2 * 39
+    with pytest.raises(GrainTooLargeError, match="more than 10000 of its periodic images"):
+        vg.Packing.of(rod, vg.Box((0.5, 0.5, 0.5), "xyz"), position=[(0.2, 0.2, 0.2)])

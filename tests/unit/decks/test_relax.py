@@ -10,7 +10,7 @@ import pytest
 import voxgran as vg
 from voxgran._base.errors import FileFormatError, InputError, OutputExistsError
 from voxgran.decks.engine import Engine, Frame, engine_registry
-from voxgran.decks.relax import relax, save_history
+from voxgran.decks.relax import relax, remove_state, save_history
 from voxgran.measures.model import measure_registry
 from voxgran.settling.relaxation import Relaxation
 
@@ -171,6 +171,30 @@ def test_files_of_a_user_are_not_overwritten_unasked(monkeypatch, tmp_path):
     assert (tmp_path / "mine.txt").read_text() == "kept"
     relax(cases.spheres(), folder=tmp_path, overwrite=True)
     assert (tmp_path / "mine.txt").read_text() == "new"
+
+
+def test_a_file_that_is_no_state_of_a_run_is_neither_replaced_nor_removed(monkeypatch, tmp_path):
+    state, bed = tmp_path / "state.vtp", cases.spheres()
+    vg.save(bed, state)
+    before = state.read_bytes()
+    with pytest.raises(OutputExistsError):
+        relax(bed, checkpoint=state)
+    remove_state(state)
+    assert state.read_bytes() == before
+    test_an_interrupt_leaves_the_last_state(monkeypatch, tmp_path / "run")
+    left = tmp_path / "run" / "state.vtp"
+    # a state of a run is replaced by the next one, and removed
+    test_an_interrupt_leaves_the_last_state(monkeypatch, tmp_path / "run")
+    remove_state(left)
+    assert not left.exists()
+    remove_state(left)
+
+
+def test_outputs_of_an_engine_are_not_overwritten_unasked(sinking, tmp_path):
+    sinking(1e-4)
+    (tmp_path / "lammps_spheres.dump").write_text("kept")
+    with pytest.raises(OutputExistsError, match=r"lammps_spheres\.dump"):
+        relax(cases.spheres(), folder=tmp_path)
 
 
 def test_a_checkpoint_that_cannot_be_written_is_refused_before_the_run(tmp_path):

@@ -5,8 +5,9 @@ import itertools
 import numpy as np
 import pytest
 
+from voxgran._base.errors import InputError
 from voxgran._base.seeds import stream
-from voxgran.geometry.sphere_pairs import near_pairs
+from voxgran.geometry.sphere_pairs import near_pairs, spheres_near
 
 LENGTHS = np.array([1.0, 1.3, 1.7])
 
@@ -50,3 +51,15 @@ def test_no_spheres_no_pairs():
         np.zeros((0, 3)), np.zeros(0), 0.0, lower=np.zeros(3), lengths=LENGTHS, periodic=(True, True, True)
     )
     assert len(i) == len(j) == len(image) == 0
+
+
+@pytest.mark.parametrize(("radius", "gap"), [(0.1, 1e3), (1e9, 0.0), (0.1, 40.0)])
+def test_images_beyond_counting_are_refused_before_the_search(radius, gap):
+    box = {"lower": np.zeros(3), "lengths": LENGTHS, "periodic": (True, True, True)}
+    with pytest.raises(InputError, match="periodic images: there must be at most 10000"):
+        near_pairs(np.full((2, 3), 0.5), np.array([0.1, radius]), gap, **box)
+    with pytest.raises(InputError, match="periodic images"):
+        spheres_near(np.zeros((1, 3)), np.full(1, gap), np.full((1, 3), 0.5), np.full(1, radius), **box)
+    # on open axes there are none
+    pairs = near_pairs(np.full((2, 3), 0.5), np.array([0.1, radius]), gap, **{**box, "periodic": (False,) * 3})
+    assert len(pairs[0]) == 1

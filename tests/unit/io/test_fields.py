@@ -7,7 +7,8 @@ import numpy as np
 import pytest
 
 import voxgran as vg
-from voxgran._base.errors import FileFormatError
+from voxgran._base.errors import FileFormatError, InputError
+from voxgran.io.files import check_savable
 from voxgran.io.record import from_record, to_record
 from voxgran.measures.registered.provenance import content_hash
 
@@ -123,3 +124,74 @@ def test_a_table_of_spheres_names_its_unit(told, unit, tmp_path):
     assumed = packing.provenance["assumed"].get("unit")
     assert assumed == (None if unit != "1" else "'furlong' is no unit that is known: lengths are taken as they stand")
     assert vg.load(path, unit="cm").unit == "cm"
+
+
+class Ring(vg.Cylinder):
+    """A container of a class that only this file knows."""
+
+
+class Law(type(vg.sizes.fixed(1.0))):
+    """A distribution of such a class."""
+
+
+def test_what_cannot_be_loaded_is_not_saved(tmp_path):
+    own = some(Ring(3.0, 4.0, origin=(2.0, 2.0, 0.0)))
+    some().save(tmp_path / "p.vtp")
+    before = (tmp_path / "p.vtp").read_bytes()
+    with pytest.raises(
+        InputError, match="container is a Ring, a class of your own: load could not make it again; give"
+    ):
+        vg.save(own, tmp_path / "p.vtp", overwrite=True)
+    for name in ("p.txt", "q.vtp"):
+        with pytest.raises(InputError, match="container is a Ring"):
+            vg.save(own, tmp_path / name)
+        with pytest.raises(InputError, match="container is a Ring"):
+            check_savable(own, tmp_path / name)
+    with pytest.raises(InputError, match=r"asked_sizes is a Law, .* leave it out with dataclasses.replace"):
+        vg.save(some(asked_sizes=Law(diameter=1.0)), tmp_path / "p.vtp", overwrite=True)
+    assert (tmp_path / "p.vtp").read_bytes() == before
+    assert [path.name for path in tmp_path.iterdir()] == ["p.vtp"]
+    # a table of spheres keeps no container
+    vg.save(own, tmp_path / "p.csv")
+    assert vg.load(tmp_path / "p.csv", container=vg.Cylinder(3.0, 4.0, origin=(2.0, 2.0, 0.0))).count == 2
+    dataclasses.replace(own, container=vg.Box((4, 4, 4))).save(tmp_path / "q.vtp")
+    assert vg.load(tmp_path / "q.vtp").container == vg.Box((4, 4, 4))
+
+
+@pytest.mark.parametrize(
+    ("change", "words"),
+    [
+        ({"unit": "bad"}, "unit 'bad' is unknown"),
+        ({"unit": 5}, "unit is 5"),
+        ({"stop_reason": "foo"}, "stop_reason is 'foo'"),
+        ({"gravity": "up"}, "gravity is 'up'"),
+        ({"gravity": (0.0, 1.0)}, "gravity"),
+        ({"contact_gap": -1.0}, "contact_gap is -1.0"),
+        ({"contact_gap": float("nan")}, "contact_gap is nan"),
+        ({"provenance": 5}, "provenance is 5"),
+        ({"asked_sizes": 5}, "asked_sizes is 5"),
+        ({"relaxation": 5}, "relaxation is 5"),
+        ({"forces": 5}, "forces are of type int"),
+        ({"lid": 5}, "lid is 5"),
+        ({"density": -1.0}, "density is -1.0"),
+        ({"position": np.zeros((3, 3))}, "scale has shape"),
+        ({"position": np.full((2, 3), np.nan)}, "position is nan"),
+        ({"scale": np.array([1.0, -1.0])}, "scale is -1.0 for grain 1"),
+        ({"shape_id": np.array([0, 1])}, "shape_id is 1 at index 1"),
+        ({"orientation": np.zeros((2, 4))}, "orientation has length 0 at row 0"),
+        (
+            {"shapes": (dataclasses.replace(BALL, unit="mm"),), "unit": "um"},
+            "unit is um and shape 'sphere' has its lengths in mm",
+        ),
+    ],
+)
+def test_fields_that_are_replaced_are_checked_as_those_that_are_given(change, words):
+    with pytest.raises(InputError, match=words):
+        dataclasses.replace(some(), **change)
+
+
+def test_replaced_fields_come_back(tmp_path):
+    made = dataclasses.replace(some(), unit="µm", gravity=(0, 0, -2), shapes=[BALL])
+    assert (made.unit, made.gravity, made.shapes) == ("um", (0.0, 0.0, -1.0), (BALL,))
+    made.save(tmp_path / "p.vtp")
+    assert vg.load(tmp_path / "p.vtp") == made

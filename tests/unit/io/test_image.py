@@ -93,7 +93,7 @@ def test_a_grain_goes_on_across_a_periodic_face():
 
 def test_a_grain_larger_than_a_periodic_box_fills_it():
     packing = Packing.of(
-        [Shape.of(Primitive("sphere", (3.0,)), name="sphere")],
+        [Shape.from_mesh(BOX.scaled(3.0).vertices, BOX.faces)],
         Box((2, 2, 2), periodic=(True, True, True)),
         position=[[1, 1, 1]],
     )
@@ -188,3 +188,12 @@ def test_porespy_measures_the_same_porosity():
     assert porespy.metrics.porosity(labels == 0) == pytest.approx(packing.porosity, abs=6e-3)
     assert porespy.metrics.porosity(~to_image(packing, 0.05, labels=False)) == pytest.approx(packing.porosity, abs=6e-3)
     assert len(np.unique(labels)) - 1 == packing.count
+
+
+@pytest.mark.parametrize("shape", [BALL, BOX])
+def test_grains_many_periods_away_take_no_more_images(shape):
+    near = Packing.of([shape], Box((4, 4, 4), "xy"), position=[(1, 1, 1), (3.875, 2, 2)])
+    away = Packing.of([shape], Box((4, 4, 4), "xy"), position=[(1, 1 - 4e5, 1), (3.875 + 4e9, 2, 2)])
+    assert np.array_equal(to_image(away, 0.25), to_image(near, 0.25))
+    chords = [load_library("voxgran").measure(packing, which=["voids"])["voids"] for packing in (near, away)]
+    assert chords[0].equals(chords[1])

@@ -104,3 +104,15 @@ def test_the_list_is_plain_xml(few, tmp_path):
     root = ET.parse(tmp_path / "run.pvd").getroot()
     assert root.attrib["type"] == "Collection"
     assert root[0][0].attrib["file"] == "run/snapshot_000000000000010.vtp"
+
+
+def test_other_files_among_snapshots_stay(tmp_path, few):
+    series = Series(tmp_path / "run.pvd", every=5)
+    series.record(few, 5)
+    (own,) = series.folder.iterdir()
+    others = [series.folder / name for name in ("snapshot_thesis.vtp", "snapshot_000000000000010.vtp", "notes.vtp")]
+    for path in others:
+        path.write_text("thesis")
+    Series(tmp_path / "run.pvd", overwrite=True)
+    assert sorted(series.folder.iterdir()) == sorted(others)
+    assert not own.exists()

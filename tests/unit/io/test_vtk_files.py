@@ -194,3 +194,16 @@ def test_a_scene_stays_unless_asked(spheres, tmp_path):
         save_scene(spheres, tmp_path / "s.vtp")
     with pytest.raises(InputError, match="gap"):
         save_scene(spheres, tmp_path / "t.vtm", gap=-1.0)
+
+
+def test_a_folder_with_other_files_is_not_replaced_by_a_scene(spheres, tmp_path):
+    target, folder = tmp_path / "results.vtm", tmp_path / "results"
+    save_scene(spheres, target)
+    save_scene(spheres, target, overwrite=True)
+    for name, content in (("thesis.txt", "kept"), ("forces.vtp", "kept")):
+        (folder / name).write_text(content)
+        before = {path: path.read_bytes() for path in tmp_path.rglob("*") if path.is_file()}
+        with pytest.raises(OutputExistsError, match=f"holds {name}, which voxgran did not write"):
+            save_scene(spheres, target, overwrite=True)
+        assert {path: path.read_bytes() for path in tmp_path.rglob("*") if path.is_file()} == before
+        (folder / name).unlink()

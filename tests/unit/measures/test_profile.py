@@ -10,8 +10,9 @@ from voxgran.containers.box import Box
 from voxgran.containers.closed_mesh import ClosedMesh
 from voxgran.containers.cylinder import Cylinder
 from voxgran.containers.rectangle import Rectangle
+from voxgran.containers.sphere import Sphere
 from voxgran.measures.model import measure
-from voxgran.measures.registered.profile import axis_profile, wall_profile
+from voxgran.measures.registered.profile import DOUBT, WINDOW, axis_profile, wall_profile
 from voxgran.packing.model import Packing
 from voxgran.shapes.model import Shape
 from voxgran.shapes.outline import Outline
@@ -127,3 +128,31 @@ def test_the_mass_density_where_densities_differ():
     np.testing.assert_allclose(along[0], 2500 * along[1])
     one = Packing.of([BALL], Box((3, 3, 4)), position=position, density=7800)
     assert "mass_density_z" not in measure(one, "profile")["profiles"]
+
+
+@pytest.mark.parametrize("shape", [BALL, CUBE])
+def test_bins_whose_windows_are_too_small_have_no_value(shape):
+    places = np.stack(np.meshgrid(*[np.arange(-3, 4) * 1.01] * 3, indexing="ij"), axis=-1).reshape(-1, 3)
+    places = places[np.linalg.norm(places, axis=1) < 2.9]
+    profile = wall_profile(Packing.of([shape], Sphere(4.0), position=places, **FREE))
+    # the shell of a bin, half a diameter wider on both sides
+    d = shape.diameter
+    outer, inner = 4.0 - profile.edges[:-1] + d / 2, (4.0 - profile.edges[1:] - d / 2).clip(min=0)
+    room = 4 / 3 * math.pi * (outer.clip(max=4.0) ** 3 - inner**3)
+    known = np.isfinite(profile.solid_fraction)
+    assert known[room > 3 * WINDOW * shape.volume].all()
+    assert not known[room < 0.9 * WINDOW * shape.volume].any()
+    assert 2 <= (~known).sum() <= 10
+    assert (profile.error[known] <= DOUBT).all()
+    assert (profile.solid_fraction[known] < 1.2).all()
+    # caps of the sphere are slices of no use, too
+    along = axis_profile(Packing.of([BALL], Sphere(1.3), position=[(0, 0, 0)]), "x").solid_fraction
+    assert np.isnan(along[[0, -1]]).all()
+    assert np.isfinite(along[2:-2]).all()
+
+
+def test_bins_that_are_asked_for_have_values_whatever_their_windows():
+    packing = Packing.of([BALL], Box((1, 1, 1)), position=[[0.5, 0.5, 0.5]])
+    assert np.isfinite(axis_profile(packing, "z", bins=9).solid_fraction).all()
+    assert np.isnan(axis_profile(packing, "z").solid_fraction).all()
+    assert np.isfinite(wall_profile(packing, step=0.1).solid_fraction).all()

@@ -10,8 +10,8 @@ import numpy as np
 import pytest
 
 import voxgran as vg
-from voxgran._base.checkpoint import load_checkpoint
-from voxgran._base.errors import InputError, Interrupted, InUseError, OutputError
+from voxgran._base.checkpoint import load_checkpoint, remove_checkpoint
+from voxgran._base.errors import CheckpointError, InputError, Interrupted, InUseError, OutputError
 from voxgran._base.files import _draft_name, remove_drafts
 from voxgran._base.lock import locked_file
 from voxgran._base.stopping import stop_if_asked
@@ -133,8 +133,29 @@ def test_what_a_kill_left_half_written_is_removed(tmp_path):
     assert other.exists()
     assert not half.exists()
     half.write_text("x")
+    path.unlink()
     drive(task_of().method, task_of().problem, Drive(path))
     assert not half.exists()
+
+
+@pytest.mark.parametrize("resume", [False, True])
+def test_a_file_that_is_no_checkpoint_is_not_replaced(tmp_path, resume):
+    path = tmp_path / "thesis.txt"
+    path.write_text("thesis")
+    task = task_of()
+    with pytest.raises(CheckpointError, match="is not replaced"):
+        drive(task.method, task.problem, Drive(path, resume=resume))
+    assert path.read_text() == "thesis"
+    path.unlink()
+    drive(task.method, task.problem, Drive(path))
+    # an older checkpoint is
+    drive(task.method, task.problem, Drive(path))
+    remove_checkpoint(path)
+    assert not path.exists()
+    remove_checkpoint(path)
+    path.write_text("thesis")
+    remove_checkpoint(path)
+    assert path.read_text() == "thesis"
 
 
 @pytest.mark.parametrize("limit", [-1.0, float("nan")])

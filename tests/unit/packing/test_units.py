@@ -1,6 +1,7 @@
 """One unit of all lengths of a packing, wherever shapes, containers and packings meet."""
 
 import dataclasses
+import warnings
 
 import numpy as np
 import pytest
@@ -196,3 +197,31 @@ def test_two_grains_that_meet_are_brought_to_one_unit():
         for unit, edge, other in (("cm", 10.0, "mm"), ("cm", 1.0, None), (None, 1.0, None))
     ]
     assert ways == pytest.approx([ways[-1]] * 3)
+
+
+#: methods whose grains push each other or move by chance: a difference in the last digit grows from contact to contact
+CHAOTIC = ("gravity", "jam", "expand", "control_point", "digital")
+
+
+@pytest.mark.parametrize("method", sorted({*vg.packing_methods()} - {"apollonian"}))
+def test_a_scene_of_another_scale_is_the_same_packing(method):
+    """Its bits for a power of two; otherwise to rounding, but for methods that enlarge it."""
+
+    def packed(factor):
+        shapes = [vg.make_shape("sphere", diameter=0.9).scaled(factor)]
+        if method != "multilayer":
+            shapes.append(vg.make_shape("convex_polyhedron", seed=2).scaled(factor))
+        lengths = {"voxel_size": 0.15 * factor} if method.startswith("digital") else {}
+        steps = {"sweeps": 20} if method in ("digital", "control_point") else {}
+        ends = {"solid_fraction": 0.3} if method == "expand" else {}
+        count = None if method == "multilayer" else 12
+        box = vg.Box((4 * factor, 4 * factor, 5 * factor), periodic="xy")
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore", PackingWarning)
+            packing = vg.pack(shapes, box, method, count=count, seed=3, **lengths, **steps, **ends)
+        return np.column_stack([packing.position / factor, packing.orientation, packing.diameters / factor])
+
+    one = packed(1.0)
+    np.testing.assert_array_equal(packed(2.0**-10), one)
+    if method not in CHAOTIC:
+        np.testing.assert_allclose(packed(1e-3), one, rtol=0, atol=1e-9)

@@ -178,6 +178,8 @@ def test_scans_of_nothing_alike_are_refused():
         vg.register_clouds(Cloud.of(50.0 * sphere_points(400)), Cloud.of(line + 1e-3 * sphere_points(400)))
     with pytest.raises(InputError, match="has 3 points"):
         vg.register_clouds(Cloud.of(np.eye(3)), Cloud.of(line))
+    with pytest.raises(InputError, match=r"has lengths in mm and .* in um: both scans must have one unit"):
+        vg.register_clouds(Cloud.of(line, unit="mm"), Cloud.of(line, unit="um"))
 
 
 @pytest.mark.parametrize("height", [0.0, 0.7])

@@ -8,7 +8,7 @@ from voxgran._base.seeds import stream
 from voxgran.geometry.tree import grow_tree
 from voxgran.points.backend_open3d import sample_triangles
 from voxgran.points.covering import covering_radius
-from voxgran.points.sample import SurfacePoints, sample_surface
+from voxgran.points.sample import SurfacePoints, _sampled, sample_surface
 from voxgran.shapes.model import Shape
 from voxgran.shapes.outline import Outline
 from voxgran.shapes.tessellate import sphere, unit_box
@@ -72,11 +72,25 @@ def test_points_of_a_sphere_lie_on_it():
 def test_the_same_seed_gives_the_same_bits_whatever_open3d_did_before(scan):
     first = sample_surface(scan, spacing=0.2 * scan.diameter, seed=7)
     sample_triangles(scan.vertices, scan.faces, 100, seed=1, poisson=False)
+    _sampled.cache_clear()
     again = sample_surface(scan, spacing=0.2 * scan.diameter, seed=7)
     other = sample_surface(scan, spacing=0.2 * scan.diameter, seed=8)
     assert first.tobytes() == again.tobytes()
     assert first.spacing == again.spacing
     assert first.tobytes() != other.tobytes()
+
+
+def test_points_are_kept_between_calls(scan, monkeypatch):
+    first = sample_surface(scan, spacing=0.3 * scan.diameter, seed=5)
+    monkeypatch.setattr("voxgran.points.sample.sample_triangles", lambda *given, **named: 1 / 0)
+    again = sample_surface(scan, spacing=0.3 * scan.diameter, seed=5)
+    assert again.tobytes() == first.tobytes()
+    assert again.spacing == first.spacing
+    # what is changed is a copy
+    again[:] = 0.0
+    assert sample_surface(scan, spacing=0.3 * scan.diameter, seed=5).tobytes() == first.tobytes()
+    with pytest.raises(ZeroDivisionError):
+        sample_surface(scan, spacing=0.3 * scan.diameter, seed=6)
 
 
 @pytest.mark.parametrize("factor", [2.0**-30, 2.0**30])

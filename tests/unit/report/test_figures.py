@@ -18,6 +18,7 @@ from voxgran.report import plots
 from voxgran.report.figures import figures_of, size_test
 from voxgran.report.shape_plots import normal_rose
 from voxgran.report.wall_law import law_applies, wall_law
+from voxgran.shapes.tessellate import sphere
 
 pytestmark = [pytest.mark.filterwarnings("ignore:the bulk holds"), pytest.mark.usefixtures("jagged_pictures")]
 
@@ -33,20 +34,48 @@ def of_sizes(sizes, asked):
     )
 
 
-def test_the_distance_of_sizes_is_that_of_scipy():
-    asked = vg.sizes.lognormal(1.0, 0.3)
-    sizes = np.exp(stream(4, "sizes").normal(0.1, 0.3, 80))
-    found = size_test(of_sizes(sizes, asked))
-    reference = scipy.stats.kstest(sizes, scipy.stats.lognorm(0.3).cdf)
-    assert found["distance"] == pytest.approx(reference.statistic, rel=1e-6)
-    assert found["p_value"] == pytest.approx(reference.pvalue, rel=1e-3)
+def test_the_test_of_sizes_has_the_basis_of_the_curve():
+    """Of a thousand small grains and no large one the share by number is right, that by volume is not."""
+    asked = vg.sizes.discrete([1.0, 10.0], [0.999, 0.001])
+    found = size_test(of_sizes(np.ones(40), asked))
+    assert found["basis"] == "volume"
+    assert found["distance"] == pytest.approx(1 / (1 + 0.999), rel=1e-9)
+    # 40 draws have no large grain with a probability of 0.96
+    assert found["p_value"] > 0.9
+    packing = of_sizes(np.ones(40), asked)
+    figure = next(figure for figure in figures_of(packing, None) if figure.name == "gradation")
+    assert "by volume (Kolmogorov\u2013Smirnov), is 0.5" in figure.caption
+    assert float(vg.measure(packing, "gradation")["/gradation"].distance_volume) == found["distance"]
+
+
+def test_the_probabilities_of_sizes_as_requested_are_uniform():
+    asked = vg.sizes.lognormal(1.0, 0.5)
+    values = [size_test(of_sizes(asked.sample(25, stream(seed, "sizes")), asked))["p_value"] for seed in range(30)]
+    assert scipy.stats.kstest(values, scipy.stats.uniform.cdf).pvalue > 0.05
+    other = vg.sizes.lognormal(4.0, 0.5).sample(60, stream(1, "sizes"))
+    assert size_test(of_sizes(other, asked))["p_value"] < 0.01
 
 
 def test_single_sizes_that_were_placed_as_asked_have_no_distance():
     asked = vg.sizes.discrete([1.0, 2.0], [0.5, 0.5])
     assert size_test(of_sizes(np.array([1.0, 2.0, 1.0, 2.0]), asked))["distance"] == pytest.approx(0.0, abs=1e-12)
-    assert size_test(of_sizes(np.array([1.0, 1.0, 1.0, 2.0]), asked))["distance"] == pytest.approx(0.25)
+    assert size_test(of_sizes(np.array([1.0, 1.0, 1.0, 2.0]), asked))["distance"] == pytest.approx(8 / 9 - 8 / 11)
     assert size_test(vg.Packing.of([vg.make_shape("sphere")], vg.Box((3, 3, 3)), position=[(1, 1, 1)])) is None
+
+
+def test_requested_curves_reach_all_their_sizes():
+    """Also those that no grain has."""
+    asked = vg.sizes.lognormal(1.0, 0.8)
+    packing = of_sizes(np.full(12, 0.9), asked)
+    axes = Figure().add_subplot()
+    plots.plot_gradation(axes, packing)
+    curve = next(line for line in axes.lines if "requested" in line.get_label()).get_ydata()
+    assert curve[0] < 0.2
+    assert curve[-1] > 99.8
+    table = vg.measure(packing, "gradation")["/gradation"]
+    for values in (table["asked_volume"].values, table["placed_volume"].values):
+        assert values[0] < 2e-3
+        assert values[-1] > 1 - 2e-3
 
 
 def test_the_law_of_the_wall():
@@ -95,6 +124,19 @@ def test_form_is_that_of_the_smallest_box():
     assert numbers["roundness"] == pytest.approx({"mean_sphericity": ratio, "mean_roundness": 0.0})
     flat = vg.Packing.of([vg.make_shape("disk")], vg.Rectangle((9, 9)), position=[(4, 4, 0)])
     assert {"zingg", "roundness"} & {figure.name for figure in figures_of(flat, None)} == {"roundness"}
+
+
+def test_grains_without_a_roundness_are_left_out_and_the_caption_says_so():
+    # a spheroid of 80 triangles is too coarse, a box is not
+    points, faces, _ = sphere(1)
+    shapes = [vg.Shape.from_mesh(points * [1, 1, 2], faces, name="coarse"), vg.make_shape("box")]
+    packing = vg.Packing.of(
+        shapes, vg.Box((30, 9, 9)), position=[(5, 5, 5), (15, 5, 5), (25, 5, 5)], shape_id=[0, 1, 0]
+    )
+    with pytest.warns(vg.PackingWarning, match="roundness of 'coarse' is NaN"):
+        figure = {figure.name: figure for figure in figures_of(packing, None)}["roundness"]
+    assert figure.numbers == pytest.approx({"mean_sphericity": (math.pi / 6) ** (1 / 3), "mean_roundness": 0.0})
+    assert "2 of 3 grains are left out: open surfaces, or meshes too coarse to have a curvature." in figure.caption
 
 
 def lattice():

@@ -2,21 +2,34 @@
 
 import dataclasses
 import json
+import math
 import re
 from html.parser import HTMLParser
 
 import numpy as np
 import pytest
+from kit import lattice
 
+import voxgran as vg
 from voxgran._base.errors import OutputExistsError
 from voxgran.contacts.verify import verify
+from voxgran.containers.box import Box
 from voxgran.measures.model import measure
+from voxgran.measures.registered.density import main_fraction
 from voxgran.packing.model import Packing
 from voxgran.report import facts
+from voxgran.report import page as pages
+from voxgran.report.compare import save_comparison
+from voxgran.report.figures import figures_of
+from voxgran.report.numbers import page_numbers
 from voxgran.report.page import save_report
+from voxgran.scene.run import summary_of
+from voxgran.shapes.model import Shape
+from voxgran.shapes.primitive import Primitive
 
 pytestmark = pytest.mark.usefixtures("jagged_pictures")
 
+BALL = Shape.of(Primitive("sphere", (0.5,)), name="sphere")
 VOID = {"meta", "img", "link", "br", "hr", "input"}
 
 
@@ -74,10 +87,10 @@ def test_a_whole_page(packing, statistics, tmp_path, monkeypatch):
         title="Blocks & <spheres>",
     )
     text = " ".join(page.texts)
-    for part in ("Blocks & <spheres>", "48", f"{packing.solid_fraction:.4f}", "0.4321", f"{packing.porosity:.4f}"):
+    for part in ("Blocks & <spheres>", "48", f"{packing.solid_fraction:.4f}", "0.4321", f"{1 - 0.4321:.4f}"):
         assert part in text
     for part in (
-        "The 1 most frequent of 2 shapes",
+        "1 of 2 shapes, all of which are equally frequent.",
         "digital",
         "control_point",
         "12.5",
@@ -240,3 +253,78 @@ def test_shapes_are_listed_with_their_shares(packing):
     rows = facts.shape_rows(packing)
     assert [row[:3] for row in rows] == [("sphere", "sphere", "24"), ("<block> & co", "mesh", "24")]
     assert sum(float(row[3].rstrip(" %")) for row in rows) == pytest.approx(100, abs=0.11)
+
+
+def heap(count, gravity):
+    """Return spheres on a cubic lattice in the lower part of a high box: a bed where there is gravity."""
+    position = lattice(count, count, 6)
+    return Packing.of([BALL], Box((count, count, 60), periodic="xy"), position=position, gravity=gravity)
+
+
+@pytest.mark.parametrize(
+    ("count", "gravity", "region"),
+    [(8, "-z", "bulk"), (3, "-z", "bed"), (8, None, "container"), (3, None, "container")],
+)
+@pytest.mark.parametrize("measured", [True, False])
+@pytest.mark.filterwarnings("ignore:the bulk holds")
+def test_numbers_of_a_bed_are_those_below_its_surface(count, gravity, region, measured, tmp_path):
+    packing = heap(count, gravity)
+    tree = measure(packing, "density") if measured else None
+    found = facts.headline(packing, tree, None)
+    whole = math.pi / 60
+    # layers of spheres on a lattice, cut where they may be
+    fraction = whole if region == "container" else float(found[1].value)
+    assert [fact.label for fact in found[1:3]] == ["solid fraction", "porosity"]
+    assert float(found[1].value) == pytest.approx(fraction, abs=1e-4)
+    assert float(found[2].value) == pytest.approx(1 - fraction, abs=2e-4)
+    if region != "container":
+        assert fraction == pytest.approx(math.pi / 6, abs=0.03)
+        assert f"of the {region}" in found[1].note
+        assert (found[3].label, float(found[3].value)) == (
+            "solid fraction of the container",
+            pytest.approx(whole, abs=1e-4),
+        )
+    numbers = page_numbers(packing, tree, None, figures=[])
+    assert numbers["region"] == region
+    assert numbers["solid_fraction"] == pytest.approx(fraction, abs=1e-4)
+    assert numbers["porosity"] == 1 - numbers["solid_fraction"]
+    assert numbers["container_solid_fraction"] == pytest.approx(whole)
+    assert numbers["container_porosity"] == 1 - packing.solid_fraction
+    if measured:
+        summary = summary_of(packing, verify(packing), tree)
+        names = ("solid_fraction", "porosity", "region", "container_solid_fraction", "container_porosity")
+        assert [summary[name] for name in names] == [numbers[name] for name in names]
+        # the numbers of the prompt, of comparisons and of studies: those of the container come last
+        assert list(tree.data_vars)[-2:] == ["solid_fraction", "porosity"]
+        if gravity:
+            assert float(tree.bed_porosity) == 1 - float(tree.bed_solid_fraction)
+
+
+@pytest.mark.filterwarnings("ignore:the bulk holds")
+def test_figures_and_comparisons_of_a_bed_are_of_what_lies_below_its_surface(tmp_path):
+    bed, tree = heap(8, "-z"), measure(heap(8, "-z"), ["density", "profile"])
+    region, fraction = main_fraction(bed, tree)
+    curve = next(figure for figure in figures_of(bed, tree) if figure.name == "solid_fraction_z")
+    assert f"bulk: {fraction:.3f}" in curve.svg
+    assert curve.svg.index("bulk: ") < curve.svg.index("container: ")
+    save_comparison({"bed": bed, "other": heap(8, None)}, tmp_path / "c.html", which=["density"], pictures=False)
+    text = (tmp_path / "c.html").read_text()
+    assert f"{fraction:.4f}" in text
+    assert f"solid fraction of the {region}; 384 grains" in text.replace("\u202f", "")
+    assert "solid fraction of the container; 384 grains" in text
+
+
+def test_the_shapes_that_are_drawn_are_called_as_frequent_as_they_are(monkeypatch):
+    monkeypatch.setattr("voxgran.report.page.SHAPES_DRAWN", 2)
+    balls = [vg.make_shape("sphere", diameter=d) for d in (1.0, 0.9, 0.8, 0.7)]
+    named = [vg.Shape.of(ball.geometry, name=name) for ball, name in zip(balls, "abbc", strict=True)]
+    places = [(1 + k, 1, 1) for k in range(5)]
+    rare = vg.Packing.of(named, vg.Box((7, 2, 2)), position=places[:4], shape_id=[0, 1, 2, 3])
+    assert pages._grains_note(rare) == "2 of 4 shapes, all of which are equally frequent."
+    # those of one name count as one
+    assert [shape.name for shape in pages._drawn_shapes(rare)] == ["a", "b"]
+    often = vg.Packing.of(named, vg.Box((7, 2, 2)), position=places, shape_id=[0, 1, 2, 3, 3])
+    assert pages._grains_note(often) == "2 of 4 shapes, the most frequent ones."
+    assert [shape.name for shape in pages._drawn_shapes(often)] == ["c", "a"]
+    few = vg.Packing.of(named[:2], vg.Box((7, 2, 2)), position=places[:3], shape_id=[0, 1, 1])
+    assert pages._grains_note(few) == ""

@@ -1,6 +1,7 @@
 """What a plan says is what the run does: libraries loaded, solids turned into voxels and points."""
 
 import json
+import math
 import os
 import subprocess
 import sys
@@ -229,9 +230,29 @@ def test_the_plan_tells_what_hardly_finds_room():
             "no amount": {"method": "jam"},
         }.items()
     }
-    assert plans["usual"].notes == plans["no amount"].notes == ()
+    assert plans["no amount"].notes == ()
+    # of the narrow box, in which a bed has no bulk
+    assert [note[:26] for note in plans["usual"].notes] == ["the bed is expected to be "]
     assert plans["dense"].notes[0].startswith("0.812 of the container is more than most grains fill")
     assert "note            0.812 of the container" in str(plans["dense"])
     assert plans["coarse"].notes[0].endswith("voxel_size is 3; make it at most 0.1")
     assert "382 drawn, with the volume of the container: those that find room are packed" in str(plans["no amount"])
     assert "200 drawn; if all find room: 0.524 of the container" in str(plans["usual"])
+
+
+@pytest.mark.parametrize(("count", "bulk"), [(60, False), (400, True)])
+def test_the_plan_tells_how_deep_the_bed_will_be_and_whether_it_has_a_bulk(count, bulk):
+    scene = {
+        "shape": [{"family": "sphere"}],
+        "container": {"kind": "box", "lengths": [8, 8, 10], "periodic": ["x", "y"]},
+        "packing": {"method": "gravity", "count": count},
+    }
+    plan = vg.Scene.from_mapping(scene).plan()
+    # 0.59 of the room between the layers at the floor and at the surface is filled
+    assert plan.depth == pytest.approx(count * math.pi / 6 / 64 / 0.59 + 0.29, rel=0.05)
+    assert (plan.bulk_grains >= 50) == bulk
+    assert f"bed             about {plan.depth:.1f} median diameters deep" in str(plan)
+    assert any("the bed is expected to be" in note for note in plan.notes) != bulk
+    study = vg.Study(base=vg.Scene.from_mapping(scene), axes={"packing.count": [count]}, seeds=1).plan()
+    assert study.cells[0].has_bulk == bulk
+    assert ("in 1 of 1 cell the bed is expected to have fewer than 50 grains in its bulk" in str(study)) != bulk

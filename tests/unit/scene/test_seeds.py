@@ -60,7 +60,8 @@ def test_each_seed_is_the_packing_that_it_is_alone(scene, tmp_path):
     assert not (tmp_path / "out" / "seed_6" / "snapshots.pvd").exists()
     tree = vg.load_statistics(tmp_path / "out" / "statistics.nc")
     assert tree.sizes["seed"] == 3
-    assert tree["solid_fraction"].values.tolist() == heights
+    whole = [run["container_solid_fraction"] for run in summary["runs"]]
+    assert tree["solid_fraction"].values.tolist() == whole
 
 
 def test_a_resume_keeps_what_is_complete(scene, tmp_path):

@@ -6,13 +6,15 @@ import numpy as np
 import pytest
 
 import voxgran as vg
-from voxgran._base.errors import InputError, UnknownNameError
+from voxgran._base.errors import InputError, PackingWarning, UnknownNameError
 from voxgran._base.seeds import stream
 from voxgran.geometry.rotation import random_rotations, rotation_matrices
 from voxgran.shapes.describing.curvature import roundness
 from voxgran.shapes.describing.inscribed import inscribed_radius
 from voxgran.shapes.describing.minimal_box import principal_lengths
 from voxgran.shapes.primitive import Primitive
+from voxgran.shapes.spheres import Spheres
+from voxgran.shapes.tessellate import sphere
 
 
 def as_mesh(shape):
@@ -177,22 +179,68 @@ def test_roundness_of_an_ellipse_is_the_mean_over_its_narrow_ends():
     assert roundness(ellipse) == pytest.approx(expected, rel=2e-3)
 
 
-@pytest.mark.parametrize("family", ["box", "cylinder", "cone"])
+@pytest.mark.parametrize("family", ["box", "cylinder", "platonic"])
 def test_solids_with_sharp_edges_only_have_no_roundness(family):
-    assert roundness(as_mesh(turned(vg.make_shape(family)))) == pytest.approx(0.0, abs=1e-12)
+    shape = turned(vg.make_shape(family))
+    assert roundness(shape) == pytest.approx(0.0, abs=1e-12)
+    assert roundness(as_mesh(shape)) == pytest.approx(0.0, abs=1e-12)
 
 
-def test_roundness_of_a_spheroid_is_the_mean_over_its_poles():
-    # semi-axes 1, 1, 2: of its principal curvatures the one along the meridian is the larger one near the poles
-    shape = vg.make_shape("ellipsoid", semi_axes=(1, 1, 2))
-    t = (np.arange(100_000) + 0.5) * np.pi / 100_000
-    meridian = np.hypot(np.cos(t), 2 * np.sin(t))
-    along, around = 2 / meridian**3, 2 / meridian
+@pytest.mark.parametrize("height", [2.0, 0.4, 60.0])
+def test_roundness_of_a_spheroid_is_the_mean_over_its_poles_or_its_rim(height):
+    # semi-axes 1, 1 and the height; principal curvatures are those along the meridian and around the axis
+    shape = vg.make_shape("ellipsoid", semi_axes=(1, 1, height))
+    t = (np.arange(1_000_000) + 0.5) * np.pi / 1_000_000
+    meridian = np.hypot(np.cos(t), height * np.sin(t))
+    along, around = height / meridian**3, height / meridian
     area, larger = np.sin(t) * meridian, np.maximum(along, around)
-    corner = larger * 0.98 > 1
-    expected = area[corner].sum() / (area * larger)[corner].sum()
-    assert roundness(shape) == pytest.approx(expected, rel=0.02)
-    assert roundness(as_mesh(turned(shape))) == pytest.approx(roundness(shape), rel=1e-3)
+    inside = min(1.0, height)
+    corner = larger * inside * 0.98 > 1
+    expected = area[corner].sum() / (inside * (area * larger)[corner].sum())
+    assert roundness(turned(shape).scaled(1e-55)) == pytest.approx(expected, rel=5e-4)
+    assert roundness(as_mesh(turned(shape))) == pytest.approx(expected, rel=0.02)
+
+
+def test_roundness_of_an_ellipsoid_is_that_of_a_fine_mesh():
+    shape, (points, faces, _) = vg.make_shape("ellipsoid", semi_axes=(1, 2, 4)), sphere(5)
+    assert roundness(vg.Shape.from_mesh(points * [1, 2, 4], faces)) == pytest.approx(roundness(shape), rel=4e-3)
+
+
+@pytest.mark.parametrize(("height", "expected"), [(1.0, 0.0532), (3.0, 0.2524), (10.0, 0.4120)])
+def test_roundness_of_a_cone_is_the_mean_over_rim_and_apex(height, expected):
+    shape = turned(vg.make_shape("cone", radius=1.0, height=height))
+    assert roundness(shape) == pytest.approx(expected, abs=5e-5)
+    # rings of the mantle, of which those near the apex are narrow, and the rim, which is sharp
+    slant, ring = math.hypot(1.0, height), (np.arange(100_000) + 0.5) / 100_000
+    curvature, inside = height / slant / ring, height / (1 + slant)
+    area = 2 * np.pi * ring * slant / 100_000
+    corner = curvature * inside * 0.98 > 1
+    angle = (area * curvature)[corner].sum() + 2 * np.pi * (np.pi - math.acos(1 / slant))
+    assert roundness(shape) == pytest.approx(area[corner].sum() / (inside * angle), rel=1e-4)
+    # the narrow triangles of its tessellation say nothing of the curvature along them
+    assert math.isnan(roundness(as_mesh(shape)))
+
+
+def test_roundness_of_spheres_is_the_mean_over_what_shows_of_them():
+    # a sphere of radius 1 with caps of two of radius 0.5, whose centers lie 0.9 and 1.2 from its center
+    shape = vg.Shape.of(Spheres(np.array([[0.0, 0, 0], [0, 0, 0.9], [1.2, 0, 0]]), np.array([1.0, 0.5, 0.5])), name="c")
+    cosines = [(d * d + 0.25 - 1) / (2 * d * 0.5) for d in (0.9, 1.2)]
+    areas = [2 * np.pi * 0.25 * (1 + c) for c in cosines]
+    inside = inscribed_radius(shape)
+    assert inside > 0.52
+    assert roundness(shape) == pytest.approx(sum(areas) / (inside * sum(areas) / 0.5), rel=1e-12)
+    assert roundness(vg.Shape.of(Spheres(np.zeros((1, 3)), np.ones(1), shape.geometry.mass), name="one")) == 1.0
+
+
+def test_a_mesh_too_coarse_for_a_curvature_has_no_roundness(eros):
+    coarse = vg.simplify(eros, faces=300).shape
+    with pytest.warns(PackingWarning, match=r"^roundness of 'eros' is NaN: too coarse a mesh"):
+        assert math.isnan(vg.describe(coarse, "roundness").roundness.item())
+    assert math.isnan(roundness(vg.simplify(eros, faces=100).shape))
+    assert 0.3 < roundness(vg.simplify(eros, faces=2000).shape) < 0.45
+    # polygons likewise, of which few corners are sharp and many make a curve
+    turns = [roundness(vg.make_shape("polygon", corners=corners)) for corners in (8, 10, 20)]
+    assert turns == pytest.approx([0.0, math.nan, 1.0], nan_ok=True)
 
 
 def test_dents_are_no_corners():

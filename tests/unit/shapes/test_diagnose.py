@@ -305,7 +305,7 @@ def chain():
     mask = np.zeros((2, 2, 2), dtype=bool)
     for place in [(0, 0, 0), (0, 0, 1), (1, 0, 1), (1, 1, 1), (1, 1, 0)]:
         mask[place] = True
-    return voxel_surface(mask, apart=0.0)
+    return voxel_surface(mask)
 
 
 def test_a_solid_that_touches_itself_along_an_edge_keeps_its_doubled_vertices():
@@ -332,7 +332,7 @@ def test_two_solids_that_touch_are_not_one():
 @pytest.mark.parametrize("seed", range(4))
 def test_touching_edges_are_parted_without_a_change_of_the_surface(seed):
     turn = rotation_matrices(random_rotations(stream(seed, "turn"), 1))[0]
-    vertices, faces = chain() if seed else voxel_surface(stream(0, "voxels").random((5, 5, 5)) < 0.6, apart=0.0)
+    vertices, faces = chain() if seed else voxel_surface(stream(0, "voxels").random((5, 5, 5)) < 0.6)
     vertices = vertices @ turn.T + seed
     corners, triangles = parted(*merged(vertices, faces))
     assert edge_faults(triangles, len(corners)).tolist() == [0, 0, 0]

@@ -5,7 +5,7 @@ import pytest
 import pyvista
 
 import voxgran as vg
-from voxgran._base.errors import FileFormatError, MissingLibraryError
+from voxgran._base.errors import FileFormatError, InputError, MissingLibraryError
 from voxgran.shapes.images.image_files import load_image
 
 IMAGE = np.arange(60, dtype=np.uint16).reshape(3, 4, 5)
@@ -95,3 +95,31 @@ def test_a_real_voxel_image_becomes_a_grain(data_dir):
     (shape,) = vg.load_labels(data_dir / "ice_cream_cone.npy", voxel_size=1.0, border="keep")
     mask = np.load(data_dir / "ice_cream_cone.npy")
     assert shape.volume == pytest.approx((mask > 0).sum(), rel=1e-6)
+
+
+@pytest.mark.parametrize(
+    "head",
+    [
+        {"spacings": [1.0, 2.0, 1500.0], "units": ["mm", "mm", "um"]},
+        {"space dimension": 3, "space directions": np.diag([1.0, 2.0, 1500.0]), "space units": ["mm", "mm", "um"]},
+    ],
+)
+def test_axes_of_several_units_are_converted(head, tmp_path):
+    nrrd, path = pytest.importorskip("nrrd"), str(tmp_path / "a.nrrd")
+    labels = np.zeros((6, 6, 6), dtype=np.uint8)
+    labels[2:4, 2:4, 2:4] = 1
+    nrrd.write(path, labels, head)
+    image = load_image(path)
+    assert (image.voxel_size, image.unit) == (pytest.approx((1.0, 2.0, 1.5)), "mm")
+    assert vg.load_labels(path)[0].unit == vg.packing_of_labels(path).unit == "mm"
+    assert vg.load_labels(path, voxel_size=1.0)[0].unit is None
+    assert vg.packing_of_labels(path, voxel_size=1.0, unit="cm").unit == "cm"
+    for read in (vg.load_labels, vg.packing_of_labels):
+        with pytest.raises(InputError, match="unit is 'um' and the file has its voxels in mm: leave the unit out"):
+            read(path, unit="um")
+    key = "units" if "units" in head else "space units"
+    nrrd.write(path, labels, {**head, key: ["mm", "mm", "foo"]})
+    with pytest.raises(FileFormatError, match="axes in mm and mm and foo: where units differ each must be known"):
+        load_image(path)
+    nrrd.write(path, labels, {**head, key: ["foo", "foo", "foo"]})
+    assert load_image(path).unit is None

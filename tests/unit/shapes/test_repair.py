@@ -212,3 +212,37 @@ def test_damage_to_a_convex_polyhedron_is_mended(seed, gone, turned):
     assert found.shape.volume > 0.8 * shape.volume
     if gone == 0:
         assert found.shape.volume == pytest.approx(shape.volume, rel=1e-12)
+
+
+@pytest.mark.parametrize("at", [(1, 0, 0), (1, 0.5, 0), (1, 1, 0), (1, 1, 1), (0.75, 0, 0)])
+@pytest.mark.parametrize("turned", [False, True])
+def test_solids_that_touch_are_several(at, turned):
+    """Face to face, on a part of a face, along an edge and at a corner, with the same diagonals and with others."""
+    edge = 0.5 if at[0] == 0.75 else 1.0
+    one, (points, faces) = box(), box(edge=edge, at=at)
+    if turned:
+        order = [0, 2, 1]
+        points, faces = (points - at)[:, order] + at, faces[:, ::-1]
+    two = both(one, (points, faces))
+    assert diagnose(*two).outward_inner_shells == 0
+    with pytest.raises(DirtyMeshError, match="has 2 separate bodies: a grain must be one solid"):
+        repair(*two)
+    found = repair(*two, bodies="all")
+    assert [shape.volume for shape in found.shapes] == pytest.approx([1.0, edge**3], rel=1e-12)
+    assert repair(*two, bodies="largest").shape.volume == pytest.approx(1.0, rel=1e-12)
+
+
+def test_a_cavity_and_a_solid_that_touch_the_surface_from_within():
+    outer, inner = box(edge=2.0), box(edge=1.0, at=(0.5, 0.0, 0.0))
+    assert diagnose(*both(outer, inner)).outward_inner_shells == 1
+    assert diagnose(*both(outer, (inner[0], inner[1][:, ::-1]))).cavities == 1
+
+
+def test_of_a_surface_with_two_sides_one_is_kept():
+    points, faces = box()
+    found = repair(points, np.concatenate([faces, faces[:, ::-1]]))
+    assert found.sentences == ("left out 12 faces, the second side of a surface with two",)
+    assert found.shape.volume == pytest.approx(1.0, rel=1e-12)
+    # a sheet beside a solid is no part of it
+    fin = both((points, faces), (points + 3, np.concatenate([faces[:1], faces[:1, ::-1]])))
+    assert repair(*fin).shape.volume == pytest.approx(1.0, rel=1e-12)

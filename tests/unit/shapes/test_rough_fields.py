@@ -8,6 +8,7 @@ from scipy import fft, integrate, optimize, special
 
 from voxgran._base.errors import InputError
 from voxgran._base.seeds import stream
+from voxgran.shapes.roughness import measuring
 from voxgran.shapes.roughness.autocorrelation import correlation, roll_off_of, self_affine_correlation
 from voxgran.shapes.roughness.fields import amplitudes, draw_field, midpoint_field, moving_average, recursive_field
 from voxgran.shapes.roughness.johnson import johnson
@@ -248,6 +249,33 @@ def test_moments_of_a_wave():
     # the autocorrelation is a cosine
     assert found.correlation_lengths[0] == pytest.approx(6 * math.acos(math.exp(-1)) / (2 * math.pi), rel=0.05)
     assert math.isnan(found.correlation_lengths[1])
+
+
+def test_sums_over_lags_are_those_over_all_pairs():
+    spacing, values = np.array([0.3, 0.2]), stream(1, "heights").normal(size=(11, 14))
+    places = np.stack(
+        np.meshgrid(*(np.arange(n) * s for n, s in zip(values.shape, spacing, strict=True)), indexing="ij")
+    )
+    points, heights = places.reshape(2, -1).T, values.ravel()
+    distance = np.linalg.norm(points[:, None] - points, axis=2)
+    near = distance < 1.49
+    products, squares = np.outer(heights, heights), np.add.outer(heights**2, heights**2) / 2
+    index = (distance[near] / 0.3 + 0.5).astype(int)
+    twin = np.column_stack([np.bincount(index, v[near], 6) for v in (near, distance, products, squares)])
+    whole = measuring._lag_sums(measuring._lagged(values, np.ones(values.shape)), spacing, 1.49)
+    assert whole == pytest.approx(twin, abs=1e-9)
+    # the tiles of the jackknife add up to the whole
+    tiles = list(measuring._tile_sums(values, spacing, 1.49))
+    assert len(tiles) == 16
+    assert sum(tiles) == pytest.approx(twin, abs=1e-9)
+    flat = np.column_stack([points, np.zeros(len(points))])
+    blocks = measuring._blocks(flat, np.ones(len(flat)))
+    assert np.bincount(blocks).tolist() == pytest.approx([len(flat) / 16] * 16, abs=2)
+    pairs = np.zeros((16, 6, 4))
+    measuring._add_pairs(flat, heights, np.ones(len(flat)), blocks, 1.49, 0.3, pairs)
+    pairs = pairs.sum(axis=0)
+    pairs[0] += [len(flat), 0.0, (heights**2).sum(), (heights**2).sum()]
+    assert pairs == pytest.approx(twin, abs=1e-9)
 
 
 @pytest.mark.parametrize(

@@ -7,6 +7,7 @@ import pytest
 
 import voxgran as vg
 from voxgran._base.errors import InputError, TooLargeError
+from voxgran._base.seeds import stream
 from voxgran.shapes.families.surfaces.crumpled import Folded, folded
 from voxgran.shapes.families.surfaces.sheet import lattice_faces
 from voxgran.shapes.finer import edges_of
@@ -29,6 +30,52 @@ def test_heights_of_a_rough_sheet(method):
     above = heights - plane @ np.linalg.lstsq(plane, heights)[0]
     assert found.rms == pytest.approx(above.std(), rel=0.04)
     assert found.correlation_length == pytest.approx(sheet.record["roughness_correlation_length"], rel=0.25)
+
+
+def lattice_of(sheet):
+    """Return the heights of a rough sheet above its mean plane, and the spacing of its lattice."""
+    vertices = sheet.vertices[np.lexsort(sheet.vertices.T[1::-1])]
+    plane = np.column_stack([vertices[:, :2], np.ones(len(vertices))])
+    above = vertices[:, 2] - plane @ np.linalg.lstsq(plane, vertices[:, 2])[0]
+    columns = int(np.isclose(vertices[:, 1], vertices[0, 1]).sum())
+    return above.reshape(columns, -1), vertices[1, 1] - vertices[0, 1]
+
+
+@pytest.mark.parametrize(("method", "end"), [("patir", 0.0), ("spectral", 0.75)])
+def test_statistics_of_triangles_are_those_of_their_lattice(method, end, monkeypatch):
+    field = {"lengths": (14, 12), "rms": 0.1, "correlation_length": 1.0, "shortest": 0.75, "seed": 3}
+    sheet = vg.make_shape("rough_sheet", method=method, **field)
+    heights, spacing = lattice_of(sheet)
+    lattice, found = vg.surface_statistics(heights, spacing=spacing), vg.surface_statistics(sheet)
+    assert found.rms == pytest.approx(lattice.rms, rel=0.01)
+    assert found.skewness == pytest.approx(lattice.skewness, abs=0.02)
+    assert found.correlation_length == pytest.approx(lattice.correlation_length, rel=0.02)
+    assert found.hurst == pytest.approx(lattice.hurst, abs=0.05)
+    assert found.correlation_length_error == pytest.approx(lattice.correlation_length_error, rel=0.3)
+    assert found.hurst_error == pytest.approx(lattice.hurst_error, rel=0.4)
+    # the same in another order, with all vertices or with some of them
+    order = stream(1, "order").permutation(len(sheet.vertices))
+    place = np.argsort(order)
+    other = vg.Shape.from_surface(sheet.vertices[order], place[sheet.faces])
+    for some in (20_000, 3_000):
+        monkeypatch.setattr("voxgran.shapes.roughness.measuring.MOST_POINTS", some)
+        one, two = (vg.surface_statistics(shape, shortest=end) for shape in (sheet, other))
+        assert two.correlation_length == pytest.approx(one.correlation_length, rel=1e-6)
+        assert two.hurst == pytest.approx(one.hurst, abs=1e-3)
+        assert one.correlation_length == pytest.approx(lattice.correlation_length, rel=0.02 if some == 20_000 else 0.05)
+
+
+@pytest.mark.slow
+def test_standard_errors_are_the_scatter_over_sheets():
+    field = {"method": "patir", "lengths": (12, 12), "rms": 0.1, "correlation_length": 1.0, "shortest": 0.8}
+    found = []
+    for seed in range(16):
+        heights, spacing = lattice_of(vg.make_shape("rough_sheet", **field, seed=seed))
+        found.append(vg.surface_statistics(heights, spacing=spacing, shortest=0.0))
+    for name in ("correlation_length", "hurst"):
+        scatter = np.std([getattr(one, name) for one in found], ddof=1)
+        stated = math.sqrt(np.mean([getattr(one, f"{name}_error") ** 2 for one in found]))
+        assert stated == pytest.approx(scatter, rel=0.35)
 
 
 def test_lengths_of_the_record_follow_the_size():

@@ -19,7 +19,7 @@ def test_the_error_of_a_sphere_falls_with_the_number_of_faces():
     """Areas and distances of the best surfaces of n triangles differ by amounts proportional to 1 / n."""
     numbers = np.array([100, 400, 1600])
     made = [vg.simplify(fine_sphere(), faces=int(n)) for n in numbers]
-    for error in ([abs(one.volume_change) for one in made], [one.mean_distance for one in made]):
+    for error in ([abs(one.collapse_volume_change) for one in made], [one.mean_distance for one in made]):
         rate = -np.polyfit(np.log(numbers), np.log(error), 1)[0]
         assert rate == pytest.approx(1.0, abs=0.25)
     assert [one.faces for one in made] == numbers.tolist()
@@ -34,6 +34,7 @@ def test_scans(data_dir, name, faces):
     assert made.faces_before == len(scan.faces) == made.shape.record["simplified_from"]
     assert diagnose(made.shape).ok
     assert made.shape.volume == pytest.approx(scan.volume, rel=1e-12)
+    assert abs(made.volume_change) < 1e-12 < abs(made.collapse_volume_change)
     assert made.area_change == pytest.approx(made.shape.surface_area / scan.surface_area - 1)
     assert made.largest_distance < 2.5 * scan.diameter * faces**-0.75
     # the surface stays in its place
@@ -56,7 +57,7 @@ def test_a_cube_stays_exact():
     assert len(fine.faces) == 192
     made = vg.simplify(fine, faces=12)
     assert made.faces == 12
-    assert made.volume_change == pytest.approx(0, abs=1e-12)
+    assert made.collapse_volume_change == pytest.approx(0, abs=1e-12)
     assert made.largest_distance < 1e-12
 
 

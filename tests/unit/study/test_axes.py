@@ -348,6 +348,16 @@ def test_axes_that_change_no_result_are_refused(axes, base, told):
         study(axes, base)
 
 
+def test_cells_have_one_unit(tmp_path):
+    vg.save_shape(vg.shapes.box(lengths=(1, 1, 1)), tmp_path / "b.stl")
+    files = [{"file": str(tmp_path / "b.stl"), "unit": unit, "label": unit} for unit in ("mm", "um")]
+    assert len(study({"shape": files}, BASE).cells()) == 2
+    bare = BASE | {"scene": {"seed": 4}}
+    with pytest.raises(InputError, match=r"unit is mm and um and \[scene\] unit is not given: .*give \[scene\] unit"):
+        study({"shape": files}, bare)
+    assert len(study({"shape": [files[0], "sphere"]}, bare).cells()) == 2
+
+
 def test_densities_are_axes_where_grains_of_several_settle_and_where_packings_are_kept():
     assert len(study({"shape": [DENSER, {"shapes": ALIKE, "label": "alike"}]}, BED).cells()) == 2
     assert len(study({"shape.0.density": [1, 2, 3]}, BED | {"shape": DENSER}).cells()) == 3

@@ -2,13 +2,16 @@
 
 import csv
 import json
+import math
 import os
+import re
 import signal
 import subprocess
 import sys
 import time
 import warnings
 from dataclasses import asdict, replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -279,6 +282,10 @@ def test_the_dataset_is_written_as_zarr_too(base, tmp_path, monkeypatch):
     assert again["packing.count"].values.tolist() == [4, 5, 6]
     assert again["failure"].values.tolist() == [["", ""]] * 3
     assert not [path for path in (tmp_path / "o").iterdir() if path.name.startswith(".")]
+    (tmp_path / "o" / "study.zarr" / "thesis.txt").write_text("kept")
+    with pytest.raises(OutputExistsError, match=r"holds thesis\.txt"):
+        vg.Study(base=base, axes={"packing.count": [4, 5, 6]}, seeds=2).run(tmp_path / "o", zarr=True)
+    assert (tmp_path / "o" / "study.zarr" / "thesis.txt").read_text() == "kept"
     monkeypatch.setitem(sys.modules, "zarr", None)
     with pytest.raises(MissingLibraryError, match="pip install zarr"):
         vg.Study(base=base, seeds=1).run(tmp_path / "new", zarr=True)
@@ -290,8 +297,59 @@ def test_steps_count_the_runs(base, marks, tmp_path):
     marks.order(fail=[2])
     vg.Study(base=base, seeds=[1, 2, 3]).run(tmp_path / "o", workers=1, on_step=steps.append)
     assert (steps[-1].stage, steps[-1].done, steps[-1].total) == ("runs", 3, 3)
-    assert steps[-1].text == "0 running, 1 failed, about 0 s left"
+    assert steps[-1].text == "3 of 3, 0 running, 1 failed"
     assert [step.done for step in steps] == sorted(step.done for step in steps)
+
+
+class Clocked(Noting):
+    """Computes runs one after the other by a clock of its own, and looks each ten seconds."""
+
+    running = 1
+
+    def results(self, runs):
+        for run in runs:
+            for _ in range(int(self.seconds(run) / 10)):
+                self.clock += 10.0
+                yield None
+            yield run, Record(numbers={"x": [0.0, "1", "x"]}, seconds=self.seconds(run)), b""
+
+
+def seconds_left(base, tmp_path, monkeypatch, axes, seconds):
+    """Return for each step of a study that tells it: the seconds that it has run and those that are left."""
+    base |= {"measure": {"which": ["density"]}}
+    work, told = Clocked(seconds), []
+    # a study notes the time once before it asks for it here
+    began = work.clock = time.monotonic()
+    monkeypatch.setattr(engine, "time", SimpleNamespace(monotonic=lambda: work.clock))
+    monkeypatch.setattr(engine, "_executor", lambda options, runs: work)
+    made = vg.Study(base=base, axes=axes, seeds=2)
+    made.run(tmp_path / "o", on_step=lambda step: told.append((work.clock - began, step.text)))
+    assert told[-1][1] == "4 of 4, 1 running, 0 failed"
+    found = ((now, re.search(r"about (\d+) (s|min) left", text), text) for now, text in told)
+    return [
+        (now, int(one[1]) * (60 if one[2] == "min" else 1) if one else math.inf)
+        for now, one, text in found
+        if one or "longer than expected" in text
+    ]
+
+
+def test_the_time_that_is_left_is_by_runs_of_the_same_method(base, tmp_path, monkeypatch):
+    """Nothing is told before a run of the other method, whose attempts take ten times as long, is finished."""
+    slow = {"rsa": 10.0, "deposition": 100.0}
+    axes = {"packing.method": list(slow)}
+    found = seconds_left(base, tmp_path, monkeypatch, axes, lambda run: slow[run.mapping["packing"]["method"]])
+    assert len(found) > 5
+    for now, left in found:
+        assert now + left == pytest.approx(220.0, rel=0.05)
+
+
+def test_a_run_that_takes_longer_than_expected_is_not_about_to_end(base, tmp_path, monkeypatch):
+    axes = {"packing.count": [5, 4]}
+    found = seconds_left(
+        base, tmp_path, monkeypatch, axes, lambda run: 150.0 if run.mapping["packing"]["count"] == 4 else 10.0
+    )
+    assert sum(left == math.inf for _, left in found) > 10
+    assert sum(left < 10 for _, left in found) <= 2
 
 
 def test_an_interrupted_study_goes_on(base, marks, tmp_path, request):
@@ -450,3 +508,15 @@ def keys_in(folder):
 
 def test_what_a_worker_computes_at_first_succeeds():
     assert compute(Run(key="", cell="", mapping=FIRST, seed=0)).failure == ""
+
+
+def test_drafts_that_a_killed_study_has_left_are_removed(base, tmp_path, monkeypatch):
+    monkeypatch.setattr(engine, "_executor", lambda options, runs: Noting(lambda run: 1.0))
+    mine, other = ".voxgran-0a1b2c3d-0a1b2c3d", ".voxgran-thesis"
+    for folder in ("cells", "checkpoints"):
+        (tmp_path / folder).mkdir()
+        for name in (f"{mine}.json", f"{mine}.vtp", mine, other):
+            (tmp_path / folder / name).write_text("half")
+    (tmp_path / f"{mine}.nc").write_text("half")
+    vg.Study(base=base | {"measure": {"which": ["density"]}}, seeds=1).run(tmp_path)
+    assert [path.name for path in tmp_path.rglob(".voxgran*")] == [other, other]

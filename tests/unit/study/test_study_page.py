@@ -13,7 +13,7 @@ import xarray as xr
 import voxgran as vg
 from voxgran._base.errors import InputError, OutputExistsError, UnknownNameError
 from voxgran._base.seeds import stream
-from voxgran.cli.main import main
+from voxgran.cli import main
 from voxgran.report import plots
 from voxgran.study import page
 from voxgran.study.experiments import Band, bands_of

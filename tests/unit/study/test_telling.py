@@ -9,7 +9,7 @@ import pytest
 
 import voxgran as vg
 from voxgran._base.errors import Interrupted
-from voxgran.study import engine, processes
+from voxgran.study import engine
 from voxgran.study.processes import Processes
 from voxgran.study.runs import Run
 from voxgran.study.worker import COMPILED, COMPILING, READY
@@ -34,7 +34,7 @@ while True:
 
 
 def test_compilation_is_told_and_not_extrapolated(base, marks, tmp_path, monkeypatch):
-    monkeypatch.setattr(processes, "_START", COMPILES_FIRST)
+    monkeypatch.setattr("voxgran.scene.processes._START", COMPILES_FIRST)
     monkeypatch.setattr(engine, "TELL_SECONDS", 0.0)
     steps = []
     vg.Study(base=base, seeds=range(20)).run(tmp_path / "o", workers=1, on_step=steps.append)
@@ -73,7 +73,7 @@ def shifted(x):
 """
     text = module.read_text().replace("def compute(packing):", f"{kernel}def compute(packing):\n    shifted(1.0)")
     module.write_text(text)
-    monkeypatch.setattr(processes, "Pipe", noted_pipe)
+    monkeypatch.setattr("voxgran.scene.processes.Pipe", noted_pipe)
     run = Run(key="a", cell="a", mapping=base, seed=3)
     with Processes(1, 10**9) as workers:
         (_, record, _), *others = [came for came in workers.results([run]) if came is not None]

@@ -98,6 +98,21 @@ def test_a_hole_in_a_shape_is_never_silent(sphere):
         voxelize(broken, grid=GRID)
 
 
+def test_a_surface_with_two_sides_is_told_and_filled(sphere, truth):
+    points, faces = sphere
+    many, reverse = len(points), faces[:, ::-1]
+    told = f"{len(faces)} faces both ways round, whose second side was left out"
+    with pytest.warns(DirtyMeshWarning, match=told):
+        assert np.array_equal(voxelize_mesh(points, np.concatenate([faces, reverse]), grid=GRID).mask, truth)
+    # as two surfaces, and within one with a single side
+    twice = np.concatenate([points, points]), np.concatenate([faces, reverse + many])
+    with pytest.warns(DirtyMeshWarning, match=told):
+        assert np.array_equal(voxelize_mesh(*twice, grid=GRID).mask, truth)
+    around = np.concatenate([points, points / 2]), np.concatenate([faces, faces + many, reverse + many])
+    with pytest.warns(DirtyMeshWarning, match=told):
+        assert np.array_equal(voxelize_mesh(*around, grid=GRID).mask, truth)
+
+
 def test_bad_input_is_refused(sphere):
     vertices, faces = sphere
     with pytest.raises(InputError, match="exactly one"):

@@ -4,6 +4,8 @@ numba's own cache knows neither the kernels that a kernel calls nor two processe
 kernels of a file that is edited. Here the name of a file is a hash of the code of a kernel and of all that it calls, of
 the types of its arguments, of the processor and of the versions: what is there is right, and never written twice.
 
+A file is a pickle, which is a program: it is read only if this user has written it and nobody else may change it.
+
 This file is loaded when a kernel is compiled, never before: it imports numba.
 """
 
@@ -12,6 +14,7 @@ import hashlib
 import logging
 import os
 import pickle
+import re
 import secrets
 import sys
 import time
@@ -24,11 +27,17 @@ import numba
 from numba.core.caching import CompileResultCacheImpl, FunctionCache
 from numba.core.serialize import dumps
 
+from voxgran._base.files import is_private
+
 log = logging.getLogger(__name__)
 
 #: number of the way in which kernels are compiled and linked; kernels of other ways are compiled again
 LAYOUT = 2
 VERSIONS = f"{LAYOUT} {sys.version_info[0]}.{sys.version_info[1]} {numba.__version__} {llvmlite.__version__}"
+#: how each file begins, also a draft: for the unpickler, a text that it drops
+MARK = b"Vvoxgran kernel\n0"
+#: names of kernels and of drafts
+_NAME = re.compile(r"\w+-[0-9a-f]{16}-[0-9a-f]{16}\.kernel|\.[0-9a-f]{16}\.draft")
 #: files that were not used for so long are removed
 FORGOTTEN_SECONDS = 60 * 24 * 3600.0
 #: the time of last use is noted at most so often
@@ -98,12 +107,25 @@ class _Files:
         """Return what was saved; None where nothing was, or nothing that can be read."""
         path = self._path(key)
         try:
-            data = pickle.loads(path.read_bytes())
-            if time.time() - path.stat().st_mtime > NOTED_SECONDS:
+            with path.open("rb") as file:
+                about = os.fstat(file.fileno())
+                data = pickle.loads(file.read()) if is_private(about) else None
+            if time.time() - about.st_mtime > NOTED_SECONDS:
                 os.utime(path)
-        except (OSError, pickle.UnpicklingError, EOFError, AttributeError, ImportError, IndexError, ValueError):
+        except (
+            OSError,
+            pickle.UnpicklingError,
+            EOFError,
+            ImportError,
+            LookupError,
+            AttributeError,
+            TypeError,
+            ValueError,
+        ):
+            # it is not there, or damaged
+            data = None
+        if data is None:
             self.on_miss()
-            return None
         return data
 
     def save(self, key: object, data: Any) -> None:
@@ -111,7 +133,7 @@ class _Files:
         path = self._path(key)
         draft = path.with_name(f".{secrets.token_hex(8)}.draft")
         try:
-            draft.write_bytes(dumps(data))
+            draft.write_bytes(MARK + dumps(data))
             draft.replace(path)
         except OSError as error:
             log.info("%s was not kept: %s", path, error)
@@ -124,7 +146,7 @@ class _Files:
 
 
 def remove_forgotten(folder: Path) -> None:
-    """Remove compiled kernels that were not used for two months, and what older versions of this cache left.
+    """Remove compiled kernels that were not used for two months, and drafts so old; other files stay.
 
     Parameters
     ----------
@@ -134,5 +156,13 @@ def remove_forgotten(folder: Path) -> None:
     now = time.time()
     with contextlib.suppress(OSError):
         for path in folder.iterdir():
-            if path.suffix in (".kernel", ".draft") and now - path.stat().st_mtime > FORGOTTEN_SECONDS:
+            if now - path.lstat().st_mtime > FORGOTTEN_SECONDS and _is_ours(path):
                 path.unlink()
+
+
+def _is_ours(path: Path) -> bool:
+    """Return whether this cache has written a file, by its name and its first bytes."""
+    if not _NAME.fullmatch(path.name) or path.is_symlink() or not path.is_file():
+        return False
+    with path.open("rb") as file:
+        return file.read(len(MARK)) == MARK

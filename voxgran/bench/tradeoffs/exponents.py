@@ -35,8 +35,6 @@ SQUARES: dict[str, dict[str, Any]] = {
     "random_apollonian, rotated squares": {"rotate": 20},
 }
 FEWER = 4
-#: largest diameter of squares, in edges of the container, so that none fills a periodic square
-LARGEST = 0.25
 #: growth of radii while the smallest number of nuclei arrives, in diameters of equal spheres that fill the container
 SPEED = 5.0
 #: published exponents by dimension: of random packings (Dodds & Weitz 2002, doi:10.1103/PhysRevE.65.056108), and of
@@ -112,7 +110,7 @@ def _pores(method: str, dimension: int, count: int, seed: int) -> float:
     room: Container = Rectangle((10, 10), "xy") if dimension == 2 else Box((10, 10, 10), "xyz")
     options: dict[str, Any] = {}
     if method in SQUARES:
-        shape, options = make_shape("polygon", corners=4), {"largest": LARGEST * 10, **SQUARES[method]}
+        shape, options = make_shape("polygon", corners=4), SQUARES[method]
     if method == "growth":
         # arrivals and growth per time and volume do not depend on the number
         speed = SPEED * (count / COUNTS[0]) ** ((dimension + 1) / dimension)

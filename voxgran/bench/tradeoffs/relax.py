@@ -135,7 +135,7 @@ def _rows_of(path: Path) -> list[Way]:
         return []
     kinds: list[Callable[[str], Any]] = [str, int, str, float, float, float, float, int, float, float, float, float]
     lines = path.read_text(encoding="utf-8").splitlines()[1:]
-    return [Way(*(kind(word) for kind, word in zip(kinds, line.split(","), strict=True))) for line in lines]
+    return [Way(*(kind(word) for kind, word in zip(kinds, line.split(","), strict=False))) for line in lines]
 
 
 def _processor() -> float:

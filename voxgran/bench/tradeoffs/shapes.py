@@ -5,8 +5,6 @@ on a much finer mesh; it is 0 where the true geometry is exact: solids in closed
 solids in closed form the tessellation that stands in for them in pictures and files is not counted.
 """
 
-import csv
-import io
 import time
 from dataclasses import astuple, dataclass, fields
 from pathlib import Path
@@ -14,8 +12,7 @@ from typing import Any
 
 import numpy as np
 
-from voxgran._base.files import write_text
-from voxgran.bench.model import TradeOff, panels_of
+from voxgran.bench.model import TradeOff, panels_of, write_rows
 from voxgran.shapes.family import families, make_shape, seeds_of_shapes, shape_families
 from voxgran.shapes.mesh import Mesh
 from voxgran.shapes.surface import Surface
@@ -53,13 +50,8 @@ class Row:
 def run(folder: Path) -> tuple[Path, ...]:
     """Write shapes.csv and shapes.svg into a folder and return both."""
     rows = [row_of(name) for name in shape_families()]
-    text = io.StringIO()
-    writer = csv.writer(text, lineterminator="\n")
-    writer.writerow([field.name for field in fields(Row)])
-    for row in rows:
-        writer.writerow([row.family, row.dimension, f"{row.milliseconds:.3g}", row.faces, f"{row.error:.2g}"])
-    table = folder / "shapes.csv"
-    write_text(table, text.getvalue())
+    lines = [f"{row.family},{row.dimension},{row.milliseconds:.3g},{row.faces},{row.error:.2g}" for row in rows]
+    table = write_rows(folder / "shapes.csv", ",".join(field.name for field in fields(Row)), lines)
     _draw(rows, folder / "shapes.svg")
     return table, folder / "shapes.svg"
 

@@ -143,7 +143,8 @@ class _Fit:
         found = self._closed(points, found)
         radii = self._sized(found)
         reason = "" if len(found) == count else "no further sphere lowers the error"
-        return Fitted(found.centers, radii, reason)
+        matched = self.settings.mode == "balanced" and self.settings.match_volume
+        return Fitted(found.centers, radii, reason, found.radii if matched else None)
 
     def _points(self, count: int) -> Points:
         """Return points on the surface, and the centers of voxels that lie wholly inside or outside."""

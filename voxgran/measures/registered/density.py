@@ -1,7 +1,8 @@
 """Solid fraction of a packing: of the whole, of the bulk away from walls and surface, and inside a window."""
 
 import math
-from typing import Any
+import warnings
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -12,8 +13,12 @@ from voxgran._base.warning import warn
 from voxgran.measures.model import Groups, Measure, dataset, length_unit, variable
 from voxgran.measures.region import Regions
 from voxgran.measures.slices import as_window
+from voxgran.measures.wetted import specific_surfaces
 from voxgran.measures.window import Estimate, Solids
 from voxgran.packing.model import Packing, check_packing
+
+if TYPE_CHECKING:
+    from xarray import DataTree
 
 #: distance of the bulk from the walls, in median diameters, and smallest number of grains in it
 INSET = 1.5
@@ -77,17 +82,6 @@ def window_solid_fraction(packing: Packing, lower: "ArrayLike", upper: "ArrayLik
     return Estimate(solid / room, solid.error / room)
 
 
-def specific_surface(packing: Packing) -> tuple[tuple[str, ...], Any, dict[str, Any]]:
-    """Return the variable of the surface of the grains over the volume of the container, in 2D of their outlines.
-
-    It is exact; surfaces within other grains count.
-    """
-    ratio = packing.surface_areas.sum() / packing.container.volume
-    kind = "volume" if packing.dimension == 3 else "area"
-    text = f"surface of the grains over {kind} of the container"
-    return variable((), ratio, length_unit(packing, power=-1), text)
-
-
 def _bulk(packing: Packing, regions: Regions | None = None) -> tuple[Estimate, int, float]:
     """Return solid fraction, number of grains and volume of the bulk."""
     if not packing.count:
@@ -129,6 +123,29 @@ def _bed_fraction(regions: Regions) -> Estimate:
     return Estimate(solid / room, (solid.error + solid / room * room.error) / room)
 
 
+def main_fraction(packing: Packing, statistics: "DataTree | None" = None) -> tuple[str, float]:
+    """Return the region by which a packing is known, with its solid fraction: of a bed, whose container has room above
+    a free surface, the ``"bulk"``, or the ``"bed"`` where the bulk holds too few grains; otherwise the ``"container"``.
+
+    statistics : of the packing; what they lack is found.
+    """
+    if packing.gravity is not None and packing.count:
+        known = statistics is not None and "bulk_solid_fraction" in statistics
+        bulk = float(statistics["bulk_solid_fraction"]) if statistics is not None and known else _quiet_bulk(packing)
+        bed = bed_fraction(packing)
+        for region, fraction in (("bulk", bulk), ("bed", math.nan if bed is None else float(bed))):
+            if math.isfinite(fraction):
+                return region, fraction
+    return "container", packing.solid_fraction
+
+
+def _quiet_bulk(packing: Packing) -> float:
+    """Return the bulk solid fraction, NaN without a warning where there is none."""
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        return float(_bulk(packing)[0])
+
+
 def _compute(packing: Packing) -> Groups:
     """Return the numbers of the whole packing."""
     regions = Regions(packing)
@@ -141,22 +158,24 @@ def _compute(packing: Packing) -> Groups:
     values = {
         "container_volume": variable((), packing.container.volume, size, f"{kind} of the container"),
         "grain_volume": variable((), packing.volumes.sum(), size, f"{kind} of all grains together"),
-        "specific_surface": specific_surface(packing),
+        **specific_surfaces(packing),
         "mean_diameter": variable((), diameters.mean(), unit, "mean equivalent diameter of the grains"),
         "median_diameter": variable((), np.median(diameters), unit, "median equivalent diameter of the grains"),
-        "solid_fraction": variable(
-            (), packing.solid_fraction, "1", f"{kind} of the grains over {kind} of the container"
-        ),
-        "porosity": variable((), packing.porosity, "1", "one minus the solid fraction"),
         "bulk_solid_fraction": variable(
             (), float(bulk), "1", "solid fraction away from walls and surface", error=bulk.error
         ),
+        "bulk_porosity": variable((), 1.0 - bulk, "1", "porosity away from walls and surface", error=bulk.error),
         "bulk_count": variable((), bulk_count, "1", "number of grains with their centroids in the bulk"),
         "bulk_volume": variable((), room, size, f"{kind} of the bulk region"),
     }
     if bed is not None:
-        below = "solid fraction below the height that holds 85 % of the volume of the grains, from wall to wall"
-        values["bed_solid_fraction"] = variable((), float(bed), "1", below, error=bed.error)
+        below = "below the height that holds 85 % of the volume of the grains, from wall to wall"
+        values["bed_solid_fraction"] = variable((), float(bed), "1", f"solid fraction {below}", error=bed.error)
+        values["bed_porosity"] = variable((), 1.0 - bed, "1", f"porosity {below}", error=bed.error)
+    # of a bed the room above it is part of these, which so come last
+    whole = f"of the whole container, {kind} of the grains over {kind} of the container"
+    values["solid_fraction"] = variable((), packing.solid_fraction, "1", f"solid fraction {whole}")
+    values["porosity"] = variable((), packing.porosity, "1", "porosity of the whole container")
     return {"/": dataset(values)}
 
 

@@ -20,6 +20,8 @@ from voxgran.shapes.size_laws import Basis, SizeDistribution
 POINTS = 201
 #: relative difference below which two sizes count as equal
 SAME = 1e-9
+#: share by volume of requested sizes that may lie beyond either end of the curves
+ENDS = 1e-3
 BASES: tuple[Basis, Basis] = ("number", "volume")
 
 
@@ -41,7 +43,8 @@ def gradation(packing: Packing) -> Gradation:
     by_axis = asked is not None and asked.by_intermediate_axis
     diameters, axes = packing.diameters, intermediate_axes(packing)
     both = np.concatenate([diameters, axes])
-    sizes = np.geomspace(both.min() / 1.05, both.max() * 1.05, POINTS) if packing.count else np.zeros(0)
+    low, high = size_range(both, asked, packing.dimension) if packing.count else (1.0, 1.0)
+    sizes = np.geomspace(low / 1.05, high * 1.05, POINTS) if packing.count else np.zeros(0)
     placed: dict[Basis, Floats] = {}
     by_axes: dict[Basis, Floats] = {}
     shares: dict[Basis, Floats] = {}
@@ -52,7 +55,9 @@ def gradation(packing: Packing) -> Gradation:
         by_axes[basis] = _cumulative(axes, weights, sizes)
         if asked is not None and packing.count:
             shares[basis] = asked.cumulative(sizes, basis=basis, dimension=packing.dimension)
-            distance[basis] = _distance(packing, asked, axes if by_axis else diameters, weights, basis=basis)
+            distance[basis] = distance_from(
+                asked, axes if by_axis else diameters, weights, basis=basis, dimension=packing.dimension
+            )
     return Gradation(sizes, placed, by_axes, shares, distance, by_axis)
 
 
@@ -67,14 +72,24 @@ def _cumulative(sizes: Floats, weights: Floats, points: Floats) -> Floats:
     return np.asarray(total[np.searchsorted(sizes[order], points * (1 + SAME), side="right")] / total[-1])
 
 
-def _distance(packing: Packing, asked: SizeDistribution, sizes: Floats, weights: Floats, *, basis: Basis) -> float:
-    """Return the largest difference between the requested and the placed curve.
+def size_range(sizes: Floats, asked: SizeDistribution | None, dimension: int) -> tuple[float, float]:
+    """Return smallest and largest size, which hold all but a thousandth by volume of the requested ones on each side
+    too.
+    """
+    low, high = float(sizes.min()), float(sizes.max())
+    if asked is None:
+        return low, high
+    ends = asked.quantile([ENDS, 1.0 - ENDS], basis="volume", dimension=dimension)
+    return min(low, float(ends[0])), max(high, float(ends[1]))
 
-    Both curves increase, and the placed one only at placed sizes; the largest difference is therefore at one of these
+
+def distance_from(asked: SizeDistribution, sizes: Floats, weights: Floats, *, basis: Basis, dimension: int) -> float:
+    """Return the largest difference between the requested curve and that of sizes (n,) with weights (n,).
+
+    Both curves increase, and that of the sizes only at these; the largest difference is therefore at one of these
     or just below.
     """
-    points = np.unique(sizes)
-    d = packing.dimension
+    points, d = np.unique(sizes), dimension
     at, below = points * (1 + SAME), points * (1 - SAME)
     placed_at, placed_below = _cumulative(sizes, weights, at), _cumulative(sizes, weights, below * (1 - SAME))
     differences = [

@@ -19,6 +19,8 @@ from voxgran.packing.model import Packing
 
 #: width of the bins along an axis, in mean diameters, and largest number of bins
 BIN, MOST_BINS = 0.25, 100
+#: least size of the window of a bin, widened by a radius, in mean grains, and largest error of its solid fraction
+WINDOW, DOUBT = 5.0, 0.1
 #: largest distance from the walls, and width of its bins, in mean diameters
 FAR, STEP = 5.0, 0.1
 
@@ -28,7 +30,7 @@ class Profile:
     """Solid fraction in bins."""
 
     edges: Floats  # (k + 1,) edges of the bins, in the unit of lengths
-    # (k,) volume of the union of the grains over that of the container in each bin; NaN if the latter is 0
+    # (k,) volume of the union of the grains over that of the container in each bin; NaN if the latter is 0 or too small
     solid_fraction: Floats
     error: Floats  # (k,) bound or standard error; 0 if exact
 
@@ -42,10 +44,11 @@ def axis_profile(packing: Packing, axis: str = "z", *, bins: int | None = None) 
     """Return the solid fraction in slices across an axis, exact except for cylinders and cones, with a bound of the
     error.
 
-    By default the slices are about a quarter of the mean diameter thick, at most 100. Unknown axes and numbers of
-    slices below 1 are refused.
+    By default the slices are about a quarter of the mean diameter thick, at most 100, and NaN where the container is so
+    narrow that a slice, with half a mean diameter on each side, has room for fewer than five mean grains. Unknown axes
+    and numbers of slices below 1 are refused.
     """
-    k = "xyz".index(as_choice(axis, "axis", "xyz"[: packing.dimension]))
+    few, k = bins is None, "xyz".index(as_choice(axis, "axis", "xyz"[: packing.dimension]))
     container = packing.container
     low, high = container.bounds[:, k]
     if bins is None:
@@ -55,16 +58,23 @@ def axis_profile(packing: Packing, axis: str = "z", *, bins: int | None = None) 
     solids = Solids(packing)
     parts = [solids.volume(*_slab(packing.dimension, k, edges[b : b + 2])) for b in range(len(edges) - 1)]
     room = _rooms(container, k, edges)
-    return _profile(edges, np.array(parts), np.array([part.error for part in parts]), room)
+    found = _profile(edges, np.array(parts), np.array([part.error for part in parts]), room)
+    if not few or not packing.count:
+        return found
+    wide = _widened(edges, mean_diameter(packing)).clip(low, high)
+    places = np.unique(wide)
+    below = np.concatenate([[0.0], np.cumsum(_rooms(container, k, places))])
+    return _without_small(found, np.diff(below[np.searchsorted(places, wide)], axis=0)[0], packing)
 
 
 def wall_profile(packing: Packing, *, step: float | None = None) -> Profile:
     """Return the solid fraction as a function of the distance from the nearest wall.
 
-    The width of the bins is by default a tenth of the mean diameter. Distances are up to five mean diameters, or to the
-    largest one in the container. With gravity only the part below the height up to which 85 % of the volume lies is
-    included. Exact in boxes and rectangles except for cylinders and cones; by quadrature for spheres in cylinders;
-    sampled otherwise, with the standard error.
+    The width of the bins is by default a tenth of the mean diameter; bins are then NaN where their windows, with half a
+    mean diameter on each side, have room for fewer than five mean grains, and where the error is above 0.1. Distances
+    are up to five mean diameters, or to the largest one in the container. With gravity only the part below the height
+    up to which 85 % of the volume lies is included. Exact in boxes and rectangles except for cylinders and cones; by
+    quadrature for spheres in cylinders; sampled otherwise, with the standard error.
 
     Raises
     ------
@@ -78,6 +88,15 @@ def wall_profile(packing: Packing, *, step: float | None = None) -> Profile:
             "from the walls needs grains and a wall; measure along an axis instead"
         )
     width = STEP * diameter if step is None else as_length(step, "step")
+
+    def bare(profile: Profile) -> Profile:
+        """Return a profile without bins whose windows are too small."""
+        if step is not None:
+            return profile
+        wide = _widened(profile.edges, diameter).clip(min=0.0)
+        begin, end = (np.array([float(regions.at(float(inset)).volume) for inset in insets]) for insets in wide)
+        return _without_small(profile, begin - end, packing)
+
     edges = np.asarray(np.arange(int(np.ceil(FAR * diameter / width * (1 - 1e-9))) + 1) * width, dtype=np.float64)
     found = [regions.at(float(edge)) for edge in edges]
     room: Floats = np.array([float(region.volume) for region in found])
@@ -88,11 +107,12 @@ def wall_profile(packing: Packing, *, step: float | None = None) -> Profile:
         shells = [replace(one, until=float(edge)) for one, edge in zip(sampled, edges[1:kept], strict=False)]
         parts, rooms = [shell.solid(regions.solids) for shell in shells], [shell.volume for shell in shells]
         share = np.array(parts) / np.maximum(rooms, 1e-300)
-        each = np.array([part.error for part in parts]), share * np.array([part.error for part in rooms])
-        return _profile(edges[:kept], np.array(parts), np.hypot(*each), np.array(rooms))
+        both = np.array([part.error for part in parts]), share * np.array([part.error for part in rooms])
+        return bare(_profile(edges[:kept], np.array(parts), np.hypot(*both), np.array(rooms)))
     solid = [region.solid(regions.solids) for region in found[:kept]]
     errors: Floats = np.array([part.error for part in solid])
-    return _profile(edges[:kept], -np.diff(np.array(solid)), np.hypot(errors[1:], errors[:-1]), -np.diff(room[:kept]))
+    each, doubt = -np.diff(np.array(solid)), np.hypot(errors[1:], errors[:-1])
+    return bare(_profile(edges[:kept], each, doubt, -np.diff(room[:kept])))
 
 
 def _profile(edges: Floats, solid: Floats, error: Floats, room: Floats) -> Profile:
@@ -100,6 +120,19 @@ def _profile(edges: Floats, solid: Floats, error: Floats, room: Floats) -> Profi
     known = room > 0
     span = np.where(known, room, 1.0)
     return Profile(edges, np.where(known, solid / span, np.nan), np.where(known, error / span, np.nan))
+
+
+def _widened(edges: Floats, diameter: float) -> Floats:
+    """Return the ends (2, k) of the bins, widened by half a diameter on each side: what grains of a bin take."""
+    return np.stack([edges[:-1] - diameter / 2, edges[1:] + diameter / 2])
+
+
+def _without_small(profile: Profile, room: Floats, packing: Packing) -> Profile:
+    """Return a profile without the bins whose widened windows (k,) hold few grains, or whose error is large."""
+    known = (room >= WINDOW * float(packing.volumes.mean())) & (profile.error <= DOUBT)
+    return Profile(
+        profile.edges, *(np.where(known, values, np.nan) for values in (profile.solid_fraction, profile.error))
+    )
 
 
 def _slab(dimension: int, axis: int, ends: Floats) -> tuple[Floats, Floats]:

@@ -17,7 +17,8 @@ from voxgran._base.arrays import Floats, as_length
 from voxgran.measures.chords import Chords, chords_along
 from voxgran.measures.model import Groups, Measure, dataset, length_unit, variable
 from voxgran.measures.pores import pores_of
-from voxgran.measures.registered.density import bed_fraction, specific_surface
+from voxgran.measures.registered.density import bed_fraction
+from voxgran.measures.wetted import specific_surfaces
 from voxgran.packing.model import Packing
 
 #: voxels in a mean diameter, in 3D and 2D, and most voxels
@@ -141,7 +142,7 @@ def _compute(packing: Packing) -> Groups:
     whole["pore_voxel_size"] = variable((), fine.voxel_size, unit, "edge of the voxels of the pore space")
     text = "edge of the voxels of the pore sizes"
     whole["pore_size_voxel_size"] = variable((), fine.size_voxel, unit, text)
-    whole["specific_surface"] = specific_surface(packing)
+    whole |= specific_surfaces(packing)
     return {"/": dataset(whole), "/voids": _distributions(fine, packing, unit)}
 
 

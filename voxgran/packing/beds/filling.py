@@ -24,15 +24,23 @@ GRADED = 0.12
 ROUND, POWER = 0.88, {2: 0.4, 3: 1.1}
 #: layer at walls that counts as empty, in mean diameters by volume, and the one at the surface, in median ones
 AT_WALLS, AT_SURFACE = 0.12, 0.17
-#: room that is left between the surface of a bed and the top of the container, in mean diameters by volume
-ROOM = 0.8
+#: room that is left between the surface of a bed and the top of the container, in mean diameters by volume; and largest
+#: share of the height of the container
+ROOM, SHARE = 0.8, 0.16
+#: shares of the width of a narrow column by which spheres at rest alternate: at the most, and certainly
+ALTERNATING, SURE = 0.9, 0.7
+#: gap of grains at rest, in their diameters, and rounding of distances from walls
+APART, ROUNDING = 1e-3, 1e-12
 #: points above each one at which walls are looked for
 LOOKS = 4
 
 
-def usual_solid_fraction(problem: Problem) -> float:
-    """Return the solid fraction far from walls in which beds of the grains come to rest."""
-    dimension, friction = problem.dimension, problem.parameters.friction
+def usual_solid_fraction(problem: Problem, friction: float | None = None) -> float:
+    """Return the solid fraction far from walls in which beds of the grains come to rest.
+
+    The friction is that of the method, unless it is given.
+    """
+    dimension, friction = problem.dimension, problem.parameters.friction if friction is None else friction
     found = RUBBING[dimension] + (FREE[dimension] - RUBBING[dimension]) * math.exp(-friction / USUAL)
     roundness = np.array([_roundness(shape) for shape in problem.shapes])[problem.shape_id]
     looser = np.minimum(roundness / ROUND, 1.0) ** POWER[dimension]
@@ -57,15 +65,62 @@ def volume_at_rest(problem: Problem, up: Floats, height: float, generator: np.ra
     within &= points @ up < container_levels(container, up)[0] + height - AT_SURFACE
     # several points above each, so that thin walls are seen
     for part in range(1, LOOKS + 1):
-        above = points + part / LOOKS * (ROOM * size + AT_SURFACE) * up
+        above = points + part / LOOKS * (_room(problem, up) + AT_SURFACE) * up
         within &= np.asarray(container.signed_distance(above)) < 0.0
     return usual_solid_fraction(problem) * container.volume * float(within.mean())
+
+
+def in_column(problem: Problem, up: Floats, count: int, height: float | None, generator: np.random.Generator) -> int:
+    """Return how many grains come to rest in a column so narrow that no two spheres lie side by side; else `count`.
+
+    Centers that are no farther apart across the column than w rise by sqrt(d^2 - w^2) at least from one sphere of
+    diameter d to the next: spheres at rest hardly rise by less, and never by more where w is less than the whole width.
+    `height` is that of the bed, if one is asked for.
+    """
+    container = problem.container
+    if not problem.count or any(container.periodic):
+        return count
+    floor, top = container_levels(container, up)
+    highest = top - floor if height is None else height
+    points = points_inside(container, generator)
+    room = -np.asarray(container.signed_distance(points))
+    points -= (points @ up)[:, None] * up
+
+    def zigzag(diameter: float, share: float) -> tuple[float, Floats, Floats]:
+        """Return the rise of spheres that alternate, 0 side by side, the middle of the column and the way from it."""
+        centers = points[room >= 0.5 * diameter]
+        if not len(centers):
+            return diameter, points.mean(axis=0), np.zeros(3)
+        middle = centers.mean(axis=0)
+        away = share * (centers[np.argmax(np.linalg.norm(centers - middle, axis=1))] - middle)
+        return math.sqrt(max(diameter**2 - 4.0 * float(away @ away), 0.0)), middle, away
+
+    least = float(problem.diameter.min())
+    rise = zigzag(least, ALTERNATING)[0]
+    if rise > 0.0 and all(shape.is_sphere for shape in problem.shapes):
+        count = min(count, 1 + int((highest - least) / rise))
+    bounding = np.array([shape.bounding_radius for shape in problem.shapes])[problem.shape_id] * problem.diameter
+    largest = (1.0 + APART) * 2.0 * float(bounding.max())
+    rise, middle, away = zigzag(largest, SURE)
+    if rise > 0.0:
+        levels = np.arange(0.5 * largest, highest - 0.5 * largest, rise)[: problem.count]
+        side = np.where(np.arange(len(levels)) % 2, 1.0, -1.0)
+        places = middle + (floor + levels)[:, None] * up + side[:, None] * away
+        held = np.asarray(container.signed_distance(places)) <= ROUNDING - 0.5 * largest
+        count = max(count, int(np.argmin(np.append(held, False))))
+    return count
 
 
 def highest_surface(problem: Problem, up: Floats) -> float:
     """Return the greatest height to which grains are filled, above the lowest point of the container."""
     floor, top = container_levels(problem.container, up)
-    return top - floor - ROOM * mean_diameter(problem)
+    return top - floor - _room(problem, up)
+
+
+def _room(problem: Problem, up: Floats) -> float:
+    """Return the room that is left above a bed; little in a low container, which would be empty otherwise."""
+    floor, top = container_levels(problem.container, up)
+    return min(ROOM * mean_diameter(problem), SHARE * (top - floor))
 
 
 def _roundness(shape: Shape) -> float:

@@ -21,7 +21,7 @@ from voxgran._base.seeds import stream
 from voxgran._base.warning import warn
 from voxgran.contacts.assembly import Assembly
 from voxgran.packing.bed_search import SoughtBed
-from voxgran.packing.beds.filling import highest_surface, usual_solid_fraction, volume_at_rest
+from voxgran.packing.beds.filling import highest_surface, in_column, usual_solid_fraction, volume_at_rest
 from voxgran.packing.beds.seeds import LOOSE, RADIUS, column_top, container_levels, random_seeds
 from voxgran.packing.gravity import gravity_text, gravity_vector
 from voxgran.packing.method import Cost, PackingMethod
@@ -41,6 +41,11 @@ from voxgran.settling.stages import TOUCHING, Settler
 
 #: largest solid fraction of the column, and the largest one in that of the bed
 FULLEST, LOOSER = 0.52, 0.87
+#: why grains are left out, and what helps
+NO_ROOM = (
+    "no more are expected to come to rest below the top of the container, or below the height that is asked for; ask "
+    "for less, or take smaller grains or a higher or wider container"
+)
 #: largest size of a grain at the beginning, in sizes at which its bounding sphere is its seed
 APART = 0.98
 
@@ -126,6 +131,7 @@ def _start(problem: Problem) -> tuple[Assembly, Floats, Floats]:
     # as many grains, in the order in which they were drawn, as there is room for
     volume = np.cumsum(problem.volumes)
     n = int(np.searchsorted(volume, _most_volume(problem, up), side="right"))
+    n = in_column(problem, up, n, _height(problem, up), stream(problem.seed, "column"))
     total = float(volume[n - 1]) if n else 0.0
     fill = min(settings.fill, LOOSER * usual_solid_fraction(problem)) if n else settings.fill
     top = column_top(container, up, total / fill, generator) if n else 0.0
@@ -233,4 +239,5 @@ registration = PackingMethod(
     finish=finish,
     cost=cost,
     dimensions=(2, 3),
+    no_room=NO_ROOM,
 )

@@ -8,11 +8,13 @@ from voxgran._base.arrays import WHOLE, Booleans, Floats, Integers
 from voxgran._base.errors import InputError, TooLargeError
 from voxgran.containers.model import UNKNOWN, Container, boundary_of
 from voxgran.lattice.grid import Grid, check_voxel_size
-from voxgran.packing.problem import Problem
+from voxgran.packing.problem import COARSEST, Problem
 from voxgran.voxels.occupy import occupy
 
 #: voxels of a container at the most, one bit each
 MOST_VOXELS = 2**40
+#: expected processor time of a search, in seconds, beyond which voxels are larger by default
+LONG = 10.0
 #: orientations in the bank of a grain at the most
 MOST_ORIENTATIONS = 10**6
 
@@ -37,7 +39,7 @@ def container_lattice(problem: Problem) -> ContainerLattice:
         If there are more than 2**40 voxels.
     """
     container, asked = problem.container, problem.parameters.voxel_size
-    voxel_size = problem.parameters.usual_voxel_size if asked is None else problem.length(asked)
+    voxel_size = _usual_voxel_size(problem) if asked is None else problem.length(asked)
     lower, upper = container.bounds
     lengths = (upper - lower)[: container.dimension]
     if float(np.log2(np.maximum(lengths / voxel_size, 1.0)).sum()) > np.log2(MOST_VOXELS):
@@ -51,6 +53,17 @@ def container_lattice(problem: Problem) -> ContainerLattice:
     counts = np.ones(3, dtype=np.int64)
     counts[: container.dimension] = np.maximum(np.floor(lengths / size + WHOLE), 1)
     return ContainerLattice(lower.copy(), float(size), counts)
+
+
+def _usual_voxel_size(problem: Problem) -> float:
+    """Return the default voxel size: that of the method, or a larger one where the search would take long with it.
+
+    It is no larger than a tenth of the median diameter.
+    """
+    size, seconds = problem.parameters.usual_voxel_size, getattr(problem.parameters, "expected_seconds", None)
+    while seconds is not None and size < COARSEST and seconds(problem, size) > LONG:
+        size = min(1.1 * size, COARSEST)
+    return float(size)
 
 
 def _dividing_size(lengths: Floats, voxel_size: float, unit: float) -> float:

@@ -15,7 +15,7 @@ two-dimensional irregular packing problem, doi:10.1287/opre.1060.0293.
 
 from collections.abc import Iterator
 from dataclasses import dataclass
-from typing import ClassVar, Literal, TypeAlias
+from typing import Any, ClassVar, Literal, TypeAlias
 
 import numpy as np
 
@@ -26,6 +26,7 @@ from voxgran._base.seeds import below, philox_block, philox_key, stream
 from voxgran._base.stopping import stop_if_asked
 from voxgran.packing.digital.bit_columns import Canvas
 from voxgran.packing.digital.container_lattice import ContainerLattice, container_lattice, free_voxels
+from voxgran.packing.digital.expected_time import filling_seconds
 from voxgran.packing.digital.feasible_places import (
     Room,
     Table,
@@ -80,9 +81,13 @@ class DigitalFill(LatticeSearch):
     """
 
     usual_voxel_size: ClassVar[float] = 1 / 20
+    expected_seconds: ClassVar[Any] = staticmethod(filling_seconds)
 
     voxel_size: float | None = parameter(
-        None, doc="edge of a voxel; default: 1/20 of the median diameter", unit="length", above=0.0
+        None,
+        doc="edge of a voxel; default: 1/20 of the median diameter, up to 1/10 where the search would take long",
+        unit="length",
+        above=0.0,
     )
     place: Literal["lowest", "contact", "wall"] = parameter(
         "lowest",
@@ -114,7 +119,7 @@ def prepare(problem: Problem) -> State:
     n = 0 if problem.start is None else problem.start.count
     waiting = n + stream(problem.seed, "order").permutation(problem.count - n)
     if problem.parameters.order == "largest":
-        waiting = waiting[np.argsort(-problem.volumes[waiting], kind="stable")]
+        waiting = problem.largest_first(waiting)
     arrays = {
         "site": np.zeros((problem.count, 3), dtype=np.int64),
         "member": np.full(problem.count, -1, dtype=np.int64),
@@ -170,6 +175,7 @@ def cost(problem: Problem) -> Cost:
     shells = 9 * voxels if problem.parameters.place == "wall" else 0
     return Cost(
         memory=int(voxels / 8 * number_of_poses(problem) * 1.3 + shells + 3 * voxels + problem.byte_limit),
+        seconds=filling_seconds(problem, lattice.voxel_size),
         attempts=problem.count - starting,
         voxelized_shapes=len(kinds_of(problem)[1]) * problem.parameters.orientations + starting,
     )

@@ -1,7 +1,7 @@
 """Parameters of digital packing, and those that methods share which search the whole lattice."""
 
 from dataclasses import dataclass
-from typing import ClassVar, Literal
+from typing import Any, ClassVar, Literal
 
 from voxgran._base.config import check_bounds, parameter
 from voxgran._base.errors import InputError
@@ -100,6 +100,7 @@ class LatticeSearch:
     """
 
     usual_voxel_size: ClassVar[float]
+    expected_seconds: ClassVar[Any]  # of a problem and a voxel size in median diameters
 
     voxel_size: float | None = parameter(None, doc="edge of a voxel", unit="length", above=0.0)
     cover: Literal["touch", "center"] = parameter(

@@ -12,7 +12,7 @@ doi:10.1103/RevModPhys.65.1281
 """
 
 from dataclasses import dataclass
-from typing import ClassVar
+from typing import Any, ClassVar
 
 import numpy as np
 
@@ -22,6 +22,7 @@ from voxgran._base.errors import TooLargeError
 from voxgran._base.seeds import philox_key, stream
 from voxgran.packing.digital.bit_columns import Canvas
 from voxgran.packing.digital.container_lattice import ContainerLattice, container_lattice, free_voxels
+from voxgran.packing.digital.expected_time import addition_seconds
 from voxgran.packing.digital.oriented_voxels import (
     OrientedVoxels,
     enter_start,
@@ -53,9 +54,13 @@ class DigitalRsa(LatticeSearch):
     """
 
     usual_voxel_size: ClassVar[float] = 1 / 16
+    expected_seconds: ClassVar[Any] = staticmethod(addition_seconds)
 
     voxel_size: float | None = parameter(
-        None, doc="edge of a voxel; default: 1/16 of the median diameter", unit="length", above=0.0
+        None,
+        doc="edge of a voxel; default: 1/16 of the median diameter, up to 1/10 where the search would take long",
+        unit="length",
+        above=0.0,
     )
 
 
@@ -134,6 +139,7 @@ def cost(problem: Problem) -> Cost:
     starting = 0 if problem.start is None else problem.start.count
     return Cost(
         memory=int(np.prod(lattice.shape) / 2 + 2**23),
+        seconds=addition_seconds(problem, lattice.voxel_size),
         attempts=candidates + problem.count,
         voxelized_shapes=len(kinds_of(problem)[1]) * problem.parameters.orientations + starting,
     )

@@ -64,6 +64,7 @@ from voxgran.packing.rsa.precompute import (
     Precomputed,
     coordinate_count,
     has_true_shapes,
+    order_of,
     precompute,
     refuse_moves,
     searches,
@@ -124,8 +125,10 @@ class Rsa:
     corrections: int = parameter(
         2, doc="largest number of moves of a candidate, in schemes 1, 3, 4b and 4d", at_least=1
     )
-    order: Literal["given", "largest", "random"] = parameter(
-        "given", doc="order of insertion: as drawn, largest first, or random"
+    order: Literal["given", "largest", "random"] | None = parameter(
+        None,
+        doc="order of insertion: as drawn, largest first, or random; if omitted, as drawn, except that scheme classic "
+        "puts the largest first if a solid fraction is requested, since more then find room",
     )
     along: Literal["x", "y", "z"] = parameter("x", doc="axis along which coordinates are sorted")
     numbers: Literal["philox", "lcg"] = parameter(
@@ -241,7 +244,10 @@ def finish(problem: Problem, state: State) -> Packing:
         placed,
         position=arrays["position"][placed],
         orientation=arrays["orientation"][placed] if "orientation" in arrays else None,
-        provenance={"saturation": proof_of(problem, state)} if proof else {},
+        provenance={
+            "parameters": {"order": order_of(problem)},
+            **({"saturation": proof_of(problem, state)} if proof else {}),
+        },
         stop_reason=state.stop_reason,
     )
 

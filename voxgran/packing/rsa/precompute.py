@@ -193,12 +193,19 @@ def _half_of_box(shape: Shape) -> Floats:
     )
 
 
+def order_of(problem: Problem) -> str:
+    """Return the order in which the grains are inserted."""
+    if problem.parameters.order is not None:
+        return str(problem.parameters.order)
+    return "largest" if searches(problem) and problem.asked_fraction is not None else "given"
+
+
 def queue_of(problem: Problem, half: Floats, walls: KernelContainer) -> NDArray[np.int32]:
     """Return the grains to be placed, in their order, without those that are certainly wider than the container."""
-    queue = np.arange(problem.started, problem.count, dtype=np.int32)
-    if problem.parameters.order == "largest":
-        queue = queue[np.argsort(-problem.volumes[queue], kind="stable")]
-    elif problem.parameters.order == "random":
+    queue, order = np.arange(problem.started, problem.count, dtype=np.int32), order_of(problem)
+    if order == "largest":
+        queue = problem.largest_first(queue)
+    elif order == "random":
         queue = queue[stream(problem.seed, "order").permutation(len(queue))]
     across = slice(0, problem.dimension)
     return queue[(2 * half[queue, across] <= walls.lengths[across] + walls.slack).all(axis=1)]

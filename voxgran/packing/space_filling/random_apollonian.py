@@ -54,8 +54,8 @@ from voxgran.packing.space_filling.true_apollonian import (
 #: bytes of a grain (measured), and estimate of the largest number of attempts per grain
 GRAIN_BYTES, ATTEMPTS = 400, 10_000
 #: shares of the shortest edge of the container: the smallest diameter if neither count nor solid fraction is asked for,
-#: and the largest one of grains that shift or are rotated
-SMALLEST, SHIFTED = 0.02, 0.25
+#: and the largest one. A square could fill a periodic square otherwise, and a sphere that shifts a spherical container
+SMALLEST, LARGEST = 0.02, 0.25
 #: largest smallest diameter that is a default, in largest ones
 BELOW = 0.1
 #: orientation of a grain that is not rotated
@@ -91,8 +91,7 @@ class RandomApollonian:
     )
     largest: float | None = parameter(
         None,
-        doc="largest diameter; default: none without shift and rotate, otherwise a quarter of the shortest edge of the"
-        " container",
+        doc="largest diameter; default: a quarter of the shortest edge of the container",
         unit="length",
         above=0.0,
     )
@@ -182,19 +181,27 @@ def all_spheres(problem: Problem) -> bool:
 
 
 def _limits(problem: Problem) -> Floats:
-    """Return the smallest and the largest diameter, the factor on the largest that fits, and the asked volume."""
+    """Return the smallest and the largest diameter, the factor on the largest that fits, and the asked volume.
+
+    Raises
+    ------
+    InputError
+        If the smallest diameter is above the largest one by default.
+    """
     settings: RandomApollonian = problem.parameters
     edges = (problem.container.bounds[1] - problem.container.bounds[0])[: problem.dimension]
-    # in a round container a sphere that shifts goes to the middle, and would fill it all; so does a box in a box
-    grows = settings.shift or (settings.rotate and not all_spheres(problem))
-    largest = SHIFTED * float(edges.min()) if grows else math.inf
-    if settings.largest is not None:
-        largest = problem.length(settings.largest)
+    largest = LARGEST * float(edges.min()) if settings.largest is None else problem.length(settings.largest)
     smallest = 0.0
     if settings.smallest is not None:
         smallest = problem.length(settings.smallest)
     elif not problem.target:
         smallest = min(SMALLEST * float(edges.min()), BELOW * largest)
+    if smallest > largest:
+        unit = problem.unit_length
+        raise InputError(
+            f"smallest is {smallest * unit:g}, and largest is by default {largest * unit:g}, a quarter of the shortest "
+            "edge of the container: no diameter is between; give largest"
+        )
     asked = math.inf if problem.asked_fraction is None else problem.asked_fraction * problem.container.volume
     return np.array([smallest, largest, 1.0 - settings.shrink, asked])
 
@@ -253,7 +260,14 @@ def spheres_packing(problem: Problem, grains: Integers, spheres: Floats, stop_re
 
 
 def cost(problem: Problem) -> Cost:
-    """Return the cost of a run."""
+    """Return the cost of a run.
+
+    Raises
+    ------
+    InputError
+        If the smallest diameter is above the largest one by default.
+    """
+    _limits(problem)
     return Cost(memory=GRAIN_BYTES * problem.count + 2**22, attempts=ATTEMPTS * problem.count + PATIENCE)
 
 

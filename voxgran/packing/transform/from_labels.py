@@ -15,7 +15,7 @@ from voxgran._base.warning import warn
 from voxgran.containers.box import Box
 from voxgran.lattice.census import census
 from voxgran.packing.model import Packing
-from voxgran.shapes.images.image_files import Image, voxel_sizes
+from voxgran.shapes.images.image_files import Image, voxel_sizes, voxel_unit
 from voxgran.shapes.images.labels import LabelledGrain, image_of, labelled_grains
 
 
@@ -58,7 +58,7 @@ def packing_of_labels(
         Where gravity acts in the sample, an axis such as ``"-z"`` or any vector; default: nowhere. With it measures
         leave out the room above the grains, as of any bed.
     unit : str, optional
-        Unit of the voxel size.
+        Unit of the voxel size; default: as the file says, where its voxel size is taken.
     key : str, optional
         Which array of an ``.npz`` or ``.vti`` file.
     on_step : callable, optional
@@ -99,6 +99,7 @@ def packing_of_labels(
     """
     turns = as_periodic(periodic)
     image = image_of(source, key)
+    unit = voxel_unit(unit, voxel_size, image)
     how: dict[str, Any] = {"border": border, "surface": surface, "periodic": turns}
     how["smoothing"] = as_number(smoothing, "smoothing")
     grains = list(labelled_grains(image, voxel_size=voxel_size, unit=unit, fitted=True, on_step=on_step, **how))

@@ -132,5 +132,6 @@ def _examine_bed(walker: Walker[S], problem: Problem, state: S) -> None:
     settled = walker.has_settled(problem, state) or not gravity_vector(problem).any()
     vibrated = state.done - (state.feeding_ended_at or 0) >= problem.parameters.sweeps * state.placed
     if (settled and vibrated) or state.done >= state.total:
-        reason = "settled" if settled and vibrated else "steps"
+        # that nothing sinks any more proves no rest
+        reason = "count" if settled and vibrated else "steps"
         state.stop_reason = reason if state.has_all else "full"

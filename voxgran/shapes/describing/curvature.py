@@ -1,5 +1,8 @@
 """Curvature of the surface of a shape: its largest value, and roundness, which compares corners with the inside."""
 
+import math
+from typing import NamedTuple
+
 import numpy as np
 
 from voxgran._base.arrays import Floats, Integers
@@ -8,12 +11,23 @@ from voxgran.shapes.describing.inscribed import inscribed_radius
 from voxgran.shapes.model import Shape
 from voxgran.shapes.outline import Outline
 from voxgran.shapes.primitive import Primitive
+from voxgran.shapes.sphere_union import exposed_areas
 from voxgran.shapes.spheres import Spheres
 
 #: angle between neighbouring faces (in 2D edges) above which their edge is sharp, in degrees
 SHARP = 30.0
 #: radius of curvature, in radii of the inscribed sphere, below which the surface belongs to a corner
 CORNER = 0.98
+#: vertices of a mesh are coarse where their edges, those of more than STEEP degrees left out, turn through more than so
+#: many degrees together, and corners of a polygon where they and their neighbours do; it is too coarse for a curvature
+#: if they have more than this share of the angle through which its corners turn
+COARSE, COARSE_OUTLINE, STEEP, MOST_COARSE = 90.0, 60.0, 60.0, 0.75
+#: the same for vertices such as the apex of a cone, whose smooth edges alone turn through more than so many degrees
+POINTED, MOST_POINTED = 180.0, 0.1
+#: triangles of a mesh, and corners of a polygon, up to which all edges may well be sharp
+POLYHEDRON, POLYGON = 50, 8
+#: points in an octant of an ellipsoid
+RINGS, AROUND = 4_000, 64
 
 
 def largest_curvature(geometry: Geometry) -> float | None:
@@ -32,14 +46,24 @@ def largest_curvature(geometry: Geometry) -> float | None:
     return None
 
 
+class Bends(NamedTuple):
+    """Parts of a surface, (n,) each, or in 2D of a line."""
+
+    size: Floats  # area, in 2D length
+    angle: Floats  # size times curvature; where the surface turns inward 0
+    curvature: Floats  # the larger principal one
+    coarse: Floats  # from 0 to 1: how far sharp edges and a smooth surface look alike
+
+
 def roundness(shape: Shape) -> float:
     """Return the roundness of a shape: the mean radius of curvature of its corners over that of its inscribed sphere.
 
     Corners are where the surface bulges with a radius of curvature below that of the largest inscribed sphere (in 2D,
     the inscribed circle). The mean weights each part of them by the angle through which the surface turns there: a
     shape whose corners all have the radius r gets r over the inscribed radius, one with sharp edges only gets 0, and
-    one without corners 1. Edges of more than 30 degrees are sharp; smaller ones are taken for a smooth surface. NaN for
-    an open surface.
+    one without corners 1. Regular solids and unions of spheres have their own curvature. Of meshes and polygons, edges
+    of more than 30 degrees are sharp; smaller ones are taken for a smooth surface. NaN for an open surface, and for a
+    mesh or polygon so coarse that sharp edges and a smooth surface look alike.
 
     References
     ----------
@@ -47,22 +71,67 @@ def roundness(shape: Shape) -> float:
     .. [2] Zheng & Hryciw 2015, doi:10.1680/geot.14.P.192: corners and inscribed circles by computational geometry
     .. [3] Cohen-Steiner & Morvan 2003, doi:10.1145/777792.777839: curvature tensors of triangle meshes
     """
+    geometry = shape.geometry
     if shape.is_open:
         return float("nan")
-    if shape.is_sphere:
+    if shape.is_sphere or (isinstance(geometry, Outline) and geometry.kind == "disk"):
         return 1.0
     inside = inscribed_radius(shape)
-    if isinstance(shape.geometry, Outline):
-        size, angle, curvature = _bends_of_outline(shape.geometry.vertices)
+    least = 1 / (CORNER * inside)
+    if isinstance(geometry, Primitive) and geometry.kind != "ellipsoid":
+        # no sphere in a cylinder is wider than its barrel, which is therefore no corner
+        return _of_cone(geometry, inside, least) if geometry.kind == "cone" else 0.0
+    if isinstance(geometry, Primitive):
+        bends = _bends_of_ellipsoid(geometry.dimensions)
+    elif isinstance(geometry, Spheres):
+        size = exposed_areas(geometry.centers, geometry.radii)
+        bends = Bends(size, size / geometry.radii, 1 / geometry.radii, np.zeros(len(size)))
+    elif isinstance(geometry, Outline):
+        bends = _bends_of_outline(geometry.vertices)
     else:
-        size, angle, curvature = _bends_of_mesh(shape.vertices, shape.faces)
-    corner = curvature * inside * CORNER > 1
-    total = float(angle[corner].sum())
-    return float(size[corner].sum() / (inside * total)) if total > 0 else 1.0
+        bends = _bends_of_mesh(shape.vertices, shape.faces)
+    corner = bends.curvature > least
+    total = float(bends.angle[corner].sum())
+    if total <= 0:
+        return 1.0
+    if float((bends.coarse * bends.angle)[corner].sum()) > MOST_COARSE * total:
+        return float("nan")
+    return float(bends.size[corner].sum() / (inside * total))
 
 
-def _bends_of_outline(corners: Floats) -> tuple[Floats, Floats, Floats]:
-    """Return length, angle and curvature of the parts of a polygon that bulge; sharp corners have no length."""
+def _of_cone(cone: Primitive, inside: float, least: float) -> float:
+    """Return the roundness of a cone, of which the rim and the mantle near the apex are corners."""
+    radius, height = cone.dimensions
+    slant = math.hypot(radius, height)
+    # the curvature of the mantle is that of its section times the cosine of half the opening angle
+    widest = height / slant / least
+    size = math.pi * widest**2 * slant / radius
+    angle = 2 * math.pi * (widest * height / radius + radius * math.acos(-radius / slant))
+    return size / (inside * angle)
+
+
+def _bends_of_ellipsoid(semi_axes: tuple[float, ...]) -> Bends:
+    """Return the parts of an octant of an ellipsoid."""
+    longest = max(semi_axes)
+    c, b, a = sorted(value / longest for value in semi_axes)
+    # rings are dense at the edge of a flat ellipsoid
+    step = math.asinh(1 / c) / RINGS
+    turn = (np.arange(RINGS)[:, None] + 0.5) * step
+    around = (np.arange(AROUND) + 0.5) * (math.pi / 2 / AROUND)
+    z = c * np.sinh(turn)
+    flat = np.sqrt(1 - z**2)
+    x, y = flat * np.cos(around), flat * np.sin(around)
+    # distance of the tangent plane from the center; mean and Gaussian curvature
+    plane = 1 / np.sqrt((x / a) ** 2 + (y / b) ** 2 + (z / c) ** 2)
+    squares = a**2 + b**2 + c**2 - (a * x) ** 2 - (b * y) ** 2 - (c * z) ** 2
+    mean, gauss = plane**3 * squares / (2 * (a * b * c) ** 2), plane**4 / (a * b * c) ** 2
+    curvature = (mean + np.sqrt(np.maximum(mean**2 - gauss, 0.0))).ravel()
+    area = (a * b * c / plane * c * np.cosh(turn) * step * (math.pi / 2 / AROUND)).ravel()
+    return Bends(area * longest**2, area * curvature * longest, curvature / longest, np.zeros(len(area)))
+
+
+def _bends_of_outline(corners: Floats) -> Bends:
+    """Return the surroundings of the corners of a polygon; sharp ones have no length."""
     edges = np.roll(corners, -1, axis=0) - corners
     before = np.roll(edges, 1, axis=0)
     angle = np.arctan2(before[:, 0] * edges[:, 1] - before[:, 1] * edges[:, 0], (before * edges).sum(axis=1))
@@ -70,11 +139,15 @@ def _bends_of_outline(corners: Floats) -> tuple[Floats, Floats, Floats]:
     length = (lengths + np.roll(lengths, 1)) / 2
     sharp = angle > np.radians(SHARP)
     curvature = np.where(sharp, np.inf, angle / length)
-    return np.where(sharp, 0.0, length), np.maximum(angle, 0.0), curvature
+    # each corner with its two neighbours
+    turned = np.where(np.abs(angle) < np.radians(STEEP), np.abs(angle), 0.0)
+    total = np.roll(turned, -1) + turned + np.roll(turned, 1)
+    coarse = (total > np.radians(COARSE_OUTLINE)) & (len(corners) > POLYGON)
+    return Bends(np.where(sharp, 0.0, length), np.maximum(angle, 0.0), curvature, coarse.astype(np.float64))
 
 
-def _bends_of_mesh(vertices: Floats, faces: Integers) -> tuple[Floats, Floats, Floats]:
-    """Return area, area times curvature, and curvature of the parts of a closed mesh that bulge.
+def _bends_of_mesh(vertices: Floats, faces: Integers) -> Bends:
+    """Return the parts of a closed mesh.
 
     They are the sharp edges, which have no area and infinite curvature, and the surroundings of the vertices with their
     larger principal curvature.
@@ -107,6 +180,29 @@ def _bends_of_mesh(vertices: Floats, faces: Integers) -> tuple[Floats, Floats, F
         np.add.at(around, a, tensor[b])
         np.add.at(room, a, area[b])
     curvature = np.linalg.eigvalsh(around)[:, 2] / np.maximum(room, 1e-300)
-    size = np.concatenate([area, np.zeros(int(sharp.sum()))])
-    turned = np.concatenate([area * np.maximum(curvature, 0.0), (angle * length)[sharp]])
-    return size, turned, np.concatenate([curvature, np.full(int(sharp.sum()), np.inf)])
+    coarse = _coarse(np.stack([begin[one], end[one]], axis=1), angle, length, len(vertices))
+    if len(faces) <= POLYHEDRON:
+        coarse[:] = 0.0
+    edges = np.flatnonzero(sharp)
+    return Bends(
+        size=np.concatenate([area, np.zeros(len(edges))]),
+        angle=np.concatenate([area * np.maximum(curvature, 0.0), (angle * length)[edges]]),
+        curvature=np.concatenate([curvature, np.full(len(edges), np.inf)]),
+        coarse=np.concatenate([coarse, coarse[np.stack([begin[one], end[one]])[:, edges]].mean(axis=0)]),
+    )
+
+
+def _coarse(ends: Integers, angle: Floats, length: Floats, count: int) -> Floats:
+    """Return which of the vertices (count,) are coarse, 0 or 1; all of them, where pointed ones have much of the angle.
+
+    `ends` (m, 2), `angle` in radians and `length` are those of the edges.
+    """
+
+    def around(values: Floats) -> Floats:
+        return np.asarray(np.bincount(ends.ravel(), np.repeat(values, 2), count), dtype=np.float64)
+
+    turn, part = np.abs(angle), around(np.maximum(angle, 0.0) * length)
+    pointed = around(np.where(turn <= np.radians(SHARP), turn, 0.0)) > np.radians(POINTED)
+    if part[pointed].sum() > MOST_POINTED * part.sum():
+        return np.ones(count)
+    return np.asarray(around(np.where(turn < np.radians(STEEP), turn, 0.0)) > np.radians(COARSE), dtype=np.float64)

@@ -24,6 +24,9 @@ from voxgran._base.arrays import LONGEST, SHORTEST, Floats, as_positive
 from voxgran._base.errors import FileFormatError, InputError, with_article
 from voxgran._base.files import as_path, existing_file, output_suffix, written_whole
 from voxgran._base.units import known_unit
+from voxgran.shapes.formats.columns import columns_of, places_of
+from voxgran.shapes.formats.mesh_files import READERS as MESHES
+from voxgran.shapes.images.image_files import READERS as IMAGES
 from voxgran.shapes.model import Shape
 from voxgran.shapes.primitive import Primitive
 from voxgran.shapes.spheres import MassProperties, Spheres
@@ -33,17 +36,21 @@ log = logging.getLogger(__name__)
 #: suffixes of tables, of lines for YADE, and of molecules
 TABLES, LINES, MOLECULES = (".csv",), (".txt", ".xyzr"), (".mol", ".molecule")
 SUFFIXES = (*TABLES, *LINES, *MOLECULES)
+#: suffixes of point clouds, whose rows of four numbers are no spheres
+CLOUDS = (".xyz", ".xyzn")
+#: bytes that are looked at to recognize a file
+HEAD = 4096
 #: largest number of spheres of a clump in a file
 MOST_SPHERES = 20_000
 #: distance of the centroid from the origin, in bounding radii, up to which a file is centered
 CENTERED = 1e-13
 #: places of xx, yy, zz, xy, xz, yz in a tensor
 PLACES = ((0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2))
-#: names of columns, in small letters
-COLUMNS = {"x": 0, "y": 1, "z": 2, "r": 3, "radius": 3, "d": -3, "diameter": -3, "clumpid": 4, "clump": 4, "id": 4}
+#: place of what a named column holds, -3 for a diameter
+COLUMNS = {"x": 0, "y": 1, "z": 2, "r": 3, "d": -3, "clump": 4}
 #: comment of a molecule file whose mass properties are those of the union of its spheres
 OF_UNION = "# mass properties of the union"
-_COMMENT = re.compile(r"#\s*(volume|centroid|inertia|unit)\s*=\s*(.*)")
+_COMMENT = re.compile(r"#\s*(?:(volume|centroid|inertia|unit)\s*=|(unit)\s)\s*(.*)")
 _NUMBER = re.compile(r"[-+.0-9]")
 
 
@@ -80,7 +87,7 @@ class _Found:
         self.of_union = self.of_union or line.strip() == OF_UNION
         if found is None:
             return
-        name, text = found[1], found[2].strip()
+        name, text = found[1] or found[2], found[3].strip()
         if name == "unit":
             self.unit = known_unit(text)
             return
@@ -106,6 +113,28 @@ class _Found:
                 "spheres with vg.load"
             )
         self.rows.append(values)
+
+
+def is_spheres(path: Path) -> bool:
+    """Return whether a file holds the spheres of a clump, by its suffix or, where no format has that, its content."""
+    suffix = path.suffix.lower()
+    if suffix in (*SUFFIXES, *MESHES, *IMAGES, *CLOUDS) or not path.is_file():
+        return suffix in SUFFIXES
+    with path.open("rb") as file:
+        lines = file.read(HEAD).decode("utf-8", errors="replace").splitlines()
+    words = next((re.split(r"[,;\s]+", text) for line in lines if (text := line.partition("#")[0].strip())), [])
+    rows = len(words) in (4, 5) and all(_is_number(word) for word in words)
+    named = {"x", "y", "z"} <= (names := places_of(words).keys()) and bool({"r", "d"} & names)
+    return rows or named or any(re.match(r"\s*Coords\b", line) for line in lines)
+
+
+def _is_number(word: str) -> bool:
+    """Return whether a word is a number."""
+    try:
+        float(word)
+    except ValueError:
+        return False
+    return True
 
 
 def read_spheres(path: str | os.PathLike[str], *, unit: str | None = None) -> Shape:
@@ -183,7 +212,7 @@ def _tensor(values: list[float]) -> Floats:
 
 def _read_table(found: _Found, lines: list[str]) -> dict[str, list[float]]:
     """Read the rows of a table with or without names of columns, separated by commas, semicolons or blanks."""
-    columns: list[int | None] | None = None
+    columns: list[tuple[int, float] | None] | None = None
     for number, line in enumerate(lines, 1):
         text = line.partition("#")[0].strip()
         if not text:
@@ -198,10 +227,9 @@ def _read_table(found: _Found, lines: list[str]) -> dict[str, list[float]]:
                 continue
         if len(words) != len(columns):
             raise found.refused(number, text, f"has {len(words)} values, the first line {len(columns)}")
-        needed = [(place, word) for place, word in zip(columns, words, strict=True) if place is not None]
-        values = dict(
-            zip((p for p, _ in needed), found.numbers((w for _, w in needed), number, "is no x y z r"), strict=True)
-        )
+        needed = [(column, word) for column, word in zip(columns, words, strict=True) if column is not None]
+        given = found.numbers((word for _, word in needed), number, "is no x y z r")
+        values = {place: factor * value for ((place, factor), _), value in zip(needed, given, strict=True)}
         radius = values[3] if 3 in values else values[-3] / 2
         found.sphere([values[0], values[1], values[2], radius], number)
         if 4 in values:
@@ -209,19 +237,23 @@ def _read_table(found: _Found, lines: list[str]) -> dict[str, list[float]]:
     return {}
 
 
-def _columns(found: _Found, words: list[str], number: int) -> list[int | None]:
-    """Return what each column is: its place in x, y, z, r, clump, -3 for a diameter, or None."""
+def _columns(found: _Found, words: list[str], number: int) -> list[tuple[int, float] | None]:
+    """Return what each column is: its place in x, y, z, r, clump, -3 for a diameter, with the factor that brings it to
+    the unit of the others, or None.
+    """
     if _NUMBER.match(words[0]):
         if len(words) not in (4, 5):
             raise found.refused(
                 number, " ".join(words), f"has {len(words)} values: a line is x y z r or x y z r clumpId"
             )
-        return list(range(len(words)))
-    columns = [COLUMNS.get(re.sub(r"[\[(].*", "", word[:40]).strip().lower()) for word in words]
-    known = [place for place in columns if place is not None]
-    if len(set(known)) < len(known) or not {0, 1, 2} <= set(known) or (3 in known) == (-3 in known):
+        return [(place, 1.0) for place in range(len(words))]
+    named = ["clump" if word.lower() == "id" else word for word in words]
+    known = columns_of(named, f"{found.path}, line {number}", stated=found.unit)
+    if not {"x", "y", "z"} <= known.places.keys() or ("r" in known.places) == ("d" in known.places):
         raise found.refused(number, " ".join(words), "does not name the columns x, y, z and r once each")
-    return columns
+    found.unit = found.unit or known_unit(known.unit)
+    by_place = {known.places[name]: (COLUMNS[name], known.factors.get(name, 1.0)) for name in known.places}
+    return [by_place.get(place) for place in range(len(words))]
 
 
 def _read_molecule(found: _Found, lines: list[str]) -> dict[str, list[float]]:

@@ -14,7 +14,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike
 
-from voxgran._base.arrays import Floats, Integers, as_number, as_positive, as_vector, check_type
+from voxgran._base.arrays import Floats, Integers, as_length, as_number, as_positive, as_share, as_vector, check_type
 from voxgran._base.calls import explained
 from voxgran._base.errors import InputError, TooLargeError
 from voxgran.geometry.triangles import areas_of
@@ -150,10 +150,10 @@ def spherize(
         )
     inflation = Inflation(
         middle,
-        as_positive(radius, "radius"),
-        as_number(amount, "amount", above=0.0, at_most=1.0),
+        as_length(radius, "radius"),
+        as_share(amount, "amount"),
         along / np.linalg.norm(along),
-        math.radians(as_number(half_angle, "half_angle", above=0.0, at_most=180.0)),
+        math.radians(as_number(half_angle, "half_angle", at_least=1e-6, at_most=180.0)),
     )
     vertices, faces, reached = inflated(shape.vertices, shape.faces, inflation, longest)
     record = {"amount": reached}

@@ -35,7 +35,7 @@ def voxel_solid(
         If the diameter and the edge are both given, or one is not above 0.
     """
     refuse_both(diameter, (("edge", edge),), aspect=None)
-    vertices, faces = voxel_surface(_cut(mask), apart=0.0)
+    vertices, faces = voxel_surface(_cut(mask))
     if edge is not None:
         return Shape.of(Mesh(vertices * as_positive(edge, "edge"), faces), name=name, record=record)
     return sized(Mesh(vertices, faces), diameter, name=name, record=record)

@@ -12,11 +12,13 @@ from numpy.typing import NDArray
 
 from voxgran._base.arrays import check_lengths, float_array
 from voxgran._base.calls import explained
-from voxgran._base.errors import FileFormatError, InputError, MissingLibraryError, shown
+from voxgran._base.errors import FileFormatError, InputError, MissingLibraryError, TooLargeError, shown
 from voxgran._base.files import existing_file
 from voxgran._base.guarded import Content, read_guarded, refused
 from voxgran._base.lazy import load
+from voxgran._base.machine import memory_limit
 from voxgran._base.registry import ExplainedAttributes
+from voxgran._base.units import as_unit, known_unit, unit_factor
 from voxgran._base.vtk_readers import chosen_name, vtk_image
 
 
@@ -32,11 +34,14 @@ class Image(ExplainedAttributes):
         Edges of a voxel, where the file tells.
     origin : (3,) tuple of float
         Lower corner of voxel (0, 0, 0).
+    unit : str or None
+        Unit of these lengths, where the file tells, as a ``.nrrd`` file may.
     """
 
     values: NDArray[Any]
     voxel_size: tuple[float, float, float] | None = None
     origin: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    unit: str | None = None
 
     def __repr__(self) -> str:
         known = "" if self.voxel_size is None else f", voxel_size={self.voxel_size}"
@@ -106,6 +111,7 @@ def _read_npz(path: Path, key: str | None) -> Image:
     with path.open("rb") as file, np.load(file, allow_pickle=False) as archive:
         name = chosen_name(list(archive.files), key, path)
         _refuse_other_packing(archive.zip, path)
+        _refuse_too_large(archive.zip, name, path)
         return Image(archive[name])
 
 
@@ -123,6 +129,22 @@ def _refuse_other_packing(archive: zipfile.ZipFile, path: Path) -> None:
                 f"{path} holds {shown(member.filename)} compressed by method {member.compress_type}: NumPy writes by "
                 "none or DEFLATE (8); save it again with numpy.savez_compressed"
             )
+
+
+def _refuse_too_large(archive: zipfile.ZipFile, name: str, path: Path) -> None:
+    """Refuse an array that does not fit in memory, which a small file may hold.
+
+    Raises
+    ------
+    TooLargeError
+        If it is larger.
+    """
+    size = max((one.file_size for one in archive.infolist() if one.filename in (name, f"{name}.npy")), default=0)
+    if size > memory_limit():
+        raise TooLargeError(
+            f"{path} of {path.stat().st_size} bytes holds {shown(name)} of {size} bytes: more than the memory; cut it "
+            "into parts"
+        )
 
 
 def _refuse_others(path: Path, begin: bytes) -> None:
@@ -168,23 +190,42 @@ def _read_nrrd(path: Path, key: str | None) -> Image:
     del key
     facts, found = read_guarded(nrrd_values, path)
     size = facts["spacing"]
-    return Image(found["values"].reshape(facts["shape"], order="F"), None if size is None else tuple(size))
+    values = found["values"].reshape(facts["shape"], order="F")
+    return Image(values, None if size is None else tuple(size), unit=facts["unit"])
 
 
 def nrrd_values(path: Path) -> Content:
     """Read the values of a .nrrd file, to be run by `read_guarded`.
 
-    The facts are ``shape`` and ``spacing`` (None if unknown); the array is ``values``, flat, the first axis running
-    fastest.
+    The facts are ``shape``, ``spacing`` and ``unit`` (None if unknown); the array is ``values``, flat, the first axis
+    running fastest.
+
+    Raises
+    ------
+    FileFormatError
+        If its data stand in other files, or the axes have several units of which not all are known.
     """
-    values, header = image_library("nrrd").read(str(path))
+    library = image_library("nrrd")
+    if {"data file", "datafile"} & library.read_header(str(path)).keys():
+        raise FileFormatError(
+            f"{path} only names other files, which may lie anywhere: write header and data as one file"
+        )
+    values, header = library.read(str(path))
     directions = header.get("space directions")
     if directions is not None and np.asarray(directions).shape == (3, 3):
         spacing = np.linalg.norm(np.asarray(directions, dtype=float), axis=1)
     else:
         spacing = np.asarray(header.get("spacings", [np.nan] * 3), dtype=float)
     good = spacing.shape == (3,) and bool(np.isfinite(spacing).all())
-    facts = {"shape": values.shape, "spacing": spacing.tolist() if good else None}
+    told = [str(unit).strip() for unit in header.get("space units") or header.get("units") or [] if str(unit).strip()]
+    known = [known_unit(unit) for unit in told]
+    if good and len(set(told)) > 1:
+        if len(told) < 3 or None in known:
+            raise FileFormatError(
+                f"{path} has axes in {' and '.join(told)[:80]}: where units differ each must be known; write it again"
+            )
+        spacing *= [unit_factor(str(unit), str(known[0])) for unit in known]
+    facts = {"shape": values.shape, "spacing": spacing.tolist() if good else None, "unit": known[0] if known else None}
     return facts, {"values": np.asarray(values).ravel(order="F")}
 
 
@@ -228,6 +269,24 @@ def voxel_sizes(value: Any, image: Image) -> tuple[float, float, float]:
     check_lengths(sizes, "voxel_size")
     x, y, z = np.broadcast_to(sizes, (3,)).tolist()
     return x, y, z
+
+
+def voxel_unit(unit: str | None, value: Any, image: Image) -> str | None:
+    """Return the unit of the edges of a voxel: the one given, or else that of the file whose edges are taken.
+
+    Raises
+    ------
+    InputError
+        If both are known and differ.
+    """
+    told = image.unit if value is None else None
+    if told is None or unit is None:
+        return unit or told
+    if as_unit(unit) != told:
+        raise InputError(
+            f"unit is {shown(unit)} and the file has its voxels in {told}: leave the unit out, or give voxel_size too"
+        )
+    return told
 
 
 READERS: dict[str, Callable[[Path, str | None], Image]] = {

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from voxgran._base.arrays import Booleans, Floats, Integers, as_choice, as_number
+from voxgran._base.arrays import Booleans, Floats, Integers, as_array, as_choice, as_number
 from voxgran._base.axes import Periodic, as_periodic
 from voxgran._base.calls import explained
 from voxgran._base.errors import DirtyMeshError, InputError, PackingWarning
@@ -24,7 +24,7 @@ from voxgran.lattice.census import Census, census
 from voxgran.lattice.cuberille import voxel_surface
 from voxgran.lattice.interfaces import fitted_surface
 from voxgran.lattice.surface import smooth_surface
-from voxgran.shapes.images.image_files import Image, load_image, voxel_sizes
+from voxgran.shapes.images.image_files import Image, load_image, voxel_sizes, voxel_unit
 from voxgran.shapes.mesh import Mesh
 from voxgran.shapes.model import Shape
 from voxgran.shapes.repairing.bodies import split
@@ -86,7 +86,7 @@ def load_labels(
         Axes along which the image repeats, such as ``"xy"``, as of :class:`voxgran.Box`:
         grains go on across these faces, which cut none.
     unit : str, optional
-        Unit of the voxel size; recorded.
+        Unit of the voxel size; recorded. Default: as the file says, where its voxel size is taken.
     key : str, optional
         Which array of an ``.npz`` or ``.vti`` file.
     on_step : callable, optional
@@ -125,6 +125,7 @@ def load_labels(
     [8.0, 27.0]
     """
     image = image_of(source, key)
+    unit = voxel_unit(unit, voxel_size, image)
     how: dict[str, Any] = {"border": border, "surface": surface, "smoothing": smoothing, "periodic": periodic}
     grains = list(labelled_grains(image, voxel_size=voxel_size, unit=unit, fitted=False, on_step=on_step, **how))
     cut = [grain.label for grain in grains if grain.cut]
@@ -203,12 +204,14 @@ def image_of(source: str | os.PathLike[str] | NDArray[Any] | Image, key: str | N
         If there is no such file.
     FileFormatError
         If it is of no known format, or damaged.
+    InputError
+        If it is neither a file, an array nor an image.
     """
     if isinstance(source, str | os.PathLike):
         return load_image(source, key=key)
     if isinstance(source, Image):
         return source
-    return Image(np.asanyarray(source))
+    return Image(as_array(source, "image"))
 
 
 def labelled_grains(

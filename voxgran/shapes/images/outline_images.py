@@ -6,9 +6,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from voxgran._base.arrays import Floats, as_length, as_number
+from voxgran._base.arrays import Floats, as_array, as_choice, as_length, as_number
 from voxgran._base.calls import explained, renamed
-from voxgran._base.errors import InputError, shown
+from voxgran._base.errors import InputError
 from voxgran._base.lazy import load
 from voxgran.shapes.images.image_files import load_image
 from voxgran.shapes.model import Shape
@@ -79,8 +79,7 @@ def load_outlines(
     """
     size = as_length(pixel_size, "pixel_size")
     least = as_number(min_area, "min_area", at_least=0.0)
-    if border not in ("drop", "keep"):
-        raise InputError(f"border is {shown(border)}: particles there are kept or dropped; use 'drop' or 'keep'")
+    as_choice(border, "border", ("drop", "keep"))
     values = _image_of(source, key)
     found = [
         ring * size
@@ -135,7 +134,7 @@ def region_loops(
 def _image_of(source: str | os.PathLike[str] | NDArray[Any], key: str | None) -> NDArray[Any]:
     """Return the values (nx, ny) of an image, checked."""
     values = source if isinstance(source, np.ndarray) else load_image(source, key=key).values
-    values = np.asarray(values)
+    values = as_array(values, "image")
     if values.ndim == 3 and values.shape[2] == 1:
         values = values[:, :, 0]
     if values.ndim != 2 or min(values.shape) < 2:

@@ -6,7 +6,7 @@ import numpy as np
 
 from voxgran._base.arrays import Booleans, Floats, Integers
 from voxgran.geometry.triangles import areas_of
-from voxgran.shapes.shells import FLAT, shell_labels
+from voxgran.shapes.shells import FLAT, inner_point, shell_labels
 from voxgran.shapes.winding import winding_numbers
 
 
@@ -36,7 +36,9 @@ def shells_of(points: Floats, faces: Integers) -> Shells:
     within = np.zeros((count, count), dtype=np.bool_)
     parts = [triangles[label == s] for s in range(count)]
     low, high = (np.array([f(part, axis=(0, 1)) for part in parts]).reshape(-1, 3) for f in (np.min, np.max))
-    inner = np.array([part[0].mean(axis=0) for part in parts]).reshape(-1, 3)
+    largest = [int(areas_of(part).argmax()) for part in parts]
+    inner = np.array([inner_point(part[k], v) for part, k, v in zip(parts, largest, volume.tolist(), strict=True)])
+    inner = inner.reshape(-1, 3)
     for t, part in enumerate(parts):
         reached = np.flatnonzero(((low[t] <= inner) & (inner <= high[t])).all(axis=1))
         reached = reached[reached != t]

@@ -10,9 +10,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from voxgran._base.arrays import Floats, Integers, as_faces
+from voxgran._base.arrays import Floats, Integers, as_faces, float_array
 from voxgran._base.calls import explained
-from voxgran._base.errors import DirtyMeshError, InputError
+from voxgran._base.errors import DirtyMeshError, InputError, shown
 from voxgran._base.lazy import load
 from voxgran._base.registry import ExplainedAttributes
 from voxgran.lattice.label import components
@@ -152,10 +152,10 @@ def diagnose(vertices: "ArrayLike | Any", faces: "ArrayLike | None" = None) -> D
                 f"faces is None and {type(vertices).__name__} has none: give vertices and faces, or a shape"
             )
         vertices, faces = vertices.vertices, vertices.faces
-    points = np.asarray(vertices, dtype=np.float64)
-    if points.ndim != 2 or points.shape[1] != 3:
-        raise InputError(f"vertices has shape {points.shape}: it must have shape (n, 3)")
-    triangles = as_faces(np.asarray(faces), len(points))
+    points = float_array(vertices)
+    if points is None or points.ndim != 2 or points.shape[1] != 3:
+        raise InputError(f"vertices is {shown(vertices)}: it must be an array of numbers of shape (n, 3); give one")
+    triangles = as_faces(faces, len(points))
     bad = int((~np.isfinite(points)).sum())
     if bad or not len(triangles):
         return Diagnosis(faces=len(triangles), not_finite=bad)

@@ -10,10 +10,28 @@ import numpy as np
 from voxgran._base.arrays import Floats, Integers
 from voxgran._base.errors import DirtyMeshError
 from voxgran.geometry.triangles import areas_of
+from voxgran.lattice.label import components
 from voxgran.shapes.shells import half_edges, shell_labels, turned_faces
 
 #: a patch with more than this share of the surface is not left out
 MOST_AREA = 0.1
+
+
+def one_sided(faces: Integers, vertex_count: int) -> tuple[Integers, int]:
+    """Leave out one side of the parts of a surface of which each face is there both ways round; also return the number
+    of faces left out.
+    """
+    corners = np.sort(faces, axis=1)
+    _, first, index, counts = np.unique(corners, axis=0, return_index=True, return_inverse=True, return_counts=True)
+    index = index.reshape(-1)
+    odd = (faces[:, 0] < faces[:, 1]) ^ (faces[:, 1] < faces[:, 2]) ^ (faces[:, 0] < faces[:, 2])
+    even = np.bincount(index, weights=np.where(odd, 1.0, -1.0)) == 0
+    label = components(vertex_count, faces[:, [0, 1]].ravel(), faces[:, [1, 2]].ravel())[faces[:, 0]]
+    double = np.ones(int(label.max(initial=-1)) + 1, dtype=np.bool_)
+    double[label[~(even & (counts == 2))[index]]] = False
+    kept = ~double[label]
+    kept[first] = True
+    return faces[kept], int((~kept).sum())
 
 
 def without_doubles(faces: Integers) -> tuple[Integers, int, int]:

@@ -1,11 +1,12 @@
 """Repair: mend what is certain in a triangle mesh, say what was done, and give up with the reason where it is not.
 
-The steps, in this order: vertices that coincide become one; a surface that only touches itself along edges is parted
-there, which is all; faces without area, faces that stand twice and patches that hang on edges with too many faces go;
-faces are wound alike; small holes are closed; shells without volume go and outer shells are turned outward; faces that
-cut through each other are cut out and the hole is closed; shells that overlap are joined by manifold3d; and one body is
-kept, or all, or several are refused. Every step that did something is one sentence with its numbers, and the result has
-passed the same check as any other shape.
+The steps, in this order: vertices that coincide become one; the second side of a surface that has each face both ways
+round goes; a surface that only touches itself, or solids that touch each other, are parted there, which is all; faces
+without area, faces that stand twice and patches that hang on edges with too many faces go; faces are wound alike; small
+holes are closed; shells without volume go and outer shells are turned outward; faces that cut through each other are
+cut out and the hole is closed; shells that overlap are joined by manifold3d; and one body is kept, or all, or several
+are refused. Every step that did something is one sentence with its numbers, and the result has passed the same check as
+any other shape.
 """
 
 import logging
@@ -27,7 +28,7 @@ from voxgran.shapes.repairing.bodies import outward, shells_of, split, without_f
 from voxgran.shapes.repairing.crossing import crossing_faces
 from voxgran.shapes.repairing.diagnose import IN_PYTHON, Remedies, bounds_solid, merged
 from voxgran.shapes.repairing.holes import closed_loop, extent, hole_loops
-from voxgran.shapes.repairing.patches import without_doubles, without_flaps, without_pinches, wound_alike
+from voxgran.shapes.repairing.patches import one_sided, without_doubles, without_flaps, without_pinches, wound_alike
 from voxgran.shapes.repairing.touching import parted
 from voxgran.shapes.shells import edge_faults, shell_labels
 
@@ -167,7 +168,7 @@ def repaired(
     as_choice(bodies, "bodies", BODIES)
     limit = as_number(max_hole, "max_hole", at_least=0.0)
     given = as_points(vertices, "vertices")
-    triangles = as_faces(np.asarray(faces), len(given))
+    triangles = as_faces(faces, len(given))
     if not len(triangles):
         raise InputError(f"{name} has 0 faces: a solid needs a closed surface; check the file")
     if bounds_solid(given, triangles):
@@ -177,16 +178,21 @@ def repaired(
     used = len(np.unique(triangles))
     corners, triangles = merged(given, triangles, weld=WELD)
     _say(done, used - len(corners), "merged {} vertices that coincide")
+    single, second = one_sided(triangles, len(corners))
+    # sheets that hang beside a solid are left out with both sides
+    if second == len(single) or not edge_faults(single, len(corners))[0]:
+        triangles = single
+        _say(done, second, "left out {} faces, the second side of a surface with two")
     touching = int(edge_faults(triangles, len(corners))[1])
     apart = parted(corners, triangles) if touching else None
-    if apart is not None and bounds_solid(*apart):
-        whole = Shape.from_mesh(*apart, name=name, unit=unit)
-        _say(done, touching, "parted the surface at {} edges along which it touches itself")
-        return Repair(shapes=(whole,), sentences=tuple(done), volume_before=whole.volume, volume=whole.volume)
-    triangles = _cleared(corners, triangles, done)
-    before = _enclosed(corners, triangles)
     rules = _Rules(name, limit, remedies)
-    solids = _chosen(_mended(corners, triangles, rules, done), bodies, rules, done)
+    if apart is not None and all(bounds_solid(*solid) for solid in split(*apart)):
+        _say(done, touching, "parted the surface at {} edges along which it touches itself")
+        before, surface = _enclosed(*apart), apart
+    else:
+        triangles = _cleared(corners, triangles, done)
+        before, surface = _enclosed(corners, triangles), _mended(corners, triangles, rules, done)
+    solids = _chosen(surface, bodies, rules, done)
     names = [name] if len(solids) == 1 else [f"{name}_{k}" for k in range(len(solids))]
     shapes = tuple(Shape.from_mesh(*solid, name=one, unit=unit) for solid, one in zip(solids, names, strict=True))
     for sentence in done:

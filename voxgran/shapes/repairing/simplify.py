@@ -50,7 +50,9 @@ class Simplification(ExplainedAttributes):
     faces_before, faces : int
         Triangles before and after.
     volume_change : float
-        Relative change of the volume by the collapses, which scaling then undid.
+        Relative change of the volume, which is kept up to rounding.
+    collapse_volume_change : float
+        Relative change of the volume by the collapses alone, before the shape was scaled.
     area_change : float
         Relative change of the surface area.
     mean_distance, largest_distance : float
@@ -64,6 +66,7 @@ class Simplification(ExplainedAttributes):
     faces_before: int
     faces: int
     volume_change: float
+    collapse_volume_change: float
     area_change: float
     mean_distance: float
     largest_distance: float
@@ -117,7 +120,7 @@ def simplify(shape: Shape | str | os.PathLike[str], *, faces: int) -> Simplifica
     before = len(solid.faces)
     if before <= most:
         nothing: dict[str, Any] = dict.fromkeys(
-            ("volume_change", "area_change", "mean_distance", "largest_distance"), 0.0
+            ("volume_change", "collapse_volume_change", "area_change", "mean_distance", "largest_distance"), 0.0
         )
         return Simplification(shape=solid, faces_before=before, faces=before, sentences=(), **nothing)
     size = float(np.ptp(solid.vertices, axis=0).max())
@@ -161,7 +164,8 @@ def _compared(solid: Shape, size: float, reduced: Shape, sentences: tuple[str, .
         shape=replace(made, offset=(x, y, z), record=record),
         faces_before=len(solid.faces),
         faces=len(made.faces),
-        volume_change=reduced.volume / volume - 1,
+        volume_change=made.volume / solid.volume - 1,
+        collapse_volume_change=reduced.volume / volume - 1,
         area_change=made.surface_area / solid.surface_area - 1,
         mean_distance=mean * size,
         largest_distance=largest * size,

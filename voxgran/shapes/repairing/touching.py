@@ -6,6 +6,9 @@ from voxgran._base.arrays import Floats, Integers
 from voxgran.lattice.cuberille import fans, with_middles
 from voxgran.shapes.shells import half_edges
 
+#: angles that differ by less are one, in radians
+ALIKE = 1e-9
+
 
 def parted(points: Floats, faces: Integers) -> tuple[Floats, Integers] | None:
     """Return a closed surface with the vertices doubled where more than two faces share an edge; None if unclear.
@@ -13,7 +16,7 @@ def parted(points: Floats, faces: Integers) -> tuple[Floats, Integers] | None:
     Around such an edge, the faces that bound one wedge of the solid stay together. An edge gets a vertex in its middle
     for each of its wedges, so that no two edges have the same ends; no vertex is moved.
     """
-    points, faces, _, _ = with_middles(points, faces, np.zeros(len(faces), dtype=np.int64))
+    points, faces = with_middles(points, faces, np.zeros(len(faces), dtype=np.int64))
     start, end, edge, uses = half_edges(faces, len(points))
     if (uses % 2).any() or (np.bincount(edge, weights=np.sign(end - start)) != 0).any() or (start == end).any():
         return None
@@ -21,7 +24,9 @@ def parted(points: Floats, faces: Integers) -> tuple[Floats, Integers] | None:
     opposite = faces[crowded // 3, (crowded % 3 + 2) % 3]
     low, high = (f(start, end)[crowded] for f in (np.minimum, np.maximum))
     angle[crowded] = _angles(points[high] - points[low], points[opposite] - points[low])
-    order = np.lexsort((angle, edge))
+    # of two faces that lie on each other, those of solids that touch there, the one that closes a solid comes first
+    place = np.rint(angle / ALIKE).astype(np.int64) % round(2 * np.pi / ALIKE)
+    order = np.lexsort((start > end, place, edge))
     # the solid lies between a face that goes along the edge downward and the next one, which goes upward
     first = np.searchsorted(edge[order], np.arange(len(uses)))
     down = start[order] > end[order]

@@ -61,7 +61,7 @@ def roll_off_of(hurst: float, cut_off: float, dimension: int, *, length: float =
     Raises
     ------
     InputError
-        If the shortest wavelength is too long for that.
+        If the shortest wavelength is too long or too short for that.
     """
 
     def excess(log_roll: float) -> float:
@@ -73,5 +73,10 @@ def roll_off_of(hurst: float, cut_off: float, dimension: int, *, length: float =
         raise InputError(
             f"shortest is {2 * math.pi / cut_off * length:.4g} and the correlation length is {length:.4g}: waves of "
             f"this length and above do not lose their correlation within that; give less than {2 * length:.4g}"
+        )
+    if excess(math.log(LEAST * cut_off)) < 0:
+        raise InputError(
+            f"shortest is {2 * math.pi / cut_off * length:.4g} and the correlation length is {length:.4g}: their "
+            f"ratio must be below {1 / LEAST:g}; give a longer one"
         )
     return math.exp(load("scipy.optimize").brentq(excess, math.log(LEAST * cut_off), math.log(cut_off) - 1e-9))

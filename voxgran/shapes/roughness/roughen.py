@@ -231,7 +231,7 @@ def record_of(field: RoughField, points: Floats, heights: Floats, weights: Float
     told: dict[str, Any] = {"method": field.method, "shortest": field.shortest}
     if field.rms:
         found = scattered_statistics(points, heights, weights, field.edge, ends_of(field), dimension)
-        told |= {key: value for key, value in found.to_mapping().items() if key != "correlation_lengths"}
+        told |= {key: value for key, value in found.recorded().items() if key != "correlation_lengths"}
     else:
         told["rms"] = 0.0
     return {f"roughness_{key}": value for key, value in told.items()}

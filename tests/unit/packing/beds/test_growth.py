@@ -1,5 +1,7 @@
 """Seeds in a column, and the beds that grow from them."""
 
+import re
+
 import kit
 import numpy as np
 import pytest
@@ -7,6 +9,7 @@ from scipy.stats import spearmanr
 
 import voxgran as vg
 from voxgran._base.errors import InputError, PackingWarning
+from voxgran.packing.beds.expected import expected_bed
 from voxgran.packing.beds.filling import AT_SURFACE, AT_WALLS, ROOM, usual_solid_fraction, volume_at_rest
 from voxgran.packing.beds.seeds import column_top, random_seeds
 
@@ -97,6 +100,70 @@ def test_by_default_a_container_is_filled_to_below_its_top(shape, container, par
     level = np.quantile(bed.position @ up, 0.95) - min(bound @ up for bound in container.bounds)
     height = (container.bounds[1] - container.bounds[0]) @ up
     assert 0.6 * height < level < height - 0.5
+
+
+@pytest.mark.parametrize(
+    ("shape", "container", "count", "parameters"),
+    [
+        (SPHERE, vg.Box((1.07, 1.07, 3.1)), 3, {}),
+        (SPHERE, vg.Box((1.07, 1.07, 5.0)), 3, {}),
+        (vg.make_shape("sphere", diameter=28.0), vg.Box((30, 30, 84)), 3, {}),
+        (SPHERE, vg.Cylinder(0.53, 3.1), 3, {}),
+        (vg.make_shape("disk"), vg.Rectangle((1.07, 3.1)), 3, {}),
+        (vg.make_shape("box"), vg.Box((1.8, 1.8, 4)), 2, {}),
+        (SPHERE, vg.Box((3.1, 1.07, 1.07)), 3, {"gravity": "-x"}),
+        (SPHERE, vg.Box((10, 10, 1.05)), 60, {}),
+        (SPHERE, vg.Box((10, 10, 2)), 130, {}),
+    ],
+    ids=["spheres", "higher", "tight", "cylinder", "disks", "cubes", "along x", "one layer", "low"],
+)
+def test_narrow_and_low_containers_hold_what_fits(shape, container, count, parameters):
+    bed = vg.pack(shape, container, "gravity", count=count, **parameters)
+    assert bed.count == count
+    assert bed.stop_reason == "settled"
+    assert bed.verify().ok
+
+
+@pytest.mark.parametrize(
+    ("container", "least", "most"),
+    [(vg.Box((1.3, 1.3, 10)), 10, 10), (vg.Box((1.5, 1.5, 10)), 11, 13), (vg.Box((1.6, 1.6, 10)), 13, 17)],
+)
+def test_narrow_columns_hold_no_more_than_a_zigzag(container, least, most):
+    """Spheres of which no two lie side by side rise by sqrt(1 - w^2) at least, w the width that is left."""
+    across = np.sqrt(2.0) * (container.lengths[0] - 1.0)
+    assert most <= 1 + 9.0 / np.sqrt(1.0 - across**2)
+    with pytest.warns(PackingWarning, match="no more are expected to come to rest below the top of the container"):
+        bed = vg.pack(SPHERE, container, "gravity", count=20)
+    assert least <= bed.count <= most
+    assert bed.verify().ok
+
+
+@pytest.mark.parametrize(
+    ("container", "count"),
+    [(vg.Box((6, 6, 12), periodic="xy"), 250), (vg.Box((8, 8, 12)), 400), (vg.Cylinder(4, 12), 350),
+     (vg.Sphere(4.5), 250)],
+    ids=["periodic", "walls", "cylinder", "sphere"],
+)  # fmt: skip
+def test_the_expected_bed_is_the_one_that_comes(container, count):
+    """To 10 percent: the height below which 95 percent of the grains have their tops, and the grains of the bulk."""
+    expected = expected_bed(kit.task_of("gravity", SPHERE, container, count=count).problem)
+    bed = vg.pack(SPHERE, container, "gravity", count=count)
+    tops = np.quantile(bed.position[:, 2] + 0.5, 0.95) - container.bounds[0][2]
+    assert expected.depth == pytest.approx(tops, rel=0.1)
+    assert expected.bulk == pytest.approx(int(bed.measure("density")["bulk_count"]), rel=0.2)
+    assert expected.note == ""
+
+
+def test_a_bed_without_a_bulk_is_told_before_it_is_packed():
+    """Two layers in a wide cylinder: a solid fraction is asked of them that only a bulk has."""
+    steps, options = [], {"method": "gravity", "count": 60, "solid_fraction": 0.6, "time_limit": 0.0}
+    with pytest.warns(PackingWarning) as told:
+        vg.pack(SPHERE, vg.Cylinder(4.0, 6.0), on_step=steps.append, **options)
+    words = r"expected to be about \d\.\d median diameters deep, with about 0 grains in its bulk: at least 50"
+    assert re.search(words, str(told[0].message))
+    assert next(step.text for step in steps if step.stage == "expected bed").startswith("about ")
+    # without gravity there is no bed, and no depth
+    assert expected_bed(kit.task_of("rsa", SPHERE, vg.Box((5, 5, 5)), count=10).problem) is None
 
 
 def test_a_looser_column_falls_farther():

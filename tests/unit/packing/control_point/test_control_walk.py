@@ -204,7 +204,7 @@ def test_true_solids_overlap_at_edges_only_and_sink():
         cycles=4,
     )
     assert packing.count == 30
-    assert packing.stop_reason == "settled"
+    assert packing.stop_reason == "count"
     proof = vg.verify(packing)
     # edges between points a spacing of 0.2 apart
     assert proof.deepest < 0.1
@@ -433,7 +433,7 @@ def test_attempts_are_within_the_cost():
     task = task_of([vg.make_shape("sphere")], vg.Box((3, 3, 3)), count=2, spacing=0.3, sweeps=1)
     cost = control_point.cost(task.problem)
     state = drive(control_point, task.problem, Drive())
-    assert state.stop_reason in {"settled", "steps"}
+    assert state.stop_reason in {"count", "steps"}
     assert state.done <= state.total
     assert state.done - state.feeding_ended_at <= cost.attempts
     kept = state.derived["precomputed"]

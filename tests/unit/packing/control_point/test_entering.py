@@ -53,7 +53,7 @@ def test_every_way_keeps_its_promises(way):
     state, packing = run(task_of(shapes, **way))
     assert packing.count == 20
     # edges that rock between points may keep a bed from ever being still
-    assert state.stop_reason in {"settled", "steps"}
+    assert state.stop_reason in {"count", "steps"}
     assert stay_apart(packing)
     # chunks do not matter
     again = run(task_of(shapes, **way), chunk=777)[1]
@@ -218,7 +218,7 @@ def test_a_lid_comes_down_by_small_steps_from_any_side():
 
 def test_the_walk_goes_on_until_the_lid_lies_on_the_bed():
     state, packing = run(task_of(vg.make_shape("sphere"), vg.Box((3, 3, 14)), count=6, lid=True, sweeps=20))
-    assert state.stop_reason == "settled"
+    assert state.stop_reason == "count"
     assert 14 - packing.provenance["lid_lowered"] == pytest.approx(packing.position[:, 2].max() + 0.5, abs=2 * LID_STEP)
 
 

@@ -90,7 +90,7 @@ def test_true_solids_never_overlap_and_sink():
         cycles=4,
     )
     assert packing.count == 40
-    assert packing.stop_reason == "settled"
+    assert packing.stop_reason == "count"
     assert vg.verify(packing).ok
     assert packing.position[:, 2].mean() < 2.5
     assert packing.provenance["parameters"]["gravity"] == "-z"
@@ -235,3 +235,26 @@ def test_a_grain_without_a_center_of_a_voxel_is_refused(method, options):
             vg.pack(vg.make_shape("sphere", diameter=0.15), vg.Box((2, 2, 2)), count=20, sizes=sizes, **told)
     packing = vg.pack(vg.make_shape("sphere", diameter=0.25), vg.Box((2, 2, 2)), count=3, **told)
     assert packing.count == 3
+
+
+@pytest.mark.parametrize("method", ["digital", "digital_fill", "digital_rsa"])
+def test_overlaps_of_grains_of_voxel_centers_are_told(method):
+    told = {"method": method, "voxel_size": 0.2, "count": 30, "seed": 1}
+    told |= {"sweeps": 30} if method == "digital" else {}
+    box = vg.Box((3, 3, 4))
+    extra = {"settle": False} if method == "digital" else {}
+    with pytest.warns(PackingWarning, match=r"\d+ pairs of grains overlap by up to 0\.\d+ mean diameters"):
+        packing = vg.pack(vg.make_shape("sphere"), box, cover="center", **told, **extra)
+    assert not vg.verify(packing).ok
+    assert packing.stop_reason != "settled"
+    assert vg.verify(vg.pack(vg.make_shape("sphere"), box, **{**told, "count": 8}, **extra)).ok
+
+
+@pytest.mark.parametrize("method", ["digital", "control_point"])
+def test_a_walk_that_ends_proves_no_rest(method):
+    """Its grains are all placed, and nothing sinks any more; only forces in balance give the word."""
+    told = {"count": 6, "sweeps": 60, "seed": 1, **({"voxel_size": 0.1} if method == "digital" else {"spacing": 0.2})}
+    walk = vg.pack(vg.make_shape("box"), vg.Box((3, 3, 4)), method=method, settle=False, **told)
+    assert walk.stop_reason in {"count", "steps"}
+    assert walk.forces is None
+    assert vg.settle(walk).stop_reason == "settled"

@@ -610,3 +610,31 @@ def test_grains_that_were_put_off_go_on_after_a_stop_to_the_same_bits(aligned, m
     assert max(stops) > 0
     assert state.counters == whole.counters
     assert all(array.tobytes() == whole.arrays[name].tobytes() for name, array in state.arrays.items())
+
+
+LOGNORMAL = vg.sizes.lognormal(1.0, 0.5)
+
+
+@pytest.mark.parametrize("family", ["sphere", "ellipsoid"])
+def test_the_largest_come_first_where_a_solid_fraction_is_asked_of_a_gradation(family):
+    shape, box, options = vg.make_shape(family), vg.Box((8, 8, 8)), {"solid_fraction": 0.35, "sizes": LOGNORMAL}
+    packing = vg.pack(shape, box, method="rsa", **options)
+    assert packing.solid_fraction >= 0.35
+    assert packing.provenance["parameters"]["order"] == "largest"
+    with pytest.warns(PackingWarning, match="give order='largest', by which more grains of a gradation find room, or"):
+        given = vg.pack(shape, box, method="rsa", order="given", tries=100, **options)
+    assert given.solid_fraction < 0.35
+
+
+def test_the_largest_first_leaves_equal_sizes_in_their_order():
+    # diameters of several shapes differ by rounding
+    shapes = [vg.make_shape("sphere"), vg.make_shape("ellipsoid")]
+    box, options = vg.Box((6, 6, 6)), {"method": "rsa", "solid_fraction": 0.2}
+    found = [vg.pack(shapes, box, order=order, **options).shape_id.tolist() for order in ("given", "largest")]
+    assert found[0] == found[1]
+    assert len(set(found[0][:10])) == 2
+
+
+def test_candidates_of_a_count_come_as_drawn():
+    packing = vg.pack(vg.make_shape("sphere"), vg.Box((8, 8, 8)), method="rsa", count=20, sizes=LOGNORMAL)
+    assert packing.provenance["parameters"]["order"] == "given"

@@ -48,7 +48,7 @@ CONTAINERS = [
 
 @pytest.mark.parametrize("container", CONTAINERS, ids=lambda c: c.kind)
 def test_each_sphere_touches_an_earlier_one_or_a_wall(container):
-    others, walls, images = gaps(filled(container, count=150))
+    others, walls, images = gaps(filled(container, count=150, largest=20.0))
     nearest = np.minimum(np.minimum(others, walls), images)
     assert np.abs(nearest).max() < 1e-12
 
@@ -75,7 +75,7 @@ def test_spheres_that_shift_fill_more():
 
 
 def test_shrunk_spheres_keep_a_gap_of_their_share():
-    packing = filled(vg.Box((4, 4, 4)), count=200, shrink=0.25)
+    packing = filled(vg.Box((4, 4, 4)), count=200, shrink=0.25, largest=4.0)
     others, walls, images = gaps(packing)
     nearest = np.minimum(np.minimum(others, walls), images)
     assert nearest == pytest.approx(packing.diameter / 2 / 3, rel=1e-9)
@@ -108,9 +108,24 @@ def test_a_largest_diameter_alone_packs_smaller_ones_too():
     assert 0.006 <= packing.diameter.min() < packing.diameter.max() <= 0.06
 
 
+@pytest.mark.parametrize("container", [vg.Box((4, 5, 6), periodic="xyz"), vg.Rectangle((4, 5), periodic="xy"), L_SHAPE])
+@pytest.mark.parametrize("shift", [0, 1])
+def test_the_largest_diameter_is_by_default_a_quarter_of_the_shortest_edge(container, shift):
+    diameter = filled(container, count=40, shift=shift).diameter
+    assert diameter.max() == pytest.approx(1.0, rel=1e-12)
+
+
+def test_a_smallest_diameter_above_the_default_of_the_largest_is_refused():
+    options = {"container": vg.Box((4, 4, 4)), "method": "random_apollonian", "smallest": 1.2}
+    with pytest.raises(InputError, match=r"smallest is 1\.2, and largest is by default 1, a quarter .*; give largest"):
+        vg.pack(SPHERE, **options)
+    assert vg.pack(SPHERE, largest=3.0, **options).diameter.min() >= 1.2
+
+
 def test_an_empty_packing_is_told():
+    options = {"method": "random_apollonian", "smallest": 100.0, "largest": 200.0}
     with pytest.warns(PackingWarning, match="no grain is packed"):
-        assert not vg.pack(SPHERE, vg.Box((4, 4, 4)), method="random_apollonian", smallest=100.0).count
+        assert not vg.pack(SPHERE, vg.Box((4, 4, 4)), **options).count
 
 
 def dimension_of(diameter, first=50):

@@ -26,7 +26,7 @@ from typing import Any, Literal
 
 import numpy as np
 
-from voxgran._base.arrays import Booleans, Integers, as_choice, as_count, as_number
+from voxgran._base.arrays import Booleans, Integers, as_choice, as_count, as_share
 from voxgran._base.config import parameter
 from voxgran._base.errors import InputError, shown
 from voxgran.shapes.family import ShapeFamily
@@ -86,7 +86,7 @@ class SierpinskiSponge:
             if self.removed is not None and self.kept is not None:
                 raise InputError("removed and kept are both given: each says how many cells stay; leave one out")
             as_count(self.removed or 0, "removed", at_most=b**3 - 1)
-            as_number(1.0 if self.kept is None else self.kept, "kept", above=0.0, at_most=1.0)
+            as_share(1.0 if self.kept is None else self.kept, "kept")
         else:
             for name in ("removed", "kept"):
                 if getattr(self, name) is not None:

@@ -89,7 +89,7 @@ def make(parameters: RoughSheet, generator: np.random.Generator) -> Shape:
     }
     if field.rms:
         found = lattice_statistics(factor * heights, factor * edges / cells, tuple(factor * e for e in ends_of(field)))
-        told |= {f"roughness_{name}": value for name, value in found.to_mapping().items()}
+        told |= {f"roughness_{name}": value for name, value in found.recorded().items()}
     if parameters.lengths is not None:
         return Shape.of(geometry, name="rough_sheet", record=told)
     return sized(geometry, parameters.diameter, name="rough_sheet", record=told)

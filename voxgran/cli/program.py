@@ -7,43 +7,49 @@ import argparse
 import logging
 import os
 import shlex
-import signal
 import sys
 import warnings
 from collections.abc import Sequence
 from pathlib import Path
-from types import FrameType
 
 from voxgran._base.errors import Interrupted, OutputError, VoxgranError
+from voxgran._base.stopping import Signals, heed
 from voxgran.cli.commands import COMMANDS
 from voxgran.cli.parser import name_flags, parse
 from voxgran.cli.terminal import complain, warn
 
 
-def main(arguments: Sequence[str] | None = None) -> int:
+def run(arguments: Sequence[str] | None, signals: Signals) -> int:
     """Run a command and return the exit status: 0, or 2 for bad input, 1 for failure, 130 and 143 after an interrupt.
 
-    The arguments are the words after the name of the program; by default those of this process.
+    Parameters
+    ----------
+    arguments : sequence of str or None
+        The words after the name of the program; None: those of this process.
+    signals : Signals
+        What notes signals meanwhile.
     """
     words = list(sys.argv[1:] if arguments is None else arguments)
     with warnings.catch_warnings():
         warnings.showwarning = warn  # type: ignore[assignment]
         try:
-            return _run(words)
+            return _run(words, signals)
         finally:
             _drop_unwritten()
 
 
-def _run(words: list[str]) -> int:
+def _run(words: list[str], signals: Signals) -> int:
     """Run a command; what it raises becomes a line and an exit status."""
     options = argparse.Namespace()
     try:
         try:
             options = parse(words, COMMANDS)
             _set_logging(options)
-            _end_softly()
+            heed()
             return int(COMMANDS[options.command][1](options) or 0)
         finally:
+            # what has ended is not stopped any more
+            signals.ends()
             if sys.stdout is not None:
                 sys.stdout.flush()
     except Interrupted as stop:
@@ -59,6 +65,9 @@ def _run(words: list[str]) -> int:
         if isinstance(error, OutputError):
             _say_how_to_go_on(options, words)
         return error.exit_code
+    except Warning as warning:
+        complain(f"warning: {warning}; it ends the command, as PYTHONWARNINGS or -W asks")
+        return 1
     except BrokenPipeError:
         # whoever read the output has gone: there is nobody to tell
         return 0
@@ -75,20 +84,6 @@ def _drop_unwritten() -> None:
                 stream.flush()
         except OSError:
             os.dup2(os.open(os.devnull, os.O_WRONLY), stream.fileno())
-
-
-def _end_softly() -> None:
-    """Let SIGTERM end a command as Ctrl-C does, so that it can say how to go on."""
-
-    def stop(number: int, frame: FrameType | None) -> None:
-        del frame
-        raise Interrupted("stopped by SIGTERM", number)
-
-    try:
-        signal.signal(signal.SIGTERM, stop)
-    except ValueError:
-        # not the main thread: whoever runs it there handles signals
-        return
 
 
 def _say_how_to_go_on(options: argparse.Namespace, words: Sequence[str]) -> None:

@@ -1,0 +1,87 @@
+"""Default voxels of searches of a whole lattice: as fine as seconds allow, and told where they do not."""
+
+import numpy as np
+import pytest
+
+import voxgran as vg
+from voxgran._base.errors import PackingWarning
+from voxgran.packing.digital.container_lattice import LONG, container_lattice
+from voxgran.packing.method import LONG_RUN
+from voxgran.packing.pack import prepare_task
+
+BRICKS = [vg.make_shape("box", lengths=lengths) for lengths in ((1, 1.3, 0.7), (1, 2, 0.7))]
+#: sizes that are all different
+GRADED = vg.sizes.lognormal(median=1.0, sigma=0.4)
+
+
+def task(shapes, container, method, *, sizes=None, count=None, **parameters):
+    return prepare_task(
+        shapes, container, method=method, count=count, solid_fraction=None, sizes=sizes, weights=None,
+        weights_by="number", seed=0, parameters=parameters,
+    )  # fmt: skip
+
+
+def wide_mesh(width):
+    solid = vg.make_shape("superquadric")
+    return vg.ClosedMesh(vg.Shape.from_mesh(solid.vertices * width / np.ptp(solid.vertices, axis=0).max(), solid.faces))
+
+
+def bricks_in_a_mesh(**parameters):
+    sizes = vg.sizes.discrete([250, 500, 700], [1, 1, 1])
+    return task(BRICKS, wide_mesh(5500), "digital_fill", sizes=sizes, count=4, orientations=3, **parameters)
+
+
+@pytest.mark.parametrize("method", ["digital_fill", "digital_rsa"])
+def test_scenes_that_take_seconds_keep_the_usual_voxels(method):
+    made = task(vg.shapes.sphere(), vg.Box((6, 6, 6)), method)
+    assert container_lattice(made.problem).voxel_size == made.problem.parameters.usual_voxel_size
+    assert 0 < made.method.cost(made.problem).seconds < LONG
+
+
+def test_voxels_are_larger_where_the_search_would_take_minutes():
+    made = bricks_in_a_mesh()
+    unit = made.problem.unit_length
+    assert container_lattice(made.problem).voxel_size == pytest.approx(0.1, rel=0.35)
+    assert made.method.cost(made.problem).seconds < LONG_RUN
+    fine = bricks_in_a_mesh(voxel_size=unit / 20)
+    assert fine.method.cost(fine.problem).seconds > 60
+    # whoever gives the size of voxels gets it
+    assert container_lattice(fine.problem).voxel_size == pytest.approx(1 / 20)
+
+
+@pytest.mark.parametrize("factor", [2.0**-20, 2.0**10])
+def test_default_voxels_do_not_depend_on_the_unit(factor):
+    given = [task(BRICKS, wide_mesh(11.0 * one), "digital_fill", sizes=vg.sizes.fixed(one), count=4, orientations=3)
+             for one in (1.0, factor)]  # fmt: skip
+    sizes = [container_lattice(one.problem).voxel_size for one in given]
+    assert sizes[0] == sizes[1] > 1 / 20
+
+
+def test_aligned_primitives_have_fewer_poses_than_solids_of_any_form():
+    # turned over, boxes look as before: 6 of 24 poses differ
+    brick = vg.make_shape("box", lengths=(1, 1.3, 0.7))
+    solid = vg.Shape.from_mesh(brick.vertices, brick.faces)
+    seconds = [one.method.cost(one.problem).seconds for one in (
+        task(shape, vg.Box((6, 6, 6)), "digital_rsa", voxel_size=0.1) for shape in (vg.shapes.sphere(), brick, solid)
+    )]  # fmt: skip
+    assert seconds[2] / seconds[1] == pytest.approx(4.0)
+    assert seconds[1] > seconds[0]
+
+
+def test_runs_of_minutes_are_told_before_they_start_with_what_shortens_them():
+    started = []
+
+    class StopError(Exception):
+        """Raised instead of the first step."""
+
+    def stop(step):
+        started.append(step)
+        raise StopError
+
+    wide = {"sizes": GRADED, "count": 60}
+    with pytest.warns(PackingWarning, match=r"about \d+ min: larger voxels \(voxel_size\)"), pytest.raises(StopError):
+        vg.pack(BRICKS, wide_mesh(30.0), "digital_fill", on_step=stop, **wide)
+    assert len(started) == 1
+    made = task(BRICKS, wide_mesh(30.0), "digital_fill", **wide)
+    assert container_lattice(made.problem).voxel_size == pytest.approx(0.1)
+    assert made.method.cost(made.problem).seconds > LONG_RUN

@@ -1,0 +1,133 @@
+"""Extended XYZ files, as OVITO and ASE write them, and the binary ``.xyzd`` files of PackingGeneration, in.
+
+References
+----------
+Formats: github.com/libAtoms/extxyz; the page `XYZ file reader` of the OVITO manual; the README of
+github.com/VasiliBaranov/packing-generation.
+"""
+
+import re
+from pathlib import Path
+
+import numpy as np
+
+from voxgran._base.arrays import Floats
+from voxgran._base.errors import FileFormatError
+from voxgran.io.particles import (
+    Particles,
+    box_of,
+    frame_of,
+    numbers_of,
+    radii_of,
+    refuse_bad_spheres,
+    text_lines,
+)
+
+#: names of the property that holds sizes, in lower case
+SIZES = {"radius": "r", "radii": "r", "diameter": "d", "diameters": "d"}
+#: characters of the second line that are looked at
+LONGEST_HEAD = 10_000
+_PAIR = re.compile(r"""(\w+)\s*=\s*("[^"]*"|'[^']*'|\[[^\]]*\]|\{[^}]*\}|\S+)""")
+
+
+def is_xyz(head: str) -> bool:
+    """Return whether a text begins as an XYZ file does: with a line that holds a number of atoms only."""
+    return re.match(r"[ \t]*\d+[ \t]*\r?\n", head) is not None
+
+
+def read_xyz(path: Path, *, frame: int = -1) -> Particles:
+    """Read spheres from one frame of an extended XYZ file, whose second line names the columns, ``pos`` and ``radius``
+    or ``diameter`` among them, and may give the box.
+
+    Raises
+    ------
+    FileFormatError
+        If there is no such frame, it is cut off, the box is tilted, a column is missing, or a line is wrong.
+    """
+    lines = text_lines(path, "an extended XYZ file")
+    starts, begin = [], 0
+    while begin < len(lines):
+        count = numbers_of([lines[begin].split()], [begin + 1], path, width=1)[0, 0]
+        if not (0 <= count == np.rint(count) and begin + 2 + count <= len(lines)):
+            raise FileFormatError(
+                f"{path} has {max(len(lines) - begin - 2, 0)} lines of spheres in the frame of line {begin + 1}, which "
+                f"says {count:g}: it is cut off; write it again"
+            )
+        starts.append(begin)
+        begin += 2 + int(count)
+    start = starts[frame_of(len(starts), frame, path)]
+    count = int(float(lines[start]))
+    where = f"{path}, line {start + 2}"
+    told = {key.lower(): text.strip("\"'[]{}") for key, text in _PAIR.findall(lines[start + 1][:LONGEST_HEAD])}
+    places, width = _properties(told.get("properties", ""), where)
+    rows, numbers = [line.split() for line in lines[start + 2 : start + 2 + count]], range(start + 3, start + 3 + count)
+    texts = sorted(set(range(width)) - set(places.values()))
+    table = numbers_of(rows, list(numbers), path, width=width, text=texts)
+    centers, radii = table[:, [places[axis] for axis in "xyz"]], radii_of(table, places, path)
+    refuse_bad_spheres(centers, radii, path, row="sphere")
+    assumed = {"frame": f"the one of line {start + 1}, one of {len(starts)}"} if len(starts) > 1 else {}
+    if "lattice" not in told:
+        return Particles(centers=centers, radii=radii, assumed=assumed)
+    wraps = re.findall(r"true|false|[tf01]", told["pbc"].lower()) if "pbc" in told else ["t"] * 3
+    if len(wraps) != 3:
+        raise FileFormatError(f"{where}: pbc is {told['pbc'][:40]!r}: three of T and F are needed; mend the line")
+    if "pbc" not in told:
+        assumed["periodic"] = "everywhere: a file with a lattice that says nothing repeats"
+    periodic = "".join(axis for axis, flag in zip("xyz", wraps, strict=True) if flag[0] in "t1")
+    container = box_of(_bounds(told, path, start + 2), periodic, path)
+    return Particles(centers=centers, radii=radii, container=container, assumed=assumed)
+
+
+def _properties(text: str, where: str) -> tuple[dict[str, int], int]:
+    """Return the places of x, y, z, r and d among the columns, and how many there are."""
+    words, places, width = text.split(":"), dict[str, int](), 0
+    for name, kind, many in zip(words[::3], words[1::3], words[2::3], strict=False):
+        size = int(many) if re.fullmatch(r"[1-9]\d{0,2}", many) else 0
+        if not size or kind not in tuple("SRIL"):
+            raise FileFormatError(
+                f"{where}: Properties has {f'{name}:{kind}:{many}'[:40]!r}, which is no column; mend it"
+            )
+        meant = ["x", "y", "z"] if (name.lower(), size) == ("pos", 3) else [SIZES.get(name.lower(), "")][:size]
+        for k, short in enumerate(meant):
+            if short in places:
+                raise FileFormatError(f"{where}: Properties names {name[:40]} twice: which one holds is not certain")
+            if short:
+                places[short] = width + k
+        width += size
+    if not ("z" in places and {"r", "d"} & places.keys()):
+        raise FileFormatError(
+            f"{where}: the columns are {text[:80] or 'not named'}; pos and radius or diameter are needed, such as "
+            "Properties=pos:R:3:radius:R:1"
+        )
+    return places, width
+
+
+def _bounds(told: dict[str, str], path: Path, line: int) -> Floats:
+    """Return the bounds (3, 2) of an upright lattice."""
+    edges = numbers_of([told["lattice"].replace(",", " ").split()], [line], path, width=9).reshape(3, 3)
+    lower = numbers_of([told.get("origin", "0 0 0").replace(",", " ").split()], [line], path, width=3)[0]
+    if (edges != np.diag(np.diag(edges))).any():
+        raise FileFormatError(f"{path}, line {line}: the box is tilted: give an upright one")
+    return np.column_stack([lower, lower + np.diag(edges)])
+
+
+def read_xyzd(path: Path) -> Particles:
+    """Read spheres from a ``.xyzd`` file: x, y, z and the diameter of each in double precision, the lowest byte first.
+
+    Raises
+    ------
+    FileFormatError
+        If it is cut off, or a sphere is not finite or has no size.
+    """
+    raw = path.read_bytes()
+    if len(raw) % 32:
+        raise FileFormatError(f"{path} has {len(raw)} bytes: each sphere has 32; it is cut off or damaged")
+    table = np.frombuffer(raw, dtype="<f8").reshape(-1, 4)
+    with np.errstate(invalid="ignore"):
+        centers, radii = table[:, :3].astype(np.float64), table[:, 3] / 2
+    refuse_bad_spheres(centers, radii, path, row="sphere")
+    return Particles(
+        centers=centers,
+        radii=radii,
+        assumed={"sizes": "diameters; the periodic box stands in generation.conf beside the file"},
+    )

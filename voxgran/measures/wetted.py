@@ -1,0 +1,192 @@
+"""Specific surface: of the grains, and of what the pores wet of them, with and without what lies in walls.
+
+A part of a surface is wetted where it lies neither in nor on another grain. What of it lies in a wall, as the faces at
+which the border of an image cuts grains, faces no pore either, and is given apart. Surfaces are known in closed form.
+What is covered is zero between grains that touch in points, in closed form for unions of spheres, and a sum over small
+parts of faces otherwise. Where neighbours share triangles, as those of label images do, a part is a triangle, and the
+sum is exact.
+"""
+
+from typing import Any, TypeAlias
+
+import numpy as np
+
+from voxgran._base.arrays import Booleans, Floats, Integers
+from voxgran.contacts.inside import inner_distance
+from voxgran.contacts.model import Contacts
+from voxgran.geometry.triangles import normals_of
+from voxgran.measures.model import length_unit, variable
+from voxgran.measures.window import Estimate, Solids, images
+from voxgran.packing.model import Packing
+from voxgran.shapes.mesh import Mesh
+from voxgran.shapes.model import Shape
+from voxgran.shapes.outline import Outline
+from voxgran.shapes.primitive import Primitive
+from voxgran.shapes.sphere_union import exposed_areas
+from voxgran.shapes.spheres import Spheres
+from voxgran.shapes.surface import Surface
+
+#: distance, in mean diameters, up to which a face lies on another one: more than neighbours of a label image are apart
+ON = 1e-4
+#: the same of grains that share faces, in contact gaps: where three labels meet, their surfaces leave slits
+SLIT = 0.5
+#: least number of parts of the surface of a grain
+PARTS = 2000
+
+#: middles (m, 3), normals (m, 3) and areas (m,) of parts of a surface, and the face (m,) that each is of
+Parts: TypeAlias = tuple[Floats, Floats, Floats, Integers]
+#: a grain, the (3,) centroid of its image, and whether it overlaps the grain that it covers
+Partner: TypeAlias = tuple[int, Floats, bool]
+
+
+def specific_surfaces(packing: Packing) -> dict[str, Any]:
+    """Return the variables of the surfaces over the volume of the container, in 2D of outlines over its area."""
+    unit = length_unit(packing, power=-1)
+    kind = "volume" if packing.dimension == 3 else "area"
+    texts = {
+        "specific_surface": "wetted surface, neither on other grains nor in walls,",
+        "specific_surface_with_walls": "wetted surface, with what lies in walls,",
+        "grain_specific_surface": "surface of the grains without what lies in walls",
+        "grain_specific_surface_with_walls": "surface of the grains",
+    }
+    if "surfaces" not in packing._found:
+        packing._found["surfaces"] = _surfaces(packing)
+    room = packing.container.volume
+    return {
+        name: variable((), found / room, unit, f"{text} over {kind} of the container", error=found.error / room)
+        for (name, text), found in zip(texts.items(), packing._found["surfaces"], strict=True)
+    }
+
+
+def _surfaces(packing: Packing) -> tuple[Estimate, Estimate, Estimate, Estimate]:
+    """Return the areas of the wetted surface and of that of the grains, each without and with what lies in walls."""
+    whole = float(packing.surface_areas.sum())
+    diameter = float(packing.diameters.mean()) if packing.count else 0.0
+    spheres = Solids(packing).spheres if packing.dimension == 3 else None
+    if spheres is not None:
+        centers, radii, planes = spheres
+        # planes are where spheres overlap, those of one clump too
+        wetted = Estimate(_of_union(packing, centers, radii) if len(planes[1]) else whole)
+        return wetted, wetted, Estimate(whole), Estimate(whole)
+    contacts = packing.contacts(ON * diameter)
+    partners, areas, variances = _partners(packing, contacts, ON * diameter), np.zeros(3), np.zeros(3)
+    for kind in np.unique(packing.shape_id[list(partners)]):
+        parts = _parts_of(packing.shapes[kind])
+        for grain in np.flatnonzero(packing.shape_id == kind).tolist():
+            if grain in partners:
+                found = _covered(packing, grain, partners[grain], parts, ON * diameter)
+                areas, variances = areas + found[0], variances + found[1]
+    either, on_grains, in_walls = map(Estimate, whole - areas, np.sqrt(variances))
+    return either, on_grains, in_walls, Estimate(whole)
+
+
+def _of_union(packing: Packing, centers: Floats, radii: Floats) -> float:
+    """Return the surface of the union of spheres and their periodic images."""
+    around = np.where(packing.container.periodic, 2.0 * float(packing.bounding_radii.max()), np.inf)
+    lower, upper = packing.container.bounds
+    sphere, shift = images(centers, radii, lower - around, upper + around, packing.container)
+    exposed = exposed_areas(centers[sphere] + shift, radii[sphere])
+    return float(exposed[(shift == 0.0).all(axis=1)].sum())
+
+
+def _partners(packing: Packing, contacts: Contacts, reach: float) -> dict[int, list[Partner]]:
+    """Return what may cover each grain; nothing for one at a wall, and no entry for one that touches in points only."""
+    lengths = packing.container.bounds[1] - packing.container.bounds[0]
+    bent, hollow = (
+        np.array([of(shape) for shape in packing.shapes], dtype=np.bool_)[packing.shape_id]
+        for of in (_is_bent, lambda shape: shape.is_open)
+    )
+    outside = packing.container.signed_distance(packing.position) + packing.bounding_radii
+    found: dict[int, list[Partner]] = {grain: [] for grain in np.flatnonzero((outside >= -reach) & ~bent).tolist()}
+    for k in np.flatnonzero((contacts.gap < -reach) | ~(bent[contacts.i] | bent[contacts.j])):
+        i, j, shift = int(contacts.i[k]), int(contacts.j[k]), contacts.image[k] * lengths
+        for grain, other, way in ((i, j, shift), (j, i, -shift)):
+            if not hollow[other]:
+                center = packing.position[other] + way
+                found.setdefault(grain, []).append((other, center, bool(contacts.gap[k] < -reach)))
+    return found
+
+
+def _is_bent(shape: Shape) -> bool:
+    """Return whether no part of a surface is plane, so that it touches others and walls in points."""
+    geometry = shape.geometry
+    if isinstance(geometry, Primitive):
+        return geometry.kind in ("sphere", "ellipsoid")
+    return isinstance(geometry, Spheres) or (isinstance(geometry, Outline) and geometry.kind == "disk")
+
+
+def _parts_of(shape: Shape) -> Parts:
+    """Return the parts of the surface of a shape in its frame."""
+    geometry = shape.geometry
+    if isinstance(geometry, Outline):
+        ring = geometry.vertices if geometry.kind == "polygon" else shape.vertices[:, :2]
+        ends = np.column_stack([ring, np.zeros(len(ring))])
+        corners = np.stack([ends, np.roll(ends, -1, axis=0)], axis=1)
+        normals = np.cross(corners[:, 1] - corners[:, 0], (0.0, 0.0, 1.0))
+    else:
+        corners = shape.vertices[shape.faces]
+        normals = normals_of(corners)
+    size = np.linalg.norm(normals, axis=1)
+    normals = normals / np.maximum(size, 1e-300)[:, None]
+    # the area is that of the true surface
+    size = size * (shape.surface_area / size.sum())
+    share = PARTS * size / size.sum()
+    many = np.maximum(np.ceil(share if corners.shape[1] == 2 else np.sqrt(share)), 1).astype(np.int64)
+    middles, faces = [], []
+    for n in np.unique(many):
+        some, weights = np.flatnonzero(many == n), _middles(int(n), corners.shape[1])
+        middles.append(np.einsum("pc,fck->fpk", weights, corners[some]).reshape(-1, 3))
+        faces.append(np.repeat(some, len(weights)))
+    face = np.concatenate(faces)
+    return np.concatenate(middles), normals[face], (size / np.bincount(face))[face], face
+
+
+def _middles(n: int, corners: int) -> Floats:
+    """Return the barycentric coordinates of the middles of the parts of a line or triangle, n of them along an edge."""
+    if corners == 2:
+        place = (np.arange(n) + 0.5) / n
+        return np.column_stack([1.0 - place, place])
+    a, b = (index.ravel() for index in np.meshgrid(np.arange(n), np.arange(n), indexing="ij"))
+    upright = np.column_stack([a, b])[a + b < n] + 1.0 / 3.0
+    turned = np.column_stack([a, b])[a + b < n - 1] + 2.0 / 3.0
+    place = np.concatenate([upright, turned]) / n
+    return np.column_stack([1.0 - place.sum(axis=1), place])
+
+
+def _covered(
+    packing: Packing, grain: int, partners: list[Partner], parts: Parts, reach: float
+) -> tuple[Floats, Floats]:
+    """Return what of the surface of a grain is on other grains or in walls, on other grains, and in walls, with the
+    variances (3,) of these areas.
+
+    It is where a point that is a little further outwards lies in another grain or beyond a wall.
+    """
+    middles, normals, areas, face = parts
+    scale, turn, container = float(packing.scale[grain]), packing.matrices[grain], packing.container
+    points, outwards = middles * scale @ turn.T + packing.position[grain], normals @ turn.T
+    on_grains, in_walls = np.zeros((2, len(points)), dtype=np.bool_)
+    slit = max(reach, SLIT * packing.contact_gap)
+    for other, center, deep in partners:
+        away = points - center
+        near = np.flatnonzero(~on_grains & ((away**2).sum(axis=1) <= (packing.bounding_radii[other] + slit) ** 2))
+        on = _holds(packing, other, away[near] + reach * outwards[near], deep, reach)
+        if on.any() and slit > reach:
+            on |= _holds(packing, other, away[near] + slit * outwards[near], deep, slit)
+        on_grains[near] = on
+    if container.signed_distance(packing.position[[grain]])[0] + packing.bounding_radii[grain] >= -reach:
+        in_walls = container.signed_distance(points + reach * outwards) >= 0
+    factor, whole, many = scale ** (packing.dimension - 1), np.bincount(face, areas), np.bincount(face)
+    shares = [np.bincount(face, mask) / many for mask in (on_grains | in_walls, on_grains, in_walls)]
+    # the variance is as of random parts of faces that are covered in part
+    variances = [float((whole**2 * share * (1.0 - share) / many).sum()) for share in shares]
+    return factor * np.array([float(whole @ share) for share in shares]), factor**2 * np.array(variances)
+
+
+def _holds(packing: Packing, grain: int, away: Floats, deep: bool, reach: float) -> Booleans:
+    """Return whether points (n, 3), from the centroid of a grain, lie in it; unless `deep`, at most at a depth."""
+    geometry, scale = packing.shapes[packing.shape_id[grain]].geometry, float(packing.scale[grain])
+    body = away @ packing.matrices[grain] / scale
+    if isinstance(geometry, Mesh) and not deep:
+        return geometry.tree.nearest(body, reach=1.01 * reach / scale)[0] <= 0.0
+    assert not isinstance(geometry, Surface)
+    return np.asarray(inner_distance(geometry)(body) >= 0.0)

@@ -1,0 +1,66 @@
+"""How deep a bed will be, and how many grains its bulk will hold, before anything is packed."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from voxgran._base.seeds import stream
+from voxgran.packing.beds.filling import AT_SURFACE, AT_WALLS, mean_diameter, usual_solid_fraction
+from voxgran.packing.beds.seeds import container_levels, points_inside
+from voxgran.packing.gravity import gravity_vector
+from voxgran.packing.problem import Problem
+from voxgran.settling.parameters import Settling
+
+#: distance of the bulk from the walls, in median diameters, share of the volume of the grains below its surface, and
+#: number of grains that it must hold for a solid fraction, as in :mod:`voxgran.measures.registered.density`
+INSET, HELD, FEWEST = 1.5, 0.85, 50
+
+
+@dataclass(frozen=True, slots=True)
+class ExpectedBed:
+    """Depth of a bed, in median diameters, and number of grains in its bulk, both estimated to about 10 percent."""
+
+    depth: float
+    bulk: int
+
+    def __str__(self) -> str:
+        """Return it as a person reads it."""
+        return f"about {self.depth:.1f} median diameters deep, with about {self.bulk} grains in its bulk"
+
+    @property
+    def note(self) -> str:
+        """That the bed has no bulk; empty where it has one."""
+        if self.bulk >= FEWEST:
+            return ""
+        return (
+            f"the bed is expected to be {self}: at least {FEWEST} are needed for a bulk solid fraction, {INSET:g} "
+            "diameters from walls and surface; give more grains, and a container more than three diameters across"
+        )
+
+
+def expected_bed(problem: Problem) -> ExpectedBed | None:
+    """Return the bed that is expected; None where grains form none, since there is no gravity, or none settle."""
+    settings = problem.parameters
+    settling = settings if isinstance(settings, Settling) else problem.settling
+    if settling is None or not problem.count or any(shape.is_open for shape in problem.shapes):
+        return None
+    up, container = -gravity_vector(problem), problem.container
+    fraction = settling.solid_fraction or usual_solid_fraction(problem, settling.friction)
+    points = points_inside(container, stream(problem.seed, "height"))
+    room = -np.asarray(container.signed_distance(points))
+    floor, top = container_levels(container, up)
+    level = points @ up - floor
+    filled = np.sort(level[room > AT_WALLS * mean_diameter(problem)])
+
+    def height(volume: float) -> float:
+        """Return the height above the floor below which grains of a volume come to rest."""
+        share = volume / (fraction * container.volume) * len(points)
+        return float(filled[int(share)]) if share < len(filled) else top - floor
+
+    volume = float(problem.volumes.sum())
+    depth = min(height(volume) + AT_SURFACE, top - floor)
+    surface = height(HELD * min(volume, fraction * container.volume * len(filled) / len(points)))
+    if (asked := getattr(settings, "height", None)) is not None and problem.length(asked) < depth:
+        depth, surface = problem.length(asked), HELD * problem.length(asked)
+    bulk = float(((room >= INSET) & (level <= surface)).mean()) * container.volume * fraction
+    return ExpectedBed(depth, round(bulk / (volume / problem.count)))
