@@ -14,7 +14,7 @@ import numpy as np
 from voxgran._base.arrays import Floats, Integers
 from voxgran._base.kernels import kernel
 from voxgran._base.lazy import load
-from voxgran._base.rotation import product, rotation_matrices
+from voxgran.geometry.rotation import product, rotation_matrices
 from voxgran.packing.control_point.attempts import DECAY, GROWTH
 from voxgran.packing.control_point.parameters import SHORTEST_STEP
 

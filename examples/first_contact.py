@@ -20,7 +20,7 @@ import numpy as np
 from matplotlib.image import imsave
 
 import voxgran as vg
-from voxgran._base.rotation import normalized, product, rotation_matrices
+from voxgran.geometry.rotation import normalized, product, rotation_matrices
 from voxgran.packing.control_point.first_contact import Encounter
 from voxgran.report.scenes import picture_packing
 

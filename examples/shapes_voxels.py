@@ -15,7 +15,7 @@ from pathlib import Path
 import numpy as np
 
 import voxgran as vg
-from voxgran._base.rotation import rotation_matrices
+from voxgran.geometry.rotation import rotation_matrices
 
 folder = Path(sys.argv[1] if len(sys.argv) > 1 else "out/shapes_voxels")
 folder.mkdir(parents=True, exist_ok=True)

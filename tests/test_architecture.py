@@ -23,12 +23,13 @@ NAMES = [path.relative_to(PACKAGE).as_posix() for path in FILES]
 
 ARROWS = {
     "_base": set(),
-    "lattice": {"_base"},
-    "shapes": {"_base", "lattice"},
-    "voxels": {"_base", "lattice", "shapes"},
-    "points": {"_base", "lattice", "shapes"},
-    "containers": {"_base", "lattice", "shapes"},
-    "clumps": {"_base", "lattice", "shapes", "voxels", "points"},
+    "geometry": {"_base"},
+    "lattice": {"_base", "geometry"},
+    "shapes": {"_base", "geometry", "lattice"},
+    "voxels": {"_base", "geometry", "lattice", "shapes"},
+    "points": {"_base", "geometry", "lattice", "shapes"},
+    "containers": {"_base", "geometry", "lattice", "shapes"},
+    "clumps": {"_base", "geometry", "lattice", "shapes", "voxels", "points"},
 }
 ARROWS["contacts"] = ARROWS["clumps"] | {"containers", "clumps"}
 ARROWS["settling"] = ARROWS["contacts"] | {"contacts"}

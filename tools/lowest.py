@@ -31,7 +31,7 @@ def constraints(project: dict[str, Any], extras: list[str]) -> list[str]:
         wanted += known[name]
     lines = set()
     for line in wanted:
-        found = re.fullmatch(r"([\w.-]+)(?:\[[\w,]+\])?>=(\d+(?:\.\d+)*)", line)
+        found = re.fullmatch(r"([\w.-]+)(?:\[[\w,]+\])?>=(\d+(?:\.\d+)*)(?:,<[\d.]+)?", line)
         if found is None:
             raise ValueError(f"requirement {line!r} has no floor: write it as name>=version")
         exact = found[2].count(".") >= 2

@@ -6,8 +6,8 @@ import numpy as np
 
 from voxgran._base.config import check_bounds, parameter
 from voxgran._base.errors import InputError
-from voxgran._base.rotation import random_rotations
 from voxgran._base.seeds import stream
+from voxgran.geometry.rotation import random_rotations
 from voxgran.packing.method import Cost, PackingMethod, State
 
 

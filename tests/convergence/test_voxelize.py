@@ -5,8 +5,8 @@ import pytest
 from kit import mesh_box
 
 import voxgran as vg
-from voxgran._base.rotation import random_rotations
 from voxgran._base.seeds import stream
+from voxgran.geometry.rotation import random_rotations
 from voxgran.shapes.model import Shape
 from voxgran.shapes.primitive import Primitive
 from voxgran.voxels.occupy import voxelize

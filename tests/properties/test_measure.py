@@ -7,9 +7,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from voxgran._base.rotation import random_rotations
 from voxgran._base.seeds import stream
 from voxgran.containers.box import Box
+from voxgran.geometry.rotation import random_rotations
 from voxgran.measures.halfspaces import cut_spheres
 from voxgran.measures.registered.coordination import coordination_number
 from voxgran.measures.registered.density import window_solid_fraction

@@ -7,8 +7,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from voxgran._base.rotation import random_rotations, rotation_matrices
 from voxgran._base.seeds import stream
+from voxgran.geometry.rotation import random_rotations, rotation_matrices
 from voxgran.shapes import sizes
 from voxgran.shapes.family import make_shape
 from voxgran.shapes.mesh import Mesh

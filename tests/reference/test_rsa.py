@@ -8,8 +8,8 @@ from kit import references
 
 import voxgran as vg
 from voxgran._base.errors import PackingWarning
-from voxgran._base.rotation import random_rotations, rotation_matrices
 from voxgran.bench.tradeoffs.rsa_shapes import CASES, ellipse, extrapolated, kinetics
+from voxgran.geometry.rotation import random_rotations, rotation_matrices
 
 VALUES = references("rsa_saturation")
 SQUARE = {"vertices": ((0, 0), (1, 0), (1, 1), (0, 1))}

@@ -3,7 +3,6 @@
 import numpy as np
 import pytest
 
-from voxgran._base.rotation import random_rotations
 from voxgran._base.seeds import stream
 from voxgran.contacts.assembly import Assembly
 from voxgran.contacts.find import find_contacts
@@ -11,6 +10,7 @@ from voxgran.contacts.verify import verify
 from voxgran.contacts.walls import escape_depths
 from voxgran.containers.box import Box
 from voxgran.containers.cylinder import Cylinder
+from voxgran.geometry.rotation import random_rotations
 from voxgran.shapes.mesh import Mesh
 from voxgran.shapes.model import Shape
 from voxgran.shapes.primitive import Primitive

@@ -5,8 +5,8 @@ import pytest
 from kit import fixed_shape, hull
 from scipy.spatial import Delaunay
 
-from voxgran._base.rotation import lattice_rotations
 from voxgran._base.seeds import stream
+from voxgran.geometry.rotation import lattice_rotations
 from voxgran.lattice.grid import Grid
 from voxgran.shapes.tessellate import unit_box
 from voxgran.voxels.occupy import BACKENDS, voxelize

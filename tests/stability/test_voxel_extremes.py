@@ -10,8 +10,8 @@ from scipy.spatial import ConvexHull
 
 import voxgran as vg
 from voxgran._base.errors import InputError
-from voxgran._base.rotation import random_rotations, rotation_matrices
 from voxgran._base.seeds import stream
+from voxgran.geometry.rotation import random_rotations, rotation_matrices
 from voxgran.lattice.grid import Grid
 from voxgran.shapes.model import Shape
 from voxgran.shapes.tessellate import unit_box

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 import voxgran as vg
-from voxgran._base.rotation import random_rotations
 from voxgran._base.seeds import stream
+from voxgran.geometry.rotation import random_rotations
 from voxgran.lattice.grid import Grid
 from voxgran.voxels.occupy import BACKENDS, occupy, voxelize
 

@@ -29,7 +29,7 @@ def stated():
         *project["dependencies"],
         *(line for lines in project["optional-dependencies"].values() for line in lines),
     ]:
-        name, floor = re.fullmatch(r"([\w.-]+)(?:\[\w+\])?>=([\d.]+)", line).groups()
+        name, floor = re.fullmatch(r"([\w.-]+)(?:\[\w+\])?>=([\d.]+)(?:,<[\d.]+)?", line).groups()
         found.setdefault(name, []).append(tuple(int(part) for part in floor.split(".")))
     return found
 

@@ -14,12 +14,12 @@ import voxgran as vg
 from voxgran._base.arrays import as_number
 from voxgran._base.config import parameter
 from voxgran._base.errors import CallError, InputError, UnknownNameError
-from voxgran._base.rotation import random_rotations
 from voxgran._base.seeds import stream
 from voxgran._base.stopping import stop_if_asked
 from voxgran.clumps.fit import fit_clump
 from voxgran.clumps.method import clump_registry
 from voxgran.decks.engine import Engine
+from voxgran.geometry.rotation import random_rotations
 from voxgran.packing.method import Cost, PackingMethod, State, method_registry
 from voxgran.packing.pack import pack
 from voxgran.shapes.family import families, make_shape

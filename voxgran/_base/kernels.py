@@ -23,6 +23,7 @@ from voxgran._base.errors import InputError
 from voxgran._base.files import is_private
 from voxgran._base.lazy import load
 from voxgran._base.stopping import heed
+from voxgran._base.warning import warn
 
 log = logging.getLogger(__name__)
 
@@ -66,6 +67,8 @@ class Kernel:
         MissingLibraryError
             If numba cannot be loaded.
         """
+        if self._compiled is None and _linking() is None:
+            self._compiled = self.callee()
         if self._compiled is None:
             made: Any = self._dispatcher("CallerDispatcher", "CallerCompiler")
             made._cache = load("voxgran._base.compiling.kernel_files").KernelCache(
@@ -82,6 +85,9 @@ class Kernel:
         MissingLibraryError
             If numba cannot be loaded.
         """
+        if self._callee is None and _linking() is None:
+            public = {"nogil": True, "error_model": "numpy", "forceinline": self._inlined}
+            self._callee = load("numba").njit(self._linked(), cache=True, **public)
         if self._callee is None:
             bare = {"no_cpython_wrapper": True, "no_cfunc_wrapper": True}
             self._callee = self._dispatcher("CalleeDispatcher", "CalleeCompiler", **bare)
@@ -113,7 +119,7 @@ class Kernel:
 
     def _dispatcher(self, kind: str, compiler: str, **options: Any) -> Callable[..., Any]:
         """Return a dispatcher of the function: its class and that of its compiler are named in `linking`."""
-        linking = load("voxgran._base.compiling.linking")
+        linking = _linking()
         shared = {"nopython": True, "boundscheck": None, "nogil": True, "error_model": "numpy"}
         own = {"_nrt": self._counted, "forceinline": self._inlined}
         made: Callable[..., Any] = getattr(linking, kind)(
@@ -133,6 +139,23 @@ class Kernel:
         linked = FunctionType(plain.__code__, names, plain.__name__, plain.__defaults__, plain.__closure__)
         linked.__module__, linked.__qualname__ = plain.__module__, plain.__qualname__
         return linked
+
+
+@cache
+def _linking() -> Any:
+    """Return the module that compiles kernels by private parts of numba; None, with a warning, where these differ."""
+    numba = load("numba")
+    try:
+        load("voxgran._base.compiling.kernel_files")
+        return load("voxgran._base.compiling.linking")
+    except (ImportError, AttributeError) as error:
+        why = str(error.__cause__ or error).partition(" (")[0]
+        warn(
+            f"numba {numba.__version__} lacks what voxgran links kernels with ({why}): they are compiled by njit, "
+            "which takes several times as long; install a version that voxgran requires",
+            RuntimeWarning,
+        )
+        return None
 
 
 class Instruction(Kernel):

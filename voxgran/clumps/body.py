@@ -13,7 +13,7 @@ from voxgran._base.arrays import Floats, Integers
 from voxgran._base.errors import InputError
 from voxgran._base.lazy import load
 from voxgran._base.seeds import stream
-from voxgran._base.tree import areas_of, normals_of
+from voxgran.geometry.triangles import areas_of, normals_of
 from voxgran.shapes.mesh import Mesh
 from voxgran.shapes.model import Shape
 from voxgran.voxels.model import Voxels

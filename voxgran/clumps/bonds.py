@@ -13,10 +13,10 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 
 from voxgran._base.arrays import Floats, Integers, as_number, as_share
-from voxgran._base.cells import near_pairs
 from voxgran._base.errors import PackingWarning
 from voxgran._base.lazy import load
 from voxgran._base.warning import warn
+from voxgran.geometry.sphere_pairs import near_pairs
 
 if TYPE_CHECKING:
     from xarray import Dataset

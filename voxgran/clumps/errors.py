@@ -4,10 +4,10 @@ import numpy as np
 
 from voxgran._base.arrays import Booleans, Floats
 from voxgran._base.lazy import load
-from voxgran._base.rotation import normalized, rotation_matrices
 from voxgran.clumps.body import Body
 from voxgran.clumps.model import ClumpErrors
 from voxgran.clumps.sphere_sets import union_gaps
+from voxgran.geometry.rotation import normalized, rotation_matrices
 from voxgran.lattice.grid import Grid
 from voxgran.lattice.packed import PackedMask
 from voxgran.shapes.model import Shape

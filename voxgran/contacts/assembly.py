@@ -23,9 +23,9 @@ from voxgran._base.arrays import (
     read_only,
 )
 from voxgran._base.errors import InputError, shown
-from voxgran._base.rotation import rotation_matrices
 from voxgran.containers.model import Container, check_container
 from voxgran.containers.size_limits import check_grain_sizes
+from voxgran.geometry.rotation import rotation_matrices
 from voxgran.shapes.model import Shape
 
 #: that of all shapes, or one for each shape

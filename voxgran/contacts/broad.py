@@ -3,8 +3,8 @@
 from dataclasses import dataclass
 
 from voxgran._base.arrays import Booleans, Floats, Integers
-from voxgran._base.cells import near_pairs
 from voxgran.contacts.assembly import Assembly
+from voxgran.geometry.sphere_pairs import near_pairs
 
 
 @dataclass(frozen=True, eq=False)

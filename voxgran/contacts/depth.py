@@ -13,13 +13,8 @@ import numpy as np
 
 from voxgran._base.arrays import Floats
 from voxgran._base.kernels import kernel
-from voxgran._base.tree import (
-    TriangleTree,
-    closest_on_triangle,
-    is_behind,
-    nearest_triangle,
-    square_to_box,
-)
+from voxgran.geometry.tree import TriangleTree, is_behind, nearest_triangle, square_to_box
+from voxgran.geometry.triangles import closest_on_triangle
 
 #: relative difference of the bounds at which a patch is not bisected further
 ACCURACY = 1e-3

@@ -16,7 +16,6 @@ from voxgran._base.arrays import Floats, as_number
 from voxgran._base.compiling.threads import using_threads
 from voxgran._base.progress import OnStep, Step, silent
 from voxgran._base.stopping import stop_if_asked
-from voxgran._base.tree import TriangleTree
 from voxgran.contacts.assembly import Assembly
 from voxgran.contacts.broad import Pairs, grain_pairs
 from voxgran.contacts.convex import part_contacts
@@ -32,6 +31,7 @@ from voxgran.contacts.solid import Solid
 from voxgran.contacts.spheres import sphere_contacts
 from voxgran.contacts.surface_pairs import surface_gaps
 from voxgran.contacts.touch import Touch
+from voxgran.geometry.tree import TriangleTree
 from voxgran.shapes.describing.body import Geometry
 from voxgran.shapes.mesh import Mesh
 from voxgran.shapes.outline import Outline

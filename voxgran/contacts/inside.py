@@ -3,8 +3,8 @@
 import numpy as np
 
 from voxgran._base.arrays import Floats
-from voxgran._base.rotation import stretch_of
 from voxgran.contacts.search import Inner
+from voxgran.geometry.rotation import stretch_of
 from voxgran.shapes.describing.body import Geometry
 from voxgran.shapes.mesh import Mesh
 from voxgran.shapes.outline import Outline

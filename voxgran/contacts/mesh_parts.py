@@ -13,8 +13,6 @@ import numpy as np
 
 from voxgran._base.arrays import Floats
 from voxgran._base.kernels import kernel
-from voxgran._base.rotation import stretch_of
-from voxgran._base.tree import square_to_box
 from voxgran.contacts.convex import TOUCHING, part_size, penetration
 from voxgran.contacts.depth import deepest_of_round
 from voxgran.contacts.gjk import CONE, CYLINDER, TRIANGLE, separation, support
@@ -25,6 +23,8 @@ from voxgran.contacts.search import deepest_point
 from voxgran.contacts.solid import Solid
 from voxgran.contacts.touch import Touch, direction
 from voxgran.contacts.triangles import TreeArrays
+from voxgran.geometry.rotation import stretch_of
+from voxgran.geometry.tree import square_to_box
 from voxgran.shapes.describing.body import Geometry
 from voxgran.shapes.primitive import Primitive
 

@@ -9,13 +9,13 @@ it, is separate.
 import numpy as np
 
 from voxgran._base.arrays import Floats
-from voxgran._base.rotation import stretch_of
 from voxgran.contacts.depth import deepest_of_triangles
 from voxgran.contacts.inside import placed
 from voxgran.contacts.search import deepest_point
 from voxgran.contacts.solid import Body, Solid, combine
 from voxgran.contacts.touch import Touch, direction
 from voxgran.contacts.triangles import nearest_points
+from voxgran.geometry.rotation import stretch_of
 
 #: distance, in sizes of the pair, below which rounding could hide an overlap
 ROUNDING = 1e-12

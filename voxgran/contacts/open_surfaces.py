@@ -12,7 +12,6 @@ from functools import partial
 import numpy as np
 
 from voxgran._base.arrays import Floats
-from voxgran._base.rotation import stretch_of
 from voxgran.contacts.convex import TOUCHING, part_size
 from voxgran.contacts.depth import deepest_of_triangles
 from voxgran.contacts.inside import inner_distance, placed
@@ -23,6 +22,7 @@ from voxgran.contacts.sheet_crossing import crossing_depth
 from voxgran.contacts.solid import Solid
 from voxgran.contacts.touch import Touch, direction
 from voxgran.contacts.triangles import nearest_points
+from voxgran.geometry.rotation import stretch_of
 from voxgran.shapes.describing.body import Geometry
 from voxgran.shapes.mesh import Mesh
 from voxgran.shapes.primitive import Primitive

@@ -11,7 +11,7 @@ from typing import TypeAlias
 import numpy as np
 
 from voxgran._base.arrays import Floats, Integers
-from voxgran._base.rotation import rotation_matrices
+from voxgran.geometry.rotation import rotation_matrices
 
 #: signed distance of points to the surface of a grain, positive inside
 Inner: TypeAlias = Callable[[Floats], Floats]

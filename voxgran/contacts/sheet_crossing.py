@@ -20,8 +20,9 @@ import numpy as np
 
 from voxgran._base.arrays import Floats
 from voxgran._base.kernels import kernel
-from voxgran._base.tree import TriangleTree, normals_of
 from voxgran.contacts.triangles import pair_bound, turn_triangles
+from voxgran.geometry.tree import TriangleTree
+from voxgran.geometry.triangles import normals_of
 
 #: three perpendicular directions that are parallel to no common edge, in rows
 AXES = (

@@ -9,7 +9,7 @@ import numpy as np
 from voxgran._base.arrays import Floats
 from voxgran._base.errors import DirtyMeshError
 from voxgran._base.lazy import load
-from voxgran._base.tree import TriangleTree
+from voxgran.geometry.tree import TriangleTree
 from voxgran.shapes.mesh import Mesh
 
 

@@ -14,11 +14,11 @@ from voxgran._base.compiling.threads import in_blocks, thread_count
 from voxgran._base.kernels import kernel
 from voxgran._base.progress import OnStep, Step, silent
 from voxgran._base.stopping import stop_if_asked
-from voxgran._base.tree import TriangleTree
 from voxgran.contacts.assembly import Assembly
 from voxgran.contacts.broad import Pairs
 from voxgran.contacts.meshes import ROUNDING
 from voxgran.contacts.triangles import boxed_arrays, find_nearest_pair
+from voxgran.geometry.tree import TriangleTree
 
 #: number of pairs that a thread processes between two checks for a request to stop
 AT_ONCE = 64

@@ -1,9 +1,4 @@
-"""Nearest points of two triangles, and of two surfaces with box trees.
-
-The nearest points of two disjoint triangles are a corner and a point of a face, or points of two edges; if the
-triangles intersect, an edge of one pierces the other. All fifteen cases and the six piercings are tested in double
-precision.
-"""
+"""Nearest points of two surfaces with box trees."""
 
 import math
 
@@ -11,7 +6,8 @@ import numpy as np
 
 from voxgran._base.arrays import Floats, Integers
 from voxgran._base.kernels import bare_kernel, kernel
-from voxgran._base.tree import TriangleTree, closest_on_triangle
+from voxgran.geometry.tree import TriangleTree
+from voxgran.geometry.triangles import box_gap, plane_gap, triangle_distance
 
 #: corners, low, high and start of a box tree, as kernels take them
 TreeArrays = tuple[Floats, Floats, Floats, Integers]
@@ -19,8 +15,6 @@ TreeArrays = tuple[Floats, Floats, Floats, Integers]
 BoxedArrays = tuple[Floats, Integers, Floats]
 #: by how much a bound must exceed the best distance, relative to it and to the sizes, so that rounding drops no pair
 RELATIVE, ABSOLUTE = 1e-9, 1e-13
-#: square of the sine of an angle of a triangle up to which its plane is not used
-SLIVER = 1e-6
 
 
 def nearest_points(
@@ -168,118 +162,3 @@ def turn_triangles(corners: Floats, first: int, last: int, matrix: Floats, offse
                     + matrix[i, 2] * corners[k, c, 2]
                     + offset[i]
                 )
-
-
-@bare_kernel
-def box_gap(one: Floats, i: int, other: Floats, j: int) -> float:
-    """Return the squared distance of the boxes around two triangles."""
-    square = 0.0
-    for k in range(3):
-        low = min(one[i, 0, k], one[i, 1, k], one[i, 2, k])
-        high = max(one[i, 0, k], one[i, 1, k], one[i, 2, k])
-        other_low = min(other[j, 0, k], other[j, 1, k], other[j, 2, k])
-        other_high = max(other[j, 0, k], other[j, 1, k], other[j, 2, k])
-        gap = max(low - other_high, other_low - high, 0.0)
-        square += gap * gap
-    return square
-
-
-@bare_kernel
-def plane_gap(one: Floats, i: int, other: Floats, j: int) -> float:
-    """Return the squared distance of triangle other[j] from the plane of one[i]; 0 where it meets the plane."""
-    ax, ay, az = one[i, 0, 0], one[i, 0, 1], one[i, 0, 2]
-    ux, uy, uz = one[i, 1, 0] - ax, one[i, 1, 1] - ay, one[i, 1, 2] - az
-    vx, vy, vz = one[i, 2, 0] - ax, one[i, 2, 1] - ay, one[i, 2, 2] - az
-    nx, ny, nz = uy * vz - uz * vy, uz * vx - ux * vz, ux * vy - uy * vx
-    p = nx * (other[j, 0, 0] - ax) + ny * (other[j, 0, 1] - ay) + nz * (other[j, 0, 2] - az)
-    q = nx * (other[j, 1, 0] - ax) + ny * (other[j, 1, 1] - ay) + nz * (other[j, 1, 2] - az)
-    r = nx * (other[j, 2, 0] - ax) + ny * (other[j, 2, 1] - ay) + nz * (other[j, 2, 2] - az)
-    gap = max(min(p, q, r), -max(p, q, r), 0.0)
-    square = nx * nx + ny * ny + nz * nz
-    # the normal of a sliver has lost its digits
-    if square <= SLIVER * (ux * ux + uy * uy + uz * uz) * (vx * vx + vy * vy + vz * vz):
-        return 0.0
-    return gap * gap / square
-
-
-@bare_kernel
-def triangle_distance(one: Floats, i: int, other: Floats, j: int, points: Floats) -> float:
-    """Return the squared distance of triangles one[i] and other[j]; write the nearest points."""
-    best = np.inf
-    for c in range(3):
-        x, y, z = other[j, c, 0], other[j, c, 1], other[j, c, 2]
-        px, py, pz, _ = closest_on_triangle(one, i, x, y, z)
-        best = _keep_nearer(points, best, px, py, pz, x, y, z)
-        x, y, z = one[i, c, 0], one[i, c, 1], one[i, c, 2]
-        px, py, pz, _ = closest_on_triangle(other, j, x, y, z)
-        best = _keep_nearer(points, best, x, y, z, px, py, pz)
-    for c in range(3):
-        for d in range(3):
-            best = _try_edges(one, i, c, other, j, d, points, best)
-    for c in range(3):
-        if best > 0.0 and (_pierces(one, i, c, other, j, points) or _pierces(other, j, c, one, i, points)):
-            best = 0.0
-    return best
-
-
-@bare_kernel
-def _keep_nearer(points, best, ax, ay, az, bx, by, bz):  # type: ignore[no-untyped-def]
-    """Write two points where they are nearer than the best ones; return the lesser squared distance."""
-    square = (ax - bx) ** 2 + (ay - by) ** 2 + (az - bz) ** 2
-    if square < best:
-        points[0], points[1], points[2] = ax, ay, az
-        points[3], points[4], points[5] = bx, by, bz
-        return square
-    return best
-
-
-@bare_kernel
-def _try_edges(one, i, c, other, j, d, points, best):  # type: ignore[no-untyped-def]
-    """Compare with the nearest inner points of edge c of one[i] and edge d of other[j].
-
-    Cross products keep the digits that the usual difference of squares loses for nearly parallel edges; the ends of
-    edges are corners, which are tested elsewhere.
-    """
-    c2, d2 = (c + 1) % 3, (d + 1) % 3
-    px, py, pz = one[i, c, 0], one[i, c, 1], one[i, c, 2]
-    ux, uy, uz = one[i, c2, 0] - px, one[i, c2, 1] - py, one[i, c2, 2] - pz
-    qx, qy, qz = other[j, d, 0], other[j, d, 1], other[j, d, 2]
-    vx, vy, vz = other[j, d2, 0] - qx, other[j, d2, 1] - qy, other[j, d2, 2] - qz
-    nx, ny, nz = uy * vz - uz * vy, uz * vx - ux * vz, ux * vy - uy * vx
-    square = nx * nx + ny * ny + nz * nz
-    rx, ry, rz = qx - px, qy - py, qz - pz
-    s = (ry * vz - rz * vy) * nx + (rz * vx - rx * vz) * ny + (rx * vy - ry * vx) * nz
-    t = (ry * uz - rz * uy) * nx + (rz * ux - rx * uz) * ny + (rx * uy - ry * ux) * nz
-    if square <= 0.0 or s < 0.0 or s > square or t < 0.0 or t > square:
-        return best
-    s, t = s / square, t / square
-    return _keep_nearer(points, best, px + s * ux, py + s * uy, pz + s * uz, qx + t * vx, qy + t * vy, qz + t * vz)
-
-
-@bare_kernel
-def _pierces(one, i, c, other, j, points):  # type: ignore[no-untyped-def]
-    """Return whether edge c of one[i] pierces other[j]; write the point."""
-    c2 = (c + 1) % 3
-    ax, ay, az = other[j, 0, 0], other[j, 0, 1], other[j, 0, 2]
-    ux, uy, uz = other[j, 1, 0] - ax, other[j, 1, 1] - ay, other[j, 1, 2] - az
-    vx, vy, vz = other[j, 2, 0] - ax, other[j, 2, 1] - ay, other[j, 2, 2] - az
-    nx, ny, nz = uy * vz - uz * vy, uz * vx - ux * vz, ux * vy - uy * vx
-    px, py, pz = one[i, c, 0], one[i, c, 1], one[i, c, 2]
-    qx, qy, qz = one[i, c2, 0], one[i, c2, 1], one[i, c2, 2]
-    above = nx * (px - ax) + ny * (py - ay) + nz * (pz - az)
-    below = nx * (qx - ax) + ny * (qy - ay) + nz * (qz - az)
-    if above * below >= 0.0:
-        return False
-    t = above / (above - below)
-    x, y, z = px + t * (qx - px), py + t * (qy - py), pz + t * (qz - pz)
-    for d in range(3):
-        d2 = (d + 1) % 3
-        ax, ay, az = other[j, d, 0], other[j, d, 1], other[j, d, 2]
-        ux, uy, uz = other[j, d2, 0] - ax, other[j, d2, 1] - ay, other[j, d2, 2] - az
-        wx, wy, wz = x - ax, y - ay, z - az
-        side = nx * (uy * wz - uz * wy) + ny * (uz * wx - ux * wz) + nz * (ux * wy - uy * wx)
-        if side < 0.0:
-            return False
-    points[0], points[1], points[2] = x, y, z
-    points[3], points[4], points[5] = x, y, z
-    return True

@@ -11,7 +11,6 @@ import numpy as np
 
 from voxgran._base.arrays import Floats, Integers
 from voxgran._base.kernels import kernel
-from voxgran._base.rotation import stretch_of
 from voxgran.contacts.assembly import Assembly
 from voxgran.contacts.depth import deepest_of_triangles
 from voxgran.contacts.farthest import farthest_reach
@@ -22,6 +21,7 @@ from voxgran.contacts.solid import Solid, combine
 from voxgran.contacts.triangles import nearest_points
 from voxgran.containers.model import UNKNOWN, boundary_of
 from voxgran.containers.plane import prism_of
+from voxgran.geometry.rotation import stretch_of
 from voxgran.shapes.mesh import Mesh
 from voxgran.shapes.model import Shape
 from voxgran.shapes.outline import Outline

@@ -2,7 +2,7 @@
 
 Boxes and rectangles may be periodic along an axis, which then has no wall. A cylinder is upright; a disk is one without
 ends, and a polygon a closed mesh, both at z = 0 (:mod:`voxgran.containers.plane`). In a closed mesh the
-distance of a center from the surface is exact (:mod:`voxgran._base.tree`), so that a sphere that is accepted protrudes
+distance of a center from the surface is exact (:mod:`voxgran.geometry.tree`), so that an accepted sphere protrudes
 by no more than rounding.
 
 The advancing front counts coordinates from the lower corner and has tests of its own
@@ -17,8 +17,8 @@ import numpy as np
 
 from voxgran._base.arrays import Floats, Integers
 from voxgran._base.kernels import bare_kernel
-from voxgran._base.tree import STACK, is_behind, search_triangles
 from voxgran.containers.model import Container, boundary_of
+from voxgran.geometry.tree import STACK, is_behind, search_triangles
 from voxgran.shapes.mesh import Mesh
 from voxgran.shapes.model import Shape
 

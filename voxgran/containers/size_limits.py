@@ -6,10 +6,10 @@ from collections.abc import Sequence
 import numpy as np
 
 from voxgran._base.arrays import Booleans, Floats, Integers
-from voxgran._base.cells import MOST_IMAGES, images_within
 from voxgran._base.errors import GrainTooLargeError
 from voxgran._base.lazy import load
 from voxgran.containers.model import Container, boundary_of
+from voxgran.geometry.sphere_pairs import MOST_IMAGES, images_within
 from voxgran.shapes.describing.extents import principal_extents
 from voxgran.shapes.model import Shape
 from voxgran.shapes.primitive import Primitive

@@ -8,8 +8,8 @@ from typing import Literal, NamedTuple
 import numpy as np
 
 from voxgran._base.arrays import Floats, Integers, read_only
-from voxgran._base.rotation import quaternions_of
 from voxgran.contacts.assembly import Assembly, by_shape
+from voxgran.geometry.rotation import quaternions_of
 from voxgran.shapes.model import Shape
 from voxgran.shapes.spheres import Spheres
 

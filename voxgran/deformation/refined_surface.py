@@ -13,8 +13,8 @@ import numpy as np
 from voxgran._base.arrays import Booleans, Floats, Integers
 from voxgran._base.errors import TooLargeError
 from voxgran._base.lazy import load
-from voxgran._base.tree import areas_of
 from voxgran.contacts.search import Inner
+from voxgran.geometry.triangles import areas_of
 from voxgran.shapes.finer import cut_edges, edges_of
 
 #: how much longer edges may be at a distance from a contact, as a ratio to it

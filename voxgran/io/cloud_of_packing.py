@@ -3,7 +3,7 @@
 import numpy as np
 
 from voxgran._base.arrays import as_length
-from voxgran._base.rotation import rotation_matrices
+from voxgran.geometry.rotation import rotation_matrices
 from voxgran.packing.model import Packing
 from voxgran.points.cloud import Cloud
 from voxgran.points.sample import sample_surface

@@ -10,15 +10,15 @@ import numpy as np
 
 from voxgran._base.arrays import LONGEST, SHORTEST, Booleans, Floats, Integers
 from voxgran._base.axes import Periodic
-from voxgran._base.cells import near_pairs
 from voxgran._base.errors import FileFormatError, InputError, PackingWarning, shown, with_article
-from voxgran._base.rotation import quaternions_of
 from voxgran._base.units import known_unit, stated_unit
 from voxgran._base.warning import warn
 from voxgran.contacts.assembly import NOT_STATED, shapes_by_density
 from voxgran.containers.box import Box
 from voxgran.containers.model import Container, check_container
 from voxgran.containers.rectangle import Rectangle
+from voxgran.geometry.rotation import quaternions_of
+from voxgran.geometry.sphere_pairs import near_pairs
 from voxgran.packing.model import Packing
 from voxgran.shapes.model import Shape
 from voxgran.shapes.outline import Outline

@@ -14,7 +14,7 @@ import numpy as np
 
 from voxgran._base.arrays import Booleans, Floats, Integers
 from voxgran._base.lazy import load
-from voxgran._base.tree import enclosed_volume
+from voxgran.geometry.triangles import enclosed_volume
 
 #: smallest distance of a vertex from a node, in edges
 MARGIN = 0.05

@@ -12,7 +12,7 @@ from voxgran._base.arrays import Booleans, Floats, Integers, as_array, as_floats
 from voxgran._base.calls import explained
 from voxgran._base.errors import InputError
 from voxgran._base.lazy import load
-from voxgran._base.tree import enclosed_volume
+from voxgran.geometry.triangles import enclosed_volume
 
 #: relative difference of volumes at which the search for the level ends
 LEVEL_ACCURACY = 1e-4

@@ -10,11 +10,11 @@ from dataclasses import dataclass
 import numpy as np
 
 from voxgran._base.arrays import Booleans, Floats, Integers
-from voxgran._base.cells import spheres_near
 from voxgran._base.compiling.threads import in_blocks, using_threads
 from voxgran._base.kernels import bare_kernel, kernel
 from voxgran.containers.kernel_container import KernelContainer, clearance, kernel_container
 from voxgran.containers.model import boundary_of
+from voxgran.geometry.sphere_pairs import spheres_near
 from voxgran.lattice.distance import distance_transform
 from voxgran.lattice.thickness import cover, ridge
 from voxgran.measures.crossings import spheres_of

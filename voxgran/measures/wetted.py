@@ -12,9 +12,9 @@ from typing import Any, TypeAlias
 import numpy as np
 
 from voxgran._base.arrays import Booleans, Floats, Integers
-from voxgran._base.tree import normals_of
 from voxgran.contacts.inside import inner_distance
 from voxgran.contacts.model import Contacts
+from voxgran.geometry.triangles import normals_of
 from voxgran.measures.model import length_unit, variable
 from voxgran.measures.window import Estimate, Solids, images
 from voxgran.packing.model import Packing

@@ -15,9 +15,9 @@ from typing import TypeAlias
 import numpy as np
 
 from voxgran._base.arrays import Floats, Integers
-from voxgran._base.cells import near_pairs
 from voxgran._base.kernels import kernel
 from voxgran.containers.model import Container
+from voxgran.geometry.sphere_pairs import near_pairs
 from voxgran.measures.halfspaces import cut_disks, cut_spheres
 from voxgran.measures.overlap import overlap_volume
 from voxgran.measures.slabs import Ordered, near_box

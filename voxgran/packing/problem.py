@@ -16,12 +16,12 @@ from numpy.typing import ArrayLike, NDArray
 from voxgran._base.arrays import Booleans, Floats, Integers, as_count
 from voxgran._base.config import to_mapping
 from voxgran._base.errors import InputError, PackingWarning
-from voxgran._base.rotation import normalized
 from voxgran._base.seeds import stream
 from voxgran._base.warning import warn
 from voxgran.contacts.assembly import NOT_STATED, Assembly, Density
 from voxgran.contacts.verify import verify
 from voxgran.containers.model import Container
+from voxgran.geometry.rotation import normalized
 from voxgran.lattice.grid import Grid
 from voxgran.packing.draw import DrawnGrains
 from voxgran.packing.model import Packing

@@ -13,7 +13,7 @@ import numpy as np
 from voxgran._base.arrays import Floats, Integers
 from voxgran._base.kernels import kernel
 from voxgran._base.seeds import philox_block, philox_key, unit_float
-from voxgran._base.tree import areas_of
+from voxgran.geometry.triangles import areas_of
 
 #: random points that are tried for each one that is asked for
 TRIED = 24

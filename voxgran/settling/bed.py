@@ -13,8 +13,8 @@ from typing import Any, TypeVar
 import numpy as np
 
 from voxgran._base.arrays import Floats, Integers
-from voxgran._base.rotation import normalized
 from voxgran.contacts.assembly import Assembly, Lid
+from voxgran.geometry.rotation import normalized
 from voxgran.settling.contact_rows import (
     ARM_I,
     ARM_J,

@@ -6,9 +6,9 @@ Verlet 1967, doi:10.1103/PhysRev.159.98.
 import numpy as np
 
 from voxgran._base.arrays import Floats, Integers
-from voxgran._base.cells import near_pairs
 from voxgran._base.kernels import kernel
 from voxgran.containers.model import Container
+from voxgran.geometry.sphere_pairs import near_pairs
 from voxgran.settling.contact_rows import Grains, PairList
 
 #: `bound` of pairs that were never looked at, and first number of a normal that is not known

@@ -3,7 +3,7 @@
 import numpy as np
 
 from voxgran._base.arrays import Booleans, Floats, Integers
-from voxgran._base.tree import normals_of
+from voxgran.geometry.triangles import normals_of
 from voxgran.shapes.describing.body import Geometry
 from voxgran.shapes.primitive import Primitive
 from voxgran.shapes.spheres import Spheres

@@ -7,7 +7,7 @@ import numpy as np
 
 from voxgran._base.arrays import Floats
 from voxgran._base.lazy import load
-from voxgran._base.tree import normals_of
+from voxgran.geometry.triangles import normals_of
 from voxgran.shapes.triangles import Triangles
 
 

@@ -22,8 +22,8 @@ from voxgran._base.calls import explained_methods
 from voxgran._base.errors import InputError
 from voxgran._base.lazy import load
 from voxgran._base.registry import ExplainedAttributes
-from voxgran._base.rotation import rotation_matrices
 from voxgran._base.units import as_unit, stated_unit, unit_factor
+from voxgran.geometry.rotation import rotation_matrices
 from voxgran.shapes.describing.body import Body, Geometry
 from voxgran.shapes.generating.record import Record
 from voxgran.shapes.mesh import Mesh

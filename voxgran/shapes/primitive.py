@@ -10,7 +10,7 @@ import numpy as np
 from voxgran._base.arrays import Floats, Integers
 from voxgran._base.errors import InputError
 from voxgran._base.lazy import load
-from voxgran._base.rotation import product, quaternions_of, rotation_matrices
+from voxgran.geometry.rotation import product, quaternions_of, rotation_matrices
 from voxgran.shapes.tessellate import SIDES, revolved, sphere, unit_box
 
 Kind = Literal["sphere", "ellipsoid", "box", "cylinder", "cone"]

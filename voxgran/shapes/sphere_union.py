@@ -23,8 +23,8 @@ import math
 import numpy as np
 
 from voxgran._base.arrays import Booleans, Floats, Integers
-from voxgran._base.cells import near_pairs
 from voxgran._base.kernels import kernel
+from voxgran.geometry.sphere_pairs import near_pairs
 
 #: largest gap of a boundary, in radii; above it the radii are perturbed by NUDGE and the computation is repeated
 CLOSED = 1e-10

@@ -7,7 +7,7 @@ import numpy as np
 
 from voxgran._base.arrays import Floats, Integers, read_only
 from voxgran._base.errors import DirtyMeshError, InputError
-from voxgran._base.tree import areas_of
+from voxgran.geometry.triangles import areas_of
 from voxgran.lattice.label import components
 from voxgran.shapes.repairing.crossing import count_crossings
 from voxgran.shapes.triangles import Triangles

@@ -8,7 +8,7 @@ from functools import lru_cache
 import numpy as np
 
 from voxgran._base.arrays import Floats, Integers, read_only
-from voxgran._base.tree import normals_of
+from voxgran.geometry.triangles import normals_of
 
 #: number of sides of the polygon that represents a circle
 SIDES = 96

@@ -7,7 +7,8 @@ from typing import Any, Self
 import numpy as np
 
 from voxgran._base.arrays import Floats, Integers, read_only
-from voxgran._base.tree import TriangleTree, areas_of, grow_tree
+from voxgran.geometry.tree import TriangleTree, grow_tree
+from voxgran.geometry.triangles import areas_of
 
 
 class Moments:

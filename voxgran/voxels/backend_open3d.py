@@ -9,7 +9,7 @@ import numpy as np
 
 from voxgran._base.arrays import Floats, Integers
 from voxgran._base.lazy import load
-from voxgran._base.rotation import normalized, rotation_matrices
+from voxgran.geometry.rotation import normalized, rotation_matrices
 from voxgran.lattice.grid import Grid
 from voxgran.lattice.packed import PackedMask
 

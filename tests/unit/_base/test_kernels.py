@@ -53,6 +53,29 @@ def test_inlined_kernels_give_what_others_give():
     assert _calls_what_is_inlined(2.0) == _calls_what_is_inlined.plain(2.0) == 35.0
 
 
+@pytest.mark.parametrize(
+    ("module", "name"), [("numba.core.codegen", "JITCodeLibrary"), ("numba.core.caching", "CompileResultCacheImpl")]
+)
+def test_a_numba_with_other_private_parts_compiles_by_njit(module, name, tmp_path):
+    code = f"""
+import importlib, warnings
+import numba
+part = importlib.import_module({module!r})
+del part.{name}
+import numpy as np
+from tests.unit._base.test_kernels import _calls_what_is_inlined, _sum_of_doubles
+with warnings.catch_warnings(record=True) as said:
+    warnings.simplefilter("always")
+    assert _sum_of_doubles(np.arange(4.0)) == 12.0
+    assert _calls_what_is_inlined(2.0) == 35.0
+(line,) = {{str(warning.message) for warning in said}}
+assert "{name}" in line and "njit" in line, line
+"""
+    environment = {**os.environ, "NUMBA_CACHE_DIR": str(tmp_path)}
+    ended = subprocess.run([sys.executable, "-c", code], check=False, capture_output=True, text=True, env=environment)
+    assert ended.returncode == 0, ended.stderr
+
+
 def test_decorating_loads_no_numba():
     code = "import sys, voxgran.packing.digital.bit_columns, voxgran._base.seeds; sys.exit('numba' in sys.modules)"
     assert subprocess.run([sys.executable, "-c", code], check=False).returncode == 0

@@ -7,10 +7,10 @@ import pytest
 import pyvista
 
 import voxgran as vg
-from voxgran._base.rotation import random_rotations
 from voxgran.contacts.assembly import Assembly
 from voxgran.contacts.find import find_contacts
 from voxgran.contacts.walls import escape_depths
+from voxgran.geometry.rotation import random_rotations
 from voxgran.shapes.families.surfaces.sheet import lattice_faces
 from voxgran.shapes.spheres import Spheres
 

@@ -5,11 +5,12 @@ import math
 import numpy as np
 import pytest
 
-from voxgran._base.rotation import random_rotations, rotation_matrices
 from voxgran._base.seeds import stream
-from voxgran._base.tree import grow_tree
-from voxgran.contacts.triangles import nearest_points, plane_gap, triangle_distance, turned_bound
+from voxgran.contacts.triangles import nearest_points, turned_bound
 from voxgran.containers.box import Box
+from voxgran.geometry.rotation import random_rotations, rotation_matrices
+from voxgran.geometry.tree import grow_tree
+from voxgran.geometry.triangles import plane_gap, triangle_distance
 from voxgran.packing.model import Packing
 from voxgran.shapes.family import make_shape
 
@@ -32,7 +33,7 @@ def test_no_triangles_of_random_solids_are_nearer_than_the_nearest_points(reach,
     some = np.linspace(0, len(one.corners) - 1, 60, dtype=int)
     for number, (matrix, way) in enumerate(poses(6)):
         # half of the searches are by boxes that are turned
-        monkeypatch.setattr("voxgran._base.tree.TURNED", 1 if number % 2 else 16)
+        monkeypatch.setattr("voxgran.geometry.tree.TURNED", 1 if number % 2 else 16)
         for distance in (0.2, 0.3, 0.45):
             offset = distance * (one.size + other.size) * way
             turned = np.ascontiguousarray(other.corners @ matrix.T + offset)
@@ -53,7 +54,7 @@ def test_the_distance_of_polyhedra_is_the_smallest_of_all_pairs(seed, monkeypatc
         pairs = [(i, j) for i in range(len(one.corners)) for j in range(len(turned))]
         square = min(triangle_distance(one.corners, i, turned, j, points) for i, j in pairs)
         for turned_from in (1, 16):
-            monkeypatch.setattr("voxgran._base.tree.TURNED", turned_from)
+            monkeypatch.setattr("voxgran.geometry.tree.TURNED", turned_from)
             found = nearest_points(one, other, matrix=matrix, offset=offset)[0]
             assert found == pytest.approx(math.sqrt(square), rel=1e-12)
         # a plane bounds the distance from below

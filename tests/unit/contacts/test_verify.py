@@ -7,7 +7,6 @@ import numpy as np
 import pytest
 
 from voxgran._base.errors import InputError
-from voxgran._base.rotation import random_rotations
 from voxgran._base.seeds import stream
 from voxgran.contacts.assembly import Assembly
 from voxgran.contacts.find import overlaps
@@ -17,6 +16,7 @@ from voxgran.containers.box import Box
 from voxgran.containers.closed_mesh import ClosedMesh
 from voxgran.containers.cylinder import Cylinder
 from voxgran.containers.rectangle import Rectangle
+from voxgran.geometry.rotation import random_rotations
 from voxgran.shapes.files import load_shape
 from voxgran.shapes.mesh import Mesh
 from voxgran.shapes.model import Shape

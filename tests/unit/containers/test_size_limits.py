@@ -8,10 +8,10 @@ import pytest
 
 import voxgran as vg
 from voxgran._base.errors import FileFormatError, GrainTooLargeError, PackingWarning
-from voxgran._base.rotation import random_rotations, rotation_matrices
 from voxgran._base.seeds import stream
 from voxgran.contacts.assembly import Assembly
 from voxgran.containers.size_limits import can_fit
+from voxgran.geometry.rotation import random_rotations, rotation_matrices
 
 ROD = {"radius": 0.1, "height": 5.0}
 CUBE, SLAB, TUBE = vg.Box((4, 4, 4)), vg.Box((9, 9, 0.9), "xy"), vg.Cylinder(1.5, 4.0)

@@ -12,12 +12,12 @@ import pytest
 
 import voxgran as vg
 from voxgran._base.errors import FileFormatError, InputError
-from voxgran._base.rotation import rotation_matrices
 from voxgran.decks import facets as triangles
 from voxgran.decks import kratos_model
 from voxgran.decks.engine import engine_registry
 from voxgran.decks.engines import kratos
 from voxgran.decks.walls import Plane, Walls
+from voxgran.geometry.rotation import rotation_matrices
 from voxgran.shapes.spheres import Spheres
 
 LINEAR = {"law": "linear", "stiffness": 1e4, "shear_stiffness": 3e3, "density": 2650}

@@ -73,7 +73,7 @@ def test_tensors_are_turned_and_scaled_with_the_grains():
 
 def test_the_principal_frame_gives_back_the_tensor():
     bodies = cases.simulation_of(cases.mixed(), "lammps").bodies
-    from voxgran._base.rotation import rotation_matrices
+    from voxgran.geometry.rotation import rotation_matrices
 
     axes = rotation_matrices(bodies.principal_orientation)
     back = np.einsum("nij,nj,nkj->nik", axes, bodies.moments, axes)

@@ -5,9 +5,9 @@ import pytest
 
 import voxgran as vg
 from voxgran._base.errors import FileFormatError, InputError, MissingFileError, MissingLibraryError, OutputExistsError
-from voxgran._base.rotation import random_rotations
 from voxgran._base.seeds import stream
 from voxgran.cli import main
+from voxgran.geometry.rotation import random_rotations
 from voxgran.points.cloud import Cloud
 
 PLY = (

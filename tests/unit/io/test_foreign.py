@@ -10,8 +10,8 @@ from hypothesis import strategies as st
 
 import voxgran as vg
 from voxgran._base.errors import FileFormatError, InputError, MissingFileError
-from voxgran._base.rotation import random_rotations
 from voxgran._base.seeds import stream
+from voxgran.geometry.rotation import random_rotations
 from voxgran.io.spheres import owned_spheres
 from voxgran.shapes.spheres import Spheres
 

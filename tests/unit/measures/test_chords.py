@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 import voxgran as vg
-from voxgran._base.rotation import rotation_matrices
+from voxgran.geometry.rotation import rotation_matrices
 from voxgran.measures.chords import _gaps, chords_along
 from voxgran.measures.crossings import Lines, grain_intervals, outside_intervals
 from voxgran.measures.pores import pores_of

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 import scipy.stats
 
-from voxgran._base.rotation import random_rotations, rotation_matrices
 from voxgran._base.seeds import stream
+from voxgran.geometry.rotation import random_rotations, rotation_matrices
 from voxgran.measures.directions import RINGS, SECTORS, fabric_of, fitted_density, rose_of, traceless_2, traceless_4
 
 

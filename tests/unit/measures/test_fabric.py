@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 from kit import lattice
 
-from voxgran._base.rotation import quaternions_of
 from voxgran._base.seeds import stream
 from voxgran.containers.box import Box
 from voxgran.containers.rectangle import Rectangle
+from voxgran.geometry.rotation import quaternions_of
 from voxgran.io.netcdf import load_statistics, save_statistics
 from voxgran.measures.directions import fabric_of
 from voxgran.measures.model import measure

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 import voxgran as vg
-from voxgran._base.cells import spheres_near
+from voxgran.geometry.sphere_pairs import spheres_near
 from voxgran.lattice.thickness import cover
 from voxgran.measures.model import measure
 from voxgran.measures.pore_spheres import Bodies

@@ -7,8 +7,8 @@ from scipy.stats import chi2
 
 import voxgran as vg
 from voxgran._base.seeds import stream
-from voxgran._base.tree import areas_of
 from voxgran.bench.model import peers_of
+from voxgran.geometry.triangles import areas_of
 from voxgran.points import blue_noise
 from voxgran.points.blue_noise import random_points, spread_points
 from voxgran.points.covering import covering_radius

@@ -7,8 +7,8 @@ import pytest
 
 import voxgran as vg
 from voxgran._base.errors import DirtyMeshError, InputError
-from voxgran._base.rotation import random_rotations, rotation_matrices
 from voxgran._base.seeds import stream
+from voxgran.geometry.rotation import random_rotations, rotation_matrices
 from voxgran.points.blue_noise import random_points
 from voxgran.points.cloud import Cloud
 

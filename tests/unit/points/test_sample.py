@@ -5,7 +5,7 @@ from scipy.spatial import cKDTree
 import voxgran as vg
 from voxgran._base.errors import InputError
 from voxgran._base.seeds import stream
-from voxgran._base.tree import grow_tree
+from voxgran.geometry.tree import grow_tree
 from voxgran.points.covering import covering_radius
 from voxgran.points.sample import SurfacePoints, sample_surface
 from voxgran.shapes.model import Shape

@@ -12,8 +12,8 @@ import scipy.stats
 from matplotlib.figure import Figure
 
 import voxgran as vg
-from voxgran._base.rotation import random_rotations
 from voxgran._base.seeds import stream
+from voxgran.geometry.rotation import random_rotations
 from voxgran.report import plots
 from voxgran.report.figures import figures_of, size_test
 from voxgran.report.shape_plots import normal_rose

@@ -7,10 +7,10 @@ from matplotlib.colors import to_rgb
 from PIL import Image
 
 import voxgran as vg
-from voxgran._base.rotation import rotation_matrices
 from voxgran.containers.box import Box
 from voxgran.containers.closed_mesh import ClosedMesh
 from voxgran.containers.cylinder import Cylinder
+from voxgran.geometry.rotation import rotation_matrices
 from voxgran.packing.model import Packing
 from voxgran.report import scenes
 from voxgran.report.scenes import picture_cut, picture_faces, picture_grain, picture_packing

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy.optimize import linprog, nnls
 
-from voxgran._base.rotation import rotation_matrices
+from voxgran.geometry.rotation import rotation_matrices
 from voxgran.settling.contact_rows import CONVEX, SPHERE, ContactRows, Grains, PairList
 from voxgran.settling.contact_rows import ROW as NUMBERS
 from voxgran.settling.finding.convex_bodies import convex_bodies, convex_work, has_convex_parts, is_convex

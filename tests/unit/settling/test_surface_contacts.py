@@ -7,7 +7,7 @@ from surface_scenes import bring_near, couples, exact_gaps, grains_of, pairs_of,
 
 import voxgran as vg
 from voxgran._base.errors import InputError
-from voxgran._base.rotation import normalized, rotation_matrices
+from voxgran.geometry.rotation import normalized, rotation_matrices
 from voxgran.settling.contact_rows import GAP, PUSH
 from voxgran.settling.finding.distance_grids import surface_bodies, surface_points
 from voxgran.settling.finding.surface_contacts import find_surface_contacts

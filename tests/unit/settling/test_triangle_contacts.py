@@ -6,7 +6,7 @@ from kit import hull, mesh_box
 from surface_scenes import bring_near, couples, exact_gaps, grains_of, pairs_of, rows_of
 
 import voxgran as vg
-from voxgran._base.rotation import normalized
+from voxgran.geometry.rotation import normalized
 from voxgran.settling.contact_rows import GAP
 from voxgran.settling.finding.distance_grids import surface_bodies
 from voxgran.settling.finding.surface_memory import surface_work

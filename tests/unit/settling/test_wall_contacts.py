@@ -8,10 +8,10 @@ from scipy.spatial import ConvexHull
 
 import voxgran as vg
 from voxgran._base.errors import InputError
-from voxgran._base.rotation import normalized, product
 from voxgran.contacts.assembly import Assembly, Lid
 from voxgran.contacts.walls import escape_depths
 from voxgran.containers.kernel_container import kernel_container
+from voxgran.geometry.rotation import normalized, product
 from voxgran.settling.contact_rows import ROW, WALL, ContactRows, Grains
 from voxgran.settling.finding.smooth_distance import smooth_distance
 from voxgran.settling.finding.wall_bodies import CONE, CYLINDER, ELLIPSOID, wall_bodies

@@ -7,8 +7,8 @@ import pytest
 from scipy.spatial import ConvexHull, HalfspaceIntersection
 
 import voxgran as vg
-from voxgran._base.rotation import rotation_matrices
 from voxgran._base.seeds import stream
+from voxgran.geometry.rotation import rotation_matrices
 from voxgran.shapes.repairing.diagnose import refuse_dirty
 from voxgran.shapes.tessellate import unit_box
 

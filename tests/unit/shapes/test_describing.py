@@ -7,8 +7,8 @@ import pytest
 
 import voxgran as vg
 from voxgran._base.errors import InputError, PackingWarning, UnknownNameError
-from voxgran._base.rotation import random_rotations, rotation_matrices
 from voxgran._base.seeds import stream
+from voxgran.geometry.rotation import random_rotations, rotation_matrices
 from voxgran.shapes.describing.curvature import roundness
 from voxgran.shapes.describing.inscribed import inscribed_radius
 from voxgran.shapes.describing.minimal_box import principal_lengths

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 from voxgran._base.errors import DirtyMeshError, InputError
-from voxgran._base.rotation import random_rotations, rotation_matrices
 from voxgran._base.seeds import stream
+from voxgran.geometry.rotation import random_rotations, rotation_matrices
 from voxgran.lattice.cuberille import voxel_surface
 from voxgran.shapes.family import make_shape
 from voxgran.shapes.mesh import Mesh

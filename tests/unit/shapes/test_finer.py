@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 import voxgran as vg
-from voxgran._base.tree import areas_of, enclosed_volume
 from voxgran.contacts.inside import inner_distance
+from voxgran.geometry.triangles import areas_of, enclosed_volume
 from voxgran.shapes.finer import (
     cut_edges,
     edges_of,

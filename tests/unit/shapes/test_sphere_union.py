@@ -4,8 +4,8 @@ import math
 import numpy as np
 import pytest
 
-from voxgran._base.rotation import random_rotations, rotation_matrices
 from voxgran._base.seeds import stream
+from voxgran.geometry.rotation import random_rotations, rotation_matrices
 from voxgran.shapes.sphere_union import _patch_sums, contained, union_moments
 
 

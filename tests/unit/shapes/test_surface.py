@@ -5,8 +5,8 @@ import pytest
 
 import voxgran as vg
 from voxgran._base.errors import DirtyMeshError, InputError
-from voxgran._base.tree import areas_of
 from voxgran.deformation.deform import deform
+from voxgran.geometry.triangles import areas_of
 from voxgran.shapes.describing.extents import principal_extents
 from voxgran.shapes.repairing.diagnose import diagnose
 from voxgran.shapes.surface import Surface

@@ -5,8 +5,8 @@ from scipy.ndimage import binary_dilation, binary_erosion, label
 
 import voxgran as vg
 from voxgran._base.errors import InputError, TooLargeError, UnknownNameError
-from voxgran._base.rotation import lattice_rotations, quaternions_of, random_rotations, rotation_matrices
 from voxgran._base.seeds import stream
+from voxgran.geometry.rotation import lattice_rotations, quaternions_of, random_rotations, rotation_matrices
 from voxgran.lattice.grid import Grid
 from voxgran.shapes.mesh import Mesh
 from voxgran.shapes.model import Shape

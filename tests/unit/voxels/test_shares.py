@@ -6,8 +6,8 @@ from kit import hull
 from scipy.spatial import ConvexHull, HalfspaceIntersection
 
 import voxgran as vg
-from voxgran._base.rotation import random_rotations, rotation_matrices
 from voxgran._base.seeds import stream
+from voxgran.geometry.rotation import random_rotations, rotation_matrices
 from voxgran.lattice.grid import Grid
 from voxgran.shapes.mesh import Mesh
 from voxgran.shapes.model import Shape

@@ -5,8 +5,8 @@ import pytest
 
 import voxgran as vg
 from voxgran._base.errors import InputError
-from voxgran._base.rotation import random_rotations
 from voxgran._base.seeds import stream
+from voxgran.geometry.rotation import random_rotations
 from voxgran.lattice.grid import Grid
 from voxgran.shapes.winding import winding_numbers
 from voxgran.voxels.signed_distance import distance_from_shares

@@ -13,8 +13,8 @@ import numpy as np
 from voxgran._base.arrays import Booleans, Floats
 from voxgran._base.lazy import load
 from voxgran._base.seeds import stream
-from voxgran._base.tree import grow_tree
 from voxgran.bench.model import TradeOff, calibration, least_seconds, panels_of, write_rows
+from voxgran.geometry.tree import grow_tree
 from voxgran.lattice.distance import distance_transform
 from voxgran.lattice.grid import Grid
 from voxgran.shapes.family import make_shape

@@ -12,9 +12,9 @@ import numpy as np
 
 from voxgran._base.arrays import Floats
 from voxgran._base.lazy import load
-from voxgran._base.rotation import random_rotations, rotation_matrices
 from voxgran._base.seeds import stream
 from voxgran.bench.model import TradeOff, calibration, least_seconds, panels_of, peers_of, scans, write_rows
+from voxgran.geometry.rotation import random_rotations, rotation_matrices
 from voxgran.lattice.grid import Grid
 from voxgran.shapes.family import make_shape
 from voxgran.shapes.mesh import Mesh

@@ -17,7 +17,6 @@ from typing import Any
 import numpy as np
 
 from voxgran._base.arrays import Floats
-from voxgran._base.rotation import rotation_matrices
 from voxgran.decks.engine import Engine, Held
 from voxgran.decks.facets import facets_of
 from voxgran.decks.kratos_model import (
@@ -33,6 +32,7 @@ from voxgran.decks.kratos_model import (
     wall_text,
 )
 from voxgran.decks.simulation import SETTLING, Simulation
+from voxgran.geometry.rotation import rotation_matrices
 
 TITLE, INSTALL = "Kratos", "pip install KratosMultiphysics KratosDEMApplication"
 #: names of files; Kratos adds the ends of those of model parts to the name of the problem itself

@@ -20,10 +20,10 @@ import numpy as np
 
 from voxgran._base.arrays import Floats
 from voxgran._base.errors import FileFormatError, InputError
-from voxgran._base.rotation import quaternions_of, rotation_matrices
 from voxgran.decks.engine import Engine, Held
 from voxgran.decks.facets import facets_of
 from voxgran.decks.simulation import SETTLING, Simulation
+from voxgran.geometry.rotation import quaternions_of, rotation_matrices
 
 TITLE, INSTALL = "LIGGGHTS", "apt-get install liggghts"
 #: names of files

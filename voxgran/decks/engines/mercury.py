@@ -16,11 +16,11 @@ import numpy as np
 
 from voxgran._base.arrays import Floats
 from voxgran._base.errors import FileFormatError
-from voxgran._base.rotation import rotation_matrices
 from voxgran.decks.bodies import Template
 from voxgran.decks.engine import Engine, Held
 from voxgran.decks.facets import facets_of
 from voxgran.decks.simulation import SETTLING, Simulation
+from voxgran.geometry.rotation import rotation_matrices
 
 TITLE = "MercuryDPM"
 #: names of files

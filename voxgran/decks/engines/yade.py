@@ -18,13 +18,13 @@ import numpy as np
 from voxgran._base.arrays import Floats
 from voxgran._base.errors import FileFormatError, InputError
 from voxgran._base.lazy import load
-from voxgran._base.rotation import rotation_matrices
 from voxgran.decks.bodies import Kind, Template
 from voxgran.decks.engine import Engine, Held
 from voxgran.decks.facets import facets_of
 from voxgran.decks.simulation import SETTLING, Simulation
 from voxgran.decks.yade_polyhedra import contacts_of_polyhedra, corners, damping, notes_of_polyhedra, refuse_polyhedra
 from voxgran.decks.yade_script import RUN
+from voxgran.geometry.rotation import rotation_matrices
 
 TITLE, INSTALL = "YADE", "apt-get install yade"
 #: shapes of YADE by the kinds of grains that have them

@@ -26,12 +26,12 @@ from voxgran._base.seeds import philox_key, stream
 from voxgran._base.stopping import stop_if_asked
 from voxgran.containers.kernel_container import KernelContainer
 from voxgran.containers.model import boundary_of
+from voxgran.geometry.level_grid import LevelGrid
 from voxgran.packing.advancing_front.container import front_container
 from voxgran.packing.advancing_front.front import LAST, LOWEST, MISSING, NEAREST, RANDOM, Front, FrontRules, Spheres
 from voxgran.packing.advancing_front.pockets import FOUND_SHORT, FRONT_SHORT, NEAR_SHORT, Scratch, advance_front
 from voxgran.packing.advancing_front.sphere_cells import BITS, lay_cells, link_all
 from voxgran.packing.gravity import as_down
-from voxgran.packing.level_grid import LevelGrid
 from voxgran.packing.method import Cost, PackingMethod, State
 from voxgran.packing.model import Packing
 from voxgran.packing.problem import Problem, random_turns, spheres_of_start

@@ -9,6 +9,7 @@ from typing import NamedTuple
 from voxgran._base.arrays import Floats, Integers
 from voxgran._base.kernels import bare_kernel
 from voxgran.containers.kernel_container import MESH, ROUND, UPRIGHT, KernelContainer
+from voxgran.geometry.level_grid import LevelGrid, cells_near, first_in_cell
 from voxgran.packing.advancing_front.container import is_inside, is_near_mesh
 from voxgran.packing.advancing_front.front import (
     MISSED,
@@ -26,7 +27,6 @@ from voxgran.packing.advancing_front.front import (
 from voxgran.packing.advancing_front.mesh_pockets import WALL, place_in
 from voxgran.packing.advancing_front.sphere_cells import BITS, HERE
 from voxgran.packing.advancing_front.tangent_spheres import ABOVE, BENEATH, PLANE, SIDE, foot_of_spheres
-from voxgran.packing.level_grid import LevelGrid, cells_near
 
 #: overlap that is ignored here, in radii: the visit decides
 LENIENT = 1e-9
@@ -119,25 +119,18 @@ def _gather(spheres, cells, walls, pocket, scratch, sphere):  # type: ignore[no-
     x, y, z, r = spheres[sphere, 0], spheres[sphere, 1], spheres[sphere, 2], spheres[sphere, 3]
     for level in range(len(cells.first)):
         reach = r + cells.reach[level, 0] + 2.0 * pocket
-        i0, i1 = cells_near(cells, level, 0, x, reach)
-        j0, j1 = cells_near(cells, level, 1, y, reach)
-        k0, k1 = cells_near(cells, level, 2, z, reach)
-        ni, nj, nk = cells.count[level, 0], cells.count[level, 1], cells.count[level, 2]
-        for i in range(i0, i1 + 1):
-            turn_i = 0 if 0 <= i < ni else i // ni
-            for j in range(j0, j1 + 1):
-                turn_j = 0 if 0 <= j < nj else j // nj
-                row = cells.first[level] + ((i - turn_i * ni) * nj + j - turn_j * nj) * nk
-                for k in range(k0, k1 + 1):
-                    turn_k = 0 if 0 <= k < nk else k // nk
+        low, high = cells_near(cells, level, x, y, z, (reach, reach, reach))
+        for i in range(low[0], high[0]):
+            for j in range(low[1], high[1]):
+                for k in range(low[2], high[2]):
+                    other, ti, tj, tk = first_in_cell(cells, level, i, j, k)
                     # cells that repeat along an axis that is not periodic are the same cells
-                    tx, ty, tz = turn_i * walls.periodic[0], turn_j * walls.periodic[1], turn_k * walls.periodic[2]
+                    tx, ty, tz = ti * walls.periodic[0], tj * walls.periodic[1], tk * walls.periodic[2]
                     image, partner = HERE + tx + 3 * ty + 9 * tz, max(abs(tx), abs(ty), abs(tz)) <= 1
-                    other = cells.head[row + k - turn_k * nk]
                     while other >= 0:
-                        dx = spheres[other, 0] + turn_i * cells.span[0] - x
-                        dy = spheres[other, 1] + turn_j * cells.span[1] - y
-                        dz = spheres[other, 2] + turn_k * cells.span[2] - z
+                        dx = spheres[other, 0] + ti * cells.span[0] - x
+                        dy = spheres[other, 1] + tj * cells.span[1] - y
+                        dz = spheres[other, 2] + tk * cells.span[2] - z
                         apart = r + spheres[other, 3] + 2.0 * pocket
                         square = dx * dx + dy * dy + dz * dz
                         if square < apart * apart and (other != sphere or image != HERE):

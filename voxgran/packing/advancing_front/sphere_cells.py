@@ -4,7 +4,7 @@ import numpy as np
 
 from voxgran._base.arrays import Floats, Integers
 from voxgran._base.kernels import bare_kernel
-from voxgran.packing.level_grid import LevelGrid, cells_near, empty_grid, link_at, unlink_at
+from voxgran.geometry.level_grid import LevelGrid, cells_near, empty_grid, first_in_cell, link_at, unlink_at
 
 #: a sphere and its periodic image as one number: the index of the sphere times 2 ** BITS, plus the image
 BITS = 5
@@ -83,22 +83,12 @@ def is_free(cells: LevelGrid, spheres: Floats, x: float, y: float, z: float, r: 
 @bare_kernel
 def _is_free_within(cells, spheres, level, x, y, z, r, slack, reach):  # type: ignore[no-untyped-def]
     """Return whether a sphere would overlap none of a level, in the cells within reach."""
-    i0, i1 = cells_near(cells, level, 0, x, reach)
-    j0, j1 = cells_near(cells, level, 1, y, reach)
-    k0, k1 = cells_near(cells, level, 2, z, reach)
-    ni, nj, nk = cells.count[level, 0], cells.count[level, 1], cells.count[level, 2]
-    for i in range(i0, i1 + 1):
-        turn_i = 0 if 0 <= i < ni else i // ni
-        px = x - turn_i * cells.span[0]
-        row_i = (i - turn_i * ni) * nj
-        for j in range(j0, j1 + 1):
-            turn_j = 0 if 0 <= j < nj else j // nj
-            py = y - turn_j * cells.span[1]
-            row = cells.first[level] + (row_i + j - turn_j * nj) * nk
-            for k in range(k0, k1 + 1):
-                turn_k = 0 if 0 <= k < nk else k // nk
-                pz = z - turn_k * cells.span[2]
-                sphere = cells.head[row + k - turn_k * nk]
+    low, high = cells_near(cells, level, x, y, z, (reach, reach, reach))
+    for i in range(low[0], high[0]):
+        for j in range(low[1], high[1]):
+            for k in range(low[2], high[2]):
+                sphere, ti, tj, tk = first_in_cell(cells, level, i, j, k)
+                px, py, pz = x - ti * cells.span[0], y - tj * cells.span[1], z - tk * cells.span[2]
                 while sphere >= 0:
                     dx, dy, dz = px - spheres[sphere, 0], py - spheres[sphere, 1], pz - spheres[sphere, 2]
                     apart = r + spheres[sphere, 3] - slack

@@ -11,8 +11,8 @@ import numpy as np
 
 from voxgran._base.arrays import Floats, Integers, Words
 from voxgran._base.kernels import bare_kernel, inlined_kernel, kernel
-from voxgran._base.rotation import write_matrix
 from voxgran._base.seeds import philox_block, unit_float
+from voxgran.geometry.rotation import write_matrix
 from voxgran.packing.control_point.neighbours import list_in_cells, meets_any, meets_own_image
 from voxgran.packing.control_point.pair_cache import PairCache
 from voxgran.packing.control_point.records import (

@@ -2,7 +2,7 @@
 
 from voxgran._base.arrays import Floats
 from voxgran._base.kernels import bare_kernel, inlined_kernel
-from voxgran._base.rotation import matrix_of
+from voxgran.geometry.rotation import matrix_of
 
 
 @inlined_kernel

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from voxgran._base.arrays import Floats
 from voxgran._base.kernels import bare_kernel, inlined_kernel
-from voxgran._base.rotation import matrix_of
+from voxgran.geometry.rotation import matrix_of
 from voxgran.packing.control_point.support_tables import plane_of
 
 #: directions that are tried one after the other

@@ -8,7 +8,7 @@ import numpy as np
 
 from voxgran._base.arrays import Integers
 from voxgran._base.kernels import bare_kernel, inlined_kernel
-from voxgran._base.rotation import write_matrix
+from voxgran.geometry.rotation import write_matrix
 from voxgran.packing.control_point.point_contact import holds, list_points
 from voxgran.packing.control_point.records import (
     BALL,

@@ -13,8 +13,9 @@ from numpy.typing import NDArray
 
 from voxgran._base.arrays import Floats
 from voxgran._base.kernels import bare_kernel
-from voxgran._base.tree import closest_on_triangle, square_to_box
 from voxgran.containers.kernel_container import MeshWalls
+from voxgran.geometry.tree import square_to_box
+from voxgran.geometry.triangles import closest_on_triangle
 from voxgran.packing.deposition.field import (
     CENTER,
     EDGE,

@@ -5,7 +5,7 @@ from typing import NamedTuple
 from voxgran._base.arrays import Floats, Integers
 from voxgran._base.kernels import bare_kernel
 from voxgran.containers.kernel_container import KernelContainer
-from voxgran.packing.level_grid import LevelGrid
+from voxgran.geometry.level_grid import LevelGrid
 
 #: relative lengths and angles below this are rounding
 SLIGHT = 1e-9

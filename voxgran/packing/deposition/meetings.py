@@ -4,9 +4,9 @@ import math
 
 from voxgran._base.arrays import Floats
 from voxgran._base.kernels import bare_kernel
+from voxgran.geometry.level_grid import cells_near, first_in_cell
 from voxgran.packing.deposition.field import CENTER, FIRST, MIDDLE, REACH, SECOND, SLIGHT, WAY, Field
 from voxgran.packing.deposition.tube import meet_in_tube
-from voxgran.packing.level_grid import cells_near
 
 #: motions: none, along a line, on a circle, about a sphere along the wall of a cylinder
 STILL, LINE, CIRCLE, ROUND_TUBE = 0, 1, 2, 3
@@ -37,16 +37,11 @@ def first_sphere(
     best, bx, by, bz, both = end, 0.0, 0.0, 0.0, 0.0
     for level in range(len(cells.count)):
         far = around + cells.reach[level, 0]
-        i0, i1 = cells_near(cells, level, 0, x0, far)
-        j0, j1 = cells_near(cells, level, 1, y0, far)
-        k0, k1 = cells_near(cells, level, 2, z0, far)
-        ni, nj, nk = cells.count[level, 0], cells.count[level, 1], cells.count[level, 2]
-        for i in range(i0, i1 + 1):
-            for j in range(j0, j1 + 1):
-                for k in range(k0, k1 + 1):
-                    ti, tj, tk = i // ni, j // nj, k // nk
-                    cell = ((i - ti * ni) * nj + j - tj * nj) * nk + k - tk * nk
-                    g = cells.head[cells.first[level] + cell]
+        low, high = cells_near(cells, level, x0, y0, z0, (far, far, far))
+        for i in range(low[0], high[0]):
+            for j in range(low[1], high[1]):
+                for k in range(low[2], high[2]):
+                    g, ti, tj, tk = first_in_cell(cells, level, i, j, k)
                     while g >= 0:
                         x = field.spheres[g, 0] + ti * cells.span[0]
                         y = field.spheres[g, 1] + tj * cells.span[1]

@@ -10,10 +10,10 @@ from voxgran._base.arrays import Floats, Integers, Words
 from voxgran._base.kernels import bare_kernel, kernel
 from voxgran._base.seeds import philox_block, unit_float
 from voxgran.containers.kernel_container import MESH, ROUND, UPRIGHT, is_held, mesh_distance
+from voxgran.geometry.level_grid import link_at
 from voxgran.packing.deposition.field import WAY, Field
 from voxgran.packing.deposition.meetings import STILL, first_sphere
 from voxgran.packing.deposition.paths import fall
-from voxgran.packing.level_grid import link_at
 
 #: attempts in a row that find no place, after which the container is full
 PATIENCE = 200

@@ -10,8 +10,8 @@ from typing import Any
 import numpy as np
 
 from voxgran._base.arrays import Booleans, Floats, Integers
-from voxgran._base.rotation import lattice_rotations, product, quaternions_of, random_rotations
 from voxgran._base.seeds import stream
+from voxgran.geometry.rotation import lattice_rotations, product, quaternions_of, random_rotations
 from voxgran.packing.digital.bit_columns import (
     Field,
     column_words,

@@ -28,8 +28,8 @@ from functools import partial
 import numpy as np
 
 from voxgran._base.arrays import Floats, Integers
-from voxgran._base.rotation import product, quaternions_of
 from voxgran._base.stopping import stop_if_asked
+from voxgran.geometry.rotation import product, quaternions_of
 from voxgran.packing.digital.attempts import enter_near, make_attempts, put
 from voxgran.packing.digital.container_lattice import container_lattice, positions_on
 from voxgran.packing.digital.cost import digital_cost

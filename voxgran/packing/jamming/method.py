@@ -7,10 +7,10 @@ from typing import Any
 import numpy as np
 
 from voxgran._base.config import check_bounds, parameter
-from voxgran._base.rotation import normalized
 from voxgran._base.seeds import stream
 from voxgran._base.stopping import stop_if_asked
 from voxgran.contacts.assembly import Assembly
+from voxgran.geometry.rotation import normalized
 from voxgran.packing.jamming.expected import reachable
 from voxgran.packing.jamming.model import Compressor
 from voxgran.packing.jamming.solids import GrowingSolids

@@ -19,9 +19,10 @@ from numpy.typing import NDArray
 
 from voxgran._base.arrays import Floats, Integers
 from voxgran._base.kernels import bare_kernel
-from voxgran._base.tree import closest_on_triangle, square_to_box
 from voxgran.containers.kernel_container import FLAT, MESH, ROUND, UPRIGHT, KernelContainer, wall_of_mesh
-from voxgran.packing.level_grid import LevelGrid, cells_near, link_at
+from voxgran.geometry.level_grid import LevelGrid, cells_near, first_in_cell, link_at
+from voxgran.geometry.tree import square_to_box
+from voxgran.geometry.triangles import closest_on_triangle
 
 #: images of a periodic length at which a partner may lie, on either side
 MOST_IMAGES = 2
@@ -86,23 +87,14 @@ def _list_level(cells, other_level, own, spheres, lower, reach, i, found, other,
     """Write the partners of one sphere on a level, and return the new number of pairs."""
     x, y, z, r = spheres[i, 0] - lower[0], spheres[i, 1] - lower[1], spheres[i, 2] - lower[2], spheres[i, 3]
     far = reach * r + cells.reach[other_level, 0]
-    i0, i1 = cells_near(cells, other_level, 0, x, far)
-    j0, j1 = cells_near(cells, other_level, 1, y, far)
-    k0, k1 = cells_near(cells, other_level, 2, z, far)
-    ni, nj, nk = cells.count[other_level, 0], cells.count[other_level, 1], cells.count[other_level, 2]
-    for ci in range(i0, i1 + 1):
-        ti = 0 if 0 <= ci < ni else ci // ni
-        for cj in range(j0, j1 + 1):
-            tj = 0 if 0 <= cj < nj else cj // nj
-            if abs(ti) > MOST_IMAGES or abs(tj) > MOST_IMAGES:
-                continue
-            for ck in range(k0, k1 + 1):
-                tk = 0 if 0 <= ck < nk else ck // nk
-                if abs(tk) > MOST_IMAGES:
+    low, high = cells_near(cells, other_level, x, y, z, (far, far, far))
+    for ci in range(low[0], high[0]):
+        for cj in range(low[1], high[1]):
+            for ck in range(low[2], high[2]):
+                j, ti, tj, tk = first_in_cell(cells, other_level, ci, cj, ck)
+                if max(abs(ti), abs(tj), abs(tk)) > MOST_IMAGES:
                     continue
                 ahead = ti > 0 or (ti == 0 and (tj > 0 or (tj == 0 and tk > 0)))
-                cell = ((ci - ti * ni) * nj + cj - tj * nj) * nk + ck - tk * nk
-                j = cells.head[cells.first[other_level] + cell]
                 while j >= 0:
                     if other_level < own or j < i or (j == i and ahead):
                         dx = spheres[j, 0] - lower[0] + ti * cells.span[0] - x

@@ -25,6 +25,7 @@ from voxgran.containers.box import Box
 from voxgran.containers.kernel_container import kernel_container
 from voxgran.containers.model import UNKNOWN, Container, boundary_of
 from voxgran.containers.rectangle import Rectangle
+from voxgran.geometry.level_grid import level_cells
 from voxgran.packing.jamming.coordination import NearPairs
 from voxgran.packing.jamming.expected import reachable
 from voxgran.packing.jamming.soft_kernels import (
@@ -43,7 +44,6 @@ from voxgran.packing.jamming.soft_kernels import (
     push_spheres,
     relax_spheres,
 )
-from voxgran.packing.level_grid import level_cells
 from voxgran.shapes.mesh import Mesh
 
 #: share of its radius by which a sphere may move before pairs are listed again

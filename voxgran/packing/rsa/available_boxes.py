@@ -12,7 +12,7 @@ from voxgran._base.arrays import Floats
 from voxgran._base.kernels import bare_kernel
 from voxgran._base.stopping import stop_if_asked
 from voxgran.containers.kernel_container import KernelContainer
-from voxgran.packing.level_grid import LevelGrid
+from voxgran.geometry.level_grid import LevelGrid
 from voxgran.packing.rsa.overlaps import Grains, gather
 
 #: largest number of grains tested near a cell; further ones only keep it open longer

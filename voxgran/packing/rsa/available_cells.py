@@ -30,7 +30,7 @@ from voxgran._base.arrays import WHOLE, Floats, Integers, Words
 from voxgran._base.kernels import bare_kernel
 from voxgran._base.seeds import below, philox_block, unit_float
 from voxgran.containers.kernel_container import KernelContainer, is_between, is_held
-from voxgran.packing.level_grid import LevelGrid
+from voxgran.geometry.level_grid import LevelGrid
 from voxgran.packing.rsa.available_boxes import NEAR, open_boxes, slices
 from voxgran.packing.rsa.candidates import IN_ROW, PLACED, REFUSED, TRIED, TURN
 from voxgran.packing.rsa.cell_parts import LOW, cell_index, look_at_parts, look_at_true, parts_in_place

@@ -15,7 +15,7 @@ from voxgran._base.arrays import Floats, Integers, Words
 from voxgran._base.kernels import bare_kernel
 from voxgran._base.seeds import philox_block, unit_float
 from voxgran.containers.kernel_container import KernelContainer, is_between, is_held
-from voxgran.packing.level_grid import LevelGrid
+from voxgran.geometry.level_grid import LevelGrid
 from voxgran.packing.rsa.overlaps import Grains, enter, extents, find_overlap
 from voxgran.packing.rsa.true_overlaps import place_true
 from voxgran.packing.rsa.true_shapes import TrueShapes

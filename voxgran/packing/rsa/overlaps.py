@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from voxgran._base.arrays import WHOLE, Floats
 from voxgran._base.kernels import bare_kernel
 from voxgran.containers.kernel_container import KernelContainer
-from voxgran.packing.level_grid import LevelGrid, cells_near, empty_grid, link_at
+from voxgran.geometry.level_grid import LevelGrid, cells_near, empty_grid, first_in_cell, link_at
 
 #: largest number of cells of a level, per grain
 CELLS_PER_GRAIN = 2
@@ -107,27 +107,21 @@ def find_overlap(
     the half extents (hx, hy, hz).
     """
     position, half, boxes, lower = grains.position, grains.half, grains.boxes, walls.lower
-    count, span, head, after = cells.count, cells.span, cells.head, cells.after
+    span, after = cells.span, cells.after
     best, most, bx, by, bz = -1, slack, 0.0, 0.0, 0.0
     for level in range(len(cells.first)):
         if cells.filled[level] == 0:
             continue
-        x0, x1 = cells_near(cells, level, 0, x - lower[0], hx + cells.reach[level, 0])
-        y0, y1 = cells_near(cells, level, 1, y - lower[1], hy + cells.reach[level, 1])
-        z0, z1 = cells_near(cells, level, 2, z - lower[2], hz + cells.reach[level, 2])
-        nx, ny, nz = count[level, 0], count[level, 1], count[level, 2]
-        for ix in range(x0, x1 + 1):
-            kx = ix // nx
-            for iy in range(y0, y1 + 1):
-                ky = iy // ny
-                row = cells.first[level] + ((ix - kx * nx) * ny + iy - ky * ny) * nz
-                for iz in range(z0, z1 + 1):
-                    kz = iz // nz
-                    g = head[row + iz - kz * nz]
+        reach = hx + cells.reach[level, 0], hy + cells.reach[level, 1], hz + cells.reach[level, 2]
+        low, high = cells_near(cells, level, x - lower[0], y - lower[1], z - lower[2], reach)
+        for i in range(low[0], high[0]):
+            for j in range(low[1], high[1]):
+                for k in range(low[2], high[2]):
+                    g, ti, tj, tk = first_in_cell(cells, level, i, j, k)
                     while g >= 0:
-                        dx = x - position[g, 0] - kx * span[0]
-                        dy = y - position[g, 1] - ky * span[1]
-                        dz = z - position[g, 2] - kz * span[2]
+                        dx = x - position[g, 0] - ti * span[0]
+                        dy = y - position[g, 1] - tj * span[1]
+                        dz = z - position[g, 2] - tk * span[2]
                         if boxes:
                             overlap = _box_overlap(half, g, dx, dy, dz, hx, hy, hz)
                         else:
@@ -163,27 +157,21 @@ def gather(
     that it excludes (of spheres the radius). The number is at most m; -1 if one grain excludes the whole box.
     """
     position, half, lower = grains.position, grains.half, walls.lower
-    count, span, head, after = cells.count, cells.span, cells.head, cells.after
+    span, after = cells.span, cells.after
     many = 0
     for level in range(len(cells.first)):
         if cells.filled[level] == 0:
             continue
-        x0, x1 = cells_near(cells, level, 0, x - lower[0], ex + hx + cells.reach[level, 0])
-        y0, y1 = cells_near(cells, level, 1, y - lower[1], ey + hy + cells.reach[level, 1])
-        z0, z1 = cells_near(cells, level, 2, z - lower[2], ez + hz + cells.reach[level, 2])
-        nx, ny, nz = count[level, 0], count[level, 1], count[level, 2]
-        for ix in range(x0, x1 + 1):
-            kx = ix // nx
-            for iy in range(y0, y1 + 1):
-                ky = iy // ny
-                row = cells.first[level] + ((ix - kx * nx) * ny + iy - ky * ny) * nz
-                for iz in range(z0, z1 + 1):
-                    kz = iz // nz
-                    g = head[row + iz - kz * nz]
+        reach = ex + hx + cells.reach[level, 0], ey + hy + cells.reach[level, 1], ez + hz + cells.reach[level, 2]
+        low, high = cells_near(cells, level, x - lower[0], y - lower[1], z - lower[2], reach)
+        for i in range(low[0], high[0]):
+            for j in range(low[1], high[1]):
+                for k in range(low[2], high[2]):
+                    g, ti, tj, tk = first_in_cell(cells, level, i, j, k)
                     while g >= 0 and many < len(near):
-                        near[many, 0] = position[g, 0] + kx * span[0] - x
-                        near[many, 1] = position[g, 1] + ky * span[1] - y
-                        near[many, 2] = position[g, 2] + kz * span[2] - z
+                        near[many, 0] = position[g, 0] + ti * span[0] - x
+                        near[many, 1] = position[g, 1] + tj * span[1] - y
+                        near[many, 2] = position[g, 2] + tk * span[2] - z
                         gx, gy, gz = extents(half, g)
                         near[many, 3], near[many, 4], near[many, 5] = hx + gx, hy + gy, hz + gz
                         if is_within(grains.boxes, near, many, 0.0, 0.0, 0.0, ex, ey, ez):

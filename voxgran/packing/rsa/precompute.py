@@ -9,7 +9,7 @@ from voxgran._base.arrays import Floats, Integers
 from voxgran._base.errors import InputError, TooLargeError
 from voxgran._base.seeds import philox_key, stream
 from voxgran.containers.kernel_container import FLAT, KernelContainer, kernel_container
-from voxgran.packing.level_grid import LevelGrid
+from voxgran.geometry.level_grid import LevelGrid
 from voxgran.packing.problem import Problem
 from voxgran.packing.rsa.available_cells import Classes, make_classes
 from voxgran.packing.rsa.candidates import SCAN, CandidateRules, fill_table

@@ -10,10 +10,10 @@ import numpy as np
 
 from voxgran._base.arrays import Floats, Words
 from voxgran._base.kernels import bare_kernel
-from voxgran._base.rotation import write_matrix
 from voxgran._base.seeds import philox_block, unit_float
 from voxgran.containers.kernel_container import KernelContainer, is_barred
-from voxgran.packing.level_grid import LevelGrid, cells_near
+from voxgran.geometry.level_grid import LevelGrid, cells_near, first_in_cell
+from voxgran.geometry.rotation import write_matrix
 from voxgran.packing.rsa.overlaps import Grains, enter
 from voxgran.packing.rsa.true_pairs import place_relative, shapes_meet
 from voxgran.packing.rsa.true_shapes import TrueShapes
@@ -109,27 +109,21 @@ def list_near(
     The number is -1 if the inner sphere of one overlaps that of radius `inner`, which may be negative.
     """
     position, half, lower = grains.position, grains.half, walls.lower
-    count, span, head, after = cells.count, cells.span, cells.head, cells.after
+    span, after = cells.span, cells.after
     place, many = shapes.work.place, 0
     for level in range(len(cells.first)):
         if cells.filled[level] == 0:
             continue
-        x0, x1 = cells_near(cells, level, 0, x - lower[0], radius + cells.reach[level, 0])
-        y0, y1 = cells_near(cells, level, 1, y - lower[1], radius + cells.reach[level, 1])
-        z0, z1 = cells_near(cells, level, 2, z - lower[2], radius + cells.reach[level, 2])
-        nx, ny, nz = count[level, 0], count[level, 1], count[level, 2]
-        for ix in range(x0, x1 + 1):
-            kx = ix // nx
-            for iy in range(y0, y1 + 1):
-                ky = iy // ny
-                row = cells.first[level] + ((ix - kx * nx) * ny + iy - ky * ny) * nz
-                for iz in range(z0, z1 + 1):
-                    kz = iz // nz
-                    g = head[row + iz - kz * nz]
+        wide = radius + cells.reach[level, 0], radius + cells.reach[level, 1], radius + cells.reach[level, 2]
+        low, high = cells_near(cells, level, x - lower[0], y - lower[1], z - lower[2], wide)
+        for i in range(low[0], high[0]):
+            for j in range(low[1], high[1]):
+                for k in range(low[2], high[2]):
+                    g, ti, tj, tk = first_in_cell(cells, level, i, j, k)
                     while g >= 0:
-                        dx = position[g, 0] + kx * span[0] - x
-                        dy = position[g, 1] + ky * span[1] - y
-                        dz = position[g, 2] + kz * span[2] - z
+                        dx = position[g, 0] + ti * span[0] - x
+                        dy = position[g, 1] + tj * span[1] - y
+                        dz = position[g, 2] + tk * span[2] - z
                         square, reach = dx * dx + dy * dy + dz * dz, radius + half[g, 0]
                         if square < reach * reach:
                             core = inner + shapes.inner[g]

@@ -9,7 +9,7 @@ Two meshes whose triangles do not meet overlap only if one lies inside the other
 
 from voxgran._base.arrays import Floats
 from voxgran._base.kernels import bare_kernel
-from voxgran._base.tree import is_behind, search_triangles
+from voxgran.geometry.tree import is_behind, search_triangles
 from voxgran.packing.rsa.true_shapes import TrueShapes
 from voxgran.settling.finding.convex_contacts import place_row
 from voxgran.settling.finding.convex_distance import Part, distance_along

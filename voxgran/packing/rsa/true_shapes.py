@@ -15,11 +15,11 @@ from numpy.typing import NDArray
 
 from voxgran._base.arrays import Floats, Integers
 from voxgran._base.lazy import load
-from voxgran._base.tree import STACK, TriangleTree, grow_tree
 from voxgran.contacts.gjk import BOX, POINT, ROW
 from voxgran.contacts.inside import inner_distance
 from voxgran.containers.model import Container, boundary_of
 from voxgran.containers.plane import prism_of
+from voxgran.geometry.tree import STACK, TriangleTree, grow_tree
 from voxgran.settling.finding.convex_bodies import ConvexBodies, convex_bodies
 from voxgran.shapes.mesh import Mesh
 from voxgran.shapes.model import Shape

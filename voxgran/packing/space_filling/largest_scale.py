@@ -19,8 +19,8 @@ from typing import NamedTuple
 
 from voxgran._base.arrays import Floats, Integers
 from voxgran._base.kernels import bare_kernel
-from voxgran._base.rotation import write_matrix
 from voxgran.containers.kernel_container import MESH, KernelContainer, clearance, mesh_distance
+from voxgran.geometry.rotation import write_matrix
 from voxgran.packing.rsa.true_overlaps import in_frame, meets_itself
 from voxgran.packing.rsa.true_pairs import CLOSE, MOST_WAITING, holds, place_part, placed, shapes_meet
 from voxgran.packing.rsa.true_shapes import TrueShapes

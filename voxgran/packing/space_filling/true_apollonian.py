@@ -12,9 +12,9 @@ import numpy as np
 
 from voxgran._base.arrays import Floats, Integers, Words
 from voxgran._base.kernels import bare_kernel, kernel
-from voxgran._base.rotation import write_matrix
 from voxgran._base.seeds import philox_block, unit_float
 from voxgran.containers.kernel_container import kernel_container
+from voxgran.geometry.rotation import write_matrix
 from voxgran.packing.method import State
 from voxgran.packing.problem import Problem
 from voxgran.packing.rsa.true_overlaps import draw_quaternion

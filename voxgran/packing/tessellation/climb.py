@@ -13,7 +13,7 @@ import numpy as np
 
 from voxgran._base.arrays import Floats, Integers
 from voxgran._base.kernels import bare_kernel, kernel
-from voxgran.packing.level_grid import LevelGrid, cells_near, link_at
+from voxgran.geometry.level_grid import LevelGrid, cells_near, first_in_cell, link_at
 
 #: spheres that are looked at around a point, at most; the nearest ones
 NEAREST = 64
@@ -118,22 +118,12 @@ def _gather(spheres, cells, x, y, z, reach, near):  # type: ignore[no-untyped-de
     count = 0
     for level in range(len(cells.first)):
         wide = reach + cells.reach[level, 0]
-        i0, i1 = cells_near(cells, level, 0, x, wide)
-        j0, j1 = cells_near(cells, level, 1, y, wide)
-        k0, k1 = cells_near(cells, level, 2, z, wide)
-        ni, nj, nk = cells.count[level, 0], cells.count[level, 1], cells.count[level, 2]
-        for i in range(i0, i1 + 1):
-            turn_i = 0 if 0 <= i < ni else i // ni
-            px = x - turn_i * cells.span[0]
-            row_i = (i - turn_i * ni) * nj
-            for j in range(j0, j1 + 1):
-                turn_j = 0 if 0 <= j < nj else j // nj
-                py = y - turn_j * cells.span[1]
-                row = cells.first[level] + (row_i + j - turn_j * nj) * nk
-                for k in range(k0, k1 + 1):
-                    turn_k = 0 if 0 <= k < nk else k // nk
-                    pz = z - turn_k * cells.span[2]
-                    sphere = cells.head[row + k - turn_k * nk]
+        low, high = cells_near(cells, level, x, y, z, (wide, wide, wide))
+        for i in range(low[0], high[0]):
+            for j in range(low[1], high[1]):
+                for k in range(low[2], high[2]):
+                    sphere, ti, tj, tk = first_in_cell(cells, level, i, j, k)
+                    px, py, pz = x - ti * cells.span[0], y - tj * cells.span[1], z - tk * cells.span[2]
                     while sphere >= 0:
                         dx, dy, dz = spheres[sphere, 0] - px, spheres[sphere, 1] - py, spheres[sphere, 2] - pz
                         r = spheres[sphere, 3]
@@ -269,21 +259,12 @@ def _fate(spheres, cells, x, y, z, r, slack):  # type: ignore[no-untyped-def]
     fate = TAKEN
     for level in range(len(cells.first)):
         wide = r + cells.reach[level, 0]
-        i0, i1 = cells_near(cells, level, 0, x, wide)
-        j0, j1 = cells_near(cells, level, 1, y, wide)
-        k0, k1 = cells_near(cells, level, 2, z, wide)
-        ni, nj, nk = cells.count[level, 0], cells.count[level, 1], cells.count[level, 2]
-        for i in range(i0, i1 + 1):
-            turn_i = 0 if 0 <= i < ni else i // ni
-            px = x - turn_i * cells.span[0]
-            for j in range(j0, j1 + 1):
-                turn_j = 0 if 0 <= j < nj else j // nj
-                py = y - turn_j * cells.span[1]
-                row = cells.first[level] + ((i - turn_i * ni) * nj + j - turn_j * nj) * nk
-                for k in range(k0, k1 + 1):
-                    turn_k = 0 if 0 <= k < nk else k // nk
-                    pz = z - turn_k * cells.span[2]
-                    sphere = cells.head[row + k - turn_k * nk]
+        low, high = cells_near(cells, level, x, y, z, (wide, wide, wide))
+        for i in range(low[0], high[0]):
+            for j in range(low[1], high[1]):
+                for k in range(low[2], high[2]):
+                    sphere, ti, tj, tk = first_in_cell(cells, level, i, j, k)
+                    px, py, pz = x - ti * cells.span[0], y - tj * cells.span[1], z - tk * cells.span[2]
                     while sphere >= 0:
                         dx, dy, dz = px - spheres[sphere, 0], py - spheres[sphere, 1], pz - spheres[sphere, 2]
                         away, other = math.sqrt(dx * dx + dy * dy + dz * dz), spheres[sphere, 3]

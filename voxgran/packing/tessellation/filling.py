@@ -9,7 +9,7 @@ import numpy as np
 from voxgran._base.arrays import Floats, Integers
 from voxgran._base.stopping import stop_if_asked
 from voxgran.containers.model import Container, boundary_of
-from voxgran.packing.level_grid import LevelGrid, level_cells
+from voxgran.geometry.level_grid import LevelGrid, level_cells
 from voxgran.packing.tessellation.climb import AGAIN, HINT, MOST, MOVES, TAKEN, climb_all, link_all, take_largest
 from voxgran.packing.tessellation.mesh import CELL, CORNER, TILE, outward, thickness, triangulated_by_tiles, with_images
 

@@ -13,9 +13,9 @@ import numpy as np
 from voxgran._base.arrays import Floats, Integers
 from voxgran._base.kernels import bare_kernel
 from voxgran._base.lazy import load
-from voxgran._base.rotation import rotation_matrices
 from voxgran.contacts.gjk import BOX, POINT, ROW, support
 from voxgran.contacts.parts import parts_of
+from voxgran.geometry.rotation import rotation_matrices
 from voxgran.shapes.model import Shape
 from voxgran.shapes.outline import Outline
 from voxgran.shapes.primitive import Primitive

@@ -31,12 +31,12 @@ import numpy as np
 from voxgran._base.arrays import Floats, Integers
 from voxgran._base.config import check_bounds, parameter
 from voxgran._base.errors import InputError, PackingWarning
-from voxgran._base.rotation import normalized
 from voxgran._base.seeds import philox_key, stream
 from voxgran._base.stopping import stop_if_asked
 from voxgran._base.warning import warn
 from voxgran.contacts.assembly import by_shape
 from voxgran.containers.kernel_container import kernel_container
+from voxgran.geometry.rotation import normalized
 from voxgran.packing.method import Cost, PackingMethod, State
 from voxgran.packing.model import Packing
 from voxgran.packing.problem import Problem, random_points

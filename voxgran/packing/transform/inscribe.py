@@ -11,9 +11,9 @@ from voxgran._base.arrays import Floats, as_count, as_floats
 from voxgran._base.calls import explained
 from voxgran._base.errors import InputError
 from voxgran._base.kernels import kernel
-from voxgran._base.rotation import normalized, random_rotations, rotation_matrices
 from voxgran._base.seeds import stream
 from voxgran.contacts.assembly import shapes_by_density
+from voxgran.geometry.rotation import normalized, random_rotations, rotation_matrices
 from voxgran.packing.model import Packing, check_packing
 from voxgran.shapes.model import Shape, check_shapes
 

@@ -9,7 +9,7 @@ from typing import Any, Protocol, TypeVar
 import numpy as np
 
 from voxgran._base.arrays import Floats
-from voxgran._base.rotation import normalized
+from voxgran.geometry.rotation import normalized
 from voxgran.packing.gravity import gravity_text, gravity_vector
 from voxgran.packing.model import Packing
 from voxgran.packing.problem import Problem

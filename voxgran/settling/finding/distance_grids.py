@@ -18,7 +18,8 @@ from voxgran._base.arrays import Floats, Integers
 from voxgran._base.errors import InputError
 from voxgran._base.lazy import load
 from voxgran._base.stopping import stop_if_asked
-from voxgran._base.tree import TriangleTree, grow_tree, normals_of
+from voxgran.geometry.tree import TriangleTree, grow_tree
+from voxgran.geometry.triangles import normals_of
 from voxgran.shapes.mesh import Mesh
 from voxgran.shapes.model import Shape
 from voxgran.shapes.primitive import Primitive

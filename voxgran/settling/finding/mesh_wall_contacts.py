@@ -12,8 +12,9 @@ import numpy as np
 
 from voxgran._base.arrays import Floats
 from voxgran._base.kernels import bare_kernel
-from voxgran._base.tree import closest_on_triangle, is_behind, search_triangles, square_to_box
 from voxgran.containers.kernel_container import MeshWalls
+from voxgran.geometry.tree import is_behind, search_triangles, square_to_box
+from voxgran.geometry.triangles import closest_on_triangle
 from voxgran.settling.finding.candidates import add_candidate, is_candidate
 from voxgran.settling.finding.smooth_distance import smooth_distance
 from voxgran.settling.finding.wall_bodies import ELLIPSOID, POINTS, WallBodies

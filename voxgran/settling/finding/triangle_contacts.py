@@ -13,7 +13,7 @@ import numpy as np
 
 from voxgran._base.arrays import Booleans, Floats
 from voxgran._base.kernels import bare_kernel, kernel
-from voxgran._base.tree import is_behind, search_triangles
+from voxgran.geometry.tree import is_behind, search_triangles
 from voxgran.settling.contact_rows import SURFACE, ContactRows, Grains, PairList
 from voxgran.settling.finding.blocks import Blocks, pairs_of_kind
 from voxgran.settling.finding.distance_grids import SurfaceBodies

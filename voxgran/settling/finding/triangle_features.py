@@ -1,15 +1,15 @@
 """Nearest features of two triangles, and whether they are a minimum of the distance of their surfaces.
 
-Features are numbered as by :func:`voxgran._base.tree.closest_on_triangle`: 0 face, 1-3 edges, 4-6 corners. A direction
-from one surface to another belongs to a minimum if it lies in the normal cone of each feature: no neighbouring face or
-edge leads nearer to the other surface.
+Features are numbered as in :mod:`voxgran.geometry.triangles`. A direction from one surface to another belongs to a
+minimum if it lies in the normal cone of each feature: no neighbouring face or edge leads nearer to the other surface.
 """
 
 import math
 
 from voxgran._base.arrays import Floats
 from voxgran._base.kernels import bare_kernel
-from voxgran._base.tree import closest_on_triangle
+from voxgran.geometry.triangles import closest_on_triangle, keep_nearer, pierces, try_edges
+from voxgran.geometry.vectors import corner_of, cross, dot, sub
 from voxgran.settling.finding.distance_grids import SurfaceBodies
 
 #: sine by which a direction may leave a normal cone, where the other feature is a face, and else
@@ -31,33 +31,19 @@ def _side_of(one, a, other, b, points):  # type: ignore[no-untyped-def]
 
     The bound is the distance of a triangle from the plane, 0 if it crosses it and below 0 for a plane that is none.
     """
-    ax, ay, az = one[a, 0, 0], one[a, 0, 1], one[a, 0, 2]
-    ux, uy, uz = one[a, 1, 0] - ax, one[a, 1, 1] - ay, one[a, 1, 2] - az
-    vx, vy, vz = one[a, 2, 0] - ax, one[a, 2, 1] - ay, one[a, 2, 2] - az
-    nx, ny, nz = uy * vz - uz * vy, uz * vx - ux * vz, ux * vy - uy * vx
-    length = math.sqrt(nx * nx + ny * ny + nz * nz)
+    origin = corner_of(one, a, 0)
+    normal = cross(sub(corner_of(one, a, 1), origin), sub(corner_of(one, a, 2), origin))
+    length = math.sqrt(dot(normal, normal))
     low, high = 1e300, -1e300
     for c in range(3):
         height = 0.0
         if length > 0.0:
-            x, y, z = other[b, c, 0] - ax, other[b, c, 1] - ay, other[b, c, 2] - az
-            height = (nx * x + ny * y + nz * z) / length
+            height = dot(normal, sub(corner_of(other, b, c), origin)) / length
         points[6 + c] = abs(height)
         low, high = min(low, height), max(high, height)
     if length == 0.0:
         return -1.0
     return max(low, -high, 0.0)
-
-
-@bare_kernel
-def _keep(points, best, ax, ay, az, bx, by, bz):  # type: ignore[no-untyped-def]
-    """Write two points if they are nearer than the best; return the lesser squared distance."""
-    square = (ax - bx) ** 2 + (ay - by) ** 2 + (az - bz) ** 2
-    if square < best:
-        points[0], points[1], points[2] = ax, ay, az
-        points[3], points[4], points[5] = bx, by, bz
-        return square
-    return best
 
 
 @bare_kernel
@@ -78,7 +64,7 @@ def nearest_features(
         if points[6 + c] * points[6 + c] <= best:
             x, y, z = one[a, c, 0], one[a, c, 1], one[a, c, 2]
             px, py, pz, feature = closest_on_triangle(other, b, x, y, z)
-            square = _keep(points, best, x, y, z, px, py, pz)
+            square = keep_nearer(points, best, (x, y, z), (px, py, pz))
             if square < best:
                 best, mine, theirs = square, 4 + c, feature
     bound = _side_of(one, a, other, b, points)
@@ -89,70 +75,19 @@ def nearest_features(
         if points[6 + c] * points[6 + c] <= best:
             x, y, z = other[b, c, 0], other[b, c, 1], other[b, c, 2]
             px, py, pz, feature = closest_on_triangle(one, a, x, y, z)
-            square = _keep(points, best, px, py, pz, x, y, z)
+            square = keep_nearer(points, best, (px, py, pz), (x, y, z))
             if square < best:
                 best, mine, theirs = square, feature, 4 + c
     for c in range(3):
         for d in range(3):
-            square = _try_edges(one, a, c, other, b, d, points, best)
+            square = try_edges(one, a, c, other, b, d, points, best, best)
             if square < best:
                 best, mine, theirs = square, 1 + c, 1 + d
     if pierce:
         for c in range(3):
-            if _pierces(one, a, c, other, b, points) or _pierces(other, b, c, one, a, points):
+            if pierces(one, a, c, other, b, points) or pierces(other, b, c, one, a, points):
                 return 0.0, 0, 0
     return best, mine, theirs
-
-
-@bare_kernel
-def _try_edges(one, i, c, other, j, d, points, best):  # type: ignore[no-untyped-def]
-    """Compare with the nearest inner points of edge c of one[i] and edge d of other[j]."""
-    c2, d2 = (c + 1) % 3, (d + 1) % 3
-    px, py, pz = one[i, c, 0], one[i, c, 1], one[i, c, 2]
-    ux, uy, uz = one[i, c2, 0] - px, one[i, c2, 1] - py, one[i, c2, 2] - pz
-    qx, qy, qz = other[j, d, 0], other[j, d, 1], other[j, d, 2]
-    vx, vy, vz = other[j, d2, 0] - qx, other[j, d2, 1] - qy, other[j, d2, 2] - qz
-    nx, ny, nz = uy * vz - uz * vy, uz * vx - ux * vz, ux * vy - uy * vx
-    square = nx * nx + ny * ny + nz * nz
-    rx, ry, rz = qx - px, qy - py, qz - pz
-    along = rx * nx + ry * ny + rz * nz
-    if square <= 0.0 or along * along > best * square:
-        return best
-    s = (ry * vz - rz * vy) * nx + (rz * vx - rx * vz) * ny + (rx * vy - ry * vx) * nz
-    t = (ry * uz - rz * uy) * nx + (rz * ux - rx * uz) * ny + (rx * uy - ry * ux) * nz
-    if s < 0.0 or s > square or t < 0.0 or t > square:
-        return best
-    s, t = s / square, t / square
-    return _keep(points, best, px + s * ux, py + s * uy, pz + s * uz, qx + t * vx, qy + t * vy, qz + t * vz)
-
-
-@bare_kernel
-def _pierces(one, i, c, other, j, points):  # type: ignore[no-untyped-def]
-    """Return whether edge c of one[i] pierces other[j]; write the point."""
-    c2 = (c + 1) % 3
-    ax, ay, az = other[j, 0, 0], other[j, 0, 1], other[j, 0, 2]
-    ux, uy, uz = other[j, 1, 0] - ax, other[j, 1, 1] - ay, other[j, 1, 2] - az
-    vx, vy, vz = other[j, 2, 0] - ax, other[j, 2, 1] - ay, other[j, 2, 2] - az
-    nx, ny, nz = uy * vz - uz * vy, uz * vx - ux * vz, ux * vy - uy * vx
-    px, py, pz = one[i, c, 0], one[i, c, 1], one[i, c, 2]
-    qx, qy, qz = one[i, c2, 0], one[i, c2, 1], one[i, c2, 2]
-    above = nx * (px - ax) + ny * (py - ay) + nz * (pz - az)
-    below = nx * (qx - ax) + ny * (qy - ay) + nz * (qz - az)
-    if above * below >= 0.0:
-        return False
-    t = above / (above - below)
-    x, y, z = px + t * (qx - px), py + t * (qy - py), pz + t * (qz - pz)
-    for d in range(3):
-        d2 = (d + 1) % 3
-        ax, ay, az = other[j, d, 0], other[j, d, 1], other[j, d, 2]
-        ux, uy, uz = other[j, d2, 0] - ax, other[j, d2, 1] - ay, other[j, d2, 2] - az
-        wx, wy, wz = x - ax, y - ay, z - az
-        side = nx * (uy * wz - uz * wy) + ny * (uz * wx - ux * wz) + nz * (ux * wy - uy * wx)
-        if side < 0.0:
-            return False
-    points[0], points[1], points[2] = x, y, z
-    points[3], points[4], points[5] = x, y, z
-    return True
 
 
 @bare_kernel

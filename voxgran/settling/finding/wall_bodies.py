@@ -14,10 +14,11 @@ import numpy as np
 from voxgran._base.arrays import Floats, Integers
 from voxgran._base.errors import InputError
 from voxgran._base.lazy import load
-from voxgran._base.tree import STACK, TriangleTree, grow_tree, normals_of
 from voxgran.contacts.parts import is_disk
 from voxgran.containers.model import UNKNOWN, Container, boundary_of
 from voxgran.containers.plane import prism_of
+from voxgran.geometry.tree import STACK, TriangleTree, grow_tree
+from voxgran.geometry.triangles import normals_of
 from voxgran.shapes.describing.body import Geometry
 from voxgran.shapes.mesh import Mesh
 from voxgran.shapes.model import Shape

@@ -9,7 +9,7 @@ import numpy as np
 
 from voxgran._base.arrays import Floats, Integers, read_only
 from voxgran._base.scalars import cube_root
-from voxgran._base.tree import TriangleTree, grow_tree
+from voxgran.geometry.tree import TriangleTree, grow_tree
 from voxgran.shapes.mesh import Mesh
 from voxgran.shapes.outline import Outline
 from voxgran.shapes.primitive import Primitive

@@ -8,7 +8,8 @@ import numpy as np
 from voxgran._base.arrays import Floats
 from voxgran._base.kernels import kernel
 from voxgran._base.lazy import load
-from voxgran._base.tree import STACK, TriangleTree, closest_on_triangle, grow_tree, is_behind, square_to_box
+from voxgran.geometry.tree import STACK, TriangleTree, grow_tree, is_behind, square_to_box
+from voxgran.geometry.triangles import closest_on_triangle
 from voxgran.shapes.model import Shape
 from voxgran.shapes.outline import Outline
 from voxgran.shapes.primitive import Primitive

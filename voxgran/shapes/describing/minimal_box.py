@@ -4,8 +4,8 @@ import numpy as np
 
 from voxgran._base.arrays import Floats
 from voxgran._base.lazy import load
-from voxgran._base.rotation import normalized, random_rotations, rotation_matrices
 from voxgran._base.seeds import stream
+from voxgran.geometry.rotation import normalized, random_rotations, rotation_matrices
 from voxgran.shapes.model import Shape
 from voxgran.shapes.primitive import Primitive
 

@@ -12,7 +12,7 @@ import math
 import numpy as np
 
 from voxgran._base.arrays import Floats, Integers
-from voxgran._base.tree import normals_of
+from voxgran.geometry.triangles import normals_of
 from voxgran.shapes.primitive import Primitive
 from voxgran.shapes.tessellate import geodesic, revolved, unit_box
 

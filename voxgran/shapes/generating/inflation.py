@@ -17,7 +17,7 @@ from numpy.typing import ArrayLike
 from voxgran._base.arrays import Floats, Integers, as_length, as_number, as_positive, as_share, as_vector, check_type
 from voxgran._base.calls import explained
 from voxgran._base.errors import InputError, TooLargeError
-from voxgran._base.tree import areas_of
+from voxgran.geometry.triangles import areas_of
 from voxgran.shapes.finer import cut_edges, edges_of
 from voxgran.shapes.generating.star import is_star_shaped
 from voxgran.shapes.mesh import Mesh

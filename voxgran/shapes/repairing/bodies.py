@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from voxgran._base.arrays import Booleans, Floats, Integers
-from voxgran._base.tree import areas_of
+from voxgran.geometry.triangles import areas_of
 from voxgran.shapes.shells import FLAT, inner_point, shell_labels
 from voxgran.shapes.winding import winding_numbers
 

@@ -18,7 +18,7 @@ import numpy as np
 
 from voxgran._base.arrays import Booleans, Floats, Integers
 from voxgran._base.kernels import kernel
-from voxgran._base.tree import STACK, grow_tree
+from voxgran.geometry.tree import STACK, grow_tree
 
 #: overlap from which on two triangles count as crossing, in diagonals of the bounding box
 DEPTH = 1e-9

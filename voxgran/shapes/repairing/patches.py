@@ -9,7 +9,7 @@ import numpy as np
 
 from voxgran._base.arrays import Floats, Integers
 from voxgran._base.errors import DirtyMeshError
-from voxgran._base.tree import areas_of
+from voxgran.geometry.triangles import areas_of
 from voxgran.lattice.label import components
 from voxgran.shapes.shells import half_edges, shell_labels, turned_faces
 

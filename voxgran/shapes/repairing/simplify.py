@@ -20,8 +20,9 @@ from voxgran._base.lazy import load
 from voxgran._base.registry import ExplainedAttributes
 from voxgran._base.scalars import cube_root
 from voxgran._base.seeds import stream
-from voxgran._base.tree import areas_of, grow_tree
 from voxgran._base.vtk_data import numpy_support, poly_data
+from voxgran.geometry.tree import grow_tree
+from voxgran.geometry.triangles import areas_of
 from voxgran.shapes.files import load_shape
 from voxgran.shapes.model import Shape
 from voxgran.shapes.repairing.repair import repaired

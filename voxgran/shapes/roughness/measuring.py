@@ -26,7 +26,7 @@ from voxgran._base.kernels import kernel
 from voxgran._base.lazy import load
 from voxgran._base.registry import ExplainedAttributes
 from voxgran._base.seeds import stream
-from voxgran._base.tree import areas_of, normals_of
+from voxgran.geometry.triangles import areas_of, normals_of
 from voxgran.shapes.model import Shape
 from voxgran.shapes.roughness.autocorrelation import roll_off_of, self_affine_correlation
 from voxgran.shapes.roughness.parameters import POINTS

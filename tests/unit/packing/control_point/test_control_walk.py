@@ -12,8 +12,8 @@ from scipy.spatial import ConvexHull, cKDTree
 
 import voxgran as vg
 from voxgran._base.errors import InputError, Interrupted, PackingWarning, UnknownNameError
-from voxgran._base.rotation import product, rotation_matrices, write_matrix
 from voxgran._base.seeds import philox_key
+from voxgran.geometry.rotation import product, rotation_matrices, write_matrix
 from voxgran.packing.control_point.attempts import DECAY, GROWTH
 from voxgran.packing.control_point.distance_fields import PLANES
 from voxgran.packing.control_point.method import registration as control_point

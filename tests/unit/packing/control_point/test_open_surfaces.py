@@ -10,8 +10,8 @@ from scipy.spatial import cKDTree
 
 import voxgran as vg
 from voxgran._base.errors import InputError
-from voxgran._base.rotation import random_rotations, rotation_matrices
 from voxgran.contacts.triangles import nearest_points
+from voxgran.geometry.rotation import random_rotations, rotation_matrices
 from voxgran.packing.control_point.precompute import KEPT, WAY
 from voxgran.points.control import edge_points, sample_controls
 

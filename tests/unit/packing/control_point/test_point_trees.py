@@ -5,8 +5,8 @@ import pytest
 from scipy.spatial import cKDTree
 
 from voxgran._base.errors import InputError
-from voxgran._base.rotation import random_rotations, rotation_matrices
 from voxgran._base.seeds import stream
+from voxgran.geometry.rotation import random_rotations, rotation_matrices
 from voxgran.packing.control_point.point_trees import LEAF, list_near, make_trees, stack_room
 
 SIZES = (1, 2, 7, 8, 9, 17, 64, 100, 333, 1000)

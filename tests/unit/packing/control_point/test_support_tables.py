@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 import voxgran as vg
-from voxgran._base.rotation import rotation_matrices
+from voxgran.geometry.rotation import rotation_matrices
 from voxgran.packing.control_point.distance_fields import distances, make_fields
 from voxgran.packing.control_point.separating_planes import find_plane, write_span
 from voxgran.packing.control_point.support_tables import make_reaches, plane_of

@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from voxgran._base.rotation import lattice_rotations
 from voxgran._base.seeds import stream
+from voxgran.geometry.rotation import lattice_rotations
 from voxgran.packing.digital.bit_columns import (
     Canvas,
     VoxelBank,

@@ -8,8 +8,8 @@ import pytest
 
 import voxgran as vg
 from voxgran._base.errors import InputError, PackingWarning, TooLargeError
-from voxgran._base.rotation import rotation_matrices
 from voxgran._base.seeds import philox_key, shuffled
+from voxgran.geometry.rotation import rotation_matrices
 from voxgran.packing.digital.rsa_method import registration as digital_rsa
 
 task_of = partial(kit.task_of, "digital_rsa")

@@ -10,12 +10,12 @@ import pytest
 import voxgran as vg
 from voxgran._base.arrays import WHOLE
 from voxgran._base.errors import InputError, PackingWarning
-from voxgran._base.rotation import random_rotations, rotation_matrices, write_matrix
 from voxgran._base.seeds import stream
 from voxgran.contacts.farthest import farthest_of_row, farthest_reach
 from voxgran.contacts.parts import row_of
 from voxgran.contacts.walls import escape_depths
 from voxgran.containers.kernel_container import kernel_container
+from voxgran.geometry.rotation import random_rotations, rotation_matrices, write_matrix
 from voxgran.packing.rsa.method import registration as rsa
 from voxgran.packing.rsa.overlaps import Grains
 from voxgran.packing.rsa.true_overlaps import is_taken, list_near

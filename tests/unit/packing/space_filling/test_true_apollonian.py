@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 import voxgran as vg
-from voxgran._base.rotation import rotation_matrices
+from voxgran.geometry.rotation import rotation_matrices
 from voxgran.packing.driver import Drive, drive
 from voxgran.packing.pack import prepare_task
 from voxgran.shapes.model import Shape

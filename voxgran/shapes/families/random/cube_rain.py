@@ -20,7 +20,7 @@ import numpy as np
 
 from voxgran._base.arrays import Floats, as_choice, as_count, as_number, as_positive
 from voxgran._base.config import parameter
-from voxgran._base.rotation import random_rotations, rotation_matrices
+from voxgran.geometry.rotation import random_rotations, rotation_matrices
 from voxgran.shapes.boolean import united
 from voxgran.shapes.family import ShapeFamily, sized
 from voxgran.shapes.model import Shape

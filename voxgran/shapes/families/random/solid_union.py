@@ -22,7 +22,7 @@ import numpy as np
 from voxgran._base.arrays import Floats, Integers, as_count, as_number, as_positive
 from voxgran._base.config import check_bounds, parameter
 from voxgran._base.errors import InputError
-from voxgran._base.rotation import random_rotations
+from voxgran.geometry.rotation import random_rotations
 from voxgran.shapes.boolean import united
 from voxgran.shapes.family import ShapeFamily, sized
 from voxgran.shapes.generating.facets import faceted

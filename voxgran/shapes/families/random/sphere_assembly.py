@@ -23,10 +23,10 @@ from typing import Any, Literal
 import numpy as np
 
 from voxgran._base.arrays import Floats, Integers, as_number, as_positive
-from voxgran._base.cells import near_pairs
 from voxgran._base.config import check_bounds, parameter
 from voxgran._base.errors import InputError
 from voxgran._base.lazy import load
+from voxgran.geometry.sphere_pairs import near_pairs
 from voxgran.lattice.label import components
 from voxgran.shapes.family import ShapeFamily, sized
 from voxgran.shapes.generating.base import check_base, made_base

@@ -14,7 +14,7 @@ import numpy as np
 from voxgran._base.arrays import Floats, Integers, as_number, as_positive
 from voxgran._base.config import check_bounds, parameter
 from voxgran._base.errors import InputError
-from voxgran._base.tree import areas_of
+from voxgran.geometry.triangles import areas_of
 from voxgran.shapes.families.surfaces.sheet import lattice_faces
 from voxgran.shapes.family import ShapeFamily, sized
 from voxgran.shapes.finer import cut_edges, edges_of

@@ -1,9 +1,10 @@
 import numpy as np
 import pytest
 
-from voxgran._base.rotation import random_rotations, rotation_matrices
 from voxgran._base.seeds import stream
-from voxgran._base.tree import closest_on_triangle, grow_tree
+from voxgran.geometry.rotation import random_rotations, rotation_matrices
+from voxgran.geometry.tree import grow_tree
+from voxgran.geometry.triangles import closest_on_triangle
 from voxgran.shapes.tessellate import revolved, sphere, unit_box
 
 

@@ -1,4 +1,4 @@
-"""Triangles of a surface: areas, enclosed volume, and a box tree for nearest points and signed distances.
+"""Trees of boxes over the triangles of a surface, for nearest points and signed distances.
 
 The tree is a heap of axis-aligned boxes: node k has the children 2 k + 1 and 2 k + 2, each with half of its triangles,
 split at the median along the longest axis. The sign of a distance is that of the pseudo-normal of the nearest feature
@@ -15,6 +15,7 @@ import numpy as np
 from voxgran._base.arrays import Floats, Integers, read_only
 from voxgran._base.compiling.threads import in_blocks
 from voxgran._base.kernels import bare_kernel, kernel
+from voxgran.geometry.triangles import closest_on_triangle
 
 #: triangles in a leaf, at most
 LEAF = 4
@@ -24,23 +25,6 @@ STACK = 64
 TURNED = 16
 #: points of which a thread takes no fewer
 LEAST_POINTS = 512
-
-
-def normals_of(triangles: Floats) -> Floats:
-    """Return the normals of (m, 3, 3) triangles, (m, 3), each as long as twice the area."""
-    a, b, c = np.moveaxis(triangles, 1, 0)
-    return np.asarray(np.cross(b - a, c - a))
-
-
-def areas_of(triangles: Floats) -> Floats:
-    """Return the areas of (m, 3, 3) triangles, (m,)."""
-    return np.asarray(np.linalg.norm(normals_of(triangles), axis=1) / 2)
-
-
-def enclosed_volume(vertices: Floats, faces: Integers) -> float:
-    """Return the volume that closed triangles enclose; it is most accurate where the origin lies among them."""
-    a, b, c = np.moveaxis(vertices[faces], 1, 0)
-    return float(np.einsum("fi,fi->", a, np.cross(b, c)) / 6)
 
 
 @dataclass(frozen=True, eq=False)
@@ -193,46 +177,6 @@ def _sums(place: Integers, values: Floats) -> Floats:
     spread = np.broadcast_to(values if values.ndim == 3 else values[:, None], (*place.shape, 3))
     flat = place.ravel()
     return np.column_stack([np.bincount(flat, spread[..., k].ravel()) for k in range(3)])
-
-
-@bare_kernel
-def closest_on_triangle(corners: Floats, k: int, x: float, y: float, z: float) -> tuple[float, float, float, int]:
-    """Return the point of triangle k nearest to (x, y, z), and its feature: 0 face, 1-3 edges, 4-6 corners.
-
-    By the regions of the corners and edges (Ericson 2005, Real-time collision detection, section 5.1.5).
-    """
-    ax, ay, az = corners[k, 0, 0], corners[k, 0, 1], corners[k, 0, 2]
-    bx, by, bz = corners[k, 1, 0], corners[k, 1, 1], corners[k, 1, 2]
-    cx, cy, cz = corners[k, 2, 0], corners[k, 2, 1], corners[k, 2, 2]
-    ux, uy, uz = bx - ax, by - ay, bz - az
-    vx, vy, vz = cx - ax, cy - ay, cz - az
-    d1 = ux * (x - ax) + uy * (y - ay) + uz * (z - az)
-    d2 = vx * (x - ax) + vy * (y - ay) + vz * (z - az)
-    if d1 <= 0.0 and d2 <= 0.0:
-        return ax, ay, az, 4
-    d3 = ux * (x - bx) + uy * (y - by) + uz * (z - bz)
-    d4 = vx * (x - bx) + vy * (y - by) + vz * (z - bz)
-    if d3 >= 0.0 and d4 <= d3:
-        return bx, by, bz, 5
-    side_c = d1 * d4 - d3 * d2
-    if side_c <= 0.0 and d1 >= 0.0 and d3 <= 0.0:
-        s = d1 / (d1 - d3)
-        return ax + s * ux, ay + s * uy, az + s * uz, 1
-    d5 = ux * (x - cx) + uy * (y - cy) + uz * (z - cz)
-    d6 = vx * (x - cx) + vy * (y - cy) + vz * (z - cz)
-    if d6 >= 0.0 and d5 <= d6:
-        return cx, cy, cz, 6
-    side_b = d5 * d2 - d1 * d6
-    if side_b <= 0.0 and d2 >= 0.0 and d6 <= 0.0:
-        s = d2 / (d2 - d6)
-        return ax + s * vx, ay + s * vy, az + s * vz, 3
-    side_a = d3 * d6 - d5 * d4
-    if side_a <= 0.0 and d4 >= d3 and d5 >= d6:
-        s = (d4 - d3) / ((d4 - d3) + (d5 - d6))
-        return bx + s * (cx - bx), by + s * (cy - by), bz + s * (cz - bz), 2
-    share = 1.0 / (side_a + side_b + side_c)
-    s, t = side_b * share, side_c * share
-    return ax + s * ux + t * vx, ay + s * uy + t * vy, az + s * uz + t * vz, 0
 
 
 @bare_kernel

@@ -5,9 +5,9 @@ import itertools
 import numpy as np
 import pytest
 
-from voxgran._base.cells import near_pairs, spheres_near
 from voxgran._base.errors import InputError
 from voxgran._base.seeds import stream
+from voxgran.geometry.sphere_pairs import near_pairs, spheres_near
 
 LENGTHS = np.array([1.0, 1.3, 1.7])
 

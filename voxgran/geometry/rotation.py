@@ -86,7 +86,7 @@ def random_rotations(generator: np.random.Generator, count: int) -> Floats:
 
     Examples
     --------
-    >>> from voxgran._base.rotation import random_rotations
+    >>> from voxgran.geometry.rotation import random_rotations
     >>> from voxgran._base.seeds import stream
     >>> random_rotations(stream(1, "turns"), 5).shape
     (5, 4)

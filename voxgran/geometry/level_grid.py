@@ -1,12 +1,12 @@
 """Hierarchical grid of linked cells, for neighbour searches among grains of any size ratio.
 
 Grains of similar size share a level, and each level has cells of its own that are about as wide as its largest grain,
-so that a query visits few cells of each level. Random sequential addition and the advancing front lay out and traverse
-the cells in their own ways.
+so that a query visits few cells of each level. A query walks over the cells of `cells_near`, and in each from the grain
+of `first_in_cell` on along `after`.
 """
 
 import math
-from typing import NamedTuple
+from typing import NamedTuple, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,6 +14,8 @@ from numpy.typing import NDArray
 from voxgran._base.arrays import Floats, Integers
 from voxgran._base.kernels import inlined_kernel
 
+#: half edges of a region along the axes
+Reach: TypeAlias = tuple[float, float, float]
 #: largest number of cells per grain of a level
 SPARE = 2
 
@@ -102,8 +104,32 @@ def _index_at(cells, level, axis, x):  # type: ignore[no-untyped-def]
 
 
 @inlined_kernel
-def cells_near(cells: LevelGrid, level: int, axis: int, x: float, reach: float) -> tuple[int, int]:
-    """Return the first and the last cell within reach along an axis; they may lie beyond the ends if cells repeat."""
+def cells_near(
+    cells: LevelGrid, level: int, x: float, y: float, z: float, reach: Reach
+) -> tuple[tuple[int, int, int], tuple[int, int, int]]:
+    """Return the first cell within reach (along each axis) of a position, and the one after the last.
+
+    They may lie beyond the ends of axes along which the cells repeat.
+    """
+    i0, i1 = _cells_along(cells, level, 0, x, reach[0])
+    j0, j1 = _cells_along(cells, level, 1, y, reach[1])
+    k0, k1 = _cells_along(cells, level, 2, z, reach[2])
+    return (i0, j0, k0), (i1 + 1, j1 + 1, k1 + 1)
+
+
+@inlined_kernel
+def first_in_cell(cells: LevelGrid, level: int, i: int, j: int, k: int) -> tuple[int, int, int, int]:
+    """Return the grain linked last in a cell (-1: none), and how many periods along each axis the cell lies beyond."""
+    ni, nj, nk = cells.count[level, 0], cells.count[level, 1], cells.count[level, 2]
+    ti = 0 if 0 <= i < ni else i // ni
+    tj = 0 if 0 <= j < nj else j // nj
+    tk = 0 if 0 <= k < nk else k // nk
+    return cells.head[cells.first[level] + ((i - ti * ni) * nj + j - tj * nj) * nk + k - tk * nk], ti, tj, tk
+
+
+@inlined_kernel
+def _cells_along(cells, level, axis, x, reach):  # type: ignore[no-untyped-def]
+    """Return the first and the last cell within reach along an axis."""
     width, count = cells.width[level, axis], cells.count[level, axis]
     low, high = math.floor((x - reach) / width), math.floor((x + reach) / width)
     if not cells.wraps[level, axis]:
