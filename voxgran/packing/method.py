@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from voxgran._base.calls import explained
-from voxgran._base.errors import PackingWarning, TooLargeError
+from voxgran._base.errors import LongRunWarning, TooLargeError
 from voxgran._base.machine import memory_limit
 from voxgran._base.registry import Registry
 from voxgran._base.warning import warn
@@ -242,12 +242,12 @@ def check_cost(method: PackingMethod, problem: Problem) -> None:
 
     Warns
     -----
-    PackingWarning
-        If the search of a lattice is expected to take more than half a minute with the default voxels.
+    LongRunWarning
+        If the packing is expected to take more than half a minute by its defaults.
     """
     check_memory(method, packing_memory(method, problem), "the packing")
     if text := long_run(method, problem):
-        warn(text, PackingWarning)
+        warn(text, LongRunWarning)
 
 
 def long_run(method: PackingMethod, problem: Problem) -> str:

@@ -68,6 +68,10 @@ class Plan(ExplainedAttributes):
         Whether the scene has a count or a solid fraction.
     notes : tuple of str
         What in the scene may be meant otherwise, in sentences.
+    seconds : float
+        Expected processor time of the packing on a usual core; 0 where it is not known.
+    slow : str
+        Why the packing takes long, in a sentence; empty where it does not.
     """
 
     grains: int
@@ -82,6 +86,8 @@ class Plan(ExplainedAttributes):
     makes_sizes: bool = False
     amount_asked: bool = True
     notes: tuple[str, ...] = ()
+    seconds: float = 0.0
+    slow: str = ""
 
     def __str__(self) -> str:
         """Return the plan as a person reads it."""
@@ -98,7 +104,7 @@ class Plan(ExplainedAttributes):
             f"libraries       {', '.join(self.libraries)}",
             *(f"will be done    {step}" for step in self.computed),
             *(f"is skipped      {step}" for step in self.skipped),
-            *(f"note            {note}" for note in self.notes),
+            *(f"note            {note}" for note in (*self.notes, self.slow) if note),
         ]
         return "\n".join(lines)
 
@@ -137,6 +143,8 @@ def make_plan(scene: SceneDescription) -> Plan:
         makes_sizes=task.method.sizing == "made",
         amount_asked=scene.count is not None or scene.solid_fraction is not None,
         notes=_notes(scene, task),
+        seconds=cost.seconds,
+        slow=long_run(task.method, task.problem),
     )
 
 
@@ -222,8 +230,7 @@ def _settling_of(task: Task) -> Settling | None:
 
 def _notes(scene: SceneDescription, task: Task) -> tuple[str, ...]:
     """Return what in a scene may be meant otherwise, in sentences."""
-    problem = task.problem
-    found = _full(scene, task), too_coarse(problem), long_run(task.method, problem), _two_frictions(scene, task)
+    found = _full(scene, task), too_coarse(task.problem), _two_frictions(scene, task)
     return tuple(note for note in found if note)
 
 

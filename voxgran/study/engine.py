@@ -9,18 +9,19 @@ from pathlib import Path
 from typing import Any
 
 from voxgran._base.arrays import as_count
-from voxgran._base.errors import InputError, Interrupted, shown
+from voxgran._base.errors import InputError, Interrupted, LongRunWarning, shown
 from voxgran._base.files import made_folder, remove_drafts_in
 from voxgran._base.lazy import load
 from voxgran._base.machine import memory_limit, processor_count
 from voxgran._base.progress import OnStep, Step
 from voxgran._base.stopping import Signals
+from voxgran._base.warning import warn
 from voxgran.scene.run import opened_folder
 from voxgran.study.cells import Cell
 from voxgran.study.checkpoints import marked
 from voxgran.study.dask_runs import DaskRuns
 from voxgran.study.files import files_of, run_hash
-from voxgran.study.plan import StudyPlan, cell_plan
+from voxgran.study.plan import StudyPlan, cell_plan, told_values
 from voxgran.study.processes import Processes
 from voxgran.study.result import StudyResult, dataset_of, rows_of, save_results
 from voxgran.study.runs import Record, Run
@@ -164,6 +165,7 @@ class _Work:
     computing: float = 0.0  # seconds that runs were computed, without those of loading and compiling
     told: float = 0.0
     mark: str = ""
+    slow: list[str] = field(default_factory=list)  # why cells take long
 
     def do(self) -> int:
         """Read what is finished, and compute what is left; return how many runs were computed.
@@ -181,6 +183,9 @@ class _Work:
             with executing as executor, marked(self.store.folder / CHECKPOINTS) as self.mark:
                 for at, numbers in missing.items():
                     self._plan(at, numbers)
+                if self.slow:
+                    others = f"; and {len(self.slow) - 1} cells more take long" if len(self.slow) > 1 else ""
+                    warn(self.slow[0] + others, LongRunWarning)
                 computed = self._compute(executor)
         self._fill()
         return computed
@@ -207,6 +212,8 @@ class _Work:
                 f"its {plan.memory / 2**20:.0f} MiB are more than the {limit / 2**20:.0f} MiB that memory allows: give "
                 "more memory, at the prompt --memory, or a larger machine"
             )
+        if plan.slow:
+            self.slow.append(f"{told_values(cell.values)}: {plan.slow}")
         for number in missing:
             if refusal:
                 self.records[at, number] = Record(failure=refusal)

@@ -26,6 +26,8 @@ class CellPlan:
         Number of seeds with results, with a failure, and that are to be computed.
     refusal : str
         Why it cannot be computed, in a sentence; empty where it can.
+    slow : str
+        Why it takes long, in a sentence; empty where it does not.
     """
 
     values: dict[str, Any]
@@ -36,6 +38,7 @@ class CellPlan:
     failed: int = 0
     left: int = 0
     refusal: str = ""
+    slow: str = ""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -72,7 +75,8 @@ class StudyPlan:
             f"memory          {max(c.memory for c in self.cells) / 2**20:.0f} MiB for the largest cell, estimated",
             f"attempts        {sum(c.attempts * c.left for c in self.cells):,} at the most in what is left",
         ]
-        lines += [f"cannot be done  {_told(cell.values)}: {cell.refusal}" for cell in refused]
+        lines += [f"cannot be done  {told_values(cell.values)}: {cell.refusal}" for cell in refused]
+        lines += [f"takes long      {told_values(cell.values)}: {cell.slow}" for cell in self.cells if cell.slow and cell.left]
         lines += _table([_row(cell) for cell in self.cells[:SHOWN]])
         if len(self.cells) > SHOWN:
             lines.append(f"... and {len(self.cells) - SHOWN} cells more")
@@ -80,7 +84,7 @@ class StudyPlan:
 
     def to_mapping(self) -> dict[str, Any]:
         """Return the plan as JSON-able values."""
-        names = ("grains", "attempts", "done", "failed", "left", "refusal")
+        names = ("grains", "attempts", "done", "failed", "left", "refusal", "slow")
         cells = [
             {"values": cell.values, "memory_bytes": cell.memory} | {name: getattr(cell, name) for name in names}
             for cell in self.cells
@@ -103,7 +107,7 @@ def cell_plan(cell: Cell, *, done: int, failed: int, left: int) -> CellPlan:
         made = make_plan(cell.scene)
     except VoxgranError as error:
         return CellPlan(**counts | {"left": 0}, refusal=" ".join(str(error).split()))
-    return CellPlan(**counts, grains=made.grains, memory=made.memory, attempts=made.attempts)
+    return CellPlan(**counts, grains=made.grains, memory=made.memory, attempts=made.attempts, slow=made.slow)
 
 
 def _row(cell: CellPlan) -> dict[str, str]:
@@ -128,7 +132,7 @@ def _table(rows: Sequence[Mapping[str, str]]) -> list[str]:
     return ["  ".join(text.rjust(width) for text, width in zip(line, wide, strict=True)) for line in lines]
 
 
-def _told(values: Mapping[str, Any]) -> str:
+def told_values(values: Mapping[str, Any]) -> str:
     """Return the values of a cell in words."""
     return ", ".join(f"{name} {value}" for name, value in values.items()) or "the base"
 
