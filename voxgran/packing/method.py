@@ -50,7 +50,7 @@ class Cost:
     # number of solids that are voxelized and sampled: exactly what the run counts
     voxelized_shapes: int = 0
     sampled_shapes: int = 0
-    # expected processor time of searches of a whole lattice on a usual core; 0 where it is not known
+    # expected processor time on a usual core; 0 where it is not known
     seconds: float = 0.0
 
 
@@ -251,14 +251,14 @@ def check_cost(method: PackingMethod, problem: Problem) -> None:
 
 
 def long_run(method: PackingMethod, problem: Problem) -> str:
-    """Return that the search of a lattice takes long with the default voxels, and what shortens it; empty if not."""
-    seconds = method.cost(problem).seconds
-    if seconds <= LONG_RUN or problem.parameters.voxel_size is not None:
+    """Return that a packing takes long, though no voxel size is given, and what shortens it; empty if it does not."""
+    seconds, settings = method.cost(problem).seconds, problem.parameters
+    if seconds <= LONG_RUN or getattr(settings, "voxel_size", None) is not None:
         return ""
-    return (
-        f"method {method.name!r} is expected to take about {math.ceil(seconds / 60)} min: larger voxels (voxel_size), "
-        "fewer orientations, turned=False, fewer different sizes or fewer grains take less"
-    )
+    remedy = "larger voxels (voxel_size), fewer orientations, turned=False, fewer different sizes or fewer grains"
+    if hasattr(settings, "sweeps"):
+        remedy = "fewer sweeps, a higher rate or fewer grains"
+    return f"method {method.name!r} is expected to take about {math.ceil(seconds / 60)} min: {remedy} take less"
 
 
 def check_memory(method: PackingMethod, needed: int, what: str) -> None:

@@ -184,7 +184,7 @@ class _Work:
                 for at, numbers in missing.items():
                     self._plan(at, numbers)
                 if self.slow:
-                    others = f"; and {len(self.slow) - 1} cells more take long" if len(self.slow) > 1 else ""
+                    others = f"; so it is with {len(self.slow) - 1} of the other cells" if len(self.slow) > 1 else ""
                     warn(self.slow[0] + others, LongRunWarning)
                 computed = self._compute(executor)
         self._fill()

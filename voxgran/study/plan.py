@@ -76,7 +76,8 @@ class StudyPlan:
             f"attempts        {sum(c.attempts * c.left for c in self.cells):,} at the most in what is left",
         ]
         lines += [f"cannot be done  {told_values(cell.values)}: {cell.refusal}" for cell in refused]
-        lines += [f"takes long      {told_values(cell.values)}: {cell.slow}" for cell in self.cells if cell.slow and cell.left]
+        slow = [cell for cell in self.cells if cell.slow and cell.left]
+        lines += [f"takes long      {told_values(cell.values)}: {cell.slow}" for cell in slow]
         lines += _table([_row(cell) for cell in self.cells[:SHOWN]])
         if len(self.cells) > SHOWN:
             lines.append(f"... and {len(self.cells) - SHOWN} cells more")
