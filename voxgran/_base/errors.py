@@ -144,3 +144,7 @@ class PackingWarning(UserWarning):
     >>> few.count < 9
     True
     """
+
+
+class LongRunWarning(PackingWarning):
+    """A run that is expected to take long, told before it starts."""

@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from voxgran._base.calls import explained
-from voxgran._base.errors import PackingWarning, TooLargeError
+from voxgran._base.errors import LongRunWarning, TooLargeError
 from voxgran._base.machine import memory_limit
 from voxgran._base.registry import Registry
 from voxgran._base.warning import warn
@@ -50,7 +50,7 @@ class Cost:
     # number of solids that are voxelized and sampled: exactly what the run counts
     voxelized_shapes: int = 0
     sampled_shapes: int = 0
-    # expected processor time of searches of a whole lattice on a usual core; 0 where it is not known
+    # expected processor time on a usual core; 0 where it is not known
     seconds: float = 0.0
 
 
@@ -244,23 +244,23 @@ def check_cost(method: PackingMethod, problem: Problem) -> None:
 
     Warns
     -----
-    PackingWarning
-        If the search of a lattice is expected to take more than half a minute with the default voxels.
+    LongRunWarning
+        If the packing is expected to take more than half a minute by its defaults.
     """
     check_memory(method, packing_memory(method, problem), "the packing")
     if text := long_run(method, problem):
-        warn(text, PackingWarning)
+        warn(text, LongRunWarning)
 
 
 def long_run(method: PackingMethod, problem: Problem) -> str:
-    """Return that the search of a lattice takes long with the default voxels, and what shortens it; empty if not."""
-    seconds = method.cost(problem).seconds
-    if seconds <= LONG_RUN or problem.parameters.voxel_size is not None:
+    """Return that a packing takes long, though no voxel size is given, and what shortens it; empty if it does not."""
+    seconds, settings = method.cost(problem).seconds, problem.parameters
+    if seconds <= LONG_RUN or getattr(settings, "voxel_size", None) is not None:
         return ""
-    return (
-        f"method {method.name!r} is expected to take about {math.ceil(seconds / 60)} min: larger voxels (voxel_size), "
-        "fewer orientations, turned=False, fewer different sizes or fewer grains take less"
-    )
+    remedy = "larger voxels (voxel_size), fewer orientations, turned=False, fewer different sizes or fewer grains"
+    if hasattr(settings, "sweeps"):
+        remedy = "fewer sweeps, a higher rate or fewer grains"
+    return f"method {method.name!r} is expected to take about {math.ceil(seconds / 60)} min: {remedy} take less"
 
 
 def check_memory(method: PackingMethod, needed: int, what: str) -> None:

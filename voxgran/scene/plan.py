@@ -73,6 +73,10 @@ class Plan(ExplainedAttributes):
         Expected number of grains in its bulk.
     notes : tuple of str
         What in the scene may be meant otherwise, in sentences.
+    seconds : float
+        Expected processor time of the packing on a usual core; 0 where it is not known.
+    slow : str
+        Why the packing takes long, in a sentence; empty where it does not.
     """
 
     grains: int
@@ -89,6 +93,8 @@ class Plan(ExplainedAttributes):
     depth: float | None = None
     bulk_grains: int | None = None
     notes: tuple[str, ...] = ()
+    seconds: float = 0.0
+    slow: str = ""
 
     def __str__(self) -> str:
         """Return the plan as a person reads it."""
@@ -106,7 +112,7 @@ class Plan(ExplainedAttributes):
             f"libraries       {', '.join(self.libraries)}",
             *(f"will be done    {step}" for step in self.computed),
             *(f"is skipped      {step}" for step in self.skipped),
-            *(f"note            {note}" for note in self.notes),
+            *(f"note            {note}" for note in (*self.notes, self.slow) if note),
         ]
         return "\n".join(lines)
 
@@ -147,6 +153,8 @@ def make_plan(scene: SceneDescription) -> Plan:
         depth=None if bed is None else bed.depth,
         bulk_grains=None if bed is None else bed.bulk,
         notes=_notes(scene, task, bed),
+        seconds=cost.seconds,
+        slow=long_run(task.method, task.problem),
     )
 
 
@@ -232,15 +240,9 @@ def _settling_of(task: Task) -> Settling | None:
 
 def _notes(scene: SceneDescription, task: Task, bed: ExpectedBed | None) -> tuple[str, ...]:
     """Return what in a scene may be meant otherwise, in sentences."""
-    problem, shallow = task.problem, "" if bed is None else bed.note
-    notes = (
-        _full(scene, task),
-        too_coarse(problem),
-        long_run(task.method, problem),
-        _two_frictions(scene, task),
-        shallow,
-    )
-    return tuple(note for note in notes if note)
+    shallow = "" if bed is None else bed.note
+    found = _full(scene, task), too_coarse(task.problem), _two_frictions(scene, task), shallow
+    return tuple(note for note in found if note)
 
 
 def _full(scene: SceneDescription, task: Task) -> str:

@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 
 from voxgran._base.arrays import Floats
+from voxgran._base.errors import InputError
 from voxgran._base.seeds import stream
 from voxgran._base.stopping import Stopped
 from voxgran.contacts.assembly import Assembly
@@ -34,6 +35,8 @@ TOUCHING = 1e-3
 SINKING, ENERGY, SHORTEST = 0.05, 0.05, 4.0
 #: speed of grains that move fast, in sqrt(g d), and their share from which on the fall goes on
 FAST, FEW = 0.2, 0.05
+#: greatest height of a container in which grains fall until they rest, in median diameters
+HIGHEST = 10_000.0
 #: units of time that the fall lasts at least without friction, where beds creep
 CREEPING = 30.0
 #: surfaces move at most so far in a step of growth, which lasts at least so many steps
@@ -116,7 +119,8 @@ class Settler:
     Raises
     ------
     InputError
-        If a shape is an open surface, or the walls of the container are not known.
+        If a shape is an open surface, the walls of the container are not known, or it is so high that the fall would
+        not end.
     """
 
     def __init__(
@@ -133,6 +137,11 @@ class Settler:
         self._fall = Fall(how.friction, how.restitution, **(SURFACE_FALL if surfaces else {}))
         if how.friction == 0.0 and not surfaces:
             self._fall = replace(self._fall, rest=self._manner.kept)
+        if how.fall_time is None and assembly.count and self._height() > HIGHEST:
+            raise InputError(
+                f"the container is {self._height():.3g} median diameters high along gravity: grains fall through at "
+                f"most {HIGHEST:.0f} until they rest; correct their sizes, or give fall_time"
+            )
         layers = np.ptp(self.bed.grains.position @ gravity) if assembly.count else 0.0
         self._iterations = ITERATIONS if layers <= DEEP else 2 * ITERATIONS
         if not assembly.count:
@@ -258,10 +267,13 @@ class Settler:
         """Return the largest number of steps of a fall."""
         if self.how.fall_time is not None:
             return max(1, round(self.how.fall_time / self._fall.step))
-        lower, upper = self.bed.assembly.container.bounds
-        tall = float((upper - lower) @ np.abs(self.bed.gravity))
         # as fast as grains may fall, and then some time to come to rest
-        return round((Settling.usual_fall + tall / (self._fall.most / self._fall.step)) / self._fall.step)
+        return round((Settling.usual_fall + self._height() / (self._fall.most / self._fall.step)) / self._fall.step)
+
+    def _height(self) -> float:
+        """Return the height of the container along gravity, in median diameters."""
+        lower, upper = self.bed.assembly.container.bounds
+        return float((upper - lower) @ np.abs(self.bed.gravity))
 
     def _shake(self) -> None:
         """Make a step in which each grain is accelerated in a direction of its own."""

@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Any
 
 from voxgran._base.arrays import as_count
-from voxgran._base.errors import InputError, Interrupted, PackingWarning, shown
+from voxgran._base.errors import InputError, Interrupted, LongRunWarning, PackingWarning, shown
 from voxgran._base.files import made_folder, remove_drafts_in
 from voxgran._base.lazy import load
 from voxgran._base.machine import memory_limit, processor_count
@@ -22,7 +22,7 @@ from voxgran.study.cells import Cell
 from voxgran.study.checkpoints import marked
 from voxgran.study.dask_runs import DaskRuns
 from voxgran.study.files import files_of, run_hash
-from voxgran.study.plan import CellPlan, StudyPlan, cell_plan, note_of_beds
+from voxgran.study.plan import CellPlan, StudyPlan, cell_plan, note_of_beds, told_values
 from voxgran.study.processes import Processes
 from voxgran.study.result import StudyResult, dataset_of, rows_of, save_results
 from voxgran.study.runs import Record, Run
@@ -191,6 +191,9 @@ class _Work:
                 plans = [self._plan(at, numbers) for at, numbers in missing.items()]
                 if note := note_of_beds(plans):
                     warn(note, PackingWarning)
+                if slow := [plan for plan in plans if plan.slow]:
+                    others = f"; so it is with {len(slow) - 1} of the other cells" if len(slow) > 1 else ""
+                    warn(f"{told_values(slow[0].values)}: {slow[0].slow}{others}", LongRunWarning)
                 computed = self._compute(executor)
         self._fill()
         return computed

@@ -31,6 +31,8 @@ class CellPlan:
         Whether its bulk is expected to hold enough grains for a solid fraction; true where there is no bed.
     refusal : str
         Why it cannot be computed, in a sentence; empty where it can.
+    slow : str
+        Why it takes long, in a sentence; empty where it does not.
     """
 
     values: dict[str, Any]
@@ -43,6 +45,7 @@ class CellPlan:
     depth: float | None = None
     has_bulk: bool = True
     refusal: str = ""
+    slow: str = ""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -80,7 +83,9 @@ class StudyPlan:
             f"attempts        {sum(c.attempts * c.left for c in self.cells):,} at the most in what is left",
         ]
         lines += [f"note            {note}" for note in [note_of_beds(self.cells)] if note]
-        lines += [f"cannot be done  {_told(cell.values)}: {cell.refusal}" for cell in refused]
+        lines += [f"cannot be done  {told_values(cell.values)}: {cell.refusal}" for cell in refused]
+        slow = [cell for cell in self.cells if cell.slow and cell.left]
+        lines += [f"takes long      {told_values(cell.values)}: {cell.slow}" for cell in slow]
         lines += _table([_row(cell) for cell in self.cells[:SHOWN]])
         if len(self.cells) > SHOWN:
             lines.append(f"... and {len(self.cells) - SHOWN} cells more")
@@ -88,7 +93,7 @@ class StudyPlan:
 
     def to_mapping(self) -> dict[str, Any]:
         """Return the plan as JSON-able values."""
-        names = ("grains", "attempts", "done", "failed", "left", "depth", "has_bulk", "refusal")
+        names = ("grains", "attempts", "done", "failed", "left", "depth", "has_bulk", "refusal", "slow")
         cells = [
             {"values": cell.values, "memory_bytes": cell.memory} | {name: getattr(cell, name) for name in names}
             for cell in self.cells
@@ -117,6 +122,7 @@ def cell_plan(cell: Cell, *, done: int, failed: int, left: int) -> CellPlan:
         memory=made.memory,
         attempts=made.attempts,
         depth=made.depth,
+        slow=made.slow,
         has_bulk=made.bulk_grains is None or made.bulk_grains >= FEWEST,
     )
 
@@ -128,7 +134,7 @@ def note_of_beds(cells: Sequence[CellPlan]) -> str:
         return ""
     return (
         f"in {len(shallow)} of {_counted(len(cells), 'cell')} the bed is expected to have fewer than {FEWEST} grains "
-        f"in its bulk, such as {_told(shallow[0].values)} (about {shallow[0].depth:.1f} median diameters deep): there "
+        f"in its bulk, such as {told_values(shallow[0].values)} (about {shallow[0].depth:.1f} median diameters deep): there "
         "is no bulk solid fraction; give more grains, and a container more than three diameters across"
     )
 
@@ -156,7 +162,7 @@ def _table(rows: Sequence[Mapping[str, str]]) -> list[str]:
     return ["  ".join(text.rjust(width) for text, width in zip(line, wide, strict=True)) for line in lines]
 
 
-def _told(values: Mapping[str, Any]) -> str:
+def told_values(values: Mapping[str, Any]) -> str:
     """Return the values of a cell in words."""
     return ", ".join(f"{name} {value}" for name, value in values.items()) or "the base"
 

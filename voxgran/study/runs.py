@@ -16,7 +16,7 @@ from pathlib import Path
 from typing import Any
 
 from voxgran import __version__
-from voxgran._base.errors import VoxgranError
+from voxgran._base.errors import LongRunWarning, VoxgranError
 from voxgran._base.lazy import counting_preparation
 from voxgran._base.progress import silent
 from voxgran.contacts.verify import verify
@@ -144,6 +144,8 @@ def compute(run: Run, cache: SceneCache | None = None) -> Record:
     _forget_peak()
     with warnings.catch_warnings(record=True) as caught, counting_preparation() as preparation:
         warnings.simplefilter("always")
+        # the study has told it before it started
+        warnings.simplefilter("ignore", LongRunWarning)
         kept = Checkpoint(run.checkpoint, lambda: _seconds() - began - preparation.seconds)
         try:
             scene, shapes = (cache or SceneCache()).of(run)

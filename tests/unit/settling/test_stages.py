@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 import voxgran as vg
+from voxgran._base.errors import InputError
 from voxgran.packing.settling_run import normalized_assembly
 from voxgran.settling.parameters import Settling
 from voxgran.settling.stages import AGAIN, ENDED, STILL, Settler
@@ -138,3 +139,9 @@ def test_rocks_that_were_locked_in_each_other_while_they_grew_come_free():
     assert bed.verify().ok
     # contacts by triangles are found in few steps only
     assert bed.provenance["settling"]["steps"] < 700
+
+
+def test_grains_that_would_fall_without_end_are_refused():
+    grains = vg.Packing.of(vg.shapes.sphere(), vg.Box((4, 4, 8)), position=[(1, 1, 1), (2, 2, 5)], scale=2e-6)
+    with pytest.raises(InputError, match=r"4e\+06 median diameters high along gravity: grains fall through at most"):
+        vg.settle(grains, gravity="-z")

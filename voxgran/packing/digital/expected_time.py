@@ -47,6 +47,18 @@ def addition_seconds(problem: Problem, voxel_size: float) -> float:
     return CANDIDATE * candidates * min(full, 1.0)
 
 
+def maps_and_masks(problem: Problem, voxel_size: float) -> tuple[float, float]:
+    """Return how many maps digital filling keeps at the most, and the bytes of the voxels of all poses.
+
+    The maps of a kind are kept until its last grain has come: those of kinds of one grain one after the other.
+    """
+    wide, poses, share = _kinds(problem, voxel_size)
+    several = share * problem.count > 1.5
+    maps = float(poses[several].sum()) + float(poses[~several].max(initial=0.0))
+    tall = wide if problem.dimension == 3 else np.ones_like(wide)
+    return maps, float((poses * wide**2 * (tall + 8 * np.ceil(tall / 64))).sum())
+
+
 def _kinds(problem: Problem, voxel_size: float) -> tuple[Floats, Floats, Floats]:
     """Return the width in voxels, the number of poses and the share of the grains of each kind."""
     settings, (kind, first) = problem.parameters, kinds_of(problem)

@@ -26,7 +26,7 @@ from voxgran._base.seeds import below, philox_block, philox_key, stream
 from voxgran._base.stopping import stop_if_asked
 from voxgran.packing.digital.bit_columns import Canvas
 from voxgran.packing.digital.container_lattice import ContainerLattice, container_lattice, free_voxels
-from voxgran.packing.digital.expected_time import filling_seconds
+from voxgran.packing.digital.expected_time import filling_seconds, maps_and_masks
 from voxgran.packing.digital.feasible_places import (
     Room,
     Table,
@@ -44,7 +44,6 @@ from voxgran.packing.digital.oriented_voxels import (
     OrientedVoxels,
     enter_start,
     kinds_of,
-    number_of_poses,
     orient,
     packing_of_sites,
     places_of,
@@ -151,6 +150,7 @@ def advance(problem: Problem, state: State, attempts: int) -> State:
         else:
             state.arrays["member"][grain], state.arrays["site"][grain] = found
             state.counters["placed"] += 1
+        _drop_maps(state, setting, grain)
         if state.done == state.total:
             state.stop_reason = "full" if state.counters["skipped"] else "count"
             break
@@ -173,8 +173,9 @@ def cost(problem: Problem) -> Cost:
     voxels = float(np.prod(lattice.shape))
     starting = 0 if problem.start is None else problem.start.count
     shells = 9 * voxels if problem.parameters.place == "wall" else 0
+    maps, masks = maps_and_masks(problem, lattice.voxel_size)
     return Cost(
-        memory=int(voxels / 8 * number_of_poses(problem) * 1.3 + shells + 3 * voxels + problem.byte_limit),
+        memory=int(voxels / 8 * maps * 1.3 + masks + shells + 3 * voxels + problem.byte_limit),
         seconds=filling_seconds(problem, lattice.voxel_size),
         attempts=problem.count - starting,
         voxelized_shapes=len(kinds_of(problem)[1]) * problem.parameters.orientations + starting,
@@ -269,6 +270,15 @@ def _update_maps(problem: Problem, state: State, setting: _Setting, kind: int) -
     turns = np.flatnonzero(setting.kind[came[n:]] == kind)
     since = came[n + (int(turns[-1]) if len(turns) else 0) :]
     return len(members) * int(np.count_nonzero(arrays["member"][since] >= 0))
+
+
+def _drop_maps(state: State, setting: _Setting, grain: int) -> None:
+    """Drop the maps of the kind of a grain where no grain that waits is of the kind."""
+    kind = int(setting.kind[grain])
+    waiting = state.arrays["order"][-1 : state.done - state.total - 1 : -1]
+    if not (setting.kind[waiting] == kind).any():
+        for member in range(int(setting.first[kind]), int(setting.first[kind + 1])):
+            del setting.maps[member]
 
 
 def _table(oriented: OrientedVoxels, here: int, there: int) -> Table:

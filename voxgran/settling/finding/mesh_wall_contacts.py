@@ -20,8 +20,8 @@ from voxgran.settling.finding.smooth_distance import smooth_distance
 from voxgran.settling.finding.wall_bodies import ELLIPSOID, POINTS, WallBodies
 from voxgran.settling.finding.wall_candidates import rings_of, set_frame, support_arm
 
-#: walls that are looked for about one point, at most
-WALLS = 4
+#: walls that are looked for about one point, and spheres without a wall that are remembered of a grain, at most
+WALLS, FREE = 4, 16
 #: cosine of the normals of two walls above which they count as one
 ONE_WALL = 0.98
 #: depth of points beyond a wall, in bounding radii, up to which they are looked for while the centroid is inside
@@ -51,15 +51,21 @@ def near_mesh(
     else:
         depth = -depth
     far = np.inf if depth < DEEP * radius else reach + DEEP * radius
-    c, point = 0, bodies.point
+    c, point, known = 0, bodies.point, 0
     for k in range(bodies.start[shape], bodies.start[shape + 1]):
         bx, by, bz, r = point[k, 0], point[k, 1], point[k, 2], scale * bodies.margin[k]
-        if depth - scale * math.sqrt(bx * bx + by * by + bz * bz) - r > reach:
+        arm = scale * math.sqrt(bx * bx + by * by + bz * bz)
+        if depth - arm - r > reach:
             continue
         ax = scale * (m[0, 0] * bx + m[0, 1] * by + m[0, 2] * bz)
         ay = scale * (m[1, 0] * bx + m[1, 1] * by + m[1, 2] * bz)
         az = scale * (m[2, 0] * bx + m[2, 1] * by + m[2, 2] * bz)
-        c = _near_point(bodies, walls, c, px, py, pz, ax, ay, az, r, reach, far)
+        if _is_free(bodies.mesh.free, known, ax, ay, az, r + reach):
+            continue
+        # the wall that is nearest to the centroid is no farther than this
+        most = (abs(depth) + arm) * (1.0 + 1e-9)
+        c, room = _near_point(bodies, walls, c, px, py, pz, ax, ay, az, r, reach, far, most)
+        known = _remember(bodies.mesh.free, known, ax, ay, az, room)
     if smooth is not None and bodies.kind[shape] != POINTS:
         c = _near_supports(bodies, walls, c, shape, scale, m, px, py, pz, reach, far)
     # where an edge of the wall is reentrant
@@ -71,21 +77,59 @@ def near_mesh(
 
 
 @bare_kernel
-def _near_point(bodies, walls, c, x, y, z, ax, ay, az, r, reach, far):  # type: ignore[no-untyped-def]
-    """Add the contacts of a sphere, or point, of radius r at an arm from (x, y, z) in the frame of the walls."""
+def _is_free(free, known, ax, ay, az, distance):  # type: ignore[no-untyped-def]
+    """Return whether a sphere about an arm lies in one of the known spheres without a wall."""
+    for k in range(known):
+        dx, dy, dz, room = ax - free[k, 0], ay - free[k, 1], az - free[k, 2], free[k, 3] - distance
+        if room > 0.0 and dx * dx + dy * dy + dz * dz < room * room:
+            return True
+    return False
+
+
+@bare_kernel
+def _remember(free, known, ax, ay, az, room):  # type: ignore[no-untyped-def]
+    """Remember a sphere without a wall, in place of the smallest one where there are many; return how many there are.
+
+    A search in the tree of a wall takes far longer than a look at these spheres, and most points of a fine mesh lie in
+    one.
+    """
+    if room <= 0.0:
+        return known
+    place = known
+    if known == FREE:
+        place = 0
+        for k in range(1, FREE):
+            place = k if free[k, 3] < free[place, 3] else place
+        if free[place, 3] >= room:
+            return known
+    free[place, 0], free[place, 1], free[place, 2], free[place, 3] = ax, ay, az, room
+    return max(known, place + 1)
+
+
+@bare_kernel
+def _near_point(bodies, walls, c, x, y, z, ax, ay, az, r, reach, far, most):  # type: ignore[no-untyped-def]
+    """Add the contacts of a sphere, or point, of radius r at an arm from (x, y, z) in the frame of the walls.
+
+    Some wall is no farther than `most`. Also return the distance of the nearest one where the point is inside and out
+    of reach, else 0.
+    """
     px, py, pz = x + ax, y + ay, z + az
     square, t, feature, qx, qy, qz = search_triangles(
-        walls.corners, walls.low, walls.high, walls.start, px, py, pz, far + r, walls.stack
+        walls.corners, walls.low, walls.high, walls.start, px, py, pz, most, walls.stack
     )
     if t < 0:
-        return c
+        return c, 0.0
     inside = is_behind(walls.normals, t, feature, px - qx, py - qy, pz - qz)
+    if inside and math.sqrt(square) - r > reach:
+        return c, math.sqrt(square)
+    if square > (far + r) ** 2:
+        return c, 0.0
     seen, known = bodies.mesh.seen, 0
     while t >= 0:
         distance = math.sqrt(square)
         gap = (distance if inside else -distance) - r
         if gap > reach:
-            return c
+            return c, 0.0
         sign = 1.0 if inside else -1.0
         nx, ny, nz = sign * (qx - px), sign * (qy - py), sign * (qz - pz)
         if distance < 1e-12 * (1.0 + abs(px) + abs(py) + abs(pz)):
@@ -94,12 +138,12 @@ def _near_point(bodies, walls, c, x, y, z, ax, ay, az, r, reach, far):  # type: 
         nx, ny, nz = nx / length, ny / length, nz / length
         c = add_candidate(bodies.found, c, ax + r * nx, ay + r * ny, az + r * nz, nx, ny, nz, gap)
         if not inside or known == WALLS - 1:
-            return c
+            return c, 0.0
         row = seen[known]
         row[0], row[1], row[2], row[3], row[4], row[5] = qx, qy, qz, nx, ny, nz
         known += 1
         square, t, feature, qx, qy, qz = _next_wall(walls, px, py, pz, reach + r, seen, known)
-    return c
+    return c, 0.0
 
 
 @bare_kernel
@@ -154,7 +198,7 @@ def _near_supports(bodies, walls, c, shape, scale, m, x, y, z, reach, far):  # t
                 apart = abs(found[other, 0] - ax) + abs(found[other, 1] - ay) + abs(found[other, 2] - az)
                 new = new and apart > 1e-6 * scale * bodies.size[shape, 0]
             if new:
-                c = _near_point(bodies, walls, c, x, y, z, ax, ay, az, 0.0, reach, far)
+                c = _near_point(bodies, walls, c, x, y, z, ax, ay, az, 0.0, reach, far, far)[0]
     if kind != ELLIPSOID:
         return c
     for k in range(last, c):

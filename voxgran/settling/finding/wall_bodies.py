@@ -59,6 +59,7 @@ class MeshSide(NamedTuple):
     corners, normals, low, high, start: trees of the surfaces of the shapes, one after the other.
     closed: (s,) whether the surface encloses a solid.
     stack: (2, 64) boxes that wait, for the edges and for searches.  seen: (4, 6) wall points and normals.
+    free: (16, 4) centers and radii of spheres without a wall.
     """
 
     edge: Floats
@@ -75,6 +76,7 @@ class MeshSide(NamedTuple):
     closed: Integers
     stack: Integers
     seen: Floats
+    free: Floats
 
 
 class WallBodies(NamedTuple):
@@ -224,6 +226,7 @@ def _mesh_side(shapes: tuple[Shape, ...], solid: Shape | None, *, flat: bool) ->
         closed,
         np.zeros((2, STACK), dtype=np.int64),
         np.zeros((4, 6)),
+        np.zeros((16, 4)),
     )
 
 

@@ -1,13 +1,17 @@
 """Default voxels of searches of a whole lattice: as fine as seconds allow, and told where they do not."""
 
+import warnings
+
 import numpy as np
 import pytest
 
 import voxgran as vg
-from voxgran._base.errors import PackingWarning
+from voxgran._base.errors import LongRunWarning, PackingWarning
+from voxgran.packing import method as packing_method
 from voxgran.packing.digital.container_lattice import LONG, container_lattice
 from voxgran.packing.method import LONG_RUN
 from voxgran.packing.pack import prepare_task
+from voxgran.study.runs import Run, compute
 
 BRICKS = [vg.make_shape("box", lengths=lengths) for lengths in ((1, 1.3, 0.7), (1, 2, 0.7))]
 #: sizes that are all different
@@ -85,3 +89,63 @@ def test_runs_of_minutes_are_told_before_they_start_with_what_shortens_them():
     made = task(BRICKS, wide_mesh(30.0), "digital_fill", **wide)
     assert container_lattice(made.problem).voxel_size == pytest.approx(0.1)
     assert made.method.cost(made.problem).seconds > LONG_RUN
+
+
+@pytest.mark.parametrize("ratio", [4, 8, 16])
+def test_sieve_curves_take_no_gigabytes(ratio):
+    sizes = vg.sizes.sieve([1, ratio**0.5, ratio], [0, 0.5, 1])
+    for shape in (vg.shapes.sphere(), BRICKS[0]):
+        made = prepare_task(
+            shape, vg.Sphere(4 * ratio**0.5), method="digital_fill", count=None, solid_fraction=0.372, sizes=sizes,
+            weights=None, weights_by="number", seed=0, parameters={},
+        )  # fmt: skip
+        assert made.method.cost(made.problem).memory < 2**28
+
+
+def test_maps_are_dropped_after_the_last_grain_of_their_kind():
+    made = task(BRICKS[0], vg.Box((4, 4, 4)), "digital_fill", sizes=vg.sizes.discrete([0.5, 1], [1, 1]), count=8)
+    state = made.method.prepare(made.problem)
+    while not state.stop_reason:
+        state = made.method.advance(made.problem, state, 1)
+        setting, waiting = state.derived["setting"], state.arrays["order"][state.done :]
+        kept = {int(setting.oriented.kind[member]) for member in setting.maps}
+        assert kept <= set(setting.kind[waiting].tolist())
+    assert not setting.maps
+
+
+@pytest.mark.parametrize(("method", "few", "many"), [("digital", 100, 30_000), ("control_point", 100, 3000)])
+def test_walks_are_expected_to_take_seconds_or_say_so(method, few, many):
+    for count, slow in ((few, False), (many, True)):
+        edge = 2 * count ** (1 / 3)
+        made = task(BRICKS[0], vg.Box((edge, edge, edge)), method, count=count)
+        assert bool(packing_method.long_run(made.method, made.problem)) is slow
+    # in a full container feeding waits for grains that sink
+    full = task(BRICKS[0], vg.Box((14, 14, 14)), method)
+    assert "fewer grains take less" in packing_method.long_run(full.method, full.problem)
+
+
+def test_studies_and_scenes_say_once_before_they_start_that_they_take_long(monkeypatch, tmp_path):
+    base = {
+        "shape": [{"family": "sphere"}],
+        "container": {"kind": "box", "lengths": [4, 4, 4]},
+        "packing": {"method": "digital_fill", "count": 3},
+        "measure": {"which": ["density"]},
+    }
+    study = vg.Study(base=base, axes={"packing.count": [3, 4]}, seeds=2)
+    monkeypatch.setattr(packing_method, "LONG_RUN", 0.0)
+    assert str(study.plan()).count("takes long ") == 2
+    assert "note            method 'digital_fill' is expected" in str(vg.Scene.from_mapping(base).plan())
+    with warnings.catch_warnings(record=True) as told:
+        warnings.simplefilter("always")
+        result = study.run(tmp_path / "study", workers=1)
+        assert [one.category for one in told] == [LongRunWarning]
+        text = str(told[0].message)
+        assert text.startswith("packing.count 3: method 'digital_fill'")
+        assert "1 of the other cells" in text
+        vg.Scene.from_mapping(base).run(tmp_path / "run")
+    assert [one.category for one in told].count(LongRunWarning) == 2
+    # which a run of the study does not say again
+    assert result.computed == 4
+    record = compute(Run(key="", cell="", mapping=base, seed=0))
+    assert not record.failure
+    assert not any("expected to take" in text for text in record.warnings)
