@@ -134,8 +134,8 @@ def note_of_beds(cells: Sequence[CellPlan]) -> str:
         return ""
     return (
         f"in {len(shallow)} of {_counted(len(cells), 'cell')} the bed is expected to have fewer than {FEWEST} grains "
-        f"in its bulk, such as {told_values(shallow[0].values)} (about {shallow[0].depth:.1f} median diameters deep): there "
-        "is no bulk solid fraction; give more grains, and a container more than three diameters across"
+        f"in its bulk, such as {told_values(shallow[0].values)} (about {shallow[0].depth:.1f} median diameters deep): "
+        "there is no bulk solid fraction; give more grains, and a container more than three diameters across"
     )
 
 
