@@ -328,7 +328,8 @@ def _remedy_within(value: Any, wanted: type | tuple[type, ...]) -> str:
     """Return what may be written behind a value that is not of the wanted type but holds such an object, as the result
     of a repair holds a shape; an empty text for others.
     """
-    for kind in wanted if isinstance(wanted, tuple) else (wanted,):
+    kinds = wanted if isinstance(wanted, tuple) else (wanted,)
+    for kind in (one for one in kinds if one is not type(None)):
         noun = kind.__name__.lower()
         # the shape of a clump is that which it stands for
         if not isinstance(value, type) and callable(getattr(value, f"to_{noun}", None)):

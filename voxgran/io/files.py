@@ -147,7 +147,7 @@ def load(
     container : Container, optional
         What holds the spheres of another program; default: as the file says, or else the box around them.
     unit : str, optional
-        Unit of lengths of such a file; default: as it says, or else ``"1"``.
+        Unit of lengths of such a file that states none; default: as it says, or else ``"1"``.
     periodic : str, bool or sequence, optional
         Axes along which their box is periodic, such as ``"xy"``, as of
         :class:`voxgran.Box`; default: as the file says, or else none.
@@ -167,7 +167,8 @@ def load(
     FileFormatError
         If the content is damaged, no packing, or of no known form.
     InputError
-        If a container, unit or axes are given for a file of voxgran, which holds its own, or do not fit.
+        If a container, unit or axes are given for a file of voxgran, which holds its own, or do not fit, or the file
+        states another unit.
 
     Warns
     -----

@@ -200,7 +200,8 @@ def packing_of(
     Raises
     ------
     InputError
-        If there is neither a container nor a sphere to put a box around, or `periodic` does not fit.
+        If there is neither a container nor a sphere to put a box around, `periodic` does not fit, or the file has its
+        lengths in another unit.
 
     Warns
     -----
@@ -228,6 +229,11 @@ def packing_of(
         assumed.pop("periodic", None)
     _warn_of_strays(particles, held, path)
     asked, named = stated_unit(unit), known_unit(particles.unit)
+    if None not in (asked, named) and asked != named:
+        raise InputError(
+            f"unit is {shown(unit)} and {path} has its lengths in {named}: leave unit out, and convert the packing by "
+            f"to_unit({asked!r})"
+        )
     if unit is None and named is None:
         told = "none" if particles.unit is None else f"{shown(particles.unit)} is no unit that is known"
         assumed["unit"] = f"{told}: lengths are taken as they stand"

@@ -55,7 +55,8 @@ def _quadrature(apart: Floats, radius: Floats, ends: Floats, points: int) -> Flo
 def _common_area(one: Floats, other: Floats, apart: Floats) -> Floats:
     """Return the common area of two disks."""
     inside, outside = apart <= np.abs(one - other), apart >= one + other
-    distance = np.where(inside | outside, one + other, apart)
+    # any length above 0 where the disks do not cross, for which the result is not used
+    distance = np.where(inside | outside, 1.0, apart)
     near = (distance + (one - other) * (one + other) / distance) / 2
     far = distance - near
     chord = np.sqrt(np.maximum(0.0, (one - near) * (one + near)))

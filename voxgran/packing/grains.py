@@ -365,6 +365,11 @@ def _checked(packing: Any) -> dict[str, Any]:
     UnknownNameError
         If the unit is unknown.
     """
+    check_type(packing.shapes, (tuple, list), "shapes", "a list of shapes")
+    for shape in packing.shapes:
+        check_type(shape, Shape, "shapes", "a list of shapes")
+    for name in ("shape_id", "scale", "position", "orientation"):
+        check_type(getattr(packing, name), (np.ndarray, list, tuple), name, "an array")
     checked_arrays(
         packing.shapes, packing.container, packing.position, packing.scale, packing.shape_id, packing.orientation
     )

@@ -41,7 +41,7 @@ log = logging.getLogger(__name__)
 #: what helps where a count or a solid fraction is missed, where there is no room, and why the method ended
 FEWER = "make the container larger, the grains fewer, or give the method more attempts"
 LESS = "ask for less, give the method more attempts, make the container larger or choose a method that packs denser"
-LARGEST_FIRST = "give order='largest', by which more grains of a gradation find room, or "
+LARGEST_FIRST = "give order='largest', by which more grains of a gradation find room"
 STOPPED = "the method stopped ({})"
 MADE = "the method makes the sizes; ask for less, or change its parameters"
 EMPTY = "no grain is packed: none finds room; change the limits of the sizes, or the container"
@@ -436,13 +436,14 @@ def _warn_of_misses(task: Task, packing: Packing) -> None:
             if missed["count"] and asked["count"]
             else LESS
         )
-        text = f"{' and '.join(parts)}: {too_coarse(task.problem) or _largest_first(task, packing) + remedy}"
+        text = f"{' and '.join(parts)}: {too_coarse(task.problem) or _with_order(remedy, task, packing)}"
         warn(text, PackingWarning)
 
 
-def _largest_first(task: Task, packing: Packing) -> str:
-    """Return that more grains find room, the largest first; empty where sizes are equal or they already come so."""
+def _with_order(remedy: str, task: Task, packing: Packing) -> str:
+    """Return a remedy with that of the order before it, unless sizes are equal or the largest grains came first."""
     settings, order = task.problem.parameters, packing.provenance["parameters"].get("order")
     known = any("'largest'" in item.type_text for item in parameters_of(type(settings)) if item.name == "order")
     helps = known and order != "largest" and bool(np.ptp(np.round(task.problem.diameter, DECIMALS)) > 0.0)
-    return LARGEST_FIRST if helps else ""
+    reason, semicolon, rest = remedy.rpartition("; ")
+    return f"{reason}{semicolon}{LARGEST_FIRST}, or {rest}" if helps else remedy

@@ -5,6 +5,7 @@ spacing. Therefore, if two surfaces cross, two of their samples are closer than 
 """
 
 import math
+from functools import lru_cache
 from typing import Any
 
 import numpy as np
@@ -22,6 +23,8 @@ from voxgran.shapes.primitive import Primitive
 #: largest number of attempts with an increasing number of points
 ROUNDS = 8
 MOST_POINTS = 500_000
+#: sets of points that are kept between calls: the walls and shapes of a method that is called again
+KEPT = 8
 #: the number of points in units of the area over the squared covering radius increases by the logarithm of that ratio:
 #: its value at 1 and its slope, by method (0.38 for a hexagonal arrangement of any number)
 NUMBERS = {"poisson": (0.47, 0.055), "uniform": (0.1, 0.4)}
@@ -55,7 +58,7 @@ def sample_surface(shape: Shape, *, spacing: float, seed: int = 0, method: str =
     """Sample points on the surface of a shape with at most the given spacing.
 
     The body is sampled at unit equivalent diameter and scaled back. The number of points increases until the covering
-    radius, computed to one percent, is small enough.
+    radius, computed to one percent, is small enough. The points of the last calls are kept.
 
     Parameters
     ----------
@@ -97,8 +100,19 @@ def sample_surface(shape: Shape, *, spacing: float, seed: int = 0, method: str =
     check_type(shape, Shape, "shape", "a Shape; make_shape and load_shape make one")
     wanted = as_length(spacing, "spacing")
     as_choice(method, "method", ("poisson", "uniform"))
-    chosen = as_count(seed, "seed", at_most=None)
-    wanted /= shape.diameter
+    return _sampled(shape, wanted, as_count(seed, "seed", at_most=None), method).copy()
+
+
+@lru_cache(maxsize=KEPT)
+def _sampled(shape: Shape, spacing: float, seed: int, method: str) -> SurfacePoints:
+    """Return the points of :func:`sample_surface`.
+
+    Raises
+    ------
+    InputError
+        If the spacing needs more than half a million points.
+    """
+    wanted = spacing / shape.diameter
     if isinstance(shape.geometry, Outline):
         points, reached = _along_outline(shape.geometry.scaled(1 / shape.diameter), wanted)
         return SurfacePoints.from_points(points * shape.diameter, reached * shape.diameter)
@@ -111,7 +125,7 @@ def sample_surface(shape: Shape, *, spacing: float, seed: int = 0, method: str =
         if estimate > MOST_POINTS:
             break
         count = int(estimate)
-        points, slack = _on_sphere(shape, sampled(vertices, shape.faces, count, seed=chosen))
+        points, slack = _on_sphere(shape, sampled(vertices, shape.faces, count, seed=seed))
         reached = 2 * (covering_radius(points, vertices, shape.faces) + slack)
         if reached <= wanted:
             return SurfacePoints.from_points(points * shape.diameter, reached * shape.diameter)

@@ -19,6 +19,8 @@ from voxgran.shapes.tessellate import sphere
 Picture: TypeAlias = NDArray[np.uint8]
 
 BACKGROUND = "#eef1f4"
+#: longest side of a picture, in pixels: drawing needs some tens of bytes for each of them
+MOST_PIXELS = 8192
 #: how edges are smoothed: each pixel is the mean of several
 SMOOTHING: str | None = "ssaa"
 #: material of surfaces
@@ -115,13 +117,13 @@ def as_window(window: Any) -> tuple[int, int]:
     Raises
     ------
     InputError
-        If they are not two whole numbers above 0.
+        If they are not two whole numbers from 1 to 8192.
     """
     rule = "width and height in pixels, such as (900, 900)"
     check_type(window, (list, tuple), "window", rule)
     if len(window) != 2:
         raise InputError(f"window is {shown(window)}: it must be {rule}; change it")
-    width, height = (as_count(side, "window", at_least=1) for side in window)
+    width, height = (as_count(side, "window", at_least=1, at_most=MOST_PIXELS) for side in window)
     return width, height
 
 

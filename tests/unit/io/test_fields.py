@@ -123,7 +123,11 @@ def test_a_table_of_spheres_names_its_unit(told, unit, tmp_path):
     assert packing.gravity == (0.0, 0.0, -1.0)
     assumed = packing.provenance["assumed"].get("unit")
     assert assumed == (None if unit != "1" else "'furlong' is no unit that is known: lengths are taken as they stand")
-    assert vg.load(path, unit="cm").unit == "cm"
+    if unit in ("1", "cm"):
+        assert vg.load(path, unit="cm").unit == "cm"
+        return
+    with pytest.raises(InputError, match=f"unit is 'cm' and .* has its lengths in {unit}: leave unit out, and convert"):
+        vg.load(path, unit="cm")
 
 
 class Ring(vg.Cylinder):
@@ -195,3 +199,18 @@ def test_replaced_fields_come_back(tmp_path):
     assert (made.unit, made.gravity, made.shapes) == ("um", (0.0, 0.0, -1.0), (BALL,))
     made.save(tmp_path / "p.vtp")
     assert vg.load(tmp_path / "p.vtp") == made
+
+
+@pytest.mark.parametrize(
+    ("field", "value", "words"),
+    [
+        ("shapes", 5, "shapes is 5: it must be a list of shapes"),
+        ("shapes", "bad", "shapes is 'bad': it must be a list of shapes"),
+        ("scale", None, "scale is None: it must be an array"),
+        ("orientation", None, "orientation is None: it must be an array"),
+        ("lid", 5, "lid is 5: it must be that of another packing or None$"),
+    ],
+)
+def test_fields_that_are_replaced_by_no_such_thing_are_refused(field, value, words):
+    with pytest.raises(InputError, match=words):
+        dataclasses.replace(some(), **{field: value})

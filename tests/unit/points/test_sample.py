@@ -142,3 +142,15 @@ def test_covering_radius_of_slivers():
     vertices = np.array([[0.0, 0, 0], [1000, 0, 0], [1000, 1, 0]])
     assert covering_radius(vertices[:1], vertices, np.array([[0, 1, 2]])) == pytest.approx(1000, rel=0.02)
     assert covering_radius(vertices[1:2], vertices, np.array([[0, 1, 2]])) == pytest.approx(1000, rel=0.02)
+
+
+def test_points_are_kept_between_calls(monkeypatch):
+    shape = vg.make_shape("convex_polyhedron", seed=11)
+    first = sample_surface(shape, spacing=0.3, seed=5)
+    monkeypatch.setattr("voxgran.points.sample.spread_points", lambda *given, **named: 1 / 0)
+    again = sample_surface(vg.make_shape("convex_polyhedron", seed=11), spacing=0.3, seed=5)
+    assert again.tobytes() == first.tobytes()
+    assert again.spacing == first.spacing
+    # what is changed is a copy
+    again[:] = 0.0
+    assert sample_surface(shape, spacing=0.3, seed=5).tobytes() == first.tobytes()

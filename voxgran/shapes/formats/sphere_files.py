@@ -120,7 +120,7 @@ def is_spheres(path: Path) -> bool:
     suffix = path.suffix.lower()
     if suffix in (*SUFFIXES, *MESHES, *IMAGES, *CLOUDS) or not path.is_file():
         return suffix in SUFFIXES
-    with path.open("rb") as file:
+    with existing_file(path).open("rb") as file:
         lines = file.read(HEAD).decode("utf-8", errors="replace").splitlines()
     words = next((re.split(r"[,;\s]+", text) for line in lines if (text := line.partition("#")[0].strip())), [])
     rows = len(words) in (4, 5) and all(_is_number(word) for word in words)

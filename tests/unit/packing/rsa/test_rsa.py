@@ -621,7 +621,8 @@ def test_the_largest_come_first_where_a_solid_fraction_is_asked_of_a_gradation(f
     packing = vg.pack(shape, box, method="rsa", **options)
     assert packing.solid_fraction >= 0.35
     assert packing.provenance["parameters"]["order"] == "largest"
-    with pytest.warns(PackingWarning, match="give order='largest', by which more grains of a gradation find room, or"):
+    words = "give order='largest', by which more grains of a gradation find room, or ask for less"
+    with pytest.warns(PackingWarning, match=words):
         given = vg.pack(shape, box, method="rsa", order="given", tries=100, **options)
     assert given.solid_fraction < 0.35
 
