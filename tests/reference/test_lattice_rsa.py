@@ -66,12 +66,14 @@ def test_cubes(row):
     check(coverages(cube, room, 6 if k < 8 else 14, turned=False), values["value"][row], values["error"][row])
 
 
+@pytest.mark.filterwarnings("ignore:.*pairs of grains")
 def test_dimers_in_two_dimensions():
     value = VALUES["dimers_2d"]
     plane = vg.Rectangle((500.0, 500.0), periodic=(True, True))
     check(coverages(rectangle(2, 1), plane, 6), value["value"], value["error"])
 
 
+@pytest.mark.filterwarnings("ignore:.*pairs of grains")
 def test_dimers_in_three_dimensions():
     value = VALUES["dimers_3d"]
     dimer = Shape.of(Primitive("box", (2.0, 1.0, 1.0)), name="dimer")
