@@ -23,7 +23,7 @@ shapes = [vg.make_shape("sphere"), vg.make_shape("ellipsoid", aspect=(1.3, 1.0, 
 box = vg.Box((2.4, 2.4, 4.0), periodic="xy")
 walk = {"spacing": 0.2, "overlap": 0.04, "rate": 0.01, "sweeps": 300, "cycles": 2}
 # grains that settle do not overlap
-packing = vg.pack(shapes, box, method="control_point", count=16, seed=3, settle=False, **walk)
+packing = vg.pack(shapes, box, method="control_point", count=16, seed=4, settle=False, **walk)
 stiffness = np.where(packing.shape_id == 0, 4.0, 1.0)
 soft = vg.deform(packing, stiffness=stiffness, spacing=0.2)
 

@@ -10,7 +10,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from voxgran.cli.main import main
+from voxgran.cli import main
 
 import voxgran as vg
 from voxgran.cli.commands import COMMANDS

@@ -12,7 +12,7 @@ from fractions import Fraction
 
 import numpy as np
 import pytest
-from voxgran.cli.main import main
+from voxgran.cli import main
 
 import voxgran as vg
 from voxgran._base.config import from_mapping, parameters_of

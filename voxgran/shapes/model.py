@@ -434,8 +434,9 @@ def check_shapes(shapes: Any) -> tuple[Shape, ...]:
     InputError
         If it is something else.
     """
-    given = (shapes,) if isinstance(shapes, Shape) else shapes
-    entries = given if isinstance(given, Sequence) and not isinstance(given, str) else (shapes,)
-    for entry in entries:
-        check_type(entry, Shape, "shapes", "a Shape or a list of them; make_shape and load_shape make one")
-    return tuple(entries)
+    several = isinstance(shapes, Sequence) and not isinstance(shapes, str)
+    entries = tuple(shapes) if several else (shapes,)
+    for k, entry in enumerate(entries):
+        rule = "a Shape or a list of them; make_shape and load_shape make one"
+        check_type(entry, Shape, f"shapes[{k}]" if several else "shapes", rule)
+    return entries

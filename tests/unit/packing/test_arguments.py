@@ -13,7 +13,7 @@ SPHERE, BOX = vg.make_shape("sphere"), vg.Box((4, 4, 4))
     ("changed", "words"),
     [
         ({"shapes": "sphere"}, "shapes is 'sphere': it must be a Shape"),
-        ({"shapes": ["sphere"]}, "shapes is .'sphere'.: it must be a Shape"),
+        ({"shapes": ["sphere"]}, "shapes.0. is 'sphere': it must be a Shape"),
         ({"shapes": None}, "shapes is None"),
         ({"shapes": 3}, "shapes is 3"),
         ({"container": (4, 4, 4)}, "container is .4, 4, 4.: it must be a container"),

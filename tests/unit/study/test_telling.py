@@ -39,9 +39,9 @@ def test_compilation_is_told_and_not_extrapolated(base, marks, tmp_path, monkeyp
     steps = []
     vg.Study(base=base, seeds=range(20)).run(tmp_path / "o", workers=1, on_step=steps.append)
     texts = [step.text for step in steps]
-    assert "1 running, 0 failed, compiling kernels (once per machine)" in texts
+    assert "0 of 20, 1 running, 0 failed, compiling kernels (once per machine)" in texts
     told = [step for step in steps if "left" in step.text]
-    assert texts[0] == "1 running, 0 failed, loading libraries"
+    assert texts[0] == "0 of 20, 1 running, 0 failed, loading libraries"
     assert told[0].done == 1
     # twenty times the second of compilation would be more
     assert all(float(step.text.split()[-3]) < 5 for step in told), told

@@ -241,6 +241,7 @@ def test_a_lid_in_any_container(kind):
     assert packing.provenance["lid_lowered"] > 0.3
 
 
+@pytest.mark.filterwarnings("ignore:.*pairs of grains overlap")
 def test_a_lid_closes_a_bed_that_was_there_from_the_beginning():
     shape, told = (
         vg.make_shape("cone"),
@@ -261,6 +262,7 @@ def test_the_way_of_the_lid_is_in_the_unit_of_lengths():
     assert ways[0] == ways[1] > 1.0
 
 
+@pytest.mark.filterwarnings("ignore:.*pairs of grains overlap")
 @pytest.mark.parametrize("way", [{"lid": True}, {"feed": "layers"}, {"gravity": (0.5, 0.0, -1.0)}], ids=str)
 def test_every_way_goes_on_after_a_stop_to_the_same_bits(way, tmp_path, monkeypatch):
     monkeypatch.setattr("voxgran.packing.driver.FIRST_CHUNK", 1000)

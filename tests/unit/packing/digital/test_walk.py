@@ -250,6 +250,7 @@ def test_overlaps_of_grains_of_voxel_centers_are_told(method):
     assert vg.verify(vg.pack(vg.make_shape("sphere"), box, **{**told, "count": 8}, **extra)).ok
 
 
+@pytest.mark.filterwarnings("ignore:.*pairs of grains overlap")
 @pytest.mark.parametrize("method", ["digital", "control_point"])
 def test_a_walk_that_ends_proves_no_rest(method):
     """Its grains are all placed, and nothing sinks any more; only forces in balance give the word."""
