@@ -10,9 +10,9 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from voxgran.cli import main
 
 import voxgran as vg
+from voxgran.cli import main
 from voxgran.cli.commands import COMMANDS
 from voxgran.cli.parser import make_parser
 

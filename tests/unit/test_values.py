@@ -12,11 +12,11 @@ from fractions import Fraction
 
 import numpy as np
 import pytest
-from voxgran.cli import main
 
 import voxgran as vg
 from voxgran._base.config import from_mapping, parameters_of
 from voxgran._base.errors import VoxgranError
+from voxgran.cli import main
 from voxgran.clumps.method import clump_registry
 from voxgran.io.cloud_of_packing import cloud_of_packing
 from voxgran.measures.registered.coordination import coordination_number, near_contacts

@@ -35,5 +35,5 @@ def test_beds_are_written_beside_what_is_published(tmp_path):
     table, figure = write_beds(beds, tmp_path)
     rows = table.read_text().splitlines()
     assert len(rows) == 31
-    assert rows[1].startswith('gravity,tetrahedron,false,0.5,1.0,0.5000,true,0.970,0.51,')
+    assert rows[1].startswith("gravity,tetrahedron,false,0.5,1.0,0.5000,true,0.970,0.51,")
     assert figure.read_text().count("<svg") == 1

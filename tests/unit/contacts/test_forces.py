@@ -103,7 +103,9 @@ def test_a_packing_checks_its_forces():
     with pytest.raises(InputError, match="forces are of type dict"):
         replace(packing, forces={})
     with pytest.raises(InputError, match="the packing has 0; set forces to None"):
-        replace(packing, **{name: getattr(packing, name)[:0] for name in ("position", "orientation", "scale", "shape_id")})
+        replace(
+            packing, **{name: getattr(packing, name)[:0] for name in ("position", "orientation", "scale", "shape_id")}
+        )
 
 
 def test_forces_follow_the_unit():

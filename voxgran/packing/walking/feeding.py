@@ -76,8 +76,8 @@ def most_attempts(problem: Problem, grains: int) -> int:
 def usual_seconds(problem: Problem, moved: float, refused: float) -> float:
     """Return the expected processor time of a walk, without examinations of the bed, by those of two attempts.
 
-    moved, refused: seconds of an attempt while grains find room at their first tries, and in a container that is filled,
-    where feeding waits again and again for grains that sink.
+    moved, refused: seconds of an attempt while grains find room at their first tries, and in a container that they
+    fill, where feeding waits again and again for grains that sink.
     """
     settings, n = problem.parameters, problem.count
     rate = float(settings.rate) if settings.feed == "rain" else 1.0
