@@ -7,7 +7,7 @@ from site_tables import code, table
 from voxgran._base.config import parameters_of
 from voxgran.cli.commands import SCENE
 from voxgran.clumps.method import clump_registry
-from voxgran.containers.make import KEYS, KINDS
+from voxgran.containers.make import container_registry
 from voxgran.decks.material import Material
 from voxgran.packing.method import method_registry
 from voxgran.scene import keys
@@ -77,11 +77,14 @@ def keys_of(*classes):
 
 def containers():
     """Return the section of the containers."""
-    kinds = [(code(kind), *(", ".join(map(code, some)) for some in entry[1:])) for kind, entry in KINDS.items()]
+    kinds = map(container_registry().get, container_registry().names())
+    rows = [
+        (code(kind.name), code(key), "required" if key in kind.required else "", text)
+        for kind in kinds
+        for key, text in kind.keys.items()
+    ]
     parts = ["## [container]", "", "What holds the grains: its `kind` and the keys of that kind.", ""]
-    parts += [table(("kind", "required keys", "other keys"), kinds), ""]
-    parts += [table(("key", "meaning"), [(code(key), text) for key, text in KEYS.items()])]
-    return "\n".join(parts)
+    return "\n".join([*parts, table(("kind", "key", "default", "meaning"), rows)])
 
 
 def sizes():

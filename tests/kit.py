@@ -7,7 +7,7 @@ import numpy as np
 from scipy.spatial import ConvexHull
 
 from voxgran.contacts.forces import ContactForces
-from voxgran.containers.box import Box
+from voxgran.containers.kinds.box import Box
 from voxgran.packing.driver import Drive, drive
 from voxgran.packing.model import Packing
 from voxgran.packing.pack import prepare_task

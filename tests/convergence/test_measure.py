@@ -5,8 +5,8 @@ import math
 import numpy as np
 import pytest
 
-from voxgran.containers.box import Box
-from voxgran.containers.cylinder import Cylinder
+from voxgran.containers.kinds.box import Box
+from voxgran.containers.kinds.cylinder import Cylinder
 from voxgran.measures import cylinders, region, window
 from voxgran.measures.region import Regions
 from voxgran.measures.window import Solids

@@ -9,12 +9,25 @@ from pathlib import Path
 
 import pytest
 
+import voxgran as vg
+
 ROOT = Path(__file__).parents[2]
 PLUGIN = ROOT / "examples" / "plugin"
 PAGE = (ROOT / "docs" / "contribute" / "extending.md").read_text()
 PROJECT = tomllib.loads((PLUGIN / "pyproject.toml").read_text())["project"]
 #: number of tests in the suite of each kind that its page names; the last are skipped
-KINDS = {"wedge": (5, 0), "mean_height": (5, 0), "ring": (6, 1), "table": (5, 2)}
+KINDS = {"wedge": (5, 0), "mean_height": (5, 0), "ring": (7, 1), "table": (5, 2)}
+
+USE_OF_RING = """
+import voxgran as vg
+
+packing = {"method": "digital", "count": 3}
+mapping = {"shape": [{"family": "sphere"}], "container": {"kind": "ring", "size": 1.5}, "packing": packing}
+bed = vg.Scene.from_mapping(mapping).run("out").packing
+for name in ("bed.vtp", "bed.txt"):
+    bed.save(name)
+    assert vg.load(name).container.size == 1.5
+"""
 
 
 def install(folder, name, groups):
@@ -77,20 +90,32 @@ def test_the_examples_of_the_page_pass_their_suites(name, tmp_path):
     (tmp_path / f"{name}.py").write_text(blocks[at])
     (tmp_path / f"test_{name}.py").write_text(blocks[at + 1])
     groups = dict(re.findall(r"`voxgran\.[a-z.]+\.(\w+)` \| `(voxgran\.\w+)`", PAGE))
-    entry = next((group for kind, group in groups.items() if f"registration = {kind}(" in blocks[at]), None)
-    install(tmp_path, name, {entry: {name: f"{name}:registration"}} if entry else {})
+    entry = next(group for kind, group in groups.items() if f"registration = {kind}(" in blocks[at])
+    install(tmp_path, name, {entry: {name: f"{name}:registration"}})
     found = run(tmp_path, "pytest", "-q", "-p", "no:dash", "-p", "no:cacheprovider", f"test_{name}.py")
     passed, skipped = KINDS[name]
     told = f"{passed} passed, {skipped} skipped" if skipped else f"{passed} passed"
     assert re.search(rf"^{told}", found, flags=re.MULTILINE), found
 
 
+def test_a_container_is_saved_with_the_name_of_its_package(tmp_path):
+    blocks = re.findall(r"```python\n(.*?)```", PAGE, flags=re.DOTALL)
+    (tmp_path / "ring.py").write_text(next(block for block in blocks if "class Ring" in block))
+    install(tmp_path, "voxgran-ring", {"voxgran.containers": {"ring": "ring:registration"}})
+    (tmp_path / "try_it.py").write_text(USE_OF_RING)
+    run(tmp_path, "try_it")
+    for name in ("bed.vtp", "bed.txt"):
+        with pytest.raises(vg.VoxgranError, match="is of the package 'voxgran-ring', which is not installed: install"):
+            vg.load(tmp_path / name)
+
+
 def test_the_table_of_the_page_names_the_groups_that_the_registries_read():
+    from voxgran.containers.make import container_registry
     from voxgran.decks.engine import engine_registry
     from voxgran.measures.model import measure_registry
     from voxgran.packing.method import method_registry
     from voxgran.shapes.family import families
 
-    for registry in (engine_registry(), measure_registry(), method_registry(), families()):
+    for registry in (container_registry(), engine_registry(), measure_registry(), method_registry(), families()):
         entry = f"`{registry.entry.__module__}.{registry.entry.__name__}`"
         assert f"| {registry.kind} | {entry} | `{registry.group}` |" in PAGE

@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 from voxgran._base.seeds import stream
 from voxgran.contacts.assembly import Assembly
 from voxgran.contacts.find import find_contacts
-from voxgran.containers.box import Box
+from voxgran.containers.kinds.box import Box
 from voxgran.geometry.rotation import product, random_rotations, rotation_matrices
 from voxgran.shapes.mesh import Mesh
 from voxgran.shapes.model import Shape

@@ -8,7 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from voxgran._base.seeds import stream
-from voxgran.containers.box import Box
+from voxgran.containers.kinds.box import Box
 from voxgran.geometry.rotation import random_rotations
 from voxgran.measures.halfspaces import cut_spheres
 from voxgran.measures.registered.coordination import coordination_number

@@ -8,8 +8,8 @@ import pytest
 from kit import references
 
 from voxgran._base.seeds import stream
-from voxgran.containers.box import Box
-from voxgran.containers.rectangle import Rectangle
+from voxgran.containers.kinds.box import Box
+from voxgran.containers.kinds.rectangle import Rectangle
 from voxgran.measures.registered.coordination import coordination_number
 from voxgran.measures.registered.density import bulk_solid_fraction, window_solid_fraction
 from voxgran.measures.registered.profile import axis_profile

@@ -8,8 +8,8 @@ from voxgran.contacts.assembly import Assembly
 from voxgran.contacts.find import find_contacts
 from voxgran.contacts.verify import verify
 from voxgran.contacts.walls import escape_depths
-from voxgran.containers.box import Box
-from voxgran.containers.cylinder import Cylinder
+from voxgran.containers.kinds.box import Box
+from voxgran.containers.kinds.cylinder import Cylinder
 from voxgran.geometry.rotation import random_rotations
 from voxgran.shapes.mesh import Mesh
 from voxgran.shapes.model import Shape

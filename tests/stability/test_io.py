@@ -17,7 +17,7 @@ import voxgran as vg
 from voxgran._base.checkpoint import save_checkpoint
 from voxgran._base.errors import FileFormatError, OutputError, VoxgranError
 from voxgran._base.seeds import stream
-from voxgran.containers.box import Box
+from voxgran.containers.kinds.box import Box
 from voxgran.decks.relax import save_history
 from voxgran.io.files import load, save
 from voxgran.io.image import save_image

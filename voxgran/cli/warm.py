@@ -16,9 +16,9 @@ from voxgran._base.progress import OnStep, Step
 from voxgran._base.stopping import heed
 from voxgran.clumps.fit import fit_clump
 from voxgran.contacts.verify import verify
-from voxgran.containers.box import Box
+from voxgran.containers.kinds.box import Box
+from voxgran.containers.kinds.rectangle import Rectangle
 from voxgran.containers.model import Container
-from voxgran.containers.rectangle import Rectangle
 from voxgran.deformation.deform import deform
 from voxgran.io.image import to_image
 from voxgran.measures.describe import describe

@@ -1,8 +1,8 @@
-from voxgran.containers.box import Box as Box
-from voxgran.containers.closed_mesh import ClosedMesh as ClosedMesh
-from voxgran.containers.cylinder import Cylinder as Cylinder
-from voxgran.containers.disk import Disk as Disk
+from voxgran.containers.kinds.box import Box as Box
+from voxgran.containers.kinds.cylinder import Cylinder as Cylinder
+from voxgran.containers.kinds.disk import Disk as Disk
+from voxgran.containers.kinds.mesh import ClosedMesh as ClosedMesh
+from voxgran.containers.kinds.polygon import Polygon as Polygon
+from voxgran.containers.kinds.rectangle import Rectangle as Rectangle
+from voxgran.containers.kinds.sphere import Sphere as Sphere
 from voxgran.containers.make import make_container as make_container
-from voxgran.containers.polygon import Polygon as Polygon
-from voxgran.containers.rectangle import Rectangle as Rectangle
-from voxgran.containers.sphere import Sphere as Sphere

@@ -1,71 +1,90 @@
-"""Containers from plain mappings, as in scene files and saved packings."""
+"""Containers from plain mappings, as in scene files and saved packings, and the registry of their kinds."""
 
+import inspect
 from collections.abc import Callable, Mapping
+from dataclasses import dataclass
 from typing import Any
 
-from voxgran._base.arrays import as_faces, as_points, as_vector
 from voxgran._base.calls import explained
-from voxgran._base.errors import InputError, UnknownNameError, shown, with_article
-from voxgran._base.registry import nearest, unknown
-from voxgran.containers.box import Box
-from voxgran.containers.closed_mesh import ClosedMesh
-from voxgran.containers.cylinder import Cylinder
-from voxgran.containers.disk import Disk
+from voxgran._base.errors import InputError, MissingLibraryError, UnknownNameError, shown, with_article
+from voxgran._base.registry import Registry, nearest, unknown
 from voxgran.containers.model import Container
-from voxgran.containers.polygon import Polygon
-from voxgran.containers.rectangle import Rectangle
-from voxgran.containers.sphere import Sphere
-from voxgran.shapes.mesh import Mesh
-from voxgran.shapes.model import Shape
 
-#: the class of each kind, the keys that it needs, and those that it takes beside them
-KINDS: dict[str, tuple[type, tuple[str, ...], tuple[str, ...]]] = {
-    "box": (Box, ("lengths",), ("periodic", "origin")),
-    "cylinder": (Cylinder, ("radius", "height"), ("origin",)),
-    "disk": (Disk, ("radius",), ("origin",)),
-    "mesh": (ClosedMesh, (), ("file", "vertices", "faces", "name", "offset")),
-    "polygon": (Polygon, (), ("file", "pixel_size", "level", "min_area", "origin", "corners", "holes")),
-    "rectangle": (Rectangle, ("lengths",), ("periodic", "origin")),
-    "sphere": (Sphere, ("radius",), ("origin",)),
-}
-#: meaning of the keys, for the reference of the scene file
-KEYS: dict[str, str] = {
-    "lengths": "edges of a box (3 lengths) or rectangle (2)",
-    "periodic": 'axes along which a box or rectangle repeats, such as `"xy"`; default: none',
-    "radius": "radius of a cylinder, disk or sphere, a length above 0",
-    "height": "height of a cylinder along z, a length above 0",
-    "origin": "lower corner of a box, rectangle or picture, center of a disk, sphere or base of a cylinder; default: 0",
-    "file": "closed mesh, or picture of the inside of a polygon, relative to the scene file",
-    "vertices": "points of a mesh without file, shape (n, 3)",
-    "faces": "triangles of a mesh without file, shape (m, 3), as indices of vertices",
-    "name": "name of a mesh without file",
-    "offset": "what is added to the vertices of a mesh without file",
-    "pixel_size": "edge of a pixel of a picture, a length above 0",
-    "level": "value at the boundary of a picture; default: halfway between its smallest and its largest",
-    "min_area": "regions and holes of a picture of less area, in pixels, are left out as noise",
-    "corners": "corners of a polygon in order, shape (n, 2), in place of a file",
-    "holes": "corners of each hole of a polygon",
-}
+#: key of a mapping that names the package of a kind that is not part of voxgran
+PACKAGE = "package"
 
 
-def container_classes() -> str:
-    """Return the names of the classes of containers, as messages list them."""
-    return ", ".join(sorted(made.__name__ for made, _, _ in KINDS.values()))
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ContainerKind:
+    """One registered kind of containers.
+
+    Attributes
+    ----------
+    name : str
+        The `kind` of its containers.
+    container : type
+        Their class.
+    keys : mapping of str to str
+        Keys of a mapping beside ``kind``, which are the arguments of the class, with their meanings. Those without a
+        default are required.
+    make : callable, optional
+        ``make(values, where)`` returns the container of a mapping where these are not the arguments of the class;
+        `where` names the mapping in messages. It checks which keys are required.
+
+    Examples
+    --------
+    >>> from voxgran.containers.make import container_registry
+    >>> container_registry().get("cylinder").required
+    ('radius', 'height')
+    """
+
+    name: str
+    container: type
+    keys: Mapping[str, str]
+    make: Callable[[Mapping[str, Any], str], Container] | None = None
+
+    @property
+    def required(self) -> tuple[str, ...]:
+        """Keys without a default."""
+        if self.make is not None:
+            return ()
+        arguments = inspect.signature(self.container).parameters.values()
+        return tuple(one.name for one in arguments if one.default is one.empty)
 
 
-def refuse_own(container: Container) -> None:
-    """Refuse to write a container of a class that :func:`make_container` does not make again.
+def container_registry() -> Registry[ContainerKind]:
+    """Return the registry of the kinds of containers."""
+    return Registry("container", "voxgran.containers.kinds", ContainerKind, group="voxgran.containers")
+
+
+def package_of(container: Container) -> str:
+    """Return the package that registers the class of a container; ``""`` for those of voxgran.
 
     Raises
     ------
     InputError
-        If it is of such a class.
+        If it is not registered.
     """
-    if type(container) not in [made for made, _, _ in KINDS.values()]:
+    registry, kind = container_registry(), container.kind
+    if kind not in registry.names() or registry.get(kind).container is not type(container):
         raise InputError(
-            f"container is a {type(container).__name__}, a class of your own: load could not make it again; give the "
-            f"packing one of {container_classes()} with dataclasses.replace, such as a ClosedMesh of the same walls"
+            f"container is a {type(container).__name__}, a class that is not registered: load could not make it again; "
+            f"register it by an entry point {kind!r} of the group {registry.group!r}, or give the packing a container "
+            "of voxgran with dataclasses.replace, such as a ClosedMesh of the same walls"
         )
+    return registry.package_of(kind)
+
+
+def saved_mapping(container: Container) -> dict[str, Any]:
+    """Return the mapping from which :func:`make_container` makes a container again, with its package if it has one.
+
+    Raises
+    ------
+    InputError
+        If the container is of a class that is not registered.
+    """
+    package = package_of(container)
+    return container.to_mapping() | ({PACKAGE: package} if package else {})
 
 
 @explained(hint='make_container({"kind": "box", "lengths": [4, 4, 6]})')
@@ -90,6 +109,8 @@ def make_container(mapping: Mapping[str, Any], where: str = "[container]") -> Co
         If the kind or a key is unknown.
     InputError
         If `mapping` is not a mapping, a key is missing or a value is invalid.
+    MissingLibraryError
+        If the mapping was saved with a kind of another package, which is not installed.
 
     Examples
     --------
@@ -99,55 +120,27 @@ def make_container(mapping: Mapping[str, Any], where: str = "[container]") -> Co
     """
     if not isinstance(mapping, Mapping):
         raise InputError(f"{where} is {shown(mapping)}: it must be a mapping with the key kind; give one")
-    rest = dict(mapping)
-    kind = rest.pop("kind", None)
+    rest, registry = dict(mapping), container_registry()
+    kind, package = rest.pop("kind", None), rest.pop(PACKAGE, None)
+    names = registry.names()
     if kind is None:
         # another key may have been written in its place
         slip = next((key for key in rest if nearest(key, ("kind",))), None)
         meant = "" if slip is None else f", and {slip!r} may stand for it"
-        raise InputError(f"{where} kind is missing{meant}: it must be one of {', '.join(KINDS)}; add it")
-    if not isinstance(kind, str) or kind not in KINDS:
-        raise UnknownNameError(unknown(f"{where} kind", kind, KINDS))
-    made, needed, optional = KINDS[kind]
+        raise InputError(f"{where} kind is missing{meant}: it must be one of {', '.join(names)}; add it")
+    if package is not None and kind not in names:
+        raise MissingLibraryError(
+            f"{where} kind {kind!r} is of the package {package!r}, which is not installed: install it, such as with "
+            f"'pip install {package}'"
+        )
+    if not isinstance(kind, str) or kind not in names:
+        raise UnknownNameError(unknown(f"{where} kind", kind, names))
+    entry = registry.get(kind)
     for key in rest:
-        if key not in needed + optional:
-            raise UnknownNameError(unknown(f"{where} key", key, needed + optional))
-    for key in needed:
+        if key not in entry.keys:
+            raise UnknownNameError(unknown(f"{where} key", key, entry.keys))
+    for key in entry.required:
         if key not in rest:
             raise InputError(f"{where} {key} is missing: {with_article(kind)} needs it; add it")
-    makers: dict[type, Callable[[Mapping[str, Any], str], Container]] = {ClosedMesh: _make_mesh, Polygon: _make_polygon}
-    container: Container = makers[made](rest, where) if made in makers else made(**rest)
+    container: Container = entry.container(**rest) if entry.make is None else entry.make(rest, where)
     return container
-
-
-def _make_polygon(rest: Mapping[str, Any], where: str) -> Polygon:
-    """Return a polygon from its corners or from a picture."""
-    if ("file" in rest) == ("corners" in rest):
-        told = "both given" if "file" in rest else "both missing"
-        raise InputError(f"{where} corners and file are {told}: a polygon has either; give one of them")
-    own = ("corners", "holes") if "corners" in rest else ("file", "pixel_size", "level", "min_area", "origin")
-    for key in rest:
-        if key not in own:
-            raise InputError(
-                f"{where} {key} is given with {own[0]}: beside it there may be {', '.join(own[1:])} only; leave it out"
-            )
-    if "corners" in rest:
-        return Polygon(rest["corners"], holes=rest.get("holes", ()))
-    if "pixel_size" not in rest:
-        raise InputError(f"{where} pixel_size is missing: it gives a picture its lengths; add it")
-    return Polygon.from_image(rest["file"], **{key: value for key, value in rest.items() if key != "file"})
-
-
-def _make_mesh(rest: Mapping[str, Any], where: str) -> ClosedMesh:
-    """Return a closed mesh from a file or from arrays."""
-    if "file" in rest:
-        return ClosedMesh.from_file(rest["file"])
-    if "vertices" not in rest or "faces" not in rest:
-        raise InputError(f"{where} file is missing: a mesh container needs a file, or vertices and faces; add it")
-    name = str(rest.get("name", "container"))
-    if "offset" not in rest:
-        return ClosedMesh(Shape.from_mesh(rest["vertices"], rest["faces"], name=name))
-    # vertices written by a container are relative to the centroid already and are restored bit for bit
-    vertices = as_points(rest["vertices"], "vertices")
-    x, y, z = (float(value) for value in as_vector(rest["offset"], "offset"))
-    return ClosedMesh(Shape(Mesh(vertices, as_faces(rest["faces"], len(vertices))), name, (x, y, z)))

@@ -7,9 +7,14 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 from voxgran._base.units import common_unit, unit_factor
-from voxgran.containers.closed_mesh import ClosedMesh
+from voxgran.containers.kinds.mesh import ClosedMesh
 from voxgran.containers.model import Container
 from voxgran.shapes.model import Shape
+
+
+def shape_of(container: Container) -> Shape | None:
+    """Return the shape whose surface a closed mesh is; None for other containers."""
+    return container.shape if isinstance(container, ClosedMesh) else None
 
 
 def in_one_unit(
@@ -20,11 +25,11 @@ def in_one_unit(
     It is the requested one or, if that is None or ``"1"``, the only one that is known; several known ones and unknown
     names are refused. Of the containers only a closed mesh has a unit of its own.
     """
-    solid = container.shape if isinstance(container, ClosedMesh) else None
+    solid = shape_of(container)
     units = [shape.unit for shape in shapes] + ([] if solid is None else [solid.unit])
     chosen = common_unit(unit, units, "shapes" if solid is None else "shapes and container")
-    if isinstance(container, ClosedMesh) and container.shape.unit not in (None, chosen):
-        container = container.to_unit(chosen)
+    if solid is not None and solid.unit not in (None, chosen):
+        container = ClosedMesh(solid.to_unit(chosen))
     return tuple(s if s.unit in (None, chosen) else s.to_unit(chosen) for s in shapes), container, chosen
 
 
@@ -34,6 +39,7 @@ def converted(
     """Return shapes and container of a packing with their lengths converted from one unit to another."""
     factor = unit_factor(source, target)
     solids = tuple(replace(shape, unit=source).to_unit(target) for shape in shapes)
-    if isinstance(container, ClosedMesh):
-        return solids, ClosedMesh(replace(container.shape, unit=source).to_unit(target))
+    solid = shape_of(container)
+    if solid is not None:
+        return solids, ClosedMesh(replace(solid, unit=source).to_unit(target))
     return solids, container.scaled(factor)

@@ -9,9 +9,9 @@ from voxgran._base.calls import explained
 from voxgran._base.config import from_mapping
 from voxgran._base.errors import InputError
 from voxgran._base.seeds import stream
-from voxgran.containers.closed_mesh import ClosedMesh
+from voxgran.containers.kinds.mesh import ClosedMesh
+from voxgran.containers.kinds.polygon import Polygon
 from voxgran.containers.model import Container, boundary_of, check_container
-from voxgran.containers.polygon import Polygon
 from voxgran.shapes.model import Shape
 from voxgran.shapes.outline import Outline
 from voxgran.shapes.roughness.parameters import Method, Roughness

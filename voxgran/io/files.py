@@ -9,7 +9,7 @@ from voxgran._base.axes import Periodic
 from voxgran._base.calls import explained
 from voxgran._base.errors import FileFormatError, InputError
 from voxgran._base.files import existing_file, output_suffix, unpacked
-from voxgran.containers.make import refuse_own
+from voxgran.containers.make import package_of
 from voxgran.containers.model import Container
 from voxgran.io.lammps_files import is_data, is_dump, read_lammps_data, read_lammps_dump
 from voxgran.io.mercury_files import is_mercury, read_mercury
@@ -64,7 +64,7 @@ def save(packing: Packing, path: str | os.PathLike[str], *, overwrite: bool = Fa
     FileFormatError
         If the suffix is unknown.
     InputError
-        If the packing is none or does not fit the format, its container is of a class of one's own, which
+        If the packing is none or does not fit the format, its container is of a class that is not registered, which
         :func:`load` could not make again, or the path is no path.
     OutputExistsError
         If the file is there and `overwrite` is false.
@@ -123,7 +123,7 @@ def check_savable(packing: Packing, path: str | os.PathLike[str]) -> None:
     if _WRITERS[suffix] is save_spheres:
         owned_spheres(packing)
     if suffix != ".csv":
-        refuse_own(packing.container)
+        package_of(packing.container)
 
 
 @explained(hint='load("bed.vtp")')
@@ -169,6 +169,8 @@ def load(
     InputError
         If a container, unit or axes are given for a file of voxgran, which holds its own, or do not fit, or the file
         states another unit.
+    MissingLibraryError
+        If the container is of a package that is not installed; the message names it.
 
     Warns
     -----

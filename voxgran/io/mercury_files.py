@@ -13,7 +13,7 @@ import numpy as np
 
 from voxgran._base.axes import Periodic
 from voxgran._base.errors import FileFormatError
-from voxgran.containers.rectangle import Rectangle
+from voxgran.containers.kinds.rectangle import Rectangle
 from voxgran.io.particles import Particles, box_of, frame_of, numbers_of, refuse_bad_spheres, text_lines
 
 #: numbers of the first line, and of a particle, with the place of its radius, by dimension

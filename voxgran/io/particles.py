@@ -14,9 +14,9 @@ from voxgran._base.errors import FileFormatError, InputError, PackingWarning, sh
 from voxgran._base.units import known_unit, stated_unit
 from voxgran._base.warning import warn
 from voxgran.contacts.assembly import NOT_STATED, shapes_by_density
-from voxgran.containers.box import Box
+from voxgran.containers.kinds.box import Box
+from voxgran.containers.kinds.rectangle import Rectangle
 from voxgran.containers.model import Container, check_container
-from voxgran.containers.rectangle import Rectangle
 from voxgran.geometry.rotation import quaternions_of
 from voxgran.geometry.sphere_pairs import near_pairs
 from voxgran.packing.model import Packing

@@ -15,14 +15,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from voxgran._base.arrays import Floats, as_faces, as_floats, as_number, as_points
-from voxgran._base.errors import FileFormatError, InputError, VoxgranError, with_article
+from voxgran._base.errors import FileFormatError, InputError, MissingLibraryError, VoxgranError, with_article
 from voxgran._base.guarded import reason_of
 from voxgran._base.units import known_unit
 from voxgran.contacts.assembly import Lid
 from voxgran.contacts.forces import ContactForces
-from voxgran.containers.closed_mesh import ClosedMesh
-from voxgran.containers.make import make_container, refuse_own
-from voxgran.containers.model import boundary_of
+from voxgran.containers.kinds.mesh import ClosedMesh
+from voxgran.containers.make import make_container, package_of, saved_mapping
+from voxgran.containers.one_unit import shape_of
 from voxgran.io.older import fields_of
 from voxgran.io.shape_record import record_as_json, record_of_json
 from voxgran.packing.gravity import as_down
@@ -65,9 +65,10 @@ def to_record(packing: Packing) -> Record:
     ------
     InputError
         If the provenance or the container holds something that JSON cannot, or the container or the distribution of
-        sizes is of a class of one's own, which cannot be made again.
+        sizes is of a class that is not registered, which cannot be made again.
     """
-    refuse_own(packing.container)
+    container = packing.container
+    package_of(container)
     if type(packing.asked_sizes) not in (type(None), *KINDS.values()):
         raise InputError(
             f"asked_sizes is a {type(packing.asked_sizes).__name__}, a class of your own: load could not make it "
@@ -82,11 +83,9 @@ def to_record(packing: Packing) -> Record:
         "radius": packing.diameters / 2,
         "volume": packing.volumes,
     }
-    container = packing.container
-    # a closed mesh is kept as its arrays; a polygon is its corners
-    wall = boundary_of(container).solid if container.dimension == 3 else None
-    solid = () if wall is None else (wall,)
-    shapes, arrays = _shapes_apart(packing.shapes + solid)
+    # a closed mesh is kept as its arrays
+    solid = shape_of(container)
+    shapes, arrays = _shapes_apart(packing.shapes if solid is None else (*packing.shapes, solid))
     if packing._contacts:
         gap, contacts = min(packing._contacts.items())
         partners = np.concatenate([contacts.i, contacts.j])
@@ -109,7 +108,7 @@ def to_record(packing: Packing) -> Record:
         "method": str(packing.provenance.get("method", "")),
         "seed": str(packing.provenance.get("seed", "")),
         "shapes": _json(shapes, "shapes"),
-        "container": _json({"kind": container.kind} if solid else container.to_mapping(), "container"),
+        "container": _json(saved_mapping(container) if solid is None else {"kind": container.kind}, "container"),
         "provenance": _json(packing.provenance, "provenance"),
         "asked_sizes": _json(None if packing.asked_sizes is None else packing.asked_sizes.to_mapping(), "asked_sizes"),
     }
@@ -125,6 +124,8 @@ def from_record(record: Record) -> Packing:
     ------
     FileFormatError
         If something is missing or breaks a rule.
+    MissingLibraryError
+        If its container is of a package that is not installed.
     """
     try:
         version = int(record.arrays["format"][0])
@@ -133,7 +134,7 @@ def from_record(record: Record) -> Packing:
                 f"the layout has version {version}: this voxgran reads up to {FORMAT}; install a newer one"
             )
         packing = _packing(record)
-    except FileFormatError:
+    except (FileFormatError, MissingLibraryError):
         raise
     except (VoxgranError, KeyError, IndexError, TypeError, ValueError, OverflowError, RecursionError) as error:
         raise FileFormatError(

@@ -8,7 +8,7 @@ import numpy as np
 from voxgran._base.arrays import Floats, Integers
 from voxgran._base.errors import InputError, with_article
 from voxgran._base.files import written_whole
-from voxgran.containers.make import refuse_own
+from voxgran.containers.make import saved_mapping
 from voxgran.io.tables import CONTAINER, FIELDS, UNIT
 from voxgran.packing.model import Packing
 from voxgran.shapes.model import Shape
@@ -32,7 +32,7 @@ def save_spheres(packing: Packing, path: str | os.PathLike[str], *, overwrite: b
     ------
     InputError
         If a grain is neither a sphere, nor a clump of spheres, nor a disk, or the container that is kept is of a class
-        of one's own.
+        that is not registered.
     OutputExistsError
         If the file is there and `overwrite` is false.
     OutputError
@@ -47,8 +47,7 @@ def save_spheres(packing: Packing, path: str | os.PathLike[str], *, overwrite: b
     mark = "," if os.fspath(path).lower().endswith(".csv") else " "
     head = f"{mark.join(names)}\n"
     if mark == " ":
-        refuse_own(packing.container)
-        held = json.dumps(packing.container.to_mapping())
+        held = json.dumps(saved_mapping(packing.container))
         head = f"# {head}{UNIT}{packing.unit}\n{CONTAINER}{held}\n"
         head += "".join(f"# {name} {json.dumps(getattr(packing, name))}\n" for name in FIELDS)
     with written_whole(path, overwrite=overwrite) as draft, draft.open("w", encoding="utf-8") as file:

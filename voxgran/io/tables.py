@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 
 from voxgran._base.arrays import Floats
-from voxgran._base.errors import FileFormatError, VoxgranError
+from voxgran._base.errors import FileFormatError, MissingLibraryError, VoxgranError
 from voxgran._base.guarded import reason_of
 from voxgran.containers.make import make_container
 from voxgran.containers.model import Container
@@ -257,6 +257,8 @@ def _container(text: str, path: Path, number: int) -> Container:
     """Return the container that a comment holds as JSON."""
     try:
         return make_container(json.loads(text))
+    except MissingLibraryError:
+        raise
     except (VoxgranError, KeyError, TypeError, ValueError, OverflowError, RecursionError) as error:
         raise FileFormatError(
             f"{path}, line {number}: the container cannot be read ({reason_of(error, most=300)}); mend or "

@@ -20,7 +20,6 @@ from voxgran._base.progress import OnStep, Step, reported
 from voxgran._base.scalars import number_of, whole_number_of
 from voxgran._base.units import NO_UNIT, as_unit
 from voxgran._base.warning import warn
-from voxgran.containers.make import container_classes
 from voxgran.containers.model import UNKNOWN, Container, boundary_of, check_container
 from voxgran.containers.one_unit import in_one_unit
 from voxgran.packing.beds.expected import expected_bed
@@ -342,8 +341,8 @@ def _refuse_unfit(method: PackingMethod, shapes: tuple[Shape, ...], container: C
     if not method.any_container and boundary_of(container) is UNKNOWN:
         remedy = "make a mesh of it, ClosedMesh(Shape.from_mesh(*container.mesh()))"
         raise InputError(
-            f"container is of type {type(container).__name__}: method {method.name!r} knows the walls of "
-            f"{container_classes()} only; "
+            f"container is of type {type(container).__name__}, known by its signed distance only: method "
+            f"{method.name!r} needs its walls in closed form; "
             f"{remedy if container.dimension == 3 else 'use a Rectangle, Disk or Polygon'}, or choose a digital method"
         )
 

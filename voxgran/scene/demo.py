@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any
 from voxgran._base.files import write_text
 from voxgran._base.progress import OnStep
 from voxgran.contacts.verify import Verification, verify
-from voxgran.containers.box import Box
+from voxgran.containers.kinds.box import Box
 from voxgran.io.data_files import data_file
 from voxgran.io.files import save
 from voxgran.io.netcdf import save_statistics

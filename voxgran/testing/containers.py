@@ -2,6 +2,7 @@
 
 import json
 import warnings
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -10,7 +11,9 @@ from voxgran._base.arrays import Floats
 from voxgran._base.errors import PackingWarning
 from voxgran._base.seeds import stream
 from voxgran.contacts.verify import verify
+from voxgran.containers.make import make_container
 from voxgran.containers.model import Container, boundary_of, check_container
+from voxgran.io.files import load, save
 from voxgran.packing.method import packing_methods
 from voxgran.packing.pack import pack
 from voxgran.shapes.family import make_shape
@@ -97,6 +100,16 @@ class ContainerSuite:
             np.testing.assert_allclose(
                 twice.signed_distance(2 * points), 2 * container.signed_distance(points), rtol=1e-9, atol=1e-12
             )
+
+    def test_it_is_saved_and_loaded(self, tmp_path: Path) -> None:
+        """A packing in it is saved and loaded with the same container, which its mapping makes again by its kind."""
+        container = self.container()
+        grain = make_shape("sphere" if container.dimension == 3 else "disk")
+        save(pack(grain, container, method="digital", count=0), tmp_path / "empty.vtp")
+        again = load(tmp_path / "empty.vtp").container
+        for one in (again, make_container(json.loads(json.dumps(container.to_mapping())))):
+            assert type(one) is type(container)
+            assert one.to_mapping() == container.to_mapping()
 
     @pytest.mark.parametrize("method", ["rsa", "digital"])
     def test_grains_stay_inside(self, method: str) -> None:

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from voxgran._base.errors import InputError, OutputExistsError
-from voxgran.containers.box import Box
+from voxgran.containers.kinds.box import Box
 from voxgran.decks.engine import Engine, engine_registry
 from voxgran.decks.write import write_deck
 from voxgran.packing.model import Packing

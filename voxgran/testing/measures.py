@@ -7,7 +7,7 @@ from typing import Any, ClassVar
 import numpy as np
 
 from voxgran._base.errors import PackingWarning
-from voxgran.containers.box import Box
+from voxgran.containers.kinds.box import Box
 from voxgran.io.netcdf import load_statistics, save_statistics
 from voxgran.measures.model import Measure, measure, measure_registry
 from voxgran.packing.model import Packing

@@ -11,9 +11,9 @@ import pytest
 from voxgran._base.errors import GrainTooLargeError, InputError
 from voxgran._base.stopping import Stopped, stopping_when
 from voxgran.contacts.verify import verify
-from voxgran.containers.box import Box
+from voxgran.containers.kinds.box import Box
+from voxgran.containers.kinds.rectangle import Rectangle
 from voxgran.containers.model import Container
-from voxgran.containers.rectangle import Rectangle
 from voxgran.packing.driver import Drive, drive
 from voxgran.packing.method import RunState, method_registry
 from voxgran.packing.model import Packing

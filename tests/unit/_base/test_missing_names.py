@@ -198,7 +198,6 @@ def test_modules_without_public_names_on_first_use_answer_too(typed: str, remedy
     [
         ("voxgran.packing.methods.rsa", "did you mean 'Rsa'"),
         ("voxgran.packing.methods.digital_rsa", "did you mean 'DigitalRsa'"),
-        ("voxgran.containers.box", "did you mean 'Box'"),
         ("voxgran.contacts", r"write packing\.contacts\(\)$"),
     ],
 )

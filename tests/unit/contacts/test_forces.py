@@ -10,7 +10,7 @@ from kit import column
 
 from voxgran._base.errors import InputError
 from voxgran.contacts.forces import ContactForces, chain_ends, partner_images
-from voxgran.containers.box import Box
+from voxgran.containers.kinds.box import Box
 from voxgran.packing.model import Packing
 from voxgran.shapes.model import Shape
 from voxgran.shapes.primitive import Primitive

@@ -7,7 +7,7 @@ import pytest
 
 from voxgran._base.seeds import stream
 from voxgran.contacts.triangles import nearest_points, turned_bound
-from voxgran.containers.box import Box
+from voxgran.containers.kinds.box import Box
 from voxgran.geometry.rotation import random_rotations, rotation_matrices
 from voxgran.geometry.tree import grow_tree
 from voxgran.geometry.triangles import plane_gap, triangle_distance

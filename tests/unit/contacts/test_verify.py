@@ -12,10 +12,10 @@ from voxgran.contacts.assembly import Assembly
 from voxgran.contacts.find import overlaps
 from voxgran.contacts.verify import verify
 from voxgran.contacts.walls import escape_depths
-from voxgran.containers.box import Box
-from voxgran.containers.closed_mesh import ClosedMesh
-from voxgran.containers.cylinder import Cylinder
-from voxgran.containers.rectangle import Rectangle
+from voxgran.containers.kinds.box import Box
+from voxgran.containers.kinds.cylinder import Cylinder
+from voxgran.containers.kinds.mesh import ClosedMesh
+from voxgran.containers.kinds.rectangle import Rectangle
 from voxgran.geometry.rotation import random_rotations
 from voxgran.shapes.files import load_shape
 from voxgran.shapes.mesh import Mesh

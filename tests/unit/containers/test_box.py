@@ -3,9 +3,9 @@ import pytest
 
 from voxgran._base.errors import InputError
 from voxgran._base.seeds import stream
-from voxgran.containers.box import Box
+from voxgran.containers.kinds.box import Box
+from voxgran.containers.kinds.rectangle import Rectangle
 from voxgran.containers.model import Container
-from voxgran.containers.rectangle import Rectangle
 from voxgran.shapes.mesh import Mesh
 
 

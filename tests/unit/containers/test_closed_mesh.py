@@ -3,8 +3,8 @@ import pytest
 
 from voxgran._base.errors import InputError, MissingFileError
 from voxgran._base.seeds import stream
-from voxgran.containers.box import Box
-from voxgran.containers.closed_mesh import ClosedMesh
+from voxgran.containers.kinds.box import Box
+from voxgran.containers.kinds.mesh import ClosedMesh
 from voxgran.containers.model import Container
 from voxgran.shapes.family import make_shape
 from voxgran.shapes.mesh import Mesh

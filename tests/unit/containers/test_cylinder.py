@@ -5,7 +5,7 @@ import pytest
 
 from voxgran._base.errors import InputError
 from voxgran._base.seeds import stream
-from voxgran.containers.cylinder import Cylinder
+from voxgran.containers.kinds.cylinder import Cylinder
 from voxgran.containers.model import Container
 from voxgran.shapes.mesh import Mesh
 

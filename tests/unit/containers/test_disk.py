@@ -11,7 +11,7 @@ import voxgran as vg
 from voxgran._base.errors import CallError, InputError, PackingWarning
 from voxgran._base.seeds import stream
 from voxgran.contacts.walls import escape_depths
-from voxgran.containers.disk import Disk
+from voxgran.containers.kinds.disk import Disk
 from voxgran.containers.model import Container
 from voxgran.measures.region import Regions
 from voxgran.measures.registered.density import bulk_solid_fraction

@@ -4,15 +4,15 @@ import numpy as np
 import pytest
 
 from voxgran._base.errors import DirtyMeshError, InputError, UnknownNameError
-from voxgran.containers.box import Box
-from voxgran.containers.closed_mesh import ClosedMesh
-from voxgran.containers.cylinder import Cylinder
-from voxgran.containers.disk import Disk
-from voxgran.containers.make import KINDS, make_container
+from voxgran.containers.kinds.box import Box
+from voxgran.containers.kinds.cylinder import Cylinder
+from voxgran.containers.kinds.disk import Disk
+from voxgran.containers.kinds.mesh import ClosedMesh
+from voxgran.containers.kinds.polygon import Polygon
+from voxgran.containers.kinds.rectangle import Rectangle
+from voxgran.containers.kinds.sphere import Sphere
+from voxgran.containers.make import container_registry, make_container
 from voxgran.containers.model import boundary_of
-from voxgran.containers.polygon import Polygon
-from voxgran.containers.rectangle import Rectangle
-from voxgran.containers.sphere import Sphere
 from voxgran.shapes.model import Shape
 
 CONTAINERS = [
@@ -64,8 +64,11 @@ def test_axis_names_as_in_a_scene_file():
 
 
 def test_all_kinds_are_listed():
-    assert tuple(KINDS) == ("box", "cylinder", "disk", "mesh", "polygon", "rectangle", "sphere")
-    assert all(made.kind == kind for kind, (made, _, _) in KINDS.items())
+    registry = container_registry()
+    assert registry.names() == ("box", "cylinder", "disk", "mesh", "polygon", "rectangle", "sphere")
+    entries = [registry.get(name) for name in registry.names()]
+    assert all(entry.container.kind == entry.name for entry in entries)
+    assert entries[0].required == ("lengths",)
 
 
 @pytest.mark.parametrize("container", CONTAINERS)

@@ -11,9 +11,9 @@ import voxgran as vg
 from voxgran._base.errors import CallError, InputError, PackingWarning
 from voxgran._base.seeds import stream
 from voxgran.contacts.walls import escape_depths
+from voxgran.containers.kinds.polygon import Polygon
 from voxgran.containers.model import Container
 from voxgran.containers.plane import area_of
-from voxgran.containers.polygon import Polygon
 from voxgran.measures.region import Regions
 from voxgran.measures.registered.density import bulk_solid_fraction
 from voxgran.measures.registered.profile import axis_profile, wall_profile

@@ -3,8 +3,8 @@ import pytest
 
 from voxgran._base.errors import InputError
 from voxgran._base.seeds import stream
+from voxgran.containers.kinds.rectangle import Rectangle
 from voxgran.containers.model import Container
-from voxgran.containers.rectangle import Rectangle
 
 
 def test_signed_distance_equals_the_nearest_of_many_points_of_the_walls():

@@ -7,8 +7,8 @@ import voxgran as vg
 from voxgran._base.errors import InputError
 from voxgran._base.seeds import stream
 from voxgran.contacts.walls import escape_depths
+from voxgran.containers.kinds.sphere import Sphere
 from voxgran.containers.model import Container
-from voxgran.containers.sphere import Sphere
 from voxgran.geometry.rotation import normalized
 from voxgran.shapes.mesh import Mesh
 

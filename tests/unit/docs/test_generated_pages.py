@@ -14,7 +14,7 @@ import voxgran as vg
 from voxgran._base.config import parameters_of
 from voxgran.cli.commands import COMMANDS, SCENE
 from voxgran.clumps.fit import TARGETS
-from voxgran.containers.make import KEYS, KINDS
+from voxgran.containers.make import container_registry
 from voxgran.packing.method import method_registry
 from voxgran.scene import keys
 from voxgran.scene.description import SECTIONS
@@ -64,8 +64,9 @@ def test_defaults_are_written_as_in_a_scene_file():
     assert site_scene.toml(fields["method"]) == "required"
 
 
-def test_every_key_of_a_container_has_its_meaning():
-    assert set(KEYS) == {key for _, needed, optional in KINDS.values() for key in needed + optional}
+def test_keys_of_a_container_are_the_arguments_of_its_class():
+    for kind in map(container_registry().get, container_registry().names()):
+        assert kind.make is not None or set(kind.keys) == set(inspect.signature(kind.container).parameters)
 
 
 def test_targets_of_clumps_are_those_of_fit_clump():

@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 
 from voxgran._base.seeds import stream
-from voxgran.containers.box import Box
-from voxgran.containers.closed_mesh import ClosedMesh
-from voxgran.containers.rectangle import Rectangle
+from voxgran.containers.kinds.box import Box
+from voxgran.containers.kinds.mesh import ClosedMesh
+from voxgran.containers.kinds.rectangle import Rectangle
 from voxgran.packing.model import Packing
 from voxgran.shapes.mesh import Mesh
 from voxgran.shapes.model import Shape

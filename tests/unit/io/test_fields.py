@@ -131,7 +131,7 @@ def test_a_table_of_spheres_names_its_unit(told, unit, tmp_path):
 
 
 class Ring(vg.Cylinder):
-    """A container of a class that only this file knows."""
+    """A container of a class that is not registered."""
 
 
 class Law(type(vg.sizes.fixed(1.0))):
@@ -143,7 +143,7 @@ def test_what_cannot_be_loaded_is_not_saved(tmp_path):
     some().save(tmp_path / "p.vtp")
     before = (tmp_path / "p.vtp").read_bytes()
     with pytest.raises(
-        InputError, match="container is a Ring, a class of your own: load could not make it again; give"
+        InputError, match="container is a Ring, a class that is not registered: load could not make it again; register"
     ):
         vg.save(own, tmp_path / "p.vtp", overwrite=True)
     for name in ("p.txt", "q.vtp"):

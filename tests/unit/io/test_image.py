@@ -8,7 +8,7 @@ import pytest
 from voxgran._base.errors import FileFormatError, InputError, PackingWarning, TooLargeError
 from voxgran._base.lazy import load as load_library
 from voxgran._base.seeds import stream
-from voxgran.containers.box import Box
+from voxgran.containers.kinds.box import Box
 from voxgran.io.image import image_grid, save_image, to_image
 from voxgran.packing.model import Packing
 from voxgran.shapes.images.image_files import load_image

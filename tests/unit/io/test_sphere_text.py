@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 from voxgran._base.errors import FileFormatError, InputError
-from voxgran.containers.box import Box
-from voxgran.containers.rectangle import Rectangle
+from voxgran.containers.kinds.box import Box
+from voxgran.containers.kinds.rectangle import Rectangle
 from voxgran.io.files import load
 from voxgran.io.spheres import owned_spheres, save_spheres
 from voxgran.io.tables import read_table

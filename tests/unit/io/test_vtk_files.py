@@ -8,7 +8,7 @@ import pytest
 
 from voxgran._base.errors import FileFormatError, InputError, MissingFileError, OutputExistsError
 from voxgran._base.lazy import load as load_library
-from voxgran.containers.box import Box
+from voxgran.containers.kinds.box import Box
 from voxgran.io import vtk_files
 from voxgran.io.vtk_files import load_packing, save_packing, save_scene
 from voxgran.packing.model import Packing

@@ -9,12 +9,12 @@ from kit import column, lattice
 
 from voxgran._base.errors import InputError
 from voxgran.contacts.walls import walls_touched
-from voxgran.containers.box import Box
-from voxgran.containers.closed_mesh import ClosedMesh
-from voxgran.containers.cylinder import Cylinder
-from voxgran.containers.disk import Disk
-from voxgran.containers.rectangle import Rectangle
-from voxgran.containers.sphere import Sphere
+from voxgran.containers.kinds.box import Box
+from voxgran.containers.kinds.cylinder import Cylinder
+from voxgran.containers.kinds.disk import Disk
+from voxgran.containers.kinds.mesh import ClosedMesh
+from voxgran.containers.kinds.rectangle import Rectangle
+from voxgran.containers.kinds.sphere import Sphere
 from voxgran.measures.model import measure
 from voxgran.measures.registered.coordination import (
     REFERENCE_GAP,

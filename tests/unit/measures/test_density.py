@@ -9,10 +9,10 @@ from kit import lattice
 
 from voxgran._base.errors import PackingWarning
 from voxgran._base.seeds import stream
-from voxgran.containers.box import Box
-from voxgran.containers.closed_mesh import ClosedMesh
-from voxgran.containers.cylinder import Cylinder
-from voxgran.containers.rectangle import Rectangle
+from voxgran.containers.kinds.box import Box
+from voxgran.containers.kinds.cylinder import Cylinder
+from voxgran.containers.kinds.mesh import ClosedMesh
+from voxgran.containers.kinds.rectangle import Rectangle
 from voxgran.measures.model import measure
 from voxgran.measures.region import Regions, SampledRegion, Samples, gravity_of, held_height
 from voxgran.measures.registered.density import bulk_solid_fraction

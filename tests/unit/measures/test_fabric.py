@@ -7,8 +7,8 @@ import pytest
 from kit import lattice
 
 from voxgran._base.seeds import stream
-from voxgran.containers.box import Box
-from voxgran.containers.rectangle import Rectangle
+from voxgran.containers.kinds.box import Box
+from voxgran.containers.kinds.rectangle import Rectangle
 from voxgran.geometry.rotation import quaternions_of
 from voxgran.io.netcdf import load_statistics, save_statistics
 from voxgran.measures.directions import fabric_of

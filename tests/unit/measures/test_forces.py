@@ -10,7 +10,7 @@ from kit import column
 from voxgran._base.errors import InputError
 from voxgran._base.seeds import stream
 from voxgran.contacts.forces import ContactForces
-from voxgran.containers.box import Box
+from voxgran.containers.kinds.box import Box
 from voxgran.measures.model import measure, measure_registry
 from voxgran.measures.registered.forces import force_statistics
 from voxgran.packing.model import Packing

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from voxgran._base.seeds import stream
-from voxgran.containers.box import Box
-from voxgran.containers.rectangle import Rectangle
+from voxgran.containers.kinds.box import Box
+from voxgran.containers.kinds.rectangle import Rectangle
 from voxgran.measures.model import measure
 from voxgran.measures.registered.gradation import gradation
 from voxgran.measures.registered.grains import intermediate_axes

@@ -10,12 +10,12 @@ from scipy.spatial.transform import Rotation
 
 from voxgran._base.errors import InputError
 from voxgran._base.seeds import stream
-from voxgran.containers.box import Box
-from voxgran.containers.closed_mesh import ClosedMesh
-from voxgran.containers.cylinder import Cylinder
-from voxgran.containers.disk import Disk
-from voxgran.containers.rectangle import Rectangle
-from voxgran.containers.sphere import Sphere
+from voxgran.containers.kinds.box import Box
+from voxgran.containers.kinds.cylinder import Cylinder
+from voxgran.containers.kinds.disk import Disk
+from voxgran.containers.kinds.mesh import ClosedMesh
+from voxgran.containers.kinds.rectangle import Rectangle
+from voxgran.containers.kinds.sphere import Sphere
 from voxgran.measures.cell_volumes import cell_volumes
 from voxgran.measures.model import measure
 from voxgran.measures.registered.homogeneity import _covariance, _deviation, _fit, homogeneity

@@ -7,8 +7,8 @@ import pytest
 import scipy.stats
 
 from voxgran._base.seeds import stream
-from voxgran.containers.box import Box
-from voxgran.containers.rectangle import Rectangle
+from voxgran.containers.kinds.box import Box
+from voxgran.containers.kinds.rectangle import Rectangle
 from voxgran.measures.layers import LAYERS, QUANTILES, TABLES, size_layers
 from voxgran.measures.model import measure
 from voxgran.measures.registered.segregation import layers_of, ranks_of, segregation

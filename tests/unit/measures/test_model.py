@@ -10,8 +10,8 @@ import xarray
 from kit import column, lattice
 
 from voxgran._base.errors import InputError, PackingWarning, UnknownNameError
-from voxgran.containers.box import Box
-from voxgran.containers.rectangle import Rectangle
+from voxgran.containers.kinds.box import Box
+from voxgran.containers.kinds.rectangle import Rectangle
 from voxgran.io.netcdf import load_statistics, save_statistics
 from voxgran.measures.model import Measure, measure, measure_registry, measures
 from voxgran.measures.registered.profile import axis_profile

@@ -6,11 +6,11 @@ import numpy as np
 import pytest
 
 from voxgran._base.errors import InputError
-from voxgran.containers.box import Box
-from voxgran.containers.closed_mesh import ClosedMesh
-from voxgran.containers.cylinder import Cylinder
-from voxgran.containers.rectangle import Rectangle
-from voxgran.containers.sphere import Sphere
+from voxgran.containers.kinds.box import Box
+from voxgran.containers.kinds.cylinder import Cylinder
+from voxgran.containers.kinds.mesh import ClosedMesh
+from voxgran.containers.kinds.rectangle import Rectangle
+from voxgran.containers.kinds.sphere import Sphere
 from voxgran.measures.model import measure
 from voxgran.measures.registered.profile import DOUBT, WINDOW, axis_profile, wall_profile
 from voxgran.packing.model import Packing

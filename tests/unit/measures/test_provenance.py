@@ -6,7 +6,7 @@ import math
 
 import numpy as np
 
-from voxgran.containers.box import Box
+from voxgran.containers.kinds.box import Box
 from voxgran.measures.model import measure
 from voxgran.measures.registered.provenance import content_hash
 from voxgran.packing.model import Packing

@@ -11,13 +11,13 @@ from scipy.special import j1
 
 from voxgran._base.errors import InputError, PackingWarning
 from voxgran._base.seeds import stream
-from voxgran.containers.box import Box
-from voxgran.containers.closed_mesh import ClosedMesh
-from voxgran.containers.cylinder import Cylinder
-from voxgran.containers.disk import Disk
-from voxgran.containers.polygon import Polygon
-from voxgran.containers.rectangle import Rectangle
-from voxgran.containers.sphere import Sphere
+from voxgran.containers.kinds.box import Box
+from voxgran.containers.kinds.cylinder import Cylinder
+from voxgran.containers.kinds.disk import Disk
+from voxgran.containers.kinds.mesh import ClosedMesh
+from voxgran.containers.kinds.polygon import Polygon
+from voxgran.containers.kinds.rectangle import Rectangle
+from voxgran.containers.kinds.sphere import Sphere
 from voxgran.measures.model import measure
 from voxgran.measures.pair_sums import pair_sums
 from voxgran.measures.pair_window import PairWindow

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from voxgran._base.seeds import stream
-from voxgran.containers.box import Box
+from voxgran.containers.kinds.box import Box
 from voxgran.measures.slabs import MOST, Ordered, near_box
 from voxgran.measures.window import Solids, images, power_planes
 from voxgran.packing.model import Packing

@@ -8,7 +8,7 @@ import pytest
 from voxgran._base.errors import PackingWarning
 from voxgran._base.seeds import stream
 from voxgran.contacts.verify import verify
-from voxgran.containers.box import Box
+from voxgran.containers.kinds.box import Box
 from voxgran.measures.model import measure
 from voxgran.measures.registered.strict import PRECISION, strict_solid_fraction
 from voxgran.packing.model import Packing

@@ -7,8 +7,8 @@ import pytest
 from scipy.spatial import cKDTree
 
 from voxgran._base.seeds import stream
-from voxgran.containers.box import Box
-from voxgran.containers.rectangle import Rectangle
+from voxgran.containers.kinds.box import Box
+from voxgran.containers.kinds.rectangle import Rectangle
 from voxgran.measures.model import measure
 from voxgran.measures.wetted import specific_surfaces
 from voxgran.packing.model import Packing

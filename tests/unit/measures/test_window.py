@@ -9,8 +9,8 @@ import pytest
 from voxgran._base.errors import InputError
 from voxgran._base.lazy import load
 from voxgran._base.seeds import stream
-from voxgran.containers.box import Box
-from voxgran.containers.rectangle import Rectangle
+from voxgran.containers.kinds.box import Box
+from voxgran.containers.kinds.rectangle import Rectangle
 from voxgran.geometry.rotation import random_rotations
 from voxgran.measures.registered.density import window_solid_fraction
 from voxgran.measures.window import Estimate, Solids, images

@@ -13,7 +13,7 @@ from kit import lattice
 import voxgran as vg
 from voxgran._base.errors import OutputExistsError
 from voxgran.contacts.verify import verify
-from voxgran.containers.box import Box
+from voxgran.containers.kinds.box import Box
 from voxgran.measures.model import measure
 from voxgran.measures.registered.density import main_fraction
 from voxgran.packing.model import Packing

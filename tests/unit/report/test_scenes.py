@@ -7,9 +7,9 @@ from matplotlib.colors import to_rgb
 from PIL import Image
 
 import voxgran as vg
-from voxgran.containers.box import Box
-from voxgran.containers.closed_mesh import ClosedMesh
-from voxgran.containers.cylinder import Cylinder
+from voxgran.containers.kinds.box import Box
+from voxgran.containers.kinds.cylinder import Cylinder
+from voxgran.containers.kinds.mesh import ClosedMesh
 from voxgran.geometry.rotation import rotation_matrices
 from voxgran.packing.model import Packing
 from voxgran.report import scenes

@@ -67,6 +67,13 @@ class Registry(Generic[T]):
             )
         return found
 
+    def package_of(self, name: str) -> str:
+        """Return the package that registers an entry by an entry point; ``""`` for a file of the registry's package."""
+        point = None if name in self._files() else self._foreign().get(name)
+        if point is None:
+            return ""
+        return point.dist.name if point.dist else point.module.partition(".")[0]
+
     def _files(self) -> dict[str, str]:
         """Return the public modules of the package and of those inside it: names of files, and of modules."""
         found: dict[str, str] = {}

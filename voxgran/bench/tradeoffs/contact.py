@@ -20,7 +20,7 @@ from voxgran._base.arrays import Floats, Integers
 from voxgran._base.lazy import load
 from voxgran._base.seeds import stream
 from voxgran.bench.model import TradeOff, best_rate, calibration, panels_of, peers_of, ratios, scans, write_rows
-from voxgran.containers.box import Box
+from voxgran.containers.kinds.box import Box
 from voxgran.geometry.rotation import normalized, rotation_matrices
 from voxgran.measures.registered.density import bulk_solid_fraction
 from voxgran.packing.control_point.first_contact import Encounter

@@ -17,10 +17,10 @@ from voxgran._base.arrays import Floats
 from voxgran._base.lazy import load
 from voxgran._base.seeds import stream
 from voxgran.bench.model import TradeOff, calibration, panels_of, write_rows
-from voxgran.containers.box import Box
-from voxgran.containers.cylinder import Cylinder
+from voxgran.containers.kinds.box import Box
+from voxgran.containers.kinds.cylinder import Cylinder
+from voxgran.containers.kinds.rectangle import Rectangle
 from voxgran.containers.model import Container
-from voxgran.containers.rectangle import Rectangle
 from voxgran.measures.registered.density import bulk_solid_fraction
 from voxgran.packing.model import Packing
 from voxgran.packing.pack import pack

@@ -17,7 +17,7 @@ from typing import Any, NamedTuple
 
 from voxgran.bench.model import TradeOff, calibration, panels_of, write_rows
 from voxgran.contacts.verify import verify
-from voxgran.containers.box import Box
+from voxgran.containers.kinds.box import Box
 from voxgran.measures.registered.density import bulk_solid_fraction
 from voxgran.packing.model import Packing
 from voxgran.packing.pack import pack

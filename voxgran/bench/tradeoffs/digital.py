@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from voxgran._base.lazy import load
 from voxgran._base.seeds import stream
 from voxgran.bench.model import TradeOff, best_rate, calibration, panels_of, peers_of, ratios, scans, write_rows
-from voxgran.containers.box import Box
+from voxgran.containers.kinds.box import Box
 from voxgran.measures.registered.density import bulk_solid_fraction
 from voxgran.packing.digital.precompute import precomputed_of
 from voxgran.packing.digital.schedule import SORT_SWEEPS

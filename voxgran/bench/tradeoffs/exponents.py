@@ -19,9 +19,9 @@ import numpy as np
 
 from voxgran._base.arrays import Floats
 from voxgran.bench.model import TradeOff, calibration, panels_of, write_rows
-from voxgran.containers.box import Box
+from voxgran.containers.kinds.box import Box
+from voxgran.containers.kinds.rectangle import Rectangle
 from voxgran.containers.model import Container
-from voxgran.containers.rectangle import Rectangle
 from voxgran.packing.pack import pack
 from voxgran.packing.space_filling.gaskets import in_sphere
 from voxgran.shapes.family import make_shape

@@ -15,8 +15,8 @@ import numpy as np
 from voxgran._base.lazy import load
 from voxgran._base.seeds import stream
 from voxgran.bench.model import TradeOff, calibration, panels_of, peers_of, write_rows
-from voxgran.containers.box import Box
-from voxgran.containers.rectangle import Rectangle
+from voxgran.containers.kinds.box import Box
+from voxgran.containers.kinds.rectangle import Rectangle
 from voxgran.packing.model import Packing
 from voxgran.packing.pack import pack
 from voxgran.shapes import sizes as laws

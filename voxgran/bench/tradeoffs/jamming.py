@@ -13,7 +13,7 @@ from typing import Any
 from voxgran._base.errors import PackingWarning
 from voxgran.bench.model import TradeOff, panels_of, scans, write_rows
 from voxgran.contacts.verify import verify
-from voxgran.containers.box import Box
+from voxgran.containers.kinds.box import Box
 from voxgran.packing.pack import pack
 from voxgran.shapes.family import make_shape
 from voxgran.shapes.model import Shape

@@ -22,7 +22,7 @@ from voxgran._base.arrays import Floats
 from voxgran._base.seeds import stream
 from voxgran.bench.model import TradeOff, calibration, panels_of, write_rows
 from voxgran.contacts.verify import verify
-from voxgran.containers.box import Box
+from voxgran.containers.kinds.box import Box
 from voxgran.measures.model import measure, measure_registry
 from voxgran.measures.registered.profile import axis_profile
 from voxgran.packing.model import Packing

@@ -21,7 +21,7 @@ from voxgran._base.errors import PackingWarning
 from voxgran.bench.model import TradeOff, calibration, panels_of, write_rows
 from voxgran.bench.tradeoffs.settle import Case, box_of, falling_grains, packed, polyhedra, spheres
 from voxgran.clumps.fit import fit_clump
-from voxgran.containers.box import Box
+from voxgran.containers.kinds.box import Box
 from voxgran.decks.engine import engine_registry
 from voxgran.decks.relax import relax
 from voxgran.decks.write import described

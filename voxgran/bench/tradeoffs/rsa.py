@@ -13,8 +13,8 @@ from typing import Any, TypeAlias
 import numpy as np
 
 from voxgran.bench.model import TradeOff, calibration, panels_of, peers_of, write_rows
-from voxgran.containers.box import Box
-from voxgran.containers.rectangle import Rectangle
+from voxgran.containers.kinds.box import Box
+from voxgran.containers.kinds.rectangle import Rectangle
 from voxgran.packing.pack import pack
 from voxgran.shapes.family import make_shape
 from voxgran.shapes.model import Shape

@@ -22,9 +22,9 @@ import numpy as np
 from voxgran._base.arrays import Floats
 from voxgran._base.lazy import load
 from voxgran.bench.model import TradeOff, calibration, panels_of, write_rows
-from voxgran.containers.box import Box
+from voxgran.containers.kinds.box import Box
+from voxgran.containers.kinds.rectangle import Rectangle
 from voxgran.containers.model import Container
-from voxgran.containers.rectangle import Rectangle
 from voxgran.packing.pack import prepare_task
 from voxgran.packing.rsa.available_cells import Open, all_edges
 from voxgran.shapes.family import make_shape

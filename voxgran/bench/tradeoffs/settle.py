@@ -23,7 +23,7 @@ from voxgran._base.errors import PackingWarning
 from voxgran.bench.model import LOG, PEERS, TradeOff, calibration, panels_of, scans, write_rows
 from voxgran.clumps.fit import fit_clump
 from voxgran.contacts.verify import verify
-from voxgran.containers.box import Box
+from voxgran.containers.kinds.box import Box
 from voxgran.measures.registered.coordination import coordination_number
 from voxgran.measures.registered.density import bulk_solid_fraction
 from voxgran.measures.registered.segregation import segregation

@@ -20,11 +20,11 @@ import numpy as np
 from voxgran._base.errors import PackingWarning
 from voxgran.bench.model import TradeOff, calibration, panels_of, write_rows
 from voxgran.contacts.verify import verify
-from voxgran.containers.box import Box
-from voxgran.containers.disk import Disk
+from voxgran.containers.kinds.box import Box
+from voxgran.containers.kinds.disk import Disk
+from voxgran.containers.kinds.rectangle import Rectangle
+from voxgran.containers.kinds.sphere import Sphere
 from voxgran.containers.model import Container
-from voxgran.containers.rectangle import Rectangle
-from voxgran.containers.sphere import Sphere
 from voxgran.measures.registered.coordination import coordination_number
 from voxgran.measures.registered.density import bulk_solid_fraction
 from voxgran.packing.jamming.multilayer import Multilayer

@@ -19,11 +19,11 @@ from voxgran._base.arrays import Floats
 from voxgran._base.errors import PackingWarning
 from voxgran._base.seeds import stream
 from voxgran.bench.model import TradeOff, calibration, panels_of, peers_of, write_rows
-from voxgran.containers.box import Box
-from voxgran.containers.cylinder import Cylinder
 from voxgran.containers.kernel_container import kernel_container
+from voxgran.containers.kinds.box import Box
+from voxgran.containers.kinds.cylinder import Cylinder
+from voxgran.containers.kinds.rectangle import Rectangle
 from voxgran.containers.model import Container
-from voxgran.containers.rectangle import Rectangle
 from voxgran.packing.method import State
 from voxgran.packing.pack import pack
 from voxgran.packing.tessellation.voronoi_cells import Cells, seeds_of

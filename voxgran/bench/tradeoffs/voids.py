@@ -14,7 +14,7 @@ import numpy as np
 
 from voxgran._base.arrays import Floats
 from voxgran.bench.model import TradeOff, calibration, panels_of, write_rows
-from voxgran.containers.box import Box
+from voxgran.containers.kinds.box import Box
 from voxgran.measures.registered.voids import Voids, voids
 from voxgran.packing.model import Packing
 from voxgran.packing.pack import pack

@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike
 from voxgran._base.arrays import Floats, as_floats
 from voxgran._base.errors import InputError
 from voxgran._base.kernels import bare_kernel
-from voxgran.containers.box import Box
+from voxgran.containers.kinds.box import Box
 from voxgran.geometry.rotation import normalized, write_matrix
 from voxgran.packing.control_point.method import prepare
 from voxgran.packing.control_point.neighbours import overlaps

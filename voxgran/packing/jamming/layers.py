@@ -9,9 +9,9 @@ from numpy.typing import NDArray
 from voxgran._base.arrays import Floats, Integers
 from voxgran._base.seeds import stream
 from voxgran.contacts.assembly import Assembly
-from voxgran.containers.box import Box
+from voxgran.containers.kinds.box import Box
+from voxgran.containers.kinds.rectangle import Rectangle
 from voxgran.containers.model import Container
-from voxgran.containers.rectangle import Rectangle
 from voxgran.packing.jamming.spheres import SoftSpheres
 
 

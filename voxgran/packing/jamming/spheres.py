@@ -21,10 +21,10 @@ from numpy.typing import NDArray
 
 from voxgran._base.arrays import Floats, Integers
 from voxgran.contacts.assembly import Assembly
-from voxgran.containers.box import Box
 from voxgran.containers.kernel_container import kernel_container
+from voxgran.containers.kinds.box import Box
+from voxgran.containers.kinds.rectangle import Rectangle
 from voxgran.containers.model import UNKNOWN, Container, boundary_of
-from voxgran.containers.rectangle import Rectangle
 from voxgran.geometry.level_grid import level_cells
 from voxgran.packing.jamming.coordination import NearPairs
 from voxgran.packing.jamming.expected import reachable

@@ -12,7 +12,7 @@ from voxgran._base.calls import explained
 from voxgran._base.errors import PackingWarning
 from voxgran._base.progress import OnStep
 from voxgran._base.warning import warn
-from voxgran.containers.box import Box
+from voxgran.containers.kinds.box import Box
 from voxgran.lattice.census import census
 from voxgran.packing.model import Packing
 from voxgran.shapes.images.image_files import Image, voxel_sizes, voxel_unit

@@ -10,7 +10,8 @@ from voxgran._base.arrays import Floats, Integers, as_floats
 from voxgran._base.axes import Periodic
 from voxgran._base.calls import explained
 from voxgran._base.registry import ExplainedAttributes
-from voxgran.containers.box import Block
+from voxgran.containers.kinds.box import Block
+from voxgran.containers.make import ContainerKind
 
 
 @dataclass(frozen=True, init=False)
@@ -79,3 +80,14 @@ class Rectangle(ExplainedAttributes, Block):
         (x, y, _), (u, v, _) = self.bounds
         vertices = np.array([[x, y, 0.0], [u, y, 0.0], [u, v, 0.0], [x, v, 0.0]])
         return vertices, np.array([[0, 1, 2], [0, 2, 3]])
+
+
+registration = ContainerKind(
+    name="rectangle",
+    container=Rectangle,
+    keys={
+        "lengths": "two edges, each above 0",
+        "periodic": 'axes along which it repeats, such as `"x"`; default: none',
+        "origin": "lower corner; default: 0",
+    },
+)

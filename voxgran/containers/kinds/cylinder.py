@@ -10,6 +10,7 @@ from numpy.typing import ArrayLike
 from voxgran._base.arrays import Floats, Integers, as_length, as_place, as_points, as_positive
 from voxgran._base.calls import explained
 from voxgran._base.registry import ExplainedAttributes
+from voxgran.containers.make import ContainerKind
 from voxgran.containers.model import Boundary
 from voxgran.shapes.tessellate import revolved
 
@@ -131,3 +132,14 @@ class Cylinder(ExplainedAttributes):
         {'kind': 'cylinder', 'radius': 2.0, 'height': 5.0, 'origin': [0.0, 0.0, 0.0]}
         """
         return {"kind": self.kind, "radius": self.radius, "height": self.height, "origin": list(self.origin)}
+
+
+registration = ContainerKind(
+    name="cylinder",
+    container=Cylinder,
+    keys={
+        "radius": "radius, a length above 0",
+        "height": "height along z, a length above 0",
+        "origin": "center of the base; default: 0",
+    },
+)

@@ -1,7 +1,7 @@
 """A polygon with holes as a container in two dimensions: from corners, or the bright region of a picture."""
 
 import os
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Any, ClassVar
@@ -11,7 +11,9 @@ from numpy.typing import ArrayLike, NDArray
 
 from voxgran._base.arrays import Floats, Integers, as_place, as_positive, check_lengths, read_only
 from voxgran._base.calls import explained
+from voxgran._base.errors import InputError
 from voxgran._base.registry import ExplainedAttributes
+from voxgran.containers.make import ContainerKind
 from voxgran.containers.model import Boundary
 from voxgran.containers.plane import area_of, as_loops, points_in_plane, prism_of, triangles_of
 from voxgran.shapes.images.outline_images import region_loops
@@ -223,3 +225,37 @@ class Polygon(ExplainedAttributes):
         ['corners', 'holes', 'kind']
         """
         return {"kind": self.kind, "corners": self.corners.tolist(), "holes": [hole.tolist() for hole in self.holes]}
+
+
+def _make(rest: Mapping[str, Any], where: str) -> Polygon:
+    """Return a polygon from its corners or from a picture."""
+    if ("file" in rest) == ("corners" in rest):
+        told = "both given" if "file" in rest else "both missing"
+        raise InputError(f"{where} corners and file are {told}: a polygon has either; give one of them")
+    own = ("corners", "holes") if "corners" in rest else ("file", "pixel_size", "level", "min_area", "origin")
+    for key in rest:
+        if key not in own:
+            raise InputError(
+                f"{where} {key} is given with {own[0]}: beside it there may be {', '.join(own[1:])} only; leave it out"
+            )
+    if "corners" in rest:
+        return Polygon(rest["corners"], holes=rest.get("holes", ()))
+    if "pixel_size" not in rest:
+        raise InputError(f"{where} pixel_size is missing: it gives a picture its lengths; add it")
+    return Polygon.from_image(rest["file"], **{key: value for key, value in rest.items() if key != "file"})
+
+
+registration = ContainerKind(
+    name="polygon",
+    container=Polygon,
+    keys={
+        "file": "picture of its inside, relative to the scene file",
+        "pixel_size": "edge of a pixel of a picture, a length above 0",
+        "level": "value at the boundary of a picture; default: halfway between its smallest and its largest",
+        "min_area": "regions and holes of a picture of less area, in pixels, are left out as noise",
+        "origin": "lower corner of a picture; default: 0",
+        "corners": "corners in order, shape (n, 2), in place of a file",
+        "holes": "corners of each hole",
+    },
+    make=_make,
+)

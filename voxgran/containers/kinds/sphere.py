@@ -10,6 +10,7 @@ from numpy.typing import ArrayLike
 from voxgran._base.arrays import Floats, Integers, as_length, as_place, as_points, as_positive
 from voxgran._base.calls import explained
 from voxgran._base.registry import ExplainedAttributes
+from voxgran.containers.make import ContainerKind
 from voxgran.containers.model import Boundary
 from voxgran.shapes.tessellate import sphere
 
@@ -126,3 +127,13 @@ class Sphere(ExplainedAttributes):
         {'kind': 'sphere', 'radius': 2.0, 'origin': [0.0, 0.0, 0.0]}
         """
         return {"kind": self.kind, "radius": self.radius, "origin": list(self.origin)}
+
+
+registration = ContainerKind(
+    name="sphere",
+    container=Sphere,
+    keys={
+        "radius": "radius, a length above 0",
+        "origin": "center; default: 0",
+    },
+)

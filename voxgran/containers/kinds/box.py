@@ -11,6 +11,7 @@ from voxgran._base.arrays import Floats, Integers, as_length, as_place, as_point
 from voxgran._base.axes import Flags, Periodic, as_periodic
 from voxgran._base.calls import explained
 from voxgran._base.registry import ExplainedAttributes
+from voxgran.containers.make import ContainerKind
 from voxgran.containers.model import Boundary
 from voxgran.shapes.tessellate import unit_box
 
@@ -182,3 +183,14 @@ class Box(ExplainedAttributes, Block):
         """
         vertices, faces, _ = unit_box()
         return (vertices + 0.5) * np.array(self.lengths) + np.array(self.origin), faces
+
+
+registration = ContainerKind(
+    name="box",
+    container=Box,
+    keys={
+        "lengths": "three edges, each above 0",
+        "periodic": 'axes along which it repeats, such as `"xy"`; default: none',
+        "origin": "lower corner; default: 0",
+    },
+)

@@ -1,15 +1,17 @@
 """Closed triangle meshes as containers."""
 
 import os
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any, ClassVar
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from voxgran._base.arrays import Floats, Integers, as_points, check_type
+from voxgran._base.arrays import Floats, Integers, as_faces, as_points, as_vector, check_type
 from voxgran._base.errors import InputError, with_article
 from voxgran._base.registry import ExplainedAttributes
+from voxgran.containers.make import ContainerKind
 from voxgran.containers.model import Boundary
 from voxgran.shapes.files import shape_of_file
 from voxgran.shapes.mesh import Mesh
@@ -203,3 +205,32 @@ class ClosedMesh(ExplainedAttributes):
             "faces": self._geometry.faces.tolist(),
             "offset": list(self.shape.offset),
         }
+
+
+def _make(rest: Mapping[str, Any], where: str) -> ClosedMesh:
+    """Return a closed mesh from a file or from arrays."""
+    if "file" in rest:
+        return ClosedMesh.from_file(rest["file"])
+    if "vertices" not in rest or "faces" not in rest:
+        raise InputError(f"{where} file is missing: a mesh container needs a file, or vertices and faces; add it")
+    name = str(rest.get("name", "container"))
+    if "offset" not in rest:
+        return ClosedMesh(Shape.from_mesh(rest["vertices"], rest["faces"], name=name))
+    # vertices written by a container are relative to the centroid already and are restored bit for bit
+    vertices = as_points(rest["vertices"], "vertices")
+    x, y, z = (float(value) for value in as_vector(rest["offset"], "offset"))
+    return ClosedMesh(Shape(Mesh(vertices, as_faces(rest["faces"], len(vertices))), name, (x, y, z)))
+
+
+registration = ContainerKind(
+    name="mesh",
+    container=ClosedMesh,
+    keys={
+        "file": "closed mesh, relative to the scene file",
+        "vertices": "points of a mesh without file, shape (n, 3)",
+        "faces": "triangles of a mesh without file, shape (m, 3), as indices of vertices",
+        "name": "name of a mesh without file",
+        "offset": "what is added to the vertices of a mesh without file",
+    },
+    make=_make,
+)

@@ -10,6 +10,7 @@ from numpy.typing import ArrayLike
 from voxgran._base.arrays import Floats, Integers, as_length, as_place, as_positive
 from voxgran._base.calls import explained
 from voxgran._base.registry import ExplainedAttributes
+from voxgran.containers.make import ContainerKind
 from voxgran.containers.model import Boundary
 from voxgran.containers.plane import points_in_plane
 from voxgran.shapes.outline import Outline
@@ -125,3 +126,13 @@ class Disk(ExplainedAttributes):
         {'kind': 'disk', 'radius': 2.0, 'origin': [0.0, 0.0]}
         """
         return {"kind": self.kind, "radius": self.radius, "origin": list(self.origin)}
+
+
+registration = ContainerKind(
+    name="disk",
+    container=Disk,
+    keys={
+        "radius": "radius, a length above 0",
+        "origin": "center; default: 0",
+    },
+)
