@@ -1,6 +1,8 @@
 """The page of the scene file, made of the tables by which scenes are checked."""
 
 import dataclasses
+import inspect
+import re
 
 from site_tables import code, table
 
@@ -77,12 +79,11 @@ def keys_of(*classes):
 
 def containers():
     """Return the section of the containers."""
-    kinds = map(container_registry().get, container_registry().names())
-    rows = [
-        (code(kind.name), code(key), "required" if key in kind.required else "", text)
-        for kind in kinds
-        for key, text in kind.keys.items()
-    ]
+    rows = []
+    for kind in map(container_registry().get, container_registry().names()):
+        told = re.findall(r"^(\w+) : .*\n((?:    .*\n)+)", inspect.getdoc(kind.container), re.MULTILINE)
+        meanings = kind.meanings or {key: " ".join(text.split()) for key, text in told}
+        rows += [(code(kind.name), code(key), "required" * need, meanings[key]) for key, need in kind.keys.items()]
     parts = ["## [container]", "", "What holds the grains: its `kind` and the keys of that kind.", ""]
     return "\n".join([*parts, table(("kind", "key", "default", "meaning"), rows)])
 

@@ -2,7 +2,7 @@
 
 import inspect
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any
 
 from voxgran._base.calls import explained
@@ -24,32 +24,30 @@ class ContainerKind:
         The `kind` of its containers.
     container : type
         Their class.
-    keys : mapping of str to str
-        Keys of a mapping beside ``kind``, which are the arguments of the class, with their meanings. Those without a
-        default are required.
     make : callable, optional
-        ``make(values, where)`` returns the container of a mapping where these are not the arguments of the class;
-        `where` names the mapping in messages. It checks which keys are required.
+        ``make(values, where)`` returns the container of a mapping where its keys beside ``kind`` are not the arguments
+        of the class; `where` names the mapping in messages. It checks which keys are required.
+    meanings : mapping of str to str
+        Keys that `make` takes, with their meanings; those of arguments stand in the docstring of the class.
 
     Examples
     --------
     >>> from voxgran.containers.make import container_registry
-    >>> container_registry().get("cylinder").required
-    ('radius', 'height')
+    >>> container_registry().get("cylinder").keys
+    {'radius': True, 'height': True, 'origin': False}
     """
 
     name: str
     container: type
-    keys: Mapping[str, str]
     make: Callable[[Mapping[str, Any], str], Container] | None = None
+    meanings: Mapping[str, str] = field(default_factory=dict)
 
     @property
-    def required(self) -> tuple[str, ...]:
-        """Keys without a default."""
+    def keys(self) -> dict[str, bool]:
+        """Keys of a mapping beside ``kind``, and whether each is required: an argument without a default."""
         if self.make is not None:
-            return ()
-        arguments = inspect.signature(self.container).parameters.values()
-        return tuple(one.name for one in arguments if one.default is one.empty)
+            return dict.fromkeys(self.meanings, False)
+        return {one.name: one.default is one.empty for one in inspect.signature(self.container).parameters.values()}
 
 
 def container_registry() -> Registry[ContainerKind]:
@@ -139,8 +137,8 @@ def make_container(mapping: Mapping[str, Any], where: str = "[container]") -> Co
     for key in rest:
         if key not in entry.keys:
             raise UnknownNameError(unknown(f"{where} key", key, entry.keys))
-    for key in entry.required:
-        if key not in rest:
+    for key, required in entry.keys.items():
+        if required and key not in rest:
             raise InputError(f"{where} {key} is missing: {with_article(kind)} needs it; add it")
     container: Container = entry.container(**rest) if entry.make is None else entry.make(rest, where)
     return container

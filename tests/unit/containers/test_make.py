@@ -68,7 +68,7 @@ def test_all_kinds_are_listed():
     assert registry.names() == ("box", "cylinder", "disk", "mesh", "polygon", "rectangle", "sphere")
     entries = [registry.get(name) for name in registry.names()]
     assert all(entry.container.kind == entry.name for entry in entries)
-    assert entries[0].required == ("lengths",)
+    assert entries[0].keys == {"lengths": True, "periodic": False, "origin": False}
 
 
 @pytest.mark.parametrize("container", CONTAINERS)

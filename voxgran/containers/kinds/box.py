@@ -185,12 +185,4 @@ class Box(ExplainedAttributes, Block):
         return (vertices + 0.5) * np.array(self.lengths) + np.array(self.origin), faces
 
 
-registration = ContainerKind(
-    name="box",
-    container=Box,
-    keys={
-        "lengths": "three edges, each above 0",
-        "periodic": 'axes along which it repeats, such as `"xy"`; default: none',
-        "origin": "lower corner; default: 0",
-    },
-)
+registration = ContainerKind(name="box", container=Box)

@@ -134,12 +134,4 @@ class Cylinder(ExplainedAttributes):
         return {"kind": self.kind, "radius": self.radius, "height": self.height, "origin": list(self.origin)}
 
 
-registration = ContainerKind(
-    name="cylinder",
-    container=Cylinder,
-    keys={
-        "radius": "radius, a length above 0",
-        "height": "height along z, a length above 0",
-        "origin": "center of the base; default: 0",
-    },
-)
+registration = ContainerKind(name="cylinder", container=Cylinder)

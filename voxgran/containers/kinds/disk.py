@@ -128,11 +128,4 @@ class Disk(ExplainedAttributes):
         return {"kind": self.kind, "radius": self.radius, "origin": list(self.origin)}
 
 
-registration = ContainerKind(
-    name="disk",
-    container=Disk,
-    keys={
-        "radius": "radius, a length above 0",
-        "origin": "center; default: 0",
-    },
-)
+registration = ContainerKind(name="disk", container=Disk)

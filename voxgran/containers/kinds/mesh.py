@@ -225,7 +225,7 @@ def _make(rest: Mapping[str, Any], where: str) -> ClosedMesh:
 registration = ContainerKind(
     name="mesh",
     container=ClosedMesh,
-    keys={
+    meanings={
         "file": "closed mesh, relative to the scene file",
         "vertices": "points of a mesh without file, shape (n, 3)",
         "faces": "triangles of a mesh without file, shape (m, 3), as indices of vertices",

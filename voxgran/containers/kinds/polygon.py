@@ -248,7 +248,7 @@ def _make(rest: Mapping[str, Any], where: str) -> Polygon:
 registration = ContainerKind(
     name="polygon",
     container=Polygon,
-    keys={
+    meanings={
         "file": "picture of its inside, relative to the scene file",
         "pixel_size": "edge of a pixel of a picture, a length above 0",
         "level": "value at the boundary of a picture; default: halfway between its smallest and its largest",

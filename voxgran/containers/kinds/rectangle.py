@@ -82,12 +82,4 @@ class Rectangle(ExplainedAttributes, Block):
         return vertices, np.array([[0, 1, 2], [0, 2, 3]])
 
 
-registration = ContainerKind(
-    name="rectangle",
-    container=Rectangle,
-    keys={
-        "lengths": "two edges, each above 0",
-        "periodic": 'axes along which it repeats, such as `"x"`; default: none',
-        "origin": "lower corner; default: 0",
-    },
-)
+registration = ContainerKind(name="rectangle", container=Rectangle)

@@ -129,11 +129,4 @@ class Sphere(ExplainedAttributes):
         return {"kind": self.kind, "radius": self.radius, "origin": list(self.origin)}
 
 
-registration = ContainerKind(
-    name="sphere",
-    container=Sphere,
-    keys={
-        "radius": "radius, a length above 0",
-        "origin": "center; default: 0",
-    },
-)
+registration = ContainerKind(name="sphere", container=Sphere)
