@@ -11,8 +11,8 @@ from typing import Any, Literal, TypedDict, Unpack, overload
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from voxgran._base.calls import Parameters
 from voxgran._base.progress import OnStep
+from voxgran._base.registry import Parameters
 from voxgran.clumps.model import Clump
 from voxgran.containers.model import Container
 from voxgran.packing.driver import Recorder

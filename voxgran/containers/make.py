@@ -6,7 +6,7 @@ from typing import Any
 from voxgran._base.arrays import as_faces, as_points, as_vector
 from voxgran._base.calls import explained
 from voxgran._base.errors import InputError, UnknownNameError, shown, with_article
-from voxgran._base.registry import nearest, unknown
+from voxgran._base.names import nearest, unknown
 from voxgran.containers.box import Box
 from voxgran.containers.closed_mesh import ClosedMesh
 from voxgran.containers.cylinder import Cylinder
