@@ -16,7 +16,7 @@ unexport PYTHONDONTWRITEBYTECODE
 
 .DEFAULT_GOAL := demo
 .DELETE_ON_ERROR:
-.PHONY: demo test test-slow test-lowest test-engines test-browser test-dist lint docs dist bench studies figures clean
+.PHONY: demo test test-slow test-lowest test-engines test-browser test-dist lint stubs docs dist bench studies figures clean
 
 demo: $(STAMP)   ## pack a small scene, check it, and write files and a report to out/demo
 	$(BIN)/voxgran demo -o out/demo --overwrite
@@ -42,6 +42,9 @@ lint: $(STAMP)   ## style, format and types
 	$(BIN)/ruff check
 	$(BIN)/ruff format --check
 	$(BIN)/mypy
+
+stubs: $(STAMP)   ## the stubs that follow from the parameter classes
+	PYTHONPATH=. $(BIN)/python tools/stubs.py
 
 docs: $(VENV)/.docs   ## this package's site, with its gallery, in out/docs; a warning is an error
 	$(BIN)/python -m sphinx -W --keep-going -q -b html -d out/docs_cache docs out/docs

@@ -1,7 +1,9 @@
-"""Types of the functions that take a name with keywords: one overload for each name.
+# fmt: off
+# ruff: noqa: E501
+"""Types of the functions that take a name with keywords: one overload for each name. Written by tools/stubs.py.
 
-This file is made by tests/unit/test_public_names.py from the parameter classes. An overload for names that are not
-known here takes no parameters, since it would accept misspelt ones: methods of others are given as parameter objects.
+An overload for names that are not known here takes no parameters, since it would accept misspelt ones: methods of
+others are given as parameter objects.
 """
 
 import os
@@ -11,8 +13,8 @@ from typing import Any, Literal, TypedDict, Unpack, overload
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from voxgran._base.calls import Parameters
 from voxgran._base.progress import OnStep
+from voxgran._base.registry import Parameters
 from voxgran.clumps.model import Clump
 from voxgran.containers.model import Container
 from voxgran.packing.driver import Recorder
@@ -47,317 +49,255 @@ class PackKeywords(TypedDict, total=False):
     on_step: OnStep | None
     recorder: Recorder | None
     settle: bool | Mapping[str, Any] | Settling | None
-
-class VoronoiFillKeywords(PackKeywords, total=False):
-    fill: Literal["shapes", "cells"]
-    smoothing: Whole
-    orientations: Whole
-    rounds: Whole
-
-class TetrahedralKeywords(PackKeywords, total=False):
-    edge: Number | None
-    smallest: Number | None
-    largest: Number | None
-    jitter: Number
-    mesh: str | None
-
-class RsaKeywords(PackKeywords, total=False):
-    scheme: Literal["classic", "1", "2", "3", "4a", "4b", "4c", "4d"]
-    until: Literal["tries", "saturated"] | None
+class AdvancingFrontKeywords(PackKeywords, total=False):
+    mode: Literal['loose', 'dense']
+    order: Literal['random', 'nearest', 'lowest']
     tries: Whole
-    retry: Literal["scan", "next"]
-    corrections: Whole
-    order: Literal["given", "largest", "random"] | None
-    along: Literal["x", "y", "z"]
-    numbers: Literal["philox", "lcg"]
-    aligned: bool
-
-class RandomApollonianKeywords(PackKeywords, total=False):
+    grow: Number
+class ApollonianKeywords(PackKeywords, total=False):
     smallest: Number | None
-    largest: Number | None
-    shift: Whole
-    rotate: Whole
-    shrink: Number
-
-class MultilayerKeywords(PackKeywords, total=False):
-    layers: Whole
-    undercompaction: Number
-
-class JamKeywords(PackKeywords, total=False):
-    growth_rate: Number
-    keep: Literal["container", "sizes"]
-
-class GrowthKeywords(PackKeywords, total=False):
-    arrival: Literal["together", "continuous"]
-    slowest: Number
-    speed: Number
-
-class GravityKeywords(PackKeywords, total=False):
-    friction: Number
-    restitution: Number
-    shaking: Shaking | None
-    lid: Lid | None
-    fall_time: Number | None
-    rest: Number
-    parts: Literal["exact", "hulls"]
-    gravity: Literal["-x", "+x", "-y", "+y", "-z", "+z"] | (Sequence[Number] | NDArray[Any]) | None
-    fill: Number
-    height: Number | None
-
-class ExpandKeywords(PackKeywords, total=False):
-    growth_rate: Number
-
-class DigitalRsaKeywords(PackKeywords, total=False):
-    voxel_size: Number | None
-    cover: Literal["touch", "center"]
-    turned: bool
-    orientations: Whole
-
-class DigitalFillKeywords(PackKeywords, total=False):
-    voxel_size: Number | None
-    cover: Literal["touch", "center"]
-    turned: bool
-    orientations: Whole
-    place: Literal["lowest", "contact", "wall"]
-    gravity: Literal["-x", "+x", "-y", "+y", "-z", "+z", "none"] | None
-    order: Literal["random", "largest"]
-
-class DigitalKeywords(PackKeywords, total=False):
+class FeedingKeywords(PackKeywords, total=False):
+    gravity: Literal['-x', '+x', '-y', '+y', '-z', '+z', 'none'] | (Sequence[Number] | NDArray[Any]) | None
+    feed: Literal['rain', 'layers', 'at_once']
+    rate: Number
+    layer_sweeps: Whole
+class WalkingKeywords(FeedingKeywords, total=False):
     sweeps: Whole
     cycles: Whole | None
     period: Whole | None
     decay: Number | None
-    gravity: Literal["-x", "+x", "-y", "+y", "-z", "+z", "none"] | (Sequence[Number] | NDArray[Any]) | None
-    feed: Literal["rain", "layers", "at_once"]
-    rate: Number
-    layer_sweeps: Whole
     lid: bool
-    voxel_size: Number | None
-    cover: Literal["touch", "center"]
-    downward_share: Number
-    vibration_up: Number
-    rotation_share: Number
-    orientations: Whole
-    guided: Number
-    schedule: Literal["random", "sorted", "sleeping"]
-
-class DepositionKeywords(PackKeywords, total=False):
-    sticking: Number
-    toward: Literal["floor", "center"]
-    drops: Whole
-
-class ControlPointKeywords(PackKeywords, total=False):
-    sweeps: Whole
-    cycles: Whole | None
-    period: Whole | None
-    decay: Number | None
-    gravity: Literal["-x", "+x", "-y", "+y", "-z", "+z", "none"] | (Sequence[Number] | NDArray[Any]) | None
-    feed: Literal["rain", "layers", "at_once"]
-    rate: Number
-    layer_sweeps: Whole
-    lid: bool
+class ControlPointKeywords(WalkingKeywords, total=False):
     spacing: Number
-    contact: Literal["sdf", "kdtree"]
-    points: Literal["surface", "all"]
-    tested_points: Literal["both", "one"]
+    contact: Literal['sdf', 'kdtree']
+    points: Literal['surface', 'all']
+    tested_points: Literal['both', 'one']
     distance: Number
     overlap: Number
     gravity_bias: Number
     vibration_up: Number
     rotation_share: Number
     step: Number
-
-class ApollonianKeywords(PackKeywords, total=False):
+class DepositionKeywords(PackKeywords, total=False):
+    sticking: Number
+    toward: Literal['floor', 'center']
+    drops: Whole
+class DigitalKeywords(WalkingKeywords, total=False):
+    voxel_size: Number | None
+    cover: Literal['touch', 'center']
+    downward_share: Number
+    vibration_up: Number
+    rotation_share: Number
+    orientations: Whole
+    guided: Number
+    schedule: Literal['random', 'sorted', 'sleeping']
+class LatticeSearchKeywords(PackKeywords, total=False):
+    voxel_size: Number | None
+    cover: Literal['touch', 'center']
+    turned: bool
+    orientations: Whole
+class DigitalFillKeywords(LatticeSearchKeywords, total=False):
+    place: Literal['lowest', 'contact', 'wall']
+    gravity: Literal['-x', '+x', '-y', '+y', '-z', '+z', 'none'] | None
+    order: Literal['random', 'largest']
+class DigitalRsaKeywords(LatticeSearchKeywords, total=False): ...
+class CompressionKeywords(PackKeywords, total=False):
+    growth_rate: Number
+class ExpandKeywords(CompressionKeywords, total=False): ...
+class SettlingKeywords(PackKeywords, total=False):
+    friction: Number
+    restitution: Number
+    shaking: Shaking | None
+    lid: Lid | None
+    fall_time: Number | None
+    rest: Number
+    parts: Literal['exact', 'hulls']
+class GravityKeywords(SettlingKeywords, total=False):
+    gravity: Literal['-x', '+x', '-y', '+y', '-z', '+z'] | (Sequence[Number] | NDArray[Any]) | None
+    fill: Number
+    height: Number | None
+class GrowthKeywords(PackKeywords, total=False):
+    arrival: Literal['together', 'continuous']
+    slowest: Number
+    speed: Number
+class JamKeywords(CompressionKeywords, total=False):
+    keep: Literal['container', 'sizes']
+class MultilayerKeywords(PackKeywords, total=False):
+    layers: Whole
+    undercompaction: Number
+class RandomApollonianKeywords(PackKeywords, total=False):
     smallest: Number | None
-
-class AdvancingFrontKeywords(PackKeywords, total=False):
-    mode: Literal["loose", "dense"]
-    order: Literal["random", "nearest", "lowest"]
+    largest: Number | None
+    shift: Whole
+    rotate: Whole
+    shrink: Number
+class RsaKeywords(PackKeywords, total=False):
+    scheme: Literal['classic', '1', '2', '3', '4a', '4b', '4c', '4d']
+    until: Literal['tries', 'saturated'] | None
     tries: Whole
-    grow: Number
-
+    retry: Literal['scan', 'next']
+    corrections: Whole
+    order: Literal['given', 'largest', 'random'] | None
+    along: Literal['x', 'y', 'z']
+    numbers: Literal['philox', 'lcg']
+    aligned: bool
+class TetrahedralKeywords(PackKeywords, total=False):
+    edge: Number | None
+    smallest: Number | None
+    largest: Number | None
+    jitter: Number
+    mesh: str | None
+class VoronoiFillKeywords(PackKeywords, total=False):
+    fill: Literal['shapes', 'cells']
+    smoothing: Whole
+    orientations: Whole
+    rounds: Whole
 @overload
-def pack(
-    shapes: Sequence[Shape] | Shape,
-    container: Container,
-    method: Literal["advancing_front"],
-    **keywords: Unpack[AdvancingFrontKeywords],
-) -> Packing: ...
+def pack(shapes: Sequence[Shape] | Shape, container: Container, method: Literal["advancing_front"], **keywords: Unpack[AdvancingFrontKeywords]) -> Packing: ...
 @overload
-def pack(
-    shapes: Sequence[Shape] | Shape,
-    container: Container,
-    method: Literal["apollonian"],
-    **keywords: Unpack[ApollonianKeywords],
-) -> Packing: ...
+def pack(shapes: Sequence[Shape] | Shape, container: Container, method: Literal["apollonian"], **keywords: Unpack[ApollonianKeywords]) -> Packing: ...
 @overload
-def pack(
-    shapes: Sequence[Shape] | Shape,
-    container: Container,
-    method: Literal["control_point"],
-    **keywords: Unpack[ControlPointKeywords],
-) -> Packing: ...
+def pack(shapes: Sequence[Shape] | Shape, container: Container, method: Literal["control_point"], **keywords: Unpack[ControlPointKeywords]) -> Packing: ...
 @overload
-def pack(
-    shapes: Sequence[Shape] | Shape,
-    container: Container,
-    method: Literal["deposition"],
-    **keywords: Unpack[DepositionKeywords],
-) -> Packing: ...
+def pack(shapes: Sequence[Shape] | Shape, container: Container, method: Literal["deposition"], **keywords: Unpack[DepositionKeywords]) -> Packing: ...
 @overload
-def pack(
-    shapes: Sequence[Shape] | Shape,
-    container: Container,
-    method: Literal["digital"],
-    **keywords: Unpack[DigitalKeywords],
-) -> Packing: ...
+def pack(shapes: Sequence[Shape] | Shape, container: Container, method: Literal["digital"], **keywords: Unpack[DigitalKeywords]) -> Packing: ...
 @overload
-def pack(
-    shapes: Sequence[Shape] | Shape,
-    container: Container,
-    method: Literal["digital_fill"],
-    **keywords: Unpack[DigitalFillKeywords],
-) -> Packing: ...
+def pack(shapes: Sequence[Shape] | Shape, container: Container, method: Literal["digital_fill"], **keywords: Unpack[DigitalFillKeywords]) -> Packing: ...
 @overload
-def pack(
-    shapes: Sequence[Shape] | Shape,
-    container: Container,
-    method: Literal["digital_rsa"],
-    **keywords: Unpack[DigitalRsaKeywords],
-) -> Packing: ...
+def pack(shapes: Sequence[Shape] | Shape, container: Container, method: Literal["digital_rsa"], **keywords: Unpack[DigitalRsaKeywords]) -> Packing: ...
 @overload
-def pack(
-    shapes: Sequence[Shape] | Shape, container: Container, method: Literal["expand"], **keywords: Unpack[ExpandKeywords]
-) -> Packing: ...
+def pack(shapes: Sequence[Shape] | Shape, container: Container, method: Literal["expand"], **keywords: Unpack[ExpandKeywords]) -> Packing: ...
 @overload
-def pack(
-    shapes: Sequence[Shape] | Shape,
-    container: Container,
-    method: Literal["gravity"],
-    **keywords: Unpack[GravityKeywords],
-) -> Packing: ...
+def pack(shapes: Sequence[Shape] | Shape, container: Container, method: Literal["gravity"], **keywords: Unpack[GravityKeywords]) -> Packing: ...
 @overload
-def pack(
-    shapes: Sequence[Shape] | Shape, container: Container, method: Literal["growth"], **keywords: Unpack[GrowthKeywords]
-) -> Packing: ...
+def pack(shapes: Sequence[Shape] | Shape, container: Container, method: Literal["growth"], **keywords: Unpack[GrowthKeywords]) -> Packing: ...
 @overload
-def pack(
-    shapes: Sequence[Shape] | Shape, container: Container, method: Literal["jam"], **keywords: Unpack[JamKeywords]
-) -> Packing: ...
+def pack(shapes: Sequence[Shape] | Shape, container: Container, method: Literal["jam"], **keywords: Unpack[JamKeywords]) -> Packing: ...
 @overload
-def pack(
-    shapes: Sequence[Shape] | Shape,
-    container: Container,
-    method: Literal["multilayer"],
-    **keywords: Unpack[MultilayerKeywords],
-) -> Packing: ...
+def pack(shapes: Sequence[Shape] | Shape, container: Container, method: Literal["multilayer"], **keywords: Unpack[MultilayerKeywords]) -> Packing: ...
 @overload
-def pack(
-    shapes: Sequence[Shape] | Shape,
-    container: Container,
-    method: Literal["random_apollonian"],
-    **keywords: Unpack[RandomApollonianKeywords],
-) -> Packing: ...
+def pack(shapes: Sequence[Shape] | Shape, container: Container, method: Literal["random_apollonian"], **keywords: Unpack[RandomApollonianKeywords]) -> Packing: ...
 @overload
-def pack(
-    shapes: Sequence[Shape] | Shape, container: Container, method: Literal["rsa"], **keywords: Unpack[RsaKeywords]
-) -> Packing: ...
+def pack(shapes: Sequence[Shape] | Shape, container: Container, method: Literal["rsa"], **keywords: Unpack[RsaKeywords]) -> Packing: ...
 @overload
-def pack(
-    shapes: Sequence[Shape] | Shape,
-    container: Container,
-    method: Literal["tetrahedral"],
-    **keywords: Unpack[TetrahedralKeywords],
-) -> Packing: ...
+def pack(shapes: Sequence[Shape] | Shape, container: Container, method: Literal["tetrahedral"], **keywords: Unpack[TetrahedralKeywords]) -> Packing: ...
 @overload
-def pack(
-    shapes: Sequence[Shape] | Shape,
-    container: Container,
-    method: Literal["voronoi_fill"],
-    **keywords: Unpack[VoronoiFillKeywords],
-) -> Packing: ...
+def pack(shapes: Sequence[Shape] | Shape, container: Container, method: Literal["voronoi_fill"], **keywords: Unpack[VoronoiFillKeywords]) -> Packing: ...
 @overload
-def pack(
-    shapes: Sequence[Shape] | Shape, container: Container, method: str | Parameters, **keywords: Unpack[PackKeywords]
-) -> Packing: ...
-
+def pack(shapes: Sequence[Shape] | Shape, container: Container, method: str | Parameters, **keywords: Unpack[PackKeywords]) -> Packing: ...
 class MakeShapeKeywords(TypedDict, total=False):
     seed: Whole
-
-class VoxelRainKeywords(MakeShapeKeywords, total=False):
-    cubes: WholeRange
-    width: Sequence[Whole] | NDArray[Any]
-    base: Literal["rectangle", "ellipse"]
-    plate: WholeRange
-    deposition: Literal["ballistic", "random", "relaxed"]
-    diameter: NumberRange | None
-    edge: NumberRange | None
-
-class VoronoiFragmentKeywords(MakeShapeKeywords, total=False):
-    seeds: WholeRange
-    process: Literal["random", "jittered"]
-    jitter: NumberRange
-    boundary: Literal["periodic", "reflected"]
+class BoxKeywords(MakeShapeKeywords, total=False):
     aspect: Sequence[Number] | NDArray[Any] | None
-    cell: WholeRange | None
     diameter: NumberRange | None
     lengths: Sequence[Number] | NDArray[Any] | None
-
-class TorusKeywords(MakeShapeKeywords, total=False):
-    aspect: NumberRange | None
-    diameter: NumberRange | None
-    major_radius: NumberRange | None
-    minor_radius: NumberRange | None
-    tolerance: NumberRange
-
-class SuperspherizeKeywords(MakeShapeKeywords, total=False):
-    base: str | Shape | Mapping[str, Any]
-    inflations: WholeRange
-    amounts: NumberRange | (Sequence[Number] | NDArray[Any])
-    radii: NumberRange | (Sequence[Number] | NDArray[Any])
-    half_angles: NumberRange | (Sequence[Number] | NDArray[Any])
-    spread: NumberRange
-    longest_edge: NumberRange
-    diameter: NumberRange | None
-
-class SuperquadricKeywords(MakeShapeKeywords, total=False):
-    e1: NumberRange
-    e2: NumberRange
-    aspect: Sequence[Number] | NDArray[Any] | None
-    diameter: NumberRange | None
-    semi_axes: Sequence[Number] | NDArray[Any] | None
-    tolerance: NumberRange
-
-class SpherocylinderKeywords(MakeShapeKeywords, total=False):
+class CylinderKeywords(MakeShapeKeywords, total=False):
     aspect: NumberRange | None
     diameter: NumberRange | None
     radius: NumberRange | None
     height: NumberRange | None
-    tolerance: NumberRange
-
-class SphericalHarmonicsKeywords(MakeShapeKeywords, total=False):
-    like: str | Shape | Mapping[str, Any] | None
-    degree: WholeRange
-    roughness: NumberRange | None
-    exponent: NumberRange | None
+class ConeKeywords(CylinderKeywords, total=False): ...
+class ConvexPolyhedronKeywords(MakeShapeKeywords, total=False):
+    points: WholeRange
     aspect: Sequence[Number] | NDArray[Any]
-    subdivisions: WholeRange
     diameter: NumberRange | None
-
-class SphereAssemblyKeywords(MakeShapeKeywords, total=False):
-    base: str | Shape | Mapping[str, Any]
-    arrangement: Literal["voxels", "tetrahedra"]
-    spacing: NumberRange
-    probability: NumberRange
-    radii: NumberRange | (Sequence[Number] | NDArray[Any])
+class CrumpledKeywords(MakeShapeKeywords, total=False):
+    fold_length: NumberRange
+    angles: Sequence[Number] | NDArray[Any]
+    aspect: Sequence[Number] | NDArray[Any]
+    diameter: NumberRange | None
+class CubeRainKeywords(MakeShapeKeywords, total=False):
+    cubes: WholeRange
+    edges: Sequence[Number] | NDArray[Any]
     overlap: NumberRange
-    isolated: Literal["connect", "remove"]
+    fall: Literal['around', 'down']
     diameter: NumberRange | None
-
 class SphereKeywords(MakeShapeKeywords, total=False):
     diameter: NumberRange | None
     radius: NumberRange | None
-
+class DiskKeywords(SphereKeywords, total=False): ...
+class EllipsoidKeywords(MakeShapeKeywords, total=False):
+    aspect: Sequence[Number] | NDArray[Any] | None
+    diameter: NumberRange | None
+    semi_axes: Sequence[Number] | NDArray[Any] | None
+class FourierSpectrumKeywords(MakeShapeKeywords, total=False):
+    d_2: NumberRange
+    d_3: NumberRange
+    d_8: NumberRange
+    alpha: NumberRange
+    beta: NumberRange
+    harmonics: WholeRange
+class MollonZhaoKeywords(FourierSpectrumKeywords, total=False):
+    subdivisions: WholeRange
+    diameter: NumberRange | None
+class MollonZhao2dKeywords(FourierSpectrumKeywords, total=False):
+    diameter: NumberRange | None
+class NoiseStarKeywords(MakeShapeKeywords, total=False):
+    deviation: NumberRange
+    correlation_angle: NumberRange
+    subdivisions: WholeRange
+    diameter: NumberRange | None
+class PlatonicKeywords(MakeShapeKeywords, total=False):
+    solid: PlatonicSolid
+    diameter: NumberRange | None
+class PolygonKeywords(MakeShapeKeywords, total=False):
+    corners: WholeRange | None
+    stretch: NumberRange | None
+    diameter: NumberRange | None
+    vertices: Sequence[Sequence[Number] | NDArray[Any]] | NDArray[Any] | None
+class PolyhedronKeywords(MakeShapeKeywords, total=False):
+    solid: Solid
+    points: WholeRange | (Sequence[Whole] | NDArray[Any]) | None
+    aspect: Sequence[Number] | NDArray[Any]
+    mirror: bool
+    rounding: NumberRange
+    tolerance: NumberRange
+    diameter: NumberRange | None
+class RandomGrowthKeywords(MakeShapeKeywords, total=False):
+    cubes: WholeRange
+    power: NumberRange
+    rates: Sequence[Number] | NDArray[Any] | None
+    aspect: Sequence[Number] | NDArray[Any] | None
+    diameter: NumberRange | None
+    edge: NumberRange | None
+class RandomSurfaceKeywords(MakeShapeKeywords, total=False):
+    aspect: Sequence[Number] | NDArray[Any]
+    height: NumberRange
+    waves: WholeRange
+    max_frequency: NumberRange
+    diameter: NumberRange | None
+class RoughnessKeywords(MakeShapeKeywords, total=False):
+    method: Literal['spectral', 'patir', 'whitehouse', 'midpoint']
+    rms: NumberRange | None
+    correlation_length: NumberRange | (Sequence[Number] | NDArray[Any]) | (Sequence[Number] | NDArray[Any]) | None
+    shortest: NumberRange | None
+    hurst: NumberRange | None
+    autocorrelation: Literal['exponential', 'gaussian', 'linear'] | None
+    skewness: NumberRange
+    kurtosis: NumberRange
+class RoughSheetKeywords(RoughnessKeywords, total=False):
+    aspect: Sequence[Number] | NDArray[Any] | None
+    diameter: NumberRange | None
+    lengths: Sequence[Number] | NDArray[Any] | None
+class SheetKeywords(MakeShapeKeywords, total=False):
+    aspect: Sequence[Number] | NDArray[Any] | None
+    roll: NumberRange
+    diameter: NumberRange | None
+    lengths: Sequence[Number] | NDArray[Any] | None
+class ShellKeywords(MakeShapeKeywords, total=False):
+    opening: NumberRange
+    diameter: NumberRange | None
+class SierpinskiSpongeKeywords(MakeShapeKeywords, total=False):
+    kind: Literal['random', 'menger', 'sierpinski', 'carpet']
+    divisions: WholeRange
+    levels: WholeRange
+    hole: WholeRange | None
+    removed: WholeRange | None
+    kept: NumberRange | None
+    piece: Literal['largest', 'whole']
+    diameter: NumberRange | None
+    edge: NumberRange | None
 class SolidUnionKeywords(MakeShapeKeywords, total=False):
     solids: WholeRange | (Sequence[Whole] | NDArray[Any])
     kinds: Sequence[Kind] | NDArray[Any]
@@ -370,144 +310,68 @@ class SolidUnionKeywords(MakeShapeKeywords, total=False):
     sphere: NumberRange | (Sequence[Number] | NDArray[Any]) | None
     chord_error: NumberRange
     diameter: NumberRange | None
-
-class SierpinskiSpongeKeywords(MakeShapeKeywords, total=False):
-    kind: Literal["random", "menger", "sierpinski", "carpet"]
-    divisions: WholeRange
-    levels: WholeRange
-    hole: WholeRange | None
-    removed: WholeRange | None
-    kept: NumberRange | None
-    piece: Literal["largest", "whole"]
+class SphereAssemblyKeywords(MakeShapeKeywords, total=False):
+    base: str | Shape | Mapping[str, Any]
+    arrangement: Literal['voxels', 'tetrahedra']
+    spacing: NumberRange
+    probability: NumberRange
+    radii: NumberRange | (Sequence[Number] | NDArray[Any])
+    overlap: NumberRange
+    isolated: Literal['connect', 'remove']
     diameter: NumberRange | None
-    edge: NumberRange | None
-
-class ShellKeywords(MakeShapeKeywords, total=False):
-    opening: NumberRange
-    diameter: NumberRange | None
-
-class SheetKeywords(MakeShapeKeywords, total=False):
-    aspect: Sequence[Number] | NDArray[Any] | None
-    roll: NumberRange
-    diameter: NumberRange | None
-    lengths: Sequence[Number] | NDArray[Any] | None
-
-class RoughSheetKeywords(MakeShapeKeywords, total=False):
-    method: Literal["spectral", "patir", "whitehouse", "midpoint"]
-    rms: NumberRange | None
-    correlation_length: NumberRange | (Sequence[Number] | NDArray[Any]) | (Sequence[Number] | NDArray[Any]) | None
-    shortest: NumberRange | None
-    hurst: NumberRange | None
-    autocorrelation: Literal["exponential", "gaussian", "linear"] | None
-    skewness: NumberRange
-    kurtosis: NumberRange
-    aspect: Sequence[Number] | NDArray[Any] | None
-    diameter: NumberRange | None
-    lengths: Sequence[Number] | NDArray[Any] | None
-
-class RandomSurfaceKeywords(MakeShapeKeywords, total=False):
+class SphericalHarmonicsKeywords(MakeShapeKeywords, total=False):
+    like: str | Shape | Mapping[str, Any] | None
+    degree: WholeRange
+    roughness: NumberRange | None
+    exponent: NumberRange | None
     aspect: Sequence[Number] | NDArray[Any]
-    height: NumberRange
-    waves: WholeRange
-    max_frequency: NumberRange
+    subdivisions: WholeRange
     diameter: NumberRange | None
-
-class RandomGrowthKeywords(MakeShapeKeywords, total=False):
-    cubes: WholeRange
-    power: NumberRange
-    rates: Sequence[Number] | NDArray[Any] | None
-    aspect: Sequence[Number] | NDArray[Any] | None
+class SpherocylinderKeywords(MakeShapeKeywords, total=False):
+    aspect: NumberRange | None
     diameter: NumberRange | None
-    edge: NumberRange | None
-
-class PolyhedronKeywords(MakeShapeKeywords, total=False):
-    solid: Solid
-    points: WholeRange | (Sequence[Whole] | NDArray[Any]) | None
-    aspect: Sequence[Number] | NDArray[Any]
-    mirror: bool
-    rounding: NumberRange
+    radius: NumberRange | None
+    height: NumberRange | None
     tolerance: NumberRange
-    diameter: NumberRange | None
-
-class PolygonKeywords(MakeShapeKeywords, total=False):
-    corners: WholeRange | None
-    stretch: NumberRange | None
-    diameter: NumberRange | None
-    vertices: Sequence[Sequence[Number] | NDArray[Any]] | NDArray[Any] | None
-
-class PlatonicKeywords(MakeShapeKeywords, total=False):
-    solid: PlatonicSolid
-    diameter: NumberRange | None
-
-class NoiseStarKeywords(MakeShapeKeywords, total=False):
-    deviation: NumberRange
-    correlation_angle: NumberRange
-    subdivisions: WholeRange
-    diameter: NumberRange | None
-
-class MollonZhao2dKeywords(MakeShapeKeywords, total=False):
-    d_2: NumberRange
-    d_3: NumberRange
-    d_8: NumberRange
-    alpha: NumberRange
-    beta: NumberRange
-    harmonics: WholeRange
-    diameter: NumberRange | None
-
-class MollonZhaoKeywords(MakeShapeKeywords, total=False):
-    d_2: NumberRange
-    d_3: NumberRange
-    d_8: NumberRange
-    alpha: NumberRange
-    beta: NumberRange
-    harmonics: WholeRange
-    subdivisions: WholeRange
-    diameter: NumberRange | None
-
-class EllipsoidKeywords(MakeShapeKeywords, total=False):
+class SuperquadricKeywords(MakeShapeKeywords, total=False):
+    e1: NumberRange
+    e2: NumberRange
     aspect: Sequence[Number] | NDArray[Any] | None
     diameter: NumberRange | None
     semi_axes: Sequence[Number] | NDArray[Any] | None
-
-class DiskKeywords(MakeShapeKeywords, total=False):
+    tolerance: NumberRange
+class SuperspherizeKeywords(MakeShapeKeywords, total=False):
+    base: str | Shape | Mapping[str, Any]
+    inflations: WholeRange
+    amounts: NumberRange | (Sequence[Number] | NDArray[Any])
+    radii: NumberRange | (Sequence[Number] | NDArray[Any])
+    half_angles: NumberRange | (Sequence[Number] | NDArray[Any])
+    spread: NumberRange
+    longest_edge: NumberRange
     diameter: NumberRange | None
-    radius: NumberRange | None
-
-class CylinderKeywords(MakeShapeKeywords, total=False):
+class TorusKeywords(MakeShapeKeywords, total=False):
     aspect: NumberRange | None
     diameter: NumberRange | None
-    radius: NumberRange | None
-    height: NumberRange | None
-
-class CubeRainKeywords(MakeShapeKeywords, total=False):
-    cubes: WholeRange
-    edges: Sequence[Number] | NDArray[Any]
-    overlap: NumberRange
-    fall: Literal["around", "down"]
-    diameter: NumberRange | None
-
-class CrumpledKeywords(MakeShapeKeywords, total=False):
-    fold_length: NumberRange
-    angles: Sequence[Number] | NDArray[Any]
-    aspect: Sequence[Number] | NDArray[Any]
-    diameter: NumberRange | None
-
-class ConvexPolyhedronKeywords(MakeShapeKeywords, total=False):
-    points: WholeRange
-    aspect: Sequence[Number] | NDArray[Any]
-    diameter: NumberRange | None
-
-class ConeKeywords(MakeShapeKeywords, total=False):
-    aspect: NumberRange | None
-    diameter: NumberRange | None
-    radius: NumberRange | None
-    height: NumberRange | None
-
-class BoxKeywords(MakeShapeKeywords, total=False):
+    major_radius: NumberRange | None
+    minor_radius: NumberRange | None
+    tolerance: NumberRange
+class VoronoiFragmentKeywords(MakeShapeKeywords, total=False):
+    seeds: WholeRange
+    process: Literal['random', 'jittered']
+    jitter: NumberRange
+    boundary: Literal['periodic', 'reflected']
     aspect: Sequence[Number] | NDArray[Any] | None
+    cell: WholeRange | None
     diameter: NumberRange | None
     lengths: Sequence[Number] | NDArray[Any] | None
-
+class VoxelRainKeywords(MakeShapeKeywords, total=False):
+    cubes: WholeRange
+    width: Sequence[Whole] | NDArray[Any]
+    base: Literal['rectangle', 'ellipse']
+    plate: WholeRange
+    deposition: Literal['ballistic', 'random', 'relaxed']
+    diameter: NumberRange | None
+    edge: NumberRange | None
 @overload
 def make_shape(family: Literal["box"], **keywords: Unpack[BoxKeywords]) -> Shape: ...
 @overload
@@ -575,9 +439,7 @@ def make_shapes(family: Literal["box"], *, count: Whole, **keywords: Unpack[BoxK
 @overload
 def make_shapes(family: Literal["cone"], *, count: Whole, **keywords: Unpack[ConeKeywords]) -> list[Shape]: ...
 @overload
-def make_shapes(
-    family: Literal["convex_polyhedron"], *, count: Whole, **keywords: Unpack[ConvexPolyhedronKeywords]
-) -> list[Shape]: ...
+def make_shapes(family: Literal["convex_polyhedron"], *, count: Whole, **keywords: Unpack[ConvexPolyhedronKeywords]) -> list[Shape]: ...
 @overload
 def make_shapes(family: Literal["crumpled"], *, count: Whole, **keywords: Unpack[CrumpledKeywords]) -> list[Shape]: ...
 @overload
@@ -587,153 +449,97 @@ def make_shapes(family: Literal["cylinder"], *, count: Whole, **keywords: Unpack
 @overload
 def make_shapes(family: Literal["disk"], *, count: Whole, **keywords: Unpack[DiskKeywords]) -> list[Shape]: ...
 @overload
-def make_shapes(
-    family: Literal["ellipsoid"], *, count: Whole, **keywords: Unpack[EllipsoidKeywords]
-) -> list[Shape]: ...
+def make_shapes(family: Literal["ellipsoid"], *, count: Whole, **keywords: Unpack[EllipsoidKeywords]) -> list[Shape]: ...
 @overload
-def make_shapes(
-    family: Literal["mollon_zhao"], *, count: Whole, **keywords: Unpack[MollonZhaoKeywords]
-) -> list[Shape]: ...
+def make_shapes(family: Literal["mollon_zhao"], *, count: Whole, **keywords: Unpack[MollonZhaoKeywords]) -> list[Shape]: ...
 @overload
-def make_shapes(
-    family: Literal["mollon_zhao_2d"], *, count: Whole, **keywords: Unpack[MollonZhao2dKeywords]
-) -> list[Shape]: ...
+def make_shapes(family: Literal["mollon_zhao_2d"], *, count: Whole, **keywords: Unpack[MollonZhao2dKeywords]) -> list[Shape]: ...
 @overload
-def make_shapes(
-    family: Literal["noise_star"], *, count: Whole, **keywords: Unpack[NoiseStarKeywords]
-) -> list[Shape]: ...
+def make_shapes(family: Literal["noise_star"], *, count: Whole, **keywords: Unpack[NoiseStarKeywords]) -> list[Shape]: ...
 @overload
 def make_shapes(family: Literal["platonic"], *, count: Whole, **keywords: Unpack[PlatonicKeywords]) -> list[Shape]: ...
 @overload
 def make_shapes(family: Literal["polygon"], *, count: Whole, **keywords: Unpack[PolygonKeywords]) -> list[Shape]: ...
 @overload
-def make_shapes(
-    family: Literal["polyhedron"], *, count: Whole, **keywords: Unpack[PolyhedronKeywords]
-) -> list[Shape]: ...
+def make_shapes(family: Literal["polyhedron"], *, count: Whole, **keywords: Unpack[PolyhedronKeywords]) -> list[Shape]: ...
 @overload
-def make_shapes(
-    family: Literal["random_growth"], *, count: Whole, **keywords: Unpack[RandomGrowthKeywords]
-) -> list[Shape]: ...
+def make_shapes(family: Literal["random_growth"], *, count: Whole, **keywords: Unpack[RandomGrowthKeywords]) -> list[Shape]: ...
 @overload
-def make_shapes(
-    family: Literal["random_surface"], *, count: Whole, **keywords: Unpack[RandomSurfaceKeywords]
-) -> list[Shape]: ...
+def make_shapes(family: Literal["random_surface"], *, count: Whole, **keywords: Unpack[RandomSurfaceKeywords]) -> list[Shape]: ...
 @overload
-def make_shapes(
-    family: Literal["rough_sheet"], *, count: Whole, **keywords: Unpack[RoughSheetKeywords]
-) -> list[Shape]: ...
+def make_shapes(family: Literal["rough_sheet"], *, count: Whole, **keywords: Unpack[RoughSheetKeywords]) -> list[Shape]: ...
 @overload
 def make_shapes(family: Literal["sheet"], *, count: Whole, **keywords: Unpack[SheetKeywords]) -> list[Shape]: ...
 @overload
 def make_shapes(family: Literal["shell"], *, count: Whole, **keywords: Unpack[ShellKeywords]) -> list[Shape]: ...
 @overload
-def make_shapes(
-    family: Literal["sierpinski_sponge"], *, count: Whole, **keywords: Unpack[SierpinskiSpongeKeywords]
-) -> list[Shape]: ...
+def make_shapes(family: Literal["sierpinski_sponge"], *, count: Whole, **keywords: Unpack[SierpinskiSpongeKeywords]) -> list[Shape]: ...
 @overload
-def make_shapes(
-    family: Literal["solid_union"], *, count: Whole, **keywords: Unpack[SolidUnionKeywords]
-) -> list[Shape]: ...
+def make_shapes(family: Literal["solid_union"], *, count: Whole, **keywords: Unpack[SolidUnionKeywords]) -> list[Shape]: ...
 @overload
 def make_shapes(family: Literal["sphere"], *, count: Whole, **keywords: Unpack[SphereKeywords]) -> list[Shape]: ...
 @overload
-def make_shapes(
-    family: Literal["sphere_assembly"], *, count: Whole, **keywords: Unpack[SphereAssemblyKeywords]
-) -> list[Shape]: ...
+def make_shapes(family: Literal["sphere_assembly"], *, count: Whole, **keywords: Unpack[SphereAssemblyKeywords]) -> list[Shape]: ...
 @overload
-def make_shapes(
-    family: Literal["spherical_harmonics"], *, count: Whole, **keywords: Unpack[SphericalHarmonicsKeywords]
-) -> list[Shape]: ...
+def make_shapes(family: Literal["spherical_harmonics"], *, count: Whole, **keywords: Unpack[SphericalHarmonicsKeywords]) -> list[Shape]: ...
 @overload
-def make_shapes(
-    family: Literal["spherocylinder"], *, count: Whole, **keywords: Unpack[SpherocylinderKeywords]
-) -> list[Shape]: ...
+def make_shapes(family: Literal["spherocylinder"], *, count: Whole, **keywords: Unpack[SpherocylinderKeywords]) -> list[Shape]: ...
 @overload
-def make_shapes(
-    family: Literal["superquadric"], *, count: Whole, **keywords: Unpack[SuperquadricKeywords]
-) -> list[Shape]: ...
+def make_shapes(family: Literal["superquadric"], *, count: Whole, **keywords: Unpack[SuperquadricKeywords]) -> list[Shape]: ...
 @overload
-def make_shapes(
-    family: Literal["superspherize"], *, count: Whole, **keywords: Unpack[SuperspherizeKeywords]
-) -> list[Shape]: ...
+def make_shapes(family: Literal["superspherize"], *, count: Whole, **keywords: Unpack[SuperspherizeKeywords]) -> list[Shape]: ...
 @overload
 def make_shapes(family: Literal["torus"], *, count: Whole, **keywords: Unpack[TorusKeywords]) -> list[Shape]: ...
 @overload
-def make_shapes(
-    family: Literal["voronoi_fragment"], *, count: Whole, **keywords: Unpack[VoronoiFragmentKeywords]
-) -> list[Shape]: ...
+def make_shapes(family: Literal["voronoi_fragment"], *, count: Whole, **keywords: Unpack[VoronoiFragmentKeywords]) -> list[Shape]: ...
 @overload
-def make_shapes(
-    family: Literal["voxel_rain"], *, count: Whole, **keywords: Unpack[VoxelRainKeywords]
-) -> list[Shape]: ...
+def make_shapes(family: Literal["voxel_rain"], *, count: Whole, **keywords: Unpack[VoxelRainKeywords]) -> list[Shape]: ...
 @overload
 def make_shapes(family: str | Parameters, *, count: Whole, **keywords: Unpack[MakeShapeKeywords]) -> list[Shape]: ...
-
 class FitClumpKeywords(TypedDict, total=False):
     max_spheres: Whole | None
     target: str | None
     value: Number | None
     seed: Whole
-
+class ClusterKeywords(FitClumpKeywords, total=False):
+    radius: Number | None
+    lattice: Literal['cubic', 'hexagonal']
+    spacing: Number | None
+    inside: Number | None
+    merge: bool
+class DynamicKeywords(FitClumpKeywords, total=False):
+    steps: Whole
+    damping: Number
+    min_radius: Number
+class FourPointKeywords(FitClumpKeywords, total=False):
+    tolerance: Number | None
+    trials: Whole
+    min_radius: Number
+class InnerNormalKeywords(FitClumpKeywords, total=False):
+    min_radius: Number | None
+    distance: Number | None
+    order: Literal['largest', 'random']
+class InscribedKeywords(FitClumpKeywords, total=False):
+    min_radius: Number
+    resolution: Number
 class OptimalKeywords(FitClumpKeywords, total=False):
-    mode: Literal["balanced", "inscribed", "bounding"]
+    mode: Literal['balanced', 'inscribed', 'bounding']
     overlap: bool
     uniform: bool
     min_radius: Number
     max_radius: Number | None
     match_volume: bool
-
-class InscribedKeywords(FitClumpKeywords, total=False):
-    min_radius: Number
-    resolution: Number
-
-class InnerNormalKeywords(FitClumpKeywords, total=False):
-    min_radius: Number | None
-    distance: Number | None
-    order: Literal["largest", "random"]
-
-class FourPointKeywords(FitClumpKeywords, total=False):
-    tolerance: Number | None
-    trials: Whole
-    min_radius: Number
-
-class DynamicKeywords(FitClumpKeywords, total=False):
-    steps: Whole
-    damping: Number
-    min_radius: Number
-
-class ClusterKeywords(FitClumpKeywords, total=False):
-    radius: Number | None
-    lattice: Literal["cubic", "hexagonal"]
-    spacing: Number | None
-    inside: Number | None
-    merge: bool
-
 @overload
-def fit_clump(
-    shape_or_voxels: Shape | Voxels, *, method: Literal["cluster"] = ..., **keywords: Unpack[ClusterKeywords]
-) -> Clump: ...
+def fit_clump(shape_or_voxels: Shape | Voxels, *, method: Literal["cluster"] = ..., **keywords: Unpack[ClusterKeywords]) -> Clump: ...
 @overload
-def fit_clump(
-    shape_or_voxels: Shape | Voxels, *, method: Literal["dynamic"] = ..., **keywords: Unpack[DynamicKeywords]
-) -> Clump: ...
+def fit_clump(shape_or_voxels: Shape | Voxels, *, method: Literal["dynamic"] = ..., **keywords: Unpack[DynamicKeywords]) -> Clump: ...
 @overload
-def fit_clump(
-    shape_or_voxels: Shape | Voxels, *, method: Literal["four_point"] = ..., **keywords: Unpack[FourPointKeywords]
-) -> Clump: ...
+def fit_clump(shape_or_voxels: Shape | Voxels, *, method: Literal["four_point"] = ..., **keywords: Unpack[FourPointKeywords]) -> Clump: ...
 @overload
-def fit_clump(
-    shape_or_voxels: Shape | Voxels, *, method: Literal["inner_normal"] = ..., **keywords: Unpack[InnerNormalKeywords]
-) -> Clump: ...
+def fit_clump(shape_or_voxels: Shape | Voxels, *, method: Literal["inner_normal"] = ..., **keywords: Unpack[InnerNormalKeywords]) -> Clump: ...
 @overload
-def fit_clump(
-    shape_or_voxels: Shape | Voxels, *, method: Literal["inscribed"] = ..., **keywords: Unpack[InscribedKeywords]
-) -> Clump: ...
+def fit_clump(shape_or_voxels: Shape | Voxels, *, method: Literal["inscribed"] = ..., **keywords: Unpack[InscribedKeywords]) -> Clump: ...
 @overload
-def fit_clump(
-    shape_or_voxels: Shape | Voxels, *, method: Literal["optimal"] = ..., **keywords: Unpack[OptimalKeywords]
-) -> Clump: ...
+def fit_clump(shape_or_voxels: Shape | Voxels, *, method: Literal["optimal"] = ..., **keywords: Unpack[OptimalKeywords]) -> Clump: ...
 @overload
-def fit_clump(
-    shape_or_voxels: Shape | Voxels, *, method: str | Parameters = ..., **keywords: Unpack[FitClumpKeywords]
-) -> Clump: ...
+def fit_clump(shape_or_voxels: Shape | Voxels, *, method: str | Parameters = ..., **keywords: Unpack[FitClumpKeywords]) -> Clump: ...

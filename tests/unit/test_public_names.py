@@ -1,8 +1,7 @@
 """The public names: one table, with the types, completion and documentation that users get of it."""
 
-import ast
-import dataclasses
 import inspect
+import os
 import re
 import subprocess
 import sys
@@ -16,172 +15,23 @@ from voxgran._base.config import parameter
 from voxgran._base.errors import CallError, InputError, UnknownNameError
 from voxgran._base.seeds import stream
 from voxgran._base.stopping import stop_if_asked
-from voxgran.clumps.fit import fit_clump
-from voxgran.clumps.method import clump_registry
 from voxgran.decks.engine import Engine
 from voxgran.geometry.rotation import random_rotations
-from voxgran.packing.method import Cost, PackingMethod, State, method_registry
-from voxgran.packing.pack import pack
-from voxgran.shapes.family import families, make_shape
+from voxgran.packing.method import Cost, PackingMethod, State
 from voxgran.study.result import StudyResult
 from voxgran.testing import PackingMethodSuite
 
 PACKAGE = Path(vg.__file__).parent
 NAMESPACES = [vg.containers, vg.clumps, vg.methods, vg.families]
-SHAPES_HEAD = '''"""Functions that make shapes, one for each family of `voxgran.shapes.families`."""
-
-from collections.abc import Mapping, Sequence
-from typing import Any, Literal
-
-from numpy.typing import NDArray
-
-from voxgran.shapes.families.random.polyhedron import Solid
-from voxgran.shapes.families.random.solid_union import Kind
-from voxgran.shapes.generating.regular_solids import PlatonicSolid
-from voxgran.shapes.model import Shape as Shape
-from voxgran.typed_calls import Number, NumberRange, Whole, WholeRange
-
-'''
-CALLS_HEAD = '''"""Types of the functions that take a name with keywords: one overload for each name.
-
-This file is made by tests/unit/test_public_names.py from the parameter classes. An overload for names that are not
-known here takes no parameters, since it would accept misspelt ones: methods of others are given as parameter objects.
-"""
-
-import os
-from collections.abc import Mapping, Sequence
-from typing import Any, Literal, TypedDict, Unpack, overload
-
-import numpy as np
-from numpy.typing import ArrayLike, NDArray
-
-from voxgran._base.calls import Parameters
-from voxgran._base.progress import OnStep
-from voxgran.clumps.model import Clump
-from voxgran.containers.model import Container
-from voxgran.packing.driver import Recorder
-from voxgran.packing.model import Packing
-from voxgran.settling.parameters import Lid, Settling, Shaking
-from voxgran.shapes.families.random.polyhedron import Solid
-from voxgran.shapes.families.random.solid_union import Kind
-from voxgran.shapes.generating.regular_solids import PlatonicSolid
-from voxgran.shapes.model import Shape
-from voxgran.shapes.size_laws import SizeDistribution
-from voxgran.voxels.model import Voxels
-
-Whole = int | np.integer[Any]
-Number = float | np.floating[Any] | np.integer[Any]
-WholeRange = Whole | Sequence[Whole]
-NumberRange = Number | Sequence[Number]
-
-'''
-#: function, registry, its arguments but the keywords with a place for the choice, and what it returns
-CALLS = (
-    (pack, method_registry(), "shapes: Sequence[Shape] | Shape, container: Container, method: {}", "Packing"),
-    (make_shape, families(), "family: {}", "Shape"),
-    (fit_clump, clump_registry(), "shape_or_voxels: Shape | Voxels, *, method: {} = ...", "Clump"),
-)
 
 
-#: former values by parameter: calls accept them with a warning, types do not offer them
-FORMER_VALUES = {"contact": "'points', "}
-
-
-class WhatIsAccepted(ast.NodeTransformer):
-    """Turns the type that a parameter has into that which a call accepts: also NumPy's numbers, lists and arrays."""
-
-    def visit_Name(self, node):
-        return ast.Name({"int": "Whole", "float": "Number"}.get(node.id, node.id))
-
-    def visit_Subscript(self, node):
-        if ast.unparse(node.value) != "tuple":
-            return node
-        entry = ast.unparse(self.visit(node.slice.elts[0]))
-        return ast.parse(f"Sequence[{entry}] | NDArray[Any]", mode="eval").body
-
-
-def accepted(key, kind, *, ranges=False):
-    """Return the text of the type that a call accepts for a parameter, without former values; with `ranges`, also pairs
-    in place of numbers.
-    """
-    if isinstance(kind, ast.Constant):  # an annotation in quotation marks
-        kind = ast.parse(kind.value, mode="eval").body
-    text = ast.unparse(WhatIsAccepted().visit(kind)).replace(FORMER_VALUES.get(key, "no former value"), "")
-    return re.sub(r"^(Whole|Number)\b", r"\1Range", text) if ranges else text
-
-
-def default_of(value):
-    """Return the default of a field; None where it has none."""
-    if not isinstance(value, ast.Call):
-        return value
-    return next(iter(value.args), None)
-
-
-def fields_of(cls):
-    """Return name, annotation and default (None where there is none) of each field of a parameter class."""
-    found = {}
-    for part in reversed(cls.__mro__[:-1]):
-        tree = ast.parse(Path(inspect.getfile(part)).read_text())
-        source = next(node for node in tree.body if getattr(node, "name", "") == part.__name__)
-        for node in source.body:
-            if isinstance(node, ast.AnnAssign):
-                found[node.target.id] = (node.annotation, default_of(node.value))
-    return {field.name: found[field.name] for field in dataclasses.fields(cls) if field.init}
-
-
-def keywords_class(name, parent, annotations, *, ranges=False):
-    """Return the text of a class of keywords."""
-    lines = [f"    {key}: {accepted(key, kind, ranges=ranges)}\n" for key, kind in annotations.items()]
-    return f"class {name}({parent}, total=False):\n{''.join(lines) or '    ...'}\n"
-
-
-def calls_stub():
-    """Return the stub of the functions that take a name with keywords."""
-    text = CALLS_HEAD
-    for function, registry, arguments, result in CALLS:
-        called = function.__name__
-        tree = ast.parse(Path(inspect.getfile(inspect.unwrap(function))).read_text())
-        source = next(node for node in tree.body if getattr(node, "name", "") == called)
-        shared = {item.arg: item.annotation for item in source.args.kwonlyargs if item.arg != "method"}
-        base = "".join(word.capitalize() for word in called.split("_")) + "Keywords"
-        text += keywords_class(base, "TypedDict", shared)
-        overloads = [(base, "str | Parameters")]
-        for name in reversed(registry.names()):
-            cls = registry.get(name).parameters
-            own = {key: kind for key, (kind, _) in fields_of(cls).items() if key not in shared}
-            text += keywords_class(f"{cls.__name__}Keywords", base, own, ranges=called == "make_shape")
-            overloads.insert(0, (f"{cls.__name__}Keywords", f'Literal["{name}"]'))
-        for keywords, choice in overloads:
-            head = f"{called}({arguments.format(choice)}, **keywords: Unpack[{keywords}])"
-            text += f"@overload\ndef {head} -> {result}: ...\n"
-        if called == "make_shape":
-            for keywords, choice in overloads:
-                head = f"make_shapes(family: {choice}, *, count: Whole, **keywords: Unpack[{keywords}])"
-                text += f"@overload\ndef {head} -> list[Shape]: ...\n"
-    return text
-
-
-def shapes_stub():
-    """Return the stub of `voxgran.shapes`."""
-    text = SHAPES_HEAD
-    for name in families().names():
-        entry = families().get(name)
-        fields = fields_of(entry.parameters).items()
-        words = [
-            f"{key}: {accepted(key, kind, ranges=True)} = {ast.unparse(default)}" for key, (kind, default) in fields
-        ]
-        words += ["seed: Whole = 0"] if entry.random else []
-        text += f"def {name}(*, {', '.join(words)}) -> Shape: ...\n"
-    return text
-
-
-STUBS = {"typed_calls.pyi": calls_stub, "shapes/__init__.pyi": shapes_stub}
-
-
-@pytest.mark.parametrize("file", STUBS)
-def test_stubs_have_the_types_of_the_parameter_classes(file):
-    found = ast.unparse(ast.parse((PACKAGE / file).read_text()))
-    assert found == ast.unparse(ast.parse(STUBS[file]())), f"run 'python {__file__}' and 'ruff format' anew"
+def test_stubs_have_the_types_of_the_parameter_classes():
+    root = PACKAGE.parent
+    command = [sys.executable, root / "tools" / "stubs.py", "--check"]
+    done = subprocess.run(
+        command, capture_output=True, text=True, check=False, env={**os.environ, "PYTHONPATH": f"{root}"}
+    )
+    assert done.returncode == 0, done.stderr
 
 
 def test_every_name_of_a_namespace_is_there():
@@ -401,8 +251,3 @@ def test_what_lacks_examples_is_found():
     assert lacks_examples(f"{head}    Call it with f(1).\n    ")
     assert lacks_examples(f"{head}    >>> import voxgran as vg\n    f(1)\n    ")
     assert lacks_examples(f"{head}    >>> f(1)\n\n    Raises\n    ------\n    InputError\n        If not.\n    ")
-
-
-if __name__ == "__main__":
-    for file, stub in STUBS.items():
-        (PACKAGE / file).write_text(stub())

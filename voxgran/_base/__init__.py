@@ -6,65 +6,73 @@ The stub beside an ``__init__.py`` is the only table of its public names: type c
 :func:`lazy_names`. Each of its imports is one line ``from place import name as name``.
 """
 
-import sys
 from collections.abc import Callable
 from importlib import import_module
-from types import ModuleType
 from typing import TYPE_CHECKING, Any
 
 
-class ExplainedModule(ModuleType):
-    """A module of voxgran, and all modules in it, that explains a call of it and an attribute that it has not.
+class Missing:
+    """The message for an attribute that a module, given by its name, or an object of a class does not have.
 
-    Modules such as ``voxgran.methods.rsa`` and ``voxgran.contacts`` are there once something in them was imported, and
-    are taken for functions.
+    What may be written in its place is looked for when the message is shown: ``hasattr`` shows none. To an
+    AttributeError with a name and no object, Python adds no suggestion of its own.
     """
 
-    def __setattr__(self, name: str, value: Any) -> None:
-        # Python sets each module that it imports on the package that it is in
-        if type(value) is ModuleType and value.__name__ == f"{self.__name__}.{name}":
-            value.__class__ = ExplainedModule
-        super().__setattr__(name, value)
+    __slots__ = ("name", "owner")
 
-    def __reduce__(self) -> tuple[Any, ...]:
-        # libraries that send functions to other processes know the class of plain modules only
-        return import_module, (self.__name__,)
+    def __init__(self, owner: str | type, name: str) -> None:
+        self.owner, self.name = owner, name
 
-    # hidden from type checkers, which would otherwise accept any name and any call
+    def __str__(self) -> str:
+        from voxgran._base.remedies import remedy_in_module, remedy_of_object
+
+        if isinstance(self.owner, str):
+            return f"module {self.owner!r} has no attribute {self.name!r}: {remedy_in_module(self.owner, self.name)}"
+        return f"{self.owner.__name__} has no attribute {self.name!r}: {remedy_of_object(self.owner, self.name)}"
+
+    def __repr__(self) -> str:
+        return repr(str(self))
+
+
+def missing_names(module: str) -> Callable[[str], Any]:
+    """Return ``__getattr__`` of a module (PEP 562), which raises the error for a name that it does not have.
+
+    Raises
+    ------
+    AttributeError
+        By the returned function.
+    """
+
+    def fail(name: str) -> Any:
+        raise AttributeError(Missing(module, name), name=name)
+
+    return fail
+
+
+class ExplainedAttributes:
+    """Objects whose error for an unknown attribute says what was most likely meant.
+
+    A public function of voxgran of that name, such as `equilibrium`, is named where it takes them. A class may say in
+    its class attribute `_instead`, a mapping of names to expressions, what else to write.
+    """
+
+    __slots__ = ()
+
+    # hidden from type checkers, which would otherwise accept any name
     if not TYPE_CHECKING:
 
-        def __call__(self, *arguments: object, **keywords: object) -> None:
-            """Explain the call.
-
-            Raises
-            ------
-            CallError
-                Always.
-            """
-            from voxgran._base.errors import CallError
-            from voxgran._base.registry.attributes import called_module
-
-            raise CallError(called_module(self.__name__))
-
         def __getattr__(self, name: str) -> Any:
-            """Explain an attribute that is missing.
+            """Raise the error for an attribute that is missing.
 
             Raises
             ------
             AttributeError
-                Always, but for a package that imports its public names on first use.
+                Always.
             """
-            find = vars(self).get("__getattr__")
-            if find is not None:
-                # its error, which is raised again
-                return find(name)
-            known = vars(self).get("__all__", ())
-            # packages are asked for the modules that are imported from them
-            if name.startswith("_") or (hasattr(self, "__path__") and name not in sys.modules["voxgran"].__all__):
-                raise AttributeError(f"module {self.__name__!r} has no attribute {name!r}", name=name)
-            from voxgran._base.registry.attributes import missing_name
-
-            raise AttributeError(missing_name(self.__name__, name, known), name=name)
+            if hasattr(type(self), name):
+                # an error within a property, which is raised again
+                return object.__getattribute__(self, name)
+            raise AttributeError(Missing(type(self), name), name=name)
 
 
 def lazy_names(package: str, file: str) -> tuple[Callable[[str], Any], Callable[[], list[str]], list[str]]:
@@ -84,22 +92,18 @@ def lazy_names(package: str, file: str) -> tuple[Callable[[str], Any], Callable[
     def find(name: str) -> Any:
         """Import a public name on first use."""
         if name not in places:
-            from voxgran._base.registry.attributes import missing_name
-
-            # with its name and no object, Python adds no suggestion of its own
-            raise AttributeError(missing_name(package, name, names), name=name)
+            raise AttributeError(Missing(package, name), name=name)
         place, stored = places[name]
         # a module of a package, such as voxgran.shapes.sizes, is no attribute of it before it is imported
         found = None if place == package else getattr(import_module(place), stored, None)
         if found is None:
             return import_module(f"{place}.{stored}")
         if hasattr(found, "__dataclass_fields__"):
-            from voxgran._base.calls import document
+            from voxgran._base.config import document
 
             document(found)
         return found
 
-    sys.modules[package].__class__ = ExplainedModule
     names = sorted(places)
     return find, lambda: names, names
 

@@ -10,20 +10,26 @@ attribute `removed`, a mapping of names to sentences, what to use instead.
 import dataclasses
 import inspect
 import math
+import textwrap
 import types
 import typing
 from collections.abc import Iterable, Mapping
 from dataclasses import MISSING, dataclass
 from functools import lru_cache
-from typing import Any, TypeVar
+from types import FunctionType
+from typing import Any, TypeVar, dataclass_transform
 
 from voxgran._base.arrays import as_count, as_number, check_lengths
+from voxgran._base.calls import explained_methods, removal_of
 from voxgran._base.errors import InputError, UnknownNameError, shown
-from voxgran._base.registry import unknown
+from voxgran._base.names import unknown
 from voxgran._base.scalars import float_of, number_of, unwrapped, whole_number_of
 from voxgran._base.warning import warn_former
 
 T = TypeVar("T")
+
+#: what dataclasses with slots have for pickle, without docstrings
+_PICKLING = {"__getstate__": "Return the values of the fields.", "__setstate__": "Set the values of the fields."}
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -101,6 +107,23 @@ def _parameters_of(cls: type) -> tuple[Parameter, ...]:
     )
 
 
+@dataclass_transform(kw_only_default=True, frozen_default=True)
+def parameter_class(cls: type[T]) -> type[T]:
+    """Make a class a frozen dataclass of keywords with slots, whose constructor explains calls that do not fit
+    (decorator).
+
+    Examples
+    --------
+    >>> from voxgran._base.config import parameter, parameter_class
+    >>> @parameter_class
+    ... class Cubic:
+    ...     gap: float = parameter(0.0, doc="least distance", unit="length", at_least=0.0)
+    >>> Cubic(gap=0.1)
+    Cubic(gap=0.1)
+    """
+    return explained_methods(dataclass(frozen=True, slots=True, kw_only=True)(cls))
+
+
 def is_parameter_class(kind: Any) -> bool:
     """Return whether a type is a parameter class: a dataclass whose fields are made by :func:`parameter`."""
     fields = dataclasses.fields(kind) if isinstance(kind, type) and dataclasses.is_dataclass(kind) else ()
@@ -150,12 +173,6 @@ def from_mapping(cls: type[T], mapping: Mapping[str, Any], where: str, *, beside
             raise InputError(f"{where} {entry.name} is missing: it must be given ({entry.doc}); add it")
     values = {key: _convert(value, known[key].type, f"{where} {key}") for key, value in mapping.items()}
     return cls(**values)
-
-
-def removal_of(cls: type, name: str, where: str) -> str:
-    """Return the sentence that says what replaces a parameter that a class has lost; empty where it never had it."""
-    remedy = getattr(cls, "removed", {}).get(name)
-    return "" if remedy is None else f"{where} {name} is not a parameter: {remedy}"
 
 
 def _renamed(mapping: Mapping[str, Any], known: Mapping[str, Parameter], where: str) -> dict[str, Any]:
@@ -273,3 +290,27 @@ def _describe(wanted: Any) -> str:
             f", such as {example}, or {wanted.__name__}({next(iter(example))}=...)" if example else ""
         )
     return getattr(wanted, "__name__", str(wanted))
+
+
+def document(cls: type) -> None:
+    """Append the section ``Parameters`` to the docstring of a parameter class, from its fields, if it is missing."""
+    for name, meaning in _PICKLING.items():
+        method = vars(cls).get(name)
+        if method is not None and method.__doc__ is None:
+            # the functions of dataclasses are those of all classes; help shows the comments above them
+            own = FunctionType(method.__code__, method.__globals__, name)
+            own.__doc__ = meaning
+            setattr(cls, name, own)
+    text = cls.__doc__ or ""
+    if "Parameters\n" in text:
+        return
+    lines = ["Parameters", "----------"]
+    for item in parameters_of(cls):
+        default = "" if item.default in (MISSING, None) else f", default {item.default!r}"
+        optional = ", optional" if item.default is None else ""
+        unit = f", in {item.unit}" if item.unit and item.unit != "length" else ""
+        lines.append(f"{item.name} : {item.type_text}{optional}{default}")
+        lines += textwrap.wrap(f"{item.doc}{unit}.", 100, initial_indent="    ", subsequent_indent="    ")
+    summary, _, rest = text.partition("\n\n")
+    parts = [summary, "\n    ".join(lines), rest.strip()]
+    cls.__doc__ = "\n\n    ".join(part for part in parts if part) + "\n"

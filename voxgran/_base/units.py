@@ -4,7 +4,7 @@ from collections.abc import Iterable
 from fractions import Fraction
 
 from voxgran._base.errors import InputError, UnknownNameError, shown
-from voxgran._base.registry import nearest, unknown
+from voxgran._base.names import nearest, unknown
 
 #: no unit is known
 NO_UNIT = "1"

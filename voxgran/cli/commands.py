@@ -12,7 +12,7 @@ import voxgran
 from voxgran._base.config import parameters_of
 from voxgran._base.errors import UnknownNameError
 from voxgran._base.files import write_text
-from voxgran._base.registry import unknown
+from voxgran._base.names import unknown
 from voxgran.cli.clumps import clump
 from voxgran.cli.data import data
 from voxgran.cli.doctor import doctor

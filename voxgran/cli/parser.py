@@ -14,7 +14,7 @@ import voxgran
 from voxgran._base.config import Parameter, parameters_of
 from voxgran._base.errors import InputError, UnknownNameError
 from voxgran._base.lazy import load
-from voxgran._base.registry import nearest, unknown
+from voxgran._base.names import nearest, unknown
 from voxgran._base.warning import warn_former
 from voxgran.cli.examples import EXAMPLES
 from voxgran.decks.material import Material

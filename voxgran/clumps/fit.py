@@ -6,8 +6,9 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from voxgran._base.arrays import as_choice, as_count, as_number, check_type
-from voxgran._base.calls import Parameters, chosen, explained
+from voxgran._base.calls import explained
 from voxgran._base.errors import InputError, PackingWarning
+from voxgran._base.registry import Parameters
 from voxgran._base.warning import warn
 from voxgran.clumps.body import Body
 from voxgran.clumps.errors import clump_errors
@@ -97,7 +98,7 @@ def fit_clump(
     >>> clump.count, clump.errors.iou > 0.8
     (3, True)
     """
-    _, entry, settings = chosen(clump_registry(), method, parameters, where="clump method", beside=BESIDE)
+    _, entry, settings = clump_registry().chosen(method, parameters, where="clump method", beside=BESIDE)
     level = _level(target, value)
     default = DEFAULT_SPHERES if target is None else MOST_SPHERES
     most = default if max_spheres is None else as_count(max_spheres, "max_spheres", at_least=1, at_most=LARGEST)

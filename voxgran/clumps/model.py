@@ -7,9 +7,9 @@ from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 
+from voxgran._base import ExplainedAttributes
 from voxgran._base.arrays import Floats, as_choice
 from voxgran._base.calls import explained_methods
-from voxgran._base.registry import ExplainedAttributes
 from voxgran.clumps.bonds import LEAST_AREA, TOUCHING, Strengths, bonds_of_bodies
 from voxgran.shapes.formats.sphere_files import write_spheres
 from voxgran.shapes.model import Shape

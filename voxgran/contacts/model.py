@@ -4,8 +4,8 @@ from dataclasses import dataclass, fields
 
 import numpy as np
 
+from voxgran._base import ExplainedAttributes
 from voxgran._base.arrays import Booleans, Floats, Integers
-from voxgran._base.registry import ExplainedAttributes
 
 
 @dataclass(frozen=True, eq=False)

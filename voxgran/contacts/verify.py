@@ -8,11 +8,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from voxgran._base import ExplainedAttributes
 from voxgran._base.arrays import as_number, check_type
 from voxgran._base.calls import explained
 from voxgran._base.compiling.threads import using_threads
 from voxgran._base.progress import OnStep, reported, silent
-from voxgran._base.registry import ExplainedAttributes
 from voxgran.contacts.assembly import Assembly, checked_arrays
 from voxgran.contacts.broad import grain_pairs
 from voxgran.contacts.find import contacts_of_pairs

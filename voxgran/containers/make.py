@@ -7,7 +7,8 @@ from typing import Any
 
 from voxgran._base.calls import explained
 from voxgran._base.errors import InputError, MissingLibraryError, UnknownNameError, shown, with_article
-from voxgran._base.registry import Registry, nearest, unknown
+from voxgran._base.names import nearest, unknown
+from voxgran._base.registry import Registry
 from voxgran.containers.model import Container
 
 #: key of a mapping that names the package of a kind that is not part of voxgran

@@ -6,10 +6,10 @@ from typing import Literal
 
 import numpy as np
 
+from voxgran._base import ExplainedAttributes
 from voxgran._base.arrays import Floats, as_choice
-from voxgran._base.config import check_bounds, parameter
+from voxgran._base.config import check_bounds, parameter, parameter_class
 from voxgran._base.errors import InputError, PackingWarning
-from voxgran._base.registry import ExplainedAttributes
 from voxgran._base.warning import warn
 
 #: acceleration of gravity at the surface of the Earth, m/s^2
@@ -27,7 +27,7 @@ CHOSEN_OVERLAP, LARGE_OVERLAP, LARGEST_OVERLAP = 1e-3, 1e-2, 1e-1
 SHEAR_RATIO = 2 / 7
 
 
-@dataclass(frozen=True, kw_only=True, slots=True)
+@parameter_class
 class Material(ExplainedAttributes):
     """Material of grains and walls in an engine, in SI units.
 

@@ -8,12 +8,12 @@ from typing import Any, Literal
 
 import numpy as np
 
+from voxgran._base import ExplainedAttributes
 from voxgran._base.arrays import as_choice, as_count, as_number, check_type
 from voxgran._base.calls import explained
 from voxgran._base.config import from_mapping
 from voxgran._base.errors import InputError
 from voxgran._base.files import as_path, refuse_to_replace, write_files
-from voxgran._base.registry import ExplainedAttributes
 from voxgran.clumps.fit import fit_clump
 from voxgran.clumps.model import Clump
 from voxgran.containers.model import Container

@@ -18,10 +18,10 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike
 
+from voxgran._base import ExplainedAttributes
 from voxgran._base.arrays import Floats, Integers, as_length, check_type, float_array
 from voxgran._base.calls import explained
 from voxgran._base.errors import InputError, shown
-from voxgran._base.registry import ExplainedAttributes
 from voxgran.contacts.assembly import Assembly
 from voxgran.contacts.broad import Pairs, grain_pairs
 from voxgran.contacts.find import overlaps, pair_keys

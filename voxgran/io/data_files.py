@@ -5,7 +5,7 @@ from pathlib import Path
 from voxgran._base.arrays import check_type
 from voxgran._base.calls import explained
 from voxgran._base.errors import MissingFileError, UnknownNameError
-from voxgran._base.registry import unknown
+from voxgran._base.names import unknown
 
 #: what the installed package holds, or the checkout beside it; data/SOURCES.md names the origin of each
 DATA_FILES = {

@@ -8,7 +8,7 @@ import numpy as np
 from voxgran._base.arrays import Floats, check_type
 from voxgran._base.calls import explained
 from voxgran._base.errors import InputError, PackingWarning, UnknownNameError
-from voxgran._base.registry import unknown
+from voxgran._base.names import unknown
 from voxgran._base.warning import warn
 from voxgran.measures.model import dataset, variable
 from voxgran.packing.model import Packing

@@ -10,10 +10,10 @@ from typing import TYPE_CHECKING, Any, ClassVar, Literal, Self, TypeAlias, overl
 import numpy as np
 from numpy.typing import ArrayLike
 
+from voxgran._base import ExplainedAttributes
 from voxgran._base.arrays import Floats, Integers, as_choice, as_number, check_type
 from voxgran._base.errors import GrainIndexError, InputError, shown
 from voxgran._base.lazy import load
-from voxgran._base.registry import ExplainedAttributes
 from voxgran._base.units import NO_UNIT, as_unit
 from voxgran.clumps.bonds import LEAST_AREA, TOUCHING, Strengths, bonds_of_bodies
 from voxgran.contacts.assembly import Assembly, Density, Lid, by_shape, checked_arrays, merged

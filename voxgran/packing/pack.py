@@ -12,11 +12,12 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from voxgran._base.arrays import as_number, check_lengths
-from voxgran._base.calls import Parameters, chosen, explained
+from voxgran._base.calls import explained
 from voxgran._base.config import parameters_of, to_mapping
 from voxgran._base.errors import InputError, PackingWarning, shown
 from voxgran._base.machine import installed_versions
 from voxgran._base.progress import OnStep, Step, reported
+from voxgran._base.registry import Parameters
 from voxgran._base.scalars import number_of, whole_number_of
 from voxgran._base.units import NO_UNIT, as_unit
 from voxgran._base.warning import warn
@@ -254,7 +255,7 @@ def prepare_task(
     TooLargeError
         If more than 100 million grains are asked for.
     """
-    _, entry, settings = chosen(method_registry(), method, parameters, where="method", beside=_arguments())
+    _, entry, settings = method_registry().chosen(method, parameters, where="method", beside=_arguments())
     settings, solid_fraction = with_target(settings, solid_fraction)
     given = check_asked(shapes, container, sizes, start)
     unit = start.unit if start is not None and as_unit(unit) == NO_UNIT else unit

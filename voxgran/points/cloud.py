@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
+from voxgran._base import ExplainedAttributes
 from voxgran._base.arrays import (
     Floats,
     Integers,
@@ -25,7 +26,6 @@ from voxgran._base.arrays import (
 from voxgran._base.calls import explained_methods, renamed
 from voxgran._base.errors import InputError, shown
 from voxgran._base.lazy import load
-from voxgran._base.registry import ExplainedAttributes
 from voxgran._base.units import stated_unit
 from voxgran.points.normals import turned_alike
 

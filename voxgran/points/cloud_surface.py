@@ -6,11 +6,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from voxgran._base import ExplainedAttributes
 from voxgran._base.arrays import Floats, Integers, as_choice, as_count, as_length, as_number, check_type
 from voxgran._base.calls import explained, renamed
 from voxgran._base.errors import DirtyMeshError, InputError, shown
 from voxgran._base.lazy import load
-from voxgran._base.registry import ExplainedAttributes
 from voxgran.lattice.label import components
 from voxgran.points.backend_open3d import without_stderr
 from voxgran.points.cloud import Cloud, Frame

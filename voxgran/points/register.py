@@ -5,11 +5,11 @@ from typing import Any
 
 import numpy as np
 
+from voxgran._base import ExplainedAttributes
 from voxgran._base.arrays import Floats, as_count, as_length, check_type
 from voxgran._base.calls import explained
 from voxgran._base.errors import InputError
 from voxgran._base.lazy import load
-from voxgran._base.registry import ExplainedAttributes
 from voxgran.points.backend_open3d import seed_open3d
 from voxgran.points.cloud import Cloud, Frame
 from voxgran.points.normals import turned_alike

@@ -10,10 +10,10 @@ from typing import Any
 
 import numpy as np
 
+from voxgran._base import ExplainedAttributes
 from voxgran._base.arrays import Floats, as_choice, as_count, as_length, check_type
 from voxgran._base.calls import explained
 from voxgran._base.errors import InputError
-from voxgran._base.registry import ExplainedAttributes
 from voxgran.points.blue_noise import random_points, spread_points
 from voxgran.points.covering import covering_radius
 from voxgran.shapes.model import Shape

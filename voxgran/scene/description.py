@@ -7,12 +7,13 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, Literal, Self, TypeVar
 
+from voxgran._base import ExplainedAttributes
 from voxgran._base.arrays import as_count, as_positive, as_share, check_type
 from voxgran._base.config import from_mapping, parameters_of, to_mapping
 from voxgran._base.errors import FileFormatError, InputError, UnknownNameError, shown
 from voxgran._base.files import existing_file
 from voxgran._base.guarded import reason_of
-from voxgran._base.registry import ExplainedAttributes, unknown
+from voxgran._base.names import unknown
 from voxgran._base.units import as_unit
 from voxgran.contacts.assembly import NOT_STATED
 from voxgran.containers.make import make_container

@@ -4,13 +4,12 @@ The checks take the names from here, the reference of the scene file names, type
 """
 
 from collections.abc import Mapping
-from dataclasses import dataclass
 from typing import Any, Literal
 
-from voxgran._base.config import parameter, parameters_of
+from voxgran._base.config import parameter, parameter_class, parameters_of
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@parameter_class
 class AnyShape:
     """Keys of every [[shape]]."""
 
@@ -27,7 +26,7 @@ class AnyShape:
     roughen: Mapping[str, Any] | None = parameter(None, doc="rough surface, a table such as { rms = 0.02 }")
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@parameter_class
 class ShapeOfFile:
     """Keys of a [[shape]] that is read from a file."""
 
@@ -37,7 +36,7 @@ class ShapeOfFile:
     unit: str | None = parameter(None, doc="unit of the lengths in the file; default: that of the scene")
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@parameter_class
 class ShapeOfFamily:
     """Keys of a [[shape]] of a family, beside the parameters of that family."""
 
@@ -46,7 +45,7 @@ class ShapeOfFamily:
     count: int | None = parameter(None, doc="number of different shapes that the entry stands for", at_least=1)
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@parameter_class
 class ClumpOfShape:
     """Keys of the table `clump` of a [[shape]], beside the parameters of its method."""
 
@@ -59,7 +58,7 @@ class ClumpOfShape:
     seed: int = parameter(0, doc="seed of the method", at_least=0)
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@parameter_class
 class Packed:
     """Keys of [packing], beside the parameters of its method."""
 
@@ -71,7 +70,7 @@ class Packed:
     start: str | None = parameter(None, doc="file of a packing whose grains are there from the beginning")
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@parameter_class
 class Shares:
     """Keys of [sizes], beside the parameters of its kind."""
 
@@ -79,14 +78,14 @@ class Shares:
     share_by: Literal["number", "volume"] = parameter("number", doc="what the shares of the shapes are of")
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@parameter_class
 class Settled:
     """Keys of [settle], beside the parameters of settling."""
 
     enabled: bool = parameter(True, doc="grains settle; false leaves them where the method ends")
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@parameter_class
 class Measured:
     """Keys of [measure]."""
 

@@ -4,9 +4,10 @@ from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from typing import Any
 
-from voxgran._base.config import parameters_of, removal_of
+from voxgran._base.calls import removal_of
+from voxgran._base.config import parameters_of
 from voxgran._base.errors import InputError, UnknownNameError, VoxgranError
-from voxgran._base.registry import unknown
+from voxgran._base.names import unknown
 from voxgran.decks.material import Material
 from voxgran.scene.keys import AnyShape, Measured, Packed, Settled, ShapeOfFamily, ShapeOfFile, Shares, names_of
 from voxgran.scene.sections import General, Output

@@ -8,9 +8,9 @@ from typing import Any
 
 import numpy as np
 
+from voxgran._base import ExplainedAttributes
 from voxgran._base.config import to_mapping
 from voxgran._base.errors import InputError
-from voxgran._base.registry import ExplainedAttributes
 from voxgran.containers.model import boundary_of
 from voxgran.decks.material import Material
 from voxgran.packing.beds.expected import ExpectedBed, expected_bed

@@ -1,15 +1,13 @@
 """Sections of a scene that are values alone: what holds for all of it, and what is written."""
 
-from dataclasses import dataclass
-
 from voxgran._base.arrays import as_count
-from voxgran._base.config import check_bounds, parameter
+from voxgran._base.config import check_bounds, parameter, parameter_class
 from voxgran._base.errors import InputError, UnknownNameError
-from voxgran._base.registry import unknown
+from voxgran._base.names import unknown
 from voxgran.decks.engine import engine_registry
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@parameter_class
 class General:
     """The section [scene]."""
 
@@ -19,7 +17,7 @@ class General:
     density: float = parameter(1.0, doc="density of the material; a [[shape]] may have its own")
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@parameter_class
 class Output:
     """The section [output].
 

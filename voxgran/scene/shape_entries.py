@@ -6,10 +6,11 @@ from pathlib import Path
 from typing import Any, Literal
 
 from voxgran._base.arrays import as_choice, as_count, as_number, as_positive, as_share, check_type
-from voxgran._base.config import from_mapping, parameters_of, removal_of
+from voxgran._base.calls import removal_of
+from voxgran._base.config import from_mapping, parameters_of
 from voxgran._base.errors import InputError, UnknownNameError, shown
 from voxgran._base.files import existing_file
-from voxgran._base.registry import nearest, unknown
+from voxgran._base.names import nearest, unknown
 from voxgran._base.seeds import stream
 from voxgran._base.units import as_unit
 from voxgran.clumps.fit import TARGETS, fit_clump

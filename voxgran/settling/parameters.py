@@ -3,8 +3,9 @@
 from dataclasses import dataclass
 from typing import ClassVar, Literal
 
-from voxgran._base.config import check_bounds, parameter
-from voxgran._base.registry import ExplainedAttributes
+from voxgran._base import ExplainedAttributes
+from voxgran._base.calls import explained_methods
+from voxgran._base.config import check_bounds, parameter, parameter_class
 
 #: largest coefficient of friction with which sweeps over the contacts are known to converge
 MOST_FRICTION = 2.0
@@ -14,6 +15,7 @@ HEAVIEST = 100.0
 LONGEST = 1e6
 
 
+@explained_methods
 @dataclass(frozen=True, slots=True)
 class Shaking(ExplainedAttributes):
     """Random accelerations of all grains, with moments, which fall linearly to zero.
@@ -50,6 +52,7 @@ class Shaking(ExplainedAttributes):
         check_bounds(self, of="shaking")
 
 
+@explained_methods
 @dataclass(frozen=True, slots=True)
 class Lid(ExplainedAttributes):
     """A flat plate that lies on the bed and moves along gravity only.
@@ -80,7 +83,7 @@ class Lid(ExplainedAttributes):
         check_bounds(self, of="lid")
 
 
-@dataclass(frozen=True, kw_only=True, slots=True)
+@parameter_class
 class Settling:
     """How a bed settles.
 
@@ -102,10 +105,8 @@ class Settling:
     restitution: float = parameter(
         0.0, doc="ratio of the velocities after and before an impact, along the normal", at_least=0.0, at_most=1.0
     )
-    shaking: Shaking | None = parameter(  # noqa: RUF009
-        None, doc="random accelerations after the fall; if omitted, none"
-    )
-    lid: Lid | None = parameter(None, doc="plate that lies on the bed; if omitted, none")  # noqa: RUF009
+    shaking: Shaking | None = parameter(None, doc="random accelerations after the fall; if omitted, none")
+    lid: Lid | None = parameter(None, doc="plate that lies on the bed; if omitted, none")
     fall_time: float | None = parameter(
         None,
         doc="longest time of the fall with inertia, in sqrt(d / g) with the median diameter d; if omitted, until the "

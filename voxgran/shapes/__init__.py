@@ -7,6 +7,8 @@ signatures are in the stub beside this file.
 from collections.abc import Callable
 from typing import Any
 
+from voxgran._base import Missing
+
 
 def __getattr__(name: str) -> "Callable[..., Any]":
     """Return the function that makes shapes of a family."""
@@ -15,10 +17,7 @@ def __getattr__(name: str) -> "Callable[..., Any]":
 
         if name in shape_families():
             return family_function(name)
-    from voxgran._base.registry.attributes import missing_name
-
-    # with its name and no object, Python adds no suggestion of its own
-    raise AttributeError(missing_name(__name__, name, __dir__()), name=name)
+    raise AttributeError(Missing(__name__, name), name=name)
 
 
 def __dir__() -> list[str]:

@@ -8,10 +8,10 @@ from typing import Any
 import numpy as np
 
 from voxgran._base.arrays import as_count, as_positive, check_lengths
-from voxgran._base.calls import Parameters, chosen, document, explained
-from voxgran._base.config import parameters_of, to_mapping
+from voxgran._base.calls import explained
+from voxgran._base.config import document, parameters_of, to_mapping
 from voxgran._base.errors import CallError, InputError, shown
-from voxgran._base.registry import Registry
+from voxgran._base.registry import Parameters, Registry
 from voxgran._base.seeds import stream
 from voxgran.shapes.describing.body import Geometry
 from voxgran.shapes.generating.ranges import drawn
@@ -144,7 +144,7 @@ def make_shape(family: str | Parameters, *, seed: int = 0, **parameters: Any) ->
     Shape('box', primitive, diameter=1)
     """
     family, parameters = _with_drawn_values(family, parameters, seed)
-    name, entry, values = chosen(families(), family, parameters, where="", beside=("seed",))
+    name, entry, values = families().chosen(family, parameters, where="", beside=("seed",))
     for key, value in to_mapping(values).items():
         _check_numbers(value, f"{name} {key}")
     return entry.make(values, stream(seed, f"shape {name}"))

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from voxgran._base import public
+from voxgran._base import ExplainedAttributes, public
 from voxgran._base.arrays import (
     Booleans,
     Floats,
@@ -21,7 +21,6 @@ from voxgran._base.arrays import (
 from voxgran._base.calls import explained_methods
 from voxgran._base.errors import InputError
 from voxgran._base.lazy import load
-from voxgran._base.registry import ExplainedAttributes
 from voxgran._base.units import as_unit, stated_unit, unit_factor
 from voxgran.geometry.rotation import rotation_matrices
 from voxgran.shapes.describing.body import Body, Geometry

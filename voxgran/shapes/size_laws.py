@@ -8,14 +8,14 @@ of one density). Each follows exactly from the other: the density by volume is t
 
 import math
 from abc import ABC, abstractmethod
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import Any, ClassVar, Literal, Self
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from voxgran._base.arrays import Floats, as_choice, as_count, as_length, as_number, as_positive, as_share
-from voxgran._base.config import parameter, parameters_of, to_mapping
+from voxgran._base.config import parameter, parameter_class, parameters_of, to_mapping
 from voxgran._base.errors import InputError, shown
 from voxgran._base.lazy import load
 from voxgran._base.scalars import whole_number_of
@@ -179,7 +179,7 @@ class SizeDistribution(ABC):
         """Return the sizes at which the partial integral reaches the shares of the whole."""
 
 
-@dataclass(frozen=True, kw_only=True, slots=True)
+@parameter_class
 class Lognormal(SizeDistribution):
     """Log-normal distribution, optionally truncated below and above.
 
@@ -239,7 +239,7 @@ class Lognormal(SizeDistribution):
         return np.asarray(np.clip(sizes, self.low or 0.0, self.high or math.inf))
 
 
-@dataclass(frozen=True, kw_only=True, slots=True)
+@parameter_class
 class Uniform(SizeDistribution):
     """Uniform distribution between two sizes.
 
@@ -274,7 +274,7 @@ class Uniform(SizeDistribution):
         return np.asarray(self.low * (1.0 + shares * whole) ** (1.0 / (power + 1)))
 
 
-@dataclass(frozen=True, kw_only=True, slots=True)
+@parameter_class
 class Discrete(SizeDistribution):
     """Discrete distribution: a few sizes, each with its weight.
 
@@ -324,7 +324,7 @@ class Discrete(SizeDistribution):
         return np.asarray(steps[np.minimum(place, last)])
 
 
-@dataclass(frozen=True, kw_only=True, slots=True)
+@parameter_class
 class Fixed(SizeDistribution):
     """One size for all grains.
 
@@ -353,7 +353,7 @@ class Fixed(SizeDistribution):
         return np.full(shares.shape, self.diameter)
 
 
-@dataclass(frozen=True, kw_only=True, slots=True)
+@parameter_class
 class Sieve(SizeDistribution):
     """Measured sieve curve, interpolated linearly in the logarithm of the opening.
 

@@ -5,16 +5,17 @@ in :mod:`voxgran.shapes.size_laws`.
 """
 
 from collections.abc import Mapping
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import ArrayLike
 
+from voxgran._base import missing_names
 from voxgran._base.arrays import Floats, as_floats, as_number, check_type
 from voxgran._base.calls import explained
 from voxgran._base.config import from_mapping
 from voxgran._base.errors import InputError, UnknownNameError
-from voxgran._base.registry import unknown
+from voxgran._base.names import unknown
 from voxgran.shapes.size_laws import Basis, Discrete, Fixed, Lognormal, Sieve, SizeDistribution, Uniform
 
 __all__ = [
@@ -27,6 +28,9 @@ __all__ = [
     "size_kinds",
     "uniform",
 ]
+
+if not TYPE_CHECKING:
+    __getattr__ = missing_names(__name__)
 
 
 @explained(hint="lognormal(median=1.0, sigma=0.2)")

@@ -17,6 +17,7 @@ from voxgran._base.arrays import (
     check_type,
     read_only,
 )
+from voxgran._base.calls import explained_methods
 from voxgran._base.errors import InputError
 from voxgran._base.kernels import kernel
 from voxgran.shapes.boolean import united
@@ -30,6 +31,7 @@ MOST_TRIANGLES = 80_000
 ROUNDING = 1e-9
 
 
+@explained_methods
 @dataclass(frozen=True, eq=False)
 class MassProperties:
     """Volume, centroid and inertia tensor of a solid of unit density.

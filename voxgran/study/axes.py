@@ -12,10 +12,9 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, TypeAlias
 
-from voxgran._base.calls import chosen
 from voxgran._base.config import parameters_of, to_mapping
 from voxgran._base.errors import InputError, UnknownNameError, shown
-from voxgran._base.registry import nearest, unknown
+from voxgran._base.names import nearest, unknown
 from voxgran._base.scalars import unwrapped
 from voxgran.packing.method import method_registry
 from voxgran.scene.description import SECTIONS
@@ -165,7 +164,7 @@ def _given(axis: str, value: Any) -> tuple[str, Any]:
 def _method(value: Any) -> Any:
     """Return a method given as an object of its parameters, or by the key `name`, as a table with the key `method`."""
     if dataclasses.is_dataclass(value) and not isinstance(value, type):
-        name, _, settings = chosen(method_registry(), value, {}, where="method")
+        name, _, settings = method_registry().chosen(value, {}, where="method")
         defaults = {item.name: item.default for item in parameters_of(type(value))}
         given = {key: item for key, item in to_mapping(settings).items() if item != plain(defaults[key])}
         return {"method": name, **plain(given)}

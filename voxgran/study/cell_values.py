@@ -9,7 +9,7 @@ import numpy as np
 
 from voxgran._base.arrays import Floats
 from voxgran._base.errors import InputError, UnknownNameError, shown
-from voxgran._base.registry import unknown
+from voxgran._base.names import unknown
 from voxgran._base.scalars import unwrapped
 from voxgran.packing.pack import STOPPED
 from voxgran.report.significance import EQUAL, all_equal

@@ -8,7 +8,7 @@ from typing import Any
 
 from voxgran._base.config import parameters_of
 from voxgran._base.errors import InputError, UnknownNameError, VoxgranError, shown
-from voxgran._base.registry import unknown
+from voxgran._base.names import unknown
 from voxgran._base.units import NO_UNIT, as_unit
 from voxgran.packing.method import method_registry
 from voxgran.scene.description import SceneDescription

@@ -15,7 +15,7 @@ import numpy as np
 
 from voxgran._base.arrays import Floats, as_number
 from voxgran._base.errors import InputError, UnknownNameError
-from voxgran._base.registry import unknown
+from voxgran._base.names import unknown
 from voxgran.report.significance import all_equal, difference_of, holm, verdict_of
 from voxgran.study.axes import Label
 from voxgran.study.cell_values import axes_of, labels_of, main_variable, text_of, values_of, varied_axes

@@ -6,7 +6,7 @@ from typing import Any
 
 from voxgran._base.arrays import as_number
 from voxgran._base.errors import InputError, UnknownNameError, shown
-from voxgran._base.registry import unknown
+from voxgran._base.names import unknown
 
 KEYS = ("low", "high", "source")
 

@@ -13,7 +13,7 @@ from voxgran import __version__
 from voxgran._base.arrays import as_choice, as_number
 from voxgran._base.errors import UnknownNameError
 from voxgran._base.files import as_path, write_files
-from voxgran._base.registry import unknown
+from voxgran._base.names import unknown
 from voxgran.report import facts
 from voxgran.report.facts import Fact
 from voxgran.report.figures import Figure

@@ -14,10 +14,10 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from voxgran import __version__
+from voxgran._base import ExplainedAttributes
 from voxgran._base.calls import explained_methods
 from voxgran._base.files import written_whole
 from voxgran._base.lazy import load
-from voxgran._base.registry import ExplainedAttributes
 from voxgran.io.netcdf import save_statistics
 from voxgran.study.cells import Cell, Dimension
 from voxgran.study.comparisons import compare

@@ -9,7 +9,7 @@ from typing import Any
 from voxgran._base.arrays import as_count, check_type
 from voxgran._base.errors import InputError, UnknownNameError, shown
 from voxgran._base.files import existing_file
-from voxgran._base.registry import unknown
+from voxgran._base.names import unknown
 from voxgran.scene.description import SECTIONS, SceneDescription, read_toml
 from voxgran.study.axes import plain
 from voxgran.study.cell_values import text_of

@@ -5,11 +5,11 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
+from voxgran._base import ExplainedAttributes
 from voxgran._base.calls import explained, explained_methods
 from voxgran._base.errors import InputError
 from voxgran._base.files import as_path
 from voxgran._base.progress import OnStep
-from voxgran._base.registry import ExplainedAttributes
 from voxgran.scene.description import SceneDescription
 from voxgran.study.cells import Cell
 from voxgran.study.engine import Options, planned, run_study

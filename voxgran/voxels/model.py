@@ -5,8 +5,8 @@ from functools import cached_property
 
 import numpy as np
 
+from voxgran._base import ExplainedAttributes
 from voxgran._base.arrays import Booleans, Floats
-from voxgran._base.registry import ExplainedAttributes
 from voxgran.lattice.grid import Grid
 from voxgran.lattice.packed import PackedMask
 from voxgran.voxels.shares import Shares

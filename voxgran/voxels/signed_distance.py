@@ -12,12 +12,12 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from voxgran._base import ExplainedAttributes
 from voxgran._base.arrays import Floats, Integers, as_choice, as_floats, as_number, check_type
 from voxgran._base.calls import explained
 from voxgran._base.errors import InputError
 from voxgran._base.kernels import kernel
 from voxgran._base.lazy import load
-from voxgran._base.registry import ExplainedAttributes
 from voxgran.lattice.grid import Grid
 from voxgran.lattice.morphology import dilation
 from voxgran.shapes.model import Shape

@@ -14,7 +14,8 @@ import pytest
 from voxgran._base.compiling.kernel_files import MARK, _Files
 from voxgran._base.files import is_private
 from voxgran._base.kernels import Kernel, cache_folder, inlined_kernel, kernel, telling_of_compilation
-from voxgran._base.registry import Registry, unknown
+from voxgran._base.names import unknown
+from voxgran._base.registry import Registry
 
 
 @kernel

@@ -7,15 +7,18 @@ import pickle
 import re
 import subprocess
 import sys
+import traceback
+import types
+from dataclasses import is_dataclass
 from typing import Any
 
 import numpy as np
 import pytest
 
 import voxgran as vg
+from voxgran._base import ExplainedAttributes
 from voxgran._base.errors import CallError, InputError, UnknownNameError, VoxgranError
-from voxgran._base.registry import ExplainedAttributes, nearest
-from voxgran._base.registry.names import nearest_word
+from voxgran._base.names import nearest, nearest_word
 from voxgran._base.units import as_unit
 from voxgran.shapes.images.image_files import Image
 
@@ -160,20 +163,45 @@ def test_objects_that_functions_return_answer_too(packing: vg.Packing) -> None:
         _ = image.data  # type: ignore[attr-defined]
 
 
-@pytest.mark.parametrize(
-    ("owner", "typed", "remedy"),
-    [
-        (vg.Packing, "from_file", r"write vg\.load\(\.\.\.\)"),
-        (vg.Shape, "from_file", r"write vg\.load_shape\(\.\.\.\)"),
-        (vg.Shape, "load", r"write vg\.load_shape\(\.\.\.\)"),
-        (vg.Scene, "from_file", "did you mean 'from_toml'"),
-        (vg.Box, "qqq", r"dir\(Box\) lists its attributes"),
-    ],
-)
-def test_classes_answer_too(owner: type, typed: str, remedy: str) -> None:
-    with pytest.raises(AttributeError, match=f"^{owner.__name__} has no attribute '{typed}': {remedy}"):
-        getattr(owner, typed)
-    assert not hasattr(owner, "__array_interface__")
+def test_asking_for_an_attribute_loads_no_module_and_compares_no_names() -> None:
+    code = """
+import difflib, sys
+import voxgran as vg
+difflib.SequenceMatcher = None
+before = set(sys.modules)
+assert not hasattr(vg, "Foo")
+assert set(sys.modules) == before, set(sys.modules) - before
+packing = vg.Packing.of(vg.shapes.sphere(), vg.Box((4, 4, 4)), position=[(1, 1, 1)])
+objects = packing, packing[0], packing.container, vg.sizes, vg.methods, vg.Packing, vg.Box
+before = set(sys.modules)
+for one in objects:
+    assert not hasattr(one, "foo") and getattr(one, "contact_gaps", None) is None
+assert set(sys.modules) == before, set(sys.modules) - before
+calls = []
+sys.setprofile(lambda frame, event, argument: calls.append(frame.f_code.co_qualname) if event == "call" else None)
+hasattr(packing, "foo")
+sys.setprofile(None)
+assert len(calls) <= 3, calls
+"""
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True)
+    assert done.returncode == 0, done.stderr
+
+
+def test_the_message_is_composed_when_it_is_shown(packing: vg.Packing, monkeypatch: pytest.MonkeyPatch) -> None:
+    with pytest.raises(AttributeError) as found:
+        _ = packing.positions  # type: ignore[attr-defined]
+    error = pickle.loads(pickle.dumps(found.value))
+    assert type(error) is AttributeError
+    for shown in (str(error), repr(error), "".join(traceback.format_exception(error))):
+        assert "Packing has no attribute 'positions': did you mean 'position'?" in shown
+    monkeypatch.setattr("voxgran._base.remedies.remedy_of_object", lambda *_: "write nothing")
+    assert str(found.value) == "Packing has no attribute 'positions': write nothing"
+
+
+def test_classes_and_modules_are_those_of_python() -> None:
+    packages = [vg, vg.methods, vg.containers, vg.shapes, importlib.import_module("voxgran.contacts")]
+    assert {type(package) for package in packages} == {types.ModuleType}
+    assert type(vg.Packing) is type(vg.Box) is type(vg.Shape) is type
 
 
 @pytest.mark.parametrize(
@@ -191,21 +219,6 @@ def test_modules_without_public_names_on_first_use_answer_too(typed: str, remedy
         getattr(vg.sizes, typed)
     with pytest.raises(AttributeError, match=r"module 'voxgran\.io' has no attribute 'load': write vg\.load$"):
         _ = importlib.import_module("voxgran.io").load
-
-
-@pytest.mark.parametrize(
-    ("module", "remedy"),
-    [
-        ("voxgran.packing.methods.rsa", "did you mean 'Rsa'"),
-        ("voxgran.packing.methods.digital_rsa", "did you mean 'DigitalRsa'"),
-        ("voxgran.contacts", r"write packing\.contacts\(\)$"),
-    ],
-)
-def test_a_module_that_is_called_names_what_may_be_called(module: str, remedy: str) -> None:
-    called: Any = importlib.import_module(module)
-    with pytest.raises(CallError, match=f"^{re.escape(module)} is a module and no function: {remedy}"):
-        called()
-    assert pickle.loads(pickle.dumps(called)) is called
 
 
 def test_errors_and_other_names_that_are_not_public_say_what_is() -> None:
@@ -239,6 +252,15 @@ def test_every_public_function_explains_calls_that_do_not_fit() -> None:
             function(*[0] * 20)
     with pytest.raises(CallError, match=r"'voxel_size' is unknown.*sizes are in voxels"):
         vg.segment(np.zeros((4, 4, 4)), voxel_size=0.1)  # type: ignore[call-arg]
+
+
+def test_every_public_class_with_fields_explains_calls_that_do_not_fit() -> None:
+    spaces: list[Any] = [vg, vg.methods, vg.families, vg.clumps, vg.containers]
+    found = {entry for space in spaces for name in space.__all__ if is_dataclass(entry := getattr(space, name))}
+    assert len(found) > 60
+    for cls in found:
+        with pytest.raises(CallError, match=f"^argument of {cls.__name__} 'no_such_name' is unknown: .*; write "):
+            cls(no_such_name=1)
 
 
 def test_statistics_are_shown_with_their_units(packing: vg.Packing) -> None:

@@ -24,13 +24,12 @@ Discontinuous Materials, section 4-2; Lu & McDowell 2007; Wang et al. 2007 (merg
 """
 
 import math
-from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
 
 from voxgran._base.arrays import Floats, as_choice
-from voxgran._base.config import check_bounds, parameter
+from voxgran._base.config import check_bounds, parameter, parameter_class
 from voxgran._base.errors import InputError
 from voxgran._base.kernels import kernel
 from voxgran._base.lazy import load
@@ -69,7 +68,7 @@ JUDGING, RESOLUTION = 2_000, 20.0
 NONE = SphereSet(np.zeros((0, 3)), np.zeros(0))
 
 
-@dataclass(frozen=True, kw_only=True, slots=True)
+@parameter_class
 class Cluster:
     """Parameters of equal spheres on a lattice.
 

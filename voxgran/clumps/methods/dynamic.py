@@ -12,12 +12,10 @@ References
 Matsushima & Saomoto 2003
 """
 
-from dataclasses import dataclass
-
 import numpy as np
 
 from voxgran._base.arrays import Floats, Integers
-from voxgran._base.config import check_bounds, parameter
+from voxgran._base.config import check_bounds, parameter, parameter_class
 from voxgran._base.seeds import stream
 from voxgran.clumps.body import Body
 from voxgran.clumps.method import ClumpMethod, Fitted
@@ -35,7 +33,7 @@ NEAR = 0.25
 STEP = 0.3
 
 
-@dataclass(frozen=True, kw_only=True, slots=True)
+@parameter_class
 class Dynamic:
     """Parameters of the virtual forces.
 

@@ -11,12 +11,10 @@ References
 Price, Murariu & Morrison 2007, Sphere clump generation and trajectory comparison for real particles
 """
 
-from dataclasses import dataclass
-
 import numpy as np
 
 from voxgran._base.arrays import Floats
-from voxgran._base.config import check_bounds, parameter
+from voxgran._base.config import check_bounds, parameter, parameter_class
 from voxgran._base.lazy import load
 from voxgran._base.seeds import stream
 from voxgran.clumps.body import Body
@@ -39,7 +37,7 @@ TOLERANCE = 0.07
 MOST = 5.0
 
 
-@dataclass(frozen=True, kw_only=True, slots=True)
+@parameter_class
 class FourPoint:
     """Parameters of the spheres through four points.
 

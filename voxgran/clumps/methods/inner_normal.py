@@ -15,13 +15,12 @@ Ferellec & McDowell 2010, A method to model realistic particle shape and inertia
 doi:10.1007/s10035-010-0205-8
 """
 
-from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
 
 from voxgran._base.arrays import Booleans, Floats, Integers, as_choice
-from voxgran._base.config import check_bounds, parameter
+from voxgran._base.config import check_bounds, parameter, parameter_class
 from voxgran._base.seeds import stream
 from voxgran.clumps.body import Body
 from voxgran.clumps.method import ClumpMethod, Fitted
@@ -34,7 +33,7 @@ LEAST = 0.2
 FAR, NEAR, HALVINGS = 1.0, 1e-3, 16
 
 
-@dataclass(frozen=True, kw_only=True, slots=True)
+@parameter_class
 class InnerNormal:
     """Parameters of the spheres along inner normals.
 

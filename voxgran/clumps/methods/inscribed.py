@@ -15,12 +15,10 @@ Inscribed spheres from a distance transform, chosen by radius instead: Angelidak
 100735, doi:10.1016/j.softx.2021.100735
 """
 
-from dataclasses import dataclass
-
 import numpy as np
 
 from voxgran._base.arrays import Booleans, Floats, Integers
-from voxgran._base.config import check_bounds, parameter
+from voxgran._base.config import check_bounds, parameter, parameter_class
 from voxgran._base.kernels import kernel
 from voxgran.clumps.body import Body
 from voxgran.clumps.method import ClumpMethod, Fitted
@@ -35,7 +33,7 @@ REFINED = 3
 STEPS = tuple(0.5 * 0.7**k for k in range(12))
 
 
-@dataclass(frozen=True, kw_only=True, slots=True)
+@parameter_class
 class Inscribed:
     """Parameters of the greedy fit.
 

@@ -11,13 +11,13 @@ volume of the solid.
 """
 
 import math
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import Literal
 
 import numpy as np
 
 from voxgran._base.arrays import Floats, as_choice
-from voxgran._base.config import check_bounds, parameter
+from voxgran._base.config import check_bounds, parameter, parameter_class
 from voxgran._base.errors import InputError
 from voxgran._base.lazy import load
 from voxgran._base.seeds import stream
@@ -58,7 +58,7 @@ VOLUME_ERROR = 1e-6
 ROUNDS, HEAVIER = 4, 10.0
 
 
-@dataclass(frozen=True, kw_only=True, slots=True)
+@parameter_class
 class Optimal:
     """Parameters of the refined fit.
 

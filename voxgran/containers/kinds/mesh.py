@@ -8,9 +8,10 @@ from typing import Any, ClassVar
 import numpy as np
 from numpy.typing import ArrayLike
 
+from voxgran._base import ExplainedAttributes
 from voxgran._base.arrays import Floats, Integers, as_faces, as_points, as_vector, check_type
+from voxgran._base.calls import explained_methods
 from voxgran._base.errors import InputError, with_article
-from voxgran._base.registry import ExplainedAttributes
 from voxgran.containers.make import ContainerKind
 from voxgran.containers.model import Boundary
 from voxgran.shapes.files import shape_of_file
@@ -26,6 +27,7 @@ MENDING = Remedies(
 )
 
 
+@explained_methods
 @dataclass(frozen=True, eq=False)
 class ClosedMesh(ExplainedAttributes):
     """The interior of a closed triangle mesh, in the coordinates that the shape was made from.

@@ -9,10 +9,10 @@ from typing import Any, ClassVar
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from voxgran._base import ExplainedAttributes
 from voxgran._base.arrays import Floats, Integers, as_place, as_positive, check_lengths, read_only
 from voxgran._base.calls import explained
 from voxgran._base.errors import InputError
-from voxgran._base.registry import ExplainedAttributes
 from voxgran.containers.make import ContainerKind
 from voxgran.containers.model import Boundary
 from voxgran.containers.plane import area_of, as_loops, points_in_plane, prism_of, triangles_of

@@ -6,10 +6,10 @@ from typing import ClassVar
 import numpy as np
 from numpy.typing import ArrayLike
 
+from voxgran._base import ExplainedAttributes
 from voxgran._base.arrays import Floats, Integers, as_floats
 from voxgran._base.axes import Periodic
 from voxgran._base.calls import explained
-from voxgran._base.registry import ExplainedAttributes
 from voxgran.containers.kinds.box import Block
 from voxgran.containers.make import ContainerKind
 

@@ -20,7 +20,7 @@ from typing import Any, Literal
 import numpy as np
 
 from voxgran._base.arrays import Floats
-from voxgran._base.config import check_bounds, parameter
+from voxgran._base.config import check_bounds, parameter, parameter_class
 from voxgran._base.errors import InputError, TooLargeError
 from voxgran._base.seeds import philox_key, stream
 from voxgran._base.stopping import stop_if_asked
@@ -53,7 +53,7 @@ MOST = 2 ** (31 - BITS)
 FIRST, FEW = 128, 128
 
 
-@dataclass(frozen=True, kw_only=True, slots=True)
+@parameter_class
 class AdvancingFront:
     """Parameters of the advancing front.
 

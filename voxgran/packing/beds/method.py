@@ -9,13 +9,13 @@ References
 Moreau 1988, Unilateral contact and dry friction in finite freedom dynamics, doi:10.1007/978-3-7091-2624-0_1.
 """
 
-from dataclasses import dataclass, fields, replace
+from dataclasses import fields, replace
 from typing import Literal
 
 import numpy as np
 
 from voxgran._base.arrays import Floats
-from voxgran._base.config import check_bounds, parameter, to_mapping
+from voxgran._base.config import check_bounds, parameter, parameter_class, to_mapping
 from voxgran._base.errors import InputError, PackingWarning
 from voxgran._base.seeds import stream
 from voxgran._base.warning import warn
@@ -50,7 +50,7 @@ NO_ROOM = (
 APART = 0.98
 
 
-@dataclass(frozen=True, kw_only=True, slots=True)
+@parameter_class
 class Gravity(Settling):
     """Parameters of beds that grow from seeds.
 

@@ -3,6 +3,7 @@
 from dataclasses import dataclass
 from typing import Literal
 
+from voxgran._base.calls import explained_methods
 from voxgran._base.config import parameter
 from voxgran._base.errors import InputError
 from voxgran._base.warning import warn_former
@@ -12,6 +13,7 @@ from voxgran.packing.walking.parameters import MOST_SWEEPS, Walking
 SHORTEST_STEP = 0.002
 
 
+@explained_methods
 @dataclass(frozen=True, kw_only=True)
 class ControlPoint(Walking):
     """Parameters of control-point packing.

@@ -21,7 +21,7 @@ from typing import Any, Literal
 import numpy as np
 
 from voxgran._base.arrays import Floats
-from voxgran._base.config import check_bounds, parameter
+from voxgran._base.config import check_bounds, parameter, parameter_class
 from voxgran._base.errors import InputError
 from voxgran._base.seeds import philox_key
 from voxgran.containers.kernel_container import KernelContainer, kernel_container
@@ -43,7 +43,7 @@ ROUNDING = 1e-13
 LATTICE = 20
 
 
-@dataclass(frozen=True, kw_only=True, slots=True)
+@parameter_class
 class Deposition:
     """Parameters of deposition.
 

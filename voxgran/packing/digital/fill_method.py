@@ -20,7 +20,7 @@ from typing import Any, ClassVar, Literal, TypeAlias
 import numpy as np
 
 from voxgran._base.arrays import Booleans, Floats, Integers, Words
-from voxgran._base.config import parameter
+from voxgran._base.config import parameter, parameter_class
 from voxgran._base.errors import InputError
 from voxgran._base.seeds import below, philox_block, philox_key, stream
 from voxgran._base.stopping import stop_if_asked
@@ -63,7 +63,7 @@ TALLY = ("placed", "skipped", "map_updates")
 SLAB_WORDS = 2**18
 
 
-@dataclass(frozen=True, kw_only=True, slots=True)
+@parameter_class
 class DigitalFill(LatticeSearch):
     """Parameters of digital filling.
 

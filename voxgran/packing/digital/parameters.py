@@ -3,12 +3,14 @@
 from dataclasses import dataclass
 from typing import Any, ClassVar, Literal
 
-from voxgran._base.config import check_bounds, parameter
+from voxgran._base.calls import explained_methods
+from voxgran._base.config import check_bounds, parameter, parameter_class
 from voxgran._base.errors import InputError
 from voxgran.packing.digital.container_lattice import MOST_ORIENTATIONS
 from voxgran.packing.walking.parameters import Walking
 
 
+@explained_methods
 @dataclass(frozen=True, kw_only=True)
 class Digital(Walking):
     """Parameters of digital packing.
@@ -89,7 +91,7 @@ class Digital(Walking):
         return {"lid is true": self.lid, "schedule is 'sleeping'": self.schedule == "sleeping"}
 
 
-@dataclass(frozen=True, kw_only=True, slots=True)
+@parameter_class
 class LatticeSearch:
     """Parameters of methods that put each grain at a site of the lattice, where it stays.
 

@@ -17,7 +17,7 @@ from typing import Any, ClassVar
 import numpy as np
 
 from voxgran._base.arrays import Integers
-from voxgran._base.config import parameter
+from voxgran._base.config import parameter, parameter_class
 from voxgran._base.errors import TooLargeError
 from voxgran._base.seeds import philox_key, stream
 from voxgran.packing.digital.bit_columns import Canvas
@@ -42,7 +42,7 @@ from voxgran.packing.problem import Problem
 MOST_CANDIDATES = 2**40
 
 
-@dataclass(frozen=True, kw_only=True, slots=True)
+@parameter_class
 class DigitalRsa(LatticeSearch):
     """Parameters of random sequential addition on a lattice.
 

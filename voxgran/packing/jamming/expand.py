@@ -19,10 +19,9 @@ O'Hern, Silbert, Liu & Nagel 2003, Jamming at zero temperature and zero applied 
 Physical Review E 68, 011306, doi:10.1103/PhysRevE.68.011306.
 """
 
-from dataclasses import dataclass
-
 import numpy as np
 
+from voxgran._base.config import parameter_class
 from voxgran._base.errors import PackingWarning
 from voxgran._base.warning import warn
 from voxgran.packing.gravity import Down
@@ -32,7 +31,7 @@ from voxgran.packing.model import Packing
 from voxgran.packing.problem import Problem
 
 
-@dataclass(frozen=True, kw_only=True, slots=True)
+@parameter_class
 class Expand(Compression):
     """Parameters of the expansion.
 

@@ -15,12 +15,12 @@ O'Hern, Silbert, Liu & Nagel 2003, Jamming at zero temperature and zero applied 
 Physical Review E 68, 011306, doi:10.1103/PhysRevE.68.011306.
 """
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import Literal
 
 import numpy as np
 
-from voxgran._base.config import parameter
+from voxgran._base.config import parameter, parameter_class
 from voxgran._base.errors import InputError
 from voxgran.packing.jamming.method import Compression, CompressState, advance, cost, first_state, told
 from voxgran.packing.method import PackingMethod
@@ -28,7 +28,7 @@ from voxgran.packing.model import Packing
 from voxgran.packing.problem import Problem
 
 
-@dataclass(frozen=True, kw_only=True, slots=True)
+@parameter_class
 class Jam(Compression):
     """Parameters of jamming.
 

@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from voxgran._base.config import check_bounds, parameter
+from voxgran._base.config import check_bounds, parameter, parameter_class
 from voxgran._base.seeds import stream
 from voxgran._base.stopping import stop_if_asked
 from voxgran.contacts.assembly import Assembly
@@ -22,7 +22,7 @@ from voxgran.packing.problem import Problem, random_points
 GRAIN_BYTES, STEPS = 700, 400
 
 
-@dataclass(frozen=True, kw_only=True, slots=True)
+@parameter_class
 class Compression:
     """Parameters of compression."""
 

@@ -16,12 +16,10 @@ and Geotechnics 30, 579-597, doi:10.1016/S0266-352X(03)00064-8.
 Ladd 1978, Preparing test specimens using undercompaction, Geotechnical Testing Journal 1, 16-23.
 """
 
-from dataclasses import dataclass
-
 import numpy as np
 
 from voxgran._base.arrays import Floats, Integers
-from voxgran._base.config import check_bounds, parameter
+from voxgran._base.config import check_bounds, parameter, parameter_class
 from voxgran._base.errors import InputError
 from voxgran.contacts.assembly import Assembly
 from voxgran.containers.model import boundary_of
@@ -38,7 +36,7 @@ from voxgran.packing.problem import Problem
 LOOSER = 0.05
 
 
-@dataclass(frozen=True, kw_only=True, slots=True)
+@parameter_class
 class Multilayer:
     """Parameters of layers that are compacted one by one.
 

@@ -32,14 +32,13 @@ Feder 1980, Random sequential adsorption, Journal of Theoretical Biology 87(2), 
 doi:10.1016/0022-5193(80)90358-6
 """
 
-from dataclasses import dataclass
 from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
 from voxgran._base.arrays import Integers, Words
-from voxgran._base.config import check_bounds, parameter
+from voxgran._base.config import check_bounds, parameter, parameter_class
 from voxgran._base.errors import InputError
 from voxgran._base.seeds import philox_key
 from voxgran.contacts.verify import verify
@@ -85,7 +84,7 @@ THROWS = 200
 BYTES_PER_GRAIN, BYTES_OF_CELLS = 250, 50
 
 
-@dataclass(frozen=True, kw_only=True, slots=True)
+@parameter_class
 class Rsa:
     """Parameters of random sequential addition.
 

@@ -23,7 +23,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from voxgran._base.arrays import Floats
-from voxgran._base.config import check_bounds, parameter
+from voxgran._base.config import check_bounds, parameter, parameter_class
 from voxgran._base.errors import InputError
 from voxgran._base.seeds import stream
 from voxgran.containers.model import Boundary, boundary_of
@@ -43,7 +43,7 @@ FIRST, NEXT = 30.0, 1.5
 ROUNDING = 1e-9
 
 
-@dataclass(frozen=True, kw_only=True, slots=True)
+@parameter_class
 class Apollonian:
     """Parameters of the exact gaskets.
 

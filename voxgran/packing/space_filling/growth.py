@@ -21,7 +21,7 @@ from typing import Literal
 import numpy as np
 
 from voxgran._base.arrays import Floats
-from voxgran._base.config import check_bounds, parameter
+from voxgran._base.config import check_bounds, parameter, parameter_class
 from voxgran._base.seeds import philox_key
 from voxgran.containers.kernel_container import KernelContainer, kernel_container
 from voxgran.packing.method import Cost, PackingMethod, State
@@ -51,7 +51,7 @@ CELLS, FIRST_REACH = 1.0, 0.4
 GROWN = ("spheres", "born", "rate", "room", "reach")
 
 
-@dataclass(frozen=True, kw_only=True, slots=True)
+@parameter_class
 class Growth:
     """Parameters of the growth.
 

@@ -22,7 +22,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from voxgran._base.arrays import Floats, Integers, Words
-from voxgran._base.config import check_bounds, parameter
+from voxgran._base.config import check_bounds, parameter, parameter_class
 from voxgran._base.errors import InputError
 from voxgran._base.kernels import bare_kernel, kernel
 from voxgran._base.seeds import philox_block, philox_key, unit_float
@@ -65,7 +65,7 @@ UPRIGHT = (1.0, 0.0, 0.0, 0.0)
 HALVINGS, ROUNDING, DIFFERENCE = 60, 1e-10, 1e-6
 
 
-@dataclass(frozen=True, kw_only=True, slots=True)
+@parameter_class
 class RandomApollonian:
     """Parameters of the random Apollonian packing.
 

@@ -24,7 +24,7 @@ from typing import Any
 import numpy as np
 
 from voxgran._base.arrays import Floats
-from voxgran._base.config import check_bounds, parameter
+from voxgran._base.config import check_bounds, parameter, parameter_class
 from voxgran._base.errors import InputError
 from voxgran._base.stopping import stop_if_asked
 from voxgran.packing.method import Cost, PackingMethod, State
@@ -65,7 +65,7 @@ SMALLEST, THIN = 0.2, 0.5
 ROUNDING = 1e-15
 
 
-@dataclass(frozen=True, kw_only=True, slots=True)
+@parameter_class
 class Tetrahedral:
     """Parameters of a packing by a mesh.
 

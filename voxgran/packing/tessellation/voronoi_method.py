@@ -29,7 +29,7 @@ from typing import Any, Literal
 import numpy as np
 
 from voxgran._base.arrays import Floats, Integers
-from voxgran._base.config import check_bounds, parameter
+from voxgran._base.config import check_bounds, parameter, parameter_class
 from voxgran._base.errors import InputError, PackingWarning
 from voxgran._base.seeds import philox_key, stream
 from voxgran._base.stopping import stop_if_asked
@@ -60,7 +60,7 @@ AT_ONCE = 100
 FITTED, ROUND, DONE = 3, 4, 5
 
 
-@dataclass(frozen=True, kw_only=True, slots=True)
+@parameter_class
 class VoronoiFill:
     """Parameters of the filling of cells.
 

@@ -4,15 +4,13 @@ A radius ``r(t) = r0 (1 + sum of A_n cos(n t) + B_n sin(n t))`` has the descript
 is the elongation, D_3 to D_7 make the main irregularities, and D_8 and above the roughness. D_1 is 0.
 """
 
-from dataclasses import dataclass
-
 import numpy as np
 
 from voxgran._base.arrays import Floats
-from voxgran._base.config import check_bounds, parameter
+from voxgran._base.config import check_bounds, parameter, parameter_class
 
 
-@dataclass(frozen=True, kw_only=True, slots=True)
+@parameter_class
 class FourierSpectrum:
     """Key descriptors of a spectrum, as Mollon & Zhao 2012 choose them.
 

@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from voxgran._base import ExplainedAttributes
 from voxgran._base.arrays import check_lengths, float_array
 from voxgran._base.calls import explained
 from voxgran._base.errors import FileFormatError, InputError, MissingLibraryError, TooLargeError, shown
@@ -17,7 +18,6 @@ from voxgran._base.files import existing_file
 from voxgran._base.guarded import Content, read_guarded, refused
 from voxgran._base.lazy import load
 from voxgran._base.machine import memory_limit
-from voxgran._base.registry import ExplainedAttributes
 from voxgran._base.units import as_unit, known_unit, unit_factor
 from voxgran._base.vtk_readers import chosen_name, vtk_image
 

@@ -12,13 +12,13 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from voxgran._base import ExplainedAttributes
 from voxgran._base.arrays import Booleans, Floats, Integers, as_array, as_choice, as_number
 from voxgran._base.axes import Periodic, as_periodic
 from voxgran._base.calls import explained
 from voxgran._base.errors import DirtyMeshError, InputError, PackingWarning
 from voxgran._base.lazy import load
 from voxgran._base.progress import OnStep, Step, reported, silent
-from voxgran._base.registry import ExplainedAttributes
 from voxgran._base.warning import warn
 from voxgran.lattice.census import Census, census
 from voxgran.lattice.cuberille import voxel_surface

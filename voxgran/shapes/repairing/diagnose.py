@@ -10,11 +10,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
+from voxgran._base import ExplainedAttributes
 from voxgran._base.arrays import Floats, Integers, as_faces, float_array
 from voxgran._base.calls import explained
 from voxgran._base.errors import DirtyMeshError, InputError, shown
 from voxgran._base.lazy import load
-from voxgran._base.registry import ExplainedAttributes
 from voxgran.lattice.label import components
 from voxgran.shapes.repairing.crossing import count_crossings
 from voxgran.shapes.shells import count_apart, count_flipped, edge_faults, shell_counts

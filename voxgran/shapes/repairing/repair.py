@@ -17,10 +17,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
+from voxgran._base import ExplainedAttributes
 from voxgran._base.arrays import Floats, Integers, as_choice, as_faces, as_number, as_points
 from voxgran._base.calls import explained, renamed
 from voxgran._base.errors import DirtyMeshError, InputError
-from voxgran._base.registry import ExplainedAttributes
 from voxgran.shapes.boolean import united
 from voxgran.shapes.formats.mesh_files import read_surface
 from voxgran.shapes.model import Shape

@@ -13,11 +13,11 @@ from typing import Any
 
 import numpy as np
 
+from voxgran._base import ExplainedAttributes
 from voxgran._base.arrays import Floats, Integers, as_count, check_type
 from voxgran._base.calls import explained
 from voxgran._base.errors import DirtyMeshError, InputError
 from voxgran._base.lazy import load
-from voxgran._base.registry import ExplainedAttributes
 from voxgran._base.scalars import cube_root
 from voxgran._base.seeds import stream
 from voxgran._base.vtk_data import numpy_support, poly_data

@@ -19,12 +19,12 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
+from voxgran._base import ExplainedAttributes
 from voxgran._base.arrays import Floats, Integers, as_array, as_floats, as_length, as_number, as_vector, check_type
 from voxgran._base.calls import explained
 from voxgran._base.errors import InputError
 from voxgran._base.kernels import kernel
 from voxgran._base.lazy import load
-from voxgran._base.registry import ExplainedAttributes
 from voxgran._base.seeds import stream
 from voxgran.geometry.triangles import areas_of, normals_of
 from voxgran.shapes.model import Shape

@@ -6,7 +6,7 @@ from typing import Literal
 import numpy as np
 
 from voxgran._base.arrays import Floats, as_number, as_positive
-from voxgran._base.config import check_bounds, parameter
+from voxgran._base.config import check_bounds, parameter, parameter_class
 from voxgran._base.errors import InputError
 from voxgran.shapes.roughness.autocorrelation import roll_off_of
 from voxgran.shapes.roughness.johnson import johnson
@@ -19,7 +19,7 @@ POINTS = 4
 Method = Literal["spectral", "patir", "whitehouse", "midpoint"]
 
 
-@dataclass(frozen=True, kw_only=True, slots=True)
+@parameter_class
 class Roughness:
     """Parameters of a rough surface.
 

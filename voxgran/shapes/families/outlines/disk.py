@@ -1,16 +1,15 @@
 """Disks: the two-dimensional spheres."""
 
-from dataclasses import dataclass
-
 import numpy as np
 
+from voxgran._base.config import parameter_class
 from voxgran.shapes.families.regular.sphere import Sphere
 from voxgran.shapes.family import ShapeFamily, round_radius
 from voxgran.shapes.model import Shape
 from voxgran.shapes.outline import Outline
 
 
-@dataclass(frozen=True, kw_only=True, slots=True)
+@parameter_class
 class Disk(Sphere):
     """Parameters of a disk: those of a sphere.
 

@@ -9,12 +9,10 @@ Mollon & Zhao 2012, Fourier-Voronoi-based generation of realistic samples for di
 doi:10.1007/s10035-012-0356-x
 """
 
-from dataclasses import dataclass
-
 import numpy as np
 
 from voxgran._base.arrays import Floats
-from voxgran._base.config import parameter
+from voxgran._base.config import parameter, parameter_class
 from voxgran._base.errors import InputError
 from voxgran.shapes.family import ShapeFamily, sized
 from voxgran.shapes.generating.fourier_spectrum import FourierSpectrum, descriptors
@@ -27,7 +25,7 @@ CORNERS = 4
 LARGEST = 0.95
 
 
-@dataclass(frozen=True, kw_only=True, slots=True)
+@parameter_class
 class MollonZhao2d(FourierSpectrum):
     """Parameters of a grain in the plane with a Fourier spectrum.
 

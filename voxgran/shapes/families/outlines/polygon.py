@@ -1,11 +1,9 @@
 """Polygons in two dimensions: regular ones, optionally stretched, or any simple polygon given by its corners."""
 
-from dataclasses import dataclass
-
 import numpy as np
 
 from voxgran._base.arrays import as_count, as_positive
-from voxgran._base.config import parameter
+from voxgran._base.config import parameter, parameter_class
 from voxgran._base.errors import InputError
 from voxgran.shapes.family import ShapeFamily, sized
 from voxgran.shapes.model import Shape
@@ -15,7 +13,7 @@ from voxgran.shapes.outline import Outline
 MOST_CORNERS = 10_000
 
 
-@dataclass(frozen=True, kw_only=True, slots=True)
+@parameter_class
 class Polygon:
     """Parameters of a polygon.
 

@@ -4,19 +4,17 @@ Few points give angular grains, many points give nearly round ones. Stretching a
 The family `polyhedron` has rounded ones, and regular polyhedra, beside them.
 """
 
-from dataclasses import dataclass
-
 import numpy as np
 
 from voxgran._base.arrays import as_count, as_positive
-from voxgran._base.config import parameter
+from voxgran._base.config import parameter, parameter_class
 from voxgran.shapes.family import ShapeFamily, sized
 from voxgran.shapes.generating.hulls import MOST_POINTS, points_on_sphere
 from voxgran.shapes.mesh import hull_of
 from voxgran.shapes.model import Shape
 
 
-@dataclass(frozen=True, kw_only=True, slots=True)
+@parameter_class
 class ConvexPolyhedron:
     """Parameters of a convex polyhedron.
 

@@ -13,13 +13,12 @@ Dev 2013, as surveyed by Sajjadi & Khalili 2015, Generating, Reproducing and Pac
 Element Analysis of Discontinuous Materials
 """
 
-from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
 
 from voxgran._base.arrays import Floats, as_choice, as_count, as_number, as_positive
-from voxgran._base.config import parameter
+from voxgran._base.config import parameter, parameter_class
 from voxgran.geometry.rotation import random_rotations, rotation_matrices
 from voxgran.shapes.boolean import united
 from voxgran.shapes.family import ShapeFamily, sized
@@ -30,7 +29,7 @@ FALLS = ("around", "down")
 MOST_CUBES = 1000
 
 
-@dataclass(frozen=True, kw_only=True, slots=True)
+@parameter_class
 class CubeRain:
     """Parameters of a rain of turned cubes.
 

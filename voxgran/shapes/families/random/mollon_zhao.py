@@ -13,12 +13,12 @@ Mollon & Zhao 2013, Generating realistic 3D sand particles using Fourier descrip
 random fields on the sphere whose sections have it
 """
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 
 from voxgran._base.arrays import Floats
-from voxgran._base.config import parameter
+from voxgran._base.config import parameter, parameter_class
 from voxgran._base.errors import InputError
 from voxgran.shapes.family import ShapeFamily, sized
 from voxgran.shapes.generating.fourier_spectrum import FourierSpectrum, descriptors
@@ -44,7 +44,7 @@ DOWN = 0.99
 HALVINGS = 40
 
 
-@dataclass(frozen=True, kw_only=True, slots=True)
+@parameter_class
 class MollonZhao(FourierSpectrum):
     """Parameters of a grain whose sections have a Fourier spectrum.
 

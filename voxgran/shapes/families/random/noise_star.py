@@ -10,12 +10,11 @@ Muinonen, Nousiainen, Fast, Lumme & Peltoniemi 1996, doi:10.1016/0022-4073(96)00
 """
 
 import math
-from dataclasses import dataclass
 
 import numpy as np
 
 from voxgran._base.arrays import Floats
-from voxgran._base.config import check_bounds, parameter
+from voxgran._base.config import check_bounds, parameter, parameter_class
 from voxgran._base.lazy import load
 from voxgran.shapes.family import ShapeFamily, sized
 from voxgran.shapes.generating.spherical_fields import field_values, random_coefficients
@@ -29,7 +28,7 @@ LEFT = 1e-6
 MOST_DEGREES = 120
 
 
-@dataclass(frozen=True, kw_only=True, slots=True)
+@parameter_class
 class NoiseStar:
     """Parameters of a Gaussian random sphere.
 

@@ -10,13 +10,12 @@ sphere, and the volume of Minkowski sums with spheres
 """
 
 import math
-from dataclasses import dataclass
 from typing import Literal, TypeAlias, get_args
 
 import numpy as np
 
 from voxgran._base.arrays import Floats, as_choice, as_count
-from voxgran._base.config import check_bounds, parameter
+from voxgran._base.config import check_bounds, parameter, parameter_class
 from voxgran._base.errors import InputError
 from voxgran._base.scalars import cube_root
 from voxgran.shapes.family import ShapeFamily, sized
@@ -29,7 +28,7 @@ from voxgran.shapes.model import Shape
 Solid: TypeAlias = Literal["random", PlatonicSolid, ArchimedeanSolid]
 
 
-@dataclass(frozen=True, kw_only=True, slots=True)
+@parameter_class
 class Polyhedron:
     """Parameters of a polyhedron.
 
@@ -45,9 +44,7 @@ class Polyhedron:
     8
     """
 
-    solid: Solid = parameter(  # noqa: RUF009
-        "random", doc="hull of random points, or the name of a Platonic or Archimedean solid"
-    )
+    solid: Solid = parameter("random", doc="hull of random points, or the name of a Platonic or Archimedean solid")
     points: int | tuple[int, int] | None = parameter(
         None, doc="number of random points, or a range to draw it from; from 4 to 100 000; default: (8, 20)"
     )

@@ -16,12 +16,11 @@ the number of neighbours
 """
 
 import math
-from dataclasses import dataclass
 
 import numpy as np
 
 from voxgran._base.arrays import Floats, Integers, as_count, as_number, as_positive
-from voxgran._base.config import parameter
+from voxgran._base.config import parameter, parameter_class
 from voxgran._base.errors import InputError
 from voxgran._base.kernels import inlined_kernel, kernel
 from voxgran.shapes.family import ShapeFamily
@@ -37,7 +36,7 @@ DRAWN = 1 << 14
 GAIN = 150.0
 
 
-@dataclass(frozen=True, kw_only=True, slots=True)
+@parameter_class
 class RandomGrowth:
     """Parameters of random growth.
 

@@ -21,13 +21,12 @@ saturated hydraulic conductivity: the homogeneous and the heterogeneous algorith
 """
 
 import math
-from dataclasses import dataclass
 from typing import Any, Literal
 
 import numpy as np
 
 from voxgran._base.arrays import Booleans, Integers, as_choice, as_count, as_share
-from voxgran._base.config import parameter
+from voxgran._base.config import parameter, parameter_class
 from voxgran._base.errors import InputError, shown
 from voxgran.shapes.family import ShapeFamily
 from voxgran.shapes.generating.voxel_solid import largest_piece, mask_of_cubes, voxel_solid
@@ -38,7 +37,7 @@ KINDS, PIECES = ("random", "menger", "sierpinski", "carpet"), ("largest", "whole
 MOST_ON_SIDE, MOST_CELLS = 256, 1_000_000
 
 
-@dataclass(frozen=True, kw_only=True, slots=True)
+@parameter_class
 class SierpinskiSponge:
     """Parameters of a sponge.
 

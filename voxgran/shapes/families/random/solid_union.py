@@ -20,7 +20,7 @@ from typing import Literal, TypeVar
 import numpy as np
 
 from voxgran._base.arrays import Floats, Integers, as_count, as_number, as_positive
-from voxgran._base.config import check_bounds, parameter
+from voxgran._base.config import check_bounds, parameter, parameter_class
 from voxgran._base.errors import InputError
 from voxgran.geometry.rotation import random_rotations
 from voxgran.shapes.boolean import united
@@ -53,7 +53,7 @@ DRAWN: dict[Kind, tuple[str, ...]] = {
 }
 
 
-@dataclass(frozen=True, kw_only=True, slots=True)
+@parameter_class
 class SolidUnion:
     """Parameters of a union of base solids.
 

@@ -17,13 +17,12 @@ Discontinuous Materials: spheres at the voxels or mesh nodes of a volume (sectio
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass
 from typing import Any, Literal
 
 import numpy as np
 
 from voxgran._base.arrays import Floats, Integers, as_number, as_positive
-from voxgran._base.config import check_bounds, parameter
+from voxgran._base.config import check_bounds, parameter, parameter_class
 from voxgran._base.errors import InputError
 from voxgran._base.lazy import load
 from voxgran.geometry.sphere_pairs import near_pairs
@@ -41,7 +40,7 @@ LARGEST = 3.0
 ROUNDING = 1e-12
 
 
-@dataclass(frozen=True, kw_only=True, slots=True)
+@parameter_class
 class SphereAssembly:
     """Parameters of an assembly of spheres.
 
@@ -59,7 +58,7 @@ class SphereAssembly:
     Shape('sphere_assembly', spheres, diameter=1)
     """
 
-    base: str | Shape | Mapping[str, Any] = parameter(  # noqa: RUF009
+    base: str | Shape | Mapping[str, Any] = parameter(
         "solid_union", doc="volume that is filled: a family, a table of family, seed and its parameters, or a Shape"
     )
     arrangement: Literal["voxels", "tetrahedra"] = parameter(

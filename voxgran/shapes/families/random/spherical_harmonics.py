@@ -15,7 +15,6 @@ Garboczi 2002, doi:10.1016/S0008-8846(02)00836-0: radii of aggregates as sums of
 """
 
 from collections.abc import Mapping
-from dataclasses import dataclass
 from functools import lru_cache
 from pathlib import Path
 from typing import Any
@@ -23,7 +22,7 @@ from typing import Any
 import numpy as np
 
 from voxgran._base.arrays import Floats, as_positive
-from voxgran._base.config import check_bounds, parameter
+from voxgran._base.config import check_bounds, parameter, parameter_class
 from voxgran._base.errors import InputError
 from voxgran._base.seeds import stream
 from voxgran.shapes.family import ShapeFamily, sized
@@ -48,7 +47,7 @@ MORE = 24
 HIGHEST = 64
 
 
-@dataclass(frozen=True, kw_only=True, slots=True)
+@parameter_class
 class SphericalHarmonics:
     """Parameters of a grain from spherical harmonics.
 
@@ -66,7 +65,7 @@ class SphericalHarmonics:
     Shape('spherical_harmonics', mesh, diameter=1)
     """
 
-    like: str | Shape | Mapping[str, Any] | None = parameter(  # noqa: RUF009
+    like: str | Shape | Mapping[str, Any] | None = parameter(
         None,
         doc="solid whose spectrum the grain has: a mesh file, a family, a table of family, seed and parameters, "
         "or a Shape",

@@ -13,13 +13,12 @@ the inflation is our own (voxgran/shapes/generating/inflation.py).
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
 from voxgran._base.arrays import as_number, as_positive
-from voxgran._base.config import check_bounds, parameter
+from voxgran._base.config import check_bounds, parameter, parameter_class
 from voxgran.shapes.family import ShapeFamily, sized
 from voxgran.shapes.generating.base import check_base, made_base
 from voxgran.shapes.generating.inflation import DEPTH, Inflation, inflated
@@ -30,7 +29,7 @@ from voxgran.shapes.model import Shape
 TRIES = 50
 
 
-@dataclass(frozen=True, kw_only=True, slots=True)
+@parameter_class
 class Superspherize:
     """Parameters of a volume inflated toward spheres.
 
@@ -48,7 +47,7 @@ class Superspherize:
     Shape('superspherize', mesh, diameter=1)
     """
 
-    base: str | Shape | Mapping[str, Any] = parameter(  # noqa: RUF009
+    base: str | Shape | Mapping[str, Any] = parameter(
         "convex_polyhedron",
         doc="volume that is inflated: a family, a table of family, seed and its parameters, or a Shape",
     )

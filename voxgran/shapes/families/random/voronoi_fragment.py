@@ -9,13 +9,12 @@ References
 Okabe, Boots, Sugihara & Chiu 2000, Spatial Tessellations, doi:10.1002/9780470317013: Voronoi cells of random seeds
 """
 
-from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
 
 from voxgran._base.arrays import Floats, as_choice, as_count
-from voxgran._base.config import check_bounds, parameter
+from voxgran._base.config import check_bounds, parameter, parameter_class
 from voxgran._base.errors import InputError
 from voxgran.shapes.family import ShapeFamily, refuse_both, sized
 from voxgran.shapes.generating.voronoi import voronoi_cell
@@ -26,7 +25,7 @@ from voxgran.shapes.model import Shape
 MOST_SEEDS = 100_000
 
 
-@dataclass(frozen=True, kw_only=True, slots=True)
+@parameter_class
 class VoronoiFragment:
     """Parameters of a Voronoi fragment.
 

@@ -15,13 +15,12 @@ Pokrovskii 2011, as surveyed by Sajjadi & Khalili 2015, Generating, Reproducing 
 Discrete Element Analysis of Discontinuous Materials
 """
 
-from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
 
 from voxgran._base.arrays import Booleans, Integers, as_choice, as_count
-from voxgran._base.config import parameter
+from voxgran._base.config import parameter, parameter_class
 from voxgran._base.errors import InputError
 from voxgran._base.kernels import kernel
 from voxgran.shapes.family import ShapeFamily
@@ -33,7 +32,7 @@ BASES, RULES = ("rectangle", "ellipse"), ("ballistic", "random", "relaxed")
 MOST_WIDE, MOST_CUBES, MOST_VOXELS = 1024, 5_000_000, 200_000_000
 
 
-@dataclass(frozen=True, kw_only=True, slots=True)
+@parameter_class
 class VoxelRain:
     """Parameters of a rain of cubes.
 

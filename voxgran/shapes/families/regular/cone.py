@@ -1,15 +1,14 @@
 """Cones: circular, with a sharp tip and a sharp rim."""
 
-from dataclasses import dataclass
-
 import numpy as np
 
+from voxgran._base.config import parameter_class
 from voxgran.shapes.families.regular.cylinder import Cylinder, round_solid
 from voxgran.shapes.family import ShapeFamily
 from voxgran.shapes.model import Shape
 
 
-@dataclass(frozen=True, kw_only=True, slots=True)
+@parameter_class
 class Cone(Cylinder):
     """Parameters of a cone: those of a cylinder.
 

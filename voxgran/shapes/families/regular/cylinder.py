@@ -1,17 +1,16 @@
 """Cylinders: pellets, tablets and rods."""
 
-from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
 
 from voxgran._base.arrays import as_positive
-from voxgran._base.config import parameter
+from voxgran._base.config import parameter, parameter_class
 from voxgran.shapes.family import ShapeFamily, regular_solid
 from voxgran.shapes.model import Shape
 
 
-@dataclass(frozen=True, kw_only=True, slots=True)
+@parameter_class
 class Cylinder:
     """Parameters of a cylinder.
 

@@ -1,15 +1,13 @@
 """Ellipsoids: from needles to disks, smooth and convex."""
 
-from dataclasses import dataclass
-
 import numpy as np
 
-from voxgran._base.config import parameter
+from voxgran._base.config import parameter, parameter_class
 from voxgran.shapes.family import ShapeFamily, regular_solid
 from voxgran.shapes.model import Shape
 
 
-@dataclass(frozen=True, kw_only=True, slots=True)
+@parameter_class
 class Ellipsoid:
     """Parameters of an ellipsoid.
 

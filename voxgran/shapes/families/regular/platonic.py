@@ -1,19 +1,18 @@
 """Platonic solids: the five regular convex polyhedra, the shapes of common dice."""
 
-from dataclasses import dataclass
 from typing import get_args
 
 import numpy as np
 
 from voxgran._base.arrays import as_choice
-from voxgran._base.config import parameter
+from voxgran._base.config import parameter, parameter_class
 from voxgran.shapes.family import ShapeFamily, sized
 from voxgran.shapes.generating.regular_solids import PlatonicSolid, corners_of
 from voxgran.shapes.mesh import hull_of
 from voxgran.shapes.model import Shape
 
 
-@dataclass(frozen=True, kw_only=True, slots=True)
+@parameter_class
 class Platonic:
     """Parameters of a Platonic solid.
 
@@ -24,7 +23,7 @@ class Platonic:
     20
     """
 
-    solid: PlatonicSolid = parameter("icosahedron", doc="which of the five Platonic solids")  # noqa: RUF009
+    solid: PlatonicSolid = parameter("icosahedron", doc="which of the five Platonic solids")
     diameter: float | None = parameter(None, doc="equivalent diameter; default: 1", unit="length")
 
 

@@ -1,16 +1,14 @@
 """Spheres: grains without orientation, supported by every packing method."""
 
-from dataclasses import dataclass
-
 import numpy as np
 
-from voxgran._base.config import parameter
+from voxgran._base.config import parameter, parameter_class
 from voxgran.shapes.family import ShapeFamily, round_radius
 from voxgran.shapes.model import Shape
 from voxgran.shapes.primitive import Primitive
 
 
-@dataclass(frozen=True, kw_only=True, slots=True)
+@parameter_class
 class Sphere:
     """Parameters of a sphere.
 

@@ -4,11 +4,10 @@ The mesh is convex, and its vertices lie on the true surface.
 """
 
 import math
-from dataclasses import dataclass
 
 import numpy as np
 
-from voxgran._base.config import check_bounds, parameter
+from voxgran._base.config import check_bounds, parameter, parameter_class
 from voxgran._base.errors import InputError
 from voxgran._base.scalars import cube_root
 from voxgran.shapes.family import ShapeFamily, refuse_both, sized
@@ -17,7 +16,7 @@ from voxgran.shapes.model import Shape
 from voxgran.shapes.tessellate import revolved
 
 
-@dataclass(frozen=True, kw_only=True, slots=True)
+@parameter_class
 class Spherocylinder:
     """Parameters of a spherocylinder.
 

@@ -13,12 +13,11 @@ Barr 1981, Superquadrics and angle-preserving transformations, doi:10.1109/MCG.1
 """
 
 import math
-from dataclasses import dataclass
 
 import numpy as np
 
 from voxgran._base.arrays import Floats
-from voxgran._base.config import check_bounds, parameter
+from voxgran._base.config import check_bounds, parameter, parameter_class
 from voxgran._base.lazy import load
 from voxgran._base.scalars import cube_root
 from voxgran.shapes.family import ShapeFamily, refuse_both, sized
@@ -30,7 +29,7 @@ from voxgran.shapes.tessellate import spherical_product
 PLACES = (0.25, 0.5, 0.75)
 
 
-@dataclass(frozen=True, kw_only=True, slots=True)
+@parameter_class
 class Superquadric:
     """Parameters of a superquadric.
 

@@ -1,11 +1,10 @@
 """Tori: rings of circular section, the simplest solid with a hole."""
 
 import math
-from dataclasses import dataclass
 
 import numpy as np
 
-from voxgran._base.config import check_bounds, parameter
+from voxgran._base.config import check_bounds, parameter, parameter_class
 from voxgran._base.errors import InputError
 from voxgran._base.scalars import cube_root
 from voxgran.shapes.family import ShapeFamily, refuse_both, sized
@@ -16,7 +15,7 @@ from voxgran.shapes.model import Shape
 FATTEST = 0.999
 
 
-@dataclass(frozen=True, kw_only=True, slots=True)
+@parameter_class
 class Torus:
     """Parameters of a torus.
 

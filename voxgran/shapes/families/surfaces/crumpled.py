@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from voxgran._base.arrays import Floats, Integers, as_number, as_positive
-from voxgran._base.config import check_bounds, parameter
+from voxgran._base.config import check_bounds, parameter, parameter_class
 from voxgran._base.errors import InputError
 from voxgran.geometry.triangles import areas_of
 from voxgran.shapes.families.surfaces.sheet import lattice_faces
@@ -30,7 +30,7 @@ TRIES, GENTLER = 400, 100
 MOST_FOLDS = 400
 
 
-@dataclass(frozen=True, kw_only=True, slots=True)
+@parameter_class
 class Crumpled:
     """Parameters of a crumpled sheet.
 

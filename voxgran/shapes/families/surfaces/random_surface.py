@@ -4,12 +4,10 @@ Sajjadi & Khalili (2015) pack random volumes and surfaces. The surfaces made her
 themselves.
 """
 
-from dataclasses import dataclass
-
 import numpy as np
 
 from voxgran._base.arrays import as_positive
-from voxgran._base.config import check_bounds, parameter
+from voxgran._base.config import check_bounds, parameter, parameter_class
 from voxgran.shapes.families.surfaces.sheet import lattice_faces
 from voxgran.shapes.family import ShapeFamily, sized
 from voxgran.shapes.model import Shape
@@ -22,7 +20,7 @@ CELLS = 8
 HIGHEST, MOST_WAVES, SHORTEST = 10.0, 10_000, 64.0
 
 
-@dataclass(frozen=True, kw_only=True, slots=True)
+@parameter_class
 class RandomSurface:
     """Parameters of a random surface.
 

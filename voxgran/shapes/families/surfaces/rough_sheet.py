@@ -1,12 +1,11 @@
 """Rough sheets: rectangles whose height is a random field, as measured on fractures and on machined surfaces."""
 
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
 from voxgran._base.arrays import as_positive
-from voxgran._base.config import parameter
+from voxgran._base.config import parameter, parameter_class
 from voxgran._base.errors import TooLargeError
 from voxgran.shapes.families.surfaces.sheet import lattice_faces
 from voxgran.shapes.family import ShapeFamily, refuse_both, sized
@@ -22,7 +21,7 @@ from voxgran.shapes.surface import Surface
 FEWEST = 8
 
 
-@dataclass(frozen=True, kw_only=True, slots=True)
+@parameter_class
 class RoughSheet(Roughness):
     """Parameters of a rough sheet.
 

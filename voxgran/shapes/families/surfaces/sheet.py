@@ -1,11 +1,9 @@
 """Sheets: rectangles without thickness, flat or rolled about the y axis."""
 
-from dataclasses import dataclass
-
 import numpy as np
 
 from voxgran._base.arrays import Integers, as_number, as_positive
-from voxgran._base.config import parameter
+from voxgran._base.config import parameter, parameter_class
 from voxgran._base.errors import InputError
 from voxgran.shapes.family import ShapeFamily, refuse_both, sized
 from voxgran.shapes.model import Shape
@@ -15,7 +13,7 @@ from voxgran.shapes.surface import Surface
 STRIP = 7.5
 
 
-@dataclass(frozen=True, kw_only=True, slots=True)
+@parameter_class
 class Sheet:
     """Parameters of a sheet.
 

@@ -1,11 +1,9 @@
 """Shells: parts of a sphere without thickness, from shallow caps over half shells to spheres with a hole."""
 
-from dataclasses import dataclass
-
 import numpy as np
 
 from voxgran._base.arrays import as_number
-from voxgran._base.config import parameter
+from voxgran._base.config import parameter, parameter_class
 from voxgran._base.errors import InputError
 from voxgran.shapes.family import ShapeFamily, sized
 from voxgran.shapes.model import Shape
@@ -15,7 +13,7 @@ from voxgran.shapes.surface import Surface
 SIDES, RING = 36, 10.0
 
 
-@dataclass(frozen=True, kw_only=True, slots=True)
+@parameter_class
 class Shell:
     """Parameters of a shell.
 

@@ -3,25 +3,28 @@
 A registry looks in one package and in the packages inside it: the file ``digital.py`` that holds a module-level
 `registration` is the entry ``"digital"``. Files are imported when they are asked for, never before. Third parties add
 entries through an entry-point group, whose values point at such a registration.
-
-The messages for names that are unknown are made beside it: of entries and keys in ``names``, of modules and attributes
-in ``attributes``.
 """
 
+import dataclasses
 import importlib
 import importlib.metadata
 import pkgutil
 import sys
+from collections.abc import Iterable, Mapping
 from functools import cache, lru_cache
-from typing import Generic, TypeVar
+from typing import Any, ClassVar, Generic, Protocol, TypeVar
 
-from voxgran._base.errors import InputError, UnknownNameError
-from voxgran._base.registry.attributes import ExplainedAttributes
-from voxgran._base.registry.names import nearest, unknown
-
-__all__ = ["ExplainedAttributes", "Registry", "nearest", "unknown"]
+from voxgran._base.config import from_mapping, to_mapping
+from voxgran._base.errors import InputError, UnknownNameError, shown
+from voxgran._base.names import unknown
 
 T = TypeVar("T")
+
+
+class Parameters(Protocol):
+    """An object of a parameter class, such as ``vg.methods.Digital(voxel_size=0.1)``."""
+
+    __dataclass_fields__: ClassVar[dict[str, Any]]
 
 
 class Registry(Generic[T]):
@@ -73,6 +76,42 @@ class Registry(Generic[T]):
         if point is None:
             return ""
         return point.dist.name if point.dist else point.module.partition(".")[0]
+
+    def chosen(
+        self, given: str | Parameters, keywords: Mapping[str, Any], *, where: str, beside: Iterable[str] = ()
+    ) -> tuple[str, T, Any]:
+        """Return name, entry and checked parameters of the entry given by name or by an object of its parameters.
+
+        `keywords` are the parameters, only for a name; `where` is the name of the choice in messages, such as
+        ``"method"``; `beside` are other names to suggest. Unknown names and parameters of the wrong type are refused.
+
+        Raises
+        ------
+        InputError
+            If keywords are given beside an object, or an object belongs to no entry.
+        """
+        if not dataclasses.is_dataclass(given):
+            entry: Any = self.get(given)  # type: ignore[arg-type]
+            label = f"{where} {given!r}" if where else str(given)
+            return str(given), entry, from_mapping(entry.parameters, keywords, label, beside=beside)
+        if isinstance(given, type):
+            raise InputError(
+                f"{self.kind} is the class {given.__name__}: an object is needed; write {given.__name__}()"
+            )
+        if keywords:
+            raise InputError(
+                f"{self.kind} is {shown(given)} and {', '.join(keywords)} given beside it: the object holds all "
+                f"parameters; write {type(given).__name__}({next(iter(keywords))}=...)"
+            )
+        for name in self.names():
+            entry = self.get(name)
+            if type(given) is entry.parameters:
+                # a constructor does not check types
+                return name, entry, from_mapping(entry.parameters, to_mapping(given), type(given).__name__)
+        raise InputError(
+            f"{self.kind} is {shown(given)}: it is of none of {', '.join(self.names())}; give a name or one of their "
+            "objects"
+        )
 
     def _files(self) -> dict[str, str]:
         """Return the public modules of the package and of those inside it: names of files, and of modules."""
