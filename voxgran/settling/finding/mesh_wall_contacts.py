@@ -186,8 +186,9 @@ def _next_wall(walls, x, y, z, reach, seen, known):  # type: ignore[no-untyped-d
 
 @bare_kernel
 def _near_supports(bodies, walls, c, shape, scale, m, x, y, z, reach, far):  # type: ignore[no-untyped-def]
-    """Add the support points of a smooth solid along the normals of its corners, and drop corners out of reach; those of
-    the polyhedron that stands for an ellipsoid are no points of it, and are all dropped.
+    """Add the support points of a smooth solid along the normals of its corners, and drop corners out of reach.
+
+    Those of the polyhedron that stands for an ellipsoid are no points of it, and are all dropped.
     """
     kind, found, last = bodies.kind[shape], bodies.found, c
     set_frame(bodies, shape, m)
