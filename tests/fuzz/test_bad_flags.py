@@ -59,6 +59,8 @@ GOOD = {
 }
 #: a run, a page or an engine for each value takes minutes; what they are given is checked by what the others call
 LEFT_OUT = {"run", "study", "report", "compare", "relax", "bench", "doctor", "demo"}
+#: flags that name what is written: absolute paths are left out, which would be written to
+WRITTEN = {"--output", "--checkpoint", "--picture", "--gallery"}
 
 
 @pytest.fixture
@@ -70,7 +72,7 @@ def place(tmp_path, monkeypatch):
     vg.Packing.of(
         [vg.make_shape("sphere")], vg.Box((4, 4, 4)), position=[(1, 1, 0.5), (3, 3, 0.5)], gravity=(0.0, 0.0, -1.0)
     ).save("bed.vtp")
-    vg.save_cloud(vg.Cloud.of(np.random.Generator(np.random.Philox(1)).random((60, 3))), "cloud.ply")
+    vg.save_cloud(vg.Cloud.of(vg.sample_surface(box, spacing=0.1)), "cloud.ply")
     labels = np.zeros((6, 6, 6), dtype=int)
     labels[1:4, 2:5, 2:4] = 1
     np.save("labels.npy", labels)
@@ -108,10 +110,13 @@ def test_bad_flags(command, place, capsys):
     for flag in flags_of(command, words):
         short = {"--output": "-o"}.get(flag, flag)
         for value in VALUES:
+            if flag in WRITTEN and value.startswith("/"):
+                continue
             with warnings.catch_warnings():
                 warnings.simplefilter("ignore")
                 status = main([command, *without(without(words, flag), short), f"{flag}={value}", "--overwrite", "-q"])
             told = capsys.readouterr()
             assert status in (0, 1, 2), (flag, value)
             assert all(line.startswith("voxgran: ") for line in told.err.splitlines()), (flag, value, told.err)
-            assert status != 2 or told.err, (flag, value)
+            assert all(len(line) < 1000 for line in told.err.splitlines()), (flag, value)
+            assert status == 0 or told.err, (flag, value)

@@ -76,6 +76,20 @@ def test_no_flag_is_replaced_or_passed_over_silently(capsys, words, told):
     assert told in line
 
 
+@pytest.mark.parametrize("words", ["measure a.vtp --which", "verify a.vtp --tolerance", "export a.vtp -o out --engine"])
+def test_two_dashes_are_no_value(capsys, words):
+    status, line = complaint(capsys, *f"{words}=--".split())
+    assert status == 2
+    assert f"argument {words.split()[-1]}: expected a value, not '--'" in line
+
+
+def test_long_values_are_shortened(capsys):
+    for words in ("verify a.vtp --tolerance=", "repair a.stl --bodies=", "measure a.vtp --", "data -o="):
+        status, line = complaint(capsys, *f"{words}{'x' * 5000}".split())
+        assert status == 2
+        assert len(line) < 400
+
+
 def test_flags_that_may_be_repeated(scene, tmp_path, capsys):
     assert main(["plan", str(scene), "-q", "-q"]) == 0
     bed = tmp_path / "bed.vtp"

@@ -3,7 +3,7 @@
 import argparse
 
 import voxgran
-from voxgran._base.errors import InputError
+from voxgran._base.errors import InputError, shown
 from voxgran._base.files import written_whole
 from voxgran.cli.terminal import entry_line, show
 from voxgran.io.data_files import installed_data_files
@@ -20,7 +20,8 @@ def data(options: argparse.Namespace) -> None:
     if options.name is None:
         if options.output:
             names = ", ".join(installed_data_files())
-            raise InputError(f"-o {options.output} is given without a name: name the file to copy; one of {names}")
+            where = shown(options.output)
+            raise InputError(f"-o {where} is given without a name: name the file to copy; one of {names}")
         if options.json:
             show(installed_data_files(), options)
         else:

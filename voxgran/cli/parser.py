@@ -12,7 +12,7 @@ from typing import Any, NoReturn
 
 import voxgran
 from voxgran._base.config import Parameter, parameters_of
-from voxgran._base.errors import InputError, UnknownNameError
+from voxgran._base.errors import InputError, UnknownNameError, shown
 from voxgran._base.lazy import load
 from voxgran._base.names import nearest, unknown
 from voxgran._base.warning import warn_former
@@ -25,9 +25,7 @@ from voxgran.settling.parameters import Settling
 
 
 class Parser(argparse.ArgumentParser):
-    """An argument parser whose errors are one line, and whose flags are written out: a part of a name may come to mean
-    another flag.
-    """
+    """An argument parser whose errors are one line, and whose flags are written out: parts of names are ambiguous."""
 
     def __init__(self, **keywords: Any) -> None:
         super().__init__(**{"allow_abbrev": False, **keywords})
@@ -41,7 +39,14 @@ class Parser(argparse.ArgumentParser):
         InputError
             Always.
         """
-        raise InputError(f"{message}; see '{self.prog} --help'")
+        short = re.sub(r"(\S{57})\S{4,}", r"\1...", message)
+        raise InputError(f"{short}; see '{self.prog} --help'")
+
+    def _get_values(self, action: argparse.Action, arg_strings: list[str]) -> Any:
+        """Convert the values of a flag; argparse makes an empty list of ``--``, which no flag takes."""
+        if action.option_strings and "--" in arg_strings:
+            self.error(f"argument {action.option_strings[-1]}: expected a value, not '--'")
+        return super()._get_values(action, arg_strings)
 
     def _print_message(self, message: str, file: Any = None) -> None:
         """Print help or version; argparse itself passes over an output that takes nothing."""
@@ -352,11 +357,10 @@ def parse(words: Sequence[str], commands: Mapping[str, tuple[str, Callable[..., 
     if hasattr(options, "former"):
         warn_former(vars(options).pop("former"))
     for word in rest:
-        flag, _, _ = word.partition("=")
-        if flag.startswith("-"):
+        if (flag := word.partition("=")[0]).startswith("-"):
             raise UnknownNameError(_unknown_flag(flag, options))
         remedy = f"write --which {word}" if hasattr(options, "which") else f"see 'voxgran {options.command} --help'"
-        raise InputError(f"{word!r} is one argument too many; {remedy}")
+        raise InputError(f"{shown(word)} is one argument too many; {remedy}")
     return options
 
 
@@ -366,7 +370,7 @@ def _unknown_flag(flag: str, options: argparse.Namespace) -> str:
     meant = nearest(flag.strip("-").replace("-", "_"), names)
     known = sorted(f"--{name.replace('_', '-')}" for name in names)
     hint = f"did you mean '--{meant.replace('_', '-')}'? " if meant else ""
-    return f"flag of {options.command} {flag!r} is unknown: {hint}known are {', '.join(known)}"
+    return f"flag of {options.command} {shown(flag)} is unknown: {hint}known are {', '.join(known)}"
 
 
 def _joined(words: Sequence[str]) -> list[str]:

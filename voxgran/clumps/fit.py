@@ -76,7 +76,8 @@ def fit_clump(
     Returns
     -------
     Clump
-        Spheres in the body frame of the shape, with errors. Where it has fewer spheres than asked, `reason` says why.
+        Spheres in the body frame of the shape, with errors. Where it has fewer spheres than asked, `reason` says why;
+        where a volume that met a target was matched afterwards, what it was before.
 
     Raises
     ------
@@ -203,6 +204,9 @@ def _fewest(fit: _Fit, target: str, level: float, most: int) -> Clump:
             high, found = middle, tried
         else:
             low = middle
+    if target == "volume" and found.errors.volume != found.clump.errors.volume:
+        met = f"{target} within {_distance(found, target):.4g} before it was matched"
+        return replace(found.clump, reason="; ".join(filter(None, (found.clump.reason, met))))
     return found.clump
 
 

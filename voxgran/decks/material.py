@@ -25,6 +25,8 @@ RAYLEIGH_SHARE = 0.2
 CHOSEN_OVERLAP, LARGE_OVERLAP, LARGEST_OVERLAP = 1e-3, 1e-2, 1e-1
 #: shear over normal stiffness where none is given
 SHEAR_RATIO = 2 / 7
+#: least density, stiffness and modulus, in SI units: far below those of any solid, and no time step of it is 0
+LEAST = 1e-12
 
 
 @parameter_class
@@ -88,17 +90,20 @@ class Material(ExplainedAttributes):
     )
     density: float | None = parameter(
         None, doc="density of the solid; if omitted, that of the packing, or 2650 where it has none", unit="kg/m^3",
-        above=0.0, at_most=1e12,
+        at_least=LEAST, at_most=1e12,
     )  # fmt: skip
     stiffness: float | None = parameter(
         None, doc="normal stiffness of the linear law; if omitted, by Young's modulus, or such that grains overlap by "
-        "a thousandth of their diameter under the weight of the bed", unit="N/m", above=0.0,
+        "a thousandth of their diameter under the weight of the bed", unit="N/m", at_least=LEAST,
     )  # fmt: skip
     shear_stiffness: float | None = parameter(
-        None, doc="tangential stiffness of the linear law; if omitted, 2/7 of the normal one", unit="N/m", above=0.0
+        None,
+        doc="tangential stiffness of the linear law; if omitted, 2/7 of the normal one",
+        unit="N/m",
+        at_least=LEAST,
     )
     young_modulus: float | None = parameter(
-        None, doc="Young's modulus; the law of Hertz needs it", unit="Pa", above=0.0
+        None, doc="Young's modulus; the law of Hertz needs it", unit="Pa", at_least=LEAST
     )
     poisson_ratio: float = parameter(0.25, doc="Poisson's ratio", at_least=0.0, at_most=0.5)
     restitution: float = parameter(

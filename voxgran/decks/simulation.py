@@ -214,9 +214,11 @@ def simulation_of(
         )
     made = Simulation(bodies, Walls.of(metric), law, gravity, step, bonds, packing.unit, rest, longest)
     if not made.duration <= MOST_STEPS * step:
+        given = f"time_step is {step:g} s" if time_step is not None else f"the stable time step is {step:g} s"
+        longer = "a longer one, or " if time_step is not None else ""
         raise InputError(
-            f"time_step is {step:g} s: a run of {made.duration:.4g} s would take more than {MOST_STEPS:g} steps; give "
-            "a longer one, or a material that is less stiff or denser"
+            f"{given}: a run of {made.duration:.4g} s would take more than {MOST_STEPS:g} steps; give {longer}a "
+            "material that is less stiff or denser"
         )
     return made
 

@@ -193,15 +193,15 @@ def load(
             if named:
                 raise InputError(f"{named[0]} is given for {found}, which holds its own: leave it out")
             return load_packing(plain)
-        particles = _particles(plain, frame)
+        particles = _particles(plain, frame, found if plain == found else found.with_suffix(""))
     packing = packing_of(particles, found, container=container, unit=unit, periodic=periodic)
     for subject, sentence in packing.provenance.get("assumed", {}).items():
         log.info("%s: assumed %s: %s", found, subject, sentence)
     return packing
 
 
-def _particles(found: Path, frame: int) -> Particles:
-    """Return the spheres of a file of another program, or of text."""
+def _particles(found: Path, frame: int, place: Path) -> Particles:
+    """Return the spheres of a file of another program, or of text, which lay at a place before it was unpacked."""
     with found.open("rb") as file:
         # bytes that are no text become NUL
         head = file.read(_HEAD).decode("utf-8", errors="replace").replace("\ufffd", "\0")
@@ -211,7 +211,7 @@ def _particles(found: Path, frame: int) -> Particles:
     if found.suffix.lower() in SUFFIXES:
         return read_vtk_points(found)
     if found.suffix.lower() == ".xyzd":
-        return read_xyzd(found)
+        return read_xyzd(found, place=place)
     if "\0" in head:
         raise FileFormatError(
             f"{found} has the suffix {found.suffix!r} and no known content: packings are read from .vtp, .vtu, .vtk, "

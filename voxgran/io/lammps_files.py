@@ -6,12 +6,11 @@ Formats: the pages `read_data` and `dump` of the LAMMPS manual, docs.lammps.org.
 """
 
 import re
-from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
 
-from voxgran._base.arrays import Floats, Integers
+from voxgran._base.arrays import Floats
 from voxgran._base.errors import FileFormatError
 from voxgran.contacts.assembly import NOT_STATED
 from voxgran.io.particles import (
@@ -19,6 +18,7 @@ from voxgran.io.particles import (
     box_of,
     frame_of,
     numbers_of,
+    order_by_id,
     radii_of,
     refuse_bad_spheres,
     text_lines,
@@ -78,7 +78,7 @@ def read_lammps_data(path: Path) -> Particles:
         )
     diameter, density, x = STYLES[style]
     table = numbers_of(rows, numbers, path, width=max(len(rows[0]) if rows else 0, x + 3))
-    table = table[_by_id(table[:, 0], numbers, path)]
+    table = table[order_by_id(table[:, 0], numbers, path)]
     centers, radii = table[:, x : x + 3], table[:, diameter] / 2
     refuse_bad_spheres(centers, radii, path, row="atom")
     density_of = _densities(table[:, density], assumed)
@@ -153,7 +153,7 @@ def read_lammps_dump(path: Path, *, frame: int = -1) -> Particles:
     texts = [k for k, name in enumerate(columns) if name in ("element", "type", "typelabel")]
     table = numbers_of(rows, numbers, path, width=len(columns), text=texts)
     if "id" in columns:
-        table = table[_by_id(table[:, columns.index("id")], numbers, path)]
+        table = table[order_by_id(table[:, columns.index("id")], numbers, path)]
     centers, radii = _columns(table, columns, bounds, path)
     refuse_bad_spheres(centers, radii, path, row="atom")
     # one file may be several, one behind the other
@@ -183,19 +183,6 @@ def _data_head(lines: list[str], path: Path) -> tuple[Floats, float]:
             raise FileFormatError(f"{path} is a molecule and no packing: read it with vg.load_shape, as a clump")
         raise FileFormatError(f"{path} gives no box (xlo xhi, ylo yhi, zlo zhi): write it with write_data")
     return bounds, count
-
-
-def _by_id(ids: Floats, numbers: Sequence[int], path: Path) -> Integers:
-    """Return the order of atoms by their ids; two of one id are refused."""
-    order: Integers = np.argsort(ids, kind="stable")
-    twice = np.flatnonzero(np.diff(ids[order]) == 0)
-    if len(twice):
-        first, second = (numbers[k] for k in order[twice[0] : twice[0] + 2].tolist())
-        raise FileFormatError(
-            f"{path}, line {second}: the atom has the id {ids[order[twice[0]]]:g}, as that of line {first}: each atom "
-            "has its own; write the file again"
-        )
-    return order
 
 
 def _section(lines: list[str], start: int) -> tuple[list[list[str]], list[int]]:

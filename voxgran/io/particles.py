@@ -162,6 +162,30 @@ def numbers_of(
         raise
 
 
+def order_by_id(ids: Sequence[str] | Floats, numbers: Sequence[int], path: Path, *, row: str = "line") -> Integers:
+    """Return the order of spheres by their ids, numbers or texts; `numbers` are those of their rows, for the message.
+
+    Raises
+    ------
+    FileFormatError
+        If two spheres have one id.
+    """
+    try:
+        known = np.asarray(ids, dtype=np.float64)
+    except ValueError:
+        known = np.asarray(ids)
+    order: Integers = np.argsort(known, kind="stable")
+    twice = np.flatnonzero(known[order[1:]] == known[order[:-1]])
+    if len(twice):
+        one, other = order[twice[0] : twice[0] + 2].tolist()
+        name = f"{known[other]:g}" if known.dtype == np.float64 else shown(str(known[other]))
+        raise FileFormatError(
+            f"{path}, {row} {numbers[other]}: the sphere has the id {name}, as that of {row} {numbers[one]}: each has "
+            "its own; mend the ids, or leave them out"
+        )
+    return order
+
+
 def box_of(bounds: Floats, periodic: Periodic, path: Path) -> Box:
     """Return the box that a file gives by its bounds (3, 2).
 

@@ -17,7 +17,15 @@ from voxgran._base.errors import FileFormatError, MissingLibraryError, VoxgranEr
 from voxgran._base.guarded import reason_of
 from voxgran.containers.make import make_container
 from voxgran.containers.model import Container
-from voxgran.io.particles import LARGEST_CLUMP, SPHERE_RULE, Particles, good_spheres, radii_of, refuse_bad_spheres
+from voxgran.io.particles import (
+    LARGEST_CLUMP,
+    SPHERE_RULE,
+    Particles,
+    good_spheres,
+    order_by_id,
+    radii_of,
+    refuse_bad_spheres,
+)
 from voxgran.shapes.formats.columns import columns_of, places_of
 
 #: comments at the top in which :func:`save_spheres` keeps container, unit, and the fields gravity and contact gap
@@ -29,7 +37,7 @@ FIELDS = ("gravity", "contact_gap")
 class Layout:
     """Layout of a table."""
 
-    #: place of x, y, z, r or d, and clump; without z the rows are disks
+    #: place of x, y, z, r or d, clump and id; without z the rows are disks
     columns: dict[str, int]
     #: separator of values; None for blanks
     mark: str | None
@@ -74,6 +82,9 @@ def read_table(path: Path) -> Particles:
     elif layout.width == 5 and not layout.named and len(table) and _whole(table[:, 4]):
         clump = table[:, 4].astype(np.int64)
         assumed["clumps"] = "the fifth column tells the clump of each sphere"
+    if "id" in columns:
+        rows = [(number, _words(text, layout)) for number, text in _lines(path) if number > layout.skipped]
+        order_by_id([words[columns["id"]] for _, words in rows], [number for number, _ in rows], path)
     flat = "z" not in columns
     if flat and clump is not None:
         raise FileFormatError(f"{path} has no column of z, and clumps: those of disks are not known; leave out clumpId")
@@ -131,6 +142,12 @@ def _split(text: str, mark: str | None) -> list[str]:
     """Return the values of a line."""
     words = [word.strip().strip("\"'") for word in text.split(mark)]
     return words[:-1] if mark and words and not words[-1] else words
+
+
+def _words(text: str, layout: Layout) -> list[str]:
+    """Return the values of a line of a table, which may have blanks and commas in one file."""
+    words = _split(text, layout.mark)
+    return text.replace(",", " ").split() if len(words) != layout.width and layout.mark != ";" else words
 
 
 def _is_number(word: str, mark: str | None) -> bool:
@@ -208,10 +225,7 @@ def _slow_rows(path: Path, layout: Layout) -> Floats:
     for number, text in _lines(path):
         if number <= layout.skipped:
             continue
-        words = _split(text, layout.mark)
-        if len(words) != layout.width and layout.mark != ";":
-            # blanks and commas in one file
-            words = text.replace(",", " ").split()
+        words = _words(text, layout)
         if len(words) != layout.width:
             raise FileFormatError(
                 f"{path}, line {number}: {text[:60]!r} has {len(words)} values, the first line {layout.width}; mend or "

@@ -7,7 +7,7 @@ import numpy as np
 from voxgran._base.errors import FileFormatError
 from voxgran._base.guarded import read_guarded
 from voxgran._base.vtk_readers import vtk_points
-from voxgran.io.particles import Particles, refuse_bad_spheres
+from voxgran.io.particles import Particles, order_by_id, refuse_bad_spheres
 
 #: suffixes of such files
 SUFFIXES = (".vtp", ".vtu", ".vtk")
@@ -40,6 +40,9 @@ def read_vtk_points(path: Path) -> Particles:
     sizes = np.asarray(arrays[known[chosen]], dtype=np.float64)
     if sizes.shape != (len(points),):
         raise FileFormatError(f"{path}: {known[chosen]} has the shape {sizes.shape}: one number a point is needed")
+    ids = np.asarray(arrays.get(known.get("id", ""), []))
+    if ids.shape == sizes.shape:
+        order_by_id(ids, range(len(ids)), path, row="point")
     radii = SIZES[chosen] * sizes
     refuse_bad_spheres(points, radii, path, row="point")
     word = "radii" if SIZES[chosen] == 1.0 else "diameters"

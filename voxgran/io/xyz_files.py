@@ -6,6 +6,7 @@ Formats: github.com/libAtoms/extxyz; the page `XYZ file reader` of the OVITO man
 github.com/VasiliBaranov/packing-generation.
 """
 
+import itertools
 import re
 from pathlib import Path
 
@@ -18,15 +19,19 @@ from voxgran.io.particles import (
     box_of,
     frame_of,
     numbers_of,
+    order_by_id,
     radii_of,
     refuse_bad_spheres,
     text_lines,
 )
 
-#: names of the property that holds sizes, in lower case
-SIZES = {"radius": "r", "radii": "r", "diameter": "d", "diameters": "d"}
+#: names of the properties that hold sizes and ids, in lower case
+NAMES = {"radius": "r", "radii": "r", "diameter": "d", "diameters": "d", "id": "id"}
+#: what PackingGeneration calls the number of spheres and the box in generation.conf and, here, in .nfo files
+FACTS = {"particles count": "n", "packing size": "dimensions"}
 #: characters of the second line that are looked at
 LONGEST_HEAD = 10_000
+_NUMBER = re.compile(r"[-+]?(\d+\.?\d*|\.\d+)(e[-+]?\d+)?")
 _PAIR = re.compile(r"""(\w+)\s*=\s*("[^"]*"|'[^']*'|\[[^\]]*\]|\{[^}]*\}|\S+)""")
 
 
@@ -61,8 +66,10 @@ def read_xyz(path: Path, *, frame: int = -1) -> Particles:
     told = {key.lower(): text.strip("\"'[]{}") for key, text in _PAIR.findall(lines[start + 1][:LONGEST_HEAD])}
     places, width = _properties(told.get("properties", ""), where)
     rows, numbers = [line.split() for line in lines[start + 2 : start + 2 + count]], range(start + 3, start + 3 + count)
-    texts = sorted(set(range(width)) - set(places.values()))
+    texts = sorted(set(range(width)) - {place for name, place in places.items() if name != "id"})
     table = numbers_of(rows, list(numbers), path, width=width, text=texts)
+    if "id" in places:
+        order_by_id([row[places["id"]] for row in rows], numbers, path)
     centers, radii = table[:, [places[axis] for axis in "xyz"]], radii_of(table, places, path)
     refuse_bad_spheres(centers, radii, path, row="sphere")
     assumed = {"frame": f"the one of line {start + 1}, one of {len(starts)}"} if len(starts) > 1 else {}
@@ -79,7 +86,7 @@ def read_xyz(path: Path, *, frame: int = -1) -> Particles:
 
 
 def _properties(text: str, where: str) -> tuple[dict[str, int], int]:
-    """Return the places of x, y, z, r and d among the columns, and how many there are."""
+    """Return the places of x, y, z, r, d and id among the columns, and how many there are."""
     words, places, width = text.split(":"), dict[str, int](), 0
     for name, kind, many in zip(words[::3], words[1::3], words[2::3], strict=False):
         size = int(many) if re.fullmatch(r"[1-9]\d{0,2}", many) else 0
@@ -87,7 +94,7 @@ def _properties(text: str, where: str) -> tuple[dict[str, int], int]:
             raise FileFormatError(
                 f"{where}: Properties has {f'{name}:{kind}:{many}'[:40]!r}, which is no column; mend it"
             )
-        meant = ["x", "y", "z"] if (name.lower(), size) == ("pos", 3) else [SIZES.get(name.lower(), "")][:size]
+        meant = ["x", "y", "z"] if (name.lower(), size) == ("pos", 3) else [NAMES.get(name.lower(), "")][:size]
         for k, short in enumerate(meant):
             if short in places:
                 raise FileFormatError(f"{where}: Properties names {name[:40]} twice: which one holds is not certain")
@@ -111,23 +118,63 @@ def _bounds(told: dict[str, str], path: Path, line: int) -> Floats:
     return np.column_stack([lower, lower + np.diag(edges)])
 
 
-def read_xyzd(path: Path) -> Particles:
+def read_xyzd(path: Path, *, place: Path | None = None) -> Particles:
     """Read spheres from a ``.xyzd`` file: x, y, z and the diameter of each in double precision, the lowest byte first.
+
+    The periodic box is that of ``generation.conf`` beside the file. PackingGeneration writes the diameters that it was
+    asked for, to which the final ones are proportional: they are scaled to the final porosity that a file of the same
+    name with the suffix ``.nfo`` states. `place` is where the file lay before it was unpacked.
 
     Raises
     ------
     FileFormatError
-        If it is cut off, or a sphere is not finite or has no size.
+        If it is cut off, a sphere is not finite or has no size, or box or porosity beside it are out of range.
     """
-    raw = path.read_bytes()
+    raw, place = path.read_bytes(), path if place is None else place
     if len(raw) % 32:
         raise FileFormatError(f"{path} has {len(raw)} bytes: each sphere has 32; it is cut off or damaged")
     table = np.frombuffer(raw, dtype="<f8").reshape(-1, 4)
     with np.errstate(invalid="ignore"):
         centers, radii = table[:, :3].astype(np.float64), table[:, 3] / 2
     refuse_bad_spheres(centers, radii, path, row="sphere")
-    return Particles(
-        centers=centers,
-        radii=radii,
-        assumed={"sizes": "diameters; the periodic box stands in generation.conf beside the file"},
+    told, assumed = (
+        dict[str, list[float]](),
+        {"sizes": "diameters as they stand: no .nfo file tells the final porosity"},
     )
+    for beside in (place.with_suffix(".nfo"), place.with_name("generation.conf")):
+        found = _facts(beside)
+        if found.get("n", [len(radii)]) == [len(radii)]:
+            told |= found
+        else:
+            assumed[beside.name] = "not used: it is of another number of spheres"
+    if len(told.get("dimensions", ())) != 3 or told.get("boundaries mode", [1.0]) != [1.0]:
+        return Particles(centers=centers, radii=radii, assumed=assumed)
+    lengths = np.array(told["dimensions"])
+    container = box_of(np.column_stack([np.zeros(3), lengths]), "xyz", place.with_name("generation.conf"))
+    assumed["periodic"] = "everywhere, in the box that stands beside the file"
+    if "final porosity" in told and len(radii):
+        porosity = told["final porosity"][0]
+        if not 0.0 < porosity < 1.0:
+            raise FileFormatError(
+                f"{place.with_suffix('.nfo')}: the final porosity is {porosity:g}, which must be between 0 and 1; "
+                "mend the file, or move it away"
+            )
+        solid = 4.0 / 3.0 * np.pi * float((radii**3).sum())
+        factor = float(np.cbrt((1.0 - porosity) * container.volume / solid))
+        radii = radii * factor
+        assumed["sizes"] = (
+            f"diameters, multiplied by {factor:.9g} to the final porosity {porosity:.9g} of the .nfo file"
+        )
+    return Particles(centers=centers, radii=radii, container=container, assumed=assumed)
+
+
+def _facts(path: Path) -> dict[str, list[float]]:
+    """Return the numbers that a file of PackingGeneration gives by names, in lower case; none without a file."""
+    if not path.is_file():
+        return {}
+    found = {}
+    for line in text_lines(path, "text as PackingGeneration writes it"):
+        name, _, rest = line.lower().partition(":")
+        numbers = itertools.takewhile(_NUMBER.fullmatch, rest.split())
+        found[FACTS.get(name.strip(), name.strip())] = [float(word) for word in numbers]
+    return found

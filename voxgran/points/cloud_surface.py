@@ -131,7 +131,8 @@ def shape_of_cloud(
     if not len(faces):
         raise DirtyMeshError(f"{cloud.name} has {len(cloud)} points and no surface comes of them: raise alpha or depth")
     hole = _refuse_sparse(cloud, frame, corners, faces, holes)
-    shape, sentences = _closed(frame.back(corners), faces, name or cloud.name, cloud.unit)
+    called = cloud.name if name is None else name
+    shape, sentences = _closed(frame.back(corners), faces, called, cloud.unit)
     apart = _distances(shape, cloud.points)
     _refuse_far(cloud, apart, holes)
     found = Reconstruction(
@@ -143,7 +144,7 @@ def shape_of_cloud(
         spacing=cloud.spacing,
         sentences=sentences,
     )
-    log.info("%s: %d points, mean residual %.3g, largest hole %.3g", name or cloud.name, len(cloud), apart.mean(), hole)
+    log.info("%s: %d points, mean residual %.3g, largest hole %.3g", called, len(cloud), apart.mean(), hole)
     return found
 
 

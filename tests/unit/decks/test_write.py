@@ -228,3 +228,15 @@ def test_overlaps_with_walls_count():
     simulation = cases.simulation_of(packing, "lammps")
     assert simulation.overlap == pytest.approx(1e-4)
     assert any("at the start" in line for line in simulation.header("LAMMPS"))
+
+
+@pytest.mark.parametrize(
+    ("material", "words"),
+    [({"density": 5e-324}, "density is 5e-324"), ({"stiffness": 5e-324}, "stiffness is 5e-324"),
+     ({"young_modulus": 5e-324}, "young_modulus is 5e-324"),
+     ({"stiffness": 1e300}, "^the stable time step is .* give a material that is less stiff or denser")],
+)  # fmt: skip
+def test_materials_that_are_none_are_named(material, words, tmp_path):
+    bed = vg.Packing.of([vg.make_shape("sphere")], vg.Box((4, 4, 4)), position=[(1, 1, 0.5)], gravity=(0, 0, -1))
+    with pytest.raises(InputError, match=words):
+        vg.write_deck(bed, tmp_path / "deck", "lammps", material={"density": 2500.0, **material})

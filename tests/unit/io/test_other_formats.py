@@ -104,6 +104,81 @@ def test_bad_xyz_files_are_refused(old, new, words, tmp_path):
     assert "\n" not in str(caught.value)
 
 
+IDS = {
+    "p.csv": "id,x,y,z,r\n7,1,1,1,0.5\n8,3,1,1,0.5\n{},1,3,1,0.5\n",
+    "p.txt": "# id x y z r\n7 1 1 1 0.5\n8 3 1 1 0.5\n{} 1 3 1 0.5\n",
+    "p.xyz": "3\nProperties=id:I:1:pos:R:3:radius:R:1\n7 1 1 1 0.5\n8 3 1 1 0.5\n{} 1 3 1 0.5\n",
+    "p.vtk": "# vtk DataFile Version 3.0\nt\nASCII\nDATASET POLYDATA\nPOINTS 3 double\n1 1 1 3 1 1 1 3 1\n"
+    "POINT_DATA 3\nSCALARS id int\nLOOKUP_TABLE default\n7 8 {}\nFIELD f 1\nradius 1 3 double\n0.5 0.5 0.5\n",
+}
+
+
+@pytest.mark.parametrize("name", IDS)
+def test_two_spheres_of_one_id_are_refused(name, tmp_path):
+    assert read(tmp_path, IDS[name].format(9), name).count == 3
+    with pytest.raises(FileFormatError, match=r"(line|point) \d: the sphere has the id 7, as that of (line|point) \d"):
+        read(tmp_path, IDS[name].format(7), name)
+
+
+def test_ids_may_be_texts(tmp_path):
+    named = IDS["p.csv"].replace("7,", "a,").replace("8,", "b,")
+    assert read(tmp_path, named.format("c"), "p.csv").count == 3
+    with pytest.raises(FileFormatError, match="line 4: the sphere has the id 'a', as that of line 2"):
+        read(tmp_path, named.format("a"), "p.csv")
+
+
+def test_a_molecule_with_two_lines_of_one_atom_is_refused(tmp_path):
+    text = "m\n\n2 atoms\n\nCoords\n\n1 0 0 0\n2 1 0 0\n{}\nDiameters\n\n1 1\n2 1\n"
+    (tmp_path / "p.mol").write_text(text.format(""))
+    assert vg.load_shape(tmp_path / "p.mol").volume > 1.0
+    (tmp_path / "p.mol").write_text(text.format("2 5 0 0\n"))
+    with pytest.raises(FileFormatError, match="second line of this atom in Coords"):
+        vg.load_shape(tmp_path / "p.mol")
+
+
+CONF = "Particles count: 3\nPacking size: 5 4 6.0e0\nGeneration start: 1\nSeed: 341\nBoundaries mode: 1\n"
+CONF += "1. boundaries mode: 1 - bulk; 2 - ellipse (inscribed in XYZ box, Z is length of an ellipse); 3 - rectangle\n"
+NFO = (
+    "N: 3\n Dimensions: 5 4 6\n Theoretical Porosity: 0.5\nFinal Porosity: 0.99 (Tolerance: 1.000100)\nRuns count: 1\n"
+)
+
+
+@pytest.mark.parametrize("packed", [False, True])
+def test_a_packing_of_packing_generation_with_what_stands_beside_it(packed, tmp_path):
+    """The box, and the final porosity to which the diameters are scaled."""
+    raw, name = (SPHERES * [1, 1, 1, 2]).astype("<f8").tobytes(), "p.xyzd.gz" if packed else "p.xyzd"
+    raw = gzip.compress(raw) if packed else raw
+    (tmp_path / "generation.conf").write_text(CONF)
+    packing = read(tmp_path, raw, name)
+    assert packing.container == vg.Box((5, 4, 6), periodic="xyz")
+    np.testing.assert_allclose(held(packing), SPHERES, rtol=1e-12)
+    assert "as they stand" in packing.provenance["assumed"]["sizes"]
+    (tmp_path / "p.nfo").write_text(NFO)
+    packing = read(tmp_path, raw, name)
+    assert packing.solid_fraction == pytest.approx(0.01, rel=1e-12)
+    ratio = packing.diameters / (2 * SPHERES[:, 3])
+    assert ratio == pytest.approx(ratio[0], rel=1e-12)
+    assert "multiplied by" in packing.provenance["assumed"]["sizes"]
+    (tmp_path / "generation.conf").write_text(CONF.replace("count: 3", "count: 4"))
+    (tmp_path / "p.nfo").unlink()
+    packing = read(tmp_path, raw, name)
+    assert not any(packing.container.periodic)
+    assert "another number of spheres" in packing.provenance["assumed"]["generation.conf"]
+    assert read(tmp_path, raw, name, container=BOX).container == BOX
+
+
+@pytest.mark.parametrize(
+    ("file", "old", "new", "words"),
+    [("generation.conf", "5 4 6.0e0", "0 4 6", "all lengths must be above 0"),
+     ("p.nfo", "0.99", "1.5", "final porosity is 1.5, which must be between 0 and 1")],
+)  # fmt: skip
+def test_damaged_files_beside_a_packing_are_refused(file, old, new, words, tmp_path):
+    for name, text in (("generation.conf", CONF), ("p.nfo", NFO)):
+        (tmp_path / name).write_text(text.replace(old, new) if name == file else text)
+    with pytest.raises(FileFormatError, match=words):
+        read(tmp_path, (SPHERES * [1, 1, 1, 2]).astype("<f8").tobytes(), "p.xyzd")
+
+
 def test_dumps_of_upright_boxes_with_tilts(tmp_path):
     head = "ITEM: TIMESTEP\n0\nITEM: NUMBER OF ATOMS\n1\nITEM: BOX BOUNDS "
     atoms = "ITEM: ATOMS id x y z radius\n1 1 1 1 0.5\n"

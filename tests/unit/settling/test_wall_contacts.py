@@ -120,6 +120,18 @@ CONTAINERS = {
 }
 
 
+def test_contacts_with_a_mesh_do_not_depend_on_the_reach():
+    """Walls are found at the rims of cones and cylinders, between the points that stand for them."""
+    box = vg.make_shape("box", lengths=(4, 5, 6))
+    assembly = random_poses(solids(), vg.ClosedMesh(vg.Shape.from_mesh(box.vertices, box.faces)), 2000)
+    least = Found(assembly, 0.05).least()
+    near = Found(assembly, 1e-3).least()
+    shallow = (least > -0.02) & (least <= 1e-3)
+    assert shallow.sum() > 30
+    np.testing.assert_allclose(near[shallow], least[shallow], atol=1e-12)
+    assert np.isinf(near[least > 1e-3]).all()
+
+
 @pytest.mark.parametrize("name", CONTAINERS)
 def test_the_smallest_gap_is_that_of_the_exact_test(name):
     """Of 400 grains of eight kinds, inside and through the walls, also with a lid."""

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import voxgran as vg
-from voxgran._base.errors import InputError, TooLargeError
+from voxgran._base.errors import InputError, PackingWarning, TooLargeError
 from voxgran._base.seeds import stream
 from voxgran.shapes.families.surfaces.crumpled import Folded, folded
 from voxgran.shapes.families.surfaces.sheet import lattice_faces
@@ -175,3 +175,9 @@ def test_a_thousand_sheets(family):
         assert count_crossings(shape.vertices, shape.faces) == 0
         if family == "crumpled":
             assert shape.record["isometry_error"] < 1e-9, seed
+
+
+def test_a_sheet_too_coarse_for_a_correlation_length_is_told():
+    sheet = vg.make_shape("rough_sheet", method="patir", lengths=(24, 24), correlation_length=16, rms=0.1, seed=1)
+    with pytest.warns(PackingWarning, match="between neighbours; take a finer surface, or one several"):
+        assert np.isnan(vg.surface_statistics(sheet).correlation_length)

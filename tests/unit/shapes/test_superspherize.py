@@ -75,6 +75,17 @@ def test_only_the_cone_is_inflated():
     assert np.linalg.norm(points[grown.faces] - points[np.roll(grown.faces, 1, axis=1)], axis=-1).max() <= 0.05
 
 
+@pytest.mark.parametrize("half_angle", [2.5, 0.1])
+def test_narrow_cones_are_divided_to_an_end(half_angle):
+    """Where bisection of long edges alone does not end; the steep edge of the cone has triangles that are not thin."""
+    grown = vg.spherize(CUBE, 1.0, amount=0.5, half_angle=half_angle, longest_edge=0.05)
+    points = grown.vertices + grown.offset
+    assert points[:, 2].max() == pytest.approx(0.75, abs=1e-3)
+    assert np.linalg.norm(points[grown.faces] - points[np.roll(grown.faces, 1, axis=1)], axis=-1).max() <= 0.05
+    assert len(grown.faces) < 20_000
+    assert grown.volume == pytest.approx(1.0, abs=1e-3)
+
+
 def test_beyond_the_sphere_nothing_moves():
     points = np.array([[0.0, 0.0, 0.2], [0.0, 3.0, 0.0], [0.5, 0.0, 0.0], [0.3, 0.0, 0.3]])
     moved = Inflation(np.zeros(3), 1.0, 0.5, Z, math.pi).moved(points)

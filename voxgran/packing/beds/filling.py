@@ -6,10 +6,12 @@ periodic boxes, between walls and in cylinders. They reproduce the heights of th
 """
 
 import math
+from collections.abc import Iterator
 
 import numpy as np
 
-from voxgran._base.arrays import Floats
+from voxgran._base.arrays import Booleans, Floats
+from voxgran.containers.model import Container
 from voxgran.packing.beds.seeds import container_levels, points_inside
 from voxgran.packing.problem import Problem
 from voxgran.shapes.model import Shape
@@ -29,6 +31,8 @@ AT_WALLS, AT_SURFACE = 0.12, 0.17
 ROOM, SHARE = 0.8, 0.16
 #: shares of the width of a narrow column by which spheres at rest alternate: at the most, and certainly
 ALTERNATING, SURE = 0.9, 0.7
+#: distance of grains that stand on a square lattice in a thin layer, in diameters; from seeds they find room for more
+LATTICE = 1.05
 #: gap of grains at rest, in their diameters, and rounding of distances from walls
 APART, ROUNDING = 1e-3, 1e-12
 #: points above each one at which walls are looked for
@@ -71,44 +75,77 @@ def volume_at_rest(problem: Problem, up: Floats, height: float, generator: np.ra
 
 
 def in_column(problem: Problem, up: Floats, count: int, height: float | None, generator: np.random.Generator) -> int:
-    """Return how many grains come to rest in a column so narrow that no two spheres lie side by side; else `count`.
+    """Return how many grains come to rest in a column so narrow that no two spheres lie side by side, or in a layer so
+    thin that none lie on each other; else `count`.
 
-    Centers that are no farther apart across the column than w rise by sqrt(d^2 - w^2) at least from one sphere of
-    diameter d to the next: spheres at rest hardly rise by less, and never by more where w is less than the whole width.
-    `height` is that of the bed, if one is asked for.
+    A column may stand, lean or lie: it is looked for along the axes and along gravity. Centers that are no farther
+    apart across it than w are sqrt(d^2 - w^2) apart along it at least, from one sphere of diameter d to the next:
+    spheres at rest are hardly closer, and never farther where w is less than the whole width. In a layer as many find
+    room as stand on a square lattice of `LATTICE` diameters. `height` is that of the bed, if one is asked for.
     """
     container = problem.container
-    if not problem.count or any(container.periodic):
+    if not problem.count:
         return count
-    floor, top = container_levels(container, up)
-    highest = top - floor if height is None else height
     points = points_inside(container, generator)
     room = -np.asarray(container.signed_distance(points))
-    points -= (points @ up)[:, None] * up
-
-    def zigzag(diameter: float, share: float) -> tuple[float, Floats, Floats]:
-        """Return the rise of spheres that alternate, 0 side by side, the middle of the column and the way from it."""
-        centers = points[room >= 0.5 * diameter]
-        if not len(centers):
-            return diameter, points.mean(axis=0), np.zeros(3)
-        middle = centers.mean(axis=0)
-        away = share * (centers[np.argmax(np.linalg.norm(centers - middle, axis=1))] - middle)
-        return math.sqrt(max(diameter**2 - 4.0 * float(away @ away), 0.0)), middle, away
-
     least = float(problem.diameter.min())
-    rise = zigzag(least, ALTERNATING)[0]
-    if rise > 0.0 and all(shape.is_sphere for shape in problem.shapes):
-        count = min(count, 1 + int((highest - least) / rise))
     bounding = np.array([shape.bounding_radius for shape in problem.shapes])[problem.shape_id] * problem.diameter
     largest = (1.0 + APART) * 2.0 * float(bounding.max())
-    rise, middle, away = zigzag(largest, SURE)
-    if rise > 0.0:
-        levels = np.arange(0.5 * largest, highest - 0.5 * largest, rise)[: problem.count]
-        side = np.where(np.arange(len(levels)) % 2, 1.0, -1.0)
-        places = middle + (floor + levels)[:, None] * up + side[:, None] * away
-        held = np.asarray(container.signed_distance(places)) <= ROUNDING - 0.5 * largest
-        count = max(count, int(np.argmin(np.append(held, False))))
-    return count
+    spheres, lowest = all(shape.is_sphere for shape in problem.shapes), container_levels(container, up)[0]
+
+    def held(places: Floats) -> Booleans:
+        """Return where the largest grains are within the container, and below the height."""
+        within: Booleans = np.asarray(container.signed_distance(places)) <= ROUNDING - 0.5 * largest
+        return within if height is None else within & (places @ up <= lowest + height - 0.5 * largest)
+
+    most, sure = count, 0
+    for axis in (up, *np.eye(3)[: problem.dimension]):
+        if np.any(np.array(container.periodic) & (np.abs(axis) < 1.0)):
+            continue
+        # from the lower end on
+        along = -axis if axis @ up < 0.0 else axis
+        start, end = container_levels(container, along)
+        length = end - start if height is None or along @ up < 1.0 else height
+        across = points - (points @ along)[:, None] * along
+        rise = _zigzag(across[room >= 0.5 * least], least, ALTERNATING)[0]
+        if rise > 0.0 and spheres:
+            most = min(most, 1 + int((length - least) / rise))
+        rise, middle, away = _zigzag(across[room >= 0.5 * largest], largest, SURE)
+        if rise > 0.0:
+            levels = np.arange(0.5 * largest, length - 0.5 * largest, rise)
+            side = np.where(np.arange(len(levels)) % 2, 1.0, -1.0)
+            places = middle + (start + levels)[:, None] * along + side[:, None] * away
+            sure = max(sure, int(np.argmin(np.append(held(places), False))))
+    for places in _thin_layers(container, points[room >= 0.5 * largest], largest):
+        sure = max(sure, int(held(places).sum()))
+    return min(max(most, sure), problem.count)
+
+
+def _thin_layers(container: Container, centers: Floats, diameter: float) -> Iterator[Floats]:
+    """Yield the places (n, 3) of a square lattice in the middle of a container, across each axis along which the
+    centers of spheres are closer than a diameter.
+    """
+    if container.dimension < 3 or not len(centers):
+        return
+    inset = 0.5 * diameter
+    ends = [
+        np.arange(low + inset, high - inset, LATTICE * diameter) for low, high in zip(*container.bounds, strict=True)
+    ]
+    for axis in np.flatnonzero(np.ptp(centers, axis=0) < diameter):
+        rows = [centers.mean(axis=0)[[k]] if k == axis else ends[k] for k in range(3)]
+        yield np.stack(np.meshgrid(*rows, indexing="ij"), axis=-1).reshape(-1, 3)
+
+
+def _zigzag(centers: Floats, diameter: float, share: float) -> tuple[float, Floats, Floats]:
+    """Return how far spheres that alternate are apart along a column, 0 side by side, its middle and the way from it.
+
+    The centers are places across the column at which a sphere is within.
+    """
+    if not len(centers):
+        return diameter, np.zeros(3), np.zeros(3)
+    middle = centers.mean(axis=0)
+    away = share * (centers[np.argmax(np.linalg.norm(centers - middle, axis=1))] - middle)
+    return math.sqrt(max(diameter**2 - 4.0 * float(away @ away), 0.0)), middle, away
 
 
 def highest_surface(problem: Problem, up: Floats) -> float:

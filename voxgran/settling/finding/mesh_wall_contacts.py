@@ -17,7 +17,7 @@ from voxgran.geometry.tree import is_behind, search_triangles, square_to_box
 from voxgran.geometry.triangles import closest_on_triangle
 from voxgran.settling.finding.candidates import add_candidate, is_candidate
 from voxgran.settling.finding.smooth_distance import smooth_distance
-from voxgran.settling.finding.wall_bodies import ELLIPSOID, POINTS, WallBodies
+from voxgran.settling.finding.wall_bodies import ELLIPSOID, POINTS, SAGITTA, WallBodies
 from voxgran.settling.finding.wall_candidates import rings_of, set_frame, support_arm
 
 #: walls that are looked for about one point, and spheres without a wall that are remembered of a grain, at most
@@ -51,20 +51,23 @@ def near_mesh(
     else:
         depth = -depth
     far = np.inf if depth < DEEP * radius else reach + DEEP * radius
-    c, point, known = 0, bodies.point, 0
+    c, point, known, wide = 0, bodies.point, 0, reach
+    if smooth is not None and bodies.kind[shape] != POINTS:
+        # a wall may be nearer to the rim than to any of its points
+        wide += SAGITTA * scale * bodies.size[shape, 0]
     for k in range(bodies.start[shape], bodies.start[shape + 1]):
         bx, by, bz, r = point[k, 0], point[k, 1], point[k, 2], scale * bodies.margin[k]
         arm = scale * math.sqrt(bx * bx + by * by + bz * bz)
-        if depth - arm - r > reach:
+        if depth - arm - r > wide:
             continue
         ax = scale * (m[0, 0] * bx + m[0, 1] * by + m[0, 2] * bz)
         ay = scale * (m[1, 0] * bx + m[1, 1] * by + m[1, 2] * bz)
         az = scale * (m[2, 0] * bx + m[2, 1] * by + m[2, 2] * bz)
-        if _is_free(bodies.mesh.free, known, ax, ay, az, r + reach):
+        if _is_free(bodies.mesh.free, known, ax, ay, az, r + wide):
             continue
         # the wall that is nearest to the centroid is no farther than this
         most = (abs(depth) + arm) * (1.0 + 1e-9)
-        c, room = _near_point(bodies, walls, c, px, py, pz, ax, ay, az, r, reach, far, most)
+        c, room = _near_point(bodies, walls, c, px, py, pz, ax, ay, az, r, wide, far, most)
         known = _remember(bodies.mesh.free, known, ax, ay, az, room)
     if smooth is not None and bodies.kind[shape] != POINTS:
         c = _near_supports(bodies, walls, c, shape, scale, m, px, py, pz, reach, far)
@@ -183,9 +186,9 @@ def _next_wall(walls, x, y, z, reach, seen, known):  # type: ignore[no-untyped-d
 
 @bare_kernel
 def _near_supports(bodies, walls, c, shape, scale, m, x, y, z, reach, far):  # type: ignore[no-untyped-def]
-    """Add the support points of a smooth solid along the normals of its corners; those of an ellipsoid replace them.
+    """Add the support points of a smooth solid along the normals of its corners, and drop corners out of reach.
 
-    The corners of the polyhedron that stands for an ellipsoid are no points of it.
+    Those of the polyhedron that stands for an ellipsoid are no points of it, and are all dropped.
     """
     kind, found, last = bodies.kind[shape], bodies.found, c
     set_frame(bodies, shape, m)
@@ -199,12 +202,13 @@ def _near_supports(bodies, walls, c, shape, scale, m, x, y, z, reach, far):  # t
                 new = new and apart > 1e-6 * scale * bodies.size[shape, 0]
             if new:
                 c = _near_point(bodies, walls, c, x, y, z, ax, ay, az, 0.0, reach, far, far)[0]
-    if kind != ELLIPSOID:
-        return c
-    for k in range(last, c):
-        for column in range(7):
-            found[k - last, column] = found[k, column]
-    return c - last
+    kept = 0
+    for k in range(c):
+        if k >= last or (kind != ELLIPSOID and found[k, 6] <= reach):
+            for column in range(7):
+                found[kept, column] = found[k, column]
+            kept += 1
+    return kept
 
 
 @bare_kernel

@@ -31,8 +31,9 @@ from voxgran.shapes.tessellate import sphere
 #: kinds of bodies: points with margins only, and smooth solids, whose support points count too
 POINTS, ELLIPSOID, CYLINDER, CONE = 0, 1, 2, 3
 SMOOTH = {"ellipsoid": ELLIPSOID, "cylinder": CYLINDER, "cone": CONE}
-#: points on each rim that turn with the grain, on which it stands
+#: points on each rim that turn with the grain, on which it stands; how far the rim reaches beyond them, in its radii
 RIM_POINTS = 12
+SAGITTA = 1.0 - math.cos(math.pi / RIM_POINTS)
 #: least distance of the contacts that are kept where there are many, in diameters of the shape
 SPREAD = 0.1
 #: subdivisions of the sphere that stands for an ellipsoid in a closed mesh (162 corners)

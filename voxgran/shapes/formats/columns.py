@@ -19,6 +19,7 @@ NAMES: dict[str, tuple[str, ...]] = {
     "r": ("r", "radius", "radii", "rad"),
     "d": ("d", "diameter", "dia", "diam"),
     "clump": ("clumpid", "clump", "idclump"),
+    "id": ("id",),
 }
 #: columns that hold lengths
 LENGTHS = ("x", "y", "z", "r", "d")
@@ -30,7 +31,7 @@ _BRACKET = re.compile(r"([^\[(]*)[\[(]([^\])]*)[\])]\s*")
 
 @dataclass(frozen=True, slots=True)
 class Columns:
-    """Columns of a table, by what they hold: x, y, z, r, d and clump."""
+    """Columns of a table, by what they hold: x, y, z, r, d, clump and id."""
 
     places: dict[str, int]
     #: unit of all lengths once they are multiplied by the factors; text that is no unit where only such is stated

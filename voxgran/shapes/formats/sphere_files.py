@@ -252,7 +252,9 @@ def _columns(found: _Found, words: list[str], number: int) -> list[tuple[int, fl
     if not {"x", "y", "z"} <= known.places.keys() or ("r" in known.places) == ("d" in known.places):
         raise found.refused(number, " ".join(words), "does not name the columns x, y, z and r once each")
     found.unit = found.unit or known_unit(known.unit)
-    by_place = {known.places[name]: (COLUMNS[name], known.factors.get(name, 1.0)) for name in known.places}
+    by_place = {
+        known.places[name]: (COLUMNS[name], known.factors.get(name, 1.0)) for name in known.places if name in COLUMNS
+    }
     return [by_place.get(place) for place in range(len(words))]
 
 
@@ -278,6 +280,8 @@ def _read_molecule(found: _Found, lines: list[str]) -> dict[str, list[float]]:
             values = found.numbers(words, number, f"is no line of {section}")
             if len(values) != 1 + wanted[section] or values[0] != round(values[0]) or abs(values[0]) > MOST_SPHERES:
                 raise found.refused(number, " ".join(words), f"is no line of {section} with the number of an atom")
+            if int(values[0]) in sections[section]:
+                raise found.refused(number, " ".join(words), f"is the second line of this atom in {section}")
             sections[section][int(values[0])] = values[1:]
     count = head["atoms"][0] if "atoms" in head else -1.0
     for name in wanted:

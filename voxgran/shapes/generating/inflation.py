@@ -28,8 +28,8 @@ from voxgran.shapes.repairing.diagnose import bounds_solid
 DEPTH = 0.02
 #: largest amount where the center does not see the whole surface, and how often it is halved where triangles cross
 MOST, HALVINGS = 0.95, 6
-#: largest number of triangles
-MOST_FACES = 2_000_000
+#: largest number of triangles, and rounds of bisection of long edges alone, which may not end at the edge of a cone
+MOST_FACES, ROUNDS = 2_000_000, 20
 
 
 @dataclass(frozen=True)
@@ -166,13 +166,23 @@ def _with_amount(inflation: Inflation, amount: float) -> Inflation:
 
 
 def _divided(vertices: Floats, faces: Integers, inflation: Inflation, longest: float) -> tuple[Floats, Integers]:
-    """Return the surface with edges bisected until none is longer than `longest` once it is inflated."""
+    """Return the surface with edges bisected until none is longer than `longest` once it is inflated.
+
+    After `ROUNDS` the longest edge of each triangle that is divided is bisected too, as Rivara 1984
+    (doi:10.1002/nme.1620200412) does, so that triangles do not become ever thinner and the division ends.
+    """
+    rounds = 0
     while True:
         ends, index = edges_of(faces)
         image = inflation.moved(vertices)
         long = np.linalg.norm(image[ends[:, 0]] - image[ends[:, 1]], axis=1) > longest
         if not long.any():
             return vertices, faces
+        if rounds >= ROUNDS:
+            length, before = np.linalg.norm(vertices[ends[:, 0]] - vertices[ends[:, 1]], axis=1), -1
+            while (marked := int(long.sum())) > before:
+                sides, before = index[long[index].any(axis=1)], marked
+                long[sides[np.arange(len(sides)), length[sides].argmax(axis=1)]] = True
         # a triangle is at most as large as the equilateral one
         fewest = areas_of(image[faces]).sum() / (math.sqrt(3) / 4 * longest**2)
         if max(len(faces) + 2 * int(long.sum()), fewest) > MOST_FACES:
@@ -184,3 +194,4 @@ def _divided(vertices: Floats, faces: Integers, inflation: Inflation, longest: f
         new[long] = len(vertices) + np.arange(int(long.sum()))
         vertices = np.concatenate([vertices, vertices[ends[long]].mean(axis=1)])
         faces = cut_edges(vertices, faces, index, new)
+        rounds += 1

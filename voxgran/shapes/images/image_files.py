@@ -281,7 +281,7 @@ def voxel_unit(unit: str | None, value: Any, image: Image) -> str | None:
     """
     told = image.unit if value is None else None
     if told is None or unit is None:
-        return unit or told
+        return told if unit is None else unit
     if as_unit(unit) != told:
         raise InputError(
             f"unit is {shown(unit)} and the file has its voxels in {told}: leave the unit out, or give voxel_size too"

@@ -22,10 +22,11 @@ from numpy.typing import ArrayLike
 from voxgran._base import ExplainedAttributes
 from voxgran._base.arrays import Floats, Integers, as_array, as_floats, as_length, as_number, as_vector, check_type
 from voxgran._base.calls import explained
-from voxgran._base.errors import InputError
+from voxgran._base.errors import InputError, PackingWarning
 from voxgran._base.kernels import kernel
 from voxgran._base.lazy import load
 from voxgran._base.seeds import stream
+from voxgran._base.warning import warn
 from voxgran.geometry.triangles import areas_of, normals_of
 from voxgran.shapes.model import Shape
 from voxgran.shapes.roughness.autocorrelation import roll_off_of, self_affine_correlation
@@ -114,6 +115,11 @@ def surface_statistics(
     InputError
         If a solid is given without `smooth`, the heights are not an array of at least 8 by 8 finite numbers, all
         heights are equal, or a length is not above 0.
+
+    Warns
+    -----
+    PackingWarning
+        If there is no correlation length.
 
     Examples
     --------
@@ -305,7 +311,17 @@ class _Correlation:
         self.length = _length(*_means(self.total))
 
     def numbers(self, errors: bool) -> dict[str, float]:
-        """Return both, and their standard errors by the jackknife if they are asked for."""
+        """Return both, and their standard errors by the jackknife if they are asked for; warn where they are NaN."""
+        if math.isnan(self.length):
+            why = (
+                "falls below 1/e between neighbours; take a finer surface, or one several correlation lengths wide"
+                if _means(self.total)[1].min(initial=1.0) < math.exp(-1.0)
+                else "does not fall to 1/e; take a surface several times as wide, or a shorter correlation length"
+            )
+            warn(
+                f"the surface has no correlation length and no Hurst exponent (NaN): its autocorrelation {why}",
+                PackingWarning,
+            )
         hurst, end = _hurst(self.length, *_means(self.total), self.ends, self.dimension)
         found = {"correlation_length": self.length, "hurst": hurst}
         if errors and math.isfinite(self.length):

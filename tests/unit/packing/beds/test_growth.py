@@ -112,16 +112,45 @@ def test_by_default_a_container_is_filled_to_below_its_top(shape, container, par
         (vg.make_shape("disk"), vg.Rectangle((1.07, 3.1)), 3, {}),
         (vg.make_shape("box"), vg.Box((1.8, 1.8, 4)), 2, {}),
         (SPHERE, vg.Box((3.1, 1.07, 1.07)), 3, {"gravity": "-x"}),
+        (SPHERE, vg.Box((10, 1.07, 1.07)), 9, {}),
+        (SPHERE, vg.Box((1.07, 1.07, 3.3)), 3, {"gravity": (1.0, 0.0, -1.0)}),
+        (SPHERE, vg.Box((10, 1.07, 1.07), periodic="x"), 9, {}),
         (SPHERE, vg.Box((10, 10, 1.05)), 60, {}),
+        (SPHERE, vg.Box((10, 10, 1.07)), 75, {}),
+        (SPHERE, vg.Box((10, 10, 1.07), periodic="xy"), 75, {}),
+        (SPHERE, vg.Box((4.3, 1.07, 4.3)), 16, {}),
         (SPHERE, vg.Box((10, 10, 2)), 130, {}),
     ],
-    ids=["spheres", "higher", "tight", "cylinder", "disks", "cubes", "along x", "one layer", "low"],
+    ids=[
+        "spheres",
+        "higher",
+        "tight",
+        "cylinder",
+        "disks",
+        "cubes",
+        "along x",
+        "lying",
+        "leaning",
+        "periodic",
+        "one layer",
+        "full layer",
+        "periodic layer",
+        "slit",
+        "low",
+    ],
 )
 def test_narrow_and_low_containers_hold_what_fits(shape, container, count, parameters):
     bed = vg.pack(shape, container, "gravity", count=count, **parameters)
     assert bed.count == count
     assert bed.stop_reason == "settled"
     assert bed.verify().ok
+
+
+def test_a_leaning_column_is_filled_to_the_height():
+    """A sphere at x has its top at (x + 0.5) / sqrt(2) + 0.5 or a little above: four are below 4."""
+    with pytest.warns(PackingWarning, match="or below the height that is asked for"):
+        bed = vg.pack(SPHERE, vg.Box((10, 1.07, 1.07)), "gravity", count=9, height=4.0, gravity=(-1.0, 0.0, -1.0))
+    assert bed.count == 4
 
 
 @pytest.mark.parametrize(
