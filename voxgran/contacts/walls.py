@@ -22,7 +22,7 @@ from voxgran.contacts.triangles import nearest_points
 from voxgran.containers.model import UNKNOWN, boundary_of
 from voxgran.containers.plane import prism_of
 from voxgran.geometry.rotation import stretch_of
-from voxgran.geometry.walls import Round
+from voxgran.geometry.walls import Round, directions_toward
 from voxgran.shapes.mesh import Mesh
 from voxgran.shapes.model import Shape
 from voxgran.shapes.outline import Outline
@@ -243,13 +243,14 @@ def _reach_out(start, row, margin, center, position, cosine, sine, reach):  # ty
 @kernel
 def reach_from_line(row: Floats, x: float, y: float, z: float, cosine: float, sine: float) -> float:
     """Return the largest reach of the points of a part centered at (x, y, z) at a cylinder or cone about the origin."""
-    step, best = 2.0 * math.pi / DIRECTIONS, -math.inf
-    place = (x, y, z, cosine, sine)
-    before, now = _reach_along(row, place, -step), _reach_along(row, place, 0.0)
-    for k in range(DIRECTIONS):
-        after = _reach_along(row, place, (k + 1) * step)
+    place, best = (x, y, z, cosine, sine), -math.inf
+    # the normal at the farthest point has its direction from the axis
+    start, step = directions_toward(x, y, row[1] + row[2] + row[3], DIRECTIONS)
+    before, now = _reach_along(row, place, start - step), _reach_along(row, place, start)
+    for k in range(DIRECTIONS + 1):
+        after = _reach_along(row, place, start + (k + 1) * step)
         if now >= before and now >= after:
-            best = max(best, _refine(row, place, (k - 1) * step, (k + 1) * step))
+            best = max(best, _refine(row, place, start + (k - 1) * step, start + (k + 1) * step))
         before, now = now, after
     return best
 

@@ -115,3 +115,16 @@ def least_reach(row: Floats, x: float, y: float, z: float, ex: float, ey: float,
     dz = z - row[2]
     flat = row[3] * max(abs(dz) - ez, 0.0)
     return row[4] * math.sqrt(dx * dx + dy * dy + flat * flat) + row[5] * dz - abs(row[5]) * ez
+
+
+@bare_kernel
+def directions_toward(x: float, y: float, radius: float, count: int) -> tuple[float, float]:
+    """Return the first of so many angles about the z axis, and their step, in which points of a disk at (x, y) lie.
+
+    They go all around where the disk holds the axis.
+    """
+    away = math.sqrt(x * x + y * y)
+    if away <= radius:
+        return 0.0, 2.0 * math.pi / count
+    half = math.asin(radius / away)
+    return math.atan2(y, x) - half, 2.0 * half / count

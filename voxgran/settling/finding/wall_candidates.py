@@ -9,6 +9,7 @@ import math
 
 from voxgran._base.arrays import Floats
 from voxgran._base.kernels import bare_kernel
+from voxgran.geometry.walls import directions_toward
 from voxgran.settling.finding.candidates import add_candidate
 from voxgran.settling.finding.wall_bodies import CONE, CYLINDER, ELLIPSOID, POINTS, WallBodies
 
@@ -171,13 +172,18 @@ def _add_round(found, c, ax, ay, az, r, dx, dy, dz, wall, reach):  # type: ignor
 @bare_kernel
 def _near_cone(bodies, shape, scale, dx, dy, dz, wall, reach, c):  # type: ignore[no-untyped-def]
     """Add the points of a smooth solid or its rims that are nearest to a cone, of each side that has one."""
-    for ring in range(rings_of(bodies.kind[shape])):
-        before, now = math.inf, math.inf
-        for k in range(-1, DIRECTIONS + 1):
-            angle = 2.0 * math.pi * k / DIRECTIONS
-            after = _beyond_cone(bodies, shape, scale, ring, dx, dy, wall, angle + 2.0 * math.pi / DIRECTIONS)[3]
-            if k >= 0 and now >= before and now > after:
-                low, high = angle - 2.0 * math.pi / DIRECTIONS, angle + 2.0 * math.pi / DIRECTIONS
+    kind, size, frame = bodies.kind[shape], bodies.size[shape], bodies.frame
+    for ring in range(rings_of(kind)):
+        height = 0.0 if kind == ELLIPSOID else scale * support_of(kind, size, ring, 0.0, 0.0, 1.0)[2]
+        wide = scale * (max(size[0], size[1], size[2]) if kind == ELLIPSOID else size[0])
+        start, step = directions_toward(dx + frame[0, 2] * height, dy + frame[1, 2] * height, wide, DIRECTIONS)
+        before = _beyond_cone(bodies, shape, scale, ring, dx, dy, wall, start - step)[3]
+        now = _beyond_cone(bodies, shape, scale, ring, dx, dy, wall, start)[3]
+        for k in range(DIRECTIONS + 1):
+            angle = start + k * step
+            after = _beyond_cone(bodies, shape, scale, ring, dx, dy, wall, angle + step)[3]
+            if now >= before and now > after:
+                low, high = angle - step, angle + step
                 for _ in range(HALVINGS):
                     one, two = low + GOLDEN * (high - low), high - GOLDEN * (high - low)
                     if (
