@@ -340,11 +340,10 @@ def _refuse_unfit(method: PackingMethod, shapes: tuple[Shape, ...], container: C
         )
     walls = boundary_of(container)
     if not method.any_container and (walls is UNKNOWN or not (walls.is_usual or method.any_walls)):
-        told = "known by its signed distance only" if walls is UNKNOWN else "with a cone or several round walls"
+        known = "known by its signed distance only" if walls is UNKNOWN else "with a cone or several round walls"
         remedy = "make a mesh of it, ClosedMesh(Shape.from_mesh(*container.mesh()))"
         raise InputError(
-            f"container is of type {type(container).__name__}, {told}: method {method.name!r} needs other walls in "
-            "closed form; "
+            f"container is of type {type(container).__name__}, {known}, which method {method.name!r} does not take; "
             f"{remedy if container.dimension == 3 else 'use a Rectangle, Disk or Polygon'}, or choose a digital method"
         )
 
