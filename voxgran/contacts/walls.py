@@ -13,7 +13,7 @@ from voxgran._base.arrays import Floats, Integers
 from voxgran._base.kernels import kernel
 from voxgran.contacts.assembly import Assembly
 from voxgran.contacts.depth import deepest_of_triangles
-from voxgran.contacts.farthest import farthest_reach
+from voxgran.contacts.farthest import farthest_of_row
 from voxgran.contacts.gjk import support
 from voxgran.contacts.mesh_parts import touch_convex
 from voxgran.contacts.parts import has_parts, parts_of
@@ -22,7 +22,7 @@ from voxgran.contacts.triangles import nearest_points
 from voxgran.containers.model import UNKNOWN, boundary_of
 from voxgran.containers.plane import prism_of
 from voxgran.geometry.rotation import stretch_of
-from voxgran.geometry.walls import Round, directions_toward
+from voxgran.geometry.walls import Round, directions_toward, reach_from
 from voxgran.shapes.mesh import Mesh
 from voxgran.shapes.model import Shape
 from voxgran.shapes.outline import Outline
@@ -134,19 +134,16 @@ def grain_bounds(assembly: Assembly) -> tuple[Floats, Floats]:
 
 def reach_at(assembly: Assembly, wall: Round) -> Floats:
     """Return the largest reach (n,) of any point of each grain at a wall of revolution."""
-    if wall.axes == 3:
-        return farthest_reach(assembly, np.array(wall.center))
     reach = np.full(assembly.count, -np.inf)
     geometries = [shape.geometry for shape in assembly.shapes]
     parts = parts_of(geometries).placed(assembly.shape_id, assembly.scale, assembly.matrices)
     away = assembly.position - np.array(wall.center)
-    _reach_out(parts.start, parts.row, parts.margin, parts.center, away, wall.cosine, wall.sine, reach)
+    _reach_out(parts.start, parts.row, parts.margin, parts.center, away, wall.row, reach)
     for grain in range(assembly.count):
         geometry = geometries[assembly.shape_id[grain]]
         if not has_parts(geometry):
             turned = _corners(geometry) @ assembly.matrices[grain].T * assembly.scale[grain]
-            points = turned + away[grain]
-            reach[grain] = (wall.cosine * np.hypot(points[:, 0], points[:, 1]) + wall.sine * points[:, 2]).max()
+            reach[grain] = wall.reach(turned + away[grain]).max()
     return reach
 
 
@@ -228,16 +225,18 @@ def _mesh_beyond_mesh(container: Solid, grain: Solid, matrix: Floats, offset: Fl
 
 
 @kernel
-def _reach_out(start, row, margin, center, position, cosine, sine, reach):  # type: ignore[no-untyped-def]
-    """Write the largest reach of each grain's points at a cylinder or cone about the origin."""
+def _reach_out(start, row, margin, center, position, wall, reach):  # type: ignore[no-untyped-def]
+    """Write the largest reach of each grain's points at a wall of revolution about the origin."""
     for grain in range(len(position)):
         for part in range(start[grain], start[grain + 1]):
             x, y = position[grain, 0] + center[part, 0], position[grain, 1] + center[part, 1]
             z = position[grain, 2] + center[part, 2]
             if row[part, 0] == 0.0:
-                reach[grain] = max(reach[grain], cosine * math.sqrt(x * x + y * y) + sine * z + margin[part])
+                reach[grain] = max(reach[grain], reach_from(wall, x, y, z) + margin[part])
+            elif wall[3] == 1.0:
+                reach[grain] = max(reach[grain], farthest_of_row(row[part], x, y, z))
             else:
-                reach[grain] = max(reach[grain], reach_from_line(row[part], x, y, z, cosine, sine))
+                reach[grain] = max(reach[grain], reach_from_line(row[part], x, y, z, wall[4], wall[5]))
 
 
 @kernel

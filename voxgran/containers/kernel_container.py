@@ -2,9 +2,8 @@
 
 Boxes and rectangles may be periodic along an axis, which then has no wall. A cylinder is upright; a disk is one without
 ends, and a polygon a closed mesh, both at z = 0 (:mod:`voxgran.containers.plane`). Walls of revolution are the rows of
-a list (:mod:`voxgran.geometry.walls`). In a closed mesh the
-distance of a center from the surface is exact (:mod:`voxgran.geometry.tree`), so that an accepted sphere protrudes
-by no more than rounding.
+a list (:mod:`voxgran.geometry.walls`). In a closed mesh the distance of a center from the surface is exact
+(:mod:`voxgran.geometry.tree`), so that an accepted sphere protrudes by no more than rounding.
 
 The advancing front counts coordinates from the lower corner and has tests of its own
 (:mod:`voxgran.packing.advancing_front.container`). Control points keep convex hulls within walls, which move with a lid

@@ -130,7 +130,8 @@ class Boundary:
 
         Outside, near edges, it is a lower bound of the distance.
         """
-        return np.asarray(-np.min([wall.distance(points) for wall in (*self.planes, *self.round)], axis=0))
+        walls: tuple[Plane | Round, ...] = (*self.planes, *self.round)
+        return np.asarray(-np.min([wall.distance(points) for wall in walls], axis=0))
 
     def has_flat_ends(self, axis: int) -> bool:
         """Whether a plane, or none, ends the container on both sides along an axis, along which no wall narrows it."""

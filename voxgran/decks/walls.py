@@ -66,5 +66,5 @@ class Walls:
         points : (n, 3) ndarray of float
             In the unit of the walls.
         """
-        walls = self.planes if self.round is None else (*self.planes, self.round)
+        walls: tuple[Plane | Round, ...] = self.planes if self.round is None else (*self.planes, self.round)
         return [wall.distance(points) for wall in walls]

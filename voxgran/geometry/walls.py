@@ -63,9 +63,11 @@ class Round(NamedTuple):
 
     def distance(self, points: Floats) -> Floats:
         """Return the distance (n,) of points (n, 3) from the wall, positive on the side of the grains."""
-        away = points - np.array(self.center)
-        reach = self.cosine * np.linalg.norm(away[:, : self.axes], axis=1) + self.sine * away[:, 2]
-        return np.asarray(self.radius - reach)
+        return self.radius - self.reach(points - np.array(self.center))
+
+    def reach(self, away: Floats) -> Floats:
+        """Return the reach (n,) of points by their places (n, 3) relative to the center."""
+        return np.asarray(self.cosine * np.linalg.norm(away[:, : self.axes], axis=1) + self.sine * away[:, 2])
 
     def along(self, points: Floats, axes: tuple[int, int, int]) -> tuple[Floats, Floats]:
         """Return between which distances from points (n, 3), along the last one of the axes, lines are inside.
