@@ -1,5 +1,7 @@
 """What several test files need: tasks of packing methods, lattices of points, meshes, and the reference values."""
 
+import importlib
+import sys
 import tomllib
 from pathlib import Path
 
@@ -107,3 +109,22 @@ def hull(points):
     inward = np.einsum("fi,fi->f", normals, found.equations[:, :3]) < 0
     faces = np.where(inward[:, None], found.simplices[:, ::-1], found.simplices)
     return points, faces.astype(np.int64), found.equations
+
+
+def example_hopper():
+    """Return the class of the container of examples/plugin: a cone above a closed outlet."""
+    place = Path(__file__).parents[1] / "examples" / "plugin"
+    if str(place) not in sys.path:
+        sys.path.append(str(place))
+    return importlib.import_module("voxgran_hopper").Hopper
+
+
+def install(folder, name, groups):
+    """Write what pip would write beside the modules of a package, so that its entry points are found."""
+    info = folder / f"{name}-1.0.dist-info"
+    info.mkdir()
+    (info / "METADATA").write_text(f"Metadata-Version: 2.1\nName: {name}\nVersion: 1.0\n")
+    sections = (
+        f"[{group}]\n" + "".join(f"{key} = {value}\n" for key, value in rows.items()) for group, rows in groups.items()
+    )
+    (info / "entry_points.txt").write_text("".join(sections))

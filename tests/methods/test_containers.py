@@ -90,7 +90,7 @@ def test_grains_stay_inside_or_the_container_is_refused(method, container):
     if where.dimension not in known.dimensions:
         pytest.skip("another dimension")
     if container.startswith("own") and not known.any_container:
-        words = f"container is of type {type(where).__name__}, known by .* only: method '{method}' needs its walls in "
+        words = f"container is of type {type(where).__name__}, known by .* only, which method '{method}' does not take"
         with pytest.raises(InputError, match=words):
             vg.pack(shape, where, method=method, count=5)
         return

@@ -8,6 +8,7 @@ import tomllib
 from pathlib import Path
 
 import pytest
+from kit import install
 
 import voxgran as vg
 
@@ -15,6 +16,7 @@ ROOT = Path(__file__).parents[2]
 PLUGIN = ROOT / "examples" / "plugin"
 PAGE = (ROOT / "docs" / "contribute" / "extending.md").read_text()
 PROJECT = tomllib.loads((PLUGIN / "pyproject.toml").read_text())["project"]
+TESTS = ("test_voxgran_cubic.py", "test_voxgran_hopper.py")
 #: number of tests in the suite of each kind that its page names; the last are skipped
 KINDS = {"wedge": (5, 0), "mean_height": (5, 0), "ring": (7, 1), "table": (5, 2)}
 
@@ -28,17 +30,6 @@ for name in ("bed.vtp", "bed.txt"):
     bed.save(name)
     assert vg.load(name).container.size == 1.5
 """
-
-
-def install(folder, name, groups):
-    """Write what pip would write beside the modules of a package, so that its entry points are found."""
-    info = folder / f"{name}-1.0.dist-info"
-    info.mkdir()
-    (info / "METADATA").write_text(f"Metadata-Version: 2.1\nName: {name}\nVersion: 1.0\n")
-    sections = (
-        f"[{group}]\n" + "".join(f"{key} = {value}\n" for key, value in rows.items()) for group, rows in groups.items()
-    )
-    (info / "entry_points.txt").write_text("".join(sections))
 
 
 def run(folder, *command):
@@ -59,17 +50,18 @@ def check_plugin(folder):
     page = (PLUGIN / "about.md").read_text()
     example = re.search(r"```python\n(.*?)```", page, flags=re.DOTALL)[1]
     proof = 'assert packing.count == 20\nassert vg.verify(packing).ok\nassert packing.stop_reason == "count"\n'
+    proof += "assert bed.count == 40\nassert vg.verify(bed).ok\n"
     (folder / "try_it.py").write_text(example + proof)
     run(folder, "try_it")
-    found = run(folder, "pytest", "-q", "-p", "no:dash", "-p", "no:cacheprovider", "test_voxgran_cubic.py")
-    assert re.search(r"^13 passed", found, flags=re.MULTILINE), found
-    assert "the suite: 13 tests" in page
+    found = run(folder, "pytest", "-q", "-p", "no:dash", "-p", "no:cacheprovider", *TESTS)
+    assert re.search(r"^21 passed", found, flags=re.MULTILINE), found
+    assert "the suites: 21 tests" in page
 
 
 def test_the_plugin_works_by_its_entry_point(tmp_path):
     for path in PLUGIN.glob("*.py"):
         (tmp_path / path.name).write_text(path.read_text())
-    install(tmp_path, "voxgran_cubic", PROJECT["entry-points"])
+    install(tmp_path, "voxgran_example", PROJECT["entry-points"])
     check_plugin(tmp_path)
 
 
@@ -78,8 +70,13 @@ def test_the_plugin_works_after_pip_has_installed_it(tmp_path):
     if "VOXGRAN_DIST" not in os.environ:
         pytest.skip("pip fetches the build backend: make test-dist")
     run(tmp_path, "pip", "install", "--quiet", "--no-deps", "--target", str(tmp_path), str(PLUGIN))
-    assert {path.name for path in tmp_path.iterdir()} >= {"voxgran_cubic.py", "voxgran_cubic-1.0.dist-info"}
-    (tmp_path / "test_voxgran_cubic.py").write_text((PLUGIN / "test_voxgran_cubic.py").read_text())
+    assert {path.name for path in tmp_path.iterdir()} >= {
+        "voxgran_cubic.py",
+        "voxgran_hopper.py",
+        "voxgran_example-1.0.dist-info",
+    }
+    for path in PLUGIN.glob("test_*.py"):
+        (tmp_path / path.name).write_text(path.read_text())
     check_plugin(tmp_path)
 
 

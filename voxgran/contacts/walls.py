@@ -13,7 +13,7 @@ from voxgran._base.arrays import Floats, Integers
 from voxgran._base.kernels import kernel
 from voxgran.contacts.assembly import Assembly
 from voxgran.contacts.depth import deepest_of_triangles
-from voxgran.contacts.farthest import farthest_reach
+from voxgran.contacts.farthest import farthest_of_row
 from voxgran.contacts.gjk import support
 from voxgran.contacts.mesh_parts import touch_convex
 from voxgran.contacts.parts import has_parts, parts_of
@@ -22,6 +22,7 @@ from voxgran.contacts.triangles import nearest_points
 from voxgran.containers.model import UNKNOWN, boundary_of
 from voxgran.containers.plane import prism_of
 from voxgran.geometry.rotation import stretch_of
+from voxgran.geometry.walls import Round, directions_toward, reach_from
 from voxgran.shapes.mesh import Mesh
 from voxgran.shapes.model import Shape
 from voxgran.shapes.outline import Outline
@@ -67,9 +68,8 @@ def walls_touched(assembly: Assembly, gap: float) -> Integers:
         low, high = grain_bounds(part)
         below, above = lower - part.position - low, part.position + high - upper
         touched[near] += (below[:, axes] >= -gap).sum(axis=1) + (above[:, axes] >= -gap).sum(axis=1)
-    if walls.round_axes:
-        reach = horizontal_reach if walls.round_axes == 2 else farthest_reach
-        touched[near] += reach(part, np.array(walls.center)) - walls.radius >= -gap
+    for wall in walls.round:
+        touched[near] += reach_at(part, wall) - wall.radius >= -gap
     return touched
 
 
@@ -102,9 +102,8 @@ def _beyond_container(assembly: Assembly) -> Floats:
             escape[grains] = _beyond_mesh(assembly, walls.solid, grains)
     if any(walls.flat):
         escape = np.maximum(escape, _beyond_planes(assembly, [axis for axis in range(3) if walls.flat[axis]]))
-    if walls.round_axes:
-        reach = horizontal_reach if walls.round_axes == 2 else farthest_reach
-        escape = np.maximum(escape, reach(assembly, np.array(walls.center)) - walls.radius)
+    for wall in walls.round:
+        escape = np.maximum(escape, reach_at(assembly, wall) - wall.radius)
     return escape
 
 
@@ -133,19 +132,18 @@ def grain_bounds(assembly: Assembly) -> tuple[Floats, Floats]:
     return low, high
 
 
-def horizontal_reach(assembly: Assembly, origin: Floats) -> Floats:
-    """Return the largest distance (n,) of any point of each grain from the vertical line through a (3,) point."""
+def reach_at(assembly: Assembly, wall: Round) -> Floats:
+    """Return the largest reach (n,) of any point of each grain at a wall of revolution."""
     reach = np.full(assembly.count, -np.inf)
     geometries = [shape.geometry for shape in assembly.shapes]
     parts = parts_of(geometries).placed(assembly.shape_id, assembly.scale, assembly.matrices)
-    from_line = assembly.position - origin
-    _reach_out(parts.start, parts.row, parts.margin, parts.center, from_line, DIRECTIONS, reach)
+    away = assembly.position - np.array(wall.center)
+    _reach_out(parts.start, parts.row, parts.margin, parts.center, away, wall.row, reach)
     for grain in range(assembly.count):
         geometry = geometries[assembly.shape_id[grain]]
         if not has_parts(geometry):
             turned = _corners(geometry) @ assembly.matrices[grain].T * assembly.scale[grain]
-            points = turned + from_line[grain]
-            reach[grain] = np.hypot(points[:, 0], points[:, 1]).max()
+            reach[grain] = wall.reach(turned + away[grain]).max()
     return reach
 
 
@@ -227,51 +225,57 @@ def _mesh_beyond_mesh(container: Solid, grain: Solid, matrix: Floats, offset: Fl
 
 
 @kernel
-def _reach_out(start, row, margin, center, position, directions, reach):  # type: ignore[no-untyped-def]
-    """Write the largest horizontal distance of each grain's points from the origin."""
+def _reach_out(start, row, margin, center, position, wall, reach):  # type: ignore[no-untyped-def]
+    """Write the largest reach of each grain's points at a wall of revolution about the origin."""
     for grain in range(len(position)):
         for part in range(start[grain], start[grain + 1]):
             x, y = position[grain, 0] + center[part, 0], position[grain, 1] + center[part, 1]
+            z = position[grain, 2] + center[part, 2]
             if row[part, 0] == 0.0:
-                reach[grain] = max(reach[grain], math.sqrt(x * x + y * y) + margin[part])
+                reach[grain] = max(reach[grain], reach_from(wall, x, y, z) + margin[part])
+            elif wall[3] == 1.0:
+                reach[grain] = max(reach[grain], farthest_of_row(row[part], x, y, z))
             else:
-                reach[grain] = max(reach[grain], reach_from_line(row[part], x, y, directions))
+                reach[grain] = max(reach[grain], reach_from_line(row[part], x, y, z, wall[4], wall[5]))
 
 
 @kernel
-def reach_from_line(row: Floats, x: float, y: float, directions: int) -> float:
-    """Return the largest horizontal distance from the origin of the points of a part centered at (x, y)."""
-    step, best = 2.0 * math.pi / directions, 0.0
-    before, now = _reach_along(row, x, y, -step), _reach_along(row, x, y, 0.0)
-    for k in range(directions):
-        after = _reach_along(row, x, y, (k + 1) * step)
+def reach_from_line(row: Floats, x: float, y: float, z: float, cosine: float, sine: float) -> float:
+    """Return the largest reach of the points of a part centered at (x, y, z) at a cylinder or cone about the origin."""
+    place, best = (x, y, z, cosine, sine), -math.inf
+    # the normal at the farthest point has its direction from the axis
+    start, step = directions_toward(x, y, row[1] + row[2] + row[3], DIRECTIONS)
+    before, now = _reach_along(row, place, start - step), _reach_along(row, place, start)
+    for k in range(DIRECTIONS + 1):
+        after = _reach_along(row, place, start + (k + 1) * step)
         if now >= before and now >= after:
-            best = max(best, _refine(row, x, y, (k - 1) * step, (k + 1) * step))
+            best = max(best, _refine(row, place, start + (k - 1) * step, start + (k + 1) * step))
         before, now = now, after
     return best
 
 
 @kernel
-def _reach_along(row, x, y, angle):  # type: ignore[no-untyped-def]
-    """Return the support function of a part at (x, y) along a horizontal direction."""
-    u, v = math.cos(angle), math.sin(angle)
-    px, py, _ = support(row, 0.0, u, v, 0.0)
-    return (x + px) * u + (y + py) * v
+def _reach_along(row, place, angle):  # type: ignore[no-untyped-def]
+    """Return the support function of a part at a place along the normal of a cylinder or cone at an angle."""
+    x, y, z, cosine, sine = place
+    u, v = cosine * math.cos(angle), cosine * math.sin(angle)
+    px, py, pz = support(row, 0.0, u, v, sine)
+    return (x + px) * u + (y + py) * v + (z + pz) * sine
 
 
 @kernel
-def _refine(row, x, y, low, high):  # type: ignore[no-untyped-def]
+def _refine(row, place, low, high):  # type: ignore[no-untyped-def]
     """Return the maximum of the support function between two directions, by golden-section search."""
     golden = 0.5 * (math.sqrt(5.0) - 1.0)
     one, two = high - golden * (high - low), low + golden * (high - low)
-    first, second = _reach_along(row, x, y, one), _reach_along(row, x, y, two)
+    first, second = _reach_along(row, place, one), _reach_along(row, place, two)
     for _ in range(48):
         if first >= second:
             high, two, second = two, one, first
             one = high - golden * (high - low)
-            first = _reach_along(row, x, y, one)
+            first = _reach_along(row, place, one)
         else:
             low, one, first = one, two, second
             two = low + golden * (high - low)
-            second = _reach_along(row, x, y, two)
+            second = _reach_along(row, place, two)
     return max(first, second)

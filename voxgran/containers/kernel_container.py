@@ -1,9 +1,9 @@
 """Containers in kernels: whether a sphere or an upright box lies inside, and whether a small box may hold its center.
 
 Boxes and rectangles may be periodic along an axis, which then has no wall. A cylinder is upright; a disk is one without
-ends, and a polygon a closed mesh, both at z = 0 (:mod:`voxgran.containers.plane`). In a closed mesh the
-distance of a center from the surface is exact (:mod:`voxgran.geometry.tree`), so that an accepted sphere protrudes
-by no more than rounding.
+ends, and a polygon a closed mesh, both at z = 0 (:mod:`voxgran.containers.plane`). Walls of revolution are the rows of
+a list (:mod:`voxgran.geometry.walls`). In a closed mesh the distance of a center from the surface is exact
+(:mod:`voxgran.geometry.tree`), so that an accepted sphere protrudes by no more than rounding.
 
 The advancing front counts coordinates from the lower corner and has tests of its own
 (:mod:`voxgran.packing.advancing_front.container`). Control points keep convex hulls within walls, which move with a lid
@@ -19,11 +19,12 @@ from voxgran._base.arrays import Floats, Integers
 from voxgran._base.kernels import bare_kernel
 from voxgran.containers.model import Container, boundary_of
 from voxgran.geometry.tree import STACK, is_behind, search_triangles
+from voxgran.geometry.walls import least_reach, reach_of
 from voxgran.shapes.mesh import Mesh
 from voxgran.shapes.model import Shape
 
-#: kinds of containers: flat walls only, a cylinder or a disk, a sphere, a closed mesh or a polygon
-FLAT, UPRIGHT, ROUND, MESH = 0, 1, 2, 3
+#: walls beside flat ones: none, a cylinder or a disk, a sphere, a closed mesh or a polygon, or any walls of revolution
+FLAT, UPRIGHT, ROUND, MESH, SEVERAL = 0, 1, 2, 3, 4
 #: largest reach beyond a wall that is rounding, in lengths of the container
 ROUNDING = 1e-15
 
@@ -49,9 +50,10 @@ class MeshWalls(NamedTuple):
 class KernelContainer(NamedTuple):
     """A container as kernels take it.
 
-    kind: FLAT, UPRIGHT, ROUND or MESH.  lower, lengths: of the bounds; in two dimensions the length along z is 1, or 0
-    in coordinates from the corner.
-    walled, periodic: which axes are, as 0 or 1 (in two dimensions z is neither).  radius: of a cylinder or a sphere.
+    kind: FLAT, UPRIGHT, ROUND, MESH or SEVERAL.  lower, lengths: of the bounds; in two dimensions the length along z is
+    1, or 0 in coordinates from the corner.
+    walled, periodic: which axes are, as 0 or 1 (in two dimensions z is neither).  flat: which have plane walls.
+    round: (k, 7) rows of the walls of revolution.  radius: of a cylinder or a sphere that is the only one of these.
     middle: of the bounds, which is on the axis of a cylinder and the center of a sphere.  slack: length up to which a
     sphere may reach beyond a wall, by rounding.  mesh: walls of a closed mesh.
     """
@@ -62,6 +64,8 @@ class KernelContainer(NamedTuple):
     lengths: Floats
     walled: Integers
     periodic: Integers
+    flat: Integers
+    round: Floats
     radius: float
     middle: Floats
     slack: float
@@ -94,9 +98,17 @@ def kernel_container(
         lengths = np.where(np.arange(3) < container.dimension, lengths, 1.0)
     if slack is None:
         slack = ROUNDING * float(lengths.max() + np.abs(lower).max())
-    kind = MESH if boundary.solid is not None else {2: UPRIGHT, 3: ROUND}.get(boundary.round_axes, FLAT)
-    axes = (lower, lengths, walled, periodic)
-    return KernelContainer(kind, container.dimension, *axes, float(boundary.radius), middle, slack, mesh_walls)
+    rows = np.array([wall.row for wall in boundary.round]).reshape(-1, 7)
+    sole = boundary.cylinder or boundary.sphere
+    if sole:
+        kind = UPRIGHT if sole.axes == 2 else ROUND
+        rows[0, :3] = middle
+    else:
+        kind = MESH if boundary.solid is not None else SEVERAL if len(rows) else FLAT
+        rows[:, :3] -= np.array(container.bounds[0]) if from_corner else 0.0
+    axes = (lower, lengths, walled, periodic, np.array(boundary.flat, dtype=np.int64), rows)
+    radius = float(sole.radius) if sole else 0.0
+    return KernelContainer(kind, container.dimension, *axes, radius, middle, slack, mesh_walls)
 
 
 def _mesh_walls(solid: Shape | None, origin: Floats) -> MeshWalls:
@@ -125,9 +137,9 @@ def is_held(walls: KernelContainer, x: float, y: float, z: float, hx: float, hy:
     """
     if not is_between(walls, x, y, z, hx, hy, hz):
         return False
-    if walls.kind in (UPRIGHT, ROUND):
-        dx, dy, dz = x - walls.middle[0], y - walls.middle[1], z - walls.middle[2] if walls.kind == ROUND else 0.0
-        return math.sqrt(dx * dx + dy * dy + dz * dz) + hx <= walls.radius + walls.slack
+    for k in range(len(walls.round)):
+        if reach_of(walls.round[k], x, y, z) + hx > walls.round[k, 6] + walls.slack:
+            return False
     if walls.kind == MESH:
         return -mesh_distance(walls.mesh, x, y, z) >= hx
     return True
@@ -146,9 +158,8 @@ def clearance(walls: KernelContainer, x: float, y: float, z: float) -> float:
             room = min(room, along, walls.lengths[axis] - along)
         else:
             room = min(room, 0.5 * walls.lengths[axis])
-    if walls.kind in (UPRIGHT, ROUND):
-        dx, dy, dz = x - walls.middle[0], y - walls.middle[1], z - walls.middle[2] if walls.kind == ROUND else 0.0
-        room = min(room, walls.radius - math.sqrt(dx * dx + dy * dy + dz * dz))
+    for k in range(len(walls.round)):
+        room = min(room, walls.round[k, 6] - reach_of(walls.round[k], x, y, z))
     if walls.kind == MESH and room > 0.0:
         room = min(room, -mesh_distance(walls.mesh, x, y, z))
     return room
@@ -179,11 +190,9 @@ def is_barred(
         or _is_beyond(walls, 2, z, ez, radius)
     ):
         return True
-    if walls.kind in (UPRIGHT, ROUND):
-        dx = max(abs(x - walls.middle[0]) - ex, 0.0)
-        dy = max(abs(y - walls.middle[1]) - ey, 0.0)
-        dz = max(abs(z - walls.middle[2]) - ez, 0.0) if walls.kind == ROUND else 0.0
-        return math.sqrt(dx * dx + dy * dy + dz * dz) + radius > walls.radius + walls.slack
+    for k in range(len(walls.round)):
+        if least_reach(walls.round[k], x, y, z, ex, ey, ez) + radius > walls.round[k, 6] + walls.slack:
+            return True
     if walls.kind == MESH:
         # a depth changes by no more than the way
         return math.sqrt(ex * ex + ey * ey + ez * ez) - mesh_distance(walls.mesh, x, y, z) < radius

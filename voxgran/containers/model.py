@@ -1,12 +1,15 @@
 """Container: the region of space of a packing."""
 
 from dataclasses import dataclass
-from typing import Any, Protocol, runtime_checkable
+from functools import cached_property
+from typing import Any, NamedTuple, Protocol, runtime_checkable
 
+import numpy as np
 from numpy.typing import ArrayLike
 
 from voxgran._base.arrays import Floats, Integers, check_lengths
 from voxgran._base.errors import InputError, shown
+from voxgran.geometry.walls import Plane, Round
 from voxgran.shapes.model import Shape
 
 #: attributes that an object must have to be a container
@@ -56,29 +59,97 @@ class Container(Protocol):
         """Return kind and parameters as JSON-able values, from which `make_container` makes it again."""
 
 
-@dataclass(frozen=True, kw_only=True)
-class Boundary:
-    """The walls of a container in closed form."""
+class Surface(NamedTuple):
+    """Triangles as a wall: the surface of a shape in its own frame, which its ``offset`` places.
 
-    flat: tuple[bool, bool, bool] = (False, False, False)  # across which axes there are two plane walls, at the bounds
-    # 2: a wall around the line along z through `center`, in 2D that of a disk; 3: a wall around the point `center`
-    round_axes: int = 0
-    radius: float = 0.0  # of the round wall; 0 without one
-    center: tuple[float, float, float] = (0.0, 0.0, 0.0)  # of a sphere, or a point of the axis of a cylinder
-    # shape of triangles whose surface is the wall, in its own frame; its ``offset`` places it; in 2D a prism upon the
-    # region, so high that its ends are never the nearest wall of a point in the plane
-    solid: Shape | None = None
+    In 2D it is a prism upon the region, so high that its ends are never the nearest wall of a point in the plane.
+    """
+
+    solid: Shape
     # in 2D the loops (n, 2) that bound that region, the outer one counterclockwise, then its holes clockwise
     loops: tuple[Floats, ...] = ()
+
+
+@dataclass(frozen=True)
+class Boundary:
+    """The walls of a container in closed form: what other rooms ask of them.
+
+    walls: planes, all at the bounds, walls of revolution, or one surface alone. The container is what lies within all.
+    """
+
+    walls: tuple[Plane | Round | Surface, ...] = ()
+
+    @cached_property
+    def planes(self) -> tuple[Plane, ...]:
+        """The plane walls."""
+        return tuple(wall for wall in self.walls if isinstance(wall, Plane))
+
+    @cached_property
+    def round(self) -> tuple[Round, ...]:
+        """The walls of revolution."""
+        return tuple(wall for wall in self.walls if isinstance(wall, Round))
+
+    @cached_property
+    def flat(self) -> tuple[bool, bool, bool]:
+        """Across which axes there are two plane walls."""
+        across = {plane.axis for plane in self.planes}
+        return 0 in across, 1 in across, 2 in across
+
+    @cached_property
+    def solid(self) -> Shape | None:
+        """Shape of triangles whose surface is the wall; None for other walls."""
+        return next((wall.solid for wall in self.walls if isinstance(wall, Surface)), None)
+
+    @cached_property
+    def loops(self) -> tuple[Floats, ...]:
+        """Loops that bound a polygon; none of other walls."""
+        return next((wall.loops for wall in self.walls if isinstance(wall, Surface)), ())
 
     @property
     def is_flat(self) -> bool:
         """Whether the container is its bounds: a box or a rectangle, walled or periodic along each axis."""
-        return self.round_axes == 0 and self.solid is None
+        return self is not UNKNOWN and len(self.planes) == len(self.walls)
+
+    @property
+    def cylinder(self) -> Round | None:
+        """The cylinder, or the circle of a disk, where it is the only wall that is not plane."""
+        return self._only("cylinder")
+
+    @property
+    def sphere(self) -> Round | None:
+        """The sphere where it is the only wall."""
+        return self._only("sphere")
+
+    @property
+    def is_usual(self) -> bool:
+        """Whether all packing methods know the walls: planes, and one cylinder, sphere or surface at most."""
+        return self is not UNKNOWN and (not self.round or self.cylinder is not None or self.sphere is not None)
+
+    def signed_distance(self, points: Floats) -> Floats:
+        """Return the distance (n,) of points (n, 3) from the nearest plane or wall of revolution, negative inside.
+
+        Outside, near edges, it is a lower bound of the distance.
+        """
+        walls: tuple[Plane | Round, ...] = (*self.planes, *self.round)
+        return np.asarray(-np.min([wall.distance(points) for wall in walls], axis=0))
+
+    def has_flat_ends(self, axis: int) -> bool:
+        """Whether a plane, or none, ends the container on both sides along an axis, along which no wall narrows it."""
+        return self.is_flat or (self.cylinder is not None and self.flat[axis])
+
+    def longest_line(self, lengths: Floats) -> float:
+        """Return an upper bound of the length of lines in the container, by the lengths of its bounds."""
+        # axes around which a wall closes share one diameter
+        shared = max((wall.axes for wall in self.round), default=1)
+        return float(np.linalg.norm(lengths[shared - 1 :]))
+
+    def _only(self, kind: str) -> Round | None:
+        """Return the wall of revolution of a kind if there is no other."""
+        return self.round[0] if len(self.round) == 1 and self.round[0].kind == kind else None
 
 
 #: the boundary of a container that is known by its signed distance only
-UNKNOWN = Boundary(round_axes=-1)
+UNKNOWN = Boundary()
 
 
 def boundary_of(container: Container) -> Boundary:

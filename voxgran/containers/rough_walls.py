@@ -85,8 +85,8 @@ def _smooth(container: Container) -> Shape:
         vertices, faces = container.mesh()
         return Shape.from_mesh(vertices, faces, name="container")
     boundary: Any = boundary_of(container)
-    if boundary.round_axes == 2:
-        return Shape.of(Outline("disk", boundary.radius, center=boundary.center[:2]), name="container")
+    if circle := boundary.cylinder:
+        return Shape.of(Outline("disk", circle.radius, center=circle.center[:2]), name="container")
     low, high = container.bounds[:, :2]
     loops = boundary.loops or (np.array([low, (high[0], low[1]), high, (low[0], high[1])]),)
     if len(loops) > 1:

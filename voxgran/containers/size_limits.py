@@ -72,7 +72,7 @@ def can_fit(shapes: Sequence[Shape], container: Container, shape_id: Integers, d
     fits = np.all(extents[shape_id] * diameter[:, None] <= np.sort(lengths) * EXACT, axis=1)
     open_axes = np.array(container.periodic[:dimension])
     walled, periodic = lengths[~open_axes].min(initial=math.inf), lengths[open_axes].min(initial=math.inf)
-    longest = math.inf if open_axes.any() else _longest_line(container)
+    longest = math.inf if open_axes.any() else boundary_of(container).longest_line(lengths)
     for k in np.unique(shape_id[~fits]).tolist():
         mine = np.flatnonzero(~fits & (shape_id == k))
         shape, size = shapes[k], diameter[mine] / shapes[k].diameter
@@ -82,13 +82,6 @@ def can_fit(shapes: Sequence[Shape], container: Container, shape_id: Integers, d
         room &= _length(shape) * size <= longest * EXACT
         fits[mine] = room
     return fits
-
-
-def _longest_line(container: Container) -> float:
-    """Return an upper bound of the length of lines in a container with walls."""
-    lengths = (container.bounds[1] - container.bounds[0])[: container.dimension]
-    # the round axes share one diameter
-    return float(np.linalg.norm(lengths[max(boundary_of(container).round_axes - 1, 0) :]))
 
 
 def _length(shape: Shape) -> float:

@@ -7,7 +7,7 @@ import numpy as np
 
 from voxgran._base.arrays import Floats, Integers
 from voxgran.decks.simulation import Simulation
-from voxgran.decks.walls import Plane, RoundWall
+from voxgran.geometry.walls import Plane, Round
 from voxgran.shapes.tessellate import sphere
 
 #: most that the triangles of a round wall lie outside of it, in median diameters
@@ -49,7 +49,7 @@ def _rectangle(plane: Plane, bounds: Floats) -> Facets:
     return Facets(plane.name, corners, RECTANGLE)
 
 
-def _cylinder(wall: RoundWall, ends: Floats, diameter: float) -> Facets:
+def _cylinder(wall: Round, ends: Floats, diameter: float) -> Facets:
     """Return a cylinder along z as rectangles that touch it from outside."""
     least = math.pi / math.acos(1 / (1 + CYLINDER_ERROR * diameter / wall.radius))
     sides = min(max(math.ceil(least), FEWEST_SIDES), MOST_SIDES)
@@ -63,7 +63,7 @@ def _cylinder(wall: RoundWall, ends: Floats, diameter: float) -> Facets:
     return Facets("round", vertices, faces, _outside(radius - wall.radius, len(faces)))
 
 
-def _sphere(wall: RoundWall, diameter: float) -> Facets:
+def _sphere(wall: Round, diameter: float) -> Facets:
     """Return a sphere as triangles that touch it from outside."""
     for subdivisions in range(2, MOST_SUBDIVISIONS + 1):
         vertices, faces, _ = sphere(subdivisions)

@@ -95,9 +95,9 @@ def walls_of(container: Container, unit: float) -> Walls:
     """Return the walls beside the bounds, with lengths over a unit."""
     boundary, d = boundary_of(container), container.dimension
     lower, work = container.bounds[0], np.zeros((FACES, 9))
-    middle, pieces = (np.array(boundary.center) - lower) / unit, (np.zeros((0, 4, 4)), np.zeros(0))
-    if boundary.round_axes in (2, 3):
-        return Walls(boundary.round_axes, middle, boundary.radius / unit, *pieces, work)
+    pieces = np.zeros((0, 4, 4)), np.zeros(0)
+    if wall := boundary.cylinder or boundary.sphere:
+        return Walls(wall.axes, (np.array(wall.center) - lower) / unit, wall.radius / unit, *pieces, work)
     kind = BOUNDS if boundary.is_flat else PIECES
     if kind == PIECES:
         pieces = _pieces(*_surface(container, boundary, lower, unit), flat=d == 2)

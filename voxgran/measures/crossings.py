@@ -113,14 +113,18 @@ def outside_intervals(container: Container, lines: Lines) -> Intervals:
 
     The intervals extend to infinity at both ends of each line.
     """
-    boundary, d = boundary_of(container), container.dimension
+    boundary = boundary_of(container)
     if boundary.is_flat:
         return _nothing()
     if boundary.solid is not None and isinstance(boundary.solid.geometry, Mesh):
         mesh = boundary.solid.geometry
         at, place = _Crossings(lines).of(mesh.vertices + np.array(boundary.solid.offset), mesh.faces)
-    elif boundary.round_axes > 0:
-        at, place = _round_wall(lines, np.array(boundary.center), boundary.radius, min(boundary.round_axes, d))
+    elif len(boundary.round) == 1:
+        points = np.full((lines.count, 3), lines.low)
+        points[:, lines.axes[0]], points[:, lines.axes[1]] = lines.across
+        ends = np.array(boundary.round[0].along(points, lines.axes))
+        at = np.flatnonzero(~np.isnan(ends[0]))
+        at, place = np.concatenate([at, at]), ends[:, at].ravel()
     else:
         at, place = _by_distance(container, lines)
     every = np.arange(lines.count)
@@ -242,19 +246,6 @@ class _Crossings:
             self._line, self._place = np.empty(2 * count, dtype=np.int64), np.empty(2 * count)
             _cross_triangles(inner, faces, lines.counts, lines.turn, self._line, self._place)
         return self._line[:count].copy(), self._place[:count].copy()
-
-
-def _round_wall(lines: Lines, center: Floats, radius: float, round_axes: int) -> tuple[Integers, Floats]:
-    """Return the crossings with a wall around the line along z (round_axes 2) or around a point (3)."""
-    rest = np.full(lines.count, radius**2)
-    for axis, place in zip(lines.axes, lines.across, strict=False):
-        if axis < round_axes:
-            rest -= (place - center[axis]) ** 2
-    at = np.flatnonzero(rest > 0)
-    axis = lines.axes[2]
-    half = np.sqrt(rest[at]) if axis < round_axes else np.full(len(at), np.inf)
-    middle = center[axis] - lines.low
-    return np.concatenate([at, at]), np.concatenate([middle - half, middle + half])
 
 
 def _by_distance(container: Container, lines: Lines) -> tuple[Integers, Floats]:

@@ -13,7 +13,7 @@ from voxgran._base.arrays import Booleans, Floats, Integers
 from voxgran._base.compiling.threads import in_blocks, using_threads
 from voxgran._base.kernels import bare_kernel, kernel
 from voxgran.containers.kernel_container import KernelContainer, clearance, kernel_container
-from voxgran.containers.model import boundary_of
+from voxgran.containers.model import UNKNOWN, boundary_of
 from voxgran.geometry.sphere_pairs import spheres_near
 from voxgran.lattice.distance import distance_transform
 from voxgran.lattice.thickness import cover, ridge
@@ -44,7 +44,7 @@ class Bodies:
         container = packing.container
         boundary = boundary_of(container)
         parts = [spheres_of(packing, int(index)) for index in np.unique(packing.shape_id)]
-        if boundary.solid is not None or boundary.round_axes < 0 or any(part is None for part in parts):
+        if boundary.solid is not None or boundary is UNKNOWN or any(part is None for part in parts):
             return None
         known = [part for part in parts if part is not None]
         centers = np.concatenate([np.zeros((0, 3)), *(one for one, _ in known)])

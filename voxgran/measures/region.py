@@ -69,10 +69,10 @@ class Regions:
         """Return the part that lies at least `inset` from each wall and below the height."""
         container, d = self.packing.container, self.packing.dimension
         boundary = boundary_of(container)
-        if boundary.round_axes == 2 and d == 3 and self.solids.spheres is not None:
+        if (wall := boundary.cylinder) and d == 3 and self.solids.spheres is not None:
             base = max(float(container.bounds[0, 2]) + inset, float(self.limits[0, 2]))
             top = min(float(container.bounds[1, 2]) - inset, float(self.limits[1, 2]))
-            return CylinderRegion(boundary.center, max(0.0, boundary.radius - inset), base, max(base, top))
+            return CylinderRegion(wall.center, max(0.0, wall.radius - inset), base, max(base, top))
         if not boundary.is_flat:
             return SampledRegion(self.samples, inset, self.limits)
         walls = ~np.array(container.periodic[:d])

@@ -168,6 +168,8 @@ class PackingMethod:
     any_container : bool
         Whether it packs into any object with the attributes of a :class:`Container`, by its signed distance; other
         methods need the boundary in closed form.
+    any_walls : bool
+        Whether it knows any walls in closed form, such as cones or several round walls.
     builds_bed : bool
         Whether it builds beds under gravity, which settle afterwards unless told otherwise.
     sizing : {"drawn", "scaled", "made"}
@@ -196,6 +198,7 @@ class PackingMethod:
     selects: bool = False
     open_surfaces: bool = False
     any_container: bool = False
+    any_walls: bool = False
     builds_bed: bool = False
     sizing: Literal["drawn", "scaled", "made"] = "drawn"
     no_room: str = NO_ROOM

@@ -339,11 +339,12 @@ def _refuse_unfit(method: PackingMethod, shapes: tuple[Shape, ...], container: C
             f"method {method.name!r} packs in dimension {method.dimensions}: the container has {container.dimension}; "
             "choose another method"
         )
-    if not method.any_container and boundary_of(container) is UNKNOWN:
+    walls = boundary_of(container)
+    if not method.any_container and (walls is UNKNOWN or not (walls.is_usual or method.any_walls)):
+        known = "known by its signed distance only" if walls is UNKNOWN else "with a cone or several round walls"
         remedy = "make a mesh of it, ClosedMesh(Shape.from_mesh(*container.mesh()))"
         raise InputError(
-            f"container is of type {type(container).__name__}, known by its signed distance only: method "
-            f"{method.name!r} needs its walls in closed form; "
+            f"container is of type {type(container).__name__}, {known}, which method {method.name!r} does not take; "
             f"{remedy if container.dimension == 3 else 'use a Rectangle, Disk or Polygon'}, or choose a digital method"
         )
 

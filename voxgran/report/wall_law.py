@@ -30,7 +30,7 @@ def wall_law(distance: "ArrayLike", *, bulk: float) -> Floats:
 
 def law_applies(packing: Packing) -> bool:
     """Return whether the law is for such a packing: equal spheres, in three dimensions, in an upright cylinder."""
-    if packing.dimension == 2 or boundary_of(packing.container).round_axes != 2 or packing.count < 2:
+    if packing.dimension == 2 or not boundary_of(packing.container).cylinder or packing.count < 2:
         return False
     size = packing.diameters
     spheres = all(packing.shapes[index].is_sphere for index in np.unique(packing.shape_id))

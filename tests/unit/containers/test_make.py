@@ -81,9 +81,9 @@ def test_the_boundary_is_that_of_the_signed_distance(container):
             place = middle.copy()
             place[axis] = end[axis]
             assert container.signed_distance(place[None])[0] == pytest.approx(0, abs=1e-12)
-    if walls.round_axes:
-        place = np.array(walls.center) + walls.radius * np.array([0.6, 0.8, 0.0])
-        place[2] += 0.0 if walls.round_axes == 3 else (upper - lower)[2] / 2
+    for wall in walls.round:
+        place = np.array(wall.center) + wall.radius * np.array([0.6, 0.8, 0.0])
+        place[2] += 0.0 if wall.axes == 3 else (upper - lower)[2] / 2
         assert container.signed_distance(place[None])[0] == pytest.approx(0, abs=1e-12)
     assert walls.is_flat == isinstance(container, Box | Rectangle)
     assert (walls.solid is not None) == isinstance(container, ClosedMesh | Polygon)

@@ -16,8 +16,9 @@ from voxgran.decks import facets as triangles
 from voxgran.decks import kratos_model
 from voxgran.decks.engine import engine_registry
 from voxgran.decks.engines import kratos
-from voxgran.decks.walls import Plane, Walls
+from voxgran.decks.walls import Walls
 from voxgran.geometry.rotation import rotation_matrices
+from voxgran.geometry.walls import Plane
 from voxgran.shapes.spheres import Spheres
 
 LINEAR = {"law": "linear", "stiffness": 1e4, "shear_stiffness": 3e3, "density": 2650}

@@ -4,6 +4,7 @@ import math
 
 import numpy as np
 import pytest
+from kit import example_hopper
 from scipy.spatial import ConvexHull
 
 import voxgran as vg
@@ -74,6 +75,9 @@ def random_poses(shapes, container, many, seed=0, *, low=0.4, high=1.3):
     generator = np.random.Generator(np.random.Philox(seed))
     lower, upper = container.bounds
     position = lower + (upper - lower) * generator.random((many, 3))
+    if container.kind == "hopper":
+        # outside, a rim about the axis is nearest to a cone all around
+        position = np.resize(position[container.signed_distance(position) < 0], (many, 3))
     turn = normalized(generator.normal(size=(many, 4)))
     if container.dimension == 2:
         position[:, 2] = 0.0
@@ -117,6 +121,7 @@ CONTAINERS = {
     "periodic": vg.Box((4.0, 5.0, 6.0), periodic=(True, True, False)),
     "cylinder": vg.Cylinder(2.5, 5.0, origin=(1.0, 2.0, -1.0)),
     "sphere": vg.Sphere(2.5, origin=(1.0, 2.0, -1.0)),
+    "hopper": example_hopper()(3.5, 0.8, 55.0),
 }
 
 
@@ -143,6 +148,31 @@ def test_the_smallest_gap_is_that_of_the_exact_test(name):
                       lid=Lid(np.array([0.0, 0.0, 1.0]), level))  # fmt: skip
     with_lid = Found(lidded, 100.0, lid=LidPlane(np.array([0.0, 0.0, 1.0]), level))
     np.testing.assert_allclose(with_lid.least(), -escape_depths(lidded), atol=1e-9)
+
+
+@pytest.mark.parametrize("name", ["cylinder", "hopper"])
+def test_small_disks_that_lie_against_a_round_wall_touch_it_with_two_points_of_the_rim(name):
+    """Their ends are within a few degrees of the wall, whose curvature parts the two points by little."""
+    container = CONTAINERS[name]
+    wall, many = container.boundary.round[0], 60
+    generator = np.random.Generator(np.random.Philox(7))
+    turn = generator.uniform(0, 2 * math.pi, many)
+    normal = np.stack([wall.cosine * np.cos(turn), wall.cosine * np.sin(turn), np.full(many, wall.sine)], axis=1)
+    position = np.array([*wall.center[:2], container.bounds[:, 2].mean()]) + 0.0 * normal
+    position += normal * (wall.distance(position) - 0.15)[:, None]
+    leaning = normal + 0.02 * generator.normal(size=(many, 3))
+    orientation = normalized(np.column_stack([1 + leaning[:, 2], -leaning[:, 1], leaning[:, 0], np.zeros(many)]))
+    disk = vg.make_shape("cylinder", radius=0.2, height=0.2)
+    ones = np.zeros(many, dtype=np.int64), np.ones(many)
+    assembly = Assembly((disk,), *ones, position, orientation, container)
+    found = Found(assembly, 0.3)
+    np.testing.assert_allclose(found.least(), -escape_depths(assembly), atol=1e-12)
+    angle = 2 * math.pi * np.arange(20_000) / 20_000
+    ring = 0.2 * np.column_stack([np.cos(angle), np.sin(angle), np.full(len(angle), 0.5)])
+    dense = [
+        wall.distance(ring @ turned.T + place).min() for turned, place in zip(assembly.matrices, position, strict=True)
+    ]
+    np.testing.assert_allclose(found.least(), dense, atol=1e-7)
 
 
 @pytest.mark.parametrize("name", CONTAINERS)

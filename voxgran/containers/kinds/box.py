@@ -13,6 +13,7 @@ from voxgran._base.axes import Flags, Periodic, as_periodic
 from voxgran._base.calls import explained
 from voxgran.containers.make import ContainerKind
 from voxgran.containers.model import Boundary
+from voxgran.geometry.walls import planes_across
 from voxgran.shapes.tessellate import unit_box
 
 
@@ -51,7 +52,8 @@ class Block:
     @property
     def boundary(self) -> Boundary:
         """The walls in closed form."""
-        return Boundary(flat=(not self.periodic[0], not self.periodic[1], self.dimension == 3 and not self.periodic[2]))
+        axes = (axis for axis, wraps in zip("xyz"[: self.dimension], self.periodic, strict=False) if not wraps)
+        return Boundary(planes_across(self.bounds, "".join(axes)))
 
     def scaled(self, factor: float) -> Self:
         """Return the container with lengths and corner multiplied.

@@ -12,6 +12,7 @@ from voxgran._base.arrays import Floats, Integers, as_length, as_place, as_point
 from voxgran._base.calls import explained
 from voxgran.containers.make import ContainerKind
 from voxgran.containers.model import Boundary
+from voxgran.geometry.walls import Round, planes_across
 from voxgran.shapes.tessellate import revolved
 
 
@@ -71,7 +72,7 @@ class Cylinder(ExplainedAttributes):
     @property
     def boundary(self) -> Boundary:
         """The walls in closed form."""
-        return Boundary(flat=(False, False, True), round_axes=2, radius=self.radius, center=self.origin)
+        return Boundary((*planes_across(self.bounds, "z"), Round(self.origin, self.radius)))
 
     def signed_distance(self, points: "ArrayLike") -> Floats:
         """Return the distance of (n, 3) points from the nearest wall, negative inside.

@@ -13,6 +13,7 @@ from voxgran._base.calls import explained
 from voxgran.containers.make import ContainerKind
 from voxgran.containers.model import Boundary
 from voxgran.containers.plane import points_in_plane
+from voxgran.geometry.walls import Round
 from voxgran.shapes.outline import Outline
 
 
@@ -67,7 +68,7 @@ class Disk(ExplainedAttributes):
     @property
     def boundary(self) -> Boundary:
         """The wall in closed form."""
-        return Boundary(round_axes=2, radius=self.radius, center=(*self.origin, 0.0))
+        return Boundary((Round((*self.origin, 0.0), self.radius),))
 
     def signed_distance(self, points: "ArrayLike") -> Floats:
         """Return the distance of (n, 2 or 3) points from the wall, negative inside; z does not count.

@@ -13,7 +13,7 @@ from voxgran._base.arrays import Floats, Integers, as_faces, as_points, as_vecto
 from voxgran._base.calls import explained_methods
 from voxgran._base.errors import InputError, with_article
 from voxgran.containers.make import ContainerKind
-from voxgran.containers.model import Boundary
+from voxgran.containers.model import Boundary, Surface
 from voxgran.shapes.files import shape_of_file
 from voxgran.shapes.mesh import Mesh
 from voxgran.shapes.model import Shape
@@ -117,7 +117,7 @@ class ClosedMesh(ExplainedAttributes):
     @property
     def boundary(self) -> Boundary:
         """The wall in closed form."""
-        return Boundary(solid=self.shape)
+        return Boundary((Surface(self.shape),))
 
     def signed_distance(self, points: "ArrayLike") -> Floats:
         """Return the distance of (n, 3) points from the surface, negative inside.

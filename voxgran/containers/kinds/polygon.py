@@ -14,7 +14,7 @@ from voxgran._base.arrays import Floats, Integers, as_place, as_positive, check_
 from voxgran._base.calls import explained
 from voxgran._base.errors import InputError
 from voxgran.containers.make import ContainerKind
-from voxgran.containers.model import Boundary
+from voxgran.containers.model import Boundary, Surface
 from voxgran.containers.plane import area_of, as_loops, points_in_plane, prism_of, triangles_of
 from voxgran.shapes.images.outline_images import region_loops
 from voxgran.shapes.mesh import Mesh
@@ -160,7 +160,7 @@ class Polygon(ExplainedAttributes):
     def boundary(self) -> Boundary:
         """The walls in closed form: those of a prism whose ends are never the nearest wall of points in the plane."""
         prism = prism_of(self._loops, float(np.ptp(self.corners, axis=0).max()))
-        return Boundary(solid=Shape(prism, "polygon"), loops=self._loops)
+        return Boundary((Surface(Shape(prism, "polygon"), self._loops),))
 
     def signed_distance(self, points: "ArrayLike") -> Floats:
         """Return the distance of (n, 2 or 3) points from the nearest edge, negative inside; z does not count.

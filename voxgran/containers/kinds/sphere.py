@@ -12,6 +12,7 @@ from voxgran._base.arrays import Floats, Integers, as_length, as_place, as_point
 from voxgran._base.calls import explained
 from voxgran.containers.make import ContainerKind
 from voxgran.containers.model import Boundary
+from voxgran.geometry.walls import Round
 from voxgran.shapes.tessellate import sphere
 
 
@@ -67,7 +68,7 @@ class Sphere(ExplainedAttributes):
     @property
     def boundary(self) -> Boundary:
         """The wall in closed form."""
-        return Boundary(round_axes=3, radius=self.radius, center=self.origin)
+        return Boundary((Round(self.origin, self.radius, axes=3),))
 
     def signed_distance(self, points: "ArrayLike") -> Floats:
         """Return the distance of (n, 3) points from the wall, negative inside.

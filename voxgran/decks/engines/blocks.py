@@ -177,7 +177,7 @@ def _container(simulation: Simulation) -> dict[str, Any]:
         "planes": planes,
     }
     if walls.round is not None:
-        center, radius = walls.round.center.tolist(), float(walls.round.radius)
+        center, radius = list(walls.round.center), float(walls.round.radius)
         found["round"] = {"kind": walls.round.kind, "center": center, "radius": radius}
     if walls.mesh is not None:
         found["mesh"] = {"vertices": walls.mesh[0].tolist(), "faces": walls.mesh[1].tolist()}

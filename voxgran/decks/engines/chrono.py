@@ -293,7 +293,7 @@ def _walls(simulation: Simulation) -> list[str]:
         point = np.where(np.arange(3) == plane.axis, plane.level, walls.bounds.mean(axis=0))
         lines.append(f"solver.AddBCPlane({point.tolist()}, {plane.normal.tolist()}, material)  # {plane.name}")
     if walls.round is not None and walls.round.kind == "cylinder":
-        center = walls.round.center.tolist()
+        center = list(walls.round.center)
         lines.append("cylinder = solver.AddExternalObject()")
         lines.append(f"cylinder.AddCylinder({center}, [0.0, 0.0, 1.0], {walls.round.radius!r}, material)")
     if _faceted(simulation) is not None:

@@ -182,7 +182,7 @@ def _walls(walls: Walls, law: str) -> list[str]:
         low, high = (plane.level, "NULL") if plane.inward > 0 else ("NULL", plane.level)
         lines.append(f"fix {plane.name} all wall/gran granular {law} {'xyz'[plane.axis]}plane {low} {high}")
     if walls.round is not None:
-        x, y, z = walls.round.center.tolist()
+        x, y, z = walls.round.center
         radius = repr(walls.round.radius)
         if walls.round.kind == "sphere":
             lines.append(f"region round sphere {x!r} {y!r} {z!r} {radius} side in")

@@ -239,7 +239,7 @@ def _walls(simulation: Simulation) -> list[str]:
     models, settings = _models(simulation)
     shapes = {plane.name: f"{'xyz'[plane.axis]}plane {plane.level!r}" for plane in walls.planes}
     if walls.round is not None and walls.round.kind == "cylinder":
-        shapes["round"] = f"zcylinder {walls.round.radius!r} {_row(walls.round.center[:2])}"
+        shapes["round"] = f"zcylinder {walls.round.radius!r} {_row(np.array(walls.round.center[:2]))}"
     lines = [f"fix {name} all wall/gran {models} primitive type 1 {shape} {settings}" for name, shape in shapes.items()]
     if _needs_mesh(simulation):
         (mesh,) = (wall for wall in facets_of(simulation) if wall.name in ("round", "mesh"))

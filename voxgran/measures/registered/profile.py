@@ -145,21 +145,24 @@ def _slab(dimension: int, axis: int, ends: Floats) -> tuple[Floats, Floats]:
 def _rooms(container: Container, axis: int, edges: Floats) -> Floats:
     """Return the volume of the container in each slice."""
     walls = boundary_of(container)
-    radius = walls.radius
     flat = container.dimension == 2
-    if walls.solid is not None:
+    if walls.solid is not None or (walls.round and not walls.is_usual):
         slabs = [_slab(3, axis, edges[b : b + 2]) for b in range(len(edges) - 1)]
-        vertices, faces = walls.solid.vertices, walls.solid.faces
-        pose = np.eye(3)[None], np.array([walls.solid.offset])
+        vertices, faces = container.mesh() if walls.solid is None else (walls.solid.vertices, walls.solid.faces)
+        pose = np.eye(3)[None], np.array([(0.0, 0.0, 0.0) if walls.solid is None else walls.solid.offset])
         found = np.array([cut_mesh(vertices, faces, *pose, lower=low, upper=high)[0] for low, high in slabs])
+        if walls.solid is None:
+            # triangles lie within round walls
+            return np.asarray(found * (container.volume / found.sum()))
         return found / np.ptp(vertices[:, 2]) if flat else found
-    if walls.round_axes == 2 and axis < 2:
-        center, lower, upper = np.array([walls.center[:2]]), *container.bounds[:, 2]
+    if (wall := walls.cylinder) and axis < 2:
+        center, lower, upper = np.array([wall.center[:2]]), *container.bounds[:, 2]
         slabs = [_slab(2, axis, edges[b : b + 2]) for b in range(len(edges) - 1)]
-        disk = [cut_disks(center, np.array([radius]), lower=low, upper=high)[0] for low, high in slabs]
+        disk = [cut_disks(center, np.array([wall.radius]), lower=low, upper=high)[0] for low, high in slabs]
         return np.array(disk) * (1.0 if flat else upper - lower)
-    if walls.round_axes == 3:
-        heights = np.clip(edges - walls.center[axis], -radius, radius)
+    if wall := walls.sphere:
+        radius = wall.radius
+        heights = np.clip(edges - wall.center[axis], -radius, radius)
         return np.asarray(np.diff(math.pi * (radius**2 * heights - heights**3 / 3)))
     return np.asarray(np.diff(edges) * container.volume / (edges[-1] - edges[0]))
 

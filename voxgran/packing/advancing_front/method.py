@@ -125,9 +125,8 @@ def prepare(problem: Problem) -> State:
 def _spheres(problem: Problem) -> Floats:
     """Return an array for the spheres; its last row is the wall of a spherical container."""
     spheres = np.zeros((problem.count + 1, 4))
-    walls = boundary_of(problem.container)
-    if walls.round_axes == 3:
-        spheres[-1] = np.array([1.0, 1.0, 1.0, -1.0]) * walls.radius
+    if wall := boundary_of(problem.container).sphere:
+        spheres[-1] = np.array([1.0, 1.0, 1.0, -1.0]) * wall.radius
     return spheres
 
 

@@ -238,6 +238,7 @@ registration = PackingMethod(
     advance=advance_settling,
     finish=finish,
     cost=cost,
+    any_walls=True,
     dimensions=(2, 3),
     no_room=NO_ROOM,
 )

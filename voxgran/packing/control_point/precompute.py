@@ -315,11 +315,11 @@ def _walls(problem: Problem) -> Walls:
     periodic = np.array(container.periodic, dtype=np.int64)
     walled = np.where(np.arange(3) < problem.dimension, 1 - periodic, 0).astype(np.int64)
     boundary = boundary_of(container)
-    kind, radius, offset = FLAT, float(boundary.radius), np.zeros(3)
+    kind, radius, offset = FLAT, 0.0, np.zeros(3)
     if boundary.solid is not None:
         kind, offset = MESH, np.array(boundary.solid.offset)
-    elif boundary.round_axes > 0:
-        kind, offset = {2: ROUND, 3: BALL}[boundary.round_axes], (lower + upper) / 2
+    elif wall := boundary.cylinder or boundary.sphere:
+        kind, radius, offset = ROUND if wall.axes == 2 else BALL, float(wall.radius), (lower + upper) / 2
     mesh = True if kind == MESH else None
     return Walls(kind, lower, upper, walled, periodic, radius, offset, bool(problem.parameters.lid), mesh)
 

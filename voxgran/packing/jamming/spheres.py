@@ -24,7 +24,7 @@ from voxgran.contacts.assembly import Assembly
 from voxgran.containers.kernel_container import kernel_container
 from voxgran.containers.kinds.box import Box
 from voxgran.containers.kinds.rectangle import Rectangle
-from voxgran.containers.model import UNKNOWN, Container, boundary_of
+from voxgran.containers.model import Container, boundary_of
 from voxgran.geometry.level_grid import level_cells
 from voxgran.packing.jamming.coordination import NearPairs
 from voxgran.packing.jamming.expected import reachable
@@ -327,7 +327,7 @@ class SoftSpheres:
 def _is_known(container: Container) -> bool:
     """Return whether kernels know the walls of a container."""
     boundary = boundary_of(container)
-    return boundary is not UNKNOWN and (boundary.solid is None or isinstance(boundary.solid.geometry, Mesh))
+    return boundary.is_usual and (boundary.solid is None or isinstance(boundary.solid.geometry, Mesh))
 
 
 def _bounds_of(container: Container) -> Container:

@@ -429,6 +429,7 @@ registration = PackingMethod(
     advance=advance,
     finish=finish,
     cost=cost,
+    any_walls=True,
     dimensions=(2, 3),
     selects=True,
 )

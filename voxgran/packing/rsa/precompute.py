@@ -8,7 +8,8 @@ from numpy.typing import NDArray
 from voxgran._base.arrays import Floats, Integers
 from voxgran._base.errors import InputError, TooLargeError
 from voxgran._base.seeds import philox_key, stream
-from voxgran.containers.kernel_container import FLAT, KernelContainer, kernel_container
+from voxgran.containers.kernel_container import KernelContainer, kernel_container
+from voxgran.containers.model import boundary_of
 from voxgran.geometry.level_grid import LevelGrid
 from voxgran.packing.problem import Problem
 from voxgran.packing.rsa.available_cells import Classes, make_classes
@@ -163,7 +164,7 @@ def half_extents(problem: Problem) -> Floats:
         If `aligned` is set and a shape is not a box along the axes, or the container is round or a mesh.
     """
     if problem.parameters.aligned:
-        if kernel_container(problem.container).kind != FLAT:
+        if not boundary_of(problem.container).is_flat:
             raise InputError(
                 f"aligned boxes are asked for in a container of kind {problem.container.kind!r}: it must be a box or "
                 "a rectangle; choose one, or leave aligned out"

@@ -9,8 +9,9 @@ import math
 from voxgran._base.arrays import Floats
 from voxgran._base.kernels import bare_kernel
 from voxgran.contacts.farthest import farthest_of_row
-from voxgran.contacts.walls import DIRECTIONS, reach_from_line
-from voxgran.containers.kernel_container import MESH, ROUND, UPRIGHT, KernelContainer, mesh_distance
+from voxgran.contacts.walls import reach_from_line
+from voxgran.containers.kernel_container import MESH, KernelContainer, mesh_distance
+from voxgran.geometry.walls import reach_from, reach_of
 from voxgran.packing.rsa.true_pairs import holds, point_of, surfaces_meet
 from voxgran.packing.rsa.true_shapes import TrueShapes
 from voxgran.settling.finding.convex_contacts import place_row
@@ -36,12 +37,12 @@ def is_within_walls(
             return False
         if place - bound < low and place - f * _reach(shapes, s, axis, -1.0, rows) < low:
             return False
-    if walls.kind in (UPRIGHT, ROUND):
-        dx, dy = x - walls.middle[0], y - walls.middle[1]
-        dz = z - walls.middle[2] if walls.kind == ROUND else 0.0
-        if math.sqrt(dx * dx + dy * dy + dz * dz) + bound <= walls.radius + walls.slack:
-            return True
-        return _farthest(shapes, s, f, dx, dy, dz, walls.kind == ROUND, rows) <= walls.radius + walls.slack
+    for k in range(len(walls.round)):
+        row = walls.round[k]
+        if reach_of(row, x, y, z) + bound <= row[6] + walls.slack:
+            continue
+        if _farthest(shapes, s, f, x - row[0], y - row[1], z - row[2], row, rows) > row[6] + walls.slack:
+            return False
     if walls.kind == MESH:
         if -mesh_distance(walls.mesh, x, y, z) >= bound:
             return True
@@ -72,22 +73,21 @@ def _reach(shapes, s, axis, sign, rows):  # type: ignore[no-untyped-def]
 
 
 @bare_kernel
-def _farthest(shapes, s, f, x, y, z, round_axes, rows):  # type: ignore[no-untyped-def]
-    """Return the largest distance of the points of a grain at (x, y, z) from the origin or, not round, the z axis."""
-    work, most, (begin, end) = shapes.work, 0.0, _last_part(shapes, s)
+def _farthest(shapes, s, f, x, y, z, wall, rows):  # type: ignore[no-untyped-def]
+    """Return the largest reach of the points of a grain, at (x, y, z) from the center of a wall of revolution."""
+    work, most, (begin, end) = shapes.work, -math.inf, _last_part(shapes, s)
     turn, last = work.turn, len(work.row) - 1
     for p in range(begin, end):
         if rows is not None and shapes.part[p, 1] == shapes.part[p, 2]:
             place_row(work.row[s], turn, f, work.row[last])
-            if round_axes:
+            if wall[3] == 1.0:
                 most = max(most, farthest_of_row(work.row[last], x, y, z))
             else:
-                most = max(most, reach_from_line(work.row[last], x, y, DIRECTIONS))
+                most = max(most, reach_from_line(work.row[last], x, y, z, wall[4], wall[5]))
         for k in range(shapes.part[p, 1], shapes.part[p, 2]):
             corner = work.corner[k]
             dx, dy, dz = _turned(turn, f, corner)
-            dx, dy, dz = x + dx, y + dy, z + dz if round_axes else 0.0
-            most = max(most, math.sqrt(dx * dx + dy * dy + dz * dz) + f * shapes.margin[p])
+            most = max(most, reach_from(wall, x + dx, y + dy, z + dz) + f * shapes.margin[p])
     return most
 
 

@@ -26,7 +26,8 @@ from voxgran._base.arrays import Floats
 from voxgran._base.config import check_bounds, parameter, parameter_class
 from voxgran._base.errors import InputError
 from voxgran._base.seeds import stream
-from voxgran.containers.model import Boundary, boundary_of
+from voxgran.containers.model import boundary_of
+from voxgran.geometry.walls import Round
 from voxgran.packing.method import Cost, PackingMethod, State
 from voxgran.packing.model import Packing
 from voxgran.packing.problem import Problem
@@ -111,8 +112,8 @@ def gasket_of(problem: Problem) -> Gasket:
         If the container is none of those that have one.
     """
     container, boundary = problem.container, boundary_of(problem.container)
-    if boundary.round_axes == problem.dimension:
-        return _of_round(problem, boundary)
+    if wall := boundary.sphere or (boundary.cylinder if problem.dimension == 2 else None):
+        return _of_round(problem, wall)
     if problem.dimension == 2 and boundary.is_flat and sum(container.periodic) == 1:
         return _of_strip(problem)
     if len(boundary.loops) == 1 and len(boundary.loops[0]) == 3:
@@ -125,12 +126,12 @@ def gasket_of(problem: Problem) -> Gasket:
     )
 
 
-def _of_round(problem: Problem, boundary: Boundary) -> Gasket:
+def _of_round(problem: Problem, wall: Round) -> Gasket:
     """Return the gasket of a disk or a sphere, turned at random."""
-    dimension, radius = problem.dimension, boundary.radius
+    dimension, radius = problem.dimension, wall.radius
     matrix, triangle = np.linalg.qr(stream(problem.seed, "turn").normal(size=(dimension, dimension)))
     turn = matrix * np.sign(np.diag(triangle))
-    middle = np.array(boundary.center[:dimension])
+    middle = np.array(wall.center[:dimension])
     return Gasket(radius, lambda most: in_sphere(dimension, most), lambda place: middle + radius * place @ turn.T)
 
 

@@ -280,6 +280,7 @@ registration = PackingMethod(
     advance=advance,
     finish=finish,
     cost=cost,
+    any_walls=True,
     dimensions=(2, 3),
     sizing="made",
 )

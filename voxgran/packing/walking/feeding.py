@@ -39,8 +39,8 @@ def entry_of(problem: Problem, gravity: Floats) -> Integers:
     Boxes and cylinders that stand have a flat top. That of any other container may have no room for a grain: there
     they enter anywhere.
     """
-    walls, down = boundary_of(problem.container), main_axis(gravity)
-    stands = walls.is_flat or (walls.round_axes == 2 and down[2] != 0)
+    down = main_axis(gravity)
+    stands = boundary_of(problem.container).has_flat_ends(int(np.abs(down).argmax()))
     return down if stands and problem.parameters.feed != "at_once" else np.zeros(3, dtype=np.int64)
 
 

@@ -1,4 +1,4 @@
-"""Points of a grain near one flat or round wall.
+"""Points of a grain near one flat wall or wall of revolution.
 
 A convex function, such as the distance from a plane, a line or a point, is largest at corners, on rims, at apices or
 on curved surfaces. The farthest point of an ellipsoid, or of a rim, from a point or an axis satisfies a secular
@@ -9,6 +9,7 @@ import math
 
 from voxgran._base.arrays import Floats
 from voxgran._base.kernels import bare_kernel
+from voxgran.geometry.walls import directions_toward
 from voxgran.settling.finding.candidates import add_candidate
 from voxgran.settling.finding.wall_bodies import CONE, CYLINDER, ELLIPSOID, POINTS, WallBodies
 
@@ -16,6 +17,8 @@ from voxgran.settling.finding.wall_bodies import CONE, CYLINDER, ELLIPSOID, POIN
 HALVINGS = 70
 #: steps from the side opposite to the farthest point to a second maximum of the distance
 STEPS = 30
+#: directions around a cone between which the farthest points of a smooth solid are looked for, and the golden section
+DIRECTIONS, GOLDEN = 32, 0.5 * (3.0 - math.sqrt(5.0))
 #: cosine between two directions above which they are one
 SAME = 0.98
 
@@ -109,29 +112,32 @@ def near_plane(
 
 @bare_kernel
 def near_round(
-    bodies: WallBodies, shape: int, scale: float, m: Floats, dx: float, dy: float, dz: float, flat: int, radius: float,
-    reach: float, smooth: object,
+    bodies: WallBodies, shape: int, scale: float, m: Floats, x: float, y: float, z: float, wall: Floats, reach: float,
+    smooth: object,
 ) -> int:  # fmt: skip
-    """Write the points within reach of a round wall about the origin; return how many there are.
+    """Write the points within reach of a wall of revolution, given by its row; return how many there are.
 
-    The centroid is at (dx, dy, dz). The wall is a cylinder about the z axis if `flat` is 0, a sphere if it is 1.
+    The centroid is at (x, y, z).
     """
     point, margin, c = bodies.point, bodies.margin, 0
+    dx, dy, dz, flat = x - wall[0], y - wall[1], z - wall[2], wall[3]
     for k in range(bodies.start[shape], bodies.start[shape + 1]):
         x, y, z = point[k, 0], point[k, 1], point[k, 2]
         ax = scale * (m[0, 0] * x + m[0, 1] * y + m[0, 2] * z)
         ay = scale * (m[1, 0] * x + m[1, 1] * y + m[1, 2] * z)
         az = scale * (m[2, 0] * x + m[2, 1] * y + m[2, 2] * z)
-        c = _add_round(bodies.found, c, ax, ay, az, scale * margin[k], dx, dy, dz, flat, radius, reach)
+        c = _add_round(bodies.found, c, ax, ay, az, scale * margin[k], dx, dy, dz, wall, reach)
     if smooth is None:
         return c
     kind = bodies.kind[shape]
     if kind != POINTS:
         set_frame(bodies, shape, m)
+    if wall[5] != 0.0:
+        return _near_cone(bodies, shape, scale, dx, dy, dz, wall, reach, c)
     for ring in range(rings_of(kind)):
         nx, ny, nz = _farthest_way(bodies, shape, scale, ring, dx, dy, dz, flat)
         ax, ay, az = support_arm(bodies, shape, scale, ring, nx, ny, nz)
-        c = _add_round(bodies.found, c, ax, ay, az, 0.0, dx, dy, dz, flat, radius, reach)
+        c = _add_round(bodies.found, c, ax, ay, az, 0.0, dx, dy, dz, wall, reach)
         # a long grain may touch at both of its ends
         ox, oy, oz = -nx, -ny, -nz
         for _ in range(STEPS):
@@ -143,23 +149,63 @@ def near_round(
             change = 1.0 - (px * ox + py * oy + pz * oz) / length
             ox, oy, oz = px / length, py / length, pz / length
             if change < 1e-12:
-                c = _add_round(bodies.found, c, ax, ay, az, 0.0, dx, dy, dz, flat, radius, reach)
+                c = _add_round(bodies.found, c, ax, ay, az, 0.0, dx, dy, dz, wall, reach)
                 break
     return c
 
 
 @bare_kernel
-def _add_round(found, c, ax, ay, az, r, dx, dy, dz, flat, radius, reach):  # type: ignore[no-untyped-def]
-    """Add the point of a sphere of radius r that is nearest to a round wall, if it is within reach."""
-    px, py, pz = dx + ax, dy + ay, (dz + az) * flat
+def _add_round(found, c, ax, ay, az, r, dx, dy, dz, wall, reach):  # type: ignore[no-untyped-def]
+    """Add the point of a sphere of radius r that is nearest to a wall of revolution, if it is within reach."""
+    px, py, pz = dx + ax, dy + ay, (dz + az) * wall[3]
     length = math.sqrt(px * px + py * py + pz * pz)
-    gap = radius - length - r
+    cosine, sine = wall[4], wall[5]
+    gap = wall[6] - (cosine * length + sine * (dz + az)) - r
     if gap > reach:
         return c
     if length == 0.0:
-        return add_candidate(found, c, ax + r, ay, az, 1.0, 0.0, 0.0, gap)
-    nx, ny, nz = px / length, py / length, pz / length
+        return add_candidate(found, c, ax + r * cosine, ay, az + r * sine, cosine, 0.0, sine, gap)
+    nx, ny, nz = cosine * px / length, cosine * py / length, cosine * pz / length + sine
     return add_candidate(found, c, ax + r * nx, ay + r * ny, az + r * nz, nx, ny, nz, gap)
+
+
+@bare_kernel
+def _near_cone(bodies, shape, scale, dx, dy, dz, wall, reach, c):  # type: ignore[no-untyped-def]
+    """Add the points of a smooth solid or its rims that are nearest to a cone, of each side that has one."""
+    kind, size, frame = bodies.kind[shape], bodies.size[shape], bodies.frame
+    for ring in range(rings_of(kind)):
+        height = 0.0 if kind == ELLIPSOID else scale * support_of(kind, size, ring, 0.0, 0.0, 1.0)[2]
+        wide = scale * (max(size[0], size[1], size[2]) if kind == ELLIPSOID else size[0])
+        start, step = directions_toward(dx + frame[0, 2] * height, dy + frame[1, 2] * height, wide, DIRECTIONS)
+        before = _beyond_cone(bodies, shape, scale, ring, dx, dy, wall, start - step)[3]
+        now = _beyond_cone(bodies, shape, scale, ring, dx, dy, wall, start)[3]
+        for k in range(DIRECTIONS + 1):
+            angle = start + k * step
+            after = _beyond_cone(bodies, shape, scale, ring, dx, dy, wall, angle + step)[3]
+            if now >= before and now > after:
+                low, high = angle - step, angle + step
+                for _ in range(HALVINGS):
+                    one, two = low + GOLDEN * (high - low), high - GOLDEN * (high - low)
+                    if (
+                        _beyond_cone(bodies, shape, scale, ring, dx, dy, wall, one)[3]
+                        >= _beyond_cone(bodies, shape, scale, ring, dx, dy, wall, two)[3]
+                    ):
+                        high = two
+                    else:
+                        low = one
+                ax, ay, az, _ = _beyond_cone(bodies, shape, scale, ring, dx, dy, wall, 0.5 * (low + high))
+                c = _add_round(bodies.found, c, ax, ay, az, 0.0, dx, dy, dz, wall, reach)
+            before, now = now, after
+    return c
+
+
+@bare_kernel
+def _beyond_cone(bodies, shape, scale, ring, dx, dy, wall, angle):  # type: ignore[no-untyped-def]
+    """Return the arm of the support point along the normal of a cone at an angle, and how far it is along this."""
+    u, v = math.cos(angle), math.sin(angle)
+    nx, ny, nz = wall[4] * u, wall[4] * v, wall[5]
+    ax, ay, az = support_arm(bodies, shape, scale, ring, nx, ny, nz)
+    return ax, ay, az, (dx + ax) * nx + (dy + ay) * ny + az * nz
 
 
 @bare_kernel

@@ -6,7 +6,8 @@ import numpy as np
 
 from voxgran._base.arrays import Integers
 from voxgran._base.kernels import bare_kernel, kernel
-from voxgran.containers.kernel_container import FLAT, MESH, ROUND, UPRIGHT, KernelContainer
+from voxgran.containers.kernel_container import MESH, KernelContainer
+from voxgran.geometry.walls import reach_of
 from voxgran.settling.contact_rows import WALL, ContactRows, Grains
 from voxgran.settling.finding.candidates import choose_candidates, write_candidates
 from voxgran.settling.finding.mesh_wall_contacts import near_mesh
@@ -17,8 +18,8 @@ from voxgran.settling.finding.wall_candidates import near_plane, near_round
 MOST = 8
 #: most contacts of a grain with the walls of a closed mesh, or with a lid on it
 MOST_IN_MESH = 16
-#: sides of a container: two for each axis, a round wall, and the lid
-AROUND, LID, SIDES = 6, 7, 8
+#: sides of a container: the lid, two for each axis, and then its walls of revolution
+LID, AROUND = -1, 6
 
 
 def find_wall_contacts(
@@ -74,15 +75,15 @@ def _find_in_closed_form(grains, walls, lid, bodies, first, count, rows, m, marg
         here[g] = m
         x, y, z = grains.position[g, 0], grains.position[g, 1], grains.position[g, 2]
         near = reach + grains.radius[g]
-        for side in range(SIDES):
+        around = len(walls.round)
+        for index in range(AROUND + around + 1):
+            side = index if index < AROUND + around else LID
             room, nx, ny, nz = _side_of(walls, lid, side, x, y, z)
             if room > near:
                 continue
             shape, scale, matrix = grains.shape[g], grains.scale[g], grains.matrix[g]
-            if side == AROUND and walls.kind != FLAT:
-                flat = 1.0 if walls.kind == ROUND else 0.0
-                dx, dy, dz = x - walls.middle[0], y - walls.middle[1], z - walls.middle[2]
-                c = near_round(bodies, shape, scale, matrix, dx, dy, dz, flat, walls.radius, reach, smooth)
+            if side >= AROUND:
+                c = near_round(bodies, shape, scale, matrix, x, y, z, walls.round[side - AROUND], reach, smooth)
             else:
                 c = near_plane(bodies, shape, scale, matrix, nx, ny, nz, room, reach, smooth)
             c = choose_candidates(bodies.found, c, MOST, bodies.spread[shape] * scale)
@@ -140,18 +141,16 @@ def _lay_flat(found, many):  # type: ignore[no-untyped-def]
 def _side_of(walls, lid, side, x, y, z):  # type: ignore[no-untyped-def]
     """Return the distance of a point from a side of a container, infinite without such a side, and its normal.
 
-    The sides are two for each axis, a round wall, and the lid.
+    The sides are two for each axis, and the walls of revolution, whose normal is not needed.
     """
     if side == LID:
         nx, ny, nz = lid.normal[0], lid.normal[1], lid.normal[2]
         return lid.level - x * nx - y * ny - z * nz, nx, ny, nz
-    if side == AROUND:
-        if walls.kind == FLAT:
-            return math.inf, 0.0, 0.0, 0.0
-        dx, dy, dz = x - walls.middle[0], y - walls.middle[1], (z - walls.middle[2]) * (walls.kind == ROUND)
-        return walls.radius - math.sqrt(dx * dx + dy * dy + dz * dz), 0.0, 0.0, 0.0
+    if side >= AROUND:
+        row = walls.round[side - AROUND]
+        return row[6] - reach_of(row, x, y, z), 0.0, 0.0, 0.0
     axis = side // 2
-    if walls.walled[axis] == 0 or walls.kind == ROUND or (walls.kind == UPRIGHT and axis < 2):
+    if walls.flat[axis] == 0:
         return math.inf, 0.0, 0.0, 0.0
     place = (x if axis == 0 else (y if axis == 1 else z)) - walls.lower[axis]
     sign = 2.0 * (side % 2) - 1.0

@@ -11,7 +11,7 @@ import voxgran as vg
 from voxgran._base.arrays import WHOLE
 from voxgran._base.errors import InputError, PackingWarning
 from voxgran._base.seeds import stream
-from voxgran.contacts.farthest import farthest_of_row, farthest_reach
+from voxgran.contacts.farthest import farthest_of_row
 from voxgran.contacts.parts import row_of
 from voxgran.contacts.walls import escape_depths
 from voxgran.containers.kernel_container import kernel_container
@@ -166,19 +166,22 @@ def test_a_cavity_of_the_container_does_not_lie_in_a_grain():
 
 
 def test_farthest_points_of_rows():
-    """The kernel and the formulas for arrays agree, also for points on an axis."""
+    """The farthest point is the support point along its own direction: the best of those that steps lead to."""
     generator = stream(1, "rows")
     for kind, size in (
         ("ellipsoid", {"semi_axes": (2, 1.2, 0.8)}),
+        ("box", {"lengths": (0.9, 0.5, 1.4)}),
         ("cylinder", {"radius": 0.4, "height": 1.5}),
         ("cone", {"radius": 0.7, "height": 1.1}),
     ):
         shape = vg.make_shape(kind, **size)
         for place in (*generator.normal(size=(20, 3)), np.zeros(3), np.array([0.1, 0, 0]), np.array([0, 0, -0.3])):
-            one = vg.Packing.of([shape], vg.Sphere(9), position=[place])
-            assert farthest_of_row(row_of(shape.geometry), *place) == pytest.approx(
-                farthest_reach(one, np.zeros(3))[0], rel=1e-12
-            )
+            way = generator.normal(size=(200, 3))
+            for _ in range(300):
+                points = place + shape.geometry.support(way)
+                way = points / np.linalg.norm(points, axis=1)[:, None]
+            best = np.linalg.norm(points, axis=1).max()
+            assert farthest_of_row(row_of(shape.geometry), *place) == pytest.approx(best, rel=1e-9)
 
 
 @pytest.mark.parametrize("name", ["box", "cone", "union", "polyhedron"])
