@@ -52,18 +52,6 @@ LATERAL = {
     "advancing_front": {"transform"},
     # true shapes in gaps are compared by the tables and the exact tests of random sequential addition
     "space_filling": {"rsa"},
-    # each file is the entry point of one method
-    "methods": {
-        "digital",
-        "control_point",
-        "rsa",
-        "advancing_front",
-        "beds",
-        "jamming",
-        "space_filling",
-        "deposition",
-        "tessellation",
-    },
 }
 #: classes of containers: other rooms ask for their boundary, so that a new container is one file
 CONTAINERS = {"Box", "ClosedMesh", "Cylinder", "Disk", "Polygon", "Rectangle", "Sphere"}
@@ -315,8 +303,7 @@ def wrong_neighbours(tree, name):
         words = target.split(".")
         other = words[2] if words[:2] == ["voxgran", "packing"] and len(words) > 2 else room
         inside = other in ROOMS_OF_PACKING and other != room
-        # the registry of methods names the folder of the doors
-        if inside and other not in LATERAL.get(room, set()) and (room or target != "voxgran.packing.methods"):
+        if inside and other not in LATERAL.get(room, set()):
             found.append(f"line {line}: packing/{room} may not import {other}")
     return found
 
@@ -476,7 +463,6 @@ NEIGHBOURS = [
     ("packing/walking/sample.py", "from voxgran.packing.digital.attempts import f"),
     ("packing/digital/sample.py", "from voxgran.packing.control_point.attempts import f"),
     ("packing/sample.py", "from voxgran.packing.digital.container_lattice import f"),
-    ("packing/digital/sample.py", "from voxgran.packing.methods import rsa"),
 ]
 CIRCLES = [
     {"voxgran.a": "from voxgran.b import x", "voxgran.b": "import voxgran.a"},
@@ -546,7 +532,6 @@ def test_imports_between_sub_rooms_are_found(name, source):
 def test_listed_imports_between_sub_rooms_pass():
     source = "from voxgran.packing.walking.feeding import f\nfrom voxgran.packing.model import Packing"
     assert wrong_neighbours(ast.parse(source), "packing/digital/sample.py") == []
-    assert wrong_neighbours(ast.parse("f('voxgran.packing.methods')"), "packing/method.py") == []
     assert container_classes(ast.parse("isinstance(c, Box)"), "containers/sample.py") == []
 
 

@@ -118,7 +118,7 @@ def accepted(key: str, kind: ast.expr, *, ranges: bool = False) -> str:
     in place of numbers.
     """
     if isinstance(kind, ast.Constant):  # an annotation in quotation marks
-        kind = ast.parse(kind.value, mode="eval").body
+        kind = ast.parse(str(kind.value), mode="eval").body
     text = ast.unparse(WhatIsAccepted().visit(kind)).replace(FORMER_VALUES.get(key, "no former value"), "")
     return re.sub(r"^(Whole|Number)\b", r"\1Range", text) if ranges else text
 

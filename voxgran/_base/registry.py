@@ -1,8 +1,9 @@
 """Registries that find what they hold: one file, one entry.
 
 A registry looks in one package and in the packages inside it: the file ``digital.py`` that holds a module-level
-`registration` is the entry ``"digital"``. Files are imported when they are asked for, never before. Third parties add
-entries through an entry-point group, whose values point at such a registration.
+`registration` is the entry ``"digital"``. Where the files lie apart, a table names them. Files are imported when they
+are asked for, never before. Third parties add entries through an entry-point group, whose values point at such a
+registration.
 """
 
 import dataclasses
@@ -30,14 +31,18 @@ class Parameters(Protocol):
 class Registry(Generic[T]):
     """Entries of one kind: of the files of a package and of an entry-point group; each is an instance of `entry`.
 
-    In messages an entry is called `kind`, such as ``"packing method"``.
+    In messages an entry is called `kind`, such as ``"packing method"``. `files` names the file of each entry in the
+    package, such as ``{"digital": "digital.walk_method"}``; without it a file has the name of its entry.
     """
 
-    def __init__(self, kind: str, package: str, entry: type[T], *, group: str) -> None:
+    def __init__(
+        self, kind: str, package: str, entry: type[T], *, group: str, files: Mapping[str, str] | None = None
+    ) -> None:
         self.kind = kind
         self.package = package
         self.entry = entry
         self.group = group
+        self.files = files
 
     def names(self) -> tuple[str, ...]:
         """Return the names of all entries, in alphabetical order; nothing is imported but the package."""
@@ -114,7 +119,11 @@ class Registry(Generic[T]):
         )
 
     def _files(self) -> dict[str, str]:
-        """Return the public modules of the package and of those inside it: names of files, and of modules."""
+        """Return the modules of the entries by name: those of the table, or all public ones of the package and of those
+        inside it.
+        """
+        if self.files is not None:
+            return {name: f"{self.package}.{file}" for name, file in self.files.items()}
         found: dict[str, str] = {}
         for package in (self.package, *_modules_of(self.package, packages=True)):
             names = _modules_of(package, packages=False)

@@ -253,7 +253,8 @@ def repair(options: argparse.Namespace) -> None:
     points, faces = read_surface(options.file)
     remedies = Remedies(keep_open="", choose="choose with --bodies largest or --bodies all", hole="raise --max-hole")
     made = repaired(
-        *(points, faces),
+        points,
+        faces,
         name=Path(options.file).stem,
         max_hole=options.max_hole,
         bodies=options.bodies,

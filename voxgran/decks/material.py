@@ -164,9 +164,14 @@ def damping_ratio(restitution: float) -> float:
 
 
 def contact_law(
-    material: Material, *, density: float, mass: Floats, quickest: tuple[float, float], diameter: float,
+    material: Material,
+    *,
+    density: float,
+    mass: Floats,
+    quickest: tuple[float, float],
+    diameter: float,
     load: tuple[float, float],
-) -> ContactLaw:  # fmt: skip
+) -> ContactLaw:
     """Return the contact law of grains with masses (n,) in kg and the mean `density`, the sphere that waves cross in
     the least time, by its radius in m and its density, and the median `diameter` in m; `load` is what the most loaded
     grain bears, in N, and its diameter in m.

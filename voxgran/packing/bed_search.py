@@ -187,11 +187,11 @@ def sentence_of(sought: Mapping[str, Any]) -> str:
     head = f"the solid fraction of the bed is {reached:.4g} instead of {asked:.4g}: "
     if not sought["beyond_range"]:
         return f"{head}the nearest of {sought['tries']} beds, which differ by chance; take more grains, or another seed"
-    low, high = (f"{sought[name]['reached']:.4g} ({_manner(sought[name])})" for name in ("loosest", "densest"))
+    low, high = (f"{sought[name]['reached']:.4g} ({_in_words(sought[name])})" for name in ("loosest", "densest"))
     return f"{head}these grains come to rest at {low} to {high}; ask for one between, or take other sizes or shapes"
 
 
-def _manner(point: Mapping[str, Any]) -> str:
+def _in_words(point: Mapping[str, Any]) -> str:
     """Return in words how a bed came to rest."""
     shaking = point["shaking"]
     text = f"friction {point['friction']:.3g}"

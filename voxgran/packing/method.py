@@ -26,6 +26,25 @@ from voxgran.packing.problem import Problem
 
 Array: TypeAlias = NDArray[Any]
 
+#: the file of each method, which holds its registration
+METHODS = {
+    "advancing_front": "advancing_front.method",
+    "apollonian": "space_filling.apollonian",
+    "control_point": "control_point.method",
+    "deposition": "deposition.method",
+    "digital": "digital.walk_method",
+    "digital_fill": "digital.fill_method",
+    "digital_rsa": "digital.rsa_method",
+    "expand": "jamming.expand",
+    "gravity": "beds.method",
+    "growth": "space_filling.growth",
+    "jam": "jamming.jam",
+    "multilayer": "jamming.multilayer",
+    "random_apollonian": "space_filling.random_apollonian",
+    "rsa": "rsa.method",
+    "tetrahedral": "tessellation.method",
+    "voronoi_fill": "tessellation.voronoi_method",
+}
 #: bytes of the interpreter and the libraries during packing (measured)
 PACKING_BYTES = 120 * 2**20
 #: what a warning says of a method that has no room for all grains
@@ -206,7 +225,7 @@ class PackingMethod:
 
 def method_registry() -> Registry[PackingMethod]:
     """Return the registry of packing methods."""
-    return Registry("packing method", "voxgran.packing.methods", PackingMethod, group="voxgran.packing_methods")
+    return Registry("packing method", "voxgran.packing", PackingMethod, group="voxgran.packing_methods", files=METHODS)
 
 
 @explained(hint="packing_methods()")

@@ -70,10 +70,20 @@ class Balance:
 
 
 def balance_forces(
-    rows: ContactRows, m: int, bodies: Floats, gravity: Floats, *, friction: float, tolerance: float = 0.01,
-    forces: Floats | None = None, height: Floats | None = None, iterations: int = ITERATIONS, dimension: int = 3,
-    decide: bool = False, density: Floats | float = 1.0,
-) -> Balance:  # fmt: skip
+    rows: ContactRows,
+    m: int,
+    bodies: Floats,
+    gravity: Floats,
+    *,
+    friction: float,
+    tolerance: float = 0.01,
+    forces: Floats | None = None,
+    height: Floats | None = None,
+    iterations: int = ITERATIONS,
+    dimension: int = 3,
+    decide: bool = False,
+    density: Floats | float = 1.0,
+) -> Balance:
     """Return the forces at the first m contacts, within their friction cones, that balance the grains best.
 
     bodies: (n + 1, 8) rows of the grains and of the lid.  gravity: (3,) unit vector.  forces: (m, 3), where the search

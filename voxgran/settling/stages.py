@@ -21,9 +21,9 @@ from voxgran.settling.closing import close_round
 from voxgran.settling.contact_rows import SURFACE
 from voxgran.settling.equilibrium import balance_bed
 from voxgran.settling.fall import Fall, fall_step, stop_falling
-from voxgran.settling.manners import EXACT, FIELDS, FREE, RUBBING, Manner
 from voxgran.settling.parameters import Settling
 from voxgran.settling.parting import part_grains
+from voxgran.settling.presets import FRICTIONAL, FRICTIONLESS, GRIDS, TRIANGLES, SolverPreset
 from voxgran.settling.quasi_static import frictionless_step, quasi_static_step
 
 #: stages, in their order: growth to full size, an examination of grains that may rest already, fall, shaking, the fall
@@ -81,7 +81,7 @@ class Progress:
     stage: int = START
     step: int = 0  # steps in all
     stage_step: int = 0  # steps of the stage
-    still_steps: int = 0  # quasi-static steps by the present manner
+    still_steps: int = 0  # quasi-static steps by the present preset
     exact: int = 0  # whether contacts of meshes that are not convex are those of their triangles
     length: float = 0.0  # of the next quasi-static step
     substep: float = 0.0  # duration to which the impulses of the rows belong; 0 where they are forces or none
@@ -136,7 +136,7 @@ class Settler:
         surfaces = SURFACE in self.bed.grains.kind
         self._fall = Fall(how.friction, how.restitution, **(SURFACE_FALL if surfaces else {}))
         if how.friction == 0.0 and not surfaces:
-            self._fall = replace(self._fall, rest=self._manner.kept)
+            self._fall = replace(self._fall, rest=self._preset.kept)
         if how.fall_time is None and assembly.count and self._height() > HIGHEST:
             raise InputError(
                 f"the container is {self._height():.3g} median diameters high along gravity: grains fall through at "
@@ -256,7 +256,7 @@ class Settler:
             progress.stage = SHAKING
             return
         stop_falling(self.bed, self._fall.step / self._fall.substeps)
-        progress.stage, progress.length, progress.substep = STILL, self._manner.first, 0.0
+        progress.stage, progress.length, progress.substep = STILL, self._preset.first, 0.0
 
     def _is_slow(self) -> bool:
         """Return whether the grains have little kinetic energy, and few of them move fast."""
@@ -297,20 +297,20 @@ class Settler:
 
     def _rest(self) -> None:
         """Make a quasi-static step, and examine the bed when it hardly moves."""
-        progress, bed, manner = self.progress, self.bed, self._manner
-        moving = self._quasi_static(manner)
+        progress, bed, preset = self.progress, self.bed, self._preset
+        moving = self._quasi_static(preset)
         if moving < SLOW:
-            progress.length = max(manner.last, SHRINK * progress.length)
+            progress.length = max(preset.last, SHRINK * progress.length)
         progress.still_steps += 1
-        last = progress.still_steps >= self._more_steps * manner.steps
-        if moving >= CALM and not last and (manner is not EXACT or progress.still_steps % EXAMINED):
+        last = progress.still_steps >= self._more_steps * preset.steps
+        if moving >= CALM and not last and (preset is not TRIANGLES or progress.still_steps % EXAMINED):
             return
-        if manner is FIELDS:
+        if preset is GRIDS:
             self._look_closer()
             return
         self._examine(QUICK)
-        enough = ENOUGH if manner is EXACT else CALM
-        if manner is EXACT and progress.moving >= enough and not last:
+        enough = ENOUGH if preset is TRIANGLES else CALM
+        if preset is TRIANGLES and progress.moving >= enough and not last:
             return
         if progress.smallest < 0.0 and (progress.trials < TRIALS or (last and progress.exact)):
             progress.trials += 1
@@ -318,7 +318,7 @@ class Settler:
                 self._look_closer()
                 return
             if not progress.exact:
-                progress.length = min(progress.length, AFTER_PARTING * manner.last)
+                progress.length = min(progress.length, AFTER_PARTING * preset.last)
             self._examine(QUICK)
         if last or (progress.moving < enough and progress.smallest >= 0.0):
             if progress.smallest < 0.0 and not progress.exact:
@@ -331,7 +331,7 @@ class Settler:
         if not self.progress.exact:
             part_grains(bed, PARTED, ROUNDS)
             return True
-        smallest = part_grains(bed, PARTED, FEW_ROUNDS, most=EXACT.most, margin=EXACT.margin)
+        smallest = part_grains(bed, PARTED, FEW_ROUNDS, most=TRIANGLES.most, margin=TRIANGLES.margin)
         return smallest >= 0.0 and not bed.finders.crossing(bed.pairs, bed.grains)
 
     def _end(self) -> None:
@@ -356,18 +356,18 @@ class Settler:
             self._rests()
         progress.stage, progress.best_position, progress.best_orientation = ENDED, np.zeros((0, 3)), np.zeros((0, 4))
 
-    def _quasi_static(self, manner: Manner) -> float:
+    def _quasi_static(self, preset: SolverPreset) -> float:
         """Make a quasi-static step, and return the share of the grains that moved."""
         progress, bed = self.progress, self.bed
         if self.how.friction == 0.0 and self.direct:
             accuracy = FINE if progress.moved < SLOW else COARSE
             progress.moved = frictionless_step(
-                bed, progress.length, rest=manner.kept, accuracy=accuracy, margin=manner.margin, most=manner.most
+                bed, progress.length, rest=preset.kept, accuracy=accuracy, margin=preset.margin, most=preset.most
             )
         else:
             progress.moved = quasi_static_step(
-                bed, self.how.friction, progress.length, rest=manner.kept, iterations=self._iterations,
-                margin=manner.margin, most=manner.most, reuse=manner.reuse,
+                bed, self.how.friction, progress.length, rest=preset.kept, iterations=self._iterations,
+                margin=preset.margin, most=preset.most, reuse=preset.reuse,
             )  # fmt: skip
         return progress.moved
 
@@ -383,10 +383,10 @@ class Settler:
             return
         progress.still_steps = progress.still_steps if progress.trials else 0
         progress.exact, self.bed.finders.exact = 1, True
-        if progress.still_steps >= self._more_steps * EXACT.steps:
+        if progress.still_steps >= self._more_steps * TRIANGLES.steps:
             self._end()
             return
-        progress.stage, progress.length = STILL, EXACT.first
+        progress.stage, progress.length = STILL, TRIANGLES.first
 
     @property
     def direct(self) -> bool:
@@ -407,13 +407,13 @@ class Settler:
         return int(self._more_steps > 1 and SURFACE not in self.bed.grains.kind)
 
     @property
-    def _manner(self) -> "Manner":
-        """How quasi-static steps are made."""
+    def _preset(self) -> SolverPreset:
+        """The solver preset of quasi-static steps."""
         if SURFACE not in self.bed.grains.kind:
             if self.how.friction == 0.0:
-                return FREE[0 if self.direct else 1]
-            return RUBBING[int(self.bed.grains.kind.any())]
-        return EXACT if self.progress.exact else FIELDS
+                return FRICTIONLESS[0 if self.direct else 1]
+            return FRICTIONAL[int(self.bed.grains.kind.any())]
+        return TRIANGLES if self.progress.exact else GRIDS
 
     def _examine(self, iterations: int) -> None:
         """Note how well forces at the contacts balance the grains."""

@@ -91,7 +91,15 @@ def test_unknown_names_get_the_nearest():
     assert unknown("method", "digitl", ["digital", "control_point"]) == (
         "method 'digitl' is unknown: did you mean 'digital'? known are control_point, digital"
     )
-    assert Registry("tool", "voxgran._base", object, group="none").names()[:2] == ("arrays", "attributes")
+    tools = Registry("tool", "voxgran._base", object, group="none").names()
+    assert tools[:2] == ("arrays", "axes")
+    assert "threads" in tools
+
+
+def test_a_table_names_the_files_of_entries():
+    box = Registry("form", "voxgran.shapes", object, group="none", files={"cuboid": "families.regular.box"})
+    assert box.names() == ("cuboid",)
+    assert box.get("cuboid").name == "box"
 
 
 @kernel

@@ -40,7 +40,12 @@ def _shrunk(packing: Packing, factor: float) -> Assembly:
     """Return the grains shrunk about their centroids."""
     scale = packing.scale * factor
     return Assembly(
-        *(packing.shapes, packing.shape_id, scale, packing.position, packing.orientation, packing.container),
+        packing.shapes,
+        packing.shape_id,
+        scale,
+        packing.position,
+        packing.orientation,
+        packing.container,
         lid=packing.lid,
     )
 

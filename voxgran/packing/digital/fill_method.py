@@ -161,7 +161,10 @@ def finish(problem: Problem, state: State) -> Packing:
     """Return the packing of the grains that found a place."""
     setting = _setting(problem, state)
     return packing_of_sites(
-        *(problem, state, setting.lattice, setting.oriented),
+        problem,
+        state,
+        setting.lattice,
+        setting.oriented,
         provenance={"parameters": {"gravity": gravity_text(problem)}},
         gravity=_gravity(problem),
     )

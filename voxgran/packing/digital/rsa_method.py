@@ -123,7 +123,10 @@ def finish(problem: Problem, state: State) -> Packing:
     free = free_voxels(problem.container, setting.lattice)
     room = int(np.prod(setting.lattice.shape)) if free is None else int(np.count_nonzero(free))
     return packing_of_sites(
-        *(problem, state, setting.lattice, setting.oriented),
+        problem,
+        state,
+        setting.lattice,
+        setting.oriented,
         provenance={
             "candidates": int(setting.bounds[-1]),
             "candidates_left": int(setting.bounds[-1] - state.arrays["tried"].sum()),

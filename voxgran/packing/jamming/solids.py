@@ -83,8 +83,8 @@ SIZE, STEP, TRIED, DEPTH, FREE, SUBSTEP = range(6)
 
 
 @dataclass(frozen=True, slots=True)
-class Manner:
-    """How grains grow; lengths are in median diameters of about the final size."""
+class GrowthPreset:
+    """Numbers by which grains grow; lengths are in median diameters of about the final size."""
 
     kept: float  # distance that surfaces keep
     first: float  # longest relative growth of a step
@@ -92,7 +92,7 @@ class Manner:
 
 
 #: of grains whose contacts are exact, and of those with contacts by grids of distances
-TRUE, FIELDS = Manner(1e-5, 0.02, 1e-4), Manner(2e-3, 0.01, 5e-4)
+TRUE, FIELDS = GrowthPreset(1e-5, 0.02, 1e-4), GrowthPreset(2e-3, 0.01, 5e-4)
 
 
 class GrowingSolids:
@@ -128,7 +128,7 @@ class GrowingSolids:
             first = self._part_hulls(first)
         # the size that succeeded last, 0 before one did; growth; the size that is tried; overlap before
         # growth that is left, and the length of a substep, of thermal motion
-        self.numbers = np.array([0.0, self._manner.first, first, math.inf, FIRST_FREE, 0.0])
+        self.numbers = np.array([0.0, self._preset.first, first, math.inf, FIRST_FREE, 0.0])
         self._keep()
         self.bed.resize(np.full(n, first))
 
@@ -158,7 +158,7 @@ class GrowingSolids:
         return float((LOOSE[self.dimension] / DENSE[self.dimension]) ** (1.0 / self.dimension))
 
     @property
-    def _manner(self) -> Manner:
+    def _preset(self) -> GrowthPreset:
         """How the grains grow."""
         return FIELDS if self.uneven else TRUE
 
@@ -218,7 +218,7 @@ class GrowingSolids:
         near, mean = self._near(), float(np.median(self.bed.diameter)) * float(self.numbers[SIZE])
         # surfaces that touch keep a distance, and miss parts of it
         # meshes that are not convex keep more, where grids of distances are wrong
-        own = (GAPS[2] if self.uneven else 2.0 * (self._manner.last + self._manner.kept)) * mean
+        own = (GAPS[2] if self.uneven else 2.0 * (self._preset.last + self._preset.kept)) * mean
         held, rattlers = near.held(own)
         return {
             **found,
@@ -282,14 +282,14 @@ class GrowingSolids:
         """Make a step of thermal motion; return the motion at thermal speed."""
         before = Motion(float(self.numbers[FREE]), float(self.numbers[SUBSTEP]))
         generator = stream(self.seed, "motion", self.moves)
-        motion, way = thermal_step(self.bed, before, generator, kept=max(self._manner.kept, APART))
+        motion, way = thermal_step(self.bed, before, generator, kept=max(self._preset.kept, APART))
         self.moves += 1
         self.numbers[FREE], self.numbers[SUBSTEP] = motion.free, motion.substep
         return way
 
     def _part(self) -> None:
         """Make some rounds of parting at the size that is tried, and note the overlap."""
-        way, sweeps = self._manner.kept, SWEEPS * (1 + self.turns)
+        way, sweeps = self._preset.kept, SWEEPS * (1 + self.turns)
         self.smallest = part_grains(self.bed, way, ROUNDS, missed=MISSED, most=MOST, margin=MARGIN, iterations=sweeps)
         # each round leaves pairs that are not proven to be separate more room
         if self.uneven and self.smallest > 0.0 and close_round(self.bed, first=self.turns == 0):
@@ -329,7 +329,7 @@ class GrowingSolids:
             self._put_back()
             if self.stage == LOOSENING:
                 self._begin_to_move()
-            elif late or self.numbers[STEP] * SLOWER < self._manner.last:
+            elif late or self.numbers[STEP] * SLOWER < self._preset.last:
                 self._end()
             else:
                 self._grow(SLOWER)
@@ -349,8 +349,8 @@ class GrowingSolids:
 
     def _grow(self, factor: float) -> None:
         """Try a larger size, with another growth."""
-        manner = self._manner
-        self.numbers[STEP] = min(self.numbers[STEP] * factor, manner.first)
+        preset = self._preset
+        self.numbers[STEP] = min(self.numbers[STEP] * factor, preset.first)
         self._try(min(float(self.numbers[SIZE] * (1.0 + self.numbers[STEP])), self.wanted))
 
     def _try(self, size: float) -> None:
@@ -375,7 +375,7 @@ class GrowingSolids:
             if found.ok:
                 break
             if look < LOOKS - 1:
-                way = self._manner.kept * FARTHER**look
+                way = self._preset.kept * FARTHER**look
                 part_grains(self.bed, way, ROUNDS, missed=MISSED, most=MOST, margin=MARGIN)
             else:
                 self.met = False

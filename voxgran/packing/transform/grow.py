@@ -152,7 +152,11 @@ def _room_at_walls(grains: Assembly, reach: float, clear: float) -> tuple[Floats
         return room, gap
     near = np.flatnonzero(-container.signed_distance(grains.position) - radius <= reach)
     some = Assembly(
-        *(grains.shapes, grains.shape_id[near], grains.scale[near], grains.position[near], grains.orientation[near]),
+        grains.shapes,
+        grains.shape_id[near],
+        grains.scale[near],
+        grains.position[near],
+        grains.orientation[near],
         container,
     )
     gap[near] = -escape_depths(some)

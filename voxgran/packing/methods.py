@@ -1,4 +1,4 @@
-"""One packing method per file; the file name is the name of the method."""
+"""Parameter classes of the packing methods: ``vg.methods.Digital(voxel_size=0.1)``."""
 
 from voxgran._base import lazy_names
 

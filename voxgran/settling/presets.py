@@ -1,4 +1,4 @@
-"""How quasi-static steps are made, by the kind of the grains and the friction."""
+"""Solver presets of quasi-static steps, by the kind of the grains and the friction."""
 
 from dataclasses import dataclass
 
@@ -7,8 +7,8 @@ KEPT = 5e-4
 
 
 @dataclass(frozen=True, slots=True)
-class Manner:
-    """How quasi-static steps are made."""
+class SolverPreset:
+    """Numbers by which quasi-static steps are made; lengths are in median diameters."""
 
     kept: float  # distance that surfaces keep
     margin: float  # gap up to which contacts are found
@@ -20,15 +20,15 @@ class Manner:
 
 
 #: of spheres and disks, and of convex grains and polygons
-RUBBING = (
-    Manner(KEPT, 0.1, 0.1, first=0.3, last=0.1, steps=150),
-    Manner(KEPT, 0.1, 0.1, first=0.2, last=0.1, steps=150),
+FRICTIONAL = (
+    SolverPreset(KEPT, 0.1, 0.1, first=0.3, last=0.1, steps=150),
+    SolverPreset(KEPT, 0.1, 0.1, first=0.2, last=0.1, steps=150),
 )
 #: of the same without friction
-FREE = (
-    Manner(2e-4, 0.15, 0.1, first=1.0, last=1.0, steps=40),
-    Manner(KEPT, 0.1, 0.03, first=0.2, last=0.05, steps=60),
+FRICTIONLESS = (
+    SolverPreset(2e-4, 0.15, 0.1, first=1.0, last=1.0, steps=40),
+    SolverPreset(KEPT, 0.1, 0.03, first=0.2, last=0.05, steps=60),
 )
 #: of meshes that are not convex: by grids of distances, then by triangles
-FIELDS = Manner(4e-3, 0.024, 0.02, first=0.15, last=0.1, steps=50)
-EXACT = Manner(KEPT, 5e-3, 2e-3, first=0.1, last=0.05, steps=160, reuse=5e-4)
+GRIDS = SolverPreset(4e-3, 0.024, 0.02, first=0.15, last=0.1, steps=50)
+TRIANGLES = SolverPreset(KEPT, 5e-3, 2e-3, first=0.1, last=0.05, steps=160, reuse=5e-4)
