@@ -93,7 +93,7 @@ def _length(lever: Floats, multiplier: Floats, squares: Floats) -> Floats:
 def farthest_of_row(row: Floats, x: float, y: float, z: float) -> float:
     """Return the largest distance from the origin of an ellipsoid, cylinder or cone centered at (x, y, z).
 
-    row: of :mod:`voxgran.contacts.gjk`. The formulas are those of :func:`farthest_reach`.
+    row: of :mod:`voxgran.geometry.support`. The formulas are those of :func:`farthest_reach`.
     """
     a, b, c = row[1], row[2], row[3]
     u = row[4] * x + row[7] * y + row[10] * z
