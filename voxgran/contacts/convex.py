@@ -18,9 +18,10 @@ from voxgran._base.arrays import Booleans, Floats
 from voxgran._base.compiling.threads import in_blocks
 from voxgran._base.kernels import kernel
 from voxgran.contacts.broad import Pairs
-from voxgran.contacts.gjk import erosion_limit, separation, support
 from voxgran.contacts.parts import Parts
+from voxgran.contacts.separation import separation
 from voxgran.contacts.spheres import sphere_gap
+from voxgran.geometry.support import erosion_limit, support
 
 #: distance, in sizes of the parts, at which they count as touching
 TOUCHING = 1e-14

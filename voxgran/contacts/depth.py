@@ -43,8 +43,8 @@ def deepest_of_triangles(
 def deepest_of_round(tree: TriangleTree, row: Floats, center: Floats) -> tuple[float, Floats, Floats]:
     """Return depth, point and nearest point of the mesh for the deepest point of a cylinder or cone in a closed mesh.
 
-    The solid is a (13,) row of :mod:`voxgran.contacts.gjk` with its centroid, in the frame of the mesh. The depth is a
-    lower bound with a relative error of at most 0.001; 0 if no point is inside.
+    The solid is a (13,) row of :mod:`voxgran.geometry.support` with its centroid, in the frame of the mesh. The depth
+    is a lower bound with a relative error of at most 0.001; 0 if no point is inside.
     """
     radius, height = float(row[1]), float(row[2])
     if int(row[0]) == 3:

@@ -13,7 +13,7 @@ HALVINGS = 200
 def farthest_of_row(row: Floats, x: float, y: float, z: float) -> float:
     """Return the largest distance from the origin of an ellipsoid, box, cylinder or cone centered at (x, y, z).
 
-    row: of :mod:`voxgran.contacts.gjk`. The farthest point of a ring lies on the side away from the origin. On an
+    row: of :mod:`voxgran.geometry.support`. The farthest point of a ring lies on the side away from the origin. On an
     ellipsoid with the semi-axes a it is p + a u with u = a p / (m - a ** 2), where the multiplier m is the root above
     the largest a ** 2 at which u has length 1; if there is none, the remainder of u points along the longest axis.
     """

@@ -1,7 +1,7 @@
 """Grains as convex parts, in the rows of numbers that the kernels of the contact tests use.
 
 A sphere is a point with a margin, a union of spheres consists of several such parts, and an ellipsoid, box, cylinder or
-cone is one part. The rows are those of :mod:`voxgran.contacts.gjk`, rotated and scaled to the poses of the grains,
+cone is one part. The rows are those of :mod:`voxgran.geometry.support`, rotated and scaled to the poses of the grains,
 relative to their centroids.
 """
 
@@ -10,7 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from voxgran._base.arrays import Floats, Integers
-from voxgran.contacts.gjk import BOX, CONE, CYLINDER, ELLIPSOID, POINT, ROW
+from voxgran.geometry.support import BOX, CONE, CYLINDER, ELLIPSOID, POINT, ROW
 from voxgran.shapes.describing.body import Geometry
 from voxgran.shapes.outline import Outline
 from voxgran.shapes.primitive import Primitive

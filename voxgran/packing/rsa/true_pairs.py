@@ -12,7 +12,7 @@ from voxgran._base.kernels import bare_kernel
 from voxgran.geometry.tree import is_behind, search_triangles
 from voxgran.packing.rsa.true_shapes import TrueShapes
 from voxgran.settling.finding.convex_contacts import place_row
-from voxgran.settling.finding.convex_distance import Part, distance_along
+from voxgran.settling.finding.convex_distance import Part, distance_along, tables_of
 
 #: distance, in diameters, up to which parts count as meeting, and the difference of bounds at which the search ends
 TOUCHING, CLOSE = 1e-12, 1e-13
@@ -116,7 +116,8 @@ def _parts_meet(shapes, a, b, p, q, x, y, z, stretch, rows):  # type: ignore[no-
     two = place_part(shapes, b, q, stretch, rows)
     margin = shapes.margin[p] + stretch * shapes.margin[q] + TOUCHING
     one = (shapes.part[p, 0], a, shapes.part[p, 1], shapes.part[p, 2], shapes.part[p, 3], 0.0)
-    distance = distance_along(shapes.bodies, work, one, two, x, y, z, dx, dy, dz, margin, CLOSE, rows, rows)
+    tables = tables_of(shapes.bodies, work)
+    distance = distance_along(tables, one, two, (x, y, z), (dx, dy, dz), margin, CLOSE, rows, work.simplex)
     return not distance > margin
 
 

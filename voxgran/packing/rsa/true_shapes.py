@@ -15,10 +15,11 @@ from numpy.typing import NDArray
 
 from voxgran._base.arrays import Floats, Integers
 from voxgran._base.lazy import load
-from voxgran.contacts.gjk import BOX, POINT, ROW
 from voxgran.contacts.inside import inner_distance
 from voxgran.containers.model import Container, boundary_of
 from voxgran.containers.plane import prism_of
+from voxgran.geometry.gjk import Simplex, new_simplex
+from voxgran.geometry.support import BOX, POINT, ROW
 from voxgran.geometry.tree import STACK, TriangleTree, grow_tree
 from voxgran.settling.finding.convex_bodies import ConvexBodies, convex_bodies
 from voxgran.shapes.mesh import Mesh
@@ -39,19 +40,15 @@ class PairWork(NamedTuple):
     """Arrays that the kernels work with.
 
     corner: (k, 3) corners of all shapes, then room for those of one part.  row: (s + 1, 13) rows of all shapes, then
-    one of one part.  simplex, mine: (4, 3), weight, kept: (4,) and near: (7,) of the distance of two parts.
-    quaternion: (4,), turn: (3, 3) rotation of the new grain.  other: (3, 3) that of another grain, and relative: (3, 3)
-    from the frame of the other to that of the new one.  stack: pairs of boxes; boxes: boxes.  place: (m, 4) vectors to
-    near grains, with squared distances in sums of the radii, and grain: (m,) their numbers.
+    one of one part.  simplex: of the distance of two parts.  quaternion: (4,), turn: (3, 3) rotation of the new grain.
+    other: (3, 3) that of another grain, and relative: (3, 3) from the frame of the other to that of the new one.
+    stack: pairs of boxes; boxes: boxes.  place: (m, 4) vectors to near grains, with squared distances in sums of the
+    radii, and grain: (m,) their numbers.
     """
 
     corner: Floats
     row: Floats
-    simplex: Floats
-    mine: Floats
-    weight: Floats
-    kept: Integers
-    near: Floats
+    simplex: Simplex
     quaternion: Floats
     turn: Floats
     other: Floats
@@ -267,11 +264,7 @@ def _work(corners: Floats, bodies: ConvexBodies, near: int) -> PairWork:
     return PairWork(
         corner=np.concatenate([corners, np.zeros((room, 3))]),
         row=np.concatenate([bodies.row, np.zeros((1, ROW))]),
-        simplex=np.zeros((4, 3)),
-        mine=np.zeros((4, 3)),
-        weight=np.zeros(4),
-        kept=np.zeros(4, dtype=np.int64),
-        near=np.zeros(7),
+        simplex=new_simplex(),
         quaternion=np.zeros(4),
         turn=np.zeros((3, 3)),
         other=np.zeros((3, 3)),

@@ -15,7 +15,7 @@ from voxgran.geometry.walls import reach_from, reach_of
 from voxgran.packing.rsa.true_pairs import holds, point_of, surfaces_meet
 from voxgran.packing.rsa.true_shapes import TrueShapes
 from voxgran.settling.finding.convex_contacts import place_row
-from voxgran.settling.finding.convex_distance import core_support
+from voxgran.settling.finding.convex_distance import core_support, tables_of
 
 
 @bare_kernel
@@ -61,13 +61,12 @@ def _last_part(shapes, s):  # type: ignore[no-untyped-def]
 @bare_kernel
 def _reach(shapes, s, axis, sign, rows):  # type: ignore[no-untyped-def]
     """Return how far shape s reaches from its centroid along an axis or, with sign -1, against it."""
-    work, bodies = shapes.work, shapes.bodies
-    turn, links = work.turn, (bodies.link_first, bodies.link)
+    turn, tables = shapes.work.turn, tables_of(shapes.bodies, shapes.work)
     ux, uy, uz = sign * turn[axis, 0], sign * turn[axis, 1], sign * turn[axis, 2]
     most, (begin, end) = -math.inf, _last_part(shapes, s)
     for p in range(begin, end):
         part = (shapes.part[p, 0], s, shapes.part[p, 1], shapes.part[p, 2], shapes.part[p, 3], 0.0)
-        px, py, pz, _ = core_support(work.corner, links, work.row, part, part[2], ux, uy, uz, rows, rows)
+        px, py, pz, _ = core_support((tables, part), 0, ux, uy, uz, rows)
         most = max(most, px * ux + py * uy + pz * uz + shapes.margin[p])
     return most
 
@@ -114,7 +113,7 @@ def _is_within_mesh(walls, shapes, s, f, x, y, z, rows):  # type: ignore[no-unty
     first, last = shapes.first[s, 0], shapes.first[s + 1, 0]
     # each sphere of a union is tested, one point of any other shape
     for p in range(first, last if shapes.part[first, 0] == 0 else first + 1):
-        corner = work.near
+        corner = work.simplex.near
         corner[0], corner[1], corner[2] = point_of(shapes, p)
         dx, dy, dz = _turned(work.turn, f, corner)
         if not holds(shapes, wall, px + dx, py + dy, pz + dz):

@@ -26,7 +26,7 @@ from voxgran.packing.rsa.true_pairs import CLOSE, MOST_WAITING, holds, place_par
 from voxgran.packing.rsa.true_shapes import TrueShapes
 from voxgran.packing.rsa.true_walls import is_within_walls
 from voxgran.packing.space_filling.reach_cells import ReachCells, cell_of, gap_at, near, ring_range
-from voxgran.settling.finding.convex_distance import core_support, distance_along
+from voxgran.settling.finding.convex_distance import core_support, distance_along, tables_of
 
 #: most steps to the contact of two convex shapes, and the relative rise of the scale at which they end
 STEPS, RISE = 60, 1e-13
@@ -317,7 +317,7 @@ def _parts_touch(shapes, a, b, p, q, x, y, z, most, rows):  # type: ignore[no-un
     x, y, z: centroid of b in the frame of a.
     """
     work, bodies = shapes.work, shapes.bodies
-    near, corner, row, links = work.near, work.corner, work.row, (bodies.link_first, bodies.link)
+    near, corner, row, tables = work.simplex.near, work.corner, work.row, tables_of(bodies, work)
     mine = shapes.part_sphere[p]
     t, mx, my, mz = _spheres_touch(work.relative, mine, shapes.part_sphere[q], x, y, z), 0.0, 0.0, 0.0
     if t >= most:
@@ -336,14 +336,15 @@ def _parts_touch(shapes, a, b, p, q, x, y, z, most, rows):  # type: ignore[no-un
         else:
             two = place_part(shapes, b, q, t, rows)
         margin = shapes.margin[p] + t * shapes.margin[q]
-        if not distance_along(bodies, work, one, two, x, y, z, dx, dy, dz, 1e150, CLOSE, rows, rows) > margin:
+        start = (dx, dy, dz)
+        if not distance_along(tables, one, two, (x, y, z), start, 1e150, CLOSE, rows, work.simplex) > margin:
             break
         length = math.sqrt(near[0] ** 2 + near[1] ** 2 + near[2] ** 2)
         nx, ny, nz = near[0] / length, near[1] / length, near[2] / length
-        ax, ay, az, _ = core_support(corner, links, row, one, one[2], nx, ny, nz, rows, rows)
+        ax, ay, az, _ = core_support((tables, one), 0, nx, ny, nz, rows)
         if t == 0.0:
             two = place_part(shapes, b, q, 1.0, rows)
-        bx, by, bz, _ = core_support(corner, links, row, two, two[2], -nx, -ny, -nz, rows, rows)
+        bx, by, bz, _ = core_support((tables, two), 0, -nx, -ny, -nz, rows)
         reach = -(bx * nx + by * ny + bz * nz) / (t if t > 0.0 else 1.0) + shapes.margin[q]
         level = (x - ax) * nx + (y - ay) * ny + (z - az) * nz - shapes.margin[p]
         if reach <= 0.0 and level > t * reach:

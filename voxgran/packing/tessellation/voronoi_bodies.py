@@ -13,9 +13,9 @@ import numpy as np
 from voxgran._base.arrays import Floats, Integers
 from voxgran._base.kernels import bare_kernel
 from voxgran._base.lazy import load
-from voxgran.contacts.gjk import BOX, POINT, ROW, support
 from voxgran.contacts.parts import parts_of
 from voxgran.geometry.rotation import rotation_matrices
+from voxgran.geometry.support import BOX, POINT, ROW, support
 from voxgran.shapes.model import Shape
 from voxgran.shapes.outline import Outline
 from voxgran.shapes.primitive import Primitive
@@ -26,7 +26,7 @@ class Bodies(NamedTuple):
     """Shapes of unit diameter.
 
     start: (s + 1,) first point of each.  point: (p, 3) of all.  margin: (p,) radius of the sphere at each point.
-    row: (s, 13) of the shapes in closed form, as :mod:`voxgran.contacts.gjk` has them; of kind POINT for all others.
+    row: (s, 13) of the shapes in closed form (:mod:`voxgran.geometry.support`); of kind POINT for all others.
     round: (s,) 1 for spheres and disks, which need no rotation.
     """
 

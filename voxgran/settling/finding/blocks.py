@@ -10,7 +10,6 @@ from functools import partial
 from typing import Any, Generic, TypeVar
 
 import numpy as np
-from numpy.typing import NDArray
 
 from voxgran._base.arrays import Booleans
 from voxgran._base.compiling.threads import at_once, blocks_of
@@ -98,8 +97,10 @@ def pairs_of_kind(grains: Grains, pairs: PairList, size: int, kind: int) -> Bool
     return np.asarray(np.maximum(grains.kind[pairs.i[:size]], grains.kind[pairs.j[:size]]) == kind)
 
 
-def _apart(like: NDArray[Any]) -> NDArray[Any]:
-    """Return zeros like an array that share no cache line with other arrays, which other threads may write."""
+def _apart(like: Any) -> Any:
+    """Return zeros like an array, or each array of a tuple, that share no cache line with what other threads write."""
+    if isinstance(like, tuple):
+        return type(like)(*map(_apart, like))
     room = CACHE_LINES // like.itemsize
     made = np.zeros(like.size + 2 * room, dtype=like.dtype)
     return made[room : room + like.size].reshape(like.shape)

@@ -1,7 +1,7 @@
 """Grains made of convex parts as tables of numbers: unions of spheres, primitives and convex meshes.
 
 Boxes and convex meshes are hulls of corners with flat faces, of which coplanar triangles make one. Spheres are corners
-with a radius. Ellipsoids, cylinders and cones are the rows of :mod:`voxgran.contacts.gjk`.
+with a radius. Ellipsoids, cylinders and cones are the rows of :mod:`voxgran.geometry.support`.
 """
 
 from collections.abc import Sequence
@@ -11,8 +11,9 @@ import numpy as np
 
 from voxgran._base.arrays import Floats, Integers
 from voxgran._base.lazy import load
-from voxgran.contacts.gjk import BOX, CONE, CYLINDER, ELLIPSOID, ROW, erosion_limit
 from voxgran.contacts.parts import CODES, row_of
+from voxgran.geometry.gjk import Simplex, new_simplex
+from voxgran.geometry.support import BOX, CONE, CYLINDER, ELLIPSOID, ROW, erosion_limit
 from voxgran.settling.contact_rows import Grains
 from voxgran.settling.finding.blocks import Blocks
 from voxgran.shapes.describing.body import Geometry
@@ -22,7 +23,7 @@ from voxgran.shapes.primitive import Primitive
 from voxgran.shapes.spheres import Spheres
 from voxgran.shapes.tessellate import unit_box
 
-#: kinds of shapes: those of the rows of `contacts.gjk`, where a union of spheres is a POINT and a hull of corners a BOX
+#: kinds of shapes: those of `geometry.support`, where a union of spheres is a POINT and a hull of corners a BOX
 SPHERES, HULL, NONE = 0, BOX, -1
 #: volume that a convex mesh may differ from that of its hull by, relative to it
 DENT = 1e-6
@@ -65,8 +66,7 @@ class ConvexWork(NamedTuple):
 
     first: (n + 1,) first corner of each grain.  corner: (k, 3) relative to its centroid, rotated and scaled, and
     radius: (k,).  row: (n, 13) rotated and scaled rows.  form: (n, 6) matrices of quadratic forms of ellipsoids: xx,
-    yy, zz, xy, xz, yz.  simplex, mine: (4, 3), weight: (4,), kept: (4,) and near: (7,) of the distance.  window, ring,
-    other: polygons.  one, two: corners of two grains that are near each other.
+    yy, zz, xy, xz, yz.  window, ring, other: polygons.  one, two: corners of two grains that are near each other.
     """
 
     first: Integers
@@ -75,11 +75,7 @@ class ConvexWork(NamedTuple):
     row: Floats
     form: Floats
     offset: Floats
-    simplex: Floats
-    mine: Floats
-    weight: Floats
-    kept: Integers
-    near: Floats
+    simplex: Simplex
     window: Floats
     ring: Floats
     other: Floats
@@ -88,7 +84,7 @@ class ConvexWork(NamedTuple):
 
 
 #: arrays of the work that each thread has for itself
-SCRATCH = ("offset", "simplex", "mine", "weight", "kept", "near", "window", "ring", "other", "one", "two")
+SCRATCH = ("offset", "simplex", "window", "ring", "other", "one", "two")
 
 
 class _Hull(NamedTuple):
@@ -205,11 +201,7 @@ def convex_work(bodies: ConvexBodies, grains: Grains) -> Blocks[ConvexWork]:
         row=np.zeros((n, ROW)),
         form=np.zeros((n, 6)),
         offset=np.zeros(3),
-        simplex=np.zeros((4, 3)),
-        mine=np.zeros((4, 3)),
-        weight=np.zeros(4),
-        kept=np.zeros(4, dtype=np.int64),
-        near=np.zeros(7),
+        simplex=new_simplex(),
         window=np.zeros((MOST_CORNERS, 3)),
         ring=np.zeros((MOST_CORNERS, 3)),
         other=np.zeros((MOST_CORNERS, 3)),

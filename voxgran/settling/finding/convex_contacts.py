@@ -36,17 +36,17 @@ def find_convex_contacts(
     """
     # what is None is not compiled: it slows the search among corners
     curved = 1 if has_rows(bodies) else None
-    _place(grains, bodies, work.arrays, curved, curved)
+    _place(grains, bodies, work.arrays, curved)
 
     def find(own: ConvexWork, part: ContactRows, start: int, first: int, last: int) -> int:
-        return int(_find(grains, bodies, own, pairs, part, start, margin, rest, curved, curved, first, last))
+        return int(_find(grains, bodies, own, pairs, part, start, margin, rest, curved, first, last))
 
     chosen = pairs_of_kind(grains, pairs, size, CONVEX)
     return work.find(find, pairs=pairs, chosen=chosen, rows=rows, m=m)
 
 
 @kernel
-def _place(grains, bodies, work, ellipsoids, rounds):  # type: ignore[no-untyped-def]
+def _place(grains, bodies, work, curved):  # type: ignore[no-untyped-def]
     """Write the corners and rows of all grains, rotated and scaled."""
     for i in range(len(grains.shape)):
         s, turn = grains.shape[i], grains.matrix[i]
@@ -55,11 +55,10 @@ def _place(grains, bodies, work, ellipsoids, rounds):  # type: ignore[no-untyped
             work.corner, work.radius, work.first[i],
         )  # fmt: skip
         kind = bodies.kind[s]
-        if ellipsoids is not None and kind == 1:
+        if curved is not None and kind != 0 and kind != 2 and kind >= 0:
             place_row(bodies.row[s], turn, grains.scale[i], work.row[i])
-            _write_form(work.row[i], work.form[i])
-        if rounds is not None and (kind == 3 or kind == 4):
-            place_row(bodies.row[s], turn, grains.scale[i], work.row[i])
+            if kind == 1:
+                _write_form(work.row[i], work.form[i])
 
 
 @bare_kernel
@@ -102,10 +101,10 @@ def _write_form(placed, form):  # type: ignore[no-untyped-def]
 
 
 @kernel
-def _find(grains, bodies, work, pairs, rows, m, margin, rest, ellipsoids, rounds, begin, end):  # type: ignore[no-untyped-def]
+def _find(grains, bodies, work, pairs, rows, m, margin, rest, curved, begin, end):  # type: ignore[no-untyped-def]
     """Write the contacts of the pairs from `begin` to `end` - 1; return the next row, or -1.
 
-    ellipsoids, rounds: None where there are no ellipsoids, or cylinders and cones.
+    curved: None where there are no ellipsoids, cylinders and cones.
     """
     offset = work.offset
     for p in range(begin, end):
@@ -134,14 +133,12 @@ def _find(grains, bodies, work, pairs, rows, m, margin, rest, ellipsoids, rounds
             start = _first_direction(normal, offset[0], offset[1], offset[2], distance, True)
             m, gap = _touch_two(
                 grains, bodies, work, rows, m, one, two, offset, start, reach, look, old_rows, normal,
-                ellipsoids, rounds,
+                curved,
             )  # fmt: skip
         elif kind_i == 0 and kind_j == 0:
             m, gap = _touch_spheres(grains, work, rows, m, i, j, offset, reach, look, old_rows, normal)
         elif kind_i >= 0 and kind_j >= 0:
-            m, gap = _touch_union(
-                grains, bodies, work, rows, m, i, j, offset, reach, look, old_rows, normal, ellipsoids, rounds
-            )
+            m, gap = _touch_union(grains, bodies, work, rows, m, i, j, offset, reach, look, old_rows, normal, curved)
         if m < 0:
             return -1
         pairs.bound[p] = gap
@@ -206,7 +203,7 @@ def _touch_spheres(grains, work, rows, m, i, j, offset, reach, look, old_rows, n
 
 
 @bare_kernel
-def _touch_union(grains, bodies, work, rows, m, i, j, offset, reach, look, old_rows, normal, ellipsoids, rounds):  # type: ignore[no-untyped-def]
+def _touch_union(grains, bodies, work, rows, m, i, j, offset, reach, look, old_rows, normal, curved):  # type: ignore[no-untyped-def]
     """Write the contacts of a union of spheres and a solid; return the next row and the gap."""
     kind_i = bodies.kind[grains.shape[i]]
     x, y, z = offset[0], offset[1], offset[2]
@@ -230,7 +227,7 @@ def _touch_union(grains, bodies, work, rows, m, i, j, offset, reach, look, old_r
             one, two = _solid(grains, bodies, work, i), sphere
         before = normal[0], normal[1], normal[2]
         m, gap = _touch_two(
-            grains, bodies, work, rows, m, one, two, offset, start, reach, look, old_rows, normal, ellipsoids, rounds
+            grains, bodies, work, rows, m, one, two, offset, start, reach, look, old_rows, normal, curved
         )
         if m < 0:
             return -1, best
@@ -260,23 +257,23 @@ def _first_direction(normal, x, y, z, distance, remembered):  # type: ignore[no-
 
 @bare_kernel
 def _touch_two(  # type: ignore[no-untyped-def]
-    grains, bodies, work, rows, m, one, two, offset, start, reach, look, old_rows, normal, ellipsoids, rounds,
+    grains, bodies, work, rows, m, one, two, offset, start, reach, look, old_rows, normal, curved,
 ):  # fmt: skip
     """Write the contacts of two parts, and their normal; return the next row and the gap."""
     old, count, rest = old_rows
     kind_i, i, lo_i, _, _, radius_i = one
     kind_j, j, lo_j, _, _, radius_j = two
-    near = work.near
+    near, place = work.simplex.near, (offset[0], offset[1], offset[2])
     thick = min(
         radius_i if kind_i == 0 else bodies.thick[grains.shape[i]] * grains.scale[i],
         radius_j if kind_j == 0 else bodies.thick[grains.shape[j]] * grains.scale[j],
     )
     smooth = False
-    if ellipsoids is not None:
+    if curved is not None:
         smooth = kind_i <= 1 and kind_j <= 1
         if smooth:
             ax, ay, az = 0.0, 0.0, 0.0
-            x, y, z = offset[0], offset[1], offset[2]
+            x, y, z = place
             if kind_i == 0:
                 ax, ay, az = work.corner[lo_i, 0], work.corner[lo_i, 1], work.corner[lo_i, 2]
                 x, y, z = x - ax, y - ay, z - az
@@ -287,7 +284,7 @@ def _touch_two(  # type: ignore[no-untyped-def]
             )
             near[3], near[4], near[5] = ax + near[3], ay + near[4], az + near[5]
     if not smooth:
-        gap, nx, ny, nz = part_gap(bodies, work, one, two, offset, start, thick, look, ellipsoids, rounds)
+        gap, nx, ny, nz = part_gap(bodies, work, one, two, place, start, thick, look, curved)
     ax, ay, az = near[3], near[4], near[5]
     normal[0], normal[1], normal[2] = nx, ny, nz
     if gap >= reach:
@@ -301,6 +298,6 @@ def _touch_two(  # type: ignore[no-untyped-def]
     if kind_i >= 2 and kind_j >= 2:
         m = write_face_contacts(
             grains, bodies, work, rows, m, i, j, offset, (nx, ny, nz), reach, rest, thick, m - 1, old, count,
-            rounds,
+            curved,
         )  # fmt: skip
     return m, gap

@@ -32,25 +32,25 @@ STRIP = 0.02
 def write_face_contacts(
     grains: Grains, bodies: ConvexBodies, work: ConvexWork, rows: ContactRows, m: int, i: int, j: int, offset: Floats,
     normal: tuple[float, float, float], reach: float, rest: float, thick: float, start: int, old: int, count: int,
-    rounds: object,
+    curved: object,
 ) -> int:  # fmt: skip
     """Write rows m, ... for the faces of two solids along a normal; return the next row, -1 if there is no space.
 
-    Rows from `start` on are those of the pair; old, count: its old rows.  rounds:
-    None where there are no cylinders and cones.
+    Rows from `start` on are those of the pair; old, count: its old rows.  curved:
+    None where there are no ellipsoids, cylinders and cones.
     """
     nx, ny, nz = normal
-    mine, gx, gy, gz, level, strip = _write_face(grains, bodies, work, i, nx, ny, nz, work.window, rounds)
+    mine, gx, gy, gz, level, strip = _write_face(grains, bodies, work, i, nx, ny, nz, work.window, curved)
     if mine == 0:
         return m
-    theirs, hx, hy, hz, other_level, _ = _write_face(grains, bodies, work, j, -nx, -ny, -nz, work.ring, rounds)
+    theirs, hx, hy, hz, other_level, _ = _write_face(grains, bodies, work, j, -nx, -ny, -nz, work.ring, curved)
     if theirs == 0:
         return m
     for k in range(theirs):
         for c in range(3):
             work.ring[k, c] += offset[c]
     side = 1.0
-    if rounds is not None and mine == 2 and theirs > 2:
+    if curved is not None and mine == 2 and theirs > 2:
         # the segment is clipped to the face
         for k in range(max(mine, theirs)):
             for c in range(3):
@@ -59,7 +59,7 @@ def write_face_contacts(
         gx, gy, gz = hx, hy, hz
         level = other_level + gx * offset[0] + gy * offset[1] + gz * offset[2]
     x, y, z = side * nx, side * ny, side * nz
-    if rounds is not None and mine == 2:
+    if curved is not None and mine == 2:
         left = _clip_to_strip(work.window, work.ring, work.other, theirs, x, y, z, strip)
     else:
         left = _clip_to_window(work.window, work.ring, work.other, mine, theirs, x, y, z)
@@ -105,7 +105,7 @@ def _shorten(rows, start, stop, point, known):  # type: ignore[no-untyped-def]
 
 
 @bare_kernel
-def _write_face(grains, bodies, work, i, nx, ny, nz, ring, rounds):  # type: ignore[no-untyped-def]
+def _write_face(grains, bodies, work, i, nx, ny, nz, ring, curved):  # type: ignore[no-untyped-def]
     """Write the corners of the face of a grain that is most nearly perpendicular to n, relative to its centroid.
 
     Return how many they are (0: no such face, 2: the side of a cylinder or cone), the outward normal and the level of
@@ -115,7 +115,7 @@ def _write_face(grains, bodies, work, i, nx, ny, nz, ring, rounds):  # type: ign
     kind = bodies.kind[s]
     if kind == 2:
         return _write_flat_face(grains, bodies, work, i, nx, ny, nz, ring)
-    if rounds is not None and (kind == 3 or kind == 4):
+    if curved is not None and (kind == 3 or kind == 4):
         return _write_round_face(work.row[i], nx, ny, nz, ring)
     return 0, 0.0, 0.0, 0.0, 0.0, 0.0
 
