@@ -11,7 +11,6 @@ from functools import partial
 import numpy as np
 import pytest
 
-from voxgran._base.compiling.kernel_files import MARK, _Files
 from voxgran._base.files import is_private
 from voxgran._base.kernels import Kernel, cache_folder, inlined_kernel, kernel, telling_of_compilation
 from voxgran._base.names import unknown
@@ -195,6 +194,8 @@ def cache_in(monkeypatch, parent):
 
 def test_kernels_that_others_could_have_written_are_not_run(tmp_path, monkeypatch, caplog):
     folder, missed = cache_in(monkeypatch, tmp_path), []
+    from voxgran._base.compiling.kernel_files import _Files
+
     files = _Files(folder, "f", on_miss=partial(missed.append, "missed"), on_save=lambda: None)
     files.save("key", {"a": 1})
     (file,) = folder.iterdir()
@@ -209,6 +210,8 @@ def test_kernels_that_others_could_have_written_are_not_run(tmp_path, monkeypatc
 
 def test_only_forgotten_files_of_the_cache_are_removed(tmp_path, monkeypatch):
     hashes = f"{'0' * 16}-{'a' * 16}.kernel"
+    from voxgran._base.compiling.kernel_files import MARK
+
     names = {f"f-{hashes}": MARK, f".{'0' * 16}.draft": MARK, f"g-{hashes}": b"thesis", "thesis.kernel": MARK}
     names |= {".thesis.draft": MARK, "notes.txt": MARK, "../kernels-thesis/results": b"thesis"}
     folder = tmp_path / "kernels"

@@ -142,6 +142,6 @@ def test_rocks_that_were_locked_in_each_other_while_they_grew_come_free():
 
 
 def test_grains_that_would_fall_without_end_are_refused():
-    grains = vg.Packing.of(vg.shapes.sphere(), vg.Box((4, 4, 8)), position=[(1, 1, 1), (2, 2, 5)], scale=2e-6)
+    grains = vg.Packing.of(vg.shapes.sphere(), vg.Box((4, 4, 8)), position=[(1, 1, 1), (2, 2, 5)], scale=[2e-6] * 2)
     with pytest.raises(InputError, match=r"4e\+06 median diameters high along gravity: grains fall through at most"):
         vg.settle(grains, gravity="-z")

@@ -84,7 +84,7 @@ def test_rules_give_packings_without_overlap_until_nothing_fits(place):
 
 
 def test_a_thousand_spheres_find_a_place():
-    with pytest.warns(PackingWarning, match="pairs of grains overlap by up to 0.0"):
+    with pytest.warns(PackingWarning, match="overlap by up to 0.0"):
         packing = vg.pack(
             vg.make_shape("sphere"),
             vg.Box((10, 10, 10)),
