@@ -7,8 +7,8 @@ import numpy as np
 
 from voxgran._base.arrays import Floats, Integers
 from voxgran.contacts.assembly import Assembly
+from voxgran.contacts.manifolds.convex_bodies import is_convex
 from voxgran.containers.model import UNKNOWN, boundary_of
-from voxgran.settling.finding.convex_bodies import is_convex
 
 
 class Plane(NamedTuple):
