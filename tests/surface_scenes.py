@@ -5,9 +5,9 @@ import numpy as np
 from voxgran.contacts.assembly import Assembly
 from voxgran.contacts.broad import Pairs
 from voxgran.contacts.find import surface_trees
+from voxgran.contacts.manifolds.rows import CONVEX, ROW, SPHERE, SURFACE, ContactRows, Grains, PairList
 from voxgran.contacts.surface_pairs import surface_gaps
 from voxgran.geometry.rotation import normalized, rotation_matrices
-from voxgran.settling.contact_rows import CONVEX, ROW, SPHERE, SURFACE, ContactRows, Grains, PairList
 from voxgran.shapes.mesh import Mesh
 
 

@@ -50,8 +50,6 @@ LATERAL = {
     "control_point": {"walking"},
     # spheres of a front may grow at the end
     "advancing_front": {"transform"},
-    # true shapes in gaps are compared by the tables and the exact tests of random sequential addition
-    "space_filling": {"rsa"},
 }
 #: classes of containers: other rooms ask for their boundary, so that a new container is one file
 CONTAINERS = {"Box", "ClosedMesh", "Cylinder", "Disk", "Polygon", "Rectangle", "Sphere"}

@@ -24,9 +24,9 @@ from voxgran._base.seeds import stream
 from voxgran.cli import main
 from voxgran.cli.commands import COMMANDS
 from voxgran.clumps.method import clump_registry
+from voxgran.contacts.manifolds.finders import kinds_of
+from voxgran.contacts.manifolds.rows import CONVEX, OUTLINE, SPHERE, SURFACE
 from voxgran.packing.method import method_registry
-from voxgran.settling.contact_rows import CONVEX, OUTLINE, SPHERE, SURFACE
-from voxgran.settling.finding.finders import kinds_of
 from voxgran.shapes.family import families
 from voxgran.shapes.winding import winding_numbers
 

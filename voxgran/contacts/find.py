@@ -18,19 +18,17 @@ from voxgran._base.progress import OnStep, Step, silent
 from voxgran._base.stopping import stop_if_asked
 from voxgran.contacts.assembly import Assembly
 from voxgran.contacts.broad import Pairs, grain_pairs
-from voxgran.contacts.convex import part_contacts
+from voxgran.contacts.convex import part_contacts, sphere_contacts
 from voxgran.contacts.inside import inner_distance, placed
 from voxgran.contacts.mesh_parts import touch_convex, touch_spheres
 from voxgran.contacts.meshes import meshes_meet, touch_meshes
-from voxgran.contacts.model import Contacts
+from voxgran.contacts.model import Contacts, Touch
 from voxgran.contacts.open_surfaces import open_touch
 from voxgran.contacts.outlines import touch_disk, touch_polygons
 from voxgran.contacts.parts import has_parts, is_disk, parts_of
 from voxgran.contacts.search import deepest_point
 from voxgran.contacts.solid import Solid
-from voxgran.contacts.spheres import sphere_contacts
 from voxgran.contacts.surface_pairs import surface_gaps
-from voxgran.contacts.touch import Touch
 from voxgran.geometry.tree import TriangleTree
 from voxgran.shapes.describing.body import Geometry
 from voxgran.shapes.mesh import Mesh

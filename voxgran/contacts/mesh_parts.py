@@ -17,11 +17,11 @@ from voxgran.contacts.convex import TOUCHING, part_size, penetration
 from voxgran.contacts.depth import deepest_of_round
 from voxgran.contacts.inside import inner_distance, placed
 from voxgran.contacts.meshes import outward
+from voxgran.contacts.model import Touch, direction
 from voxgran.contacts.parts import Parts, row_of
 from voxgran.contacts.search import deepest_point
 from voxgran.contacts.separation import separation
 from voxgran.contacts.solid import Solid
-from voxgran.contacts.touch import Touch, direction
 from voxgran.contacts.triangles import TreeArrays
 from voxgran.geometry.rotation import stretch_of
 from voxgran.geometry.support import CONE, CYLINDER, TRIANGLE, support

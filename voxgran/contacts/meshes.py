@@ -11,9 +11,9 @@ import numpy as np
 from voxgran._base.arrays import Floats
 from voxgran.contacts.depth import deepest_of_triangles
 from voxgran.contacts.inside import placed
+from voxgran.contacts.model import Touch, direction
 from voxgran.contacts.search import deepest_point
 from voxgran.contacts.solid import Body, Solid, combine
-from voxgran.contacts.touch import Touch, direction
 from voxgran.contacts.triangles import nearest_points
 from voxgran.geometry.rotation import stretch_of
 
@@ -24,7 +24,7 @@ DEEP = 1e-3
 
 
 def touch_meshes(one: Solid, other: Solid, *, matrix: Floats, offset: Floats, reach: float) -> Touch:
-    """Return the contact of two meshes; see :mod:`voxgran.contacts.touch` for the frames."""
+    """Return the contact of two meshes; see :mod:`voxgran.contacts.model` for the frames."""
     factor = stretch_of(matrix)
     margin = ROUNDING * (one.tree.size + factor * other.tree.size + float(np.linalg.norm(offset)))
     distance, point, partner = nearest_points(

@@ -17,10 +17,10 @@ from voxgran.contacts.depth import deepest_of_triangles
 from voxgran.contacts.inside import inner_distance, placed
 from voxgran.contacts.mesh_parts import depth_in_convex, distance_to_triangles, placed_row
 from voxgran.contacts.meshes import ROUNDING
+from voxgran.contacts.model import Touch, direction
 from voxgran.contacts.parts import Parts, parts_of
 from voxgran.contacts.sheet_crossing import crossing_depth
 from voxgran.contacts.solid import Solid
-from voxgran.contacts.touch import Touch, direction
 from voxgran.contacts.triangles import nearest_points
 from voxgran.geometry.rotation import stretch_of
 from voxgran.shapes.describing.body import Geometry

@@ -13,8 +13,8 @@ from voxgran._base.arrays import Floats
 from voxgran._base.kernels import kernel
 from voxgran.contacts.depth import ACCURACY, MOST_PATCHES
 from voxgran.contacts.inside import inner_distance, placed
+from voxgran.contacts.model import Touch, direction
 from voxgran.contacts.search import deepest_point
-from voxgran.contacts.touch import Touch, direction
 from voxgran.geometry.rotation import stretch_of
 from voxgran.shapes.outline import Outline
 

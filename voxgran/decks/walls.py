@@ -6,9 +6,9 @@ import numpy as np
 
 from voxgran._base.arrays import Floats, Integers
 from voxgran.contacts.assembly import Assembly
+from voxgran.contacts.manifolds.convex_bodies import is_convex
 from voxgran.containers.model import boundary_of
 from voxgran.geometry.walls import Plane, Round
-from voxgran.settling.finding.convex_bodies import is_convex
 
 
 @dataclass(frozen=True, eq=False)

@@ -16,13 +16,13 @@ from voxgran._base.errors import InputError
 from voxgran._base.files import as_path, refuse_to_replace, write_files
 from voxgran.clumps.fit import fit_clump
 from voxgran.clumps.model import Clump
+from voxgran.contacts.manifolds.convex_bodies import is_convex
 from voxgran.containers.model import Container
 from voxgran.decks.bodies import Kind, Template, names_of
 from voxgran.decks.engine import Engine, engine_registry
 from voxgran.decks.material import GRAVITY, Material
 from voxgran.decks.simulation import LONGEST, REST, Simulation, simulation_of
 from voxgran.packing.model import Packing, check_packing
-from voxgran.settling.finding.convex_bodies import is_convex
 from voxgran.shapes.model import Shape
 from voxgran.shapes.spheres import Spheres
 

@@ -1,11 +1,13 @@
 """Rotations as unit quaternions (w, x, y, z), and uniform sets of them."""
 
+import math
 from typing import TypeAlias
 
 import numpy as np
 
-from voxgran._base.arrays import Floats
+from voxgran._base.arrays import Floats, Words
 from voxgran._base.kernels import bare_kernel, inlined_kernel
+from voxgran._base.seeds import philox_block, unit_float
 
 #: a rotation matrix, row by row
 Nine: TypeAlias = tuple[float, float, float, float, float, float, float, float, float]
@@ -131,3 +133,19 @@ def write_matrix(q: Floats, matrix: Floats) -> None:
     matrix[0, 0], matrix[0, 1], matrix[0, 2] = r0, r1, r2
     matrix[1, 0], matrix[1, 1], matrix[1, 2] = r3, r4, r5
     matrix[2, 0], matrix[2, 1], matrix[2, 2] = r6, r7, r8
+
+
+@bare_kernel
+def draw_quaternion(dimension: int, key: Words, number: int, quaternion: Floats) -> None:
+    """Write the rotation of block (number, 1), uniform over all.
+
+    By the method of Shoemake 1992, doi:10.1016/B978-0-08-050755-2.50036-1.
+    """
+    a, b, c, _ = philox_block(key[0], key[1], np.uint64(number), np.uint64(1))
+    u, first, second = unit_float(a), 2.0 * math.pi * unit_float(b), 2.0 * math.pi * unit_float(c)
+    if dimension == 2:
+        quaternion[0], quaternion[3] = math.cos(math.pi * u), math.sin(math.pi * u)
+        return
+    inner, outer = math.sqrt(u), math.sqrt(1.0 - u)
+    quaternion[0], quaternion[1] = inner * math.cos(second), outer * math.sin(first)
+    quaternion[2], quaternion[3] = outer * math.cos(first), inner * math.sin(second)

@@ -12,13 +12,13 @@ from voxgran._base.errors import InputError
 from voxgran.contacts.assembly import Assembly
 from voxgran.contacts.assembly import Lid as LidPlane
 from voxgran.contacts.forces import LID, WALL, ContactForces
+from voxgran.contacts.manifolds.rows import ARM_I, GAP, NORMAL
 from voxgran.packing.bed_search import SoughtBed
 from voxgran.packing.grains import STOP_REASONS
 from voxgran.packing.gravity import main_axis
 from voxgran.packing.method import Array, Cost, PackingMethod, RunState
 from voxgran.packing.model import Packing
 from voxgran.packing.problem import Problem
-from voxgran.settling.contact_rows import ARM_I, GAP, NORMAL
 from voxgran.settling.equilibrium import carried_by
 from voxgran.settling.parameters import Settling
 from voxgran.settling.stages import RESIDUAL, TOUCHING, Settler

@@ -14,8 +14,9 @@ import numpy as np
 
 from voxgran._base.arrays import Floats, Integers
 from voxgran.contacts.assembly import Assembly, Lid
-from voxgran.geometry.rotation import normalized
-from voxgran.settling.contact_rows import (
+from voxgran.contacts.manifolds.finders import ContactFinders, kinds_of
+from voxgran.contacts.manifolds.pair_list import no_pairs, renewed
+from voxgran.contacts.manifolds.rows import (
     ARM_I,
     ARM_J,
     GAP,
@@ -28,9 +29,8 @@ from voxgran.settling.contact_rows import (
     PairList,
     carry_rows,
 )
-from voxgran.settling.finding.finders import ContactFinders, kinds_of
+from voxgran.geometry.rotation import normalized
 from voxgran.settling.impulses import move_bodies, write_matrices
-from voxgran.settling.pair_list import no_pairs, renewed
 
 Array = TypeVar("Array", bound="np.ndarray[Any, Any]")
 

@@ -8,8 +8,8 @@ get more room in each round, and are parted.
 import numpy as np
 
 from voxgran._base.arrays import Booleans
+from voxgran.contacts.manifolds.rows import GAP, SURFACE
 from voxgran.settling.bed import Bed
-from voxgran.settling.contact_rows import GAP, SURFACE
 from voxgran.settling.parting import part_grains
 
 #: distance up to which gaps by grids are found, and up to which exact ones are

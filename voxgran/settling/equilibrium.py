@@ -18,9 +18,9 @@ from voxgran._base.compiling.threads import using_threads
 from voxgran._base.errors import InputError
 from voxgran._base.lazy import load
 from voxgran.contacts.assembly import Assembly
+from voxgran.contacts.manifolds.rows import ARM_I, GAP, NORMAL, ContactRows
 from voxgran.settling.balance import accelerated_projected_gradient, gauss_seidel_forces
 from voxgran.settling.bed import Bed, normalized_bed
-from voxgran.settling.contact_rows import ARM_I, GAP, NORMAL, ContactRows
 from voxgran.settling.interior_point import frictionless_forces
 from voxgran.settling.parameters import MOST_FRICTION
 

@@ -13,7 +13,7 @@ import math
 
 from voxgran._base.arrays import Floats
 from voxgran._base.kernels import bare_kernel, inlined_kernel, kernel
-from voxgran.settling.contact_rows import ContactRows
+from voxgran.contacts.manifolds.rows import ContactRows
 
 #: velocity of approach, in sqrt(g d), below which bodies do not rebound
 SLOW = 0.05

@@ -18,7 +18,7 @@ import numpy as np
 from voxgran._base.arrays import Floats, Integers
 from voxgran._base.lazy import load
 from voxgran._base.stopping import stop_if_asked
-from voxgran.settling.contact_rows import ARM_I, ARM_J, NORMAL
+from voxgran.contacts.manifolds.rows import ARM_I, ARM_J, NORMAL
 from voxgran.settling.frontal import FrontalMatrix
 
 #: most factorizations

@@ -8,9 +8,9 @@ forces at the contacts that touch which balance every weight and torque (:mod:`v
 
 import numpy as np
 
+from voxgran.contacts.manifolds.rows import PUSH
 from voxgran.settling.balance import gauss_seidel_forces
 from voxgran.settling.bed import Bed
-from voxgran.settling.contact_rows import PUSH
 from voxgran.settling.interior_point import frictionless_forces
 
 #: compression of a contact by a force of one weight, in median diameters; a lid does not compress contacts more

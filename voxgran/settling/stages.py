@@ -16,9 +16,9 @@ from voxgran._base.errors import InputError
 from voxgran._base.seeds import stream
 from voxgran._base.stopping import Stopped
 from voxgran.contacts.assembly import Assembly
+from voxgran.contacts.manifolds.rows import SURFACE
 from voxgran.settling.bed import Bed
 from voxgran.settling.closing import close_round
-from voxgran.settling.contact_rows import SURFACE
 from voxgran.settling.equilibrium import balance_bed
 from voxgran.settling.fall import Fall, fall_step, stop_falling
 from voxgran.settling.parameters import Settling

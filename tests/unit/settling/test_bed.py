@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 
 import voxgran as vg
+from voxgran.contacts.manifolds.rows import ARM_I, ARM_J
 from voxgran.packing.settling_run import normalized_assembly
 from voxgran.settling.bed import Bed
-from voxgran.settling.contact_rows import ARM_I, ARM_J
 from voxgran.settling.parting import part_grains
 
 DOWN = np.array([0.0, 0.0, -1.0])

@@ -32,12 +32,12 @@ from voxgran._base.arrays import Floats
 from voxgran._base.seeds import stream
 from voxgran._base.stopping import Stopped, stop_if_asked
 from voxgran.contacts.assembly import Assembly
+from voxgran.contacts.manifolds.rows import SURFACE
 from voxgran.contacts.verify import verify
 from voxgran.packing.jamming.coordination import NearPairs
 from voxgran.packing.jamming.thermal import FIRST_FREE, Motion, stop_moving, thermal_step
 from voxgran.settling.bed import Bed
 from voxgran.settling.closing import close_round
-from voxgran.settling.contact_rows import SURFACE
 from voxgran.settling.parting import part_grains
 
 #: solid fraction whose sizes are the unit in which grains grow, by dimension, and the one at which they begin

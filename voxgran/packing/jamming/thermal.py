@@ -21,8 +21,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from voxgran._base.arrays import Floats
+from voxgran.contacts.manifolds.rows import ARM_I, ARM_J, GAP, NORMAL, PUSH
 from voxgran.settling.bed import Bed
-from voxgran.settling.contact_rows import ARM_I, ARM_J, GAP, NORMAL, PUSH
 from voxgran.settling.fall import Fall, fall_step
 
 #: thermal speed along each axis of a grain of unit mass, in median diameters in a unit of time

@@ -29,6 +29,7 @@ from numpy.typing import NDArray
 from voxgran._base.arrays import WHOLE, Floats, Integers, Words
 from voxgran._base.kernels import bare_kernel
 from voxgran._base.seeds import below, philox_block, unit_float
+from voxgran.contacts.overlap.true_shapes import TrueShapes
 from voxgran.containers.kernel_container import KernelContainer, is_between, is_held
 from voxgran.geometry.level_grid import LevelGrid
 from voxgran.packing.rsa.available_boxes import NEAR, open_boxes, slices
@@ -36,7 +37,6 @@ from voxgran.packing.rsa.candidates import IN_ROW, PLACED, REFUSED, TRIED, TURN
 from voxgran.packing.rsa.cell_parts import LOW, cell_index, look_at_parts, look_at_true, parts_in_place
 from voxgran.packing.rsa.overlaps import Grains, enter, extents, find_overlap
 from voxgran.packing.rsa.true_overlaps import place_true
-from voxgran.packing.rsa.true_shapes import TrueShapes
 
 #: misses, per open cell, after which cells are halved
 PATIENCE = 1
@@ -271,7 +271,7 @@ def throw_into_cells(
     shapes : TrueShapes or None
         None for spheres and aligned boxes.
     rows : object
-        As in :mod:`voxgran.packing.rsa.true_pairs`.
+        As in :mod:`voxgran.contacts.overlap.true_pairs`.
 
     Returns
     -------

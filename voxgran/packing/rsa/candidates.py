@@ -14,11 +14,11 @@ from numpy.typing import NDArray
 from voxgran._base.arrays import Floats, Integers, Words
 from voxgran._base.kernels import bare_kernel
 from voxgran._base.seeds import philox_block, unit_float
+from voxgran.contacts.overlap.true_shapes import TrueShapes
 from voxgran.containers.kernel_container import KernelContainer, is_between, is_held
 from voxgran.geometry.level_grid import LevelGrid
 from voxgran.packing.rsa.overlaps import Grains, enter, extents, find_overlap
 from voxgran.packing.rsa.true_overlaps import place_true
-from voxgran.packing.rsa.true_shapes import TrueShapes
 
 #: where the radius of a rejected candidate is tried next: nowhere, at the next coordinate, at all unused coordinates
 DROP, NEXT, SCAN = 0, 1, 2
@@ -71,7 +71,7 @@ def add_candidates(
     """Make attempts `first` to `last` - 1, one candidate each; return the number of the next attempt.
 
     The loop ends early when no grain or no coordinate is left, and with the first grain that is dropped if `ends`.
-    shapes: None for spheres and aligned boxes.  rows: as in :mod:`voxgran.packing.rsa.true_pairs`.
+    shapes: None for spheres and aligned boxes.  rows: as in :mod:`voxgran.contacts.overlap.true_pairs`.
     """
     for attempt in range(first, last):
         c = _next_coordinate(rules, coordinates, queue, tally, attempt)

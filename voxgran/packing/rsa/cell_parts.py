@@ -11,11 +11,11 @@ from numpy.typing import NDArray
 
 from voxgran._base.arrays import Floats, Integers
 from voxgran._base.kernels import bare_kernel
+from voxgran.contacts.overlap.true_shapes import TrueShapes
 from voxgran.containers.kernel_container import KernelContainer, is_barred
 from voxgran.geometry.level_grid import LevelGrid
 from voxgran.packing.rsa.overlaps import Grains, gather, is_within
 from voxgran.packing.rsa.true_overlaps import is_taken, list_near
-from voxgran.packing.rsa.true_shapes import TrueShapes
 
 #: the lowest 16 bits of a number
 LOW = 0xFFFF

@@ -1,7 +1,7 @@
 """Random sequential addition: grains are placed one by one at random positions; those that overlap are rejected.
 
 Grains are spheres, in two dimensions disks, or true shapes in random orientations, of which the overlap is decided
-exactly (:mod:`voxgran.packing.rsa.true_pairs`): ellipsoids, boxes, cylinders, cones, polyhedra, meshes, unions of
+exactly (:mod:`voxgran.contacts.overlap.true_pairs`): ellipsoids, boxes, cylinders, cones, polyhedra, meshes, unions of
 spheres and outlines. With `aligned`, boxes and rectangles stand along the axes.
 
 Candidates are made by the schemes of Chu 2011. ``classic``: a candidate that overlaps is rejected. ``1``: it is moved
@@ -41,6 +41,7 @@ from voxgran._base.arrays import Integers, Words
 from voxgran._base.config import check_bounds, parameter, parameter_class
 from voxgran._base.errors import InputError
 from voxgran._base.seeds import philox_key
+from voxgran.contacts.overlap.true_shapes import TrueShapes, mark_of_rows
 from voxgran.contacts.verify import verify
 from voxgran.packing.method import Cost, PackingMethod, State
 from voxgran.packing.model import Packing
@@ -69,7 +70,6 @@ from voxgran.packing.rsa.precompute import (
     searches,
 )
 from voxgran.packing.rsa.saturation import goes_on, proof_of, warn_if_not_proven
-from voxgran.packing.rsa.true_shapes import TrueShapes, mark_of_rows
 from voxgran.packing.start import Start
 
 #: what the kernels count, in their order

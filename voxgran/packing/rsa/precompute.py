@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 from voxgran._base.arrays import Floats, Integers
 from voxgran._base.errors import InputError, TooLargeError
 from voxgran._base.seeds import philox_key, stream
+from voxgran.contacts.overlap.true_shapes import TrueShapes, inner_radius, true_shapes
 from voxgran.containers.kernel_container import KernelContainer, kernel_container
 from voxgran.containers.model import boundary_of
 from voxgran.geometry.level_grid import LevelGrid
@@ -15,7 +16,6 @@ from voxgran.packing.problem import Problem
 from voxgran.packing.rsa.available_cells import Classes, make_classes
 from voxgran.packing.rsa.candidates import SCAN, CandidateRules, fill_table
 from voxgran.packing.rsa.overlaps import lay_out, sort_into_levels
-from voxgran.packing.rsa.true_shapes import TrueShapes, inner_radius, true_shapes
 from voxgran.shapes.model import Shape
 from voxgran.shapes.outline import Outline
 from voxgran.shapes.primitive import Primitive

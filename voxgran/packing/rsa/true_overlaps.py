@@ -4,20 +4,15 @@ Grains whose inner spheres overlap certainly meet, and those whose bounding sphe
 nearest ones, in sums of the bounding radii, are tested first, exactly.
 """
 
-import math
-
-import numpy as np
-
-from voxgran._base.arrays import Floats, Words
+from voxgran._base.arrays import Words
 from voxgran._base.kernels import bare_kernel
-from voxgran._base.seeds import philox_block, unit_float
+from voxgran.contacts.overlap.true_pairs import in_frame, meets_itself, place_relative, shapes_meet
+from voxgran.contacts.overlap.true_shapes import TrueShapes
+from voxgran.contacts.overlap.true_walls import is_within_walls
 from voxgran.containers.kernel_container import KernelContainer, is_barred
 from voxgran.geometry.level_grid import LevelGrid, cells_near, first_in_cell
-from voxgran.geometry.rotation import write_matrix
+from voxgran.geometry.rotation import draw_quaternion, write_matrix
 from voxgran.packing.rsa.overlaps import Grains, enter
-from voxgran.packing.rsa.true_pairs import place_relative, shapes_meet
-from voxgran.packing.rsa.true_shapes import TrueShapes
-from voxgran.packing.rsa.true_walls import is_within_walls
 
 #: share of a radius by which a sphere is made smaller where rounding must not take it for meeting a grain
 SMALLER = 1e-9
@@ -41,7 +36,7 @@ def place_true(
 ) -> bool:
     """Place grain g at (x, y, z), in the orientation of block (number, 1), if it meets nothing; return whether it did.
 
-    rows: as in :mod:`voxgran.packing.rsa.true_pairs`.
+    rows: as in :mod:`voxgran.contacts.overlap.true_pairs`.
     """
     s, f, inner, work = shapes.shape[g], shapes.scale[g], shapes.inner[g], shapes.work
     if is_barred(walls, x, y, z, 0.0, 0.0, 0.0, inner):
@@ -158,52 +153,3 @@ def _meets_near(shapes, s, f, many, rows):  # type: ignore[no-untyped-def]
             place[best, c] = place[left - 1, c]
         grain[best] = grain[left - 1]
     return False
-
-
-@bare_kernel
-def meets_itself(
-    span: Floats, shapes: TrueShapes, s: int, f: float, radius: float, rows: object
-) -> bool:  # fmt: skip
-    """Return whether the new grain meets one of its own periodic images; span: periodic lengths, 0 without."""
-    work = shapes.work
-    mx = math.floor(2.0 * radius / span[0]) if span[0] > 0.0 else 0
-    my = math.floor(2.0 * radius / span[1]) if span[1] > 0.0 else 0
-    mz = math.floor(2.0 * radius / span[2]) if span[2] > 0.0 else 0
-    if mx + my + mz == 0:
-        return False
-    for i in range(3):
-        for j in range(3):
-            work.relative[i, j] = 1.0 if i == j else 0.0
-    for kx in range(-mx, mx + 1):
-        for ky in range(-my, my + 1):
-            # the image on the other side is the same pair
-            for kz in range(1 if kx == 0 and ky == 0 else -mz, mz + 1):
-                dx, dy, dz = kx * span[0], ky * span[1], kz * span[2]
-                if dx * dx + dy * dy + dz * dz < 4.0 * radius * radius:
-                    x, y, z = in_frame(work.turn, f, dx, dy, dz)
-                    if shapes_meet(shapes, s, s, x, y, z, 1.0, rows):
-                        return True
-    return False
-
-
-@bare_kernel
-def in_frame(turn: Floats, f: float, x: float, y: float, z: float) -> tuple[float, float, float]:
-    """Return a vector in the frame and unit of the new grain."""
-    return (
-        (turn[0, 0] * x + turn[1, 0] * y + turn[2, 0] * z) / f,
-        (turn[0, 1] * x + turn[1, 1] * y + turn[2, 1] * z) / f,
-        (turn[0, 2] * x + turn[1, 2] * y + turn[2, 2] * z) / f,
-    )
-
-
-@bare_kernel
-def draw_quaternion(dimension: int, key: Words, number: int, quaternion: Floats) -> None:
-    """Write a random rotation, uniform over all (Shoemake 1992, doi:10.1016/B978-0-08-050755-2.50036-1)."""
-    a, b, c, _ = philox_block(key[0], key[1], np.uint64(number), np.uint64(1))
-    u, first, second = unit_float(a), 2.0 * math.pi * unit_float(b), 2.0 * math.pi * unit_float(c)
-    if dimension == 2:
-        quaternion[0], quaternion[3] = math.cos(math.pi * u), math.sin(math.pi * u)
-        return
-    inner, outer = math.sqrt(u), math.sqrt(1.0 - u)
-    quaternion[0], quaternion[1] = inner * math.cos(second), outer * math.sin(first)
-    quaternion[2], quaternion[3] = outer * math.cos(first), inner * math.sin(second)

@@ -19,14 +19,22 @@ from typing import NamedTuple
 
 from voxgran._base.arrays import Floats, Integers
 from voxgran._base.kernels import bare_kernel
+from voxgran.contacts.manifolds.convex_distance import core_support, distance_along, tables_of
+from voxgran.contacts.overlap.true_pairs import (
+    CLOSE,
+    MOST_WAITING,
+    holds,
+    in_frame,
+    meets_itself,
+    place_part,
+    placed,
+    shapes_meet,
+)
+from voxgran.contacts.overlap.true_shapes import TrueShapes
+from voxgran.contacts.overlap.true_walls import is_within_walls
 from voxgran.containers.kernel_container import MESH, KernelContainer, clearance, mesh_distance
 from voxgran.geometry.rotation import write_matrix
-from voxgran.packing.rsa.true_overlaps import in_frame, meets_itself
-from voxgran.packing.rsa.true_pairs import CLOSE, MOST_WAITING, holds, place_part, placed, shapes_meet
-from voxgran.packing.rsa.true_shapes import TrueShapes
-from voxgran.packing.rsa.true_walls import is_within_walls
 from voxgran.packing.space_filling.reach_cells import ReachCells, cell_of, gap_at, near, ring_range
-from voxgran.settling.finding.convex_distance import core_support, distance_along, tables_of
 
 #: most steps to the contact of two convex shapes, and the relative rise of the scale at which they end
 STEPS, RISE = 60, 1e-13
@@ -70,7 +78,7 @@ def largest_scale(
 
     It is 0 if the scale is below `least` or the point is taken. The direction away from the contact is written.
 
-    rows: as in :mod:`voxgran.packing.rsa.true_pairs`.
+    rows: as in :mod:`voxgran.contacts.overlap.true_pairs`.
     """
     away, core = around.away, around.core[s]
     away[0] = away[1] = away[2] = 0.0

@@ -13,12 +13,11 @@ import numpy as np
 from voxgran._base.arrays import Floats, Integers, Words
 from voxgran._base.kernels import bare_kernel, kernel
 from voxgran._base.seeds import philox_block, unit_float
+from voxgran.contacts.overlap.true_shapes import inner_radius, mark_of_rows, true_shapes
 from voxgran.containers.kernel_container import kernel_container
-from voxgran.geometry.rotation import write_matrix
+from voxgran.geometry.rotation import draw_quaternion, write_matrix
 from voxgran.packing.method import State
 from voxgran.packing.problem import Problem
-from voxgran.packing.rsa.true_overlaps import draw_quaternion
-from voxgran.packing.rsa.true_shapes import inner_radius, mark_of_rows, true_shapes
 from voxgran.packing.space_filling.largest_scale import Surroundings, fits, largest_scale
 from voxgran.packing.space_filling.reach_cells import cells_with, list_sphere, with_room, wrapped
 
@@ -99,7 +98,7 @@ def put_shapes(
 ) -> tuple[int, int]:
     """Make attempts up to number `last`; return the number after the last that was made, and how this part ends.
 
-    filled: (1,) volume of the grains that were placed.  rows: as in :mod:`voxgran.packing.rsa.true_pairs`.
+    filled: (1,) volume of the grains that were placed.  rows: as in :mod:`voxgran.contacts.overlap.true_pairs`.
     """
     walls, shapes, place = around.walls, around.shapes, np.zeros(4)
     while done < last and tally[PLACED] < len(around.spheres) and tally[MISSED] < PATIENCE:

@@ -7,9 +7,9 @@ import pytest
 
 import voxgran as vg
 from voxgran.contacts.assembly import Assembly, Lid
+from voxgran.contacts.manifolds.rows import GAP, WALL
 from voxgran.contacts.walls import beyond_lid, escape_depths
 from voxgran.settling.bed import Bed
-from voxgran.settling.contact_rows import GAP, WALL
 from voxgran.settling.fall import Fall, fall_step
 
 UP = np.array([0.0, 0.0, 1.0])

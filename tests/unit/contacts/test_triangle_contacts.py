@@ -1,0 +1,181 @@
+"""Exact contacts of surfaces: gaps, normals and proofs are those of the general tests, edges and nested grains too."""
+
+import numpy as np
+import pytest
+from kit import hull, mesh_box
+from surface_scenes import bring_near, couples, exact_gaps, grains_of, pairs_of, rows_of
+
+import voxgran as vg
+from voxgran.contacts.manifolds.distance_grids import surface_bodies
+from voxgran.contacts.manifolds.rows import GAP
+from voxgran.contacts.manifolds.surface_memory import surface_work
+from voxgran.contacts.manifolds.triangle_contacts import MOST, find_triangle_contacts, prove_separate
+from voxgran.geometry.rotation import normalized
+
+STRAIGHT = np.array([[1.0, 0.0, 0.0, 0.0]])
+
+
+@pytest.fixture(scope="module")
+def rocks():
+    shapes = [vg.make_shape("solid_union", seed=seed) for seed in (1, 2)]
+    return shapes, surface_bodies(shapes)
+
+
+def contacts(grains, bodies, pairs, margin, rest=0.0):
+    """Return rows and work after one look at all pairs."""
+    size, rows = len(pairs.i), rows_of(MOST * len(pairs.i))
+    work = surface_work(bodies, size)
+    m = find_triangle_contacts(grains, bodies, work, pairs, size, rows, 0, margin, rest)
+    return rows, work, m
+
+
+def test_gaps_and_normals_are_those_of_the_general_tests(rocks):
+    shapes, bodies = rocks
+    grains, turns, pairs = couples(80, shapes, 3)
+    box = vg.Box((4000.0, 40.0, 40.0))
+    for k in range(3):
+        bring_near(shapes, grains, turns, pairs, box, np.random.Generator(np.random.Philox(k)))
+    gap, normal, _, proven = exact_gaps(shapes, grains, turns, pairs, 0.01, box)
+    rows, work, m = contacts(grains, bodies, pairs, 0.01, rest=1e-3)
+    near = np.flatnonzero(proven & (gap <= 0.01))
+    assert len(near) > 20
+    deepest = rows.row[pairs.first[near]]
+    np.testing.assert_allclose(deepest[:, GAP], gap[near] - 1e-3, atol=1e-13)
+    np.testing.assert_allclose(deepest[:, :3], normal[near], atol=1e-9)
+    np.testing.assert_allclose(work.arrays.gap[near], gap[near], atol=1e-13)
+    np.testing.assert_array_equal(work.arrays.proven, proven)
+    assert not pairs.count[proven & (gap > 0.01)].any()
+    overlapping = pairs.first[np.flatnonzero(~proven)]
+    assert (pairs.count[~proven] > 0).all()
+    assert (rows.row[overlapping, GAP] <= -1e-3).all()
+    # both arms lead to the contact, a gap apart along the normal
+    for k in range(m):
+        i, j, row = rows.i[k], rows.j[k], rows.row[k]
+        apart = (grains.position[j] + row[6:9]) - (grains.position[i] + row[3:6])
+        np.testing.assert_allclose(apart, (row[GAP] + 1e-3) * row[:3], atol=1e-12)
+
+
+def test_what_is_remembered_does_not_change_the_gaps(rocks):
+    """Grains of near couples move in small steps; each time the gaps are those of a look without memory."""
+    shapes, bodies = rocks
+    generator = np.random.Generator(np.random.Philox(5))
+    grains, turns, pairs = couples(60, shapes, 4)
+    box = vg.Box((3000.0, 40.0, 40.0))
+    for _ in range(3):
+        bring_near(shapes, grains, turns, pairs, box, generator)
+    work, rows = surface_work(bodies, 60), rows_of(MOST * 60)
+    for step in range(8):
+        gap, proven = prove_separate(grains, bodies, work, pairs=pairs, size=60, rows=rows, reach=0.02)
+        other = surface_work(bodies, 60)
+        fresh, again = prove_separate(grains, bodies, other, pairs=pairs, size=60, rows=rows, reach=0.02)
+        np.testing.assert_allclose(gap, fresh, atol=1e-13)
+        np.testing.assert_array_equal(proven, again)
+        grains.position[:] += generator.normal(size=(120, 3)) * (1e-3 if step < 6 else 2e-2)
+
+
+def test_edges_of_crossed_boxes_touch_at_one_place():
+    bar = mesh_box((2.0, 0.2, 0.2))
+    bodies = surface_bodies([bar])
+    # each lies on an edge, the upper one across the lower
+    tilt = np.array([np.cos(np.pi / 8), np.sin(np.pi / 8), 0.0, 0.0])
+    over = np.array([np.cos(np.pi / 4), 0.0, 0.0, np.sin(np.pi / 4)])
+    a, b = over, tilt
+    product = [a[0] * b[0] - a[1:] @ b[1:], *(a[0] * b[1:] + b[0] * a[1:] + np.cross(a[1:], b[1:]))]
+    turns, high = np.array([tilt, product]), 0.2 * np.sqrt(2)
+    grains = grains_of([bar], [0, 0], [[0, 0, 0], [0, 0, high + 1e-3]], turns)
+    rows, work, m = contacts(grains, bodies, pairs_of([0], [1]), 5e-3)
+    assert m == 1
+    np.testing.assert_allclose(rows.row[0, :10], [0, 0, 1, 0, 0, high / 2, 0, 0, -high / 2, 1e-3], atol=1e-12)
+    grains.position[1, 2] = high - 1e-3
+    rows, work, m = contacts(grains, bodies, pairs_of([0], [1]), 5e-3)
+    # the height of one edge over the other goes on through zero
+    assert m == 1
+    np.testing.assert_allclose(rows.row[0, :10], [0, 0, 1, 0, 0, high / 2, 0, 0, -high / 2, -1e-3], atol=1e-12)
+    assert not work.arrays.proven[0]
+
+
+def test_a_corner_in_a_face_has_its_depth():
+    block = mesh_box((1.0, 1.0, 1.0))
+    points = np.array([[0, 0, -1], [0.4, 0, 0], [-0.2, 0.35, 0], [-0.2, -0.35, 0]], dtype=float)
+    tip = vg.Shape.from_mesh(*hull(points)[:2])
+    low = float(tip.vertices[:, 2].min())
+    bodies = surface_bodies([block, tip])
+    for gap in (2e-3, -2e-3, -5e-3):
+        place = [[0, 0, 0], [0.1, 0.2, 0.5 - low + gap]]
+        for one, other in ((0, 1), (1, 0)):
+            grains = grains_of([block, tip], [one, other], [place[one], place[other]], np.repeat(STRAIGHT, 2, axis=0))
+            rows, work, m = contacts(grains, bodies, pairs_of([0], [1]), 4e-3)
+            assert m == 1
+            assert rows.row[0, GAP] == pytest.approx(gap, abs=1e-12)
+            np.testing.assert_allclose(rows.row[0, :3], [0, 0, 1 if one == 0 else -1], atol=1e-12)
+            assert work.arrays.proven[0] == (gap > 0)
+
+
+def test_faces_touch_at_their_corners():
+    block = mesh_box((1.0, 1.0, 1.0))
+    grains = grains_of([block], [0, 0], [[0, 0, 0], [0.3, 0.2, 1.001]], np.repeat(STRAIGHT, 2, axis=0))
+    rows, _, m = contacts(grains, surface_bodies([block]), pairs_of([0], [1]), 5e-3)
+    assert m >= 4
+    np.testing.assert_allclose(rows.row[:m, :3], [[0, 0, 1]] * m, atol=1e-12)
+    np.testing.assert_allclose(rows.row[:m, GAP], 1e-3, atol=1e-12)
+    corners = {(x, y) for x, y in np.round(rows.row[:m, 3:5], 6).tolist()}
+    assert {(-0.2, -0.3), (0.5, -0.3), (-0.2, 0.5), (0.5, 0.5)} <= corners
+
+
+def test_a_grain_in_a_cavity_is_separate_and_one_in_the_solid_is_not():
+    outer = mesh_box((1.0, 1.0, 1.0))
+    inner = mesh_box((0.2, 0.2, 0.2))
+    grains = grains_of([outer, inner], [0, 1], [[0, 0, 0], [0.1, 0, 0]], np.repeat(STRAIGHT, 2, axis=0))
+    rows, work, m = contacts(grains, surface_bodies([outer, inner]), pairs_of([0], [1]), 1e-2)
+    assert not work.arrays.proven[0]
+    assert work.arrays.gap[0] == -np.inf
+    assert m > 0
+    assert rows.row[:m, GAP].min() < -0.2
+
+
+def test_spheres_and_clumps_are_as_far_as_their_centers_less_the_radius(rocks):
+    rock = rocks[0][0]
+    sphere = vg.make_shape("sphere")
+    bodies = surface_bodies([rock, sphere])
+    generator = np.random.Generator(np.random.Philox(8))
+    turns = normalized(generator.normal(size=(60, 4)))
+    place = np.zeros((60, 3))
+    place[::2, 0] = 20.0 * np.arange(30)
+    way = normalized(np.column_stack([generator.normal(size=(30, 3)), np.zeros(30)]))[:, :3]
+    place[1::2] = place[::2] + way * (0.5 + 0.6 * generator.random(30))[:, None]
+    grains = grains_of([rock, sphere], [0, 1] * 30, place, turns)
+    pairs = pairs_of(np.arange(0, 60, 2), np.arange(1, 60, 2))
+    back = np.einsum("kji,kj->ki", grains.matrix[::2], place[1::2] - place[::2])
+    true = rock.signed_distance(back) - sphere.bounding_radius
+    rows, work, _ = contacts(grains, bodies, pairs, 0.3)
+    for p in np.flatnonzero((true < 0.3) & (true > -0.4)):
+        assert rows.row[pairs.first[p], GAP] == pytest.approx(true[p], abs=1e-12)
+        assert work.arrays.proven[p] == (true[p] > 0)
+    assert not pairs.count[true > 0.3].any()
+
+
+def test_a_grain_twenty_times_smaller_is_found_exactly(rocks):
+    shapes, bodies = rocks
+    grains, turns, pairs = couples(60, shapes, 9, ratio=0.05, reach=1.0)
+    box = vg.Box((3000.0, 40.0, 40.0))
+    for k in range(4):
+        bring_near(shapes, grains, turns, pairs, box, np.random.Generator(np.random.Philox(k)), most=2e-3)
+    gap, _, _, proven = exact_gaps(shapes, grains, turns, pairs, 2e-3, box)
+    rows, work, _ = contacts(grains, bodies, pairs, 2e-3)
+    near = np.flatnonzero(proven & (gap < 2e-3))
+    assert len(near) > 20
+    np.testing.assert_allclose(rows.row[pairs.first[near], GAP], gap[near], atol=1e-13)
+    np.testing.assert_array_equal(work.arrays.proven, proven)
+
+
+def test_two_tetrahedra_edge_to_edge():
+    points = np.array([[1, 0, 0], [-1, 0, 0], [0, 1, -1.5], [0, -1, -1.5]], dtype=float)
+    solid = vg.Shape.from_mesh(*hull(points)[:2])
+    top = float(solid.vertices[:, 2].max())
+    # upside down and turned by a quarter: the upper edges of both cross
+    half = np.sqrt(0.5)
+    turns = np.array([[1, 0, 0, 0], [0, half, half, 0]])
+    grains = grains_of([solid], [0, 0], [[0, 0, 0], [0.2, -0.3, 2 * top + 2e-3]], turns)
+    rows, _, m = contacts(grains, surface_bodies([solid]), pairs_of([0], [1]), 1e-2)
+    assert m == 1
+    np.testing.assert_allclose(rows.row[0, :10], [0, 0, 1, 0.2, 0, top, 0, 0.3, -top, 2e-3], atol=1e-12)

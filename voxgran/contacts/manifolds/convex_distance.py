@@ -1,0 +1,275 @@
+"""Gap, normal and nearest point of two convex parts from their support functions, also where they touch or overlap.
+
+The gap along a direction n is the distance of the two support planes, f(n). It never exceeds the true gap, which is the
+largest f over all n; for parts that overlap, the largest f near n is minus the shortest translation that separates them
+there. Parts that are apart are compared by the algorithm of Gilbert, Johnson and Keerthi (1988, doi:10.1109/56.2083),
+which starts along a known direction. Of parts that touch or overlap, one is first displaced along n by a length h: then
+it is apart from the other, and the normal m of the displaced parts has f(m) >= f(n) + h (1 - m.n). The step is repeated
+until n is constant (a proximal point method: Rockafellar 1976, doi:10.1137/0314056).
+
+Two ellipsoids have smooth support functions, of which Newton's method on the unit sphere finds the largest f.
+"""
+
+import math
+from typing import Any, TypeAlias
+
+from voxgran._base.arrays import Floats, Integers
+from voxgran._base.kernels import bare_kernel, inlined_kernel
+from voxgran.contacts.manifolds.convex_bodies import ConvexBodies, ConvexWork
+from voxgran.geometry.gjk import Accuracy, Simplex, search_distance
+from voxgran.geometry.support import support
+from voxgran.geometry.vectors import Vector, along
+
+#: the kinds of `convex_bodies`, as numbers of `geometry.support`: the kernels below compare with 0, 1 and 2
+#: number of corners from which on the farthest is found by walking along edges
+WALK = 48
+MOST_STEPS = 64
+#: difference of the bounds at which the search ends, in inner radii, and relative to the distance
+CLOSE, ROUNDING = 1e-11, 1e-14
+#: searches that start again from the best point, where rounding stops them
+RESTARTS = 4
+#: gap, in inner radii of the thinner part, above which no displacement is needed, and the displacement
+DIRECT, DISPLACED = 1e-5, 0.05
+MOST_ROUNDS = 40
+#: improvement of the gap, in inner radii, at which the rounds end
+STEADY = 1e-10
+#: a part of a grain: kind, grain, first corner, end of corners, first corner in the tables, radius
+Part: TypeAlias = tuple[int, int, int, int, int, float]
+#: corners and rows of grains; neighbors of corners in the tables
+Tables: TypeAlias = tuple[Floats, Floats, Integers, Integers]
+
+
+@inlined_kernel
+def tables_of(bodies: ConvexBodies, work: Any) -> Tables:
+    """Return the corners and rows of grains, and the neighbors of corners."""
+    return work.corner, work.row, bodies.link_first, bodies.link
+
+
+@inlined_kernel
+def _farthest_corner(tables, base, lo, hi, at, x, y, z):  # type: ignore[no-untyped-def]
+    """Return which corner lo ... hi - 1 is farthest along a direction; many are walked through from corner `at`."""
+    corner, _, first, link = tables
+    if hi - lo < WALK:
+        at, most = lo, corner[lo, 0] * x + corner[lo, 1] * y + corner[lo, 2] * z
+        for q in range(lo + 1, hi):
+            height = corner[q, 0] * x + corner[q, 1] * y + corner[q, 2] * z
+            if height > most:
+                most, at = height, q
+        return at
+    most = corner[at, 0] * x + corner[at, 1] * y + corner[at, 2] * z
+    rising = True
+    while rising:
+        rising = False
+        row = base + at - lo
+        for k in range(first[row], first[row + 1]):
+            q = lo + link[k]
+            height = corner[q, 0] * x + corner[q, 1] * y + corner[q, 2] * z
+            if height > most:
+                most, at, rising = height, q, True
+    return at
+
+
+@bare_kernel
+def core_support(
+    solid: tuple[Tables, Part], at: int, x: float, y: float, z: float, curved: object
+) -> tuple[float, float, float, int]:
+    """Return the support point of the core of a part along a direction, and which of its corners that is.
+
+    at: a corner of it.  curved: None where there are no ellipsoids, cylinders and cones.
+    """
+    tables, (kind, i, lo, hi, base, _) = solid
+    if curved is not None and kind != 0 and kind != 2:
+        px, py, pz = support(tables[1][i], 0.0, x, y, z)
+        return px, py, pz, at
+    q = _farthest_corner(tables, base, lo, hi, lo + at, x, y, z)
+    return tables[0][q, 0], tables[0][q, 1], tables[0][q, 2], q - lo
+
+
+@bare_kernel
+def gap_along(
+    tables: Tables, one: Part, two: Part, offset: Vector, normal: Vector, curved: object
+) -> tuple[float, float]:
+    """Return the gap of two parts along a unit vector, and the height of the first one's support point."""
+    x, y, z = normal
+    px, py, pz, _ = core_support((tables, one), 0, x, y, z, curved)
+    high = px * x + py * y + pz * z + one[5]
+    px, py, pz, _ = core_support((tables, two), 0, -x, -y, -z, curved)
+    low = (offset[0] + px) * x + (offset[1] + py) * y + (offset[2] + pz) * z - two[5]
+    return low - high, high
+
+
+@bare_kernel
+def distance_along(
+    tables: Tables, one: Part, two: Part, offset: Vector, start: Vector, limit: float, close: float, curved: object,
+    simplex: Simplex,
+) -> float:  # fmt: skip
+    """Return the distance of the cores of two parts, as :func:`voxgran.geometry.gjk.search_distance` does."""
+    accuracy = Accuracy(close, ROUNDING, MOST_STEPS, RESTARTS)
+    return search_distance(
+        core_support, curved, (tables, one), (tables, two), offset, start, limit, accuracy, None, simplex
+    )
+
+
+@bare_kernel
+def part_gap(
+    bodies: ConvexBodies, work: ConvexWork, one: Part, two: Part, offset: Vector, normal: Vector, thick: float,
+    limit: float, curved: object,
+) -> tuple[float, float, float, float]:  # fmt: skip
+    """Return the signed gap of two parts and the direction of it, which is first looked for along `normal`.
+
+    The nearest point on the core of the first part is written to `near` of the simplex, 3 to 5. A gap above the limit
+    is a lower bound. Returns gap, nx, ny, nz.
+    """
+    nx, ny, nz = normal
+    radii = one[5] + two[5]
+    tables, near = tables_of(bodies, work), work.simplex.near
+    gap, high = gap_along(tables, one, two, offset, normal, curved)
+    near[3], near[4], near[5] = nx * (high - one[5]), ny * (high - one[5]), nz * (high - one[5])
+    if gap > limit:
+        return gap, nx, ny, nz
+    exact = True
+    for _ in range(MOST_ROUNDS):
+        core = gap + radii
+        direct = exact and core > DIRECT * thick
+        h = 0.0 if direct else DISPLACED * thick - min(core, 0.0)
+        place, start = along(offset, h, (nx, ny, nz)), (nx, ny, nz)
+        keep = near[3], near[4], near[5]
+        distance = distance_along(
+            tables, one, two, place, start, limit + h + radii, CLOSE * thick, curved, work.simplex
+        )
+        length = math.sqrt(near[0] ** 2 + near[1] ** 2 + near[2] ** 2)
+        if distance <= 0.0 or length == 0.0:
+            near[3], near[4], near[5] = keep
+            if not direct:
+                break
+            # rounding takes parts that nearly touch for such that intersect
+            exact = False
+            continue
+        mx, my, mz = near[0] / length, near[1] / length, near[2] / length
+        better, _ = gap_along(tables, one, two, offset, (mx, my, mz), curved)
+        if better < gap:
+            if not direct:
+                # along the old normal, the nearest points are as good
+                break
+            mx, my, mz, better = nx, ny, nz, gap
+        won = better - gap
+        nx, ny, nz, gap = mx, my, mz, better
+        if gap > limit:
+            break
+        if direct:
+            # where rounding kept the two bounds apart, the parts are displaced once more
+            if distance - gap - radii <= STEADY * thick:
+                break
+            exact = False
+        elif won <= STEADY * thick:
+            break
+    return gap, nx, ny, nz
+
+
+@bare_kernel
+def ellipsoid_gap(
+    form_one: Floats, radius_one: float, form_two: Floats, radius_two: float, offset: Vector,
+    normal: Vector, limit: float, near: Floats,
+) -> tuple[float, float, float, float]:  # fmt: skip
+    """Return the signed gap of two ellipsoids or spheres and its direction; the nearest point goes to `near`, 3 to 5.
+
+    A form holds xx, yy, zz, xy, xz, yz of the matrix whose quadratic form is the square of the support function, zeros
+    for a sphere, which has a radius. Newton's method starts along `normal`, and each step raises the gap. A gap above
+    the limit is a lower bound. Returns gap, nx, ny, nz.
+    """
+    nx, ny, nz = normal
+    radii = radius_one + radius_two
+    step = 1.0
+    f, ax, ay, az, la, bx, by, bz, lb = _supports(form_one, form_two, offset, nx, ny, nz)
+    for _ in range(60):
+        if f - radii > limit:
+            break
+        # the change of f on the unit sphere, in a basis t, u across n
+        if abs(nx) < 0.6:
+            tx, ty, tz = 0.0, -nz, ny
+        else:
+            tx, ty, tz = nz, 0.0, -nx
+        s = 1.0 / math.sqrt(tx * tx + ty * ty + tz * tz)
+        tx, ty, tz = tx * s, ty * s, tz * s
+        ux, uy, uz = ny * tz - nz * ty, nz * tx - nx * tz, nx * ty - ny * tx
+        vx, vy, vz = offset[0] - ax - bx, offset[1] - ay - by, offset[2] - az - bz
+        gt, gu = vx * tx + vy * ty + vz * tz, vx * ux + vy * uy + vz * uz
+        tt, tu, uu = _curve(form_one, ax, ay, az, la, tx, ty, tz, ux, uy, uz)
+        t2, m2, u2 = _curve(form_two, bx, by, bz, lb, tx, ty, tz, ux, uy, uz)
+        tt, tu, uu = tt + t2, tu + m2, uu + u2
+        # smallest radius of curvature of the two together: the matrix stays positive definite
+        least = 0.5 * (tt + uu) - math.sqrt((0.5 * (tt - uu)) ** 2 + tu * tu)
+        add = max(f, -0.9 * least)
+        tt, uu = tt + add, uu + add
+        det = tt * uu - tu * tu
+        if det <= 0.0:
+            break
+        p, q = (uu * gt - tu * gu) / det, (tt * gu - tu * gt) / det
+        size = math.sqrt(p * p + q * q)
+        if size < 1e-9:
+            break
+        step = min(1.0, 0.7 / size)
+        rising = False
+        for _ in range(30):
+            mx, my, mz = nx + step * (p * tx + q * ux), ny + step * (p * ty + q * uy), nz + step * (p * tz + q * uz)
+            s = 1.0 / math.sqrt(mx * mx + my * my + mz * mz)
+            mx, my, mz = mx * s, my * s, mz * s
+            g, cx, cy, cz, lc, dx, dy, dz, ld = _supports(form_one, form_two, offset, mx, my, mz)
+            if g > f:
+                rising = True
+                break
+            if step * size < 1e-8:
+                # rounding: f is the largest
+                break
+            step *= 0.5
+        if not rising:
+            break
+        f, nx, ny, nz = g, mx, my, mz
+        ax, ay, az, la, bx, by, bz, lb = cx, cy, cz, lc, dx, dy, dz, ld
+        if size < 1e-6:
+            # the error of f is of the fourth order now
+            break
+    near[3], near[4], near[5] = ax, ay, az
+    return f - radii, nx, ny, nz
+
+
+@inlined_kernel
+def _supports(form_one, form_two, offset, x, y, z):  # type: ignore[no-untyped-def]
+    """Return the gap along n, and for each form its support point along n and the height of that."""
+    ax, ay, az, la = _support_of_form(form_one, x, y, z)
+    bx, by, bz, lb = _support_of_form(form_two, x, y, z)
+    return offset[0] * x + offset[1] * y + offset[2] * z - la - lb, ax, ay, az, la, bx, by, bz, lb
+
+
+@inlined_kernel
+def _support_of_form(form, x, y, z):  # type: ignore[no-untyped-def]
+    """Return the support point along a unit vector, and its height."""
+    px = form[0] * x + form[3] * y + form[4] * z
+    py = form[3] * x + form[1] * y + form[5] * z
+    pz = form[4] * x + form[5] * y + form[2] * z
+    square = px * x + py * y + pz * z
+    if square <= 0.0:
+        return 0.0, 0.0, 0.0, 0.0
+    height = math.sqrt(square)
+    s = 1.0 / height
+    return px * s, py * s, pz * s, height
+
+
+@inlined_kernel
+def _curve(form, px, py, pz, height, tx, ty, tz, ux, uy, uz):  # type: ignore[no-untyped-def]
+    """Return the second derivatives of a support function across n: tt, tu, uu."""
+    if height <= 0.0:
+        return 0.0, 0.0, 0.0
+    s = 1.0 / height
+    fx = form[0] * tx + form[3] * ty + form[4] * tz
+    fy = form[3] * tx + form[1] * ty + form[5] * tz
+    fz = form[4] * tx + form[5] * ty + form[2] * tz
+    gx = form[0] * ux + form[3] * uy + form[4] * uz
+    gy = form[3] * ux + form[1] * uy + form[5] * uz
+    gz = form[4] * ux + form[5] * uy + form[2] * uz
+    pt, pu = px * tx + py * ty + pz * tz, px * ux + py * uy + pz * uz
+    return (
+        (fx * tx + fy * ty + fz * tz - pt * pt) * s,
+        (fx * ux + fy * uy + fz * uz - pt * pu) * s,
+        (gx * ux + gy * uy + gz * uz - pu * pu) * s,
+    )

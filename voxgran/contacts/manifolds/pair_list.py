@@ -1,0 +1,74 @@
+"""The list of near pairs of grains (a Verlet list), and what it hands on when it is made anew.
+
+Verlet 1967, doi:10.1103/PhysRev.159.98.
+"""
+
+import numpy as np
+
+from voxgran._base.arrays import Floats, Integers
+from voxgran._base.kernels import kernel
+from voxgran.contacts.manifolds.rows import Grains, PairList
+from voxgran.containers.model import Container
+from voxgran.geometry.sphere_pairs import near_pairs
+
+#: `bound` of pairs that were never looked at, and first number of a normal that is not known
+NEVER, UNKNOWN = -1e9, 2.0
+
+
+def no_pairs() -> PairList:
+    """Return an empty list."""
+    return _blank(np.zeros(0, dtype=np.int64), np.zeros(0, dtype=np.int64), np.zeros((0, 3)))
+
+
+def renewed(pairs: PairList, grains: Grains, container: Container, skin: float) -> PairList:
+    """Return the pairs of grains whose bounding spheres are nearer than `skin`, with what is known of those in a list.
+
+    The ways of the grains are set to 0.
+    """
+    lower, upper = container.bounds
+    i, j, image = near_pairs(
+        grains.position, grains.radius, skin, lower=lower, lengths=upper - lower, periodic=container.periodic
+    )
+    shift = np.asarray(image * np.where(container.periodic, upper - lower, 0.0), dtype=np.float64)
+    made = _blank(i, j, shift)
+    _hand_on(pairs, made, grains.way)
+    grains.way[:] = 0.0
+    return made
+
+
+def _blank(i: Integers, j: Integers, shift: Floats) -> PairList:
+    """Return a list of pairs of which nothing is known."""
+    m = len(i)
+    normal = np.zeros((m, 3))
+    normal[:, 0] = UNKNOWN
+    return PairList(
+        *(np.ascontiguousarray(i), np.ascontiguousarray(j), shift),
+        *(np.zeros(m, dtype=np.int64), np.zeros(m, dtype=np.int64)),
+        *(np.full(m, NEVER), np.zeros(m), normal, np.zeros(m)),
+    )
+
+
+@kernel
+def _hand_on(old, new, way):  # type: ignore[no-untyped-def]
+    """Copy what is known of pairs from one list to another; both are in lexical order."""
+    a, many = 0, len(old.i)
+    for p in range(len(new.i)):
+        i, j = new.i[p], new.j[p]
+        while a < many and (old.i[a] < i or (old.i[a] == i and old.j[a] < j)):
+            a += 1
+        b = a
+        # the few images of one pair
+        while b < many and old.i[b] == i and old.j[b] == j:
+            if (
+                abs(old.shift[b, 0] - new.shift[p, 0])
+                + abs(old.shift[b, 1] - new.shift[p, 1])
+                + abs(old.shift[b, 2] - new.shift[p, 2])
+                < 1e-9
+            ):
+                new.first[p], new.count[p] = old.first[b], old.count[b]
+                new.bound[p] = old.bound[b] - (way[i] + way[j] - old.way[b])
+                new.room[p] = old.room[b]
+                for c in range(3):
+                    new.normal[p, c] = old.normal[b, c]
+                break
+            b += 1

@@ -1,0 +1,182 @@
+"""What the finders of contacts between surfaces remember of each pair: its pose, and what was near in it.
+
+Between two looks at a pair no point of one surface moves, relative to the other, farther than `motion_since` states; so
+long as this is less than what the list of near points or triangles allows, the list is complete.
+"""
+
+import math
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from voxgran._base.arrays import Floats, Integers
+from voxgran._base.kernels import bare_kernel
+from voxgran.contacts.manifolds.blocks import Blocks
+from voxgran.contacts.manifolds.distance_grids import SurfaceBodies
+from voxgran.contacts.manifolds.rows import ContactRows, write_contact
+
+#: clusters that are kept of each grain of a pair, and pairs of triangles
+LEAVES, NEAR = 48, 2048
+#: pairs of triangles of one pair of grains that are listed at once
+LISTED = 16384
+#: what the square of its distance from the centroid counts of the gap of a point
+TIE = 1e-12
+#: cosine of normals between which near points are one contact
+SAME = 0.7
+
+
+class SurfaceWork(NamedTuple):
+    """Work arrays of both finders for `cap` pairs; those of the pair in row p are lost when another takes its row.
+
+    gap: (cap,) exact distances of the surfaces at the last exact look: infinite beyond the margin, minus infinity where
+    grains overlap.  proven: (cap,) whether the grains were proven to be separate.
+    pose: (cap, 2, 20) poses when the pair was listed, by points and by triangles: offset (3) and rotation (9) of j in
+    the frame of i, both scales, the distance beyond which nothing was listed; from column 16 on the direction in which
+    the triangles were nearest.  key: (cap, 2, 4): i, j, and the
+    lengths of the lists, -1 without a list.  leaf: (cap, 2 LEAVES) clusters of j, then of i.  near: (cap, NEAR, 2)
+    triangles of i and of j, and apart: (cap, NEAR) lower bounds of their distances.  saved: (cap, 2) first and
+    count of pairs that overlap, before a call.
+    candidate: (LISTED, 8) contact points: place on i from its centroid (3), normal (3), gap.  now: (28,) a pose and an
+    offset.  turn: (2, 12) maps to the cells of grids.  listed: (2, c) clusters or leaves.  found: (LISTED, 3) and
+    found_apart: (LISTED,) pairs of triangles.  stack: (256,), points: (16,): of searches.  placed: (2, t, 3, 3),
+    plane: (2, t, 9) and number: (2, t): triangles of j and of i in the frame of i.
+    """
+
+    gap: Floats
+    proven: NDArray[np.bool_]
+    pose: Floats
+    key: Integers
+    leaf: NDArray[np.int32]
+    near: NDArray[np.int32]
+    apart: Floats
+    saved: Integers
+    candidate: Floats
+    now: Floats
+    turn: Floats
+    listed: Integers
+    found: Integers
+    found_apart: Floats
+    stack: Integers
+    points: Floats
+    placed: Floats
+    plane: Floats
+    number: Integers
+
+
+#: arrays of the work that each thread has for itself
+SCRATCH = (
+    *("candidate", "now", "turn", "listed", "found", "found_apart", "stack", "points", "placed", "plane", "number"),
+)
+
+
+def surface_work(bodies: SurfaceBodies, cap: int) -> Blocks[SurfaceWork]:
+    """Return what the kernels work with, for lists of up to `cap` pairs, without memory."""
+    counts = np.diff(bodies.first, axis=0).max(axis=0, initial=1)
+    scratch = max(LISTED, int(2 * counts[0]), int(counts[4]))
+    work = SurfaceWork(
+        gap=np.full(cap, np.inf),
+        proven=np.zeros(cap, dtype=np.bool_),
+        pose=np.zeros((cap, 2, 20)),
+        key=np.full((cap, 2, 4), -1, dtype=np.int64),
+        leaf=np.zeros((cap, 2 * LEAVES), dtype=np.int32),
+        near=np.zeros((cap, NEAR, 2), dtype=np.int32),
+        apart=np.zeros((cap, NEAR)),
+        saved=np.zeros((cap, 2), dtype=np.int64),
+        candidate=np.zeros((scratch, 8)),
+        now=np.zeros(28),
+        turn=np.zeros((2, 12)),
+        listed=np.zeros((2, int(counts.max())), dtype=np.int64),
+        found=np.zeros((LISTED, 3), dtype=np.int64),
+        found_apart=np.zeros(LISTED),
+        stack=np.zeros(256, dtype=np.int64),
+        points=np.zeros(16),
+        placed=np.zeros((2, int(counts[3]), 3, 3)),
+        plane=np.zeros((2, int(counts[3]), 9)),
+        number=np.zeros((2, int(counts[3])), dtype=np.int64),
+    )
+    return Blocks(work, SCRATCH)
+
+
+@bare_kernel
+def write_pose(turn: Floats, scale: Floats, i: int, j: int, offset: Floats, pose: Floats) -> None:
+    """Write offset and rotation of grain j in the frame of grain i, and both scales."""
+    dx, dy, dz = offset[0], offset[1], offset[2]
+    for r in range(3):
+        pose[r] = turn[i, 0, r] * dx + turn[i, 1, r] * dy + turn[i, 2, r] * dz
+        for c in range(3):
+            pose[3 + 3 * r + c] = (
+                turn[i, 0, r] * turn[j, 0, c] + turn[i, 1, r] * turn[j, 1, c] + turn[i, 2, r] * turn[j, 2, c]
+            )
+    pose[12], pose[13] = scale[i], scale[j]
+
+
+@bare_kernel
+def motion_since(pose: Floats, old: Floats, radius_i: float, radius_j: float) -> float:
+    """Return how far, at most, a point of one surface has moved relative to the other since an old pose."""
+    way, turn = 0.0, 0.0
+    for k in range(3):
+        way += (pose[k] - old[k]) ** 2
+    for k in range(3, 12):
+        turn += (pose[k] - old[k]) ** 2
+    # a rotation by t has the Frobenius norm 2 sqrt(2) sin(t / 2) and moves points by 2 sin(t / 2) of their distance
+    grown = abs(1.0 - old[12] / pose[12]) * radius_i + abs(1.0 - old[13] / pose[13]) * radius_j
+    return 1.000001 * (math.sqrt(way) + math.sqrt(0.5 * turn) * radius_j + grown)
+
+
+@bare_kernel
+def copy_numbers(target: NDArray[Any], source: NDArray[Any], count: int) -> None:
+    """Copy the first numbers of a row."""
+    for k in range(count):
+        target[k] = source[k]
+
+
+@bare_kernel
+def is_kept(key: Integers, i: int, j: int) -> bool:
+    """Return whether a row of the memory has the lists of a pair."""
+    return key[0] == i and key[1] == j and key[2] >= 0
+
+
+@bare_kernel
+def spacing_of(radius_i: float, radius_j: float) -> float:
+    """Return how far apart the contact points of a pair are, at least, unless their normals differ."""
+    return min(0.15, 0.15 * min(radius_i, radius_j))
+
+
+@bare_kernel
+def write_spread(
+    rows: ContactRows, m: int, i: int, j: int, offset: Floats, candidate: Floats, k: int, most: int, near: float,
+    less: float, spacing: float, first: int, count: int,
+) -> int:  # fmt: skip
+    """Write the deepest of k candidates that are apart from each other, at most `most`; return the new number of rows.
+
+    offset: (3,) from centroid i to j.  near: largest gap.  less: what is subtracted from the gaps.  first, count: the
+    old rows of the pair.  Returns -1 if the rows are full.
+    """
+    start = m
+    while m - start < most:
+        best, at = 1e300, -1
+        for q in range(k):
+            if candidate[q, 6] < near:
+                # of points at one height, as between parallel faces, the outer ones are kept
+                square = candidate[q, 0] ** 2 + candidate[q, 1] ** 2 + candidate[q, 2] ** 2
+                score = candidate[q, 6] - TIE * square
+                if score < best:
+                    best, at = score, q
+        if at < 0:
+            return m
+        best = candidate[at, 6]
+        if m >= len(rows.i):
+            return -1
+        x, y, z = candidate[at, 0], candidate[at, 1], candidate[at, 2]
+        u, v, w = candidate[at, 3], candidate[at, 4], candidate[at, 5]
+        bx, by, bz = x + best * u - offset[0], y + best * v - offset[1], z + best * w - offset[2]
+        write_contact(rows, m, i, j, u, v, w, x, y, z, bx, by, bz, best - less, first, count, 0.5 * spacing)
+        m += 1
+        for q in range(k):
+            if candidate[q, 6] < near:
+                square = (candidate[q, 0] - x) ** 2 + (candidate[q, 1] - y) ** 2 + (candidate[q, 2] - z) ** 2
+                cosine = candidate[q, 3] * u + candidate[q, 4] * v + candidate[q, 5] * w
+                if q == at or (square < spacing * spacing and cosine > SAME):
+                    candidate[q, 6] = 1e300
+    return m

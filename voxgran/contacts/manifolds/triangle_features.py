@@ -1,0 +1,141 @@
+"""Nearest features of two triangles, and whether they are a minimum of the distance of their surfaces.
+
+Features are numbered as in :mod:`voxgran.geometry.triangles`. A direction from one surface to another belongs to a
+minimum if it lies in the normal cone of each feature: no neighbouring face or edge leads nearer to the other surface.
+"""
+
+import math
+
+from voxgran._base.arrays import Floats
+from voxgran._base.kernels import bare_kernel
+from voxgran.contacts.manifolds.distance_grids import SurfaceBodies
+from voxgran.geometry.triangles import closest_on_triangle, keep_nearer, pierces, try_edges
+from voxgran.geometry.vectors import corner_of, cross, dot, sub
+
+#: sine by which a direction may leave a normal cone, where the other feature is a face, and else
+WIDE, NARROW = 0.5, 0.05
+
+
+@bare_kernel
+def place_triangle(corner: Floats, t: int, pose: Floats, stretch: float, placed: Floats, k: int) -> None:
+    """Write triangle t of j in the frame and unit of i."""
+    for c in range(3):
+        x, y, z = corner[t, c, 0] * stretch, corner[t, c, 1] * stretch, corner[t, c, 2] * stretch
+        for r in range(3):
+            placed[k, c, r] = pose[r] / pose[12] + pose[3 + 3 * r] * x + pose[4 + 3 * r] * y + pose[5 + 3 * r] * z
+
+
+@bare_kernel
+def _side_of(one, a, other, b, points):  # type: ignore[no-untyped-def]
+    """Write the heights of the corners of other[b] over the plane of one[a] to points[6:9]; return their bound.
+
+    The bound is the distance of a triangle from the plane, 0 if it crosses it and below 0 for a plane that is none.
+    """
+    origin = corner_of(one, a, 0)
+    normal = cross(sub(corner_of(one, a, 1), origin), sub(corner_of(one, a, 2), origin))
+    length = math.sqrt(dot(normal, normal))
+    low, high = 1e300, -1e300
+    for c in range(3):
+        height = 0.0
+        if length > 0.0:
+            height = dot(normal, sub(corner_of(other, b, c), origin)) / length
+        points[6 + c] = abs(height)
+        low, high = min(low, height), max(high, height)
+    if length == 0.0:
+        return -1.0
+    return max(low, -high, 0.0)
+
+
+@bare_kernel
+def nearest_features(
+    one: Floats, a: int, other: Floats, b: int, points: Floats, limit: float, pierce: bool,
+) -> tuple[float, int, int]:  # fmt: skip
+    """Return squared distance and features of the nearest points of triangles one[a] and other[b], written to points.
+
+    limit: distance beyond which the points are not wanted: the features are then -1 and the square is a lower bound, at
+    least that of the limit.  pierce: whether the triangles may cross, which has the distance 0.
+    """
+    best, mine, theirs = limit * limit, -1, -1
+    bound = _side_of(other, b, one, a, points)
+    if bound > limit:
+        return bound * bound, -1, -1
+    pierce = pierce and bound == 0.0
+    for c in range(3):
+        if points[6 + c] * points[6 + c] <= best:
+            x, y, z = one[a, c, 0], one[a, c, 1], one[a, c, 2]
+            px, py, pz, feature = closest_on_triangle(other, b, x, y, z)
+            square = keep_nearer(points, best, (x, y, z), (px, py, pz))
+            if square < best:
+                best, mine, theirs = square, 4 + c, feature
+    bound = _side_of(one, a, other, b, points)
+    if bound > limit:
+        return bound * bound, -1, -1
+    pierce = pierce and bound == 0.0
+    for c in range(3):
+        if points[6 + c] * points[6 + c] <= best:
+            x, y, z = other[b, c, 0], other[b, c, 1], other[b, c, 2]
+            px, py, pz, feature = closest_on_triangle(one, a, x, y, z)
+            square = keep_nearer(points, best, (px, py, pz), (x, y, z))
+            if square < best:
+                best, mine, theirs = square, feature, 4 + c
+    for c in range(3):
+        for d in range(3):
+            square = try_edges(one, a, c, other, b, d, points, best, best)
+            if square < best:
+                best, mine, theirs = square, 1 + c, 1 + d
+    if pierce:
+        for c in range(3):
+            if pierces(one, a, c, other, b, points) or pierces(other, b, c, one, a, points):
+                return 0.0, 0, 0
+    return best, mine, theirs
+
+
+@bare_kernel
+def _in_cone(corner, pseudo, fan, fan_rows, t, feature, x, y, z, slack):  # type: ignore[no-untyped-def]
+    """Return whether a unit direction lies in the normal cone of a feature, up to the sine of an angle."""
+    if pseudo[t, feature, 0] * x + pseudo[t, feature, 1] * y + pseudo[t, feature, 2] * z <= 0.0:
+        return False
+    if feature == 0:
+        return True
+    if feature >= 4:
+        for q in range(fan_rows[t, feature - 4, 0], fan_rows[t, feature - 4, 1]):
+            if fan[q, 0] * x + fan[q, 1] * y + fan[q, 2] * z > slack:
+                return False
+        return True
+    a, b = feature - 1, feature % 3
+    ux, uy, uz = corner[t, b, 0] - corner[t, a, 0], corner[t, b, 1] - corner[t, a, 1], corner[t, b, 2] - corner[t, a, 2]
+    length = math.sqrt(ux * ux + uy * uy + uz * uz)
+    sign = 1.0
+    for side in range(2):
+        nx, ny, nz = pseudo[t, 0, 0], pseudo[t, 0, 1], pseudo[t, 0, 2]
+        if side == 1:
+            # the pseudo-normal of an edge is the sum of those of its faces
+            nx, ny, nz = pseudo[t, feature, 0] - nx, pseudo[t, feature, 1] - ny, pseudo[t, feature, 2] - nz
+            sign = -1.0
+        outward = (uy * nz - uz * ny) * x + (uz * nx - ux * nz) * y + (ux * ny - uy * nx) * z
+        if sign * outward < -slack * length:
+            return False
+    return True
+
+
+@bare_kernel
+def is_minimum(
+    bodies: SurfaceBodies, s: int, mine: int, t: int, theirs: int, pose: Floats, x: float, y: float, z: float,
+    solid_i: int, solid_j: int,
+) -> bool:  # fmt: skip
+    """Return whether the nearest points of triangles s of i and t of j are a minimum, up to a few degrees.
+
+    (x, y, z): unit direction from i to j in the frame of i.  solid_i, solid_j: 0 for spheres, which have no cones.
+    """
+    if solid_i != 0:
+        slack = WIDE if theirs == 0 else NARROW
+        if not _in_cone(bodies.corner, bodies.pseudo, bodies.fan, bodies.fan_rows, s, mine, x, y, z, slack):
+            return False
+    if solid_j != 0:
+        slack = WIDE if mine == 0 else NARROW
+        u = -(pose[3] * x + pose[6] * y + pose[9] * z)
+        v = -(pose[4] * x + pose[7] * y + pose[10] * z)
+        w = -(pose[5] * x + pose[8] * y + pose[11] * z)
+        if not _in_cone(bodies.corner, bodies.pseudo, bodies.fan, bodies.fan_rows, t, theirs, u, v, w, slack):
+            return False
+    return True

@@ -1,0 +1,320 @@
+"""Lists of the pairs of triangles, of two grains, that may be within a distance, kept until the grains have moved.
+
+Leaves of the tree of boxes of each grain that are near the surface of the other are found with its grid of distances.
+Their triangles are sorted out by heights along a few directions, and pairs of them by their bounding spheres and by
+the planes of the triangles and those through their edges. Each of these tests gives a lower bound of the distance,
+which is kept with the pair: the nearest points are computed only where the bound, less the motion since, is within the
+margin.
+"""
+
+import math
+
+from voxgran._base.kernels import bare_kernel
+from voxgran.contacts.manifolds.distance_grids import SurfaceBodies
+from voxgran.contacts.manifolds.rows import Grains
+from voxgran.contacts.manifolds.surface_contacts import grid_bound, write_turn
+from voxgran.contacts.manifolds.surface_memory import NEAR, SurfaceWork, copy_numbers, is_kept, motion_since
+
+#: distance beyond the margin within which triangles are listed, in median diameters and in radii of the smaller grain
+SLACK, SLACK_OF_RADIUS = 8e-3, 0.02
+
+
+@bare_kernel
+def _list_leaves(  # type: ignore[no-untyped-def]
+    ball, root, leaves, turn, mine, theirs, grid, at, frame, corner, skin, first, last, reach, stack, listed,
+):  # fmt: skip
+    """List the leaves of a tree within reach of the surface of a body; return their number and a bound of the others.
+
+    ball: spheres around the boxes of all trees, of which this one starts at `root`.  turn: its map to the cells of the
+    body.  mine, theirs: scales of the body and of the tree.
+    """
+    clear, count, depth = 1e9, 0, 1
+    stack[0] = 0
+    while depth > 0:
+        depth -= 1
+        node = stack[depth]
+        k = root + node
+        px, py, pz = ball[k, 0], ball[k, 1], ball[k, 2]
+        x = turn[0] * px + turn[1] * py + turn[2] * pz + turn[9]
+        y = turn[3] * px + turn[4] * py + turn[5] * pz + turn[10]
+        z = turn[6] * px + turn[7] * py + turn[8] * pz + turn[11]
+        apart = grid_bound(grid, at, frame, corner, skin, first, last, x, y, z) * mine - ball[k, 3] * theirs
+        if apart > reach:
+            clear = min(clear, apart)
+        elif node < leaves:
+            stack[depth], stack[depth + 1] = 2 * node + 2, 2 * node + 1
+            depth += 2
+        else:
+            listed[count] = k
+            count += 1
+    return count, clear
+
+
+@bare_kernel
+def _place_leaves(bodies, listed, count, pose, move, placed, plane, number):  # type: ignore[no-untyped-def]
+    """Write the triangles of leaves: corners, bounding spheres, normals and skins; return how many they are.
+
+    move: whether they are those of j, whose corners are turned to the frame and unit of i.  plane: (t, 9) center (3)
+    and radius of the bounding sphere, unit normal (3), skin, height of the plane.  number: (t,) triangles.
+    """
+    stretch, many = pose[13] / pose[12], 0
+    for m in range(count):
+        k = listed[m]
+        for t in range(bodies.box_rows[k, 0], bodies.box_rows[k, 1]):
+            row, skin, normal = plane[many], bodies.skin[t], bodies.pseudo[t, 0]
+            for r in range(3):
+                if move:
+                    a, b, c = pose[3 + 3 * r], pose[4 + 3 * r], pose[5 + 3 * r]
+                    at = pose[r] / pose[12]
+                    row[r] = at + stretch * (a * skin[1] + b * skin[2] + c * skin[3])
+                    row[4 + r] = a * normal[0] + b * normal[1] + c * normal[2]
+                    for q in range(3):
+                        corner = bodies.corner[t, q]
+                        placed[many, q, r] = at + stretch * (a * corner[0] + b * corner[1] + c * corner[2])
+                else:
+                    row[r], row[4 + r] = skin[1 + r], normal[r]
+                    for q in range(3):
+                        placed[many, q, r] = bodies.corner[t, q, r]
+            row[3], row[7] = (skin[4] * stretch, skin[0] * stretch) if move else (skin[4], skin[0])
+            first = placed[many, 0]
+            row[8] = row[4] * first[0] + row[5] * first[1] + row[6] * first[2]
+            number[many] = t
+            many += 1
+    return many
+
+
+@bare_kernel
+def _sort_out(placed, plane, number, many, x, y, z, level, sign):  # type: ignore[no-untyped-def]
+    """Keep the triangles that reach a level along a unit direction (sign 1: upwards, -1: downwards); return how many.
+
+    The level is that of `_extreme` of the other grain less the reach.
+    """
+    kept = 0
+    for n in range(many):
+        high = -1e300
+        for c in range(3):
+            high = max(high, sign * (x * placed[n, c, 0] + y * placed[n, c, 1] + z * placed[n, c, 2]))
+        if high + plane[n, 7] < level:
+            continue
+        if kept < n:
+            for c in range(3):
+                for r in range(3):
+                    placed[kept, c, r] = placed[n, c, r]
+            copy_numbers(plane[kept], plane[n], 9)
+            number[kept] = number[n]
+        kept += 1
+    return kept
+
+
+@bare_kernel
+def _extreme(placed, plane, many, x, y, z, sign):  # type: ignore[no-untyped-def]
+    """Return the largest height of triangles with their skins along a unit direction, with a sign."""
+    high = -1e300
+    for n in range(many):
+        for c in range(3):
+            height = sign * (x * placed[n, c, 0] + y * placed[n, c, 1] + z * placed[n, c, 2])
+            high = max(high, height + plane[n, 7])
+    return high
+
+
+@bare_kernel
+def _least_height(placed, n, x, y, z, at, other):  # type: ignore[no-untyped-def]
+    """Return the least and the largest height of a triangle above the plane through corner `at` of another."""
+    ox, oy, oz = other[at, 0], other[at, 1], other[at, 2]
+    a = x * (placed[n, 0, 0] - ox) + y * (placed[n, 0, 1] - oy) + z * (placed[n, 0, 2] - oz)
+    b = x * (placed[n, 1, 0] - ox) + y * (placed[n, 1, 1] - oy) + z * (placed[n, 1, 2] - oz)
+    c = x * (placed[n, 2, 0] - ox) + y * (placed[n, 2, 1] - oy) + z * (placed[n, 2, 2] - oz)
+    return min(a, b, c), max(a, b, c)
+
+
+@bare_kernel
+def _beside(one, n, normal, other, m, limit):  # type: ignore[no-untyped-def]
+    """Return a lower bound of the distance of triangle m of others from n, by the planes through the edges of n."""
+    bound = 0.0
+    for c in range(3):
+        d = (c + 1) % 3
+        ux, uy, uz = one[n, d, 0] - one[n, c, 0], one[n, d, 1] - one[n, c, 1], one[n, d, 2] - one[n, c, 2]
+        x, y, z = uy * normal[6] - uz * normal[5], uz * normal[4] - ux * normal[6], ux * normal[5] - uy * normal[4]
+        low, _ = _least_height(other, m, x, y, z, c, one[n])
+        if low > 0.0:
+            bound = max(bound, low / math.sqrt(x * x + y * y + z * z))
+            if bound > limit:
+                return bound
+    return bound
+
+
+@bare_kernel
+def _bound_of(mine, my_plane, n, theirs, their_plane, m, reach, slack):  # type: ignore[no-untyped-def]
+    """Return a lower bound of the distance of two triangles with skins, 1e9 if they face away from each other.
+
+    At the places where the distance is least, there are faces at both that see the other: triangles that lie behind the
+    plane of the other by more than the slack are not among them.
+    """
+    one, other = my_plane[n], their_plane[m]
+    limit, bound = reach + one[7] + other[7], 0.0
+    low, high = _least_height(theirs, m, one[4], one[5], one[6], 0, mine[n])
+    bound = max(bound, low)
+    if high < -slack or bound > limit:
+        return 1e9
+    low, high = _least_height(mine, n, other[4], other[5], other[6], 0, theirs[m])
+    bound = max(bound, low)
+    if high < -slack or bound > limit:
+        return 1e9
+    bound = max(bound, _beside(mine, n, one, theirs, m, limit))
+    if bound <= limit:
+        bound = max(bound, _beside(theirs, m, other, mine, n, limit))
+    return bound - one[7] - other[7] if bound <= limit else 1e9
+
+
+@bare_kernel
+def _mean_normal(plane, many, others):  # type: ignore[no-untyped-def]
+    """Return the sum of the normals of the triangles of i less that of the triangles of j."""
+    x, y, z = 0.0, 0.0, 0.0
+    for n in range(many):
+        x, y, z = x + plane[1, n, 4] / many, y + plane[1, n, 5] / many, z + plane[1, n, 6] / many
+    for m in range(others):
+        x, y, z = x - plane[0, m, 4] / others, y - plane[0, m, 5] / others, z - plane[0, m, 6] / others
+    return x, y, z
+
+
+@bare_kernel
+def _pair_triangles(work, others, many, unit, reach, slack):  # type: ignore[no-untyped-def]
+    """List the pairs of placed triangles that may be within reach; return their number, -1 if they are too many."""
+    count = 0
+    mine, my_plane, theirs, their_plane = work.placed[1], work.plane[1], work.placed[0], work.plane[0]
+    wide, behind = reach / unit, slack / unit
+    for n in range(many):
+        one = my_plane[n]
+        x, y, z, radius = one[0], one[1], one[2], one[3] + wide
+        nx, ny, nz, level = one[4], one[5], one[6], one[8]
+        for m in range(others):
+            other = their_plane[m]
+            u, v, w, far = other[0], other[1], other[2], other[3]
+            if (u - x) ** 2 + (v - y) ** 2 + (w - z) ** 2 > (radius + far) ** 2:
+                continue
+            # the sphere around each triangle must reach before the plane of the other, and near it
+            height = nx * u + ny * v + nz * w - level
+            if height < -far - behind or height > far + one[7] + wide:
+                continue
+            height = other[4] * x + other[5] * y + other[6] * z - other[8]
+            if height < -one[3] - behind or height > radius + other[7]:
+                continue
+            bound = _bound_of(mine, my_plane, n, theirs, their_plane, m, wide, behind)
+            if bound > 1e8:
+                continue
+            if count >= len(work.found):
+                return -1
+            work.found[count, 0], work.found[count, 1] = work.number[1, n], work.number[0, m]
+            work.found_apart[count] = bound * unit
+            count += 1
+    return count
+
+
+@bare_kernel
+def _list_triangles(grains, bodies, work, i, j, reach, slack, known):  # type: ignore[no-untyped-def]
+    """List the pairs of triangles within reach of a pair whose pose is in `work.now`.
+
+    known: a direction (3) from i to j in the frame of i along which they were nearest.  Returns their number, -1 if
+    they are too many, and the distance that all others have at least.
+    """
+    clear, counts, pose = 1e9, 0, work.now
+    unit, many, others = pose[12], 0, 0
+    for way in range(2):
+        one, other = (grains.shape[i], grains.shape[j]) if way == 0 else (grains.shape[j], grains.shape[i])
+        write_turn(bodies.frame[one], way, pose, work.turn[way])
+        root = bodies.first[other, 4]
+        counts, apart = _list_leaves(
+            bodies.ball, root, (bodies.first[other + 1, 4] - root) // 2, work.turn[way],
+            pose[12 + way], pose[13 - way], bodies.grid, bodies.first[one, 2], bodies.frame[one], bodies.corner,
+            bodies.skin, bodies.first[one, 3], bodies.first[one + 1, 3], reach, work.stack, work.listed[way],
+        )  # fmt: skip
+        clear = min(clear, apart)
+        if counts == 0:
+            return 0, clear
+        count = _place_leaves(
+            bodies, work.listed[way], counts, pose, way == 0, work.placed[way], work.plane[way], work.number[way]
+        )
+        if way == 0:
+            others = count
+        else:
+            many = count
+    for turn in range(2):
+        x, y, z = pose[0], pose[1], pose[2]
+        if turn == 1:
+            x, y, z = known[0], known[1], known[2]
+            if x == 0.0 and y == 0.0 and z == 0.0:
+                x, y, z = _mean_normal(work.plane, many, others)
+        length = math.sqrt(x * x + y * y + z * z)
+        if length == 0.0:
+            continue
+        x, y, z = x / length, y / length, z / length
+        top = _extreme(work.placed[1], work.plane[1], many, x, y, z, 1.0)
+        base = _extreme(work.placed[0], work.plane[0], others, x, y, z, -1.0)
+        many = _sort_out(work.placed[1], work.plane[1], work.number[1], many, x, y, z, -base - reach / unit, 1.0)
+        others = _sort_out(work.placed[0], work.plane[0], work.number[0], others, x, y, z, -top - reach / unit, -1.0)
+    return _pair_triangles(work, others, many, unit, reach, slack), min(clear, reach)
+
+
+@bare_kernel
+def _renew(grains, bodies, work, p, i, j, margin):  # type: ignore[no-untyped-def]
+    """List the near triangles of a pair, and keep the list; return the number in `work.found`, and a bound of others.
+
+    Without a list that is kept (too many triangles), `work.key` says so.
+    """
+    key, old = work.key[p, 1], work.pose[p, 1]
+    if not (key[0] == i and key[1] == j):
+        old[16] = old[17] = old[18] = 0.0
+    slack = min(SLACK, SLACK_OF_RADIUS * min(grains.radius[i], grains.radius[j]))
+    count, clear = _list_triangles(grains, bodies, work, i, j, margin + slack, slack, old[16:19])
+    key[0], key[1], key[2] = i, j, -1
+    copy_numbers(old, work.now, 14)
+    # of more triangles than can be kept the nearer ones are
+    kept = 0
+    for _ in range(6):
+        kept = 0
+        for q in range(count):
+            kept += 1 if work.found_apart[q] <= margin + slack else 0
+        if kept <= NEAR:
+            break
+        slack *= 0.5
+        clear = min(clear, margin + slack)
+    old[14] = clear
+    if count < 0 or kept > NEAR:
+        return count, clear
+    key[2] = kept
+    kept = 0
+    for q in range(count):
+        if work.found_apart[q] <= margin + slack:
+            work.near[p, kept, 0], work.near[p, kept, 1] = work.found[q, 0], work.found[q, 1]
+            work.apart[p, kept] = work.found_apart[q]
+            kept += 1
+    return count, clear
+
+
+@bare_kernel
+def near_triangles(
+    grains: Grains, bodies: SurfaceBodies, work: SurfaceWork, p: int, i: int, j: int, margin: float
+) -> tuple[int, float, float]:
+    """List in `work.found` the pairs of triangles that may be within a margin; return their number, -1 if too many.
+
+    The pose is in `work.now`. The third number is the place in the list that is kept, -1 without one. Returns too the
+    distance that all others have at least, and the motion since the list was made.
+    """
+    key, old, way = work.key[p, 1], work.pose[p, 1], 0.0
+    kept = is_kept(key, i, j)
+    if kept:
+        way = motion_since(work.now, old, grains.radius[i], grains.radius[j])
+        kept = old[14] - way > margin
+    if not kept:
+        way = 0.0
+        count, clear = _renew(grains, bodies, work, p, i, j, margin)
+        if key[2] < 0:
+            for q in range(count):
+                work.found[q, 2] = -1
+            return count, clear, way
+    count = 0
+    for q in range(key[2]):
+        if work.apart[p, q] - way <= margin:
+            work.found[count, 0], work.found[count, 1], work.found[count, 2] = work.near[p, q, 0], work.near[p, q, 1], q
+            count += 1
+    return count, old[14] - way, way

@@ -1,0 +1,158 @@
+"""Contacts of grains with the walls of their container and with a lid."""
+
+import math
+
+import numpy as np
+
+from voxgran._base.arrays import Integers
+from voxgran._base.kernels import bare_kernel, kernel
+from voxgran.contacts.manifolds.candidates import choose_candidates, write_candidates
+from voxgran.contacts.manifolds.mesh_wall_contacts import near_mesh
+from voxgran.contacts.manifolds.rows import WALL, ContactRows, Grains
+from voxgran.contacts.manifolds.wall_bodies import Lid, WallBodies
+from voxgran.contacts.manifolds.wall_candidates import near_plane, near_round
+from voxgran.containers.kernel_container import MESH, KernelContainer
+from voxgran.geometry.walls import reach_of
+
+#: most contacts of a grain with one flat or round wall
+MOST = 8
+#: most contacts of a grain with the walls of a closed mesh, or with a lid on it
+MOST_IN_MESH = 16
+#: sides of a container: the lid, two for each axis, and then its walls of revolution
+LID, AROUND = -1, 6
+
+
+def find_wall_contacts(
+    grains: Grains, walls: KernelContainer, lid: Lid, bodies: WallBodies, first: Integers, count: Integers,
+    rows: ContactRows, m: int, margin: float, rest: float,
+) -> int:  # fmt: skip
+    """Write where grains are near walls and a lid, from row m; return the next row, or -1 where the rows are full.
+
+    A contact has the normal from the grain into the wall, the arm of the point on the grain, and the gap minus `rest`,
+    which is at most `margin`. At a wall the partner is `WALL`, at the lid it is the number of the grains; its arm is 0.
+    Of each grain the smallest gap of its contacts is exact at flat and round walls, also where it is negative. In a
+    closed mesh it is exact for spheres and for meshes, down to depths of about half their bounding radius.
+
+    Parameters
+    ----------
+    grains : Grains
+        The n grains, not wrapped along periodic axes, which have no walls.
+    walls : KernelContainer
+        Container, in the coordinates of the grains.
+    lid : Lid
+        Flat wall besides; none where its level is infinite.
+    bodies : WallBodies
+        Tables of the shapes, made for the same container.
+    first, count : (n,) ndarray of int
+        Rows that were last written for each grain, of which ``rows.old`` holds the contents; replaced by the new ones.
+    rows : ContactRows
+        Rows that are written.
+    m : int
+        First row.
+    margin, rest : float
+        Largest distance of a contact, and distance from which gaps are counted, in the unit of lengths.
+
+    Returns
+    -------
+    int
+        The row after the last one; -1 where the rows are full. Then `first` and `count` are those given and the rows
+        before `m` are untouched: with larger arrays that hold the same old rows the call can be made again.
+    """
+    # closed meshes have a kernel of their own: others need not be compiled with what only these use
+    # and of each, what is None here is not compiled: smooth solids
+    smooth = 1 if bodies.kind.any() else None
+    find = _find_in_mesh if walls.kind == MESH else _find_in_closed_form
+    return int(find(grains, walls, lid, bodies, first, count, rows, m, margin, rest, smooth))
+
+
+@kernel
+def _find_in_closed_form(grains, walls, lid, bodies, first, count, rows, m, margin, rest, smooth):  # type: ignore[no-untyped-def]
+    """Write the contacts with flat and round walls and with a lid."""
+    n = len(grains.position)
+    here, many = np.empty(n, dtype=np.int64), np.empty(n, dtype=np.int64)
+    reach = margin + rest
+    for g in range(n):
+        here[g] = m
+        x, y, z = grains.position[g, 0], grains.position[g, 1], grains.position[g, 2]
+        near = reach + grains.radius[g]
+        around = len(walls.round)
+        for index in range(AROUND + around + 1):
+            side = index if index < AROUND + around else LID
+            room, nx, ny, nz = _side_of(walls, lid, side, x, y, z)
+            if room > near:
+                continue
+            shape, scale, matrix = grains.shape[g], grains.scale[g], grains.matrix[g]
+            if side >= AROUND:
+                c = near_round(bodies, shape, scale, matrix, x, y, z, walls.round[side - AROUND], reach, smooth)
+            else:
+                c = near_plane(bodies, shape, scale, matrix, nx, ny, nz, room, reach, smooth)
+            c = choose_candidates(bodies.found, c, MOST, bodies.spread[shape] * scale)
+            j, far = n if side == LID else WALL, np.inf
+            m = write_candidates(rows, m, g, j, bodies.found, c, far, far, far, first[g], count[g], rest)
+            if m < 0:
+                return -1
+        many[g] = m - here[g]
+    for g in range(n):
+        first[g], count[g] = here[g], many[g]
+    return m
+
+
+@kernel
+def _find_in_mesh(grains, walls, lid, bodies, first, count, rows, m, margin, rest, smooth):  # type: ignore[no-untyped-def]
+    """Write the contacts with the walls of a closed mesh and with a lid."""
+    n = len(grains.position)
+    here, many = np.empty(n, dtype=np.int64), np.empty(n, dtype=np.int64)
+    reach = margin + rest
+    for g in range(n):
+        here[g] = m
+        x, y, z = grains.position[g, 0], grains.position[g, 1], grains.position[g, 2]
+        shape, scale, matrix, radius = grains.shape[g], grains.scale[g], grains.matrix[g], grains.radius[g]
+        for side in range(2):
+            if side == 0:
+                c = near_mesh(bodies, walls.mesh, shape, scale, matrix, x, y, z, radius, reach, smooth)
+                if walls.dimension == 2:
+                    _lay_flat(bodies.found, c)
+            else:
+                room, nx, ny, nz = _side_of(walls, lid, LID, x, y, z)
+                if room > reach + radius:
+                    continue
+                c = near_plane(bodies, shape, scale, matrix, nx, ny, nz, room, reach, smooth)
+            c = choose_candidates(bodies.found, c, MOST_IN_MESH, bodies.spread[shape] * scale)
+            j, far = n if side == 1 else WALL, np.inf
+            m = write_candidates(rows, m, g, j, bodies.found, c, far, far, far, first[g], count[g], rest)
+            if m < 0:
+                return -1
+        many[g] = m - here[g]
+    for g in range(n):
+        first[g], count[g] = here[g], many[g]
+    return m
+
+
+@bare_kernel
+def _lay_flat(found, many):  # type: ignore[no-untyped-def]
+    """Put arms and normals of candidates into the plane, which they leave by rounding only."""
+    for k in range(many):
+        nx, ny = found[k, 3], found[k, 4]
+        length = max(math.sqrt(nx * nx + ny * ny), 1e-300)
+        found[k, 2], found[k, 3], found[k, 4], found[k, 5] = 0.0, nx / length, ny / length, 0.0
+
+
+@bare_kernel
+def _side_of(walls, lid, side, x, y, z):  # type: ignore[no-untyped-def]
+    """Return the distance of a point from a side of a container, infinite without such a side, and its normal.
+
+    The sides are two for each axis, and the walls of revolution, whose normal is not needed.
+    """
+    if side == LID:
+        nx, ny, nz = lid.normal[0], lid.normal[1], lid.normal[2]
+        return lid.level - x * nx - y * ny - z * nz, nx, ny, nz
+    if side >= AROUND:
+        row = walls.round[side - AROUND]
+        return row[6] - reach_of(row, x, y, z), 0.0, 0.0, 0.0
+    axis = side // 2
+    if walls.flat[axis] == 0:
+        return math.inf, 0.0, 0.0, 0.0
+    place = (x if axis == 0 else (y if axis == 1 else z)) - walls.lower[axis]
+    sign = 2.0 * (side % 2) - 1.0
+    room = place if side % 2 == 0 else walls.lengths[axis] - place
+    return room, (sign if axis == 0 else 0.0), (sign if axis == 1 else 0.0), (sign if axis == 2 else 0.0)
