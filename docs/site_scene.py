@@ -81,8 +81,10 @@ def containers():
     """Return the section of the containers."""
     rows = []
     for kind in map(container_registry().get, container_registry().names()):
-        told = re.findall(r"^(\w+) : .*\n((?:    .*\n)+)", inspect.getdoc(kind.container), re.MULTILINE)
-        meanings = kind.meanings or {key: " ".join(text.split()) for key, text in told}
+        told = re.findall(
+            r"^(\w+) : .*\n((?:    .*\n)+)", inspect.getdoc(kind.make or kind.container) + "\n", re.MULTILINE
+        )
+        meanings = {key: " ".join(text.split()) for key, text in told}
         rows += [(code(kind.name), code(key), "required" * need, meanings[key]) for key, need in kind.keys.items()]
     parts = ["## [container]", "", "What holds the grains: its `kind` and the keys of that kind.", ""]
     return "\n".join([*parts, table(("kind", "key", "default", "meaning"), rows)])

@@ -2,7 +2,7 @@
 
 import inspect
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from typing import Any
 
 from voxgran._base.calls import explained
@@ -28,8 +28,9 @@ class ContainerKind:
     make : callable, optional
         ``make(values, where)`` returns the container of a mapping where its keys beside ``kind`` are not the arguments
         of the class; `where` names the mapping in messages. It checks which keys are required.
-    meanings : mapping of str to str
-        Keys that `make` takes, with their meanings; those of arguments stand in the docstring of the class.
+    taken : tuple of str
+        Keys that `make` takes. Their meanings stand under "Parameters" in its docstring, those of arguments in that of
+        the class.
 
     Examples
     --------
@@ -41,13 +42,13 @@ class ContainerKind:
     name: str
     container: type
     make: Callable[[Mapping[str, Any], str], Container] | None = None
-    meanings: Mapping[str, str] = field(default_factory=dict)
+    taken: tuple[str, ...] = ()
 
     @property
     def keys(self) -> dict[str, bool]:
         """Keys of a mapping beside ``kind``, and whether each is required: an argument without a default."""
         if self.make is not None:
-            return dict.fromkeys(self.meanings, False)
+            return dict.fromkeys(self.taken, False)
         return {one.name: one.default is one.empty for one in inspect.signature(self.container).parameters.values()}
 
 

@@ -210,7 +210,21 @@ class ClosedMesh(ExplainedAttributes):
 
 
 def _make(rest: Mapping[str, Any], where: str) -> ClosedMesh:
-    """Return a closed mesh from a file or from arrays."""
+    """Return a closed mesh from a file or from arrays.
+
+    Parameters
+    ----------
+    file : optional
+        Closed mesh, relative to the scene file.
+    vertices : optional
+        Points of a mesh without file, shape (n, 3).
+    faces : optional
+        Triangles of a mesh without file, shape (m, 3), as indices of vertices.
+    name : optional
+        Name of a mesh without file.
+    offset : optional
+        What is added to the vertices of a mesh without file.
+    """
     if "file" in rest:
         return ClosedMesh.from_file(rest["file"])
     if "vertices" not in rest or "faces" not in rest:
@@ -227,12 +241,6 @@ def _make(rest: Mapping[str, Any], where: str) -> ClosedMesh:
 registration = ContainerKind(
     name="mesh",
     container=ClosedMesh,
-    meanings={
-        "file": "closed mesh, relative to the scene file",
-        "vertices": "points of a mesh without file, shape (n, 3)",
-        "faces": "triangles of a mesh without file, shape (m, 3), as indices of vertices",
-        "name": "name of a mesh without file",
-        "offset": "what is added to the vertices of a mesh without file",
-    },
+    taken=("file", "vertices", "faces", "name", "offset"),
     make=_make,
 )

@@ -228,7 +228,25 @@ class Polygon(ExplainedAttributes):
 
 
 def _make(rest: Mapping[str, Any], where: str) -> Polygon:
-    """Return a polygon from its corners or from a picture."""
+    """Return a polygon from its corners or from a picture.
+
+    Parameters
+    ----------
+    file : optional
+        Picture of its inside, relative to the scene file.
+    pixel_size : optional
+        Edge of a pixel of a picture, a length above 0.
+    level : optional
+        Value at the boundary of a picture; default: halfway between its smallest and its largest.
+    min_area : optional
+        Regions and holes of a picture of less area, in pixels, are left out as noise.
+    origin : optional
+        Lower corner of a picture; default: 0.
+    corners : optional
+        Corners in order, shape (n, 2), in place of a file.
+    holes : optional
+        Corners of each hole.
+    """
     if ("file" in rest) == ("corners" in rest):
         told = "both given" if "file" in rest else "both missing"
         raise InputError(f"{where} corners and file are {told}: a polygon has either; give one of them")
@@ -248,14 +266,6 @@ def _make(rest: Mapping[str, Any], where: str) -> Polygon:
 registration = ContainerKind(
     name="polygon",
     container=Polygon,
-    meanings={
-        "file": "picture of its inside, relative to the scene file",
-        "pixel_size": "edge of a pixel of a picture, a length above 0",
-        "level": "value at the boundary of a picture; default: halfway between its smallest and its largest",
-        "min_area": "regions and holes of a picture of less area, in pixels, are left out as noise",
-        "origin": "lower corner of a picture; default: 0",
-        "corners": "corners in order, shape (n, 2), in place of a file",
-        "holes": "corners of each hole",
-    },
+    taken=("file", "pixel_size", "level", "min_area", "origin", "corners", "holes"),
     make=_make,
 )
