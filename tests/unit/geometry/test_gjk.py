@@ -88,6 +88,21 @@ def test_both_accuracies_agree():
         assert max(other, 0.0) == pytest.approx(max(distance, 0.0), abs=1e-6)
 
 
+def test_solids_that_nearly_touch_are_apart():
+    simplex, near, tried = new_simplex(), 1e-6, 0
+    for one, two, place in zip(*pairs(), strict=True):
+        distance = exact_distance(one, two, *place, 1e150, simplex)
+        if distance <= 1e-3:
+            continue
+        step = simplex.near[:3] / distance
+        beyond = distance - gap_along(one, two, place, step)
+        # the nearest points are now that near, and the planes still separate the solids
+        distance = exact_distance(one, two, *(place - (distance - near) * step), 1e150, simplex)
+        tried += 1
+        assert near - beyond - 1e-10 <= distance <= near + 1e-10
+    assert tried > PAIRS // 4
+
+
 def test_a_search_ends_with_a_lower_bound_above_the_limit():
     box = np.array([BOX, 1.0, 1.0, 1.0, 1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0])
     simplex, place = new_simplex(), np.array([3.0, 0.4, 0.0])

@@ -13,12 +13,13 @@ from voxgran._base.arrays import Floats, Integers
 from voxgran._base.lazy import load
 from voxgran.contacts.manifolds.blocks import Blocks
 from voxgran.contacts.manifolds.rows import Grains
-from voxgran.contacts.parts import CODES, row_of
+from voxgran.contacts.parts import CODES, is_disk, row_of
 from voxgran.geometry.gjk import Simplex, new_simplex
 from voxgran.geometry.support import BOX, CONE, CYLINDER, ELLIPSOID, ROW, erosion_limit
 from voxgran.shapes.describing.body import Geometry
 from voxgran.shapes.mesh import Mesh
 from voxgran.shapes.model import Shape
+from voxgran.shapes.outline import Outline
 from voxgran.shapes.primitive import Primitive
 from voxgran.shapes.spheres import Spheres
 from voxgran.shapes.tessellate import unit_box
@@ -130,7 +131,7 @@ def has_convex_parts(geometry: Geometry) -> bool:
     return isinstance(geometry, Spheres) or is_convex(geometry)
 
 
-def convex_bodies(shapes: Sequence[Shape], *, hulls: bool = False) -> ConvexBodies:
+def convex_bodies(shapes: Sequence[Shape], *, hulls: bool = False, faces: bool = True) -> ConvexBodies:
     """Return the tables of shapes; those that are not made of convex parts have none.
 
     Parameters
@@ -139,24 +140,26 @@ def convex_bodies(shapes: Sequence[Shape], *, hulls: bool = False) -> ConvexBodi
         Shapes, with their centroids at the origin.
     hulls : bool
         Whether meshes that are not convex are represented by their convex hulls.
+    faces : bool
+        Whether the tables hold the faces; without, hulls represent outlines, too.
     """
     kinds, thick, rows = [], [], np.zeros((len(shapes), ROW))
     solids: list[_Hull] = []
     radii: list[Floats] = []
     for s, shape in enumerate(shapes):
         geometry = shape.geometry
-        if not has_convex_parts(geometry) and not (hulls and isinstance(geometry, Mesh)):
+        if not has_convex_parts(geometry) and not (hulls and (isinstance(geometry, Mesh) or not faces)):
             kinds.append(NONE)
             solids.append(_bare(np.zeros((0, 3))))
             radii.append(np.zeros(0))
             thick.append(1.0)
             continue
-        kind, hull, radius, inner = _body(geometry, rows[s])
+        kind, hull, radius, inner = _body(geometry, rows[s], faces)
         kinds.append(kind)
         solids.append(hull)
         radii.append(radius)
         thick.append(inner)
-    faces = [face for hull in solids for face in hull.faces]
+    flat = [face for hull in solids for face in hull.faces]
     rings = [ring for hull in solids for ring in hull.rings]
     links = [link for hull in solids for link in hull.links]
     return ConvexBodies(
@@ -169,7 +172,7 @@ def convex_bodies(shapes: Sequence[Shape], *, hulls: bool = False) -> ConvexBodi
         row=rows,
         thick=np.array(thick, dtype=np.float64),
         face_first=_starts([len(hull.faces) for hull in solids]),
-        face=np.array(faces, dtype=np.float64).reshape(-1, 4),
+        face=np.array(flat, dtype=np.float64).reshape(-1, 4),
         ring_first=_starts([len(ring) for ring in rings]),
         ring=np.array([k for ring in rings for k in ring], dtype=np.int64),
     )
@@ -211,7 +214,7 @@ def convex_work(bodies: ConvexBodies, grains: Grains) -> Blocks[ConvexWork]:
     return Blocks(work, SCRATCH)
 
 
-def _body(geometry: Geometry, row: Floats) -> tuple[int, _Hull, Floats, float]:
+def _body(geometry: Geometry, row: Floats, faces: bool) -> tuple[int, _Hull, Floats, float]:
     """Return kind, hull, radii and inner radius of a geometry; write the row of a primitive."""
     if isinstance(geometry, Spheres):
         return SPHERES, _bare(geometry.centers), geometry.radii, float(geometry.radii.max())
@@ -220,14 +223,22 @@ def _body(geometry: Geometry, row: Floats) -> tuple[int, _Hull, Floats, float]:
         if geometry.kind == "sphere":
             return SPHERES, _bare(np.zeros((1, 3))), np.array(d), d[0]
         if geometry.kind == "box":
-            hull = _hull_of((unit_box()[0] * np.array(d)) @ geometry.matrix.T)
+            hull = _hull_of((unit_box()[0] * np.array(d)) @ geometry.matrix.T, faces)
             return HULL, hull, np.zeros(len(hull.corners)), min(d) / 2
         row[:] = row_of(geometry)
         kind = CODES[geometry.kind]
         inner = min(d) if kind == ELLIPSOID else float(erosion_limit(row))
         return kind, _bare(np.zeros((0, 3))), np.zeros(0), inner
-    assert isinstance(geometry, Mesh)
-    hull = _hull_of(geometry.vertices[np.unique(geometry.faces)])
+    if is_disk(geometry):
+        assert isinstance(geometry, Outline)
+        return SPHERES, _bare(np.array([[*geometry.center, 0.0]])), np.array([geometry.radius]), geometry.radius
+    if isinstance(geometry, Outline):
+        corners = np.column_stack([geometry.vertices, np.zeros(len(geometry.vertices))])
+        kept = np.sort(load("scipy.spatial").ConvexHull(geometry.vertices).vertices)
+        return HULL, _bare(corners[kept]), np.zeros(len(kept)), 0.0
+    hull = _hull_of(geometry.vertices[np.unique(geometry.faces)], faces)
+    if not faces:
+        return HULL, hull, np.zeros(len(hull.corners)), 0.0
     qhull = load("scipy.spatial").ConvexHull(hull.corners)
     return HULL, hull, np.zeros(len(hull.corners)), float(-qhull.equations[:, 3].max())
 
@@ -237,8 +248,8 @@ def _bare(corners: Floats) -> _Hull:
     return _Hull(corners, [[] for _ in corners], [], [])
 
 
-def _hull_of(points: Floats) -> _Hull:
-    """Return the corners, neighbors and flat faces of the convex hull of (n, 3) points."""
+def _hull_of(points: Floats, with_faces: bool) -> _Hull:
+    """Return the corners, neighbors and, if asked, flat faces of the convex hull of (n, 3) points."""
     hull = load("scipy.spatial").ConvexHull(points)
     place = np.full(len(points), -1, dtype=np.int64)
     place[hull.vertices] = np.arange(len(hull.vertices))
@@ -250,8 +261,8 @@ def _hull_of(points: Floats) -> _Hull:
         links[b] |= {a, c}
         links[c] |= {a, b}
     normals = np.asarray(hull.equations[:, :3])
-    faces, rings = _faces_of(corners, triangles, normals, _groups_of(normals, hull.neighbors))
-    return _Hull(corners, [sorted(link) for link in links], faces, rings)
+    own = _faces_of(corners, triangles, normals, _groups_of(normals, hull.neighbors)) if with_faces else ([], [])
+    return _Hull(corners, [sorted(link) for link in links], *own)
 
 
 def _groups_of(normals: Floats, neighbors: Any) -> Integers:

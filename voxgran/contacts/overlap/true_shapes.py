@@ -125,7 +125,7 @@ def true_shapes(
     solids, wall = [*(_solid_of(shape) for shape in shapes), UNIT_SPHERE], boundary_of(container).solid
     if wall is not None:
         solids.append(wall)
-    bodies = convex_bodies(solids, hulls=True)
+    bodies = convex_bodies(solids, hulls=True, faces=False)
     made: list[_Body] = []
     corners, lengths = len(bodies.corner), container.bounds[1] - container.bounds[0]
     widest = 2 * float(diameter.max(initial=0.0)) * max(shape.bounding_radius for shape in shapes)

@@ -12,14 +12,10 @@ import numpy as np
 
 from voxgran._base.arrays import Floats, Integers
 from voxgran._base.kernels import bare_kernel
-from voxgran._base.lazy import load
-from voxgran.contacts.parts import parts_of
+from voxgran.contacts.manifolds.convex_bodies import convex_bodies
 from voxgran.geometry.rotation import rotation_matrices
-from voxgran.geometry.support import BOX, POINT, ROW, support
+from voxgran.geometry.support import support
 from voxgran.shapes.model import Shape
-from voxgran.shapes.outline import Outline
-from voxgran.shapes.primitive import Primitive
-from voxgran.shapes.spheres import Spheres
 
 
 class Bodies(NamedTuple):
@@ -64,37 +60,9 @@ def poses_of(shapes: Sequence[Shape], shape_id: Integers, arm: Floats, turn: Flo
 
 def bodies_of(shapes: Sequence[Shape]) -> Bodies:
     """Return shapes as kernels take them."""
-    points, margins, rows = [], [], []
-    for shape in shapes:
-        point, margin, row = _body_of(shape)
-        points.append(point)
-        margins.append(margin)
-        rows.append(row)
-    start = np.cumsum([0, *(len(margin) for margin in margins)]).astype(np.int64)
+    tables = convex_bodies(shapes, hulls=True, faces=False)
     spheres = np.array([shape.is_sphere for shape in shapes], dtype=np.int64)
-    none = np.zeros((0, 3)), np.zeros(0)
-    arrays = np.concatenate([none[0], *points]), np.concatenate([none[1], *margins])
-    return Bodies(start, *arrays, np.array(rows).reshape(-1, ROW), spheres)
-
-
-def _body_of(shape: Shape) -> tuple[Floats, Floats, Floats]:
-    """Return points, their margins, and the row of one shape."""
-    geometry, row = shape.geometry, np.zeros(ROW)
-    row[0] = POINT
-    if isinstance(geometry, Spheres | Primitive) or (isinstance(geometry, Outline) and geometry.kind == "disk"):
-        parts = parts_of([geometry])
-        if parts.row[0, 0] == POINT:
-            return parts.center, parts.margin, row
-        if parts.row[0, 0] != BOX:
-            return np.zeros((0, 3)), np.zeros(0), parts.row[0]
-        half = 0.5 * parts.row[0, 1:4]
-        corners = (2.0 * (np.indices((2, 2, 2)).reshape(3, -1).T) - 1.0) * half
-        return corners @ parts.row[0, 4:].reshape(3, 3).T, np.zeros(8), row
-    points = shape.vertices
-    corners = load("scipy.spatial").ConvexHull(points[:, : shape.dimension]).vertices
-    # a hull without nearly coplanar points may be smaller by rounding
-    corner = np.ascontiguousarray(points[np.sort(corners)])
-    return corner, np.zeros(len(corner)), row
+    return Bodies(tables.first, tables.corner, tables.radius, tables.row, spheres)
 
 
 @bare_kernel
