@@ -65,13 +65,17 @@ def test_the_plan_says_where_friction_goes_to_engines_only(method, settle, secti
     made["shape"] = [{"family": "sphere"}]
     if settle is not None:
         made["settle"] = settle
-    notes = vg.Scene.from_mapping(made).plan().notes
+
+    def notes():
+        """Return the notes; so few grains have no bulk, which another one says."""
+        return [note for note in vg.Scene.from_mapping(made).plan().notes if "bed is expected" not in note]
+
     told = "that of [material], 0.25, goes into input for engines only"
-    assert [told in note and f"give {section} friction = 0.25" in note for note in notes] == [True] * bool(section)
+    assert [told in note and f"give {section} friction = 0.25" in note for note in notes()] == [True] * bool(section)
     # without input for engines, and without a material, nothing is meant otherwise
     made["output"]["dem"] = []
     del made["material"]
-    assert vg.Scene.from_mapping(made).plan().notes == ()
+    assert notes() == []
 
 
 def test_the_description_holds_material_and_engines(tmp_path):
