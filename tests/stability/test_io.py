@@ -6,7 +6,6 @@ import gc
 import os
 import resource
 import subprocess
-import sys
 import tempfile
 from functools import partial
 from pathlib import Path
@@ -197,31 +196,6 @@ def test_a_full_disk_leaves_what_was_there(name, full, new, request, tmp_path, c
     assert contents(place) == before
     assert place.exists() is not new
     assert capfd.readouterr().err == ""
-
-
-@pytest.mark.parametrize("left", [0, 4096, 8192])
-def test_a_study_on_a_full_disk_leaves_no_empty_folder(left, small_disk):
-    """The disk has no room for its lock, for the mark of its checkpoints, or for the first run."""
-    place = Path(tempfile.mkdtemp(dir=small_disk)) / "study"
-    scene = {
-        "shape": [{"family": "sphere"}],
-        "container": {"kind": "box", "lengths": [4, 4, 4]},
-        "packing": {"method": "rsa", "count": 2},
-    }
-    with filled(small_disk, left), pytest.raises(OutputError, match="No space left on device"):
-        vg.Study(base=scene, axes={"packing.count": [1, 2]}, seeds=1).run(place)
-    assert list(place.rglob("*")) == []
-    assert place.exists() is (left > 0)
-
-
-@pytest.mark.skipif(not sys.platform.startswith("linux"), reason="open files are listed by Linux")
-def test_statistics_that_cannot_be_written_are_no_open_file(tmp_path):
-    tree = vg.measure(BALLS, which=["coordination"])
-    for _ in range(2):
-        with short_files(1000), pytest.raises(OutputError, match="File too large"):
-            save_statistics(tree, tmp_path / "s.nc")
-    links = (Path("/proc/self/fd") / number for number in os.listdir("/proc/self/fd"))
-    assert not [link for link in links if link.is_symlink() and str(tmp_path) in os.readlink(link)]
 
 
 def test_a_full_disk_leaves_the_snapshots_before(tmp_path):

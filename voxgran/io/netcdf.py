@@ -62,6 +62,7 @@ def save_statistics(tree: "DataTree", path: str | os.PathLike[str], *, overwrite
     >>> vg.save_statistics(vg.measure(bed, which="coordination"), "statistics.nc")
     """
     check_statistics_path(path, overwrite=overwrite)
+    load("netCDF4")
     register_accessor()
     xarray = load("xarray")
     check_type(tree, xarray.DataTree, "tree", "a tree of datasets, such as measure(packing)")
@@ -70,23 +71,11 @@ def save_statistics(tree: "DataTree", path: str | os.PathLike[str], *, overwrite
     if tree.name is not None:
         safe["/"].attrs[_NAME] = str(tree.name)
     with written_whole(path, overwrite=overwrite) as draft:
-        # in memory, since netCDF keeps a file that it cannot write open until the process ends
-        file = load("netCDF4").Dataset("statistics", "w", memory=1)
         try:
-            for place, data in safe.items():
-                group = file if place == "/" else file.createGroup(place)
-                data.dump_to_store(xarray.backends.NetCDF4DataStore(group), encoding=encoding[place])
-        finally:
-            content = file.close()
-        draft.write_bytes(_without_padding(content))
-
-
-def _without_padding(content: memoryview) -> memoryview:
-    """Return a netCDF file without the unused memory behind it; HDF5 keeps the end of a file in its superblock, which
-    netCDF writes in version 2.
-    """
-    end = int.from_bytes(content[28:36], "little") if content[8] == 2 else len(content)
-    return content[:end]
+            xarray.DataTree.from_dict(safe).to_netcdf(draft, engine="netcdf4", encoding=encoding)
+        # a name that is not UTF-8 is refused by the library
+        except (RuntimeError, UnicodeEncodeError) as error:
+            raise OutputError(f"{path} cannot be written ({error}): free space or choose another place") from error
 
 
 def check_statistics_path(path: str | os.PathLike[str], *, overwrite: bool) -> None:
