@@ -16,10 +16,12 @@ from voxgran._base.arrays import Floats
 from voxgran._base.kernels import bare_kernel, kernel
 from voxgran.geometry.gjk import Accuracy, Simplex, search_distance
 from voxgran.geometry.support import erosion_limit, support
-from voxgran.geometry.vectors import along, dot, sub
+from voxgran.geometry.vectors import along, dot, row_of, sub
 
 #: accuracy of the distance
 EXACT = Accuracy(0.0, 1e-15, 500, 20)
+#: squared distance, relative to that of the support points, up to which solids intersect
+ZERO = 1e-30
 #: distance, in limits of erosion, below which the separation is computed by proximal steps
 NEAR = 0.05
 MOST_MOVES = 25
@@ -34,7 +36,12 @@ def _core_distance(one, other, erosion, offset, simplex):  # type: ignore[no-unt
     distance = search_distance(
         _support_eroded, None, (one, erosion), (other, 0.0), offset, start, 1e150, EXACT, 1, simplex
     )
-    return max(distance, 0.0)
+    size = 0.0
+    for k in range(4):
+        corner = row_of(simplex.corner, k)
+        size = max(size, dot(corner, corner))
+    # what rounding leaves of the distance of solids that intersect gives no direction
+    return distance if distance > 0.0 and distance * distance > ZERO * size else 0.0
 
 
 @bare_kernel

@@ -12,6 +12,7 @@ import numpy as np
 
 from voxgran._base.arrays import check_type
 from voxgran._base.calls import explained
+from voxgran._base.errors import OutputError
 from voxgran._base.files import existing_file, output_suffix, written_whole
 from voxgran._base.guarded import Content, read_guarded, refused
 from voxgran._base.lazy import load

@@ -73,7 +73,7 @@ def test_wrong_input_is_refused():
     with pytest.raises(InputError, match="shape_id"):
         vg.inscribe(BALLS, HULLS[:2], shape_id=[5] * 60)
     for shapes in (None, [None], "box"):
-        with pytest.raises(InputError, match=r"shapes is .*: it must be a Shape"):
+        with pytest.raises(InputError, match=r"shapes.* is .*: it must be a Shape"):
             vg.inscribe(BALLS, shapes)
     with pytest.raises(InputError, match="packing is None: it must be a Packing"):
         vg.inscribe(None, HULLS)
