@@ -53,6 +53,7 @@ def test_pack_rocks(tmp_path, capsys, monkeypatch):
     assert (tmp_path / "pack_rocks.png").exists()
 
 
+@pytest.mark.slow
 def test_scan_to_shape(tmp_path, capsys, monkeypatch):
     text = printed("scan_to_shape.py", capsys, monkeypatch, str(tmp_path))
     assert float(re.search(r"volume off by ([\d.]+) %", text).group(1)) < 1.0
@@ -236,6 +237,7 @@ def test_the_page_on_the_papers_states_the_table_and_names_files_that_exist():
         assert "| " + " | ".join(cells) + " |" in page
 
 
+@pytest.mark.slow
 def test_sphere_families(tmp_path, capsys, monkeypatch):
     text = printed("sphere_families.py", capsys, monkeypatch, str(tmp_path), "100")
     assert text.count("verified True") == 10
@@ -244,6 +246,7 @@ def test_sphere_families(tmp_path, capsys, monkeypatch):
     assert vg.load(tmp_path / "expand_0.50.vtp").solid_fraction == pytest.approx(0.5, abs=1e-9)
 
 
+@pytest.mark.slow
 def test_shapes_unions(tmp_path, capsys, monkeypatch):
     text = printed("shapes_unions.py", capsys, monkeypatch, str(tmp_path))
     assert "chord error 5e-04  surface area of unions of one volume to 2.0e-04" in text
@@ -424,6 +427,7 @@ def test_rocks_scene_leaves_a_page_and_files(tmp_path):
     assert result.summary["counters"]["voxelized_shapes"] == 20
 
 
+@pytest.mark.slow
 def test_study_density(tmp_path):
     # of all cells and three seeds, those that are compared with published values
     whole = (EXAMPLES / "study_density.toml").read_text()

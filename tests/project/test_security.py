@@ -308,6 +308,7 @@ def test_names_are_no_markup_of_comparisons_and_reports(tmp_path):
     refuse_markup(tmp_path / "r.html")
 
 
+@pytest.mark.slow
 def test_names_are_no_markup_of_studies_and_no_files(tmp_path):
     shapes = [{"family": "sphere", "label": MARKUP}, {"family": "box", "label": "box"}]
     base = {"container": {"kind": "box", "lengths": [4, 4, 4]}, "packing": {"method": "rsa", "count": 3}}

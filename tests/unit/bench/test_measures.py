@@ -34,6 +34,7 @@ def seconds_of_one(compute, packing):
     return time.process_time() - began
 
 
+@pytest.mark.slow
 @pytest.mark.filterwarnings("ignore:the bulk holds")
 def test_rows_of_reports(monkeypatch):
     # each report once, where the benchmark takes the least time of several

@@ -38,6 +38,7 @@ def test_containers_hold_the_grains_at_the_solid_fraction_of_the_case():
     assert np.isclose(room_for(Case(method="rsa", room=0.5, bed=True), 100).volume, 100 * np.pi / 6 / 0.5)
 
 
+@pytest.mark.slow
 def test_rows_and_figure_are_written(tmp_path, monkeypatch):
     few = tuple(Case(method="advancing_front", dimension=d, options={"mode": "dense"}, room=0.6) for d in (2, 3))
     monkeypatch.setattr(spheres, "CASES", few)

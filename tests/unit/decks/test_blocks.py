@@ -243,6 +243,7 @@ def test_flat_grains_are_outlines(tmp_path):
         assert area * made.simulation.bodies.assembly.density == pytest.approx(grain["mass"], rel=allowed)
 
 
+@pytest.mark.slow
 def test_many_rocks_are_written_in_seconds(tmp_path):
     shapes = [vg.make_shape("solid_union", seed=seed) for seed in (1, 2, 3)]
     grid = np.stack(np.meshgrid(*[np.arange(7)] * 3), axis=-1).reshape(-1, 3) * 3.0 + 1.5
