@@ -119,8 +119,8 @@ class Registry(Generic[T]):
         )
 
     def _files(self) -> dict[str, str]:
-        """Return the modules of the entries by name: those of the table, or all public ones of the package and of those
-        inside it.
+        """Return the module of each entry by its name, from the table, or from the files of the package and of the
+        packages inside it.
         """
         if self.files is not None:
             return {name: f"{self.package}.{file}" for name, file in self.files.items()}

@@ -29,8 +29,8 @@ class ContainerKind:
         ``make(values, where)`` returns the container of a mapping where its keys beside ``kind`` are not the arguments
         of the class; `where` names the mapping in messages. It checks which keys are required.
     taken : tuple of str
-        Keys that `make` takes. Their meanings stand under "Parameters" in its docstring, those of arguments in that of
-        the class.
+        Keys that `make` takes. Their meanings stand under "Parameters" in its docstring; the meanings of arguments
+        stand in the docstring of the class.
 
     Examples
     --------

@@ -26,8 +26,8 @@ class Walls:
     round : Round or None
         Cylinder or sphere; the center of a cylinder is that of its base.
     mesh : tuple of ndarray or None
-        Vertices (v, 3) and triangles (f, 3) of a container with other walls, of a polygon those of the prism upon it;
-        their normals point away from the grains.
+        Vertices (v, 3) and triangles (f, 3) of a container with other walls, with normals that point away from the
+        grains. A polygon has the triangles of the prism upon it.
     convex : bool
         Whether the triangles bound a convex solid.
     """

@@ -163,7 +163,9 @@ def numbers_of(
 
 
 def order_by_id(ids: Sequence[str] | Floats, numbers: Sequence[int], path: Path, *, row: str = "line") -> Integers:
-    """Return the order of spheres by their ids, numbers or texts; `numbers` are those of their rows, for the message.
+    """Return the order of spheres by their ids, which are numbers or texts.
+
+    `numbers` are the numbers of the rows in the file, and `row` is what such a row is called; both are for the message.
 
     Raises
     ------

@@ -38,7 +38,7 @@ SHARP, BENT = 0.94, 0.9998
 class SurfaceBodies(NamedTuple):
     """Tables of s shapes, one after the other.
 
-    first: (s + 1, 5) first rows of each shape in: point, cluster, grid, corner and ball.
+    first: (s + 1, 5) first rows of each shape in: point, cluster, grid, corner and sphere.
     frame: (s, 9) numbers of cells of the grid (3), 0 without one, its origin (3) and the edge of a cell; then 1 where
     triangles enclose the shape, 0 for spheres; and 1 where triangles or spheres are the true surface.
     point: (p, 4) points and skins.  cluster: (c, 4) bounding spheres.  cluster_rows: (c, 3): first point, the one
@@ -47,8 +47,9 @@ class SurfaceBodies(NamedTuple):
     corner: (t, 3, 3) triangles in the order of their trees; a sphere is a triangle of three equal corners.
     skin: (t, 5) distance of the surface from the triangle, and a bounding sphere of the triangle with its skin.
     pseudo: (t, 7, 3) pseudo-normals as `TriangleTree.normals`.  fan: (f, 3) unit vectors along the edges that leave a
-    corner.  fan_rows: (t, 3, 2) those of each corner of a triangle.
-    low, high: (k, 3) boxes of the trees.  ball: (k, 4) bounding spheres of their contents.  box_rows: (k, 2) triangles.
+    corner.  fan_rows: (t, 3, 2) the rows of `fan` of each corner of a triangle.
+    low, high: (k, 3) boxes of the trees.  sphere: (k, 4) bounding spheres of their contents.  box_rows: (k, 2) their
+    triangles.
     """
 
     first: Integers
@@ -64,7 +65,7 @@ class SurfaceBodies(NamedTuple):
     fan_rows: Integers
     low: Floats
     high: Floats
-    ball: Floats
+    sphere: Floats
     box_rows: Integers
 
 
@@ -112,7 +113,7 @@ def _joined(parts: list[tuple[NDArray[Any], ...]]) -> SurfaceBodies:
     def first(name: str) -> Integers:
         return np.concatenate([[0], np.cumsum([len(part) for part in table[name]])]).astype(np.int64)
 
-    rows = {name: first(name) for name in ("point", "cluster", "grid", "corner", "ball", "fan")}
+    rows = {name: first(name) for name in ("point", "cluster", "grid", "corner", "sphere", "fan")}
     by = {
         "cluster_rows": np.column_stack([rows["point"], rows["point"], rows["cluster"]]),
         "fan_rows": rows["fan"],
@@ -121,7 +122,7 @@ def _joined(parts: list[tuple[NDArray[Any], ...]]) -> SurfaceBodies:
     for name, shifts in by.items():
         table[name] = [part + shift for part, shift in zip(table[name], shifts, strict=False)]
     joined = (np.concatenate(table[name]) for name in names)
-    starts = [rows[name] for name in ("point", "cluster", "grid", "corner", "ball")]
+    starts = [rows[name] for name in ("point", "cluster", "grid", "corner", "sphere")]
     return SurfaceBodies(np.column_stack(starts), *joined)
 
 
@@ -256,11 +257,11 @@ def _triangles_of(shape: Shape) -> tuple[NDArray[Any], ...]:
         tree = geometry.tree if isinstance(geometry, Mesh) else grow_tree(shape.vertices, shape.faces)
         skins = np.full(len(tree.face), 0.0 if _is_true(shape) else shape.tessellation_error)
         fan, fan_rows = _fans(shape.vertices, shape.faces, tree.face)
-    balls = _spheres_around(tree.corners, tree.low, tree.high, skins, tree.start)
+    of_boxes = _spheres_around(tree.corners, tree.low, tree.high, skins, tree.start)
     each = np.column_stack([np.arange(len(skins)), np.arange(1, len(skins) + 1)])
     spheres = _spheres_around(tree.corners, tree.corners.min(axis=1), tree.corners.max(axis=1), skins, each)
     skin = np.column_stack([skins, spheres])
-    return tree.corners, skin, tree.normals, fan, fan_rows, tree.low, tree.high, balls, tree.start
+    return tree.corners, skin, tree.normals, fan, fan_rows, tree.low, tree.high, of_boxes, tree.start
 
 
 def _spheres_around(corners: Floats, low: Floats, high: Floats, skins: Floats, rows: Integers) -> Floats:

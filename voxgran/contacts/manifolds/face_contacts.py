@@ -36,8 +36,8 @@ def write_face_contacts(
 ) -> int:  # fmt: skip
     """Write rows m, ... for the faces of two solids along a normal; return the next row, -1 if there is no space.
 
-    Rows from `start` on are those of the pair; old, count: its old rows.  curved:
-    None where there are no ellipsoids, cylinders and cones.
+    The rows of the pair begin at `start`; its `count` rows of the step before begin at `old`. `curved` is None if no
+    grain is an ellipsoid, a cylinder or a cone.
     """
     nx, ny, nz = normal
     mine, gx, gy, gz, level, strip = _write_face(grains, bodies, work, i, nx, ny, nz, work.window, curved)

@@ -21,12 +21,12 @@ SLACK, SLACK_OF_RADIUS = 8e-3, 0.02
 
 @bare_kernel
 def _list_leaves(  # type: ignore[no-untyped-def]
-    ball, root, leaves, turn, mine, theirs, grid, at, frame, corner, skin, first, last, reach, stack, listed,
+    sphere, root, leaves, turn, mine, theirs, grid, at, frame, corner, skin, first, last, reach, stack, listed,
 ):  # fmt: skip
     """List the leaves of a tree within reach of the surface of a body; return their number and a bound of the others.
 
-    ball: spheres around the boxes of all trees, of which this one starts at `root`.  turn: its map to the cells of the
-    body.  mine, theirs: scales of the body and of the tree.
+    sphere: spheres around the boxes of all trees, of which this one starts at `root`.  turn: its map to the cells of
+    the body.  mine, theirs: scales of the body and of the tree.
     """
     clear, count, depth = 1e9, 0, 1
     stack[0] = 0
@@ -34,11 +34,11 @@ def _list_leaves(  # type: ignore[no-untyped-def]
         depth -= 1
         node = stack[depth]
         k = root + node
-        px, py, pz = ball[k, 0], ball[k, 1], ball[k, 2]
+        px, py, pz = sphere[k, 0], sphere[k, 1], sphere[k, 2]
         x = turn[0] * px + turn[1] * py + turn[2] * pz + turn[9]
         y = turn[3] * px + turn[4] * py + turn[5] * pz + turn[10]
         z = turn[6] * px + turn[7] * py + turn[8] * pz + turn[11]
-        apart = grid_bound(grid, at, frame, corner, skin, first, last, x, y, z) * mine - ball[k, 3] * theirs
+        apart = grid_bound(grid, at, frame, corner, skin, first, last, x, y, z) * mine - sphere[k, 3] * theirs
         if apart > reach:
             clear = min(clear, apart)
         elif node < leaves:
@@ -224,7 +224,7 @@ def _list_triangles(grains, bodies, work, i, j, reach, slack, known):  # type: i
         write_turn(bodies.frame[one], way, pose, work.turn[way])
         root = bodies.first[other, 4]
         counts, apart = _list_leaves(
-            bodies.ball, root, (bodies.first[other + 1, 4] - root) // 2, work.turn[way],
+            bodies.sphere, root, (bodies.first[other + 1, 4] - root) // 2, work.turn[way],
             pose[12 + way], pose[13 - way], bodies.grid, bodies.first[one, 2], bodies.frame[one], bodies.corner,
             bodies.skin, bodies.first[one, 3], bodies.first[one + 1, 3], reach, work.stack, work.listed[way],
         )  # fmt: skip
