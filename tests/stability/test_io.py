@@ -198,6 +198,21 @@ def test_a_full_disk_leaves_what_was_there(name, full, new, request, tmp_path, c
     assert capfd.readouterr().err == ""
 
 
+@pytest.mark.parametrize("left", [0, 4096, 8192])
+def test_a_study_on_a_full_disk_leaves_no_empty_folder(left, small_disk):
+    """The disk has no room for its lock, for the mark of its checkpoints, or for the first run."""
+    place = Path(tempfile.mkdtemp(dir=small_disk)) / "study"
+    scene = {
+        "shape": [{"family": "sphere"}],
+        "container": {"kind": "box", "lengths": [4, 4, 4]},
+        "packing": {"method": "rsa", "count": 2},
+    }
+    with filled(small_disk, left), pytest.raises(OutputError, match="No space left on device"):
+        vg.Study(base=scene, axes={"packing.count": [1, 2]}, seeds=1).run(place)
+    assert list(place.rglob("*")) == []
+    assert place.exists() is (left > 0)
+
+
 def test_a_full_disk_leaves_the_snapshots_before(tmp_path):
     series = vg.Series(tmp_path / "run.pvd", max_snapshots=2, every=10)
     series.record(BALLS, 10)

@@ -54,12 +54,16 @@ def locked_file(path: str | os.PathLike[str] | None) -> Iterator[None]:
 @contextlib.contextmanager
 def _locked(path: Path, target: Path) -> Iterator[None]:
     """Hold a lock file (context manager)."""
+    made = not path.parent.exists()
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
         file = _taken(path, target)
     except InUseError:
         raise
     except OSError as error:
+        if made:
+            with contextlib.suppress(OSError):
+                path.parent.rmdir()
         reason = error.strerror or str(error)
         raise OutputError(f"{target} cannot be written ({reason}): choose another place") from error
     try:

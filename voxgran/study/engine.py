@@ -1,5 +1,6 @@
 """Running a study: what is finished is read, what is left is ordered and computed, and all of it is gathered."""
 
+import contextlib
 import math
 import re
 import time
@@ -137,12 +138,18 @@ def run_study(settings: StudySettings, folder: Path, options: Options) -> StudyR
     store = Store(folder, settings.keep == "packings")
     store.refuse_other()
     with opened_folder(folder, resume=True, overwrite=True):
-        remove_drafts_in(made_folder(folder / CELLS), folder / CHECKPOINTS)
-        work = _Work(settings, store, options)
-        computed = work.do()
-        rows = rows_of(settings.cells, settings.seeds, work.records)
-        dataset = dataset_of(settings.dimensions, settings.cells, settings.seeds, work.records)
-        save_results(dataset, rows, folder, zarr=options.zarr)
+        try:
+            remove_drafts_in(made_folder(folder / CELLS), folder / CHECKPOINTS)
+            work = _Work(settings, store, options)
+            computed = work.do()
+            rows = rows_of(settings.cells, settings.seeds, work.records)
+            dataset = dataset_of(settings.dimensions, settings.cells, settings.seeds, work.records)
+            save_results(dataset, rows, folder, zarr=options.zarr)
+        except BaseException:
+            for empty in (CELLS, CHECKPOINTS):
+                with contextlib.suppress(OSError):
+                    (folder / empty).rmdir()
+            raise
     return StudyResult(dataset=dataset, rows=rows, folder=folder, computed=computed, experiments=settings.experiments)
 
 

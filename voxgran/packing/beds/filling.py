@@ -86,7 +86,7 @@ def in_column(problem: Problem, up: Floats, count: int, height: float | None, ge
     container = problem.container
     if not problem.count:
         return count
-    points = points_inside(container, generator)
+    points = _with_middles(points_inside(container, generator), container)
     room = -np.asarray(container.signed_distance(points))
     least = float(problem.diameter.min())
     bounding = np.array([shape.bounding_radius for shape in problem.shapes])[problem.shape_id] * problem.diameter
@@ -119,6 +119,16 @@ def in_column(problem: Problem, up: Floats, count: int, height: float | None, ge
     for places in _thin_layers(container, points[room >= 0.5 * largest], largest):
         sure = max(sure, int(held(places).sum()))
     return min(max(most, sure), problem.count)
+
+
+def _with_middles(points: Floats, container: Container) -> Floats:
+    """Return points (n, 3) and their projections on the middle of the bounding box along each axis and each two axes:
+    the centers in a container hardly wider than a grain, which random points miss.
+    """
+    middle = np.mean(container.bounds, axis=0)
+    axes = np.eye(3, dtype=bool)[: container.dimension]
+    flat = [one | other for k, one in enumerate(axes) for other in axes[k:]]
+    return np.concatenate([points, *(np.where(mask, middle, points) for mask in flat)])
 
 
 def _thin_layers(container: Container, centers: Floats, diameter: float) -> Iterator[Floats]:
