@@ -19,7 +19,7 @@ NAMESPACES = {
     "voxgran.methods": "Parameters of the packing methods",
     "voxgran.testing": "Tests for those who add methods",
 }
-#: headings of the tables of the names of voxgran, by the rooms that the names live in
+#: headings of the tables of the names of voxgran, by the rooms or folders that the names live in
 ROOMS = {
     "shapes": "Shapes",
     "containers": "Containers",
@@ -75,7 +75,8 @@ def public_names():
     for name in package.__all__:
         found = getattr(package, name)
         if not inspect.ismodule(found) and not name.startswith("__"):
-            groups[ROOMS[found.__module__.split(".")[1]]].append(f"voxgran.{name}")
+            room, *_, folder = found.__module__.split(".")[1:-1] * 2
+            groups[ROOMS.get(folder, ROOMS[room])].append(f"voxgran.{name}")
     seen = {object_of(name) for names in groups.values() for name in names}
     for namespace, heading in NAMESPACES.items():
         module = object_of(namespace)

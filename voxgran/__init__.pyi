@@ -6,6 +6,7 @@ from voxgran import shapes as shapes
 from voxgran._base.errors import PackingWarning as PackingWarning
 from voxgran._base.errors import VoxgranError as VoxgranError
 from voxgran.clumps.fit import clump_methods as clump_methods
+from voxgran.contacts.deformation.deform import deform as deform
 from voxgran.contacts.verify import verify as verify
 from voxgran.containers.kinds.box import Box as Box
 from voxgran.containers.kinds.cylinder import Cylinder as Cylinder
@@ -20,7 +21,6 @@ from voxgran.decks.engine import engines as engines
 from voxgran.decks.material import Material as Material
 from voxgran.decks.relax import relax as relax
 from voxgran.decks.write import write_deck as write_deck
-from voxgran.deformation.deform import deform as deform
 from voxgran.io.cloud_files import load_cloud as load_cloud
 from voxgran.io.cloud_files import save_cloud as save_cloud
 from voxgran.io.data_files import data_file as data_file

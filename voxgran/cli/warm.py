@@ -15,11 +15,11 @@ from voxgran._base.machine import processor_count
 from voxgran._base.progress import OnStep, Step
 from voxgran._base.stopping import heed
 from voxgran.clumps.fit import fit_clump
+from voxgran.contacts.deformation.deform import deform
 from voxgran.contacts.verify import verify
 from voxgran.containers.kinds.box import Box
 from voxgran.containers.kinds.rectangle import Rectangle
 from voxgran.containers.model import Container
-from voxgran.deformation.deform import deform
 from voxgran.io.image import to_image
 from voxgran.measures.describe import describe
 from voxgran.measures.model import measure

@@ -13,13 +13,13 @@ from voxgran._base.arrays import Floats, Integers
 from voxgran._base.kernels import kernel
 from voxgran.contacts.assembly import Assembly
 from voxgran.contacts.depth import deepest_of_triangles
-from voxgran.contacts.farthest import farthest_of_row
 from voxgran.contacts.mesh_parts import touch_convex
 from voxgran.contacts.parts import has_parts, parts_of
 from voxgran.contacts.solid import Solid, combine
 from voxgran.contacts.triangles import nearest_points
 from voxgran.containers.model import UNKNOWN, boundary_of
 from voxgran.containers.plane import prism_of
+from voxgran.geometry.farthest import farthest_of_row
 from voxgran.geometry.rotation import stretch_of
 from voxgran.geometry.support import support
 from voxgran.geometry.walls import Round, directions_toward, reach_from

@@ -7,7 +7,7 @@ import numpy as np
 from voxgran._base.calls import explained
 from voxgran._base.files import as_path, output_suffix, written_whole
 from voxgran._base.vtk_data import attach, poly_data, write_data
-from voxgran.deformation.deform import Deformed
+from voxgran.contacts.deformation.deform import Deformed
 
 
 @explained(hint='save_deformed(deformed, "deformed.vtu")')

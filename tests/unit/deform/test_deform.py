@@ -11,9 +11,9 @@ from vtkmodules.vtkIOXML import vtkXMLPolyDataReader
 
 import voxgran as vg
 from voxgran._base.errors import FileFormatError, InputError, OutputExistsError, TooLargeError
-from voxgran.deformation import indentation as dents
-from voxgran.deformation import refined_surface as soft_surface
-from voxgran.deformation.refined_surface import crossing
+from voxgran.contacts.deformation import indentation as dents
+from voxgran.contacts.deformation import refined_surface as soft_surface
+from voxgran.contacts.deformation.refined_surface import crossing
 from voxgran.geometry.triangles import enclosed_volume
 from voxgran.shapes.spheres import Spheres
 

@@ -5,7 +5,7 @@ import pytest
 
 import voxgran as vg
 from voxgran._base.errors import DirtyMeshError, InputError
-from voxgran.deformation.deform import deform
+from voxgran.contacts.deformation.deform import deform
 from voxgran.geometry.triangles import areas_of
 from voxgran.shapes.describing.extents import principal_extents
 from voxgran.shapes.repairing.diagnose import diagnose

@@ -8,13 +8,13 @@ import math
 
 from voxgran._base.arrays import Floats
 from voxgran._base.kernels import bare_kernel
-from voxgran.contacts.farthest import farthest_of_row
 from voxgran.contacts.manifolds.convex_contacts import place_row
 from voxgran.contacts.manifolds.convex_distance import core_support, tables_of
 from voxgran.contacts.overlap.true_pairs import holds, in_frame, point_of, surfaces_meet
 from voxgran.contacts.overlap.true_shapes import TrueShapes
 from voxgran.contacts.walls import reach_from_line
 from voxgran.containers.kernel_container import MESH, KernelContainer, mesh_distance
+from voxgran.geometry.farthest import farthest_of_row
 from voxgran.geometry.walls import reach_from, reach_of
 
 

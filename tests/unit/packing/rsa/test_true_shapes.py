@@ -11,13 +11,13 @@ import voxgran as vg
 from voxgran._base.arrays import WHOLE
 from voxgran._base.errors import InputError, PackingWarning
 from voxgran._base.seeds import stream
-from voxgran.contacts.farthest import farthest_of_row
 from voxgran.contacts.overlap.true_pairs import place_relative, shapes_meet
 from voxgran.contacts.overlap.true_shapes import inner_radius, mark_of_rows, true_shapes
 from voxgran.contacts.overlap.true_walls import is_within_walls
 from voxgran.contacts.parts import row_of
 from voxgran.contacts.walls import escape_depths
 from voxgran.containers.kernel_container import kernel_container
+from voxgran.geometry.farthest import farthest_of_row
 from voxgran.geometry.rotation import random_rotations, rotation_matrices, write_matrix
 from voxgran.packing.rsa.method import registration as rsa
 from voxgran.packing.rsa.overlaps import Grains

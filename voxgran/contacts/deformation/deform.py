@@ -24,11 +24,11 @@ from voxgran._base.calls import explained
 from voxgran._base.errors import InputError, shown
 from voxgran.contacts.assembly import Assembly
 from voxgran.contacts.broad import Pairs, grain_pairs
+from voxgran.contacts.deformation.indentation import FARTHEST, SoftBody, give_way
+from voxgran.contacts.deformation.refined_surface import Partner, SoftGrain, fine_surface
 from voxgran.contacts.find import overlaps, pair_keys
 from voxgran.contacts.inside import inner_distance, placed
 from voxgran.contacts.model import Contacts
-from voxgran.deformation.indentation import FARTHEST, SoftBody, give_way
-from voxgran.deformation.refined_surface import Partner, SoftGrain, fine_surface
 from voxgran.geometry.triangles import enclosed_volume, normals_of
 from voxgran.shapes.finer import onto_surface
 from voxgran.shapes.primitive import Primitive

@@ -14,7 +14,7 @@ import numpy as np
 from voxgran._base.arrays import Booleans, Floats, Integers
 from voxgran._base.errors import InputError
 from voxgran._base.lazy import load
-from voxgran.deformation.refined_surface import EXACT, FineSurface, SoftGrain, crossing
+from voxgran.contacts.deformation.refined_surface import EXACT, FineSurface, SoftGrain, crossing
 from voxgran.geometry.triangles import enclosed_volume, normals_of
 from voxgran.lattice.label import components
 from voxgran.shapes.finer import edges_of, vertex_normals
