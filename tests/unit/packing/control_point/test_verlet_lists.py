@@ -28,7 +28,7 @@ def test_lists_hold_all_who_are_near(periodic):
     for _ in range(20):
         state = control_point.advance(problem, state, 500)
         setting = state.derived["precomputed"]
-        lists, position = setting.cells.lists, state.arrays["position"]
+        lists, position = setting.lists, state.arrays["position"]
         assert len(lists.near) == 50
         if lists.state[0] != 0:
             continue
@@ -52,6 +52,6 @@ def test_a_run_without_lists_gives_the_same_bits(monkeypatch):
         while state.feeding_ended_at is None:
             state = control_point.advance(problem, state, 1000)
         state = control_point.advance(problem, state, 20_000)
-        assert (len(state.derived["precomputed"].cells.lists.near) > 0) == (most == 50)
+        assert (len(state.derived["precomputed"].lists.near) > 0) == (most == 50)
         made.append(state.arrays["position"].tobytes())
     assert made[0] == made[1]
