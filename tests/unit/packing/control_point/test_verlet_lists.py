@@ -6,15 +6,13 @@ import pytest
 import voxgran as vg
 from voxgran.packing.control_point import verlet_lists as close_lists
 from voxgran.packing.control_point.method import registration as control_point
+from voxgran.packing.draw import Request
 from voxgran.packing.pack import prepare_task
 
 
 def problem_of(shapes, container, **parameters):
-    keywords = {"count": 50, "solid_fraction": None, "sizes": vg.sizes.lognormal(1.0, 0.1), "weights": None}
-    task = prepare_task(
-        *(shapes, container), method="control_point", weights_by="number", seed=3, parameters=parameters, **keywords
-    )
-    return task.problem
+    asked = {"count": 50, "sizes": vg.sizes.lognormal(1.0, 0.1), "seed": 3, "parameters": parameters}
+    return prepare_task(Request(shapes, container, "control_point", **asked)).problem
 
 
 @pytest.mark.parametrize("periodic", [(False, False, False), (True, True, False)])
