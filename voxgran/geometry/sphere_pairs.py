@@ -90,14 +90,14 @@ class Cells(NamedTuple):
     """Spheres in cells of a box.
 
     sphere: (m, 4) centers and radii, cell by cell.  order: (m,) their numbers.  start: (c + 1,) first one of each cell.
-    count: (3,) cells along each axis.  around: (3,) cells on each side that are within reach.  wraps, span: (3,)
+    many: (3,) cells along each axis.  around: (3,) cells on each side that are within reach.  wraps, span: (3,)
     which axes are periodic, and lengths of the box.
     """
 
     sphere: Floats
     order: Integers
     start: Integers
-    count: Integers
+    many: Integers
     around: Integers
     wraps: Integers
     span: Floats
@@ -175,7 +175,7 @@ def _visit_pairs(queries, index, cells, gap, one_set, pairs):  # type: ignore[no
     Where they are more than `pairs` has rows for, those that have no row are counted only. In one set, each pair comes
     once.
     """
-    many, around, wraps, span, packed = cells.count, cells.around, cells.wraps, cells.span, cells.sphere
+    many, around, wraps, span, packed = cells.many, cells.around, cells.wraps, cells.span, cells.sphere
     count = 0
     for i in range(len(queries)):
         first = count

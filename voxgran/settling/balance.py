@@ -27,6 +27,7 @@ import numpy as np
 from voxgran._base.arrays import Floats, Integers
 from voxgran._base.kernels import bare_kernel, inlined_kernel
 from voxgran._base.stopping import stop_if_asked
+from voxgran.geometry.vectors import along, cross, dot, row_of, sub, times, vector_at
 
 #: numbers in a row of work: normal (3), arms (6), openness, steps along the normal and across it; then three
 #: forces (3): that of now, the extrapolated one, and that of the iteration before; three cache lines
@@ -35,6 +36,8 @@ WORK = 24
 INVERSE_MASS, INVERSE_MOMENT = 6, 7
 #: iterations of the projected gradient between two looks at its distance from the optimum
 AT_ONCE = 16
+#: no force
+NONE = (0.0, 0.0, 0.0)
 
 
 class LoadedContacts(NamedTuple):
@@ -122,7 +125,7 @@ def accelerated_projected_gradient(
     while made < iterations:
         stop_if_asked()
         for _ in range(min(AT_ONCE, iterations - made)):
-            _descend(contacts, work, friction, accelerations, new, extrapolated, state)
+            _descend(work, contacts.bodies, contacts.gravity, friction, accelerations, new, extrapolated, state)
             made += 1
         # squares of the motions, by mass; the optimum, which has the least sum, is no farther than they are large
         squares = (accelerations.reshape(-1, 2, 3) ** 2).sum(axis=2) * masses
@@ -143,23 +146,17 @@ def _new_work(m: int) -> Work:
 
 
 @inlined_kernel
-def _add(body, inverse_mass, inverse_moment, rx, ry, rz, x, y, z):  # type: ignore[no-untyped-def]
+def _add(body, inverse_mass, inverse_moment, arm, force):  # type: ignore[no-untyped-def]
     """Add to an acceleration what a force does at an arm."""
-    body[0] += inverse_mass * x
-    body[1] += inverse_mass * y
-    body[2] += inverse_mass * z
-    body[3] += inverse_moment * (ry * z - rz * y)
-    body[4] += inverse_moment * (rz * x - rx * z)
-    body[5] += inverse_moment * (rx * y - ry * x)
+    body[0], body[1], body[2] = along(vector_at(body, 0), inverse_mass, force)
+    body[3], body[4], body[5] = along(vector_at(body, 3), inverse_moment, cross(arm, force))
 
 
 @inlined_kernel
-def _add_to_lid(lid, inverse_mass, gravity, x, y, z):  # type: ignore[no-untyped-def]
+def _add_to_lid(lid, inverse_mass, gravity, force):  # type: ignore[no-untyped-def]
     """Add to the acceleration of a lid, which moves along gravity only, what a force does."""
-    along = inverse_mass * (x * gravity[0] + y * gravity[1] + z * gravity[2])
-    lid[0] += along * gravity[0]
-    lid[1] += along * gravity[1]
-    lid[2] += along * gravity[2]
+    axis = vector_at(gravity, 0)
+    lid[0], lid[1], lid[2] = along(vector_at(lid, 0), inverse_mass * dot(force, axis), axis)
 
 
 @bare_kernel
@@ -172,17 +169,17 @@ def _add_forces(contacts, forces, accelerations):  # type: ignore[no-untyped-def
             accelerations[k, c] = free * gravity[c]
             accelerations[k, 3 + c] = 0.0
     for k in range(len(contacts.i)):
-        x, y, z = forces[k, 0], forces[k, 1], forces[k, 2]
-        if x == 0.0 and y == 0.0 and z == 0.0:
+        force = row_of(forces, k)
+        if force == NONE:
             continue
         c, one, other = contacts.row[k], contacts.i[k], contacts.j[k]
         b = bodies[one]
-        _add(accelerations[one], -b[6], -b[7], c[3], c[4], c[5], x, y, z)
+        _add(accelerations[one], -b[6], -b[7], vector_at(c, 3), force)
         if other == last:
-            _add_to_lid(accelerations[last], bodies[last, 6], gravity, x, y, z)
+            _add_to_lid(accelerations[last], bodies[last, 6], gravity, force)
         elif other >= 0:
             b = bodies[other]
-            _add(accelerations[other], b[6], b[7], c[6], c[7], c[8], x, y, z)
+            _add(accelerations[other], b[6], b[7], vector_at(c, 6), force)
 
 
 @bare_kernel
@@ -305,69 +302,48 @@ def _sweep(work, state, gravity, friction, skin, momentum, backwards):  # type: 
     for q in range(m):
         k = m - 1 - q if backwards else q
         c, one, other = work.row[k], work.pair[k, 0], work.pair[k, 1]
-        a, x, y, z = state[one], c[0], c[1], c[2]
-        f0, f1, f2 = c[12], c[13], c[14]
+        a, normal, force = state[one], vector_at(c, 0), vector_at(c, 12)
         if not backwards:
-            e0, e1, e2 = f0 + momentum * (f0 - c[18]), f1 + momentum * (f1 - c[19]), f2 + momentum * (f2 - c[20])
-            c[18], c[19], c[20] = f0, f1, f2
-            c[15], c[16], c[17] = e0, e1, e2
-            f0, f1, f2 = e0, e1, e2
-        a0, a1, a2, a3, a4, a5 = a[0], a[1], a[2], a[3], a[4], a[5]
-        r0, r1, r2 = c[3], c[4], c[5]
-        u0 = -(a0 + a4 * r2 - a5 * r1)
-        u1 = -(a1 + a5 * r0 - a3 * r2)
-        u2 = -(a2 + a3 * r1 - a4 * r0)
-        if other >= 0:
-            b = state[other]
-            u0 += b[0] + b[4] * c[8] - b[5] * c[7]
-            u1 += b[1] + b[5] * c[6] - b[3] * c[8]
-            u2 += b[2] + b[3] * c[7] - b[4] * c[6]
-        un = u0 * x + u1 * y + u2 * z
-        fn = f0 * x + f1 * y + f2 * z
+            ahead = along(force, momentum, sub(force, vector_at(c, 18)))
+            c[18], c[19], c[20] = force
+            c[15], c[16], c[17] = ahead
+            force = ahead
+        apart = _approach(c, state, one, other)
+        un, fn = dot(apart, normal), dot(force, normal)
         push = fn - c[10] * (un + c[9] + skin * fn)
-        if push <= 0.0:
-            p0 = p1 = p2 = 0.0
-        else:
-            st, limit = c[11], friction * push
-            t0 = f0 - fn * x - st * (u0 - un * x)
-            t1 = f1 - fn * y - st * (u1 - un * y)
-            t2 = f2 - fn * z - st * (u2 - un * z)
-            square = t0 * t0 + t1 * t1 + t2 * t2
-            part = 1.0
+        pressed = NONE
+        if push > 0.0:
+            limit, part = friction * push, 1.0
+            across = along(along(force, -fn, normal), -c[11], along(apart, -un, normal))
+            square = dot(across, across)
             if square > limit * limit:
                 part = limit / math.sqrt(square)
-            p0, p1, p2 = push * x + part * t0, push * y + part * t1, push * z + part * t2
-        c[12], c[13], c[14] = p0, p1, p2
+            pressed = along(times(normal, push), part, across)
+        c[12], c[13], c[14] = pressed
         if backwards:
-            e0, e1, e2 = p0 - c[18], p1 - c[19], p2 - c[20]
-            turned += (c[15] - p0) * e0 + (c[16] - p1) * e1 + (c[17] - p2) * e2
-            change += e0 * e0 + e1 * e1 + e2 * e2
-            size += p0 * p0 + p1 * p1 + p2 * p2
-        p0, p1, p2 = p0 - f0, p1 - f1, p2 - f2
-        if p0 == 0.0 and p1 == 0.0 and p2 == 0.0:
+            step = sub(pressed, vector_at(c, 18))
+            turned += dot(sub(vector_at(c, 15), pressed), step)
+            change += dot(step, step)
+            size += dot(pressed, pressed)
+        more = sub(pressed, force)
+        if more == NONE:
             continue
-        mass, moment = -a[6], -a[7]
-        a[0], a[1], a[2] = a0 + mass * p0, a1 + mass * p1, a2 + mass * p2
-        a[3] = a3 + moment * (r1 * p2 - r2 * p1)
-        a[4] = a4 + moment * (r2 * p0 - r0 * p2)
-        a[5] = a5 + moment * (r0 * p1 - r1 * p0)
+        _add(a, -a[6], -a[7], vector_at(c, 3), more)
         if other == last:
-            b = state[other]
-            _add_to_lid(b, b[6], gravity, p0, p1, p2)
+            _add_to_lid(state[last], state[last, 6], gravity, more)
         elif other >= 0:
             b = state[other]
-            _add(b, b[6], b[7], c[6], c[7], c[8], p0, p1, p2)
+            _add(b, b[6], b[7], vector_at(c, 6), more)
     return turned, change, size
 
 
 @bare_kernel
-def _descend(contacts, work, friction, accelerations, new, extrapolated, state):  # type: ignore[no-untyped-def]
+def _descend(work, bodies, gravity, friction, accelerations, new, extrapolated, state):  # type: ignore[no-untyped-def]
     """Make one iteration of the projected gradient: a step from the extrapolated forces, and the next momentum.
 
     accelerations: under the forces, new: to be written, extrapolated: under the extrapolated forces.  state: the two
     numbers t and momentum.
     """
-    bodies, gravity = contacts.bodies, contacts.gravity
     last, momentum, turned = len(bodies) - 1, state[1], 0.0
     for k in range(last + 1):
         free = 1.0 if bodies[k, 6] > 0.0 else 0.0
@@ -375,35 +351,28 @@ def _descend(contacts, work, friction, accelerations, new, extrapolated, state):
             new[k, s], new[k, 3 + s] = free * gravity[s], 0.0
     for k in range(len(work.pair)):
         c, one, other = work.row[k], work.pair[k, 0], work.pair[k, 1]
-        y0, y1, y2 = (
-            c[12] + momentum * (c[12] - c[18]),
-            c[13] + momentum * (c[13] - c[19]),
-            c[14] + momentum * (c[14] - c[20]),
-        )
-        c[18], c[19], c[20] = c[12], c[13], c[14]
-        x, y, z = c[0], c[1], c[2]
-        u0, u1, u2 = _approach(c, extrapolated, one, other)
-        un, yn = u0 * x + u1 * y + u2 * z, y0 * x + y1 * y + y2 * z
+        before, normal = vector_at(c, 12), vector_at(c, 0)
+        ahead = along(before, momentum, sub(before, vector_at(c, 18)))
+        c[18], c[19], c[20] = before
+        apart = _approach(c, extrapolated, one, other)
+        un, fn = dot(apart, normal), dot(ahead, normal)
         sn, st = c[10], c[11]
-        t0 = y0 - yn * x - st * (u0 - un * x)
-        t1 = y1 - yn * y - st * (u1 - un * y)
-        t2 = y2 - yn * z - st * (u2 - un * z)
-        push, part = _onto_cone(yn - sn * un, math.sqrt(t0 * t0 + t1 * t1 + t2 * t2), friction, sn, st)
-        p0, p1, p2 = push * x + part * t0, push * y + part * t1, push * z + part * t2
-        c[12], c[13], c[14] = p0, p1, p2
-        e0, e1, e2 = p0 - c[18], p1 - c[19], p2 - c[20]
-        y0, y1, y2 = y0 - p0, y1 - p1, y2 - p2
+        across = along(along(ahead, -fn, normal), -st, along(apart, -un, normal))
+        push, part = _onto_cone(fn - sn * un, math.sqrt(dot(across, across)), friction, sn, st)
+        force = along(times(normal, push), part, across)
+        c[12], c[13], c[14] = force
+        step, back = sub(force, before), sub(ahead, force)
         if sn > 0.0 and st > 0.0:
-            along = (e0 * x + e1 * y + e2 * z) * (y0 * x + y1 * y + y2 * z)
-            turned += along / sn + (y0 * e0 + y1 * e1 + y2 * e2 - along) / st
-        if p0 != 0.0 or p1 != 0.0 or p2 != 0.0:
+            product = dot(step, normal) * dot(back, normal)
+            turned += product / sn + (dot(back, step) - product) / st
+        if force != NONE:
             b = bodies[one]
-            _add(new[one], -b[6], -b[7], c[3], c[4], c[5], p0, p1, p2)
+            _add(new[one], -b[6], -b[7], vector_at(c, 3), force)
             if other == last:
-                _add_to_lid(new[last], bodies[last, 6], gravity, p0, p1, p2)
+                _add_to_lid(new[last], bodies[last, 6], gravity, force)
             elif other >= 0:
                 b = bodies[other]
-                _add(new[other], b[6], b[7], c[6], c[7], c[8], p0, p1, p2)
+                _add(new[other], b[6], b[7], vector_at(c, 6), force)
     t = 1.0 if turned > 0.0 else state[0]
     state[0] = (1.0 + math.sqrt(1.0 + 4.0 * t * t)) / 2.0
     state[1] = momentum = (t - 1.0) / state[0]

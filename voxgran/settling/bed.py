@@ -111,7 +111,8 @@ class Bed:
     @property
     def contacts(self) -> LoadedContacts:
         """Contacts that were last found, with bodies and gravity."""
-        return LoadedContacts(*(array[: self.m] for array in self.rows[:3]), self.bodies, self.gravity)
+        rows, m = self.rows, self.m
+        return LoadedContacts(rows.row[:m], rows.i[:m], rows.j[:m], self.bodies, self.gravity)
 
     @property
     def gap(self) -> Floats:

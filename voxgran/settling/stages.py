@@ -20,7 +20,8 @@ from voxgran.contacts.manifolds.rows import SURFACE
 from voxgran.settling.bed import Bed
 from voxgran.settling.closing import close_round
 from voxgran.settling.equilibrium import balance_bed
-from voxgran.settling.fall import Fall, fall_step, stop_falling
+from voxgran.settling.fall import fall_step, stop_falling
+from voxgran.settling.impulses import Fall
 from voxgran.settling.parameters import Settling
 from voxgran.settling.parting import part_grains
 from voxgran.settling.presets import FRICTIONAL, FRICTIONLESS, GRIDS, TRIANGLES, SolverPreset
