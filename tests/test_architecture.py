@@ -603,7 +603,8 @@ def test_there_is_no_circle_of_files():
 
 @pytest.mark.parametrize("name", NAMES)
 def test_every_file_keeps_the_rules(name):
-    breaches = [f"{rule.__name__}: {breach}" for rule in RULES for breach in rule(tree_of(name), name)]
+    tree = tree_of(name)
+    breaches = [f"{rule.__name__}: {breach}" for rule in RULES for breach in rule(tree, name)]
     lines = (PACKAGE / name).read_text().count("\n")
     if lines > LONGEST_FILE:
         breaches.append(f"{lines} lines, at most {LONGEST_FILE}")
