@@ -114,7 +114,7 @@ def run(folder: Path) -> tuple[Path, ...]:
     ]
     table = write_rows(folder / "tessellation.csv", head, lines)
     thin = [(name, *measure_thin(name)) for name in THIN]
-    lines = [f"{name},{many},{seconds:.3f},{found:.4f},{loop:.5f}" for name, many, seconds, found in thin]
+    lines = [f'"{name}",{many},{seconds:.3f},{found:.4f},{loop:.5f}' for name, many, seconds, found in thin]
     head = "container,spheres,processor_seconds,solid_fraction,calibration_seconds"
     other = write_rows(folder / "tessellation_thin.csv", head, lines)
     _draw(rows, folder / "tessellation.svg")
