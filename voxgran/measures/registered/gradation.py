@@ -14,7 +14,7 @@ from voxgran._base.arrays import Floats
 from voxgran.measures.model import Groups, Measure, dataset, length_unit, variable
 from voxgran.measures.registered.grains import intermediate_axes
 from voxgran.packing.model import Packing
-from voxgran.shapes.size_laws import Basis, SizeDistribution
+from voxgran.shapes.size_laws.distribution import Basis, SizeDistribution
 
 #: points of the curves
 POINTS = 201
