@@ -6,6 +6,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import MISSING, replace
 from functools import partial
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import voxgran
@@ -304,7 +305,8 @@ def _write_bodies(shapes: Sequence[Any], options: argparse.Namespace) -> list[st
 
 
 def methods(options: argparse.Namespace) -> None:
-    """List methods, families and measures, or one of them, with their parameters and allowed values.
+    """List methods, families, distributions of sizes and measures, or one group or one of them, with their parameters
+    and allowed values.
 
     Raises
     ------
@@ -315,28 +317,34 @@ def methods(options: argparse.Namespace) -> None:
     from voxgran.measures.model import measure_registry
     from voxgran.packing.method import method_registry
     from voxgran.shapes.family import families
+    from voxgran.shapes.sizes import KINDS
 
-    groups: dict[str, Any] = {
+    registries: dict[str, Any] = {
         "packing methods": method_registry(),
         "clump methods": clump_registry(),
         "shape families": families(),
         "measures": measure_registry(),
     }
-    named = {title: [n for n in found.names() if options.name in (None, n)] for title, found in groups.items()}
+    groups: dict[str, dict[str, Any]] = {
+        title: {name: registry.get(name) for name in registry.names()} for title, registry in registries.items()
+    }
+    summaries = {name: (law.__doc__ or "").partition("\n")[0].rstrip(".") for name, law in KINDS.items()}
+    groups["sizes"] = {name: SimpleNamespace(summary=summaries[name], parameters=KINDS[name]) for name in sorted(KINDS)}
+    named = {title: [n for n in found if options.name in (None, n, title)] for title, found in groups.items()}
     if not any(named.values()):
-        known = [name for registry in groups.values() for name in registry.names()]
-        raise UnknownNameError(unknown("method, family or measure", options.name, known))
+        known = [*groups, *(name for found in groups.values() for name in found)]
+        raise UnknownNameError(unknown("method, family, distribution or measure", options.name, known))
     if options.json:
         found: dict[str, Any] = {title: names for title, names in named.items() if names}
         if options.name is not None:
-            found = {title: {options.name: _described(groups[title].get(options.name))} for title in found}
+            found = {title: {name: _described(groups[title][name]) for name in names} for title, names in found.items()}
         print(json.dumps(found, indent=2))
         return
     for title, names in named.items():
         if names:
             print(title)
         for name in names:
-            entry = groups[title].get(name)
+            entry = groups[title][name]
             summary = str(getattr(entry, "summary", ""))
             entry_line(f"  {name}", summary if getattr(entry, "usual", True) else f"{summary}; only on request")
             entry_line("", getattr(entry, "source", ""))
@@ -403,7 +411,7 @@ COMMANDS: dict[str, tuple[str, Callable[[argparse.Namespace], int | None]]] = {
     "export": ("write the input of a DEM or DDA engine for a packing", export),
     "relax": ("bring a packing to rest in an engine, and say how far from rest it was", relax),
     "engines": ("list the engines that input can be written for", engines),
-    "methods": ("list methods, families and measures with their parameters", methods),
+    "methods": ("list methods, families, sizes and measures with their parameters", methods),
     "bench": ("measure run time against error", bench),
     "doctor": ("say what this machine has and what is missing", doctor),
     "data": ("copy a scan that comes with voxgran", data),

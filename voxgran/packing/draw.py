@@ -19,6 +19,7 @@ from voxgran.containers.model import Container, boundary_of
 from voxgran.containers.size_limits import can_fit
 from voxgran.shapes.describing.extents import principal_extents
 from voxgran.shapes.model import Shape
+from voxgran.shapes.size_plan import FAR, count_within, stratum_distance
 from voxgran.shapes.sizes import SizeDistribution
 
 log = logging.getLogger(__name__)
@@ -275,8 +276,8 @@ def _laid(
     dimension, factors = shapes[0].dimension, _factors(shapes, sizes)
     unit = np.array([shape.volume / shape.diameter**dimension for shape in shapes]) * factors**dimension
     mean = float(shares @ unit) * sizes.mean_volume(dimension=dimension) * (6.0 if dimension == 3 else 4.0) / math.pi
-    enough = target / mean if mean > 0.0 else math.inf
-    many = min(math.inf if count is None else count, math.ceil(enough) if math.isfinite(enough) else math.inf)
+    room = target / mean if mean > 0.0 else math.inf
+    many = min(math.inf if count is None else count, math.ceil(room) if math.isfinite(room) else math.inf)
     if count is None and many > MOST_DRAWN:
         raise InputError(
             f"{many:.3g} grains have the wanted volume, and at most {MOST_DRAWN} are drawn: give a count, or larger "
@@ -291,6 +292,14 @@ def _laid(
     check_lengths([diameter.min(initial=1.0), diameter.max(initial=1.0)], "diameter of a grain")
     volumes = _volumes(shapes, shape_id, diameter)
     keep = np.cumsum(volumes) - volumes < target
+    if n and sizes.basis == "volume" and (distance := stratum_distance(sizes, n, dimension)) > FAR:
+        enough = count_within(sizes, 0.05, dimension)
+        warn(
+            f"{n} grains follow the sizes to {distance:.2g} by volume, the largest difference of the curves: the "
+            f"largest grain is {volumes.max() / volumes.sum():.2g} of all; give about {enough} grains for 0.05, or "
+            "leave out the finest sizes, which are most of the grains (vg.plan_sizes)",
+            PackingWarning,
+        )
     return shape_id[keep], diameter[keep]
 
 
