@@ -325,24 +325,22 @@ def methods(options: argparse.Namespace) -> None:
         "shape families": families(),
         "measures": measure_registry(),
     }
-    groups: dict[str, dict[str, Any]] = {
-        title: {name: registry.get(name) for name in registry.names()} for title, registry in registries.items()
+    groups = {title: {name: found.get(name) for name in found.names()} for title, found in registries.items()}
+    groups["sizes"] = {
+        name: SimpleNamespace(summary=(law.__doc__ or "").partition(".\n")[0], parameters=law)
+        for name, law in sorted(KINDS.items())
     }
-    summaries = {name: (law.__doc__ or "").partition("\n")[0].rstrip(".") for name, law in KINDS.items()}
-    groups["sizes"] = {name: SimpleNamespace(summary=summaries[name], parameters=KINDS[name]) for name in sorted(KINDS)}
-    named = {title: [n for n in found if options.name in (None, n, title)] for title, found in groups.items()}
-    if not any(named.values()):
+    chosen = {title: [n for n in found if options.name in (None, n, title)] for title, found in groups.items()}
+    named = {title: names for title, names in chosen.items() if names}
+    if not named:
         known = [*groups, *(name for found in groups.values() for name in found)]
         raise UnknownNameError(unknown("method, family, distribution or measure", options.name, known))
     if options.json:
-        found: dict[str, Any] = {title: names for title, names in named.items() if names}
-        if options.name is not None:
-            found = {title: {name: _described(groups[title][name]) for name in names} for title, names in found.items()}
-        print(json.dumps(found, indent=2))
+        told = {t: {name: _described(groups[t][name]) for name in names} for t, names in named.items()}
+        print(json.dumps(named if options.name is None else told, indent=2))
         return
     for title, names in named.items():
-        if names:
-            print(title)
+        print(title)
         for name in names:
             entry = groups[title][name]
             summary = str(getattr(entry, "summary", ""))
@@ -350,8 +348,7 @@ def methods(options: argparse.Namespace) -> None:
             entry_line("", getattr(entry, "source", ""))
             for item in parameters_of(entry.parameters) if hasattr(entry, "parameters") else ():
                 entry_line(f"      {item.name}", parameter_text(item))
-        if names:
-            print()
+        print()
     if options.name is None:
         entry_line("cores", CORES)
 

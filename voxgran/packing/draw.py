@@ -19,7 +19,7 @@ from voxgran.containers.model import Container, boundary_of
 from voxgran.containers.size_limits import can_fit
 from voxgran.shapes.describing.extents import principal_extents
 from voxgran.shapes.model import Shape
-from voxgran.shapes.size_plan import FAR, count_within, stratum_distance
+from voxgran.shapes.size_laws.plan import FAR, count_within, stratum_distance
 from voxgran.shapes.sizes import SizeDistribution
 
 log = logging.getLogger(__name__)

@@ -28,7 +28,7 @@ from voxgran.shapes.mesh import Mesh
 from voxgran.shapes.model import Shape
 from voxgran.shapes.primitive import Primitive
 from voxgran.shapes.repairing.diagnose import merged, refuse_open
-from voxgran.shapes.size_plan import SizePlan, plan_sizes
+from voxgran.shapes.size_laws.plan import SizePlan, plan_sizes
 from voxgran.shapes.spheres import MassProperties, Spheres
 from voxgran.shapes.surface import Surface
 
