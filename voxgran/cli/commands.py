@@ -305,8 +305,7 @@ def _write_bodies(shapes: Sequence[Any], options: argparse.Namespace) -> list[st
 
 
 def methods(options: argparse.Namespace) -> None:
-    """List methods, families, distributions of sizes and measures, or one group or one of them, with their parameters
-    and allowed values.
+    """List methods, families, sizes and measures, or a group or one of them, with their parameters and allowed values.
 
     Raises
     ------
