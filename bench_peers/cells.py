@@ -61,29 +61,27 @@ def inverse_monte_carlo(
         step = length * generator.normal(size=(many, 3))
         step[:, dimension:] = 0.0
         seeds = seeds_of(place, np.zeros(n), cells.walls)
-        kept += _move(
-            seeds, cells.walls, cells.work, *cells.none, volume, wanted, generator.integers(n, size=many), step
-        )
+        kept += _move(cells.around(seeds), volume, wanted, generator.integers(n, size=many), step)
         place = seeds.place
     return place, volume, time.process_time() - began, kept
 
 
 @kernel
-def _move(seeds, walls, cell, bodies, poses, volume, wanted, picks, steps):  # type: ignore[no-untyped-def]
+def _move(tessellation, volume, wanted, picks, steps):  # type: ignore[no-untyped-def]
     """Try some moves, write seeds and volumes, and return how many were kept."""
     touched, before, here = np.zeros(CELLS, np.int64), np.zeros(CELLS), np.zeros(3)
-    middle, kept = np.zeros(3), 0
+    seeds, walls, middle, kept = tessellation.seeds, tessellation.walls, np.zeros(3), 0
     error = _distance(volume, wanted)
     for k in range(len(picks)):
         i = picks[k]
-        many = _neighbours(seeds, walls, cell, bodies, poses, i, touched, 0)
+        many = _neighbours(tessellation, i, touched, 0)
         for c in range(3):
             here[c] = seeds.place[i, c]
         _put(seeds, walls, i, here[0] + steps[k, 0], here[1] + steps[k, 1], here[2] + steps[k, 2])
-        many = _neighbours(seeds, walls, cell, bodies, poses, i, touched, many)
+        many = _neighbours(tessellation, i, touched, many)
         for j in range(many):
             before[j] = volume[touched[j]]
-            volume[touched[j]] = _volume(seeds, walls, cell, bodies, poses, touched[j], middle)
+            volume[touched[j]] = _volume(tessellation, touched[j], middle)
         after = _distance(volume, wanted)
         if after < error:
             error = after
@@ -106,16 +104,17 @@ def _distance(volume, wanted):  # type: ignore[no-untyped-def]
 
 
 @kernel
-def _volume(seeds, walls, cell, bodies, poses, i, middle):  # type: ignore[no-untyped-def]
+def _volume(tessellation, i, middle):  # type: ignore[no-untyped-def]
     """Make the cell of a seed, and return its volume."""
-    build_cell(seeds, walls, cell, i, bodies, poses, False)
-    return volume_and_center(cell, middle)
+    build_cell(tessellation, i, False)
+    return volume_and_center(tessellation.cell, middle)
 
 
 @kernel
-def _neighbours(seeds, walls, cell, bodies, poses, i, touched, many):  # type: ignore[no-untyped-def]
+def _neighbours(tessellation, i, touched, many):  # type: ignore[no-untyped-def]
     """Add a seed and those beyond the faces of its cell to the ones that are touched; return the number of these."""
-    _volume(seeds, walls, cell, bodies, poses, i, np.zeros(3))
+    cell = tessellation.cell
+    _volume(tessellation, i, np.zeros(3))
     for f in range(-1, cell.count[1]):
         owner = i if f < 0 else cell.owner[f]
         known = owner < 0 or many == len(touched)

@@ -10,6 +10,7 @@ from scipy.spatial import ConvexHull
 
 from voxgran.contacts.forces import ContactForces
 from voxgran.containers.kinds.box import Box
+from voxgran.packing.draw import Request
 from voxgran.packing.driver import Drive, drive
 from voxgran.packing.model import Packing
 from voxgran.packing.pack import prepare_task
@@ -42,20 +43,8 @@ count = {count}
 
 def task_of(method, shapes, container, *, count=None, sizes=None, seed=0, start=None, settle=False, **parameters):
     """Return the task of packing so many grains, ready to run, with parameters of the method; they do not settle."""
-    return prepare_task(
-        shapes,
-        container,
-        method=method,
-        count=count,
-        solid_fraction=None,
-        sizes=sizes,
-        weights=None,
-        weights_by="number",
-        seed=seed,
-        start=start,
-        parameters=parameters,
-        settle=settle,
-    )
+    options = {"count": count, "sizes": sizes, "seed": seed, "start": start, "settle": settle}
+    return prepare_task(Request(shapes, container, method, parameters=parameters, **options))
 
 
 def run(task, chunk=None):

@@ -21,6 +21,7 @@ from voxgran.clumps.method import clump_registry
 from voxgran.io.cloud_of_packing import cloud_of_packing
 from voxgran.measures.registered.coordination import coordination_number, near_contacts
 from voxgran.measures.registered.profile import axis_profile, wall_profile
+from voxgran.packing.draw import Request
 from voxgran.packing.method import method_registry
 from voxgran.packing.pack import prepare_task
 from voxgran.points.control import inner_points, sample_controls
@@ -226,8 +227,7 @@ def scene(**sections):
 
 def task(shapes=BALL, container=BOX, **asked):
     """Check what `pack` is asked and draw the grains."""
-    usual = {"count": 2, "solid_fraction": None, "sizes": None, "weights": None, "seed": 0}
-    return prepare_task(shapes, container, method="rsa", weights_by="number", parameters={}, **{**usual, **asked})
+    return prepare_task(Request(shapes, container, "rsa", **{"count": 2, **asked}))
 
 
 def check_all(call, name):

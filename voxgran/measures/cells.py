@@ -83,7 +83,7 @@ def cell_volumes(seeds: Floats, weights: Floats, container: Container) -> Floats
     volume, spare, first = np.zeros(len(place)), empty_polyhedron(FACES), 0
     found = seeds_of(place, weight, cells.walls)
     while first < len(place):
-        first = int(_fill(found, cells.walls, cells.work, spare, *cells.none, walls, depth, first, volume))
+        first = int(_fill(cells.around(found), spare, walls, depth, first, volume))
         if first < len(place):
             cells.grow()
             spare = empty_polyhedron(len(cells.work.size))
@@ -162,13 +162,13 @@ def _pieces(vertices: Floats, faces: Integers, *, flat: bool) -> tuple[Floats, F
 
 
 @kernel
-def _fill(seeds, bounds, cell, spare, bodies, poses, walls, depth, first, volume):  # type: ignore[no-untyped-def]
+def _fill(tessellation, spare, walls, depth, first, volume):  # type: ignore[no-untyped-def]
     """Write the volumes of cells from the first one on; return the number of the one for which there is no room, or
     that of all cells.
     """
-    middle = np.zeros(3)
+    middle, seeds, cell = np.zeros(3), tessellation.seeds, tessellation.cell
     for i in range(first, len(volume)):
-        state = build_cell(seeds, bounds, cell, i, bodies, poses, False)
+        state = build_cell(tessellation, i, False)
         if state == CROWDED:
             return i
         volume[i] = 0.0
@@ -177,7 +177,7 @@ def _fill(seeds, bounds, cell, spare, bodies, poses, walls, depth, first, volume
         mx, my = walls.middle[0] - seeds.place[i, 0], walls.middle[1] - seeds.place[i, 1]
         mz = walls.middle[2] - seeds.place[i, 2]
         if walls.kind == PIECES:
-            if reach_of(cell, bounds.dimension == 2) > depth[i]:
+            if reach_of(cell, tessellation.walls.dimension == 2) > depth[i]:
                 volume[i] = _in_pieces(cell, spare, walls, seeds.place, i, middle)
                 if volume[i] == -math.inf:
                     return i

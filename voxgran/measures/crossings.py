@@ -55,6 +55,11 @@ class Lines:
     low: float  # where the lines start
     high: float  # where they end
 
+    @property
+    def lattice(self) -> tuple[Floats, tuple[int, int], float]:
+        """Distances, numbers and shift of the lines, as kernels take them."""
+        return self.step, self.counts, self.turn
+
     @classmethod
     def through(cls, axis: int, lower: Floats, upper: Floats, spacing: float, *, dimension: int) -> "Lines":
         """Return lines through a box of which each stands for an area of about the square of a spacing, or in 2D, at
@@ -199,10 +204,9 @@ def _in_spheres(centers: Floats, radii: Floats, lines: Lines) -> Intervals:
     """Return the intervals in spheres with centers (n, 3) in the order of the axes of the lines."""
     centers = np.ascontiguousarray(centers - [*lines.first, lines.low])
     no_line, no_place = np.zeros(0, dtype=np.int64), np.zeros(0)
-    lattice = lines.step, lines.counts, lines.turn
-    count = _cross_spheres(centers, radii, *lattice, no_line, no_place, no_place)
+    count = _cross_spheres(centers, radii, lines.lattice, no_line, no_place, no_place)
     line, low, high = np.empty(count, dtype=np.int64), np.empty(count), np.empty(count)
-    _cross_spheres(centers, radii, *lattice, line, low, high)
+    _cross_spheres(centers, radii, lines.lattice, line, low, high)
     return line, low, high
 
 
@@ -217,8 +221,7 @@ def _in_round(solid: Primitive, middle: Floats, reach: float, lines: Lines) -> I
     line, low, high = np.empty(many, dtype=np.int64), np.empty(many), np.empty(many)
     frame = np.ascontiguousarray(stretch[:, list(lines.axes)])
     window = np.concatenate([first, last])
-    lattice = lines.step, window, lines.counts[1], lines.turn
-    count = _cross_round(frame, start, curve, ends, *lattice, line, low, high)
+    count = _cross_round(frame, start, curve, ends, lines.lattice, window, line, low, high)
     return line[:count], low[:count], high[:count]
 
 
@@ -241,10 +244,10 @@ class _Crossings:
         inner = (vertices[:, list(lines.axes)] - self._lower) / [*lines.step, 1.0]
         # lines pass corners and edges at an infinitesimal distance on the same side, despite round-off
         inner[:, :2] = np.rint(inner[:, :2] * FINEST) / FINEST
-        count = _cross_triangles(inner, faces, lines.counts, lines.turn, self._line, self._place)
+        count = _cross_triangles(inner, faces, lines.lattice, self._line, self._place)
         if count > len(self._line):
             self._line, self._place = np.empty(2 * count, dtype=np.int64), np.empty(2 * count)
-            _cross_triangles(inner, faces, lines.counts, lines.turn, self._line, self._place)
+            _cross_triangles(inner, faces, lines.lattice, self._line, self._place)
         return self._line[:count].copy(), self._place[:count].copy()
 
 
@@ -287,8 +290,9 @@ _shift = kernel(_shift_of)
 
 
 @kernel
-def _cross_spheres(centers, radii, step, counts, turn, line, low, high):  # type: ignore[no-untyped-def]
+def _cross_spheres(centers, radii, lattice, line, low, high):  # type: ignore[no-untyped-def]
     """Write the intervals of lines in spheres as long as there is room; return their number."""
+    step, counts, turn = lattice
     count, room = 0, len(line)
     for s in range(len(radii)):
         x, y, z, r = centers[s, 0], centers[s, 1], centers[s, 2], radii[s]
@@ -315,28 +319,28 @@ def _cross_spheres(centers, radii, step, counts, turn, line, low, high):  # type
 
 
 @kernel
-def _cross_round(stretch, middle, curve, ends, step, window, many, turn, line, low, high):  # type: ignore[no-untyped-def]
+def _cross_round(stretch, middle, curve, ends, lattice, window, line, low, high):  # type: ignore[no-untyped-def]
     """Write the intervals of lines in a solid of revolution; return their number."""
-    count = 0
+    (step, counts, turn), count = lattice, 0
     for i in range(window[0], window[2] + 1):
         shift = _shift(i, turn)
         for j in range(window[1], window[3] + 1):
             x, y = i * step[0] - middle[0], (j + shift) * step[1] - middle[1]
             begin, end = _chord_in_round(stretch, curve, ends, x, y)
             if begin < end:
-                line[count], low[count], high[count] = i * many + j, begin + middle[2], end + middle[2]
+                line[count], low[count], high[count] = i * counts[1] + j, begin + middle[2], end + middle[2]
                 count += 1
     return count
 
 
 @kernel
-def _cross_triangles(vertices, faces, counts, turn, line, place):  # type: ignore[no-untyped-def]
+def _cross_triangles(vertices, faces, lattice, line, place):  # type: ignore[no-untyped-def]
     """Write the crossings of lines with triangles as long as there is room; return their number.
 
     Lines are at whole numbers, along the rows with their shift. The ranges are half-open, so that a closed surface
     gives each line an even number.
     """
-    count, room = 0, len(line)
+    (_, counts, turn), count, room = lattice, 0, len(line)
     for f in range(len(faces)):
         a, b, c, _ = _ordered(vertices, faces[f, 0], faces[f, 1], faces[f, 2])
         begin, end = _first_last(vertices[a, 0], vertices[c, 0], counts[0])

@@ -2,8 +2,8 @@
 
 import logging
 import math
-from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Mapping, Sequence
+from dataclasses import KW_ONLY, dataclass, field, replace
 from typing import Any, Literal
 
 import numpy as np
@@ -12,13 +12,16 @@ from numpy.typing import ArrayLike, NDArray
 from voxgran._base.arrays import Floats, Integers, as_choice, as_count, as_floats, as_share, check_lengths
 from voxgran._base.errors import GrainTooLargeError, InputError, PackingWarning, TooLargeError, shown
 from voxgran._base.machine import memory_limit
+from voxgran._base.registry import Parameters
 from voxgran._base.scalars import cube_root
 from voxgran._base.seeds import stream
 from voxgran._base.warning import warn
 from voxgran.containers.model import Container, boundary_of
 from voxgran.containers.size_limits import can_fit
+from voxgran.packing.model import Packing
+from voxgran.settling.parameters import Settling
 from voxgran.shapes.describing.extents import principal_extents
-from voxgran.shapes.model import Shape
+from voxgran.shapes.model import Shape, check_shapes
 from voxgran.shapes.size_laws.plan import FAR, count_within, stratum_distance
 from voxgran.shapes.sizes import SizeDistribution
 
@@ -41,6 +44,27 @@ MOST_MADE = 250_000
 
 
 @dataclass(frozen=True, slots=True)
+class Request:
+    """What :func:`voxgran.packing.pack.pack` is asked for: its arguments of these names, without those of the run."""
+
+    shapes: Sequence[Shape] | Shape
+    container: Container
+    method: str | Parameters
+    _: KW_ONLY
+    count: int | None = None
+    solid_fraction: float | None = None
+    sizes: SizeDistribution | None = None
+    weights: "ArrayLike | None" = None
+    weights_by: str = "number"
+    seed: int = 0
+    start: Packing | None = None
+    unit: str | None = None
+    density: float | Sequence[float] | None = None
+    settle: bool | Mapping[str, Any] | Settling | None = None
+    parameters: Mapping[str, Any] = field(default_factory=dict)
+
+
+@dataclass(frozen=True, slots=True)
 class DrawnGrains:
     """Grains without poses: their shapes and equivalent diameters, (n,), in the unit of lengths.
 
@@ -53,20 +77,9 @@ class DrawnGrains:
 
 
 def draw_grains(
-    shapes: Sequence[Shape],
-    container: Container,
-    sizes: SizeDistribution | None,
-    *,
-    count: int | None,
-    solid_fraction: float | None,
-    weights: "ArrayLike | None",
-    weights_by: str,
-    seed: int,
-    surplus: bool = False,
-    sizing: Literal["drawn", "scaled", "made"] = "drawn",
-    own_shapes: bool = False,
+    request: Request, *, surplus: bool, sizing: Literal["drawn", "scaled", "made"], own_shapes: bool
 ) -> DrawnGrains:
-    """Draw the grains of a packing, for arguments of :func:`voxgran.packing.pack.pack`.
+    """Draw the grains of a packing.
 
     The sizes are those of strata (:meth:`SizeDistribution.strata`), unless they are to be independent, and shapes and
     sizes are independent of each other. Without a count and a solid fraction as many grains are drawn as fill the
@@ -86,31 +99,32 @@ def draw_grains(
     TooLargeError
         If more than 100 million grains are requested.
     """
-    wanted = None if count is None else as_count(count, "count", at_most=None)
-    if wanted is not None and wanted > MOST_ASKED:
+    shapes, container, sizes, seed = check_shapes(request.shapes), request.container, request.sizes, request.seed
+    solid_fraction = request.solid_fraction
+    count = None if request.count is None else as_count(request.count, "count", at_most=None)
+    if count is not None and count > MOST_ASKED:
         raise TooLargeError(
-            f"count is {shown(wanted)}: at most {MOST_ASKED} grains can be packed at a time; pack in parts"
+            f"count is {shown(count)}: at most {MOST_ASKED} grains can be packed at a time; pack in parts"
         )
     target = container.volume * (1.0 if solid_fraction is None else as_share(solid_fraction, "solid_fraction"))
-    shares = _shares(shapes, weights, weights_by, sizes is None)
+    shares = _shares(shapes, request.weights, request.weights_by, sizes is None)
     if sizing == "made":
-        return _without_sizes(shapes, container, shares, sizes, wanted, seed)
-    if wanted is None and all(shape.is_open for shape, share in zip(shapes, shares, strict=True) if share > 0):
+        return _without_sizes(shapes, container, shares, sizes, count, seed)
+    if count is None and all(shape.is_open for shape, share in zip(shapes, shares, strict=True) if share > 0):
         raise InputError("count is None and all shapes are open surfaces: they have no volume to fill; give a count")
-    if wanted is not None and wanted > PROBE:
-        _refuse_too_many(shapes, shares, sizes, container, wanted, bounded=not surplus and sizing == "drawn", seed=seed)
-    filled = wanted is None or (solid_fraction is not None and sizing == "drawn")
+    if count is not None and count > PROBE:
+        _refuse_too_many(shapes, shares, sizes, container, count, bounded=not surplus and sizing == "drawn", seed=seed)
+    filled = count is None or (solid_fraction is not None and sizing == "drawn")
     if sizes is None or sizes.independent:
-        shape_id, diameter = _draw(shapes, shares, sizes, wanted, target, seed)
+        shape_id, diameter = _draw(shapes, shares, sizes, count, target, seed)
     else:
-        shape_id, diameter = _laid(
-            shapes, shares, sizes, count=wanted, target=target if filled else math.inf, seed=seed
-        )
+        room = target if filled else math.inf
+        shape_id, diameter = _laid(shapes, shares, sizes, count=count, target=room, seed=seed)
     volumes = _volumes(shapes, shape_id, diameter)
-    if filled and wanted is not None and len(volumes):
+    if filled and count is not None and len(volumes):
         keep = np.cumsum(volumes) - volumes < target
         shape_id, diameter, volumes = shape_id[keep], diameter[keep], volumes[keep]
-    if solid_fraction is not None and not own_shapes and (sizing == "drawn" or wanted is None):
+    if solid_fraction is not None and not own_shapes and (sizing == "drawn" or count is None):
         _refuse_denser_than_lattice(shapes, container, shape_id, diameter, wanted=solid_fraction)
     fits = can_fit(shapes, container, shape_id, diameter)
     if len(fits) and not fits.any():
@@ -118,8 +132,8 @@ def draw_grains(
             f"the smallest grain has the diameter {diameter.min():.6g}: none can fit in the container of "
             f"{_lengths_text(container)}, however it is turned; make the grains smaller or the container larger"
         )
-    if wanted is not None and not surplus and sizing == "drawn" and volumes[fits].sum() > container.volume:
-        raise InputError(_too_much(wanted, volumes[fits].sum() / container.volume))
+    if count is not None and not surplus and sizing == "drawn" and volumes[fits].sum() > container.volume:
+        raise InputError(_too_much(count, volumes[fits].sum() / container.volume))
     removed = {"count": int((~fits).sum()), "volume": float(volumes[~fits].sum())}
     if removed["count"]:
         warn(

@@ -24,7 +24,7 @@ from voxgran._base.warning import warn
 from voxgran.containers.model import UNKNOWN, Container, boundary_of, check_container
 from voxgran.containers.one_unit import in_one_unit
 from voxgran.packing.beds.expected import expected_bed
-from voxgran.packing.draw import draw_grains, joined, scaled_to
+from voxgran.packing.draw import Request, draw_grains, joined, scaled_to
 from voxgran.packing.driver import Drive, Recorder, check_drive, drive
 from voxgran.packing.method import PackingMethod, RunState, check_cost, method_registry
 from voxgran.packing.model import Packing, check_packing
@@ -183,22 +183,11 @@ def pack(
     20
     """
     began = time.monotonic()
-    task = prepare_task(
-        shapes,
-        container,
-        method=method,
-        count=count,
-        solid_fraction=solid_fraction,
-        sizes=sizes,
-        weights=weights,
-        weights_by=weights_by,
-        seed=seed,
-        start=start,
-        unit=unit,
-        density=density,
-        parameters=parameters,
-        settle=settle,
-    )
+    request = Request(
+        *(shapes, container, method), count=count, solid_fraction=solid_fraction, sizes=sizes, weights=weights,
+        weights_by=weights_by, seed=seed, start=start, unit=unit, density=density, settle=settle, parameters=parameters,
+    )  # fmt: skip
+    task = prepare_task(request)
     limit = None if time_limit is None else as_number(time_limit, "time_limit", at_least=0.0)
     check_drive(checkpoint, resume, on_step, recorder)
     check_cost(task.method, task.problem)
@@ -225,23 +214,7 @@ def _tell_of_bed(problem: Problem, on_step: OnStep | None) -> None:
         warn(bed.note, PackingWarning)
 
 
-def prepare_task(
-    shapes: Sequence[Shape] | Shape,
-    container: Container,
-    *,
-    method: str | Parameters,
-    count: int | None,
-    solid_fraction: float | None,
-    sizes: SizeDistribution | None,
-    weights: "ArrayLike | None",
-    weights_by: str,
-    seed: int,
-    parameters: dict[str, Any],
-    start: Packing | None = None,
-    unit: str | None = None,
-    density: float | Sequence[float] | None = None,
-    settle: bool | Mapping[str, Any] | Settling | None = None,
-) -> Task:
+def prepare_task(request: Request) -> Task:
     """Check the arguments of :func:`pack`, draw the grains and put all into the normalized frame; nothing is packed.
 
     Raises
@@ -255,46 +228,43 @@ def prepare_task(
     TooLargeError
         If more than 100 million grains are asked for.
     """
-    _, entry, settings = method_registry().chosen(method, parameters, where="method", beside=_arguments())
-    settings, solid_fraction = with_target(settings, solid_fraction)
-    given = check_asked(shapes, container, sizes, start)
-    unit = start.unit if start is not None and as_unit(unit) == NO_UNIT else unit
-    given, container, unit = in_one_unit(given, container, unit)
+    chosen = method_registry().chosen(request.method, request.parameters, where="method", beside=_arguments())
+    entry, (settings, solid_fraction) = chosen[1], with_target(chosen[2], request.solid_fraction)
+    sizes, start, count = request.sizes, request.start, request.count
+    given = check_asked(request.shapes, request.container, sizes, start)
+    unit = start.unit if start is not None and as_unit(request.unit) == NO_UNIT else request.unit
+    given, container, unit = in_one_unit(given, request.container, unit)
     if start is not None:
         check_start(start, container.dimension)
         start = start if start.unit == NO_UNIT else start.to_unit(unit)
-    density = density_around(start, density, len(given))
+    density = density_around(start, request.density, len(given))
     _refuse_unfit(entry, given if start is None else (*given, *start.shapes), container)
     scaled = entry.sizing == "scaled"
     none_asked = start is not None and count is None and (solid_fraction is None or (scaled and not given))
-    grains = draw_grains(
-        given or (() if start is None else start.shapes),
-        container,
-        sizes,
+    drawn = replace(
+        request,
+        shapes=given or (() if start is None else start.shapes),
+        container=container,
         count=0 if none_asked else count,
         solid_fraction=solid_fraction,
-        weights=weights,
-        weights_by=weights_by,
-        seed=seed,
-        surplus=entry.selects,
-        sizing=entry.sizing,
-        own_shapes=getattr(settings, "own_shapes", False),
     )
+    own_shapes = getattr(settings, "own_shapes", False)
+    grains = draw_grains(drawn, surplus=entry.selects, sizing=entry.sizing, own_shapes=own_shapes)
     asked: dict[str, Any] = {"count": whole_number_of(count), "solid_fraction": number_of(solid_fraction)}
     asked["sizes"] = None if sizes is None else sizes.to_mapping()
-    asked["weights"] = None if weights is None else np.asarray(weights, dtype=float).tolist()
-    asked["weights_by"] = weights_by
+    asked["weights"] = None if request.weights is None else np.asarray(request.weights, dtype=float).tolist()
+    asked["weights_by"] = request.weights_by
     if start is not None:
         asked["start"] = {"count": start.count, "method": start.provenance.get("method", "")}
         grains = joined(start.shape_id, start.diameters, grains, earlier=len(start.shapes) if given else 0)
         given = (*start.shapes, *given)
     if scaled and solid_fraction is not None:
-        known = len(grains.diameter) if count is not None or none_asked else 0 if start is None else start.count
-        grains = scaled_to(grains, given, container, solid_fraction, given=known)
-    problem = normalized_problem(given, container, grains, settings, seed=seed, start=start)
+        kept = len(grains.diameter) if count is not None or none_asked else 0 if start is None else start.count
+        grains = scaled_to(grains, given, container, solid_fraction, given=kept)
+    problem = normalized_problem(given, container, grains, settings, seed=request.seed, start=start)
     problem.unit, problem.density = unit, density
     problem.asked_count, problem.asked_fraction = asked["count"], asked["solid_fraction"]
-    problem.settling = settling_after(entry, problem, settle)
+    problem.settling = settling_after(entry, problem, request.settle)
     entry = entry if problem.settling is None else with_settling(entry, problem.settling)
     warn_of_units(problem)
     return Task(entry, problem, grains.removed, asked, sizes)

@@ -14,6 +14,7 @@ from voxgran._base.errors import InputError
 from voxgran.containers.model import boundary_of
 from voxgran.decks.material import Material
 from voxgran.packing.beds.expected import ExpectedBed, expected_bed
+from voxgran.packing.draw import Request
 from voxgran.packing.method import check_memory, long_run, packing_memory
 from voxgran.packing.pack import Task, prepare_task
 from voxgran.packing.problem import too_coarse
@@ -180,7 +181,7 @@ def task_of(scene: SceneDescription, shapes: tuple[Shape, ...]) -> Task:
     InputError
         If a value breaks a rule.
     """
-    return prepare_task(shapes, scene.container, **scene.asked(), parameters=dict(scene.parameters))
+    return prepare_task(Request(shapes, scene.container, **scene.asked(), parameters=dict(scene.parameters)))
 
 
 def _stand_ins(entry: ShapeEntry) -> list[Shape]:

@@ -19,12 +19,14 @@ ACM Transactions on Mathematical Software 38(1), 3, doi:10.1145/2049662.2049665
 """
 
 import math
+from typing import NamedTuple
 
 import numpy as np
 
 from voxgran._base.arrays import Booleans, Floats, Integers
 from voxgran._base.kernels import kernel
 from voxgran.geometry.sphere_pairs import near_pairs
+from voxgran.geometry.vectors import Vector, along, cross, dot, row_of, sub
 
 #: largest gap of a boundary, in radii; above it the radii are perturbed by NUDGE and the computation is repeated
 CLOSED = 1e-10
@@ -107,7 +109,8 @@ def _patch_sums(centers: Floats, radii: Floats) -> tuple[Floats, float]:
     most = int(np.diff(start).max(initial=0)) + 1
     buffers = np.zeros((most, 2)), np.zeros((most, 6)), np.zeros(most, dtype=np.int64)
     rule = np.array(np.polynomial.legendre.leggauss(12))
-    _integrate(centers, radii, i, j, start, neighbours, poles, *buffers, rule, sums)
+    union = Union(centers, radii, start, neighbours, poles, *buffers, rule)
+    _integrate(union, i, j, sums)
     excess = np.abs(sums[:, 0] - 2 * math.pi) - 2 * math.pi
     gap = max(np.linalg.norm(sums[:, 16:], axis=1).max(initial=0.0), excess.max(initial=0.0))
     return sums[:, :16], float(gap)
@@ -132,28 +135,33 @@ def _directions() -> Floats:
     return np.column_stack([flat * np.cos(turn), flat * np.sin(turn), z])
 
 
-@kernel
-def _dot(a, b):  # type: ignore[no-untyped-def]
-    """Return the scalar product."""
-    return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
+class Union(NamedTuple):
+    """Spheres, with work space for the parts of a circle that others cover.
+
+    centers, radii: (n, 3) and (n,).  start, neighbours: those that cross sphere i are ``neighbours[start[i] : start[i +
+    1]]``.  poles: (n, 3) directions far from all circles.  spans: (m, 2) begin and length of each part.  ends: (m, 6)
+    its corners.  order: (m,) the parts by their begin.  rule: (2, k) nodes and weights of a quadrature.
+    """
+
+    centers: Floats
+    radii: Floats
+    start: Integers
+    neighbours: Integers
+    poles: Floats
+    spans: Floats
+    ends: Floats
+    order: Integers
+    rule: Floats
 
 
-@kernel
-def _cross(a, b):  # type: ignore[no-untyped-def]
-    """Return the cross product."""
-    return a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]
+class Circle(NamedTuple):
+    """Circle common to spheres i and j: its middle, radius, and a frame (axis, and two directions across)."""
 
-
-@kernel
-def _along(a, s, b):  # type: ignore[no-untyped-def]
-    """Return the point a + s b."""
-    return (a[0] + s * b[0], a[1] + s * b[1], a[2] + s * b[2])
-
-
-@kernel
-def _row(array, i):  # type: ignore[no-untyped-def]
-    """Return row i as three numbers."""
-    return (array[i, 0], array[i, 1], array[i, 2])
+    i: int
+    j: int
+    mid: Vector
+    rho: float
+    frame: tuple[Vector, Vector, Vector]
 
 
 @kernel
@@ -172,12 +180,12 @@ def _choose_poles(centers, radii, start, neighbours, directions, poles, sums):  
     for i in range(len(radii)):
         best = -1.0
         for k in range(len(directions)):
-            p = _row(directions, k)
+            p = row_of(directions, k)
             margin = 2.0
             bare = True
             for q in range(start[i], start[i + 1]):
                 x, _, u, _ = _circle(centers, radii, i, neighbours[q])
-                excess = _dot(p, u) - x / radii[i]
+                excess = dot(p, u) - x / radii[i]
                 margin = min(margin, abs(excess))
                 bare = bare and excess <= 0.0
             if margin > best:
@@ -189,8 +197,8 @@ def _choose_poles(centers, radii, start, neighbours, directions, poles, sums):  
 @kernel
 def _side(centers, i, j):  # type: ignore[no-untyped-def]
     """Return the squared distance of two centers."""
-    w = _along(_row(centers, j), -1.0, _row(centers, i))
-    return _dot(w, w)
+    w = sub(row_of(centers, j), row_of(centers, i))
+    return dot(w, w)
 
 
 @kernel
@@ -204,10 +212,10 @@ def _order(centers, radii, i, j, k):  # type: ignore[no-untyped-def]
     b = i + j + k - a - c
     ab, ac, bc = _side(centers, a, b), _side(centers, a, c), _side(centers, b, c)
     longest = max(ab, ac, bc)
-    one = _along(_row(centers, b), -1.0, _row(centers, a))
-    two = _along(_row(centers, c), -1.0, _row(centers, a))
-    normal = _cross(one, two)
-    straight = _dot(normal, normal) <= (1e-14 * longest) ** 2
+    one = sub(row_of(centers, b), row_of(centers, a))
+    two = sub(row_of(centers, c), row_of(centers, a))
+    normal = cross(one, two)
+    straight = dot(normal, normal) <= (1e-14 * longest) ** 2
     if straight:
         ab, ac, bc = -ab, -ac, -bc
     else:
@@ -223,35 +231,36 @@ def _order(centers, radii, i, j, k):  # type: ignore[no-untyped-def]
 
 
 @kernel
-def _covered(centers, radii, i, j, k, mid, rho, frame, span, ends):  # type: ignore[no-untyped-def]
-    """Write the part of circle (i, j) inside sphere k; return 0 for none, 1 for a part, 2 for all of it."""
+def _covered(centers, radii, circle, k, span, ends):  # type: ignore[no-untyped-def]
+    """Write the part of a circle inside sphere k; return 0 for none, 1 for a part, 2 for all of it."""
+    i, j, mid, rho, frame = circle
     e, f, m, straight = _order(centers, radii, i, j, k)
     x, base_rho, axis, _ = _circle(centers, radii, e, f)
-    base = _along(_row(centers, e), x, axis)
-    w = _along(_row(centers, m), -1.0, base)
-    excess = base_rho**2 + (_dot(w, w) - radii[m] ** 2)
+    base = along(row_of(centers, e), x, axis)
+    w = sub(row_of(centers, m), base)
+    excess = base_rho**2 + (dot(w, w) - radii[m] ** 2)
     if straight:
         # either the middle sphere is exposed, or the outer two meet outside of it; not on one common circle
         shows = excess < -1e-13 * radii[m] ** 2
         return 2 if shows == (k == m) else 0
-    v = _along(_row(centers, k), -1.0, mid)
-    own = rho**2 + (_dot(v, v) - radii[k] ** 2)
-    flat = _along(w, -_dot(w, axis), axis)
-    g = math.sqrt(_dot(flat, flat))
+    v = sub(row_of(centers, k), mid)
+    own = rho**2 + (dot(v, v) - radii[k] ** 2)
+    flat = along(w, -dot(w, axis), axis)
+    g = math.sqrt(dot(flat, flat))
     reach = 2.0 * base_rho * g
     if abs(excess) >= reach:
         return 2 if own < 0.0 else 0
     cosine = excess / reach
     sine = math.sqrt((reach - excess) / reach * ((reach + excess) / reach))
     one = (flat[0] / g, flat[1] / g, flat[2] / g)
-    two = _cross(axis, one)
-    near = _along(base, base_rho * cosine, one)
-    plus, minus = _along(near, base_rho * sine, two), _along(near, -base_rho * sine, two)
+    two = cross(axis, one)
+    near = along(base, base_rho * cosine, one)
+    plus, minus = along(near, base_rho * sine, two), along(near, -base_rho * sine, two)
     even = k == m or (i == m and j == e) or (j == m and i == f)
     enter, leave = (minus, plus) if even else (plus, minus)
-    p, q = _along(enter, -1.0, mid), _along(leave, -1.0, mid)
-    begin = math.atan2(_dot(p, frame[2]), _dot(p, frame[1])) % (2.0 * math.pi)
-    length = (math.atan2(_dot(q, frame[2]), _dot(q, frame[1])) - begin) % (2.0 * math.pi)
+    p, q = sub(enter, mid), sub(leave, mid)
+    begin = math.atan2(dot(p, frame[2]), dot(p, frame[1])) % (2.0 * math.pi)
+    length = (math.atan2(dot(q, frame[2]), dot(q, frame[1])) - begin) % (2.0 * math.pi)
     if length < 1e-6 and own < 0.0:
         return 2
     if length > 2.0 * math.pi - 1e-6 and own > 0.0:
@@ -265,7 +274,7 @@ def _covered(centers, radii, i, j, k, mid, rho, frame, span, ends):  # type: ign
 @kernel
 def _add_forms(row, n, dn, center):  # type: ignore[no-untyped-def]
     """Add the boundary forms of all moments at n for the step dn."""
-    turn = _cross(n, dn)
+    turn = cross(n, dn)
     row[1] += turn[0]
     row[2] += turn[1]
     row[3] += turn[2]
@@ -276,7 +285,7 @@ def _add_forms(row, n, dn, center):  # type: ignore[no-untyped-def]
     row[7] += 0.5 * (n[0] * out[1] + n[1] * out[0])
     row[8] += 0.5 * (n[0] * out[2] + n[2] * out[0])
     row[9] += 0.5 * (n[1] * out[2] + n[2] * out[1])
-    flow = _dot(out, center)
+    flow = dot(out, center)
     row[10] += n[0] * n[0] * flow
     row[11] += n[1] * n[1] * flow
     row[12] += n[2] * n[2] * flow
@@ -289,8 +298,8 @@ def _add_forms(row, n, dn, center):  # type: ignore[no-untyped-def]
 def _add_arc(row, center, pole, sign, frame, cosine, sine, begin, end, rule):  # type: ignore[no-untyped-def]
     """Add the arc of a circle from angle `begin` to `end`, in the direction of the sign."""
     u, e1, e2 = frame
-    one, two = -_dot(pole, e1), -_dot(pole, e2)
-    turn, tilt = math.atan2(two, one), math.atan2(math.sqrt(one * one + two * two), -_dot(pole, u))
+    one, two = -dot(pole, e1), -dot(pole, e2)
+    turn, tilt = math.atan2(two, one), math.atan2(math.sqrt(one * one + two * two), -dot(pole, u))
     half = math.atan2(sine, cosine)
     ratio = math.cos(0.5 * (half + tilt)) / math.cos(0.5 * (half - tilt))
     a, b = 0.5 * (begin - turn), 0.5 * (end - turn)
@@ -305,36 +314,38 @@ def _add_arc(row, center, pole, sign, frame, cosine, sine, begin, end, rule):  #
         for k in range(rule.shape[1]):
             t = begin + width * (piece + 0.5 + 0.5 * rule[0, k])
             c, s, h = math.cos(t), math.sin(t), sign * 0.5 * width * rule[1, k] * sine
-            radial = _along((c * e1[0], c * e1[1], c * e1[2]), s, e2)
-            ahead = _along((-s * e1[0], -s * e1[1], -s * e1[2]), c, e2)
-            n = _along((cosine * u[0], cosine * u[1], cosine * u[2]), sine, radial)
+            radial = along((c * e1[0], c * e1[1], c * e1[2]), s, e2)
+            ahead = along((-s * e1[0], -s * e1[1], -s * e1[2]), c, e2)
+            n = along((cosine * u[0], cosine * u[1], cosine * u[2]), sine, radial)
             _add_forms(row, n, (h * ahead[0], h * ahead[1], h * ahead[2]), center)
 
 
 @kernel
 def _add_step(row, center, radius, pole, sign, here, there, rule):  # type: ignore[no-untyped-def]
     """Add the short segment that joins an arc and its corner."""
-    step = _along(there, -1.0, here)
-    few = 1 if _dot(step, step) < 1e-14 * radius * radius else rule.shape[1]
+    step = sub(there, here)
+    few = 1 if dot(step, step) < 1e-14 * radius * radius else rule.shape[1]
     for k in range(few):
         share, weight = (0.5, 1.0) if few == 1 else (0.5 + 0.5 * rule[0, k], 0.5 * rule[1, k])
-        n = _along(_along(here, share, step), -1.0, center)
-        length = math.sqrt(_dot(n, n))
+        n = along(along(here, share, step), -1.0, center)
+        length = math.sqrt(dot(n, n))
         n = (n[0] / length, n[1] / length, n[2] / length)
-        dn = _along(step, -_dot(step, n), n)
+        dn = along(step, -dot(step, n), n)
         h = sign * weight / length
         dn = (h * dn[0], h * dn[1], h * dn[2])
-        row[0] -= _dot(_cross(pole, n), dn) / (1.0 - _dot(pole, n))
+        row[0] -= dot(cross(pole, n), dn) / (1.0 - dot(pole, n))
         _add_forms(row, n, dn, center)
 
 
 @kernel
-def _add_edge(row, center, radius, pole, sign, mid, rho, frame, cosine, begin, end, corners, rule):  # type: ignore[no-untyped-def]
-    """Add an arc to one sphere, with the segments from the corner where it begins and to that where it ends."""
+def _add_edge(row, union, s, circle, sign, cosine, begin, end, corners):  # type: ignore[no-untyped-def]
+    """Add an arc to sphere s, with the segments from the corner where it begins and to that where it ends."""
+    center, pole, radius, rule = row_of(union.centers, s), row_of(union.poles, s), union.radii[s], union.rule
+    _, _, mid, rho, frame = circle
     _add_arc(row, center, pole, sign, frame, cosine, rho / radius, begin, end, rule)
     tail, head = corners
-    first = _along(_along(mid, rho * math.cos(begin), frame[1]), rho * math.sin(begin), frame[2])
-    last = _along(_along(mid, rho * math.cos(end), frame[1]), rho * math.sin(end), frame[2])
+    first = along(along(mid, rho * math.cos(begin), frame[1]), rho * math.sin(begin), frame[2])
+    last = along(along(mid, rho * math.cos(end), frame[1]), rho * math.sin(end), frame[2])
     _add_step(row, center, radius, pole, sign, tail, first, rule)
     _add_step(row, center, radius, pole, sign, last, head, rule)
     for axis in range(3):
@@ -350,24 +361,23 @@ def _frame(u):  # type: ignore[no-untyped-def]
         side = (-u[2], 0.0, u[0])
     else:
         side = (u[1], -u[0], 0.0)
-    length = math.sqrt(_dot(side, side))
+    length = math.sqrt(dot(side, side))
     one = (side[0] / length, side[1] / length, side[2] / length)
-    return u, one, _cross(u, one)
+    return u, one, cross(u, one)
 
 
 @kernel
-def _cover_circle(centers, radii, i, j, start, neighbours, mid, rho, frame, spans, ends):  # type: ignore[no-untyped-def]
-    """Write the parts of circle (i, j) that other spheres cover; return their number, -1 if all of it is covered."""
-    count = 0
-    p, q = start[i], start[j]
-    while p < start[i + 1] and q < start[j + 1]:
+def _cover_circle(union, circle):  # type: ignore[no-untyped-def]
+    """Write the parts of a circle that other spheres cover; return their number, -1 if all of it is covered."""
+    start, neighbours, count = union.start, union.neighbours, 0
+    p, q = start[circle.i], start[circle.j]
+    while p < start[circle.i + 1] and q < start[circle.j + 1]:
         if neighbours[p] < neighbours[q]:
             p += 1
         elif neighbours[q] < neighbours[p]:
             q += 1
         else:
-            k = neighbours[p]
-            state = _covered(centers, radii, i, j, k, mid, rho, frame, spans[count], ends[count])
+            state = _covered(union.centers, union.radii, circle, neighbours[p], union.spans[count], union.ends[count])
             if state == 2:
                 return -1
             count += state
@@ -388,18 +398,20 @@ def _sort_spans(spans, count, order):  # type: ignore[no-untyped-def]
 
 
 @kernel
-def _integrate(centers, radii, first, second, start, neighbours, poles, spans, ends, order, rule, sums):  # type: ignore[no-untyped-def]
+def _integrate(union, first, second, sums):  # type: ignore[no-untyped-def]
     """Add the exposed arcs of all circles to the sums of their two spheres."""
-    whole = 2.0 * math.pi
+    centers, radii, poles, rule = union.centers, union.radii, union.poles, union.rule
+    spans, ends, order, whole = union.spans, union.ends, union.order, 2.0 * math.pi
     for pair in range(len(first)):
         i, j = first[pair], second[pair]
         x, rho, u, d = _circle(centers, radii, i, j)
-        ci, cj = _row(centers, i), _row(centers, j)
-        pi, pj = _row(poles, i), _row(poles, j)
+        ci, cj = row_of(centers, i), row_of(centers, j)
+        pi, pj = row_of(poles, i), row_of(poles, j)
         # the region of sphere i lies to the right of the circle seen along u, that of sphere j to the left
         cos_i, cos_j = x / radii[i], (x - d) / radii[j]
-        mid, frame = _along(ci, x, u), _frame(u)
-        count = _cover_circle(centers, radii, i, j, start, neighbours, mid, rho, frame, spans, ends)
+        frame = _frame(u)
+        circle = Circle(i, j, along(ci, x, u), rho, frame)
+        count = _cover_circle(union, circle)
         if count == 0:
             _add_arc(sums[i], ci, pi, -1.0, frame, cos_i, rho / radii[i], 0.0, whole, rule)
             _add_arc(sums[j], cj, pj, 1.0, frame, cos_j, rho / radii[j], 0.0, whole, rule)
@@ -416,10 +428,7 @@ def _integrate(centers, radii, first, second, start, neighbours, poles, spans, e
                 tail = (ends[last, 3], ends[last, 4], ends[last, 5])
                 head = (ends[k, 0], ends[k, 1], ends[k, 2])
                 for side in range(2):
-                    s, c, p, sign, cosine = (i, ci, pi, -1.0, cos_i) if side == 0 else (j, cj, pj, 1.0, cos_j)
-                    _add_edge(
-                        *(sums[s], c, radii[s], p, sign, mid, rho, frame, cosine),
-                        *(reach, spans[k, 0], (tail, head), rule),
-                    )
+                    s, sign, cosine = (i, -1.0, cos_i) if side == 0 else (j, 1.0, cos_j)
+                    _add_edge(sums[s], union, s, circle, sign, cosine, reach, spans[k, 0], (tail, head))
             if spans[k, 0] + spans[k, 1] > reach:
                 reach, last = spans[k, 0] + spans[k, 1], k

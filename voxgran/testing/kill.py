@@ -4,16 +4,16 @@ import os
 import signal
 import time
 from pathlib import Path
-from typing import Any
 
 from voxgran.packing import driver
+from voxgran.packing.draw import Request
 from voxgran.packing.pack import prepare_task
 
 
-def kill_and_resume(request: dict[str, Any], checkpoint: Path, shares: list[float], chunk: int | None) -> None:
+def kill_and_resume(request: Request, checkpoint: Path, shares: list[float], chunk: int | None) -> None:
     """Kill a run after each of some shares of its whole time, resuming it each time, and at last let it end.
 
-    The request are arguments of :func:`prepare_task`; `chunk` is the number of attempts per chunk, None adapts it to
+    `chunk` is the number of attempts per chunk, None adapts it to
     the clock.
     """
     driver.CHECKPOINT_SECONDS = 0.0
@@ -37,7 +37,7 @@ def kill_and_resume(request: dict[str, Any], checkpoint: Path, shares: list[floa
     _run(request, how)
 
 
-def _run(request: dict[str, Any], how: driver.Drive) -> None:
+def _run(request: Request, how: driver.Drive) -> None:
     """Run a request to its end."""
-    task = prepare_task(**request)
+    task = prepare_task(request)
     driver.drive(task.method, task.problem, how)

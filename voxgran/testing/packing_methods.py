@@ -14,6 +14,7 @@ from voxgran.contacts.verify import verify
 from voxgran.containers.kinds.box import Box
 from voxgran.containers.kinds.rectangle import Rectangle
 from voxgran.containers.model import Container
+from voxgran.packing.draw import Request
 from voxgran.packing.driver import Drive, drive
 from voxgran.packing.method import RunState, method_registry
 from voxgran.packing.model import Packing
@@ -73,20 +74,15 @@ class PackingMethodSuite:
         return Box((3.5, 3.5, 4), "x")
 
     @classmethod
-    def request(cls, *, count: int | None = None, seed: int = 1) -> dict[str, Any]:
-        """Return what is asked of :func:`prepare_task`: the numbers given, and lognormal sizes if it takes any."""
-        return {
-            "shapes": cls.shapes(),
-            "container": cls.container(),
-            "method": cls.method,
-            "count": cls.count if count is None else count,
-            "solid_fraction": None,
-            "sizes": None if cls.makes_sizes() else lognormal(0.8, 0.2),
-            "weights": None,
-            "weights_by": "number",
-            "seed": seed,
-            "parameters": dict(cls.parameters),
-        }
+    def request(cls, *, count: int | None = None, seed: int = 1) -> Request:
+        """Return the request of the default scene: the numbers given, and lognormal sizes if it takes any."""
+        return Request(
+            *(cls.shapes(), cls.container(), cls.method),
+            count=cls.count if count is None else count,
+            sizes=None if cls.makes_sizes() else lognormal(0.8, 0.2),
+            seed=seed,
+            parameters=dict(cls.parameters),
+        )
 
     @classmethod
     def makes_sizes(cls) -> bool:
@@ -96,7 +92,7 @@ class PackingMethodSuite:
     @classmethod
     def task(cls, *, count: int | None = None, seed: int = 1) -> Task:
         """Return the default scene, ready to be packed."""
-        return prepare_task(**cls.request(count=count, seed=seed))
+        return prepare_task(cls.request(count=count, seed=seed))
 
     @classmethod
     def run(cls, *, chunk: int | None = None, seed: int = 1) -> Packing:

@@ -9,6 +9,7 @@ import pytest
 import voxgran as vg
 from voxgran._base.errors import InputError, PackingWarning
 from voxgran.packing import driver as run
+from voxgran.packing.draw import Request
 from voxgran.packing.driver import Drive, drive
 from voxgran.packing.pack import prepare_task
 from voxgran.packing.settle import begun
@@ -150,8 +151,8 @@ def test_a_search_goes_on_after_any_step_to_the_same_bits():
 
 
 def search_task():
-    asked = {"count": 40, "solid_fraction": 0.6, "sizes": None, "weights": None, "weights_by": "number", "seed": 1}
-    return prepare_task(SPHERE, SMALL, method="gravity", parameters={"friction": 0.9}, **asked)
+    asked = {"count": 40, "solid_fraction": 0.6, "seed": 1, "parameters": {"friction": 0.9}}
+    return prepare_task(Request(SPHERE, SMALL, "gravity", **asked))
 
 
 @pytest.fixture(scope="module")

@@ -7,6 +7,7 @@ from scipy.spatial import cKDTree
 import voxgran as vg
 from voxgran._base.errors import InputError
 from voxgran.packing.digital.initial_sites import ways_from
+from voxgran.packing.draw import Request
 from voxgran.packing.pack import prepare_task
 from voxgran.settling.spreading import spread
 
@@ -25,9 +26,7 @@ def front_of(shapes, container, **keywords):
 
 def begun(start, method, **parameters):
     """The problem and the state in which a method begins."""
-    asked = {"count": None, "solid_fraction": None, "sizes": None, "weights": None, "weights_by": "number"}
-    container, options = start.container, {"seed": 0, "parameters": parameters, "start": start}
-    task = prepare_task([], container, method=method, **asked, **options)
+    task = prepare_task(Request([], start.container, method, parameters=parameters, start=start))
     return task.problem, task.method.prepare(task.problem)
 
 

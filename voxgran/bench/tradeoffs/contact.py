@@ -26,6 +26,7 @@ from voxgran.measures.registered.density import bulk_solid_fraction
 from voxgran.packing.control_point.first_contact import Encounter
 from voxgran.packing.control_point.precompute import precomputed_of
 from voxgran.packing.control_point.state import ControlState
+from voxgran.packing.draw import Request
 from voxgran.packing.method import method_registry
 from voxgran.packing.pack import pack, prepare_task
 from voxgran.packing.problem import Problem
@@ -70,14 +71,11 @@ def moving_task(shape: Shape, spacing: float, test: str, *, count: int = GRAINS)
     contact, ways = TESTS[test]
     unit = shape.scaled(1 / shape.diameter)
     edge = (count * unit.volume / SOLID) ** (1 / 3)
-    task = prepare_task(
-        unit, Box((edge,) * 3), method="control_point", count=count, solid_fraction=None, sizes=None, weights=None,
-        weights_by="number", seed=0,
-        parameters={
-            "spacing": spacing, "contact": contact, "tested_points": ways, "gravity": "none", "feed": "at_once",
-            "sweeps": 10**7,
-        },
-    )  # fmt: skip
+    parameters = {
+        "spacing": spacing, "contact": contact, "tested_points": ways, "gravity": "none", "feed": "at_once",
+        "sweeps": 10**7,
+    }  # fmt: skip
+    task = prepare_task(Request(unit, Box((edge,) * 3), "control_point", count=count, parameters=parameters))
     advance = method_registry().get("control_point").advance
     state: Any = method_registry().get("control_point").prepare(task.problem)
     while state.feeding_ended_at is None:

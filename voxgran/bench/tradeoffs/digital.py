@@ -23,6 +23,7 @@ from voxgran.measures.registered.density import bulk_solid_fraction
 from voxgran.packing.digital.precompute import precomputed_of
 from voxgran.packing.digital.schedule import SORT_SWEEPS
 from voxgran.packing.digital.state import DigitalState
+from voxgran.packing.draw import Request
 from voxgran.packing.method import method_registry
 from voxgran.packing.pack import pack, prepare_task
 from voxgran.packing.problem import Problem
@@ -57,14 +58,12 @@ def walking_task(
     """
     box = Box((edge / cells,) * 3)
     count = int(SOLID * edge**3 / cells**3 / (shape.volume / shape.diameter**3) / 1.2)
-    task = prepare_task(
-        shape.scaled(1 / shape.diameter), box, method="digital", count=count, solid_fraction=None, sizes=None,
-        weights=None, weights_by="number", seed=0,
-        parameters={
-            "voxel_size": 1 / cells, "gravity": "none", "rotation_share": 0.0, "orientations": 1, "sweeps": 10**9,
-            "feed": "at_once", "schedule": schedule,
-        },
-    )  # fmt: skip
+    parameters = {
+        "voxel_size": 1 / cells, "gravity": "none", "rotation_share": 0.0, "orientations": 1, "sweeps": 10**9,
+        "feed": "at_once", "schedule": schedule,
+    }  # fmt: skip
+    unit = shape.scaled(1 / shape.diameter)
+    task = prepare_task(Request(unit, box, "digital", count=count, parameters=parameters))
     method = method_registry().get("digital")
     state: Any = method.prepare(task.problem)
     while state.feeding_ended_at is None:

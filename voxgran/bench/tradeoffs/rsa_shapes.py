@@ -25,6 +25,7 @@ from voxgran.bench.model import TradeOff, calibration, panels_of, write_rows
 from voxgran.containers.kinds.box import Box
 from voxgran.containers.kinds.rectangle import Rectangle
 from voxgran.containers.model import Container
+from voxgran.packing.draw import Request
 from voxgran.packing.pack import prepare_task
 from voxgran.packing.rsa.available_cells import Open, all_edges
 from voxgran.shapes.family import make_shape
@@ -113,11 +114,8 @@ CASES: tuple[Case, ...] = (
 
 def kinetics(shape: Shape, room: Container, seed: int, attempts: int) -> Floats:
     """Return the tries per volume of a grain and the solid fractions during a run, (2, k)."""
-    arguments: dict[str, Any] = {"count": None, "solid_fraction": None, "sizes": None, "weights": None, "start": None}
     rules = {"until": "saturated", "tries": 10**6}
-    task = prepare_task(
-        shape, room, method="rsa", weights_by="number", seed=seed, parameters=rules, settle=False, **arguments
-    )
+    task = prepare_task(Request(shape, room, "rsa", seed=seed, parameters=rules, settle=False))
     problem = task.problem
     state, tries, rows = task.method.prepare(problem), 0.0, []
     grain, along = problem.volumes[0], slice(0, room.dimension)

@@ -10,6 +10,7 @@ import math
 from voxgran._base.arrays import Floats
 from voxgran._base.kernels import bare_kernel
 from voxgran.containers.kernel_container import KernelContainer, wall_of_mesh
+from voxgran.geometry.vectors import along, sub
 from voxgran.packing.advancing_front.sphere_cells import BITS
 from voxgran.packing.advancing_front.tangent_spheres import ON_A_LINE, PLANE, center_of, place_at
 
@@ -45,12 +46,12 @@ def _at_mesh(spheres, walls, a, b, r):  # type: ignore[no-untyped-def]
     ux, uy, uz = center_of(spheres, walls.lengths, b)
     ux, uy, uz, d1, d2 = ux - ax, uy - ay, uz - az, spheres[a >> BITS, 3] + r, spheres[b >> BITS, 3] + r
     uu = ux * ux + uy * uy + uz * uz
-    along = 0.5 * ((d1 - d2) * (d1 + d2) + uu) / uu
-    height = d1 * d1 - along * along * uu
+    part = 0.5 * ((d1 - d2) * (d1 + d2) + uu) / uu
+    height = d1 * d1 - part * part * uu
     if height < 0.0:
         return nothing
     wide, long = math.sqrt(height), math.sqrt(uu)
-    x, y, z = ax + along * ux, ay + along * uy, az + along * uz
+    x, y, z = ax + part * ux, ay + part * uy, az + part * uz
     away, qx, qy, qz = wall_of_mesh(walls.mesh, x, y, z)
     if abs(away + r) > wide:
         # a distance changes by no more than the length of a move
@@ -62,11 +63,11 @@ def _at_mesh(spheres, walls, a, b, r):  # type: ignore[no-untyped-def]
     length = math.sqrt(ex * ex + ey * ey + ez * ez)
     if length <= ON_A_LINE * r:
         return nothing
-    ex, ey, ez = wide * ex / length, wide * ey / length, wide * ez / length
-    fx, fy, fz = (uy * ez - uz * ey) / long, (uz * ex - ux * ez) / long, (ux * ey - uy * ex) / long
-    turn = _turn_to_wall(walls, x, y, z, ex, ey, ez, fx, fy, fz, r)
-    c, s = math.cos(turn), math.sin(turn)
-    return turn >= 0.0, x + c * ex + s * fx, y + c * ey + s * fy, z + c * ez + s * fz
+    e = (wide * ex / length, wide * ey / length, wide * ez / length)
+    f = ((uy * e[2] - uz * e[1]) / long, (uz * e[0] - ux * e[2]) / long, (ux * e[1] - uy * e[0]) / long)
+    turn = _turn_to_wall(walls, (x, y, z), e, f, r)
+    x, y, z = along(along((x, y, z), math.cos(turn), e), math.sin(turn), f)
+    return turn >= 0.0, x, y, z
 
 
 @bare_kernel
@@ -84,17 +85,17 @@ def _at_edge(spheres, walls, a, side, r):  # type: ignore[no-untyped-def]
         return nothing
     share = wide / length if away < 0.0 else -wide / length
     ex, ey = share * (qx - x), share * (qy - y)
-    turn = _turn_to_wall(walls, x, y, 0.0, ex, ey, 0.0, -side * ey, side * ex, 0.0, r)
+    turn = _turn_to_wall(walls, (x, y, 0.0), (ex, ey, 0.0), (-side * ey, side * ex, 0.0), r)
     c, s = math.cos(turn), side * math.sin(turn)
     return turn >= 0.0, x + c * ex - s * ey, y + c * ey + s * ex, 0.0
 
 
 @bare_kernel
-def _turn_to_wall(walls, x, y, z, ex, ey, ez, fx, fy, fz, r):  # type: ignore[no-untyped-def]
+def _turn_to_wall(walls, middle, e, f, r):  # type: ignore[no-untyped-def]
     """Return the angle in [0, pi] on a circle at which a sphere touches the wall; -1 if there is none."""
     low, high = 0.0, math.pi
-    beyond = wall_of_mesh(walls.mesh, x + ex, y + ey, z + ez)[0] + r
-    within = wall_of_mesh(walls.mesh, x - ex, y - ey, z - ez)[0] + r
+    beyond = wall_of_mesh(walls.mesh, *along(middle, 1.0, e))[0] + r
+    within = wall_of_mesh(walls.mesh, *sub(middle, e))[0] + r
     if beyond < 0.0 or within > 0.0:
         return -1.0
     near, last = 0.5 * walls.slack, 0
@@ -102,16 +103,15 @@ def _turn_to_wall(walls, x, y, z, ex, ey, ez, fx, fy, fz, r):  # type: ignore[no
         # regula falsi, with a bisection at each third step so that it converges
         part = 0.5 if look % 3 == 2 else beyond / max(beyond - within, 1e-300)
         turn = low + part * (high - low)
-        c, s = math.cos(turn), math.sin(turn)
-        told = wall_of_mesh(walls.mesh, x + c * ex + s * fx, y + c * ey + s * fy, z + c * ez + s * fz)[0] + r
-        if abs(told) <= near:
+        gap = wall_of_mesh(walls.mesh, *along(along(middle, math.cos(turn), e), math.sin(turn), f))[0] + r
+        if abs(gap) <= near:
             return turn
-        if told > 0.0:
-            low, beyond = turn, told
+        if gap > 0.0:
+            low, beyond = turn, gap
             within = 0.5 * within if last == 1 else within
             last = 1
         else:
-            high, within = turn, told
+            high, within = turn, gap
             beyond = 0.5 * beyond if last == -1 else beyond
             last = -1
     return -1.0

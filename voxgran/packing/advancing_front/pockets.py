@@ -51,6 +51,17 @@ class Scratch(NamedTuple):
     touched: Integers
 
 
+class Search(NamedTuple):
+    """What the search for pockets beside one sphere reads and writes; `many` is the number of its neighbours."""
+
+    spheres: Floats
+    walls: KernelContainer
+    rules: FrontRules
+    scratch: Scratch
+    sphere: int
+    many: int
+
+
 @bare_kernel
 def advance_front(
     packed: Spheres,
@@ -95,15 +106,15 @@ def _list_pockets(packed, front, cells, walls, rules, scratch, tally, sphere):  
     if many > len(scratch.ref):
         tally[MISSING] = NEAR_SHORT
         return False
-    found = _between_spheres(packed.spheres, walls, rules, scratch, sphere, many)
-    found = _at_walls(packed.spheres, walls, rules, scratch, sphere, many, found)
-    if found > len(scratch.key):
+    search = Search(packed.spheres, walls, rules, scratch, sphere, many)
+    pockets = _at_walls(search, _between_spheres(search))
+    if pockets > len(scratch.key):
         tally[MISSING] = FOUND_SHORT
         return False
-    if tally[SIZE] + found > len(front.key):
+    if tally[SIZE] + pockets > len(front.key):
         tally[MISSING] = FRONT_SHORT
         return False
-    for k in range(found):
+    for k in range(pockets):
         push(front, tally, scratch.key[k], scratch.touched[k, 0], scratch.touched[k, 1], scratch.touched[k, 2])
     tally[RANKED] += 1
     return True
@@ -157,10 +168,11 @@ def _sort_in(scratch, many, ref, x, y, z, r, away):  # type: ignore[no-untyped-d
 
 
 @bare_kernel
-def _between_spheres(spheres, walls, rules, scratch, sphere, many):  # type: ignore[no-untyped-def]
+def _between_spheres(search):  # type: ignore[no-untyped-def]
     """Write the pockets between a sphere and two others; return their number, even beyond the capacity."""
-    found, pocket, near, in_the_way = 0, rules.pocket, scratch.near, 0
-    if walls.dimension == 2:
+    spheres, scratch, sphere, many = search.spheres, search.scratch, search.sphere, search.many
+    count, pocket, near, in_the_way = 0, search.rules.pocket, scratch.near, 0
+    if search.walls.dimension == 2:
         return 0
     d1 = spheres[sphere, 3] + pocket
     for u in range(many):
@@ -181,29 +193,30 @@ def _between_spheres(spheres, walls, rules, scratch, sphere, many):  # type: ign
                 if blocked >= 0:
                     in_the_way = blocked
                     continue
-                px, py, pz = spheres[sphere, 0] + x + hx, spheres[sphere, 1] + y + hy, spheres[sphere, 2] + z + hz
+                place = spheres[sphere, 0] + x + hx, spheres[sphere, 1] + y + hy, spheres[sphere, 2] + z + hz
                 b, c = (scratch.ref[u], scratch.ref[v]) if side == 0 else (scratch.ref[v], scratch.ref[u])
-                found = _note(walls, rules, scratch, (sphere << BITS) + HERE, b, c, px, py, pz, found)
-    return found
+                count = _note(search, ((sphere << BITS) + HERE, b, c), place, count)
+    return count
 
 
 @bare_kernel
-def _at_walls(spheres, walls, rules, scratch, sphere, many, found):  # type: ignore[no-untyped-def]
+def _at_walls(search, count):  # type: ignore[no-untyped-def]
     """Write the pockets between a sphere, walls, and another sphere or none; return the number of all pockets.
 
     Faces of a loose front are between spheres: there the plane of disks is the only wall.
     """
+    spheres, walls, rules, sphere = search.spheres, search.walls, search.rules, search.sphere
     here = (sphere << BITS) + HERE
     if walls.kind == MESH:
         if walls.dimension == 2:
-            found = _at_wall(spheres, walls, rules, scratch, sphere, many, PLANE, found)
+            count = _at_wall(search, PLANE, count)
         reach = spheres[sphere, 3] + 2.0 * rules.pocket
         if rules.dense and is_near_mesh(walls, spheres[sphere, 0], spheres[sphere, 1], spheres[sphere, 2], reach):
             if walls.dimension == 3:
-                return _at_wall(spheres, walls, rules, scratch, sphere, many, WALL, found)
-            found = _try_at(spheres, walls, rules, scratch, sphere, many, here, WALL, PLANE, -1, found)
-            found = _try_at(spheres, walls, rules, scratch, sphere, many, here, PLANE, WALL, -1, found)
-        return found
+                return _at_wall(search, WALL, count)
+            count = _try_at(search, here, WALL, PLANE, -1, count)
+            count = _try_at(search, here, PLANE, WALL, -1, count)
+        return count
     low, high = (SIDE, 0) if rules.dense else (PLANE, PLANE + 1)
     if walls.kind == ROUND:
         # the wall of a spherical container is a sphere of negative radius: the last row
@@ -214,56 +227,58 @@ def _at_walls(spheres, walls, rules, scratch, sphere, many, found):  # type: ign
             spheres[sphere, 2] - walls.radius,
         )
         near = walls.radius - math.sqrt(dx * dx + dy * dy + dz * dz) < spheres[sphere, 3] + 2.0 * rules.pocket
-        return _at_wall(spheres, walls, rules, scratch, sphere, many, wall, found) if near and rules.dense else found
+        return _at_wall(search, wall, count) if near and rules.dense else count
     for wall in range(low, high):
-        if not _is_wall_near(spheres, walls, rules.pocket, wall, sphere):
+        if not _is_wall_near(search, wall):
             continue
         # disks lie in their plane: it is one of the three
         if walls.dimension == 3 or wall == PLANE:
-            found = _at_wall(spheres, walls, rules, scratch, sphere, many, wall, found)
+            count = _at_wall(search, wall, count)
         for second in range(low, high):
             if walls.dimension == 2 and PLANE not in (wall, second):
                 continue
-            if second != wall and _is_wall_near(spheres, walls, rules.pocket, second, sphere):
-                found = _try_at(spheres, walls, rules, scratch, sphere, many, here, wall, second, -1, found)
+            if second != wall and _is_wall_near(search, second):
+                count = _try_at(search, here, wall, second, -1, count)
     if (
         walls.kind == UPRIGHT
         and rules.dense
         and 2.0 * (walls.radius - rules.pocket) <= spheres[sphere, 3] + rules.pocket
     ):
         # in such a narrow tube no two spheres fit beside each other
-        found = _try_at(spheres, walls, rules, scratch, sphere, many, here, SIDE, ABOVE, -1, found)
-        found = _try_at(spheres, walls, rules, scratch, sphere, many, here, SIDE, BENEATH, -1, found)
-    return found
+        count = _try_at(search, here, SIDE, ABOVE, -1, count)
+        count = _try_at(search, here, SIDE, BENEATH, -1, count)
+    return count
 
 
 @bare_kernel
-def _at_wall(spheres, walls, rules, scratch, sphere, many, wall, found):  # type: ignore[no-untyped-def]
+def _at_wall(search, wall, count):  # type: ignore[no-untyped-def]
     """Write the pockets between a sphere, each other one and a wall; return the number of all pockets."""
-    here = (sphere << BITS) + HERE
-    for u in range(many):
-        if scratch.ref[u] >= 0:
-            found = _try_at(spheres, walls, rules, scratch, sphere, many, here, scratch.ref[u], wall, u, found)
-            found = _try_at(spheres, walls, rules, scratch, sphere, many, scratch.ref[u], here, wall, u, found)
-    return found
+    here, ref = (search.sphere << BITS) + HERE, search.scratch.ref
+    for u in range(search.many):
+        if ref[u] >= 0:
+            count = _try_at(search, here, ref[u], wall, u, count)
+            count = _try_at(search, ref[u], here, wall, u, count)
+    return count
 
 
 @bare_kernel
-def _try_at(spheres, walls, rules, scratch, sphere, many, a, b, c, u, found):  # type: ignore[no-untyped-def]
+def _try_at(search, a, b, c, u, count):  # type: ignore[no-untyped-def]
     """Write a pocket at a wall, if there is one that no neighbour but u touches; return the number of all pockets."""
-    touch, x, y, z = place_in(spheres, walls, a, b, c, rules.pocket)
+    spheres, sphere, pocket = search.spheres, search.sphere, search.rules.pocket
+    touch, x, y, z = place_in(spheres, search.walls, a, b, c, pocket)
     dx, dy, dz = x - spheres[sphere, 0], y - spheres[sphere, 1], z - spheres[sphere, 2]
-    if not touch or _blocked(scratch.near, many, u, u, dx, dy, dz, rules.pocket, 0) >= 0:
-        return found
-    return _note(walls, rules, scratch, a, b, c, x, y, z, found)
+    if not touch or _blocked(search.scratch.near, search.many, u, u, dx, dy, dz, pocket, 0) >= 0:
+        return count
+    return _note(search, (a, b, c), (x, y, z), count)
 
 
 @bare_kernel
-def _is_wall_near(spheres, walls, pocket, wall, sphere):  # type: ignore[no-untyped-def]
+def _is_wall_near(search, wall):  # type: ignore[no-untyped-def]
     """Return whether a sphere in a pocket of another could touch a wall; disks are always in their plane."""
+    spheres, walls, sphere = search.spheres, search.walls, search.sphere
     if wall == PLANE:
         return walls.dimension == 2
-    reach = spheres[sphere, 3] + 2.0 * pocket
+    reach = spheres[sphere, 3] + 2.0 * search.rules.pocket
     if wall == SIDE:
         out = math.hypot(spheres[sphere, 0] - walls.radius, spheres[sphere, 1] - walls.radius)
         return walls.kind == UPRIGHT and walls.radius - out < reach
@@ -289,11 +304,12 @@ def _blocked(near, many, u, v, x, y, z, pocket, first):  # type: ignore[no-untyp
 
 
 @bare_kernel
-def _note(walls, rules, scratch, a, b, c, x, y, z, found):  # type: ignore[no-untyped-def]
+def _note(search, touched, place, count):  # type: ignore[no-untyped-def]
     """Write a pocket, if no wall excludes it; return the number of all pockets."""
-    if not is_inside(walls, x, y, z, rules.pocket * (1.0 - LENIENT)):
-        return found
-    if found < len(scratch.key):
-        scratch.key[found] = rank(walls, rules, x, y, z)
-        scratch.touched[found, 0], scratch.touched[found, 1], scratch.touched[found, 2] = a, b, c
-    return found + 1
+    rules, scratch = search.rules, search.scratch
+    if not is_inside(search.walls, *place, rules.pocket * (1.0 - LENIENT)):
+        return count
+    if count < len(scratch.key):
+        scratch.key[count] = rank(search.walls, rules, *place)
+        scratch.touched[count, 0], scratch.touched[count, 1], scratch.touched[count, 2] = touched
+    return count + 1

@@ -144,9 +144,9 @@ def place_at(spheres: Floats, lengths: Floats, a: int, b: int, c: int, r: float)
     ux, uy, uz = center_of(spheres, lengths, b)
     ux, uy, uz, d2 = ux - ax, uy - ay, uz - az, spheres[b >> BITS, 3] + r
     if c == SIDE:
-        return _at_side(lengths, ax, ay, az, ux, uy, uz, d1, d2, r)
+        return _at_side(lengths, (ax, ay, az), (ux, uy, uz), d1, d2, r)
     if c < 0:
-        return _at_wall(lengths, ax, ay, az, ux, uy, uz, d1, d2, c, r)
+        return _at_wall(lengths, (ax, ay, az), (ux, uy, uz), d1, d2, c, r)
     vx, vy, vz = center_of(spheres, lengths, c)
     d3 = spheres[c >> BITS, 3] + r
     near = NEAR * r + ROUNDING * max(d1, d2, d3)
@@ -164,9 +164,9 @@ def _across(lengths, wall, r):  # type: ignore[no-untyped-def]
 
 
 @bare_kernel
-def _at_wall(lengths, ax, ay, az, ux, uy, uz, d1, d2, wall, r):  # type: ignore[no-untyped-def]
+def _at_wall(lengths, a, u, d1, d2, wall, r):  # type: ignore[no-untyped-def]
     """Return whether a sphere can touch two spheres, at a and a + u, and a flat wall, and its center."""
-    axis, at = _across(lengths, wall, r)
+    (axis, at), (ax, ay, az), (ux, uy, uz) = _across(lengths, wall, r), a, u
     if axis == 0:
         w, along, s, t = at - ax, ux, uy, uz
     elif axis == 1:
@@ -227,12 +227,12 @@ def _at_side_and_flat(lengths, ax, ay, az, d, wall, r, side):  # type: ignore[no
 
 
 @bare_kernel
-def _at_side(lengths, ax, ay, az, ux, uy, uz, d1, d2, r):  # type: ignore[no-untyped-def]
+def _at_side(lengths, a, u, d1, d2, r):  # type: ignore[no-untyped-def]
     """Return whether a sphere can touch two spheres and the side of an upright cylinder, and its center.
 
     The centers that touch both spheres are a circle; it is searched to the left from its outermost point.
     """
-    nothing = False, 0.0, 0.0, 0.0
+    nothing, (ax, ay, az), (ux, uy, uz) = (False, 0.0, 0.0, 0.0), a, u
     radius, uu = 0.5 * lengths[0], ux * ux + uy * uy + uz * uz
     along = 0.5 * ((d1 - d2) * (d1 + d2) + uu) / uu
     height = d1 * d1 - along * along * uu

@@ -1,6 +1,7 @@
 """Random seeds of grains in a column above the floor: spheres smaller than the grains, which do not overlap."""
 
 import math
+from typing import NamedTuple
 
 import numpy as np
 
@@ -59,7 +60,7 @@ def random_seeds(
         # as far from the top as from the floor, or else large grains would begin higher
         room = np.minimum(room, top - points @ up)
         before = placed
-        placed = int(_place(centers, radii, order, placed, points, room, *cells))
+        placed = int(_place(centers, radii, order, placed, points, room, cells))
         if placed - before < 0.01 * n:
             radii[order[placed:]] *= SMALLER
             if placed < n and radii[order[placed:]].min() < smallest:
@@ -70,11 +71,24 @@ def random_seeds(
     return centers, radii
 
 
-def _cells(container: Container, radii: Floats) -> tuple[Floats, Floats, Integers, Integers, Integers, Integers]:
-    """Return a grid of cells with lists of spheres: lower corner, lengths, number of cells, heads, links and spheres.
+class Cells(NamedTuple):
+    """A grid of cells; a sphere is listed in all cells that its bounding box meets.
 
-    A sphere is listed in all cells that its bounding box meets.
+    lower, lengths, wraps: corner and lengths of the container, and which axes are periodic.  count: cells along each
+    axis.  heads: first row of each cell.  lists: (n, 2) spheres and the next row, -1 for none; the last one has the
+    number of rows in use.
     """
+
+    lower: Floats
+    lengths: Floats
+    wraps: Integers
+    count: Integers  # type: ignore[assignment]
+    heads: Integers
+    lists: Integers
+
+
+def _cells(container: Container, radii: Floats) -> Cells:
+    """Return empty cells for spheres of these radii."""
     lower, upper = (np.array(corner, dtype=np.float64) for corner in container.bounds)
     lengths = np.where(np.arange(3) < container.dimension, upper - lower, 1.0)
     edge = max(2.0 * float(np.median(radii)), cube_root(float(lengths.prod()) / (8.0 * len(radii))))
@@ -82,15 +96,13 @@ def _cells(container: Container, radii: Floats) -> tuple[Floats, Floats, Integer
     links = 1 + int(np.prod(2 + np.ceil(2.0 * radii[:, None] * count / lengths), axis=1).sum())
     wraps = np.array(container.periodic, dtype=np.int64)
     heads, lists = np.full(int(count.prod()), -1, dtype=np.int64), np.zeros((links, 2), dtype=np.int64)
-    return lower, lengths, wraps, count, heads, lists
+    return Cells(lower, lengths, wraps, count, heads, lists)
 
 
 @kernel
-def _place(centers, radii, order, placed, points, room, lower, lengths, wraps, count, heads, lists):  # type: ignore[no-untyped-def]
-    """Place spheres, in their order, at the first of the points where there is room; return how many are placed.
-
-    The number of links in use is kept in the last row of the lists.
-    """
+def _place(centers, radii, order, placed, points, room, cells):  # type: ignore[no-untyped-def]
+    """Place spheres, in their order, at the first of the points where there is room; return how many are placed."""
+    lower, lengths, wraps, count, heads, lists = cells
     used, low, high = lists[len(lists) - 1, 0], np.zeros(3, dtype=np.int64), np.zeros(3, dtype=np.int64)
     for k in range(len(points)):
         if placed == len(order):

@@ -5,8 +5,6 @@ attempts do not matter. The centers of the grains lie in linked cells, which fol
 there does not depend on the order in the lists.
 """
 
-from typing import TypeAlias
-
 import numpy as np
 
 from voxgran._base.arrays import Floats, Integers, Words
@@ -14,16 +12,17 @@ from voxgran._base.kernels import bare_kernel, inlined_kernel, kernel
 from voxgran._base.seeds import philox_block, unit_float
 from voxgran.geometry.rotation import write_matrix
 from voxgran.packing.control_point.neighbours import list_in_cells, meets_any, meets_own_image
-from voxgran.packing.control_point.pair_cache import PairCache
 from voxgran.packing.control_point.records import (
     HALF_THICKNESS,
     RADIUS,
     Bodies,
     Cells,
+    CloseLists,
     GrainPoses,
     Scratch,
     WalkRules,
     Walls,
+    World,
 )
 from voxgran.packing.control_point.separating_planes import write_span
 from voxgran.packing.control_point.verlet_lists import strayed
@@ -34,9 +33,6 @@ from voxgran.packing.walking.vibration import FED_AT, FEED, PATIENCE, ROTATION, 
 
 #: factors on the step of a grain after a move and after a refusal: a quarter of the attempts then succeed
 GROWTH, DECAY = 1.1, 0.97
-
-
-World: TypeAlias = tuple[Bodies, Cells, Walls, WalkRules, PairCache, Scratch]
 
 
 @bare_kernel
@@ -57,19 +53,15 @@ def span_all(grains: GrainPoses, bodies: Bodies, scratch: Scratch) -> None:
 
 
 @bare_kernel
-def list_all(grains: GrainPoses, cells: Cells, walls: Walls, scratch: Scratch) -> None:
+def list_all(grains: GrainPoses, cells: Cells, lists: CloseLists, walls: Walls, scratch: Scratch) -> None:
     """Make the lists of near grains, or note that they have no room."""
-    lists = cells.lists
     for g in range(len(lists.near)):
         if grains.placed[g] == 0:
             continue
         for axis in range(3):
             lists.anchor[g, axis] = grains.position[g, axis]
         reach = cells.reach + grains.extent[g, RADIUS] + 2.0 * lists.slip
-        count = list_in_cells(
-            *(grains.position, cells.head, cells.after, cells.lower, cells.width, cells.count, walls.lower),
-            *(walls.upper, walls.periodic, grains.position[g], g, reach, scratch.pending),
-        )
+        count = list_in_cells(cells, walls, grains.position, grains.position[g], g, reach, scratch.pending)
         for k in range(count):
             if k == lists.near.shape[1]:
                 lists.state[0] = 2
@@ -80,19 +72,17 @@ def list_all(grains: GrainPoses, cells: Cells, walls: Walls, scratch: Scratch) -
 
 
 @bare_kernel
-def make_attempts(
-    grains: GrainPoses, bodies: Bodies, cells: Cells, walls: Walls, rules: WalkRules, cache: PairCache,
-    scratch: Scratch, queue: Integers, tally: Integers, key: Words, first: int, last: int,
-) -> int:  # fmt: skip
+def make_attempts(world: World, queue: Integers, tally: Integers, key: Words, first: int, last: int) -> int:
     """Make attempts `first` ... `last` - 1; return the number of the next one.
 
     It ends early when the queue is empty or the container is full. The first entries of the queue wait, the others
     have entered. tally: counters in the order of `TALLY`.
     """
+    grains, scratch, rules = world.pairs.grains, world.pairs.scratch, world.rules
     feeding = rules.vibration[FED_AT] < 0
     for attempt in range(first, last):
-        if not feeding and cells.lists.state[0] == 1:
-            list_all(grains, cells, walls, scratch)
+        if not feeding and world.lists.state[0] == 1:
+            list_all(grains, world.cells, world.lists, world.walls, scratch)
         words = philox_block(key[0], key[1], np.uint64(attempt), np.uint64(0))
         more = philox_block(key[0], key[1], np.uint64(attempt), np.uint64(1))
         enters = feeding and (tally[PLACED] == 0 or unit_float(more[0]) < rules.shares[FEED])
@@ -103,7 +93,7 @@ def make_attempts(
             slot = next_slot(rules.in_turn, waiting, words[0])
             g, moved = queue[slot], np.inf
             turns = philox_block(key[0], key[1], np.uint64(attempt), np.uint64(2))
-            fits = _propose_entry(grains, bodies, walls, rules, scratch, g, words, turns)
+            fits = _propose_entry(grains, world.pairs.bodies, world.walls, rules, scratch, g, words, turns)
             tally[FEEDS] += 1
         else:
             slot, fits, g = 0, True, pick_moving(queue, tally[PLACED], rules.newest, words[0])
@@ -119,8 +109,8 @@ def make_attempts(
                 for k in range(4):
                     scratch.quaternion[k] = grains.orientation[g, k]
         taken = False
-        while fits and not _is_refused(grains, bodies, cells, walls, rules, cache, scratch, g, moved):
-            _place(grains, cells, walls, scratch, g)
+        while fits and not _is_refused(world, g, moved):
+            _place(grains, world.cells, world.lists, world.walls, scratch, g)
             taken, fits = True, enters and rules.falls
             if fits:
                 moved = longest_step(grains, rules, g)
@@ -203,18 +193,18 @@ def _propose_turn(grains, rules, scratch, g, words):  # type: ignore[no-untyped-
 
 
 @inlined_kernel
-def _is_refused(grains, bodies, cells, walls, rules, cache, scratch, g, moved):  # type: ignore[no-untyped-def]
+def _is_refused(world, g, moved):  # type: ignore[no-untyped-def]
     """Return whether a grain, in the pose that is tried, meets a wall or a grain; `moved` bounds how far its points
     came.
     """
+    pairs, walls, grains, scratch = world.pairs, world.walls, world.pairs.grains, world.pairs.scratch
+    bodies = pairs.bodies
     write_matrix(scratch.quaternion, scratch.turn)
     if len(grains.span) > 0:
         write_span(bodies.reaches.values, grains.shape[g], grains.diameter[g], scratch.turn, scratch.span)
-    if is_outside(grains, bodies, walls, walls.mesh, scratch, g, moved):
+    if is_outside(pairs, walls, walls.mesh, g, moved) or meets_own_image(world, bodies.contact, g, moved):
         return True
-    if meets_own_image(grains, bodies, cells, walls, rules, cache, scratch, g, moved):
-        return True
-    return meets_any(grains, bodies, cells, walls, rules, cache, scratch, g, moved)
+    return meets_any(world, bodies.contact, g, moved)
 
 
 @bare_kernel
@@ -247,7 +237,7 @@ def _unlink(cells, g, cell):  # type: ignore[no-untyped-def]
 
 
 @bare_kernel
-def _place(grains, cells, walls, scratch, g):  # type: ignore[no-untyped-def]
+def _place(grains, cells, lists, walls, scratch, g):  # type: ignore[no-untyped-def]
     """Take over the pose that was tried, wrapped into the container."""
     place = scratch.place
     for axis in range(3):
@@ -262,13 +252,11 @@ def _place(grains, cells, walls, scratch, g):  # type: ignore[no-untyped-def]
             _link(cells, g, new)
     else:
         _link(cells, g, new)
-    lists = cells.lists
     if len(lists.near) > 0 and lists.state[0] == 0:
         # grains that enter are in no list yet
         if grains.placed[g] == 0:
             lists.state[0] = 1
-        way = strayed(lists.anchor, g, place, walls.lower, walls.upper, walls.periodic)
-        if way > lists.slip * lists.slip:
+        if strayed(lists.anchor, walls, g, place) > lists.slip * lists.slip:
             lists.state[0] = 1
     grains.placed[g] = 1
     for k in range(3):
@@ -303,13 +291,13 @@ def _random_turn(rules, q, words):  # type: ignore[no-untyped-def]
 
 
 @kernel
-def enter_raised(grains: GrainPoses, world: World, g: int, position: Floats, up: Floats, fine: float) -> bool:
+def enter_raised(world: World, g: int, position: Floats, up: Floats, fine: float) -> bool:
     """Let a grain enter in the turn that is tried, at a place within the walls or the first free one upward."""
-    bodies, cells, walls, rules, cache, scratch = world
+    grains, walls, scratch = world.pairs.grains, world.walls, world.pairs.scratch
     write_matrix(scratch.quaternion, scratch.turn)
     first, steps = np.zeros(3), 0
     for axis in range(3):
-        low, high = _room(grains, bodies, walls, scratch, g, axis)
+        low, high = _room(grains, world.pairs.bodies, walls, scratch, g, axis)
         if low > high:
             return False
         first[axis] = max(low, min(position[axis], high)) if walls.walled[axis] == 1 else position[axis]
@@ -317,9 +305,9 @@ def enter_raised(grains: GrainPoses, world: World, g: int, position: Floats, up:
             steps = int((walls.upper[axis] - walls.lower[axis]) / fine)
     for k in range(steps + 1):
         scratch.place[:] = first + k * fine * up
-        if not _is_refused(grains, bodies, cells, walls, rules, cache, scratch, g, np.inf):
-            _place(grains, cells, walls, scratch, g)
-            grains.step[g] = longest_step(grains, rules, g)
+        if not _is_refused(world, g, np.inf):
+            _place(grains, world.cells, world.lists, walls, scratch, g)
+            grains.step[g] = longest_step(grains, world.rules, g)
             return True
     return False
 

@@ -16,6 +16,7 @@ from voxgran._base.arrays import Floats
 from voxgran._base.kernels import bare_kernel, inlined_kernel
 from voxgran._base.lazy import load
 from voxgran.contacts.inside import inner_distance
+from voxgran.geometry.vectors import Vector, row_of
 from voxgran.shapes.describing.body import Geometry
 from voxgran.shapes.mesh import Mesh
 from voxgran.shapes.model import Shape
@@ -94,9 +95,9 @@ def make_fields(
 
 def distances(fields: Fields, shape: int, points: Floats) -> Floats:
     """Return what a field tells of (n, 3) points in the frame of its shape, (n,)."""
-    told = np.zeros(len(points))
-    _tell(*fields[:3], shape, np.ascontiguousarray(points, dtype=np.float64), told)
-    return told
+    distance = np.zeros(len(points))
+    _tell(fields, shape, np.ascontiguousarray(points, dtype=np.float64), distance)
+    return distance
 
 
 def _rows_of(geometry: Geometry, *, exact: bool) -> tuple[int, Floats]:
@@ -149,8 +150,8 @@ def _sampled(shape: Shape, cell: float, reach: float, margin: float) -> tuple[Fl
     places = np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1).reshape(-1, 3)
     if shape.dimension == 2:
         places[:, 2] = 0.0
-    told = _exact_distances(shape.geometry, places, outside=reach > 0.0)
-    return first, cell, told.reshape(nodes).astype(np.float32)
+    distance = _exact_distances(shape.geometry, places, outside=reach > 0.0)
+    return first, cell, distance.reshape(nodes).astype(np.float32)
 
 
 def _exact_distances(geometry: Geometry, places: Floats, *, outside: bool) -> Floats:
@@ -200,23 +201,19 @@ def _no_grid() -> tuple[Floats, float, NDArray[np.float32]]:
 
 
 @bare_kernel
-def _tell(head, rows, values, shape, points, told):  # type: ignore[no-untyped-def]
-    """Fill in what a field tells of points."""
+def _tell(fields, shape, points, distance):  # type: ignore[no-untyped-def]
+    """Fill in the signed distances of points by a field."""
     for k in range(len(points)):
-        told[k] = field_at(head, rows, values, shape, points[k, 0], points[k, 1], points[k, 2])
+        distance[k] = field_at(fields, shape, row_of(points, k))
 
 
 @inlined_kernel
-def field_at(
-    head: Floats, rows: Floats, values: NDArray[np.float32], shape: int, x: float, y: float, z: float
-) -> float:
-    """Return the signed distance of a place from a shape.
-
-    Outside it is that or less, but for the interpolation; the first arguments are the fields of `Fields`.
-    """
+def field_at(fields: Fields, shape: int, place: Vector) -> float:
+    """Return the signed distance of a place from a shape; outside it is that or less, but for the interpolation."""
+    head, rows, (x, y, z) = fields.head, fields.rows, place
     kind, begin, end = head[shape, KIND], np.int64(head[shape, BEGIN]), np.int64(head[shape, END])
     if kind == GRID:
-        return _between_nodes(head, values, shape, np.int64(rows[begin, 0]), x, y, z)
+        return _between_nodes(head, fields.values, shape, np.int64(rows[begin, 0]), place)
     if kind == PLANES:
         most = -np.inf
         for k in range(begin, end):
@@ -230,8 +227,9 @@ def field_at(
 
 
 @inlined_kernel
-def _between_nodes(head, values, s, begin, x, y, z):  # type: ignore[no-untyped-def]
+def _between_nodes(head, values, s, begin, place):  # type: ignore[no-untyped-def]
     """Return the value between eight nodes, and beyond the lattice what a place is from it at least."""
+    x, y, z = place
     cell, nx = head[s, CELL], np.int64(head[s, NODES_X])
     ny, nz = np.int64(head[s, NODES_Y]), np.int64(head[s, NODES_Z])
     u, v, w = (x - head[s, NODE]) / cell, (y - head[s, NODE + 1]) / cell, (z - head[s, NODE + 2]) / cell
@@ -244,9 +242,9 @@ def _between_nodes(head, values, s, begin, x, y, z):  # type: ignore[no-untyped-
     at += ny * nz
     high = (1.0 - r) * values[at] + r * values[at + 1]
     high += q * ((1.0 - r) * values[at + nz] + r * values[at + nz + 1] - high)
-    told = low + p * (high - low)
+    distance = low + p * (high - low)
     if a == u and b == v and c == w:
-        return told
+        return distance
     du, dv, dw = cell * (u - a), cell * (v - b), cell * (w - c)
-    told = max(told, 0.0)
-    return np.sqrt(du * du + dv * dv + dw * dw + told * told)
+    distance = max(distance, 0.0)
+    return np.sqrt(du * du + dv * dv + dw * dw + distance * distance)

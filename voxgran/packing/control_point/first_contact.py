@@ -14,10 +14,9 @@ from voxgran.containers.kinds.box import Box
 from voxgran.geometry.rotation import normalized, write_matrix
 from voxgran.packing.control_point.method import prepare
 from voxgran.packing.control_point.neighbours import overlaps
-from voxgran.packing.control_point.pair_cache import PairCache
 from voxgran.packing.control_point.parameters import ControlPoint
-from voxgran.packing.control_point.precompute import poses_of, precomputed_of
-from voxgran.packing.control_point.records import HALF_SPACING, HALF_THICKNESS, SDF, Bodies, GrainPoses, Scratch
+from voxgran.packing.control_point.precompute import pairs_of, precomputed_of
+from voxgran.packing.control_point.records import HALF_SPACING, HALF_THICKNESS, SDF, Pairs
 from voxgran.packing.control_point.sdf_contact import threshold
 from voxgran.packing.problem import Problem
 from voxgran.shapes.model import Shape
@@ -70,14 +69,13 @@ class Encounter:
             unit_length=unit,
             original=(standing, coming),
         )
-        self._state, self._gap = prepare(problem), problem.length(distance)
-        self._setting = precomputed_of(problem, self._state)
-        self._grains = poses_of(problem, self._state, self._setting)
+        self._state = prepare(problem)
+        self._pairs = pairs_of(problem, self._state, precomputed_of(problem, self._state))
 
     @property
     def points(self) -> tuple[int, int]:
         """Control points of the standing grain and of the other."""
-        one, other = np.diff(self._setting.bodies.trees.start).tolist()
+        one, other = np.diff(self._pairs.bodies.trees.start).tolist()
         return one, other
 
     @property
@@ -85,8 +83,8 @@ class Encounter:
         """By how much points are kept from the other surface, so that what bulges between them does not overlap; of
         points that are compared with points, how near these may come. In the unit of lengths.
         """
-        extent = self._setting.extent
-        if self._setting.bodies.contact != SDF:
+        extent = self._pairs.grains.extent
+        if self._pairs.bodies.contact != SDF:
             return self._unit * float(extent[:, HALF_SPACING].sum())
         return self._unit * float(min(threshold(extent, 0, 1, 0.0), threshold(extent, 1, 0, 0.0)))
 
@@ -107,14 +105,13 @@ class Encounter:
         """
         self._turn(turns)
         where = as_floats(offset, "offset", shape=(3,)) / self._unit
-        kept = (self._grains, self._setting.bodies, self._setting.cache, self._setting.scratch)
-        return bool(_is_refused_at(*kept, self._gap, np.zeros(3), where, 0.0))
+        return bool(_is_refused_at(self._pairs, np.zeros(3), where, 0.0))
 
     def _turn(self, turns: "ArrayLike") -> None:
         """Take over orientations."""
         quaternions = normalized(as_floats(turns, "turns", shape=(2, 4)))
         self._state.orientation[:] = quaternions
-        write_matrix(quaternions[1], self._setting.scratch.turn)
+        write_matrix(quaternions[1], self._pairs.scratch.turn)
 
     def first_contact(
         self,
@@ -148,34 +145,30 @@ class Encounter:
         length = float(np.linalg.norm(way))
         if length == 0.0:
             raise InputError("direction is (0, 0, 0): a grain comes from somewhere; give a vector with a length")
-        setting = self._setting
         self._turn(turns)
-        far = float(setting.extent[:, :2].sum()) + self._gap + 1e-3
-        step = 0.25 * float(setting.extent[:, HALF_THICKNESS].min())
-        kept = (self._grains, setting.bodies, setting.cache, setting.scratch)
-        place = _come(*kept, self._gap, way / length, beside / self._unit, far, step)
+        extent = self._pairs.grains.extent
+        far = float(extent[:, :2].sum()) + self._pairs.gap + 1e-3
+        step = 0.25 * float(extent[:, HALF_THICKNESS].min())
+        place = _come(self._pairs, way / length, beside / self._unit, far, step)
         if place <= -far:
             raise InputError(f"aside is {beside.tolist()}: the grains pass each other on this way; bring them nearer")
         return np.asarray(self._unit * place * way / length + beside)
 
 
 @bare_kernel
-def _come(
-    grains: GrainPoses, bodies: Bodies, cache: PairCache, scratch: Scratch, gap: float, way: Floats, aside: Floats,
-    far: float, step: float,
-) -> float:  # fmt: skip
+def _come(pairs: Pairs, way: Floats, aside: Floats, far: float, step: float) -> float:
     """Return the place along a way at which the second grain is first refused; where it never is, the far end."""
     free, place = far, far
     while place > -far:
         place = max(place - step, -far)
-        if _is_refused_at(grains, bodies, cache, scratch, gap, way, aside, place):
+        if _is_refused_at(pairs, way, aside, place):
             break
         free = place
     if free <= -far:
         return -far
     for _ in range(HALVINGS):
         middle = 0.5 * (free + place)
-        if _is_refused_at(grains, bodies, cache, scratch, gap, way, aside, middle):
+        if _is_refused_at(pairs, way, aside, middle):
             place = middle
         else:
             free = middle
@@ -183,7 +176,7 @@ def _come(
 
 
 @bare_kernel
-def _is_refused_at(grains, bodies, cache, scratch, gap, way, aside, place):  # type: ignore[no-untyped-def]
+def _is_refused_at(pairs, way, aside, place):  # type: ignore[no-untyped-def]
     """Return whether the second grain meets the first at a place along its way."""
-    dx, dy, dz = place * way[0] + aside[0], place * way[1] + aside[1], place * way[2] + aside[2]
-    return overlaps(grains, bodies, bodies.contact, cache, scratch, 1, 0, gap, dx, dy, dz, np.inf)
+    offset = (place * way[0] + aside[0], place * way[1] + aside[1], place * way[2] + aside[2])
+    return overlaps(pairs, pairs.bodies.contact, 1, 0, offset, np.inf)

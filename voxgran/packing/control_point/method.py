@@ -36,8 +36,8 @@ from voxgran._base.arrays import Floats
 from voxgran.packing.control_point.attempts import enter_raised, make_attempts
 from voxgran.packing.control_point.checks import check_distance, check_overlap, check_surfaces
 from voxgran.packing.control_point.parameters import SHORTEST_STEP, ControlPoint
-from voxgran.packing.control_point.precompute import memory_needed, poses_of, precomputed_of, put_lid
-from voxgran.packing.control_point.records import HALF_SPACING, HALF_THICKNESS, WalkRules
+from voxgran.packing.control_point.precompute import memory_needed, pairs_of, precomputed_of, put_lid
+from voxgran.packing.control_point.records import HALF_SPACING, HALF_THICKNESS, WalkRules, World
 from voxgran.packing.control_point.state import ControlState
 from voxgran.packing.control_point.walls import room_of_lid
 from voxgran.packing.gravity import gravity_vector, main_axis, upward
@@ -79,35 +79,28 @@ class ControlWalker:
             extent = precomputed_of(problem, state).extent[:n]
             state.step[:n] = np.minimum(problem.parameters.step * problem.diameter[:n], 0.5 * extent[:, HALF_THICKNESS])
             return
-        known = precomputed_of(problem, state)
-        down = main_axis(gravity_vector(problem))
+        world, down = _world(problem, state), main_axis(gravity_vector(problem))
         up = upward(down, problem.dimension).astype(np.float64)
-        grains, rules = poses_of(problem, state, known), _rules(problem, state)
-        world = (known.bodies, known.cells, known.walls, rules, known.cache, known.scratch)
         for grain in start.rising(down).tolist():
-            known.scratch.quaternion[:] = start.orientation[grain]
-            fine = 0.25 * (float(known.extent[grain, HALF_SPACING]) + rules.gap)
-            if not enter_raised(grains, world, grain, start.position[grain], up, fine):
+            world.pairs.scratch.quaternion[:] = start.orientation[grain]
+            fine = 0.25 * (float(world.pairs.grains.extent[grain, HALF_SPACING]) + world.pairs.gap)
+            if not enter_raised(world, grain, start.position[grain], up, fine):
                 refuse_start(grain)
 
     def make_attempts(self, problem: Problem, state: ControlState, last: int) -> None:
         """Run the kernel up to attempt `last`, or until no grain is waiting or too many were refused."""
-        tally, known = state.tally(), precomputed_of(problem, state)
-        state.done = make_attempts(
-            *(poses_of(problem, state, known), known.bodies, known.cells, known.walls, _rules(problem, state)),
-            *(known.cache, known.scratch, state.waiting, tally, known.key, state.done, last),
-        )
+        tally, key = state.tally(), precomputed_of(problem, state).key
+        state.done = make_attempts(_world(problem, state), state.waiting, tally, key, state.done, last)
         state.count(tally)
 
     def between_sweeps(self, problem: Problem, state: ControlState) -> None:
         """Lower the lid by a small step, no farther than to the nearest grain."""
         if not problem.parameters.lid or state.done == state.feeding_ended_at:
             return
-        known, down = precomputed_of(problem, state), main_axis(gravity_vector(problem))
-        grains = poses_of(problem, state, known)
-        room = float(room_of_lid(grains, known.bodies, known.walls, known.scratch, down))
+        setting, down = precomputed_of(problem, state), main_axis(gravity_vector(problem))
+        room = float(room_of_lid(pairs_of(problem, state, setting), setting.walls, down))
         state.lid_lowered += min(LID_STEP, room)
-        put_lid(problem, known.walls, state.lid_lowered)
+        put_lid(problem, setting.walls, state.lid_lowered)
 
     def event_sweeps(self, problem: Problem) -> int:
         """Return the number of sweeps after which the lid is lowered."""
@@ -174,6 +167,13 @@ def cost(problem: Problem) -> Cost:
     )
 
 
+def _world(problem: Problem, state: ControlState) -> World:
+    """Return what attempts read and write at this stage of the run."""
+    setting = precomputed_of(problem, state)
+    pairs = pairs_of(problem, state, setting)
+    return World(pairs, setting.cells, setting.lists, setting.walls, _rules(problem, state))
+
+
 def _rules(problem: Problem, state: ControlState) -> WalkRules:
     """Return how grains move at this stage of the run."""
     settings: ControlPoint = problem.parameters
@@ -187,7 +187,6 @@ def _rules(problem: Problem, state: ControlState) -> WalkRules:
         moving_grains(problem, state),
         np.array([settings.vibration_up, decay, settings.rotation_share, feed_share(problem, state)]),
         vibration_schedule(problem, state),
-        problem.length(settings.distance - settings.overlap),
         float(settings.step),
         SHORTEST_STEP,
         problem.dimension,

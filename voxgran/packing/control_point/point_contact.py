@@ -6,94 +6,87 @@ the mean of their spacings do not cross. Flat and round walls are convex and are
 convex hull of a grain; the mesh of a closed container is sampled like a grain.
 """
 
-from voxgran._base.arrays import Floats, Integers
-from voxgran._base.kernels import bare_kernel
-from voxgran.packing.control_point.pair_cache import (
-    COUNT,
-    OTHER_POINT,
-    PAIR,
-    POINT,
-    SLACK,
-    PairCache,
-    claim_row,
-    keep_pose,
-    moved_since,
-    row_of_pair,
-)
+from voxgran._base.arrays import Floats
+from voxgran._base.kernels import bare_kernel, inlined_kernel
+from voxgran.geometry.vectors import Vector, dot
+from voxgran.packing.control_point.pair_cache import COUNT, OTHER_POINT, POINT, claim_row, keep_pose
 from voxgran.packing.control_point.point_trees import list_near, placed, point_distance
-from voxgran.packing.control_point.records import HALF_SPACING, HALF_THICKNESS, RADIUS, Bodies, GrainPoses, Scratch
+from voxgran.packing.control_point.records import (
+    HALF_SPACING,
+    HALF_THICKNESS,
+    RADIUS,
+    Bodies,
+    GrainPoses,
+    Pairs,
+    Scratch,
+)
 from voxgran.packing.control_point.relative_poses import invert, relate
 
 #: how much farther than needed points are listed, in diameters
 HORIZON = 0.04
-#: more than rounding does to a distance, in diameters
-ROUNDING = 1e-9
 
 
 @bare_kernel
-def cached_answer_by_points(
-    orientation: Floats, diameter: Floats, extent: Floats, pairs: Integers, poses: Floats, lists: Integers,
-    points: Floats, turn: Floats, relative: Floats, shift: Floats, g: int, j: int, gap: float, dx: float, dy: float,
-    dz: float, moved: float,
-) -> int:  # fmt: skip
-    """Return from the cache whether grain g meets grain j as in `overlaps_by_points`: 0 no, 1 yes, 2 unknown.
+def still_refused_by_points(pairs: Pairs, row: int, a: int, b: int) -> bool:
+    """Return whether two control points that the cache lists for grains a < b are too near in the pose at hand.
 
     Where no point has moved by the slack since the grains were compared, only the points that were listed then can be
-    too near. The answers are those that comparing the grains again would give.
+    too near.
     """
-    a, b = min(g, j), max(g, j)
-    pair = a * len(diameter) + b
-    entry = row_of_pair(len(pairs), pair)
-    if pairs[entry, PAIR] != pair:
-        return 2
-    relate(orientation, diameter, turn, relative, shift, g, j, dx, dy, dz)
-    low = (gap + extent[a, HALF_SPACING] + extent[b, HALF_SPACING]) / diameter[b]
-    one, other = pairs[entry, POINT], pairs[entry, OTHER_POINT]
-    if one >= 0 and point_distance(points, one, other, relative, shift) < low:
-        return 1
-    for k in range(pairs[entry, COUNT]):
-        if point_distance(points, lists[entry, k, 0], lists[entry, k, 1], relative, shift) < low:
-            pairs[entry, POINT], pairs[entry, OTHER_POINT] = lists[entry, k, 0], lists[entry, k, 1]
-            return 1
-    if moved > extent[a, HALF_THICKNESS] or moved > extent[b, HALF_THICKNESS]:
-        return 2
-    way = moved_since(poses, entry, relative, shift, extent[a, RADIUS] / diameter[a])
-    return 0 if way + ROUNDING < poses[entry, SLACK] else 2
+    cache, scratch, points = pairs.cache, pairs.scratch, pairs.bodies.trees.points
+    low = least_distance(pairs, a, b) / pairs.grains.diameter[b]
+    one, other = cache.pairs[row, POINT], cache.pairs[row, OTHER_POINT]
+    if one >= 0 and point_distance(points, one, other, scratch.relative, scratch.shift) < low:
+        return True
+    for k in range(cache.pairs[row, COUNT]):
+        one, other = cache.lists[row, k, 0], cache.lists[row, k, 1]
+        if point_distance(points, one, other, scratch.relative, scratch.shift) < low:
+            cache.pairs[row, POINT], cache.pairs[row, OTHER_POINT] = one, other
+            return True
+    return False
+
+
+@inlined_kernel
+def least_distance(pairs: Pairs, a: int, b: int) -> float:
+    """Return how near control points of two grains may come: surfaces that cross, or come nearer than the gap, have
+    nearer ones.
+    """
+    return pairs.gap + pairs.grains.extent[a, HALF_SPACING] + pairs.grains.extent[b, HALF_SPACING]
+
+
+@inlined_kernel
+def may_hold(grains: GrainPoses, a: int, b: int, moved: float) -> bool:
+    """Return whether points have moved so far that one grain can have come to hold the other."""
+    return moved > grains.extent[a, HALF_THICKNESS] or moved > grains.extent[b, HALF_THICKNESS]
 
 
 @bare_kernel
-def overlaps_by_points(
-    grains: GrainPoses, bodies: Bodies, cache: PairCache, scratch: Scratch, g: int, j: int, gap: float, dx: float,
-    dy: float, dz: float, moved: float,
-) -> bool:  # fmt: skip
+def overlaps_by_points(pairs: Pairs, g: int, j: int, way: Vector, moved: float) -> bool:
     """Return whether grain g, in the pose that is tried, comes nearer than a gap to grain j, or one holds the other.
 
-    (dx, dy, dz) is the way from the center of j, or of its image, to that of g; j may be g, for an image of its own.
-    `scratch.turn` is the rotation of g; `moved` bounds how far its points came: where that is little, no grain can
-    have come to hold the other.
+    `way` leads from the center of j, or of its image, to that of g; j may be g, for an image of its own. `moved` bounds
+    how far the points of g came: where that is little, no grain can have come to hold the other.
     """
     a, b = min(g, j), max(g, j)
-    shape_a, shape_b, size_a, size_b = grains.shape[a], grains.shape[b], grains.diameter[a], grains.diameter[b]
-    # surfaces that cross, or come nearer than the gap, have control points nearer than this
-    distance = gap + grains.extent[a, HALF_SPACING] + grains.extent[b, HALF_SPACING]
+    grains, bodies, scratch = pairs.grains, pairs.bodies, pairs.scratch
+    shape_a, shape_b, unit = grains.shape[a], grains.shape[b], grains.diameter[b]
+    distance = least_distance(pairs, a, b)
     reach = grains.extent[a, RADIUS] + grains.extent[b, RADIUS] + distance
-    if dx * dx + dy * dy + dz * dz > reach * reach:
+    if dot(way, way) > reach * reach:
         return False
-    relative, shift = scratch.relative, scratch.shift
-    relate(grains.orientation, grains.diameter, scratch.turn, relative, shift, g, j, dx, dy, dz)
-    low, scale = distance / size_b, size_a / size_b
+    relate(grains, scratch, g, j, way)
+    low, scale = distance / unit, grains.diameter[a] / unit
     count, high = list_points(bodies, scratch, shape_a, shape_b, scale, low, low + HORIZON * min(1.0, scale))
     if a != b:
-        pair = a * len(grains.shape) + b
-        _remember(cache.pairs, cache.poses, cache.lists, pair, relative, shift, high - low, scratch.found, count)
+        _remember(pairs.cache, scratch, a * len(grains.shape) + b, high - low, count)
     if count < 0:
         return True
-    if moved <= grains.extent[a, HALF_THICKNESS] and moved <= grains.extent[b, HALF_THICKNESS]:
+    if not may_hold(grains, a, b, moved):
         return False
-    if holds(bodies, shape_a, shape_b, relative, shift):
+    if holds(bodies, shape_a, shape_b, scratch.relative, scratch.shift):
         return True
-    invert(relative, shift, scale)
-    return holds(bodies, shape_b, shape_a, relative, shift)
+    invert(scratch.relative, scratch.shift, scale)
+    return holds(bodies, shape_b, shape_a, scratch.relative, scratch.shift)
 
 
 @bare_kernel
@@ -101,24 +94,21 @@ def list_points(
     bodies: Bodies, scratch: Scratch, a: int, b: int, scale: float, low: float, high: float
 ) -> tuple[int, float]:
     """List the near control points of two shapes in the relative pose at hand."""
-    trees = bodies.trees
-    return list_near(
-        *(trees.points, trees.start, trees.spheres, trees.first, trees.depth, a, b, scratch.relative, scratch.shift),
-        *(scale, low, high, scratch.stack, scratch.found),
-    )
+    pose = (scratch.relative, scratch.shift, scale)
+    return list_near(bodies.trees, a, b, pose, low, high, scratch.stack, scratch.listed)
 
 
 @bare_kernel
-def _remember(pairs, poses, lists, pair, relative, shift, slack, found, count):  # type: ignore[no-untyped-def]
-    """Note what a comparison found; one that refused (count -1) adds its two points to what was known before."""
-    entry = claim_row(pairs, poses, pair)
+def _remember(cache, scratch, pair, slack, count):  # type: ignore[no-untyped-def]
+    """Note the result of a comparison; one that refused (count -1) adds its two points to those noted before."""
+    row, listed = claim_row(cache.pairs, cache.poses, pair), scratch.listed
     if count < 0:
-        pairs[entry, POINT], pairs[entry, OTHER_POINT] = found[0, 0], found[0, 1]
+        cache.pairs[row, POINT], cache.pairs[row, OTHER_POINT] = listed[0, 0], listed[0, 1]
         return
-    pairs[entry, POINT], pairs[entry, COUNT] = -1, count
-    keep_pose(poses, entry, relative, shift, slack)
+    cache.pairs[row, POINT], cache.pairs[row, COUNT] = -1, count
+    keep_pose(cache.poses, row, scratch.relative, scratch.shift, slack)
     for k in range(count):
-        lists[entry, k, 0], lists[entry, k, 1] = found[k, 0], found[k, 1]
+        cache.lists[row, k, 0], cache.lists[row, k, 1] = listed[k, 0], listed[k, 1]
 
 
 @bare_kernel

@@ -14,7 +14,7 @@ Bentley 1975, Multidimensional binary search trees used for associative searchin
 """
 
 from collections.abc import Sequence
-from typing import NamedTuple
+from typing import NamedTuple, TypeAlias
 
 import numpy as np
 
@@ -26,6 +26,10 @@ from voxgran._base.kernels import bare_kernel, inlined_kernel
 LEAF = 8
 #: relative room by which spheres are made larger, so that rounding never hides a point
 ROOM = 1e-12
+
+
+#: a rotation matrix times a scale, a shift, and the scale: p of one frame lies at ``turn @ p + shift`` in another
+Pose: TypeAlias = tuple[Floats, Floats, float]
 
 
 class Trees(NamedTuple):
@@ -86,19 +90,17 @@ def _build(points: Floats, depth: int, spheres: Floats) -> None:
 
 @bare_kernel
 def list_near(
-    points: Floats, start: Integers, spheres: Floats, first: Integers, depth: Integers, a: int, b: int, turn: Floats,
-    shift: Floats, scale: float, low: float, high: float, stack: Integers, found: Integers,
-) -> tuple[int, float]:  # fmt: skip
+    trees: Trees, a: int, b: int, pose: Pose, low: float, high: float, stack: Integers, listed: Integers
+) -> tuple[int, float]:
     """List the points of tree a, put into the frame of tree b, that are nearer than a distance to points of tree b.
 
-    A point p of a lies at ``turn @ p + shift``, where `turn` is a rotation matrix times `scale`. The pairs that are
-    nearer than `high` go to the rows of `found`; where they are too many, `high` is lowered. As soon as two points are
-    nearer than `low`, the walk ends with these two in the first row. `stack` is scratch of `stack_room` rows of 2. The
-    first arguments are the fields of `Trees`: numba counts no references where a kernel takes arrays and numbers only,
-    and that is most of the time of a short walk. Return how many rows were filled, -1 where two points are nearer than
-    `low`, and the distance up to which the rows are complete.
+    The pairs that are nearer than `high` go to the rows of `listed`; where they are too many, `high` is lowered. As
+    soon as two points are nearer than `low`, the walk ends with these two in the first row. `stack` is scratch of
+    `stack_room` rows of 2. Return how many rows were filled, -1 where two points are nearer than `low`, and the
+    distance up to which the rows are complete.
     """
-    leaves_a, leaves_b = (1 << depth[a]) - 1, (1 << depth[b]) - 1
+    (turn, shift, scale), spheres, first = pose, trees.spheres, trees.first
+    leaves_a, leaves_b = (1 << trees.depth[a]) - 1, (1 << trees.depth[b]) - 1
     stack[0, 0], stack[0, 1], top = 0, 0, 1
     count = 0
     while top > 0:
@@ -111,8 +113,8 @@ def list_near(
         if dx * dx + dy * dy + dz * dz >= reach * reach * (1.0 + ROOM):
             continue
         if na >= leaves_a and nb >= leaves_b:
-            ka, kb = na - leaves_a, nb - leaves_b
-            count, high = _list_leaves(points, start, depth, a, b, ka, kb, turn, shift, low, high, found, count)
+            leaves = (na - leaves_a, nb - leaves_b)
+            count, high = _list_leaves(trees, a, b, leaves, pose, low, high, listed, count)
             if count < 0:
                 return -1, high
             continue
@@ -123,6 +125,14 @@ def list_near(
             stack[top, 1] = nb if split_a else 2 * nb + child
             top += 1
     return count, high
+
+
+@inlined_kernel
+def leaf_of(trees: Trees, a: int, k: int) -> tuple[int, int]:
+    """Return the first point of leaf k of tree a, and the one after the last."""
+    begin, level = trees.start[a], trees.depth[a]
+    count = trees.start[a + 1] - begin
+    return begin + ((k * count) >> level), begin + (((k + 1) * count) >> level)
 
 
 @bare_kernel
@@ -145,38 +155,38 @@ def placed(points: Floats, i: int, turn: Floats, shift: Floats) -> tuple[float, 
 
 
 @bare_kernel
-def _list_leaves(points, start, depth, a, b, ka, kb, turn, shift, low, high, found, count):  # type: ignore[no-untyped-def]
+def _list_leaves(trees, a, b, leaves, pose, low, high, listed, count):  # type: ignore[no-untyped-def]
     """Add the near pairs of two leaves; return the count, -1 where a pair is too near, and the distance that is
     complete.
     """
-    begin_a, begin_b = start[a], start[b]
-    count_a, count_b = start[a + 1] - begin_a, start[b + 1] - begin_b
-    la, lb = depth[a], depth[b]
-    for i in range(begin_a + ((ka * count_a) >> la), begin_a + (((ka + 1) * count_a) >> la)):
+    points, (turn, shift, _) = trees.points, pose
+    begin_a, end_a = leaf_of(trees, a, leaves[0])
+    begin_b, end_b = leaf_of(trees, b, leaves[1])
+    for i in range(begin_a, end_a):
         x, y, z = placed(points, i, turn, shift)
-        for j in range(begin_b + ((kb * count_b) >> lb), begin_b + (((kb + 1) * count_b) >> lb)):
+        for j in range(begin_b, end_b):
             dx, dy, dz = x - points[j, 0], y - points[j, 1], z - points[j, 2]
             square = dx * dx + dy * dy + dz * dz
             if square < high * high:
                 if square < low * low:
-                    found[0, 0], found[0, 1] = i, j
+                    listed[0, 0], listed[0, 1] = i, j
                     return -1, high
-                while count == len(found):
+                while count == len(listed):
                     high = low + 0.5 * (high - low)
-                    count = keep_near(points, turn, shift, high, found)
+                    count = keep_near(points, turn, shift, high, listed)
                 if square < high * high:
-                    found[count, 0], found[count, 1] = i, j
+                    listed[count, 0], listed[count, 1] = i, j
                     count += 1
     return count, high
 
 
 @bare_kernel
-def keep_near(points: Floats, turn: Floats, shift: Floats, high: float, found: Integers) -> int:
-    """Drop the rows of full `found` that are not nearer than `high`; return how many are left."""
+def keep_near(points: Floats, turn: Floats, shift: Floats, high: float, listed: Integers) -> int:
+    """Drop the rows of full `listed` that are not nearer than `high`; return how many are left."""
     count = 0
-    for k in range(len(found)):
-        i, j = found[k, 0], found[k, 1]
+    for k in range(len(listed)):
+        i, j = listed[k, 0], listed[k, 1]
         if point_distance(points, i, j, turn, shift) < high:
-            found[count, 0], found[count, 1] = i, j
+            listed[count, 0], listed[count, 1] = i, j
             count += 1
     return count

@@ -26,7 +26,9 @@ from voxgran.packing.control_point.records import (
     SDF,
     Bodies,
     Cells,
+    CloseLists,
     GrainPoses,
+    Pairs,
     Scratch,
     Walls,
 )
@@ -67,6 +69,7 @@ class Precomputed:
     span: Floats
     walls: Walls
     cells: Cells
+    lists: CloseLists
     cache: PairCache
     scratch: Scratch
     key: Any  # of the random numbers
@@ -78,12 +81,12 @@ def precomputed_of(problem: Problem, state: ControlState) -> Precomputed:
         bodies = _bodies(problem)
         key = philox_key(problem.seed, "control_point")
         extent = _extent(problem, bodies)
-        cells = _cells(problem, extent)
+        cells, lists = _cells(problem, extent)
         scratch = _scratch(problem, bodies, cells)
         span = np.zeros((problem.count if len(bodies.reaches.values) else 0, 6))
-        made = Precomputed(bodies, extent, span, _walls(problem), cells, _pair_cache(problem), scratch, key)
+        made = Precomputed(bodies, extent, span, _walls(problem), cells, lists, _pair_cache(problem), scratch, key)
         put_lid(problem, made.walls, state.lid_lowered)
-        grains = poses_of(problem, state, made)
+        grains = pairs_of(problem, state, made).grains
         link_all(grains, made.cells)
         span_all(grains, bodies, scratch)
         state.derived["precomputed"] = made
@@ -91,11 +94,13 @@ def precomputed_of(problem: Problem, state: ControlState) -> Precomputed:
     return kept
 
 
-def poses_of(problem: Problem, state: ControlState, known: Precomputed) -> GrainPoses:
-    """Return the arrays of the state as the kernels take them."""
+def pairs_of(problem: Problem, state: ControlState, setting: Precomputed) -> Pairs:
+    """Return what the comparison of two grains reads and writes, the arrays of the state among them."""
     poses = (state.position, state.orientation, state.entered, state.step)
     kinds = (problem.shape_id.astype(np.int64), problem.diameter.astype(np.float64))
-    return GrainPoses(*poses, *kinds, known.extent, known.span)
+    gap = problem.length(problem.parameters.distance - problem.parameters.overlap)
+    grains = GrainPoses(*poses, *kinds, setting.extent, setting.span)
+    return Pairs(grains, setting.bodies, setting.cache, setting.scratch, gap)
 
 
 def put_lid(problem: Problem, walls: Walls, lowered: float) -> None:
@@ -324,8 +329,8 @@ def _walls(problem: Problem) -> Walls:
     return Walls(kind, lower, upper, walled, periodic, radius, offset, bool(problem.parameters.lid), mesh)
 
 
-def _cells(problem: Problem, extent: Floats) -> Cells:
-    """Lay out empty cells, about as wide as a grain: looking into many small ones takes longer than at far grains."""
+def _cells(problem: Problem, extent: Floats) -> tuple[Cells, CloseLists]:
+    """Lay out empty cells and lists; cells are as wide as a grain, since looking into many small ones takes longer."""
     lower, upper = problem.container.bounds
     span = np.where(np.arange(3) < problem.dimension, upper - lower, 1.0)
     least = (np.prod(span) / (64 * problem.count)) ** (1 / problem.dimension)
@@ -334,4 +339,4 @@ def _cells(problem: Problem, extent: Floats) -> Cells:
     head = np.full(int(np.prod(count)), -1, dtype=np.int64)
     radius, periodic = float(extent[:, RADIUS].max()), np.array(problem.container.periodic)
     lists = make_lists(problem.count, (upper - lower)[periodic], radius + reach, radius)
-    return Cells(lower.copy(), span / count, count, head, np.full(problem.count, -1, dtype=np.int64), reach, lists)
+    return Cells(lower.copy(), span / count, count, head, np.full(problem.count, -1, dtype=np.int64), reach), lists

@@ -2,11 +2,14 @@
 
 from typing import NamedTuple
 
+import numpy as np
+from numpy.typing import NDArray
+
 from voxgran._base.arrays import Floats, Integers
 from voxgran.packing.control_point.distance_fields import Fields
+from voxgran.packing.control_point.pair_cache import PairCache
 from voxgran.packing.control_point.point_trees import Trees
 from voxgran.packing.control_point.support_tables import Reaches
-from voxgran.packing.control_point.verlet_lists import CloseLists
 
 #: kinds of walls
 FLAT, ROUND, MESH, BALL = 0, 1, 2, 3
@@ -89,15 +92,14 @@ class Scratch(NamedTuple):
     relative: Floats
     shift: Floats
     stack: Integers
-    found: Integers
+    listed: Integers
     pending: Integers
 
 
 class Cells(NamedTuple):
     """Linked cells of the centers: the first grain of each cell, the next grain after each grain (-1: none).
 
-    `reach` is the largest bounding radius plus the largest distance at which two grains are refused; `lists` are made
-    from the cells.
+    `reach` is the largest bounding radius plus the largest distance at which two grains are refused.
     """
 
     lower: Floats
@@ -106,7 +108,16 @@ class Cells(NamedTuple):
     head: Integers
     after: Integers
     reach: float
-    lists: CloseLists
+
+
+class CloseLists(NamedTuple):
+    """Which grains are near each other: see :mod:`voxgran.packing.control_point.verlet_lists`."""
+
+    anchor: Floats  # (n, 3): positions of the grains when the lists were made
+    near: NDArray[np.int32]  # (n, ROOM): other grains near each one; without rows where there are no lists
+    many: Integers  # (n,): how many there are
+    state: Integers  # (1,): 0: the lists hold; 1: they have to be made; 2: there was a row too short for them
+    slip: float  # largest displacement of a grain from its anchor
 
 
 class WalkRules(NamedTuple):
@@ -126,7 +137,26 @@ class WalkRules(NamedTuple):
     newest: int
     shares: Floats
     vibration: Integers
-    gap: float
     longest: float
     shortest: float
     dimension: int
+
+
+class Pairs(NamedTuple):
+    """What the comparison of two grains reads and writes; they are kept apart by `gap`, in median diameters."""
+
+    grains: GrainPoses
+    bodies: Bodies
+    cache: PairCache
+    scratch: Scratch
+    gap: float
+
+
+class World(NamedTuple):
+    """What attempts read and write."""
+
+    pairs: Pairs
+    cells: Cells
+    lists: CloseLists
+    walls: Walls
+    rules: WalkRules

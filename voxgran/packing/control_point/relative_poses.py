@@ -3,30 +3,25 @@
 from voxgran._base.arrays import Floats
 from voxgran._base.kernels import bare_kernel, inlined_kernel
 from voxgran.geometry.rotation import matrix_of
+from voxgran.geometry.vectors import Vector
+from voxgran.packing.control_point.records import GrainPoses, Scratch
 
 
 @inlined_kernel
-def relate(
-    orientation: Floats,
-    diameter: Floats,
-    turn: Floats,
-    relative: Floats,
-    shift: Floats,
-    g: int,
-    j: int,
-    dx: float,
-    dy: float,
-    dz: float,
-) -> None:
-    """Write the pose of the grain of lower number in the frame of the other, whose diameter is the unit."""
-    r0, r1, r2, r3, r4, r5, r6, r7, r8 = matrix_of(orientation[j])
+def relate(grains: GrainPoses, scratch: Scratch, g: int, j: int, way: Vector) -> None:
+    """Write the pose of the grain of lower number in the frame of the other, whose diameter is the unit.
+
+    `way` leads from the center of j to that of g, whose rotation is `scratch.turn`.
+    """
+    (dx, dy, dz), turn, relative, shift = way, scratch.turn, scratch.relative, scratch.shift
+    r0, r1, r2, r3, r4, r5, r6, r7, r8 = matrix_of(grains.orientation[j])
     if j == g:
         # an image of its own goes along with the pose that is tried
         r0, r1, r2 = turn[0, 0], turn[0, 1], turn[0, 2]
         r3, r4, r5 = turn[1, 0], turn[1, 1], turn[1, 2]
         r6, r7, r8 = turn[2, 0], turn[2, 1], turn[2, 2]
-    unit = diameter[max(g, j)]
-    scale = diameter[min(g, j)] / unit
+    unit = grains.diameter[max(g, j)]
+    scale = grains.diameter[min(g, j)] / unit
     for k in range(3):
         t, u, v = turn[0, k], turn[1, k], turn[2, k]
         p, q, r = (

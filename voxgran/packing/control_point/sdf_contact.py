@@ -9,34 +9,29 @@ far away as it takes that they cannot slip between the points.
 """
 
 import numpy as np
-from numpy.typing import NDArray
 
 from voxgran._base.arrays import Floats, Integers
 from voxgran._base.kernels import bare_kernel, inlined_kernel
-from voxgran.packing.control_point.distance_fields import ROUGH, SINGLE, STEEP, field_at
+from voxgran.geometry.vectors import Vector, dot, row_of, sub
+from voxgran.packing.control_point.distance_fields import ROUGH, SINGLE, STEEP, Fields, field_at
 from voxgran.packing.control_point.pair_cache import (
     OTHER_POINT,
     PAIR,
     POINT,
-    SLACK,
     WAY,
-    PairCache,
     claim_row,
     keep_pose,
-    moved_since,
     row_of_pair,
 )
-from voxgran.packing.control_point.point_contact import HORIZON, ROUNDING
-from voxgran.packing.control_point.point_trees import placed
+from voxgran.packing.control_point.point_contact import HORIZON
+from voxgran.packing.control_point.point_trees import Pose, Trees, leaf_of, placed
 from voxgran.packing.control_point.records import (
     CURVATURE,
     HALF_SPACING,
     HALF_THICKNESS,
     RADIUS,
     SURFACE_ERROR,
-    Bodies,
-    GrainPoses,
-    Scratch,
+    Pairs,
 )
 from voxgran.packing.control_point.relative_poses import invert, relate
 from voxgran.packing.control_point.support_tables import plane_of
@@ -53,34 +48,30 @@ def threshold(extent: Floats, p: int, q: int, gap: float) -> float:
 
 @bare_kernel
 def find_near(
-    points: Floats, start: Integers, spheres: Floats, first: Integers, depth: Integers, head: Floats, rows: Floats,
-    values: NDArray[np.float32], a: int, b: int, turn: Floats, shift: Floats, scale: float, low: float, high: float,
-    plane: Floats, stack: Integers,
-) -> tuple[int, float]:  # fmt: skip
+    trees: Trees, fields: Fields, a: int, b: int, pose: Pose, low: float, high: float, plane: Floats, stack: Integers
+) -> tuple[int, float]:
     """Look for a point of tree a that is nearer than `low` to the surface of shape b.
 
-    A point p of a lies at ``turn @ p + shift`` in the frame of b, where `turn` is a rotation matrix times `scale`. The
-    first arguments are the fields of `Trees` and `Fields`. Points with ``plane[:3] @ p > plane[3]`` are known to be
-    farther than `high`. Return a point that is nearer than `low`, or -1, and by how much all are farther, `high` -
-    `low` at the most; 0 where one is nearer.
+    `pose` is that of a in the frame of b. Points with ``plane[:3] @ p > plane[3]`` are known to be farther than `high`.
+    Return a point that is nearer than `low`, or -1, and by how much all are farther, `high` - `low` at the most; 0
+    where one is nearer.
     """
-    level, begin, origin = depth[a], first[a], start[a]
-    leaves, count = (1 << level) - 1, start[a + 1] - start[a]
-    slack, top, steep = high - low, 1, head[b, STEEP]
-    rough = head[b, ROUGH] if high >= 0.0 else np.inf
-    ux, uy, uz, beyond = plane[0], plane[1], plane[2], plane[3]
+    (turn, shift, scale), spheres, leaves = pose, trees.spheres, (1 << trees.depth[a]) - 1
+    slack, top, steep = high - low, 1, fields.head[b, STEEP]
+    rough = fields.head[b, ROUGH] if high >= 0.0 else np.inf
+    normal, beyond = (plane[0], plane[1], plane[2]), plane[3]
     stack[0, 0] = 0
     while top > 0:
         top -= 1
         node = stack[top, 0]
         if node < leaves:
             one, other = 2 * node + 1, 2 * node + 2
-            near, far, at = high, high, begin + one
-            if ux * spheres[at, 0] + uy * spheres[at, 1] + uz * spheres[at, 2] - scale * spheres[at, 3] <= beyond:
-                near = _least(spheres, head, rows, values, at, b, turn, shift, scale, steep, rough)
+            near, far, at = high, high, trees.first[a] + one
+            if dot(normal, row_of(spheres, at)) - scale * spheres[at, 3] <= beyond:
+                near = _least(spheres, fields, at, b, pose, steep, rough)
             at += 1
-            if ux * spheres[at, 0] + uy * spheres[at, 1] + uz * spheres[at, 2] - scale * spheres[at, 3] <= beyond:
-                far = _least(spheres, head, rows, values, at, b, turn, shift, scale, steep, rough)
+            if dot(normal, row_of(spheres, at)) - scale * spheres[at, 3] <= beyond:
+                far = _least(spheres, fields, at, b, pose, steep, rough)
             if near > far:
                 one, other, near, far = other, one, far, near
             # the nearer one on top
@@ -91,157 +82,121 @@ def find_near(
                 stack[top, 0] = one
                 top += 1
             continue
-        k = node - leaves
-        for i in range(origin + ((k * count) >> level), origin + (((k + 1) * count) >> level)):
-            if ux * points[i, 0] + uy * points[i, 1] + uz * points[i, 2] > beyond:
+        begin, end = leaf_of(trees, a, node - leaves)
+        for i in range(begin, end):
+            if dot(normal, row_of(trees.points, i)) > beyond:
                 continue
-            told = _told(points, head, rows, values, i, b, turn, shift)
-            if told < low:
+            distance = field_at(fields, b, placed(trees.points, i, turn, shift))
+            if distance < low:
                 return i, 0.0
-            slack = min(slack, told - low)
+            slack = min(slack, distance - low)
     return -1, slack / steep
 
 
 @inlined_kernel
-def _least(spheres, head, rows, values, at, b, turn, shift, scale, steep, rough):  # type: ignore[no-untyped-def]
-    """Return what a field tells at least of the places in a sphere."""
+def _least(spheres, fields, at, b, pose, steep, rough):  # type: ignore[no-untyped-def]
+    """Return the least distance from shape b that its field allows in a sphere."""
+    turn, shift, scale = pose
     radius = spheres[at, 3] * scale
     change = min(radius * steep, np.sqrt((radius + SINGLE) ** 2 + rough))
-    return _told(spheres, head, rows, values, at, b, turn, shift) - change
+    return field_at(fields, b, placed(spheres, at, turn, shift)) - change
 
 
 @inlined_kernel
-def _told(points, head, rows, values, i, b, turn, shift):  # type: ignore[no-untyped-def]
-    """Return what the field of a shape tells of a point that is turned and shifted."""
-    x, y, z = placed(points, i, turn, shift)
-    return field_at(head, rows, values, b, x, y, z)
-
-
-@bare_kernel
-def _told_back(points, head, rows, values, i, b, turn, shift, scale):  # type: ignore[no-untyped-def]
-    """Return what the field of a shape tells of a point in whose frame the shape is turned and shifted."""
-    x, y, z = points[i, 0] - shift[0], points[i, 1] - shift[1], points[i, 2] - shift[2]
-    part = 1.0 / (scale * scale)
-    return field_at(
-        *(head, rows, values, b),
+def still_refused_by_sdf(pairs: Pairs, row: int, a: int, b: int) -> bool:
+    """Return whether the control point that refused grains a < b last, if any, is too near in the pose at hand."""
+    grains, bodies, (turn, shift) = pairs.grains, pairs.bodies, (pairs.scratch.relative, pairs.scratch.shift)
+    point, points = pairs.cache.pairs[row, POINT], bodies.trees.points
+    if point < 0:
+        return False
+    if pairs.cache.pairs[row, OTHER_POINT] == 0:
+        distance = field_at(bodies.fields, grains.shape[b], placed(points, point, turn, shift))
+        return distance < threshold(grains.extent, a, b, pairs.gap) / grains.diameter[b]
+    # a point of b in the frame of a
+    scale = grains.diameter[a] / grains.diameter[b]
+    (x, y, z), part = sub(row_of(points, point), (shift[0], shift[1], shift[2])), 1.0 / (scale * scale)
+    place = (
         part * (turn[0, 0] * x + turn[1, 0] * y + turn[2, 0] * z),
         part * (turn[0, 1] * x + turn[1, 1] * y + turn[2, 1] * z),
         part * (turn[0, 2] * x + turn[1, 2] * y + turn[2, 2] * z),
     )
+    return (
+        field_at(bodies.fields, grains.shape[a], place) < threshold(grains.extent, b, a, pairs.gap) / grains.diameter[a]
+    )
 
 
 @inlined_kernel
-def cached_answer_by_sdf(
-    orientation: Floats, diameter: Floats, extent: Floats, shape: Integers, pairs: Integers, poses: Floats,
-    points: Floats, head: Floats, rows: Floats, values: NDArray[np.float32], turn: Floats, relative: Floats,
-    shift: Floats, g: int, j: int, gap: float, dx: float, dy: float, dz: float,
-) -> int:  # fmt: skip
-    """Return from the cache whether grain g meets grain j as in `overlaps_by_sdf`: 0 no, 1 yes, 2 unknown.
-
-    The answers are those that comparing the grains again would give.
-    """
-    a, b = min(g, j), max(g, j)
-    pair = a * len(diameter) + b
-    row = row_of_pair(len(pairs), pair)
-    if pairs[row, PAIR] != pair:
-        return 2
-    relate(orientation, diameter, turn, relative, shift, g, j, dx, dy, dz)
-    point = pairs[row, POINT]
-    if point >= 0 and pairs[row, OTHER_POINT] == 0:
-        if (
-            _told(points, head, rows, values, point, shape[b], relative, shift)
-            < threshold(extent, a, b, gap) / diameter[b]
-        ):
-            return 1
-    elif point >= 0:
-        scale = diameter[a] / diameter[b]
-        told = _told_back(points, head, rows, values, point, shape[a], relative, shift, scale)
-        if told < threshold(extent, b, a, gap) / diameter[a]:
-            return 1
-    # points of b that are near a lie within its radius, the threshold and the slack, which is small
-    radius = (extent[a, RADIUS] + threshold(extent, b, a, max(gap, 0.0))) / diameter[a] + 2.0 * HORIZON
-    return 0 if moved_since(poses, row, relative, shift, radius) + ROUNDING < poses[row, SLACK] else 2
-
-
-@inlined_kernel
-def overlaps_by_sdf(
-    grains: GrainPoses, bodies: Bodies, cache: PairCache, scratch: Scratch, g: int, j: int, gap: float, dx: float,
-    dy: float, dz: float, moved: float,
-) -> bool:  # fmt: skip
+def overlaps_by_sdf(pairs: Pairs, g: int, j: int, way: Vector, moved: float) -> bool:
     """Return whether a control point of grain g, in the pose that is tried, comes too near to grain j, or the other
     way.
 
-    (dx, dy, dz) is the way from the center of j, or of its image, to that of g; j may be g, for an image of its own.
-    `moved` bounds how far the points of g came. Asked one way, it is the grain with the finer points whose points are
-    tested, and one point of the other grain, so that a grain within another is found.
+    `way` leads from the center of j, or of its image, to that of g; j may be g, for an image of its own. `moved` bounds
+    how far the points of g came. Asked one way, it is the grain with the finer points whose points are tested, and one
+    point of the other grain, so that a grain within another is found.
     """
     a, b = min(g, j), max(g, j)
+    grains, bodies, scratch, gap = pairs.grains, pairs.bodies, pairs.scratch, pairs.gap
     extent, size_a, size_b = grains.extent, grains.diameter[a], grains.diameter[b]
+    shape_a, shape_b = grains.shape[a], grains.shape[b]
     low, back_low = threshold(extent, a, b, gap), threshold(extent, b, a, gap)
     reach = extent[a, RADIUS] + extent[b, RADIUS] + max(low, back_low)
-    if dx * dx + dy * dy + dz * dz > reach * reach:
+    if dot(way, way) > reach * reach:
         return False
-    relative, shift, scale = scratch.relative, scratch.shift, size_a / size_b
-    relate(grains.orientation, grains.diameter, scratch.turn, relative, shift, g, j, dx, dy, dz)
-    finer = extent[a, HALF_SPACING] <= extent[b, HALF_SPACING]
+    relate(grains, scratch, g, j, way)
+    scale, finer = size_a / size_b, extent[a, HALF_SPACING] <= extent[b, HALF_SPACING]
     # what is learned for later is of no use to grains that move farther than that at once
     room = HORIZON * min(1.0, scale) if moved <= 2.0 * HORIZON else 0.0
     point, slack, back = np.int64(-1), room, False
-    _write_cached_way(grains, cache, scratch, g, a, b)
+    _write_cached_way(pairs, g, a, b)
     if bodies.both or finer:
-        point, slack = _find(bodies, scratch, grains.shape[a], grains.shape[b], scale, low / size_b, room)
+        point, slack = _find(bodies, scratch, shape_a, shape_b, scale, low / size_b, room)
     else:
-        slack = min(slack, _room_of_first(bodies, scratch, grains.shape[a], grains.shape[b], low / size_b))
+        slack = min(slack, _room_of_first(bodies, scratch, shape_a, shape_b, low / size_b))
     if slack < 0.0:
         return True
     if point < 0:
-        invert(relative, shift, scale)
-        _turn_way(relative, scratch.way)
+        back = True
+        invert(scratch.relative, scratch.shift, scale)
+        _turn_way(scratch.relative, scratch.way)
         if bodies.both or not finer:
-            back = True
-            point, other = _find(
-                bodies, scratch, grains.shape[b], grains.shape[a], 1.0 / scale, back_low / size_a, room / scale
-            )
-            slack = min(slack, scale * other)
+            point, other = _find(bodies, scratch, shape_b, shape_a, 1.0 / scale, back_low / size_a, room / scale)
         else:
-            other = _room_of_first(bodies, scratch, grains.shape[b], grains.shape[a], back_low / size_a)
-            slack = min(slack, scale * other)
+            other = _room_of_first(bodies, scratch, shape_b, shape_a, back_low / size_a)
+        slack = min(slack, scale * other)
         if slack < 0.0:
             return True
     if point < 0 and gap < 0.0:
         # points of the surface do not tell of grains whose centers nearly coincide: their cores must keep apart too
-        other = _core_room(bodies, scratch, grains.shape[b], grains.shape[a], 1.0 / scale, gap / size_a)
-        slack = min(slack, scale * other)
-        relate(grains.orientation, grains.diameter, scratch.turn, relative, shift, g, j, dx, dy, dz)
-        slack = min(slack, _core_room(bodies, scratch, grains.shape[a], grains.shape[b], scale, gap / size_b))
+        slack = min(slack, scale * _core_room(bodies, scratch, shape_b, shape_a, 1.0 / scale, gap / size_a))
+        relate(grains, scratch, g, j, way)
+        slack = min(slack, _core_room(bodies, scratch, shape_a, shape_b, scale, gap / size_b))
         if slack < 0.0:
             return True
     if a != b:
         if point < 0:
-            relate(grains.orientation, grains.diameter, scratch.turn, relative, shift, g, j, dx, dy, dz)
-        _remember_field(cache, a * len(grains.diameter) + b, relative, shift, point, back, slack)
+            relate(grains, scratch, g, j, way)
+        row = claim_row(pairs.cache.pairs, pairs.cache.poses, a * len(grains.diameter) + b)
+        if point >= 0:
+            pairs.cache.pairs[row, POINT], pairs.cache.pairs[row, OTHER_POINT] = point, 1 if back else 0
+        else:
+            keep_pose(pairs.cache.poses, row, scratch.relative, scratch.shift, slack)
     return bool(point >= 0)
 
 
 @inlined_kernel
 def _find(bodies, scratch, s, t, scale, low, room):  # type: ignore[no-untyped-def]
     """Look for a near point of shape s in the field of shape t."""
-    trees, fields = bodies.trees, bodies.fields
-    _write_plane(bodies.reaches, scratch.relative, scratch.shift, scratch.way, scratch.plane, t, low + room)
-    return find_near(
-        *(trees.points, trees.start, trees.spheres, trees.first, trees.depth, fields.head, fields.rows, fields.values),
-        *(s, t, scratch.relative, scratch.shift, scale, low, low + room, scratch.plane),
-        scratch.stack,
-    )
+    _write_plane(bodies.reaches, scratch, t, low + room)
+    pose = (scratch.relative, scratch.shift, scale)
+    return find_near(bodies.trees, bodies.fields, s, t, pose, low, low + room, scratch.plane, scratch.stack)
 
 
 @inlined_kernel
-def _write_cached_way(grains, cache, scratch, g, a, b):  # type: ignore[no-untyped-def]
+def _write_cached_way(pairs, g, a, b):  # type: ignore[no-untyped-def]
     """Write the direction along which two grains were farthest apart, from b to a, in the frame of b; or zero."""
-    pair = a * len(grains.diameter) + b
-    row, way, q = row_of_pair(len(cache.pairs), pair), scratch.way, grains.orientation[b]
-    if g == b:
-        q = scratch.quaternion
+    cache, pair = pairs.cache, a * len(pairs.grains.diameter) + b
+    row, way = row_of_pair(len(cache.pairs), pair), pairs.scratch.way
+    q = pairs.scratch.quaternion if g == b else pairs.grains.orientation[b]
     x, y, z = cache.poses[row, WAY], cache.poses[row, WAY + 1], cache.poses[row, WAY + 2]
     if a == b or cache.pairs[row, PAIR] != pair:
         x, y, z = 0.0, 0.0, 0.0
@@ -253,9 +208,10 @@ def _write_cached_way(grains, cache, scratch, g, a, b):  # type: ignore[no-untyp
 
 
 @inlined_kernel
-def _write_plane(reaches, relative, shift, way, plane, t, high):  # type: ignore[no-untyped-def]
+def _write_plane(reaches, scratch, t, high):  # type: ignore[no-untyped-def]
     """Write the plane of `find_near` across a way that begins at shape t."""
-    x, y, z = way[0], way[1], way[2]
+    x, y, z = scratch.way[0], scratch.way[1], scratch.way[2]
+    plane, shift, relative = scratch.plane, scratch.shift, scratch.relative
     plane[0], plane[1], plane[2], plane[3] = 0.0, 0.0, 0.0, np.inf
     if (x == 0.0 and y == 0.0 and z == 0.0) or high > reaches.limit[t]:
         return
@@ -281,25 +237,14 @@ def _turn_way(relative, way):  # type: ignore[no-untyped-def]
 @bare_kernel
 def _room_of_first(bodies, scratch, s, t, low):  # type: ignore[no-untyped-def]
     """Return how much farther than it must be the first point of shape s is from shape t; below 0 too near."""
-    trees, fields, first = bodies.trees, bodies.fields, bodies.trees.start[s]
-    told = _told(trees.points, fields.head, fields.rows, fields.values, first, t, scratch.relative, scratch.shift)
-    return (told - low) / fields.head[t, STEEP]
+    place = placed(bodies.trees.points, bodies.trees.start[s], scratch.relative, scratch.shift)
+    return (field_at(bodies.fields, t, place) - low) / bodies.fields.head[t, STEEP]
 
 
 @bare_kernel
 def _core_room(bodies, scratch, s, t, scale, gap):  # type: ignore[no-untyped-def]
     """Return how much farther than it must be the sphere at the center of shape s is from shape t; below 0 too near."""
     fields, shift = bodies.fields, scratch.shift
-    core = -scale * min(field_at(fields.head, fields.rows, fields.values, s, 0.0, 0.0, 0.0), 0.0)
-    told = field_at(fields.head, fields.rows, fields.values, t, shift[0], shift[1], shift[2])
-    return (told - core - gap) / fields.head[t, STEEP]
-
-
-@bare_kernel
-def _remember_field(cache, pair, relative, shift, point, back, slack):  # type: ignore[no-untyped-def]
-    """Note the point that refused a pose beside what was known before, or the slack of a pose that was not refused."""
-    row = claim_row(cache.pairs, cache.poses, pair)
-    if point >= 0:
-        cache.pairs[row, POINT], cache.pairs[row, OTHER_POINT] = point, 1 if back else 0
-        return
-    keep_pose(cache.poses, row, relative, shift, slack)
+    core = -scale * min(field_at(fields, s, (0.0, 0.0, 0.0)), 0.0)
+    distance = field_at(fields, t, (shift[0], shift[1], shift[2]))
+    return (distance - core - gap) / fields.head[t, STEEP]

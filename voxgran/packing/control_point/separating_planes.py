@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 from voxgran._base.arrays import Floats
 from voxgran._base.kernels import bare_kernel, inlined_kernel
 from voxgran.geometry.rotation import matrix_of
+from voxgran.geometry.vectors import Vector
 from voxgran.packing.control_point.support_tables import plane_of
 
 #: directions that are tried one after the other
@@ -34,16 +35,17 @@ def write_span(values: NDArray[np.float32], s: int, size: float, turn: Floats, s
 
 @inlined_kernel
 def find_plane(
-    values: NDArray[np.float32], s: int, size: float, turn: Floats, t: int, unit: float, q: Floats, way: Floats,
-    dx: float, dy: float, dz: float, low: float, tries: int,
+    values: NDArray[np.float32], one: tuple[int, float, Floats], other: tuple[int, float, Floats], offset: Vector,
+    low: float, way: Floats, tries: int,
 ) -> bool:  # fmt: skip
-    """Return whether a grain of shape s and one of shape t are apart by `low` along `way` or a direction found from it.
+    """Return whether two grains are apart by `low` along `way` or a direction found from it.
 
-    Of the first grain `size` and `turn` are diameter and rotation matrix, of the other `unit` and `q` diameter and unit
-    quaternion; (dx, dy, dz) leads from the center of the other to that of the first. `way` (7,) holds a unit vector,
-    about from the other grain to the first, with which to begin and which is changed to the next one to be tried; the
-    best one so far, and how far apart it shows the two. At most `tries` directions are tried.
+    Of the first grain shape, diameter and rotation matrix are given, of the other shape, diameter and unit quaternion;
+    `offset` leads from the center of the other to that of the first. `way` (7,) holds a unit vector, about from the
+    other grain to the first, with which to begin and which is changed to the next one to be tried; the best one so far,
+    and how far apart it shows the two. At most `tries` directions are tried.
     """
+    (s, size, turn), (t, unit, q), (dx, dy, dz) = one, other, offset
     r0, r1, r2, r3, r4, r5, r6, r7, r8 = matrix_of(q)
     t0, t1, t2 = turn[0, 0], turn[0, 1], turn[0, 2]
     t3, t4, t5 = turn[1, 0], turn[1, 1], turn[1, 2]

@@ -5,28 +5,16 @@ lists are made again: steps are short, so that is seldom. There are none where g
 one grain may both be near, and where lists would take much memory or more than a row.
 """
 
-from typing import NamedTuple
-
 import numpy as np
-from numpy.typing import NDArray
 
 from voxgran._base.arrays import Floats, Integers
 from voxgran._base.kernels import bare_kernel, inlined_kernel
+from voxgran.packing.control_point.records import CloseLists, Walls
 
 #: grains that are listed for a grain at the most, and grains for which there are lists
 ROOM, MOST_GRAINS = 64, 2**15
 #: longest way of a grain until lists are made again, in largest bounding radii
 SLIP = 0.4
-
-
-class CloseLists(NamedTuple):
-    """Which grains are near each other."""
-
-    anchor: Floats  # (n, 3): positions of the grains when the lists were made
-    near: NDArray[np.int32]  # (n, ROOM): other grains near each one; without rows where there are no lists
-    many: Integers  # (n,): how many there are
-    state: Integers  # (1,): 0: the lists hold; 1: they have to be made; 2: there was a row too short for them
-    slip: float  # largest displacement of a grain from its anchor
 
 
 def make_lists(count: int, lengths: Floats, reach: float, radius: float) -> CloseLists:
@@ -43,27 +31,24 @@ def make_lists(count: int, lengths: Floats, reach: float, radius: float) -> Clos
 
 
 @inlined_kernel
-def strayed(anchor: Floats, g: int, place: Floats, lower: Floats, upper: Floats, periodic: Integers) -> float:
+def strayed(anchor: Floats, walls: Walls, g: int, place: Floats) -> float:
     """Return the square of the way from an anchor to a place, the shortest one around the container."""
     square = 0.0
     for axis in range(3):
-        way, length = place[axis] - anchor[g, axis], upper[axis] - lower[axis]
-        if periodic[axis] == 1:
+        way, length = place[axis] - anchor[g, axis], walls.upper[axis] - walls.lower[axis]
+        if walls.periodic[axis] == 1:
             way -= length * np.floor(way / length + 0.5)
         square += way * way
     return square
 
 
 @bare_kernel
-def list_close(
-    near: NDArray[np.int32], many: Integers, position: Floats, lower: Floats, upper: Floats, periodic: Integers,
-    place: Floats, g: int, pending: Integers,
-) -> int:  # fmt: skip
+def list_close(lists: CloseLists, walls: Walls, position: Floats, place: Floats, g: int, pending: Integers) -> int:
     """List the grains near grain g with their nearest image, and return how many there are."""
-    for k in range(many[g]):
-        j = np.int64(near[g, k])
+    for k in range(lists.many[g]):
+        j = np.int64(lists.near[g, k])
         pending[k, 0] = j
         for axis in range(3):
-            away = (place[axis] - position[j, axis]) / (upper[axis] - lower[axis])
-            pending[k, 1 + axis] = np.int64(np.floor(away + 0.5)) if periodic[axis] == 1 else 0
-    return many[g]
+            away = (place[axis] - position[j, axis]) / (walls.upper[axis] - walls.lower[axis])
+            pending[k, 1 + axis] = np.int64(np.floor(away + 0.5)) if walls.periodic[axis] == 1 else 0
+    return lists.many[g]

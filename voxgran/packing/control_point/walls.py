@@ -16,9 +16,7 @@ from voxgran.packing.control_point.records import (
     HALF_THICKNESS,
     RADIUS,
     ROUND,
-    Bodies,
-    GrainPoses,
-    Scratch,
+    Pairs,
     Walls,
 )
 
@@ -29,44 +27,33 @@ EXACT = 1e-12
 
 
 @inlined_kernel
-def is_outside(
-    grains: GrainPoses, bodies: Bodies, walls: Walls, mesh: bool | None, scratch: Scratch, g: int, moved: float
-) -> bool:
+def is_outside(pairs: Pairs, walls: Walls, mesh: bool | None, g: int, moved: float) -> bool:
     """Return whether a grain in the tried pose reaches beyond a wall; `moved` bounds how far its points came.
 
     `mesh` is that of the walls: None unless the container is a mesh.
     """
+    grains, bodies = pairs.grains, pairs.bodies
     if mesh is not None:
-        if _is_outside_mesh(grains, bodies, walls, scratch, g, moved):
+        if _is_outside_mesh(pairs, walls, g, moved):
             return True
         if not walls.lid:
             return False
-    s, size = grains.shape[g], grains.diameter[g]
-    margin, begin, end = bodies.margin[s] * size, bodies.hull_start[s], bodies.hull_start[s + 1]
-    walled, lower, upper = walls.walled, walls.lower, walls.upper
-    place, turn, hull, radius = scratch.place, scratch.turn, bodies.hull, grains.extent[g, RADIUS]
-    spanned = len(grains.span) > 0
-    if _is_beyond_flat(
-        place, turn, hull, begin, end, size, walled, lower, upper, radius, margin, scratch.span, spanned
-    ):
+    margin = bodies.margin[grains.shape[g]] * grains.diameter[g]
+    if _is_beyond_flat(pairs, walls, g, margin):
         return True
-    if walls.kind not in (ROUND, BALL):
-        return False
-    deep = 1.0 if walls.kind == BALL else 0.0
-    return _is_beyond_round(
-        place, turn, hull, begin, end, size, walls.offset, walls.radius - margin + EXACT, radius, deep
-    )
+    return walls.kind in (ROUND, BALL) and _is_beyond_round(pairs, walls, g, margin)
 
 
 @bare_kernel
-def room_of_lid(grains: GrainPoses, bodies: Bodies, walls: Walls, scratch: Scratch, down: Integers) -> float:
+def room_of_lid(pairs: Pairs, walls: Walls, down: Integers) -> float:
     """Return how far the lid, the flat wall against `down`, may come down before it meets a grain."""
+    grains, bodies, turn = pairs.grains, pairs.bodies, pairs.scratch.turn
     axis = 0 if down[0] != 0 else (1 if down[1] != 0 else 2)
     room = walls.upper[axis] - walls.lower[axis]
     for g in range(len(grains.placed)):
         if grains.placed[g] == 0:
             continue
-        s, size, turn = grains.shape[g], grains.diameter[g], scratch.turn
+        s, size = grains.shape[g], grains.diameter[g]
         lid = walls.upper[axis] if down[axis] < 0 else walls.lower[axis]
         # counted from the lid, downward
         center = down[axis] * (grains.position[g, axis] - lid)
@@ -81,30 +68,35 @@ def room_of_lid(grains: GrainPoses, bodies: Bodies, walls: Walls, scratch: Scrat
     return max(room, 0.0)
 
 
-@bare_kernel
-def _is_beyond_flat(place, turn, hull, begin, end, size, walled, lower, upper, radius, margin, span, spanned):  # type: ignore[no-untyped-def]
+@inlined_kernel
+def _is_beyond_flat(pairs, walls, g, margin):  # type: ignore[no-untyped-def]
     """Return whether a point of the convex hull lies beyond a flat wall."""
+    grains, bodies, turn, span = pairs.grains, pairs.bodies, pairs.scratch.turn, pairs.scratch.span
+    s, size, radius, hull = grains.shape[g], grains.diameter[g], grains.extent[g, RADIUS], bodies.hull
     for axis in range(3):
-        x, low, high = place[axis], lower[axis] + margin - EXACT, upper[axis] - margin + EXACT
-        if walled[axis] == 0 or low + radius < x < high - radius:
+        x, low, high = pairs.scratch.place[axis], walls.lower[axis] + margin - EXACT, walls.upper[axis] - margin + EXACT
+        if walls.walled[axis] == 0 or low + radius < x < high - radius:
             continue
-        if spanned and low < x + span[2 * axis] and x + span[2 * axis + 1] < high:
+        if len(grains.span) > 0 and low < x + span[2 * axis] and x + span[2 * axis + 1] < high:
             continue
         t, u, v = turn[axis, 0], turn[axis, 1], turn[axis, 2]
-        for k in range(begin, end):
+        for k in range(bodies.hull_start[s], bodies.hull_start[s + 1]):
             along = x + size * (t * hull[k, 0] + u * hull[k, 1] + v * hull[k, 2])
             if along < low or along > high:
                 return True
     return False
 
 
-@bare_kernel
-def _is_beyond_round(place, turn, hull, begin, end, size, offset, room, radius, deep):  # type: ignore[no-untyped-def]
-    """Return whether a point of the convex hull lies outside of a cylinder along z, or (deep is 1) of a sphere."""
+@inlined_kernel
+def _is_beyond_round(pairs, walls, g, margin):  # type: ignore[no-untyped-def]
+    """Return whether a point of the convex hull lies outside of a cylinder along z or of a sphere."""
+    grains, bodies, place, turn = pairs.grains, pairs.bodies, pairs.scratch.place, pairs.scratch.turn
+    s, size, hull, offset = grains.shape[g], grains.diameter[g], bodies.hull, walls.offset
+    room, deep = walls.radius - margin + EXACT, 1.0 if walls.kind == BALL else 0.0
     x, y, z = place[0] - offset[0], place[1] - offset[1], deep * (place[2] - offset[2])
-    if np.sqrt(x * x + y * y + z * z) + radius < room:
+    if np.sqrt(x * x + y * y + z * z) + grains.extent[g, RADIUS] < room:
         return False
-    for k in range(begin, end):
+    for k in range(bodies.hull_start[s], bodies.hull_start[s + 1]):
         px = x + size * (turn[0, 0] * hull[k, 0] + turn[0, 1] * hull[k, 1] + turn[0, 2] * hull[k, 2])
         py = y + size * (turn[1, 0] * hull[k, 0] + turn[1, 1] * hull[k, 1] + turn[1, 2] * hull[k, 2])
         pz = z + deep * size * (turn[2, 0] * hull[k, 0] + turn[2, 1] * hull[k, 1] + turn[2, 2] * hull[k, 2])
@@ -114,8 +106,9 @@ def _is_beyond_round(place, turn, hull, begin, end, size, offset, room, radius, 
 
 
 @bare_kernel
-def _is_outside_mesh(grains, bodies, walls, scratch, g, moved):  # type: ignore[no-untyped-def]
+def _is_outside_mesh(pairs, walls, g, moved):  # type: ignore[no-untyped-def]
     """Return whether a grain meets the mesh of the container, or lies outside of it."""
+    grains, bodies, scratch = pairs.grains, pairs.bodies, pairs.scratch
     s, size, last = grains.shape[g], grains.diameter[g], len(bodies.spacing) - 1
     distance = grains.extent[g, HALF_SPACING] + 0.5 * bodies.spacing[last]
     for k in range(3):

@@ -16,6 +16,7 @@ from voxgran._base.kernels import bare_kernel
 from voxgran.containers.kernel_container import MeshWalls
 from voxgran.geometry.tree import square_to_box
 from voxgran.geometry.triangles import closest_on_triangle
+from voxgran.geometry.vectors import Vector
 from voxgran.packing.deposition.field import (
     CENTER,
     EDGE,
@@ -28,6 +29,7 @@ from voxgran.packing.deposition.field import (
     SLIGHT,
     WAY,
     Field,
+    Motion,
 )
 from voxgran.packing.deposition.meetings import LINE, first_root, meet_on_circle, meet_on_line
 from voxgran.packing.deposition.tube import ROOTS, next_root, square_on_circle
@@ -91,23 +93,24 @@ def still_touched(field: Field, place: Floats, r: float, touching: int) -> int:
 
 
 @bare_kernel
-def end_on_facets(field: Field, motion: int, place: Floats, r: float, kept: int, radius: float) -> float:
+def end_on_facets(field: Field, motion: Motion) -> float:
     """Return how far along a motion the sphere stays on the triangles, edges and corners that it keeps."""
+    kind, place, r, kept, radius = motion
     contacts, vectors, mesh, end = field.contacts, field.vectors, field.walls.mesh, math.inf
     for k in range(kept):
         if contacts[k, KIND] == EDGE:
-            end = min(end, HOP * r if motion == LINE else HOP * r / radius)
+            end = min(end, HOP * r if kind == LINE else HOP * r / radius)
         if contacts[k, KIND] != FACET:
             continue
         triangle = int(contacts[k, CENTER])
         for i in range(3):
             gx, gy, gz, length = _across_edge(mesh, triangle, i)
             corner = mesh.corners[triangle, i]
-            base = place if motion == LINE else vectors[MIDDLE]
+            base = place if kind == LINE else vectors[MIDDLE]
             inside = OVER * r * length
             inside += gx * (base[0] + mesh.shift[0] - corner[0]) + gy * (base[1] + mesh.shift[1] - corner[1])
             inside += gz * (base[2] + mesh.shift[2] - corner[2])
-            if motion == LINE:
+            if kind == LINE:
                 rate = gx * vectors[WAY, 0] + gy * vectors[WAY, 1] + gz * vectors[WAY, 2]
                 if rate < -SLIGHT * length:
                     end = min(end, max(inside / -rate, 0.0))
@@ -128,26 +131,14 @@ def _across_edge(mesh, triangle, i):  # type: ignore[no-untyped-def]
 
 
 @bare_kernel
-def first_facet(
-    field: Field,
-    motion: int,
-    place: Floats,
-    r: float,
-    kept: int,
-    radius: float,
-    x0: float,
-    y0: float,
-    z0: float,
-    around: float,
-    end: float,
-) -> tuple[float, int]:
+def first_facet(field: Field, motion: Motion, middle: Vector, around: float, end: float) -> tuple[float, int]:
     """Return how far along a motion the first triangle is touched, up to `end`, and its number, -1 for none.
 
-    The sphere keeps within `around` of (x0, y0, z0).
+    The sphere keeps within `around` of `middle`.
     """
     mesh = field.walls.mesh
-    stack, leaves, best, found = mesh.stack, len(mesh.low) // 2, end, -1
-    x, y, z = x0 + mesh.shift[0], y0 + mesh.shift[1], z0 + mesh.shift[2]
+    stack, leaves, best, first = mesh.stack, len(mesh.low) // 2, end, -1
+    x, y, z = middle[0] + mesh.shift[0], middle[1] + mesh.shift[1], middle[2] + mesh.shift[2]
     stack[0], depth, square = 0, 1, around * around
     while depth > 0:
         depth -= 1
@@ -159,33 +150,34 @@ def first_facet(
             depth += 2
             continue
         for triangle in range(mesh.start[node, 0], mesh.start[node, 1]):
-            known = False
-            for k in range(kept):
-                known = known or (field.contacts[k, KIND] >= FACET and int(field.contacts[k, CENTER]) == triangle)
+            touched = False
+            for k in range(motion.kept):
+                touched = touched or (field.contacts[k, KIND] >= FACET and int(field.contacts[k, CENTER]) == triangle)
             # a sphere that moves across the normal of a contact comes no nearer to the triangle
-            if known:
+            if touched:
                 continue
-            t = _meet_face(field, motion, place, r, radius, triangle)
+            t = _meet_face(field, motion, triangle)
             for part in range(3):
                 if field.edges[triangle, part] == 1:
-                    t = min(t, _meet_edge(field, motion, place, r, radius, triangle, part))
+                    t = min(t, _meet_edge(field, motion, triangle, part))
                 if field.edges[triangle, 3 + part] == 1:
-                    t = min(t, _meet_corner(field, motion, place, r, kept, radius, triangle, part))
+                    t = min(t, _meet_corner(field, motion, triangle, part))
             if t <= best:
-                best, found = t, triangle
-    return best, found
+                best, first = t, triangle
+    return best, first
 
 
 @bare_kernel
-def _meet_face(field, motion, place, r, radius, triangle):  # type: ignore[no-untyped-def]
+def _meet_face(field, motion, triangle):  # type: ignore[no-untyped-def]
     """Return how far along a motion the sphere touches a triangle within its edges."""
+    kind, place, r, _, radius = motion
     vectors, mesh = field.vectors, field.walls.mesh
     normal, corner = mesh.normals[triangle, 0], mesh.corners[triangle, 0]
-    base = place if motion == LINE else vectors[MIDDLE]
+    base = place if kind == LINE else vectors[MIDDLE]
     gap = -r
     for axis in range(3):
         gap -= normal[axis] * (base[axis] + mesh.shift[axis] - corner[axis])
-    if motion == LINE:
+    if kind == LINE:
         rate = normal[0] * vectors[WAY, 0] + normal[1] * vectors[WAY, 1] + normal[2] * vectors[WAY, 2]
         if rate <= SLIGHT or gap < -SLIGHT * r:
             return math.inf
@@ -204,7 +196,7 @@ def _meet_face(field, motion, place, r, radius, triangle):  # type: ignore[no-un
             t = first_root(a, b, gap, 0.5 * SLIGHT * r)
         if t == math.inf:
             return math.inf
-    x, y, z = place_on(vectors, motion, place, radius, t)
+    x, y, z = _place_on(vectors, motion, t)
     for i in range(3):
         gx, gy, gz, length = _across_edge(mesh, triangle, i)
         corner = mesh.corners[triangle, i]
@@ -216,11 +208,12 @@ def _meet_face(field, motion, place, r, radius, triangle):  # type: ignore[no-un
 
 
 @bare_kernel
-def place_on(vectors: Floats, motion: int, place: Floats, radius: float, t: float) -> tuple[float, float, float]:
+def _place_on(vectors, motion, t):  # type: ignore[no-untyped-def]
     """Return the place on a line or a circle."""
-    if motion == LINE:
-        return place[0] + t * vectors[WAY, 0], place[1] + t * vectors[WAY, 1], place[2] + t * vectors[WAY, 2]
-    cos, sin = radius * math.cos(t), radius * math.sin(t)
+    if motion.kind == LINE:
+        place, way = motion.place, vectors[WAY]
+        return place[0] + t * way[0], place[1] + t * way[1], place[2] + t * way[2]
+    cos, sin = motion.radius * math.cos(t), motion.radius * math.sin(t)
     return (
         vectors[MIDDLE, 0] + cos * vectors[FIRST, 0] + sin * vectors[SECOND, 0],
         vectors[MIDDLE, 1] + cos * vectors[FIRST, 1] + sin * vectors[SECOND, 1],
@@ -229,29 +222,30 @@ def place_on(vectors: Floats, motion: int, place: Floats, radius: float, t: floa
 
 
 @bare_kernel
-def _meet_corner(field, motion, place, r, kept, radius, triangle, part):  # type: ignore[no-untyped-def]
+def _meet_corner(field, motion, triangle, part):  # type: ignore[no-untyped-def]
     """Return how far along a motion the sphere touches a corner."""
     mesh = field.walls.mesh
     corner = mesh.corners[triangle, part]
     x, y, z = corner[0] - mesh.shift[0], corner[1] - mesh.shift[1], corner[2] - mesh.shift[2]
-    if motion == LINE:
-        return meet_on_line(place, field.vectors[WAY], x, y, z, r)
-    return meet_on_circle(field, kept, radius, x, y, z, r)
+    if motion.kind == LINE:
+        return meet_on_line(motion.place, field.vectors[WAY], x, y, z, motion.r)
+    return meet_on_circle(field, motion.kept, motion.radius, x, y, z, motion.r)
 
 
 @bare_kernel
-def _meet_edge(field, motion, place, r, radius, triangle, part):  # type: ignore[no-untyped-def]
+def _meet_edge(field, motion, triangle, part):  # type: ignore[no-untyped-def]
     """Return how far along a motion the sphere touches an edge between its ends."""
+    kind, place, r, _, radius = motion
     vectors, mesh = field.vectors, field.walls.mesh
     one, two = mesh.corners[triangle, part], mesh.corners[triangle, (part + 1) % 3]
     ex, ey, ez = two[0] - one[0], two[1] - one[1], two[2] - one[2]
     length = math.sqrt(ex * ex + ey * ey + ez * ez)
     ex, ey, ez = ex / length, ey / length, ez / length
-    base = place if motion == LINE else vectors[MIDDLE]
+    base = place if kind == LINE else vectors[MIDDLE]
     mx, my, mz = base[0] + mesh.shift[0] - one[0], base[1] + mesh.shift[1] - one[1], base[2] + mesh.shift[2] - one[2]
     m = mx * ex + my * ey + mz * ez
     mm = mx * mx + my * my + mz * mz - m * m
-    if motion == LINE:
+    if kind == LINE:
         w = vectors[WAY, 0] * ex + vectors[WAY, 1] * ey + vectors[WAY, 2] * ez
         along = vectors[WAY, 0] * mx + vectors[WAY, 1] * my + vectors[WAY, 2] * mz - m * w
         across, beyond = 1.0 - w * w, mm - r * r
@@ -266,22 +260,21 @@ def _meet_edge(field, motion, place, r, radius, triangle, part):  # type: ignore
     ms = vectors[SECOND, 0] * mx + vectors[SECOND, 1] * my + vectors[SECOND, 2] * mz - m * s
     c, a1, b1, a2, b2 = square_on_circle(mm, mf, ms, 1.0 - f * f, 1.0 - s * s, -f * s, radius)
     c -= r * r * (1.0 - GRAZED)
-    t, beyond, slope = 0.0, c + a1 + a2, b1 + 2.0 * b2
+    beyond, slope = c + a1 + a2, b1 + 2.0 * b2
     if abs(beyond) <= SLIGHT * r * r:
         # what touches the edge already meets it if it moves toward it, and leaves it if it moves along it
         if slope > -SLIGHT * r * radius:
-            return (
-                math.inf
-                if slope < SLIGHT * r * radius
-                else _next_on_edge(c, a1, b1, a2, b2, 0.0, m, f, s, radius, length)
-            )
-        return 0.0 if 0.0 <= m + radius * f <= length else math.inf
-    return _next_on_edge(c, a1, b1, a2, b2, t, m, f, s, radius, length)
+            if slope < SLIGHT * r * radius:
+                return math.inf
+        else:
+            return 0.0 if 0.0 <= m + radius * f <= length else math.inf
+    return _next_on_edge((c, a1, b1, a2, b2), (m, f, s), radius, length)
 
 
 @bare_kernel
-def _next_on_edge(c, a1, b1, a2, b2, t, m, f, s, radius, length):  # type: ignore[no-untyped-def]
-    """Return the next angle after t at which a circle comes nearer to a line than it may, between its ends."""
+def _next_on_edge(terms, edge, radius, length):  # type: ignore[no-untyped-def]
+    """Return the first angle after 0 at which a circle comes nearer to a line than it may, between its ends."""
+    (c, a1, b1, a2, b2), (m, f, s), t = terms, edge, 0.0
     for _ in range(ROOTS):
         t = next_root(c, a1, b1, a2, b2, t, 2.0 * math.pi)
         if t == math.inf:

@@ -41,6 +41,20 @@ class Field(NamedTuple):
     edges: Integers
 
 
+class Motion(NamedTuple):
+    """How a sphere of radius `r` moves from a place.
+
+    kind: by the numbers of :mod:`voxgran.packing.deposition.meetings`.  place: (3,), the center.  kept: how many
+    contacts it keeps.  radius: that of its circle.
+    """
+
+    kind: int
+    place: Floats
+    r: float
+    kept: int
+    radius: float
+
+
 @bare_kernel
 def copy_row(vectors: Floats, one: int, other: int, divisor: float) -> None:
     """Write a row over a number into another row."""

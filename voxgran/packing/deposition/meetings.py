@@ -5,7 +5,8 @@ import math
 from voxgran._base.arrays import Floats
 from voxgran._base.kernels import bare_kernel
 from voxgran.geometry.level_grid import cells_near, first_in_cell
-from voxgran.packing.deposition.field import CENTER, FIRST, MIDDLE, REACH, SECOND, SLIGHT, WAY, Field
+from voxgran.geometry.vectors import Vector
+from voxgran.packing.deposition.field import CENTER, FIRST, MIDDLE, REACH, SECOND, SLIGHT, WAY, Field, Motion
 from voxgran.packing.deposition.tube import meet_in_tube
 
 #: motions: none, along a line, on a circle, about a sphere along the wall of a cylinder
@@ -17,27 +18,17 @@ LEVEL = 1e-3
 
 @bare_kernel
 def first_sphere(
-    field: Field,
-    motion: int,
-    place: Floats,
-    r: float,
-    kept: int,
-    radius: float,
-    x0: float,
-    y0: float,
-    z0: float,
-    around: float,
-    end: float,
+    field: Field, motion: Motion, middle: Vector, around: float, end: float
 ) -> tuple[float, float, float, float, float]:
     """Return how far along a motion the first sphere is touched, up to `end`, its center and the sum of the radii.
 
-    That sum is 0 where none is touched. The motion keeps within `around` less r of (x0, y0, z0).
+    That sum is 0 where none is touched. The motion keeps within `around` less r of `middle`.
     """
-    cells = field.cells
+    cells, place = field.cells, motion.place
     best, bx, by, bz, both = end, 0.0, 0.0, 0.0, 0.0
     for level in range(len(cells.count)):
         far = around + cells.reach[level, 0]
-        low, high = cells_near(cells, level, x0, y0, z0, (far, far, far))
+        low, high = cells_near(cells, level, *middle, (far, far, far))
         for i in range(low[0], high[0]):
             for j in range(low[1], high[1]):
                 for k in range(low[2], high[2]):
@@ -46,12 +37,12 @@ def first_sphere(
                         x = field.spheres[g, 0] + ti * cells.span[0]
                         y = field.spheres[g, 1] + tj * cells.span[1]
                         z = field.spheres[g, 2] + tk * cells.span[2]
-                        reach = r + field.spheres[g, 3]
-                        if motion == LINE:
+                        reach = motion.r + field.spheres[g, 3]
+                        if motion.kind == LINE:
                             t = meet_on_line(place, field.vectors[WAY], x, y, z, reach)
-                        elif motion == CIRCLE:
-                            t = meet_on_circle(field, kept, radius, x, y, z, reach)
-                        elif motion == ROUND_TUBE:
+                        elif motion.kind == CIRCLE:
+                            t = meet_on_circle(field, motion.kept, motion.radius, x, y, z, reach)
+                        elif motion.kind == ROUND_TUBE:
                             t = meet_in_tube(field, x, y, z, reach)
                         else:
                             t = _overlap(place, x, y, z, reach)

@@ -120,7 +120,6 @@ class Precomputed:
     radius: Floats
     level: Any
     tops: Tops
-    extent: Floats
 
 
 def advance(problem: Problem, state: State, attempts: int) -> State:
@@ -134,7 +133,7 @@ def advance(problem: Problem, state: State, attempts: int) -> State:
     last = min(state.done + attempts, state.total)
     state.done = int(
         drop_spheres(
-            *(made.field, made.radius, made.level, made.tops, made.extent),
+            *(made.field, made.tops, made.radius, made.level),
             *(settings.drops, settings.sticking, philox_key(problem.seed, "deposition")),
             *(state.arrays["tally"], state.done, last),
         )
@@ -153,7 +152,7 @@ def _precomputed(problem: Problem, state: State) -> Precomputed:
     across = np.array([lengths[0], lengths[3 - up]])
     count = np.maximum(across / (2.0 * reach.max()), 1.0).astype(np.int64)
     width = np.where(across > 0.0, across / count, 1.0)
-    tops = Tops(count, width, np.zeros(int(count.prod())))
+    tops = Tops(count, width, np.zeros(int(count.prod())), np.zeros(1))
     work = np.zeros((3, WIDTH)), np.zeros((ROWS, 3))
     central = problem.parameters.toward == "center"
     flat = np.array(boundary_of(problem.container).flat, dtype=np.int64)
@@ -169,8 +168,8 @@ def _precomputed(problem: Problem, state: State) -> Precomputed:
         walls,
         standing_out(walls.mesh),
     )
-    made = Precomputed(field, radius, level, tops, np.zeros(1))
-    put_again(field, level, tops, made.extent, int(state.arrays["tally"][PLACED]))
+    made = Precomputed(field, radius, level, tops)
+    put_again(field, tops, level, int(state.arrays["tally"][PLACED]))
     return made
 
 

@@ -9,6 +9,7 @@ import math
 from voxgran._base.arrays import Floats
 from voxgran._base.kernels import bare_kernel
 from voxgran.containers.kernel_container import MESH
+from voxgran.geometry.vectors import row_of
 from voxgran.packing.deposition.facets import end_on_facets, first_facet, touch_facet
 from voxgran.packing.deposition.field import (
     CENTER,
@@ -18,6 +19,7 @@ from voxgran.packing.deposition.field import (
     SECOND,
     WAY,
     Field,
+    Motion,
     copy_row,
     pull_from,
     touch_sphere,
@@ -34,18 +36,19 @@ def move_straight(field: Field, place: Floats, r: float, kept: int) -> int:
     """Move along a line to the first contact; return 1, 0 where a triangle ends before, and -1 where there is none."""
     way, lengths = field.vectors[WAY], field.lengths
     end, wall, side = wall_on_line(field, place, r)
+    motion = Motion(LINE, place, r, kept, 0.0)
     in_mesh, triangle = field.walls.kind == MESH and not field.central, -1
     if in_mesh:
-        end = min(end_on_facets(field, LINE, place, r, kept, 0.0), 2.0 * (lengths[0] + lengths[1] + lengths[2]))
+        end = min(end_on_facets(field, motion), 2.0 * (lengths[0] + lengths[1] + lengths[2]))
     section = r + field.cells.reach[0, 0]
     begin, best, x, y, z, reach = 0.0, math.inf, 0.0, 0.0, 0.0, 0.0
     while begin < end and reach == 0.0 and triangle < 0:
         last = min(begin + section, end)
         at = 0.5 * (begin + last)
-        px, py, pz = place[0] + at * way[0], place[1] + at * way[1], place[2] + at * way[2]
-        best, x, y, z, reach = first_sphere(field, LINE, place, r, kept, 0.0, px, py, pz, at - begin + r, last)
+        middle = place[0] + at * way[0], place[1] + at * way[1], place[2] + at * way[2]
+        best, x, y, z, reach = first_sphere(field, motion, middle, at - begin + r, last)
         if in_mesh:
-            best, triangle = first_facet(field, LINE, place, r, kept, 0.0, px, py, pz, at - begin + r, best)
+            best, triangle = first_facet(field, motion, middle, at - begin + r, best)
         begin = last
     if reach == 0.0 and wall < 0 and not in_mesh:
         return -1
@@ -73,18 +76,19 @@ def move_round(field: Field, place: Floats, r: float, kept: int) -> int:
     """Move about one or two contacts to the next event; return 1 where that is a contact, 0 else."""
     vectors = field.vectors
     radius = _lay_circle(field, place, kept)
-    end, mx, my, mz = _end_of_circle(field, kept, radius), vectors[MIDDLE, 0], vectors[MIDDLE, 1], vectors[MIDDLE, 2]
+    motion = Motion(CIRCLE, place, r, kept, radius)
+    end, middle = _end_of_circle(field, kept, radius), row_of(vectors, MIDDLE)
     in_mesh, triangle = field.walls.kind == MESH and not field.central, -1
     if in_mesh:
-        end = min(end, end_on_facets(field, CIRCLE, place, r, kept, radius))
-    angle, x, y, z, reach = first_sphere(field, CIRCLE, place, r, kept, radius, mx, my, mz, radius + r, end)
+        end = min(end, end_on_facets(field, motion))
+    angle, x, y, z, reach = first_sphere(field, motion, middle, radius + r, end)
     turned, wall, side = wall_on_circle(field, r, kept, radius, angle)
     angle = min(angle, turned)
     if in_mesh:
         around = radius + r
         if angle < 1.0:
-            mx, my, mz, around = place[0], place[1], place[2], radius * angle + r
-        angle, triangle = first_facet(field, CIRCLE, place, r, kept, radius, mx, my, mz, around, angle)
+            middle, around = (place[0], place[1], place[2]), radius * angle + r
+        angle, triangle = first_facet(field, motion, middle, around, angle)
     for axis in range(3):
         step = math.cos(angle) * vectors[FIRST, axis] + math.sin(angle) * vectors[SECOND, axis]
         place[axis] = vectors[MIDDLE, axis] + radius * step
@@ -112,8 +116,8 @@ def move_along_tube(field: Field, place: Floats, r: float) -> int:
     end = lay_tube(field, place, r)
     sphere = 0 if contacts[0, REACH] > 0.0 else 1
     around = contacts[sphere, REACH] + r
-    mx, my, mz = vectors[MIDDLE, 0], vectors[MIDDLE, 1], vectors[MIDDLE, 2]
-    angle, x, y, z, reach = first_sphere(field, ROUND_TUBE, place, r, 2, 0.0, mx, my, mz, around, end)
+    motion = Motion(ROUND_TUBE, place, r, 2, 0.0)
+    angle, x, y, z, reach = first_sphere(field, motion, row_of(vectors, MIDDLE), around, end)
     grounded = floor_in_tube(field, r)
     angle = min(angle, grounded)
     put_in_tube(field, place, angle, angle == end and end < math.pi)

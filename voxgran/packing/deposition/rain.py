@@ -11,7 +11,7 @@ from voxgran._base.kernels import bare_kernel, kernel
 from voxgran._base.seeds import philox_block, unit_float
 from voxgran.containers.kernel_container import MESH, ROUND, UPRIGHT, is_held, mesh_distance
 from voxgran.geometry.level_grid import link_at
-from voxgran.packing.deposition.field import WAY, Field
+from voxgran.packing.deposition.field import WAY, Field, Motion
 from voxgran.packing.deposition.meetings import STILL, first_sphere
 from voxgran.packing.deposition.paths import fall
 
@@ -30,32 +30,24 @@ APART = 2**32
 class Tops(NamedTuple):
     """Columns with the height of the highest sphere in each, from which a sphere begins to fall.
 
-    count: (2,) columns along the axes across the pull.  width: (2,) of a column.  height: (columns,).
+    count: (2,) columns along the axes across the pull.  width: (2,) of a column.  height: (columns,).  extent: (1,)
+    distance of the farthest surface from the target.
     """
 
     count: Integers  # type: ignore[assignment]
     width: Floats
     height: Floats
+    extent: Floats
 
 
 @kernel
 def drop_spheres(
-    field: Field,
-    radius: Floats,
-    level: Integers,
-    tops: Tops,
-    extent: Floats,
-    drops: int,
-    sticking: float,
-    key: Words,
-    tally: Integers,
-    done: int,
-    last: int,
-) -> int:
+    field: Field, tops: Tops, radius: Floats, level: Integers, drops: int, sticking: float, key: Words,
+    tally: Integers, done: int, last: int,
+) -> int:  # fmt: skip
     """Make attempts up to number `last`, and return the number after the last one that was made.
 
-    Each drops the next sphere `drops` times and keeps the lowest place, or the nearest to the target. extent: (1,)
-    distance of the farthest surface from the target.
+    Each drops the next sphere `drops` times and keeps the lowest place, or the nearest to the target.
     """
     place, lowest = np.zeros(3), np.zeros(3)
     while done < last and tally[PLACED] < len(radius) and tally[MISSED] < PATIENCE:
@@ -66,7 +58,7 @@ def drop_spheres(
             words = philox_block(key[0], key[1], np.uint64(done), np.uint64(k))
             u, v, w = unit_float(words[0]), unit_float(words[1]), unit_float(words[2])
             if field.central:
-                _aim(field, extent[0], r, u, v, w, unit_float(words[3]), place)
+                _aim(field, tops.extent[0], r, u, v, w, unit_float(words[3]), place)
                 met = fall(field, place, r, sticks, True) if n > 0 else 1
                 flown = flown or met == 0
             else:
@@ -87,7 +79,7 @@ def drop_spheres(
                     best = depth
                     lowest[0], lowest[1], lowest[2] = place[0], place[1], place[2]
         if best < math.inf:
-            _put(field, tops, extent, n, r, level[n], lowest)
+            _put(field, tops, n, r, level[n], lowest)
             tally[PLACED] += 1
             tally[MISSED] = 0
         elif not flown:
@@ -126,8 +118,8 @@ def _lift(field, tops, r, u, v, w, place):  # type: ignore[no-untyped-def]
     place[field.up] = min(highest + 1.001 * r, ceiling)
     if place[field.up] < ceiling:
         return 1
-    x, y, z = place[0], place[1], place[2]
-    return int(first_sphere(field, STILL, place, r, 0, 0.0, x, y, z, r, 0.0)[4] == 0.0)
+    still = Motion(STILL, place, r, 0, 0.0)
+    return int(first_sphere(field, still, (place[0], place[1], place[2]), r, 0.0)[4] == 0.0)
 
 
 @bare_kernel
@@ -223,20 +215,15 @@ def _fits(field, place, r):  # type: ignore[no-untyped-def]
 @bare_kernel
 def _depth(field, place):  # type: ignore[no-untyped-def]
     """Return the height of a place, or its distance from the target."""
-    if not field.central:
-        return place[field.up]
-    square = 0.0
-    for axis in range(3):
-        square += (place[axis] - field.target[axis]) ** 2
-    return math.sqrt(square)
+    return _far_of(field, place) if field.central else place[field.up]
 
 
 @bare_kernel
-def _put(field, tops, extent, n, r, level, place):  # type: ignore[no-untyped-def]
+def _put(field, tops, n, r, level, place):  # type: ignore[no-untyped-def]
     """Place sphere n."""
     field.spheres[n, 0], field.spheres[n, 1], field.spheres[n, 2], field.spheres[n, 3] = place[0], place[1], place[2], r
     link_at(field.cells, n, level, place[0], place[1], place[2])
-    extent[0] = max(extent[0], _far_of(field, place) + r)
+    tops.extent[0] = max(tops.extent[0], _far_of(field, place) + r)
     column = _column(field, tops, place)
     tops.height[column] = max(tops.height[column], place[field.up] + r)
 
@@ -258,10 +245,10 @@ def _column(field, tops, place):  # type: ignore[no-untyped-def]
 
 
 @kernel
-def put_again(field: Field, level: NDArray[np.int64], tops: Tops, extent: Floats, count: int) -> None:
+def put_again(field: Field, tops: Tops, level: NDArray[np.int64], count: int) -> None:
     """Link the first `count` spheres, as if they had just been placed."""
     place = np.zeros(3)
     for n in range(count):
         for axis in range(3):
             place[axis] = field.spheres[n, axis]
-        _put(field, tops, extent, n, field.spheres[n, 3], level[n], place)
+        _put(field, tops, n, field.spheres[n, 3], level[n], place)

@@ -8,7 +8,7 @@ import numpy as np
 from voxgran._base.arrays import Integers, Words
 from voxgran._base.kernels import bare_kernel, inlined_kernel, kernel
 from voxgran._base.seeds import below, philox_block, unit_float
-from voxgran.packing.digital.bit_columns import BankRecord, Field, Grains, grain_words, turned_box, write_turned
+from voxgran.packing.digital.bit_columns import Bed, grain_words, turned_box, write_turned
 from voxgran.packing.digital.fast_path import make_moves
 from voxgran.packing.digital.no_fit_tables import PairTables, enlist, look_up, relist
 from voxgran.packing.digital.periodic_images import (
@@ -38,17 +38,18 @@ from voxgran.packing.walking.state import FEEDS, MOVED, MOVES, PLACED, REFUSED, 
 from voxgran.packing.walking.vibration import FED_AT, FEED, PATIENCE, ROTATION
 
 
-def put(field: Field, members: BankRecord, grains: Grains, pairs: PairTables, g: int) -> None:
+def put(bed: Bed, pairs: PairTables, g: int) -> None:
     """Write the bits of a grain that has entered, and stamp it; or note its cell where pairs have tables."""
     if len(pairs.at):
-        enlist(field, pairs, g, grains.site[g])
+        enlist(bed.field, pairs, g, bed.grains.site[g])
     else:
-        _put(field, members, grains, g)
+        _put(bed, g)
 
 
 @bare_kernel
-def _put(field, members, grains, g):  # type: ignore[no-untyped-def]
+def _put(bed, g):  # type: ignore[no-untyped-def]
     """Write the bits of a grain that has entered, and stamp it."""
+    field, members, grains = bed
     m = grains.member[g]
     grains.at[g] = _load(members, grains, g, m, grains.turn[g])
     low, size = turned_box(members.low[m], members.size[m], members.turns[grains.turn[g]])
@@ -56,13 +57,12 @@ def _put(field, members, grains, g):  # type: ignore[no-untyped-def]
 
 
 @kernel
-def enter_near(
-    field: Field, members: BankRecord, grains: Grains, g: int, member: int, turn: int, site: Integers, ways: Integers
-) -> int:
+def enter_near(bed: Bed, g: int, member: int, turn: int, site: Integers, ways: Integers) -> int:
     """Let a grain enter at a lattice site, within the walls, or by the first of the ways from there that is free.
 
     Return which one it took, -1 where there is no place.
     """
+    field, members, grains = bed
     low, size = turned_box(members.low[member], members.size[member], members.turns[turn])
     grains.at[g] = _load(members, grains, g, member, turn)
     found = find_near(field, grains.bits, grains.at[g], low, size, site, ways)
@@ -74,8 +74,8 @@ def enter_near(
 
 
 def make_attempts(
-    field: Field, members: BankRecord, grains: Grains, pairs: PairTables, rules: MoveRules, schedule: Schedule,
-    queue: Integers, tally: Integers, key: Words, first: int, last: int,
+    bed: Bed, pairs: PairTables, rules: MoveRules, schedule: Schedule, queue: Integers, tally: Integers, key: Words,
+    first: int, last: int,
 ) -> int:  # fmt: skip
     """Make attempts `first` ... `last` - 1; return the number of the next one.
 
@@ -87,12 +87,13 @@ def make_attempts(
     hint, slept = (array if len(array) else None for array in (schedule.hint, schedule.slept))
     kept = schedule._replace(hint=hint, slept=slept)  # type: ignore[arg-type]
     tables = pairs if len(pairs.at) else None
-    return int(_make_attempts(field, members, grains, tables, rules, kept, queue, tally, key, first, last))
+    return int(_make_attempts(bed, tables, rules, kept, queue, tally, key, first, last))
 
 
 @bare_kernel
-def _make_attempts(field, members, grains, pairs, rules, schedule, queue, tally, key, first, last):  # type: ignore[no-untyped-def]
+def _make_attempts(bed, pairs, rules, schedule, queue, tally, key, first, last):  # type: ignore[no-untyped-def]
     """Make attempts as `make_attempts`; `pairs`, `schedule.hint` and `schedule.slept` are None where not used."""
+    members = bed.members
     feeding = rules.vibration[FED_AT] < 0
     # nothing but moves and turns, on a canvas
     plain = not feeding and pairs is None and schedule.hint is None and schedule.slept is None
@@ -100,12 +101,7 @@ def _make_attempts(field, members, grains, pairs, rules, schedule, queue, tally,
     while attempt + 1 < last:
         attempt += 1
         if plain:
-            attempt = make_moves(
-                field.words, field.stride_x, field.stride_w, field.shape, field.margin, field.periodic,
-                members.low, members.size, members.turns, grains.site, grains.member, grains.turn, grains.bits,
-                grains.at, rules.directions, rules.classes, rules.shares, rules.vibration, queue, schedule.order, tally,
-                key, attempt, last,
-            )  # fmt: skip
+            attempt = make_moves(bed, rules, schedule.order, queue, tally, key, attempt, last)
             if attempt == last:
                 return last
         r0, r1, r2, r3 = philox_block(key[0], key[1], np.uint64(attempt), np.uint64(0))
@@ -114,11 +110,11 @@ def _make_attempts(field, members, grains, pairs, rules, schedule, queue, tally,
         if feeding and (rules.at_once or tally[PLACED] == 0 or enters):
             if _is_missing(members, schedule, _fed_member(members, rules, queue, tally, key, attempt, r0)):
                 return attempt
-            if _feed(field, members, grains, pairs, rules, queue, tally, key, attempt, r0):
+            if _feed(bed, pairs, rules, queue, tally, key, attempt, r0):
                 return attempt + 1
             continue
         g = pick_grain(queue, tally[PLACED], rules.newest, schedule.order, attempt, r0)
-        if _sleeps_on(field, members, grains, rules, schedule, schedule.slept, g, attempt):
+        if _sleeps_on(bed, rules, schedule, schedule.slept, g, attempt):
             tally[SLEPT] += 1
             continue
         if unit_float(r3) < rules.shares[ROTATION]:
@@ -126,33 +122,33 @@ def _make_attempts(field, members, grains, pairs, rules, schedule, queue, tally,
                 return attempt
             tally[TURNS] += 1
             pose = (below(r1, members.bases), below(r2, len(members.turns)))
-            tally[TURNED] += _turn(field, members, grains, pairs, tally, g, pose)
+            tally[TURNED] += _turn(bed, pairs, tally, g, pose)
         else:
             d = pick_direction(unit_float(r1), r2, rules.classes, rules.shares, rules.vibration, attempt)
             d = _guided(schedule.hint, rules, g, d, r0, r3)
             step = (rules.directions[d, 0], rules.directions[d, 1], rules.directions[d, 2])
             tally[MOVES] += 1
-            moved = _move(field, members, grains, pairs, tally, g, step)
+            moved = _move(bed, pairs, tally, g, step)
             tally[MOVED] += moved
-            _note_contact(field, members, grains, g, step, moved, schedule.hint)
-        _note_rest(field, members, grains, rules, schedule, schedule.slept, g, attempt)
+            _note_contact(bed, g, step, moved, schedule.hint)
+        _note_rest(bed, rules, schedule, schedule.slept, g, attempt)
     return last
 
 
 @inlined_kernel
-def _sleeps_on(field, members, grains, rules, schedule, slept, g, attempt):  # type: ignore[no-untyped-def]
+def _sleeps_on(bed, rules, schedule, slept, g, attempt):  # type: ignore[no-untyped-def]
     """Return whether a grain sleeps on; where `slept` is None, no grain sleeps."""
     if slept is None:
         return False
-    return sleeps(field, members, grains, schedule, g, cycle_start(rules, attempt))
+    return sleeps(bed, schedule, g, cycle_start(rules, attempt))
 
 
 @inlined_kernel
-def _note_rest(field, members, grains, rules, schedule, slept, g, attempt):  # type: ignore[no-untyped-def]
+def _note_rest(bed, rules, schedule, slept, g, attempt):  # type: ignore[no-untyped-def]
     """Note whether a grain came to rest; where `slept` is None, no grain sleeps."""
     if slept is None:
         return
-    note_rest(field, members, grains, rules, schedule, g, attempt)
+    note_rest(bed, rules, schedule, g, attempt)
 
 
 @inlined_kernel
@@ -191,11 +187,12 @@ def _load(members, grains, g, member, turn):  # type: ignore[no-untyped-def]
 
 
 @bare_kernel
-def _note_contact(field, members, grains, g, step, moved, hints):  # type: ignore[no-untyped-def]
+def _note_contact(bed, g, step, moved, hints):  # type: ignore[no-untyped-def]
     """Note the normal of the contact that refused a move: from the middle of the blocked voxels to the centroid.
 
     Where `hints` is None, moves are not guided.
     """
+    field, members, grains = bed
     if hints is None:
         return
     hint = hints[g]
@@ -229,15 +226,16 @@ def _place(grains, g, member, turn, corner, low):  # type: ignore[no-untyped-def
 
 
 @inlined_kernel
-def _move(field, members, grains, pairs, tally, g, step):  # type: ignore[no-untyped-def]
+def _move(bed, pairs, tally, g, step):  # type: ignore[no-untyped-def]
     """Move a grain by one voxel where nothing is in the way; return whether it moved."""
+    field, members, grains = bed
     m, t = grains.member[g], grains.turn[g]
     low, size = turned_box(members.low[m], members.size[m], members.turns[t])
     old = shifted(field, grains.site[g], low)
     new = shifted(field, old, step)
     at = grains.at[g]
     if pairs is not None:
-        return _move_in_cells(field, members, grains, pairs, tally, g, (m, t), (low, size, new))
+        return _move_in_cells(bed, pairs, tally, g, (m, t), (low, size, new))
     found = look_along_step(field, grains.bits, at, size, new, step)
     tally[ROWS] += looked_at(found)
     if found < 0:
@@ -248,8 +246,9 @@ def _move(field, members, grains, pairs, tally, g, step):  # type: ignore[no-unt
 
 
 @inlined_kernel
-def _move_in_cells(field, members, grains, pairs, tally, g, pose, box):  # type: ignore[no-untyped-def]
+def _move_in_cells(bed, pairs, tally, g, pose, box):  # type: ignore[no-untyped-def]
     """Put a grain into a pose and place where the tables of pairs leave room; return whether they do."""
+    field, members, grains = bed
     low, size, corner = box
     site = (corner[0] - low[0], corner[1] - low[1], corner[2] - low[2])
     where = (grains.site, grains.member, grains.turn)
@@ -268,8 +267,9 @@ def _move_in_cells(field, members, grains, pairs, tally, g, pose, box):  # type:
 
 
 @bare_kernel
-def _turn(field, members, grains, pairs, tally, g, pose):  # type: ignore[no-untyped-def]
+def _turn(bed, pairs, tally, g, pose):  # type: ignore[no-untyped-def]
     """Turn a grain about its centroid to another orientation of its bank where it fits; return whether it turned."""
+    field, members, grains = bed
     m, at = grains.member[g], grains.at[g]
     new_m, turn = members.kind[g] * members.bases + pose[0], pose[1]
     low, size = turned_box(members.low[m], members.size[m], members.turns[grains.turn[g]])
@@ -277,7 +277,7 @@ def _turn(field, members, grains, pairs, tally, g, pose):  # type: ignore[no-unt
     new_low, new_size = turned_box(members.low[new_m], members.size[new_m], members.turns[turn])
     new = shifted(field, grains.site[g], new_low)
     if pairs is not None:
-        return _move_in_cells(field, members, grains, pairs, tally, g, (new_m, turn), (new_low, new_size, new))
+        return _move_in_cells(bed, pairs, tally, g, (new_m, turn), (new_low, new_size, new))
     stamp_images(field, grains.bits, at, size, old)
     if len(members.at):
         new_at = members.at[new_m * len(members.turns) + turn]
@@ -305,8 +305,9 @@ def _turn(field, members, grains, pairs, tally, g, pose):  # type: ignore[no-unt
 
 
 @bare_kernel
-def _feed(field, members, grains, pairs, rules, queue, tally, key, attempt, word):  # type: ignore[no-untyped-def]
+def _feed(bed, pairs, rules, queue, tally, key, attempt, word):  # type: ignore[no-untyped-def]
     """Let a waiting grain enter in a random orientation, at the top or anywhere; return whether feeding has ended."""
+    field, members = bed.field, bed.members
     waiting = len(queue) - tally[PLACED]
     slot = next_slot(rules.in_turn, waiting, word)
     g = queue[slot]
@@ -320,7 +321,7 @@ def _feed(field, members, grains, pairs, rules, queue, tally, key, attempt, word
         _entry(field, rules, 2, size[2], r3),
     )
     tally[FEEDS] += 1
-    if not _enter(field, members, grains, pairs, tally, g, (m, turn), (low, size, corner)):
+    if not _enter(bed, pairs, tally, g, (m, turn), (low, size, corner)):
         tally[REFUSED] += 1
         return tally[REFUSED] >= rules.vibration[PATIENCE]
     queue[slot], queue[waiting - 1] = queue[waiting - 1], queue[slot]
@@ -328,17 +329,18 @@ def _feed(field, members, grains, pairs, rules, queue, tally, key, attempt, word
     tally[REFUSED] = 0
     if rules.falls:
         down = (rules.gravity[0], rules.gravity[1], rules.gravity[2])
-        while _move(field, members, grains, pairs, tally, g, down):
+        while _move(bed, pairs, tally, g, down):
             pass
     return waiting == 1
 
 
 @bare_kernel
-def _enter(field, members, grains, pairs, tally, g, pose, box):  # type: ignore[no-untyped-def]
+def _enter(bed, pairs, tally, g, pose, box):  # type: ignore[no-untyped-def]
     """Let a grain enter where it finds room; return whether it does."""
+    field, members, grains = bed
     low, size, corner = box
     if pairs is not None:
-        return _move_in_cells(field, members, grains, pairs, tally, g, pose, box) == 1
+        return _move_in_cells(bed, pairs, tally, g, pose, box) == 1
     grains.at[g] = _load(members, grains, g, pose[0], pose[1])
     found = look_anywhere(field, grains.bits, grains.at[g], size, corner)
     tally[ROWS] += looked_at(found)

@@ -71,6 +71,14 @@ class Grains(NamedTuple):
     scratch: Words
 
 
+class Bed(NamedTuple):
+    """A canvas, the bank, and the grains on the canvas."""
+
+    field: Field
+    members: BankRecord
+    grains: Grains
+
+
 @dataclass(slots=True)
 class VoxelBank:
     """Voxels of members (a member is a grain in one base orientation), packed along each axis."""

@@ -5,10 +5,10 @@ The kernels that it calls are inlined: passing arrays from one to the next takes
 
 import numpy as np
 
-from voxgran._base.arrays import Floats, Integers, Words
+from voxgran._base.arrays import Integers, Words
 from voxgran._base.kernels import bare_kernel, inlined_kernel
 from voxgran._base.seeds import philox_block, unit_float
-from voxgran.packing.digital.bit_columns import Field, turned_box
+from voxgran.packing.digital.bit_columns import Bed, turned_box
 from voxgran.packing.digital.periodic_images import (
     image_of,
     look_along_step,
@@ -16,7 +16,7 @@ from voxgran.packing.digital.periodic_images import (
     shifted,
     stamp_step,
 )
-from voxgran.packing.digital.proposals import pick_direction, pick_grain
+from voxgran.packing.digital.proposals import MoveRules, pick_direction, pick_grain
 from voxgran.packing.digital.stamping import look_along_low, stamp_low_move
 from voxgran.packing.digital.state import ROWS
 from voxgran.packing.walking.state import MOVED, MOVES, PLACED
@@ -25,44 +25,41 @@ from voxgran.packing.walking.vibration import ROTATION
 
 @bare_kernel
 def make_moves(
-    words: Words, stride_x: int, stride_w: int, shape: Integers, margin: Integers, periodic: Integers, lows: Integers,
-    sizes: Integers, turns: Integers, site: Integers, member: Integers, turn: Integers, bits: Words, at: Integers,
-    directions: Integers, classes: Integers, shares: Floats, vibration: Integers, queue: Integers, order: Integers,
-    tally: Integers, key: Words, first: int, last: int,
-) -> int:  # fmt: skip
+    bed: Bed, rules: MoveRules, order: Integers, queue: Integers, tally: Integers, key: Words, first: int, last: int
+) -> int:
     """Make attempts `first` ... `last` - 1 as long as they are moves; return the number of the next one.
 
-    The parameters are those of :func:`voxgran.packing.digital.attempts.make_attempts`, one by one.
+    The parameters are those of :func:`voxgran.packing.digital.attempts.make_attempts`.
     """
-    field = Field(words, stride_x, stride_w, shape, margin, periodic)
+    field, members, grains = bed
     placed, rows = tally[PLACED], 0
     for attempt in range(first, last):
         r0, r1, r2, r3 = philox_block(key[0], key[1], np.uint64(attempt), np.uint64(0))
-        if unit_float(r3) < shares[ROTATION]:
+        if unit_float(r3) < rules.shares[ROTATION]:
             tally[ROWS] += rows
             return attempt
         g = pick_grain(queue, placed, placed, order, attempt, r0)
-        d = pick_direction(unit_float(r1), r2, classes, shares, vibration, attempt)
-        step = (directions[d, 0], directions[d, 1], directions[d, 2])
-        low, size = turned_box(lows[member[g]], sizes[member[g]], turns[turn[g]])
-        old = shifted(field, site[g], low)
+        d = pick_direction(unit_float(r1), r2, rules.classes, rules.shares, rules.vibration, attempt)
+        step, m = (rules.directions[d, 0], rules.directions[d, 1], rules.directions[d, 2]), grains.member[g]
+        low, size = turned_box(members.low[m], members.size[m], members.turns[grains.turn[g]])
+        old = shifted(field, grains.site[g], low)
         new = shifted(field, old, step)
         tally[MOVES] += 1
         if size[2] <= 64 and _stays_whole(field, old, size):
             image = image_of(field, new, 0, 0, 0)
-            found = look_along_low(field, bits, at[g], size, image, step)
+            found = look_along_low(field, grains.bits, grains.at[g], size, image, step)
             rows += looked_at(found)
             if found < 0:
                 continue
-            stamp_low_move(field, bits, at[g], size, image, step)
+            stamp_low_move(field, grains.bits, grains.at[g], size, image, step)
         else:
-            found = look_along_step(field, bits, at[g], size, new, step)
+            found = look_along_step(field, grains.bits, grains.at[g], size, new, step)
             rows += looked_at(found)
             if found < 0:
                 continue
-            stamp_step(field, bits, at[g], size, old, new, step)
+            stamp_step(field, grains.bits, grains.at[g], size, old, new, step)
         for axis in range(3):
-            site[g, axis] = new[axis] - low[axis]
+            grains.site[g, axis] = new[axis] - low[axis]
         tally[MOVED] += 1
     tally[ROWS] += rows
     return last

@@ -14,8 +14,8 @@ from voxgran.containers.model import boundary_of
 from voxgran.packing.digital.attempts import put
 from voxgran.packing.digital.bit_columns import (
     BankRecord,
+    Bed,
     Canvas,
-    Field,
     Grains,
     VoxelBank,
     aligned_words,
@@ -95,11 +95,11 @@ def precomputed_of(problem: Problem, state: DigitalState) -> Precomputed:
         there = np.flatnonzero(state.member >= 0)
         for member in np.unique(state.member[there]).tolist():
             need_member(known, member)
-        field, members, grains = records(state, known)
+        bed = records(state, known)
         for grain in there.tolist():
-            put(field, members, grains, derived["pairs"], grain)
+            put(bed, derived["pairs"], grain)
         for lowered in range(state.lid_layers):
-            close_layer(field, known.axis, layer_of_lid(known, lowered))
+            close_layer(bed.field, known.axis, layer_of_lid(known, lowered))
     made: Precomputed = state.derived["precomputed"]
     return made
 
@@ -131,13 +131,13 @@ def tables_pay(problem: Problem, shape: Integers, *, size: Integers, low: Intege
     return bool((shape >= around)[np.array(problem.container.periodic)].all())
 
 
-def records(state: DigitalState, known: Precomputed) -> tuple[Field, BankRecord, Grains]:
+def records(state: DigitalState, known: Precomputed) -> Bed:
     """Return canvas, bank and grains as the kernels take them."""
     bank, derived = known.bank, state.derived
     own = known.turns, known.bases, known.kind, known.shared[1]
     members = BankRecord(bank.words, bank.start, bank.low, bank.size, *own)
     bits = (derived["bits"], derived["at"], known.own, derived["scratch"])
-    return known.canvas.field(derived["words"]), members, Grains(state.site, state.member, state.turn, *bits)
+    return Bed(known.canvas.field(derived["words"]), members, Grains(state.site, state.member, state.turn, *bits))
 
 
 def bases_of(problem: Problem) -> int:

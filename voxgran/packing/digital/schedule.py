@@ -31,7 +31,7 @@ def lower_lid(problem: Problem, state: DigitalState) -> None:
     known = precomputed_of(problem, state)
     if "walls" not in state.derived:
         state.derived["walls"] = walls_of_layers(problem, known)
-    axis, field, lattice = known.axis, records(state, known)[0], known.lattice
+    axis, field, lattice = known.axis, records(state, known).field, known.lattice
     level = layer_of_lid(known, state.lid_layers)
     if state.lid_layers >= lattice.shape[axis] or int(count_layer(field, axis, level)) != state.derived["walls"][level]:
         return

@@ -66,14 +66,14 @@ class DigitalWalker:
         """
         known = precomputed_of(problem, state)
         # the first rotation of the lattice is none
-        taken, upright = records(state, known), 0
+        bed, upright = records(state, known), 0
 
         def enter(grain: int, site: Integers, ways: Integers) -> bool:
-            return int(enter_near(*taken, grain, grain * known.bases, upright, site, ways)) >= 0
+            return int(enter_near(bed, grain, grain * known.bases, upright, site, ways)) >= 0
 
         def remove(grain: int, _: Integers) -> None:
             # stamping it once more removes it
-            put(*taken, state.derived["pairs"], grain)
+            put(bed, state.derived["pairs"], grain)
             state.member[grain] = -1
 
         stand_on_lattice(problem, start, known.lattice, known.down, put=enter, remove=remove)
@@ -86,8 +86,8 @@ class DigitalWalker:
         rules, queue = _rules(problem, state), state.waiting
         try:
             while True:
-                taken = *records(state, known), state.derived["pairs"]
-                state.done = int(make_attempts(*taken, rules, schedule, queue, tally, known.key, state.done, last))
+                run = (rules, schedule, queue, tally, known.key, state.done, last)
+                state.done = int(make_attempts(records(state, known), state.derived["pairs"], *run))
                 if wanted[0] < 0:
                     break
                 stop_if_asked()

@@ -246,28 +246,33 @@ def _count_wall(r, deep, numbers):  # type: ignore[no-untyped-def]
     numbers[TOUCHING] += 1
 
 
+class Relaxation(NamedTuple):
+    """Spheres on their way to rest, and the numbers that are kept from call to call.
+
+    spheres: (n, 4) centers and radii.  velocity, force: (n, 3); the force is that at the present positions.
+    lightness: (n,) inverse masses.  listed: (n, 3) centers when the pairs were listed.  numbers: (NUMBERS,).
+    """
+
+    spheres: Floats
+    velocity: Floats
+    force: Floats
+    lightness: Floats
+    listed: Floats
+    numbers: Floats
+
+
 @bare_kernel
 def relax_spheres(
-    spheres: Floats,
-    velocity: Floats,
-    force: Floats,
-    lightness: Floats,
-    pairs: PairList,
-    walls: KernelContainer,
-    beyond: Floats,
-    listed: Floats,
-    free: float,
-    numbers: Floats,
-    iterations: int,
-    goal: float,
-    calm: float,
-) -> int:
+    soft: Relaxation, pairs: PairList, walls: KernelContainer, beyond: Floats, free: float, iterations: int,
+    goal: float, calm: float,
+) -> int:  # fmt: skip
     """Make up to so many FIRE iterations, and return how many were made.
 
-    It ends earlier when a sphere has moved from `listed` by `free` of its radius, so that pairs must be listed again;
-    when no relative depth is above `goal`; and when the residual force is below `calm` of the mean contact force.
-    lightness: (n,) inverse masses.  `force` is that at the present positions on entry and on return.
+    It ends earlier when a sphere has moved from where it was listed by `free` of its radius, so that pairs must be
+    listed again; when no relative depth is above `goal`; and when the residual force is below `calm` of the mean
+    contact force.
     """
+    spheres, velocity, force, lightness, listed, numbers = soft
     n = len(spheres)
     for done in range(iterations):
         power, speed, strength = 0.0, 0.0, 0.0

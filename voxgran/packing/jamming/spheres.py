@@ -39,6 +39,7 @@ from voxgran.packing.jamming.soft_kernels import (
     STEP,
     UPHILL_FREE,
     PairList,
+    Relaxation,
     image_shifts,
     list_pairs,
     push_spheres,
@@ -199,10 +200,8 @@ class SoftSpheres:
             if self._pairs is None:
                 self._pairs = self._listing()
             beyond, many = self._walls_near(), left if self.known else 1
-            made = relax_spheres(
-                *(self.spheres, self.velocity, self.force, self.lightness, self._pairs, self.walls, beyond),
-                *(self.listed, FREE, self.numbers, many, goal, self.calm),
-            )
+            soft = Relaxation(self.spheres, self.velocity, self.force, self.lightness, self.listed, self.numbers)
+            made = relax_spheres(soft, self._pairs, self.walls, beyond, FREE, many, goal, self.calm)
             left -= made
             self.in_round += made
             if self.numbers[RESIDUAL] < 0.0:

@@ -11,9 +11,7 @@ import numpy as np
 from voxgran._base.arrays import Floats
 from voxgran._base.kernels import bare_kernel
 from voxgran._base.stopping import stop_if_asked
-from voxgran.containers.kernel_container import KernelContainer
-from voxgran.geometry.level_grid import LevelGrid
-from voxgran.packing.rsa.overlaps import Grains, gather
+from voxgran.packing.rsa.overlaps import Bed, gather
 
 #: largest number of grains tested near a cell; further ones only keep it open longer
 NEAR = 256
@@ -25,7 +23,7 @@ NARROW = 16.0
 AT_ONCE = 2**15
 
 
-def open_boxes(grains: Grains, cells: LevelGrid, walls: KernelContainer, before: Floats, half: Floats) -> Floats:
+def open_boxes(bed: Bed, before: Floats, half: Floats) -> Floats:
     """Return the available parts of boxes for the centers of grains of half extents `half`, (3,).
 
     Boxes before, (k, 6), and after, (m, 6), are lower corners and edges.
@@ -41,7 +39,7 @@ def open_boxes(grains: Grains, cells: LevelGrid, walls: KernelContainer, before:
         few, room_for, many = before[part], 0, 2 * len(before[part]) + PIECES
         while many > room_for:
             room_for, left = many, np.zeros((many, 6))
-            many = int(_cut_away(grains, cells, walls, few, half, NARROW * walls.slack, near, pieces, left))
+            many = int(_cut_away(bed, few, half, NARROW * bed.walls.slack, near, pieces, left))
         after.append(left[:many].copy())
     return np.concatenate(after)
 
@@ -60,13 +58,13 @@ def slices(many: int) -> Iterator[slice]:
 
 
 @bare_kernel
-def _cut_away(grains, cells, walls, before, half, least, near, pieces, after):  # type: ignore[no-untyped-def]
+def _cut_away(bed, before, half, least, near, pieces, after):  # type: ignore[no-untyped-def]
     """Write the available parts of each box, as many as `after` holds, and return their number."""
     total = 0
     for m in range(len(before)):
         ex, ey, ez = 0.5 * before[m, 3], 0.5 * before[m, 4], 0.5 * before[m, 5]
         x, y, z = before[m, 0] + ex, before[m, 1] + ey, before[m, 2] + ez
-        many = gather(grains, cells, walls, x, y, z, half[0], half[1], half[2], ex, ey, ez, near)
+        many = gather(bed, (x, y, z), (half[0], half[1], half[2]), (ex, ey, ez), near)
         if many < 0:
             continue
         pieces[0, 0], pieces[0, 1], pieces[0, 2] = -ex, -ey, -ez

@@ -31,11 +31,10 @@ from voxgran._base.kernels import bare_kernel
 from voxgran._base.seeds import below, philox_block, unit_float
 from voxgran.contacts.overlap.true_shapes import TrueShapes
 from voxgran.containers.kernel_container import KernelContainer, is_between, is_held
-from voxgran.geometry.level_grid import LevelGrid
 from voxgran.packing.rsa.available_boxes import NEAR, open_boxes, slices
 from voxgran.packing.rsa.candidates import IN_ROW, PLACED, REFUSED, TRIED, TURN
-from voxgran.packing.rsa.cell_parts import LOW, cell_index, look_at_parts, look_at_true, parts_in_place
-from voxgran.packing.rsa.overlaps import Grains, enter, extents, find_overlap
+from voxgran.packing.rsa.cell_parts import LOW, CellClass, cell_index, look_at_parts, look_at_true, parts_in_place
+from voxgran.packing.rsa.overlaps import Bed, enter, extents, find_overlap
 from voxgran.packing.rsa.true_overlaps import place_true
 
 #: misses, per open cell, after which cells are halved
@@ -150,21 +149,14 @@ def first_cells(classes: Classes, boxes: bool) -> Open:
 
 
 def cut_cells(
-    grains: Grains,
-    cells: LevelGrid,
-    walls: KernelContainer,
-    classes: Classes,
-    known: Open,
-    kind: int,
-    shapes: TrueShapes | None = None,
-    rows: int | None = None,
+    bed: Bed, classes: Classes, open_cells: Open, kind: int, shapes: TrueShapes | None = None, rows: int | None = None
 ) -> Open:
-    """Return the open cells with those of class `kind` cut and the excluded parts closed; `known` is overwritten.
+    """Return the open cells with those of class `kind` cut and the excluded parts closed; `open_cells` is overwritten.
 
     Too many cells of true shapes are not cut, and only those that are excluded now are closed.
     """
-    begin, end = int(known.bounds[kind]), int(known.bounds[kind + 1])
-    misses, depth = known.misses.copy(), known.depth.copy()
+    begin, end = int(open_cells.bounds[kind]), int(open_cells.bounds[kind + 1])
+    misses, depth = open_cells.misses.copy(), open_cells.depth.copy()
     parts: Integers = classes.parts[kind]
     most = int(classes.most[kind])
     misses[kind] = 0
@@ -172,28 +164,28 @@ def cut_cells(
         parts = np.ones(3, dtype=np.int64)
     else:
         depth[kind] += 1
-    if grains.boxes:
-        before = known.cell[begin:end]
-        after = open_boxes(grains, cells, walls, before, classes.half[kind])
+    if bed.grains.boxes:
+        before = open_cells.cell[begin:end]
+        after = open_boxes(bed, before, classes.half[kind])
         # if anything is cut away, some edge is shorter
         misses[kind] = EXACT if np.array_equal(after[:, 3:], before[:, 3:]) else 0
-        many, cell = len(after), np.concatenate([known.cell[:begin], after, known.cell[end:]])
+        many, cell = len(after), np.concatenate([open_cells.cell[:begin], after, open_cells.cell[end:]])
     else:
         kept = np.zeros(end - begin, dtype=np.uint8)
-        shape = (classes.half[kind], classes.low[kind], all_edges(classes, known)[kind], parts)
+        own = CellClass(classes.half[kind], classes.low[kind], all_edges(classes, open_cells)[kind], parts)
         near, many = np.zeros((NEAR, 6)), 0
         for part in slices(end - begin):
-            some = known.cell[begin:end][part]
+            some = open_cells.cell[begin:end][part]
             if shapes is None:
-                many += int(look_at_parts(grains, cells, walls, some, *shape, near, kept[part]))
+                many += int(look_at_parts(bed, some, own, near, kept[part]))
             else:
-                many += int(look_at_true(grains, cells, walls, some, *shape, kept[part], shapes, rows))
-        width = max(_width(classes, depth), known.cell.shape[1])
-        cell = parts_in_place(known.cell, begin, kept, many, parts, width)
+                many += int(look_at_true(bed, some, own, kept[part], shapes, rows))
+        width = max(_width(classes, depth), open_cells.cell.shape[1])
+        cell = parts_in_place(open_cells.cell, begin, kept, many, parts, width)
     if most:
         # to look at true shapes takes longer than to throw them
         misses[kind] = (PATIENCE - PATIENCE_OF_TRUE) * many
-    bounds = known.bounds.copy()
+    bounds = open_cells.bounds.copy()
     bounds[kind + 1 :] += many - (end - begin)
     return Open(cell, bounds, misses, depth)
 
@@ -204,20 +196,20 @@ def _width(classes: Classes, depth: Integers) -> int:
     return 3 * max(1, math.ceil(last.bit_length() / 16))
 
 
-def all_edges(classes: Classes, known: Open) -> Floats:
+def all_edges(classes: Classes, open_cells: Open) -> Floats:
     """Return the edges of the open cells of each class, (k, 3); (0, 3) for boxes, which have their own."""
-    if known.cell.dtype != np.uint16:
+    if open_cells.cell.dtype != np.uint16:
         return np.zeros((0, 3))
-    return np.asarray(classes.span / (classes.base * classes.parts.astype(np.float64) ** known.depth[:, None]))
+    return np.asarray(classes.span / (classes.base * classes.parts.astype(np.float64) ** open_cells.depth[:, None]))
 
 
-def volumes_up_to(classes: Classes, known: Open) -> Floats:
+def volumes_up_to(classes: Classes, open_cells: Open) -> Floats:
     """Return the cumulative volumes of the open boxes of each class; (0,) for cells of a lattice."""
-    if known.cell.dtype == np.uint16:
+    if open_cells.cell.dtype == np.uint16:
         return np.zeros(0)
-    kind = np.repeat(np.arange(len(classes.base)), np.diff(known.bounds))
-    volume = np.where(classes.parts[kind] == 2, known.cell[:, 3:], 1.0).prod(axis=1)
-    return np.concatenate([np.zeros(0), *(np.cumsum(part) for part in np.split(volume, known.bounds[1:-1]))])
+    kind = np.repeat(np.arange(len(classes.base)), np.diff(open_cells.bounds))
+    volume = np.where(classes.parts[kind] == 2, open_cells.cell[:, 3:], 1.0).prod(axis=1)
+    return np.concatenate([np.zeros(0), *(np.cumsum(part) for part in np.split(volume, open_cells.bounds[1:-1]))])
 
 
 def deepest_cut(classes: Classes, boxes: bool) -> Integers:
@@ -232,39 +224,37 @@ def _cuts_of_lattice(classes: Classes) -> Integers:
     return np.floor(np.log2(FINEST / classes.base.max(axis=1))).astype(np.int64)
 
 
+class Throws(NamedTuple):
+    """What is thrown, and where.
+
+    queue: (m,), grains in their order.  late: class of all grains, if these are deferred; -1 if each has its own.
+    classes, cells: the size classes, and their open cells.  edge: (k, 3), edges of the cells of each class; empty for
+    boxes.  volume: cumulative volumes of the open boxes of each class; empty for cells of a lattice.  last_cut: (k,),
+    how often the cells of each class can be cut.  key: that of the random stream.
+    """
+
+    queue: NDArray[np.int32]
+    late: int
+    classes: Classes
+    cells: Open
+    edge: Floats
+    volume: Floats
+    last_cut: Integers
+    key: Words
+
+
 @bare_kernel
 def throw_into_cells(
-    grains: Grains,
-    cells: LevelGrid,
-    walls: KernelContainer,
-    classes: Classes,
-    known: Open,
-    edge: Floats,
-    volume: Floats,
-    last_cut: Integers,
-    late: int,
-    queue: NDArray[np.int32],
-    tally: Integers,
-    key: Words,
-    first: int,
-    last: int,
-    shapes: TrueShapes | None,
-    rows: object,
+    bed: Bed, throws: Throws, tally: Integers, first: int, last: int, shapes: TrueShapes | None, rows: object
 ) -> tuple[int, int]:
     """Make attempts `first` to `last` - 1, one throw each.
 
     Parameters
     ----------
-    edge : (k, 3) ndarray of float
-        Edges of the cells of each class; empty for boxes.
-    volume : (m,) ndarray of float
-        Cumulative volumes of the open boxes of each class; empty for cells of a lattice.
-    last_cut : (k,) ndarray of int
-        How often the cells of each class can be cut.
-    late : int
-        Class of all grains, if these are deferred; -1 if each has its own.
-    queue : (m,) ndarray of int
-        Grains in their order.
+    bed, throws : Bed and Throws
+        Where grains are, and what is thrown.
+    first, last : int
+        First attempt, and the one after the last.
     tally : ndarray of int
         Turn, tries of the grain, placed, moved, rejected, given up without proof, deferred, deferred grains that were
         tried again, rejected since the last was placed.
@@ -278,13 +268,14 @@ def throw_into_cells(
     attempt, kind : int
         Number of the next attempt, and the class whose cells must be cut before it; -1 for none.
     """
+    grains, queue, late, classes, open_cells = bed.grains, throws.queue, throws.late, throws.classes, throws.cells
     attempt = first
     while attempt < last and tally[TURN] < len(queue):
         g = queue[tally[TURN]]
         kind = classes.kind[g] if late < 0 else late
-        begin, many = known.bounds[kind], known.bounds[kind + 1] - known.bounds[kind]
-        worn = known.misses[kind] >= PATIENCE * many and many > 0
-        if worn and known.depth[kind] < last_cut[kind]:
+        many = open_cells.bounds[kind + 1] - open_cells.bounds[kind]
+        worn = open_cells.misses[kind] >= PATIENCE * many and many > 0
+        if worn and open_cells.depth[kind] < throws.last_cut[kind]:
             return attempt, kind
         tired = many > 0 and classes.tries[kind] > 0 and tally[TRIED] >= classes.tries[kind]
         # true shapes are tried in several rounds
@@ -295,33 +286,35 @@ def throw_into_cells(
             tally[TURN] += 1
             tally[TRIED] = 0
             continue
-        x, y, z = _thrown(grains.boxes, classes.low, known.cell, volume, begin, many, edge, key, attempt, kind)
+        place = _thrown(throws, grains.boxes, kind, attempt)
         if shapes is None:
-            there = _place(grains, cells, walls, g, x, y, z)
+            there = _place(bed, g, place)
         else:
-            there = place_true(grains, cells, walls, shapes, g, x, y, z, key, attempt, rows)
+            there = place_true(bed, shapes, g, place, throws.key, attempt, rows)
         if there:
             tally[PLACED] += 1
             tally[TURN] += 1
             tally[TRIED] = 0
             tally[IN_ROW] = 0
-            for k in range(len(known.misses) if grains.boxes else 0):
-                known.misses[k] = max(known.misses[k], 0)
+            for k in range(len(open_cells.misses) if grains.boxes else 0):
+                open_cells.misses[k] = max(open_cells.misses[k], 0)
         else:
             tally[REFUSED] += 1
             tally[IN_ROW] += 1
             tally[TRIED] += 1
-            known.misses[kind] += 1
+            open_cells.misses[kind] += 1
         attempt += 1
     return attempt, -1
 
 
 @bare_kernel
-def _thrown(boxes, low, cell, volume, begin, many, edge, key, attempt, kind):  # type: ignore[no-untyped-def]
-    """Return a random position in a random open cell."""
+def _thrown(throws, boxes, kind, attempt):  # type: ignore[no-untyped-def]
+    """Return a random position in a random open cell of a class."""
+    cell, low, edge, key = throws.cells.cell, throws.classes.low, throws.edge, throws.key
+    begin, many = throws.cells.bounds[kind], throws.cells.bounds[kind + 1] - throws.cells.bounds[kind]
     pick, a, b, c = philox_block(key[0], key[1], np.uint64(attempt), np.uint64(0))
     if boxes:
-        k = begin + _at_volume(volume, begin, many, unit_float(pick))
+        k = begin + _at_volume(throws.volume, begin, many, unit_float(pick))
         return (
             cell[k, 0] + unit_float(a) * cell[k, 3],
             cell[k, 1] + unit_float(b) * cell[k, 4],
@@ -337,27 +330,25 @@ def _thrown(boxes, low, cell, volume, begin, many, edge, key, attempt, kind):  #
 
 
 @bare_kernel
-def _place(grains, cells, walls, g, x, y, z):  # type: ignore[no-untyped-def]
+def _place(bed, g, place):  # type: ignore[no-untyped-def]
     """Place a sphere or an aligned box at a position if it overlaps nothing; return whether it did."""
-    hx, hy, hz = extents(grains.half, g)
-    if not is_between(walls, x, y, z, hx, hy, hz):
+    half = extents(bed.grains.half, g)
+    if not is_between(bed.walls, *place, *half) or find_overlap(bed, place, half, 0.0, False)[0] >= 0:
         return False
-    if find_overlap(grains, cells, walls, x, y, z, hx, hy, hz, 0.0, False)[0] >= 0:
+    if not is_held(bed.walls, *place, *half):
         return False
-    if not is_held(walls, x, y, z, hx, hy, hz):
-        return False
-    enter(grains, cells, walls, g, x, y, z)
+    enter(bed, g, place)
     return True
 
 
 @bare_kernel
 def _at_volume(volume, begin, many, share):  # type: ignore[no-untyped-def]
     """Return the open box of a class at a fraction of their cumulative volume."""
-    wanted = share * volume[begin + many - 1]
+    sought = share * volume[begin + many - 1]
     first, last = 0, many - 1
     while first < last:
         middle = (first + last) // 2
-        if volume[begin + middle] > wanted:
+        if volume[begin + middle] > sought:
             last = middle
         else:
             first = middle + 1

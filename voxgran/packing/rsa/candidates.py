@@ -16,8 +16,8 @@ from voxgran._base.kernels import bare_kernel
 from voxgran._base.seeds import philox_block, unit_float
 from voxgran.contacts.overlap.true_shapes import TrueShapes
 from voxgran.containers.kernel_container import KernelContainer, is_between, is_held
-from voxgran.geometry.level_grid import LevelGrid
-from voxgran.packing.rsa.overlaps import Grains, enter, extents, find_overlap
+from voxgran.geometry.vectors import Vector, dot, row_of
+from voxgran.packing.rsa.overlaps import Bed, enter, extents, find_overlap
 from voxgran.packing.rsa.true_overlaps import place_true
 
 #: where the radius of a rejected candidate is tried next: nowhere, at the next coordinate, at all unused coordinates
@@ -55,19 +55,9 @@ class Coordinates(NamedTuple):
 
 @bare_kernel
 def add_candidates(
-    grains: Grains,
-    cells: LevelGrid,
-    walls: KernelContainer,
-    rules: CandidateRules,
-    coordinates: Coordinates,
-    queue: NDArray[np.int32],
-    tally: Integers,
-    key: Words,
-    first: int,
-    last: int,
-    shapes: TrueShapes | None,
-    rows: object,
-) -> int:
+    bed: Bed, rules: CandidateRules, coordinates: Coordinates, queue: NDArray[np.int32], tally: Integers, key: Words,
+    first: int, last: int, shapes: TrueShapes | None, rows: object,
+) -> int:  # fmt: skip
     """Make attempts `first` to `last` - 1, one candidate each; return the number of the next attempt.
 
     The loop ends early when no grain or no coordinate is left, and with the first grain that is dropped if `ends`.
@@ -79,12 +69,11 @@ def add_candidates(
             return attempt
         g = queue[tally[TURN]]
         if shapes is None:
-            moves = _try_at(grains, cells, walls, rules, coordinates.table, key, g, c)
+            moves = _try_at(bed, rules, coordinates.table, key, g, c)
         else:
-            u, v, w = coordinate(coordinates.table, key, c)
             inner = shapes.inner[g]
-            x, y, z = placed(walls, 0, u, inner), placed(walls, 1, v, inner), placed(walls, 2, w, inner)
-            moves = place_true(grains, cells, walls, shapes, g, x, y, z, key, c, rows) - 1
+            place = placed(bed.walls, coordinate(coordinates.table, key, c), (inner, inner, inner))
+            moves = place_true(bed, shapes, g, place, key, c, rows) - 1
         tally[TRIED] += 1
         if moves < 0:
             tally[REFUSED] += 1
@@ -125,42 +114,53 @@ def _next_coordinate(rules, coordinates, queue, tally, attempt):  # type: ignore
 
 
 @bare_kernel
-def _try_at(grains, cells, walls, rules, table, key, g, c):  # type: ignore[no-untyped-def]
+def _try_at(bed, rules, table, key, g, c):  # type: ignore[no-untyped-def]
     """Place a grain at a coordinate; return the number of its moves, -1 if it is rejected."""
-    hx, hy, hz = extents(grains.half, g)
-    u, v, w = coordinate(table, key, c)
-    x, y, z = placed(walls, 0, u, hx), placed(walls, 1, v, hy), placed(walls, 2, w, hz)
+    half = extents(bed.grains.half, g)
+    place = placed(bed.walls, coordinate(table, key, c), half)
     for moves in range(rules.corrections + 1):
-        if not is_between(walls, x, y, z, hx, hy, hz):
+        if not is_between(bed.walls, *place, *half):
             return -1
         again = moves < rules.corrections
-        other, overlap, dx, dy, dz = find_overlap(grains, cells, walls, x, y, z, hx, hy, hz, rules.slack, again)
+        other, overlap, way = find_overlap(bed, place, half, rules.slack, again)
         if other < 0:
-            if not is_held(walls, x, y, z, hx, hy, hz):
+            if not is_held(bed.walls, *place, *half):
                 return -1
-            enter(grains, cells, walls, g, x, y, z)
+            enter(bed, g, place)
             return moves
-        distance = math.sqrt(dx * dx + dy * dy + dz * dz)
+        distance = math.sqrt(dot(way, way))
         if not again or distance == 0.0:
             return -1
-        x += overlap * dx / distance
-        y += overlap * dy / distance
-        z += overlap * dz / distance
+        place = (
+            place[0] + overlap * way[0] / distance,
+            place[1] + overlap * way[1] / distance,
+            place[2] + overlap * way[2] / distance,
+        )
     return -1
 
 
 @bare_kernel
-def coordinate(table: Floats, key: Words, c: int) -> tuple[float, float, float]:
+def coordinate(table: Floats, key: Words, c: int) -> Vector:
     """Return coordinate number c, from the table if there is one."""
     if len(table) > 0:
-        return table[c, 0], table[c, 1], table[c, 2]
+        return row_of(table, c)
     a, b, d, _ = philox_block(key[0], key[1], np.uint64(c), np.uint64(0))
     return unit_float(a), unit_float(b), unit_float(d)
 
 
 @bare_kernel
-def placed(walls: KernelContainer, axis: int, share: float, half: float) -> float:
-    """Return the position at a fraction of the range of a grain of half extent `half` along an axis."""
+def placed(walls: KernelContainer, shares: Vector, half: Vector) -> Vector:
+    """Return the position at fractions of the range of a grain of half extents `half` along the axes."""
+    return (
+        _placed_along(walls, 0, shares[0], half[0]),
+        _placed_along(walls, 1, shares[1], half[1]),
+        _placed_along(walls, 2, shares[2], half[2]),
+    )
+
+
+@bare_kernel
+def _placed_along(walls, axis, share, half):  # type: ignore[no-untyped-def]
+    """Return the position at a fraction of the range of a grain along an axis."""
     if walls.walled[axis] == 0:
         return walls.lower[axis] + share * walls.lengths[axis] * walls.periodic[axis]
     # a grain as wide as the container is in its middle

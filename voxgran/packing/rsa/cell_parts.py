@@ -4,17 +4,17 @@ The index of a cell along the axes is kept as words of 16 bits, the three lowest
 """
 
 import math
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from voxgran._base.arrays import Floats, Integers
-from voxgran._base.kernels import bare_kernel
+from voxgran._base.kernels import bare_kernel, inlined_kernel
 from voxgran.contacts.overlap.true_shapes import TrueShapes
-from voxgran.containers.kernel_container import KernelContainer, is_barred
-from voxgran.geometry.level_grid import LevelGrid
-from voxgran.packing.rsa.overlaps import Grains, gather, is_within
+from voxgran.containers.kernel_container import is_barred
+from voxgran.geometry.vectors import along, dot
+from voxgran.packing.rsa.overlaps import Bed, gather, is_within
 from voxgran.packing.rsa.true_overlaps import is_taken, list_near
 
 #: the lowest 16 bits of a number
@@ -48,39 +48,55 @@ def cell_index(cell: NDArray[np.uint16], k: int) -> tuple[np.int64, np.int64, np
     return i, j, n
 
 
+class CellClass(NamedTuple):
+    """Cells of a size class: half extents of its least grains, lower corner, edges, and parts along the axes."""
+
+    half: Floats
+    low: Floats
+    edge: Floats
+    parts: Integers
+
+
+@inlined_kernel
+def _halves(kind):  # type: ignore[no-untyped-def]
+    """Return half the edges of a cell and of a part of it."""
+    edge = (0.5 * kind.edge[0], 0.5 * kind.edge[1], 0.5 * kind.edge[2])
+    return edge, (edge[0] / kind.parts[0], edge[1] / kind.parts[1], edge[2] / kind.parts[2])
+
+
+@inlined_kernel
+def _middle_of(kind, cell, m):  # type: ignore[no-untyped-def]
+    """Return the middle of a cell."""
+    i, j, n = cell_index(cell, m)
+    return (
+        kind.low[0] + (i + 0.5) * kind.edge[0],
+        kind.low[1] + (j + 0.5) * kind.edge[1],
+        kind.low[2] + (n + 0.5) * kind.edge[2],
+    )
+
+
+@inlined_kernel
+def _part_of(kind, number, edge, part):  # type: ignore[no-untyped-def]
+    """Return whether a cell has a part of some number, and its middle from that of the cell."""
+    i, j, n = number >> 2, (number >> 1) & 1, number & 1
+    x, y, z = (2 * i + 1) * part[0] - edge[0], (2 * j + 1) * part[1] - edge[1], (2 * n + 1) * part[2] - edge[2]
+    return i < kind.parts[0] and j < kind.parts[1] and n < kind.parts[2], (x, y, z)
+
+
 @bare_kernel
-def look_at_parts(
-    grains: Grains,
-    cells: LevelGrid,
-    walls: KernelContainer,
-    cell: NDArray[np.uint16],
-    half: Floats,
-    low: Floats,
-    edge: Floats,
-    parts: Integers,
-    near: Floats,
-    kept: NDArray[np.uint8],
-) -> int:
+def look_at_parts(bed: Bed, cell: NDArray[np.uint16], kind: CellClass, near: Floats, kept: NDArray[np.uint8]) -> int:
     """Write which parts of each cell stay open, as bits, and return their number."""
-    total = 0
-    ex, ey, ez = 0.5 * edge[0], 0.5 * edge[1], 0.5 * edge[2]
-    px, py, pz = ex / parts[0], ey / parts[1], ez / parts[2]
+    total, (edge, part), half = 0, _halves(kind), (kind.half[0], kind.half[1], kind.half[2])
     for m in range(len(cell)):
-        i, j, n = cell_index(cell, m)
-        x, y, z = low[0] + (i + 0.5) * edge[0], low[1] + (j + 0.5) * edge[1], low[2] + (n + 0.5) * edge[2]
-        many = gather(grains, cells, walls, x, y, z, half[0], half[1], half[2], ex, ey, ez, near)
-        bits = 0
-        for part in range(8 if many >= 0 else 0):
-            i, j, n = part >> 2, (part >> 1) & 1, part & 1
-            if i >= parts[0] or j >= parts[1] or n >= parts[2]:
+        middle, bits = _middle_of(kind, cell, m), 0
+        many = gather(bed, middle, half, edge, near)
+        for number in range(8 if many >= 0 else 0):
+            there, offset = _part_of(kind, number, edge, part)
+            if not there or _is_blocked(bed.grains.boxes, near, many, offset, part):
                 continue
-            # the middle of a part, from the middle of the cell
-            qx, qy, qz = (2 * i + 1) * px - ex, (2 * j + 1) * py - ey, (2 * n + 1) * pz - ez
-            if _is_blocked(grains.boxes, near, many, qx, qy, qz, px, py, pz):
+            if is_barred(bed.walls, *along(middle, 1.0, offset), *part, half[0]):
                 continue
-            if is_barred(walls, x + qx, y + qy, z + qz, px, py, pz, half[0]):
-                continue
-            bits |= 1 << part
+            bits |= 1 << number
             total += 1
         kept[m] = bits
     return total
@@ -88,53 +104,36 @@ def look_at_parts(
 
 @bare_kernel
 def look_at_true(
-    grains: Grains,
-    cells: LevelGrid,
-    walls: KernelContainer,
-    cell: NDArray[np.uint16],
-    half: Floats,
-    low: Floats,
-    edge: Floats,
-    parts: Integers,
-    kept: NDArray[np.uint8],
-    shapes: TrueShapes,
-    rows: object,
+    bed: Bed, cell: NDArray[np.uint16], kind: CellClass, kept: NDArray[np.uint8], shapes: TrueShapes, rows: object
 ) -> int:
     """Write which parts of each cell stay open for true shapes, as bits, and return their number.
 
     A part is closed if a grain meets the sphere inside the new one wherever in the part its center is.
     """
-    total = 0
-    ex, ey, ez = 0.5 * edge[0], 0.5 * edge[1], 0.5 * edge[2]
-    px, py, pz = ex / parts[0], ey / parts[1], ez / parts[2]
-    radius = half[0] - math.sqrt(px * px + py * py + pz * pz)
+    total, (edge, part) = 0, _halves(kind)
+    radius = kind.half[0] - math.sqrt(dot(part, part))
     # from the middle of a cell to that of a part
-    way = math.sqrt((ex - px) ** 2 + (ey - py) ** 2 + (ez - pz) ** 2)
+    way = math.sqrt((edge[0] - part[0]) ** 2 + (edge[1] - part[1]) ** 2 + (edge[2] - part[2]) ** 2)
     for m in range(len(cell)):
-        i, j, n = cell_index(cell, m)
-        x, y, z = low[0] + (i + 0.5) * edge[0], low[1] + (j + 0.5) * edge[1], low[2] + (n + 0.5) * edge[2]
-        many = list_near(grains, cells, walls, shapes, x, y, z, radius + way, radius - way) if radius > 0.0 else 0
-        bits = 0
-        for part in range(8 if many >= 0 else 0):
-            i, j, n = part >> 2, (part >> 1) & 1, part & 1
-            if i >= parts[0] or j >= parts[1] or n >= parts[2]:
+        middle, bits = _middle_of(kind, cell, m), 0
+        many = list_near(bed, shapes, middle, radius + way, radius - way) if radius > 0.0 else 0
+        for number in range(8 if many >= 0 else 0):
+            there, offset = _part_of(kind, number, edge, part)
+            if not there or is_barred(bed.walls, *along(middle, 1.0, offset), *part, kind.half[0]):
                 continue
-            qx, qy, qz = (2 * i + 1) * px - ex, (2 * j + 1) * py - ey, (2 * n + 1) * pz - ez
-            if is_barred(walls, x + qx, y + qy, z + qz, px, py, pz, half[0]):
+            if is_taken(bed.grains, shapes, many, offset, radius, rows):
                 continue
-            if is_taken(grains, shapes, many, qx, qy, qz, radius, rows):
-                continue
-            bits |= 1 << part
+            bits |= 1 << number
             total += 1
         kept[m] = bits
     return total
 
 
 @bare_kernel
-def _is_blocked(boxes, near, many, x, y, z, ex, ey, ez):  # type: ignore[no-untyped-def]
+def _is_blocked(boxes, near, many, middle, edge):  # type: ignore[no-untyped-def]
     """Return whether a single near grain excludes all of a part."""
     k = 0
-    while k < many and not is_within(boxes, near, k, x, y, z, ex, ey, ez):
+    while k < many and not is_within(boxes, near, k, middle, edge):
         k += 1
     return k < many
 

@@ -50,6 +50,7 @@ from voxgran.packing.rsa.available_cells import (
     PUT_OFF,
     UNPROVEN,
     Open,
+    Throws,
     all_edges,
     cut_cells,
     deepest_cut,
@@ -59,7 +60,7 @@ from voxgran.packing.rsa.available_cells import (
 )
 from voxgran.packing.rsa.candidates import DROP, NEXT, SCAN, TRIED, TURN, Coordinates, add_candidates
 from voxgran.packing.rsa.deferred_grains import aim, left_out, open_late
-from voxgran.packing.rsa.overlaps import Grains, link_all
+from voxgran.packing.rsa.overlaps import Bed, Grains, link_all
 from voxgran.packing.rsa.precompute import (
     Precomputed,
     coordinate_count,
@@ -209,14 +210,14 @@ def advance(problem: Problem, state: State, attempts: int) -> State:
     if "precomputed" not in state.derived:
         _keep(problem, state, precompute(problem, state.counters["search_from"]))
     made: Precomputed = state.derived["precomputed"]
-    grains = _grains_of(state, made)
+    bed = _bed_of(state, made)
     tally = np.array([state.counters[name] for name in TALLY], dtype=np.int64)
     last = state.done + attempts
     try:
         if made.classes is None:
-            known = Coordinates(made.table, state.arrays["used"], state.arrays["pointer"], made.kind)
+            coordinates = Coordinates(made.table, state.arrays["used"], state.arrays["pointer"], made.kind)
             run = (made.queue, tally, philox_key(problem.seed, "rsa"), state.done, last, *_true_shapes(state, made))
-            state.done = int(add_candidates(grains, made.cells, made.walls, made.rules, known, *run))
+            state.done = int(add_candidates(bed, made.rules, coordinates, *run))
             if state.done < last and made.rules.ends and tally[TURN] < len(made.queue):
                 state.counters["search_from"], tally[TRIED] = int(tally[TURN]), 0
                 made = precompute(problem, int(tally[TURN]))
@@ -227,7 +228,7 @@ def advance(problem: Problem, state: State, attempts: int) -> State:
         if made.classes is not None:
             # the search has a random stream of its own
             stage = "rsa" if problem.parameters.until == "saturated" else "rsa, search"
-            _throw(state, made, grains, tally, philox_key(problem.seed, stage), last)
+            _throw(state, made, bed.grains, tally, philox_key(problem.seed, stage), last)
     finally:
         state.counters.update(zip(TALLY, tally.tolist(), strict=True))
     _look(problem, state, made)
@@ -307,7 +308,7 @@ def _keep(problem: Problem, state: State, made: Precomputed) -> None:
     late = state.arrays.get("late", made.queue[:0])
     first = np.arange(problem.started, dtype=np.int32)
     entering = np.concatenate([first, made.queue[~np.isin(made.queue, late)], late])
-    link_all(_grains_of(state, made), made.cells, made.walls, entering)
+    link_all(_bed_of(state, made), entering)
     state.derived["precomputed"] = made
 
 
@@ -318,10 +319,10 @@ def _open_cells(state: State, made: Precomputed) -> None:
     state.arrays.update(cells._asdict(), late=made.queue[:0].copy())
 
 
-def _grains_of(state: State, made: Precomputed) -> Grains:
-    """Return the grains as kernels take them."""
-    arrays = state.arrays
-    return Grains(arrays["position"], made.half, made.level, arrays["entered"], made.boxes)
+def _bed_of(state: State, made: Precomputed) -> Bed:
+    """Return the grains, their cells and the walls as kernels take them."""
+    grains = Grains(state.arrays["position"], made.half, made.level, state.arrays["entered"], made.boxes)
+    return Bed(grains, made.cells, made.walls)
 
 
 def _true_shapes(state: State, made: Precomputed) -> tuple[TrueShapes | None, int | None]:
@@ -335,14 +336,14 @@ def _throw(state: State, made: Precomputed, grains: Grains, tally: Integers, key
     """Throw grains into the open cells up to attempt `last`, deferred grains after all others."""
     classes, walls = made.classes, made.walls
     assert classes is not None
-    _turns(state, made, grains, made.queue, tally, key, last, late=False)
+    _turns(state, made, made.queue, tally, key, last, late=False)
     if made.shapes is not None:
         while goes_on(state, made, tally):
             # also at the end of a chunk, so that the run does not end there
             tally[TURN] = tally[PUT_OFF] = 0
             if state.done == last:
                 return
-            _turns(state, made, grains, made.queue, tally, key, last, late=False)
+            _turns(state, made, made.queue, tally, key, last, late=False)
         return
     if tally[TURN] == len(made.queue) and tally[PUT_OFF] and not len(state.arrays["late"]):
         late = left_out(grains, made.queue)
@@ -358,7 +359,7 @@ def _throw(state: State, made: Precomputed, grains: Grains, tally: Integers, key
         aim(grains, walls, classes, late, turn)
         own[TURN] = turn
         try:
-            _turns(state, made, grains, late[: turn + 1], own, key, last, late=True)
+            _turns(state, made, late[: turn + 1], own, key, last, late=True)
         finally:
             tally[TURN + 1 :] = own[TURN + 1 :]
         done = own[TURN] > turn
@@ -373,30 +374,22 @@ def _throw(state: State, made: Precomputed, grains: Grains, tally: Integers, key
 
 
 def _turns(
-    state: State,
-    made: Precomputed,
-    grains: Grains,
-    queue: NDArray[np.int32],
-    tally: Integers,
-    key: Words,
-    last: int,
-    *,
-    late: bool,
+    state: State, made: Precomputed, queue: NDArray[np.int32], tally: Integers, key: Words, last: int, *, late: bool
 ) -> None:
     """Throw the grains of a queue, and subdivide cells when too many throws have failed."""
     classes = made.classes
     assert classes is not None
-    where, own = (made.cells, made.walls, classes), len(classes.base) - 1 if late else -1
+    bed, own = _bed_of(state, made), len(classes.base) - 1 if late else -1
     shapes = _true_shapes(state, made)
     while True:
-        known = _open_of(state)
-        sizes = all_edges(classes, known), volumes_up_to(classes, known), deepest_cut(classes, made.boxes)
-        run = (own, queue, tally, key, state.done, last, *shapes)
-        state.done, kind = throw_into_cells(grains, *where, known, *sizes, *run)
+        cells = _open_of(state)
+        sizes = all_edges(classes, cells), volumes_up_to(classes, cells), deepest_cut(classes, made.boxes)
+        throws = Throws(queue, own, classes, cells, *sizes, key)
+        state.done, kind = throw_into_cells(bed, throws, tally, state.done, last, *shapes)
         if kind < 0:
             return
         # stored at once, so that the previous cells can be freed
-        state.arrays.update(cut_cells(grains, *where, known, kind, *shapes)._asdict())
+        state.arrays.update(cut_cells(bed, classes, cells, kind, *shapes)._asdict())
 
 
 def _open_of(state: State) -> Open:

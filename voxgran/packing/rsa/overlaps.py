@@ -11,9 +11,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from voxgran._base.arrays import WHOLE, Floats
-from voxgran._base.kernels import bare_kernel
+from voxgran._base.kernels import bare_kernel, inlined_kernel
 from voxgran.containers.kernel_container import KernelContainer
 from voxgran.geometry.level_grid import LevelGrid, cells_near, empty_grid, first_in_cell, link_at
+from voxgran.geometry.vectors import Vector, along, dot, row_of, sub
 
 #: largest number of cells of a level, per grain
 CELLS_PER_GRAIN = 2
@@ -33,6 +34,14 @@ class Grains(NamedTuple):
     level: NDArray[np.int8]
     entered: NDArray[np.int8]
     boxes: bool
+
+
+class Bed(NamedTuple):
+    """Grains, the cells in which those that are placed are linked, and the walls around them."""
+
+    grains: Grains
+    cells: LevelGrid
+    walls: KernelContainer
 
 
 def sort_into_levels(half: Floats) -> NDArray[np.int8]:
@@ -62,133 +71,109 @@ def lay_out(half: Floats, level: NDArray[np.int8], walls: KernelContainer, dimen
 
 
 @bare_kernel
-def enter(grains: Grains, cells: LevelGrid, walls: KernelContainer, g: int, x: float, y: float, z: float) -> None:
+def enter(bed: Bed, g: int, place: Vector) -> None:
     """Place a grain at a position, wrapped into the container along periodic axes."""
-    grains.position[g, 0] = _wrapped(walls, 0, x)
-    grains.position[g, 1] = _wrapped(walls, 1, y)
-    grains.position[g, 2] = _wrapped(walls, 2, z)
-    grains.entered[g] = 1
-    _link(grains, cells, walls, g)
+    for axis in range(3):
+        bed.grains.position[g, axis] = _wrapped(bed.walls, axis, place[axis])
+    bed.grains.entered[g] = 1
+    _link(bed, g)
 
 
 @bare_kernel
-def _link(grains, cells, walls, g):  # type: ignore[no-untyped-def]
+def _link(bed, g):  # type: ignore[no-untyped-def]
     """Link a grain that has its position into its cell."""
-    x, y, z = grains.position[g, 0], grains.position[g, 1], grains.position[g, 2]
-    link_at(cells, g, grains.level[g], x - walls.lower[0], y - walls.lower[1], z - walls.lower[2])
+    link_at(bed.cells, g, bed.grains.level[g], *from_corner(bed, row_of(bed.grains.position, g)))
+
+
+@inlined_kernel
+def from_corner(bed: Bed, place: Vector) -> Vector:
+    """Return the vector from the lower corner of the container to a place."""
+    lower = bed.walls.lower
+    return place[0] - lower[0], place[1] - lower[1], place[2] - lower[2]
 
 
 @bare_kernel
-def link_all(grains: Grains, cells: LevelGrid, walls: KernelContainer, order: NDArray[np.int32]) -> None:
+def link_all(bed: Bed, order: NDArray[np.int32]) -> None:
     """Link all placed grains into empty cells, in the given order."""
     for k in range(len(order)):
-        g = order[k]
-        if grains.entered[g] == 1:
-            _link(grains, cells, walls, g)
+        if bed.grains.entered[order[k]] == 1:
+            _link(bed, order[k])
 
 
 @bare_kernel
-def find_overlap(
-    grains: Grains,
-    cells: LevelGrid,
-    walls: KernelContainer,
-    x: float,
-    y: float,
-    z: float,
-    hx: float,
-    hy: float,
-    hz: float,
-    slack: float,
-    deepest: bool,
-) -> tuple[int, float, float, float, float]:
-    """Return a grain that a new one at (x, y, z) overlaps by more than `slack`, or -1; the deepest one, or just any.
+def find_overlap(bed: Bed, place: Vector, half: Vector, slack: float, deepest: bool) -> tuple[int, float, Vector]:
+    """Return a grain that a new one overlaps by more than `slack`, or -1; the deepest one, or just any.
 
-    The overlap follows, and the vector from its center, in the image that overlaps, to that of the new grain, which has
-    the half extents (hx, hy, hz).
+    The overlap follows, and the vector from its center, in the image that overlaps, to `place`, that of the new grain,
+    which has the half extents `half`.
     """
-    position, half, boxes, lower = grains.position, grains.half, grains.boxes, walls.lower
-    span, after = cells.span, cells.after
-    best, most, bx, by, bz = -1, slack, 0.0, 0.0, 0.0
+    grains, cells = bed.grains, bed.cells
+    best, most, away = -1, slack, (0.0, 0.0, 0.0)
     for level in range(len(cells.first)):
         if cells.filled[level] == 0:
             continue
-        reach = hx + cells.reach[level, 0], hy + cells.reach[level, 1], hz + cells.reach[level, 2]
-        low, high = cells_near(cells, level, x - lower[0], y - lower[1], z - lower[2], reach)
+        reach = along(half, 1.0, row_of(cells.reach, level))
+        low, high = cells_near(cells, level, *from_corner(bed, place), reach)
         for i in range(low[0], high[0]):
             for j in range(low[1], high[1]):
                 for k in range(low[2], high[2]):
                     g, ti, tj, tk = first_in_cell(cells, level, i, j, k)
                     while g >= 0:
-                        dx = x - position[g, 0] - ti * span[0]
-                        dy = y - position[g, 1] - tj * span[1]
-                        dz = z - position[g, 2] - tk * span[2]
-                        if boxes:
-                            overlap = _box_overlap(half, g, dx, dy, dz, hx, hy, hz)
+                        dx, dy, dz = sub(place, row_of(grains.position, g))
+                        way = (dx - ti * cells.span[0], dy - tj * cells.span[1], dz - tk * cells.span[2])
+                        if grains.boxes:
+                            overlap = _box_overlap(grains.half, g, way, half)
                         else:
-                            overlap = _sphere_overlap(half, g, dx, dy, dz, hx, most)
+                            overlap = _sphere_overlap(grains.half, g, way, half[0], most)
                         if overlap > most:
-                            best, most, bx, by, bz = g, overlap, dx, dy, dz
+                            best, most, away = g, overlap, way
                             if not deepest:
-                                return best, most, bx, by, bz
-                        g = after[g]
-    return best, most, bx, by, bz
+                                return best, most, away
+                        g = cells.after[g]
+    return best, most, away
 
 
 @bare_kernel
-def gather(
-    grains: Grains,
-    cells: LevelGrid,
-    walls: KernelContainer,
-    x: float,
-    y: float,
-    z: float,
-    hx: float,
-    hy: float,
-    hz: float,
-    ex: float,
-    ey: float,
-    ez: float,
-    near: Floats,
-) -> int:
+def gather(bed: Bed, place: Vector, half: Vector, edge: Vector, near: Floats) -> int:
     """List the grains that exclude a part of a box for the center of a new grain; return their number.
 
-    The box has its middle at (x, y, z) and half edges (ex, ey, ez); the half extents of the new grain are (hx, hy, hz).
-    Rows of `near`, (m, 6), are the vector from the middle to the center of each grain, and half extents of the region
-    that it excludes (of spheres the radius). The number is at most m; -1 if one grain excludes the whole box.
+    The box has its middle at `place` and half edges `edge`; the half extents of the new grain are `half`. Rows of
+    `near`, (m, 6), are the vector from the middle to the center of each grain, and half extents of the region that it
+    excludes (of spheres the radius). The number is at most m; -1 if one grain excludes the whole box.
     """
-    position, half, lower = grains.position, grains.half, walls.lower
-    span, after = cells.span, cells.after
+    grains, cells, (x, y, z) = bed.grains, bed.cells, place
+    (hx, hy, hz), middle, inner = half, (0.0, 0.0, 0.0), (-edge[0], -edge[1], -edge[2])
     many = 0
     for level in range(len(cells.first)):
         if cells.filled[level] == 0:
             continue
-        reach = ex + hx + cells.reach[level, 0], ey + hy + cells.reach[level, 1], ez + hz + cells.reach[level, 2]
-        low, high = cells_near(cells, level, x - lower[0], y - lower[1], z - lower[2], reach)
+        reach = along(along(edge, 1.0, half), 1.0, row_of(cells.reach, level))
+        low, high = cells_near(cells, level, *from_corner(bed, place), reach)
         for i in range(low[0], high[0]):
             for j in range(low[1], high[1]):
                 for k in range(low[2], high[2]):
                     g, ti, tj, tk = first_in_cell(cells, level, i, j, k)
                     while g >= 0 and many < len(near):
-                        near[many, 0] = position[g, 0] + ti * span[0] - x
-                        near[many, 1] = position[g, 1] + tj * span[1] - y
-                        near[many, 2] = position[g, 2] + tk * span[2] - z
-                        gx, gy, gz = extents(half, g)
+                        near[many, 0] = grains.position[g, 0] + ti * cells.span[0] - x
+                        near[many, 1] = grains.position[g, 1] + tj * cells.span[1] - y
+                        near[many, 2] = grains.position[g, 2] + tk * cells.span[2] - z
+                        gx, gy, gz = extents(grains.half, g)
                         near[many, 3], near[many, 4], near[many, 5] = hx + gx, hy + gy, hz + gz
-                        if is_within(grains.boxes, near, many, 0.0, 0.0, 0.0, ex, ey, ez):
+                        if is_within(grains.boxes, near, many, middle, edge):
                             return -1
                         # with negative extents: is the nearest point excluded?
-                        many += is_within(grains.boxes, near, many, 0.0, 0.0, 0.0, -ex, -ey, -ez)
-                        g = after[g]
+                        many += is_within(grains.boxes, near, many, middle, inner)
+                        g = cells.after[g]
     return many
 
 
 @bare_kernel
-def is_within(boxes: bool, near: Floats, k: int, x: float, y: float, z: float, ex: float, ey: float, ez: float) -> bool:
-    """Return whether the whole box lies in the region that grain k of `near` excludes."""
+def is_within(boxes: bool, near: Floats, k: int, middle: Vector, edge: Vector) -> bool:
+    """Return whether a box, by its middle and half edges, lies in the region that grain k of `near` excludes."""
     dx, dy, dz = (
-        max(abs(x - near[k, 0]) + ex, 0.0),
-        max(abs(y - near[k, 1]) + ey, 0.0),
-        max(abs(z - near[k, 2]) + ez, 0.0),
+        max(abs(middle[0] - near[k, 0]) + edge[0], 0.0),
+        max(abs(middle[1] - near[k, 1]) + edge[1], 0.0),
+        max(abs(middle[2] - near[k, 2]) + edge[2], 0.0),
     )
     if boxes:
         return dx < near[k, 3] and dy < near[k, 4] and dz < near[k, 5]
@@ -196,17 +181,16 @@ def is_within(boxes: bool, near: Floats, k: int, x: float, y: float, z: float, e
 
 
 @bare_kernel
-def extents(half: Floats, g: int) -> tuple[float, float, float]:
+def extents(half: Floats, g: int) -> Vector:
     """Return half the extents of grain g along the axes; of a sphere all are its radius."""
     last = half.shape[1] - 1
     return half[g, 0], half[g, last >> 1], half[g, last]
 
 
 @bare_kernel
-def _sphere_overlap(half, g, dx, dy, dz, radius, least):  # type: ignore[no-untyped-def]
+def _sphere_overlap(half, g, way, radius, least):  # type: ignore[no-untyped-def]
     """Return the overlap with sphere g if it is more than `least`, else `least`."""
-    reach = radius + half[g, 0]
-    square = dx * dx + dy * dy + dz * dz
+    reach, square = radius + half[g, 0], dot(way, way)
     near = reach - least
     if near <= 0.0 or square >= near * near:
         return least
@@ -215,9 +199,9 @@ def _sphere_overlap(half, g, dx, dy, dz, radius, least):  # type: ignore[no-unty
 
 
 @bare_kernel
-def _box_overlap(half, g, dx, dy, dz, hx, hy, hz):  # type: ignore[no-untyped-def]
+def _box_overlap(half, g, way, own):  # type: ignore[no-untyped-def]
     """Return the overlap with box g along the axis where it is least; 0 or less if they do not overlap."""
-    return min(hx + half[g, 0] - abs(dx), hy + half[g, 1] - abs(dy), hz + half[g, 2] - abs(dz))
+    return min(own[0] + half[g, 0] - abs(way[0]), own[1] + half[g, 1] - abs(way[1]), own[2] + half[g, 2] - abs(way[2]))
 
 
 @bare_kernel

@@ -9,10 +9,11 @@ from voxgran._base.kernels import bare_kernel
 from voxgran.contacts.overlap.true_pairs import in_frame, meets_itself, place_relative, shapes_meet
 from voxgran.contacts.overlap.true_shapes import TrueShapes
 from voxgran.contacts.overlap.true_walls import is_within_walls
-from voxgran.containers.kernel_container import KernelContainer, is_barred
-from voxgran.geometry.level_grid import LevelGrid, cells_near, first_in_cell
+from voxgran.containers.kernel_container import is_barred
+from voxgran.geometry.level_grid import cells_near, first_in_cell
 from voxgran.geometry.rotation import draw_quaternion, write_matrix
-from voxgran.packing.rsa.overlaps import Grains, enter
+from voxgran.geometry.vectors import Vector, dot, row_of, sub
+from voxgran.packing.rsa.overlaps import Bed, Grains, enter, from_corner
 
 #: share of a radius by which a sphere is made smaller where rounding must not take it for meeting a grain
 SMALLER = 1e-9
@@ -21,27 +22,16 @@ SORTED = 8
 
 
 @bare_kernel
-def place_true(
-    grains: Grains,
-    cells: LevelGrid,
-    walls: KernelContainer,
-    shapes: TrueShapes,
-    g: int,
-    x: float,
-    y: float,
-    z: float,
-    key: Words,
-    number: int,
-    rows: object,
-) -> bool:
-    """Place grain g at (x, y, z), in the orientation of block (number, 1), if it meets nothing; return whether it did.
+def place_true(bed: Bed, shapes: TrueShapes, g: int, place: Vector, key: Words, number: int, rows: object) -> bool:
+    """Place grain g at `place`, in the orientation of block (number, 1), if it meets nothing; return whether it did.
 
     rows: as in :mod:`voxgran.contacts.overlap.true_pairs`.
     """
     s, f, inner, work = shapes.shape[g], shapes.scale[g], shapes.inner[g], shapes.work
-    if is_barred(walls, x, y, z, 0.0, 0.0, 0.0, inner):
+    radius, walls = bed.grains.half[g, 0], bed.walls
+    if is_barred(walls, *place, 0.0, 0.0, 0.0, inner):
         return False
-    many = list_near(grains, cells, walls, shapes, x, y, z, grains.half[g, 0], inner)
+    many = list_near(bed, shapes, place, radius, inner)
     if many < 0:
         return False
     work.quaternion[0], work.quaternion[1], work.quaternion[2], work.quaternion[3] = 1.0, 0.0, 0.0, 0.0
@@ -50,23 +40,21 @@ def place_true(
     write_matrix(work.quaternion, work.turn)
     if _meets_near(shapes, s, f, many, rows):
         return False
-    if not is_within_walls(walls, shapes, s, f, x, y, z, rows):
+    if not is_within_walls(walls, shapes, s, f, *place, rows):
         return False
-    if meets_itself(cells.span, shapes, s, f, grains.half[g, 0], rows):
+    if meets_itself(bed.cells.span, shapes, s, f, radius, rows):
         return False
     for c in range(4):
         shapes.orientation[g, c] = work.quaternion[c]
-    enter(grains, cells, walls, g, x, y, z)
+    enter(bed, g, place)
     return True
 
 
 @bare_kernel
-def is_taken(
-    grains: Grains, shapes: TrueShapes, many: int, x: float, y: float, z: float, radius: float, rows: object,
-) -> bool:  # fmt: skip
+def is_taken(grains: Grains, shapes: TrueShapes, many: int, center: Vector, radius: float, rows: object) -> bool:
     """Return whether a sphere meets one of the listed grains; rounding only makes it smaller.
 
-    x, y, z: its center, from the place about which the grains are listed.
+    center: from the place about which the grains are listed.
     """
     work, f = shapes.work, radius * (1.0 - SMALLER)
     for i in range(3):
@@ -74,51 +62,41 @@ def is_taken(
             work.turn[i, j] = 1.0 if i == j else 0.0
     for k in range(many):
         g = work.grain[k]
-        dx, dy, dz = work.place[k, 0] - x, work.place[k, 1] - y, work.place[k, 2] - z
-        square, reach, core = dx * dx + dy * dy + dz * dz, f + grains.half[g, 0], f + shapes.inner[g]
+        way = sub(row_of(work.place, k), center)
+        square, reach, core = dot(way, way), f + grains.half[g, 0], f + shapes.inner[g]
         if square >= reach * reach:
             continue
         if square < core * core:
             return True
         write_matrix(shapes.orientation[g], work.other)
         place_relative(shapes)
-        if shapes_meet(shapes, len(shapes.turns), shapes.shape[g], dx / f, dy / f, dz / f, shapes.scale[g] / f, rows):
+        x, y, z = way[0] / f, way[1] / f, way[2] / f
+        if shapes_meet(shapes, len(shapes.turns), shapes.shape[g], x, y, z, shapes.scale[g] / f, rows):
             return True
     return False
 
 
 @bare_kernel
-def list_near(
-    grains: Grains,
-    cells: LevelGrid,
-    walls: KernelContainer,
-    shapes: TrueShapes,
-    x: float,
-    y: float,
-    z: float,
-    radius: float,
-    inner: float,
-) -> int:
-    """List the grains whose bounding spheres overlap a sphere about (x, y, z); return their number.
+def list_near(bed: Bed, shapes: TrueShapes, center: Vector, radius: float, inner: float) -> int:
+    """List the grains whose bounding spheres overlap a sphere about a center; return their number.
 
     The number is -1 if the inner sphere of one overlaps that of radius `inner`, which may be negative.
     """
-    position, half, lower = grains.position, grains.half, walls.lower
-    span, after = cells.span, cells.after
+    position, half, cells, span = bed.grains.position, bed.grains.half, bed.cells, bed.cells.span
     place, many = shapes.work.place, 0
     for level in range(len(cells.first)):
         if cells.filled[level] == 0:
             continue
         wide = radius + cells.reach[level, 0], radius + cells.reach[level, 1], radius + cells.reach[level, 2]
-        low, high = cells_near(cells, level, x - lower[0], y - lower[1], z - lower[2], wide)
+        low, high = cells_near(cells, level, *from_corner(bed, center), wide)
         for i in range(low[0], high[0]):
             for j in range(low[1], high[1]):
                 for k in range(low[2], high[2]):
                     g, ti, tj, tk = first_in_cell(cells, level, i, j, k)
                     while g >= 0:
-                        dx = position[g, 0] + ti * span[0] - x
-                        dy = position[g, 1] + tj * span[1] - y
-                        dz = position[g, 2] + tk * span[2] - z
+                        dx = position[g, 0] + ti * span[0] - center[0]
+                        dy = position[g, 1] + tj * span[1] - center[1]
+                        dz = position[g, 2] + tk * span[2] - center[2]
                         square, reach = dx * dx + dy * dy + dz * dz, radius + half[g, 0]
                         if square < reach * reach:
                             core = inner + shapes.inner[g]
@@ -128,7 +106,7 @@ def list_near(
                             place[many, 3] = square / (reach * reach)
                             shapes.work.grain[many] = g
                             many += 1
-                        g = after[g]
+                        g = cells.after[g]
     return many
 
 

@@ -18,6 +18,7 @@ grain rotation, Physical Review Letters 101, 120602, doi:10.1103/PhysRevLett.101
 
 import math
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
@@ -46,6 +47,7 @@ from voxgran.packing.space_filling.true_apollonian import (
     PATIENCE,
     PLACED,
     REACHED,
+    GrowthRules,
     PrecomputedShapes,
     advance_shapes,
     precompute_shapes,
@@ -138,14 +140,20 @@ def prepare(problem: Problem) -> State:
     return state
 
 
+class PackedSpheres(NamedTuple):
+    """Spheres that are placed, (n, 4) centers and radii, with the cells and the walls around them."""
+
+    walls: KernelContainer
+    cells: ReachCells
+    spheres: Floats
+
+
 @dataclass(slots=True)
 class Precomputed:
     """What follows from the problem and the placed spheres."""
 
-    walls: KernelContainer
-    cells: ReachCells
-    volume: Floats  # of each grain in its bounding sphere of radius 1
-    limits: Floats  # smallest and largest radius, factor on the largest radius that fits, volume that is asked for
+    packed: PackedSpheres
+    rules: GrowthRules  # the volume is that of each grain in its bounding sphere of radius 1, the limits are of radii
 
 
 def advance(problem: Problem, state: State, attempts: int) -> State:
@@ -163,14 +171,11 @@ def advance(problem: Problem, state: State, attempts: int) -> State:
         return state
     end = NO_ROOM
     while end == NO_ROOM:
-        done, end = put_spheres(
-            *(made.walls, made.cells, state.arrays["spheres"], made.volume, made.limits),
-            *(problem.parameters.shift, key),
-            *(state.arrays["tally"], state.arrays["volume"], state.done, last),
-        )
+        run = (key, state.arrays["tally"], state.arrays["volume"], state.done, last)
+        done, end = put_spheres(made.packed, made.rules, *run)
         state.done = int(done)
         if end == NO_ROOM:
-            made.cells = with_room(made.cells)
+            made.packed = made.packed._replace(cells=with_room(made.packed.cells))
     _look(problem, state, int(end))
     return state
 
@@ -212,7 +217,9 @@ def _precomputed(problem: Problem, state: State, limits: Floats) -> Precomputed:
     cells = cells_with(walls, problem.count, state.arrays["spheres"][: state.arrays["tally"][PLACED]])
     bounding = np.array([shape.bounding_radius for shape in problem.shapes])
     volume = np.array([shape.volume for shape in problem.shapes]) / bounding**problem.dimension
-    return Precomputed(walls, cells, volume[problem.shape_id], limits * np.array([0.5, 0.5, 1.0, 1.0]))
+    limits, shift = limits * np.array([0.5, 0.5, 1.0, 1.0]), problem.parameters.shift
+    packed = PackedSpheres(walls, cells, state.arrays["spheres"])
+    return Precomputed(packed, GrowthRules(volume[problem.shape_id], limits, shift, 0))
 
 
 def _look(problem: Problem, state: State, end: int) -> None:
@@ -288,29 +295,19 @@ registration = PackingMethod(
 
 @kernel
 def put_spheres(
-    walls: KernelContainer,
-    cells: ReachCells,
-    spheres: Floats,
-    volume: Floats,
-    limits: Floats,
-    shift: int,
-    key: Words,
-    tally: Integers,
-    filled: Floats,
-    done: int,
-    last: int,
+    packed: PackedSpheres, rules: GrowthRules, key: Words, tally: Integers, filled: Floats, done: int, last: int
 ) -> tuple[int, int]:
     """Make attempts up to number `last`; return the number after the last that was made, and how this part ends.
 
     filled: (1,) volume of the spheres that were placed.
     """
-    place = np.zeros(4)
+    (walls, cells, spheres), limits, volume, place = packed, rules.limits, rules.volume, np.zeros(4)
     while done < last and tally[PLACED] < len(spheres) and tally[MISSED] < PATIENCE:
         words = philox_block(key[0], key[1], np.uint64(done), np.uint64(0))
         place[0] = unit_float(words[0]) * walls.lengths[0]
         place[1] = unit_float(words[1]) * walls.lengths[1]
         place[2] = unit_float(words[2]) * walls.lengths[2] if walls.dimension == 3 else 0.0
-        _grow_at(walls, cells, spheres, place, shift, limits[1])
+        _grow_at(packed, place, rules.shift, limits[1])
         radius, n = place[3] * limits[2], tally[PLACED]
         if radius <= 0.0 or radius < limits[0]:
             tally[MISSED] += 1
@@ -334,31 +331,31 @@ def put_spheres(
 
 
 @bare_kernel
-def _grow_at(walls, cells, spheres, place, shift, largest):  # type: ignore[no-untyped-def]
+def _grow_at(packed, place, shift, largest):  # type: ignore[no-untyped-def]
     """Write the radius of the largest sphere at a place, which moves if spheres shift; none where a point is taken."""
-    place[3] = _radius_at(walls, cells, spheres, place[0], place[1], place[2], largest)
+    place[3] = _radius_at(packed, place[0], place[1], place[2], largest)
     for _ in range(shift):
-        if place[3] <= 0.0 or place[3] >= largest or not _shifted(walls, cells, spheres, place, largest):
+        if place[3] <= 0.0 or place[3] >= largest or not _shifted(packed, place, largest):
             return
 
 
 @bare_kernel
-def _radius_at(walls, cells, spheres, x, y, z, largest):  # type: ignore[no-untyped-def]
+def _radius_at(packed, x, y, z, largest):  # type: ignore[no-untyped-def]
     """Return the radius of the largest sphere about a point, which is negative where the point is taken."""
-    room = clearance(walls, x, y, z)
-    if room <= 0.0 or is_covered(cells, spheres, x, y, z):
+    room = clearance(packed.walls, x, y, z)
+    if room <= 0.0 or is_covered(packed.cells, packed.spheres, x, y, z):
         return -1.0
-    return gap_at(cells, spheres, x, y, z, min(room, largest))[0]
+    return gap_at(packed.cells, packed.spheres, x, y, z, min(room, largest))[0]
 
 
 @bare_kernel
-def _shifted(walls, cells, spheres, place, largest):  # type: ignore[no-untyped-def]
+def _shifted(packed, place, largest):  # type: ignore[no-untyped-def]
     """Move a sphere away from the nearest surface, which it goes on to touch, until another is equally near.
 
     Returns whether it has become larger.
     """
-    x, y, z, radius = place[0], place[1], place[2], place[3]
-    ux, uy, uz = _away(walls, cells, spheres, x, y, z, radius)
+    x, y, z, radius, cells = place[0], place[1], place[2], place[3], packed.cells
+    ux, uy, uz = _away(packed, x, y, z, radius)
     low, high, step = 0.0, math.inf, 0.5 * radius
     for _ in range(HALVINGS):
         px, py, pz = (
@@ -366,7 +363,7 @@ def _shifted(walls, cells, spheres, place, largest):  # type: ignore[no-untyped-
             wrapped(cells, 1, y + step * uy),
             wrapped(cells, 2, z + step * uz),
         )
-        grown = _radius_at(walls, cells, spheres, px, py, pz, largest)
+        grown = _radius_at(packed, px, py, pz, largest)
         # while the first surface is the nearest, the radius grows as the sphere moves
         if grown < (radius + step) * (1.0 - ROUNDING):
             high = step
@@ -380,8 +377,9 @@ def _shifted(walls, cells, spheres, place, largest):  # type: ignore[no-untyped-
 
 
 @bare_kernel
-def _away(walls, cells, spheres, x, y, z, radius):  # type: ignore[no-untyped-def]
+def _away(packed, x, y, z, radius):  # type: ignore[no-untyped-def]
     """Return the direction away from the surface that is nearest to a point, at the distance `radius`."""
+    walls, cells, spheres = packed
     sphere = gap_at(cells, spheres, x, y, z, radius * (1.0 + ROUNDING))[1]
     if sphere >= 0:
         ux = _nearest_image(cells, 0, x - spheres[sphere, 0])

@@ -7,6 +7,7 @@ is kept if the grain becomes larger. The range of the angles widens with each su
 
 import math
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
@@ -37,13 +38,25 @@ PLACED, MISSED = 0, 1
 MADE, REACHED, NO_ROOM = 0, 1, 2
 
 
+class GrowthRules(NamedTuple):
+    """How large grains become, at scale or radius 1 and in these units.
+
+    volume: of each shape, or each grain, at unit size.  limits: (4,) smallest and largest size, factor on the largest
+    one that fits, and volume that is asked for.  shift, rotate: moves and rotations that are tried.
+    """
+
+    volume: Floats
+    limits: Floats
+    shift: int
+    rotate: int
+
+
 @dataclass(slots=True)
 class PrecomputedShapes:
     """What follows from the problem and the placed grains of true shapes."""
 
     around: Surroundings
-    volume: Floats  # of each shape at scale 1
-    limits: Floats  # smallest and largest scale, factor on the largest scale that fits, volume that is asked for
+    rules: GrowthRules  # volumes of the shapes at scale 1, and limits of the scale
     rows: int | None
 
 
@@ -65,17 +78,16 @@ def precompute_shapes(problem: Problem, state: State, limits: Floats) -> Precomp
     around = Surroundings(
         walls, cells, tables, arrays["spheres"], cores, core, longest, seen, searches, np.zeros(3)
     )  # fmt: skip
-    return PrecomputedShapes(around, volume, limits, mark_of_rows(tables))
+    rules = GrowthRules(volume, limits, problem.parameters.shift, problem.parameters.rotate)
+    return PrecomputedShapes(around, rules, mark_of_rows(tables))
 
 
 def advance_shapes(problem: Problem, state: State, made: PrecomputedShapes, key: Words, last: int) -> int:
     """Make attempts up to number `last`; return how they end."""
-    settings, end = problem.parameters, NO_ROOM
+    end = NO_ROOM
     while end == NO_ROOM:
-        done, end = put_shapes(
-            *(made.around, made.volume, made.limits, settings.shift, settings.rotate, key),
-            *(state.arrays["tally"], state.arrays["volume"], state.done, last, made.rows),
-        )
+        run = (key, state.arrays["tally"], state.arrays["volume"], state.done, last)
+        done, end = put_shapes(made.around, made.rules, *run, made.rows)
         state.done = int(done)
         if end == NO_ROOM:
             made.around = made.around._replace(cells=with_room(made.around.cells))
@@ -84,30 +96,21 @@ def advance_shapes(problem: Problem, state: State, made: PrecomputedShapes, key:
 
 @kernel
 def put_shapes(
-    around: Surroundings,
-    volume: Floats,
-    limits: Floats,
-    shift: int,
-    rotate: int,
-    key: Words,
-    tally: Integers,
-    filled: Floats,
-    done: int,
-    last: int,
+    around: Surroundings, rules: GrowthRules, key: Words, tally: Integers, filled: Floats, done: int, last: int,
     rows: object,
-) -> tuple[int, int]:
+) -> tuple[int, int]:  # fmt: skip
     """Make attempts up to number `last`; return the number after the last that was made, and how this part ends.
 
     filled: (1,) volume of the grains that were placed.  rows: as in :mod:`voxgran.contacts.overlap.true_pairs`.
     """
-    walls, shapes, place = around.walls, around.shapes, np.zeros(4)
+    walls, shapes, limits, volume, place = around.walls, around.shapes, rules.limits, rules.volume, np.zeros(4)
     while done < last and tally[PLACED] < len(around.spheres) and tally[MISSED] < PATIENCE:
         n, words = tally[PLACED], philox_block(key[0], key[1], np.uint64(done), np.uint64(0))
         s = shapes.shape[n]
         place[0] = unit_float(words[0]) * walls.lengths[0]
         place[1] = unit_float(words[1]) * walls.lengths[1]
         place[2] = unit_float(words[2]) * walls.lengths[2] if walls.dimension == 3 else 0.0
-        _grow_at(around, s, place, limits, shift, rotate, key, done, rows)
+        _grow_at(around, rules, s, place, key, done, rows)
         f = place[3] * limits[2]
         added, reached = volume[s] * f**walls.dimension, False
         if f > 0.0 and filled[0] + added >= limits[3]:
@@ -143,22 +146,22 @@ def _enter(around, n, s, place, f):  # type: ignore[no-untyped-def]
 
 
 @bare_kernel
-def _grow_at(around, s, place, limits, shift, rotate, key, number, rows):  # type: ignore[no-untyped-def]
+def _grow_at(around, rules, s, place, key, number, rows):  # type: ignore[no-untyped-def]
     """Write the largest scale at a place, and the orientation; the place moves if grains shift."""
     work, dimension = around.shapes.work, around.walls.dimension
-    least, most = limits[0] / limits[2], limits[1]
+    least, most = rules.limits[0] / rules.limits[2], rules.limits[1]
     # grains that move or are rotated become larger
-    first = 0.0 if shift > 0 or rotate > 0 else least
+    first = 0.0 if rules.shift > 0 or rules.rotate > 0 else least
     work.quaternion[0], work.quaternion[1], work.quaternion[2], work.quaternion[3] = 1.0, 0.0, 0.0, 0.0
     if around.shapes.turns[s]:
         draw_quaternion(dimension, key, number, work.quaternion)
     write_matrix(work.quaternion, work.turn)
     place[3] = largest_scale(around, s, place[0], place[1], place[2], first, most, rows)
-    for _ in range(shift):
+    for _ in range(rules.shift):
         if place[3] <= 0.0 or place[3] >= most or not _move(around, s, place, most, rows):
             break
-    if place[3] > 0.0 and rotate > 0 and around.shapes.turns[s]:
-        _rotate(around, s, place, most, rotate, key, number, rows)
+    if place[3] > 0.0 and rules.rotate > 0 and around.shapes.turns[s]:
+        _rotate(around, s, place, most, rules.rotate, key, number, rows)
 
 
 @bare_kernel

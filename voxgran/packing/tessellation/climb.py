@@ -33,18 +33,12 @@ DROPPED, TAKEN, AGAIN = 0, 1, 2
 
 @kernel
 def climb_all(
-    spheres: Floats,
-    cells: LevelGrid,
-    dimension: int,
-    starts: Floats,
-    planes: Floats,
-    known: Integers,
-    found: Floats,
+    spheres: Floats, cells: LevelGrid, dimension: int, starts: Floats, planes: Floats, many: Integers, holes: Floats,
     normals: Floats,
-) -> None:
+) -> None:  # fmt: skip
     """Climb from each of the (m, 6) starts; write place and radius, (m, 4), and up to four directions of contact.
 
-    A radius of 0 says that there is no hole. planes: (m, p, 4) walls of each start, of which the first `known` count: a
+    A radius of 0 says that there is no hole. planes: (m, p, 4) walls of each start, of which the first `many` count: a
     unit vector and an offset, whose sum with a place is the distance from the wall. normals: (m, 4, 3) unit vectors
     from what is touched to the center; those left over are 0.
     """
@@ -54,17 +48,16 @@ def climb_all(
     for k in range(len(starts)):
         for axis in range(3):
             at[axis] = starts[k, axis]
-        hint, most, moves = starts[k, HINT], starts[k, MOST], starts[k, MOVES] > 0.0
         work = (at, near, rows, basis, inverse, box, step)
-        radius = _climb(spheres, cells, dimension, planes, k, known[k], hint, most, moves, work, normals)
+        holes[k, 3] = _climb(spheres, cells, dimension, starts, planes, many[k], k, work, normals)
         for axis in range(3):
-            found[k, axis] = at[axis]
-        found[k, 3] = radius
+            holes[k, axis] = at[axis]
 
 
 @bare_kernel
-def _climb(spheres, cells, dimension, planes, k, many, hint, most, moves, work, normals):  # type: ignore[no-untyped-def]
+def _climb(spheres, cells, dimension, starts, planes, many, k, work, normals):  # type: ignore[no-untyped-def]
     """Move `at` to the local maximum of the clearance, at most to where it is `most`, and return the clearance."""
+    hint, most, moves = starts[k, HINT], starts[k, MOST], starts[k, MOVES] > 0.0
     at, near, rows, basis, inverse, box, step = work
     reach = REACH * hint
     for i in range(4):

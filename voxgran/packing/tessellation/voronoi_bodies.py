@@ -124,15 +124,15 @@ def farthest_from_axis(
     for k in range(7):
         # the way from the origin to the centroid, and both senses of the axes of the shape
         sense, c = (1.0 if k % 2 else -1.0), (k - 1) // 2
-        ux, uy, uz = (x, y, z * tall) if k == 0 else (sense * turn[c], sense * turn[3 + c], sense * turn[6 + c] * tall)
-        best = _ascend(bodies, s, turn, size, x, y, z, tall, ux, uy, uz, best, way)
+        first = (x, y, z * tall) if k == 0 else (sense * turn[c], sense * turn[3 + c], sense * turn[6 + c] * tall)
+        best = _ascend(bodies, s, turn, size, (x, y, z), tall, first, best, way)
     return best
 
 
 @bare_kernel
-def _ascend(bodies, s, turn, size, x, y, z, tall, ux, uy, uz, best, way):  # type: ignore[no-untyped-def]
+def _ascend(bodies, s, turn, size, center, tall, first, best, way):  # type: ignore[no-untyped-def]
     """Go from the point farthest along a direction to that along the way to it, until nothing changes."""
-    last = -1.0
+    (x, y, z), (ux, uy, uz), last = center, first, -1.0
     for _ in range(200):
         length = math.sqrt(ux * ux + uy * uy + uz * uz)
         if length < 1e-12:

@@ -69,6 +69,16 @@ class Seeds(NamedTuple):
     number: Integers
 
 
+class Tessellation(NamedTuple):
+    """What the cell of a seed is made from, the cell as work space, and the grains that lie about the seeds."""
+
+    seeds: Seeds
+    walls: KernelContainer
+    cell: Polyhedron
+    bodies: Bodies
+    poses: Poses
+
+
 def seeds_of(place: Floats, weight: Floats, walls: KernelContainer) -> Seeds:
     """Return seeds, (n, 3) from the lower corner, in cells for searches."""
     n, axes = max(len(place), 1), np.arange(3) < walls.dimension
@@ -126,6 +136,10 @@ class Cells:
         none = np.zeros((0, 3)), np.zeros((0, 4)), np.zeros(0)
         self.none = bodies_of([]), poses_of([], np.zeros(0, dtype=np.int64), *none)
 
+    def around(self, seeds: Seeds, bodies: Bodies | None = None, poses: Poses | None = None) -> Tessellation:
+        """Return what kernels make the cells of seeds from, with grains or without."""
+        return Tessellation(seeds, self.walls, self.work, bodies or self.none[0], poses or self.none[1])
+
     def grow(self) -> None:
         """Make room for twice as many faces of a cell."""
         self.work = empty_polyhedron(2 * len(self.work.size))
@@ -141,8 +155,7 @@ class Cells:
             last, room = min(first + block, n), self.faces * block
             while True:
                 others, slopes = np.zeros(room, dtype=np.int64), np.zeros(room)
-                found = volume, center, degree, others, slopes
-                used = _measure(seeds, self.walls, self.work, *self.none, first, last, *found)
+                used = _measure(self.around(seeds), first, last, volume, center, degree, others, slopes)
                 if used >= 0:
                     break
                 if used == -1:
@@ -158,22 +171,20 @@ class Cells:
 
 
 @kernel
-def _measure(  # type: ignore[no-untyped-def]
-    seeds, walls, cell, bodies, poses, first, last, volume, center, degree, beyond, slope
-):
+def _measure(tessellation, first, last, volume, center, degree, beyond, slope):  # type: ignore[no-untyped-def]
     """Write volumes, centroids and faces of some cells; return the number of faces, -1 or -2 where room is short."""
-    used, middle = 0, np.zeros(3)
+    used, middle, cell = 0, np.zeros(3), tessellation.cell
     for i in range(first, last):
-        state = build_cell(seeds, walls, cell, i, bodies, poses, False)
+        state = build_cell(tessellation, i, False)
         if state == CROWDED:
             return -1
         degree[i], volume[i] = 0, 0.0
         for c in range(3):
-            center[i, c] = seeds.place[i, c]
+            center[i, c] = tessellation.seeds.place[i, c]
         if state == EMPTY:
             continue
         volume[i] = volume_and_center(cell, middle)
-        for c in range(walls.dimension):
+        for c in range(tessellation.walls.dimension):
             center[i, c] += middle[c]
         for f in range(cell.count[1]):
             if cell.owner[f] >= 0:
@@ -186,26 +197,25 @@ def _measure(  # type: ignore[no-untyped-def]
 
 
 @bare_kernel
-def build_cell(
-    seeds: Seeds, walls: KernelContainer, cell: Polyhedron, i: int, bodies: Bodies, poses: Poses, around: bool
-) -> int:
+def build_cell(tessellation: Tessellation, i: int, around: bool) -> int:
     """Make the cell of seed i, from the seed; return CUT, EMPTY or CROWDED.
 
     If `around`, the planes are those in the middle of the gaps between the grains, with the same normals. Where
     rounding prevents a cut, all planes move inward by a shift far below what is of interest.
     """
-    size = max(walls.lengths[0], walls.lengths[1], walls.lengths[2])
-    state = FAILED
+    lengths, state = tessellation.walls.lengths, FAILED
+    size = max(lengths[0], lengths[1], lengths[2])
     for k in range(TRIES):
-        state = _cut_by_all(seeds, walls, cell, i, size * SHIFT * k * 10.0**k, bodies, poses, around)
+        state = _cut_by_all(tessellation, i, size * SHIFT * k * 10.0**k, around)
         if state != FAILED:
             break
     return EMPTY if state == FAILED else state
 
 
 @bare_kernel
-def _cut_by_all(seeds, walls, cell, i, shift, bodies, poses, around):  # type: ignore[no-untyped-def]
+def _cut_by_all(tessellation, i, shift, around):  # type: ignore[no-untyped-def]
     """Make the cell of seed i with planes that are shifted inward."""
+    seeds, walls, cell = tessellation.seeds, tessellation.walls, tessellation.cell
     for c in range(3):
         if c >= walls.dimension:
             seeds.low[c], seeds.high[c] = -0.5, 0.5
@@ -218,7 +228,7 @@ def _cut_by_all(seeds, walls, cell, i, shift, bodies, poses, around):  # type: i
             # no face of the box lies in a wall, where rounding would decide
             seeds.low[c], seeds.high[c] = seeds.low[c] - walls.lengths[c], seeds.high[c] + walls.lengths[c]
     set_box(cell, seeds.low, seeds.high)
-    state = _cut_by_seeds(seeds, walls, cell, i, shift, bodies, poses, around)
+    state = _cut_by_seeds(tessellation, i, shift, around)
     if state == CUT and walls.kind in (UPRIGHT, ROUND):
         state = cut_by_round_wall(seeds.place, walls, cell, i, shift)
     if state == CUT and walls.kind == MESH:
@@ -227,8 +237,9 @@ def _cut_by_all(seeds, walls, cell, i, shift, bodies, poses, around):  # type: i
 
 
 @bare_kernel
-def _cut_by_seeds(seeds, walls, cell, i, shift, bodies, poses, around):  # type: ignore[no-untyped-def]
+def _cut_by_seeds(tessellation, i, shift, around):  # type: ignore[no-untyped-def]
     """Cut by the planes between seed i and all others that reach the cell, in shells of cells around it."""
+    seeds, walls, cell, poses = tessellation.seeds, tessellation.walls, tessellation.cell, tessellation.poses
     flat, narrow = walls.dimension == 2, math.inf
     for c in range(walls.dimension):
         narrow = min(narrow, seeds.width[c])
@@ -249,12 +260,12 @@ def _cut_by_seeds(seeds, walls, cell, i, shift, bodies, poses, around):  # type:
                 edge = max(abs(dx), abs(dy)) == shell
                 if flat:
                     if edge:
-                        reach = _cut_by_cell(seeds, walls, cell, i, dx, dy, 0, reach, shift, bodies, poses, around)
+                        reach = _cut_by_cell(tessellation, i, (dx, dy, 0), reach, shift, around)
                 else:
                     # the whole side of the shell, or its two ends
                     step = 1 if edge or shell == 0 else 2 * shell
                     for dz in range(-shell, shell + 1, step):
-                        reach = _cut_by_cell(seeds, walls, cell, i, dx, dy, dz, reach, shift, bodies, poses, around)
+                        reach = _cut_by_cell(tessellation, i, (dx, dy, dz), reach, shift, around)
                         if reach < 0.0:
                             return int(-reach)
                 if reach < 0.0:
@@ -272,14 +283,14 @@ def _cut_by_nearest(seeds, walls, cell, i, reach, shift):  # type: ignore[no-unt
     for dx in range(-1, 2):
         for dy in range(-1, 2):
             for dz in range(-deep, deep + 1):
-                j, sx, sy, sz = _first_in(seeds, walls, i, dx, dy, dz)
+                j, period = _first_in(seeds, walls, i, (dx, dy, dz))
                 while j >= 0:
                     if j != i:
                         if many == len(seeds.number):
                             reach, many = _cut_by_queue(seeds, walls, cell, many, reach, shift), 0
                             if reach < 0.0:
                                 return reach
-                        _enqueue(seeds, many, j, _plane_to(seeds, walls, i, j, sx, sy, sz, reach))
+                        _enqueue(seeds, many, j, _plane_to(seeds, walls, i, j, period, reach))
                         many += 1
                     j = seeds.after[j]
     return _cut_by_queue(seeds, walls, cell, many, reach, shift)
@@ -316,35 +327,35 @@ def _cut_by_queue(seeds, walls, cell, many, reach, shift):  # type: ignore[no-un
 
 
 @bare_kernel
-def _first_in(seeds, walls, i, dx, dy, dz):  # type: ignore[no-untyped-def]
+def _first_in(seeds, walls, i, steps):  # type: ignore[no-untyped-def]
     """Return the first seed in a cell of the search, by its steps from that of seed i, and the periods to its image.
 
     It is -1 where there is none, or the cell lies beyond a wall.
     """
     count = seeds.count
-    x = min(max(int(seeds.place[i, 0] / seeds.width[0]), 0), count[0] - 1) + dx
-    y = min(max(int(seeds.place[i, 1] / seeds.width[1]), 0), count[1] - 1) + dy
-    z = min(max(int(seeds.place[i, 2] / seeds.width[2]), 0), count[2] - 1) + dz
+    x = min(max(int(seeds.place[i, 0] / seeds.width[0]), 0), count[0] - 1) + steps[0]
+    y = min(max(int(seeds.place[i, 1] / seeds.width[1]), 0), count[1] - 1) + steps[1]
+    z = min(max(int(seeds.place[i, 2] / seeds.width[2]), 0), count[2] - 1) + steps[2]
     sx, sy, sz = x // count[0], y // count[1], z // count[2]
     if (
         (sx != 0 and walls.periodic[0] == 0)
         or (sy != 0 and walls.periodic[1] == 0)
         or (sz != 0 and walls.periodic[2] == 0)
     ):
-        return -1, sx, sy, sz
+        return -1, (sx, sy, sz)
     flat = ((x - sx * count[0]) * count[1] + y - sy * count[1]) * count[2] + z - sz * count[2]
-    return seeds.head[flat], sx, sy, sz
+    return seeds.head[flat], (sx, sy, sz)
 
 
 @bare_kernel
-def _plane_to(seeds, walls, i, j, sx, sy, sz, reach):  # type: ignore[no-untyped-def]
+def _plane_to(seeds, walls, i, j, period, reach):  # type: ignore[no-untyped-def]
     """Return normal, distance of the seeds and offset of the plane between seed i and an image of seed j.
 
     The offset is infinite where the plane is farther than the reach, which needs no root.
     """
-    ux = seeds.place[j, 0] - seeds.place[i, 0] + sx * walls.lengths[0]
-    uy = seeds.place[j, 1] - seeds.place[i, 1] + sy * walls.lengths[1]
-    uz = seeds.place[j, 2] - seeds.place[i, 2] + sz * walls.lengths[2]
+    ux = seeds.place[j, 0] - seeds.place[i, 0] + period[0] * walls.lengths[0]
+    uy = seeds.place[j, 1] - seeds.place[i, 1] + period[1] * walls.lengths[1]
+    uz = seeds.place[j, 2] - seeds.place[i, 2] + period[2] * walls.lengths[2]
     square = ux * ux + uy * uy + uz * uz
     ahead = square + seeds.weight[i] - seeds.weight[j]
     if square == 0.0 or (ahead > 0.0 and ahead * ahead > 4.0 * reach * reach * square):
@@ -354,16 +365,17 @@ def _plane_to(seeds, walls, i, j, sx, sy, sz, reach):  # type: ignore[no-untyped
 
 
 @bare_kernel
-def _cut_by_cell(seeds, walls, cell, i, dx, dy, dz, reach, shift, bodies, poses, around):  # type: ignore[no-untyped-def]
+def _cut_by_cell(tessellation, i, steps, reach, shift, around):  # type: ignore[no-untyped-def]
     """Cut by the seeds in one cell of the search; return the reach of what is left, or minus the state of a failure."""
-    j, sx, sy, sz = _first_in(seeds, walls, i, dx, dy, dz)
+    seeds, walls, cell, poses = tessellation.seeds, tessellation.walls, tessellation.cell, tessellation.poses
+    j, period = _first_in(seeds, walls, i, steps)
     while j >= 0:
         if j != i:
-            x, y, z, away, offset = _plane_to(seeds, walls, i, j, sx, sy, sz, math.inf if around else reach)
+            x, y, z, away, offset = _plane_to(seeds, walls, i, j, period, math.inf if around else reach)
             if around and away > 0.0:
                 offset = 0.5 * (away - poses.bound[i] - poses.bound[j])
                 if offset < reach:
-                    offset = middle_of_gap(bodies, poses, i, j, x, y, z, away)
+                    offset = middle_of_gap(tessellation.bodies, poses, i, j, x, y, z, away)
             if offset < reach:
                 state = clip(cell, x, y, z, offset - shift, j, away)
                 if state > CUT:

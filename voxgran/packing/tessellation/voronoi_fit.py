@@ -15,10 +15,10 @@ import numpy as np
 from voxgran._base.arrays import Floats, Integers, Words
 from voxgran._base.kernels import bare_kernel, kernel
 from voxgran._base.seeds import philox_block, unit_float
-from voxgran.containers.kernel_container import ROUND, UPRIGHT, KernelContainer
-from voxgran.packing.tessellation.voronoi_bodies import Bodies, Poses, farthest_from_axis, reach_along
-from voxgran.packing.tessellation.voronoi_cells import Seeds, build_cell
-from voxgran.packing.tessellation.voronoi_polyhedron import CROWDED, CUT, Polyhedron, volume_and_center
+from voxgran.containers.kernel_container import ROUND, UPRIGHT
+from voxgran.packing.tessellation.voronoi_bodies import farthest_from_axis, reach_along
+from voxgran.packing.tessellation.voronoi_cells import Tessellation, build_cell
+from voxgran.packing.tessellation.voronoi_polyhedron import CROWDED, CUT, volume_and_center
 
 #: share of the orientations that are random, first angle of the others, and its factors after a success and a failure
 RANDOM, FIRST_ANGLE, WIDER, NARROWER = 0.25, 0.6, 1.6, 0.87
@@ -58,34 +58,30 @@ def empty_programme(planes: int) -> Programme:
     )
 
 
+class Places(NamedTuple):
+    """Where grains fit: centroids from their seeds, (n, 3), quaternions, (n, 4), and diameters, (n,)."""
+
+    arm: Floats
+    turn: Floats
+    size: Floats
+
+
 @kernel
 def fit_shapes(
-    seeds: Seeds,
-    walls: KernelContainer,
-    cell: Polyhedron,
-    work: Programme,
-    bodies: Bodies,
-    poses: Poses,
-    around: bool,
-    most: Floats,
-    tries: int,
-    key: Words,
-    first: int,
-    last: int,
-    arm: Floats,
-    turn: Floats,
-    size: Floats,
-) -> int:
-    """Write the largest place of each grain in its cell, or in the room `around` it: arms, orientations and diameters.
+    tessellation: Tessellation, work: Programme, places: Places, around: bool, most: Floats, tries: int, key: Words,
+    first: int, last: int,
+) -> int:  # fmt: skip
+    """Write the largest place of each grain in its cell, or in the room `around` it.
 
-    The arrays hold what was found before, than which a place must be larger. No grain gets larger than `most`. Return
+    The arrays hold earlier places, than which a place must be larger. No grain gets larger than `most`. Return
     the number after the last grain; less than `last` where the work space is too small for a cell.
     """
-    middle, best = np.zeros(3), np.zeros(4)
+    walls, cell, shapes = tessellation.walls, tessellation.cell, tessellation.poses.shape_id
+    middle, best, turn, size = np.zeros(3), np.zeros(4), places.turn, places.size
     for i in range(first, last):
         if size[i] >= most[i]:
             continue
-        state = build_cell(seeds, walls, cell, i, bodies, poses, around)
+        state = build_cell(tessellation, i, around)
         if state == CROWDED or cell.count[1] + AT_WALL >= len(work.plane):
             return i
         if state != CUT or volume_and_center(cell, middle) <= 0.0:
@@ -93,23 +89,23 @@ def fit_shapes(
         if walls.dimension == 2:
             middle[2] = 0.0
         planes = _planes_of(walls, cell, work, middle)
-        shape, known = poses.shape_id[i], size[i] > 0.0
-        once = bodies.round[shape] == 1
+        shape, fitted = shapes[i], size[i] > 0.0
+        once = tessellation.bodies.round[shape] == 1
         angle = FIRST_ANGLE
         for c in range(4):
             best[c] = turn[i, c]
         for k in range(1 if once else tries):
-            if known and k == 0:
+            if fitted and k == 0:
                 for c in range(4):
                     work.trial[c] = best[c]
             else:
-                random = not known and k < RANDOM * tries
+                random = not fitted and k < RANDOM * tries
                 angle = _draw_turn(work.trial, best, walls.dimension, random, once, angle, key, i, k)
-            _place(seeds.place[i], middle, walls, work, bodies, shape, planes)
+            _place(tessellation.seeds.place[i], middle, walls, work, tessellation.bodies, shape, planes)
             if work.found[3] > size[i]:
                 size[i] = min(work.found[3], most[i])
                 for c in range(3):
-                    arm[i, c] = middle[c] + work.found[c]
+                    places.arm[i, c] = middle[c] + work.found[c]
                 for c in range(4):
                     turn[i, c] = best[c] = work.trial[c]
                 angle *= WIDER / NARROWER

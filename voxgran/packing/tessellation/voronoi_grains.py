@@ -58,16 +58,16 @@ def corners_of(cells: Cells, seeds: Seeds, i: int) -> Floats:
     """Return the corners of a cell from its seed, (k, 3)."""
     while True:
         corners = np.zeros((len(cells.work.corner), 3))
-        many = _copy_corners(seeds, cells.walls, cells.work, *cells.none, i, corners)
+        many = _copy_corners(cells.around(seeds), i, corners)
         if many >= 0:
             return corners[:many]
         cells.grow()
 
 
 @kernel
-def _copy_corners(seeds, walls, cell, bodies, poses, i, corners):  # type: ignore[no-untyped-def]
+def _copy_corners(tessellation, i, corners):  # type: ignore[no-untyped-def]
     """Write the corners of cell i and return their number; -1 where there is no room."""
-    state = build_cell(seeds, walls, cell, i, bodies, poses, False)
+    state, cell = build_cell(tessellation, i, False), tessellation.cell
     if state != CUT:
         return -1 if state == CROWDED else 0
     for k in range(cell.count[0]):

@@ -42,7 +42,7 @@ from voxgran.packing.model import Packing
 from voxgran.packing.problem import Problem, random_points
 from voxgran.packing.tessellation.voronoi_bodies import Bodies, Poses, bodies_of, poses_of
 from voxgran.packing.tessellation.voronoi_cells import FACES, Cells, Seeds, seeds_of
-from voxgran.packing.tessellation.voronoi_fit import MARGIN, Programme, empty_programme, fit_shapes
+from voxgran.packing.tessellation.voronoi_fit import MARGIN, Places, Programme, empty_programme, fit_shapes
 from voxgran.packing.tessellation.voronoi_grains import largest_factor, shapes_of
 from voxgran.packing.tessellation.voronoi_steps import TALLY, first_arrays, most_diagrams, step
 from voxgran.shapes.sizes import size_distance
@@ -189,7 +189,7 @@ def _fit(problem: Problem, state: State, made: Precomputed, many: int) -> int:
     arrays, tally = state.arrays, state.arrays["tally"]
     n, settings = len(arrays["place"]), problem.parameters
     shape_id = problem.shape_id[:n]
-    if made.bodies is None or made.programme is None:
+    if made.bodies is None or made.programme is None or made.seeds is None:
         made.bodies, made.programme = bodies_of(problem.shapes), empty_programme(FACES)
         made.seeds = seeds_of(arrays["known_place"], arrays["known_weight"], made.cells.walls)
     if made.poses is None:
@@ -199,11 +199,11 @@ def _fit(problem: Problem, state: State, made: Precomputed, many: int) -> int:
     tries = math.ceil(settings.orientations * (AGAIN if again else 1.0))
     most = arrays["cap"][0] * problem.diameter[:n]
     key = philox_key(problem.seed, f"orientations {tally[ROUND]}")
-    found = arrays["next_arm"], arrays["next_turn"], arrays["next_size"]
+    places = Places(arrays["next_arm"], arrays["next_turn"], arrays["next_size"])
     done = first
     while done < last:
-        rules = made.bodies, made.poses, again, most, tries, key
-        done = fit_shapes(made.seeds, made.cells.walls, made.cells.work, made.programme, *rules, done, last, *found)
+        cells = made.cells.around(made.seeds, made.bodies, made.poses)
+        done = fit_shapes(cells, made.programme, places, again, most, tries, key, done, last)
         if done < last:
             made.cells.grow()
             made.programme = empty_programme(len(made.cells.work.size))

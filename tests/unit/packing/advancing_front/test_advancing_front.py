@@ -14,6 +14,7 @@ import voxgran as vg
 from voxgran._base.errors import InputError, PackingWarning
 from voxgran._base.stopping import Stopped, stopping_when
 from voxgran.packing.advancing_front.method import ASIDE
+from voxgran.packing.draw import Request
 from voxgran.packing.pack import prepare_task
 
 SPHERE, DISK = vg.make_shape("sphere"), vg.make_shape("disk")
@@ -395,9 +396,9 @@ def test_spheres_in_a_tube_lie_across_from_each_other():
 
 
 def test_chunks_do_not_matter_where_walls_stand_in():
-    found, asked = [], {"count": None, "solid_fraction": None, "sizes": None, "weights": None, "weights_by": "number"}
+    found = []
     for chunk in (1, 7, 1000):
-        task = prepare_task(SPHERE, vg.Box((4, 3, 1)), method="advancing_front", seed=0, parameters={}, **asked)
+        task = prepare_task(Request(SPHERE, vg.Box((4, 3, 1)), "advancing_front"))
         state = task.method.prepare(task.problem)
         while not state.stop_reason:
             state = task.method.advance(task.problem, state, chunk)

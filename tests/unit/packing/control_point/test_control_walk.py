@@ -19,7 +19,7 @@ from voxgran.packing.control_point.distance_fields import PLANES
 from voxgran.packing.control_point.method import registration as control_point
 from voxgran.packing.control_point.parameters import SHORTEST_STEP
 from voxgran.packing.control_point.point_contact import is_within, overlaps_by_points
-from voxgran.packing.control_point.records import GrainPoses
+from voxgran.packing.control_point.precompute import pairs_of, precomputed_of
 from voxgran.packing.control_point.sdf_contact import overlaps_by_sdf
 from voxgran.packing.driver import Drive, drive
 from voxgran.points.control import inner_points
@@ -28,9 +28,12 @@ from voxgran.shapes.describing.curvature import largest_curvature
 task_of = partial(kit.task_of, "control_point", count=8)
 
 
-def kept_of(problem, setting):
-    """Return what a bed has besides the state."""
-    return problem.shape_id.astype(np.int64), problem.diameter, setting.extent, setting.span
+def upright(problem, state):
+    """Return what the comparison of two grains reads, for a grain that is tried without a rotation."""
+    pairs = pairs_of(problem, state, precomputed_of(problem, state))
+    pairs.scratch.quaternion[:] = [1.0, 0.0, 0.0, 0.0]
+    write_matrix(pairs.scratch.quaternion, pairs.scratch.turn)
+    return pairs
 
 
 class PlainWalk:
@@ -295,16 +298,10 @@ def test_containment_is_seen_from_both_sides():
     for diameter in ([8.0, 1.0], [1.0, 8.0]):
         problem = dataclasses.replace(task.problem, diameter=np.array(diameter))
         state = control_point.advance(problem, control_point.prepare(problem), 1)
-        kept, rules = state.derived["precomputed"], (0.0, 0.1, 0.2, 0.3)
-        bed = GrainPoses(
-            *(state.arrays[name] for name in ("position", "orientation", "entered", "step")), *kept_of(problem, kept)
-        )
-        kept.scratch.quaternion[:] = [1.0, 0.0, 0.0, 0.0]
-        write_matrix(kept.scratch.quaternion, kept.scratch.turn)
+        pairs = upright(problem, state)
         for g in range(2):
-            arguments = (bed, kept.bodies, kept.cache, kept.scratch, g, 1 - g, *rules)
-            assert overlaps_by_points(*arguments, np.inf)
-            assert not overlaps_by_points(*arguments, 0.0)
+            assert overlaps_by_points(pairs, g, 1 - g, (0.1, 0.2, 0.3), np.inf)
+            assert not overlaps_by_points(pairs, g, 1 - g, (0.1, 0.2, 0.3), 0.0)
 
 
 def test_all_points_see_a_grain_inside_another_where_surfaces_do_not():
@@ -315,19 +312,12 @@ def test_all_points_see_a_grain_inside_another_where_surfaces_do_not():
             problem = task_of([vg.make_shape("sphere")], vg.Box((9, 9, 9)), **keywords).problem
             problem = dataclasses.replace(problem, diameter=np.array([8.0, 1.0]))
             state = control_point.advance(problem, control_point.prepare(problem), 1)
-            kept = state.derived["precomputed"]
-            bed = GrainPoses(
-                *(state.arrays[name] for name in ("position", "orientation", "entered", "step")),
-                *kept_of(problem, kept),
-            )
-            kept.scratch.quaternion[:] = [1.0, 0.0, 0.0, 0.0]
-            write_matrix(kept.scratch.quaternion, kept.scratch.turn)
-            for place in ([0.1, 0.2, 0.3], [1.3, -0.7, 0.9]):
-                met = overlaps_by_points(bed, kept.bodies, kept.cache, kept.scratch, 1, 0, 0.0, *place, 0.0)
-                assert met == (points == "all")
+            pairs = upright(problem, state)
+            for place in ((0.1, 0.2, 0.3), (1.3, -0.7, 0.9)):
+                assert overlaps_by_points(pairs, 1, 0, place, 0.0) == (points == "all")
             cost = control_point.cost(problem)
             assert cost.sampled_shapes == problem.counters["sampled_shapes"] == 1
-            assert sum(array.nbytes for array in (*kept.bodies.trees, *kept.cache)) < cost.memory
+            assert sum(array.nbytes for array in (*pairs.bodies.trees, *pairs.cache)) < cost.memory
 
 
 @pytest.mark.parametrize("ways", ["both", "one"])
@@ -338,15 +328,10 @@ def test_signed_distances_see_containment_both_ways(ways):
     for diameter in ([8.0, 1.0], [1.0, 8.0]):
         problem = dataclasses.replace(task.problem, diameter=np.array(diameter))
         state = control_point.advance(problem, control_point.prepare(problem), 1)
-        kept = state.derived["precomputed"]
-        bed = GrainPoses(
-            *(state.arrays[name] for name in ("position", "orientation", "entered", "step")), *kept_of(problem, kept)
-        )
-        kept.scratch.quaternion[:] = [1.0, 0.0, 0.0, 0.0]
-        write_matrix(kept.scratch.quaternion, kept.scratch.turn)
+        pairs = upright(problem, state)
         for g in range(2):
-            assert overlaps_by_sdf(bed, kept.bodies, kept.cache, kept.scratch, g, 1 - g, 0.0, 0.1, 0.2, 0.3, np.inf)
-            assert not overlaps_by_sdf(bed, kept.bodies, kept.cache, kept.scratch, g, 1 - g, 0.0, 6.0, 2.0, 1.0, np.inf)
+            assert overlaps_by_sdf(pairs, g, 1 - g, (0.1, 0.2, 0.3), np.inf)
+            assert not overlaps_by_sdf(pairs, g, 1 - g, (6.0, 2.0, 1.0), np.inf)
 
 
 def test_the_old_name_of_the_test_by_points_gives_the_same_bits():

@@ -127,7 +127,7 @@ def test_search_finds_what_looking_at_all_points_finds(name, cell):
         shift = generator.normal(size=3)
         shift *= (0.4 + 0.9 * generator.random()) / np.linalg.norm(shift)
         told = distances(fields, 0, trees.points @ turn.T + shift)
-        point, slack = find_near(*trees, *fields[:3], 0, 0, turn, shift, 0.7, 0.01, 0.05, plane, stack)
+        point, slack = find_near(trees, fields, 0, 0, (turn, shift, 0.7), 0.01, 0.05, plane, stack)
         assert (point >= 0) == bool((told < 0.01).any())
         if point >= 0:
             assert told[point] < 0.01

@@ -64,7 +64,7 @@ def near_rows(trees, turn, shift, scale, *, low, high, room=4000):
     """Return the pairs of points of trees 0 and 1 that the kernel lists, and up to where they are complete."""
     stack = np.zeros((stack_room(trees), 2), dtype=np.int64)
     found = np.zeros((room, 2), dtype=np.int64)
-    count, complete = list_near(*trees, 0, 1, turn, shift, scale, low, high, stack, found)
+    count, complete = list_near(trees, 0, 1, (turn, shift, scale), low, high, stack, found)
     return count, complete, found[: max(count, 1)]
 
 

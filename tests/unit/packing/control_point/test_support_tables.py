@@ -87,7 +87,7 @@ def test_planes_never_part_what_points_say_is_near(name):
         there = distances(fields, 0, (size * points @ one.T + offset) @ other).min()
         back = size * distances(fields, 0, (points @ other.T - offset) @ one / size).min()
         way = np.array([*(offset / np.linalg.norm(offset)), 0.0, 0.0, 0.0, -np.inf])
-        apart = find_plane(reaches.values, 0, size, one, 0, 1.0, turns[1], way, *offset, wide, 6)
+        apart = find_plane(reaches.values, (0, size, one), (0, 1.0, turns[1]), tuple(offset), wide, way, 6)
         if apart:
             assert min(there, back) >= low
             best, spans = way[3:6], np.stack([points @ other.T, size * points @ one.T + offset])

@@ -6,15 +6,13 @@ import pytest
 import voxgran as vg
 from voxgran.packing.control_point import verlet_lists as close_lists
 from voxgran.packing.control_point.method import registration as control_point
+from voxgran.packing.draw import Request
 from voxgran.packing.pack import prepare_task
 
 
 def problem_of(shapes, container, **parameters):
-    keywords = {"count": 50, "solid_fraction": None, "sizes": vg.sizes.lognormal(1.0, 0.1), "weights": None}
-    task = prepare_task(
-        *(shapes, container), method="control_point", weights_by="number", seed=3, parameters=parameters, **keywords
-    )
-    return task.problem
+    asked = {"count": 50, "sizes": vg.sizes.lognormal(1.0, 0.1), "seed": 3, "parameters": parameters}
+    return prepare_task(Request(shapes, container, "control_point", **asked)).problem
 
 
 @pytest.mark.parametrize("periodic", [(False, False, False), (True, True, False)])
@@ -28,7 +26,7 @@ def test_lists_hold_all_who_are_near(periodic):
     for _ in range(20):
         state = control_point.advance(problem, state, 500)
         setting = state.derived["precomputed"]
-        lists, position = setting.cells.lists, state.arrays["position"]
+        lists, position = setting.lists, state.arrays["position"]
         assert len(lists.near) == 50
         if lists.state[0] != 0:
             continue
@@ -52,6 +50,6 @@ def test_a_run_without_lists_gives_the_same_bits(monkeypatch):
         while state.feeding_ended_at is None:
             state = control_point.advance(problem, state, 1000)
         state = control_point.advance(problem, state, 20_000)
-        assert (len(state.derived["precomputed"].cells.lists.near) > 0) == (most == 50)
+        assert (len(state.derived["precomputed"].lists.near) > 0) == (most == 50)
         made.append(state.arrays["position"].tobytes())
     assert made[0] == made[1]

@@ -9,6 +9,7 @@ import voxgran as vg
 from voxgran._base.errors import LongRunWarning, PackingWarning
 from voxgran.packing import method as packing_method
 from voxgran.packing.digital.container_lattice import LONG, container_lattice
+from voxgran.packing.draw import Request
 from voxgran.packing.method import LONG_RUN
 from voxgran.packing.pack import prepare_task
 from voxgran.study.runs import Run, compute
@@ -19,10 +20,7 @@ GRADED = vg.sizes.lognormal(median=1.0, sigma=0.4)
 
 
 def task(shapes, container, method, *, sizes=None, count=None, **parameters):
-    return prepare_task(
-        shapes, container, method=method, count=count, solid_fraction=None, sizes=sizes, weights=None,
-        weights_by="number", seed=0, parameters=parameters,
-    )  # fmt: skip
+    return prepare_task(Request(shapes, container, method, count=count, sizes=sizes, parameters=parameters))
 
 
 def wide_mesh(width):
@@ -96,9 +94,8 @@ def test_sieve_curves_take_no_gigabytes(ratio):
     sizes = vg.sizes.sieve([1, ratio**0.5, ratio], [0, 0.5, 1], independent=True)
     for shape in (vg.shapes.sphere(), BRICKS[0]):
         made = prepare_task(
-            shape, vg.Sphere(4 * ratio**0.5), method="digital_fill", count=None, solid_fraction=0.372, sizes=sizes,
-            weights=None, weights_by="number", seed=0, parameters={},
-        )  # fmt: skip
+            Request(shape, vg.Sphere(4 * ratio**0.5), "digital_fill", solid_fraction=0.372, sizes=sizes)
+        )
         assert made.method.cost(made.problem).memory < 2**28
 
 

@@ -14,7 +14,7 @@ from voxgran._base.seeds import philox_block, philox_key
 from voxgran._base.stopping import Stopped, stopping_when
 from voxgran.packing.rsa.available_cells import Open, all_edges, cut_cells
 from voxgran.packing.rsa.method import registration as rsa
-from voxgran.packing.rsa.overlaps import Grains
+from voxgran.packing.rsa.overlaps import Bed, Grains
 from voxgran.packing.rsa.precompute import congruential
 
 GRADED = vg.sizes.discrete([1.0, 0.6, 0.3], [1, 2, 3])
@@ -247,7 +247,7 @@ def test_open_boxes_are_the_free_room_exactly(dimension):
     made = state.derived["precomputed"]
     known = Open(*(state.arrays[name] for name in Open._fields))
     grains = Grains(state.arrays["position"], made.half, made.level, state.arrays["entered"], True)
-    boxes = cut_cells(grains, made.cells, made.walls, made.classes, known, 0).cell
+    boxes = cut_cells(Bed(grains, made.cells, made.walls), made.classes, known, 0).cell
     low, span = made.classes.low[0], made.classes.span[0]
     lengths, edge = made.walls.lengths, 2 * made.half[0, 0]
     centers = state.arrays["position"][state.arrays["entered"] == 1]
@@ -355,7 +355,7 @@ def test_open_boxes_are_cut_no_more_than_they_change():
     made, entered = half.derived["precomputed"], np.flatnonzero(half.arrays["entered"])
     grains = Grains(half.arrays["position"], made.half, made.level, half.arrays["entered"], True)
     for kind in exact:
-        after = cut_cells(grains, made.cells, made.walls, made.classes, known, kind).cell
+        after = cut_cells(Bed(grains, made.cells, made.walls), made.classes, known, kind).cell
         assert after == pytest.approx(known.cell, abs=1e-12)
         own = known.cell[known.bounds[kind] : known.bounds[kind + 1]]
         step = np.abs(own[:, None, :3] + own[:, None, 3:] / 2 - half.arrays["position"][entered])

@@ -20,7 +20,7 @@ from voxgran.containers.kernel_container import kernel_container
 from voxgran.geometry.farthest import farthest_of_row
 from voxgran.geometry.rotation import random_rotations, rotation_matrices, write_matrix
 from voxgran.packing.rsa.method import registration as rsa
-from voxgran.packing.rsa.overlaps import Grains
+from voxgran.packing.rsa.overlaps import Bed, Grains
 from voxgran.packing.rsa.true_overlaps import is_taken, list_near
 from voxgran.shapes.model import Shape
 from voxgran.shapes.spheres import Spheres
@@ -207,8 +207,8 @@ def test_closed_cells_hold_no_free_place(name):
         rows = mark_of_rows(made_shapes)
         grains = (state.arrays["position"], made.half, made.level, state.arrays["entered"], False)
         core = classes.half[0, 0] * (1 + WHOLE)
-        many = list_near(Grains(*grains), made.cells, made.walls, made_shapes, *place, core, core)
-        assert many < 0 or is_taken(Grains(*grains), made_shapes, many, 0.0, 0.0, 0.0, core, rows)
+        many = list_near(Bed(Grains(*grains), made.cells, made.walls), made_shapes, tuple(place), core, core)
+        assert many < 0 or is_taken(Grains(*grains), made_shapes, many, (0.0, 0.0, 0.0), core, rows)
     assert hits > 100
 
 

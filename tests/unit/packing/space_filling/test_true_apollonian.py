@@ -5,6 +5,7 @@ import pytest
 
 import voxgran as vg
 from voxgran.geometry.rotation import rotation_matrices
+from voxgran.packing.draw import Request
 from voxgran.packing.driver import Drive, drive
 from voxgran.packing.pack import prepare_task
 from voxgran.shapes.model import Shape
@@ -159,8 +160,8 @@ def test_grains_of_a_start_stay_and_others_touch_them():
 @pytest.mark.parametrize("attempts", [1, 7])
 def test_parts_of_a_run_give_the_same_bits(attempts):
     box = vg.Rectangle((5, 5), periodic="xy")
-    asked = {"count": 30, "solid_fraction": None, "sizes": None, "weights": None, "weights_by": "number", "seed": 4}
-    task = prepare_task(SQUARE, box, method="random_apollonian", parameters={"rotate": 5, "shift": 1}, **asked)
+    rules = {"rotate": 5, "shift": 1}
+    task = prepare_task(Request(SQUARE, box, "random_apollonian", count=30, seed=4, parameters=rules))
     whole = task.method.finish(task.problem, drive(task.method, task.problem, Drive()))
     state = task.method.prepare(task.problem)
     while not state.stop_reason:

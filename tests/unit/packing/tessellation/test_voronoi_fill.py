@@ -7,6 +7,7 @@ import pytest
 
 import voxgran as vg
 from voxgran._base.errors import InputError, PackingWarning
+from voxgran.packing.draw import Request
 from voxgran.packing.pack import prepare_task
 from voxgran.shapes.sizes import size_distance
 
@@ -24,8 +25,7 @@ def filled(shape, container, **options):
 
 def drawn_diameters(shape, container, **options):
     """Return the sizes that are drawn for the same request, sorted."""
-    asked = {"solid_fraction": None, "weights": None, "weights_by": "number", "parameters": {}, **options}
-    problem = prepare_task(shape, container, method="voronoi_fill", **asked).problem
+    problem = prepare_task(Request(shape, container, "voronoi_fill", **options)).problem
     return np.sort(problem.diameter * problem.unit_length)
 
 

@@ -12,7 +12,7 @@ from voxgran.geometry.rotation import rotation_matrices
 from voxgran.packing.model import Packing
 from voxgran.packing.tessellation.voronoi_bodies import bodies_of, farthest_from_axis, poses_of, reach_along
 from voxgran.packing.tessellation.voronoi_cells import Cells, seeds_of
-from voxgran.packing.tessellation.voronoi_fit import empty_programme, fit_shapes
+from voxgran.packing.tessellation.voronoi_fit import Places, empty_programme, fit_shapes
 from voxgran.packing.tessellation.voronoi_grains import corners_of
 
 KEY = philox_key(1, "test")
@@ -37,13 +37,10 @@ class Fits:
 
     def fit(self, tries=1, *, around=False):
         poses = poses_of([self.shape], np.zeros(self.n, dtype=int), self.arm, self.turn, self.size)
-        found = [array.copy() for array in (self.arm, self.turn, self.size)]
-        done = fit_shapes(
-            *(self.seeds, self.cells.walls, self.cells.work, empty_programme(128), bodies_of([self.shape]), poses),
-            *(around, self.most, tries, KEY, 0, self.n, *found),
-        )
-        assert done == self.n
-        self.arm, self.turn, self.size = found
+        places = Places(self.arm.copy(), self.turn.copy(), self.size.copy())
+        cells = self.cells.around(self.seeds, bodies_of([self.shape]), poses)
+        assert fit_shapes(cells, empty_programme(128), places, around, self.most, tries, KEY, 0, self.n) == self.n
+        self.arm, self.turn, self.size = places
         return self
 
     def packing(self):

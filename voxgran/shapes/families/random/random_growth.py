@@ -16,10 +16,11 @@ the number of neighbours
 """
 
 import math
+from typing import NamedTuple
 
 import numpy as np
 
-from voxgran._base.arrays import Floats, Integers, as_count, as_number, as_positive
+from voxgran._base.arrays import Booleans, Floats, Integers, as_count, as_number, as_positive
 from voxgran._base.config import parameter, parameter_class
 from voxgran._base.errors import InputError
 from voxgran._base.kernels import inlined_kernel, kernel
@@ -115,10 +116,10 @@ def grown(parameters: RandomGrowth, generator: np.random.Generator) -> Integers:
         grid, moments = np.zeros(2 * half + 3, dtype=np.bool_), np.zeros(6)
         steps = np.array([grid.shape[1] * grid.shape[2], grid.shape[2], 1])
         state, taken = np.array([count, 0, 0]), grid.ravel()
-        _begin(cells, half, steps, taken, bonds, state, moments)
+        cluster = Cluster(cells, half, steps, taken, bonds, state, moments)
+        _begin(cluster)
         while state[0] < len(cells) and not state[2]:
-            draws = generator.random(DRAWN)
-            _grow(cells, half, steps, taken, bonds, state, moments, draws, chance, rate, log_aspect, adjusted)
+            _grow(cluster, generator.random(DRAWN), chance, rate, log_aspect, adjusted)
         count = int(state[0])
         if count == len(cells):
             return cells
@@ -132,9 +133,27 @@ def _chances(power: float) -> Floats:
     return np.concatenate([[0.0], (many / 6.0 if power > 1.0 else many * 1.0) ** (power - 1.0)])
 
 
+class Cluster(NamedTuple):
+    """Cubes in a grid, and the free places beside them.
+
+    cells: (n, 3) cubes in the order of growth.  half, steps: (3,) half widths of the grid without its border, and steps
+    of the index along its axes.  taken: which places are.  bonds: free places and axes, ``3 * index + axis``.  state:
+    (3,) cubes, bonds, and whether a cube is at the border.  moments: (6,) sums of the places and of their squares.
+    """
+
+    cells: Integers
+    half: Integers
+    steps: Integers
+    taken: Booleans
+    bonds: Integers
+    state: Integers
+    moments: Floats
+
+
 @inlined_kernel
-def _take(cells, k, index, steps, taken, bonds, state, moments):  # type: ignore[no-untyped-def]
+def _take(cluster, k, index):  # type: ignore[no-untyped-def]
     """Take the place of cube k, at an index in the grid, and note the free places beside it."""
+    cells, _, steps, taken, bonds, state, moments = cluster
     taken[index] = True
     for axis in range(3):
         moments[axis] += cells[k, axis]
@@ -163,23 +182,23 @@ def _adjust(n, moments, log_aspect, rate):  # type: ignore[no-untyped-def]
 
 
 @kernel
-def _begin(cells, half, steps, taken, bonds, state, moments):  # type: ignore[no-untyped-def]
+def _begin(cluster):  # type: ignore[no-untyped-def]
     """Put the first `state[0]` cubes in a grid."""
-    for k in range(state[0]):
+    for k in range(cluster.state[0]):
         index = 0
         for axis in range(3):
-            index += (cells[k, axis] + half[axis] + 1) * steps[axis]
-        _take(cells, k, index, steps, taken, bonds, state, moments)
+            index += (cluster.cells[k, axis] + cluster.half[axis] + 1) * cluster.steps[axis]
+        _take(cluster, k, index)
 
 
 @kernel
-def _grow(cells, half, steps, taken, bonds, state, moments, draws, chance, rate, log_aspect, adjusted):  # type: ignore[no-untyped-def]
+def _grow(cluster, draws, chance, rate, log_aspect, adjusted):  # type: ignore[no-untyped-def]
     """Add cubes until all are there, a cube is at the border of the grid (`state[2]`), or the random numbers are used.
 
     A bond is a free place and the axis along which the cluster touches it, so that places have one for each neighbour;
     those of places that are taken meanwhile are removed when they are drawn.
     """
-    used = 0
+    (cells, half, steps, taken, bonds, state, moments), used = cluster, 0
     while state[0] < len(cells) and not state[2] and used + 2 <= len(draws):
         pick = int(draws[used] * state[1])
         index, axis = bonds[pick] // 3, bonds[pick] % 3
@@ -199,7 +218,7 @@ def _grow(cells, half, steps, taken, bonds, state, moments, draws, chance, rate,
             rest %= steps[k]
             if abs(cells[state[0], k]) >= half[k]:
                 state[2] = 1
-        _take(cells, state[0], index, steps, taken, bonds, state, moments)
+        _take(cluster, state[0], index)
         state[0] += 1
         if adjusted:
             _adjust(float(state[0]), moments, log_aspect, rate)
