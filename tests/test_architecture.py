@@ -83,6 +83,8 @@ LONGEST_FUNCTION = 60  # lines, without the docstring
 LONGEST_FILE = 450
 #: entries of a folder, files and folders together, beside its __init__.py
 FULLEST = 25
+#: most arguments of a function, and the rooms in which no function has more
+MOST_ARGUMENTS, FEW_ARGUMENTS = 10, {"contacts", "geometry", "settling"}
 
 Function = ast.FunctionDef | ast.AsyncFunctionDef
 FUNCTIONS = (ast.FunctionDef, ast.AsyncFunctionDef)
@@ -266,6 +268,25 @@ def too_long(tree, name):
     return found
 
 
+@cache
+def exported():
+    """Return the public names of the package, each with its module."""
+    return {target for _, target in imported(ast.parse((PACKAGE / "__init__.pyi").read_text()), "voxgran")}
+
+
+def too_many_arguments(tree, name):
+    """Find functions with too many arguments; keyword-only ones of public functions are not counted."""
+    found = []
+    module = ".".join(["voxgran", *name.removesuffix(".py").split("/")])
+    for node in ast.walk(tree) if room_of(name) in FEW_ARGUMENTS else ():
+        if isinstance(node, FUNCTIONS):
+            given = [*node.args.posonlyargs, *node.args.args]
+            given += [] if f"{module}.{node.name}" in exported() else node.args.kwonlyargs
+            if len(given) > MOST_ARGUMENTS:
+                found.append(f"{node.name} has {len(given)} arguments, at most {MOST_ARGUMENTS} are allowed")
+    return found
+
+
 def forbidden_calls(tree, name):
     """Find prints and exits outside of the command line, and random numbers not from seeds."""
     found = []
@@ -400,6 +421,7 @@ RULES = [
     undocumented_errors,
     undocumented,
     too_long,
+    too_many_arguments,
     forbidden_calls,
     wrong_neighbours,
     container_classes,
@@ -524,6 +546,14 @@ def test_a_rule_lets_a_clean_file_pass(rule):
 @pytest.mark.parametrize(("name", "source"), NEIGHBOURS)
 def test_imports_between_sub_rooms_are_found(name, source):
     assert wrong_neighbours(ast.parse(source), name) != []
+
+
+@pytest.mark.parametrize("arguments", ["{}", "{}, /", "a, *, {}"])
+def test_functions_of_many_arguments_are_found(arguments):
+    tree = ast.parse(f"def equilibrium({arguments.format(', '.join('bcdefghijkl'))}): pass")
+    assert too_many_arguments(tree, "contacts/manifolds/sample.py") != []
+    # those of a public function may be keywords
+    assert (too_many_arguments(tree, "settling/equilibrium.py") == []) == ("*" in arguments)
 
 
 def test_listed_imports_between_sub_rooms_pass():

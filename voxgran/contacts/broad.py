@@ -1,14 +1,13 @@
 """Broad phase: pairs of grains whose bounding spheres are close, periodic images included."""
 
-from dataclasses import dataclass
+from typing import NamedTuple
 
 from voxgran._base.arrays import Booleans, Floats, Integers
 from voxgran.contacts.assembly import Assembly
 from voxgran.geometry.sphere_pairs import near_pairs
 
 
-@dataclass(frozen=True, eq=False)
-class Pairs:
+class Pairs(NamedTuple):
     """Candidate pairs of grains.
 
     Attributes
@@ -27,7 +26,7 @@ class Pairs:
     offset: Floats
 
     @property
-    def count(self) -> int:
+    def count(self) -> int:  # type: ignore[override]
         """Number of pairs."""
         return len(self.i)
 

@@ -70,33 +70,31 @@ def part_contacts(pairs: Pairs, parts: Parts, gap: float) -> tuple[Floats, Float
     A negative gap is a depth. The normals (m, 3) point from grain i to its partner; the points (m, 3) are the middles
     between the nearest points, from centroid i; deep is the mask of the pairs whose depth is only a lower bound.
     """
-    found = np.full(pairs.count, np.inf)
+    gaps = np.full(pairs.count, np.inf)
     normal, point = np.zeros((pairs.count, 3)), np.zeros((pairs.count, 3))
     deep = np.zeros(pairs.count, dtype=np.bool_)
-    arguments = pairs.i, pairs.j, pairs.offset, *parts.arrays, float(gap), found, normal, point, deep
-    in_blocks(_touch_parts, pairs.count, *arguments, least=LEAST_PAIRS)
-    return found, normal, point, deep
+    in_blocks(_touch_parts, pairs.count, pairs, parts, float(gap), gaps, normal, point, deep, least=LEAST_PAIRS)
+    return gaps, normal, point, deep
 
 
 @kernel
-def _touch_parts(  # type: ignore[no-untyped-def]
-    i, j, offset, start, row, margin, center, reach, gap, found, normal, point, deep, first, stop
-):
+def _touch_parts(pairs, parts, gap, gaps, normal, point, deep, first, stop):  # type: ignore[no-untyped-def]
     """Write the nearest or deepest contact of each pair of grains of a block."""
     shift, contact = np.zeros(3), np.zeros(7)
+    start, center, margin, reach = parts.start, parts.center, parts.margin, parts.reach
     for k in range(first, stop):
-        best = gap
-        for a in range(start[i[k]], start[i[k] + 1]):
-            for b in range(start[j[k]], start[j[k] + 1]):
+        best, i, j = gap, pairs.i[k], pairs.j[k]
+        for a in range(start[i], start[i + 1]):
+            for b in range(start[j], start[j + 1]):
                 square = 0.0
                 for c in range(3):
-                    shift[c] = offset[k, c] + center[b, c] - center[a, c]
+                    shift[c] = pairs.offset[k, c] + center[b, c] - center[a, c]
                     square += shift[c] * shift[c]
                 if math.sqrt(square) - reach[a] - reach[b] > best:
                     continue
-                buried = touch_pair(row[a], margin[a], row[b], margin[b], shift, contact)
+                buried = touch_pair(parts.row[a], margin[a], parts.row[b], margin[b], shift, contact)
                 if contact[0] <= best:
-                    best = found[k] = contact[0]
+                    best = gaps[k] = contact[0]
                     deep[k] = buried
                     for c in range(3):
                         normal[k, c] = contact[1 + c]

@@ -33,10 +33,7 @@ def deepest_of_triangles(
     depth is a lower bound with a relative error of at most 0.001; 0 if no point counts.
     """
     found = np.zeros(6)
-    depth = _search_triangles(
-        np.ascontiguousarray(triangles),
-        *(*tree.arrays, tree.normals, inside, FLOOR * tree.size, ACCURACY, MOST_PATCHES, found),
-    )
+    depth = _search_triangles(np.ascontiguousarray(triangles), tree.arrays, inside, FLOOR * tree.size, found)
     return depth, found[:3], found[3:]
 
 
@@ -56,15 +53,17 @@ def deepest_of_round(tree: TriangleTree, row: Floats, center: Floats) -> tuple[f
         profile * np.array([height, radius]),
         np.ascontiguousarray(row[4:].reshape(3, 3)),
         np.ascontiguousarray(center),
-        *(*tree.arrays, tree.normals, 1e-15 * tree.size, ACCURACY, MOST_PATCHES, found),
+        tree.arrays,
+        1e-15 * tree.size,
+        found,
     )
     return depth, found[:3], found[3:]
 
 
 @kernel
-def _cover(points, corners, low, high, start):  # type: ignore[no-untyped-def]
+def _cover(points, tree):  # type: ignore[no-untyped-def]
     """Return the minimum over all triangles of the largest distance of the points from the triangle."""
-    best = np.inf
+    best, low, high = np.inf, tree.low, tree.high
     stack = np.zeros(64, dtype=np.int64)
     depth, leaves = 1, len(low) // 2
     while depth > 0:
@@ -84,11 +83,11 @@ def _cover(points, corners, low, high, start):  # type: ignore[no-untyped-def]
             stack[depth + 1] = left if one <= two else left + 1
             depth += 2
             continue
-        for t in range(start[node, 0], start[node, 1]):
+        for t in range(tree.start[node, 0], tree.start[node, 1]):
             most = 0.0
             for k in range(len(points)):
                 x, y, z = points[k, 0], points[k, 1], points[k, 2]
-                px, py, pz, _ = closest_on_triangle(corners, t, x, y, z)
+                px, py, pz, _ = closest_on_triangle(tree.corners, t, x, y, z)
                 most = max(most, (px - x) ** 2 + (py - y) ** 2 + (pz - z) ** 2)
                 if most >= best:
                     break
@@ -97,11 +96,11 @@ def _cover(points, corners, low, high, start):  # type: ignore[no-untyped-def]
 
 
 @kernel
-def _try_point(x, y, z, corners, low, high, start, normals, inside, best, found, sight):  # type: ignore[no-untyped-def]
+def _try_point(x, y, z, tree, inside, best, found, sight):  # type: ignore[no-untyped-def]
     """Update the best point with a point if its distance is larger; return the larger distance."""
-    square, t, feature, qx, qy, qz = nearest_triangle(corners, low, high, start, x, y, z, np.inf)
+    square, t, feature, qx, qy, qz = nearest_triangle(tree, x, y, z, np.inf)
     sight[0] = math.sqrt(square)
-    if inside and not is_behind(normals, t, feature, x - qx, y - qy, z - qz):
+    if inside and not is_behind(tree.normals, t, feature, x - qx, y - qy, z - qz):
         sight[0] = -sight[0]
     if sight[0] > best:
         found[0], found[1], found[2] = x, y, z
@@ -111,9 +110,7 @@ def _try_point(x, y, z, corners, low, high, start, normals, inside, best, found,
 
 
 @kernel
-def _search_triangles(  # type: ignore[no-untyped-def]
-    triangles, corners, low, high, start, normals, inside, floor, accuracy, most, found
-):
+def _search_triangles(triangles, tree, inside, floor, found):  # type: ignore[no-untyped-def]
     """Bisect triangles until none can contain a point deeper than the best; return the depth of the best."""
     best, steps, sight = 0.0, 0, np.zeros(1)
     stack, patch, middle = np.zeros((256, 3, 3)), np.zeros((3, 3)), np.zeros(3)
@@ -121,15 +118,15 @@ def _search_triangles(  # type: ignore[no-untyped-def]
         middle[:] = 0.0
         for c in range(3):
             x, y, z = triangles[t, c, 0], triangles[t, c, 1], triangles[t, c, 2]
-            best = _try_point(x, y, z, corners, low, high, start, normals, inside, best, found, sight)
+            best = _try_point(x, y, z, tree, inside, best, found, sight)
             middle += triangles[t, c] / 3.0
         x, y, z = middle[0], middle[1], middle[2]
-        best = _try_point(x, y, z, corners, low, high, start, normals, inside, best, found, sight)
+        best = _try_point(x, y, z, tree, inside, best, found, sight)
     for t in range(len(triangles)):
         stack[0] = triangles[t]
         depth = 1
         # the unused budget of one triangle passes to the next, so that a seam of the surface cannot use up all of it
-        allowed = most * (t + 1) // len(triangles)
+        allowed = MOST_PATCHES * (t + 1) // len(triangles)
         while depth > 0 and steps < allowed:
             depth -= 1
             steps += 1
@@ -137,10 +134,10 @@ def _search_triangles(  # type: ignore[no-untyped-def]
             for i in range(3):
                 middle[i] = (patch[0, i] + patch[1, i] + patch[2, i]) / 3.0
             x, y, z = middle[0], middle[1], middle[2]
-            best = _try_point(x, y, z, corners, low, high, start, normals, inside, best, found, sight)
-            bar = best * (1.0 + accuracy) + floor
+            best = _try_point(x, y, z, tree, inside, best, found, sight)
+            bar = best * (1.0 + ACCURACY) + floor
             # points near the middle cannot be much deeper; only patches that may be are compared with the triangles
-            if sight[0] + _spread(patch, middle) <= bar or _cover(patch, corners, low, high, start) <= bar:
+            if sight[0] + _spread(patch, middle) <= bar or _cover(patch, tree) <= bar:
                 continue
             if depth + 2 > len(stack):
                 continue
@@ -189,9 +186,7 @@ def _hull(profile, k, patch, matrix, center, points):  # type: ignore[no-untyped
 
 
 @kernel
-def _search_round(  # type: ignore[no-untyped-def]
-    profile, matrix, center, corners, low, high, start, normals, floor, accuracy, most, found
-):
+def _search_round(profile, matrix, center, tree, floor, found):  # type: ignore[no-untyped-def]
     """Bisect patches of a surface of revolution until none can contain a point deeper than the best."""
     sectors, best, steps = 8, 0.0, 0
     stack, patch = np.zeros((512, 4)), np.zeros(4)
@@ -201,7 +196,7 @@ def _search_round(  # type: ignore[no-untyped-def]
         stack[0, 0], stack[0, 1] = 0.0, 1.0
         stack[0, 2], stack[0, 3] = 2 * math.pi * sector / sectors, 2 * math.pi * (sector + 1) / sectors
         depth = 1
-        allowed = most * (root + 1) // (sectors * (len(profile) - 1))
+        allowed = MOST_PATCHES * (root + 1) // (sectors * (len(profile) - 1))
         while depth > 0 and steps < allowed:
             depth -= 1
             steps += 1
@@ -212,11 +207,11 @@ def _search_round(  # type: ignore[no-untyped-def]
                 share = 0.5 * (patch[0] + patch[1]) if trip == 0 else patch[trip - 1]
                 _place(profile, k, share, 0.5 * (patch[2] + patch[3]), 1.0, matrix, center, point)
                 x, y, z = point[0], point[1], point[2]
-                best = _try_point(x, y, z, corners, low, high, start, normals, True, best, found, sight)
+                best = _try_point(x, y, z, tree, True, best, found, sight)
                 if trip == 0:
                     reach = sight[0] + _spread(hull, point)
-            bar = best * (1.0 + accuracy) + floor
-            if reach <= bar or _cover(hull, corners, low, high, start) <= bar or depth + 2 > len(stack):
+            bar = best * (1.0 + ACCURACY) + floor
+            if reach <= bar or _cover(hull, tree) <= bar or depth + 2 > len(stack):
                 continue
             _cut(profile, k, patch, stack, depth)
             depth += 2

@@ -22,10 +22,9 @@ from voxgran.contacts.parts import Parts, row_of
 from voxgran.contacts.search import deepest_point
 from voxgran.contacts.separation import separation
 from voxgran.contacts.solid import Solid
-from voxgran.contacts.triangles import TreeArrays
 from voxgran.geometry.rotation import stretch_of
 from voxgran.geometry.support import CONE, CYLINDER, TRIANGLE, support
-from voxgran.geometry.tree import square_to_box
+from voxgran.geometry.tree import TreeArrays, square_to_box
 from voxgran.shapes.describing.body import Geometry
 from voxgran.shapes.primitive import Primitive
 
@@ -115,7 +114,7 @@ def distance_to_triangles(
     row: Floats, center: Floats, sphere: float, tree: TreeArrays, reach: float, near: Floats
 ) -> float:
     """Return the distance of a convex solid from a surface; write the nearest points, that of the solid first."""
-    corners, low, high, start = tree
+    low, high = tree.low, tree.high
     best, hit = reach, False
     stack, triangle, points = np.zeros(64, dtype=np.int64), np.zeros(13), np.zeros(9)
     triangle[0] = TRIANGLE
@@ -134,8 +133,8 @@ def distance_to_triangles(
             stack[depth + 1] = left if one <= two else left + 1
             depth += 2
             continue
-        for t in range(start[node, 0], start[node, 1]):
-            _load(corners, t, center, triangle)
+        for t in range(tree.start[node, 0], tree.start[node, 1]):
+            _load(tree.corners, t, center, triangle)
             if _plane_gap(row, triangle) > best:
                 continue
             distance = separation(row, triangle, 0.0, shift, points)
@@ -178,7 +177,7 @@ def _plane_gap(row, triangle):  # type: ignore[no-untyped-def]
 @kernel
 def depth_in_convex(row: Floats, center: Floats, sphere: float, size: float, tree: TreeArrays, contact: Floats) -> bool:
     """Write the deepest contact of all triangles in a convex solid; return whether one is too deep to be exact."""
-    corners, low, high, start = tree
+    low, high = tree.low, tree.high
     deep, shift = False, np.zeros(3)
     stack, triangle = np.zeros(64, dtype=np.int64), np.zeros(13)
     points, trial = np.zeros(9), np.zeros(7)
@@ -193,8 +192,8 @@ def depth_in_convex(row: Floats, center: Floats, sphere: float, size: float, tre
             stack[depth], stack[depth + 1] = 2 * node + 1, 2 * node + 2
             depth += 2
             continue
-        for t in range(start[node, 0], start[node, 1]):
-            _load(corners, t, center, triangle)
+        for t in range(tree.start[node, 0], tree.start[node, 1]):
+            _load(tree.corners, t, center, triangle)
             if _plane_gap(row, triangle) > 0.0 or separation(row, triangle, contact[0], shift, points) > 0.0:
                 continue
             deep |= penetration(row, 0.0, triangle, 0.0, shift, size, trial)

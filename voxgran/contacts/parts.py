@@ -5,7 +5,7 @@ cone is one part. The rows are those of :mod:`voxgran.geometry.support`, rotated
 relative to their centroids.
 """
 
-from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
@@ -19,8 +19,7 @@ from voxgran.shapes.spheres import Spheres
 CODES = {"ellipsoid": ELLIPSOID, "box": BOX, "cylinder": CYLINDER, "cone": CONE}
 
 
-@dataclass(frozen=True, eq=False)
-class Parts:
+class Parts(NamedTuple):
     """Convex parts of several bodies, one body after the other."""
 
     start: Integers  # first part of each body, (n + 1,)
@@ -28,11 +27,6 @@ class Parts:
     margin: Floats  # distance of the surface from the core, (p,): the radius of a sphere
     center: Floats  # center of each part, relative to the centroid of the body, (p, 3)
     reach: Floats  # radius of the bounding sphere about the center, (p,)
-
-    @property
-    def arrays(self) -> tuple[Integers, Floats, Floats, Floats, Floats]:
-        """All arrays, in the order that kernels expect."""
-        return self.start, self.row, self.margin, self.center, self.reach
 
     def placed(self, body: Integers, scale: Floats, matrices: Floats) -> "Parts":
         """Return the parts of grains: body `body[k]`, scaled by `scale[k]` and rotated by `matrices[k]`."""

@@ -104,8 +104,7 @@ def _push_halves(stack, depth, a, b, leaves, other_leaves):  # type: ignore[no-u
 @kernel
 def _free_along(one, other, matrix, size, offset, way, most, extent):  # type: ignore[no-untyped-def]
     """Return the distance that the other surface moves along `way` until nothing crosses, at most `most`."""
-    (corners, low, _, start), (other_corners, other_low, _, other_start) = one, other
-    leaves, other_leaves = len(low) // 2, len(other_low) // 2
+    leaves, other_leaves = len(one.low) // 2, len(other.low) // 2
     stack, turned, place = np.zeros((256, 2), dtype=np.int64), np.zeros((16, 3, 3)), offset.copy()
     near = BEGIN * extent
     moved, before = 0.0, -1.0
@@ -120,10 +119,10 @@ def _free_along(one, other, matrix, size, offset, way, most, extent):  # type: i
             if a < leaves or b < other_leaves:
                 depth = _push_halves(stack, depth, a, b, leaves, other_leaves)
                 continue
-            turn_triangles(other_corners, other_start[b, 0], other_start[b, 1], matrix, offset, turned)
-            for i in range(start[a, 0], start[a, 1]):
-                for j in range(other_start[b, 1] - other_start[b, 0]):
-                    end = _end_of_crossing(corners, i, turned, j, way, moved + near)
+            turn_triangles(other.corners, other.start[b, 0], other.start[b, 1], matrix, offset, turned)
+            for i in range(one.start[a, 0], one.start[a, 1]):
+                for j in range(other.start[b, 1] - other.start[b, 0]):
+                    end = _end_of_crossing(one.corners, i, turned, j, way, moved + near)
                     if end > moved + END * extent:
                         moved = end
                         if moved >= most:
@@ -193,8 +192,7 @@ def _edge(triangles, i, k):  # type: ignore[no-untyped-def]
 @kernel
 def _add_normals(one, other, matrix, size, offset, normals):  # type: ignore[no-untyped-def]
     """Sum the normals of the crossing triangles of each surface."""
-    (corners, low, _, start), (other_corners, other_low, _, other_start) = one, other
-    leaves, other_leaves = len(low) // 2, len(other_low) // 2
+    leaves, other_leaves = len(one.low) // 2, len(other.low) // 2
     stack, turned, still, depth = np.zeros((256, 2), dtype=np.int64), np.zeros((16, 3, 3)), np.zeros(3), 1
     while depth > 0:
         depth -= 1
@@ -204,11 +202,11 @@ def _add_normals(one, other, matrix, size, offset, normals):  # type: ignore[no-
         if a < leaves or b < other_leaves:
             depth = _push_halves(stack, depth, a, b, leaves, other_leaves)
             continue
-        turn_triangles(other_corners, other_start[b, 0], other_start[b, 1], matrix, offset, turned)
-        for i in range(start[a, 0], start[a, 1]):
-            for j in range(other_start[b, 1] - other_start[b, 0]):
-                if _end_of_crossing(corners, i, turned, j, still, 1.0) > 0.0:
+        turn_triangles(other.corners, other.start[b, 0], other.start[b, 1], matrix, offset, turned)
+        for i in range(one.start[a, 0], one.start[a, 1]):
+            for j in range(other.start[b, 1] - other.start[b, 0]):
+                if _end_of_crossing(one.corners, i, turned, j, still, 1.0) > 0.0:
                     for n in range(2):
-                        normal = _direction(corners, i, turned, j, 9 + n)
+                        normal = _direction(one.corners, i, turned, j, 9 + n)
                         for k in range(3):
                             normals[n, k] += normal[k]

@@ -6,11 +6,9 @@ import numpy as np
 
 from voxgran._base.arrays import Floats, Integers
 from voxgran._base.kernels import bare_kernel, kernel
-from voxgran.geometry.tree import TriangleTree
+from voxgran.geometry.tree import TreeArrays, TriangleTree
 from voxgran.geometry.triangles import box_gap, plane_gap, triangle_distance
 
-#: corners, low, high and start of a box tree, as kernels take them
-TreeArrays = tuple[Floats, Floats, Floats, Integers]
 #: corners, start and boxes of a tree that have axes of their own, as kernels take them
 BoxedArrays = tuple[Floats, Integers, Floats]
 #: by how much a bound must exceed the best distance, relative to it and to the sizes, so that rounding drops no pair
@@ -40,8 +38,7 @@ def pair_bound(
     one: TreeArrays, a: int, other: TreeArrays, b: int, matrix: Floats, size: Floats, offset: Floats
 ) -> float:
     """Return a lower bound of the squared distance of box a from the contents of box b."""
-    _, low, high, _ = one
-    _, other_low, other_high, _ = other
+    low, high, other_low, other_high = one.low, one.high, other.low, other.high
     bound = 0.0
     for i in range(3):
         center, half = offset[i], 0.0

@@ -86,6 +86,23 @@ def spheres_near(
     return i, j - n, rows[:, 2:] + turns[i] - turns[j]
 
 
+class Cells(NamedTuple):
+    """Spheres in cells of a box.
+
+    sphere: (m, 4) centers and radii, cell by cell.  order: (m,) their numbers.  start: (c + 1,) first one of each cell.
+    many: (3,) cells along each axis.  around: (3,) cells on each side that are within reach.  wraps, span: (3,)
+    which axes are periodic, and lengths of the box.
+    """
+
+    sphere: Floats
+    order: Integers
+    start: Integers
+    many: Integers
+    around: Integers
+    wraps: Integers
+    span: Floats
+
+
 class Placed(NamedTuple):
     """Spheres in the bounds: wrapped centers (n, 3), radii (n,), lower corner, lengths, and which axes are periodic."""
 
@@ -134,21 +151,10 @@ def _pairs_with(place: Placed, queries: Integers, members: Integers, gap: float)
     width = np.where(wraps, span / cells, 1.0)
     around = np.where(wraps & (reach > width), np.ceil(reach / width), 1).astype(np.int64)
     rows = np.column_stack([place.centers, place.radii])
-    one_set = queries is members
-    arguments = (
-        rows[queries],
-        rows[members][order],
-        float(gap),
-        index[queries],
-        order,
-        start,
-        cells,
-        around,
-        wraps,
-        span,
-    )
+    filled = Cells(rows[members][order], order, start, cells, around, wraps, span)
+    arguments = rows[queries], index[queries], filled, float(gap), queries is members
     pairs = np.zeros((16 * len(queries), 5), dtype=np.int64)
-    while (found := _visit_pairs(*arguments, one_set, pairs)) > len(pairs):
+    while (found := _visit_pairs(*arguments, pairs)) > len(pairs):
         pairs = np.zeros((found, 5), dtype=np.int64)
     pairs = pairs[:found]
     pairs[:, 0], pairs[:, 1] = queries[pairs[:, 0]], members[pairs[:, 1]]
@@ -163,41 +169,42 @@ def _in_order(pairs: Integers) -> Integers:
 
 
 @kernel
-def _visit_pairs(queries, packed, gap, index, order, start, cells, around, wraps, span, one_set, pairs):  # type: ignore[no-untyped-def]
+def _visit_pairs(queries, index, cells, gap, one_set, pairs):  # type: ignore[no-untyped-def]
     """Walk the cells around each query, write the pairs in lexical order, and return how many there are.
 
     Where they are more than `pairs` has rows for, those that have no row are counted only. In one set, each pair comes
     once.
     """
+    many, around, wraps, span, packed = cells.many, cells.around, cells.wraps, cells.span, cells.sphere
     count = 0
     for i in range(len(queries)):
         first = count
         x, y, z, r = queries[i, 0], queries[i, 1], queries[i, 2], queries[i, 3] + gap
         for ox in range(-around[0], around[0] + 1):
             cx = index[i, 0] + ox
-            ix = cx // cells[0]
+            ix = cx // many[0]
             if ix != 0 and wraps[0] == 0:
                 continue
             for oy in range(-around[1], around[1] + 1):
                 cy = index[i, 1] + oy
-                iy = cy // cells[1]
+                iy = cy // many[1]
                 if iy != 0 and wraps[1] == 0:
                     continue
                 for oz in range(-around[2], around[2] + 1):
                     cz = index[i, 2] + oz
-                    iz = cz // cells[2]
+                    iz = cz // many[2]
                     if iz != 0 and wraps[2] == 0:
                         continue
                     own = ix == 0 and iy == 0 and iz == 0
                     ahead = ix > 0 or (ix == 0 and (iy > 0 or (iy == 0 and iz > 0)))
-                    cell = ((cx - ix * cells[0]) * cells[1] + cy - iy * cells[1]) * cells[2] + cz - iz * cells[2]
+                    cell = ((cx - ix * many[0]) * many[1] + cy - iy * many[1]) * many[2] + cz - iz * many[2]
                     px, py, pz = x - ix * span[0], y - iy * span[1], z - iz * span[2]
-                    for k in range(start[cell], start[cell + 1]):
+                    for k in range(cells.start[cell], cells.start[cell + 1]):
                         dx, dy, dz = packed[k, 0] - px, packed[k, 1] - py, packed[k, 2] - pz
                         reach = packed[k, 3] + r
                         if dx * dx + dy * dy + dz * dz > reach * reach or reach < 0.0:
                             continue
-                        j = order[k]
+                        j = cells.order[k]
                         if one_set and (j < i or (j == i and (own or not ahead))):
                             continue
                         if count < len(pairs):

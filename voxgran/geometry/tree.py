@@ -9,6 +9,7 @@ doi:10.1109/TVCG.2005.49); no ray is shot and no angle is summed.
 import math
 from dataclasses import dataclass
 from functools import cached_property
+from typing import NamedTuple
 
 import numpy as np
 
@@ -27,6 +28,16 @@ TURNED = 16
 LEAST_POINTS = 512
 
 
+class TreeArrays(NamedTuple):
+    """A tree of boxes over triangles as kernels take it: arrays of :class:`TriangleTree`."""
+
+    corners: Floats
+    low: Floats
+    high: Floats
+    start: Integers
+    normals: Floats
+
+
 @dataclass(frozen=True, eq=False)
 class TriangleTree:
     """A tree of boxes over triangles."""
@@ -39,9 +50,9 @@ class TriangleTree:
     face: Integers  # (m,) number of each triangle in the mesh
 
     @property
-    def arrays(self) -> tuple[Floats, Floats, Floats, Integers]:
-        """Corners and boxes, as kernels take them."""
-        return self.corners, self.low, self.high, self.start
+    def arrays(self) -> TreeArrays:
+        """Corners, boxes and normals, as kernels take them."""
+        return TreeArrays(self.corners, self.low, self.high, self.start, self.normals)
 
     @cached_property
     def boxes(self) -> Floats:
@@ -75,8 +86,8 @@ class TriangleTree:
         queries = np.ascontiguousarray(points, dtype=np.float64)
         distance = np.full(len(queries), np.inf)
         found, triangle = queries.copy(), np.full(len(queries), -1, dtype=np.int64)
-        known = *self.arrays, self.normals, float(reach)
-        in_blocks(_find_nearest, len(queries), queries, *known, distance, found, triangle, least=LEAST_POINTS)
+        arguments = queries, self.arrays, float(reach), distance, found, triangle
+        in_blocks(_find_nearest, len(queries), *arguments, least=LEAST_POINTS)
         return distance, found, triangle
 
     def signed_distance(self, points: Floats) -> Floats:
@@ -190,10 +201,11 @@ def square_to_box(low: Floats, high: Floats, k: int, x: float, y: float, z: floa
 
 @kernel
 def nearest_triangle(
-    corners: Floats, low: Floats, high: Floats, start: Integers, x: float, y: float, z: float, reach: float
+    tree: TreeArrays, x: float, y: float, z: float, reach: float
 ) -> tuple[float, int, int, float, float, float]:
     """Return squared distance, triangle, feature and point nearest to (x, y, z); triangle -1 beyond `reach`."""
-    return search_triangles(corners, low, high, start, x, y, z, reach, np.zeros(STACK, dtype=np.int64))
+    stack = np.zeros(STACK, dtype=np.int64)
+    return search_triangles(tree.corners, tree.low, tree.high, tree.start, x, y, z, reach, stack)
 
 
 @bare_kernel
@@ -243,16 +255,14 @@ def is_behind(normals: Floats, k: int, feature: int, dx: float, dy: float, dz: f
 
 
 @kernel
-def _find_nearest(  # type: ignore[no-untyped-def]
-    points, corners, low, high, start, normals, reach, distance, nearest, triangle, first, stop
-):
+def _find_nearest(points, tree, reach, distance, nearest, triangle, first, stop):  # type: ignore[no-untyped-def]
     """Write signed distance, nearest point and triangle of each point of a block."""
     for p in range(first, stop):
         x, y, z = points[p, 0], points[p, 1], points[p, 2]
-        square, k, feature, qx, qy, qz = nearest_triangle(corners, low, high, start, x, y, z, reach)
+        square, k, feature, qx, qy, qz = nearest_triangle(tree, x, y, z, reach)
         if k < 0:
             continue
-        inside = is_behind(normals, k, feature, x - qx, y - qy, z - qz)
+        inside = is_behind(tree.normals, k, feature, x - qx, y - qy, z - qz)
         distance[p] = -math.sqrt(square) if inside else math.sqrt(square)
         nearest[p, 0], nearest[p, 1], nearest[p, 2] = qx, qy, qz
         triangle[p] = k

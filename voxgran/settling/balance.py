@@ -20,12 +20,14 @@ O'Donoghue & Candes 2015, Adaptive restart for accelerated gradient schemes, doi
 """
 
 import math
+from typing import NamedTuple
 
 import numpy as np
 
 from voxgran._base.arrays import Floats, Integers
 from voxgran._base.kernels import bare_kernel, inlined_kernel
 from voxgran._base.stopping import stop_if_asked
+from voxgran.geometry.vectors import along, cross, dot, row_of, sub, times, vector_at
 
 #: numbers in a row of work: normal (3), arms (6), openness, steps along the normal and across it; then three
 #: forces (3): that of now, the extrapolated one, and that of the iteration before; three cache lines
@@ -34,24 +36,49 @@ WORK = 24
 INVERSE_MASS, INVERSE_MOMENT = 6, 7
 #: iterations of the projected gradient between two looks at its distance from the optimum
 AT_ONCE = 16
+#: no force
+NONE = (0.0, 0.0, 0.0)
 
 
-def net_accelerations(
-    row: Floats, i: Integers, j: Integers, m: int, bodies: Floats, gravity: Floats, forces: Floats
-) -> Floats:
+class LoadedContacts(NamedTuple):
+    """Contacts of bodies under gravity.
+
+    row: (m, 16) rows of the contacts.  i, j: (m,) their bodies; j is negative at a wall, and n at the lid.
+    bodies: (n + 1, 8) rows of the grains and of the lid.  gravity: (3,) acceleration.
+    """
+
+    row: Floats
+    i: Integers
+    j: Integers
+    bodies: Floats
+    gravity: Floats
+
+
+class Work(NamedTuple):
+    """Contacts in the order in which they are solved.
+
+    order, pair: (m,) rows of the contacts and (m, 2) their bodies.  row: (m, 24) numbers; see `WORK`.
+    """
+
+    order: Integers
+    pair: Integers
+    row: Floats
+
+
+def net_accelerations(contacts: LoadedContacts, forces: Floats) -> Floats:
     """Return the accelerations (n + 1, 6) of bodies under gravity and under the forces (m, 3) at contacts.
 
     The first three are those of the centroids, in units of gravity; then the angular ones. Bodies without inverse mass
     are fixed.
     """
-    accelerations = np.zeros((len(bodies), 6))
-    _add_forces(row, i, j, m, bodies, gravity, forces, accelerations)
+    accelerations = np.zeros((len(contacts.bodies), 6))
+    _add_forces(contacts, forces, accelerations)
     return accelerations
 
 
 def gauss_seidel_forces(
-    row: Floats, i: Integers, j: Integers, m: int, bodies: Floats, gravity: Floats, forces: Floats, openness: Floats,
-    *, friction: float, skin: float, iterations: int, tolerance: float = 1e-6,
+    contacts: LoadedContacts, forces: Floats, openness: Floats, *, friction: float, skin: float, iterations: int,
+    tolerance: float = 1e-6,
 ) -> tuple[Floats, int]:  # fmt: skip
     """Change the forces (m, 3) to those of a quasi-static step; return accelerations (n + 1, 6) and iterations made.
 
@@ -62,21 +89,18 @@ def gauss_seidel_forces(
     skin: acceleration by which a contact may approach for a unit of its force.  tolerance: relative change of the
     forces in an iteration at which they end.
     """
-    order, pair = np.empty(m, dtype=np.int64), np.empty((m, 2), dtype=np.int64)
-    _order_independent(i, j, m, np.zeros(len(bodies), dtype=np.int64), pair, np.zeros(m + 1, dtype=np.int64), order)
-    work, state = np.empty((m, WORK)), np.empty((len(bodies), 8))
-    alone = np.ones(len(bodies))
-    _fill_work(row, i, j, bodies, gravity, forces, openness, skin, alone, order, pair, work)
-    accelerations = net_accelerations(row, i, j, m, bodies, gravity, forces)
-    made = _gauss_seidel(
-        pair, work, state, bodies, gravity, friction, skin, iterations, tolerance, order, accelerations, forces
-    )
-    return net_accelerations(row, i, j, m, bodies, gravity, forces), made
+    m, count = len(contacts.i), len(contacts.bodies)
+    work = _new_work(m)
+    _order_independent(contacts, np.zeros(count, dtype=np.int64), np.zeros(m + 1, dtype=np.int64), work)
+    _fill_work(contacts, forces, openness, skin, np.ones(count), work)
+    accelerations, state = net_accelerations(contacts, forces), np.empty((count, 8))
+    made = _gauss_seidel(contacts, work, state, friction, skin, iterations, tolerance, accelerations, forces)
+    return net_accelerations(contacts, forces), made
 
 
 def accelerated_projected_gradient(
-    row: Floats, i: Integers, j: Integers, m: int, bodies: Floats, gravity: Floats, forces: Floats,
-    *, friction: float, iterations: int, tolerance: float, near: float, decide: bool = False,
+    contacts: LoadedContacts, forces: Floats, *, friction: float, iterations: int, tolerance: float, near: float,
+    decide: bool = False,
 ) -> tuple[Floats, int, float]:  # fmt: skip
     """Change the forces (m, 3), within their friction cones, to those that balance all bodies best.
 
@@ -88,89 +112,89 @@ def accelerated_projected_gradient(
     points at the radius of gyration.  near: they also end at this distance from the optimum.  decide: then they go on
     as long as a body that accelerates by more might not do so at the optimum.
     """
-    order, pair = np.arange(m), np.empty((m, 2), dtype=np.int64)
-    work, last = np.empty((m, WORK)), len(bodies) - 1
-    share = np.bincount(i[:m], minlength=last + 1) + np.bincount(j[:m][j[:m] >= 0], minlength=last + 1)
-    share = np.maximum(share, 1).astype(np.float64)
-    _fill_work(row, i, j, bodies, gravity, forces, np.zeros(m), 0.0, share, order, pair, work)
-    accelerations = net_accelerations(row, i, j, m, bodies, gravity, forces)
+    m, j, last = len(contacts.i), contacts.j, len(contacts.bodies) - 1
+    work = _new_work(m)
+    work.order[:] = np.arange(m)
+    share = np.bincount(contacts.i, minlength=last + 1) + np.bincount(j[j >= 0], minlength=last + 1)
+    _fill_work(contacts, forces, np.zeros(m), 0.0, np.maximum(share, 1).astype(np.float64), work)
+    accelerations = net_accelerations(contacts, forces)
     new, extrapolated, state = accelerations.copy(), accelerations.copy(), np.array([1.0, 0.0])
-    inverse = bodies[:, INVERSE_MASS : INVERSE_MOMENT + 1]
+    inverse = contacts.bodies[:, INVERSE_MASS : INVERSE_MOMENT + 1]
     masses = np.where(inverse > 0.0, 1.0 / np.where(inverse > 0.0, inverse, 1.0), 0.0)
     made, distance = 0, math.inf
     while made < iterations:
         stop_if_asked()
         for _ in range(min(AT_ONCE, iterations - made)):
-            _descend(pair, work, bodies, gravity, friction, accelerations, new, extrapolated, state)
+            _descend(work, contacts.bodies, contacts.gravity, friction, accelerations, new, extrapolated, state)
             made += 1
         # squares of the motions, by mass; the optimum, which has the least sum, is no farther than they are large
         squares = (accelerations.reshape(-1, 2, 3) ** 2).sum(axis=2) * masses
-        excess = max(_excess(pair, work, last, friction, accelerations), 0.0)
+        excess = max(_excess(work, friction, accelerations), 0.0)
         reach, total = math.sqrt(min(excess, float(squares.sum()))), max(float(masses[:, 0].sum()), 1e-300)
         distance = reach / math.sqrt(total)
         beyond = np.sqrt(squares) - tolerance * np.sqrt(masses[:, :1])
         moving = beyond > 0.0
         if not moving.any() or (distance <= near and not (decide and (beyond[moving] <= reach).any())):
             break
-    forces[:m] = work[:, 12:15]
-    return net_accelerations(row, i, j, m, bodies, gravity, forces), made, distance
+    forces[:m] = work.row[:, 12:15]
+    return net_accelerations(contacts, forces), made, distance
+
+
+def _new_work(m: int) -> Work:
+    """Return room for m contacts."""
+    return Work(np.empty(m, dtype=np.int64), np.empty((m, 2), dtype=np.int64), np.empty((m, WORK)))
 
 
 @inlined_kernel
-def _add(body, inverse_mass, inverse_moment, rx, ry, rz, x, y, z):  # type: ignore[no-untyped-def]
+def _add(body, inverse_mass, inverse_moment, arm, force):  # type: ignore[no-untyped-def]
     """Add to an acceleration what a force does at an arm."""
-    body[0] += inverse_mass * x
-    body[1] += inverse_mass * y
-    body[2] += inverse_mass * z
-    body[3] += inverse_moment * (ry * z - rz * y)
-    body[4] += inverse_moment * (rz * x - rx * z)
-    body[5] += inverse_moment * (rx * y - ry * x)
+    body[0], body[1], body[2] = along(vector_at(body, 0), inverse_mass, force)
+    body[3], body[4], body[5] = along(vector_at(body, 3), inverse_moment, cross(arm, force))
 
 
 @inlined_kernel
-def _add_to_lid(lid, inverse_mass, gravity, x, y, z):  # type: ignore[no-untyped-def]
+def _add_to_lid(lid, inverse_mass, gravity, force):  # type: ignore[no-untyped-def]
     """Add to the acceleration of a lid, which moves along gravity only, what a force does."""
-    along = inverse_mass * (x * gravity[0] + y * gravity[1] + z * gravity[2])
-    lid[0] += along * gravity[0]
-    lid[1] += along * gravity[1]
-    lid[2] += along * gravity[2]
+    axis = vector_at(gravity, 0)
+    lid[0], lid[1], lid[2] = along(vector_at(lid, 0), inverse_mass * dot(force, axis), axis)
 
 
 @bare_kernel
-def _add_forces(row, i, j, m, bodies, gravity, forces, accelerations):  # type: ignore[no-untyped-def]
+def _add_forces(contacts, forces, accelerations):  # type: ignore[no-untyped-def]
     """Write the accelerations (n + 1, 6) of bodies under gravity and under forces (m, 3)."""
-    last = len(bodies) - 1
+    bodies, gravity, last = contacts.bodies, contacts.gravity, len(contacts.bodies) - 1
     for k in range(last + 1):
         free = 1.0 if bodies[k, INVERSE_MASS] > 0.0 else 0.0
         for c in range(3):
             accelerations[k, c] = free * gravity[c]
             accelerations[k, 3 + c] = 0.0
-    for k in range(m):
-        x, y, z = forces[k, 0], forces[k, 1], forces[k, 2]
-        if x == 0.0 and y == 0.0 and z == 0.0:
+    for k in range(len(contacts.i)):
+        force = row_of(forces, k)
+        if force == NONE:
             continue
-        c, one, other = row[k], i[k], j[k]
+        c, one, other = contacts.row[k], contacts.i[k], contacts.j[k]
         b = bodies[one]
-        _add(accelerations[one], -b[6], -b[7], c[3], c[4], c[5], x, y, z)
+        _add(accelerations[one], -b[6], -b[7], vector_at(c, 3), force)
         if other == last:
-            _add_to_lid(accelerations[last], bodies[last, 6], gravity, x, y, z)
+            _add_to_lid(accelerations[last], bodies[last, 6], gravity, force)
         elif other >= 0:
             b = bodies[other]
-            _add(accelerations[other], b[6], b[7], c[6], c[7], c[8], x, y, z)
+            _add(accelerations[other], b[6], b[7], vector_at(c, 6), force)
 
 
 @bare_kernel
-def _order_independent(i, j, m, level, pair, start, order):  # type: ignore[no-untyped-def]
+def _order_independent(contacts, level, start, work):  # type: ignore[no-untyped-def]
     """Write an order of the contacts in which neighbours share no body, and those that do keep their order.
 
     A Gauss-Seidel sweep in this order changes the same numbers in the same way as one in the order of the rows: each
     contact meets the same accelerations of its two bodies. But a processor can work on several contacts at once. The
     rows are sorted by the length of the longest chain of rows up to them of which each shares a body with the next.
 
-    level: (n + 1,) zeros, pair: (m, 2) and start: (m + 1,) zeros, to work with.
+    level: (n + 1,) zeros and start: (m + 1,) zeros, to work with.
     """
+    m, pair, order = len(contacts.i), work.pair, work.order
     for k in range(m):
-        one, other = i[k], j[k]
+        one, other = contacts.i[k], contacts.j[k]
         here = level[one]
         if other >= 0:
             here = max(here, level[other])
@@ -203,16 +227,16 @@ def _effective(c, first, mass, moment, coupled):  # type: ignore[no-untyped-def]
 
 
 @bare_kernel
-def _fill_work(row, i, j, bodies, gravity, forces, openness, skin, share, order, pair, work):  # type: ignore[no-untyped-def]
-    """Write the contacts in another order: bodies, and rows of `WORK` numbers.
+def _fill_work(contacts, forces, openness, skin, share, work):  # type: ignore[no-untyped-def]
+    """Write the contacts in the order of the work: bodies, and rows of `WORK` numbers.
 
     share: (n + 1,) in how many parts the mass of a body is split among its contacts; 1 where they are solved in turn.
     """
-    last = len(bodies) - 1
-    for q in range(len(order)):
-        k = order[q]
-        c, w, one, other = row[k], work[q], i[k], j[k]
-        pair[q, 0], pair[q, 1] = one, other
+    bodies, gravity, last = contacts.bodies, contacts.gravity, len(contacts.bodies) - 1
+    for q in range(len(work.order)):
+        k = work.order[q]
+        c, w, one, other = contacts.row[k], work.row[q], contacts.i[k], contacts.j[k]
+        work.pair[q, 0], work.pair[q, 1] = one, other
         coupled = share[one] > 1.0
         normal, across = _effective(c, 3, share[one] * bodies[one, 6], share[one] * bodies[one, 7], coupled)
         if other == last:
@@ -237,11 +261,9 @@ def _fill_work(row, i, j, bodies, gravity, forces, openness, skin, share, order,
 
 
 @bare_kernel
-def _gauss_seidel(  # type: ignore[no-untyped-def]
-    pair, work, state, bodies, gravity, friction, skin, iterations, tolerance, order, accelerations, forces
-):
+def _gauss_seidel(contacts, work, state, friction, skin, iterations, tolerance, accelerations, forces):  # type: ignore[no-untyped-def]
     """Solve, write the forces and return the number of iterations."""
-    last = len(bodies) - 1
+    bodies, last = contacts.bodies, len(contacts.bodies) - 1
     for k in range(last + 1):
         for c in range(6):
             state[k, c] = accelerations[k, c]
@@ -253,8 +275,8 @@ def _gauss_seidel(  # type: ignore[no-untyped-def]
                 here = state[k, c]
                 state[k, c] = here + momentum * (here - accelerations[k, c])
                 accelerations[k, c] = here
-        _sweep(pair, work, state, last, gravity, friction, skin, momentum, False)
-        turned, change, size = _sweep(pair, work, state, last, gravity, friction, skin, momentum, True)
+        _sweep(work, state, contacts.gravity, friction, skin, momentum, False)
+        turned, change, size = _sweep(work, state, contacts.gravity, friction, skin, momentum, True)
         made += 1
         if change <= tolerance * tolerance * size:
             break
@@ -263,80 +285,60 @@ def _gauss_seidel(  # type: ignore[no-untyped-def]
         after = (1.0 + math.sqrt(1.0 + 4.0 * t * t)) / 2.0
         momentum = (t - 1.0) / after
         t = after
-    for q in range(len(order)):
+    for q in range(len(work.order)):
         for s in range(3):
-            forces[order[q], s] = work[q, 12 + s]
+            forces[work.order[q], s] = work.row[q, 12 + s]
     return made
 
 
 @bare_kernel
-def _sweep(pair, work, state, last, gravity, friction, skin, momentum, backwards):  # type: ignore[no-untyped-def]
+def _sweep(work, state, gravity, friction, skin, momentum, backwards):  # type: ignore[no-untyped-def]
     """Visit all contacts once; extrapolate their forces on the way forwards, and compare them on the way backwards.
 
     Return, of the way backwards, the product of the way back from the extrapolated forces with the change since the
     iteration before, the square of this change and that of the forces.
     """
-    m, turned, change, size = len(pair), 0.0, 0.0, 0.0
+    m, last, turned, change, size = len(work.pair), len(state) - 1, 0.0, 0.0, 0.0
     for q in range(m):
         k = m - 1 - q if backwards else q
-        c, one, other = work[k], pair[k, 0], pair[k, 1]
-        a, x, y, z = state[one], c[0], c[1], c[2]
-        f0, f1, f2 = c[12], c[13], c[14]
+        c, one, other = work.row[k], work.pair[k, 0], work.pair[k, 1]
+        a, normal, force = state[one], vector_at(c, 0), vector_at(c, 12)
         if not backwards:
-            e0, e1, e2 = f0 + momentum * (f0 - c[18]), f1 + momentum * (f1 - c[19]), f2 + momentum * (f2 - c[20])
-            c[18], c[19], c[20] = f0, f1, f2
-            c[15], c[16], c[17] = e0, e1, e2
-            f0, f1, f2 = e0, e1, e2
-        a0, a1, a2, a3, a4, a5 = a[0], a[1], a[2], a[3], a[4], a[5]
-        r0, r1, r2 = c[3], c[4], c[5]
-        u0 = -(a0 + a4 * r2 - a5 * r1)
-        u1 = -(a1 + a5 * r0 - a3 * r2)
-        u2 = -(a2 + a3 * r1 - a4 * r0)
-        if other >= 0:
-            b = state[other]
-            u0 += b[0] + b[4] * c[8] - b[5] * c[7]
-            u1 += b[1] + b[5] * c[6] - b[3] * c[8]
-            u2 += b[2] + b[3] * c[7] - b[4] * c[6]
-        un = u0 * x + u1 * y + u2 * z
-        fn = f0 * x + f1 * y + f2 * z
+            ahead = along(force, momentum, sub(force, vector_at(c, 18)))
+            c[18], c[19], c[20] = force
+            c[15], c[16], c[17] = ahead
+            force = ahead
+        apart = _approach(c, state, one, other)
+        un, fn = dot(apart, normal), dot(force, normal)
         push = fn - c[10] * (un + c[9] + skin * fn)
-        if push <= 0.0:
-            p0 = p1 = p2 = 0.0
-        else:
-            st, limit = c[11], friction * push
-            t0 = f0 - fn * x - st * (u0 - un * x)
-            t1 = f1 - fn * y - st * (u1 - un * y)
-            t2 = f2 - fn * z - st * (u2 - un * z)
-            square = t0 * t0 + t1 * t1 + t2 * t2
-            part = 1.0
+        pressed = NONE
+        if push > 0.0:
+            limit, part = friction * push, 1.0
+            across = along(along(force, -fn, normal), -c[11], along(apart, -un, normal))
+            square = dot(across, across)
             if square > limit * limit:
                 part = limit / math.sqrt(square)
-            p0, p1, p2 = push * x + part * t0, push * y + part * t1, push * z + part * t2
-        c[12], c[13], c[14] = p0, p1, p2
+            pressed = along(times(normal, push), part, across)
+        c[12], c[13], c[14] = pressed
         if backwards:
-            e0, e1, e2 = p0 - c[18], p1 - c[19], p2 - c[20]
-            turned += (c[15] - p0) * e0 + (c[16] - p1) * e1 + (c[17] - p2) * e2
-            change += e0 * e0 + e1 * e1 + e2 * e2
-            size += p0 * p0 + p1 * p1 + p2 * p2
-        p0, p1, p2 = p0 - f0, p1 - f1, p2 - f2
-        if p0 == 0.0 and p1 == 0.0 and p2 == 0.0:
+            step = sub(pressed, vector_at(c, 18))
+            turned += dot(sub(vector_at(c, 15), pressed), step)
+            change += dot(step, step)
+            size += dot(pressed, pressed)
+        more = sub(pressed, force)
+        if more == NONE:
             continue
-        mass, moment = -a[6], -a[7]
-        a[0], a[1], a[2] = a0 + mass * p0, a1 + mass * p1, a2 + mass * p2
-        a[3] = a3 + moment * (r1 * p2 - r2 * p1)
-        a[4] = a4 + moment * (r2 * p0 - r0 * p2)
-        a[5] = a5 + moment * (r0 * p1 - r1 * p0)
+        _add(a, -a[6], -a[7], vector_at(c, 3), more)
         if other == last:
-            b = state[other]
-            _add_to_lid(b, b[6], gravity, p0, p1, p2)
+            _add_to_lid(state[last], state[last, 6], gravity, more)
         elif other >= 0:
             b = state[other]
-            _add(b, b[6], b[7], c[6], c[7], c[8], p0, p1, p2)
+            _add(b, b[6], b[7], vector_at(c, 6), more)
     return turned, change, size
 
 
 @bare_kernel
-def _descend(pair, work, bodies, gravity, friction, accelerations, new, extrapolated, state):  # type: ignore[no-untyped-def]
+def _descend(work, bodies, gravity, friction, accelerations, new, extrapolated, state):  # type: ignore[no-untyped-def]
     """Make one iteration of the projected gradient: a step from the extrapolated forces, and the next momentum.
 
     accelerations: under the forces, new: to be written, extrapolated: under the extrapolated forces.  state: the two
@@ -347,37 +349,30 @@ def _descend(pair, work, bodies, gravity, friction, accelerations, new, extrapol
         free = 1.0 if bodies[k, 6] > 0.0 else 0.0
         for s in range(3):
             new[k, s], new[k, 3 + s] = free * gravity[s], 0.0
-    for k in range(len(pair)):
-        c, one, other = work[k], pair[k, 0], pair[k, 1]
-        y0, y1, y2 = (
-            c[12] + momentum * (c[12] - c[18]),
-            c[13] + momentum * (c[13] - c[19]),
-            c[14] + momentum * (c[14] - c[20]),
-        )
-        c[18], c[19], c[20] = c[12], c[13], c[14]
-        x, y, z = c[0], c[1], c[2]
-        u0, u1, u2 = _approach(c, extrapolated, one, other)
-        un, yn = u0 * x + u1 * y + u2 * z, y0 * x + y1 * y + y2 * z
+    for k in range(len(work.pair)):
+        c, one, other = work.row[k], work.pair[k, 0], work.pair[k, 1]
+        before, normal = vector_at(c, 12), vector_at(c, 0)
+        ahead = along(before, momentum, sub(before, vector_at(c, 18)))
+        c[18], c[19], c[20] = before
+        apart = _approach(c, extrapolated, one, other)
+        un, fn = dot(apart, normal), dot(ahead, normal)
         sn, st = c[10], c[11]
-        t0 = y0 - yn * x - st * (u0 - un * x)
-        t1 = y1 - yn * y - st * (u1 - un * y)
-        t2 = y2 - yn * z - st * (u2 - un * z)
-        push, part = _onto_cone(yn - sn * un, math.sqrt(t0 * t0 + t1 * t1 + t2 * t2), friction, sn, st)
-        p0, p1, p2 = push * x + part * t0, push * y + part * t1, push * z + part * t2
-        c[12], c[13], c[14] = p0, p1, p2
-        e0, e1, e2 = p0 - c[18], p1 - c[19], p2 - c[20]
-        y0, y1, y2 = y0 - p0, y1 - p1, y2 - p2
+        across = along(along(ahead, -fn, normal), -st, along(apart, -un, normal))
+        push, part = _onto_cone(fn - sn * un, math.sqrt(dot(across, across)), friction, sn, st)
+        force = along(times(normal, push), part, across)
+        c[12], c[13], c[14] = force
+        step, back = sub(force, before), sub(ahead, force)
         if sn > 0.0 and st > 0.0:
-            along = (e0 * x + e1 * y + e2 * z) * (y0 * x + y1 * y + y2 * z)
-            turned += along / sn + (y0 * e0 + y1 * e1 + y2 * e2 - along) / st
-        if p0 != 0.0 or p1 != 0.0 or p2 != 0.0:
+            product = dot(step, normal) * dot(back, normal)
+            turned += product / sn + (dot(back, step) - product) / st
+        if force != NONE:
             b = bodies[one]
-            _add(new[one], -b[6], -b[7], c[3], c[4], c[5], p0, p1, p2)
+            _add(new[one], -b[6], -b[7], vector_at(c, 3), force)
             if other == last:
-                _add_to_lid(new[last], bodies[last, 6], gravity, p0, p1, p2)
+                _add_to_lid(new[last], bodies[last, 6], gravity, force)
             elif other >= 0:
                 b = bodies[other]
-                _add(new[other], b[6], b[7], c[6], c[7], c[8], p0, p1, p2)
+                _add(new[other], b[6], b[7], vector_at(c, 6), force)
     t = 1.0 if turned > 0.0 else state[0]
     state[0] = (1.0 + math.sqrt(1.0 + 4.0 * t * t)) / 2.0
     state[1] = momentum = (t - 1.0) / state[0]
@@ -419,7 +414,7 @@ def _onto_cone(push, rub, friction, sn, st):  # type: ignore[no-untyped-def]
 
 
 @bare_kernel
-def _excess(pair, work, last, friction, accelerations):  # type: ignore[no-untyped-def]
+def _excess(work, friction, accelerations):  # type: ignore[no-untyped-def]
     """Return a bound of the squared distance from the optimum in accelerations, weighted by mass.
 
     The accelerations of the optimum are the least ones within a convex set. The square of the distance from them is
@@ -428,9 +423,9 @@ def _excess(pair, work, last, friction, accelerations):  # type: ignore[no-untyp
     normal force, which is taken to be at most that of now and a mean one.
     """
     power, short, weighted, mean = 0.0, 0.0, 0.0, 0.0
-    for k in range(len(pair)):
-        c = work[k]
-        u0, u1, u2 = _approach(c, accelerations, pair[k, 0], pair[k, 1])
+    for k in range(len(work.pair)):
+        c = work.row[k]
+        u0, u1, u2 = _approach(c, accelerations, work.pair[k, 0], work.pair[k, 1])
         un = u0 * c[0] + u1 * c[1] + u2 * c[2]
         fn = c[12] * c[0] + c[13] * c[1] + c[14] * c[2]
         across = math.sqrt(max(u0 * u0 + u1 * u1 + u2 * u2 - un * un, 0.0))
@@ -438,5 +433,5 @@ def _excess(pair, work, last, friction, accelerations):  # type: ignore[no-untyp
         power += c[12] * u0 + c[13] * u1 + c[14] * u2
         short += approach
         weighted += approach * fn
-        mean += fn / len(pair)
+        mean += fn / len(work.pair)
     return power + weighted + short * mean

@@ -30,6 +30,7 @@ from voxgran.contacts.manifolds.rows import (
     carry_rows,
 )
 from voxgran.geometry.rotation import normalized
+from voxgran.settling.balance import LoadedContacts
 from voxgran.settling.impulses import move_bodies, write_matrices
 
 Array = TypeVar("Array", bound="np.ndarray[Any, Any]")
@@ -106,6 +107,12 @@ class Bed:
     def count(self) -> int:
         """Number of grains."""
         return len(self.orientation)
+
+    @property
+    def contacts(self) -> LoadedContacts:
+        """Contacts that were last found, with bodies and gravity."""
+        rows, m = self.rows, self.m
+        return LoadedContacts(rows.row[:m], rows.i[:m], rows.j[:m], self.bodies, self.gravity)
 
     @property
     def gap(self) -> Floats:

@@ -18,7 +18,7 @@ from voxgran._base.compiling.threads import using_threads
 from voxgran._base.errors import InputError
 from voxgran._base.lazy import load
 from voxgran.contacts.assembly import Assembly
-from voxgran.contacts.manifolds.rows import ARM_I, GAP, NORMAL, ContactRows
+from voxgran.contacts.manifolds.rows import ARM_I, GAP, NORMAL
 from voxgran.settling.balance import accelerated_projected_gradient, gauss_seidel_forces
 from voxgran.settling.bed import Bed, normalized_bed
 from voxgran.settling.interior_point import frictionless_forces
@@ -67,59 +67,6 @@ class Balance:
     rests: Booleans
     iterations: int
     distance: float
-
-
-def balance_forces(
-    rows: ContactRows,
-    m: int,
-    bodies: Floats,
-    gravity: Floats,
-    *,
-    friction: float,
-    tolerance: float = 0.01,
-    forces: Floats | None = None,
-    height: Floats | None = None,
-    iterations: int = ITERATIONS,
-    dimension: int = 3,
-    decide: bool = False,
-    density: Floats | float = 1.0,
-) -> Balance:
-    """Return the forces at the first m contacts, within their friction cones, that balance the grains best.
-
-    bodies: (n + 1, 8) rows of the grains and of the lid.  gravity: (3,) unit vector.  forces: (m, 3), where the search
-    with friction begins; none where left out.  height: (n,) of the grains, or left out where they are numbered
-    by it.  dimension: 2 or 3, by which masses and relative densities (n,) tell radii.  decide: whether the search goes
-    on near the optimum while grains that do not rest may rest at the optimum.
-    """
-    row, i, j = rows.row, rows.i, rows.j
-    found = np.zeros((m, 3)) if forces is None else np.array(forces, dtype=np.float64)
-    turning = bool(np.abs(np.cross(row[:m, ARM_I : ARM_I + 3], row[:m, NORMAL : NORMAL + 3])).max(initial=0.0) > 1e-9)
-    if friction > 0.0 or turning or len(bodies) > MOST_DIRECT:
-        accelerations, made, distance = accelerated_projected_gradient(
-            row, i, j, m, bodies, gravity, found, friction=friction, iterations=iterations, tolerance=tolerance,
-            near=NEAR * tolerance, decide=decide,
-        )  # fmt: skip
-    else:
-        push, accelerations, made = frictionless_forces(
-            row,
-            i,
-            j,
-            m,
-            bodies,
-            gravity,
-            openness=np.zeros(m),
-            skin=0.0,
-            accuracy=ACCURACY * tolerance,
-            height=height,
-        )
-        found, distance = push[:, None] * row[:m, NORMAL : NORMAL + 3], ACCURACY * tolerance
-    residual = np.linalg.norm(accelerations[:-1, :3], axis=1)
-    # moment of inertia over mass, and the radius of a sphere or disk of the same volume
-    moment = bodies[:-1, 6] / np.where(bodies[:-1, 7] > 0.0, bodies[:-1, 7], np.inf)
-    radius = 0.5 * (bodies[:-1, 6] * density) ** (-1.0 / (dimension))
-    torque = np.linalg.norm(accelerations[:-1, 3:], axis=1) * moment / radius
-    rests = (residual <= tolerance) & (torque <= tolerance)
-    return Balance(found, residual, torque, rests, made, distance)
 
 
 @explained(hint="equilibrium(packing, friction=0.5)")
@@ -208,11 +155,10 @@ def _guess_forces(bed: Bed, friction: float, reach: float) -> None:
     balance the grains no better than none do, the search begins with none.
     """
     bed.find(reach, 0.0)
-    forces, rows = np.zeros((bed.m, 3)), bed.rows
+    forces = np.zeros((bed.m, 3))
     accelerations, _ = gauss_seidel_forces(
-        rows.row, rows.i, rows.j, bed.m, bed.bodies, bed.gravity, forces, np.zeros(bed.m),
-        friction=min(friction, MOST_FRICTION), skin=0.0, iterations=GUESS,
-    )  # fmt: skip
+        bed.contacts, forces, np.zeros(bed.m), friction=min(friction, MOST_FRICTION), skin=0.0, iterations=GUESS
+    )
     inverse = bed.bodies[:-1, 6:8]
     left = (accelerations[:-1].reshape(-1, 2, 3) ** 2).sum(axis=2) / inverse
     # without forces all grains fall with the acceleration 1
@@ -224,16 +170,32 @@ def balance_bed(
 ) -> Balance:
     """Return the forces at the contacts of a bed within reach that balance its grains best; grains as the bed has them.
 
-    The search begins with the forces that the bed keeps, and the bed keeps those that are found.
+    The search begins with the forces that the bed keeps, and the bed keeps those that are found. With `decide` it goes
+    on near the optimum while grains that do not rest may rest at the optimum.
     """
     bed.find(reach, 0.0)
-    found = balance_forces(
-        bed.rows, bed.m, bed.bodies, bed.gravity, friction=friction, tolerance=tolerance, forces=bed.forces(),
-        iterations=iterations, dimension=bed.assembly.dimension, height=-(bed.grains.position @ bed.gravity),
-        decide=decide, density=bed.density,
-    )  # fmt: skip
-    bed.keep_forces(found.forces)
-    return found
+    contacts, forces = bed.contacts, bed.forces()
+    row, bodies = contacts.row, contacts.bodies
+    turning = bool(np.abs(np.cross(row[:, ARM_I : ARM_I + 3], row[:, NORMAL : NORMAL + 3])).max(initial=0.0) > 1e-9)
+    if friction > 0.0 or turning or len(bodies) > MOST_DIRECT:
+        accelerations, made, distance = accelerated_projected_gradient(
+            contacts, forces, friction=friction, iterations=iterations, tolerance=tolerance, near=NEAR * tolerance,
+            decide=decide,
+        )  # fmt: skip
+    else:
+        distance, height = ACCURACY * tolerance, -(bed.grains.position @ bed.gravity)
+        push, accelerations, made = frictionless_forces(
+            contacts, openness=np.zeros(bed.m), skin=0.0, accuracy=distance, height=height
+        )
+        forces = push[:, None] * row[:, NORMAL : NORMAL + 3]
+    residual = np.linalg.norm(accelerations[:-1, :3], axis=1)
+    # moment of inertia over mass, and the radius of a sphere or disk of the same volume
+    moment = bodies[:-1, 6] / np.where(bodies[:-1, 7] > 0.0, bodies[:-1, 7], np.inf)
+    radius = 0.5 * (bodies[:-1, 6] * bed.density) ** (-1.0 / bed.assembly.dimension)
+    torque = np.linalg.norm(accelerations[:-1, 3:], axis=1) * moment / radius
+    rests = (residual <= tolerance) & (torque <= tolerance)
+    bed.keep_forces(forces)
+    return Balance(forces, residual, torque, rests, made, distance)
 
 
 def carried_by(bed: Bed, forces: Floats) -> Floats:

@@ -1,31 +1,10 @@
 """The fall of a bed with inertia, until its grains hardly sink any more."""
 
-from dataclasses import dataclass
-
 import numpy as np
 
 from voxgran._base.arrays import Floats
 from voxgran.settling.bed import Bed
-from voxgran.settling.impulses import advance_bodies
-
-#: time step and number of substeps; farthest that a grain moves in a step; distance up to which contacts are found
-STEP, SUBSTEPS, MOST, MARGIN = 0.05, 4, 0.05, 0.08
-#: share of an overlap that is opened in a substep, and the largest velocity for that
-OPENING, FASTEST = 0.136, 2.0
-
-
-@dataclass(frozen=True, slots=True)
-class Fall:
-    """How a bed falls; lengths in median diameters, times in sqrt(d / g)."""
-
-    friction: float
-    restitution: float = 0.0
-    rest: float = 5e-4  # distance that surfaces keep
-    step: float = STEP
-    substeps: int = SUBSTEPS
-    most: float = MOST
-    margin: float = MARGIN
-    weight: float = 1.0  # factor on gravity
+from voxgran.settling.impulses import Fall, advance_bodies
 
 
 def fall_step(bed: Bed, how: Fall, before: float, pull: Floats | None = None) -> None:
@@ -40,10 +19,7 @@ def fall_step(bed: Bed, how: Fall, before: float, pull: Floats | None = None) ->
     substep = how.step / how.substeps
     part = substep / before if before > 0.0 else 0.0
     approach = np.zeros(bed.m if how.restitution > 0.0 else 0)
-    advance_bodies(
-        bed.rows, bed.bodies, bed.motion, bed.m, bed.count, how.weight * bed.gravity, how.step, how.substeps,
-        how.friction, how.restitution, OPENING, FASTEST, how.most / how.step, part, approach,
-    )  # fmt: skip
+    advance_bodies(bed.rows, bed.m, bed.bodies, bed.motion, how.weight * bed.gravity, how, part, approach)
     bed.move(bed.motion, how.most)
 
 

@@ -10,11 +10,17 @@ Moreau 1988, doi:10.1007/978-3-7091-2624-0_1. Macklin et al. 2019, doi:10.1145/3
 """
 
 import math
+from typing import NamedTuple
 
 from voxgran._base.arrays import Floats
 from voxgran._base.kernels import bare_kernel, inlined_kernel, kernel
 from voxgran.contacts.manifolds.rows import ContactRows
+from voxgran.geometry.vectors import Vector, cross, dot
 
+#: time step and number of substeps; farthest that a grain moves in a step; distance up to which contacts are found
+STEP, SUBSTEPS, MOST, MARGIN = 0.05, 4, 0.05, 0.08
+#: share of an overlap that is opened in a substep, and the largest velocity for that
+OPENING, FASTEST = 0.136, 2.0
 #: velocity of approach, in sqrt(g d), below which bodies do not rebound
 SLOW = 0.05
 #: overlap that is not opened, and how contacts yield while they open others: factors on the change of an impulse and on
@@ -22,32 +28,42 @@ SLOW = 0.05
 LEFT, GAIN, LOSS = 2.5e-4, 0.9478, 0.0522
 
 
-@bare_kernel
-def add_impulse(b: Floats, rx: float, ry: float, rz: float, px: float, py: float, pz: float) -> None:
-    """Add an impulse p at an arm r to the velocities of a body."""
-    m, t = b[6], b[7]
-    b[0] += m * px
-    b[1] += m * py
-    b[2] += m * pz
-    b[3] += t * (ry * pz - rz * py)
-    b[4] += t * (rz * px - rx * pz)
-    b[5] += t * (rx * py - ry * px)
+class Fall(NamedTuple):
+    """How a bed falls; lengths in median diameters, times in sqrt(d / g)."""
+
+    friction: float
+    restitution: float = 0.0
+    rest: float = 5e-4  # distance that surfaces keep
+    step: float = STEP
+    substeps: int = SUBSTEPS
+    most: float = MOST
+    margin: float = MARGIN
+    weight: float = 1.0  # factor on gravity
 
 
 @bare_kernel
-def add_to_partner(
-    bodies: Floats, j: int, n: int, ax: float, ay: float, az: float, rx: float, ry: float, rz: float, px: float,
-    py: float, pz: float,
-) -> None:  # fmt: skip
-    """Add an impulse to a partner: a grain, or the lid (j == n), which moves along a only."""
+def add_impulse(b: Floats, arm: Vector, impulse: Vector) -> None:
+    """Add an impulse at an arm to the velocities of a body."""
+    m, t, turn = b[6], b[7], cross(arm, impulse)
+    b[0] += m * impulse[0]
+    b[1] += m * impulse[1]
+    b[2] += m * impulse[2]
+    b[3] += t * turn[0]
+    b[4] += t * turn[1]
+    b[5] += t * turn[2]
+
+
+@bare_kernel
+def add_to_partner(bodies: Floats, j: int, axis: Vector, arm: Vector, impulse: Vector) -> None:
+    """Add an impulse to a partner: a grain, or the lid, the last body, which moves along an axis only."""
     b = bodies[j]
-    if j < n:
-        add_impulse(b, rx, ry, rz, px, py, pz)
+    if j < len(bodies) - 1:
+        add_impulse(b, arm, impulse)
     else:
-        along = b[6] * (px * ax + py * ay + pz * az)
-        b[0] += along * ax
-        b[1] += along * ay
-        b[2] += along * az
+        along = b[6] * dot(impulse, axis)
+        b[0] += along * axis[0]
+        b[1] += along * axis[1]
+        b[2] += along * axis[2]
 
 
 @bare_kernel
@@ -79,7 +95,7 @@ def _prepare(rows, bodies, m, part):  # type: ignore[no-untyped-def]
 
 
 @bare_kernel
-def _apply_old(rows, bodies, m, n, gravity):  # type: ignore[no-untyped-def]
+def _apply_old(rows, bodies, m, axis):  # type: ignore[no-untyped-def]
     """Apply the impulses of the last substep."""
     for k in range(m):
         row = rows.row[k]
@@ -87,9 +103,9 @@ def _apply_old(rows, bodies, m, n, gravity):  # type: ignore[no-untyped-def]
         px, py, pz = push * row[0] + row[11], push * row[1] + row[12], push * row[2] + row[13]
         if px == 0.0 and py == 0.0 and pz == 0.0:
             continue
-        add_impulse(bodies[rows.i[k]], row[3], row[4], row[5], -px, -py, -pz)
+        add_impulse(bodies[rows.i[k]], (row[3], row[4], row[5]), (-px, -py, -pz))
         if rows.j[k] >= 0:
-            add_to_partner(bodies, rows.j[k], n, gravity[0], gravity[1], gravity[2], row[6], row[7], row[8], px, py, pz)
+            add_to_partner(bodies, rows.j[k], axis, (row[6], row[7], row[8]), (px, py, pz))
 
 
 @inlined_kernel
@@ -114,15 +130,15 @@ def _held_back(row, ux, uy, uz, speed, limit):  # type: ignore[no-untyped-def]
 
 
 @bare_kernel
-def _sweep(rows, bodies, motion, m, n, gravity, rate, friction, opening, fastest, restitution, approach, moving, back):  # type: ignore[no-untyped-def]
-    """Make one projected Gauss-Seidel sweep over the impulses.
+def _sweep(rows, m, bodies, motion, axis, rate, fall, approach, moving):  # type: ignore[no-untyped-def]
+    """Make one projected Gauss-Seidel sweep over the impulses, backwards after the motion.
 
     moving: whether gaps still close within this substep, at most by `rate` times themselves; overlaps are then opened
-    by a share `opening` of themselves a substep, not faster than `fastest`. Otherwise bodies only stop, or rebound by
-    the share `restitution` of their approach.
+    by a share of themselves. Otherwise bodies only stop, or rebound by the share `restitution` of their approach.
     """
+    friction, restitution = fall.friction, fall.restitution
     for q in range(m):
-        k = m - 1 - q if back else q
+        k = q if moving else m - 1 - q
         row, i, j = rows.row[k], rows.i[k], rows.j[k]
         a, da = bodies[i], motion[i]
         nx, ny, nz = row[0], row[1], row[2]
@@ -152,7 +168,7 @@ def _sweep(rows, bodies, motion, m, n, gravity, rate, friction, opening, fastest
         if gap > 0.0:
             excess = speed + gap * rate
         elif moving:
-            excess = speed + max(opening * min(gap + LEFT, 0.0) * rate, -fastest)
+            excess = speed + max(OPENING * min(gap + LEFT, 0.0) * rate, -FASTEST)
         # bodies have met that push, and those that would within the next substep
         if not moving and restitution > 0.0 and approach[k] < 0.0 and (row[10] > 0.0 or excess < 0.0):
             excess = speed + restitution * approach[k]
@@ -171,9 +187,9 @@ def _sweep(rows, bodies, motion, m, n, gravity, rate, friction, opening, fastest
             pz += tz - row[13]
             row[11], row[12], row[13] = tx, ty, tz
         if px != 0.0 or py != 0.0 or pz != 0.0:
-            add_impulse(a, rx, ry, rz, -px, -py, -pz)
+            add_impulse(a, (rx, ry, rz), (-px, -py, -pz))
             if j >= 0:
-                add_to_partner(bodies, j, n, gravity[0], gravity[1], gravity[2], sx, sy, sz, px, py, pz)
+                add_to_partner(bodies, j, axis, (sx, sy, sz), (px, py, pz))
 
 
 @bare_kernel
@@ -200,21 +216,22 @@ def normal_velocity(row: Floats, b: Floats, arm: int) -> float:
 
 @kernel
 def advance_bodies(
-    rows: ContactRows, bodies: Floats, motion: Floats, m: int, n: int, gravity: Floats, dt: float, substeps: int,
-    friction: float, restitution: float, opening: float, fastest: float, most: float, part: float, approach: Floats,
+    rows: ContactRows, m: int, bodies: Floats, motion: Floats, gravity: Floats, fall: Fall, part: float,
+    approach: Floats,
 ) -> None:  # fmt: skip
-    """Advance velocities and impulses by a step of `substeps` substeps, and write the motions (n + 1, 6) of the bodies.
+    """Advance velocities and impulses by a step, and write the motions (n + 1, 6) of the bodies.
 
-    gravity: (3,) acceleration.  opening, fastest: share of an overlap that is opened in a substep, and the largest
-    velocity for it.  most: largest velocity.  part: factor on the impulses of the step before.
+    gravity: (3,) acceleration.  part: factor on the impulses of the step before.  approach: (m,) to work with, where
+    bodies rebound.
     """
-    h = dt / substeps
+    h, most = fall.step / fall.substeps, fall.most / fall.step
     motion[:] = 0.0
     _prepare(rows, bodies, m, part)
     size = math.sqrt(gravity[0] ** 2 + gravity[1] ** 2 + gravity[2] ** 2)
-    axis = gravity / size if size > 0.0 else gravity
-    for _ in range(substeps):
-        for i in range(n + 1):
+    unit = size if size > 0.0 else 1.0
+    axis = gravity[0] / unit, gravity[1] / unit, gravity[2] / unit
+    for _ in range(fall.substeps):
+        for i in range(len(bodies)):
             b = bodies[i]
             if b[6] == 0.0:
                 b[:6] = 0.0
@@ -223,18 +240,14 @@ def advance_bodies(
             slower = most / math.sqrt(square) if square > most * most else 1.0
             for c in range(3):
                 b[c] = b[c] * slower + gravity[c] * h
-        if restitution > 0.0:
+        if fall.restitution > 0.0:
             _note_approach(rows, bodies, m, approach)
-        _apply_old(rows, bodies, m, n, axis)
-        _sweep(
-            rows, bodies, motion, m, n, axis, 1.0 / h, friction, opening, fastest, restitution, approach, True, False
-        )  # fmt: skip
-        for i in range(n + 1):
+        _apply_old(rows, bodies, m, axis)
+        _sweep(rows, m, bodies, motion, axis, 1.0 / h, fall, approach, True)
+        for i in range(len(bodies)):
             for c in range(6):
                 motion[i, c] += h * bodies[i, c]
-        _sweep(
-            rows, bodies, motion, m, n, axis, 1.0 / h, friction, opening, fastest, restitution, approach, False, True
-        )  # fmt: skip
+        _sweep(rows, m, bodies, motion, axis, 1.0 / h, fall, approach, False)
 
 
 @kernel

@@ -19,6 +19,7 @@ from voxgran._base.arrays import Floats, Integers
 from voxgran._base.lazy import load
 from voxgran._base.stopping import stop_if_asked
 from voxgran.contacts.manifolds.rows import ARM_I, ARM_J, NORMAL
+from voxgran.settling.balance import LoadedContacts
 from voxgran.settling.frontal import FrontalMatrix
 
 #: most factorizations
@@ -32,8 +33,8 @@ LEAST, MOST = 0.1, 10.0
 
 
 def frictionless_forces(
-    row: Floats, i: Integers, j: Integers, m: int, bodies: Floats, gravity: Floats, *, openness: Floats, skin: float,
-    accuracy: float, start: Floats | None = None, height: Floats | None = None,
+    contacts: LoadedContacts, *, openness: Floats, skin: float, accuracy: float, start: Floats | None = None,
+    height: Floats | None = None,
 ) -> tuple[Floats, Floats, int]:  # fmt: skip
     """Return normal forces (m,), accelerations (n + 1, 6) and the number of factorizations.
 
@@ -42,11 +43,12 @@ def frictionless_forces(
     (m,) forces of an earlier step.  height: (n,) by which the grains are sorted before the equations are solved, layer
     by layer; left out, they are numbered by height.
     """
-    jacobian, freedoms, weight = _program(row[:m], i[:m], j[:m], bodies, gravity)
+    m, bodies = len(contacts.i), contacts.bodies
+    jacobian, freedoms, weight = _program(contacts)
     # the lid, which may be coupled to all, is the last
     order = np.arange(len(bodies)) if height is None else np.append(np.argsort(height, kind="stable"), len(height))
-    matrix = FrontalMatrix(i[:m], j[:m], jacobian.data.reshape(m, 2, len(freedoms)), order)
-    force, made = np.ones(m) if start is None else np.maximum(start[:m], 1.0), 0
+    matrix = FrontalMatrix(contacts.i, contacts.j, jacobian.data.reshape(m, 2, len(freedoms)), order)
+    force, made = np.ones(m) if start is None else np.maximum(start, 1.0), 0
     if m:
         # threads of small products wait for each other longer than they work, and give other bits
         with load("threadpoolctl").threadpool_limits(1, user_api="blas"):
@@ -54,7 +56,7 @@ def frictionless_forces(
     else:
         x = weight
     accelerations = np.zeros((len(bodies), 6))
-    accelerations[:-1, :3] = np.where(bodies[:-1, 6:7] > 0.0, gravity, 0.0)
+    accelerations[:-1, :3] = np.where(bodies[:-1, 6:7] > 0.0, contacts.gravity, 0.0)
     accelerations[:, freedoms] = x.reshape(len(bodies), -1) * np.sqrt(_inverse_masses(bodies)[:, freedoms])
     return force, accelerations, made
 
@@ -64,11 +66,12 @@ def _inverse_masses(bodies: Floats) -> Floats:
     return np.repeat(bodies[:, 6:8], 3, axis=1)
 
 
-def _program(row: Floats, i: Integers, j: Integers, bodies: Floats, gravity: Floats) -> tuple[Any, Integers, Floats]:
+def _program(contacts: LoadedContacts) -> tuple[Any, Integers, Floats]:
     """Return the Jacobian of the gaps (m, (n + 1) d) as a sparse matrix, the d freedoms that occur, and the weight.
 
     All are scaled by the square roots of mass and moment of inertia.
     """
+    row, i, j, bodies, gravity = contacts
     normal, m, lid = row[:, NORMAL : NORMAL + 3], len(row), len(bodies) - 1
     root = np.sqrt(_inverse_masses(bodies))
     one = -np.hstack([normal, np.cross(row[:, ARM_I : ARM_I + 3], normal)]) * root[i]

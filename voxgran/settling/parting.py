@@ -38,8 +38,8 @@ def part_grains(
         if smallest > -missed * distance or turn == rounds:
             break
         accelerations, _ = gauss_seidel_forces(
-            bed.rows.row, bed.rows.i, bed.rows.j, bed.m, bodies, bed.gravity, np.zeros((bed.m, 3)),
-            bed.gap / MOMENT, friction=0.0, skin=0.0, iterations=iterations * (1 + turn // PATIENCE),
+            bed.contacts._replace(bodies=bodies), np.zeros((bed.m, 3)), bed.gap / MOMENT,
+            friction=0.0, skin=0.0, iterations=iterations * (1 + turn // PATIENCE),
         )  # fmt: skip
         bed.move(MOMENT * accelerations, most)
     return smallest + distance

@@ -30,11 +30,11 @@ def quasi_static_step(
     rest: distance that surfaces keep.  reuse: motion up to which exact contacts of meshes are not found again.
     """
     bed.find(margin, rest, reuse=reuse)
-    forces, square, rows = bed.forces(), step * step, bed.rows
+    forces, square = bed.forces(), step * step
+    skin = SOFTNESS / (bed.load * square)
     accelerations, _ = gauss_seidel_forces(
-        rows.row, rows.i, rows.j, bed.m, bed.bodies, bed.gravity, forces, bed.gap / square,
-        friction=friction, skin=SOFTNESS / (bed.load * square), iterations=iterations,
-    )  # fmt: skip
+        bed.contacts, forces, bed.gap / square, friction=friction, skin=skin, iterations=iterations
+    )
     bed.keep_forces(forces)
     bed.move(accelerations * square, most, carry=reuse > 0.0)
     return float((np.linalg.norm(accelerations[: bed.count, :3], axis=1) > MOVING).mean())
@@ -48,13 +48,13 @@ def frictionless_step(
     accuracy: to which the conditions of the solution hold, in units of gravity.
     """
     bed.find(margin, rest)
-    square, rows, n = step * step, bed.rows, bed.count
+    square, contacts = step * step, bed.contacts
     skin = 2.0 * SOFTNESS / (bed.load * square)
     height = -(bed.grains.position @ bed.gravity)
     push, accelerations, _ = frictionless_forces(
-        rows.row, rows.i, rows.j, bed.m, bed.bodies, bed.gravity, openness=bed.gap / square,
-        skin=skin, accuracy=accuracy, start=rows.row[: bed.m, PUSH].copy(), height=height,
+        contacts, openness=bed.gap / square, skin=skin, accuracy=accuracy, start=contacts.row[:, PUSH].copy(),
+        height=height,
     )  # fmt: skip
-    bed.keep_forces(push[:, None] * rows.row[: bed.m, :3])
+    bed.keep_forces(push[:, None] * contacts.row[:, :3])
     bed.move(accelerations * square, most)
-    return float((np.linalg.norm(accelerations[:n, :3], axis=1) > MOVING).mean())
+    return float((np.linalg.norm(accelerations[: bed.count, :3], axis=1) > MOVING).mean())

@@ -6,7 +6,7 @@ stop between any two steps and go on with the same bits. Lengths are in median d
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass, field, fields, replace
+from dataclasses import dataclass, field, fields
 from typing import Any
 
 import numpy as np
@@ -20,7 +20,8 @@ from voxgran.contacts.manifolds.rows import SURFACE
 from voxgran.settling.bed import Bed
 from voxgran.settling.closing import close_round
 from voxgran.settling.equilibrium import balance_bed
-from voxgran.settling.fall import Fall, fall_step, stop_falling
+from voxgran.settling.fall import fall_step, stop_falling
+from voxgran.settling.impulses import Fall
 from voxgran.settling.parameters import Settling
 from voxgran.settling.parting import part_grains
 from voxgran.settling.presets import FRICTIONAL, FRICTIONLESS, GRIDS, TRIANGLES, SolverPreset
@@ -136,7 +137,7 @@ class Settler:
         surfaces = SURFACE in self.bed.grains.kind
         self._fall = Fall(how.friction, how.restitution, **(SURFACE_FALL if surfaces else {}))
         if how.friction == 0.0 and not surfaces:
-            self._fall = replace(self._fall, rest=self._preset.kept)
+            self._fall = self._fall._replace(rest=self._preset.kept)
         if how.fall_time is None and assembly.count and self._height() > HIGHEST:
             raise InputError(
                 f"the container is {self._height():.3g} median diameters high along gravity: grains fall through at "

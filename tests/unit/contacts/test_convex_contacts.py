@@ -8,7 +8,7 @@ from scipy.optimize import linprog, nnls
 
 from voxgran.contacts.manifolds.convex_bodies import convex_bodies, convex_work, has_convex_parts, is_convex
 from voxgran.contacts.manifolds.convex_contacts import find_convex_contacts
-from voxgran.contacts.manifolds.rows import CONVEX, SPHERE, ContactRows, Grains, PairList
+from voxgran.contacts.manifolds.rows import CONVEX, SPHERE, ContactRows, Grains, PairList, Search
 from voxgran.contacts.manifolds.rows import ROW as NUMBERS
 from voxgran.geometry.rotation import rotation_matrices
 from voxgran.shapes.mesh import Mesh, hull_of
@@ -58,15 +58,14 @@ class Bed:
             np.ascontiguousarray(i), np.ascontiguousarray(j), np.zeros((m, 3)), np.zeros(m, dtype=np.int64),
             np.zeros(m, dtype=np.int64), np.full(m, -1e9), np.zeros(m), np.full((m, 3), 2.0), np.zeros(m),
         )  # fmt: skip
-        self.bodies = convex_bodies(shapes)
-        self.work = convex_work(self.bodies, self.grains)
+        self.work = convex_work(convex_bodies(shapes), self.grains)
         self.rows = make_rows(space)
 
     def find(self, margin=10.0, rest=0.0, *, m=0, again=True):
         if again:
             self.pairs.bound[:] = -1e9
-        data = (self.grains, self.bodies, self.work, self.pairs, len(self.pairs.i), self.rows)
-        return find_convex_contacts(*data, m, float(margin), float(rest))
+        search = Search(self.grains, self.pairs, float(margin), float(rest))
+        return find_convex_contacts(search, self.work, self.rows, m)
 
     def touch(self, margin=10.0):
         """Return gap, normal and all rows of the only pair."""

@@ -8,7 +8,7 @@ import pytest
 import voxgran as vg
 from voxgran.contacts.assembly import Assembly
 from voxgran.contacts.manifolds.outline_contacts import find_outline_contacts, outline_bodies
-from voxgran.contacts.manifolds.rows import OUTLINE, ROW, SPHERE, ContactRows, Grains, PairList
+from voxgran.contacts.manifolds.rows import OUTLINE, ROW, SPHERE, ContactRows, Grains, PairList, Search
 from voxgran.contacts.outlines import touch_disk, touch_polygons
 from voxgran.shapes.model import Shape
 from voxgran.shapes.outline import Outline
@@ -69,8 +69,8 @@ class Found:
 
     def find(self):
         """Find the contacts again; return the row after the last."""
-        size = len(self.pairs.i)
-        self.m = find_outline_contacts(self.grains, self.bodies, self.pairs, size, self.rows, 0, self.margin, self.rest)
+        search = Search(self.grains, self.pairs, self.margin, self.rest)
+        self.m = find_outline_contacts(search, self.bodies, self.rows, 0)
         return self.m
 
     def of(self, p=0):

@@ -8,7 +8,7 @@ from surface_scenes import bring_near, couples, exact_gaps, grains_of, pairs_of,
 import voxgran as vg
 from voxgran._base.errors import InputError
 from voxgran.contacts.manifolds.distance_grids import surface_bodies, surface_points
-from voxgran.contacts.manifolds.rows import GAP, PUSH
+from voxgran.contacts.manifolds.rows import GAP, PUSH, Search
 from voxgran.contacts.manifolds.surface_contacts import find_surface_contacts
 from voxgran.contacts.manifolds.surface_memory import surface_work
 from voxgran.geometry.rotation import normalized, rotation_matrices
@@ -25,9 +25,8 @@ def scene():
 
 
 def look(grains, bodies, pairs, margin=0.04, rest=0.0, cap=2000):
-    rows, size = rows_of(cap), len(pairs.i)
-    m = find_surface_contacts(grains, bodies, surface_work(bodies, size), pairs, size, rows, 0, margin, rest)
-    return rows, m
+    rows, work = rows_of(cap), surface_work(bodies, len(pairs.i))
+    return rows, find_surface_contacts(Search(grains, pairs, margin, rest), work, rows, 0)
 
 
 def test_gaps_are_near_the_exact_ones_and_depths_are_found(scene):
@@ -91,7 +90,7 @@ def test_impulses_are_taken_over_and_nothing_is_lost_when_rows_are_full(scene):
         full.old[:, 14] = 0.0
         pairs.first[:], pairs.count[:] = first, count
         pairs.bound[:] = -1e9
-        end = find_surface_contacts(grains, bodies, work, pairs, len(pairs.i), full, 0, 0.04, 0.0)
+        end = find_surface_contacts(Search(grains, pairs, 0.04, 0.0), work, full, 0)
         assert end == (m if room is long else -1)
     np.testing.assert_array_equal(pairs.first[count > 0], first[count > 0])
     np.testing.assert_array_equal(pairs.count, count)

@@ -7,7 +7,7 @@ from surface_scenes import bring_near, couples, exact_gaps, grains_of, pairs_of,
 
 import voxgran as vg
 from voxgran.contacts.manifolds.distance_grids import surface_bodies
-from voxgran.contacts.manifolds.rows import GAP
+from voxgran.contacts.manifolds.rows import GAP, Search
 from voxgran.contacts.manifolds.surface_memory import surface_work
 from voxgran.contacts.manifolds.triangle_contacts import MOST, find_triangle_contacts, prove_separate
 from voxgran.geometry.rotation import normalized
@@ -23,9 +23,8 @@ def rocks():
 
 def contacts(grains, bodies, pairs, margin, rest=0.0):
     """Return rows and work after one look at all pairs."""
-    size, rows = len(pairs.i), rows_of(MOST * len(pairs.i))
-    work = surface_work(bodies, size)
-    m = find_triangle_contacts(grains, bodies, work, pairs, size, rows, 0, margin, rest)
+    rows, work = rows_of(MOST * len(pairs.i)), surface_work(bodies, len(pairs.i))
+    m = find_triangle_contacts(Search(grains, pairs, margin, rest), work, rows, 0)
     return rows, work, m
 
 
@@ -65,9 +64,9 @@ def test_what_is_remembered_does_not_change_the_gaps(rocks):
         bring_near(shapes, grains, turns, pairs, box, generator)
     work, rows = surface_work(bodies, 60), rows_of(MOST * 60)
     for step in range(8):
-        gap, proven = prove_separate(grains, bodies, work, pairs=pairs, size=60, rows=rows, reach=0.02)
+        gap, proven = prove_separate(grains, pairs, work, rows, 0.02)
         other = surface_work(bodies, 60)
-        fresh, again = prove_separate(grains, bodies, other, pairs=pairs, size=60, rows=rows, reach=0.02)
+        fresh, again = prove_separate(grains, pairs, other, rows, 0.02)
         np.testing.assert_allclose(gap, fresh, atol=1e-13)
         np.testing.assert_array_equal(proven, again)
         grains.position[:] += generator.normal(size=(120, 3)) * (1e-3 if step < 6 else 2e-2)

@@ -10,7 +10,8 @@ from scipy.spatial import ConvexHull
 import voxgran as vg
 from voxgran._base.errors import InputError
 from voxgran.contacts.assembly import Assembly, Lid
-from voxgran.contacts.manifolds.rows import ROW, WALL, ContactRows, Grains
+from voxgran.contacts.manifolds.pair_list import no_pairs
+from voxgran.contacts.manifolds.rows import ROW, WALL, ContactRows, Grains, Search
 from voxgran.contacts.manifolds.smooth_distance import smooth_distance
 from voxgran.contacts.manifolds.wall_bodies import CONE, CYLINDER, ELLIPSOID, wall_bodies
 from voxgran.contacts.manifolds.wall_bodies import Lid as LidPlane
@@ -49,15 +50,15 @@ class Found:
     def __init__(self, assembly, margin, *, rest=0.0, lid=NO_LID, room=20_000, start=0):
         self.assembly, self.rows = assembly, empty_rows(room)
         self.first, self.count = np.zeros((2, assembly.count), dtype=np.int64)
-        self.arguments = (grains_of(assembly), kernel_container(assembly.container), lid)
+        self.grains, self.walls = grains_of(assembly), (kernel_container(assembly.container), lid)
         self.bodies = wall_bodies(assembly.shapes, assembly.container)
         self.margin, self.rest = margin, rest
         self.m = self.find(start)
 
     def find(self, start=0):
         """Find the contacts again; return the row after the last."""
-        ends = (self.first, self.count, self.rows, start, self.margin, self.rest)
-        self.m = find_wall_contacts(*self.arguments, self.bodies, *ends)
+        search = Search(self.grains, no_pairs(), self.margin, self.rest)
+        self.m = find_wall_contacts(search, *self.walls, self.bodies, (self.first, self.count), self.rows, start)
         return self.m
 
     def of(self, grain):

@@ -4,7 +4,12 @@ import numpy as np
 import pytest
 from scipy.optimize import nnls
 
-from voxgran.settling.balance import accelerated_projected_gradient, gauss_seidel_forces, net_accelerations
+from voxgran.settling.balance import (
+    LoadedContacts,
+    accelerated_projected_gradient,
+    gauss_seidel_forces,
+    net_accelerations,
+)
 
 DOWN = np.array([0.0, 0.0, -1.0])
 
@@ -80,7 +85,7 @@ def twin(row, i, j, bodies, forces):
 def test_accelerations_are_those_of_a_matrix(round_grains):
     row, i, j, bodies = heap(1, round_grains=round_grains)
     forces = np.random.default_rng(2).normal(size=(len(i), 3))
-    found = net_accelerations(row, i, j, len(i), bodies, DOWN, forces)
+    found = net_accelerations(LoadedContacts(row, i, j, bodies, DOWN), forces)
     np.testing.assert_allclose(found, twin(row, i, j, bodies, forces), atol=1e-12)
 
 
@@ -88,7 +93,12 @@ def solve(heap_of, friction, near=0.0, iterations=20_000):
     row, i, j, bodies = heap_of
     forces = np.zeros((len(i), 3))
     found, made, distance = accelerated_projected_gradient(
-        row, i, j, len(i), bodies, DOWN, forces, friction=friction, iterations=iterations, tolerance=0.0, near=near
+        LoadedContacts(row, i, j, bodies, DOWN),
+        forces,
+        friction=friction,
+        iterations=iterations,
+        tolerance=0.0,
+        near=near,
     )
     return forces, found, made, distance
 
@@ -142,7 +152,7 @@ def test_the_first_guess_does_not_matter():
     row, i, j, bodies = one
     forces = 3.0 * row[:, :3]
     warm, _, _ = accelerated_projected_gradient(
-        row, i, j, len(i), bodies, DOWN, forces, friction=0.5, iterations=20_000, tolerance=0.0, near=1e-7
+        LoadedContacts(row, i, j, bodies, DOWN), forces, friction=0.5, iterations=20_000, tolerance=0.0, near=1e-7
     )
     np.testing.assert_allclose(warm, cold, atol=1e-5)
 
@@ -180,7 +190,9 @@ def test_an_iteration_is_two_sweeps_in_the_order_of_the_rows(round_grains):
     openness, start = 0.1 * generator.normal(size=len(i)), 0.1 * row[:, :3]
     expected = plain_sweeps(row, i, j, bodies, start.copy(), openness, 0.5, 1e-3, 1)
     forces = start.copy()
-    gauss_seidel_forces(row, i, j, len(i), bodies, DOWN, forces, openness, friction=0.5, skin=1e-3, iterations=1)
+    gauss_seidel_forces(
+        LoadedContacts(row, i, j, bodies, DOWN), forces, openness, friction=0.5, skin=1e-3, iterations=1
+    )
     np.testing.assert_allclose(forces, expected, atol=1e-11)
 
 
@@ -190,7 +202,13 @@ def test_sweeps_end_at_the_law_of_coulomb(round_grains):
     openness = 0.05 * np.random.default_rng(9).random(len(i))
     forces, skin = np.zeros((len(i), 3)), 1e-3
     found, made = gauss_seidel_forces(
-        row, i, j, len(i), bodies, DOWN, forces, openness, friction=0.3, skin=skin, iterations=20_000, tolerance=1e-12
+        LoadedContacts(row, i, j, bodies, DOWN),
+        forces,
+        openness,
+        friction=0.3,
+        skin=skin,
+        iterations=20_000,
+        tolerance=1e-12,
     )
     assert made < 20_000
     normal = row[:, :3]
@@ -221,27 +239,13 @@ def test_a_lid_presses_with_its_weight():
     i, j, bodies = np.array([0, 0]), np.array([-1, 1]), np.zeros((2, 8))
     bodies[:, 6] = 1.0, 1.0 / 3.0
     bodies[0, 7] = 10.0
+    contacts = LoadedContacts(row, i, j, bodies, DOWN)
     for solver in ("sweeps", "gradient"):
         forces = np.zeros((2, 3))
         if solver == "sweeps":
-            gauss_seidel_forces(
-                row,
-                i,
-                j,
-                2,
-                bodies,
-                DOWN,
-                forces,
-                np.zeros(2),
-                friction=0.5,
-                skin=0.0,
-                iterations=1000,
-                tolerance=1e-14,
-            )
+            gauss_seidel_forces(contacts, forces, np.zeros(2), friction=0.5, skin=0.0, iterations=1000, tolerance=1e-14)
         else:
-            accelerated_projected_gradient(
-                row, i, j, 2, bodies, DOWN, forces, friction=0.5, iterations=2000, tolerance=1e-10, near=0.0
-            )
+            accelerated_projected_gradient(contacts, forces, friction=0.5, iterations=2000, tolerance=1e-10, near=0.0)
         np.testing.assert_allclose(forces, [[0, 0, -4], [0, 0, 3]], atol=1e-8)
 
 
@@ -254,8 +258,8 @@ def test_a_grain_may_touch_its_own_image():
     bodies[0, 6:] = 1.0, 10.0
     forces = np.zeros((2, 3))
     found, _ = gauss_seidel_forces(
-        row, np.array([0, 0]), np.array([0, -1]), 2, bodies, DOWN, forces, np.zeros(2), friction=0.5, skin=0.0,
-        iterations=500, tolerance=1e-12,
+        LoadedContacts(row, np.array([0, 0]), np.array([0, -1]), bodies, DOWN), forces, np.zeros(2), friction=0.5,
+        skin=0.0, iterations=500, tolerance=1e-12,
     )  # fmt: skip
     assert np.abs(found[0]).max() < 1e-6
     np.testing.assert_allclose(forces[1, 2], -1.0, atol=1e-6)

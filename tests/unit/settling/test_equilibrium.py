@@ -161,9 +161,9 @@ def test_a_bed_rests_with_any_friction_above_its_own(friction):
 def test_a_guess_worse_than_no_forces_is_rejected(monkeypatch):
     bed = heap()
 
-    def far_off(row, i, j, m, bodies, gravity, forces, *more, **how):
-        forces += 1e6 * row[:m, :3]
-        return net_accelerations(row, i, j, m, bodies, gravity, forces), 1
+    def far_off(contacts, forces, *more, **how):
+        forces += 1e6 * contacts.row[:, :3]
+        return net_accelerations(contacts, forces), 1
 
     monkeypatch.setattr("voxgran.settling.equilibrium.gauss_seidel_forces", far_off)
     found = equilibrium(bed)

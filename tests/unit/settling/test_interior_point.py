@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 from scipy.optimize import nnls
 
+from voxgran.settling.balance import LoadedContacts
 from voxgran.settling.interior_point import frictionless_forces
 
 DOWN = np.array([0.0, 0.0, -1.0])
@@ -50,9 +51,9 @@ def normal_jacobian(row, i, j, bodies):
 
 def solve(heap_of, openness=None, skin=0.0, accuracy=1e-7):
     row, i, j, bodies = heap_of
-    many = len(i)
-    openness = np.zeros(many) if openness is None else openness
-    return frictionless_forces(row, i, j, many, bodies, DOWN, openness=openness, skin=skin, accuracy=accuracy)
+    openness = np.zeros(len(i)) if openness is None else openness
+    contacts = LoadedContacts(row, i, j, bodies, DOWN)
+    return frictionless_forces(contacts, openness=openness, skin=skin, accuracy=accuracy)
 
 
 @pytest.mark.parametrize("lid", [0.0, 0.2])
@@ -120,6 +121,6 @@ def test_a_start_saves_no_accuracy():
     row, i, j, bodies = one
     cold, found, _ = solve(one)
     again = frictionless_forces(
-        row, i, j, len(i), bodies, DOWN, openness=np.zeros(len(i)), skin=0.0, accuracy=1e-7, start=cold
+        LoadedContacts(row, i, j, bodies, DOWN), openness=np.zeros(len(i)), skin=0.0, accuracy=1e-7, start=cold
     )
     np.testing.assert_allclose(again[1], found, atol=1e-5)

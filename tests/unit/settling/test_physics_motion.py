@@ -6,7 +6,8 @@ import pytest
 import voxgran as vg
 from voxgran.contacts.assembly import Assembly
 from voxgran.settling.bed import Bed
-from voxgran.settling.fall import Fall, fall_step
+from voxgran.settling.fall import fall_step
+from voxgran.settling.impulses import Fall
 
 SPHERE = vg.make_shape("sphere")
 CUBE = vg.make_shape("box", lengths=(1.0, 1.0, 1.0))

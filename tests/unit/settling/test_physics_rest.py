@@ -9,7 +9,8 @@ from kit import hull, lattice, mesh_box
 import voxgran as vg
 from voxgran._base.errors import InputError
 from voxgran.settling.bed import normalized_bed
-from voxgran.settling.fall import Fall, fall_step
+from voxgran.settling.fall import fall_step
+from voxgran.settling.impulses import Fall
 from voxgran.shapes.spheres import Spheres
 
 SPHERE = vg.make_shape("sphere")

@@ -7,8 +7,7 @@ from kit import lattice
 import voxgran as vg
 from voxgran.contacts.assembly import Assembly
 from voxgran.settling.bed import Bed
-from voxgran.settling.fall import FASTEST, OPENING
-from voxgran.settling.impulses import GAIN, LEFT, LOSS, SLOW, advance_bodies
+from voxgran.settling.impulses import FASTEST, GAIN, LEFT, LOSS, OPENING, SLOW, Fall, advance_bodies
 
 DOWN = np.array([0.0, 0.0, -1.0])
 
@@ -102,10 +101,9 @@ def test_a_step_is_that_of_a_plain_twin(friction, restitution):
     assert (bed.gap < 0).any()
     assert (bed.gap > 2e-3).any()
     speed, motion, push, drag = twin(bed, 0.05, 4, friction=friction, restitution=restitution, most=0.5)
-    advance_bodies(
-        bed.rows, bed.bodies, bed.motion, bed.m, bed.count, bed.gravity, 0.05, 4, friction, restitution, OPENING,
-        FASTEST, 0.5, 1.0, np.zeros(bed.m if restitution else 0),
-    )  # fmt: skip
+    fall = Fall(friction, restitution, step=0.05, substeps=4, most=0.025)
+    approach = np.zeros(bed.m if restitution else 0)
+    advance_bodies(bed.rows, bed.m, bed.bodies, bed.motion, bed.gravity, fall, 1.0, approach)
     row = bed.rows.row[: bed.m]
     np.testing.assert_allclose(bed.bodies[: bed.count, :6], speed, atol=1e-12)
     np.testing.assert_allclose(bed.motion[: bed.count], motion, atol=1e-13)

@@ -31,7 +31,7 @@ from voxgran.packing.model import Packing
 from voxgran.packing.pack import pack
 from voxgran.packing.settling_run import normalized_assembly
 from voxgran.settling.equilibrium import equilibrium
-from voxgran.settling.fall import Fall
+from voxgran.settling.impulses import Fall
 from voxgran.settling.parameters import Settling
 from voxgran.settling.stages import FALL, Settler
 from voxgran.shapes.family import make_shape

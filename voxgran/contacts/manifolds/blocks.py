@@ -13,7 +13,7 @@ import numpy as np
 
 from voxgran._base.arrays import Booleans
 from voxgran._base.compiling.threads import at_once, blocks_of
-from voxgran.contacts.manifolds.rows import ContactRows, Grains, PairList
+from voxgran.contacts.manifolds.rows import ContactRows, Grains, PairList, Search
 
 Work = TypeVar("Work", bound=tuple[Any, ...])
 
@@ -44,27 +44,26 @@ class Blocks(Generic[Work]):
     own: list[tuple[Work, ContactRows]] = field(default_factory=list)
 
     def find(
-        self, find: Callable[[Work, ContactRows, int, int, int], int], *, pairs: PairList, chosen: Booleans,
-        rows: ContactRows, m: int,
-    ) -> int:  # fmt: skip
-        """Write the contacts of the first pairs from row m on; return the number of rows, or -1 where they are full.
+        self, find: Callable[..., int], search: Search, rows: ContactRows, m: int, *more: Any, chosen: Booleans
+    ) -> int:
+        """Write the contacts of some pairs from row m on; return the number of rows, or -1 where they are full.
 
         Parameters
         ----------
         find : callable
-            Kernel of the work, rows, the first row, and the first and last pair + 1; it returns the row after its last
-            one, or -1, and writes to `pairs.first` the first row of each chosen pair.
-        pairs, rows, m
+            Kernel of the search, the work, rows, the first row, what is in `more`, and the first and last pair + 1; it
+            returns the row after its last one, or -1, and writes to `pairs.first` the first row of each chosen pair.
+        search, rows, m, *more
             As `find` takes them; with m = -1 no rows are written.
-        chosen : (size,) ndarray of bool
+        chosen : (p,) ndarray of bool
             Which pairs these are.
         """
-        blocks = blocks_of(len(chosen), LEAST_PAIRS, PARTS)
+        blocks, pairs = blocks_of(len(chosen), LEAST_PAIRS, PARTS), search.pairs
         if len(blocks) == 1:
-            return int(find(self.arrays, rows, m, 0, len(chosen)))
+            return int(find(search, self.arrays, rows, m, *more, 0, len(chosen)))
         own = [self._own(k, rows) for k in range(len(blocks))]
         ends = at_once([
-            partial(find, work, room, min(m, 0), first, last)
+            partial(find, search, work, room, min(m, 0), *more, first, last)
             for (work, room), (first, last) in zip(own, blocks, strict=True)
         ])  # fmt: skip
         if min(ends) < 0 or m + sum(ends) > len(rows.row):
@@ -92,9 +91,9 @@ def _room_like(rows: ContactRows) -> ContactRows:
     return ContactRows(np.empty_like(rows.row), np.empty_like(rows.i), np.empty_like(rows.j), rows.old)
 
 
-def pairs_of_kind(grains: Grains, pairs: PairList, size: int, kind: int) -> Booleans:
-    """Return which of the first pairs are of a kind, the larger one of the two grains, (size,)."""
-    return np.asarray(np.maximum(grains.kind[pairs.i[:size]], grains.kind[pairs.j[:size]]) == kind)
+def pairs_of_kind(grains: Grains, pairs: PairList, kind: int) -> Booleans:
+    """Return which pairs are of a kind, the larger one of the two grains, (p,)."""
+    return np.asarray(np.maximum(grains.kind[pairs.i], grains.kind[pairs.j]) == kind)
 
 
 def _apart(like: Any) -> Any:

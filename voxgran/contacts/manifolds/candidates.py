@@ -4,7 +4,8 @@ import math
 
 from voxgran._base.arrays import Floats
 from voxgran._base.kernels import bare_kernel
-from voxgran.contacts.manifolds.rows import ContactRows, write_contact
+from voxgran.contacts.manifolds.rows import ContactRows, Pair, write_contact
+from voxgran.geometry.vectors import Vector, along, dot, row_of, sub, vector_at
 
 #: distance of arms, in median diameters, up to which a contact takes over the impulses of an old one
 MATCH = 0.1
@@ -19,26 +20,23 @@ TURNED = 1000.0
 
 
 @bare_kernel
-def add_candidate(
-    found: Floats, c: int, ax: float, ay: float, az: float, nx: float, ny: float, nz: float, gap: float,
-) -> int:  # fmt: skip
+def add_candidate(found: Floats, c: int, arm: Vector, normal: Vector, gap: float) -> int:
     """Add an arm, a normal and a gap to the candidates, of which there are c; return how many there are then."""
     if c == len(found):
         return c
     row = found[c]
-    row[0], row[1], row[2], row[3], row[4], row[5], row[6] = ax, ay, az, nx, ny, nz, gap
+    row[0], row[1], row[2] = arm
+    row[3], row[4], row[5] = normal
+    row[6] = gap
     return c + 1
 
 
 @bare_kernel
-def is_candidate(
-    found: Floats, start: int, c: int, ax: float, ay: float, az: float, nx: float, ny: float, nz: float, near: float,
-) -> bool:  # fmt: skip
-    """Return whether candidates from `start` to c hold an arm, to a distance, with the same normal."""
-    for k in range(start, c):
-        row = found[k]
-        apart = abs(row[0] - ax) + abs(row[1] - ay) + abs(row[2] - az)
-        if apart < near and row[3] * nx + row[4] * ny + row[5] * nz > SAME:
+def is_candidate(found: Floats, c: int, arm: Vector, normal: Vector, near: float) -> bool:
+    """Return whether the c candidates hold an arm, to a distance, with the same normal."""
+    for k in range(c):
+        way = sub(row_of(found, k), arm)
+        if abs(way[0]) + abs(way[1]) + abs(way[2]) < near and dot(vector_at(found[k], 3), normal) > SAME:
             return True
     return False
 
@@ -77,14 +75,8 @@ def choose_candidates(found: Floats, c: int, most: int, spread: float) -> int:
 
 
 @bare_kernel
-def write_candidates(
-    rows: ContactRows, m: int, i: int, j: int, found: Floats, many: int, ox: float, oy: float, oz: float, first: int,
-    count: int, beyond: float,
-) -> int:  # fmt: skip
+def write_candidates(rows: ContactRows, m: int, pair: Pair, found: Floats, many: int) -> int:
     """Write the first candidates as rows; return the next row, or -1 where they do not fit.
-
-    o: centroid of j relative to that of i; at a wall, j < 0 or a lid, it is infinite and the arm on j is 0.
-    first, count: old rows of the grain or pair.  beyond: distance that is subtracted from the gaps.
 
     A row takes over the impulses of the nearest old row whose normal is alike: a corner may touch two walls at once,
     with one arm, which does not tell their rows apart.
@@ -92,19 +84,16 @@ def write_candidates(
     if m + many > len(rows.row):
         return -1
     for k in range(many):
-        candidate = found[k]
-        ax, ay, az, nx, ny, nz = candidate[0], candidate[1], candidate[2], candidate[3], candidate[4], candidate[5]
-        gap, bx, by, bz = candidate[6], 0.0, 0.0, 0.0
-        if ox < math.inf:
-            bx, by, bz = ax + gap * nx - ox, ay + gap * ny - oy, az + gap * nz - oz
+        arm, normal, gap = row_of(found, k), vector_at(found[k], 3), found[k, 6]
+        other_arm = (0.0, 0.0, 0.0)
+        if pair.offset[0] < math.inf:
+            other_arm = sub(along(arm, gap, normal), pair.offset)
         best, at = MATCH * MATCH, -1
-        for q in range(first, first + count):
-            old = rows.old[q]
-            square = (old[3] - ax) ** 2 + (old[4] - ay) ** 2 + (old[5] - az) ** 2
-            if square < best and old[0] * nx + old[1] * ny + old[2] * nz > ALIKE:
+        for q in range(pair.first, pair.first + pair.count):
+            way = sub(vector_at(rows.old[q], 3), arm)
+            square = dot(way, way)
+            if square < best and dot(row_of(rows.old, q), normal) > ALIKE:
                 best, at = square, q
-        taken = 1 if at >= 0 else 0
-        write_contact(
-            rows, m + k, i, j, nx, ny, nz, ax, ay, az, bx, by, bz, gap - beyond, max(at, 0), taken, MATCH
-        )  # fmt: skip
+        own = Pair(pair.i, pair.j, pair.offset, max(at, 0), 1 if at >= 0 else 0, pair.reach, pair.rest)
+        write_contact(rows, m + k, own, normal, arm, other_arm, gap - pair.rest, MATCH)
     return m + many

@@ -63,19 +63,19 @@ class ConvexBodies(NamedTuple):
 
 
 class ConvexWork(NamedTuple):
-    """Arrays that the kernels work with.
+    """Tables of the shapes, and arrays that the kernels work with.
 
     first: (n + 1,) first corner of each grain.  corner: (k, 3) relative to its centroid, rotated and scaled, and
     radius: (k,).  row: (n, 13) rotated and scaled rows.  form: (n, 6) matrices of quadratic forms of ellipsoids: xx,
     yy, zz, xy, xz, yz.  window, ring, other: polygons.  one, two: corners of two grains that are near each other.
     """
 
+    bodies: ConvexBodies
     first: Integers
     corner: Floats
     radius: Floats
     row: Floats
     form: Floats
-    offset: Floats
     simplex: Simplex
     window: Floats
     ring: Floats
@@ -85,7 +85,7 @@ class ConvexWork(NamedTuple):
 
 
 #: arrays of the work that each thread has for itself
-SCRATCH = ("offset", "simplex", "window", "ring", "other", "one", "two")
+SCRATCH = ("simplex", "window", "ring", "other", "one", "two")
 
 
 class _Hull(NamedTuple):
@@ -198,12 +198,12 @@ def convex_work(bodies: ConvexBodies, grains: Grains) -> Blocks[ConvexWork]:
     total, n = int(first[-1]), len(grains.shape)
     most = int(counts.max()) if n else 0
     work = ConvexWork(
+        bodies=bodies,
         first=first,
         corner=np.zeros((total, 3)),
         radius=np.zeros(total),
         row=np.zeros((n, ROW)),
         form=np.zeros((n, 6)),
-        offset=np.zeros(3),
         simplex=new_simplex(),
         window=np.zeros((MOST_CORNERS, 3)),
         ring=np.zeros((MOST_CORNERS, 3)),

@@ -18,7 +18,7 @@ from voxgran._base.kernels import bare_kernel, inlined_kernel
 from voxgran.contacts.manifolds.convex_bodies import ConvexBodies, ConvexWork
 from voxgran.geometry.gjk import Accuracy, Simplex, search_distance
 from voxgran.geometry.support import support
-from voxgran.geometry.vectors import Vector, along
+from voxgran.geometry.vectors import Vector, along, cross, dot, sub, times, vector_at
 
 #: the kinds of `convex_bodies`, as numbers of `geometry.support`: the kernels below compare with 0, 1 and 2
 #: number of corners from which on the farthest is found by walking along edges
@@ -112,31 +112,26 @@ def distance_along(
 
 @bare_kernel
 def part_gap(
-    bodies: ConvexBodies, work: ConvexWork, one: Part, two: Part, offset: Vector, normal: Vector, thick: float,
-    limit: float, curved: object,
-) -> tuple[float, float, float, float]:  # fmt: skip
-    """Return the signed gap of two parts and the direction of it, which is first looked for along `normal`.
+    work: ConvexWork, one: Part, two: Part, offset: Vector, start: Vector, thick: float, limit: float, curved: object
+) -> tuple[float, Vector]:
+    """Return the signed gap of two parts and the direction of it, which is first looked for along `start`.
 
     The nearest point on the core of the first part is written to `near` of the simplex, 3 to 5. A gap above the limit
-    is a lower bound. Returns gap, nx, ny, nz.
+    is a lower bound.
     """
-    nx, ny, nz = normal
-    radii = one[5] + two[5]
-    tables, near = tables_of(bodies, work), work.simplex.near
+    normal, radii = start, one[5] + two[5]
+    tables, near = tables_of(work.bodies, work), work.simplex.near
     gap, high = gap_along(tables, one, two, offset, normal, curved)
-    near[3], near[4], near[5] = nx * (high - one[5]), ny * (high - one[5]), nz * (high - one[5])
+    near[3], near[4], near[5] = times(normal, high - one[5])
     if gap > limit:
-        return gap, nx, ny, nz
+        return gap, normal
     exact = True
     for _ in range(MOST_ROUNDS):
         core = gap + radii
         direct = exact and core > DIRECT * thick
         h = 0.0 if direct else DISPLACED * thick - min(core, 0.0)
-        place, start = along(offset, h, (nx, ny, nz)), (nx, ny, nz)
-        keep = near[3], near[4], near[5]
-        distance = distance_along(
-            tables, one, two, place, start, limit + h + radii, CLOSE * thick, curved, work.simplex
-        )
+        place, keep, far = along(offset, h, normal), vector_at(near, 3), limit + h + radii
+        distance = distance_along(tables, one, two, place, normal, far, CLOSE * thick, curved, work.simplex)
         length = math.sqrt(near[0] ** 2 + near[1] ** 2 + near[2] ** 2)
         if distance <= 0.0 or length == 0.0:
             near[3], near[4], near[5] = keep
@@ -145,15 +140,15 @@ def part_gap(
             # rounding takes parts that nearly touch for such that intersect
             exact = False
             continue
-        mx, my, mz = near[0] / length, near[1] / length, near[2] / length
-        better, _ = gap_along(tables, one, two, offset, (mx, my, mz), curved)
+        trial = near[0] / length, near[1] / length, near[2] / length
+        better, _ = gap_along(tables, one, two, offset, trial, curved)
         if better < gap:
             if not direct:
                 # along the old normal, the nearest points are as good
                 break
-            mx, my, mz, better = nx, ny, nz, gap
+            trial, better = normal, gap
         won = better - gap
-        nx, ny, nz, gap = mx, my, mz, better
+        normal, gap = trial, better
         if gap > limit:
             break
         if direct:
@@ -163,44 +158,37 @@ def part_gap(
             exact = False
         elif won <= STEADY * thick:
             break
-    return gap, nx, ny, nz
+    return gap, normal
 
 
 @bare_kernel
 def ellipsoid_gap(
-    form_one: Floats, radius_one: float, form_two: Floats, radius_two: float, offset: Vector,
-    normal: Vector, limit: float, near: Floats,
-) -> tuple[float, float, float, float]:  # fmt: skip
+    form_one: Floats, radius_one: float, form_two: Floats, radius_two: float, offset: Vector, start: Vector,
+    limit: float, near: Floats,
+) -> tuple[float, Vector]:  # fmt: skip
     """Return the signed gap of two ellipsoids or spheres and its direction; the nearest point goes to `near`, 3 to 5.
 
     A form holds xx, yy, zz, xy, xz, yz of the matrix whose quadratic form is the square of the support function, zeros
-    for a sphere, which has a radius. Newton's method starts along `normal`, and each step raises the gap. A gap above
-    the limit is a lower bound. Returns gap, nx, ny, nz.
+    for a sphere, which has a radius. Newton's method begins along `start`, and each step raises the gap. A gap above
+    the limit is a lower bound.
     """
-    nx, ny, nz = normal
-    radii = radius_one + radius_two
-    step = 1.0
-    f, ax, ay, az, la, bx, by, bz, lb = _supports(form_one, form_two, offset, nx, ny, nz)
+    n, radii, step = start, radius_one + radius_two, 1.0
+    f, a, high_a, b, high_b = _supports(form_one, form_two, offset, n)
     for _ in range(60):
         if f - radii > limit:
             break
         # the change of f on the unit sphere, in a basis t, u across n
-        if abs(nx) < 0.6:
-            tx, ty, tz = 0.0, -nz, ny
-        else:
-            tx, ty, tz = nz, 0.0, -nx
-        s = 1.0 / math.sqrt(tx * tx + ty * ty + tz * tz)
-        tx, ty, tz = tx * s, ty * s, tz * s
-        ux, uy, uz = ny * tz - nz * ty, nz * tx - nx * tz, nx * ty - ny * tx
-        vx, vy, vz = offset[0] - ax - bx, offset[1] - ay - by, offset[2] - az - bz
-        gt, gu = vx * tx + vy * ty + vz * tz, vx * ux + vy * uy + vz * uz
-        tt, tu, uu = _curve(form_one, ax, ay, az, la, tx, ty, tz, ux, uy, uz)
-        t2, m2, u2 = _curve(form_two, bx, by, bz, lb, tx, ty, tz, ux, uy, uz)
+        t = (0.0, -n[2], n[1]) if abs(n[0]) < 0.6 else (n[2], 0.0, -n[0])
+        t = times(t, 1.0 / math.sqrt(dot(t, t)))
+        u, v = cross(n, t), sub(sub(offset, a), b)
+        gt, gu = dot(v, t), dot(v, u)
+        tt, tu, uu = _curve(form_one, a, high_a, t, u)
+        t2, m2, u2 = _curve(form_two, b, high_b, t, u)
         tt, tu, uu = tt + t2, tu + m2, uu + u2
         # smallest radius of curvature of the two together: the matrix stays positive definite
         least = 0.5 * (tt + uu) - math.sqrt((0.5 * (tt - uu)) ** 2 + tu * tu)
-        add = max(f, -0.9 * least)
-        tt, uu = tt + add, uu + add
+        more = max(f, -0.9 * least)
+        tt, uu = tt + more, uu + more
         det = tt * uu - tu * tu
         if det <= 0.0:
             break
@@ -211,10 +199,9 @@ def ellipsoid_gap(
         step = min(1.0, 0.7 / size)
         rising = False
         for _ in range(30):
-            mx, my, mz = nx + step * (p * tx + q * ux), ny + step * (p * ty + q * uy), nz + step * (p * tz + q * uz)
-            s = 1.0 / math.sqrt(mx * mx + my * my + mz * mz)
-            mx, my, mz = mx * s, my * s, mz * s
-            g, cx, cy, cz, lc, dx, dy, dz, ld = _supports(form_one, form_two, offset, mx, my, mz)
+            m = along(n, step, along(times(t, p), q, u))
+            m = times(m, 1.0 / math.sqrt(dot(m, m)))
+            g, c, high_c, d, high_d = _supports(form_one, form_two, offset, m)
             if g > f:
                 rising = True
                 break
@@ -224,52 +211,48 @@ def ellipsoid_gap(
             step *= 0.5
         if not rising:
             break
-        f, nx, ny, nz = g, mx, my, mz
-        ax, ay, az, la, bx, by, bz, lb = cx, cy, cz, lc, dx, dy, dz, ld
+        f, n, a, high_a, b, high_b = g, m, c, high_c, d, high_d
         if size < 1e-6:
             # the error of f is of the fourth order now
             break
-    near[3], near[4], near[5] = ax, ay, az
-    return f - radii, nx, ny, nz
+    near[3], near[4], near[5] = a
+    return f - radii, n
 
 
 @inlined_kernel
-def _supports(form_one, form_two, offset, x, y, z):  # type: ignore[no-untyped-def]
+def _supports(form_one, form_two, offset, n):  # type: ignore[no-untyped-def]
     """Return the gap along n, and for each form its support point along n and the height of that."""
-    ax, ay, az, la = _support_of_form(form_one, x, y, z)
-    bx, by, bz, lb = _support_of_form(form_two, x, y, z)
-    return offset[0] * x + offset[1] * y + offset[2] * z - la - lb, ax, ay, az, la, bx, by, bz, lb
+    a, high_a = _support_of_form(form_one, n)
+    b, high_b = _support_of_form(form_two, n)
+    return dot(offset, n) - high_a - high_b, a, high_a, b, high_b
 
 
 @inlined_kernel
-def _support_of_form(form, x, y, z):  # type: ignore[no-untyped-def]
+def _times_form(form, v):  # type: ignore[no-untyped-def]
+    """Return the product of the matrix of a form with a vector."""
+    return (
+        form[0] * v[0] + form[3] * v[1] + form[4] * v[2],
+        form[3] * v[0] + form[1] * v[1] + form[5] * v[2],
+        form[4] * v[0] + form[5] * v[1] + form[2] * v[2],
+    )
+
+
+@inlined_kernel
+def _support_of_form(form, n):  # type: ignore[no-untyped-def]
     """Return the support point along a unit vector, and its height."""
-    px = form[0] * x + form[3] * y + form[4] * z
-    py = form[3] * x + form[1] * y + form[5] * z
-    pz = form[4] * x + form[5] * y + form[2] * z
-    square = px * x + py * y + pz * z
+    p = _times_form(form, n)
+    square = dot(p, n)
     if square <= 0.0:
-        return 0.0, 0.0, 0.0, 0.0
+        return (0.0, 0.0, 0.0), 0.0
     height = math.sqrt(square)
-    s = 1.0 / height
-    return px * s, py * s, pz * s, height
+    return times(p, 1.0 / height), height
 
 
 @inlined_kernel
-def _curve(form, px, py, pz, height, tx, ty, tz, ux, uy, uz):  # type: ignore[no-untyped-def]
+def _curve(form, point, height, t, u):  # type: ignore[no-untyped-def]
     """Return the second derivatives of a support function across n: tt, tu, uu."""
     if height <= 0.0:
         return 0.0, 0.0, 0.0
-    s = 1.0 / height
-    fx = form[0] * tx + form[3] * ty + form[4] * tz
-    fy = form[3] * tx + form[1] * ty + form[5] * tz
-    fz = form[4] * tx + form[5] * ty + form[2] * tz
-    gx = form[0] * ux + form[3] * uy + form[4] * uz
-    gy = form[3] * ux + form[1] * uy + form[5] * uz
-    gz = form[4] * ux + form[5] * uy + form[2] * uz
-    pt, pu = px * tx + py * ty + pz * tz, px * ux + py * uy + pz * uz
-    return (
-        (fx * tx + fy * ty + fz * tz - pt * pt) * s,
-        (fx * ux + fy * uy + fz * uz - pt * pu) * s,
-        (gx * ux + gy * uy + gz * uz - pu * pu) * s,
-    )
+    s, f, g = 1.0 / height, _times_form(form, t), _times_form(form, u)
+    pt, pu = dot(point, t), dot(point, u)
+    return (dot(f, t) - pt * pt) * s, (dot(f, u) - pt * pu) * s, (dot(g, u) - pu * pu) * s

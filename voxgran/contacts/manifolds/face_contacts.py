@@ -10,10 +10,10 @@ Ends of cylinders and cones are polygons of points on the rim; their sides are s
 
 import math
 
-from voxgran._base.arrays import Floats
 from voxgran._base.kernels import bare_kernel
-from voxgran.contacts.manifolds.convex_bodies import ConvexBodies, ConvexWork
-from voxgran.contacts.manifolds.rows import ContactRows, Grains, write_contact
+from voxgran.contacts.manifolds.convex_bodies import ConvexWork
+from voxgran.contacts.manifolds.rows import ContactRows, Grains, Pair, write_contact
+from voxgran.geometry.vectors import Vector, along, rotate, rotate_back, row_of, sub
 
 #: cosine of the largest angle between a face and the plane of contact
 FLAT = 0.5
@@ -30,20 +30,19 @@ STRIP = 0.02
 
 @bare_kernel
 def write_face_contacts(
-    grains: Grains, bodies: ConvexBodies, work: ConvexWork, rows: ContactRows, m: int, i: int, j: int, offset: Floats,
-    normal: tuple[float, float, float], reach: float, rest: float, thick: float, start: int, old: int, count: int,
+    grains: Grains, work: ConvexWork, rows: ContactRows, m: int, pair: Pair, normal: Vector, thick: float,
     curved: object,
 ) -> int:  # fmt: skip
     """Write rows m, ... for the faces of two solids along a normal; return the next row, -1 if there is no space.
 
-    The rows of the pair begin at `start`; its `count` rows of the step before begin at `old`. `curved` is None if no
-    grain is an ellipsoid, a cylinder or a cone.
+    The row before is that of the smallest gap of the pair. `curved` is None if no grain is an ellipsoid, a cylinder or
+    a cone.
     """
-    nx, ny, nz = normal
-    mine, gx, gy, gz, level, strip = _write_face(grains, bodies, work, i, nx, ny, nz, work.window, curved)
+    start, offset, (nx, ny, nz) = m - 1, pair.offset, normal
+    mine, gx, gy, gz, level, strip = _write_face(grains, work, pair.i, nx, ny, nz, work.window, curved)
     if mine == 0:
         return m
-    theirs, hx, hy, hz, other_level, _ = _write_face(grains, bodies, work, j, -nx, -ny, -nz, work.ring, curved)
+    theirs, hx, hy, hz, other_level, _ = _write_face(grains, work, pair.j, -nx, -ny, -nz, work.ring, curved)
     if theirs == 0:
         return m
     for k in range(theirs):
@@ -71,7 +70,7 @@ def write_face_contacts(
         if side > 0.0:
             for c in range(3):
                 ring[k, c] -= other[k, 0] * normal[c]
-        other[k, 1] = 1e300 if other[k, 0] < reach else -1.0
+        other[k, 1] = 1e300 if other[k, 0] < pair.reach else -1.0
         _shorten(rows, start, m, ring[k], other[k])
     least = (SPACING * thick) ** 2
     for _ in range(MOST_POINTS):
@@ -83,12 +82,9 @@ def write_face_contacts(
             break
         if m >= len(rows.row):
             return -1
-        gap = other[at, 0]
-        ax, ay, az = ring[at, 0], ring[at, 1], ring[at, 2]
-        bx, by, bz = ax + gap * nx - offset[0], ay + gap * ny - offset[1], az + gap * nz - offset[2]
-        write_contact(
-            rows, m, i, j, nx, ny, nz, ax, ay, az, bx, by, bz, gap - rest, old, count, SAME * thick
-        )  # fmt: skip
+        gap, arm = other[at, 0], row_of(ring, at)
+        other_arm = sub(along(arm, gap, normal), offset)
+        write_contact(rows, m, pair, normal, arm, other_arm, gap - pair.rest, SAME * thick)
         m += 1
         for k in range(left):
             _shorten(rows, m - 1, m, ring[k], other[k])
@@ -105,28 +101,25 @@ def _shorten(rows, start, stop, point, known):  # type: ignore[no-untyped-def]
 
 
 @bare_kernel
-def _write_face(grains, bodies, work, i, nx, ny, nz, ring, curved):  # type: ignore[no-untyped-def]
+def _write_face(grains, work, i, nx, ny, nz, ring, curved):  # type: ignore[no-untyped-def]
     """Write the corners of the face of a grain that is most nearly perpendicular to n, relative to its centroid.
 
     Return how many they are (0: no such face, 2: the side of a cylinder or cone), the outward normal and the level of
     the face, and half the width of a side.
     """
-    s = grains.shape[i]
-    kind = bodies.kind[s]
+    kind = work.bodies.kind[grains.shape[i]]
     if kind == 2:
-        return _write_flat_face(grains, bodies, work, i, nx, ny, nz, ring)
+        return _write_flat_face(grains, work, i, (nx, ny, nz), ring)
     if curved is not None and (kind == 3 or kind == 4):
         return _write_round_face(work.row[i], nx, ny, nz, ring)
     return 0, 0.0, 0.0, 0.0, 0.0, 0.0
 
 
 @bare_kernel
-def _write_flat_face(grains, bodies, work, i, nx, ny, nz, ring):  # type: ignore[no-untyped-def]
+def _write_flat_face(grains, work, i, normal, ring):  # type: ignore[no-untyped-def]
     """Write the face of a hull."""
-    s, turn = grains.shape[i], grains.matrix[i]
-    x = turn[0, 0] * nx + turn[1, 0] * ny + turn[2, 0] * nz
-    y = turn[0, 1] * nx + turn[1, 1] * ny + turn[2, 1] * nz
-    z = turn[0, 2] * nx + turn[1, 2] * ny + turn[2, 2] * nz
+    bodies, s, turn = work.bodies, grains.shape[i], grains.matrix[i]
+    x, y, z = rotate_back(turn, normal)
     most, at = FLAT, -1
     for f in range(bodies.face_first[s], bodies.face_first[s + 1]):
         cosine = bodies.face[f, 0] * x + bodies.face[f, 1] * y + bodies.face[f, 2] * z
@@ -134,21 +127,14 @@ def _write_flat_face(grains, bodies, work, i, nx, ny, nz, ring):  # type: ignore
             most, at = cosine, f
     if at < 0:
         return 0, 0.0, 0.0, 0.0, 0.0, 0.0
-    x, y, z = bodies.face[at, 0], bodies.face[at, 1], bodies.face[at, 2]
+    x, y, z = rotate(turn, row_of(bodies.face, at))
     first = bodies.ring_first[at]
     many = bodies.ring_first[at + 1] - first
     for k in range(many):
         q = work.first[i] + bodies.ring[first + k]
         for c in range(3):
             ring[k, c] = work.corner[q, c]
-    return (
-        many,
-        turn[0, 0] * x + turn[0, 1] * y + turn[0, 2] * z,
-        turn[1, 0] * x + turn[1, 1] * y + turn[1, 2] * z,
-        turn[2, 0] * x + turn[2, 1] * y + turn[2, 2] * z,
-        bodies.face[at, 3] * grains.scale[i],
-        0.0,
-    )
+    return many, x, y, z, bodies.face[at, 3] * grains.scale[i], 0.0
 
 
 @bare_kernel

@@ -13,7 +13,7 @@ from voxgran.contacts.manifolds.convex_bodies import convex_bodies, convex_work,
 from voxgran.contacts.manifolds.convex_contacts import find_convex_contacts
 from voxgran.contacts.manifolds.distance_grids import surface_bodies
 from voxgran.contacts.manifolds.outline_contacts import find_outline_contacts, outline_bodies
-from voxgran.contacts.manifolds.rows import CONVEX, OUTLINE, SPHERE, SURFACE, ContactRows, Grains, PairList
+from voxgran.contacts.manifolds.rows import CONVEX, OUTLINE, SPHERE, SURFACE, ContactRows, Grains, PairList, Search
 from voxgran.contacts.manifolds.sphere_contacts import find_sphere_contacts
 from voxgran.contacts.manifolds.surface_contacts import find_surface_contacts
 from voxgran.contacts.manifolds.surface_memory import surface_work
@@ -82,8 +82,7 @@ class ContactFinders:
         self._wall_bodies = wall_bodies(assembly.shapes, assembly.container)
         self._normal = np.zeros(3) if assembly.lid is None else np.array(assembly.lid.normal, dtype=np.float64)
         if CONVEX in self._kinds:
-            self._convex = convex_bodies(assembly.shapes, hulls=hulls)
-            self._convex_work = convex_work(self._convex, grains)
+            self._convex_work = convex_work(convex_bodies(assembly.shapes, hulls=hulls), grains)
         if SURFACE in self._kinds:
             self._surfaces = surface_bodies(assembly.shapes)
             self._surface_work = surface_work(self._surfaces, 0)
@@ -97,18 +96,16 @@ class ContactFinders:
 
         All are (m,); gaps are infinite beyond reach.
         """
-        size = len(pairs.i)
-        self._make_room(size)
-        work = self._surface_work
-        gap, proven = prove_separate(grains, self._surfaces, work, pairs=pairs, size=size, rows=rows, reach=reach)
-        return gap, proven, pairs_of_kind(grains, pairs, size, SURFACE)
+        self._make_room(len(pairs.i))
+        gap, proven = prove_separate(grains, pairs, self._surface_work, rows, reach)
+        return gap, proven, pairs_of_kind(grains, pairs, SURFACE)
 
     def crossing(self, pairs: PairList, grains: Grains) -> int:
         """Return how many pairs were not proven to be separate when exact contacts were last found."""
         if SURFACE not in self._kinds or not self.exact:
             return 0
-        size = len(pairs.i)
-        return int((pairs_of_kind(grains, pairs, size, SURFACE) & ~self._surface_work.arrays.proven[:size]).sum())
+        proven = self._surface_work.arrays.proven[: len(pairs.i)]
+        return int((pairs_of_kind(grains, pairs, SURFACE) & ~proven).sum())
 
     def _make_room(self, size: int) -> None:
         """Make room for the memory of pairs."""
@@ -128,19 +125,18 @@ class ContactFinders:
 
         reuse: motion of a pair up to which exact contacts of meshes are those of before.
         """
-        m, size = 0, len(pairs.i)
+        m, search = 0, Search(grains, pairs, margin, rest, reuse)
         if SPHERE in self._kinds:
-            m = find_sphere_contacts(grains, pairs, size, rows, m, margin, rest)
+            m = find_sphere_contacts(search, rows, m)
         if m >= 0 and CONVEX in self._kinds:
-            work = self._convex_work
-            m = find_convex_contacts(grains, self._convex, work, pairs, size, rows, m, margin, rest)
+            m = find_convex_contacts(search, self._convex_work, rows, m)
         if m >= 0 and SURFACE in self._kinds:
-            self._make_room(size)
-            meshes = (grains, self._surfaces, self._surface_work, pairs, size, rows, m, margin, rest)
-            m = find_triangle_contacts(*meshes, reuse=reuse) if self.exact else find_surface_contacts(*meshes)
+            self._make_room(len(pairs.i))
+            find = find_triangle_contacts if self.exact else find_surface_contacts
+            m = find(search, self._surface_work, rows, m)
         if m >= 0 and OUTLINE in self._kinds:
-            m = find_outline_contacts(grains, self._outlines, pairs, size, rows, m, margin, rest)
+            m = find_outline_contacts(search, self._outlines, rows, m)
         if m < 0:
             return m
         lid = Lid(self._normal, lid_level if math.isfinite(lid_level) else math.inf)
-        return int(find_wall_contacts(grains, self._walls, lid, self._wall_bodies, *at_walls, rows, m, margin, rest))
+        return int(find_wall_contacts(search, self._walls, lid, self._wall_bodies, at_walls, rows, m))

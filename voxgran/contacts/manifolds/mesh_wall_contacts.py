@@ -10,15 +10,16 @@ import math
 
 import numpy as np
 
-from voxgran._base.arrays import Floats
 from voxgran._base.kernels import bare_kernel
 from voxgran.contacts.manifolds.candidates import add_candidate, is_candidate
+from voxgran.contacts.manifolds.rows import Grains
 from voxgran.contacts.manifolds.smooth_distance import smooth_distance
 from voxgran.contacts.manifolds.wall_bodies import ELLIPSOID, POINTS, SAGITTA, WallBodies
 from voxgran.contacts.manifolds.wall_candidates import rings_of, set_frame, support_arm
 from voxgran.containers.kernel_container import MeshWalls
 from voxgran.geometry.tree import is_behind, search_triangles, square_to_box
 from voxgran.geometry.triangles import closest_on_triangle
+from voxgran.geometry.vectors import add, along, corner_of, dot, rotate, rotate_back, row_of, sub, times, vector_at
 
 #: walls that are looked for about one point, and spheres without a wall that are remembered of a grain, at most
 WALLS, FREE = 4, 16
@@ -32,65 +33,62 @@ GOLDEN = 0.6180339887498949
 
 
 @bare_kernel
-def near_mesh(
-    bodies: WallBodies, walls: MeshWalls, shape: int, scale: float, m: Floats, x: float, y: float, z: float,
-    radius: float, reach: float, smooth: object,
-) -> int:  # fmt: skip
-    """Write the points of a grain at (x, y, z) within reach of a closed mesh; return how many there are.
+def near_mesh(bodies: WallBodies, walls: MeshWalls, grains: Grains, g: int, reach: float, smooth: object) -> int:
+    """Write the points of a grain within reach of a closed mesh; return how many there are.
 
     smooth: None where no shape is a smooth solid.
     """
-    px, py, pz = x + walls.shift[0], y + walls.shift[1], z + walls.shift[2]
+    shape, scale, m, radius = grains.shape[g], grains.scale[g], grains.matrix[g], grains.radius[g]
+    place = add(row_of(grains.position, g), vector_at(walls.shift, 0))
+    x, y, z = place
     square, triangle, feature, qx, qy, qz = search_triangles(
-        walls.corners, walls.low, walls.high, walls.start, px, py, pz, np.inf, walls.stack
+        walls.corners, walls.low, walls.high, walls.start, x, y, z, np.inf, walls.stack
     )
     depth = math.sqrt(square)
-    if is_behind(walls.normals, triangle, feature, px - qx, py - qy, pz - qz):
+    if is_behind(walls.normals, triangle, feature, x - qx, y - qy, z - qz):
         if depth > radius + reach:
             return 0
     else:
         depth = -depth
     far = np.inf if depth < DEEP * radius else reach + DEEP * radius
-    c, point, known, wide = 0, bodies.point, 0, reach
+    c, free, known, wide = 0, bodies.mesh.free, 0, reach
     if smooth is not None and bodies.kind[shape] != POINTS:
         # a wall may be nearer to the rim than to any of its points
         wide += SAGITTA * scale * bodies.size[shape, 0]
     for k in range(bodies.start[shape], bodies.start[shape + 1]):
-        bx, by, bz, r = point[k, 0], point[k, 1], point[k, 2], scale * bodies.margin[k]
-        arm = scale * math.sqrt(bx * bx + by * by + bz * bz)
-        if depth - arm - r > wide:
+        point, r = row_of(bodies.point, k), scale * bodies.margin[k]
+        length = scale * math.sqrt(dot(point, point))
+        if depth - length - r > wide:
             continue
-        ax = scale * (m[0, 0] * bx + m[0, 1] * by + m[0, 2] * bz)
-        ay = scale * (m[1, 0] * bx + m[1, 1] * by + m[1, 2] * bz)
-        az = scale * (m[2, 0] * bx + m[2, 1] * by + m[2, 2] * bz)
-        if _is_free(bodies.mesh.free, known, ax, ay, az, r + wide):
+        arm = times(rotate(m, point), scale)
+        if _is_free(free, known, arm, r + wide):
             continue
         # the wall that is nearest to the centroid is no farther than this
-        most = (abs(depth) + arm) * (1.0 + 1e-9)
-        c, room = _near_point(bodies, walls, c, px, py, pz, ax, ay, az, r, wide, far, most)
-        known = _remember(bodies.mesh.free, known, ax, ay, az, room)
+        most = (abs(depth) + length) * (1.0 + 1e-9)
+        c, room = _near_point(bodies, walls, c, place, arm, r, wide, far, most)
+        known = _remember(free, known, arm, room)
     if smooth is not None and bodies.kind[shape] != POINTS:
-        c = _near_supports(bodies, walls, c, shape, scale, m, px, py, pz, reach, far)
+        c = _near_supports(bodies, walls, c, grains, g, place, reach, far)
     # where an edge of the wall is reentrant
     if len(bodies.mesh.edge) > 0:
         first = bodies.mesh.triangle
         if bodies.kind[shape] != POINTS or first[shape + 1] > first[shape]:
-            c = _near_edges(bodies, c, shape, scale, m, x, y, z, radius, reach)
+            c = _near_edges(bodies, c, grains, g, reach)
     return c
 
 
 @bare_kernel
-def _is_free(free, known, ax, ay, az, distance):  # type: ignore[no-untyped-def]
+def _is_free(free, known, arm, distance):  # type: ignore[no-untyped-def]
     """Return whether a sphere about an arm lies in one of the known spheres without a wall."""
     for k in range(known):
-        dx, dy, dz, room = ax - free[k, 0], ay - free[k, 1], az - free[k, 2], free[k, 3] - distance
-        if room > 0.0 and dx * dx + dy * dy + dz * dz < room * room:
+        way, room = sub(arm, row_of(free, k)), free[k, 3] - distance
+        if room > 0.0 and dot(way, way) < room * room:
             return True
     return False
 
 
 @bare_kernel
-def _remember(free, known, ax, ay, az, room):  # type: ignore[no-untyped-def]
+def _remember(free, known, arm, room):  # type: ignore[no-untyped-def]
     """Remember a sphere without a wall, in place of the smallest one where there are many; return how many there are.
 
     A search in the tree of a wall takes far longer than a look at these spheres, and most points of a fine mesh lie in
@@ -105,18 +103,19 @@ def _remember(free, known, ax, ay, az, room):  # type: ignore[no-untyped-def]
             place = k if free[k, 3] < free[place, 3] else place
         if free[place, 3] >= room:
             return known
-    free[place, 0], free[place, 1], free[place, 2], free[place, 3] = ax, ay, az, room
+    free[place, 0], free[place, 1], free[place, 2] = arm
+    free[place, 3] = room
     return max(known, place + 1)
 
 
 @bare_kernel
-def _near_point(bodies, walls, c, x, y, z, ax, ay, az, r, reach, far, most):  # type: ignore[no-untyped-def]
-    """Add the contacts of a sphere, or point, of radius r at an arm from (x, y, z) in the frame of the walls.
+def _near_point(bodies, walls, c, place, arm, r, reach, far, most):  # type: ignore[no-untyped-def]
+    """Add the contacts of a sphere, or point, of radius r at an arm from a place in the frame of the walls.
 
     Some wall is no farther than `most`. Also return the distance of the nearest one where the point is inside and out
     of reach, else 0.
     """
-    px, py, pz = x + ax, y + ay, z + az
+    px, py, pz = add(place, arm)
     square, t, feature, qx, qy, qz = search_triangles(
         walls.corners, walls.low, walls.high, walls.start, px, py, pz, most, walls.stack
     )
@@ -139,7 +138,7 @@ def _near_point(bodies, walls, c, x, y, z, ax, ay, az, r, reach, far, most):  # 
             nx, ny, nz = walls.normals[t, feature, 0], walls.normals[t, feature, 1], walls.normals[t, feature, 2]
         length = max(math.sqrt(nx * nx + ny * ny + nz * nz), 1e-300)
         nx, ny, nz = nx / length, ny / length, nz / length
-        c = add_candidate(bodies.found, c, ax + r * nx, ay + r * ny, az + r * nz, nx, ny, nz, gap)
+        c = add_candidate(bodies.found, c, along(arm, r, (nx, ny, nz)), (nx, ny, nz), gap)
         if not inside or known == WALLS - 1:
             return c, 0.0
         row = seen[known]
@@ -185,23 +184,24 @@ def _next_wall(walls, x, y, z, reach, seen, known):  # type: ignore[no-untyped-d
 
 
 @bare_kernel
-def _near_supports(bodies, walls, c, shape, scale, m, x, y, z, reach, far):  # type: ignore[no-untyped-def]
+def _near_supports(bodies, walls, c, grains, g, place, reach, far):  # type: ignore[no-untyped-def]
     """Add the support points of a smooth solid along the normals of its corners, and drop corners out of reach.
 
     Those of the polyhedron that stands for an ellipsoid are no points of it, and are all dropped.
     """
-    kind, found, last = bodies.kind[shape], bodies.found, c
-    set_frame(bodies, shape, m)
+    shape, scale, found, last = grains.shape[g], grains.scale[g], bodies.found, c
+    kind = bodies.kind[shape]
+    set_frame(bodies, shape, grains.matrix[g])
     for k in range(last):
-        nx, ny, nz = found[k, 3], found[k, 4], found[k, 5]
+        normal = vector_at(found[k], 3)
         for ring in range(rings_of(kind)):
-            ax, ay, az = support_arm(bodies, shape, scale, ring, nx, ny, nz)
+            arm = support_arm(bodies, shape, scale, ring, normal)
             new = True
             for other in range(last, c):
-                apart = abs(found[other, 0] - ax) + abs(found[other, 1] - ay) + abs(found[other, 2] - az)
-                new = new and apart > 1e-6 * scale * bodies.size[shape, 0]
+                x, y, z = sub(row_of(found, other), arm)
+                new = new and abs(x) + abs(y) + abs(z) > 1e-6 * scale * bodies.size[shape, 0]
             if new:
-                c = _near_point(bodies, walls, c, x, y, z, ax, ay, az, 0.0, reach, far, far)[0]
+                c = _near_point(bodies, walls, c, place, arm, 0.0, reach, far, far)[0]
     kept = 0
     for k in range(c):
         if k >= last or (kind != ELLIPSOID and found[k, 6] <= reach):
@@ -212,9 +212,10 @@ def _near_supports(bodies, walls, c, shape, scale, m, x, y, z, reach, far):  # t
 
 
 @bare_kernel
-def _near_edges(bodies, c, shape, scale, m, x, y, z, radius, reach):  # type: ignore[no-untyped-def]
+def _near_edges(bodies, c, grains, g, reach):  # type: ignore[no-untyped-def]
     """Add where reentrant edges of the wall are nearest to a grain, or deepest in it."""
-    side, near = bodies.mesh, radius + reach
+    place, side, near = row_of(grains.position, g), bodies.mesh, grains.radius[g] + reach
+    x, y, z = place
     stack, leaves = side.stack[0], len(side.edge_low) // 2
     stack[0], depth = 0, 1
     while depth > 0:
@@ -227,119 +228,93 @@ def _near_edges(bodies, c, shape, scale, m, x, y, z, radius, reach):  # type: ig
             depth += 2
             continue
         for e in range(side.edge_start[node, 0], side.edge_start[node, 1]):
-            ux, uy, uz = (
-                side.edge[e, 1, 0] - side.edge[e, 0, 0],
-                side.edge[e, 1, 1] - side.edge[e, 0, 1],
-                side.edge[e, 1, 2] - side.edge[e, 0, 2],
-            )
-            dx, dy, dz = side.edge[e, 0, 0] - x, side.edge[e, 0, 1] - y, side.edge[e, 0, 2] - z
+            ux, uy, uz = sub(corner_of(side.edge, e, 1), corner_of(side.edge, e, 0))
+            start = sub(corner_of(side.edge, e, 0), place)
             length = math.sqrt(ux * ux + uy * uy + uz * uz)
             if length == 0.0:
-                c = _add_edge_point(bodies, c, shape, scale, m, dx, dy, dz, reach)
+                c = _add_edge_point(bodies, c, grains, g, start, reach)
                 continue
-            ux, uy, uz = ux / length, uy / length, uz / length
+            way = ux / length, uy / length, uz / length
             # the part of the edge within the bounding sphere
-            middle = -(dx * ux + dy * uy + dz * uz)
-            square = near * near - (dx * dx + dy * dy + dz * dz - middle * middle)
+            middle = -dot(start, way)
+            square = near * near - (dot(start, start) - middle * middle)
             if square <= 0.0:
                 continue
             half = math.sqrt(square)
             low, high = max(middle - half, 0.0), min(middle + half, length)
             if low < high:
-                c = _along_edge(bodies, c, shape, scale, m, dx, dy, dz, ux, uy, uz, low, high, reach)
+                c = _along_edge(bodies, c, grains, g, start, way, low, high, reach)
     return c
 
 
 @bare_kernel
-def _along_edge(bodies, c, shape, scale, m, dx, dy, dz, ux, uy, uz, low, high, reach):  # type: ignore[no-untyped-def]
-    """Add the minima of the signed distance of a grain along the line d + s u, relative to its centroid."""
-    step = bodies.spread[shape] * scale
+def _along_edge(bodies, c, grains, g, start, way, low, high, reach):  # type: ignore[no-untyped-def]
+    """Add the minima of the signed distance of a grain along a line from `start`, relative to its centroid."""
+    step = bodies.spread[grains.shape[g]] * grains.scale[g]
     before, s, r = low, low, low
-    value = _grain_distance(bodies, shape, scale, m, dx + s * ux, dy + s * uy, dz + s * uz)[0]
+    value = _grain_distance(bodies, grains, g, along(start, s, way))[0]
     last = math.inf
     while True:
         r = min(s + max(step, value - reach), high)
-        after = _grain_distance(bodies, shape, scale, m, dx + r * ux, dy + r * uy, dz + r * uz)[0]
+        after = _grain_distance(bodies, grains, g, along(start, r, way))[0]
         end = r == s
         if value <= last and (value <= after or end) and value <= reach + step:
             # a minimum lies between the neighbours of this point
             a, b, best, deepest = before, r, s, value
-            one, two, f, g, turn = b - GOLDEN * (b - a), a + GOLDEN * (b - a), math.inf, math.inf, 0
+            one, two, left, right, turn = b - GOLDEN * (b - a), a + GOLDEN * (b - a), math.inf, math.inf, 0
             for trip in range(GOLDEN_STEPS):
                 t = one if turn == 0 else two
-                d = _grain_distance(bodies, shape, scale, m, dx + t * ux, dy + t * uy, dz + t * uz)[0]
+                d = _grain_distance(bodies, grains, g, along(start, t, way))[0]
                 if d < deepest:
                     best, deepest = t, d
                 if turn == 0:
-                    f = d
+                    left = d
                 else:
-                    g = d
+                    right = d
                 if trip == 0:
                     turn = 1
-                elif f <= g:
-                    b, two, g, turn = two, one, f, 0
+                elif left <= right:
+                    b, two, right, turn = two, one, left, 0
                     one = b - GOLDEN * (b - a)
                 else:
-                    a, one, f, turn = one, two, g, 1
+                    a, one, left, turn = one, two, right, 1
                     two = a + GOLDEN * (b - a)
-            c = _add_edge_point(bodies, c, shape, scale, m, dx + best * ux, dy + best * uy, dz + best * uz, reach)
+            c = _add_edge_point(bodies, c, grains, g, along(start, best, way), reach)
         if value <= reach and (s == low or end or last > reach or after > reach):
             # where the edge comes into reach and leaves it: a face that lies on it is held at both ends
-            c = _add_edge_point(bodies, c, shape, scale, m, dx + s * ux, dy + s * uy, dz + s * uz, reach)
+            c = _add_edge_point(bodies, c, grains, g, along(start, s, way), reach)
         if end:
             return c
         before, s, last, value = s, r, value, after
 
 
 @bare_kernel
-def _add_edge_point(bodies, c, shape, scale, m, x, y, z, reach):  # type: ignore[no-untyped-def]
+def _add_edge_point(bodies, c, grains, g, point, reach):  # type: ignore[no-untyped-def]
     """Add a point of the wall, relative to the centroid, that is near the surface of a grain or inside it."""
-    gap, ax, ay, az, nx, ny, nz = _grain_distance(bodies, shape, scale, m, x, y, z)
-    if gap > reach:
+    gap, arm, normal = _grain_distance(bodies, grains, g, point)
+    near = 1e-6 * bodies.spread[grains.shape[g]] * grains.scale[g]
+    if gap > reach or is_candidate(bodies.found, c, arm, normal, near):
         return c
-    if is_candidate(bodies.found, 0, c, ax, ay, az, nx, ny, nz, 1e-6 * bodies.spread[shape] * scale):
-        return c
-    return add_candidate(bodies.found, c, ax, ay, az, nx, ny, nz, gap)
+    return add_candidate(bodies.found, c, arm, normal, gap)
 
 
 @bare_kernel
-def _grain_distance(bodies, shape, scale, m, x, y, z):  # type: ignore[no-untyped-def]
+def _grain_distance(bodies, grains, g, point):  # type: ignore[no-untyped-def]
     """Return the distance of a point from a grain, negative inside, its nearest point, and the normal there.
 
     Points are relative to the centroid.
     """
-    bx = (m[0, 0] * x + m[1, 0] * y + m[2, 0] * z) / scale
-    by = (m[0, 1] * x + m[1, 1] * y + m[2, 1] * z) / scale
-    bz = (m[0, 2] * x + m[1, 2] * y + m[2, 2] * z) / scale
+    shape, scale, m = grains.shape[g], grains.scale[g], grains.matrix[g]
+    x, y, z = rotate_back(m, point)
+    x, y, z = x / scale, y / scale, z / scale
     if bodies.kind[shape] == POINTS:
-        distance, qx, qy, qz, vx, vy, vz = _mesh_distance(bodies.mesh, shape, bx, by, bz)
+        distance, near, normal = _mesh_distance(bodies.mesh, shape, x, y, z)
     else:
-        t = bodies.turn[shape]
-        ux, uy, uz = (
-            t[0, 0] * bx + t[1, 0] * by + t[2, 0] * bz,
-            t[0, 1] * bx + t[1, 1] * by + t[2, 1] * bz,
-            t[0, 2] * bx + t[1, 2] * by + t[2, 2] * bz,
-        )
-        distance, ux, uy, uz, wx, wy, wz = smooth_distance(bodies.kind[shape], bodies.size[shape], ux, uy, uz)
-        qx, qy, qz = (
-            t[0, 0] * ux + t[0, 1] * uy + t[0, 2] * uz,
-            t[1, 0] * ux + t[1, 1] * uy + t[1, 2] * uz,
-            t[2, 0] * ux + t[2, 1] * uy + t[2, 2] * uz,
-        )
-        vx, vy, vz = (
-            t[0, 0] * wx + t[0, 1] * wy + t[0, 2] * wz,
-            t[1, 0] * wx + t[1, 1] * wy + t[1, 2] * wz,
-            t[2, 0] * wx + t[2, 1] * wy + t[2, 2] * wz,
-        )
-    return (
-        distance * scale,
-        scale * (m[0, 0] * qx + m[0, 1] * qy + m[0, 2] * qz),
-        scale * (m[1, 0] * qx + m[1, 1] * qy + m[1, 2] * qz),
-        scale * (m[2, 0] * qx + m[2, 1] * qy + m[2, 2] * qz),
-        m[0, 0] * vx + m[0, 1] * vy + m[0, 2] * vz,
-        m[1, 0] * vx + m[1, 1] * vy + m[1, 2] * vz,
-        m[2, 0] * vx + m[2, 1] * vy + m[2, 2] * vz,
-    )
+        turn = bodies.turn[shape]
+        x, y, z = rotate_back(turn, (x, y, z))
+        distance, qx, qy, qz, nx, ny, nz = smooth_distance(bodies.kind[shape], bodies.size[shape], x, y, z)
+        near, normal = rotate(turn, (qx, qy, qz)), rotate(turn, (nx, ny, nz))
+    return distance * scale, times(rotate(m, near), scale), rotate(m, normal)
 
 
 @bare_kernel
@@ -357,4 +332,4 @@ def _mesh_distance(side, shape, x, y, z):  # type: ignore[no-untyped-def]
     if distance < 1e-12 * (1.0 + abs(x) + abs(y) + abs(z)):
         vx, vy, vz = normals[t, feature, 0], normals[t, feature, 1], normals[t, feature, 2]
     length = max(math.sqrt(vx * vx + vy * vy + vz * vz), 1e-300)
-    return sign * distance, qx, qy, qz, vx / length, vy / length, vz / length
+    return sign * distance, (qx, qy, qz), (vx / length, vy / length, vz / length)

@@ -14,7 +14,7 @@ from voxgran._base.arrays import Floats, Integers
 from voxgran._base.kernels import bare_kernel, kernel
 from voxgran.contacts.manifolds.blocks import Blocks, pairs_of_kind
 from voxgran.contacts.manifolds.candidates import add_candidate, choose_candidates, is_candidate, write_candidates
-from voxgran.contacts.manifolds.rows import OUTLINE, ContactRows, Grains, PairList
+from voxgran.contacts.manifolds.rows import OUTLINE, ContactRows, Pair, Search, offset_of
 from voxgran.shapes.model import Shape
 from voxgran.shapes.outline import Outline
 
@@ -89,50 +89,38 @@ def _is_convex(vertex: Floats) -> bool:
     return len(vertex) > 2 and bool((turn >= -1e-9 * np.abs(vertex).max() ** 2).all())
 
 
-def find_outline_contacts(
-    grains: Grains, bodies: Blocks[OutlineBodies], pairs: PairList, size: int, rows: ContactRows,
-    m: int, margin: float, rest: float,
-) -> int:  # fmt: skip
+def find_outline_contacts(search: Search, bodies: Blocks[OutlineBodies], rows: ContactRows, m: int) -> int:
     """Write where polygons are near polygons and disks, from row m; return the next row, or -1 where rows are full.
 
-    A contact has the normal from i to j, the arms of a point on each surface, and the gap minus `rest` and the room of
-    the pair, which is at most `margin`. Gaps of grains that are apart are exact; where a corner is inside the other
-    grain the gap is minus its distance from the nearest edge. Pairs of two disks are left alone.
+    A contact has the normal from i to j, the arms of a point on each surface, and the gap minus the rest distance and
+    the room of the pair, which is at most the margin. Gaps of grains that are apart are exact; where a corner is inside
+    the other grain the gap is minus its distance from the nearest edge. Pairs of two disks are left alone.
 
     Parameters
     ----------
-    grains : Grains
-        Grains, not wrapped along periodic axes.
+    search : Search
+        Grains, not wrapped along periodic axes, and near pairs. Of those with a polygon `first` and `count` are
+        replaced, and of those that are looked at also `bound` (the gap as it is written, or a lower bound), `way` and
+        `normal`.
     bodies : OutlineBodies
         Tables of the shapes.
-    pairs : PairList
-        Near pairs. Of those with a polygon `first` and `count` are replaced, and of those that are looked at also
-        `bound` (the gap as it is written, or a lower bound), `way` and `normal`.
-    size : int
-        Number of pairs.
     rows : ContactRows
         Rows that are written.
     m : int
         First row.
-    margin, rest : float
-        Largest distance of a contact, and distance from which gaps are counted, in the unit of lengths.
 
     Returns
     -------
     int
         The row after the last one; -1 where the rows are full: what was known of pairs is then to be restored.
     """
-
-    def find(own: OutlineBodies, part: ContactRows, start: int, first: int, last: int) -> int:
-        return int(_find(grains, own, pairs, part, start, margin, rest, first, last))
-
-    chosen = pairs_of_kind(grains, pairs, size, OUTLINE)
-    return bodies.find(find, pairs=pairs, chosen=chosen, rows=rows, m=m)
+    return bodies.find(_find, search, rows, m, chosen=pairs_of_kind(search.grains, search.pairs, OUTLINE))
 
 
 @kernel
-def _find(grains, bodies, pairs, rows, m, margin, rest, begin, end):  # type: ignore[no-untyped-def]
+def _find(search, bodies, rows, m, begin, end):  # type: ignore[no-untyped-def]
     """Write the contacts of the pairs from `begin` to `end` - 1; return the next row, or -1."""
+    grains, pairs, margin = search.grains, search.pairs, search.margin
     for p in range(begin, end):
         i, j = pairs.i[p], pairs.j[p]
         if max(grains.kind[i], grains.kind[j]) != OUTLINE:
@@ -142,9 +130,8 @@ def _find(grains, bodies, pairs, rows, m, margin, rest, begin, end):  # type: ig
         way = grains.way[i] + grains.way[j]
         if pairs.bound[p] - (way - pairs.way[p]) > margin:
             continue
-        ox = grains.position[j, 0] + pairs.shift[p, 0] - grains.position[i, 0]
-        oy = grains.position[j, 1] + pairs.shift[p, 1] - grains.position[i, 1]
-        beyond = rest + pairs.room[p]
+        ox, oy, _ = offset_of(search, p)
+        beyond = search.rest + pairs.room[p]
         # gaps are known to twice the margin, so that the pair can be passed over for a while
         look = beyond + 2.0 * margin
         least = math.sqrt(ox * ox + oy * oy) - grains.radius[i] - grains.radius[j]
@@ -166,7 +153,7 @@ def _find(grains, bodies, pairs, rows, m, margin, rest, begin, end):  # type: ig
         pairs.bound[p] = least - beyond
         spread = min(bodies.spread[grains.shape[i]] * grains.scale[i], bodies.spread[grains.shape[j]] * grains.scale[j])
         kept = choose_candidates(found, kept, MOST, spread)
-        m = write_candidates(rows, m, i, j, found, kept, ox, oy, 0.0, first, count, beyond)
+        m = write_candidates(rows, m, Pair(i, j, (ox, oy, 0.0), first, count, margin, beyond), found, kept)
         if m < 0:
             return -1
         pairs.count[p] = kept
@@ -257,7 +244,7 @@ def _parted(bodies, c, ni, nj, reach):  # type: ignore[no-untyped-def]
             break
         # the point on the surface of i: that of its edge, or of the facing one
         ax, ay = (x - gap * nx, y - gap * ny) if side == 0 else (x, y)
-        c = add_candidate(bodies.found, c, ax, ay, 0.0, sign * nx, sign * ny, 0.0, gap)
+        c = add_candidate(bodies.found, c, (ax, ay, 0.0), (sign * nx, sign * ny, 0.0), gap)
     return c
 
 
@@ -301,8 +288,9 @@ def _near_point(bodies, c, its, most, x, y, radius, sign, reach):  # type: ignor
         # the point on the surface of i: that of the corner's grain, or of the polygon
         ax, ay = (x - radius * nx, y - radius * ny) if sign < 0.0 else (qx, qy)
         # two corners that face each other are found from both
-        if not is_candidate(bodies.found, 0, c, ax, ay, 0.0, sign * nx, sign * ny, 0.0, 1e-6 * reach):
-            c = add_candidate(bodies.found, c, ax, ay, 0.0, sign * nx, sign * ny, 0.0, gap)
+        arm, normal = (ax, ay, 0.0), (sign * nx, sign * ny, 0.0)
+        if not is_candidate(bodies.found, c, arm, normal, 1e-6 * reach):
+            c = add_candidate(bodies.found, c, arm, normal, gap)
         if inside:
             break
         seen = bodies.seen[known]
@@ -409,4 +397,4 @@ def _crossing(bodies, c, ni, nj, ox, oy):  # type: ignore[no-untyped-def]
     length = math.sqrt(ox * ox + oy * oy)
     nx, ny = (ox / length, oy / length) if length > 0.0 else (1.0, 0.0)
     x, y = x / many + 0.5 * depth * nx, y / many + 0.5 * depth * ny
-    return add_candidate(bodies.found, c, x, y, 0.0, nx, ny, 0.0, -depth)
+    return add_candidate(bodies.found, c, (x, y, 0.0), (nx, ny, 0.0), -depth)

@@ -10,7 +10,8 @@ from typing import NamedTuple
 import numpy as np
 
 from voxgran._base.arrays import Floats, Integers
-from voxgran._base.kernels import bare_kernel
+from voxgran._base.kernels import bare_kernel, inlined_kernel
+from voxgran.geometry.vectors import Vector
 
 #: numbers in a row: normal (3) from i to j, arm from centroid i (3), arm from centroid j (3), gap, normal impulse,
 #: tangential impulse (3), and the effective masses along the normal and across it
@@ -75,6 +76,36 @@ class ContactRows(NamedTuple):
     old: Floats
 
 
+class Search(NamedTuple):
+    """What contacts are looked for.
+
+    margin: gap up to which contacts are written, beyond the room of a pair.  rest: length that is subtracted from each
+    gap.  reuse: motion of a pair up to which exact contacts of meshes are those of before.
+    """
+
+    grains: Grains
+    pairs: PairList
+    margin: float
+    rest: float
+    reuse: float = 0.0
+
+
+class Pair(NamedTuple):
+    """A pair that is looked at: two grains, or a grain and a wall or the lid.
+
+    i, j: bodies.  offset: from centroid i to centroid j, infinite at a wall.  first, count: old rows of the pair.
+    reach: gap up to which contacts are written.  rest: length that is subtracted from each gap.
+    """
+
+    i: int
+    j: int
+    offset: Vector
+    first: int
+    count: int  # type: ignore[assignment]
+    reach: float
+    rest: float
+
+
 def carry_rows(rows: ContactRows, m: int, motion: Floats) -> None:
     """Carry m rows along with small motions (n, 6) of the grains: gaps change to first order, and arms turn.
 
@@ -91,24 +122,36 @@ def carry_rows(rows: ContactRows, m: int, motion: Floats) -> None:
         row[:, arm : arm + 3] += turned
 
 
+@inlined_kernel
+def offset_of(search: Search, p: int) -> Vector:
+    """Return the vector from the centroid of the first grain of pair p to that of the second."""
+    position, pairs = search.grains.position, search.pairs
+    i, j = pairs.i[p], pairs.j[p]
+    return (
+        position[j, 0] + pairs.shift[p, 0] - position[i, 0],
+        position[j, 1] + pairs.shift[p, 1] - position[i, 1],
+        position[j, 2] + pairs.shift[p, 2] - position[i, 2],
+    )
+
+
 @bare_kernel
 def write_contact(
-    rows: ContactRows, m: int, i: int, j: int, nx: float, ny: float, nz: float, ax: float, ay: float, az: float,
-    bx: float, by: float, bz: float, gap: float, first: int, count: int, within: float,
-) -> None:  # fmt: skip
-    """Write row m: normal n from i to j, arms a and b from the centroids, and the gap.
+    rows: ContactRows, m: int, pair: Pair, normal: Vector, arm: Vector, other_arm: Vector, gap: float, within: float
+) -> None:
+    """Write row m: normal from i to j, arms from both centroids, and the gap.
 
-    first, count: the old rows of the same pair, of which the nearest that no other took passes on its impulses if its
-    arm on i is within a distance. An old row is taken when its number of column 14 is negative.
+    Of the old rows of the pair the nearest that no other took passes on its impulses if its arm on i is within a
+    distance. An old row is taken when its number of column 14 is negative.
     """
     row = rows.row[m]
-    rows.i[m], rows.j[m] = i, j
-    row[0], row[1], row[2] = nx, ny, nz
-    row[3], row[4], row[5] = ax, ay, az
-    row[6], row[7], row[8] = bx, by, bz
+    rows.i[m], rows.j[m] = pair.i, pair.j
+    row[0], row[1], row[2] = normal
+    row[3], row[4], row[5] = arm
+    row[6], row[7], row[8] = other_arm
     row[9] = gap
+    ax, ay, az = arm
     best, at = within * within, -1
-    for k in range(first, first + count):
+    for k in range(pair.first, pair.first + pair.count):
         old = rows.old[k]
         square = (old[3] - ax) ** 2 + (old[4] - ay) ** 2 + (old[5] - az) ** 2
         if square < best and old[14] >= 0.0:

@@ -7,14 +7,11 @@ and an edge that crosses an edge between their points is missed: gaps are too la
 
 import math
 
-import numpy as np
-from numpy.typing import NDArray
-
 from voxgran._base.arrays import Floats
 from voxgran._base.kernels import bare_kernel, inlined_kernel, kernel
 from voxgran.contacts.manifolds.blocks import Blocks, pairs_of_kind
 from voxgran.contacts.manifolds.distance_grids import SurfaceBodies
-from voxgran.contacts.manifolds.rows import SURFACE, ContactRows, Grains, PairList
+from voxgran.contacts.manifolds.rows import SURFACE, ContactRows, Grains, Pair, Search, offset_of
 from voxgran.contacts.manifolds.surface_memory import (
     LEAVES,
     SurfaceWork,
@@ -25,6 +22,7 @@ from voxgran.contacts.manifolds.surface_memory import (
     write_pose,
     write_spread,
 )
+from voxgran.geometry.vectors import Vector, add, along, dot, rotate, times, vector_at
 
 #: contact points of a pair, at most
 MOST = 6
@@ -78,26 +76,24 @@ def _grid_slope(grid, at, nx, ny, nz, cell, x, y, z):  # type: ignore[no-untyped
 
 
 @bare_kernel
-def grid_bound(
-    grid: NDArray[np.float32], at: int, frame: Floats, corner: Floats, skin: Floats, first: int, last: int, x: float,
-    y: float, z: float,
-) -> float:  # fmt: skip
-    """Return a lower bound of the distance of a point, in cells, from a body with a grid or of spheres first to last.
+def grid_bound(bodies: SurfaceBodies, body: int, x: float, y: float, z: float) -> float:
+    """Return a lower bound of the distance of a point, in cells, from a body with a grid or of spheres.
 
     A distance changes by no more than the way between two places, so that the error of the interpolation at a place
     whose shares of the cell are (u, v, w) is at most the root of the sum of u (1 - u), in cells.
     """
+    frame, corner = bodies.frame[body], bodies.corner
     if frame[0] == 0.0:
         low = 1e300
-        for s in range(first, last):
+        for s in range(bodies.first[body, 3], bodies.first[body + 1, 3]):
             square = (corner[s, 0, 0] - x) ** 2 + (corner[s, 0, 1] - y) ** 2 + (corner[s, 0, 2] - z) ** 2
-            low = min(low, math.sqrt(square) - skin[s, 0])
+            low = min(low, math.sqrt(square) - bodies.skin[s, 0])
         return low
     nx, ny, nz, cell = int(frame[0]), int(frame[1]), int(frame[2]), frame[6]
     cx, cy, cz = min(max(x, 0.0), nx - 1.001), min(max(y, 0.0), ny - 1.001), min(max(z, 0.0), nz - 1.001)
     u, v, w = cx - int(cx), cy - int(cy), cz - int(cz)
     error = math.sqrt(u * (1.0 - u) + v * (1.0 - v) + w * (1.0 - w)) + 1e-4
-    return abs(_grid_distance(grid, at, nx, ny, nz, cell, x, y, z)) - error * cell
+    return abs(_grid_distance(bodies.grid, bodies.first[body, 2], nx, ny, nz, cell, x, y, z)) - error * cell
 
 
 @bare_kernel
@@ -115,18 +111,29 @@ def write_turn(frame: Floats, way: int, pose: Floats, turn: Floats) -> None:
             turn[3 * r + c] = (pose[3 + 3 * r + c] if way == 0 else pose[3 + 3 * c + r]) * theirs * f
 
 
+@inlined_kernel
+def to_cells(turn: Floats, x: float, y: float, z: float) -> Vector:
+    """Return a point of the other grain in the cells of a grid, by the map of `write_turn`."""
+    return (
+        turn[0] * x + turn[1] * y + turn[2] * z + turn[9],
+        turn[3] * x + turn[4] * y + turn[5] * z + turn[10],
+        turn[6] * x + turn[7] * y + turn[8] * z + turn[11],
+    )
+
+
 @bare_kernel
-def _list_clusters(  # type: ignore[no-untyped-def]
-    turn, mine, theirs, grid, at, frame, cluster, rows, first, last, reach, listed,
-):  # fmt: skip
-    """List the clusters within reach of the grid of a body; return their number and a bound of the others."""
+def _list_clusters(work, way, body, guest, reach):  # type: ignore[no-untyped-def]
+    """List the clusters of a guest within reach of the grid of a body; return their number and a bound of the others.
+
+    way: 0 where the body is that of grain i, 1 where it is that of j.
+    """
+    bodies, turn, listed = work.bodies, work.turn[way], work.listed[way]
+    mine, theirs, cluster, rows = work.now[12 + way], work.now[13 - way], bodies.cluster, bodies.cluster_rows
+    grid, at, frame = bodies.grid, bodies.first[body, 2], bodies.frame[body]
     nx, ny, nz, cell = int(frame[0]), int(frame[1]), int(frame[2]), frame[6]
-    q, count, low = first, 0, 1e9
+    q, last, count, low = bodies.first[guest, 1], bodies.first[guest + 1, 1], 0, 1e9
     while q < last:
-        px, py, pz = cluster[q, 0], cluster[q, 1], cluster[q, 2]
-        x = turn[0] * px + turn[1] * py + turn[2] * pz + turn[9]
-        y = turn[3] * px + turn[4] * py + turn[5] * pz + turn[10]
-        z = turn[6] * px + turn[7] * py + turn[8] * pz + turn[11]
+        x, y, z = to_cells(turn, cluster[q, 0], cluster[q, 1], cluster[q, 2])
         distance = _grid_distance(grid, at, nx, ny, nz, cell, x, y, z) * mine - cluster[q, 3] * theirs
         if distance > reach:
             low = min(low, distance)
@@ -140,30 +147,25 @@ def _list_clusters(  # type: ignore[no-untyped-def]
 
 
 @bare_kernel
-def _look(  # type: ignore[no-untyped-def]
-    turn, mine, theirs, grid, at, frame, cluster, rows, listed, count, point, near, candidate, k,
-):  # fmt: skip
+def _look(work, way, body, count, near, k):  # type: ignore[no-untyped-def]
     """Write the points of listed clusters that are within `near`, in the frame of the body with the grid.
 
     A candidate is point (3), outward normal (3) of the grid and gap.  Returns the number and the least gap.
     """
+    bodies, turn, listed = work.bodies, work.turn[way], work.listed[way]
+    mine, theirs, cluster, rows = work.now[12 + way], work.now[13 - way], bodies.cluster, bodies.cluster_rows
+    grid, at, frame = bodies.grid, bodies.first[body, 2], bodies.frame[body]
     nx, ny, nz, cell = int(frame[0]), int(frame[1]), int(frame[2]), frame[6]
-    low = 1e9
+    point, low = bodies.point, 1e9
     for n in range(count):
         q = listed[n]
-        px, py, pz = cluster[q, 0], cluster[q, 1], cluster[q, 2]
-        x = turn[0] * px + turn[1] * py + turn[2] * pz + turn[9]
-        y = turn[3] * px + turn[4] * py + turn[5] * pz + turn[10]
-        z = turn[6] * px + turn[7] * py + turn[8] * pz + turn[11]
+        x, y, z = to_cells(turn, cluster[q, 0], cluster[q, 1], cluster[q, 2])
         distance = _grid_distance(grid, at, nx, ny, nz, cell, x, y, z) * mine - cluster[q, 3] * theirs
         if distance > near:
             low = min(low, distance)
             continue
         for s in range(rows[q, 0], rows[q, 1]):
-            px, py, pz = point[s, 0], point[s, 1], point[s, 2]
-            x = turn[0] * px + turn[1] * py + turn[2] * pz + turn[9]
-            y = turn[3] * px + turn[4] * py + turn[5] * pz + turn[10]
-            z = turn[6] * px + turn[7] * py + turn[8] * pz + turn[11]
+            x, y, z = to_cells(turn, point[s, 0], point[s, 1], point[s, 2])
             distance = _grid_distance(grid, at, nx, ny, nz, cell, x, y, z) * mine - point[s, 3] * theirs
             low = min(low, distance)
             if distance < near:
@@ -171,7 +173,7 @@ def _look(  # type: ignore[no-untyped-def]
                 length = math.sqrt(gx * gx + gy * gy + gz * gz)
                 if length < FLAT:
                     continue
-                row = candidate[k]
+                row = work.candidate[k]
                 row[0], row[1], row[2] = x, y, z
                 row[3], row[4], row[5], row[6] = gx / length, gy / length, gz / length, distance
                 row[7] = point[s, 3] * theirs
@@ -180,33 +182,33 @@ def _look(  # type: ignore[no-untyped-def]
 
 
 @bare_kernel
-def _place(turn, scale, frame, way, offset, candidate, first, last):  # type: ignore[no-untyped-def]
-    """Turn candidates into the frame of the bed: place on the surface of i, from its centroid, and normal from i."""
-    ox, oy, oz, cell = frame[3], frame[4], frame[5], frame[6]
+def _place(grains, i, frame, way, offset, candidate, first, last):  # type: ignore[no-untyped-def]
+    """Turn candidates into the frame of the bed: place on the surface of i, from its centroid, and normal from i.
+
+    i: the grain with the grid.
+    """
+    turn, scale, cell = grains.matrix[i], grains.scale[i], frame[6]
     for k in range(first, last):
         row = candidate[k]
-        gap, skin = row[6], row[7]
+        gap, skin, normal = row[6], row[7], vector_at(row, 3)
         # along the normal of the grid the surface with the skin lies before the point
-        x = scale * (row[0] * cell + ox) - skin * row[3]
-        y = scale * (row[1] * cell + oy) - skin * row[4]
-        z = scale * (row[2] * cell + oz) - skin * row[5]
-        u, v, w = row[3], row[4], row[5]
+        place = times(along(vector_at(frame, 3), cell, vector_at(row, 0)), scale)
+        place = along(place, -skin, normal)
         if way == 0:
-            x, y, z = x - gap * u, y - gap * v, z - gap * w
-        for r in range(3):
-            row[r] = turn[r, 0] * x + turn[r, 1] * y + turn[r, 2] * z
-            row[3 + r] = turn[r, 0] * u + turn[r, 1] * v + turn[r, 2] * w
-            if way == 1:
-                row[r] += offset[r]
-                row[3 + r] = -row[3 + r]
+            place = along(place, -gap, normal)
+        place, normal = rotate(turn, place), rotate(turn, normal)
+        if way == 1:
+            place, normal = add(place, offset), times(normal, -1.0)
+        row[0], row[1], row[2] = place
+        row[3], row[4], row[5] = normal
 
 
 @bare_kernel
 def field_candidates(
-    grains: Grains, bodies: SurfaceBodies, work: SurfaceWork, p: int, i: int, j: int, offset: Floats, near: float,
-) -> tuple[int, float]:  # fmt: skip
+    grains: Grains, work: SurfaceWork, p: int, i: int, j: int, offset: Vector, near: float
+) -> tuple[int, float]:
     """Write the candidates of a pair whose pose is in `work.now`; return their number and a bound of the gap."""
-    pose, key, old = work.now, work.key[p, 0], work.pose[p, 0]
+    bodies, pose, key, old = work.bodies, work.now, work.key[p, 0], work.pose[p, 0]
     kept = is_kept(key, i, j)
     clear = 1e9
     if kept:
@@ -218,37 +220,27 @@ def field_candidates(
     k, low, fits = 0, 1e9, True
     for way in range(2):
         one, other = (i, j) if way == 0 else (j, i)
-        body, guest = grains.shape[one], grains.shape[other]
-        frame = bodies.frame[body]
+        body, frame, listed = grains.shape[one], bodies.frame[grains.shape[one]], work.listed[way]
         if frame[0] == 0.0:
             if not kept:
                 key[2 + way] = 0
             continue
-        turn = work.turn[way]
-        write_turn(frame, way, pose, turn)
-        mine, theirs = grains.scale[one], grains.scale[other]
-        at, listed = bodies.first[body, 2], work.listed[way]
+        write_turn(frame, way, pose, work.turn[way])
         if kept:
             count = key[2 + way]
             for q in range(count):
                 listed[q] = work.leaf[p, way * LEAVES + q]
         else:
-            count, apart = _list_clusters(
-                turn, mine, theirs, bodies.grid, at, frame, bodies.cluster, bodies.cluster_rows,
-                bodies.first[guest, 1], bodies.first[guest + 1, 1], near + slack, listed,
-            )  # fmt: skip
+            count, apart = _list_clusters(work, way, body, grains.shape[other], near + slack)
             clear = min(clear, apart)
             fits = fits and count <= LEAVES
             key[2 + way] = count
             for q in range(min(count, LEAVES)):
                 work.leaf[p, way * LEAVES + q] = listed[q]
         start = k
-        k, least = _look(
-            turn, mine, theirs, bodies.grid, at, frame, bodies.cluster, bodies.cluster_rows, listed, count,
-            bodies.point, near, work.candidate, k,
-        )  # fmt: skip
+        k, least = _look(work, way, body, count, near, k)
         low = min(low, least)
-        _place(grains.matrix[one], mine, frame, way, offset, work.candidate, start, k)
+        _place(grains, one, frame, way, offset, work.candidate, start, k)
     if not kept:
         key[0], key[1] = i if fits else -1, j
         copy_numbers(old, pose, 14)
@@ -256,58 +248,44 @@ def field_candidates(
     return k, min(low, clear)
 
 
-def find_surface_contacts(
-    grains: Grains, bodies: SurfaceBodies, work: Blocks[SurfaceWork], pairs: PairList, size: int,
-    rows: ContactRows, m: int, margin: float, rest: float,
-) -> int:  # fmt: skip
+def find_surface_contacts(search: Search, work: Blocks[SurfaceWork], rows: ContactRows, m: int) -> int:
     """Write the contacts of the pairs with a non-convex mesh from row m on; return the new number of rows.
 
-    grains: `Grains`.  bodies: `SurfaceBodies` of their shapes.  work: `SurfaceWork` for at least `size` pairs.
-    pairs: `PairList`, of which the first `size` are looked at where the larger kind is SURFACE.  rows: `ContactRows`.
-    margin: gap up to which contacts are written.  rest: what is subtracted, with the room of the pair, from the gaps.
+    work: `SurfaceWork` for at least as many pairs. Of the pairs those whose larger kind is SURFACE are looked at.
 
     Returns -1 if the rows are full; what was known of pairs is then to be restored.
     """
-
-    def find(own: SurfaceWork, part: ContactRows, start: int, first: int, last: int) -> int:
-        return int(_find(grains, bodies, own, pairs, part, start, margin, rest, first, last))
-
-    chosen = pairs_of_kind(grains, pairs, size, SURFACE)
-    return work.find(find, pairs=pairs, chosen=chosen, rows=rows, m=m)
+    return work.find(_find, search, rows, m, chosen=pairs_of_kind(search.grains, search.pairs, SURFACE))
 
 
 @kernel
-def _find(grains, bodies, work, pairs, rows, m, margin, rest, begin, end):  # type: ignore[no-untyped-def]
+def _find(search, work, rows, m, begin, end):  # type: ignore[no-untyped-def]
     """Write the contacts of the pairs from `begin` to `end` - 1; return the next row, or -1."""
-    offset = work.now[16:19]
+    grains, pairs = search.grains, search.pairs
     for p in range(begin, end):
         i, j = pairs.i[p], pairs.j[p]
         if max(grains.kind[i], grains.kind[j]) != SURFACE:
             continue
         first, count = pairs.first[p], pairs.count[p]
         pairs.first[p], pairs.count[p] = m, 0
-        near = margin + pairs.room[p]
+        near = search.margin + pairs.room[p]
         way = grains.way[i] + grains.way[j]
         if pairs.bound[p] - (way - pairs.way[p]) > near:
             continue
-        square = 0.0
-        for r in range(3):
-            offset[r] = grains.position[j, r] + pairs.shift[p, r] - grains.position[i, r]
-            square += offset[r] * offset[r]
+        offset = offset_of(search, p)
+        square, reach = dot(offset, offset), grains.radius[i] + grains.radius[j]
         pairs.way[p] = way
-        reach = grains.radius[i] + grains.radius[j]
         if square > (reach + near) ** 2:
             pairs.bound[p] = math.sqrt(square) - reach
             continue
-        write_pose(grains.matrix, grains.scale, i, j, offset, work.now)
-        k, low = field_candidates(grains, bodies, work, p, i, j, offset, near)
+        write_pose(grains, i, j, offset, work.now)
+        k, low = field_candidates(grains, work, p, i, j, offset, near)
         pairs.bound[p] = low
         if k == 0:
             continue
+        pair = Pair(i, j, offset, first, count, near, search.rest + pairs.room[p])
         spacing = spacing_of(grains.radius[i], grains.radius[j])
-        after = write_spread(
-            rows, m, i, j, offset, work.candidate, k, MOST, near, rest + pairs.room[p], spacing, first, count
-        )
+        after = write_spread(rows, m, pair, work.candidate, k, MOST, spacing)
         if after < 0:
             return -1
         if after > m:

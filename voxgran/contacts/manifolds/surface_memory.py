@@ -14,7 +14,8 @@ from voxgran._base.arrays import Floats, Integers
 from voxgran._base.kernels import bare_kernel
 from voxgran.contacts.manifolds.blocks import Blocks
 from voxgran.contacts.manifolds.distance_grids import SurfaceBodies
-from voxgran.contacts.manifolds.rows import ContactRows, write_contact
+from voxgran.contacts.manifolds.rows import ContactRows, Grains, Pair, write_contact
+from voxgran.geometry.vectors import Vector, along, dot, rotate_back, row_of, sub, vector_at
 
 #: clusters that are kept of each grain of a pair, and pairs of triangles
 LEAVES, NEAR = 48, 2048
@@ -27,7 +28,8 @@ SAME = 0.7
 
 
 class SurfaceWork(NamedTuple):
-    """Work arrays of both finders for `cap` pairs; those of the pair in row p are lost when another takes its row.
+    """Tables of the shapes, and work arrays of both finders for `cap` pairs; those of the pair in row p are lost when
+    another takes its row.
 
     gap: (cap,) exact distances of the surfaces at the last exact look: infinite beyond the margin, minus infinity where
     grains overlap.  proven: (cap,) whether the grains were proven to be separate.
@@ -43,6 +45,7 @@ class SurfaceWork(NamedTuple):
     plane: (2, t, 9) and number: (2, t): triangles of j and of i in the frame of i.
     """
 
+    bodies: SurfaceBodies
     gap: Floats
     proven: NDArray[np.bool_]
     pose: Floats
@@ -75,6 +78,7 @@ def surface_work(bodies: SurfaceBodies, cap: int) -> Blocks[SurfaceWork]:
     counts = np.diff(bodies.first, axis=0).max(axis=0, initial=1)
     scratch = max(LISTED, int(2 * counts[0]), int(counts[4]))
     work = SurfaceWork(
+        bodies=bodies,
         gap=np.full(cap, np.inf),
         proven=np.zeros(cap, dtype=np.bool_),
         pose=np.zeros((cap, 2, 20)),
@@ -99,11 +103,11 @@ def surface_work(bodies: SurfaceBodies, cap: int) -> Blocks[SurfaceWork]:
 
 
 @bare_kernel
-def write_pose(turn: Floats, scale: Floats, i: int, j: int, offset: Floats, pose: Floats) -> None:
+def write_pose(grains: Grains, i: int, j: int, offset: Vector, pose: Floats) -> None:
     """Write offset and rotation of grain j in the frame of grain i, and both scales."""
-    dx, dy, dz = offset[0], offset[1], offset[2]
+    turn, scale = grains.matrix, grains.scale
+    pose[0], pose[1], pose[2] = rotate_back(turn[i], offset)
     for r in range(3):
-        pose[r] = turn[i, 0, r] * dx + turn[i, 1, r] * dy + turn[i, 2, r] * dz
         for c in range(3):
             pose[3 + 3 * r + c] = (
                 turn[i, 0, r] * turn[j, 0, c] + turn[i, 1, r] * turn[j, 1, c] + turn[i, 2, r] * turn[j, 2, c]
@@ -144,23 +148,19 @@ def spacing_of(radius_i: float, radius_j: float) -> float:
 
 
 @bare_kernel
-def write_spread(
-    rows: ContactRows, m: int, i: int, j: int, offset: Floats, candidate: Floats, k: int, most: int, near: float,
-    less: float, spacing: float, first: int, count: int,
-) -> int:  # fmt: skip
+def write_spread(rows: ContactRows, m: int, pair: Pair, candidate: Floats, k: int, most: int, spacing: float) -> int:
     """Write the deepest of k candidates that are apart from each other, at most `most`; return the new number of rows.
 
-    offset: (3,) from centroid i to j.  near: largest gap.  less: what is subtracted from the gaps.  first, count: the
-    old rows of the pair.  Returns -1 if the rows are full.
+    Returns -1 if the rows are full.
     """
-    start = m
+    start, near = m, pair.reach
     while m - start < most:
         best, at = 1e300, -1
         for q in range(k):
             if candidate[q, 6] < near:
                 # of points at one height, as between parallel faces, the outer ones are kept
-                square = candidate[q, 0] ** 2 + candidate[q, 1] ** 2 + candidate[q, 2] ** 2
-                score = candidate[q, 6] - TIE * square
+                place = row_of(candidate, q)
+                score = candidate[q, 6] - TIE * dot(place, place)
                 if score < best:
                     best, at = score, q
         if at < 0:
@@ -168,15 +168,13 @@ def write_spread(
         best = candidate[at, 6]
         if m >= len(rows.i):
             return -1
-        x, y, z = candidate[at, 0], candidate[at, 1], candidate[at, 2]
-        u, v, w = candidate[at, 3], candidate[at, 4], candidate[at, 5]
-        bx, by, bz = x + best * u - offset[0], y + best * v - offset[1], z + best * w - offset[2]
-        write_contact(rows, m, i, j, u, v, w, x, y, z, bx, by, bz, best - less, first, count, 0.5 * spacing)
+        arm, normal = row_of(candidate, at), vector_at(candidate[at], 3)
+        other_arm = sub(along(arm, best, normal), pair.offset)
+        write_contact(rows, m, pair, normal, arm, other_arm, best - pair.rest, 0.5 * spacing)
         m += 1
         for q in range(k):
             if candidate[q, 6] < near:
-                square = (candidate[q, 0] - x) ** 2 + (candidate[q, 1] - y) ** 2 + (candidate[q, 2] - z) ** 2
-                cosine = candidate[q, 3] * u + candidate[q, 4] * v + candidate[q, 5] * w
-                if q == at or (square < spacing * spacing and cosine > SAME):
+                way, cosine = sub(row_of(candidate, q), arm), dot(vector_at(candidate[q], 3), normal)
+                if q == at or (dot(way, way) < spacing * spacing and cosine > SAME):
                     candidate[q, 6] = 1e300
     return m

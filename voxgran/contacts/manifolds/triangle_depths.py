@@ -8,10 +8,10 @@ corner may lie behind several faces, of which the one that it leaves first count
 import math
 
 from voxgran._base.kernels import bare_kernel
-from voxgran.contacts.manifolds.distance_grids import SurfaceBodies
 from voxgran.contacts.manifolds.rows import Grains
 from voxgran.contacts.manifolds.surface_memory import SurfaceWork
 from voxgran.contacts.manifolds.triangle_features import is_minimum, place_triangle
+from voxgran.geometry.vectors import rotate, times, vector_at
 
 #: depth up to which they are sought, in radii of the smaller grain
 DEEPEST = 0.02
@@ -81,7 +81,7 @@ def _pair_depths(bodies, s, t, pose, placed, points, candidate, k, deepest, marg
         height = _over_face(corner, s, normal, x, y, z)
         if -deepest < height < margin and k < len(candidate):
             nx, ny, nz = normal[0], normal[1], normal[2]
-            if is_minimum(bodies, s, 0, t, 4 + c, pose, nx, ny, nz, 1.0, 1.0):
+            if is_minimum(bodies, s, 0, t, 4 + c, pose, (nx, ny, nz), 1.0, 1.0):
                 points[0], points[1], points[2] = x - height * nx, y - height * ny, z - height * nz
                 points[3], points[4], points[5] = nx, ny, nz
                 _write(candidate[k], points, height, 1.0)
@@ -96,7 +96,7 @@ def _pair_depths(bodies, s, t, pose, placed, points, candidate, k, deepest, marg
         height = _over_face(placed, 0, turned, x, y, z)
         if -deepest < height < margin and k < len(candidate):
             nx, ny, nz = -turned[0], -turned[1], -turned[2]
-            if is_minimum(bodies, s, 4 + c, t, 0, pose, nx, ny, nz, 1.0, 1.0):
+            if is_minimum(bodies, s, 4 + c, t, 0, pose, (nx, ny, nz), 1.0, 1.0):
                 points[0], points[1], points[2] = x, y, z
                 points[3], points[4], points[5] = nx, ny, nz
                 _write(candidate[k], points, height, -1.0)
@@ -107,7 +107,7 @@ def _pair_depths(bodies, s, t, pose, placed, points, candidate, k, deepest, marg
             if (
                 -deepest < height < margin
                 and k < len(candidate)
-                and is_minimum(bodies, s, 1 + c, t, 1 + d, pose, points[3], points[4], points[5], 1.0, 1.0)
+                and is_minimum(bodies, s, 1 + c, t, 1 + d, pose, vector_at(points, 3), 1.0, 1.0)
             ):
                 _write(candidate[k], points, height, 0.0)
                 k += 1
@@ -135,14 +135,12 @@ def _deeper_behind(candidate, k, q):  # type: ignore[no-untyped-def]
 
 
 @bare_kernel
-def crossing_depths(
-    grains: Grains, bodies: SurfaceBodies, work: SurfaceWork, count: int, i: int, j: int, margin: float
-) -> tuple[int, float]:
+def crossing_depths(grains: Grains, work: SurfaceWork, count: int, i: int, j: int, margin: float) -> tuple[int, float]:
     """Write the candidates of listed triangles of two meshes that cross; return number and least gap.
 
     The number is 0 where none lies behind another.
     """
-    pose, candidate, turn = work.now, work.candidate, grains.matrix[i]
+    bodies, pose, candidate, turn = work.bodies, work.now, work.candidate, grains.matrix[i]
     unit = pose[12]
     deepest = DEEPEST * min(grains.radius[i], grains.radius[j]) / unit
     if bodies.frame[grains.shape[i], 7] == 0.0 or bodies.frame[grains.shape[j], 7] == 0.0:
@@ -162,10 +160,9 @@ def crossing_depths(
         row, to = candidate[q], candidate[kept]
         if row[6] == -1e9:
             continue
-        x, y, z, u, v, w, gap = row[0], row[1], row[2], row[3], row[4], row[5], row[6] * unit
-        for r in range(3):
-            to[r] = unit * (turn[r, 0] * x + turn[r, 1] * y + turn[r, 2] * z)
-            to[3 + r] = turn[r, 0] * u + turn[r, 1] * v + turn[r, 2] * w
+        place, normal, gap = vector_at(row, 0), vector_at(row, 3), row[6] * unit
+        to[0], to[1], to[2] = times(rotate(turn, place), unit)
+        to[3], to[4], to[5] = rotate(turn, normal)
         to[6] = gap
         low = min(low, gap)
         kept += 1

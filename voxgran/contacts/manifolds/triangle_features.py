@@ -10,7 +10,7 @@ from voxgran._base.arrays import Floats
 from voxgran._base.kernels import bare_kernel
 from voxgran.contacts.manifolds.distance_grids import SurfaceBodies
 from voxgran.geometry.triangles import closest_on_triangle, keep_nearer, pierces, try_edges
-from voxgran.geometry.vectors import corner_of, cross, dot, sub
+from voxgran.geometry.vectors import Vector, corner_of, cross, dot, row_of, sub
 
 #: sine by which a direction may leave a normal cone, where the other feature is a face, and else
 WIDE, NARROW = 0.5, 0.05
@@ -91,51 +91,42 @@ def nearest_features(
 
 
 @bare_kernel
-def _in_cone(corner, pseudo, fan, fan_rows, t, feature, x, y, z, slack):  # type: ignore[no-untyped-def]
+def _in_cone(bodies, t, feature, direction, slack):  # type: ignore[no-untyped-def]
     """Return whether a unit direction lies in the normal cone of a feature, up to the sine of an angle."""
-    if pseudo[t, feature, 0] * x + pseudo[t, feature, 1] * y + pseudo[t, feature, 2] * z <= 0.0:
+    if dot(corner_of(bodies.pseudo, t, feature), direction) <= 0.0:
         return False
     if feature == 0:
         return True
     if feature >= 4:
-        for q in range(fan_rows[t, feature - 4, 0], fan_rows[t, feature - 4, 1]):
-            if fan[q, 0] * x + fan[q, 1] * y + fan[q, 2] * z > slack:
+        for q in range(bodies.fan_rows[t, feature - 4, 0], bodies.fan_rows[t, feature - 4, 1]):
+            if dot(row_of(bodies.fan, q), direction) > slack:
                 return False
         return True
-    a, b = feature - 1, feature % 3
-    ux, uy, uz = corner[t, b, 0] - corner[t, a, 0], corner[t, b, 1] - corner[t, a, 1], corner[t, b, 2] - corner[t, a, 2]
-    length = math.sqrt(ux * ux + uy * uy + uz * uz)
-    sign = 1.0
-    for side in range(2):
-        nx, ny, nz = pseudo[t, 0, 0], pseudo[t, 0, 1], pseudo[t, 0, 2]
-        if side == 1:
-            # the pseudo-normal of an edge is the sum of those of its faces
-            nx, ny, nz = pseudo[t, feature, 0] - nx, pseudo[t, feature, 1] - ny, pseudo[t, feature, 2] - nz
-            sign = -1.0
-        outward = (uy * nz - uz * ny) * x + (uz * nx - ux * nz) * y + (ux * ny - uy * nx) * z
-        if sign * outward < -slack * length:
-            return False
-    return True
+    edge = sub(corner_of(bodies.corner, t, feature % 3), corner_of(bodies.corner, t, feature - 1))
+    least = -slack * math.sqrt(dot(edge, edge))
+    face = corner_of(bodies.pseudo, t, 0)
+    # the pseudo-normal of an edge is the sum of those of its faces
+    other = sub(corner_of(bodies.pseudo, t, feature), face)
+    return dot(cross(edge, face), direction) >= least and -dot(cross(edge, other), direction) >= least
 
 
 @bare_kernel
 def is_minimum(
-    bodies: SurfaceBodies, s: int, mine: int, t: int, theirs: int, pose: Floats, x: float, y: float, z: float,
-    solid_i: int, solid_j: int,
+    bodies: SurfaceBodies, s: int, mine: int, t: int, theirs: int, pose: Floats, direction: Vector, solid_i: int,
+    solid_j: int,
 ) -> bool:  # fmt: skip
     """Return whether the nearest points of triangles s of i and t of j are a minimum, up to a few degrees.
 
-    (x, y, z): unit direction from i to j in the frame of i.  solid_i, solid_j: 0 for spheres, which have no cones.
+    direction: unit vector from i to j in the frame of i.  solid_i, solid_j: 0 for spheres, which have no cones.
     """
-    if solid_i != 0:
-        slack = WIDE if theirs == 0 else NARROW
-        if not _in_cone(bodies.corner, bodies.pseudo, bodies.fan, bodies.fan_rows, s, mine, x, y, z, slack):
-            return False
+    if solid_i != 0 and not _in_cone(bodies, s, mine, direction, WIDE if theirs == 0 else NARROW):
+        return False
     if solid_j != 0:
-        slack = WIDE if mine == 0 else NARROW
-        u = -(pose[3] * x + pose[6] * y + pose[9] * z)
-        v = -(pose[4] * x + pose[7] * y + pose[10] * z)
-        w = -(pose[5] * x + pose[8] * y + pose[11] * z)
-        if not _in_cone(bodies.corner, bodies.pseudo, bodies.fan, bodies.fan_rows, t, theirs, u, v, w, slack):
-            return False
+        x, y, z = direction
+        back = (
+            -(pose[3] * x + pose[6] * y + pose[9] * z),
+            -(pose[4] * x + pose[7] * y + pose[10] * z),
+            -(pose[5] * x + pose[8] * y + pose[11] * z),
+        )
+        return _in_cone(bodies, t, theirs, back, WIDE if mine == 0 else NARROW)
     return True

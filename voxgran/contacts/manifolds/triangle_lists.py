@@ -10,9 +10,8 @@ margin.
 import math
 
 from voxgran._base.kernels import bare_kernel
-from voxgran.contacts.manifolds.distance_grids import SurfaceBodies
 from voxgran.contacts.manifolds.rows import Grains
-from voxgran.contacts.manifolds.surface_contacts import grid_bound, write_turn
+from voxgran.contacts.manifolds.surface_contacts import grid_bound, to_cells, write_turn
 from voxgran.contacts.manifolds.surface_memory import NEAR, SurfaceWork, copy_numbers, is_kept, motion_since
 
 #: distance beyond the margin within which triangles are listed, in median diameters and in radii of the smaller grain
@@ -20,25 +19,23 @@ SLACK, SLACK_OF_RADIUS = 8e-3, 0.02
 
 
 @bare_kernel
-def _list_leaves(  # type: ignore[no-untyped-def]
-    sphere, root, leaves, turn, mine, theirs, grid, at, frame, corner, skin, first, last, reach, stack, listed,
-):  # fmt: skip
-    """List the leaves of a tree within reach of the surface of a body; return their number and a bound of the others.
+def _list_leaves(work, way, body, guest, reach):  # type: ignore[no-untyped-def]
+    """List the leaves of the tree of a guest within reach of the surface of a body.
 
-    sphere: spheres around the boxes of all trees, of which this one starts at `root`.  turn: its map to the cells of
-    the body.  mine, theirs: scales of the body and of the tree.
+    way: 0 where the body is that of grain i, 1 where it is that of j.  Returns their number and a bound of the others.
     """
+    bodies, turn, stack, listed = work.bodies, work.turn[way], work.stack, work.listed[way]
+    sphere, mine, theirs = bodies.sphere, work.now[12 + way], work.now[13 - way]
+    root = bodies.first[guest, 4]
+    leaves = (bodies.first[guest + 1, 4] - root) // 2
     clear, count, depth = 1e9, 0, 1
     stack[0] = 0
     while depth > 0:
         depth -= 1
         node = stack[depth]
         k = root + node
-        px, py, pz = sphere[k, 0], sphere[k, 1], sphere[k, 2]
-        x = turn[0] * px + turn[1] * py + turn[2] * pz + turn[9]
-        y = turn[3] * px + turn[4] * py + turn[5] * pz + turn[10]
-        z = turn[6] * px + turn[7] * py + turn[8] * pz + turn[11]
-        apart = grid_bound(grid, at, frame, corner, skin, first, last, x, y, z) * mine - sphere[k, 3] * theirs
+        x, y, z = to_cells(turn, sphere[k, 0], sphere[k, 1], sphere[k, 2])
+        apart = grid_bound(bodies, body, x, y, z) * mine - sphere[k, 3] * theirs
         if apart > reach:
             clear = min(clear, apart)
         elif node < leaves:
@@ -51,12 +48,14 @@ def _list_leaves(  # type: ignore[no-untyped-def]
 
 
 @bare_kernel
-def _place_leaves(bodies, listed, count, pose, move, placed, plane, number):  # type: ignore[no-untyped-def]
-    """Write the triangles of leaves: corners, bounding spheres, normals and skins; return how many they are.
+def _place_leaves(work, way, count):  # type: ignore[no-untyped-def]
+    """Write the triangles of listed leaves: corners, bounding spheres, normals and skins; return how many they are.
 
-    move: whether they are those of j, whose corners are turned to the frame and unit of i.  plane: (t, 9) center (3)
-    and radius of the bounding sphere, unit normal (3), skin, height of the plane.  number: (t,) triangles.
+    way: 0 for those of j, whose corners are turned to the frame and unit of i.  plane: (t, 9) center (3) and radius of
+    the bounding sphere, unit normal (3), skin, height of the plane.  number: (t,) triangles.
     """
+    bodies, listed, pose, move = work.bodies, work.listed[way], work.now, way == 0
+    placed, plane, number = work.placed[way], work.plane[way], work.number[way]
     stretch, many = pose[13] / pose[12], 0
     for m in range(count):
         k = listed[m]
@@ -211,29 +210,22 @@ def _pair_triangles(work, others, many, unit, reach, slack):  # type: ignore[no-
 
 
 @bare_kernel
-def _list_triangles(grains, bodies, work, i, j, reach, slack, known):  # type: ignore[no-untyped-def]
+def _list_triangles(grains, work, i, j, reach, slack, nearest):  # type: ignore[no-untyped-def]
     """List the pairs of triangles within reach of a pair whose pose is in `work.now`.
 
-    known: a direction (3) from i to j in the frame of i along which they were nearest.  Returns their number, -1 if
+    nearest: a direction (3) from i to j in the frame of i along which they were nearest.  Returns their number, -1 if
     they are too many, and the distance that all others have at least.
     """
-    clear, counts, pose = 1e9, 0, work.now
+    clear, bodies, pose = 1e9, work.bodies, work.now
     unit, many, others = pose[12], 0, 0
     for way in range(2):
         one, other = (grains.shape[i], grains.shape[j]) if way == 0 else (grains.shape[j], grains.shape[i])
         write_turn(bodies.frame[one], way, pose, work.turn[way])
-        root = bodies.first[other, 4]
-        counts, apart = _list_leaves(
-            bodies.sphere, root, (bodies.first[other + 1, 4] - root) // 2, work.turn[way],
-            pose[12 + way], pose[13 - way], bodies.grid, bodies.first[one, 2], bodies.frame[one], bodies.corner,
-            bodies.skin, bodies.first[one, 3], bodies.first[one + 1, 3], reach, work.stack, work.listed[way],
-        )  # fmt: skip
+        leaves, apart = _list_leaves(work, way, one, other, reach)
         clear = min(clear, apart)
-        if counts == 0:
+        if leaves == 0:
             return 0, clear
-        count = _place_leaves(
-            bodies, work.listed[way], counts, pose, way == 0, work.placed[way], work.plane[way], work.number[way]
-        )
+        count = _place_leaves(work, way, leaves)
         if way == 0:
             others = count
         else:
@@ -241,7 +233,7 @@ def _list_triangles(grains, bodies, work, i, j, reach, slack, known):  # type: i
     for turn in range(2):
         x, y, z = pose[0], pose[1], pose[2]
         if turn == 1:
-            x, y, z = known[0], known[1], known[2]
+            x, y, z = nearest[0], nearest[1], nearest[2]
             if x == 0.0 and y == 0.0 and z == 0.0:
                 x, y, z = _mean_normal(work.plane, many, others)
         length = math.sqrt(x * x + y * y + z * z)
@@ -256,7 +248,7 @@ def _list_triangles(grains, bodies, work, i, j, reach, slack, known):  # type: i
 
 
 @bare_kernel
-def _renew(grains, bodies, work, p, i, j, margin):  # type: ignore[no-untyped-def]
+def _renew(grains, work, p, i, j, margin):  # type: ignore[no-untyped-def]
     """List the near triangles of a pair, and keep the list; return the number in `work.found`, and a bound of others.
 
     Without a list that is kept (too many triangles), `work.key` says so.
@@ -265,7 +257,7 @@ def _renew(grains, bodies, work, p, i, j, margin):  # type: ignore[no-untyped-de
     if not (key[0] == i and key[1] == j):
         old[16] = old[17] = old[18] = 0.0
     slack = min(SLACK, SLACK_OF_RADIUS * min(grains.radius[i], grains.radius[j]))
-    count, clear = _list_triangles(grains, bodies, work, i, j, margin + slack, slack, old[16:19])
+    count, clear = _list_triangles(grains, work, i, j, margin + slack, slack, old[16:19])
     key[0], key[1], key[2] = i, j, -1
     copy_numbers(old, work.now, 14)
     # of more triangles than can be kept the nearer ones are
@@ -293,7 +285,7 @@ def _renew(grains, bodies, work, p, i, j, margin):  # type: ignore[no-untyped-de
 
 @bare_kernel
 def near_triangles(
-    grains: Grains, bodies: SurfaceBodies, work: SurfaceWork, p: int, i: int, j: int, margin: float
+    grains: Grains, work: SurfaceWork, p: int, i: int, j: int, margin: float
 ) -> tuple[int, float, float]:
     """List in `work.found` the pairs of triangles that may be within a margin; return their number, -1 if too many.
 
@@ -307,7 +299,7 @@ def near_triangles(
         kept = old[14] - way > margin
     if not kept:
         way = 0.0
-        count, clear = _renew(grains, bodies, work, p, i, j, margin)
+        count, clear = _renew(grains, work, p, i, j, margin)
         if key[2] < 0:
             for q in range(count):
                 work.found[q, 2] = -1

@@ -10,7 +10,9 @@ import math
 from voxgran._base.arrays import Floats
 from voxgran._base.kernels import bare_kernel
 from voxgran.contacts.manifolds.candidates import add_candidate
+from voxgran.contacts.manifolds.rows import Grains
 from voxgran.contacts.manifolds.wall_bodies import CONE, CYLINDER, ELLIPSOID, POINTS, WallBodies
+from voxgran.geometry.vectors import Vector, add, along, dot, rotate, rotate_back, row_of, sub, times, vector_at
 from voxgran.geometry.walls import directions_toward
 
 #: halvings of the bracket of a root, after which it has the width of rounding
@@ -24,7 +26,7 @@ SAME = 0.98
 
 
 @bare_kernel
-def support_of(kind: int, size: Floats, ring: int, vx: float, vy: float, vz: float) -> tuple[float, float, float]:
+def support_of(kind: int, size: Floats, ring: int, vx: float, vy: float, vz: float) -> Vector:
     """Return the support point of an ellipsoid, or of a rim of a cylinder or cone, in its own axes.
 
     Along the axis of a rim, where all of its points are equal, it is the middle of the rim.
@@ -55,146 +57,123 @@ def set_frame(bodies: WallBodies, shape: int, matrix: Floats) -> None:
 
 
 @bare_kernel
-def support_arm(
-    bodies: WallBodies, shape: int, scale: float, ring: int, nx: float, ny: float, nz: float,
-) -> tuple[float, float, float]:  # fmt: skip
+def support_arm(bodies: WallBodies, shape: int, scale: float, ring: int, normal: Vector) -> Vector:
     """Return the arm of the support point along a normal, of a smooth solid whose frame is set."""
-    w = bodies.frame
-    vx, vy, vz = (
-        w[0, 0] * nx + w[1, 0] * ny + w[2, 0] * nz,
-        w[0, 1] * nx + w[1, 1] * ny + w[2, 1] * nz,
-        w[0, 2] * nx + w[1, 2] * ny + w[2, 2] * nz,
-    )
-    x, y, z = support_of(bodies.kind[shape], bodies.size[shape], ring, vx, vy, vz)
-    return (
-        scale * (w[0, 0] * x + w[0, 1] * y + w[0, 2] * z),
-        scale * (w[1, 0] * x + w[1, 1] * y + w[1, 2] * z),
-        scale * (w[2, 0] * x + w[2, 1] * y + w[2, 2] * z),
-    )
+    vx, vy, vz = rotate_back(bodies.frame, normal)
+    point = support_of(bodies.kind[shape], bodies.size[shape], ring, vx, vy, vz)
+    return times(rotate(bodies.frame, point), scale)
 
 
 @bare_kernel
 def near_plane(
-    bodies: WallBodies, shape: int, scale: float, m: Floats, nx: float, ny: float, nz: float, room: float,
-    reach: float, smooth: object,
-) -> int:  # fmt: skip
+    bodies: WallBodies, grains: Grains, g: int, normal: Vector, room: float, reach: float, smooth: object
+) -> int:
     """Write the points within reach of a plane with a normal, `room` from the centroid; return how many there are.
 
     smooth: None where no shape is a smooth solid.
     """
-    found, point, margin = bodies.found, bodies.point, bodies.margin
-    ux, uy, uz = (
-        m[0, 0] * nx + m[1, 0] * ny + m[2, 0] * nz,
-        m[0, 1] * nx + m[1, 1] * ny + m[2, 1] * nz,
-        m[0, 2] * nx + m[1, 2] * ny + m[2, 2] * nz,
-    )
-    c = 0
+    shape, scale, m, c = grains.shape[g], grains.scale[g], grains.matrix[g], 0
+    way = rotate_back(m, normal)
     for k in range(bodies.start[shape], bodies.start[shape + 1]):
-        x, y, z, r = point[k, 0], point[k, 1], point[k, 2], margin[k]
-        gap = room - scale * (x * ux + y * uy + z * uz + r)
+        point, r = row_of(bodies.point, k), bodies.margin[k]
+        gap = room - scale * (dot(point, way) + r)
         if gap <= reach:
-            ax = scale * (m[0, 0] * x + m[0, 1] * y + m[0, 2] * z + r * nx)
-            ay = scale * (m[1, 0] * x + m[1, 1] * y + m[1, 2] * z + r * ny)
-            az = scale * (m[2, 0] * x + m[2, 1] * y + m[2, 2] * z + r * nz)
-            c = add_candidate(found, c, ax, ay, az, nx, ny, nz, gap)
+            arm = times(along(rotate(m, point), r, normal), scale)
+            c = add_candidate(bodies.found, c, arm, normal, gap)
     if smooth is None:
         return c
     kind = bodies.kind[shape]
     if kind != POINTS:
         set_frame(bodies, shape, m)
         for ring in range(rings_of(kind)):
-            ax, ay, az = support_arm(bodies, shape, scale, ring, nx, ny, nz)
-            gap = room - ax * nx - ay * ny - az * nz
+            ax, ay, az = support_arm(bodies, shape, scale, ring, normal)
+            gap = room - ax * normal[0] - ay * normal[1] - az * normal[2]
             if gap <= reach:
-                c = add_candidate(found, c, ax, ay, az, nx, ny, nz, gap)
+                c = add_candidate(bodies.found, c, (ax, ay, az), normal, gap)
     return c
 
 
 @bare_kernel
-def near_round(
-    bodies: WallBodies, shape: int, scale: float, m: Floats, x: float, y: float, z: float, wall: Floats, reach: float,
-    smooth: object,
-) -> int:  # fmt: skip
-    """Write the points within reach of a wall of revolution, given by its row; return how many there are.
-
-    The centroid is at (x, y, z).
-    """
-    point, margin, c = bodies.point, bodies.margin, 0
-    dx, dy, dz, flat = x - wall[0], y - wall[1], z - wall[2], wall[3]
+def near_round(bodies: WallBodies, grains: Grains, g: int, wall: Floats, reach: float, smooth: object) -> int:
+    """Write the points within reach of a wall of revolution, given by its row; return how many there are."""
+    shape, scale, m, c = grains.shape[g], grains.scale[g], grains.matrix[g], 0
+    place = sub(row_of(grains.position, g), vector_at(wall, 0))
+    dx, dy, dz = place
     for k in range(bodies.start[shape], bodies.start[shape + 1]):
-        x, y, z = point[k, 0], point[k, 1], point[k, 2]
-        ax = scale * (m[0, 0] * x + m[0, 1] * y + m[0, 2] * z)
-        ay = scale * (m[1, 0] * x + m[1, 1] * y + m[1, 2] * z)
-        az = scale * (m[2, 0] * x + m[2, 1] * y + m[2, 2] * z)
-        c = _add_round(bodies.found, c, ax, ay, az, scale * margin[k], dx, dy, dz, wall, reach)
+        arm = times(rotate(m, row_of(bodies.point, k)), scale)
+        c = _add_round(bodies.found, c, arm, scale * bodies.margin[k], place, wall, reach)
     if smooth is None:
         return c
     kind = bodies.kind[shape]
     if kind != POINTS:
         set_frame(bodies, shape, m)
     if wall[5] != 0.0:
-        return _near_cone(bodies, shape, scale, dx, dy, dz, wall, reach, c)
+        return _near_cone(bodies, shape, scale, place, wall, reach, c)
     for ring in range(rings_of(kind)):
-        nx, ny, nz = _farthest_way(bodies, shape, scale, ring, dx, dy, dz, flat)
-        ax, ay, az = support_arm(bodies, shape, scale, ring, nx, ny, nz)
-        c = _add_round(bodies.found, c, ax, ay, az, 0.0, dx, dy, dz, wall, reach)
+        normal = _farthest_way(bodies, shape, scale, ring, dx, dy, dz, wall[3])
+        c = _add_round(bodies.found, c, support_arm(bodies, shape, scale, ring, normal), 0.0, place, wall, reach)
         # a long grain may touch at both of its ends
-        ox, oy, oz = -nx, -ny, -nz
+        other = times(normal, -1.0)
         for _ in range(STEPS):
-            ax, ay, az = support_arm(bodies, shape, scale, ring, ox, oy, oz)
-            px, py, pz = dx + ax, dy + ay, (dz + az) * flat
-            length = math.sqrt(px * px + py * py + pz * pz)
-            if length == 0.0 or px * nx + py * ny + pz * nz > SAME * length:
+            arm = support_arm(bodies, shape, scale, ring, other)
+            x, y, z = add(place, arm)
+            ahead = (x, y, z * wall[3])
+            length = math.sqrt(dot(ahead, ahead))
+            if length == 0.0 or dot(ahead, normal) > SAME * length:
                 break
-            change = 1.0 - (px * ox + py * oy + pz * oz) / length
-            ox, oy, oz = px / length, py / length, pz / length
+            change = 1.0 - dot(ahead, other) / length
+            other = ahead[0] / length, ahead[1] / length, ahead[2] / length
             if change < 1e-12:
-                c = _add_round(bodies.found, c, ax, ay, az, 0.0, dx, dy, dz, wall, reach)
+                c = _add_round(bodies.found, c, arm, 0.0, place, wall, reach)
                 break
     return c
 
 
 @bare_kernel
-def _add_round(found, c, ax, ay, az, r, dx, dy, dz, wall, reach):  # type: ignore[no-untyped-def]
-    """Add the point of a sphere of radius r that is nearest to a wall of revolution, if it is within reach."""
-    px, py, pz = dx + ax, dy + ay, (dz + az) * wall[3]
-    length = math.sqrt(px * px + py * py + pz * pz)
+def _add_round(found, c, arm, r, place, wall, reach):  # type: ignore[no-untyped-def]
+    """Add the point of a sphere of radius r that is nearest to a wall of revolution, if it is within reach.
+
+    place: of the centroid, from the middle of the wall.
+    """
+    x, y, z = add(place, arm)
+    flat = (x, y, z * wall[3])
+    length = math.sqrt(dot(flat, flat))
     cosine, sine = wall[4], wall[5]
-    gap = wall[6] - (cosine * length + sine * (dz + az)) - r
+    gap = wall[6] - (cosine * length + sine * z) - r
     if gap > reach:
         return c
-    if length == 0.0:
-        return add_candidate(found, c, ax + r * cosine, ay, az + r * sine, cosine, 0.0, sine, gap)
-    nx, ny, nz = cosine * px / length, cosine * py / length, cosine * pz / length + sine
-    return add_candidate(found, c, ax + r * nx, ay + r * ny, az + r * nz, nx, ny, nz, gap)
+    normal = (cosine, 0.0, sine)
+    if length > 0.0:
+        normal = cosine * flat[0] / length, cosine * flat[1] / length, cosine * flat[2] / length + sine
+    return add_candidate(found, c, along(arm, r, normal), normal, gap)
 
 
 @bare_kernel
-def _near_cone(bodies, shape, scale, dx, dy, dz, wall, reach, c):  # type: ignore[no-untyped-def]
+def _near_cone(bodies, shape, scale, place, wall, reach, c):  # type: ignore[no-untyped-def]
     """Add the points of a smooth solid or its rims that are nearest to a cone, of each side that has one."""
-    kind, size, frame = bodies.kind[shape], bodies.size[shape], bodies.frame
+    kind, size, frame, (dx, dy, _) = bodies.kind[shape], bodies.size[shape], bodies.frame, place
     for ring in range(rings_of(kind)):
         height = 0.0 if kind == ELLIPSOID else scale * support_of(kind, size, ring, 0.0, 0.0, 1.0)[2]
         wide = scale * (max(size[0], size[1], size[2]) if kind == ELLIPSOID else size[0])
         start, step = directions_toward(dx + frame[0, 2] * height, dy + frame[1, 2] * height, wide, DIRECTIONS)
-        before = _beyond_cone(bodies, shape, scale, ring, dx, dy, wall, start - step)[3]
-        now = _beyond_cone(bodies, shape, scale, ring, dx, dy, wall, start)[3]
+        before = _beyond_cone(bodies, shape, scale, ring, dx, dy, wall, start - step)[1]
+        now = _beyond_cone(bodies, shape, scale, ring, dx, dy, wall, start)[1]
         for k in range(DIRECTIONS + 1):
             angle = start + k * step
-            after = _beyond_cone(bodies, shape, scale, ring, dx, dy, wall, angle + step)[3]
+            after = _beyond_cone(bodies, shape, scale, ring, dx, dy, wall, angle + step)[1]
             if now >= before and now > after:
                 low, high = angle - step, angle + step
                 for _ in range(HALVINGS):
                     one, two = low + GOLDEN * (high - low), high - GOLDEN * (high - low)
                     if (
-                        _beyond_cone(bodies, shape, scale, ring, dx, dy, wall, one)[3]
-                        >= _beyond_cone(bodies, shape, scale, ring, dx, dy, wall, two)[3]
+                        _beyond_cone(bodies, shape, scale, ring, dx, dy, wall, one)[1]
+                        >= _beyond_cone(bodies, shape, scale, ring, dx, dy, wall, two)[1]
                     ):
                         high = two
                     else:
                         low = one
-                ax, ay, az, _ = _beyond_cone(bodies, shape, scale, ring, dx, dy, wall, 0.5 * (low + high))
-                c = _add_round(bodies.found, c, ax, ay, az, 0.0, dx, dy, dz, wall, reach)
+                arm, _ = _beyond_cone(bodies, shape, scale, ring, dx, dy, wall, 0.5 * (low + high))
+                c = _add_round(bodies.found, c, arm, 0.0, place, wall, reach)
             before, now = now, after
     return c
 
@@ -204,8 +183,8 @@ def _beyond_cone(bodies, shape, scale, ring, dx, dy, wall, angle):  # type: igno
     """Return the arm of the support point along the normal of a cone at an angle, and how far it is along this."""
     u, v = math.cos(angle), math.sin(angle)
     nx, ny, nz = wall[4] * u, wall[4] * v, wall[5]
-    ax, ay, az = support_arm(bodies, shape, scale, ring, nx, ny, nz)
-    return ax, ay, az, (dx + ax) * nx + (dy + ay) * ny + az * nz
+    ax, ay, az = support_arm(bodies, shape, scale, ring, (nx, ny, nz))
+    return (ax, ay, az), (dx + ax) * nx + (dy + ay) * ny + az * nz
 
 
 @bare_kernel
@@ -218,17 +197,8 @@ def _farthest_way(bodies, shape, scale, ring, dx, dy, dz, flat):  # type: ignore
         dx, dy, dz = dx + w[0, 2] * height, dy + w[1, 2] * height, dz + w[2, 2] * height
         sy, sz = sx, 0.0
     if flat == 1.0:
-        px, py, pz = (
-            w[0, 0] * dx + w[1, 0] * dy + w[2, 0] * dz,
-            w[0, 1] * dx + w[1, 1] * dy + w[2, 1] * dz,
-            w[0, 2] * dx + w[1, 2] * dy + w[2, 2] * dz,
-        )
-        u, v, t = _farthest_point(sx, sy, sz, px, py, pz)
-        return (
-            w[0, 0] * u + w[0, 1] * v + w[0, 2] * t,
-            w[1, 0] * u + w[1, 1] * v + w[1, 2] * t,
-            w[2, 0] * u + w[2, 1] * v + w[2, 2] * t,
-        )
+        px, py, pz = rotate_back(w, (dx, dy, dz))
+        return rotate(w, _farthest_point(sx, sy, sz, px, py, pz))
     # semi-axes of the projected ellipse
     xx = (sx * w[0, 0]) ** 2 + (sy * w[0, 1]) ** 2 + (sz * w[0, 2]) ** 2
     yy = (sx * w[1, 0]) ** 2 + (sy * w[1, 1]) ** 2 + (sz * w[1, 2]) ** 2

@@ -8,7 +8,7 @@ from voxgran._base.arrays import Integers
 from voxgran._base.kernels import bare_kernel, kernel
 from voxgran.contacts.manifolds.candidates import choose_candidates, write_candidates
 from voxgran.contacts.manifolds.mesh_wall_contacts import near_mesh
-from voxgran.contacts.manifolds.rows import WALL, ContactRows, Grains
+from voxgran.contacts.manifolds.rows import WALL, ContactRows, Pair, Search
 from voxgran.contacts.manifolds.wall_bodies import Lid, WallBodies
 from voxgran.contacts.manifolds.wall_candidates import near_plane, near_round
 from voxgran.containers.kernel_container import MESH, KernelContainer
@@ -23,19 +23,20 @@ LID, AROUND = -1, 6
 
 
 def find_wall_contacts(
-    grains: Grains, walls: KernelContainer, lid: Lid, bodies: WallBodies, first: Integers, count: Integers,
-    rows: ContactRows, m: int, margin: float, rest: float,
+    search: Search, walls: KernelContainer, lid: Lid, bodies: WallBodies, at_walls: tuple[Integers, Integers],
+    rows: ContactRows, m: int,
 ) -> int:  # fmt: skip
     """Write where grains are near walls and a lid, from row m; return the next row, or -1 where the rows are full.
 
-    A contact has the normal from the grain into the wall, the arm of the point on the grain, and the gap minus `rest`,
-    which is at most `margin`. At a wall the partner is `WALL`, at the lid it is the number of the grains; its arm is 0.
-    Of each grain the smallest gap of its contacts is exact at flat and round walls, also where it is negative. In a
-    closed mesh it is exact for spheres and for meshes, down to depths of about half their bounding radius.
+    A contact has the normal from the grain into the wall, the arm of the point on the grain, and the gap minus the rest
+    distance, which is at most the margin. At a wall the partner is `WALL`, at the lid it is the number of the grains;
+    its arm is 0. Of each grain the smallest gap of its contacts is exact at flat and round walls, also where it is
+    negative. In a closed mesh it is exact for spheres and for meshes, down to depths of about half their bounding
+    radius.
 
     Parameters
     ----------
-    grains : Grains
+    search : Search
         The n grains, not wrapped along periodic axes, which have no walls.
     walls : KernelContainer
         Container, in the coordinates of the grains.
@@ -43,34 +44,33 @@ def find_wall_contacts(
         Flat wall besides; none where its level is infinite.
     bodies : WallBodies
         Tables of the shapes, made for the same container.
-    first, count : (n,) ndarray of int
-        Rows that were last written for each grain, of which ``rows.old`` holds the contents; replaced by the new ones.
+    at_walls : tuple of ndarray of int
+        First row and number of the rows, (n,), that were last written for each grain, of which ``rows.old`` holds the
+        contents; replaced by the new ones.
     rows : ContactRows
         Rows that are written.
     m : int
         First row.
-    margin, rest : float
-        Largest distance of a contact, and distance from which gaps are counted, in the unit of lengths.
 
     Returns
     -------
     int
-        The row after the last one; -1 where the rows are full. Then `first` and `count` are those given and the rows
+        The row after the last one; -1 where the rows are full. Then `at_walls` are those given and the rows
         before `m` are untouched: with larger arrays that hold the same old rows the call can be made again.
     """
     # closed meshes have a kernel of their own: others need not be compiled with what only these use
     # and of each, what is None here is not compiled: smooth solids
     smooth = 1 if bodies.kind.any() else None
     find = _find_in_mesh if walls.kind == MESH else _find_in_closed_form
-    return int(find(grains, walls, lid, bodies, first, count, rows, m, margin, rest, smooth))
+    return int(find(search, walls, lid, bodies, at_walls, rows, m, smooth))
 
 
 @kernel
-def _find_in_closed_form(grains, walls, lid, bodies, first, count, rows, m, margin, rest, smooth):  # type: ignore[no-untyped-def]
+def _find_in_closed_form(search, walls, lid, bodies, at_walls, rows, m, smooth):  # type: ignore[no-untyped-def]
     """Write the contacts with flat and round walls and with a lid."""
-    n = len(grains.position)
+    grains, rest, reach = search.grains, search.rest, search.margin + search.rest
+    n, nowhere, (first, count) = len(grains.position), (np.inf, np.inf, np.inf), at_walls
     here, many = np.empty(n, dtype=np.int64), np.empty(n, dtype=np.int64)
-    reach = margin + rest
     for g in range(n):
         here[g] = m
         x, y, z = grains.position[g, 0], grains.position[g, 1], grains.position[g, 2]
@@ -81,14 +81,13 @@ def _find_in_closed_form(grains, walls, lid, bodies, first, count, rows, m, marg
             room, nx, ny, nz = _side_of(walls, lid, side, x, y, z)
             if room > near:
                 continue
-            shape, scale, matrix = grains.shape[g], grains.scale[g], grains.matrix[g]
             if side >= AROUND:
-                c = near_round(bodies, shape, scale, matrix, x, y, z, walls.round[side - AROUND], reach, smooth)
+                c = near_round(bodies, grains, g, walls.round[side - AROUND], reach, smooth)
             else:
-                c = near_plane(bodies, shape, scale, matrix, nx, ny, nz, room, reach, smooth)
-            c = choose_candidates(bodies.found, c, MOST, bodies.spread[shape] * scale)
-            j, far = n if side == LID else WALL, np.inf
-            m = write_candidates(rows, m, g, j, bodies.found, c, far, far, far, first[g], count[g], rest)
+                c = near_plane(bodies, grains, g, (nx, ny, nz), room, reach, smooth)
+            c = choose_candidates(bodies.found, c, MOST, bodies.spread[grains.shape[g]] * grains.scale[g])
+            pair = Pair(g, n if side == LID else WALL, nowhere, first[g], count[g], reach, rest)
+            m = write_candidates(rows, m, pair, bodies.found, c)
             if m < 0:
                 return -1
         many[g] = m - here[g]
@@ -98,28 +97,27 @@ def _find_in_closed_form(grains, walls, lid, bodies, first, count, rows, m, marg
 
 
 @kernel
-def _find_in_mesh(grains, walls, lid, bodies, first, count, rows, m, margin, rest, smooth):  # type: ignore[no-untyped-def]
+def _find_in_mesh(search, walls, lid, bodies, at_walls, rows, m, smooth):  # type: ignore[no-untyped-def]
     """Write the contacts with the walls of a closed mesh and with a lid."""
-    n = len(grains.position)
+    grains, rest, reach = search.grains, search.rest, search.margin + search.rest
+    n, nowhere, (first, count) = len(grains.position), (np.inf, np.inf, np.inf), at_walls
     here, many = np.empty(n, dtype=np.int64), np.empty(n, dtype=np.int64)
-    reach = margin + rest
     for g in range(n):
         here[g] = m
         x, y, z = grains.position[g, 0], grains.position[g, 1], grains.position[g, 2]
-        shape, scale, matrix, radius = grains.shape[g], grains.scale[g], grains.matrix[g], grains.radius[g]
         for side in range(2):
             if side == 0:
-                c = near_mesh(bodies, walls.mesh, shape, scale, matrix, x, y, z, radius, reach, smooth)
+                c = near_mesh(bodies, walls.mesh, grains, g, reach, smooth)
                 if walls.dimension == 2:
                     _lay_flat(bodies.found, c)
             else:
                 room, nx, ny, nz = _side_of(walls, lid, LID, x, y, z)
-                if room > reach + radius:
+                if room > reach + grains.radius[g]:
                     continue
-                c = near_plane(bodies, shape, scale, matrix, nx, ny, nz, room, reach, smooth)
-            c = choose_candidates(bodies.found, c, MOST_IN_MESH, bodies.spread[shape] * scale)
-            j, far = n if side == 1 else WALL, np.inf
-            m = write_candidates(rows, m, g, j, bodies.found, c, far, far, far, first[g], count[g], rest)
+                c = near_plane(bodies, grains, g, (nx, ny, nz), room, reach, smooth)
+            c = choose_candidates(bodies.found, c, MOST_IN_MESH, bodies.spread[grains.shape[g]] * grains.scale[g])
+            pair = Pair(g, n if side == 1 else WALL, nowhere, first[g], count[g], reach, rest)
+            m = write_candidates(rows, m, pair, bodies.found, c)
             if m < 0:
                 return -1
         many[g] = m - here[g]

@@ -23,7 +23,8 @@ import numpy as np
 from voxgran._base.arrays import Floats
 from voxgran.contacts.manifolds.rows import ARM_I, ARM_J, GAP, NORMAL, PUSH
 from voxgran.settling.bed import Bed
-from voxgran.settling.fall import Fall, fall_step
+from voxgran.settling.fall import fall_step
+from voxgran.settling.impulses import Fall
 
 #: thermal speed along each axis of a grain of unit mass, in median diameters in a unit of time
 SPEED = 0.3

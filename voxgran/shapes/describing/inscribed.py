@@ -106,7 +106,7 @@ def _depths(tree: TriangleTree, places: Floats, reach: float, best: float) -> Fl
     point within `reach` is deeper than `best` or than one of the points before.
     """
     depth = np.full(len(places), -np.inf)
-    _find_depths(_in_space(places), *tree.arrays, tree.normals, reach, best, depth)
+    _find_depths(_in_space(places), *tree.arrays, reach, best, depth)
     return depth
 
 
@@ -129,7 +129,7 @@ def _local_maximum(tree: TriangleTree, center: Floats, depth: float, trust: floa
         at = _in_space(center[None])[0]
         near = np.empty((len(tree.corners), 3))
         # the center moves by at most sqrt(3) trust, and depths change by no more than that
-        count = _find_near(at[0], at[1], at[2], *tree.arrays, depth + 2 * math.sqrt(3) * trust, near)
+        count = _find_near(at[0], at[1], at[2], *tree.arrays[:4], depth + 2 * math.sqrt(3) * trust, near)
         away = at - near[:count]
         distance = np.linalg.norm(away, axis=1)
         step, _ = _best_step((away / distance[:, None])[:, : len(center)], (distance - depth) / trust)

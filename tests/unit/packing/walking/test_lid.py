@@ -10,7 +10,8 @@ from voxgran.contacts.assembly import Assembly, Lid
 from voxgran.contacts.manifolds.rows import GAP, WALL
 from voxgran.contacts.walls import beyond_lid, escape_depths
 from voxgran.settling.bed import Bed
-from voxgran.settling.fall import Fall, fall_step
+from voxgran.settling.fall import fall_step
+from voxgran.settling.impulses import Fall
 
 UP = np.array([0.0, 0.0, 1.0])
 
