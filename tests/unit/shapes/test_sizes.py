@@ -7,7 +7,7 @@ import voxgran as vg
 from voxgran._base.errors import InputError, PackingWarning, UnknownNameError
 from voxgran._base.lazy import load
 from voxgran._base.seeds import stream
-from voxgran.packing.draw import draw_grains
+from voxgran.packing.draw import Request, draw_grains
 from voxgran.shapes import sizes
 
 LAWS = {
@@ -339,6 +339,12 @@ def test_a_plan_says_what_fines_are():
     assert single.distance < 0.02
 
 
+def drawn_for(shapes, container, law, **request):
+    """Return the grains that are drawn for a packing."""
+    asked = Request(shapes, container, "rsa", sizes=law, **request)
+    return draw_grains(asked, surplus=False, sizing="drawn", own_shapes=False)
+
+
 @pytest.mark.parametrize("dimension", [2, 3])
 def test_shapes_and_sizes_of_strata_are_independent(dimension):
     """In each tenth of the grains by size the shapes have their shares; beginnings of the list have all sizes."""
@@ -346,7 +352,7 @@ def test_shapes_and_sizes_of_strata_are_independent(dimension):
     shapes = [vg.make_shape(name, diameter=1.0) for name in names]
     box = vg.Rectangle((1e3, 1e3)) if dimension == 2 else vg.Box((1e2, 1e2, 1e2))
     law = sizes.lognormal(1.0, 0.4)
-    grains = draw_grains(shapes, box, law, count=5000, solid_fraction=None, weights=[3, 1], weights_by="number", seed=4)
+    grains = drawn_for(shapes, box, law, count=5000, weights=[3, 1], seed=4)
     order = np.argsort(grains.diameter)
     parts = grains.shape_id[order].reshape(10, 500).mean(axis=1)
     assert parts == pytest.approx(0.25, abs=0.01)
@@ -359,9 +365,8 @@ def test_independent_draws_are_a_sample():
     """The distance of a sample is that of Kolmogorov, and that of strata far below."""
     law = sizes.lognormal(1.0, 0.3, independent=True)
     box, sphere = vg.Box((60.0, 60.0, 60.0)), [vg.shapes.sphere()]
-    arguments = {"count": 2000, "solid_fraction": None, "weights": None, "weights_by": "number", "seed": 2}
-    drawn = draw_grains(sphere, box, law, **arguments).diameter
-    laid = draw_grains(sphere, box, sizes.lognormal(1.0, 0.3), **arguments).diameter
+    drawn = drawn_for(sphere, box, law, count=2000, seed=2).diameter
+    laid = drawn_for(sphere, box, sizes.lognormal(1.0, 0.3), count=2000, seed=2).diameter
     test = load("scipy.stats").kstest
     assert test(drawn, law.cumulative).statistic * math.sqrt(2000) > 0.4
     assert test(laid, law.cumulative).statistic <= 1.0 / 2000 + 1e-12
@@ -371,7 +376,7 @@ def test_independent_draws_are_a_sample():
 def test_a_container_is_filled_to_the_solid_fraction():
     """Also where the volumes of the shapes of the largest grains are not the mean ones."""
     shapes, box = [vg.shapes.sphere(), vg.shapes.box(aspect=(1, 2, 3))], vg.Box((400.0, 400.0, 400.0))
-    grains = draw_grains(shapes, box, CURVE, count=None, solid_fraction=0.3, weights=None, weights_by="number", seed=1)
+    grains = drawn_for(shapes, box, CURVE, solid_fraction=0.3, seed=1)
     unit = np.array([shape.volume / shape.diameter**3 for shape in shapes])[grains.shape_id]
     volumes = unit * grains.diameter**3
     assert 0.0 <= volumes.sum() / box.volume - 0.3 < volumes.max() / box.volume
