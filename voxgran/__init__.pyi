@@ -88,6 +88,7 @@ from voxgran.shapes.repairing.repair import repair as repair
 from voxgran.shapes.repairing.simplify import simplify as simplify
 from voxgran.shapes.roughness.measuring import surface_statistics as surface_statistics
 from voxgran.shapes.roughness.roughen import roughen as roughen
+from voxgran.shapes.size_laws.plan import plan_sizes as plan_sizes
 from voxgran.study.study import Study as Study
 from voxgran.typed_calls import fit_clump as fit_clump  # voxgran.clumps.fit
 from voxgran.typed_calls import make_shape as make_shape  # voxgran.shapes.family

@@ -26,7 +26,7 @@ from voxgran.packing.method import method_registry
 from voxgran.packing.pack import prepare_task
 from voxgran.points.control import inner_points, sample_controls
 from voxgran.shapes.family import families
-from voxgran.shapes.size_laws import Discrete
+from voxgran.shapes.size_laws.simple import Discrete
 
 VALUES = {
     "10**400": 10**400,

@@ -6,6 +6,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import MISSING, replace
 from functools import partial
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import voxgran
@@ -304,7 +305,7 @@ def _write_bodies(shapes: Sequence[Any], options: argparse.Namespace) -> list[st
 
 
 def methods(options: argparse.Namespace) -> None:
-    """List methods, families and measures, or one of them, with their parameters and allowed values.
+    """List methods, families, sizes and measures, or a group or one of them, with their parameters and allowed values.
 
     Raises
     ------
@@ -315,35 +316,38 @@ def methods(options: argparse.Namespace) -> None:
     from voxgran.measures.model import measure_registry
     from voxgran.packing.method import method_registry
     from voxgran.shapes.family import families
+    from voxgran.shapes.sizes import KINDS
 
-    groups: dict[str, Any] = {
+    registries: dict[str, Any] = {
         "packing methods": method_registry(),
         "clump methods": clump_registry(),
         "shape families": families(),
         "measures": measure_registry(),
     }
-    named = {title: [n for n in found.names() if options.name in (None, n)] for title, found in groups.items()}
-    if not any(named.values()):
-        known = [name for registry in groups.values() for name in registry.names()]
-        raise UnknownNameError(unknown("method, family or measure", options.name, known))
+    groups = {title: {name: found.get(name) for name in found.names()} for title, found in registries.items()}
+    groups["sizes"] = {
+        name: SimpleNamespace(summary=(law.__doc__ or "").partition(".\n")[0], parameters=law)
+        for name, law in sorted(KINDS.items())
+    }
+    chosen = {title: [n for n in found if options.name in (None, n, title)] for title, found in groups.items()}
+    named = {title: names for title, names in chosen.items() if names}
+    if not named:
+        known = [*groups, *(name for found in groups.values() for name in found)]
+        raise UnknownNameError(unknown("method, family, distribution or measure", options.name, known))
     if options.json:
-        found: dict[str, Any] = {title: names for title, names in named.items() if names}
-        if options.name is not None:
-            found = {title: {options.name: _described(groups[title].get(options.name))} for title in found}
-        print(json.dumps(found, indent=2))
+        told = {t: {name: _described(groups[t][name]) for name in names} for t, names in named.items()}
+        print(json.dumps(named if options.name is None else told, indent=2))
         return
     for title, names in named.items():
-        if names:
-            print(title)
+        print(title)
         for name in names:
-            entry = groups[title].get(name)
+            entry = groups[title][name]
             summary = str(getattr(entry, "summary", ""))
             entry_line(f"  {name}", summary if getattr(entry, "usual", True) else f"{summary}; only on request")
             entry_line("", getattr(entry, "source", ""))
             for item in parameters_of(entry.parameters) if hasattr(entry, "parameters") else ():
                 entry_line(f"      {item.name}", parameter_text(item))
-        if names:
-            print()
+        print()
     if options.name is None:
         entry_line("cores", CORES)
 
@@ -403,7 +407,7 @@ COMMANDS: dict[str, tuple[str, Callable[[argparse.Namespace], int | None]]] = {
     "export": ("write the input of a DEM or DDA engine for a packing", export),
     "relax": ("bring a packing to rest in an engine, and say how far from rest it was", relax),
     "engines": ("list the engines that input can be written for", engines),
-    "methods": ("list methods, families and measures with their parameters", methods),
+    "methods": ("list methods, families, sizes and measures with their parameters", methods),
     "bench": ("measure run time against error", bench),
     "doctor": ("say what this machine has and what is missing", doctor),
     "data": ("copy a scan that comes with voxgran", data),

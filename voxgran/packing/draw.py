@@ -22,6 +22,7 @@ from voxgran.packing.model import Packing
 from voxgran.settling.parameters import Settling
 from voxgran.shapes.describing.extents import principal_extents
 from voxgran.shapes.model import Shape, check_shapes
+from voxgran.shapes.size_laws.plan import FAR, count_within, stratum_distance
 from voxgran.shapes.sizes import SizeDistribution
 
 log = logging.getLogger(__name__)
@@ -29,6 +30,9 @@ log = logging.getLogger(__name__)
 #: largest solid fraction of equal disks and spheres: the hexagonal and the face-centred cubic lattice
 #: (Thue 1910; Hales 2005, doi:10.4007/annals.2005.162.1065)
 DENSEST = {2: math.pi / math.sqrt(12.0), 3: math.pi / math.sqrt(18.0)}
+#: parts of a circle by which the sizes of grains and the shapes of sizes follow each other, both badly approximable:
+#: (sqrt(5) - 1) / 2 and sqrt(2) - 1; and how many grains are then in random order
+GOLDEN, SILVER, SHUFFLED = 0.6180339887498949, 0.41421356237309503, 64
 #: number of grains drawn at a time, and largest number, if no count is given
 BLOCK, MOST_DRAWN = 1024, 10_000_000
 #: largest count, and bytes of a grain that every method needs at least
@@ -77,7 +81,9 @@ def draw_grains(
 ) -> DrawnGrains:
     """Draw the grains of a packing.
 
-    Without a count and a solid fraction as many grains are drawn as fill the container completely; `surplus` allows
+    The sizes are those of strata (:meth:`SizeDistribution.strata`), unless they are to be independent, and shapes and
+    sizes are independent of each other. Without a count and a solid fraction as many grains are drawn as fill the
+    container completely; `surplus` allows
     grains of more volume than the container, of which the method places those that fit. `sizing` is that of the method:
     sizes that are scaled later may be given with a count and a solid fraction; for sizes that the method makes, all
     grains get the diameter at which they have the volume of the container together. With `own_shapes` the method makes
@@ -108,9 +114,14 @@ def draw_grains(
         raise InputError("count is None and all shapes are open surfaces: they have no volume to fill; give a count")
     if count is not None and count > PROBE:
         _refuse_too_many(shapes, shares, sizes, container, count, bounded=not surplus and sizing == "drawn", seed=seed)
-    shape_id, diameter = _draw(shapes, shares, sizes, count, target, seed)
+    filled = count is None or (solid_fraction is not None and sizing == "drawn")
+    if sizes is None or sizes.independent:
+        shape_id, diameter = _draw(shapes, shares, sizes, count, target, seed)
+    else:
+        room = target if filled else math.inf
+        shape_id, diameter = _laid(shapes, shares, sizes, count=count, target=room, seed=seed)
     volumes = _volumes(shapes, shape_id, diameter)
-    if solid_fraction is not None and count is not None and sizing == "drawn":
+    if filled and count is not None and len(volumes):
         keep = np.cumsum(volumes) - volumes < target
         shape_id, diameter, volumes = shape_id[keep], diameter[keep], volumes[keep]
     if solid_fraction is not None and not own_shapes and (sizing == "drawn" or count is None):
@@ -272,6 +283,82 @@ def _draw(
     )
 
 
+def _laid(
+    shapes: Sequence[Shape], shares: Floats, sizes: SizeDistribution, *, count: int | None, target: float, seed: int
+) -> tuple[Integers, Floats]:
+    """Return shapes and diameters of the grains of strata: a count, or as many as have the target volume."""
+    dimension, factors = shapes[0].dimension, _factors(shapes, sizes)
+    unit = np.array([shape.volume / shape.diameter**dimension for shape in shapes]) * factors**dimension
+    mean = float(shares @ unit) * sizes.mean_volume(dimension=dimension) * (6.0 if dimension == 3 else 4.0) / math.pi
+    room = target / mean if mean > 0.0 else math.inf
+    many = min(math.inf if count is None else count, math.ceil(room) if math.isfinite(room) else math.inf)
+    if count is None and many > MOST_DRAWN:
+        raise InputError(
+            f"{many:.3g} grains have the wanted volume, and at most {MOST_DRAWN} are drawn: give a count, or larger "
+            "sizes"
+        )
+    n, most = int(many), MOST_DRAWN if count is None else count
+    shape_id, diameter = _strata(shapes, shares, sizes, n, seed)
+    # the volume differs from the mean one by the shapes of the largest grains
+    while (total := float(_volumes(shapes, shape_id, diameter).sum())) < target and math.isfinite(target) and n < most:
+        n = min(most, n + max(1, math.ceil((target - total) / mean)))
+        shape_id, diameter = _strata(shapes, shares, sizes, n, seed)
+    check_lengths([diameter.min(initial=1.0), diameter.max(initial=1.0)], "diameter of a grain")
+    volumes = _volumes(shapes, shape_id, diameter)
+    keep = np.cumsum(volumes) - volumes < target
+    if n and sizes.basis == "volume" and (distance := stratum_distance(sizes, n, dimension)) > FAR:
+        enough = count_within(sizes, 0.05, dimension)
+        warn(
+            f"{n} grains follow the sizes to {distance:.2g} by volume, the largest difference of the curves: the "
+            f"largest grain is {volumes.max() / volumes.sum():.2g} of all; give about {enough} grains for 0.05, or "
+            "leave out the finest sizes, which are most of the grains (vg.plan_sizes)",
+            PackingWarning,
+        )
+    return shape_id[keep], diameter[keep]
+
+
+def _strata(
+    shapes: Sequence[Shape], shares: Floats, sizes: SizeDistribution, n: int, seed: int
+) -> tuple[Integers, Floats]:
+    """Return shapes and diameters of the grains of as many strata.
+
+    Shapes follow each other along the sizes by parts of a circle, so that the grains between any two sizes have them in
+    their shares.
+    """
+    generator = stream(seed, "sizes")
+    diameter, shape_id = sizes.strata(n, generator, dimension=shapes[0].dimension), np.zeros(n, dtype=np.int64)
+    if len(shapes) > 1:
+        sections = (generator.random() + SILVER * np.arange(n)) % 1.0
+        last = int(np.flatnonzero(shares)[-1])
+        shape_id = np.minimum(np.searchsorted(np.cumsum(shares), sections, side="right"), last)
+    diameter = diameter * _factors(shapes, sizes)[shape_id]
+    order = _spread(n, generator)
+    return shape_id[order], diameter[order]
+
+
+def _spread(count: int, generator: np.random.Generator) -> Integers:
+    """Return the numbers below a count in an order of which every beginning is spread over them: methods that place a
+    part of the grains then have grains of all sizes.
+
+    The steps are golden sections of the count, and within blocks the order is random.
+    """
+    step = max(1, round(GOLDEN * count))
+    while math.gcd(step, count) > 1:
+        step += 1
+    order = (int(generator.integers(max(count, 1))) + step * np.arange(count)) % max(count, 1)
+    whole = count // SHUFFLED * SHUFFLED
+    order[:whole] = generator.permuted(order[:whole].reshape(-1, SHUFFLED), axis=1).ravel()
+    order[whole:] = generator.permutation(order[whole:])
+    return order
+
+
+def _factors(shapes: Sequence[Shape], sizes: SizeDistribution) -> Floats:
+    """Return the diameters of shapes over their sizes, which may be intermediate axes."""
+    if not sizes.by_intermediate_axis:
+        return np.ones(len(shapes))
+    return np.array([shape.diameter / principal_extents(shape)[1] for shape in shapes])
+
+
 def _doubled(array: NDArray[Any]) -> NDArray[Any]:
     """Return an array of twice the length; its zeros take no memory until they are written."""
     longer = np.zeros(2 * len(array), dtype=array.dtype)
@@ -292,15 +379,11 @@ def _draw_block(
 def _diameters(
     shapes: Sequence[Shape], shape_id: Integers, sizes: SizeDistribution | None, generator: np.random.Generator
 ) -> Floats:
-    """Return equivalent diameters; a size by the intermediate axis is converted with that axis of the shape."""
+    """Return equivalent diameters, drawn independently."""
     own = np.array([shape.diameter for shape in shapes])
     if sizes is None:
         return own[shape_id]
-    drawn = sizes.sample(len(shape_id), generator, dimension=shapes[0].dimension)
-    if sizes.by_intermediate_axis:
-        middle = np.array([principal_extents(shape)[1] for shape in shapes])
-        return drawn * (own / middle)[shape_id]
-    return drawn
+    return sizes.sample(len(shape_id), generator, dimension=shapes[0].dimension) * _factors(shapes, sizes)[shape_id]
 
 
 def _volumes(shapes: Sequence[Shape], shape_id: Integers, diameter: Floats) -> Floats:

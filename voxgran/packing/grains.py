@@ -22,7 +22,7 @@ from voxgran.contacts.surfaces import merged_surfaces
 from voxgran.packing.gravity import as_down
 from voxgran.settling.relaxation import Relaxation
 from voxgran.shapes.model import Shape
-from voxgran.shapes.size_laws import SizeDistribution
+from voxgran.shapes.size_laws.distribution import SizeDistribution
 from voxgran.shapes.spheres import Spheres
 from voxgran.shapes.thumbnail import card, picture
 

@@ -27,7 +27,7 @@ from voxgran.packing.grains import ColorBy, GrainSequence, card_of_packing, comm
 from voxgran.packing.gravity import Down, as_down
 from voxgran.settling.relaxation import Relaxation
 from voxgran.shapes.model import Shape, check_shapes
-from voxgran.shapes.size_laws import SizeDistribution
+from voxgran.shapes.size_laws.distribution import SizeDistribution
 
 if TYPE_CHECKING:
     from xarray import DataTree

@@ -11,6 +11,7 @@ import numpy as np
 from voxgran.contacts.assembly import density_text
 from voxgran.contacts.forces import AT_REST
 from voxgran.measures.registered.density import main_fraction
+from voxgran.measures.registered.gradation import size_classes
 from voxgran.measures.registered.segregation import warning_of
 from voxgran.packing.model import Packing
 
@@ -154,6 +155,21 @@ def details(packing: Packing) -> list[Fact]:
             facts += _missed(record) if key == "missed" else [Fact(key, _pairs(record[key]))]
     seconds = record.get("timing", {}).get("wall_seconds")
     return [*facts, Fact("wall time", f"{number(float(seconds))} s")] if seconds is not None else facts
+
+
+def sieve_rows(packing: Packing) -> list[tuple[str, str, str, str]]:
+    """Return a row for each class of sizes, the largest first: its ends, and its shares of the mass as requested and as
+    placed, in percent, with their difference; no rows without a requested distribution.
+    """
+    found = size_classes(packing)
+    if found is None:
+        return []
+    ends, asked, placed = found
+    rows = [
+        (f"{number(float(low))} to {number(float(high))}", *(f"{100 * share:.2f}" for share in shares))
+        for low, high, *shares in zip(ends[:-1], ends[1:], asked, placed, placed - asked, strict=True)
+    ]
+    return [(name, one, two, three.replace("-", "\u2212")) for name, one, two, three in reversed(rows)]
 
 
 def _missed(record: Mapping[str, Any]) -> list[Fact]:

@@ -13,7 +13,7 @@ from voxgran.measures.directions import FACTOR, traceless_2
 from voxgran.measures.region import gravity_of
 from voxgran.measures.registered.coordination import mean_diameter
 from voxgran.measures.registered.density import main_fraction
-from voxgran.measures.registered.gradation import distance_from, gradation
+from voxgran.measures.registered.gradation import distance_from, gradation, size_classes
 from voxgran.packing.model import Packing
 from voxgran.report import facts, plots, shape_plots
 from voxgran.report.direction_maps import plot_direction_map
@@ -101,11 +101,14 @@ def _gradation(packing: Packing) -> Figure:
     order = np.argsort(packing.diameters, kind="stable")
     shares = np.cumsum(packing.volumes[order]) / max(float(packing.volumes.sum()), 1e-300)
     keep = np.unique(np.linspace(0, packing.count - 1, 200).astype(int))
-    numbers = {
+    numbers: dict[str, Any] = {
         "diameter": packing.diameters[order][keep].tolist(),
         "passing_by_volume": shares[keep].tolist(),
         "kolmogorov_smirnov": test,
     }
+    if (classes := size_classes(packing)) is not None:
+        ends, asked, placed = (values.tolist() for values in classes)
+        numbers["classes"] = {"ends": ends, "asked_by_volume": asked, "placed_by_volume": placed}
     return Figure("gradation", svg, "gradation", caption, numbers)
 
 

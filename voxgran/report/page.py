@@ -154,6 +154,7 @@ def save_report(
         proof=facts.proof_rows(verification) if verification is not None else [],
         worst=_worst(verification) if verification is not None else {},
         comparison=_comparison(comparisons or {}),
+        sieves=facts.sieve_rows(packing),
         details=facts.details(packing),
         shapes=shapes[:SHAPES_LISTED],
         shapes_left=max(0, len(shapes) - SHAPES_LISTED),

@@ -165,7 +165,9 @@ class SceneDescription(ExplainedAttributes):
         with mistakes.part("[sizes]"):
             sizes = dict(mapping.get("sizes", {}))
             share_by = _share_by(sizes.pop("share_by", "number"))
-            law = make_sizes(sizes) if sizes else None
+            if "file" in sizes and (unit := dict(mapping.get("scene", {})).get("unit")) is not None:
+                sizes.setdefault("unit", unit)
+            law = make_sizes(_with_file(sizes, place)) if sizes else None
         with mistakes.part("[container]"):
             container = make_container(_with_file(mapping["container"], place))
         with mistakes.part():

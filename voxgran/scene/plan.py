@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
@@ -29,6 +29,7 @@ from voxgran.shapes.mesh import Mesh
 from voxgran.shapes.model import Shape
 from voxgran.shapes.primitive import Primitive
 from voxgran.shapes.repairing.diagnose import merged, refuse_open
+from voxgran.shapes.size_laws.plan import SizePlan, plan_sizes
 from voxgran.shapes.spheres import MassProperties, Spheres
 from voxgran.shapes.surface import Surface
 
@@ -78,6 +79,8 @@ class Plan(ExplainedAttributes):
         Expected processor time of the packing on a usual core; 0 where it is not known.
     slow : str
         Why the packing takes long, in a sentence; empty where it does not.
+    sizes : SizePlan or None
+        How nearly the grains can follow the distribution of sizes; None without one.
     """
 
     grains: int
@@ -96,6 +99,7 @@ class Plan(ExplainedAttributes):
     notes: tuple[str, ...] = ()
     seconds: float = 0.0
     slow: str = ""
+    sizes: SizePlan | None = None
 
     def __str__(self) -> str:
         """Return the plan as a person reads it."""
@@ -114,12 +118,14 @@ class Plan(ExplainedAttributes):
             *(f"will be done    {step}" for step in self.computed),
             *(f"is skipped      {step}" for step in self.skipped),
             *(f"note            {note}" for note in (*self.notes, self.slow) if note),
+            *(f"sizes           {line}" for line in (str(self.sizes).splitlines() if self.sizes else ())),
         ]
         return "\n".join(lines)
 
     def to_mapping(self) -> dict[str, Any]:
         """Return the plan as JSON-able values."""
         made = to_mapping(self)
+        made["sizes"] = None if self.sizes is None else asdict(self.sizes)
         made["memory_bytes"] = made.pop("memory")
         return made
 
@@ -156,7 +162,15 @@ def make_plan(scene: SceneDescription) -> Plan:
         notes=_notes(scene, task, bed),
         seconds=cost.seconds,
         slow=long_run(task.method, task.problem),
+        sizes=_size_plan(scene, task),
     )
+
+
+def _size_plan(scene: SceneDescription, task: Task) -> SizePlan | None:
+    """Return how nearly the grains can follow the distribution of sizes; None without one, or grains."""
+    if scene.sizes is None or task.method.sizing == "made" or not task.problem.count:
+        return None
+    return plan_sizes(scene.sizes, task.problem.count, dimension=task.problem.dimension, seed=task.problem.seed)
 
 
 def task_of(scene: SceneDescription, shapes: tuple[Shape, ...]) -> Task:

@@ -1,10 +1,12 @@
 """Distributions of grain sizes, by name: ``vg.sizes.lognormal(median=2.0, sigma=0.3)``.
 
 A size is an equivalent diameter; for a sieve curve it is the intermediate axis by default. The classes are
-in :mod:`voxgran.shapes.size_laws`.
+in :mod:`voxgran.shapes.size_laws`. By default N grains get the sizes of N strata, which follow the distribution as
+nearly as N grains can; with ``independent=True`` each size is drawn independently, as in a sample of a population.
 """
 
-from collections.abc import Mapping
+import os
+from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -16,14 +18,23 @@ from voxgran._base.calls import explained
 from voxgran._base.config import from_mapping
 from voxgran._base.errors import InputError, UnknownNameError
 from voxgran._base.names import unknown
-from voxgran.shapes.size_laws import Basis, Discrete, Fixed, Lognormal, Sieve, SizeDistribution, Uniform
+from voxgran.shapes.size_laws.distribution import Basis, SizeDistribution
+from voxgran.shapes.size_laws.mixture import Mixture
+from voxgran.shapes.size_laws.openings import openings
+from voxgran.shapes.size_laws.rosin_rammler import RosinRammler
+from voxgran.shapes.size_laws.sieve import Sieve, curve_in_table
+from voxgran.shapes.size_laws.simple import Discrete, Fixed, Fuller, Lognormal, Uniform
 
 __all__ = [
     "SizeDistribution",
     "discrete",
     "fixed",
+    "fuller",
     "lognormal",
     "make_sizes",
+    "mixture",
+    "openings",
+    "rosin_rammler",
     "sieve",
     "size_kinds",
     "uniform",
@@ -41,6 +52,7 @@ def lognormal(
     basis: Basis = "number",
     low: float | None = None,
     high: float | None = None,
+    independent: bool = False,
 ) -> Lognormal:
     """Return a log-normal distribution.
 
@@ -54,6 +66,8 @@ def lognormal(
         Quantity that the shares refer to.
     low, high : float, optional
         Lower and upper truncation, in the unit of lengths. Default: none.
+    independent : bool
+        Whether each size is drawn independently of the others.
 
     Raises
     ------
@@ -77,6 +91,7 @@ def lognormal(
         basis=basis,
         low=None if low is None else as_number(low, "low"),
         high=None if high is None else as_number(high, "high"),
+        independent=independent,
     )
 
 
@@ -100,8 +115,8 @@ def fixed(diameter: float = 1.0) -> Fixed:
 
 
 @explained(hint="uniform(0.8, 1.2)")
-def uniform(low: float, high: float, *, basis: Basis = "number") -> Uniform:
-    """Return the uniform distribution between two sizes.
+def uniform(low: float, high: float, *, basis: Basis = "number", independent: bool = False) -> Uniform:
+    """Return the uniform distribution between two sizes; `basis` and `independent` as in :func:`lognormal`.
 
     Raises
     ------
@@ -114,12 +129,126 @@ def uniform(low: float, high: float, *, basis: Basis = "number") -> Uniform:
     >>> vg.sizes.uniform(0.8, 1.2, basis="volume").basis
     'volume'
     """
-    return Uniform(low=as_number(low, "low"), high=as_number(high, "high"), basis=basis)
+    return Uniform(low=as_number(low, "low"), high=as_number(high, "high"), basis=basis, independent=independent)
+
+
+@explained(hint="fuller(0.1, 32.0)")
+def fuller(
+    low: float, high: float, exponent: float = 0.5, *, basis: Basis = "volume", independent: bool = False
+) -> Fuller:
+    """Return the power law of concrete and asphalt, with a limit of fines.
+
+    Parameters
+    ----------
+    low, high : float
+        Smallest and largest size, in the unit of lengths.
+    exponent : float
+        Exponent n of the share (d^n - low^n) / (high^n - low^n) below the size d: 0.5 after Fuller, 0.45 for asphalt.
+    basis : {"number", "volume"}
+        Quantity that the shares refer to.
+    independent : bool
+        Whether each size is drawn independently of the others.
+
+    Raises
+    ------
+    InputError
+        If a number is not above 0, or the largest size not above the smallest.
+
+    Examples
+    --------
+    >>> import voxgran as vg
+    >>> round(float(vg.sizes.fuller(0.1, 32.0).quantile(0.5)), 2)
+    8.92
+    """
+    low, high, exponent = as_number(low, "low"), as_number(high, "high"), as_number(exponent, "exponent")
+    return Fuller(low=low, high=high, exponent=exponent, basis=basis, independent=independent)
+
+
+@explained(hint="rosin_rammler(10.0, 1.5, low=1.0)")
+def rosin_rammler(
+    size: float,
+    spread: float,
+    *,
+    low: float | None = None,
+    high: float | None = None,
+    basis: Basis = "volume",
+    independent: bool = False,
+) -> RosinRammler:
+    """Return the distribution of Rosin and Rammler (Weibull), which describes crushed and ground material.
+
+    Parameters
+    ----------
+    size : float
+        Size below which 63.2 % lie before truncation, in the unit of lengths.
+    spread : float
+        Exponent n of the share 1 - exp(-(d / size)^n) below the size d.
+    low, high : float, optional
+        Lower and upper truncation, in the unit of lengths. By volume the fines need `low` for a spread below 6.
+    basis : {"number", "volume"}
+        Quantity that the shares refer to.
+    independent : bool
+        Whether each size is drawn independently of the others.
+
+    Raises
+    ------
+    InputError
+        If a number is not above 0, the cuts leave nothing, or without `low` the fines are infinitely many.
+
+    Examples
+    --------
+    >>> import voxgran as vg
+    >>> round(float(vg.sizes.rosin_rammler(10.0, 1.5, low=1.0).cumulative(10.0)), 3)
+    0.62
+    """
+    return RosinRammler(
+        size=as_number(size, "size"),
+        spread=as_number(spread, "spread"),
+        low=None if low is None else as_number(low, "low"),
+        high=None if high is None else as_number(high, "high"),
+        basis=basis,
+        independent=independent,
+    )
+
+
+@explained(hint="mixture([uniform(1, 2, basis='volume'), uniform(4, 8, basis='volume')], [0.3, 0.7])")
+def mixture(
+    parts: Sequence[SizeDistribution], shares: "ArrayLike", *, basis: Basis = "volume", independent: bool = False
+) -> Mixture:
+    """Return several distributions together, such as a sand and a gravel.
+
+    Parameters
+    ----------
+    parts : sequence of SizeDistribution
+        Distributions of the same basis.
+    shares : array_like of float
+        Share of each.
+    basis : {"number", "volume"}
+        Quantity that the shares refer to.
+    independent : bool
+        Whether each size is drawn independently of the others.
+
+    Raises
+    ------
+    InputError
+        If the numbers of distributions and shares differ, a basis is another one, a share is negative or all are 0.
+
+    Examples
+    --------
+    >>> import voxgran as vg
+    >>> sand = vg.sizes.lognormal(0.5, 0.3, basis="volume")
+    >>> gravel = vg.sizes.fuller(4.0, 16.0)
+    >>> round(float(vg.sizes.mixture([sand, gravel], [0.3, 0.7]).cumulative(4.0)), 6)
+    0.3
+    """
+    return Mixture(parts=tuple(parts), shares=_numbers(shares), basis=basis, independent=independent)
 
 
 @explained(hint="discrete([1.0, 2.0], [3, 1])")
-def discrete(diameters: "ArrayLike", weights: "ArrayLike", *, basis: Basis = "number") -> Discrete:
-    """Return a discrete distribution: a few sizes, each with its weight.
+def discrete(
+    diameters: "ArrayLike", weights: "ArrayLike", *, basis: Basis = "number", independent: bool = False
+) -> Discrete:
+    """Return a discrete distribution: a few sizes, each with its weight; `basis` and `independent` as in
+    :func:`lognormal`.
 
     Raises
     ------
@@ -135,36 +264,73 @@ def discrete(diameters: "ArrayLike", weights: "ArrayLike", *, basis: Basis = "nu
     >>> np.unique(bed.diameters).tolist()
     [1.0, 2.0]
     """
-    return Discrete(diameters=_numbers(diameters), weights=_numbers(weights), basis=basis)
+    return Discrete(diameters=_numbers(diameters), weights=_numbers(weights), basis=basis, independent=independent)
 
 
-@explained(hint="sieve([1.0, 2.0, 4.0], [0.0, 0.4, 1.0])")
-def sieve(openings: "ArrayLike", passing: "ArrayLike", *, as_diameter: bool = False, basis: Basis = "volume") -> Sieve:
+@explained(hint="sieve([1.0, 2.0, 4.0], [0, 40, 100])")
+def sieve(
+    openings: Any,
+    passing: "ArrayLike | None" = None,
+    *,
+    retained: "ArrayLike | None" = None,
+    smallest: float | None = None,
+    unit: str | None = None,
+    as_diameter: bool = False,
+    basis: Basis = "volume",
+    independent: bool = False,
+) -> Sieve:
     """Return the distribution of a sieve analysis.
 
     Parameters
     ----------
-    openings : (n,) array_like of float
-        Openings of the sieves, from small to large, in the unit of lengths.
-    passing : (n,) array_like of float
-        Share that passes each sieve, from 0 to 1; interpolated linearly in the logarithm of the opening.
+    openings : (n,) array_like of float, path-like, pandas.DataFrame, pandas.Series or mapping
+        Openings of the sieves, in any order, in the unit of lengths; 0 is the pan. Or a table, or a CSV file of one,
+        with a column ``opening`` and a column ``passing`` or ``retained``, or a series of what passes by the opening.
+    passing : (n,) array_like of float, optional
+        What passes each sieve: shares up to 1, or percent up to 100; interpolated linearly in the logarithm of the
+        opening.
+    retained : (n,) array_like of float, optional
+        Instead of `passing`, what each sieve retains: masses, shares or percent; their sum is all.
+    smallest : float, optional
+        Smallest size, where the smallest sieve lets something pass. Default: as if one sieve finer, of the same ratio,
+        were passed by nothing, with a warning.
+    unit : str, optional
+        Unit of all other lengths, where a table names the unit of its openings, as ``opening [um]``.
     as_diameter : bool
         Whether openings are equivalent diameters rather than intermediate axes.
     basis : {"number", "volume"}
         Quantity that the shares refer to.
+    independent : bool
+        Whether each size is drawn independently of the others.
 
     Raises
     ------
     InputError
-        If openings do not increase or shares do not rise from 0 to 1.
+        If fewer than two sieves are given, two have one opening, passing falls or does not reach 1 or 100 percent, a
+        mass is negative, or a table has openings in a unit and `unit` is missing.
+    MissingFileError
+        If there is no such file.
+    FileFormatError
+        If a table lacks a column, or a value is no number; the message names its row.
 
     Examples
     --------
     >>> import voxgran as vg
-    >>> vg.sizes.sieve(openings=[1.0, 2.0, 4.0], passing=[0.0, 0.4, 1.0]).basis
-    'volume'
+    >>> curve = vg.sizes.sieve(openings=[1.0, 2.0, 4.0], passing=[0, 40, 100])
+    >>> curve.passing
+    (0.0, 0.4, 1.0)
+    >>> vg.sizes.sieve([4.0, 2.0, 1.0], retained=[0, 180, 120]) == curve
+    True
     """
-    return Sieve(openings=_numbers(openings), passing=_numbers(passing), as_diameter=as_diameter, basis=basis)
+    curve: dict[str, Any] = {"openings": openings, "passing": passing, "retained": retained}
+    if isinstance(openings, str | os.PathLike):
+        curve = {"file": os.fspath(openings), "unit": unit}
+    elif isinstance(openings, Mapping) or hasattr(openings, "iloc"):
+        curve = dict(curve_in_table(openings, unit))
+    else:
+        curve = {name: None if value is None else _numbers(value) for name, value in curve.items()}
+    low = None if smallest is None else as_number(smallest, "smallest")
+    return Sieve(**curve, smallest=low, as_diameter=as_diameter, basis=basis, independent=independent)
 
 
 def _numbers(values: "ArrayLike") -> tuple[float, ...]:
@@ -180,7 +346,7 @@ def size_kinds() -> tuple[str, ...]:
     --------
     >>> import voxgran as vg
     >>> vg.sizes.size_kinds()
-    ('discrete', 'fixed', 'lognormal', 'sieve', 'uniform')
+    ('discrete', 'fixed', 'fuller', 'lognormal', 'mixture', 'rosin_rammler', 'sieve', 'uniform')
     """
     return tuple(sorted(KINDS))
 
@@ -220,11 +386,15 @@ def make_sizes(mapping: Mapping[str, Any], where: str = "[sizes]") -> SizeDistri
     kind = values.pop("kind")
     if not isinstance(kind, str) or kind not in KINDS:
         raise UnknownNameError(unknown(f"{where} kind", kind, KINDS))
+    if KINDS[kind] is Mixture and isinstance(values.get("parts"), list | tuple):
+        values["parts"] = [make_sizes(part, f"{where} parts") for part in values["parts"]]
     return from_mapping(KINDS[kind], values, where)
 
 
 #: classes of distributions by kind
-KINDS: dict[str, type[SizeDistribution]] = {law.kind: law for law in (Discrete, Fixed, Lognormal, Sieve, Uniform)}
+KINDS: dict[str, type[SizeDistribution]] = {
+    law.kind: law for law in (Discrete, Fixed, Fuller, Lognormal, Mixture, RosinRammler, Sieve, Uniform)
+}
 
 
 def size_distance(asked: Floats, placed: Floats) -> float:

@@ -1,17 +1,20 @@
 """Sizes asked for and placed."""
 
+import itertools
 import math
 
 import numpy as np
 import pytest
 
+import voxgran as vg
 from voxgran._base.seeds import stream
 from voxgran.containers.kinds.box import Box
 from voxgran.containers.kinds.rectangle import Rectangle
 from voxgran.measures.model import measure
-from voxgran.measures.registered.gradation import gradation
+from voxgran.measures.registered.gradation import gradation, size_classes
 from voxgran.measures.registered.grains import intermediate_axes
 from voxgran.packing.model import Packing
+from voxgran.shapes.describing.extents import principal_extents
 from voxgran.shapes.model import Shape
 from voxgran.shapes.outline import Outline
 from voxgran.shapes.primitive import Primitive
@@ -125,3 +128,19 @@ def test_the_curves_in_the_tree():
     assert {"placed_number_by_axis", "placed_volume_by_axis"} <= set(found.data_vars)
     assert float(found.distance_number) == pytest.approx(0.0, abs=1e-12)
     assert "equivalent diameters" in found.asked_number.attrs["long_name"]
+
+
+def test_classes_of_a_sieve_curve_are_those_of_its_openings():
+    """By the definition: the volume of the grains whose intermediate axis lies between two openings."""
+    curve = vg.sizes.sieve([0.5, 1.0, 2.0, 4.0], [0, 20, 60, 100])
+    shapes = [vg.shapes.sphere(), vg.shapes.box(aspect=(1, 2, 3))]
+    bed = vg.pack(shapes, vg.Box((30, 30, 30)), "rsa", count=1000, sizes=curve, seed=2)
+    ends, asked, placed = size_classes(bed)
+    assert ends.tolist() == [0.5, 1.0, 2.0, 4.0]
+    assert asked == pytest.approx([0.2, 0.4, 0.4], abs=1e-12)
+    middle = [principal_extents(shape)[1] / shape.diameter for shape in bed.shapes]
+    axis = np.array(middle)[bed.shape_id] * bed.diameters
+    inside = [(axis > low) & (axis <= high) for low, high in itertools.pairwise(ends)]
+    assert placed == pytest.approx([bed.volumes[mask].sum() / bed.volumes.sum() for mask in inside], abs=1e-9)
+    assert placed == pytest.approx(asked, abs=0.05)
+    assert size_classes(vg.pack(shapes, vg.Box((9, 9, 9)), "rsa", count=5)) is None

@@ -14,10 +14,13 @@ from voxgran._base.arrays import Floats
 from voxgran.measures.model import Groups, Measure, dataset, length_unit, variable
 from voxgran.measures.registered.grains import intermediate_axes
 from voxgran.packing.model import Packing
-from voxgran.shapes.size_laws import Basis, SizeDistribution
+from voxgran.shapes.size_laws.distribution import Basis, SizeDistribution
+from voxgran.shapes.size_laws.sieve import Sieve
 
 #: points of the curves
 POINTS = 201
+#: classes of a distribution that is no sieve curve
+CLASSES = 8
 #: relative difference below which two sizes count as equal
 SAME = 1e-9
 #: share by volume of requested sizes that may lie beyond either end of the curves
@@ -59,6 +62,24 @@ def gradation(packing: Packing) -> Gradation:
                 asked, axes if by_axis else diameters, weights, basis=basis, dimension=packing.dimension
             )
     return Gradation(sizes, placed, by_axes, shares, distance, by_axis)
+
+
+def size_classes(packing: Packing) -> tuple[Floats, Floats, Floats] | None:
+    """Return the ends (k + 1,) of classes of sizes, from small to large, and the shares by volume (k,) that each has of
+    the requested distribution and of the placed grains; None without a requested distribution or grains.
+
+    The ends are the openings of a sieve curve, else evenly spaced in their logarithm.
+    """
+    asked = packing.asked_sizes
+    if asked is None or not packing.count:
+        return None
+    sizes = intermediate_axes(packing) if asked.by_intermediate_axis else packing.diameters
+    if isinstance(asked, Sieve) and asked.openings is not None:
+        ends = np.array(asked.openings)
+    else:
+        ends = np.geomspace(*size_range(sizes, asked, packing.dimension), CLASSES + 1)
+    shares = asked.cumulative(ends, basis="volume", dimension=packing.dimension)
+    return ends, np.diff(shares), np.diff(_cumulative(sizes, packing.volumes, ends))
 
 
 def _cumulative(sizes: Floats, weights: Floats, points: Floats) -> Floats:

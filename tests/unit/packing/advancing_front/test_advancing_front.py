@@ -85,7 +85,7 @@ def plain_front(centers, radii, goal, rank):
 
 @pytest.mark.parametrize("order", ["nearest", "lowest"])
 def test_the_front_is_that_of_a_plain_program(order):
-    packing = pack(SPHERE, WIDE, count=250, sizes=GRADED, order=order, tries=1, seed=4)
+    packing = pack(SPHERE, WIDE, count=250, sizes=GRADED, order=order, tries=1, seed=8)
     rank = {"nearest": lambda way: way @ way, "lowest": lambda way: way[2]}[order]
     radii = packing.bounding_radii
     twin = plain_front(packing.position, radii, 15.0 + np.median(radii) * np.array(ASIDE), rank)

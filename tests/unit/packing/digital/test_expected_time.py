@@ -91,7 +91,7 @@ def test_runs_of_minutes_are_told_before_they_start_with_what_shortens_them():
 
 @pytest.mark.parametrize("ratio", [4, 8, 16])
 def test_sieve_curves_take_no_gigabytes(ratio):
-    sizes = vg.sizes.sieve([1, ratio**0.5, ratio], [0, 0.5, 1])
+    sizes = vg.sizes.sieve([1, ratio**0.5, ratio], [0, 0.5, 1], independent=True)
     for shape in (vg.shapes.sphere(), BRICKS[0]):
         made = prepare_task(
             Request(shape, vg.Sphere(4 * ratio**0.5), "digital_fill", solid_fraction=0.372, sizes=sizes)

@@ -1,0 +1,281 @@
+"""Sieve curves, as laboratories write them: what passes or what is retained, as shares, percent or masses."""
+
+import math
+import re
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any, ClassVar, Literal
+
+import numpy as np
+
+from voxgran._base.arrays import Floats, as_flag, as_floats, as_length
+from voxgran._base.config import parameter, parameter_class
+from voxgran._base.errors import FileFormatError, InputError, PackingWarning, shown
+from voxgran._base.files import existing_file
+from voxgran._base.guarded import refused
+from voxgran._base.lazy import load
+from voxgran._base.units import as_unit, known_unit, unit_factor
+from voxgran._base.warning import warn
+from voxgran.shapes.size_laws.distribution import SizeDistribution, same_length
+from voxgran.shapes.size_laws.simple import growth
+
+#: names of the columns of tables, in lower case, of letters only
+COLUMNS = {
+    "openings": ("opening", "openings", "sieve", "sieves", "sievesize", "sieveopening", "size", "aperture", "mesh",
+                 "diameter", "d", "grainsize", "particlesize"),
+    "passing": ("passing", "passed", "pass", "percentpassing", "finer", "percentfiner", "cumulativepassing", "p"),
+    "retained": ("retained", "retainedmass", "massretained", "percentretained", "mass", "weight"),
+}  # fmt: skip
+#: rounding of the last value of a curve in shares or percent
+ROUNDING = 1e-6
+
+
+@parameter_class
+class Sieve(SizeDistribution):
+    """Measured sieve curve, interpolated linearly in the logarithm of the opening.
+
+    Openings may be given in any order, with what passes each, as shares or in percent, or with what each retains, as
+    masses, shares or percent; an opening of 0 is the pan. Where the smallest opening lets something pass, these fines
+    reach down to `smallest`.
+
+    Raises
+    ------
+    InputError
+        If there are fewer than two sieves, two have one opening, passing falls, or a mass is negative.
+    """
+
+    kind: ClassVar[str] = "sieve"
+
+    openings: tuple[float, ...] | None = parameter(None, doc="openings of the sieves", unit="length")
+    passing: tuple[float, ...] | None = parameter(
+        None, doc="what passes each sieve: shares up to 1, or percent up to 100"
+    )
+    retained: tuple[float, ...] | None = parameter(
+        None, doc="instead: what each sieve retains, of which the sum is all"
+    )
+    file: str | None = parameter(None, doc="instead: table (CSV) with a column of openings and one of the others")
+    unit: str | None = parameter(None, doc="unit of all other lengths, where the table names the unit of its openings")
+    smallest: float | None = parameter(
+        None,
+        doc="smallest size, where the smallest sieve lets something pass; default: as if one sieve finer, of the same "
+        "ratio, were passed by nothing",
+        unit="length",
+    )
+    as_diameter: bool = parameter(False, doc="whether openings are equivalent diameters rather than intermediate axes")
+    basis: Literal["number", "volume"] = parameter("volume", doc="quantity that the shares refer to")
+
+    def __post_init__(self) -> None:
+        """Bring the curve into the form of increasing openings with the shares that pass them."""
+        SizeDistribution.__post_init__(self)
+        as_flag(self.as_diameter, "as_diameter")
+        given = {"openings": self.openings, "passing": self.passing, "retained": self.retained}
+        if self.file is not None:
+            if any(value is not None for value in given.values()):
+                raise InputError(f"file is {self.file!r} and a curve is given too: give one of them")
+            given = _table_of(_read(self.file), self.unit, self.file)
+        openings, passing = _curve(given, self.smallest)
+        plain = {"openings": openings, "passing": passing, "retained": None, "file": None, "unit": None}
+        for name, value in (plain | {"smallest": None}).items():
+            object.__setattr__(self, name, value)
+
+    @property
+    def by_intermediate_axis(self) -> bool:
+        """Whether sizes are intermediate axes; the caller turns them into equivalent diameters."""
+        return not self.as_diameter
+
+    def _bins(self, power: int) -> tuple[Floats, Floats, Floats]:
+        """Return lower openings, ratios to the upper ones, and the integrals of (size / largest)**power."""
+        openings, passing = np.array(self.openings), np.array(self.passing)
+        low, ratio = openings[:-1], openings[1:] / openings[:-1]
+        height = np.diff(passing) / np.log(ratio)
+        return low, ratio, height * (low / openings[-1]) ** power * growth(ratio, power)
+
+    def _partial(self, sizes: Floats, power: int) -> Floats:
+        """Integrate in closed form, bin by bin."""
+        low, ratio, weights = self._bins(power)
+        total = np.concatenate([[0.0], np.cumsum(weights)])
+        place = np.clip(np.searchsorted(low, sizes, side="right") - 1, 0, len(low) - 1)
+        inside = np.clip(sizes / low[place], 1.0, ratio[place])
+        part = growth(inside, power) / growth(ratio[place], power)
+        return np.asarray((low[-1] * ratio[-1]) ** power * (total[place] + weights[place] * part))
+
+    def _inverse(self, shares: Floats, power: int) -> Floats:
+        """Invert in closed form, bin by bin."""
+        low, ratio, weights = self._bins(power)
+        full = np.flatnonzero(weights)
+        low, ratio, weights = low[full], ratio[full], weights[full]
+        total = np.cumsum(weights)
+        want = shares * total[-1]
+        place = np.minimum(np.searchsorted(total, want, side="right"), len(low) - 1)
+        part = np.clip(1.0 - (total[place] - want) / weights[place], 0.0, 1.0)
+        if power == 0:
+            return np.asarray(low[place] * ratio[place] ** part)
+        return np.asarray(low[place] * (1.0 + part * (ratio[place] ** power - 1.0)) ** (1.0 / power))
+
+
+def curve_in_table(table: Any, unit: str | None) -> dict[str, tuple[float, ...] | None]:
+    """Return the columns of a table: a mapping, a `pandas.DataFrame`, or a `pandas.Series` of what passes or, where its
+    name says so, is retained, by the opening.
+
+    Raises
+    ------
+    InputError
+        If columns are missing or not certain, or their unit is not that of all other lengths.
+    """
+    return _table_of(table, unit, "table")
+
+
+def _read(path: str) -> Any:
+    """Return a table of a file."""
+    found = existing_file(Path(path))
+    with refused(found):
+        return load("pandas").read_csv(found, sep=None, engine="python", comment="#")
+
+
+def _table_of(table: Any, unit: str | None, where: str) -> dict[str, tuple[float, ...] | None]:
+    """Return openings, and what passes or is retained, of a table."""
+    if getattr(table, "ndim", 0) == 1 and hasattr(table, "index"):
+        retained = _column(str(table.name)) == "retained" or "retain" in str(table.name).lower()
+        table = {str(table.index.name or "opening"): table.index, "retained" if retained else "passing": table}
+    if not isinstance(table, Mapping) and not hasattr(table, "columns"):
+        raise InputError(f"table is {shown(table)}: it must be a DataFrame, a Series by the opening, or a mapping")
+    places: dict[str, list[str]] = {}
+    for name in table.keys():  # noqa: SIM118  (a DataFrame iterates over its columns only by this)
+        places.setdefault(_column(str(name)), []).append(name)
+    for kind in COLUMNS:
+        if len(places.get(kind, [])) > 1:
+            one, other = places[kind][:2]
+            raise FileFormatError(f"{where}: {shown(one)} and {shown(other)} are both columns of {kind}; rename one")
+    if "openings" not in places or not ({"passing", "retained"} & places.keys()):
+        raise FileFormatError(
+            f"{where} has the columns {', '.join(map(shown, table.keys()))}: it must have 'opening', and 'passing' or "
+            "'retained'; rename them"
+        )
+    found: dict[str, tuple[float, ...] | None] = {"openings": None, "passing": None, "retained": None}
+    # what passes is taken where both are there
+    for kind in ("openings", "passing") if "passing" in places else ("openings", "retained"):
+        found[kind] = _values(table[places[kind][0]], where, str(places[kind][0]))
+    own = re.search(r"[\[(]([^\])]*)[\])]", str(places["openings"][0]))
+    if own is not None and (told := known_unit(own[1])) is not None:
+        if unit is None:
+            raise InputError(
+                f"{where} has openings in {told}: give unit, the unit of all other lengths, as unit={told!r}"
+            )
+        factor = unit_factor(told, as_unit(unit))
+        found["openings"] = tuple(factor * value for value in found["openings"] or ())
+    return found
+
+
+def _column(name: str) -> str:
+    """Return what a column holds by its name, without unit; empty where that is not known."""
+    plain = re.sub(r"[^a-z]", "", re.sub(r"[\[(].*", "", name.lower().replace("%", "percent")))
+    bare = plain.removeprefix("percent").removesuffix("percent")
+    return next((kind for kind, names in COLUMNS.items() if plain in names or bare in names), "")
+
+
+def _values(column: Any, where: str, name: str) -> tuple[float, ...]:
+    """Return the numbers of a column; the message of one that is none names its row."""
+    found = []
+    for row, value in enumerate(column, start=1):
+        text = str(value).strip().rstrip("%").strip()
+        # the pan has no opening
+        number = 0.0 if text.lower() == "pan" else _number(text)
+        if number is None or not math.isfinite(number):
+            raise FileFormatError(
+                f"{where}, row {row}: {name} is {shown(value)}, and no number; give it or remove the row"
+            )
+        found.append(number)
+    return tuple(found)
+
+
+def _number(text: str) -> float | None:
+    """Return the number that a text is; None where it is none."""
+    try:
+        return float(text)
+    except ValueError:
+        return None
+
+
+def _curve(
+    given: Mapping[str, Sequence[float] | None], smallest: float | None
+) -> tuple[tuple[float, ...], tuple[float, ...]]:
+    """Return increasing openings and the shares that pass them, from 0 to 1."""
+    name = "passing" if given["passing"] is not None else "retained"
+    if given["openings"] is None or given[name] is None:
+        raise InputError("a sieve curve needs openings, and passing or retained: give both, or a file")
+    if given["passing"] is not None and given["retained"] is not None:
+        raise InputError("passing and retained are given: they are two ways of saying one thing; leave one out")
+    opening, value = (as_floats(given[key] or (), key, shape=(None,)) for key in ("openings", name))
+    same_length(tuple(opening), tuple(value), ("openings", name))
+    order = np.argsort(opening, kind="stable")
+    opening, value = opening[order], value[order]
+    twice = np.flatnonzero(np.diff(opening) <= 0)
+    if len(twice):
+        raise InputError(f"openings have {opening[twice[0]]:g} twice: each sieve is given once; remove one")
+    if opening[0] < 0 or value.min() < 0:
+        worst, of = (opening[0], "openings") if opening[0] < 0 else (value.min(), name)
+        raise InputError(f"{of} have {worst:g}: none may be negative; change it")
+    passing = _of_retained(opening, value) if name == "retained" else _as_shares(value)
+    if np.any(np.diff(passing) < 0):
+        k = int(np.argmax(np.diff(passing) < 0))
+        raise InputError(
+            f"passing falls from {value[k]:g} at {opening[k]:g} to {value[k + 1]:g} at {opening[k + 1]:g}: a larger "
+            "opening lets more pass; change it, or give what sieves retain as retained"
+        )
+    return _with_fines(opening, passing, smallest)
+
+
+def _as_shares(passing: Floats) -> Floats:
+    """Return what passes as shares."""
+    largest = float(passing.max())
+    if abs(largest - 1.0) <= ROUNDING:
+        return np.minimum(passing / largest, 1.0)
+    if abs(largest - 100.0) > 100.0 * ROUNDING:
+        raise InputError(
+            f"passing reaches {largest:g}: it must reach 1, or 100 in percent; add an opening that all passes"
+        )
+    others = passing[passing < largest]
+    if len(others) > 1 and 0.0 < others.max() <= 1.0:
+        raise InputError(
+            f"passing is {shown(passing.tolist())}: shares up to 1 and percent up to 100 are mixed; give all in one of "
+            "them"
+        )
+    return np.minimum(passing / largest, 1.0)
+
+
+def _of_retained(opening: Floats, retained: Floats) -> Floats:
+    """Return the shares that pass sieves, of what each retains."""
+    if not retained.sum() > 0.0:
+        raise InputError("retained are all 0: one must be above 0; give the masses that the sieves retain")
+    if retained[-1] > 0.0:
+        raise InputError(
+            f"the largest sieve, {opening[-1]:g}, retains {retained[-1]:g}: how large these grains are is not known; "
+            "add an opening that all passes, with 0 retained"
+        )
+    return np.concatenate([[0.0], np.cumsum(retained)[:-1]]) / retained.sum()
+
+
+def _with_fines(
+    opening: Floats, passing: Floats, smallest: float | None
+) -> tuple[tuple[float, ...], tuple[float, ...]]:
+    """Return the curve from a share of 0 on: what passes the smallest sieve reaches down to a smallest size."""
+    pan = opening == 0.0
+    if np.any(pan & (passing > 0.0)):
+        raise InputError(f"an opening of 0 lets {passing[pan][0]:g} pass: no grain is smaller than 0; change it")
+    opening, passing = opening[~pan], passing[~pan]
+    if len(opening) < 2 - (smallest is not None):
+        raise InputError(f"openings are {shown(opening.tolist())}: at least two above 0 are needed; add one")
+    for value in opening:
+        as_length(value, "opening")
+    if smallest is not None and not 0.0 < as_length(smallest, "smallest") < opening[0]:
+        raise InputError(f"smallest is {smallest:g}: it must be below the smallest opening, {opening[0]:g}; change it")
+    if passing[0] > 0.0:
+        low = opening[0] ** 2 / opening[1] if smallest is None else smallest
+        if smallest is None:
+            warn(
+                f"{100.0 * passing[0]:.3g} % pass the smallest sieve, {opening[0]:g}: they are taken to be as large as "
+                f"{low:.4g} at least; give smallest, the size that nothing is below",
+                PackingWarning,
+            )
+        opening, passing = np.append(low, opening), np.append(0.0, passing)
+    return tuple(opening.tolist()), tuple(passing.tolist())
