@@ -32,7 +32,7 @@ corrections = int(sys.argv[3]) if len(sys.argv) > 3 else 2
 candidates, radii, touching = 5000, (0.3, 0.4, 0.5), 1e-7
 schemes = ("classic", "1", "2", "3", "4a", "4b", "4c", "4d")
 paper = {"1": (547, 271, 190), "3": (505, 306, 264), "4b": (521, 314, 268), "4d": (453, 339, 327)}
-sizes = vg.sizes.discrete([2 * radius for radius in radii], [4, 3, 3])
+sizes = vg.sizes.discrete([2 * radius for radius in radii], [4, 3, 3], independent=True)
 # the schemes differ in the number of candidates that are placed, so this warning is expected
 warnings.filterwarnings("ignore", "[0-9]+ of [0-9]+ grains were placed")
 

@@ -53,7 +53,7 @@ def packed(dimension, scheme, many, seed):
         until="tries",
         tries=1,
         count=int(many),
-        sizes=vg.sizes.discrete(2 * radii, 10 * shares),
+        sizes=vg.sizes.discrete(2 * radii, 10 * shares, independent=True),
         numbers="lcg" if dimension == 2 else "philox",
         seed=seed,
     )

@@ -342,6 +342,11 @@ GOOD = {
     "simplify": (vg.simplify, {"shape": MESH, "faces": 12}),
     "sizes.discrete": (vg.sizes.discrete, {"diameters": [1, 2], "weights": [1, 1], "basis": "number"}),
     "sizes.fixed": (vg.sizes.fixed, {"diameter": 1.0}),
+    "sizes.fuller": (vg.sizes.fuller, {"low": 1.0, "high": 2.0, "exponent": 0.5, "basis": "volume"}),
+    "sizes.mixture": (vg.sizes.mixture, {"parts": [vg.sizes.fuller(1.0, 2.0)], "shares": [1.0], "basis": "volume"}),
+    "sizes.openings": (vg.sizes.openings, {"series": "ASTM E11", "numbers": [4, 10]}),
+    "sizes.rosin_rammler": (vg.sizes.rosin_rammler, {"size": 2.0, "spread": 1.5, "low": 0.5, "basis": "volume"}),
+    "plan_sizes": (vg.plan_sizes, {"sizes": vg.sizes.fuller(1.0, 2.0), "count": 10, "dimension": 3, "seed": 0}),
     "sizes.lognormal": (
         vg.sizes.lognormal,
         {"median": 1.0, "sigma": 0.2, "basis": "number", "low": 0.5, "high": 2.0},

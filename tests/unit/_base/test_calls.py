@@ -188,6 +188,8 @@ def flags():
         names = getattr(top, "__all__", dir(top))
         beside = [getattr(top, key) for key in names if not key.startswith("_")]
         for one in [top, *beside] if inspect.isclass(top) or inspect.ismodule(top) else [top]:
+            if inspect.isabstract(one):
+                continue
             if inspect.isfunction(one) or (inspect.isclass(one) and "voxgran" in one.__module__):
                 with contextlib.suppress(ValueError):
                     entries = inspect.signature(one).parameters.values()

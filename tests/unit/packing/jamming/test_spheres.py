@@ -58,12 +58,12 @@ def test_every_container_takes_half_its_volume_of_grains(name):
 
 @pytest.mark.parametrize("wanted", [1e-3, 0.1, 0.3, 0.45, 0.55, 0.6, 0.64])
 def test_any_fraction_up_to_jamming_is_met_and_the_gradation_kept(wanted):
-    box = vg.Box((8, 8, 8), periodic="xyz")
-    packing = vg.pack(SPHERE, box, method="expand", solid_fraction=wanted, sizes=GRADED, seed=3)
+    box, sizes = vg.Box((8, 8, 8), periodic="xyz"), vg.sizes.uniform(0.7, 1.3, independent=True)
+    packing = vg.pack(SPHERE, box, method="expand", solid_fraction=wanted, sizes=sizes, seed=3)
     assert abs(packing.solid_fraction - wanted) < 1e-9
     assert vg.verify(packing).ok
     # the gradation is that which is drawn, up to the factor that meets the solid fraction
-    drawn = vg.pack(SPHERE, vg.Box((99, 99, 99)), method="rsa", count=packing.count, sizes=GRADED, seed=3).diameters
+    drawn = vg.pack(SPHERE, vg.Box((99, 99, 99)), method="rsa", count=packing.count, sizes=sizes, seed=3).diameters
     ratio = packing.diameters / drawn
     assert ratio.max() / ratio.min() - 1 < 1e-12
     assert abs(ratio[0] - 1) < (0.01 if packing.count > 100 else 0.5)
