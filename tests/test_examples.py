@@ -282,6 +282,7 @@ def test_shapes_polyhedra(tmp_path, capsys, monkeypatch):
     assert (tmp_path / "shapes_polyhedra.png").stat().st_size > 50_000
 
 
+@pytest.mark.slow
 def test_advancing_front(tmp_path, capsys, monkeypatch):
     text = printed("advancing_front.py", capsys, monkeypatch, str(tmp_path), "3000")
     assert text.count("verified True") == 5
@@ -362,6 +363,7 @@ def test_control_studies(tmp_path, capsys, monkeypatch):
     assert (tmp_path / "control_studies.svg").exists()
 
 
+@pytest.mark.slow
 def test_settled_bed(tmp_path, capsys, monkeypatch):
     text = printed("settled_bed.py", capsys, monkeypatch, str(tmp_path))
     assert text.count("verified True") == 3

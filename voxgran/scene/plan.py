@@ -29,7 +29,7 @@ from voxgran.shapes.mesh import Mesh
 from voxgran.shapes.model import Shape
 from voxgran.shapes.primitive import Primitive
 from voxgran.shapes.repairing.diagnose import merged, refuse_open
-from voxgran.shapes.size_laws.plan import SizePlan, plan_sizes
+from voxgran.shapes.size_laws.plan import MOST_PLANNED, SizePlan, plan_sizes
 from voxgran.shapes.spheres import MassProperties, Spheres
 from voxgran.shapes.surface import Surface
 
@@ -167,8 +167,8 @@ def make_plan(scene: SceneDescription) -> Plan:
 
 
 def _size_plan(scene: SceneDescription, task: Task) -> SizePlan | None:
-    """Return how nearly the grains can follow the distribution of sizes; None without one, or grains."""
-    if scene.sizes is None or task.method.sizing == "made" or not task.problem.count:
+    """Return how nearly the grains can follow the distribution of sizes; None without one, and of too many grains."""
+    if scene.sizes is None or task.method.sizing == "made" or not 0 < task.problem.count <= MOST_PLANNED:
         return None
     return plan_sizes(scene.sizes, task.problem.count, dimension=task.problem.dimension, seed=task.problem.seed)
 

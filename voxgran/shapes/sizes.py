@@ -240,6 +240,7 @@ def mixture(
     >>> round(float(vg.sizes.mixture([sand, gravel], [0.3, 0.7]).cumulative(4.0)), 6)
     0.3
     """
+    check_type(parts, (list, tuple), "parts", "a list of distributions such as [vg.sizes.fuller(1, 2)]")
     return Mixture(parts=tuple(parts), shares=_numbers(shares), basis=basis, independent=independent)
 
 

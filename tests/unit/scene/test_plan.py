@@ -58,7 +58,7 @@ print(json.dumps([plan, loaded(), result.packing.provenance["counters"]]))
 
 
 #: cases whose loads those of others contain
-SLOW = ("spheres as points", "disks in a polygon", "disks with surfaces")
+SLOW = ("spheres as points", "disks in a polygon", "disks with surfaces", "unions")
 
 
 @pytest.mark.parametrize(

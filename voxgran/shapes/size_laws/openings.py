@@ -89,6 +89,8 @@ def openings(series: str, numbers: "Sequence[int | str] | None" = None) -> tuple
         raise UnknownNameError(
             f"numbers are given for {series}: only the sieves of ASTM E11 have numbers; leave them out"
         )
+    for number in numbers:
+        check_type(number, (int, str), "sieve of ASTM E11", "a number such as 200, or inches such as '3/8 in'")
     names = [str(number).lower().removeprefix("no.").strip() for number in numbers]
     for name in names:
         if name not in ASTM:

@@ -16,6 +16,8 @@ from voxgran.shapes.size_laws.distribution import LARGEST, SizeDistribution
 SHARES = {"D10": 0.1, "D30": 0.3, "D50": 0.5, "D60": 0.6}
 #: distances for which the number of grains is stated, shares by volume of fines that are left out, and most grains
 DISTANCES, CUTS, MOST = (0.05, 0.02), (0.01, 0.05, 0.1), 10**12
+#: most grains of a plan
+MOST_PLANNED = 10_000_000
 #: distance above which a packing warns
 FAR = 0.1
 
@@ -89,7 +91,7 @@ def plan_sizes(sizes: SizeDistribution, count: int, *, dimension: int = 3, seed:
     Raises
     ------
     InputError
-        If the count is not above 0, or something else is no distribution.
+        If the count is not from 1 to ten million, or something else is no distribution.
 
     Examples
     --------
@@ -100,7 +102,7 @@ def plan_sizes(sizes: SizeDistribution, count: int, *, dimension: int = 3, seed:
     (0.19, 0.33)
     """
     check_type(sizes, SizeDistribution, "sizes", "a distribution such as vg.sizes.lognormal(2.0, 0.5)")
-    n = as_count(count, "count", at_least=1)
+    n = as_count(count, "count", at_least=1, at_most=MOST_PLANNED)
     drawn = np.sort(sizes.strata(n, stream(seed, "sizes"), dimension=dimension))
     volumes = drawn**dimension / (drawn**dimension).sum()
     held = np.cumsum(volumes)

@@ -298,7 +298,7 @@ def test_a_grain_longer_than_a_period_lies_beside_its_own_images():
 
 
 def test_many_small_grains_near_a_large_one():
-    shapes, sizes = vg.make_shape("box", lengths=(1, 1, 1)), vg.sizes.discrete([3.0, 0.25], [1, 400])
+    shapes, sizes = vg.make_shape("box", lengths=(1, 1, 1)), vg.sizes.discrete([3.0, 0.25], [1, 1199])
     packing = vg.pack(shapes, vg.Box((5, 5, 5), "x"), method="rsa", count=1200, sizes=sizes, seed=2, order="largest")
     assert packing.count == 1200
     assert vg.verify(packing).ok
