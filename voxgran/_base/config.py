@@ -279,7 +279,7 @@ def _describe(wanted: Any) -> str:
         return " or ".join(_describe(item) for item in arguments)
     if origin is tuple:
         if arguments[-1] is Ellipsis:
-            return f"a list, each entry {_describe(arguments[0])}"
+            return "a list" if arguments[0] is Any else f"a list, each entry {_describe(arguments[0])}"
         return f"a list of {len(arguments)}, each entry {_describe(arguments[0])}"
     if origin is Mapping:
         return "a table"

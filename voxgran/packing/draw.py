@@ -45,7 +45,7 @@ MOST_MADE = 250_000
 
 @dataclass(frozen=True, slots=True)
 class Request:
-    """What :func:`voxgran.packing.pack.pack` is asked for: its arguments of these names, without those of the run."""
+    """What :func:`voxgran.packing.pack.pack` is asked for: its arguments, but for checkpoints and progress."""
 
     shapes: Sequence[Shape] | Shape
     container: Container

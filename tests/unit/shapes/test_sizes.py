@@ -233,6 +233,8 @@ def test_a_curve_is_the_same_however_it_is_written(tmp_path):
     retained = [*(1250.0 * np.diff(passing)), 0.0]
     frame = pandas.DataFrame({"Opening (mm)": SHEET["openings"], "% passing": SHEET["passing"]})
     frame.to_csv(tmp_path / "curve.csv", index=False)
+    lines = [f"{size:g};{share:g}".replace(".", ",") for size, share in zip(*SHEET.values(), strict=True)]
+    (tmp_path / "european.csv").write_text("\n".join(["Sieve [mm];Passing [%]", *lines]), encoding="utf-8")
     micrometres = {"size [um]": 1000.0 * np.array(SHEET["openings"]), "mass": retained}
     by_opening = pandas.Series(SHEET["passing"], index=SHEET["openings"])
     same = [
@@ -241,6 +243,7 @@ def test_a_curve_is_the_same_however_it_is_written(tmp_path):
         sizes.sieve([*SHEET["openings"], 0.0], retained=[*retained, 0.0]),
         sizes.sieve(frame, unit="mm"),
         sizes.sieve(tmp_path / "curve.csv", unit="mm"),
+        sizes.sieve(tmp_path / "european.csv", unit="mm"),
         sizes.sieve(micrometres, unit="mm"),
         sizes.sieve(by_opening),
         sizes.sieve(pandas.Series(retained, index=SHEET["openings"], name="mass retained [g]")),
@@ -274,6 +277,10 @@ def test_laws_of_crushed_and_of_concrete_material_are_theirs():
     assert sizes.rosin_rammler(2.0, 1.5, low=1e-9).cumulative(3.0) == pytest.approx(share, rel=1e-12)
     assert sizes.fuller(1.0, 9.0).cumulative(4.0) == pytest.approx(0.5, rel=1e-14)
     assert sizes.fuller(1.0, 3.0, 1.0, basis="number").quantile(0.3) == sizes.uniform(1.0, 3.0).quantile(0.3)
+    # far in the tail, cut there: the share up to d is that of an exponential distribution of the score
+    tail = sizes.rosin_rammler(1.0, 1.0, low=60.0)
+    assert tail.quantile(0.5) == pytest.approx(60.0 + math.log(2.0), rel=1e-12)
+    assert tail.cumulative(61.0) == pytest.approx(1.0 - math.exp(-1.0), rel=1e-9)
     # by number, the integral of d^-3 over exp(-(d / 2)^2) d dd / 2 from 1: by SciPy
     law = sizes.rosin_rammler(2.0, 2.0, low=1.0)
     whole, part = (
@@ -335,6 +342,10 @@ def test_a_plan_says_what_fines_are():
     assert plan.asked["Cu"] == pytest.approx(CURVE.quantile(0.6) / CURVE.quantile(0.1))
     assert "500 grains" in str(plan)
     assert "4000 grains follow the curve to 0.05" in str(plan)
+    # the plan of independent draws is that of such draws
+    alone = sizes.sieve(**SHEET, independent=True)
+    drawn = np.sort(alone.sample(500, stream(0, "sizes")))
+    assert vg.plan_sizes(alone, 500).distance == pytest.approx(distance_by_volume(alone, drawn, 3), rel=1e-9)
     single = vg.plan_sizes(sizes.discrete([1, 2, 4], [1, 1, 1], basis="volume"), 500)
     assert single.distance < 0.02
 

@@ -28,8 +28,8 @@ SAME = 0.7
 
 
 class SurfaceWork(NamedTuple):
-    """Tables of the shapes, and work arrays of both finders for `cap` pairs; those of the pair in row p are lost when
-    another takes its row.
+    """Tables of the shapes, and work arrays of both finders for `cap` pairs; a pair that takes row p overwrites what
+    the pair before it kept there.
 
     gap: (cap,) exact distances of the surfaces at the last exact look: infinite beyond the margin, minus infinity where
     grains overlap.  proven: (cap,) whether the grains were proven to be separate.

@@ -137,9 +137,10 @@ class SizeDistribution(ABC):
     def strata(self, count: int, generator: np.random.Generator, *, dimension: int = 3) -> Floats:
         """Return sizes that follow the distribution as nearly as so many grains can, the smallest first.
 
-        The grains are the strata of equal number. Within its stratum a size is random. Of a distribution by volume, a
-        grain of a wide stratum among the largest has the mean volume of it, so that the shares by volume hold as well:
-        one large grain is often a large part of all.
+        The distribution is divided into strata of equal number, one for each grain, whose size is random within its
+        stratum. If the distribution is given by volume, each of the largest grains whose stratum is wide has the mean
+        volume of the stratum instead, so that the shares by volume hold as well: one large grain is often a large part
+        of the volume of all.
 
         Parameters
         ----------

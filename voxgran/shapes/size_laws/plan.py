@@ -41,7 +41,7 @@ class SizePlan(ExplainedAttributes):
         Size of the largest grain, its share of the volume of all, and the share by volume of the distribution that is
         larger.
     counts : dict
-        How many grains follow the distribution to a distance of 0.05, and of 0.02.
+        How many grains, drawn from strata, follow the distribution to a distance of 0.05, and of 0.02.
     fines : tuple of (float, float, float)
         Size, and which shares by volume and by number of the distribution are smaller: what would be left out.
     """
@@ -86,7 +86,7 @@ def plan_sizes(sizes: SizeDistribution, count: int, *, dimension: int = 3, seed:
     dimension : int
         2 or 3; volumes are areas in two dimensions.
     seed : int
-        Seed of the sizes within their strata.
+        Seed of the sizes.
 
     Raises
     ------
@@ -103,7 +103,8 @@ def plan_sizes(sizes: SizeDistribution, count: int, *, dimension: int = 3, seed:
     """
     check_type(sizes, SizeDistribution, "sizes", "a distribution such as vg.sizes.lognormal(2.0, 0.5)")
     n = as_count(count, "count", at_least=1, at_most=MOST_PLANNED)
-    drawn = np.sort(sizes.strata(n, stream(seed, "sizes"), dimension=dimension))
+    drawn = (sizes.sample if sizes.independent else sizes.strata)(n, stream(seed, "sizes"), dimension=dimension)
+    drawn = np.sort(drawn)
     volumes = drawn**dimension / (drawn**dimension).sum()
     held = np.cumsum(volumes)
     points, first = np.unique(drawn, return_index=True)

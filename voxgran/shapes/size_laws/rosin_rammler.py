@@ -76,8 +76,9 @@ class RosinRammler(SizeDistribution):
         """Invert in closed form where the power is 0, else between two sizes of a table."""
         if power:
             return inverted(self, shares, power)
-        below, above = (-math.expm1(-end) for end in self._ends())
-        scores = -np.log1p(-np.minimum(below + shares * (above - below), 1.0 - 2.0**-53))
+        first, last = self._ends()
+        with np.errstate(divide="ignore"):
+            scores = first - np.log1p(shares * math.expm1(first - last))
         return np.asarray(np.clip(self.size * scores ** (1.0 / self.spread), self.low or 0.0, self.high or math.inf))
 
     def _reach(self, power: int) -> tuple[float, float, Floats]:
@@ -88,7 +89,7 @@ class RosinRammler(SizeDistribution):
 
 @lru_cache(maxsize=16)
 def _panels(law: RosinRammler, power: int) -> tuple[Floats, Floats]:
-    """Return logarithms of scores between those of the smallest and largest grains, and the integrals up to them."""
+    """Return logarithms of scores from the smallest to the largest grain, and the integrals up to each."""
     first, last = np.log(law._ends())
     nodes = np.linspace(first, last, PANELS + 1)
     return nodes, np.concatenate([[0.0], np.cumsum(_gauss(law, power, nodes[:-1], nodes[1:]))])

@@ -126,10 +126,11 @@ def curve_in_table(table: Any, unit: str | None) -> dict[str, tuple[float, ...] 
 
 
 def _read(path: str) -> Any:
-    """Return a table of a file."""
+    """Return a table of a file, whose numbers have decimal commas where semicolons separate the columns."""
     found = existing_file(Path(path))
     with refused(found):
-        return load("pandas").read_csv(found, sep=None, engine="python", comment="#")
+        decimal = "," if ";" in found.read_text(encoding="utf-8-sig") else "."
+        return load("pandas").read_csv(found, sep=None, engine="python", comment="#", decimal=decimal)
 
 
 def _table_of(table: Any, unit: str | None, where: str) -> dict[str, tuple[float, ...] | None]:
