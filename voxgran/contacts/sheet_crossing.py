@@ -2,7 +2,7 @@
 
 While one triangle is translated past another, both cross during one interval of the path: along each of eleven axes
 (their normals and the cross products of their edges) the projections overlap during one interval (separating axes, as
-in :mod:`voxgran.shapes.repairing.crossing`), and the triangles cross while all projections overlap. The translation is
+in :mod:`voxgran.geometry.crossing`), and the triangles cross while all projections overlap. The translation is
 extended to the end of such an interval as long as it lies within one; then the surfaces are separate, and no shorter
 translation in that direction separates them. Intervals of adjacent triangles abut, so that the result is nearly
 independent of the triangulation.

@@ -24,6 +24,14 @@ class Census:
     middle: Floats  # (n, 3) mean of the voxel centers, in voxels
     at_border: Booleans  # (n,) whether each touches the border of the image
 
+    def numbered(self, image: NDArray[Any]) -> NDArray[np.int32]:
+        """Return the (nx, ny, nz) image with the labels numbered 1 ... n in a copy, slab by slab."""
+        numbers = np.empty(image.shape, dtype=np.int32)
+        for k, plane in enumerate(image):
+            values = np.asarray(plane)
+            numbers[k] = np.where(values, np.searchsorted(self.label, values) + 1, 0)
+        return numbers
+
 
 def census(image: NDArray[Any], name: str = "the image") -> Census:
     """Return the census of an (nx, ny, nz) image of labels, 0 for void; it may be a memory map larger than the memory.

@@ -7,9 +7,9 @@ import numpy as np
 
 from voxgran._base.arrays import Floats, Integers, read_only
 from voxgran._base.errors import DirtyMeshError, InputError
+from voxgran.geometry.crossing import count_crossings
 from voxgran.geometry.triangles import areas_of
 from voxgran.lattice.label import components
-from voxgran.shapes.repairing.crossing import count_crossings
 from voxgran.shapes.triangles import Triangles
 
 #: area, in squares of the longest edge, up to which a triangle counts as degenerate

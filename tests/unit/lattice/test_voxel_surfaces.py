@@ -9,7 +9,7 @@ from voxgran._base.seeds import stream
 from voxgran.lattice.cuberille import voxel_surface
 from voxgran.lattice.interfaces import MARGIN, fitted_surface
 from voxgran.lattice.label import components
-from voxgran.shapes.repairing.crossing import count_crossings
+from voxgran.geometry.crossing import count_crossings
 from voxgran.shapes.shells import edge_faults
 
 

@@ -10,7 +10,7 @@ from voxgran.lattice.cuberille import voxel_surface
 from voxgran.shapes.family import make_shape
 from voxgran.shapes.mesh import Mesh
 from voxgran.shapes.model import Shape
-from voxgran.shapes.repairing.crossing import DEPTH, _is_crossing, count_crossings
+from voxgran.geometry.crossing import DEPTH, is_crossing, count_crossings
 from voxgran.shapes.repairing.diagnose import Diagnosis, diagnose, merged, refuse_dirty
 from voxgran.shapes.repairing.touching import parted
 from voxgran.shapes.shells import edge_faults, shell_labels
@@ -199,7 +199,7 @@ def pierces(one, two):
 def test_pair_test_agrees_with_edges_that_pierce_faces():
     corners = stream(3, "pairs").random((400, 2, 3, 3)) * 0.6
     corners[200:, 1, 0] = corners[200:, 0, 0]  # a corner in common
-    got = np.array([_is_crossing(one, two, DEPTH) for one, two in corners])
+    got = np.array([is_crossing(one, two, DEPTH) for one, two in corners])
     assert 50 < got.sum() < 350
     assert (got == [not separated(one, two) for one, two in corners]).all()
     assert (got == [pierces(one, two) for one, two in corners]).all()

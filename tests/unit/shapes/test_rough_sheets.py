@@ -11,7 +11,7 @@ from voxgran._base.seeds import stream
 from voxgran.shapes.families.surfaces.crumpled import Folded, folded
 from voxgran.shapes.families.surfaces.sheet import lattice_faces
 from voxgran.shapes.finer import edges_of
-from voxgran.shapes.repairing.crossing import count_crossings
+from voxgran.geometry.crossing import count_crossings
 
 
 @pytest.mark.parametrize("method", ["spectral", "patir", "whitehouse", "midpoint"])

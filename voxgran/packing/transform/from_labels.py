@@ -102,7 +102,7 @@ def packing_of_labels(
     unit = voxel_unit(unit, voxel_size, image)
     how: dict[str, Any] = {"border": border, "surface": surface, "periodic": turns}
     how["smoothing"] = as_number(smoothing, "smoothing")
-    grains = list(labelled_grains(image, voxel_size=voxel_size, unit=unit, fitted=True, on_step=on_step, **how))
+    grains = labelled_grains(image, voxel_size=voxel_size, unit=unit, on_step=on_step, **how)
     size = np.array(voxel_sizes(voxel_size, image))
     box = Box(np.array(image.values.shape) * size, turns, origin=image.origin)
     if border == "drop" and len(grains) < len(census(image.values).label):

@@ -1,11 +1,9 @@
 """Grains of a label image: one shape per label, and a table of what is there.
 
-Each label is cut out. Its surface is the smooth one that keeps its volume (:mod:`voxgran.lattice.surface`), that of its
-voxels (:mod:`voxgran.lattice.cuberille`), or one that its neighbours share (:mod:`voxgran.lattice.interfaces`).
+The surfaces of all labels are made at once (:mod:`voxgran.lattice.label_surfaces`).
 """
 
 import os
-from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
@@ -13,30 +11,28 @@ import numpy as np
 from numpy.typing import NDArray
 
 from voxgran._base import ExplainedAttributes
-from voxgran._base.arrays import Booleans, Floats, Integers, as_array, as_choice, as_number
+from voxgran._base.arrays import Floats, Integers, as_array, as_choice, as_number
 from voxgran._base.axes import Periodic, as_periodic
 from voxgran._base.calls import explained
-from voxgran._base.errors import DirtyMeshError, InputError, PackingWarning
+from voxgran._base.errors import InputError, PackingWarning
 from voxgran._base.lazy import load
 from voxgran._base.progress import OnStep, Step, reported, silent
 from voxgran._base.warning import warn
 from voxgran.lattice.census import Census, census
-from voxgran.lattice.cuberille import voxel_surface
-from voxgran.lattice.interfaces import fitted_surface
-from voxgran.lattice.surface import smooth_surface
+from voxgran.lattice.label import components
+from voxgran.lattice.label_surfaces import label_surfaces
 from voxgran.shapes.images.image_files import Image, load_image, voxel_sizes, voxel_unit
 from voxgran.shapes.mesh import Mesh
 from voxgran.shapes.model import Shape
-from voxgran.shapes.repairing.bodies import split
-from voxgran.shapes.repairing.diagnose import as_solid
-from voxgran.shapes.repairing.repair import repair
+from voxgran.shapes.repairing.touching import parted
+from voxgran.shapes.shells import edge_faults
 
 if TYPE_CHECKING:
     from xarray import Dataset
 
 BORDER, SURFACES = ("drop", "keep"), ("smooth", "voxel")
-#: widest Gaussian, in voxels: it takes six times that around each grain
-WIDEST = 20.0
+#: widest smoothing, in voxels: its time grows with the square
+WIDEST = 5.0
 #: least number of values of a grey image, and how many planes are looked at to recognize one
 LEAST_GREY, GREY_PLANES = 100, 16
 
@@ -48,7 +44,6 @@ class LabelledGrain(ExplainedAttributes):
     label: int  # its label
     shape: Shape  # the solid, in the unit of the voxel size
     position: Floats  # centroid in the image, (3,)
-    pieces: int  # number of separate pieces of the label; the largest one is the shape
     volume_error: float  # relative difference of the volumes of the shape and of the voxels
     cut: bool  # whether it touches the border of the image along an axis that does not repeat
 
@@ -127,7 +122,7 @@ def load_labels(
     image = image_of(source, key)
     unit = voxel_unit(unit, voxel_size, image)
     how: dict[str, Any] = {"border": border, "surface": surface, "smoothing": smoothing, "periodic": periodic}
-    grains = list(labelled_grains(image, voxel_size=voxel_size, unit=unit, fitted=False, on_step=on_step, **how))
+    grains = labelled_grains(image, voxel_size=voxel_size, unit=unit, on_step=on_step, **how)
     cut = [grain.label for grain in grains if grain.cut]
     if cut:
         warn(
@@ -223,13 +218,9 @@ def labelled_grains(
     smoothing: float,
     periodic: Periodic,
     unit: str | None,
-    fitted: bool,
     on_step: OnStep | None = None,
-) -> Iterator[LabelledGrain]:
-    """Yield the grains of a label image, rising by label.
-
-    Where they are to be fitted, smooth surfaces of neighbours do not overlap but are one, and none bulges through the
-    border of the image.
+) -> list[LabelledGrain]:
+    """Return the grains of a label image, rising by label; neighbours share the triangles between them.
 
     Raises
     ------
@@ -237,52 +228,36 @@ def labelled_grains(
         As :func:`load_labels`.
     """
     as_choice(border, "border", BORDER)
-    exact = as_choice(surface, "surface", SURFACES) == "voxel"
-    sigma, size = as_number(smoothing, "smoothing", above=0.0, at_most=WIDEST), np.array(voxel_sizes(voxel_size, image))
-    wraps, found = np.array(as_periodic(periodic)), _counted(image)
+    width = as_number(smoothing, "smoothing", above=0.0, at_most=WIDEST)
+    width = 0.0 if as_choice(surface, "surface", SURFACES) == "voxel" else width
+    size, wraps, found = np.array(voxel_sizes(voxel_size, image)), np.array(as_periodic(periodic)), _counted(image)
     cut = ((found.lower == 0) | (found.upper == np.array(image.values.shape)))[:, ~wraps].any(axis=1)
     kept = np.flatnonzero(~cut) if border == "drop" else np.arange(len(found.label))
     if not len(kept):
         raise InputError(
             f"all {len(found.label)} labels touch the border of the image: they are left out unless border is 'keep'"
         )
-    several, told = [], reported(on_step) or silent
+    told = reported(on_step) or silent
+    told(Step(stage="grains", done=0, total=len(kept), text=f"surfaces of {len(found.label)} labels"))
+    numbered = found.numbered(image.values)
+    surfaces = label_surfaces(numbered, len(found.label), wraps=wraps, smoothing=width, spacing=size)
+    grains = []
     for done, k in enumerate(kept):
-        told(Step(stage="grains", done=done, total=len(kept), text=f"{done} of {len(kept)} labels"))
-        label, upper = int(found.label[k]), found.upper[k]
-        mask = np.asarray(image.values[tuple(slice(a, b) for a, b in zip(found.lower[k], upper, strict=True))]) == label
-        mask, lower = _unwrapped(mask, found.lower[k], wraps & (mask.shape == np.array(image.values.shape)))
-        if exact:
-            bodies = split(*voxel_surface(mask))
-        elif fitted:
-            bodies = _fitted(image.values, mask, lower, wraps, sigma)
-        else:
-            bodies = _smooth(mask, sigma)
-        if len(bodies) > 1:
-            several.append(label)
-        shape = _solid(*bodies[0], size, f"label {label}", unit, uncrossed=exact or fitted)
-        position = np.array(shape.offset) + np.array(image.origin) + lower * size
+        if done:
+            told(Step(stage="grains", done=done, total=len(kept), text=f"{done} of {len(kept)} labels"))
+        label = int(found.label[k])
+        shape = _solid(surfaces.of(int(k) + 1), size, f"label {label}", unit)
+        position = np.array(shape.offset) + np.array(image.origin)
         error = shape.volume / (found.count[k] * size.prod()) - 1
-        yield LabelledGrain(label, shape, position, len(bodies), float(error), bool(cut[k]))
-    if several:
+        grains.append(LabelledGrain(label, shape, position, float(error), bool(cut[k])))
+    several = np.intersect1d(surfaces.several, kept + 1)
+    if len(several):
         warn(
-            f"{len(several)} of {len(kept)} labels have several pieces (label {several[0]} first): the largest piece "
-            "of each is kept; label connected bodies, or clean the image",
+            f"{len(several)} of {len(kept)} labels have several pieces (label {found.label[several[0] - 1]} first): "
+            "the largest piece of each is kept; label connected bodies, or clean the image",
             PackingWarning,
         )
-
-
-def _unwrapped(mask: Any, lower: Integers, wraps: Booleans) -> tuple[Any, Integers]:
-    """Put a grain that goes on across a periodic face together again: its widest gap is where it begins and ends."""
-    start = lower.copy()
-    for axis in np.flatnonzero(wraps):
-        taken = np.flatnonzero(mask.any(axis=tuple(other for other in range(3) if other != axis)))
-        gaps = np.diff(np.append(taken, taken[0] + mask.shape[axis]))
-        first = int(taken[(int(gaps.argmax()) + 1) % len(taken)])
-        extent = mask.shape[axis] - int(gaps.max()) + 1
-        mask = np.take(mask, (first + np.arange(extent)) % mask.shape[axis], axis=axis)
-        start[axis] = first
-    return mask, start
+    return grains
 
 
 def _counted(image: Image) -> Census:
@@ -318,41 +293,31 @@ def _is_grey(values: NDArray[Any]) -> bool:
     return 4 * slopes > changes
 
 
-def _smooth(mask: Booleans, smoothing: float) -> list[tuple[Floats, Integers]]:
-    """Return the bodies of the smooth surface of a mask; smoothing is less where it would tear it apart."""
-    while True:
-        bodies = split(*smooth_surface(mask, smoothing=smoothing))
-        if len(bodies) == 1 or smoothing < 0.3:
-            return bodies
-        smoothing /= 2
+def _solid(parts: list[tuple[Floats, Integers]], size: Floats, name: str, unit: str | None) -> Shape:
+    """Return the solid that the surface of a label bounds, which is closed and free of crossings as it is made."""
+    points, faces = parts[0] if len(parts) == 1 else _joined(parts)
+    return Shape.of(Mesh(points * size, faces), name=name, unit=unit)
 
 
-def _fitted(
-    values: NDArray[Any], mask: Booleans, lower: Integers, wraps: Booleans, smoothing: float
-) -> list[tuple[Floats, Integers]]:
-    """Return the bodies of a grain with a surface that its neighbours share, in voxels from its lower corner."""
-    ring = int(np.ceil(3 * smoothing)) + 2
-    places, beyond = [], np.zeros(np.array(mask.shape) + 2 * ring, dtype=np.bool_)
-    for axis, many in enumerate(values.shape):
-        place = lower[axis] - ring + np.arange(beyond.shape[axis])
-        if not wraps[axis]:
-            outside = (place < 0) | (place >= many)
-            beyond |= outside.reshape([-1 if k == axis else 1 for k in range(3)])
-            # the image is mirrored at its border
-            place = np.minimum(place % (2 * many), 2 * many - 1 - place % (2 * many))
-        places.append(place % many)
-    around, own = np.asarray(values[np.ix_(*places)]), np.pad(mask, ring)
-    if not beyond.any() and not around[~own].any():
-        # nothing is near
-        return _smooth(mask, smoothing)
-    vertices, faces = fitted_surface(around.astype(np.int64), own, beyond, smoothing=smoothing)
-    return split(vertices - ring, faces)
-
-
-def _solid(points: Floats, faces: Integers, size: Floats, name: str, unit: str | None, *, uncrossed: bool) -> Shape:
-    """Return the solid that a surface in voxels bounds."""
-    try:
-        mesh = Mesh(*as_solid(points * size, faces, name, uncrossed=uncrossed))
-    except DirtyMeshError:
-        return repair(points * size, faces, name=name, unit=unit, bodies="largest").shape
-    return Shape.of(mesh, name=name, unit=unit)
+def _joined(parts: list[tuple[Floats, Integers]]) -> tuple[Floats, Integers]:
+    """Return one surface of parts of a label, without the triangles that two of them share."""
+    points = np.concatenate([vertices for vertices, _ in parts])
+    first = np.cumsum([0] + [len(vertices) for vertices, _ in parts])
+    faces = np.concatenate([triangles + start for (_, triangles), start in zip(parts, first, strict=False)])
+    place = np.unique(points, axis=0, return_inverse=True)[1].ravel()
+    order = np.argsort(place[faces], axis=1)
+    sorted_places = np.take_along_axis(place[faces], order, axis=1)
+    _, which, count = np.unique(sorted_places, axis=0, return_inverse=True, return_counts=True)
+    which = which.ravel()
+    twins = np.flatnonzero(count[which] == 2)
+    twins = twins[np.argsort(which[twins], kind="stable")]
+    ends = np.take_along_axis(faces, order, axis=1)[twins]
+    # the vertices of triangles that lie on each other are one
+    vertex = components(len(points), ends[0::2].ravel(), ends[1::2].ravel())
+    faces = vertex[np.delete(faces, twins, axis=0)]
+    corner = np.empty((int(vertex.max()) + 1, 3))
+    corner[vertex] = points
+    used, index = np.unique(faces, return_inverse=True)
+    points, faces = corner[used], index.reshape(-1, 3)
+    crowded = edge_faults(faces, len(points)).any()
+    return (parted(points, faces) if crowded else None) or (points, faces)

@@ -15,8 +15,8 @@ from voxgran._base.arrays import Floats, Integers, as_faces, float_array
 from voxgran._base.calls import explained
 from voxgran._base.errors import DirtyMeshError, InputError, shown
 from voxgran._base.lazy import load
+from voxgran.geometry.crossing import count_crossings
 from voxgran.lattice.label import components
-from voxgran.shapes.repairing.crossing import count_crossings
 from voxgran.shapes.shells import count_apart, count_flipped, edge_faults, shell_counts
 
 #: vertices nearer than this many diagonals of the bounding box are one

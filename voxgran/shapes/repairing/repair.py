@@ -21,11 +21,11 @@ from voxgran._base import ExplainedAttributes
 from voxgran._base.arrays import Floats, Integers, as_choice, as_faces, as_number, as_points
 from voxgran._base.calls import explained, renamed
 from voxgran._base.errors import DirtyMeshError, InputError
+from voxgran.geometry.crossing import crossing_faces
 from voxgran.shapes.boolean import united
 from voxgran.shapes.formats.mesh_files import read_surface
 from voxgran.shapes.model import Shape
 from voxgran.shapes.repairing.bodies import outward, shells_of, split, without_flat
-from voxgran.shapes.repairing.crossing import crossing_faces
 from voxgran.shapes.repairing.diagnose import IN_PYTHON, Remedies, bounds_solid, merged
 from voxgran.shapes.repairing.holes import closed_loop, extent, hole_loops
 from voxgran.shapes.repairing.patches import one_sided, without_doubles, without_flaps, without_pinches, wound_alike

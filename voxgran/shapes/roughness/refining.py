@@ -7,9 +7,9 @@ import numpy as np
 from voxgran._base.arrays import Floats, Integers
 from voxgran._base.errors import TooLargeError
 from voxgran._base.lazy import load
+from voxgran.geometry.crossing import count_crossings
 from voxgran.shapes.finer import cut_edges, edges_of, onto_surface
 from voxgran.shapes.model import Shape
-from voxgran.shapes.repairing.crossing import count_crossings
 from voxgran.shapes.roughness.parameters import POINTS
 from voxgran.shapes.spheres import Spheres
 

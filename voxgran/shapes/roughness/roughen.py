@@ -12,12 +12,12 @@ from voxgran._base.calls import explained
 from voxgran._base.config import from_mapping
 from voxgran._base.errors import InputError, TooLargeError
 from voxgran._base.seeds import stream
+from voxgran.geometry.crossing import count_crossings
 from voxgran.shapes.describing.body import Geometry
 from voxgran.shapes.finer import vertex_normals
 from voxgran.shapes.mesh import Mesh
 from voxgran.shapes.model import Shape
 from voxgran.shapes.outline import SIDES, Outline, is_simple
-from voxgran.shapes.repairing.crossing import count_crossings
 from voxgran.shapes.roughness.fields import draw_field
 from voxgran.shapes.roughness.measuring import moments_of, scattered_statistics, vertex_weights
 from voxgran.shapes.roughness.parameters import Method, RoughField, Roughness

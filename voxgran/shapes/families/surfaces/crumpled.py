@@ -14,12 +14,12 @@ import numpy as np
 from voxgran._base.arrays import Floats, Integers, as_number, as_positive
 from voxgran._base.config import check_bounds, parameter, parameter_class
 from voxgran._base.errors import InputError
+from voxgran.geometry.crossing import count_crossings
 from voxgran.geometry.triangles import areas_of
 from voxgran.shapes.families.surfaces.sheet import lattice_faces
 from voxgran.shapes.family import ShapeFamily, sized
 from voxgran.shapes.finer import cut_edges, edges_of
 from voxgran.shapes.model import Shape
-from voxgran.shapes.repairing.crossing import count_crossings
 from voxgran.shapes.surface import Surface
 
 #: least distance of a plane from all vertices, in mean edges, so that no triangle is cut into slivers

@@ -76,7 +76,7 @@ def _count_crossings(triangles, faces, low, high, start, depth, hit):  # type: i
             for j in range(max(start[node, 0], i + 1), start[node, 1]):
                 if not _is_near(triangles[j], least, most) or _shared(faces, i, j) >= 2:
                     continue
-                if _is_crossing(triangles[i], triangles[j], depth):
+                if is_crossing(triangles[i], triangles[j], depth):
                     count += 1
                     hit[i] = hit[j] = True
     return count
@@ -110,7 +110,7 @@ def _edge(triangle, k):  # type: ignore[no-untyped-def]
 
 
 @kernel
-def _is_crossing(one, two, depth):  # type: ignore[no-untyped-def]
+def is_crossing(one, two, depth):  # type: ignore[no-untyped-def]
     """Return whether no direction separates two triangles but for the depth."""
     reach = 0.0
     for k in range(3):

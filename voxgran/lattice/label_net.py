@@ -1,0 +1,361 @@
+"""Net of the faces between the voxels of different labels, and the triangles of each label in it.
+
+A corner of voxels is a point of the net where voxels of different labels meet, and a face between two labels is a
+quadrangle of four points, which both labels share: the net of Gibson 1998 (Constrained elastic surface nets,
+doi:10.1007/BFb0056277) before it is smoothed. Beyond the border of the image lies a label of its own, along periodic
+axes the other side of the image.
+
+A label may meet itself along an edge or in a corner. There its triangles get several vertices at the same point, one
+for each fan of triangles that go around it, so that the surface of each label is a closed manifold.
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from voxgran._base.arrays import Booleans, Integers
+from voxgran._base.kernels import bare_kernel, inlined_kernel, kernel
+
+#: what lies beyond a border of the image that does not repeat
+BEYOND = -1
+
+
+class Net(NamedTuple):
+    """Points and quadrangles between the labels of an image.
+
+    Half edge 2 a + 1 of a point leads to the next corner of voxels along axis a, and 2 a to the one before.
+    """
+
+    at: NDArray[np.int16]  # (n, 3) the corner of voxels that each point is; 1 to m along a periodic axis of m voxels
+    near: NDArray[np.int32]  # (n, 6) the next point along each half edge that lies in the net, else -1
+    triple: NDArray[np.uint8]  # (n,) bits of the half edges where at least three labels meet
+    special: NDArray[np.int32]  # (n,) row in `blocks` where a label needs several vertices, else -1
+    blocks: NDArray[np.int32]  # (b, 8) labels of the eight voxels around these points
+    quad: NDArray[np.int32]  # (q, 4) points of each quadrangle
+    axis: NDArray[np.uint8]  # (q,) axis that it is normal to
+    side: NDArray[np.int32]  # (q, 2) labels below and above it
+
+
+class Split(NamedTuple):
+    """Triangles of each label k, with vertices of its own: rows first[k] to first[k + 1] of each table."""
+
+    triangles: NDArray[np.int32]  # (m, 3) vertices, counted from the first one of the label; counterclockwise
+    first_triangle: Integers  # (labels + 2,)
+    point: NDArray[np.int32]  # (v,) point of the net at which each vertex lies
+    first_vertex: Integers  # (labels + 2,)
+
+
+def net_of(labels: NDArray[np.int32], wraps: Booleans) -> Net:
+    """Return the net of an (nx, ny, nz) image of labels above 0, 0 for void, which repeats along some axes."""
+    crowded = np.array([_is_crowded(mask) for mask in range(256)])
+    none = Net(*_empty(0, 0, 0))
+    sizes = _fill_net(labels, wraps, crowded, none)
+    net = Net(*_empty(*sizes))
+    _fill_net(labels, wraps, crowded, net)
+    return net
+
+
+def split_of(net: Net, labels: int, crossed: Booleans) -> Split:
+    """Return the triangles of labels 1 ... `labels`; `crossed`, (q,): quadrangles that are cut from point 1 to 3."""
+    flip = _joined_edges(net.special, net.blocks, net.near)
+    return Split(*_split(net, labels, crossed, flip))
+
+
+def _empty(points: int, quads: int, blocks: int):  # type: ignore[no-untyped-def]
+    """Return arrays for the parts of a net."""
+    yield np.empty((points, 3), dtype=np.int16)
+    yield np.full((points, 6), -1, dtype=np.int32)
+    yield np.zeros(points, dtype=np.uint8)
+    yield np.full(points, -1, dtype=np.int32)
+    yield np.empty((blocks, 8), dtype=np.int32)
+    yield np.empty((quads, 4), dtype=np.int32)
+    yield np.empty(quads, dtype=np.uint8)
+    yield np.empty((quads, 2), dtype=np.int32)
+
+
+@inlined_kernel
+def _voxel(axis, side, s, t):  # type: ignore[no-untyped-def]
+    """Return the number 4 x + 2 y + z of a voxel around a corner: its sides along an axis and along the next two."""
+    return side * (4 >> axis) + s * (4 >> (axis + 1) % 3) + t * (4 >> (axis + 2) % 3)
+
+
+@inlined_kernel
+def _ring(half, q):  # type: ignore[no-untyped-def]
+    """Return voxel q of the four in a row around a half edge."""
+    return _voxel(half >> 1, half & 1, (0, 1, 1, 0)[q], (0, 0, 1, 1)[q])
+
+
+@inlined_kernel
+def _mask_of(blocks, row, label):  # type: ignore[no-untyped-def]
+    """Return which of eight voxels have a label, as bits."""
+    mask = 0
+    for e in range(8):
+        mask |= (blocks[row, e] == label) << e
+    return mask
+
+
+@bare_kernel
+def _diagonal(mask, half):  # type: ignore[no-untyped-def]
+    """Return -1, unless just two voxels that share nothing but this half edge have the label: which two, 0 or 1."""
+    taken = 0
+    for q in range(4):
+        taken |= (mask >> _ring(half, q) & 1) << q
+    return 0 if taken == 5 else (1 if taken == 10 else -1)
+
+
+@bare_kernel
+def _fan_of(mask, joined, row, wanted):  # type: ignore[no-untyped-def]
+    """Return the number of the fan that a face at a corner belongs to; faces are 4 axis + 2 s + t.
+
+    `mask`: which voxels have the label.  `joined`, (b, 2): half edges, as bits, at which the one or the other two of
+    voxels that meet diagonally are joined instead of kept apart.  With `wanted` = -1 the number of fans is returned.
+
+    Around each half edge the two end faces of a row of voxels of the label follow each other; where two voxels meet
+    diagonally, the two faces of each voxel do, or those of each gap where they are joined. Each face thus has one
+    follower at each of its two half edges, so that all faces form closed cycles: the fans of a manifold.
+    """
+    # the least face of each cycle so far, as twelve numbers of four bits
+    least = 0
+    for face in range(12):
+        least |= face << 4 * face
+    for half in range(6):
+        a, side = half >> 1, half & 1
+        x, y = 4 * ((a + 1) % 3) + side, 4 * ((a + 2) % 3) + 2 * side
+        d = _diagonal(mask, half)
+        turn = joined[row, d] >> half & 1 if d >= 0 else 0
+        for q in range(4):
+            here = mask >> _ring(half, q) & 1
+            if here == turn or here == mask >> _ring(half, (q + 3) % 4) & 1:
+                continue
+            # a row of voxels starts, or a gap where voxels are joined
+            w = 0
+            while mask >> _ring(half, (q + w + 1) % 4) & 1 == here:
+                w += 1
+            # face q of the four lies between voxels q and q + 1
+            one, two = (q + 3) % 4, (q + w) % 4
+            f = least >> 4 * (x, y + 1, x + 2, y)[one] & 15
+            g = least >> 4 * (x, y + 1, x + 2, y)[two] & 15
+            for face in range(12):
+                if least >> 4 * face & 15 == max(f, g):
+                    least += (min(f, g) - max(f, g)) << 4 * face
+    count = 0
+    for face in range(12):
+        a, s, t = face >> 2, face >> 1 & 1, face & 1
+        if mask >> _voxel(a, 0, s, t) & 1 != mask >> _voxel(a, 1, s, t) & 1 and least >> 4 * face & 15 == face:
+            if wanted >= 0 and least >> 4 * wanted & 15 == face:
+                return count
+            count += 1
+    return count
+
+
+@kernel
+def _is_crowded(mask):  # type: ignore[no-untyped-def]
+    """Return whether voxels of one label around a corner need several vertices there."""
+    for half in range(6):
+        if _diagonal(mask, half) >= 0:
+            return True
+    return _fan_of(mask, np.zeros((1, 2), dtype=np.int64), 0, -1) > 1
+
+
+@bare_kernel
+def _fill_plane(labels, wraps, i, plane):  # type: ignore[no-untyped-def]
+    """Write plane i - 1 of the image with a layer of what lies around it."""
+    nx, ny, nz = labels.shape
+    outside = not wraps[0] and (i == 0 or i == nx + 1)
+    x = (i - 1 + nx) % nx
+    for j in range(ny + 2):
+        for k in range(nz + 2):
+            if outside or (not wraps[1] and (j == 0 or j == ny + 1)) or (not wraps[2] and (k == 0 or k == nz + 1)):
+                plane[j, k] = BEYOND
+            else:
+                plane[j, k] = labels[x, (j - 1 + ny) % ny, (k - 1 + nz) % nz]
+
+
+@bare_kernel
+def _number_plane(below, above, wraps, ids, n):  # type: ignore[no-untyped-def]
+    """Number the points of a plane of corners between two planes of voxels; return the number of all points."""
+    ny, nz = ids.shape
+    for j in range(int(wraps[1]), ny):
+        for k in range(int(wraps[2]), nz):
+            first = below[j, k]
+            same, some = True, False
+            for s in range(2):
+                for t in range(2):
+                    one, two = below[j + s, k + t], above[j + s, k + t]
+                    same &= one == first and two == first
+                    some |= one > 0 or two > 0
+            ids[j, k] = -1
+            if some and not same:
+                ids[j, k] = n
+                n += 1
+    # the first corners along a periodic axis are the last ones
+    for k in range(nz if wraps[1] else 0):
+        ids[0, k] = ids[ny - 1, k]
+    for j in range(ny if wraps[2] else 0):
+        ids[j, 0] = ids[j, nz - 1]
+    return n
+
+
+@kernel
+def _fill_net(labels, wraps, crowded, net):  # type: ignore[no-untyped-def]
+    """Write the net, where its arrays have room, plane by plane; return the numbers of points, quadrangles, blocks."""
+    nx, ny, nz = labels.shape
+    filling = len(net.at) > 0
+    planes = np.empty((2, ny + 2, nz + 2), dtype=np.int32)
+    ids = np.full((3, ny + 1, nz + 1), -1, dtype=np.int32)
+    block = np.empty((1, 8), dtype=np.int32)
+    n = q = b = 0
+    if wraps[0]:
+        # the last plane of corners is also the first one
+        _fill_plane(labels, wraps, nx, planes[0])
+        _fill_plane(labels, wraps, nx + 1, planes[1])
+        n = _number_plane(planes[0], planes[1], wraps, ids[2], n)
+    start = int(wraps[0])
+    _fill_plane(labels, wraps, start, planes[start & 1])
+    for i in range(start, nx + 1):
+        below, above = planes[i & 1], planes[i + 1 & 1]
+        _fill_plane(labels, wraps, i + 1, above)
+        before, here = ids[i + 1 & 1], ids[i & 1]
+        if i == start and wraps[0]:
+            before[:, :] = ids[2]
+        if i == nx and wraps[0]:
+            here[:, :] = ids[2]
+        else:
+            n = _number_plane(below, above, wraps, here, n)
+        for j in range(int(wraps[1]), ny + 1):
+            for k in range(int(wraps[2]), nz + 1):
+                v = here[j, k]
+                if v < 0:
+                    continue
+                for e in range(4):
+                    block[0, e] = below[j + (e >> 1), k + (e & 1)]
+                    block[0, e + 4] = above[j + (e >> 1), k + (e & 1)]
+                if filling:
+                    net.at[v, 0], net.at[v, 1], net.at[v, 2] = i, j, k
+                    _link(block, net, v, before[j, k], here[j - 1, k], here[j, k - 1])
+                if _needs_fans(block, crowded):
+                    if filling:
+                        net.special[v] = b
+                        for e in range(8):
+                            net.blocks[b, e] = block[0, e]
+                    b += 1
+                for axis in range(3):
+                    # the face of which this is the highest corner
+                    low, high = block[0, 0], block[0, 4 >> axis]
+                    if low == high or (low <= 0 and high <= 0):
+                        continue
+                    if filling:
+                        one, two = (axis + 1) % 3, (axis + 2) % 3
+                        for p in range(4):
+                            s, t = (1, 0, 0, 1)[p], (1, 1, 0, 0)[p]
+                            x = (one == 0) * s + (two == 0) * t
+                            y = (one == 1) * s + (two == 1) * t
+                            z = (one == 2) * s + (two == 2) * t
+                            net.quad[q, p] = before[j - y, k - z] if x else here[j - y, k - z]
+                        net.axis[q], net.side[q, 0], net.side[q, 1] = axis, low, high
+                    q += 1
+    return n, q, b
+
+
+@bare_kernel
+def _needs_fans(block, crowded):  # type: ignore[no-untyped-def]
+    """Return whether one of the labels around a corner needs several vertices there."""
+    for e in range(8):
+        if block[0, e] > 0 and crowded[_mask_of(block, 0, block[0, e])]:
+            return True
+    return False
+
+
+@bare_kernel
+def _link(block, net, v, x, y, z):  # type: ignore[no-untyped-def]
+    """Link a point with those before it along the axes, where the edge between them lies in the net."""
+    for axis in range(3):
+        w = (x, y, z)[axis]
+        a, b = block[0, _ring(2 * axis, 0)], block[0, _ring(2 * axis, 1)]
+        c, d = block[0, _ring(2 * axis, 2)], block[0, _ring(2 * axis, 3)]
+        if (a == b and b == c and c == d) or max(max(a, b), max(c, d)) <= 0:
+            continue
+        net.near[v, 2 * axis], net.near[w, 2 * axis + 1] = w, v
+        if 1 + (b != a) + (c != a and c != b) + (d != a and d != b and d != c) > 2:
+            net.triple[v] |= 1 << 2 * axis
+            net.triple[w] |= 2 << 2 * axis
+
+
+@kernel
+def _joined_edges(special, blocks, near):  # type: ignore[no-untyped-def]
+    """Return the half edges, as bits, at which two voxels of a label that meet diagonally are joined, (b, 2).
+
+    An edge whose two fans are one at both of its ends would be used twice by the same pair of vertices. Joining the
+    voxels there parts these fans at both ends, since all faces point outward.
+    """
+    joined = np.zeros((len(blocks), 2), dtype=np.int64)
+    for v in range(len(special)):
+        if special[v] < 0:
+            continue
+        for half in (1, 3, 5):
+            w = near[v, half]
+            if w < 0 or special[w] < 0:
+                continue
+            a, s, r = half >> 1, special[v], special[w]
+            for g in range(2):
+                label = blocks[s, _ring(half, g)]
+                mask, other = _mask_of(blocks, s, label), _mask_of(blocks, r, label)
+                if label <= 0 or _diagonal(mask, half) != g:
+                    continue
+                x = 4 * ((a + 1) % 3)
+                here = _fan_of(mask, joined, s, x + 1) == _fan_of(mask, joined, s, x + 3)
+                there = _fan_of(other, joined, r, x) == _fan_of(other, joined, r, x + 2)
+                if here and there:
+                    joined[s, g] |= 1 << half
+                    joined[r, g] |= 1 << (half - 1)
+    return joined
+
+
+@kernel
+def _split(net, labels, crossed, joined):  # type: ignore[no-untyped-def]
+    """Return the parts of `Split`: sides of quadrangles by a counting sort, and one stamp for each point and fan."""
+    first = np.zeros(labels + 2, dtype=np.int64)
+    for q in range(len(net.side)):
+        for s in range(2):
+            if net.side[q, s] > 0:
+                first[net.side[q, s] + 1] += 1
+    for label in range(labels + 1):
+        first[label + 1] += first[label]
+    place, slot = first.copy(), np.empty(first[-1], dtype=np.int64)
+    for q in range(len(net.side)):
+        for s in range(2):
+            if net.side[q, s] > 0:
+                slot[place[net.side[q, s]]] = 2 * q + s
+                place[net.side[q, s]] += 1
+    points = len(net.at)
+    triangles = np.empty((2 * len(slot), 3), dtype=np.int32)
+    # a label has at most half a vertex more than faces, and each fan has three or more of them
+    point = np.empty(4 * len(slot) // 3 + 1, dtype=np.int32)
+    first_vertex = np.zeros(labels + 2, dtype=np.int64)
+    stamp = np.zeros((points + 4 * len(net.blocks), 2), dtype=np.int32)
+    own = np.zeros(4, dtype=np.int32)
+    n = 0
+    for label in range(1, labels + 1):
+        first_vertex[label] = n
+        for t in range(first[label], first[label + 1]):
+            q, s = slot[t] >> 1, slot[t] & 1
+            for p in range(4):
+                v = net.quad[q, p]
+                key, b = v, net.special[v]
+                if b >= 0:
+                    # the face lies above its lower corners
+                    face = 4 * net.axis[q] + 2 * (1, 0, 0, 1)[p] + (1, 1, 0, 0)[p]
+                    key = points + 4 * b + _fan_of(_mask_of(net.blocks, b, label), joined, b, face)
+                if stamp[key, 0] != label:
+                    stamp[key, 0], stamp[key, 1], point[n] = label, n - first_vertex[label], v
+                    n += 1
+                own[p] = stamp[key, 1]
+            c = int(crossed[q])
+            i, j, k, m = own[c], own[c + 1], own[(c + 2) % 4], own[(c + 3) % 4]
+            if s:
+                j, m = m, j
+            triangles[2 * t, 0], triangles[2 * t, 1], triangles[2 * t, 2] = i, j, k
+            triangles[2 * t + 1, 0], triangles[2 * t + 1, 1], triangles[2 * t + 1, 2] = i, k, m
+    first_vertex[labels + 1] = n
+    return triangles, 2 * first, point[:n].copy(), first_vertex

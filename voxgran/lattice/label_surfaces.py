@@ -1,0 +1,356 @@
+"""Smooth surfaces of all labels of an image at once: neighbours share their triangles, and each label keeps its volume.
+
+The points of the net of voxel faces (:mod:`voxgran.lattice.label_net`) are smoothed within boxes of a voxel by a filter
+that does not shrink (Taubin 1995, doi:10.1145/218380.218473). Points of lines where three labels meet move along these
+lines only, and those at the border of the image in its plane, so that neither is rounded. Then each label gets a
+pressure, and its points move along the gradient of its volume: the least motion that restores all volumes is a linear
+system of one equation for each label. Sharing does not prevent that triangles near a line of three labels cross: there
+the smoothing is taken back until none do.
+"""
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from voxgran._base.arrays import Booleans, Floats, Integers
+from voxgran._base.kernels import bare_kernel, kernel
+from voxgran._base.lazy import load
+from voxgran.geometry.crossing import is_crossing
+from voxgran.geometry.vectors import cross, dot, row_of, sub
+from voxgran.lattice.label import connected_components
+from voxgran.lattice.label_net import Net, Split, net_of, split_of
+
+#: share of the mean of its neighbours that a point takes in each of the two steps of the filter
+STEPS = 0.63, -0.67
+#: pairs of steps for a smoothing of one voxel; how far they round a step of voxels grows with the root of their number
+PAIRS = 20
+#: farthest that a point moves along an axis, in voxels
+BOX = 0.5
+#: relative errors of the volumes: that is left, after which one solution is enough, from which on a label is smoothed less
+ACCURACY, ALMOST, LOST = 1e-12, 1e-5, 0.2
+#: overlap from which on two triangles count as crossing, in voxels
+DEPTH = 1e-9
+#: solutions for the volumes, and times that smoothing is taken back where triangles cross
+MOST_SOLUTIONS, MOST_ROUNDS = 12, 12
+
+
+@dataclass(frozen=True, slots=True)
+class LabelSurfaces:
+    """Closed surfaces of the labels 1 ... n of an image."""
+
+    net: Net
+    split: Split
+    moved: Floats  # (points, 3) displacement of each point of the net, in voxels
+    turn: Integers  # (n + parts + 1, 3) corners before this one follow after the end of a periodic axis
+    shape: Integers  # (3,) of the image
+    several: list[int]  # labels of several pieces, of which the largest is left
+    parts: dict[int, list[int]]  # numbers of the parts of labels that fill every plane of a periodic axis
+
+    def of(self, label: int) -> list[tuple[Floats, Integers]]:
+        """Return the vertices (v, 3) in voxels, and the outward triangles (m, 3), of a label, or of each of its parts.
+
+        Voxel (i, j, k) is the cube from (i, j, k) to (i + 1, j + 1, k + 1). Across a periodic face a label goes on
+        beyond the end of the image. Parts share the triangles between them.
+        """
+        return [self._of(part) for part in self.parts.get(label, [label])]
+
+    def _of(self, label: int) -> tuple[Floats, Integers]:
+        """Return vertices and triangles of a label or part."""
+        rows = slice(self.split.first_vertex[label], self.split.first_vertex[label + 1])
+        point = self.split.point[rows]
+        at = self.net.at[point].astype(np.int64)
+        at += self.shape * (at < self.turn[label])
+        rows = slice(self.split.first_triangle[label], self.split.first_triangle[label + 1])
+        return at + self.moved[point], self.split.triangles[rows].astype(np.int64)
+
+
+def label_surfaces(
+    labels: NDArray[np.int32], count: int, *, wraps: Booleans, smoothing: float, spacing: Floats
+) -> LabelSurfaces:
+    """Return the surfaces of an (nx, ny, nz) image of labels 1 ... `count`, each of which is there, 0 for void.
+
+    `wraps`, (3,): which axes are periodic.  `smoothing`: in voxels; 0 for the faces of the voxels.  `spacing`, (3,):
+    edges of a voxel.  The image is changed: of several pieces of a label the largest is left.
+    """
+    shape = np.array(labels.shape, dtype=np.int64)
+    # along an axis of one voxel each label meets itself, and is cut there as at a border
+    wraps = wraps & (shape > 1)
+    net = net_of(labels, wraps)
+    split = split_of(net, count, np.zeros(len(net.quad), dtype=np.bool_))
+    several = _keep_largest(labels, np.flatnonzero(_count_shells(*split) > 1).tolist(), wraps)
+    turn, parts = _unrolled(labels, count, wraps)
+    if several or parts:
+        net = net_of(labels, wraps)
+    held = ((net.at == 0) | (net.at == shape)) & ~wraps
+    moved, crossed = np.zeros((len(net.at), 3)), np.zeros(len(net.quad), dtype=np.bool_)
+    if smoothing > 0:
+        factors = np.array(STEPS * max(1, round(PAIRS * smoothing**2)), dtype=np.float32)
+        moved = _smoothed(net.near, net.triple, held, factors, np.float32(BOX)).astype(np.float64)
+        crossed = _is_second_shorter(net.quad, net.axis, moved * spacing, spacing)
+    split = split_of(net, len(turn) - 1, crossed)
+    made = LabelSurfaces(net, split, moved, turn, shape, several, parts)
+    if smoothing > 0:
+        wanted = np.bincount(labels.ravel(), minlength=len(turn))[1:] * float(spacing.prod())
+        for attempt in range(MOST_ROUNDS):
+            _restore_volumes(made, held, wanted, spacing)
+            wrong = _crossing_points(net, crossed, moved)
+            if not wrong.any():
+                break
+            moved[wrong] *= 0.5 if attempt < MOST_ROUNDS // 3 else 0.0
+            # in the end such points stay at their corners of voxels, where nothing crosses
+            held[wrong] |= attempt >= MOST_ROUNDS // 3
+    return made
+
+
+def _keep_largest(labels: NDArray[np.int32], many: list[int], wraps: Booleans) -> list[int]:
+    """Remove all pieces but the largest of some labels from the image; return which of them have several."""
+    several = []
+    boxes = load("scipy.ndimage").find_objects(labels) if many else []
+    for label in many:
+        inside = labels[boxes[label - 1]]
+        whole = wraps & (np.array(inside.shape) == labels.shape)
+        piece, count = connected_components(inside == label, periodic=tuple(whole.tolist()))
+        if count > 1:
+            several.append(label)
+            inside[(piece > 0) & (piece != 1 + np.bincount(piece.ravel())[1:].argmax())] = 0
+    return several
+
+
+def _unrolled(labels: NDArray[np.int32], count: int, wraps: Booleans) -> tuple[Integers, dict[int, list[int]]]:
+    """Return where each label begins along periodic axes, as `LabelSurfaces.turn`, and divide those without an end.
+
+    Those that fill every plane of an axis are cut in the first plane of corners and in a middle one: the upper half
+    becomes a part of its own, and begins at the cut in the middle.
+    """
+    turn, parts = np.zeros((count + 1, 3), dtype=np.int64), {}
+    filled = []
+    for axis in np.flatnonzero(wraps):
+        planes = np.moveaxis(labels, axis, 0)
+        full = np.zeros((len(planes), count + 1), dtype=np.bool_)
+        for plane, row in zip(planes, full, strict=True):
+            row[plane.ravel()] = True
+        turn[:, axis] = np.where(full[0] & ~full.all(axis=0), full.argmin(axis=0) + 1, 0)
+        turn[0] = 0
+        filled += [(int(axis), label) for label in np.flatnonzero(full.all(axis=0)).tolist() if label]
+    for axis, label in filled:
+        half = labels.shape[axis] // 2
+        lower, upper = np.split(np.moveaxis(labels, axis, 0), [half])
+        for part in list(parts.setdefault(label, [label])):
+            taken = upper == part
+            if not (lower == part).any():
+                continue
+            if taken.any():
+                upper[taken] = len(turn)
+                parts[label].append(len(turn))
+                turn = np.concatenate([turn, turn[part : part + 1]])
+            turn[part, axis] = half + 1
+    return turn, parts
+
+
+def _restore_volumes(made: LabelSurfaces, held: Booleans, wanted: Floats, spacing: Floats) -> None:
+    """Move the points so that each label has the wanted volume, (n,)."""
+    sparse, moved, split = load("scipy.sparse"), made.moved, made.split
+    count, points = len(wanted), len(moved)
+    for attempt in range(MOST_SOLUTIONS):
+        volume, gradient, weight = _volumes(*split, made.net.at, moved, spacing, made.turn, made.shape)
+        missing = wanted - volume[1:]
+        error = np.abs(missing) / wanted
+        if error.max() <= ACCURACY:
+            return
+        lost = 1 + np.flatnonzero(error > LOST)
+        if len(lost):
+            # a label of few voxels, which the filter all but ends
+            rows = [split.point[split.first_vertex[k] : split.first_vertex[k + 1]] for k in lost]
+            moved[np.concatenate(rows)] *= 0.5 if attempt < MOST_SOLUTIONS // 3 else 0.0
+            continue
+        system, slopes = 0, []
+        stays = held | (np.abs(moved) >= BOX)
+        for axis in range(3):
+            slope = gradient[:, axis] * np.where(stays[:, axis], 0.0, 1 / np.sqrt(weight))[split.point]
+            slopes.append(sparse.csr_array((slope, split.point, split.first_vertex[1:]), shape=(count, points)))
+            system = system + slopes[axis] @ slopes[axis].T
+        scale = sparse.diags_array(1 / np.maximum(system.diagonal(), 1e-30))
+        pressure = load("scipy.sparse.linalg").cg(system, missing, rtol=1e-8, M=scale)[0]
+        for axis in range(3):
+            moved[:, axis] += slopes[axis].T @ pressure / np.sqrt(weight) / spacing[axis]
+        if error.max() < ALMOST and np.abs(moved).max() <= BOX:
+            # the next error is about the square of this one
+            return
+        np.clip(moved, -BOX, BOX, out=moved)
+
+
+@kernel
+def _crossing_points(net, crossed, moved):  # type: ignore[no-untyped-def]
+    """Return which points belong to triangles that cross others near lines where three labels meet.
+
+    A quadrangle lies within the boxes of its points. Those of two quadrangles overlap in common points only, so that
+    triangles that cross have a point in common.
+    """
+    points = len(net.at)
+    wrong, first = np.zeros(points, dtype=np.bool_), np.zeros(points + 2, dtype=np.int64)
+    near = np.zeros(len(net.quad), dtype=np.bool_)
+    for q in range(len(near)):
+        for p in range(4):
+            v = net.quad[q, p]
+            near[q] |= net.triple[v] > 0 or net.special[v] >= 0
+        for p in range(4 if near[q] else 0):
+            first[net.quad[q, p] + 2] += 1
+    for v in range(points):
+        first[v + 2] += first[v + 1]
+    around = np.empty(first[points + 1], dtype=np.int64)
+    for q in range(len(near)):
+        for p in range(4 if near[q] else 0):
+            v = net.quad[q, p]
+            around[first[v + 1]] = 4 * q + p
+            first[v + 1] += 1
+    # at most twelve faces meet in a corner of voxels
+    triangles = np.empty((12, 2, 3, 3))
+    for v in range(points):
+        here = around[first[v] : first[v + 1]]
+        for m in range(len(here)):
+            _place(net, crossed, moved, here[m], triangles[m])
+        for m in range(len(here)):
+            for n in range(m):
+                q, r = here[m] >> 2, here[n] >> 2
+                for s in range(4):
+                    one, two = s >> 1, s & 1
+                    if _common(net.quad, q, crossed[q], one, r, crossed[r], two) > 1:
+                        continue
+                    if is_crossing(triangles[m, one], triangles[n, two], DEPTH):
+                        for p in range(4):
+                            wrong[net.quad[q, p]] = wrong[net.quad[r, p]] = True
+    return wrong
+
+
+@bare_kernel
+def _corner(crossed, s, c):  # type: ignore[no-untyped-def]
+    """Return which point of a quadrangle is corner c of its triangle s."""
+    return (crossed + c + s * (c > 0)) % 4
+
+
+@bare_kernel
+def _place(net, crossed, moved, here, triangles):  # type: ignore[no-untyped-def]
+    """Write the two triangles of a quadrangle, seen from one of its points: `here` is 4 q + p for point p."""
+    q, p = here >> 2, here & 3
+    one, two = (net.axis[q] + 1) % 3, (net.axis[q] + 2) % 3
+    for s in range(2):
+        for c in range(3):
+            d = _corner(crossed[q], s, c)
+            for a in range(3):
+                triangles[s, c, a] = moved[net.quad[q, d], a]
+            triangles[s, c, one] += (0, 1, 1, 0)[d] - (0, 1, 1, 0)[p]
+            triangles[s, c, two] += (0, 0, 1, 1)[d] - (0, 0, 1, 1)[p]
+
+
+@bare_kernel
+def _common(quad, q, crossed, s, r, other, t):  # type: ignore[no-untyped-def]
+    """Return how many points triangle s of quadrangle q and triangle t of quadrangle r share."""
+    count = 0
+    for c in range(3):
+        for d in range(3):
+            count += quad[q, _corner(crossed, s, c)] == quad[r, _corner(other, t, d)]
+    return count
+
+
+@kernel
+def _smoothed(near, triple, held, factors, box):  # type: ignore[no-untyped-def]
+    """Return the displacements after steps towards the mean of the neighbours, each by one of the factors.
+
+    A point on a line where three labels meet, which has two or more of its edges, follows its neighbours on them only.
+    """
+    n = len(near)
+    # what is no neighbour is row n, which stays 0; way: the sum of the steps to the neighbours
+    use, share, way = near.copy(), np.empty(n, dtype=np.float32), np.zeros((n, 3), dtype=np.float32)
+    free = np.empty((n, 3), dtype=np.float32)
+    for v in range(n):
+        line, count = triple[v] & (triple[v] - 1) != 0, 0
+        for half in range(6):
+            if near[v, half] < 0 or (line and not triple[v] >> half & 1):
+                use[v, half] = n
+            else:
+                count += 1
+                way[v, half >> 1] += 2 * (half & 1) - 1
+        share[v] = 1 / max(count, 1)
+        for axis in range(3):
+            free[v, axis] = not held[v, axis]
+    now, new = np.zeros((n + 1, 3), dtype=np.float32), np.zeros((n + 1, 3), dtype=np.float32)
+    for factor in factors:
+        for v in range(n):
+            a, b, c, d, e, f = use[v, 0], use[v, 1], use[v, 2], use[v, 3], use[v, 4], use[v, 5]
+            for axis in range(3):
+                total = (now[a, axis] + now[b, axis]) + (now[c, axis] + now[d, axis]) + (now[e, axis] + now[f, axis])
+                step = factor * ((total + way[v, axis]) * share[v] - now[v, axis])
+                new[v, axis] = min(max(now[v, axis] + step, -box), box) * free[v, axis]
+        now, new = new, now
+    return now[:n]
+
+
+@kernel
+def _is_second_shorter(quad, axis, moved, spacing):  # type: ignore[no-untyped-def]
+    """Return whether the diagonal from point 1 to 3 of each quadrangle is shorter than that from 0 to 2."""
+    shorter = np.empty(len(quad), dtype=np.bool_)
+    for q in range(len(quad)):
+        first = second = 0.0
+        for a in range(3):
+            one = spacing[a] if a == (axis[q] + 1) % 3 else 0.0
+            two = spacing[a] if a == (axis[q] + 2) % 3 else 0.0
+            first += (moved[quad[q, 2], a] - moved[quad[q, 0], a] + one + two) ** 2
+            second += (moved[quad[q, 3], a] - moved[quad[q, 1], a] - one + two) ** 2
+        shorter[q] = second < first
+    return shorter
+
+
+@kernel
+def _volumes(triangles, first_triangle, point, first_vertex, at, moved, spacing, turn, shape):  # type: ignore[no-untyped-def]
+    """Return the volumes of the labels, their gradients by the vertices, and the area around each point of the net."""
+    labels = len(turn) - 1
+    volume, gradient, weight = np.zeros(labels + 1), np.zeros((len(point), 3)), np.full(len(at), 1e-30)
+    most = 1
+    for label in range(1, labels + 1):
+        most = max(most, first_vertex[label + 1] - first_vertex[label])
+    x = np.empty((most, 3))
+    for label in range(1, labels + 1):
+        v = first_vertex[label]
+        for w in range(first_vertex[label + 1] - v):
+            for a in range(3):
+                # from a point of the label, which keeps the digits
+                c, o = at[point[v + w], a], at[point[v], a]
+                turned = shape[a] * (int(c < turn[label, a]) - int(o < turn[label, a]))
+                x[w, a] = (c - o + turned + moved[point[v + w], a]) * spacing[a]
+        for t in range(first_triangle[label], first_triangle[label + 1]):
+            i, j, k = triangles[t, 0], triangles[t, 1], triangles[t, 2]
+            o = row_of(x, i)
+            g = cross(sub(row_of(x, j), o), sub(row_of(x, k), o))
+            volume[label] += dot(o, g) / 6
+            area = math.sqrt(dot(g, g)) / 6
+            for w in (i, j, k):
+                for a in range(3):
+                    gradient[v + w, a] += g[a] / 6
+                weight[point[v + w]] += area
+    return volume, gradient, weight
+
+
+@kernel
+def _count_shells(triangles, first_triangle, point, first_vertex):  # type: ignore[no-untyped-def]
+    """Return the number of connected sets of triangles of each label."""
+    labels = len(first_vertex) - 2
+    shells, above = np.zeros(labels + 1, dtype=np.int64), np.empty(len(point), dtype=np.int32)
+    for label in range(1, labels + 1):
+        many = first_vertex[label + 1] - first_vertex[label]
+        for v in range(many):
+            above[v] = v
+        shells[label] = many
+        for t in range(first_triangle[label], first_triangle[label + 1]):
+            for c in range(2):
+                v, w = triangles[t, c], triangles[t, c + 1]
+                while above[v] != v:
+                    above[v] = above[above[v]]
+                    v = above[v]
+                while above[w] != w:
+                    above[w] = above[above[w]]
+                    w = above[w]
+                shells[label] -= v != w
+                above[max(v, w)] = min(v, w)
+    return shells
