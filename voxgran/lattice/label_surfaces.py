@@ -4,7 +4,7 @@ The points of the net of voxel faces (:mod:`voxgran.lattice.label_net`) are smoo
 that does not shrink (Taubin 1995, doi:10.1145/218380.218473). Points of lines where three labels meet move along these
 lines only, and those at the border of the image in its plane, so that neither is rounded. Then each label gets a
 pressure, and its points move along the gradient of its volume: the least motion that restores all volumes is a linear
-system of one equation for each label. Sharing does not prevent that triangles near a line of three labels cross: there
+system of one equation for each label. Sharing does not prevent that triangles cross, above all near lines of three labels: there
 the smoothing is taken back until none do.
 """
 
@@ -18,7 +18,7 @@ from voxgran._base.arrays import Booleans, Floats, Integers
 from voxgran._base.kernels import bare_kernel, kernel
 from voxgran._base.lazy import load
 from voxgran.geometry.crossing import is_crossing
-from voxgran.geometry.vectors import cross, dot, row_of, sub
+from voxgran.geometry.vectors import add, corner_of, cross, dot, row_of, sub, times
 from voxgran.lattice.label import connected_components
 from voxgran.lattice.label_net import Net, Split, net_of, split_of
 
@@ -84,7 +84,8 @@ def label_surfaces(
     if several or parts:
         net = net_of(labels, wraps)
     held = ((net.at == 0) | (net.at == shape)) & ~wraps
-    moved, crossed = np.zeros((len(net.at), 3)), np.zeros(len(net.quad), dtype=np.bool_)
+    moved: Floats = np.zeros((len(net.at), 3))
+    crossed = np.zeros(len(net.quad), dtype=np.bool_)
     if smoothing > 0:
         factors = np.array(STEPS * max(1, round(PAIRS * smoothing**2)), dtype=np.float32)
         moved = _smoothed(net.near, net.triple, held, factors, np.float32(BOX)).astype(np.float64)
@@ -92,7 +93,7 @@ def label_surfaces(
     split = split_of(net, len(turn) - 1, crossed)
     made = LabelSurfaces(net, split, moved, turn, shape, several, parts)
     if smoothing > 0:
-        wanted = np.bincount(labels.ravel(), minlength=len(turn))[1:] * float(spacing.prod())
+        wanted = np.asarray(np.bincount(labels.ravel(), minlength=len(turn))[1:] * spacing.prod(), dtype=np.float64)
         for attempt in range(MOST_ROUNDS):
             _restore_volumes(made, held, wanted, spacing)
             wrong = _crossing_points(net, crossed, moved)
@@ -124,16 +125,17 @@ def _unrolled(labels: NDArray[np.int32], count: int, wraps: Booleans) -> tuple[I
     Those that fill every plane of an axis are cut in the first plane of corners and in a middle one: the upper half
     becomes a part of its own, and begins at the cut in the middle.
     """
-    turn, parts = np.zeros((count + 1, 3), dtype=np.int64), {}
+    turn = np.zeros((count + 1, 3), dtype=np.int64)
+    parts: dict[int, list[int]] = {}
     filled = []
-    for axis in np.flatnonzero(wraps):
+    for axis in np.flatnonzero(wraps).tolist():
         planes = np.moveaxis(labels, axis, 0)
         full = np.zeros((len(planes), count + 1), dtype=np.bool_)
         for plane, row in zip(planes, full, strict=True):
             row[plane.ravel()] = True
         turn[:, axis] = np.where(full[0] & ~full.all(axis=0), full.argmin(axis=0) + 1, 0)
         turn[0] = 0
-        filled += [(int(axis), label) for label in np.flatnonzero(full.all(axis=0)).tolist() if label]
+        filled += [(axis, label) for label in np.flatnonzero(full.all(axis=0)).tolist() if label]
     for axis, label in filled:
         half = labels.shape[axis] // 2
         lower, upper = np.split(np.moveaxis(labels, axis, 0), [half])
@@ -165,7 +167,7 @@ def _restore_volumes(made: LabelSurfaces, held: Booleans, wanted: Floats, spacin
             rows = [split.point[split.first_vertex[k] : split.first_vertex[k + 1]] for k in lost]
             moved[np.concatenate(rows)] *= 0.5 if attempt < MOST_SOLUTIONS // 3 else 0.0
             continue
-        system, slopes = 0, []
+        system, slopes = sparse.csr_array((count, count)), []
         stays = held | (np.abs(moved) >= BOX)
         for axis in range(3):
             slope = gradient[:, axis] * np.where(stays[:, axis], 0.0, 1 / np.sqrt(weight))[split.point]
@@ -183,32 +185,35 @@ def _restore_volumes(made: LabelSurfaces, held: Booleans, wanted: Floats, spacin
 
 @kernel
 def _crossing_points(net, crossed, moved):  # type: ignore[no-untyped-def]
-    """Return which points belong to triangles that cross others near lines where three labels meet.
+    """Return which points belong to triangles that cross others.
 
     A quadrangle lies within the boxes of its points. Those of two quadrangles overlap in common points only, so that
     triangles that cross have a point in common.
     """
     points = len(net.at)
     wrong, first = np.zeros(points, dtype=np.bool_), np.zeros(points + 2, dtype=np.int64)
-    near = np.zeros(len(net.quad), dtype=np.bool_)
-    for q in range(len(near)):
+    for q in range(len(net.quad)):
         for p in range(4):
-            v = net.quad[q, p]
-            near[q] |= net.triple[v] > 0 or net.special[v] >= 0
-        for p in range(4 if near[q] else 0):
             first[net.quad[q, p] + 2] += 1
     for v in range(points):
         first[v + 2] += first[v + 1]
     around = np.empty(first[points + 1], dtype=np.int64)
-    for q in range(len(near)):
-        for p in range(4 if near[q] else 0):
+    # at most twelve faces meet in a corner of voxels
+    triangles, normals = np.empty((12, 2, 3, 3)), np.empty((len(net.quad), 2, 3))
+    for q in range(len(net.quad)):
+        for p in range(4):
             v = net.quad[q, p]
             around[first[v + 1]] = 4 * q + p
             first[v + 1] += 1
-    # at most twelve faces meet in a corner of voxels
-    triangles = np.empty((12, 2, 3, 3))
+        _place(net, crossed, moved, 4 * q, triangles[0])
+        for s in range(2):
+            o = corner_of(triangles[0], s, 0)
+            normal = cross(sub(corner_of(triangles[0], s, 1), o), sub(corner_of(triangles[0], s, 2), o))
+            normals[q, s, 0], normals[q, s, 1], normals[q, s, 2] = normal
     for v in range(points):
         here = around[first[v] : first[v + 1]]
+        if net.special[v] < 0 and _are_graphs(net.side, normals, here):
+            continue
         for m in range(len(here)):
             _place(net, crossed, moved, here[m], triangles[m])
         for m in range(len(here)):
@@ -222,6 +227,36 @@ def _crossing_points(net, crossed, moved):  # type: ignore[no-untyped-def]
                         for p in range(4):
                             wrong[net.quad[q, p]] = wrong[net.quad[r, p]] = True
     return wrong
+
+
+@bare_kernel
+def _are_graphs(side, normals, here):  # type: ignore[no-untyped-def]
+    """Return whether all triangles around a point, seen from each label there, face to the side of their mean normal.
+
+    Of at most three labels any two triangles bound a common one, so that none of them cross.
+    """
+    one, two, three = side[here[0] >> 2, 0], side[here[0] >> 2, 1], side[here[0] >> 2, 0]
+    for m in here:
+        for s in range(2):
+            label = side[m >> 2, s]
+            if label not in (one, two, three):
+                if three != one:
+                    return False
+                three = label
+    for label in (one, two, three):
+        mean = (0.0, 0.0, 0.0)
+        for again in range(2):
+            for m in here:
+                if side[m >> 2, 0] != label and side[m >> 2, 1] != label:
+                    continue
+                sign = 1.0 if side[m >> 2, 0] == label else -1.0
+                for s in range(2):
+                    normal = times(corner_of(normals, m >> 2, s), sign)
+                    if again and dot(normal, mean) <= 0.0:
+                        return False
+                    if not again:
+                        mean = add(mean, normal)
+    return True
 
 
 @bare_kernel

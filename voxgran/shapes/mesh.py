@@ -11,7 +11,7 @@ from voxgran.geometry.triangles import normals_of
 from voxgran.shapes.triangles import Triangles
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, init=False)
 class Mesh(Triangles):
     """A closed surface of triangles, counterclockwise seen from outside."""
 

@@ -16,7 +16,7 @@ from voxgran.shapes.triangles import Triangles
 NO_AREA = 1e-12
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, init=False)
 class Surface(Triangles):
     """A surface of triangles with equivalent sides; the orientation of the faces is irrelevant.
 

@@ -5,6 +5,7 @@ from functools import cached_property
 from typing import Any, Self
 
 import numpy as np
+from numpy.typing import NDArray
 
 from voxgran._base.arrays import Floats, Integers, read_only
 from voxgran.geometry.tree import TriangleTree, grow_tree
@@ -32,23 +33,29 @@ class Moments:
         return self._moments[2]
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, init=False)
 class Triangles:
     """Triangles (m, 3) of vertices (n, 3) in space, in the unit of lengths."""
 
     vertices: Floats
-    faces: Integers
+    #: (m, 3) vertices of the triangles, in as few bytes as their numbers take
+    corners: NDArray[np.unsignedinteger[Any]]
 
     dimension = 3
 
-    def __post_init__(self) -> None:
-        read_only(self.vertices)
-        read_only(self.faces)
+    def __init__(self, vertices: Floats, faces: NDArray[Any]) -> None:
+        object.__setattr__(self, "vertices", read_only(vertices))
+        object.__setattr__(self, "corners", read_only(faces.astype(np.min_scalar_type(max(len(vertices) - 1, 0)))))
 
-    @cached_property
+    @property
+    def faces(self) -> Integers:
+        """Vertices of the triangles, (m, 3)."""
+        return read_only(self.corners.astype(np.int64))
+
+    @property
     def triangles(self) -> Floats:
         """Corner points of the triangles, (m, 3, 3)."""
-        return read_only(self.vertices[self.faces])
+        return read_only(self.vertices[self.corners])
 
     @cached_property
     def tree(self) -> TriangleTree:
