@@ -1,4 +1,4 @@
-"""Surfaces of voxels as they are, and those that neighbours share: closed and without crossings for any image."""
+"""Surfaces of voxels as they are: closed and without crossings for any image."""
 
 import numpy as np
 import pytest
@@ -6,10 +6,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from voxgran._base.seeds import stream
-from voxgran.lattice.cuberille import voxel_surface
-from voxgran.lattice.interfaces import MARGIN, fitted_surface
-from voxgran.lattice.label import components
 from voxgran.geometry.crossing import count_crossings
+from voxgran.lattice.cuberille import voxel_surface
+from voxgran.lattice.label import components
 from voxgran.shapes.shells import edge_faults
 
 
@@ -34,17 +33,6 @@ def test_any_voxels_have_a_closed_surface_in_which_each_edge_has_two_faces(seed,
     assert volume(vertices, faces) == pytest.approx(mask.sum(), rel=1e-13)
 
 
-@given(seed=st.integers(0, 10**6), share=st.floats(0.05, 0.95))
-def test_any_voxels_have_a_fitted_surface_of_their_volume(seed, share):
-    mask = random_mask(seed, share)
-    around = np.pad(mask, 5)
-    vertices, faces = fitted_surface(7 * around, around, np.zeros_like(around), smoothing=1.0)
-    assert edge_faults(faces, len(vertices)).tolist() == [0, 0, 0]
-    assert len(np.unique(vertices, axis=0)) == len(vertices)
-    assert count_crossings(vertices, faces) == 0
-    assert volume(vertices, faces) == pytest.approx(mask.sum(), rel=1e-9)
-
-
 def test_the_surface_of_a_block_is_that_of_the_block():
     mask = np.zeros((5, 6, 7), dtype=bool)
     mask[1:3, 2:5, 3:7] = True
@@ -64,28 +52,3 @@ def test_voxels_that_share_an_edge_or_a_corner_only_have_vertices_of_their_own_t
         # the ends and the middle of the edge, or the corner
         assert double == (3 if other[2] == 1 else 1)
         assert components(len(vertices), faces[:, 0], faces[:, 1]).max() == 1
-
-
-def test_two_labels_share_their_triangles_and_leave_nothing_between_them():
-    labels = np.ones((9, 8, 8), dtype=int)
-    labels[stream(2, "labels").random(labels.shape) < 0.5] = 2
-    inner = np.zeros(labels.shape, dtype=bool)
-    inner[2:-2, 2:-2, 2:-2] = True
-    surfaces = [
-        fitted_surface(np.where(inner, labels, 3), inner & (labels == k), np.zeros_like(inner), smoothing=0.8)
-        for k in (1, 2)
-    ]
-    sets = [{tuple(np.sort(np.round(v[face], 9).view("f8,f8,f8").ravel()).tolist()) for face in f} for v, f in surfaces]
-    shared = len(sets[0] & sets[1])
-    assert shared > 0.3 * len(sets[0])
-    # what is no other label's is at the block around both
-    around = fitted_surface(np.where(inner, 1, 3), inner, np.zeros_like(inner), smoothing=0.8)
-    assert sum(volume(*surface) for surface in surfaces) < volume(*around) * 1.02
-
-
-def test_vertices_keep_off_the_nodes():
-    mask = np.zeros((9, 9, 9), dtype=bool)
-    mask[4, 4, 4] = True
-    vertices, _ = fitted_surface(mask.astype(int), mask, np.zeros_like(mask), smoothing=0.5)
-    away = np.abs(vertices - 4.5).max(axis=1)
-    assert MARGIN <= away.min() <= away.max() <= 1 - MARGIN
