@@ -60,7 +60,7 @@ def read_guarded(reader: Callable[..., Content], path: Path, **options: Any) -> 
     FileFormatError
         If the file is damaged.
     """
-    size = path.stat().st_size
+    size = sum(item.stat().st_size for item in (path.iterdir() if path.is_dir() else (path,)))
     seconds, memory = SECONDS + SECONDS_PER_BYTE * size, MEMORY + MEMORY_PER_BYTE * size
     request = {
         "module": reader.__module__,

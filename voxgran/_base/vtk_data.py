@@ -53,11 +53,13 @@ def attach_texts(place: Any, texts: Mapping[str, str]) -> None:
         place.AddArray(array)
 
 
-def image_data(image: NDArray[Any], name: str, *, voxel_size: float, origin: tuple[float, float, float]) -> Any:
-    """Return an (nx, ny, nz) array as the cells of an image."""
+def image_data(
+    image: NDArray[Any], name: str, *, voxel_size: tuple[float, float, float], origin: tuple[float, float, float]
+) -> Any:
+    """Return an (nx, ny, nz) array as the cells of an image with voxels of these edges."""
     data = load("vtkmodules.vtkCommonDataModel").vtkImageData()
     data.SetDimensions(*(n + 1 for n in image.shape))
-    data.SetSpacing(voxel_size, voxel_size, voxel_size)
+    data.SetSpacing(*voxel_size)
     data.SetOrigin(*origin)
     flat = image.ravel(order="F")
     attach(data.GetCellData(), {name: flat.view(np.uint8) if flat.dtype == bool else flat})

@@ -17,6 +17,8 @@ from voxgran._base.vtk_data import numpy_support, watched
 
 #: types of data sets in files that refer to no other files: polygons and the four kinds of grids
 OF_ONE_FILE = (0, 2, 3, 4, 6)
+#: bytes at the beginning of a MetaImage in which its header ends
+HEADER = 2**14
 
 
 def vtk_points(path: Path) -> Content:
@@ -84,6 +86,53 @@ def vtk_image(path: Path, *, key: str | None) -> Content:
     origin = np.array(image.GetOrigin()) - (0.0 if cells else spacing / 2)
     facts = {"shape": shape.tolist(), "spacing": spacing.tolist(), "origin": origin.tolist()}
     return facts, {"values": values}
+
+
+def meta_image(path: Path) -> Content:
+    """Return the values of a MetaImage, ``.mha``, or ``.mhd`` with its values in a file of the same folder.
+
+    Facts and arrays are those of `vtk_image`.
+
+    Raises
+    ------
+    FileFormatError
+        If VTK cannot read it, or its values lie in several files or in another folder.
+    """
+    head = path.read_bytes()[:HEADER].partition(b"ElementDataFile")[2].partition(b"\n")[0].decode("latin-1")
+    name = head.strip(" =\r\t")
+    if name != "LOCAL" and (name != Path(name).name or not (path.parent / name).is_file()):
+        raise FileFormatError(
+            f"{path} has its values in {name[:80]!r}: they must lie in it or in one file beside it; copy them"
+        )
+    return _image_by("vtkMetaImageReader", path, "SetFileName")
+
+
+def dicom_series(path: Path) -> Content:
+    """Return the values of the slices in a folder, which are one DICOM series, y and z against their order in the files.
+
+    Facts and arrays are those of `vtk_image`.
+
+    Raises
+    ------
+    FileFormatError
+        If VTK cannot read it.
+    """
+    return _image_by("vtkDICOMImageReader", path, "SetDirectoryName")
+
+
+def _image_by(name: str, path: Path, setter: str) -> Content:
+    """Return what a reader of ``vtkmodules.vtkIOImage`` finds in a file or folder; its points are voxels."""
+    reader = getattr(load("vtkmodules.vtkIOImage"), name)()
+    heard = watched(reader, reader.GetExecutive(), load("vtkmodules.vtkCommonCore").vtkOutputWindow.GetInstance())
+    getattr(reader, setter)(os.fsencode(path))
+    image = _output(reader, heard, path)
+    scalars, spacing = image.GetPointData().GetScalars(), np.array(image.GetSpacing())
+    shape = np.array(image.GetDimensions())
+    if scalars is None or scalars.GetNumberOfTuples() != shape.prod() or scalars.GetNumberOfComponents() != 1:
+        raise FileFormatError(f"{path} holds no image of one number a voxel: it is cut, or in colours; write it again")
+    facts = {"shape": shape.tolist(), "spacing": np.abs(spacing).tolist()}
+    facts["origin"] = (np.array(image.GetOrigin()) - spacing / 2).tolist()
+    return facts, {"values": np.array(numpy_support().vtk_to_numpy(scalars))}
 
 
 def chosen_name(names: list[str], key: str | None, path: Path) -> str:

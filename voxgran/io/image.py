@@ -6,16 +6,17 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from voxgran._base.arrays import as_array, as_length, as_vector
+from voxgran._base.arrays import Floats, as_array, as_vector
 from voxgran._base.calls import explained
 from voxgran._base.errors import InputError, PackingWarning, TooLargeError, shown
 from voxgran._base.files import output_suffix, written_whole
+from voxgran._base.units import stated_unit
 from voxgran._base.vtk_data import image_data, write_data
 from voxgran._base.warning import warn
-from voxgran.lattice.grid import Grid, check_voxel_size
+from voxgran.lattice.grid import check_voxel_size
 from voxgran.measures.painting import labels_on
 from voxgran.packing.model import Packing, check_packing
-from voxgran.shapes.images.image_files import image_library
+from voxgran.shapes.images.image_files import as_edges, image_library
 
 #: most voxels of an image (int32 labels of 16 GB)
 VOXEL_LIMIT = 4 * 10**9
@@ -24,15 +25,15 @@ SUFFIXES = (".vti", ".tif", ".tiff")
 
 
 @explained(hint="to_image(packing, 0.1)")
-def to_image(packing: Packing, voxel_size: float, *, labels: "bool | ArrayLike" = True) -> NDArray[Any]:
+def to_image(packing: Packing, voxel_size: "ArrayLike", *, labels: "bool | ArrayLike" = True) -> NDArray[Any]:
     """Put a packing on a lattice over the bounds of its container.
 
     Parameters
     ----------
     packing : Packing
         Any packing.
-    voxel_size : float
-        Edge of a voxel, in the unit of lengths.
+    voxel_size : float or (3,) array_like of float
+        Edges of a voxel, in the unit of lengths.
     labels : bool or (n,) array_like of int
         Whether voxels tell which grain they belong to, or only whether they are solid; or the label of each grain,
         above 0, such as ``packing.provenance["labels"]`` of a packing that was made of a label image.
@@ -47,7 +48,7 @@ def to_image(packing: Packing, voxel_size: float, *, labels: "bool | ArrayLike" 
     Raises
     ------
     InputError
-        If the voxel size is not a finite number above 0 or larger than the container is wide, a grain is an open
+        If an edge of a voxel is not a finite number above 0 or larger than the container is wide, a grain is an open
         surface, or the labels are not one whole number above 0 for each grain.
     TooLargeError
         If there are more than VOXEL_LIMIT voxels.
@@ -72,7 +73,7 @@ def to_image(packing: Packing, voxel_size: float, *, labels: "bool | ArrayLike" 
     """
     check_packing(packing, "packing")
     known = None if isinstance(labels, bool | np.bool_) else _checked(labels, packing.count)
-    image = labels_on(packing, image_grid(packing, voxel_size))
+    image = labels_on(packing, packing.container.bounds[0], *lattice_over(packing, voxel_size))
     if known is not None:
         return known[image]
     return image if labels else image > 0
@@ -88,21 +89,23 @@ def _checked(labels: "ArrayLike", count: int) -> NDArray[Any]:
     return np.concatenate([[0], given]).astype(np.int32 if small else np.int64)
 
 
-def image_grid(packing: Packing, voxel_size: float) -> Grid:
-    """Return the lattice of :func:`to_image`, from the lower corner of the container's bounds; the last voxels may
-    extend beyond the upper one.
+def lattice_over(packing: Packing, voxel_size: "ArrayLike") -> tuple[Floats, tuple[int, int, int]]:
+    """Return the edges of a voxel, (3,), and the numbers of voxels of :func:`to_image`, from the lower corner of the
+    container's bounds; the last voxels may extend beyond the upper one.
 
     Raises
     ------
     InputError
-        If the voxel size is not a finite number above 0, or larger than the container is wide.
+        If there are neither one nor three edges, one is not a finite number above 0, or larger than the container is
+        wide.
     TooLargeError
         If there are more than VOXEL_LIMIT voxels.
     """
-    size = as_length(voxel_size, "voxel_size")
+    edges = np.array(as_edges(voxel_size))
     lower, upper = packing.container.bounds
-    check_voxel_size(size, float((upper - lower)[: packing.dimension].min()), "the container")
-    exact = (upper - lower) / size
+    for edge, extent in list(zip(edges, upper - lower, strict=True))[: packing.dimension]:
+        check_voxel_size(float(edge), float(extent), "the container")
+    exact = (upper - lower) / edges
     counts = np.where(np.abs(exact - np.rint(exact)) < 1e-9 * np.maximum(exact, 1), np.rint(exact), np.ceil(exact))
     nx, ny, nz = (max(int(n), 1) for n in counts)
     if nx * ny * nz > VOXEL_LIMIT:
@@ -110,12 +113,11 @@ def image_grid(packing: Packing, voxel_size: float) -> Grid:
     for axis in np.flatnonzero(np.array(packing.container.periodic) & (counts != exact)):
         if abs(exact[axis] - counts[axis]) > 1e-9 * counts[axis]:
             warn(
-                f"voxel_size is {size:g}: the period along {'xyz'[axis]} is {exact[axis]:.6g} voxels and the image "
-                f"does not repeat seamlessly; take {(upper - lower)[axis] / counts[axis]:.10g}",
+                f"voxel_size is {edges[axis]:g}: the period along {'xyz'[axis]} is {exact[axis]:.6g} voxels and the "
+                f"image does not repeat seamlessly; take {(upper - lower)[axis] / counts[axis]:.10g}",
                 PackingWarning,
             )
-    x, y, z = (float(value) for value in lower)
-    return Grid((x, y, z), size, (nx, ny, nz))
+    return edges, (nx, ny, nz)
 
 
 @explained(hint='save_image(image, "bed.vti", voxel_size=0.1)')
@@ -123,8 +125,9 @@ def save_image(
     image: NDArray[Any],
     path: str | os.PathLike[str],
     *,
-    voxel_size: float,
+    voxel_size: "ArrayLike",
     origin: "ArrayLike" = (0.0, 0.0, 0.0),
+    unit: str | None = None,
     overwrite: bool = False,
 ) -> None:
     """Write an image as a ``.vti`` file, for ParaView, or as a stack of pages, for ImageJ and scikit-image.
@@ -135,12 +138,14 @@ def save_image(
         One value a voxel, such as :func:`to_image` returns; kept as the cell data ``image``.
     path : path-like
         File to write: ``.vti``, or ``.tif`` or ``.tiff``, whose pages are z, rows y and columns x, as
-        :func:`load_image` reads them. Such a stack does not hold voxel size and origin, and has whole numbers of at
-        most 32 bits, where the values allow it.
-    voxel_size : float
-        Edge of a voxel, in the unit of lengths.
+        :func:`load_image` reads them. Such a stack does not hold the origin, and has whole numbers of at most 32 bits,
+        where the values allow it; the edges of a voxel are kept as by ImageJ.
+    voxel_size : float or (3,) array_like of float
+        Edges of a voxel, in the unit of lengths.
     origin : (3,) array_like of float
         Corner of voxel (0, 0, 0).
+    unit : str, optional
+        Unit of lengths, which ``.tif`` keeps.
     overwrite : bool
         Whether a file that is there may be replaced.
 
@@ -152,6 +157,8 @@ def save_image(
         If the library that writes TIFF is not installed.
     InputError
         If the image has not three axes or holds no numbers, or a value breaks a rule.
+    UnknownNameError
+        If the unit is unknown.
     OutputExistsError
         If the file is there and `overwrite` is false.
     OutputError
@@ -169,13 +176,20 @@ def save_image(
     array = as_array(image, "image")
     if array.ndim != 3 or array.dtype.kind not in "biuf":
         raise InputError(f"image has shape {array.shape} and type {array.dtype}: give numbers along x, y and z")
-    size, (x, y, z) = as_length(voxel_size, "voxel_size"), (float(value) for value in as_vector(origin, "origin"))
-    data = image_data(array, "image", voxel_size=size, origin=(x, y, z)) if suffix == ".vti" else _pages(array)
+    edges, (x, y, z) = as_edges(voxel_size), (float(value) for value in as_vector(origin, "origin"))
+    data = image_data(array, "image", voxel_size=edges, origin=(x, y, z)) if suffix == ".vti" else _pages(array)
+    lattice = _imagej_lattice(edges, stated_unit(unit))
     with written_whole(path, overwrite=overwrite) as draft:
         if suffix == ".vti":
             write_data("vtkXMLImageDataWriter", data, draft)
         else:
-            image_library("tifffile").imwrite(draft, data, photometric="minisblack")
+            image_library("tifffile").imwrite(draft, data, photometric="minisblack", metadata=None, **lattice)
+
+
+def _imagej_lattice(edges: tuple[float, float, float], unit: str | None) -> dict[str, Any]:
+    """Return the tags by which ImageJ keeps the edges of a voxel, for any type of numbers."""
+    kept = f"ImageJ=1.11a\nspacing={edges[2]!r}\n" + (f"unit={unit}\n" if unit else "")
+    return {"resolution": (1 / edges[0], 1 / edges[1]), "resolutionunit": 1, "description": kept}
 
 
 def _pages(array: NDArray[Any]) -> NDArray[Any]:

@@ -9,7 +9,8 @@ A label may meet itself along an edge or in a corner. There its triangles get se
 for each fan of triangles that go around it, so that the surface of each label is a closed manifold.
 """
 
-from typing import NamedTuple
+from collections.abc import Iterator
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -62,7 +63,7 @@ def split_of(net: Net, labels: int, crossed: Booleans) -> Split:
     return Split(*_split(net, labels, crossed, flip))
 
 
-def _empty(points: int, quads: int, blocks: int):  # type: ignore[no-untyped-def]
+def _empty(points: int, quads: int, blocks: int) -> Iterator[NDArray[Any]]:
     """Return arrays for the parts of a net."""
     yield np.empty((points, 3), dtype=np.int16)
     yield np.full((points, 6), -1, dtype=np.int32)
@@ -174,7 +175,7 @@ def _fill_plane(labels, wraps, i, plane):  # type: ignore[no-untyped-def]
 
 @bare_kernel
 def _number_plane(below, above, wraps, ids, n):  # type: ignore[no-untyped-def]
-    """Number the points of a plane of corners between two planes of voxels; return the number of all points."""
+    """Write numbers of the points in a plane of corners between two planes of voxels; return how many there are."""
     ny, nz = ids.shape
     for j in range(int(wraps[1]), ny):
         for k in range(int(wraps[2]), nz):
@@ -261,10 +262,10 @@ def _fill_net(labels, wraps, crowded, net):  # type: ignore[no-untyped-def]
 @bare_kernel
 def _needs_fans(block, crowded):  # type: ignore[no-untyped-def]
     """Return whether one of the labels around a corner needs several vertices there."""
+    some = False
     for e in range(8):
-        if block[0, e] > 0 and crowded[_mask_of(block, 0, block[0, e])]:
-            return True
-    return False
+        some |= block[0, e] > 0 and crowded[_mask_of(block, 0, block[0, e])]
+    return some
 
 
 @bare_kernel

@@ -4,8 +4,8 @@ The points of the net of voxel faces (:mod:`voxgran.lattice.label_net`) are smoo
 that does not shrink (Taubin 1995, doi:10.1145/218380.218473). Points of lines where three labels meet move along these
 lines only, and those at the border of the image in its plane, so that neither is rounded. Then each label gets a
 pressure, and its points move along the gradient of its volume: the least motion that restores all volumes is a linear
-system of one equation for each label. Sharing does not prevent that triangles cross, above all near lines of three labels: there
-the smoothing is taken back until none do.
+system of one equation for each label. Sharing does not prevent that triangles cross, above all near lines where three
+labels meet: there the smoothing is taken back until none do.
 """
 
 import math
@@ -28,7 +28,8 @@ STEPS = 0.63, -0.67
 PAIRS = 20
 #: farthest that a point moves along an axis, in voxels
 BOX = 0.5
-#: relative errors of the volumes: that is left, after which one solution is enough, from which on a label is smoothed less
+#: relative errors of the volumes: what is left, after which a single solution is enough, and from which on a label is
+#: smoothed less
 ACCURACY, ALMOST, LOST = 1e-12, 1e-5, 0.2
 #: overlap from which on two triangles count as crossing, in voxels
 DEPTH = 1e-9

@@ -152,7 +152,7 @@ def pores_of(packing: Packing, voxel_size: float) -> Pores:
         surface = (surface[0], max(1, min(surface[1], int(counts[surface[0]]) - 1)), int(counts[surface[0]]))
     grid = Grid(tuple(float(value) for value in start), size, tuple(int(n) for n in counts))  # type: ignore[arg-type]
     room = _room(packing, grid)
-    mask = room & (labels_on(packing, grid) == 0)
+    mask = room & (labels_on(packing, start, np.full(3, size), grid.shape) == 0)
     return Pores(mask, room, size, d, periodic, surface, grid.origin, Bodies.of(packing))  # type: ignore[arg-type]
 
 

@@ -9,7 +9,7 @@ from voxgran._base.errors import FileFormatError, InputError, PackingWarning, To
 from voxgran._base.lazy import load as load_library
 from voxgran._base.seeds import stream
 from voxgran.containers.kinds.box import Box
-from voxgran.io.image import image_grid, save_image, to_image
+from voxgran.io.image import lattice_over, save_image, to_image
 from voxgran.packing.model import Packing
 from voxgran.shapes.images.image_files import load_image
 from voxgran.shapes.model import Shape
@@ -31,8 +31,9 @@ def contains(shape, points):
 
 def plain_image(packing, voxel_size):
     """Test every voxel center against every image of every grain: the twin of the kernel."""
-    grid = image_grid(packing, voxel_size)
-    axes = [grid.centers(axis) for axis in range(3)]
+    edges, counts = lattice_over(packing, voxel_size)
+    lower = packing.container.bounds[0]
+    axes = [lower[axis] + (np.arange(counts[axis]) + 0.5) * edges[axis] for axis in range(3)]
     points = np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1).reshape(-1, 3)
     lengths = packing.container.bounds[1] - packing.container.bounds[0]
     image = np.zeros(len(points), dtype=np.int32)
@@ -42,7 +43,7 @@ def plain_image(packing, voxel_size):
             away = points - packing.position[grain] - np.array(step) * lengths
             body = away @ packing.matrices[grain] / packing.scale[grain]
             image[contains(packing.shapes[packing.shape_id[grain]], body)] = grain + 1
-    return image.reshape(grid.shape)
+    return image.reshape(counts)
 
 
 def test_the_image_is_that_of_the_plain_twin(mixed):
@@ -57,6 +58,23 @@ def test_the_image_is_that_of_the_plain_twin(mixed):
     assert image.shape == (32, 40, 48)
     np.testing.assert_array_equal(image, plain_image(packing, 0.125))
     np.testing.assert_array_equal(to_image(packing, 0.125, labels=False), image > 0)
+    for edges in ((0.125, 0.125, 0.25), (0.25, 0.125, 0.5), (0.2, 0.1, 0.1)):
+        uneven = to_image(packing, edges)
+        assert uneven.shape == tuple(round(length / edge) for length, edge in zip((4, 5, 6), edges, strict=True))
+        np.testing.assert_array_equal(uneven, plain_image(packing, edges))
+
+
+@pytest.mark.parametrize("suffix", [".vti", ".tif"])
+def test_three_edges_of_a_voxel_come_back_from_files(suffix, tmp_path):
+    image = np.arange(24, dtype=np.int32).reshape(2, 3, 4)
+    save_image(image, tmp_path / f"image{suffix}", voxel_size=(0.1, 0.15, 0.4), unit="mm")
+    back = load_image(tmp_path / f"image{suffix}")
+    np.testing.assert_array_equal(back.values, image)
+    assert back.voxel_size == pytest.approx((0.1, 0.15, 0.4), rel=1e-6)
+    assert back.unit == ("mm" if suffix == ".tif" else None)
+    for wrong in ((0.1, 0.2), (0.1, 0.2, 0.3, 0.4), 0.0, (0.1, -1, 0.1), "abc"):
+        with pytest.raises(InputError, match="every edge must be a finite number above 0; give one or three"):
+            save_image(image, tmp_path / f"other{suffix}", voxel_size=wrong)
 
 
 def test_meshes_keep_their_volume(block):

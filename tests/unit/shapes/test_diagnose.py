@@ -5,12 +5,12 @@ import pytest
 
 from voxgran._base.errors import DirtyMeshError, InputError
 from voxgran._base.seeds import stream
+from voxgran.geometry.crossing import DEPTH, count_crossings, is_crossing
 from voxgran.geometry.rotation import random_rotations, rotation_matrices
 from voxgran.lattice.cuberille import voxel_surface
 from voxgran.shapes.family import make_shape
 from voxgran.shapes.mesh import Mesh
 from voxgran.shapes.model import Shape
-from voxgran.geometry.crossing import DEPTH, is_crossing, count_crossings
 from voxgran.shapes.repairing.diagnose import Diagnosis, diagnose, merged, refuse_dirty
 from voxgran.shapes.repairing.touching import parted
 from voxgran.shapes.shells import edge_faults, shell_labels

@@ -1,5 +1,7 @@
 """Images of every format come in with axes x, y, z, or are refused in one line."""
 
+import struct
+
 import numpy as np
 import pytest
 import pyvista
@@ -123,3 +125,88 @@ def test_axes_of_several_units_are_converted(head, tmp_path):
         load_image(path)
     nrrd.write(path, labels, {**head, key: ["foo", "foo", "foo"]})
     assert load_image(path).unit is None
+
+
+def small():
+    return np.arange(2 * 3 * 4, dtype=np.uint16).reshape(2, 3, 4) * 7
+
+
+def test_a_metaimage_has_its_lattice_and_its_values_beside_it(tmp_path):
+    head = (
+        "ObjectType = Image\nNDims = 3\nBinaryData = True\nBinaryDataByteOrderMSB = False\nDimSize = 2 3 4\n"
+        "ElementSpacing = 0.1 0.2 0.4\nOffset = 1.05 2.1 3.2\nElementType = MET_USHORT\nElementDataFile = "
+    )
+    (tmp_path / "scan.mhd").write_text(f"{head}scan.raw\n")
+    (tmp_path / "scan.raw").write_bytes(small().ravel(order="F").tobytes())
+    (tmp_path / "one.mha").write_bytes(f"{head}LOCAL\n".encode() + small().ravel(order="F").tobytes())
+    for name in ("scan.mhd", "one.mha"):
+        image = vg.load_image(tmp_path / name)
+        np.testing.assert_array_equal(image.values, small())
+        assert image.voxel_size == pytest.approx((0.1, 0.2, 0.4))
+        # the file tells where the middle of the first voxel is
+        assert image.origin == pytest.approx((1.0, 2.0, 3.0))
+    for other in ("../scan.raw", "none.raw", "LIST"):
+        (tmp_path / "far.mhd").write_text(f"{head}{other}\n")
+        with pytest.raises(FileFormatError, match="they must lie in it or in one file beside it"):
+            vg.load_image(tmp_path / "far.mhd")
+
+
+def dicom_slice(values, k, thickness):
+    """Return a file of one slice, (columns, rows), with explicit value representations, little endian."""
+
+    def element(group, number, kind, content):
+        content += (b" " if kind in (b"DS", b"CS", b"IS") else b"\0") * (len(content) % 2)
+        size = struct.pack("<HI", 0, len(content)) if kind in (b"OW", b"OB") else struct.pack("<H", len(content))
+        return struct.pack("<HH", group, number) + kind + size + content
+
+    short = lambda number: struct.pack("<H", number)  # noqa: E731
+    syntax = element(2, 0x10, b"UI", b"1.2.840.10008.1.2.1")
+    body = [
+        element(0x18, 0x50, b"DS", str(thickness).encode()),
+        element(0x20, 0x0E, b"UI", b"1.2.3"),
+        element(0x20, 0x13, b"IS", str(k + 1).encode()),
+        element(0x20, 0x32, b"DS", f"0\\0\\{k * thickness}".encode()),
+        element(0x20, 0x37, b"DS", b"1\\0\\0\\0\\1\\0"),
+        element(0x28, 0x02, b"US", short(1)),
+        element(0x28, 0x04, b"CS", b"MONOCHROME2"),
+        element(0x28, 0x10, b"US", short(values.shape[1])),
+        element(0x28, 0x11, b"US", short(values.shape[0])),
+        element(0x28, 0x30, b"DS", b"0.2\\0.1"),
+        element(0x28, 0x100, b"US", short(16)),
+        element(0x28, 0x101, b"US", short(16)),
+        element(0x28, 0x102, b"US", short(15)),
+        element(0x28, 0x103, b"US", short(0)),
+        element(0x7FE0, 0x10, b"OW", values.T.astype("<u2").tobytes()),
+    ]
+    length = element(2, 0, b"UL", struct.pack("<I", len(syntax)))
+    return b"\0" * 128 + b"DICM" + length + syntax + b"".join(body)
+
+
+def test_a_folder_of_dicom_slices_is_an_image_in_millimetres(tmp_path):
+    for k in range(4):
+        (tmp_path / f"slice{3 - k}.dcm").write_bytes(dicom_slice(small()[:, :, k], k, 0.4))
+    image = vg.load_image(tmp_path)
+    assert image.values.shape == (2, 3, 4)
+    np.testing.assert_array_equal(image.values, small())
+    assert image.voxel_size == pytest.approx((0.1, 0.2, 0.4))
+    assert image.unit == "mm"
+    (tmp_path / "empty").mkdir()
+    with pytest.raises(FileFormatError):
+        vg.load_image(tmp_path / "empty")
+
+
+def test_tiff_of_ome_and_imagej_tell_the_edges_of_a_voxel(tmp_path):
+    tifffile = pytest.importorskip("tifffile")
+    pages = small().transpose(2, 1, 0)
+    told = {"axes": "ZYX", "PhysicalSizeX": 0.1, "PhysicalSizeY": 0.2, "PhysicalSizeZ": 0.4}
+    told |= {f"PhysicalSize{axis}Unit": "mm" for axis in "XYZ"}
+    tifffile.imwrite(tmp_path / "ome.ome.tif", pages, metadata=told)
+    kept = {"axes": "ZYX", "spacing": 0.4, "unit": "mm"}
+    tifffile.imwrite(tmp_path / "imagej.tif", pages, imagej=True, resolution=(10.0, 5.0), metadata=kept)
+    tifffile.imwrite(tmp_path / "plain.tif", pages, photometric="minisblack")
+    for name in ("ome.ome.tif", "imagej.tif"):
+        image = vg.load_image(tmp_path / name)
+        np.testing.assert_array_equal(image.values, small())
+        assert image.voxel_size == pytest.approx((0.1, 0.2, 0.4))
+        assert image.unit == "mm"
+    assert vg.load_image(tmp_path / "plain.tif").voxel_size is None

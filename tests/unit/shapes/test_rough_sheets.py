@@ -8,10 +8,10 @@ import pytest
 import voxgran as vg
 from voxgran._base.errors import InputError, PackingWarning, TooLargeError
 from voxgran._base.seeds import stream
+from voxgran.geometry.crossing import count_crossings
 from voxgran.shapes.families.surfaces.crumpled import Folded, folded
 from voxgran.shapes.families.surfaces.sheet import lattice_faces
 from voxgran.shapes.finer import edges_of
-from voxgran.geometry.crossing import count_crossings
 
 
 @pytest.mark.parametrize("method", ["spectral", "patir", "whitehouse", "midpoint"])

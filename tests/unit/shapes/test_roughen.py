@@ -7,8 +7,8 @@ import pytest
 
 import voxgran as vg
 from voxgran._base.errors import InputError, TooLargeError
-from voxgran.shapes.finer import vertex_normals
 from voxgran.geometry.crossing import count_crossings
+from voxgran.shapes.finer import vertex_normals
 from voxgran.shapes.roughness.refining import diffused, refined
 from voxgran.shapes.roughness.roughen import largest_if_none
 

@@ -1,8 +1,10 @@
-"""Images in: .npy, .npz, TIFF stacks, .vti and .nrrd, as arrays with axes x, y, z."""
+"""Images in: .npy, .npz, TIFF stacks, .vti, .nrrd, MetaImage and DICOM series, as arrays with axes x, y, z."""
 
+import math
 import os
+import xml.etree.ElementTree as ET
 import zipfile
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -19,7 +21,7 @@ from voxgran._base.guarded import Content, read_guarded, refused
 from voxgran._base.lazy import load
 from voxgran._base.machine import memory_limit
 from voxgran._base.units import as_unit, known_unit, unit_factor
-from voxgran._base.vtk_readers import chosen_name, vtk_image
+from voxgran._base.vtk_readers import chosen_name, dicom_series, meta_image, vtk_image
 
 
 @dataclass(frozen=True, slots=True)
@@ -60,8 +62,9 @@ def load_image(path: str | os.PathLike[str], *, key: str | None = None) -> Image
     ----------
     path : path-like
         ``.npy`` (not read into memory as a whole), ``.npz``, ``.tif``/``.tiff`` (pages are z, rows y, columns x),
-        ``.png`` (one page, as grey values; y upward),
-        ``.vti`` or ``.nrrd``, by its suffix.
+        ``.png`` (one page, as grey values; y upward), ``.vti``, ``.nrrd``, ``.mha`` or ``.mhd``, by its suffix; or a
+        folder with the slices of one DICOM series (z rises with their position, rows are y). Edges of a voxel are taken from files that hold them: ``.vti``,
+        ``.nrrd``, MetaImage, DICOM, and TIFF that ImageJ or OME has written.
     key : str, optional
         Which array of an ``.npz`` or ``.vti`` file; default: the only one.
 
@@ -88,6 +91,9 @@ def load_image(path: str | os.PathLike[str], *, key: str | None = None) -> Image
     >>> vg.load_image("scan.npy").values.shape
     (10, 20, 30)
     """
+    if Path(path).is_dir():
+        with refused(Path(path)):
+            return _read_dicom(Path(path), key)
     found = existing_file(path)
     reader = READERS.get(found.suffix.lower())
     if reader is None:
@@ -159,22 +165,55 @@ def _read_tiff(path: Path, key: str | None) -> Image:
     """Read a stack of pages; those that are not compressed are mapped."""
     del key
     facts, found = read_guarded(tiff_pages, path)
+    size, unit = facts.pop("spacing"), facts.pop("unit")
     pages = found["pages"] if "pages" in found else np.memmap(path, mode="r", **facts)
     # one page is a picture: y points up
-    return Image(np.moveaxis(pages, (0, 1, 2), (2, 1, 0)) if pages.ndim == 3 else pages[::-1].T)
+    values = np.moveaxis(pages, (0, 1, 2), (2, 1, 0)) if pages.ndim == 3 else pages[::-1].T
+    return Image(values, None if size is None else tuple(size), unit=unit)
 
 
 def tiff_pages(path: Path) -> Content:
     """Read the pages of a TIFF file, to be run by `read_guarded`.
 
-    The facts are ``offset``, ``dtype`` and ``shape`` if the pages can be mapped; otherwise the arrays hold ``pages``.
+    The facts are ``spacing`` and ``unit`` (None if the file does not tell them), and ``offset``, ``dtype`` and
+    ``shape`` if the pages can be mapped; otherwise the arrays hold ``pages``.
     """
     tifffile = image_library("tifffile")
+    with tifffile.TiffFile(path) as file:
+        spacing, unit = _tiff_lattice(file)
+    told = {"spacing": spacing, "unit": unit}
     try:
         pages = tifffile.memmap(path, mode="r")
     except ValueError:
-        return {}, {"pages": tifffile.imread(path, maxworkers=1)}
-    return {"offset": pages.offset, "dtype": pages.dtype.str, "shape": pages.shape}, {}
+        return told, {"pages": tifffile.imread(path, maxworkers=1)}
+    return {"offset": pages.offset, "dtype": pages.dtype.str, "shape": pages.shape, **told}, {}
+
+
+def _tiff_lattice(file: Any) -> tuple[list[float] | None, str | None]:
+    """Return the edges of a voxel and their unit, where ImageJ or OME has written them into a TIFF file."""
+    if file.ome_metadata:
+        found = ET.fromstring(file.ome_metadata)
+        pixels = next((item for item in found.iter() if item.tag.rpartition("}")[2] == "Pixels"), None)
+        told = {} if pixels is None else pixels.attrib
+        sizes = [told.get(f"PhysicalSize{axis}") for axis in "XYZ"]
+        units = [known_unit(told.get(f"PhysicalSize{axis}Unit", "um")) for axis in "XYZ"]
+        if None in sizes or len(set(units)) > 1:
+            return None, None
+        return _edges_or_none(float(size) for size in sizes if size is not None), units[0]
+    kept = file.imagej_metadata or {}
+    tags = file.pages[0].tags
+    if "spacing" not in kept or "XResolution" not in tags or "YResolution" not in tags:
+        return None, None
+    # voxels per unit of length, as two whole numbers
+    across = [tags[f"{axis}Resolution"].value for axis in "XY"]
+    edges = [below / above if above else math.nan for above, below in across]
+    return _edges_or_none([*edges, float(kept["spacing"])]), known_unit(str(kept.get("unit", "")))
+
+
+def _edges_or_none(values: Iterable[float]) -> list[float] | None:
+    """Return edges of a voxel that are lengths; None for others, which files without a lattice hold."""
+    edges = [float(value) for value in values]
+    return edges if all(math.isfinite(edge) and edge > 0 for edge in edges) else None
 
 
 def _read_png(path: Path, key: str | None) -> Image:
@@ -229,6 +268,22 @@ def nrrd_values(path: Path) -> Content:
     return facts, {"values": np.asarray(values).ravel(order="F")}
 
 
+def _read_meta(path: Path, key: str | None) -> Image:
+    """Read a MetaImage, whose values may lie in a file beside it."""
+    del key
+    facts, found = read_guarded(meta_image, path)
+    return Image(found["values"].reshape(facts["shape"], order="F"), tuple(facts["spacing"]), tuple(facts["origin"]))
+
+
+def _read_dicom(folder: Path, key: str | None) -> Image:
+    """Read the slices of a folder of DICOM files."""
+    del key
+    facts, found = read_guarded(dicom_series, folder)
+    # VTK turns the image by half a turn about x; lengths are in millimetres by the standard
+    values = found["values"].reshape(facts["shape"], order="F")[:, ::-1, ::-1]
+    return Image(values, tuple(facts["spacing"]), unit="mm")
+
+
 def _read_vti(path: Path, key: str | None) -> Image:
     """Read a VTK image."""
     facts, found = read_guarded(vtk_image, path, key=key)
@@ -263,6 +318,17 @@ def voxel_sizes(value: Any, image: Image) -> tuple[float, float, float]:
         if image.voxel_size is None:
             raise InputError("voxel_size is None: the image does not tell it; give the edge of a voxel")
         value = image.voxel_size
+    return as_edges(value)
+
+
+def as_edges(value: Any) -> tuple[float, float, float]:
+    """Return the three edges of a voxel, of which one may be given for all.
+
+    Raises
+    ------
+    InputError
+        If there are neither one nor three, or a length is not between 1e-60 and 1e60.
+    """
     sizes = float_array(value)
     if sizes is None or sizes.shape not in ((), (3,)) or not (np.isfinite(sizes).all() and (sizes > 0).all()):
         raise InputError(f"voxel_size is {shown(value)}: every edge must be a finite number above 0; give one or three")
@@ -297,4 +363,6 @@ READERS: dict[str, Callable[[Path, str | None], Image]] = {
     ".tiff": _read_tiff,
     ".vti": _read_vti,
     ".nrrd": _read_nrrd,
+    ".mha": _read_meta,
+    ".mhd": _read_meta,
 }
