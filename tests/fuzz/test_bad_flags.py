@@ -46,6 +46,7 @@ GOOD = {
     "equilibrium": ["bed.vtp"],
     "measure": ["bed.vtp", "--which", "contacts"],
     "picture": ["bed.vtp", "-o", "bed.png", "--window", "60,60"],
+    "image": ["info", "labels.npy"],
     "labels": ["labels.npy", "--voxel-size", "1"],
     "shape": ["solid_union"],
     "repair": ["mesh.stl"],

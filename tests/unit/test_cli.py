@@ -375,7 +375,7 @@ def test_messages_name_the_flags_of_the_prompt(tmp_path, capsys):
     np.save(tmp_path / "image.npy", np.pad(np.ones((5, 5, 5), dtype=np.int64), 2))
     words = ["labels", str(tmp_path / "image.npy")]
     assert "--voxel-size is missing" in complaint(capsys, *words)[1]
-    assert "--voxel-size is -1.0" in complaint(capsys, *words, "--voxel-size", "-1")[1]
+    assert "--voxel-size is -1:" in complaint(capsys, *words, "--voxel-size", "-1")[1]
 
 
 def test_bad_files_are_one_line_and_status_2(tmp_path, capsys):
@@ -563,6 +563,31 @@ def test_a_label_image_becomes_a_packing_and_two_are_compared(tmp_path, capsys):
     assert "other" in out.read_text()
     capsys.readouterr()
     assert complaint(capsys, "labels", str(tmp_path / "scan.npy"))[0] == 2
+
+
+def test_an_image_is_described_and_its_voxels_may_have_three_edges(tmp_path, capsys):
+    image = np.zeros((20, 12, 6), np.uint8)
+    image[2:8, 3:9, 1:4], image[11:18, 3:9, 0:3] = 1, 2
+    vg.save_image(image, tmp_path / "scan.vti", voxel_size=(0.1, 0.1, 0.2))
+    np.save(tmp_path / "scan.npy", image)
+    assert main(["image", "info", str(tmp_path / "scan.vti"), "--json"]) == 0
+    told = json.loads(capsys.readouterr().out)
+    assert told["voxel_size"] == pytest.approx([0.1, 0.1, 0.2])
+    assert told["lengths"] == pytest.approx([2.0, 1.2, 1.2])
+    assert (told["values"], told["labels"], told["cut_by_border"]) == ("labels", 2, 1)
+    assert main(["image", "info", str(tmp_path / "scan.npy")]) == 0
+    assert "give --voxel-size" in capsys.readouterr().out
+    for words in (["scan.vti"], ["scan.npy", "--voxel-size", "0.1,0.1,0.2"]):
+        assert main(["labels", str(tmp_path / words[0]), *words[1:], "--json"]) == 0
+        assert json.loads(capsys.readouterr().out)["solid_fraction"] == pytest.approx(234 / 1440, rel=1e-9)
+    for wrong in ("0.1,0.1", "0,1,1", "abc"):
+        status, line = complaint(capsys, "labels", str(tmp_path / "scan.npy"), "--voxel-size", wrong)
+        assert status == 2
+        assert "every edge must be a finite number above 0; give one or three" in line
+    noise = stream(0, "grey").normal(100, 20, (8, 8, 8))
+    np.save(tmp_path / "grey.npy", noise)
+    assert main(["image", "info", str(tmp_path / "grey.npy")]) == 0
+    assert "make labels of them with voxgran labels --segment" in capsys.readouterr().out
 
 
 def saved(path, *, seed):

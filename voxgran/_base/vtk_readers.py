@@ -108,7 +108,7 @@ def meta_image(path: Path) -> Content:
 
 
 def dicom_series(path: Path) -> Content:
-    """Return the values of the slices in a folder, which are one DICOM series, y and z against their order in the files.
+    """Return the values of the slices in a folder, one DICOM series, with y and z against their order in the files.
 
     Facts and arrays are those of `vtk_image`.
 

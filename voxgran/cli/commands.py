@@ -3,7 +3,7 @@
 import argparse
 import json
 from collections.abc import Callable, Sequence
-from dataclasses import MISSING, replace
+from dataclasses import MISSING
 from functools import partial
 from pathlib import Path
 from types import SimpleNamespace
@@ -225,21 +225,16 @@ def _called(path: str) -> str:
 
 def labels(options: argparse.Namespace) -> None:
     """Make a packing of a label image and write it."""
-    from voxgran.io.files import check_output
-    from voxgran.measures.registered.density import main_numbers
+    from voxgran.cli import images
 
-    if options.output:
-        check_output(options.output, overwrite=options.overwrite)
-    given = _fields(options, "voxel_size", "border", "surface", "periodic", "gravity", "unit", "key")
-    source = voxgran.load_image(options.file, key=options.key) if options.segment else options.file
-    if options.segment:
-        source = replace(source, values=voxgran.segment(source.values))
-    with progress(options) as on_step:
-        packing = voxgran.packing_of_labels(source, on_step=on_step, **given)
-    if options.output:
-        voxgran.save(packing, options.output, overwrite=options.overwrite)
-    numbers = {"grains": packing.count, **main_numbers(packing)}
-    show({**numbers, "largest_volume_error": packing.provenance["largest_volume_error"]}, options)
+    images.labels(options)
+
+
+def image(options: argparse.Namespace) -> None:
+    """Say what an image is."""
+    from voxgran.cli import images
+
+    images.info(options)
 
 
 def repair(options: argparse.Namespace) -> None:
@@ -398,6 +393,7 @@ COMMANDS: dict[str, tuple[str, Callable[[argparse.Namespace], int | None]]] = {
     "report": ("write a page with pictures about a packing", report),
     "picture": ("write a picture of a packing", picture),
     "compare": ("write a page that compares packings", compare),
+    "image": ("say what an image holds: its voxels, lengths, values and labels", image),
     "labels": ("make a packing of a label image", labels),
     "shape": ("make a shape of a family", shape),
     "repair": ("mend a mesh file and say what was done", repair),

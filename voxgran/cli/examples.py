@@ -13,7 +13,8 @@ EXAMPLES: dict[str, str] = {
     "report": "voxgran report out/packing.vtp -o report.html",
     "picture": "voxgran picture out/packing.vtp -o bed.png --color-by height --cut",
     "compare": "voxgran compare digital=out/digital points=out/points -o comparison.html",
-    "labels": "voxgran labels scan.tif --voxel-size 0.02 --unit mm -o scan.vtp\n"
+    "image": "voxgran image info scan.tif",
+    "labels": "voxgran labels scan.tif --voxel-size 0.02,0.02,0.05 --unit mm -o scan.vtp\n"
     "  voxgran labels grey.tif --segment --voxel-size 0.02 -o scan.vtp",
     "shape": "voxgran shape solid_union --seed 7 --solids 3,5 -o grain.stl\n"
     "  voxgran shape convex_polyhedron --count 300 --points 8,20 -o grains --gallery grains.png",

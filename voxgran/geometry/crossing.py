@@ -110,7 +110,7 @@ def _edge(triangle, k):  # type: ignore[no-untyped-def]
 
 
 @kernel
-def is_crossing(one, two, depth):  # type: ignore[no-untyped-def]
+def is_crossing(one: Floats, two: Floats, depth: float) -> bool:
     """Return whether no direction separates two triangles but for the depth."""
     reach = 0.0
     for k in range(3):

@@ -63,8 +63,8 @@ def load_image(path: str | os.PathLike[str], *, key: str | None = None) -> Image
     path : path-like
         ``.npy`` (not read into memory as a whole), ``.npz``, ``.tif``/``.tiff`` (pages are z, rows y, columns x),
         ``.png`` (one page, as grey values; y upward), ``.vti``, ``.nrrd``, ``.mha`` or ``.mhd``, by its suffix; or a
-        folder with the slices of one DICOM series (z rises with their position, rows are y). Edges of a voxel are taken from files that hold them: ``.vti``,
-        ``.nrrd``, MetaImage, DICOM, and TIFF that ImageJ or OME has written.
+        folder with the slices of one DICOM series (rows are y, and z rises with the position of the slices). Files of
+        VTK, NRRD, MetaImage and DICOM hold the edges of a voxel, and TIFF that ImageJ or OME has written.
     key : str, optional
         Which array of an ``.npz`` or ``.vti`` file; default: the only one.
 

@@ -265,7 +265,7 @@ def _counted(image: Image) -> Census:
     found = census(image.values)
     if not len(found.label):
         raise InputError(f"the image of shape {image.values.shape} holds 0 labels: all is void; segment it first")
-    if len(found.label) >= LEAST_GREY and _is_grey(image.values):
+    if len(found.label) >= LEAST_GREY and is_grey(image.values):
         raise InputError(
             f"the image of shape {image.values.shape} has {len(found.label)} values, which rise and fall from voxel "
             "to voxel: these are grey values and no labels; make labels with segment(load_image(file)), at the prompt "
@@ -274,7 +274,7 @@ def _counted(image: Image) -> Census:
     return found
 
 
-def _is_grey(values: NDArray[Any]) -> bool:
+def is_grey(values: NDArray[Any]) -> bool:
     """Return whether values rise or fall over three voxels in a row at many of their changes.
 
     They do in 1 of 3 changes of noise and in more than half of those of smooth images, whose steps are wider than a

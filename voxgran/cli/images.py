@@ -1,0 +1,65 @@
+"""Commands on images: what they hold, and packings of their labels."""
+
+import argparse
+from dataclasses import replace
+from typing import Any
+
+import voxgran
+from voxgran._base.errors import InputError
+from voxgran.cli.terminal import progress, show
+from voxgran.io.files import check_output
+from voxgran.measures.registered.density import main_numbers
+from voxgran.shapes.images.labels import is_grey
+
+
+def labels(options: argparse.Namespace) -> None:
+    """Make a packing of a label image and write it."""
+    if options.output:
+        check_output(options.output, overwrite=options.overwrite)
+    given = {
+        name: getattr(options, name)
+        for name in ("voxel_size", "border", "surface", "smoothing", "periodic", "gravity", "unit", "key")
+    }
+    source = voxgran.load_image(options.file, key=options.key) if options.segment else options.file
+    if options.segment:
+        source = replace(source, values=voxgran.segment(source.values))
+    with progress(options) as on_step:
+        packing = voxgran.packing_of_labels(source, on_step=on_step, **given)
+    if options.output:
+        voxgran.save(packing, options.output, overwrite=options.overwrite)
+    numbers = {"grains": packing.count, **main_numbers(packing)}
+    show({**numbers, "largest_volume_error": packing.provenance["largest_volume_error"]}, options)
+
+
+def info(options: argparse.Namespace) -> None:
+    """Say what an image holds: voxels, lengths, values, and labels where it has them.
+
+    Raises
+    ------
+    InputError
+        If the image has not three axes.
+    """
+    image = voxgran.load_image(options.file, key=options.key)
+    values = image.values
+    if values.ndim != 3 or not values.size:
+        raise InputError(
+            f"{options.file} has the shape {values.shape}: three axes with voxels are needed; stack slices"
+        )
+    size = image.voxel_size
+    numbers: dict[str, Any] = {
+        "voxels": " x ".join(map(str, values.shape)),
+        "type": str(values.dtype),
+        "voxel_size": "not in the file: give --voxel-size" if size is None else list(size),
+        "unit": image.unit or "not in the file",
+        "lengths": None if size is None else [n * edge for n, edge in zip(values.shape, size, strict=True)],
+        "least": values.min().item(),
+        "greatest": values.max().item(),
+    }
+    if values.dtype.kind not in "bui" or values.min() < 0 or is_grey(values):
+        numbers["values"] = "grey values: make labels of them with voxgran labels --segment"
+    else:
+        table = voxgran.label_table(image, voxel_size=1.0 if size is None else None)
+        share = float(table.voxels.sum()) / values.size
+        numbers |= {"values": "labels", "labels": table.sizes["label"], "share_of_labels": share}
+        numbers["cut_by_border"] = int(table.touches_border.sum())
+    show({name: value for name, value in numbers.items() if value is not None}, options)
