@@ -12,9 +12,10 @@ from typing import Any, TypeAlias
 import numpy as np
 
 from voxgran._base.arrays import Booleans, Floats, Integers
+from voxgran._base.lazy import load
 from voxgran.contacts.inside import inner_distance
 from voxgran.contacts.model import Contacts
-from voxgran.geometry.triangles import normals_of
+from voxgran.geometry.triangles import areas_of, normals_of
 from voxgran.measures.model import length_unit, variable
 from voxgran.measures.window import Estimate, Solids, images
 from voxgran.packing.model import Packing
@@ -28,10 +29,11 @@ from voxgran.shapes.surface import Surface
 
 #: distance, in mean diameters, up to which a face lies on another one: more than neighbours of a label image are apart
 ON = 1e-4
-#: the same of grains that share faces, in contact gaps: where three labels meet, their surfaces leave slits
-SLIT = 0.5
 #: least number of parts of the surface of a grain
 PARTS = 2000
+
+#: distance, in mean diameters, up to which triangles of two grains are the same: more than rounding parts them
+SAME = 1e-9
 
 #: middles (m, 3), normals (m, 3) and areas (m,) of parts of a surface, and the face (m,) that each is of
 Parts: TypeAlias = tuple[Floats, Floats, Floats, Integers]
@@ -78,6 +80,31 @@ def _surfaces(packing: Packing) -> tuple[Estimate, Estimate, Estimate, Estimate]
                 areas, variances = areas + found[0], variances + found[1]
     either, on_grains, in_walls = map(Estimate, whole - areas, np.sqrt(variances))
     return either, on_grains, in_walls, Estimate(whole)
+
+
+def shared_areas(packing: Packing, contacts: Contacts) -> Floats:
+    """Return the area (n,) of the triangles that both grains of each contact have, as neighbours of label images do."""
+    lengths, reach = packing.container.bounds[1] - packing.container.bounds[0], SAME * packing.diameters.mean()
+    meshes = np.array([isinstance(shape.geometry, Mesh) for shape in packing.shapes], dtype=np.bool_)[packing.shape_id]
+    found = np.zeros(contacts.count)
+    for k in np.flatnonzero(meshes[contacts.i] & meshes[contacts.j] & (np.abs(contacts.gap) <= reach)).tolist():
+        one, two = _triangles(packing, int(contacts.i[k])), _triangles(packing, int(contacts.j[k]))
+        two = two + contacts.image[k] * lengths
+        low = np.maximum(*(corners.min(axis=(0, 1)) for corners in (one, two))) - reach
+        high = np.minimum(*(corners.max(axis=(0, 1)) for corners in (one, two))) + reach
+        one, two = (near[((near >= low) & (near <= high)).all(axis=(1, 2))] for near in (one, two))
+        if len(one) and len(two):
+            middles = two.mean(axis=1)
+            apart, nearest = load("scipy.spatial").cKDTree(middles).query(one.mean(axis=1), distance_upper_bound=reach)
+            same = np.flatnonzero(np.isfinite(apart))
+            against = np.einsum("fi,fi->f", normals_of(one[same]), normals_of(two[nearest[same]])) < 0
+            found[k] = areas_of(one[same[against]]).sum()
+    return found
+
+
+def _triangles(packing: Packing, grain: int) -> Floats:
+    """Return the corners (m, 3, 3) of the triangles of a grain where it lies."""
+    return np.asarray(packing.world_vertices(grain)[packing.shapes[packing.shape_id[grain]].faces])
 
 
 def _of_union(packing: Packing, centers: Floats, radii: Floats) -> float:
@@ -165,14 +192,10 @@ def _covered(
     scale, turn, container = float(packing.scale[grain]), packing.matrices[grain], packing.container
     points, outwards = middles * scale @ turn.T + packing.position[grain], normals @ turn.T
     on_grains, in_walls = np.zeros((2, len(points)), dtype=np.bool_)
-    slit = max(reach, SLIT * packing.contact_gap)
     for other, center, deep in partners:
         away = points - center
-        near = np.flatnonzero(~on_grains & ((away**2).sum(axis=1) <= (packing.bounding_radii[other] + slit) ** 2))
-        on = _holds(packing, other, away[near] + reach * outwards[near], deep, reach)
-        if on.any() and slit > reach:
-            on |= _holds(packing, other, away[near] + slit * outwards[near], deep, slit)
-        on_grains[near] = on
+        near = np.flatnonzero(~on_grains & ((away**2).sum(axis=1) <= (packing.bounding_radii[other] + reach) ** 2))
+        on_grains[near] = _holds(packing, other, away[near] + reach * outwards[near], deep, reach)
     if container.signed_distance(packing.position[[grain]])[0] + packing.bounding_radii[grain] >= -reach:
         in_walls = container.signed_distance(points + reach * outwards) >= 0
     factor, whole, many = scale ** (packing.dimension - 1), np.bincount(face, areas), np.bincount(face)
