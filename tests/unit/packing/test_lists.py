@@ -50,9 +50,20 @@ def test_tables_of_all_kinds_are_one_list(tmp_path):
         assert packing.grain_id.tolist() == known.grain_id.tolist()
 
 
-def test_a_file_of_one_column_is_read_as_one(tmp_path):
-    (tmp_path / "list.csv").write_text("diameter [mm]\n1.0\n0.5\n0.75\n", encoding="utf-8")
-    assert pack(tmp_path / "list.csv", [SPHERE], unit="mm").diameters.tolist() == [1.0, 0.5, 0.75]
+@pytest.mark.parametrize(
+    "text", ["diameter [um]\n1000\n500.5\n", "diameter\n1.0\n0.5005\n", "d [mm]\n1,0\n0,5005 # wet\n"]
+)
+def test_a_file_of_one_column_is_read_as_one(tmp_path, text):
+    (tmp_path / "list.csv").write_text(text, encoding="utf-8")
+    assert task(tmp_path / "list.csv", [SPHERE], unit="mm").sizes.diameters == pytest.approx((0.5005, 1.0))
+
+
+def test_methods_that_place_grains_as_they_are_take_lists():
+    with pytest.raises(InputError) as found:
+        vg.pack(SPHERE, BOX, "voronoi_fill", grains={"diameter": [1.0]})
+    scaling = {"apollonian", "growth", "jam", "random_apollonian", "tetrahedral", "voronoi_fill"}
+    assert set(str(found.value).partition(", one of ")[2].split(", ")) >= set(vg.packing_methods()) - scaling
+    assert not scaling & set(str(found.value).partition(", one of ")[2].split(", "))
 
 
 def test_shapes_are_placed_each_once_at_their_own_size():

@@ -19,7 +19,7 @@ from voxgran._base.units import as_unit, known_unit, unit_factor
 
 
 def read_table(path: str) -> Any:
-    """Return the table of a CSV file, whose numbers have decimal commas where semicolons separate the columns.
+    """Return the table of a CSV file, whose numbers may have decimal commas where no commas separate the columns.
 
     Raises
     ------
@@ -31,11 +31,11 @@ def read_table(path: str) -> Any:
     found = existing_file(Path(path))
     with refused(found):
         text = found.read_text(encoding="utf-8-sig")
-        decimal = "," if ";" in text else "."
-        rows = [row for line in text.splitlines() if (row := line.partition("#")[0].strip())]
-        # in a single column the separator would be guessed among its letters
-        guessed = {"sep": None, "engine": "python"} if any(re.search(r"[;,\s]", row) for row in rows[1:]) else {}
-        return load("pandas").read_csv(found, comment="#", decimal=decimal, **guessed)
+        head, *rows = [row for line in text.splitlines() if (row := line.partition("#")[0].strip())] or [";"]
+        # in a single column a separator would be guessed among letters, blanks and decimal commas
+        alone = not re.search(r"[;,\t]", head) and not any(re.search(r"\s", row) for row in rows)
+        how = {"sep": ";"} if alone else {"sep": None, "engine": "python"}
+        return load("pandas").read_csv(found, comment="#", decimal="," if alone or ";" in text else ".", **how)
 
 
 def columns_in(table: Any, known: Mapping[str, Sequence[str]], where: str) -> dict[str, str]:
