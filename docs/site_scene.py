@@ -31,6 +31,10 @@ SECTIONS = {
         "A clump of spheres in place of the shape. The parameters of the method are keys of the same table.",
     ),
     "roughen = { ... } of a [[shape]]": ((Roughness,), "A rough surface; a `seed` may be given, too."),
+    "[grains]": (
+        (keys.Listed,),
+        "A list of grains, each placed once, in place of `count` and [sizes]. Without the section grains are drawn.",
+    ),
     "[packing]": (
         (keys.Packed,),
         "How the grains are packed. Parameters of the method are keys of the same section.",

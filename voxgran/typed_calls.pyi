@@ -36,6 +36,7 @@ class PackKeywords(TypedDict, total=False):
     count: Whole | None
     solid_fraction: Number | None
     sizes: SizeDistribution | None
+    grains: Any
     weights: ArrayLike | None
     weights_by: str
     seed: Whole

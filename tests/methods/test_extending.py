@@ -54,8 +54,8 @@ def check_plugin(folder):
     (folder / "try_it.py").write_text(example + proof)
     run(folder, "try_it")
     found = run(folder, "pytest", "-q", "-p", "no:dash", "-p", "no:cacheprovider", *TESTS)
-    assert re.search(r"^21 passed", found, flags=re.MULTILINE), found
-    assert "the suites: 21 tests" in page
+    assert re.search(r"^22 passed", found, flags=re.MULTILINE), found
+    assert "the suites: 22 tests" in page
 
 
 def test_the_plugin_works_by_its_entry_point(tmp_path):

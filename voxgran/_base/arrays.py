@@ -134,8 +134,8 @@ def as_faces(value: "ArrayLike", vertex_count: int, name: str = "faces") -> Inte
     return faces
 
 
-def as_indices(value: "ArrayLike", name: str, *, length: int, below: int) -> Integers:
-    """Return `value` as (length,) int64 indices below `below`, in an array of their own.
+def as_indices(value: "ArrayLike", name: str, *, length: int, below: int | None = None, at_least: int = 0) -> Integers:
+    """Return `value` as (length,) int64 indices below `below`, if that is given, in an array of their own.
 
     Raises
     ------
@@ -144,11 +144,12 @@ def as_indices(value: "ArrayLike", name: str, *, length: int, below: int) -> Int
     """
     given = isinstance(value, np.ndarray) and value.dtype.kind in "iu" and value.shape == (length,)
     array = np.asarray(value) if given else as_floats(value, name, shape=(length,))
-    wrong = np.flatnonzero((array < 0) | (array >= below) | (array != np.floor(array)))
+    beyond = array >= (MOST if below is None else below)
+    wrong = np.flatnonzero((array < at_least) | beyond | (array != np.floor(array)))
     if len(wrong):
+        rule = f"at least {at_least}" + ("" if below is None else f" and below {below}")
         raise InputError(
-            f"{name} is {array[wrong[0]]:g} at index {wrong[0]}: every value must be a whole number, at least 0 and "
-            f"below {below}; correct it"
+            f"{name} is {array[wrong[0]]:g} at index {wrong[0]}: every value must be a whole number, {rule}; correct it"
         )
     return array.astype(np.int64)
 

@@ -4,7 +4,12 @@ Each subclasses the standard error that people catch, and each message is one se
 value, the rule and the remedy. `exit_code` is what the command line returns: 2 for bad input, 1 for failure.
 """
 
+from collections.abc import Collection
+from itertools import islice
 from typing import ClassVar
+
+#: how many things of several a message names
+NAMED = 5
 
 
 def shown(value: object) -> str:
@@ -23,6 +28,13 @@ def shown(value: object) -> str:
 def with_article(noun: str) -> str:
     """Return a noun with its article: ``a box``, ``an ellipsoid``."""
     return f"{'an' if noun[:1].lower() in 'aeiou' else 'a'} {noun}"
+
+
+def numbered(noun: str, numbers: Collection[int]) -> str:
+    """Return things by their numbers, at most five of them: ``grain 3``, ``rows 0, 2, 5, 6, 7 and 2 more``."""
+    first = ", ".join(str(number) for number in islice(numbers, NAMED))
+    more = f" and {len(numbers) - NAMED} more" if len(numbers) > NAMED else ""
+    return f"{noun}{'' if len(numbers) == 1 else 's'} {first}{more}"
 
 
 class VoxgranError(Exception):

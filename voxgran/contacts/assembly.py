@@ -286,6 +286,19 @@ def density_text(density: Density, form: str = "g") -> str:
     return ", ".join(format(one, form) for one in dict.fromkeys(by_shape(density, 1)))
 
 
+def common_shapes(one: Assembly, other: Assembly) -> tuple[tuple[Shape, ...], Density, Integers, Integers]:
+    """Return the different shapes of two packings with their densities, and which of them each grain of one and of the
+    other has; a shape of two densities is there twice.
+    """
+    kinds = [list(zip(each.shapes, by_shape(each.density, len(each.shapes)), strict=True)) for each in (one, other)]
+    place = {kind: k for k, kind in enumerate(dict.fromkeys((*kinds[0], *kinds[1])))}
+    mine, its = (
+        np.array([place[kind] for kind in own], int)[each.shape_id]
+        for own, each in zip(kinds, (one, other), strict=True)
+    )
+    return tuple(shape for shape, _ in place), merged([density for _, density in place]), mine, its
+
+
 def shapes_by_density(
     shapes: Sequence[Shape], shape_id: Integers, densities: "ArrayLike"
 ) -> tuple[tuple[Shape, ...], Integers, Density]:

@@ -91,6 +91,8 @@ def to_record(packing: Packing) -> Record:
         partners = np.concatenate([contacts.i, contacts.j])
         per_grain["coordination_number"] = np.bincount(partners, minlength=packing.count)
         arrays["coordination_gap"] = np.array([gap])
+    if packing.grain_id is not None:
+        per_grain["grain_id"] = packing.grain_id
     several = isinstance(packing.density, tuple)
     if several:
         per_grain["density"] = packing.densities
@@ -183,6 +185,7 @@ def _later_fields(record: Record, packing: Packing) -> dict[str, Any]:
         "lid": _lid(record),
         "forces": _forces(record),
         "relaxation": _relaxation(record),
+        "grain_id": record.per_grain.get("grain_id"),
     }
 
 

@@ -234,8 +234,10 @@ def _spheres_as_points(packing: Packing) -> Any:
 
 def _per_grain(packing: Packing, grains: Any) -> dict[str, Any]:
     """Return the arrays by which triangles and points are coloured."""
-    density = {"density": packing.densities[grains]} if isinstance(packing.density, tuple) else {}
-    return {"grain": grains, "shape_id": packing.shape_id[grains], "diameter": packing.diameters[grains], **density}
+    more = {"density": packing.densities[grains]} if isinstance(packing.density, tuple) else {}
+    if packing.grain_id is not None:
+        more["grain_id"] = packing.grain_id[grains]
+    return {"grain": grains, "shape_id": packing.shape_id[grains], "diameter": packing.diameters[grains], **more}
 
 
 def _grain_surfaces(packing: Packing) -> Any:

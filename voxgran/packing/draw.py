@@ -10,18 +10,20 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from voxgran._base.arrays import Floats, Integers, as_choice, as_count, as_floats, as_share, check_lengths
-from voxgran._base.errors import GrainTooLargeError, InputError, PackingWarning, TooLargeError, shown
-from voxgran._base.machine import memory_limit
+from voxgran._base.errors import GrainTooLargeError, InputError, PackingWarning, TooLargeError, numbered, shown
 from voxgran._base.registry import Parameters
 from voxgran._base.scalars import cube_root
 from voxgran._base.seeds import stream
 from voxgran._base.warning import warn
+from voxgran.contacts.assembly import as_density, by_shape, shapes_by_density
 from voxgran.containers.model import Container, boundary_of
 from voxgran.containers.size_limits import can_fit
+from voxgran.packing.grains import joined_ids
 from voxgran.packing.model import Packing
 from voxgran.settling.parameters import Settling
 from voxgran.shapes.describing.extents import principal_extents
 from voxgran.shapes.model import Shape, check_shapes
+from voxgran.shapes.size_laws.listed import ListedGrains, grains_of, refuse_too_many
 from voxgran.shapes.size_laws.plan import FAR, count_within, stratum_distance
 from voxgran.shapes.sizes import SizeDistribution
 
@@ -35,8 +37,8 @@ DENSEST = {2: math.pi / math.sqrt(12.0), 3: math.pi / math.sqrt(18.0)}
 GOLDEN, SILVER, SHUFFLED = 0.6180339887498949, 0.41421356237309503, 64
 #: number of grains drawn at a time, and largest number, if no count is given
 BLOCK, MOST_DRAWN = 1024, 10_000_000
-#: largest count, and bytes of a grain that every method needs at least
-MOST_ASKED, GRAIN_BYTES = 100_000_000, 300
+#: largest count
+MOST_ASKED = 100_000_000
 #: counts above this are first checked by so many grains
 PROBE = 100_000
 #: largest number of grains whose sizes the method makes, if no count is given
@@ -54,6 +56,7 @@ class Request:
     count: int | None = None
     solid_fraction: float | None = None
     sizes: SizeDistribution | None = None
+    grains: Any = None  # a list; its grains once it is read
     weights: "ArrayLike | None" = None
     weights_by: str = "number"
     seed: int = 0
@@ -68,12 +71,14 @@ class Request:
 class DrawnGrains:
     """Grains without poses: their shapes and equivalent diameters, (n,), in the unit of lengths.
 
-    removed: count and volume of the drawn grains that cannot fit.
+    removed: count and volume of the drawn grains that cannot fit. grain_id: row of each grain in its list, (n,), -1 for
+    grains of no list; None without a list.
     """
 
     shape_id: Integers
     diameter: Floats
     removed: dict[str, float]
+    grain_id: Integers | None = None
 
 
 def draw_grains(
@@ -95,11 +100,13 @@ def draw_grains(
         If a number is out of range, the grains have more volume than the container, the solid fraction of equal spheres
         is beyond that of the densest lattice, or volumes of open surfaces are needed.
     GrainTooLargeError
-        If no grain can fit.
+        If no grain can fit, or one of a list cannot.
     TooLargeError
         If more than 100 million grains are requested.
     """
     shapes, container, sizes, seed = check_shapes(request.shapes), request.container, request.sizes, request.seed
+    if request.grains is not None:
+        return _listed(shapes, container, request.grains)
     solid_fraction = request.solid_fraction
     count = None if request.count is None else as_count(request.count, "count", at_most=None)
     if count is not None and count > MOST_ASKED:
@@ -144,6 +151,38 @@ def draw_grains(
     return DrawnGrains(shape_id[fits], diameter[fits], removed)
 
 
+def listed_grains(request: Request, shapes: Sequence[Shape], unit: str) -> tuple[tuple[Shape, ...], ListedGrains, Any]:
+    """Return shapes, once for each density, grains and densities of the list of a request, with lengths in one unit.
+
+    Raises
+    ------
+    InputError
+        If the list breaks a rule.
+    """
+    shares = _shares(shapes, request.weights, request.weights_by, own_size=False)
+    given = None if request.density is None else by_shape(as_density(request.density, len(shapes)), len(shapes))
+    found = grains_of(request.grains, shapes, shares, unit=unit, densities=given)
+    if found.density is None:
+        return check_shapes(request.shapes), found, request.density
+    apart, shape_id, density = shapes_by_density(shapes, found.shape_id, found.density)
+    return apart, replace(found, shape_id=shape_id), density
+
+
+def _listed(shapes: Sequence[Shape], container: Container, grains: ListedGrains) -> DrawnGrains:
+    """Return the grains of a list, each once and in its order."""
+    wrong = np.flatnonzero(~can_fit(shapes, container, grains.shape_id, grains.diameter))
+    if len(wrong):
+        raise GrainTooLargeError(
+            f"{numbered('row', np.unique(grains.row[wrong]))} of grains (from 0 on), of diameter "
+            f"{grains.diameter[wrong[0]]:.6g}, cannot fit in the container of {_lengths_text(container)}, however "
+            "turned; take out what is too large, or enlarge the container"
+        )
+    share = float(_volumes(shapes, grains.shape_id, grains.diameter).sum() / container.volume)
+    if share > 1.0:
+        raise InputError(_too_much(len(grains.row), share))
+    return DrawnGrains(grains.shape_id, grains.diameter, {"count": 0, "volume": 0.0}, grains.row)
+
+
 def _refuse_too_many(
     shapes: Sequence[Shape],
     shares: Floats,
@@ -155,12 +194,7 @@ def _refuse_too_many(
     seed: int,
 ) -> None:
     """Refuse, before all grains are drawn, a count that is far beyond the memory or, where `bounded`, the container."""
-    available = memory_limit()
-    if count * GRAIN_BYTES > available:
-        raise TooLargeError(
-            f"count is {count}: these grains need at least {count * GRAIN_BYTES / 2**30:.1f} GiB, and this machine has "
-            f"{available / 2**30:.1f} GiB; ask for fewer"
-        )
+    refuse_too_many(count)
     shape_id, diameter = _draw_block(shapes, shares, sizes, PROBE, seed, 0)
     fits = can_fit(shapes, container, shape_id, diameter)
     volume = float(_volumes(shapes, shape_id, diameter)[fits].sum()) * (count / PROBE)
@@ -196,10 +230,14 @@ def _without_sizes(
     return DrawnGrains(shape_id, np.full(many, diameter), {"count": 0, "volume": 0.0})
 
 
-def joined(shape_id: Integers, diameter: Floats, grains: DrawnGrains, *, earlier: int) -> DrawnGrains:
+def joined(start: Packing, grains: DrawnGrains, *, earlier: int) -> DrawnGrains:
     """Return the grains of a start followed by drawn ones, whose shapes come after `earlier` others."""
-    ids = np.concatenate([shape_id, earlier + grains.shape_id])
-    return replace(grains, shape_id=ids, diameter=np.concatenate([diameter, grains.diameter]))
+    return replace(
+        grains,
+        shape_id=np.concatenate([start.shape_id, earlier + grains.shape_id]),
+        diameter=np.concatenate([start.diameters, grains.diameter]),
+        grain_id=joined_ids((start.grain_id, start.count), (grains.grain_id, len(grains.shape_id))),
+    )
 
 
 def scaled_to(

@@ -11,12 +11,12 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from voxgran._base import ExplainedAttributes
-from voxgran._base.arrays import Floats, Integers, as_choice, as_number, check_type
+from voxgran._base.arrays import Floats, Integers, as_choice, as_indices, as_number, check_type, read_only
 from voxgran._base.errors import GrainIndexError, InputError, shown
 from voxgran._base.lazy import load
 from voxgran._base.units import NO_UNIT, as_unit
 from voxgran.clumps.bonds import LEAST_AREA, TOUCHING, Strengths, bonds_of_bodies
-from voxgran.contacts.assembly import Assembly, Density, Lid, by_shape, checked_arrays, merged
+from voxgran.contacts.assembly import Assembly, Lid, checked_arrays
 from voxgran.contacts.forces import check_forces
 from voxgran.contacts.surfaces import merged_surfaces
 from voxgran.packing.gravity import as_down
@@ -304,7 +304,7 @@ class GrainSequence(ExplainedAttributes, Assembly):
 
     def to_dataframe(self) -> Any:
         """Return a `pandas.DataFrame` with one row per grain: shape, x, y, z, qw, qx, qy, qz, scale, diameter, volume,
-        and density where that differs between shapes.
+        density where that differs between shapes, and grain_id where grains are those of a list.
 
         Raises
         ------
@@ -324,22 +324,18 @@ class GrainSequence(ExplainedAttributes, Assembly):
         columns.update(scale=self.scale, diameter=self.diameters, volume=self.volumes)
         if isinstance(self.density, tuple):
             columns["density"] = self.densities
+        if (rows := getattr(self, "grain_id", None)) is not None:
+            columns["grain_id"] = rows
         made = load("pandas").DataFrame(columns)
         made.index.name = "grain"
         return made
 
 
-def common_shapes(one: Assembly, other: Assembly) -> tuple[tuple[Shape, ...], Density, Integers, Integers]:
-    """Return the different shapes of two packings with their densities, and which of them each grain of one and of the
-    other has; a shape of two densities is there twice.
-    """
-    kinds = [list(zip(each.shapes, by_shape(each.density, len(each.shapes)), strict=True)) for each in (one, other)]
-    place = {kind: k for k, kind in enumerate(dict.fromkeys((*kinds[0], *kinds[1])))}
-    mine, its = (
-        np.array([place[kind] for kind in own], int)[each.shape_id]
-        for own, each in zip(kinds, (one, other), strict=True)
-    )
-    return tuple(shape for shape, _ in place), merged([density for _, density in place]), mine, its
+def joined_ids(*parts: tuple[Integers | None, int]) -> Integers | None:
+    """Return the rows of grains that are put together, -1 for those of no list; None where no list is known."""
+    if all(rows is None for rows, _ in parts):
+        return None
+    return np.concatenate([np.full(count, -1) if rows is None else rows for rows, count in parts])
 
 
 def frame_of(packing: Any) -> dict[str, Any]:
@@ -388,8 +384,10 @@ def _checked(packing: Any) -> dict[str, Any]:
         )
     if not (down is None or (isinstance(down, tuple) and len(down) == 3 and abs(np.linalg.norm(down) - 1.0) < 1e-9)):
         down = as_down(down, packing.container)
-    gap = as_number(packing.contact_gap, "contact_gap", at_least=0.0)
-    return {"shapes": tuple(packing.shapes), "unit": unit, "gravity": down, "contact_gap": gap}
+    gap, rows = as_number(packing.contact_gap, "contact_gap", at_least=0.0), packing.grain_id
+    if rows is not None:
+        rows = read_only(as_indices(rows, "grain_id", length=len(packing.position), at_least=-1))
+    return {"shapes": tuple(packing.shapes), "unit": unit, "gravity": down, "contact_gap": gap, "grain_id": rows}
 
 
 def refuse_unlike(mine: Mapping[str, Any], its: Mapping[str, Any]) -> None:

@@ -17,12 +17,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from voxgran._base.calls import explained
-from voxgran._base.errors import LongRunWarning, TooLargeError
+from voxgran._base.errors import InputError, LongRunWarning, TooLargeError, shown
 from voxgran._base.machine import memory_limit
 from voxgran._base.registry import Registry
 from voxgran._base.warning import warn
+from voxgran.containers.model import UNKNOWN, Container, boundary_of
 from voxgran.packing.model import Packing
 from voxgran.packing.problem import Problem
+from voxgran.shapes.model import Shape
 
 Array: TypeAlias = NDArray[Any]
 
@@ -194,6 +196,8 @@ class PackingMethod:
     sizing : {"drawn", "scaled", "made"}
         How the sizes of the grains come about: as drawn; by a common factor on the drawn ones, which meets the solid
         fraction exactly, also together with a count; or by the method, which then takes no size distribution.
+    keeps_sizes : bool
+        Whether a method that scales sizes keeps those of a count, so that it places the grains of a list.
     no_room : str
         What a warning says where the method stops since no other grain has room: why, and what helps.
 
@@ -220,6 +224,7 @@ class PackingMethod:
     any_walls: bool = False
     builds_bed: bool = False
     sizing: Literal["drawn", "scaled", "made"] = "drawn"
+    keeps_sizes: bool = False
     no_room: str = NO_ROOM
 
 
@@ -252,6 +257,61 @@ def packing_memory(method: PackingMethod, problem: Problem) -> int:
         If the lattice has more voxels than the method can hold.
     """
     return PACKING_BYTES + method.cost(problem).memory
+
+
+def refuse_unfit(method: PackingMethod, shapes: tuple[Shape, ...], container: Container) -> None:
+    """Refuse what the method does not pack: shapes and containers of another dimension or kind, open surfaces.
+
+    Raises
+    ------
+    InputError
+        If it does not pack one of them.
+    """
+    for shape in shapes:
+        if shape.dimension != container.dimension:
+            raise InputError(
+                f"shape {shape.name!r} has dimension {shape.dimension}: the container has {container.dimension}; "
+                "use shapes and container of one dimension"
+            )
+        if not method.open_surfaces:
+            shape.refuse_open(f"grains of method {method.name!r}")
+    if container.dimension not in method.dimensions:
+        raise InputError(
+            f"method {method.name!r} packs in dimension {method.dimensions}: the container has {container.dimension}; "
+            "choose another method"
+        )
+    walls = boundary_of(container)
+    if not method.any_container and (walls is UNKNOWN or not (walls.is_usual or method.any_walls)):
+        known = "known by its signed distance only" if walls is UNKNOWN else "with a cone or several round walls"
+        remedy = "make a mesh of it, ClosedMesh(Shape.from_mesh(*container.mesh()))"
+        raise InputError(
+            f"container is of type {type(container).__name__}, {known}, which method {method.name!r} does not take; "
+            f"{remedy if container.dimension == 3 else 'use a Rectangle, Disk or Polygon'}, or choose a digital method"
+        )
+
+
+def refuse_list(method: PackingMethod, beside: Mapping[str, Any]) -> None:
+    """Refuse a list of grains where the method does not place grains as they are, or where something beside it says
+    how many grains there are or how large.
+
+    Raises
+    ------
+    InputError
+        If it is so.
+    """
+    if method.sizing != "drawn" and not method.keeps_sizes:
+        registry = method_registry()
+        others = [one for one in map(registry.get, registry.names()) if one.sizing == "drawn" or one.keeps_sizes]
+        raise InputError(
+            f"grains is given, and method {method.name!r} makes the sizes of grains or scales them: give a method that "
+            f"places grains as they are, one of {', '.join(other.name for other in others)}"
+        )
+    for name, value in beside.items():
+        if value is not None:
+            raise InputError(
+                f"grains is given, and {name} is {shown(value)}: a list says how many grains there are and how large; "
+                f"leave {name} out"
+            )
 
 
 def check_cost(method: PackingMethod, problem: Problem) -> None:

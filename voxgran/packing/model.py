@@ -16,14 +16,14 @@ from voxgran._base.calls import explained_methods
 from voxgran._base.units import as_unit, unit_factor
 from voxgran.clumps.model import Clump
 from voxgran.clumps.stand_in import as_clumps
-from voxgran.contacts.assembly import as_density, checked_arrays
+from voxgran.contacts.assembly import as_density, checked_arrays, common_shapes
 from voxgran.contacts.find import find_contacts
 from voxgran.contacts.forces import ContactForces
 from voxgran.contacts.model import Contacts
 from voxgran.contacts.verify import Verification, verify
 from voxgran.containers.model import Container
 from voxgran.containers.one_unit import converted, in_one_unit
-from voxgran.packing.grains import ColorBy, GrainSequence, card_of_packing, common_shapes, frame_of, refuse_unlike
+from voxgran.packing.grains import ColorBy, GrainSequence, card_of_packing, frame_of, joined_ids, refuse_unlike
 from voxgran.packing.gravity import Down, as_down
 from voxgran.settling.relaxation import Relaxation
 from voxgran.shapes.model import Shape, check_shapes
@@ -69,6 +69,8 @@ class Packing(GrainSequence):
         other poses or another gravity with ``dataclasses.replace``, give ``forces=None, stop_reason="count"`` too.
     relaxation : Relaxation or None
         What an engine changed that brought these grains to rest, as of :func:`voxgran.relax`; None for others.
+    grain_id : (n,) ndarray of int or None
+        Row of each grain in the list that was packed, from 0 on, -1 for a grain of no list; None without a list.
 
     Examples
     --------
@@ -88,6 +90,7 @@ class Packing(GrainSequence):
     asked_sizes: SizeDistribution | None = None
     forces: ContactForces | None = None
     relaxation: Relaxation | None = None
+    grain_id: Integers | None = None
 
     @classmethod
     def of(
@@ -107,6 +110,7 @@ class Packing(GrainSequence):
         contact_gap: float = 0.0,
         asked_sizes: SizeDistribution | None = None,
         forces: ContactForces | None = None,
+        grain_id: "ArrayLike | None" = None,
     ) -> "Packing":
         """Make a packing from array-likes.
 
@@ -142,6 +146,8 @@ class Packing(GrainSequence):
             Distribution of sizes that was asked for.
         forces : ContactForces, optional
             Forces at the contacts of these grains.
+        grain_id : (n,) array_like of int, optional
+            Row of each grain in a list.
 
         Raises
         ------
@@ -172,6 +178,7 @@ class Packing(GrainSequence):
             contact_gap,
             asked_sizes,
             forces,
+            grain_id=grain_id,  # type: ignore[arg-type]  # made an array as the fields are checked
         )
 
     def to_unit(self, unit: str) -> "Packing":
@@ -220,8 +227,11 @@ class Packing(GrainSequence):
         every = np.arange(self.count)
         reason = self.stop_reason if np.array_equal(np.sort(kept), every) else "count"
         forces = self.forces if np.array_equal(kept, every) else None
-        some = GrainSequence._chosen(replace(self, forces=None), kept)
-        return replace(some, provenance=record, stop_reason=reason, asked_sizes=None, forces=forces, relaxation=None)
+        rows = None if self.grain_id is None else self.grain_id[kept]
+        some = GrainSequence._chosen(replace(self, forces=None, grain_id=None), kept)
+        return replace(
+            some, provenance=record, stop_reason=reason, asked_sizes=None, forces=forces, relaxation=None, grain_id=rows
+        )
 
     def with_clumps(self, clumps: Clump | Sequence[Clump | None] | None = None, **fitting: Any) -> "Packing":
         """Return the same grains at the same poses as clumps with the mass properties of their true shapes.
@@ -283,6 +293,7 @@ class Packing(GrainSequence):
             asked_sizes=None,
             forces=None,
             relaxation=None,
+            grain_id=joined_ids((self.grain_id, self.count), (other.grain_id, other.count)),
         )
 
     def __eq__(self, other: object) -> bool:

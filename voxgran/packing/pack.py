@@ -14,19 +14,19 @@ from numpy.typing import ArrayLike
 from voxgran._base.arrays import as_number, check_lengths
 from voxgran._base.calls import explained
 from voxgran._base.config import parameters_of, to_mapping
-from voxgran._base.errors import InputError, PackingWarning, shown
+from voxgran._base.errors import InputError, PackingWarning, numbered, shown
 from voxgran._base.machine import installed_versions
 from voxgran._base.progress import OnStep, Step, reported
 from voxgran._base.registry import Parameters
 from voxgran._base.scalars import number_of, whole_number_of
 from voxgran._base.units import NO_UNIT, as_unit
 from voxgran._base.warning import warn
-from voxgran.containers.model import UNKNOWN, Container, boundary_of, check_container
+from voxgran.containers.model import Container, check_container
 from voxgran.containers.one_unit import in_one_unit
 from voxgran.packing.beds.expected import expected_bed
-from voxgran.packing.draw import Request, draw_grains, joined, scaled_to
+from voxgran.packing.draw import Request, draw_grains, joined, listed_grains, scaled_to
 from voxgran.packing.driver import Drive, Recorder, check_drive, drive
-from voxgran.packing.method import PackingMethod, RunState, check_cost, method_registry
+from voxgran.packing.method import PackingMethod, RunState, check_cost, method_registry, refuse_list, refuse_unfit
 from voxgran.packing.model import Packing, check_packing
 from voxgran.packing.problem import DECIMALS, Problem, normalized_problem, too_coarse, warn_of_overlaps, warn_of_units
 from voxgran.packing.settle import settling_after, warn_of_unrest, with_target
@@ -34,6 +34,7 @@ from voxgran.packing.settling_run import with_settling
 from voxgran.packing.start import check_start, density_around
 from voxgran.settling.parameters import Settling
 from voxgran.shapes.model import Shape, check_shapes
+from voxgran.shapes.size_laws.listed import ListedGrains, with_shapes_of_list
 from voxgran.shapes.sizes import SizeDistribution, size_distance
 
 log = logging.getLogger(__name__)
@@ -68,6 +69,7 @@ def pack(
     count: int | None = None,
     solid_fraction: float | None = None,
     sizes: SizeDistribution | None = None,
+    grains: Any = None,
     weights: "ArrayLike | None" = None,
     weights_by: str = "number",
     seed: int = 0,
@@ -104,6 +106,11 @@ def pack(
     sizes : SizeDistribution, optional
         Distribution of the equivalent diameters, in the unit of the container; each shape at its own size where
         left out.
+    grains : sequence of Shape, mapping, pandas.DataFrame or path-like, optional
+        List of grains, each placed once, in place of `count` and `sizes`: shapes, with ``[]`` for `shapes`, or a table
+        or CSV file with the columns `diameter` or `mass` (left out: each shape at its own size), and `shape` (name or
+        index in `shapes`; left out: taken in turn), `density` and `count`. ``packing.grain_id`` is the row of each
+        grain.
     weights : (len(shapes),) array_like of float, optional
         Shares of the shapes; equal where left out.
     weights_by : {"number", "volume"}
@@ -119,8 +126,9 @@ def pack(
         Unit of all lengths that have none of their own: container, sizes, parameters, regular shapes. Shapes of other
         units are converted to it. Left out: that of the start, or else the one of the shapes, where it is known.
     density : float or (len(shapes),) sequence of float, optional
-        Density of the material: one number, or one for each shape. Grains of the start keep theirs, unless that is 1,
-        the value of a packing without one, and a single number is given. Default: that of the start, or else 1.
+        Density of the material: one number, or one for each shape (of `grains`, where these are shapes). Grains of the
+        start keep theirs, unless that is 1, the value of a packing without one, and a single number is given. Default:
+        that of the start, or else 1.
     checkpoint : path-like, optional
         File for checkpoints, written every ten seconds, when asked to stop, and at the end; some hundred bytes a grain.
     resume : bool
@@ -154,9 +162,10 @@ def pack(
     InputError
         If an argument is of another type, a value breaks a rule, shapes have several units and none is given, a length
         is not between 1e-60 and 1e60, the grains have more volume than the container, equal spheres are asked for a
-        solid fraction beyond that of the densest lattice, or the method packs no open surfaces.
+        solid fraction beyond that of the densest lattice, the method packs no open surfaces, or a list of grains breaks
+        a rule or is not for the method.
     GrainTooLargeError
-        If no grain can fit.
+        If no grain can fit, or one of a list cannot.
     TooLargeError
         If more than 100 million grains are asked for, or the packing does not fit in memory.
     CheckpointError
@@ -172,8 +181,8 @@ def pack(
     Warns
     -----
     PackingWarning
-        If neither the count nor the solid fraction is reached, grains cannot fit, the search takes minutes, or a bed of
-        a solid fraction that is asked for is expected to have no bulk.
+        If neither the count nor the solid fraction is reached, grains cannot fit, rows of a list find no room, the
+        search takes minutes, or a bed of a solid fraction that is asked for is expected to have no bulk.
 
     Examples
     --------
@@ -184,8 +193,9 @@ def pack(
     """
     began = time.monotonic()
     request = Request(
-        *(shapes, container, method), count=count, solid_fraction=solid_fraction, sizes=sizes, weights=weights,
-        weights_by=weights_by, seed=seed, start=start, unit=unit, density=density, settle=settle, parameters=parameters,
+        *(shapes, container, method), count=count, solid_fraction=solid_fraction, sizes=sizes, grains=grains,
+        weights=weights, weights_by=weights_by, seed=seed, start=start, unit=unit, density=density, settle=settle,
+        parameters=parameters,
     )  # fmt: skip
     task = prepare_task(request)
     limit = None if time_limit is None else as_number(time_limit, "time_limit", at_least=0.0)
@@ -231,14 +241,22 @@ def prepare_task(request: Request) -> Task:
     chosen = method_registry().chosen(request.method, request.parameters, where="method", beside=_arguments())
     entry, (settings, solid_fraction) = chosen[1], with_target(chosen[2], request.solid_fraction)
     sizes, start, count = request.sizes, request.start, request.count
-    given = check_asked(request.shapes, request.container, sizes, start)
+    listed: ListedGrains | None = None
+    shapes, table, density = with_shapes_of_list(request.shapes, request.grains, request.density)
+    given = check_asked(shapes, request.container, sizes, start)
     unit = start.unit if start is not None and as_unit(request.unit) == NO_UNIT else request.unit
     given, container, unit = in_one_unit(given, request.container, unit)
     if start is not None:
         check_start(start, container.dimension)
         start = start if start.unit == NO_UNIT else start.to_unit(unit)
-    density = density_around(start, request.density, len(given))
-    _refuse_unfit(entry, given if start is None else (*given, *start.shapes), container)
+    refuse_unfit(entry, given if start is None else (*given, *start.shapes), container)
+    if table is not None:
+        refuse_list(entry, {"count": count, "sizes": sizes, "solid_fraction": solid_fraction})
+        shapes = given or (() if start is None else start.shapes)
+        found = replace(request, shapes=given, grains=table, density=density)
+        given, listed, density = listed_grains(found, shapes, unit)
+        count, sizes = len(listed.row), listed.sizes()
+    density = density_around(start, density, len(given))
     scaled = entry.sizing == "scaled"
     none_asked = start is not None and count is None and (solid_fraction is None or (scaled and not given))
     drawn = replace(
@@ -247,16 +265,19 @@ def prepare_task(request: Request) -> Task:
         container=container,
         count=0 if none_asked else count,
         solid_fraction=solid_fraction,
+        grains=listed,
     )
     own_shapes = getattr(settings, "own_shapes", False)
     grains = draw_grains(drawn, surplus=entry.selects, sizing=entry.sizing, own_shapes=own_shapes)
     asked: dict[str, Any] = {"count": whole_number_of(count), "solid_fraction": number_of(solid_fraction)}
-    asked["sizes"] = None if sizes is None else sizes.to_mapping()
+    asked["sizes"] = None if request.sizes is None else request.sizes.to_mapping()
+    if listed is not None:
+        asked["rows"] = listed.rows
     asked["weights"] = None if request.weights is None else np.asarray(request.weights, dtype=float).tolist()
     asked["weights_by"] = request.weights_by
     if start is not None:
         asked["start"] = {"count": start.count, "method": start.provenance.get("method", "")}
-        grains = joined(start.shape_id, start.diameters, grains, earlier=len(start.shapes) if given else 0)
+        grains = joined(start, grains, earlier=len(start.shapes) if given else 0)
         given = (*start.shapes, *given)
     if scaled and solid_fraction is not None:
         kept = len(grains.diameter) if count is not None or none_asked else 0 if start is None else start.count
@@ -292,31 +313,6 @@ def check_asked(shapes: Any, container: Any, sizes: Any, start: Any) -> tuple[Sh
 def _arguments() -> tuple[str, ...]:
     """Return the names of the arguments of `pack` itself, which a misspelt parameter may have meant."""
     return tuple(item.name for item in inspect.signature(pack).parameters.values() if item.kind is not item.VAR_KEYWORD)
-
-
-def _refuse_unfit(method: PackingMethod, shapes: tuple[Shape, ...], container: Container) -> None:
-    """Refuse what the method does not pack: shapes and containers of another dimension or kind, open surfaces."""
-    for shape in shapes:
-        if shape.dimension != container.dimension:
-            raise InputError(
-                f"shape {shape.name!r} has dimension {shape.dimension}: the container has {container.dimension}; "
-                "use shapes and container of one dimension"
-            )
-        if not method.open_surfaces:
-            shape.refuse_open(f"grains of method {method.name!r}")
-    if container.dimension not in method.dimensions:
-        raise InputError(
-            f"method {method.name!r} packs in dimension {method.dimensions}: the container has {container.dimension}; "
-            "choose another method"
-        )
-    walls = boundary_of(container)
-    if not method.any_container and (walls is UNKNOWN or not (walls.is_usual or method.any_walls)):
-        known = "known by its signed distance only" if walls is UNKNOWN else "with a cone or several round walls"
-        remedy = "make a mesh of it, ClosedMesh(Shape.from_mesh(*container.mesh()))"
-        raise InputError(
-            f"container is of type {type(container).__name__}, {known}, which method {method.name!r} does not take; "
-            f"{remedy if container.dimension == 3 else 'use a Rectangle, Disk or Polygon'}, or choose a digital method"
-        )
 
 
 def with_provenance(task: Task, state: RunState, packing: Packing, *, seconds: float) -> Packing:
@@ -393,7 +389,8 @@ def _warn_of_misses(task: Task, packing: Packing) -> None:
         warn(EMPTY, PackingWarning)
     if asked["count"] is not None and missed["count"] > 0:
         placed = packing.count - task.problem.started
-        parts.append(f"{placed} of {asked['count']} grains were placed before {STOPPED.format(reason)}")
+        rows = _lost_rows(task, packing)
+        parts.append(f"{placed} of {asked['count']} grains were placed{rows} before {STOPPED.format(reason)}")
     if asked["solid_fraction"] is not None and missed["solid_fraction"] > 0:
         reached = asked["solid_fraction"] - missed["solid_fraction"]
         parts.append(f"the solid fraction is {reached:.4g} instead of {asked['solid_fraction']:.4g}")
@@ -409,6 +406,15 @@ def _warn_of_misses(task: Task, packing: Packing) -> None:
         )
         text = f"{' and '.join(parts)}: {too_coarse(task.problem) or _with_order(remedy, task, packing)}"
         warn(text, PackingWarning)
+
+
+def _lost_rows(task: Task, packing: Packing) -> str:
+    """Return the rows of a list of which not all grains are placed; empty without a list."""
+    many, started = task.asked.get("rows"), task.problem.started
+    if many is None or task.problem.grain_id is None or packing.grain_id is None:
+        return ""
+    found = [np.bincount(rows[started:], minlength=many) for rows in (task.problem.grain_id, packing.grain_id)]
+    return f", without {numbered('row', np.flatnonzero(found[1] < found[0]))} of the list (from 0 on),"
 
 
 def _with_order(remedy: str, task: Task, packing: Packing) -> str:

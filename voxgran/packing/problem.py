@@ -63,6 +63,7 @@ class Problem:
     unit: str = "1"  # the user's unit of lengths
     density: Density = NOT_STATED  # of the shapes
     settling: Any = None  # how the grains settle after the method; None if they do not
+    grain_id: Integers | None = None  # (n,) row of each grain in a list, -1 for one of no list; None without a list
     # what is requested; without both, grains are more than enough
     asked_count: int | None = None
     asked_fraction: float | None = None
@@ -159,6 +160,7 @@ class Problem:
             unit=self.unit,
             gravity=gravity if gravity is not None and np.any(gravity) else None,
             contact_gap=contact_gap * unit,
+            grain_id=None if self.grain_id is None else self.grain_id[placed],
         )
 
     def voxels(self, grain: int, orientation: Floats, voxel_size: float, *, cover: str) -> Booleans:
@@ -256,6 +258,7 @@ def normalized_problem(
         unit_length=unit,
         original=shapes,
         start=None if start is None else Start(start.position / unit, start.orientation),
+        grain_id=grains.grain_id,
     )
 
 

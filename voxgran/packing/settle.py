@@ -12,10 +12,10 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import ArrayLike
 
-from voxgran._base.arrays import Integers, as_count, as_share
+from voxgran._base.arrays import as_count, as_share
 from voxgran._base.calls import explained
 from voxgran._base.config import from_mapping
-from voxgran._base.errors import InputError, PackingWarning, shown
+from voxgran._base.errors import InputError, PackingWarning, numbered, shown
 from voxgran._base.progress import OnStep
 from voxgran._base.seeds import MOST_SEED
 from voxgran._base.warning import warn
@@ -30,7 +30,6 @@ from voxgran.packing.model import Packing, check_packing
 from voxgran.packing.problem import Problem
 from voxgran.packing.settling_run import (
     GRAIN_BYTES,
-    NAMED,
     advance_settling,
     begun,
     finished,
@@ -215,8 +214,8 @@ def _prepared(packing: Packing, container: Container | None, gravity: "ArrayLike
         outside = np.flatnonzero(beyond > 0.0)
         if len(outside):
             raise InputError(
-                f"{named_grains(outside)} of the packing: centroids must lie in the container; move them, or give a "
-                "larger container"
+                f"{numbered('grain', outside)} of the packing: centroids must lie in the container; move them, or give "
+                "a larger container"
             )
     return packing
 
@@ -238,13 +237,6 @@ def _refuse_too_full(packing: Packing) -> None:
             f"the solid fraction is {packing.solid_fraction:.4g}: without overlap these grains fill at most {most:.4g} "
             "of the container; give a larger container or fewer grains"
         )
-
-
-def named_grains(grains: Integers) -> str:
-    """Return grains by their numbers, at most five of them."""
-    names = ", ".join(str(grain) for grain in grains[:NAMED])
-    more = f" and {len(grains) - NAMED} more" if len(grains) > NAMED else ""
-    return f"{'grain' if len(grains) == 1 else 'grains'} {names}{more}"
 
 
 def _problem_of(packing: Packing, how: Settling, seed: int) -> Problem:

@@ -8,7 +8,7 @@ import numpy as np
 
 from voxgran._base.arrays import Floats
 from voxgran._base.config import to_mapping
-from voxgran._base.errors import InputError
+from voxgran._base.errors import NAMED, InputError
 from voxgran.contacts.assembly import Assembly
 from voxgran.contacts.assembly import Lid as LidPlane
 from voxgran.contacts.forces import LID, WALL, ContactForces
@@ -29,8 +29,6 @@ GRAIN_BYTES = 8000
 KEPT_REASONS = ("full", "saturated", "interrupted")
 #: depth of an overlap that can be parted, in diameters of the smaller grain
 DEEPEST = 0.5
-#: grains that a message names
-NAMED = 5
 
 
 def with_settling(method: PackingMethod, how: Settling) -> PackingMethod:

@@ -25,16 +25,16 @@ from voxgran.io.files import load
 from voxgran.packing.gravity import proposed_axis
 from voxgran.packing.method import method_registry
 from voxgran.packing.model import Packing
-from voxgran.scene.keys import Measured, Packed, Settled, names_of
+from voxgran.scene.keys import Listed, Measured, Packed, Settled, names_of
 from voxgran.scene.mistakes import Mistakes, refuse_unknown
 from voxgran.scene.sections import General, Output
-from voxgran.scene.shape_entries import ShapeEntry, given_values, shape_entries
+from voxgran.scene.shape_entries import ShapeEntry, given_values, shape_entries, with_densities
 from voxgran.settling.parameters import Settling
 from voxgran.shapes.sizes import SizeDistribution, make_sizes
 
 T = TypeVar("T")
 
-SECTIONS = ("scene", "shape", "sizes", "container", "packing", "settle", "material", "measure", "output")
+SECTIONS = ("scene", "shape", "sizes", "grains", "container", "packing", "settle", "material", "measure", "output")
 #: where a scene says whether and how its grains settle
 SETTLE_KEYS = "a section [settle] says how grains settle; with enabled = false in it they do not"
 
@@ -51,6 +51,8 @@ class SceneDescription(ExplainedAttributes):
         Where the shapes come from, with their shares.
     sizes : SizeDistribution or None
         Equivalent diameters; None keeps each shape at its own size.
+    grains : str or None
+        File of a list of grains, each placed once.
     share_by : {"number", "volume"}
         What the shares are of.
     container : Container
@@ -76,6 +78,7 @@ class SceneDescription(ExplainedAttributes):
     general: General
     shapes: tuple[ShapeEntry, ...]
     sizes: SizeDistribution | None
+    grains: str | None = None
     share_by: str
     container: Container
     method: str
@@ -168,6 +171,8 @@ class SceneDescription(ExplainedAttributes):
             if "file" in sizes and (unit := dict(mapping.get("scene", {})).get("unit")) is not None:
                 sizes.setdefault("unit", unit)
             law = make_sizes(_with_file(sizes, place)) if sizes else None
+        with mistakes.part():
+            grains = _grains(mapping.get("grains"), place)
         with mistakes.part("[container]"):
             container = make_container(_with_file(mapping["container"], place))
         with mistakes.part():
@@ -185,8 +190,9 @@ class SceneDescription(ExplainedAttributes):
             refuse_unheld(engine_registry().get(engine), material, container)
         return cls(
             general=general,
-            shapes=_with_densities(shapes, general),
+            shapes=with_densities(shapes, general.density),
             sizes=law,
+            grains=grains,
             share_by=share_by,
             container=container,
             method=method,
@@ -224,6 +230,8 @@ class SceneDescription(ExplainedAttributes):
             made["sizes"] = kept | {"share_by": self.share_by}
         elif self.share_by != "number":
             made["sizes"] = {"share_by": self.share_by}
+        if self.grains is not None:
+            made["grains"] = {"file": self.grains}
         if self.settle is not None:
             given = to_mapping(self.settle) if self.settle else {"enabled": False}
             made["settle"] = {key: value for key, value in given.items() if value is not None}
@@ -250,6 +258,7 @@ class SceneDescription(ExplainedAttributes):
             "count": self.count,
             "solid_fraction": self.solid_fraction,
             "sizes": self.sizes,
+            "grains": self.grains,
             "weights": [share for entry in self.shapes for share in entry.shares()],
             "weights_by": self.share_by,
             "seed": self.general.seed,
@@ -360,6 +369,11 @@ def _packed(packing: Mapping[str, Any], place: Path) -> dict[str, Any]:
     }
 
 
+def _grains(mapping: Mapping[str, Any] | None, place: Path) -> str | None:
+    """Return the file of the section [grains]; None without the section."""
+    return None if mapping is None else str(existing_file(place / _section(Listed, mapping, "[grains]").file))
+
+
 def _section(cls: type[T], mapping: Mapping[str, Any], place: str) -> T:
     """Return a section that holds the parameters of a class and nothing else."""
     refuse_unknown(mapping, place, cls)
@@ -397,23 +411,6 @@ def _general(mapping: Mapping[str, Any]) -> General:
     as_count(made.seeds, "[scene] seeds", at_least=1)
     as_positive(made.density, "[scene] density")
     return replace(made, unit=as_unit(made.unit, "[scene] unit"))
-
-
-def _with_densities(shapes: tuple[ShapeEntry, ...], general: General) -> tuple[ShapeEntry, ...]:
-    """Return the entries, refused where some have a density of their own and the others have none.
-
-    Raises
-    ------
-    InputError
-        If one has none, and the scene neither.
-    """
-    given = [entry.density for entry in shapes]
-    if None in given and given != [None] * len(shapes) and general.density == NOT_STATED:
-        raise InputError(
-            f"[[shape]] {shapes[given.index(None)].name} has no density, and another [[shape]] has one: the mass of "
-            "all grains must be known; give it a density, or give [scene] density"
-        )
-    return shapes
 
 
 def _share_by(value: Any) -> str:

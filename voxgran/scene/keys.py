@@ -79,6 +79,16 @@ class Shares:
 
 
 @parameter_class
+class Listed:
+    """Keys of [grains]."""
+
+    file: str = parameter(
+        doc="table (CSV) of the grains, relative to the scene file, each row placed once: diameter or mass, shape (its "
+        "family, the name of its file, or its index from 0 on), density, count"
+    )
+
+
+@parameter_class
 class Settled:
     """Keys of [settle], beside the parameters of settling."""
 

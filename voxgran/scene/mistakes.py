@@ -9,7 +9,7 @@ from voxgran._base.config import parameters_of
 from voxgran._base.errors import InputError, UnknownNameError, VoxgranError
 from voxgran._base.names import unknown
 from voxgran.decks.material import Material
-from voxgran.scene.keys import AnyShape, Measured, Packed, Settled, ShapeOfFamily, ShapeOfFile, Shares, names_of
+from voxgran.scene.keys import AnyShape, Listed, Measured, Packed, Settled, ShapeOfFamily, ShapeOfFile, Shares, names_of
 from voxgran.scene.sections import General, Output
 from voxgran.settling.parameters import Settling
 
@@ -22,6 +22,7 @@ _PLACES = {
     "[material]": names_of(Material),
     "[measure]": names_of(Measured),
     "[sizes]": names_of(Shares),
+    "[grains]": names_of(Listed),
     "[[shape]]": names_of(ShapeOfFamily, ShapeOfFile, AnyShape),
 }
 

@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Mapping
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -156,7 +156,7 @@ def make_plan(scene: SceneDescription) -> Plan:
         sampled_shapes=cost.sampled_shapes,
         **_steps(scene, task),
         makes_sizes=task.method.sizing == "made",
-        amount_asked=scene.count is not None or scene.solid_fraction is not None,
+        amount_asked=_amount_asked(scene),
         depth=None if bed is None else bed.depth,
         bulk_grains=None if bed is None else bed.bulk,
         notes=_notes(scene, task, bed),
@@ -168,9 +168,16 @@ def make_plan(scene: SceneDescription) -> Plan:
 
 def _size_plan(scene: SceneDescription, task: Task) -> SizePlan | None:
     """Return how nearly the grains can follow the distribution of sizes; None without one, and of too many grains."""
-    if scene.sizes is None or task.method.sizing == "made" or not 0 < task.problem.count <= MOST_PLANNED:
+    if task.sizes is None or task.method.sizing == "made" or not 0 < task.problem.count <= MOST_PLANNED:
         return None
-    return plan_sizes(scene.sizes, task.problem.count, dimension=task.problem.dimension, seed=task.problem.seed)
+    found = plan_sizes(task.sizes, task.problem.count, dimension=task.problem.dimension, seed=task.problem.seed)
+    # other numbers of grains than those of a list are not asked for
+    return found if scene.grains is None else replace(found, counts={}, fines=())
+
+
+def _amount_asked(scene: SceneDescription) -> bool:
+    """Return whether a scene says how many grains there are."""
+    return any(asked is not None for asked in (scene.count, scene.solid_fraction, scene.grains))
 
 
 def task_of(scene: SceneDescription, shapes: tuple[Shape, ...]) -> Task:
@@ -230,7 +237,9 @@ def _solid(entry: ShapeEntry) -> Shape:
         return entry.make()[0]
     if entry.source == "file":
         points, faces = read_surface(entry.name)
-        known: dict[str, Any] = {"name": entry.name, "unit": entry.parameters.get("unit")}
+        # the name by which lists of grains call it
+        name = Path(entry.name.removesuffix(".gz")).stem
+        known: dict[str, Any] = {"name": name, "unit": entry.parameters.get("unit")}
         if entry.parameters.get("surface"):
             return Shape.of(Surface(points, faces), **known)
         if not entry.parameters.get("repair"):
@@ -263,8 +272,7 @@ def _notes(scene: SceneDescription, task: Task, bed: ExpectedBed | None) -> tupl
 def _full(scene: SceneDescription, task: Task) -> str:
     """Return that grains hardly find room; empty where they do, or no amount is asked for."""
     share = float(task.problem.volumes.sum() / task.problem.container.volume)
-    given = scene.count is not None or scene.solid_fraction is not None
-    if not given or task.method.sizing == "made" or share <= DENSE:
+    if not _amount_asked(scene) or task.method.sizing == "made" or share <= DENSE:
         return ""
     return (
         f"{share:.3f} of the container is more than most grains fill (spheres of one size at random 0.64): those that "
@@ -336,6 +344,6 @@ def _steps(scene: SceneDescription, task: Task) -> dict[str, tuple[str, ...]]:
         skipped.append("anything in three dimensions: the container is flat")
     if scene.settle is False:
         skipped.append("settling: [settle] says enabled = false")
-    if scene.sizes is None and task.method.sizing != "made":
+    if task.sizes is None and task.method.sizing != "made":
         skipped.append("drawing sizes: each shape keeps its own")
     return {"computed": tuple(computed), "skipped": tuple(skipped), "libraries": tuple(sorted(libraries))}

@@ -16,6 +16,7 @@ from voxgran._base.units import as_unit
 from voxgran.clumps.fit import TARGETS, fit_clump
 from voxgran.clumps.method import clump_registry
 from voxgran.clumps.stand_in import record_of
+from voxgran.contacts.assembly import NOT_STATED
 from voxgran.scene.keys import AnyShape, ClumpOfShape, ShapeOfFamily, ShapeOfFile, names_of
 from voxgran.shapes.family import families, make_shape, make_shapes, seeds_of_shapes
 from voxgran.shapes.files import shape_of_file
@@ -133,6 +134,23 @@ def shape_entries(entries: Any, folder: Path) -> tuple[ShapeEntry, ...]:
         common = {"share": share, "clump": clump, "roughness": roughness, "density": density, "faces": faces}
         made.append(_of_file(rest, folder, common) if "file" in rest else _of_family(rest, folder, common))
     return tuple(made)
+
+
+def with_densities(shapes: tuple[ShapeEntry, ...], density: float) -> tuple[ShapeEntry, ...]:
+    """Return the entries, refused where some have a density of their own and the others have none.
+
+    Raises
+    ------
+    InputError
+        If one has none, and the scene neither.
+    """
+    given = [entry.density for entry in shapes]
+    if None in given and given != [None] * len(shapes) and density == NOT_STATED:
+        raise InputError(
+            f"[[shape]] {shapes[given.index(None)].name} has no density, and another [[shape]] has one: the mass of "
+            "all grains must be known; give it a density, or give [scene] density"
+        )
+    return shapes
 
 
 def _of_file(rest: dict[str, Any], folder: Path, common: Mapping[str, Any]) -> ShapeEntry:

@@ -84,7 +84,11 @@ def _without_defaults(given: Mapping[str, Any], *classes: type) -> dict[str, Any
 
 
 def _density_counts(scene: SceneDescription) -> bool:
-    """Return whether densities change the numbers of a study: where grains of several densities settle."""
+    """Return whether densities change the numbers of a study: where grains of several densities settle, or a list may
+    have masses.
+    """
+    if scene.grains is not None:
+        return True
     parameters = method_registry().get(scene.method).parameters
     if not method_registry().get(scene.method).builds_bed and not issubclass(parameters, Settling):
         return False

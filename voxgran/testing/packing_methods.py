@@ -151,6 +151,26 @@ class PackingMethodSuite:
         with pytest.raises(GrainTooLargeError, match="none can fit"):
             pack(make_shape("sphere"), Box((3, 3, 0.5)), method=self.method, count=3, **self.parameters)
 
+    def test_each_row_of_a_list_is_placed_once(self) -> None:
+        """Grains of a list have the shapes and sizes of their rows, in whatever order they are placed; methods that
+        make or scale sizes refuse a list.
+        """
+        shape, diameter, count = np.array([0, 1, 1, 0, 1]), np.array([0.5, 0.9, 0.6, 0.8, 0.7]), [1, 1, 3, 1, 2]
+        rows = {"shape": shape, "diameter": diameter, "count": count}
+        shapes, asked = self.shapes(), {"grains": rows, "seed": 1, **self.parameters}
+        method = method_registry().get(self.method)
+        if method.sizing != "drawn" and not method.keeps_sizes:
+            with pytest.raises(InputError, match="places grains as they are, one of"):
+                pack(shapes, self.container(), self.method, **asked)
+            return
+        packing = pack(shapes, self.container(), self.method, **asked)
+        row = packing.grain_id
+        assert row is not None
+        assert np.bincount(row).tolist() == count
+        assert packing.shape_id.tolist() == shape[row].tolist()
+        assert packing.diameters == pytest.approx(diameter[row], rel=1e-12)
+        assert verify(packing).ok
+
     def test_periodic_grains_wrap(self) -> None:
         """Nothing is lost at a periodic face: moved by half of each periodic length, the packing is still valid."""
         packing = self.packing()

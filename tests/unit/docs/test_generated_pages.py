@@ -80,6 +80,7 @@ def test_every_key_of_the_table_is_taken_by_a_scene(tmp_path):
     vg.save_shape(vg.make_shape("box"), tmp_path / "box.stl")
     packing = vg.pack(vg.make_shape("sphere"), vg.Box((9, 9, 9)), "rsa", count=2)
     vg.save(packing, tmp_path / "start.vtp")
+    (tmp_path / "list.csv").write_text("diameter\n1.0\n")
     clump = {"max_spheres": 9, "method": "optimal", "target": "iou", "value": 0.5, "seed": 1}
     values = {
         keys.AnyShape: {"share": 1.0, "density": 7800.0, "clump": clump, "faces": 20, "roughen": {"rms": 0.02}},
@@ -87,6 +88,7 @@ def test_every_key_of_the_table_is_taken_by_a_scene(tmp_path):
         keys.ShapeOfFamily: {"family": "solid_union", "seed": 1, "count": 2},
         keys.Packed: {"method": "digital", "count": 2, "solid_fraction": 0.1, "start": "start.vtp"},
         keys.Shares: {"kind": "fixed", "share_by": "volume"},
+        keys.Listed: {"file": "list.csv"},
         keys.Settled: {"enabled": True},
         keys.Measured: {"which": ["density"]},
     }
@@ -96,6 +98,7 @@ def test_every_key_of_the_table_is_taken_by_a_scene(tmp_path):
     scene = {
         "shape": [values[keys.ShapeOfFile] | common, values[keys.ShapeOfFamily] | values[keys.AnyShape]],
         "sizes": values[keys.Shares],
+        "grains": values[keys.Listed],
         "container": {"kind": "box", "lengths": [9, 9, 9]},
         "packing": values[keys.Packed],
         "settle": values[keys.Settled],

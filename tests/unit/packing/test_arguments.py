@@ -121,7 +121,7 @@ def test_counts_far_beyond_memory_or_container_are_refused_by_their_first_grains
     with pytest.raises(InputError, match=r"count is 1000000: these grains have \S+ times the volume of the container"):
         vg.pack(SPHERE, BOX, method="gravity", count=10**6)
     assert drawn == [draw.PROBE]
-    monkeypatch.setattr(draw, "memory_limit", lambda: 10**9)
+    monkeypatch.setattr("voxgran.shapes.size_laws.listed.memory_limit", lambda: 10**9)
     with pytest.raises(TooLargeError, match=r"count is 10000000: these grains need at least 2\.8 GiB.*has 0\.9 GiB"):
         vg.pack(SPHERE, BOX, method="rsa", count=10**7)
     assert drawn == [draw.PROBE]

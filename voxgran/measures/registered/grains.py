@@ -32,6 +32,8 @@ def _compute(packing: Packing) -> Groups:
             (*row, "component"), packing.orientation, "1", "unit quaternion (w, x, y, z) from body to container"
         ),
     }
+    if packing.grain_id is not None:
+        values["grain_id"] = variable(row, packing.grain_id, "1", "row of the grain in its list, -1 for one of no list")
     return {"/grains": dataset(values)}
 
 

@@ -91,4 +91,5 @@ registration = PackingMethod(
     dimensions=(2, 3),
     any_container=True,
     sizing="scaled",
+    keeps_sizes=True,
 )

@@ -146,4 +146,5 @@ registration = PackingMethod(
     cost=cost,
     dimensions=(2, 3),
     sizing="scaled",
+    keeps_sizes=True,
 )

@@ -102,6 +102,7 @@ def inscribe(
         gravity=packing.gravity,
         contact_gap=packing.contact_gap,
         asked_sizes=packing.asked_sizes,
+        grain_id=packing.grain_id,
     )
     # the sphere around a shape of size 1 is mapped to the sphere of the grain
     scale = packing.bounding_radii / spheres[inscribed.shape_id, 3]

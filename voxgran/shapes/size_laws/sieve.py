@@ -1,9 +1,6 @@
 """Sieve curves, as laboratories write them: what passes or what is retained, as shares, percent or masses."""
 
-import math
-import re
 from collections.abc import Mapping, Sequence
-from pathlib import Path
 from typing import Any, ClassVar, Literal
 
 import numpy as np
@@ -11,11 +8,8 @@ import numpy as np
 from voxgran._base.arrays import Floats, as_flag, as_floats, as_length
 from voxgran._base.config import parameter, parameter_class
 from voxgran._base.errors import FileFormatError, InputError, PackingWarning, shown
-from voxgran._base.files import existing_file
-from voxgran._base.guarded import refused
-from voxgran._base.lazy import load
-from voxgran._base.units import as_unit, known_unit, unit_factor
 from voxgran._base.warning import warn
+from voxgran.shapes.formats.tables import column_kind, columns_in, length_factor, numbers_in, read_table
 from voxgran.shapes.size_laws.distribution import SizeDistribution, same_length
 from voxgran.shapes.size_laws.simple import growth
 
@@ -72,7 +66,7 @@ class Sieve(SizeDistribution):
         if self.file is not None:
             if any(value is not None for value in given.values()):
                 raise InputError(f"file is {self.file!r} and a curve is given too: give one of them")
-            given = _table_of(_read(self.file), self.unit, self.file)
+            given = _table_of(read_table(self.file), self.unit, self.file)
         openings, passing = _curve(given, self.smallest)
         plain = {"openings": openings, "passing": passing, "retained": None, "file": None, "unit": None}
         for name, value in (plain | {"smallest": None}).items():
@@ -125,76 +119,25 @@ def curve_in_table(table: Any, unit: str | None) -> dict[str, tuple[float, ...] 
     return _table_of(table, unit, "table")
 
 
-def _read(path: str) -> Any:
-    """Return a table of a file, whose numbers have decimal commas where semicolons separate the columns."""
-    found = existing_file(Path(path))
-    with refused(found):
-        decimal = "," if ";" in found.read_text(encoding="utf-8-sig") else "."
-        return load("pandas").read_csv(found, sep=None, engine="python", comment="#", decimal=decimal)
-
-
 def _table_of(table: Any, unit: str | None, where: str) -> dict[str, tuple[float, ...] | None]:
     """Return openings, and what passes or is retained, of a table."""
     if getattr(table, "ndim", 0) == 1 and hasattr(table, "index"):
-        retained = _column(str(table.name)) == "retained" or "retain" in str(table.name).lower()
+        retained = column_kind(str(table.name), COLUMNS) == "retained" or "retain" in str(table.name).lower()
         table = {str(table.index.name or "opening"): table.index, "retained" if retained else "passing": table}
-    if not isinstance(table, Mapping) and not hasattr(table, "columns"):
-        raise InputError(f"table is {shown(table)}: it must be a DataFrame, a Series by the opening, or a mapping")
-    places: dict[str, list[str]] = {}
-    for name in table.keys():  # noqa: SIM118  (a DataFrame iterates over its columns only by this)
-        places.setdefault(_column(str(name)), []).append(name)
-    for kind in COLUMNS:
-        if len(places.get(kind, [])) > 1:
-            one, other = places[kind][:2]
-            raise FileFormatError(f"{where}: {shown(one)} and {shown(other)} are both columns of {kind}; rename one")
+    places = columns_in(table, COLUMNS, where)
     if "openings" not in places or not ({"passing", "retained"} & places.keys()):
         raise FileFormatError(
             f"{where} has the columns {', '.join(map(shown, table.keys()))}: it must have 'opening', and 'passing' or "
             "'retained'; rename them"
         )
     found: dict[str, tuple[float, ...] | None] = {"openings": None, "passing": None, "retained": None}
+    factor = length_factor(places["openings"], unit, where=where, what="openings")
     # what passes is taken where both are there
     for kind in ("openings", "passing") if "passing" in places else ("openings", "retained"):
-        found[kind] = _values(table[places[kind][0]], where, str(places[kind][0]))
-    own = re.search(r"[\[(]([^\])]*)[\])]", str(places["openings"][0]))
-    if own is not None and (told := known_unit(own[1])) is not None:
-        if unit is None:
-            raise InputError(
-                f"{where} has openings in {told}: give unit, the unit of all other lengths, as unit={told!r}"
-            )
-        factor = unit_factor(told, as_unit(unit))
-        found["openings"] = tuple(factor * value for value in found["openings"] or ())
-    return found
-
-
-def _column(name: str) -> str:
-    """Return what a column holds by its name, without unit; empty where that is not known."""
-    plain = re.sub(r"[^a-z]", "", re.sub(r"[\[(].*", "", name.lower().replace("%", "percent")))
-    bare = plain.removeprefix("percent").removesuffix("percent")
-    return next((kind for kind, names in COLUMNS.items() if plain in names or bare in names), "")
-
-
-def _values(column: Any, where: str, name: str) -> tuple[float, ...]:
-    """Return the numbers of a column; the message of one that is none names its row."""
-    found = []
-    for row, value in enumerate(column, start=1):
-        text = str(value).strip().rstrip("%").strip()
         # the pan has no opening
-        number = 0.0 if text.lower() == "pan" else _number(text)
-        if number is None or not math.isfinite(number):
-            raise FileFormatError(
-                f"{where}, row {row}: {name} is {shown(value)}, and no number; give it or remove the row"
-            )
-        found.append(number)
-    return tuple(found)
-
-
-def _number(text: str) -> float | None:
-    """Return the number that a text is; None where it is none."""
-    try:
-        return float(text)
-    except ValueError:
-        return None
+        values = numbers_in(table[places[kind]], where, str(places[kind]), words={"pan": 0.0})
+        found[kind] = tuple((factor * values if kind == "openings" else values).tolist())
+    return found
 
 
 def _curve(
