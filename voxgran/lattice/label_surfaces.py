@@ -156,32 +156,62 @@ def _restore_volumes(made: LabelSurfaces, held: Booleans, wanted: Floats, spacin
     """Move the points so that each label has the wanted volume, (n,)."""
     sparse, moved, split = load("scipy.sparse"), made.moved, made.split
     count, points = len(wanted), len(moved)
+    owner = np.repeat(np.arange(count + 1), np.diff(split.first_vertex))
     for attempt in range(MOST_SOLUTIONS):
         volume, gradient, weight = _volumes(*split, made.net.at, moved, spacing, made.turn, made.shape)
         missing = wanted - volume[1:]
         error = np.abs(missing) / wanted
         if error.max() <= ACCURACY:
             return
-        lost = 1 + np.flatnonzero(error > LOST)
+        lost = np.flatnonzero(error > LOST) + 1
         if len(lost):
             # a label of few voxels, which the filter all but ends
-            rows = [split.point[split.first_vertex[k] : split.first_vertex[k + 1]] for k in lost]
-            moved[np.concatenate(rows)] *= 0.5 if attempt < MOST_SOLUTIONS // 3 else 0.0
+            moved[split.point[np.isin(owner, lost)]] *= 0.5 if attempt < MOST_SOLUTIONS // 3 else 0.0
             continue
-        system, slopes = sparse.csr_array((count, count)), []
-        stays = held | (np.abs(moved) >= BOX)
+        # a point moves the less the more area is around it
+        ease = np.where(held | (np.abs(moved) >= BOX), 0.0, 1 / weight[:, None])
+        diagonal, *pairs = _coupling(split.point, owner, gradient, ease, count)
+        half = sparse.coo_array((pairs[2], (pairs[0] - 1, pairs[1] - 1)), shape=(count, count)).tocsr()
+        system = half + half.T + sparse.diags_array(diagonal[1:])
+        scale = sparse.diags_array(1 / np.maximum(diagonal[1:], 1e-30))
+        pressure = np.append(0.0, load("scipy.sparse.linalg").cg(system, missing, rtol=1e-8, M=scale)[0])[owner]
         for axis in range(3):
-            slope = gradient[:, axis] * np.where(stays[:, axis], 0.0, 1 / np.sqrt(weight))[split.point]
-            slopes.append(sparse.csr_array((slope, split.point, split.first_vertex[1:]), shape=(count, points)))
-            system = system + slopes[axis] @ slopes[axis].T
-        scale = sparse.diags_array(1 / np.maximum(system.diagonal(), 1e-30))
-        pressure = load("scipy.sparse.linalg").cg(system, missing, rtol=1e-8, M=scale)[0]
-        for axis in range(3):
-            moved[:, axis] += slopes[axis].T @ pressure / np.sqrt(weight) / spacing[axis]
+            push = np.bincount(split.point, gradient[:, axis] * pressure, minlength=points)
+            moved[:, axis] += push * ease[:, axis] / spacing[axis]
         if error.max() < ALMOST and np.abs(moved).max() <= BOX:
             # the next error is about the square of this one
             return
         np.clip(moved, -BOX, BOX, out=moved)
+
+
+@kernel
+def _coupling(point, owner, gradient, ease, labels):  # type: ignore[no-untyped-def]
+    """Return how the pressure of each label changes its volume, and the same of pairs of labels that share points.
+
+    The pairs are rows, columns and values of half of a matrix, with as many entries as there are shared points.
+    """
+    last, before = np.full(len(ease), -1, dtype=np.int32), np.empty(len(point), dtype=np.int32)
+    pairs = 0
+    for v in range(len(point)):
+        before[v], last[point[v]] = last[point[v]], v
+        w = before[v]
+        while w >= 0:
+            pairs += owner[w] != owner[v]
+            w = before[w]
+    diagonal, k = np.zeros(labels + 1), 0
+    rows, columns, values = np.empty(pairs, np.int32), np.empty(pairs, np.int32), np.empty(pairs)
+    for v in range(len(point)):
+        w, free = v, row_of(ease, point[v])
+        push = (gradient[v, 0] * free[0], gradient[v, 1] * free[1], gradient[v, 2] * free[2])
+        while w >= 0:
+            value = dot(push, row_of(gradient, w))
+            if owner[w] == owner[v]:
+                diagonal[owner[v]] += value if w == v else 2.0 * value
+            else:
+                rows[k], columns[k], values[k] = owner[v], owner[w], value
+                k += 1
+            w = before[w]
+    return diagonal, rows, columns, values
 
 
 @kernel
