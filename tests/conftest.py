@@ -26,6 +26,14 @@ def jagged_pictures(monkeypatch):
     monkeypatch.setattr("voxgran.report.stage.SMOOTHING", None)
 
 
+@pytest.fixture
+def forked_readers(monkeypatch):
+    """Fork the processes that read files from this one, which is quick; the tests that use it look at files only."""
+    from kit import forked
+
+    monkeypatch.setattr("voxgran._base.guarded._process", forked)
+
+
 @pytest.fixture(scope="session")
 def eros(data_dir):
     """Return the scan of Eros."""

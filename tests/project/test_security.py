@@ -21,6 +21,8 @@ from voxgran._base.errors import CheckpointError, FileFormatError, TooLargeError
 from voxgran.io.series import listed_times
 from voxgran.shapes.images import image_files
 
+pytestmark = pytest.mark.usefixtures("forked_readers")
+
 ROOT = Path(__file__).parents[2]
 PACKAGE = ROOT / "voxgran"
 FILES = sorted(path.relative_to(PACKAGE).as_posix() for path in PACKAGE.rglob("*.py"))

@@ -8,6 +8,8 @@ import voxgran as vg
 from voxgran._base.errors import FileFormatError, InputError, MissingLibraryError
 from voxgran.shapes.images.image_files import load_image
 
+pytestmark = pytest.mark.usefixtures("forked_readers")
+
 IMAGE = np.arange(60, dtype=np.uint16).reshape(3, 4, 5)
 
 

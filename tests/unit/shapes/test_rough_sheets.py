@@ -4,6 +4,7 @@ import math
 
 import numpy as np
 import pytest
+from kit import slow
 
 import voxgran as vg
 from voxgran._base.errors import InputError, PackingWarning, TooLargeError
@@ -41,7 +42,7 @@ def lattice_of(sheet):
     return above.reshape(columns, -1), vertices[1, 1] - vertices[0, 1]
 
 
-@pytest.mark.parametrize(("method", "end"), [("patir", 0.0), ("spectral", 0.75)])
+@pytest.mark.parametrize(("method", "end"), [slow("patir", 0.0), slow("spectral", 0.75)])
 def test_statistics_of_triangles_are_those_of_their_lattice(method, end, monkeypatch):
     field = {"lengths": (14, 12), "rms": 0.1, "correlation_length": 1.0, "shortest": 0.75, "seed": 3}
     sheet = vg.make_shape("rough_sheet", method=method, **field)

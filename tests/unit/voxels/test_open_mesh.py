@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from kit import slow
 
 import voxgran as vg
 from voxgran._base.errors import DirtyMeshError, DirtyMeshWarning, InputError, TooLargeError
@@ -48,7 +49,7 @@ def test_unions_of_overlapping_parts(sphere):
     assert voxels.open_columns == 0
 
 
-@pytest.mark.parametrize("share", [0.002, 0.01, 0.05])
+@pytest.mark.parametrize("share", [slow(0.002), 0.01, slow(0.05)])
 def test_small_holes_are_settled_and_reported(sphere, truth, share):
     keep = stream(2, "holes").random(len(sphere[1])) > share
     with pytest.warns(DirtyMeshWarning, match="voxels in doubt"):
