@@ -14,6 +14,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from kit import slow
 
 import voxgran as vg
 from voxgran._base.checkpoint import load_checkpoint
@@ -321,8 +322,11 @@ def test_names_are_no_markup_of_studies_and_no_files(tmp_path):
     refuse_markup(tmp_path / "page" / "study.html")
 
 
-@pytest.mark.parametrize("engine", vg.engines())
-@pytest.mark.parametrize("kind", ["sphere", "box"])
+@pytest.mark.parametrize(
+    ("engine", "kind"),
+    [*((engine, "sphere") for engine in vg.engines()), ("lammps", "box"), ("yade", "box"), ("blocks", "box")]
+    + [slow(engine, "box") for engine in vg.engines() if engine not in ("lammps", "yade", "blocks")],
+)
 def test_names_are_no_commands_of_engines(engine, kind, tmp_path):
     solid = vg.shapes.sphere() if kind == "sphere" else vg.shapes.box(lengths=(1, 1, 1))
     named = dataclasses.replace(solid, name=EVIL)

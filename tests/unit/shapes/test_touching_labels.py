@@ -4,6 +4,7 @@ import warnings
 
 import numpy as np
 import pytest
+from kit import slow
 from scipy.spatial import cKDTree
 
 import voxgran as vg
@@ -54,7 +55,9 @@ KEPT = {
 
 
 @pytest.mark.parametrize("surface", ["smooth", "voxel"])
-@pytest.mark.parametrize("name", [*IMAGES, "segmented"])
+@pytest.mark.parametrize(
+    "name", [slow(name) if name in ("without void", "on a torus") else name for name in [*IMAGES, "segmented"]]
+)
 def test_grains_neither_overlap_nor_escape(name, surface):
     image, options = IMAGES[name] if name in IMAGES else (segmented(), {})
     packing = vg.packing_of_labels(image, voxel_size=0.1, surface=surface, gravity="none", **options)

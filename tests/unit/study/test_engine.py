@@ -292,10 +292,10 @@ def test_the_dataset_is_written_as_zarr_too(base, tmp_path, monkeypatch):
     assert not (tmp_path / "new").exists()
 
 
-def test_steps_count_the_runs(base, marks, tmp_path):
+def test_steps_count_the_runs(base, marks, tmp_path, here):
     steps = []
     marks.order(fail=[2])
-    vg.Study(base=base, seeds=[1, 2, 3]).run(tmp_path / "o", workers=1, on_step=steps.append)
+    vg.Study(base=base, seeds=[1, 2, 3]).run(tmp_path / "o", on_step=steps.append)
     assert (steps[-1].stage, steps[-1].done, steps[-1].total) == ("runs", 3, 3)
     assert steps[-1].text == "3 of 3, 0 running, 1 failed"
     assert [step.done for step in steps] == sorted(step.done for step in steps)
@@ -418,7 +418,7 @@ def test_the_hash_is_that_of_values_files_and_version(base, tmp_path, monkeypatc
     assert key(tmp_path / "a") != first
 
 
-def test_a_file_that_changes_during_a_study_gives_no_numbers(base, tmp_path, data_dir):
+def test_a_file_that_changes_during_a_study_gives_no_numbers(base, tmp_path, data_dir, here):
     """Results are kept under the hash of the file as it was: those of another one would be found for ever."""
     old, new = (data_dir / name for name in ("bennu_lp.obj", "eros.obj"))
     rock = tmp_path / "rock.obj"
@@ -430,10 +430,10 @@ def test_a_file_that_changes_during_a_study_gives_no_numbers(base, tmp_path, dat
     }
     study = vg.Study(base=base | scene, seeds=1)
     rock.write_bytes(new.read_bytes())
-    changed = study.run(tmp_path / "out", workers=1)
+    changed = study.run(tmp_path / "out")
     assert "rock.obj has changed since the study began" in str(changed.dataset["failure"].values)
     rock.write_bytes(old.read_bytes())
-    again = study.run(tmp_path / "out", workers=1, retry=True)
+    again = study.run(tmp_path / "out", retry=True)
     assert again.computed == 1
     assert not again.dataset["failure"].values.any()
 
