@@ -1,5 +1,7 @@
 """What all tests share: how many random examples are tried, and where the scans lie."""
 
+import contextlib
+import importlib
 import os
 from pathlib import Path
 
@@ -31,6 +33,9 @@ def forked_readers(monkeypatch):
     """Fork the processes that read files from this one, which is quick; the tests that use it look at files only."""
     from kit import forked
 
+    for name in ("meshio", "netCDF4", "nrrd", "pyvista", "tifffile"):
+        with contextlib.suppress(ImportError):
+            importlib.import_module(name)
     monkeypatch.setattr("voxgran._base.guarded._process", forked)
 
 

@@ -87,9 +87,9 @@ def test_harmless_calls_are_not_found():
     assert dangers(ast.parse(harmless), "io/sample.py") == []
 
 
-@pytest.mark.parametrize("name", FILES)
-def test_nothing_in_a_file_is_executed(name):
-    assert dangers(ast.parse((PACKAGE / name).read_text()), name) == []
+def test_nothing_in_a_file_is_executed():
+    found = {name: dangers(ast.parse((PACKAGE / name).read_text()), name) for name in FILES}
+    assert {name: lines for name, lines in found.items() if lines} == {}
 
 
 def test_templates_take_only_figures_as_markup():

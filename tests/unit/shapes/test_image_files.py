@@ -86,6 +86,8 @@ def test_objects_are_not_unpickled(tmp_path):
 
 
 def test_a_missing_library_is_named_with_its_remedy(tmp_path, monkeypatch):
+    # in a process of its own
+    monkeypatch.undo()
     (tmp_path / "image.nrrd").write_text("NRRD0004\n")
     (tmp_path / "nrrd.py").write_text("raise ImportError('not installed')\n")
     monkeypatch.syspath_prepend(tmp_path)

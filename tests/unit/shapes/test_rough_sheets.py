@@ -93,7 +93,7 @@ def test_too_fine_a_sheet_is_refused():
 
 
 @pytest.mark.parametrize(
-    ("given", "changed"), [({"correlation_length": 1e9}, "correlation_length"), ({"shortest": 2.5}, "shortest")]
+    ("given", "changed"), [slow({"correlation_length": 1e9}, "correlation_length"), ({"shortest": 2.5}, "shortest")]
 )
 def test_the_length_that_is_proposed_can_be_made(given, changed):
     with pytest.raises((InputError, TooLargeError), match=f"^{changed} is .*; give (at most|less than)") as caught:

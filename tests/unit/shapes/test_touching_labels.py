@@ -71,7 +71,7 @@ def test_grains_neither_overlap_nor_escape(name, surface):
         assert packing.solid_fraction == pytest.approx((image > 0).mean(), rel=0.02)
 
 
-@pytest.mark.parametrize("number", [150, pytest.param(5000, marks=pytest.mark.slow)])
+@pytest.mark.parametrize("number", [60, slow(5000)])
 def test_voxels_of_any_neighbours_touch_and_do_not_overlap(number):
     # around a corner of label 2 are three voxels of label 1, and a fourth one that meets them along edges only
     pinched = np.zeros((2, 3, 3), int)

@@ -14,7 +14,7 @@ from voxgran.shapes.winding import winding_numbers
 from voxgran.voxels.occupy import voxelize
 from voxgran.voxels.open_mesh import _fan, open_edges, voxelize_mesh
 
-GRID = Grid((-1.25,) * 3, 2.5 / 32, (32, 32, 32))
+GRID = Grid((-1.25,) * 3, 2.5 / 24, (24, 24, 24))
 
 
 @pytest.fixture(scope="module")

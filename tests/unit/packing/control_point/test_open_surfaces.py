@@ -6,6 +6,7 @@ import math
 import kit
 import numpy as np
 import pytest
+from kit import slow
 from scipy.spatial import cKDTree
 
 import voxgran as vg
@@ -71,10 +72,11 @@ def moves(seed, length, count):
             yield (SHEETS[a], SHEETS[b]), begin, end
 
 
-def test_no_step_leads_through_a_surface():
+@pytest.mark.parametrize("count", [80, slow(250)])
+def test_no_step_leads_through_a_surface(count):
     """Whatever the two poses, if both are allowed and no farther apart than a step, nothing crosses between them."""
     assert pytest.approx(2 * math.sqrt(KEPT**2 - 1)) == WAY
-    assert not any(crosses_on_the_way(*move) for move in moves(seed=1, length=WAY, count=250))
+    assert not any(crosses_on_the_way(*move) for move in moves(seed=1, length=WAY, count=count))
 
 
 def test_longer_steps_would():

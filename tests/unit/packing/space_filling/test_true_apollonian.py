@@ -2,7 +2,6 @@
 
 import numpy as np
 import pytest
-from kit import slow
 
 import voxgran as vg
 from voxgran.geometry.rotation import rotation_matrices
@@ -126,7 +125,8 @@ def test_the_first_square_in_a_periodic_one_fills_it():
         assert one.diameter == pytest.approx(0.5)
 
 
-@pytest.mark.parametrize("periodic", [slow(""), slow("x"), "xy"])
+@pytest.mark.slow
+@pytest.mark.parametrize("periodic", ["", "x", "xy"])
 def test_rotated_squares_are_denser_by_default_too(periodic):
     # Delaney, Hutzler & Aste 2008: grains that are rotated fill more
     rectangle = vg.Rectangle((10, 10), periodic=periodic)
