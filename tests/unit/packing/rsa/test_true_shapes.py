@@ -1,5 +1,6 @@
 """Random sequential addition of true shapes: the tests of pairs and walls against contacts/, and what a run keeps."""
 
+import itertools
 from functools import partial
 
 import kit
