@@ -10,6 +10,7 @@ from functools import partial
 
 import numpy as np
 import pytest
+from kit import slow
 
 from voxgran._base.files import is_private
 from voxgran._base.kernels import Kernel, cache_folder, inlined_kernel, kernel, telling_of_compilation
@@ -54,7 +55,7 @@ def test_inlined_kernels_give_what_others_give():
 
 
 @pytest.mark.parametrize(
-    ("module", "name"), [("numba.core.codegen", "JITCodeLibrary"), ("numba.core.caching", "CompileResultCacheImpl")]
+    ("module", "name"), [("numba.core.codegen", "JITCodeLibrary"), slow("numba.core.caching", "CompileResultCacheImpl")]
 )
 def test_a_numba_with_other_private_parts_compiles_by_njit(module, name, tmp_path):
     code = f"""
