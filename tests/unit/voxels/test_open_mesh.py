@@ -14,7 +14,7 @@ from voxgran.shapes.winding import winding_numbers
 from voxgran.voxels.occupy import voxelize
 from voxgran.voxels.open_mesh import _fan, open_edges, voxelize_mesh
 
-GRID = Grid((-1.25,) * 3, 2.5 / 24, (24, 24, 24))
+GRID, FINE = (Grid((-1.25,) * 3, 2.5 / n, (n, n, n)) for n in (24, 32))
 
 
 @pytest.fixture(scope="module")
@@ -96,7 +96,7 @@ def test_a_hole_in_a_shape_is_never_silent(sphere):
     # a shape that got past the checks: the columns notice
     broken = Shape(Mesh(sphere[0].copy(), sphere[1][30:].copy()), "broken")
     with pytest.raises(DirtyMeshError, match="open"):
-        voxelize(broken, grid=GRID)
+        voxelize(broken, grid=FINE)
 
 
 def test_a_surface_with_two_sides_is_told_and_filled(sphere, truth):
