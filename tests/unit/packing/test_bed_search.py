@@ -65,6 +65,7 @@ def test_spheres_rest_at_a_solid_fraction_of_the_bulk(target):
     assert bits_of(vg.pack(SPHERE, BOX, "gravity", count=300, seed=1, **found)) == bits_of(bed)
 
 
+@pytest.mark.slow
 def test_true_shapes_rest_at_a_solid_fraction_below_their_surface():
     bed = vg.pack(ANGULAR, SMALL, "gravity", count=50, solid_fraction=0.6, seed=1)
     check(bed, 0.6)

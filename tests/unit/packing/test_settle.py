@@ -349,6 +349,7 @@ def test_more_grains_than_fit_are_refused():
         vg.settle(lattice(0.8))
 
 
+@pytest.mark.slow
 def test_grains_that_cannot_be_parted_overlap_no_deeper_than_before():
     """The solid fraction is 0.718: possible on another lattice, which grains do not find."""
     loose = lattice(0.9)

@@ -5,7 +5,7 @@ import itertools
 import kit
 import numpy as np
 import pytest
-from kit import run
+from kit import run, slow
 
 import voxgran as vg
 from voxgran._base.errors import InputError, PackingWarning
@@ -177,7 +177,7 @@ def plain_attempts(problem, state, setting, first, last, *, order=None, patience
     return sites, skipped
 
 
-@pytest.mark.parametrize("schedule", ["random", "sorted", "sleeping"])
+@pytest.mark.parametrize("schedule", [slow("random"), "sorted", "sleeping"])
 def test_schedules_are_those_of_a_plain_program(schedule):
     """Bit for bit the same trajectory over some thousand attempts under gravity."""
     box, shape = vg.Box((3, 3, 4)), vg.make_shape("ellipsoid")
