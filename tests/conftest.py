@@ -24,8 +24,12 @@ def data_dir():
 
 @pytest.fixture
 def jagged_pictures(monkeypatch):
-    """Draw pictures without smoothing, which takes half the time of a report, where nothing looks at their pixels."""
+    """Draw pictures without smoothing, and figures without room for their labels, where nothing looks at them.
+
+    Both take half the time of a report.
+    """
     monkeypatch.setattr("voxgran.report.stage.SMOOTHING", None)
+    monkeypatch.setattr("matplotlib.layout_engine.ConstrainedLayoutEngine.execute", lambda self, figure: None)
 
 
 @pytest.fixture

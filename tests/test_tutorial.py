@@ -32,7 +32,6 @@ def test_every_picture_is_made_by_the_script():
     assert all((ROOT / "docs" / "figures" / name).is_file() for name in pictures)
 
 
-@pytest.mark.usefixtures("jagged_pictures")
 def test_the_python_prints_what_the_page_says(tmp_path, monkeypatch, capsys):
     monkeypatch.chdir(tmp_path)
     names = {}
