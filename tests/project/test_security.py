@@ -22,7 +22,7 @@ from voxgran._base.errors import CheckpointError, FileFormatError, TooLargeError
 from voxgran.io.series import listed_times
 from voxgran.shapes.images import image_files
 
-pytestmark = pytest.mark.usefixtures("forked_readers")
+pytestmark = pytest.mark.usefixtures("jagged_pictures", "forked_readers")
 
 ROOT = Path(__file__).parents[2]
 PACKAGE = ROOT / "voxgran"

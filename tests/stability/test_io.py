@@ -32,6 +32,8 @@ from voxgran.shapes.tessellate import sphere
 from voxgran.study.page import write_study_page
 from voxgran.study.result import save_results
 
+pytestmark = pytest.mark.usefixtures("jagged_pictures")
+
 CLOUDS = (".ply", ".pcd", ".xyz")
 
 

@@ -16,7 +16,7 @@ from voxgran.geometry.rotation import random_rotations, rotation_matrices
 from voxgran.packing.control_point.precompute import KEPT, WAY
 from voxgran.points.control import edge_points, sample_controls
 
-pytestmark = pytest.mark.filterwarnings("ignore:the bulk holds")
+pytestmark = [pytest.mark.filterwarnings("ignore:the bulk holds"), pytest.mark.usefixtures("jagged_pictures")]
 
 SHEETS = [
     vg.make_shape("sheet"),
