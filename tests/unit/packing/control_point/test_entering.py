@@ -291,32 +291,6 @@ def test_every_way_goes_on_after_a_stop_to_the_same_bits(way, tmp_path, monkeypa
     assert packing.provenance["lid_lowered"] == whole.provenance["lid_lowered"]
 
 
-@pytest.mark.parametrize(
-    ("way", "words"),
-    [
-        ({"gravity": (0.0, 0.0, 0.0)}, "gravity"),
-        ({"gravity": (1.0, 0.0)}, "gravity"),
-        ({"gravity": "none", "lid": True}, "lid is true"),
-        ({"rate": 0.0}, "rate is 0"),
-        ({"rate": 1.5}, "rate is 1.5"),
-        ({"period": 0}, "period is 0"),
-        ({"cycles": 0}, "cycles is 0"),
-        ({"cycles": 8, "period": 50}, "cycles is 8 and period 50: each makes the number of cycles; leave one out"),
-        ({"decay": 1.5}, "decay is 1.5"),
-        ({"layer_sweeps": 0}, "layer_sweeps is 0"),
-        ({"feed": "pour"}, "feed"),
-    ],
-)
-def test_bad_ways_are_named(way, words):
-    with pytest.raises(InputError, match=words):
-        run(task_of(vg.make_shape("sphere"), **way))
-
-
-def test_gravity_along_a_periodic_axis_is_refused():
-    with pytest.raises(InputError, match="periodic axis"):
-        run(task_of(vg.make_shape("sphere"), vg.Box((4, 4, 4), "x"), count=2, gravity=(0.1, 0.0, -1.0)))
-
-
 class Other:
     """A container of a kind that voxgran does not have."""
 
