@@ -1,6 +1,7 @@
 """What several test files need: tasks of packing methods, lattices of points, meshes, and the reference values."""
 
 import contextlib
+import faulthandler
 import importlib
 import os
 import signal
@@ -142,6 +143,8 @@ class Forked:
             self.pid = os.fork()
         if not self.pid:
             try:
+                # a crash of a library is an end like others
+                faulthandler.disable()
                 os.dup2(here, 1)
                 os.dup2(os.open(os.devnull, os.O_RDWR), 2)
                 # those that pytest put there lead elsewhere

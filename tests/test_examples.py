@@ -116,6 +116,7 @@ def test_chu_rsa(tmp_path, capsys, monkeypatch):
     assert (tmp_path / "chu_rsa.svg").exists()
 
 
+@pytest.mark.slow
 def test_chu_rsa_counts_grow_with_the_candidates(capsys, monkeypatch, tmp_path):
     monkeypatch.setattr("sys.argv", ["chu_rsa.py", str(tmp_path), "1"])
     replay = runpy.run_path(str(EXAMPLES / "chu_rsa.py"), run_name="__main__")["replay"]
@@ -418,6 +419,7 @@ def test_scenes(name, count, low, high, tmp_path):
     assert vg.load(tmp_path / "out" / "packing.vtp").position.tobytes() == result.packing.position.tobytes()
 
 
+@pytest.mark.slow
 @pytest.mark.usefixtures("jagged_pictures")
 def test_rocks_scene_leaves_a_page_and_files(tmp_path):
     # a third of the rocks, in a lower box
