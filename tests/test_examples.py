@@ -85,6 +85,7 @@ def test_the_order_of_the_totals_of_chu_depends_on_the_corrections(tmp_path, cap
         assert count["4b"] > max(count["1"], count["3"])
 
 
+@pytest.mark.slow
 def test_chu_rsa(tmp_path, capsys, monkeypatch):
     """The claims of the paper on the reading by scans, and its totals within what the reading reaches."""
     text = printed("chu_rsa.py", capsys, monkeypatch, str(tmp_path), "6")

@@ -19,7 +19,7 @@ SQUARE = {"vertices": ((0, 0), (1, 0), (1, 1), (0, 1))}
     ("name", "shape", "room", "runs", "aligned"),
     [
         ("spheres_3d", vg.make_shape("sphere"), vg.Box((18, 18, 18), "xyz"), 16, False),
-        ("disks_2d", vg.make_shape("disk"), vg.Rectangle((90, 90), "xy"), 24, False),
+        slow("disks_2d", vg.make_shape("disk"), vg.Rectangle((90, 90), "xy"), 24, False),
         slow("aligned_squares", vg.make_shape("polygon", **SQUARE), vg.Rectangle((90, 90), "xy"), 24, True),
         slow("aligned_cubes", vg.make_shape("box", lengths=(1, 1, 1)), vg.Box((20, 20, 20), "xyz"), 16, True),
     ],
@@ -137,7 +137,7 @@ def test_contact_of_ellipsoids_in_the_plain_program():
         assert perram_wertheim(1.1 * step, one, two) > 1.15
 
 
-@pytest.mark.parametrize("semi_axes", [slow((1.6, 0.8, 0.8)), slow((1.0, 1.0, 0.4)), (1.5, 1.0, 0.7)])
+@pytest.mark.parametrize("semi_axes", [slow((1.6, 0.8, 0.8)), slow((1.0, 1.0, 0.4)), slow((1.5, 1.0, 0.7))])
 def test_ellipsoids_are_added_as_by_a_plain_program(semi_axes):
     """After as many tries, also where the tests of the pairs are those of Perram & Wertheim 1985."""
     shape, tries = vg.make_shape("ellipsoid", semi_axes=semi_axes), 8

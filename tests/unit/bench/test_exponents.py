@@ -37,6 +37,7 @@ def test_gaskets_have_the_published_exponent():
     assert row.exponent == pytest.approx(row.published, rel=3e-3)
 
 
+@pytest.mark.slow
 def test_rows_and_figure_are_written(tmp_path, monkeypatch):
     monkeypatch.setattr(exponents, "COUNTS", (100, 300))
     monkeypatch.setattr(exponents, "SEEDS", 2)

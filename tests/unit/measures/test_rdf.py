@@ -220,6 +220,7 @@ def test_layers_at_walls_do_not_change_the_level():
     assert abs(apart.mean()) < 0.03
 
 
+@pytest.mark.slow
 def test_errors_of_dense_packings_are_those_of_replicates():
     packings = [
         pack([SPHERE], Box((7,) * 3, periodic="xyz"), method="expand", solid_fraction=0.55, seed=s) for s in range(12)

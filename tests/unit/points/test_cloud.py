@@ -191,6 +191,7 @@ def test_spheres_that_get_inside_are_refused_with_the_place(seed, height):
         vg.shape_of_cloud(Cloud.of(points[points[:, 2] < height]), method="alpha")
 
 
+@pytest.mark.slow
 def test_a_thin_plate_is_a_body():
     plate = vg.make_shape("box", lengths=(2.0, 2.0, 0.2))
     for method in ("alpha", "poisson"):

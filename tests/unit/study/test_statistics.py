@@ -360,6 +360,7 @@ def test_rank_probabilities_are_uniform_where_nothing_differs(count):
     assert np.mean(np.array(p_values) < 0.05) < 0.085
 
 
+@pytest.mark.slow
 def test_a_table_of_many_pairs_seldom_claims_what_is_not():
     """Of 300 studies of five methods that do not differ, at most 5 % claim a difference anywhere."""
     wrong, uncorrected = 0, 0

@@ -151,7 +151,7 @@ def plain_attempts(problem, state, setting, first, last, *, order=None, patience
     return sites, skipped
 
 
-@pytest.mark.parametrize("schedule", [slow("random"), "sorted", "sleeping"])
+@pytest.mark.parametrize("schedule", [slow("random"), slow("sorted"), "sleeping"])
 def test_schedules_are_those_of_a_plain_program(schedule):
     """Bit for bit the same trajectory over some thousand attempts under gravity."""
     box, shape = vg.Box((3, 3, 4)), vg.make_shape("ellipsoid")
