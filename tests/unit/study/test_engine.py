@@ -292,10 +292,10 @@ def test_the_dataset_is_written_as_zarr_too(base, tmp_path, monkeypatch):
     assert not (tmp_path / "new").exists()
 
 
-def test_steps_count_the_runs(base, marks, tmp_path, here):
+def test_steps_count_the_runs(base, marks, tmp_path):
     steps = []
     marks.order(fail=[2])
-    vg.Study(base=base, seeds=[1, 2, 3]).run(tmp_path / "o", on_step=steps.append)
+    vg.Study(base=base, seeds=[1, 2, 3]).run(tmp_path / "o", workers=1, on_step=steps.append)
     assert (steps[-1].stage, steps[-1].done, steps[-1].total) == ("runs", 3, 3)
     assert steps[-1].text == "3 of 3, 0 running, 1 failed"
     assert [step.done for step in steps] == sorted(step.done for step in steps)
