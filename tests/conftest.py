@@ -1,5 +1,7 @@
 """What all tests share: how many random examples are tried, and where the scans lie."""
 
+import contextlib
+import importlib
 import os
 from pathlib import Path
 
@@ -22,8 +24,23 @@ def data_dir():
 
 @pytest.fixture
 def jagged_pictures(monkeypatch):
-    """Draw pictures without smoothing, which takes half the time of a report, where nothing looks at their pixels."""
+    """Draw pictures without smoothing, and figures without room for their labels, where nothing looks at them.
+
+    Both take half the time of a report.
+    """
     monkeypatch.setattr("voxgran.report.stage.SMOOTHING", None)
+    monkeypatch.setattr("matplotlib.layout_engine.ConstrainedLayoutEngine.execute", lambda self, figure: None)
+
+
+@pytest.fixture
+def forked_readers(monkeypatch):
+    """Fork the processes that read files from this one, which is quick; the tests that use it look at files only."""
+    from kit import forked
+
+    for name in ("meshio", "netCDF4", "nrrd", "pyvista", "tifffile"):
+        with contextlib.suppress(ImportError):
+            importlib.import_module(name)
+    monkeypatch.setattr("voxgran._base.guarded._process", forked)
 
 
 @pytest.fixture(scope="session")

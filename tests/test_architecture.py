@@ -11,7 +11,7 @@ import re
 import subprocess
 import sys
 import time
-from collections.abc import Iterator
+from collections.abc import Collection, Iterator
 from functools import cache
 from pathlib import Path
 
@@ -95,10 +95,22 @@ def room_of(name):
     return name.split("/")[0].removesuffix(".py")
 
 
+def nodes_of(tree: ast.AST) -> list[ast.AST]:
+    """Return all nodes of a tree, which are listed once."""
+    if not hasattr(tree, "nodes"):
+        tree.nodes = list(ast.walk(tree))
+    return tree.nodes
+
+
+def dotted(node: ast.AST) -> str:
+    """Return a name with its attributes, as it is written; nothing for what else the attributes are taken of."""
+    return f"{dotted(node.value)}.{node.attr}" if isinstance(node, ast.Attribute) else getattr(node, "id", "")
+
+
 def imported(tree: ast.AST, package: str) -> Iterator[tuple[int, str]]:
     """Yield line and name of what is imported, by statement or as the text of a lazy import."""
-    documents = {id(node.value) for node in ast.walk(tree) if isinstance(node, ast.Expr)}
-    for node in ast.walk(tree):
+    documents = {id(node.value) for node in nodes_of(tree) if isinstance(node, ast.Expr)}
+    for node in nodes_of(tree):
         if isinstance(node, ast.Import):
             yield from ((node.lineno, alias.name) for alias in node.names)
         elif isinstance(node, ast.ImportFrom):
@@ -258,7 +270,7 @@ def undocumented(tree, name):
 def too_long(tree, name):
     """Find functions that do not fit on a screen; their docstrings are not counted."""
     found = []
-    for node in ast.walk(tree):
+    for node in nodes_of(tree):
         if isinstance(node, FUNCTIONS):
             document = node.body[0] if ast.get_docstring(node) else None
             lines = node.end_lineno - node.lineno + 1
@@ -282,7 +294,7 @@ def too_many_arguments(tree, name):
     places = (module, "voxgran.typed_calls")
     public = [node for node in tree.body if any(f"{at}.{getattr(node, 'name', '')}" in exported() for at in places)]
     public += [method for node in public if isinstance(node, ast.ClassDef) for method in node.body]
-    for node in ast.walk(tree):
+    for node in nodes_of(tree):
         if isinstance(node, FUNCTIONS):
             given = [*node.args.posonlyargs, *node.args.args]
             given += [] if node in public else node.args.kwonlyargs
@@ -294,10 +306,10 @@ def too_many_arguments(tree, name):
 def forbidden_calls(tree, name):
     """Find prints and exits outside of the command line, and random numbers not from seeds."""
     found = []
-    for node in ast.walk(tree):
+    for node in nodes_of(tree):
         text = ""
         if isinstance(node, ast.Call):
-            text = ast.unparse(node.func)
+            text = dotted(node.func)
         elif isinstance(node, ast.ImportFrom) and node.module in {"numpy.random", "random"}:
             text = " ".join(f"{node.module}.{alias.name}" for alias in node.names)
         elif isinstance(node, ast.Import):
@@ -333,39 +345,34 @@ def wrong_neighbours(tree, name):
 def container_classes(tree, name):
     """Find decisions by the class or the kind of a container outside of containers/."""
     found = []
-    for node in ast.walk(tree) if room_of(name) != "containers" else ():
+    for node in nodes_of(tree) if room_of(name) != "containers" else ():
         classes = []
-        if isinstance(node, ast.Call) and ast.unparse(node.func) in {"isinstance", "issubclass"}:
+        if isinstance(node, ast.Call) and dotted(node.func) in {"isinstance", "issubclass"}:
             classes = [part for argument in node.args[1:] for part in ast.walk(argument)]
         elif isinstance(node, ast.MatchClass):
             classes = [node.cls]
         elif isinstance(node, ast.Compare):
             sides = [node.left, *node.comparators]
-            kinds = [ast.unparse(side).split(".")[-2:] for side in sides if isinstance(side, ast.Attribute)]
+            kinds = [dotted(side).split(".")[-2:] for side in sides if isinstance(side, ast.Attribute)]
             if ["container", "kind"] in kinds:
                 found.append(f"line {node.lineno}: compares the kind of a container")
-            if any(ast.unparse(side).startswith("type(") for side in sides):
+            if any(isinstance(side, ast.Call) and dotted(side.func) == "type" for side in sides):
                 classes = [part for side in sides for part in ast.walk(side)]
         named = {ast.unparse(part).split(".")[-1] for part in classes if isinstance(part, ast.Name | ast.Attribute)}
         found += [f"line {node.lineno}: asks for class {one}; ask for its boundary" for one in named & CONTAINERS]
     return found
 
 
-def circles(sources: dict[str, ast.AST]) -> set[frozenset[str]]:
-    """Find circles of files; late imports and those for types only count too.
+def targets_of(tree: ast.AST, module: str, modules: Collection[str]) -> set[str]:
+    """Return which of some modules one imports, or a name from it; late imports and those for types count too."""
+    is_package = any(other.startswith(f"{module}.") for other in modules)
+    targets = {target for _, target in imported(tree, module if is_package else module.rpartition(".")[0])}
+    targets |= {target.rpartition(".")[0] for target in targets if target not in modules}
+    return targets.intersection(modules) - {module, "voxgran"}
 
-    Parameters
-    ----------
-    sources : dict of str to ast.AST
-        Module names and their syntax trees.
-    """
-    knows: dict[str, set[str]] = {}
-    for module, tree in sources.items():
-        # a module of a package is imported from the package, or a name from the module
-        package = module if f"{module}." in " ".join(sources) else module.rpartition(".")[0]
-        targets = {target for _, target in imported(tree, package)}
-        targets |= {target.rpartition(".")[0] for target in targets if target not in sources}
-        knows[module] = {target for target in targets if target in sources} - {module, "voxgran"}
+
+def circles(knows: dict[str, set[str]]) -> set[frozenset[str]]:
+    """Find circles of modules, given which others each imports."""
     reached: dict[str, set[str]] = {}
     for module in knows:
         found, ahead = set(), [module]
@@ -408,9 +415,9 @@ def upward_calls(tree, name):
         if isinstance(method, FUNCTIONS)
         for inner in ast.walk(method)
     }
-    for node in ast.walk(tree):
+    for node in nodes_of(tree):
         if isinstance(node, ast.Call) and id(node) not in methods:
-            text = ast.unparse(node.func).split(".")[-1]
+            text = dotted(node.func).split(".")[-1]
             named = [arg.value for arg in node.args if isinstance(arg, ast.Constant)]
             if text == "public" or (text in {"load", "import_module", "__import__"} and "voxgran" in named):
                 found.append(f"line {node.lineno}: {ast.unparse(node)}: only methods of {sorted(NOUNS)} may")
@@ -568,18 +575,13 @@ def test_listed_imports_between_sub_rooms_pass():
 
 @pytest.mark.parametrize("sources", CIRCLES)
 def test_a_circle_of_files_is_found(sources):
-    assert circles({name: ast.parse(source) for name, source in sources.items()}) == {frozenset(sources)}
+    knows = {name: targets_of(ast.parse(source), name, sources) for name, source in sources.items()}
+    assert circles(knows) == {frozenset(sources)}
 
 
 def test_files_in_a_row_are_no_circle():
     row = {"voxgran.a": "from voxgran.b import x", "voxgran.b": "from voxgran.c import x", "voxgran.c": "x = 1"}
-    assert circles({name: ast.parse(source) for name, source in row.items()}) == set()
-
-
-@cache
-def tree_of(name):
-    """Return the syntax tree of a file of the package."""
-    return ast.parse((PACKAGE / name).read_text())
+    assert circles({name: targets_of(ast.parse(source), name, row) for name, source in row.items()}) == set()
 
 
 def test_full_folders_are_found():
@@ -592,23 +594,20 @@ def test_no_folder_is_too_full():
     assert full_folders(NAMES) == []
 
 
-def test_there_is_no_circle_of_files():
-    sources = {}
-    for name in NAMES:
-        words = ["voxgran", *name.removesuffix(".py").split("/")]
-        sources[".".join(words).removesuffix(".__init__")] = tree_of(name)
-    found = circles(sources)
-    assert found == set()
-
-
-@pytest.mark.parametrize("name", NAMES)
-def test_every_file_keeps_the_rules(name):
-    tree = tree_of(name)
-    breaches = [f"{rule.__name__}: {breach}" for rule in RULES for breach in rule(tree, name)]
-    lines = (PACKAGE / name).read_text().count("\n")
-    if lines > LONGEST_FILE:
-        breaches.append(f"{lines} lines, at most {LONGEST_FILE}")
-    assert not breaches, "\n".join([f"voxgran/{name}:", *breaches])
+def test_every_file_keeps_the_rules_and_there_is_no_circle_of_files():
+    words = {name: ["voxgran", *name.removesuffix(".py").split("/")] for name in NAMES}
+    modules = {name: ".".join(parts).removesuffix(".__init__") for name, parts in words.items()}
+    breaches, knows, all_modules = [], {}, set(modules.values())
+    for name, module in modules.items():
+        text = (PACKAGE / name).read_text()
+        # each file is parsed once, and its tree, of many thousand objects, is not kept
+        tree = ast.parse(text)
+        breaches += [f"voxgran/{name}: {rule.__name__}: {breach}" for rule in RULES for breach in rule(tree, name)]
+        if text.count("\n") > LONGEST_FILE:
+            breaches.append(f"voxgran/{name}: {text.count(chr(10))} lines, at most {LONGEST_FILE}")
+        knows[module] = targets_of(tree, module, all_modules)
+    assert not breaches, "\n".join(breaches)
+    assert circles(knows) == set()
 
 
 def test_arrows_point_backwards_only():

@@ -12,7 +12,7 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 import pytest
-from kit import references
+from kit import references, slow
 from matplotlib.figure import Figure
 
 import voxgran as vg
@@ -74,6 +74,7 @@ def test_directions(tmp_path, capsys, monkeypatch):
     assert (tmp_path / "directions.svg").exists()
 
 
+@pytest.mark.slow
 def test_the_order_of_the_totals_of_chu_depends_on_the_corrections(tmp_path, capsys, monkeypatch):
     """4d > 4b > 3 and 1 with three corrections, as in the paper; 4b before 4d with two."""
     for corrections in (2, 3):
@@ -84,6 +85,7 @@ def test_the_order_of_the_totals_of_chu_depends_on_the_corrections(tmp_path, cap
         assert count["4b"] > max(count["1"], count["3"])
 
 
+@pytest.mark.slow
 def test_chu_rsa(tmp_path, capsys, monkeypatch):
     """The claims of the paper on the reading by scans, and its totals within what the reading reaches."""
     text = printed("chu_rsa.py", capsys, monkeypatch, str(tmp_path), "6")
@@ -115,6 +117,7 @@ def test_chu_rsa(tmp_path, capsys, monkeypatch):
     assert (tmp_path / "chu_rsa.svg").exists()
 
 
+@pytest.mark.slow
 def test_chu_rsa_counts_grow_with_the_candidates(capsys, monkeypatch, tmp_path):
     monkeypatch.setattr("sys.argv", ["chu_rsa.py", str(tmp_path), "1"])
     replay = runpy.run_path(str(EXAMPLES / "chu_rsa.py"), run_name="__main__")["replay"]
@@ -176,6 +179,7 @@ def test_the_table_of_feeding_is_that_of_its_file():
     assert "hardly: 0.033 at most" in text
 
 
+@pytest.mark.slow
 def test_chu_totals(tmp_path, capsys, monkeypatch):
     """Order claims of Chu 2011 in the plane and in a box, and maps of contact normals, on small numbers."""
     monkeypatch.setattr("sys.argv", ["chu_totals.py", str(tmp_path), "2", "1500"])
@@ -253,6 +257,7 @@ def test_shapes_unions(tmp_path, capsys, monkeypatch):
     assert 50_000 < (tmp_path / "shapes_unions.png").stat().st_size < 250_000
 
 
+@pytest.mark.slow
 def test_shapes_voxels(tmp_path, capsys, monkeypatch):
     text = printed("shapes_voxels.py", capsys, monkeypatch, str(tmp_path))
     assert "sierpinski_sponge  dimension 2.726833, log 20 / log 3 = 2.726833" in text
@@ -294,6 +299,7 @@ def test_advancing_front(tmp_path, capsys, monkeypatch):
     assert vg.load(tmp_path / "rock.vtp").container.kind == "mesh"
 
 
+@pytest.mark.slow
 def test_hulls_in_spheres(tmp_path, capsys, monkeypatch):
     text = printed("hulls_in_spheres.py", capsys, monkeypatch, str(tmp_path), "3.5")
     assert text.count("verified True") == 4
@@ -338,6 +344,7 @@ def test_open_surfaces(tmp_path, capsys, monkeypatch):
     assert (tmp_path / "open_surfaces.png").exists()
 
 
+@pytest.mark.slow
 def test_deformed_grains(tmp_path, capsys, monkeypatch):
     text = printed("deformed_grains.py", capsys, monkeypatch, str(tmp_path))
     assert "grains 16  " in text
@@ -377,6 +384,7 @@ def test_settled_bed(tmp_path, capsys, monkeypatch):
     assert vg.load(tmp_path / "poured.vtp").forces is not None
 
 
+@pytest.mark.slow
 def test_fit_clump(tmp_path, capsys, monkeypatch):
     text = printed("fit_clump.py", capsys, monkeypatch, str(tmp_path))
     overlaps = [float(value) for value in re.findall(r"overlap ([\d.]+)", text)]
@@ -395,11 +403,11 @@ def test_fit_clump(tmp_path, capsys, monkeypatch):
         ("spheres_in_cylinder", 120, 0.25, 0.30),
         ("region_of_disks", 253, 0.66, 0.68),
         ("any_porosity", 189, 0.4999, 0.5001),
-        ("level_column", 1026, 0.5799, 0.5801),
+        slow("level_column", 1026, 0.5799, 0.5801),
         ("loose_deposit", 1000, 0.14, 0.16),
         ("gaps_in_rectangle", 1029, 0.91, 0.93),
-        ("fragments_in_rectangle", 671, 0.87, 0.89),
-        ("spheres_in_rock", 3000, 0.57, 0.60),
+        slow("fragments_in_rectangle", 671, 0.87, 0.89),
+        slow("spheres_in_rock", 3000, 0.57, 0.60),
     ],
 )
 def test_scenes(name, count, low, high, tmp_path):
@@ -412,6 +420,7 @@ def test_scenes(name, count, low, high, tmp_path):
     assert vg.load(tmp_path / "out" / "packing.vtp").position.tobytes() == result.packing.position.tobytes()
 
 
+@pytest.mark.slow
 @pytest.mark.usefixtures("jagged_pictures")
 def test_rocks_scene_leaves_a_page_and_files(tmp_path):
     # a third of the rocks, in a lower box

@@ -46,6 +46,7 @@ def test_the_python_prints_what_the_page_says(tmp_path, monkeypatch, capsys):
     assert {"bed.vtp", "report.html", "deck", "tutorial_clump.png"} <= {path.name for path in tmp_path.iterdir()}
 
 
+@pytest.mark.slow
 def test_the_lines_at_the_prompt_run_and_give_the_same_bed(tmp_path, monkeypatch, capsys):
     monkeypatch.chdir(tmp_path)
     (scene,) = blocks("toml")

@@ -1,6 +1,7 @@
 """What every packing method must keep, run over the registry: a new file is tested the moment it exists."""
 
 import dataclasses
+import functools
 import zlib
 
 import numpy as np
@@ -27,6 +28,8 @@ STAGES = {
 }
 #: what makes a method quick here; anything else is its default
 QUICK = {"sweeps": 120, "cycles": 2, "voxel_size": 0.1, "spacing": 0.25, "orientations": 6}
+#: what makes one method quick
+QUICKER = {"digital_fill": {"voxel_size": 0.15}, "multilayer": {"layers": 2}}
 #: methods that pack spheres only
 SPHERES_ONLY = ("multilayer",)
 #: methods that move and resize the grains of a start, so that each has tests of its own
@@ -35,6 +38,8 @@ RESIZING = ("expand", "jam")
 CONTAINERS = {"apollonian": vg.Sphere(2.0)}
 #: methods that take no start
 FROM_NOTHING = ("gravity", "apollonian", "multilayer", "voronoi_fill")
+#: methods that `make test` kills, too: one of each way to walk on, which is all that a checkpoint depends on
+KILLED = ("digital", "gravity", "rsa")
 #: what of the suite is about grains of a start that stay
 STAYING = ("test_a_start_stays_in_order_and_goes_on", "test_a_start_that_has_no_place_is_refused")
 #: what is done between two looks whether to stop, made little
@@ -56,7 +61,8 @@ NOT_OF_STAGES = [
 def quick(name):
     method = name.partition(",")[0]
     known = {field.name for field in dataclasses.fields(method_registry().get(method).parameters)}
-    return {key: value for key, value in QUICK.items() if key in known} | {**VARIANTS, **STAGES}.get(name, {})
+    usual = {key: value for key, value in QUICK.items() if key in known}
+    return usual | QUICKER.get(method, {}) | {**VARIANTS, **STAGES}.get(name, {})
 
 
 class OwnSuite(PackingMethodSuite):
@@ -98,10 +104,23 @@ class OwnSuite(PackingMethodSuite):
         assert again.stop_reason == whole.stop_reason
 
 
+def slowly(test):
+    """Return a test that is marked slow, for one class only."""
+
+    @functools.wraps(test)
+    def same(*arguments, **options):
+        return test(*arguments, **options)
+
+    return pytest.mark.slow(same)
+
+
 def suite_of(title):
     """Return the class of tests of a method, a variant or a stage."""
     members = {"title": title, "method": title.partition(",")[0], "parameters": quick(title), "__module__": __name__}
     members["takes_start"] = title not in FROM_NOTHING
+    if title not in KILLED:
+        killed = slowly(PackingMethodSuite.test_killed_and_resumed_to_the_same_bits)
+        members["test_killed_and_resumed_to_the_same_bits"] = killed
     if title in VARIANTS:
         # a checkpoint holds the same as that of the method; the slow test kills these too
         members["test_killed_and_resumed_to_the_same_bits"] = None

@@ -1,9 +1,11 @@
 """Every packing method in every container, also in a user's own: grains stay inside, or the container is refused."""
 
+import itertools
 import warnings
 
 import numpy as np
 import pytest
+from kit import slow
 
 import voxgran as vg
 from voxgran._base.errors import InputError, PackingWarning
@@ -82,8 +84,14 @@ FLAT = {
 }
 
 
-@pytest.mark.parametrize("container", [*SOLID, *FLAT])
-@pytest.mark.parametrize("method", vg.packing_methods())
+@pytest.mark.parametrize(
+    ("method", "container"),
+    [
+        # distances that a class computes in Python, asked for of grains that jam
+        slow(method, container) if method == "jam" and container.startswith("own") else (method, container)
+        for method, container in itertools.product(vg.packing_methods(), [*SOLID, *FLAT])
+    ],
+)
 def test_grains_stay_inside_or_the_container_is_refused(method, container):
     where, shape = {**SOLID, **FLAT}[container], BALL if container in SOLID else vg.make_shape("disk", diameter=0.8)
     known = method_registry().get(method)

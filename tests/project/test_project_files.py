@@ -3,6 +3,7 @@
 import re
 import runpy
 import tomllib
+from functools import cache
 from pathlib import Path
 
 import pytest
@@ -12,6 +13,8 @@ import voxgran
 ROOT = Path(__file__).parents[2]
 PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]
 HOUSE = runpy.run_path(str(ROOT / "tools" / "house.py"))
+#: all files are parsed once
+ROOMS = cache(HOUSE["imports"])
 FORMS = ("crash", "wish", "wrong_number")
 
 
@@ -75,7 +78,7 @@ def test_the_citation_names_this_version_and_its_licence():
 
 
 def test_the_figure_of_the_house_is_that_of_the_imports():
-    assert HOUSE["drawing"](HOUSE["imports"]()) == (ROOT / "docs/figures/house.svg").read_text(), "run tools/house.py"
+    assert HOUSE["drawing"](ROOMS()) == (ROOT / "docs/figures/house.svg").read_text(), "run tools/house.py"
 
 
 def test_arrows_that_follow_from_others_are_left_out():
@@ -87,7 +90,7 @@ def test_arrows_that_follow_from_others_are_left_out():
 
 
 def test_every_room_has_its_question():
-    assert HOUSE["questions"]().keys() == HOUSE["imports"]().keys()
+    assert HOUSE["questions"]().keys() == ROOMS().keys()
 
 
 PAGES = ["CONTRIBUTING.md", "SECURITY.md", "docs/contribute/extending.md", "examples/plugin/about.md"]

@@ -4,7 +4,7 @@ import math
 
 import numpy as np
 import pytest
-from kit import references
+from kit import references, slow
 
 import voxgran as vg
 from voxgran.shapes.model import Shape
@@ -41,7 +41,12 @@ def rectangle(a, b):
     return Shape.of(Outline("polygon", vertices=corners), name="rectangle")
 
 
-@pytest.mark.parametrize("row", range(5))
+def rows(quick):
+    """Return the rows of a table, of which `make test` runs one."""
+    return [row if row == quick else slow(row) for row in range(5)]
+
+
+@pytest.mark.parametrize("row", rows(3))
 def test_k_mers_in_one_dimension(row):
     values = VALUES["kmers_1d"]
     k = values["k"][row]
@@ -49,7 +54,7 @@ def test_k_mers_in_one_dimension(row):
     check(coverages(rectangle(k, 1), line, 12, turned=False), values["value"][row])
 
 
-@pytest.mark.parametrize("row", range(5))
+@pytest.mark.parametrize("row", rows(4))
 def test_squares(row):
     values = VALUES["squares_2d"]
     k, edge = values["k"][row], 512 + 512 % values["k"][row]
@@ -57,7 +62,7 @@ def test_squares(row):
     check(coverages(rectangle(k, k), plane, 6, turned=False), values["value"][row], values["error"][row])
 
 
-@pytest.mark.parametrize("row", range(5))
+@pytest.mark.parametrize("row", rows(1))
 def test_cubes(row):
     values = VALUES["cubes_3d"]
     k = values["k"][row]
@@ -66,6 +71,7 @@ def test_cubes(row):
     check(coverages(cube, room, 6 if k < 8 else 14, turned=False), values["value"][row], values["error"][row])
 
 
+@pytest.mark.slow
 @pytest.mark.filterwarnings("ignore:.*pairs of grains")
 def test_dimers_in_two_dimensions():
     value = VALUES["dimers_2d"]
@@ -77,5 +83,5 @@ def test_dimers_in_two_dimensions():
 def test_dimers_in_three_dimensions():
     value = VALUES["dimers_3d"]
     dimer = Shape.of(Primitive("box", (2.0, 1.0, 1.0)), name="dimer")
-    room = vg.Box((60.0, 60.0, 60.0), periodic=(True, True, True))
+    room = vg.Box((40.0, 40.0, 40.0), periodic=(True, True, True))
     check(coverages(dimer, room, 6), value["value"], value["error"])

@@ -4,7 +4,7 @@ import math
 
 import numpy as np
 import pytest
-from kit import references
+from kit import references, slow
 
 import voxgran as vg
 from voxgran._base.errors import PackingWarning
@@ -19,9 +19,9 @@ SQUARE = {"vertices": ((0, 0), (1, 0), (1, 1), (0, 1))}
     ("name", "shape", "room", "runs", "aligned"),
     [
         ("spheres_3d", vg.make_shape("sphere"), vg.Box((18, 18, 18), "xyz"), 16, False),
-        ("disks_2d", vg.make_shape("disk"), vg.Rectangle((90, 90), "xy"), 24, False),
-        ("aligned_squares", vg.make_shape("polygon", **SQUARE), vg.Rectangle((90, 90), "xy"), 24, True),
-        ("aligned_cubes", vg.make_shape("box", lengths=(1, 1, 1)), vg.Box((20, 20, 20), "xyz"), 16, True),
+        slow("disks_2d", vg.make_shape("disk"), vg.Rectangle((90, 90), "xy"), 24, False),
+        slow("aligned_squares", vg.make_shape("polygon", **SQUARE), vg.Rectangle((90, 90), "xy"), 24, True),
+        slow("aligned_cubes", vg.make_shape("box", lengths=(1, 1, 1)), vg.Box((20, 20, 20), "xyz"), 16, True),
     ],
 )
 def test_saturated_solid_fractions(name, shape, room, runs, aligned):
@@ -49,6 +49,7 @@ def test_intervals_on_a_line():
     assert own < 0.003
 
 
+@pytest.mark.slow
 def test_the_last_places_fill_slowly():
     """Feder's law: what is missing to saturation goes with the tries to the power -1 / d."""
     disk, room, late = vg.make_shape("disk"), vg.Rectangle((60, 60), "xy"), []
@@ -66,11 +67,11 @@ def test_the_last_places_fill_slowly():
     ("name", "shape", "room", "attempts", "within", "powers"),
     [
         # of three runs the limit varies by 0.006, 0.003 and 0.002
-        ("random_cubes", vg.make_shape("box", lengths=(1, 1, 1)), vg.Box((13.95,) * 3, "xyz"), 800_000, 0.02, (5, 9)),
-        pytest.param(
-            *("random_cubes", vg.make_shape("box", lengths=(1, 1, 1)), vg.Box((20,) * 3, "xyz"), 4_000_000, 0.008),
-            *((6, 8),),
-            marks=pytest.mark.slow,
+        slow(
+            "random_cubes", vg.make_shape("box", lengths=(1, 1, 1)), vg.Box((13.95,) * 3, "xyz"), 800_000, 0.02, (5, 9)
+        ),
+        slow(
+            "random_cubes", vg.make_shape("box", lengths=(1, 1, 1)), vg.Box((20,) * 3, "xyz"), 4_000_000, 0.008, (6, 8)
         ),
         (
             "random_squares",
@@ -81,11 +82,14 @@ def test_the_last_places_fill_slowly():
             (2.6, 3.4),
         ),
         # smooth outlines: between the degrees of freedom and those with half of the rotation (Baule, arXiv:1611.03034)
-        ("ellipses_2d", ellipse(1.85), vg.Rectangle((40, 40), "xy"), 150_000, 0.008, (2.2, 3.4)),
-        pytest.param(
-            *("cuboids_3d", vg.make_shape("box", lengths=(1, 1, 1.4)), vg.Box((15.2,) * 3, "xyz"), 3_000_000, 0.015),
-            *((5, 9),),
-            marks=pytest.mark.slow,
+        slow("ellipses_2d", ellipse(1.85), vg.Rectangle((40, 40), "xy"), 150_000, 0.008, (2.2, 3.4)),
+        slow(
+            "cuboids_3d",
+            vg.make_shape("box", lengths=(1, 1, 1.4)),
+            vg.Box((15.2,) * 3, "xyz"),
+            3_000_000,
+            0.015,
+            (5, 9),
         ),
     ],
 )
@@ -133,10 +137,7 @@ def test_contact_of_ellipsoids_in_the_plain_program():
         assert perram_wertheim(1.1 * step, one, two) > 1.15
 
 
-@pytest.mark.parametrize(
-    "semi_axes",
-    [*(pytest.param(a, marks=pytest.mark.slow) for a in ((1.6, 0.8, 0.8), (1.0, 1.0, 0.4))), (1.5, 1.0, 0.7)],
-)
+@pytest.mark.parametrize("semi_axes", [slow((1.6, 0.8, 0.8)), slow((1.0, 1.0, 0.4)), slow((1.5, 1.0, 0.7))])
 def test_ellipsoids_are_added_as_by_a_plain_program(semi_axes):
     """After as many tries, also where the tests of the pairs are those of Perram & Wertheim 1985."""
     shape, tries = vg.make_shape("ellipsoid", semi_axes=semi_axes), 8

@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from kit import fixed_shape, hull
+from kit import fixed_shape, hull, slow
 from scipy.spatial import Delaunay
 
 from voxgran._base.seeds import stream
@@ -52,10 +52,10 @@ BODIES = {
 
 
 @pytest.mark.parametrize("backend", BACKENDS)
-@pytest.mark.parametrize("name", BODIES)
+@pytest.mark.parametrize("name", [slow(name) if name == "fine sphere" else name for name in BODIES])
 @pytest.mark.parametrize(
     "place",
-    [(16.0, 16.5, 16.0), *(pytest.param(p, marks=pytest.mark.slow) for p in ((16.5, 16.5, 16.5), (16.5, 16.0, 16.25)))],
+    [(16.0, 16.5, 16.0), slow((16.5, 16.5, 16.5)), slow((16.5, 16.0, 16.25))],
 )
 def test_no_voxel_is_wrong(backend, name, place):
     turns = lattice_rotations()[:: 7 if backend != "scanline" or name == "fine sphere" else 1]

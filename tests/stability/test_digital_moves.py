@@ -6,6 +6,7 @@ import sys
 import kit
 import numpy as np
 import pytest
+from kit import slow
 
 import voxgran as vg
 from voxgran.packing.digital.precompute import precomputed_of
@@ -28,7 +29,7 @@ print(packing.count, resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * 1024)
     [
         (vg.make_shape("box", lengths=(1.2, 0.9, 0.7)), vg.Box((5, 5, 6), periodic=(True, False, False)), 1 / 12),
         # taller than 63 voxels
-        (vg.make_shape("cylinder"), vg.Box((4, 4, 6)), 1 / 70),
+        slow(vg.make_shape("cylinder"), vg.Box((4, 4, 6)), 1 / 70),
     ],
     ids=["small", "tall"],
 )

@@ -32,6 +32,8 @@ from voxgran.shapes.tessellate import sphere
 from voxgran.study.page import write_study_page
 from voxgran.study.result import save_results
 
+pytestmark = pytest.mark.usefixtures("jagged_pictures")
+
 CLOUDS = (".ply", ".pcd", ".xyz")
 
 
@@ -41,6 +43,15 @@ def packing_of(count):
     generator = stream(1, "positions")
     shape_id = np.arange(count) % 2
     return Packing.of(shapes, Box((9, 9, 9)), position=9 * generator.random((count, 3)), shape_id=shape_id)
+
+
+@pytest.fixture(scope="module", autouse=True)
+def frozen():
+    """Let `gc.collect` look at what these tests make, and at nothing that was there before, which takes a second."""
+    gc.collect()
+    gc.freeze()
+    yield
+    gc.unfreeze()
 
 
 @pytest.fixture(scope="module")

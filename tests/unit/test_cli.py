@@ -15,6 +15,7 @@ from functools import partial
 
 import numpy as np
 import pytest
+from kit import slow
 
 import voxgran as vg
 import voxgran.cli.doctor as examination
@@ -406,7 +407,7 @@ def test_every_command_has_help(capsys):
     assert "usage" in capsys.readouterr().out
 
 
-@pytest.mark.parametrize(("number", "status"), [(signal.SIGINT, 130), (signal.SIGTERM, 143)])
+@pytest.mark.parametrize(("number", "status"), [(signal.SIGINT, 130), slow(signal.SIGTERM, 143)])
 def test_signals_leave_a_checkpoint_and_the_command_that_resumes(scene, tmp_path, number, status):
     endless = scene.read_text().replace("sweeps = 200", "sweeps = 1000000000")
     scene.write_text(endless.replace("report = false", "report = false\nsnapshots = 2"))

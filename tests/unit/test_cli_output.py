@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from kit import small_scene
+from kit import slow, small_scene
 from PIL import Image
 
 import voxgran as vg
@@ -40,8 +40,9 @@ def typed(*words, unbuffered="", **streams):
 
 
 @pytest.mark.skipif(not FULL.exists(), reason="there is no device that is always full")
-@pytest.mark.parametrize("unbuffered", ["", "1"])
-@pytest.mark.parametrize("words", [["methods"], ["--help"], ["--version"]])
+@pytest.mark.parametrize(
+    ("words", "unbuffered"), [(["methods"], ""), (["--help"], "1"), (["--version"], ""), slow(["methods"], "1")]
+)
 def test_a_full_disk_is_one_sentence(words, unbuffered):
     with FULL.open("w") as full:
         done = typed(*words, unbuffered=unbuffered, stdout=full)

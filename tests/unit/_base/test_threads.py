@@ -4,6 +4,7 @@ from functools import cache
 
 import numpy as np
 import pytest
+from kit import slow
 
 import voxgran as vg
 from voxgran._base.compiling.threads import in_blocks, thread_count, using_threads
@@ -140,11 +141,10 @@ CALLS = {
 }
 
 
+@pytest.mark.parametrize("threads", [slow(2), 3])
 @pytest.mark.parametrize("name", CALLS)
-def test_any_number_of_threads_gives_the_same_bits(name):
-    alone = CALLS[name](1)
-    for threads in (2, 3):
-        np.testing.assert_array_equal(CALLS[name](threads), alone)
+def test_any_number_of_threads_gives_the_same_bits(name, threads):
+    np.testing.assert_array_equal(CALLS[name](threads), CALLS[name](1))
 
 
 @pytest.mark.parametrize("threads", [0, -1, 1.5, "two"])

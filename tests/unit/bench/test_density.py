@@ -18,6 +18,7 @@ def test_a_line_is_followed_to_zero():
     assert np.std(off) == pytest.approx((14 / 12) ** 0.5, rel=0.12)
 
 
+@pytest.mark.slow
 def test_beds_are_as_dense_as_their_kind():
     disks = measure_disks(120)
     assert 0.74 < disks[0][4] < 0.86

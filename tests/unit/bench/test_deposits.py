@@ -86,6 +86,7 @@ def test_shells_count_what_is_in_them():
     assert shells[1] == pytest.approx(((away >= 2) & (away < 5)).sum() / 8 / (125 - 8))
 
 
+@pytest.mark.slow
 def test_rows_and_figure_are_written(tmp_path, short, monkeypatch):
     monkeypatch.setattr(deposits, "SEEDS", 2)
     monkeypatch.setattr(deposits, "WIDTH", {2: 400, 3: 30})

@@ -1,4 +1,5 @@
 import numpy as np
+import pytest
 
 from voxgran.bench.model import peers_of
 from voxgran.bench.tradeoffs.digital import measure_beds, measure_bodies, measure_spheres, walking_task
@@ -25,6 +26,7 @@ def test_peers_go_the_same_way():
     assert 0 < found[0][0] < 3000
 
 
+@pytest.mark.slow
 def test_rates_of_a_small_lattice():
     rows = measure_spheres((12,), 64)
     assert [row[3] for row in rows] == ["NumPy", "numba fronts", "voxgran", "voxgran, sorted"]

@@ -22,6 +22,7 @@ def test_growth_and_random_points_have_one_exponent_with_many_disks(monkeypatch)
     assert points[-1].exponent == pytest.approx(1.564, abs=0.012)
 
 
+@pytest.mark.slow
 def test_rotation_lowers_the_exponent_of_squares_below_that_of_disks(monkeypatch):
     # Delaney, Hutzler & Aste 2008: grains that are rotated fill more
     monkeypatch.setattr(exponents, "COUNTS", (1_000, 10_000))
@@ -36,6 +37,7 @@ def test_gaskets_have_the_published_exponent():
     assert row.exponent == pytest.approx(row.published, rel=3e-3)
 
 
+@pytest.mark.slow
 def test_rows_and_figure_are_written(tmp_path, monkeypatch):
     monkeypatch.setattr(exponents, "COUNTS", (100, 300))
     monkeypatch.setattr(exponents, "SEEDS", 2)

@@ -5,6 +5,7 @@ from voxgran.bench.model import peers_of
 from voxgran.bench.tradeoffs.front import measure
 
 
+@pytest.mark.slow
 def test_loose_fronts_are_as_dense_as_a_plain_one_and_dense_ones_denser():
     few = dict.fromkeys(("large", "loose", "dense", "disks"), (2000,))
     rows = {row[0]: row for row in measure(few, plain=500)}

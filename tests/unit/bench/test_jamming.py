@@ -1,8 +1,11 @@
 import csv
 
+import pytest
+
 from voxgran.bench.tradeoffs import jamming
 
 
+@pytest.mark.slow
 def test_rows_and_figure_are_written(tmp_path, monkeypatch):
     monkeypatch.setattr(jamming, "COUNT", 8)
     monkeypatch.setattr(jamming, "RATES", (1.0, 0.2))

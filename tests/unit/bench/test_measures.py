@@ -9,7 +9,7 @@ import voxgran as vg
 from voxgran.bench.tradeoffs.measures import counted, measured, packings, reported
 from voxgran.measures.registered.profile import axis_profile
 
-pytestmark = pytest.mark.usefixtures("jagged_pictures")
+pytestmark = [pytest.mark.slow, pytest.mark.usefixtures("jagged_pictures")]
 
 
 @pytest.fixture(scope="module")
@@ -34,7 +34,6 @@ def seconds_of_one(compute, packing):
     return time.process_time() - began
 
 
-@pytest.mark.slow
 @pytest.mark.filterwarnings("ignore:the bulk holds")
 def test_rows_of_reports(monkeypatch):
     # each report once, where the benchmark takes the least time of several

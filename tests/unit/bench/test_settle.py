@@ -32,6 +32,7 @@ def test_beds_are_judged_by_verify_and_equilibrium(rows):
     assert all(row.rests >= 0.9 and row.contacts > 2.0 and row.seconds > 0.0 for row in rows)
 
 
+@pytest.mark.slow
 def test_rows_and_figure_are_written(tmp_path, monkeypatch, rows):
     accuracy = [(0.1, 2, 1.0, 0.58, 1e-2, 0.99), (0.1, 4, 1.5, 0.58, 0.0, 1.0)]
     monkeypatch.setattr(settle, "measure_beds", lambda: rows)

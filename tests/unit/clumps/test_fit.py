@@ -5,6 +5,7 @@ import warnings
 
 import numpy as np
 import pytest
+from kit import slow
 
 import voxgran as vg
 from voxgran._base.errors import InputError, PackingWarning, UnknownNameError
@@ -81,7 +82,7 @@ def test_fewer_spheres_than_asked_are_explained(eros):
 
 @pytest.mark.parametrize(
     ("target", "value", "found"),
-    [("iou", 0.9, "iou"), ("surface", 0.08, "surface_max"), ("inertia", 0.05, "inertia")],
+    [slow("iou", 0.9, "iou"), slow("surface", 0.08, "surface_max"), ("inertia", 0.05, "inertia")],
 )
 def test_a_target_is_reached_with_the_fewest_spheres(eros, target, value, found):
     def reached(clump):
@@ -116,7 +117,7 @@ def test_an_unreachable_target_says_what_was_reached(eros):
         fit_clump(eros, target="iou", value=0.99, max_spheres=8)
 
 
-@pytest.mark.parametrize(("resolution", "loss"), [(32, 0.015), (64, 0.005)])
+@pytest.mark.parametrize(("resolution", "loss"), [(32, 0.015), slow(64, 0.005)])
 def test_voxels_give_nearly_the_clump_of_the_mesh(eros, fifty, resolution, loss):
     voxels = voxelize(eros, voxel_size=eros.diameter / resolution)
     clump = fit_clump(voxels)

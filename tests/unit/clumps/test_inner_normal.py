@@ -30,6 +30,7 @@ def test_the_surface_is_followed_to_within_the_distance(body):
     assert (gap < 0.055).mean() > 0.999
 
 
+@pytest.mark.slow
 def test_a_smaller_distance_takes_more_spheres(body):
     counts = [len(fit(body, 500, InnerNormal(distance=far), 0).radii) for far in (0.2, 0.1, 0.05)]
     assert counts[0] < counts[1] < counts[2]

@@ -10,21 +10,25 @@ from voxgran.contacts.manifolds.rows import ContactRows
 from voxgran.packing.settling_run import normalized_assembly
 from voxgran.settling.bed import Bed
 
-ROCK = vg.make_shape("solid_union", seed=1)
+#: made when they are asked for, since the kernels that fit a clump are compiled then
 KINDS = {
-    "spheres": [vg.make_shape("sphere")],
-    "solids": [vg.make_shape(name) for name in ("platonic", "ellipsoid", "cylinder", "cone", "box")],
-    "clumps": [vg.fit_clump(ROCK, max_spheres=8).to_shape(), vg.make_shape("box")],
-    "meshes": [ROCK, vg.make_shape("sphere")],
-    "outlines": [vg.make_shape("polygon", seed=2), vg.make_shape("disk")],
+    "spheres": lambda: [vg.make_shape("sphere")],
+    "solids": lambda: [vg.make_shape(name) for name in ("platonic", "ellipsoid", "cylinder", "cone", "box")],
+    "clumps": lambda: [vg.fit_clump(rock(), max_spheres=8).to_shape(), vg.make_shape("box")],
+    "meshes": lambda: [rock(), vg.make_shape("sphere")],
+    "outlines": lambda: [vg.make_shape("polygon", seed=2), vg.make_shape("disk")],
 }
+
+
+def rock():
+    return vg.make_shape("solid_union", seed=1)
 
 
 @pytest.fixture(scope="module", params=KINDS)
 def assembly(request):
     flat = request.param == "outlines"
     box = vg.Rectangle((6, 10), periodic="x") if flat else vg.Box((3, 3, 8), periodic="x")
-    loose = vg.pack(KINDS[request.param], box, "rsa", count=30, sizes=vg.sizes.uniform(0.6, 1.0), seed=4)
+    loose = vg.pack(KINDS[request.param](), box, "rsa", count=30, sizes=vg.sizes.uniform(0.6, 1.0), seed=4)
     return normalized_assembly(loose)[0]
 
 
@@ -61,7 +65,7 @@ def test_threads_find_the_same_contacts(assembly, exact, room, monkeypatch):
 def test_few_pairs_are_not_divided(monkeypatch):
     asked = []
     monkeypatch.setattr(blocks, "at_once", lambda jobs: asked.append(len(jobs)) or [job() for job in jobs])
-    rocks = vg.pack([ROCK], vg.Box((3, 3, 3)), "rsa", count=4, seed=1)
+    rocks = vg.pack([rock()], vg.Box((3, 3, 3)), "rsa", count=4, seed=1)
     with using_threads(8):
         Bed(normalized_assembly(rocks)[0], np.array([0.0, 0.0, -1.0])).find(0.2, 0.0)
     assert not asked

@@ -76,7 +76,7 @@ def random_pairs(count, seed, spread):
 
 def test_what_crosses_is_found_as_numpy_and_vtk_find_it():
     found = []
-    for assembly in random_pairs(300, seed=1, spread=1.2):
+    for assembly in random_pairs(100, seed=1, spread=1.2):
         triangles = [placed(assembly, grain) for grain in range(2)]
         gap = find_contacts(assembly, 5.0).gap[0]
         found.append(cross(*triangles))
@@ -86,7 +86,7 @@ def test_what_crosses_is_found_as_numpy_and_vtk_find_it():
             for t in triangles
         ]
         assert (meshes[0].collision(meshes[1])[1] > 0) == found[-1]
-    assert 75 < sum(found) < 225
+    assert 25 < sum(found) < 75
 
 
 def test_the_depth_of_a_crossing_parts_the_two_and_no_random_way_is_shorter():

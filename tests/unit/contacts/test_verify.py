@@ -5,6 +5,7 @@ import math
 
 import numpy as np
 import pytest
+from kit import slow
 
 from voxgran._base.errors import InputError
 from voxgran._base.seeds import stream
@@ -121,7 +122,7 @@ def found_pairs(proof):
     return {(pair.i, pair.j, pair.image) for pair in proof.pairs}
 
 
-@pytest.mark.parametrize("name", [*NAMES, *PLANE])
+@pytest.mark.parametrize("name", [slow(name) if name == "scans" else name for name in [*NAMES, *PLANE]])
 def test_a_grain_pushed_into_another_is_found_by_number(sets, name):
     good = chain(sets[name])
     proof = verify(good)
@@ -159,7 +160,7 @@ def test_boxes_that_fill_space_pass_and_each_push_is_found(shape):
     assert verify(good).pair_tests > 27
 
 
-@pytest.mark.parametrize("name", NAMES)
+@pytest.mark.parametrize("name", [slow(name) if name == "mixture" else name for name in NAMES])
 @pytest.mark.parametrize("walls", ["box", "cylinder", "mesh", "cylinder side"])
 def test_a_grain_pushed_through_a_wall_is_found_by_number(sets, name, walls):
     container = {"box": Box((9, 9, 9)), "mesh": ClosedMesh(Shape.from_mesh(*Box((9, 9, 9)).mesh()))}
@@ -212,7 +213,7 @@ def test_a_grain_pushed_through_a_side_in_the_plane_is_found_by_number(sets, nam
     assert bad.largest_escape == pytest.approx(PUSH, rel=1e-2)
 
 
-@pytest.mark.parametrize("name", [*NAMES, *PLANE])
+@pytest.mark.parametrize("name", [slow(name) if name in ("scans", "mixture") else name for name in [*NAMES, *PLANE]])
 def test_a_grain_pushed_across_a_periodic_face_is_found_by_number(sets, name):
     """The chain is closed to a ring: the first grain touches the image of the last one."""
     open_chain = chain(sets[name], 3 if len(sets[name]) < 3 else None)

@@ -5,6 +5,7 @@ import math
 
 import numpy as np
 import pytest
+from kit import slow
 
 import voxgran as vg
 from voxgran._base.errors import FileFormatError, GrainTooLargeError, PackingWarning
@@ -66,7 +67,7 @@ def test_what_lies_in_a_box_is_never_refused(seed):
     ("method", "parameters"),
     [
         ("control_point", {"spacing": 0.25, "sweeps": 30, "feed": "at_once", "settle": False}),
-        ("digital_rsa", {"voxel_size": 0.2, "orientations": 480}),
+        slow("digital_rsa", {"voxel_size": 0.2, "orientations": 480}),
         ("rsa", {"tries": 20_000}),
     ],
 )

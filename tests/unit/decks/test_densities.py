@@ -1,6 +1,7 @@
 """Decks of grains of several densities: masses and inertia that engines read, contact law, and what is refused."""
 
 import dataclasses
+from functools import cache
 
 import numpy as np
 import pytest
@@ -13,6 +14,7 @@ STEEL, GLASS, WOOD = 7800.0, 2500.0, 600.0
 READERS = [name for name in engine_registry().names() if engine_registry().get(name).read is not None]
 
 
+@cache
 def mixed(density=(STEEL, GLASS, WOOD, GLASS), unit="mm"):
     """Return spheres of two densities, in turn, and two kinds of clumps."""
     sphere = vg.shapes.sphere()

@@ -7,6 +7,7 @@ import subprocess
 import engine_cases
 import numpy as np
 import pytest
+from kit import slow
 
 import voxgran as vg
 from voxgran._base.errors import FileFormatError, InputError
@@ -96,7 +97,7 @@ PACKINGS = {
 }
 
 
-@pytest.mark.parametrize("name", PACKINGS)
+@pytest.mark.parametrize("name", [slow(name) if name == "rocks" else name for name in PACKINGS])
 def test_files_hold_the_simulation(tmp_path, name):
     deck = write_deck(PACKINGS[name](), tmp_path, ENGINE)
     held = engine_registry().get(ENGINE).read(tmp_path)

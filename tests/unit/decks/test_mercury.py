@@ -298,6 +298,7 @@ def test_the_driver_goes_on_from_its_last_output(tmp_path):
     assert (tmp_path / "mercury_state.csv").read_text() == state
 
 
+@pytest.mark.slow
 def test_the_law_of_hertz(tmp_path):
     deck(tmp_path, mixed(), material=HERTZ)
     lines = run(tmp_path)
@@ -306,6 +307,7 @@ def test_the_law_of_hertz(tmp_path):
     assert numbers_of(lines, "restitution") == [[0.6]]
 
 
+@pytest.mark.slow
 def test_walls(tmp_path):
     made, _ = deck(tmp_path / "box", mixed())
     planes = numbers_of(run(tmp_path / "box"), "plane")

@@ -6,6 +6,7 @@ import math
 import engine_cases as cases
 import numpy as np
 import pytest
+from kit import slow
 
 import voxgran as vg
 from voxgran._base.errors import InputError, UnknownNameError
@@ -26,7 +27,9 @@ def test_all_engines_are_there():
 
 
 @pytest.mark.parametrize("engine", ENGINES)
-@pytest.mark.parametrize("packing", [cases.spheres(), cases.mixed(), cases.rocks()], ids=["spheres", "mixed", "rocks"])
+@pytest.mark.parametrize(
+    "packing", [cases.spheres(), cases.mixed(), slow(cases.rocks())], ids=["spheres", "mixed", "rocks"]
+)
 def test_every_file_begins_with_the_name_of_the_engine_and_states_units(engine, packing, tmp_path):
     deck = vg.write_deck(packing, tmp_path, engine, clump=None if engine == "blocks" else 5)
     assert deck.files

@@ -8,6 +8,7 @@ import subprocess
 import engine_cases
 import numpy as np
 import pytest
+from kit import slow
 
 import voxgran as vg
 from voxgran._base.errors import FileFormatError, InputError
@@ -92,7 +93,7 @@ PACKINGS = {
 }
 
 
-@pytest.mark.parametrize("name", PACKINGS)
+@pytest.mark.parametrize("name", [slow(name) if name == "rocks" else name for name in PACKINGS])
 def test_files_hold_the_simulation(tmp_path, name):
     make, asked = PACKINGS[name]
     deck = write_deck(make(), tmp_path, ENGINE, **asked)

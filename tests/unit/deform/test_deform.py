@@ -5,6 +5,7 @@ import math
 
 import numpy as np
 import pytest
+from kit import slow
 from scipy.optimize import brentq
 from vtkmodules.util.numpy_support import vtk_to_numpy
 from vtkmodules.vtkIOXML import vtkXMLPolyDataReader
@@ -157,7 +158,7 @@ def overlapping(one, other, depth, seed):
 
 @pytest.mark.parametrize(
     ("one", "other"),
-    [("rock", "clump"), ("box", "ellipsoid"), ("cylinder", "cone"), ("rock", "box"), ("clump", "ellipsoid")],
+    [slow("rock", "clump"), ("box", "ellipsoid"), slow("cylinder", "cone"), ("rock", "box"), ("clump", "ellipsoid")],
 )
 def test_any_shapes_give_way_to_each_other(one, other):
     shapes = shapes_that_touch()

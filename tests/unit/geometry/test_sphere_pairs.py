@@ -4,6 +4,7 @@ import itertools
 
 import numpy as np
 import pytest
+from kit import slow
 
 from voxgran._base.errors import InputError
 from voxgran._base.seeds import stream
@@ -24,7 +25,7 @@ def all_pairs(centers, radii, gap, periodic):
 
 
 @pytest.mark.parametrize("periodic", [(False, False, False), (True, True, False), (True, True, True)])
-@pytest.mark.parametrize(("count", "largest"), [(60, 0.3), (200, 0.05), (3, 0.8), (1, 0.9)])
+@pytest.mark.parametrize(("count", "largest"), [(60, 0.3), slow(200, 0.05), (3, 0.8), (1, 0.9)])
 def test_pairs_are_all_pairs(periodic, count, largest):
     random = stream(0, "pairs", count)
     centers, radii = random.random((count, 3)) * 3 - 1, random.random(count) * largest
@@ -34,8 +35,8 @@ def test_pairs_are_all_pairs(periodic, count, largest):
     assert set(found) == all_pairs(centers, radii, 0.01, periodic)
 
 
-@pytest.mark.parametrize("periodic", [(False, False, False), (True, True, True)])
-@pytest.mark.parametrize("gap", [*(pytest.param(g, marks=pytest.mark.slow) for g in (0.0, -0.001)), 0.05])
+@pytest.mark.parametrize("periodic", [(False, False, False), slow((True, True, True))])
+@pytest.mark.parametrize("gap", [slow(0.0), slow(-0.001), 0.05])
 def test_pairs_of_sizes_of_all_magnitudes(periodic, gap):
     random = stream(0, "pairs of all magnitudes")
     centers, radii = random.random((300, 3)) * 3 - 1, 0.5 * 10 ** (-6 * random.random(300))

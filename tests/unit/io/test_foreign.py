@@ -15,7 +15,10 @@ from voxgran.geometry.rotation import random_rotations
 from voxgran.io.spheres import owned_spheres
 from voxgran.shapes.spheres import Spheres
 
-pytestmark = [pytest.mark.filterwarnings("ignore:the bulk holds"), pytest.mark.usefixtures("jagged_pictures")]
+pytestmark = [
+    pytest.mark.filterwarnings("ignore:the bulk holds"),
+    pytest.mark.usefixtures("jagged_pictures", "forked_readers"),
+]
 
 DATA = """LAMMPS data file via write_data, version 29 Aug 2024, timestep = 1000
 

@@ -16,6 +16,8 @@ from voxgran.shapes.model import Shape
 from voxgran.shapes.primitive import Primitive
 from voxgran.shapes.spheres import Spheres
 
+pytestmark = pytest.mark.usefixtures("forked_readers")
+
 BALL = Shape.of(Primitive("sphere", (0.5,)), name="sphere")
 BOX = Shape.of(Primitive("box", (1.0, 1.0, 1.0)), name="box")
 

@@ -9,7 +9,7 @@ import voxgran as vg
 from voxgran._base import files
 from voxgran._base.errors import FileFormatError, MissingFileError, PackingWarning
 
-pytestmark = pytest.mark.filterwarnings("ignore:the bulk holds")
+pytestmark = [pytest.mark.filterwarnings("ignore:the bulk holds"), pytest.mark.usefixtures("forked_readers")]
 
 SPHERES = np.array([[1.0, 1.0, 1.0, 0.5], [2.5, 1.0, 1.0, 0.25], [1.0, 2.5, 1.125, 0.5]])
 BOX = vg.Box((4, 4, 3), origin=(0, 0, -1))

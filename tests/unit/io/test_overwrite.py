@@ -8,6 +8,8 @@ import pytest
 import voxgran as vg
 from voxgran._base.errors import InputError, OutputExistsError
 
+pytestmark = pytest.mark.usefixtures("jagged_pictures")
+
 BALL = vg.make_shape("sphere")
 PACKING = vg.Packing.of([BALL], vg.Box((4, 4, 4)), position=[(1, 1, 1), (3, 3, 3)])
 SAVERS = {

@@ -4,6 +4,7 @@ import itertools
 
 import numpy as np
 import pytest
+from kit import slow
 from scipy.ndimage import binary_dilation, binary_erosion, distance_transform_edt
 
 import voxgran as vg
@@ -78,7 +79,7 @@ def all_spheres(mask, copies=(1, 1, 1)):
     return 2 * np.sqrt(found)
 
 
-@pytest.mark.parametrize("index", range(4))
+@pytest.mark.parametrize("index", [0, slow(1), slow(2), slow(3)])
 def test_local_thickness_is_that_of_all_spheres(index):
     generator = stream(6, "spheres", index)
     x = np.indices((22, 21, 23))
@@ -90,8 +91,8 @@ def test_local_thickness_is_that_of_all_spheres(index):
         assert np.allclose(vg.local_thickness(part), all_spheres(part), rtol=1e-6)
 
 
-@pytest.mark.parametrize("periodic", ["", "x", "yz"])
-@pytest.mark.parametrize("shape", [(20, 9, 7), (70, 9, 4), (5, 8, 70)])
+@pytest.mark.parametrize("periodic", ["", "x", slow("yz")])
+@pytest.mark.parametrize("shape", [(20, 9, 7), (70, 9, 4), slow((5, 8, 70))])
 def test_local_thickness_of_wide_rooms(shape, periodic):
     # a few free voxels at one end: spheres of many voxels, wider than the image and than the boxes that are divided
     generator = stream(8, "room", *shape)

@@ -51,6 +51,7 @@ def test_spheres_have_the_chord_of_their_surface_within_the_error():
     assert 0.3 < math.sqrt((missed**2).mean() / (errors**2).mean()) < 1.0
 
 
+@pytest.mark.slow
 def test_the_error_decays_with_the_spacing():
     sizes, missed = (0.2, 0.1, 0.05, 0.025), []
     for size in sizes:

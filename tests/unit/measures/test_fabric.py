@@ -167,6 +167,7 @@ def test_tiny_and_huge_lengths(length):
     assert np.diag(found.second_order.values) == pytest.approx([0.8, 0.2, 0.0])
 
 
+@pytest.mark.slow
 def test_the_error_is_that_of_repeated_packings():
     """Random disks in the plane that pushed each other apart: neighbours within 0.2 diameters."""
     found, independent = [], []

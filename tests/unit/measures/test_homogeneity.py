@@ -5,7 +5,7 @@ import warnings
 
 import numpy as np
 import pytest
-from kit import lattice, mesh_box
+from kit import lattice, mesh_box, slow
 from scipy.spatial.transform import Rotation
 
 from voxgran._base.errors import InputError
@@ -110,7 +110,8 @@ def scattered(kind, seed):
 
 
 @pytest.mark.parametrize(
-    "kind", ["independent", "independent, walls", "rsa", "rsa, a wall", "disks", "cylinder", "dense", "bed"]
+    "kind",
+    ["independent, walls", "disks", *map(slow, ("independent", "rsa", "rsa, a wall", "cylinder", "dense", "bed"))],
 )
 def test_stated_errors_are_the_scatter_over_seeds(kind):
     found = [homogeneity(scattered(kind, seed)) for seed in range(24)]
@@ -123,7 +124,7 @@ def test_stated_errors_are_the_scatter_over_seeds(kind):
     assert 0.5 < size[:, 0].std(ddof=1) / size[:, 1].mean() < 1.6
 
 
-@pytest.mark.parametrize("periodic", [(True, True), (True, False), (False, False)])
+@pytest.mark.parametrize("periodic", [slow((True, True)), (True, False), slow((False, False))])
 def test_the_covariance_of_deviations_is_that_of_drawn_fields(periodic):
     """Cells with normal values, some of them smoothed, whose variance is above 0 at all sizes."""
     steps, fields = [2, 4, 7], stream(3, "fields").normal(size=(1500, 32, 36))

@@ -27,6 +27,7 @@ def layers(sizes, height=None):
     return size_layers(sizes, ranks_of(sizes), np.arange(len(sizes), dtype=float) if height is None else height)
 
 
+@pytest.mark.slow
 def test_p_values_of_random_order_are_uniform():
     generator = stream(1, "orders")
     sizes = 0.5 + generator.random(200)

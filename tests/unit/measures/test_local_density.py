@@ -125,6 +125,7 @@ def test_set_voronoi_cells_converge():
     assert best.sum() == pytest.approx(64.0, rel=1e-12)
 
 
+@pytest.mark.slow
 def test_the_error_of_set_voronoi_cells():
     packing = ellipsoids()
     found, best = local_density(packing), packing.volumes / set_voronoi(packing, 1000)

@@ -5,7 +5,7 @@ import warnings
 
 import numpy as np
 import pytest
-from kit import lattice, mesh_box
+from kit import lattice, mesh_box, slow
 from scipy.spatial import cKDTree
 from scipy.special import j1
 
@@ -61,7 +61,7 @@ def gas(container, count, seed):
     return grains(position[container.signed_distance(position) < 0][:count], container, 1e-5)
 
 
-@pytest.mark.parametrize("name", CONTAINERS)
+@pytest.mark.parametrize("name", [slow(name) if name in ("mesh", "cylinder") else name for name in CONTAINERS])
 def test_independent_points_have_one_up_to_every_wall(name):
     container = CONTAINERS[name]
     many = 12 if name in ("cylinder", "sphere", "mesh") else 40
@@ -220,6 +220,7 @@ def test_layers_at_walls_do_not_change_the_level():
     assert abs(apart.mean()) < 0.03
 
 
+@pytest.mark.slow
 def test_errors_of_dense_packings_are_those_of_replicates():
     packings = [
         pack([SPHERE], Box((7,) * 3, periodic="xyz"), method="expand", solid_fraction=0.55, seed=s) for s in range(12)
@@ -231,7 +232,7 @@ def test_errors_of_dense_packings_are_those_of_replicates():
     assert np.median(scatter / stated) == pytest.approx(1.0, abs=0.35)
 
 
-@pytest.mark.parametrize("scale", [1e-50, 1.0, 1e50])
+@pytest.mark.parametrize("scale", [1e-50, 1e50])
 def test_tiny_and_huge_lengths(scale):
     for container in (Box((8, 9, 10)), Box((8, 9, 10), periodic="xyz"), Cylinder(4, 9), Rectangle((8, 9))):
         plain = gas(container, 300, 1)

@@ -105,6 +105,7 @@ def test_the_mean_chord_in_the_plane():
     assert found.porosity == pytest.approx(packing.porosity, abs=1e-3)
 
 
+@pytest.mark.slow
 def test_the_error_holds():
     packing = random_spheres()
     tree = measure(packing, "voids")

@@ -5,6 +5,7 @@ import warnings
 
 import numpy as np
 import pytest
+from kit import slow
 
 import voxgran as vg
 from voxgran._base.errors import InputError, PackingWarning
@@ -50,7 +51,7 @@ def check(bed, target):
     assert vg.equilibrium(bed, sought["friction"]).attrs["share_at_rest"] >= 0.95
 
 
-@pytest.mark.parametrize("target", [0.58, 0.615])
+@pytest.mark.parametrize("target", [0.58, slow(0.615)])
 def test_spheres_rest_at_a_solid_fraction_of_the_bulk(target):
     bed = vg.pack(SPHERE, BOX, "gravity", count=300, solid_fraction=target, seed=1)
     check(bed, target)
@@ -64,6 +65,7 @@ def test_spheres_rest_at_a_solid_fraction_of_the_bulk(target):
     assert bits_of(vg.pack(SPHERE, BOX, "gravity", count=300, seed=1, **found)) == bits_of(bed)
 
 
+@pytest.mark.slow
 def test_true_shapes_rest_at_a_solid_fraction_below_their_surface():
     bed = vg.pack(ANGULAR, SMALL, "gravity", count=50, solid_fraction=0.6, seed=1)
     check(bed, 0.6)
@@ -111,6 +113,7 @@ def test_beds_that_differ_by_chance_say_so(monkeypatch):
         vg.pack(SPHERE, SMALL, "gravity", count=60, solid_fraction=0.592, seed=1)
 
 
+@pytest.mark.slow
 def test_any_packing_settles_to_a_solid_fraction_and_a_walk_does_after_it():
     loose = vg.pack(SPHERE, BOX, "rsa", count=150, seed=2)
     bed = vg.settle(loose, gravity="-z", solid_fraction=0.6)
@@ -163,7 +166,7 @@ def whole():
     return ended, task.method.finish(task.problem, ended)
 
 
-@pytest.mark.parametrize("share", [0.3, 0.95, 1.0])
+@pytest.mark.parametrize("share", [slow(0.3), 0.95, slow(1.0)])
 def test_a_checkpoint_in_the_midst_of_the_tries_gives_the_same_bits(share, whole, tmp_path):
     (ended, bed), first, again, path = whole, search_task(), search_task(), tmp_path / "run.voxgran"
     state = first.method.prepare(first.problem)

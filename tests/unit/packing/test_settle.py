@@ -1,11 +1,13 @@
 """`settle`: the same as within `pack`, the same bits after an interruption, any scale, and what is refused."""
 
+import itertools
 import signal
 from dataclasses import replace
 
 import kit
 import numpy as np
 import pytest
+from kit import slow
 
 import voxgran as vg
 from voxgran._base.errors import InputError, Interrupted, PackingWarning, UnknownNameError
@@ -109,8 +111,11 @@ def test_the_unit_of_length_changes_nothing_but_rounding(scene, unit):
     assert vg.settle(scaled).position == pytest.approx(vg.settle(loose).position * two, rel=0, abs=1e-12 * two)
 
 
-@pytest.mark.parametrize("scene", SCENES)
-@pytest.mark.parametrize("friction", [0.5, 0.0])
+@pytest.mark.parametrize(
+    ("scene", "friction"),
+    # without friction disks roll for long
+    [slow(*case) if case == ("disks", 0.0) else case for case in itertools.product(SCENES, (0.5, 0.0))],
+)
 def test_a_run_goes_on_after_any_step_to_the_same_bits(scene, friction):
     """What a step depends on is in the arrays and counters: a new settler takes them over after each third step."""
     loose, how = loose_grains(*SCENES[scene], count=8), Settling(friction=friction, fall_time=5.0)
@@ -349,6 +354,7 @@ def test_more_grains_than_fit_are_refused():
         vg.settle(lattice(0.8))
 
 
+@pytest.mark.slow
 def test_grains_that_cannot_be_parted_overlap_no_deeper_than_before():
     """The solid fraction is 0.718: possible on another lattice, which grains do not find."""
     loose = lattice(0.9)

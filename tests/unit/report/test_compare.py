@@ -15,7 +15,7 @@ from voxgran._base.seeds import stream
 from voxgran.measures.registered.coordination import coordination_number
 from voxgran.measures.registered.density import main_fraction
 
-pytestmark = pytest.mark.filterwarnings("ignore:.*the bulk holds")
+pytestmark = [pytest.mark.filterwarnings("ignore:.*the bulk holds"), pytest.mark.usefixtures("jagged_pictures")]
 
 
 def heap(seed, count, **provenance):

@@ -48,6 +48,7 @@ def test_the_test_of_sizes_has_the_basis_of_the_curve():
     assert float(vg.measure(packing, "gradation")["/gradation"].distance_volume) == found["distance"]
 
 
+@pytest.mark.slow
 def test_the_probabilities_of_sizes_as_requested_are_uniform():
     asked = vg.sizes.lognormal(1.0, 0.5)
     values = [size_test(of_sizes(asked.sample(25, stream(seed, "sizes")), asked))["p_value"] for seed in range(30)]

@@ -280,12 +280,6 @@ def test_the_page_has_the_view_beside_its_pictures(packing, tmp_path):
     assert b"plotly.js v" in gzip.decompress(base64.b64decode(library))[:100]
 
 
-def test_it_can_be_left_out(packing, tmp_path):
-    vg.save_report(packing, tmp_path / "p.html", interactive=False)
-    assert "<script" not in (tmp_path / "p.html").read_text()
-    assert (tmp_path / "p.html").read_text().count("<img") > 3
-
-
 def test_without_plotly_the_error_says_what_to_install(monkeypatch):
     def missing(name):
         raise MissingLibraryError(f"{name} cannot be loaded: install it with 'pip install {name}'")

@@ -1,7 +1,7 @@
 """The interactive view is asked for and left out at the prompt and in scenes."""
 
 import pytest
-from kit import small_scene
+from kit import slow, small_scene
 
 import voxgran as vg
 from voxgran._base.errors import InputError
@@ -11,6 +11,8 @@ from voxgran.scene.sections import Output
 pytestmark = pytest.mark.usefixtures("jagged_pictures")
 
 VIEW = 'id="view-canvas"'
+#: words at the prompt, and whether the page has the view
+WORDS = [((), True), slow(("--interactive",), True), (("--no-interactive",), False)]
 SCENE = (
     small_scene()
     + """[measure]
@@ -31,7 +33,9 @@ def saved(tmp_path):
 
 
 @pytest.mark.filterwarnings("ignore::voxgran._base.errors.PackingWarning")
-@pytest.mark.parametrize(("words", "shown"), [((), True), (("--interactive",), True), (("--no-interactive",), False)])
+@pytest.mark.parametrize(
+    ("words", "shown"), [((), True), slow(("--interactive",), True), (("--no-interactive",), False)]
+)
 def test_reports_at_the_prompt_have_the_view_unless_it_is_refused(saved, words, shown, capsys):
     page = saved.with_name("page.html")
     assert main(["report", str(saved), "-o", str(page), *words]) == 0
@@ -43,7 +47,9 @@ def test_reports_at_the_prompt_have_the_view_unless_it_is_refused(saved, words, 
 
 
 @pytest.mark.filterwarnings("ignore::voxgran._base.errors.PackingWarning")
-@pytest.mark.parametrize(("words", "shown"), [((), True), (("--interactive",), True), (("--no-interactive",), False)])
+@pytest.mark.parametrize(
+    ("words", "shown"), [((), True), slow(("--interactive",), True), (("--no-interactive",), False)]
+)
 def test_comparisons_at_the_prompt_have_the_view_unless_it_is_refused(saved, words, shown, capsys):
     page = saved.with_name("page.html")
     assert main(["compare", f"one={saved}", f"two={saved}", "-o", str(page), *words]) == 0
@@ -53,7 +59,9 @@ def test_comparisons_at_the_prompt_have_the_view_unless_it_is_refused(saved, wor
 
 
 @pytest.mark.filterwarnings("ignore::voxgran._base.errors.PackingWarning")
-@pytest.mark.parametrize(("line", "shown"), [("", True), ("interactive = true", True), ("interactive = false", False)])
+@pytest.mark.parametrize(
+    ("line", "shown"), [("", True), slow("interactive = true", True), ("interactive = false", False)]
+)
 def test_scenes_have_the_view_unless_their_key_refuses_it(tmp_path, line, shown):
     (tmp_path / "scene.toml").write_text(SCENE + line + "\n")
     scene = vg.Scene.from_toml(tmp_path / "scene.toml")

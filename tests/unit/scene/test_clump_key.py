@@ -5,6 +5,8 @@ import pytest
 import voxgran as vg
 from voxgran._base.errors import InputError, UnknownNameError
 
+pytestmark = pytest.mark.usefixtures("jagged_pictures")
+
 CSV = "x,y,z,r\n-0.2,0,0,0.5\n0.2,0,0,0.5\n"
 REST = {
     "container": {"kind": "box", "lengths": [4, 4, 4]},

@@ -8,6 +8,7 @@ import sys
 from pathlib import Path
 
 import pytest
+from kit import slow
 
 import voxgran as vg
 from voxgran._base import machine
@@ -58,12 +59,10 @@ print(json.dumps([plan, loaded(), result.packing.provenance["counters"]]))
 
 
 #: cases whose loads those of others contain
-SLOW = ("spheres as points", "disks in a polygon", "disks with surfaces", "unions")
+SLOW = ("spheres", "spheres as points", "disks in a polygon", "disks with surfaces", "unions")
 
 
-@pytest.mark.parametrize(
-    "name", [pytest.param(name, marks=pytest.mark.slow) if name in SLOW else name for name in CASES]
-)
+@pytest.mark.parametrize("name", [slow(name) if name in SLOW else name for name in CASES])
 def test_the_run_loads_and_makes_what_the_plan_says(name, tmp_path):
     shape, container, packing, asked = CASES[name]
     output = {key: str(key == asked).lower() for key in ("vtk", "statistics", "report")}
@@ -143,7 +142,7 @@ print(planned, 1024 * int(re.search(r"VmHWM:\\s+(\\d+)", open("/proc/self/status
 
 @pytest.mark.parametrize(
     ("scene", "least"),
-    [(LARGE, 280 * 2**20), (TABLES, 200 * 2**20)],
+    [slow(LARGE, 280 * 2**20), (TABLES, 200 * 2**20)],
     ids=["canvas", "tables"],
 )
 def test_the_memory_of_a_large_scene_is_predicted_within_30_percent(scene, least, tmp_path):

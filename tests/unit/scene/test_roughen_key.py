@@ -5,6 +5,8 @@ import pytest
 import voxgran as vg
 from voxgran._base.errors import InputError, UnknownNameError
 
+pytestmark = pytest.mark.usefixtures("jagged_pictures")
+
 REST = {
     "container": {"kind": "box", "lengths": [4, 4, 4]},
     "packing": {"method": "rsa", "count": 4},

@@ -8,6 +8,8 @@ import voxgran as vg
 from voxgran._base.errors import InputError
 from voxgran.scene.description import SceneDescription
 
+pytestmark = pytest.mark.usefixtures("jagged_pictures")
+
 
 def scene(**shape):
     return {

@@ -143,6 +143,7 @@ def test_a_high_degree_gives_back_the_volume_of_a_scan():
     assert errors[2] < 0.015
 
 
+@pytest.mark.slow
 def test_gaussian_spheres_are_log_normal():
     # means over grains and directions that are far from each other
     directions = sphere(1)[0]

@@ -10,6 +10,8 @@ import voxgran as vg
 from voxgran._base.errors import FileFormatError, InputError, MissingLibraryError
 from voxgran.shapes.images.image_files import load_image
 
+pytestmark = pytest.mark.usefixtures("forked_readers")
+
 IMAGE = np.arange(60, dtype=np.uint16).reshape(3, 4, 5)
 
 
@@ -86,6 +88,8 @@ def test_objects_are_not_unpickled(tmp_path):
 
 
 def test_a_missing_library_is_named_with_its_remedy(tmp_path, monkeypatch):
+    # in a process of its own
+    monkeypatch.undo()
     (tmp_path / "image.nrrd").write_text("NRRD0004\n")
     (tmp_path / "nrrd.py").write_text("raise ImportError('not installed')\n")
     monkeypatch.syspath_prepend(tmp_path)

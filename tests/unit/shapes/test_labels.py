@@ -19,7 +19,7 @@ from voxgran.lattice.census import census
 from voxgran.lattice.surface import smooth_surface
 from voxgran.shapes.repairing.diagnose import diagnose
 
-pytestmark = pytest.mark.filterwarnings("ignore:the bulk holds")
+pytestmark = [pytest.mark.filterwarnings("ignore:the bulk holds"), pytest.mark.usefixtures("forked_readers")]
 
 
 def sphere_image(radius, *, n=None, middle=None, label=1):

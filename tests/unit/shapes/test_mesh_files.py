@@ -12,6 +12,8 @@ from voxgran.shapes.model import Shape
 from voxgran.shapes.repairing.repair import repair
 from voxgran.shapes.tessellate import unit_box
 
+pytestmark = pytest.mark.usefixtures("forked_readers")
+
 VERTICES, FACES, _ = unit_box()
 QUADS = [(0, 1, 3, 2), (4, 6, 7, 5), (0, 4, 5, 1), (2, 3, 7, 6), (0, 2, 6, 4), (1, 5, 7, 3)]
 THIRD = 1 / 3  # no text with fewer than 16 digits gives it back

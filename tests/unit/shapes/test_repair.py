@@ -159,6 +159,7 @@ def test_a_surface_with_one_side_is_refused():
         repair(points, band)
 
 
+@pytest.mark.slow
 def test_the_scanned_bunny_becomes_a_grain(data_dir):
     vertices, faces = read_surface(data_dir / "bunny_dirty.ply")
     with pytest.raises(DirtyMeshError):

@@ -4,6 +4,7 @@ import math
 
 import numpy as np
 import pytest
+from kit import slow
 
 import voxgran as vg
 from voxgran._base.errors import InputError, PackingWarning, TooLargeError
@@ -41,7 +42,7 @@ def lattice_of(sheet):
     return above.reshape(columns, -1), vertices[1, 1] - vertices[0, 1]
 
 
-@pytest.mark.parametrize(("method", "end"), [("patir", 0.0), ("spectral", 0.75)])
+@pytest.mark.parametrize(("method", "end"), [slow("patir", 0.0), slow("spectral", 0.75)])
 def test_statistics_of_triangles_are_those_of_their_lattice(method, end, monkeypatch):
     field = {"lengths": (14, 12), "rms": 0.1, "correlation_length": 1.0, "shortest": 0.75, "seed": 3}
     sheet = vg.make_shape("rough_sheet", method=method, **field)
@@ -92,7 +93,7 @@ def test_too_fine_a_sheet_is_refused():
 
 
 @pytest.mark.parametrize(
-    ("given", "changed"), [({"correlation_length": 1e9}, "correlation_length"), ({"shortest": 2.5}, "shortest")]
+    ("given", "changed"), [slow({"correlation_length": 1e9}, "correlation_length"), ({"shortest": 2.5}, "shortest")]
 )
 def test_the_length_that_is_proposed_can_be_made(given, changed):
     with pytest.raises((InputError, TooLargeError), match=f"^{changed} is .*; give (at most|less than)") as caught:

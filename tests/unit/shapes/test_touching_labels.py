@@ -4,6 +4,7 @@ import warnings
 
 import numpy as np
 import pytest
+from kit import slow
 from scipy.spatial import cKDTree
 
 import voxgran as vg
@@ -48,7 +49,9 @@ WHOLE = {"with void", "on a torus", "segmented", "one label through it all", "wi
 
 
 @pytest.mark.parametrize("surface", ["smooth", "voxel"])
-@pytest.mark.parametrize("name", [*IMAGES, "segmented"])
+@pytest.mark.parametrize(
+    "name", [slow(name) if name in ("without void", "on a torus") else name for name in [*IMAGES, "segmented"]]
+)
 def test_grains_neither_overlap_nor_escape(name, surface):
     image, options = IMAGES[name] if name in IMAGES else (segmented(), {})
     packing = vg.packing_of_labels(image, voxel_size=0.1, surface=surface, gravity="none", **options)
@@ -61,7 +64,7 @@ def test_grains_neither_overlap_nor_escape(name, surface):
         np.testing.assert_allclose(packing.volumes, counted, rtol=1e-9)
 
 
-@pytest.mark.parametrize("number", [150, pytest.param(5000, marks=pytest.mark.slow)])
+@pytest.mark.parametrize("number", [60, slow(5000)])
 def test_voxels_of_any_neighbours_touch_and_do_not_overlap(number):
     # around a corner of label 2 are three voxels of label 1, and a fourth one that meets them along edges only
     pinched = np.zeros((2, 3, 3), int)

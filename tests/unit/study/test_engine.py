@@ -418,7 +418,7 @@ def test_the_hash_is_that_of_values_files_and_version(base, tmp_path, monkeypatc
     assert key(tmp_path / "a") != first
 
 
-def test_a_file_that_changes_during_a_study_gives_no_numbers(base, tmp_path, data_dir):
+def test_a_file_that_changes_during_a_study_gives_no_numbers(base, tmp_path, data_dir, here):
     """Results are kept under the hash of the file as it was: those of another one would be found for ever."""
     old, new = (data_dir / name for name in ("bennu_lp.obj", "eros.obj"))
     rock = tmp_path / "rock.obj"
@@ -430,10 +430,10 @@ def test_a_file_that_changes_during_a_study_gives_no_numbers(base, tmp_path, dat
     }
     study = vg.Study(base=base | scene, seeds=1)
     rock.write_bytes(new.read_bytes())
-    changed = study.run(tmp_path / "out", workers=1)
+    changed = study.run(tmp_path / "out")
     assert "rock.obj has changed since the study began" in str(changed.dataset["failure"].values)
     rock.write_bytes(old.read_bytes())
-    again = study.run(tmp_path / "out", workers=1, retry=True)
+    again = study.run(tmp_path / "out", retry=True)
     assert again.computed == 1
     assert not again.dataset["failure"].values.any()
 

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 import scipy.stats
 import xarray as xr
+from kit import slow
 
 from voxgran._base.errors import InputError, UnknownNameError
 from voxgran._base.seeds import stream
@@ -137,7 +138,7 @@ def test_the_bootstrap_is_taken_of_many_values_and_depends_on_those_of_the_cell_
     assert confidence_limits([few], 0.95, "auto") == confidence_limits([few], 0.95, "student")
 
 
-@pytest.mark.parametrize(("count", "samples", "least", "most"), [(5, 2000, 0.80, 0.89), (20, 600, 0.90, 0.96)])
+@pytest.mark.parametrize(("count", "samples", "least", "most"), [slow(5, 2000, 0.80, 0.89), (20, 600, 0.90, 0.96)])
 def test_intervals_of_few_values_hold_the_mean_as_often_as_they_say(count, samples, least, most):
     values = list(drawn(7, samples, count))
     shares = {}
@@ -348,7 +349,7 @@ def test_what_cannot_be_ranked_is_not_tested():
     assert math.isfinite(found.p_value)
 
 
-@pytest.mark.parametrize("count", [3, 8])
+@pytest.mark.parametrize("count", [slow(3), 8])
 def test_rank_probabilities_are_uniform_where_nothing_differs(count):
     generator = stream(25, "values")
     p_values = []
@@ -359,6 +360,7 @@ def test_rank_probabilities_are_uniform_where_nothing_differs(count):
     assert np.mean(np.array(p_values) < 0.05) < 0.085
 
 
+@pytest.mark.slow
 def test_a_table_of_many_pairs_seldom_claims_what_is_not():
     """Of 300 studies of five methods that do not differ, at most 5 % claim a difference anywhere."""
     wrong, uncorrected = 0, 0

@@ -1,6 +1,6 @@
 import numpy as np
 import pytest
-from kit import mesh_box
+from kit import mesh_box, slow
 from scipy.ndimage import binary_dilation, binary_erosion, label
 
 import voxgran as vg
@@ -140,7 +140,7 @@ def test_regular_solids(kind):
 
 
 @pytest.mark.parametrize("kind", ["ellipsoid", "cylinder", "cone"])
-@pytest.mark.parametrize("turn", [None, 0, 2])
+@pytest.mark.parametrize("turn", [slow(None), 0, slow(2)])
 def test_cubes_that_round_solids_touch_are_exact(kind, turn):
     sizes = {"ellipsoid": (1.0, 0.7, 0.5), "cylinder": (0.6, 1.3), "cone": (0.9, 1.2)}
     shape = Shape.of(Primitive(kind, sizes[kind]), name=kind)

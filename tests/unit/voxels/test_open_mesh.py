@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from kit import slow
 
 import voxgran as vg
 from voxgran._base.errors import DirtyMeshError, DirtyMeshWarning, InputError, TooLargeError
@@ -13,7 +14,7 @@ from voxgran.shapes.winding import winding_numbers
 from voxgran.voxels.occupy import voxelize
 from voxgran.voxels.open_mesh import _fan, open_edges, voxelize_mesh
 
-GRID = Grid((-1.25,) * 3, 2.5 / 32, (32, 32, 32))
+GRID, FINE = (Grid((-1.25,) * 3, 2.5 / n, (n, n, n)) for n in (24, 32))
 
 
 @pytest.fixture(scope="module")
@@ -48,7 +49,7 @@ def test_unions_of_overlapping_parts(sphere):
     assert voxels.open_columns == 0
 
 
-@pytest.mark.parametrize("share", [0.002, 0.01, 0.05])
+@pytest.mark.parametrize("share", [slow(0.002), 0.01, slow(0.05)])
 def test_small_holes_are_settled_and_reported(sphere, truth, share):
     keep = stream(2, "holes").random(len(sphere[1])) > share
     with pytest.warns(DirtyMeshWarning, match="voxels in doubt"):
@@ -95,7 +96,7 @@ def test_a_hole_in_a_shape_is_never_silent(sphere):
     # a shape that got past the checks: the columns notice
     broken = Shape(Mesh(sphere[0].copy(), sphere[1][30:].copy()), "broken")
     with pytest.raises(DirtyMeshError, match="open"):
-        voxelize(broken, grid=GRID)
+        voxelize(broken, grid=FINE)
 
 
 def test_a_surface_with_two_sides_is_told_and_filled(sphere, truth):

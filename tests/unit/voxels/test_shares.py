@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from kit import hull
+from kit import hull, slow
 from scipy.spatial import ConvexHull, HalfspaceIntersection
 
 import voxgran as vg
@@ -65,7 +65,7 @@ def test_every_voxel_is_right_to_1e_12_against_half_spaces(index):
         assert abs(share[voxel] - halfspace_share(equations, np.array(voxel, dtype=float))) < 1e-12
 
 
-@pytest.mark.parametrize("resolution", [0.01, 0.3, 1, 3, 16, 50])
+@pytest.mark.parametrize("resolution", [0.01, 0.3, 1, 3, 16, slow(50)])
 @pytest.mark.parametrize("name", ["eros.obj", "itokawa_lp.obj", "bennu_lp.obj", "solid_union", *SIZES])
 def test_the_total_is_right_to_1e_12_at_any_resolution(name, resolution, data_dir):
     if name.endswith(".obj"):

@@ -5,6 +5,7 @@ import re
 import kit
 import numpy as np
 import pytest
+from kit import slow
 from scipy.stats import spearmanr
 
 import voxgran as vg
@@ -84,7 +85,7 @@ def test_more_grains_than_fit_are_left_out():
         (SPHERE, vg.Cylinder(2.0, 6.0), {}),
         (SPHERE, vg.Sphere(4.0), {}),
         (vg.make_shape("platonic", solid="tetrahedron"), vg.Box((6, 6, 6)), {}),
-        (vg.make_shape("box", aspect=(1, 1, 8)), vg.Box((8, 8, 8)), {}),
+        slow(vg.make_shape("box", aspect=(1, 1, 8)), vg.Box((8, 8, 8)), {}),
         (vg.make_shape("disk"), vg.Rectangle((12, 12)), {}),
         (vg.make_shape("polygon", corners=3), vg.Rectangle((12, 12)), {}),
         (vg.make_shape("polygon", corners=4), vg.Rectangle((12, 12)), {}),
@@ -214,16 +215,16 @@ OPEN = vg.Box((7, 7, 30), periodic="xy")
     ("shape", "container", "height", "parameters"),
     [
         (SPHERE, OPEN, 8.0, {}),
-        (SPHERE, OPEN, 8.0, {"friction": 0.0}),
+        slow(SPHERE, OPEN, 8.0, {"friction": 0.0}),
         (SPHERE, OPEN, 8.0, {"sizes": vg.sizes.lognormal(median=1.0, sigma=0.3)}),
         (SPHERE, vg.Box((10, 10, 20), periodic="xy"), 4.0, {}),
         (SPHERE, WALLED, 8.0, {}),
-        (SPHERE, vg.Box((5, 5, 30)), 20.0, {}),
+        slow(SPHERE, vg.Box((5, 5, 30)), 20.0, {}),
         (SPHERE, vg.Cylinder(2.0, 6.0), 5.0, {}),
         (SPHERE, vg.Sphere(5.0), 6.0, {}),
         (vg.make_shape("disk"), vg.Rectangle((15, 40)), 10.0, {}),
         (vg.make_shape("disk"), vg.Rectangle((20, 40), periodic="x"), 6.0, {}),
-        ([vg.make_shape("convex_polyhedron", seed=seed) for seed in range(3)], vg.Box((7, 7, 20)), 8.0, {}),
+        slow([vg.make_shape("convex_polyhedron", seed=seed) for seed in range(3)], vg.Box((7, 7, 20)), 8.0, {}),
         (vg.make_shape("box", aspect=(1, 1, 4)), vg.Box((8, 8, 20)), 8.0, {}),
     ],
     ids=["open", "frictionless", "graded", "low", "walls", "narrow", "cylinder", "sphere", "disks", "open disks",

@@ -6,6 +6,7 @@ import math
 import kit
 import numpy as np
 import pytest
+from kit import slow
 from scipy.spatial import cKDTree
 
 import voxgran as vg
@@ -15,7 +16,7 @@ from voxgran.geometry.rotation import random_rotations, rotation_matrices
 from voxgran.packing.control_point.precompute import KEPT, WAY
 from voxgran.points.control import edge_points, sample_controls
 
-pytestmark = pytest.mark.filterwarnings("ignore:the bulk holds")
+pytestmark = [pytest.mark.filterwarnings("ignore:the bulk holds"), pytest.mark.usefixtures("jagged_pictures")]
 
 SHEETS = [
     vg.make_shape("sheet"),
@@ -71,10 +72,11 @@ def moves(seed, length, count):
             yield (SHEETS[a], SHEETS[b]), begin, end
 
 
-def test_no_step_leads_through_a_surface():
+@pytest.mark.parametrize("count", [80, slow(250)])
+def test_no_step_leads_through_a_surface(count):
     """Whatever the two poses, if both are allowed and no farther apart than a step, nothing crosses between them."""
     assert pytest.approx(2 * math.sqrt(KEPT**2 - 1)) == WAY
-    assert not any(crosses_on_the_way(*move) for move in moves(seed=1, length=WAY, count=250))
+    assert not any(crosses_on_the_way(*move) for move in moves(seed=1, length=WAY, count=count))
 
 
 def test_longer_steps_would():

@@ -4,6 +4,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from kit import slow
 from scipy.spatial import cKDTree
 
 import voxgran as vg
@@ -110,9 +111,9 @@ def has_way_down(vectors, up):
         (vg.Sphere(3.6), None),
         (vg.Sphere(5.2, origin=(-1, 5, 2)), WIDE),
         (vg.ClosedMesh(vg.Shape.from_mesh(*vg.Box((6, 5, 9)).mesh())), GRADED),
-        (vg.ClosedMesh(vg.make_shape("superquadric", diameter=9.0)), None),
+        slow(vg.ClosedMesh(vg.make_shape("superquadric", diameter=9.0)), None),
         (vg.ClosedMesh(vg.make_shape("solid_union", seed=3, diameter=10.0)), GRADED),
-        (vg.ClosedMesh(SCAN.scaled(9.0 / SCAN.diameter)), WIDE),
+        slow(vg.ClosedMesh(SCAN.scaled(9.0 / SCAN.diameter)), WIDE),
     ],
 )
 def test_no_sphere_has_a_way_down(container, sizes):

@@ -3,6 +3,7 @@
 import kit
 import numpy as np
 import pytest
+from kit import slow
 
 import voxgran as vg
 from voxgran.packing.digital import precompute as digital_setting
@@ -40,7 +41,9 @@ def walked(case, attempts=(12_000,)):
 READ = {"rows_read": 0, "pairs_read": 0}
 
 
-@pytest.mark.parametrize("case", CASES)
+@pytest.mark.parametrize(
+    "case", ["spheres", slow("boxes, periodic"), slow("cones without gravity"), slow("sleeping disks"), "few cells"]
+)
 def test_walk_is_that_by_columns(case, monkeypatch):
     columns = walked(case)
     assert not len(columns.derived["pairs"].at)

@@ -5,10 +5,10 @@ import itertools
 import kit
 import numpy as np
 import pytest
-from kit import run
+from kit import run, slow
 
 import voxgran as vg
-from voxgran._base.errors import InputError, PackingWarning
+from voxgran._base.errors import PackingWarning
 from voxgran._base.seeds import philox_key
 from voxgran.packing.digital.precompute import precomputed_of
 from voxgran.packing.digital.walk_method import registration as digital
@@ -83,32 +83,6 @@ def test_gravity_in_any_direction_piles_grains_up_there():
         assert float(vg.measure(packing)["solid_fraction"]) == pytest.approx(packing.solid_fraction)
 
 
-@pytest.mark.parametrize(
-    ("way", "words"),
-    [
-        ({"gravity": (0.0, 0.0, 0.0)}, "gravity"),
-        ({"gravity": (1.0, 0.0)}, "gravity"),
-        ({"gravity": "none", "lid": True}, "lid"),
-        ({"gravity": "none", "schedule": "sleeping"}, "sleeping"),
-        ({"rate": 0.0}, "rate"),
-        ({"period": 0}, "period"),
-        ({"cycles": 24, "period": 50}, "cycles is 24 and period 50"),
-        ({"decay": 1.5}, "decay"),
-        ({"guided": -0.1}, "guided"),
-        ({"schedule": "sort"}, "schedule"),
-        ({"layer_sweeps": 0}, "layer_sweeps"),
-    ],
-)
-def test_bad_ways_are_named(way, words):
-    with pytest.raises(InputError, match=words):
-        run(task_of(vg.make_shape("sphere"), **way))
-
-
-def test_gravity_along_a_periodic_axis_is_refused():
-    with pytest.raises(InputError, match="periodic axis"):
-        run(task_of(vg.make_shape("sphere"), vg.Box((4, 4, 4), "x"), count=2, gravity=(0.1, 0.0, -1.0)))
-
-
 def plain_attempts(problem, state, setting, first, last, *, order=None, patience=None):
     """Walk on a label grid, one attempt after the other, without turns: the schedules as they are told."""
     steps = setting.directions
@@ -177,7 +151,7 @@ def plain_attempts(problem, state, setting, first, last, *, order=None, patience
     return sites, skipped
 
 
-@pytest.mark.parametrize("schedule", ["random", "sorted", "sleeping"])
+@pytest.mark.parametrize("schedule", [slow("random"), slow("sorted"), "sleeping"])
 def test_schedules_are_those_of_a_plain_program(schedule):
     """Bit for bit the same trajectory over some thousand attempts under gravity."""
     box, shape = vg.Box((3, 3, 4)), vg.make_shape("ellipsoid")

@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from kit import slow
 
 import voxgran as vg
 from voxgran._base.errors import InputError
@@ -28,7 +29,7 @@ def slope_of(bed):
     return np.polyfit((levels[1:] + levels[:-1]) / 2 / height, fractions, 1)[0]
 
 
-@pytest.mark.parametrize("wanted", [0.5, 0.58])
+@pytest.mark.parametrize("wanted", [slow(0.5), slow(0.58)])
 def test_the_profile_is_level_with_undercompaction_and_not_without(wanted):
     def slopes(**more):
         return np.mean([slope_of(layered(solid_fraction=wanted, seed=seed, **more)) for seed in range(2)])

@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from kit import slow
 
 import voxgran as vg
 from voxgran._base.errors import InputError, PackingWarning
@@ -40,7 +41,7 @@ def test_ellipsoids_jam_denser_than_spheres_with_as_many_contacts_as_hold_them()
     assert 2 * len(found.i) / 60 == pytest.approx(told["coordination_without_rattlers"], abs=0.3)
 
 
-@pytest.mark.parametrize(("shape", "least", "most"), [(CUBE, 0.65, 0.85), (OCTAHEDRON, 0.63, 0.72)])
+@pytest.mark.parametrize(("shape", "least", "most"), [slow(CUBE, 0.65, 0.85), (OCTAHEDRON, 0.63, 0.72)])
 def test_dice_jam_about_as_dense_as_shaken_ones(shape, least, most):
     packing = jammed(shape, 40, growth_rate=0.1)
     assert vg.verify(packing, tolerance=0).ok
@@ -49,6 +50,7 @@ def test_dice_jam_about_as_dense_as_shaken_ones(shape, least, most):
     assert least < packing.solid_fraction < most
 
 
+@pytest.mark.slow
 def test_slow_growth_jams_tetrahedra_denser():
     fast, slow = (jammed(TETRAHEDRON, 30, growth_rate=rate, seed=1).solid_fraction for rate in (1.0, 0.02))
     # Jiao & Torquato 2011: 0.763 for the slowest compression

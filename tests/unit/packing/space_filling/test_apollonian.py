@@ -31,6 +31,7 @@ def test_the_exponent_in_the_plane_is_the_published_one(gasket):
     assert exponent_of(rows_of(gasket(20_000.0))[:, 0]) == pytest.approx(1.305686729, rel=3e-3)
 
 
+@pytest.mark.slow
 def test_the_exponent_in_space_is_the_published_one():
     # Borkovec, De Paris & Peikert 1994: 2.4739465
     curvature = np.sort(rows_of(in_sphere(3, 400.0))[:, 0])

@@ -125,6 +125,7 @@ def test_the_first_square_in_a_periodic_one_fills_it():
         assert one.diameter == pytest.approx(0.5)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("periodic", ["", "x", "xy"])
 def test_rotated_squares_are_denser_by_default_too(periodic):
     # Delaney, Hutzler & Aste 2008: grains that are rotated fill more

@@ -5,7 +5,7 @@ import math
 import meshio
 import numpy as np
 import pytest
-from kit import task_of
+from kit import slow, task_of
 from scipy.optimize import linprog
 from scipy.spatial import cKDTree
 
@@ -28,6 +28,8 @@ from voxgran.packing.tessellation.mesh import (
     triangulated_by_tiles,
 )
 from voxgran.packing.tessellation.method import registration as tetrahedral
+
+pytestmark = pytest.mark.usefixtures("forked_readers")
 
 SPHERE, DISK = vg.make_shape("sphere"), vg.make_shape("disk")
 #: edge of the cubes of the lattice, in mean edges of its cells
@@ -355,7 +357,7 @@ def kuhn(path, kind="tetra"):
     return str(path)
 
 
-@pytest.mark.parametrize("suffix", ["vtu", "msh", "inp"])
+@pytest.mark.parametrize("suffix", ["vtu", slow("msh"), slow("inp")])
 def test_a_mesh_of_a_file(tmp_path, suffix):
     path = kuhn(tmp_path / f"cube.{suffix}")
     packing = vg.pack(SPHERE, vg.Box((1, 1, 1)), "tetrahedral", mesh=path, count=6)
@@ -432,14 +434,14 @@ def test_thicknesses():
 @pytest.mark.parametrize(
     ("container", "least"),
     [
-        (vg.Box((5, 5, 0.2)), 0.55),
-        (vg.Box((2, 2, 0.2), "xyz"), 0.6),
+        slow(vg.Box((5, 5, 0.2)), 0.55),
+        slow(vg.Box((2, 2, 0.2), "xyz"), 0.6),
         (vg.Box((0.1, 0.1, 5)), 0.6),
         (vg.Cylinder(0.05, 3), 0.6),
-        (vg.Cylinder(2, 0.15), 0.55),
-        (shell(0.2), 0.55),
+        slow(vg.Cylinder(2, 0.15), 0.55),
+        slow(shell(0.2), 0.55),
         (tilted((3, 3, 0.2)), 0.6),
-        (tilted((0.05, 0.05, 4)), 0.6),
+        slow(tilted((0.05, 0.05, 4)), 0.6),
         (vg.Rectangle((20, 0.02)), 0.74),
         (vg.Polygon([(0, 0), (10, 7), (10, 7.01), (0, 0.01)]), 0.75),
     ],

@@ -38,7 +38,7 @@ def test_grains_enter_in_turn_and_fall_to_the_first_contact(method):
     assert first.position[0, 2] - first.diameters[0] / 2 < 0.15
     order, entered = entry_order(task.problem, 0)[::-1].tolist(), 1
     while state.feeding_ended_at is None:
-        state = task.method.advance(task.problem, state, 1)
+        state = task.method.advance(task.problem, state, 10)
         if state.placed > entered:
             entered = state.placed
             assert set(state.grains.tolist()) == set(order[:entered])

@@ -2,6 +2,7 @@
 
 import kit
 import pytest
+from kit import slow
 
 import voxgran as vg
 from voxgran.packing.control_point.method import registration as control_point
@@ -20,7 +21,7 @@ def task_of(method, container, *, count=60, **parameters):
 @pytest.mark.parametrize(
     ("method", "parameters"),
     [
-        ("digital", {"feed": "layers", "voxel_size": 1 / 64}),
+        slow("digital", {"feed": "layers", "voxel_size": 1 / 64}),
         ("digital", {"feed": "layers", "voxel_size": 1 / 16, "layer_sweeps": 1}),
         ("digital", {"feed": "layers", "voxel_size": 1 / 16, "gravity": (0.4, 0.0, 1.0)}),
         ("control_point", {"feed": "layers", "step": 0.02}),
@@ -46,7 +47,7 @@ def test_large_grains_wait_for_small_ones_to_sink():
     assert packing.diameters.max() == pytest.approx(2.0)
 
 
-@pytest.mark.parametrize("feed", ["rain", "layers"])
+@pytest.mark.parametrize("feed", [slow("rain"), "layers"])
 @pytest.mark.parametrize("method", [digital, control_point], ids=lambda method: method.name)
 def test_a_full_bed_has_come_to_rest(method, feed):
     """The grains below the entry, here all of them, have not sunk in as many sweeps before feeding ended."""

@@ -11,7 +11,7 @@ import sys
 import time
 
 import pytest
-from kit import small_scene
+from kit import slow, small_scene
 
 import voxgran as vg
 from voxgran.cli import main
@@ -41,7 +41,7 @@ def file(tmp_path):
     return tmp_path / "study.toml"
 
 
-def test_a_study_is_planned_run_and_shown(file, tmp_path, capsys):
+def test_a_study_is_planned_run_and_shown(file, tmp_path, capsys, here):
     out = tmp_path / "out"
     words = ["study", str(file), "-o", str(out), "--workers", "1"]
     assert main([*words, "--dry-run"]) == 0
@@ -64,7 +64,7 @@ def test_a_study_is_planned_run_and_shown(file, tmp_path, capsys):
     assert float(vg.load_statistics(out / "study.nc")["count"].sel({"packing.count": 9, "seed": 1})) == 9
 
 
-def test_runs_that_ended_full_are_counted(file, tmp_path, capsys):
+def test_runs_that_ended_full_are_counted(file, tmp_path, capsys, here):
     scene = SCENE.replace("rsa", "deposition") + "[settle]\nenabled = false\n"
     (tmp_path / "scene.toml").write_text(scene)
     file.write_text(STUDY.replace("[4, 9]", "[4, 100]"))
@@ -90,7 +90,7 @@ def complaints(text):
     return [line for line in text.splitlines() if not re.search(r" \(after \d+ s\)$", line)]
 
 
-def test_failures_are_told_and_give_status_1(file, tmp_path, capsys):
+def test_failures_are_told_and_give_status_1(file, tmp_path, capsys, here):
     file.write_text(STUDY + '"container.lengths" = [[4, 4, 4], [0.5, 0.5, 0.5]]\n')
     assert main(["study", str(file), "-o", str(tmp_path / "out"), "--workers", "1"]) == 1
     told = capsys.readouterr()
@@ -145,7 +145,7 @@ def ended(numbers):
     return not any(os.path.exists(f"/proc/{number}/exe") for number in numbers)
 
 
-@pytest.mark.parametrize(("number", "status"), [(signal.SIGINT, 130), (signal.SIGTERM, 143)])
+@pytest.mark.parametrize(("number", "status"), [(signal.SIGINT, 130), slow(signal.SIGTERM, 143)])
 def test_a_study_that_is_stopped_says_how_to_go_on(file, tmp_path, capsys, number, status):
     out = tmp_path / "out"
     process, workers = started(file, out)
@@ -181,6 +181,7 @@ def test_a_study_that_is_stopped_before_its_first_run_says_how_to_go_on(file, tm
     ]
 
 
+@pytest.mark.slow
 def test_the_processes_of_a_study_that_is_killed_end(file, tmp_path):
     process, workers = started(file, tmp_path / "out")
     process.kill()
