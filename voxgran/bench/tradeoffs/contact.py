@@ -88,9 +88,7 @@ def rate_of_test(problem: Problem, state: ControlState) -> tuple[float, float]:
     """Return attempts per second of voxgran's walk, and the share of accepted ones."""
     advance, attempts = method_registry().get("control_point").advance, 4000
     before, tried = state.moves_accepted, state.moves_tried
-    best, _ = best_rate(
-        lambda: advance(problem, state, attempts), attempts, least_time=SECONDS, clock=time.process_time
-    )
+    best, _ = best_rate(lambda: advance(problem, state, attempts), attempts, least_time=SECONDS)
     return best, (state.moves_accepted - before) / (state.moves_tried - tried)
 
 
@@ -109,7 +107,7 @@ def rate_of_peer(
     )  # fmt: skip
     generator, share = stream(1, "bench moves"), problem.parameters.rotation_share
     best, accepted = best_rate(
-        program(grains), attempts, least_time=SECONDS, clock=time.process_time,
+        program(grains), attempts, least_time=SECONDS,
         draw=lambda: _draw_moves(generator, len(grains.step), share, grains.radius, attempts),
     )  # fmt: skip
     return best, sum(accepted) / (len(accepted) * attempts)

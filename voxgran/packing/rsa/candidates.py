@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from voxgran._base.arrays import Floats, Integers, Words
-from voxgran._base.kernels import bare_kernel
+from voxgran._base.kernels import bare_kernel, inlined_kernel
 from voxgran._base.seeds import philox_block, unit_float
 from voxgran.contacts.overlap.true_shapes import TrueShapes
 from voxgran.containers.kernel_container import KernelContainer, is_between, is_held
@@ -113,7 +113,7 @@ def _next_coordinate(rules, coordinates, queue, tally, attempt):  # type: ignore
     return -1
 
 
-@bare_kernel
+@inlined_kernel
 def _try_at(bed, rules, table, key, g, c):  # type: ignore[no-untyped-def]
     """Place a grain at a coordinate; return the number of its moves, -1 if it is rejected."""
     half = extents(bed.grains.half, g)

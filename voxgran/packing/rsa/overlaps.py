@@ -100,7 +100,7 @@ def link_all(bed: Bed, order: NDArray[np.int32]) -> None:
             _link(bed, order[k])
 
 
-@bare_kernel
+@inlined_kernel
 def find_overlap(bed: Bed, place: Vector, half: Vector, slack: float, deepest: bool) -> tuple[int, float, Vector]:
     """Return a grain that a new one overlaps by more than `slack`, or -1; the deepest one, or just any.
 
