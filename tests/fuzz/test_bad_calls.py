@@ -67,6 +67,7 @@ BED = vg.Packing.of([SPHERE], BOX, position=[(1, 1, 0.5), (3, 3, 0.5)], gravity=
 MASK = np.zeros((6, 6, 6), dtype=bool)
 MASK[1:4, 2:5, 2:4] = True
 LABELS = MASK.astype(int)
+SEGMENTED = vg.segment(MASK * 100.0, threshold=50, min_size=1)
 CLOUD = vg.Cloud.of(np.random.Generator(np.random.Philox(1)).random((60, 3)))
 SCAN = vg.Cloud.of(vg.sample_surface(ROCK, spacing=0.1))
 CLUMP = vg.fit_clump(ROCK, max_spheres=2)
@@ -216,7 +217,18 @@ GOOD = {
     "resample": (vg.resample, {"image": MASK, "shape": (3, 3, 3), "method": "mean"}),
     "segment": (
         vg.segment,
-        {"image": MASK * 100.0, "threshold": 50, "dark_grains": False, "min_size": 1, "separation": 2.0},
+        {
+            "image": MASK * 100.0,
+            "threshold": 50,
+            "dark_grains": False,
+            "min_size": 1,
+            "separation": 2.0,
+            "voxel_size": (1.0, 1.0, 2.0),
+        },
+    ),
+    "save_slices": (
+        vg.save_slices,
+        {"segmentation": SEGMENTED, "path": ">slices.png", "image": None, "overwrite": False},
     ),
     "data_file": (vg.data_file, {"name": "eros.obj"}),
     "deform": (vg.deform, {"packing": BED, "stiffness": 1.0, "spacing": 0.3, "reach": 1.0}),

@@ -3,7 +3,7 @@
 import argparse
 import json
 from collections.abc import Callable, Sequence
-from dataclasses import MISSING, replace
+from dataclasses import MISSING
 from functools import partial
 from pathlib import Path
 from types import SimpleNamespace
@@ -231,15 +231,22 @@ def labels(options: argparse.Namespace) -> None:
     if options.output:
         check_output(options.output, overwrite=options.overwrite)
     given = _fields(options, "voxel_size", "border", "surface", "periodic", "gravity", "unit", "key")
-    source = voxgran.load_image(options.file, key=options.key) if options.segment else options.file
+    source = options.file
     if options.segment:
-        source = replace(source, values=voxgran.segment(source.values))
+        source = voxgran.segment(voxgran.load_image(options.file, key=options.key), voxel_size=options.voxel_size)
     with progress(options) as on_step:
         packing = voxgran.packing_of_labels(source, on_step=on_step, **given)
     if options.output:
         voxgran.save(packing, options.output, overwrite=options.overwrite)
     numbers = {"grains": packing.count, **main_numbers(packing)}
     show({**numbers, "largest_volume_error": packing.provenance["largest_volume_error"]}, options)
+
+
+def segment(options: argparse.Namespace) -> None:
+    """Segment a grey image and write its labels."""
+    from voxgran.cli import segmenting
+
+    segmenting.segment(options)
 
 
 def repair(options: argparse.Namespace) -> None:
@@ -398,6 +405,7 @@ COMMANDS: dict[str, tuple[str, Callable[[argparse.Namespace], int | None]]] = {
     "report": ("write a page with pictures about a packing", report),
     "picture": ("write a picture of a packing", picture),
     "compare": ("write a page that compares packings", compare),
+    "segment": ("segment a grey image into labelled grains", segment),
     "labels": ("make a packing of a label image", labels),
     "shape": ("make a shape of a family", shape),
     "repair": ("mend a mesh file and say what was done", repair),

@@ -46,25 +46,27 @@ class Image(ExplainedAttributes):
         return np.array(self.values, dtype=dtype) if copy else np.asarray(self.values, dtype=dtype)
 
 
-def known_edges(value: Any, image: Any) -> Edges | None:
-    """Return the edges of a voxel: those given, as one or three lengths, or else those that an image tells; None where
-    neither tells.
+def as_edges(value: Any) -> Edges:
+    """Return the three edges of a voxel, of which one may be given for all.
 
     Raises
     ------
     InputError
-        If they are not one or three lengths between 1e-60 and 1e60.
+        If there are neither one nor three, or a length is not between 1e-60 and 1e60.
     """
-    if value is None:
-        value = image.voxel_size if isinstance(image, Image) else None
-    if value is None:
-        return None
     sizes = float_array(value)
     if sizes is None or sizes.shape not in ((), (3,)) or not (np.isfinite(sizes).all() and (sizes > 0).all()):
         raise InputError(f"voxel_size is {shown(value)}: every edge must be a finite number above 0; give one or three")
     check_lengths(sizes, "voxel_size")
     x, y, z = np.broadcast_to(sizes, (3,)).tolist()
     return x, y, z
+
+
+def known_edges(value: Any, image: Any) -> Edges | None:
+    """Return the edges of a voxel: those given, or else those that an Image tells; None where neither tells."""
+    if value is None:
+        value = image.voxel_size if isinstance(image, Image) else None
+    return None if value is None else as_edges(value)
 
 
 def are_equal(edges: Edges) -> bool:
