@@ -375,7 +375,7 @@ def test_messages_name_the_flags_of_the_prompt(tmp_path, capsys):
     np.save(tmp_path / "image.npy", np.pad(np.ones((5, 5, 5), dtype=np.int64), 2))
     words = ["labels", str(tmp_path / "image.npy")]
     assert "--voxel-size is missing" in complaint(capsys, *words)[1]
-    assert "--voxel-size is -1.0" in complaint(capsys, *words, "--voxel-size", "-1")[1]
+    assert "--voxel-size is -1:" in complaint(capsys, *words, "--voxel-size", "-1")[1]
 
 
 def test_bad_files_are_one_line_and_status_2(tmp_path, capsys):

@@ -18,6 +18,7 @@ from voxgran.cli.clumps import clump
 from voxgran.cli.data import data
 from voxgran.cli.doctor import doctor
 from voxgran.cli.parser import parameter_text
+from voxgran.cli.segmenting import segment
 from voxgran.cli.shapes import shape, simplify
 from voxgran.cli.terminal import UNITS, complain, entry_line, progress, show, table
 from voxgran.shapes.files import check_surface_output
@@ -164,10 +165,8 @@ def report(options: argparse.Namespace) -> None:
     packing = _packing(options)
     with progress(options) as on_step:
         proof = voxgran.verify(packing, on_step=on_step)
-    found: dict[str, Any] = {"statistics": voxgran.measure(packing), "verification": proof}
-    voxgran.save_report(
-        packing, target, **found, **_fields(options, "color_by", "turntable", "interactive", "overwrite")
-    )
+    given = _fields(options, "color_by", "turntable", "interactive", "overwrite")
+    voxgran.save_report(packing, target, statistics=voxgran.measure(packing), verification=proof, **given)
     print(target)
 
 
@@ -231,22 +230,14 @@ def labels(options: argparse.Namespace) -> None:
     if options.output:
         check_output(options.output, overwrite=options.overwrite)
     given = _fields(options, "voxel_size", "border", "surface", "periodic", "gravity", "unit", "key")
-    source = options.file
-    if options.segment:
-        source = voxgran.segment(voxgran.load_image(options.file, key=options.key), voxel_size=options.voxel_size)
+    source = voxgran.load_image(options.file, key=options.key) if options.segment else options.file
+    source = voxgran.segment(source, voxel_size=options.voxel_size) if options.segment else source
     with progress(options) as on_step:
         packing = voxgran.packing_of_labels(source, on_step=on_step, **given)
     if options.output:
         voxgran.save(packing, options.output, overwrite=options.overwrite)
     numbers = {"grains": packing.count, **main_numbers(packing)}
     show({**numbers, "largest_volume_error": packing.provenance["largest_volume_error"]}, options)
-
-
-def segment(options: argparse.Namespace) -> None:
-    """Segment a grey image and write its labels."""
-    from voxgran.cli import segmenting
-
-    segmenting.segment(options)
 
 
 def repair(options: argparse.Namespace) -> None:

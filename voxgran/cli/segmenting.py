@@ -2,15 +2,13 @@
 
 import argparse
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
 import voxgran
 from voxgran._base.files import output_suffix, written_whole
 from voxgran.cli.terminal import show
-from voxgran.io.image import SUFFIXES
-from voxgran.lattice.image import Edges, are_equal
-from voxgran.lattice.segment import Segmentation
 from voxgran.report.stage import check_picture_path
 
 #: suspects that are named
@@ -19,6 +17,8 @@ NAMED = 10
 
 def segment(options: argparse.Namespace) -> None:
     """Segment a grey image, write its labels and a picture, and say how many grains it has and which are in doubt."""
+    from voxgran.io.image import SUFFIXES
+
     if options.output:
         output_suffix(options.output, (*SUFFIXES, ".npy"), "labels are kept", overwrite=options.overwrite)
     if options.picture:
@@ -45,18 +45,14 @@ def segment(options: argparse.Namespace) -> None:
     show(numbers, options, ", ".join(str(path) for path in (options.output, options.picture) if path))
 
 
-def _write(found: Segmentation, options: argparse.Namespace) -> None:
+def _write(found: Any, options: argparse.Namespace) -> None:
     """Write the labels."""
+    from voxgran.lattice.image import are_equal
+
     if Path(options.output).suffix.lower() == ".npy":
         with written_whole(options.output, overwrite=options.overwrite) as draft, draft.open("wb") as file:
             np.save(file, found.labels)
         return
-    edges: Edges = found.voxel_size or (1.0, 1.0, 1.0)
+    edges: Any = found.voxel_size or (1.0, 1.0, 1.0)
     size = min(edges) if are_equal(edges) else edges
-    voxgran.save_image(
-        found.labels,
-        options.output,
-        voxel_size=size,  # type: ignore[arg-type]
-        origin=found.origin,
-        overwrite=options.overwrite,
-    )
+    voxgran.save_image(found.labels, options.output, voxel_size=size, origin=found.origin, overwrite=options.overwrite)

@@ -45,7 +45,7 @@ def packings(count: int = GRAINS) -> Iterator[tuple[str, str, Packing]]:
     edge = (count * 1.07) ** (1 / 3)
     for name, family in FAMILIES.items():
         shapes = [make_shape(family, seed=seed) for seed in range(1 if name == "spheres" else 12)]
-        growth = {} if name == "spheres" else {"growth_rate": 0.1}
+        growth: dict[str, Any] = {} if name == "spheres" else {"growth_rate": 0.1}
         box = Box((edge, edge, edge))
         yield name, "jammed", pack(shapes, box, "jam", count=count, sizes=law, seed=1, **growth)
         column = Box((edge, edge, 2 * edge))
@@ -82,7 +82,7 @@ def scores(true: NDArray[Any], found: NDArray[Any]) -> tuple[float, float, float
     """
     both, metrics = (true > 0) & (found > 0), load("skimage.metrics")
     error = metrics.adapted_rand_error(true[both], found[both])[0]
-    merging, splitting = metrics.variation_of_information(true[both], found[both])
+    splitting, merging = metrics.variation_of_information(true[both], found[both])
     return float(error), float(splitting), float(merging)
 
 
