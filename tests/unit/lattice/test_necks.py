@@ -2,9 +2,11 @@
 
 import numpy as np
 import pytest
+from scipy import ndimage
 
 import voxgran as vg
 from voxgran._base.seeds import stream
+from voxgran.lattice import segment as segmenting
 from voxgran.lattice.distance import distance_transform
 from voxgran.lattice.image import Image
 from voxgran.lattice.necks import Pairs, merged, pairs_of
@@ -54,7 +56,7 @@ def test_a_waist_is_suspect_and_so_is_what_was_merged():
 
 @pytest.mark.parametrize("decrease", [0.7, 1.5, 3.0])
 def test_basins_merge_as_the_markers_of_h_maxima(decrease):
-    from scipy import ndimage
+
     from skimage.segmentation import watershed
 
     generator = stream(2, "blobs")
@@ -121,3 +123,20 @@ def test_a_segmentation_is_an_image_of_labels_and_works_like_their_array():
     assert packing.volumes.sum() == pytest.approx((labels > 0).sum() * 1e-3, rel=0.02)
     with pytest.raises(AttributeError, match="Segmentation has no attribute 'grains'"):
         getattr(found, "grains")  # noqa: B009
+
+
+def test_smoothed_distances_part_grains_where_they_touch(bed, monkeypatch):
+    true = vg.to_image(bed, 0.06)[:, :, :82]
+    soft = ndimage.gaussian_filter((true > 0).astype(float), 1.5) + stream(3, "noise").normal(0, 0.15, true.shape)
+    wrong = {}
+    for smooth in (segmenting.SMOOTH, 0.0):
+        monkeypatch.setattr(segmenting, "SMOOTH", smooth)
+        found = vg.segment(soft)
+        both = (found > 0) & (true > 0)
+        pairs, counts = np.unique(np.stack([found[both], true[both]]), axis=1, return_counts=True)
+        # voxels of a label that are not of its main grain
+        wrong[smooth] = counts.sum() - ndimage.maximum(counts, pairs[0], np.unique(pairs[0])).sum()
+        if smooth:
+            assert found.max() == pytest.approx(bed.count, rel=0.02)
+    assert wrong[0.7] < 0.95 * wrong[0.0]
+    assert wrong[0.7] < 0.01 * (true > 0).sum()
