@@ -67,6 +67,7 @@ bench: demo $(STAMP) $(ENGINES)/.ok   ## run time against error of voxelization,
 	$(BIN)/voxgran bench rsa -o docs/figures
 	$(BIN)/voxgran bench sampling -o docs/figures
 	$(BIN)/voxgran bench gradation -o docs/figures
+	$(BIN)/voxgran bench segmentation -o docs/figures
 	$(BIN)/voxgran bench rsa_shapes -o docs/figures
 	$(BIN)/voxgran bench front -o docs/figures
 	$(BIN)/voxgran bench spheres -o docs/figures

@@ -66,6 +66,7 @@ from voxgran.report.gallery import save_gallery as save_gallery
 from voxgran.report.page import save_report as save_report
 from voxgran.report.plot import plot as plot
 from voxgran.report.plot import save_picture as save_picture
+from voxgran.report.slices import save_slices as save_slices
 from voxgran.report.turntable import save_turntable as save_turntable
 from voxgran.scene.scene import Scene as Scene
 from voxgran.settling.equilibrium import equilibrium as equilibrium

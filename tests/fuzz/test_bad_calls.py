@@ -67,6 +67,7 @@ BED = vg.Packing.of([SPHERE], BOX, position=[(1, 1, 0.5), (3, 3, 0.5)], gravity=
 MASK = np.zeros((6, 6, 6), dtype=bool)
 MASK[1:4, 2:5, 2:4] = True
 LABELS = MASK.astype(int)
+SEGMENTED = vg.segment(MASK * 100.0, threshold=50, min_size=1)
 CLOUD = vg.Cloud.of(np.random.Generator(np.random.Philox(1)).random((60, 3)))
 SCAN = vg.Cloud.of(vg.sample_surface(ROCK, spacing=0.1))
 CLUMP = vg.fit_clump(ROCK, max_spheres=2)
@@ -201,21 +202,33 @@ GOOD = {
         vg.fit_clump,
         {"shape_or_voxels": ROCK, "method": "optimal", "max_spheres": 2, "target": "iou", "value": 0.3, "seed": 0},
     ),
-    "closing": periodic_filter(vg.closing, radius=1, threads=1),
-    "dilation": periodic_filter(vg.dilation, radius=1, threads=1),
-    "erosion": periodic_filter(vg.erosion, radius=1, threads=1),
-    "opening": periodic_filter(vg.opening, radius=1, threads=1),
-    "local_thickness": periodic_filter(vg.local_thickness, threads=1),
+    "closing": periodic_filter(vg.closing, radius=1, voxel_size=0.5, threads=1),
+    "dilation": periodic_filter(vg.dilation, radius=1, voxel_size=0.5, threads=1),
+    "erosion": periodic_filter(vg.erosion, radius=1, voxel_size=0.5, threads=1),
+    "opening": periodic_filter(vg.opening, radius=1, voxel_size=0.5, threads=1),
+    "local_thickness": periodic_filter(vg.local_thickness, voxel_size=(1.0, 1.0, 2.0), threads=1),
     "connected_components": periodic_filter(vg.connected_components, connectivity=6),
-    "distance_transform": periodic_filter(vg.distance_transform, squared=False, threads=1, out=None),
+    "distance_transform": periodic_filter(vg.distance_transform, voxel_size=0.5, squared=False, threads=1, out=None),
     "crop": (vg.crop, {"image": MASK, "margin": 1}),
     "iso_surface": (vg.iso_surface, {"field": MASK * 1.0, "level": 0.5}),
     "iso_surface volume": (vg.iso_surface, {"field": MASK * 1.0, "volume": 8.0}),
     "resample factor": (vg.resample, {"image": MASK, "factor": 0.5, "method": "mean"}),
+    "resample to": (vg.resample, {"image": MASK, "to": "cubic", "voxel_size": (1, 1, 2), "method": "nearest"}),
     "resample": (vg.resample, {"image": MASK, "shape": (3, 3, 3), "method": "mean"}),
     "segment": (
         vg.segment,
-        {"image": MASK * 100.0, "threshold": 50, "dark_grains": False, "min_size": 1, "separation": 2.0},
+        {
+            "image": MASK * 100.0,
+            "threshold": 50,
+            "dark_grains": False,
+            "min_size": 1,
+            "separation": 2.0,
+            "voxel_size": (1.0, 1.0, 2.0),
+        },
+    ),
+    "save_slices": (
+        vg.save_slices,
+        {"segmentation": SEGMENTED, "path": ">slices.png", "image": None, "overwrite": False},
     ),
     "data_file": (vg.data_file, {"name": "eros.obj"}),
     "deform": (vg.deform, {"packing": BED, "stiffness": 1.0, "spacing": 0.3, "reach": 1.0}),

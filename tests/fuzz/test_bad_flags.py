@@ -48,6 +48,7 @@ GOOD = {
     "picture": ["bed.vtp", "-o", "bed.png", "--window", "60,60"],
     "image": ["info", "labels.npy"],
     "labels": ["labels.npy", "--voxel-size", "1"],
+    "segment": ["labels.npy", "--threshold", "0", "--min-size", "1", "--voxel-size", "1"],
     "shape": ["solid_union"],
     "repair": ["mesh.stl"],
     "simplify": ["mesh.stl", "--faces", "12"],

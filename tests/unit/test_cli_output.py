@@ -140,6 +140,55 @@ def test_a_grey_image_is_segmented_at_the_prompt(tmp_path, capsys):
     assert found["solid_fraction"] == pytest.approx((6 / 16) ** 3)
 
 
+def test_labels_are_written_at_the_prompt_with_what_is_in_doubt(tmp_path, monkeypatch, capsys):
+    pytest.importorskip("skimage")
+    monkeypatch.chdir(tmp_path)
+    x, y, z = np.indices((44, 26, 26))
+    # a waist of 0.8 of the spheres
+    grey = 200 * np.minimum((x - 13) ** 2, (x - 27) ** 2) + 200 * ((y - 13) ** 2 + (z - 13) ** 2) < 200 * 11.7**2
+    np.save("grey.npy", grey * 200)
+    words = ["segment", "grey.npy", "--threshold", "100"]
+    assert main([*words, "--voxel-size", "0.5", "-o", "labels.vti", "--picture", "slices.png", "--json"]) == 0
+    found = json.loads(capsys.readouterr().out)
+    assert {name: found[name] for name in ("grains", "threshold", "suspects", "perhaps_one", "perhaps_several")} == {
+        "grains": 2,
+        "threshold": 100.0,
+        "suspects": 1,
+        "perhaps_one": ["1 and 2"],
+        "perhaps_several": [],
+    }
+    assert found["separation"] == pytest.approx(0.1 * 0.5 * 11.7, rel=0.1)
+    kept = vg.load_image("labels.vti")
+    expected = vg.segment(vg.load_image("grey.npy"), threshold=100, voxel_size=0.5)
+    assert np.array_equal(kept.values, expected.labels)
+    assert kept.voxel_size == (0.5, 0.5, 0.5)
+    with Image.open("slices.png") as picture:
+        assert picture.size[0] > 1000
+    # three edges of a voxel, and one grain where the separation is long
+    assert main([*words, "--voxel-size", "0.5,0.5,1", "--separation", "4", "-o", "labels.npy", "--json"]) == 0
+    assert json.loads(capsys.readouterr().out)["perhaps_several"] == ["1"]
+    assert np.load("labels.npy").max() == 1
+
+
+@pytest.mark.parametrize(
+    ("words", "said"),
+    [
+        (["-o", "labels.png"], "has the suffix '.png'"),
+        (["--voxel-size", "1,2"], "--voxel-size is [1, 2]"),
+        (["--picture", "slices.jpg"], "has the suffix '.jpg'"),
+        (["--threshold", "mean"], "threshold is 'mean'"),
+        (["-o", "there.npy"], "there.npy"),
+    ],
+)
+def test_bad_words_of_segment_are_one_line(words, said, tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    np.save("grey.npy", np.zeros((4, 4, 4)))
+    (tmp_path / "there.npy").write_text("mine")
+    assert main(["segment", "grey.npy", *words]) == 2
+    assert said in capsys.readouterr().err
+    assert (tmp_path / "there.npy").read_text() == "mine"
+
+
 def test_a_packing_becomes_a_picture_at_the_prompt(tmp_path, monkeypatch, capsys):
     monkeypatch.chdir(tmp_path)
     vg.pack(vg.shapes.sphere(), vg.Box((4, 4, 4)), "rsa", count=12, seed=1).save("bed.vtp")

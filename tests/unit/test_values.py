@@ -148,6 +148,7 @@ SINGLE = {
     "dilation": lambda v: vg.dilation(MASK, v),
     "opening": lambda v: vg.opening(MASK, v),
     "distance_transform": lambda v: vg.distance_transform(MASK, threads=v),
+    "distance_transform voxel_size": lambda v: vg.distance_transform(MASK, voxel_size=(1.0, v, 1.0)),
     "connected_components": lambda v: vg.connected_components(MASK, connectivity=v),
     "resample factor": lambda v: vg.resample(MASK, factor=v),
     "resample shape": lambda v: vg.resample(MASK, shape=(v, 2, 2)),

@@ -18,6 +18,7 @@ from voxgran.cli.clumps import clump
 from voxgran.cli.data import data
 from voxgran.cli.doctor import doctor
 from voxgran.cli.parser import parameter_text
+from voxgran.cli.segmenting import segment
 from voxgran.cli.shapes import shape, simplify
 from voxgran.cli.terminal import UNITS, complain, entry_line, progress, show, table
 from voxgran.shapes.files import check_surface_output
@@ -164,10 +165,8 @@ def report(options: argparse.Namespace) -> None:
     packing = _packing(options)
     with progress(options) as on_step:
         proof = voxgran.verify(packing, on_step=on_step)
-    found: dict[str, Any] = {"statistics": voxgran.measure(packing), "verification": proof}
-    voxgran.save_report(
-        packing, target, **found, **_fields(options, "color_by", "turntable", "interactive", "overwrite")
-    )
+    given = _fields(options, "color_by", "turntable", "interactive", "overwrite")
+    voxgran.save_report(packing, target, statistics=voxgran.measure(packing), verification=proof, **given)
     print(target)
 
 
@@ -394,6 +393,7 @@ COMMANDS: dict[str, tuple[str, Callable[[argparse.Namespace], int | None]]] = {
     "picture": ("write a picture of a packing", picture),
     "compare": ("write a page that compares packings", compare),
     "image": ("say what an image holds: its voxels, lengths, values and labels", image),
+    "segment": ("segment a grey image into labelled grains", segment),
     "labels": ("make a packing of a label image", labels),
     "shape": ("make a shape of a family", shape),
     "repair": ("mend a mesh file and say what was done", repair),

@@ -14,6 +14,7 @@ EXAMPLES: dict[str, str] = {
     "picture": "voxgran picture out/packing.vtp -o bed.png --color-by height --cut",
     "compare": "voxgran compare digital=out/digital points=out/points -o comparison.html",
     "image": "voxgran image info scan.tif",
+    "segment": "voxgran segment grey.tif --voxel-size 0.1,0.1,0.2 -o labels.vti --picture slices.png",
     "labels": "voxgran labels scan.tif --voxel-size 0.02,0.02,0.05 --unit mm -o scan.vtp\n"
     "  voxgran labels grey.tif --segment --voxel-size 0.02 -o scan.vtp",
     "shape": "voxgran shape solid_union --seed 7 --solids 3,5 -o grain.stl\n"

@@ -169,6 +169,21 @@ FLAGS: dict[str, tuple[Flag, ...]] = {
         _flag("--key", help="which array of an .npz or .vti file"),
         _flag("-o", "--output", help="file for the packing that the sample is: .vtp"),
     ),
+    "segment": (
+        _flag("file", help="grey image: .npy, .npz, .tif, .vti or .nrrd"),
+        VOXEL_SIZE,
+        _flag("--threshold", type=as_value, default="otsu", help="grey value above which a voxel is solid, or otsu"),
+        _flag("--dark-grains", action="store_true", help="grains are darker than the void"),
+        _flag("--min-size", type=int, default=64, help="voxels of the smallest grains, bodies and holes"),
+        _flag(
+            "--separation",
+            type=float,
+            help="decrease of the distance to the void between two grains; default: a tenth of that in the smaller",
+        ),
+        _flag("--key", help="which array of an .npz or .vti file"),
+        _flag("--picture", help="PNG file: slices with the outlines of the grains, those in doubt marked"),
+        _flag("-o", "--output", help="file for the labels: .vti, .tif or .npy"),
+    ),
     "repair": (
         _flag("file", help="mesh file: STL, OBJ, PLY, OFF, VTP, VTU, VTK or MSH"),
         _flag("-o", "--output", help="mesh file for the result: STL, OBJ, PLY, OFF or VTP"),

@@ -1,7 +1,6 @@
 """Commands on images: what they hold, and packings of their labels."""
 
 import argparse
-from dataclasses import replace
 from typing import Any
 
 import voxgran
@@ -20,9 +19,9 @@ def labels(options: argparse.Namespace) -> None:
         name: getattr(options, name)
         for name in ("voxel_size", "border", "surface", "smoothing", "periodic", "gravity", "unit", "key")
     }
-    source = voxgran.load_image(options.file, key=options.key) if options.segment else options.file
+    source = options.file
     if options.segment:
-        source = replace(source, values=voxgran.segment(source.values))
+        source = voxgran.segment(voxgran.load_image(options.file, key=options.key), voxel_size=options.voxel_size)
     with progress(options) as on_step:
         packing = voxgran.packing_of_labels(source, on_step=on_step, **given)
     if options.output:

@@ -14,9 +14,10 @@ from voxgran._base.units import stated_unit
 from voxgran._base.vtk_data import image_data, write_data
 from voxgran._base.warning import warn
 from voxgran.lattice.grid import check_voxel_size
+from voxgran.lattice.image import as_edges
 from voxgran.measures.painting import labels_on
 from voxgran.packing.model import Packing, check_packing
-from voxgran.shapes.images.image_files import as_edges, image_library
+from voxgran.shapes.images.image_files import image_library
 
 #: most voxels of an image (int32 labels of 16 GB)
 VOXEL_LIMIT = 4 * 10**9

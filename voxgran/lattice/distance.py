@@ -19,6 +19,8 @@ from voxgran._base.calls import explained
 from voxgran._base.compiling.threads import in_blocks, using_threads
 from voxgran._base.errors import InputError, TooLargeError
 from voxgran._base.kernels import kernel
+from voxgran._base.lazy import load
+from voxgran.lattice.image import Edges, are_equal, known_edges
 
 #: squared distance without a free voxel; larger than any in an accepted lattice
 NEVER = 2**30
@@ -28,10 +30,11 @@ LONG = 40.0
 LEAST_VOXELS = 2**15
 
 
-@explained(hint="distance_transform(mask); distances are in voxels")
+@explained(hint="distance_transform(mask); distances are in voxels, or in lengths with voxel_size=")
 def distance_transform(
     mask: "ArrayLike",
     *,
+    voxel_size: "ArrayLike | None" = None,
     periodic: Periodic = False,
     squared: bool = False,
     threads: int | None = None,
@@ -41,12 +44,14 @@ def distance_transform(
 
     Parameters
     ----------
-    mask : (nx, ny, nz) array_like of bool
+    mask : (nx, ny, nz) array_like of bool, or Image
         Mask of the occupied voxels; the exterior of the image counts neither as occupied nor as free.
+    voxel_size : float or (3,) array_like of float, optional
+        Edge of a voxel, or its edges along x, y and z. Default: those that an Image tells, otherwise the unit.
     periodic : str, bool or sequence
         Periodic axes, such as ``"xy"``, as in :class:`voxgran.Box`.
     squared : bool
-        Whether to return squared distances, as whole numbers.
+        Whether to return squared distances, as whole numbers, which they are in voxels only.
     threads : int, optional
         Number of threads, by default that of the processors or of ``OMP_NUM_THREADS``; the result is the same.
     out : (nx, ny, nz) ndarray of float32, float64 or int32, optional
@@ -55,19 +60,22 @@ def distance_transform(
     Returns
     -------
     (nx, ny, nz) ndarray
-        Distances in voxels: float32, or int32 for squared distances; 0 for free voxels. Without any free voxel they are
-        infinite, or 2**30 for squared distances.
+        Distances in the unit of the voxel size, or in voxels: float32, or int32 for squared distances; 0 for free
+        voxels. Without any free voxel they are infinite, or 2**30 for squared distances.
 
     Raises
     ------
     InputError
-        If the image has not three axes, `out` has another shape or type, or `periodic` names no axes.
+        If the image has not three axes, an edge of a voxel is not a length, `out` has another shape or type, squared
+        distances are asked for in lengths, or `periodic` names no axes.
     TooLargeError
         If the diagonal of the image is longer than 2**15 voxels.
 
     Notes
     -----
     Memory beside the mask: 4 bytes per voxel for the result and 4 for the squares it is made from (squared: 4 in all).
+    Unequal edges are left to `scipy.ndimage.distance_transform_edt`, on one thread, with 70 bytes per voxel of the
+    image and of half a period on each side of a periodic axis.
 
     Examples
     --------
@@ -80,15 +88,25 @@ def distance_transform(
     >>> vg.distance_transform(mask, periodic="z")[0, 0].tolist()
     [1.0, 0.0, 1.0, 2.0, 3.0, 2.0]
     """
+    edges = known_edges(voxel_size, mask)
     turns, taken = as_periodic(periodic), as_mask(mask)
     if sum(n * n for n in taken.shape) >= NEVER:
         raise TooLargeError(f"mask has shape {taken.shape}: its diagonal must be shorter than 2**15 voxels; cut it")
+    if squared and edges is not None:
+        raise InputError(
+            f"squared is True and voxel_size is {edges}: squared distances are whole numbers of voxels; give an array "
+            "without voxel_size, or square the distances"
+        )
     wanted = (np.dtype(np.int32),) if squared else (np.dtype(np.float32), np.dtype(np.float64))
     check_type(out, (np.ndarray, type(None)), "out", "an array; leave it out for a new one")
     if out is not None and (out.shape != taken.shape or out.dtype not in wanted):
         raise InputError(
             f"out has shape {out.shape} and type {out.dtype}: it must have shape {taken.shape} and type {wanted[0]}"
         )
+    if edges is not None and not are_equal(edges):
+        result = np.empty(taken.shape, dtype=np.float32) if out is None else out
+        result[...] = _unequal(taken, edges, turns)
+        return result
     squares = np.empty(taken.shape, dtype=np.int32) if out is None or not squared else out
     least = max(1, LEAST_VOXELS // max(max(taken.shape[0], taken.shape[1]) * taken.shape[2], 1))
     with using_threads(threads):
@@ -100,7 +118,22 @@ def distance_transform(
     np.sqrt(squares, out=result, casting="unsafe", dtype=result.dtype)
     if squares.size and squares.max() == NEVER:
         result[squares == NEVER] = np.inf
+    if edges is not None:
+        result *= min(edges)
     return result
+
+
+def _unequal(taken: Booleans, edges: Edges, around: tuple[bool, bool, bool]) -> Floats:
+    """Return distances for voxels with unequal edges, by SciPy; the nearest free voxel across a periodic face is no
+    farther than half a period along each axis.
+    """
+    if taken.all():
+        return np.full(taken.shape, np.inf)
+    beside = [n // 2 if turn else 0 for n, turn in zip(taken.shape, around, strict=True)]
+    wide = np.pad(taken, [(n, n) for n in beside], mode="wrap")
+    inner = tuple(slice(k, k + n) for k, n in zip(beside, taken.shape, strict=True))
+    found: Floats = load("scipy.ndimage").distance_transform_edt(wide, sampling=edges)[inner]
+    return found
 
 
 def inside_distance(mask: Booleans, voxel_size: float) -> Floats:

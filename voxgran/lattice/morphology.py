@@ -11,18 +11,29 @@ from voxgran._base.arrays import Booleans, as_number
 from voxgran._base.axes import Periodic
 from voxgran._base.calls import explained
 from voxgran.lattice.distance import as_mask, distance_transform
+from voxgran.lattice.image import Edges, are_equal, known_edges
 
 
-@explained(hint="dilation(mask, 3); the radius is in voxels")
-def dilation(mask: "ArrayLike", radius: float, *, periodic: Periodic = False, threads: int | None = None) -> Booleans:
+@explained(hint="dilation(mask, 3); the radius is in voxels, or a length with voxel_size=")
+def dilation(
+    mask: "ArrayLike",
+    radius: float,
+    *,
+    voxel_size: "ArrayLike | None" = None,
+    periodic: Periodic = False,
+    threads: int | None = None,
+) -> Booleans:
     """Return the voxels within a distance of an occupied one.
 
     Parameters
     ----------
-    mask : (nx, ny, nz) array_like of bool
+    mask : (nx, ny, nz) array_like of bool, or Image
         Mask of the occupied voxels.
     radius : float
-        Radius of the sphere in voxels, at least 0; centers at exactly this distance are included.
+        Radius of the sphere, at least 0, in voxels or in the unit of the voxel size; centers at exactly this distance
+        are included.
+    voxel_size : float or (3,) array_like of float, optional
+        Edge of a voxel, or its edges along x, y and z. Default: those that an Image tells, otherwise the unit.
     periodic : str, bool or sequence
         Periodic axes, such as ``"xy"``, as in :class:`voxgran.Box`.
     threads : int, optional
@@ -35,11 +46,13 @@ def dilation(mask: "ArrayLike", radius: float, *, periodic: Periodic = False, th
     Raises
     ------
     InputError
-        If the image has not three axes, the radius is below 0, or `periodic` names no axes.
+        If the image has not three axes, the radius is below 0, an edge of a voxel is not a length, or `periodic` names
+        no axes.
 
     Notes
     -----
-    Memory beside the mask: 6 bytes per voxel, as for the other three.
+    Memory beside the mask: 6 bytes per voxel, as for the other three; with unequal edges that of
+    :func:`distance_transform`.
 
     Examples
     --------
@@ -50,16 +63,23 @@ def dilation(mask: "ArrayLike", radius: float, *, periodic: Periodic = False, th
     >>> int(vg.dilation(mask, 2.0).sum())
     33
     """
-    return _within(~as_mask(mask), radius, periodic, threads)
+    return _within(~as_mask(mask), radius, known_edges(voxel_size, mask), periodic, threads)
 
 
-@explained(hint="erosion(mask, 3); the radius is in voxels")
-def erosion(mask: "ArrayLike", radius: float, *, periodic: Periodic = False, threads: int | None = None) -> Booleans:
+@explained(hint="erosion(mask, 3); the radius is in voxels, or a length with voxel_size=")
+def erosion(
+    mask: "ArrayLike",
+    radius: float,
+    *,
+    voxel_size: "ArrayLike | None" = None,
+    periodic: Periodic = False,
+    threads: int | None = None,
+) -> Booleans:
     """Return the occupied voxels farther than a distance from every free one.
 
     Parameters
     ----------
-    mask, radius, periodic, threads
+    mask, radius, voxel_size, periodic, threads
         As :func:`dilation`.
 
     Returns
@@ -69,7 +89,8 @@ def erosion(mask: "ArrayLike", radius: float, *, periodic: Periodic = False, thr
     Raises
     ------
     InputError
-        If the image has not three axes, the radius is below 0, or `periodic` names no axes.
+        If the image has not three axes, the radius is below 0, an edge of a voxel is not a length, or `periodic` names
+        no axes.
 
     Examples
     --------
@@ -80,16 +101,23 @@ def erosion(mask: "ArrayLike", radius: float, *, periodic: Periodic = False, thr
     >>> int(vg.erosion(mask, 1.0).sum())
     27
     """
-    return ~_within(as_mask(mask), radius, periodic, threads)
+    return ~_within(as_mask(mask), radius, known_edges(voxel_size, mask), periodic, threads)
 
 
-@explained(hint="opening(mask, 3); the radius is in voxels")
-def opening(mask: "ArrayLike", radius: float, *, periodic: Periodic = False, threads: int | None = None) -> Booleans:
+@explained(hint="opening(mask, 3); the radius is in voxels, or a length with voxel_size=")
+def opening(
+    mask: "ArrayLike",
+    radius: float,
+    *,
+    voxel_size: "ArrayLike | None" = None,
+    periodic: Periodic = False,
+    threads: int | None = None,
+) -> Booleans:
     """Return the voxels covered by spheres inside the occupied ones: an erosion followed by a dilation.
 
     Parameters
     ----------
-    mask, radius, periodic, threads
+    mask, radius, voxel_size, periodic, threads
         As :func:`dilation`.
 
     Returns
@@ -99,7 +127,8 @@ def opening(mask: "ArrayLike", radius: float, *, periodic: Periodic = False, thr
     Raises
     ------
     InputError
-        If the image has not three axes, the radius is below 0, or `periodic` names no axes.
+        If the image has not three axes, the radius is below 0, an edge of a voxel is not a length, or `periodic` names
+        no axes.
 
     Examples
     --------
@@ -111,17 +140,25 @@ def opening(mask: "ArrayLike", radius: float, *, periodic: Periodic = False, thr
     >>> int(vg.opening(mask, 1.0).sum()), bool(vg.opening(mask, 1.0)[4, 4, 8])
     (81, False)
     """
-    core = erosion(mask, radius, periodic=periodic, threads=threads)
-    return dilation(core, radius, periodic=periodic, threads=threads)
+    edges = known_edges(voxel_size, mask)
+    core = erosion(mask, radius, voxel_size=edges, periodic=periodic, threads=threads)
+    return dilation(core, radius, voxel_size=edges, periodic=periodic, threads=threads)
 
 
-@explained(hint="closing(mask, 3); the radius is in voxels")
-def closing(mask: "ArrayLike", radius: float, *, periodic: Periodic = False, threads: int | None = None) -> Booleans:
+@explained(hint="closing(mask, 3); the radius is in voxels, or a length with voxel_size=")
+def closing(
+    mask: "ArrayLike",
+    radius: float,
+    *,
+    voxel_size: "ArrayLike | None" = None,
+    periodic: Periodic = False,
+    threads: int | None = None,
+) -> Booleans:
     """Return the occupied voxels and the gaps in which no sphere fits: a dilation followed by an erosion.
 
     Parameters
     ----------
-    mask, radius, periodic, threads
+    mask, radius, voxel_size, periodic, threads
         As :func:`dilation`.
 
     Returns
@@ -131,7 +168,8 @@ def closing(mask: "ArrayLike", radius: float, *, periodic: Periodic = False, thr
     Raises
     ------
     InputError
-        If the image has not three axes, the radius is below 0, or `periodic` names no axes.
+        If the image has not three axes, the radius is below 0, an edge of a voxel is not a length, or `periodic` names
+        no axes.
 
     Examples
     --------
@@ -142,13 +180,19 @@ def closing(mask: "ArrayLike", radius: float, *, periodic: Periodic = False, thr
     >>> bool(vg.closing(mask, 1.0).all())
     True
     """
-    hull = dilation(mask, radius, periodic=periodic, threads=threads)
-    return erosion(hull, radius, periodic=periodic, threads=threads)
+    edges = known_edges(voxel_size, mask)
+    hull = dilation(mask, radius, voxel_size=edges, periodic=periodic, threads=threads)
+    return erosion(hull, radius, voxel_size=edges, periodic=periodic, threads=threads)
 
 
-def _within(mask: Booleans, radius: float, periodic: Periodic, threads: int | None) -> Booleans:
+def _within(mask: Booleans, radius: float, edges: Edges | None, periodic: Periodic, threads: int | None) -> Booleans:
     """Return the voxels within a distance of a free one."""
     reach = as_number(radius, "radius", at_least=0.0)
+    if edges is not None and not are_equal(edges):
+        out = np.empty(mask.shape)
+        distance_transform(mask, voxel_size=edges, periodic=periodic, threads=threads, out=out)
+        return np.asarray(out <= reach * (1 + 1e-12))
+    reach /= 1.0 if edges is None else min(edges)
     squares = distance_transform(mask, periodic=periodic, squared=True, threads=threads)
     # radii such as sqrt(2) include the centers at exactly this distance
     return np.asarray(squares <= min(reach * reach * (1 + 1e-12), 2.0**29))

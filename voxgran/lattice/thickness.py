@@ -16,6 +16,8 @@ from voxgran._base.errors import InputError
 from voxgran._base.kernels import kernel
 from voxgran._base.progress import Step, repeated
 from voxgran.lattice.distance import LEAST_VOXELS, NEVER, as_mask, distance_transform
+from voxgran.lattice.image import are_equal, known_edges
+from voxgran.lattice.resample import resample
 
 #: edge in voxels of boxes that are divided no more
 LEAF = 4
@@ -29,9 +31,13 @@ FARTHEST = 16
 SMALL = 6
 
 
-@explained(hint="local_thickness(mask); widths are in voxels")
+@explained(hint="local_thickness(mask); widths are in voxels, or in lengths with voxel_size=")
 def local_thickness(
-    mask: "ArrayLike", *, periodic: Periodic = False, threads: int | None = None
+    mask: "ArrayLike",
+    *,
+    voxel_size: "ArrayLike | None" = None,
+    periodic: Periodic = False,
+    threads: int | None = None,
 ) -> NDArray[np.float32]:
     """Return for each voxel the diameter of the largest sphere of occupied voxels that covers it.
 
@@ -39,8 +45,12 @@ def local_thickness(
 
     Parameters
     ----------
-    mask : (nx, ny, nz) array_like of bool
+    mask : (nx, ny, nz) array_like of bool, or Image
         Mask of the occupied voxels; the exterior of the image counts neither as occupied nor as free.
+    voxel_size : float or (3,) array_like of float, optional
+        Edge of a voxel, or its edges along x, y and z. Default: those that an Image tells, otherwise the unit. With
+        unequal edges the mask is resampled to cubes of the smallest edge (nearest values), and each voxel gets the
+        diameter at its center; the surface is then known to half a voxel along each axis, as in the mask.
     periodic : str, bool or sequence
         Periodic axes, such as ``"xy"``, as in :class:`voxgran.Box`.
     threads : int, optional
@@ -49,14 +59,17 @@ def local_thickness(
     Returns
     -------
     (nx, ny, nz) ndarray of float32
-        Diameters in voxels; 0 for free voxels. The radius of a sphere is the distance of its center from that of the
-        nearest free voxel, and it covers all closer centers; a slab of an even number of voxels therefore has its
-        thickness, and one of an odd number a voxel more.
+        Diameters in voxels, or in the unit of the voxel size; 0 for free voxels. The radius of a sphere is the distance
+        of its center from that of the nearest free voxel, and it covers all closer centers; a slab of an even number of
+        voxels therefore has its thickness, and one of an odd number a voxel more.
 
     Raises
     ------
     InputError
-        If the image has not three axes, no voxel is free, or `periodic` names no axes.
+        If the image has not three axes, no voxel is free, an edge of a voxel is not a length, or `periodic` names no
+        axes.
+    TooLargeError
+        If the image of cubes would have 2**32 voxels or more.
 
     Notes
     -----
@@ -78,7 +91,15 @@ def local_thickness(
     >>> vg.local_thickness(mask)[0, 0].tolist()
     [0.0, 0.0, 4.0, 4.0, 4.0, 4.0, 0.0, 0.0]
     """
-    around, taken = as_periodic(periodic), as_mask(mask)
+    edges, around, taken = known_edges(voxel_size, mask), as_periodic(periodic), as_mask(mask)
+    if edges is not None and not are_equal(edges):
+        cubes = resample(taken, to="cubic", voxel_size=edges, method="nearest")
+        found = local_thickness(cubes, voxel_size=min(edges), periodic=around, threads=threads)
+        places = [
+            np.minimum(((np.arange(n) + 0.5) * edge / min(edges)).astype(np.int64), many - 1)
+            for n, edge, many in zip(taken.shape, edges, cubes.shape, strict=True)
+        ]
+        return found[np.ix_(*places)]
     with using_threads(threads), repeated(None) as told:
         told(Step(stage="local thickness", done=0, total=0))
         squares = distance_transform(taken, periodic=around, squared=True)
@@ -91,7 +112,7 @@ def local_thickness(
         in_blocks(_cover_planes, taken.shape[0], squares, needed, sides, largest, covered, least=least)
     thickness = squares.view(np.float32)
     np.sqrt(covered, out=thickness, dtype=np.float32, casting="unsafe")
-    thickness *= 2
+    thickness *= 2 if edges is None else 2 * min(edges)
     return thickness
 
 

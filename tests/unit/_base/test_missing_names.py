@@ -250,8 +250,8 @@ def test_every_public_function_explains_calls_that_do_not_fit() -> None:
     for function in functions:
         with pytest.raises(CallError, match=f"{function.__name__} .*; write "):
             function(*[0] * 20)
-    with pytest.raises(CallError, match=r"'voxel_size' is unknown.*sizes are in voxels"):
-        vg.segment(np.zeros((4, 4, 4)), voxel_size=0.1)  # type: ignore[call-arg]
+    with pytest.raises(CallError, match=r"'max_size' is unknown.*min_size is in voxels"):
+        vg.segment(np.zeros((4, 4, 4)), max_size=9)  # type: ignore[call-arg]
 
 
 def test_every_public_class_with_fields_explains_calls_that_do_not_fit() -> None:

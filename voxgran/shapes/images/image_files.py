@@ -5,15 +5,11 @@ import os
 import xml.etree.ElementTree as ET
 import zipfile
 from collections.abc import Callable, Iterable
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
-from voxgran._base import ExplainedAttributes
-from voxgran._base.arrays import check_lengths, float_array
 from voxgran._base.calls import explained
 from voxgran._base.errors import FileFormatError, InputError, MissingLibraryError, TooLargeError, shown
 from voxgran._base.files import existing_file
@@ -22,36 +18,8 @@ from voxgran._base.lazy import load
 from voxgran._base.machine import memory_limit
 from voxgran._base.units import as_unit, known_unit, unit_factor
 from voxgran._base.vtk_readers import chosen_name, dicom_series, meta_image, vtk_image
-
-
-@dataclass(frozen=True, slots=True)
-class Image(ExplainedAttributes):
-    """An image and what its file says of its lattice.
-
-    Attributes
-    ----------
-    values : ndarray
-        Axes x, y, z; not read into memory where the file allows that.
-    voxel_size : (3,) tuple of float or None
-        Edges of a voxel, where the file tells.
-    origin : (3,) tuple of float
-        Lower corner of voxel (0, 0, 0).
-    unit : str or None
-        Unit of these lengths, where the file tells, as a ``.nrrd`` file may.
-    """
-
-    values: NDArray[Any]
-    voxel_size: tuple[float, float, float] | None = None
-    origin: tuple[float, float, float] = (0.0, 0.0, 0.0)
-    unit: str | None = None
-
-    def __repr__(self) -> str:
-        known = "" if self.voxel_size is None else f", voxel_size={self.voxel_size}"
-        return f"Image(shape={self.values.shape}, {self.values.dtype}{known})"
-
-    def __array__(self, dtype: Any = None, copy: bool | None = None) -> NDArray[Any]:
-        """Return the values, so that functions of arrays take an image."""
-        return np.array(self.values, dtype=dtype) if copy else np.asarray(self.values, dtype=dtype)
+from voxgran.lattice.image import Image as Image
+from voxgran.lattice.image import voxel_sizes as voxel_sizes
 
 
 @explained(hint='load_image("scan.npy"); the size of a voxel is an argument of what takes the image')
@@ -304,37 +272,6 @@ def image_library(name: str) -> Any:
         raise MissingLibraryError(
             f"{name} is not installed: it reads and writes such images; install it with pip install 'voxgran[images]'"
         ) from error
-
-
-def voxel_sizes(value: Any, image: Image) -> tuple[float, float, float]:
-    """Return the edges of a voxel: those given, or else those of the file.
-
-    Raises
-    ------
-    InputError
-        If neither tells, or a length is not between 1e-60 and 1e60.
-    """
-    if value is None:
-        if image.voxel_size is None:
-            raise InputError("voxel_size is None: the image does not tell it; give the edge of a voxel")
-        value = image.voxel_size
-    return as_edges(value)
-
-
-def as_edges(value: Any) -> tuple[float, float, float]:
-    """Return the three edges of a voxel, of which one may be given for all.
-
-    Raises
-    ------
-    InputError
-        If there are neither one nor three, or a length is not between 1e-60 and 1e60.
-    """
-    sizes = float_array(value)
-    if sizes is None or sizes.shape not in ((), (3,)) or not (np.isfinite(sizes).all() and (sizes > 0).all()):
-        raise InputError(f"voxel_size is {shown(value)}: every edge must be a finite number above 0; give one or three")
-    check_lengths(sizes, "voxel_size")
-    x, y, z = np.broadcast_to(sizes, (3,)).tolist()
-    return x, y, z
 
 
 def voxel_unit(unit: str | None, value: Any, image: Image) -> str | None:

@@ -1,0 +1,142 @@
+"""How good a segmentation is: necks against closed forms, merging against h-maxima, grains of anisotropic images."""
+
+import numpy as np
+import pytest
+from scipy import ndimage
+
+import voxgran as vg
+from voxgran._base.seeds import stream
+from voxgran.lattice import segment as segmenting
+from voxgran.lattice.distance import distance_transform
+from voxgran.lattice.image import Image
+from voxgran.lattice.necks import Pairs, merged, pairs_of
+
+morphology = pytest.importorskip("skimage.morphology")
+
+
+def spheres(middles, radii, shape, edges=(1.0, 1.0, 1.0)):
+    """Return the union of spheres as grey values of 0 and 1; lengths are in the unit of the edges."""
+    places = (np.moveaxis(np.indices(shape), 0, -1) + 0.5) * edges
+    solid = np.zeros(shape)
+    for middle, radius in zip(middles, radii, strict=True):
+        solid[np.linalg.norm(places - middle, axis=-1) < radius] = 1.0
+    return solid
+
+
+def test_the_neck_of_two_spheres_has_the_diameter_of_their_circle():
+    for edge in (1.0, 0.05):
+        grey = spheres([(14, 14, 14), (32, 14, 14)], [12.0, 10.0], (46, 28, 28))
+        found = vg.segment(grey, threshold=0.5, voxel_size=edge)
+        # the plane of the circle lies at x from the first center
+        x = (18**2 + 12**2 - 10**2) / (2 * 18)
+        circle = 2 * np.sqrt(12**2 - x**2)
+        assert found.necks.sizes["neck"] == 1
+        assert float(found.necks["diameter"][0]) == pytest.approx(circle * edge, abs=1.5 * edge)
+        assert float(found.necks["ratio"][0]) == pytest.approx(circle / 20, abs=0.08)
+        assert not found.suspects.sizes["neck"]
+
+
+def test_a_waist_is_suspect_and_so_is_what_was_merged():
+    # a waist of 0.8 is parted, and may be one grain
+    reach = 2 * np.sqrt(12**2 - 9.6**2)
+    waist = spheres([(14, 14, 14), (14 + reach, 14, 14)], [12.0, 12.0], (44, 28, 28))
+    found = vg.segment(waist, threshold=0.5)
+    assert found.max() == 2
+    assert found.suspects["grain"].values.tolist() == [1]
+    assert found.suspects["other"].values.tolist() == [2]
+    # spheres that hardly touch, taken for one grain
+    apart = spheres([(12, 12, 12), (31, 12, 12)], [10.0, 10.0], (43, 24, 24))
+    assert not vg.segment(apart, threshold=0.5).suspects.sizes["neck"]
+    one = vg.segment(apart, threshold=0.5, separation=15.0)
+    assert one.max() == 1
+    assert one.suspects["grain"].values.tolist() == one.suspects["other"].values.tolist() == [1]
+    assert float(one.suspects["ratio"][0]) < 0.5
+    assert "suspects=1" in repr(one)
+
+
+@pytest.mark.parametrize("decrease", [0.7, 1.5, 3.0])
+def test_basins_merge_as_the_markers_of_h_maxima(decrease):
+
+    from skimage.segmentation import watershed
+
+    generator = stream(2, "blobs")
+    solid = spheres(generator.uniform(4, 36, (60, 3)), generator.uniform(3, 7, 60), (40, 40, 40)) > 0
+    distance = distance_transform(np.pad(solid, 1))[1:-1, 1:-1, 1:-1]
+    seeds, count = ndimage.label(morphology.local_maxima(distance) & solid, np.ones((3, 3, 3)))
+    basins = watershed(-distance, seeds, mask=solid)
+    peaks = np.zeros(count + 1)
+    peaks[1:] = ndimage.maximum(distance, basins, np.arange(1, count + 1))
+    root, joined, _ = merged(peaks, pairs_of(basins, distance), decrease=decrease, share=0.0)
+    # basins meet at faces, in the twin also at edges: joined there it can only have fewer
+    _, twin = ndimage.label(morphology.h_maxima(distance, decrease, ndimage.generate_binary_structure(3, 1)))
+    assert len(np.unique(root[1:])) == pytest.approx(twin, abs=2)
+    assert len(np.unique(root[1:])) + len(joined.one) == count
+
+
+def test_grains_merge_from_the_widest_neck_on():
+    pairs = Pairs(np.array([1, 2, 3]), np.array([2, 3, 4]), np.array([9.5, 8.0, 4.0]))
+    root, joined, ratios = merged(np.array([0, 10, 10.0, 8.5, 5.0]), pairs, decrease=None, share=0.9)
+    assert root[1] == root[2] == root[3] != root[4]
+    assert joined.neck.tolist() == [9.5, 8.0]
+    np.testing.assert_allclose(ratios, [0.95, 8.0 / 8.5])
+
+
+@pytest.fixture(scope="module")
+def bed():
+    return vg.pack(
+        vg.make_shape("sphere"), vg.Box((5, 5, 5)), "jam", count=110, sizes=vg.sizes.lognormal(1.0, 0.2), seed=3
+    )
+
+
+def test_the_grains_of_an_anisotropic_image_are_those_of_the_cubic_one(bed):
+    cubes = vg.to_image(bed, 0.06, labels=False)[:, :, :82].astype(float)
+    # every second slice
+    thin = Image(cubes[:, :, ::2], (0.06, 0.06, 0.12))
+    fine = vg.segment(cubes, threshold=0.5, voxel_size=0.06)
+    coarse = vg.segment(thin, threshold=0.5, min_size=32)
+    again = vg.segment(vg.resample(thin, to="cubic"), threshold=0.5)
+    assert fine.max() == pytest.approx(bed.count, rel=0.02)
+    for other in (coarse, again):
+        assert other.max() == pytest.approx(fine.max(), rel=0.03)
+        assert float(other.necks["ratio"].median()) == pytest.approx(float(fine.necks["ratio"].median()), abs=0.1)
+    assert coarse.voxel_size == (0.06, 0.06, 0.12)
+    # a separation is a length
+    assert vg.segment(thin, threshold=0.5, min_size=32, separation=fine.separation).max() == pytest.approx(
+        fine.max(), rel=0.03
+    )
+    assert vg.segment(thin, threshold=0.5, min_size=32, separation=0.5).max() < 0.5 * fine.max()
+
+
+def test_a_segmentation_is_an_image_of_labels_and_works_like_their_array():
+    grey = Image(spheres([(14, 14, 14), (32, 14, 14)], [12.0, 10.0], (46, 28, 28)), (0.1, 0.1, 0.1), (1, 2, 3), "mm")
+    found = vg.segment(grey, threshold=0.5)
+    labels = found.labels
+    assert labels.dtype == np.int64
+    assert isinstance(found > 0, np.ndarray)
+    assert np.array_equal(found == 1, labels == 1)
+    assert np.array_equal(2 * found, 2 * labels)
+    assert (found.shape, len(found), found[14, 14, 14]) == (labels.shape, 46, labels[14, 14, 14])
+    assert np.array_equal(np.unique(found), [0, 1, 2])
+    assert (found.origin, found.unit) == ((1, 2, 3), "mm")
+    packing = vg.packing_of_labels(found)
+    assert packing.count == 2
+    assert packing.volumes.sum() == pytest.approx((labels > 0).sum() * 1e-3, rel=0.02)
+    with pytest.raises(AttributeError, match="Segmentation has no attribute 'grains'"):
+        getattr(found, "grains")  # noqa: B009
+
+
+def test_smoothed_distances_part_grains_where_they_touch(bed, monkeypatch):
+    true = vg.to_image(bed, 0.06)[:, :, :82]
+    soft = ndimage.gaussian_filter((true > 0).astype(float), 1.5) + stream(3, "noise").normal(0, 0.15, true.shape)
+    wrong = {}
+    for smooth in (segmenting.SMOOTH, 0.0):
+        monkeypatch.setattr(segmenting, "SMOOTH", smooth)
+        found = vg.segment(soft)
+        both = (found > 0) & (true > 0)
+        pairs, counts = np.unique(np.stack([found[both], true[both]]), axis=1, return_counts=True)
+        # voxels of a label that are not of its main grain
+        wrong[smooth] = counts.sum() - ndimage.maximum(counts, pairs[0], np.unique(pairs[0])).sum()
+        if smooth:
+            assert found.max() == pytest.approx(bed.count, rel=0.02)
+    assert wrong[0.7] < 0.95 * wrong[0.0]
+    assert wrong[0.7] < 0.01 * (true > 0).sum()

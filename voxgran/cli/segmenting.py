@@ -1,0 +1,55 @@
+"""The command that segments a grey image into labelled grains."""
+
+import argparse
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+import voxgran
+from voxgran._base.files import output_suffix, written_whole
+from voxgran.cli.terminal import show
+from voxgran.report.stage import check_picture_path
+
+#: suspects that are named
+NAMED = 10
+
+
+def segment(options: argparse.Namespace) -> None:
+    """Segment a grey image, write its labels and a picture, and say how many grains it has and which are in doubt."""
+    from voxgran.io.image import SUFFIXES
+
+    if options.output:
+        output_suffix(options.output, (*SUFFIXES, ".npy"), "labels are kept", overwrite=options.overwrite)
+    if options.picture:
+        check_picture_path(options.picture, overwrite=options.overwrite)
+    source = voxgran.load_image(options.file, key=options.key)
+    names = ("voxel_size", "threshold", "dark_grains", "min_size", "separation")
+    found = voxgran.segment(source, **{name: getattr(options, name) for name in names})
+    if options.output:
+        _write(found, options)
+    if options.picture:
+        voxgran.save_slices(found, options.picture, image=source, overwrite=options.overwrite)
+    suspects = found.suspects
+    pairs = np.column_stack([suspects["grain"], suspects["other"]])
+    # those of which it is least sure come first
+    order = np.argsort(np.where(pairs[:, 0] == pairs[:, 1], suspects["ratio"], 1.0 - suspects["ratio"]))
+    numbers = {
+        "grains": int(found.labels.max(initial=0)),
+        "separation": found.separation,
+        "threshold": found.threshold,
+        "suspects": len(pairs),
+        "perhaps_one": [f"{a} and {b}" for a, b in pairs[order] if a != b][:NAMED],
+        "perhaps_several": [str(a) for a, b in pairs[order] if a == b][:NAMED],
+    }
+    show(numbers, options, ", ".join(str(path) for path in (options.output, options.picture) if path))
+
+
+def _write(found: Any, options: argparse.Namespace) -> None:
+    """Write the labels."""
+    if Path(options.output).suffix.lower() == ".npy":
+        with written_whole(options.output, overwrite=options.overwrite) as draft, draft.open("wb") as file:
+            np.save(file, found.labels)
+        return
+    lattice: dict[str, Any] = {"origin": found.origin, "unit": found.unit, "overwrite": options.overwrite}
+    voxgran.save_image(found.labels, options.output, voxel_size=found.voxel_size or 1.0, **lattice)

@@ -1,0 +1,119 @@
+"""Pictures of slices of a segmented image, with the outlines of its grains."""
+
+import os
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from voxgran._base.arrays import Booleans, Floats, Integers, as_array, check_type
+from voxgran._base.calls import explained
+from voxgran._base.errors import InputError
+from voxgran._base.files import written_whole
+from voxgran._base.lazy import load
+from voxgran.lattice.segment import Segmentation
+from voxgran.report.plots import DISTINCT
+from voxgran.report.stage import check_picture_path
+
+#: number of slices, in two rows
+SLICES = 6
+#: colours of outlines: of grains, of pairs that may be one, of grains that may be several
+GRAIN, ONE, SEVERAL = DISTINCT[5], DISTINCT[3], DISTINCT[1]
+
+
+@explained(hint='save_slices(segment(image), "slices.png", image=image)')
+def save_slices(
+    segmentation: Segmentation,
+    path: str | os.PathLike[str],
+    *,
+    image: "ArrayLike | None" = None,
+    overwrite: bool = False,
+) -> None:
+    """Write a picture of six slices across z with the outlines of the grains, in which suspects are marked.
+
+    Of each sixth of the image the slice is taken that cuts most of the suspects, or else the middle one.
+
+    Parameters
+    ----------
+    segmentation : Segmentation
+        What :func:`voxgran.segment` returned.
+    path : path-like
+        File to write, ``.png``.
+    image : (nx, ny, nz) array_like or Image, optional
+        Grey values below the outlines, such as those that were segmented. Default: solid and void.
+    overwrite : bool
+        Whether an existing file may be replaced.
+
+    Raises
+    ------
+    InputError
+        If it is no segmentation, or the image has another shape.
+    FileFormatError
+        If the suffix is not ``.png``.
+    OutputExistsError
+        If the file is there and `overwrite` is false.
+    OutputError
+        If it cannot be written.
+
+    Examples
+    --------
+    >>> import voxgran as vg
+    >>> bed = vg.pack(vg.shapes.sphere(), vg.Box((4, 4, 4)), "rsa", count=10)
+    >>> grey = vg.to_image(bed, voxel_size=0.1, labels=False).astype(float)
+    >>> vg.save_slices(vg.segment(grey, threshold=0.5), "slices.png", image=grey)
+    """
+    check_type(segmentation, Segmentation, "segmentation", "what segment(image) returns")
+    check_picture_path(path, overwrite=overwrite)
+    labels = segmentation.labels
+    grey = (labels > 0) * 1.0 if image is None else as_array(image, "image")
+    if grey.shape != labels.shape or grey.dtype.kind not in "buif":
+        raise InputError(
+            f"image has shape {grey.shape} and type {grey.dtype}: it must have the shape {labels.shape} of the labels "
+            "and hold grey values"
+        )
+    grain, other = (segmentation.suspects[name].values for name in ("grain", "other"))
+    kinds = np.zeros(int(labels.max(initial=0)) + 1, dtype=np.int64)
+    kinds[1:] = 1
+    kinds[np.concatenate([grain[grain != other], other[grain != other]])] = 2
+    kinds[grain[grain == other]] = 3
+    low, high = float(grey.min()), float(grey.max())
+    figure = load("matplotlib.figure").Figure(figsize=(13.5, 9.6), layout="constrained")
+    edges = segmentation.voxel_size or (1.0, 1.0, 1.0)
+    unit = "voxels" if segmentation.voxel_size is None else segmentation.unit or "units of length"
+    extent = (0.0, labels.shape[0] * edges[0], 0.0, labels.shape[1] * edges[1])
+    for panel, k in zip(figure.subplots(2, SLICES // 2).ravel(), _slices(kinds[labels] > 1), strict=True):
+        shades = (np.asarray(grey[:, :, k], dtype=np.float64) - low) / (high - low or 1.0)
+        picture = _outlined(shades, labels[:, :, k], kinds)
+        panel.imshow(picture.transpose(1, 0, 2), origin="lower", extent=extent, interpolation="nearest")
+        panel.set(title=f"z = {(k + 0.5) * edges[2]:.4g}", xlabel=f"x, {unit}")
+    words = {GRAIN: "grain", ONE: "perhaps one grain with a neighbour", SEVERAL: "perhaps several grains"}
+    lines = load("matplotlib.lines")
+    keys: list[Any] = [lines.Line2D([], [], color=color, linewidth=3, label=word) for color, word in words.items()]
+    figure.legend(handles=keys, loc="outside lower center", ncols=3, frameon=False)
+    with written_whole(path, overwrite=overwrite) as draft:
+        figure.savefig(draft, format="png", dpi=110)
+
+
+def _slices(suspect: Booleans) -> list[int]:
+    """Return the slice with most voxels of suspects of each sixth along z, or else the middle one."""
+    ends = np.linspace(0, suspect.shape[2], SLICES + 1)
+    found = []
+    for low, high in zip(ends[:-1].astype(int), ends[1:].astype(int), strict=True):
+        part = suspect[:, :, low : max(high, low + 1)].sum(axis=(0, 1))
+        found.append(low + int(part.argmax() if part.any() else len(part) // 2))
+    return found
+
+
+def _outlined(shades: Floats, labels: Integers, kinds: Integers) -> Floats:
+    """Return a slice (nx, ny, 3) with the outermost voxels of each grain in the colour of its kind."""
+    colors = load("matplotlib.colors").to_rgb
+    edge = np.zeros(labels.shape, dtype=bool)
+    for axis in (0, 1):
+        change = np.diff(labels, axis=axis) != 0
+        before, after = [(0, 0), (0, 0)], [(0, 0), (0, 0)]
+        before[axis], after[axis] = (1, 0), (0, 1)
+        edge |= np.pad(change, before) | np.pad(change, after)
+    picture = np.repeat(0.15 + 0.7 * shades[:, :, None], 3, axis=2)
+    for kind, color in enumerate((GRAIN, ONE, SEVERAL), 1):
+        picture[edge & (kinds[labels] == kind)] = colors(color)
+    return picture
