@@ -162,7 +162,7 @@ def segment(
     >>> grey = vg.to_image(spheres, voxel_size=0.05, labels=False).astype(float)
     >>> found = vg.segment(grey, threshold=0.5, voxel_size=0.05)
     >>> int(found.max()), found.necks["ratio"].values.round(1).tolist()
-    (2, [0.4])
+    (2, [0.3])
     """
     if isinstance(image, str | os.PathLike):
         raise InputError(f"image is the path {str(image)!r}: grey values are needed; write segment(load_image(path))")
