@@ -8,9 +8,10 @@ label, and the surface nets of VTK, whose single surface of all labels is parted
 import warnings
 from collections.abc import Callable
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeAlias
 
 import numpy as np
+from numpy.typing import NDArray
 
 from voxgran._base.arrays import Floats, Integers
 from voxgran._base.errors import PackingWarning
@@ -37,15 +38,17 @@ REPEATS = 2
 #: accuracy of corners up to which they are one, in voxels
 SAME = 1e-6
 
+#: an image of labels
+Labels: TypeAlias = NDArray[np.int32]
 #: vertices (v, 3) in voxels, and triangles (m, 3)
-Surface = tuple[Floats, Integers]
+Surface: TypeAlias = tuple[Floats, Integers]
 #: what is timed, and what makes surfaces of the labels 1, 2, ... of its result
-Program = tuple[Callable[[], Any], Callable[[Any], list[Surface]]]
+Program: TypeAlias = tuple[Callable[[], Any], Callable[[Any], list[Surface]]]
 #: body, voxels across, program, processor seconds, mean error of the volume without and of the area with its sign
-Row = tuple[str, int, str, float, float, float]
+Row: TypeAlias = tuple[str, int, str, float, float, float]
 
 
-def bodies(kind: str, across: int) -> tuple[Integers, Floats, Floats, Integers]:
+def bodies(kind: str, across: int) -> tuple[Labels, Floats, Floats, Integers]:
     """Return an image of bodies, and volumes and areas of those that are compared, whose labels follow."""
     if kind == "voronoi":
         return _cells(across)
@@ -62,7 +65,7 @@ def bodies(kind: str, across: int) -> tuple[Integers, Floats, Floats, Integers]:
     return image, np.full(count, true.volume), np.full(count, true.surface_area), np.arange(1, count + 1)
 
 
-def _cells(across: int) -> tuple[Integers, Floats, Floats, Integers]:
+def _cells(across: int) -> tuple[Labels, Floats, Floats, Integers]:
     """Return an image that the Voronoi cells of shaken lattice points fill; those at its border are not compared."""
     spacing = across * (np.pi / 6) ** (1 / 3)
     n = round(POINTS * spacing)
@@ -78,10 +81,10 @@ def _cells(across: int) -> tuple[Integers, Floats, Floats, Integers]:
 
 def _centers(n: int) -> Floats:
     """Return the centers of n^3 voxels, (n, n, n, 3)."""
-    return np.moveaxis(np.indices((n,) * 3), 0, -1) + 0.5
+    return np.asarray(np.moveaxis(np.indices((n,) * 3), 0, -1) + 0.5, dtype=np.float64)
 
 
-def crowded(n: int, count: int) -> Integers:
+def crowded(n: int, count: int) -> Labels:
     """Return an image of cells of random points, cut at a distance from them, with consecutive labels."""
     points, reach = stream(0, "crowded").random((count, 3)) * n, 1.05 * n * (0.55 * 3 / (4 * np.pi * count)) ** (1 / 3)
     away, nearest = load("scipy.spatial").cKDTree(points).query(_centers(n))
@@ -89,7 +92,7 @@ def crowded(n: int, count: int) -> Integers:
     return found.reshape((n,) * 3).astype(np.int32)
 
 
-def programs(image: Integers) -> dict[str, Program]:
+def programs(image: Labels) -> dict[str, Program]:
     """Return what makes surfaces of an image whose labels are 1, 2, ...; each with what parts its result by label."""
 
     def shapes(surface: str) -> list[Shape]:
@@ -105,7 +108,7 @@ def programs(image: Integers) -> dict[str, Program]:
     peers = peers_of("labels")
     if peers:
         found["scikit-image, marching cubes"] = (lambda: peers.marching_cubes(image), list)
-        found["VTK, surface nets"] = (lambda: peers.surface_nets(image), lambda made: _parted(*made, count=int(image.max())))
+        found["VTK, surface nets"] = (lambda: peers.surface_nets(image), lambda made: _parted(*made, count=image.max()))
     return found
 
 
