@@ -23,7 +23,7 @@ count = int(sys.argv[2]) if len(sys.argv) > 2 else 200
 edges = (0.05, 0.05, 0.08)
 
 # %%
-# **A scan of a bed**, of which the image shows the inner part
+# **A scan of the inner part of a bed**
 rocks = vg.make_shapes("polyhedron", count=20, seed=1, rounding=0.2)
 box = vg.Box((6, 6, 9))
 bed = vg.pack(rocks, box, "gravity", count=count, sizes=vg.sizes.lognormal(1.0, 0.15), unit="mm", seed=1)
