@@ -68,6 +68,7 @@ bench: demo $(STAMP) $(ENGINES)/.ok   ## run time against error of voxelization,
 	$(BIN)/voxgran bench sampling -o docs/figures
 	$(BIN)/voxgran bench gradation -o docs/figures
 	$(BIN)/voxgran bench segmentation -o docs/figures
+	$(BIN)/voxgran bench labels -o docs/figures
 	$(BIN)/voxgran bench rsa_shapes -o docs/figures
 	$(BIN)/voxgran bench front -o docs/figures
 	$(BIN)/voxgran bench spheres -o docs/figures
@@ -127,6 +128,8 @@ figures: demo bench   ## the pictures of README and docs
 	cp out/settled_bed/settled_bed.png docs/figures/settled_bed.png
 	$(BIN)/python examples/shapes_polyhedra.py out/shapes_polyhedra
 	cp out/shapes_polyhedra/shapes_polyhedra.png docs/figures/shapes_polyhedra.png
+	$(BIN)/python examples/scan_to_packing.py out/scan_to_packing
+	cp out/scan_to_packing/scan_to_packing.png docs/figures
 	$(BIN)/python examples/tutorial.py out/tutorial
 	cp out/tutorial/tutorial_*.png docs/figures
 

@@ -5,6 +5,7 @@ import faulthandler
 import importlib
 import os
 import signal
+import struct
 import sys
 import tomllib
 import warnings
@@ -175,3 +176,34 @@ def forked(request):
         process.stdout.close()
         process.send_signal(signal.SIGKILL)
         process.wait()
+
+
+def dicom_slice(values, k, thickness):
+    """Return a file of one slice, (columns, rows), with explicit value representations, little endian."""
+
+    def element(group, number, kind, content):
+        content += (b" " if kind in (b"DS", b"CS", b"IS") else b"\0") * (len(content) % 2)
+        size = struct.pack("<HI", 0, len(content)) if kind in (b"OW", b"OB") else struct.pack("<H", len(content))
+        return struct.pack("<HH", group, number) + kind + size + content
+
+    short = lambda number: struct.pack("<H", number)  # noqa: E731
+    syntax = element(2, 0x10, b"UI", b"1.2.840.10008.1.2.1")
+    body = [
+        element(0x18, 0x50, b"DS", str(thickness).encode()),
+        element(0x20, 0x0E, b"UI", b"1.2.3"),
+        element(0x20, 0x13, b"IS", str(k + 1).encode()),
+        element(0x20, 0x32, b"DS", f"0\\0\\{k * thickness}".encode()),
+        element(0x20, 0x37, b"DS", b"1\\0\\0\\0\\1\\0"),
+        element(0x28, 0x02, b"US", short(1)),
+        element(0x28, 0x04, b"CS", b"MONOCHROME2"),
+        element(0x28, 0x10, b"US", short(values.shape[1])),
+        element(0x28, 0x11, b"US", short(values.shape[0])),
+        element(0x28, 0x30, b"DS", b"0.2\\0.1"),
+        element(0x28, 0x100, b"US", short(16)),
+        element(0x28, 0x101, b"US", short(16)),
+        element(0x28, 0x102, b"US", short(15)),
+        element(0x28, 0x103, b"US", short(0)),
+        element(0x7FE0, 0x10, b"OW", values.T.astype("<u2").tobytes()),
+    ]
+    length = element(2, 0, b"UL", struct.pack("<I", len(syntax)))
+    return b"\0" * 128 + b"DICM" + length + syntax + b"".join(body)

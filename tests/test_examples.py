@@ -62,6 +62,16 @@ def test_scan_to_shape(tmp_path, capsys, monkeypatch):
     assert (tmp_path / "scan_to_shape.png").exists()
 
 
+@pytest.mark.slow
+def test_scan_to_packing(tmp_path, capsys, monkeypatch):
+    text = printed("scan_to_packing.py", capsys, monkeypatch, str(tmp_path), "80")
+    assert "verified True" in text
+    found, true = map(float, re.search(r"solid fraction ([\d.]+), of the bed ([\d.]+)", text).groups())
+    assert found == pytest.approx(true, abs=0.01)
+    assert vg.load(tmp_path / "scan.vtp").provenance["method"] == "labels"
+    assert (tmp_path / "scan_to_packing.png").exists()
+
+
 def test_directions(tmp_path, capsys, monkeypatch):
     text = printed("directions.py", capsys, monkeypatch, str(tmp_path), "80")
     one_step = dict(re.findall(r"(2D 8|3D 26|2D any|3D any) direction\S*\s+fourth moment: 1 step ([\d.]+)", text))

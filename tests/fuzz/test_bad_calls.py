@@ -323,6 +323,10 @@ GOOD = {
         vg.save_image,
         {"image": LABELS, "path": ">image.vti", "voxel_size": 1.0, "origin": (0, 0, 0), "overwrite": False},
     ),
+    "save_image edges": (
+        vg.save_image,
+        {"image": LABELS, "path": ">image.tif", "voxel_size": (1.0, 1.0, 2.0), "unit": "mm"},
+    ),
     "save_scene": (vg.save_scene, {"packing": BED, "path": ">scene.vtm", "gap": 0.0, "overwrite": False}),
     "save_shape": (vg.save_shape, {"shape": ROCK, "path": ">rock.stl", "overwrite": False}),
     "save_statistics": (vg.save_statistics, {"tree": BED.measure("coordination"), "path": ">s.nc", "overwrite": False}),
@@ -376,6 +380,7 @@ GOOD = {
     ),
     "surface_statistics": (vg.surface_statistics, {"surface": np.eye(9), "spacing": 1.0, "shortest": 2.0}),
     "to_image": (vg.to_image, {"packing": BED, "voxel_size": 0.5, "labels": True}),
+    "to_image edges": (vg.to_image, {"packing": BED, "voxel_size": (0.5, 0.5, 1.0), "labels": [3, 7]}),
     "verify": (vg.verify, {"packing": BED, "tolerance": 1e-9, "threads": 1, "on_step": None}),
     "voxelize": (
         vg.voxelize,

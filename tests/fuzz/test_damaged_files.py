@@ -12,10 +12,11 @@ import resource
 import struct
 import time
 import warnings
+import zlib
 
 import numpy as np
 import pytest
-from kit import slow
+from kit import dicom_slice, slow
 
 import voxgran as vg
 from voxgran._base.checkpoint import load_checkpoint, save_checkpoint
@@ -260,6 +261,16 @@ def nrrd(encoding):
     return lambda p: saved(lambda q: module.write(str(q), LABELS, head), p)
 
 
+def mha(*, packed):
+    body = LABELS.ravel(order="F").tobytes()
+    told = f"CompressedData = True\nCompressedDataSize = {len(zlib.compress(body))}\n" if packed else ""
+    head = (
+        f"ObjectType = Image\nNDims = 3\nBinaryData = True\nBinaryDataByteOrderMSB = False\n{told}DimSize = 7 7 7\n"
+        "ElementSpacing = 0.5 0.5 0.25\nOffset = 0 0 0\nElementType = MET_USHORT\nElementDataFile = LOCAL\n"
+    )
+    return head.encode() + (zlib.compress(body) if packed else body)
+
+
 def png(path):
     pixels = np.kron(LABELS[:, :, 2].astype(np.uint8), np.ones((4, 4), np.uint8)) * 100
     return saved(lambda p: load("matplotlib.image").imsave(p, pixels, cmap="gray"), path)
@@ -312,6 +323,14 @@ def constant(content):
 
 def as_labels(path):
     return vg.load_labels(path, voxel_size=1.0, border="keep")
+
+
+def as_slice(path):
+    """Read a file as the only slice of a folder."""
+    folder = path.with_suffix("")
+    folder.mkdir(exist_ok=True)
+    (folder / "slice.dcm").write_bytes(path.read_bytes())
+    return vg.load_labels(folder, voxel_size=1.0)
 
 
 def as_mended(path):
@@ -388,6 +407,9 @@ FORMATS = {
     "text vti": (".vti", vti("Ascii"), as_labels),
     "nrrd": (".nrrd", lambda p: nrrd("raw")(p), as_labels),
     "packed nrrd": (".nrrd", lambda p: nrrd("gzip")(p), as_labels),
+    "mha": (".mha", constant(mha(packed=False)), as_labels),
+    "packed mha": (".mha", constant(mha(packed=True)), as_labels),
+    "dicom": (".dcm", constant(dicom_slice(LABELS[:, :, 2], 2, 0.5)), as_slice),
     "png": (".png", png, vg.load_outlines),
     "statistics": (".nc", statistics, vg.load_statistics),
     "checkpoint": (".checkpoint", checkpoint, load_checkpoint),
@@ -538,6 +560,7 @@ def tried(name, folder, seed, numbers):
     good, path = folder / f"good{suffix}", folder / f"damaged{suffix}"
     good.unlink(missing_ok=True)
     raw = write(good)
+    good.write_bytes(raw)
     found = {}
     if wrong := outcome(read, good):
         found["none"] = wrong

@@ -45,12 +45,11 @@ def packing_of_labels(
         What becomes of grains that touch the border of the image, where they are cut: they are kept, and end in the
         wall, as the sample does; or they are left out.
     surface : {"smooth", "voxel"}
-        Smooth surfaces, or the faces of the voxels. Either way neighbours that share faces of voxels touch and do not
-        overlap. Smooth grains keep their volume where there is void around them; without, the edges between three
-        grains, and those of the image, stay open by less than a voxel, and ``largest_volume_error`` of the provenance
-        says by how much the volumes differ.
+        Smooth surfaces, or the faces of the voxels. Either way neighbours share the triangles between them and do not
+        overlap, and each grain has the volume of its voxels; ``largest_volume_error`` of the provenance says by how
+        much the volumes differ, above all where a label has several pieces.
     smoothing : float
-        Standard deviation of the Gaussian that rounds the steps of the voxels, in voxels.
+        Over how many voxels the steps of the voxels are rounded; at most 5.
     periodic : str, bool or sequence
         Axes along which the image repeats, such as ``"xy"``, as of :class:`voxgran.Box`:
         grains go on across these faces.

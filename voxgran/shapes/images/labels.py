@@ -76,7 +76,7 @@ def load_labels(
     surface : {"smooth", "voxel"}
         The smooth surface that keeps the volume, or the faces of the voxels. Voxels that share no face are not joined.
     smoothing : float
-        Standard deviation of the Gaussian that rounds the steps of the voxels, in voxels; at most 20.
+        Over how many voxels the steps of the voxels are rounded; at most 5.
     periodic : str, bool or sequence
         Axes along which the image repeats, such as ``"xy"``, as of :class:`voxgran.Box`:
         grains go on across these faces, which cut none.
