@@ -161,6 +161,8 @@ def warn(message: Warning | str, *_: Any) -> None:
 
 def complain(sentence: str) -> None:
     """Write one line to the error stream."""
+    # a name of a file may hold bytes that are no text
+    text = " ".join(sentence.split()).encode(errors="backslashreplace").decode()
     # where the error stream takes nothing there is nobody to tell
     with contextlib.suppress(OSError):
-        print(f"voxgran: {' '.join(sentence.split())}", file=sys.stderr)
+        print(f"voxgran: {text}", file=sys.stderr)
