@@ -53,15 +53,15 @@ def refuse_other_file(path: str | os.PathLike[str]) -> None:
 
 def remove_checkpoint(path: str | os.PathLike[str]) -> None:
     """Remove a checkpoint, if it is there; any other file stays."""
-    with contextlib.suppress(FileNotFoundError):
-        if _is_checkpoint(path):
-            Path(path).unlink()
+    if _is_checkpoint(path):
+        Path(path).unlink(missing_ok=True)
 
 
 def _is_checkpoint(path: str | os.PathLike[str]) -> bool:
-    """Return whether a file begins as a checkpoint does."""
-    with open(path, "rb") as file:
+    """Return whether a file is there, can be read, and begins as a checkpoint does."""
+    with contextlib.suppress(OSError), open(path, "rb") as file:
         return file.read(len(_MAGIC)) == _MAGIC
+    return False
 
 
 def load_checkpoint(path: str | os.PathLike[str]) -> tuple[dict[str, Any], dict[str, NDArray[Any]]]:

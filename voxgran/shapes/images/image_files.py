@@ -12,7 +12,7 @@ import numpy as np
 
 from voxgran._base.calls import explained
 from voxgran._base.errors import FileFormatError, InputError, MissingLibraryError, TooLargeError, shown
-from voxgran._base.files import existing_file
+from voxgran._base.files import as_path, existing_file
 from voxgran._base.guarded import Content, read_guarded, refused
 from voxgran._base.lazy import load
 from voxgran._base.machine import memory_limit
@@ -59,9 +59,10 @@ def load_image(path: str | os.PathLike[str], *, key: str | None = None) -> Image
     >>> vg.load_image("scan.npy").values.shape
     (10, 20, 30)
     """
-    if Path(path).is_dir():
-        with refused(Path(path)):
-            return _read_dicom(Path(path), key)
+    folder = as_path(path)
+    if folder.is_dir():
+        with refused(folder):
+            return _read_dicom(folder, key)
     found = existing_file(path)
     reader = READERS.get(found.suffix.lower())
     if reader is None:
