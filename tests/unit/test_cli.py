@@ -588,7 +588,7 @@ def test_an_image_is_described_and_its_voxels_may_have_three_edges(tmp_path, cap
     noise = stream(0, "grey").normal(100, 20, (8, 8, 8))
     np.save(tmp_path / "grey.npy", noise)
     assert main(["image", "info", str(tmp_path / "grey.npy")]) == 0
-    assert "make labels of them with voxgran labels --segment" in capsys.readouterr().out
+    assert "make labels of them with voxgran segment" in capsys.readouterr().out
 
 
 def saved(path, *, seed):

@@ -55,7 +55,7 @@ def info(options: argparse.Namespace) -> None:
         "greatest": values.max().item(),
     }
     if values.dtype.kind not in "bui" or values.min() < 0 or is_grey(values):
-        numbers["values"] = "grey values: make labels of them with voxgran labels --segment"
+        numbers["values"] = "grey values: make labels of them with voxgran segment"
     else:
         table = voxgran.label_table(image, voxel_size=1.0 if size is None else None)
         share = float(table.voxels.sum()) / values.size

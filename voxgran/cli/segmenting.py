@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 
 import voxgran
+from voxgran._base.errors import InputError
 from voxgran._base.files import output_suffix, written_whole
 from voxgran.cli.terminal import show
 from voxgran.report.stage import check_picture_path
@@ -16,7 +17,13 @@ NAMED = 10
 
 
 def segment(options: argparse.Namespace) -> None:
-    """Segment a grey image, write its labels and a picture, and say how many grains it has and which are in doubt."""
+    """Segment a grey image, write its labels and a picture, and say how many grains it has and which are in doubt.
+
+    Raises
+    ------
+    InputError
+        If the labels are to be kept with a voxel size that is unknown.
+    """
     from voxgran.io.image import SUFFIXES
 
     if options.output:
@@ -24,6 +31,12 @@ def segment(options: argparse.Namespace) -> None:
     if options.picture:
         check_picture_path(options.picture, overwrite=options.overwrite)
     source = voxgran.load_image(options.file, key=options.key)
+    lattice = options.voxel_size is not None or source.voxel_size is not None
+    if options.output and Path(options.output).suffix.lower() != ".npy" and not lattice:
+        raise InputError(
+            f"voxel_size is None: {options.file} does not tell it, and {options.output} keeps it; give the edge of a "
+            "voxel, or write .npy"
+        )
     names = ("voxel_size", "threshold", "dark_grains", "min_size", "separation")
     found = voxgran.segment(source, **{name: getattr(options, name) for name in names})
     if options.output:
@@ -52,4 +65,4 @@ def _write(found: Any, options: argparse.Namespace) -> None:
             np.save(file, found.labels)
         return
     lattice: dict[str, Any] = {"origin": found.origin, "unit": found.unit, "overwrite": options.overwrite}
-    voxgran.save_image(found.labels, options.output, voxel_size=found.voxel_size or 1.0, **lattice)
+    voxgran.save_image(found.labels, options.output, voxel_size=found.voxel_size, **lattice)

@@ -28,7 +28,7 @@ class Net(NamedTuple):
     Half edge 2 a + 1 of a point leads to the next corner of voxels along axis a, and 2 a to the one before.
     """
 
-    at: NDArray[np.int16]  # (n, 3) the corner of voxels that each point is; 1 to m along a periodic axis of m voxels
+    at: NDArray[np.int32]  # (n, 3) the corner of voxels that each point is; 1 to m along a periodic axis of m voxels
     near: NDArray[np.int32]  # (n, 6) the next point along each half edge that lies in the net, else -1
     triple: NDArray[np.uint8]  # (n,) bits of the half edges where at least three labels meet
     special: NDArray[np.int32]  # (n,) row in `blocks` where a label needs several vertices, else -1
@@ -65,7 +65,7 @@ def split_of(net: Net, labels: int, crossed: Booleans) -> Split:
 
 def _empty(points: int, quads: int, blocks: int) -> Iterator[NDArray[Any]]:
     """Return arrays for the parts of a net."""
-    yield np.empty((points, 3), dtype=np.int16)
+    yield np.empty((points, 3), dtype=np.int32)
     yield np.full((points, 6), -1, dtype=np.int32)
     yield np.zeros(points, dtype=np.uint8)
     yield np.full(points, -1, dtype=np.int32)

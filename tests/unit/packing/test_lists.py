@@ -78,8 +78,8 @@ def test_shapes_are_placed_each_once_at_their_own_size():
     assert heavy.densities.tolist() == [1.0 + row for row in heavy.grain_id]
 
 
-@pytest.mark.parametrize(("dimension", "ball"), [(3, math.pi / 6.0), (2, math.pi / 4.0)])
-def test_masses_are_volumes_times_densities(dimension, ball):
+@pytest.mark.parametrize(("dimension", "unit_volume"), [(3, math.pi / 6.0), (2, math.pi / 4.0)])
+def test_masses_are_volumes_times_densities(dimension, unit_volume):
     shapes = [SPHERE, BRICK] if dimension == 3 else [vg.shapes.disk(), vg.shapes.polygon(corners=5)]
     container = BOX if dimension == 3 else vg.Rectangle((4, 4))
     mass, shape = np.array([2.0, 0.4, 0.9]), [0, 1, 0]
@@ -88,7 +88,7 @@ def test_masses_are_volumes_times_densities(dimension, ball):
     own = pack({"mass": mass, "shape": shape, "density": [2.5, 7.8, 2.5]}, shapes, container)
     assert own.masses == pytest.approx(mass[own.grain_id])
     assert own.densities == pytest.approx(np.array([2.5, 7.8, 2.5])[own.grain_id])
-    assert one.diameters[one.grain_id == 0] == pytest.approx((2.0 / 2.5 / ball) ** (1.0 / dimension))
+    assert one.diameters[one.grain_id == 0] == pytest.approx((2.0 / 2.5 / unit_volume) ** (1.0 / dimension))
     several = pack({"mass": mass, "shape": shape}, shapes, container, density=[2.5, 7.8])
     assert several.masses == pytest.approx(mass[several.grain_id])
 

@@ -7,6 +7,7 @@ from kit import dicom_slice
 
 import voxgran as vg
 from voxgran._base.errors import FileFormatError, InputError, MissingLibraryError
+from voxgran._base.seeds import stream
 from voxgran.shapes.images.image_files import load_image
 
 pytestmark = pytest.mark.usefixtures("forked_readers")
@@ -182,3 +183,26 @@ def test_tiff_of_ome_and_imagej_tell_the_edges_of_a_voxel(tmp_path):
         assert image.voxel_size == pytest.approx((0.1, 0.2, 0.4))
         assert image.unit == "mm"
     assert vg.load_image(tmp_path / "plain.tif").voxel_size is None
+
+
+@pytest.mark.parametrize(
+    ("way", "share"), [("one series", 0.97), ("one series", 0.6), ("pages alone", 0.6), ("plain", 0.6)]
+)
+def test_a_tiff_that_is_cut_names_the_slice_and_no_slice_is_lost(way, share, tmp_path):
+    tifffile = pytest.importorskip("tifffile")
+    pages = stream(0, "pages").integers(0, 5, (20, 30, 40), dtype=np.uint16)
+    path = tmp_path / "scan.tif"
+    if way == "one series":
+        tifffile.imwrite(path, pages, photometric="minisblack", compression="zlib", metadata=None)
+    elif way == "plain":
+        tifffile.imwrite(path, pages, photometric="minisblack")
+    else:
+        with tifffile.TiffWriter(path) as writer:
+            for page in pages:
+                writer.write(page, compression="zlib", contiguous=False)
+    np.testing.assert_array_equal(vg.load_image(path).values, pages.transpose(2, 1, 0))
+    content = path.read_bytes()
+    path.write_bytes(content[: int(len(content) * share)])
+    slice_number = {0.97: 19, 0.6: 12 if way == "plain" else r"1[12]"}[share]
+    with pytest.raises(FileFormatError, match=rf"within slice {slice_number} \(from 0 on\): it is cut"):
+        vg.load_image(path)

@@ -149,13 +149,35 @@ def tiff_pages(path: Path) -> Content:
     """
     tifffile = image_library("tifffile")
     with tifffile.TiffFile(path) as file:
+        _refuse_cut(file, path)
         spacing, unit = _tiff_lattice(file)
-    told = {"spacing": spacing, "unit": unit}
+        # pages that were written one by one may be as many series
+        apart = len(file.series) > 1 and len({(page.shape, page.dtype) for page in file.pages}) == 1
+        told = {"spacing": spacing, "unit": unit}
+        if apart:
+            return told, {"pages": file.asarray(key=slice(None), maxworkers=1)}
     try:
         pages = tifffile.memmap(path, mode="r")
     except ValueError:
         return told, {"pages": tifffile.imread(path, maxworkers=1)}
     return {"offset": pages.offset, "dtype": pages.dtype.str, "shape": pages.shape, **told}, {}
+
+
+def _refuse_cut(file: Any, path: Path) -> None:
+    """Refuse a TIFF file that ends within a page, or before pages that it has: the library would leave these out."""
+    whole, last = path.stat().st_size, file.pages[len(file.pages) - 1]
+    for k, page in enumerate(file.pages):
+        ends = [start + size for start, size in zip(page.dataoffsets, page.databytecounts, strict=False)]
+        if max(ends, default=0) > whole:
+            raise FileFormatError(f"{path} ends within slice {k} (from 0 on): it is cut; write it again")
+    end = last.offset + file.tiff.tagnosize + len(last.tags) * file.tiff.tagsize
+    file.filehandle.seek(end)
+    following = int.from_bytes(file.filehandle.read(file.tiff.offsetsize), "big" if file.byteorder == ">" else "little")
+    if following >= whole:
+        # slices that are not packed may all lie behind the first, before what describes them
+        packed = last.compression != 1 or not last.nbytes
+        many = len(file.pages) - 1 + (1 if packed else (whole - last.dataoffsets[0]) // last.nbytes)
+        raise FileFormatError(f"{path} ends within slice {many} (from 0 on): it is cut; write it again")
 
 
 def _tiff_lattice(file: Any) -> tuple[list[float] | None, str | None]:
