@@ -206,3 +206,14 @@ def test_a_tiff_that_is_cut_names_the_slice_and_no_slice_is_lost(way, share, tmp
     slice_number = {0.97: 19, 0.6: 12 if way == "plain" else r"1[12]"}[share]
     with pytest.raises(FileFormatError, match=rf"within slice {slice_number} \(from 0 on\): it is cut"):
         vg.load_image(path)
+
+
+def test_edges_that_are_given_have_precedence_over_the_file(tmp_path):
+    vg.save_image(small(), tmp_path / "scan.tif", voxel_size=0.5, unit="mm")
+    told, given = vg.load_image(tmp_path / "scan.tif"), vg.load_image(tmp_path / "scan.tif", voxel_size=(1, 1, 2))
+    assert (told.voxel_size, told.unit) == (pytest.approx((0.5, 0.5, 0.5)), "mm")
+    assert (given.voxel_size, given.unit) == ((1.0, 1.0, 2.0), None)
+    with pytest.raises(InputError, match="the file has its voxels in mm"):
+        vg.load_image(tmp_path / "scan.tif", unit="um")
+    with pytest.raises(InputError, match="give one or three"):
+        vg.load_image(tmp_path / "scan.tif", voxel_size=(1, 2))

@@ -5,6 +5,7 @@ import os
 import xml.etree.ElementTree as ET
 import zipfile
 from collections.abc import Callable, Iterable
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -16,14 +17,17 @@ from voxgran._base.files import as_path, existing_file
 from voxgran._base.guarded import Content, read_guarded, refused
 from voxgran._base.lazy import load
 from voxgran._base.machine import memory_limit
-from voxgran._base.units import as_unit, known_unit, unit_factor
+from voxgran._base.units import as_unit, known_unit, stated_unit, unit_factor
 from voxgran._base.vtk_readers import chosen_name, dicom_series, meta_image, vtk_image
 from voxgran.lattice.image import Image as Image
+from voxgran.lattice.image import as_edges
 from voxgran.lattice.image import voxel_sizes as voxel_sizes
 
 
 @explained(hint='load_image("scan.npy"); the size of a voxel is an argument of what takes the image')
-def load_image(path: str | os.PathLike[str], *, key: str | None = None) -> Image:
+def load_image(
+    path: str | os.PathLike[str], *, key: str | None = None, voxel_size: Any = None, unit: str | None = None
+) -> Image:
     """Read an image of any known format.
 
     Parameters
@@ -35,6 +39,10 @@ def load_image(path: str | os.PathLike[str], *, key: str | None = None) -> Image
         VTK, NRRD, MetaImage and DICOM hold the edges of a voxel, and TIFF that ImageJ or OME has written.
     key : str, optional
         Which array of an ``.npz`` or ``.vti`` file; default: the only one.
+    voxel_size : float or (3,) array_like of float, optional
+        Edges of a voxel; default: as the file says.
+    unit : str, optional
+        Unit of the voxel size; default: as the file says, where its voxel size is taken.
 
     Returns
     -------
@@ -50,6 +58,10 @@ def load_image(path: str | os.PathLike[str], *, key: str | None = None) -> Image
         If the library that reads the format is not installed.
     TooLargeError
         If it does not fit in memory.
+    InputError
+        If an edge of a voxel is not a length, or the unit is not that of the file.
+    UnknownNameError
+        If the unit is unknown.
 
     Examples
     --------
@@ -59,10 +71,17 @@ def load_image(path: str | os.PathLike[str], *, key: str | None = None) -> Image
     >>> vg.load_image("scan.npy").values.shape
     (10, 20, 30)
     """
-    folder = as_path(path)
-    if folder.is_dir():
-        with refused(folder):
-            return _read_dicom(folder, key)
+    image = _image_in(as_path(path), key)
+    if voxel_size is None:
+        return replace(image, unit=voxel_unit(unit, None, image))
+    return replace(image, voxel_size=as_edges(voxel_size), unit=stated_unit(unit))
+
+
+def _image_in(path: Path, key: str | None) -> Image:
+    """Return the image in a file or folder."""
+    if path.is_dir():
+        with refused(path):
+            return _read_dicom(path, key)
     found = existing_file(path)
     reader = READERS.get(found.suffix.lower())
     if reader is None:
