@@ -285,8 +285,8 @@ def test_an_image_is_taken_as_it_is_by_what_takes_arrays(grey, tmp_path):
     assert vg.segment(image).max() == 1
     with pytest.raises(InputError, match=r"is the path '.*grey.npy': grey values are needed; write segment\(load"):
         vg.segment(tmp_path / "grey.npy")
-    with pytest.raises(InputError, match="argument of what takes the image"):
-        vg.load_image(tmp_path / "grey.npy", voxel_size=0.1)
+    with pytest.raises(InputError, match=r'write load_image\("scan.npy", voxel_size=0.1, unit="mm"\)'):
+        vg.load_image()
 
 
 def bed(axis, upward):

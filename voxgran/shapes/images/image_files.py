@@ -24,7 +24,7 @@ from voxgran.lattice.image import as_edges
 from voxgran.lattice.image import voxel_sizes as voxel_sizes
 
 
-@explained(hint='load_image("scan.npy"); the size of a voxel is an argument of what takes the image')
+@explained(hint='load_image("scan.npy", voxel_size=0.1, unit="mm")')
 def load_image(
     path: str | os.PathLike[str], *, key: str | None = None, voxel_size: Any = None, unit: str | None = None
 ) -> Image:
