@@ -56,11 +56,11 @@ class Bed(NamedTuple):
 def measure_beds(method: str, solid: str, count: int = 120) -> list[Bed]:
     """Pour a bed of dice by a method, one of :data:`METHODS`, and then shake it; return both beds."""
     shape, box = make_shape("platonic", solid=solid), Box((4, 4, 6 + count / 9), periodic=(True, True, False))
-    began, beds = time.perf_counter(), []
+    began, beds = time.process_time(), []
     poured = pack(shape, box, method=method, count=count, seed=1, **in_method(method))
     for shaken in (False, True):
         packing = settle(poured, friction=FRICTION, shaking=SHAKING, seed=1) if shaken else poured
-        seconds, bulk = time.perf_counter() - began, float(bulk_solid_fraction(packing))
+        seconds, bulk = time.process_time() - began, float(bulk_solid_fraction(packing))
         beds.append(Bed(method, solid, shaken, seconds, bulk, verify(packing).ok, resting_of(packing)))
     return beds
 
