@@ -22,6 +22,7 @@ from voxgran.packing.grains import joined_ids
 from voxgran.packing.model import Packing
 from voxgran.settling.parameters import Settling
 from voxgran.shapes.describing.extents import principal_extents
+from voxgran.shapes.family import make_shape
 from voxgran.shapes.model import Shape, check_shapes
 from voxgran.shapes.size_laws.listed import ListedGrains, grains_of, refuse_too_many
 from voxgran.shapes.size_laws.plan import FAR, count_within, stratum_distance
@@ -151,19 +152,24 @@ def draw_grains(
     return DrawnGrains(shape_id[fits], diameter[fits], removed)
 
 
-def listed_grains(request: Request, shapes: Sequence[Shape], unit: str) -> tuple[tuple[Shape, ...], ListedGrains, Any]:
-    """Return shapes, once for each density, grains and densities of the list of a request, with lengths in one unit.
+def listed_grains(
+    request: Request, shapes: tuple[Shape, ...], unit: str
+) -> tuple[tuple[Shape, ...], ListedGrains, Any]:
+    """Return shapes, once for each density, grains and densities of the list of a request, with lengths in one unit;
+    without shapes, grains are spheres, and disks in the plane.
 
     Raises
     ------
     InputError
         If the list breaks a rule.
     """
+    sized, dimension = len(shapes) > 0, request.container.dimension
+    shapes = shapes or (make_shape("sphere" if dimension == 3 else "disk"),)
     shares = _shares(shapes, request.weights, request.weights_by, own_size=False)
     given = None if request.density is None else by_shape(as_density(request.density, len(shapes)), len(shapes))
-    found = grains_of(request.grains, shapes, shares, unit=unit, densities=given)
+    found = grains_of(request.grains, shapes, shares, unit=unit, densities=given, sized=sized)
     if found.density is None:
-        return check_shapes(request.shapes), found, request.density
+        return shapes, found, request.density
     apart, shape_id, density = shapes_by_density(shapes, found.shape_id, found.density)
     return apart, replace(found, shape_id=shape_id), density
 

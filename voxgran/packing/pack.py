@@ -14,7 +14,7 @@ from numpy.typing import ArrayLike
 from voxgran._base.arrays import as_number, check_lengths
 from voxgran._base.calls import explained
 from voxgran._base.config import parameters_of, to_mapping
-from voxgran._base.errors import InputError, PackingWarning, numbered, shown
+from voxgran._base.errors import CallError, InputError, PackingWarning, numbered, shown
 from voxgran._base.machine import installed_versions
 from voxgran._base.progress import OnStep, Step, reported
 from voxgran._base.registry import Parameters
@@ -47,6 +47,8 @@ STOPPED = "the method stopped ({})"
 MADE = "the method makes the sizes; ask for less, or change its parameters"
 EMPTY = "no grain is packed: none finds room; change the limits of the sizes, or the container"
 JAMMED = "these grains jam there; ask for less, for a wider gradation or for a periodic container"
+#: a correct call
+HINT = 'pack(shapes, Box((4, 4, 4)), method="gravity", count=20)'
 
 
 @dataclass(frozen=True, slots=True)
@@ -60,11 +62,11 @@ class Task:
     sizes: SizeDistribution | None
 
 
-@explained(hint='pack(shapes, Box((4, 4, 4)), method="gravity", count=20)')
+@explained(hint=HINT)
 def pack(
-    shapes: Sequence[Shape] | Shape,
-    container: Container,
-    method: str | Parameters,
+    shapes: Sequence[Shape] | Shape = (),
+    container: Container | None = None,
+    method: str | Parameters | None = None,
     *,
     count: int | None = None,
     solid_fraction: float | None = None,
@@ -90,7 +92,8 @@ def pack(
     Parameters
     ----------
     shapes : sequence of Shape or Shape
-        Shapes to draw the grains from.
+        Shapes to draw the grains from. They may be left out with a list of `grains`, whose rows are then spheres, disks
+        in the plane, and with a start, whose shapes they then have.
     container : Container
         What holds the grains.
     method : str or parameter object
@@ -107,8 +110,8 @@ def pack(
         Distribution of the equivalent diameters, in the unit of the container; each shape at its own size where
         left out.
     grains : sequence of Shape, mapping, pandas.DataFrame or path-like, optional
-        List of grains, each placed once, in place of `count` and `sizes`: shapes, with ``[]`` for `shapes`, or a table
-        or CSV file with the columns `diameter` or `mass` (left out: each shape at its own size), and `shape` (name or
+        List of grains, each placed once, in place of `count` and `sizes`: shapes, without `shapes`, or a table or CSV
+        file with the columns `diameter` or `mass` (left out: each shape at its own size), and `shape` (name or
         index in `shapes`; left out: taken in turn), `density` and `count`. ``packing.grain_id`` is the row of each
         grain.
     weights : (len(shapes),) array_like of float, optional
@@ -191,6 +194,9 @@ def pack(
     >>> vg.pack(vg.make_shape("sphere"), box, method="digital", count=20, voxel_size=0.1).count
     20
     """
+    if container is None or method is None:
+        missing = [name for name, value in (("container", container), ("method", method)) if value is None]
+        raise CallError(f"pack needs {' and '.join(missing)}; write {HINT}")
     began = time.monotonic()
     request = Request(
         *(shapes, container, method), count=count, solid_fraction=solid_fraction, sizes=sizes, grains=grains,
@@ -253,7 +259,7 @@ def prepare_task(request: Request) -> Task:
     if table is not None:
         refuse_list(entry, {"count": count, "sizes": sizes, "solid_fraction": solid_fraction})
         shapes = given or (() if start is None else start.shapes)
-        found = replace(request, shapes=given, grains=table, density=density)
+        found = replace(request, shapes=given, container=container, grains=table, density=density)
         given, listed, density = listed_grains(found, shapes, unit)
         count, sizes = len(listed.row), listed.sizes()
     density = density_around(start, density, len(given))

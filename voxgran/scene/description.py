@@ -164,7 +164,7 @@ class SceneDescription(ExplainedAttributes):
         with mistakes.part():
             general = _general(mapping.get("scene", {}))
         with mistakes.part():
-            shapes = shape_entries(mapping["shape"], place)
+            shapes = shape_entries(mapping["shape"], place) if "shape" in mapping else ()
         with mistakes.part("[sizes]"):
             sizes = dict(mapping.get("sizes", {}))
             share_by = _share_by(sizes.pop("share_by", "number"))
@@ -216,15 +216,15 @@ class SceneDescription(ExplainedAttributes):
         >>> scene.to_mapping()["packing"]["method"]
         'rsa'
         """
-        shapes = [entry.to_mapping() for entry in self.shapes]
         packing = {name: getattr(self, name) for name in ("method", "count", "solid_fraction", "start")}
-        made = {
+        made: dict[str, Any] = {
             "scene": to_mapping(self.general),
-            "shape": shapes,
             "container": self.container.to_mapping(),
             "packing": {key: value for key, value in packing.items() if value is not None} | dict(self.parameters),
             "output": to_mapping(self.output),
         }
+        if self.shapes:
+            made["shape"] = [entry.to_mapping() for entry in self.shapes]
         if self.sizes is not None:
             kept = {key: value for key, value in self.sizes.to_mapping().items() if value is not None}
             made["sizes"] = kept | {"share_by": self.share_by}
@@ -259,7 +259,7 @@ class SceneDescription(ExplainedAttributes):
             "solid_fraction": self.solid_fraction,
             "sizes": self.sizes,
             "grains": self.grains,
-            "weights": [share for entry in self.shapes for share in entry.shares()],
+            "weights": [share for entry in self.shapes for share in entry.shares()] or None,
             "weights_by": self.share_by,
             "seed": self.general.seed,
             "start": self.begin(),
@@ -338,7 +338,8 @@ def _check_sections(mapping: Mapping[str, Any]) -> None:
             if name != "shape":
                 check_type(mapping[name], Mapping, f"[{name}]", f"a section; write [{name}] above its keys")
     mistakes.refuse()  # a section that is missing may be there under a wrong name
-    for name in ("shape", "container", "packing"):
+    # grains of a list are spheres, or disks, where there is no shape
+    for name in (*(() if "grains" in mapping else ("shape",)), "container", "packing"):
         with mistakes.part():
             if name not in mapping:
                 told = "[[shape]]" if name == "shape" else f"[{name}]"

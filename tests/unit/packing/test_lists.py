@@ -9,6 +9,7 @@ import pytest
 
 import voxgran as vg
 from voxgran._base.errors import (
+    CallError,
     FileFormatError,
     GrainTooLargeError,
     InputError,
@@ -68,13 +69,13 @@ def test_methods_that_place_grains_as_they_are_take_lists():
 
 def test_shapes_are_placed_each_once_at_their_own_size():
     rocks = [BRICK, SPHERE.scaled(0.7), BRICK.scaled(0.9), SPHERE.scaled(0.7)]
-    packing = vg.pack([], BOX, "advancing_front", grains=rocks)
+    packing = vg.pack(grains=rocks, container=BOX, method="advancing_front")
     assert len(packing.shapes) == 3
     assert sorted(packing.grain_id) == [0, 1, 2, 3]
     for grain, row in zip(packing, packing.grain_id, strict=True):
         assert grain.shape == rocks[row]
         assert grain.scale == pytest.approx(1.0)
-    heavy = vg.pack([], BOX, "advancing_front", grains=rocks, density=[1.0, 2.0, 3.0, 4.0])
+    heavy = vg.pack(grains=rocks, container=BOX, method="advancing_front", density=[1.0, 2.0, 3.0, 4.0])
     assert heavy.densities.tolist() == [1.0 + row for row in heavy.grain_id]
 
 
@@ -98,6 +99,28 @@ def test_masses_with_units_are_those_of_the_unit_of_lengths(density):
     packing = pack({"mass [g]": [1.0]} | density, [SPHERE], vg.Box((40, 40, 40)), unit="mm")
     assert packing.diameters[0] == pytest.approx(10.0 * (6.0 / math.pi / 2.65) ** (1 / 3))
     assert packing.density == pytest.approx(2650.0)
+
+
+def test_rows_without_shapes_are_spheres_or_disks(tmp_path):
+    (tmp_path / "list.csv").write_text("diameter,count\n1,2\n0.5,3\n", encoding="utf-8")
+    packing = vg.pack(grains=tmp_path / "list.csv", container=BOX, method="rsa")
+    assert [shape.name for shape in packing.shapes] == ["sphere"]
+    assert sorted(packing.diameters) == [0.5, 0.5, 0.5, 1.0, 1.0]
+    flat = vg.pack(grains={"mass": [1.0, 2.0]}, container=vg.Rectangle((4, 4)), method="rsa", density=2.0)
+    assert [shape.name for shape in flat.shapes] == ["disk"]
+    assert sorted(flat.masses) == pytest.approx([1.0, 2.0])
+    # densities by row split the shape
+    apart = vg.pack(grains={"diameter": [1.0, 0.5], "density": [2.0, 3.0]}, container=BOX, method="rsa")
+    assert apart.densities.tolist() == [2.0 + row for row in apart.grain_id]
+    # shapes of a start are those of the list
+    more = vg.pack(container=BOX, method="rsa", start=pack(LIST), grains={"diameter": [0.4], "shape": ["box"]})
+    assert more.shapes[more.shape_id[-1]] == BRICK
+    with pytest.raises(FileFormatError, match="it must have 'diameter' or 'mass'; rename one"):
+        vg.pack(grains={"shape": ["sphere"]}, container=BOX, method="rsa")
+    with pytest.raises(InputError, match="shapes is empty"):
+        vg.pack(container=BOX, method="rsa", count=3)
+    with pytest.raises(CallError, match=r"^pack needs container and method; write pack\(shapes, Box"):
+        vg.pack(grains={"diameter": [1.0]})
 
 
 def test_shapes_of_one_name_are_taken_in_turn():
@@ -154,7 +177,7 @@ BAD = [
     ({"diameter": []}, {}, r"grains is empty"),
     (pd.DataFrame({"diameter": []}), {}, r"grains is empty"),
     ([], {}, r"grains is empty"),
-    ([SPHERE], {}, r"it has its own; give \[\] for shapes"),
+    ([SPHERE], {}, r"it has its own; leave shapes out"),
     ([SPHERE], {"shapes": None}, r"shapes is None"),
     ([1.0, 2.0], {}, r"grains\[0\] is 1.0: it must be a Shape"),
     (3.0, {}, r"grains is 3.0: it must be a table"),

@@ -63,6 +63,17 @@ def test_a_bed_of_a_list_has_an_expected_depth(scene, tmp_path):
     assert 0.0 < vg.Scene.from_mapping(flat, folder=tmp_path).plan().depth < 1.0
 
 
+def test_a_list_needs_no_shape(scene, tmp_path):
+    """Rows are then spheres, and the scene remains itself as a mapping."""
+    bare = {key: value for key, value in scene("diameter\n0.9\n0.8\n").items() if key != "shape"}
+    made = vg.Scene.from_mapping(bare, folder=tmp_path)
+    assert made.plan().grains == 2
+    again = vg.Scene.from_mapping(made.to_mapping(), folder="/")
+    assert [shape.name for shape in again.run(tmp_path / "out").packing.shapes] == ["sphere"]
+    with pytest.raises(InputError, match=r"\[\[shape\]\] is missing"):
+        vg.Scene.from_mapping({key: value for key, value in bare.items() if key != "grains"}, folder=tmp_path)
+
+
 @pytest.mark.parametrize(
     ("text", "more", "error", "words"),
     [

@@ -48,6 +48,7 @@ CASES = {
 }
 CODE = """
 import json, sys, warnings
+sys.modules["dask"] = None  # xarray would load it where it is installed, and it loads others
 import voxgran as vg
 from voxgran._base.lazy import loaded
 warnings.simplefilter("ignore")

@@ -74,7 +74,7 @@ def with_shapes_of_list(shapes: Any, grains: Any, density: Any) -> tuple[Any, An
     for k, shape in enumerate(grains):
         check_type(shape, Shape, f"grains[{k}]", "a Shape; for sizes give a table such as {'diameter': [1.0, 2.0]}")
     if check_shapes(shapes):
-        raise InputError("shapes are given and grains is a list of shapes: it has its own; give [] for shapes")
+        raise InputError("shapes are given and grains is a list of shapes: it has its own; leave shapes out")
     place = {shape: k for k, shape in enumerate(dict.fromkeys(grains))}
     table: dict[str, Any] = {"shape": [place[shape] for shape in grains]}
     if hasattr(density, "__len__"):
@@ -83,7 +83,7 @@ def with_shapes_of_list(shapes: Any, grains: Any, density: Any) -> tuple[Any, An
 
 
 def grains_of(
-    grains: Any, shapes: Sequence[Shape], shares: Floats, *, unit: str, densities: Sequence[float] | None
+    grains: Any, shapes: Sequence[Shape], shares: Floats, *, unit: str, densities: Sequence[float] | None, sized: bool
 ) -> ListedGrains:
     """Return the grains of a list, in its order.
 
@@ -101,6 +101,8 @@ def grains_of(
         Unit of all lengths.
     densities : sequence of float or None
         Density of each shape, for lists without densities.
+    sized : bool
+        Whether shapes have sizes of their own, which grains without diameter and mass take.
 
     Raises
     ------
@@ -119,10 +121,11 @@ def grains_of(
     if isinstance(grains, str | os.PathLike):
         where, grains = os.fspath(grains), read_table(os.fspath(grains))
     names = columns_in(grains, COLUMNS, where)
-    if not {"diameter", "mass", "shape"} & names.keys():
+    if not {"diameter", "mass", *(["shape"] if sized else [])} & names.keys():
+        needed = "'diameter', 'mass' or 'shape'" if sized else "'diameter' or 'mass'"
         raise FileFormatError(
-            f"{where} has the columns {', '.join(map(shown, grains.keys())) or 'none'}: it must have 'diameter', "
-            "'mass' or 'shape'; rename one, or add it"
+            f"{where} has the columns {', '.join(map(shown, grains.keys())) or 'none'}: it must have {needed}; "
+            "rename one, or add it"
         )
     told = f"{where} (rows from 0 on)"
     values = {
