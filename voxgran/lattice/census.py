@@ -8,9 +8,12 @@ from numpy.typing import NDArray
 
 from voxgran._base.arrays import Booleans, Floats, Integers
 from voxgran._base.errors import InputError
+from voxgran._base.kernels import kernel
 
 #: number of voxels in memory at a time
 SLAB = 2**24
+#: largest label up to which tables have an entry for each label
+LARGEST = 2**22
 
 
 @dataclass(frozen=True, slots=True)
@@ -26,10 +29,18 @@ class Census:
 
     def numbered(self, image: NDArray[Any]) -> NDArray[np.int32]:
         """Return the (nx, ny, nz) image with the labels numbered 1 ... n in a copy, slab by slab."""
+        n, most = len(self.label), int(self.label[-1])
+        if most == n:
+            return np.array(image, dtype=np.int32)
         numbers = np.empty(image.shape, dtype=np.int32)
+        table = np.zeros(1 + min(most, LARGEST), dtype=np.int32)
+        if most <= LARGEST:
+            table[self.label] = np.arange(1, n + 1)
         for k, plane in enumerate(image):
-            values = np.asarray(plane)
-            numbers[k] = np.where(values, np.searchsorted(self.label, values) + 1, 0)
+            values = np.asarray(plane).astype(np.int64)
+            numbers[k] = (
+                table[values] if most <= LARGEST else np.where(values, np.searchsorted(self.label, values) + 1, 0)
+            )
         return numbers
 
 
@@ -74,15 +85,37 @@ def _count_slab(slab: NDArray[Any], start: int, name: str) -> Census:
         slab = slab.astype(np.int64)
     if slab.dtype.kind == "i" and slab.min() < 0:
         raise InputError(f"{name} holds the label {slab.min()}: labels are at least 0, 0 being void; renumber them")
-    place = np.flatnonzero(slab)
-    found, index, count = np.unique(slab.ravel()[place], return_inverse=True, return_counts=True)
-    index, n = index.reshape(-1), len(found)
-    lower, upper, middle = np.zeros((n, 3), np.int64), np.zeros((n, 3), np.int64), np.zeros((n, 3))
-    for axis, along in enumerate(np.unravel_index(place, slab.shape)):
-        low, high = np.full(n, np.iinfo(np.int64).max), np.full(n, -1)
-        np.minimum.at(low, index, along)
-        np.maximum.at(high, index, along)
-        shift = start if axis == 0 else 0
-        lower[:, axis], upper[:, axis] = low + shift, high + 1 + shift
-        middle[:, axis] = np.bincount(index, weights=along, minlength=n) / np.maximum(count, 1) + 0.5 + shift
-    return Census(found.astype(np.int64), count, lower, upper, middle, np.zeros(n, dtype=np.bool_))
+    label = np.arange(int(slab.max()) + 1) if slab.max() <= LARGEST else np.append(0, np.unique(slab[slab > 0]))
+    if slab.max() > LARGEST:
+        slab = np.searchsorted(label, slab)
+    count, lower, upper, total = _tally(np.ascontiguousarray(slab, dtype=np.int32), len(label))
+    there = np.flatnonzero(count)
+    count, shift = count[there], np.array([start, 0, 0])
+    middle = total[there] / count[:, None] + 0.5 + shift
+    none = np.zeros(len(there), dtype=np.bool_)
+    return Census(label[there].astype(np.int64), count, lower[there] + shift, upper[there] + shift, middle, none)
+
+
+@kernel
+def _tally(image, n):  # type: ignore[no-untyped-def]
+    """Return the number of voxels of each label below n but 0, their bounding boxes and the sums of their indices."""
+    count, total = np.zeros(n, dtype=np.int64), np.zeros((n, 3), dtype=np.int64)
+    lower, upper = np.full((n, 3), 2**62, dtype=np.int64), np.zeros((n, 3), dtype=np.int64)
+    nx, ny, nz = image.shape
+    for i in range(nx):
+        for j in range(ny):
+            k = 0
+            while k < nz:
+                label, low = image[i, j, k], k
+                while k < nz and image[i, j, k] == label:
+                    k += 1
+                if label > 0:
+                    many = k - low
+                    count[label] += many
+                    total[label, 0] += i * many
+                    total[label, 1] += j * many
+                    total[label, 2] += (low + k - 1) * many // 2
+                    for axis, first, end in ((0, i, i + 1), (1, j, j + 1), (2, low, k)):
+                        lower[label, axis] = min(lower[label, axis], first)
+                        upper[label, axis] = max(upper[label, axis], end)
+    return count, lower, upper, total

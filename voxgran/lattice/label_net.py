@@ -50,11 +50,12 @@ class Split(NamedTuple):
 def net_of(labels: NDArray[np.int32], wraps: Booleans) -> Net:
     """Return the net of an (nx, ny, nz) image of labels above 0, 0 for void, which repeats along some axes."""
     crowded = np.array([_is_crowded(mask) for mask in range(256)])
-    none = Net(*_empty(0, 0, 0))
-    sizes = _fill_net(labels, wraps, crowded, none)
-    net = Net(*_empty(*sizes))
-    _fill_net(labels, wraps, crowded, net)
-    return net
+    quads = _count_quads(labels, wraps)
+    # at least three faces meet in each point; what is not written takes no memory
+    net = Net(*_empty(4 * quads // 3, quads))
+    points, blocks = _fill_net(labels, wraps, crowded, net)
+    kept = {name: getattr(net, name)[:points] for name in ("at", "near", "triple", "special")}
+    return net._replace(**kept, blocks=blocks)
 
 
 def split_of(net: Net, labels: int, crossed: Booleans) -> Split:
@@ -63,13 +64,13 @@ def split_of(net: Net, labels: int, crossed: Booleans) -> Split:
     return Split(*_split(net, labels, crossed, flip))
 
 
-def _empty(points: int, quads: int, blocks: int) -> Iterator[NDArray[Any]]:
-    """Return arrays for the parts of a net."""
+def _empty(points: int, quads: int) -> Iterator[NDArray[Any]]:
+    """Return arrays for the parts of a net, without blocks."""
     yield np.empty((points, 3), dtype=np.int32)
-    yield np.full((points, 6), -1, dtype=np.int32)
-    yield np.zeros(points, dtype=np.uint8)
-    yield np.full(points, -1, dtype=np.int32)
-    yield np.empty((blocks, 8), dtype=np.int32)
+    yield np.empty((points, 6), dtype=np.int32)
+    yield np.empty(points, dtype=np.uint8)
+    yield np.empty(points, dtype=np.int32)
+    yield np.empty((0, 8), dtype=np.int32)
     yield np.empty((quads, 4), dtype=np.int32)
     yield np.empty(quads, dtype=np.uint8)
     yield np.empty((quads, 2), dtype=np.int32)
@@ -163,32 +164,63 @@ def _is_crowded(mask):  # type: ignore[no-untyped-def]
 def _fill_plane(labels, wraps, i, plane):  # type: ignore[no-untyped-def]
     """Write plane i - 1 of the image with a layer of what lies around it."""
     nx, ny, nz = labels.shape
-    outside = not wraps[0] and (i == 0 or i == nx + 1)
-    x = (i - 1 + nx) % nx
-    for j in range(ny + 2):
-        for k in range(nz + 2):
-            if outside or (not wraps[1] and (j == 0 or j == ny + 1)) or (not wraps[2] and (k == 0 or k == nz + 1)):
-                plane[j, k] = BEYOND
-            else:
-                plane[j, k] = labels[x, (j - 1 + ny) % ny, (k - 1 + nz) % nz]
+    if not wraps[0] and (i == 0 or i == nx + 1):
+        plane[:, :] = BEYOND
+        return
+    image = labels[(i - 1 + nx) % nx]
+    for j in range(1, ny + 1):
+        for k in range(nz):
+            plane[j, k + 1] = image[j - 1, k]
+        plane[j, 0] = image[j - 1, nz - 1] if wraps[2] else BEYOND
+        plane[j, nz + 1] = image[j - 1, 0] if wraps[2] else BEYOND
+    for k in range(nz + 2):
+        plane[0, k] = plane[ny, k] if wraps[1] else BEYOND
+        plane[ny + 1, k] = plane[1, k] if wraps[1] else BEYOND
+
+
+@kernel
+def _count_quads(labels, wraps):  # type: ignore[no-untyped-def]
+    """Return the number of faces between voxels of different labels, of which one at least is no void."""
+    nx, ny, nz = labels.shape
+    planes = np.empty((2, ny + 2, nz + 2), dtype=np.int32)
+    count = 0
+    # a face along a periodic axis lies at the first or at the last corner, and counts once
+    _fill_plane(labels, wraps, int(wraps[0]), planes[int(wraps[0]) & 1])
+    for i in range(int(wraps[0]), nx + 1):
+        below, above = planes[i & 1], planes[i + 1 & 1]
+        _fill_plane(labels, wraps, i + 1, above)
+        for j in range(int(wraps[1]), ny + 1):
+            for k in range(int(wraps[2]), nz + 1):
+                here = below[j, k]
+                for other in (above[j, k], below[j + 1, k], below[j, k + 1]):
+                    count += here != other and (here > 0 or other > 0)
+    return count
 
 
 @bare_kernel
-def _number_plane(below, above, wraps, ids, n):  # type: ignore[no-untyped-def]
-    """Write numbers of the points in a plane of corners between two planes of voxels; return how many there are."""
+def _number_plane(below, above, wraps, net, even, ids, n):  # type: ignore[no-untyped-def]
+    """Write numbers of the points in a plane of corners between two planes of voxels; return how many there are.
+
+    The parts of the net of these points are made ready. `even`, (nz + 2,), is written: whether the four voxels around
+    a line along z are of one label, at each height.
+    """
     ny, nz = ids.shape
     for j in range(int(wraps[1]), ny):
+        for k in range(nz + 1):
+            label = below[j, k]
+            even[k] = (below[j + 1, k] == label) & (above[j, k] == label) & (above[j + 1, k] == label)
         for k in range(int(wraps[2]), nz):
-            first = below[j, k]
-            same, some = True, False
+            ids[j, k] = -1
+            if even[k] and even[k + 1] and below[j, k] == below[j, k + 1]:
+                continue
+            some = False
             for s in range(2):
                 for t in range(2):
-                    one, two = below[j + s, k + t], above[j + s, k + t]
-                    same &= one == first and two == first
-                    some |= one > 0 or two > 0
-            ids[j, k] = -1
-            if some and not same:
-                ids[j, k] = n
+                    some |= below[j + s, k + t] > 0 or above[j + s, k + t] > 0
+            if some:
+                ids[j, k], net.special[n], net.triple[n] = n, -1, 0
+                for half in range(6):
+                    net.near[n, half] = -1
                 n += 1
     # the first corners along a periodic axis are the last ones
     for k in range(nz if wraps[1] else 0):
@@ -200,18 +232,18 @@ def _number_plane(below, above, wraps, ids, n):  # type: ignore[no-untyped-def]
 
 @kernel
 def _fill_net(labels, wraps, crowded, net):  # type: ignore[no-untyped-def]
-    """Write the net, where its arrays have room, plane by plane; return the numbers of points, quadrangles, blocks."""
+    """Write the net plane by plane; return the number of points, and the blocks."""
     nx, ny, nz = labels.shape
-    filling = len(net.at) > 0
     planes = np.empty((2, ny + 2, nz + 2), dtype=np.int32)
     ids = np.full((3, ny + 1, nz + 1), -1, dtype=np.int32)
-    block = np.empty((1, 8), dtype=np.int32)
+    block, blocks = np.empty((1, 8), dtype=np.int32), np.empty((64, 8), dtype=np.int32)
+    even = np.empty(nz + 2, dtype=np.bool_)
     n = q = b = 0
     if wraps[0]:
         # the last plane of corners is also the first one
         _fill_plane(labels, wraps, nx, planes[0])
         _fill_plane(labels, wraps, nx + 1, planes[1])
-        n = _number_plane(planes[0], planes[1], wraps, ids[2], n)
+        n = _number_plane(planes[0], planes[1], wraps, net, even, ids[2], n)
     start = int(wraps[0])
     _fill_plane(labels, wraps, start, planes[start & 1])
     for i in range(start, nx + 1):
@@ -223,7 +255,7 @@ def _fill_net(labels, wraps, crowded, net):  # type: ignore[no-untyped-def]
         if i == nx and wraps[0]:
             here[:, :] = ids[2]
         else:
-            n = _number_plane(below, above, wraps, here, n)
+            n = _number_plane(below, above, wraps, net, even, here, n)
         for j in range(int(wraps[1]), ny + 1):
             for k in range(int(wraps[2]), nz + 1):
                 v = here[j, k]
@@ -232,31 +264,29 @@ def _fill_net(labels, wraps, crowded, net):  # type: ignore[no-untyped-def]
                 for e in range(4):
                     block[0, e] = below[j + (e >> 1), k + (e & 1)]
                     block[0, e + 4] = above[j + (e >> 1), k + (e & 1)]
-                if filling:
-                    net.at[v, 0], net.at[v, 1], net.at[v, 2] = i, j, k
-                    _link(block, net, v, before[j, k], here[j - 1, k], here[j, k - 1])
+                net.at[v, 0], net.at[v, 1], net.at[v, 2] = i, j, k
+                _link(block, net, v, before[j, k], here[j - 1, k], here[j, k - 1])
                 if _needs_fans(block, crowded):
-                    if filling:
-                        net.special[v] = b
-                        for e in range(8):
-                            net.blocks[b, e] = block[0, e]
+                    if b == len(blocks):
+                        blocks = np.concatenate((blocks, np.empty_like(blocks)))
+                    net.special[v] = b
+                    blocks[b] = block[0]
                     b += 1
                 for axis in range(3):
                     # the face of which this is the highest corner
                     low, high = block[0, 0], block[0, 4 >> axis]
                     if low == high or (low <= 0 and high <= 0):
                         continue
-                    if filling:
-                        one, two = (axis + 1) % 3, (axis + 2) % 3
-                        for p in range(4):
-                            s, t = (1, 0, 0, 1)[p], (1, 1, 0, 0)[p]
-                            x = (one == 0) * s + (two == 0) * t
-                            y = (one == 1) * s + (two == 1) * t
-                            z = (one == 2) * s + (two == 2) * t
-                            net.quad[q, p] = before[j - y, k - z] if x else here[j - y, k - z]
-                        net.axis[q], net.side[q, 0], net.side[q, 1] = axis, low, high
+                    one, two = (axis + 1) % 3, (axis + 2) % 3
+                    for p in range(4):
+                        s, t = (1, 0, 0, 1)[p], (1, 1, 0, 0)[p]
+                        x = (one == 0) * s + (two == 0) * t
+                        y = (one == 1) * s + (two == 1) * t
+                        z = (one == 2) * s + (two == 2) * t
+                        net.quad[q, p] = before[j - y, k - z] if x else here[j - y, k - z]
+                    net.axis[q], net.side[q, 0], net.side[q, 1] = axis, low, high
                     q += 1
-    return n, q, b
+    return n, blocks[:b].copy()
 
 
 @bare_kernel

@@ -19,8 +19,8 @@ from voxgran._base.kernels import bare_kernel, kernel
 from voxgran._base.lazy import load
 from voxgran.geometry.crossing import is_crossing
 from voxgran.geometry.vectors import add, corner_of, cross, dot, row_of, sub, times
-from voxgran.lattice.label import connected_components
 from voxgran.lattice.label_net import Net, Split, net_of, split_of
+from voxgran.lattice.label_pieces import keep_largest_pieces
 
 #: share of the mean of its neighbours that a point takes in each of the two steps of the filter
 STEPS = 0.63, -0.67
@@ -49,7 +49,7 @@ class LabelSurfaces:
     several: list[int]  # labels of several pieces, of which the largest is left
     parts: dict[int, list[int]]  # numbers of the parts of labels that fill every plane of a periodic axis
 
-    def of(self, label: int) -> list[tuple[Floats, Integers]]:
+    def of(self, label: int) -> list[tuple[Floats, NDArray[np.int32]]]:
         """Return the vertices (v, 3) in voxels, and the outward triangles (m, 3), of a label, or of each of its parts.
 
         Voxel (i, j, k) is the cube from (i, j, k) to (i + 1, j + 1, k + 1). Across a periodic face a label goes on
@@ -57,14 +57,15 @@ class LabelSurfaces:
         """
         return [self._of(part) for part in self.parts.get(label, [label])]
 
-    def _of(self, label: int) -> tuple[Floats, Integers]:
+    def _of(self, label: int) -> tuple[Floats, NDArray[np.int32]]:
         """Return vertices and triangles of a label or part."""
         rows = slice(self.split.first_vertex[label], self.split.first_vertex[label + 1])
         point = self.split.point[rows]
-        at = self.net.at[point].astype(np.int64)
-        at += self.shape * (at < self.turn[label])
+        at = self.net.at[point]
+        if self.turn[label].any():
+            at = at + self.shape * (at < self.turn[label])
         rows = slice(self.split.first_triangle[label], self.split.first_triangle[label + 1])
-        return at + self.moved[point], self.split.triangles[rows].astype(np.int64)
+        return at + self.moved[point], self.split.triangles[rows]
 
 
 def label_surfaces(
@@ -78,12 +79,9 @@ def label_surfaces(
     shape = np.array(labels.shape, dtype=np.int64)
     # along an axis of one voxel each label meets itself, and is cut there as at a border
     wraps = wraps & (shape > 1)
-    net = net_of(labels, wraps)
-    split = split_of(net, count, np.zeros(len(net.quad), dtype=np.bool_))
-    several = _keep_largest(labels, np.flatnonzero(_count_shells(*split) > 1).tolist(), wraps)
+    several = keep_largest_pieces(labels, count, wraps)
     turn, parts = _unrolled(labels, count, wraps)
-    if several or parts:
-        net = net_of(labels, wraps)
+    net = net_of(labels, wraps)
     held = ((net.at == 0) | (net.at == shape)) & ~wraps
     moved: Floats = np.zeros((len(net.at), 3))
     crossed = np.zeros(len(net.quad), dtype=np.bool_)
@@ -104,20 +102,6 @@ def label_surfaces(
             # in the end such points stay at their corners of voxels, where nothing crosses
             held[wrong] |= attempt >= MOST_ROUNDS // 3
     return made
-
-
-def _keep_largest(labels: NDArray[np.int32], many: list[int], wraps: Booleans) -> list[int]:
-    """Remove all pieces but the largest of some labels from the image; return which of them have several."""
-    several = []
-    boxes = load("scipy.ndimage").find_objects(labels) if many else []
-    for label in many:
-        inside = labels[boxes[label - 1]]
-        whole = wraps & (np.array(inside.shape) == labels.shape)
-        piece, count = connected_components(inside == label, periodic=tuple(whole.tolist()))
-        if count > 1:
-            several.append(label)
-            inside[(piece > 0) & (piece != 1 + np.bincount(piece.ravel())[1:].argmax())] = 0
-    return several
 
 
 def _unrolled(labels: NDArray[np.int32], count: int, wraps: Booleans) -> tuple[Integers, dict[int, list[int]]]:
@@ -155,7 +139,7 @@ def _unrolled(labels: NDArray[np.int32], count: int, wraps: Booleans) -> tuple[I
 def _restore_volumes(made: LabelSurfaces, held: Booleans, wanted: Floats, spacing: Floats) -> None:
     """Move the points so that each label has the wanted volume, (n,)."""
     sparse, moved, split = load("scipy.sparse"), made.moved, made.split
-    count, points = len(wanted), len(moved)
+    count = len(wanted)
     owner = np.repeat(np.arange(count + 1), np.diff(split.first_vertex))
     for attempt in range(MOST_SOLUTIONS):
         volume, gradient, weight = _volumes(*split, made.net.at, moved, spacing, made.turn, made.shape)
@@ -163,25 +147,46 @@ def _restore_volumes(made: LabelSurfaces, held: Booleans, wanted: Floats, spacin
         error = np.abs(missing) / wanted
         if error.max() <= ACCURACY:
             return
-        lost = np.flatnonzero(error > LOST) + 1
+        ease = _ease(held, moved, weight, BOX)
+        diagonal, *pairs = _coupling(split.point, owner, gradient, ease, count)
+        lost = np.flatnonzero((error > LOST) | ((error > ACCURACY) & (diagonal[1:] <= 0))) + 1
         if len(lost):
-            # a label of few voxels, which the filter all but ends
+            # a label of few voxels, which the filter all but ends, or whose points all lie at the ends of their boxes
             moved[split.point[np.isin(owner, lost)]] *= 0.5 if attempt < MOST_SOLUTIONS // 3 else 0.0
             continue
-        # a point moves the less the more area is around it
-        ease = np.where(held | (np.abs(moved) >= BOX), 0.0, 1 / weight[:, None])
-        diagonal, *pairs = _coupling(split.point, owner, gradient, ease, count)
         half = sparse.coo_array((pairs[2], (pairs[0] - 1, pairs[1] - 1)), shape=(count, count)).tocsr()
         system = half + half.T + sparse.diags_array(diagonal[1:])
         scale = sparse.diags_array(1 / np.maximum(diagonal[1:], 1e-30))
-        pressure = np.append(0.0, load("scipy.sparse.linalg").cg(system, missing, rtol=1e-8, M=scale)[0])[owner]
-        for axis in range(3):
-            push = np.bincount(split.point, gradient[:, axis] * pressure, minlength=points)
-            moved[:, axis] += push * ease[:, axis] / spacing[axis]
-        if error.max() < ALMOST and np.abs(moved).max() <= BOX:
+        pressure = np.append(0.0, load("scipy.sparse.linalg").cg(system, missing, rtol=1e-8, M=scale)[0])
+        farthest = _push(moved, *(split.point, owner, gradient, pressure, ease, spacing))
+        if error.max() < ALMOST and farthest <= BOX:
             # the next error is about the square of this one
             return
         np.clip(moved, -BOX, BOX, out=moved)
+
+
+@kernel
+def _ease(held, moved, weight, box):  # type: ignore[no-untyped-def]
+    """Return how easily each point moves along each axis, (n, 3): the less the more area is around it."""
+    ease = np.empty(moved.shape)
+    for v in range(len(moved)):
+        for axis in range(3):
+            ease[v, axis] = 0.0 if held[v, axis] or abs(moved[v, axis]) >= box else 1 / weight[v]
+    return ease
+
+
+@kernel
+def _push(moved, point, owner, gradient, pressure, ease, spacing):  # type: ignore[no-untyped-def]
+    """Move the points by the pressures of the labels; return the farthest that one of them is then from its corner."""
+    push, farthest = np.zeros(moved.shape), 0.0
+    for v in range(len(point)):
+        for axis in range(3):
+            push[point[v], axis] += gradient[v, axis] * pressure[owner[v]]
+    for v in range(len(moved)):
+        for axis in range(3):
+            moved[v, axis] += push[v, axis] * ease[v, axis] / spacing[axis]
+            farthest = max(farthest, abs(moved[v, axis]))
+    return farthest
 
 
 @kernel
@@ -230,17 +235,21 @@ def _crossing_points(net, crossed, moved):  # type: ignore[no-untyped-def]
         first[v + 2] += first[v + 1]
     around = np.empty(first[points + 1], dtype=np.int64)
     # at most twelve faces meet in a corner of voxels
-    triangles, normals = np.empty((12, 2, 3, 3)), np.empty((len(net.quad), 2, 3))
+    triangles, corner, normals = np.empty((12, 2, 3, 3)), np.empty((4, 3)), np.empty((len(net.quad), 2, 3))
     for q in range(len(net.quad)):
         for p in range(4):
             v = net.quad[q, p]
             around[first[v + 1]] = 4 * q + p
             first[v + 1] += 1
-        _place(net, crossed, moved, 4 * q, triangles[0])
-        for s in range(2):
-            o = corner_of(triangles[0], s, 0)
-            normal = cross(sub(corner_of(triangles[0], s, 1), o), sub(corner_of(triangles[0], s, 2), o))
-            normals[q, s, 0], normals[q, s, 1], normals[q, s, 2] = normal
+        one, two = (net.axis[q] + 1) % 3, (net.axis[q] + 2) % 3
+        for p in range(4):
+            corner[p, 0], corner[p, 1], corner[p, 2] = row_of(moved, net.quad[q, p])
+            corner[p, one] += 1.0 if p == 1 or p == 2 else 0.0
+            corner[p, two] += 1.0 if p > 1 else 0.0
+        first_corner = int(crossed[q])
+        o, along = row_of(corner, first_corner), row_of(corner, first_corner + 2)
+        normals[q, 0] = cross(sub(row_of(corner, first_corner + 1), o), sub(along, o))
+        normals[q, 1] = cross(sub(along, o), sub(row_of(corner, (first_corner + 3) % 4), o))
     for v in range(points):
         here = around[first[v] : first[v + 1]]
         if net.special[v] < 0 and _are_graphs(net.side, normals, here):
@@ -274,8 +283,9 @@ def _are_graphs(side, normals, here):  # type: ignore[no-untyped-def]
                 if three != one:
                     return False
                 three = label
-    for label in (one, two, three):
-        mean = (0.0, 0.0, 0.0)
+    for which in range(1 if three == one else 3):
+        # seen from the other one of two labels, all normals are reversed
+        label, mean = (one, two, three)[which], (0.0, 0.0, 0.0)
         for again in range(2):
             for m in here:
                 if side[m >> 2, 0] != label and side[m >> 2, 1] != label:
@@ -396,27 +406,3 @@ def _volumes(triangles, first_triangle, point, first_vertex, at, moved, spacing,
                     gradient[v + w, a] += g[a] / 6
                 weight[point[v + w]] += area
     return volume, gradient, weight
-
-
-@kernel
-def _count_shells(triangles, first_triangle, point, first_vertex):  # type: ignore[no-untyped-def]
-    """Return the number of connected sets of triangles of each label."""
-    labels = len(first_vertex) - 2
-    shells, above = np.zeros(labels + 1, dtype=np.int64), np.empty(len(point), dtype=np.int32)
-    for label in range(1, labels + 1):
-        many = first_vertex[label + 1] - first_vertex[label]
-        for v in range(many):
-            above[v] = v
-        shells[label] = many
-        for t in range(first_triangle[label], first_triangle[label + 1]):
-            for c in range(2):
-                v, w = triangles[t, c], triangles[t, c + 1]
-                while above[v] != v:
-                    above[v] = above[above[v]]
-                    v = above[v]
-                while above[w] != w:
-                    above[w] = above[above[w]]
-                    w = above[w]
-                shells[label] -= v != w
-                above[max(v, w)] = min(v, w)
-    return shells

@@ -15,24 +15,24 @@ from voxgran.shapes.triangles import Triangles
 class Mesh(Triangles):
     """A closed surface of triangles, counterclockwise seen from outside."""
 
-    def _tetrahedra(self) -> tuple[Floats, Floats, Floats]:
-        """Return a central point, the corners of each face seen from it, and the volumes between the two.
+    def _tetrahedra(self) -> tuple[Floats, list[Floats], Floats]:
+        """Return a central point, the three corners of each face seen from it, and the volumes between the two.
 
         The central point preserves digits if the mesh is far from the origin.
         """
         middle = (self.vertices.min(axis=0) + self.vertices.max(axis=0)) / 2
-        corners = self.triangles - middle
-        a, b, c = np.moveaxis(corners, 1, 0)
+        points = self.vertices - middle
+        a, b, c = corners = [points[self.corners[:, k]] for k in range(3)]
         return middle, corners, np.einsum("ij,ij->i", a, np.cross(b, c)) / 6
 
     @cached_property
     def _volume_and_centroid(self) -> tuple[float, Floats]:
         """Both together, without the inertia, which takes longer."""
-        middle, corners, sixth = self._tetrahedra()
+        middle, (a, b, c), sixth = self._tetrahedra()
         volume = float(sixth.sum())
         if volume == 0.0:
             return 0.0, middle
-        return volume, middle + (sixth[:, None] * corners.sum(axis=1)).sum(axis=0) / 4 / volume
+        return volume, middle + (sixth[:, None] * (a + b + c)).sum(axis=0) / 4 / volume
 
     @property
     def volume(self) -> float:
@@ -51,10 +51,10 @@ class Mesh(Triangles):
         The integrals of 1, x and x x^T over a tetrahedron are closed forms of its corners (Tonon 2005,
         doi:10.3844/jmssp.2005.8.11).
         """
-        _, corners, sixth = self._tetrahedra()
+        _, (a, b, c), sixth = self._tetrahedra()
         if self.volume == 0.0:
             return np.zeros((3, 3))
-        total = corners.sum(axis=1)
+        total, corners = a + b + c, np.stack([a, b, c], axis=1)
         second = np.einsum("f,fki,fkj->ij", sixth, corners, corners)
         second = (second + np.einsum("f,fi,fj->ij", sixth, total, total)) / 20
         offset = (sixth[:, None] * total).sum(axis=0) / 4 / self.volume

@@ -88,15 +88,15 @@ class Triangles:
 
     def moved(self, offset: Floats) -> Self:
         """Return the triangles shifted by a (3,) offset."""
-        return type(self)(self.vertices + offset, self.faces)
+        return type(self)(self.vertices + offset, self.corners)
 
     def rotated(self, matrix: Floats) -> Self:
         """Return the triangles rotated about the origin by a (3, 3) rotation matrix."""
-        return type(self)(self.vertices @ matrix.T, self.faces)
+        return type(self)(self.vertices @ matrix.T, self.corners)
 
     def scaled(self, factor: float) -> Self:
         """Return the triangles scaled about the origin."""
-        return type(self)(self.vertices * factor, self.faces)
+        return type(self)(self.vertices * factor, self.corners)
 
     def tessellation(self) -> tuple[Floats, Integers, float]:
         """Return vertices, faces and their largest distance from the true surface: 0."""

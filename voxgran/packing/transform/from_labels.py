@@ -106,7 +106,7 @@ def packing_of_labels(
     box = Box(np.array(image.values.shape) * size, turns, origin=image.origin)
     if border == "drop" and len(grains) < len(census(image.values).label):
         box = _around(grains, box)
-    errors = np.abs([grain.volume_error for grain in grains])
+    errors = np.abs([grain.shape.volume / grain.volume - 1 for grain in grains])
     record = {
         "method": "labels",
         "parameters": {

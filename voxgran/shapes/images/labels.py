@@ -44,7 +44,7 @@ class LabelledGrain(ExplainedAttributes):
     label: int  # its label
     shape: Shape  # the solid, in the unit of the voxel size
     position: Floats  # centroid in the image, (3,)
-    volume_error: float  # relative difference of the volumes of the shape and of the voxels
+    volume: float  # volume of its voxels
     cut: bool  # whether it touches the border of the image along an axis that does not repeat
 
 
@@ -248,8 +248,7 @@ def labelled_grains(
         label = int(found.label[k])
         shape = _solid(surfaces.of(int(k) + 1), size, f"label {label}", unit)
         position = np.array(shape.offset) + np.array(image.origin)
-        error = shape.volume / (found.count[k] * size.prod()) - 1
-        grains.append(LabelledGrain(label, shape, position, float(error), bool(cut[k])))
+        grains.append(LabelledGrain(label, shape, position, float(found.count[k] * size.prod()), bool(cut[k])))
     several = np.intersect1d(surfaces.several, kept + 1)
     if len(several):
         warn(
@@ -293,13 +292,13 @@ def is_grey(values: NDArray[Any]) -> bool:
     return 4 * slopes > changes
 
 
-def _solid(parts: list[tuple[Floats, Integers]], size: Floats, name: str, unit: str | None) -> Shape:
+def _solid(parts: list[tuple[Floats, NDArray[np.int32]]], size: Floats, name: str, unit: str | None) -> Shape:
     """Return the solid that the surface of a label bounds, which is closed and free of crossings as it is made."""
     points, faces = parts[0] if len(parts) == 1 else _joined(parts)
     return Shape.of(Mesh(points * size, faces), name=name, unit=unit)
 
 
-def _joined(parts: list[tuple[Floats, Integers]]) -> tuple[Floats, Integers]:
+def _joined(parts: list[tuple[Floats, NDArray[np.int32]]]) -> tuple[Floats, NDArray[Any]]:
     """Return one surface of parts of a label, without the triangles that two of them share."""
     points = np.concatenate([vertices for vertices, _ in parts])
     first = np.cumsum([0] + [len(vertices) for vertices, _ in parts])

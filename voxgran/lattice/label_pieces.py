@@ -1,0 +1,98 @@
+"""Pieces of labels: of several pieces of a label the largest is kept."""
+
+import numpy as np
+from numpy.typing import NDArray
+
+from voxgran._base.arrays import Booleans
+from voxgran._base.kernels import bare_kernel, inlined_kernel, kernel
+
+
+def keep_largest_pieces(labels: NDArray[np.int32], count: int, wraps: Booleans) -> list[int]:
+    """Remove all pieces but the largest of labels 1 ... `count`, 0 for void; return which labels have several.
+
+    Voxels of a piece are connected by faces, along periodic axes, `wraps`, (3,), also across the border. Of equally
+    large pieces the first one stays. The image, (nx, ny, nz), is changed.
+    """
+    return np.flatnonzero(_remove_pieces(labels, count, wraps) > 1).tolist()
+
+
+@inlined_kernel
+def _root(above, run):  # type: ignore[no-untyped-def]
+    """Return the first run of the piece of a run."""
+    while above[run] != run:
+        above[run] = above[above[run]]
+        run = above[run]
+    return run
+
+
+@bare_kernel
+def _join(above, one, two):  # type: ignore[no-untyped-def]
+    """Make one piece of the pieces of two runs."""
+    first, second = _root(above, one), _root(above, two)
+    above[max(first, second)] = min(first, second)
+
+
+@bare_kernel
+def _join_rows(runs, above, one, two, rows):  # type: ignore[no-untyped-def]
+    """Join the runs of equal labels of two rows that are neighbours, where they lie side by side."""
+    a, b = rows[one], rows[two]
+    while a < rows[one + 1] and b < rows[two + 1]:
+        if runs[a, 0] == runs[b, 0] and runs[a, 1] < runs[b, 2] and runs[b, 1] < runs[a, 2]:
+            _join(above, a, b)
+        if runs[a, 2] < runs[b, 2]:
+            a += 1
+        else:
+            b += 1
+
+
+@kernel
+def _remove_pieces(labels, count, wraps):  # type: ignore[no-untyped-def]
+    """Set all pieces but the largest of each label to 0; return the number of pieces of each label, (count + 1,).
+
+    A run is what a label takes of a row along z without a gap.
+    """
+    nx, ny, nz = labels.shape
+    many = 0
+    for i in range(nx):
+        for j in range(ny):
+            for k in range(nz):
+                many += labels[i, j, k] > 0 and (k == 0 or labels[i, j, k - 1] != labels[i, j, k])
+    # label, first voxel, end
+    runs, rows = np.empty((many, 3), dtype=np.int32), np.zeros(nx * ny + 1, dtype=np.int64)
+    above = np.arange(many)
+    n = 0
+    for row in range(nx * ny):
+        i, j = row // ny, row % ny
+        for k in range(nz):
+            if labels[i, j, k] > 0 and (k == 0 or labels[i, j, k - 1] != labels[i, j, k]):
+                runs[n, 0], runs[n, 1] = labels[i, j, k], k
+                n += 1
+            if labels[i, j, k] > 0:
+                runs[n - 1, 2] = k + 1
+        rows[row + 1] = n
+        if wraps[2] and n > rows[row] and labels[i, j, 0] > 0 and labels[i, j, 0] == labels[i, j, nz - 1]:
+            _join(above, rows[row], n - 1)
+        if j > 0:
+            _join_rows(runs, above, row - 1, row, rows)
+        if i > 0:
+            _join_rows(runs, above, row - ny, row, rows)
+        if wraps[1] and j == ny - 1:
+            _join_rows(runs, above, row - j, row, rows)
+        if wraps[0] and i == nx - 1:
+            _join_rows(runs, above, j, row, rows)
+    size, pieces = np.zeros(many, dtype=np.int64), np.zeros(count + 1, dtype=np.int64)
+    largest = np.full(count + 1, -1, dtype=np.int64)
+    for run in range(many):
+        size[_root(above, run)] += runs[run, 2] - runs[run, 1]
+    for run in range(many):
+        label = runs[run, 0]
+        if above[run] == run:
+            pieces[label] += 1
+            if largest[label] < 0 or size[run] > size[largest[label]]:
+                largest[label] = run
+    for row in range(nx * ny):
+        for run in range(rows[row], rows[row + 1]):
+            if _root(above, run) != largest[runs[run, 0]]:
+                for k in range(runs[run, 1], runs[run, 2]):
+                    labels[row // ny, row % ny, k] = 0
+    return pieces
