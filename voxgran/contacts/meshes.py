@@ -1,8 +1,9 @@
 """Contacts of closed triangle meshes.
 
 A simultaneous traversal of both box trees finds the nearest points. If the surfaces are separated by more than rounding
-and no grain lies inside the other, the grains are proven to be separate. All other pairs are intersected by manifold3d,
-and the surface of the intersection is searched for the deepest point. A grain in a cavity of another, without touching
+and no grain lies inside the other, the grains are proven to be separate. Grains that share triangles, as those of a
+label image, are proven to lie side by side where nothing else meets (:mod:`voxgran.contacts.shared_faces`). All other
+pairs are intersected by manifold3d, and the surface of the intersection is searched for the deepest point. A grain in a cavity of another, without touching
 it, is separate.
 """
 
@@ -13,6 +14,7 @@ from voxgran.contacts.depth import deepest_of_triangles
 from voxgran.contacts.inside import placed
 from voxgran.contacts.model import Touch, direction
 from voxgran.contacts.search import deepest_point
+from voxgran.contacts.shared_faces import lie_side_by_side
 from voxgran.contacts.solid import Body, Solid, combine
 from voxgran.contacts.triangles import nearest_points
 from voxgran.geometry.rotation import stretch_of
@@ -25,13 +27,14 @@ DEEP = 1e-3
 
 def touch_meshes(one: Solid, other: Solid, *, matrix: Floats, offset: Floats, reach: float) -> Touch:
     """Return the contact of two meshes; see :mod:`voxgran.contacts.model` for the frames."""
-    factor = stretch_of(matrix)
-    margin = ROUNDING * (one.tree.size + factor * other.tree.size + float(np.linalg.norm(offset)))
+    factor, margin = stretch_of(matrix), _margin(one, other, matrix, offset)
     distance, point, partner = nearest_points(
         one.tree, other.tree, matrix=matrix, offset=offset, reach=max(reach, margin)
     )
     if distance > margin and not _is_nested(one, other, matrix, offset, factor):
         return Touch.between(distance, point, partner, offset)
+    if distance <= margin and lie_side_by_side(one, other, matrix=matrix, offset=offset, margin=margin):
+        return Touch(distance, outward(one, point, offset), (point + partner) / 2)
     body = combine(one, other, matrix=matrix, offset=offset, operation="common")
     depth, normal, where = body_depth(one, other, body, matrix=matrix, offset=offset)
     if depth > 0:
@@ -41,8 +44,16 @@ def touch_meshes(one: Solid, other: Solid, *, matrix: Floats, offset: Floats, re
     return Touch(distance, outward(one, point, offset), (point + partner) / 2)
 
 
+def _margin(one: Solid, other: Solid, matrix: Floats, offset: Floats) -> float:
+    """Return the distance below which rounding could hide an overlap, in the unit of `one`."""
+    return ROUNDING * (one.tree.size + stretch_of(matrix) * other.tree.size + float(np.linalg.norm(offset)))
+
+
 def meshes_meet(one: Solid, other: Solid, *, matrix: Floats, offset: Floats, depth: float) -> bool:
     """Return whether two meshes overlap deeper than a depth, in the unit of `one`."""
+    margin = _margin(one, other, matrix, offset)
+    if depth >= margin and lie_side_by_side(one, other, matrix=matrix, offset=offset, margin=margin):
+        return False
     body = combine(one, other, matrix=matrix, offset=offset, operation="common")
     if not len(body.triangles):
         return False

@@ -18,7 +18,8 @@ import numpy as np
 
 from voxgran._base.arrays import Booleans, Floats, Integers
 from voxgran._base.kernels import kernel
-from voxgran.geometry.tree import STACK, grow_tree
+from voxgran.geometry.tree import STACK, TriangleTree, grow_tree
+from voxgran.geometry.vectors import cross, dot, row_of, sub
 
 #: overlap from which on two triangles count as crossing, in diagonals of the bounding box
 DEPTH = 1e-9
@@ -129,12 +130,14 @@ def is_crossing(one: Floats, two: Floats, depth: float) -> bool:
 
 @kernel
 def _separates(e, f, one, two, depth, reach):  # type: ignore[no-untyped-def]
-    """Return whether two triangles overlap by no more than the depth along the product of two edges."""
+    """Return whether two triangles overlap by no more than the depth along the product of two edges; below 0 it is the
+    distance by which they must be apart.
+    """
     x, y, z = e[1] * f[2] - e[2] * f[1], e[2] * f[0] - e[0] * f[2], e[0] * f[1] - e[1] * f[0]
     length = math.sqrt(x * x + y * y + z * z)
     spans = math.sqrt((e[0] * e[0] + e[1] * e[1] + e[2] * e[2]) * (f[0] * f[0] + f[1] * f[1] + f[2] * f[2]))
     # nearly parallel edges: rounding of their product would outweigh the depth
-    if 1e-14 * spans * reach >= depth * length:
+    if 1e-14 * spans * reach >= abs(depth) * length:
         return False
     low_one = high_one = 0.0
     low_two, high_two = math.inf, -math.inf
@@ -145,3 +148,121 @@ def _separates(e, f, one, two, depth, reach):  # type: ignore[no-untyped-def]
         low_two, high_two = min(low_two, b), max(high_two, b)
     # how far one must be moved to leave the other
     return min(high_one - low_two, high_two - low_one) <= depth * length
+
+
+def meet_beyond_corners(
+    tree: TriangleTree, faces: Integers, counts: Booleans, points: Floats, other: Integers, *, margin: float
+) -> bool:
+    """Return whether triangles of two sets meet, up to a margin, elsewhere than in corners and edges that they share.
+
+    Parameters
+    ----------
+    tree : TriangleTree
+        Tree of the first set.
+    faces : (m, 3) ndarray of int
+        Corners of its triangles, in the order in which the tree was grown.
+    counts : (m,) ndarray of bool
+        Which of them count.
+    points : (n, 3) ndarray of float
+        Points of both sets. Those that are shared have the same number in both.
+    other : (k, 3) ndarray of int
+        Corners of the triangles of the second set.
+    margin : float
+        Distance up to which triangles may meet; what is not proven to be farther apart counts as meeting.
+    """
+    boxes = tree.low, tree.high, tree.start
+    return bool(_meet(points, faces[tree.face], counts[tree.face], other, *boxes, margin))
+
+
+@kernel
+def _meet(points, one, counts, other, low, high, start, margin):  # type: ignore[no-untyped-def]
+    """Test each triangle of the second set against those of the first one, of a tree, whose boxes come near."""
+    stack, a, b = np.empty(STACK, dtype=np.int64), np.empty((3, 3)), np.empty((3, 3))
+    parents, least, most = len(low) // 2, np.empty(3), np.empty(3)
+    for u in range(len(other)):
+        for axis in range(3):
+            for c in range(3):
+                b[c, axis] = points[other[u, c], axis]
+            least[axis] = min(b[0, axis], b[1, axis], b[2, axis]) - margin
+            most[axis] = max(b[0, axis], b[1, axis], b[2, axis]) + margin
+        stack[0], top = 0, 1
+        while top > 0:
+            top -= 1
+            node = stack[top]
+            apart = False
+            for axis in range(3):
+                apart |= low[node, axis] > most[axis] or high[node, axis] < least[axis]
+            if apart:
+                continue
+            if node < parents:
+                stack[top], stack[top + 1] = 2 * node + 1, 2 * node + 2
+                top += 2
+                continue
+            for t in range(start[node, 0], start[node, 1]):
+                if not counts[t]:
+                    continue
+                for c in range(3):
+                    for axis in range(3):
+                        a[c, axis] = points[one[t, c], axis]
+                if _is_near(a, least, most) and _meets(a, one[t], b, other[u], margin):
+                    return True
+    return False
+
+
+@kernel
+def _meets(a, corners_a, b, corners_b, margin):  # type: ignore[no-untyped-def]
+    """Return whether two triangles meet beyond the corners that they share."""
+    shared, p, q = _shared_corners(corners_a, corners_b)
+    if shared == 0:
+        return not _are_apart(a, b, margin)
+    if shared == 1:
+        # a common segment from the shared corner would reach the opposite edge of one of them
+        edge = np.empty((3, 3))
+        for axis in range(3):
+            edge[0, axis], edge[1, axis] = a[(p + 1) % 3, axis], a[(p + 2) % 3, axis]
+            edge[2, axis] = edge[1, axis]
+        if not _are_apart(edge, b, margin):
+            return True
+        for axis in range(3):
+            edge[0, axis], edge[1, axis] = b[(q + 1) % 3, axis], b[(q + 2) % 3, axis]
+            edge[2, axis] = edge[1, axis]
+        return not _are_apart(edge, a, margin)
+    if shared == 2:
+        # p and q are the corners that are not shared: the triangles meet if they lie on each other
+        o, e = row_of(a, (p + 1) % 3), sub(row_of(a, (p + 2) % 3), row_of(a, (p + 1) % 3))
+        one, two = cross(e, sub(row_of(a, p), o)), cross(e, sub(row_of(b, q), o))
+        turn = cross(one, two)
+        return dot(one, two) >= 0 and dot(turn, turn) <= 1e-18 * dot(one, one) * dot(two, two)
+    return True
+
+
+@kernel
+def _shared_corners(a, b):  # type: ignore[no-untyped-def]
+    """Return how many corners two triangles share, and for one the corner of each, for two the other one of each."""
+    shared, at, p, q = 0, 0, 3, 3
+    for i in range(3):
+        for j in range(3):
+            if a[i] == b[j]:
+                shared, at, p, q = shared + 1, 3 * i + j, p - i, q - j
+    return (shared, at // 3, at % 3) if shared == 1 else (shared, p, q)
+
+
+@kernel
+def _are_apart(one, two, margin):  # type: ignore[no-untyped-def]
+    """Return whether some direction parts two triangles, of which one may be a segment, by more than a margin.
+
+    Beside those of `is_crossing` these are the directions within the planes, normal to edges.
+    """
+    if not is_crossing(one, two, -margin):
+        return True
+    reach = 0.0
+    for k in range(3):
+        for axis in range(3):
+            reach = max(reach, abs(two[k, axis] - one[0, axis]), abs(one[k, axis] - one[0, axis]))
+    first, second = cross(_edge(one, 0), _edge(one, 1)), cross(_edge(two, 0), _edge(two, 1))
+    for k in range(3):
+        for edge in (_edge(one, k), _edge(two, k)):
+            for normal in (first, second):
+                if _separates(normal, edge, one, two, -margin, reach):
+                    return True
+    return False

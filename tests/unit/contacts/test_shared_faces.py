@@ -1,0 +1,112 @@
+"""Meshes that share triangles: what is proven to lie side by side has no common volume."""
+
+import numpy as np
+import pytest
+from scipy.spatial.transform import Rotation
+
+import voxgran as vg
+from voxgran._base.seeds import stream
+from voxgran.contacts import meshes
+from voxgran.contacts.shared_faces import lie_side_by_side
+from voxgran.contacts.solid import Solid, combine
+from voxgran.shapes.mesh import Mesh
+
+STRAIGHT, HERE = np.eye(3), np.zeros(3)
+MARGIN = 1e-12
+
+
+def tetrahedron(points):
+    """Return the solid with four corners."""
+    points = np.array(points, dtype=float)
+    faces = np.array([[0, 2, 1], [0, 1, 3], [1, 2, 3], [0, 3, 2]])
+    if np.linalg.det(points[1:] - points[0]) < 0:
+        faces = faces[:, ::-1]
+    return Solid(Mesh(points, faces))
+
+
+def proven(one, other, *, matrix=STRAIGHT, offset=HERE):
+    """Return whether two solids are proven to lie side by side, which must not depend on their order."""
+    found = lie_side_by_side(one, other, matrix=matrix, offset=offset, margin=MARGIN)
+    assert found == lie_side_by_side(other, one, matrix=matrix.T, offset=-matrix.T @ offset, margin=MARGIN)
+    return found
+
+
+def common_volume(one, other):
+    return combine(one, other, matrix=STRAIGHT, offset=HERE, operation="common").volume
+
+
+BASE = [(0, 0, 0), (1, 0, 0), (0, 1, 0)]
+
+
+@pytest.mark.parametrize(
+    ("corners", "expected"),
+    [
+        ([*BASE, (0, 0, -1)], True),  # a common face
+        ([*BASE, (0, 0, 1)], False),  # itself
+        ([*BASE, (0, 0, 0.5)], False),  # within the other one, on the same face
+        ([*BASE, (2, 2, 1)], False),  # both on one side of the common face
+        ([(0, 0, 0), (1, 0, 0), (0, -1, 0), (0, -1, -1)], True),  # a common edge
+        ([(0, 0, 0), (1, 0, 0), (0.2, 0.2, 1), (0.2, 0.3, -1)], False),  # a common edge, and through the other one
+        ([(0, 0, 0), (-1, 0, 0), (0, -1, 0), (-1, -1, -1)], True),  # a common corner
+        ([(0, 0, 0), (0.2, 0.2, 0.2), (0.3, 0.2, 0.2), (0.2, 0.3, 0.25)], False),  # a common corner, within it
+        ([(0, 0, 0), (2, 2, 2), (2, 2, 2.1), (2.1, 2, 2)], False),  # a common corner, and through the opposite face
+        ([(0, 0, 1), (1, 0, 1.1), (0, 1, 1.1), (1, 1, 2)], True),  # a common corner at the top
+        ([(5, 5, 5), (6, 5, 5), (5, 6, 5), (5, 5, 6)], False),  # nothing in common: no matter of this proof
+    ],
+)
+def test_a_pair_of_tetrahedra(corners, expected):
+    one, other = tetrahedron([*BASE, (0, 0, 1)]), tetrahedron(corners)
+    assert proven(one, other) is expected
+    if expected:
+        assert common_volume(one, other) < 1e-15
+
+
+def test_what_is_proven_has_no_common_volume():
+    draw, found, clear = stream(0, "shared"), 0, 0
+    for _ in range(600):
+        pool = draw.integers(0, 4, (8, 3)) if draw.random() < 0.5 else draw.random((6, 3))
+        one, other = (pool[draw.permutation(len(pool))[:4]] for _ in range(2))
+        if min(abs(np.linalg.det(points[1:] - points[0])) for points in (one, other)) < 1e-3:
+            continue
+        one, other = tetrahedron(one), tetrahedron(other)
+        free = common_volume(one, other) < 1e-12
+        clear += free
+        if proven(one, other):
+            found += 1
+            assert free
+    # the rest only touches in points that are no corners, or lies on each other
+    assert clear > found > 0.4 * clear
+
+
+def test_a_proof_stands_in_any_pose():
+    one, other = tetrahedron([*BASE, (0, 0, 1)]), tetrahedron([*BASE, (0.2, 0.2, -1)])
+    turn = Rotation.from_rotvec([0.4, -1.1, 2.0]).as_matrix()
+    shift = np.array([0.3, -20.0, 7.0])
+    moved = tetrahedron((np.array([*BASE, (0.2, 0.2, -1)], dtype=float) - shift) @ turn)
+    assert proven(one, moved, matrix=turn, offset=shift)
+    # closer than the margin tells
+    for depth, expected in ((1e-14, True), (1e-10, False)):
+        assert proven(one, other, offset=np.array([0.0, 0.0, depth])) is expected
+
+
+@pytest.mark.filterwarnings("ignore:.*several pieces", "ignore:.*cut by the border")
+@pytest.mark.parametrize("surface", ["smooth", "voxel"])
+@pytest.mark.parametrize("periodic", ["", "xy"])
+def test_packings_of_labels_are_proven_without_booleans(surface, periodic, monkeypatch):
+    centers = stream(3, "cells").random((12, 3)) * 14
+    cells = np.stack(np.meshgrid(*[np.arange(14.0)] * 3, indexing="ij"), axis=-1)[..., None, :] - centers
+    if periodic:
+        cells[..., :2] -= 14 * np.round(cells[..., :2] / 14)
+    image = 1 + (cells**2).sum(axis=-1).argmin(axis=-1)
+    packing = vg.packing_of_labels(image, voxel_size=0.5, surface=surface, periodic=periodic, gravity="none")
+    calls = []
+    monkeypatch.setattr(meshes, "combine", lambda *args, **named: calls.append(1) or combine(*args, **named))
+    assert vg.verify(packing).ok
+    assert len(calls) == 0
+    # a grain that is pushed by a millionth is found
+    position = packing.position.copy()
+    position[0, 0] += 1e-6
+    pushed = vg.Packing.of(packing.shapes, packing.container, position=position, shape_id=packing.shape_id)
+    found = vg.verify(pushed)
+    assert found.overlapping_pairs > 0
+    assert found.deepest * found.mean_diameter == pytest.approx(1e-6, rel=0.2)
