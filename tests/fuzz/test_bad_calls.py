@@ -244,6 +244,7 @@ GOOD = {
     "load spheres": (vg.load, {"path": "@spheres.csv", "container": BOX, "unit": "mm", "periodic": "x", "frame": -1}),
     "load_cloud": (vg.load_cloud, {"path": "@cloud.ply", "unit": "mm"}),
     "load_image": (vg.load_image, {"path": "@labels.npz", "key": "labels"}),
+    "open_image": (vg.open_image, {"source": "@labels.npz", "key": "labels", "voxel_size": 1.0, "unit": "mm", "block": 2}),
     "load_labels": (
         vg.load_labels,
         {

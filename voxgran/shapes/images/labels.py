@@ -4,6 +4,7 @@ The surfaces of all labels are made at once (:mod:`voxgran.lattice.label_surface
 """
 
 import os
+from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
@@ -11,13 +12,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from voxgran._base import ExplainedAttributes
-from voxgran._base.arrays import Floats, Integers, as_array, as_choice, as_number
+from voxgran._base.arrays import Booleans, Floats, Integers, as_array, as_choice, as_number
 from voxgran._base.axes import Periodic, as_periodic
 from voxgran._base.calls import explained
 from voxgran._base.errors import InputError, PackingWarning
 from voxgran._base.lazy import load
 from voxgran._base.progress import OnStep, Step, reported, silent
 from voxgran._base.warning import warn
+from voxgran.lattice.block_surfaces import block_surfaces
+from voxgran.lattice.blocks import lazy_of
 from voxgran.lattice.census import Census, census
 from voxgran.lattice.label import components
 from voxgran.lattice.label_surfaces import label_surfaces
@@ -239,25 +242,49 @@ def labelled_grains(
         )
     told = reported(on_step) or silent
     told(Step(stage="grains", done=0, total=len(kept), text=f"surfaces of {len(found.label)} labels"))
-    numbered = found.numbered(image.values)
-    surfaces = label_surfaces(numbered, len(found.label), wraps=wraps, smoothing=width, spacing=size)
+    several: list[int] = []
     grains = []
-    for done, k in enumerate(kept):
+    made = _surfaces(image.values, found, kept, wraps, width, size, several)
+    for done, (k, parts) in enumerate(made):
         if done:
             told(Step(stage="grains", done=done, total=len(kept), text=f"{done} of {len(kept)} labels"))
         label = int(found.label[k])
-        shape = _solid(surfaces.of(int(k) + 1), size, f"label {label}", unit)
+        shape = _solid(parts, size, f"label {label}", unit)
         position = np.array(shape.offset) + np.array(image.origin)
         error = shape.volume / (found.count[k] * size.prod()) - 1
         grains.append(LabelledGrain(label, shape, position, float(error), bool(cut[k])))
-    several = np.intersect1d(surfaces.several, kept + 1)
-    if len(several):
+    if several:
         warn(
-            f"{len(several)} of {len(kept)} labels have several pieces (label {found.label[several[0] - 1]} first): "
+            f"{len(several)} of {len(kept)} labels have several pieces (label {found.label[min(several)]} first): "
             "the largest piece of each is kept; label connected bodies, or clean the image",
             PackingWarning,
         )
-    return grains
+    return sorted(grains, key=lambda grain: grain.label)
+
+
+def _surfaces(
+    values: Any, found: Census, kept: Integers, wraps: Booleans, smoothing: float, spacing: Floats, several: list[int]
+) -> Iterator[tuple[int, list[tuple[Floats, Integers]]]]:
+    """Yield the rows of a census that are kept, each with the surface of its label, as `block_surfaces`.
+
+    Raises
+    ------
+    InputError
+        If the image is a dask array and periodic.
+    """
+    how: dict[str, Any] = {"smoothing": smoothing, "spacing": spacing}
+    if lazy_of(values) is not None:
+        if wraps.any():
+            raise InputError(
+                "periodic is given for an image in blocks: surfaces that go on across its faces need it in memory; "
+                "give numpy.asarray(image), or leave periodic out"
+            )
+        yield from block_surfaces(values, found, kept, several=several, **how)
+        return
+    surfaces = label_surfaces(found.numbered(values), len(found.label), wraps=wraps, **how)
+    several += np.intersect1d(np.array(surfaces.several, dtype=np.int64) - 1, kept).tolist()
+    for k in kept.tolist():
+        yield k, surfaces.of(k + 1)
 
 
 def _counted(image: Image) -> Census:
