@@ -10,11 +10,13 @@ import sys
 import tempfile
 import weakref
 from collections.abc import Callable, Sequence
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from voxgran._base.arrays import as_count
 from voxgran._base.errors import MissingLibraryError, TooLargeError
 from voxgran._base.lazy import load
 from voxgran._base.machine import memory_limit
@@ -102,13 +104,42 @@ def kept(values: Any) -> Any:
 
     The folder is that of the setting ``temporary_directory`` of dask, or of the system; it is removed with the array.
     """
-    zarr, dask = block_library("zarr"), block_library("dask")
-    folder = tempfile.mkdtemp(prefix="voxgran-", dir=dask.config.get("temporary_directory", None))
-    even = values.rechunk(values.chunksize)
-    store = zarr.create_array(store=folder, shape=even.shape, chunks=even.chunksize, dtype=even.dtype)
+    place = block_library("dask").config.get("temporary_directory", None)
+    folder = Path(tempfile.mkdtemp(prefix="voxgran-", dir=place))
+    store = stored(values, folder, {})
     weakref.finalize(store, shutil.rmtree, folder, ignore_errors=True)
+    return block_library("dask.array").from_array(store, chunks=store.chunks, name=False)
+
+
+def stored(values: Any, folder: Path, told: dict[str, Any]) -> Any:
+    """Write an array block by block as an array of zarr with attributes, and return that."""
+    if lazy_of(values) is None:
+        values = lazily(values, "the array")
+    even = values.rechunk(values.chunksize)
+    store = block_library("zarr").create_array(
+        store=folder, shape=even.shape, chunks=even.chunksize, dtype=even.dtype, attributes=told
+    )
     even.store(store, lock=False)
-    return block_library("dask.array").from_array(store, chunks=even.chunksize, name=False)
+    return store
+
+
+def as_block(block: Any) -> tuple[int, ...]:
+    """Return the voxels along the three edges of a block, of which one may be given for all."""
+    block = block.tolist() if isinstance(block, np.ndarray) else block
+    given = list(block) if isinstance(block, list | tuple) and len(block) == 3 else [block] * 3
+    return tuple(as_count(n, "block", at_least=1) for n in given)
+
+
+def in_parts(function: Callable[..., Any], shape: Sequence[int], block: Sequence[int], dtype: Any) -> Any:
+    """Return a dask array of what a function returns for the first voxel of each block and that after the last one."""
+    array = block_library("dask.array")
+
+    def part(block_info: Any) -> NDArray[Any]:
+        ends = np.array(block_info[None]["array-location"])
+        return np.asarray(function((ends[:, 0], ends[:, 1])))
+
+    chunks = array.core.normalize_chunks(tuple(block), tuple(shape), dtype=dtype)
+    return array.map_blocks(part, chunks=chunks, dtype=dtype, meta=np.empty((0, 0, 0), dtype=dtype))
 
 
 def window(values: Any, lower: NDArray[Any], upper: NDArray[Any], purpose: str) -> NDArray[Any]:

@@ -16,6 +16,7 @@ from voxgran._base.arrays import Booleans, Floats, Integers, as_array, as_choice
 from voxgran._base.axes import Periodic, as_periodic
 from voxgran._base.calls import explained
 from voxgran._base.errors import InputError, PackingWarning
+from voxgran._base.files import as_path
 from voxgran._base.lazy import load
 from voxgran._base.progress import OnStep, Step, reported, silent
 from voxgran._base.warning import warn
@@ -25,6 +26,7 @@ from voxgran.lattice.census import Census, census
 from voxgran.lattice.label import components
 from voxgran.lattice.label_surfaces import label_surfaces
 from voxgran.shapes.images.image_files import Image, load_image, voxel_sizes, voxel_unit
+from voxgran.shapes.images.open_image import is_opened, open_image
 from voxgran.shapes.mesh import Mesh
 from voxgran.shapes.model import Shape
 from voxgran.shapes.repairing.touching import parted
@@ -69,8 +71,8 @@ def load_labels(
     Parameters
     ----------
     source : path-like, Image or (nx, ny, nz) ndarray of int
-        A file as :func:`voxgran.load_image` takes it, or labels with 0 for void; a memory map may be larger than the
-        memory.
+        A file as :func:`voxgran.load_image` or :func:`voxgran.open_image` takes it, or labels with 0 for void. A dask
+        array may be larger than the memory: surfaces are made group by group, and the shapes alone must fit.
     voxel_size : float or (3,) array_like of float, optional
         Edges of a voxel; default: as the file says.
     border : {"keep", "drop"}
@@ -94,7 +96,7 @@ def load_labels(
     -------
     list of Shape
         Named ``label K``, rising. Each has the volume of its voxels to round-off, unless it has several pieces, of
-        which the largest is kept.
+        which the largest is kept. Of a dask array corners of triangles differ by up to some hundredths of a voxel.
 
     Raises
     ------
@@ -104,9 +106,11 @@ def load_labels(
         If it is of no known format, or damaged.
     MissingLibraryError
         If the library that reads the format is not installed.
+    TooLargeError
+        If a label of a dask array spans more voxels than fit in memory.
     InputError
-        If the image has not three axes, holds no label or what is no label, no grain is left, or an option is out of
-        range.
+        If the image has not three axes, holds no label or what is no label, no grain is left, an option is out of
+        range, or a dask array is periodic.
 
     Warns
     -----
@@ -206,10 +210,11 @@ def image_of(source: str | os.PathLike[str] | NDArray[Any] | Image, key: str | N
         If it is neither a file, an array nor an image.
     """
     if isinstance(source, str | os.PathLike):
-        return load_image(source, key=key)
+        path = as_path(source)
+        return open_image(path, key=key) if is_opened(path) else load_image(path, key=key)
     if isinstance(source, Image):
         return source
-    return Image(as_array(source, "image"))
+    return Image(as_array(source, "image") if lazy_of(source) is None else source)
 
 
 def labelled_grains(

@@ -10,14 +10,13 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from voxgran._base.arrays import as_count
 from voxgran._base.calls import explained
 from voxgran._base.errors import FileFormatError, InputError, MissingFileError, shown
 from voxgran._base.files import as_path, existing_file
 from voxgran._base.guarded import Content, read_guarded, refused
 from voxgran._base.units import known_unit
 from voxgran._base.vtk_readers import chosen_name
-from voxgran.lattice.blocks import block_library, lazily, lazy_of
+from voxgran.lattice.blocks import as_block, block_library, lazily, lazy_of
 from voxgran.lattice.image import Image
 from voxgran.shapes.images.image_files import (
     image_library,
@@ -155,7 +154,7 @@ def open_image(
     >>> image.values.numblocks
     (2, 3, 3)
     """
-    edges = None if block is None else _as_block(block)
+    edges = None if block is None else as_block(block)
     if isinstance(source, str | os.PathLike):
         path = as_path(source)
         with refused(path):
@@ -173,11 +172,16 @@ def open_image(
     return with_lattice(Image(lazy, image.voxel_size, image.origin, image.unit), voxel_size, unit)
 
 
-def _as_block(block: Any) -> tuple[int, ...]:
-    """Return the voxels along the three edges of a block."""
-    block = block.tolist() if isinstance(block, np.ndarray) else block
-    given = list(block) if isinstance(block, list | tuple) and len(block) == 3 else [block] * 3
-    return tuple(as_count(n, "block", at_least=1) for n in given)
+def is_opened(path: Path) -> bool:
+    """Return whether a file or folder is one that `open_image` reads and `load_image` does not."""
+    if path.is_dir():
+        return _is_zarr(path) or any(item.suffix.lower() in TIFF for item in path.iterdir())
+    return path.suffix.lower() in (*HDF5, ".nhdr")
+
+
+def _is_zarr(folder: Path) -> bool:
+    """Return whether a folder is one of zarr."""
+    return any((folder / name).is_file() for name in ("zarr.json", ".zarray", ".zgroup"))
 
 
 def _image_in(path: Path, key: str | None) -> Image:
@@ -186,11 +190,9 @@ def _image_in(path: Path, key: str | None) -> Image:
         raise MissingFileError(f"{path} is not there: a file or a folder is needed; check the path")
     suffix = path.suffix.lower()
     if path.is_dir():
-        if any((path / name).is_file() for name in ("zarr.json", ".zarray", ".zgroup")):
-            return _open_zarr(path, key)
-        if any(item.suffix.lower() in TIFF for item in path.iterdir()):
-            return _stack(path)
-        return load_image(path, key=key)
+        if not is_opened(path):
+            return load_image(path, key=key)
+        return _open_zarr(path, key) if _is_zarr(path) else _stack(path)
     existing_file(path)
     if suffix in HDF5:
         return _open_hdf5(path, key)
