@@ -49,7 +49,7 @@ def segment(options: argparse.Namespace) -> None:
     # those of which it is least sure come first
     order = np.argsort(np.where(pairs[:, 0] == pairs[:, 1], suspects["ratio"], 1.0 - suspects["ratio"]))
     numbers = {
-        "grains": int(found.labels.max(initial=0)),
+        "grains": found.grains,
         "separation": found.separation,
         "threshold": found.threshold,
         "suspects": len(pairs),

@@ -74,16 +74,20 @@ def lazily(source: Any, name: str, edges: Sequence[int] | None = None) -> Any:
 
 
 def of_blocks(values: Any, function: Callable[..., Any], *arguments: Any) -> list[Any]:
-    """Return function(block, start, *arguments) of each block, in the order of the blocks; start (3,) is its corner."""
+    """Return function(block, start, *arguments) of each block, in the order of the blocks; start (3,) is its corner.
 
-    def found(block: NDArray[Any], block_info: Any) -> NDArray[Any]:
+    Of several arrays in the same blocks, function(block, start, block of the next array, ..., *arguments).
+    """
+    arrays = values if isinstance(values, list) else [values]
+
+    def found(block: NDArray[Any], *more: NDArray[Any], block_info: Any) -> NDArray[Any]:
+        start = np.array([low for low, _ in block_info[0]["array-location"]])
         result = np.empty((1, 1, 1), dtype=object)
-        result[0, 0, 0] = function(block, np.array([low for low, _ in block_info[0]["array-location"]]), *arguments)
+        result[0, 0, 0] = function(block, start, *more, *arguments)
         return result
 
-    chunks = tuple((1,) * n for n in values.numblocks)
-    results = values.map_blocks(found, dtype=object, chunks=chunks, meta=np.empty((0, 0, 0), dtype=object))
-    return list(results.compute().ravel())
+    how = {"dtype": object, "chunks": (1, 1, 1), "meta": np.empty((0, 0, 0), dtype=object)}
+    return list(block_library("dask.array").map_blocks(found, *arrays, **how).compute().ravel())
 
 
 def overlapped(

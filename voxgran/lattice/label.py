@@ -90,6 +90,8 @@ def _numbered(taken: Booleans, rank: int) -> tuple[NDArray[np.int32], int]:
 
 def _of_blocks(mask: Any, rank: int, periodic: tuple[bool, bool, bool]) -> tuple[Any, int]:
     """Return the same for a dask array: bodies of blocks are joined across the faces of the blocks."""
+    # blocks of the sizes in which they are kept
+    mask = mask.rechunk(mask.chunksize)
     parts = kept(mask.map_blocks(lambda block: _numbered(block, rank)[0], dtype=np.int32))
     places = of_blocks(parts, _first_places, mask.shape)
     before = np.concatenate([[0], np.cumsum([len(place) for place in places])])
