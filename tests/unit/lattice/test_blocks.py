@@ -52,6 +52,15 @@ def test_bodies_are_joined_across_blocks(connectivity, periodic):
     same(found, expected)
 
 
+def test_blocks_may_have_several_sizes():
+    lazy = da.from_array(MASK, chunks=((3, 11, 1, 8), (14, 1), (7, 2, 11)))
+    expected, count = vg.connected_components(MASK, connectivity=26)
+    found, many = vg.connected_components(lazy, connectivity=26)
+    assert many == count
+    same(found, expected)
+    same(vg.distance_transform(lazy), vg.distance_transform(MASK))
+
+
 def test_an_image_without_bodies_has_none_in_blocks():
     found, count = vg.connected_components(blocks(np.zeros(SHAPE, dtype=int)))
     assert count == 0

@@ -28,7 +28,9 @@ def in_blocks(path, **options):
 
 def write_meta(path, *, data="LOCAL", order="False", values=VALUES, more=""):
     head = f"ObjectType = Image\nNDims = 3\nDimSize = 9 10 12\nElementType = MET_USHORT\n{more}"
-    head += f"ElementSpacing = 0.5 0.5 0.7\nOffset = 1 2 3\nBinaryDataByteOrderMSB = {order}\nElementDataFile = {data}\n"
+    head += (
+        f"ElementSpacing = 0.5 0.5 0.7\nOffset = 1 2 3\nBinaryDataByteOrderMSB = {order}\nElementDataFile = {data}\n"
+    )
     octets = values.astype(">u2" if order == "True" else "<u2").tobytes(order="F")
     path.write_bytes(head.encode() + (octets if data == "LOCAL" else b""))
     if data != "LOCAL":
@@ -66,7 +68,7 @@ def test_a_zarr_in_one_part_must_not_be_larger_than_the_memory(tmp_path, monkeyp
     zarr.create_array(tmp_path / "a.zarr", data=VALUES, chunks=VALUES.shape)
     in_blocks(tmp_path / "a.zarr")
     monkeypatch.setattr(blocks, "memory_limit", lambda: 4 * VALUES.nbytes - 1)
-    with pytest.raises(TooLargeError, match="parts of 9 x 10 x 12 voxels.*write it in smaller parts"):
+    with pytest.raises(TooLargeError, match=r"parts of 9 x 10 x 12 voxels.*write it in smaller parts"):
         vg.open_image(tmp_path / "a.zarr")
 
 
