@@ -9,6 +9,8 @@ import voxgran as vg
 from voxgran._base.errors import InputError, PackingWarning, TooLargeError
 from voxgran._base.seeds import stream
 from voxgran.lattice import block_surfaces, blocks
+from voxgran.lattice.label_seams import Seams
+from voxgran.lattice.label_surfaces import label_surfaces
 from voxgran.shapes.images.image_files import Image
 
 da = pytest.importorskip("dask.array")
@@ -61,14 +63,24 @@ def test_smooth_surfaces_have_the_same_triangles_and_volumes_and_share_them(labe
         # quadrangles whose diagonals are about equal may be cut along the other one
         assert (one.faces != other.faces).any(axis=1).mean() < 0.05
         assert other.volume == pytest.approx(one.volume, rel=1e-9)
-        assert other.surface_area == pytest.approx(one.surface_area, rel=5e-4)
-    moved = np.concatenate(corners(grouped)) - np.concatenate(corners(whole))
-    assert np.abs(moved / EDGES).max() < 0.03
+        assert other.surface_area == pytest.approx(one.surface_area, rel=3e-3)
+    moved = np.abs((np.concatenate(corners(grouped)) - np.concatenate(corners(whole))) / EDGES).max(axis=1)
+    # those of crossings that are repaired in one of both
+    assert np.quantile(moved, 0.99) < 0.005
+    assert moved.max() < 1
     # neighbours in different groups have common points
     assert vg.verify(grouped).ok
     assert vg.verify(grouped).deepest == vg.verify(whole).deepest == 0.0
-    area, expected = (vg.measure(p, which=["contacts"])["contacts"].area.sum() for p in (grouped, whole))
+    area, expected = (float(vg.measure(p, which=["contacts"])["contacts"].area.sum()) for p in (grouped, whole))
     assert area == pytest.approx(expected, rel=1e-3)
+
+
+def test_a_label_that_a_window_cuts_in_two_is_whole(monkeypatch):
+    image = np.zeros((64, 24, 8), dtype=np.int32)
+    # two legs, with a grain between them
+    image[:, 2:8], image[:, 16:22], image[54:, 8:16], image[5:12, 8:16] = 1, 1, 1, 2
+    whole, grouped = in_groups(image, monkeypatch)
+    assert np.abs(np.concatenate(corners(grouped)) - np.concatenate(corners(whole))).max() < 0.03 * 0.05
 
 
 def test_pieces_are_left_out_and_grains_at_the_border_too(labels, monkeypatch):
@@ -123,3 +135,22 @@ def test_a_packing_goes_to_zarr_and_back(bed, tmp_path):
     (tmp_path / "bed.zarr" / "mine.txt").write_text("notes")
     with pytest.raises(FileExistsError, match=r"mine\.txt"):
         vg.save_image(parts, tmp_path / "bed.zarr", voxel_size=EDGES, overwrite=True)
+
+
+def test_what_two_labels_share_stays_as_it_was():
+    image = np.zeros((12, 8, 8), dtype=np.int32)
+    image[2:6, 2:6, 1:7], image[6:10, 1:7, 2:6] = 1, 2
+    seams = Seams(np.array(image.shape) + 1, np.zeros(3, dtype=np.int64), np.ones(3, dtype=bool))
+    how = {"wraps": np.zeros(3, dtype=bool), "smoothing": 1.0, "spacing": np.ones(3), "seams": seams}
+    first = label_surfaces(image.copy(), 2, **how)
+    done, later = np.array([False, True, False]), np.array([False, False, True])
+    seams.keep(first.net, first.split, 0.9 * first.moved, ~first.crossed, done, later, 0)
+    second = label_surfaces(image.copy(), 2, **how)
+    shared = (first.net.side > 0).all(axis=1)
+    assert np.array_equal(second.crossed, first.crossed ^ shared)
+    points = np.unique(first.net.quad[shared])
+    assert np.array_equal(second.moved[points], 0.9 * first.moved[points])
+    # planes before those that are still needed are forgotten
+    seams.keep(first.net, first.split, first.moved, first.crossed, done, later, 7)
+    assert not len(seams.points)
+    assert not len(seams.quads)

@@ -96,7 +96,8 @@ def load_labels(
     -------
     list of Shape
         Named ``label K``, rising. Each has the volume of its voxels to round-off, unless it has several pieces, of
-        which the largest is kept. Of a dask array corners of triangles differ by up to some hundredths of a voxel.
+        which the largest is kept. Of a dask array corners of triangles differ by some thousandths of a voxel, and few
+        by up to half of one, where triangles that cross are repaired.
 
     Raises
     ------
