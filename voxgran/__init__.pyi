@@ -82,6 +82,7 @@ from voxgran.shapes.generating.inflation import spherize as spherize
 from voxgran.shapes.images.image_files import load_image as load_image
 from voxgran.shapes.images.labels import label_table as label_table
 from voxgran.shapes.images.labels import load_labels as load_labels
+from voxgran.shapes.images.open_image import open_image as open_image
 from voxgran.shapes.images.outline_images import load_outlines as load_outlines
 from voxgran.shapes.model import Shape as Shape
 from voxgran.shapes.repairing.diagnose import diagnose as diagnose

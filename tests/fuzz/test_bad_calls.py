@@ -244,6 +244,10 @@ GOOD = {
     "load spheres": (vg.load, {"path": "@spheres.csv", "container": BOX, "unit": "mm", "periodic": "x", "frame": -1}),
     "load_cloud": (vg.load_cloud, {"path": "@cloud.ply", "unit": "mm"}),
     "load_image": (vg.load_image, {"path": "@labels.npz", "key": "labels"}),
+    "open_image": (
+        vg.open_image,
+        {"source": "@labels.npz", "key": "labels", "voxel_size": 1.0, "unit": "mm", "block": 2},
+    ),
     "load_labels": (
         vg.load_labels,
         {
@@ -380,6 +384,7 @@ GOOD = {
     ),
     "surface_statistics": (vg.surface_statistics, {"surface": np.eye(9), "spacing": 1.0, "shortest": 2.0}),
     "to_image": (vg.to_image, {"packing": BED, "voxel_size": 0.5, "labels": True}),
+    "to_image blocks": (vg.to_image, {"packing": BED, "voxel_size": 0.5, "block": (2, 3, 4)}),
     "to_image edges": (vg.to_image, {"packing": BED, "voxel_size": (0.5, 0.5, 1.0), "labels": [3, 7]}),
     "verify": (vg.verify, {"packing": BED, "tolerance": 1e-9, "threads": 1, "on_step": None}),
     "voxelize": (

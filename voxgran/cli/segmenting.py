@@ -11,6 +11,7 @@ from voxgran._base.errors import InputError
 from voxgran._base.files import output_suffix, written_whole
 from voxgran.cli.terminal import show
 from voxgran.report.stage import check_picture_path
+from voxgran.shapes.images.labels import image_of
 
 #: suspects that are named
 NAMED = 10
@@ -30,7 +31,7 @@ def segment(options: argparse.Namespace) -> None:
         output_suffix(options.output, (*SUFFIXES, ".npy"), "labels are kept", overwrite=options.overwrite)
     if options.picture:
         check_picture_path(options.picture, overwrite=options.overwrite)
-    source = voxgran.load_image(options.file, key=options.key)
+    source = image_of(options.file, options.key)
     lattice = options.voxel_size is not None or source.voxel_size is not None
     if options.output and Path(options.output).suffix.lower() != ".npy" and not lattice:
         raise InputError(
@@ -48,7 +49,7 @@ def segment(options: argparse.Namespace) -> None:
     # those of which it is least sure come first
     order = np.argsort(np.where(pairs[:, 0] == pairs[:, 1], suspects["ratio"], 1.0 - suspects["ratio"]))
     numbers = {
-        "grains": int(found.labels.max(initial=0)),
+        "grains": found.grains,
         "separation": found.separation,
         "threshold": found.threshold,
         "suspects": len(pairs),

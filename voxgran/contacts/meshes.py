@@ -2,9 +2,9 @@
 
 A simultaneous traversal of both box trees finds the nearest points. If the surfaces are separated by more than rounding
 and no grain lies inside the other, the grains are proven to be separate. Grains that share triangles, as those of a
-label image, are proven to lie side by side where nothing else meets (:mod:`voxgran.contacts.shared_faces`). All other
-pairs are intersected by manifold3d, and the surface of the intersection is searched for the deepest point. A grain in a cavity of another, without touching
-it, is separate.
+label image, are proven to lie side by side where nothing else meets (:mod:`voxgran.contacts.overlap.shared_faces`). All other
+pairs are intersected by manifold3d, and the surface of the intersection is searched for the deepest point. A grain in a
+cavity of another, without touching it, is separate.
 """
 
 import numpy as np
@@ -14,7 +14,7 @@ from voxgran.contacts.depth import deepest_of_triangles
 from voxgran.contacts.inside import placed
 from voxgran.contacts.model import Touch, direction
 from voxgran.contacts.search import deepest_point
-from voxgran.contacts.shared_faces import lie_side_by_side
+from voxgran.contacts.overlap.shared_faces import lie_side_by_side
 from voxgran.contacts.solid import Body, Solid, combine
 from voxgran.contacts.triangles import nearest_points
 from voxgran.geometry.rotation import stretch_of

@@ -1,6 +1,8 @@
 """Label images: any packing on a lattice, for LBM, FFT and pore-network computations."""
 
+import math
 import os
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -13,6 +15,7 @@ from voxgran._base.files import output_suffix, written_whole
 from voxgran._base.units import stated_unit
 from voxgran._base.vtk_data import image_data, write_data
 from voxgran._base.warning import warn
+from voxgran.lattice.blocks import as_block, in_parts, lazy_of, stored
 from voxgran.lattice.grid import check_voxel_size
 from voxgran.lattice.image import as_edges
 from voxgran.measures.painting import labels_on
@@ -22,11 +25,13 @@ from voxgran.shapes.images.image_files import image_library
 #: most voxels of an image (int32 labels of 16 GB)
 VOXEL_LIMIT = 4 * 10**9
 #: what images are kept as
-SUFFIXES = (".vti", ".tif", ".tiff")
+SUFFIXES = (".vti", ".tif", ".tiff", ".zarr")
 
 
 @explained(hint="to_image(packing, 0.1)")
-def to_image(packing: Packing, voxel_size: "ArrayLike", *, labels: "bool | ArrayLike" = True) -> NDArray[Any]:
+def to_image(
+    packing: Packing, voxel_size: "ArrayLike", *, labels: "bool | ArrayLike" = True, block: Any = None
+) -> NDArray[Any]:
     """Put a packing on a lattice over the bounds of its container.
 
     Parameters
@@ -38,21 +43,26 @@ def to_image(packing: Packing, voxel_size: "ArrayLike", *, labels: "bool | Array
     labels : bool or (n,) array_like of int
         Whether voxels tell which grain they belong to, or only whether they are solid; or the label of each grain,
         above 0, such as ``packing.provenance["labels"]`` of a packing that was made of a label image.
+    block : int or (3,) array_like of int, optional
+        Voxels along each edge of a block of a dask array, whose blocks are painted when they are computed, with the
+        same result. Default: an array in memory.
 
     Returns
     -------
     (nx, ny, nz) ndarray of int32, int64 or bool
         Axes x, y, z; in 2D nz = 1. With labels 0 is void and k + 1 is grain k, unless they were given (int64, where one
         is beyond int32); otherwise True is solid (``~image`` is the pore space). Voxel (0, 0, 0) has its corner at
-        ``packing.container.bounds[0]``.
+        ``packing.container.bounds[0]``. A dask array if a block is given.
 
     Raises
     ------
     InputError
         If an edge of a voxel is not a finite number above 0 or larger than the container is wide, a grain is an open
-        surface, or the labels are not one whole number above 0 for each grain.
+        surface, the labels are not one whole number above 0 for each grain, or a block has no whole number of voxels.
     TooLargeError
-        If there are more than VOXEL_LIMIT voxels.
+        If there are more than VOXEL_LIMIT voxels, and no block is given.
+    MissingLibraryError
+        If a block is given and dask is not installed.
 
     Warns
     -----
@@ -74,10 +84,19 @@ def to_image(packing: Packing, voxel_size: "ArrayLike", *, labels: "bool | Array
     """
     check_packing(packing, "packing")
     known = None if isinstance(labels, bool | np.bool_) else _checked(labels, packing.count)
-    image = labels_on(packing, packing.container.bounds[0], *lattice_over(packing, voxel_size))
-    if known is not None:
-        return known[image]
-    return image if labels else image > 0
+    most = VOXEL_LIMIT if block is None else math.inf
+    edges, counts = lattice_over(packing, voxel_size, most)
+
+    def painted(part: Any = None) -> NDArray[Any]:
+        image = labels_on(packing, packing.container.bounds[0], edges, counts, part)
+        if known is not None:
+            return known[image]
+        return image if labels else image > 0
+
+    if block is None:
+        return painted()
+    kind = np.dtype(np.bool_ if known is None and not labels else np.int32 if known is None else known.dtype)
+    return in_parts(painted, counts, as_block(block), kind)
 
 
 def _checked(labels: "ArrayLike", count: int) -> NDArray[Any]:
@@ -90,7 +109,9 @@ def _checked(labels: "ArrayLike", count: int) -> NDArray[Any]:
     return np.concatenate([[0], given]).astype(np.int32 if small else np.int64)
 
 
-def lattice_over(packing: Packing, voxel_size: "ArrayLike") -> tuple[Floats, tuple[int, int, int]]:
+def lattice_over(
+    packing: Packing, voxel_size: "ArrayLike", most: float = VOXEL_LIMIT
+) -> tuple[Floats, tuple[int, int, int]]:
     """Return the edges of a voxel, (3,), and the numbers of voxels of :func:`to_image`, from the lower corner of the
     container's bounds; the last voxels may extend beyond the upper one.
 
@@ -100,7 +121,7 @@ def lattice_over(packing: Packing, voxel_size: "ArrayLike") -> tuple[Floats, tup
         If there are neither one nor three edges, one is not a finite number above 0, or larger than the container is
         wide.
     TooLargeError
-        If there are more than VOXEL_LIMIT voxels.
+        If there are more than `most` voxels.
     """
     edges = np.array(as_edges(voxel_size))
     lower, upper = packing.container.bounds
@@ -109,8 +130,10 @@ def lattice_over(packing: Packing, voxel_size: "ArrayLike") -> tuple[Floats, tup
     exact = (upper - lower) / edges
     counts = np.where(np.abs(exact - np.rint(exact)) < 1e-9 * np.maximum(exact, 1), np.rint(exact), np.ceil(exact))
     nx, ny, nz = (max(int(n), 1) for n in counts)
-    if nx * ny * nz > VOXEL_LIMIT:
-        raise TooLargeError(f"the image has {nx} x {ny} x {nz} voxels: at most {VOXEL_LIMIT} fit; take larger voxels")
+    if nx * ny * nz > most:
+        raise TooLargeError(
+            f"the image has {nx} x {ny} x {nz} voxels: at most {most} fit; take larger voxels, or give a block"
+        )
     for axis in np.flatnonzero(np.array(packing.container.periodic) & (counts != exact)):
         if abs(exact[axis] - counts[axis]) > 1e-9 * counts[axis]:
             warn(
@@ -131,16 +154,18 @@ def save_image(
     unit: str | None = None,
     overwrite: bool = False,
 ) -> None:
-    """Write an image as a ``.vti`` file, for ParaView, or as a stack of pages, for ImageJ and scikit-image.
+    """Write an image as a ``.vti`` file, for ParaView, as a stack of pages, for ImageJ and scikit-image, or by blocks.
 
     Parameters
     ----------
     image : (nx, ny, nz) ndarray of int, float or bool
-        One value a voxel, such as :func:`to_image` returns; kept as the cell data ``image``.
+        One value a voxel, such as :func:`to_image` returns; kept as the cell data ``image``. A dask array may be larger
+        than the memory where it is kept as ``.zarr``.
     path : path-like
-        File to write: ``.vti``, or ``.tif`` or ``.tiff``, whose pages are z, rows y and columns x, as
-        :func:`load_image` reads them. Such a stack does not hold the origin, and has whole numbers of at most 32 bits,
-        where the values allow it; the edges of a voxel are kept as by ImageJ.
+        What to write: ``.zarr``, a folder as :func:`voxgran.open_image` opens it; ``.vti``; or ``.tif`` or ``.tiff``,
+        whose pages are z, rows y and columns x, as :func:`load_image` reads them. Such a stack does not hold the
+        origin, and has whole numbers of at most 32 bits, where the values allow it; the edges of a voxel are kept as by
+        ImageJ.
     voxel_size : float or (3,) array_like of float
         Edges of a voxel, in the unit of lengths.
     origin : (3,) array_like of float
@@ -155,7 +180,7 @@ def save_image(
     FileFormatError
         If the suffix is none of these.
     MissingLibraryError
-        If the library that writes TIFF is not installed.
+        If the library that writes TIFF or zarr is not installed.
     InputError
         If the image has not three axes or holds no numbers, or a value breaks a rule.
     UnknownNameError
@@ -174,10 +199,16 @@ def save_image(
     (40, 40, 40)
     """
     suffix = output_suffix(path, SUFFIXES, "images are kept")
-    array = as_array(image, "image")
+    lazy = lazy_of(image) if suffix == ".zarr" else None
+    array = as_array(image, "image") if lazy is None else lazy
     if array.ndim != 3 or array.dtype.kind not in "biuf":
         raise InputError(f"image has shape {array.shape} and type {array.dtype}: give numbers along x, y and z")
     edges, (x, y, z) = as_edges(voxel_size), (float(value) for value in as_vector(origin, "origin"))
+    if suffix == ".zarr":
+        told = {"voxel_size": edges, "origin": (x, y, z), "unit": stated_unit(unit)}
+        with written_whole(path, overwrite=overwrite, is_own=_is_of_zarr) as draft:
+            stored(array, draft, {name: value for name, value in told.items() if value is not None})
+        return
     data = image_data(array, "image", voxel_size=edges, origin=(x, y, z)) if suffix == ".vti" else _pages(array)
     lattice = _imagej_lattice(edges, stated_unit(unit))
     with written_whole(path, overwrite=overwrite) as draft:
@@ -185,6 +216,11 @@ def save_image(
             write_data("vtkXMLImageDataWriter", data, draft)
         else:
             image_library("tifffile").imwrite(draft, data, photometric="minisblack", metadata=None, **lattice)
+
+
+def _is_of_zarr(path: Path) -> bool:
+    """Return whether a file has a name that zarr gives."""
+    return path.name == "zarr.json" or path.name.isdigit()
 
 
 def _imagej_lattice(edges: tuple[float, float, float], unit: str | None) -> dict[str, Any]:

@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 from voxgran._base.arrays import Booleans, Floats, Integers
 from voxgran._base.errors import InputError
 from voxgran._base.kernels import kernel
+from voxgran.lattice.blocks import lazy_of, of_blocks
 
 #: number of voxels in memory at a time
 SLAB = 2**24
@@ -45,7 +46,8 @@ class Census:
 
 
 def census(image: NDArray[Any], name: str = "the image") -> Census:
-    """Return the census of an (nx, ny, nz) image of labels, 0 for void; it may be a memory map larger than the memory.
+    """Return the census of an (nx, ny, nz) image of labels, 0 for void; it may be a memory map larger than the memory,
+    or a dask array.
 
     Raises
     ------
@@ -61,24 +63,28 @@ def census(image: NDArray[Any], name: str = "the image") -> Census:
     if image.dtype.kind not in "buif":
         raise InputError(f"{name} holds {image.dtype}: labels are whole numbers of at least 0; convert it")
     thick = max(1, SLAB // (image.shape[1] * image.shape[2]))
-    parts = [
-        _count_slab(np.asarray(image[start : start + thick]), start, name) for start in range(0, image.shape[0], thick)
-    ]
+    if lazy_of(image) is not None:
+        parts = of_blocks(image, _count_slab, name)
+    else:
+        starts = [np.array([start, 0, 0]) for start in range(0, image.shape[0], thick)]
+        parts = [_count_slab(np.asarray(image[start[0] : start[0] + thick]), start, name) for start in starts]
     found, index = np.unique(np.concatenate([part.label for part in parts]), return_inverse=True)
     n = len(found)
     count, total = np.zeros(n, dtype=np.int64), np.zeros((n, 3))
     lower, upper = np.full((n, 3), np.iinfo(np.int64).max), np.zeros((n, 3), dtype=np.int64)
     every = np.concatenate([part.count for part in parts])
     np.add.at(count, index, every)
-    np.add.at(total, index, np.concatenate([part.middle for part in parts]) * every[:, None])
+    np.add.at(total, index, np.concatenate([part.middle for part in parts]))
     np.minimum.at(lower, index, np.concatenate([part.lower for part in parts]))
     np.maximum.at(upper, index, np.concatenate([part.upper for part in parts]))
     border = (lower == 0).any(axis=1) | (upper == np.array(image.shape)).any(axis=1)
-    return Census(found, count, lower, upper, total / np.maximum(count, 1)[:, None], border)
+    return Census(found, count, lower, upper, total / np.maximum(count, 1)[:, None] + 0.5, border)
 
 
-def _count_slab(slab: NDArray[Any], start: int, name: str) -> Census:
-    """Count the labels of a slab that begins at an index along x."""
+def _count_slab(slab: NDArray[Any], start: Integers, name: str) -> Census:
+    """Count the labels of a part of an image that begins at some voxel; instead of the middle it has the sum of the
+    indices of the voxels, whole numbers, so that the parts make no difference.
+    """
     if slab.dtype.kind == "f":
         if not np.isfinite(slab).all() or (slab != np.floor(slab)).any():
             raise InputError(f"{name} holds numbers with fractions or NaN: these are grey values; segment it first")
@@ -90,10 +96,10 @@ def _count_slab(slab: NDArray[Any], start: int, name: str) -> Census:
         slab = np.searchsorted(label, slab)
     count, lower, upper, total = _tally(np.ascontiguousarray(slab, dtype=np.int32), len(label))
     there = np.flatnonzero(count)
-    count, shift = count[there], np.array([start, 0, 0])
-    middle = total[there] / count[:, None] + 0.5 + shift
+    count = count[there]
+    total = total[there] + count[:, None] * start
     none = np.zeros(len(there), dtype=np.bool_)
-    return Census(label[there].astype(np.int64), count, lower[there] + shift, upper[there] + shift, middle, none)
+    return Census(label[there].astype(np.int64), count, lower[there] + start, upper[there] + start, total, none)
 
 
 @kernel

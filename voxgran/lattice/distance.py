@@ -8,6 +8,7 @@ doi:10.1007/0-306-47025-X_36); for long distances the lower envelope of parabola
 the same bits.
 """
 
+import math
 from typing import Any
 
 import numpy as np
@@ -20,6 +21,7 @@ from voxgran._base.compiling.threads import in_blocks, using_threads
 from voxgran._base.errors import InputError, TooLargeError
 from voxgran._base.kernels import kernel
 from voxgran._base.lazy import load
+from voxgran.lattice.blocks import block_library, lazy_of, overlapped
 from voxgran.lattice.image import Edges, are_equal, known_edges
 
 #: squared distance without a free voxel; larger than any in an accepted lattice
@@ -28,6 +30,8 @@ NEVER = 2**30
 LONG = 40.0
 #: voxels of which a thread takes no fewer
 LEAST_VOXELS = 2**15
+#: width in voxels of the first surroundings of a block
+NEAR = 16
 
 
 @explained(hint="distance_transform(mask); distances are in voxels, or in lengths with voxel_size=")
@@ -45,7 +49,8 @@ def distance_transform(
     Parameters
     ----------
     mask : (nx, ny, nz) array_like of bool, or Image
-        Mask of the occupied voxels; the exterior of the image counts neither as occupied nor as free.
+        Mask of the occupied voxels; the exterior of the image counts neither as occupied nor as free. A dask array is
+        computed block by block, with the same result, on the threads of dask.
     voxel_size : float or (3,) array_like of float, optional
         Edge of a voxel, or its edges along x, y and z. Default: those that an Image tells, otherwise the unit.
     periodic : str, bool or sequence
@@ -61,13 +66,13 @@ def distance_transform(
     -------
     (nx, ny, nz) ndarray
         Distances in the unit of the voxel size, or in voxels: float32, or int32 for squared distances; 0 for free
-        voxels. Without any free voxel they are infinite, or 2**30 for squared distances.
+        voxels; for a dask array a dask array. Without any free voxel they are infinite, or 2**30 for squared distances.
 
     Raises
     ------
     InputError
         If the image has not three axes, an edge of a voxel is not a length, `out` has another shape or type, squared
-        distances are asked for in lengths, or `periodic` names no axes.
+        distances are asked for in lengths, `out` is given for a dask array, or `periodic` names no axes.
     TooLargeError
         If the diagonal of the image is longer than 2**15 voxels.
 
@@ -75,7 +80,8 @@ def distance_transform(
     -----
     Memory beside the mask: 4 bytes per voxel for the result and 4 for the squares it is made from (squared: 4 in all).
     Unequal edges are left to `scipy.ndimage.distance_transform_edt`, on one thread, with 70 bytes per voxel of the
-    image and of half a period on each side of a periodic axis.
+    image and of half a period on each side of a periodic axis. A dask array is computed block by block with what lies
+    around a block up to the largest distance, which is sought first: with the memory of two such parts on each thread.
 
     Examples
     --------
@@ -89,14 +95,13 @@ def distance_transform(
     [1.0, 0.0, 1.0, 2.0, 3.0, 2.0]
     """
     edges = known_edges(voxel_size, mask)
-    turns, taken = as_periodic(periodic), as_mask(mask)
+    turns, lazy = as_periodic(periodic), lazy_of(mask)
+    if lazy is not None:
+        return _of_blocks(lazy_mask(lazy), edges, turns, squared, out)
+    taken = as_mask(mask)
     if sum(n * n for n in taken.shape) >= NEVER:
         raise TooLargeError(f"mask has shape {taken.shape}: its diagonal must be shorter than 2**15 voxels; cut it")
-    if squared and edges is not None:
-        raise InputError(
-            f"squared is True and voxel_size is {edges}: squared distances are whole numbers of voxels; give an array "
-            "without voxel_size, or square the distances"
-        )
+    _refuse_squared(squared, edges)
     wanted = (np.dtype(np.int32),) if squared else (np.dtype(np.float32), np.dtype(np.float64))
     check_type(out, (np.ndarray, type(None)), "out", "an array; leave it out for a new one")
     if out is not None and (out.shape != taken.shape or out.dtype not in wanted):
@@ -121,6 +126,44 @@ def distance_transform(
     if edges is not None:
         result *= min(edges)
     return result
+
+
+def _refuse_squared(squared: bool, edges: Edges | None) -> None:
+    """Refuse squared distances in lengths."""
+    if squared and edges is not None:
+        raise InputError(
+            f"squared is True and voxel_size is {edges}: squared distances are whole numbers of voxels; give an array "
+            "without voxel_size, or square the distances"
+        )
+
+
+def _of_blocks(mask: Any, edges: Edges | None, turns: tuple[bool, bool, bool], squared: bool, out: Any) -> Any:
+    """Return distances of a dask array, of blocks with surroundings as wide as the largest distance that is found.
+
+    A distance that is no longer than the surroundings are wide is the true one, and any other is too long.
+    """
+    _refuse_squared(squared, edges)
+    if out is not None:
+        raise InputError("out is given for an image in blocks: the result is a dask array; leave it out")
+    step = (1.0, 1.0, 1.0) if edges is None else edges
+
+    def found(block: Booleans) -> NDArray[Any]:
+        return distance_transform(block, voxel_size=edges, squared=squared, threads=1)
+
+    reach = NEAR * min(step)
+    while True:
+        dtype = np.int32 if squared else np.float32
+        distances = overlapped(mask, found, reach, step, turns, dtype)
+        largest = np.asarray(distances.max()).item()
+        if squared:
+            largest = math.inf if largest == NEVER else math.sqrt(largest)
+        whole = all(math.ceil(reach / edge) >= n for edge, n in zip(step, mask.shape, strict=True))
+        if largest <= reach or whole:
+            return distances
+        if largest == math.inf and mask.all():
+            return block_library("dask.array").full_like(mask, NEVER if squared else np.inf, dtype=dtype)
+        # a distance may be larger than a true one, but for rounding not smaller
+        reach = 2 * reach if largest == math.inf else largest * (1 + 1e-6)
 
 
 def _unequal(taken: Booleans, edges: Edges, around: tuple[bool, bool, bool]) -> Floats:
@@ -163,6 +206,19 @@ def as_mask(image: "ArrayLike", name: str = "mask") -> Booleans:
             raise InputError(f"{name} holds {array.dtype}: taken voxels are True or 1; compare labels with 0 first")
         array = array.astype(np.bool_)
     return np.ascontiguousarray(array)
+
+
+def lazy_mask(image: Any, name: str = "mask") -> Any:
+    """Return a dask array as one of bool; values other than bool, 0 and 1 are refused when they are computed.
+
+    Raises
+    ------
+    InputError
+        If the image does not have three axes, or no whole numbers.
+    """
+    if image.dtype.kind not in "biu" or image.ndim != 3:
+        return as_mask(np.empty((0,) * image.ndim, dtype=image.dtype), name)
+    return image if image.dtype == np.bool_ else image.map_blocks(as_mask, name, dtype=np.bool_)
 
 
 @kernel

@@ -7,13 +7,14 @@ from voxgran._base.arrays import Booleans
 from voxgran._base.kernels import bare_kernel, inlined_kernel, kernel
 
 
-def keep_largest_pieces(labels: NDArray[np.int32], count: int, wraps: Booleans) -> list[int]:
-    """Remove all pieces but the largest of labels 1 ... `count`, 0 for void; return which labels have several.
+def keep_largest_pieces(labels: NDArray[np.int32], among: Booleans, wraps: Booleans) -> list[int]:
+    """Remove all pieces but the largest of labels 1 ... n, 0 for void, of those in `among`, (n + 1,); return which of
+    them have several.
 
     Voxels of a piece are connected by faces, along periodic axes, `wraps`, (3,), also across the border. Of equally
     large pieces the first one stays. The image, (nx, ny, nz), is changed.
     """
-    return np.flatnonzero(_remove_pieces(labels, count, wraps) > 1).tolist()
+    return np.flatnonzero((_remove_pieces(labels, among, wraps) > 1) & among).tolist()
 
 
 @inlined_kernel
@@ -46,8 +47,8 @@ def _join_rows(runs, above, one, two, rows):  # type: ignore[no-untyped-def]
 
 
 @kernel
-def _remove_pieces(labels, count, wraps):  # type: ignore[no-untyped-def]
-    """Set all pieces but the largest of each label to 0; return the number of pieces of each label, (count + 1,).
+def _remove_pieces(labels, among, wraps):  # type: ignore[no-untyped-def]
+    """Set all pieces but the largest of some labels to 0; return the number of pieces of each label, (n + 1,).
 
     A run is what a label takes of a row along z without a gap.
     """
@@ -80,8 +81,8 @@ def _remove_pieces(labels, count, wraps):  # type: ignore[no-untyped-def]
             _join_rows(runs, above, row - j, row, rows)
         if wraps[0] and i == nx - 1:
             _join_rows(runs, above, j, row, rows)
-    size, pieces = np.zeros(many, dtype=np.int64), np.zeros(count + 1, dtype=np.int64)
-    largest = np.full(count + 1, -1, dtype=np.int64)
+    size, pieces = np.zeros(many, dtype=np.int64), np.zeros(len(among), dtype=np.int64)
+    largest = np.full(len(among), -1, dtype=np.int64)
     for run in range(many):
         size[_root(above, run)] += runs[run, 2] - runs[run, 1]
     for run in range(many):
@@ -92,7 +93,7 @@ def _remove_pieces(labels, count, wraps):  # type: ignore[no-untyped-def]
                 largest[label] = run
     for row in range(nx * ny):
         for run in range(rows[row], rows[row + 1]):
-            if _root(above, run) != largest[runs[run, 0]]:
+            if among[runs[run, 0]] and _root(above, run) != largest[runs[run, 0]]:
                 for k in range(runs[run, 1], runs[run, 2]):
                     labels[row // ny, row % ny, k] = 0
     return pieces

@@ -21,6 +21,7 @@ from voxgran.geometry.crossing import is_crossing
 from voxgran.geometry.vectors import add, corner_of, cross, dot, row_of, sub, times
 from voxgran.lattice.label_net import Net, Split, net_of, split_of
 from voxgran.lattice.label_pieces import keep_largest_pieces
+from voxgran.lattice.label_seams import Seams
 
 #: share of the mean of its neighbours that a point takes in each of the two steps of the filter
 STEPS = 0.63, -0.67
@@ -46,6 +47,8 @@ class LabelSurfaces:
     moved: Floats  # (points, 3) displacement of each point of the net, in voxels
     turn: Integers  # (n + parts + 1, 3) corners before this one follow after the end of a periodic axis
     shape: Integers  # (3,) of the image
+    crossed: Booleans  # (quadrangles,) which are cut from point 1 to 3
+    corner: Integers  # (3,) where the image begins, in voxels
     several: list[int]  # labels of several pieces, of which the largest is left
     parts: dict[int, list[int]]  # numbers of the parts of labels that fill every plane of a periodic axis
 
@@ -64,22 +67,33 @@ class LabelSurfaces:
         at = self.net.at[point]
         if self.turn[label].any():
             at = at + self.shape * (at < self.turn[label])
+        if self.corner.any():
+            at = at + self.corner
         rows = slice(self.split.first_triangle[label], self.split.first_triangle[label + 1])
         return at + self.moved[point], self.split.triangles[rows]
 
 
 def label_surfaces(
-    labels: NDArray[np.int32], count: int, *, wraps: Booleans, smoothing: float, spacing: Floats
+    labels: NDArray[np.int32],
+    count: int,
+    *,
+    wraps: Booleans,
+    smoothing: float,
+    spacing: Floats,
+    seams: Seams | None = None,
 ) -> LabelSurfaces:
     """Return the surfaces of an (nx, ny, nz) image of labels 1 ... `count`, each of which is there, 0 for void.
 
     `wraps`, (3,): which axes are periodic.  `smoothing`: in voxels; 0 for the faces of the voxels.  `spacing`, (3,):
-    edges of a voxel.  The image is changed: of several pieces of a label the largest is left.
+    edges of a voxel.  `seams`: what is known where the image is a part of a larger one, and begins at its corner.  The
+    image is changed: of several pieces of a label the largest is left.
     """
     shape = np.array(labels.shape, dtype=np.int64)
     # along an axis of one voxel each label meets itself, and is cut there as at a border
     wraps = wraps & (shape > 1)
-    several = keep_largest_pieces(labels, count, wraps)
+    # the others may be in pieces because the image cuts them
+    among = np.ones(count + 1, dtype=np.bool_) if seams is None else seams.whole
+    several = keep_largest_pieces(labels, among, wraps)
     turn, parts = _unrolled(labels, count, wraps)
     net = net_of(labels, wraps)
     held = ((net.at == 0) | (net.at == shape)) & ~wraps
@@ -89,8 +103,11 @@ def label_surfaces(
         factors = np.array(STEPS * max(1, round(PAIRS * smoothing**2)), dtype=np.float32)
         moved = _smoothed(net.near, net.triple, held, factors, np.float32(BOX)).astype(np.float64)
         crossed = _is_second_shorter(net.quad, net.axis, moved * spacing, spacing)
+        if seams is not None:
+            seams.put(net, moved, held, crossed)
     split = split_of(net, len(turn) - 1, crossed)
-    made = LabelSurfaces(net, split, moved, turn, shape, several, parts)
+    corner = np.zeros(3, dtype=np.int64) if seams is None else seams.corner
+    made = LabelSurfaces(net, split, moved, turn, shape, crossed, corner, several, parts)
     if smoothing > 0:
         wanted = np.asarray(np.bincount(labels.ravel(), minlength=len(turn))[1:] * spacing.prod(), dtype=np.float64)
         for attempt in range(MOST_ROUNDS):
@@ -98,7 +115,7 @@ def label_surfaces(
             wrong = _crossing_points(net, crossed, moved)
             if not wrong.any():
                 break
-            moved[wrong] *= 0.5 if attempt < MOST_ROUNDS // 3 else 0.0
+            moved[wrong & ~held.all(axis=1)] *= 0.5 if attempt < MOST_ROUNDS // 3 else 0.0
             # in the end such points stay at their corners of voxels, where nothing crosses
             held[wrong] |= attempt >= MOST_ROUNDS // 3
     return made
@@ -149,13 +166,18 @@ def _restore_volumes(made: LabelSurfaces, held: Booleans, wanted: Floats, spacin
             return
         ease = _ease(held, moved, weight, BOX)
         diagonal, *pairs = _coupling(split.point, owner, gradient, ease, count)
-        lost = np.flatnonzero((error > LOST) | ((error > ACCURACY) & (diagonal[1:] <= 0))) + 1
-        if len(lost):
-            # a label of few voxels, which the filter all but ends, or whose points all lie at the ends of their boxes
-            moved[split.point[np.isin(owner, lost)]] *= 0.5 if attempt < MOST_SOLUTIONS // 3 else 0.0
+        lost = (error > LOST) | ((error > ACCURACY) & (diagonal[1:] <= 0))
+        # labels of few voxels, which the filter all but ends, or whose points all lie at the ends of their boxes
+        some = np.unique(split.point[np.isin(owner, np.flatnonzero(lost) + 1)])
+        some = some[~held[some].all(axis=1) & moved[some].any(axis=1)]
+        if len(some):
+            moved[some] *= 0.5 if attempt < MOST_SOLUTIONS // 3 else 0.0
             continue
         half = sparse.coo_array((pairs[2], (pairs[0] - 1, pairs[1] - 1)), shape=(count, count)).tocsr()
         system = half + half.T + sparse.diags_array(diagonal[1:])
+        # labels whose points a seam holds stay as they are
+        lost |= diagonal[1:] == 0
+        missing[lost] = error[lost] = 0.0
         scale = sparse.diags_array(1 / np.maximum(diagonal[1:], 1e-30))
         pressure = np.append(0.0, load("scipy.sparse.linalg").cg(system, missing, rtol=1e-8, M=scale)[0])
         farthest = _push(moved, *(split.point, owner, gradient, pressure, ease, spacing))

@@ -1,16 +1,20 @@
 """Erosion, dilation, opening and closing with spheres of any radius, through the exact distance transform.
 
 The cost does not depend on the radius (Serra 1982, Image analysis and mathematical morphology, for the operations).
-The exterior of the image neither erodes nor dilates the interior.
+The exterior of the image neither erodes nor dilates the interior. A dask array is treated block by block, with what
+lies within the radius around each, to the same result.
 """
+
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from voxgran._base.arrays import Booleans, as_number
-from voxgran._base.axes import Periodic
+from voxgran._base.axes import Periodic, as_periodic
 from voxgran._base.calls import explained
-from voxgran.lattice.distance import as_mask, distance_transform
+from voxgran.lattice.blocks import lazy_of, overlapped
+from voxgran.lattice.distance import as_mask, distance_transform, lazy_mask
 from voxgran.lattice.image import Edges, are_equal, known_edges
 
 
@@ -63,7 +67,7 @@ def dilation(
     >>> int(vg.dilation(mask, 2.0).sum())
     33
     """
-    return _within(~as_mask(mask), radius, known_edges(voxel_size, mask), periodic, threads)
+    return _within(~_as_mask(mask), radius, known_edges(voxel_size, mask), periodic, threads)
 
 
 @explained(hint="erosion(mask, 3); the radius is in voxels, or a length with voxel_size=")
@@ -101,7 +105,7 @@ def erosion(
     >>> int(vg.erosion(mask, 1.0).sum())
     27
     """
-    return ~_within(as_mask(mask), radius, known_edges(voxel_size, mask), periodic, threads)
+    return ~_within(_as_mask(mask), radius, known_edges(voxel_size, mask), periodic, threads)
 
 
 @explained(hint="opening(mask, 3); the radius is in voxels, or a length with voxel_size=")
@@ -185,9 +189,25 @@ def closing(
     return erosion(hull, radius, voxel_size=edges, periodic=periodic, threads=threads)
 
 
-def _within(mask: Booleans, radius: float, edges: Edges | None, periodic: Periodic, threads: int | None) -> Booleans:
+def _as_mask(mask: "ArrayLike") -> Any:
+    """Return an image as an array of bool, in blocks if it is a dask array."""
+    return as_mask(mask) if (lazy := lazy_of(mask)) is None else lazy_mask(lazy)
+
+
+def _within(mask: Any, radius: float, edges: Edges | None, periodic: Periodic, threads: int | None) -> Any:
     """Return the voxels within a distance of a free one."""
     reach = as_number(radius, "radius", at_least=0.0)
+    if lazy_of(mask) is not None:
+        # one voxel more than the radius, for rounding
+        step = (1.0, 1.0, 1.0) if edges is None else edges
+        return overlapped(
+            mask,
+            lambda block: _within(block, reach, edges, False, 1),
+            reach + min(step),
+            step,
+            as_periodic(periodic),
+            np.bool_,
+        )
     if edges is not None and not are_equal(edges):
         out = np.empty(mask.shape)
         distance_transform(mask, voxel_size=edges, periodic=periodic, threads=threads, out=out)

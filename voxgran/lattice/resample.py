@@ -1,6 +1,7 @@
 """Resampling of images with conserved sum or nearest values, and cropping to the nonzero part."""
 
 import math
+from collections.abc import Sequence
 from dataclasses import replace
 from fractions import Fraction
 from typing import Any, Literal
@@ -12,6 +13,7 @@ from voxgran._base.arrays import Floats, Integers, as_array, as_choice, as_count
 from voxgran._base.calls import explained
 from voxgran._base.errors import InputError, TooLargeError
 from voxgran._base.lazy import load
+from voxgran.lattice.blocks import lazy_of
 from voxgran.lattice.image import Image, known_edges
 
 #: upper bound of the number of voxels of an image
@@ -35,7 +37,8 @@ def resample(
     Parameters
     ----------
     image : (nx, ny, nz) array_like or Image
-        Volume fractions, grey values or a mask; labels with the method ``"nearest"``.
+        Volume fractions, grey values or a mask; labels with the method ``"nearest"``, which keeps a dask array in
+        blocks.
     factor : float or (3,) array_like of float, optional
         Number of new voxels per old voxel along each axis, or along x, y and z: 0.5 halves the number of voxels, 2
         doubles it; the result is rounded to whole numbers.
@@ -77,7 +80,8 @@ def resample(
     >>> vg.resample(np.ones((4, 4, 3)), to="cubic", voxel_size=(0.1, 0.1, 0.2)).shape
     (4, 4, 6)
     """
-    given = as_array(image, "image")
+    lazy = lazy_of(image) if method == "nearest" else None
+    given = as_array(image, "image") if lazy is None else lazy
     if given.ndim != 3 or not given.size:
         raise InputError(f"image has shape {given.shape}: three axes with voxels are needed")
     if sum(entry is None for entry in (factor, shape, to)) != 2:
@@ -120,7 +124,16 @@ def _nearest(given: NDArray[Any], counts: list[int], parts: list[tuple[int, int]
         np.minimum((2 * np.arange(many) + 1) * new // (2 * old), n - 1)
         for n, many, (old, new) in zip(given.shape, counts, parts, strict=True)
     ]
-    return np.asarray(given[np.ix_(*places)])
+    return at_places(given, places)
+
+
+def at_places(values: Any, places: Sequence[Integers]) -> Any:
+    """Return the values at some places along each axis, of an array or a dask array."""
+    if lazy_of(values) is None:
+        return np.asarray(values[np.ix_(*places)])
+    for axis, along in enumerate(places):
+        values = values[(slice(None),) * axis + (along,)]
+    return values
 
 
 def _means(given: NDArray[Any], counts: list[int], parts: list[tuple[int, int]]) -> Floats:

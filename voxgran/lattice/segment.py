@@ -9,10 +9,12 @@ from numpy.lib.mixins import NDArrayOperatorsMixin
 from numpy.typing import ArrayLike
 
 from voxgran._base import Missing
-from voxgran._base.arrays import Integers, as_array, as_count, as_number, as_positive
+from voxgran._base.arrays import Floats, Integers, as_array, as_count, as_number, as_positive
 from voxgran._base.calls import explained, renamed
 from voxgran._base.errors import InputError, MissingLibraryError, shown
 from voxgran._base.lazy import load
+from voxgran.lattice.block_basins import basins_of, histogram_of, without_small
+from voxgran.lattice.blocks import lazy_of
 from voxgran.lattice.distance import distance_transform
 from voxgran.lattice.image import Edges, Image, known_edges
 from voxgran.lattice.necks import Pairs, merged, pairs_of, widest
@@ -49,15 +51,18 @@ class Segmentation(NDArrayOperatorsMixin, Image):
         several: labels ``grain`` and ``other`` (equal within a grain), ``diameter`` of the largest sphere that passes
         (twice the largest distance to the void on the common faces), and its ``ratio`` to the smaller part (twice the
         largest distance to the void in it). Distances are smoothed over 0.7 voxels.
+    grains : int
+        Number of grains.
     """
 
     threshold: float = 0.0
     separation: float = 0.0
     necks: Any = field(default=None)
+    grains: int = 0
 
     def __repr__(self) -> str:
         return (
-            f"Segmentation(shape={self.values.shape}, grains={int(self.values.max(initial=0))}, "
+            f"Segmentation(shape={self.values.shape}, grains={self.grains}, "
             f"separation={self.separation:.4g}, threshold={self.threshold:.4g}, suspects={self.suspects.sizes['neck']})"
         )
 
@@ -115,7 +120,8 @@ def segment(
     Parameters
     ----------
     image : (nx, ny, nz) array_like or Image
-        Grey values; what :func:`voxgran.load_image` returns is one.
+        Grey values; what :func:`voxgran.load_image` returns is one. A dask array, as :func:`voxgran.open_image` returns
+        it, is segmented block by block.
     threshold : float or "otsu"
         Grey value above which a voxel is solid; ``"otsu"`` determines it from the histogram.
     dark_grains : bool
@@ -139,7 +145,7 @@ def segment(
     InputError
         If the image has not three axes, holds a number that is not finite, or an option is out of range.
     MissingLibraryError
-        If scikit-image is not installed.
+        If scikit-image is not installed, or zarr for a dask array.
 
     Notes
     -----
@@ -149,6 +155,10 @@ def segment(
     grain the necks of grains that touch and the bumps of one grain are far apart: of spheres, polyhedra and rocks
     (``voxgran bench segmentation``) hardly a neck within a grain is narrower than 0.9, and hardly one between two
     grains is wider. Grains that share a whole flat face have no neck: no separation parts them.
+
+    A dask array is flooded block by block, each with surroundings as wide as the largest grain; only voxels that two
+    basins reach at the same level may get another label than in memory. What is needed several times is kept in the
+    temporary folder of dask, with about 15 bytes a voxel before compression.
 
     References
     ----------
@@ -166,7 +176,8 @@ def segment(
     """
     if isinstance(image, str | os.PathLike):
         raise InputError(f"image is the path {str(image)!r}: grey values are needed; write segment(load_image(path))")
-    grey = as_array(image, "image")
+    lazy = lazy_of(image)
+    grey = as_array(image, "image") if lazy is None else lazy
     if grey.ndim != 3 or not grey.size:
         raise InputError(f"image has the shape {grey.shape}: three axes are needed; stack slices, or choose a channel")
     if grey.dtype.kind not in "buif" or not np.isfinite(grey).all():
@@ -175,22 +186,27 @@ def segment(
     decrease = None if separation is None else as_positive(separation, "separation")
     filters = _skimage("filters")
     if isinstance(threshold, str) and threshold == "otsu":
-        level = float(filters.threshold_otsu(grey)) if grey.min() < grey.max() else float(grey.max())
+        low, high = np.asarray(grey.min())[()], np.asarray(grey.max())[()]
+        counts = {"image": grey} if lazy is None else {"hist": histogram_of(grey, low, high)}
+        level = float(filters.threshold_otsu(**counts)) if low < high else float(high)
     elif isinstance(threshold, str):
         raise InputError(f"threshold is {shown(threshold)}: give a grey value or 'otsu'")
     else:
         level = as_number(threshold, "threshold")
-    solid = grey < level if dark_grains else grey > level
-    ndimage = load("scipy.ndimage")
-    solid = _without_small(solid, least, ndimage)
-    solid = ~_without_small(~solid, least, ndimage)
-    labels, separated, necks = _parted(solid, least, decrease, edges)
+    solid: Any = grey < level if dark_grains else grey > level
+    large = _without_small if lazy is None else without_small
+    solid = large(solid, least)
+    solid = ~large(~solid, least)
+    basins, peaks, pairs, sizes = _basins(solid, edges) if lazy is None else basins_of(solid, edges, SMOOTH)
+    new, separated, necks = _grains(peaks, pairs, sizes, least, decrease)
+    labels = new[basins] if lazy is None else basins.map_blocks(lambda block: new[block], dtype=new.dtype)
     given = image if isinstance(image, Image) else Image(grey)
-    return Segmentation(labels, edges, given.origin, given.unit, level, separated, necks)
+    count = int(new.max(initial=0))
+    return Segmentation(labels, edges, given.origin, given.unit, level, separated, necks, count)
 
 
-def _parted(solid: Any, least: int, decrease: float | None, edges: Edges | None) -> tuple[Integers, float, Any]:
-    """Return labels of the grains of a solid, the separation for a grain of the median size, and the necks."""
+def _basins(solid: Any, edges: Edges | None) -> tuple[Any, Floats, Pairs, Integers]:
+    """Return the basins of the distance to the void, the largest distance in each, their pairs and sizes in voxels."""
     ndimage = load("scipy.ndimage")
     distance = distance_transform(np.pad(solid, 1), voxel_size=edges)[1:-1, 1:-1, 1:-1]
     # steps of the voxel surface would otherwise be bumps, and bend the surfaces between grains
@@ -199,16 +215,23 @@ def _parted(solid: Any, least: int, decrease: float | None, edges: Edges | None)
     basins = _skimage("segmentation").watershed(-distance, seeds, mask=solid)
     peaks = np.zeros(count + 1)
     peaks[1:] = ndimage.maximum(distance, basins, np.arange(1, count + 1)) if count else []
-    pairs = pairs_of(basins, distance)
+    return basins, peaks, pairs_of(basins, distance), np.bincount(basins.ravel(), minlength=count + 1)
+
+
+def _grains(
+    peaks: Floats, pairs: Pairs, voxels: Integers, least: int, decrease: float | None
+) -> tuple[Integers, float, Any]:
+    """Return the label of each basin, the separation for a grain of the median size, and the necks."""
+    count = len(peaks) - 1
     root, joined, ratios = merged(peaks, pairs, decrease=decrease, share=NECK)
-    sizes = np.bincount(root[basins].ravel(), minlength=count + 1)
+    sizes = np.bincount(root, voxels, minlength=count + 1)
     kept = np.flatnonzero((sizes >= least) & (np.arange(count + 1) > 0))
     new = np.zeros(count + 1, dtype=np.int64)
     new[kept] = np.arange(1, len(kept) + 1)
     new = new[root]
     median = float(np.median(peaks[kept])) if len(kept) else 0.0
     separated = (1.0 - NECK) * median if decrease is None else decrease
-    return new[basins], separated, _necks_of(new, peaks[kept], pairs, joined, ratios)
+    return new, separated, _necks_of(new, peaks[kept], pairs, joined, ratios)
 
 
 def _necks_of(new: Integers, tops: Any, pairs: Pairs, joined: Pairs, ratios: Any) -> Any:
@@ -231,9 +254,9 @@ def _necks_of(new: Integers, tops: Any, pairs: Pairs, joined: Pairs, ratios: Any
     return load("xarray").Dataset({name: ("neck", values) for name, values in columns.items()})
 
 
-def _without_small(mask: Any, least: int, ndimage: Any) -> Any:
+def _without_small(mask: Any, least: int) -> Any:
     """Return a mask without bodies of few voxels."""
-    bodies, _ = ndimage.label(mask)
+    bodies, _ = load("scipy.ndimage").label(mask)
     sizes = np.bincount(bodies.ravel())
     sizes[0] = 0
     return sizes[bodies] >= least

@@ -5,6 +5,9 @@ doi:10.1017/S1431927607074430). Boxes of voxels are halved again and again, each
 into it and are larger than one that contains it: of a wide pore a box is soon in one sphere. The result is exact.
 """
 
+import math
+from typing import Any
+
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
@@ -15,9 +18,10 @@ from voxgran._base.compiling.threads import in_blocks, using_threads
 from voxgran._base.errors import InputError
 from voxgran._base.kernels import kernel
 from voxgran._base.progress import Step, repeated
-from voxgran.lattice.distance import LEAST_VOXELS, NEVER, as_mask, distance_transform
+from voxgran.lattice.blocks import kept, lazy_of, overlapped
+from voxgran.lattice.distance import LEAST_VOXELS, NEVER, as_mask, distance_transform, lazy_mask
 from voxgran.lattice.image import are_equal, known_edges
-from voxgran.lattice.resample import resample
+from voxgran.lattice.resample import at_places, resample
 
 #: edge in voxels of boxes that are divided no more
 LEAF = 4
@@ -46,7 +50,8 @@ def local_thickness(
     Parameters
     ----------
     mask : (nx, ny, nz) array_like of bool, or Image
-        Mask of the occupied voxels; the exterior of the image counts neither as occupied nor as free.
+        Mask of the occupied voxels; the exterior of the image counts neither as occupied nor as free. A dask array is
+        computed block by block, with the same result, on the threads of dask.
     voxel_size : float or (3,) array_like of float, optional
         Edge of a voxel, or its edges along x, y and z. Default: those that an Image tells, otherwise the unit. With
         unequal edges the mask is resampled to cubes of the smallest edge (nearest values), and each voxel gets the
@@ -59,9 +64,9 @@ def local_thickness(
     Returns
     -------
     (nx, ny, nz) ndarray of float32
-        Diameters in voxels, or in the unit of the voxel size; 0 for free voxels. The radius of a sphere is the distance
-        of its center from that of the nearest free voxel, and it covers all closer centers; a slab of an even number of
-        voxels therefore has its thickness, and one of an odd number a voxel more.
+        For a dask array a dask array. Diameters in voxels, or in the unit of the voxel size; 0 for free voxels. The
+        radius of a sphere is the distance of its center from that of the nearest free voxel, and it covers all closer
+        centers; a slab of an even number of voxels therefore has its thickness, and one of an odd number a voxel more.
 
     Raises
     ------
@@ -70,6 +75,8 @@ def local_thickness(
         axes.
     TooLargeError
         If the image of cubes would have 2**32 voxels or more.
+    MissingLibraryError
+        If the image is a dask array and zarr is not installed.
 
     Notes
     -----
@@ -91,7 +98,8 @@ def local_thickness(
     >>> vg.local_thickness(mask)[0, 0].tolist()
     [0.0, 0.0, 4.0, 4.0, 4.0, 4.0, 0.0, 0.0]
     """
-    edges, around, taken = known_edges(voxel_size, mask), as_periodic(periodic), as_mask(mask)
+    edges, around, lazy = known_edges(voxel_size, mask), as_periodic(periodic), lazy_of(mask)
+    taken = as_mask(mask) if lazy is None else lazy_mask(lazy)
     if edges is not None and not are_equal(edges):
         cubes = resample(taken, to="cubic", voxel_size=edges, method="nearest")
         found = local_thickness(cubes, voxel_size=min(edges), periodic=around, threads=threads)
@@ -99,21 +107,45 @@ def local_thickness(
             np.minimum(((np.arange(n) + 0.5) * edge / min(edges)).astype(np.int64), many - 1)
             for n, edge, many in zip(taken.shape, edges, cubes.shape, strict=True)
         ]
-        return found[np.ix_(*places)]
+        return at_places(found, places)
+    factor = 2 if edges is None else 2 * min(edges)
+    if lazy is not None:
+        return _of_blocks(taken, around) * np.float32(factor)
     with using_threads(threads), repeated(None) as told:
         told(Step(stage="local thickness", done=0, total=0))
         squares = distance_transform(taken, periodic=around, squared=True)
         largest = int(squares.max(initial=0))
-        if largest == NEVER:
-            raise InputError("mask has no free voxel: no sphere ends anywhere; leave a free layer around the body")
-        needed, covered = ridge(squares, around), np.zeros(taken.shape, dtype=np.int32)
-        least = max(1, LEAST_VOXELS // max(taken.shape[1] * taken.shape[2], 1))
-        sides = np.array(around)
-        in_blocks(_cover_planes, taken.shape[0], squares, needed, sides, largest, covered, least=least)
-    thickness = squares.view(np.float32)
-    np.sqrt(covered, out=thickness, dtype=np.float32, casting="unsafe")
-    thickness *= 2 if edges is None else 2 * min(edges)
+        _refuse_endless(largest)
+        thickness = _covered(squares, around, largest)
+    thickness *= factor
     return thickness
+
+
+def _refuse_endless(largest: int) -> None:
+    """Refuse a mask that has no free voxel."""
+    if largest == NEVER:
+        raise InputError("mask has no free voxel: no sphere ends anywhere; leave a free layer around the body")
+
+
+def _covered(squares: NDArray[np.int32], around: tuple[bool, bool, bool], largest: int) -> NDArray[np.float32]:
+    """Return the radii of the largest spheres that cover the voxels, in place of the squared radii about them."""
+    needed, covered = ridge(squares, around), np.zeros(squares.shape, dtype=np.int32)
+    least = max(1, LEAST_VOXELS // max(squares.shape[1] * squares.shape[2], 1))
+    in_blocks(_cover_planes, len(squares), squares, needed, np.array(around), largest, covered, least=least)
+    thickness = squares.view(np.float32)
+    return np.sqrt(covered, out=thickness, dtype=np.float32, casting="unsafe")
+
+
+def _of_blocks(mask: Any, around: tuple[bool, bool, bool]) -> Any:
+    """Return the same radii for a dask array: no sphere reaches farther than the largest radius."""
+    squares = kept(distance_transform(mask, periodic=around, squared=True))
+    largest = int(squares.max())
+    _refuse_endless(largest)
+
+    def covered(block: NDArray[np.int32]) -> NDArray[np.float32]:
+        return _covered(block.copy(), (False, False, False), largest)
+
+    return overlapped(squares, covered, math.sqrt(largest), (1.0, 1.0, 1.0), around, np.float32)
 
 
 def ridge(squares: NDArray[np.int32], around: tuple[bool, bool, bool]) -> Booleans:

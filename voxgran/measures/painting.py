@@ -13,27 +13,37 @@ from voxgran.shapes.spheres import Spheres
 from voxgran.voxels.occupy import occupy
 
 
-def labels_on(packing: Packing, origin: Floats, edges: Floats, counts: tuple[int, int, int]) -> NDArray[np.int32]:
+def labels_on(
+    packing: Packing,
+    origin: Floats,
+    edges: Floats,
+    counts: tuple[int, int, int],
+    part: tuple[Integers, Integers] | None = None,
+) -> NDArray[np.int32]:
     """Return for each voxel, by its center, 0 for void or k + 1 for grain k, the first of several.
 
     `origin` (3,) is the corner of the first voxel, `edges` (3,) are those of a voxel.  Grains continue across periodic
-    faces.
+    faces.  `part`: the indices of the first voxel and after the last one of the part of the lattice that is returned.
 
     Raises
     ------
     InputError
         If a grain is an open surface.
     """
-    image = np.zeros(counts, dtype=np.int32)
+    start, stop = (np.zeros(3, dtype=np.int64), np.array(counts)) if part is None else part
+    image = np.zeros(tuple((stop - start).tolist()), dtype=np.int32)
     packing, shifts = with_images(packing)
     shifts = shifts - origin
     spheres = np.array(
         [isinstance(s.geometry, Spheres) or (s.is_sphere and s.dimension == 3) for s in packing.shapes], dtype=bool
     )
     round_ones = spheres[packing.shape_id] if packing.count else np.zeros(0, dtype=bool)
-    _paint_round(image, edges, packing, np.flatnonzero(round_ones), shifts)
-    for grain in np.flatnonzero(~round_ones):
-        _paint_other(image, edges, packing, int(grain), shifts)
+    # a voxel more than is needed
+    places, reach = packing.position[:, None] + shifts, (packing.bounding_radii[:, None] + 2 * edges)[:, None]
+    near = np.any(((places + reach > start * edges) & (places - reach < stop * edges)).all(axis=2), axis=1)
+    _paint_round(image, edges, packing, np.flatnonzero(round_ones & near), shifts, start)
+    for grain in np.flatnonzero(~round_ones & near):
+        _paint_other(image, edges, packing, int(grain), shifts, np.array(counts), start)
     return image
 
 
@@ -53,7 +63,9 @@ def with_images(packing: Packing) -> tuple[Packing, Floats]:
     return packing, (np.array(list(np.ndindex(*(2 * far + 1)))) - far) * lengths
 
 
-def _paint_round(image: NDArray[np.int32], edges: Floats, packing: Packing, grains: Integers, shifts: Floats) -> None:
+def _paint_round(
+    image: NDArray[np.int32], edges: Floats, packing: Packing, grains: Integers, shifts: Floats, start: Integers
+) -> None:
     """Paint spheres and clumps of spheres, in closed form."""
     for index in np.unique(packing.shape_id[grains]):
         geometry = packing.shapes[index].geometry
@@ -67,17 +79,25 @@ def _paint_round(image: NDArray[np.int32], edges: Floats, packing: Packing, grai
         centers += packing.position[members, None, :]
         labels = np.repeat(members.astype(np.int32) + 1, len(radii))
         sizes = (scale[:, None] * radii).ravel()
-        _paint_spheres(image, centers.reshape(-1, 3), sizes, labels, shifts, edges)
+        _paint_spheres(image, centers.reshape(-1, 3), sizes, labels, shifts, edges, start)
 
 
-def _paint_other(image: NDArray[np.int32], edges: Floats, packing: Packing, grain: int, shifts: Floats) -> None:
+def _paint_other(
+    image: NDArray[np.int32],
+    edges: Floats,
+    packing: Packing,
+    grain: int,
+    shifts: Floats,
+    counts: Integers,
+    start: Integers,
+) -> None:
     """Paint one grain of any shape; each periodic image is voxelized where it lies on the lattice.
 
     Along axes whose edge of a voxel is not that of the others, the centers of one layer at a time lie on a lattice of
     cubes.
     """
     shape, reach = packing.shapes[packing.shape_id[grain]], float(packing.bounding_radii[grain])
-    counts, flat = np.array(image.shape), packing.dimension == 2
+    flat = packing.dimension == 2
     size = float(max(edges, key=edges.tolist().count))
     layered = (edges != size) & (not flat or np.arange(3) < 2)
     for shift in shifts:
@@ -91,6 +111,10 @@ def _paint_other(image: NDArray[np.int32], edges: Floats, packing: Packing, grai
         for layer in np.ndindex(*np.where(layered, high - low, 1)):
             first = low + np.array(layer)
             last = np.where(layered, first + 1, high)
+            # the whole grain is voxelized, so that round-off is the same in each part
+            inner, outer = np.maximum(first, start), np.minimum(last, start + image.shape)
+            if (inner >= outer).any():
+                continue
             corner = np.where(layered, (first + 0.5) * edges - size / 2, first * edges)
             x, y, z = (float(value) for value in corner - place)
             nx, ny, nz = (int(value) for value in last - first)
@@ -98,14 +122,16 @@ def _paint_other(image: NDArray[np.int32], edges: Floats, packing: Packing, grai
             mask = occupy(
                 shape, local, scale=float(packing.scale[grain]), rotation=packing.orientation[grain], cover="center"
             )
-            window = image[tuple(slice(a, b) for a, b in zip(first, last, strict=True))]
+            mask = mask[tuple(slice(a, b) for a, b in zip(inner - first, outer - first, strict=True))]
+            window = image[tuple(slice(a, b) for a, b in zip(inner - start, outer - start, strict=True))]
             window[mask & ((window == 0) | (window > grain + 1))] = grain + 1
 
 
 @kernel
-def _paint_spheres(image, centers, radii, labels, shifts, edges):  # type: ignore[no-untyped-def]
+def _paint_spheres(image, centers, radii, labels, shifts, edges, start):  # type: ignore[no-untyped-def]
     """Label the voxels whose centers lie in spheres; the lowest label wins."""
-    nx, ny, nz = image.shape
+    a, b, c = start
+    nx, ny, nz = a + image.shape[0], b + image.shape[1], c + image.shape[2]
     wide, high = edges[1] / edges[0], edges[2] / edges[0]
     for sphere in range(len(radii)):
         label, radius = labels[sphere], radii[sphere] / edges[0]
@@ -113,13 +139,13 @@ def _paint_spheres(image, centers, radii, labels, shifts, edges):  # type: ignor
             x = (centers[sphere, 0] + shifts[s, 0]) / edges[0] - 0.5
             y = (centers[sphere, 1] + shifts[s, 1]) / edges[1] - 0.5
             z = (centers[sphere, 2] + shifts[s, 2]) / edges[2] - 0.5
-            for i in range(max(0, int(np.ceil(x - radius))), min(nx, int(np.floor(x + radius)) + 1)):
+            for i in range(max(a, int(np.ceil(x - radius))), min(nx, int(np.floor(x + radius)) + 1)):
                 reach = radius / wide
-                for j in range(max(0, int(np.ceil(y - reach))), min(ny, int(np.floor(y + reach)) + 1)):
+                for j in range(max(b, int(np.ceil(y - reach))), min(ny, int(np.floor(y + reach)) + 1)):
                     rest = radius * radius - (i - x) ** 2 - ((j - y) * wide) ** 2
                     if rest < 0.0:
                         continue
                     half = np.sqrt(rest) / high
-                    for k in range(max(0, int(np.ceil(z - half))), min(nz, int(np.floor(z + half)) + 1)):
-                        if image[i, j, k] == 0 or image[i, j, k] > label:
-                            image[i, j, k] = label
+                    for k in range(max(c, int(np.ceil(z - half))), min(nz, int(np.floor(z + half)) + 1)):
+                        if image[i - a, j - b, k - c] == 0 or image[i - a, j - b, k - c] > label:
+                            image[i - a, j - b, k - c] = label

@@ -6,11 +6,12 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from voxgran._base.arrays import Booleans, Floats, Integers, as_array, check_type
+from voxgran._base.arrays import Floats, Integers, as_array, check_type
 from voxgran._base.calls import explained
 from voxgran._base.errors import InputError
 from voxgran._base.files import written_whole
 from voxgran._base.lazy import load
+from voxgran.lattice.blocks import lazy_of
 from voxgran.lattice.segment import Segmentation
 from voxgran.report.plots import DISTINCT
 from voxgran.report.stage import check_picture_path
@@ -64,15 +65,16 @@ def save_slices(
     """
     check_type(segmentation, Segmentation, "segmentation", "what segment(image) returns")
     check_picture_path(path, overwrite=overwrite)
-    labels = segmentation.labels
-    grey = (labels > 0) * 1.0 if image is None else as_array(image, "image")
+    labels: Any = segmentation.labels
+    given = lazy_of(image)
+    grey = (labels > 0) * 1.0 if image is None else as_array(image, "image") if given is None else given
     if grey.shape != labels.shape or grey.dtype.kind not in "buif":
         raise InputError(
             f"image has shape {grey.shape} and type {grey.dtype}: it must have the shape {labels.shape} of the labels "
             "and hold grey values"
         )
     grain, other = (segmentation.suspects[name].values for name in ("grain", "other"))
-    kinds = np.zeros(int(labels.max(initial=0)) + 1, dtype=np.int64)
+    kinds = np.zeros(segmentation.grains + 1, dtype=np.int64)
     kinds[1:] = 1
     kinds[np.concatenate([grain[grain != other], other[grain != other]])] = 2
     kinds[grain[grain == other]] = 3
@@ -81,9 +83,13 @@ def save_slices(
     edges = segmentation.voxel_size or (1.0, 1.0, 1.0)
     unit = "voxels" if segmentation.voxel_size is None else segmentation.unit or "units of length"
     extent = (0.0, labels.shape[0] * edges[0], 0.0, labels.shape[1] * edges[1])
-    for panel, k in zip(figure.subplots(2, SLICES // 2).ravel(), _slices(kinds[labels] > 1), strict=True):
+    is_suspect = kinds > 1
+    lazy = lazy_of(labels)
+    suspect = is_suspect[labels] if lazy is None else lazy.map_blocks(lambda block: is_suspect[block], dtype=np.bool_)
+    chosen = _slices(np.asarray(suspect.sum(axis=(0, 1))))
+    for panel, k in zip(figure.subplots(2, SLICES // 2).ravel(), chosen, strict=True):
         shades = (np.asarray(grey[:, :, k], dtype=np.float64) - low) / (high - low or 1.0)
-        picture = _outlined(shades, labels[:, :, k], kinds)
+        picture = _outlined(shades, np.asarray(labels[:, :, k]), kinds)
         panel.imshow(picture.transpose(1, 0, 2), origin="lower", extent=extent, interpolation="nearest")
         panel.set(title=f"z = {(k + 0.5) * edges[2]:.4g}", xlabel=f"x, {unit}")
     words = {GRAIN: "grain", ONE: "perhaps one grain with a neighbour", SEVERAL: "perhaps several grains"}
@@ -94,12 +100,12 @@ def save_slices(
         figure.savefig(draft, format="png", dpi=110)
 
 
-def _slices(suspect: Booleans) -> list[int]:
-    """Return the slice with most voxels of suspects of each sixth along z, or else the middle one."""
-    ends = np.linspace(0, suspect.shape[2], SLICES + 1)
+def _slices(suspect: Integers) -> list[int]:
+    """Return the slice with most of the voxels of suspects, (nz,), of each sixth along z, or else the middle one."""
+    ends = np.linspace(0, len(suspect), SLICES + 1)
     found = []
     for low, high in zip(ends[:-1].astype(int), ends[1:].astype(int), strict=True):
-        part = suspect[:, :, low : max(high, low + 1)].sum(axis=(0, 1))
+        part = suspect[low : max(high, low + 1)]
         found.append(low + int(part.argmax() if part.any() else len(part) // 2))
     return found
 

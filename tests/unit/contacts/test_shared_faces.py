@@ -7,7 +7,7 @@ from scipy.spatial.transform import Rotation
 import voxgran as vg
 from voxgran._base.seeds import stream
 from voxgran.contacts import meshes
-from voxgran.contacts.shared_faces import lie_side_by_side
+from voxgran.contacts.overlap.shared_faces import lie_side_by_side
 from voxgran.contacts.solid import Solid, combine
 from voxgran.shapes.mesh import Mesh
 

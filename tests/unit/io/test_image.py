@@ -190,7 +190,7 @@ def test_stacks_have_the_smallest_type_that_holds_the_labels(values, kind, tmp_p
 
 
 def test_images_of_another_kind_are_refused(tmp_path):
-    with pytest.raises(FileFormatError, match=r"kept as \.vti, \.tif, \.tiff; choose one"):
+    with pytest.raises(FileFormatError, match=r"kept as \.vti, \.tif, \.tiff, \.zarr; choose one"):
         save_image(np.zeros((2, 2, 2)), tmp_path / "i.png", voxel_size=1.0)
     for bad in (np.zeros((2, 2)), np.full((2, 2, 2), "a")):
         with pytest.raises(InputError, match="give numbers along x, y and z"):

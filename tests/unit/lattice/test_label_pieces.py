@@ -27,11 +27,14 @@ def test_the_largest_piece_of_each_label_is_kept(seed):
         labels = draw.integers(0, count + 1, draw.integers(1, 9, 3)).astype(np.int32)
         wraps = draw.random(3) < 0.5
         several, kept = by_label(labels, count, wraps)
-        assert keep_largest_pieces(labels, count, wraps) == several
+        some = labels.copy()
+        assert keep_largest_pieces(some, np.arange(count + 1) == 1, wraps) == several[: several[:1] == [1]]
+        assert np.array_equal(some, np.where(labels == 1, kept, labels))
+        assert keep_largest_pieces(labels, np.ones(count + 1, dtype=bool), wraps) == several
         assert np.array_equal(labels, kept)
 
 
 def test_of_equally_large_pieces_the_first_is_kept():
     labels = np.array([[[1, 0, 1, 0, 2, 2]]], dtype=np.int32)
-    assert keep_largest_pieces(labels, 2, np.zeros(3, dtype=bool)) == [1]
+    assert keep_largest_pieces(labels, np.ones(3, dtype=bool), np.zeros(3, dtype=bool)) == [1]
     assert labels.tolist() == [[[1, 0, 0, 0, 2, 2]]]

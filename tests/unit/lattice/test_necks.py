@@ -121,8 +121,8 @@ def test_a_segmentation_is_an_image_of_labels_and_works_like_their_array():
     packing = vg.packing_of_labels(found)
     assert packing.count == 2
     assert packing.volumes.sum() == pytest.approx((labels > 0).sum() * 1e-3, rel=0.02)
-    with pytest.raises(AttributeError, match="Segmentation has no attribute 'grains'"):
-        getattr(found, "grains")  # noqa: B009
+    with pytest.raises(AttributeError, match="Segmentation has no attribute 'bodies'"):
+        getattr(found, "bodies")  # noqa: B009
 
 
 def test_smoothed_distances_part_grains_where_they_touch(bed, monkeypatch):

@@ -78,8 +78,11 @@ def packing_of_labels(
         If it is of no known format, or damaged.
     MissingLibraryError
         If the library that reads the format is not installed.
+    TooLargeError
+        If a label of a dask array spans more voxels than fit in memory.
     InputError
-        If the image holds no label or what is no label, no grain is left, or an option is out of range.
+        If the image holds no label or what is no label, no grain is left, an option is out of range, or a dask array is
+        periodic.
 
     Warns
     -----

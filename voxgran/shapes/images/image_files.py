@@ -71,7 +71,11 @@ def load_image(
     >>> vg.load_image("scan.npy").values.shape
     (10, 20, 30)
     """
-    image = _image_in(as_path(path), key)
+    return with_lattice(_image_in(as_path(path), key), voxel_size, unit)
+
+
+def with_lattice(image: Image, voxel_size: Any, unit: str | None) -> Image:
+    """Return an image with the edges of a voxel and the unit that are given, where they are."""
     if voxel_size is None:
         return replace(image, unit=voxel_unit(unit, None, image))
     return replace(image, voxel_size=as_edges(voxel_size), unit=stated_unit(unit))
@@ -168,8 +172,8 @@ def tiff_pages(path: Path) -> Content:
     """
     tifffile = image_library("tifffile")
     with tifffile.TiffFile(path) as file:
-        _refuse_cut(file, path)
-        spacing, unit = _tiff_lattice(file)
+        refuse_cut(file, path)
+        spacing, unit = tiff_lattice(file)
         # pages that were written one by one may be as many series
         apart = len(file.series) > 1 and len({(page.shape, page.dtype) for page in file.pages}) == 1
         told = {"spacing": spacing, "unit": unit}
@@ -182,8 +186,14 @@ def tiff_pages(path: Path) -> Content:
     return {"offset": pages.offset, "dtype": pages.dtype.str, "shape": pages.shape, **told}, {}
 
 
-def _refuse_cut(file: Any, path: Path) -> None:
-    """Refuse a TIFF file that ends within a page, or before pages that it has: the library would leave these out."""
+def refuse_cut(file: Any, path: Path) -> None:
+    """Refuse a TIFF file that ends within a page, or before pages that it has: the library would leave these out.
+
+    Raises
+    ------
+    FileFormatError
+        If it does.
+    """
     whole, last = path.stat().st_size, file.pages[len(file.pages) - 1]
     for k, page in enumerate(file.pages):
         ends = [start + size for start, size in zip(page.dataoffsets, page.databytecounts, strict=False)]
@@ -199,7 +209,7 @@ def _refuse_cut(file: Any, path: Path) -> None:
         raise FileFormatError(f"{path} ends within slice {many} (from 0 on): it is cut; write it again")
 
 
-def _tiff_lattice(file: Any) -> tuple[list[float] | None, str | None]:
+def tiff_lattice(file: Any) -> tuple[list[float] | None, str | None]:
     """Return the edges of a voxel and their unit, where ImageJ or OME has written them into a TIFF file."""
     if file.ome_metadata:
         found = ET.fromstring(file.ome_metadata)
@@ -260,6 +270,19 @@ def nrrd_values(path: Path) -> Content:
             f"{path} only names other files, which may lie anywhere: write header and data as one file"
         )
     values, header = library.read(str(path))
+    spacing, unit = nrrd_lattice(header, path)
+    facts = {"shape": values.shape, "spacing": spacing, "unit": unit}
+    return facts, {"values": np.asarray(values).ravel(order="F")}
+
+
+def nrrd_lattice(header: Any, path: Path) -> tuple[list[float] | None, str | None]:
+    """Return the edges of a voxel and their unit, where the header of a NRRD file tells them.
+
+    Raises
+    ------
+    FileFormatError
+        If the axes have several units of which not all are known.
+    """
     directions = header.get("space directions")
     if directions is not None and np.asarray(directions).shape == (3, 3):
         spacing = np.linalg.norm(np.asarray(directions, dtype=float), axis=1)
@@ -274,8 +297,7 @@ def nrrd_values(path: Path) -> Content:
                 f"{path} has axes in {' and '.join(told)[:80]}: where units differ each must be known; write it again"
             )
         spacing *= [unit_factor(str(unit), str(known[0])) for unit in known]
-    facts = {"shape": values.shape, "spacing": spacing.tolist() if good else None, "unit": known[0] if known else None}
-    return facts, {"values": np.asarray(values).ravel(order="F")}
+    return spacing.tolist() if good else None, known[0] if known else None
 
 
 def _read_meta(path: Path, key: str | None) -> Image:

@@ -4,6 +4,7 @@ The surfaces of all labels are made at once (:mod:`voxgran.lattice.label_surface
 """
 
 import os
+from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
@@ -11,17 +12,21 @@ import numpy as np
 from numpy.typing import NDArray
 
 from voxgran._base import ExplainedAttributes
-from voxgran._base.arrays import Floats, Integers, as_array, as_choice, as_number
+from voxgran._base.arrays import Booleans, Floats, Integers, as_array, as_choice, as_number
 from voxgran._base.axes import Periodic, as_periodic
 from voxgran._base.calls import explained
 from voxgran._base.errors import InputError, PackingWarning
+from voxgran._base.files import as_path
 from voxgran._base.lazy import load
 from voxgran._base.progress import OnStep, Step, reported, silent
 from voxgran._base.warning import warn
+from voxgran.lattice.block_surfaces import block_surfaces
+from voxgran.lattice.blocks import lazy_of
 from voxgran.lattice.census import Census, census
 from voxgran.lattice.label import components
 from voxgran.lattice.label_surfaces import label_surfaces
 from voxgran.shapes.images.image_files import Image, load_image, voxel_sizes, voxel_unit
+from voxgran.shapes.images.open_image import is_opened, open_image
 from voxgran.shapes.mesh import Mesh
 from voxgran.shapes.model import Shape
 from voxgran.shapes.repairing.touching import parted
@@ -66,8 +71,8 @@ def load_labels(
     Parameters
     ----------
     source : path-like, Image or (nx, ny, nz) ndarray of int
-        A file as :func:`voxgran.load_image` takes it, or labels with 0 for void; a memory map may be larger than the
-        memory.
+        A file as :func:`voxgran.load_image` or :func:`voxgran.open_image` takes it, or labels with 0 for void. A dask
+        array may be larger than the memory: surfaces are made group by group, and the shapes alone must fit.
     voxel_size : float or (3,) array_like of float, optional
         Edges of a voxel; default: as the file says.
     border : {"keep", "drop"}
@@ -91,7 +96,8 @@ def load_labels(
     -------
     list of Shape
         Named ``label K``, rising. Each has the volume of its voxels to round-off, unless it has several pieces, of
-        which the largest is kept.
+        which the largest is kept. Of a dask array corners of triangles differ by some thousandths of a voxel, and few
+        by up to half of one, where triangles that cross are repaired.
 
     Raises
     ------
@@ -101,9 +107,11 @@ def load_labels(
         If it is of no known format, or damaged.
     MissingLibraryError
         If the library that reads the format is not installed.
+    TooLargeError
+        If a label of a dask array spans more voxels than fit in memory.
     InputError
-        If the image has not three axes, holds no label or what is no label, no grain is left, or an option is out of
-        range.
+        If the image has not three axes, holds no label or what is no label, no grain is left, an option is out of
+        range, or a dask array is periodic.
 
     Warns
     -----
@@ -203,10 +211,11 @@ def image_of(source: str | os.PathLike[str] | NDArray[Any] | Image, key: str | N
         If it is neither a file, an array nor an image.
     """
     if isinstance(source, str | os.PathLike):
-        return load_image(source, key=key)
+        path = as_path(source)
+        return open_image(path, key=key) if is_opened(path) else load_image(path, key=key)
     if isinstance(source, Image):
         return source
-    return Image(as_array(source, "image"))
+    return Image(as_array(source, "image") if lazy_of(source) is None else source)
 
 
 def labelled_grains(
@@ -239,24 +248,48 @@ def labelled_grains(
         )
     told = reported(on_step) or silent
     told(Step(stage="grains", done=0, total=len(kept), text=f"surfaces of {len(found.label)} labels"))
-    numbered = found.numbered(image.values)
-    surfaces = label_surfaces(numbered, len(found.label), wraps=wraps, smoothing=width, spacing=size)
+    several: list[int] = []
     grains = []
-    for done, k in enumerate(kept):
+    made = _surfaces(image.values, found, kept, wraps, width, size, several)
+    for done, (k, parts) in enumerate(made):
         if done:
             told(Step(stage="grains", done=done, total=len(kept), text=f"{done} of {len(kept)} labels"))
         label = int(found.label[k])
-        shape = _solid(surfaces.of(int(k) + 1), size, f"label {label}", unit)
+        shape = _solid(parts, size, f"label {label}", unit)
         position = np.array(shape.offset) + np.array(image.origin)
         grains.append(LabelledGrain(label, shape, position, float(found.count[k] * size.prod()), bool(cut[k])))
-    several = np.intersect1d(surfaces.several, kept + 1)
-    if len(several):
+    if several:
         warn(
-            f"{len(several)} of {len(kept)} labels have several pieces (label {found.label[several[0] - 1]} first): "
+            f"{len(several)} of {len(kept)} labels have several pieces (label {found.label[min(several)]} first): "
             "the largest piece of each is kept; label connected bodies, or clean the image",
             PackingWarning,
         )
-    return grains
+    return sorted(grains, key=lambda grain: grain.label)
+
+
+def _surfaces(
+    values: Any, found: Census, kept: Integers, wraps: Booleans, smoothing: float, spacing: Floats, several: list[int]
+) -> Iterator[tuple[int, list[tuple[Floats, NDArray[np.int32]]]]]:
+    """Yield the rows of a census that are kept, each with the surface of its label, as `block_surfaces`.
+
+    Raises
+    ------
+    InputError
+        If the image is a dask array and periodic.
+    """
+    how: dict[str, Any] = {"smoothing": smoothing, "spacing": spacing}
+    if lazy_of(values) is not None:
+        if wraps.any():
+            raise InputError(
+                "periodic is given for an image in blocks: surfaces that go on across its faces need it in memory; "
+                "give numpy.asarray(image), or leave periodic out"
+            )
+        yield from block_surfaces(values, found, kept, several=several, **how)
+        return
+    surfaces = label_surfaces(found.numbered(values), len(found.label), wraps=wraps, **how)
+    several += np.intersect1d(np.array(surfaces.several, dtype=np.int64) - 1, kept).tolist()
+    for k in kept.tolist():
+        yield k, surfaces.of(k + 1)
 
 
 def _counted(image: Image) -> Census:

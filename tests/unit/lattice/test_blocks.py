@@ -1,0 +1,148 @@
+"""Images in many small odd blocks give what they give in memory, to the bit."""
+
+import numpy as np
+import pytest
+from scipy.ndimage import gaussian_filter, median_filter, uniform_filter
+
+import voxgran as vg
+from voxgran._base.errors import InputError
+from voxgran._base.seeds import stream
+from voxgran.lattice.census import census
+from voxgran.lattice.image import Image, as_edges
+
+da = pytest.importorskip("dask.array")
+pytest.importorskip("zarr")
+
+SHAPE, BLOCKS = (23, 15, 20), (9, 15, 11)
+UNEQUAL = (1.0, 1.3, 0.7)
+GREY = gaussian_filter(stream(1, "blocks").random(SHAPE), 1.5)
+MASK = np.quantile(GREY, 0.6) > GREY
+PERIODS = [False, "yz", "xyz"]
+
+
+def blocks(values):
+    return da.from_array(values, chunks=BLOCKS)
+
+
+def same(found, expected):
+    assert isinstance(found, da.Array)
+    assert found.dtype == expected.dtype
+    assert np.array_equal(found.compute(), expected)
+
+
+@pytest.mark.parametrize(
+    ("function", "reach", "options"),
+    [(gaussian_filter, 6, {"sigma": 1.5}), (median_filter, 1, {"size": 3}), (uniform_filter, 2, {"size": 5})],
+)
+def test_filters_are_those_of_scipy_with_an_overlap(function, reach, options):
+    # running means of whole numbers have no round-off
+    grey = (GREY * 255).astype(np.uint8) if function is uniform_filter else GREY
+    found = blocks(grey).map_overlap(function, depth=reach, boundary="reflect", **options)
+    same(found, function(grey, **options))
+    same(found > grey[0, 0, 0], function(grey, **options) > grey[0, 0, 0])
+
+
+@pytest.mark.parametrize("connectivity", [6, 18, 26])
+@pytest.mark.parametrize("periodic", PERIODS)
+def test_bodies_are_joined_across_blocks(connectivity, periodic):
+    mask = stream(2, "mask").random(SHAPE) < 2.0 / connectivity
+    expected, count = vg.connected_components(mask, connectivity=connectivity, periodic=periodic)
+    found, many = vg.connected_components(blocks(mask), connectivity=connectivity, periodic=periodic)
+    assert many == count
+    same(found, expected)
+
+
+def test_blocks_may_have_several_sizes():
+    sparse = stream(3, "mask").random(SHAPE) < 0.2
+    lazy = da.from_array(sparse, chunks=((3, 11, 1, 8), (14, 1), (7, 2, 11)))
+    expected, count = vg.connected_components(sparse)
+    found, many = vg.connected_components(lazy)
+    assert many == count > 100
+    same(found, expected)
+    same(vg.distance_transform(~lazy), vg.distance_transform(~sparse))
+
+
+def test_an_image_without_bodies_has_none_in_blocks():
+    found, count = vg.connected_components(blocks(np.zeros(SHAPE, dtype=int)))
+    assert count == 0
+    assert not found.any()
+
+
+def test_temporary_folders_are_removed_with_their_arrays(tmp_path):
+    with pytest.importorskip("dask").config.set(temporary_directory=str(tmp_path)):
+        found = vg.connected_components(blocks(MASK))[0][3:]
+    assert found.any()
+    assert len(list(tmp_path.iterdir())) == 1
+    del found
+    assert not list(tmp_path.iterdir())
+
+
+@pytest.mark.parametrize("edges", [None, 0.3, UNEQUAL])
+@pytest.mark.parametrize("periodic", PERIODS)
+def test_distances_are_those_of_the_whole_image(edges, periodic):
+    far = np.ones(SHAPE, dtype=bool)
+    far[3, 4, 5] = far[20, 12, 2] = False
+    for mask in (MASK, far, ~far):
+        found = vg.distance_transform(blocks(mask), voxel_size=edges, periodic=periodic)
+        same(found, vg.distance_transform(mask, voxel_size=edges, periodic=periodic))
+
+
+def test_distances_are_longer_than_the_first_surroundings():
+    mask = np.ones((90, 3, 4), dtype=bool)
+    mask[2, 1, 0] = False
+    for edges in (None, (0.5, 1.0, 1.0)):
+        found = vg.distance_transform(da.from_array(mask, chunks=8), voxel_size=edges)
+        same(found, vg.distance_transform(mask, voxel_size=edges))
+
+
+def test_squared_distances_and_masks_without_a_free_voxel():
+    full = np.ones(SHAPE, dtype=bool)
+    same(vg.distance_transform(blocks(MASK), squared=True), vg.distance_transform(MASK, squared=True))
+    same(vg.distance_transform(blocks(full), squared=True), vg.distance_transform(full, squared=True))
+    same(vg.distance_transform(blocks(full)), vg.distance_transform(full))
+
+
+@pytest.mark.parametrize("operation", [vg.dilation, vg.erosion, vg.opening, vg.closing])
+@pytest.mark.parametrize(("radius", "edges"), [(4.0, 1.0), (2.5, UNEQUAL)])
+def test_morphology_is_that_of_the_whole_image(operation, radius, edges):
+    found = operation(Image(blocks(MASK), as_edges(edges)), radius, periodic="xz")
+    same(found, operation(MASK, radius, voxel_size=edges, periodic="xz"))
+
+
+@pytest.mark.parametrize("edges", [0.3, (0.3, 0.3, 0.6)])
+@pytest.mark.parametrize("periodic", [False, "y"])
+def test_thickness_is_that_of_the_whole_image(edges, periodic):
+    wide = np.indices(SHAPE)[0] % 15 > 2
+    for mask in (MASK, wide):
+        found = vg.local_thickness(blocks(mask), voxel_size=edges, periodic=periodic)
+        same(found, vg.local_thickness(mask, voxel_size=edges, periodic=periodic))
+
+
+def test_labels_are_counted_block_by_block():
+    labels = vg.connected_components(MASK)[0].astype(np.uint16) * 3
+    one, other = census(labels), census(blocks(labels))
+    for name in ("label", "count", "lower", "upper", "middle", "at_border"):
+        assert np.array_equal(getattr(one, name), getattr(other, name))
+    table = vg.label_table(Image(blocks(labels), UNEQUAL))
+    assert table.identical(vg.label_table(labels, voxel_size=UNEQUAL))
+
+
+def test_nearest_values_stay_in_blocks():
+    labels = vg.connected_components(MASK)[0]
+    found = vg.resample(Image(blocks(labels), UNEQUAL), to="cubic", method="nearest")
+    same(found.values, vg.resample(labels, to="cubic", voxel_size=UNEQUAL, method="nearest"))
+
+
+def test_what_is_no_mask_is_refused():
+    with pytest.raises(InputError, match="float64"):
+        vg.connected_components(blocks(GREY))
+    with pytest.raises(InputError, match="three axes"):
+        vg.distance_transform(blocks(MASK)[0])
+    with pytest.raises(InputError, match="compare labels with 0 first"):
+        vg.distance_transform(blocks(MASK * 2)).compute()
+    with pytest.raises(InputError, match="out is given"):
+        vg.distance_transform(blocks(MASK), out=np.empty(SHAPE))
+    with pytest.raises(InputError, match="no free voxel"):
+        vg.local_thickness(blocks(np.ones(SHAPE, dtype=bool)))
+    with pytest.raises(InputError, match="grey values"):
+        vg.label_table(blocks(GREY), voxel_size=1.0)

@@ -1,0 +1,96 @@
+"""Bodies, distances and basins of images in blocks, for :func:`voxgran.segment`.
+
+Each block is flooded with what lies around it, as wide as the largest grain. Seeds have the numbers of the whole image,
+so that the basins of blocks fit together; a voxel may belong to another basin than in memory only where two basins
+reach it at the same level, or where a plateau of the distance is wider than these surroundings.
+"""
+
+import math
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from voxgran._base.arrays import Floats, Integers
+from voxgran._base.lazy import load
+from voxgran.lattice.blocks import block_library, kept, of_blocks, overlapped
+from voxgran.lattice.distance import distance_transform
+from voxgran.lattice.image import Edges
+from voxgran.lattice.label import connected_components
+from voxgran.lattice.necks import Pairs, pairs_of, widest
+
+
+def histogram_of(grey: Any, least: Any, greatest: Any) -> tuple[Integers, NDArray[Any]]:
+    """Return the numbers of voxels and the middles of the classes of an image, as scikit-image counts them."""
+    if grey.dtype.kind == "f":
+        edges = np.histogram_bin_edges(np.array([least, greatest]), 256)
+        parts = of_blocks(grey, lambda block, _: np.histogram(block, 256, (least, greatest))[0])
+        return np.sum(parts, axis=0), (edges[:-1] + edges[1:]) / 2
+    many = int(greatest) - int(least) + 1
+    parts = of_blocks(grey, lambda block, _: np.bincount(block.ravel() - int(least), minlength=many))
+    return np.sum(parts, axis=0), np.arange(int(least), int(greatest) + 1)
+
+
+def without_small(mask: Any, least: int) -> Any:
+    """Return a mask without bodies of few voxels."""
+    bodies: Any
+    bodies, count = connected_components(mask)
+    large = sizes_of(bodies, count) >= least
+    large[0] = False
+    return kept(bodies.map_blocks(lambda block: large[block], dtype=np.bool_))
+
+
+def sizes_of(labels: Any, count: int) -> Integers:
+    """Return the numbers of voxels, (count + 1,), of the labels from 0 on."""
+    sizes = np.zeros(count + 1, dtype=np.int64)
+    for found, many in of_blocks(labels, lambda block, _: np.unique(block, return_counts=True)):
+        sizes[found] += many
+    return sizes
+
+
+def basins_of(solid: Any, edges: Edges | None, smooth: float) -> tuple[Any, Floats, Pairs, Integers]:
+    """Return the basins of the distance to the void, the largest distance in each, their pairs and numbers of voxels.
+
+    `smooth` is the standard deviation, in voxels, over which the distance is smoothed.
+    """
+    array, ndimage, step = block_library("dask.array"), load("scipy.ndimage"), edges or (1.0, 1.0, 1.0)
+    flooded, no = load("skimage.segmentation").watershed, (False, False, False)
+    walled = array.pad(solid, 1).rechunk(solid.chunksize)
+    distance: Any = distance_transform(walled, voxel_size=edges)[1:-1, 1:-1, 1:-1]
+    distance = distance.rechunk(solid.chunks)
+    # the reach of the Gaussian of SciPy
+    how = {"depth": int(4 * smooth + 0.5), "boundary": "reflect", "dtype": np.float32}
+    distance = kept(distance.map_overlap(ndimage.gaussian_filter, sigma=smooth, **how) * solid)
+    width = 2 * float(distance.max()) + 3 * max(step)
+    tops = overlapped(distance, load("skimage.morphology").local_maxima, width / 2, step, no, np.bool_)
+    seeds, count = connected_components(tops & solid, connectivity=26)
+    seeds = kept(seeds)
+
+    def flood(far: NDArray[Any], seed: NDArray[Any], mask: NDArray[Any]) -> NDArray[Any]:
+        return np.asarray(flooded(-far, seed, mask=mask))
+
+    while True:
+        depth = tuple(min(math.ceil(width / edge), n) for edge, n in zip(step, solid.shape, strict=True))
+        kind = np.empty((0, 0, 0), dtype=np.int32)
+        around: dict[str, Any] = {"depth": depth, "boundary": "none", "dtype": kind.dtype, "meta": kind}
+        basins = kept(array.map_overlap(flood, distance, seeds, solid, **around).rechunk(distance.chunks))
+        if depth == solid.shape or not ((basins == 0) & solid).any().compute():
+            break
+        # a grain so long that its middle lies beyond the surroundings
+        width *= 2
+    ahead = dict.fromkeys(range(3), (0, 1))
+    with_next = [array.overlap.overlap(each, ahead, "none") for each in (basins, distance)]
+    found = of_blocks(with_next, lambda labels, _, far: pairs_of(labels, far))
+    pairs = widest(*(np.concatenate([getattr(part, name) for part in found]) for name in ("one", "other", "neck")))
+    peaks = np.zeros(count + 1)
+    for labels, tallest in of_blocks([basins, distance], lambda labels, _, far: _tops(labels, far)):
+        peaks[labels] = np.maximum(peaks[labels], tallest)
+    peaks[0] = 0.0
+    return basins, peaks, pairs, sizes_of(basins, count)
+
+
+def _tops(labels: NDArray[Any], distance: NDArray[Any]) -> tuple[Integers, Floats]:
+    """Return the labels of a block and the largest distance in each."""
+    found, index = np.unique(labels, return_inverse=True)
+    highest = load("scipy.ndimage").maximum(distance, index.reshape(labels.shape), np.arange(len(found)))
+    return found, np.asarray(highest, dtype=np.float64)

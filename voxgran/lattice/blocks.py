@@ -1,0 +1,163 @@
+"""Images in blocks: dask arrays, which may be larger than the memory.
+
+Work on blocks is left to dask, which runs it by its scheduler: threads, or the cluster that a client of `distributed`
+has connected. What is needed several times, such as numbers of bodies, is kept in a temporary folder.
+"""
+
+import math
+import shutil
+import sys
+import tempfile
+import weakref
+from collections.abc import Callable, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from voxgran._base.arrays import as_count
+from voxgran._base.errors import MissingLibraryError, TooLargeError
+from voxgran._base.lazy import load
+from voxgran._base.machine import memory_limit
+from voxgran.lattice.image import Edges, Image
+
+#: voxels of a block, where the file does not ask for more
+BLOCK = 2**23
+#: share of the memory that a block of a file may take
+SHARE = 0.25
+
+
+def lazy_of(image: Any) -> Any:
+    """Return the dask array that an image is, or that an Image holds; None for others."""
+    values = image.values if isinstance(image, Image) else image
+    # whoever has a dask array has loaded dask
+    array = getattr(sys.modules.get("dask.array"), "Array", None)
+    return values if array is not None and isinstance(values, array) else None
+
+
+def block_library(name: str) -> Any:
+    """Load a library of the extra `blocks`.
+
+    Raises
+    ------
+    MissingLibraryError
+        If it is not installed.
+    """
+    try:
+        return load(name)
+    except MissingLibraryError as error:
+        raise MissingLibraryError(
+            f"{name.partition('.')[0]} is not installed: images in blocks need it; install it with "
+            "pip install 'voxgran[blocks]'"
+        ) from error
+
+
+def lazily(source: Any, name: str, edges: Sequence[int] | None = None) -> Any:
+    """Return what slices like an array as a dask array, in blocks of whole parts of the file if it has `chunks`.
+
+    Raises
+    ------
+    TooLargeError
+        If a part of the file is larger than a quarter of the memory.
+    """
+    array, size = block_library("dask.array"), np.dtype(source.dtype).itemsize
+    parts = getattr(source, "chunks", None)
+    if parts is not None and math.prod(parts) * size > SHARE * memory_limit():
+        raise TooLargeError(
+            f"{name} is kept in parts of {' x '.join(map(str, parts))} voxels, which are read as a whole: one is more "
+            "than a quarter of the memory; write it in smaller parts"
+        )
+    most = {"limit": BLOCK * size, "dtype": source.dtype, "previous_chunks": parts}
+    chunks = array.core.normalize_chunks("auto" if edges is None else tuple(edges), source.shape, **most)
+    return array.from_array(source, chunks=chunks, name=False)
+
+
+def of_blocks(values: Any, function: Callable[..., Any], *arguments: Any) -> list[Any]:
+    """Return function(block, start, *arguments) of each block, in the order of the blocks; start (3,) is its corner.
+
+    Of several arrays in the same blocks, function(block, start, block of the next array, ..., *arguments).
+    """
+    arrays = values if isinstance(values, list) else [values]
+
+    def found(block: NDArray[Any], *more: NDArray[Any], block_info: Any) -> NDArray[Any]:
+        start = np.array([low for low, _ in block_info[0]["array-location"]])
+        result = np.empty((1, 1, 1), dtype=object)
+        result[0, 0, 0] = function(block, start, *more, *arguments)
+        return result
+
+    how = {"dtype": object, "chunks": (1, 1, 1), "meta": np.empty((0, 0, 0), dtype=object)}
+    return list(block_library("dask.array").map_blocks(found, *arrays, **how).compute().ravel())
+
+
+def overlapped(
+    values: Any, function: Callable[..., Any], reach: float, edges: Edges, turns: Sequence[bool], dtype: Any
+) -> Any:
+    """Return function of each block with what lies around it up to a distance, without the surroundings; lazily.
+
+    `edges` of a voxel are in the unit of `reach`. Along axes that repeat the other side of the image lies around it.
+    """
+    depth = {axis: min(math.ceil(reach / edges[axis]), n) for axis, n in enumerate(values.shape)}
+    around = {axis: "periodic" if turn else "none" for axis, turn in enumerate(turns)}
+    meta = np.empty((0, 0, 0), dtype=dtype)
+    return values.map_overlap(function, depth=depth, boundary=around, dtype=dtype, meta=meta)
+
+
+def kept(values: Any) -> Any:
+    """Compute an array block by block into a temporary folder, and return it as it is read from there.
+
+    The folder is that of the setting ``temporary_directory`` of dask, or of the system; it is removed with the array.
+    """
+    place = block_library("dask").config.get("temporary_directory", None)
+    folder = Path(tempfile.mkdtemp(prefix="voxgran-", dir=place))
+    store = stored(values, folder, {})
+    weakref.finalize(store, shutil.rmtree, folder, ignore_errors=True)
+    return block_library("dask.array").from_array(store, chunks=store.chunks, name=False)
+
+
+def stored(values: Any, folder: Path, told: dict[str, Any]) -> Any:
+    """Write an array block by block as an array of zarr with attributes, and return that."""
+    if lazy_of(values) is None:
+        values = lazily(values, "the array")
+    even = values.rechunk(values.chunksize)
+    store = block_library("zarr").create_array(
+        store=folder, shape=even.shape, chunks=even.chunksize, dtype=even.dtype, attributes=told
+    )
+    even.store(store, lock=False)
+    return store
+
+
+def as_block(block: Any) -> tuple[int, ...]:
+    """Return the voxels along the three edges of a block, of which one may be given for all."""
+    block = block.tolist() if isinstance(block, np.ndarray) else block
+    given = list(block) if isinstance(block, list | tuple) and len(block) == 3 else [block] * 3
+    return tuple(as_count(n, "block", at_least=1) for n in given)
+
+
+def in_parts(function: Callable[..., Any], shape: Sequence[int], block: Sequence[int], dtype: Any) -> Any:
+    """Return a dask array of what a function returns for the first voxel of each block and that after the last one."""
+    array = block_library("dask.array")
+
+    def part(block_info: Any) -> NDArray[Any]:
+        ends = np.array(block_info[None]["array-location"])
+        return np.asarray(function((ends[:, 0], ends[:, 1])))
+
+    chunks = array.core.normalize_chunks(tuple(block), tuple(shape), dtype=dtype)
+    return array.map_blocks(part, chunks=chunks, dtype=dtype, meta=np.empty((0, 0, 0), dtype=dtype))
+
+
+def window(values: Any, lower: NDArray[Any], upper: NDArray[Any], purpose: str) -> NDArray[Any]:
+    """Return the part of an image in a box, in memory.
+
+    Raises
+    ------
+    TooLargeError
+        If it is larger than the memory.
+    """
+    if math.prod((upper - lower).tolist()) * values.dtype.itemsize > memory_limit():
+        raise TooLargeError(
+            f"{purpose} spans {' x '.join(map(str, (upper - lower).tolist()))} voxels: they are more than the memory; "
+            "take larger voxels"
+        )
+    box = tuple(slice(int(low), int(high)) for low, high in zip(lower, upper, strict=True))
+    return np.asarray(values[box])
