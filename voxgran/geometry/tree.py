@@ -150,7 +150,7 @@ def turned_boxes(corners: Floats, start: Integers) -> Floats:
         low, high = (np.where(better[:, None], one, other) for one, other in zip(turned, plain, strict=True))
         middle = np.einsum("ki,kij->kj", (low + high) / 2, axes) + origin
         found.append(np.concatenate([middle[:, None], axes, (high - low)[:, None] / 2], axis=1))
-    return read_only(np.concatenate(found))
+    return read_only(np.ascontiguousarray(np.concatenate(found)))
 
 
 def _extents(points: Floats, axes: Floats, begin: Integers, count: Integers) -> tuple[Floats, Floats]:
