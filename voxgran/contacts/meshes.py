@@ -41,17 +41,6 @@ def touch_meshes(one: Solid, other: Solid, *, matrix: Floats, offset: Floats, re
     return Touch(distance, outward(one, point, offset), (point + partner) / 2)
 
 
-def meshes_meet(one: Solid, other: Solid, *, matrix: Floats, offset: Floats, depth: float) -> bool:
-    """Return whether two meshes overlap deeper than a depth, in the unit of `one`."""
-    body = combine(one, other, matrix=matrix, offset=offset, operation="common")
-    if not len(body.triangles):
-        return False
-    # the overlap up to this depth is a layer on the surface
-    if body.volume > depth * one.area:
-        return True
-    return body_depth(one, other, body, matrix=matrix, offset=offset)[0] > depth
-
-
 def body_depth(one: Solid, other: Solid, body: Body, *, matrix: Floats, offset: Floats) -> tuple[float, Floats, Floats]:
     """Return depth, normal and point of the deepest point of the common body of two meshes, in the frame of `one`.
 
