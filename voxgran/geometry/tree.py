@@ -63,7 +63,7 @@ class TriangleTree:
     def straight_boxes(self) -> Floats:
         """Boxes (k, 5, 3) of the nodes along the coordinates, in the form of those that are turned."""
         middle, half = (self.low + self.high)[:, None] / 2, (self.high - self.low)[:, None] / 2
-        return read_only(np.concatenate([middle, np.broadcast_to(np.eye(3), (len(half), 3, 3)), half], axis=1))
+        return read_only(np.concatenate([middle, np.tile(np.eye(3), (len(half), 1, 1)), half], axis=1))
 
     def boxes_for(self, pairs: int) -> Floats:
         """Return turned boxes where so many searches are worth making them, else those along the coordinates.
@@ -150,7 +150,7 @@ def turned_boxes(corners: Floats, start: Integers) -> Floats:
         low, high = (np.where(better[:, None], one, other) for one, other in zip(turned, plain, strict=True))
         middle = np.einsum("ki,kij->kj", (low + high) / 2, axes) + origin
         found.append(np.concatenate([middle[:, None], axes, (high - low)[:, None] / 2], axis=1))
-    return read_only(np.ascontiguousarray(np.concatenate(found)))
+    return read_only(np.concatenate(found))
 
 
 def _extents(points: Floats, axes: Floats, begin: Integers, count: Integers) -> tuple[Floats, Floats]:
