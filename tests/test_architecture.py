@@ -52,6 +52,13 @@ LATERAL = {
 }
 #: classes of containers: other rooms ask for their boundary, so that a new container is one file
 CONTAINERS = {"Box", "ClosedMesh", "Cylinder", "Disk", "Polygon", "Rectangle", "Sphere"}
+#: arguments of kernels that may be None, though each type is compiled anew: one of callers that always give the same,
+#: and true shapes, without which compilation for spheres takes a quarter of the time
+OPTIONAL = {
+    "geometry/gjk.py": {"closely"},
+    "packing/rsa/available_cells.py": {"shapes"},
+    "packing/rsa/candidates.py": {"shapes"},
+}
 #: the files outside of all rooms: they may import every room
 OPEN = {"__init__", "__main__", "cli"}
 
@@ -303,6 +310,23 @@ def too_many_arguments(tree, name):
     return found
 
 
+def optional_arguments_of_kernels(tree, name):
+    """Find kernels that compare anything but the listed arguments with None."""
+    kernels = (
+        node
+        for node in nodes_of(tree)
+        if isinstance(node, ast.FunctionDef) and any("kernel" in dotted(mark) for mark in node.decorator_list)
+    )
+    return [
+        f"{kernel.name}: {ast.unparse(node)} in a kernel; numbers or empty arrays need no second compilation"
+        for kernel in kernels
+        for node in ast.walk(kernel)
+        if isinstance(node, ast.Compare)
+        and isinstance(node.ops[0], ast.Is | ast.IsNot)
+        and ast.unparse(node.left) not in OPTIONAL.get(name, set())
+    ]
+
+
 def forbidden_calls(tree, name):
     """Find prints and exits outside of the command line, and random numbers not from seeds."""
     found = []
@@ -433,6 +457,7 @@ RULES = [
     undocumented,
     too_long,
     too_many_arguments,
+    optional_arguments_of_kernels,
     forbidden_calls,
     wrong_neighbours,
     container_classes,
@@ -472,6 +497,8 @@ BREACHES = [
     ),
     (undocumented, "x = 1"),
     (too_long, "def f():\n" + "    x = 1\n" * LONGEST_FUNCTION),
+    (optional_arguments_of_kernels, "@bare_kernel\ndef f(a):\n    return 0 if a is None else a"),
+    (optional_arguments_of_kernels, "@kernel\ndef f(a):\n    if a.mesh is not None:\n        return 1"),
     (forbidden_calls, "print(1)"),
     (forbidden_calls, "sys.exit(1)"),
     (forbidden_calls, "np.random.default_rng(1)"),

@@ -151,12 +151,17 @@ def _in_yardsticks(name: str, value: str, loop: str) -> str:
 
 @contextlib.contextmanager
 def panels_of(
-    path: Path, columns: int, *, width: float, rows: int = 1, height: float = 4.0, **shared: bool
+    path: Path, columns: int, *, width: float, rows: int = 1, height: float = 4.0, legend: int = 8, **shared: bool
 ) -> Iterator[Any]:
-    """Give the panels of a figure in a row, and write it, with grids, as SVG at the end (context manager)."""
+    """Give the panels of a figure in a row, and write it, with grids, as SVG at the end (context manager).
+
+    A panel with labels gets a legend of a font size; with 0 none.
+    """
     figure = load("matplotlib.figure").Figure(figsize=(width, height), layout="constrained")
     yield np.atleast_1d(figure.subplots(rows, columns, **shared)).ravel()
     for panel in figure.axes:
         panel.grid(visible=True, alpha=0.3)
+        if legend and panel.get_legend_handles_labels()[0]:
+            panel.legend(frameon=False, fontsize=legend)
     with written_whole(path) as draft:
         figure.savefig(draft, format="svg")

@@ -83,7 +83,7 @@ class Rules:
 def union_gaps(places: Floats, centers: Floats, radii: Floats) -> tuple[Floats, Integers]:
     """Return the distance of (n, 3) points from the nearest of the spheres, negative inside, and that sphere."""
     gap, owner = np.full(len(places), np.inf), np.zeros(len(places), dtype=np.int64)
-    _find_gaps(np.ascontiguousarray(places), np.ascontiguousarray(centers), radii, gap, owner)
+    _find_gaps(*(np.array(array, order="C") for array in (places, centers, radii)), gap, owner)
     return gap, owner
 
 

@@ -13,7 +13,7 @@ import numpy as np
 
 from voxgran._base.arrays import Floats
 from voxgran._base.kernels import kernel
-from voxgran.geometry.tree import TriangleTree, is_behind, nearest_triangle, square_to_box
+from voxgran.geometry.tree import TriangleTree, is_behind, nearest_triangle, push_halves, square_to_box
 from voxgran.geometry.triangles import closest_on_triangle
 
 #: relative difference of the bounds at which a patch is not bisected further
@@ -75,12 +75,7 @@ def _cover(points, tree):  # type: ignore[no-untyped-def]
         if bound >= best:
             continue
         if node < leaves:
-            left = 2 * node + 1
-            x, y, z = points[0, 0], points[0, 1], points[0, 2]
-            one = square_to_box(low, high, left, x, y, z)
-            two = square_to_box(low, high, left + 1, x, y, z)
-            stack[depth] = left + 1 if one <= two else left
-            stack[depth + 1] = left if one <= two else left + 1
+            push_halves(low, high, node, points[0, 0], points[0, 1], points[0, 2], stack, depth)
             depth += 2
             continue
         for t in range(tree.start[node, 0], tree.start[node, 1]):

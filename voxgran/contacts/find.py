@@ -7,7 +7,7 @@ solid is defined in the same way; that of two crossing open surfaces is the shor
 """
 
 import math
-from collections.abc import Callable, Collection
+from collections.abc import Callable
 from functools import partial
 
 import numpy as np
@@ -21,7 +21,7 @@ from voxgran.contacts.broad import Pairs, grain_pairs
 from voxgran.contacts.convex import part_contacts, sphere_contacts
 from voxgran.contacts.inside import inner_distance, placed
 from voxgran.contacts.mesh_parts import touch_convex, touch_spheres
-from voxgran.contacts.meshes import meshes_meet, touch_meshes
+from voxgran.contacts.meshes import touch_meshes
 from voxgran.contacts.model import Contacts, Touch
 from voxgran.contacts.open_surfaces import open_touch
 from voxgran.contacts.outlines import touch_disk, touch_polygons
@@ -68,29 +68,6 @@ def overlaps(assembly: Assembly, *, at_least: float = 0.0) -> Contacts:
     limit = as_number(at_least, "at_least", at_least=0.0)
     found = contacts_of_pairs(assembly, grain_pairs(assembly, -limit), -limit)
     return found.where(found.gap < -limit)
-
-
-def meeting_pairs(assembly: Assembly, depth: float, looked_at: Collection[PairKey] = ()) -> Pairs:
-    """Return the pairs of grains that are not proven to be separate.
-
-    Grains without a closed surface may overlap by up to `depth`, at least 0, in the unit of lengths. Of the pairs with
-    closed surfaces in `looked_at`, only those that overlap deeper than `depth` are returned.
-    """
-    pairs = grain_pairs(assembly, 0.0)
-    closed = np.array([is_closed_surface(shape.geometry) for shape in assembly.shapes], dtype=np.bool_)
-    both = closed[assembly.shape_id[pairs.i]] & closed[assembly.shape_id[pairs.j]]
-    meet = np.zeros(pairs.count, dtype=np.bool_)
-    if not both.all():
-        meet[~both] = gaps_of_pairs(assembly, pairs.where(~both), 0.0, deepest=False)[0] < -depth
-    tests, surfaces = _PairTests(assembly), np.flatnonzero(both)
-    if len(surfaces):
-        proven = surface_gaps(assembly, pairs.where(surfaces), 0.0, tree_of=tests.tree)[3]
-        meet[surfaces] = ~proven
-        for k, key in zip(surfaces[~proven], pair_keys(pairs.where(surfaces[~proven])), strict=True):
-            stop_if_asked()
-            if key in looked_at:
-                meet[k] = tests.meet(key[0], key[1], pairs.offset[k], depth)
-    return pairs.where(meet)
 
 
 def surface_trees(assembly: Assembly) -> Callable[[int], TriangleTree]:
@@ -218,12 +195,6 @@ class _PairTests:
         base = offset if flip else np.zeros(3)
         touch = touch.moved(matrix=assembly.matrices[one] * scale, offset=base, factor=scale)
         return touch.flipped() if flip else touch
-
-    def meet(self, i: int, j: int, offset: Floats, depth: float) -> bool:
-        """Return whether two grains with closed surfaces overlap deeper than a depth."""
-        one, other = (self._solid(int(self.assembly.shape_id[grain])) for grain in (i, j))
-        matrix, shift = relative_pose(self.assembly, i, j, offset)
-        return meshes_meet(one, other, matrix=matrix, offset=shift, depth=depth / float(self.assembly.scale[i]))
 
     def _choose(self, a: int, b: int) -> tuple[TouchPair, bool]:
         """Return the test for two shapes, and whether it expects them in reverse order."""

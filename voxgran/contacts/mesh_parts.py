@@ -24,7 +24,7 @@ from voxgran.contacts.separation import separation
 from voxgran.contacts.solid import Solid
 from voxgran.geometry.rotation import stretch_of
 from voxgran.geometry.support import CONE, CYLINDER, TRIANGLE, support
-from voxgran.geometry.tree import TreeArrays, square_to_box
+from voxgran.geometry.tree import TreeArrays, push_halves, square_to_box
 from voxgran.shapes.describing.body import Geometry
 from voxgran.shapes.primitive import Primitive
 
@@ -126,11 +126,7 @@ def distance_to_triangles(
         if math.sqrt(square_to_box(low, high, node, center[0], center[1], center[2])) - sphere > best:
             continue
         if node < leaves:
-            left = 2 * node + 1
-            one = square_to_box(low, high, left, center[0], center[1], center[2])
-            two = square_to_box(low, high, left + 1, center[0], center[1], center[2])
-            stack[depth] = left + 1 if one <= two else left
-            stack[depth + 1] = left if one <= two else left + 1
+            push_halves(low, high, node, center[0], center[1], center[2], stack, depth)
             depth += 2
             continue
         for t in range(tree.start[node, 0], tree.start[node, 1]):

@@ -13,8 +13,8 @@ from voxgran._base.arrays import Floats
 from voxgran.contacts.depth import deepest_of_triangles
 from voxgran.contacts.inside import placed
 from voxgran.contacts.model import Touch, direction
-from voxgran.contacts.search import deepest_point
 from voxgran.contacts.overlap.shared_faces import lie_side_by_side
+from voxgran.contacts.search import deepest_point
 from voxgran.contacts.solid import Body, Solid, combine
 from voxgran.contacts.triangles import nearest_points
 from voxgran.geometry.rotation import stretch_of
@@ -27,7 +27,8 @@ DEEP = 1e-3
 
 def touch_meshes(one: Solid, other: Solid, *, matrix: Floats, offset: Floats, reach: float) -> Touch:
     """Return the contact of two meshes; see :mod:`voxgran.contacts.model` for the frames."""
-    factor, margin = stretch_of(matrix), _margin(one, other, matrix, offset)
+    factor = stretch_of(matrix)
+    margin = ROUNDING * (one.tree.size + factor * other.tree.size + float(np.linalg.norm(offset)))
     distance, point, partner = nearest_points(
         one.tree, other.tree, matrix=matrix, offset=offset, reach=max(reach, margin)
     )
@@ -42,25 +43,6 @@ def touch_meshes(one: Solid, other: Solid, *, matrix: Floats, offset: Floats, re
     if distance == np.inf:
         return Touch.apart()
     return Touch(distance, outward(one, point, offset), (point + partner) / 2)
-
-
-def _margin(one: Solid, other: Solid, matrix: Floats, offset: Floats) -> float:
-    """Return the distance below which rounding could hide an overlap, in the unit of `one`."""
-    return ROUNDING * (one.tree.size + stretch_of(matrix) * other.tree.size + float(np.linalg.norm(offset)))
-
-
-def meshes_meet(one: Solid, other: Solid, *, matrix: Floats, offset: Floats, depth: float) -> bool:
-    """Return whether two meshes overlap deeper than a depth, in the unit of `one`."""
-    margin = _margin(one, other, matrix, offset)
-    if depth >= margin and lie_side_by_side(one, other, matrix=matrix, offset=offset, margin=margin):
-        return False
-    body = combine(one, other, matrix=matrix, offset=offset, operation="common")
-    if not len(body.triangles):
-        return False
-    # the overlap up to this depth is a layer on the surface
-    if body.volume > depth * one.area:
-        return True
-    return body_depth(one, other, body, matrix=matrix, offset=offset)[0] > depth
 
 
 def body_depth(one: Solid, other: Solid, body: Body, *, matrix: Floats, offset: Floats) -> tuple[float, Floats, Floats]:

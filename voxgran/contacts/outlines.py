@@ -29,7 +29,7 @@ def touch_polygons(
 
     If `deepest` is false, the depth is that of the deepest edge point; the interior is not searched.
     """
-    mine = np.ascontiguousarray(one.vertices)
+    mine = np.array(one.vertices, order="C")
     theirs = other.vertices @ matrix[:2, :2].T + offset[:2]
     near = np.zeros(4)
     distance = _nearest_edges(mine, theirs, near)
@@ -58,7 +58,7 @@ def touch_disk(
     """
     radius = disk.radius * stretch_of(matrix)
     center = matrix @ np.array([*disk.center, 0.0]) + offset
-    near, vertices = np.zeros(2), np.ascontiguousarray(polygon.vertices)
+    near, vertices = np.zeros(2), np.array(polygon.vertices, order="C")
     distance = -float(_signed(vertices, center[0], center[1], near))
     surface = np.array([*near, 0.0])
     gap = max(distance - radius, -radius)

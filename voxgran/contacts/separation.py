@@ -33,9 +33,7 @@ STEADY = 1e-6
 def _core_distance(one, other, erosion, offset, simplex):  # type: ignore[no-untyped-def]
     """Return the distance of `one`, eroded, from `other`, whose center lies at `offset`; 0 if the solids intersect."""
     start = offset if offset != (0.0, 0.0, 0.0) else (-1.0, 0.0, 0.0)
-    distance = search_distance(
-        _support_eroded, None, (one, erosion), (other, 0.0), offset, start, 1e150, EXACT, 1, simplex
-    )
+    distance = search_distance(_support_eroded, (one, erosion), (other, 0.0), offset, start, 1e150, EXACT, 1, simplex)
     size = 0.0
     for k in range(4):
         corner = row_of(simplex.corner, k)
@@ -45,7 +43,7 @@ def _core_distance(one, other, erosion, offset, simplex):  # type: ignore[no-unt
 
 
 @bare_kernel
-def _support_eroded(solid, at, x, y, z, curved):  # type: ignore[no-untyped-def]
+def _support_eroded(solid, at, x, y, z):  # type: ignore[no-untyped-def]
     """Return the support point of a row and its erosion, as the search asks for it."""
     px, py, pz = support(solid[0], solid[1], x, y, z)
     return px, py, pz, at

@@ -29,11 +29,6 @@ class Solid:
         tree = self.mesh.tree
         return replace(tree, normals=-tree.normals) if self.inside_out else tree
 
-    @cached_property
-    def area(self) -> float:
-        """Area of the surface."""
-        return self.mesh.surface_area
-
     def inner_distance(self, points: Floats) -> Floats:
         """Return the distance of (n, 3) points to the surface, positive inside."""
         return -self.tree.signed_distance(points)

@@ -52,7 +52,7 @@ def new_simplex() -> Simplex:
 
 @inlined_kernel
 def search_distance(
-    support: Kernel, curved: object, one: Any, two: Any, offset: Vector, start: Vector, limit: float,
+    support: Kernel, one: Any, two: Any, offset: Vector, start: Vector, limit: float,
     accuracy: Accuracy, closely: object, simplex: Simplex,
 ) -> float:  # fmt: skip
     """Return the distance of two convex bodies, of which the second lies at an offset; the search begins along `start`.
@@ -60,15 +60,15 @@ def search_distance(
     The vector of the distance and the nearest point on the first body are written to `near`. A lower bound above a
     limit is returned as soon as it is known, with its direction; -1 if the bodies intersect.
 
-    support: function of a body, the number of a corner of it, a direction and `curved`; it returns the point of the
+    support: function of a body, the number of a corner of it and a direction; it returns the point of the
     body that is farthest along the direction, and the number of a corner near it.
     """
     corner, mine, near = simplex.corner, simplex.mine, simplex.near
     at, other, count, best, now, restarts = 0, 0, 0, 1e300, 1e300, 0
     vx, vy, vz = start
     for _ in range(accuracy.steps):
-        ax, ay, az, at = support(one, at, vx, vy, vz, curved)
-        bx, by, bz, other = support(two, other, -vx, -vy, -vz, curved)
+        ax, ay, az, at = support(one, at, vx, vy, vz)
+        bx, by, bz, other = support(two, other, -vx, -vy, -vz)
         wx, wy, wz = bx + offset[0] - ax, by + offset[1] - ay, bz + offset[2] - az
         along, square = vx * wx + vy * wy + vz * wz, vx * vx + vy * vy + vz * vz
         if along > 0.0 and along * along > limit * limit * square:

@@ -15,7 +15,7 @@ import numpy as np
 
 from voxgran._base.arrays import Floats, Integers, read_only
 from voxgran._base.compiling.threads import in_blocks
-from voxgran._base.kernels import bare_kernel, kernel
+from voxgran._base.kernels import bare_kernel, inlined_kernel, kernel
 from voxgran.geometry.triangles import closest_on_triangle
 
 #: triangles in a leaf, at most
@@ -63,7 +63,7 @@ class TriangleTree:
     def straight_boxes(self) -> Floats:
         """Boxes (k, 5, 3) of the nodes along the coordinates, in the form of those that are turned."""
         middle, half = (self.low + self.high)[:, None] / 2, (self.high - self.low)[:, None] / 2
-        return read_only(np.concatenate([middle, np.broadcast_to(np.eye(3), (len(half), 3, 3)), half], axis=1))
+        return read_only(np.concatenate([middle, np.tile(np.eye(3), (len(half), 1, 1)), half], axis=1))
 
     def boxes_for(self, pairs: int) -> Floats:
         """Return turned boxes where so many searches are worth making them, else those along the coordinates.
@@ -200,6 +200,14 @@ def square_to_box(low: Floats, high: Floats, k: int, x: float, y: float, z: floa
     return dx * dx + dy * dy + dz * dz
 
 
+@inlined_kernel
+def push_halves(low: Floats, high: Floats, k: int, x: float, y: float, z: float, stack: Integers, depth: int) -> None:
+    """Put the halves of box k on a stack, the one nearer to (x, y, z) on top, which is looked at first."""
+    left = 2 * k + 1
+    one, two = square_to_box(low, high, left, x, y, z), square_to_box(low, high, left + 1, x, y, z)
+    stack[depth], stack[depth + 1] = (left + 1, left) if one <= two else (left, left + 1)
+
+
 @kernel
 def nearest_triangle(
     tree: TreeArrays, x: float, y: float, z: float, reach: float
@@ -231,12 +239,7 @@ def search_triangles(
         if square_to_box(low, high, node, x, y, z) > best:
             continue
         if node < leaves:
-            left = 2 * node + 1
-            one = square_to_box(low, high, left, x, y, z)
-            two = square_to_box(low, high, left + 1, x, y, z)
-            # the nearer child is visited first
-            stack[depth] = left + 1 if one <= two else left
-            stack[depth + 1] = left if one <= two else left + 1
+            push_halves(low, high, node, x, y, z, stack, depth)
             depth += 2
             continue
         for k in range(start[node, 0], start[node, 1]):

@@ -45,7 +45,8 @@ def cut_mesh(
     sides.
     """
     volumes = np.zeros(len(centers))
-    arrays = (np.ascontiguousarray(array) for array in (vertices, faces, maps, centers))
+    # copies, since numba compiles for arrays that cannot be written anew
+    arrays = (np.array(array, order="C") for array in (vertices, faces, maps, centers))
     _cut_copies(*arrays, lower, upper, np.zeros((len(vertices), 3)), np.zeros((2, 12, 3)), volumes)
     return volumes
 

@@ -122,6 +122,13 @@ class State:
         """Take over the arrays and counters of a checkpoint."""
         self.arrays, self.counters = arrays, counters
 
+    def end_if(self, *, placed: bool, full: bool) -> None:
+        """Note why the run ends, if it does: all grains are placed, no more have room, or all attempts are made."""
+        reasons = {"count": placed, "full": full, "steps": self.done >= self.total}
+        self.stop_reason = self.stop_reason or next((reason for reason, holds in reasons.items() if holds), "")
+        if self.stop_reason:
+            self.derived.clear()
+
 
 @dataclass(slots=True, kw_only=True)
 class TypedState:

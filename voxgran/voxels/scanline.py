@@ -55,7 +55,7 @@ def centers_inside(vertices: Floats, faces: Integers, counts: tuple[int, int, in
     bits = PackedMask.empty(counts)
     above = np.zeros(counts[:2], dtype=np.bool_)
     least = max(1, LEAST_VOXELS // max(counts[1] * counts[2], 1))
-    in_blocks(_toggle, counts[0], _settled(vertices), faces, bits.words, counts[2], above, least=least)
+    in_blocks(_toggle, counts[0], _settled(vertices), faces.copy(), bits.words, counts[2], above, least=least)
     odd = np.zeros(counts[0], dtype=np.int64)
     in_blocks(_carry, counts[0], bits.words, counts[2], above, odd, least=least)
     return bits, int(odd.sum())

@@ -20,7 +20,8 @@ BAND = 1e-6
 def touched_voxels(vertices: Floats, faces: Integers, grid: Grid) -> PackedMask:
     """Return the voxels of a lattice whose closed cube meets a surface of triangles, in the unit of lengths."""
     bits = PackedMask.empty(grid.shape)
-    _mark_touched((vertices - np.array(grid.origin)) / grid.voxel_size, faces, bits.words, np.array(grid.shape))
+    # a copy, since numba compiles for arrays that cannot be written anew
+    _mark_touched((vertices - np.array(grid.origin)) / grid.voxel_size, faces.copy(), bits.words, np.array(grid.shape))
     return bits
 
 

@@ -14,7 +14,7 @@ FAST, EXACT = Accuracy(1e-11, 1e-14, 64, 4), Accuracy(0.0, 1e-15, 500, 20)
 
 
 @bare_kernel
-def support_of_row(row, at, x, y, z, curved):
+def support_of_row(row, at, x, y, z):
     """Return the support point of a row, as the search asks for it."""
     px, py, pz = support(row, 0.0, x, y, z)
     return px, py, pz, at
@@ -24,14 +24,14 @@ def support_of_row(row, at, x, y, z, curved):
 def fast_distance(one, two, x, y, z, limit, simplex):
     """Return the distance of two rows, as beds are searched."""
     start = (x, y, z)
-    return search_distance(support_of_row, None, one, two, start, start, limit, FAST, None, simplex)
+    return search_distance(support_of_row, one, two, start, start, limit, FAST, None, simplex)
 
 
 @kernel
 def exact_distance(one, two, x, y, z, limit, simplex):
     """Return the distance of two rows, as packings are verified."""
     start = (x, y, z)
-    return search_distance(support_of_row, None, one, two, start, start, limit, EXACT, 1, simplex)
+    return search_distance(support_of_row, one, two, start, start, limit, EXACT, 1, simplex)
 
 
 def rows(kinds, rng):

@@ -147,7 +147,7 @@ registration = TradeOff(
 
 def _draw(rows: list[Row], path: Path) -> None:
     """Draw the error of the scans and the cube, as mean, against the number of spheres, and against seconds."""
-    with panels_of(path, 2, width=10.4) as (left, right):
+    with panels_of(path, 2, width=10.4, legend=0) as (left, right):
         for k, program in enumerate(dict.fromkeys(row.program for row in rows)):
             counts = sorted({row.asked for row in rows if row.program == program})
             found = [[row for row in rows if row.program == program and row.asked == count] for count in counts]

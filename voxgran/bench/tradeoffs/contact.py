@@ -276,7 +276,7 @@ DASHES = {"sphere": "-", "box": "--", "eros": ":"}
 def _draw(speed: list[SpeedRow], accuracy: list[AccuracyRow], path: Path) -> None:
     """Draw rates against points on the left, errors against spacing in the middle and against time on the right."""
     programs, line = (*TESTS, *PROGRAMS), load("matplotlib.lines").Line2D
-    with panels_of(path, 3, width=13.2) as (left, middle, right):
+    with panels_of(path, 3, width=13.2, legend=0) as (left, middle, right):
         for k, program in enumerate(programs):
             for shape, style in DASHES.items():
                 found = [(row[1], row[3]) for row in speed if row[0] == shape and row[2] == program]

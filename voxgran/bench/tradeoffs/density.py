@@ -144,8 +144,6 @@ def _draw(rows: list[Row], wall: tuple[Floats, Floats, Floats, float], path: Pat
         right.plot(wall[0], wall[1], label="spheres in a cylinder")
         right.plot(wall[0], wall[2], ":", label=f"de Klerk, rms {wall[3]:.3f}")
         right.set(xlabel="distance from the wall in diameters", ylabel="solid fraction")
-        for panel in (left, right):
-            panel.legend(frameon=False, fontsize=8)
 
 
 registration = TradeOff(name="density", summary="true densities of digital packing: spheres, walls, disks", run=run)

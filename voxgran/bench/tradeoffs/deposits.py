@@ -224,7 +224,6 @@ def _draw(rows: list[Row], path: Path) -> None:
         panels[1].set(xscale="log", xlabel="spheres in a cluster", ylabel="exponent / dimension of space")
         for panel in panels:
             panel.axhline(1.0, color="k", linestyle=":")
-            panel.legend(frameon=False, fontsize=8)
 
 
 registration = TradeOff(

@@ -96,7 +96,7 @@ def run(folder: Path) -> tuple[Path, ...]:
 
 def _draw(beds: Sequence[Bed], path: Path) -> None:
     """Draw the beds of each method beside what was published."""
-    with panels_of(path, len(METHODS), width=13.2, sharey=True) as panels:
+    with panels_of(path, len(METHODS), width=13.2, sharey=True, legend=0) as panels:
         for panel, method in zip(panels, METHODS, strict=True):
             loose, dense = zip(*PUBLISHED.values(), strict=True)
             panel.plot(list(PUBLISHED), loose, "k_", ms=22, label="loosest, published")

@@ -187,7 +187,7 @@ registration = TradeOff(
 def _draw(moves: list[MoveRow], beds: list[BedRow], path: Path) -> None:
     """Draw rates on the left, density against seconds in the middle and against voxels per diameter on the right."""
     stages, line = {"walk": ":", "walk and settling": "-"}, load("matplotlib.lines").Line2D
-    with panels_of(path, 3, width=13.2) as (left, middle, right):
+    with panels_of(path, 3, width=13.2, legend=0) as (left, middle, right):
         for k, program in enumerate(PROGRAMS):
             for edge, style in DASHES.items():
                 rates = [(row[2], row[4]) for row in moves if row[:2] == (edge, "sphere") and row[3] == program]

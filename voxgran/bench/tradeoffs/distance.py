@@ -126,5 +126,3 @@ def _draw(
             right.loglog([row[2] for row in line], [row[3] for row in line], marker="o", label=name)
         title = "signed distance of a sphere, 6 to 45 voxels per radius"
         right.set(xlabel="seconds", ylabel="rms error in voxels", title=title)
-        for panel in (left, right):
-            panel.legend(frameon=False, fontsize=8)

@@ -145,7 +145,6 @@ def _draw(rows: list[Row], path: Path) -> None:
                 panel.errorbar(xs, ys, yerr=[row.error for row in here], marker="o", capsize=3, label=label)
             panel.axhline(RANDOM[dimension], color="k", linestyle=":", label="Dodds & Weitz 2002")
             panel.set(xscale="log", xlabel="spheres", ylabel="exponent", title=f"{dimension} dimensions")
-            panel.legend(frameon=False, fontsize=8)
 
 
 registration = TradeOff(

@@ -140,7 +140,7 @@ registration = TradeOff(
 
 def _draw(rows: list[Row], path: Path) -> None:
     """Draw seconds against grains on the left, density against seconds for 50,000 on the right."""
-    with panels_of(path, 2, width=10.4) as (left, right):
+    with panels_of(path, 2, width=10.4, legend=0) as (left, right):
         for k, name in enumerate(dict.fromkeys(row[0] for row in rows)):
             found = [row for row in rows if row[0] == name]
             left.loglog([row[1] for row in found], [row[2] for row in found], f"C{k}-", marker="o", label=name)

@@ -83,7 +83,6 @@ def _draw(rows: list[Row], path: Path) -> None:
                 mine = [row for row in rows if row[:2] == (name, way)]
                 panel.loglog([row[2] for row in mine], [row[4] for row in mine], style, label=way)
             panel.set(xlabel="grains", title=name.replace("_", "-"))
-            panel.legend(frameon=False, fontsize=8)
         panels[0].set(ylabel="largest difference of the shares by volume")
 
 

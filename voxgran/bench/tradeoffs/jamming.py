@@ -93,7 +93,6 @@ def _draw(rows: list[Row], path: Path) -> None:
             here = [row for row in rows if row.shape == name]
             panels[0].semilogx([row.seconds for row in here], [row.solid_fraction for row in here], "o-", label=name)
         panels[0].set(xlabel="processor time [s]", ylabel="solid fraction", title="jamming: faster and slower growth")
-        panels[0].legend(frameon=False, fontsize=8)
 
 
 registration = TradeOff(

@@ -198,7 +198,7 @@ def run(folder: Path) -> tuple[Path, ...]:
 def _draw(rows: list[Row], path: Path) -> None:
     """Draw the error of the area against seconds, a line for each program."""
     kinds = dict.fromkeys(row[0] for row in rows)
-    with panels_of(path, len(kinds), width=3.4 * len(kinds), sharey=True) as panels:
+    with panels_of(path, len(kinds), width=3.4 * len(kinds), sharey=True, legend=0) as panels:
         for kind, panel in zip(kinds, panels, strict=True):
             for name in dict.fromkeys(row[2] for row in rows):
                 mine = [row for row in rows if (row[0], row[2]) == (kind, name)]

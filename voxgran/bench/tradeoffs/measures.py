@@ -169,8 +169,6 @@ def _draw(rows: list[Row], path: Path) -> None:
         bars.set_yticks(np.arange(len(labels)) + 0.2, labels)
         bars.set(xscale="log", xlabel="seconds")
         panel.set(xlabel="seconds for the profile along z", ylabel="largest error of the solid fraction")
-        bars.legend(frameon=False, fontsize=8)
-        panel.legend(frameon=False, fontsize=8)
 
 
 registration = TradeOff(

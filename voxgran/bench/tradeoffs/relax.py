@@ -235,8 +235,6 @@ def _draw(ways: list[Way], proofs: list[Proof], path: Path) -> None:
             made = [proof for proof in proofs if proof.made_by == made_by]
             right.plot([proof.share_proven for proof in made], [proof.sinking for proof in made], "o", label=made_by)
         right.set(xlabel="share of grains proven to rest", ylabel="sinking in the engine, in diameters", yscale="log")
-        for panel in (left, middle, right):
-            panel.legend(frameon=False, fontsize=8)
 
 
 registration = TradeOff(

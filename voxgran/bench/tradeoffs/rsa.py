@@ -138,8 +138,6 @@ def _draw(rows: list[Row], path: Path) -> None:
             proofs = [(row[3], row[4]) for row in rows if row[0] == name and not row[2]]
             right.loglog(*zip(*proofs, strict=True), f"C{k}-", marker="o", label=f"{name}s")
         right.set(xlabel="grains at proven saturation", ylabel="seconds of the processor")
-        for panel in (left, right):
-            panel.legend(frameon=False, fontsize=8)
 
 
 registration = TradeOff(name="rsa", summary="random sequential addition: seconds, saturation and its proof", run=run)

@@ -180,7 +180,6 @@ def _draw(found: dict[str, list[Floats]], path: Path) -> None:
             times = np.geomspace(EARLIEST, min(run[0, -1] for run in runs), POINTS)
             panel.semilogx(times, np.mean([np.interp(times, *run) for run in runs], axis=0), label=name)
         panel.set(xlabel="tries per volume of a grain", ylabel="solid fraction")
-        panel.legend(frameon=False, fontsize=8)
 
 
 registration = TradeOff(

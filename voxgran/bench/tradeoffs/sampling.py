@@ -63,7 +63,6 @@ def _draw(rows: list[Row], path: Path) -> None:
             style = "o-" if program == "voxgran" else "s:"
             panel.loglog([row[3] for row in mine], radius, style, label=f"{program}, {name}")
         panel.set(xlabel="processor time (s)", ylabel="covering radius / root of the area")
-        panel.legend(frameon=False, fontsize=8)
 
 
 registration = TradeOff(

@@ -144,7 +144,6 @@ def _draw(rows: list[Row], path: Path) -> None:
         errors.set(ylabel="adapted Rand error", ylim=(0.0, None))
         for panel in (numbers, errors):
             panel.set_xticks(range(len(names)), ["\n".join(name) for name in names], fontsize=8)
-            panel.legend(frameon=False, fontsize=8)
 
 
 registration = TradeOff(

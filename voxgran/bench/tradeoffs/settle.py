@@ -323,7 +323,6 @@ def _draw(rows: list[Row], accuracy: list[tuple[float, int, float, float, float,
             right.loglog(rate, [max(row[4], 1e-6) for row in some], f"C{k}o-")
         middle.set(xlabel="substeps in a unit of time", ylabel="bulk solid fraction")
         right.set(xlabel="substeps in a unit of time", ylabel="deepest overlap after the fall, in diameters")
-        middle.legend(frameon=False, fontsize=8)
         for panel, ticks in ((left, (1, 3, 10, 30)), (middle, (20, 50, 100, 200)), (right, (20, 50, 100, 200))):
             panel.xaxis.set_minor_formatter("")
             panel.set_xticks(ticks, [str(tick) for tick in ticks])

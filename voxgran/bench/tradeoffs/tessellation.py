@@ -133,7 +133,6 @@ def _draw(rows: list[Row], path: Path) -> None:
                         label = f"{program}, sigma {sigma:g}"
                         panel.loglog(*zip(*spots, strict=True), f"C{k}{style}", label=label)
             panel.set(xlabel="seconds", ylabel="largest relative error of a volume", title=f"{dimension} dimensions")
-            panel.legend(frameon=False, fontsize=8)
 
 
 registration = TradeOff(

@@ -109,7 +109,6 @@ def _draw(rows: list[Row], path: Path) -> None:
                 panel.loglog(seconds, [row[5] for row in mine], "s--", label=f"{name}: largest pore")
         panel.xaxis.set_minor_formatter("")
         panel.set(xlabel="processor time (s)", ylabel="relative error")
-        panel.legend(frameon=False, fontsize=8)
 
 
 registration = TradeOff(

@@ -146,7 +146,7 @@ def _draw(data: "Dataset", path: Path) -> None:
     count, columns = data.sizes["shape"], 3
     rows = -(-count // columns)
     width, height = 3.4 * columns, 3.2 * rows
-    with panels_of(path, columns, rows=rows, width=width, height=height, sharey=True, sharex=True) as panels:
+    with panels_of(path, columns, rows=rows, width=width, height=height, sharey=True, sharex=True, legend=0) as panels:
         for panel, shape in zip(panels, data.shape.values, strict=False):
             for backend in data.backend.values:
                 line = data.sel(shape=shape, backend=backend)

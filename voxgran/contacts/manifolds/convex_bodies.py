@@ -15,7 +15,7 @@ from voxgran.contacts.manifolds.blocks import Blocks
 from voxgran.contacts.manifolds.rows import Grains
 from voxgran.contacts.parts import CODES, is_disk, row_of
 from voxgran.geometry.gjk import Simplex, new_simplex
-from voxgran.geometry.support import BOX, CONE, CYLINDER, ELLIPSOID, ROW, erosion_limit
+from voxgran.geometry.support import BOX, ELLIPSOID, ROW, erosion_limit
 from voxgran.shapes.describing.body import Geometry
 from voxgran.shapes.mesh import Mesh
 from voxgran.shapes.model import Shape
@@ -176,11 +176,6 @@ def convex_bodies(shapes: Sequence[Shape], *, hulls: bool = False, faces: bool =
         ring_first=_starts([len(ring) for ring in rings]),
         ring=np.array([k for ring in rings for k in ring], dtype=np.int64),
     )
-
-
-def has_rows(bodies: ConvexBodies) -> bool:
-    """Return whether there are ellipsoids, cylinders or cones among shapes."""
-    return not {ELLIPSOID, CYLINDER, CONE}.isdisjoint(bodies.kind.tolist())
 
 
 def convex_work(bodies: ConvexBodies, grains: Grains) -> Blocks[ConvexWork]:

@@ -10,7 +10,7 @@ import math
 from voxgran._base.arrays import Floats
 from voxgran._base.kernels import bare_kernel, inlined_kernel, kernel
 from voxgran.contacts.manifolds.blocks import Blocks, pairs_of_kind
-from voxgran.contacts.manifolds.convex_bodies import ConvexWork, has_rows
+from voxgran.contacts.manifolds.convex_bodies import ConvexWork
 from voxgran.contacts.manifolds.convex_distance import ellipsoid_gap, part_gap
 from voxgran.contacts.manifolds.face_contacts import SAME, write_face_contacts
 from voxgran.contacts.manifolds.rows import CONVEX, ContactRows, Pair, Search, offset_of, write_contact
@@ -22,22 +22,20 @@ def find_convex_contacts(search: Search, work: Blocks[ConvexWork], rows: Contact
 
     Returns -1 if there is no space in `rows`; what was known of pairs is then to be restored.
     """
-    # what is None is not compiled: it slows the search among corners
-    curved = 1 if has_rows(work.arrays.bodies) else None
-    _place(search.grains, work.arrays, curved)
+    _place(search.grains, work.arrays)
     chosen = pairs_of_kind(search.grains, search.pairs, CONVEX)
-    return work.find(_find, search, rows, m, curved, chosen=chosen)
+    return work.find(_find, search, rows, m, chosen=chosen)
 
 
 @kernel
-def _place(grains, work, curved):  # type: ignore[no-untyped-def]
+def _place(grains, work):  # type: ignore[no-untyped-def]
     """Write the corners and rows of all grains, rotated and scaled."""
     bodies = work.bodies
     for i in range(len(grains.shape)):
         s, turn, scale = grains.shape[i], grains.matrix[i], grains.scale[i]
         _place_corners(bodies, s, turn, scale, work, work.first[i])
         kind = bodies.kind[s]
-        if curved is not None and kind != 0 and kind != 2 and kind >= 0:
+        if kind != 0 and kind != 2 and kind >= 0:
             place_row(bodies.row[s], turn, scale, work.row[i])
             if kind == 1:
                 _write_form(work.row[i], work.form[i])
@@ -83,11 +81,8 @@ def _write_form(placed, form):  # type: ignore[no-untyped-def]
 
 
 @kernel
-def _find(search, work, rows, m, curved, begin, end):  # type: ignore[no-untyped-def]
-    """Write the contacts of the pairs from `begin` to `end` - 1; return the next row, or -1.
-
-    curved: None where there are no ellipsoids, cylinders and cones.
-    """
+def _find(search, work, rows, m, begin, end):  # type: ignore[no-untyped-def]
+    """Write the contacts of the pairs from `begin` to `end` - 1; return the next row, or -1."""
     grains, pairs, bodies = search.grains, search.pairs, work.bodies
     for p in range(begin, end):
         i, j = pairs.i[p], pairs.j[p]
@@ -111,11 +106,11 @@ def _find(search, work, rows, m, curved, begin, end):  # type: ignore[no-untyped
         if kind_i > 0 and kind_j > 0:
             one, two = _solid(grains, work, i), _solid(grains, work, j)
             start = _first_direction(normal, offset, True)
-            m, gap = _touch_two(search, work, rows, m, pair, one, two, start, normal, curved)
+            m, gap = _touch_two(search, work, rows, m, pair, one, two, start, normal)
         elif kind_i == 0 and kind_j == 0:
             m, gap = _touch_spheres(search, work, rows, m, pair, normal)
         elif kind_i >= 0 and kind_j >= 0:
-            m, gap = _touch_union(search, work, rows, m, pair, normal, curved)
+            m, gap = _touch_union(search, work, rows, m, pair, normal)
         if m < 0:
             return -1
         pairs.bound[p] = gap
@@ -178,7 +173,7 @@ def _touch_spheres(search, work, rows, m, pair, normal):  # type: ignore[no-unty
 
 
 @bare_kernel
-def _touch_union(search, work, rows, m, pair, normal, curved):  # type: ignore[no-untyped-def]
+def _touch_union(search, work, rows, m, pair, normal):  # type: ignore[no-untyped-def]
     """Write the contacts of a union of spheres and a solid; return the next row and the gap."""
     grains, look = search.grains, _look_of(search, pair)
     first = work.bodies.kind[grains.shape[pair.i]] == 0
@@ -194,7 +189,7 @@ def _touch_union(search, work, rows, m, pair, normal, curved):  # type: ignore[n
         start = _first_direction(normal, along(pair.offset, -sign, row_of(work.corner, q)), single)
         one, two = (sphere, solid) if first else (solid, sphere)
         before = vector_at(normal, 0)
-        m, gap = _touch_two(search, work, rows, m, pair, one, two, start, normal, curved)
+        m, gap = _touch_two(search, work, rows, m, pair, one, two, start, normal)
         if m < 0:
             return -1, best
         if gap < best:
@@ -223,7 +218,7 @@ def _first_direction(normal, way, remembered):  # type: ignore[no-untyped-def]
 
 
 @bare_kernel
-def _touch_two(search, work, rows, m, pair, one, two, start, normal, curved):  # type: ignore[no-untyped-def]
+def _touch_two(search, work, rows, m, pair, one, two, start, normal):  # type: ignore[no-untyped-def]
     """Write the contacts of two parts, and their normal; return the next row and the gap."""
     grains, look, near, offset = search.grains, _look_of(search, pair), work.simplex.near, pair.offset
     kind_i, i, lo_i, _, _, radius_i = one
@@ -232,20 +227,17 @@ def _touch_two(search, work, rows, m, pair, one, two, start, normal, curved):  #
         radius_i if kind_i == 0 else work.bodies.thick[grains.shape[i]] * grains.scale[i],
         radius_j if kind_j == 0 else work.bodies.thick[grains.shape[j]] * grains.scale[j],
     )
-    smooth = False
-    if curved is not None:
-        smooth = kind_i <= 1 and kind_j <= 1
-        if smooth:
-            center, place = (0.0, 0.0, 0.0), offset
-            if kind_i == 0:
-                center = row_of(work.corner, lo_i)
-                place = sub(place, center)
-            if kind_j == 0:
-                place = add(place, row_of(work.corner, lo_j))
-            gap, n = ellipsoid_gap(work.form[i], radius_i, work.form[j], radius_j, place, start, look, near)
-            near[3], near[4], near[5] = add(center, vector_at(near, 3))
-    if not smooth:
-        gap, n = part_gap(work, one, two, offset, start, thick, look, curved)
+    if kind_i <= 1 and kind_j <= 1:
+        center, place = (0.0, 0.0, 0.0), offset
+        if kind_i == 0:
+            center = row_of(work.corner, lo_i)
+            place = sub(place, center)
+        if kind_j == 0:
+            place = add(place, row_of(work.corner, lo_j))
+        gap, n = ellipsoid_gap(work.form[i], radius_i, work.form[j], radius_j, place, start, look, near)
+        near[3], near[4], near[5] = add(center, vector_at(near, 3))
+    else:
+        gap, n = part_gap(work, one, two, offset, start, thick, look)
     normal[0], normal[1], normal[2] = n
     if gap >= pair.reach:
         return m, gap
@@ -255,5 +247,5 @@ def _touch_two(search, work, rows, m, pair, one, two, start, normal, curved):  #
     write_contact(rows, m, pair, n, arm, sub(along(arm, gap, n), offset), gap - pair.rest, SAME * thick)
     m += 1
     if kind_i >= 2 and kind_j >= 2:
-        m = write_face_contacts(grains, work, rows, m, pair, n, thick, curved)
+        m = write_face_contacts(grains, work, rows, m, pair, n, thick)
     return m, gap

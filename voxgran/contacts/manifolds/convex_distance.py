@@ -70,15 +70,13 @@ def _farthest_corner(tables, base, lo, hi, at, x, y, z):  # type: ignore[no-unty
 
 
 @bare_kernel
-def core_support(
-    solid: tuple[Tables, Part], at: int, x: float, y: float, z: float, curved: object
-) -> tuple[float, float, float, int]:
+def core_support(solid: tuple[Tables, Part], at: int, x: float, y: float, z: float) -> tuple[float, float, float, int]:
     """Return the support point of the core of a part along a direction, and which of its corners that is.
 
-    at: a corner of it.  curved: None where there are no ellipsoids, cylinders and cones.
+    at: a corner of it.
     """
     tables, (kind, i, lo, hi, base, _) = solid
-    if curved is not None and kind != 0 and kind != 2:
+    if kind != 0 and kind != 2:
         px, py, pz = support(tables[1][i], 0.0, x, y, z)
         return px, py, pz, at
     q = _farthest_corner(tables, base, lo, hi, lo + at, x, y, z)
@@ -86,33 +84,29 @@ def core_support(
 
 
 @bare_kernel
-def gap_along(
-    tables: Tables, one: Part, two: Part, offset: Vector, normal: Vector, curved: object
-) -> tuple[float, float]:
+def gap_along(tables: Tables, one: Part, two: Part, offset: Vector, normal: Vector) -> tuple[float, float]:
     """Return the gap of two parts along a unit vector, and the height of the first one's support point."""
     x, y, z = normal
-    px, py, pz, _ = core_support((tables, one), 0, x, y, z, curved)
+    px, py, pz, _ = core_support((tables, one), 0, x, y, z)
     high = px * x + py * y + pz * z + one[5]
-    px, py, pz, _ = core_support((tables, two), 0, -x, -y, -z, curved)
+    px, py, pz, _ = core_support((tables, two), 0, -x, -y, -z)
     low = (offset[0] + px) * x + (offset[1] + py) * y + (offset[2] + pz) * z - two[5]
     return low - high, high
 
 
 @bare_kernel
 def distance_along(
-    tables: Tables, one: Part, two: Part, offset: Vector, start: Vector, limit: float, close: float, curved: object,
+    tables: Tables, one: Part, two: Part, offset: Vector, start: Vector, limit: float, close: float,
     simplex: Simplex,
 ) -> float:  # fmt: skip
     """Return the distance of the cores of two parts, as :func:`voxgran.geometry.gjk.search_distance` does."""
     accuracy = Accuracy(close, ROUNDING, MOST_STEPS, RESTARTS)
-    return search_distance(
-        core_support, curved, (tables, one), (tables, two), offset, start, limit, accuracy, None, simplex
-    )
+    return search_distance(core_support, (tables, one), (tables, two), offset, start, limit, accuracy, None, simplex)
 
 
 @bare_kernel
 def part_gap(
-    work: ConvexWork, one: Part, two: Part, offset: Vector, start: Vector, thick: float, limit: float, curved: object
+    work: ConvexWork, one: Part, two: Part, offset: Vector, start: Vector, thick: float, limit: float
 ) -> tuple[float, Vector]:
     """Return the signed gap of two parts and the direction of it, which is first looked for along `start`.
 
@@ -121,7 +115,7 @@ def part_gap(
     """
     normal, radii = start, one[5] + two[5]
     tables, near = tables_of(work.bodies, work), work.simplex.near
-    gap, high = gap_along(tables, one, two, offset, normal, curved)
+    gap, high = gap_along(tables, one, two, offset, normal)
     near[3], near[4], near[5] = times(normal, high - one[5])
     if gap > limit:
         return gap, normal
@@ -131,7 +125,7 @@ def part_gap(
         direct = exact and core > DIRECT * thick
         h = 0.0 if direct else DISPLACED * thick - min(core, 0.0)
         place, keep, far = along(offset, h, normal), vector_at(near, 3), limit + h + radii
-        distance = distance_along(tables, one, two, place, normal, far, CLOSE * thick, curved, work.simplex)
+        distance = distance_along(tables, one, two, place, normal, far, CLOSE * thick, work.simplex)
         length = math.sqrt(near[0] ** 2 + near[1] ** 2 + near[2] ** 2)
         if distance <= 0.0 or length == 0.0:
             near[3], near[4], near[5] = keep
@@ -141,7 +135,7 @@ def part_gap(
             exact = False
             continue
         trial = near[0] / length, near[1] / length, near[2] / length
-        better, _ = gap_along(tables, one, two, offset, trial, curved)
+        better, _ = gap_along(tables, one, two, offset, trial)
         if better < gap:
             if not direct:
                 # along the old normal, the nearest points are as good

@@ -31,25 +31,23 @@ STRIP = 0.02
 @bare_kernel
 def write_face_contacts(
     grains: Grains, work: ConvexWork, rows: ContactRows, m: int, pair: Pair, normal: Vector, thick: float,
-    curved: object,
 ) -> int:  # fmt: skip
     """Write rows m, ... for the faces of two solids along a normal; return the next row, -1 if there is no space.
 
-    The row before is that of the smallest gap of the pair. `curved` is None if no grain is an ellipsoid, a cylinder or
-    a cone.
+    The row before is that of the smallest gap of the pair.
     """
     start, offset, (nx, ny, nz) = m - 1, pair.offset, normal
-    mine, gx, gy, gz, level, strip = _write_face(grains, work, pair.i, nx, ny, nz, work.window, curved)
+    mine, gx, gy, gz, level, strip = _write_face(grains, work, pair.i, nx, ny, nz, work.window)
     if mine == 0:
         return m
-    theirs, hx, hy, hz, other_level, _ = _write_face(grains, work, pair.j, -nx, -ny, -nz, work.ring, curved)
+    theirs, hx, hy, hz, other_level, _ = _write_face(grains, work, pair.j, -nx, -ny, -nz, work.ring)
     if theirs == 0:
         return m
     for k in range(theirs):
         for c in range(3):
             work.ring[k, c] += offset[c]
     side = 1.0
-    if curved is not None and mine == 2 and theirs > 2:
+    if mine == 2 and theirs > 2:
         # the segment is clipped to the face
         for k in range(max(mine, theirs)):
             for c in range(3):
@@ -58,7 +56,7 @@ def write_face_contacts(
         gx, gy, gz = hx, hy, hz
         level = other_level + gx * offset[0] + gy * offset[1] + gz * offset[2]
     x, y, z = side * nx, side * ny, side * nz
-    if curved is not None and mine == 2:
+    if mine == 2:
         left = _clip_to_strip(work.window, work.ring, work.other, theirs, x, y, z, strip)
     else:
         left = _clip_to_window(work.window, work.ring, work.other, mine, theirs, x, y, z)
@@ -101,7 +99,7 @@ def _shorten(rows, start, stop, point, known):  # type: ignore[no-untyped-def]
 
 
 @bare_kernel
-def _write_face(grains, work, i, nx, ny, nz, ring, curved):  # type: ignore[no-untyped-def]
+def _write_face(grains, work, i, nx, ny, nz, ring):  # type: ignore[no-untyped-def]
     """Write the corners of the face of a grain that is most nearly perpendicular to n, relative to its centroid.
 
     Return how many they are (0: no such face, 2: the side of a cylinder or cone), the outward normal and the level of
@@ -110,7 +108,7 @@ def _write_face(grains, work, i, nx, ny, nz, ring, curved):  # type: ignore[no-u
     kind = work.bodies.kind[grains.shape[i]]
     if kind == 2:
         return _write_flat_face(grains, work, i, (nx, ny, nz), ring)
-    if curved is not None and (kind == 3 or kind == 4):
+    if kind == 3 or kind == 4:
         return _write_round_face(work.row[i], nx, ny, nz, ring)
     return 0, 0.0, 0.0, 0.0, 0.0, 0.0
 

@@ -33,11 +33,8 @@ GOLDEN = 0.6180339887498949
 
 
 @bare_kernel
-def near_mesh(bodies: WallBodies, walls: MeshWalls, grains: Grains, g: int, reach: float, smooth: object) -> int:
-    """Write the points of a grain within reach of a closed mesh; return how many there are.
-
-    smooth: None where no shape is a smooth solid.
-    """
+def near_mesh(bodies: WallBodies, walls: MeshWalls, grains: Grains, g: int, reach: float) -> int:
+    """Write the points of a grain within reach of a closed mesh; return how many there are."""
     shape, scale, m, radius = grains.shape[g], grains.scale[g], grains.matrix[g], grains.radius[g]
     place = add(row_of(grains.position, g), vector_at(walls.shift, 0))
     x, y, z = place
@@ -52,7 +49,7 @@ def near_mesh(bodies: WallBodies, walls: MeshWalls, grains: Grains, g: int, reac
         depth = -depth
     far = np.inf if depth < DEEP * radius else reach + DEEP * radius
     c, free, known, wide = 0, bodies.mesh.free, 0, reach
-    if smooth is not None and bodies.kind[shape] != POINTS:
+    if bodies.kind[shape] != POINTS:
         # a wall may be nearer to the rim than to any of its points
         wide += SAGITTA * scale * bodies.size[shape, 0]
     for k in range(bodies.start[shape], bodies.start[shape + 1]):
@@ -67,7 +64,7 @@ def near_mesh(bodies: WallBodies, walls: MeshWalls, grains: Grains, g: int, reac
         most = (abs(depth) + length) * (1.0 + 1e-9)
         c, room = _near_point(bodies, walls, c, place, arm, r, wide, far, most)
         known = _remember(free, known, arm, room)
-    if smooth is not None and bodies.kind[shape] != POINTS:
+    if bodies.kind[shape] != POINTS:
         c = _near_supports(bodies, walls, c, grains, g, place, reach, far)
     # where an edge of the wall is reentrant
     if len(bodies.mesh.edge) > 0:

@@ -65,13 +65,8 @@ def support_arm(bodies: WallBodies, shape: int, scale: float, ring: int, normal:
 
 
 @bare_kernel
-def near_plane(
-    bodies: WallBodies, grains: Grains, g: int, normal: Vector, room: float, reach: float, smooth: object
-) -> int:
-    """Write the points within reach of a plane with a normal, `room` from the centroid; return how many there are.
-
-    smooth: None where no shape is a smooth solid.
-    """
+def near_plane(bodies: WallBodies, grains: Grains, g: int, normal: Vector, room: float, reach: float) -> int:
+    """Write the points within reach of a plane with a normal, `room` from the centroid; return how many there are."""
     shape, scale, m, c = grains.shape[g], grains.scale[g], grains.matrix[g], 0
     way = rotate_back(m, normal)
     for k in range(bodies.start[shape], bodies.start[shape + 1]):
@@ -80,8 +75,6 @@ def near_plane(
         if gap <= reach:
             arm = times(along(rotate(m, point), r, normal), scale)
             c = add_candidate(bodies.found, c, arm, normal, gap)
-    if smooth is None:
-        return c
     kind = bodies.kind[shape]
     if kind != POINTS:
         set_frame(bodies, shape, m)
@@ -94,7 +87,7 @@ def near_plane(
 
 
 @bare_kernel
-def near_round(bodies: WallBodies, grains: Grains, g: int, wall: Floats, reach: float, smooth: object) -> int:
+def near_round(bodies: WallBodies, grains: Grains, g: int, wall: Floats, reach: float) -> int:
     """Write the points within reach of a wall of revolution, given by its row; return how many there are."""
     shape, scale, m, c = grains.shape[g], grains.scale[g], grains.matrix[g], 0
     place = sub(row_of(grains.position, g), vector_at(wall, 0))
@@ -102,8 +95,6 @@ def near_round(bodies: WallBodies, grains: Grains, g: int, wall: Floats, reach: 
     for k in range(bodies.start[shape], bodies.start[shape + 1]):
         arm = times(rotate(m, row_of(bodies.point, k)), scale)
         c = _add_round(bodies.found, c, arm, scale * bodies.margin[k], place, wall, reach)
-    if smooth is None:
-        return c
     kind = bodies.kind[shape]
     if kind != POINTS:
         set_frame(bodies, shape, m)

@@ -59,14 +59,12 @@ def find_wall_contacts(
         before `m` are untouched: with larger arrays that hold the same old rows the call can be made again.
     """
     # closed meshes have a kernel of their own: others need not be compiled with what only these use
-    # and of each, what is None here is not compiled: smooth solids
-    smooth = 1 if bodies.kind.any() else None
     find = _find_in_mesh if walls.kind == MESH else _find_in_closed_form
-    return int(find(search, walls, lid, bodies, at_walls, rows, m, smooth))
+    return int(find(search, walls, lid, bodies, at_walls, rows, m))
 
 
 @kernel
-def _find_in_closed_form(search, walls, lid, bodies, at_walls, rows, m, smooth):  # type: ignore[no-untyped-def]
+def _find_in_closed_form(search, walls, lid, bodies, at_walls, rows, m):  # type: ignore[no-untyped-def]
     """Write the contacts with flat and round walls and with a lid."""
     grains, rest, reach = search.grains, search.rest, search.margin + search.rest
     n, nowhere, (first, count) = len(grains.position), (np.inf, np.inf, np.inf), at_walls
@@ -82,9 +80,9 @@ def _find_in_closed_form(search, walls, lid, bodies, at_walls, rows, m, smooth):
             if room > near:
                 continue
             if side >= AROUND:
-                c = near_round(bodies, grains, g, walls.round[side - AROUND], reach, smooth)
+                c = near_round(bodies, grains, g, walls.round[side - AROUND], reach)
             else:
-                c = near_plane(bodies, grains, g, (nx, ny, nz), room, reach, smooth)
+                c = near_plane(bodies, grains, g, (nx, ny, nz), room, reach)
             c = choose_candidates(bodies.found, c, MOST, bodies.spread[grains.shape[g]] * grains.scale[g])
             pair = Pair(g, n if side == LID else WALL, nowhere, first[g], count[g], reach, rest)
             m = write_candidates(rows, m, pair, bodies.found, c)
@@ -97,7 +95,7 @@ def _find_in_closed_form(search, walls, lid, bodies, at_walls, rows, m, smooth):
 
 
 @kernel
-def _find_in_mesh(search, walls, lid, bodies, at_walls, rows, m, smooth):  # type: ignore[no-untyped-def]
+def _find_in_mesh(search, walls, lid, bodies, at_walls, rows, m):  # type: ignore[no-untyped-def]
     """Write the contacts with the walls of a closed mesh and with a lid."""
     grains, rest, reach = search.grains, search.rest, search.margin + search.rest
     n, nowhere, (first, count) = len(grains.position), (np.inf, np.inf, np.inf), at_walls
@@ -107,14 +105,14 @@ def _find_in_mesh(search, walls, lid, bodies, at_walls, rows, m, smooth):  # typ
         x, y, z = grains.position[g, 0], grains.position[g, 1], grains.position[g, 2]
         for side in range(2):
             if side == 0:
-                c = near_mesh(bodies, walls.mesh, grains, g, reach, smooth)
+                c = near_mesh(bodies, walls.mesh, grains, g, reach)
                 if walls.dimension == 2:
                     _lay_flat(bodies.found, c)
             else:
                 room, nx, ny, nz = _side_of(walls, lid, LID, x, y, z)
                 if room > reach + grains.radius[g]:
                     continue
-                c = near_plane(bodies, grains, g, (nx, ny, nz), room, reach, smooth)
+                c = near_plane(bodies, grains, g, (nx, ny, nz), room, reach)
             c = choose_candidates(bodies.found, c, MOST_IN_MESH, bodies.spread[grains.shape[g]] * grains.scale[g])
             pair = Pair(g, n if side == 1 else WALL, nowhere, first[g], count[g], reach, rest)
             m = write_candidates(rows, m, pair, bodies.found, c)

@@ -32,11 +32,11 @@ def place_relative(shapes: TrueShapes) -> None:
 
 
 @bare_kernel
-def shapes_meet(shapes: TrueShapes, a: int, b: int, x: float, y: float, z: float, stretch: float, rows: object) -> bool:
+def shapes_meet(shapes: TrueShapes, a: int, b: int, x: float, y: float, z: float, stretch: float) -> bool:
     """Return whether shape a and shape b have a point in common.
 
     x, y, z: centroid of b in the frame of a, in the unit of a.  stretch: unit of b in that of a.  The rotation from b
-    to a is in `work.relative`.  rows: None where no shape has a row.
+    to a is in `work.relative`.
     """
     if shapes.box[b, 0] > 0.0:
         if shapes.box[a, 0] > 0.0:
@@ -44,11 +44,11 @@ def shapes_meet(shapes: TrueShapes, a: int, b: int, x: float, y: float, z: float
         if a == len(shapes.turns):
             return _is_sphere_at_box(shapes.box[b], shapes.work.relative, x, y, z, stretch)
     if shapes.hull[a] >= 0 and shapes.hull[b] >= 0:
-        if not _parts_meet(shapes, a, b, shapes.hull[a], shapes.hull[b], x, y, z, stretch, rows):
+        if not _parts_meet(shapes, a, b, shapes.hull[a], shapes.hull[b], x, y, z, stretch):
             return False
         if shapes.first[a + 1, 0] - shapes.first[a, 0] == 1 and shapes.first[b + 1, 0] - shapes.first[b, 0] == 1:
             return True
-    return surfaces_meet(shapes, a, b, x, y, z, stretch, rows) or is_nested(shapes, a, b, x, y, z, stretch)
+    return surfaces_meet(shapes, a, b, x, y, z, stretch) or is_nested(shapes, a, b, x, y, z, stretch)
 
 
 @bare_kernel
@@ -102,7 +102,7 @@ def placed(
 
 
 @bare_kernel
-def _parts_meet(shapes, a, b, p, q, x, y, z, stretch, rows):  # type: ignore[no-untyped-def]
+def _parts_meet(shapes, a, b, p, q, x, y, z, stretch):  # type: ignore[no-untyped-def]
     """Return whether part p of shape a and part q of shape b have a point in common, or rounding may hide one."""
     work, mine, other = shapes.work, shapes.part_sphere[p], shapes.part_sphere[q]
     turn = work.relative
@@ -115,16 +115,16 @@ def _parts_meet(shapes, a, b, p, q, x, y, z, stretch, rows):  # type: ignore[no-
         return True
     if square == 0.0:
         dx = 1.0
-    two = place_part(shapes, b, q, stretch, rows)
+    two = place_part(shapes, b, q, stretch)
     margin = shapes.margin[p] + stretch * shapes.margin[q] + TOUCHING
     one = (shapes.part[p, 0], a, shapes.part[p, 1], shapes.part[p, 2], shapes.part[p, 3], 0.0)
     tables = tables_of(shapes.bodies, work)
-    distance = distance_along(tables, one, two, (x, y, z), (dx, dy, dz), margin, CLOSE, rows, work.simplex)
+    distance = distance_along(tables, one, two, (x, y, z), (dx, dy, dz), margin, CLOSE, work.simplex)
     return not distance > margin
 
 
 @bare_kernel
-def place_part(shapes: TrueShapes, b: int, q: int, stretch: float, rows: object) -> Part:
+def place_part(shapes: TrueShapes, b: int, q: int, stretch: float) -> Part:
     """Write part q of shape b, rotated by `work.relative` and scaled, and return it as a part for the distance."""
     work, turn = shapes.work, shapes.work.relative
     begin, end = shapes.part[q, 1], shapes.part[q, 2]
@@ -133,15 +133,13 @@ def place_part(shapes: TrueShapes, b: int, q: int, stretch: float, rows: object)
         corner = work.corner[begin + k]
         px, py, pz = placed(turn, stretch, 0.0, 0.0, 0.0, corner[0], corner[1], corner[2])
         work.corner[room + k, 0], work.corner[room + k, 1], work.corner[room + k, 2] = px, py, pz
-    if rows is not None and end == begin:
+    if end == begin:
         place_row(work.row[b], turn, stretch, work.row[len(work.row) - 1])
     return shapes.part[q, 0], len(work.row) - 1, room, len(work.corner), shapes.part[q, 3], 0.0
 
 
 @bare_kernel
-def surfaces_meet(
-    shapes: TrueShapes, a: int, b: int, x: float, y: float, z: float, stretch: float, rows: object
-) -> bool:
+def surfaces_meet(shapes: TrueShapes, a: int, b: int, x: float, y: float, z: float, stretch: float) -> bool:
     """Return whether a part of shape a and a part of shape b meet, as `shapes_meet` does."""
     turn, stack = shapes.work.relative, shapes.work.stack
     box, other_box = shapes.first[a, 1], shapes.first[b, 1]
@@ -158,7 +156,7 @@ def surfaces_meet(
         if i >= leaves and j >= other_leaves:
             for p in range(shapes.rows[box + i, 0], shapes.rows[box + i, 1]):
                 for q in range(shapes.rows[other_box + j, 0], shapes.rows[other_box + j, 1]):
-                    if _parts_meet(shapes, a, b, p, q, x, y, z, stretch, rows):
+                    if _parts_meet(shapes, a, b, p, q, x, y, z, stretch):
                         return True
             continue
         if depth >= MOST_WAITING:
@@ -220,7 +218,7 @@ def holds(shapes: TrueShapes, s: int, x: float, y: float, z: float) -> bool:
 
 @bare_kernel
 def meets_itself(
-    span: Floats, shapes: TrueShapes, s: int, f: float, radius: float, rows: object
+    span: Floats, shapes: TrueShapes, s: int, f: float, radius: float
 ) -> bool:  # fmt: skip
     """Return whether the new grain meets one of its own periodic images; span: periodic lengths, 0 without."""
     work = shapes.work
@@ -239,7 +237,7 @@ def meets_itself(
                 dx, dy, dz = kx * span[0], ky * span[1], kz * span[2]
                 if dx * dx + dy * dy + dz * dz < 4.0 * radius * radius:
                     x, y, z = in_frame(work.turn, f, dx, dy, dz)
-                    if shapes_meet(shapes, s, s, x, y, z, 1.0, rows):
+                    if shapes_meet(shapes, s, s, x, y, z, 1.0):
                         return True
     return False
 

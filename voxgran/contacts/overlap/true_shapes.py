@@ -168,12 +168,6 @@ def inner_radius(shape: Shape) -> float:
     return max(depth, 0.0) * (1.0 if shape.is_sphere else 1.0 - ROUNDING)
 
 
-def mark_of_rows(shapes: TrueShapes) -> int | None:
-    """Return 1 where there are ellipsoids, cylinders or cones, else None: what is None is not compiled."""
-    kinds = shapes.part[:, 0]
-    return 1 if ((kinds != POINT) & (kinds != BOX)).any() else None
-
-
 def _solid_of(shape: Shape) -> Shape:
     """Return a shape, or the prism upon an outline that is not a disk."""
     geometry = shape.geometry

@@ -20,12 +20,9 @@ from voxgran.geometry.walls import reach_from, reach_of
 
 @bare_kernel
 def is_within_walls(
-    walls: KernelContainer, shapes: TrueShapes, s: int, f: float, x: float, y: float, z: float, rows: object,
+    walls: KernelContainer, shapes: TrueShapes, s: int, f: float, x: float, y: float, z: float,
 ) -> bool:  # fmt: skip
-    """Return whether the container holds a grain of shape s and scale f at (x, y, z), rotated by `work.turn`.
-
-    rows: as in :mod:`voxgran.contacts.overlap.true_pairs`.
-    """
+    """Return whether the container holds a grain of shape s and scale f at (x, y, z), rotated by `work.turn`."""
     bound = f * shapes.bounding[s]
     for axis in range(3):
         place = x if axis == 0 else (y if axis == 1 else z)
@@ -33,20 +30,20 @@ def is_within_walls(
             continue
         low = walls.lower[axis] - walls.slack
         high = walls.lower[axis] + walls.lengths[axis] + walls.slack
-        if place + bound > high and place + f * _reach(shapes, s, axis, 1.0, rows) > high:
+        if place + bound > high and place + f * _reach(shapes, s, axis, 1.0) > high:
             return False
-        if place - bound < low and place - f * _reach(shapes, s, axis, -1.0, rows) < low:
+        if place - bound < low and place - f * _reach(shapes, s, axis, -1.0) < low:
             return False
     for k in range(len(walls.round)):
         row = walls.round[k]
         if reach_of(row, x, y, z) + bound <= row[6] + walls.slack:
             continue
-        if _farthest(shapes, s, f, x - row[0], y - row[1], z - row[2], row, rows) > row[6] + walls.slack:
+        if _farthest(shapes, s, f, x - row[0], y - row[1], z - row[2], row) > row[6] + walls.slack:
             return False
     if walls.kind == MESH:
         if -mesh_distance(walls.mesh, x, y, z) >= bound:
             return True
-        return _is_within_mesh(walls, shapes, s, f, x, y, z, rows)
+        return _is_within_mesh(walls, shapes, s, f, x, y, z)
     return True
 
 
@@ -59,25 +56,25 @@ def _last_part(shapes, s):  # type: ignore[no-untyped-def]
 
 
 @bare_kernel
-def _reach(shapes, s, axis, sign, rows):  # type: ignore[no-untyped-def]
+def _reach(shapes, s, axis, sign):  # type: ignore[no-untyped-def]
     """Return how far shape s reaches from its centroid along an axis or, with sign -1, against it."""
     turn, tables = shapes.work.turn, tables_of(shapes.bodies, shapes.work)
     ux, uy, uz = sign * turn[axis, 0], sign * turn[axis, 1], sign * turn[axis, 2]
     most, (begin, end) = -math.inf, _last_part(shapes, s)
     for p in range(begin, end):
         part = (shapes.part[p, 0], s, shapes.part[p, 1], shapes.part[p, 2], shapes.part[p, 3], 0.0)
-        px, py, pz, _ = core_support((tables, part), 0, ux, uy, uz, rows)
+        px, py, pz, _ = core_support((tables, part), 0, ux, uy, uz)
         most = max(most, px * ux + py * uy + pz * uz + shapes.margin[p])
     return most
 
 
 @bare_kernel
-def _farthest(shapes, s, f, x, y, z, wall, rows):  # type: ignore[no-untyped-def]
+def _farthest(shapes, s, f, x, y, z, wall):  # type: ignore[no-untyped-def]
     """Return the largest reach of the points of a grain, at (x, y, z) from the center of a wall of revolution."""
     work, most, (begin, end) = shapes.work, -math.inf, _last_part(shapes, s)
     turn, last = work.turn, len(work.row) - 1
     for p in range(begin, end):
-        if rows is not None and shapes.part[p, 1] == shapes.part[p, 2]:
+        if shapes.part[p, 1] == shapes.part[p, 2]:
             place_row(work.row[s], turn, f, work.row[last])
             if wall[3] == 1.0:
                 most = max(most, farthest_of_row(work.row[last], x, y, z))
@@ -101,14 +98,14 @@ def _turned(turn: Floats, f: float, corner: Floats) -> tuple[float, float, float
 
 
 @bare_kernel
-def _is_within_mesh(walls, shapes, s, f, x, y, z, rows):  # type: ignore[no-untyped-def]
+def _is_within_mesh(walls, shapes, s, f, x, y, z):  # type: ignore[no-untyped-def]
     """Return whether a closed mesh, the last shape, holds a grain: no triangle meets it, and its points are inside."""
     wall, work, shift = len(shapes.first) - 2, shapes.work, walls.mesh.shift
     for i in range(3):
         for j in range(3):
             work.relative[i, j] = work.turn[i, j]
     px, py, pz = x + shift[0], y + shift[1], z + shift[2]
-    if surfaces_meet(shapes, wall, s, px, py, pz, f, rows):
+    if surfaces_meet(shapes, wall, s, px, py, pz, f):
         return False
     first, last = shapes.first[s, 0], shapes.first[s + 1, 0]
     # each sphere of a union is tested, one point of any other shape

@@ -202,9 +202,9 @@ def _is_refused(world, g, moved):  # type: ignore[no-untyped-def]
     write_matrix(scratch.quaternion, scratch.turn)
     if len(grains.span) > 0:
         write_span(bodies.reaches.values, grains.shape[g], grains.diameter[g], scratch.turn, scratch.span)
-    if is_outside(pairs, walls, walls.mesh, g, moved) or meets_own_image(world, bodies.contact, g, moved):
+    if is_outside(pairs, walls, g, moved) or meets_own_image(world, g, moved):
         return True
-    return meets_any(world, bodies.contact, g, moved)
+    return meets_any(world, g, moved)
 
 
 @bare_kernel

@@ -179,4 +179,4 @@ def _come(pairs: Pairs, way: Floats, aside: Floats, far: float, step: float) -> 
 def _is_refused_at(pairs, way, aside, place):  # type: ignore[no-untyped-def]
     """Return whether the second grain meets the first at a place along its way."""
     offset = (place * way[0] + aside[0], place * way[1] + aside[1], place * way[2] + aside[2])
-    return overlaps(pairs, pairs.bodies.contact, 1, 0, offset, np.inf)
+    return overlaps(pairs, 1, 0, offset, np.inf)

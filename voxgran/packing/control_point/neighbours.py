@@ -17,6 +17,7 @@ from voxgran.packing.control_point.records import (
     KEEP_OUT,
     LIMIT,
     RADIUS,
+    SDF,
     STRETCH,
     Cells,
     Pairs,
@@ -37,7 +38,7 @@ NO, YES, UNKNOWN = 0, 1, 2
 
 
 @inlined_kernel
-def meets_own_image(world: World, contact: int | None, g: int, moved: float) -> bool:
+def meets_own_image(world: World, g: int, moved: float) -> bool:
     """Return whether a grain meets one of its periodic images; there is none to look at in a wide container."""
     walls, reach = world.walls, world.pairs.grains.extent[g, RADIUS] + world.cells.reach
     nx, ny, nz = _images(walls, 0, reach), _images(walls, 1, reach), _images(walls, 2, reach)
@@ -50,7 +51,7 @@ def meets_own_image(world: World, contact: int | None, g: int, moved: float) -> 
                         iy * (walls.upper[1] - walls.lower[1]),
                         iz * (walls.upper[2] - walls.lower[2]),
                     )
-                    if overlaps(world.pairs, contact, g, g, way, moved):
+                    if overlaps(world.pairs, g, g, way, moved):
                         return True
     return False
 
@@ -64,11 +65,8 @@ def _images(walls, axis, reach):  # type: ignore[no-untyped-def]
 
 
 @inlined_kernel
-def meets_any(world: World, contact: int | None, g: int, moved: float) -> bool:
-    """Return whether a grain meets another: first from the cache, then by comparing the others.
-
-    `contact` is that of the bodies.
-    """
+def meets_any(world: World, g: int, moved: float) -> bool:
+    """Return whether a grain meets another: first from the cache, then by comparing the others."""
     pairs, walls, lists, close = world.pairs, world.walls, world.lists, False
     position, place, pending = pairs.grains.position, pairs.scratch.place, pairs.scratch.pending
     if len(lists.near) > 0 and lists.state[0] == 0:
@@ -78,17 +76,17 @@ def meets_any(world: World, contact: int | None, g: int, moved: float) -> bool:
     else:
         reach = world.cells.reach + pairs.grains.extent[g, RADIUS]
         count = list_in_cells(world.cells, walls, position, place, g, reach, pending)
-    count = _sift(pairs, contact, walls, g, count, moved)
+    count = _sift(pairs, walls, g, count, moved)
     for k in range(count):
-        if overlaps(pairs, contact, g, pending[k, 0], _offset(pairs, walls, k), moved):
+        if overlaps(pairs, g, pending[k, 0], _offset(pairs, walls, k), moved):
             return True
     return count < 0
 
 
 @inlined_kernel
-def overlaps(pairs: Pairs, contact: int | None, g: int, j: int, way: Vector, moved: float) -> bool:
+def overlaps(pairs: Pairs, g: int, j: int, way: Vector, moved: float) -> bool:
     """Return whether two grains overlap by the test of contact, `bodies.contact`."""
-    if contact is None:
+    if pairs.bodies.contact == SDF:
         return overlaps_by_sdf(pairs, g, j, way, moved)
     return overlaps_by_points(pairs, g, j, way, moved)
 
@@ -134,7 +132,7 @@ def _offset(pairs, walls, k):  # type: ignore[no-untyped-def]
 
 
 @inlined_kernel
-def _sift(pairs, contact, walls, g, count, moved):  # type: ignore[no-untyped-def]
+def _sift(pairs, walls, g, count, moved):  # type: ignore[no-untyped-def]
     """Filter the neighbours to those that need a full test; return how many, -1 if an overlap is already certain."""
     left, extent, gap, pending = 0, pairs.grains.extent, pairs.gap, pairs.scratch.pending
     for k in range(count):
@@ -145,11 +143,11 @@ def _sift(pairs, contact, walls, g, count, moved):  # type: ignore[no-untyped-de
                 return -1
             continue
         own, other = extent[g, KEEP_OUT], extent[j, KEEP_OUT]
-        low = gap + (max(own, other) if contact is None else own + other)
+        low = gap + (max(own, other) if pairs.bodies.contact == SDF else own + other)
         near = extent[g, RADIUS] + extent[j, RADIUS] + low
         if dot(way, way) > near * near:
             continue
-        answer = _answer_before_test(pairs, contact, g, j, low, way, moved)
+        answer = _answer_before_test(pairs, g, j, low, way, moved)
         if answer == YES:
             return -1
         if answer == UNKNOWN:
@@ -160,7 +158,7 @@ def _sift(pairs, contact, walls, g, count, moved):  # type: ignore[no-untyped-de
 
 
 @inlined_kernel
-def _answer_before_test(pairs, contact, g, j, low, way, moved):  # type: ignore[no-untyped-def]
+def _answer_before_test(pairs, g, j, low, way, moved):  # type: ignore[no-untyped-def]
     """Return whether a grain meets another, NO, YES or UNKNOWN, from planes between them and from the cache."""
     grains, cache, reaches, extent = pairs.grains, pairs.cache, pairs.bodies.reaches, pairs.grains.extent
     # fields near edges may tell less than distances, and not any distance
@@ -180,7 +178,7 @@ def _answer_before_test(pairs, contact, g, j, low, way, moved):  # type: ignore[
         _write_first_direction(pairs, row, pair, side, way)
         if _are_parted(pairs, g, j, way, wide, 1):
             return NO
-    answer = _answer_from_cache(pairs, contact, g, j, row, way, moved) if cache.pairs[row, PAIR] == pair else UNKNOWN
+    answer = _answer_from_cache(pairs, g, j, row, way, moved) if cache.pairs[row, PAIR] == pair else UNKNOWN
     if answer == UNKNOWN and planes:
         parted, best = _are_parted(pairs, g, j, way, wide, TRIES), pairs.scratch.way
         claim_row(cache.pairs, cache.poses, pair)
@@ -213,11 +211,11 @@ def _are_parted(pairs, g, j, way, wide, tries):  # type: ignore[no-untyped-def]
 
 
 @inlined_kernel
-def _answer_from_cache(pairs, contact, g, j, row, way, moved):  # type: ignore[no-untyped-def]
+def _answer_from_cache(pairs, g, j, row, way, moved):  # type: ignore[no-untyped-def]
     """Return whether a grain meets another from their row of the cache: what comparing them again would give."""
     a, b, grains, extent, scratch = min(g, j), max(g, j), pairs.grains, pairs.grains.extent, pairs.scratch
     relate(grains, scratch, g, j, way)
-    if contact is None:
+    if pairs.bodies.contact == SDF:
         if still_refused_by_sdf(pairs, row, a, b):
             return YES
         # points of b that are near a lie within its radius, the threshold and the slack, which is small

@@ -325,8 +325,7 @@ def _walls(problem: Problem) -> Walls:
         kind, offset = MESH, np.array(boundary.solid.offset)
     elif wall := boundary.cylinder or boundary.sphere:
         kind, radius, offset = ROUND if wall.axes == 2 else BALL, float(wall.radius), (lower + upper) / 2
-    mesh = True if kind == MESH else None
-    return Walls(kind, lower, upper, walled, periodic, radius, offset, bool(problem.parameters.lid), mesh)
+    return Walls(kind, lower, upper, walled, periodic, radius, offset, bool(problem.parameters.lid))
 
 
 def _cells(problem: Problem, extent: Floats) -> tuple[Cells, CloseLists]:

@@ -13,8 +13,8 @@ from voxgran.packing.control_point.support_tables import Reaches
 
 #: kinds of walls
 FLAT, ROUND, MESH, BALL = 0, 1, 2, 3
-#: tests of contact; with None numba leaves out what the other test calls
-SDF, KDTREE = None, 1
+#: tests of contact
+SDF, KDTREE = 0, 1
 #: columns of the extent of a grain: bounding radius, half the spacing of its points, volume over surface, largest
 #: curvature of its surface (below 0 where that is not smooth), error of a smooth surface, and distance that its points
 #: keep at the most from other surfaces; stretch and limit of its `Reaches`, and 1 where it is a sphere that is compared
@@ -30,7 +30,7 @@ class Bodies(NamedTuple):
     are tested against the signed distance of the other; `reaches` are the support functions of the shapes.
     """
 
-    contact: int | None
+    contact: int
     both: bool
     trees: Trees
     fields: Fields
@@ -63,8 +63,7 @@ class GrainPoses(NamedTuple):
 class Walls(NamedTuple):
     """The container: its bounds, which axes have walls and which are periodic, the radius of a round one.
 
-    Where there is a `lid`, it is the flat wall against gravity, and the bounds tell where it is now. `mesh` is None
-    unless the kind is MESH, so that numba leaves out the kernels of meshes.
+    Where there is a `lid`, it is the flat wall against gravity, and the bounds tell where it is now.
     """
 
     kind: int
@@ -75,7 +74,6 @@ class Walls(NamedTuple):
     radius: float
     offset: Floats
     lid: bool
-    mesh: bool | None
 
 
 class Scratch(NamedTuple):

@@ -14,6 +14,7 @@ from voxgran.packing.control_point.records import (
     BALL,
     HALF_SPACING,
     HALF_THICKNESS,
+    MESH,
     RADIUS,
     ROUND,
     Pairs,
@@ -27,13 +28,10 @@ EXACT = 1e-12
 
 
 @inlined_kernel
-def is_outside(pairs: Pairs, walls: Walls, mesh: bool | None, g: int, moved: float) -> bool:
-    """Return whether a grain in the tried pose reaches beyond a wall; `moved` bounds how far its points came.
-
-    `mesh` is that of the walls: None unless the container is a mesh.
-    """
+def is_outside(pairs: Pairs, walls: Walls, g: int, moved: float) -> bool:
+    """Return whether a grain in the tried pose reaches beyond a wall; `moved` bounds how far its points came."""
     grains, bodies = pairs.grains, pairs.bodies
-    if mesh is not None:
+    if walls.kind == MESH:
         if _is_outside_mesh(pairs, walls, g, moved):
             return True
         if not walls.lid:

@@ -191,14 +191,7 @@ def _widest(problem: Problem) -> Floats:
 def _look(problem: Problem, state: State) -> None:
     """Set the stop reason."""
     tally = state.arrays["tally"]
-    if tally[PLACED] == problem.count:
-        state.stop_reason = "count"
-    elif tally[MISSED] >= PATIENCE:
-        state.stop_reason = "full"
-    elif state.done >= state.total:
-        state.stop_reason = "steps"
-    if state.stop_reason:
-        state.derived.clear()
+    state.end_if(placed=bool(tally[PLACED] == problem.count), full=bool(tally[MISSED] >= PATIENCE))
 
 
 def finish(problem: Problem, state: State) -> Packing:

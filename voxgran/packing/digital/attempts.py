@@ -73,6 +73,7 @@ def enter_near(bed: Bed, g: int, member: int, turn: int, site: Integers, ways: I
     return found
 
 
+@bare_kernel
 def make_attempts(
     bed: Bed, pairs: PairTables, rules: MoveRules, schedule: Schedule, queue: Integers, tally: Integers, key: Words,
     first: int, last: int,
@@ -81,22 +82,13 @@ def make_attempts(
 
     It ends early when the queue is empty, the container is full, or a member of the bank is needed that has not been
     voxelized: then `schedule.wanted` tells which, and that attempt is to be made again. The first entries of the queue
-    wait, the others have entered. tally: counters in the order of `COUNTERS`.
+    wait, the others have entered. tally: counters in the order of `COUNTERS`. `pairs`, `schedule.hint` and
+    `schedule.slept` are empty where they are not used.
     """
-    # None takes the kernels of tables, guided moves and sleeping out of what is compiled
-    hint, slept = (array if len(array) else None for array in (schedule.hint, schedule.slept))
-    kept = schedule._replace(hint=hint, slept=slept)  # type: ignore[arg-type]
-    tables = pairs if len(pairs.at) else None
-    return int(_make_attempts(bed, tables, rules, kept, queue, tally, key, first, last))
-
-
-@bare_kernel
-def _make_attempts(bed, pairs, rules, schedule, queue, tally, key, first, last):  # type: ignore[no-untyped-def]
-    """Make attempts as `make_attempts`; `pairs`, `schedule.hint` and `schedule.slept` are None where not used."""
     members = bed.members
     feeding = rules.vibration[FED_AT] < 0
     # nothing but moves and turns, on a canvas
-    plain = not feeding and pairs is None and schedule.hint is None and schedule.slept is None
+    plain = not feeding and len(pairs.at) == 0 and len(schedule.hint) == 0 and len(schedule.slept) == 0
     attempt = first - 1
     while attempt + 1 < last:
         attempt += 1
@@ -114,7 +106,7 @@ def _make_attempts(bed, pairs, rules, schedule, queue, tally, key, first, last):
                 return attempt + 1
             continue
         g = pick_grain(queue, tally[PLACED], rules.newest, schedule.order, attempt, r0)
-        if _sleeps_on(bed, rules, schedule, schedule.slept, g, attempt):
+        if len(schedule.slept) > 0 and sleeps(bed, schedule, g, cycle_start(rules, attempt)):
             tally[SLEPT] += 1
             continue
         if unit_float(r3) < rules.shares[ROTATION]:
@@ -125,38 +117,17 @@ def _make_attempts(bed, pairs, rules, schedule, queue, tally, key, first, last):
             tally[TURNED] += _turn(bed, pairs, tally, g, pose)
         else:
             d = pick_direction(unit_float(r1), r2, rules.classes, rules.shares, rules.vibration, attempt)
-            d = _guided(schedule.hint, rules, g, d, r0, r3)
+            if len(schedule.hint) > 0:
+                d = guided_direction(schedule.hint[g], rules, d, r0, r3)
             step = (rules.directions[d, 0], rules.directions[d, 1], rules.directions[d, 2])
             tally[MOVES] += 1
             moved = _move(bed, pairs, tally, g, step)
             tally[MOVED] += moved
-            _note_contact(bed, g, step, moved, schedule.hint)
-        _note_rest(bed, rules, schedule, schedule.slept, g, attempt)
+            if len(schedule.hint) > 0:
+                _note_contact(bed, g, step, moved, schedule.hint[g])
+        if len(schedule.slept) > 0:
+            note_rest(bed, rules, schedule, g, attempt)
     return last
-
-
-@inlined_kernel
-def _sleeps_on(bed, rules, schedule, slept, g, attempt):  # type: ignore[no-untyped-def]
-    """Return whether a grain sleeps on; where `slept` is None, no grain sleeps."""
-    if slept is None:
-        return False
-    return sleeps(bed, schedule, g, cycle_start(rules, attempt))
-
-
-@inlined_kernel
-def _note_rest(bed, rules, schedule, slept, g, attempt):  # type: ignore[no-untyped-def]
-    """Note whether a grain came to rest; where `slept` is None, no grain sleeps."""
-    if slept is None:
-        return
-    note_rest(bed, rules, schedule, g, attempt)
-
-
-@inlined_kernel
-def _guided(hints, rules, g, d, pick, share):  # type: ignore[no-untyped-def]
-    """Return the direction of a move, d where `hints` is None and moves are not guided."""
-    if hints is None:
-        return d
-    return guided_direction(hints[g], rules, d, pick, share)
 
 
 @bare_kernel
@@ -187,15 +158,9 @@ def _load(members, grains, g, member, turn):  # type: ignore[no-untyped-def]
 
 
 @bare_kernel
-def _note_contact(bed, g, step, moved, hints):  # type: ignore[no-untyped-def]
-    """Note the normal of the contact that refused a move: from the middle of the blocked voxels to the centroid.
-
-    Where `hints` is None, moves are not guided.
-    """
+def _note_contact(bed, g, step, moved, hint):  # type: ignore[no-untyped-def]
+    """Note the normal of the contact that refused a move: from the middle of the blocked voxels to the centroid."""
     field, members, grains = bed
-    if hints is None:
-        return
-    hint = hints[g]
     hint[0], hint[1], hint[2] = 0, 0, 0
     if moved:
         return
@@ -234,7 +199,7 @@ def _move(bed, pairs, tally, g, step):  # type: ignore[no-untyped-def]
     old = shifted(field, grains.site[g], low)
     new = shifted(field, old, step)
     at = grains.at[g]
-    if pairs is not None:
+    if len(pairs.at) > 0:
         return _move_in_cells(bed, pairs, tally, g, (m, t), (low, size, new))
     found = look_along_step(field, grains.bits, at, size, new, step)
     tally[ROWS] += looked_at(found)
@@ -276,7 +241,7 @@ def _turn(bed, pairs, tally, g, pose):  # type: ignore[no-untyped-def]
     old = shifted(field, grains.site[g], low)
     new_low, new_size = turned_box(members.low[new_m], members.size[new_m], members.turns[turn])
     new = shifted(field, grains.site[g], new_low)
-    if pairs is not None:
+    if len(pairs.at) > 0:
         return _move_in_cells(bed, pairs, tally, g, (new_m, turn), (new_low, new_size, new))
     stamp_images(field, grains.bits, at, size, old)
     if len(members.at):
@@ -339,7 +304,7 @@ def _enter(bed, pairs, tally, g, pose, box):  # type: ignore[no-untyped-def]
     """Let a grain enter where it finds room; return whether it does."""
     field, members, grains = bed
     low, size, corner = box
-    if pairs is not None:
+    if len(pairs.at) > 0:
         return _move_in_cells(bed, pairs, tally, g, pose, box) == 1
     grains.at[g] = _load(members, grains, g, pose[0], pose[1])
     found = look_anywhere(field, grains.bits, grains.at[g], size, corner)

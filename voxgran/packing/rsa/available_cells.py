@@ -148,9 +148,7 @@ def first_cells(classes: Classes, boxes: bool) -> Open:
     return Open(np.concatenate(cells), bounds, nothing, nothing.copy())
 
 
-def cut_cells(
-    bed: Bed, classes: Classes, open_cells: Open, kind: int, shapes: TrueShapes | None = None, rows: int | None = None
-) -> Open:
+def cut_cells(bed: Bed, classes: Classes, open_cells: Open, kind: int, shapes: TrueShapes | None = None) -> Open:
     """Return the open cells with those of class `kind` cut and the excluded parts closed; `open_cells` is overwritten.
 
     Too many cells of true shapes are not cut, and only those that are excluded now are closed.
@@ -179,7 +177,7 @@ def cut_cells(
             if shapes is None:
                 many += int(look_at_parts(bed, some, own, near, kept[part]))
             else:
-                many += int(look_at_true(bed, some, own, kept[part], shapes, rows))
+                many += int(look_at_true(bed, some, own, kept[part], shapes))
         width = max(_width(classes, depth), open_cells.cell.shape[1])
         cell = parts_in_place(open_cells.cell, begin, kept, many, parts, width)
     if most:
@@ -245,7 +243,7 @@ class Throws(NamedTuple):
 
 @bare_kernel
 def throw_into_cells(
-    bed: Bed, throws: Throws, tally: Integers, first: int, last: int, shapes: TrueShapes | None, rows: object
+    bed: Bed, throws: Throws, tally: Integers, first: int, last: int, shapes: TrueShapes | None
 ) -> tuple[int, int]:
     """Make attempts `first` to `last` - 1, one throw each.
 
@@ -260,8 +258,6 @@ def throw_into_cells(
         tried again, rejected since the last was placed.
     shapes : TrueShapes or None
         None for spheres and aligned boxes.
-    rows : object
-        As in :mod:`voxgran.contacts.overlap.true_pairs`.
 
     Returns
     -------
@@ -287,10 +283,8 @@ def throw_into_cells(
             tally[TRIED] = 0
             continue
         place = _thrown(throws, grains.boxes, kind, attempt)
-        if shapes is None:
-            there = _place(bed, g, place)
-        else:
-            there = place_true(bed, shapes, g, place, throws.key, attempt, rows)
+        # what is None is not compiled
+        there = _place(bed, g, place) if shapes is None else place_true(bed, shapes, g, place, throws.key, attempt)
         if there:
             tally[PLACED] += 1
             tally[TURN] += 1

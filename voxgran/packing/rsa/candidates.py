@@ -56,12 +56,12 @@ class Coordinates(NamedTuple):
 @bare_kernel
 def add_candidates(
     bed: Bed, rules: CandidateRules, coordinates: Coordinates, queue: NDArray[np.int32], tally: Integers, key: Words,
-    first: int, last: int, shapes: TrueShapes | None, rows: object,
+    first: int, last: int, shapes: TrueShapes | None,
 ) -> int:  # fmt: skip
     """Make attempts `first` to `last` - 1, one candidate each; return the number of the next attempt.
 
     The loop ends early when no grain or no coordinate is left, and with the first grain that is dropped if `ends`.
-    shapes: None for spheres and aligned boxes.  rows: as in :mod:`voxgran.contacts.overlap.true_pairs`.
+    shapes: None for spheres and aligned boxes.
     """
     for attempt in range(first, last):
         c = _next_coordinate(rules, coordinates, queue, tally, attempt)
@@ -73,7 +73,7 @@ def add_candidates(
         else:
             inner = shapes.inner[g]
             place = placed(bed.walls, coordinate(coordinates.table, key, c), (inner, inner, inner))
-            moves = place_true(bed, shapes, g, place, key, c, rows) - 1
+            moves = place_true(bed, shapes, g, place, key, c) - 1
         tally[TRIED] += 1
         if moves < 0:
             tally[REFUSED] += 1

@@ -104,7 +104,7 @@ def look_at_parts(bed: Bed, cell: NDArray[np.uint16], kind: CellClass, near: Flo
 
 @bare_kernel
 def look_at_true(
-    bed: Bed, cell: NDArray[np.uint16], kind: CellClass, kept: NDArray[np.uint8], shapes: TrueShapes, rows: object
+    bed: Bed, cell: NDArray[np.uint16], kind: CellClass, kept: NDArray[np.uint8], shapes: TrueShapes
 ) -> int:
     """Write which parts of each cell stay open for true shapes, as bits, and return their number.
 
@@ -121,7 +121,7 @@ def look_at_true(
             there, offset = _part_of(kind, number, edge, part)
             if not there or is_barred(bed.walls, *along(middle, 1.0, offset), *part, kind.half[0]):
                 continue
-            if is_taken(bed.grains, shapes, many, offset, radius, rows):
+            if is_taken(bed.grains, shapes, many, offset, radius):
                 continue
             bits |= 1 << number
             total += 1

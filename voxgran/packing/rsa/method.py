@@ -41,7 +41,7 @@ from voxgran._base.arrays import Integers, Words
 from voxgran._base.config import check_bounds, parameter, parameter_class
 from voxgran._base.errors import InputError
 from voxgran._base.seeds import philox_key
-from voxgran.contacts.overlap.true_shapes import TrueShapes, mark_of_rows
+from voxgran.contacts.overlap.true_shapes import TrueShapes
 from voxgran.contacts.verify import verify
 from voxgran.packing.method import Cost, PackingMethod, State
 from voxgran.packing.model import Packing
@@ -216,7 +216,7 @@ def advance(problem: Problem, state: State, attempts: int) -> State:
     try:
         if made.classes is None:
             coordinates = Coordinates(made.table, state.arrays["used"], state.arrays["pointer"], made.kind)
-            run = (made.queue, tally, philox_key(problem.seed, "rsa"), state.done, last, *_true_shapes(state, made))
+            run = (made.queue, tally, philox_key(problem.seed, "rsa"), state.done, last, _true_shapes(state, made))
             state.done = int(add_candidates(bed, made.rules, coordinates, *run))
             if state.done < last and made.rules.ends and tally[TURN] < len(made.queue):
                 state.counters["search_from"], tally[TRIED] = int(tally[TURN]), 0
@@ -325,11 +325,9 @@ def _bed_of(state: State, made: Precomputed) -> Bed:
     return Bed(grains, made.cells, made.walls)
 
 
-def _true_shapes(state: State, made: Precomputed) -> tuple[TrueShapes | None, int | None]:
-    """Return true shapes as kernels take them, and whether some have rows; None without true shapes."""
-    if made.shapes is None:
-        return None, None
-    return made.shapes._replace(orientation=state.arrays["orientation"]), mark_of_rows(made.shapes)
+def _true_shapes(state: State, made: Precomputed) -> TrueShapes | None:
+    """Return true shapes as kernels take them; None without."""
+    return None if made.shapes is None else made.shapes._replace(orientation=state.arrays["orientation"])
 
 
 def _throw(state: State, made: Precomputed, grains: Grains, tally: Integers, key: Words, last: int) -> None:
@@ -385,11 +383,11 @@ def _turns(
         cells = _open_of(state)
         sizes = all_edges(classes, cells), volumes_up_to(classes, cells), deepest_cut(classes, made.boxes)
         throws = Throws(queue, own, classes, cells, *sizes, key)
-        state.done, kind = throw_into_cells(bed, throws, tally, state.done, last, *shapes)
+        state.done, kind = throw_into_cells(bed, throws, tally, state.done, last, shapes)
         if kind < 0:
             return
         # stored at once, so that the previous cells can be freed
-        state.arrays.update(cut_cells(bed, classes, cells, kind, *shapes)._asdict())
+        state.arrays.update(cut_cells(bed, classes, cells, kind, shapes)._asdict())
 
 
 def _open_of(state: State) -> Open:

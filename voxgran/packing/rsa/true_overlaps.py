@@ -22,11 +22,8 @@ SORTED = 8
 
 
 @bare_kernel
-def place_true(bed: Bed, shapes: TrueShapes, g: int, place: Vector, key: Words, number: int, rows: object) -> bool:
-    """Place grain g at `place`, in the orientation of block (number, 1), if it meets nothing; return whether it did.
-
-    rows: as in :mod:`voxgran.contacts.overlap.true_pairs`.
-    """
+def place_true(bed: Bed, shapes: TrueShapes, g: int, place: Vector, key: Words, number: int) -> bool:
+    """Place grain g at `place`, in the orientation of block (number, 1), if it meets nothing; return whether it did."""
     s, f, inner, work = shapes.shape[g], shapes.scale[g], shapes.inner[g], shapes.work
     radius, walls = bed.grains.half[g, 0], bed.walls
     if is_barred(walls, *place, 0.0, 0.0, 0.0, inner):
@@ -38,11 +35,11 @@ def place_true(bed: Bed, shapes: TrueShapes, g: int, place: Vector, key: Words, 
     if shapes.turns[s]:
         draw_quaternion(walls.dimension, key, number, work.quaternion)
     write_matrix(work.quaternion, work.turn)
-    if _meets_near(shapes, s, f, many, rows):
+    if _meets_near(shapes, s, f, many):
         return False
-    if not is_within_walls(walls, shapes, s, f, *place, rows):
+    if not is_within_walls(walls, shapes, s, f, *place):
         return False
-    if meets_itself(bed.cells.span, shapes, s, f, radius, rows):
+    if meets_itself(bed.cells.span, shapes, s, f, radius):
         return False
     for c in range(4):
         shapes.orientation[g, c] = work.quaternion[c]
@@ -51,7 +48,7 @@ def place_true(bed: Bed, shapes: TrueShapes, g: int, place: Vector, key: Words, 
 
 
 @bare_kernel
-def is_taken(grains: Grains, shapes: TrueShapes, many: int, center: Vector, radius: float, rows: object) -> bool:
+def is_taken(grains: Grains, shapes: TrueShapes, many: int, center: Vector, radius: float) -> bool:
     """Return whether a sphere meets one of the listed grains; rounding only makes it smaller.
 
     center: from the place about which the grains are listed.
@@ -71,7 +68,7 @@ def is_taken(grains: Grains, shapes: TrueShapes, many: int, center: Vector, radi
         write_matrix(shapes.orientation[g], work.other)
         place_relative(shapes)
         x, y, z = way[0] / f, way[1] / f, way[2] / f
-        if shapes_meet(shapes, len(shapes.turns), shapes.shape[g], x, y, z, shapes.scale[g] / f, rows):
+        if shapes_meet(shapes, len(shapes.turns), shapes.shape[g], x, y, z, shapes.scale[g] / f):
             return True
     return False
 
@@ -111,7 +108,7 @@ def list_near(bed: Bed, shapes: TrueShapes, center: Vector, radius: float, inner
 
 
 @bare_kernel
-def _meets_near(shapes, s, f, many, rows):  # type: ignore[no-untyped-def]
+def _meets_near(shapes, s, f, many):  # type: ignore[no-untyped-def]
     """Return whether the new grain, rotated by `work.turn`, meets one of the listed grains."""
     work = shapes.work
     place, grain = work.place, work.grain
@@ -125,7 +122,7 @@ def _meets_near(shapes, s, f, many, rows):  # type: ignore[no-untyped-def]
         write_matrix(shapes.orientation[g], work.other)
         place_relative(shapes)
         x, y, z = in_frame(work.turn, f, place[best, 0], place[best, 1], place[best, 2])
-        if shapes_meet(shapes, s, shapes.shape[g], x, y, z, shapes.scale[g] / f, rows):
+        if shapes_meet(shapes, s, shapes.shape[g], x, y, z, shapes.scale[g] / f):
             return True
         for c in range(4):
             place[best, c] = place[left - 1, c]

@@ -71,14 +71,10 @@ class Surroundings(NamedTuple):
 
 
 @bare_kernel
-def largest_scale(
-    around: Surroundings, s: int, x: float, y: float, z: float, least: float, most: float, rows: object
-) -> float:
+def largest_scale(around: Surroundings, s: int, x: float, y: float, z: float, least: float, most: float) -> float:
     """Return the largest scale, up to `most`, at which shape s, rotated by `work.turn`, fits at a point.
 
     It is 0 if the scale is below `least` or the point is taken. The direction away from the contact is written.
-
-    rows: as in :mod:`voxgran.contacts.overlap.true_pairs`.
     """
     away, core = around.away, around.core[s]
     away[0] = away[1] = away[2] = 0.0
@@ -91,43 +87,43 @@ def largest_scale(
         return 0.0
     if core > 0.0:
         f = min(f, gap / core)
-    f = _beside_others(around, s, x, y, z, f, least, False, rows)
+    f = _beside_others(around, s, x, y, z, f, least, False)
     if f < least or f <= 0.0:
         return 0.0
     if around.walls.kind == MESH:
-        f = _within_mesh(around, s, x, y, z, f, rows)
-    elif not _is_alone(around, s, x, y, z, f, rows):
-        f = _within(around, s, x, y, z, f, rows)
+        f = _within_mesh(around, s, x, y, z, f)
+    elif not _is_alone(around, s, x, y, z, f):
+        f = _within(around, s, x, y, z, f)
     return f if f >= least else 0.0
 
 
 @bare_kernel
 def fits(
-    around: Surroundings, s: int, x: float, y: float, z: float, f: float, rows: object
+    around: Surroundings, s: int, x: float, y: float, z: float, f: float
 ) -> bool:  # fmt: skip
     """Return whether shape s at scale f, rotated by `work.turn`, meets no grain, no wall and no image of itself."""
     if clearance(around.walls, x, y, z) <= f * around.core[s] * (1.0 - 4.0 * SMALLER):
         return False
-    if _beside_others(around, s, x, y, z, f, 0.0, True, rows) == 0.0:
+    if _beside_others(around, s, x, y, z, f, 0.0, True) == 0.0:
         return False
-    return _is_alone(around, s, x, y, z, f, rows)
+    return _is_alone(around, s, x, y, z, f)
 
 
 @bare_kernel
-def _is_alone(around, s, x, y, z, f, rows):  # type: ignore[no-untyped-def]
+def _is_alone(around, s, x, y, z, f):  # type: ignore[no-untyped-def]
     """Return whether a grain meets no wall and no image of itself."""
-    if not is_within_walls(around.walls, around.shapes, s, f, x, y, z, rows):
+    if not is_within_walls(around.walls, around.shapes, s, f, x, y, z):
         return False
-    return not meets_itself(around.cells.span, around.shapes, s, f, f * around.shapes.bounding[s], rows)
+    return not meets_itself(around.cells.span, around.shapes, s, f, f * around.shapes.bounding[s])
 
 
 @bare_kernel
-def _within(around, s, x, y, z, most, rows):  # type: ignore[no-untyped-def]
+def _within(around, s, x, y, z, most):  # type: ignore[no-untyped-def]
     """Return the scale, below one that is too large, at which a grain touches a wall or its own image."""
     low, high = 0.0, most
     for _ in range(HALVINGS):
         middle = 0.5 * (low + high)
-        if _is_alone(around, s, x, y, z, middle, rows):
+        if _is_alone(around, s, x, y, z, middle):
             low = middle
         else:
             high = middle
@@ -143,7 +139,7 @@ def _within(around, s, x, y, z, most, rows):  # type: ignore[no-untyped-def]
 
 
 @bare_kernel
-def _within_mesh(around, s, x, y, z, most, rows):  # type: ignore[no-untyped-def]
+def _within_mesh(around, s, x, y, z, most):  # type: ignore[no-untyped-def]
     """Return the scale, up to `most`, at which a grain touches a wall of a closed mesh, the last shape."""
     shapes, away, shift = around.shapes, around.away, around.walls.mesh.shift
     if -mesh_distance(around.walls.mesh, x, y, z) >= most * shapes.bounding[s]:
@@ -152,7 +148,7 @@ def _within_mesh(around, s, x, y, z, most, rows):  # type: ignore[no-untyped-def
         for j in range(3):
             shapes.work.relative[i, j] = shapes.work.turn[i, j]
     px, py, pz = x + shift[0], y + shift[1], z + shift[2]
-    found, nx, ny, nz = _surfaces_touch(shapes, len(shapes.first) - 2, s, px, py, pz, most, rows)
+    found, nx, ny, nz = _surfaces_touch(shapes, len(shapes.first) - 2, s, px, py, pz, most)
     if found >= most:
         return most
     away[0], away[1], away[2] = nx, ny, nz
@@ -160,7 +156,7 @@ def _within_mesh(around, s, x, y, z, most, rows):  # type: ignore[no-untyped-def
 
 
 @bare_kernel
-def _beside_others(around, s, x, y, z, f, least, only, rows):  # type: ignore[no-untyped-def]
+def _beside_others(around, s, x, y, z, f, least, only):  # type: ignore[no-untyped-def]
     """Return the scale, up to f, at which a grain meets no other; 0 if it is below `least` or, with `only`, below f."""
     cells, seen, bound = around.cells, around.seen, around.shapes.bounding[s]
     around.searches[0] += 1
@@ -185,7 +181,7 @@ def _beside_others(around, s, x, y, z, f, least, only, rows):  # type: ignore[no
                         g = cells.item[entry]
                         if seen[g] != search:
                             seen[g] = search
-                            f = _beside(around, s, g, x, y, z, f, only, rows)
+                            f = _beside(around, s, g, x, y, z, f, only)
                             if f <= 0.0 or f < least:
                                 return 0.0
                         entry = cells.after[entry]
@@ -196,7 +192,7 @@ def _beside_others(around, s, x, y, z, f, least, only, rows):  # type: ignore[no
 
 
 @bare_kernel
-def _beside(around, s, g, x, y, z, f, only, rows):  # type: ignore[no-untyped-def]
+def _beside(around, s, g, x, y, z, f, only):  # type: ignore[no-untyped-def]
     """Return the scale, up to f, at which a grain meets no image of grain g; 0 with `only` if it is below f."""
     spheres, shapes = around.spheres, around.shapes
     bound, core = shapes.bounding[s], around.core[s]
@@ -220,7 +216,7 @@ def _beside(around, s, g, x, y, z, f, only, rows):  # type: ignore[no-untyped-de
                     f = (math.sqrt(square) - around.cores[g, 3]) / core
                     if f <= 0.0:
                         return 0.0
-                f = _beside_image(around, s, g, ex, ey, ez, f, only, rows)
+                f = _beside_image(around, s, g, ex, ey, ez, f, only)
                 if f <= 0.0:
                     return 0.0
     return f
@@ -236,7 +232,7 @@ def _images(cells, axis, step, reach):  # type: ignore[no-untyped-def]
 
 
 @bare_kernel
-def _beside_image(around, s, g, ex, ey, ez, f, only, rows):  # type: ignore[no-untyped-def]
+def _beside_image(around, s, g, ex, ey, ez, f, only):  # type: ignore[no-untyped-def]
     """Return the scale, up to f, at which a grain does not meet another, whose centroid lies at e from its own."""
     shapes, away = around.shapes, around.away
     turn, other, relative = shapes.work.turn, shapes.work.other, shapes.work.relative
@@ -248,16 +244,16 @@ def _beside_image(around, s, g, ex, ey, ez, f, only, rows):  # type: ignore[no-u
     x, y, z = in_frame(other, own, -ex, -ey, -ez)
     single = shapes.first[b + 1, 0] - shapes.first[b, 0] == 1 and shapes.first[s + 1, 0] - shapes.first[s, 0] == 1
     # at a larger scale, so that what is a little apart by rounding is not taken for free
-    if (only or single) and not shapes_meet(shapes, b, s, x, y, z, f / own * (1.0 + OPEN), rows):
+    if (only or single) and not shapes_meet(shapes, b, s, x, y, z, f / own * (1.0 + OPEN)):
         return f
     if only:
         return 0.0
     if single:
-        found, nx, ny, nz = _parts_touch(shapes, b, s, shapes.hull[b], shapes.hull[s], x, y, z, f / own, rows)
+        found, nx, ny, nz = _parts_touch(shapes, b, s, shapes.hull[b], shapes.hull[s], x, y, z, f / own)
     elif shapes.closed[b] and holds(shapes, b, x, y, z):
         return 0.0
     else:
-        found, nx, ny, nz = _surfaces_touch(shapes, b, s, x, y, z, f / own, rows)
+        found, nx, ny, nz = _surfaces_touch(shapes, b, s, x, y, z, f / own)
     if found >= f / own:
         return f
     for c in range(3):
@@ -266,7 +262,7 @@ def _beside_image(around, s, g, ex, ey, ez, f, only, rows):  # type: ignore[no-u
 
 
 @bare_kernel
-def _surfaces_touch(shapes, a, b, x, y, z, most, rows):  # type: ignore[no-untyped-def]
+def _surfaces_touch(shapes, a, b, x, y, z, most):  # type: ignore[no-untyped-def]
     """Return the scale, up to `most`, at which a part of b first touches one of a as b grows, and the normal there.
 
     x, y, z: centroid of b in the frame of a. The scale is 0 if the point is taken.
@@ -285,7 +281,7 @@ def _surfaces_touch(shapes, a, b, x, y, z, most, rows):  # type: ignore[no-untyp
         if i >= leaves and j >= other_leaves:
             for p in range(shapes.rows[box + i, 0], shapes.rows[box + i, 1]):
                 for q in range(shapes.rows[other_box + j, 0], shapes.rows[other_box + j, 1]):
-                    t, nx, ny, nz = _parts_touch(shapes, a, b, p, q, x, y, z, best, rows)
+                    t, nx, ny, nz = _parts_touch(shapes, a, b, p, q, x, y, z, best)
                     if t < best:
                         best, mx, my, mz = t, nx, ny, nz
             continue
@@ -319,7 +315,7 @@ def _spheres_touch(turn, mine, other, x, y, z):  # type: ignore[no-untyped-def]
 
 
 @bare_kernel
-def _parts_touch(shapes, a, b, p, q, x, y, z, most, rows):  # type: ignore[no-untyped-def]
+def _parts_touch(shapes, a, b, p, q, x, y, z, most):  # type: ignore[no-untyped-def]
     """Return the scale, if it is below `most`, at which part q of b first touches part p of a, and the normal there.
 
     x, y, z: centroid of b in the frame of a.
@@ -342,17 +338,17 @@ def _parts_touch(shapes, a, b, p, q, x, y, z, most, rows):  # type: ignore[no-un
             corner[room, 0] = corner[room, 1] = corner[room, 2] = 0.0
             two = (0, len(row) - 1, room, room + 1, shapes.part[q, 3], 0.0)
         else:
-            two = place_part(shapes, b, q, t, rows)
+            two = place_part(shapes, b, q, t)
         margin = shapes.margin[p] + t * shapes.margin[q]
         start = (dx, dy, dz)
-        if not distance_along(tables, one, two, (x, y, z), start, 1e150, CLOSE, rows, work.simplex) > margin:
+        if not distance_along(tables, one, two, (x, y, z), start, 1e150, CLOSE, work.simplex) > margin:
             break
         length = math.sqrt(near[0] ** 2 + near[1] ** 2 + near[2] ** 2)
         nx, ny, nz = near[0] / length, near[1] / length, near[2] / length
-        ax, ay, az, _ = core_support((tables, one), 0, nx, ny, nz, rows)
+        ax, ay, az, _ = core_support((tables, one), 0, nx, ny, nz)
         if t == 0.0:
-            two = place_part(shapes, b, q, 1.0, rows)
-        bx, by, bz, _ = core_support((tables, two), 0, -nx, -ny, -nz, rows)
+            two = place_part(shapes, b, q, 1.0)
+        bx, by, bz, _ = core_support((tables, two), 0, -nx, -ny, -nz)
         reach = -(bx * nx + by * ny + bz * nz) / (t if t > 0.0 else 1.0) + shapes.margin[q]
         level = (x - ax) * nx + (y - ay) * ny + (z - az) * nz - shapes.margin[p]
         if reach <= 0.0 and level > t * reach:

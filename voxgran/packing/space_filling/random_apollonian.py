@@ -227,14 +227,7 @@ def _look(problem: Problem, state: State, end: int) -> None:
     tally = state.arrays["tally"]
     if end == REACHED:
         state.stop_reason = "solid_fraction"
-    elif tally[PLACED] == problem.count:
-        state.stop_reason = "count"
-    elif tally[MISSED] >= PATIENCE:
-        state.stop_reason = "full"
-    elif state.done >= state.total:
-        state.stop_reason = "steps"
-    if state.stop_reason:
-        state.derived.clear()
+    state.end_if(placed=bool(tally[PLACED] == problem.count), full=bool(tally[MISSED] >= PATIENCE))
 
 
 def finish(problem: Problem, state: State) -> Packing:

@@ -14,7 +14,7 @@ import numpy as np
 from voxgran._base.arrays import Floats, Integers, Words
 from voxgran._base.kernels import bare_kernel, kernel
 from voxgran._base.seeds import philox_block, unit_float
-from voxgran.contacts.overlap.true_shapes import inner_radius, mark_of_rows, true_shapes
+from voxgran.contacts.overlap.true_shapes import inner_radius, true_shapes
 from voxgran.containers.kernel_container import kernel_container
 from voxgran.geometry.rotation import draw_quaternion, write_matrix
 from voxgran.packing.method import State
@@ -57,7 +57,6 @@ class PrecomputedShapes:
 
     around: Surroundings
     rules: GrowthRules  # volumes of the shapes at scale 1, and limits of the scale
-    rows: int | None
 
 
 def precompute_shapes(problem: Problem, state: State, limits: Floats) -> PrecomputedShapes:
@@ -79,7 +78,7 @@ def precompute_shapes(problem: Problem, state: State, limits: Floats) -> Precomp
         walls, cells, tables, arrays["spheres"], cores, core, longest, seen, searches, np.zeros(3)
     )  # fmt: skip
     rules = GrowthRules(volume, limits, problem.parameters.shift, problem.parameters.rotate)
-    return PrecomputedShapes(around, rules, mark_of_rows(tables))
+    return PrecomputedShapes(around, rules)
 
 
 def advance_shapes(problem: Problem, state: State, made: PrecomputedShapes, key: Words, last: int) -> int:
@@ -87,7 +86,7 @@ def advance_shapes(problem: Problem, state: State, made: PrecomputedShapes, key:
     end = NO_ROOM
     while end == NO_ROOM:
         run = (key, state.arrays["tally"], state.arrays["volume"], state.done, last)
-        done, end = put_shapes(made.around, made.rules, *run, made.rows)
+        done, end = put_shapes(made.around, made.rules, *run)
         state.done = int(done)
         if end == NO_ROOM:
             made.around = made.around._replace(cells=with_room(made.around.cells))
@@ -97,11 +96,10 @@ def advance_shapes(problem: Problem, state: State, made: PrecomputedShapes, key:
 @kernel
 def put_shapes(
     around: Surroundings, rules: GrowthRules, key: Words, tally: Integers, filled: Floats, done: int, last: int,
-    rows: object,
 ) -> tuple[int, int]:  # fmt: skip
     """Make attempts up to number `last`; return the number after the last that was made, and how this part ends.
 
-    filled: (1,) volume of the grains that were placed.  rows: as in :mod:`voxgran.contacts.overlap.true_pairs`.
+    filled: (1,) volume of the grains that were placed.
     """
     walls, shapes, limits, volume, place = around.walls, around.shapes, rules.limits, rules.volume, np.zeros(4)
     while done < last and tally[PLACED] < len(around.spheres) and tally[MISSED] < PATIENCE:
@@ -110,7 +108,7 @@ def put_shapes(
         place[0] = unit_float(words[0]) * walls.lengths[0]
         place[1] = unit_float(words[1]) * walls.lengths[1]
         place[2] = unit_float(words[2]) * walls.lengths[2] if walls.dimension == 3 else 0.0
-        _grow_at(around, rules, s, place, key, done, rows)
+        _grow_at(around, rules, s, place, key, done)
         f = place[3] * limits[2]
         added, reached = volume[s] * f**walls.dimension, False
         if f > 0.0 and filled[0] + added >= limits[3]:
@@ -146,7 +144,7 @@ def _enter(around, n, s, place, f):  # type: ignore[no-untyped-def]
 
 
 @bare_kernel
-def _grow_at(around, rules, s, place, key, number, rows):  # type: ignore[no-untyped-def]
+def _grow_at(around, rules, s, place, key, number):  # type: ignore[no-untyped-def]
     """Write the largest scale at a place, and the orientation; the place moves if grains shift."""
     work, dimension = around.shapes.work, around.walls.dimension
     least, most = rules.limits[0] / rules.limits[2], rules.limits[1]
@@ -156,16 +154,16 @@ def _grow_at(around, rules, s, place, key, number, rows):  # type: ignore[no-unt
     if around.shapes.turns[s]:
         draw_quaternion(dimension, key, number, work.quaternion)
     write_matrix(work.quaternion, work.turn)
-    place[3] = largest_scale(around, s, place[0], place[1], place[2], first, most, rows)
+    place[3] = largest_scale(around, s, place[0], place[1], place[2], first, most)
     for _ in range(rules.shift):
-        if place[3] <= 0.0 or place[3] >= most or not _move(around, s, place, most, rows):
+        if place[3] <= 0.0 or place[3] >= most or not _move(around, s, place, most):
             break
     if place[3] > 0.0 and rules.rotate > 0 and around.shapes.turns[s]:
-        _rotate(around, s, place, most, rules.rotate, key, number, rows)
+        _rotate(around, s, place, most, rules.rotate, key, number)
 
 
 @bare_kernel
-def _move(around, s, place, most, rows):  # type: ignore[no-untyped-def]
+def _move(around, s, place, most):  # type: ignore[no-untyped-def]
     """Move a grain away from what it touches while it grows; return whether it has become larger."""
     ux, uy, uz = around.away[0], around.away[1], around.away[2] if around.walls.dimension == 3 else 0.0
     length, before = math.sqrt(ux * ux + uy * uy + uz * uz), place[3]
@@ -177,8 +175,8 @@ def _move(around, s, place, most, rows):  # type: ignore[no-untyped-def]
         y = wrapped(around.cells, 1, place[1] + step * uy)
         z = wrapped(around.cells, 2, place[2] + step * uz)
         grown = 0.0
-        if fits(around, s, x, y, z, place[3] * (1.0 + GAIN), rows):
-            grown = largest_scale(around, s, x, y, z, place[3], most, rows)
+        if fits(around, s, x, y, z, place[3] * (1.0 + GAIN)):
+            grown = largest_scale(around, s, x, y, z, place[3], most)
         if grown > place[3]:
             place[0], place[1], place[2], place[3] = x, y, z, grown
             step *= 2.0
@@ -188,7 +186,7 @@ def _move(around, s, place, most, rows):  # type: ignore[no-untyped-def]
 
 
 @bare_kernel
-def _rotate(around, s, place, most, tries, key, number, rows):  # type: ignore[no-untyped-def]
+def _rotate(around, s, place, most, tries, key, number):  # type: ignore[no-untyped-def]
     """Rotate a grain to where it can grow further, in so many tries."""
     work, span = around.shapes.work, 1.0
     q = work.quaternion
@@ -207,8 +205,8 @@ def _rotate(around, s, place, most, tries, key, number, rows):  # type: ignore[n
         q[2], q[3] = a * j - b * k + c * w + d * i, a * k + b * j - c * i + d * w
         write_matrix(q, work.turn)
         grown = 0.0
-        if fits(around, s, place[0], place[1], place[2], place[3] * (1.0 + GAIN), rows):
-            grown = largest_scale(around, s, place[0], place[1], place[2], place[3], most, rows)
+        if fits(around, s, place[0], place[1], place[2], place[3] * (1.0 + GAIN)):
+            grown = largest_scale(around, s, place[0], place[1], place[2], place[3], most)
         if grown > place[3]:
             place[3], w, i, j, k = grown, q[0], q[1], q[2], q[3]
             span = min(1.0, span * WIDER)

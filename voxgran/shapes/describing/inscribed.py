@@ -8,7 +8,7 @@ import numpy as np
 from voxgran._base.arrays import Floats
 from voxgran._base.kernels import kernel
 from voxgran._base.lazy import load
-from voxgran.geometry.tree import STACK, TriangleTree, grow_tree, is_behind, square_to_box
+from voxgran.geometry.tree import STACK, TriangleTree, grow_tree, is_behind, push_halves, square_to_box
 from voxgran.geometry.triangles import closest_on_triangle
 from voxgran.shapes.model import Shape
 from voxgran.shapes.outline import Outline
@@ -188,11 +188,7 @@ def _find_depths(points, corners, low, high, start, normals, reach, best, depth)
             if square_to_box(low, high, node, x, y, z) >= square:
                 continue
             if node < leaves:
-                left = 2 * node + 1
-                one = square_to_box(low, high, left, x, y, z)
-                two = square_to_box(low, high, left + 1, x, y, z)
-                stack[waiting] = left + 1 if one <= two else left
-                stack[waiting + 1] = left if one <= two else left + 1
+                push_halves(low, high, node, x, y, z, stack, waiting)
                 waiting += 2
                 continue
             for k in range(start[node, 0], start[node, 1]):

@@ -13,7 +13,7 @@ from voxgran._base.arrays import WHOLE
 from voxgran._base.errors import InputError, PackingWarning
 from voxgran._base.seeds import stream
 from voxgran.contacts.overlap.true_pairs import place_relative, shapes_meet
-from voxgran.contacts.overlap.true_shapes import inner_radius, mark_of_rows, true_shapes
+from voxgran.contacts.overlap.true_shapes import inner_radius, true_shapes
 from voxgran.contacts.overlap.true_walls import is_within_walls
 from voxgran.contacts.parts import row_of
 from voxgran.contacts.walls import escape_depths
@@ -68,8 +68,7 @@ def turns(generator, many, dimension):
 
 def tables(shapes, container, scale):
     core = np.array([inner_radius(shape) for shape in shapes]) * scale
-    made = true_shapes(shapes, container, np.arange(len(shapes)), np.array(scale), core)
-    return made, mark_of_rows(made)
+    return true_shapes(shapes, container, np.arange(len(shapes)), np.array(scale), core)
 
 
 @pytest.mark.parametrize(
@@ -87,7 +86,7 @@ def test_pairs_meet_where_contacts_say_so(one, other):
     shapes, scale = [unit(makes[one]), unit(makes[other])], (1.0, 0.7)
     dimension = shapes[0].dimension
     room = vg.Box((40, 40, 40)) if dimension == 3 else vg.Rectangle((40, 40))
-    made, rows = tables(shapes, room, scale)
+    made = tables(shapes, room, scale)
     generator = stream(len(one) + 7 * len(other), "test")
     # the contacts of the union take long to find
     found, many = [], 12 if "union" in (one, other) else 25
@@ -101,7 +100,7 @@ def test_pairs_meet_where_contacts_say_so(one, other):
         write_matrix(orientation[1], made.work.other)
         place_relative(made)
         x, y, z = rotation_matrices(orientation)[0].T @ step / scale[0]
-        meet = shapes_meet(made, 0, 1, x, y, z, scale[1] / scale[0], rows)
+        meet = shapes_meet(made, 0, 1, x, y, z, scale[1] / scale[0])
         assert meet == (vg.verify(pair).overlapping_pairs == 1)
         found.append(meet)
     assert many / 8 < sum(found) < many
@@ -112,14 +111,14 @@ def test_shapes_within_a_mesh_meet_it():
     big = vg.make_shape("solid_union", seed=2).scaled(1.0)
     big = big.scaled(1 / big.diameter)
     for make in SOLIDS.values():
-        made, rows = tables([big, unit(make)], vg.Box((40, 40, 40)), (1.0, 0.02))
+        made = tables([big, unit(make)], vg.Box((40, 40, 40)), (1.0, 0.02))
         deep = big.vertices.mean(axis=0) * 0.0
         for axis in range(3):
             made.work.relative[axis] = np.eye(3)[axis]
-        assert shapes_meet(made, 0, 1, *deep, 0.02, rows)
+        assert shapes_meet(made, 0, 1, *deep, 0.02)
         x, y, z = -deep * 50
-        assert shapes_meet(made, 1, 0, x, y, z, 50.0, rows)
-        assert not shapes_meet(made, 0, 1, 2.0, 0.0, 0.0, 0.02, rows)
+        assert shapes_meet(made, 1, 0, x, y, z, 50.0)
+        assert not shapes_meet(made, 0, 1, 2.0, 0.0, 0.0, 0.02)
 
 
 ROOMS = {
@@ -139,14 +138,14 @@ def test_walls_hold_what_contacts_say_is_inside(name):
     generator, (lower, upper) = stream(3, name), room.bounds
     for make in (SOLIDS if room.dimension == 3 else FLAT).values():
         shape, scale = unit(make), 0.9
-        made, rows = tables([shape], room, (scale,))
+        made = tables([shape], room, (scale,))
         walls = kernel_container(room)
         # escapes from meshes take long to find
         for orientation in turns(generator, 4 if name == "mesh" else 12, room.dimension):
             place = lower + (0.5 + 0.45 * (generator.random(3) - 0.5)) * (upper - lower)
             one = vg.Packing.of([shape], room, position=[place], scale=[scale], orientation=[orientation])
             write_matrix(orientation, made.work.turn)
-            held = is_within_walls(walls, made, 0, scale, *place, rows)
+            held = is_within_walls(walls, made, 0, scale, *place)
             assert held == bool(escape_depths(one)[0] <= 0), shape.name
             found.append(held)
     assert 0.1 < np.mean(found) < 0.95
@@ -160,12 +159,12 @@ def test_a_cavity_of_the_container_does_not_lie_in_a_grain():
     room = vg.ClosedMesh(vg.Shape.from_mesh(vertices, faces))
     walls = kernel_container(room)
     for name in ("union", "box", "clump", "sphere"):
-        made, rows = tables([unit(SOLIDS[name])], room, (1.5,))
+        made = tables([unit(SOLIDS[name])], room, (1.5,))
         made.work.turn[:] = np.eye(3)
         # the second sphere of the clump
         deep = np.array([-0.75, 0.0, 0.0]) if name == "clump" else np.zeros(3)
-        assert not is_within_walls(walls, made, 0, 1.5, *deep, rows)
-        assert is_within_walls(walls, made, 0, 1.5, 1.5, 1.5, 1.5, rows)
+        assert not is_within_walls(walls, made, 0, 1.5, *deep)
+        assert is_within_walls(walls, made, 0, 1.5, 1.5, 1.5, 1.5)
 
 
 def test_farthest_points_of_rows():
@@ -207,11 +206,10 @@ def test_closed_cells_hold_no_free_place(name):
         if tuple(np.floor((place - classes.low[0]) / edge).astype(int).tolist()) in cells:
             continue
         hits += 1
-        rows = mark_of_rows(made_shapes)
         grains = (state.arrays["position"], made.half, made.level, state.arrays["entered"], False)
         core = classes.half[0, 0] * (1 + WHOLE)
         many = list_near(Bed(Grains(*grains), made.cells, made.walls), made_shapes, tuple(place), core, core)
-        assert many < 0 or is_taken(Grains(*grains), made_shapes, many, (0.0, 0.0, 0.0), core, rows)
+        assert many < 0 or is_taken(Grains(*grains), made_shapes, many, (0.0, 0.0, 0.0), core)
     assert hits > 100
 
 
