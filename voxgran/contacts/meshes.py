@@ -2,9 +2,9 @@
 
 A simultaneous traversal of both box trees finds the nearest points. If the surfaces are separated by more than rounding
 and no grain lies inside the other, the grains are proven to be separate. Grains that share triangles, as those of a
-label image, are proven to lie side by side where nothing else meets (:mod:`voxgran.contacts.overlap.shared_faces`). All other
-pairs are intersected by manifold3d, and the surface of the intersection is searched for the deepest point. A grain in a
-cavity of another, without touching it, is separate.
+label image, are proven to lie side by side where nothing else meets
+(:mod:`voxgran.contacts.overlap.shared_faces`). All other pairs are intersected by manifold3d, and the surface of the
+intersection is searched for the deepest point. A grain in a cavity of another, without touching it, is separate.
 """
 
 import numpy as np
