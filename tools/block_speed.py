@@ -72,7 +72,8 @@ def labels(folder: Path, edge: int) -> str:
     """Make the packing of the labels."""
     del edge
     packing = vg.packing_of_labels(folder / "labels.zarr", gravity="none")
-    faces = sum(len(shape.faces) for shape in packing.shapes)
+    # numbers of corners as they are kept, not as Python is given them
+    faces = sum(len(shape.geometry.corners) for shape in packing.shapes)
     error = packing.provenance["largest_volume_error"]
     return (
         f"{packing.count} grains, {faces} triangles, solid fraction {packing.solid_fraction:.5f}, error of volumes "

@@ -31,16 +31,8 @@ TIFF, HDF5 = (".tif", ".tiff"), (".h5", ".hdf5", ".hdf", ".nxs")
 #: bytes in which the header of a raw file ends
 HEADER = 2**14
 #: types of numbers of MetaImage
-META = {
-    "MET_UCHAR": "u1",
-    "MET_CHAR": "i1",
-    "MET_USHORT": "u2",
-    "MET_SHORT": "i2",
-    "MET_UINT": "u4",
-    "MET_INT": "i4",
-    "MET_FLOAT": "f4",
-    "MET_DOUBLE": "f8",
-}
+META = {"UCHAR": "u1", "CHAR": "i1", "USHORT": "u2", "SHORT": "i2", "UINT": "u4", "INT": "i4", "FLOAT": "f4"}
+META = {f"MET_{name}": code for name, code in (META | {"DOUBLE": "f8"}).items()}
 #: types of numbers of NRRD, without sign
 NRRD = {"char": "i1", "short": "i2", "int": "i4", "longlong": "i8", "long long": "i8", "float": "f4", "double": "f8"}
 NRRD |= {f"int{8 * size}": f"i{size}" for size in (1, 2, 4, 8)}
