@@ -5,7 +5,7 @@ What influences a bed of control points
 Four small studies of control-point packing: feeding rate, way of feeding, boundaries, and shape of the grains. Each
 study changes one condition of the same bed: spheres fed at the default rate into a box with periodic sides, half as
 wide as the bed is high, which settles after the walk. The script prints the bulk solid fraction (which needs 50 grains
-away from walls and surface), the mean height of the grains above the floor in diameters, and the seconds of a run, as
+away from walls and surface), the mean height of the grains above the floor in diameters, and the processor seconds of a run, as
 means over several seeds. It writes a table and a figure with error bars of two standard errors.
 
 Arguments: folder, number of grains, sweeps, number of seeds (400 400 3 in the documentation).
@@ -55,10 +55,10 @@ def measured(seed, shape=None, container=periodic, **options):
     """Return bulk solid fraction, mean height and seconds of one bed; results are cached."""
     key = (seed, str(shape), str(container), str(options))
     if key not in known:
-        began = time.perf_counter()
+        began = time.process_time()
         solid = shape or vg.make_shape("sphere")
         packing = vg.pack(solid, container, count=count, seed=seed, **usual, **options)
-        seconds = time.perf_counter() - began
+        seconds = time.process_time() - began
         assert vg.verify(packing).ok
         bulk = float(vg.measure(packing, which=["density"])["/"].bulk_solid_fraction)
         known[key] = bulk, float(packing.position[:, 2].mean()), seconds
