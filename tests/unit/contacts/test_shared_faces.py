@@ -9,6 +9,8 @@ from voxgran._base.seeds import stream
 from voxgran.contacts import meshes
 from voxgran.contacts.overlap.shared_faces import lie_side_by_side
 from voxgran.contacts.solid import Solid, combine
+from voxgran.geometry.crossing import meet_beyond_corners
+from voxgran.geometry.tree import grow_tree
 from voxgran.shapes.mesh import Mesh
 
 STRAIGHT, HERE = np.eye(3), np.zeros(3)
@@ -51,6 +53,7 @@ BASE = [(0, 0, 0), (1, 0, 0), (0, 1, 0)]
         ([(0, 0, 0), (0.2, 0.2, 0.2), (0.3, 0.2, 0.2), (0.2, 0.3, 0.25)], False),  # a common corner, within it
         ([(0, 0, 0), (2, 2, 2), (2, 2, 2.1), (2.1, 2, 2)], False),  # a common corner, and through the opposite face
         ([(0, 0, 1), (1, 0, 1.1), (0, 1, 1.1), (1, 1, 2)], True),  # a common corner at the top
+        ([(0, 0, 0), (1, 0, 0), (0.2, 0.5, 0), (0.2, 0.2, -1)], False),  # a common edge, and on a part of the face
         ([(5, 5, 5), (6, 5, 5), (5, 6, 5), (5, 5, 6)], False),  # nothing in common: no matter of this proof
     ],
 )
@@ -59,6 +62,31 @@ def test_a_pair_of_tetrahedra(corners, expected):
     assert proven(one, other) is expected
     if expected:
         assert common_volume(one, other) < 1e-15
+
+
+@pytest.mark.parametrize(
+    ("corners", "expected"),
+    [
+        ([(3, 0, -1), (3, 0, 1)], True),  # the edge opposite to the common corner goes through the other triangle
+        ([(0.3, 0, -1), (0.3, 0, 1)], True),
+        ([(-1, 0, -1), (-1, 0, 1)], False),
+        ([(2, 0, 0), (2, 2, 0)], True),  # in one plane, one upon the other
+        ([(-1, 2, 0), (1, 2, 0)], False),  # in one plane, side by side
+        ([(1, -1, 0), (1, 0, 0)], True),  # a common edge, one upon the other
+        ([(1, -1, 0), (1, -2, 0)], False),  # a common edge, side by side
+        ([(1, -1, 0), (1, 0, 1e-3)], False),  # a common edge, at a small angle
+    ],
+)
+def test_triangles_with_a_common_corner(corners, expected):
+    points = np.array([(0, 0, 0), (1, -1, 0), (1, 1, 0), *corners], dtype=float)
+    second = [0, 1, 4] if corners[0] == (1, -1, 0) else [0, 3, 4]
+    for one, other in (([0, 1, 2], second), (second, [0, 1, 2])):
+        first, counts = np.array([one]), np.ones(1, dtype=bool)
+        found = meet_beyond_corners(grow_tree(points, first), first, counts, points, np.array([other]), margin=MARGIN)
+        assert found is expected
+        assert not meet_beyond_corners(
+            grow_tree(points, first), first, ~counts, points, np.array([other]), margin=MARGIN
+        )
 
 
 def test_what_is_proven_has_no_common_volume():
