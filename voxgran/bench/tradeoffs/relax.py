@@ -33,8 +33,8 @@ from voxgran.shapes.model import Shape
 
 #: spheres of a clump
 SPHERES = 10
-#: number of grains, and width of the box in diameters, of the comparison with pouring; 10,000 clumps would take hours
-FEW, MANY, MOST = (1000, 10.0), (3000, 13.0), (10_000, 17.0)
+#: number of grains, and width of the box in diameters, of the comparison with pouring; more grains would take hours
+FEW, MANY = (1000, 10.0), (3000, 13.0)
 #: difference of the mean sinking from that of the end below which a bed no longer sinks, in median diameters
 STILL = 1e-3
 #: solid fraction of random additions, and that from which grains fall
@@ -95,8 +95,8 @@ def _clump(shape: Shape) -> Shape:
 
 
 KINDS: tuple[tuple[str, Callable[[], list[Shape]], tuple[tuple[int, float], ...]], ...] = (
-    ("spheres", spheres, (FEW, MOST)),
-    ("ellipsoid clumps", ellipsoids, (FEW, MANY)),
+    ("spheres", spheres, (FEW, MANY)),
+    ("ellipsoid clumps", ellipsoids, (FEW,)),
     ("rock clumps", rocks, (FEW,)),
 )
 
@@ -104,7 +104,7 @@ KINDS: tuple[tuple[str, Callable[[], list[Shape]], tuple[tuple[int, float], ...]
 def compare_ways(path: Path) -> list[Way]:
     """Return beds that were packed and relaxed, and beds that were poured, for each kind and number of grains.
 
-    Rows that the table at `path` holds are kept, and new ones are added to it: the whole takes hours.
+    Rows that the table at `path` holds are kept, and new ones are added to it: the whole takes half an hour.
     """
     rows, loop = _rows_of(path), calibration()
     for name, shapes, counts in KINDS:
