@@ -4,9 +4,10 @@ import inspect
 import logging
 import os
 import time
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import Any
+from functools import wraps
+from typing import Any, ParamSpec
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -14,7 +15,7 @@ from numpy.typing import ArrayLike
 from voxgran._base.arrays import as_number, check_lengths
 from voxgran._base.calls import explained
 from voxgran._base.config import parameters_of, to_mapping
-from voxgran._base.errors import CallError, InputError, PackingWarning, numbered, shown
+from voxgran._base.errors import InputError, PackingWarning, numbered, shown
 from voxgran._base.machine import installed_versions
 from voxgran._base.progress import OnStep, Step, reported
 from voxgran._base.registry import Parameters
@@ -39,6 +40,8 @@ from voxgran.shapes.sizes import SizeDistribution, size_distance
 
 log = logging.getLogger(__name__)
 
+P = ParamSpec("P")
+
 #: what helps where a count or a solid fraction is missed, where there is no room, and why the method ended
 FEWER = "make the container larger, the grains fewer, or give the method more attempts"
 LESS = "ask for less, give the method more attempts, make the container larger or choose a method that packs denser"
@@ -47,8 +50,6 @@ STOPPED = "the method stopped ({})"
 MADE = "the method makes the sizes; ask for less, or change its parameters"
 EMPTY = "no grain is packed: none finds room; change the limits of the sizes, or the container"
 JAMMED = "these grains jam there; ask for less, for a wider gradation or for a periodic container"
-#: a correct call
-HINT = 'pack(shapes, Box((4, 4, 4)), method="gravity", count=20)'
 
 
 @dataclass(frozen=True, slots=True)
@@ -62,11 +63,24 @@ class Task:
     sizes: SizeDistribution | None
 
 
-@explained(hint=HINT)
+def _without_shapes(function: Callable[P, Packing]) -> Callable[P, Packing]:
+    """Let calls with a list of grains or a start leave out the shapes (decorator)."""
+
+    @wraps(function)
+    def call(*arguments: P.args, **keywords: P.kwargs) -> Packing:
+        if not arguments and ("grains" in keywords or "start" in keywords):
+            keywords.setdefault("shapes", ())
+        return function(*arguments, **keywords)
+
+    return call
+
+
+@_without_shapes
+@explained(hint='pack(shapes, Box((4, 4, 4)), method="gravity", count=20)')
 def pack(
-    shapes: Sequence[Shape] | Shape = (),
-    container: Container | None = None,
-    method: str | Parameters | None = None,
+    shapes: Sequence[Shape] | Shape,
+    container: Container,
+    method: str | Parameters,
     *,
     count: int | None = None,
     solid_fraction: float | None = None,
@@ -194,9 +208,6 @@ def pack(
     >>> vg.pack(vg.make_shape("sphere"), box, method="digital", count=20, voxel_size=0.1).count
     20
     """
-    if container is None or method is None:
-        missing = [name for name, value in (("container", container), ("method", method)) if value is None]
-        raise CallError(f"pack needs {' and '.join(missing)}; write {HINT}")
     began = time.monotonic()
     request = Request(
         *(shapes, container, method), count=count, solid_fraction=solid_fraction, sizes=sizes, grains=grains,
