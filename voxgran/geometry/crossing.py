@@ -17,7 +17,7 @@ import math
 import numpy as np
 
 from voxgran._base.arrays import Booleans, Floats, Integers
-from voxgran._base.kernels import kernel
+from voxgran._base.kernels import bare_kernel, kernel
 from voxgran.geometry.tree import STACK, TriangleTree, grow_tree
 from voxgran.geometry.vectors import cross, dot, row_of, sub
 
@@ -54,33 +54,43 @@ def _crossings(vertices: Floats, faces: Integers) -> tuple[int, Booleans]:
 @kernel
 def _count_crossings(triangles, faces, low, high, start, depth, hit):  # type: ignore[no-untyped-def]
     """Search the tree for each triangle, test the later ones whose boxes overlap, mark those that cross."""
-    stack = np.empty(STACK, dtype=np.int64)
-    count, parents = 0, len(low) // 2
+    stack, count = np.empty(STACK, dtype=np.int64), 0
     least, most = np.empty(3), np.empty(3)
     for i in range(len(triangles)):
         for axis in range(3):
             least[axis] = min(triangles[i, 0, axis], triangles[i, 1, axis], triangles[i, 2, axis])
             most[axis] = max(triangles[i, 0, axis], triangles[i, 1, axis], triangles[i, 2, axis])
-        stack[0], top = 0, 1
-        while top > 0:
-            top -= 1
-            node = stack[top]
-            apart = start[node, 1] <= i + 1
-            for axis in range(3):
-                apart |= low[node, axis] > most[axis] or high[node, axis] < least[axis]
-            if apart:
-                continue
-            if node < parents:
-                stack[top], stack[top + 1] = 2 * node + 1, 2 * node + 2
-                top += 2
-                continue
+        stack[0] = 0
+        node, top = _next_leaf(low, high, start, stack, 1, least, most, i + 1)
+        while node >= 0:
             for j in range(max(start[node, 0], i + 1), start[node, 1]):
                 if not _is_near(triangles[j], least, most) or _shared(faces, i, j) >= 2:
                     continue
                 if is_crossing(triangles[i], triangles[j], depth):
                     count += 1
                     hit[i] = hit[j] = True
+            node, top = _next_leaf(low, high, start, stack, top, least, most, i + 1)
     return count
+
+
+@bare_kernel
+def _next_leaf(low, high, start, stack, top, least, most, first):  # type: ignore[no-untyped-def]
+    """Return the next leaf whose box meets a box and which has triangles from `first` on, and the height of the stack;
+    the leaf is -1 if there is none.
+    """
+    while top > 0:
+        top -= 1
+        node = stack[top]
+        apart = start[node, 1] <= first
+        for axis in range(3):
+            apart |= low[node, axis] > most[axis] or high[node, axis] < least[axis]
+        if apart:
+            continue
+        if node >= len(low) // 2:
+            return node, top
+        stack[top], stack[top + 1] = 2 * node + 1, 2 * node + 2
+        top += 2
+    return -1, 0
 
 
 @kernel
@@ -176,28 +186,18 @@ def meet_beyond_corners(
 
 @kernel
 def _meet(points, one, counts, other, low, high, start, margin):  # type: ignore[no-untyped-def]
-    """Test each triangle of the second set against those of the first one, of a tree, whose boxes come near."""
+    """Return whether a triangle of the second set meets one that counts of the first set, whose box tree is given."""
     stack, a, b = np.empty(STACK, dtype=np.int64), np.empty((3, 3)), np.empty((3, 3))
-    parents, least, most = len(low) // 2, np.empty(3), np.empty(3)
+    least, most = np.empty(3), np.empty(3)
     for u in range(len(other)):
         for axis in range(3):
             for c in range(3):
                 b[c, axis] = points[other[u, c], axis]
             least[axis] = min(b[0, axis], b[1, axis], b[2, axis]) - margin
             most[axis] = max(b[0, axis], b[1, axis], b[2, axis]) + margin
-        stack[0], top = 0, 1
-        while top > 0:
-            top -= 1
-            node = stack[top]
-            apart = False
-            for axis in range(3):
-                apart |= low[node, axis] > most[axis] or high[node, axis] < least[axis]
-            if apart:
-                continue
-            if node < parents:
-                stack[top], stack[top + 1] = 2 * node + 1, 2 * node + 2
-                top += 2
-                continue
+        stack[0] = 0
+        node, top = _next_leaf(low, high, start, stack, 1, least, most, 0)
+        while node >= 0:
             for t in range(start[node, 0], start[node, 1]):
                 if not counts[t]:
                     continue
@@ -206,6 +206,7 @@ def _meet(points, one, counts, other, low, high, start, margin):  # type: ignore
                         a[c, axis] = points[one[t, c], axis]
                 if _is_near(a, least, most) and _meets(a, one[t], b, other[u], margin):
                     return True
+            node, top = _next_leaf(low, high, start, stack, top, least, most, 0)
     return False
 
 

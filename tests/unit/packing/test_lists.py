@@ -112,7 +112,7 @@ def test_rows_without_shapes_are_spheres_or_disks(tmp_path):
     # densities by row split the shape
     apart = vg.pack(grains={"diameter": [1.0, 0.5], "density": [2.0, 3.0]}, container=BOX, method="rsa")
     assert apart.densities.tolist() == [2.0 + row for row in apart.grain_id]
-    # shapes of a start are those of the list
+    # the list takes the shapes of the start
     more = vg.pack(container=BOX, method="rsa", start=pack(LIST), grains={"diameter": [0.4], "shape": ["box"]})
     assert more.shapes[more.shape_id[-1]] == BRICK
     with pytest.raises(FileFormatError, match="it must have 'diameter' or 'mass'; rename one"):
