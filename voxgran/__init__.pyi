@@ -51,6 +51,7 @@ from voxgran.packing import methods as methods
 from voxgran.packing.jamming.expected import expected_solid_fraction as expected_solid_fraction
 from voxgran.packing.method import packing_methods as packing_methods
 from voxgran.packing.model import Packing as Packing
+from voxgran.packing.compress import compress as compress
 from voxgran.packing.settle import settle as settle
 from voxgran.packing.transform.from_labels import packing_of_labels as packing_of_labels
 from voxgran.packing.transform.grow import grow as grow

@@ -27,8 +27,9 @@ UNIT_LENGTH = 1e-6
 class ContactForces:
     """Forces at contacts, and the residual of each grain; arrays are copied and read-only.
 
-    Forces are in weights of a grain of the median diameter and, where densities differ, of their mean by volume. Any
-    array_like is accepted for an array.
+    Forces under gravity are in weights of a grain of the median diameter and, where densities differ, of their mean by
+    volume; those of a packing that is compressed, which have a `stress`, are in its unit times the square of the median
+    diameter (in 2D times the diameter). Any array_like is accepted for an array.
 
     Attributes
     ----------
@@ -46,11 +47,14 @@ class ContactForces:
     gap : (m,) ndarray of float
         Distance of the surfaces, in the unit of lengths; negative where they overlap.
     residual : (n,) ndarray of float
-        Magnitude of the unbalanced force and torque of each grain of the packing, in its own weight.
+        Magnitude of the unbalanced force and torque of each grain of the packing, in its own weight; where there is a
+        stress, in mean normal forces.
     rattler : (n,) ndarray of bool
         Whether the grain is a rattler, which bears no load and could move.
     friction : float or None
         Coefficient of friction within whose cones the forces are; None where it is not known.
+    stress : (3, 3) ndarray of float or None
+        Mean stress tensor of the forces, compression above 0; None under gravity.
 
     Raises
     ------
@@ -69,6 +73,7 @@ class ContactForces:
     residual: Floats
     rattler: Booleans
     friction: float | None = None
+    stress: Floats | None = None
 
     def __post_init__(self) -> None:
         # errors are those of the class
@@ -86,6 +91,8 @@ class ContactForces:
             given = np.zeros((0, 3)) if not np.size(getattr(self, name)) else getattr(self, name)
             made[name] = as_floats(given, name, shape=(m, 3))
         as_points(made["point"], "point")
+        if self.stress is not None:
+            made["stress"] = as_floats(self.stress, "stress", shape=(3, 3))
         if residual.min(initial=0.0) < 0:
             worst = int(residual.argmin())
             raise InputError(

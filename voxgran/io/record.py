@@ -214,6 +214,8 @@ def _add_forces(
     if forces is None:
         return
     arrays[_FORCES + "friction"] = np.array([np.nan if forces.friction is None else forces.friction])
+    if forces.stress is not None:
+        arrays[_FORCES + "stress"] = np.array(forces.stress)
     for names, place in ((_OF_CONTACTS, arrays), (_OF_GRAINS, per_grain)):
         for name in names:
             values = getattr(forces, name)
@@ -229,6 +231,7 @@ def _forces(record: Record) -> ContactForces | None:
     values = {name: record.arrays[_FORCES + name] for name in _OF_CONTACTS}
     values |= {name: record.per_grain[_FORCES + name] for name in _OF_GRAINS}
     values["rattler"] = np.asarray(values["rattler"]) != 0
+    values["stress"] = record.arrays.get(_FORCES + "stress")
     return ContactForces(**values, friction=None if np.isnan(friction) else friction)
 
 

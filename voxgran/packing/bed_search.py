@@ -12,16 +12,15 @@ otherwise that of the container below the height that holds 85 % of the volume o
 import math
 import warnings
 from collections.abc import Callable, Mapping
-from typing import Any
+from dataclasses import replace
+from typing import Any, cast
 
 import numpy as np
 
 from voxgran._base.config import to_mapping
 from voxgran.packing.model import Packing
 from voxgran.settling.bed import Bed
-from voxgran.settling.parameters import Settling
 from voxgran.settling.search import MET, SLIPPERY, Search
-from voxgran.settling.stages import Progress, Settler
 
 #: grains of the bulk from which on its solid fraction counts: a half more than it must hold to be measured
 ENOUGH = 75
@@ -36,20 +35,22 @@ class SoughtBed:
 
     Parameters
     ----------
-    how : Settling
+    how : Settling or Compression
         Parameters, with a solid fraction.
     begin : callable
-        Parameters to a Settler of the grains as they are before they settle.
+        Parameters to a Settler or a Compressor of the grains as they are at first.
     packing_of : callable
-        Settler to the packing of its grains.
+        Settler or Compressor to the packing of its grains.
+    shakes : bool
+        Whether grains may be shaken.
     """
 
     def __init__(
-        self, how: Settling, begin: Callable[[Settling], Settler], packing_of: Callable[[Settler], Packing]
+        self, how: Any, begin: Callable[[Any], Any], packing_of: Callable[[Any], Packing], *, shakes: bool = True
     ) -> None:
         self._begin, self._packing_of = begin, packing_of
         self.settler = begin(how)
-        self.search = Search(how, 0.0 if self.settler.direct else SLIPPERY, np.zeros((0, 3)))
+        self.search = Search(how, 0.0 if self.settler.direct else SLIPPERY, np.zeros((0, 3)), shakes)
         self.by_bulk, self.former_steps, self._over = -1, 0, False
         # arrays and counters of the best bed
         self._best: tuple[dict[str, Any], dict[str, int]] = {}, {}
@@ -57,17 +58,22 @@ class SoughtBed:
         self._start_next()
 
     @property
-    def how(self) -> Settling:
+    def reason(self) -> str:
+        """Stop reason of a bed that rests."""
+        return str(self.settler.reason)
+
+    @property
+    def how(self) -> Any:
         """Parameters of the present try, at the end of the best one."""
         return self.settler.how
 
     @property
     def bed(self) -> Bed:
         """Bed of the present try, at the end of the best one."""
-        return self.settler.bed
+        return cast(Bed, self.settler.bed)
 
     @property
-    def progress(self) -> Progress:
+    def progress(self) -> Any:
         """How far the present try is."""
         return self.settler.progress
 
@@ -109,7 +115,7 @@ class SoughtBed:
     def restore(self, arrays: Mapping[str, Any], counters: Mapping[str, Any]) -> None:
         """Take over arrays and counters."""
         arrays, counters = dict(arrays), dict(counters)
-        self.search = Search(self.search.how, self.search.least, np.array(arrays.pop("tries")))
+        self.search = replace(self.search, tries=np.array(arrays.pop("tries")))
         self._place = float(arrays.pop("place"))
         self.former_steps, self.by_bulk = int(counters["former_steps"]), int(counters["by_bulk"])
         self._over = bool(counters["over"])
@@ -123,7 +129,7 @@ class SoughtBed:
         settler = self.settler
         fraction = self._fraction()
         row = [self._place, fraction, float(settler.progress.proven)]
-        search = self.search = Search(self.search.how, self.search.least, np.vstack([self.search.tries, row]))
+        search = self.search = replace(self.search, tries=np.vstack([self.search.tries, row]))
         if search.best == len(search.tries) - 1:
             held = {name: np.array(array) for name, array in settler.arrays.items()}
             self._best = held, dict(settler.counters)

@@ -31,7 +31,7 @@ if TYPE_CHECKING:
 
 
 #: why a method stopped
-STOP_REASONS = ("settled", "count", "solid_fraction", "saturated", "full", "steps", "interrupted")
+STOP_REASONS = ("settled", "count", "solid_fraction", "saturated", "full", "steps", "interrupted", "compressed")
 #: what the colours of grains show in pictures
 ColorBy: TypeAlias = Literal["diameter", "height", "shape", "density", "coordination", "distance", "force"]
 #: how packings become alike in what they must share for a sum

@@ -19,6 +19,7 @@ from voxgran.packing.gravity import main_axis
 from voxgran.packing.method import Array, Cost, PackingMethod, RunState
 from voxgran.packing.model import Packing
 from voxgran.packing.problem import Problem
+from voxgran.settling.compression import Compressor
 from voxgran.settling.equilibrium import carried_by
 from voxgran.settling.parameters import Settling
 from voxgran.settling.stages import RESIDUAL, TOUCHING, Settler
@@ -74,16 +75,13 @@ def with_settling(method: PackingMethod, how: Settling) -> PackingMethod:
 class SettleState:
     """State of a bed that settles, as the driver takes it."""
 
-    settler: Settler | SoughtBed
+    settler: Settler | Compressor | SoughtBed
     done: int = 0
     total: int = 0
     stop_reason: str = ""
     derived: dict[str, Any] = field(default_factory=dict)
-
-    @property
-    def stage(self) -> str:
-        """What is being done, for progress."""
-        return "settling"
+    # what is being done, for progress
+    stage: str = "settling"
 
     @property
     def steps(self) -> int:
@@ -106,6 +104,8 @@ class SettleState:
         self.settler.restore(arrays, counters)
 
 
+#: how methods end whose grains settle, and a run that goes on; checkpoints hold the places in this list
+ENDS = (*(reason for reason in STOP_REASONS if reason != "compressed"), "")
 #: prefix of what a checkpoint holds of the settling
 PREFIX = "settling_"
 
@@ -146,7 +146,7 @@ class SettledState:
     def counters(self) -> dict[str, int | None]:
         """Counters that a checkpoint holds; those of the settling begin with its prefix."""
         inner = self.inner
-        ended = (*STOP_REASONS, "").index(inner.stop_reason)
+        ended = ENDS.index(inner.stop_reason)
         made = {"packing_done": inner.done, "packing_total": inner.total, "packing_ended": ended}
         if self.outer is None:
             return {**inner.counters, **made}
@@ -161,7 +161,7 @@ class SettledState:
         ]
         made = {name: counters[name] for name in counters if not name.startswith(PREFIX)}
         self.inner.done, self.inner.total = int(made.pop("packing_done")), int(made.pop("packing_total"))
-        self.inner.stop_reason = (*STOP_REASONS, "")[int(made.pop("packing_ended"))]
+        self.inner.stop_reason = ENDS[int(made.pop("packing_ended"))]
         self.inner.restore({name: arrays[name] for name in arrays if not name.startswith(PREFIX)}, made)
         self.outer, self.held = None, (outer[0], outer[1]) if outer[0] else None
 
@@ -193,7 +193,7 @@ def begun(packing: Packing, how: Settling, seed: int) -> SettleState:
         lambda tried: Settler(lidded, tried, gravity, seed=seed),
         lambda settler: _moved(packing, settler),
     )
-    _refuse_deep(settler)
+    refuse_deep(settler)
     return SettleState(settler, total=settler.most_steps * packing.count)
 
 
@@ -207,7 +207,7 @@ def begin_settling(
     return begin(how) if how.solid_fraction is None else SoughtBed(how, begin, packing_of)
 
 
-def _refuse_deep(settler: Settler | SoughtBed) -> None:
+def refuse_deep(settler: Settler | Compressor | SoughtBed) -> None:
     """Refuse grains that overlap so deep that they cannot be parted.
 
     Raises
@@ -260,7 +260,7 @@ def advance_settling(problem: Problem, state: SettleState, attempts: int) -> Set
     settler.step()
     state.total = max(state.done, settler.most_steps * many)
     if settler.ended:
-        state.stop_reason = "settled" if settler.progress.proven else "steps"
+        state.stop_reason = settler.reason if settler.progress.proven else "steps"
     return state
 
 

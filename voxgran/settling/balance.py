@@ -27,10 +27,11 @@ import numpy as np
 from voxgran._base.arrays import Floats, Integers
 from voxgran._base.kernels import bare_kernel, inlined_kernel
 from voxgran._base.stopping import stop_if_asked
-from voxgran.geometry.vectors import along, cross, dot, row_of, sub, times, vector_at
+from voxgran.geometry.vectors import add, along, cross, dot, row_of, sub, times, vector_at
 
 #: numbers in a row of work: normal (3), arms (6), openness, steps along the normal and across it; then three
-#: forces (3): that of now, the extrapolated one, and that of the iteration before; three cache lines
+#: forces (3): that of now, the extrapolated one, and that of the iteration before; and the branch (3), the vector from
+#: body i to body j or to the wall; three cache lines
 WORK = 24
 #: columns of bodies, and of accelerations in the work: inverse mass and inverse moment of inertia
 INVERSE_MASS, INVERSE_MOMENT = 6, 7
@@ -40,11 +41,30 @@ AT_ONCE = 16
 NONE = (0.0, 0.0, 0.0)
 
 
+class Cell(NamedTuple):
+    """How a container deforms under the forces at its contacts, and what presses it.
+
+    Its strains (xx, yy, zz, 2 yz, 2 xz, 2 xy) take the place of the accelerations of the lid. They move the second body
+    of a contact, or the wall, relative to the first one by the strain of the vector between both, and are the product
+    of the mobility with what the forces do on them (their virial) beyond the load.
+
+    mobility: (6, 6) strains under unit loads; (0, 6) where the container is rigid.  load: (6,) stress times volume.
+    """
+
+    mobility: Floats
+    load: Floats
+
+
+#: a container that does not deform
+RIGID = Cell(np.zeros((0, 6)), np.zeros(6))
+
+
 class LoadedContacts(NamedTuple):
-    """Contacts of bodies under gravity.
+    """Contacts of bodies under gravity, in a container that may be pressed.
 
     row: (m, 16) rows of the contacts.  i, j: (m,) their bodies; j is negative at a wall, and n at the lid.
-    bodies: (n + 1, 8) rows of the grains and of the lid.  gravity: (3,) acceleration.
+    bodies: (n + 1, 8) rows of the grains and of the lid.  gravity: (3,) acceleration.  cell: how the container deforms;
+    then there is no lid.
     """
 
     row: Floats
@@ -52,6 +72,7 @@ class LoadedContacts(NamedTuple):
     j: Integers
     bodies: Floats
     gravity: Floats
+    cell: Cell = RIGID
 
 
 class Work(NamedTuple):
@@ -159,15 +180,49 @@ def _add_to_lid(lid, inverse_mass, gravity, force):  # type: ignore[no-untyped-d
     lid[0], lid[1], lid[2] = along(vector_at(lid, 0), inverse_mass * dot(force, axis), axis)
 
 
+@inlined_kernel
+def _branch(c):  # type: ignore[no-untyped-def]
+    """Return the vector from body i of a contact to body j, or to the wall."""
+    return along(sub(vector_at(c, 3), vector_at(c, 6)), c[9], vector_at(c, 0))
+
+
+@inlined_kernel
+def _strained(strain, branch):  # type: ignore[no-untyped-def]
+    """Return by how much a strain changes a branch."""
+    x, y, z = branch
+    return (
+        strain[0] * x + 0.5 * (strain[5] * y + strain[4] * z),
+        strain[1] * y + 0.5 * (strain[5] * x + strain[3] * z),
+        strain[2] * z + 0.5 * (strain[4] * x + strain[3] * y),
+    )
+
+
+@inlined_kernel
+def _add_to_cell(strain, mobility, force, branch):  # type: ignore[no-untyped-def]
+    """Add to the strain of the container what the virial of a force does."""
+    (p, q, r), (x, y, z) = force, branch
+    xx, yy, zz = p * x, q * y, r * z
+    yz, xz, xy = 0.5 * (q * z + r * y), 0.5 * (p * z + r * x), 0.5 * (p * y + q * x)
+    for k in range(6):
+        m = mobility[k]
+        strain[k] += m[0] * xx + m[1] * yy + m[2] * zz + m[3] * yz + m[4] * xz + m[5] * xy
+
+
 @bare_kernel
 def _add_forces(contacts, forces, accelerations):  # type: ignore[no-untyped-def]
     """Write the accelerations (n + 1, 6) of bodies under gravity and under forces (m, 3)."""
     bodies, gravity, last = contacts.bodies, contacts.gravity, len(contacts.bodies) - 1
+    cell, deforms = contacts.cell, len(contacts.cell.mobility) > 0
     for k in range(last + 1):
         free = 1.0 if bodies[k, INVERSE_MASS] > 0.0 else 0.0
         for c in range(3):
             accelerations[k, c] = free * gravity[c]
             accelerations[k, 3 + c] = 0.0
+    if deforms:
+        for k in range(6):
+            accelerations[last, k] = 0.0
+            for c in range(6):
+                accelerations[last, k] -= cell.mobility[k, c] * cell.load[c]
     for k in range(len(contacts.i)):
         force = row_of(forces, k)
         if force == NONE:
@@ -180,6 +235,8 @@ def _add_forces(contacts, forces, accelerations):  # type: ignore[no-untyped-def
         elif other >= 0:
             b = bodies[other]
             _add(accelerations[other], b[6], b[7], vector_at(c, 6), force)
+        if deforms:
+            _add_to_cell(accelerations[last], cell.mobility, force, _branch(c))
 
 
 @bare_kernel
@@ -227,12 +284,28 @@ def _effective(c, first, mass, moment, coupled):  # type: ignore[no-untyped-def]
 
 
 @bare_kernel
+def _effective_cell(mobility, normal, branch):  # type: ignore[no-untyped-def]
+    """Return the inverse effective masses of a container at a branch: along a normal, and a bound of those across it."""
+    (p, q, r), (x, y, z) = normal, branch
+    virial = (p * x, q * y, r * z, 0.5 * (q * z + r * y), 0.5 * (p * z + r * x), 0.5 * (p * y + q * x))
+    along_it, most = 0.0, 0.0
+    for a in range(6):
+        row = 0.0
+        for b in range(6):
+            along_it += virial[a] * mobility[a, b] * virial[b]
+            row += abs(mobility[a, b])
+        most = max(most, row)
+    return along_it, most * dot(branch, branch)
+
+
+@bare_kernel
 def _fill_work(contacts, forces, openness, skin, share, work):  # type: ignore[no-untyped-def]
     """Write the contacts in the order of the work: bodies, and rows of `WORK` numbers.
 
     share: (n + 1,) in how many parts the mass of a body is split among its contacts; 1 where they are solved in turn.
     """
     bodies, gravity, last = contacts.bodies, contacts.gravity, len(contacts.bodies) - 1
+    cell, deforms = contacts.cell, len(contacts.cell.mobility) > 0
     for q in range(len(work.order)):
         k = work.order[q]
         c, w, one, other = contacts.row[k], work.row[q], contacts.i[k], contacts.j[k]
@@ -250,6 +323,11 @@ def _fill_work(contacts, forces, openness, skin, share, work):  # type: ignore[n
             if other == one:
                 # of a grain and its own image, whose arms point opposite ways
                 normal, across = 2.0 * normal, 2.0 * across
+        branch = _branch(c)
+        if deforms:
+            along_branch, across_it = _effective_cell(cell.mobility, vector_at(c, 0), branch)
+            normal, across = normal + along_branch, across + across_it
+        w[21], w[22], w[23] = branch
         for s in range(9):
             w[s] = c[s]
         # of two fixed bodies there is nothing to solve for
@@ -275,8 +353,8 @@ def _gauss_seidel(contacts, work, state, friction, skin, iterations, tolerance, 
                 here = state[k, c]
                 state[k, c] = here + momentum * (here - accelerations[k, c])
                 accelerations[k, c] = here
-        _sweep(work, state, contacts.gravity, friction, skin, momentum, False)
-        turned, change, size = _sweep(work, state, contacts.gravity, friction, skin, momentum, True)
+        _sweep(work, state, contacts, friction, skin, momentum, False)
+        turned, change, size = _sweep(work, state, contacts, friction, skin, momentum, True)
         made += 1
         if change <= tolerance * tolerance * size:
             break
@@ -292,13 +370,14 @@ def _gauss_seidel(contacts, work, state, friction, skin, iterations, tolerance, 
 
 
 @bare_kernel
-def _sweep(work, state, gravity, friction, skin, momentum, backwards):  # type: ignore[no-untyped-def]
+def _sweep(work, state, contacts, friction, skin, momentum, backwards):  # type: ignore[no-untyped-def]
     """Visit all contacts once; extrapolate their forces on the way forwards, and compare them on the way backwards.
 
     Return, of the way backwards, the product of the way back from the extrapolated forces with the change since the
     iteration before, the square of this change and that of the forces.
     """
     m, last, turned, change, size = len(work.pair), len(state) - 1, 0.0, 0.0, 0.0
+    mobility, deforms = contacts.cell.mobility, len(contacts.cell.mobility) > 0
     for q in range(m):
         k = m - 1 - q if backwards else q
         c, one, other = work.row[k], work.pair[k, 0], work.pair[k, 1]
@@ -309,6 +388,8 @@ def _sweep(work, state, gravity, friction, skin, momentum, backwards):  # type: 
             c[15], c[16], c[17] = ahead
             force = ahead
         apart = _approach(c, state, one, other)
+        if deforms:
+            apart = add(apart, _strained(state[last], vector_at(c, 21)))
         un, fn = dot(apart, normal), dot(force, normal)
         push = fn - c[10] * (un + c[9] + skin * fn)
         pressed = NONE
@@ -330,10 +411,12 @@ def _sweep(work, state, gravity, friction, skin, momentum, backwards):  # type: 
             continue
         _add(a, -a[6], -a[7], vector_at(c, 3), more)
         if other == last:
-            _add_to_lid(state[last], state[last, 6], gravity, more)
+            _add_to_lid(state[last], state[last, 6], contacts.gravity, more)
         elif other >= 0:
             b = state[other]
             _add(b, b[6], b[7], vector_at(c, 6), more)
+        if deforms:
+            _add_to_cell(state[last], mobility, more, vector_at(c, 21))
     return turned, change, size
 
 

@@ -29,6 +29,7 @@ from voxgran.contacts.manifolds.rows import (
     PairList,
     carry_rows,
 )
+from voxgran.containers.model import Container
 from voxgran.geometry.rotation import normalized
 from voxgran.settling.balance import LoadedContacts
 from voxgran.settling.impulses import move_bodies, write_matrices
@@ -51,7 +52,7 @@ class Bed:
     assembly : Assembly
         The grains, with lengths in median diameters.
     gravity : (3,) ndarray of float
-        Unit vector in which gravity acts.
+        Unit vector in which gravity acts; zeros without it.
     lid_weight : float
         Weight of the lid, if the assembly has one, in weights of a grain of the median diameter and the mean density.
     exact : bool
@@ -76,7 +77,9 @@ class Bed:
     ) -> None:
         self.assembly, self.gravity = assembly, np.array(gravity, dtype=np.float64)
         self.hulls = hulls
-        self.order: Integers = np.argsort(-(assembly.position @ gravity), kind="stable")
+        # without gravity neighbours are near each other in memory too
+        down = gravity if gravity.any() else -np.eye(3)[assembly.dimension - 1]
+        self.order: Integers = np.argsort(-(assembly.position @ down), kind="stable")
         order, n = self.order, assembly.count
         self.orientation: Floats = assembly.orientation[order].copy()
         self.bounding: Floats = assembly.bounding_radii[order].copy()
@@ -262,6 +265,21 @@ class Bed:
             far = np.linalg.norm(part, axis=1) * lever
             part *= np.minimum(1.0, most / np.maximum(far, most))[:, None]
         return clipped
+
+    def stretch(self, factors: Floats, container: Container) -> None:
+        """Multiply the coordinates of the centroids by factors (3,), where the container becomes another one."""
+        grains = self.grains
+        grains.position[:] *= factors
+        self.pairs.shift[:] *= factors
+        # pairs of the list approach each other by no more than their distance times the strain
+        grains.way[:] += float(np.abs(factors - 1.0).max()) * (grains.radius + 0.5 * SKIN)
+        self.move_walls(container)
+        self.carried = np.full(2, np.nan)
+
+    def move_walls(self, container: Container) -> None:
+        """Take over a container of the same kind."""
+        self.assembly = replace(self.assembly, container=container)
+        self.finders.move_walls(container)
 
     def resize(self, factor: Floats) -> None:
         """Give the grains sizes of `factor` (n,) times their final ones."""

@@ -71,7 +71,7 @@ def _program(contacts: LoadedContacts) -> tuple[Any, Integers, Floats]:
 
     All are scaled by the square roots of mass and moment of inertia.
     """
-    row, i, j, bodies, gravity = contacts
+    row, i, j, bodies, gravity, _ = contacts
     normal, m, lid = row[:, NORMAL : NORMAL + 3], len(row), len(bodies) - 1
     root = np.sqrt(_inverse_masses(bodies))
     one = -np.hstack([normal, np.cross(row[:, ARM_I : ARM_I + 3], normal)]) * root[i]

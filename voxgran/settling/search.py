@@ -13,11 +13,12 @@ the one at which a line through the last tries crosses the solid fraction.
 
 import math
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 
 from voxgran._base.arrays import Floats
-from voxgran.settling.parameters import Settling, Shaking
+from voxgran.settling.parameters import Shaking
 
 #: difference of the solid fraction up to which the one that is sought is met
 MET = 0.002
@@ -46,20 +47,22 @@ GOLDEN = (math.sqrt(5.0) - 1.0) / 2.0
 class Search:
     """What is sought, and the tries up to now.
 
-    how: the settling, with the solid fraction that is sought; its friction is that of the first try.  least: the least
-    friction.  tries: (n, 3) compaction, solid fraction and 1 where the bed rests, else 0.
+    how: the settling or the compression, with the solid fraction that is sought; its friction is that of the first try.
+    least: the least friction.  tries: (n, 3) compaction, solid fraction and 1 where the bed rests, else 0.  shakes:
+    whether grains may be shaken.
     """
 
-    how: Settling
+    how: Any
     least: float
     tries: Floats
+    shakes: bool = True
 
     @property
     def ends(self) -> tuple[float, float, float]:
         """Compactions of the largest friction, of the least one without added shaking, and of the strongest shaking."""
         slippery = math.exp(-self.least / USUAL)
         given = self.how.shaking
-        more = given is None or given.acceleration < STRONGEST
+        more = self.shakes and (given is None or given.acceleration < STRONGEST)
         return math.exp(-ROUGH / USUAL), slippery, slippery + 1.0 if more else slippery
 
     @property
@@ -94,8 +97,8 @@ class Search:
         found = self.tries[those, 1]
         return int(those[np.argmin(found)]), int(those[np.argmax(found)])
 
-    def settling_at(self, compaction: float) -> Settling:
-        """Return how the bed settles at a compaction."""
+    def settling_at(self, compaction: float) -> Any:
+        """Return how the bed settles, or is compressed, at a compaction."""
         _, slippery, _ = self.ends
         if compaction <= slippery:
             friction = min(-USUAL * math.log(compaction), ROUGH)

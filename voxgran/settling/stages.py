@@ -124,6 +124,9 @@ class Settler:
         not end.
     """
 
+    #: stop reason of a packing that is proven to rest
+    reason = "settled"
+
     def __init__(
         self, assembly: Assembly, how: Settling, gravity: Floats, *, seed: int = 0, small: Floats | None = None
     ) -> None:

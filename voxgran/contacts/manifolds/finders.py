@@ -22,7 +22,7 @@ from voxgran.contacts.manifolds.wall_bodies import Lid, wall_bodies
 from voxgran.contacts.manifolds.wall_contacts import find_wall_contacts
 from voxgran.contacts.parts import is_disk
 from voxgran.containers.kernel_container import kernel_container
-from voxgran.containers.model import UNKNOWN, boundary_of
+from voxgran.containers.model import UNKNOWN, Container, boundary_of
 from voxgran.shapes.model import Shape
 
 
@@ -111,6 +111,10 @@ class ContactFinders:
         """Make room for the memory of pairs."""
         if size > len(self._surface_work.arrays.key):
             self._surface_work = surface_work(self._surfaces, 2 * size)
+
+    def move_walls(self, container: Container) -> None:
+        """Take over a container of the same kind, whose walls have moved."""
+        self._walls = kernel_container(container)
 
     def forget(self) -> None:
         """Forget all that a search has remembered of pairs of meshes."""

@@ -1,0 +1,254 @@
+"""`compress`: from a packing to a specimen under a mean stress, without gravity.
+
+The work is that of :mod:`voxgran.settling.compression`; here it becomes a run like that of a packing method.
+"""
+
+import os
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+
+from voxgran._base.calls import explained
+from voxgran._base.config import from_mapping, to_mapping
+from voxgran._base.errors import PackingWarning
+from voxgran._base.progress import OnStep
+from voxgran._base.warning import warn
+from voxgran.contacts.forces import LID, WALL, ContactForces
+from voxgran.contacts.manifolds.rows import ARM_I, GAP, NORMAL
+from voxgran.packing.bed_search import SoughtBed, sentence_of
+from voxgran.packing.driver import Drive, check_drive, drive
+from voxgran.packing.method import Cost, PackingMethod
+from voxgran.packing.model import Packing, check_packing
+from voxgran.packing.problem import Problem
+from voxgran.packing.settling_run import (
+    GRAIN_BYTES,
+    SettleState,
+    advance_settling,
+    no_forces,
+    normalized_assembly,
+    refuse_deep,
+)
+from voxgran.packing.start import Start
+from voxgran.settling.compression import TOUCHING, Compressor, residuals, stress_of
+from voxgran.settling.compression_parameters import Compression
+
+
+@explained(hint="compress(packing, friction=0.5)")
+def compress(
+    packing: Packing,
+    *,
+    stress: float | tuple[float, float] | tuple[float, float, float] = 1.0,
+    axes: str = "xyz",
+    friction: float = 0.5,
+    solid_fraction: float | None = None,
+    rate: float | None = None,
+    rest: float = 0.98,
+    checkpoint: str | os.PathLike[str] | None = None,
+    resume: bool = False,
+    threads: int | None = None,
+    on_step: OnStep | None = None,
+) -> Packing:
+    """Compress the grains of a packing, without gravity, until their mean stress is the one that is asked for.
+
+    The periodic sides or the opposite walls of the container move towards each other, until forces at the contacts,
+    within the cones of friction, balance each grain and give the stress. Grains are rigid and do not overlap at the
+    end. The friction decides how dense they become.
+
+    Parameters
+    ----------
+    packing : Packing
+        The grains, made by any method, loaded or put together by hand, loose or dense. They may overlap a little. Its
+        container is a box, a rectangle, an upright cylinder, a disk or a sphere, periodic or not.
+    stress : float or sequence of float
+        Mean stress along all axes, or one along each axis, above 0, in any unit; only the ratios decide how the grains
+        lie. Along axes that do not move it is not prescribed.
+    axes : str
+        Axes along which the container is compressed: ``"z"`` is an oedometric path, in which the others stay as they
+        are; default: all. A cylinder is compressed along ``"xy"`` by its radius.
+    friction : float
+        Coulomb coefficient of friction between grains and at walls, from 0 to 2.
+    solid_fraction : float, optional
+        Solid fraction of the result, met to 0.002: the friction, beginning with `friction`, from 0 to 1 is found that
+        gives it. It is measured as by :func:`voxgran.settle`; default: as the friction gives it.
+    rate : float, optional
+        Viscous number of the compression, from 1e-6 to 0.1: strain rate times the drag of a grain of the median
+        diameter d, over stress times d (in 2D over the stress). Grains that are compressed slower become a little
+        denser; default: 3e-3, and 3e-5 with a friction below 0.05.
+    rest : float
+        Share of the grains that bear forces which must be in balance so that the packing counts as compressed.
+    checkpoint : path-like, optional
+        File for checkpoints, written every ten seconds, when the run is asked to stop, and at the end.
+    resume : bool
+        Whether to go on from that file where it is there.
+    threads : int, optional
+        Number of threads, by default that of the processors or of ``OMP_NUM_THREADS``; the result is the same.
+    on_step : callable, optional
+        Called with each :class:`Step` of the work; default: at a terminal and in a notebook, a line on the error stream
+        every ten seconds.
+
+    Returns
+    -------
+    Packing
+        The same grains, in the same order, in the container as it is at the end, without gravity and lid. Its stop
+        reason is ``"compressed"`` where at least the share `rest` of the grains that bear forces is in balance and the
+        stress is met to 1 %, else ``"steps"``. Its `forces` are in the unit of stress times the square of the median
+        diameter (in 2D times the diameter), their `stress` is the mean stress tensor, and their residuals are in mean
+        normal forces. The measure ``compression`` has the path: solid fraction, void ratio and stresses by step.
+
+    Raises
+    ------
+    InputError
+        If a value breaks a rule, no wall of the container moves along the axes, stresses differ along axes that
+        stretch together, grains overlap so deep that they cannot be parted, or a shape is an open surface.
+    CheckpointError
+        If the checkpoint is damaged, belongs to another run, or is another file, which is not replaced.
+    OutputError
+        If the checkpoint cannot be written.
+    InUseError
+        If another process writes that checkpoint.
+    Interrupted
+        On SIGINT or SIGTERM, after a checkpoint was written; on a second signal, at once.
+
+    Warns
+    -----
+    PackingWarning
+        If fewer grains than asked for are in balance, the stress is missed, some grains overlap, or the solid fraction
+        is beyond what the grains are compressed to; the nearest packing is returned then.
+
+    See Also
+    --------
+    voxgran.equilibrium : proves that forces balance the grains and a stress.
+    voxgran.settle : lets grains come to rest under gravity.
+
+    Notes
+    -----
+    Walls move with the mean strain of the grains, so that friction at a wall hinders motion relative to the strain
+    only: a container wall that stands still while grains move along it holds nothing. Grains of friction 0.5 that are
+    compressed isotropically have a solid fraction of 0.565 and 4.4 contacts, without friction 0.63 and 6.0 (published:
+    Agnolin & Roux 2007, doi:10.1103/PhysRevE.76.061302; Silbert 2010, doi:10.1039/C001973A).
+
+    Examples
+    --------
+    >>> import voxgran as vg
+    >>> loose = vg.pack(vg.shapes.sphere(), vg.Box((5, 5, 5), periodic="xyz"), "rsa", count=60)
+    >>> specimen = vg.compress(loose, friction=0.3)
+    >>> specimen.stop_reason, specimen.solid_fraction > 0.5
+    ('compressed', True)
+    """
+    check_packing(packing, "packing")
+    given = {
+        "stress": stress, "axes": axes, "friction": friction, "solid_fraction": solid_fraction, "rate": rate,
+        "rest": rest,
+    }  # fmt: skip
+    how = from_mapping(Compression, given, "compress")
+    how.modes_of(packing.container)
+    check_drive(checkpoint, resume, on_step, None)
+    packing = replace(packing, gravity=None, lid=None, forces=None)
+    if not packing.count:
+        return replace(packing, stop_reason="compressed", forces=no_forces(how.friction))
+    method = PackingMethod(
+        name="compress",
+        summary="",
+        source="",
+        parameters=Compression,
+        prepare=lambda _: _begun(packing, how),
+        advance=advance_settling,
+        finish=lambda _, state: _finished(packing, state),
+        cost=lambda _: Cost(memory=GRAIN_BYTES * packing.count, attempts=0),
+    )
+    problem = _problem_of(packing, how)
+    state = drive(method, problem, Drive(checkpoint, resume, on_step, threads=threads))
+    compressed = method.finish(problem, state)
+    _warn_of_imbalance(compressed)
+    return compressed
+
+
+def _problem_of(packing: Packing, how: Compression) -> Problem:
+    """Return the task of compressing a packing, from which the fingerprint of its checkpoints is made."""
+    assembly, unit = normalized_assembly(packing)
+    return Problem(
+        shapes=packing.shapes,
+        shape_id=packing.shape_id,
+        diameter=assembly.diameters,
+        container=assembly.container,
+        parameters=how,
+        seed=0,
+        unit_length=unit,
+        original=packing.shapes,
+        start=Start(assembly.position, assembly.orientation),
+        unit=packing.unit,
+        density=packing.density,
+    )
+
+
+def _begun(packing: Packing, how: Compression) -> SettleState:
+    """Return the first state of a compression."""
+    assembly, _ = normalized_assembly(packing)
+    settler: Compressor | SoughtBed = Compressor(assembly, how)
+    if how.solid_fraction is not None:
+        settler = SoughtBed(
+            how, lambda tried: Compressor(assembly, tried), lambda ended: _moved(packing, ended), shakes=False
+        )
+    refuse_deep(settler)
+    return SettleState(settler, total=settler.most_steps * packing.count, stage="compressing")
+
+
+def _moved(packing: Packing, settler: Any) -> Packing:
+    """Return a packing with its grains and its container where they are now, without forces."""
+    unit = float(np.median(packing.diameters))
+    position, orientation = settler.bed.poses()
+    return replace(
+        packing,
+        position=position * unit,
+        orientation=orientation,
+        container=settler.bed.assembly.container.scaled(unit),
+        contact_gap=TOUCHING * unit,
+        forces=None,
+    )
+
+
+def _finished(packing: Packing, state: SettleState) -> Packing:
+    """Return the packing as it was compressed, with its forces."""
+    settler: Any = state.settler
+    record = {**packing.provenance, "compression": {"parameters": to_mapping(settler.how), **settler.report}}
+    moved = replace(_moved(packing, settler), stop_reason=state.stop_reason or "interrupted", provenance=record)
+    if not settler.ended:
+        return moved
+    bed, unit, forces = settler.bed, float(np.median(packing.diameters)), settler.bed.forces()
+    row = bed.rows.row[: bed.m]
+    i, j = bed.contact_grains(wall=WALL, lid=LID)
+    known = ContactForces(
+        i=i,
+        j=j,
+        point=moved.position[i] + row[:, ARM_I : ARM_I + 3] * unit,
+        normal=row[:, NORMAL : NORMAL + 3],
+        force=forces,
+        gap=row[:, GAP] * unit,
+        residual=bed.in_order(settler.progress.residual),
+        rattler=~bed.in_order(residuals(bed, forces, np.zeros((bed.count + 1, 6)))[1]),
+        friction=settler.how.friction,
+        stress=stress_of(bed, forces),
+    )
+    return replace(moved, forces=known)
+
+
+def _warn_of_imbalance(packing: Packing) -> None:
+    """Warn where fewer grains than asked for are in balance, some overlap, or a stress or solid fraction is missed."""
+    record = packing.provenance["compression"]
+    if packing.stop_reason == "interrupted":
+        return
+    if record["smallest_gap"] < 0.0:
+        warn(
+            f"grains still overlap by up to {-record['smallest_gap']:.2g} median diameters: compress them once more",
+            PackingWarning,
+        )
+    elif packing.stop_reason != "compressed":
+        warn(
+            f"{record['balanced']:.1%} of the grains that bear forces are in balance, and the stress is "
+            f"{record['stress_error']:.2g} from the one that is asked for: compress them once more, faster or with "
+            "more friction",
+            PackingWarning,
+        )
+    if not (sought := record.get("sought", {"met": True}))["met"]:
+        warn(sentence_of(sought), PackingWarning)

@@ -1,0 +1,325 @@
+"""Compression of grains to a mean stress, without gravity: a container whose walls or periodic sides move.
+
+Grains move relative to the mean strain of the container, overdamped: by their mobility times the force on each. The
+container strains by a mobility of its own times what the virial of the forces lacks of the stress, so that it stands
+still where the stress of Love and Weber is the one that is asked for. In a step forces within their friction cones are
+sought with which no gap closes, as in a quasi-static step under gravity. All forces are multiplied from time to time by
+the factor that serves best, since the strain of the container is the slowest mode. Once it hardly strains, steps become
+shorter until surfaces keep their distance and the forces balance.
+
+Lengths are in median diameters d, forces in the unit of stress times d^2 (in 2D times d). The mobility of a grain of
+the median diameter is 1 and falls with the square of the diameter (in 2D with the diameter), as its forces grow.
+
+References
+----------
+Love 1927, A treatise on the mathematical theory of elasticity; Weber 1966: mean stress by forces and branch vectors,
+as in Agnolin & Roux 2007, doi:10.1103/PhysRevE.76.061302, who state the numbers of packings that are compressed
+"""
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass, field, fields
+from typing import Any
+
+import numpy as np
+
+from voxgran._base.arrays import Booleans, Floats
+from voxgran._base.stopping import Stopped
+from voxgran.contacts.assembly import Assembly
+from voxgran.contacts.manifolds.rows import GAP, NORMAL, SURFACE
+from voxgran.containers.stretch import stretched
+from voxgran.settling.balance import Cell, gauss_seidel_forces, net_accelerations
+from voxgran.settling.bed import Bed
+from voxgran.settling.closing import close_round
+from voxgran.settling.compression_parameters import Compression
+from voxgran.settling.parting import part_grains
+from voxgran.settling.presets import KEPT, TRIANGLES
+
+#: stages: steps to the stress, rounds in which the surfaces of meshes are parted, and the end
+PRESSING, CLOSING, ENDED = range(3)
+#: iterations between two multiplications of all forces, and the range of their factor
+AT_ONCE, LEAST, MOST = 10, 0.2, 5.0
+#: iterations of a step of unit mobility, which grow with its square root, and their bounds
+ITERATIONS, FEWEST, MANY = 20.0, 40, 100
+#: tolerance of a step and of an examination, and compressions of a contact by a unit force in them
+TOLERANCE, FINE, SOFTNESS, FINE_SOFTNESS = 1e-5, 1e-7, 1e-7, 1e-9
+#: strain of a step, in shares of the largest one, below which steps become shorter; mobility of the last ones, and that
+#: from which on the grains are examined, every few steps
+CALM, LAST, EXAMINED, EVERY = 0.1, 0.1, 0.3, 5
+#: iterations of an examination, and of the last one
+QUICK, THOROUGH = 300, 3000
+#: distance up to which surfaces touch, net force and torque in mean normal forces up to which a grain is in balance
+TOUCHING, RESIDUAL = 1e-3, 0.01
+#: normal force, in mean ones, from which on a contact bears, and bearing contacts of a grain that is no rattler
+BEARS, HELD = 1e-3, 2
+#: relative difference of the stress up to which it is met
+STRESS_MET = 0.01
+#: most steps, and rounds in which surfaces are parted
+STEPS, ROUNDS = 400, 12
+#: distance up to which contacts are found in a step, and farthest that a grain moves in it
+MARGIN, FAR = 0.1, 0.1
+
+
+@dataclass(frozen=True, slots=True)
+class Pace:
+    """How fast a container strains: largest strain of a step, viscous number, and how steps shrink."""
+
+    strain: float
+    rate: float
+    shrink: float
+
+
+#: with friction, and with little or none, where grains go on creeping when they are compressed fast
+FRICTIONAL, FRICTIONLESS, LITTLE = Pace(0.01, 3e-3, 0.7), Pace(3e-3, 3e-5, 0.9), 0.05
+
+
+@dataclass(slots=True)
+class Progress:
+    """How far a compression is."""
+
+    stage: int = PRESSING
+    step: int = 0  # steps in all
+    exact: int = 0  # whether contacts of meshes that are not convex are those of their triangles
+    rounds: int = 0  # in which surfaces were parted
+    proven: int = 0  # whether forces balance the grains and the stress
+    mobility: float = 0.0  # of a grain in the next step
+    moving: float = 1.0  # share of the grains that bear forces, and are not in balance
+    smallest: float = 0.0  # gap, when last examined
+    missed: float = 1.0  # relative difference of the stress from the one that is asked for
+    factors: Floats = field(default_factory=lambda: np.ones(3))  # by which the container was stretched
+    residual: Floats = field(default_factory=lambda: np.zeros(0))  # in mean normal forces, in the order of the bed
+    path: Floats = field(default_factory=lambda: np.zeros((0, 4)))  # by step: solid fraction, and the axial stresses
+
+
+class Compressor:
+    """Compresses grains to a stress, step by step.
+
+    Parameters
+    ----------
+    assembly : Assembly
+        The grains, with lengths in median diameters.
+    how : Compression
+        Parameters.
+
+    Raises
+    ------
+    InputError
+        If a shape is an open surface, the walls of the container do not move, or stresses differ along axes that
+        stretch together.
+    """
+
+    #: whether grains come to rest without friction, and stop reason of a packing that is proven to be in balance
+    direct, reason = True, "compressed"
+
+    def __init__(self, assembly: Assembly, how: Compression) -> None:
+        self.how, self.container = how, assembly.container
+        self.stress, self.modes = how.stress_along(assembly.dimension), how.modes_of(assembly.container)
+        self.bed = Bed(assembly, np.zeros(3))
+        bodies, n = self.bed.bodies, self.bed.count
+        gyration = bodies[:n, 6] / bodies[:n, 7]
+        bodies[:n, 6] = self.bed.diameter ** (1 - assembly.dimension)
+        bodies[:n, 7] = bodies[:n, 6] / gyration
+        self.pace = FRICTIONAL if how.friction >= LITTLE else FRICTIONLESS
+        self._rate = how.rate or self.pace.rate
+        self.progress = Progress(mobility=max(self.pace.strain / self._rate, LAST))
+        self._surfaces = bool((self.bed.grains.kind == SURFACE).any())
+        if not n:
+            self.progress.stage, self.progress.proven, self.progress.moving = ENDED, 1, 0.0
+
+    @property
+    def ended(self) -> bool:
+        """Whether the compression has ended."""
+        return self.progress.stage == ENDED
+
+    @property
+    def most_steps(self) -> int:
+        """Largest number of steps, those that were made included."""
+        return STEPS + (STEPS + ROUNDS if self._surfaces else 0)
+
+    @property
+    def report(self) -> dict[str, Any]:
+        """How the grains were left: steps, share that is in balance, differences, and the path."""
+        progress = self.progress
+        return {
+            "steps": progress.step,
+            "balanced": 1.0 - progress.moving,
+            "largest_residual": float(progress.residual.max(initial=0.0)),
+            "smallest_gap": progress.smallest,
+            "stress_error": progress.missed,
+            "path": progress.path.tolist(),
+        }
+
+    def step(self) -> None:
+        """Make the next step."""
+        kept = {name: np.array(array) for name, array in self.arrays.items()}, self.counters
+        try:
+            if self.progress.stage == CLOSING:
+                self._close()
+            else:
+                self._press()
+        except Stopped:
+            # what the step has done is lost: the next one begins where it began
+            self.restore(*kept)
+            raise
+        self.progress.step += 1
+
+    @property
+    def arrays(self) -> dict[str, Any]:
+        """All arrays and floats that the next step depends on."""
+        return {**self.bed.arrays, **{name: np.asarray(getattr(self.progress, name)) for name in _ARRAYS}}
+
+    @property
+    def counters(self) -> dict[str, int]:
+        """All counters that the next step depends on."""
+        return {name: getattr(self.progress, name) for name in _COUNTERS}
+
+    def restore(self, arrays: Mapping[str, Any], counters: Mapping[str, Any]) -> None:
+        """Take over arrays and counters."""
+        for name in _ARRAYS:
+            value = np.array(arrays[name])
+            setattr(self.progress, name, value if value.ndim else float(value))
+        for name in _COUNTERS:
+            setattr(self.progress, name, int(counters[name]))
+        self.bed.finders.exact = bool(self.progress.exact)
+        self.bed.restore({name: array for name, array in arrays.items() if name not in _ARRAYS})
+        self.bed.move_walls(stretched(self.container, self.progress.factors.tolist()))
+
+    def _press(self) -> None:
+        """Make a step to the stress, and examine the grains where they hardly move any more."""
+        progress, bed, pace = self.progress, self.bed, self.pace
+        size, exact = progress.mobility, bool(progress.exact)
+        bed.find(TRIANGLES.margin if exact else MARGIN, KEPT)
+        volume = bed.assembly.container.volume
+        free = np.abs(self.modes @ self.stress).max() * volume
+        iterations = int(np.clip(ITERATIONS * math.sqrt(size), FEWEST, MANY))
+        forces, accelerations = self._forces(
+            pace.strain / (size * free), bed.gap / size, SOFTNESS / size, iterations, TOLERANCE
+        )
+        bed.keep_forces(forces)
+        self._note(forces)
+        bed.move(accelerations * size, TRIANGLES.most if exact else FAR)
+        strain = accelerations[-1, :3] * size
+        progress.factors *= 1.0 + strain
+        bed.stretch(1.0 + strain, stretched(self.container, progress.factors.tolist()))
+        if np.abs(strain).max() < CALM * pace.strain:
+            progress.mobility = max(LAST, pace.shrink * size)
+        last = progress.step + 1 >= self.most_steps
+        if not last and (progress.mobility > EXAMINED or progress.step % EVERY):
+            return
+        good = self._examine(QUICK)
+        if good and self._surfaces and not exact:
+            progress.stage = CLOSING
+        elif good or last:
+            if progress.smallest < 0.0:
+                part_grains(bed, TOUCHING / 10.0, ROUNDS)
+            self._examine(THOROUGH)
+            progress.stage = ENDED
+
+    def _close(self) -> None:
+        """Part surfaces that are not proven to be separate; then go on with the contacts of their triangles."""
+        progress = self.progress
+        wrong = close_round(self.bed, first=progress.rounds == 0)
+        progress.rounds += 1
+        if not wrong or progress.rounds >= ROUNDS:
+            progress.stage, progress.exact, self.bed.finders.exact = PRESSING, 1, True
+            progress.mobility = LAST
+
+    def _examine(self, iterations: int) -> bool:
+        """Note how well forces at the contacts balance the grains and the stress; return whether well enough."""
+        progress, bed = self.progress, self.bed
+        bed.find(TOUCHING, 0.0)
+        smallest = float(bed.gap.min(initial=TOUCHING))
+        if bed.finders.crossing(bed.pairs, bed.grains):
+            smallest = min(smallest, -TOUCHING)
+        forces, accelerations = self._forces(
+            1.0 / max(bed.count, 1), np.zeros(bed.m), FINE_SOFTNESS, iterations, FINE
+        )
+        bed.keep_forces(forces)
+        progress.residual, bearing = residuals(bed, forces, accelerations)
+        progress.moving = float((progress.residual[bearing] > RESIDUAL).mean()) if bearing.any() else 1.0
+        progress.smallest = smallest
+        found = stress_of(bed, forces)
+        axial = self.modes @ (np.array([*np.diag(found), 0.0, 0.0, 0.0]) - self.stress)
+        progress.missed = float(np.abs(axial).max() / np.abs(self.modes @ self.stress).max())
+        balanced = progress.moving <= 1.0 - self.how.rest and progress.missed <= STRESS_MET
+        progress.proven = int(balanced and smallest >= 0.0)
+        return bool(balanced and (smallest >= 0.0 or (self._surfaces and not progress.exact)))
+
+    def _forces(
+        self, mobility: float, openness: Floats, skin: float, iterations: int, tolerance: float
+    ) -> tuple[Floats, Floats]:
+        """Return forces (m, 3) that balance grains and container best, and what is left of accelerations (n + 1, 6)."""
+        load = self.stress * self.bed.assembly.container.volume
+        return pressed_forces(
+            self.bed, self.modes, mobility, load, openness=openness, friction=self.how.friction, skin=skin,
+            iterations=iterations, tolerance=tolerance,
+        )  # fmt: skip
+
+    def _note(self, forces: Floats) -> None:
+        """Add a row to the path."""
+        container = self.bed.assembly.container
+        fraction = float(self.bed.assembly.volumes.sum()) / container.volume
+        row = [fraction, *np.diag(stress_of(self.bed, forces))]
+        self.progress.path = np.vstack([self.progress.path, row])
+
+
+def pressed_forces(
+    bed: Bed, modes: Floats, mobility: float, load: Floats, *, openness: Floats, friction: float, skin: float,
+    iterations: int, tolerance: float,
+) -> tuple[Floats, Floats]:  # fmt: skip
+    """Return forces (m, 3) that balance grains and the load on their container, and the accelerations that are left.
+
+    Those (n + 1, 6) of the last body are the strains of the container.
+
+    modes: (6, 6) projection onto the strains that it may have.  mobility: strain of a mode under a unit load.
+    load: (6,) stress times volume.  openness, skin, tolerance: as in a quasi-static step.
+    """
+    cell = Cell(np.ascontiguousarray(modes * mobility), load)
+    contacts, forces, made = bed.contacts._replace(cell=cell), bed.forces(), 0
+    normal = bed.rows.row[: bed.m, NORMAL : NORMAL + 3]
+    inverse = np.repeat(bed.bodies[:-1, 6:8], 3, axis=1)
+    weight = np.divide(1.0, inverse, out=np.zeros_like(inverse), where=inverse > 0.0)
+    pressed = cell.mobility @ load
+    accelerations = net_accelerations(contacts, forces)
+    while made < iterations:
+        virial = accelerations[-1] + pressed
+        energy = float((accelerations[:-1] ** 2 * weight).sum()) + float(virial @ virial) / mobility
+        work = float(virial @ pressed) / mobility - float(openness @ (forces * normal).sum(axis=1))
+        if energy > 0.0:
+            forces *= min(max(work / energy, LEAST), MOST)
+        accelerations, turns = gauss_seidel_forces(
+            contacts, forces, openness, friction=friction, skin=skin, iterations=AT_ONCE, tolerance=tolerance
+        )
+        made += turns
+        if turns < AT_ONCE:
+            break
+    return forces, accelerations
+
+
+def stress_of(bed: Bed, forces: Floats) -> Floats:
+    """Return the mean stress tensor (3, 3) of Love and Weber of forces (m, 3), compression above 0."""
+    row = bed.rows.row[: bed.m]
+    branch = row[:, 3:6] - row[:, 6:9] + row[:, GAP, None] * row[:, NORMAL : NORMAL + 3]
+    return np.asarray(forces.T @ branch / bed.assembly.container.volume)
+
+
+def residuals(bed: Bed, forces: Floats, accelerations: Floats) -> tuple[Floats, Booleans]:
+    """Return net force and torque of each grain (n,), in mean normal forces, and which grains bear forces (n,).
+
+    Torques are over the radius of the sphere of equal volume.
+    """
+    n, row = bed.count, bed.rows.row[: bed.m]
+    push = (forces * row[:, NORMAL : NORMAL + 3]).sum(axis=1)
+    mean = float(push[push > 0.0].mean()) if (push > 0.0).any() else 1.0
+    bears = push > BEARS * mean
+    i, j = bed.rows.i[: bed.m], bed.rows.j[: bed.m]
+    other = bears & (j >= 0) & (j < n)
+    many = np.bincount(i[bears], minlength=n) + np.bincount(j[other], minlength=n)
+    force = np.linalg.norm(accelerations[:n, :3], axis=1) / bed.bodies[:n, 6]
+    moment = np.linalg.norm(accelerations[:n, 3:], axis=1)
+    torque = np.divide(moment, bed.bodies[:n, 7], out=np.zeros(n), where=bed.bodies[:n, 7] > 0.0)
+    return np.maximum(force, torque / (0.5 * bed.diameter)) / mean, many >= HELD
+
+
+_ARRAYS = tuple(item.name for item in fields(Progress) if item.type is not int)
+_COUNTERS = tuple(item.name for item in fields(Progress) if item.type is int)

@@ -1,0 +1,114 @@
+"""Parameters of compression: the stress, the axes that move, friction, and what counts as balanced."""
+
+from typing import ClassVar
+
+import numpy as np
+
+from voxgran._base.arrays import Floats
+from voxgran._base.axes import as_periodic
+from voxgran._base.config import check_bounds, parameter, parameter_class
+from voxgran._base.errors import InputError, shown
+from voxgran.containers.model import Container
+from voxgran.containers.stretch import stretched_together
+from voxgran.settling.parameters import MOST_FRICTION
+
+
+@parameter_class
+class Compression:
+    """How grains are compressed.
+
+    Raises
+    ------
+    InputError
+        If a number is out of its range.
+    """
+
+    #: grains are not shaken
+    shaking: ClassVar[None] = None
+
+    stress: float | tuple[float, float] | tuple[float, float, float] = parameter(
+        1.0,
+        doc="mean stress along all axes, or one along each axis, compression above 0, in any unit: only the ratios "
+        "decide how the grains lie; along axes that do not move it is not prescribed",
+        above=0.0,
+    )
+    axes: str = parameter("xyz", doc='axes along which the container is compressed, such as "z" for an oedometric path')
+    friction: float = parameter(
+        0.5,
+        doc="Coulomb coefficient of friction between grains and at walls; less friction gives a denser packing",
+        at_least=0.0,
+        at_most=MOST_FRICTION,
+    )
+    solid_fraction: float | None = parameter(
+        None,
+        doc="solid fraction of the compressed packing, met to 0.002: the friction (up to 1) is found that gives it; "
+        "that of the bulk or, in containers without periodic sides of few grains, of the container; if omitted, as "
+        "the friction gives it",
+        above=0.0,
+        at_most=1.0,
+    )
+    rate: float | None = parameter(
+        None,
+        doc="viscous number of the compression: strain rate times the drag of a grain of the median diameter, over "
+        "stress times diameter (in 2D over the stress); grains that are compressed slower become a little denser; if "
+        "omitted, 3e-3, and 3e-5 with a friction below 0.05",
+        at_least=1e-6,
+        at_most=0.1,
+    )
+    rest: float = parameter(
+        0.98, doc="share of the grains that bear forces which must be in balance so that the packing counts as "
+        "compressed", above=0.0, at_most=1.0,
+    )  # fmt: skip
+
+    def __post_init__(self) -> None:
+        """Check the ranges and the names of the axes."""
+        check_bounds(self)
+        if not any(as_periodic(self.axes)):
+            raise InputError(f"axes is {shown(self.axes)}: at least one axis must move; give some of 'xyz'")
+
+    def stress_along(self, dimension: int) -> Floats:
+        """Return the stresses (xx, yy, zz, yz, xz, xy), those of shear 0.
+
+        Raises
+        ------
+        InputError
+            If there are more or fewer numbers than axes.
+        """
+        stress, given = np.zeros(6), np.atleast_1d(np.asarray(self.stress, dtype=np.float64))
+        if len(given) not in (1, dimension):
+            raise InputError(
+                f"stress is {shown(self.stress)}: it must be one number, or {dimension}, one along each axis; correct "
+                "it"
+            )
+        stress[:dimension] = given
+        return stress
+
+    def modes_of(self, container: Container) -> Floats:
+        """Return the projection (6, 6) onto the strains that the container may have.
+
+        Raises
+        ------
+        InputError
+            If none of its walls moves along the axes, or stresses differ along axes that stretch together.
+        """
+        stress, modes = self.stress_along(container.dimension), np.zeros((6, 6))
+        free = {axis for axis, moves in enumerate(as_periodic(self.axes)) if moves}
+        groups = stretched_together(container)
+        for group in groups:
+            if not free.issuperset(group):
+                continue
+            if np.ptp(stress[list(group)]) > 0.0:
+                names = " and ".join("xyz"[axis] for axis in group)
+                raise InputError(
+                    f"stress is {shown(self.stress)}: a {container.kind} has one stress along {names}; give equal "
+                    "numbers"
+                )
+            mode = np.zeros(6)
+            mode[list(group)] = 1.0
+            modes += np.outer(mode, mode) / len(group)
+        if not modes.any():
+            names = ", ".join(repr("".join("xyz"[axis] for axis in group)) for group in groups)
+            raise InputError(
+                f"axes is {self.axes!r}: a {container.kind} is compressed along {names} only; name one of them"
+            )
+        return modes
