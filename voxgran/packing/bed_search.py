@@ -159,7 +159,9 @@ class SoughtBed:
         if self.by_bulk < 0:
             self.by_bulk = int(float(found["bulk_count"]) >= ENOUGH)
         bulk = float(found["bulk_solid_fraction"])
-        return bulk if self.by_bulk and math.isfinite(bulk) else float(found["bed_solid_fraction"])
+        # without gravity there is no surface, and the bed fills its container
+        below = found.get("bed_solid_fraction", found["solid_fraction"])
+        return bulk if self.by_bulk and math.isfinite(bulk) else float(below)
 
     def _sought(self) -> dict[str, Any]:
         """Return what was sought and found."""

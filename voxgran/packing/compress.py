@@ -226,7 +226,7 @@ def _finished(packing: Packing, state: SettleState) -> Packing:
         force=forces,
         gap=row[:, GAP] * unit,
         residual=bed.in_order(settler.progress.residual),
-        rattler=~bed.in_order(residuals(bed, forces, np.zeros((bed.count + 1, 6)))[1]),
+        rattler=~bed.in_order(residuals(bed, forces, np.zeros((bed.count + 1, 6)))[2]),
         friction=settler.how.friction,
         stress=stress_of(bed, forces),
     )

@@ -115,15 +115,12 @@ class Compressor:
         self.how, self.container = how, assembly.container
         self.stress, self.modes = how.stress_along(assembly.dimension), how.modes_of(assembly.container)
         self.bed = Bed(assembly, np.zeros(3))
-        bodies, n = self.bed.bodies, self.bed.count
-        gyration = bodies[:n, 6] / bodies[:n, 7]
-        bodies[:n, 6] = self.bed.diameter ** (1 - assembly.dimension)
-        bodies[:n, 7] = bodies[:n, 6] / gyration
+        without_weight(self.bed)
         self.pace = FRICTIONAL if how.friction >= LITTLE else FRICTIONLESS
         self._rate = how.rate or self.pace.rate
         self.progress = Progress(mobility=max(self.pace.strain / self._rate, LAST))
         self._surfaces = bool((self.bed.grains.kind == SURFACE).any())
-        if not n:
+        if not assembly.count:
             self.progress.stage, self.progress.proven, self.progress.moving = ENDED, 1, 0.0
 
     @property
@@ -235,7 +232,8 @@ class Compressor:
             1.0 / max(bed.count, 1), np.zeros(bed.m), FINE_SOFTNESS, iterations, FINE
         )
         bed.keep_forces(forces)
-        progress.residual, bearing = residuals(bed, forces, accelerations)
+        force, torque, bearing = residuals(bed, forces, accelerations)
+        progress.residual = np.maximum(force, torque)
         progress.moving = float((progress.residual[bearing] > RESIDUAL).mean()) if bearing.any() else 1.0
         progress.smallest = smallest
         found = stress_of(bed, forces)
@@ -303,7 +301,7 @@ def stress_of(bed: Bed, forces: Floats) -> Floats:
     return np.asarray(forces.T @ branch / bed.assembly.container.volume)
 
 
-def residuals(bed: Bed, forces: Floats, accelerations: Floats) -> tuple[Floats, Booleans]:
+def residuals(bed: Bed, forces: Floats, accelerations: Floats) -> tuple[Floats, Floats, Booleans]:
     """Return net force and torque of each grain (n,), in mean normal forces, and which grains bear forces (n,).
 
     Torques are over the radius of the sphere of equal volume.
@@ -318,7 +316,15 @@ def residuals(bed: Bed, forces: Floats, accelerations: Floats) -> tuple[Floats, 
     force = np.linalg.norm(accelerations[:n, :3], axis=1) / bed.bodies[:n, 6]
     moment = np.linalg.norm(accelerations[:n, 3:], axis=1)
     torque = np.divide(moment, bed.bodies[:n, 7], out=np.zeros(n), where=bed.bodies[:n, 7] > 0.0)
-    return np.maximum(force, torque / (0.5 * bed.diameter)) / mean, many >= HELD
+    return force / mean, torque / (0.5 * bed.diameter) / mean, many >= HELD
+
+
+def without_weight(bed: Bed) -> None:
+    """Give the bodies of a bed the mobilities of grains that are compressed."""
+    bodies, n = bed.bodies, bed.count
+    gyration = bodies[:n, 6] / bodies[:n, 7]
+    bodies[:n, 6] = bed.diameter ** (1 - bed.assembly.dimension)
+    bodies[:n, 7] = bodies[:n, 6] / gyration
 
 
 _ARRAYS = tuple(item.name for item in fields(Progress) if item.type is not int)

@@ -11,6 +11,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from voxgran._base.arrays import Booleans, Floats, as_number, as_positive, check_type
 from voxgran._base.calls import explained
@@ -23,6 +24,7 @@ from voxgran.settling.balance import accelerated_projected_gradient, gauss_seide
 from voxgran.settling.bed import Bed, normalized_bed
 from voxgran.settling.interior_point import frictionless_forces
 from voxgran.settling.parameters import MOST_FRICTION
+from voxgran.settling.stress_balance import StressBalance, as_stress, balance_stress
 
 if TYPE_CHECKING:
     from xarray import Dataset
@@ -71,9 +73,12 @@ class Balance:
 
 @explained(hint="equilibrium(packing, friction=0.5)")
 def equilibrium(
-    packing: Assembly, friction: float = 0.5, gap: float = 1e-3, *, tolerance: float = 0.01, threads: int | None = None
-) -> "Dataset":
+    packing: Assembly, friction: float = 0.5, gap: float = 1e-3, *, stress: "ArrayLike | None" = None,
+    tolerance: float = 0.01, threads: int | None = None,
+) -> "Dataset":  # fmt: skip
     """Return whether grains rest: forces at their contacts that balance the weight and the torque of each.
+
+    Without gravity they balance a mean stress of the packing instead.
 
     Contacts are all places where grains are within a gap of each other, of walls and of the lid. A lid is a fixed wall
     here, since its weight is not known. A contact presses, it does not pull, and its force across the normal is at most
@@ -88,8 +93,13 @@ def equilibrium(
         Coefficient of friction of Coulomb between grains and at walls, at least 0.
     gap : float
         Distance of the surfaces, in median diameters, up to which grains touch; at least 0.
+    stress : float or array_like of float, optional
+        Mean stress tensor (Love & Weber) that the forces have up to a factor, without gravity: one number for all axes,
+        a number along each axis with NaN or None where it is not prescribed, or a symmetric tensor; principal stresses
+        are above 0. Default: of a packing without gravity that was compressed, the stress of its forces.
     tolerance : float
         Net force, in weights of a grain, and net torque, in its weight times its radius, up to which it rests; above 0.
+        Under a stress it is in mean normal forces, and also the largest relative difference of the stress.
     threads : int, optional
         Number of threads, by default that of the processors or of ``OMP_NUM_THREADS``; the result is the same.
 
@@ -112,10 +122,18 @@ def equilibrium(
         all grains; and ``distance``, about how far the residuals are from the least ones (root mean square, in
         weights).
 
+        Under a stress residuals are in mean normal forces, forces in the unit of stress times the square of the median
+        diameter (in 2D times the diameter), ``carried`` is half the sum of the normal forces on the grain in mean ones,
+        a rattler bears no forces, and ``share_at_rest`` counts all grains. The variable ``stress`` is the mean stress
+        tensor of the forces, and the attribute ``stress_error`` its largest relative difference from the one that was
+        asked for: a packing holds the stress where that and all residuals are within the tolerance, which the
+        attribute ``balanced`` says with 1 or 0.
+
     Raises
     ------
     InputError
-        If `packing` is no packing, has no gravity, or a number, also that of threads, is out of range.
+        If `packing` is no packing, has neither gravity nor a stress, the stress is no symmetric tensor with principal
+        stresses above 0, or a number, also that of threads, is out of range.
 
     References
     ----------
@@ -131,15 +149,23 @@ def equilibrium(
     (1.0, True)
     """
     check_type(packing, Assembly, "packing", "a Packing")
-    down = getattr(packing, "gravity", None)
-    if down is None:
+    down, forces = getattr(packing, "gravity", None), getattr(packing, "forces", None)
+    if down is None and stress is None and forces is not None:
+        stress = forces.stress
+    if down is None and stress is None:
         usual = (0, 0, -1) if packing.dimension == 3 else (0, -1, 0)
         raise InputError(
             "packing.gravity is None: rest is a balance of weights; give the direction of gravity with "
-            f"dataclasses.replace(packing, gravity={usual})"
+            f"dataclasses.replace(packing, gravity={usual}), or a stress to be borne without gravity, stress=1"
         )
     friction, gap = as_number(friction, "friction", at_least=0.0), as_number(gap, "gap", at_least=0.0)
     tolerance = as_positive(tolerance, "tolerance")
+    if stress is not None:
+        tensor = as_stress(stress, packing.dimension)
+        bed = normalized_bed(packing, np.zeros(3))
+        with using_threads(threads):
+            held = balance_stress(bed, tensor, friction, reach=gap, tolerance=tolerance)
+        return _stress_dataset(packing, bed, held, {"friction": friction, "gap": gap, "tolerance": tolerance})
     bed = normalized_bed(packing, np.array(down, dtype=np.float64))
     with using_threads(threads):
         if friction > 0.0:
@@ -209,28 +235,79 @@ def carried_by(bed: Bed, forces: Floats) -> Floats:
 
 
 def _dataset(packing: Assembly, bed: Bed, found: Balance, parameters: dict[str, float]) -> "Dataset":
-    """Return what was found, by the grains of the packing, with units and names."""
+    """Return what was found under gravity, by the grains of the packing, with units and names."""
+    carried = bed.in_order(carried_by(bed, found.forces))
+    rests = bed.in_order(found.rests)
+    made = _named(
+        packing, bed, found.forces, weight="weight", of_forces="weight of a grain of the median diameter",
+        residual=bed.in_order(found.residual), torque=bed.in_order(found.residual_torque), rests=rests,
+        carried=(carried, "weight", "sum of the downward forces of others"),
+        rattler=(rests & (carried <= parameters["tolerance"]), "whether the grain rests and carries nothing but itself"),
+    )  # fmt: skip
+    made.attrs.update(parameters)
+    made.attrs.update(_shares(made))
+    made.attrs["distance"] = found.distance if math.isfinite(found.distance) else -1.0
+    return made
+
+
+def _stress_dataset(packing: Assembly, bed: Bed, found: StressBalance, parameters: dict[str, float]) -> "Dataset":
+    """Return what was found under a stress, by the grains of the packing, with units and names."""
     residual, torque = bed.in_order(found.residual), bed.in_order(found.residual_torque)
-    rests, carried = bed.in_order(found.rests), bed.in_order(carried_by(bed, found.forces))
-    rattler = rests & (carried <= parameters["tolerance"])
+    tolerance = parameters["tolerance"]
+    push = (found.forces * bed.rows.row[: bed.m, NORMAL : NORMAL + 3]).sum(axis=1)
+    i, j, n = bed.rows.i[: bed.m], bed.rows.j[: bed.m], bed.count
+    inner, mean = (j >= 0) & (j < n), float(push[push > 0.0].mean()) if (push > 0.0).any() else 1.0
+    total = np.bincount(i, push, minlength=n) + np.bincount(j[inner], push[inner], minlength=n)
+    power = "median diameter squared" if packing.dimension == 3 else "median diameter"
+    made = _named(
+        packing, bed, found.forces, weight="mean normal force", of_forces=f"stress x {power}",
+        residual=residual, torque=torque, rests=(residual <= tolerance) & (torque <= tolerance),
+        carried=(bed.in_order(total / (2.0 * mean)), "mean normal force", "half the sum of the normal forces"),
+        rattler=(~bed.in_order(found.bearing), "whether the grain bears no forces"),
+    )  # fmt: skip
+    made["stress"] = (("axis", "axis_"), found.stress, {"units": "stress", "long_name": "mean stress tensor"})
+    shares = _shares(made)
+    held = found.missed <= tolerance and shares["share_at_rest"] == 1.0
+    made.attrs.update({**parameters, **shares, "stress_error": found.missed, "balanced": int(held)})
+    return made
+
+
+def _shares(made: "Dataset") -> dict[str, float]:
+    """Return the shares of grains that rest, with and without rattlers, and of rattlers."""
+    rests, rattler = made["rests"].values, made["rattler"].values
     others = rests[~rattler]
+    return {
+        "share_at_rest": float(rests.mean()) if len(rests) else 1.0,
+        "share_at_rest_without_rattlers": float(others.mean()) if len(others) else 1.0,
+        "share_of_rattlers": float(rattler.mean()) if len(rests) else 0.0,
+    }
+
+
+def _named(
+    packing: Assembly, bed: Bed, forces: Floats, *, weight: str, of_forces: str, residual: Floats, torque: Floats,
+    rests: Booleans, carried: tuple[Floats, str, str], rattler: tuple[Booleans, str],
+) -> "Dataset":  # fmt: skip
+    """Return numbers of grains and contacts with units and names.
+
+    weight, of_forces: units of residuals and of forces.  carried, rattler: numbers of the grains and what they mean.
+    """
     length, unit = float(np.median(packing.diameters)) if packing.count else 1.0, getattr(packing, "unit", "1")
-    row, weight = bed.rows.row[: bed.m], "weight of a grain of the median diameter"
+    row = bed.rows.row[: bed.m]
     i, partner = bed.contact_grains(wall=WALL, lid=LID)
     normal, point = row[:, NORMAL : NORMAL + 3], packing.position[i] + row[:, ARM_I : ARM_I + 3] * length
     grain, contact, vector = ("grain",), ("contact",), ("contact", "axis")
     values: dict[str, tuple[tuple[str, ...], Any, str, str]] = {
-        "residual": (grain, residual, "weight", "net force"),
-        "residual_torque": (grain, torque, "weight radius", "net torque"),
+        "residual": (grain, residual, weight, "net force"),
+        "residual_torque": (grain, torque, f"{weight} radius", "net torque"),
         "rests": (grain, rests, "1", "whether net force and torque are within the tolerance"),
-        "carried": (grain, carried, "weight", "sum of the downward forces of others"),
-        "rattler": (grain, rattler, "1", "whether the grain rests and carries nothing but itself"),
+        "carried": (grain, *carried),
+        "rattler": (grain, rattler[0], "1", rattler[1]),
         "contact_i": (contact, i, "1", "index of the first grain"),
         "contact_j": (contact, partner, "1", "index of the second grain, -1 at a wall and -2 at a lid"),
         "point": (vector, point, unit, "point of contact on the first grain"),
         "normal": (vector, normal.copy(), "1", "unit vector from the first to the second grain"),
-        "force": (vector, found.forces, weight, "force on the second grain"),
-        "normal_force": (contact, (found.forces * normal).sum(axis=1), weight, "force along the normal"),
+        "force": (vector, forces, of_forces, "force on the second grain"),
+        "normal_force": (contact, (forces * normal).sum(axis=1), of_forces, "force along the normal"),
         "gap": (contact, row[:, GAP] * length, unit, "distance of the surfaces"),
     }
     made: Dataset = load("xarray").Dataset(
@@ -239,9 +316,4 @@ def _dataset(packing: Assembly, bed: Bed, found: Balance, parameters: dict[str, 
             for name, (dims, array, units, long_name) in values.items()
         }
     )
-    made.attrs.update(parameters)
-    made.attrs["share_at_rest"] = float(rests.mean()) if packing.count else 1.0
-    made.attrs["share_at_rest_without_rattlers"] = float(others.mean()) if len(others) else 1.0
-    made.attrs["share_of_rattlers"] = float(rattler.mean()) if packing.count else 0.0
-    made.attrs["distance"] = found.distance if math.isfinite(found.distance) else -1.0
     return made
