@@ -48,10 +48,10 @@ from voxgran.measures.describe import describe as describe
 from voxgran.measures.model import measure as measure
 from voxgran.measures.registered.density import window_solid_fraction as window_solid_fraction
 from voxgran.packing import methods as methods
+from voxgran.packing.compress import compress as compress
 from voxgran.packing.jamming.expected import expected_solid_fraction as expected_solid_fraction
 from voxgran.packing.method import packing_methods as packing_methods
 from voxgran.packing.model import Packing as Packing
-from voxgran.packing.compress import compress as compress
 from voxgran.packing.settle import settle as settle
 from voxgran.packing.transform.from_labels import packing_of_labels as packing_of_labels
 from voxgran.packing.transform.grow import grow as grow

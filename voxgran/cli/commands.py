@@ -103,18 +103,12 @@ def measure(options: argparse.Namespace) -> None:
         complain(f"warning: {warning}")
 
 
-def settle(options: argparse.Namespace) -> int:
-    """Let the grains of a packing settle, and write them; exit status 1 where some overlap."""
+def balance(options: argparse.Namespace) -> int:
+    """Settle or compress a packing, or prove that it rests; exit status 1 where some overlap or do not rest."""
     from voxgran.cli import settling
 
-    return settling.settle(options, _packing(options))
-
-
-def equilibrium(options: argparse.Namespace) -> int:
-    """Say whether the grains of a packing rest; exit status 1 where they do not."""
-    from voxgran.cli import settling
-
-    return settling.equilibrium(options, _packing(options))
+    work: Callable[..., int] = getattr(settling, options.command)
+    return work(options, _packing(options))
 
 
 def export(options: argparse.Namespace) -> None:
@@ -386,8 +380,9 @@ COMMANDS: dict[str, tuple[str, Callable[[argparse.Namespace], int | None]]] = {
     "run": ("pack, check, measure and save a scene", run),
     "study": ("pack a scene with many values of its parameters and many seeds", study),
     "verify": ("check a packing against the true shapes", verify),
-    "settle": ("let the grains of a packing come to rest under gravity", settle),
-    "equilibrium": ("prove that the grains of a packing rest", equilibrium),
+    "settle": ("let the grains of a packing come to rest under gravity", balance),
+    "compress": ("compress the grains of a packing to a mean stress", balance),
+    "equilibrium": ("prove that the grains of a packing rest", balance),
     "measure": ("measure a packing", measure),
     "report": ("write a page with pictures about a packing", report),
     "picture": ("write a picture of a packing", picture),

@@ -8,6 +8,8 @@ EXAMPLES: dict[str, str] = {
     "verify": "voxgran verify out/packing.vtp",
     "settle": "voxgran settle loose.vtp -o bed.vtp --friction 0.3\n"
     "  voxgran settle spheres.txt --periodic xy --gravity -z -o bed.vtp --shaking-duration 20",
+    "compress": "voxgran compress loose.vtp -o specimen.vtp --friction 0.3\n"
+    "  voxgran compress loose.vtp -o oedometer.vtp --axes z --solid-fraction 0.6",
     "equilibrium": "voxgran equilibrium bed.vtp --friction 0.5",
     "measure": "voxgran measure out/packing.vtp --which density --which coordination -o statistics.nc",
     "report": "voxgran report out/packing.vtp -o report.html",

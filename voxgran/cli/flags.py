@@ -113,12 +113,19 @@ FLAGS: dict[str, tuple[Flag, ...]] = {
         _flag("--checkpoint", help="file to go on from after an interrupt; default: beside the output"),
         _flag("--resume", action="store_true", help="go on from the checkpoint"),
     ),
+    "compress": (
+        *PACKING,
+        _flag("-o", "--output", required=True, help="file for the compressed packing: .vtp"),
+        _flag("--checkpoint", help="file to go on from after an interrupt; default: beside the output"),
+        _flag("--resume", action="store_true", help="go on from the checkpoint"),
+    ),
     "equilibrium": (
         *PACKING,
         _flag("--friction", type=float, help="coefficient of friction; default: as the packing was settled, or 0.5"),
         _flag("--gap", type=float, default=1e-3, help="up to which grains touch, in median diameters"),
         _flag("--tolerance", type=float, default=0.01, help="net force, in weights, up to which a grain rests"),
         _flag("--rest", type=float, default=0.95, help="share of the grains that must rest for exit status 0"),
+        _flag("--stress", type=as_value, help="mean stress that is borne without gravity: 1, or 1,1,2 along the axes"),
         _flag("--gravity", type=as_value, help="its direction: -z or x,y,z; default: as the packing says"),
     ),
     "measure": (

@@ -17,6 +17,7 @@ from voxgran._base.warning import warn_former
 from voxgran.cli.examples import EXAMPLES
 from voxgran.cli.flags import FLAGS, Once, as_value
 from voxgran.decks.material import Material
+from voxgran.settling.compression_parameters import Compression
 from voxgran.settling.parameters import Settling
 
 
@@ -92,6 +93,8 @@ def make_parser(words: Sequence[str], commands: Mapping[str, tuple[str, Callable
             _add_family(sub, named)
         if name == "settle":
             _add_parameters(sub, Settling)
+        if name == "compress":
+            _add_parameters(sub, Compression)
         if name in ("export", "relax"):
             _add_parameters(sub, Material)
         if name == "clump" and named[:1] == ["clump"]:

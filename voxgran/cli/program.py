@@ -87,9 +87,9 @@ def _drop_unwritten() -> None:
 
 
 def _say_how_to_go_on(options: argparse.Namespace, words: Sequence[str]) -> None:
-    """Name the command that goes on, where `run`, `study`, `settle` or `relax` has left a state to go on from."""
+    """Name the command that goes on, where one has left a state to go on from."""
     command = getattr(options, "command", "")
-    if command == "settle":
+    if command in ("settle", "compress"):
         from voxgran.cli.settling import checkpoint_of
 
         if checkpoint_of(options).exists():

@@ -1,7 +1,9 @@
-"""Commands that let the grains of a packing settle, and that prove that they rest."""
+"""Commands that let the grains of a packing settle or compress them, and that prove that they rest."""
 
 import argparse
 import dataclasses
+from collections.abc import Callable
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -19,6 +21,7 @@ from voxgran.io.files import check_savable
 from voxgran.measures.registered.density import main_fraction
 from voxgran.packing.gravity import as_down, proposed_axis
 from voxgran.packing.model import Packing
+from voxgran.settling.compression_parameters import Compression
 from voxgran.settling.parameters import Settling
 
 #: shares of the grains that `equilibrium` tells
@@ -28,7 +31,7 @@ LISTED = 10
 
 
 def checkpoint_of(options: argparse.Namespace) -> Path:
-    """Return the checkpoint of a run that settles a packing: the one that is named, or one beside the output."""
+    """Return the checkpoint of a run that moves grains: the one that is named, or one beside the output."""
     return as_path(options.checkpoint or Path(options.output).with_suffix(".checkpoint.voxgran"))
 
 
@@ -44,6 +47,33 @@ def settle(options: argparse.Namespace, packing: Packing) -> int:
     InputError
         If a file with that suffix cannot hold the grains.
     """
+    how = {**parameters_given(options, Settling), "gravity": options.gravity, "seed": options.seed}
+    return _moved(options, packing, partial(voxgran.settle, packing, **how), _summary)
+
+
+def compress(options: argparse.Namespace, packing: Packing) -> int:
+    """Compress the grains of a packing to a stress, and write them; return exit status 1 where some overlap.
+
+    Raises
+    ------
+    OutputExistsError
+        If the output, or the checkpoint of an interrupted run, is there and neither is to be replaced.
+    FileFormatError
+        If packings are not written with the suffix of the output.
+    InputError
+        If a file with that suffix cannot hold the grains.
+    """
+    how = parameters_given(options, Compression)
+    return _moved(options, packing, partial(voxgran.compress, packing, **how), _compressed_summary)
+
+
+def _moved(
+    options: argparse.Namespace,
+    packing: Packing,
+    move: Callable[..., Packing],
+    summary: Callable[[Packing, Packing], dict[str, Any]],
+) -> int:
+    """Move the grains of a packing in a run with checkpoints, write and verify them, and show the main numbers."""
     check_savable(packing, options.output)
     checkpoint = checkpoint_of(options)
     if not options.overwrite:
@@ -56,29 +86,21 @@ def settle(options: argparse.Namespace, packing: Packing) -> int:
     if not options.resume:
         remove_checkpoint(checkpoint)
     with progress(options) as on_step:
-        settled = voxgran.settle(
-            packing,
-            **settling_of(options),
-            gravity=options.gravity,
-            seed=options.seed,
-            checkpoint=checkpoint,
-            resume=options.resume,
-            on_step=on_step,
-        )
-    voxgran.save(settled, options.output, overwrite=options.overwrite)
+        after = move(checkpoint=checkpoint, resume=options.resume, on_step=on_step)
+    voxgran.save(after, options.output, overwrite=options.overwrite)
     remove_checkpoint(checkpoint)
     with progress(options) as on_step:
-        proof = voxgran.verify(settled, on_step=on_step)
-    numbers = _summary(packing, settled)
+        proof = voxgran.verify(after, on_step=on_step)
+    numbers = summary(packing, after)
     numbers["verify"] = {name: getattr(proof, name) for name in ("ok", "overlapping_pairs", "deepest", "escaped")}
     show(numbers, options, str(options.output))
     return 0 if proof.ok else 1
 
 
-def settling_of(options: argparse.Namespace) -> dict[str, Any]:
-    """Return the parameters of settling that flags give, a mapping for each group of them."""
+def parameters_given(options: argparse.Namespace, kind: type) -> dict[str, Any]:
+    """Return the parameters of a class that flags give, a mapping for each group of them."""
     found: dict[str, Any] = {}
-    for item in parameters_of(Settling):
+    for item in parameters_of(kind):
         group = nested_class(item)
         if group is None:
             value = getattr(options, item.name)
@@ -88,6 +110,28 @@ def settling_of(options: argparse.Namespace) -> dict[str, Any]:
         if value is not None:
             found[item.name] = value
     return found
+
+
+def _compressed_summary(before: Packing, after: Packing) -> dict[str, Any]:
+    """Return the main numbers of a compressed packing."""
+    record = after.provenance.get("compression", {})
+    numbers: dict[str, Any] = {
+        "grains": after.count,
+        "steps": record.get("steps", 0),
+        "solid_fraction_before": before.solid_fraction,
+        "solid_fraction": after.solid_fraction,
+        "void_ratio": 1.0 / after.solid_fraction - 1.0 if after.count else None,
+        "friction": record.get("parameters", {}).get("friction"),
+    }
+    if "sought" in record:
+        numbers["tries"] = record["sought"]["tries"]
+    if after.forces is not None and after.forces.stress is not None:
+        found = after.measure("forces")
+        axial = np.diag(after.forces.stress)[: after.dimension]
+        numbers |= {f"stress_{axis}": float(value) for axis, value in zip("xyz", axial, strict=False)}
+        numbers["coordination_by_forces"] = float(found["coordination_by_forces"])
+        numbers |= {name: getattr(after.forces, name) for name in ("share_at_rest", "share_of_rattlers")}
+    return numbers | {"stop_reason": after.stop_reason}
 
 
 def _summary(before: Packing, after: Packing) -> dict[str, Any]:
@@ -122,27 +166,33 @@ def equilibrium(options: argparse.Namespace, packing: Packing) -> int:
     least = as_share(options.rest, "rest", zero=True)
     if options.gravity is not None:
         packing = dataclasses.replace(packing, gravity=as_down(options.gravity, packing.container))
-    if packing.gravity is None:
+    held = None if packing.forces is None else packing.forces.stress
+    if packing.gravity is None and options.stress is None and held is None:
         axis = proposed_axis(packing.container)
         raise InputError(
-            f"packing.gravity is None: rest is a balance of weights; give its direction with --gravity {axis}"
+            f"packing.gravity is None: rest is a balance of weights; give its direction with --gravity {axis}, or a "
+            "stress that is borne without gravity with --stress 1"
         )
     friction = options.friction
     if friction is None:
         settled_with = None if packing.forces is None else packing.forces.friction
         friction = 0.5 if settled_with is None else settled_with
-    found = voxgran.equilibrium(packing, friction, options.gap, tolerance=options.tolerance)
+    found = voxgran.equilibrium(packing, friction, options.gap, stress=options.stress, tolerance=options.tolerance)
     rattlers = np.flatnonzero(found["rattler"].values)
     residual = np.maximum(found["residual"].values, found["residual_torque"].values)
     worst = np.argsort(-residual, kind="stable")[:LISTED]
+    # grains that bear nothing are in balance under any stress
+    pressed = "stress_error" in found.attrs
     rests = found.attrs["share_at_rest"] >= least
+    if pressed:
+        rests &= found.attrs["stress_error"] <= options.tolerance
     show(
         {
             "rests": bool(rests),
             "grains": packing.count,
             "contacts": found.sizes["contact"],
             "friction": friction,
-            **{name: found.attrs[name] for name in SHARES},
+            **{name: found.attrs[name] for name in (*SHARES, *(("stress_error",) if pressed else ()))},
             "rattlers": rattlers.tolist() if options.json else _listed(rattlers.tolist()),
             "largest_residuals": {f"grain_{grain}": float(residual[grain]) for grain in worst.tolist()},
         },

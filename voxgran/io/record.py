@@ -231,8 +231,8 @@ def _forces(record: Record) -> ContactForces | None:
     values = {name: record.arrays[_FORCES + name] for name in _OF_CONTACTS}
     values |= {name: record.per_grain[_FORCES + name] for name in _OF_GRAINS}
     values["rattler"] = np.asarray(values["rattler"]) != 0
-    values["stress"] = record.arrays.get(_FORCES + "stress")
-    return ContactForces(**values, friction=None if np.isnan(friction) else friction)
+    stress = record.arrays.get(_FORCES + "stress")
+    return ContactForces(**values, friction=None if np.isnan(friction) else friction, stress=stress)
 
 
 def _json(value: Any, name: str) -> str:

@@ -160,7 +160,7 @@ class SoughtBed:
             self.by_bulk = int(float(found["bulk_count"]) >= ENOUGH)
         bulk = float(found["bulk_solid_fraction"])
         # without gravity there is no surface, and the bed fills its container
-        below = found.get("bed_solid_fraction", found["solid_fraction"])
+        below = found["bed_solid_fraction" if "bed_solid_fraction" in found else "solid_fraction"]
         return bulk if self.by_bulk and math.isfinite(bulk) else float(below)
 
     def _sought(self) -> dict[str, Any]:

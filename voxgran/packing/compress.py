@@ -23,6 +23,7 @@ from voxgran.packing.model import Packing, check_packing
 from voxgran.packing.problem import Problem
 from voxgran.packing.settling_run import (
     GRAIN_BYTES,
+    Moving,
     SettleState,
     advance_settling,
     no_forces,
@@ -185,7 +186,7 @@ def _problem_of(packing: Packing, how: Compression) -> Problem:
 def _begun(packing: Packing, how: Compression) -> SettleState:
     """Return the first state of a compression."""
     assembly, _ = normalized_assembly(packing)
-    settler: Compressor | SoughtBed = Compressor(assembly, how)
+    settler: Moving = Compressor(assembly, how)
     if how.solid_fraction is not None:
         settler = SoughtBed(
             how, lambda tried: Compressor(assembly, tried), lambda ended: _moved(packing, ended), shakes=False

@@ -2,7 +2,7 @@
 
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
-from typing import Any
+from typing import Any, TypeAlias
 
 import numpy as np
 
@@ -24,6 +24,8 @@ from voxgran.settling.equilibrium import carried_by
 from voxgran.settling.parameters import Settling
 from voxgran.settling.stages import RESIDUAL, TOUCHING, Settler
 
+#: what moves the grains of a run, step by step
+Moving: TypeAlias = Settler | Compressor | SoughtBed
 #: bytes of a grain while it settles: pairs, contacts and their copies (measured)
 GRAIN_BYTES = 8000
 #: reasons of a method that hold on when its bed has settled
@@ -75,7 +77,7 @@ def with_settling(method: PackingMethod, how: Settling) -> PackingMethod:
 class SettleState:
     """State of a bed that settles, as the driver takes it."""
 
-    settler: Settler | Compressor | SoughtBed
+    settler: Moving
     done: int = 0
     total: int = 0
     stop_reason: str = ""
@@ -207,7 +209,7 @@ def begin_settling(
     return begin(how) if how.solid_fraction is None else SoughtBed(how, begin, packing_of)
 
 
-def refuse_deep(settler: Settler | Compressor | SoughtBed) -> None:
+def refuse_deep(settler: Moving) -> None:
     """Refuse grains that overlap so deep that they cannot be parted.
 
     Raises
@@ -233,7 +235,7 @@ def with_lid(assembly: Assembly, how: Settling, gravity: Floats) -> Assembly:
     return replace(assembly, lid=LidPlane(up, float((assembly.position @ up + assembly.bounding_radii).max())))
 
 
-def lid_of(settler: Settler | SoughtBed, unit: float) -> LidPlane | None:
+def lid_of(settler: Moving, unit: float) -> LidPlane | None:
     """Return the lid where it lies now, in the unit of lengths in which the median diameter is `unit`."""
     lid = settler.bed.assembly.lid
     return None if lid is None else LidPlane(lid.normal, settler.bed.lid_level * unit)
@@ -276,7 +278,7 @@ def finished(packing: Packing, state: SettleState) -> Packing:
     return contact_forces(moved, settler)
 
 
-def _moved(packing: Packing, settler: Settler | SoughtBed) -> Packing:
+def _moved(packing: Packing, settler: Moving) -> Packing:
     """Return a packing with its grains where they are in the bed of a settler, without forces."""
     unit = float(np.median(packing.diameters))
     position, orientation = settler.bed.poses()
@@ -299,7 +301,7 @@ def no_forces(friction: float) -> ContactForces:
     )  # fmt: skip
 
 
-def contact_forces(packing: Packing, settler: Settler | SoughtBed) -> Packing:
+def contact_forces(packing: Packing, settler: Moving) -> Packing:
     """Return the packing, whose grains are those of a settler, with the forces at their contacts once it has ended."""
     bed = settler.bed
     if not packing.count:

@@ -28,6 +28,7 @@ from voxgran._base.arrays import Floats, Integers
 from voxgran._base.kernels import bare_kernel, inlined_kernel
 from voxgran._base.stopping import stop_if_asked
 from voxgran.geometry.vectors import add, along, cross, dot, row_of, sub, times, vector_at
+from voxgran.settling.cell import RIGID, Cell, add_to_cell, branch_of, effective_cell, strained
 
 #: numbers in a row of work: normal (3), arms (6), openness, steps along the normal and across it; then three
 #: forces (3): that of now, the extrapolated one, and that of the iteration before; and the branch (3), the vector from
@@ -39,24 +40,6 @@ INVERSE_MASS, INVERSE_MOMENT = 6, 7
 AT_ONCE = 16
 #: no force
 NONE = (0.0, 0.0, 0.0)
-
-
-class Cell(NamedTuple):
-    """How a container deforms under the forces at its contacts, and what presses it.
-
-    Its strains (xx, yy, zz, 2 yz, 2 xz, 2 xy) take the place of the accelerations of the lid. They move the second body
-    of a contact, or the wall, relative to the first one by the strain of the vector between both, and are the product
-    of the mobility with what the forces do on them (their virial) beyond the load.
-
-    mobility: (6, 6) strains under unit loads; (0, 6) where the container is rigid.  load: (6,) stress times volume.
-    """
-
-    mobility: Floats
-    load: Floats
-
-
-#: a container that does not deform
-RIGID = Cell(np.zeros((0, 6)), np.zeros(6))
 
 
 class LoadedContacts(NamedTuple):
@@ -174,38 +157,16 @@ def _add(body, inverse_mass, inverse_moment, arm, force):  # type: ignore[no-unt
 
 
 @inlined_kernel
-def _add_to_lid(lid, inverse_mass, gravity, force):  # type: ignore[no-untyped-def]
-    """Add to the acceleration of a lid, which moves along gravity only, what a force does."""
-    axis = vector_at(gravity, 0)
-    lid[0], lid[1], lid[2] = along(vector_at(lid, 0), inverse_mass * dot(force, axis), axis)
-
-
-@inlined_kernel
-def _branch(c):  # type: ignore[no-untyped-def]
-    """Return the vector from body i of a contact to body j, or to the wall."""
-    return along(sub(vector_at(c, 3), vector_at(c, 6)), c[9], vector_at(c, 0))
-
-
-@inlined_kernel
-def _strained(strain, branch):  # type: ignore[no-untyped-def]
-    """Return by how much a strain changes a branch."""
-    x, y, z = branch
-    return (
-        strain[0] * x + 0.5 * (strain[5] * y + strain[4] * z),
-        strain[1] * y + 0.5 * (strain[5] * x + strain[3] * z),
-        strain[2] * z + 0.5 * (strain[4] * x + strain[3] * y),
-    )
-
-
-@inlined_kernel
-def _add_to_cell(strain, mobility, force, branch):  # type: ignore[no-untyped-def]
-    """Add to the strain of the container what the virial of a force does."""
-    (p, q, r), (x, y, z) = force, branch
-    xx, yy, zz = p * x, q * y, r * z
-    yz, xz, xy = 0.5 * (q * z + r * y), 0.5 * (p * z + r * x), 0.5 * (p * y + q * x)
-    for k in range(6):
-        m = mobility[k]
-        strain[k] += m[0] * xx + m[1] * yy + m[2] * zz + m[3] * yz + m[4] * xz + m[5] * xy
+def _add_to_both(accelerations, bodies, gravity, c, one, other, force):  # type: ignore[no-untyped-def]
+    """Add to the accelerations of both bodies of a contact what a force does; a lid moves along gravity only."""
+    b, last = bodies[one], len(bodies) - 1
+    _add(accelerations[one], -b[6], -b[7], vector_at(c, 3), force)
+    if other == last:
+        axis, lid = vector_at(gravity, 0), accelerations[last]
+        lid[0], lid[1], lid[2] = along(vector_at(lid, 0), bodies[last, 6] * dot(force, axis), axis)
+    elif other >= 0:
+        b = bodies[other]
+        _add(accelerations[other], b[6], b[7], vector_at(c, 6), force)
 
 
 @bare_kernel
@@ -228,15 +189,9 @@ def _add_forces(contacts, forces, accelerations):  # type: ignore[no-untyped-def
         if force == NONE:
             continue
         c, one, other = contacts.row[k], contacts.i[k], contacts.j[k]
-        b = bodies[one]
-        _add(accelerations[one], -b[6], -b[7], vector_at(c, 3), force)
-        if other == last:
-            _add_to_lid(accelerations[last], bodies[last, 6], gravity, force)
-        elif other >= 0:
-            b = bodies[other]
-            _add(accelerations[other], b[6], b[7], vector_at(c, 6), force)
+        _add_to_both(accelerations, bodies, gravity, c, one, other, force)
         if deforms:
-            _add_to_cell(accelerations[last], cell.mobility, force, _branch(c))
+            add_to_cell(accelerations[last], cell.mobility, force, branch_of(c))
 
 
 @bare_kernel
@@ -284,21 +239,6 @@ def _effective(c, first, mass, moment, coupled):  # type: ignore[no-untyped-def]
 
 
 @bare_kernel
-def _effective_cell(mobility, normal, branch):  # type: ignore[no-untyped-def]
-    """Return the inverse effective masses of a container at a branch: along a normal, and a bound of those across it."""
-    (p, q, r), (x, y, z) = normal, branch
-    virial = (p * x, q * y, r * z, 0.5 * (q * z + r * y), 0.5 * (p * z + r * x), 0.5 * (p * y + q * x))
-    along_it, most = 0.0, 0.0
-    for a in range(6):
-        row = 0.0
-        for b in range(6):
-            along_it += virial[a] * mobility[a, b] * virial[b]
-            row += abs(mobility[a, b])
-        most = max(most, row)
-    return along_it, most * dot(branch, branch)
-
-
-@bare_kernel
 def _fill_work(contacts, forces, openness, skin, share, work):  # type: ignore[no-untyped-def]
     """Write the contacts in the order of the work: bodies, and rows of `WORK` numbers.
 
@@ -323,9 +263,9 @@ def _fill_work(contacts, forces, openness, skin, share, work):  # type: ignore[n
             if other == one:
                 # of a grain and its own image, whose arms point opposite ways
                 normal, across = 2.0 * normal, 2.0 * across
-        branch = _branch(c)
+        branch = branch_of(c)
         if deforms:
-            along_branch, across_it = _effective_cell(cell.mobility, vector_at(c, 0), branch)
+            along_branch, across_it = effective_cell(cell.mobility, vector_at(c, 0), branch)
             normal, across = normal + along_branch, across + across_it
         w[21], w[22], w[23] = branch
         for s in range(9):
@@ -381,7 +321,7 @@ def _sweep(work, state, contacts, friction, skin, momentum, backwards):  # type:
     for q in range(m):
         k = m - 1 - q if backwards else q
         c, one, other = work.row[k], work.pair[k, 0], work.pair[k, 1]
-        a, normal, force = state[one], vector_at(c, 0), vector_at(c, 12)
+        normal, force = vector_at(c, 0), vector_at(c, 12)
         if not backwards:
             ahead = along(force, momentum, sub(force, vector_at(c, 18)))
             c[18], c[19], c[20] = force
@@ -389,7 +329,7 @@ def _sweep(work, state, contacts, friction, skin, momentum, backwards):  # type:
             force = ahead
         apart = _approach(c, state, one, other)
         if deforms:
-            apart = add(apart, _strained(state[last], vector_at(c, 21)))
+            apart = add(apart, strained(state[last], vector_at(c, 21)))
         un, fn = dot(apart, normal), dot(force, normal)
         push = fn - c[10] * (un + c[9] + skin * fn)
         pressed = NONE
@@ -409,14 +349,9 @@ def _sweep(work, state, contacts, friction, skin, momentum, backwards):  # type:
         more = sub(pressed, force)
         if more == NONE:
             continue
-        _add(a, -a[6], -a[7], vector_at(c, 3), more)
-        if other == last:
-            _add_to_lid(state[last], state[last, 6], contacts.gravity, more)
-        elif other >= 0:
-            b = state[other]
-            _add(b, b[6], b[7], vector_at(c, 6), more)
+        _add_to_both(state, state, contacts.gravity, c, one, other, more)
         if deforms:
-            _add_to_cell(state[last], mobility, more, vector_at(c, 21))
+            add_to_cell(state[last], mobility, more, vector_at(c, 21))
     return turned, change, size
 
 
@@ -449,13 +384,7 @@ def _descend(work, bodies, gravity, friction, accelerations, new, extrapolated, 
             product = dot(step, normal) * dot(back, normal)
             turned += product / sn + (dot(back, step) - product) / st
         if force != NONE:
-            b = bodies[one]
-            _add(new[one], -b[6], -b[7], vector_at(c, 3), force)
-            if other == last:
-                _add_to_lid(new[last], bodies[last, 6], gravity, force)
-            elif other >= 0:
-                b = bodies[other]
-                _add(new[other], b[6], b[7], vector_at(c, 6), force)
+            _add_to_both(new, bodies, gravity, c, one, other, force)
     t = 1.0 if turned > 0.0 else state[0]
     state[0] = (1.0 + math.sqrt(1.0 + 4.0 * t * t)) / 2.0
     state[1] = momentum = (t - 1.0) / state[0]

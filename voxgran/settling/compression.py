@@ -28,8 +28,9 @@ from voxgran._base.stopping import Stopped
 from voxgran.contacts.assembly import Assembly
 from voxgran.contacts.manifolds.rows import GAP, NORMAL, SURFACE
 from voxgran.containers.stretch import stretched
-from voxgran.settling.balance import Cell, gauss_seidel_forces, net_accelerations
+from voxgran.settling.balance import gauss_seidel_forces, net_accelerations
 from voxgran.settling.bed import Bed
+from voxgran.settling.cell import Cell
 from voxgran.settling.closing import close_round
 from voxgran.settling.compression_parameters import Compression
 from voxgran.settling.parting import part_grains
@@ -54,8 +55,8 @@ TOUCHING, RESIDUAL = 1e-3, 0.01
 BEARS, HELD = 1e-3, 2
 #: relative difference of the stress up to which it is met
 STRESS_MET = 0.01
-#: most steps, and rounds in which surfaces are parted
-STEPS, ROUNDS = 400, 12
+#: most steps, rounds in which surfaces are parted, and the distance to which they are
+STEPS, ROUNDS, PARTED = 400, 12, 1e-4
 #: distance up to which contacts are found in a step, and farthest that a grain moves in it
 MARGIN, FAR = 0.1, 0.1
 
@@ -206,9 +207,11 @@ class Compressor:
         good = self._examine(QUICK)
         if good and self._surfaces and not exact:
             progress.stage = CLOSING
-        elif good or last:
-            if progress.smallest < 0.0:
-                part_grains(bed, TOUCHING / 10.0, ROUNDS)
+            return
+        if progress.smallest < 0.0 and (good or last):
+            part_grains(bed, PARTED, ROUNDS)
+            good = self._examine(QUICK) and progress.smallest >= 0.0
+        if good or last:
             self._examine(THOROUGH)
             progress.stage = ENDED
 
@@ -222,15 +225,16 @@ class Compressor:
             progress.mobility = LAST
 
     def _examine(self, iterations: int) -> bool:
-        """Note how well forces at the contacts balance the grains and the stress; return whether well enough."""
+        """Note how well forces at the contacts balance the grains and the stress; return whether well enough.
+
+        Whether the surfaces are apart is noted too.
+        """
         progress, bed = self.progress, self.bed
         bed.find(TOUCHING, 0.0)
         smallest = float(bed.gap.min(initial=TOUCHING))
         if bed.finders.crossing(bed.pairs, bed.grains):
             smallest = min(smallest, -TOUCHING)
-        forces, accelerations = self._forces(
-            1.0 / max(bed.count, 1), np.zeros(bed.m), FINE_SOFTNESS, iterations, FINE
-        )
+        forces, accelerations = self._forces(1.0 / max(bed.count, 1), np.zeros(bed.m), FINE_SOFTNESS, iterations, FINE)
         bed.keep_forces(forces)
         force, torque, bearing = residuals(bed, forces, accelerations)
         progress.residual = np.maximum(force, torque)
@@ -239,9 +243,9 @@ class Compressor:
         found = stress_of(bed, forces)
         axial = self.modes @ (np.array([*np.diag(found), 0.0, 0.0, 0.0]) - self.stress)
         progress.missed = float(np.abs(axial).max() / np.abs(self.modes @ self.stress).max())
-        balanced = progress.moving <= 1.0 - self.how.rest and progress.missed <= STRESS_MET
+        balanced = bool(progress.moving <= 1.0 - self.how.rest and progress.missed <= STRESS_MET)
         progress.proven = int(balanced and smallest >= 0.0)
-        return bool(balanced and (smallest >= 0.0 or (self._surfaces and not progress.exact)))
+        return balanced
 
     def _forces(
         self, mobility: float, openness: Floats, skin: float, iterations: int, tolerance: float

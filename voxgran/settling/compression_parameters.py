@@ -5,7 +5,6 @@ from typing import ClassVar
 import numpy as np
 
 from voxgran._base.arrays import Floats
-from voxgran._base.axes import as_periodic
 from voxgran._base.config import check_bounds, parameter, parameter_class
 from voxgran._base.errors import InputError, shown
 from voxgran.containers.model import Container
@@ -63,8 +62,10 @@ class Compression:
     def __post_init__(self) -> None:
         """Check the ranges and the names of the axes."""
         check_bounds(self)
-        if not any(as_periodic(self.axes)):
-            raise InputError(f"axes is {shown(self.axes)}: at least one axis must move; give some of 'xyz'")
+        if not self.axes or len(set(self.axes)) < len(self.axes) or not set(self.axes) <= set("xyz"):
+            raise InputError(
+                f"axes is {shown(self.axes)}: it must name axes out of x, y, z, each once, such as 'z'; correct it"
+            )
 
     def stress_along(self, dimension: int) -> Floats:
         """Return the stresses (xx, yy, zz, yz, xz, xy), those of shear 0.
@@ -92,7 +93,7 @@ class Compression:
             If none of its walls moves along the axes, or stresses differ along axes that stretch together.
         """
         stress, modes = self.stress_along(container.dimension), np.zeros((6, 6))
-        free = {axis for axis, moves in enumerate(as_periodic(self.axes)) if moves}
+        free = {"xyz".index(axis) for axis in self.axes}
         groups = stretched_together(container)
         for group in groups:
             if not free.issuperset(group):

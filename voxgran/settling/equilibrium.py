@@ -242,7 +242,7 @@ def _dataset(packing: Assembly, bed: Bed, found: Balance, parameters: dict[str, 
         packing, bed, found.forces, weight="weight", of_forces="weight of a grain of the median diameter",
         residual=bed.in_order(found.residual), torque=bed.in_order(found.residual_torque), rests=rests,
         carried=(carried, "weight", "sum of the downward forces of others"),
-        rattler=(rests & (carried <= parameters["tolerance"]), "whether the grain rests and carries nothing but itself"),
+        rattler=(rests & (carried <= parameters["tolerance"]), "whether the grain rests and carries nothing else"),
     )  # fmt: skip
     made.attrs.update(parameters)
     made.attrs.update(_shares(made))

@@ -1,8 +1,8 @@
-"""Proof of balance without gravity: forces at the contacts, within their cones, that balance grains and a mean stress.
+"""Proof of balance without gravity: forces at the contacts, within their cones, that balance grains under a stress.
 
-As under gravity no motion is looked at (:mod:`voxgran.settling.equilibrium`). The mean stress is a further balance: that
-of the container, whose strains the forces of a balanced packing leave at rest. All forces may be multiplied by one
-factor, so that a packing which bears a stress bears each multiple of it.
+As under gravity no motion is looked at (:mod:`voxgran.settling.equilibrium`). The mean stress is a further balance, of
+the container, which does not strain where it is met. All forces may be multiplied by one factor, so that a packing
+which bears a stress bears each multiple of it.
 """
 
 import math

@@ -20,7 +20,6 @@ from voxgran._base.errors import InputError, PackingWarning
 from voxgran._base.seeds import stream
 from voxgran._base.warning import warn
 from voxgran.contacts.assembly import Assembly
-from voxgran.packing.bed_search import SoughtBed
 from voxgran.packing.beds.filling import highest_surface, in_column, usual_solid_fraction, volume_at_rest
 from voxgran.packing.beds.seeds import LOOSE, RADIUS, column_top, container_levels, random_seeds
 from voxgran.packing.gravity import gravity_text, gravity_vector
@@ -29,6 +28,7 @@ from voxgran.packing.model import Packing
 from voxgran.packing.problem import Problem
 from voxgran.packing.settling_run import (
     GRAIN_BYTES,
+    Moving,
     SettleState,
     advance_settling,
     begin_settling,
@@ -198,7 +198,7 @@ def finish(problem: Problem, state: SettleState) -> Packing:
     return contact_forces(_packing(problem, settler, reason), settler)
 
 
-def _packing(problem: Problem, settler: Settler | SoughtBed, reason: str) -> Packing:
+def _packing(problem: Problem, settler: Moving, reason: str) -> Packing:
     """Return the packing of the grains of a settler, without forces."""
     position, orientation = settler.bed.poses()
     n = len(position)
