@@ -63,6 +63,11 @@ class SoughtBed:
         return str(self.settler.reason)
 
     @property
+    def unit(self) -> float:
+        """Unit of the forces of a compression."""
+        return float(self.settler.unit)
+
+    @property
     def how(self) -> Any:
         """Parameters of the present try, at the end of the best one."""
         return self.settler.how

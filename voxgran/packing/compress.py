@@ -224,12 +224,12 @@ def _finished(packing: Packing, state: SettleState) -> Packing:
         j=j,
         point=moved.position[i] + row[:, ARM_I : ARM_I + 3] * unit,
         normal=row[:, NORMAL : NORMAL + 3],
-        force=forces,
+        force=forces * settler.unit,
         gap=row[:, GAP] * unit,
         residual=bed.in_order(settler.progress.residual),
         rattler=~bed.in_order(residuals(bed, forces, np.zeros((bed.count + 1, 6)))[2]),
         friction=settler.how.friction,
-        stress=stress_of(bed, forces),
+        stress=stress_of(bed, forces) * settler.unit,
     )
     return replace(moved, forces=known)
 

@@ -7,7 +7,7 @@ sought with which no gap closes, as in a quasi-static step under gravity. All fo
 the factor that serves best, since the strain of the container is the slowest mode. Once it hardly strains, steps become
 shorter until surfaces keep their distance and the forces balance.
 
-Lengths are in median diameters d, forces in the unit of stress times d^2 (in 2D times d). The mobility of a grain of
+Lengths are in median diameters d, forces in the largest stress times d^2 (in 2D times d). The mobility of a grain of
 the median diameter is 1 and falls with the square of the diameter (in 2D with the diameter), as its forces grow.
 
 References
@@ -114,7 +114,11 @@ class Compressor:
 
     def __init__(self, assembly: Assembly, how: Compression) -> None:
         self.how, self.container = how, assembly.container
-        self.stress, self.modes = how.stress_along(assembly.dimension), how.modes_of(assembly.container)
+        self.modes = how.modes_of(assembly.container)
+        stress = how.stress_along(assembly.dimension)
+        # only ratios decide: forces here are in the largest stress
+        self.unit = float(stress.max())
+        self.stress = stress / self.unit
         self.bed = Bed(assembly, np.zeros(3))
         without_weight(self.bed)
         self.pace = FRICTIONAL if how.friction >= LITTLE else FRICTIONLESS
@@ -144,7 +148,7 @@ class Compressor:
             "largest_residual": float(progress.residual.max(initial=0.0)),
             "smallest_gap": progress.smallest,
             "stress_error": progress.missed,
-            "path": progress.path.tolist(),
+            "path": (progress.path * np.array([1.0, self.unit, self.unit, self.unit])).tolist(),
         }
 
     def step(self) -> None:

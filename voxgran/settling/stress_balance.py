@@ -98,8 +98,9 @@ def balance_stress(bed: Bed, stress: Floats, friction: float, *, reach: float, t
     bed.find(reach, 0.0)
     asked = np.array([stress[place] for place in PLACES])
     known = np.isfinite(asked)
-    asked, modes = np.where(known, asked, 0.0), np.diag(known.astype(np.float64))
-    load, largest = asked * bed.assembly.container.volume, float(np.abs(asked).max())
+    modes, unit = np.diag(known.astype(np.float64)), float(np.abs(asked[known]).max())
+    asked = np.where(known, asked / unit, 0.0)
+    load = asked * bed.assembly.container.volume
     found: Any = None
     for _ in range(ROUNDS):
         stop_if_asked()
@@ -111,12 +112,12 @@ def balance_stress(bed: Bed, stress: Floats, friction: float, *, reach: float, t
         force, torque, bearing = residuals(bed, forces, accelerations)
         tensor = stress_of(bed, forces)
         mean = np.array([(tensor[a, b] + tensor[b, a]) / 2.0 for a, b in PLACES])
-        missed = float(np.abs(mean - asked)[known].max()) / largest
-        before, found = found, StressBalance(forces, force, torque, bearing, tensor, missed)
+        missed = float(np.abs(mean - asked)[known].max())
+        before, found = found, StressBalance(forces * unit, force, torque, bearing, tensor * unit, missed)
         worst = float(np.maximum(force, torque).max(initial=0.0))
         if max(worst, missed) <= tolerance:
             break
-        if before is not None and np.array_equal(before.forces, forces):
+        if before is not None and np.array_equal(before.forces, found.forces):
             # nothing changes any more
             break
     return found
