@@ -31,7 +31,7 @@ from voxgran.packing.settling_run import (
     refuse_deep,
 )
 from voxgran.packing.start import Start
-from voxgran.settling.compression import TOUCHING, Compressor, residuals, stress_of
+from voxgran.settling.compression import TOUCHING, Compressor, stress_of
 from voxgran.settling.compression_parameters import Compression
 
 
@@ -227,7 +227,7 @@ def _finished(packing: Packing, state: SettleState) -> Packing:
         force=forces * settler.unit,
         gap=row[:, GAP] * unit,
         residual=bed.in_order(settler.progress.residual),
-        rattler=~bed.in_order(residuals(bed, forces, np.zeros((bed.count + 1, 6)))[2]),
+        rattler=bed.in_order(settler.progress.bearing) == 0.0,
         friction=settler.how.friction,
         stress=stress_of(bed, forces) * settler.unit,
     )
@@ -247,8 +247,8 @@ def _warn_of_imbalance(packing: Packing) -> None:
     elif packing.stop_reason != "compressed":
         warn(
             f"{record['balanced']:.1%} of the grains that bear forces are in balance, and the stress is "
-            f"{record['stress_error']:.2g} from the one that is asked for: compress them once more, faster or with "
-            "more friction",
+            f"{record['stress_error']:.2g} from the one that is asked for: compress them once more, or with more "
+            "friction or more equal stresses",
             PackingWarning,
         )
     if not (sought := record.get("sought", {"met": True}))["met"]:

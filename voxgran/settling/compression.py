@@ -19,12 +19,12 @@ as in Agnolin & Roux 2007, doi:10.1103/PhysRevE.76.061302, who state the numbers
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field, fields
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from voxgran._base.arrays import Booleans, Floats
-from voxgran._base.stopping import Stopped
+from voxgran._base.stopping import Stopped, stop_if_asked
 from voxgran.contacts.assembly import Assembly
 from voxgran.contacts.manifolds.rows import GAP, NORMAL, SURFACE
 from voxgran.containers.stretch import stretched
@@ -36,6 +36,8 @@ from voxgran.settling.compression_parameters import Compression
 from voxgran.settling.parting import part_grains
 from voxgran.settling.presets import KEPT, TRIANGLES
 
+#: places of the six numbers of a symmetric tensor
+PLACES = ((0, 0), (1, 1), (2, 2), (1, 2), (0, 2), (0, 1))
 #: stages: steps to the stress, rounds in which the surfaces of meshes are parted, and the end
 PRESSING, CLOSING, ENDED = range(3)
 #: iterations between two multiplications of all forces, and the range of their factor
@@ -47,14 +49,15 @@ TOLERANCE, FINE, SOFTNESS, FINE_SOFTNESS = 1e-5, 1e-7, 1e-7, 1e-9
 #: strain of a step, in shares of the largest one, below which steps become shorter; mobility of the last ones, and that
 #: from which on the grains are examined, every few steps
 CALM, LAST, EXAMINED, EVERY = 0.1, 0.1, 0.3, 5
-#: iterations of an examination, and of the last one
-QUICK, THOROUGH = 300, 3000
+#: rounds of an examination, and of the last one; iterations in a round, those between two multiplications of all forces
+#: in it, and the mobility of the container then, in that of a grain over their number
+QUICK, THOROUGH, ROUND, SELDOM, SLUGGISH = 3, 12, 100, 50, 0.3
 #: distance up to which surfaces touch, net force and torque in mean normal forces up to which a grain is in balance
 TOUCHING, RESIDUAL = 1e-3, 0.01
 #: normal force, in mean ones, from which on a contact bears, and bearing contacts of a grain that is no rattler
 BEARS, HELD = 1e-3, 2
-#: relative difference of the stress up to which it is met
-STRESS_MET = 0.01
+#: relative difference of the stress up to which it is met, and with which a search for the forces ends
+STRESS_MET, STRESS_ENDS = 0.01, 1e-3
 #: most steps, rounds in which surfaces are parted, and the distance to which they are
 STEPS, ROUNDS, PARTED = 400, 12, 1e-4
 #: distance up to which contacts are found in a step, and farthest that a grain moves in it
@@ -89,6 +92,7 @@ class Progress:
     missed: float = 1.0  # relative difference of the stress from the one that is asked for
     factors: Floats = field(default_factory=lambda: np.ones(3))  # by which the container was stretched
     residual: Floats = field(default_factory=lambda: np.zeros(0))  # in mean normal forces, in the order of the bed
+    bearing: Floats = field(default_factory=lambda: np.zeros(0))  # 1 where a grain bears forces
     path: Floats = field(default_factory=lambda: np.zeros((0, 4)))  # by step: solid fraction, and the axial stresses
 
 
@@ -191,12 +195,13 @@ class Compressor:
         progress, bed, pace = self.progress, self.bed, self.pace
         size, exact = progress.mobility, bool(progress.exact)
         bed.find(TRIANGLES.margin if exact else MARGIN, KEPT)
-        volume = bed.assembly.container.volume
-        free = np.abs(self.modes @ self.stress).max() * volume
-        iterations = int(np.clip(ITERATIONS * math.sqrt(size), FEWEST, MANY))
-        forces, accelerations = self._forces(
-            pace.strain / (size * free), bed.gap / size, SOFTNESS / size, iterations, TOLERANCE
-        )
+        load = self.stress * bed.assembly.container.volume
+        free = float(np.abs(self.modes @ load).max())
+        forces, accelerations = pressed_forces(
+            bed, self.modes, pace.strain / (size * free), load, openness=bed.gap / size, friction=self.how.friction,
+            skin=SOFTNESS / size, iterations=int(np.clip(ITERATIONS * math.sqrt(size), FEWEST, MANY)),
+            tolerance=TOLERANCE,
+        )  # fmt: skip
         bed.keep_forces(forces)
         self._note(forces)
         bed.move(accelerations * size, TRIANGLES.most if exact else FAR)
@@ -216,7 +221,8 @@ class Compressor:
             part_grains(bed, PARTED, ROUNDS)
             good = self._examine(QUICK) and progress.smallest >= 0.0
         if good or last:
-            self._examine(THOROUGH)
+            # nothing has moved since: the forces are at least as good afterwards
+            self._examine(THOROUGH, known=True)
             progress.stage = ENDED
 
     def _close(self) -> None:
@@ -228,38 +234,27 @@ class Compressor:
             progress.stage, progress.exact, self.bed.finders.exact = PRESSING, 1, True
             progress.mobility = LAST
 
-    def _examine(self, iterations: int) -> bool:
+    def _examine(self, rounds: int, *, known: bool = False) -> bool:
         """Note how well forces at the contacts balance the grains and the stress; return whether well enough.
 
-        Whether the surfaces are apart is noted too.
+        Whether the surfaces are apart is noted too.  known: whether nothing has moved since the last examination.
         """
         progress, bed = self.progress, self.bed
         bed.find(TOUCHING, 0.0)
         smallest = float(bed.gap.min(initial=TOUCHING))
         if bed.finders.crossing(bed.pairs, bed.grains):
             smallest = min(smallest, -TOUCHING)
-        forces, accelerations = self._forces(1.0 / max(bed.count, 1), np.zeros(bed.m), FINE_SOFTNESS, iterations, FINE)
-        bed.keep_forces(forces)
-        force, torque, bearing = residuals(bed, forces, accelerations)
-        progress.residual = np.maximum(force, torque)
-        progress.moving = float((progress.residual[bearing] > RESIDUAL).mean()) if bearing.any() else 1.0
+        load = self.stress * bed.assembly.container.volume
+        found = balance_grains(
+            bed, self.modes, load, friction=self.how.friction, tolerance=RESIDUAL, rounds=rounds, known=known
+        )
+        progress.residual = np.maximum(found.residual, found.residual_torque)
+        progress.bearing = found.bearing.astype(np.float64)
+        progress.moving, progress.missed = found.moving, found.missed
         progress.smallest = smallest
-        found = stress_of(bed, forces)
-        axial = self.modes @ (np.array([*np.diag(found), 0.0, 0.0, 0.0]) - self.stress)
-        progress.missed = float(np.abs(axial).max() / np.abs(self.modes @ self.stress).max())
         balanced = bool(progress.moving <= 1.0 - self.how.rest and progress.missed <= STRESS_MET)
         progress.proven = int(balanced and smallest >= 0.0)
         return balanced
-
-    def _forces(
-        self, mobility: float, openness: Floats, skin: float, iterations: int, tolerance: float
-    ) -> tuple[Floats, Floats]:
-        """Return forces (m, 3) that balance grains and container best, and what is left of accelerations (n + 1, 6)."""
-        load = self.stress * self.bed.assembly.container.volume
-        return pressed_forces(
-            self.bed, self.modes, mobility, load, openness=openness, friction=self.how.friction, skin=skin,
-            iterations=iterations, tolerance=tolerance,
-        )  # fmt: skip
 
     def _note(self, forces: Floats) -> None:
         """Add a row to the path."""
@@ -271,14 +266,15 @@ class Compressor:
 
 def pressed_forces(
     bed: Bed, modes: Floats, mobility: float, load: Floats, *, openness: Floats, friction: float, skin: float,
-    iterations: int, tolerance: float,
+    iterations: int, tolerance: float, at_once: int = AT_ONCE,
 ) -> tuple[Floats, Floats]:  # fmt: skip
     """Return forces (m, 3) that balance grains and the load on their container, and the accelerations that are left.
 
     Those (n + 1, 6) of the last body are the strains of the container.
 
     modes: (6, 6) projection onto the strains that it may have.  mobility: strain of a mode under a unit load.
-    load: (6,) stress times volume.  openness, skin, tolerance: as in a quasi-static step.
+    load: (6,) stress times volume.  openness, skin, tolerance: as in a quasi-static step.  at_once: iterations between
+    two multiplications of all forces.
     """
     cell = Cell(np.ascontiguousarray(modes * mobility), load)
     contacts, forces, made = bed.contacts._replace(cell=cell), bed.forces(), 0
@@ -294,12 +290,70 @@ def pressed_forces(
         if energy > 0.0:
             forces *= min(max(work / energy, LEAST), MOST)
         accelerations, turns = gauss_seidel_forces(
-            contacts, forces, openness, friction=friction, skin=skin, iterations=AT_ONCE, tolerance=tolerance
+            contacts, forces, openness, friction=friction, skin=skin, iterations=at_once, tolerance=tolerance
         )
         made += turns
-        if turns < AT_ONCE:
+        if turns < at_once:
             break
     return forces, accelerations
+
+
+class Balanced(NamedTuple):
+    """Forces at contacts, and by how much they fail to balance grains and stress.
+
+    forces: (m, 3) on body j of each contact.  residual, residual_torque: (n,) net force on each grain, and net torque
+    over its radius, in mean normal forces.  bearing: (n,) which grains bear forces.  stress: (3, 3) mean stress tensor.
+    moving: share of the grains that bear forces and are not in balance.  missed: difference of the stress, over its
+    largest number.
+    """
+
+    forces: Floats
+    residual: Floats
+    residual_torque: Floats
+    bearing: Booleans
+    stress: Floats
+    moving: float
+    missed: float
+
+    def rank(self, tolerance: float) -> tuple[bool, float, float]:
+        """Return what is the smaller, the better the balance is: the stress comes first."""
+        return self.missed > tolerance, self.moving, self.missed
+
+
+def balance_grains(
+    bed: Bed, modes: Floats, load: Floats, *, friction: float, tolerance: float, rounds: int, known: bool = False
+) -> Balanced:
+    """Return the forces at the contacts of a bed that balance its grains under a load best, of so many rounds.
+
+    The search begins with the forces that the bed keeps, and the bed keeps those that are found; `known` says that they
+    are within the cones of its contacts, so that they may be the best ones. It ends where all
+    grains that bear forces are in balance within a tolerance, and the load is met to 1e-3.
+    """
+    volume = bed.assembly.container.volume
+    best: Balanced | None = None
+    for number in range(0 if known else 1, rounds + 1):
+        stop_if_asked()
+        before = bed.forces()
+        forces, accelerations = pressed_forces(
+            bed, modes, SLUGGISH / max(bed.count, 1), load, openness=np.zeros(bed.m), friction=friction,
+            skin=FINE_SOFTNESS, iterations=ROUND if number else 0, tolerance=FINE, at_once=SELDOM,
+        )  # fmt: skip
+        bed.keep_forces(forces)
+        force, torque, bearing = _residuals(bed, forces, accelerations)
+        stress = stress_of(bed, forces)
+        excess = modes @ (np.array([(stress[a, b] + stress[b, a]) / 2.0 for a, b in PLACES]) * volume - load)
+        missed = float(np.abs(excess).max() / np.abs(modes @ load).max())
+        unrest = np.maximum(force, torque)[bearing] > tolerance
+        moving = float(unrest.mean()) if bearing.any() else 1.0
+        found = Balanced(forces, force, torque, bearing, stress, moving, missed)
+        if best is None or found.rank(tolerance) < best.rank(tolerance):
+            best = found
+        same = number > 0 and np.allclose(forces, before, rtol=1e-9, atol=0.0)
+        if same or (moving == 0.0 and missed <= STRESS_ENDS):
+            break
+    assert best is not None
+    bed.keep_forces(best.forces)
+    return best
 
 
 def stress_of(bed: Bed, forces: Floats) -> Floats:
@@ -309,7 +363,7 @@ def stress_of(bed: Bed, forces: Floats) -> Floats:
     return np.asarray(forces.T @ branch / bed.assembly.container.volume)
 
 
-def residuals(bed: Bed, forces: Floats, accelerations: Floats) -> tuple[Floats, Floats, Booleans]:
+def _residuals(bed: Bed, forces: Floats, accelerations: Floats) -> tuple[Floats, Floats, Booleans]:
     """Return net force and torque of each grain (n,), in mean normal forces, and which grains bear forces (n,).
 
     Torques are over the radius of the sphere of equal volume.

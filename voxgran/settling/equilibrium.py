@@ -22,9 +22,10 @@ from voxgran.contacts.assembly import Assembly
 from voxgran.contacts.manifolds.rows import ARM_I, GAP, NORMAL
 from voxgran.settling.balance import accelerated_projected_gradient, gauss_seidel_forces
 from voxgran.settling.bed import Bed, normalized_bed
+from voxgran.settling.compression import Balanced
 from voxgran.settling.interior_point import frictionless_forces
 from voxgran.settling.parameters import MOST_FRICTION
-from voxgran.settling.stress_balance import StressBalance, as_stress, balance_stress
+from voxgran.settling.stress_balance import as_stress, balance_stress
 
 if TYPE_CHECKING:
     from xarray import Dataset
@@ -250,7 +251,7 @@ def _dataset(packing: Assembly, bed: Bed, found: Balance, parameters: dict[str, 
     return made
 
 
-def _stress_dataset(packing: Assembly, bed: Bed, found: StressBalance, parameters: dict[str, float]) -> "Dataset":
+def _stress_dataset(packing: Assembly, bed: Bed, found: Balanced, parameters: dict[str, float]) -> "Dataset":
     """Return what was found under a stress, by the grains of the packing, with units and names."""
     residual, torque = bed.in_order(found.residual), bed.in_order(found.residual_torque)
     tolerance = parameters["tolerance"]

@@ -6,48 +6,17 @@ which bears a stress bears each multiple of it.
 """
 
 import math
-from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from voxgran._base.arrays import Booleans, Floats
+from voxgran._base.arrays import Floats
 from voxgran._base.errors import InputError, shown
-from voxgran._base.stopping import stop_if_asked
 from voxgran.settling.bed import Bed
-from voxgran.settling.compression import FINE_SOFTNESS, QUICK, pressed_forces, residuals, stress_of, without_weight
+from voxgran.settling.compression import PLACES, Balanced, balance_grains, without_weight
 
-#: most rounds of iterations, and the tolerance with which one ends early
-ROUNDS, TOLERANCE = 40, 1e-8
-#: places of the six numbers of a symmetric tensor
-PLACES = ((0, 0), (1, 1), (2, 2), (1, 2), (0, 2), (0, 1))
-
-
-@dataclass(frozen=True, slots=True)
-class StressBalance:
-    """Forces at contacts, and by how much they fail to balance grains and stress.
-
-    Attributes
-    ----------
-    forces : (m, 3) ndarray of float
-        On grain j of each contact, in the unit of stress times the square of the median diameter.
-    residual, residual_torque : (n,) ndarray of float
-        Net force on each grain, and net torque over its radius, in mean normal forces.
-    bearing : (n,) ndarray of bool
-        Which grains bear forces.
-    stress : (3, 3) ndarray of float
-        Mean stress tensor of the forces.
-    missed : float
-        Largest difference of the stress from the one that is asked for, over its largest number.
-    """
-
-    forces: Floats
-    residual: Floats
-    residual_torque: Floats
-    bearing: Booleans
-    stress: Floats
-    missed: float
+#: most rounds of iterations
+ROUNDS = 100
 
 
 def as_stress(value: "ArrayLike", dimension: int) -> Floats:
@@ -89,7 +58,7 @@ def as_stress(value: "ArrayLike", dimension: int) -> Floats:
     return np.asarray((tensor + tensor.T) / 2.0)
 
 
-def balance_stress(bed: Bed, stress: Floats, friction: float, *, reach: float, tolerance: float) -> StressBalance:
+def balance_stress(bed: Bed, stress: Floats, friction: float, *, reach: float, tolerance: float) -> Balanced:
     """Return the forces at the contacts of a bed without gravity within reach that balance its grains under a stress.
 
     stress: (3, 3) tensor, NaN where it is not prescribed.
@@ -98,26 +67,8 @@ def balance_stress(bed: Bed, stress: Floats, friction: float, *, reach: float, t
     bed.find(reach, 0.0)
     asked = np.array([stress[place] for place in PLACES])
     known = np.isfinite(asked)
-    modes, unit = np.diag(known.astype(np.float64)), float(np.abs(asked[known]).max())
-    asked = np.where(known, asked / unit, 0.0)
-    load = asked * bed.assembly.container.volume
-    found: Any = None
-    for _ in range(ROUNDS):
-        stop_if_asked()
-        forces, accelerations = pressed_forces(
-            bed, modes, 1.0 / max(bed.count, 1), load, openness=np.zeros(bed.m), friction=friction,
-            skin=FINE_SOFTNESS, iterations=QUICK, tolerance=TOLERANCE,
-        )  # fmt: skip
-        bed.keep_forces(forces)
-        force, torque, bearing = residuals(bed, forces, accelerations)
-        tensor = stress_of(bed, forces)
-        mean = np.array([(tensor[a, b] + tensor[b, a]) / 2.0 for a, b in PLACES])
-        missed = float(np.abs(mean - asked)[known].max())
-        before, found = found, StressBalance(forces * unit, force, torque, bearing, tensor * unit, missed)
-        worst = float(np.maximum(force, torque).max(initial=0.0))
-        if max(worst, missed) <= tolerance:
-            break
-        if before is not None and np.array_equal(before.forces, found.forces):
-            # nothing changes any more
-            break
-    return found
+    unit = float(np.abs(asked[known]).max())
+    load = np.where(known, asked / unit, 0.0) * bed.assembly.container.volume
+    modes = np.diag(known.astype(np.float64))
+    found = balance_grains(bed, modes, load, friction=friction, tolerance=tolerance, rounds=ROUNDS)
+    return found._replace(forces=found.forces * unit, stress=found.stress * unit)
