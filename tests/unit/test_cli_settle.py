@@ -13,7 +13,7 @@ from voxgran._base.seeds import stream
 from voxgran.cli import main
 from voxgran.cli.commands import COMMANDS
 from voxgran.cli.parser import parse
-from voxgran.cli.settling import settling_of
+from voxgran.cli.settling import parameters_given
 from voxgran.settling.parameters import Lid, Settling, Shaking
 
 BOX = vg.Box((3, 3, 8), periodic="xy")
@@ -105,7 +105,7 @@ def test_a_direction_of_gravity_may_begin_with_a_minus(direction):
 
 def test_each_parameter_of_settling_has_a_flag():
     words = ["settle", "a.vtp", "-o", "b.vtp"]
-    assert settling_of(parse(words, COMMANDS)) == {}
+    assert parameters_given(parse(words, COMMANDS), Settling) == {}
     given = {"friction": 0.2, "restitution": 0.1, "fall_time": 3, "rest": 0.9, "parts": "hulls", "solid_fraction": 0.6}
     groups = {"shaking": (Shaking, {"acceleration": 2, "duration": 4}), "lid": (Lid, {"weight": 0.5})}
     assert {*given, *groups} == {item.name for item in parameters_of(Settling)}
@@ -115,7 +115,9 @@ def test_each_parameter_of_settling_has_a_flag():
         assert set(values) == {item.name for item in parameters_of(cls)}
         for key, value in values.items():
             words += [f"--{name}-{key}", str(value)]
-    assert settling_of(parse(words, COMMANDS)) == given | {name: values for name, (_, values) in groups.items()}
+    assert parameters_given(parse(words, COMMANDS), Settling) == given | {
+        name: values for name, (_, values) in groups.items()
+    }
 
 
 @pytest.mark.parametrize(
@@ -217,3 +219,31 @@ def test_an_interrupt_leaves_a_checkpoint_and_the_command_that_goes_on(file, tmp
     whole = vg.settle(loose(), shaking={"duration": 2})
     assert vg.load(tmp_path / "bed.vtp").position.tobytes() == whole.position.tobytes()
     assert not list(tmp_path.glob("*checkpoint*"))
+
+
+def test_compress_writes_a_specimen_that_equilibrium_proves(tmp_path, capsys):
+    loose, specimen = tmp_path / "loose.vtp", tmp_path / "specimen.vtp"
+    vg.save(vg.pack(vg.make_shape("sphere"), vg.Box((5, 5, 5), periodic="xyz"), "rsa", count=60), loose)
+    assert (
+        main(["compress", str(loose), "-o", str(specimen), "--friction", "0.3", "--stress", "1,1,1.2", "--json"]) == 0
+    )
+    found = json.loads(capsys.readouterr().out)
+    assert found["stop_reason"] == "compressed"
+    assert found["stress_z"] == pytest.approx(1.2, rel=0.01)
+    assert found["void_ratio"] == pytest.approx(1 / found["solid_fraction"] - 1)
+    assert not list(tmp_path.glob("*.checkpoint.voxgran"))
+    assert main(["equilibrium", str(specimen), "--json"]) == 0
+    assert json.loads(capsys.readouterr().out)["friction"] == 0.3
+    assert main(["equilibrium", str(specimen), "--stress", "1,1,9", "--json"]) == 1
+    assert main(["equilibrium", str(loose)]) == 2
+    assert "--stress" in capsys.readouterr().err
+
+
+def test_compress_refuses_a_stress_of_two_numbers_and_keeps_what_is_there(tmp_path, capsys):
+    loose, there = tmp_path / "loose.vtp", tmp_path / "there.vtp"
+    vg.save(vg.pack(vg.make_shape("sphere"), vg.Box((5, 5, 5), periodic="xyz"), "rsa", count=9), loose)
+    there.write_text("kept")
+    assert main(["compress", str(loose), "-o", str(there)]) == 2
+    assert main(["compress", str(loose), "-o", str(there), "--stress", "1,2", "--overwrite"]) == 2
+    assert there.read_text() == "kept"
+    assert "it must be one number, or 3" in capsys.readouterr().err

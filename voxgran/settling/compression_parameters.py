@@ -30,6 +30,7 @@ class Compression:
         doc="mean stress along all axes, or one along each axis, compression above 0, in any unit: only the ratios "
         "decide how the grains lie; along axes that do not move it is not prescribed",
         above=0.0,
+        at_most=1e60,
     )
     axes: str = parameter("xyz", doc='axes along which the container is compressed, such as "z" for an oedometric path')
     friction: float = parameter(

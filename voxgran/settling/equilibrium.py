@@ -164,8 +164,11 @@ def equilibrium(
     if stress is not None:
         tensor = as_stress(stress, packing.dimension)
         bed = normalized_bed(packing, np.zeros(3))
+        start = None
+        if forces is not None and forces.stress is not None and packing.count:
+            start = forces.scaled(1.0 / float(np.median(packing.diameters)))
         with using_threads(threads):
-            held = balance_stress(bed, tensor, friction, reach=gap, tolerance=tolerance)
+            held = balance_stress(bed, tensor, friction, reach=gap, tolerance=tolerance, start=start)
         return _stress_dataset(packing, bed, held, {"friction": friction, "gap": gap, "tolerance": tolerance})
     bed = normalized_bed(packing, np.array(down, dtype=np.float64))
     with using_threads(threads):

@@ -115,6 +115,8 @@ def test_a_packing_that_was_compressed_is_asked_for_the_stress_of_its_forces():
         ((1, -1, 1), "least principal stress is -1"),
         ([[1, 2, 0], [2, 1, 0], [0, 0, 1]], "least principal stress is -1"),
         (0.0, "least principal stress is 0"),
+        (True, "3 numbers along the axes"),
+        ((1, 1, math.inf), "between 1e-60"),
         ((1, 1), "3 numbers along the axes"),
         ("x", "3 numbers along the axes"),
         ((math.nan,) * 3, "prescribe a symmetric tensor"),
