@@ -425,8 +425,7 @@ GOOD = {
 
 def outcome(function, arguments):
     """Call a function; return what it refused to do, and an empty text where it did not."""
-    with warnings.catch_warnings():
-        warnings.simplefilter("error")
+    with warnings.catch_warnings(action="error"):
         # what voxgran and the libraries say of results
         warnings.simplefilter("ignore", UserWarning)
         warnings.simplefilter("ignore", DeprecationWarning)

@@ -633,8 +633,7 @@ def test_folders_of_runs_are_compared(tmp_path, capsys):
         saved(tmp_path / folder / "packing.vtp", seed=seed)
     out, twin = tmp_path / "c.html", tmp_path / "c.json"
     words = [str(tmp_path / "loose"), str(tmp_path / "dense" / "packing.vtp"), f"b={tmp_path / 'other'}"]
-    with warnings.catch_warnings():
-        warnings.simplefilter("default")
+    with warnings.catch_warnings(action="default"):
         assert main(["compare", *words, "-o", str(out)]) == 0
     groups = json.loads(twin.read_text())["groups"]
     assert [(group["name"], group["packings"]) for group in groups] == [("loose", 3), ("dense", 1), ("b", 1)]

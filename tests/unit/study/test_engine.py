@@ -63,8 +63,7 @@ def test_results_are_those_of_single_scenes(base, tmp_path):
     for cell in made.cells():
         for seed in made.seeds:
             scene = vg.Scene.from_mapping(cell.mapping | {"scene": {"seed": seed}})
-            with warnings.catch_warnings():
-                warnings.simplefilter("ignore", PackingWarning)
+            with warnings.catch_warnings(action="ignore", category=PackingWarning):
                 packing = vg.pack([vg.make_shape("sphere")], scene.container, **scene.asked(), **scene.parameters)
                 tree = vg.measure(packing, which=["density", "coordination"])
             entry = data.sel({**cell.values, "seed": seed})

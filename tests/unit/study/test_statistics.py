@@ -155,8 +155,7 @@ def test_intervals_of_few_values_hold_the_mean_as_often_as_they_say(count, sampl
 
 def test_what_is_not_known_is_nan_and_equal_values_have_no_error():
     values = [[0.5, 0.6, np.nan], [0.5, np.nan, np.nan], [np.nan] * 3, [0.6, 0.6 + 1e-15, 0.6]]
-    with warnings.catch_warnings():
-        warnings.simplefilter("error")
+    with warnings.catch_warnings(action="error"):
         for kind in ("auto", "bca", "percentile", "student"):
             found = summary(study(values, method=list("abcd")), interval=kind)
     assert found["count"].values.tolist() == [2, 1, 0, 3]
