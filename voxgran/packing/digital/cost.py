@@ -41,7 +41,7 @@ def digital_cost(problem: Problem) -> Cost:
     bank = 2 * 3 * members * 8 * float(words[grains].sum()) + 8 * bits
     masks = float(((2 * half) ** problem.dimension).mean()) if problem.count else 0.0
     different = _different_masks(problem)
-    kept = min(problem.byte_limit, different * masks)
+    kept = min(problem.cache.limit, different * masks)
     largest = 2 * float(radius.max(initial=0.0)) / lattice.voxel_size + 4
     margin = np.where(np.array(problem.container.periodic), largest, 1.0)
     canvas = float(np.prod(lattice.shape + 2 * margin + np.array([0, 0, 64]))) / 8

@@ -178,7 +178,7 @@ def cost(problem: Problem) -> Cost:
     shells = 9 * voxels if problem.parameters.place == "wall" else 0
     maps, masks = maps_and_masks(problem, lattice.voxel_size)
     return Cost(
-        memory=int(voxels / 8 * maps * 1.3 + masks + shells + 3 * voxels + problem.byte_limit),
+        memory=int(voxels / 8 * maps * 1.3 + masks + shells + 3 * voxels + problem.cache.limit),
         seconds=filling_seconds(problem, lattice.voxel_size),
         attempts=problem.count - starting,
         voxelized_shapes=len(kinds_of(problem)[1]) * problem.parameters.orientations + starting,
@@ -267,7 +267,7 @@ def _update_maps(problem: Problem, state: State, setting: _Setting, kind: int) -
             member = int(arrays["member"][grain])
             if member >= 0:
                 stop_if_asked()
-                table = problem.keep(("overlap", member, other), lambda: _table(oriented, member, other))  # noqa: B023
+                table = problem.cache.keep(("overlap", member, other), lambda: _table(oriented, member, other))  # noqa: B023
                 add_table(setting.maps[other], room, table, arrays["site"][grain])
             setting.joined[other] += 1
     turns = np.flatnonzero(setting.kind[came[n:]] == kind)
