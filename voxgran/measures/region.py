@@ -14,8 +14,8 @@ import numpy as np
 from voxgran._base.arrays import Booleans, Floats, Integers
 from voxgran._base.seeds import stream
 from voxgran.containers.model import boundary_of
+from voxgran.geometry.halfspaces import cut_spheres
 from voxgran.measures.cylinders import cut_spheres_by_cylinder
-from voxgran.measures.halfspaces import cut_spheres
 from voxgran.measures.window import Estimate, Solids
 from voxgran.packing.gravity import main_axis
 from voxgran.packing.model import Packing

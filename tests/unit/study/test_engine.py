@@ -30,11 +30,10 @@ from voxgran._base.errors import (
 from voxgran._base.lock import locked_folder
 from voxgran.study import checkpoints, engine, processes
 from voxgran.study.engine import memory_bytes
-from voxgran.study.processes import Processes
+from voxgran.study.processes import FIRST, Processes
 from voxgran.study.result import MACHINE
 from voxgran.study.runs import Record, Run, compute
 from voxgran.study.store import Store
-from voxgran.study.worker import FIRST
 
 
 def same(one, other):

@@ -6,8 +6,8 @@ from scipy.spatial import ConvexHull, HalfspaceIntersection, Voronoi
 
 import voxgran as vg
 from voxgran.containers.kernel_container import kernel_container
+from voxgran.geometry import polyhedron
 from voxgran.packing.method import State
-from voxgran.packing.tessellation import voronoi_polyhedron as polyhedron
 from voxgran.packing.tessellation.voronoi_cells import Cells, seeds_of
 from voxgran.packing.tessellation.voronoi_grains import corners_of, largest_factor, shapes_of
 from voxgran.packing.tessellation.voronoi_steps import first_arrays, step
