@@ -199,10 +199,7 @@ def test_clumps_that_cannot_be(words, text, tmp_path, capsys):
 @pytest.mark.filterwarnings("always::DeprecationWarning")
 @pytest.mark.parametrize(
     ("command", "former", "present"),
-    [
-        ("repair", "--largest-hole", "--max-hole"),
-        ("cloud", "--largest-hole", "--max-gap"),
-    ],
+    [("repair", "--largest-hole", "--max-hole"), ("cloud", "--largest-hole", "--max-gap")],
 )
 def test_former_flags_warn_and_are_hidden(command, former, present, capsys):
     assert main([command, "none.stl", former, "1"]) == 2

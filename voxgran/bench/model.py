@@ -119,11 +119,7 @@ def calibration() -> float:
 
 
 def best_rate(
-    work: Callable[..., Any],
-    attempts: int,
-    *,
-    least_time: float,
-    draw: Callable[[], Iterable[Any]] = tuple,
+    work: Callable[..., Any], attempts: int, *, least_time: float, draw: Callable[[], Iterable[Any]] = tuple
 ) -> tuple[float, list[Any]]:
     """Return the highest number of attempts per processor second of two or more calls, and what the calls returned.
 

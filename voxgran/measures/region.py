@@ -189,15 +189,7 @@ class Samples:
         around = np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1).reshape(-1, 3)
         around += (stream(0, "container samples").random(around.shape) - 0.5) * (high - low) / counts
         depths = (-packing.container.signed_distance(p) for p in (inside, around))
-        return cls(
-            inside,
-            next(depths),
-            np.concatenate(grain),
-            packing.volumes,
-            around,
-            next(depths),
-            span,
-        )
+        return cls(inside, next(depths), np.concatenate(grain), packing.volumes, around, next(depths), span)
 
 
 @dataclass(frozen=True, eq=False)

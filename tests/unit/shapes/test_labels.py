@@ -155,12 +155,7 @@ def test_a_memory_map_is_read_slab_by_slab(tmp_path, monkeypatch):
         assert [shape.key for shape in parts.shapes] == [shape.key for shape in whole.shapes]
 
 
-@given(
-    seed=st.integers(0, 10**6),
-    n=st.integers(1, 9),
-    labels=st.integers(1, 4),
-    factor=st.sampled_from([1, 5, 2**23]),
-)
+@given(seed=st.integers(0, 10**6), n=st.integers(1, 9), labels=st.integers(1, 4), factor=st.sampled_from([1, 5, 2**23]))
 def test_the_census_is_that_of_plain_numpy(seed, n, labels, factor):
     image = stream(seed, "census").integers(0, labels + 1, (n, n + 1, n + 2)) * factor
     found = census(image)

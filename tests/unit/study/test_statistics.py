@@ -25,11 +25,7 @@ SLEEP = (
     np.array([1.9, 0.8, 1.1, 0.1, -0.1, 4.4, 5.5, 1.6, 4.6, 3.4]),
 )
 #: half-times of mucociliary efficiency, Hollander & Wolfe 1973, as in R's help on `kruskal.test`
-MUCOCILIARY = (
-    np.array([2.9, 3.0, 2.5, 2.6, 3.2]),
-    np.array([3.8, 2.7, 4.0, 2.4]),
-    np.array([2.8, 3.4, 3.7, 2.2, 2.0]),
-)
+MUCOCILIARY = (np.array([2.9, 3.0, 2.5, 2.6, 3.2]), np.array([3.8, 2.7, 4.0, 2.4]), np.array([2.8, 3.4, 3.7, 2.2, 2.0]))
 
 
 def drawn(seed, *shape):

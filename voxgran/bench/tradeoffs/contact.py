@@ -46,11 +46,7 @@ SPACINGS: dict[str, tuple[float, ...]] = {
 }
 ACCURACY_SPACINGS = (0.4, 0.28, 0.2, 0.14, 0.1)
 #: tests by name: contact and ways
-TESTS = {
-    "sdf": ("sdf", "both"),
-    "sdf, one way": ("sdf", "one"),
-    "kdtree": ("kdtree", "both"),
-}
+TESTS = {"sdf": ("sdf", "both"), "sdf, one way": ("sdf", "one"), "kdtree": ("kdtree", "both")}
 GRAINS, SOLID, MIXING = 150, 0.3, 400
 #: spheres of a bed, and what is done with it, by name
 BED = 420

@@ -202,11 +202,7 @@ def run(folder: Path) -> tuple[Path, ...]:
     head = "grains,made_by,share_proven:.4f,sinking:.4f,change_of_coordination:.3f"
     figure = folder / "relax.svg"
     _draw(ways, proofs, figure)
-    return (
-        table,
-        write_rows(folder / "relax_proofs.csv", head, map(astuple, proofs)),
-        figure,
-    )
+    return (table, write_rows(folder / "relax_proofs.csv", head, map(astuple, proofs)), figure)
 
 
 def _draw(ways: list[Way], proofs: list[Proof], path: Path) -> None:

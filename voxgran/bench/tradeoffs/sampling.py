@@ -62,7 +62,5 @@ def _draw(rows: list[Row], path: Path) -> None:
 
 
 registration = TradeOff(
-    name="sampling",
-    summary="points on surfaces: seconds, covering radius and smallest distance",
-    run=run,
+    name="sampling", summary="points on surfaces: seconds, covering radius and smallest distance", run=run
 )

@@ -115,14 +115,7 @@ registration = ClumpMethod(
 )
 
 
-def _chosen(
-    feet: Floats,
-    centers: Floats,
-    radii: Floats,
-    good: Booleans,
-    far: float,
-    most: int,
-) -> Integers:
+def _chosen(feet: Floats, centers: Floats, radii: Floats, good: Booleans, far: float, most: int) -> Integers:
     """Return the spheres at points that are farther than a distance from all spheres before, `most` at the most."""
     gap = np.where(good, np.inf, -np.inf)
     chosen: list[int] = []

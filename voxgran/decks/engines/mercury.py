@@ -27,12 +27,7 @@ TITLE = "MercuryDPM"
 #: names of files
 RUN, GRAINS, WALLS = "mercury_run.cpp", "mercury_grains.csv", "mercury_walls.csv"
 #: tables of a template, each with the file of MClump that has its layout
-TABLES = {
-    "pebbles": "Clump/Clump.txt",
-    "mass": "Inertia/Mass.txt",
-    "toi": "Inertia/TOI.txt",
-    "pd": "Inertia/PD.txt",
-}
+TABLES = {"pebbles": "Clump/Clump.txt", "mass": "Inertia/Mass.txt", "toi": "Inertia/TOI.txt", "pd": "Inertia/PD.txt"}
 #: columns of a grain after the name of its template: principal axes in columns, row by row
 COLUMNS = (
     *("scale", "mass", "x", "y", "z"),

@@ -43,8 +43,7 @@ class ControlPoint(Walking):
         "between the control points of both, found with k-d trees (kdtree; points is its former name)",
     )
     points: Literal["surface", "all"] = parameter(
-        "surface",
-        doc="where control points lie: on the surface with its edges and corners, or in the interior as well",
+        "surface", doc="where control points lie: on the surface with its edges and corners, or in the interior as well"
     )
     tested_points: Literal["both", "one"] = parameter(
         "both",

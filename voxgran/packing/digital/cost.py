@@ -7,14 +7,7 @@ from voxgran.containers.model import boundary_of
 from voxgran.packing.digital.bit_columns import UNPACKED
 from voxgran.packing.digital.container_lattice import ContainerLattice, container_lattice
 from voxgran.packing.digital.no_fit_tables import table_bytes
-from voxgran.packing.digital.precompute import (
-    LAZY,
-    SHARED,
-    bases_of,
-    digital_kinds,
-    mean_width,
-    tables_pay,
-)
+from voxgran.packing.digital.precompute import LAZY, SHARED, bases_of, digital_kinds, mean_width, tables_pay
 from voxgran.packing.method import Cost
 from voxgran.packing.problem import Problem
 from voxgran.packing.walking.feeding import planned_attempts, usual_seconds

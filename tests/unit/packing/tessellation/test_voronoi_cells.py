@@ -68,8 +68,7 @@ def by_half_spaces(container, place, weight, i):
 
 
 @pytest.mark.parametrize(
-    "container",
-    [vg.Box((3, 2, 2.5)), vg.Box((3, 2, 2.5), "xz"), vg.Rectangle((3, 2)), vg.Rectangle((3, 2), "xy")],
+    "container", [vg.Box((3, 2, 2.5)), vg.Box((3, 2, 2.5), "xz"), vg.Rectangle((3, 2)), vg.Rectangle((3, 2), "xy")]
 )
 def test_weighted_cells_are_intersections_of_half_spaces(container):
     place = points_in(container, 40)
