@@ -20,7 +20,7 @@ from typing import Any, ClassVar, Literal, TypeAlias
 import numpy as np
 
 from voxgran._base.arrays import Booleans, Floats, Integers, Words
-from voxgran._base.config import parameter, parameter_class
+from voxgran._base.config import check_bounds, parameter, parameter_class
 from voxgran._base.errors import InputError
 from voxgran._base.seeds import below, philox_block, philox_key, stream
 from voxgran._base.stopping import stop_if_asked
@@ -100,7 +100,7 @@ class DigitalFill(LatticeSearch):
 
     def __post_init__(self) -> None:
         """Check the ranges, and that the lowest place has a direction."""
-        LatticeSearch.__post_init__(self)
+        check_bounds(self)
         if self.place == "lowest" and self.gravity == "none":
             raise InputError("gravity is 'none': the lowest place needs a direction; choose one, or another place")
 
