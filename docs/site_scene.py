@@ -35,10 +35,7 @@ SECTIONS = {
         (keys.Listed,),
         "A list of grains, each placed once, in place of `count` and [sizes]. Without the section grains are drawn.",
     ),
-    "[packing]": (
-        (keys.Packed,),
-        "How the grains are packed. Parameters of the method are keys of the same section.",
-    ),
+    "[packing]": ((keys.Packed,), "How the grains are packed. Parameters of the method are keys of the same section."),
     "[settle]": (
         (keys.Settled, Settling),
         "How grains come to rest after they are packed. Without the section, it is up to the method.",

@@ -83,10 +83,7 @@ for row, dimension in enumerate((2, 3)):
         print(f"{dimension}D {title:14s} fourth moment: {moments}")
     shape = vg.make_shape("disk") if dimension == 2 else vg.make_shape("sphere")
     box = vg.Rectangle((10, 4 + count / 8), "x") if dimension == 2 else vg.Box((5, 5, 4 + count / 20), "xy")
-    for method, options in (
-        ("digital", {"voxel_size": 1 / 16, "sweeps": 2000}),
-        ("control_point", {"sweeps": 60}),
-    ):
+    for method, options in (("digital", {"voxel_size": 1 / 16, "sweeps": 2000}), ("control_point", {"sweeps": 60})):
         began = time.perf_counter()
         # directions of the walk: nothing settles after it
         packing = vg.pack(shape, box, method=method, count=count, seed=1, settle=False, **options)

@@ -196,8 +196,7 @@ def keep(file, wanted):
             continue
         start = time.process_time()
         try:
-            with warnings.catch_warnings():
-                warnings.simplefilter("ignore")
+            with warnings.catch_warnings(action="ignore"):
                 result = job()
         except (vg.VoxgranError, ValueError, TypeError) as error:
             result = {"refused": np.array(str(error))}

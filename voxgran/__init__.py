@@ -11,11 +11,7 @@ from voxgran._base import lazy_names
 __version__ = "0.1.0"
 
 #: former names, accepted with a DeprecationWarning
-_FORMER = {
-    "read_image": "load_image",
-    "write_comparison": "save_comparison",
-    "write_report": "save_report",
-}
+_FORMER = {"read_image": "load_image", "write_comparison": "save_comparison", "write_report": "save_report"}
 
 _find, __dir__, __all__ = lazy_names(__name__, __file__)
 __all__ += ["__version__"]

@@ -112,10 +112,7 @@ GOOD = {
     "Sphere.scaled": (vg.Sphere(1).scaled, {"factor": 2}),
     "Sphere.signed_distance": (vg.Sphere(1).signed_distance, {"points": [(1, 1, 1)]}),
     "make_container": (vg.make_container, {"mapping": {"kind": "sphere", "radius": 1}}),
-    "rough_walls": (
-        vg.rough_walls,
-        {"container": vg.Box((4, 4, 4)), **ROUGH, **LONG},
-    ),
+    "rough_walls": (vg.rough_walls, {"container": vg.Box((4, 4, 4)), **ROUGH, **LONG}),
     "Cloud.of": (
         vg.Cloud.of,
         {"points": np.eye(3), "normals": np.eye(3), "grain": [0, 1, 1], "name": "c", "unit": "m"},
@@ -167,10 +164,7 @@ GOOD = {
     "Scene.from_mapping": (vg.Scene.from_mapping, {"mapping": SCENE}),
     "Scene.from_toml": (vg.Scene.from_toml, {"path": "@scene.toml"}),
     "Scene.run": (vg.Scene.from_mapping(SCENE).run, {"folder": ">out", "resume": False, "overwrite": False}),
-    "Series": (
-        vg.Series,
-        {"path": ">run.pvd", "max_snapshots": 5, "every": 10, "resume": False, "overwrite": False},
-    ),
+    "Series": (vg.Series, {"path": ">run.pvd", "max_snapshots": 5, "every": 10, "resume": False, "overwrite": False}),
     "Series.record": (
         lambda packing, done: vg.Series("r.pvd", overwrite=True).record(packing, done),
         {"packing": BED, "done": 1},
@@ -193,10 +187,7 @@ GOOD = {
     "clumps.Optimal": (vg.clumps.Optimal, {"overlap": True, "uniform": False, "match_volume": True}),
     "Clump.bonds": (CLUMP.bonds, {"strength": 1.0, "shear_strength": 1.0, "tolerance": 1e-3, "least_area": 0.1}),
     "Clump.mass_properties": (CLUMP.mass_properties, {"of": "true"}),
-    "Clump.save": (
-        CLUMP.save,
-        {"path": ">clump.csv", "overwrite": False, "mass_properties": "true", "density": 1.0},
-    ),
+    "Clump.save": (CLUMP.save, {"path": ">clump.csv", "overwrite": False, "mass_properties": "true", "density": 1.0}),
     "Clump.to_shape": (CLUMP.to_shape, {"mass_properties": "true"}),
     "fit_clump": (
         vg.fit_clump,
@@ -384,15 +375,9 @@ GOOD = {
     "sizes.openings": (vg.sizes.openings, {"series": "ASTM E11", "numbers": [4, 10]}),
     "sizes.rosin_rammler": (vg.sizes.rosin_rammler, {"size": 2.0, "spread": 1.5, "low": 0.5, "basis": "volume"}),
     "plan_sizes": (vg.plan_sizes, {"sizes": vg.sizes.fuller(1.0, 2.0), "count": 10, "dimension": 3, "seed": 0}),
-    "sizes.lognormal": (
-        vg.sizes.lognormal,
-        {"median": 1.0, "sigma": 0.2, "basis": "number", "low": 0.5, "high": 2.0},
-    ),
+    "sizes.lognormal": (vg.sizes.lognormal, {"median": 1.0, "sigma": 0.2, "basis": "number", "low": 0.5, "high": 2.0}),
     "sizes.make_sizes": (vg.sizes.make_sizes, {"mapping": {"kind": "fixed", "diameter": 1.0}}),
-    "sizes.sieve": (
-        vg.sizes.sieve,
-        {"openings": [1, 2], "passing": [0, 1], "as_diameter": False, "basis": "volume"},
-    ),
+    "sizes.sieve": (vg.sizes.sieve, {"openings": [1, 2], "passing": [0, 1], "as_diameter": False, "basis": "volume"}),
     "sizes.uniform": (vg.sizes.uniform, {"low": 1.0, "high": 2.0, "basis": "number"}),
     "spherize": (
         vg.spherize,
@@ -418,10 +403,7 @@ GOOD = {
         },
     ),
     "voxelize_mesh": (vg.voxelize_mesh, {"vertices": MESH.vertices, "faces": MESH.faces, "voxel_size": 0.2}),
-    "window_solid_fraction": (
-        vg.window_solid_fraction,
-        {"packing": BED, "lower": (1, 1, 1), "upper": (2, 2, 2)},
-    ),
+    "window_solid_fraction": (vg.window_solid_fraction, {"packing": BED, "lower": (1, 1, 1), "upper": (2, 2, 2)}),
     "write_deck": (
         vg.write_deck,
         {
@@ -441,8 +423,7 @@ GOOD = {
 
 def outcome(function, arguments):
     """Call a function; return what it refused to do, and an empty text where it did not."""
-    with warnings.catch_warnings():
-        warnings.simplefilter("error")
+    with warnings.catch_warnings(action="error"):
         # what voxgran and the libraries say of results
         warnings.simplefilter("ignore", UserWarning)
         warnings.simplefilter("ignore", DeprecationWarning)

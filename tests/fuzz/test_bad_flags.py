@@ -115,8 +115,7 @@ def test_bad_flags(command, place, capsys):
         for value in VALUES:
             if flag in WRITTEN and value.startswith("/"):
                 continue
-            with warnings.catch_warnings():
-                warnings.simplefilter("ignore")
+            with warnings.catch_warnings(action="ignore"):
                 status = main([command, *without(without(words, flag), short), f"{flag}={value}", "--overwrite", "-q"])
             told = capsys.readouterr()
             assert status in (0, 1, 2), (flag, value)

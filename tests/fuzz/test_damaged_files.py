@@ -538,8 +538,7 @@ def outcome(read, path, *, again=True):
     """Return what is wrong with how a file is read; None if nothing is."""
     start = used()
     try:
-        with warnings.catch_warnings():
-            warnings.simplefilter("error")
+        with warnings.catch_warnings(action="error"):
             warnings.simplefilter("ignore", PackingWarning)
             warnings.simplefilter("ignore", DirtyMeshWarning)
             read(path)

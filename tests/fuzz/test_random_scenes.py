@@ -82,8 +82,7 @@ def test_a_random_scene_is_packed_or_refused(seed, record_property):
         if time.process_time() - began > SECONDS:
             raise TooLongError
 
-    with warnings.catch_warnings(record=True) as told:
-        warnings.simplefilter("ignore", PackingWarning)
+    with warnings.catch_warnings(record=True, action="ignore", category=PackingWarning) as told:
         warnings.simplefilter("always", LongRunWarning)
         try:
             packing = vg.pack(shapes, container, method, seed=seed, sizes=sizes, on_step=look, **amount)

@@ -110,8 +110,7 @@ def test_grains_stay_inside_or_the_container_is_refused(method, container):
         with pytest.raises(InputError, match="layers lie on the floor"):
             vg.pack(shape, where, method=method, count=5)
         return
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore", PackingWarning)
+    with warnings.catch_warnings(action="ignore", category=PackingWarning):
         packing = vg.pack(shape, where, method=method, count=12 if where.dimension == 3 else 5)
     assert packing.count >= 4
     assert vg.verify(packing).ok if container in ("disk", "polygon", "picture") else vg.verify(packing).escaped == 0

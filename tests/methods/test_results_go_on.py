@@ -24,8 +24,7 @@ def packed():
         if method not in kept:
             container = CONTAINERS.get(method, vg.Box((4, 4, 5), periodic="x"))
             sizes = None if method_registry().get(method).sizing == "made" else vg.sizes.uniform(0.7, 1.0)
-            with warnings.catch_warnings():
-                warnings.simplefilter("ignore", PackingWarning)
+            with warnings.catch_warnings(action="ignore", category=PackingWarning):
                 sphere = vg.make_shape("sphere")
                 kept[method] = vg.pack(sphere, container, method, count=30, sizes=sizes, **QUICK.get(method, {}))
         return kept[method]
@@ -44,8 +43,7 @@ def test_it_comes_to_rest(method, packed):
 @pytest.mark.parametrize("method", vg.packing_methods())
 def test_it_is_a_start(method, packed):
     first = packed(method)
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore", PackingWarning)
+    with warnings.catch_warnings(action="ignore", category=PackingWarning):
         more = vg.pack(vg.make_shape("sphere", diameter=0.3), first.container, "rsa", start=first, count=5)
     assert more.count > first.count
     assert more.position[: first.count] == pytest.approx(first.position, abs=1e-12)

@@ -9,8 +9,8 @@ from hypothesis import strategies as st
 
 from voxgran._base.seeds import stream
 from voxgran.containers.kinds.box import Box
+from voxgran.geometry.halfspaces import cut_spheres
 from voxgran.geometry.rotation import random_rotations
-from voxgran.measures.halfspaces import cut_spheres
 from voxgran.measures.registered.coordination import coordination_number
 from voxgran.measures.registered.density import window_solid_fraction
 from voxgran.measures.slices import cut_mesh

@@ -77,10 +77,7 @@ def test_scans_have_the_numbers_of_their_source_page(name, volume, faces, data_d
     assert len(shape.vertices) == faces // 2 + 2  # Euler number 2
 
 
-@pytest.mark.parametrize(
-    ("aspect", "area"),
-    [((1, 1, 1), 1.0), ((2, 1, 1), 1.0768), ((1, 1, 0.5), 1.0953)],
-)
+@pytest.mark.parametrize(("aspect", "area"), [((1, 1, 1), 1.0), ((2, 1, 1), 1.0768), ((1, 1, 0.5), 1.0953)])
 def test_surface_of_spheroids(aspect, area):
     # in units of the surface of the sphere of equal volume: elementary formulas with the excentricity
     a, _, c = sorted(aspect, reverse=True)

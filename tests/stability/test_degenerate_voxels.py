@@ -53,10 +53,7 @@ BODIES = {
 
 @pytest.mark.parametrize("backend", BACKENDS)
 @pytest.mark.parametrize("name", [slow(name) if name == "fine sphere" else name for name in BODIES])
-@pytest.mark.parametrize(
-    "place",
-    [(16.0, 16.5, 16.0), slow((16.5, 16.5, 16.5)), slow((16.5, 16.0, 16.25))],
-)
+@pytest.mark.parametrize("place", [(16.0, 16.5, 16.0), slow((16.5, 16.5, 16.5)), slow((16.5, 16.0, 16.25))])
 def test_no_voxel_is_wrong(backend, name, place):
     turns = lattice_rotations()[:: 7 if backend != "scanline" or name == "fine sphere" else 1]
     for turn in turns:

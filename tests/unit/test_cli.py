@@ -199,10 +199,7 @@ def test_clumps_that_cannot_be(words, text, tmp_path, capsys):
 @pytest.mark.filterwarnings("always::DeprecationWarning")
 @pytest.mark.parametrize(
     ("command", "former", "present"),
-    [
-        ("repair", "--largest-hole", "--max-hole"),
-        ("cloud", "--largest-hole", "--max-gap"),
-    ],
+    [("repair", "--largest-hole", "--max-hole"), ("cloud", "--largest-hole", "--max-gap")],
 )
 def test_former_flags_warn_and_are_hidden(command, former, present, capsys):
     assert main([command, "none.stl", former, "1"]) == 2
@@ -633,8 +630,7 @@ def test_folders_of_runs_are_compared(tmp_path, capsys):
         saved(tmp_path / folder / "packing.vtp", seed=seed)
     out, twin = tmp_path / "c.html", tmp_path / "c.json"
     words = [str(tmp_path / "loose"), str(tmp_path / "dense" / "packing.vtp"), f"b={tmp_path / 'other'}"]
-    with warnings.catch_warnings():
-        warnings.simplefilter("default")
+    with warnings.catch_warnings(action="default"):
         assert main(["compare", *words, "-o", str(out)]) == 0
     groups = json.loads(twin.read_text())["groups"]
     assert [(group["name"], group["packings"]) for group in groups] == [("loose", 3), ("dense", 1), ("b", 1)]

@@ -204,10 +204,7 @@ def test_a_packing_becomes_a_picture_at_the_prompt(tmp_path, monkeypatch, capsys
 def test_a_picture_that_cannot_be_is_refused_before_the_packing_is_read(tmp_path, capsys):
     there = tmp_path / "there.png"
     there.write_text("mine")
-    for words, said in (
-        (["-o", str(there)], "is there already"),
-        (["-o", "bed.jpg"], "has the suffix '.jpg'"),
-    ):
+    for words, said in ((["-o", str(there)], "is there already"), (["-o", "bed.jpg"], "has the suffix '.jpg'")):
         assert main(["picture", "missing.vtp", *words]) == 2
         assert said in capsys.readouterr().err
     vg.pack(vg.shapes.sphere(), vg.Box((4, 4, 4)), "rsa", count=2).save(tmp_path / "bed.vtp")

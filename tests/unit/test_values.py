@@ -70,8 +70,7 @@ TRIANGLES = (ROCK.vertices, ROCK.faces)
 def outcome(call, value):
     """Return "done" or the message of a refusal; anything else that is raised, and warnings, go through."""
     try:
-        with warnings.catch_warnings():
-            warnings.simplefilter("error")
+        with warnings.catch_warnings(action="error"):
             warnings.simplefilter("ignore", UserWarning)
             call(value)
     except VoxgranError as error:

@@ -19,7 +19,7 @@ from functools import lru_cache
 from types import FunctionType
 from typing import Any, TypeVar, dataclass_transform
 
-from voxgran._base.arrays import as_count, as_number, check_lengths
+from voxgran._base.arrays import as_choice, as_count, as_number, check_lengths
 from voxgran._base.calls import explained_methods, removal_of
 from voxgran._base.errors import InputError, UnknownNameError, shown
 from voxgran._base.names import unknown
@@ -109,8 +109,8 @@ def _parameters_of(cls: type) -> tuple[Parameter, ...]:
 
 @dataclass_transform(kw_only_default=True, frozen_default=True)
 def parameter_class(cls: type[T]) -> type[T]:
-    """Make a class a frozen dataclass of keywords with slots, whose constructor explains calls that do not fit
-    (decorator).
+    """Make a class a frozen dataclass of keywords with slots, whose constructor explains calls that do not fit, and
+    checks the values by :func:`check_bounds` unless the class has a check of its own (decorator).
 
     Examples
     --------
@@ -121,6 +121,8 @@ def parameter_class(cls: type[T]) -> type[T]:
     >>> Cubic(gap=0.1)
     Cubic(gap=0.1)
     """
+    if not hasattr(cls, "__post_init__"):
+        cls.__post_init__ = check_bounds  # type: ignore[attr-defined]
     return explained_methods(dataclass(frozen=True, slots=True, kw_only=True)(cls))
 
 
@@ -131,15 +133,20 @@ def is_parameter_class(kind: Any) -> bool:
 
 
 def check_bounds(instance: Any, *, of: str = "") -> None:
-    """Check the parameters of an object against their bounds, in the ``__post_init__`` of its class.
+    """Check the parameters of an object against their bounds and choices, in the ``__post_init__`` of its class.
 
     `of` is the name of the group in messages, such as ``"lid"``, where the object is a parameter of another one.
     """
     for entry in parameters_of(type(instance)):
         value = getattr(instance, entry.name)
-        if value is None or not entry.bounds:
+        if value is None:
             continue
-        whole, name = int in kinds_of(entry.type) and float not in kinds_of(entry.type), f"{of} {entry.name}".lstrip()
+        kinds, name = kinds_of(entry.type), f"{of} {entry.name}".lstrip()
+        if len(kinds) == 1 and typing.get_origin(kinds[0]) is typing.Literal:
+            as_choice(value, name, typing.get_args(kinds[0]))
+        if not entry.bounds:
+            continue
+        whole = int in kinds and float not in kinds
         for item in value if isinstance(value, tuple | list) else (value,):
             if whole:
                 as_count(item, name, **{rule: int(bound) for rule, bound in entry.bounds.items()})

@@ -99,8 +99,7 @@ def refused(path: Path) -> Iterator[None]:
         If the content does not fit in memory.
     """
     try:
-        with warnings.catch_warnings():
-            warnings.simplefilter("ignore")
+        with warnings.catch_warnings(action="ignore"):
             yield
     except VoxgranError:
         raise

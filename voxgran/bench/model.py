@@ -8,15 +8,20 @@ import csv
 import importlib.util
 import io
 import logging
+import os
+import subprocess
+import sys
+import tempfile
 import time
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from types import ModuleType
-from typing import Any
+from typing import Any, ParamSpec, TypeVar
 
 import numpy as np
 
+from voxgran._base.arrays import Floats
 from voxgran._base.files import write_text, written_whole
 from voxgran._base.lazy import load
 from voxgran._base.registry import Registry
@@ -25,6 +30,8 @@ from voxgran.shapes.files import load_shape
 from voxgran.shapes.model import Shape
 
 LOG = logging.getLogger(__name__)
+P = ParamSpec("P")
+T = TypeVar("T")
 #: column of the yardstick, and ending of columns of seconds in units of it
 YARDSTICK, OVER = "calibration_seconds", "_over_calibration"
 #: folder of the peers in a checkout of the source repository
@@ -59,6 +66,36 @@ def peers_of(name: str) -> ModuleType | None:
     return module
 
 
+def peer_arrays(
+    script: Path, name: str, write: Callable[[Path], object], *words: str, longest: float
+) -> tuple[dict[str, Floats], float] | None:
+    """Run the program of a peer, and return the arrays that it makes and its seconds; None where it fails.
+
+    The program gets the path of a file of this name, which `write` has written, words, and the path of the file of
+    arrays that it writes. It is run by the interpreter that the environment variable ``VOXGRAN_PEERS`` names, and is
+    stopped after `longest` seconds.
+    """
+    if not script.is_file():
+        return None
+    with tempfile.TemporaryDirectory() as folder:
+        given, made = Path(folder) / name, Path(folder) / "made.npz"
+        write(given)
+        command = [os.environ.get("VOXGRAN_PEERS", sys.executable), *map(str, (script, given, *words, made))]
+        try:
+            ended = subprocess.run(command, capture_output=True, text=True, timeout=longest, check=True)
+        except (OSError, subprocess.SubprocessError):
+            return None
+        with np.load(made, allow_pickle=False) as arrays:
+            return dict(arrays), float(ended.stdout.split()[-1])
+
+
+def timed(work: Callable[P, T], *arguments: P.args, **keywords: P.kwargs) -> tuple[T, float]:
+    """Return what a call returns, and its processor seconds, summed over threads."""
+    began = time.process_time()
+    found = work(*arguments, **keywords)
+    return found, time.process_time() - began
+
+
 def least_seconds(work: Callable[[], object], *, repeats: int = 3, processor: bool = False) -> float:
     """Return the least wall time, or processor time summed over threads, of some calls after one that is not counted
     (it compiles and loads).
@@ -82,11 +119,7 @@ def calibration() -> float:
 
 
 def best_rate(
-    work: Callable[..., Any],
-    attempts: int,
-    *,
-    least_time: float,
-    draw: Callable[[], Iterable[Any]] = tuple,
+    work: Callable[..., Any], attempts: int, *, least_time: float, draw: Callable[[], Iterable[Any]] = tuple
 ) -> tuple[float, list[Any]]:
     """Return the highest number of attempts per processor second of two or more calls, and what the calls returned.
 
@@ -108,18 +141,27 @@ def scans(*names: str) -> dict[str, Shape]:
     return {Path(name).stem: load_shape(DATA / name) for name in names if (DATA / name).is_file()}
 
 
-def ratios(rate: float, peers: Iterable[float | None]) -> str:
-    """Return a rate over those of peers as cells of a CSV row; the cell of a peer without a rate is empty."""
-    return ",".join("" if peer is None else f"{rate / peer:.1f}" for peer in peers)
+def ratios(rate: float, peers: Iterable[float | None]) -> list[float | None]:
+    """Return a rate over those of peers; None for a peer without a rate."""
+    return [None if peer is None else rate / peer for peer in peers]
 
 
-def write_rows(path: Path, head: str, rows: Iterable[str]) -> Path:
+def write_rows(path: Path, head: str, rows: Iterable[str | Sequence[Any]]) -> Path:
     """Write a CSV table and return its path.
+
+    The head names the columns, each with the format of its values after a colon where they have one, such as
+    ``"shape,seconds:.3f"``. A row has a value for each column, or is a line of CSV already. Truths are written as
+    ``true`` and ``false``; of None and NaN the cell is empty.
 
     A table with seconds or rates has the column :data:`YARDSTICK`, which is measured where the rows lack it, and these
     columns once more in units of it, such as ``seconds_over_calibration`` and ``attempts_per_calibration``.
     """
-    names, *table = csv.reader([head, *rows])
+    columns = [column.partition(":") for column in head.split(",")]
+    names, formats = [name for name, _, _ in columns], [form for _, _, form in columns]
+    table = [
+        next(csv.reader([row])) if isinstance(row, str) else [_cell(*pair) for pair in zip(row, formats, strict=True)]
+        for row in rows
+    ]
     timed = [name for name in names if name != YARDSTICK and ("seconds" in name or _is_rate(name))]
     if timed and YARDSTICK not in names:
         loop = f"{calibration():.5f}"
@@ -132,6 +174,13 @@ def write_rows(path: Path, head: str, rows: Iterable[str]) -> Path:
     csv.writer(text, lineterminator="\n").writerows([names, *table])
     write_text(path, text.getvalue())
     return path
+
+
+def _cell(value: Any, form: str) -> str:
+    """Return a value as the text of a cell."""
+    if value is None or value != value:
+        return ""
+    return str(value).lower() if isinstance(value, bool | np.bool_) else format(value, form)
 
 
 def _is_rate(name: str) -> bool:

@@ -242,12 +242,7 @@ def repair(options: argparse.Namespace) -> None:
     points, faces = read_surface(options.file)
     remedies = Remedies(keep_open="", choose="choose with --bodies largest or --bodies all", hole="raise --max-hole")
     made = repaired(
-        points,
-        faces,
-        name=Path(options.file).stem,
-        max_hole=options.max_hole,
-        bodies=options.bodies,
-        remedies=remedies,
+        points, faces, name=Path(options.file).stem, max_hole=options.max_hole, bodies=options.bodies, remedies=remedies
     )
     written = _write_bodies(made.shapes, options) if options.output else []
     numbers: dict[str, Any] = {

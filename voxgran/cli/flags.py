@@ -195,10 +195,7 @@ FLAGS: dict[str, tuple[Flag, ...]] = {
         _flag("file", help="mesh file: STL, OBJ, PLY, OFF, VTP, VTU, VTK or MSH"),
         _flag("-o", "--output", help="mesh file for the result: STL, OBJ, PLY, OFF or VTP"),
         _flag(
-            "--max-hole",
-            type=float,
-            default=0.25,
-            help="widest hole that is closed, in diagonals of the bounding box",
+            "--max-hole", type=float, default=0.25, help="widest hole that is closed, in diagonals of the bounding box"
         ),
         _former("--largest-hole", "--max-hole", float),
         _flag(
@@ -217,10 +214,7 @@ FLAGS: dict[str, tuple[Flag, ...]] = {
         _flag("--outliers", type=float, help="drop points this many standard deviations from their neighbours"),
         _flag("--spacing", type=float, help="thin the cloud to one point for each cube of this edge"),
         _flag(
-            "--max-gap",
-            type=float,
-            default=5.0,
-            help="how far the surface may be from the nearest point, in spacings",
+            "--max-gap", type=float, default=5.0, help="how far the surface may be from the nearest point, in spacings"
         ),
         _former("--largest-hole", "--max-gap", float),
         _flag("-o", "--output", help="mesh file for the result: STL, OBJ, PLY, OFF or VTP"),

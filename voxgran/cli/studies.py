@@ -16,14 +16,7 @@ if TYPE_CHECKING:
     from voxgran.study.result import StudyResult
 
 #: numbers of the table that is printed, where they were measured
-SHOWN = (
-    "count",
-    "bulk_solid_fraction",
-    "bed_solid_fraction",
-    "solid_fraction",
-    "mean_coordination_number",
-    "seconds",
-)
+SHOWN = ("count", "bulk_solid_fraction", "bed_solid_fraction", "solid_fraction", "mean_coordination_number", "seconds")
 #: most rows of that table, and most sentences of failures
 MOST_ROWS, MOST_SENTENCES = 40, 5
 

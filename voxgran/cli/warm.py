@@ -140,8 +140,7 @@ def make_few(family: str) -> None:
 
 def _compute(task: Callable[[], None]) -> None:
     """Compute a scene; a method that does not pack such shapes has no kernels for them."""
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore", PackingWarning)
+    with warnings.catch_warnings(action="ignore", category=PackingWarning):
         try:
             task()
         except InputError:

@@ -45,12 +45,7 @@ def grain_pairs(assembly: Assembly, gap: float) -> Pairs:
     # pairs within rounding error of the limit are kept: the exact test follows
     radii = assembly.bounding_radii * (1 + 1e-14)
     i, j, image = near_pairs(
-        assembly.position,
-        radii,
-        gap,
-        lower=lower,
-        lengths=lengths,
-        periodic=assembly.container.periodic,
+        assembly.position, radii, gap, lower=lower, lengths=lengths, periodic=assembly.container.periodic
     )
     offset = assembly.position[j] - assembly.position[i] + image * lengths
     return Pairs(i, j, image, offset)

@@ -23,10 +23,7 @@ class Surfaces:
 
 
 def merged_surfaces(
-    assembly: Assembly,
-    *,
-    grains: Integers | None = None,
-    bodies: Sequence[tuple[Floats, Integers]] | None = None,
+    assembly: Assembly, *, grains: Integers | None = None, bodies: Sequence[tuple[Floats, Integers]] | None = None
 ) -> Surfaces:
     """Merge the surfaces of grains, of all by default, in their poses.
 

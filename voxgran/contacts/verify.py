@@ -166,12 +166,7 @@ def verify(
     check_type(packing, Assembly, "packing", "a Packing; load or pack one")
     limit, told = as_number(tolerance, "tolerance", at_least=0.0), reported(on_step) or silent
     checked_arrays(
-        packing.shapes,
-        packing.container,
-        packing.position,
-        packing.scale,
-        packing.shape_id,
-        packing.orientation,
+        packing.shapes, packing.container, packing.position, packing.scale, packing.shape_id, packing.orientation
     )
     mean = float(packing.diameters.mean()) if packing.count else 1.0
     with using_threads(threads):

@@ -7,7 +7,7 @@ from typing import Literal
 import numpy as np
 
 from voxgran._base import ExplainedAttributes
-from voxgran._base.arrays import Floats, as_choice
+from voxgran._base.arrays import Floats
 from voxgran._base.config import check_bounds, parameter, parameter_class
 from voxgran._base.errors import InputError, PackingWarning
 from voxgran._base.warning import warn
@@ -119,7 +119,6 @@ class Material(ExplainedAttributes):
 
     def __post_init__(self) -> None:
         """Check the ranges and what the law needs."""
-        as_choice(self.law, "material law", ("linear", "hertz"))
         check_bounds(self, of="material")
         if self.law == "hertz" and self.young_modulus is None:
             raise InputError(

@@ -156,6 +156,10 @@ class Simulation:
         # names come from files of others: none may begin a line that an engine would run
         return [" ".join(line.split()) for line in lines]
 
+    def comments(self, engine: str, *notes: str, mark: str = "#") -> list[str]:
+        """Return the lines that begin each file, and notes, as comments."""
+        return [f"{mark} {line}" for line in (*self.header(engine), *notes)]
+
 
 def _law_lines(law: ContactLaw, density: str) -> list[str]:
     """Return the contact law in words, with the densities."""

@@ -58,6 +58,19 @@ class Walls:
         wall = boundary.cylinder or boundary.sphere
         return cls(bounds, container.periodic, tuple(planes), wall, mesh, convex)
 
+    @property
+    def needs_triangles(self) -> bool:
+        """Whether a wall is neither a plane nor a cylinder."""
+        return self.mesh is not None or (self.round is not None and self.round.kind == "sphere")
+
+    def wrapped(self, points: Floats) -> tuple[Floats, Integers]:
+        """Return points (n, 3) within the periodic bounds, and how many periods they were moved by."""
+        low, high = self.bounds
+        periodic = np.array(self.periodic)
+        length = np.where(periodic, high - low, 1.0)
+        image = np.where(periodic, np.floor((points - low) / length), 0.0)
+        return points - image * length, image.astype(np.int64)
+
     def distances(self, points: Floats) -> list[Floats]:
         """Return the distances (n,) of points (n, 3) from each plane and from a round wall, positive within.
 

@@ -83,11 +83,7 @@ def read_lammps_data(path: Path) -> Particles:
     refuse_bad_spheres(centers, radii, path, row="atom")
     density_of = _densities(table[:, density], assumed)
     return Particles(
-        centers=centers,
-        radii=radii,
-        container=box_of(bounds, "", path),
-        density=density_of,
-        assumed=assumed,
+        centers=centers, radii=radii, container=box_of(bounds, "", path), density=density_of, assumed=assumed
     )
 
 

@@ -30,14 +30,7 @@ class Seams:
         crossed[here] = self.crossed[known]
 
     def keep(
-        self,
-        net: Net,
-        split: Split,
-        moved: Floats,
-        crossed: Booleans,
-        done: Booleans,
-        later: Booleans,
-        first: int,
+        self, net: Net, split: Split, moved: Floats, crossed: Booleans, done: Booleans, later: Booleans, first: int
     ) -> None:
         """Keep what labels of this window that are done share with later ones, and forget what lies before a plane."""
         owner = np.repeat(np.arange(len(done)), np.diff(split.first_vertex))

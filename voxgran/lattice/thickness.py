@@ -37,11 +37,7 @@ SMALL = 6
 
 @explained(hint="local_thickness(mask); widths are in voxels, or in lengths with voxel_size=")
 def local_thickness(
-    mask: "ArrayLike",
-    *,
-    voxel_size: "ArrayLike | None" = None,
-    periodic: Periodic = False,
-    threads: int | None = None,
+    mask: "ArrayLike", *, voxel_size: "ArrayLike | None" = None, periodic: Periodic = False, threads: int | None = None
 ) -> NDArray[np.float32]:
     """Return for each voxel the diameter of the largest sphere of occupied voxels that covers it.
 

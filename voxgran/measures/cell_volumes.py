@@ -5,7 +5,7 @@ from collections.abc import Iterator
 import numpy as np
 
 from voxgran._base.arrays import Booleans, Floats, Integers
-from voxgran.measures.halfspaces import cut_disks, cut_spheres
+from voxgran.geometry.halfspaces import cut_disks, cut_spheres
 from voxgran.measures.window import Solids, chosen_planes
 
 #: grains that are cut at a time, which bounds the memory

@@ -19,19 +19,19 @@ from voxgran._base.arrays import Floats, Integers
 from voxgran._base.kernels import bare_kernel, kernel
 from voxgran.containers.kernel_container import FLAT, kernel_container
 from voxgran.containers.model import Boundary, Container, boundary_of
-from voxgran.measures.halfspaces import unit_sphere
-from voxgran.packing.tessellation.voronoi_cells import FACES, Cells, build_cell, seeds_of
-from voxgran.packing.tessellation.voronoi_polyhedron import (
+from voxgran.geometry.halfspaces import unit_sphere
+from voxgran.geometry.polyhedron import (
     CROWDED,
     CUT,
     EMPTY,
     FAILED,
-    Polyhedron,
     clip,
+    copy_polyhedron,
     empty_polyhedron,
     reach_of,
     volume_and_center,
 )
+from voxgran.packing.tessellation.voronoi_cells import FACES, Cells, build_cell, seeds_of
 from voxgran.shapes.mesh import Mesh
 
 #: kinds of walls: those of the bounds, of a closed mesh or a polygon, of a cylinder or a disk, of a sphere
@@ -315,18 +315,3 @@ def _offset(walls, m, k, place, i):  # type: ignore[no-untyped-def]
     """Return the offset of plane k of piece m from seed i."""
     plane = walls.planes[m, k]
     return plane[3] - plane[0] * place[i, 0] - plane[1] * place[i, 1] - plane[2] * place[i, 2]
-
-
-@bare_kernel
-def copy_polyhedron(cell: Polyhedron, copy: Polyhedron) -> None:
-    """Write corners and faces of a polyhedron to another one with as much room."""
-    copy.count[0], copy.count[1] = cell.count[0], cell.count[1]
-    for v in range(cell.count[0]):
-        for c in range(3):
-            copy.corner[v, c] = cell.corner[v, c]
-    for f in range(cell.count[1]):
-        copy.size[f], copy.owner[f], copy.span[f] = cell.size[f], cell.owner[f], cell.span[f]
-        for k in range(cell.size[f]):
-            copy.loop[f, k] = cell.loop[f, k]
-        for c in range(4):
-            copy.plane[f, c] = cell.plane[f, c]

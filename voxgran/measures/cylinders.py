@@ -8,7 +8,7 @@ substitution ``sin`` makes it analytic, and Gauss-Legendre quadrature converges 
 import numpy as np
 
 from voxgran._base.arrays import Floats
-from voxgran.measures.halfspaces import cut_spheres
+from voxgran.geometry.halfspaces import cut_spheres
 
 #: points of the quadrature between two special heights, and of the coarser one that gives the error
 POINTS = 40

@@ -14,8 +14,8 @@ import numpy as np
 from voxgran._base.arrays import Booleans, Floats, Integers
 from voxgran._base.seeds import stream
 from voxgran.containers.model import boundary_of
+from voxgran.geometry.halfspaces import cut_spheres
 from voxgran.measures.cylinders import cut_spheres_by_cylinder
-from voxgran.measures.halfspaces import cut_spheres
 from voxgran.measures.window import Estimate, Solids
 from voxgran.packing.gravity import main_axis
 from voxgran.packing.model import Packing
@@ -189,15 +189,7 @@ class Samples:
         around = np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1).reshape(-1, 3)
         around += (stream(0, "container samples").random(around.shape) - 0.5) * (high - low) / counts
         depths = (-packing.container.signed_distance(p) for p in (inside, around))
-        return cls(
-            inside,
-            next(depths),
-            np.concatenate(grain),
-            packing.volumes,
-            around,
-            next(depths),
-            span,
-        )
+        return cls(inside, next(depths), np.concatenate(grain), packing.volumes, around, next(depths), span)
 
 
 @dataclass(frozen=True, eq=False)

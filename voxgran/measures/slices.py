@@ -1,6 +1,6 @@
 """Exact volumes of solids, and exact areas of plane figures, inside boxes along the axes.
 
-Spheres and disks are cut in closed form (:mod:`voxgran.measures.halfspaces`). For a closed mesh the volume
+Spheres and disks are cut in closed form (:mod:`voxgran.geometry.halfspaces`). For a closed mesh the volume
 inside the box is the sum over its triangles, with the sign of the vertical component of their normals, of the integral
 of ``min(max(z, bottom), top)`` over the part of the triangle above the base of the box: each vertical line enters and
 leaves the solid alternately, so that the intersections with the faces of the box are not needed. Where only faces

@@ -17,8 +17,8 @@ import numpy as np
 from voxgran._base.arrays import Floats, Integers
 from voxgran._base.kernels import kernel
 from voxgran.containers.model import Container
+from voxgran.geometry.halfspaces import cut_disks, cut_spheres
 from voxgran.geometry.sphere_pairs import near_pairs
-from voxgran.measures.halfspaces import cut_disks, cut_spheres
 from voxgran.measures.overlap import overlap_volume
 from voxgran.measures.slabs import Ordered, near_box
 from voxgran.measures.slices import cut_mesh, cut_polygon

@@ -158,8 +158,7 @@ class SoughtBed:
 
     def _fraction(self) -> float:
         """Return the solid fraction of the bed of the present try."""
-        with warnings.catch_warnings():
-            warnings.simplefilter("ignore")
+        with warnings.catch_warnings(action="ignore"):
             found = self._packing_of(self.settler).measure("density")
         if self.by_bulk < 0:
             self.by_bulk = int(float(found["bulk_count"]) >= ENOUGH)

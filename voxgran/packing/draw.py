@@ -300,12 +300,7 @@ def _shares(shapes: Sequence[Shape], weights: "ArrayLike | None", weights_by: st
 
 
 def _draw(
-    shapes: Sequence[Shape],
-    shares: Floats,
-    sizes: SizeDistribution | None,
-    count: int | None,
-    target: float,
-    seed: int,
+    shapes: Sequence[Shape], shares: Floats, sizes: SizeDistribution | None, count: int | None, target: float, seed: int
 ) -> tuple[Integers, Floats]:
     """Draw shapes and diameters, in blocks until the target volume is reached where no count is given."""
     if count is not None:

@@ -341,12 +341,7 @@ def joined_ids(*parts: tuple[Integers | None, int]) -> Integers | None:
 def frame_of(packing: Any) -> dict[str, Any]:
     """Return all that two packings must share so that their grains can be put together."""
     lid = None if packing.lid is None else (*packing.lid.normal.tolist(), packing.lid.level)
-    return {
-        "unit": packing.unit,
-        "container": packing.container.to_mapping(),
-        "gravity": packing.gravity,
-        "lid": lid,
-    }
+    return {"unit": packing.unit, "container": packing.container.to_mapping(), "gravity": packing.gravity, "lid": lid}
 
 
 def _checked(packing: Any) -> dict[str, Any]:

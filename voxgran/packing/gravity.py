@@ -17,8 +17,13 @@ AXES = ("-x", "+x", "-y", "+y", "-z", "+z", "none")
 class HasGravity(Protocol):
     """A problem whose parameters have a direction of gravity."""
 
-    container: Container
-    parameters: Any
+    @property
+    def container(self) -> Container:
+        """What holds the grains."""
+
+    @property
+    def parameters(self) -> Any:
+        """Parameters of the method."""
 
 
 def as_down(asked: Any, container: Container) -> Down | None:

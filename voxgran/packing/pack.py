@@ -299,11 +299,13 @@ def prepare_task(request: Request) -> Task:
     if scaled and solid_fraction is not None:
         kept = len(grains.diameter) if count is not None or none_asked else 0 if start is None else start.count
         grains = scaled_to(grains, given, container, solid_fraction, given=kept)
-    problem = normalized_problem(given, container, grains, settings, seed=request.seed, start=start)
-    problem.unit, problem.density = unit, density
-    problem.asked_count, problem.asked_fraction = asked["count"], asked["solid_fraction"]
-    problem.settling = settling_after(entry, problem, request.settle)
-    entry = entry if problem.settling is None else with_settling(entry, problem.settling)
+    problem = normalized_problem(
+        *(given, container, grains, settings), seed=request.seed, start=start, unit=unit, density=density,
+        asked_count=asked["count"], asked_fraction=asked["solid_fraction"],
+    )  # fmt: skip
+    settling = settling_after(entry, problem, request.settle)
+    if settling is not None:
+        problem, entry = replace(problem, settling=settling), with_settling(entry, settling)
     warn_of_units(problem)
     return Task(entry, problem, grains.removed, asked, sizes)
 

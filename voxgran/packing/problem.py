@@ -47,7 +47,28 @@ TRIES = 2
 COARSEST = 0.1
 
 
-@dataclass(eq=False)
+@dataclass(slots=True, eq=False)
+class Cache:
+    """Arrays by their keys, computed once; the oldest are removed beyond a limit of memory."""
+
+    limit: int = 2**26  # bytes
+    _kept: "OrderedDict[tuple[Any, ...], Any]" = field(default_factory=OrderedDict)
+    _bytes: int = 0
+
+    def keep(self, key: tuple[Any, ...], make: Callable[[], Any]) -> Any:
+        """Return the array of a key, computed if needed."""
+        if key in self._kept:
+            self._kept.move_to_end(key)
+            return self._kept[key]
+        made = make()
+        self._kept[key] = made
+        self._bytes += made.nbytes
+        while self._bytes > self.limit and len(self._kept) > 1:
+            self._bytes -= self._kept.popitem(last=False)[1].nbytes
+        return made
+
+
+@dataclass(frozen=True, eq=False)
 class Problem:
     """A packing task in the normalized frame."""
 
@@ -67,12 +88,10 @@ class Problem:
     # what is requested; without both, grains are more than enough
     asked_count: int | None = None
     asked_fraction: float | None = None
-    byte_limit: int = 2**26  # largest size of the cached representations
+    cache: Cache = field(default_factory=Cache)  # of representations
     # hashes of all representations computed so far, by their counter; a checkpoint holds these, so that none is counted
     # again when it is computed again
     made: dict[str, set[int]] = field(default_factory=lambda: {"voxelized_shapes": set(), "sampled_shapes": set()})
-    _kept: "OrderedDict[tuple[Any, ...], Any]" = field(default_factory=OrderedDict)
-    _bytes: int = 0
 
     @property
     def count(self) -> int:
@@ -207,7 +226,7 @@ class Problem:
                 )
             return mask
 
-        return self.keep(key, make)
+        return self.cache.keep(key, make)
 
     def points(self, shape: int, spacing: float) -> SurfacePoints:
         """Return control points on a shape of unit diameter, every surface point within spacing / 2 of one."""
@@ -217,24 +236,12 @@ class Problem:
             self._count("sampled_shapes", key)
             return sample_controls(self.shapes[shape], spacing=spacing, seed=self.seed)
 
-        return self.keep(key, make)
+        return self.cache.keep(key, make)
 
     def _count(self, name: str, key: tuple[Any, ...]) -> None:
         """Count a representation once."""
         digest = hashlib.blake2b(repr(key).encode(), digest_size=8).digest()
         self.made[name].add(int.from_bytes(digest, "little"))
-
-    def keep(self, key: tuple[Any, ...], make: Callable[[], Any]) -> Any:
-        """Return the cached object of a key, computed if needed; the oldest are removed beyond the limit."""
-        if key in self._kept:
-            self._kept.move_to_end(key)
-            return self._kept[key]
-        made = make()
-        self._kept[key] = made
-        self._bytes += made.nbytes
-        while self._bytes > self.byte_limit and len(self._kept) > 1:
-            self._bytes -= self._kept.popitem(last=False)[1].nbytes
-        return made
 
 
 def normalized_problem(
@@ -245,8 +252,12 @@ def normalized_problem(
     *,
     seed: int,
     start: Packing | None,
+    **asked: Any,
 ) -> Problem:
-    """Return the task with shapes, grains and container in the frame whose unit is the median diameter."""
+    """Return the task with shapes, grains and container in the frame whose unit is the median diameter.
+
+    What else is asked for are fields of the task that do not depend on that unit.
+    """
     unit = float(np.median(grains.diameter)) if len(grains.diameter) else shapes[0].diameter
     return Problem(
         shapes=tuple(shape.scaled(1 / shape.diameter) for shape in shapes),
@@ -259,6 +270,7 @@ def normalized_problem(
         original=shapes,
         start=None if start is None else Start(start.position / unit, start.orientation),
         grain_id=grains.grain_id,
+        **asked,
     )
 
 

@@ -28,14 +28,7 @@ from voxgran.packing.gravity import as_down, gravity_vector, proposed_axis
 from voxgran.packing.method import Cost, PackingMethod
 from voxgran.packing.model import Packing, check_packing
 from voxgran.packing.problem import Problem
-from voxgran.packing.settling_run import (
-    GRAIN_BYTES,
-    advance_settling,
-    begun,
-    finished,
-    no_forces,
-    normalized_assembly,
-)
+from voxgran.packing.settling_run import GRAIN_BYTES, advance_settling, begun, finished, no_forces, normalized_assembly
 from voxgran.packing.start import Start
 from voxgran.settling.parameters import Lid, Settling, Shaking
 

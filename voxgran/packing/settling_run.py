@@ -191,9 +191,7 @@ def begun(packing: Packing, how: Settling, seed: int) -> SettleState:
     gravity = np.array(packing.gravity, dtype=np.float64)
     lidded = with_lid(assembly, how, gravity)
     settler = begin_settling(
-        how,
-        lambda tried: Settler(lidded, tried, gravity, seed=seed),
-        lambda settler: _moved(packing, settler),
+        how, lambda tried: Settler(lidded, tried, gravity, seed=seed), lambda settler: _moved(packing, settler)
     )
     refuse_deep(settler)
     return SettleState(settler, total=settler.most_steps * packing.count)

@@ -118,8 +118,7 @@ def _label(name: str, group: tuple[Packing, ...], index: int) -> str:
 
 def _measured(packing: Packing, label: str, which: Sequence[str] | None) -> "DataTree":
     """Measure a packing; warnings name it."""
-    with warnings.catch_warnings(record=True) as caught:
-        warnings.simplefilter("always")
+    with warnings.catch_warnings(record=True, action="always") as caught:
         tree = measure(packing, which=which)
     for one in caught:
         warn(f"{label}: {one.message}", one.category)

@@ -21,11 +21,7 @@ if TYPE_CHECKING:
 
 
 def page_numbers(
-    packing: Packing,
-    statistics: "DataTree | None",
-    verification: "Verification | None",
-    *,
-    figures: Sequence[Figure],
+    packing: Packing, statistics: "DataTree | None", verification: "Verification | None", *, figures: Sequence[Figure]
 ) -> dict[str, Any]:
     """Return every number of a page, JSON-able."""
     scalars = {}

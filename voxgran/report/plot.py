@@ -27,11 +27,7 @@ TRAME = ("trame", "trame_vtk", "trame_vuetify")
 
 @explained(hint='plot(packing, color_by="height")')
 def plot(
-    what: Packing | Shape,
-    *,
-    color_by: ColorBy = "diameter",
-    window: tuple[int, int] = (900, 900),
-    legend: bool = True,
+    what: Packing | Shape, *, color_by: ColorBy = "diameter", window: tuple[int, int] = (900, 900), legend: bool = True
 ) -> Any:
     """Show a packing or a shape.
 

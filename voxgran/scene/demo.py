@@ -48,11 +48,7 @@ FRICTION = 0.3
 
 
 def run_demo(
-    folder: str | os.PathLike[str],
-    *,
-    overwrite: bool = False,
-    on_step: OnStep | None = None,
-    grains: int = GRAINS,
+    folder: str | os.PathLike[str], *, overwrite: bool = False, on_step: OnStep | None = None, grains: int = GRAINS
 ) -> list[dict[str, Any]]:
     """Pack and settle the same grains by both methods and leave files, statistics and a page; return one row per
     method: grains, solid fractions, coordination, share at rest, verification, seconds.
@@ -114,12 +110,7 @@ def _packed(method: str, grains: int, on_step: OnStep | None = None) -> _Result:
     """Pack the grains by one method, let them settle, prove and measure."""
     shapes, box = demo_shapes(), Box((8, 8, 14), periodic=(True, True, False))
     began = time.monotonic()
-    asked: dict[str, Any] = {
-        "count": grains,
-        "sizes": lognormal(1.0, 0.2),
-        "seed": 1,
-        "settle": {"friction": FRICTION},
-    }
+    asked: dict[str, Any] = {"count": grains, "sizes": lognormal(1.0, 0.2), "seed": 1, "settle": {"friction": FRICTION}}
     packing = pack(shapes, box, method=method, on_step=on_step, **asked, **PARAMETERS[method])
     seconds = time.monotonic() - began
     return _Result(packing, verify(packing), measure(packing), seconds)

@@ -82,12 +82,7 @@ class SceneResult:
 
 
 def run_one(
-    scene: SceneDescription,
-    folder: str | os.PathLike[str],
-    *,
-    resume: bool,
-    overwrite: bool,
-    on_step: OnStep | None,
+    scene: SceneDescription, folder: str | os.PathLike[str], *, resume: bool, overwrite: bool, on_step: OnStep | None
 ) -> SceneResult:
     """Pack, check, measure and save a scene with its first seed; all else as :meth:`voxgran.Scene.run` says."""
     place = as_path(folder)

@@ -67,13 +67,7 @@ class Bed:
     """
 
     def __init__(
-        self,
-        assembly: Assembly,
-        gravity: Floats,
-        *,
-        lid_weight: float = 1.0,
-        exact: bool = False,
-        hulls: bool = False,
+        self, assembly: Assembly, gravity: Floats, *, lid_weight: float = 1.0, exact: bool = False, hulls: bool = False
     ) -> None:
         self.assembly, self.gravity = assembly, np.array(gravity, dtype=np.float64)
         self.hulls = hulls

@@ -17,9 +17,7 @@ from voxgran.shapes.surface import Surface, refuse_unfit
 
 #: of `load_shape`
 LOADING = Remedies(
-    mend="give repair=True or use vg.repair",
-    keep_open="give surface=True",
-    hole="use vg.repair with a larger max_hole",
+    mend="give repair=True or use vg.repair", keep_open="give surface=True", hole="use vg.repair with a larger max_hole"
 )
 log = logging.getLogger(__name__)
 

@@ -39,11 +39,7 @@ class _Block:
 
 
 def compare(
-    dataset: "Dataset",
-    variable: str | None = None,
-    over: str | None = None,
-    *,
-    confidence: float = 0.95,
+    dataset: "Dataset", variable: str | None = None, over: str | None = None, *, confidence: float = 0.95
 ) -> list[dict[str, Any]]:
     """Compare the values of one axis of a study.
 

@@ -11,21 +11,20 @@ from typing import Any
 
 from voxgran._base.errors import ClusterError, MissingLibraryError, VoxgranError
 from voxgran._base.lazy import load
+from voxgran.study.executor import TRIES, Executor
 from voxgran.study.runs import Record, Run, compute_with_file
 
 #: seconds that a scheduler has to answer, and between looks at whether it is still there
 ANSWER, TICK = 10.0, 0.2
 #: seconds between looks at how many workers there are
 LOOK = 2.0
-#: how often a run is given to the cluster whose workers are killed each time, and which gets no further
-TRIES = 2
 #: name of the error of a run whose workers were killed several times
 KILLED = "KilledWorker"
 #: loggers of what Dask says of connections
 LOGGERS = ("asyncio", "distributed", "distributed.batched", "distributed.client", "tornado.application")
 
 
-class DaskRuns:
+class DaskRuns(Executor):
     """Computes runs on the workers of a Dask scheduler (context manager), which stays when it ends.
 
     Parameters
@@ -51,16 +50,6 @@ class DaskRuns:
                 self._threads = sum(self._client.nthreads().values())
             self._asked = time.monotonic()
         return min(len(self._left), self._threads)
-
-    @property
-    def compiling(self) -> bool:
-        """False: what workers compile is not known here."""
-        return False
-
-    @property
-    def computing(self) -> float:
-        """Share of the time in which runs are computed, as far as it is known: all of it."""
-        return 1.0
 
     def __enter__(self) -> "DaskRuns":
         """Connect to the scheduler.
@@ -98,13 +87,7 @@ class DaskRuns:
             logging.getLogger(name).setLevel(level)
 
     def results(self, runs: Sequence[Run]) -> Iterator[tuple[Run, Record, bytes] | None]:
-        """Yield each run with its record and packing when it is finished, in any order, and None when some time has
-        passed.
-
-        Parameters
-        ----------
-        runs : sequence of Run
-            What is to be computed; the first ones are the most urgent.
+        """Yield what is finished; a run is given anew to the cluster as long as its checkpoint gets further.
 
         Raises
         ------

@@ -22,6 +22,7 @@ from voxgran.scene.run import opened_folder
 from voxgran.study.cells import Cell
 from voxgran.study.checkpoints import marked
 from voxgran.study.dask_runs import DaskRuns
+from voxgran.study.executor import Executor
 from voxgran.study.files import files_of, run_hash
 from voxgran.study.plan import CellPlan, StudyPlan, cell_plan, note_of_beds, told_values
 from voxgran.study.processes import Processes
@@ -153,7 +154,7 @@ def run_study(settings: StudySettings, folder: Path, options: Options) -> StudyR
     return StudyResult(dataset=dataset, rows=rows, folder=folder, computed=computed, experiments=settings.experiments)
 
 
-def _executor(options: Options, runs: int) -> DaskRuns | Processes:
+def _executor(options: Options, runs: int) -> Executor:
     """Return what computes so many runs."""
     if options.dask is not None:
         return DaskRuns(options.address)
@@ -251,7 +252,7 @@ class _Work:
             self.left.setdefault(run.key, ((at, number), run))
         return plan
 
-    def _compute(self, executor: DaskRuns | Processes) -> int:
+    def _compute(self, executor: Executor) -> int:
         """Compute the runs that are left, the longest first; return how many."""
         total = len(self.left)
         for (at, _), record in self.records.items():
@@ -311,7 +312,7 @@ class _Work:
         left = sum(attempts * self._rate(method) for method, attempts in self.ahead.items() if attempts)
         return self.finished * left / self.done - (self.computing - self.finished) if self.done else math.nan
 
-    def _tell(self, executor: DaskRuns | Processes) -> None:
+    def _tell(self, executor: Executor) -> None:
         """Report progress, ten times a second at the most."""
         now = time.monotonic()
         self.computing += (now - self.looked) * executor.computing

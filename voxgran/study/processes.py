@@ -2,15 +2,17 @@
 
 import contextlib
 import sys
+import time
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
 from multiprocessing.connection import wait
 
 from voxgran._base.errors import MissingLibraryError
+from voxgran._base.kernels import telling_of_compilation
 from voxgran.scene.plan import FINISHING_BYTES
-from voxgran.scene.processes import Process, ending_of, start
-from voxgran.study.runs import Record, Run
-from voxgran.study.worker import COMPILED, COMPILING, READY, serve
+from voxgran.scene.processes import Channel, Process, ending_of, start
+from voxgran.study.executor import TRIES, Executor
+from voxgran.study.runs import Record, Run, SceneCache, compute
 
 #: libraries take the number of their threads from the environment when they are loaded
 _ENVIRONMENT = dict.fromkeys(
@@ -24,12 +26,41 @@ _ENVIRONMENT = dict.fromkeys(
     ),
     "1",
 ) | {"VTK_SMP_BACKEND_IN_USE": "Sequential"}
+#: what a process sends when it can compute, and before and after it compiles a kernel
+READY, COMPILING, COMPILED = "ready", "compiling", "compiled"
+#: a small scene that loads what most scenes need
+FIRST = {
+    "shape": [{"family": "sphere"}],
+    "container": {"kind": "box", "lengths": [3, 3, 3]},
+    "packing": {"method": "rsa", "count": 2},
+    "measure": {"which": ["density", "coordination"]},
+}
 #: seconds of work that a process is given in advance, and the most runs of it
 AHEAD_SECONDS, MOST_AHEAD = 0.5, 32
 #: seconds between looks at whether the study is asked to stop
 TICK = 0.2
-#: how often a run is begun that ends with its process
-TRIES = 2
+
+
+def serve(channel: Channel) -> None:
+    """Compute the runs that come through a channel, and send back the record of each, with the seconds that it took.
+
+    This is what each process does, so that libraries are imported and kernels loaded once.
+
+    Parameters
+    ----------
+    channel : Channel
+        Gives lists of runs.
+    """
+    cache = SceneCache()
+    with telling_of_compilation(lambda: channel.send(COMPILING), lambda: channel.send(COMPILED)):
+        # what is loaded only once is not counted as time of the first run
+        compute(Run(key="", cell="", mapping=FIRST, seed=0))
+        channel.send(READY)
+        while True:
+            for run in channel.receive():
+                began = time.monotonic()
+                record = compute(run, cache)
+                channel.send((record, time.monotonic() - began))
 
 
 @dataclass(slots=True, eq=False)
@@ -46,7 +77,7 @@ class _Worker(Process):
         return max([FINISHING_BYTES, *(run.memory for run in self.given)])
 
 
-class Processes:
+class Processes(Executor):
     """Computes runs in processes (context manager): they start on entry, and end with it.
 
     Parameters
@@ -98,14 +129,7 @@ class Processes:
         self._workers.clear()
 
     def results(self, runs: Sequence[Run]) -> Iterator[tuple[Run, Record, bytes] | None]:
-        """Yield each run with its record when it is finished, in any order, and None when some time has passed.
-
-        A run whose process is killed is begun once more; then its record says so.
-
-        Parameters
-        ----------
-        runs : sequence of Run
-            What is to be computed; it is begun in this order as far as there is memory.
+        """Yield what is finished; runs are begun in their order as far as there is memory.
 
         Raises
         ------

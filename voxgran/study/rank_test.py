@@ -117,12 +117,7 @@ def _covariance(ranks: Sequence[Floats], groups: Sequence[Integers], count: int)
 
 
 def _permuted(
-    ranks: Sequence[Floats],
-    groups: Sequence[Integers],
-    count: int,
-    *,
-    inverse: Floats,
-    statistic: float,
+    ranks: Sequence[Floats], groups: Sequence[Integers], count: int, *, inverse: Floats, statistic: float
 ) -> float:
     """Return the share of permutations within blocks with a statistic as large; the actual order is one of them."""
     sums = np.zeros((PERMUTATIONS, count))

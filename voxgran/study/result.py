@@ -30,10 +30,7 @@ if TYPE_CHECKING:
 
 DATASET, TABLE, ZARR = "study.nc", "table.csv", "study.zarr"
 #: variables that say what the machine did, and differ each time
-MACHINE = {
-    "seconds": ("s", "processor time"),
-    "memory": ("byte", "memory of the process at the peak"),
-}
+MACHINE = {"seconds": ("s", "processor time"), "memory": ("byte", "memory of the process at the peak")}
 #: variables that are texts
 TEXTS = {
     "stop_reason": "why the packing ended",

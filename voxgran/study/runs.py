@@ -142,8 +142,7 @@ def compute(run: Run, cache: SceneCache | None = None) -> Record:
     if run.version != __version__:
         return Record(failure=f"the worker has voxgran {__version__} in place of {run.version}: install the same")
     _forget_peak()
-    with warnings.catch_warnings(record=True) as caught, counting_preparation() as preparation:
-        warnings.simplefilter("always")
+    with warnings.catch_warnings(record=True, action="always") as caught, counting_preparation() as preparation:
         # the study has told it before it started
         warnings.simplefilter("ignore", LongRunWarning)
         kept = Checkpoint(run.checkpoint, lambda: _seconds() - began - preparation.seconds)

@@ -100,14 +100,7 @@ class Study(ExplainedAttributes):
             self._settings = settings_of_file(source)
         else:
             self._settings = make_settings(
-                base,
-                axes=axes,
-                seeds=seeds,
-                combine=combine,
-                zip=zip,
-                cells=cells,
-                keep=keep,
-                experiments=experiments,
+                base, axes=axes, seeds=seeds, combine=combine, zip=zip, cells=cells, keep=keep, experiments=experiments
             )
 
     def __repr__(self) -> str:

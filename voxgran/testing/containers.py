@@ -120,8 +120,7 @@ class ContainerSuite:
         assert method in packing_methods()
         size = 0.2 * float((container.bounds[1] - container.bounds[0])[: container.dimension].min())
         grain = make_shape("sphere" if container.dimension == 3 else "disk", diameter=size)
-        with warnings.catch_warnings():
-            warnings.simplefilter("ignore", PackingWarning)
+        with warnings.catch_warnings(action="ignore", category=PackingWarning):
             packing = pack(grain, container, method=method, count=5)
         assert packing.count > 0
         assert verify(packing).escaped == 0

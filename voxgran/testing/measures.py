@@ -53,8 +53,7 @@ class MeasureSuite:
     @classmethod
     def measured(cls, packing: Packing) -> Any:
         """Return the tree of a packing, with this measure and the provenance."""
-        with warnings.catch_warnings():
-            warnings.simplefilter("ignore", PackingWarning)
+        with warnings.catch_warnings(action="ignore", category=PackingWarning):
             return measure(packing, [cls.name])
 
     def test_it_fills_the_groups_that_it_names(self) -> None:

@@ -3,16 +3,7 @@
 import numpy as np
 import pytest
 
-from voxgran._base.arrays import (
-    as_count,
-    as_faces,
-    as_flag,
-    as_floats,
-    as_number,
-    as_points,
-    as_quaternions,
-    as_share,
-)
+from voxgran._base.arrays import as_count, as_faces, as_flag, as_floats, as_number, as_points, as_quaternions, as_share
 from voxgran._base.errors import InputError, VoxgranError
 
 

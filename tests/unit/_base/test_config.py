@@ -5,7 +5,7 @@ from typing import Literal
 
 import pytest
 
-from voxgran._base.config import check_bounds, from_mapping, parameter, parameters_of, to_mapping
+from voxgran._base.config import check_bounds, from_mapping, parameter, parameter_class, parameters_of, to_mapping
 from voxgran._base.errors import InputError, UnknownNameError
 
 
@@ -62,6 +62,28 @@ class Bounded:
 
     def __post_init__(self):
         check_bounds(self)
+
+
+@parameter_class
+class Plain:
+    cover: Literal["touch", "center"] | None = parameter("touch", doc="which voxels")
+    along: Literal["x", "y"] | float = parameter("x", doc="along an axis, or at an angle")
+    sweeps: int = parameter(10, doc="attempts per grain", at_most=20)
+
+
+@parameter_class
+class Own(Plain):
+    def __post_init__(self):
+        object.__setattr__(self, "sweeps", 7)
+
+
+def test_objects_are_checked_by_what_their_class_declares_unless_it_has_a_check_of_its_own():
+    assert Plain(cover=None, along=0.5).along == 0.5
+    with pytest.raises(InputError, match="cover is 'all': it must be one of touch, center"):
+        Plain(cover="all")
+    with pytest.raises(InputError, match="sweeps is 21"):
+        Plain(sweeps=21)
+    assert Own(sweeps=21).sweeps == 7
 
 
 def test_former_names_are_accepted_with_a_warning():

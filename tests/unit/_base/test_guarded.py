@@ -139,8 +139,7 @@ def test_a_reader_that_asks_for_all_memory_is_a_sentence(readers, path, monkeypa
 
 
 def test_what_a_reader_prints_and_warns_of_is_not_heard(readers, path, capfd):
-    with warnings.catch_warnings():
-        warnings.simplefilter("error")
+    with warnings.catch_warnings(action="error"):
         assert read_guarded(readers.prints, path) == ({}, {})
     assert capfd.readouterr() == ("", "")
 
@@ -232,10 +231,8 @@ def test_refused_turns_what_libraries_raise_into_one_sentence(path):
         raise KeyError
     with pytest.raises(TooLargeError), refused(path):
         raise MemoryError
-    with warnings.catch_warnings():
-        warnings.simplefilter("error")
-        with refused(path):
-            warnings.warn("of a library", UserWarning, stacklevel=1)
+    with warnings.catch_warnings(action="error"), refused(path):
+        warnings.warn("of a library", UserWarning, stacklevel=1)
     with pytest.raises(KeyboardInterrupt), refused(path):
         raise KeyboardInterrupt
 

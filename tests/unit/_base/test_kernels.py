@@ -68,8 +68,7 @@ part = importlib.import_module({module!r})
 del part.{name}
 import numpy as np
 from tests.unit._base.test_kernels import _calls_what_is_inlined, _sum_of_doubles
-with warnings.catch_warnings(record=True) as said:
-    warnings.simplefilter("always")
+with warnings.catch_warnings(record=True, action="always") as said:
     assert _sum_of_doubles(np.arange(4.0)) == 12.0
     assert _calls_what_is_inlined(2.0) == 35.0
 (line,) = {{str(warning.message) for warning in said}}

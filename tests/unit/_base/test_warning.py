@@ -31,8 +31,7 @@ def few():
     ids=["labels", "measure", "method", "pack"],
 )
 def test_a_warning_points_at_the_line_of_the_user(call):
-    with warnings.catch_warnings(record=True) as caught:
-        warnings.simplefilter("always")
+    with warnings.catch_warnings(record=True, action="always") as caught:
         call()
     assert caught
     assert all(issubclass(one.category, PackingWarning) and one.filename == __file__ for one in caught)

@@ -31,6 +31,13 @@ def test_tables_without_the_yardstick_get_it_and_those_without_times_do_not(tmp_
     assert table(tmp_path, "shape,error", "cube,2") == [{"shape": "cube", "error": "2"}]
 
 
+def test_values_are_written_in_the_format_of_their_column(tmp_path):
+    head = "shape,apart,error:.2e,grains,ratio:.1f"
+    first, second = table(tmp_path, head, ("cube, small", np.True_, 0.00123, 12, 2.0), ("cone", False, None, 3, np.nan))
+    assert first == {"shape": "cube, small", "apart": "true", "error": "1.23e-03", "grains": "12", "ratio": "2.0"}
+    assert second == {"shape": "cone", "apart": "false", "error": "", "grains": "3", "ratio": ""}
+
+
 def test_the_yardstick_is_processor_time_of_a_distance_transform(monkeypatch):
     sizes = []
 

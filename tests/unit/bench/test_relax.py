@@ -14,13 +14,13 @@ ROW = relax.Way("spheres", 40, "gravity", 0.5, 2.25, 30.0, 4.0, 1, 0.58, 4.5, 0.
 
 def test_rows_are_read_as_they_were_written(tmp_path):
     rows = [ROW, dataclasses.replace(ROW, start="poured", rests=0)]
-    write_rows(tmp_path / "relax.csv", relax.HEAD, map(relax._line, rows))
+    write_rows(tmp_path / "relax.csv", relax.HEAD, map(dataclasses.astuple, rows))
     assert relax._rows_of(tmp_path / "relax.csv") == rows
     assert relax._rows_of(tmp_path / "none.csv") == []
 
 
 def test_rows_that_are_there_are_not_measured_again(tmp_path, monkeypatch):
-    write_rows(tmp_path / "relax.csv", relax.HEAD, [relax._line(ROW)])
+    write_rows(tmp_path / "relax.csv", relax.HEAD, [dataclasses.astuple(ROW)])
     monkeypatch.setattr(relax, "KINDS", (("spheres", relax.spheres, ((40, 4.0),)),))
     assert relax.compare_ways(tmp_path / "relax.csv") == [ROW]
 

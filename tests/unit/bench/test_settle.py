@@ -1,7 +1,6 @@
 """Settling: rows of beds and of other programs by one ruler, and the overlap of the fall against its substeps."""
 
 import csv
-import sys
 from dataclasses import replace
 
 import numpy as np
@@ -56,9 +55,9 @@ def test_more_substeps_leave_less_overlap():
 def test_other_programs_are_judged_alike_or_left_out(tmp_path):
     start = settle.falling_grains(replace(settle.CASES[0], width=4.0), 20)
     script = tmp_path / "settle_stays.py"
-    assert settle.peer_packing(sys.executable, script, start, 0.5) is None
+    assert settle.peer_packing(script, start, 0.5) is None
     script.write_text(STAYS)
-    packing, seconds = settle.peer_packing(sys.executable, script, start, 0.5)
+    packing, seconds = settle.peer_packing(script, start, 0.5)
     assert seconds == 1.5
     np.testing.assert_allclose(packing.position, start.position, atol=1e-12)
     row = settle.judged("20 spheres", "stays", 0.5, packing, seconds)
@@ -66,4 +65,4 @@ def test_other_programs_are_judged_alike_or_left_out(tmp_path):
     assert row.free
     assert row.rests == 0.0
     script.write_text("raise SystemExit(1)")
-    assert settle.peer_packing(sys.executable, script, start, 0.5) is None
+    assert settle.peer_packing(script, start, 0.5) is None

@@ -64,8 +64,7 @@ def test_a_sphere_is_one_sphere(method):
 
 def test_a_union_of_spheres_is_its_own_clump():
     union = Shape.of(Spheres(np.array([[0, 0, 0], [0.7, 0.1, 0]]), np.array([0.5, 0.4])), name="two")
-    with warnings.catch_warnings():
-        warnings.simplefilter("error")
+    with warnings.catch_warnings(action="error"):
         clump = fit_clump(union, max_spheres=5)
     assert np.array_equal(clump.centers, union.geometry.centers)
     assert np.array_equal(clump.radii, union.geometry.radii)

@@ -294,13 +294,7 @@ def test_a_clump_shows_what_it_is(eight):
 
 
 #: methods and their parameters by which few clumps are packed quickly
-METHODS = {
-    "advancing_front": {},
-    "rsa": {},
-    "digital": {"voxel_size": 0.1},
-    "control_point": {},
-    "gravity": {},
-}
+METHODS = {"advancing_front": {}, "rsa": {}, "digital": {"voxel_size": 0.1}, "control_point": {}, "gravity": {}}
 
 
 @pytest.mark.parametrize("method", METHODS)

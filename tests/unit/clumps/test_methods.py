@@ -37,8 +37,7 @@ def clumps(solids):
 
 
 def fitted(shape, method, **options):
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore", PackingWarning)
+    with warnings.catch_warnings(action="ignore", category=PackingWarning):
         return vg.fit_clump(shape, method=method, **{"max_spheres": COUNT} | options)
 
 

@@ -165,8 +165,7 @@ KNOWN = [method_registry().get(name) for name in vg.packing_methods()]
 
 
 def packed(method, seed=2):
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore", PackingWarning)
+    with warnings.catch_warnings(action="ignore", category=PackingWarning):
         return vg.pack(
             GRAIN, ROUND, method=method, sizes=vg.sizes.uniform(0.3, 0.5), seed=seed, **ASKED.get(method, {})
         )

@@ -424,8 +424,7 @@ KNOWN = [method_registry().get(name) for name in vg.packing_methods()]
 
 
 def packed(method):
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore", PackingWarning)
+    with warnings.catch_warnings(action="ignore", category=PackingWarning):
         return vg.pack(DISK, SMALL, method=method, sizes=vg.sizes.uniform(0.3, 0.5), seed=2, **ASKED.get(method, {}))
 
 

@@ -83,10 +83,7 @@ def test_the_principal_frame_gives_back_the_tensor():
     np.testing.assert_allclose(back, bodies.inertia, rtol=0, atol=1e-12 * np.abs(bodies.inertia).max())
 
 
-@pytest.mark.parametrize(
-    ("asked", "density"),
-    [({}, 2650.0), ({"density": 1200.0}, 1200.0)],
-)
+@pytest.mark.parametrize(("asked", "density"), [({}, 2650.0), ({"density": 1200.0}, 1200.0)])
 def test_density_is_that_of_the_material_or_of_quartz(asked, density):
     assert cases.simulation_of(rods(), "lammps", material=asked, clump=5).law.density == density
 

@@ -4,13 +4,7 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from voxgran._base.seeds import stream
-from voxgran.geometry.rotation import (
-    lattice_rotations,
-    product,
-    quaternions_of,
-    random_rotations,
-    rotation_matrices,
-)
+from voxgran.geometry.rotation import lattice_rotations, product, quaternions_of, random_rotations, rotation_matrices
 
 
 def scipy_rotations(q):

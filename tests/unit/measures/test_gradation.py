@@ -75,13 +75,7 @@ def test_sieves_pass_by_the_intermediate_axis():
     generator = stream(1, "sieve")
     axes = law.sample(2000, generator)
     scale = axes / 2.0
-    packing = Packing.of(
-        [BRICK],
-        Box((100,) * 3),
-        position=np.full((2000, 3), 50.0),
-        scale=scale,
-        asked_sizes=law,
-    )
+    packing = Packing.of([BRICK], Box((100,) * 3), position=np.full((2000, 3), 50.0), scale=scale, asked_sizes=law)
     assert intermediate_axes(packing) == pytest.approx(axes)
     found = gradation(packing)
     assert found.by_axis
@@ -95,13 +89,7 @@ def test_sieves_pass_by_the_intermediate_axis():
 def test_areas_weigh_in_two_dimensions():
     disk = Shape.of(Outline("disk", radius=0.5), name="disk")
     law = discrete([1.0, 2.0], [1, 1])
-    packing = Packing.of(
-        [disk],
-        Rectangle((9, 9)),
-        position=[[1, 1, 0], [5, 5, 0]],
-        scale=[1.0, 2.0],
-        asked_sizes=law,
-    )
+    packing = Packing.of([disk], Rectangle((9, 9)), position=[[1, 1, 0], [5, 5, 0]], scale=[1.0, 2.0], asked_sizes=law)
     found = gradation(packing)
     assert found.distance["volume"] == pytest.approx(0.0, abs=1e-12)
     middle = np.searchsorted(found.sizes, 1.5)

@@ -280,8 +280,7 @@ def test_tiny_and_huge_lengths(scale):
 
 def test_few_grains():
     for container in (Box((4, 4, 4)), Box((4, 4, 4), periodic="xyz"), Cylinder(2, 4), Rectangle((4, 4)), Disk(2)):
-        with warnings.catch_warnings():
-            warnings.simplefilter("error")
+        with warnings.catch_warnings(action="error"):
             for count in (0, 1):
                 tree = measure(grains(container.bounds.mean(axis=0)[None][:count], container), "homogeneity")
                 assert count or math.isnan(float(tree.homogeneity_exponent))

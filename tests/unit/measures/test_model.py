@@ -126,8 +126,7 @@ def test_no_grains_measure_without_warnings(dimension, tmp_path):
     container = Box((4, 4, 4)) if dimension == 3 else Rectangle((4, 4))
     shapes = [BALL] if dimension == 3 else [DISK]
     for given in (shapes, []):
-        with warnings.catch_warnings():
-            warnings.simplefilter("error")
+        with warnings.catch_warnings(action="error"):
             tree = measure(Packing.of(given, container, position=np.zeros((0, 3))))
             save_statistics(tree, tmp_path / "empty.nc", overwrite=True)
         assert int(tree["count"]) == 0

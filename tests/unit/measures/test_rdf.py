@@ -258,8 +258,7 @@ def test_moved_on_periodic_axes():
 
 def test_what_has_no_pairs():
     for container in CONTAINERS.values():
-        with warnings.catch_warnings():
-            warnings.simplefilter("error")
+        with warnings.catch_warnings(action="error"):
             for count in (0, 1):
                 tree = measure(grains(container.bounds.mean(axis=0)[None][:count], container), "rdf")
                 assert int(tree.pair_window_count) <= count

@@ -8,7 +8,7 @@ import pytest
 from voxgran._base.errors import InputError
 from voxgran._base.lazy import load
 from voxgran._base.seeds import stream
-from voxgran.measures.halfspaces import cut_disks, cut_spheres
+from voxgran.geometry.halfspaces import cut_disks, cut_spheres
 from voxgran.measures.slices import as_window, cut_mesh, cut_polygon
 from voxgran.shapes.tessellate import sphere, unit_box
 

@@ -32,8 +32,7 @@ def sought_of(packing):
 
 def fraction_of(packing, name):
     """A solid fraction of the packing as it is measured."""
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore")
+    with warnings.catch_warnings(action="ignore"):
         return float(vg.measure(packing, which="density")[name])
 
 
@@ -226,7 +225,6 @@ def test_scenes_and_their_plans(name, tmp_path):
         assert plan.grains == 40
         assert any(step.startswith("settle them at a solid fraction of 0.59, by friction") for step in plan.computed)
         return
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore")
+    with warnings.catch_warnings(action="ignore"):
         packing = scene.run(tmp_path / "out").packing
     check(packing, 0.59)

@@ -45,8 +45,7 @@ def test_where_neither_target_is_reached_both_are_missed():
     ],
 )
 def test_whichever_comes_first_ends_it_and_nothing_is_missed(asked, reason):
-    with warnings.catch_warnings():
-        warnings.simplefilter("error")
+    with warnings.catch_warnings(action="error"):
         packing = pack(**asked)
     assert packing.stop_reason == reason
     assert packing.provenance["missed"]["count"] == 0

@@ -219,8 +219,7 @@ def test_a_scene_of_another_scale_is_the_same_packing(method):
         ends = {"solid_fraction": 0.3} if method == "expand" else {}
         count = None if method == "multilayer" else 12
         box = vg.Box((4 * factor, 4 * factor, 5 * factor), periodic="xy")
-        with warnings.catch_warnings():
-            warnings.simplefilter("ignore", PackingWarning)
+        with warnings.catch_warnings(action="ignore", category=PackingWarning):
             packing = vg.pack(shapes, box, method, count=count, seed=3, **lengths, **steps, **ends)
         return np.column_stack([packing.position / factor, packing.orientation, packing.diameters / factor])
 

@@ -121,8 +121,7 @@ def test_one_packing_against_several_has_no_verdict(groups, tmp_path):
 def test_equal_to_rounding_is_equal(groups, tmp_path):
     """A group that was moved by rounding differs in nothing, whatever a test of its rounding says."""
     moved = [replace(packing, scale=packing.scale * (1 + 1e-14 * (k + 1))) for k, packing in enumerate(groups["few"])]
-    with warnings.catch_warnings():
-        warnings.simplefilter("error")
+    with warnings.catch_warnings(action="error"):
         warnings.filterwarnings("ignore", ".*the bulk holds")
         text, twin = written({"few": groups["few"][:1], "moved": moved[:1]}, tmp_path, which=["density"])
         several = written({"few": groups["few"], "moved": moved}, tmp_path, which=["density"])[1]

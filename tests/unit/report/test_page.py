@@ -140,10 +140,7 @@ def test_names_cannot_break_out_of_the_page(packing, tmp_path):
     evil = "</pre><script>alert(1)</script>"
     shapes = [dataclasses.replace(shape, name=evil) for shape in packing.shapes]
     spoilt = Packing.of(
-        shapes,
-        packing.container,
-        position=[[1, 1, 1]],
-        provenance={"method": evil, "parameters": {evil: evil}},
+        shapes, packing.container, position=[[1, 1, 1]], provenance={"method": evil, "parameters": {evil: evil}}
     )
     page = page_of(spoilt, tmp_path / "p.html", pictures=False, title=evil, comparisons={evil: {evil: evil}})
     assert page.all("script") == []

@@ -26,11 +26,7 @@ def lines(axes):
 def test_the_gradation_shows_placed_and_asked(axes, packing):
     assert plot_gradation(axes, packing) is axes
     found = lines(axes)
-    assert list(found) == [
-        "placed, equivalent diameter",
-        "placed, intermediate axis",
-        "requested, equivalent diameter",
-    ]
+    assert list(found) == ["placed, equivalent diameter", "placed, intermediate axis", "requested, equivalent diameter"]
     sizes, shares = found["placed, equivalent diameter"].get_data()
     for size in np.quantile(packing.diameters, [0.1, 0.5, 0.9]):
         expected = 100 * packing.volumes[packing.diameters <= size].sum() / packing.volumes.sum()

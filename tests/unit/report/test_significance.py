@@ -9,13 +9,7 @@ import scipy.stats
 
 from voxgran._base.seeds import stream
 from voxgran.report import significance
-from voxgran.report.significance import (
-    all_equal,
-    distance_of,
-    permutation_p_value,
-    standard_error,
-    welch_p_value,
-)
+from voxgran.report.significance import all_equal, distance_of, permutation_p_value, standard_error, welch_p_value
 
 
 def samples(seed, packings, shift=0.0, scatter=0.0, grains=60):

@@ -142,9 +142,7 @@ print(planned, 1024 * int(re.search(r"VmHWM:\\s+(\\d+)", open("/proc/self/status
 
 
 @pytest.mark.parametrize(
-    ("scene", "least"),
-    [slow(LARGE, 280 * 2**20), (TABLES, 200 * 2**20)],
-    ids=["canvas", "tables"],
+    ("scene", "least"), [slow(LARGE, 280 * 2**20), (TABLES, 200 * 2**20)], ids=["canvas", "tables"]
 )
 def test_the_memory_of_a_large_scene_is_predicted_within_30_percent(scene, least, tmp_path):
     path = tmp_path / "scene.toml"

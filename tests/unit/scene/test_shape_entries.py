@@ -53,10 +53,7 @@ def test_siblings_of_a_scan_are_named_by_its_file(tmp_path):
     [
         ({"count": 0}, "[[shape]] count is 0: it must be a whole number, at least 1"),
         ({"points": [20, 8]}, "[[shape]] convex_polyhedron points is [20, 8]: a range goes from"),
-        (
-            {"family": "box", "aspect": [1, 1, 2], "count": 5},
-            "its shapes would all be equal; say in [packing]",
-        ),
+        ({"family": "box", "aspect": [1, 1, 2], "count": 5}, "its shapes would all be equal; say in [packing]"),
         ({"family": None, "file": "a.stl", "count": 5}, "[[shape]] has a file and count: a file is one shape"),
     ],
 )

@@ -284,8 +284,7 @@ def test_refusing_names_the_gravest_reason():
 
 
 @pytest.mark.parametrize(
-    "arguments",
-    [([1, 2, 3],), (np.zeros((3, 2)), [[0, 1, 2]]), (np.zeros((3, 3)), [[0, 1, 3]]), ("box",)],
+    "arguments", [([1, 2, 3],), (np.zeros((3, 2)), [[0, 1, 2]]), (np.zeros((3, 3)), [[0, 1, 3]]), ("box",)]
 )
 def test_what_is_no_mesh_is_refused(arguments):
     with pytest.raises(InputError):

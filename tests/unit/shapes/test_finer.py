@@ -6,12 +6,7 @@ import pytest
 import voxgran as vg
 from voxgran.contacts.inside import inner_distance
 from voxgran.geometry.triangles import areas_of, enclosed_volume
-from voxgran.shapes.finer import (
-    cut_edges,
-    edges_of,
-    onto_surface,
-    vertex_normals,
-)
+from voxgran.shapes.finer import cut_edges, edges_of, onto_surface, vertex_normals
 from voxgran.shapes.spheres import Spheres
 
 

@@ -155,12 +155,7 @@ def test_a_memory_map_is_read_slab_by_slab(tmp_path, monkeypatch):
         assert [shape.key for shape in parts.shapes] == [shape.key for shape in whole.shapes]
 
 
-@given(
-    seed=st.integers(0, 10**6),
-    n=st.integers(1, 9),
-    labels=st.integers(1, 4),
-    factor=st.sampled_from([1, 5, 2**23]),
-)
+@given(seed=st.integers(0, 10**6), n=st.integers(1, 9), labels=st.integers(1, 4), factor=st.sampled_from([1, 5, 2**23]))
 def test_the_census_is_that_of_plain_numpy(seed, n, labels, factor):
     image = stream(seed, "census").integers(0, labels + 1, (n, n + 1, n + 2)) * factor
     found = census(image)
@@ -181,8 +176,7 @@ def test_any_mask_gives_closed_surfaces_of_its_volume(seed, share):
     vertices, faces = smooth_surface(mask)
     a, b, c = np.moveaxis(vertices[faces], 1, 0)
     assert np.einsum("fi,fi->", a, np.cross(b, c)) / 6 == pytest.approx(mask.sum(), rel=1e-9)
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore", PackingWarning)
+    with warnings.catch_warnings(action="ignore", category=PackingWarning):
         (shape,) = vg.load_labels(mask.astype(int), voxel_size=1.0, border="keep")
     assert diagnose(shape).ok
 
@@ -317,7 +311,6 @@ def test_a_bed_in_an_image_is_told_to_give_its_gravity(axis, upward, gravity):
 
 
 def test_a_full_image_is_not_taken_for_a_bed():
-    with warnings.catch_warnings():
-        warnings.simplefilter("error")
+    with warnings.catch_warnings(action="error"):
         vg.packing_of_labels(three(), voxel_size=0.1)
         vg.packing_of_labels(bed(2, True), voxel_size=0.1, gravity="none")

@@ -170,8 +170,7 @@ def test_coordinates_keep_their_last_digit(data_dir, tmp_path):
 
 
 @pytest.mark.parametrize(
-    ("name", "volume"),
-    [("eros.obj", 0.291331), ("itokawa_lp.obj", 0.411427), ("bennu_lp.obj", 1.407590)],
+    ("name", "volume"), [("eros.obj", 0.291331), ("itokawa_lp.obj", 0.411427), ("bennu_lp.obj", 1.407590)]
 )
 def test_scans_are_read(name, volume, data_dir):
     assert load_shape(data_dir / name).volume == pytest.approx(volume, abs=1e-6)

@@ -132,11 +132,7 @@ def test_a_file_is_read(tmp_path):
 
 def scene(**shape):
     return vg.Scene.from_mapping(
-        {
-            "shape": [shape],
-            "container": {"kind": "box", "lengths": [9, 9, 9]},
-            "packing": {"method": "rsa", "count": 2},
-        }
+        {"shape": [shape], "container": {"kind": "box", "lengths": [9, 9, 9]}, "packing": {"method": "rsa", "count": 2}}
     )
 
 

@@ -82,9 +82,8 @@ def test_voxels_of_any_neighbours_touch_and_do_not_overlap(number):
 
 
 def is_free_of_overlaps(image, periodic):
-    with warnings.catch_warnings():
-        # most labels have several pieces
-        warnings.simplefilter("ignore", PackingWarning)
+    # most labels have several pieces
+    with warnings.catch_warnings(action="ignore", category=PackingWarning):
         packing = vg.packing_of_labels(image, voxel_size=1.0, surface="voxel", periodic=periodic, gravity="none")
     return vg.verify(packing).ok
 
@@ -149,8 +148,7 @@ def test_what_is_left_without_cut_grains_has_the_box_around_it():
         np.roll(image, 2, axis=0), voxel_size=1.0, border="drop", surface="voxel", periodic="x"
     )
     np.testing.assert_allclose(wrapped.container.bounds, [(0, 2, 2), (30, 9, 8)], atol=1e-12)
-    with warnings.catch_warnings():
-        warnings.simplefilter("error")
+    with warnings.catch_warnings(action="error"):
         vg.load_labels(image, voxel_size=1.0, border="drop")
     with pytest.warns(PackingWarning, match="2 of 4 labels are cut"):
         vg.load_labels(image, voxel_size=1.0)

@@ -30,11 +30,10 @@ from voxgran._base.errors import (
 from voxgran._base.lock import locked_folder
 from voxgran.study import checkpoints, engine, processes
 from voxgran.study.engine import memory_bytes
-from voxgran.study.processes import Processes
+from voxgran.study.processes import FIRST, Processes
 from voxgran.study.result import MACHINE
 from voxgran.study.runs import Record, Run, compute
 from voxgran.study.store import Store
-from voxgran.study.worker import FIRST
 
 
 def same(one, other):
@@ -63,8 +62,7 @@ def test_results_are_those_of_single_scenes(base, tmp_path):
     for cell in made.cells():
         for seed in made.seeds:
             scene = vg.Scene.from_mapping(cell.mapping | {"scene": {"seed": seed}})
-            with warnings.catch_warnings():
-                warnings.simplefilter("ignore", PackingWarning)
+            with warnings.catch_warnings(action="ignore", category=PackingWarning):
                 packing = vg.pack([vg.make_shape("sphere")], scene.container, **scene.asked(), **scene.parameters)
                 tree = vg.measure(packing, which=["density", "coordination"])
             entry = data.sel({**cell.values, "seed": seed})

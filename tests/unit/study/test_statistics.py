@@ -25,11 +25,7 @@ SLEEP = (
     np.array([1.9, 0.8, 1.1, 0.1, -0.1, 4.4, 5.5, 1.6, 4.6, 3.4]),
 )
 #: half-times of mucociliary efficiency, Hollander & Wolfe 1973, as in R's help on `kruskal.test`
-MUCOCILIARY = (
-    np.array([2.9, 3.0, 2.5, 2.6, 3.2]),
-    np.array([3.8, 2.7, 4.0, 2.4]),
-    np.array([2.8, 3.4, 3.7, 2.2, 2.0]),
-)
+MUCOCILIARY = (np.array([2.9, 3.0, 2.5, 2.6, 3.2]), np.array([3.8, 2.7, 4.0, 2.4]), np.array([2.8, 3.4, 3.7, 2.2, 2.0]))
 
 
 def drawn(seed, *shape):
@@ -155,8 +151,7 @@ def test_intervals_of_few_values_hold_the_mean_as_often_as_they_say(count, sampl
 
 def test_what_is_not_known_is_nan_and_equal_values_have_no_error():
     values = [[0.5, 0.6, np.nan], [0.5, np.nan, np.nan], [np.nan] * 3, [0.6, 0.6 + 1e-15, 0.6]]
-    with warnings.catch_warnings():
-        warnings.simplefilter("error")
+    with warnings.catch_warnings(action="error"):
         for kind in ("auto", "bca", "percentile", "student"):
             found = summary(study(values, method=list("abcd")), interval=kind)
     assert found["count"].values.tolist() == [2, 1, 0, 3]

@@ -10,9 +10,8 @@ import pytest
 import voxgran as vg
 from voxgran._base.errors import Interrupted
 from voxgran.study import engine
-from voxgran.study.processes import Processes
+from voxgran.study.processes import COMPILED, COMPILING, READY, Processes
 from voxgran.study.runs import Run
-from voxgran.study.worker import COMPILED, COMPILING, READY
 
 #: a worker that compiles for a second, and computes each run in no time
 COMPILES_FIRST = """
@@ -20,7 +19,7 @@ import sys, time
 sys.path[:] = sys.argv[2:]
 from multiprocessing.connection import Connection
 from voxgran.study.runs import Record
-from voxgran.study.worker import COMPILED, COMPILING, READY
+from voxgran.study.processes import COMPILED, COMPILING, READY
 connection = Connection(int(sys.argv[1]))
 connection.send(COMPILING)
 time.sleep(1)

@@ -7,18 +7,14 @@ include the measurement of the errors.
 """
 
 import logging
-import os
-import subprocess
-import sys
-import tempfile
+from functools import partial
 from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
 
-from voxgran._base.arrays import Floats
 from voxgran._base.lazy import load
-from voxgran.bench.model import PEERS, TradeOff, calibration, least_seconds, panels_of, scans, write_rows
+from voxgran.bench.model import PEERS, TradeOff, least_seconds, panels_of, peer_arrays, scans, write_rows
 from voxgran.clumps.body import Body
 from voxgran.clumps.errors import clump_errors
 from voxgran.clumps.fit import clump_methods, fit_clump
@@ -37,6 +33,8 @@ COUNTS, PEER_COUNTS = (5, 10, 20, 50, 100, 200), (20, 50)
 SCANS = ("eros.obj", "itokawa_lp.obj", "bennu_lp.obj")
 #: other programs by the ends of the names of their scripts
 PROGRAMS = {"multisphere": "multisphere", "clump": "CLUMP"}
+#: errors of the table
+ERRORS = ("iou", "volume", "inertia", "surface_mean", "surface_max")
 #: number of seeds over which the spread is taken
 SEEDS = 5
 #: most seconds of one fit of another program
@@ -88,17 +86,18 @@ def measure_seeds(solids: dict[str, Shape] | None = None, count: int = 50) -> li
 def measure_peers(solids: dict[str, Shape] | None = None, counts: tuple[int, ...] = PEER_COUNTS) -> list[Row]:
     """Fit each body by other programs; those that are not installed are left out."""
     rows = []
-    python = os.environ.get("VOXGRAN_PEERS", sys.executable)
     for script, program in PROGRAMS.items():
         for body, shape in (bodies() if solids is None else solids).items():
             for count in counts:
-                found = peer_spheres(python, PEERS / f"clumps_{script}.py", shape, count)
+                found = peer_arrays(
+                    PEERS / f"clumps_{script}.py", "body.stl", partial(save_shape, shape), str(count), longest=LONGEST
+                )
                 if found is None:
                     LOG.warning("%s is not installed or failed on %s: its row is left out", program, body)
                     continue
-                centers, radii, seconds = found
+                made, seconds = found
                 solid, unit = Body(shape), shape.diameter
-                given = SphereSet(centers / unit, radii / unit)
+                given = SphereSet(made["centers"] / unit, made["radii"] / unit)
                 grown = given.radii + growth_to_volume(given, solid.volume)
                 for name, size in ((program, given.radii), (f"{program}, same volume", grown)):
                     errors = clump_errors(solid, Spheres(given.centers, size))
@@ -106,36 +105,18 @@ def measure_peers(solids: dict[str, Shape] | None = None, counts: tuple[int, ...
     return rows
 
 
-def peer_spheres(python: str, script: Path, shape: Shape, count: int) -> tuple[Floats, Floats, float] | None:
-    """Run another program and return centers, radii and seconds; None where it fails."""
-    if not script.is_file():
-        return None
-    with tempfile.TemporaryDirectory() as folder:
-        mesh, spheres = Path(folder) / "body.stl", Path(folder) / "spheres.npz"
-        save_shape(shape, mesh)
-        command = [python, os.fspath(script), os.fspath(mesh), str(count), os.fspath(spheres)]
-        try:
-            ended = subprocess.run(command, capture_output=True, text=True, timeout=LONGEST, check=True)
-        except (OSError, subprocess.SubprocessError):
-            return None
-        made = np.load(spheres, allow_pickle=False)
-        return made["centers"], made["radii"], float(ended.stdout.split()[-1])
-
-
 def run(folder: Path) -> tuple[Path, ...]:
     """Measure, and write rows as CSV and a figure as SVG."""
-    rows, loop = measure() + measure_peers(), calibration()
-    lines = [
-        f'"{row.program}",{row.body},{row.asked},{row.spheres},{row.errors.iou:.4f},{row.errors.volume:.5f},'
-        f"{row.errors.inertia:.5f},{row.errors.surface_mean:.5f},{row.errors.surface_max:.5f},{row.seconds:.3f},{loop:.5f}"
-        for row in rows
-    ]
-    head = "program,body,asked,spheres,iou,volume_error,inertia_error,surface_mean,surface_max,seconds"
+    rows = measure() + measure_peers()
+    head = (
+        "program,body,asked,spheres,iou:.4f,volume_error:.5f,inertia_error:.5f,surface_mean:.5f,surface_max:.5f,"
+        "seconds:.3f"
+    )
+    values = [(*row[:4], *(getattr(row.errors, name) for name in ERRORS), row.seconds) for row in rows]
     _draw(rows, folder / "clumps.svg")
-    spread = [f"{method},{body},{mean:.4f},{deviation:.4f}" for method, body, mean, deviation in measure_seeds()]
     return (
-        write_rows(folder / "clumps.csv", f"{head},calibration_seconds", lines),
-        write_rows(folder / "clumps_seeds.csv", "method,body,mean_iou,standard_deviation", spread),
+        write_rows(folder / "clumps.csv", head, values),
+        write_rows(folder / "clumps_seeds.csv", "method,body,mean_iou:.4f,standard_deviation:.4f", measure_seeds()),
         folder / "clumps.svg",
     )
 

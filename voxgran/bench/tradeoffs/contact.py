@@ -8,7 +8,6 @@ Minkowski difference for boxes, and from the least gap that manifold3d finds for
 spheres after the walk, and after settling.
 """
 
-import time
 from collections.abc import Callable
 from pathlib import Path
 from types import ModuleType
@@ -19,7 +18,7 @@ import numpy as np
 from voxgran._base.arrays import Floats, Integers
 from voxgran._base.lazy import load
 from voxgran._base.seeds import stream
-from voxgran.bench.model import TradeOff, best_rate, calibration, panels_of, peers_of, ratios, scans, write_rows
+from voxgran.bench.model import TradeOff, best_rate, panels_of, peers_of, ratios, scans, timed, write_rows
 from voxgran.containers.kinds.box import Box
 from voxgran.geometry.rotation import normalized, rotation_matrices
 from voxgran.measures.registered.density import bulk_solid_fraction
@@ -47,11 +46,7 @@ SPACINGS: dict[str, tuple[float, ...]] = {
 }
 ACCURACY_SPACINGS = (0.4, 0.28, 0.2, 0.14, 0.1)
 #: tests by name: contact and ways
-TESTS = {
-    "sdf": ("sdf", "both"),
-    "sdf, one way": ("sdf", "one"),
-    "kdtree": ("kdtree", "both"),
-}
+TESTS = {"sdf": ("sdf", "both"), "sdf, one way": ("sdf", "one"), "kdtree": ("kdtree", "both")}
 GRAINS, SOLID, MIXING = 150, 0.3, 400
 #: spheres of a bed, and what is done with it, by name
 BED = 420
@@ -220,9 +215,8 @@ def measure_beds(count: int = BED) -> list[tuple[str, float, float]]:
     """Pack beds of equal spheres; return what was done, processor seconds, and bulk solid fraction of each."""
     rows, box, sphere = [], Box((7, 7, 5 + count / 35)), make_shape("sphere")
     for name, parameters in BEDS.items():
-        began = time.process_time()
-        packing = pack(sphere, box, method="control_point", count=count, seed=1, **parameters)
-        rows.append((name, time.process_time() - began, float(bulk_solid_fraction(packing))))
+        packing, seconds = timed(pack, sphere, box, method="control_point", count=count, seed=1, **parameters)
+        rows.append((name, seconds, float(bulk_solid_fraction(packing))))
     return rows
 
 
@@ -235,31 +229,24 @@ def run(folder: Path) -> tuple[Path, ...]:
     """Measure, and write rows as CSV and a figure as SVG."""
     shapes = bodies()
     speed = measure_speed(shapes)
-    accuracy, loop = measure_accuracy(shapes, speed, ACCURACY_SPACINGS), calibration()
+    accuracy = measure_accuracy(shapes, speed, ACCURACY_SPACINGS)
     rates = {row[:3]: row[3] for row in speed}
-    rows = []
-    for shape, points, program, rate, accepted in speed:
-        beside = ratios(rate, [rates.get((shape, points, peer)) for peer in PROGRAMS])
-        rows.append(f'{shape},{points},"{program}",{rate:.0f},{accepted:.3f},{beside},{loop:.5f}')
-    lines = []
-    for name, test, points, spacing, mean, largest, overlap, micro in accuracy:
-        timed = "" if np.isnan(micro) else f"{micro:.2f}"
-        lines.append(f'{name},"{test}",{points},{spacing:g},{mean:.6f},{largest:.6f},{overlap:.6f},{timed}')
-    beds = [f"{name},{seconds:.2f},{bulk:.4f},{loop:.5f}" for name, seconds, bulk in measure_beds()]
+    rows = [(*row, *ratios(row[3], [rates.get((*row[:2], peer)) for peer in PROGRAMS])) for row in speed]
     figure = folder / "contact.svg"
     _draw(speed, accuracy, figure)
     return (
         write_rows(
             folder / "contact_speed.csv",
-            "shape,points,program,attempts_per_second,accepted,ratio_to_ckdtree,ratio_to_numba_grid,calibration_seconds",
+            "shape,points,program,attempts_per_second:.0f,accepted:.3f,ratio_to_ckdtree:.1f,ratio_to_numba_grid:.1f",
             rows,
         ),
         write_rows(
             folder / "contact_accuracy.csv",
-            "shape,test,points,spacing,mean_error,largest_error,largest_overlap,microseconds_per_attempt",
-            lines,
+            "shape,test,points,spacing:g,mean_error:.6f,largest_error:.6f,largest_overlap:.6f,"
+            "microseconds_per_attempt:.2f",
+            accuracy,
         ),
-        write_rows(folder / "contact_beds.csv", "stage,seconds,bulk_solid_fraction,calibration_seconds", beds),
+        write_rows(folder / "contact_beds.csv", "stage,seconds:.2f,bulk_solid_fraction:.4f", measure_beds()),
         figure,
     )
 

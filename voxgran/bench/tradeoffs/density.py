@@ -6,7 +6,6 @@ voxels of no size, without vibration and shaken. A bed of spheres in a cylinder 
 and disks of two sizes settle in the plane, shaken.
 """
 
-import time
 from itertools import pairwise
 from pathlib import Path
 from typing import Any, TypeAlias
@@ -16,7 +15,7 @@ import numpy as np
 from voxgran._base.arrays import Floats
 from voxgran._base.lazy import load
 from voxgran._base.seeds import stream
-from voxgran.bench.model import TradeOff, calibration, panels_of, write_rows
+from voxgran.bench.model import TradeOff, panels_of, timed, write_rows
 from voxgran.containers.kinds.box import Box
 from voxgran.containers.kinds.cylinder import Cylinder
 from voxgran.containers.kinds.rectangle import Rectangle
@@ -43,9 +42,8 @@ def bed(
     shapes: Shape | list[Shape], container: Container, count: int, *, shaken: bool = False, **parameters: Any
 ) -> tuple[Packing, float]:
     """Pack a bed digitally, with settling, and return it and the seconds that it took."""
-    began, how = time.process_time(), Settling(friction=FRICTION, shaking=SHAKING if shaken else None)
-    packing = pack(shapes, container, method="digital", count=count, settle=how, **parameters)
-    return packing, time.process_time() - began
+    how = Settling(friction=FRICTION, shaking=SHAKING if shaken else None)
+    return timed(pack, shapes, container, method="digital", count=count, settle=how, **parameters)
 
 
 def extrapolated(sizes: Floats, values: Floats) -> tuple[float, float]:
@@ -116,17 +114,14 @@ def measure_wall(count: int = 900) -> tuple[Floats, Floats, Floats, float]:
 def run(folder: Path) -> tuple[Path, ...]:
     """Measure, and write rows as CSV and a figure as SVG."""
     rows = [*measure_spheres(), *measure_disks()]
-    wall, loop = measure_wall(), calibration()
-    lines = [
-        f'"{name}",{cells or ""},{str(vibrated).lower()},{seconds:.1f},{value:.4f},{error:.4f},{loop:.5f}'
-        for name, cells, vibrated, seconds, value, error in rows
-    ]
-    head = "bed,voxels_per_diameter,vibrated,seconds,bulk_solid_fraction,standard_error,calibration_seconds"
-    profile = [f"{x:.3f},{found:.4f},{law:.4f}" for x, found, law in zip(*wall[:3], strict=True)]
+    wall = measure_wall()
+    head = "bed,voxels_per_diameter,vibrated,seconds:.1f,bulk_solid_fraction:.4f,standard_error:.4f"
+    beds = [(name, cells or None, *others) for name, cells, *others in rows]
+    wall_head, profile = "distance_in_diameters:.3f,solid_fraction:.4f,de_klerk:.4f", zip(*wall[:3], strict=True)
     _draw(rows, wall, folder / "density.svg")
     return (
-        write_rows(folder / "density.csv", head, lines),
-        write_rows(folder / "density_wall.csv", "distance_in_diameters,solid_fraction,de_klerk", profile),
+        write_rows(folder / "density.csv", head, beds),
+        write_rows(folder / "density_wall.csv", wall_head, profile),
         folder / "density.svg",
     )
 

@@ -10,14 +10,14 @@ over seeds with standard errors.
 
 import math
 import time
-from dataclasses import dataclass
+from dataclasses import astuple, dataclass
 from pathlib import Path
 
 import numpy as np
 
 from voxgran._base.arrays import Floats
 from voxgran._base.lazy import load
-from voxgran.bench.model import TradeOff, calibration, panels_of, write_rows
+from voxgran.bench.model import TradeOff, panels_of, write_rows
 from voxgran.containers.kinds.box import Box
 from voxgran.containers.kinds.rectangle import Rectangle
 from voxgran.containers.model import Container
@@ -60,14 +60,8 @@ def run(folder: Path) -> tuple[Path, ...]:
     rows: list[Row] = []
     for dimension in (2, 3):
         rows += [*layer_rows(dimension), *width_rows(dimension), *cluster_rows(dimension)]
-    loop = calibration()
-    lines = [
-        f"{row.dimension},{row.measure},{row.low:g},{row.high:g},{row.value:.5f},{row.error:.5f},"
-        f"{'' if math.isnan(row.published) else f'{row.published:g}'},{row.seconds:.3f},{loop:.5f}"
-        for row in rows
-    ]
-    head = "dimension,measure,from,to,value,standard_error,published,processor_seconds,calibration_seconds"
-    table = write_rows(folder / "deposits.csv", head, lines)
+    head = "dimension,measure,from:g,to:g,value:.5f,standard_error:.5f,published:g,processor_seconds:.3f"
+    table = write_rows(folder / "deposits.csv", head, map(astuple, rows))
     _draw(rows, folder / "deposits.svg")
     return table, folder / "deposits.svg"
 

@@ -15,7 +15,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from voxgran.bench.model import TradeOff, calibration, panels_of, write_rows
+from voxgran.bench.model import TradeOff, panels_of, write_rows
 from voxgran.contacts.verify import verify
 from voxgran.containers.kinds.box import Box
 from voxgran.measures.registered.density import bulk_solid_fraction
@@ -77,15 +77,11 @@ def resting_of(packing: Packing) -> float:
 
 def write_beds(beds: Sequence[Bed], folder: Path) -> tuple[Path, ...]:
     """Write beds of all solids as CSV and as a figure, and return the files."""
-    figure, loop = folder / "dice.svg", calibration()
-    head = "method,solid,shaken,friction,seconds,bulk_solid_fraction,apart,resting,published,calibration_seconds"
-    lines = [
-        f'{bed.method},"{bed.solid}",{str(bed.shaken).lower()},{FRICTION:g},{bed.seconds:.1f},{bed.bulk:.4f},'
-        f"{str(bed.apart).lower()},{bed.resting:.3f},{PUBLISHED[bed.solid][bed.shaken]:.2f},{loop:.5f}"
-        for bed in beds
-    ]
+    figure = folder / "dice.svg"
+    head = "method,solid,shaken,friction:g,seconds:.1f,bulk_solid_fraction:.4f,apart,resting:.3f,published:.2f"
+    rows = [(*bed[:3], FRICTION, *bed[3:], PUBLISHED[bed.solid][bed.shaken]) for bed in beds]
     _draw(beds, figure)
-    return write_rows(folder / "dice.csv", head, lines), figure
+    return write_rows(folder / "dice.csv", head, rows), figure
 
 
 def run(folder: Path) -> tuple[Path, ...]:

@@ -7,7 +7,6 @@ as many voxels. Density: the bulk solid fraction of a bed of equal spheres, true
 diameter and against the seconds that it took, after the walk and after settling.
 """
 
-import time
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any, TypeAlias
@@ -17,7 +16,7 @@ from numpy.typing import NDArray
 
 from voxgran._base.lazy import load
 from voxgran._base.seeds import stream
-from voxgran.bench.model import TradeOff, best_rate, calibration, panels_of, peers_of, ratios, scans, write_rows
+from voxgran.bench.model import TradeOff, best_rate, panels_of, peers_of, ratios, scans, timed, write_rows
 from voxgran.containers.kinds.box import Box
 from voxgran.measures.registered.density import bulk_solid_fraction
 from voxgran.packing.digital.precompute import precomputed_of
@@ -40,8 +39,9 @@ DIAMETERS = (12, 20, 40, 57)
 LARGE = 512
 LARGE_DIAMETERS = (12, 20, 40)
 SOLID = 0.3
-#: programs as they are drawn, and how each lattice is
-PROGRAMS = ("voxgran", "voxgran, sorted", "numba fronts", "NumPy")
+#: other programs, all as they are drawn, and how each lattice is
+PEERS = ("NumPy", "numba fronts")
+PROGRAMS = ("voxgran", "voxgran, sorted", *PEERS[::-1])
 DASHES = {EDGE: "-", LARGE: ":"}
 #: least seconds that a program is timed
 SECONDS = 0.6
@@ -147,12 +147,10 @@ def measure_beds(beds: tuple[int, ...] = BEDS, sweeps: tuple[int, ...] = SWEEPS)
     for cells in beds:
         for many in sweeps:
             for stage, settling in (("walk", False), ("walk and settling", True)):
-                began = time.process_time()
-                packing = pack(
-                    sphere, box, method="digital", count=420, seed=1, voxel_size=1 / cells, sweeps=many, cycles=6,
+                packing, seconds = timed(
+                    pack, sphere, box, method="digital", count=420, seed=1, voxel_size=1 / cells, sweeps=many, cycles=6,
                     orientations=1, settle=settling,
                 )  # fmt: skip
-                seconds = time.process_time() - began
                 rows.append((cells, many, stage, seconds, float(bulk_solid_fraction(packing))))
     return rows
 
@@ -160,21 +158,15 @@ def measure_beds(beds: tuple[int, ...] = BEDS, sweeps: tuple[int, ...] = SWEEPS)
 def run(folder: Path) -> tuple[Path, ...]:
     """Measure, and write rows as CSV and a figure as SVG."""
     moves = [*measure_spheres(), *measure_spheres(LARGE_DIAMETERS, LARGE), *measure_bodies()]
-    beds, loop = measure_beds(), calibration()
+    beds = measure_beds()
     rates = {row[:4]: row[4] for row in moves}
-    rows = []
-    for edge, shape, voxels, program, rate, accepted in moves:
-        beside = ratios(rate, [rates.get((edge, shape, voxels, peer)) for peer in ("NumPy", "numba fronts")])
-        rows.append(f'{edge},"{shape}",{voxels},"{program}",{rate:.0f},{accepted:.3f},{beside},{loop:.5f}')
-    lines = [
-        f"{cells},{many},{stage},{seconds:.2f},{bulk:.4f},{loop:.5f}" for cells, many, stage, seconds, bulk in beds
-    ]
-    head = "edge,shape,voxels,program,attempts_per_second,accepted,ratio_to_numpy,ratio_to_numba_fronts"
-    bed_head = "voxels_per_diameter,sweeps,stage,seconds,bulk_solid_fraction,calibration_seconds"
+    rows = [(*row, *ratios(row[4], [rates.get((*row[:3], peer)) for peer in PEERS])) for row in moves]
+    head = "edge,shape,voxels,program,attempts_per_second:.0f,accepted:.3f,ratio_to_numpy:.1f,ratio_to_numba_fronts:.1f"
+    bed_head = "voxels_per_diameter,sweeps,stage,seconds:.2f,bulk_solid_fraction:.4f"
     _draw(moves, beds, folder / "digital.svg")
     return (
-        write_rows(folder / "digital_moves.csv", f"{head},calibration_seconds", rows),
-        write_rows(folder / "digital_beds.csv", bed_head, lines),
+        write_rows(folder / "digital_moves.csv", head, rows),
+        write_rows(folder / "digital_beds.csv", bed_head, beds),
         folder / "digital.svg",
     )
 

@@ -13,7 +13,7 @@ import numpy as np
 from voxgran._base.arrays import Booleans, Floats
 from voxgran._base.lazy import load
 from voxgran._base.seeds import stream
-from voxgran.bench.model import TradeOff, calibration, least_seconds, panels_of, write_rows
+from voxgran.bench.model import TradeOff, least_seconds, panels_of, write_rows
 from voxgran.geometry.tree import grow_tree
 from voxgran.lattice.distance import distance_transform
 from voxgran.lattice.grid import Grid
@@ -91,17 +91,14 @@ def _from_mask(mask: Booleans) -> Floats:
 
 def run(folder: Path) -> tuple[Path, ...]:
     """Measure, and write rows as CSV and a figure as SVG."""
-    transforms, signed, loop = measure_transforms(), measure_signed(), calibration()
-    head = "image,voxels_along_edge,seconds,seconds_two_threads,seconds_scipy,ratio,squares_that_differ"
-    rows = [
-        f"{name},{n},{one:.5f},{two:.5f},{scipy:.5f},{scipy / one:.1f},{wrong},{loop:.5f}"
-        for name, n, one, two, scipy, wrong in transforms
-    ]
-    errors = [f"{name},{cells},{seconds:.5f},{error:.2e}" for name, cells, seconds, error in signed]
+    transforms, signed = measure_transforms(), measure_signed()
+    head = "image,voxels_along_edge,seconds:.5f,seconds_two_threads:.5f,seconds_scipy:.5f,ratio:.1f,squares_that_differ"
+    rows = [(*row[:5], row[4] / row[2], row[5]) for row in transforms]
+    signed_head = "source,voxels_per_radius,seconds:.5f,rms_error_in_voxels:.2e"
     _draw(transforms, signed, folder / "distance.svg")
     return (
-        write_rows(folder / "distance.csv", f"{head},calibration_seconds", rows),
-        write_rows(folder / "signed_distance.csv", "source,voxels_per_radius,seconds,rms_error_in_voxels", errors),
+        write_rows(folder / "distance.csv", head, rows),
+        write_rows(folder / "signed_distance.csv", signed_head, signed),
         folder / "distance.svg",
     )
 

@@ -10,15 +10,14 @@ Squares show what the shape and its rotation change.
 """
 
 import math
-import time
-from dataclasses import dataclass
+from dataclasses import astuple, dataclass
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from voxgran._base.arrays import Floats
-from voxgran.bench.model import TradeOff, calibration, panels_of, write_rows
+from voxgran.bench.model import TradeOff, panels_of, timed, write_rows
 from voxgran.containers.kinds.box import Box
 from voxgran.containers.kinds.rectangle import Rectangle
 from voxgran.containers.model import Container
@@ -64,15 +63,8 @@ def run(folder: Path) -> tuple[Path, ...]:
         for method in ("growth", "random_apollonian", *(SQUARES if dimension == 2 else ())):
             rows += random_rows(method, dimension)
         rows.append(gasket_row(dimension))
-    head = "dimension,method,spheres,exponent,standard_error,published,processor_seconds,calibration_seconds"
-    loop = calibration()
-    lines = [
-        f'{row.dimension},"{row.method}",{row.spheres},{row.exponent:.5f},{row.error:.5f},'
-        f"{'' if row.published is None else format(row.published, 'g')},"
-        f"{row.seconds:.3f},{loop:.5f}"
-        for row in rows
-    ]
-    table = write_rows(folder / "exponents.csv", head, lines)
+    head = "dimension,method,spheres,exponent:.5f,standard_error:.5f,published:g,processor_seconds:.3f"
+    table = write_rows(folder / "exponents.csv", head, map(astuple, rows))
     _draw(rows, folder / "exponents.svg")
     return table, folder / "exponents.svg"
 
@@ -84,9 +76,8 @@ def random_rows(method: str, dimension: int) -> list[Row]:
     seconds = np.zeros(len(counts))
     for seed in range(SEEDS):
         for k, count in enumerate(counts):
-            began = time.process_time()
-            pores[seed, k] = _pores(method, dimension, count, seed)
-            seconds[k] += (time.process_time() - began) / SEEDS
+            pores[seed, k], taken = timed(_pores, method, dimension, count, seed)
+            seconds[k] += taken / SEEDS
     slopes = -np.diff(np.log(pores), axis=1) / np.diff(np.log(counts))
     found = dimension / (1.0 + slopes)
     means, errors = found.mean(axis=0), found.std(axis=0, ddof=1) / math.sqrt(SEEDS)
@@ -120,9 +111,9 @@ def _pores(method: str, dimension: int, count: int, seed: int) -> float:
 
 def gasket_row(dimension: int) -> Row:
     """Return the exponent of the gasket in a disk or a sphere."""
-    began, most = time.process_time(), CURVATURES[dimension]
-    curvature = np.sort(np.concatenate([rows[:, 0] for rows in in_sphere(dimension, most)]))
-    seconds = time.process_time() - began
+    most = CURVATURES[dimension]
+    spheres, seconds = timed(lambda: list(in_sphere(dimension, most)))
+    curvature = np.sort(np.concatenate([rows[:, 0] for rows in spheres]))
     exponent = exponent_of(curvature, most ** FITTED[dimension], most)
     return Row(dimension, "apollonian", len(curvature), exponent, 0.0, EXACT[dimension], seconds)
 

@@ -6,7 +6,6 @@ machines, years and compilers differ. Seconds are those of the processor, of one
 """
 
 import math
-import time
 from pathlib import Path
 from typing import Any, TypeAlias
 
@@ -14,7 +13,7 @@ import numpy as np
 
 from voxgran._base.lazy import load
 from voxgran._base.seeds import stream
-from voxgran.bench.model import TradeOff, calibration, panels_of, peers_of, write_rows
+from voxgran.bench.model import TradeOff, panels_of, peers_of, timed, write_rows
 from voxgran.containers.kinds.box import Box
 from voxgran.containers.kinds.rectangle import Rectangle
 from voxgran.packing.model import Packing
@@ -43,13 +42,10 @@ def seconds_of(
     edge = (count * fill / 0.6) ** (1 / 3) if fill else 1.26 * count ** (1 / 3)
     container = Rectangle((1.15 * count**0.5,) * 2) if disks else Box((edge,) * 3)
     shape, best = make_shape("disk" if disks else "sphere"), np.inf
-    for repeat in range(REPEATS if count <= 100_000 else 1):
-        del repeat
-        began = time.process_time()
-        packing = pack(
-            shape, container, method="advancing_front", count=None if fill else count, sizes=sizes, seed=1, **options
-        )
-        best = min(best, time.process_time() - began)
+    asked = {"count": None if fill else count, "sizes": sizes, "seed": 1, **options}
+    for _ in range(REPEATS if count <= 100_000 else 1):
+        packing, seconds = timed(pack, shape, container, "advancing_front", **asked)
+        best = min(best, seconds)
     return best, packing
 
 
@@ -123,14 +119,13 @@ def measure(counts: dict[str, tuple[int, ...]] | None = None, *, plain: int = PL
 
 def run(folder: Path) -> tuple[Path, ...]:
     """Measure, and write rows as CSV and a figure as SVG."""
-    rows, loop = measure(), calibration()
-    lines = [
-        f'"{name}",{count},{seconds:.3f},{each:.4f},{inside:.4f},{worst:.1e},{whole:.4f},{loop:.5f}'
-        for name, count, seconds, each, inside, worst, whole in rows
-    ]
-    head = "program,grains,seconds,seconds_for_50000,inner_solid_fraction,residual_in_radii,whole_solid_fraction"
+    rows = measure()
+    head = (
+        "program,grains,seconds:.3f,seconds_for_50000:.4f,inner_solid_fraction:.4f,residual_in_radii:.1e,"
+        "whole_solid_fraction:.4f"
+    )
     _draw(rows, folder / "front.svg")
-    return write_rows(folder / "front.csv", f"{head},calibration_seconds", lines), folder / "front.svg"
+    return write_rows(folder / "front.csv", head, rows), folder / "front.svg"
 
 
 registration = TradeOff(

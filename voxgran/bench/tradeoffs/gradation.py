@@ -65,13 +65,12 @@ def distance_by_volume(law: SizeDistribution, grains: Floats) -> float:
 def run(folder: Path) -> tuple[Path, ...]:
     """Measure, and write rows as CSV and a figure as SVG."""
     rows = measured()
-    lines = [
-        f"{name},{way},{count},{seconds:.4f},{far:.2g},{spread:.2g},{sixty:.3f},{scatter:.2g}"
-        for name, way, count, seconds, far, spread, sixty, scatter in rows
-    ]
-    head = "distribution,way,grains,processor_seconds,distance,distance_deviation,d60_over_asked,d60_deviation"
+    head = (
+        "distribution,way,grains,processor_seconds:.4f,distance:.2g,distance_deviation:.2g,d60_over_asked:.3f,"
+        "d60_deviation:.2g"
+    )
     _draw(rows, folder / "gradation.svg")
-    return write_rows(folder / "gradation.csv", head, lines), folder / "gradation.svg"
+    return write_rows(folder / "gradation.csv", head, rows), folder / "gradation.svg"
 
 
 def _draw(rows: list[Row], path: Path) -> None:

@@ -4,14 +4,13 @@ Equal grains in a periodic cube. Published values are those of slow compression:
 with faces of states that have begun to order. Seconds are those of the processor, after a run that compiles.
 """
 
-import time
 import warnings
-from dataclasses import dataclass
+from dataclasses import astuple, dataclass
 from pathlib import Path
 from typing import Any
 
 from voxgran._base.errors import PackingWarning
-from voxgran.bench.model import TradeOff, panels_of, scans, write_rows
+from voxgran.bench.model import TradeOff, panels_of, scans, timed, write_rows
 from voxgran.contacts.verify import verify
 from voxgran.containers.kinds.box import Box
 from voxgran.packing.pack import pack
@@ -53,8 +52,8 @@ def run(folder: Path) -> tuple[Path, ...]:
     rows = [row for name, shape in made.items() for row in rows_of(name, shape, COUNT)]
     for name, body in scans("eros.obj").items():
         rows += rows_of(name, body.scaled(1.0 / body.diameter), SCANNED)
-    head = "shape,growth_rate,grains,processor_seconds,solid_fraction,published,source,apart"
-    table = write_rows(folder / "jamming.csv", head, map(_line, rows))
+    head = "shape,growth_rate:g,grains,processor_seconds:.2f,solid_fraction:.4f,published:g,source,apart"
+    table = write_rows(folder / "jamming.csv", head, map(_values, rows))
     _draw(rows, folder / "jamming.svg")
     return table, folder / "jamming.svg"
 
@@ -63,27 +62,20 @@ def rows_of(name: str, shape: Shape, count: int) -> list[Row]:
     """Return the rows of a shape: as many grains jam at each rate of growth."""
     rows = []
     edge = (2.0 * count * shape.volume) ** (1 / 3)
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore", PackingWarning)
+    with warnings.catch_warnings(action="ignore", category=PackingWarning):
         pack(shape, Box((edge,) * 3, "xyz"), "jam", count=4, sizes=fixed(shape.diameter), growth_rate=1.0)
         for rate in RATES:
-            began = time.process_time()
-            packing = pack(
-                shape, Box((edge,) * 3, "xyz"), "jam", count=count, sizes=fixed(shape.diameter), growth_rate=rate
+            packing, seconds = timed(
+                pack, shape, Box((edge,) * 3, "xyz"), "jam", count=count, sizes=fixed(shape.diameter), growth_rate=rate
             )
-            seconds = time.process_time() - began
             rows.append(Row(name, rate, packing.count, seconds, packing.solid_fraction, verify(packing).ok))
     return rows
 
 
-def _line(row: Row) -> str:
-    """Return a line of the table."""
-    _, _, published, source = SHAPES.get(row.shape, ("", {}, None, ""))
-    known = "" if published is None else f"{published:g}"
-    return (
-        f'{row.shape},{row.rate:g},{row.grains},{row.seconds:.2f},{row.solid_fraction:.4f},{known},"{source}",'
-        f"{'yes' if row.apart else 'no'}"
-    )
+def _values(row: Row) -> tuple[Any, ...]:
+    """Return a row of the table."""
+    *values, apart = astuple(row)
+    return *values, *SHAPES.get(row.shape, (None, ""))[-2:], "yes" if apart else "no"
 
 
 def _draw(rows: list[Row], path: Path) -> None:

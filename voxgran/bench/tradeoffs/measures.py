@@ -9,7 +9,6 @@ The report is the page of a packing that is measured and verified already.
 
 import math
 import tempfile
-import time
 from collections.abc import Callable
 from dataclasses import replace
 from functools import partial
@@ -20,7 +19,7 @@ import numpy as np
 
 from voxgran._base.arrays import Floats
 from voxgran._base.seeds import stream
-from voxgran.bench.model import TradeOff, calibration, panels_of, write_rows
+from voxgran.bench.model import TradeOff, panels_of, timed, write_rows
 from voxgran.contacts.verify import verify
 from voxgran.containers.kinds.box import Box
 from voxgran.measures.model import measure, measure_registry
@@ -86,9 +85,7 @@ def measured(name: str, packing: Packing) -> list[Row]:
     exact = axis_profile(packing)
     rows.append((name, packing.count, "profile along z", _seconds(axis_profile, packing), 0.0))
     for points in POINTS:
-        began = time.process_time()
-        found = counted(packing, exact.edges, points)
-        seconds = time.process_time() - began
+        found, seconds = timed(counted, packing, exact.edges, points)
         error = float(np.abs(found - exact.solid_fraction).max())
         rows.append((name, packing.count, f"profile by {points} points of a grain", seconds, error))
     return rows
@@ -129,26 +126,15 @@ def counted(packing: Packing, edges: Floats, points: int) -> Floats:
 
 def _seconds(compute: Callable[[Packing], object], packing: Packing) -> float:
     """Return the least processor time of three calls after one that is not counted, each on a packing not yet known."""
-    times = []
-    for _ in range(4):
-        fresh = replace(packing)
-        began = time.process_time()
-        compute(fresh)
-        times.append(time.process_time() - began)
-    return min(times[1:])
+    return min([timed(compute, replace(packing))[1] for _ in range(4)][1:])
 
 
 def run(folder: Path) -> tuple[Path, ...]:
     """Measure, and write rows as CSV and a figure as SVG."""
-    loop = calibration()
     rows = [row for name, packing in packings().items() for row in measured(name, packing)]
     _draw(rows, folder / "measures.svg")
-    lines = [
-        f"{name},{count},{what},{seconds:.3g},{'' if error is None else f'{error:.2g}'},{loop:.5f}"
-        for name, count, what, seconds, error in [*rows, *reported()]
-    ]
-    head = "packing,grains,computed,processor_seconds,largest_error,calibration_seconds"
-    return write_rows(folder / "measures.csv", head, lines), folder / "measures.svg"
+    head = "packing,grains,computed,processor_seconds:.3g,largest_error:.2g"
+    return write_rows(folder / "measures.csv", head, [*rows, *reported()]), folder / "measures.svg"
 
 
 def _draw(rows: list[Row], path: Path) -> None:

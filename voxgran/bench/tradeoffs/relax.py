@@ -70,7 +70,7 @@ class Proof:
     change_of_coordination: float
 
 
-HEAD = ",".join(field.name for field in fields(Way))
+HEAD = ",".join(f"{field.name}:.5g" if field.type is float else field.name for field in fields(Way))
 
 
 def ellipsoids() -> list[Shape]:
@@ -120,20 +120,15 @@ def compare_ways(path: Path) -> list[Way]:
             began = _processor()
             loose = falling_grains(case, count, LOOSE)
             rows.append(_way(name, "poured", loose, _processor() - began, law.stiffness, loop))
-            write_rows(path, HEAD, map(_line, rows))
+            write_rows(path, HEAD, map(astuple, rows))
     return rows
-
-
-def _line(row: Way) -> str:
-    """Return a row as CSV."""
-    return ",".join(str(value) if isinstance(value, str | int) else f"{value:.5g}" for value in astuple(row))
 
 
 def _rows_of(path: Path) -> list[Way]:
     """Return the rows of a table; none where it is not there."""
     if not path.is_file():
         return []
-    kinds: list[Callable[[str], Any]] = [str, int, str, float, float, float, float, int, float, float, float, float]
+    kinds: list[Any] = [field.type for field in fields(Way)]
     lines = path.read_text(encoding="utf-8").splitlines()[1:]
     return [Way(*(kind(word) for kind, word in zip(kinds, line.split(","), strict=False))) for line in lines]
 
@@ -177,9 +172,8 @@ def compare_proofs(count: int = 500) -> list[Proof]:
     for name, shapes in (("spheres", spheres), ("hull clumps", hulls)):
         case = Case(name, shapes, count, 8.0)
         box = box_of(case, count)
-        with warnings.catch_warnings():
-            # what rests is a column of the table
-            warnings.simplefilter("ignore", PackingWarning)
+        # what rests is a column of the table
+        with warnings.catch_warnings(action="ignore", category=PackingWarning):
             beds = {
                 "gravity": pack(shapes(), box, "gravity", count=count, seed=1),
                 "digital, not settled": pack(shapes(), box, "digital", settle=False, count=count, seed=1),
@@ -205,17 +199,10 @@ def run(folder: Path) -> tuple[Path, ...]:
     """Measure, and write rows as CSV and a figure as SVG."""
     table = folder / "relax.csv"
     proofs, ways = compare_proofs(), compare_ways(table)
-    shares = [
-        f'{one.grains},"{one.made_by}",{one.share_proven:.4f},{one.sinking:.4f},{one.change_of_coordination:.3f}'
-        for one in proofs
-    ]
+    head = "grains,made_by,share_proven:.4f,sinking:.4f,change_of_coordination:.3f"
     figure = folder / "relax.svg"
     _draw(ways, proofs, figure)
-    return (
-        table,
-        write_rows(folder / "relax_proofs.csv", "grains,made_by,share_proven,sinking,change_of_coordination", shares),
-        figure,
-    )
+    return (table, write_rows(folder / "relax_proofs.csv", head, map(astuple, proofs)), figure)
 
 
 def _draw(ways: list[Way], proofs: list[Proof], path: Path) -> None:

@@ -7,13 +7,12 @@ the proof.
 """
 
 import math
-import time
 from pathlib import Path
 from typing import Any, TypeAlias
 
 import numpy as np
 
-from voxgran.bench.model import TradeOff, calibration, panels_of, peers_of, write_rows
+from voxgran.bench.model import TradeOff, panels_of, peers_of, timed, write_rows
 from voxgran.containers.kinds.box import Box
 from voxgran.containers.kinds.rectangle import Rectangle
 from voxgran.packing.pack import pack
@@ -69,9 +68,7 @@ def measure_tries(
         for many in tries:
             places = round(many / volume)
             if peers:
-                began = time.process_time()
-                centers = peers.scipy_addition(lengths, places)[0]
-                seconds = time.process_time() - began
+                (centers, *_), seconds = timed(peers.scipy_addition, lengths, places)
                 rows.append((name, "SciPy", many, len(centers), seconds, len(centers) * volume, 0.0))
             # one coordinate after the other, as the plain program does: as many as the grains that fill the box
             options: dict[str, Any] = {"scheme": "2", "retry": "next", "tries": many}
@@ -96,9 +93,8 @@ def _timed(shape: Shape, room: Box | Rectangle, runs: int, **options: Any) -> tu
     pack(shape, small, method="rsa", **options)
     counts, seconds, found = [], [], []
     for seed in range(runs):
-        began = time.process_time()
-        packing = pack(shape, room, method="rsa", seed=seed, **options)
-        seconds.append(time.process_time() - began)
+        packing, took = timed(pack, shape, room, method="rsa", seed=seed, **options)
+        seconds.append(took)
         counts.append(packing.count)
         found.append(packing.solid_fraction)
     error = float(np.std(found, ddof=1) / math.sqrt(runs)) if runs > 1 else 0.0
@@ -107,19 +103,17 @@ def _timed(shape: Shape, room: Box | Rectangle, runs: int, **options: Any) -> tu
 
 def run(folder: Path) -> tuple[Path, ...]:
     """Measure, and write rows as CSV and a figure as SVG."""
-    rows, loop = [*measure_tries(), *measure_proofs()], calibration()
+    rows = [*measure_tries(), *measure_proofs()]
     seconds = {row[:3]: row[4] for row in rows if row[1] == "SciPy"}
-    head = "shape,program,tries,grains,seconds,ratio_to_scipy,solid_fraction,standard_error,missing,calibration_seconds"
-    lines = []
+    head = "shape,program,tries,grains,seconds:.4f,ratio_to_scipy:.1f,solid_fraction:.5f,standard_error:.5f,missing:.5f"
+    values = []
     for name, program, tries, grains, took, found, error in rows:
         peer = seconds.get((name, "SciPy", tries))
-        ratio = "" if peer is None or program == "SciPy" else f"{peer / took:.1f}"
-        lines.append(
-            f"{name},{program},{tries or 'saturated'},{grains},{took:.4f},{ratio},{found:.5f},"
-            f"{f'{error:.5f}' if error else ''},{SATURATED[name] - found:.5f},{loop:.5f}"
-        )
+        ratio = None if peer is None or program == "SciPy" else peer / took
+        missing = SATURATED[name] - found
+        values.append((name, program, tries or "saturated", grains, took, ratio, found, error or None, missing))
     _draw(rows, folder / "rsa.svg")
-    return write_rows(folder / "rsa.csv", head, lines), folder / "rsa.svg"
+    return write_rows(folder / "rsa.csv", head, values), folder / "rsa.svg"
 
 
 def _draw(rows: list[Row], path: Path) -> None:

@@ -12,7 +12,6 @@ Feder 1980, Journal of Theoretical Biology 87, 237, doi:10.1016/0022-5193(80)903
 """
 
 import math
-import time
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -21,7 +20,7 @@ import numpy as np
 
 from voxgran._base.arrays import Floats
 from voxgran._base.lazy import load
-from voxgran.bench.model import TradeOff, calibration, panels_of, write_rows
+from voxgran.bench.model import TradeOff, panels_of, timed, write_rows
 from voxgran.containers.kinds.box import Box
 from voxgran.containers.kinds.rectangle import Rectangle
 from voxgran.containers.model import Container
@@ -154,23 +153,20 @@ def _law(tries: Floats, limit: float, factor: float, power: float) -> Floats:
 
 def run(folder: Path) -> tuple[Path, ...]:
     """Measure, and write rows as CSV and a figure as SVG."""
-    lines, found, loop = [], {}, calibration()
+    rows, found = [], {}
     for case in CASES:
-        began = time.process_time()
-        runs = [kinetics(case.shape, case.room, seed, case.attempts) for seed in range(RUNS)]
-        seconds, found[case.name] = time.process_time() - began, runs
-        limit, error, exponent, tries, last = extrapolated(runs)
-        published = f"{case.published:g}" if case.published else ""
-        lines.append(
-            f"{case.name},{RUNS},{case.grains},{seconds:.1f},{tries:.0f},{last:.4f},{limit:.4f},{error:.4f},"
-            f"{exponent:.3f},{published},{case.error or ''},{case.source},{loop:.5f}"
-        )
+        timed_runs = [timed(kinetics, case.shape, case.room, seed, case.attempts) for seed in range(RUNS)]
+        found[case.name] = [run for run, _ in timed_runs]
+        limit, error, exponent, tries, last = extrapolated(found[case.name])
+        known = case.published, case.error or None, case.source
+        seconds = sum(took for _, took in timed_runs)
+        rows.append((case.name, RUNS, case.grains, seconds, tries, last, limit, error, exponent, *known))
     head = (
-        "shape,runs,grains,processor_seconds,tries,solid_fraction,extrapolated,standard_error,exponent,published,"
-        "published_error,source,calibration_seconds"
+        "shape,runs,grains,processor_seconds:.1f,tries:.0f,solid_fraction:.4f,extrapolated:.4f,standard_error:.4f,"
+        "exponent:.3f,published:g,published_error,source"
     )
     _draw(found, folder / "rsa_shapes.svg")
-    return write_rows(folder / "rsa_shapes.csv", head, lines), folder / "rsa_shapes.svg"
+    return write_rows(folder / "rsa_shapes.csv", head, rows), folder / "rsa_shapes.svg"
 
 
 def _draw(found: dict[str, list[Floats]], path: Path) -> None:

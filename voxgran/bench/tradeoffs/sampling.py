@@ -45,13 +45,9 @@ def measured(counts: tuple[int, ...] = COUNTS) -> list[Row]:
 def run(folder: Path) -> tuple[Path, ...]:
     """Measure, and write rows as CSV and a figure as SVG."""
     rows = measured()
-    lines = [
-        f"{program},{name},{count},{seconds:.4f},{error:.3f},{apart:.3f}"
-        for program, name, count, seconds, error, apart in rows
-    ]
-    head = "program,shape,points,processor_seconds,covering_radius,smallest_distance"
+    head = "program,shape,points,processor_seconds:.4f,covering_radius:.3f,smallest_distance:.3f"
     _draw(rows, folder / "sampling.svg")
-    return write_rows(folder / "sampling.csv", head, lines), folder / "sampling.svg"
+    return write_rows(folder / "sampling.csv", head, rows), folder / "sampling.svg"
 
 
 def _draw(rows: list[Row], path: Path) -> None:
@@ -66,7 +62,5 @@ def _draw(rows: list[Row], path: Path) -> None:
 
 
 registration = TradeOff(
-    name="sampling",
-    summary="points on surfaces: seconds, covering radius and smallest distance",
-    run=run,
+    name="sampling", summary="points on surfaces: seconds, covering radius and smallest distance", run=run
 )

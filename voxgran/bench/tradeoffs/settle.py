@@ -5,14 +5,11 @@ compilation. Where the interpreter named by the environment variable ``VOXGRAN_P
 these let the same grains fall from the same places; all beds are judged by the same ruler: `verify` and `equilibrium`.
 """
 
-import os
-import subprocess
-import sys
-import tempfile
 import time
 import warnings
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import astuple, dataclass, replace
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -20,7 +17,7 @@ import numpy as np
 
 from voxgran._base.arrays import Floats
 from voxgran._base.errors import PackingWarning
-from voxgran.bench.model import LOG, PEERS, TradeOff, calibration, panels_of, scans, write_rows
+from voxgran.bench.model import LOG, PEERS, TradeOff, panels_of, peer_arrays, scans, timed, write_rows
 from voxgran.clumps.fit import fit_clump
 from voxgran.contacts.verify import verify
 from voxgran.containers.kinds.box import Box
@@ -143,14 +140,12 @@ def box_of(case: Case, count: int) -> Box:
 def packed(case: Case, shapes: list[Shape], count: int, seed: int) -> tuple[Packing, float]:
     """Return a bed and the seconds of the processor that it took."""
     sizes = lognormal(1.0, case.sigma) if case.sigma else None
-    box, began = box_of(case, count), time.process_time()
-    with warnings.catch_warnings():
-        # how many rest is a column of the table
-        warnings.simplefilter("ignore", PackingWarning)
-        packing = pack(
-            shapes, box, method="gravity", count=count, sizes=sizes, friction=case.friction, seed=seed, threads=1
+    box = box_of(case, count)
+    # how many rest is a column of the table
+    with warnings.catch_warnings(action="ignore", category=PackingWarning):
+        return timed(
+            pack, shapes, box, "gravity", count=count, sizes=sizes, friction=case.friction, seed=seed, threads=1
         )
-    return packing, time.process_time() - began
 
 
 def judged(name: str, program: str, friction: float, packing: Packing, seconds: float) -> Row:
@@ -166,8 +161,7 @@ def judged(name: str, program: str, friction: float, packing: Packing, seconds: 
 
 def _bulk(packing: Packing) -> float:
     """Return the bulk solid fraction, also where the bulk holds few grains."""
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore", PackingWarning)
+    with warnings.catch_warnings(action="ignore", category=PackingWarning):
         return float(bulk_solid_fraction(packing))
 
 
@@ -187,13 +181,11 @@ def measure_beds(cases: tuple[Case, ...] = CASES, size: float | None = None) -> 
 def measure_peers(size: float | None = None) -> list[Row]:
     """Let the same grains fall from the same places in other programs; those that are not installed are left out."""
     rows: list[Row] = []
-    python = os.environ.get("VOXGRAN_PEERS", sys.executable)
     share = SIZE if size is None else size
     for program, module, name in PEER_CASES:
         case = next(each for each in CASES if each.name == name and each.friction and each.walls == (name[0] == "3"))
-        script = PEERS / f"settle_{module}.py"
         start = falling_grains(case, max(20, round(share * case.count)))
-        found = peer_packing(python, script, start, case.friction)
+        found = peer_packing(PEERS / f"settle_{module}.py", start, case.friction)
         if found is None:
             LOG.warning("%s is not installed or failed: its row is left out", program)
             continue
@@ -209,32 +201,21 @@ def falling_grains(case: Case, count: int, loose: float = LOOSE) -> Packing:
     return replace(start, gravity=(0.0, 0.0, -1.0))
 
 
-def peer_packing(python: str, script: Path, start: Packing, friction: float) -> tuple[Packing, float] | None:
+def peer_packing(script: Path, start: Packing, friction: float) -> tuple[Packing, float] | None:
     """Run another program and return its bed and its seconds; None where it fails."""
-    if not script.is_file():
-        return None
-    with tempfile.TemporaryDirectory() as folder:
-        grains, poses = Path(folder) / "grains.npz", Path(folder) / "poses.npz"
-        given: dict[str, Any] = {
-            "position": start.position,
-            "orientation": start.orientation,
-            "shape": start.shape_id,
-            "diameter": start.diameters,
-            "lengths": np.subtract(*start.container.bounds[::-1]),
-            "periodic": np.array(start.container.periodic),
-            "friction": friction,
-        }
-        if not start.shapes[0].is_sphere:
-            given["vertices"] = np.array([shape.vertices for shape in start.shapes])
-        np.savez(grains, **given)
-        command = [python, os.fspath(script), os.fspath(grains), os.fspath(poses)]
-        try:
-            ended = subprocess.run(command, capture_output=True, text=True, timeout=LONGEST, check=True)
-        except (subprocess.SubprocessError, OSError):
-            return None
-        with np.load(poses, allow_pickle=False) as found:
-            position, orientation = np.array(found["position"]), np.array(found["orientation"])
-    return _within(start, position, orientation), float(ended.stdout.split()[-1])
+    given: dict[str, Any] = {
+        "position": start.position,
+        "orientation": start.orientation,
+        "shape": start.shape_id,
+        "diameter": start.diameters,
+        "lengths": np.subtract(*start.container.bounds[::-1]),
+        "periodic": np.array(start.container.periodic),
+        "friction": friction,
+    }
+    if not start.shapes[0].is_sphere:
+        given["vertices"] = np.array([shape.vertices for shape in start.shapes])
+    found = peer_arrays(script, "grains.npz", partial(np.savez, **given), longest=LONGEST)
+    return None if found is None else (_within(start, found[0]["position"], found[0]["orientation"]), found[1])
 
 
 def _within(start: Packing, position: Floats, orientation: Floats) -> Packing:
@@ -281,29 +262,19 @@ def _settled(start: Packing, how: Fall) -> tuple[float, float, float, float]:
 
 def run(folder: Path) -> tuple[Path, ...]:
     """Measure, and write rows as CSV and a figure as SVG."""
-    rows, accuracy, loop = [*measure_beds(), *measure_peers()], measure_accuracy(), calibration()
-    lines = [
-        f'"{row.name}",{row.program},{row.friction:g},{row.grains},{row.seconds:.2f},{row.bulk:.4f},'
-        f"{str(row.free).lower()},{row.overlap:.2e},{row.rests:.4f},"
-        f"{'' if np.isnan(row.segregation) else f'{row.segregation:.3f}'},{row.contacts:.2f},{loop:.5f}"
-        for row in rows
-    ]
+    rows, accuracy = [*measure_beds(), *measure_peers()], measure_accuracy()
     head = (
-        "bed,program,friction,grains,seconds,bulk_solid_fraction,free_of_overlap,deepest_overlap,share_at_rest,"
-        "segregation,coordination,calibration_seconds"
+        "bed,program,friction:g,grains,seconds:.2f,bulk_solid_fraction:.4f,free_of_overlap,deepest_overlap:.2e,"
+        "share_at_rest:.4f,segregation:.3f,coordination:.2f"
     )
-    costs = [
-        f"{step:g},{many},{seconds:.2f},{bulk:.4f},{deepest:.2e},{rests:.4f}"
-        for step, many, seconds, bulk, deepest, rests in accuracy
-    ]
     figure = folder / "settle.svg"
     _draw(rows, accuracy, figure)
     return (
-        write_rows(folder / "settle.csv", head, lines),
+        write_rows(folder / "settle.csv", head, map(astuple, rows)),
         write_rows(
             folder / "settle_accuracy.csv",
-            "step,substeps,seconds,bulk_solid_fraction,deepest_overlap_of_the_fall,share_at_rest",
-            costs,
+            "step:g,substeps,seconds:.2f,bulk_solid_fraction:.4f,deepest_overlap_of_the_fall:.2e,share_at_rest:.4f",
+            accuracy,
         ),
         figure,
     )

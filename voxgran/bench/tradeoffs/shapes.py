@@ -5,14 +5,13 @@ on a much finer mesh; it is 0 where the true geometry is exact: solids in closed
 solids in closed form the tessellation that stands in for them in pictures and files is not counted.
 """
 
-import time
-from dataclasses import astuple, dataclass, fields
+from dataclasses import astuple, dataclass
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from voxgran.bench.model import TradeOff, panels_of, write_rows
+from voxgran.bench.model import TradeOff, panels_of, timed, write_rows
 from voxgran.shapes.family import families, make_shape, seeds_of_shapes, shape_families
 from voxgran.shapes.mesh import Mesh
 from voxgran.shapes.surface import Surface
@@ -50,8 +49,8 @@ class Row:
 def run(folder: Path) -> tuple[Path, ...]:
     """Write shapes.csv and shapes.svg into a folder and return both."""
     rows = [row_of(name) for name in shape_families()]
-    lines = [f"{row.family},{row.dimension},{row.milliseconds:.3g},{row.faces},{row.error:.2g}" for row in rows]
-    table = write_rows(folder / "shapes.csv", ",".join(field.name for field in fields(Row)), lines)
+    head = "family,dimension,milliseconds:.3g,faces,error:.2g"
+    table = write_rows(folder / "shapes.csv", head, map(astuple, rows))
     _draw(rows, folder / "shapes.svg")
     return table, folder / "shapes.svg"
 
@@ -59,19 +58,16 @@ def run(folder: Path) -> tuple[Path, ...]:
 def row_of(family: str) -> Row:
     """Return the row of a family, with its default parameters."""
     seeds = seeds_of_shapes(0, COUNT)
-    made, times = [make_shape(family)], []
-    for seed in seeds:
-        began = time.process_time()
-        made.append(make_shape(family, seed=seed))
-        times.append(1e3 * (time.process_time() - began))
-    meshes = [shape for shape in made[1:] if isinstance(shape.geometry, Mesh | Surface)]
+    make_shape(family)
+    made, times = zip(*(timed(make_shape, family, seed=seed) for seed in seeds), strict=True)
+    meshes = [shape for shape in made if isinstance(shape.geometry, Mesh | Surface)]
     faces = int(np.median([len(shape.faces) for shape in meshes])) if meshes else 0
     errors = [0.0]
     if family in FINER:
         chosen = seeds[: COMPARED if families().get(family).random else 1]
         pairs = ((make_shape(family, seed=s), make_shape(family, seed=s, **FINER[family])) for s in chosen)
         errors = [abs(shape.surface_area / finer.surface_area - 1.0) for shape, finer in pairs]
-    return Row(family, families().get(family).dimension, float(np.median(times)), faces, float(np.median(errors)))
+    return Row(family, families().get(family).dimension, 1e3 * float(np.median(times)), faces, float(np.median(errors)))
 
 
 def _draw(rows: list[Row], path: Path) -> None:

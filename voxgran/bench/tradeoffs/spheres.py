@@ -8,9 +8,7 @@ has the slopes of the solid fraction of columns in layers.
 """
 
 import math
-import time
 import warnings
-from collections.abc import Iterable
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -18,7 +16,7 @@ from typing import Any
 import numpy as np
 
 from voxgran._base.errors import PackingWarning
-from voxgran.bench.model import TradeOff, calibration, panels_of, write_rows
+from voxgran.bench.model import TradeOff, panels_of, timed, write_rows
 from voxgran.contacts.verify import verify
 from voxgran.containers.kinds.box import Box
 from voxgran.containers.kinds.disk import Disk
@@ -140,14 +138,12 @@ def measure(case: Case, count: int, *, repeats: int = REPEATS) -> Row:
     many = {"count": count} if case.bed or case.made or case.sizes is not None else {}
     options = {"sizes": case.sizes, **many, **case.options}
     seconds = []
-    with warnings.catch_warnings():
-        # that not all grains are placed is what the row says
-        warnings.simplefilter("ignore", PackingWarning)
+    # that not all grains are placed is what the row says
+    with warnings.catch_warnings(action="ignore", category=PackingWarning):
         pack(shape, room_for(case, 100), method=case.method, **{**options, **({"count": 100} if many else {})})
         for _ in range(repeats if count < MANY else 1):
-            began = time.process_time()
-            packing = pack(shape, room, method=case.method, **options)
-            seconds.append(time.process_time() - began)
+            packing, took = timed(pack, shape, room, method=case.method, **options)
+            seconds.append(took)
     return Row(case, packing.count, min(seconds), _solid_fraction(case, packing), *_contacts(packing))
 
 
@@ -165,25 +161,26 @@ def run(folder: Path) -> tuple[Path, ...]:
     """Measure all cases, and write rows as CSV and a figure as SVG."""
     rows = [measure(case, count) for case in CASES for count in COUNTS]
     head = (
-        "dimension,method,grains,processor_seconds,solid_fraction,expected,error,source,"
-        + ",".join(f"coordination_{gap:g}" for gap in GAPS)
-        + ",apart,calibration_seconds"
+        "dimension,method,grains,processor_seconds:.4f,solid_fraction:.5f,expected:g,error:.5f,source,"
+        + ",".join(f"coordination_{gap:g}:.3f" for gap in GAPS)
+        + ",apart"
     )
-    table = write_rows(folder / "spheres.csv", head, lines_of(rows, calibration()))
-    layers = write_rows(folder / "spheres_layers.csv", "solid_fraction,undercompaction,slope,standard_error", slopes())
+    table = write_rows(folder / "spheres.csv", head, map(values_of, rows))
+    layers_head = "solid_fraction:g,undercompaction:g,slope:.4f,standard_error:.4f"
+    layers = write_rows(folder / "spheres_layers.csv", layers_head, slopes())
     _draw(rows, folder / "spheres.svg")
     return table, layers, folder / "spheres.svg"
 
 
-def slopes() -> list[str]:
-    """Return the lines of a table of the slopes of columns in layers, means over several with standard errors."""
-    lines = []
+def slopes() -> list[tuple[float, float, float, float]]:
+    """Return the rows of a table of the slopes of columns in layers, means over several with standard errors."""
+    rows = []
     for wanted in LEVELS:
         for under in UNDERCOMPACTIONS:
             found = [_column_slope(wanted, under, seed) for seed in range(COLUMNS)]
-            error = np.std(found, ddof=1) / math.sqrt(COLUMNS)
-            lines.append(f"{wanted:g},{under:g},{np.mean(found):.4f},{error:.4f}")
-    return lines
+            error = float(np.std(found, ddof=1)) / math.sqrt(COLUMNS)
+            rows.append((wanted, under, float(np.mean(found)), error))
+    return rows
 
 
 def _column_slope(solid_fraction: float, undercompaction: float, seed: int) -> float:
@@ -199,19 +196,11 @@ def _column_slope(solid_fraction: float, undercompaction: float, seed: int) -> f
     return float(np.polyfit(0.5 * (levels[1:] + levels[:-1]) / height, fractions, 1)[0])
 
 
-def lines_of(rows: Iterable[Row], loop: float) -> list[str]:
-    """Return the lines of the CSV table."""
-    lines = []
-    for row in rows:
-        case = row.case
-        expected = "" if case.expected is None else f"{case.expected:g}"
-        error = "" if row.error is None else f"{row.error:.5f}"
-        neighbours = ",".join(f"{mean:.3f}" for mean in row.coordination)
-        lines.append(
-            f'{case.dimension},"{case.name}",{row.grains},{row.seconds:.4f},{row.solid_fraction:.5f},{expected},{error},'
-            f'"{case.source}",{neighbours},{"yes" if row.apart else "no"},{loop:.5f}'
-        )
-    return lines
+def values_of(row: Row) -> tuple[Any, ...]:
+    """Return a row of the CSV table."""
+    case, known = row.case, (row.case.expected, row.error, row.case.source)
+    measured = row.grains, row.seconds, row.solid_fraction
+    return case.dimension, case.name, *measured, *known, *row.coordination, "yes" if row.apart else "no"
 
 
 def _draw(rows: list[Row], path: Path) -> None:

@@ -9,7 +9,6 @@ largest relative difference of the k-th smallest volumes. Cells by weights have 
 A second table has thin containers that `tetrahedral` fills by its defaults. Seconds are those of the processor.
 """
 
-import time
 import warnings
 from pathlib import Path
 
@@ -18,7 +17,7 @@ import numpy as np
 from voxgran._base.arrays import Floats
 from voxgran._base.errors import PackingWarning
 from voxgran._base.seeds import stream
-from voxgran.bench.model import TradeOff, calibration, panels_of, peers_of, write_rows
+from voxgran.bench.model import TradeOff, panels_of, peers_of, timed, write_rows
 from voxgran.containers.kernel_container import kernel_container
 from voxgran.containers.kinds.box import Box
 from voxgran.containers.kinds.cylinder import Cylinder
@@ -60,9 +59,7 @@ def measure_cells(
     rows = []
     for smoothing in SMOOTHING:
         by_weights(cells, place, wanted, 0)
-        began = time.process_time()
-        volume = by_weights(cells, place, wanted, smoothing)
-        seconds = time.process_time() - began
+        volume, seconds = timed(by_weights, cells, place, wanted, smoothing)
         rows.append((dimension, sigma, "weights", smoothing, seconds, *errors_of(volume, wanted)))
     moves = MOVES[dimension] if moves is None else moves
     peers = peers_of("cells") if moves else None
@@ -95,28 +92,20 @@ def measure_thin(name: str) -> tuple[int, float, float]:
     """Fill a thin container by the defaults of `tetrahedral`; return spheres, seconds and solid fraction."""
     room = THIN[name]
     shape = make_shape("disk" if room.dimension == 2 else "sphere")
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore", PackingWarning)
+    with warnings.catch_warnings(action="ignore", category=PackingWarning):
         small: Container = Rectangle((1, 1)) if room.dimension == 2 else Box((1, 1, 1))
         pack(shape, small, method="tetrahedral", count=50)
-        began = time.process_time()
-        packing = pack(shape, room, method="tetrahedral")
-    return packing.count, time.process_time() - began, packing.solid_fraction
+        packing, seconds = timed(pack, shape, room, method="tetrahedral")
+    return packing.count, seconds, packing.solid_fraction
 
 
 def run(folder: Path) -> tuple[Path, ...]:
     """Measure, and write rows as CSV and a figure as SVG."""
-    rows, loop = [row for d in (2, 3) for sigma in SIGMAS for row in measure_cells(d, sigma)], calibration()
-    head = "dimension,sigma,program,moves,processor_seconds,share_error,volume_error,calibration_seconds"
-    lines = [
-        f"{d},{sigma:g},{program},{moves},{seconds:.4f},{shares:.5f},{volumes:.3g},{loop:.5f}"
-        for d, sigma, program, moves, seconds, shares, volumes in rows
-    ]
-    table = write_rows(folder / "tessellation.csv", head, lines)
-    thin = [(name, *measure_thin(name)) for name in THIN]
-    lines = [f'"{name}",{many},{seconds:.3f},{found:.4f},{loop:.5f}' for name, many, seconds, found in thin]
-    head = "container,spheres,processor_seconds,solid_fraction,calibration_seconds"
-    other = write_rows(folder / "tessellation_thin.csv", head, lines)
+    rows = [row for d in (2, 3) for sigma in SIGMAS for row in measure_cells(d, sigma)]
+    head = "dimension,sigma:g,program,moves,processor_seconds:.4f,share_error:.5f,volume_error:.3g"
+    table = write_rows(folder / "tessellation.csv", head, rows)
+    head = "container,spheres,processor_seconds:.3f,solid_fraction:.4f"
+    other = write_rows(folder / "tessellation_thin.csv", head, [(name, *measure_thin(name)) for name in THIN])
     _draw(rows, folder / "tessellation.svg")
     return table, other, folder / "tessellation.svg"
 

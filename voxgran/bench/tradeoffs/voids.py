@@ -7,15 +7,14 @@ standard error of the mean chords, relative to them.
 """
 
 import math
-import time
 from pathlib import Path
 
 import numpy as np
 
 from voxgran._base.arrays import Floats
-from voxgran.bench.model import TradeOff, calibration, panels_of, write_rows
+from voxgran.bench.model import TradeOff, panels_of, timed, write_rows
 from voxgran.containers.kinds.box import Box
-from voxgran.measures.registered.voids import Voids, voids
+from voxgran.measures.registered.voids import voids
 from voxgran.packing.model import Packing
 from voxgran.packing.pack import pack
 from voxgran.shapes.family import make_shape, make_shapes
@@ -66,7 +65,7 @@ def measured(
     for resolution in resolutions:
         voxel = float(packing.diameters.mean()) / resolution
         voids(packing, voxel_size=voxel)
-        seconds, found = _timed(packing, voxel)
+        found, seconds = timed(voids, packing, voxel_size=voxel)
         chords = np.array([chords.mean for chords in found.chords])
         stated = max(chords.error / chords.mean for chords in found.chords)
         error = float(np.abs(chords / exact - 1).max())
@@ -75,27 +74,15 @@ def measured(
     return rows
 
 
-def _timed(packing: Packing, voxel: float) -> tuple[float, Voids]:
-    """Return processor seconds and the pore space."""
-    began = time.process_time()
-    found = voids(packing, voxel_size=voxel)
-    return time.process_time() - began, found
-
-
 def run(folder: Path) -> tuple[Path, ...]:
     """Measure, and write rows as CSV and a figure as SVG."""
-    loop = calibration()
     rows = [*measured("cubic lattice", cubic_lattice(), math.sqrt(3) - 1), *measured("polyhedra", polyhedra(), None)]
     _draw(rows, folder / "voids.svg")
-    lines = [
-        f"{name},{resolution},{seconds:.3g},{error:.2g},{stated:.2g},{'' if pore is None else f'{pore:.2g}'},"
-        f"{apart:.2g},{loop:.5f}"
-        for name, resolution, seconds, error, stated, pore, apart in rows
-    ]
-    head = "packing,voxels_of_a_diameter,processor_seconds,mean_chord_error,stated_error,largest_pore_error"
-    return write_rows(
-        folder / "voids.csv", f"{head},share_not_connected,calibration_seconds", lines
-    ), folder / "voids.svg"
+    head = (
+        "packing,voxels_of_a_diameter,processor_seconds:.3g,mean_chord_error:.2g,stated_error:.2g,"
+        "largest_pore_error:.2g,share_not_connected:.2g"
+    )
+    return write_rows(folder / "voids.csv", head, rows), folder / "voids.svg"
 
 
 def _draw(rows: list[Row], path: Path) -> None:
@@ -112,7 +99,5 @@ def _draw(rows: list[Row], path: Path) -> None:
 
 
 registration = TradeOff(
-    name="voids",
-    summary="pore space: seconds, and errors of chords and pores, by the voxels of a diameter",
-    run=run,
+    name="voids", summary="pore space: seconds, and errors of chords and pores, by the voxels of a diameter", run=run
 )

@@ -13,7 +13,7 @@ import numpy as np
 from voxgran._base.arrays import Floats
 from voxgran._base.lazy import load
 from voxgran._base.seeds import stream
-from voxgran.bench.model import TradeOff, calibration, least_seconds, panels_of, peers_of, scans, write_rows
+from voxgran.bench.model import TradeOff, least_seconds, panels_of, peers_of, scans, write_rows
 from voxgran.geometry.rotation import random_rotations, rotation_matrices
 from voxgran.lattice.grid import Grid
 from voxgran.shapes.family import make_shape
@@ -54,7 +54,7 @@ def posed_shapes(shape: Shape, poses: int) -> list[Shape]:
 
 def measure_rows(shapes: list[Shape], resolutions: tuple[int, ...] = RESOLUTIONS, poses: int = POSES) -> "Dataset":
     """Return seconds and rms relative volume error over random poses by shape, backend and resolution (voxels per
-    equivalent diameter); attribute ``calibration_seconds``: a fixed loop of the same run.
+    equivalent diameter).
     """
     names = (*BACKENDS, SHARES)
     seconds = np.zeros((len(shapes), len(names), len(resolutions)))
@@ -74,7 +74,6 @@ def measure_rows(shapes: list[Shape], resolutions: tuple[int, ...] = RESOLUTIONS
             "volume_error": (dims, errors, {"units": "1", "long_name": "rms relative volume error"}),
         },
         coords={"shape": [shape.name for shape in shapes], "backend": list(names), "resolution": list(resolutions)},
-        attrs={"calibration_seconds": calibration()},
     )
 
 
@@ -120,16 +119,15 @@ def run(folder: Path) -> tuple[Path, ...]:
         for backend in data.backend.values:
             for resolution in data.resolution.values:
                 at = data.sel(shape=shape, backend=backend, resolution=resolution)
-                numbers = f"{float(at.seconds):.5f},{float(at.volume_error):.3e},{data.calibration_seconds:.5f}"
-                rows.append(f"{shape},{backend},{resolution},{numbers}")
+                rows.append((shape, backend, resolution, float(at.seconds), float(at.volume_error)))
     peers = []
     times: dict[tuple[int, str], float] = {}
     for n, name, seconds, wrong in measure_peers():
         times[n, name] = seconds
         bits, mask = seconds / times[n, "voxgran, bits"], seconds / times.get((n, "voxgran, bool"), np.nan)
-        peers.append(f'{n},"{name}",{seconds:.5f},{bits:.1f},{mask:.1f},{wrong}')
-    head = "shape,backend,voxels_per_diameter,seconds,volume_error,calibration_seconds"
-    peer_head = "voxels_along_edge,program,seconds,ratio_to_bits,ratio_to_bool,voxels_that_differ"
+        peers.append((n, name, seconds, bits, mask, wrong))
+    head = "shape,backend,voxels_per_diameter,seconds:.5f,volume_error:.3e"
+    peer_head = "voxels_along_edge,program,seconds:.5f,ratio_to_bits:.1f,ratio_to_bool:.1f,voxels_that_differ"
     _draw(data, folder / "voxelize.svg")
     return (
         write_rows(folder / "voxelize.csv", head, rows),

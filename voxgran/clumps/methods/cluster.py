@@ -28,8 +28,8 @@ from typing import Literal
 
 import numpy as np
 
-from voxgran._base.arrays import Floats, as_choice
-from voxgran._base.config import check_bounds, parameter, parameter_class
+from voxgran._base.arrays import Floats
+from voxgran._base.config import parameter, parameter_class
 from voxgran._base.errors import InputError
 from voxgran._base.kernels import kernel
 from voxgran._base.lazy import load
@@ -109,11 +109,6 @@ class Cluster:
         at_most=1.0,
     )
     merge: bool = parameter(False, doc="whether groups of small spheres are replaced by larger ones")
-
-    def __post_init__(self) -> None:
-        """Check the ranges."""
-        check_bounds(self)
-        as_choice(self.lattice, "lattice", tuple(SPACING))
 
 
 def fit(body: Body, count: int, settings: Cluster, seed: int) -> Fitted:

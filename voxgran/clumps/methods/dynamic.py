@@ -15,7 +15,7 @@ Matsushima & Saomoto 2003
 import numpy as np
 
 from voxgran._base.arrays import Floats, Integers
-from voxgran._base.config import check_bounds, parameter, parameter_class
+from voxgran._base.config import parameter, parameter_class
 from voxgran._base.seeds import stream
 from voxgran.clumps.body import Body
 from voxgran.clumps.method import ClumpMethod, Fitted
@@ -54,10 +54,6 @@ class Dynamic:
     min_radius: float = parameter(
         0.02, doc="smallest radius of a sphere", unit="equivalent diameters", at_least=1e-3, at_most=0.5
     )
-
-    def __post_init__(self) -> None:
-        """Check the ranges."""
-        check_bounds(self)
 
 
 def fit(body: Body, count: int, settings: Dynamic, seed: int) -> Fitted:

@@ -14,7 +14,7 @@ Price, Murariu & Morrison 2007, Sphere clump generation and trajectory compariso
 import numpy as np
 
 from voxgran._base.arrays import Floats
-from voxgran._base.config import check_bounds, parameter, parameter_class
+from voxgran._base.config import parameter, parameter_class
 from voxgran._base.lazy import load
 from voxgran._base.seeds import stream
 from voxgran.clumps.body import Body
@@ -64,10 +64,6 @@ class FourPoint:
     min_radius: float = parameter(
         0.02, doc="smallest radius of a sphere", unit="equivalent diameters", at_least=1e-3, at_most=0.5
     )
-
-    def __post_init__(self) -> None:
-        """Check the ranges."""
-        check_bounds(self)
 
 
 def fit(body: Body, count: int, settings: FourPoint, seed: int) -> Fitted:

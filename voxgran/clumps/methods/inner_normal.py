@@ -19,8 +19,8 @@ from typing import Literal
 
 import numpy as np
 
-from voxgran._base.arrays import Booleans, Floats, Integers, as_choice
-from voxgran._base.config import check_bounds, parameter, parameter_class
+from voxgran._base.arrays import Booleans, Floats, Integers
+from voxgran._base.config import parameter, parameter_class
 from voxgran._base.seeds import stream
 from voxgran.clumps.body import Body
 from voxgran.clumps.method import ClumpMethod, Fitted
@@ -69,11 +69,6 @@ class InnerNormal:
         "largest", doc="order in which points of the surface are visited: the largest sphere first, or random"
     )
 
-    def __post_init__(self) -> None:
-        """Check the ranges."""
-        check_bounds(self)
-        as_choice(self.order, "order", ("largest", "random"))
-
 
 def fit(body: Body, count: int, settings: InnerNormal, seed: int) -> Fitted:
     """Return the spheres along inner normals."""
@@ -115,14 +110,7 @@ registration = ClumpMethod(
 )
 
 
-def _chosen(
-    feet: Floats,
-    centers: Floats,
-    radii: Floats,
-    good: Booleans,
-    far: float,
-    most: int,
-) -> Integers:
+def _chosen(feet: Floats, centers: Floats, radii: Floats, good: Booleans, far: float, most: int) -> Integers:
     """Return the spheres at points that are farther than a distance from all spheres before, `most` at the most."""
     gap = np.where(good, np.inf, -np.inf)
     chosen: list[int] = []

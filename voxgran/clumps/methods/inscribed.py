@@ -18,7 +18,7 @@ Inscribed spheres from a distance transform, chosen by radius instead: Angelidak
 import numpy as np
 
 from voxgran._base.arrays import Booleans, Floats, Integers
-from voxgran._base.config import check_bounds, parameter, parameter_class
+from voxgran._base.config import parameter, parameter_class
 from voxgran._base.kernels import kernel
 from voxgran.clumps.body import Body
 from voxgran.clumps.method import ClumpMethod, Fitted
@@ -56,10 +56,6 @@ class Inscribed:
     resolution: float = parameter(
         64.0, doc="number of voxels along the equivalent diameter", at_least=8.0, at_most=512.0
     )
-
-    def __post_init__(self) -> None:
-        """Check the ranges."""
-        check_bounds(self)
 
 
 def fit(body: Body, count: int, settings: Inscribed, seed: int) -> Fitted:

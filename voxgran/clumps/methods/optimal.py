@@ -16,7 +16,7 @@ from typing import Literal
 
 import numpy as np
 
-from voxgran._base.arrays import Floats, as_choice
+from voxgran._base.arrays import Floats
 from voxgran._base.config import check_bounds, parameter, parameter_class
 from voxgran._base.errors import InputError
 from voxgran._base.lazy import load
@@ -92,7 +92,6 @@ class Optimal:
     def __post_init__(self) -> None:
         """Check the ranges."""
         check_bounds(self)
-        as_choice(self.mode, "mode", ("balanced", "inscribed", "bounding"))
         if self.max_radius is not None and self.max_radius <= self.min_radius:
             raise InputError(
                 f"max_radius is {self.max_radius:g}: it must be above min_radius, {self.min_radius:g}; raise it, or "

@@ -16,13 +16,7 @@ from voxgran._base.kernels import bare_kernel, kernel
 from voxgran.contacts.manifolds.blocks import Blocks, pairs_of_kind
 from voxgran.contacts.manifolds.rows import SURFACE, ContactRows, Grains, Pair, PairList, Search, offset_of
 from voxgran.contacts.manifolds.surface_contacts import field_candidates
-from voxgran.contacts.manifolds.surface_memory import (
-    SurfaceWork,
-    copy_numbers,
-    spacing_of,
-    write_pose,
-    write_spread,
-)
+from voxgran.contacts.manifolds.surface_memory import SurfaceWork, copy_numbers, spacing_of, write_pose, write_spread
 from voxgran.contacts.manifolds.triangle_depths import crossing_depths
 from voxgran.contacts.manifolds.triangle_features import is_minimum, nearest_features, place_triangle
 from voxgran.contacts.manifolds.triangle_lists import near_triangles

@@ -42,11 +42,7 @@ def _between_edges(one, a, c, other, b, d, pseudo, points):  # type: ignore[no-u
     px, py, pz = one[a, c, 0], one[a, c, 1], one[a, c, 2]
     ux, uy, uz = one[a, c2, 0] - px, one[a, c2, 1] - py, one[a, c2, 2] - pz
     rx, ry, rz = other[b, d, 0] - px, other[b, d, 1] - py, other[b, d, 2] - pz
-    vx, vy, vz = (
-        other[b, d2, 0] - other[b, d, 0],
-        other[b, d2, 1] - other[b, d, 1],
-        other[b, d2, 2] - other[b, d, 2],
-    )
+    vx, vy, vz = (other[b, d2, 0] - other[b, d, 0], other[b, d2, 1] - other[b, d, 1], other[b, d2, 2] - other[b, d, 2])
     nx, ny, nz = uy * vz - uz * vy, uz * vx - ux * vz, ux * vy - uy * vx
     square = nx * nx + ny * ny + nz * nz
     if square <= 1e-8 * (ux * ux + uy * uy + uz * uz) * (vx * vx + vy * vy + vz * vz):

@@ -239,8 +239,5 @@ def _make(rest: Mapping[str, Any], where: str) -> ClosedMesh:
 
 
 registration = ContainerKind(
-    name="mesh",
-    container=ClosedMesh,
-    taken=("file", "vertices", "faces", "name", "offset"),
-    make=_make,
+    name="mesh", container=ClosedMesh, taken=("file", "vertices", "faces", "name", "offset"), make=_make
 )

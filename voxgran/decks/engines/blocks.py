@@ -42,15 +42,9 @@ def _list(items: Mapping[str, Any], least: int = 0, most: int | None = None) -> 
 
 TEXT, FLAG, NUMBER, COUNT = ({"type": kind} for kind in ("string", "boolean", "number", "integer"))
 POINT = _list(NUMBER, 2, 3)
-SOLID = {
-    "vertices": _list(POINT, 3),
-    "faces": _list(_list(COUNT | {"minimum": 0}, 3), 4),
-}
+SOLID = {"vertices": _list(POINT, 3), "faces": _list(_list(COUNT | {"minimum": 0}, 3), 4)}
 #: JSON Schema (draft 2020-12) of the file
-SCHEMA: Mapping[str, Any] = {
-    "$schema": "https://json-schema.org/draft/2020-12/schema",
-    "title": FORMAT,
-} | _object(
+SCHEMA: Mapping[str, Any] = {"$schema": "https://json-schema.org/draft/2020-12/schema", "title": FORMAT} | _object(
     {
         "format": TEXT | {"const": FORMAT},
         "comments": _list(TEXT),

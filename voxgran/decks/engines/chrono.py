@@ -19,6 +19,7 @@ from voxgran.decks.bodies import Template
 from voxgran.decks.engine import Engine, Held
 from voxgran.decks.facets import Facets, facets_of
 from voxgran.decks.simulation import SETTLING, Simulation
+from voxgran.decks.text import row_of, text_of
 from voxgran.geometry.rotation import rotation_matrices
 
 TITLE = "Chrono DEM-Engine"
@@ -177,7 +178,7 @@ def _write(simulation: Simulation) -> Mapping[str, str]:
     for k, template in enumerate(bodies.templates):
         if k in used:
             # a table of the engine has no comments
-            files[f"chrono_{template.name}.csv"] = _text([CLUMP_HEADER, *map(_row, _spheres(template))])
+            files[f"chrono_{template.name}.csv"] = text_of([CLUMP_HEADER, *map(_row, _spheres(template))])
     files[LAW] = _force(simulation)
     faceted = _faceted(simulation)
     if faceted is not None:
@@ -185,20 +186,14 @@ def _write(simulation: Simulation) -> Mapping[str, str]:
     return files
 
 
-def _text(lines: Iterable[str]) -> str:
-    """Return lines as the text of a file."""
-    return "\n".join(lines) + "\n"
-
-
 def _row(values: Iterable[float]) -> str:
     """Return numbers with all their digits, between commas."""
-    return ",".join(repr(float(value)) for value in values)
+    return row_of(values, ",")
 
 
 def _comments(simulation: Simulation, mark: str) -> list[str]:
     """Return the header as comments."""
-    lines = [*simulation.header(TITLE), "the engine computes with numbers of 32 bits"]
-    return [f"{mark} {line}" for line in lines]
+    return simulation.comments(TITLE, "the engine computes with numbers of 32 bits", mark=mark)
 
 
 def _spheres(template: Template) -> Floats:
@@ -216,7 +211,7 @@ def _grains(simulation: Simulation) -> str:
     lines = [*_comments(simulation, "#"), f"# template,{','.join(COLUMNS)}"]
     for shape, row in zip(grains.shape_id.tolist(), rows, strict=True):
         lines.append(f"{bodies.templates[shape].name},{_row(row)}")
-    return _text(lines)
+    return text_of(lines)
 
 
 def _force(simulation: Simulation) -> str:
@@ -234,7 +229,7 @@ def _force(simulation: Simulation) -> str:
         shear = young / (2 * (1 + ratio)) / (2 * (2 - ratio))
         numbers |= {"young_modulus": young / (2 * (1 - ratio**2)), "shear_modulus": shear}
     constants = [f"const float {name} = {float(np.float32(value))!r}f;" for name, value in numbers.items()]
-    return _text([*_comments(simulation, "//"), *constants]) + FORCE.format(law=LAWS[law.name])
+    return text_of([*_comments(simulation, "//"), *constants]) + FORCE.format(law=LAWS[law.name])
 
 
 def _faceted(simulation: Simulation) -> Facets | None:
@@ -250,7 +245,7 @@ def _mesh(simulation: Simulation, wall: Facets) -> str:
     lines = _comments(simulation, "#")
     lines += [f"# {wall.note}"] if wall.note else []
     lines += [f"v {' '.join(map(repr, point))}" for point in wall.vertices.tolist()]
-    return _text([*lines, *(f"f {c + 1} {b + 1} {a + 1}" for a, b, c in wall.faces.tolist())])
+    return text_of([*lines, *(f"f {c + 1} {b + 1} {a + 1}" for a, b, c in wall.faces.tolist())])
 
 
 def _driver(simulation: Simulation) -> str:
@@ -279,7 +274,7 @@ def _driver(simulation: Simulation) -> str:
         GRAINS_PART,
         *_walls(simulation),
     ]
-    return _text(lines) + RUN_PART
+    return text_of(lines) + RUN_PART
 
 
 def _walls(simulation: Simulation) -> list[str]:

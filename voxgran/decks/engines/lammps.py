@@ -31,6 +31,7 @@ from voxgran.decks.lammps_states import (
 )
 from voxgran.decks.material import CHOSEN_OVERLAP
 from voxgran.decks.simulation import OUTPUT, SETTLING, Simulation
+from voxgran.decks.text import row_of, text_of
 from voxgran.decks.walls import Walls
 from voxgran.shapes.formats.sphere_files import PLACES, text_of_spheres
 
@@ -71,25 +72,11 @@ def _write(simulation: Simulation) -> Mapping[str, str]:
         files[BODIES] = _bodies(simulation)
     bonds = _bond_texts(simulation)
     if bonds is not None:
-        files[BONDS] = "\n".join([_comments(simulation), *bonds.commands]) + "\n"
+        files[BONDS] = text_of([*simulation.comments(TITLE), *bonds.commands])
     for template, density in zip(bodies.templates, bodies.densities, strict=True):
         if template.kind == "clump":
             files[f"lammps_{template.name}.mol"] = text_of_spheres(template.shape, ".mol", density=density)
     return files
-
-
-def _comments(simulation: Simulation) -> str:
-    """Return the header as comments."""
-    return "".join(f"# {line}\n" for line in simulation.header("LAMMPS"))
-
-
-def _wrapped(simulation: Simulation, points: Floats) -> tuple[Floats, Integers]:
-    """Return points (n, 3) within the periodic bounds, and how many periods they were moved by."""
-    low, high = simulation.walls.bounds
-    periodic = np.array(simulation.walls.periodic)
-    length = np.where(periodic, high - low, 1.0)
-    image = np.where(periodic, np.floor((points - low) / length), 0.0)
-    return points - image * length, image.astype(np.int64)
 
 
 def _data(simulation: Simulation) -> str:
@@ -100,7 +87,7 @@ def _data(simulation: Simulation) -> str:
     # the masses of the spheres of a grain add up to its true mass
     density = bodies.mass[grain] / np.bincount(grain, volume, minlength=bodies.count)[grain]
     clump = np.isin(grain, bodies.of_kind("clump"))
-    places, images = _wrapped(simulation, centers)
+    places, images = simulation.walls.wrapped(centers)
     room = np.where(walls.periodic, 0.0, MARGIN * simulation.diameter + 2 * radii.max())
     low, high = walls.bounds[0] - room, walls.bounds[1] + room
     counts, bonds = [f"{len(radii)} atoms", "2 atom types"], _bond_texts(simulation)
@@ -122,7 +109,7 @@ def _data(simulation: Simulation) -> str:
         lines += [f"{number} {molecule}" for number, molecule in enumerate((grain + 1).tolist(), 1)]
     else:
         lines += ["", "Bonds", "", *bonds.section]
-    return "\n".join(lines) + "\n"
+    return text_of(lines)
 
 
 def _bond_texts(simulation: Simulation) -> BondTexts | None:
@@ -139,15 +126,15 @@ def _bodies(simulation: Simulation) -> str:
     """Return the file of rigid bodies: true mass, centroid and inertia tensor of each clump."""
     bodies = simulation.bodies
     mine = bodies.of_kind("clump")
-    places, images = _wrapped(simulation, bodies.assembly.position[mine])
+    places, images = simulation.walls.wrapped(bodies.assembly.position[mine])
     tensors = np.stack([bodies.inertia[mine][:, i, j] for i, j in PLACES], axis=1)
     lines = ["# molecule, mass, centroid, inertia xx yy zz xy xz yz, velocity, angular momentum, image flags"]
     lines.append(str(len(mine)))
     for k, grain in enumerate(mine.tolist()):
         numbers = [bodies.mass[grain], *places[k], *tensors[k]]
-        body = " ".join(repr(float(value)) for value in numbers)
+        body = row_of(numbers)
         lines.append(f"{grain + 1} {body} 0 0 0 0 0 0 {' '.join(map(str, images[k].tolist()))}")
-    return "\n".join(lines) + "\n"
+    return text_of(lines)
 
 
 def _law(simulation: Simulation) -> str:
@@ -255,7 +242,7 @@ def _script(simulation: Simulation) -> str:
         *_unloading(simulation),
         *_until_rest(simulation),
     ]
-    return _comments(simulation) + "\n".join(lines) + "\n"
+    return text_of([*simulation.comments(TITLE), *lines])
 
 
 def _motion(simulation: Simulation, spheres: int, clumps: int) -> list[str]:

@@ -23,6 +23,7 @@ from voxgran._base.errors import FileFormatError, InputError
 from voxgran.decks.engine import Engine, Held
 from voxgran.decks.facets import facets_of
 from voxgran.decks.simulation import SETTLING, Simulation
+from voxgran.decks.text import row_of, text_of
 from voxgran.geometry.rotation import quaternions_of, rotation_matrices
 
 TITLE, INSTALL = "LIGGGHTS", "apt-get install liggghts"
@@ -80,47 +81,16 @@ def _write(simulation: Simulation) -> Mapping[str, str]:
         lines = [
             f"# {template.name}: spheres x y z r in m at the size of the shape, in its body frame about the centroid"
         ]
-        files[_file(template.name)] = _comments(simulation) + _text([*lines, *map(_row, rows)])
-    facets = (
-        [wall for wall in facets_of(simulation) if wall.name in ("round", "mesh")] if _needs_mesh(simulation) else []
-    )
-    for wall in facets:
-        files[WALL] = _stl(wall.vertices[wall.faces])
+        files[_file(template.name)] = text_of([*simulation.comments(TITLE), *lines, *map(row_of, rows)])
+    for wall in facets_of(simulation) if simulation.walls.needs_triangles else ():
+        if wall.name in ("round", "mesh"):
+            files[WALL] = _stl(wall.vertices[wall.faces])
     return files
 
 
 def _file(name: str) -> str:
     """Return the name of the file of the spheres of a template."""
     return f"liggghts_{name}.txt"
-
-
-def _row(values: Floats) -> str:
-    """Return numbers as a line that reads back to the same numbers."""
-    return " ".join(repr(float(value)) for value in values)
-
-
-def _text(lines: list[str]) -> str:
-    """Return lines as text."""
-    return "\n".join(lines) + "\n"
-
-
-def _comments(simulation: Simulation) -> str:
-    """Return the header as comments."""
-    return "".join(f"# {line}\n" for line in simulation.header(TITLE))
-
-
-def _needs_mesh(simulation: Simulation) -> bool:
-    """Return whether a wall is made of triangles: all but planes and cylinders."""
-    walls = simulation.walls
-    return walls.mesh is not None or (walls.round is not None and walls.round.kind == "sphere")
-
-
-def _wrapped(simulation: Simulation, points: Floats) -> Floats:
-    """Return points (n, 3) within the periodic bounds."""
-    low, high = simulation.walls.bounds
-    periodic = np.array(simulation.walls.periodic)
-    length = np.where(periodic, high - low, 1.0)
-    return np.where(periodic, points - np.floor((points - low) / length) * length, points)
 
 
 def _box(simulation: Simulation) -> Floats:
@@ -137,14 +107,14 @@ def _grains(simulation: Simulation) -> str:
     mine = bodies.of_kind("sphere")
     centers, radii, grain = bodies.spheres
     places = np.searchsorted(grain, mine)
-    points, sizes = _wrapped(simulation, centers[places]), radii[places]
+    points, sizes = simulation.walls.wrapped(centers[places])[0], radii[places]
     density = bodies.mass[mine] / (4 / 3 * math.pi * sizes**3)
     lines = ["", f"{len(mine)} atoms", "1 atom types", ""]
-    lines += [f"{_row(ends)} {axis}lo {axis}hi" for axis, ends in zip("xyz", _box(simulation).T, strict=True)]
+    lines += [f"{row_of(ends)} {axis}lo {axis}hi" for axis, ends in zip("xyz", _box(simulation).T, strict=True)]
     lines += ["", "Atoms", ""]
     rows = np.column_stack([2 * sizes, density, points])
-    lines += [f"{number} 1 {_row(row)}" for number, row in zip((mine + 1).tolist(), rows, strict=True)]
-    return _comments(simulation) + _text(lines)
+    lines += [f"{number} 1 {row_of(row)}" for number, row in zip((mine + 1).tolist(), rows, strict=True)]
+    return text_of([*simulation.comments(TITLE), *lines])
 
 
 def _clumps(simulation: Simulation) -> str:
@@ -155,7 +125,7 @@ def _clumps(simulation: Simulation) -> str:
     """
     bodies, half = simulation.bodies, PLACED * simulation.diameter
     mine = bodies.of_kind("clump").tolist()
-    places = _wrapped(simulation, bodies.assembly.position)
+    places = simulation.walls.wrapped(bodies.assembly.position)[0]
     turns = quaternions_of(bodies.assembly.matrices)
     lines = []
     for start in range(0, len(mine), BATCH):
@@ -164,7 +134,7 @@ def _clumps(simulation: Simulation) -> str:
             lines += _clump(simulation, grain, number, np.stack([places[grain] - half, places[grain] + half]).T)
             lines.append(
                 f"fix i{grain + 1} all insert/pack seed {SEEDS[2]} distributiontemplate d{grain + 1} insert_every "
-                f"once overlapcheck no all_in no vel constant 0 0 0 orientation constant {_row(turns[grain])} "
+                f"once overlapcheck no all_in no vel constant 0 0 0 orientation constant {row_of(turns[grain])} "
                 f"particles_in_region 1 region r{grain + 1} ntry_mc 1000 check_dist_from_subdomain_border no "
                 "warn_region no"
             )
@@ -172,7 +142,7 @@ def _clumps(simulation: Simulation) -> str:
         for grain in batch:
             lines += [f"unfix {kind}{grain + 1}" for kind in "idt"]
             lines.append(f"region r{grain + 1} delete")
-    return _comments(simulation) + _text(lines)
+    return text_of([*simulation.comments(TITLE), *lines])
 
 
 def _clump(simulation: Simulation, grain: int, number: int, block: Floats) -> list[str]:
@@ -182,7 +152,7 @@ def _clump(simulation: Simulation, grain: int, number: int, block: Floats) -> li
     scale = float(bodies.assembly.scale[grain])
     # in the frame of the template: LIGGGHTS turns it with the clump
     tensor = template.shape.inertia * density * scale**5
-    inertia = _row(np.array([tensor[place] for place in PLACES]))
+    inertia = row_of(np.array([tensor[place] for place in PLACES]))
     name = grain + 1
     made = (
         f"fix t{name} all particletemplate/multisphere {SEEDS[0]} atom_type 1 density constant {density!r} "
@@ -192,7 +162,7 @@ def _clump(simulation: Simulation, grain: int, number: int, block: Floats) -> li
     return [
         made,
         f"fix d{name} all particledistribution/discrete {SEEDS[1]} 1 t{name} 1.0",
-        f"region r{name} block {_row(block.ravel())} units box volume_limit 1e-200",
+        f"region r{name} block {row_of(block.ravel())} units box volume_limit 1e-200",
     ]
 
 
@@ -239,9 +209,9 @@ def _walls(simulation: Simulation) -> list[str]:
     models, settings = _models(simulation)
     shapes = {plane.name: f"{'xyz'[plane.axis]}plane {plane.level!r}" for plane in walls.planes}
     if walls.round is not None and walls.round.kind == "cylinder":
-        shapes["round"] = f"zcylinder {walls.round.radius!r} {_row(np.array(walls.round.center[:2]))}"
+        shapes["round"] = f"zcylinder {walls.round.radius!r} {row_of(np.array(walls.round.center[:2]))}"
     lines = [f"fix {name} all wall/gran {models} primitive type 1 {shape} {settings}" for name, shape in shapes.items()]
-    if _needs_mesh(simulation):
+    if simulation.walls.needs_triangles:
         (mesh,) = (wall for wall in facets_of(simulation) if wall.name in ("round", "mesh"))
         if mesh.note:
             lines.append(f"# approximated: {mesh.note}")
@@ -269,7 +239,7 @@ def _script(simulation: Simulation) -> str:
     if spheres:
         lines += [f"read_data {GRAINS}", "group spheres type 1"]
     else:
-        lines += [f"region box block {_row(_box(simulation).T.ravel())} units box", "create_box 1 box"]
+        lines += [f"region box block {row_of(_box(simulation).T.ravel())} units box", "create_box 1 box"]
     lines += [
         f"neighbor {0.1 * simulation.diameter!r} bin",
         "neigh_modify delay 0",
@@ -288,10 +258,10 @@ def _script(simulation: Simulation) -> str:
             f"include {CLUMPS}",
         ]
     if size:
-        lines.append(f"fix weight all gravity {size!r} vector {_row(simulation.gravity / size)}")
+        lines.append(f"fix weight all gravity {size!r} vector {row_of(simulation.gravity / size)}")
     lines.append(f"timestep {simulation.time_step!r}")
     lines += [*_outputs(simulation, spheres, clumps), *_until_rest(simulation)]
-    return _comments(simulation) + _text(lines)
+    return text_of([*simulation.comments(TITLE), *lines])
 
 
 def _outputs(simulation: Simulation, spheres: int, clumps: int) -> list[str]:
@@ -352,10 +322,10 @@ def _stl(corners: Floats) -> str:
     normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
     normals /= np.linalg.norm(normals, axis=1, keepdims=True)
     for normal, triangle in zip(normals, corners, strict=True):
-        lines += [f"facet normal {_row(normal)}", "outer loop"]
-        lines += [f"vertex {_row(point)}" for point in triangle]
+        lines += [f"facet normal {row_of(normal)}", "outer loop"]
+        lines += [f"vertex {row_of(point)}" for point in triangle]
         lines += ["endloop", "endfacet"]
-    return _text([*lines, "endsolid wall"])
+    return text_of([*lines, "endsolid wall"])
 
 
 def _read(folder: Path) -> Held:

@@ -20,18 +20,14 @@ from voxgran.decks.bodies import Template
 from voxgran.decks.engine import Engine, Held
 from voxgran.decks.facets import facets_of
 from voxgran.decks.simulation import SETTLING, Simulation
+from voxgran.decks.text import row_of, text_of
 from voxgran.geometry.rotation import rotation_matrices
 
 TITLE = "MercuryDPM"
 #: names of files
 RUN, GRAINS, WALLS = "mercury_run.cpp", "mercury_grains.csv", "mercury_walls.csv"
 #: tables of a template, each with the file of MClump that has its layout
-TABLES = {
-    "pebbles": "Clump/Clump.txt",
-    "mass": "Inertia/Mass.txt",
-    "toi": "Inertia/TOI.txt",
-    "pd": "Inertia/PD.txt",
-}
+TABLES = {"pebbles": "Clump/Clump.txt", "mass": "Inertia/Mass.txt", "toi": "Inertia/TOI.txt", "pd": "Inertia/PD.txt"}
 #: columns of a grain after the name of its template: principal axes in columns, row by row
 COLUMNS = (
     *("scale", "mass", "x", "y", "z"),
@@ -224,37 +220,17 @@ def _write(simulation: Simulation) -> Mapping[str, str]:
     bodies = simulation.bodies
     used = {int(k) for k in bodies.assembly.shape_id}
     files = {RUN: _driver(simulation), GRAINS: _grains(simulation)}
-    if _by_triangles(simulation):
+    if simulation.walls.needs_triangles:
         triangles = [wall.vertices[wall.faces].reshape(-1, 9) for wall in facets_of(simulation) if wall.name in FACETED]
         notes = [wall.note for wall in facets_of(simulation) if wall.note]
-        lines = [*_comments(simulation, "#"), *(f"# {note}" for note in notes)]
-        files[WALLS] = _text([*lines, *(_row(row) for row in np.concatenate(triangles))])
+        files[WALLS] = text_of(
+            [*simulation.comments(TITLE, *notes), *(row_of(row, ",") for row in np.concatenate(triangles))]
+        )
     for k, template in enumerate(bodies.templates):
         if k in used:
             for table, rows in _tables(template, bodies.densities[k]).items():
-                files[f"mercury_{template.name}_{table}.txt"] = _text(_row(row) for row in rows)
+                files[f"mercury_{template.name}_{table}.txt"] = text_of(row_of(row, ",") for row in rows)
     return files
-
-
-def _by_triangles(simulation: Simulation) -> bool:
-    """Return whether there is a wall of triangles: a closed mesh, or a sphere; a cylinder is exact."""
-    walls = simulation.walls
-    return walls.mesh is not None or (walls.round is not None and walls.round.kind == "sphere")
-
-
-def _comments(simulation: Simulation, mark: str) -> list[str]:
-    """Return the header as comments."""
-    return [f"{mark} {line}" for line in simulation.header(TITLE)]
-
-
-def _text(lines: Iterable[str]) -> str:
-    """Return lines as the text of a file."""
-    return "\n".join(lines) + "\n"
-
-
-def _row(values: Iterable[float]) -> str:
-    """Return numbers with all their digits, between commas."""
-    return ",".join(repr(float(value)) for value in values)
 
 
 def _tables(template: Template, density: float) -> dict[str, Floats]:
@@ -273,10 +249,10 @@ def _grains(simulation: Simulation) -> str:
     bodies, grains = simulation.bodies, simulation.bodies.assembly
     axes = rotation_matrices(bodies.principal_orientation).reshape(-1, 9)
     rows = np.column_stack([grains.scale, bodies.mass, grains.position, axes, np.zeros((grains.count, 6))])
-    lines = [*_comments(simulation, "#"), f"# template,{','.join(COLUMNS)}"]
+    lines = [*simulation.comments(TITLE), f"# template,{','.join(COLUMNS)}"]
     for shape, row in zip(grains.shape_id.tolist(), rows, strict=True):
-        lines.append(f"{bodies.templates[shape].name},{_row(row)}")
-    return _text(lines)
+        lines.append(f"{bodies.templates[shape].name},{row_of(row, ',')}")
+    return text_of(lines)
 
 
 def _vector(values: Iterable[float]) -> str:
@@ -289,8 +265,7 @@ def _driver(simulation: Simulation) -> str:
     law = simulation.law
     kind = "LinearViscoelasticSlidingFriction" if law.name == "linear" else "HertzianViscoelasticMindlin"
     lines = [
-        *_comments(simulation, "//"),
-        *(f"// {line}" for line in HELP),
+        *simulation.comments(TITLE, *HELP, mark="//"),
         INCLUDES,
         f"typedef {kind}Species SPECIES;",
         f"const unsigned STEPS_PER_OUTPUT = {simulation.steps_per_output};",
@@ -305,7 +280,7 @@ def _driver(simulation: Simulation) -> str:
         "",
         *_main(simulation),
     ]
-    return _text(lines)
+    return text_of(lines)
 
 
 def _damping(simulation: Simulation) -> list[str]:
@@ -340,7 +315,7 @@ def _walls(simulation: Simulation) -> list[str]:
             f"        cylinder.addObject(Vec3D(1.0, 0.0, 0.0), {_vector([walls.round.radius, 0, 0])});",
             "        wallHandler.copyAndAddObject(cylinder);",
         ]
-    if _by_triangles(simulation):
+    if simulation.walls.needs_triangles:
         lines.append(f'        addTriangles("{WALLS}");')
     return [*lines, "    }"]
 

@@ -11,7 +11,7 @@ docs.itascacg.com/pfc700, pages of the commands `model domain`, `model mechanica
 
 import math
 import re
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -23,6 +23,7 @@ from voxgran.decks.bodies import Template
 from voxgran.decks.engine import Engine, Held
 from voxgran.decks.facets import facets_of
 from voxgran.decks.simulation import SETTLING, Simulation
+from voxgran.decks.text import row_of, text_of
 from voxgran.geometry.rotation import rotation_matrices
 from voxgran.shapes.mesh import hull_of
 
@@ -110,13 +111,8 @@ def _write(simulation: Simulation) -> Mapping[str, str]:
         files[TEMPLATES] = [line for template in clumps for line in _template(template)]
     files[GRAINS] = _grains(simulation, low, high)
     files[WALLS] = _walls(simulation)
-    comments = [*simulation.header(TITLE), *_approximations(simulation)]
-    return {name: "\n".join([*(f"; {line}" for line in comments), *lines, ""]) for name, lines in files.items()}
-
-
-def _row(values: Iterable[float]) -> str:
-    """Return numbers with all their digits."""
-    return " ".join(repr(float(value)) for value in values)
+    comments = simulation.comments(TITLE, *_approximations(simulation), mark=";")
+    return {name: text_of([*comments, *lines]) for name, lines in files.items()}
 
 
 def _domain(simulation: Simulation) -> tuple[Floats, Floats]:
@@ -142,7 +138,7 @@ def _setup(simulation: Simulation, low: Floats, high: Floats) -> list[str]:
             f"dp_en {law.restitution!r}"
         )
     conditions = " ".join("periodic" if axis else "stop" for axis in walls.periodic)
-    extent = _row(np.stack([low, high], axis=1).ravel())
+    extent = row_of(np.stack([low, high], axis=1).ravel())
     called = [TEMPLATES] if "clump" in bodies.kinds else []
     return [
         "model new",
@@ -153,7 +149,7 @@ def _setup(simulation: Simulation, low: Floats, high: Floats) -> list[str]:
         *(f"program call '{name}'" for name in (*called, GRAINS, WALLS)),
         "model energy mechanical on",
         "model orientation-tracking on",
-        f"model gravity {_row(simulation.gravity)}",
+        f"model gravity {row_of(simulation.gravity)}",
         f"model mechanical timestep fix {simulation.time_step!r}",
     ]
 
@@ -200,8 +196,8 @@ def _template(template: Template) -> list[str]:
     pebbles = np.column_stack([radii, centers @ template.principal.axes])
     return [
         f"clump template create name '{template.name}' pebbles {len(radii)} ...",
-        *(f"  {_row(pebble)} ..." for pebble in pebbles),
-        f"  volume {float(template.shape.volume)!r} inertia {_row(template.principal.moments)} 0.0 0.0 0.0",
+        *(f"  {row_of(pebble)} ..." for pebble in pebbles),
+        f"  volume {float(template.shape.volume)!r} inertia {row_of(template.principal.moments)} 0.0 0.0 0.0",
     ]
 
 
@@ -219,21 +215,21 @@ def _grains(simulation: Simulation, low: Floats, high: Floats) -> list[str]:
         template, scale, density = bodies.templates[shape], float(grains.scale[k]), bodies.densities[shape]
         if template.kind == "sphere":
             radius = scale * float(template.spheres[1][0])
-            lines.append(f"ball create id {k + 1} radius {radius!r} position {_row(place)}")
+            lines.append(f"ball create id {k + 1} radius {radius!r} position {row_of(place)}")
             lines[-1] += f" group '{template.name}'" if several else ""
         elif template.kind == "clump":
             turn = _turn(turns[k])
             diameter = float(grains.diameters[k])
             lines.append(
-                f"clump replicate id {k + 1} name '{template.name}' position {_row(place)}{turn} diameter {diameter!r} "
-                f"density {density!r}"
+                f"clump replicate id {k + 1} name '{template.name}' position {row_of(place)}{turn} "
+                f"diameter {diameter!r} density {density!r}"
             )
         else:
             points, share = corners[shape]
             lines.append(f"rblock create id {k + 1} density {density * share!r} vertices ...")
             world = (scale * points) @ grains.matrices[k].T + place
-            lines += [f"  {_row(point)} ..." for point in world[:-1]]
-            lines.append(f"  {_row(world[-1])}")
+            lines += [f"  {row_of(point)} ..." for point in world[:-1]]
+            lines.append(f"  {row_of(world[-1])}")
     return [*lines, *_ball_densities(simulation)]
 
 
@@ -252,7 +248,7 @@ def _turn(quaternion: Floats) -> str:
     if sine == 0.0:
         return ""
     angle = math.degrees(2 * math.atan2(sine, float(quaternion[0])))
-    return f" axis {_row(quaternion[1:] / sine)} angle {angle!r}"
+    return f" axis {row_of(quaternion[1:] / sine)} angle {angle!r}"
 
 
 def _corners(template: Template) -> tuple[Floats, float]:
@@ -288,8 +284,8 @@ def _walls(simulation: Simulation) -> list[str]:
     for number, wall in enumerate(facets_of(simulation), 1):
         triangles = wall.vertices[wall.faces].reshape(-1, 9)
         lines.append(f"wall create id {number} name '{wall.name}' vertices ...")
-        lines += [f"  {_row(triangle)} ..." for triangle in triangles[:-1]]
-        lines.append(f"  {_row(triangles[-1])}")
+        lines += [f"  {row_of(triangle)} ..." for triangle in triangles[:-1]]
+        lines.append(f"  {row_of(triangles[-1])}")
     return lines
 
 

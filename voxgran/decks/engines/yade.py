@@ -22,6 +22,7 @@ from voxgran.decks.bodies import Kind, Template
 from voxgran.decks.engine import Engine, Held
 from voxgran.decks.facets import facets_of
 from voxgran.decks.simulation import SETTLING, Simulation
+from voxgran.decks.text import row_of, text_of
 from voxgran.decks.yade_polyhedra import contacts_of_polyhedra, corners, damping, notes_of_polyhedra, refuse_polyhedra
 from voxgran.decks.yade_script import RUN
 from voxgran.geometry.rotation import rotation_matrices
@@ -73,9 +74,9 @@ def _write(simulation: Simulation) -> Mapping[str, str]:
     if facets:
         files[FACETS] = facets
     script = [*_constants(simulation, bool(facets)), *_engines(simulation)]
-    header = [f"# {line}" for line in [*simulation.header(TITLE), *notes, *said, *_notes(simulation)]]
+    header = simulation.comments(TITLE, *notes, *said, *_notes(simulation))
     made = {SCRIPT: "\n".join([*header, *script]) + RUN}
-    return made | {name: "\n".join([*header, *lines]) + "\n" for name, lines in files.items()}
+    return made | {name: text_of([*header, *lines]) for name, lines in files.items()}
 
 
 def _refuse(simulation: Simulation) -> None:
@@ -127,11 +128,6 @@ def _refuse_narrow(simulation: Simulation) -> None:
 def _kinds(simulation: Simulation) -> set[Kind]:
     """Return the kinds that there are grains of."""
     return {kind for kind in simulation.bodies.kinds if len(simulation.bodies.of_kind(kind))}
-
-
-def _row(values: Floats) -> str:
-    """Return numbers as a line that reads back to the same numbers."""
-    return " ".join(repr(float(value)) for value in values)
 
 
 def _notes(simulation: Simulation) -> list[str]:
@@ -274,7 +270,7 @@ def _facets(simulation: Simulation) -> tuple[list[str], list[str]]:
     if not found:
         return [], said
     rows = np.concatenate(found).reshape(-1, 9)
-    return ["# corners of triangles: x y z three times", *map(_row, rows)], said
+    return ["# corners of triangles: x y z three times", *map(row_of, rows)], said
 
 
 def _grains(simulation: Simulation) -> list[str]:
@@ -285,7 +281,7 @@ def _grains(simulation: Simulation) -> list[str]:
     lines = ["# kind, template, scale, mass, centroid x y z, orientation of principal axes w x y z, principal moments"]
     for number, row in zip(grains.shape_id.tolist(), table, strict=True):
         template = bodies.templates[number]
-        lines.append(f"{template.kind} {template.name} {_row(row)}")
+        lines.append(f"{template.kind} {template.name} {row_of(row)}")
     return lines
 
 
@@ -293,13 +289,13 @@ def _spheres(simulation: Simulation) -> list[str]:
     """Return the table of all spheres, as `ymport.textClumps` takes them."""
     centers, radii, grain = simulation.bodies.spheres
     rows = np.column_stack([centers, radii])
-    lines = [f"{_row(row)} {number}" for row, number in zip(rows, grain.tolist(), strict=True)]
+    lines = [f"{row_of(row)} {number}" for row, number in zip(rows, grain.tolist(), strict=True)]
     return ["# x y z r clumpId: the number of the grain, from 0", *lines]
 
 
 def _clump(template: Template) -> list[str]:
     """Return the spheres of a template as `ymport.textClumps` takes them."""
-    lines = [f"{_row(row)} 0" for row in np.column_stack(template.spheres)]
+    lines = [f"{row_of(row)} 0" for row in np.column_stack(template.spheres)]
     return [
         f"# {template.name}: x y z r clumpId at the size of the shape, in its body frame about the centroid",
         *lines,
@@ -321,7 +317,7 @@ def _lattice(template: Template) -> tuple[list[str], float]:
     lines = [
         f"# {template.name} at its own size, in its principal frame: lower corner x y z, spacing, points along x y z;",
         "# then distances from the surface, below 0 inside, one line along z for each x and y",
-        f"{_row(low * spacing)} {float(spacing)!r} {' '.join(map(str, count.tolist()))}",
+        f"{row_of(low * spacing)} {float(spacing)!r} {' '.join(map(str, count.tolist()))}",
     ]
     lines += [" ".join(f"{value:.10g}" for value in line) for line in distances.reshape(-1, int(count[2]))]
     return lines, error

@@ -153,8 +153,7 @@ def main_numbers(packing: Packing, statistics: "DataTree | None" = None) -> dict
 
 def _quiet_bulk(packing: Packing) -> float:
     """Return the bulk solid fraction, NaN without a warning where there is none."""
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore")
+    with warnings.catch_warnings(action="ignore"):
         return float(_bulk(packing)[0])
 
 

@@ -9,7 +9,7 @@ import numpy as np
 from voxgran._base.arrays import Floats, as_choice, as_count, as_length
 from voxgran._base.errors import InputError
 from voxgran.containers.model import Container, boundary_of
-from voxgran.measures.halfspaces import cut_disks
+from voxgran.geometry.halfspaces import cut_disks
 from voxgran.measures.model import Groups, Measure, dataset, length_unit, variable
 from voxgran.measures.region import Regions, SampledRegion
 from voxgran.measures.registered.coordination import mean_diameter

@@ -15,7 +15,7 @@ from typing import Literal
 import numpy as np
 
 from voxgran._base.arrays import Floats
-from voxgran._base.config import check_bounds, parameter, parameter_class, to_mapping
+from voxgran._base.config import parameter, parameter_class, to_mapping
 from voxgran._base.errors import InputError, PackingWarning
 from voxgran._base.seeds import stream
 from voxgran._base.warning import warn
@@ -86,10 +86,6 @@ class Gravity(Settling):
         "as usually fill it; if omitted, count and solid_fraction alone decide, or the container",
         above=0.0,
     )
-
-    def __post_init__(self) -> None:
-        """Check the ranges."""
-        check_bounds(self)
 
 
 def prepare(problem: Problem) -> SettleState:

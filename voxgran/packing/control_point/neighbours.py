@@ -6,12 +6,7 @@ from voxgran._base.arrays import Floats, Integers
 from voxgran._base.kernels import bare_kernel, inlined_kernel
 from voxgran.geometry.vectors import Vector, dot
 from voxgran.packing.control_point.pair_cache import PAIR, SLACK, WAY, claim_row, moved_since, row_of_pair
-from voxgran.packing.control_point.point_contact import (
-    HORIZON,
-    may_hold,
-    overlaps_by_points,
-    still_refused_by_points,
-)
+from voxgran.packing.control_point.point_contact import HORIZON, may_hold, overlaps_by_points, still_refused_by_points
 from voxgran.packing.control_point.records import (
     IS_SPHERE,
     KEEP_OUT,

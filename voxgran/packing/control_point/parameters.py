@@ -7,7 +7,7 @@ from voxgran._base.calls import explained_methods
 from voxgran._base.config import parameter
 from voxgran._base.errors import InputError
 from voxgran._base.warning import warn_former
-from voxgran.packing.walking.parameters import MOST_SWEEPS, Walking
+from voxgran.packing.walking.parameters import Walking
 
 #: shortest step, in diameters of the grain
 SHORTEST_STEP = 0.002
@@ -43,8 +43,7 @@ class ControlPoint(Walking):
         "between the control points of both, found with k-d trees (kdtree; points is its former name)",
     )
     points: Literal["surface", "all"] = parameter(
-        "surface",
-        doc="where control points lie: on the surface with its edges and corners, or in the interior as well",
+        "surface", doc="where control points lie: on the surface with its edges and corners, or in the interior as well"
     )
     tested_points: Literal["both", "one"] = parameter(
         "both",
@@ -64,14 +63,6 @@ class ControlPoint(Walking):
         doc="depth up to which grains may overlap, as a model of deformable grains; with contact 'sdf' only",
         unit="length",
         at_least=0.0,
-    )
-    sweeps: int = parameter(
-        100,
-        doc="number of attempts per grain after feeding has ended; with 200 or more, or a lid, the walk then goes on "
-        "until the bed no longer sinks",
-        unit="attempts per grain",
-        at_least=0,
-        at_most=MOST_SWEEPS,
     )
     gravity_bias: float = parameter(
         0.5,

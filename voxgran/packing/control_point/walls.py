@@ -10,16 +10,7 @@ from voxgran._base.arrays import Integers
 from voxgran._base.kernels import bare_kernel, inlined_kernel
 from voxgran.geometry.rotation import write_matrix
 from voxgran.packing.control_point.point_contact import holds, list_points
-from voxgran.packing.control_point.records import (
-    BALL,
-    HALF_SPACING,
-    HALF_THICKNESS,
-    MESH,
-    RADIUS,
-    ROUND,
-    Pairs,
-    Walls,
-)
+from voxgran.packing.control_point.records import BALL, HALF_SPACING, HALF_THICKNESS, MESH, RADIUS, ROUND, Pairs, Walls
 
 #: how far from the top wall a grain enters, and from a grain the lid stops, in median diameters: more than rounding
 CLEAR = 1e-9

@@ -21,7 +21,7 @@ from typing import Any, Literal
 import numpy as np
 
 from voxgran._base.arrays import Floats
-from voxgran._base.config import check_bounds, parameter, parameter_class
+from voxgran._base.config import parameter, parameter_class
 from voxgran._base.errors import InputError
 from voxgran._base.seeds import philox_key
 from voxgran.containers.kernel_container import KernelContainer, kernel_container
@@ -71,10 +71,6 @@ class Deposition:
     drops: int = parameter(
         1, doc="drops of each grain, of which the lowest place is taken, or that nearest to the center", at_least=1
     )
-
-    def __post_init__(self) -> None:
-        """Check the ranges."""
-        check_bounds(self)
 
 
 def prepare(problem: Problem) -> State:

@@ -242,11 +242,10 @@ def turned_box(low: Integers, size: Integers, turn: Integers) -> tuple[Triple, T
     """
     s = (size[turn[0] % 3], size[turn[1] % 3], size[turn[2] % 3])
     x, y, z = low[turn[0] % 3], low[turn[1] % 3], low[turn[2] % 3]
-    return (
-        -x - s[0] if turn[0] > 2 else x,
-        -y - s[1] if turn[1] > 2 else y,
-        -z - s[2] if turn[2] > 2 else z,
-    ), s
+    x = -x - s[0] if turn[0] > 2 else x
+    y = -y - s[1] if turn[1] > 2 else y
+    z = -z - s[2] if turn[2] > 2 else z
+    return (x, y, z), s
 
 
 @bare_kernel

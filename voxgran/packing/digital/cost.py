@@ -7,14 +7,7 @@ from voxgran.containers.model import boundary_of
 from voxgran.packing.digital.bit_columns import UNPACKED
 from voxgran.packing.digital.container_lattice import ContainerLattice, container_lattice
 from voxgran.packing.digital.no_fit_tables import table_bytes
-from voxgran.packing.digital.precompute import (
-    LAZY,
-    SHARED,
-    bases_of,
-    digital_kinds,
-    mean_width,
-    tables_pay,
-)
+from voxgran.packing.digital.precompute import LAZY, SHARED, bases_of, digital_kinds, mean_width, tables_pay
 from voxgran.packing.method import Cost
 from voxgran.packing.problem import Problem
 from voxgran.packing.walking.feeding import planned_attempts, usual_seconds
@@ -41,7 +34,7 @@ def digital_cost(problem: Problem) -> Cost:
     bank = 2 * 3 * members * 8 * float(words[grains].sum()) + 8 * bits
     masks = float(((2 * half) ** problem.dimension).mean()) if problem.count else 0.0
     different = _different_masks(problem)
-    kept = min(problem.byte_limit, different * masks)
+    kept = min(problem.cache.limit, different * masks)
     largest = 2 * float(radius.max(initial=0.0)) / lattice.voxel_size + 4
     margin = np.where(np.array(problem.container.periodic), largest, 1.0)
     canvas = float(np.prod(lattice.shape + 2 * margin + np.array([0, 0, 64]))) / 8

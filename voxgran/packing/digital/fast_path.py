@@ -9,13 +9,7 @@ from voxgran._base.arrays import Integers, Words
 from voxgran._base.kernels import bare_kernel, inlined_kernel
 from voxgran._base.seeds import philox_block, unit_float
 from voxgran.packing.digital.bit_columns import Bed, turned_box
-from voxgran.packing.digital.periodic_images import (
-    image_of,
-    look_along_step,
-    looked_at,
-    shifted,
-    stamp_step,
-)
+from voxgran.packing.digital.periodic_images import image_of, look_along_step, looked_at, shifted, stamp_step
 from voxgran.packing.digital.proposals import MoveRules, pick_direction, pick_grain
 from voxgran.packing.digital.stamping import look_along_low, stamp_low_move
 from voxgran.packing.digital.state import ROWS

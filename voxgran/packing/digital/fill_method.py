@@ -20,7 +20,7 @@ from typing import Any, ClassVar, Literal, TypeAlias
 import numpy as np
 
 from voxgran._base.arrays import Booleans, Floats, Integers, Words
-from voxgran._base.config import parameter, parameter_class
+from voxgran._base.config import check_bounds, parameter, parameter_class
 from voxgran._base.errors import InputError
 from voxgran._base.seeds import below, philox_block, philox_key, stream
 from voxgran._base.stopping import stop_if_asked
@@ -100,7 +100,7 @@ class DigitalFill(LatticeSearch):
 
     def __post_init__(self) -> None:
         """Check the ranges, and that the lowest place has a direction."""
-        LatticeSearch.__post_init__(self)
+        check_bounds(self)
         if self.place == "lowest" and self.gravity == "none":
             raise InputError("gravity is 'none': the lowest place needs a direction; choose one, or another place")
 
@@ -178,7 +178,7 @@ def cost(problem: Problem) -> Cost:
     shells = 9 * voxels if problem.parameters.place == "wall" else 0
     maps, masks = maps_and_masks(problem, lattice.voxel_size)
     return Cost(
-        memory=int(voxels / 8 * maps * 1.3 + masks + shells + 3 * voxels + problem.byte_limit),
+        memory=int(voxels / 8 * maps * 1.3 + masks + shells + 3 * voxels + problem.cache.limit),
         seconds=filling_seconds(problem, lattice.voxel_size),
         attempts=problem.count - starting,
         voxelized_shapes=len(kinds_of(problem)[1]) * problem.parameters.orientations + starting,
@@ -267,7 +267,7 @@ def _update_maps(problem: Problem, state: State, setting: _Setting, kind: int) -
             member = int(arrays["member"][grain])
             if member >= 0:
                 stop_if_asked()
-                table = problem.keep(("overlap", member, other), lambda: _table(oriented, member, other))  # noqa: B023
+                table = problem.cache.keep(("overlap", member, other), lambda: _table(oriented, member, other))  # noqa: B023
                 add_table(setting.maps[other], room, table, arrays["site"][grain])
             setting.joined[other] += 1
     turns = np.flatnonzero(setting.kind[came[n:]] == kind)

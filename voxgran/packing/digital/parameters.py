@@ -4,7 +4,7 @@ from dataclasses import dataclass
 from typing import Any, ClassVar, Literal
 
 from voxgran._base.calls import explained_methods
-from voxgran._base.config import check_bounds, parameter, parameter_class
+from voxgran._base.config import parameter, parameter_class
 from voxgran._base.errors import InputError
 from voxgran.packing.digital.container_lattice import MOST_ORIENTATIONS
 from voxgran.packing.walking.parameters import Walking
@@ -115,7 +115,3 @@ class LatticeSearch:
         at_least=1,
         at_most=MOST_ORIENTATIONS,
     )
-
-    def __post_init__(self) -> None:
-        """Check the ranges."""
-        check_bounds(self)

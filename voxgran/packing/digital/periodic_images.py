@@ -3,14 +3,7 @@
 from voxgran._base.arrays import Integers, Words
 from voxgran._base.kernels import bare_kernel, inlined_kernel
 from voxgran.packing.digital.bit_columns import Field, Triple
-from voxgran.packing.digital.stamping import (
-    look,
-    look_along,
-    look_along_low,
-    stamp,
-    stamp_low_move,
-    stamp_move,
-)
+from voxgran.packing.digital.stamping import look, look_along, look_along_low, stamp, stamp_low_move, stamp_move
 
 
 @inlined_kernel

@@ -137,9 +137,7 @@ def prepare(problem: Problem) -> DigitalState:
     """
     n = problem.count
     state = DigitalState(
-        site=np.zeros((n, 3), dtype=np.int64),
-        member=np.full(n, -1, dtype=np.int64),
-        turn=np.zeros(n, dtype=np.int64),
+        site=np.zeros((n, 3), dtype=np.int64), member=np.full(n, -1, dtype=np.int64), turn=np.zeros(n, dtype=np.int64)
     )
     begin_schedule(problem, state)
     return begin(WALKER, problem, state)

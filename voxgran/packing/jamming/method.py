@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from voxgran._base.config import check_bounds, parameter, parameter_class
+from voxgran._base.config import parameter, parameter_class
 from voxgran._base.seeds import stream
 from voxgran._base.stopping import stop_if_asked
 from voxgran.contacts.assembly import Assembly
@@ -33,10 +33,6 @@ class Compression:
         at_least=1e-4,
         at_most=1.0,
     )
-
-    def __post_init__(self) -> None:
-        """Check the ranges."""
-        check_bounds(self)
 
 
 @dataclass(slots=True)

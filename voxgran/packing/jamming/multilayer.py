@@ -19,7 +19,7 @@ Ladd 1978, Preparing test specimens using undercompaction, Geotechnical Testing 
 import numpy as np
 
 from voxgran._base.arrays import Floats, Integers
-from voxgran._base.config import check_bounds, parameter, parameter_class
+from voxgran._base.config import parameter, parameter_class
 from voxgran._base.errors import InputError
 from voxgran.contacts.assembly import Assembly
 from voxgran.containers.model import boundary_of
@@ -61,10 +61,6 @@ class Multilayer:
         at_least=0.0,
         at_most=5.0,
     )
-
-    def __post_init__(self) -> None:
-        """Check the ranges."""
-        check_bounds(self)
 
 
 def prepare(problem: Problem) -> CompressState:

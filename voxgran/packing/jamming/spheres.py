@@ -126,12 +126,7 @@ class SoftSpheres:
     @property
     def counters(self) -> dict[str, int]:
         """Whole numbers of the state."""
-        return {
-            "steps": self.done_steps,
-            "in_round": self.in_round,
-            "ended": int(self.ended),
-            "jammed": int(self.jams),
-        }
+        return {"steps": self.done_steps, "in_round": self.in_round, "ended": int(self.ended), "jammed": int(self.jams)}
 
     def restore(self, arrays: Mapping[str, NDArray[Any]], counters: Mapping[str, int]) -> None:
         """Take over the state of a checkpoint."""

@@ -23,7 +23,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from voxgran._base.arrays import Floats
-from voxgran._base.config import check_bounds, parameter, parameter_class
+from voxgran._base.config import parameter, parameter_class
 from voxgran._base.errors import InputError
 from voxgran._base.seeds import stream
 from voxgran.containers.model import boundary_of
@@ -67,10 +67,6 @@ class Apollonian:
         unit="length",
         above=0.0,
     )
-
-    def __post_init__(self) -> None:
-        """Check the ranges."""
-        check_bounds(self)
 
 
 @dataclass(frozen=True)

@@ -21,7 +21,7 @@ from typing import Literal
 import numpy as np
 
 from voxgran._base.arrays import Floats
-from voxgran._base.config import check_bounds, parameter, parameter_class
+from voxgran._base.config import parameter, parameter_class
 from voxgran._base.seeds import philox_key
 from voxgran.containers.kernel_container import KernelContainer, kernel_container
 from voxgran.packing.method import Cost, PackingMethod, State
@@ -83,10 +83,6 @@ class Growth:
         " asked for, in diameters of as many equal grains that fill the container",
         above=0.0,
     )
-
-    def __post_init__(self) -> None:
-        """Check the ranges."""
-        check_bounds(self)
 
 
 def prepare(problem: Problem) -> State:

@@ -92,10 +92,7 @@ class RandomApollonian:
         at_least=0.0,
     )
     largest: float | None = parameter(
-        None,
-        doc="largest diameter; default: a quarter of the shortest edge of the container",
-        unit="length",
-        above=0.0,
+        None, doc="largest diameter; default: a quarter of the shortest edge of the container", unit="length", above=0.0
     )
     shift: int = parameter(
         0, doc="how often a grain moves away from the nearest surface until another is equally near", at_least=0

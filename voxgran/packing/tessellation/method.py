@@ -31,16 +31,7 @@ from voxgran.packing.method import Cost, PackingMethod, State
 from voxgran.packing.model import Packing
 from voxgran.packing.problem import Problem, random_turns, spheres_of_start
 from voxgran.packing.tessellation.climb import HINT, MOST
-from voxgran.packing.tessellation.filling import (
-    COLUMNS,
-    KIND,
-    Walls,
-    climbed,
-    last_places,
-    next_places,
-    taken,
-    wrapped,
-)
+from voxgran.packing.tessellation.filling import COLUMNS, KIND, Walls, climbed, last_places, next_places, taken, wrapped
 from voxgran.packing.tessellation.mesh import CELL, CellMesh, lattice_mesh, lattice_points, places_of, thickness
 from voxgran.packing.tessellation.mesh_files import read_cells
 

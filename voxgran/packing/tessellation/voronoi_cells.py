@@ -21,8 +21,7 @@ import numpy as np
 from voxgran._base.arrays import Floats, Integers
 from voxgran._base.kernels import bare_kernel, kernel
 from voxgran.containers.kernel_container import MESH, ROUND, UPRIGHT, KernelContainer
-from voxgran.packing.tessellation.voronoi_bodies import Bodies, Poses, bodies_of, middle_of_gap, poses_of
-from voxgran.packing.tessellation.voronoi_polyhedron import (
+from voxgran.geometry.polyhedron import (
     CROWDED,
     CUT,
     EMPTY,
@@ -35,6 +34,7 @@ from voxgran.packing.tessellation.voronoi_polyhedron import (
     set_box,
     volume_and_center,
 )
+from voxgran.packing.tessellation.voronoi_bodies import Bodies, Poses, bodies_of, middle_of_gap, poses_of
 from voxgran.packing.tessellation.voronoi_walls import cut_by_round_wall, cut_by_triangles
 
 #: seeds in a cell of the search, about

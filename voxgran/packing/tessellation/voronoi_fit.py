@@ -16,9 +16,9 @@ from voxgran._base.arrays import Floats, Integers, Words
 from voxgran._base.kernels import bare_kernel, kernel
 from voxgran._base.seeds import philox_block, unit_float
 from voxgran.containers.kernel_container import ROUND, UPRIGHT
+from voxgran.geometry.polyhedron import CROWDED, CUT, volume_and_center
 from voxgran.packing.tessellation.voronoi_bodies import farthest_from_axis, reach_along
 from voxgran.packing.tessellation.voronoi_cells import Tessellation, build_cell
-from voxgran.packing.tessellation.voronoi_polyhedron import CROWDED, CUT, volume_and_center
 
 #: share of the orientations that are random, first angle of the others, and its factors after a success and a failure
 RANDOM, FIRST_ANGLE, WIDER, NARROWER = 0.25, 0.6, 1.6, 0.87

@@ -8,8 +8,8 @@ from voxgran._base.arrays import Floats
 from voxgran._base.kernels import kernel
 from voxgran._base.lazy import load
 from voxgran.containers.kernel_container import ROUND, UPRIGHT, KernelContainer
+from voxgran.geometry.polyhedron import CROWDED, CUT
 from voxgran.packing.tessellation.voronoi_cells import Cells, Seeds, build_cell
-from voxgran.packing.tessellation.voronoi_polyhedron import CROWDED, CUT
 from voxgran.shapes.mesh import hull_of
 from voxgran.shapes.model import Shape
 from voxgran.shapes.outline import Outline

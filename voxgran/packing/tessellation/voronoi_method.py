@@ -29,7 +29,7 @@ from typing import Any, Literal
 import numpy as np
 
 from voxgran._base.arrays import Floats, Integers
-from voxgran._base.config import check_bounds, parameter, parameter_class
+from voxgran._base.config import parameter, parameter_class
 from voxgran._base.errors import InputError, PackingWarning
 from voxgran._base.seeds import philox_key, stream
 from voxgran._base.stopping import stop_if_asked
@@ -92,10 +92,6 @@ class VoronoiFill:
         "sizes that are asked for, and then, for a solid fraction that is not met, as many up to larger ones",
         at_least=0,
     )
-
-    def __post_init__(self) -> None:
-        """Check the ranges."""
-        check_bounds(self)
 
     @property
     def own_shapes(self) -> bool:

@@ -10,9 +10,9 @@ import math
 from voxgran._base.arrays import Floats
 from voxgran._base.kernels import bare_kernel
 from voxgran.containers.kernel_container import ROUND, KernelContainer
+from voxgran.geometry.polyhedron import CUT, EMPTY, Polyhedron, clip, reach_of
 from voxgran.geometry.tree import square_to_box
 from voxgran.geometry.triangles import closest_on_triangle
-from voxgran.packing.tessellation.voronoi_polyhedron import CUT, EMPTY, Polyhedron, clip, reach_of
 
 #: protrusion of corners beyond a round wall, in sizes of the cell, and most planes of such a wall per cell
 PROTRUSION, ROUND_PLANES = 0.005, 80

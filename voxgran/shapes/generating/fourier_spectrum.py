@@ -7,7 +7,7 @@ is the elongation, D_3 to D_7 make the main irregularities, and D_8 and above th
 import numpy as np
 
 from voxgran._base.arrays import Floats
-from voxgran._base.config import check_bounds, parameter, parameter_class
+from voxgran._base.config import parameter, parameter_class
 
 
 @parameter_class
@@ -30,10 +30,6 @@ class FourierSpectrum:
         -2.0, doc="exponent of the decay from D_8 on: D_n = D_8 (n / 8)^beta", at_least=-10.0, at_most=0.0
     )
     harmonics: int = parameter(32, doc="number of the last harmonic", at_least=8, at_most=128)
-
-    def __post_init__(self) -> None:
-        """Check the ranges."""
-        check_bounds(self)
 
 
 def descriptors(spectrum: FourierSpectrum) -> Floats:

@@ -90,12 +90,7 @@ class Stored:
 
 @explained(hint='open_image("scan.zarr", voxel_size=0.1, unit="mm")')
 def open_image(
-    source: Any,
-    *,
-    key: str | None = None,
-    voxel_size: Any = None,
-    unit: str | None = None,
-    block: Any = None,
+    source: Any, *, key: str | None = None, voxel_size: Any = None, unit: str | None = None, block: Any = None
 ) -> Image:
     """Open an image that may be larger than the memory.
 

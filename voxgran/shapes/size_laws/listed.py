@@ -27,10 +27,7 @@ COLUMNS = {
     "count": ("count", "counts", "number", "n"),
 }
 #: units of columns in SI, that of masses and that of densities
-UNITS = {
-    "mass": {"kg": 1.0, "g": 1e-3, "mg": 1e-6, "t": 1e3},
-    "density": {"kg/m3": 1.0, "g/cm3": 1e3, "t/m3": 1e3},
-}
+UNITS = {"mass": {"kg": 1.0, "g": 1e-3, "mg": 1e-6, "t": 1e3}, "density": {"kg/m3": 1.0, "g/cm3": 1e3, "t/m3": 1e3}}
 #: most different sizes that are kept as a distribution
 MOST_SIZES = 100_000
 #: bytes of a grain that every method needs at least

@@ -309,8 +309,7 @@ class Other:
 
 def test_a_container_of_an_unknown_kind_is_refused_and_its_mesh_is_not():
     with pytest.raises(
-        InputError,
-        match="container is of type Other, known by its signed distance only, which method 'control_point'",
+        InputError, match="container is of type Other, known by its signed distance only, which method 'control_point'"
     ):
         run(task_of(vg.make_shape("sphere"), Other(BOX), count=2))
     mesh = vg.ClosedMesh(vg.Shape.from_mesh(*Other(BOX).mesh()))

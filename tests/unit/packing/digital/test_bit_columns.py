@@ -15,15 +15,7 @@ from voxgran.packing.digital.bit_columns import (
     turned_box,
     write_turned,
 )
-from voxgran.packing.digital.stamping import (
-    close_layer,
-    count_layer,
-    look,
-    look_along,
-    stamp,
-    stamp_move,
-    sum_blocked,
-)
+from voxgran.packing.digital.stamping import close_layer, count_layer, look, look_along, stamp, stamp_move, sum_blocked
 
 ROW = 400  # zeros at the start of the bits, for words that are not there
 

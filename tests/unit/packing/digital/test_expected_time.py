@@ -132,8 +132,7 @@ def test_studies_and_scenes_say_once_before_they_start_that_they_take_long(monke
     monkeypatch.setattr(packing_method, "LONG_RUN", 0.0)
     assert str(study.plan()).count("takes long ") == 2
     assert "note            method 'digital_fill' is expected" in str(vg.Scene.from_mapping(base).plan())
-    with warnings.catch_warnings(record=True) as told:
-        warnings.simplefilter("always")
+    with warnings.catch_warnings(record=True, action="always") as told:
         result = study.run(tmp_path / "study", workers=1)
         assert [one.category for one in told] == [LongRunWarning]
         text = str(told[0].message)

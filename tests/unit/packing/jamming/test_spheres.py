@@ -234,8 +234,7 @@ def test_rattlers_are_found_one_after_the_other():
 
 def test_few_grains_and_none():
     box = vg.Box((3, 3, 3), "xyz")
-    with warnings.catch_warnings():
-        warnings.simplefilter("error")
+    with warnings.catch_warnings(action="error"):
         assert vg.pack(SPHERE, box, method="jam", count=0).count == 0
         one = vg.pack(SPHERE, box, method="expand", count=1)
     assert one.count == 1

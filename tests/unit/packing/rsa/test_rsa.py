@@ -482,8 +482,7 @@ def test_targets_denser_than_the_densest_lattice_are_refused():
         (sphere, vg.Box((4, 4, 4)), {"count": 5}),
         (sphere, vg.Cylinder(0.51, 1.01), {}),
     ):
-        with warnings.catch_warnings():
-            warnings.simplefilter("ignore", PackingWarning)
+        with warnings.catch_warnings(action="ignore", category=PackingWarning):
             assert vg.pack(shapes, room, method="rsa", solid_fraction=0.75, tries=5, **more).count > 0
 
 

@@ -6,8 +6,8 @@ from scipy.spatial import ConvexHull, HalfspaceIntersection, Voronoi
 
 import voxgran as vg
 from voxgran.containers.kernel_container import kernel_container
+from voxgran.geometry import polyhedron
 from voxgran.packing.method import State
-from voxgran.packing.tessellation import voronoi_polyhedron as polyhedron
 from voxgran.packing.tessellation.voronoi_cells import Cells, seeds_of
 from voxgran.packing.tessellation.voronoi_grains import corners_of, largest_factor, shapes_of
 from voxgran.packing.tessellation.voronoi_steps import first_arrays, step
@@ -68,8 +68,7 @@ def by_half_spaces(container, place, weight, i):
 
 
 @pytest.mark.parametrize(
-    "container",
-    [vg.Box((3, 2, 2.5)), vg.Box((3, 2, 2.5), "xz"), vg.Rectangle((3, 2)), vg.Rectangle((3, 2), "xy")],
+    "container", [vg.Box((3, 2, 2.5)), vg.Box((3, 2, 2.5), "xz"), vg.Rectangle((3, 2)), vg.Rectangle((3, 2), "xy")]
 )
 def test_weighted_cells_are_intersections_of_half_spaces(container):
     place = points_in(container, 40)

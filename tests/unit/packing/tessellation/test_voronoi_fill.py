@@ -132,8 +132,7 @@ def test_units_and_density_of_cells():
     assert packing.unit == "mm"
     assert packing.density == 2.5
     assert packing.diameters == pytest.approx(2, rel=1e-4)
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore", PackingWarning)
+    with warnings.catch_warnings(action="ignore", category=PackingWarning):
         thousand = filled(vg.make_shape("sphere", diameter=2048.0), vg.Box((9216,) * 3), count=60, fill="cells")
     assert thousand.position / 1024 == pytest.approx(packing.position, abs=1e-9)
 

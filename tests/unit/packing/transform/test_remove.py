@@ -21,8 +21,7 @@ def dense():
 def test_the_solid_fraction_is_met_to_half_a_grain(dense):
     largest = dense.volumes.max() / BOX.volume
     for wanted in (0.55, 0.4, 0.2, 0.0):
-        with warnings.catch_warnings():
-            warnings.simplefilter("ignore", PackingWarning)
+        with warnings.catch_warnings(action="ignore", category=PackingWarning):
             kept = vg.remove_grains(dense, solid_fraction=wanted)
         assert abs(kept.solid_fraction - wanted) <= 0.5 * largest
         assert kept.provenance["removal"]["removed"] == dense.count - kept.count
@@ -37,8 +36,7 @@ def test_the_gradation_is_kept_better_than_by_chance(dense):
 
 
 def test_grains_are_removed_everywhere_and_the_others_stay(dense):
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore", PackingWarning)
+    with warnings.catch_warnings(action="ignore", category=PackingWarning):
         kept, other = (vg.remove_grains(dense, solid_fraction=0.3, seed=seed) for seed in (0, 1))
     where = np.flatnonzero((dense.position[:, None] == kept.position).all(axis=2).any(axis=1))
     assert np.array_equal(dense.position[where], kept.position)

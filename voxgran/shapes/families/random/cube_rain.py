@@ -17,15 +17,14 @@ from typing import Literal
 
 import numpy as np
 
-from voxgran._base.arrays import Floats, as_choice, as_count, as_number, as_positive
-from voxgran._base.config import parameter, parameter_class
+from voxgran._base.arrays import Floats, as_number, as_positive
+from voxgran._base.config import check_bounds, parameter, parameter_class
 from voxgran.geometry.rotation import random_rotations, rotation_matrices
 from voxgran.shapes.boolean import united
 from voxgran.shapes.family import ShapeFamily, sized
 from voxgran.shapes.model import Shape
 from voxgran.shapes.tessellate import unit_box
 
-FALLS = ("around", "down")
 MOST_CUBES = 1000
 
 
@@ -45,24 +44,25 @@ class CubeRain:
     Shape('cube_rain', mesh, diameter=1)
     """
 
-    cubes: int = parameter(12, doc="number of cubes; from 1 to 1000")
+    cubes: int = parameter(12, doc="number of cubes; from 1 to 1000", at_least=1, at_most=MOST_CUBES)
     edges: tuple[float, float] = parameter(
         (0.5, 1.0), doc="range of the edges of the cubes, before scaling to diameter"
     )
     overlap: float = parameter(
-        0.3, doc="how deep a cube sinks into another, in edges of the smaller one; from 0.01 to 0.9"
+        0.3,
+        doc="how deep a cube sinks into another, in edges of the smaller one; from 0.01 to 0.9",
+        at_least=0.01,
+        at_most=0.9,
     )
     fall: Literal["around", "down"] = parameter("around", doc="from where cubes fall: from all sides, or from above")
     diameter: float | None = parameter(None, doc="equivalent diameter; default: 1", unit="length")
 
     def __post_init__(self) -> None:
         """Check all parameters."""
-        as_count(self.cubes, "cubes", at_least=1, at_most=MOST_CUBES)
+        check_bounds(self)
         least, most = self.edges
         as_number(least, "edges", above=0.0, at_most=as_positive(most, "edges"))
         as_number(most / least, "the ratio of the largest to the smallest of edges", at_most=100.0)
-        as_number(self.overlap, "overlap", at_least=0.01, at_most=0.9)
-        as_choice(self.fall, "fall", FALLS)
 
 
 def make(parameters: CubeRain, generator: np.random.Generator) -> Shape:

@@ -14,7 +14,7 @@ import math
 import numpy as np
 
 from voxgran._base.arrays import Floats
-from voxgran._base.config import check_bounds, parameter, parameter_class
+from voxgran._base.config import parameter, parameter_class
 from voxgran._base.lazy import load
 from voxgran.shapes.family import ShapeFamily, sized
 from voxgran.shapes.generating.spherical_fields import field_values, random_coefficients
@@ -50,10 +50,6 @@ class NoiseStar:
     )
     subdivisions: int = parameter(4, doc="number of subdivisions of the icosahedron", at_least=2, at_most=6)
     diameter: float | None = parameter(None, doc="equivalent diameter; default: 1", unit="length")
-
-    def __post_init__(self) -> None:
-        """Check the ranges."""
-        check_bounds(self)
 
 
 def make(parameters: NoiseStar, generator: np.random.Generator) -> Shape:

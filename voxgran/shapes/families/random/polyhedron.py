@@ -10,11 +10,11 @@ sphere, and the volume of Minkowski sums with spheres
 """
 
 import math
-from typing import Literal, TypeAlias, get_args
+from typing import Literal, TypeAlias
 
 import numpy as np
 
-from voxgran._base.arrays import Floats, as_choice, as_count
+from voxgran._base.arrays import Floats, as_count
 from voxgran._base.config import check_bounds, parameter, parameter_class
 from voxgran._base.errors import InputError
 from voxgran._base.scalars import cube_root
@@ -70,7 +70,6 @@ class Polyhedron:
     def __post_init__(self) -> None:
         """Check the values."""
         check_bounds(self)
-        as_choice(self.solid, "solid", get_args(Solid))
         if self.points is not None:
             if self.solid != "random":
                 raise InputError(f"points is given for solid {self.solid!r}, which has its own corners; leave it out")

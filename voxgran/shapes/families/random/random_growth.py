@@ -20,8 +20,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from voxgran._base.arrays import Booleans, Floats, Integers, as_count, as_number, as_positive
-from voxgran._base.config import parameter, parameter_class
+from voxgran._base.arrays import Booleans, Floats, Integers, as_number, as_positive
+from voxgran._base.config import check_bounds, parameter, parameter_class
 from voxgran._base.errors import InputError
 from voxgran._base.kernels import inlined_kernel, kernel
 from voxgran.shapes.family import ShapeFamily
@@ -53,9 +53,12 @@ class RandomGrowth:
     20.0
     """
 
-    cubes: int = parameter(500, doc="number of cubes; from 1 to 2 000 000")
+    cubes: int = parameter(500, doc="number of cubes; from 1 to 2 000 000", at_least=1, at_most=MOST_CUBES)
     power: float = parameter(
-        1.0, doc="power of the number of neighbours of a free place; from -4 (porous) over 0 and 1 to 4 (smooth)"
+        1.0,
+        doc="power of the number of neighbours of a free place; from -4 (porous) over 0 and 1 to 4 (smooth)",
+        at_least=-4.0,
+        at_most=4.0,
     )
     rates: tuple[float, float, float] | None = parameter(
         None, doc="rates of growth along x, y and z; default: equal; at most 10 times each other"
@@ -68,8 +71,7 @@ class RandomGrowth:
 
     def __post_init__(self) -> None:
         """Check all parameters together."""
-        as_count(self.cubes, "cubes", at_least=1, at_most=MOST_CUBES)
-        as_number(self.power, "power", at_least=-4.0, at_most=4.0)
+        check_bounds(self)
         if self.rates is not None and self.aspect is not None:
             raise InputError(
                 "rates and aspect are both given: each decides how far it grows along the axes; leave one out"

@@ -25,14 +25,13 @@ from typing import Any, Literal
 
 import numpy as np
 
-from voxgran._base.arrays import Booleans, Integers, as_choice, as_count, as_share
-from voxgran._base.config import parameter, parameter_class
+from voxgran._base.arrays import Booleans, Integers, as_count, as_share
+from voxgran._base.config import check_bounds, parameter, parameter_class
 from voxgran._base.errors import InputError, shown
 from voxgran.shapes.family import ShapeFamily
 from voxgran.shapes.generating.voxel_solid import largest_piece, mask_of_cubes, voxel_solid
 from voxgran.shapes.model import Shape
 
-KINDS, PIECES = ("random", "menger", "sierpinski", "carpet"), ("largest", "whole")
 #: largest number of cells on a side and in all
 MOST_ON_SIDE, MOST_CELLS = 256, 1_000_000
 
@@ -56,7 +55,9 @@ class SierpinskiSponge:
     kind: Literal["random", "menger", "sierpinski", "carpet"] = parameter(
         "random", doc="where cells are removed: at random places, or from a central hole along three axes, none or z"
     )
-    divisions: int = parameter(3, doc="number of cells along an edge into which each cube is divided; from 2 to 16")
+    divisions: int = parameter(
+        3, doc="number of cells along an edge into which each cube is divided; from 2 to 16", at_least=2, at_most=16
+    )
     levels: int = parameter(2, doc="number of times that all cubes are divided; 0 is a cube")
     hole: int | None = parameter(
         None,
@@ -76,15 +77,13 @@ class SierpinskiSponge:
 
     def __post_init__(self) -> None:
         """Check all parameters together."""
-        as_choice(self.kind, "kind", KINDS)
-        as_choice(self.piece, "piece", PIECES)
-        b = as_count(self.divisions, "divisions", at_least=2, at_most=16)
+        check_bounds(self)
         if self.kind == "random":
             if self.hole is not None:
                 raise InputError("hole is given: cells are removed at random places; leave it out or choose a kind")
             if self.removed is not None and self.kept is not None:
                 raise InputError("removed and kept are both given: each says how many cells stay; leave one out")
-            as_count(self.removed or 0, "removed", at_most=b**3 - 1)
+            as_count(self.removed or 0, "removed", at_most=self.divisions**3 - 1)
             as_share(1.0 if self.kept is None else self.kept, "kept")
         else:
             for name in ("removed", "kept"):

@@ -13,7 +13,7 @@ from typing import Literal
 
 import numpy as np
 
-from voxgran._base.arrays import Floats, as_choice, as_count
+from voxgran._base.arrays import Floats, as_count
 from voxgran._base.config import check_bounds, parameter, parameter_class
 from voxgran._base.errors import InputError
 from voxgran.shapes.family import ShapeFamily, refuse_both, sized
@@ -71,8 +71,6 @@ class VoronoiFragment:
     def __post_init__(self) -> None:
         """Check the values."""
         check_bounds(self)
-        as_choice(self.process, "process", ("random", "jittered"))
-        as_choice(self.boundary, "boundary", ("periodic", "reflected"))
         refuse_both(self.diameter, (("lengths", self.lengths),), aspect=self.aspect)
         if self.cell is not None:
             as_count(self.cell, "cell", at_most=self.seeds - 1)

@@ -19,7 +19,7 @@ from typing import Literal
 
 import numpy as np
 
-from voxgran._base.arrays import Booleans, Integers, as_choice, as_count
+from voxgran._base.arrays import Booleans, Integers
 from voxgran._base.config import parameter, parameter_class
 from voxgran._base.errors import InputError
 from voxgran._base.kernels import kernel
@@ -27,7 +27,7 @@ from voxgran.shapes.family import ShapeFamily
 from voxgran.shapes.generating.voxel_solid import voxel_solid
 from voxgran.shapes.model import Shape
 
-BASES, RULES = ("rectangle", "ellipse"), ("ballistic", "random", "relaxed")
+RULES = ("ballistic", "random", "relaxed")
 #: largest width of the base, number of cubes, and number of voxels of the box that holds them
 MOST_WIDE, MOST_CUBES, MOST_VOXELS = 1024, 5_000_000, 200_000_000
 
@@ -48,25 +48,20 @@ class VoxelRain:
     56.0
     """
 
-    cubes: int = parameter(400, doc="number of cubes that fall; to 5 000 000")
-    width: tuple[int, int] = parameter((10, 10), doc="cubes along the base in x and y; from 1 to 1024 each")
+    cubes: int = parameter(400, doc="number of cubes that fall; to 5 000 000", at_most=MOST_CUBES)
+    width: tuple[int, int] = parameter(
+        (10, 10), doc="cubes along the base in x and y; from 1 to 1024 each", at_least=1, at_most=MOST_WIDE
+    )
     base: Literal["rectangle", "ellipse"] = parameter("rectangle", doc="form of the base")
-    plate: int = parameter(1, doc="thickness of the plate on which they fall, in cubes; from 1 to 1024")
+    plate: int = parameter(
+        1, doc="thickness of the plate on which they fall, in cubes; from 1 to 1024", at_least=1, at_most=MOST_WIDE
+    )
     deposition: Literal["ballistic", "random", "relaxed"] = parameter(
         "ballistic",
         doc="where a cube stays: where it first touches another, on its column, or on the lowest column near",
     )
     diameter: float | None = parameter(None, doc="equivalent diameter; default: 1", unit="length")
     edge: float | None = parameter(None, doc="edge of a cube, in place of the diameter", unit="length")
-
-    def __post_init__(self) -> None:
-        """Check all parameters."""
-        as_count(self.cubes, "cubes", at_most=MOST_CUBES)
-        for value in self.width:
-            as_count(value, "width", at_least=1, at_most=MOST_WIDE)
-        as_choice(self.base, "base", BASES)
-        as_count(self.plate, "plate", at_least=1, at_most=MOST_WIDE)
-        as_choice(self.deposition, "deposition", RULES)
 
 
 def make(parameters: VoxelRain, generator: np.random.Generator) -> Shape:

@@ -91,8 +91,5 @@ def _mesh(radius: float, height: float, tolerance: float) -> Mesh:
 
 
 registration = ShapeFamily(
-    name="spherocylinder",
-    summary="cylinder with hemispherical ends",
-    parameters=Spherocylinder,
-    make=make,
+    name="spherocylinder", summary="cylinder with hemispherical ends", parameters=Spherocylinder, make=make
 )

@@ -7,7 +7,7 @@ themselves.
 import numpy as np
 
 from voxgran._base.arrays import as_positive
-from voxgran._base.config import check_bounds, parameter, parameter_class
+from voxgran._base.config import parameter, parameter_class
 from voxgran.shapes.families.surfaces.sheet import lattice_faces
 from voxgran.shapes.family import ShapeFamily, sized
 from voxgran.shapes.model import Shape
@@ -47,10 +47,6 @@ class RandomSurface:
         at_most=SHORTEST,
     )
     diameter: float | None = parameter(None, doc="diameter of the disk of equal area; default: 1", unit="length")
-
-    def __post_init__(self) -> None:
-        """Check the ranges."""
-        check_bounds(self)
 
 
 def make(parameters: RandomSurface, generator: np.random.Generator) -> Shape:

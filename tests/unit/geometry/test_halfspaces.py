@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from voxgran._base.seeds import stream
+from voxgran.geometry.halfspaces import cut_disks, cut_spheres
 from voxgran.geometry.rotation import random_rotations, rotation_matrices
-from voxgran.measures.halfspaces import cut_disks, cut_spheres
 from voxgran.measures.window import power_planes
 from voxgran.shapes.sphere_union import union_moments
 

@@ -250,3 +250,18 @@ def volume_and_center(cell: Polyhedron, center: Floats) -> float:
     center[1] = cell.corner[0, 1] + my / (4.0 * volume)
     center[2] = cell.corner[0, 2] + mz / (4.0 * volume)
     return volume / 6.0
+
+
+@bare_kernel
+def copy_polyhedron(cell: Polyhedron, copy: Polyhedron) -> None:
+    """Write corners and faces of a polyhedron to another one with as much room."""
+    copy.count[0], copy.count[1] = cell.count[0], cell.count[1]
+    for v in range(cell.count[0]):
+        for c in range(3):
+            copy.corner[v, c] = cell.corner[v, c]
+    for f in range(cell.count[1]):
+        copy.size[f], copy.owner[f], copy.span[f] = cell.size[f], cell.owner[f], cell.span[f]
+        for k in range(cell.size[f]):
+            copy.loop[f, k] = cell.loop[f, k]
+        for c in range(4):
+            copy.plane[f, c] = cell.plane[f, c]
