@@ -263,6 +263,7 @@ def test_centroids_in_the_faces_of_a_cylinder_and_of_a_sampled_region_count_in_a
         assert not Regions(packing).at(1.71 * unit).grains(packing).any()
 
 
+@pytest.mark.filterwarnings("ignore:.*bulk")
 def test_overlaps_and_the_wetted_surface_take_the_same_contacts(monkeypatch):
     """Finding contacts of meshes is most of the time of the measure."""
     packing = Packing.of(CUBE, Box((4, 4, 4)), position=[(1, 1, 1), (2.0, 1, 1), (2.9, 2, 2)])
