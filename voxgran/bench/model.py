@@ -113,13 +113,15 @@ def ratios(rate: float, peers: Iterable[float | None]) -> str:
     return ",".join("" if peer is None else f"{rate / peer:.1f}" for peer in peers)
 
 
-def write_rows(path: Path, head: str, rows: Iterable[str]) -> Path:
+def write_rows(path: Path, head: str, rows: Iterable[str | Iterable[object]]) -> Path:
     """Write a CSV table and return its path.
 
-    A table with seconds or rates has the column :data:`YARDSTICK`, which is measured where the rows lack it, and these
-    columns once more in units of it, such as ``seconds_over_calibration`` and ``attempts_per_calibration``.
+    A row is a line of text or the cells of it. A table with seconds or rates has the column :data:`YARDSTICK`, which is
+    measured where the rows lack it, and these columns once more in units of it, such as ``seconds_over_calibration``
+    and ``attempts_per_calibration``.
     """
-    names, *table = csv.reader([head, *rows])
+    lines = [row if isinstance(row, str) else [str(cell) for cell in row] for row in rows]
+    names, *table = (next(csv.reader([line])) if isinstance(line, str) else line for line in [head, *lines])
     timed = [name for name in names if name != YARDSTICK and ("seconds" in name or _is_rate(name))]
     if timed and YARDSTICK not in names:
         loop = f"{calibration():.5f}"
