@@ -79,7 +79,7 @@ def test_a_file_that_grows_too_large_is_closed(tree, tmp_path):
     most, hard = resource.getrlimit(resource.RLIMIT_FSIZE)
     resource.setrlimit(resource.RLIMIT_FSIZE, (1000, hard))
     try:
-        with pytest.raises(OutputError, match="(?i)too large"):
+        with pytest.raises(OutputError, match=r"(?i)too large"):
             save_statistics(tree, tmp_path / "s.nc")
     finally:
         resource.setrlimit(resource.RLIMIT_FSIZE, (most, hard))
