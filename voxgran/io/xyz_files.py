@@ -122,7 +122,9 @@ def read_xyzd(path: Path, *, place: Path | None = None) -> Particles:
     """Read spheres from a ``.xyzd`` file: x, y, z and the diameter of each, the lowest byte first.
 
     They are in double precision, or in single precision if the size of the file is then that of the number of spheres
-    that a file beside it tells; without such a file double precision is assumed. The periodic box is that of ``generation.conf`` beside the file. PackingGeneration writes the diameters that it was
+    that a file beside it tells; without such a file double precision is assumed.
+
+    The periodic box is that of ``generation.conf`` beside the file. PackingGeneration writes the diameters that it was
     asked for, to which the final ones are proportional: they are scaled to the final porosity that a file of the same
     name with the suffix ``.nfo`` states. `place` is where the file lay before it was unpacked.
 
