@@ -6,12 +6,12 @@ Four small studies of control-point packing: feeding rate, way of feeding, bound
 study changes one condition of the same bed: spheres fed at the default rate into a box with periodic sides, half as
 wide as the bed is high, which settles after the walk. The script prints the bulk solid fraction (which needs 50 grains
 away from walls and surface), the mean height of the grains above the floor in diameters, and the processor seconds of
-a run, as means over several seeds. It writes a table and a figure with error bars of two standard errors.
+a run, as means over several seeds. It writes a table, with the yardstick of `voxgran bench` beside the seconds, and a
+figure with error bars of two standard errors.
 
 Arguments: folder, number of grains, sweeps, number of seeds (400 400 3 in the documentation).
 """
 
-import csv
 import sys
 import time
 from pathlib import Path
@@ -20,6 +20,7 @@ import numpy as np
 from matplotlib.figure import Figure
 
 import voxgran as vg
+from voxgran.bench.model import write_rows
 
 folder = Path(sys.argv[1] if len(sys.argv) > 1 else "out/control_studies")
 count, sweeps, seeds = (int(sys.argv[k]) if len(sys.argv) > k else many for k, many in ((2, 150), (3, 60), (4, 1)))
@@ -94,7 +95,5 @@ for panel, (study, choices) in zip(figure.subplots(2, 2).flat, studies.items(), 
 folder.mkdir(parents=True, exist_ok=True)
 # Picture: Bulk solid fraction for each feeding rate, way of feeding, boundary and shape, as points with error bars.
 figure.savefig(folder / "control_studies.svg")
-with (folder / "control_studies.csv").open("w", newline="") as file:
-    table = csv.writer(file, lineterminator="\n")
-    table.writerow(["study", "choice", "bulk_solid_fraction", "standard_error", "mean_height", "seconds"])
-    table.writerows(rows)
+head = "study,choice,bulk_solid_fraction,standard_error,mean_height,seconds"
+write_rows(folder / "control_studies.csv", head, rows)

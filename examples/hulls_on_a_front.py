@@ -16,6 +16,7 @@ from pathlib import Path
 from matplotlib.image import imsave
 
 import voxgran as vg
+from voxgran.bench.model import write_rows
 from voxgran.report.scenes import picture_cut
 
 folder = Path(sys.argv[1] if len(sys.argv) > 1 else "out/hulls_on_a_front")
@@ -45,12 +46,13 @@ def packed(count: int) -> tuple[vg.Packing, list[tuple[str, float, float]]]:
 packed(50)
 packing, rows = packed(count)
 folder.mkdir(parents=True, exist_ok=True)
-lines = ["stage,processor_seconds_so_far,solid_fraction"]
+lines = []
 print(f"{packing.count} polyhedra, each of its own shape")
 for name, seconds, fraction in rows:
     print(f"{name:22s} {seconds:7.2f} s  solid fraction {fraction:.4f}")
-    lines.append(f"{name},{seconds:.2f},{fraction:.4f}")
-(folder / "hulls_on_a_front.csv").write_text("\n".join([*lines, f"{packing.count} grains,,"]) + "\n")
+    lines.append((name, f"{seconds:.2f}", f"{fraction:.4f}"))
+head = "stage,processor_seconds_so_far,solid_fraction"
+write_rows(folder / "hulls_on_a_front.csv", head, [*lines, (f"{packing.count} grains", "", "")])
 vg.save(packing, folder / "hulls.vtp", overwrite=True)
 
 # %%

@@ -4,11 +4,12 @@ Each line is a scan with so many triangles: seconds and errors of the simplifica
 share at rest of a bed of 100 such grains by ``gravity``. Seconds are of the processor, after a first call.
 """
 
-import csv
 import sys
 import time
+from pathlib import Path
 
 import voxgran as vg
+from voxgran.bench.model import write_rows
 
 SCANS = {"eros": "eros.obj", "itokawa": "itokawa_lp.obj"}
 FACES = (200, 500, 1000, 2000, 5000)
@@ -50,10 +51,7 @@ def main() -> None:
         scan = vg.load_shape(vg.data_file(file))
         bed_of(vg.simplify(scan, faces=FACES[0]).shape)
         rows += [row_of(name, scan, faces) for faces in (*FACES, None) if (faces or 0) < len(scan.faces)]
-    with open(sys.argv[1], "w", newline="", encoding="utf-8") as file:
-        writer = csv.DictWriter(file, rows[0])
-        writer.writeheader()
-        writer.writerows(rows)
+    write_rows(Path(sys.argv[1]), ",".join(rows[0]), [row.values() for row in rows])
 
 
 if __name__ == "__main__":

@@ -4,10 +4,10 @@ Each line is a function that takes a number of threads, with the seconds of the 
 smallest of three, and whether the results have the same bits. It needs a machine that does nothing else.
 """
 
-import csv
 import sys
 import time
 from collections.abc import Callable
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -15,6 +15,7 @@ import numpy as np
 import voxgran as vg
 from voxgran._base.machine import processor_count
 from voxgran._base.seeds import stream
+from voxgran.bench.model import write_rows
 
 CHECKED = 20_000
 
@@ -87,10 +88,7 @@ def main() -> None:
                 "same_bits": one == other,
             }
         )
-    with open(target, "w", newline="", encoding="utf-8") as file:
-        writer = csv.DictWriter(file, rows[0])
-        writer.writeheader()
-        writer.writerows(rows)
+    write_rows(Path(target), ",".join(rows[0]), [row.values() for row in rows])
 
 
 if __name__ == "__main__":

@@ -5,17 +5,18 @@ its place, which numba compiles. Both give the same packing. Seconds are of the 
 smallest of three.
 """
 
-import csv
 import hashlib
 import os
 import subprocess
 import sys
 import tempfile
 import time
+from pathlib import Path
 
 import numpy as np
 
 from voxgran._base.kernels import bare_kernel
+from voxgran.bench.model import write_rows
 from voxgran.packing.digital import simd
 
 #: edge of a voxel, in diameters: columns of one word, and of several
@@ -92,13 +93,12 @@ def main():
             environment = {**os.environ, "VOXGRAN_CACHE": cache}
             answer = subprocess.run(command, env=environment, check=True, capture_output=True, text=True).stdout
         results[loops] = [line.split() for line in answer.splitlines()]
-    with open(sys.argv[1], "w", newline="", encoding="utf-8") as file:
-        writer = csv.writer(file)
-        writer.writerow(["voxel_size_over_diameter", "vector_seconds", "plain_seconds", "plain_over_vector"])
-        for voxel, vector, plain in zip(VOXELS, results["vector"], results["plain"], strict=True):
-            assert vector[1] == plain[1], "the packings differ"
-            a, b = float(vector[0]), float(plain[0])
-            writer.writerow([voxel, f"{a:.3f}", f"{b:.3f}", f"{b / a:.2f}"])
+    head, rows = "voxel_size_over_diameter,vector_seconds,plain_seconds,plain_over_vector", []
+    for voxel, vector, plain in zip(VOXELS, results["vector"], results["plain"], strict=True):
+        assert vector[1] == plain[1], "the packings differ"
+        a, b = float(vector[0]), float(plain[0])
+        rows.append((voxel, f"{a:.3f}", f"{b:.3f}", f"{b / a:.2f}"))
+    write_rows(Path(sys.argv[1]), head, rows)
 
 
 if __name__ == "__main__":

@@ -4,7 +4,6 @@ Each line is a packing: those saved in files, and spheres and different rough gr
 processor, the smallest of three.
 """
 
-import csv
 import sys
 import time
 from pathlib import Path
@@ -13,6 +12,7 @@ import numpy as np
 
 import voxgran as vg
 from voxgran._base.seeds import stream
+from voxgran.bench.model import write_rows
 from voxgran.report import view
 from voxgran.report.colors import COLOR_BY, coloring
 from voxgran.shapes.tessellate import sphere
@@ -64,10 +64,7 @@ def main() -> None:
     cases["many spheres"] = on_lattice(20_000, [vg.make_shape("sphere")])
     cases["more spheres than are shown"] = on_lattice(100_000, [vg.make_shape("sphere")])
     rows = [measured(name, packing) for name, packing in cases.items()]
-    with Path(target).open("w", newline="", encoding="utf-8") as file:
-        writer = csv.DictWriter(file, list(rows[0]), lineterminator="\n")
-        writer.writeheader()
-        writer.writerows(rows)
+    write_rows(Path(target), ",".join(rows[0]), [row.values() for row in rows])
 
 
 if __name__ == "__main__":

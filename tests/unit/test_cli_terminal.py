@@ -63,6 +63,13 @@ def test_what_tells_its_time_has_no_other_time_beside_it(bars, timed):
     assert ("{task.fields[left]}" in texts) == timed
 
 
+@pytest.mark.parametrize(("total", "told"), [(5, False), (1000, True)])
+def test_a_few_steps_tell_no_time(bars, total, told):
+    """Those of finishing a scene take from milliseconds to a minute."""
+    steps(("finishing", 0, total), ("finishing", 1, total), ("finishing", 2, total))
+    assert bool(bars[0].tasks[0].fields["left"]) == told
+
+
 @pytest.mark.parametrize(("given", "told"), [({}, True), ({"quiet": True}, False), ({"json": True}, False)])
 def test_a_log_has_a_line_every_ten_seconds_also_of_a_stage_that_says_nothing_more(monkeypatch, given, told):
     options = argparse.Namespace(**{"quiet": False, "json": False, **given})

@@ -48,4 +48,5 @@ def clump(options: argparse.Namespace) -> None:
     if options.picture:
         voxgran.save_clump_picture(made, options.picture, overwrite=options.overwrite)
     written = ", ".join(str(path) for path in (options.output, options.picture) if path)
-    show({"spheres": made.count, **made.errors.to_mapping()}, options, written, UNITS)
+    why = {"reason": made.reason} if made.reason else {}
+    show({"spheres": made.count, **made.errors.to_mapping(), **why}, options, written, UNITS)

@@ -14,6 +14,9 @@ from typing import Any
 from voxgran._base.lazy import load
 from voxgran._base.progress import OnStep, ProgressLines, Step, silent
 
+#: steps of a stage from which on their pace tells how long it takes
+MANY = 20
+
 
 @contextlib.contextmanager
 def progress(options: argparse.Namespace, *, timed: bool = True) -> Iterator[OnStep | None]:
@@ -57,11 +60,12 @@ def progress(options: argparse.Namespace, *, timed: bool = True) -> Iterator[OnS
                 bar.update(task, visible=True)
             bar.update(task, completed=step.done, total=step.total or None, text=step.text)
             one = next(one for one in bar.tasks if one.id == task)
-            left = one.time_remaining
+            # a few steps, such as those of finishing a scene, take times of their own
+            left = one.time_remaining if step.total >= MANY else None
             bar.update(
                 task,
-                rate=f"{one.speed:,.0f}/s" if one.speed else "",
-                left="" if left is None else f"at most {timedelta(seconds=int(left))}",
+                rate=f"{one.speed:,.0f}/s" if one.speed and step.total >= MANY else "",
+                left="" if left is None else f"up to about {timedelta(seconds=int(left))}",
             )
 
         yield show

@@ -205,7 +205,10 @@ def _fewest(fit: _Fit, target: str, level: float, most: int) -> Clump:
         else:
             low = middle
     if target == "volume" and found.errors.volume != found.clump.errors.volume:
-        met = f"{target} within {_distance(found, target):.4g} before it was matched"
+        met = (
+            f"{target} within {_distance(found, target):.4g} before it was matched, with an intersection over union of "
+            f"{found.clump.errors.iou:.3g}"
+        )
         return replace(found.clump, reason="; ".join(filter(None, (found.clump.reason, met))))
     return found.clump
 

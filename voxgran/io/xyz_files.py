@@ -119,7 +119,10 @@ def _bounds(told: dict[str, str], path: Path, line: int) -> Floats:
 
 
 def read_xyzd(path: Path, *, place: Path | None = None) -> Particles:
-    """Read spheres from a ``.xyzd`` file: x, y, z and the diameter of each in double precision, the lowest byte first.
+    """Read spheres from a ``.xyzd`` file: x, y, z and the diameter of each, the lowest byte first.
+
+    They are in double precision, or in single precision if the size of the file is then that of the number of spheres
+    that a file beside it tells; without such a file double precision is assumed.
 
     The periodic box is that of ``generation.conf`` beside the file. PackingGeneration writes the diameters that it was
     asked for, to which the final ones are proportional: they are scaled to the final porosity that a file of the same
@@ -131,22 +134,28 @@ def read_xyzd(path: Path, *, place: Path | None = None) -> Particles:
         If it is cut off, a sphere is not finite or has no size, or box or porosity beside it are out of range.
     """
     raw, place = path.read_bytes(), path if place is None else place
-    if len(raw) % 32:
-        raise FileFormatError(f"{path} has {len(raw)} bytes: each sphere has 32; it is cut off or damaged")
-    table = np.frombuffer(raw, dtype="<f8").reshape(-1, 4)
+    beside = {one.name: _facts(one) for one in (place.with_suffix(".nfo"), place.with_name("generation.conf"))}
+    is_single = any(found.get("n") == [len(raw) / 16] for found in beside.values())
+    if len(raw) % 32 and not is_single:
+        raise FileFormatError(
+            f"{path} has {len(raw)} bytes: each sphere has 32, or 16 in single precision, for which generation.conf or "
+            "an .nfo file beside it must tell the number of spheres; it is cut off or damaged"
+        )
+    table = np.frombuffer(raw, dtype="<f4" if is_single else "<f8").reshape(-1, 4).astype(np.float64)
     with np.errstate(invalid="ignore"):
-        centers, radii = table[:, :3].astype(np.float64), table[:, 3] / 2
+        centers, radii = table[:, :3], table[:, 3] / 2
     refuse_bad_spheres(centers, radii, path, row="sphere")
     told, assumed = (
         dict[str, list[float]](),
         {"sizes": "diameters as they stand: no .nfo file tells the final porosity"},
     )
-    for beside in (place.with_suffix(".nfo"), place.with_name("generation.conf")):
-        found = _facts(beside)
+    if is_single:
+        assumed["precision"] = "single, by the number of spheres that stands beside the file"
+    for name, found in beside.items():
         if found.get("n", [len(radii)]) == [len(radii)]:
             told |= found
         else:
-            assumed[beside.name] = "not used: it is of another number of spheres"
+            assumed[name] = "not used: it is of another number of spheres"
     if len(told.get("dimensions", ())) != 3 or told.get("boundaries mode", [1.0]) != [1.0]:
         return Particles(centers=centers, radii=radii, assumed=assumed)
     lengths = np.array(told["dimensions"])

@@ -17,7 +17,7 @@ from voxgran.contacts.inside import inner_distance
 from voxgran.contacts.model import Contacts
 from voxgran.geometry.triangles import areas_of, normals_of
 from voxgran.measures.model import length_unit, variable
-from voxgran.measures.window import Estimate, Solids, images
+from voxgran.measures.window import ON, Estimate, Solids, images
 from voxgran.packing.model import Packing
 from voxgran.shapes.mesh import Mesh
 from voxgran.shapes.model import Shape
@@ -27,8 +27,6 @@ from voxgran.shapes.sphere_union import exposed_areas
 from voxgran.shapes.spheres import Spheres
 from voxgran.shapes.surface import Surface
 
-#: distance, in mean diameters, up to which a face lies on another one: more than neighbours of a label image are apart
-ON = 1e-4
 #: least number of parts of the surface of a grain
 PARTS = 2000
 

@@ -35,6 +35,8 @@ from voxgran.shapes.tessellate import revolved
 FINE = 720
 #: depth of overlap, in mean diameters (in mean radii of spheres), below which its volume is negligible
 NO_DEPTH = 1e-9
+#: distance, in mean diameters, up to which a face lies on another one: more than neighbours of a label image are apart
+ON = 1e-4
 
 Planes: TypeAlias = tuple[Integers, Floats, Floats]
 
@@ -146,8 +148,10 @@ class Solids:
     def overlaps(self) -> tuple[Integers, Integers, Integers]:
         """Pairs (i, j, image) of grains that overlap."""
         packing = self.packing
-        found = packing.contacts(0.0)
-        deep = found.gap < -NO_DEPTH * (packing.diameters.mean() if packing.count else 1.0)
+        mean = float(packing.diameters.mean()) if packing.count else 1.0
+        # the wetted surface asks for these pairs too, which are found once
+        found = packing.contacts(ON * mean)
+        deep = found.gap < -NO_DEPTH * mean
         # open surfaces have no volume
         deep &= (packing.volumes[found.i] > 0.0) & (packing.volumes[found.j] > 0.0)
         return found.i[deep], found.j[deep], found.image[deep]

@@ -1,7 +1,6 @@
 """`pack`: from shapes and a container to a packing, by any registered method."""
 
 import inspect
-import logging
 import os
 import time
 from collections.abc import Callable, Mapping, Sequence
@@ -17,14 +16,14 @@ from voxgran._base.calls import explained
 from voxgran._base.config import parameters_of, to_mapping
 from voxgran._base.errors import InputError, PackingWarning, numbered, shown
 from voxgran._base.machine import installed_versions
-from voxgran._base.progress import OnStep, Step, reported
+from voxgran._base.progress import OnStep
 from voxgran._base.registry import Parameters
 from voxgran._base.scalars import number_of, whole_number_of
 from voxgran._base.units import NO_UNIT, as_unit
 from voxgran._base.warning import warn
 from voxgran.containers.model import Container, check_container
 from voxgran.containers.one_unit import in_one_unit
-from voxgran.packing.beds.expected import expected_bed
+from voxgran.packing.beds.expected import tell_of_bed
 from voxgran.packing.draw import Request, draw_grains, joined, listed_grains, scaled_to
 from voxgran.packing.driver import Drive, Recorder, check_drive, drive
 from voxgran.packing.method import PackingMethod, RunState, check_cost, method_registry, refuse_list, refuse_unfit
@@ -37,8 +36,6 @@ from voxgran.settling.parameters import Settling
 from voxgran.shapes.model import Shape, check_shapes
 from voxgran.shapes.size_laws.listed import ListedGrains, with_shapes_of_list
 from voxgran.shapes.sizes import SizeDistribution, size_distance
-
-log = logging.getLogger(__name__)
 
 P = ParamSpec("P")
 
@@ -218,7 +215,7 @@ def pack(
     limit = None if time_limit is None else as_number(time_limit, "time_limit", at_least=0.0)
     check_drive(checkpoint, resume, on_step, recorder)
     check_cost(task.method, task.problem)
-    _tell_of_bed(task.problem, on_step)
+    tell_of_bed(task.problem, on_step)
     how = Drive(checkpoint, resume, on_step, time_limit=limit, recorder=recorder, threads=threads)
     state = drive(task.method, task.problem, how)
     packing = with_provenance(task, state, task.method.finish(task.problem, state), seconds=time.monotonic() - began)
@@ -226,19 +223,6 @@ def pack(
     warn_of_overlaps(task.problem, packing)
     warn_of_unrest(packing)
     return packing
-
-
-def _tell_of_bed(problem: Problem, on_step: OnStep | None) -> None:
-    """Tell how deep the bed will be; warn where a solid fraction is asked of it and it will have no bulk."""
-    bed = expected_bed(problem)
-    if bed is None:
-        return
-    log.info("the bed is expected to be %s", bed)
-    if (told := reported(on_step)) is not None:
-        told(Step(stage="expected bed", done=0, total=0, text=str(bed)))
-    settling = problem.settling or problem.parameters
-    if bed.note and settling.solid_fraction is not None:
-        warn(bed.note, PackingWarning)
 
 
 def prepare_task(request: Request) -> Task:

@@ -85,6 +85,7 @@ class Problem:
     density: Density = NOT_STATED  # of the shapes
     settling: Any = None  # how the grains settle after the method; None if they do not
     grain_id: Integers | None = None  # (n,) row of each grain in a list, -1 for one of no list; None without a list
+    given: Container | None = None  # the container in the user's unit, where it is known
     # what is requested; without both, grains are more than enough
     asked_count: int | None = None
     asked_fraction: float | None = None
@@ -271,6 +272,7 @@ def normalized_problem(
         start=None if start is None else Start(start.position / unit, start.orientation),
         grain_id=grains.grain_id,
         **asked,
+        given=container,
     )
 
 

@@ -22,6 +22,7 @@ from voxgran._base.warning import warn
 from voxgran.containers.model import UNKNOWN, Container, boundary_of, check_container
 from voxgran.containers.one_unit import in_one_unit
 from voxgran.packing.bed_search import sentence_of
+from voxgran.packing.beds.expected import tell_of_bed
 from voxgran.packing.draw import DENSEST
 from voxgran.packing.driver import Drive, check_drive, drive
 from voxgran.packing.gravity import as_down, gravity_vector, proposed_axis
@@ -126,7 +127,8 @@ def settle(
     -----
     PackingWarning
         If fewer grains than asked for are proven to rest, some could not be parted, or the solid fraction is beyond
-        what the grains come to rest at; the nearest bed is returned then.
+        what the grains come to rest at; the nearest bed is returned then. If a bed of which a solid fraction is asked
+        is expected to have no bulk.
 
     See Also
     --------
@@ -176,6 +178,9 @@ def settle(
         finish=lambda _, state: finished(packing, state),
         cost=lambda _: Cost(memory=GRAIN_BYTES * packing.count, attempts=0),
     )
+    if how.solid_fraction is not None:
+        units = tuple(shape.scaled(1 / shape.diameter) for shape in problem.shapes)
+        tell_of_bed(replace(problem, shapes=units), on_step, np.array(packing.gravity))
     state = drive(method, problem, Drive(checkpoint, resume, on_step, threads=threads))
     settled = method.finish(problem, state)
     warn_of_unrest(settled)

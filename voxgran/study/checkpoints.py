@@ -49,6 +49,19 @@ def is_seen(checkpoint: str, mark: str) -> bool:
         return False
 
 
+def seconds_before(checkpoint: str) -> float:
+    """Return the processor time that led to a checkpoint, 0 where there is none."""
+    if os.path.exists(checkpoint):
+        with contextlib.suppress(OSError, ValueError):
+            return float(_clock(checkpoint).read_text(encoding="ascii"))
+    return 0.0
+
+
+def _clock(checkpoint: str) -> Path:
+    """Return the file beside a checkpoint that holds the processor time."""
+    return Path(f"{checkpoint}.seconds")
+
+
 class Checkpoint:
     """The checkpoint of a run, and beside it the processor time that led to it.
 
@@ -62,13 +75,9 @@ class Checkpoint:
 
     def __init__(self, file: str, seconds: Callable[[], float]) -> None:
         self._file, self._seconds = file, seconds
-        self._clock = Path(f"{file}.seconds")
         self._stamp = self._written()
         #: processor time that led to the checkpoint from which the run goes on
-        self.before = 0.0
-        if self._stamp:
-            with contextlib.suppress(OSError, ValueError):
-                self.before = float(self._clock.read_text(encoding="ascii"))
+        self.before = seconds_before(file)
 
     def pack(self, scene: SceneDescription, shapes: tuple[Shape, ...]) -> Packing:
         """Pack a scene, from its checkpoint where there is one that belongs to it.
@@ -103,8 +112,8 @@ class Checkpoint:
             with contextlib.suppress(OSError, ValueError):
                 remove_checkpoint(self._file)
                 # what holds no number is another file
-                float(self._clock.read_text(encoding="ascii"))
-                self._clock.unlink()
+                float(_clock(self._file).read_text(encoding="ascii"))
+                _clock(self._file).unlink()
 
     def _note(self, step: Step) -> None:
         """Write the processor time when a checkpoint has been written since the last step."""
@@ -112,7 +121,7 @@ class Checkpoint:
         stamp = self._written()
         if stamp != self._stamp:
             self._stamp = stamp
-            write_text(self._clock, str(self.before + self._seconds()), sync=False)
+            write_text(_clock(self._file), str(self.before + self._seconds()), sync=False)
 
     def _written(self) -> int:
         """Return when the checkpoint was written, 0 where there is none."""

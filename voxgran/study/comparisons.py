@@ -20,8 +20,7 @@ from voxgran.report.significance import all_equal, difference_of, holm, verdict_
 from voxgran.study.axes import Label
 from voxgran.study.cell_values import axes_of, labels_of, main_variable, text_of, values_of, varied_axes
 from voxgran.study.cells import LISTED
-from voxgran.study.effect_sizes import hedges_g
-from voxgran.study.rank_test import rank_test
+from voxgran.study.group_tests import hedges_g, rank_test
 
 if TYPE_CHECKING:
     from xarray import Dataset

@@ -36,7 +36,8 @@ class DaskRuns(Executor):
     def __init__(self, address: str) -> None:
         self._address = address
         self._client: Any = None
-        self._left: dict[str, Any] = {}
+        self._left: dict[str, tuple[Run, Any]] = {}
+        self._begun: dict[str, float] = {}
         self._tries: dict[str, int] = {}
         self._stamps: dict[str, int] = {}
         self._threads, self._asked = 0, -math.inf
@@ -50,6 +51,13 @@ class DaskRuns(Executor):
                 self._threads = sum(self._client.nthreads().values())
             self._asked = time.monotonic()
         return min(len(self._left), self._threads)
+
+    @property
+    def under_way(self) -> list[tuple[Run, float]]:
+        """The runs that are computed now, and for how many seconds each has been, if they are begun in their order."""
+        now = time.monotonic()
+        begun = list(self._left.values())[: self.running]
+        return [(run, now - self._begun.setdefault(run.key, now)) for run, _ in begun]
 
     def __enter__(self) -> "DaskRuns":
         """Connect to the scheduler.
@@ -81,7 +89,7 @@ class DaskRuns(Executor):
         """Cancel what is not finished, and leave the scheduler."""
         with contextlib.suppress(OSError, TimeoutError):
             if self._client.status == "running":
-                self._client.cancel(list(self._left.values()))
+                self._client.cancel([future for _, future in self._left.values()])
             self._client.close(timeout=1)
         for name, level in self._levels.items():
             logging.getLogger(name).setLevel(level)
@@ -121,7 +129,8 @@ class DaskRuns(Executor):
     def _submit(self, run: Run, finished: "queue.SimpleQueue[tuple[Run, Any]]", *, priority: int) -> None:
         """Give a run to the cluster; it is noted when it is finished."""
         future = self._client.submit(compute_with_file, run, pure=False, priority=priority)
-        self._left[run.key] = future
+        self._left[run.key] = run, future
+        self._begun.pop(run.key, None)
         future.add_done_callback(_noting(finished, run))
 
     def _goes_on(self, run: Run) -> bool:

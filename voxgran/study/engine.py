@@ -1,10 +1,8 @@
 """Running a study: what is finished is read, what is left is ordered and computed, and all of it is gathered."""
 
 import contextlib
-import math
 import re
 import time
-from collections import Counter, defaultdict
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -20,8 +18,9 @@ from voxgran._base.stopping import Signals
 from voxgran._base.warning import warn
 from voxgran.scene.run import opened_folder
 from voxgran.study.cells import Cell
-from voxgran.study.checkpoints import marked
+from voxgran.study.checkpoints import marked, seconds_before
 from voxgran.study.dask_runs import DaskRuns
+from voxgran.study.durations import SPREAD, Durations, Kind, told_duration
 from voxgran.study.executor import Executor
 from voxgran.study.files import files_of, run_hash
 from voxgran.study.plan import CellPlan, StudyPlan, cell_plan, note_of_beds, told_values
@@ -170,15 +169,9 @@ class _Work:
     options: Options
     records: dict[Place, Record] = field(default_factory=dict)
     left: dict[str, tuple[Place, Run]] = field(default_factory=dict)
-    looked: float = field(default_factory=time.monotonic)
-    computing: float = 0.0  # seconds that runs were computed, without those of loading and compiling
-    finished: float = 0.0  # the same when a run was finished last
-    done: float = 0.0  # seconds of the runs that were computed now
-    spent: dict[str, float] = field(
-        default_factory=lambda: defaultdict(float)
-    )  # seconds of the runs that have a result, by their method
-    tried: Counter[str] = field(default_factory=Counter)  # their attempts
-    ahead: Counter[str] = field(default_factory=Counter)  # attempts of the runs that are left
+    durations: Durations = field(default_factory=Durations)
+    elapsed: float = 0.0  # seconds that runs have taken now, by the clock
+    used: float = 0.0  # processor seconds of them
     told: float = 0.0
     mark: str = ""
 
@@ -246,6 +239,8 @@ class _Work:
                 mark=self.mark,
                 memory=plan.memory,
                 attempts=plan.attempts,
+                grains=plan.grains,
+                before=seconds_before(kept),
                 files={name: cell.hashes.of(name) for name in files_of(cell.mapping)},
             )
             # two cells may be the same scene, by values that change nothing
@@ -255,17 +250,15 @@ class _Work:
     def _compute(self, executor: Executor) -> int:
         """Compute the runs that are left, the longest first; return how many."""
         total = len(self.left)
+        for cell in self.settings.cells:
+            self.durations.add(cell.key, cell.mapping)
         for (at, _), record in self.records.items():
             self._note(at, record)
         for _, run in self.left.values():
-            self.ahead[_method(run)] += _attempts(run)
-        # a method that was not timed comes first, since nothing is known of it
-        unknown = max(map(self._rate, self.tried), default=1.0)
-        rates = {method: self._rate(method) if method in self.tried else unknown for method in self.ahead}
-        order = sorted((run for _, run in self.left.values()), key=lambda run: -_attempts(run) * rates[_method(run)])
+            self.durations.expect(run.cell, run.attempts, run.grains)
         with Signals() as signals:
             signals.patient = True
-            for came in executor.results(order):
+            for came in executor.results(self._order()):
                 if came is not None:
                     self._keep(*came)
                 self._tell(executor)
@@ -273,15 +266,33 @@ class _Work:
                     raise Interrupted(self._farewell(), signals.number)
         return total
 
+    def _order(self) -> list[Run]:
+        """Return the runs that are left, the longest first; before them the shortest and the longest one of each kind
+        that was not timed, by which the time that is left is told soon.
+        """
+        # where nothing is known of the seconds, more attempts and more grains are expected to take longer
+        lengths = {
+            key: (self.durations.expected(run.cell)[1], run.attempts, run.grains) for key, (_, run) in self.left.items()
+        }
+        order = sorted((run for _, run in self.left.values()), key=lambda run: lengths[run.key], reverse=True)
+        first: list[dict[Kind, Run]] = [{}, {}]
+        for found, runs in zip(first, (sorted(order, key=lambda run: lengths[run.key]), order), strict=True):
+            for run in runs:
+                kind = self.durations.cells[run.cell].kind
+                if not self.durations.is_timed(kind):
+                    found.setdefault(kind, run)
+        return list({run.key: run for runs in (first[0].values(), first[1].values(), order) for run in runs}.values())
+
     def _keep(self, run: Run, record: Record, packing: bytes) -> None:
         """Keep what a run has left."""
         place, _ = self.left.pop(run.key)
-        record.attempts = run.attempts
+        record.attempts, record.grains = run.attempts, run.grains
         self.store.write(run, record, self.settings.cells[place[0]].values, packing)
         self.records[place] = record
         self._note(place[0], record)
-        self.ahead[_method(run)] -= _attempts(run)
-        self.done, self.finished = self.done + record.seconds, self.computing
+        self.durations.cells[run.cell].left -= 1
+        if record.elapsed:
+            self.elapsed, self.used = self.elapsed + record.elapsed, self.used + record.seconds - run.before
 
     def _fill(self) -> None:
         """Give cells that are the same scene the same records."""
@@ -296,40 +307,40 @@ class _Work:
 
     def _note(self, at: int, record: Record) -> None:
         """Note the time of a run of a cell."""
-        if record.attempts and not record.failure:
-            method = self.settings.cells[at].scene.method
-            self.spent[method] += record.seconds
-            self.tried[method] += record.attempts
+        if not record.failure:
+            self.durations.note(self.settings.cells[at].key, record.attempts, record.grains, record.seconds)
 
-    def _rate(self, method: str) -> float:
-        """Return the mean seconds of an attempt of a method; NaN where it has not been timed."""
-        return self.spent[method] / self.tried[method] if method in self.tried else math.nan
-
-    def _remaining(self) -> float:
-        """Return the seconds that the runs that are left will take, by those that were computed; NaN if not known, and
-        negative where they take longer than was expected.
-        """
-        left = sum(attempts * self._rate(method) for method, attempts in self.ahead.items() if attempts)
-        return self.finished * left / self.done - (self.computing - self.finished) if self.done else math.nan
+    def _left(self, under_way: Sequence[tuple[Run, float]]) -> str:
+        """Return in words how long the runs that are left will take, by those that are finished; empty if not known."""
+        if not self.left:
+            return ""
+        # processor seconds in a second of a run: fewer where others use the processors too
+        pace = max(0.01, min(1.0, self.used / self.elapsed)) if self.elapsed else 1.0
+        computed = [(run.cell, run.before + seconds * pace) for run, seconds in under_way]
+        before = sum(run.before for _, run in self.left.values()) - sum(run.before for run, _ in under_way)
+        least, most, late = self.durations.remaining(computed, before)
+        if late:
+            return ", longer than expected"
+        if most <= SPREAD * least:
+            return f", about {told_duration((least + most) / 2 / pace)} left"
+        return f", at least {told_duration(least / pace)} left" if least else ""
 
     def _tell(self, executor: Executor) -> None:
         """Report progress, ten times a second at the most."""
-        now = time.monotonic()
-        self.computing += (now - self.looked) * executor.computing
-        self.looked = now
+        now, running = time.monotonic(), executor.running
         if self.options.on_step is None or (self.left and now - self.told < TELL_SECONDS):
             return
         self.told = now
         failed = sum(bool(record.failure) for record in self.records.values())
         total = len(self.settings.cells) * len(self.settings.seeds)
-        text = f"{len(self.records)} of {total}, {executor.running} running, {failed} failed"
+        text = f"{len(self.records)} of {total}, {running} running, {failed} failed"
         if executor.compiling:
             # how long that takes is not known
             text += ", compiling kernels (once per machine)"
-        elif executor.running and not executor.computing:
+        elif executor.loading:
             text += ", loading libraries"
-        elif self.left and math.isfinite(left := self._remaining()):
-            text += f", about {_duration(max(left, 0.0))} left" if left > -1.0 else ", longer than expected"
+        else:
+            text += self._left(executor.under_way)
         self.options.on_step(Step(stage="runs", done=len(self.records), total=total, text=text))
 
     def _farewell(self) -> str:
@@ -340,20 +351,3 @@ class _Work:
         return (
             f"stopped after {len(self.records)} of {total} runs, which are kept: the same command computes the others"
         )
-
-
-def _method(run: Run) -> str:
-    """Return the packing method of a run."""
-    return str(run.mapping["packing"]["method"])
-
-
-def _attempts(run: Run) -> int:
-    """Return the attempts that a run is expected to take, at least one."""
-    return max(run.attempts, 1)
-
-
-def _duration(seconds: float) -> str:
-    """Return a duration as text."""
-    if seconds < 100:
-        return f"{seconds:.0f} s"
-    return f"{seconds / 60:.0f} min" if seconds < 6000 else f"{seconds / 3600:.1f} h"

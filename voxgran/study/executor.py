@@ -24,9 +24,14 @@ class Executor(ABC):
         return False
 
     @property
-    def computing(self) -> float:
-        """Share of what is busy with runs that computes them now, as far as it is known, and does not prepare them."""
-        return 1.0
+    def loading(self) -> bool:
+        """Whether libraries are loaded now, as far as it is known."""
+        return False
+
+    @property
+    @abstractmethod
+    def under_way(self) -> list[tuple[Run, float]]:
+        """The runs that are computed now, and for how many seconds each has been."""
 
     @abstractmethod
     def __enter__(self) -> Self:

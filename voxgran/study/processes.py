@@ -65,11 +65,12 @@ def serve(channel: Channel) -> None:
 
 @dataclass(slots=True, eq=False)
 class _Worker(Process):
-    """A process with the runs that it was given, in their order; it computes the first one."""
+    """A process with the runs that it was given, in their order; it has computed the first one for some seconds."""
 
     given: list[Run] = field(default_factory=list)
     ready: bool = False
     compiling: bool = False
+    computed: float = 0.0
 
     @property
     def memory(self) -> int:
@@ -107,10 +108,15 @@ class Processes(Executor):
         return any(worker.compiling for worker in self._workers)
 
     @property
-    def computing(self) -> float:
-        """Share of the processes with runs that compute them now; the others load libraries or compile kernels."""
+    def loading(self) -> bool:
+        """Whether all processes with runs still load libraries."""
         busy = [worker for worker in self._workers if worker.given]
-        return sum(worker.ready and not worker.compiling for worker in busy) / max(1, len(busy))
+        return bool(busy) and not any(worker.ready for worker in busy)
+
+    @property
+    def under_way(self) -> list[tuple[Run, float]]:
+        """The runs that are computed now, and for how many seconds each has been, without loading and compiling."""
+        return [(worker.given[0], worker.computed) for worker in self._workers if worker.given]
 
     def __enter__(self) -> "Processes":
         """Start the processes, all or none."""
@@ -136,11 +142,15 @@ class Processes(Executor):
         MissingLibraryError
             If no process can be started.
         """
-        self._waiting = list(runs)
+        self._waiting, looked = list(runs), time.monotonic()
         while self._waiting or self.running:
             for worker in self._workers:
                 self._give(worker)
             came = wait([worker.connection for worker in self._workers], timeout=TICK)
+            looked, before = time.monotonic(), looked
+            for worker in self._workers:
+                if worker.given and worker.ready and not worker.compiling:
+                    worker.computed += looked - before
             # before what came is noted, so that the processes are seen as they were meanwhile
             yield None
             for worker in [one for one in self._workers if one.connection in came]:
@@ -158,6 +168,7 @@ class Processes(Executor):
                     worker.ready, self._failed_starts = True, 0
                     continue
                 run, (record, seconds), worker.compiling = worker.given.pop(0), message, False
+                worker.computed = 0.0
                 # the pace of the last dozen of runs
                 self._pace += (seconds - self._pace) / 12
                 self._give(worker)

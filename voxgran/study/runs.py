@@ -58,8 +58,10 @@ class Run:
         File for the checkpoint, from which a run that was ended goes on; empty where it begins anew.
     mark : str
         What is in the folder of the checkpoint, by which a Dask worker finds that it sees the same folder.
-    memory, attempts : int
-        Bytes at the peak and attempts, as planned.
+    memory, attempts, grains : int
+        Bytes at the peak, attempts and grains, as planned.
+    before : float
+        Processor seconds that have led to its checkpoint.
     version : str
         Version of voxgran that the results are to be of.
     files : dict
@@ -75,6 +77,8 @@ class Run:
     mark: str = ""
     memory: int = 0
     attempts: int = 0
+    grains: int = 0
+    before: float = 0.0
     version: str = __version__
     files: dict[str, str] = field(default_factory=dict)
 
@@ -97,8 +101,10 @@ class Record:
         Bytes of memory at the peak of the process during the run.
     warnings : list of str
         What was warned of.
-    attempts : int
-        Attempts at the most, as planned.
+    attempts, grains : int
+        Attempts at the most and grains, as planned.
+    elapsed : float
+        Seconds by the clock since it was begun the last time; 0 where they are not known.
     """
 
     failure: str = ""
@@ -108,6 +114,8 @@ class Record:
     memory: int = 0
     warnings: list[str] = field(default_factory=list)
     attempts: int = 0
+    grains: int = 0
+    elapsed: float = 0.0
 
 
 class SceneCache:
@@ -138,7 +146,7 @@ def compute(run: Run, cache: SceneCache | None = None) -> Record:
     cache : SceneCache, optional
         Scene and shapes of the run before.
     """
-    record, began = Record(), _seconds()
+    record, began, clock = Record(), _seconds(), time.monotonic()
     if run.version != __version__:
         return Record(failure=f"the worker has voxgran {__version__} in place of {run.version}: install the same")
     _forget_peak()
@@ -165,6 +173,7 @@ def compute(run: Run, cache: SceneCache | None = None) -> Record:
     record.failure = " ".join(record.failure.split())
     record.warnings = list(dict.fromkeys(" ".join(str(one.message).split()) for one in caught))
     record.seconds, record.memory = _seconds() - began - preparation.seconds + kept.before, _peak()
+    record.elapsed = time.monotonic() - clock - preparation.seconds
     kept.remove()
     return record
 

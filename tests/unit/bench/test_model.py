@@ -16,7 +16,7 @@ def table(tmp_path, head, *rows):
 
 def test_seconds_and_rates_in_units_of_the_yardstick(tmp_path):
     head = "program,seconds,attempts_per_second,microseconds_per_attempt,calibration_seconds"
-    first, second = table(tmp_path, head, '"SciPy, plain",3.0,200,5,0.25', "voxgran,,,,0.25")
+    first, second = table(tmp_path, head, '"SciPy, plain",3.0,200,5,0.25', ("voxgran", "", "", "", 0.25))
     assert first["program"] == "SciPy, plain"
     found = ("seconds_over_calibration", "attempts_per_calibration", "microseconds_per_attempt_over_calibration")
     assert [float(first[name]) for name in found] == [12.0, 50.0, 2e-5]

@@ -167,6 +167,19 @@ def test_a_packing_of_packing_generation_with_what_stands_beside_it(packed, tmp_
     assert read(tmp_path, raw, name, container=BOX).container == BOX
 
 
+@pytest.mark.parametrize("count", [3, 4])
+def test_a_packing_of_packing_generation_in_single_precision(count, tmp_path):
+    """Only the number of spheres tells it: four spheres have the size of two in double precision."""
+    spheres = np.vstack([SPHERES, [3.5, 3.0, 2.0, 0.25]])[:count]
+    raw = (spheres * [1, 1, 1, 2]).astype("<f4").tobytes()
+    (tmp_path / "p.nfo").write_text(NFO.replace("N: 3", f"N: {count}").replace("Final Porosity", "Porosity"))
+    packing = read(tmp_path, raw, "p.xyzd")
+    np.testing.assert_allclose(held(packing), spheres, rtol=1e-7)
+    assert packing.provenance["assumed"]["precision"].startswith("single")
+    with pytest.raises(FileFormatError, match="has 40 bytes: each sphere has 32, or 16 in single precision"):
+        read(tmp_path, raw[:40], "p.xyzd")
+
+
 @pytest.mark.parametrize(
     ("file", "old", "new", "words"),
     [("generation.conf", "5 4 6.0e0", "0 4 6", "all lengths must be above 0"),

@@ -9,6 +9,7 @@ from kit import lattice
 
 from voxgran._base.errors import PackingWarning
 from voxgran._base.seeds import stream
+from voxgran.contacts.find import find_contacts
 from voxgran.containers.kinds.box import Box
 from voxgran.containers.kinds.cylinder import Cylinder
 from voxgran.containers.kinds.mesh import ClosedMesh
@@ -260,3 +261,18 @@ def test_centroids_in_the_faces_of_a_cylinder_and_of_a_sampled_region_count_in_a
         beyond = SampledRegion(sampled.samples, 0.0, sampled.limits, until=1.7 * unit)
         assert not beyond.grains(packing).any()
         assert not Regions(packing).at(1.71 * unit).grains(packing).any()
+
+
+@pytest.mark.filterwarnings("ignore:.*bulk")
+def test_overlaps_and_the_wetted_surface_take_the_same_contacts(monkeypatch):
+    """Finding contacts of meshes is most of the time of the measure."""
+    packing = Packing.of(CUBE, Box((4, 4, 4)), position=[(1, 1, 1), (2.0, 1, 1), (2.9, 2, 2)])
+    asked = []
+
+    def found(*given):
+        asked.append(given)
+        return find_contacts(*given)
+
+    monkeypatch.setattr("voxgran.packing.model.find_contacts", found)
+    measure(packing, which="density")
+    assert len(asked) == 1

@@ -101,6 +101,14 @@ def test_too_great_heights_are_refused_with_those_that_do():
         vg.roughen(box, rms=1.3 * most, **rest)
 
 
+@pytest.mark.parametrize("family", ["sphere", "disk"])
+def test_heights_larger_than_the_solid_are_refused_before_the_work(family, monkeypatch):
+    """The largest ones that do not cut the surface would be searched for many seconds."""
+    monkeypatch.setattr("voxgran.shapes.roughness.roughen.random_heights", None)
+    with pytest.raises(InputError, match=r"rms is 1e\+09: with heights larger than the solid, whose"):
+        vg.roughen(vg.make_shape(family), rms=1e9)
+
+
 def test_normals_diffuse_along_the_surface():
     box = vg.make_shape("box")
     vertices, faces = refined(box, 0.05)

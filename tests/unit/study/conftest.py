@@ -70,7 +70,7 @@ def marks(tmp_path_factory, monkeypatch):
 class Here:
     """Computes runs in this process; starting others takes longer than all else in most tests of a study."""
 
-    running, compiling, computing = 0, False, 1.0
+    running, compiling, loading, under_way = 0, False, False, ()
 
     def __enter__(self):
         return self

@@ -14,7 +14,7 @@ import pytest
 import voxgran as vg
 from voxgran._base.errors import ClusterError, Interrupted, MissingLibraryError
 from voxgran._base.lock import locked_file
-from voxgran.study import runs
+from voxgran.study import dask_runs, runs
 from voxgran.study.checkpoints import MARK, marked
 from voxgran.study.dask_runs import DaskRuns
 from voxgran.study.result import MACHINE
@@ -123,7 +123,7 @@ def test_an_interrupt_leaves_the_cluster_alone(cluster, base, marks, tmp_path):
         made.run(tmp_path / "o", dask=address, on_step=stop)
     assert told.value.exit_code == 130
     marks.order()
-    cluster_like = types.SimpleNamespace(scheduler_address=address)
+    cluster_like = types.types.SimpleNamespace(scheduler_address=address)
     assert not made.run(tmp_path / "o", dask=cluster_like).failures
 
 
@@ -173,3 +173,16 @@ def test_a_run_is_given_up_only_where_its_checkpoint_gets_no_further(tmp_path):
         assert runs._goes_on(run)
     assert runs._goes_on(run)
     assert not runs._goes_on(run)
+
+
+def test_runs_under_way_are_the_first_ones_as_far_as_there_are_threads(monkeypatch):
+    clock = [100.0]
+    monkeypatch.setattr(dask_runs, "time", types.SimpleNamespace(monotonic=lambda: clock[0]))
+    submitted = [Run(key=str(k), cell="", mapping={}, seed=k) for k in range(4)]
+    work = DaskRuns("tcp://nowhere:1")
+    work._left = {run.key: (run, None) for run in submitted}
+    work._client = types.SimpleNamespace(nthreads=lambda: {"a": 1, "b": 1})
+    assert work.under_way == [(submitted[0], 0.0), (submitted[1], 0.0)]
+    clock[0] = 107.0
+    del work._left["0"]
+    assert work.under_way == [(submitted[1], 7.0), (submitted[2], 0.0)]

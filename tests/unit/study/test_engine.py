@@ -232,7 +232,7 @@ def test_memory_is_given_in_many_ways(monkeypatch):
 class Noting:
     """Computes nothing: notes what it is asked for, and says that each run took so many seconds."""
 
-    running, compiling, computing = 0, False, 1.0
+    running, compiling, loading, under_way = 0, False, False, ()
 
     def __init__(self, seconds):
         self.seconds, self.order = seconds, []
@@ -260,10 +260,10 @@ def test_the_longest_runs_are_begun_first(base, tmp_path, monkeypatch):
         vg.Study(base=base, axes=axes, seeds=seeds).run(tmp_path / "o")
         return [(run.mapping["packing"]["method"], run.mapping["packing"]["count"]) for run in noting.order]
 
-    # rsa makes more attempts, as long as nothing is known of their time
+    # the shortest run of each method tells how long others may take, of which nothing is known yet
     first = order([5, 20, 10], 1)
-    assert [count for method, count in first if method == "rsa"] == [20, 10, 5]
-    assert first[0] == ("rsa", 20)
+    assert sorted(first[:2]) == [("expand", 5), ("rsa", 5)]
+    assert [count for method, count in first[2:] if method == "rsa"] == [20, 10]
     # then the method whose attempts take longer comes first
     second = order([5, 20, 10], 2)
     assert [method for method, _ in second] == ["expand"] * 3 + ["rsa"] * 3
@@ -300,54 +300,142 @@ def test_steps_count_the_runs(base, marks, tmp_path):
 
 
 class Clocked(Noting):
-    """Computes runs one after the other by a clock of its own, and looks each ten seconds."""
+    """Computes runs by a clock of its own, so many at a time, and looks each five seconds; some are killed."""
 
-    running = 1
+    #: processor seconds in a second of a run
+    speed = 1.0
+
+    def __init__(self, seconds, workers=1, killed=()):
+        super().__init__(seconds)
+        self.workers, self.killed, self.given = workers, killed, []
+
+    @property
+    def under_way(self):
+        """Return the runs that are computed now with the seconds that each has been."""
+        return [(run, self.clock - begun) for _, begun, run in self.given]
+
+    def give(self, waiting):
+        """Begin as many runs as there are workers."""
+        while waiting and len(self.given) < self.workers:
+            run = waiting.pop(0)
+            self.given.append((self.clock + self.seconds(run) - run.before, self.clock, run))
 
     def results(self, runs):
-        for run in runs:
-            for _ in range(int(self.seconds(run) / 10)):
-                self.clock += 10.0
+        waiting = list(runs)
+        while waiting or self.given:
+            self.give(waiting)
+            ends, begun, run = min(self.given, key=lambda one: one[0])
+            while self.clock + 5.0 < ends:
+                self.clock += 5.0
                 yield None
-            yield run, Record(numbers={"x": [0.0, "1", "x"]}, seconds=self.seconds(run)), b""
+            self.clock = ends
+            self.given.remove((ends, begun, run))
+            self.give(waiting)
+            if run.seed in self.killed:
+                yield run, Record(failure="killed"), b""
+                continue
+            elapsed = ends - begun
+            made = {"elapsed": elapsed, "seconds": run.before + elapsed * self.speed}
+            yield run, Record(numbers={"x": [0.0, "1", "x"]}, **made), b""
 
 
-def seconds_left(base, tmp_path, monkeypatch, axes, seconds):
-    """Return for each step of a study that tells it: the seconds that it has run and those that are left."""
+def seconds_left(base, tmp_path, monkeypatch, work, **study):
+    """Return for each step of a study the words before the time that it tells, that time, and the true one."""
     base |= {"measure": {"which": ["density"]}}
-    work, told = Clocked(seconds), []
-    # a study notes the time once before it asks for it here
-    began = work.clock = time.monotonic()
+    told = []
+    work.clock = time.monotonic()
     monkeypatch.setattr(engine, "time", SimpleNamespace(monotonic=lambda: work.clock))
     monkeypatch.setattr(engine, "_executor", lambda options, runs: work)
-    made = vg.Study(base=base, axes=axes, seeds=2)
-    made.run(tmp_path / "o", on_step=lambda step: told.append((work.clock - began, step.text)))
-    assert told[-1][1] == "4 of 4, 1 running, 0 failed"
-    found = ((now, re.search(r"about (\d+) (s|min) left", text), text) for now, text in told)
-    return [
-        (now, int(one[1]) * (60 if one[2] == "min" else 1) if one else math.inf)
-        for now, one, text in found
-        if one or "longer than expected" in text
-    ]
+    vg.Study(base=base, **study).run(tmp_path / "o", on_step=lambda step: told.append((work.clock, step.text)))
+    found = []
+    for now, text in told[:-1]:
+        one = re.search(r"(about|at least) (\d+) (s|min) left|(longer than expected)|$", text)
+        seconds = int(one[2]) * (60 if one[3] == "min" else 1) if one[2] else math.nan
+        found.append((one[1] or one[4], seconds, told[-1][0] - now))
+    return found
 
 
-def test_the_time_that_is_left_is_by_runs_of_the_same_method(base, tmp_path, monkeypatch):
-    """Nothing is told before a run of the other method, whose attempts take ten times as long, is finished."""
-    slow = {"rsa": 10.0, "deposition": 100.0}
-    axes = {"packing.method": list(slow)}
-    found = seconds_left(base, tmp_path, monkeypatch, axes, lambda run: slow[run.mapping["packing"]["method"]])
-    assert len(found) > 5
-    for now, left in found:
-        assert now + left == pytest.approx(220.0, rel=0.05)
+METHODS = {"rsa": (8.0, 0.0, 1.0), "deposition": (1.0, 20.0, 0.2), "expand": (30.0, 0.0, 3.0)}
+
+
+def mixed(run):
+    """Return the seconds of a run: a fixed part and one by grains, each by method and shape, with a scatter."""
+    fixed, each, slope = METHODS[run.mapping["packing"]["method"]]
+    grains = run.mapping["packing"]["count"]
+    seconds = fixed + each + slope * grains
+    if run.mapping["shape"][0]["family"] == "ellipsoid":
+        seconds *= 4.0
+    return seconds * (0.8, 1.0, 1.2)[(run.seed + grains + len(run.mapping["packing"]["method"])) % 3]
+
+
+@pytest.mark.parametrize("workers", [1, 3])
+@pytest.mark.parametrize("speed", [1.0, 0.4])
+def test_the_time_that_is_left_is_told_within_a_factor(base, tmp_path, monkeypatch, workers, speed):
+    """Methods and shapes differ, runs have a fixed part: what is told to be about so long is so from the start on."""
+    work = Clocked(mixed, workers)
+    work.speed = speed
+    axes = {
+        "method": ["rsa", "deposition", {"method": "expand", "solid_fraction": 0.1}],
+        "shape": ["sphere", "ellipsoid"],
+        "packing.count": [2, 8, 30],
+    }
+    found = seconds_left(base, tmp_path, monkeypatch, work, axes=axes, seeds=3)
+    whole = found[0][2]
+    # at first nothing is known, and all when the shortest and the longest run of each kind are finished
+    assert found[0][0] is None
+    assert {words for words, _, true in found if 0.1 * whole < true < 0.65 * whole} == {"about"}
+    for words, seconds, true in found:
+        if words == "about" and true > 0.2 * whole:
+            assert true / 1.5 < seconds < true * 1.5
+        elif words == "at least":
+            assert seconds < 1.1 * true
+
+
+def test_what_earlier_sessions_computed_is_known(base, tmp_path, monkeypatch):
+    """The seconds of finished runs and those before a checkpoint are those of another session."""
+    axes = {"packing.count": [2, 30]}
+    work = Clocked(mixed)
+    seconds_left(base, tmp_path, monkeypatch, work, axes=axes, seeds=2)
+    make = Store.checkpoint
+
+    def checkpoint(store, key):
+        path = make(store, key)
+        if not path.exists():
+            path.write_bytes(b"")
+            path.with_name(f"{path.name}.seconds").write_text("4.0")
+        return path
+
+    monkeypatch.setattr(Store, "checkpoint", checkpoint)
+    work = Clocked(mixed)
+    found = seconds_left(base, tmp_path, monkeypatch, work, axes=axes, seeds=4)
+    for words, seconds, true in found:
+        assert words == "about"
+        assert seconds == pytest.approx(true, rel=0.4, abs=5)
+
+
+def test_runs_that_are_killed_are_not_taken_for_slow(base, tmp_path, monkeypatch):
+    work = Clocked(lambda run: 20.0 + run.seed % 3, workers=2, killed=range(2, 12))
+    found = seconds_left(base, tmp_path, monkeypatch, work, seeds=20)
+    assert [words for words, *_ in found].count("about") > 30
+    for words, seconds, true in found:
+        if words == "about" and true > 0.2 * found[0][2]:
+            assert true / 1.5 < seconds < true * 1.5
+        assert words != "longer than expected"
+
+
+def test_a_time_that_may_be_all_fixed_is_a_bound(base, tmp_path, monkeypatch):
+    """With all finished runs of one count, those of others may take as long, or by attempts."""
+    axes = {"packing.count": [3, 30]}
+    work = Clocked(lambda run: 40.0)
+    found = seconds_left(base, tmp_path, monkeypatch, work, axes=axes, seeds=2)
+    assert [words for words, *_ in found].count("at least") > 3
+    assert not [1 for words, seconds, true in found if words and seconds > true + (5 if seconds < 300 else 30)]
 
 
 def test_a_run_that_takes_longer_than_expected_is_not_about_to_end(base, tmp_path, monkeypatch):
-    axes = {"packing.count": [5, 4]}
-    found = seconds_left(
-        base, tmp_path, monkeypatch, axes, lambda run: 150.0 if run.mapping["packing"]["count"] == 4 else 10.0
-    )
-    assert sum(left == math.inf for _, left in found) > 10
-    assert sum(left < 10 for _, left in found) <= 2
+    work = Clocked(lambda run: 150.0 if run.seed == 1 else 10.0)
+    found = seconds_left(base, tmp_path, monkeypatch, work, seeds=2)
+    assert [words for words, *_ in found].count("longer than expected") > 20
 
 
 def test_an_interrupted_study_goes_on(base, marks, tmp_path, request):

@@ -1,15 +1,22 @@
 """How deep a bed will be, and how many grains its bulk will hold, before anything is packed."""
 
+import logging
 from dataclasses import dataclass
 
 import numpy as np
 
+from voxgran._base.arrays import Floats
+from voxgran._base.errors import PackingWarning
+from voxgran._base.progress import OnStep, Step, reported
 from voxgran._base.seeds import stream
+from voxgran._base.warning import warn
 from voxgran.packing.beds.filling import AT_SURFACE, AT_WALLS, mean_diameter, usual_solid_fraction
 from voxgran.packing.beds.seeds import container_levels, points_inside
 from voxgran.packing.gravity import gravity_vector
 from voxgran.packing.problem import Problem
 from voxgran.settling.parameters import Settling
+
+log = logging.getLogger(__name__)
 
 #: distance of the bulk from the walls, in median diameters, share of the volume of the grains below its surface, and
 #: number of grains that it must hold for a solid fraction, as in :mod:`voxgran.measures.registered.density`
@@ -38,13 +45,28 @@ class ExpectedBed:
         )
 
 
-def expected_bed(problem: Problem) -> ExpectedBed | None:
-    """Return the bed that is expected; None where grains form none, since there is no gravity, or none settle."""
+def tell_of_bed(problem: Problem, on_step: OnStep | None, gravity: Floats | None = None) -> None:
+    """Tell how deep a bed will be; warn where a solid fraction is asked of it and it will have no bulk."""
+    bed = expected_bed(problem, gravity)
+    if bed is None:
+        return
+    log.info("the bed is expected to be %s", bed)
+    if (told := reported(on_step)) is not None:
+        told(Step(stage="expected bed", done=0, total=0, text=str(bed)))
+    settling = problem.settling or problem.parameters
+    if bed.note and settling.solid_fraction is not None:
+        warn(bed.note, PackingWarning)
+
+
+def expected_bed(problem: Problem, gravity: Floats | None = None) -> ExpectedBed | None:
+    """Return the bed that is expected, under a gravity (3,) that the parameters do not tell; None where grains form
+    none, since there is no gravity, or none settle.
+    """
     settings = problem.parameters
     settling = settings if isinstance(settings, Settling) else problem.settling
     if settling is None or not problem.count or any(shape.is_open for shape in problem.shapes):
         return None
-    up, container = -gravity_vector(problem), problem.container
+    up, container = -(gravity_vector(problem) if gravity is None else gravity), problem.container
     fraction = settling.solid_fraction or usual_solid_fraction(problem, settling.friction)
     points = points_inside(container, stream(problem.seed, "height"))
     room = -np.asarray(container.signed_distance(points))

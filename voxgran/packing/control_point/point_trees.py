@@ -75,17 +75,22 @@ def _build(points: Floats, depth: int, spheres: Floats) -> None:
     """Sort points in place into the order of their tree, and fill in the spheres of the nodes."""
     n = len(points)
     for level in range(depth + 1):
-        for k in range(2**level):
-            begin, end = (k * n) >> level, ((k + 1) * n) >> level
-            part = points[begin:end]
-            low, high = part.min(axis=0), part.max(axis=0)
-            spheres[2**level - 1 + k, :3] = (low + high) / 2
-            radius = np.sqrt(((part - (low + high) / 2) ** 2).sum(axis=1).max())
-            spheres[2**level - 1 + k, 3] = radius * (1 + ROOM)
+        nodes = np.arange(2**level)
+        begin, middle = (nodes * n) >> level, ((2 * nodes + 1) * n) >> (level + 1)
+        kinds = np.column_stack((((nodes + 1) * n >> level) - begin, middle - begin))
+        # nodes of a level have at most two numbers of points, and two of those in their first child: each kind at once
+        for size, half in np.unique(kinds, axis=0):
+            mine = np.flatnonzero((kinds == (size, half)).all(axis=1))
+            rows = begin[mine, None] + np.arange(size)
+            part = points[rows]
+            low, high = part.min(axis=1), part.max(axis=1)
+            center = (low + high) / 2
+            radius = np.sqrt(((part - center[:, None]) ** 2).sum(axis=2).max(axis=1))
+            spheres[2**level - 1 + mine] = np.column_stack((center, radius * (1 + ROOM)))
             if level < depth:
-                middle = ((2 * k + 1) * n) >> (level + 1)
-                order = np.argpartition(part[:, int((high - low).argmax())], middle - begin)
-                points[begin:end] = part[order]
+                along = np.take_along_axis(part, (high - low).argmax(axis=1)[:, None, None], axis=2)[:, :, 0]
+                order = np.argpartition(along, half, axis=1)
+                points[rows] = np.take_along_axis(part, order[:, :, None], axis=1)
 
 
 @bare_kernel

@@ -1,5 +1,6 @@
 """What follows from a problem for control-point packing: points, trees, fields, walls, cells of grains, cache."""
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
@@ -56,6 +57,8 @@ LISTED, MOST_PAIRS = 64, 2**17
 #: how long a way, in c, at least is that begins and ends KEPT c from a point and comes nearer than c
 KEPT = 1.05
 WAY = 2.0 * (KEPT**2 - 1.0) ** 0.5
+#: ratio of the spacings of points on closed meshes
+STEP = 1.02
 #: extent of a surface out of its plane, in that along it, below which it is flat
 FLAT_SHARE = 1e-9
 
@@ -214,9 +217,7 @@ def _bodies(problem: Problem) -> Bodies:
     wall = _wall_of(problem)
     if wall is not None:
         solids.append(wall)
-        flat = problem.dimension == 2
-        seed = problem.seed
-        samples.append(_edge_points(problem) if flat else sample_controls(wall, spacing=settings.spacing, seed=seed))
+        samples.append(_edge_points(problem) if problem.dimension == 2 else _wall_points(problem))
     # points of a curved shape lie on its tessellation, and that lies near the true surface
     kept = KEPT if any(shape.is_open for shape in problem.shapes) else 1.0
     spacing = [
@@ -252,6 +253,20 @@ def _wall_of(problem: Problem) -> Shape | None:
     if wall is None or problem.dimension == 3:
         return wall
     return Shape(Mesh(*problem.container.mesh()), wall.name)
+
+
+def _wall_points(problem: Problem) -> SurfacePoints:
+    """Return points on the closed mesh that is the container.
+
+    They are those of the mesh in the user's unit, whatever the seed, and up to a step of the spacing whatever the
+    median diameter: other packings in the same container find them among the points that are kept.
+    """
+    known, unit = (problem.given, problem.unit_length) if problem.given is not None else (problem.container, 1.0)
+    wall = boundary_of(known).solid
+    assert wall is not None
+    steps = math.floor(math.log(problem.parameters.spacing * unit / wall.diameter, STEP))
+    points = sample_controls(wall, spacing=wall.diameter * STEP**steps)
+    return SurfacePoints.from_points(np.asarray(points) / unit, points.spacing / unit)
 
 
 def _edge_lengths(problem: Problem) -> Floats:

@@ -115,6 +115,12 @@ def roughened(shape: Shape, roughness: Roughness, generator: np.random.Generator
         As :func:`roughen`.
     """
     field = roughness.on(shape.diameter, shape.dimension)
+    if not shape.is_open and field.rms > shape.bounding_radius:
+        raise InputError(
+            f"rms is {field.rms:.4g}: with heights larger than the solid, whose bounding radius is "
+            f"{shape.bounding_radius:.4g}, the rough surface cuts through itself; give less, such as "
+            f"{0.02 * shape.diameter:.2g}"
+        )
     geometry: Geometry
     if isinstance(shape.geometry, Outline):
         geometry, told = _rough_outline(shape.geometry, field, generator)

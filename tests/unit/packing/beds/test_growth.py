@@ -191,9 +191,14 @@ def test_a_bed_without_a_bulk_is_told_before_it_is_packed():
     steps, options = [], {"method": "gravity", "count": 60, "solid_fraction": 0.6, "time_limit": 0.0}
     with pytest.warns(PackingWarning) as told:
         vg.pack(SPHERE, vg.Cylinder(4.0, 6.0), on_step=steps.append, **options)
-    words = r"expected to be about \d\.\d median diameters deep, with about 0 grains in its bulk: at least 50"
-    assert re.search(words, str(told[0].message))
+    words = r"expected to be about (\d\.\d) median diameters deep, with about 0 grains in its bulk: at least 50"
+    depth = float(re.search(words, str(told[0].message))[1])
     assert next(step.text for step in steps if step.stage == "expected bed").startswith("about ")
+    # so is it where they settle after they were packed, in any unit of lengths
+    loose = vg.pack(SPHERE.scaled(0.5), vg.Cylinder(2.0, 3.0), "rsa", count=60)
+    with pytest.warns(PackingWarning) as told:
+        vg.settle(loose, gravity="-z", solid_fraction=0.6)
+    assert float(re.search(words, str(told[0].message))[1]) == pytest.approx(depth, rel=0.05)
     # without gravity there is no bed, and no depth
     assert expected_bed(kit.task_of("rsa", SPHERE, vg.Box((5, 5, 5)), count=10).problem) is None
 

@@ -15,6 +15,7 @@ import voxgran as vg
 from voxgran._base.errors import InputError, Interrupted, PackingWarning, UnknownNameError
 from voxgran._base.seeds import philox_key
 from voxgran.geometry.rotation import product, rotation_matrices, write_matrix
+from voxgran.packing.control_point import precompute
 from voxgran.packing.control_point.attempts import DECAY, GROWTH
 from voxgran.packing.control_point.distance_fields import PLANES
 from voxgran.packing.control_point.method import registration as control_point
@@ -23,7 +24,10 @@ from voxgran.packing.control_point.point_contact import is_within, overlaps_by_p
 from voxgran.packing.control_point.precompute import pairs_of, precomputed_of
 from voxgran.packing.control_point.sdf_contact import overlaps_by_sdf
 from voxgran.packing.driver import Drive, drive
+from voxgran.points import sample
+from voxgran.points.blue_noise import spread_points
 from voxgran.points.control import inner_points
+from voxgran.points.covering import covering_radius
 from voxgran.shapes.describing.curvature import largest_curvature
 
 task_of = partial(kit.task_of, "control_point", count=8)
@@ -492,3 +496,32 @@ def test_overlaps_between_control_points_are_told():
     # what was asked for, and what settling has parted, is not warned of
     vg.pack(cube, box, "control_point", settle=False, overlap=0.05, **told)
     assert vg.verify(vg.pack(cube, box, "control_point", **told)).ok
+
+
+@pytest.mark.parametrize("sigma", [0.0, 0.3])
+def test_the_wall_of_a_mesh_is_sampled_once_for_all_seeds(monkeypatch, sigma):
+    """Its points cover it as finely as asked, whatever the median of the sizes that are drawn."""
+    ball = vg.make_shape("sphere").scaled(7.0)
+    container = vg.ClosedMesh(vg.Shape.from_mesh(1.01 * ball.vertices + 3.0, ball.faces))
+    sampled, units = [], set()
+
+    def spread(vertices, faces, count, *, seed):
+        sampled.append(count)
+        return spread_points(vertices, faces, count, seed=seed)
+
+    monkeypatch.setattr(sample, "spread_points", spread)
+    for seed in range(4):
+        sizes = vg.sizes.lognormal(1.0, sigma) if sigma else None
+        told = {"count": 12, "spacing": 0.25, "seed": seed, "sizes": sizes}
+        problem = kit.task_of("control_point", vg.make_shape("box"), container, **told).problem
+        units.add(problem.unit_length)
+        bodies = precompute._bodies(problem)
+        wall = problem.container.shape
+        found = bodies.trees.points[bodies.trees.start[-2] :]
+        assert np.abs(wall.geometry.tree.signed_distance(found)).max() < 1e-12
+        assert 0.9 * 0.25 < bodies.spacing[-1] <= 0.25
+        assert 2 * covering_radius(found, wall.vertices, wall.faces) <= bodies.spacing[-1] * (1 + 1e-9)
+    walls = [count for count in sampled if count > 3000]
+    # the median of graded sizes takes the spacing to the next step now and then
+    assert len(walls) == 1 if not sigma else 1 <= len(walls) <= 2
+    assert len(units) == (4 if sigma else 1)
