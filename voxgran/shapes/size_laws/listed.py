@@ -82,6 +82,26 @@ def with_shapes_of_list(shapes: Any, grains: Any, density: Any) -> tuple[Any, An
     return tuple(place), table, density
 
 
+def families_in(grains: Any) -> list[str]:
+    """Return the names in the column of shapes of a list, each once; none of a list with indices or without the column.
+
+    Raises
+    ------
+    FileFormatError
+        If the file is no table, or two columns have one meaning.
+    InputError
+        If it is no table.
+    MissingFileError
+        If there is no such file.
+    """
+    where = "grains"
+    if isinstance(grains, str | os.PathLike):
+        where, grains = os.fspath(grains), read_table(os.fspath(grains))
+    column = columns_in(grains, COLUMNS, where).get("shape")
+    texts = [] if column is None else [entry for entry in grains[column] if number_of(entry) is None]
+    return list(dict.fromkeys(str(entry).strip() for entry in texts))
+
+
 def grains_of(
     grains: Any, shapes: Sequence[Shape], shares: Floats, *, unit: str, densities: Sequence[float] | None, sized: bool
 ) -> ListedGrains:
