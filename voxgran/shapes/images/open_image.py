@@ -26,6 +26,7 @@ from voxgran.shapes.images.image_files import (
     tiff_lattice,
     with_lattice,
 )
+from voxgran.shapes.images.ome_zarr import ome_image
 
 TIFF, HDF5 = (".tif", ".tiff"), (".h5", ".hdf5", ".hdf", ".nxs")
 #: bytes in which the header of a raw file ends
@@ -108,7 +109,7 @@ def open_image(
         file or in one beside it; or an array with axes x, y, z, such as a dask array. Whatever else :func:`load_image`
         reads, and raw values that are compressed, is read into memory.
     key : str, optional
-        Which array of an HDF5 file or of a group of zarr; default: the only one.
+        Which array of an HDF5 file or of a group of zarr; default: the only one, and of OME-Zarr the finest scale.
     voxel_size : float or (3,) array_like of float, optional
         Edges of a voxel; default: as the file says.
     unit : str, optional
@@ -207,6 +208,8 @@ def _open_zarr(path: Path, key: str | None) -> Image:
     zarr = block_library("zarr")
     found = zarr.open(path, mode="r")
     if isinstance(found, zarr.Group):
+        if (image := ome_image(found, key, path)) is not None:
+            return image
         names = sorted(name for name, _ in found.arrays())
         found = found[chosen_name([key] if key is not None and key in found else names, key, path)]
     told = dict(found.attrs)
