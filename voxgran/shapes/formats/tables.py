@@ -17,6 +17,9 @@ from voxgran._base.guarded import refused
 from voxgran._base.lazy import load
 from voxgran._base.units import as_unit, known_unit, unit_factor
 
+#: most columns that a message lists
+MOST_TOLD = 8
+
 
 def read_table(path: str) -> Any:
     """Return the table of a CSV file, whose numbers may have decimal commas where no commas separate the columns.
@@ -36,6 +39,12 @@ def read_table(path: str) -> Any:
         alone = not re.search(r"[;,\t]", head) and not any(re.search(r"\s", row) for row in rows)
         how = {"sep": ";"} if alone else {"sep": None, "engine": "python"}
         return load("pandas").read_csv(found, comment="#", decimal="," if alone or ";" in text else ".", **how)
+
+
+def told_columns(table: Any) -> str:
+    """Return the names of the first columns of a table as a message lists them."""
+    names = [shown(name) for name in table.keys()]  # noqa: SIM118  (a DataFrame has keys, too)
+    return ", ".join(names[:MOST_TOLD] + ["..."] * (len(names) > MOST_TOLD)) or "none"
 
 
 def columns_in(table: Any, known: Mapping[str, Sequence[str]], where: str) -> dict[str, str]:

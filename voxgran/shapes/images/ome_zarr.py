@@ -1,9 +1,14 @@
-"""Images of OME-Zarr (NGFF 0.4 in zarr 2, 0.5 in zarr 3): one array for each scale, with axes, edges and units."""
+"""Arrays of zarr; images of OME-Zarr (NGFF 0.4 in zarr 2, 0.5 in zarr 3), with their axes, edges, unit and scales."""
 
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+from numpy.typing import NDArray
+
 from voxgran._base.errors import FileFormatError
+from voxgran._base.guarded import refused
 from voxgran._base.units import known_unit
 from voxgran._base.vtk_readers import chosen_name
 from voxgran.lattice.blocks import lazily
@@ -11,6 +16,27 @@ from voxgran.lattice.image import Image
 
 #: names of units in OME-Zarr that are other than those of voxgran
 UNITS = {"meter": "m", "centimeter": "cm", "millimeter": "mm", "micrometer": "um", "nanometer": "nm", "picometer": "pm"}
+
+
+@dataclass(frozen=True, slots=True)
+class Parts:
+    """An array of zarr, of which a part that is damaged is told with the folder."""
+
+    path: Path
+    array: Any
+    dtype: Any
+    shape: tuple[int, ...]
+    chunks: tuple[int, ...]
+    ndim: int
+
+    def __getitem__(self, key: Any) -> NDArray[Any]:
+        with refused(self.path):
+            return np.asarray(self.array[key])
+
+
+def parts_of(array: Any, path: Path) -> Any:
+    """Return an array of zarr as it is read from a folder."""
+    return Parts(path, array, array.dtype, array.shape, array.chunks, array.ndim)
 
 
 def ome_image(group: Any, key: str | None, path: Path) -> Image | None:
@@ -38,7 +64,9 @@ def ome_image(group: Any, key: str | None, path: Path) -> Image | None:
         raise FileFormatError(
             f"{path} has {listed}: one image along x, y and z is needed; write one channel and one time as an array"
         )
-    values = lazily(array, str(path))[tuple(slice(None) if name in ("x", "y", "z") else 0 for name in names)]
+    values = lazily(parts_of(array, path), str(path))[
+        tuple(slice(None) if name in ("x", "y", "z") else 0 for name in names)
+    ]
     left = [name for name in names if name in ("x", "y", "z")]
     edges, centers = dict.fromkeys(names, 1.0), dict.fromkeys(names, 0.0)
     steps = [*level.get("coordinateTransformations", ()), *scales[0].get("coordinateTransformations", ())]

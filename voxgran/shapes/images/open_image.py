@@ -26,7 +26,7 @@ from voxgran.shapes.images.image_files import (
     tiff_lattice,
     with_lattice,
 )
-from voxgran.shapes.images.ome_zarr import ome_image
+from voxgran.shapes.images.ome_zarr import ome_image, parts_of
 
 TIFF, HDF5 = (".tif", ".tiff"), (".h5", ".hdf5", ".hdf", ".nxs")
 #: bytes in which the header of a raw file ends
@@ -214,7 +214,8 @@ def _open_zarr(path: Path, key: str | None) -> Image:
         found = found[chosen_name([key] if key is not None and key in found else names, key, path)]
     told = dict(found.attrs)
     size, origin = told.get("voxel_size"), told.get("origin", (0.0, 0.0, 0.0))
-    return Image(found, None if size is None else tuple(size), tuple(origin), known_unit(str(told.get("unit", ""))))
+    values = parts_of(found, path)
+    return Image(values, None if size is None else tuple(size), tuple(origin), known_unit(str(told.get("unit", ""))))
 
 
 def _open_hdf5(path: Path, key: str | None) -> Image:

@@ -9,12 +9,12 @@ from typing import Any
 import numpy as np
 
 from voxgran._base.arrays import Floats, Integers, check_lengths, check_type
-from voxgran._base.errors import FileFormatError, InputError, TooLargeError, UnknownNameError, shown
+from voxgran._base.errors import FileFormatError, InputError, TooLargeError, UnknownNameError
 from voxgran._base.machine import memory_limit
 from voxgran._base.names import unknown
 from voxgran._base.scalars import number_of
 from voxgran._base.units import NO_UNIT, unit_factor
-from voxgran.shapes.formats.tables import columns_in, length_factor, numbers_in, read_table, unit_in
+from voxgran.shapes.formats.tables import columns_in, length_factor, numbers_in, read_table, told_columns, unit_in
 from voxgran.shapes.model import Shape, check_shapes
 from voxgran.shapes.size_laws.simple import Discrete
 
@@ -144,8 +144,7 @@ def grains_of(
     if not {"diameter", "mass", *(["shape"] if sized else [])} & names.keys():
         needed = "'diameter', 'mass' or 'shape'" if sized else "'diameter' or 'mass'"
         raise FileFormatError(
-            f"{where} has the columns {', '.join(map(shown, grains.keys())) or 'none'}: it must have {needed}; "
-            "rename one, or add it"
+            f"{where} has the columns {told_columns(grains)}: it must have {needed}; rename one, or add it"
         )
     told = f"{where} (rows from 0 on)"
     values = {
