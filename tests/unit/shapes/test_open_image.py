@@ -112,6 +112,19 @@ def test_ome_zarr_of_several_channels_and_of_two_axes_is_refused(tmp_path):
             vg.open_image(tmp_path / "a.zarr")
 
 
+@pytest.mark.parametrize("start", [4, 8])
+def test_a_slice_with_a_damaged_index_is_named(tmp_path, start):
+    (tmp_path / "scan").mkdir()
+    for k in range(3):
+        tifffile.imwrite(tmp_path / "scan" / f"{k}.tif", VALUES[:, :, k].T)
+    whole = bytearray((tmp_path / "scan" / "1.tif").read_bytes())
+    # where the index lies, and how many entries it has
+    whole[start : start + 4] = b"\xf0\xff\xff\x7f"
+    (tmp_path / "scan" / "1.tif").write_bytes(whole)
+    with pytest.raises(FileFormatError, match=r"scan/1\.tif"):
+        np.asarray(vg.open_image(tmp_path / "scan"))
+
+
 def test_a_zarr_in_one_part_must_not_be_larger_than_the_memory(tmp_path, monkeypatch):
     zarr.create_array(tmp_path / "a.zarr", data=VALUES, chunks=VALUES.shape)
     in_blocks(tmp_path / "a.zarr")

@@ -257,7 +257,7 @@ def tiff_stack(path: Path) -> Content:
     files.sort(key=lambda file: [int(part) if part.isdigit() else part for part in re.split(r"(\d+)", file.name)])
     pages, kinds, lattice, offset = [], list[Any](), None, None
     for file in files:
-        with library.TiffFile(file) as opened:
+        with refused(file), library.TiffFile(file) as opened:
             refuse_cut(opened, file)
             lattice = tiff_lattice(opened) if lattice is None else lattice
             for k, page in enumerate(opened.pages):
