@@ -17,8 +17,8 @@ from voxgran._base.guarded import refused
 from voxgran._base.lazy import load
 from voxgran._base.units import as_unit, known_unit, unit_factor
 
-#: most columns that a message lists
-MOST_TOLD = 8
+#: most columns that a message lists, and characters of the row with the names of columns
+MOST_TOLD, LONGEST_HEAD = 8, 10_000
 
 
 def read_table(path: str) -> Any:
@@ -35,6 +35,10 @@ def read_table(path: str) -> Any:
     with refused(found):
         text = found.read_text(encoding="utf-8-sig")
         head, *rows = [row for line in text.splitlines() if (row := line.partition("#")[0].strip())] or [";"]
+        if len(head) > LONGEST_HEAD:
+            raise FileFormatError(
+                f"{path} has a first row of {len(head)} characters: it must hold the names of some columns; correct it"
+            )
         # in a single column a separator would be guessed among letters, blanks and decimal commas
         alone = not re.search(r"[;,\t]", head) and not any(re.search(r"\s", row) for row in rows)
         how = {"sep": ";"} if alone else {"sep": None, "engine": "python"}
