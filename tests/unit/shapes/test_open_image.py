@@ -112,6 +112,12 @@ def test_ome_zarr_of_several_channels_and_of_two_axes_is_refused(tmp_path):
             vg.open_image(tmp_path / "a.zarr")
 
 
+def test_a_zarr_of_very_many_parts_is_refused_soon(tmp_path):
+    zarr.create_array(tmp_path / "a.zarr", shape=(10**9, 7, 7), chunks=(4, 4, 4), dtype="u2")
+    with pytest.raises(TooLargeError, match="parts of 4 x 4 x 4"):
+        vg.open_image(tmp_path / "a.zarr")
+
+
 @pytest.mark.parametrize("start", [4, 8])
 def test_a_slice_with_a_damaged_index_is_named(tmp_path, start):
     (tmp_path / "scan").mkdir()
