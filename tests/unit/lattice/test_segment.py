@@ -77,10 +77,7 @@ def test_without_scikit_image_the_remedy_is_named(monkeypatch):
 def test_a_thin_cap_at_the_border_is_a_grain_of_its_own(cut):
     x, y, z = np.indices((60, 44, 20))
     # a sphere that is cut in its middle, and what the border leaves of one that touches it: 4 voxels
-    powers = [
-        (x - 20) ** 2 + (y - 21.5) ** 2 + z**2 - 144.0,
-        (x - 37) ** 2 + (y - 21.5) ** 2 + (z + 6) ** 2 - 100.0,
-    ]
+    powers = [(x - 20) ** 2 + (y - 21.5) ** 2 + z**2 - 144.0, (x - 37) ** 2 + (y - 21.5) ** 2 + (z + 6) ** 2 - 100.0]
     grey = np.moveaxis(200 * (np.minimum(*powers) < 0), 2, cut)
     found = vg.segment(grey, threshold=100)
     assert found.grains == 2
