@@ -78,7 +78,11 @@ CALLS: tuple[tuple[Callable[..., Any], Any, tuple[str, ...]], ...] = (
     (
         pack,
         method_registry(),
-        ("pack(shapes: Sequence[Shape] | Shape, container: Container, method: {}, **keywords: {}) -> Packing",),
+        (
+            "pack(shapes: Sequence[Shape] | Shape, container: Container, method: {}, **keywords: {}) -> Packing",
+            # with a list of grains in place of shapes
+            "pack(*, container: Container, method: {}, **keywords: {}) -> Packing",
+        ),
     ),
     (
         make_shape,
@@ -94,10 +98,6 @@ CALLS: tuple[tuple[Callable[..., Any], Any, tuple[str, ...]], ...] = (
         ("fit_clump(shape_or_voxels: Shape | Voxels, *, method: {} = ..., **keywords: {}) -> Clump",),
     ),
 )
-#: a call with a list of grains in place of shapes
-LISTED = """@overload
-def pack(*, container: Container, method: str | Parameters, **keywords: Unpack[PackKeywords]) -> Packing: ...
-"""
 #: former values by parameter: calls accept them with a warning, types do not offer them
 FORMER_VALUES = {"contact": "'points', "}
 
@@ -184,7 +184,6 @@ def calls_stub() -> str:
         choices = [(f'Literal["{name}"]', f"Unpack[{cls.__name__}Keywords]") for name, cls in classes.items()]
         choices.append(("str | Parameters", f"Unpack[{base}]"))
         text += "".join(f"@overload\ndef {head.format(*choice)}: ...\n" for head in heads for choice in choices)
-        text += LISTED if function is pack else ""
     return text
 
 

@@ -333,6 +333,56 @@ def as_slice(path):
     return vg.load_labels(folder, voxel_size=1.0)
 
 
+def as_opened(path, **options):
+    """Read what a lazily opened image holds, of a large one a corner."""
+    values = vg.open_image(path, **options).values
+    return (values if values.size < 1e6 else values[:2, :2, :2]).compute()
+
+
+def hdf5(path):
+    def write(place):
+        with pytest.importorskip("h5py").File(place, "w") as file:
+            file.create_dataset("labels", data=LABELS, chunks=(4, 4, 4), compression="gzip")
+
+    return saved(write, path)
+
+
+def ome_zarr(folder):
+    """Write an image of OME-Zarr of one scale, without compression of the metadata."""
+    group = pytest.importorskip("zarr").open_group(folder, mode="w")
+    group.create_array("0", data=LABELS, chunks=(4, 4, 4))
+    axes = [{"name": name, "type": "space", "unit": "micrometer"} for name in "zyx"]
+    steps = [{"type": "scale", "scale": [0.5, 0.25, 0.25]}]
+    scales = [{"axes": axes, "datasets": [{"path": "0", "coordinateTransformations": steps}]}]
+    group.attrs["ome"] = {"version": "0.5", "multiscales": scales}
+
+
+def part_of_zarr(part):
+    """Return what writes a file of a zarr directory, and what reads the directory with this file in it."""
+
+    def write(path):
+        ome_zarr(path.with_suffix(""))
+        return (path.with_suffix("") / part).read_bytes()
+
+    def read(path):
+        folder = path.with_suffix("")
+        if not folder.exists():
+            ome_zarr(folder)
+        (folder / part).write_bytes(path.read_bytes())
+        return as_opened(folder)
+
+    return ".part", write, read
+
+
+def as_sieve(path):
+    return vg.sizes.sieve(path, unit="mm", smallest=0.01).strata(10, np.random.default_rng(0))
+
+
+def as_list(path):
+    """Pack a list of grains, which has a few grains in a large box."""
+    return vg.pack(grains=path, container=vg.Box((1e3, 1e3, 1e3)), method="rsa", unit="mm", tries=100)
+
+
 def as_mended(path):
     return vg.load_shape(path, repair=True)
 
@@ -410,6 +460,19 @@ FORMATS = {
     "mha": (".mha", constant(mha(packed=False)), as_labels),
     "packed mha": (".mha", constant(mha(packed=True)), as_labels),
     "dicom": (".dcm", constant(dicom_slice(LABELS[:, :, 2], 2, 0.5)), as_slice),
+    "opened tif": (".tif", lambda p: tiff(None)(p), as_opened),
+    "opened packed tif": (".tif", lambda p: tiff("zlib")(p), as_opened),
+    "opened nrrd": (".nrrd", lambda p: nrrd("raw")(p), as_opened),
+    "opened mha": (".mha", constant(mha(packed=False)), as_opened),
+    "opened npy": (".npy", lambda p: saved(lambda q: np.save(q, LABELS), p), as_opened),
+    "hdf5": (".h5", hdf5, as_opened),
+    "zarr group": part_of_zarr("zarr.json"),
+    "zarr array": part_of_zarr("0/zarr.json"),
+    "zarr chunk": part_of_zarr("0/c/0/0/0"),
+    "sieve sheet": (".csv", constant("opening [mm];passing [%]\n16;100\n8;80,5\n4;40\n2;10\n1;0\n"), as_sieve),
+    "sieve masses": (".csv", constant("opening [um],retained [g]\n16,0\n8,310\n4,520\n2,405\n0,75\n"), as_sieve),
+    "list of grains": (".csv", constant("shape,diameter [mm],density,count\nbox,9,2650,2\ntorus,6,7e3,3\n"), as_list),
+    "list of masses": (".csv", constant("mass [g];density [g/cm3]\n1,5;2,65\n0,25;2,65\n"), as_list),
     "png": (".png", png, vg.load_outlines),
     "statistics": (".nc", statistics, vg.load_statistics),
     "checkpoint": (".checkpoint", checkpoint, load_checkpoint),

@@ -9,10 +9,11 @@ import pytest
 
 import voxgran as vg
 from voxgran._base.checkpoint import load_checkpoint
-from voxgran._base.errors import CheckpointError, FileFormatError
+from voxgran._base.errors import CheckpointError, FileFormatError, VoxgranError
 from voxgran._base.lazy import load
 from voxgran.shapes.formats import mesh_files
 from voxgran.shapes.repairing import diagnose
+from voxgran.shapes.repairing.touching import _angles
 from voxgran.shapes.tessellate import unit_box
 
 VERTICES, FACES, _ = unit_box()
@@ -298,3 +299,36 @@ def test_a_mesh_whose_faces_have_no_area_cannot_be_mended(tmp_path):
     for repair in (False, True):
         with pytest.raises(vg.VoxgranError, match=r"no faces|no volume"):
             vg.load_shape(tmp_path / "flat.obj", repair=repair)
+
+
+def test_a_gravity_whose_square_is_no_number(tmp_path):
+    packing = vg.Packing.of([vg.make_shape("sphere")], vg.Box((3, 3, 3)), position=[(1, 1, 1)], gravity="-z")
+    vg.save(packing, tmp_path / "good.xyzr")
+    text = (tmp_path / "good.xyzr").read_text()
+    assert "-1.0" in text
+    (tmp_path / "far.xyzr").write_text(text.replace("-1.0", "-1e300"))
+    with pytest.raises(VoxgranError, match="gravity is"):
+        vg.load(tmp_path / "far.xyzr")
+
+
+def test_a_comment_without_words_below_the_container(tmp_path):
+    packing = vg.Packing.of([vg.make_shape("sphere")], vg.Box((3, 3, 3)), position=[(1, 1, 1)])
+    vg.save(packing, tmp_path / "good.xyzr")
+    first, rest = (tmp_path / "good.xyzr").read_text().split("\n", 1)
+    lines = [first, *rest.split("\n")]
+    at = next(k for k, line in enumerate(lines) if "container" in line)
+    lines.insert(at + 1, "#")
+    (tmp_path / "bare.xyzr").write_text("\n".join(lines))
+    assert vg.load(tmp_path / "bare.xyzr").container == packing.container
+
+
+def test_a_cell_of_a_study_with_a_key_of_many_characters(tmp_path):
+    shape = [{"family": "sphere", "file": "a.stl", "x" * 50_000: 1}]
+    base = {"shape": shape, "container": {"kind": "box", "lengths": [4, 4, 4]}, "packing": {"method": "rsa"}}
+    with pytest.raises(VoxgranError) as caught:
+        vg.Study(base=base, axes={"packing.count": [3, 5]}).cells()
+    assert len(str(caught.value)) < 1000
+
+
+def test_crowded_edges_of_no_length_have_an_angle():
+    assert np.isfinite(_angles(np.zeros((1, 3)), np.ones((1, 3)))).all()

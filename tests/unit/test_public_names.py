@@ -128,6 +128,7 @@ settings: dict[str, Any] = {"tries": 50}
 vg.pack([grain, rock], box, method="rsa", sizes=sizes, weights=[1, 2], start=bed, **settings)
 vg.pack([grain, rock], box, method="digital", solid_fraction=0.2, weights=np.ones(2), gravity=(0, 0, -1), cycles=None)
 clump = vg.fit_clump(rock, max_spheres=counts[1], min_radius=0.1)
+listed = vg.pack(grains={"diameter": [1.0]}, container=box, method="gravity", friction=0.2)
 number: int = len(bed[bed.diameter > 0.5] + again)
 vg.measure(bed, "density"), bed.measure("density"), vg.measure(bed, which=["density"])
 print(bed[0].shape, bed.verify().ok, [one.diameter for one in bed], number, vg.make_shape(names[0]), clump.radii)
@@ -140,6 +141,7 @@ MISTAKES = {
     "vg.pack(grain, box, method='digital', count=3, voxel_sise=0.1)": "voxel_sise",
     "vg.pack(grain, box, 'rsa', voxel_size=0.1)": "pack",
     "vg.pack(grain, box, 'rsa', scheme='5')": "pack",
+    "vg.pack(grains={'diameter': [1]}, container=box, method='gravity', frictoin=0.2)": "frictoin",
     "vg.make_shape('sphere', raduis=1)": "raduis",
     "vg.fit_clump(grain, smalest=1)": "smalest",
     "vg.methods.Digital(voxle_size=0.1)": "voxle_size",

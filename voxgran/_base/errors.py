@@ -21,8 +21,12 @@ def shown(value: object) -> str:
         text = f"<{type(value).__name__} of more than 4300 digits>"
     except RecursionError:
         text = f"<{type(value).__name__} that is nested too deeply to be shown>"
-    text = " ".join(text.split())
-    return text if len(text) <= 60 else f"{text[:57]}..."
+    return shortened(" ".join(text.split()), 60)
+
+
+def shortened(text: str, most: int = 300) -> str:
+    """Return a text that is cut where it has more characters than a message shows."""
+    return text if len(text) <= most else f"{text[: most - 3]}..."
 
 
 def with_article(noun: str) -> str:

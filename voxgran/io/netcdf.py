@@ -5,7 +5,6 @@ The engine is always named: without it xarray may fall back on one that turns in
 
 import json
 import os
-from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -74,23 +73,10 @@ def save_statistics(tree: "DataTree", path: str | os.PathLike[str], *, overwrite
         safe["/"].attrs[_NAME] = str(tree.name)
     with written_whole(path, overwrite=overwrite) as draft:
         try:
-            content = _content(safe, encoding)
+            xarray.DataTree.from_dict(safe).to_netcdf(draft, engine="netcdf4", encoding=encoding)
         # a name that is not UTF-8 is refused by the library
         except (RuntimeError, UnicodeEncodeError) as error:
             raise OutputError(f"{path} cannot be written ({error}): free space or choose another place") from error
-        draft.write_bytes(content)
-
-
-def _content(groups: Mapping[str, "Dataset"], encoding: Mapping[str, Any]) -> memoryview:
-    """Return the bytes of a file with these groups, made in memory: HDF5 never closes one for which a disk is full."""
-    store = load("xarray").backends.NetCDF4DataStore
-    file = load("netCDF4").Dataset("statistics", "w", memory=1)
-    for place, data in groups.items():
-        group = file.createGroup(place) if place != "/" else file
-        data.dump_to_store(store(group), encoding=encoding[place])
-    found: memoryview = file.close()
-    # the room behind the end, which stands in the superblock (HDF5 File Format Specification, II.A), is not written
-    return found[: int.from_bytes(found[28:36], "little")]
 
 
 def check_statistics_path(path: str | os.PathLike[str], *, overwrite: bool) -> None:

@@ -257,7 +257,7 @@ def _comments(path: Path) -> tuple[Container | None, str | None, dict[str, Any]]
                 unit = line.removeprefix(UNIT).strip("= \n")
             elif line.startswith(CONTAINER):
                 container = _container(line.removeprefix(CONTAINER), path, number)
-            elif container is not None and (words := line[1:].split(maxsplit=1))[0] in FIELDS:
+            elif container is not None and (words := line[1:].split(maxsplit=1)) and words[0] in FIELDS:
                 try:
                     fields[words[0]] = json.loads(words[1])
                 except (IndexError, ValueError, RecursionError):

@@ -40,6 +40,13 @@ def without_small(mask: Any, least: int) -> Any:
     return kept(bodies.map_blocks(lambda block: large[block], dtype=np.bool_))
 
 
+def distance_to_void(solid: Any, edges: Edges | None) -> Any:
+    """Return the distance to the void within an image; of an image without void, that to its border."""
+    width = int(bool(solid.all()))
+    found = distance_transform(np.pad(solid, width), voxel_size=edges)
+    return found[tuple(slice(width, width + n) for n in solid.shape)]
+
+
 def sizes_of(labels: Any, count: int) -> Integers:
     """Return the numbers of voxels, (count + 1,), of the labels from 0 on."""
     sizes = np.zeros(count + 1, dtype=np.int64)
@@ -55,9 +62,7 @@ def basins_of(solid: Any, edges: Edges | None, smooth: float) -> tuple[Any, Floa
     """
     array, ndimage, step = block_library("dask.array"), load("scipy.ndimage"), edges or (1.0, 1.0, 1.0)
     flooded, no = load("skimage.segmentation").watershed, (False, False, False)
-    walled = array.pad(solid, 1).rechunk(solid.chunksize)
-    distance: Any = distance_transform(walled, voxel_size=edges)[1:-1, 1:-1, 1:-1]
-    distance = distance.rechunk(solid.chunks)
+    distance: Any = distance_to_void(solid, edges).rechunk(solid.chunks)
     # the reach of the Gaussian of SciPy
     how = {"depth": int(4 * smooth + 0.5), "boundary": "reflect", "dtype": np.float32}
     distance = kept(distance.map_overlap(ndimage.gaussian_filter, sigma=smooth, **how) * solid)

@@ -24,8 +24,8 @@ from voxgran.lattice.image import Edges, Image
 
 #: voxels of a block, where the file does not ask for more
 BLOCK = 2**23
-#: share of the memory that a block of a file may take
-SHARE = 0.25
+#: share of the memory that a block of a file may take, and most parts of a file
+SHARE, PARTS = 0.25, 10**8
 
 
 def lazy_of(image: Any) -> Any:
@@ -59,7 +59,7 @@ def lazily(source: Any, name: str, edges: Sequence[int] | None = None) -> Any:
     Raises
     ------
     TooLargeError
-        If a part of the file is larger than a quarter of the memory.
+        If a part of the file is larger than a quarter of the memory, or there are more than a hundred million parts.
     """
     array, size = block_library("dask.array"), np.dtype(source.dtype).itemsize
     parts = getattr(source, "chunks", None)
@@ -67,6 +67,14 @@ def lazily(source: Any, name: str, edges: Sequence[int] | None = None) -> Any:
         raise TooLargeError(
             f"{name} is kept in parts of {' x '.join(map(str, parts))} voxels, which are read as a whole: one is more "
             "than a quarter of the memory; write it in smaller parts"
+        )
+    if (
+        parts is not None
+        and math.prod(math.ceil(n / part) for n, part in zip(source.shape, parts, strict=True)) > PARTS
+    ):
+        raise TooLargeError(
+            f"{name} has {' x '.join(map(str, source.shape))} voxels in parts of {' x '.join(map(str, parts))}: these "
+            f"are more than {PARTS:.0e} parts; write it in larger parts, or again if it is damaged"
         )
     most = {"limit": BLOCK * size, "dtype": source.dtype, "previous_chunks": parts}
     chunks = array.core.normalize_chunks("auto" if edges is None else tuple(edges), source.shape, **most)

@@ -32,6 +32,8 @@ BOX = 0.5
 #: relative errors of the volumes: what is left, after which a single solution is enough, and from which on a label is
 #: smoothed less
 ACCURACY, ALMOST, LOST = 1e-12, 1e-5, 0.2
+#: relative rounding of the volume of a label
+ROUNDING = 1e-15
 #: overlap from which on two triangles count as crossing, in voxels
 DEPTH = 1e-9
 #: solutions for the volumes, and times that smoothing is taken back where triangles cross
@@ -179,7 +181,10 @@ def _restore_volumes(made: LabelSurfaces, held: Booleans, wanted: Floats, spacin
         lost |= diagonal[1:] == 0
         missing[lost] = error[lost] = 0.0
         scale = sparse.diags_array(1 / np.maximum(diagonal[1:], 1e-30))
-        pressure = np.append(0.0, load("scipy.sparse.linalg").cg(system, missing, rtol=1e-8, M=scale)[0])
+        # pressures that are all equal move nothing: what rounding leaves of the volumes cannot be solved for
+        rounding = ROUNDING * float(wanted.max())
+        solved = load("scipy.sparse.linalg").cg(system, missing, rtol=1e-8, atol=rounding, M=scale)[0]
+        pressure = np.append(0.0, solved)
         farthest = _push(moved, *(split.point, owner, gradient, pressure, ease, spacing))
         if error.max() < ALMOST and farthest <= BOX:
             # the next error is about the square of this one

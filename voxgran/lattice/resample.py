@@ -155,7 +155,7 @@ def crop(image: "ArrayLike", *, margin: int = 0) -> tuple[NDArray[Any], Integers
     Parameters
     ----------
     image : (nx, ny, nz) array_like
-        Mask, labels or volume fractions.
+        Mask, labels or volume fractions; a dask array is searched and stays in blocks.
     margin : int
         Number of additional layers on each side, within the image.
 
@@ -181,13 +181,14 @@ def crop(image: "ArrayLike", *, margin: int = 0) -> tuple[NDArray[Any], Integers
     >>> part.shape, start.tolist()
     ((3, 4, 3), [0, 1, 4])
     """
-    given = as_array(image, "image")
+    lazy = lazy_of(image)
+    given = as_array(image, "image") if lazy is None else lazy
     if given.ndim != 3:
         raise InputError(f"image has shape {given.shape}: three axes are needed")
     layers = min(as_count(margin, "margin"), max(given.shape))
     start, window = np.zeros(3, dtype=np.int64), []
     for axis in range(3):
-        along = np.flatnonzero(given.any(axis=tuple(k for k in range(3) if k != axis)))
+        along = np.flatnonzero(np.asarray(given.any(axis=tuple(k for k in range(3) if k != axis))))
         first, behind = (along[0] - layers, along[-1] + 1 + layers) if len(along) else (0, 0)
         start[axis] = max(first, 0)
         window.append(slice(int(start[axis]), int(min(behind, given.shape[axis]))))

@@ -13,9 +13,8 @@ from voxgran._base.arrays import Floats, Integers, as_array, as_count, as_number
 from voxgran._base.calls import explained, renamed
 from voxgran._base.errors import InputError, MissingLibraryError, shown
 from voxgran._base.lazy import load
-from voxgran.lattice.block_basins import basins_of, histogram_of, without_small
+from voxgran.lattice.block_basins import basins_of, distance_to_void, histogram_of, without_small
 from voxgran.lattice.blocks import lazy_of
-from voxgran.lattice.distance import distance_transform
 from voxgran.lattice.image import Edges, Image, known_edges
 from voxgran.lattice.necks import Pairs, merged, pairs_of, widest
 
@@ -149,7 +148,8 @@ def segment(
 
     Notes
     -----
-    The distance is smoothed over 0.7 voxels (Gaussian), so that steps of the voxels part nothing.
+    The distance is that to the void within the image, so that grains are as wide where the border cuts them. It is
+    smoothed over 0.7 voxels (Gaussian), so that steps of the voxels part nothing.
 
     Why a tenth: a length that parts small grains cuts large ones at each bump of their surface. Relative to the smaller
     grain the necks of grains that touch and the bumps of one grain are far apart: of spheres, polyhedra and rocks
@@ -208,7 +208,7 @@ def segment(
 def _basins(solid: Any, edges: Edges | None) -> tuple[Any, Floats, Pairs, Integers]:
     """Return the basins of the distance to the void, the largest distance in each, their pairs and sizes in voxels."""
     ndimage = load("scipy.ndimage")
-    distance = distance_transform(np.pad(solid, 1), voxel_size=edges)[1:-1, 1:-1, 1:-1]
+    distance = distance_to_void(solid, edges)
     # steps of the voxel surface would otherwise be bumps, and bend the surfaces between grains
     distance = ndimage.gaussian_filter(distance, SMOOTH) * solid
     seeds, count = ndimage.label(_skimage("morphology").local_maxima(distance) & solid, np.ones((3, 3, 3)))

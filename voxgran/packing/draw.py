@@ -24,7 +24,7 @@ from voxgran.settling.parameters import Settling
 from voxgran.shapes.describing.extents import principal_extents
 from voxgran.shapes.family import make_shape
 from voxgran.shapes.model import Shape, check_shapes
-from voxgran.shapes.size_laws.listed import ListedGrains, grains_of, refuse_too_many
+from voxgran.shapes.size_laws.listed import ListedGrains, families_in, grains_of, refuse_too_many
 from voxgran.shapes.size_laws.plan import FAR, count_within, stratum_distance
 from voxgran.shapes.sizes import SizeDistribution
 
@@ -156,7 +156,7 @@ def listed_grains(
     request: Request, shapes: tuple[Shape, ...], unit: str
 ) -> tuple[tuple[Shape, ...], ListedGrains, Any]:
     """Return shapes, once for each density, grains and densities of the list of a request, with lengths in one unit;
-    without shapes, grains are spheres, and disks in the plane.
+    without shapes, they are of the families that the list names, else spheres, and disks in the plane.
 
     Raises
     ------
@@ -164,7 +164,9 @@ def listed_grains(
         If the list breaks a rule.
     """
     sized, dimension = len(shapes) > 0, request.container.dimension
-    shapes = shapes or (make_shape("sphere" if dimension == 3 else "disk"),)
+    if not sized:
+        named = families_in(request.grains) or ["sphere" if dimension == 3 else "disk"]
+        shapes = tuple(make_shape(family) for family in named)
     shares = _shares(shapes, request.weights, request.weights_by, own_size=False)
     given = None if request.density is None else by_shape(as_density(request.density, len(shapes)), len(shapes))
     found = grains_of(request.grains, shapes, shares, unit=unit, densities=given, sized=sized)

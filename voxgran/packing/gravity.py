@@ -94,7 +94,8 @@ def direction_of(vector: Floats, container: Container) -> Floats:
     InputError
         If its length is 0 or not finite, or it has a part along a periodic axis or out of the plane.
     """
-    length = float(np.linalg.norm(vector))
+    with np.errstate(over="ignore"):
+        length = float(np.linalg.norm(vector))
     held = np.array(container.periodic) | (np.arange(3) >= container.dimension)
     if not np.isfinite(length) or length == 0.0 or vector[held].any():
         raise InputError(

@@ -103,8 +103,8 @@ def pack(
     Parameters
     ----------
     shapes : sequence of Shape or Shape
-        Shapes to draw the grains from. They may be left out with a list of `grains`, whose rows are then spheres, disks
-        in the plane, and with a start, whose shapes they then have.
+        Shapes to draw the grains from. They may be left out with a list of `grains`, which then names families or is of
+        spheres, disks in the plane, and with a start, whose shapes they then have.
     container : Container
         What holds the grains.
     method : str or parameter object

@@ -8,7 +8,7 @@ from typing import Any, Literal
 from voxgran._base.arrays import as_choice, as_count, as_number, as_positive, as_share, check_type
 from voxgran._base.calls import removal_of
 from voxgran._base.config import from_mapping, parameters_of
-from voxgran._base.errors import InputError, UnknownNameError, shown
+from voxgran._base.errors import InputError, UnknownNameError, shortened, shown
 from voxgran._base.files import existing_file
 from voxgran._base.names import nearest, unknown
 from voxgran._base.seeds import stream
@@ -130,7 +130,7 @@ def shape_entries(entries: Any, folder: Path) -> tuple[ShapeEntry, ...]:
             meant = next((key for key in entry if key not in SHAPE_KEYS and nearest(key, ("file", "family"))), None)
             if meant is not None:
                 raise UnknownNameError(unknown("[[shape]] key", meant, SHAPE_KEYS))
-            raise InputError(f"[[shape]] has the keys {', '.join(entry)}: give either file or family")
+            raise InputError(f"[[shape]] has the keys {shortened(', '.join(entry))}: give either file or family")
         common = {"share": share, "clump": clump, "roughness": roughness, "density": density, "faces": faces}
         made.append(_of_file(rest, folder, common) if "file" in rest else _of_family(rest, folder, common))
     return tuple(made)

@@ -7,7 +7,7 @@ from functools import cached_property
 from typing import Any
 
 from voxgran._base.config import parameters_of
-from voxgran._base.errors import InputError, UnknownNameError, VoxgranError, shown
+from voxgran._base.errors import InputError, UnknownNameError, VoxgranError, shortened, shown
 from voxgran._base.names import unknown
 from voxgran._base.units import NO_UNIT, as_unit
 from voxgran.packing.method import method_registry
@@ -270,7 +270,7 @@ def _scene(mapping: Mapping[str, Any], values: Mapping[str, Label]) -> SceneDesc
     except VoxgranError as error:
         if not values:
             raise
-        told = ", ".join(f"{name} {value}" for name, value in values.items())
+        told = shortened(", ".join(f"{name} {value}" for name, value in values.items()))
         raise type(error)(f"cell {told}: {error}") from error
 
 

@@ -71,6 +71,8 @@ def test_rows_and_figure_are_written(tmp_path, monkeypatch):
     assert all(float(row["volume_error"]) < 0.02 for row in own.values())
     assert all(abs(float(own[name]["area_error"])) < 0.04 for name in ("sphere", "ellipsoid", "voronoi"))
     rows = list(csv.DictReader(crowd.read_text().splitlines()))
-    assert [row["program"] for row in rows][:2] == ["voxgran, as a packing", "voxgran"]
-    assert {(row["closed_manifolds"], row["crossing_pairs"]) for row in rows[:3]} == {(rows[0]["labels"], "0")}
+    names = ["voxgran, as a packing", "voxgran, verify of the packing", "voxgran"]
+    assert [row["program"] for row in rows][:3] == names
+    assert all(float(row["processor_seconds_over_calibration"]) > 0 for row in rows)
+    assert {(row["closed_manifolds"], row["crossing_pairs"]) for row in rows[:4]} == {(rows[0]["labels"], "0")}
     assert "<svg" in figure.read_text()

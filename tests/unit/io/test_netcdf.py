@@ -1,13 +1,10 @@
 """Statistics go through netCDF4 unchanged."""
 
-import os
-import resource
-
 import numpy as np
 import pytest
 import xarray as xr
 
-from voxgran._base.errors import FileFormatError, OutputError, OutputExistsError
+from voxgran._base.errors import FileFormatError, OutputExistsError
 from voxgran.io.netcdf import load_statistics, save_statistics
 
 
@@ -72,19 +69,3 @@ def test_a_damaged_file_is_one_sentence(tree, share, tmp_path, capfd):
         load_statistics(tmp_path / "s.nc")
     assert "\n" not in str(caught.value)
     assert capfd.readouterr().err == ""
-
-
-def test_a_file_that_grows_too_large_is_closed(tree, tmp_path):
-    """HDF5 keeps a file open that it cannot write to its end, and with it the room on the disk."""
-    most, hard = resource.getrlimit(resource.RLIMIT_FSIZE)
-    resource.setrlimit(resource.RLIMIT_FSIZE, (1000, hard))
-    try:
-        with pytest.raises(OutputError, match=r"(?i)too large"):
-            save_statistics(tree, tmp_path / "s.nc")
-    finally:
-        resource.setrlimit(resource.RLIMIT_FSIZE, (most, hard))
-    opened = [os.path.realpath(f"/proc/self/fd/{number}") for number in os.listdir("/proc/self/fd")]
-    assert not [name for name in opened if name.startswith(str(tmp_path))]
-    save_statistics(tree, tmp_path / "s.nc")
-    content = (tmp_path / "s.nc").read_bytes()
-    assert len(content) == int.from_bytes(content[28:36], "little")

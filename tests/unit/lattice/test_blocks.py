@@ -146,3 +146,14 @@ def test_what_is_no_mask_is_refused():
         vg.local_thickness(blocks(np.ones(SHAPE, dtype=bool)))
     with pytest.raises(InputError, match="grey values"):
         vg.label_table(blocks(GREY), voxel_size=1.0)
+
+
+def test_the_part_with_voxels_stays_in_blocks():
+    image = np.zeros((9, 12, 7), dtype=np.uint16)
+    image[2:5, 4:11, 3] = 3
+    for values, margin in ((image, 0), (image, 2), (np.zeros_like(image), 1)):
+        whole, start = vg.crop(values, margin=margin)
+        part, first = vg.crop(da.from_array(values, chunks=4), margin=margin)
+        assert isinstance(part, da.Array)
+        assert start.tolist() == first.tolist()
+        assert np.array_equal(np.asarray(part), whole)

@@ -71,3 +71,20 @@ def test_without_scikit_image_the_remedy_is_named(monkeypatch):
     monkeypatch.setattr(segmenting, "load", missing)
     with pytest.raises(MissingLibraryError, match=r"voxgran\[images\]"):
         vg.segment(np.zeros((4, 4, 4)))
+
+
+@pytest.mark.parametrize("cut", [0, 1])
+def test_a_thin_cap_at_the_border_is_a_grain_of_its_own(cut):
+    x, y, z = np.indices((60, 44, 20))
+    # a sphere that is cut in its middle, and what the border leaves of one that touches it: 4 voxels
+    powers = [(x - 20) ** 2 + (y - 21.5) ** 2 + z**2 - 144.0, (x - 37) ** 2 + (y - 21.5) ** 2 + (z + 6) ** 2 - 100.0]
+    grey = np.moveaxis(200 * (np.minimum(*powers) < 0), 2, cut)
+    found = vg.segment(grey, threshold=100)
+    assert found.grains == 2
+    assert vg.segment(np.flip(grey, cut), threshold=100).grains == 2
+    true = np.where(np.minimum(*powers) < 0, 1 + np.argmin(powers, axis=0), 0)
+    assert np.mean(np.moveaxis(true, 2, cut) != found.values) < 0.005
+
+
+def test_an_image_without_void_is_one_grain():
+    assert vg.segment(np.full((9, 9, 9), 200), threshold=100).grains == 1

@@ -123,6 +123,28 @@ def test_rows_without_shapes_are_spheres_or_disks(tmp_path):
         vg.pack(grains={"diameter": [1.0]})
 
 
+def test_families_of_shapes_are_known_by_name_where_no_shapes_are_given(tmp_path):
+    (tmp_path / "list.csv").write_text("shape,diameter,density\nbox,1.0,2650\ntorus,0.8,7800\n")
+    made = vg.pack(grains=tmp_path / "list.csv", container=vg.Box((6, 6, 6)), method="rsa", unit="mm")
+    names = [made.shapes[k].name for k in made.shape_id]
+    assert (names, made.diameters.tolist()) == (["box", "torus"], pytest.approx([1.0, 0.8]))
+    assert made.densities.tolist() == [2650.0, 7800.0]
+    with pytest.raises(UnknownNameError, match="'boxx' is unknown: did you mean 'box'"):
+        vg.pack(grains={"shape": ["boxx"], "diameter": [1.0]}, container=vg.Box((6, 6, 6)), method="rsa")
+    with pytest.raises(InputError, match="dimension 2: the container has 3"):
+        vg.pack(grains={"shape": ["disk"], "diameter": [1.0]}, container=vg.Box((6, 6, 6)), method="rsa")
+
+
+def test_densities_of_a_list_reach_input_files(tmp_path):
+    table = {"diameter": [1.0, 0.8], "density": [2650, 7800]}
+    made = vg.pack(grains=table, container=vg.Box((5, 5, 5)), method="rsa", unit="mm")
+    vg.write_deck(made, tmp_path / "run", "lammps")
+    atoms = (tmp_path / "run" / "lammps_grains.data").read_text().partition("Atoms")[2].split("\n")[2:4]
+    # diameter and density, in SI units
+    rows = np.array([atom.split()[2:4] for atom in atoms], dtype=float)
+    assert rows == pytest.approx(np.array([(1e-3, 2650.0), (8e-4, 7800.0)]), rel=1e-12)
+
+
 def test_shapes_of_one_name_are_taken_in_turn():
     rocks = [vg.make_shape("convex_polyhedron", seed=seed) for seed in range(3)]
     rows = {"shape": ["convex_polyhedron", "sphere", "convex_polyhedron"], "count": [4, 1, 2]}

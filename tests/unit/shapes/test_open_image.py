@@ -64,6 +64,73 @@ def test_zarr(tmp_path):
         vg.open_image(tmp_path / "g.zarr", key="three")
 
 
+def write_ome(path, layout, values, axes="tczyx", **changes):
+    """Write an image of OME-Zarr of two scales, of NGFF 0.4 in zarr 2 or 0.5 in zarr 3."""
+    group = zarr.open_group(path, mode="w", zarr_format=layout)
+    arranged = np.transpose(values).reshape((1,) * (len(axes) - 3) + values.shape[::-1])
+    levels = []
+    for k in range(2):
+        data = np.ascontiguousarray(arranged[..., :: k + 1, :: k + 1, :: k + 1])
+        group.create_array(str(k), data=data, chunks=(*data.shape[:-3], 4, 4, 4))
+        steps = [
+            {"type": "scale", "scale": [1.0] * (len(axes) - 3) + [0.5 * (k + 1), 0.25 * (k + 1), 0.25 * (k + 1)]},
+            {"type": "translation", "translation": [0.0] * (len(axes) - 3) + [10.0, 20.0, 30.0]},
+        ]
+        levels.append({"path": str(k), "coordinateTransformations": steps})
+    named = [{"name": name, **({"type": "space", "unit": "micrometer"} if name in "xyz" else {})} for name in axes]
+    scales = [{"version": "0.4", "axes": named, "datasets": levels, **changes}]
+    group.attrs.update({"multiscales": scales} if layout == 2 else {"ome": {"version": "0.5", "multiscales": scales}})
+
+
+@pytest.mark.parametrize("layout", [2, 3])
+@pytest.mark.parametrize("axes", ["zyx", "tczyx"])
+def test_ome_zarr_tells_axes_edges_and_unit(tmp_path, layout, axes):
+    twice = [{"type": "scale", "scale": [1.0] * (len(axes) - 3) + [2.0] * 3}]
+    write_ome(tmp_path / "a.zarr", layout, VALUES, axes)
+    image = in_blocks(tmp_path / "a.zarr")
+    assert (image.voxel_size, image.unit) == ((0.25, 0.25, 0.5), "um")
+    # that of the centre of the first voxel is told
+    assert image.origin == (29.875, 19.875, 9.75)
+    assert vg.open_image(tmp_path / "a.zarr", voxel_size=0.1, unit="mm").voxel_size == (0.1, 0.1, 0.1)
+    coarse = vg.open_image(tmp_path / "a.zarr", key="1")
+    assert np.array_equal(np.asarray(coarse), VALUES[::2, ::2, ::2])
+    assert coarse.voxel_size == (0.5, 0.5, 1.0)
+    write_ome(tmp_path / "b.zarr", layout, VALUES, axes, coordinateTransformations=twice)
+    image = vg.open_image(tmp_path / "b.zarr")
+    assert (image.voxel_size, image.origin) == ((0.5, 0.5, 1.0), (59.75, 39.75, 19.5))
+    with pytest.raises(FileFormatError, match="no array '7': there are 0, 1"):
+        vg.open_image(tmp_path / "a.zarr", key="7")
+
+
+def test_ome_zarr_of_several_channels_and_of_two_axes_is_refused(tmp_path):
+    group = zarr.open_group(tmp_path / "a.zarr", mode="w")
+    group.create_array("0", data=np.zeros((2, 4, 4, 4), dtype=np.uint8), chunks=(1, 4, 4, 4))
+    for axes, words in (("czyx", "2 along c, 4 along z"), ("czyy", "4 along y, 4 along y")):
+        scales = [{"axes": [{"name": name} for name in axes], "datasets": [{"path": "0"}]}]
+        group.attrs["multiscales"] = scales
+        with pytest.raises(FileFormatError, match=words):
+            vg.open_image(tmp_path / "a.zarr")
+
+
+def test_a_zarr_of_very_many_parts_is_refused_soon(tmp_path):
+    zarr.create_array(tmp_path / "a.zarr", shape=(10**9, 7, 7), chunks=(4, 4, 4), dtype="u2")
+    with pytest.raises(TooLargeError, match="parts of 4 x 4 x 4"):
+        vg.open_image(tmp_path / "a.zarr")
+
+
+@pytest.mark.parametrize("start", [4, 8])
+def test_a_slice_with_a_damaged_index_is_named(tmp_path, start):
+    (tmp_path / "scan").mkdir()
+    for k in range(3):
+        tifffile.imwrite(tmp_path / "scan" / f"{k}.tif", VALUES[:, :, k].T)
+    whole = bytearray((tmp_path / "scan" / "1.tif").read_bytes())
+    # where the index lies, and how many entries it has
+    whole[start : start + 4] = b"\xf0\xff\xff\x7f"
+    (tmp_path / "scan" / "1.tif").write_bytes(whole)
+    with pytest.raises(FileFormatError, match=r"scan/1\.tif"):
+        np.asarray(vg.open_image(tmp_path / "scan"))
+
+
 def test_a_zarr_in_one_part_must_not_be_larger_than_the_memory(tmp_path, monkeypatch):
     zarr.create_array(tmp_path / "a.zarr", data=VALUES, chunks=VALUES.shape)
     in_blocks(tmp_path / "a.zarr")

@@ -4,11 +4,12 @@ import numpy as np
 import pytest
 
 import voxgran as vg
-from voxgran._base.errors import InputError, PackingWarning, UnknownNameError
+from voxgran._base.errors import FileFormatError, InputError, PackingWarning, UnknownNameError
 from voxgran._base.lazy import load
 from voxgran._base.seeds import stream
 from voxgran.packing.draw import Request, draw_grains
 from voxgran.shapes import sizes
+from voxgran.shapes.size_laws import distribution
 
 LAWS = {
     "lognormal": sizes.lognormal(2.0, 0.3),
@@ -287,6 +288,41 @@ def test_laws_of_crushed_and_of_concrete_material_are_theirs():
         load("scipy.integrate").quad(lambda d: math.exp(-((d / 2.0) ** 2)) / d**2, 1.0, end)[0] for end in (30.0, 2.5)
     )
     assert law.cumulative(2.5, basis="number") == pytest.approx(part / whole, rel=1e-10)
+
+
+@pytest.mark.parametrize("name", ["Rosin-Rammler", "Rosin-Rammler, cut", "mixture", "steps", "bends"])
+def test_many_sizes_are_found_by_polynomials_as_a_few_are_by_iteration(name):
+    some = {"steps": sizes.fixed(1.0), "bends": sizes.uniform(2.50013, 2.50027)}
+    law = LAWS.get(name) or sizes.mixture([some[name], sizes.uniform(2.0, 3.0)], [0.5, 0.5], basis="number")
+    power = law._power("number", 3)
+    shares = (np.arange(distribution.MANY) + 0.5) / distribution.MANY
+    made = law.quantile(shares, basis="number")
+    # half of those of the last distribution lie between two nodes, where its density changes, and are iterated
+    iterated, error = (0.6, 1e-9) if name == "bends" else (2e-3, 1.5e-13)
+    assert np.isnan(distribution._curve(law, power)(shares)).mean() < iterated
+    assert (np.diff(made) >= -1e-15 * made[1:]).all()
+    assert np.abs(made[::97] / law.quantile(shares[::97], basis="number") - 1.0).max() < 1e-10
+    if name != "steps":
+        assert np.abs(law.cumulative(made, basis="number") - shares).max() < error
+
+
+def test_a_table_of_very_many_columns_is_refused_soon(tmp_path):
+    (tmp_path / "a.csv").write_text("opening;passing" + ";x" * 50_000 + "\n1;2\n")
+    with pytest.raises(FileFormatError, match="a first row of"):
+        sizes.sieve(tmp_path / "a.csv", unit="mm")
+    some = {f"column {k}": [1.0] for k in range(100)}
+    with pytest.raises(FileFormatError, match=r"'column 7', \.\.\.: it must have 'opening'"):
+        sizes.sieve(some)
+
+
+def test_sizes_by_number_of_crushed_material_are_those_of_the_exponential_integral():
+    law, count = sizes.rosin_rammler(2.0, 3.0, low=1.0), distribution.MANY
+    made = law.strata(count, np.random.default_rng(0))[: count - distribution.LARGEST]
+    # by number the share of scores up to s is that of the integral of exp(-t) / t
+    whole, rest = (load("scipy.special").exp1(score) for score in (1.0 / 8.0, (made / 2.0) ** 3))
+    shares = 1.0 - rest / whole
+    drawn = np.arange(count) + np.random.default_rng(0).random(count)
+    assert np.abs(shares - drawn[: len(made)] / count).max() < 1e-13
 
 
 def test_steps_of_a_mixture_are_sizes_of_its_grains():

@@ -1,5 +1,6 @@
 """Packings of label images whose grains touch, or are cut: no grain overlaps another or reaches through the border."""
 
+import tracemalloc
 import warnings
 
 import numpy as np
@@ -186,3 +187,22 @@ def test_whoever_waits_is_told_of_grains_and_of_pairs(surface):
     assert told == [("surfaces", 0, 2), ("surfaces", 1, 2), ("overlaps", 0, 2), ("overlaps", 1, 2)]
     with pytest.raises(vg.VoxgranError, match="on_step is 3: it must be a function of a step; change it"):
         vg.verify(packing, on_step=3)
+
+
+@pytest.mark.parametrize(("n", "seeds", "reach", "most"), [(60, 12, 14.0, 3.0), (60, 1, 24.0, 1.0), (48, 27, 8.0, 5.0)])
+def test_a_file_of_surfaces_is_a_few_times_the_size_of_its_image(tmp_path, n, seeds, reach, most):
+    image = cells(n, seeds, reach).astype(np.uint16)
+    vg.save(vg.packing_of_labels(image, voxel_size=1.0, gravity="none"), tmp_path / "labels.vtp")
+    assert (tmp_path / "labels.vtp").stat().st_size < most * image.nbytes
+
+
+def test_a_triangle_of_a_label_takes_eighteen_bytes():
+    image = np.zeros((60, 60, 60), dtype=np.uint8)
+    image[((np.indices(image.shape) - 29.5) ** 2).sum(axis=0) < 24**2] = 1
+    (shape,) = vg.load_labels(image, voxel_size=1.0)
+    tracemalloc.start()
+    kept = [vg.load_labels(image, voxel_size=1.0) for _ in range(8)]
+    each = tracemalloc.get_traced_memory()[0] / len(kept)
+    tracemalloc.stop()
+    # three corners in 16 bits, and half a vertex
+    assert each < 19 * len(shape.geometry.corners)

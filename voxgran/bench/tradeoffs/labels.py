@@ -7,6 +7,7 @@ label, and the surface nets of VTK, whose single surface of all labels is parted
 
 import warnings
 from collections.abc import Callable
+from functools import partial
 from pathlib import Path
 from typing import Any, TypeAlias
 
@@ -18,6 +19,7 @@ from voxgran._base.errors import PackingWarning
 from voxgran._base.lazy import load
 from voxgran._base.seeds import stream
 from voxgran.bench.model import TradeOff, calibration, least_seconds, panels_of, peers_of, write_rows
+from voxgran.contacts.verify import verify
 from voxgran.geometry.crossing import count_crossings
 from voxgran.geometry.rotation import random_rotations, rotation_matrices
 from voxgran.geometry.triangles import areas_of, enclosed_volume
@@ -152,10 +154,11 @@ def measured_crowd(n: int = CROWDED[0], points: int = CROWDED[1]) -> list[tuple[
         closed = sum(is_manifold(*surface) for surface in surfaces)
         triangles = sum(len(faces) for _, faces in surfaces)
         rows.append((name, seconds, len(surfaces), triangles, closed, crossings(surfaces)))
-    seconds = least_seconds(
-        lambda: packing_of_labels(image, voxel_size=1.0, gravity="none"), repeats=REPEATS, processor=True
-    )
-    return [(f"{rows[0][0]}, as a packing", seconds, *rows[0][2:]), *rows]
+    work = partial(packing_of_labels, image, voxel_size=1.0, gravity="none")
+    for name, step in (("as a packing", work), ("verify of the packing", partial(verify, work()))):
+        seconds = least_seconds(step, repeats=REPEATS, processor=True)
+        rows.append((f"{rows[0][0]}, {name}", seconds, *rows[0][2:]))
+    return rows[-2:] + rows[:-2]
 
 
 def is_manifold(points: Floats, faces: Integers) -> bool:

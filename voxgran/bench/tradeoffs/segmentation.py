@@ -1,14 +1,23 @@
 """Segmentation of grey images whose grains are known: number of grains, Rand error and variation of information.
 
 Packings of spheres, polyhedra and rocks become grey images with blur and noise, of cubes and of voxels that are twice
-as long along z. Three ways part the same solid: the default of `segment`; a separation of one length, two voxels; and a
-watershed of scikit-image from every maximum of the distance, smoothed over a voxel.
+as long along z; whole, and their middle alone, whose border cuts grains and where only fragments of 512 voxels or more
+are counted. Four ways part the same solid: the default of `segment`; a separation of one length, two voxels; a
+watershed of scikit-image from every maximum of the distance, smoothed over a voxel; and, where the interpreter named by
+the environment variable ``VOXGRAN_PEERS`` has porespy, its SNOW algorithm. Of the first two it is told how many of the
+pairs and grains that are wrong are suspects.
 """
 
+import itertools
+import logging
+import os
+import subprocess
+import sys
+import tempfile
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,27 +25,52 @@ from numpy.typing import NDArray
 from voxgran._base.arrays import Booleans, Floats, Integers
 from voxgran._base.lazy import load
 from voxgran._base.seeds import stream
-from voxgran.bench.model import TradeOff, panels_of, write_rows
+from voxgran.bench.model import PEERS, TradeOff, panels_of, write_rows
 from voxgran.containers.kinds.box import Box
 from voxgran.io.image import to_image
 from voxgran.lattice.distance import distance_transform
 from voxgran.lattice.image import Edges
-from voxgran.lattice.segment import segment
+from voxgran.lattice.segment import Segmentation, segment
 from voxgran.packing.model import Packing
 from voxgran.packing.pack import pack
 from voxgran.shapes import sizes
 from voxgran.shapes.family import make_shape
 
+LOG = logging.getLogger(__name__)
 #: grains, voxels over their mean diameter, and voxels of the smallest body or hole that is no noise
 GRAINS, ACROSS, LEAST = 180, 24, 64
 #: blur, as standard deviation in voxels, and noise, as that of the grey values over the contrast
 QUALITIES = ((1.0, 0.1), (1.5, 0.2))
+#: share of the edges of an image that is cut off at each end, and voxels of a fragment that counts as a grain then
+CUT, FRAGMENT = 7, 512
 FAMILIES = {"spheres": "sphere", "polyhedra": "convex_polyhedron", "rocks": "mollon_zhao"}
-WAYS = ("default", "two voxels", "watershed")
+#: separation of the ways by `segment`, and the other ways
+SEPARATIONS: dict[str, float | None] = {"default": None, "two voxels": 2.0}
+WAYS = (*SEPARATIONS, "watershed", "SNOW")
+#: seconds after which a peer is stopped
+LONGEST = 120
 
-#: grains, packing, solid fraction, blur, noise, voxels along z over x, way, true and found number of grains, Rand
-#: error, variation of information by splitting and by merging, processor seconds, suspects
-Row = tuple[str, str, float, float, float, int, str, int, int, float, float, float, float, int]
+
+class Row(NamedTuple):
+    """A segmentation of an image."""
+
+    grains: str
+    packing: str
+    solid_fraction_of_the_middle: float
+    blur: float
+    noise: float
+    z_over_x: int
+    border: str
+    way: str
+    true: int
+    found: int
+    rand_error: float
+    information_of_splitting: float
+    information_of_merging: float
+    processor_seconds: float
+    suspects: int | str
+    wrong: int | str
+    wrong_suspects: int | str
 
 
 def packings(count: int = GRAINS) -> Iterator[tuple[str, str, Packing]]:
@@ -70,10 +104,32 @@ def grey_image(solid: Booleans, *, blur: float, noise: float, slices: int) -> Fl
 def watershed(solid: Booleans, edges: Edges) -> Integers:
     """Return labels of a plain watershed: a seed at each maximum of the distance, smoothed over a voxel."""
     ndimage, skimage = load("scipy.ndimage"), load("skimage.segmentation")
-    distance = ndimage.gaussian_filter(distance_transform(np.pad(solid, 1), voxel_size=edges)[1:-1, 1:-1, 1:-1], 1.0)
+    distance = ndimage.gaussian_filter(_distance(solid, edges), 1.0)
     maxima = load("skimage.morphology").local_maxima(distance) & solid
     found = skimage.watershed(-distance, ndimage.label(maxima, np.ones((3, 3, 3)))[0], mask=solid)
     return np.asarray(found, dtype=np.int64)
+
+
+def _distance(solid: Booleans, edges: Edges) -> Floats:
+    """Return the distance to the void within the image."""
+    return np.asarray(distance_transform(solid, voxel_size=edges))
+
+
+def snow(solid: Booleans, edges: Edges) -> tuple[Integers, float] | None:
+    """Return labels by the SNOW algorithm of porespy, and its seconds; None where it is not installed, or fails."""
+    script = PEERS / "segmentation_snow.py"
+    if not script.is_file():
+        return None
+    with tempfile.TemporaryDirectory() as folder:
+        given, made = Path(folder) / "solid.npz", Path(folder) / "labels.npz"
+        np.savez(given, solid=solid, distance=_distance(solid, edges))
+        command = [os.environ.get("VOXGRAN_PEERS", sys.executable), *map(os.fspath, (script, given, made))]
+        try:
+            ended = subprocess.run(command, capture_output=True, text=True, timeout=LONGEST, check=True)
+        except (OSError, subprocess.SubprocessError):
+            return None
+        with np.load(made, allow_pickle=False) as found:
+            return found["labels"].astype(np.int64), float(ended.stdout.split()[-1])
 
 
 def scores(true: NDArray[Any], found: NDArray[Any]) -> tuple[float, float, float]:
@@ -86,31 +142,61 @@ def scores(true: NDArray[Any], found: NDArray[Any]) -> tuple[float, float, float
     return float(error), float(splitting), float(merging)
 
 
+def judged(true: NDArray[Any], found: Segmentation) -> tuple[int, int, int]:
+    """Return the numbers of suspects, of labels and pairs that are wrong, and of suspects that are wrong.
+
+    A label is wrong if several grains have most of their voxels in it, and a pair of touching labels if the same grain
+    has most voxels of both.
+    """
+    labels = np.asarray(found)
+    both = (true > 0) & (labels > 0)
+    shared = load("scipy.sparse").coo_array((np.ones(both.sum()), (labels[both], true[both]))).toarray()
+    grain, label = shared.argmax(axis=1), shared.argmax(axis=0)
+    several = np.bincount(label[shared.any(axis=0)], minlength=len(shared)) > 1
+
+    def split(necks: Any) -> Booleans:
+        one, other = necks["grain"].values, necks["other"].values
+        return np.asarray((one != other) & (grain[one] == grain[other]))
+
+    suspects = found.suspects
+    one, other = suspects["grain"].values, suspects["other"].values
+    right = split(suspects) | ((one == other) & several[one])
+    return len(one), int(several.sum() + split(found.necks).sum()), int(right.sum())
+
+
 def measured(made: Iterator[tuple[str, str, Packing]], qualities: Any = QUALITIES, across: int = ACROSS) -> list[Row]:
     """Return the rows of some packings."""
     rows: list[Row] = []
     for name, kind, packing in made:
         labels = true_labels(packing, across)
-        for (blur, noise), slices in ((quality, slices) for quality in qualities for slices in (1, 2)):
-            grey, edges = grey_image(labels > 0, blur=blur, noise=noise, slices=slices), (1.0, 1.0, float(slices))
+        inner = labels[tuple(slice(n // 4, n - n // 4) for n in labels.shape)] > 0
+        for (blur, noise), slices, cut in itertools.product(qualities, (1, 2), (0, CUT)):
+            grey = grey_image(labels > 0, blur=blur, noise=noise, slices=slices)
             # the slice nearest to the middle of a thick one
-            true, least = labels[:, :, slices // 2 :: slices], LEAST // slices
-            ways: dict[str, Callable[[], Any]] = {
-                "default": lambda: segment(grey, min_size=least, voxel_size=edges),  # noqa: B023
-                "two voxels": lambda: segment(grey, min_size=least, voxel_size=edges, separation=2.0),  # noqa: B023
-                "watershed": lambda: watershed(solid, edges),  # noqa: B023
-            }
+            true, least, edges = labels[:, :, slices // 2 :: slices], LEAST // slices, (1.0, 1.0, float(slices))
+            if cut:
+                box = tuple(slice(n // cut, n - n // cut) for n in grey.shape)
+                grey, true = grey[box], true[box]
+            image = name, kind, float(inner.mean()), blur, noise, slices, "cut" if cut else "whole"
+            counted, solid = FRAGMENT // slices if cut else least, np.zeros(0, dtype=np.bool_)
             for way in WAYS:
+                told: tuple[int | str, int | str, int | str] = ("", "", "")
                 began = time.process_time()
-                result = ways[way]()
-                seconds = time.process_time() - began
-                solid = np.asarray(result > 0)
-                parted = np.asarray(result)
-                suspects = 0 if way == "watershed" else int(result.suspects.sizes["neck"])
-                many = len(np.unique(parted[parted > 0]))
-                inner = labels[tuple(slice(n // 4, n - n // 4) for n in labels.shape)] > 0
-                numbers = (packing.count, many, *scores(true, parted), seconds, suspects)
-                rows.append((name, kind, float(inner.mean()), blur, noise, slices, way, *numbers))
+                if way in SEPARATIONS:
+                    result = segment(grey, min_size=least, voxel_size=edges, separation=SEPARATIONS[way])
+                    seconds, found = time.process_time() - began, np.asarray(result)
+                    told, solid = judged(true, result), found > 0
+                elif way == "watershed":
+                    found = watershed(solid, edges)
+                    seconds = time.process_time() - began
+                elif (peer := snow(solid, edges)) is not None:
+                    found, seconds = peer
+                else:
+                    LOG.warning("porespy is not installed or failed: its row is left out")
+                    continue
+                # without the voxels that blur and noise take from them
+                many, parts = (int((np.bincount(each[solid])[1:] >= counted).sum()) for each in (true, found))
+                rows.append(Row(*image, way, many, parts, *scores(true, found), seconds, *told))
     return rows
 
 
@@ -118,27 +204,26 @@ def run(folder: Path) -> tuple[Path, ...]:
     """Measure, and write rows as CSV and a figure as SVG."""
     rows = measured(packings())
     lines = [
-        f"{name},{kind},{solid:.3f},{blur},{noise},{slices},{way},{true},{found},{found / true:.3f},{rand:.4f},"
-        f"{split:.4f},{merge:.4f},{seconds:.2f},{suspects}"
-        for name, kind, solid, blur, noise, slices, way, true, found, rand, split, merge, seconds, suspects in rows
+        f"{row.grains},{row.packing},{row.solid_fraction_of_the_middle:.3f},{row.blur},{row.noise},{row.z_over_x},"
+        f"{row.border},{row.way},{row.true},{row.found},{row.found / row.true:.3f},{row.rand_error:.4f},"
+        f"{row.information_of_splitting:.4f},{row.information_of_merging:.4f},{row.processor_seconds:.2f},"
+        f"{row.suspects},{row.wrong},{row.wrong_suspects}"
+        for row in rows
     ]
-    head = (
-        "grains,packing,solid_fraction_of_the_middle,blur,noise,z_over_x,way,true,found,found_over_true,rand_error,"
-        "information_of_splitting,information_of_merging,processor_seconds,suspects"
-    )
+    head = ",".join(Row._fields).replace("found,", "found,found_over_true,")
     _draw(rows, folder / "segmentation.svg")
     return write_rows(folder / "segmentation.csv", head, lines), folder / "segmentation.svg"
 
 
 def _draw(rows: list[Row], path: Path) -> None:
     """Draw the number of grains and the Rand error of each way, one image beside the other."""
-    names = list(dict.fromkeys((row[0], row[1]) for row in rows))
+    names = list(dict.fromkeys((row.grains, row.packing) for row in rows))
     with panels_of(path, 2, width=11.0) as (numbers, errors):
-        for place, way in enumerate(WAYS):
-            mine = [row for row in rows if row[6] == way]
-            at = [names.index((row[0], row[1])) + 0.22 * (place - 1) for row in mine]
-            numbers.plot(at, [row[8] / row[7] for row in mine], "os^"[place], alpha=0.7, label=way)
-            errors.plot(at, [row[9] for row in mine], "os^"[place], alpha=0.7, label=way)
+        for place, way in enumerate(dict.fromkeys(row.way for row in rows)):
+            mine = [row for row in rows if row.way == way]
+            at = [names.index((row.grains, row.packing)) + 0.18 * (place - 1.5) for row in mine]
+            numbers.plot(at, [row.found / row.true for row in mine], "os^D"[place], alpha=0.7, label=way)
+            errors.plot(at, [row.rand_error for row in mine], "os^D"[place], alpha=0.7, label=way)
         numbers.axhspan(0.98, 1.02, alpha=0.15)
         numbers.set(ylabel="grains found over true")
         errors.set(ylabel="adapted Rand error", ylim=(0.0, None))
@@ -148,6 +233,6 @@ def _draw(rows: list[Row], path: Path) -> None:
 
 registration = TradeOff(
     name="segmentation",
-    summary="segmentation of grey images: grains found over true, Rand error and seconds, beside a plain watershed",
+    summary="segmentation of grey images: grains found over true, Rand error, seconds, beside watershed and SNOW",
     run=run,
 )

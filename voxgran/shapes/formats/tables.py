@@ -17,6 +17,9 @@ from voxgran._base.guarded import refused
 from voxgran._base.lazy import load
 from voxgran._base.units import as_unit, known_unit, unit_factor
 
+#: most columns that a message lists, and characters of the row with the names of columns
+MOST_TOLD, LONGEST_HEAD = 8, 10_000
+
 
 def read_table(path: str) -> Any:
     """Return the table of a CSV file, whose numbers may have decimal commas where no commas separate the columns.
@@ -32,10 +35,20 @@ def read_table(path: str) -> Any:
     with refused(found):
         text = found.read_text(encoding="utf-8-sig")
         head, *rows = [row for line in text.splitlines() if (row := line.partition("#")[0].strip())] or [";"]
+        if len(head) > LONGEST_HEAD:
+            raise FileFormatError(
+                f"{path} has a first row of {len(head)} characters: it must hold the names of some columns; correct it"
+            )
         # in a single column a separator would be guessed among letters, blanks and decimal commas
         alone = not re.search(r"[;,\t]", head) and not any(re.search(r"\s", row) for row in rows)
         how = {"sep": ";"} if alone else {"sep": None, "engine": "python"}
         return load("pandas").read_csv(found, comment="#", decimal="," if alone or ";" in text else ".", **how)
+
+
+def told_columns(table: Any) -> str:
+    """Return the names of the first columns of a table as a message lists them."""
+    names = [shown(name) for name in table.keys()]  # noqa: SIM118  (a DataFrame has keys, too)
+    return ", ".join(names[:MOST_TOLD] + ["..."] * (len(names) > MOST_TOLD)) or "none"
 
 
 def columns_in(table: Any, known: Mapping[str, Sequence[str]], where: str) -> dict[str, str]:

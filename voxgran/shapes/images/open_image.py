@@ -26,6 +26,7 @@ from voxgran.shapes.images.image_files import (
     tiff_lattice,
     with_lattice,
 )
+from voxgran.shapes.images.ome_zarr import ome_image, parts_of
 
 TIFF, HDF5 = (".tif", ".tiff"), (".h5", ".hdf5", ".hdf", ".nxs")
 #: bytes in which the header of a raw file ends
@@ -103,7 +104,7 @@ def open_image(
         file or in one beside it; or an array with axes x, y, z, such as a dask array. Whatever else :func:`load_image`
         reads, and raw values that are compressed, is read into memory.
     key : str, optional
-        Which array of an HDF5 file or of a group of zarr; default: the only one.
+        Which array of an HDF5 file or of a group of zarr; default: the only one, and of OME-Zarr the finest scale.
     voxel_size : float or (3,) array_like of float, optional
         Edges of a voxel; default: as the file says.
     unit : str, optional
@@ -202,11 +203,14 @@ def _open_zarr(path: Path, key: str | None) -> Image:
     zarr = block_library("zarr")
     found = zarr.open(path, mode="r")
     if isinstance(found, zarr.Group):
+        if (image := ome_image(found, key, path)) is not None:
+            return image
         names = sorted(name for name, _ in found.arrays())
         found = found[chosen_name([key] if key is not None and key in found else names, key, path)]
     told = dict(found.attrs)
     size, origin = told.get("voxel_size"), told.get("origin", (0.0, 0.0, 0.0))
-    return Image(found, None if size is None else tuple(size), tuple(origin), known_unit(str(told.get("unit", ""))))
+    values = parts_of(found, path)
+    return Image(values, None if size is None else tuple(size), tuple(origin), known_unit(str(told.get("unit", ""))))
 
 
 def _open_hdf5(path: Path, key: str | None) -> Image:
@@ -248,7 +252,7 @@ def tiff_stack(path: Path) -> Content:
     files.sort(key=lambda file: [int(part) if part.isdigit() else part for part in re.split(r"(\d+)", file.name)])
     pages, kinds, lattice, offset = [], list[Any](), None, None
     for file in files:
-        with library.TiffFile(file) as opened:
+        with refused(file), library.TiffFile(file) as opened:
             refuse_cut(opened, file)
             lattice = tiff_lattice(opened) if lattice is None else lattice
             for k, page in enumerate(opened.pages):

@@ -42,7 +42,9 @@ def parted(points: Floats, faces: Integers) -> tuple[Floats, Integers] | None:
 
 def _angles(along: Floats, away: Floats) -> Floats:
     """Return the angles of vectors (n, 3) about axes (n, 3), from a zero that depends on the axis only."""
-    along = along / np.linalg.norm(along, axis=1, keepdims=True)
+    length = np.linalg.norm(along, axis=1, keepdims=True)
+    # two vertices may lie at one place
+    along = along / np.where(length > 0.0, length, 1.0)
     first = np.cross(along, np.eye(3)[np.abs(along).argmin(axis=1)])
     second = np.cross(along, first)
     return np.asarray(np.arctan2(np.einsum("ni,ni->n", away, second), np.einsum("ni,ni->n", away, first)))

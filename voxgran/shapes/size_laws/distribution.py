@@ -18,6 +18,7 @@ from numpy.typing import ArrayLike
 from voxgran._base.arrays import Floats, as_choice, as_count, as_flag, as_number, as_positive
 from voxgran._base.config import parameter, parameter_class, parameters_of, to_mapping
 from voxgran._base.errors import InputError, shown
+from voxgran._base.lazy import load
 from voxgran._base.scalars import whole_number_of
 
 Basis = Literal["number", "volume"]
@@ -25,6 +26,8 @@ Basis = Literal["number", "volume"]
 LARGEST, WIDE = 4096, 1.05
 #: nodes of the tables by which sizes are found, most steps between two nodes, and error of a share that ends them
 NODES, STEPS, CLOSE = 4097, 60, 1e-13
+#: from how many sizes on they are found by polynomials, points of each polynomial, and error of a share at these points
+MANY, POINTS, EXACT = 100_000, 8, 5e-16
 
 
 @parameter_class
@@ -278,7 +281,38 @@ def _table(law: SizeDistribution, power: int) -> tuple[Floats, Floats]:
 
 
 def inverted(law: SizeDistribution, shares: Floats, power: int) -> Floats:
-    """Return the sizes at which the integral of size**power reaches shares of the whole, found between two of a table.
+    """Return the sizes at which the integral of size**power reaches shares of the whole; many by polynomials."""
+    if shares.size < MANY:
+        return _iterated(law, shares, power)
+    sizes = np.asarray(np.exp(_curve(law, power)(shares)))
+    others = np.isnan(sizes)
+    sizes[others] = _iterated(law, shares[others], power)
+    return sizes
+
+
+@lru_cache(maxsize=16)
+def _curve(law: SizeDistribution, power: int) -> Any:
+    """Return the logarithm of the size as piecewise polynomials of the share of the whole integral of size**power.
+
+    Between two nodes of a table the polynomial goes through sizes that are iterated. It is NaN where it misses others
+    by more than the iteration may, as beside gaps of a distribution, and far in its tails.
+    """
+    nodes = np.unique(_table(law, power)[1])
+    first, step = nodes[:-1], np.diff(nodes)
+    at = 0.5 - 0.5 * np.cos(np.pi * (np.arange(POINTS) + 0.5) / POINTS)
+    known = np.log(_iterated(law, first + step * at[:, None], power, EXACT))
+    factors = np.linalg.solve(np.vander(at), known)
+    between = np.concatenate([[0.0], 0.5 * (at[1:] + at[:-1]), [1.0]])
+    made = np.exp(np.vander(between, POINTS) @ factors)
+    missed = law._partial(made, power) / law._partial(np.array(math.inf), power) - first - step * between[:, None]
+    # where the distribution has a step, all shares have one size
+    wrong = (np.abs(missed).max(axis=0) > CLOSE) & (np.ptp(known, axis=0) > EXACT) | (step < EXACT)
+    factors[:, wrong], step[wrong] = np.nan, 1.0
+    return load("scipy.interpolate").PPoly(factors / step ** np.arange(POINTS - 1.0, -1.0, -1.0)[:, None], nodes)
+
+
+def _iterated(law: SizeDistribution, shares: Floats, power: int, close: float = CLOSE) -> Floats:
+    """Return the sizes of shares to an error of these, found between two of a table.
 
     Regula falsi, of which the Illinois rule halves the share of an end that stays, goes on where it has not converged.
     """
@@ -292,7 +326,7 @@ def inverted(law: SizeDistribution, shares: Floats, power: int) -> Floats:
         middle = np.clip(high - over * (high - low) / np.maximum(over - under, 1e-300), low, high)
         rest = law._partial(middle, power) / whole - aim
         found[left] = middle
-        going = (np.abs(rest) > CLOSE) & (high > low)
+        going = (np.abs(rest) > close) & (high > low)
         left, aim, middle, rest = left[going], aim[going], middle[going], rest[going]
         low, high, under, over = low[going], high[going], under[going], over[going]
         below = rest < 0.0

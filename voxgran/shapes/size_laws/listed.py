@@ -9,12 +9,12 @@ from typing import Any
 import numpy as np
 
 from voxgran._base.arrays import Floats, Integers, check_lengths, check_type
-from voxgran._base.errors import FileFormatError, InputError, TooLargeError, UnknownNameError, shown
+from voxgran._base.errors import FileFormatError, InputError, TooLargeError, UnknownNameError
 from voxgran._base.machine import memory_limit
 from voxgran._base.names import unknown
 from voxgran._base.scalars import number_of
 from voxgran._base.units import NO_UNIT, unit_factor
-from voxgran.shapes.formats.tables import columns_in, length_factor, numbers_in, read_table, unit_in
+from voxgran.shapes.formats.tables import columns_in, length_factor, numbers_in, read_table, told_columns, unit_in
 from voxgran.shapes.model import Shape, check_shapes
 from voxgran.shapes.size_laws.simple import Discrete
 
@@ -79,6 +79,26 @@ def with_shapes_of_list(shapes: Any, grains: Any, density: Any) -> tuple[Any, An
     return tuple(place), table, density
 
 
+def families_in(grains: Any) -> list[str]:
+    """Return the names in the column of shapes of a list, each once; none of a list with indices or without the column.
+
+    Raises
+    ------
+    FileFormatError
+        If the file is no table, or two columns have one meaning.
+    InputError
+        If it is no table.
+    MissingFileError
+        If there is no such file.
+    """
+    where = "grains"
+    if isinstance(grains, str | os.PathLike):
+        where, grains = os.fspath(grains), read_table(os.fspath(grains))
+    column = columns_in(grains, COLUMNS, where).get("shape")
+    texts = [] if column is None else [entry for entry in grains[column] if number_of(entry) is None]
+    return list(dict.fromkeys(str(entry).strip() for entry in texts))
+
+
 def grains_of(
     grains: Any, shapes: Sequence[Shape], shares: Floats, *, unit: str, densities: Sequence[float] | None, sized: bool
 ) -> ListedGrains:
@@ -121,8 +141,7 @@ def grains_of(
     if not {"diameter", "mass", *(["shape"] if sized else [])} & names.keys():
         needed = "'diameter', 'mass' or 'shape'" if sized else "'diameter' or 'mass'"
         raise FileFormatError(
-            f"{where} has the columns {', '.join(map(shown, grains.keys())) or 'none'}: it must have {needed}; "
-            "rename one, or add it"
+            f"{where} has the columns {told_columns(grains)}: it must have {needed}; rename one, or add it"
         )
     told = f"{where} (rows from 0 on)"
     values = {

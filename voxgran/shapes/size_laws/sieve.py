@@ -9,7 +9,7 @@ from voxgran._base.arrays import Floats, as_flag, as_floats, as_length
 from voxgran._base.config import parameter, parameter_class
 from voxgran._base.errors import FileFormatError, InputError, PackingWarning, shown
 from voxgran._base.warning import warn
-from voxgran.shapes.formats.tables import column_kind, columns_in, length_factor, numbers_in, read_table
+from voxgran.shapes.formats.tables import column_kind, columns_in, length_factor, numbers_in, read_table, told_columns
 from voxgran.shapes.size_laws.distribution import SizeDistribution, same_length
 from voxgran.shapes.size_laws.simple import growth
 
@@ -127,7 +127,7 @@ def _table_of(table: Any, unit: str | None, where: str) -> dict[str, tuple[float
     places = columns_in(table, COLUMNS, where)
     if "openings" not in places or not ({"passing", "retained"} & places.keys()):
         raise FileFormatError(
-            f"{where} has the columns {', '.join(map(shown, table.keys()))}: it must have 'opening', and 'passing' or "
+            f"{where} has the columns {told_columns(table)}: it must have 'opening', and 'passing' or "
             "'retained'; rename them"
         )
     found: dict[str, tuple[float, ...] | None] = {"openings": None, "passing": None, "retained": None}
