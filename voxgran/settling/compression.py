@@ -216,8 +216,9 @@ class Compressor:
             part_grains(bed, PARTED, ROUNDS)
             good = self._examine(QUICK) and progress.smallest >= 0.0
         if good or last:
-            self._examine(THOROUGH)
-            progress.stage = ENDED
+            # more iterations may find less balance: then a few more steps are needed
+            good = self._examine(THOROUGH)
+            progress.stage = ENDED if good or last else progress.stage
 
     def _close(self) -> None:
         """Part surfaces that are not proven to be separate; then go on with the contacts of their triangles."""
@@ -245,8 +246,9 @@ class Compressor:
         progress.moving = float((progress.residual[bearing] > RESIDUAL).mean()) if bearing.any() else 1.0
         progress.smallest = smallest
         found = stress_of(bed, forces)
-        axial = self.modes @ (np.array([*np.diag(found), 0.0, 0.0, 0.0]) - self.stress)
-        progress.missed = float(np.abs(axial).max() / np.abs(self.modes @ self.stress).max())
+        axial, asked = self.modes @ np.array([*np.diag(found), 0.0, 0.0, 0.0]), self.modes @ self.stress
+        moved = asked > 0.0
+        progress.missed = float(np.abs(axial[moved] / asked[moved] - 1.0).max())
         balanced = bool(progress.moving <= 1.0 - self.how.rest and progress.missed <= STRESS_MET)
         progress.proven = int(balanced and smallest >= 0.0)
         return balanced
