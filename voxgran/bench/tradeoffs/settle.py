@@ -209,8 +209,10 @@ def falling_grains(case: Case, count: int, loose: float = LOOSE) -> Packing:
     return replace(start, gravity=(0.0, 0.0, -1.0))
 
 
-def peer_packing(python: str, script: Path, start: Packing, friction: float) -> tuple[Packing, float] | None:
-    """Run another program and return its bed and its seconds; None where it fails."""
+def peer_packing(
+    python: str, script: Path, start: Packing, friction: float, longest: float = LONGEST
+) -> tuple[Packing, float] | None:
+    """Run another program and return its packing and its seconds; None where it fails or takes longer."""
     if not script.is_file():
         return None
     with tempfile.TemporaryDirectory() as folder:
@@ -229,11 +231,14 @@ def peer_packing(python: str, script: Path, start: Packing, friction: float) -> 
         np.savez(grains, **given)
         command = [python, os.fspath(script), os.fspath(grains), os.fspath(poses)]
         try:
-            ended = subprocess.run(command, capture_output=True, text=True, timeout=LONGEST, check=True)
+            ended = subprocess.run(command, capture_output=True, text=True, timeout=longest, check=True)
         except (subprocess.SubprocessError, OSError):
             return None
         with np.load(poses, allow_pickle=False) as found:
             position, orientation = np.array(found["position"]), np.array(found["orientation"])
+            if "lengths" in found:
+                # of a periodic box that was compressed
+                start = replace(start, container=Box(tuple(found["lengths"]), periodic="xyz"))
     return _within(start, position, orientation), float(ended.stdout.split()[-1])
 
 
