@@ -48,7 +48,7 @@ TOLERANCE, FINE, SOFTNESS, FINE_SOFTNESS = 1e-5, 1e-7, 1e-7, 1e-9
 #: from which on the grains are examined, every few steps
 CALM, LAST, EXAMINED, EVERY = 0.1, 0.1, 0.3, 5
 #: iterations of an examination, and of the last one
-QUICK, THOROUGH = 300, 3000
+QUICK, THOROUGH = 300, 1000
 #: distance up to which surfaces touch, net force and torque in mean normal forces up to which a grain is in balance
 TOUCHING, RESIDUAL = 1e-3, 0.01
 #: normal force, in mean ones, from which on a contact bears, and bearing contacts of a grain that is no rattler
