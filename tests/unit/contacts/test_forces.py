@@ -117,6 +117,12 @@ def test_forces_follow_the_unit():
     assert column(3).to_unit("1").forces is not None
 
 
+def test_forces_of_a_compression_have_its_units():
+    assert (some().unit, some().unit_of_residual) == ("weights of a median grain", "weights of the grain")
+    pressed = some(stress=np.eye(3))
+    assert (pressed.unit, pressed.unit_of_residual) == ("units of stress and median diameter", "mean normal forces")
+
+
 def test_forces_are_those_of_all_grains():
     packing = column(4)
     assert packing[:].forces is packing.forces

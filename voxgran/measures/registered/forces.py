@@ -149,7 +149,9 @@ def _compute(packing: Packing) -> Groups:
         "gap": variable(row, forces.gap, unit, "distance of the surfaces, negative where they overlap"),
     }
     grains = {
-        "residual": variable(("grain",), forces.residual, "1", f"unbalanced force and torque, in {forces.unit_of_residual}"),
+        "residual": variable(
+            ("grain",), forces.residual, "1", f"unbalanced force and torque, in {forces.unit_of_residual}"
+        ),
         **of_grains,
         "largest_force": variable(("grain",), forces.largest_force(), "1", f"largest contact force, in {forces.unit}"),
     }
