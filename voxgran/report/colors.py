@@ -17,8 +17,6 @@ from voxgran.report.facts import shape_names
 COLOR_BY: tuple[ColorBy, ...] = get_args(ColorBy)
 #: map of the colours, whose lightness increases evenly
 COLORS = "viridis"
-#: unit of forces
-FORCE_UNIT = "weights of a median grain"
 #: largest number of values that a legend lists
 ENTRIES = 10
 #: relative difference up to which all values are equal
@@ -75,7 +73,8 @@ def coloring(packing: Packing, color_by: str) -> Coloring:
     as_choice(color_by, "color_by", COLOR_BY)
     unit = "" if packing.unit == "1" else packing.unit
     if color_by == "force":
-        return Coloring(known_forces(packing).largest_force(), "largest contact force", FORCE_UNIT)
+        forces = known_forces(packing)
+        return Coloring(forces.largest_force(), "largest contact force", forces.unit)
     if color_by == "diameter" or not packing.count:
         return Coloring(packing.diameters, "equivalent diameter", unit)
     if color_by == "height":

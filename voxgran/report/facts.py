@@ -105,7 +105,7 @@ def _rest(packing: Packing, statistics: "DataTree | None") -> list[Fact]:
     if forces is not None:
         rest = forces.share_at_rest
         tone = "good" if rest >= MOSTLY else "bad"
-        note = f"grains with a residual below {AT_REST:g} of their weight"
+        note = f"grains with a residual below {AT_REST:g} {forces.unit_of_residual}"
         if among is None:
             note += f"; {100 * forces.share_of_rattlers:.1f} % are rattlers"
         facts.append(Fact("at rest", f"{100 * rest:.1f} %", note, tone))

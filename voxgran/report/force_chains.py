@@ -6,7 +6,7 @@ from voxgran._base.arrays import Floats, Integers
 from voxgran._base.lazy import load
 from voxgran.contacts.forces import chain_ends
 from voxgran.packing.model import Packing
-from voxgran.report.colors import FORCE_UNIT, Coloring
+from voxgran.report.colors import Coloring
 from voxgran.report.legend import legend_of
 from voxgran.report.stage import MATERIAL, Picture, add_container, add_outlines, add_scale_bar, look_at, shot, stage_of
 
@@ -40,7 +40,7 @@ def picture_forces(packing: Packing, *, window: tuple[int, int] = (900, 900)) ->
     force = forces.magnitude[kept]
     limit = float(np.quantile(force, LARGEST))
     strength = np.minimum(force / limit, 1.0)
-    strip = legend_of(Coloring(np.array([0.0, limit]), "contact force", FORCE_UNIT), window, shades=COLORS)
+    strip = legend_of(Coloring(np.array([0.0, limit]), "contact force", forces.unit), window, shades=COLORS)
     radius = THICKEST * float(np.median(packing.diameters)) * np.maximum(strength, THINNEST)
     vertices, faces = tubes(start, end, radius)
     mesh = load("pyvista").PolyData.from_regular_faces(vertices, faces)

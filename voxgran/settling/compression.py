@@ -303,8 +303,8 @@ class Balanced(NamedTuple):
 
     forces: (m, 3) on body j of each contact.  residual, residual_torque: (n,) net force on each grain, and net torque
     over its radius, in mean normal forces.  bearing: (n,) which grains bear forces.  stress: (3, 3) mean stress tensor.
-    moving: share of the grains that bear forces and are not in balance.  missed: difference of the stress, over its
-    largest number.
+    moving: share of the grains that bear forces and are not in balance.  missed: largest difference of the stress, over
+    the least one along an axis.
     """
 
     forces: Floats
@@ -342,7 +342,8 @@ def balance_grains(
         force, torque, bearing = _residuals(bed, forces, accelerations)
         stress = stress_of(bed, forces)
         excess = modes @ (np.array([(stress[a, b] + stress[b, a]) / 2.0 for a, b in PLACES]) * volume - load)
-        missed = float(np.abs(excess).max() / np.abs(modes @ load).max())
+        axial = (modes @ load)[:3]
+        missed = float(np.abs(excess).max() / axial[axial > 0.0].min())
         unrest = np.maximum(force, torque)[bearing] > tolerance
         moving = float(unrest.mean()) if bearing.any() else 1.0
         found = Balanced(forces, force, torque, bearing, stress, moving, missed)

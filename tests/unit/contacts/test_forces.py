@@ -16,7 +16,7 @@ from voxgran.shapes.model import Shape
 from voxgran.shapes.primitive import Primitive
 
 BALL = Shape.of(Primitive("sphere", (0.5,)), name="sphere")
-ARRAYS = tuple(entry.name for entry in fields(ContactForces) if entry.name != "friction")
+ARRAYS = tuple(entry.name for entry in fields(ContactForces) if entry.name not in ("friction", "stress"))
 
 
 def some(**changes):
@@ -115,6 +115,12 @@ def test_forces_follow_the_unit():
     assert np.array_equal(converted.forces.force, packing.forces.force)
     assert some().scaled(1000.0).gap.tolist() == [0.0, 1.0]
     assert column(3).to_unit("1").forces is not None
+
+
+def test_forces_of_a_compression_have_its_units():
+    assert (some().unit, some().unit_of_residual) == ("weights of a median grain", "weights of the grain")
+    pressed = some(stress=np.eye(3))
+    assert (pressed.unit, pressed.unit_of_residual) == ("units of stress and median diameter", "mean normal forces")
 
 
 def test_forces_are_those_of_all_grains():

@@ -201,8 +201,10 @@ def falling_grains(case: Case, count: int, loose: float = LOOSE) -> Packing:
     return replace(start, gravity=(0.0, 0.0, -1.0))
 
 
-def peer_packing(script: Path, start: Packing, friction: float) -> tuple[Packing, float] | None:
-    """Run another program and return its bed and its seconds; None where it fails."""
+def peer_packing(
+    script: Path, start: Packing, friction: float, *, longest: float = LONGEST
+) -> tuple[Packing, float] | None:
+    """Run another program and return its packing and its seconds; None where it fails or takes longer."""
     given: dict[str, Any] = {
         "position": start.position,
         "orientation": start.orientation,
@@ -214,8 +216,14 @@ def peer_packing(script: Path, start: Packing, friction: float) -> tuple[Packing
     }
     if not start.shapes[0].is_sphere:
         given["vertices"] = np.array([shape.vertices for shape in start.shapes])
-    found = peer_arrays(script, "grains.npz", partial(np.savez, **given), longest=LONGEST)
-    return None if found is None else (_within(start, found[0]["position"], found[0]["orientation"]), found[1])
+    found = peer_arrays(script, "grains.npz", partial(np.savez, **given), longest=longest)
+    if found is None:
+        return None
+    made, seconds = found
+    if "lengths" in made:
+        # of a periodic box that was compressed
+        start = replace(start, container=Box(made["lengths"], periodic="xyz"))
+    return _within(start, made["position"], made["orientation"]), seconds
 
 
 def _within(start: Packing, position: Floats, orientation: Floats) -> Packing:

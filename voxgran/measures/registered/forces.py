@@ -30,7 +30,7 @@ FEWEST = 20
 
 @dataclass(frozen=True, eq=False)
 class ForceStatistics:
-    """Numbers of the forces between grains; forces are in weights of a median grain, NaN is not known."""
+    """Numbers of the forces between grains; forces are in the unit of the packing, NaN is not known."""
 
     edges: Floats  # (k + 1,) edges of the bins, as normal force over the mean
     density: Floats  # (k,) probability density; its integral is the share of the pairs with forces up to the last edge
@@ -121,7 +121,7 @@ def sliding_share(forces: ContactForces) -> float:
 def _compute(packing: Packing) -> Groups:
     """Return the numbers, the histogram, the contacts with their forces, and the residuals of the grains."""
     found, forces = force_statistics(packing), known_forces(packing)
-    unit, row, weights = length_unit(packing), ("force_contact",), "weights of a median grain"
+    unit, row = length_unit(packing), ("force_contact",)
     of_root, of_grains = rattler_variables(packing)
     root = {
         "share_at_rest": variable(
@@ -131,7 +131,7 @@ def _compute(packing: Packing) -> Groups:
         "coordination_by_forces": variable(
             (), found.coordination, "1", "mean number of partners by forces, of grains that are no rattlers"
         ),
-        "mean_normal_force": variable((), found.mean, "1", f"mean normal force between grains, in {weights}"),
+        "mean_normal_force": variable((), found.mean, "1", f"mean normal force between grains, in {forces.unit}"),
         "share_sliding": variable((), found.sliding, "1", "share of the contacts at the limit of friction"),
         "force_participation": variable((), found.participation, "1", "squared mean force over mean squared force"),
         "force_decay": variable((), found.decay, "1", "decay of the distribution of forces above their mean"),
@@ -145,13 +145,15 @@ def _compute(packing: Packing) -> Groups:
         "j": variable(row, forces.j, "1", "index of the partner, -1 for a wall, -2 for the lid"),
         "point": variable((*row, "axis"), forces.point, unit, "contact point"),
         "normal": variable((*row, "axis"), forces.normal, "1", "unit vector from the first grain to the partner"),
-        "force": variable((*row, "axis"), forces.force, "1", f"force on the partner, in {weights}"),
+        "force": variable((*row, "axis"), forces.force, "1", f"force on the partner, in {forces.unit}"),
         "gap": variable(row, forces.gap, unit, "distance of the surfaces, negative where they overlap"),
     }
     grains = {
-        "residual": variable(("grain",), forces.residual, "1", "unbalanced force and torque, in weights of the grain"),
+        "residual": variable(
+            ("grain",), forces.residual, "1", f"unbalanced force and torque, in {forces.unit_of_residual}"
+        ),
         **of_grains,
-        "largest_force": variable(("grain",), forces.largest_force(), "1", f"largest contact force, in {weights}"),
+        "largest_force": variable(("grain",), forces.largest_force(), "1", f"largest contact force, in {forces.unit}"),
     }
     along = variable(("relative_force",), middle, "1", "normal force over its mean, middle of the bin")
     return {"/": dataset(root), "/forces": dataset(values, {"relative_force": along}), "/grains": dataset(grains)}

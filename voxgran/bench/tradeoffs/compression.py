@@ -1,0 +1,173 @@
+"""Compression: time, density and proof of balance of specimens under a stress, beside LAMMPS and published values.
+
+Grains that `rsa` has placed loosely are compressed. Times are seconds of the processor on one thread, without
+compilation. Where the interpreter named by the environment variable ``VOXGRAN_PEERS`` has LAMMPS, its barostat
+compresses the same grains from the same places. All specimens are judged by the same ruler: `equilibrium` under the
+axial stresses that were asked for.
+"""
+
+import time
+import warnings
+from collections.abc import Callable
+from dataclasses import astuple, dataclass, fields
+from pathlib import Path
+
+import numpy as np
+
+from voxgran._base.errors import PackingWarning
+from voxgran.bench.model import LOG, PEERS, TradeOff, calibration, panels_of, write_rows
+from voxgran.bench.tradeoffs.settle import TOUCHING, peer_packing, polyhedra, rocks, spheres
+from voxgran.contacts.verify import verify
+from voxgran.containers.kinds.box import Box
+from voxgran.packing.compress import compress
+from voxgran.packing.model import Packing
+from voxgran.packing.pack import pack
+from voxgran.settling.equilibrium import equilibrium
+from voxgran.shapes.model import Shape
+from voxgran.shapes.sizes import lognormal
+
+#: share of the number of grains of each case that is compressed
+SIZE = 1.0
+#: normal force, in mean ones, from which on a contact counts
+BEARS = 1e-3
+#: seconds after which the peer is stopped
+LONGEST = 300
+#: solid fractions and contacts of the grains that bear forces, by friction, of equal spheres that are compressed
+#: isotropically (Agnolin & Roux 2007, doi:10.1103/PhysRevE.76.061302, abstract)
+PUBLISHED = {0.0: (0.639, 6.0), 0.3: (0.593, 4.5)}
+
+
+@dataclass(frozen=True, slots=True)
+class Case:
+    """Grains that are compressed."""
+
+    name: str
+    shapes: Callable[[], list[Shape]] = spheres
+    count: int = 1000
+    friction: float = 0.5
+    rate: float | None = None
+    stress: tuple[float, float, float] = (1.0, 1.0, 1.0)
+    axes: str = "xyz"
+    sigma: float = 0.0  # of lognormal sizes
+    loose: float = 0.3  # solid fraction of the start
+    peer: bool = False  # whether LAMMPS compresses the same grains
+
+
+@dataclass(frozen=True, slots=True)
+class Row:
+    """What was measured of a specimen."""
+
+    specimen: str
+    program: str
+    friction: float
+    rate: float | str
+    grains: int
+    seconds: float
+    solid_fraction: float
+    coordination_by_forces: float  # of the grains that bear forces
+    share_of_rattlers: float
+    share_in_balance: float  # of the grains that bear forces
+    stress_error: float
+    deepest_overlap: float  # in mean diameters
+    published_solid_fraction: float | str
+    published_coordination: float | str
+
+
+EQUAL = "equal spheres"
+CASES = (
+    *(Case(EQUAL, friction=friction, peer=friction == 0.5) for friction in (1.0, 0.5, 0.3, 0.1, 0.0)),
+    *(Case(EQUAL, rate=rate) for rate in (3e-2, 3e-4, 3e-5)),
+    Case("lognormal spheres, sigma 0.3", sigma=0.3, loose=0.25),
+    Case("equal spheres, along z only", axes="z"),
+    Case("equal spheres, stress 0.7 : 0.7 : 1", stress=(0.7, 0.7, 1.0)),
+    Case(EQUAL, count=10_000),
+    Case("convex polyhedra", polyhedra, 300),
+    Case("rocks", rocks, 300, loose=0.2),
+)
+
+
+def loose_grains(case: Case, count: int) -> Packing:
+    """Return grains apart from each other in a periodic cube, which all programs compress."""
+    volume = count * np.pi / 6.0 * float(np.exp(4.5 * case.sigma**2))
+    cube = Box(((volume / case.loose) ** (1.0 / 3.0),) * 3, periodic="xyz")
+    sizes = lognormal(1.0, case.sigma) if case.sigma else None
+    return pack(case.shapes(), cube, method="rsa", count=count, sizes=sizes, seed=1)
+
+
+def compressed(case: Case, start: Packing) -> tuple[Packing, float]:
+    """Return a specimen and the seconds of the processor that it took."""
+    began = time.process_time()
+    with warnings.catch_warnings():
+        # how many are in balance is a column of the table
+        warnings.simplefilter("ignore", PackingWarning)
+        specimen = compress(
+            start, stress=case.stress, axes=case.axes, friction=case.friction, rate=case.rate, threads=1
+        )
+    return specimen, time.process_time() - began
+
+
+def judged(case: Case, program: str, specimen: Packing, seconds: float) -> Row:
+    """Return the row of a specimen, by the ruler that is the same for both programs."""
+    asked = [stress if axis in case.axes else np.nan for axis, stress in zip("xyz", case.stress, strict=True)]
+    # the axes of the cell stay at right angles, so that shear stresses are not prescribed
+    tensor = np.where(np.eye(3) > 0.0, asked, np.nan)
+    rest, proof = equilibrium(specimen, case.friction, TOUCHING, stress=tensor), verify(specimen)
+    push = rest["normal_force"].values
+    bearing, bears = int((~rest["rattler"].values).sum()), int((push > BEARS * push[push > 0.0].mean()).sum())
+    alike = case.name == EQUAL and case.rate is None and program == "voxgran"
+    published = PUBLISHED.get(case.friction, ("", "")) if alike else ("", "")
+    return Row(
+        case.name, program, case.friction, case.rate or "", specimen.count, seconds, specimen.solid_fraction,
+        2.0 * bears / max(bearing, 1), rest.attrs["share_of_rattlers"], rest.attrs["share_at_rest_without_rattlers"],
+        rest.attrs["stress_error"], max(proof.deepest, 0.0), *published,
+    )  # fmt: skip
+
+
+def measure(cases: tuple[Case, ...] = CASES, size: float | None = None) -> list[Row]:
+    """Compress each case, after a small one that compiles, and let LAMMPS do so where it is installed."""
+    rows, share = [], SIZE if size is None else size
+    for case in cases:
+        start = loose_grains(case, max(20, round(share * case.count)))
+        compressed(case, loose_grains(case, 20))
+        rows.append(judged(case, "voxgran", *compressed(case, start)))
+        if not case.peer:
+            continue
+        found = peer_packing(PEERS / "compress_lammps.py", start, case.friction, longest=LONGEST)
+        if found is None:
+            LOG.warning("LAMMPS is not installed or failed: its row is left out")
+            continue
+        rows.append(judged(case, "LAMMPS", *found))
+    return rows
+
+
+def run(folder: Path) -> tuple[Path, ...]:
+    """Measure, and write rows as CSV and a figure as SVG."""
+    rows, loop, figure = measure(), calibration(), folder / "compression.svg"
+    head = ",".join([*(field.name for field in fields(Row)), "calibration_seconds"])
+    lines = [
+        ",".join(f"{value:.4g}" if isinstance(value, float) else f'"{value}"' for value in (*astuple(row), loop))
+        for row in rows
+    ]
+    _draw(rows, figure)
+    return write_rows(folder / "compression.csv", head, lines), figure
+
+
+def _draw(rows: list[Row], path: Path) -> None:
+    """Draw solid fraction and coordination of equal spheres by friction, and the solid fraction by rate."""
+    alike = [row for row in rows if row.specimen == EQUAL and row.grains < 5000]
+    with panels_of(path, 3, width=12.0) as (left, middle, right):
+        for program, style in (("voxgran", "C0o-"), ("LAMMPS", "C1s")):
+            some = [row for row in alike if row.program == program and row.rate == ""]
+            for panel, name in ((left, "solid_fraction"), (middle, "coordination_by_forces")):
+                panel.plot([row.friction for row in some], [getattr(row, name) for row in some], style, label=program)
+        for k, panel in enumerate((left, middle)):
+            panel.plot(list(PUBLISHED), [pair[k] for pair in PUBLISHED.values()], "k_", ms=18, label="published")
+            panel.set(xlabel="friction", ylabel=("solid fraction", "contacts of grains that bear forces")[k])
+        slow = sorted((float(row.rate), row.solid_fraction) for row in alike if row.rate != "")
+        right.semilogx(*zip(*slow, strict=True), "C0o-")
+        right.set(xlabel="rate", ylabel="solid fraction at friction 0.5")
+
+
+registration = TradeOff(
+    name="compression", summary="time, density and proof of balance of compressed specimens, beside LAMMPS", run=run
+)
