@@ -15,7 +15,7 @@ from pathlib import Path
 import numpy as np
 
 from voxgran._base.errors import PackingWarning
-from voxgran.bench.model import LOG, PEERS, TradeOff, calibration, panels_of, write_rows
+from voxgran.bench.model import LOG, PEERS, TradeOff, panels_of, write_rows
 from voxgran.bench.tradeoffs.settle import TOUCHING, peer_packing, polyhedra, rocks, spheres
 from voxgran.contacts.verify import verify
 from voxgran.containers.kinds.box import Box
@@ -73,6 +73,7 @@ class Row:
     published_coordination: float | str
 
 
+HEAD = ",".join(f"{field.name}:.4g" if field.type is float else field.name for field in fields(Row))
 EQUAL = "equal spheres"
 CASES = (
     *(Case(EQUAL, friction=friction, peer=friction == 0.5) for friction in (1.0, 0.5, 0.3, 0.1, 0.0)),
@@ -142,14 +143,9 @@ def measure(cases: tuple[Case, ...] = CASES, size: float | None = None) -> list[
 
 def run(folder: Path) -> tuple[Path, ...]:
     """Measure, and write rows as CSV and a figure as SVG."""
-    rows, loop, figure = measure(), calibration(), folder / "compression.svg"
-    head = ",".join([*(field.name for field in fields(Row)), "calibration_seconds"])
-    lines = [
-        ",".join(f"{value:.4g}" if isinstance(value, float) else f'"{value}"' for value in (*astuple(row), loop))
-        for row in rows
-    ]
+    rows, figure = measure(), folder / "compression.svg"
     _draw(rows, figure)
-    return write_rows(folder / "compression.csv", head, lines), figure
+    return write_rows(folder / "compression.csv", HEAD, [astuple(row) for row in rows]), figure
 
 
 def _draw(rows: list[Row], path: Path) -> None:
