@@ -1,7 +1,6 @@
 """Compression: rows of specimens by one ruler, with published values only where the grains are the same."""
 
 import csv
-import sys
 from dataclasses import replace
 
 import numpy as np
@@ -43,7 +42,7 @@ def test_a_peer_returns_the_box_that_it_has_compressed(tmp_path):
     script = tmp_path / "shrinks.py"
     script.write_text(SHRINKS)
     start = compression.loose_grains(compression.CASES[0], 20)
-    specimen, seconds = peer_packing(sys.executable, script, start, 0.5)
+    specimen, seconds = peer_packing(script, start, 0.5)
     assert seconds == 1.5
     np.testing.assert_allclose(specimen.container.volume, 0.9**3 * start.container.volume)
     row = compression.judged(compression.CASES[0], "shrinks", specimen, seconds)
