@@ -31,8 +31,9 @@ from voxgran.packing.settling_run import (
     refuse_deep,
 )
 from voxgran.packing.start import Start
-from voxgran.settling.compression import TOUCHING, Compressor, stress_of
+from voxgran.settling.compression import TOUCHING, Compressor
 from voxgran.settling.compression_parameters import Compression
+from voxgran.settling.stress_balance import stress_of
 
 
 @explained(hint="compress(packing, friction=0.5)")

@@ -22,10 +22,9 @@ from voxgran.contacts.assembly import Assembly
 from voxgran.contacts.manifolds.rows import ARM_I, GAP, NORMAL
 from voxgran.settling.balance import accelerated_projected_gradient, gauss_seidel_forces
 from voxgran.settling.bed import Bed, normalized_bed
-from voxgran.settling.compression import Balanced
 from voxgran.settling.interior_point import frictionless_forces
 from voxgran.settling.parameters import MOST_FRICTION
-from voxgran.settling.stress_balance import as_stress, balance_stress
+from voxgran.settling.stress_balance import Balanced, as_stress, balance_stress
 
 if TYPE_CHECKING:
     from xarray import Dataset

@@ -7,24 +7,164 @@ which bears a stress bears each multiple of it.
 
 import math
 from collections.abc import Sequence
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from voxgran._base.arrays import Floats, float_array
+from voxgran._base.arrays import Booleans, Floats, float_array
 from voxgran._base.errors import InputError, shown
 from voxgran._base.lazy import load
+from voxgran._base.stopping import stop_if_asked
 from voxgran.contacts.forces import LID, WALL, ContactForces
 from voxgran.contacts.manifolds.rows import ARM_I, GAP, NORMAL
+from voxgran.settling.balance import gauss_seidel_forces, net_accelerations
 from voxgran.settling.bed import Bed
-from voxgran.settling.compression import PLACES, Balanced, balance_grains, without_weight
+from voxgran.settling.cell import Cell
 
+#: places of the six numbers of a symmetric tensor
+PLACES = ((0, 0), (1, 1), (2, 2), (1, 2), (0, 2), (0, 1))
+#: iterations between two multiplications of all forces, and the range of their factor
+SCALED_EVERY, LEAST_FACTOR, MOST_FACTOR = 10, 0.2, 5.0
+#: of a round of a search: iterations, those between two multiplications of all forces, mobility of the container (that
+#: of a grain over their number is 1), tolerance of the iterations, and compression of a contact by a unit force
+ROUND, SCALED_IN_ROUND, MOBILITY, TOLERANCE, SOFTNESS = 100, 50, 0.3, 1e-7, 1e-9
+#: relative difference of the stress with which a search ends
+STRESS_MET = 1e-3
+#: normal force, in mean ones, from which on a contact bears, and bearing contacts of a grain that is no rattler
+BEARS, HELD = 1e-3, 2
 #: most rounds of iterations
 ROUNDS = 100
 #: range of the largest number of a stress
 LEAST, MOST = 1e-60, 1e60
 #: distance in median diameters within which the point of a contact is that of a known force
 SAME = 1e-6
+
+
+def pressed_forces(
+    bed: Bed, modes: Floats, mobility: float, load: Floats, *, openness: Floats, friction: float, skin: float,
+    iterations: int, tolerance: float, scaled_every: int = SCALED_EVERY,
+) -> tuple[Floats, Floats]:  # fmt: skip
+    """Return forces (m, 3) that balance grains and the load on their container, and the accelerations that are left.
+
+    Those (n + 1, 6) of the last body are the strains of the container.
+
+    modes: (6, 6) projection onto the strains that it may have.  mobility: strain of a mode under a unit load.
+    load: (6,) stress times volume.  openness, skin, tolerance: as in a quasi-static step.  scaled_every: iterations
+    between two multiplications of all forces.
+    """
+    cell = Cell(np.ascontiguousarray(modes * mobility), load)
+    contacts, forces, made = bed.contacts._replace(cell=cell), bed.forces(), 0
+    normal = bed.rows.row[: bed.m, NORMAL : NORMAL + 3]
+    inverse = np.repeat(bed.bodies[:-1, 6:8], 3, axis=1)
+    weight = np.divide(1.0, inverse, out=np.zeros_like(inverse), where=inverse > 0.0)
+    pressed = cell.mobility @ load
+    accelerations = net_accelerations(contacts, forces)
+    while made < iterations:
+        virial = accelerations[-1] + pressed
+        energy = float((accelerations[:-1] ** 2 * weight).sum()) + float(virial @ virial) / mobility
+        work = float(virial @ pressed) / mobility - float(openness @ (forces * normal).sum(axis=1))
+        if energy > 0.0:
+            forces *= min(max(work / energy, LEAST_FACTOR), MOST_FACTOR)
+        accelerations, turns = gauss_seidel_forces(
+            contacts, forces, openness, friction=friction, skin=skin, iterations=scaled_every, tolerance=tolerance
+        )
+        made += turns
+        if turns < scaled_every:
+            break
+    return forces, accelerations
+
+
+class Balanced(NamedTuple):
+    """Forces at contacts, and by how much they fail to balance grains and stress.
+
+    forces: (m, 3) on body j of each contact.  residual, residual_torque: (n,) net force on each grain, and net torque
+    over its radius, in mean normal forces.  bearing: (n,) which grains bear forces.  stress: (3, 3) mean stress tensor.
+    moving: share of the grains that bear forces and are not in balance.  missed: largest difference of the stress, over
+    the least one along an axis.
+    """
+
+    forces: Floats
+    residual: Floats
+    residual_torque: Floats
+    bearing: Booleans
+    stress: Floats
+    moving: float
+    missed: float
+
+    def rank(self, tolerance: float) -> tuple[bool, float, float]:
+        """Return what is the smaller, the better the balance is: the stress comes first."""
+        return self.missed > tolerance, self.moving, self.missed
+
+
+def balance_grains(
+    bed: Bed, modes: Floats, load: Floats, *, friction: float, tolerance: float, rounds: int, known: bool = False
+) -> Balanced:
+    """Return the forces at the contacts of a bed that balance its grains under a load best, of so many rounds.
+
+    The search begins with the forces that the bed keeps, and the bed keeps those that are found; `known` says that they
+    are within the cones of its contacts, so that they may be the best ones. It ends where all grains that bear forces
+    are in balance within a tolerance, and the load is met to 1e-3.
+    """
+    volume = bed.assembly.container.volume
+    best: Balanced | None = None
+    for number in range(0 if known else 1, rounds + 1):
+        stop_if_asked()
+        before = bed.forces()
+        forces, accelerations = pressed_forces(
+            bed, modes, MOBILITY / max(bed.count, 1), load, openness=np.zeros(bed.m), friction=friction,
+            skin=SOFTNESS, iterations=ROUND if number else 0, tolerance=TOLERANCE, scaled_every=SCALED_IN_ROUND,
+        )  # fmt: skip
+        bed.keep_forces(forces)
+        force, torque, bearing = _residuals(bed, forces, accelerations)
+        stress = stress_of(bed, forces)
+        excess = modes @ (np.array([(stress[a, b] + stress[b, a]) / 2.0 for a, b in PLACES]) * volume - load)
+        axial = (modes @ load)[:3]
+        missed = float(np.abs(excess).max() / axial[axial > 0.0].min())
+        unrest = np.maximum(force, torque)[bearing] > tolerance
+        moving = float(unrest.mean()) if bearing.any() else 1.0
+        found = Balanced(forces, force, torque, bearing, stress, moving, missed)
+        if best is None or found.rank(tolerance) < best.rank(tolerance):
+            best = found
+        same = number > 0 and np.allclose(forces, before, rtol=1e-9, atol=0.0)
+        if same or (moving == 0.0 and missed <= STRESS_MET):
+            break
+    assert best is not None
+    bed.keep_forces(best.forces)
+    return best
+
+
+def stress_of(bed: Bed, forces: Floats) -> Floats:
+    """Return the mean stress tensor (3, 3) of Love and Weber of forces (m, 3), compression above 0."""
+    row = bed.rows.row[: bed.m]
+    branch = row[:, 3:6] - row[:, 6:9] + row[:, GAP, None] * row[:, NORMAL : NORMAL + 3]
+    return np.asarray(forces.T @ branch / bed.assembly.container.volume)
+
+
+def _residuals(bed: Bed, forces: Floats, accelerations: Floats) -> tuple[Floats, Floats, Booleans]:
+    """Return net force and torque of each grain (n,), in mean normal forces, and which grains bear forces (n,).
+
+    Torques are over the radius of the sphere of equal volume.
+    """
+    n, row = bed.count, bed.rows.row[: bed.m]
+    push = (forces * row[:, NORMAL : NORMAL + 3]).sum(axis=1)
+    mean = float(push[push > 0.0].mean()) if (push > 0.0).any() else 1.0
+    bears = push > BEARS * mean
+    i, j = bed.rows.i[: bed.m], bed.rows.j[: bed.m]
+    other = bears & (j >= 0) & (j < n)
+    many = np.bincount(i[bears], minlength=n) + np.bincount(j[other], minlength=n)
+    force = np.linalg.norm(accelerations[:n, :3], axis=1) / bed.bodies[:n, 6]
+    moment = np.linalg.norm(accelerations[:n, 3:], axis=1)
+    torque = np.divide(moment, bed.bodies[:n, 7], out=np.zeros(n), where=bed.bodies[:n, 7] > 0.0)
+    return force / mean, torque / (0.5 * bed.diameter) / mean, many >= HELD
+
+
+def without_weight(bed: Bed) -> None:
+    """Give the bodies of a bed the mobilities of grains that are compressed."""
+    bodies, n = bed.bodies, bed.count
+    gyration = bodies[:n, 6] / bodies[:n, 7]
+    bodies[:n, 6] = bed.diameter ** (1 - bed.assembly.dimension)
+    bodies[:n, 7] = bodies[:n, 6] / gyration
 
 
 def as_stress(value: "ArrayLike", dimension: int) -> Floats:
