@@ -99,7 +99,7 @@ def equilibrium(
         are above 0. Default: of a packing without gravity that was compressed, the stress of its forces.
     tolerance : float
         Net force, in weights of a grain, and net torque, in its weight times its radius, up to which it rests; above 0.
-        Under a stress it is in mean normal forces, and also the largest relative difference of the stress.
+        Under a stress it is in mean normal forces, and also the largest difference of the stress over its least one.
     threads : int, optional
         Number of threads, by default that of the processors or of ``OMP_NUM_THREADS``; the result is the same.
 
@@ -125,7 +125,7 @@ def equilibrium(
         Under a stress residuals are in mean normal forces, forces in the unit of stress times the square of the median
         diameter (in 2D times the diameter), ``carried`` is half the sum of the normal forces on the grain in mean ones,
         a rattler bears no forces, and ``share_at_rest`` counts all grains. The variable ``stress`` is the mean stress
-        tensor of the forces, and the attribute ``stress_error`` its largest relative difference from the one that was
+        tensor of the forces, and the attribute ``stress_error`` its largest difference over its least axial number from the one that was
         asked for: a packing holds the stress where that and all residuals are within the tolerance, which the
         attribute ``balanced`` says with 1 or 0.
 
