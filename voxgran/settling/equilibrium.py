@@ -125,9 +125,9 @@ def equilibrium(
         Under a stress residuals are in mean normal forces, forces in the unit of stress times the square of the median
         diameter (in 2D times the diameter), ``carried`` is half the sum of the normal forces on the grain in mean ones,
         a rattler bears no forces, and ``share_at_rest`` counts all grains. The variable ``stress`` is the mean stress
-        tensor of the forces, and the attribute ``stress_error`` its largest difference over its least axial number from the one that was
-        asked for: a packing holds the stress where that and all residuals are within the tolerance, which the
-        attribute ``balanced`` says with 1 or 0.
+        tensor of the forces, and the attribute ``stress_error`` its largest difference from the one that was asked for,
+        over the least axial number of that one. A packing holds the stress where this and all residuals are within the
+        tolerance, which the attribute ``balanced`` says with 1 or 0.
 
     Raises
     ------
