@@ -14,6 +14,7 @@ from voxgran.decks.material import Material
 from voxgran.packing.method import method_registry
 from voxgran.scene import keys
 from voxgran.scene.sections import General, Output
+from voxgran.settling.compression_parameters import Compression
 from voxgran.settling.parameters import Lid, Settling, Shaking
 from voxgran.shapes.family import families
 from voxgran.shapes.roughness.parameters import Roughness
@@ -42,6 +43,10 @@ SECTIONS = {
     ),
     "shaking = { ... } of [settle]": ((Shaking,), "Shaking before the grains come to rest."),
     "lid = { ... } of [settle]": ((Lid,), "A plate that lies on the bed."),
+    "[compress]": (
+        (Compression,),
+        "How grains are compressed, without gravity, after they are packed. Without the section they are not.",
+    ),
     "[material]": ((Material,), "The contact law in the input of engines. The section may be left out."),
     "[measure]": ((keys.Measured,), "What is measured. The section may be left out."),
     "[output]": ((Output,), "What is written. The section may be left out."),

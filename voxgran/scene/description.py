@@ -9,7 +9,7 @@ from typing import Any, Literal, Self, TypeVar
 
 from voxgran._base import ExplainedAttributes
 from voxgran._base.arrays import as_count, as_positive, as_share, check_type
-from voxgran._base.config import from_mapping, parameters_of, to_mapping
+from voxgran._base.config import from_mapping, to_mapping
 from voxgran._base.errors import FileFormatError, InputError, UnknownNameError, shown
 from voxgran._base.files import existing_file
 from voxgran._base.guarded import reason_of
@@ -22,19 +22,32 @@ from voxgran.decks.engine import engine_registry
 from voxgran.decks.material import Material
 from voxgran.decks.write import refuse_unheld
 from voxgran.io.files import load
-from voxgran.packing.gravity import proposed_axis
 from voxgran.packing.method import method_registry
 from voxgran.packing.model import Packing
-from voxgran.scene.keys import Listed, Measured, Packed, Settled, names_of
+from voxgran.scene.afterwards import compress_section, settle_section
+from voxgran.scene.keys import Listed, Measured, Packed, names_of
 from voxgran.scene.mistakes import Mistakes, refuse_unknown
 from voxgran.scene.sections import General, Output
 from voxgran.scene.shape_entries import ShapeEntry, given_values, shape_entries, with_densities
+from voxgran.settling.compression_parameters import Compression
 from voxgran.settling.parameters import Settling
 from voxgran.shapes.sizes import SizeDistribution, make_sizes
 
 T = TypeVar("T")
 
-SECTIONS = ("scene", "shape", "sizes", "grains", "container", "packing", "settle", "material", "measure", "output")
+SECTIONS = (
+    "scene",
+    "shape",
+    "sizes",
+    "grains",
+    "container",
+    "packing",
+    "settle",
+    "compress",
+    "material",
+    "measure",
+    "output",
+)
 #: where a scene says whether and how its grains settle
 SETTLE_KEYS = "a section [settle] says how grains settle; with enabled = false in it they do not"
 
@@ -67,6 +80,8 @@ class SceneDescription(ExplainedAttributes):
         Parameters of the method.
     settle : Settling or bool or None
         How the grains settle afterwards; False if they do not, None as the method does by default.
+    compress : Compression or None
+        How the grains are compressed then; None if they are not.
     material : Material
         Contact law of the grains in the input of engines.
     which : tuple of str or None
@@ -87,6 +102,7 @@ class SceneDescription(ExplainedAttributes):
     start: str | None
     parameters: Mapping[str, Any]
     settle: Settling | Literal[False] | None = None
+    compress: Compression | None = None
     material: Material = Material()  # noqa: RUF009
     which: tuple[str, ...] | None
     output: Output
@@ -197,7 +213,8 @@ class SceneDescription(ExplainedAttributes):
             container=container,
             method=method,
             parameters=given,
-            settle=_settle(mapping.get("settle"), method, parameters, container),
+            settle=settle_section(mapping.get("settle"), method, parameters, container),
+            compress=compress_section(mapping.get("compress"), container),
             which=which,
             material=material,
             output=output,
@@ -235,6 +252,8 @@ class SceneDescription(ExplainedAttributes):
         if self.settle is not None:
             given = to_mapping(self.settle) if self.settle else {"enabled": False}
             made["settle"] = {key: value for key, value in given.items() if value is not None}
+        if self.compress is not None:
+            made["compress"] = {key: value for key, value in to_mapping(self.compress).items() if value is not None}
         if self.material != Material():
             made["material"] = {key: value for key, value in to_mapping(self.material).items() if value is not None}
         if self.which is not None:
@@ -379,30 +398,6 @@ def _section(cls: type[T], mapping: Mapping[str, Any], place: str) -> T:
     """Return a section that holds the parameters of a class and nothing else."""
     refuse_unknown(mapping, place, cls)
     return from_mapping(cls, mapping, place)
-
-
-def _settle(
-    mapping: Mapping[str, Any] | None, method: str, parameters: type, container: Container
-) -> Settling | Literal[False] | None:
-    """Return what the section [settle] says: parameters, False where it is disabled, None where it is left out."""
-    if mapping is None:
-        return None
-    given = dict(mapping)
-    enabled = given.pop("enabled", True)
-    if not isinstance(enabled, bool):
-        raise InputError(f"[settle] enabled is {shown(enabled)}: it must be true or false; change it")
-    if issubclass(parameters, Settling):
-        raise InputError(
-            f"[settle] and method {method!r}: its grains settle as they are packed; write these keys in [packing]"
-        )
-    if enabled and not any(item.name == "gravity" for item in parameters_of(parameters)):
-        raise InputError(
-            f"[settle] and method {method!r}: it packs without gravity; leave this section out, and settle the packing "
-            f"with 'voxgran settle out/packing.vtp --gravity {proposed_axis(container)} -o settled.vtp'"
-        )
-    refuse_unknown(given, "[settle]", Settling, beside=names_of(Settled))
-    settling = from_mapping(Settling, given, "[settle]")
-    return settling if enabled else False
 
 
 def _general(mapping: Mapping[str, Any]) -> General:

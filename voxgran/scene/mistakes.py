@@ -11,6 +11,7 @@ from voxgran._base.names import unknown
 from voxgran.decks.material import Material
 from voxgran.scene.keys import AnyShape, Listed, Measured, Packed, Settled, ShapeOfFamily, ShapeOfFile, Shares, names_of
 from voxgran.scene.sections import General, Output
+from voxgran.settling.compression_parameters import Compression
 from voxgran.settling.parameters import Settling
 
 #: keys of the sections, to name the right one where a key is in another; [packing] and [scene] come first
@@ -19,6 +20,7 @@ _PLACES = {
     "[packing]": names_of(Packed),
     "[output]": names_of(Output),
     "[settle]": names_of(Settled, Settling),
+    "[compress]": names_of(Compression),
     "[material]": names_of(Material),
     "[measure]": names_of(Measured),
     "[sizes]": names_of(Shares),

@@ -314,6 +314,11 @@ def _steps(scene: SceneDescription, task: Task) -> dict[str, tuple[str, ...]]:
         if target is not None:
             how = f"at a solid fraction of {target:g}, by friction and shaking in at most {MOST_TRIES} tries"
         computed.append(f"settle them {how}{shapes}, {share}")
+    if (compression := scene.compress) is not None:
+        how, target = f"with friction {compression.friction:g}", compression.solid_fraction
+        if target is not None:
+            how = f"to a solid fraction of {target:g}, by friction in at most {MOST_TRIES} tries"
+        computed.append(f"compress them along {compression.axes} {how}")
     computed.append("verify against the true shapes")
     if scene.general.seeds > 1:
         computed.append(f"all of it {scene.general.seeds} times, with {scene.general.seeds} seeds")

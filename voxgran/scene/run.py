@@ -30,6 +30,7 @@ from voxgran.measures.registered.density import main_numbers
 from voxgran.packing.model import Packing
 from voxgran.packing.pack import pack
 from voxgran.report.page import save_report
+from voxgran.scene.afterwards import compressed
 from voxgran.scene.description import SceneDescription
 from voxgran.scene.plan import DECKS, Plan, make_plan
 from voxgran.shapes.model import Shape
@@ -37,7 +38,7 @@ from voxgran.shapes.model import Shape
 if TYPE_CHECKING:
     from xarray import DataTree
 
-CHECKPOINT = "checkpoint.voxgran"
+CHECKPOINT, COMPRESSING = "checkpoint.voxgran", "compression.voxgran"
 SUMMARY = "summary.json"
 PACKING = "packing.vtp"
 #: measures that a summary has, where they are measured and not NaN
@@ -108,18 +109,21 @@ def _run_in(
     checkpoint = target / CHECKPOINT
     if not resume:
         remove_checkpoint(checkpoint)
+        remove_checkpoint(target / COMPRESSING)
     recorder = None
     if scene.output.snapshots:
         place, most = target / "snapshots.pvd", scene.output.snapshots
         recorder = Series(place, max_snapshots=most, every=plan.grains, resume=resume, overwrite=True)
     run: dict[str, Any] = {"checkpoint": checkpoint, "resume": resume, "on_step": on_step, "recorder": recorder}
     packing = pack(tuple(shape for shape, _ in grains), scene.container, **scene.asked(), **run, **scene.parameters)
+    packing = compressed(scene.compress, packing, checkpoint=target / COMPRESSING, resume=resume, on_step=on_step)
     clumps = [record for _, record in grains]
     told = {"scene": scene.to_mapping()} | ({"clumps": clumps} if any(clumps) else {})
     packing = replace(packing, provenance={**packing.provenance, **told})
     result = finish_folder(packing, target, scene=scene, on_step=on_step)
     result.summary["plan"] = plan.to_mapping()
     write_text(target / SUMMARY, json.dumps(result.summary, indent=2) + "\n")
+    remove_checkpoint(target / COMPRESSING)
     remove_checkpoint(checkpoint)
     return result
 

@@ -23,6 +23,7 @@ from voxgran.contacts.verify import verify
 from voxgran.io.files import save
 from voxgran.measures.model import measure, measure_registry
 from voxgran.packing.model import Packing
+from voxgran.scene.afterwards import compressed
 from voxgran.scene.description import SceneDescription
 from voxgran.shapes.model import Shape
 from voxgran.study.checkpoints import Checkpoint, is_seen
@@ -156,7 +157,7 @@ def compute(run: Run, cache: SceneCache | None = None) -> Record:
         kept = Checkpoint(run.checkpoint, lambda: _seconds() - began - preparation.seconds)
         try:
             scene, shapes = (cache or SceneCache()).of(run)
-            packing = kept.pack(scene, shapes)
+            packing = compressed(scene.compress, kept.pack(scene, shapes))
             # all that is read has been read before: a change in between is found here
             refuse_changed(run.files)
             record.numbers = numbers_of(packing, scene.which)

@@ -1,0 +1,70 @@
+"""What becomes of grains after they are packed: the sections [settle] and [compress] of a scene."""
+
+from collections.abc import Mapping
+from typing import Any, Literal
+
+from voxgran._base.config import from_mapping, parameters_of, to_mapping
+from voxgran._base.errors import InputError, shown
+from voxgran.containers.model import Container
+from voxgran.packing.compress import compress
+from voxgran.packing.gravity import proposed_axis
+from voxgran.packing.model import Packing
+from voxgran.scene.keys import Settled, names_of
+from voxgran.scene.mistakes import refuse_unknown
+from voxgran.settling.compression_parameters import Compression
+from voxgran.settling.parameters import Settling
+
+
+def settle_section(
+    mapping: Mapping[str, Any] | None, method: str, parameters: type, container: Container
+) -> Settling | Literal[False] | None:
+    """Return what the section [settle] says: parameters, False where it is disabled, None where it is left out.
+
+    Raises
+    ------
+    InputError
+        If a value breaks a rule, or the method packs without gravity or settles its grains itself.
+    UnknownNameError
+        If a key is unknown.
+    """
+    if mapping is None:
+        return None
+    given = dict(mapping)
+    enabled = given.pop("enabled", True)
+    if not isinstance(enabled, bool):
+        raise InputError(f"[settle] enabled is {shown(enabled)}: it must be true or false; change it")
+    if issubclass(parameters, Settling):
+        raise InputError(
+            f"[settle] and method {method!r}: its grains settle as they are packed; write these keys in [packing]"
+        )
+    if enabled and not any(item.name == "gravity" for item in parameters_of(parameters)):
+        raise InputError(
+            f"[settle] and method {method!r}: it packs without gravity; leave this section out, and settle the packing "
+            f"with 'voxgran settle out/packing.vtp --gravity {proposed_axis(container)} -o settled.vtp'"
+        )
+    refuse_unknown(given, "[settle]", Settling, beside=names_of(Settled))
+    settling = from_mapping(Settling, given, "[settle]")
+    return settling if enabled else False
+
+
+def compress_section(mapping: Mapping[str, Any] | None, container: Container) -> Compression | None:
+    """Return what the section [compress] says; None where it is left out.
+
+    Raises
+    ------
+    InputError
+        If a value breaks a rule, or the walls of the container do not move as it says.
+    UnknownNameError
+        If a key is unknown.
+    """
+    if mapping is None:
+        return None
+    refuse_unknown(mapping, "[compress]", Compression)
+    how = from_mapping(Compression, mapping, "[compress]")
+    how.modes_of(container)
+    return how
+
+
+def compressed(how: Compression | None, packing: Packing, **run: Any) -> Packing:
+    """Return a packing as it is after the section [compress], with options of the run of :func:`voxgran.compress`."""
+    return packing if how is None else compress(packing, **to_mapping(how), **run)
