@@ -35,6 +35,9 @@ from voxgran.settling.compression import TOUCHING, Compressor
 from voxgran.settling.compression_parameters import Compression
 from voxgran.settling.stress_balance import stress_of
 
+#: largest share of grains that bear no forces in a specimen
+MOST_RATTLERS = 0.5
+
 
 @explained(hint="compress(packing, friction=0.5)")
 def compress(
@@ -115,8 +118,9 @@ def compress(
     Warns
     -----
     PackingWarning
-        If fewer grains than asked for are in balance, the stress is missed, some grains overlap, or the solid fraction
-        is beyond what the grains are compressed to; the nearest packing is returned then.
+        If fewer grains than asked for are in balance, the stress is missed, some grains overlap, more than half of them
+        bear no forces, or the solid fraction is beyond what the grains are compressed to; the nearest packing is
+        returned then.
 
     See Also
     --------
@@ -251,6 +255,14 @@ def _warn_of_imbalance(packing: Packing) -> None:
             f"{record['balanced']:.1%} of the grains that bear forces are in balance, and the stress is "
             f"{record['stress_error']:.2g} from the one that is asked for: compress them once more, or with more "
             "friction or more equal stresses",
+            PackingWarning,
+        )
+    elif packing.forces is not None and packing.forces.share_of_rattlers > MOST_RATTLERS:
+        wide = float(np.ptp(packing.container.bounds, axis=0)[: packing.dimension].min())
+        warn(
+            f"{packing.forces.share_of_rattlers:.1%} of the grains bear no forces, since a few grains span the "
+            f"container, which is {wide / np.median(packing.diameters):.2g} median diameters wide now: take more grains, "
+            "or a wider container",
             PackingWarning,
         )
     if not (sought := record.get("sought", {"met": True}))["met"]:

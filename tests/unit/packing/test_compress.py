@@ -214,6 +214,14 @@ def test_a_solid_fraction_out_of_reach_is_told():
         vg.compress(loose_grains(), solid_fraction=0.75)
 
 
+def test_a_few_grains_that_span_the_container_are_told():
+    column = [(1.5, 1.5, 0.6 + 1.05 * k) for k in range(3)]
+    rest = [(0.6, 0.6, 0.6), (3.4, 3.4, 1.5), (0.6, 3.4, 2.5), (3.4, 0.6, 2.5), (3.4, 2.2, 0.6)]
+    loose = vg.Packing.of([SPHERE], vg.Box((4, 4, 3.3), periodic="xyz"), position=[*column, *rest])
+    with pytest.warns(PackingWarning, match="bear no forces, since a few grains span"):
+        vg.compress(loose, axes="z")
+
+
 def test_grains_at_one_place_are_refused_and_shallow_overlaps_parted():
     with pytest.raises(InputError, match="move them apart"):
         vg.compress(vg.Packing.of([SPHERE], CUBE, position=[(1, 1, 1), (1.1, 1, 1), (4, 4, 4)]))
