@@ -261,8 +261,8 @@ def _warn_of_imbalance(packing: Packing) -> None:
         wide = float(np.ptp(packing.container.bounds, axis=0)[: packing.dimension].min())
         warn(
             f"{packing.forces.share_of_rattlers:.1%} of the grains bear no forces, since a few grains span the "
-            f"container, which is {wide / np.median(packing.diameters):.2g} median diameters wide now: take more grains, "
-            "or a wider container",
+            f"container, which is {wide / np.median(packing.diameters):.2g} median diameters wide now: take more "
+            "grains, or a wider container",
             PackingWarning,
         )
     if not (sought := record.get("sought", {"met": True}))["met"]:
