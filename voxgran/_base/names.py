@@ -5,7 +5,7 @@ import re
 from collections.abc import Iterable
 from functools import cache
 
-from voxgran._base.errors import shown
+from voxgran._base.errors import shortened, shown
 
 #: words that people type for a name of ours, as other programs have it, each with what is suggested: the first that is
 #: known
@@ -59,7 +59,9 @@ def unknown(
     names, more = (names, more) if names else (more, [])
     meant = meant or nearest(name, (*names, *more))
     hint = f"did you mean {meant!r}? " if meant else ""
-    listed = f"known are {', '.join(names)}" if names else "there are no others" if meant else "there are none"
+    # names of a user's own may be of any length
+    told = ", ".join(shortened(one, 60) for one in names)
+    listed = f"known are {told}" if names else "there are no others" if meant else "there are none"
     also = f", and beside them {', '.join(more)}" if more else ""
     return f"{kind} {shown(name)} is unknown: {hint}{listed}{also}"
 
