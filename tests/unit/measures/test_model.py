@@ -24,6 +24,7 @@ from voxgran.shapes.primitive import Primitive
 BALL = Shape.of(Primitive("sphere", (0.5,)), name="sphere")
 DISK = Shape.of(Outline("disk", radius=0.5), name="disk")
 ALL = (
+    "compression",
     "contacts",
     "coordination",
     "density",
@@ -74,7 +75,9 @@ def test_an_unknown_name():
 @pytest.mark.parametrize("name", ALL)
 def test_each_measure_fills_the_groups_that_it_names(name):
     entry = measure_registry().get(name)
-    packing = column(5) if name == "forces" else some()
+    packing = column(5) if name in ("forces", "compression") else some()
+    if name == "compression":
+        packing = replace(packing, forces=replace(packing.forces, stress=np.eye(3)))
     if name == "relaxation":
         numbers = dict.fromkeys(("sinking", "largest_displacement", "coordination_before", "duration"), 0.5)
         packing = replace(packing, relaxation=Relaxation(engine="lammps", coordination_after=2.0, **numbers))
