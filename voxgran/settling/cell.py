@@ -58,6 +58,12 @@ def _virial(force, branch):  # type: ignore[no-untyped-def]
 def add_to_cell(strain: Floats, mobility: Floats, force: Vector, branch: Vector) -> None:
     """Add to the strain of the container what the virial of a force does."""
     xx, yy, zz, yz, xz, xy = _virial(force, branch)
+    if mobility[3, 3] == mobility[4, 4] == mobility[5, 5] == 0.0:
+        # the axes stay at right angles
+        for k in range(3):
+            m = mobility[k]
+            strain[k] += m[0] * xx + m[1] * yy + m[2] * zz
+        return
     for k in range(6):
         m = mobility[k]
         strain[k] += m[0] * xx + m[1] * yy + m[2] * zz + m[3] * yz + m[4] * xz + m[5] * xy
