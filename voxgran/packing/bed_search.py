@@ -20,7 +20,7 @@ import numpy as np
 from voxgran._base.config import to_mapping
 from voxgran.packing.model import Packing
 from voxgran.settling.bed import Bed
-from voxgran.settling.search import MET, SLIPPERY, Search
+from voxgran.settling.search import MET, MOST_TRIES, SLIPPERY, Search
 
 #: grains of the bulk from which on its solid fraction counts: a half more than it must hold to be measured
 ENOUGH = 75
@@ -61,6 +61,11 @@ class SoughtBed:
     def reason(self) -> str:
         """Stop reason of a bed that rests."""
         return str(self.settler.reason)
+
+    @property
+    def told(self) -> str:
+        """How far the present try is, in words."""
+        return f"try {min(len(self.search.tries) + 1, MOST_TRIES)}, {self.settler.told}"
 
     @property
     def unit(self) -> float:
@@ -193,14 +198,16 @@ def _point(search: Search, number: int) -> dict[str, Any]:
     return {"reached": fraction, "friction": how.friction, "shaking": shaking}
 
 
-def sentence_of(sought: Mapping[str, Any]) -> str:
+def sentence_of(sought: Mapping[str, Any], what: str = "the bed", reach: str = "come to rest at") -> str:
     """Return the sentence that says by how much a solid fraction was missed, and what can be reached."""
     asked, reached = sought["solid_fraction"], sought["reached"]
-    head = f"the solid fraction of the bed is {reached:.4g} instead of {asked:.4g}: "
+    head = f"the solid fraction of {what} is {reached:.4g} instead of {asked:.4g}: "
     if not sought["beyond_range"]:
-        return f"{head}the nearest of {sought['tries']} beds, which differ by chance; take more grains, or another seed"
+        return (
+            f"{head}the nearest of {sought['tries']} tries, which differ by chance; take more grains, or another seed"
+        )
     low, high = (f"{sought[name]['reached']:.4g} ({_in_words(sought[name])})" for name in ("loosest", "densest"))
-    return f"{head}these grains come to rest at {low} to {high}; ask for one between, or take other sizes or shapes"
+    return f"{head}these grains {reach} {low} to {high}; ask for one between, or take other sizes or shapes"
 
 
 def _in_words(point: Mapping[str, Any]) -> str:

@@ -223,8 +223,9 @@ def _counters(told: Any) -> dict[str, int | None]:
 def _tell(how: Drive, state: RunState) -> None:
     """Report progress."""
     if how.on_step is not None:
-        text = ", ".join(f"{name} {value}" for name, value in list(state.counters.items())[:2])
-        # states that settle say so
+        counted = ", ".join(f"{name} {value}" for name, value in list(state.counters.items())[:2])
+        # states of grains that settle or are compressed say more than counters
+        text = getattr(state, "told", "") or counted
         stage = getattr(state, "stage", "packing")
         how.on_step(Step(stage=stage, done=state.done, total=state.total, text=text))
 
@@ -239,6 +240,7 @@ def _farewell(how: Drive, state: RunState) -> str:
     """Return the message of a stopped run, with the way to resume it."""
     ended = bool(state.stop_reason)
     made = f"all {state.done} attempts" if ended else f"{state.done} of {state.total} attempts"
+    made = getattr(state, "told", "") or made
     if how.checkpoint is None:
         return f"stopped after {made} without a checkpoint: give one to be able to resume"
     return f"stopped after {made}; to {'finish' if ended else 'go on'}, resume from {how.checkpoint}"

@@ -86,6 +86,11 @@ class SettleState:
     stage: str = "settling"
 
     @property
+    def told(self) -> str:
+        """How far the work is, in words."""
+        return f"step {self.steps}, {self.settler.told}"
+
+    @property
     def steps(self) -> int:
         """Steps that were made, those of former tries included."""
         settler = self.settler
@@ -128,6 +133,11 @@ class SettledState:
     def stage(self) -> str:
         """What is being done, for progress."""
         return "packing" if self.outer is None else "settling"
+
+    @property
+    def told(self) -> str:
+        """How far the settling is, in words; empty before it begins."""
+        return "" if self.outer is None else self.outer.told
 
     @property
     def derived(self) -> dict[str, Any]:

@@ -12,13 +12,12 @@ the median diameter is 1 and falls with the square of the diameter (in 2D with t
 
 References
 ----------
-Love 1927, A treatise on the mathematical theory of elasticity; Weber 1966: mean stress by forces and branch vectors,
-as in Agnolin & Roux 2007, doi:10.1103/PhysRevE.76.061302, who state the numbers of packings that are compressed
+Agnolin & Roux 2007, doi:10.1103/PhysRevE.76.061302: packings that are compressed to an isotropic stress
 """
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass, field, fields
+from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
@@ -26,6 +25,7 @@ import numpy as np
 from voxgran._base.arrays import Floats
 from voxgran._base.stopping import Stopped
 from voxgran.contacts.assembly import Assembly
+from voxgran.contacts.forces import ContactForces
 from voxgran.contacts.manifolds.rows import SURFACE
 from voxgran.containers.stretch import stretched
 from voxgran.settling.bed import Bed
@@ -33,10 +33,12 @@ from voxgran.settling.closing import close_round
 from voxgran.settling.compression_parameters import Compression
 from voxgran.settling.parting import part_grains
 from voxgran.settling.presets import KEPT, TRIANGLES
-from voxgran.settling.stress_balance import balance_grains, pressed_forces, stress_of, without_weight
+from voxgran.settling.resumable import Resumable
+from voxgran.settling.stress_balance import balance_grains, keep_known_forces, pressed_forces, stress_of, without_weight
 
-#: stages: steps to the stress, rounds in which the surfaces of meshes are parted, and the end
-PRESSING, CLOSING, ENDED = range(3)
+#: stages: an examination of grains that may be in balance already, steps to the stress, rounds in which the surfaces of
+#: meshes are parted, and the end
+START, PRESSING, CLOSING, ENDED = range(4)
 #: iterations of a step of unit mobility, which grow with its square root, and their bounds
 ITERATIONS, FEWEST, MANY = 20.0, 40, 100
 #: tolerance of a step, and compression of a contact by a unit force in it
@@ -73,9 +75,9 @@ FRICTIONAL, FRICTIONLESS, LITTLE = Pace(0.01, 3e-3, 0.7), Pace(3e-3, 3e-5, 0.9),
 class Progress:
     """How far a compression is."""
 
-    stage: int = PRESSING
+    stage: int = START
     step: int = 0  # steps in all
-    exact: int = 0  # whether contacts of meshes that are not convex are those of their triangles
+    exact: int = 0  # whether contacts of meshes that are not convex come from their triangles
     rounds: int = 0  # in which surfaces were parted
     proven: int = 0  # whether forces balance the grains and the stress
     mobility: float = 0.0  # of a grain in the next step
@@ -88,7 +90,7 @@ class Progress:
     path: Floats = field(default_factory=lambda: np.zeros((0, 4)))  # by step: solid fraction, and the axial stresses
 
 
-class Compressor:
+class Compressor(Resumable):
     """Compresses grains to a stress, step by step.
 
     Parameters
@@ -96,7 +98,9 @@ class Compressor:
     assembly : Assembly
         The grains, with lengths in median diameters.
     how : Compression
-        Parameters.
+        Parameters. Where a solid fraction is sought, the grains are compressed even if they are in balance.
+    start : ContactForces, optional
+        Forces that may balance the grains as they are, of which the lengths are in median diameters.
 
     Raises
     ------
@@ -108,8 +112,8 @@ class Compressor:
     #: whether grains come to rest without friction, and stop reason of a packing that is proven to be in balance
     direct, reason = True, "compressed"
 
-    def __init__(self, assembly: Assembly, how: Compression) -> None:
-        self.how, self.container = how, assembly.container
+    def __init__(self, assembly: Assembly, how: Compression, start: ContactForces | None = None) -> None:
+        self.how, self.container, self._start = how, assembly.container, start
         self.modes = how.modes_of(assembly.container)
         stress = how.stress_along(assembly.dimension)
         # only ratios decide: forces here are in the largest stress
@@ -120,6 +124,8 @@ class Compressor:
         self.pace = FRICTIONAL if how.friction >= LITTLE else FRICTIONLESS
         self._rate = how.rate or self.pace.rate
         self.progress = Progress(mobility=max(self.pace.strain / self._rate, LAST))
+        if how.solid_fraction is not None:
+            self.progress.stage = PRESSING
         self._surfaces = bool((self.bed.grains.kind == SURFACE).any())
         if not assembly.count:
             self.progress.stage, self.progress.proven, self.progress.moving = ENDED, 1, 0.0
@@ -132,7 +138,13 @@ class Compressor:
     @property
     def most_steps(self) -> int:
         """Largest number of steps, those that were made included."""
-        return STEPS + (STEPS + ROUNDS if self._surfaces else 0)
+        return 1 + STEPS + (STEPS + ROUNDS if self._surfaces else 0)
+
+    @property
+    def told(self) -> str:
+        """How far the compression is, in words."""
+        assembly = self.bed.assembly
+        return f"solid fraction {float(assembly.volumes.sum()) / assembly.container.volume:.4f}"
 
     @property
     def report(self) -> dict[str, Any]:
@@ -149,38 +161,32 @@ class Compressor:
 
     def step(self) -> None:
         """Make the next step."""
-        kept = {name: np.array(array) for name, array in self.arrays.items()}, self.counters
+        kept = self.kept()
         try:
-            if self.progress.stage == CLOSING:
-                self._close()
-            else:
-                self._press()
+            _STEPS[self.progress.stage](self)
         except Stopped:
             # what the step has done is lost: the next one begins where it began
             self.restore(*kept)
             raise
         self.progress.step += 1
 
-    @property
-    def arrays(self) -> dict[str, Any]:
-        """All arrays and floats that the next step depends on."""
-        return {**self.bed.arrays, **{name: np.asarray(getattr(self.progress, name)) for name in _ARRAYS}}
-
-    @property
-    def counters(self) -> dict[str, int]:
-        """All counters that the next step depends on."""
-        return {name: getattr(self.progress, name) for name in _COUNTERS}
-
     def restore(self, arrays: Mapping[str, Any], counters: Mapping[str, Any]) -> None:
         """Take over arrays and counters."""
-        for name in _ARRAYS:
-            value = np.array(arrays[name])
-            setattr(self.progress, name, value if value.ndim else float(value))
-        for name in _COUNTERS:
-            setattr(self.progress, name, int(counters[name]))
-        self.bed.finders.exact = bool(self.progress.exact)
-        self.bed.restore({name: array for name, array in arrays.items() if name not in _ARRAYS})
+        super().restore(arrays, counters)
         self.bed.move_walls(stretched(self.container, self.progress.factors.tolist()))
+
+    def _begin(self) -> None:
+        """Examine the grains before any of them moves: a packing that bears the stress stays as it is."""
+        progress, bed = self.progress, self.bed
+        bed.finders.exact = True
+        if self._start is not None:
+            bed.find(TOUCHING, 0.0)
+            keep_known_forces(bed, self._start, self.how.friction, self.unit)
+        if self._examine(THOROUGH, known=self._start is not None) and progress.smallest >= 0.0:
+            progress.stage, progress.exact = ENDED, 1
+            return
+        progress.stage, bed.finders.exact = PRESSING, False
+        bed.keep_forces(np.zeros((bed.m, 3)))
 
     def _press(self) -> None:
         """Make a step to the stress, and examine the grains where they hardly move any more."""
@@ -256,5 +262,4 @@ class Compressor:
         self.progress.path = np.vstack([self.progress.path, row])
 
 
-_ARRAYS = tuple(item.name for item in fields(Progress) if item.type is not int)
-_COUNTERS = tuple(item.name for item in fields(Progress) if item.type is int)
+_STEPS = {START: Compressor._begin, PRESSING: Compressor._press, CLOSING: Compressor._close}

@@ -5,8 +5,7 @@ stop between any two steps and go on with the same bits. Lengths are in median d
 """
 
 import math
-from collections.abc import Mapping
-from dataclasses import dataclass, field, fields
+from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
@@ -26,10 +25,13 @@ from voxgran.settling.parameters import Settling
 from voxgran.settling.parting import part_grains
 from voxgran.settling.presets import FRICTIONAL, FRICTIONLESS, GRIDS, TRIANGLES, SolverPreset
 from voxgran.settling.quasi_static import frictionless_step, quasi_static_step
+from voxgran.settling.resumable import Resumable
 
 #: stages, in their order: growth to full size, an examination of grains that may rest already, fall, shaking, the fall
 #: after it, quasi-static steps, rounds in which surfaces are parted, and the end
 GROWTH, START, FALL, SHAKING, AGAIN, STILL, CLOSING, ENDED = range(8)
+#: what they are called
+STAGES = ("growth", "examination", "fall", "shaking", "fall", "quasi-static", "parting", "end")
 #: distance up to which surfaces touch
 TOUCHING = 1e-3
 #: sinking in a unit of time, and kinetic energy, below which the fall ends; units of time that it lasts at least
@@ -101,7 +103,7 @@ class Progress:
     best_lid: float = math.inf
 
 
-class Settler:
+class Settler(Resumable):
     """Settles a bed, step by step.
 
     Parameters
@@ -164,11 +166,16 @@ class Settler:
         falls, rounds = 2 + self._more_falls, (TRIALS + 2) * CLOSING_ROUNDS
         return growth + 1 + shaking + falls * self._fall_steps() + (falls - 1) * self._more_steps * STILL_STEPS + rounds
 
+    @property
+    def told(self) -> str:
+        """What the grains are doing, in words."""
+        return STAGES[self.progress.stage]
+
     def step(self) -> None:
         """Make the next step."""
         progress = self.progress
         stage = progress.stage
-        kept = self._kept() if stage in _LONG else None
+        kept = self.kept() if stage in _LONG else None
         try:
             _STEPS[stage](self)
         except Stopped:
@@ -178,31 +185,6 @@ class Settler:
             raise
         progress.step += 1
         progress.stage_step = progress.stage_step + 1 if progress.stage == stage else 0
-
-    @property
-    def arrays(self) -> dict[str, Any]:
-        """All arrays and floats that the next step depends on."""
-        own = {name: np.asarray(getattr(self.progress, name)) for name in _ARRAYS}
-        return {**self.bed.arrays, **own}
-
-    @property
-    def counters(self) -> dict[str, int]:
-        """All counters that the next step depends on."""
-        return {name: getattr(self.progress, name) for name in _COUNTERS}
-
-    def restore(self, arrays: Mapping[str, Any], counters: Mapping[str, Any]) -> None:
-        """Take over arrays and counters."""
-        for name in _ARRAYS:
-            value = arrays[name]
-            setattr(self.progress, name, np.array(value) if value.ndim else float(value))
-        for name in _COUNTERS:
-            setattr(self.progress, name, int(counters[name]))
-        self.bed.finders.exact = bool(self.progress.exact)
-        self.bed.restore({name: array for name, array in arrays.items() if name not in _ARRAYS})
-
-    def _kept(self) -> tuple[dict[str, Any], dict[str, int]]:
-        """Return copies of all arrays and counters."""
-        return {name: np.array(array) for name, array in self.arrays.items()}, self.counters
 
     @property
     def report(self) -> dict[str, float]:
@@ -440,8 +422,6 @@ class Settler:
         return bool(progress.proven)
 
 
-_ARRAYS = tuple(item.name for item in fields(Progress) if item.type is not int)
-_COUNTERS = tuple(item.name for item in fields(Progress) if item.type is int)
 _STEPS = {
     GROWTH: Settler._grow, START: Settler._begin, FALL: Settler._drop, SHAKING: Settler._shake, AGAIN: Settler._drop,
     STILL: Settler._rest, CLOSING: Settler._close,

@@ -17,7 +17,7 @@ from voxgran._base.errors import InputError, shown
 from voxgran._base.lazy import load
 from voxgran._base.stopping import stop_if_asked
 from voxgran.contacts.forces import LID, WALL, ContactForces
-from voxgran.contacts.manifolds.rows import ARM_I, GAP, NORMAL
+from voxgran.contacts.manifolds.rows import ARM_I, ARM_J, GAP, NORMAL
 from voxgran.settling.balance import gauss_seidel_forces, net_accelerations
 from voxgran.settling.bed import Bed
 from voxgran.settling.cell import Cell
@@ -80,8 +80,8 @@ class Balanced(NamedTuple):
 
     forces: (m, 3) on body j of each contact.  residual, residual_torque: (n,) net force on each grain, and net torque
     over its radius, in mean normal forces.  bearing: (n,) which grains bear forces.  stress: (3, 3) mean stress tensor.
-    moving: share of the grains that bear forces and are not in balance.  missed: largest difference of the stress, over
-    the least one along an axis.
+    moving: number of grains that are not in balance over that of the grains that bear forces.  missed: largest
+    difference of the stress, over the least one along an axis.
     """
 
     forces: Floats
@@ -121,8 +121,9 @@ def balance_grains(
         excess = modes @ (np.array([(stress[a, b] + stress[b, a]) / 2.0 for a, b in PLACES]) * volume - load)
         axial = (modes @ load)[:3]
         missed = float(np.abs(excess).max() / axial[axial > 0.0].min())
-        unrest = np.maximum(force, torque)[bearing] > tolerance
-        moving = float(unrest.mean()) if bearing.any() else 1.0
+        # a grain that one contact pushes bears nothing, and is not in balance
+        unrest, many = int((np.maximum(force, torque) > tolerance).sum()), int(bearing.sum())
+        moving = min(unrest / many, 1.0) if many else 1.0
         found = Balanced(forces, force, torque, bearing, stress, moving, missed)
         if best is None or found.rank(tolerance) < best.rank(tolerance):
             best = found
@@ -219,17 +220,29 @@ def balance_stress(
     """
     without_weight(bed)
     bed.find(reach, 0.0)
-    known = start is not None and start.friction is not None and start.friction <= friction
-    if start is not None:
-        bed.keep_forces(_forces_at(bed, start))
     asked = np.array([stress[place] for place in PLACES])
     prescribed = np.isfinite(asked)
     unit = float(np.abs(asked[prescribed]).max())
-    bed.keep_forces(bed.forces() / unit)
+    if start is not None:
+        keep_known_forces(bed, start, friction, unit)
     pressed = np.where(prescribed, asked / unit, 0.0) * bed.assembly.container.volume
     modes = np.diag(prescribed.astype(np.float64))
-    found = balance_grains(bed, modes, pressed, friction=friction, tolerance=tolerance, rounds=ROUNDS, known=known)
+    found = balance_grains(
+        bed, modes, pressed, friction=friction, tolerance=tolerance, rounds=ROUNDS, known=start is not None
+    )
     return found._replace(forces=found.forces * unit, stress=found.stress * unit)
+
+
+def keep_known_forces(bed: Bed, known: ContactForces, friction: float, unit: float) -> None:
+    """Let a bed keep known forces at its contacts, in a unit, as far as they lie within the cones of its friction."""
+    normal = bed.rows.row[: bed.m, NORMAL : NORMAL + 3]
+    forces = _forces_at(bed, known) / unit
+    push = (forces * normal).sum(axis=1)
+    across = forces - push[:, None] * normal
+    push = np.maximum(push, 0.0)
+    slides = np.linalg.norm(across, axis=1)
+    part = np.minimum(1.0, friction * push / np.maximum(slides, 1e-300))
+    bed.keep_forces(push[:, None] * normal + part[:, None] * across)
 
 
 def _forces_at(bed: Bed, known: ContactForces) -> Floats:
@@ -238,11 +251,11 @@ def _forces_at(bed: Bed, known: ContactForces) -> Floats:
     i, j = bed.contact_grains(wall=WALL, lid=LID)
     if not known.count or not bed.m:
         return found
-    points = bed.assembly.position[i] + row[:, ARM_I : ARM_I + 3]
     tree = load("scipy.spatial").cKDTree(known.point)
     for turned in (False, True):
-        # a contact may be listed from its other side, whose point is a gap away
-        at = points + row[:, GAP, None] * row[:, NORMAL : NORMAL + 3] * turned
+        # a contact may be listed from its other side, and so near another periodic image
+        grain, arm = (np.maximum(j, 0), ARM_J) if turned else (i, ARM_I)
+        at = bed.assembly.position[grain] + row[:, arm : arm + 3]
         distance, near = tree.query(at, distance_upper_bound=SAME)
         near = np.where(np.isfinite(distance), near, 0)
         first, second = (known.j, known.i) if turned else (known.i, known.j)

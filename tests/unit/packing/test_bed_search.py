@@ -108,7 +108,7 @@ def test_beyond_the_range_one_sentence_says_what_is_reached(target, near, monkey
 
 def test_beds_that_differ_by_chance_say_so(monkeypatch):
     monkeypatch.setattr("voxgran.settling.search.MOST_TRIES", 1)
-    with pytest.warns(PackingWarning, match="the nearest of 1 beds, which differ by chance; take more grains"):
+    with pytest.warns(PackingWarning, match="the nearest of 1 tries, which differ by chance; take more grains"):
         vg.pack(SPHERE, SMALL, "gravity", count=60, solid_fraction=0.592, seed=1)
 
 

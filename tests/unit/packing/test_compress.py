@@ -216,6 +216,17 @@ def test_a_solid_fraction_out_of_reach_is_told():
         vg.compress(loose_grains(), solid_fraction=0.75)
 
 
+@pytest.mark.parametrize("name", ["cell", "walls", "polyhedra", "meshes", "disks"])
+def test_a_packing_that_bears_the_stress_stays_as_it_is(name):
+    shape, container, more = SCENES[name]
+    once = vg.compress(loose_grains(shape.scaled(1 / shape.diameter), container, **more), friction=0.4)
+    again = vg.compress(once, friction=0.4)
+    assert again.provenance["compression"]["steps"] == 1
+    assert np.array_equal(again.position, once.position)
+    assert again.container == once.container
+    assert again.stop_reason == "compressed"
+
+
 def test_a_few_grains_that_span_the_container_are_told():
     column = [(1.5, 1.5, 0.6 + 1.05 * k) for k in range(3)]
     rest = [(0.6, 0.6, 0.6), (3.4, 3.4, 1.5), (0.6, 3.4, 2.5), (3.4, 0.6, 2.5), (3.4, 2.2, 0.6)]

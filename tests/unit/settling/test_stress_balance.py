@@ -1,6 +1,7 @@
 """Balance of grains under a stress: lattices with known forces, a linear program as a twin, what is refused."""
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -109,6 +110,33 @@ def test_a_packing_that_was_compressed_is_asked_for_the_stress_of_its_forces():
     assert vg.equilibrium(loose, stress=1.0).attrs["balanced"] == 0
 
 
+def test_forces_beyond_their_cones_prove_nothing():
+    specimen = compressed_disks(friction=0.6)
+    # the same forces, said to be those of grains that hardly rub
+    slippery = replace(specimen.forces, friction=0.01)
+    told, cold = (
+        vg.equilibrium(replace(specimen, forces=forces), 0.01, stress=specimen.forces.stress)
+        for forces in (slippery, None)
+    )
+    assert told.attrs["balanced"] == cold.attrs["balanced"] == 0
+    normal, force = told["normal"].values, told["force"].values
+    push = (force * normal).sum(axis=1)
+    across = np.linalg.norm(force - push[:, None] * normal, axis=1)
+    assert push.min() >= 0
+    assert (across <= 0.01 * push * (1 + 1e-9) + 1e-12).all()
+
+
+def test_a_grain_that_one_contact_pushes_is_not_in_balance():
+    # two walls press a column, and a disk leans on its side
+    place = [(0.5, 0.5 + k, 0.0) for k in range(3)] + [(1.5, 1.5, 0.0)]
+    column = vg.Packing.of([DISK], vg.Rectangle((3.0, 3.0), periodic="x"), position=place)
+    found = vg.equilibrium(column, 0.5, stress=(None, 1.0))
+    assert found.attrs["balanced"] == 1
+    assert found["rattler"].values.tolist() == [False, False, False, True]
+    pushed = vg.equilibrium(column, 0.5, stress=(1.0, 1.0))
+    assert pushed.attrs["balanced"] == 0
+
+
 @pytest.mark.parametrize(
     ("stress", "words"),
     [
@@ -131,3 +159,13 @@ def test_stresses_that_grains_cannot_bear_are_refused(stress, words):
 def test_without_gravity_and_stress_both_are_named():
     with pytest.raises(InputError, match="stress=1"):
         vg.equilibrium(cubic_lattice())
+
+
+def test_the_proof_finds_the_forces_of_a_compression_again():
+    loose = vg.pack(SPHERE, vg.Box((6, 6, 6), periodic="xyz"), "rsa", count=110, seed=2)
+    specimen = vg.compress(loose, friction=0.4)
+    found = vg.equilibrium(specimen, 0.4)
+    residual = np.maximum(found["residual"], found["residual_torque"]).values
+    bearing = ~specimen.forces.rattler
+    assert (residual[bearing] > 0.01).mean() <= (specimen.forces.residual[bearing] > 0.01).mean()
+    assert np.allclose(found["stress"], specimen.forces.stress, atol=0.011)

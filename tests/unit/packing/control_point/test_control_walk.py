@@ -501,8 +501,8 @@ def test_overlaps_between_control_points_are_told():
 @pytest.mark.parametrize("sigma", [0.0, 0.3])
 def test_the_wall_of_a_mesh_is_sampled_once_for_all_seeds(monkeypatch, sigma):
     """Its points cover it as finely as asked, whatever the median of the sizes that are drawn."""
-    ball = vg.make_shape("sphere").scaled(7.0)
-    container = vg.ClosedMesh(vg.Shape.from_mesh(1.01 * ball.vertices + 3.0, ball.faces))
+    wall = vg.make_shape("sphere").scaled(7.0)
+    container = vg.ClosedMesh(vg.Shape.from_mesh(1.01 * wall.vertices + 3.0, wall.faces))
     sampled, units = [], set()
 
     def spread(vertices, faces, count, *, seed):
