@@ -163,7 +163,7 @@ def save_scene(packing: Packing, path: str | os.PathLike[str], *, gap: float = 0
     or glyphs); all other grains are one mesh with the grain, its shape and its diameter at each triangle. Contacts
     are lines between the centroids, with gap, normal and contact point. Where forces are known, the block `forces` has
     the contacts that carry one as such lines, at walls and the lid to the contact point; `magnitude` at their points is
-    the force in weights of a median grain (for force chains apply the filter Tube, with the radius varied by it).
+    the force in the unit of the forces of the packing (for force chains apply the filter Tube, with its radius varied).
 
     Examples
     --------

@@ -4,6 +4,7 @@ The work is that of :mod:`voxgran.settling.compression`; here it becomes a run l
 """
 
 import os
+from collections.abc import Sequence
 from dataclasses import replace
 from typing import Any
 
@@ -43,7 +44,7 @@ MOST_RATTLERS = 0.5
 def compress(
     packing: Packing,
     *,
-    stress: float | tuple[float, float] | tuple[float, float, float] = 1.0,
+    stress: float | Sequence[float] = 1.0,
     axes: str = "xyz",
     friction: float = 0.5,
     solid_fraction: float | None = None,

@@ -25,7 +25,7 @@ class Compression:
     #: grains are not shaken
     shaking: ClassVar[None] = None
 
-    stress: float | tuple[float, float] | tuple[float, float, float] = parameter(
+    stress: float | tuple[float, ...] = parameter(
         1.0,
         doc="mean stress along all axes, or one along each axis, compression above 0, in any unit: only the ratios "
         "decide how the grains lie; along axes that do not move it is not prescribed",

@@ -1,9 +1,10 @@
-"""How long the runs of a study will take, by the seconds of those that are finished.
+"""How long the runs of a study will take, estimated from the seconds of finished runs.
 
-Runs of a cell are expected to take as long as those of it that are finished. The others take what those of their kind
-take, whose scenes differ in numbers alone: a fixed part, and parts in proportion to the attempts and to the grains that
-are planned. These are the least squares of the relative errors with no part below 0. As long as all finished runs of a
-kind have about as many attempts and grains, the seconds lie between all fixed and all in proportion.
+A run is expected to take the mean time of the finished runs of its cell. A cell without a finished run is estimated
+from the runs of its kind, whose scenes differ in numbers alone: a fixed time, plus times in proportion to the attempts
+and to the grains that are planned. Their factors are fitted by least squares of the relative errors, with none below 0.
+While all finished runs of a kind have about the same numbers of attempts and grains, the estimate is a range, from a
+time that is all fixed to one that is all in proportion.
 """
 
 import json
@@ -93,8 +94,10 @@ class Durations:
             self._fits.pop(kind, None)
 
     def expected(self, cell: str) -> tuple[float, float]:
-        """Return the least and the most seconds that a run of a cell is expected to take: where none of its kind is
-        finished, by those of the other kinds of its method, if these are at least half of them.
+        """Return the least and the most seconds that a run of a cell is expected to take.
+
+        Where no run of its kind is finished, the other kinds of its method are used, if at least half of those have
+        finished runs.
         """
         known = self.cells[cell]
         if known.timed:

@@ -297,7 +297,7 @@ def test_many_sizes_are_found_by_polynomials_as_a_few_are_by_iteration(name):
     power = law._power("number", 3)
     shares = (np.arange(distribution.MANY) + 0.5) / distribution.MANY
     made = law.quantile(shares, basis="number")
-    # half of those of the last distribution lie between two nodes, where its density changes, and are iterated
+    # half of the values of the last distribution lie between two nodes, where its density changes, and are iterated
     iterated, error = (0.6, 1e-9) if name == "bends" else (2e-3, 1.5e-13)
     assert np.isnan(distribution._curve(law, power)(shares)).mean() < iterated
     assert (np.diff(made) >= -1e-15 * made[1:]).all()

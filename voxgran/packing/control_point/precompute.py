@@ -258,8 +258,8 @@ def _wall_of(problem: Problem) -> Shape | None:
 def _wall_points(problem: Problem) -> SurfacePoints:
     """Return points on the closed mesh that is the container.
 
-    They are those of the mesh in the user's unit, whatever the seed, and up to a step of the spacing whatever the
-    median diameter: other packings in the same container find them among the points that are kept.
+    The mesh is sampled in the user's unit, with a seed of its own and a spacing that changes in steps, so that other
+    packings in the same container, also of grains of another median diameter, mostly find the same points in memory.
     """
     known, unit = (problem.given, problem.unit_length) if problem.given is not None else (problem.container, 1.0)
     wall = boundary_of(known).solid
