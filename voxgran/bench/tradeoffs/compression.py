@@ -22,6 +22,7 @@ from voxgran.containers.kinds.box import Box
 from voxgran.packing.compress import compress
 from voxgran.packing.model import Packing
 from voxgran.packing.pack import pack
+from voxgran.settling.compression import FRICTIONAL
 from voxgran.settling.equilibrium import equilibrium
 from voxgran.shapes.model import Shape
 from voxgran.shapes.sizes import lognormal
@@ -159,7 +160,8 @@ def _draw(rows: list[Row], path: Path) -> None:
         for k, panel in enumerate((left, middle)):
             panel.plot(list(PUBLISHED), [pair[k] for pair in PUBLISHED.values()], "k_", ms=18, label="published")
             panel.set(xlabel="friction", ylabel=("solid fraction", "contacts of grains that bear forces")[k])
-        slow = sorted((float(row.rate), row.solid_fraction) for row in alike if row.rate != "")
+        alone = [row for row in alike if row.program == "voxgran" and row.friction == 0.5]
+        slow = sorted((float(row.rate or FRICTIONAL.rate), row.solid_fraction) for row in alone)
         right.semilogx(*zip(*slow, strict=True), "C0o-")
         right.set(xlabel="rate", ylabel="solid fraction at friction 0.5")
 

@@ -108,6 +108,8 @@ def _rattlers(packing: Packing) -> Rattlers:
     if packing.forces is not None:
         mask = packing.forces.rattler
         definition = "a grain that rests and, by the contact forces, carries nothing but itself"
+        if packing.forces.stress is not None:
+            definition = "a grain with fewer than 2 contacts that bear forces"
     else:
         free = packing.gravity is None
         round_grains = all(packing.shapes[k].is_sphere for k in np.unique(packing.shape_id))
