@@ -32,6 +32,12 @@ PACKING = {
     "apollonian": Case(
         "spheres.md", "exponents", options={"count": 300}, shape=DISK, container={"kind": "disk", "radius": 6}
     ),
+    "compress": Case(
+        "specimens.md",
+        "compression",
+        options={"count": 150, "friction": 0.3},
+        container={"kind": "box", "lengths": [5, 5, 5], "periodic": ["x", "y", "z"]},
+    ),
     "control_point": Case("control.md", "contact", options={"count": 60, "sweeps": 20}, shape=ROCKS, container=COLUMN),
     "deposition": Case("spheres.md", "deposits", options={"count": 150}, container=COLUMN),
     "digital": Case("digital.md", "digital", options={"count": 60, "sweeps": 200}, shape=ROCKS, container=COLUMN),

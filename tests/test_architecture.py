@@ -49,6 +49,8 @@ LATERAL = {
     "control_point": {"walking"},
     # spheres of a front may grow at the end
     "advancing_front": {"transform"},
+    # how dense grains become, and so how many fill a specimen
+    "jamming": {"beds"},
 }
 #: classes of containers: other rooms ask for their boundary, so that a new container is one file
 CONTAINERS = {"Box", "ClosedMesh", "Cylinder", "Disk", "Polygon", "Rectangle", "Sphere"}

@@ -57,6 +57,15 @@ class AdvancingFrontKeywords(PackKeywords, total=False):
     grow: Number
 class ApollonianKeywords(PackKeywords, total=False):
     smallest: Number | None
+class CompressionKeywords(PackKeywords, total=False):
+    stress: Number | (Sequence[Number] | NDArray[Any])
+    axes: str
+    friction: Number
+    height: Number | None
+    rate: Number | None
+    rest: Number
+class CompressKeywords(CompressionKeywords, total=False):
+    fill: Number | None
 class FeedingKeywords(PackKeywords, total=False):
     gravity: Literal['-x', '+x', '-y', '+y', '-z', '+z', 'none'] | (Sequence[Number] | NDArray[Any]) | None
     feed: Literal['rain', 'layers', 'at_once']
@@ -102,9 +111,9 @@ class DigitalFillKeywords(LatticeSearchKeywords, total=False):
     gravity: Literal['-x', '+x', '-y', '+y', '-z', '+z', 'none'] | None
     order: Literal['random', 'largest']
 class DigitalRsaKeywords(LatticeSearchKeywords, total=False): ...
-class CompressionKeywords(PackKeywords, total=False):
+class GrowthRateKeywords(PackKeywords, total=False):
     growth_rate: Number
-class ExpandKeywords(CompressionKeywords, total=False): ...
+class ExpandKeywords(GrowthRateKeywords, total=False): ...
 class SettlingKeywords(PackKeywords, total=False):
     friction: Number
     restitution: Number
@@ -121,7 +130,7 @@ class GrowthKeywords(PackKeywords, total=False):
     arrival: Literal['together', 'continuous']
     slowest: Number
     speed: Number
-class JamKeywords(CompressionKeywords, total=False):
+class JamKeywords(GrowthRateKeywords, total=False):
     keep: Literal['container', 'sizes']
 class MultilayerKeywords(PackKeywords, total=False):
     layers: Whole
@@ -158,6 +167,8 @@ def pack(shapes: Sequence[Shape] | Shape, container: Container, method: Literal[
 @overload
 def pack(shapes: Sequence[Shape] | Shape, container: Container, method: Literal["apollonian"], **keywords: Unpack[ApollonianKeywords]) -> Packing: ...
 @overload
+def pack(shapes: Sequence[Shape] | Shape, container: Container, method: Literal["compress"], **keywords: Unpack[CompressKeywords]) -> Packing: ...
+@overload
 def pack(shapes: Sequence[Shape] | Shape, container: Container, method: Literal["control_point"], **keywords: Unpack[ControlPointKeywords]) -> Packing: ...
 @overload
 def pack(shapes: Sequence[Shape] | Shape, container: Container, method: Literal["deposition"], **keywords: Unpack[DepositionKeywords]) -> Packing: ...
@@ -191,6 +202,8 @@ def pack(shapes: Sequence[Shape] | Shape, container: Container, method: str | Pa
 def pack(*, container: Container, method: Literal["advancing_front"], **keywords: Unpack[AdvancingFrontKeywords]) -> Packing: ...
 @overload
 def pack(*, container: Container, method: Literal["apollonian"], **keywords: Unpack[ApollonianKeywords]) -> Packing: ...
+@overload
+def pack(*, container: Container, method: Literal["compress"], **keywords: Unpack[CompressKeywords]) -> Packing: ...
 @overload
 def pack(*, container: Container, method: Literal["control_point"], **keywords: Unpack[ControlPointKeywords]) -> Packing: ...
 @overload

@@ -25,7 +25,9 @@ from voxgran.settling.search import MET, MOST_TRIES, SLIPPERY, Search
 #: grains of the bulk from which on its solid fraction counts: a half more than it must hold to be measured
 ENOUGH = 75
 #: what the solid fraction is measured in, by how much that is known
-REGIONS = ("bed_solid_fraction", "bulk_solid_fraction")
+REGIONS = ("bed_solid_fraction", "bulk_solid_fraction", "solid_fraction")
+#: the place of the whole container there
+WHOLE = 2
 #: prefix of what a checkpoint holds of the best bed
 PREFIX = "tried_"
 
@@ -43,15 +45,23 @@ class SoughtBed:
         Settler or Compressor to the packing of its grains.
     shakes : bool
         Whether grains may be shaken.
+    whole : bool
+        Whether the solid fraction is that of the container.
     """
 
     def __init__(
-        self, how: Any, begin: Callable[[Any], Any], packing_of: Callable[[Any], Packing], *, shakes: bool = True
+        self,
+        how: Any,
+        begin: Callable[[Any], Any],
+        packing_of: Callable[[Any], Packing],
+        *,
+        shakes: bool = True,
+        whole: bool = False,
     ) -> None:
         self._begin, self._packing_of = begin, packing_of
         self.settler = begin(how)
         self.search = Search(how, 0.0 if self.settler.direct else SLIPPERY, np.zeros((0, 3)), shakes)
-        self.by_bulk, self.former_steps, self._over = -1, 0, False
+        self.by_bulk, self.former_steps, self._over = WHOLE if whole else -1, 0, False
         # arrays and counters of the best bed
         self._best: tuple[dict[str, Any], dict[str, int]] = {}, {}
         self._place = math.nan
@@ -163,6 +173,8 @@ class SoughtBed:
 
     def _fraction(self) -> float:
         """Return the solid fraction of the bed of the present try."""
+        if self.by_bulk == WHOLE:
+            return self._packing_of(self.settler).solid_fraction
         with warnings.catch_warnings(action="ignore"):
             found = self._packing_of(self.settler).measure("density")
         if self.by_bulk < 0:

@@ -12,12 +12,12 @@ import numpy as np
 
 from voxgran._base.calls import explained
 from voxgran._base.config import from_mapping, to_mapping
-from voxgran._base.errors import PackingWarning
+from voxgran._base.errors import InputError, PackingWarning
 from voxgran._base.progress import OnStep
 from voxgran._base.warning import warn
 from voxgran.contacts.forces import LID, WALL, ContactForces
 from voxgran.contacts.manifolds.rows import ARM_I, GAP, NORMAL
-from voxgran.packing.bed_search import SoughtBed, sentence_of
+from voxgran.packing.bed_search import REGIONS, WHOLE, SoughtBed, sentence_of
 from voxgran.packing.driver import Drive, check_drive, drive
 from voxgran.packing.method import Cost, PackingMethod
 from voxgran.packing.model import Packing, check_packing
@@ -48,6 +48,7 @@ def compress(
     axes: str = "xyz",
     friction: float = 0.5,
     solid_fraction: float | None = None,
+    height: float | None = None,
     rate: float | None = None,
     rest: float = 0.98,
     checkpoint: str | os.PathLike[str] | None = None,
@@ -146,8 +147,8 @@ def compress(
     """
     check_packing(packing, "packing")
     given = {
-        "stress": stress, "axes": axes, "friction": friction, "solid_fraction": solid_fraction, "rate": rate,
-        "rest": rest,
+        "stress": stress, "axes": axes, "friction": friction, "solid_fraction": solid_fraction, "height": height,
+        "rate": rate, "rest": rest,
     }  # fmt: skip
     how = from_mapping(Compression, given, "compress")
     how.modes_of(packing.container)
@@ -160,15 +161,15 @@ def compress(
         summary="",
         source="",
         parameters=Compression,
-        prepare=lambda _: _begun(packing, how),
+        prepare=lambda _: begun_compression(packing, how),
         advance=advance_settling,
-        finish=lambda _, state: _finished(packing, state),
+        finish=lambda _, state: finished_compression(packing, state),
         cost=lambda _: Cost(memory=GRAIN_BYTES * packing.count, attempts=0),
     )
     problem = _problem_of(packing, how)
     state = drive(method, problem, Drive(checkpoint, resume, on_step, threads=threads))
     compressed = method.finish(problem, state)
-    _warn_of_imbalance(compressed)
+    warn_of_imbalance(compressed)
     return compressed
 
 
@@ -190,18 +191,44 @@ def _problem_of(packing: Packing, how: Compression) -> Problem:
     )
 
 
-def _begun(packing: Packing, how: Compression) -> SettleState:
+def begun_compression(packing: Packing, how: Compression) -> SettleState:
     """Return the first state of a compression."""
     assembly, unit = normalized_assembly(packing)
     forces = packing.forces
     start = None if forces is None or forces.stress is None else forces.scaled(1.0 / unit)
+    whole = how.height is not None
+    if how.height is not None:
+        how = replace(how, solid_fraction=_fraction_at(packing, how.height), height=None)
     settler: Moving = Compressor(assembly, how, start)
     if how.solid_fraction is not None:
         settler = SoughtBed(
-            how, lambda tried: Compressor(assembly, tried), lambda ended: _moved(packing, ended), shakes=False
-        )
+            how, lambda tried: Compressor(assembly, tried), lambda ended: _moved(packing, ended),
+            shakes=False, whole=whole,
+        )  # fmt: skip
     refuse_deep(settler)
     return SettleState(settler, total=settler.most_steps * packing.count, stage="compressing")
+
+
+def _fraction_at(packing: Packing, height: float) -> float:
+    """Return the solid fraction of a container of another height along its last axis.
+
+    Raises
+    ------
+    InputError
+        If it is above 1.
+    """
+    fraction = packing.solid_fraction * _height_of(packing) / height
+    if fraction > 1.0:
+        raise InputError(
+            f"height is {height:g}: the grains have {fraction:.3g} times the volume of a container of that height; "
+            "give a larger height or fewer grains"
+        )
+    return fraction
+
+
+def _height_of(packing: Packing) -> float:
+    """Return the length of the container along its last axis."""
+    return float(np.ptp(packing.container.bounds, axis=0)[packing.dimension - 1])
 
 
 def _moved(packing: Packing, settler: Any) -> Packing:
@@ -221,7 +248,7 @@ def _moved(packing: Packing, settler: Any) -> Packing:
     )
 
 
-def _finished(packing: Packing, state: SettleState) -> Packing:
+def finished_compression(packing: Packing, state: SettleState) -> Packing:
     """Return the packing as it was compressed, with its forces."""
     settler: Any = state.settler
     record = {**packing.provenance, "compression": {"parameters": to_mapping(settler.how), **settler.report}}
@@ -246,10 +273,10 @@ def _finished(packing: Packing, state: SettleState) -> Packing:
     return replace(moved, forces=known)
 
 
-def _warn_of_imbalance(packing: Packing) -> None:
+def warn_of_imbalance(packing: Packing) -> None:
     """Warn where fewer grains than asked for are in balance, some overlap, or a stress or solid fraction is missed."""
-    record = packing.provenance["compression"]
-    if packing.stop_reason == "interrupted":
+    record = packing.provenance.get("compression", {})
+    if packing.stop_reason == "interrupted" or "balanced" not in record:
         return
     if record["smallest_gap"] < 0.0:
         warn(
@@ -272,4 +299,9 @@ def _warn_of_imbalance(packing: Packing) -> None:
             PackingWarning,
         )
     if not (sought := record.get("sought", {"met": True}))["met"]:
-        warn(sentence_of(sought, "the packing", "are compressed to"), PackingWarning)
+        what = "the packing"
+        if sought["measure"] == REGIONS[WHOLE]:
+            height = _height_of(packing)
+            asked = height * sought["reached"] / sought["solid_fraction"]
+            what += f", whose height is {height:.4g} instead of {asked:.4g},"
+        warn(sentence_of(sought, what, "are compressed to"), PackingWarning)

@@ -32,6 +32,7 @@ Array: TypeAlias = NDArray[Any]
 METHODS = {
     "advancing_front": "advancing_front.method",
     "apollonian": "space_filling.apollonian",
+    "compress": "jamming.compress",
     "control_point": "control_point.method",
     "deposition": "deposition.method",
     "digital": "digital.walk_method",

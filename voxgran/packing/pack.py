@@ -24,6 +24,7 @@ from voxgran._base.warning import warn
 from voxgran.containers.model import Container, check_container
 from voxgran.containers.one_unit import in_one_unit
 from voxgran.packing.beds.expected import tell_of_bed
+from voxgran.packing.compress import warn_of_imbalance
 from voxgran.packing.draw import Request, draw_grains, joined, listed_grains, scaled_to
 from voxgran.packing.driver import Drive, Recorder, check_drive, drive
 from voxgran.packing.method import PackingMethod, RunState, check_cost, method_registry, refuse_list, refuse_unfit
@@ -222,6 +223,7 @@ def pack(
     _warn_of_misses(task, packing)
     warn_of_overlaps(task.problem, packing)
     warn_of_unrest(packing)
+    warn_of_imbalance(packing)
     return packing
 
 

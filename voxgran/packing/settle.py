@@ -31,6 +31,7 @@ from voxgran.packing.model import Packing, check_packing
 from voxgran.packing.problem import Problem
 from voxgran.packing.settling_run import GRAIN_BYTES, advance_settling, begun, finished, no_forces, normalized_assembly
 from voxgran.packing.start import Start
+from voxgran.settling.compression_parameters import Compression
 from voxgran.settling.parameters import Lid, Settling, Shaking
 
 
@@ -282,21 +283,21 @@ def warn_of_unrest(packing: Packing) -> None:
 def with_target(parameters: Any, solid_fraction: Any) -> tuple[Any, Any]:
     """Return the parameters of a method, and the solid fraction that decides how many grains are drawn.
 
-    A method whose grains settle as they are packed gets the solid fraction as that of its bed: then it decides nothing
-    about their number.
+    A method whose grains settle or are compressed as they are packed gets the solid fraction as that of its bed: then
+    it decides nothing about their number.
 
     Raises
     ------
     InputError
         If it is no number in (0, 1], or the parameters hold another one.
     """
-    if solid_fraction is None or not isinstance(parameters, Settling):
+    if solid_fraction is None or not isinstance(parameters, Settling | Compression):
         return parameters, solid_fraction
     held = parameters.solid_fraction
     if held is not None and held != solid_fraction:
         raise InputError(
             f"solid_fraction is {shown(solid_fraction)}, and that of the parameters of the method is {held:g}: both "
-            "are that of the bed; leave one of them out"
+            "are that of the grains at the end; leave one of them out"
         )
     return replace(parameters, solid_fraction=as_share(solid_fraction, "solid_fraction")), None
 

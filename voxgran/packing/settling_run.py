@@ -36,6 +36,20 @@ DEEPEST = 0.5
 
 def with_settling(method: PackingMethod, how: Settling) -> PackingMethod:
     """Return a packing method whose packings settle: its attempts, and then steps of one attempt a grain each."""
+    return followed(
+        method, lambda problem, packed: None if packed.gravity is None else begun(packed, how, problem.seed), finished
+    )
+
+
+def followed(
+    method: PackingMethod,
+    begin: Callable[[Problem, Packing], "SettleState | None"],
+    end: Callable[[Packing, "SettleState"], Packing],
+) -> PackingMethod:
+    """Return a packing method after which all grains move.
+
+    begin: first state of that, of a task and its packing; None where the grains stay.  end: the packing at the end.
+    """
 
     def prepare(problem: Problem) -> RunState:
         inner = method.prepare(problem)
@@ -48,10 +62,11 @@ def with_settling(method: PackingMethod, how: Settling) -> PackingMethod:
             return state
         if state.outer is None:
             packed = method.finish(problem, state.inner)
-            if packed.gravity is None or not packed.count:
+            first = begin(problem, packed) if packed.count else None
+            if first is None:
                 state.stop_reason = state.inner.stop_reason
                 return state
-            state.begin(begun(packed, how, problem.seed))
+            state.begin(first)
         outer = state.outer
         assert outer is not None
         advance_settling(problem, outer, attempts)
@@ -61,10 +76,10 @@ def with_settling(method: PackingMethod, how: Settling) -> PackingMethod:
 
     def finish(problem: Problem, state: SettledState) -> Packing:
         packed = method.finish(problem, state.inner)
-        if state.held is not None:
+        if state.held is not None and (first := begin(problem, packed)) is not None:
             # a checkpoint of a run that had ended: nothing was advanced since
-            state.begin(begun(packed, how, problem.seed))
-        return packed if state.outer is None else finished(packed, state.outer)
+            state.begin(first)
+        return packed if state.outer is None else end(packed, state.outer)
 
     def cost(problem: Problem) -> Cost:
         inner = method.cost(problem)
@@ -132,7 +147,7 @@ class SettledState:
     @property
     def stage(self) -> str:
         """What is being done, for progress."""
-        return "packing" if self.outer is None else "settling"
+        return "packing" if self.outer is None else self.outer.stage
 
     @property
     def told(self) -> str:

@@ -47,18 +47,26 @@ def settle_section(
     return settling if enabled else False
 
 
-def compress_section(mapping: Mapping[str, Any] | None, container: Container) -> Compression | None:
+def compress_section(
+    mapping: Mapping[str, Any] | None, method: str, parameters: type, container: Container
+) -> Compression | None:
     """Return what the section [compress] says; None where it is left out.
 
     Raises
     ------
     InputError
-        If a value breaks a rule, or the walls of the container do not move as it says.
+        If a value breaks a rule, the walls of the container do not move as it says, or the method compresses its grains
+        itself.
     UnknownNameError
         If a key is unknown.
     """
     if mapping is None:
         return None
+    if issubclass(parameters, Compression):
+        raise InputError(
+            f"[compress] and method {method!r}: its grains are compressed as they are packed; write these keys in "
+            "[packing]"
+        )
     refuse_unknown(mapping, "[compress]", Compression)
     how = from_mapping(Compression, mapping, "[compress]")
     how.modes_of(container)

@@ -214,7 +214,7 @@ class SceneDescription(ExplainedAttributes):
             method=method,
             parameters=given,
             settle=settle_section(mapping.get("settle"), method, parameters, container),
-            compress=compress_section(mapping.get("compress"), container),
+            compress=compress_section(mapping.get("compress"), method, parameters, container),
             which=which,
             material=material,
             output=output,

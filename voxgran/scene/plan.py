@@ -20,6 +20,7 @@ from voxgran.packing.pack import Task, prepare_task
 from voxgran.packing.problem import too_coarse
 from voxgran.scene.description import SceneDescription
 from voxgran.scene.shape_entries import REMEDIES, ShapeEntry
+from voxgran.settling.compression_parameters import Compression
 from voxgran.settling.parameters import Settling
 from voxgran.settling.search import MOST_TRIES
 from voxgran.shapes.family import families
@@ -314,10 +315,12 @@ def _steps(scene: SceneDescription, task: Task) -> dict[str, tuple[str, ...]]:
         if target is not None:
             how = f"at a solid fraction of {target:g}, by friction and shaking in at most {MOST_TRIES} tries"
         computed.append(f"settle them {how}{shapes}, {share}")
-    if (compression := scene.compress) is not None:
-        how, target = f"with friction {compression.friction:g}", compression.solid_fraction
+    own = task.problem.parameters
+    if (compression := own if isinstance(own, Compression) else scene.compress) is not None:
+        how, target = f"with friction {compression.friction:g}", compression.solid_fraction or compression.height
         if target is not None:
-            how = f"to a solid fraction of {target:g}, by friction in at most {MOST_TRIES} tries"
+            kind = "solid fraction" if compression.height is None else "height"
+            how = f"to a {kind} of {target:g}, by friction in at most {MOST_TRIES} tries"
         computed.append(f"compress them along {compression.axes} {how}")
     computed.append("verify against the true shapes")
     if scene.general.seeds > 1:

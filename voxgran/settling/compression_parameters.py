@@ -19,7 +19,7 @@ class Compression:
     Raises
     ------
     InputError
-        If a number is out of its range.
+        If a number is out of its range, or there is a solid fraction beside a height.
     """
 
     #: grains are not shaken
@@ -47,6 +47,12 @@ class Compression:
         above=0.0,
         at_most=1.0,
     )
+    height: float | None = parameter(
+        None,
+        doc="height of the container at the end, along its last axis, which alone is compressed: the friction is found "
+        "that gives it, as with a solid fraction, which is then that of the container",
+        above=0.0,
+    )
     rate: float | None = parameter(
         None,
         doc="viscous number of the compression: strain rate times the drag of a grain of the median diameter, over "
@@ -66,6 +72,12 @@ class Compression:
         if not self.axes or len(set(self.axes)) < len(self.axes) or not set(self.axes) <= set("xyz"):
             raise InputError(
                 f"axes is {shown(self.axes)}: it must name axes out of x, y, z, each once, such as 'z'; correct it"
+            )
+
+        if self.height is not None and self.solid_fraction is not None:
+            raise InputError(
+                f"height is {self.height:g} and solid_fraction is {self.solid_fraction:g}: either says how dense the "
+                "grains become; leave one of them out"
             )
 
     def stress_along(self, dimension: int) -> Floats:
@@ -91,9 +103,13 @@ class Compression:
         Raises
         ------
         InputError
-            If none of its walls moves along the axes, or stresses differ along axes that stretch together.
+            If none of its walls moves along the axes, stresses differ along axes that stretch together, or there is a
+        height and other axes move.
         """
         stress, modes = self.stress_along(container.dimension), np.zeros((6, 6))
+        last = "xyz"[container.dimension - 1]
+        if self.height is not None and self.axes != last:
+            raise InputError(f"height is {self.height:g} and axes is {self.axes!r}: it needs axes={last!r}; change it")
         free = {"xyz".index(axis) for axis in self.axes}
         groups = stretched_together(container)
         for group in groups:

@@ -128,6 +128,19 @@ def test_a_solid_fraction_is_met_by_the_friction():
     assert found.verify().ok
 
 
+def test_a_height_is_met_by_the_friction():
+    slab = loose_grains(container=vg.Box((4, 4, 12), periodic="xy"), count=80)
+    specimen = vg.compress(slab, axes="z", height=5.1)
+    sought = specimen.provenance["compression"]["sought"]
+    assert (sought["met"], sought["measure"]) == (True, "solid_fraction")
+    assert specimen.container.lengths[:2] == (4.0, 4.0)
+    # a tolerance of 0.002 in the solid fraction
+    assert specimen.container.lengths[2] == pytest.approx(5.1, rel=0.005)
+    assert specimen.solid_fraction == pytest.approx(80 * np.pi / 6 / (16 * 5.1), abs=0.002)
+    with pytest.warns(PackingWarning, match=r"whose height is \S+ instead of 8, is 0\.\S+ instead of 0\.3272: these"):
+        vg.compress(slab, axes="z", height=8)
+
+
 def test_more_friction_is_looser_as_published():
     """Limits that hold for any 400 spheres: frictionless 0.636 to 0.645 (with chance 0.62), and Z near 6."""
     loose = loose_grains(container=vg.Box((9, 9, 9), periodic="xyz"), count=400)
@@ -203,6 +216,9 @@ def test_no_grains_are_compressed_at_once():
         (CUBE, {"stress": -1.0}, "above 0"),
         (CUBE, {"friction": 3.0}, "friction"),
         (CUBE, {"rate": 1.0}, "rate"),
+        (CUBE, {"height": 3.0}, "it needs axes='z'"),
+        (CUBE, {"height": 3.0, "solid_fraction": 0.5, "axes": "z"}, "leave one of them out"),
+        (CUBE, {"height": 0.1, "axes": "z"}, "times the volume of a container of that height"),
     ],
 )
 def test_bad_input_is_refused_in_one_sentence(container, given, words):

@@ -51,6 +51,14 @@ def test_keys_are_those_of_compression():
     assert vg.Scene.from_mapping(scene().to_mapping()).to_mapping() == scene().to_mapping()
 
 
+def test_the_method_has_these_keys_itself():
+    with pytest.raises(InputError, match="write these keys in \\[packing\\]"):
+        scene(packing={"method": "compress", "count": 60})
+    given = {key: value for key, value in SCENE.items() if key != "compress"}
+    made = vg.Scene.from_mapping({**given, "packing": {"method": "compress", "count": 60, "height": 4, "axes": "z"}})
+    assert any("to a height of 4" in line for line in made.plan().computed)
+
+
 @pytest.mark.parametrize(
     ("given", "error", "words"),
     [

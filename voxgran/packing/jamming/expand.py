@@ -25,14 +25,14 @@ from voxgran._base.config import parameter_class
 from voxgran._base.errors import PackingWarning
 from voxgran._base.warning import warn
 from voxgran.packing.gravity import Down
-from voxgran.packing.jamming.method import Compression, CompressState, advance, cost, first_state, told
+from voxgran.packing.jamming.method import CompressState, GrowthRate, advance, cost, first_state, told
 from voxgran.packing.method import PackingMethod
 from voxgran.packing.model import Packing
 from voxgran.packing.problem import Problem
 
 
 @parameter_class
-class Expand(Compression):
+class Expand(GrowthRate):
     """Parameters of the expansion.
 
     Examples

@@ -22,14 +22,14 @@ import numpy as np
 
 from voxgran._base.config import parameter, parameter_class
 from voxgran._base.errors import InputError
-from voxgran.packing.jamming.method import Compression, CompressState, advance, cost, first_state, told
+from voxgran.packing.jamming.method import CompressState, GrowthRate, advance, cost, first_state, told
 from voxgran.packing.method import PackingMethod
 from voxgran.packing.model import Packing
 from voxgran.packing.problem import Problem
 
 
 @parameter_class
-class Jam(Compression):
+class Jam(GrowthRate):
     """Parameters of jamming.
 
     Raises

@@ -23,8 +23,8 @@ GRAIN_BYTES, STEPS = 700, 400
 
 
 @parameter_class
-class Compression:
-    """Parameters of compression."""
+class GrowthRate:
+    """Parameters of grains that grow."""
 
     growth_rate: float = parameter(
         0.01,
@@ -68,7 +68,8 @@ def first_state(problem: Problem, *, jam: bool) -> CompressState:
     InputError
         If a shape is an open surface.
     """
-    compressor = compressor_of(problem, first_assembly(problem), jam=jam)
+    rate = problem.parameters.growth_rate
+    compressor = compressor_of(problem, first_assembly(problem), jam=jam, growth_rate=rate)
     reason = "count" if compressor.ended else ""
     return CompressState(compressor, total=compressor.most_steps, stop_reason=reason)
 
@@ -83,6 +84,11 @@ def first_assembly(problem: Problem) -> Assembly:
     if not problem.target and problem.start is None and n:
         room = reachable(problem.diameter, problem.dimension) * problem.container.volume
         n = max(1, int(np.searchsorted(np.cumsum(problem.volumes), room, side="right")))
+    return grains_at_random(problem, n)
+
+
+def grains_at_random(problem: Problem, n: int) -> Assembly:
+    """Return the first n grains at random points and turned at random, those of a start at their own places."""
     generator = stream(problem.seed, "points")
     position = random_points(problem.container, n - problem.started, generator)
     turns = generator.normal(size=(n, 4))
@@ -100,8 +106,8 @@ def first_assembly(problem: Problem) -> Assembly:
     )
 
 
-def compressor_of(problem: Problem, assembly: Assembly, *, jam: bool) -> Compressor:
-    """Return the compressor of the grains.
+def compressor_of(problem: Problem, assembly: Assembly, *, jam: bool, growth_rate: float) -> Compressor:
+    """Return the compressor of the grains, which grow at a rate where they are no spheres.
 
     Raises
     ------
@@ -110,7 +116,7 @@ def compressor_of(problem: Problem, assembly: Assembly, *, jam: bool) -> Compres
     """
     if all(shape.is_sphere for shape in problem.shapes):
         return SoftSpheres(assembly, jam=jam, seed=problem.seed)
-    return GrowingSolids(assembly, jam=jam, seed=problem.seed, growth_rate=problem.parameters.growth_rate)
+    return GrowingSolids(assembly, jam=jam, seed=problem.seed, growth_rate=growth_rate)
 
 
 def advance(problem: Problem, state: CompressState, attempts: int) -> CompressState:

@@ -11,6 +11,7 @@ from typing import Any, Protocol
 from numpy.typing import NDArray
 
 from voxgran._base.arrays import Floats
+from voxgran.contacts.assembly import Assembly
 
 
 class Compressor(Protocol):
@@ -24,6 +25,8 @@ class Compressor(Protocol):
 
     Attributes
     ----------
+    assembly : Assembly
+        The grains as they were given.
     ended : bool
         Whether there is no step left.
     done_steps, most_steps : int
@@ -39,6 +42,7 @@ class Compressor(Protocol):
         What a user may want to know of the run, for the provenance.
     """
 
+    assembly: Assembly
     most_steps: int
 
     @property

@@ -1,0 +1,145 @@
+"""Specimens: grains at random in a loose state, which are compressed to a mean stress, without gravity.
+
+The container has the form of the specimen, and about its size where no count is given. It is stretched first, along the
+axes of the compression, so that the grains lie in it loosely; they grow there at random points, as those of ``expand``,
+and are compressed then (:mod:`voxgran.settling.compression`).
+
+References
+----------
+Agnolin & Roux 2007, doi:10.1103/PhysRevE.76.061302: packings that are compressed from a loose state
+"""
+
+from dataclasses import fields, replace
+
+import numpy as np
+
+from voxgran._base.config import parameter, parameter_class
+from voxgran._base.errors import InputError
+from voxgran._base.seeds import stream
+from voxgran.containers.model import Container
+from voxgran.containers.stretch import stretched
+from voxgran.packing.beds.filling import AT_WALLS, mean_diameter, usual_solid_fraction
+from voxgran.packing.beds.seeds import points_inside
+from voxgran.packing.compress import begun_compression, finished_compression
+from voxgran.packing.jamming.method import CompressState, advance, compressor_of, cost, grains_at_random
+from voxgran.packing.method import PackingMethod
+from voxgran.packing.model import Packing
+from voxgran.packing.problem import Problem
+from voxgran.packing.settling_run import followed
+from voxgran.settling.compression_parameters import Compression
+
+#: solid fraction in which grains begin, by dimension
+LOOSE = {2: 0.5, 3: 0.3}
+#: growth rate of grains that are no spheres, which jam at larger solid fractions only
+GROWTH_RATE = 0.1
+
+
+@parameter_class
+class Compress(Compression):
+    """Parameters of specimens.
+
+    Raises
+    ------
+    InputError
+        If a number is out of its range, or the axes are none.
+
+    Examples
+    --------
+    >>> import voxgran as vg
+    >>> cube = vg.Box((4, 4, 4), periodic="xyz")
+    >>> specimen = vg.pack(vg.shapes.sphere(), cube, vg.methods.Compress(friction=0.3))
+    >>> specimen.stop_reason
+    'compressed'
+    """
+
+    fill: float | None = parameter(
+        None,
+        doc="solid fraction in which the grains begin, below that of the specimen; if omitted, 0.3, and 0.5 in two "
+        "dimensions",
+        above=0.0,
+        at_most=0.5,
+    )
+
+
+def prepare(problem: Problem) -> CompressState:
+    """Return the state in which the grains are at random points of the stretched container.
+
+    Raises
+    ------
+    InputError
+        If a shape is an open surface, no wall of the container moves as it is asked for, or there is a start.
+    """
+    if problem.start is not None:
+        raise InputError(
+            f"start has {len(problem.start.position)} grains: method 'compress' places all grains at random; give them "
+            "to vg.compress, which compresses a packing"
+        )
+    n = _many(problem)
+    loose = replace(problem, container=_loose_container(problem, float(problem.volumes[:n].sum())))
+    compressor = compressor_of(problem, grains_at_random(loose, n), jam=False, growth_rate=GROWTH_RATE)
+    return CompressState(compressor, total=compressor.most_steps, stop_reason="count" if compressor.ended else "")
+
+
+def _many(problem: Problem) -> int:
+    """Return how many grains there are: a count, or as many as have room in the container once they are compressed."""
+    if problem.target or not problem.count:
+        return problem.count
+    container, settings = problem.container, problem.parameters
+    points = points_inside(container, stream(problem.seed, "room"))
+    away = float((np.asarray(container.signed_distance(points)) < -AT_WALLS * mean_diameter(problem)).mean())
+    room = (settings.solid_fraction or usual_solid_fraction(problem)) * container.volume * away
+    if settings.height is not None:
+        room *= problem.length(settings.height) / float(np.ptp(container.bounds, axis=0)[container.dimension - 1])
+    return max(1, int(np.searchsorted(np.cumsum(problem.volumes), room, side="right")))
+
+
+def _loose_container(problem: Problem, volume: float) -> Container:
+    """Return the container, stretched along the axes of the compression so that a volume of grains lies in it loosely.
+
+    Raises
+    ------
+    InputError
+        If no wall of the container moves as it is asked for.
+    """
+    container, settings = problem.container, problem.parameters
+    moves = np.diag(settings.modes_of(container))[:3] > 0.0
+    larger = volume / ((settings.fill or LOOSE[container.dimension]) * container.volume)
+    factor = larger ** (1.0 / int(moves.sum())) if volume > 0.0 else 1.0
+    return stretched(container, np.where(moves, factor, 1.0).tolist())
+
+
+def finish(problem: Problem, state: CompressState) -> Packing:
+    """Return the packing of the grains before they are compressed."""
+    compressor = state.compressor
+    position, orientation = compressor.poses()
+    n = len(position)
+    packing = problem.packing(
+        np.arange(n),
+        position=position,
+        orientation=orientation,
+        diameter=problem.diameter[:n] * compressor.factor,
+        stop_reason=state.stop_reason,
+    )
+    return replace(packing, container=compressor.assembly.container.scaled(problem.unit_length))
+
+
+registration = followed(
+    PackingMethod(
+        name="compress",
+        summary="grains at random are compressed to a mean stress, and balance it",
+        source="Agnolin & Roux 2007, doi:10.1103/PhysRevE.76.061302",
+        parameters=Compress,
+        prepare=prepare,
+        advance=advance,
+        finish=finish,
+        cost=cost,
+        dimensions=(2, 3),
+    ),
+    lambda problem, packed: begun_compression(packed, compression_of(problem.parameters)),
+    finished_compression,
+)
+
+
+def compression_of(parameters: Compress) -> Compression:
+    """Return the parameters of the compression alone."""
+    return Compression(**{item.name: getattr(parameters, item.name) for item in fields(Compression)})
