@@ -23,10 +23,10 @@ def checkpoint_of(options: argparse.Namespace) -> Path:
 
 
 def _asked(options: argparse.Namespace) -> dict[str, Any]:
-    """Return the material and the number of spheres that flags give."""
+    """Return the material, the number of spheres, the time step and the stress that flags give."""
     given = {item.name: getattr(options, item.name) for item in parameters_of(Material)}
     material = {name: value for name, value in given.items() if value is not None}
-    return {"material": material, "clump": options.clump, "time_step": options.time_step}
+    return {"material": material, "clump": options.clump, "time_step": options.time_step, "stress": options.stress}
 
 
 def export(options: argparse.Namespace, packing: Packing) -> None:
@@ -105,6 +105,7 @@ def _told(engine: Engine) -> dict[str, Any]:
         "two dimensions": engine.planar,
         "cohesion": engine.cohesion,
         "bonds": engine.bonds,
+        "stress of periodic cells": engine.servo,
         "relax": engine.run is not None,
     }
     return {
@@ -112,9 +113,7 @@ def _told(engine: Engine) -> dict[str, Any]:
         "summary": engine.summary,
         "grains": [kind.replace("_", " ") for kind in engine.kinds],
         "laws": list(engine.laws),
-        "also": [
-            name for name, there in {**has, "bonds": engine.bonds, "relax": engine.run is not None}.items() if there
-        ],
+        "also": [name for name, there in has.items() if there],
         "files_are": engine.verified,
         "install": engine.install,
         "run": engine.command,

@@ -8,7 +8,7 @@ from collections.abc import Callable
 from typing import Any
 
 from voxgran._base.errors import InputError
-from voxgran.decks.simulation import LONGEST, REST
+from voxgran.decks.simulation import LONGEST
 from voxgran.decks.write import KINDS
 from voxgran.packing.grains import ColorBy
 
@@ -89,6 +89,7 @@ ENGINE = _flag("--engine", default="lammps", help="engine; 'voxgran engines' lis
 DECK: tuple[Flag, ...] = (
     _flag("--clump", type=int, help="spheres of a clump in place of each shape that is no sphere"),
     _flag("--time-step", type=float, help="time step in s; default: by the contact law"),
+    _flag("--stress", type=as_value, help="mean stress of a periodic cell in Pa: 1e5, or NaN,NaN,1e5 along the axes"),
 )
 TARGETS = ("iou", "volume", "inertia", "surface")
 COLORED = _flag(
@@ -248,8 +249,8 @@ FLAGS: dict[str, tuple[Flag, ...]] = {
         _flag("-o", "--output", required=True, help="file for the relaxed packing: .vtp"),
         _flag("--history", help="netCDF file for the course of the run"),
         _flag("--folder", help="folder where the files of the engine stay"),
-        _flag("--until", type=float, default=REST, help="mean kinetic energy of a grain at rest, in m g d"),
-        _flag("--longest", type=float, default=LONGEST, help="longest time in the engine, in sqrt(d / g)"),
+        _flag("--until", type=float, help="mean kinetic energy at rest, in m g d, under a stress s in s d^3"),
+        _flag("--longest", type=float, default=LONGEST, help="longest time, in sqrt(d / g), or sqrt(m / (s d))"),
         *DECK,
     ),
     "methods": (_flag("name", nargs="?", help="one method, family or measure; default: all of them"),),

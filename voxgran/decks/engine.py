@@ -20,6 +20,7 @@ class Frame(NamedTuple):
     matrices: Floats  # (n, 3, 3) rotations since the start
     kinetic_energy: float  # of translation and rotation
     final: bool = False  # whether the bed rests by the energy
+    bounds: Floats | None = None  # (2, 3) corners of a periodic cell that deforms
 
 
 class Held(NamedTuple):
@@ -50,8 +51,9 @@ class Engine:
         What grains may be, the preferred kind of a solid that is no sphere first.
     laws : tuple of str
         Contact laws that it has.
-    periodic, planar, cohesion, bonds : bool
-        Whether it has periodic containers, grains in two dimensions, surface energy, and bonds that break.
+    periodic, planar, cohesion, bonds, servo : bool
+        Whether it has periodic containers, grains in two dimensions, surface energy, bonds that break, and periodic
+        cells that keep a stress.
     install : str
         Command line that installs it; ``""`` where it cannot be had in that way.
     verified : str
@@ -82,6 +84,7 @@ class Engine:
     planar: bool = False
     cohesion: bool = False
     bonds: bool = False
+    servo: bool = False
     install: str = ""
     verified: str = "not run"
     command: str = ""

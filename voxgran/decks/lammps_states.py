@@ -56,6 +56,7 @@ def _frames(folder: Path, simulation: Simulation, process: subprocess.Popen[byte
         kinds = {SPHERES: np.arange(len(bodies.spheres[1])), CLUMPS: np.arange(0)}
     tails = {name: Tail(folder / name) for name in (*kinds, ENERGY)}
     found: dict[int, dict[str, Floats]] = {}
+    corners: dict[int, Floats] = {}
     energy: dict[int, float] = {0: 0.0}
     start: Floats | None = None
     while True:
@@ -64,23 +65,25 @@ def _frames(folder: Path, simulation: Simulation, process: subprocess.Popen[byte
         ended = process.poll() is not None
         energy |= {int(words[0]): float(words[1]) for words in map(str.split, tails[ENERGY].lines()) if words[0] != "#"}
         for name, mine in kinds.items():
-            for step, rows in _tables(tails[name], len(mine)):
+            for step, bounds, rows in _tables(tails[name], len(mine)):
                 found.setdefault(step, {})[name] = rows
+                corners[step] = bounds
         whole = [step for step, tables in found.items() if len(tables) == sum(map(bool, map(len, kinds.values())))]
         for step in sorted(set(whole) & set(energy)):
             position, matrices = _poses(simulation, found.pop(step))
             start = matrices if start is None else start
+            corner = None if simulation.stress is None else corners.pop(step)
             turned = matrices @ start.transpose(0, 2, 1)
-            yield Frame(step * simulation.time_step, position, turned, energy[step])
+            yield Frame(step * simulation.time_step, position, turned, energy[step], bounds=corner)
         if ended:
             return
         time.sleep(POLL)
 
 
-def _tables(tail: Tail, rows: int) -> list[tuple[int, Floats]]:
-    """Return step and rows of the frames of a dump that are whole."""
+def _tables(tail: Tail, rows: int) -> list[tuple[int, Floats, Floats]]:
+    """Return step, corners of the box (2, 3) and rows of the frames of a dump that are whole."""
     text = tail.text()
-    found: list[tuple[int, Floats]] = []
+    found: list[tuple[int, Floats, Floats]] = []
     at = 0
     while True:
         head = text.find("ITEM: TIMESTEP\n", at)
@@ -90,8 +93,10 @@ def _tables(tail: Tail, rows: int) -> list[tuple[int, Floats]]:
             tail.keep(text[at:])
             return found
         step = int(text[head:].split("\n", 2)[1])
+        sides = text[text.find("ITEM: BOX BOUNDS", head) :].split("\n", 4)[1:4]
         table = np.array([line.split() for line in lines[:rows]], dtype=float)
-        found.append((step, table[np.argsort(table[:, 0])]))
+        bounds = np.array([line.split() for line in sides], dtype=float).T
+        found.append((step, bounds, table[np.argsort(table[:, 0])]))
         at = len(text) - len(lines[rows])
 
 

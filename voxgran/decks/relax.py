@@ -5,7 +5,7 @@ import math
 import os
 import shutil
 import tempfile
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -20,9 +20,10 @@ from voxgran._base.lazy import load
 from voxgran._base.progress import OnStep, Step
 from voxgran._base.units import NO_UNIT, unit_factor
 from voxgran.clumps.model import Clump
+from voxgran.containers.stretch import stretched
 from voxgran.decks.engine import Engine, Frame, engine_registry
 from voxgran.decks.material import GRAVITY, Material
-from voxgran.decks.simulation import LONGEST, REST, Simulation
+from voxgran.decks.simulation import LONGEST, Simulation
 from voxgran.decks.write import described
 from voxgran.geometry.rotation import quaternions_of
 from voxgran.geometry.sphere_pairs import near_pairs
@@ -55,7 +56,8 @@ def relax(
     clump: int | Clump | None = None,
     acceleration: float = GRAVITY,
     time_step: float | None = None,
-    until: float = REST,
+    stress: float | Sequence[float] | None = None,
+    until: float | None = None,
     longest: float = LONGEST,
     folder: str | os.PathLike[str] | None = None,
     overwrite: bool = False,
@@ -64,12 +66,13 @@ def relax(
 ) -> tuple[Packing, "Dataset"]:
     """Bring a packing to rest in an engine, and tell how far from rest it was.
 
-    The grains start at rest, without velocity, and move under gravity until their kinetic energy is dissipated.
+    The grains start at rest, without velocity, and move under gravity, or under the stress of a periodic cell, until
+    their kinetic energy is dissipated.
 
     Parameters
     ----------
     packing : Packing
-        Grains in their container, with gravity.
+        Grains in their container, with gravity or, where there is a stress, without.
     engine : str
         Engine that voxgran can run, such as ``"lammps"``.
     material : Material or mapping, optional
@@ -80,10 +83,13 @@ def relax(
         Acceleration of gravity, m/s^2.
     time_step : float, optional
         Time step in s. Default: the stable one, of which :func:`voxgran.write_deck` takes half.
-    until : float
-        Mean kinetic energy of a grain below which the bed rests, in m g d of the grain of median mass m and diameter d.
+    stress : float or sequence of float, optional
+        Mean stress in Pa that the sides of a periodic container keep, as of :func:`voxgran.write_deck`.
+    until : float, optional
+        Mean kinetic energy of a grain below which the bed rests, in m g d of the grain of median mass m and diameter d,
+        or under a stress s in s d^3. Default: 1e-6, and 1e-8 under a stress.
     longest : float
-        Longest time of the run, in sqrt(d / g).
+        Longest time of the run, in sqrt(d / g), or under a stress s in sqrt(m / (s d)).
     folder : path-like, optional
         Where the files of the engine stay. Default: a temporary folder, which stays where the engine fails.
     overwrite : bool
@@ -100,8 +106,9 @@ def relax(
         ``"count"`` where the bed rests, of which :func:`voxgran.equilibrium` may find a proof, else ``"steps"``. Grains
         of an engine overlap by their elastic deformation.
     xarray.Dataset
-        Along ``time``, in s: ``kinetic_energy`` (mean of a grain, in m g d), ``mean_sinking`` and
-        ``largest_displacement`` (median diameters), ``coordination_number``, ``share_of_rattlers`` (grains that touch
+        Along ``time``, in s: ``kinetic_energy`` (mean of a grain, in the unit of `until`), ``mean_sinking``,
+        ``mean_displacement`` and ``largest_displacement`` (median diameters; relative to the mean strain of a cell),
+        ``coordination_number``, ``share_of_rattlers`` (grains that touch
         fewer than 2 grains and plane or round walls, without friction fewer than 4), and ``solid_fraction`` (of the
         space from 1.5 diameters above the floor to the height that holds 85 % of the volume of the grains; NaN in low
         beds, in spheres and meshes, and where gravity is oblique). Attributes: ``sinking`` of the bulk,
@@ -112,7 +119,7 @@ def relax(
     UnknownNameError
         If the engine or a material parameter is unknown; the message gives the nearest name.
     InputError
-        If there is no gravity, the engine cannot be run by voxgran, or as :func:`voxgran.write_deck`.
+        If there is neither gravity nor a stress, the engine cannot be run by voxgran, or as :func:`voxgran.write_deck`.
     EngineError
         If the engine is not installed, with the line that installs it, or fails, with its last lines.
     OutputExistsError
@@ -144,11 +151,15 @@ def relax(
         clump=clump,
         acceleration=acceleration,
         time_step=time_step,
-        rest=as_positive(until, "until"),
+        rest=None if until is None else as_positive(until, "until"),
         longest=as_positive(longest, "longest"),
+        stress=stress,
     )
-    if packing.gravity is None:
-        raise InputError("packing.gravity is None: grains relax under gravity; give it with dataclasses.replace")
+    if packing.gravity is None and stress is None:
+        raise InputError(
+            "packing.gravity is None: grains relax under gravity, or under a stress; give gravity with "
+            "dataclasses.replace, or stress=1e5"
+        )
     if time_step is None:
         simulation = replace(simulation, time_step=simulation.law.stable_step)
     if checkpoint is not None and as_path(checkpoint).suffix.lower() != ".vtp":
@@ -251,9 +262,11 @@ def _follow(engine: Engine, folder: Path, simulation: Simulation, history: "_His
     for frame in engine.run(folder, simulation):
         history.add(frame)
         if on_step is not None:
-            text = (
-                f"energy {history.rows[-1]['kinetic_energy']:.1e} m g d, sunk {history.rows[-1]['mean_sinking']:.3f} d"
-            )
+            last = history.rows[-1]
+            unit, way = ("m g d", f"sunk {last['mean_sinking']:.3f} d")
+            if simulation.stress is not None:
+                unit, way = "s d^3", f"moved by {last['mean_displacement']:.1e} d"
+            text = f"energy {last['kinetic_energy']:.1e} {unit}, {way}"
             done = round(1000 * frame.time / duration)
             on_step(Step(stage=f"relaxing in {engine.title}", done=min(done, 1000), total=1000, text=text))
 
@@ -271,8 +284,8 @@ class _History:
     def add(self, frame: Frame) -> None:
         """Take down a state."""
         self.frames = [*self.frames[:1], frame]
-        simulation, bodies = self.simulation, self.simulation.bodies
-        moved = (frame.position - bodies.assembly.position) / simulation.diameter
+        simulation = self.simulation
+        moved = (frame.position - self._strained(frame)) / simulation.diameter
         degree, touching = self._contacts(frame)
         few = FEWEST_CONTACTS if simulation.law.friction else FEWEST_FRICTIONLESS
         self.rows.append(
@@ -280,6 +293,7 @@ class _History:
                 "time": frame.time,
                 "kinetic_energy": frame.kinetic_energy * simulation.rest / simulation.rest_energy,
                 "mean_sinking": float((moved @ self._down).mean()),
+                "mean_displacement": float(np.linalg.norm(moved, axis=1).mean()),
                 "largest_displacement": float(np.linalg.norm(moved, axis=1).max()),
                 "coordination_number": float(degree.mean()),
                 "share_of_rattlers": float((degree + touching < few).mean()),
@@ -290,8 +304,17 @@ class _History:
 
     @property
     def _down(self) -> Floats:
-        """Unit vector of gravity."""
-        return self.simulation.gravity / np.linalg.norm(self.simulation.gravity)
+        """Unit vector of gravity; 0 without."""
+        return self.simulation.gravity / (float(np.linalg.norm(self.simulation.gravity)) or 1.0)
+
+    def _strained(self, frame: Frame) -> Floats:
+        """Return where the mean strain of a cell alone has moved the grains, (n, 3)."""
+        position = self.simulation.bodies.assembly.position
+        if frame.bounds is None:
+            return position
+        low, high = self.simulation.walls.bounds
+        strained: Floats = frame.bounds[0] + (position - low) * (np.ptp(frame.bounds, axis=0) / (high - low))
+        return strained
 
     @property
     def gap(self) -> float:
@@ -305,7 +328,7 @@ class _History:
         centers, radii, grain = bodies.spheres
         arms = centers - bodies.assembly.position[grain]
         now = frame.position[grain] + np.einsum("sij,sj->si", frame.matrices[grain], arms)
-        low, high = walls.bounds
+        low, high = walls.bounds if frame.bounds is None else frame.bounds
         i, j, _ = near_pairs(now, radii, self.gap, lower=low, lengths=high - low, periodic=walls.periodic)
         a, b = np.minimum(grain[i], grain[j]), np.maximum(grain[i], grain[j])
         pairs = np.unique((a * bodies.count + b)[a != b])
@@ -331,6 +354,7 @@ class _History:
         return Relaxation(
             engine=engine,
             sinking=float(sunk),
+            mean_displacement=self.rows[-1]["mean_displacement"],
             largest_displacement=self.rows[-1]["largest_displacement"],
             coordination_before=self.rows[0]["coordination_number"],
             coordination_after=self.rows[-1]["coordination_number"],
@@ -341,14 +365,21 @@ class _History:
         """Return the grains at the last state, in the unit of the packing."""
         held, last = self.held, self.frames[-1]
         factor = 1.0 if held.unit == NO_UNIT else unit_factor("m", held.unit)
-        low, high = held.container.bounds
-        wraps = np.array(held.container.periodic)
+        container = held.container
+        if last.bounds is not None:
+            factors = np.ptp(last.bounds, axis=0) / np.ptp(self.simulation.walls.bounds, axis=0)
+            container = stretched(container, factors.tolist())
+        low, high = container.bounds
+        wraps = np.array(container.periodic)
         position = last.position * factor
+        if last.bounds is not None:
+            position += low - last.bounds[0] * factor
         length = np.where(wraps, high - low, 1.0)
         position -= np.where(wraps, np.floor((position - low) / length), 0.0) * length
         told = {"engine": engine, "time_step": self.simulation.time_step, "rests": self.rests}
         return replace(
             held,
+            container=container,
             position=position,
             orientation=quaternions_of(last.matrices @ held.matrices),
             # little kinetic energy proves no rest
@@ -362,8 +393,9 @@ class _History:
     def dataset(self, engine: str) -> "Dataset":
         """Return the history."""
         told = {
-            "kinetic_energy": "mean kinetic energy of a grain, in m g d of the median grain",
+            "kinetic_energy": "mean kinetic energy of a grain, in m g d of the median grain, under a stress s in s d^3",
             "mean_sinking": "mean displacement along gravity, in median diameters",
+            "mean_displacement": "mean displacement of a grain, in median diameters",
             "largest_displacement": "largest displacement of a grain, in median diameters",
             "coordination_number": "mean number of grains that a grain touches",
             "share_of_rattlers": "share of grains that touch too few grains and walls to bear a load",

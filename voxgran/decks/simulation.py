@@ -34,6 +34,8 @@ SPARSEST, DENSEST = 10.0, 3e4
 MOST_STEPS = 1e12
 #: mean kinetic energy of a grain, in m g d of the median grain, below which a bed rests
 REST = 1e-6
+#: mean kinetic energy of a grain, in s d^3, below which grains under a stress s rest
+CALM = 1e-8
 #: how long a script runs at the most, the time between its outputs, and that from the start, when all grains stand
 #: still, until rest is looked for, in sqrt(d / g) with the median diameter d
 LONGEST = 200.0
@@ -72,9 +74,13 @@ class Simulation:
     unit : str
         Unit of lengths of the packing, ``"1"`` where none is known and metres are assumed.
     rest : float
-        Mean kinetic energy of a grain below which the bed rests, in m g d of the median grain.
+        Mean kinetic energy of a grain below which the bed rests, in m g d of the median grain; under a stress s in
+        s d^3.
     longest : float
-        Longest time of a run, in sqrt(d / g) with the median diameter d.
+        Longest time of a run, in sqrt(d / g) with the median diameter d; under a stress in sqrt(m / (s d)).
+    stress : (3,) ndarray of float or None
+        Mean stress along each axis that the periodic cell keeps, Pa, compression above 0; NaN along axes of which the
+        length stays; None where the container stays as it is.
     """
 
     bodies: Bodies
@@ -86,6 +92,12 @@ class Simulation:
     unit: str = NO_UNIT
     rest: float = REST
     longest: float = LONGEST
+    stress: Floats | None = None
+
+    @property
+    def pressure(self) -> float:
+        """Largest stress that the cell keeps, Pa; 0 where there is none."""
+        return 0.0 if self.stress is None else float(np.nanmax(self.stress))
 
     @cached_property
     def diameter(self) -> float:
@@ -94,7 +106,12 @@ class Simulation:
 
     @cached_property
     def time_unit(self) -> float:
-        """Time in which a grain falls by half a median diameter, sqrt(d / g), s; without gravity that on Earth."""
+        """Time in which gravity, or the stress, moves a grain by half a median diameter, s.
+
+        Without either it is that of gravity on Earth.
+        """
+        if self.pressure:
+            return math.sqrt(float(np.median(self.bodies.mass)) / (self.pressure * self.diameter))
         return math.sqrt(self.diameter / (float(np.linalg.norm(self.gravity)) or GRAVITY))
 
     @cached_property
@@ -128,6 +145,8 @@ class Simulation:
     @property
     def rest_energy(self) -> float:
         """Kinetic energy of all grains, J, below which the bed rests."""
+        if self.pressure:
+            return self.rest * self.pressure * self.diameter**3 * self.bodies.count
         weight = float(np.median(self.bodies.mass)) * (float(np.linalg.norm(self.gravity)) or GRAVITY)
         return self.rest * weight * self.diameter * self.bodies.count
 
@@ -183,8 +202,9 @@ def simulation_of(
     *,
     acceleration: float = GRAVITY,
     time_step: float | None = None,
-    rest: float = REST,
+    rest: float | None = None,
     longest: float = LONGEST,
+    stress: Floats | None = None,
 ) -> Simulation:
     """Return the simulation of a packing whose shapes are held by these templates, in its own unit of lengths.
 
@@ -207,7 +227,7 @@ def simulation_of(
         mass=bodies.mass if bonds is None else _bonded_masses(bodies, bonds),
         quickest=bodies.quickest,
         diameter=diameter,
-        load=_load(bodies, gravity, acceleration),
+        load=_load(bodies, gravity, acceleration, 0.0 if stress is None else float(np.nanmax(stress))),
     )
     if bonds is not None:
         law = _slowed(law, bodies, bonds)
@@ -216,7 +236,8 @@ def simulation_of(
         raise InputError(
             f"time_step is {step:g} s: it must be at most {law.stable_step:.4g} s, which is {law.formula}; leave it out"
         )
-    made = Simulation(bodies, Walls.of(metric), law, gravity, step, bonds, packing.unit, rest, longest)
+    rest = (REST if stress is None else CALM) if rest is None else rest
+    made = Simulation(bodies, Walls.of(metric), law, gravity, step, bonds, packing.unit, rest, longest, stress)
     if not made.duration <= MOST_STEPS * step:
         given = f"time_step is {step:g} s" if time_step is not None else f"the stable time step is {step:g} s"
         longer = "a longer one, or " if time_step is not None else ""
@@ -250,12 +271,11 @@ def _bonds(bodies: Bodies, strength: float) -> "Dataset":
     )
 
 
-def _load(bodies: Bodies, gravity: Floats, acceleration: float) -> tuple[float, float]:
+def _load(bodies: Bodies, gravity: Floats, acceleration: float, pressure: float) -> tuple[float, float]:
     """Return what the most loaded grain bears, N, and its diameter, m: the larger of its own weight, and its share of
-    the weight of all grains on the floor.
+    a pressure, or of the weight of all grains on the floor.
     """
     diameters, weights = bodies.assembly.diameters, bodies.mass * acceleration
-    pressure = 0.0
     if gravity.any():
         span = np.delete(np.diff(bodies.assembly.container.bounds, axis=0)[0], np.abs(gravity).argmax())
         pressure = float(weights.sum() / np.prod(span[span > 0]))

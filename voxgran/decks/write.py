@@ -1,7 +1,7 @@
 """`write_deck`: the input of an engine for a packing."""
 
 import os
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Literal
@@ -9,10 +9,10 @@ from typing import Any, Literal
 import numpy as np
 
 from voxgran._base import ExplainedAttributes
-from voxgran._base.arrays import as_choice, as_count, as_number, check_type
+from voxgran._base.arrays import Floats, as_choice, as_count, as_number, check_type, float_array
 from voxgran._base.calls import explained
 from voxgran._base.config import from_mapping
-from voxgran._base.errors import InputError
+from voxgran._base.errors import InputError, shown
 from voxgran._base.files import as_path, refuse_to_replace, write_files
 from voxgran.clumps.fit import fit_clump
 from voxgran.clumps.model import Clump
@@ -21,13 +21,15 @@ from voxgran.containers.model import Container
 from voxgran.decks.bodies import Kind, Template, names_of
 from voxgran.decks.engine import Engine, engine_registry
 from voxgran.decks.material import GRAVITY, Material
-from voxgran.decks.simulation import LONGEST, REST, Simulation, simulation_of
+from voxgran.decks.simulation import LONGEST, Simulation, simulation_of
 from voxgran.packing.model import Packing, check_packing
 from voxgran.shapes.model import Shape
 from voxgran.shapes.spheres import Spheres
 
 #: spheres of a clump where no number is given
 USUAL_SPHERES = 20
+#: stress beyond that of any solid, Pa
+LARGEST = 1e15
 #: what a grain that is no sphere may be asked to be
 KINDS = ("clump", "polyhedron", "mesh", "level_set", "convex_parts")
 
@@ -75,6 +77,7 @@ def write_deck(
     grains: Literal["clump", "polyhedron", "mesh", "level_set", "convex_parts"] | None = None,
     acceleration: float = GRAVITY,
     time_step: float | None = None,
+    stress: float | Sequence[float] | None = None,
     overwrite: bool = False,
 ) -> Deck:
     """Write the input of a DEM or DDA engine for a packing.
@@ -104,6 +107,9 @@ def write_deck(
         Acceleration of gravity, m/s^2, along ``packing.gravity``.
     time_step : float, optional
         Time step in s, at most the stable one. Default: half of that.
+    stress : float or sequence of float, optional
+        Mean stress in Pa that the sides of a periodic container keep, along all axes or along each one, compression
+        above 0; NaN along axes of which the length stays. Default: the container stays as it is.
     overwrite : bool
         Whether files that are there may be replaced.
 
@@ -117,8 +123,8 @@ def write_deck(
     UnknownNameError
         If the engine or a material parameter is unknown; the message gives the nearest name.
     InputError
-        If the packing has no grains, the engine cannot hold its grains, container, law or bonds, a material parameter
-        is missing or out of range, the stiffness is too low, or the time step is above the stable one.
+        If the packing has no grains, the engine cannot hold its grains, container, law, bonds or stress, a material
+        parameter is missing or out of range, the stiffness is too low, or the time step is above the stable one.
     OutputExistsError
         If one of the files is there and `overwrite` is false.
     OutputError
@@ -139,8 +145,9 @@ def write_deck(
     """
     found = engine_registry().get(engine)
     simulation, held = described(
-        packing, found, material, clump=clump, grains=grains, acceleration=acceleration, time_step=time_step
-    )
+        packing, found, material, clump=clump, grains=grains, acceleration=acceleration, time_step=time_step,
+        stress=stress,
+    )  # fmt: skip
     place = as_path(folder)
     if place.exists() and not place.is_dir():
         raise InputError(
@@ -163,8 +170,9 @@ def described(
     grains: str | None = None,
     acceleration: float = GRAVITY,
     time_step: float | None = None,
-    rest: float = REST,
+    rest: float | None = None,
     longest: float = LONGEST,
+    stress: float | Sequence[float] | None = None,
 ) -> tuple[Simulation, Packing]:
     """Return the simulation of a packing by an engine, and the packing of the grains as that has them.
 
@@ -193,8 +201,44 @@ def described(
         time_step=time_step,
         rest=rest,
         longest=longest,
+        stress=None if stress is None else _as_stress(stress, packing, engine),
     )
     return made, held
+
+
+def _as_stress(given: Any, packing: Packing, engine: Engine) -> Floats:
+    """Return the stresses (3,) that the sides of a container keep, NaN along axes of which the length stays.
+
+    Raises
+    ------
+    InputError
+        If they are no stresses, a side is no periodic one, there is gravity, or the engine keeps none.
+    """
+    if not engine.servo:
+        able = [name for name in engine_registry().names() if engine_registry().get(name).servo]
+        raise InputError(
+            f"stress is {shown(given)}: input for {engine.title} has no cell that keeps one; choose engine "
+            f"{' or '.join(map(repr, able))}, or leave it out"
+        )
+    stress = float_array(given)
+    stress = None if stress is None or stress.shape not in ((), (3,)) else np.array(np.broadcast_to(stress, 3))
+    if stress is None or np.isnan(stress).all() or not (np.isnan(stress) | ((stress > 0.0) & (stress < LARGEST))).all():
+        raise InputError(
+            f"stress is {shown(given)}: it must be one number of pascals above 0, or three, NaN along axes whose "
+            "length stays; correct it"
+        )
+    walled = [axis for k, axis in enumerate("xyz") if not (packing.container.periodic[k] or np.isnan(stress[k]))]
+    if walled:
+        raise InputError(
+            f"stress is {shown(given)}, and the container has walls along {', '.join(walled)}: {engine.title} keeps a "
+            "stress along periodic axes only; give NaN along the others"
+        )
+    if packing.gravity is not None:
+        raise InputError(
+            f"stress is {shown(given)}, and packing.gravity is {shown(packing.gravity)}: grains under both are not "
+            "held; take one away with dataclasses.replace"
+        )
+    return stress
 
 
 def as_material(value: Any) -> Material:

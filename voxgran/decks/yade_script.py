@@ -142,6 +142,11 @@ def picture(name):
         export.VTKExporter("yade_%s" % name).exportPolyhedra()
 
 
+def rests():
+    """Tell whether the grains rest: by the forces on them under a stress, as grains that bear nothing spin on."""
+    return utils.unbalancedForce() < UNBALANCED if UNBALANCED else utils.kineticEnergy() < REST
+
+
 def run():
     """Run until the bed rests, or for the longest time, with a file to go on from."""
     outputs = 0
@@ -151,7 +156,7 @@ def run():
         outputs += 1
         if outputs % 20 == 0:
             O.save("yade_checkpoint.yade.gz")
-        if O.iter >= START and utils.kineticEnergy() < REST:
+        if O.iter >= START and rests():
             break
     O.save("yade_checkpoint.yade.gz")
     picture("end")

@@ -14,13 +14,14 @@ class Relaxation:
         Name of the engine.
     sinking : float
         Mean displacement along gravity of the grains of the bulk, of all grains where there is no bulk, in median
-        diameters.
-    largest_displacement : float
-        Largest displacement of a grain, in median diameters.
+        diameters; 0 without gravity.
+    largest_displacement, mean_displacement : float
+        Largest and mean displacement of a grain, in median diameters; in a cell under a stress relative to its strain.
     coordination_before, coordination_after : float
         Mean number of neighbours at the start and at the end, at the same gap.
     duration : float
-        Time that passed in the engine, in sqrt(d / g) with the median diameter d.
+        Time that passed in the engine, in sqrt(d / g) with the median diameter d, or under a stress s in
+        sqrt(m / (s d)).
     """
 
     engine: str
@@ -29,6 +30,7 @@ class Relaxation:
     coordination_before: float
     coordination_after: float
     duration: float
+    mean_displacement: float = 0.0
 
     def to_mapping(self) -> dict[str, Any]:
         """Return the attributes by name."""

@@ -177,7 +177,9 @@ def test_clumps_fall_freely(lammps, tmp_path):
         (r" custom \d+", f" custom {steps}"),
         ("rigid/local move_clumps .*", "rigid/local move_clumps mol vx vy vz omegax omegay omegaz mass"),
         (r"(?s)run \d+\nfix rest.*?run \d+", f"run {steps}"),
-        ("(?s)# spheres overlap.*?unfix drag\n", "") if "unfix drag" in script(tmp_path) else ("units si", "units si"),
+        ("(?s)# spheres overlap.*?unfix parting\n", "")
+        if "unfix parting" in script(tmp_path)
+        else ("units si", "units si"),
     )
     lammps(tmp_path)
     speed = 9.81 * steps * 1e-6
@@ -268,7 +270,7 @@ def test_overlaps_at_the_start_are_parted_under_drag(tmp_path):
     deck = vg.write_deck(close, tmp_path, "lammps")
     assert isinstance(deck.simulation, Simulation)
     assert deck.simulation.overlap == pytest.approx(1e-4)
-    assert "fix drag all viscous" in script(tmp_path)
+    assert "fix parting all viscous" in script(tmp_path)
     vg.write_deck(cases.spheres(), tmp_path, "lammps", overwrite=True)
     assert "viscous" not in script(tmp_path)
 

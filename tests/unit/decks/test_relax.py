@@ -16,8 +16,8 @@ from voxgran.settling.relaxation import Relaxation
 
 REMEDY = "make test-engines"
 NAMES = [
-    "kinetic_energy", "mean_sinking", "largest_displacement", "coordination_number", "share_of_rattlers",
-    "solid_fraction",
+    "kinetic_energy", "mean_sinking", "mean_displacement", "largest_displacement", "coordination_number",
+    "share_of_rattlers", "solid_fraction",
 ]  # fmt: skip
 
 

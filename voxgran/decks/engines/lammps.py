@@ -42,6 +42,8 @@ MARGIN = 2.0
 #: overlap from which grains are parted under drag at the start, in median diameters; how long; time in which drag stops
 #: a grain, in sqrt(d / g); and the largest share of the velocity of a grain that it takes in one time step
 DEEPEST, UNLOADING, DRAG_TIME, STABLE_DRAG = 5e-3, 1.0, 0.01, 0.2
+#: relative difference of a stress up to which it is met, and the time in which the cell follows, in sqrt(m / (s d))
+STRESS_MET, FOLLOWS = 0.02, 0.2
 #: most planes of a convex container
 MOST_PLANES = 200
 #: commands that read the data file where clumps are rigid
@@ -236,6 +238,7 @@ def _script(simulation: Simulation) -> str:
         *(_motion(simulation, spheres, clumps) if rigid else _bonded_motion(simulation)),
         "# walls",
         *_walls(walls, law),
+        *_servo(simulation),
         *_energy(spheres, clumps if rigid else 0, "spheres" if rigid else "all"),
         f"timestep {simulation.time_step!r}",
         *_outputs(simulation, spheres, clumps if rigid else 0, "spheres" if rigid else "all"),
@@ -270,6 +273,32 @@ def _bonded_motion(simulation: Simulation) -> list[str]:
     along = " ".join(repr(float(value)) for value in simulation.gravity / (size or 1.0))
     weight = [f"fix weight all gravity {size!r} vector {along}"] if size else []
     return ["fix move all nve/bpm/sphere", *weight]
+
+
+def _servo(simulation: Simulation) -> list[str]:
+    """Return the commands of a periodic cell that keeps a stress."""
+    if simulation.stress is None:
+        return []
+    law, pressure, damping = simulation.law, simulation.pressure, FOLLOWS * simulation.time_unit
+    young = law.young_modulus
+    drag, spheres = _drag(simulation, simulation.time_unit), len(simulation.bodies.of_kind("sphere"))
+    # of the grains together, about: it sets the time in which the cell follows
+    modulus = young ** (2 / 3) * pressure ** (1 / 3) if law.name == "hertz" else law.stiffness / simulation.diameter
+    sides = [f"{x} {s!r} {s!r} {damping!r}" for x, s in zip("xyz", simulation.stress.tolist(), strict=True) if s == s]
+    return [
+        f"fix servo all press/berendsen {' '.join(sides)} modulus {modulus!r}",
+        "# without gravity grains that bear nothing come to rest by drag alone",
+        f"fix drag all viscous {drag!r}",
+        *([f"fix spin_drag spheres viscous/sphere {0.1 * drag * simulation.diameter**2!r}"] if spheres else []),
+    ]
+
+
+def _drag(simulation: Simulation, time: float) -> float:
+    """Return the coefficient of a drag on each sphere, kg/s, that stops the median grain within a time."""
+    bodies = simulation.bodies
+    members = max(len(template.spheres[1]) for template in bodies.templates)
+    most = STABLE_DRAG * float(bodies.mass.min()) / simulation.time_step
+    return min(float(np.median(bodies.mass)) / time, most) / members
 
 
 def _energy(spheres: int, clumps: int, single: str) -> list[str]:
@@ -312,28 +341,30 @@ def _unloading(simulation: Simulation) -> list[str]:
     """Return the commands that part grains which overlap at the start, by drag that lets them gather no speed."""
     if simulation.overlap <= DEEPEST * simulation.diameter:
         return []
-    bodies, every = simulation.bodies, simulation.steps_per_output
-    members = max(len(template.spheres[1]) for template in bodies.templates)
-    drag = float(np.median(bodies.mass)) / (DRAG_TIME * simulation.time_unit)
-    most = STABLE_DRAG * float(bodies.mass.min()) / simulation.time_step
+    drag = _drag(simulation, DRAG_TIME * simulation.time_unit)
     return [
         f"# spheres overlap by {simulation.overlap!r} m at the start: they are parted under drag",
-        f"fix drag all viscous {min(drag, most) / members!r}",
-        f"run {max(1, round(UNLOADING / OUTPUT)) * every}",
-        "unfix drag",
+        f"fix parting all viscous {drag!r}",
+        f"run {max(1, round(UNLOADING / OUTPUT)) * simulation.steps_per_output}",
+        "unfix parting",
     ]
 
 
 def _until_rest(simulation: Simulation) -> list[str]:
     """Return the commands that run until the bed rests, or for the longest time."""
     every, most = simulation.steps_per_output, simulation.steps
-    if not simulation.gravity.any():
+    if not simulation.gravity.any() and simulation.stress is None:
         return [f"run {most}", "write_restart lammps_end.restart"]
+    moves, missed = f"v_energy > {simulation.rest_energy!r}", []
+    if simulation.stress is not None:
+        known = enumerate(simulation.stress.tolist(), 1)
+        missed = [f"(abs(c_servo_press[{k}]/{s!r}-1.0) > {STRESS_MET})" for k, s in known if s == s]
     start = min(most, math.ceil(SETTLING * simulation.time_unit / simulation.time_step))
     return [
         "# at the start all grains stand still",
         f"run {start}",
-        f"fix rest all halt {every} v_energy < {simulation.rest_energy!r} error continue",
+        *([f'variable unrest equal "{" || ".join([f"({moves})", *missed])}"'] if missed else []),
+        f"fix rest all halt {every} {'v_unrest < 0.5' if missed else moves.replace('>', '<')} error continue",
         f"run {most - start}",
         "write_restart lammps_end.restart",
     ]
@@ -389,6 +420,7 @@ registration = Engine(
     kinds=("sphere", "clump"),
     cohesion=True,
     bonds=True,
+    servo=True,
     install=INSTALL,
     verified="run with LAMMPS of 22 July 2025",
     command=f"lmp -in {SCRIPT}",

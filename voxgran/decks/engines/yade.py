@@ -40,6 +40,10 @@ NODES = 1000
 REACH = 1000
 #: lengths of a cell across walls, in distances of the walls: periodic images lie apart
 APART = 4
+#: largest strain rate of a cell that keeps a stress s, times sqrt(m / (s d))
+RATE = 0.01
+#: numerical damping in such a cell, a share of the force on a grain, and the mean net force at rest, in contact forces
+DAMPING, UNBALANCED = 0.2, 1e-4
 #: how far grains move until pairs are looked for again, in least radii
 VERLET = 0.2
 
@@ -147,7 +151,7 @@ def _notes(simulation: Simulation) -> list[str]:
 def _constants(simulation: Simulation, facets: bool) -> list[str]:
     """Return the numbers of the simulation as lines of Python."""
     kinds, walls = _kinds(simulation), simulation.walls
-    falling = bool(simulation.gravity.any())
+    falling = bool(simulation.gravity.any()) or simulation.stress is not None
     start = math.ceil(SETTLING * simulation.time_unit / simulation.time_step)
     planes = [] if any(walls.periodic) else [(plane.level, plane.axis, plane.inward) for plane in walls.planes]
     return [
@@ -159,6 +163,8 @@ def _constants(simulation: Simulation, facets: bool) -> list[str]:
         "# steps at the most, between outputs, and before rest is looked for; kinetic energy at rest, J",
         f"STEPS, EVERY, START = {simulation.steps}, {simulation.steps_per_output}, {start}",
         f"REST = {simulation.rest_energy if falling else 0.0!r}",
+        "# mean net force on a body at rest under a stress, in mean contact forces; 0 without",
+        f"UNBALANCED = {0.0 if simulation.stress is None else UNBALANCED!r}",
         "# level, axis and side of plane walls",
         f"PLANES = {planes!r}",
         f"FACETS = {facets}",
@@ -216,7 +222,9 @@ def _engines(simulation: Simulation) -> list[str]:
     bounds = ", ".join(f"Bo1_{name}_Aabb()" for name in [*shapes, "Wall", "Facet"])
     verlet = repr(VERLET * bodies.least_radius)
     gravity = ", ".join(repr(float(value)) for value in simulation.gravity)
-    damped = damping(simulation) if "Polyhedra" in shapes else "damping=0"
+    # without gravity grains that bear nothing come to rest by damping alone
+    usual = "damping=0" if simulation.stress is None else f"damping={DAMPING!r}"
+    damped = damping(simulation) if "Polyhedra" in shapes else usual
     lines = _cell(simulation) if any(walls.periodic) else []
     return [
         *lines,
@@ -227,10 +235,24 @@ def _engines(simulation: Simulation) -> list[str]:
         "    InteractionLoop(",
         *(f"        [{', '.join(group)}]," for group in _contacts(simulation, shapes)),
         "    ),",
+        *_servo(simulation),
         f"    NewtonIntegrator({damped}, gravity=({gravity})),",
         "]",
         f"O.dt = {simulation.time_step!r}",
         "",
+    ]
+
+
+def _servo(simulation: Simulation) -> list[str]:
+    """Return the engine that keeps the stress of a periodic cell, in which compression is below 0."""
+    if simulation.stress is None:
+        return []
+    kept = ~np.isnan(simulation.stress)
+    goal = ", ".join(repr(float(value)) for value in np.where(kept, -simulation.stress, 0.0))
+    mask, rate = int(kept @ np.array([1, 2, 4])), RATE / simulation.time_unit
+    return [
+        f"    PeriTriaxController(goal=({goal}), stressMask={mask}, maxStrainRate=({rate!r}, {rate!r}, {rate!r}),",
+        "        globUpdate=1, relStressTol=1e-3, maxUnbalanced=0),",
     ]
 
 
@@ -350,6 +372,7 @@ registration = Engine(
     source="YADE 2023.02a, reference of classes and source",
     kinds=("sphere", "clump", "level_set", "polyhedron"),
     cohesion=True,
+    servo=True,
     install=INSTALL,
     verified="run with YADE 2023.02a of Debian 12",
     command=f"yade -n -x {SCRIPT}",

@@ -28,6 +28,9 @@ def _compute(packing: Packing) -> Groups:
                 "largest_displacement": variable(
                     (), found.largest_displacement, "1", f"largest displacement of a grain {where}, in median diameters"
                 ),
+                "mean_displacement": variable(
+                    (), found.mean_displacement, "1", f"mean displacement of a grain {where}, in median diameters"
+                ),
                 "change_of_coordination": variable((), change, "1", f"change of the mean coordination number {where}"),
             }
         )
