@@ -199,6 +199,8 @@ class PackingMethod:
         methods need the boundary in closed form.
     any_walls : bool
         Whether it knows any walls in closed form, such as cones or several round walls.
+    stretches : bool
+        Whether the container is stretched so that any count of grains has room.
     builds_bed : bool
         Whether it builds beds under gravity, which settle afterwards unless told otherwise.
     sizing : {"drawn", "scaled", "made"}
@@ -230,6 +232,7 @@ class PackingMethod:
     open_surfaces: bool = False
     any_container: bool = False
     any_walls: bool = False
+    stretches: bool = False
     builds_bed: bool = False
     sizing: Literal["drawn", "scaled", "made"] = "drawn"
     keeps_sizes: bool = False

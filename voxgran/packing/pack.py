@@ -271,7 +271,8 @@ def prepare_task(request: Request) -> Task:
         grains=listed,
     )
     own_shapes = getattr(settings, "own_shapes", False)
-    grains = draw_grains(drawn, surplus=entry.selects, sizing=entry.sizing, own_shapes=own_shapes)
+    surplus = entry.selects or entry.stretches
+    grains = draw_grains(drawn, surplus=surplus, sizing=entry.sizing, own_shapes=own_shapes)
     asked: dict[str, Any] = {"count": whole_number_of(count), "solid_fraction": number_of(solid_fraction)}
     asked["sizes"] = None if request.sizes is None else request.sizes.to_mapping()
     if listed is not None:

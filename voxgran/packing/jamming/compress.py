@@ -134,6 +134,7 @@ registration = followed(
         finish=finish,
         cost=cost,
         dimensions=(2, 3),
+        stretches=True,
     ),
     lambda problem, packed: begun_compression(packed, compression_of(problem.parameters)),
     finished_compression,

@@ -27,6 +27,16 @@ def test_without_a_count_the_specimen_is_about_as_large_as_the_container(shape, 
     assert specimen.solid_fraction == pytest.approx(options.get("solid_fraction", specimen.solid_fraction), abs=0.002)
 
 
+def test_a_container_too_small_for_the_count_is_stretched():
+    specimen = vg.pack(SPHERE, vg.Box((3, 3, 6), periodic="xyz"), "compress", count=150, friction=0.2)
+    lengths = np.array(specimen.container.lengths)
+    assert (specimen.count, specimen.stop_reason) == (150, "compressed")
+    # of about the same form
+    assert lengths / lengths[0] == pytest.approx((1, 1, 2), rel=0.1)
+    listed = vg.pack(container=vg.Box((3, 3, 3), periodic="xyz"), method="compress", grains={"diameter": [1.0] * 60})
+    assert sorted(listed.grain_id) == list(range(60))
+
+
 def test_axes_that_stay_are_those_of_the_container():
     specimen = vg.pack(SPHERE, vg.Cylinder(2.5, 5), "compress", axes="z", count=60)
     assert (specimen.count, specimen.container.radius) == (60, 2.5)
