@@ -11,6 +11,7 @@ from voxgran.cli.commands import SCENE
 from voxgran.clumps.method import clump_registry
 from voxgran.containers.make import container_registry
 from voxgran.decks.material import Material
+from voxgran.geometry.orientations import KINDS as TURNS
 from voxgran.packing.method import method_registry
 from voxgran.scene import keys
 from voxgran.scene.sections import General, Output
@@ -110,6 +111,15 @@ def sizes():
     return "\n".join(parts)
 
 
+def orientations():
+    """Return the section of the orientations."""
+    parts = ["## [orientations]", "", "Orientations of the grains. Without the section all are equally likely.", ""]
+    parts += [keys_of(keys.Oriented), ""]
+    for kind, law in TURNS.items():
+        parts += [f"### Orientations of the kind {kind}", "", keys_of(law), ""]
+    return "\n".join(parts)
+
+
 def own_parameters():
     """Return the sections of the parameters of families, methods and clump methods."""
     parts = []
@@ -131,5 +141,5 @@ def page():
     for heading, (classes, text) in SECTIONS.items():
         parts += [f"## {heading}", "", text, "", keys_of(*classes), ""]
         if heading.startswith("roughen"):
-            parts += [sizes(), containers(), ""]
+            parts += [sizes(), orientations(), containers(), ""]
     return "\n".join([*parts, own_parameters()])

@@ -64,6 +64,7 @@ from voxgran.shapes.families.random.polyhedron import Solid
 from voxgran.shapes.families.random.solid_union import Kind
 from voxgran.shapes.generating.regular_solids import PlatonicSolid
 from voxgran.shapes.model import Shape
+from voxgran.geometry.orientation_laws.law import OrientationLaw
 from voxgran.shapes.size_laws.distribution import SizeDistribution
 from voxgran.voxels.model import Voxels
 

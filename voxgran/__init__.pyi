@@ -21,6 +21,7 @@ from voxgran.decks.engine import engines as engines
 from voxgran.decks.material import Material as Material
 from voxgran.decks.relax import relax as relax
 from voxgran.decks.write import write_deck as write_deck
+from voxgran.geometry import orientations as orientations
 from voxgran.io.cloud_files import load_cloud as load_cloud
 from voxgran.io.cloud_files import save_cloud as save_cloud
 from voxgran.io.data_files import data_file as data_file

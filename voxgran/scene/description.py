@@ -21,6 +21,8 @@ from voxgran.containers.model import Container
 from voxgran.decks.engine import engine_registry
 from voxgran.decks.material import Material
 from voxgran.decks.write import refuse_unheld
+from voxgran.geometry.orientation_laws.law import OrientationLaw
+from voxgran.geometry.orientations import make_orientations
 from voxgran.io.files import load
 from voxgran.packing.method import method_registry
 from voxgran.packing.model import Packing
@@ -36,17 +38,8 @@ from voxgran.shapes.sizes import SizeDistribution, make_sizes
 T = TypeVar("T")
 
 SECTIONS = (
-    "scene",
-    "shape",
-    "sizes",
-    "grains",
-    "container",
-    "packing",
-    "settle",
-    "compress",
-    "material",
-    "measure",
-    "output",
+    *("scene", "shape", "sizes", "orientations", "grains", "container"),
+    *("packing", "settle", "compress", "material", "measure", "output"),
 )
 #: where a scene says whether and how its grains settle
 SETTLE_KEYS = "a section [settle] says how grains settle; with enabled = false in it they do not"
@@ -64,6 +57,8 @@ class SceneDescription(ExplainedAttributes):
         Where the shapes come from, with their shares.
     sizes : SizeDistribution or None
         Equivalent diameters; None keeps each shape at its own size.
+    orientations : OrientationLaw or None
+        Orientations of the grains; None for random ones.
     grains : str or None
         File of a list of grains, each placed once.
     share_by : {"number", "volume"}
@@ -93,6 +88,7 @@ class SceneDescription(ExplainedAttributes):
     general: General
     shapes: tuple[ShapeEntry, ...]
     sizes: SizeDistribution | None
+    orientations: OrientationLaw | None = None
     grains: str | None = None
     share_by: str
     container: Container
@@ -188,6 +184,8 @@ class SceneDescription(ExplainedAttributes):
                 sizes.setdefault("unit", unit)
             law = make_sizes(_with_file(sizes, place)) if sizes else None
         with mistakes.part():
+            oriented = make_orientations(mapping["orientations"]) if "orientations" in mapping else None
+        with mistakes.part():
             grains = _grains(mapping.get("grains"), place)
         with mistakes.part("[container]"):
             container = make_container(_with_file(mapping["container"], place))
@@ -208,6 +206,7 @@ class SceneDescription(ExplainedAttributes):
             general=general,
             shapes=with_densities(shapes, general.density),
             sizes=law,
+            orientations=oriented,
             grains=grains,
             share_by=share_by,
             container=container,
@@ -247,6 +246,8 @@ class SceneDescription(ExplainedAttributes):
             made["sizes"] = kept | {"share_by": self.share_by}
         elif self.share_by != "number":
             made["sizes"] = {"share_by": self.share_by}
+        if self.orientations is not None:
+            made["orientations"] = self.orientations.to_mapping()
         if self.grains is not None:
             made["grains"] = {"file": self.grains}
         if self.settle is not None:
@@ -277,6 +278,7 @@ class SceneDescription(ExplainedAttributes):
             "count": self.count,
             "solid_fraction": self.solid_fraction,
             "sizes": self.sizes,
+            "orientations": self.orientations,
             "grains": self.grains,
             "weights": [share for entry in self.shapes for share in entry.shares()] or None,
             "weights_by": self.share_by,

@@ -79,6 +79,13 @@ class Shares:
 
 
 @parameter_class
+class Oriented:
+    """Keys of [orientations], beside the parameters of its kind."""
+
+    kind: str = parameter(doc="distribution of the orientations")
+
+
+@parameter_class
 class Listed:
     """Keys of [grains]."""
 

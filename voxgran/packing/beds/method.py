@@ -138,6 +138,8 @@ def _start(problem: Problem) -> tuple[Assembly, Floats, Floats]:
     if dimension == 2:
         turns[:, 1:3] = 0.0
     turns /= np.linalg.norm(turns, axis=1)[:, None]
+    if problem.orientation is not None:
+        turns = problem.orientation[:n].copy()
     arrays = {"position": centers, "scale": problem.diameter[:n], "shape_id": problem.shape_id[:n]}
     assembly = Assembly.of(problem.shapes, container, orientation=turns, density=problem.density, **arrays)
     small = np.minimum(1.0, APART * radii / np.maximum(assembly.bounding_radii, 1e-300))
