@@ -73,6 +73,19 @@ def test_methods_that_move_grains_begin_as_asked(method):
     ) == pytest.approx(np.diag([1.0, 0, 0]), abs=1e-12)
 
 
+@pytest.mark.slow
+def test_settling_changes_the_orientations_of_a_bed():
+    # numbers of docs/guide/packing.md
+    rods, upright = vg.shapes.spherocylinder(aspect=3), vg.orientations.watson("z", 20)
+    placed = vg.pack(rods, vg.Box((5, 5, 5)), "rsa", count=60, orientations=upright)
+    poured = vg.pack(rods, vg.Box((5, 5, 12)), "gravity", count=60, orientations=upright)
+    assert tensor_of(placed)[2, 2] == pytest.approx(0.95, abs=0.005)
+    assert tensor_of(placed, "_error")[2, 2] == pytest.approx(0.01, abs=0.005)
+    assert tensor_of(poured)[2, 2] == pytest.approx(0.79, abs=0.05)
+    assert tensor_of(poured, "_error")[2, 2] == pytest.approx(0.04, abs=0.01)
+    assert tensor_of(poured, "_asked")[2, 2] == pytest.approx(0.95, abs=0.005)
+
+
 def test_what_is_placed_is_what_is_asked_within_its_error():
     law = vg.orientations.watson("z", 4.0)
     packing = vg.pack(ROD, vg.Box((16, 16, 16)), "rsa", count=600, orientations=law, seed=4)
