@@ -268,6 +268,7 @@ def prepare_task(request: Request) -> Task:
     density = density_around(start, density, len(given))
     scaled = entry.sizing == "scaled"
     none_asked = start is not None and count is None and (solid_fraction is None or (scaled and not given))
+    none_asked = none_asked and getattr(settings, "height", None) is None
     drawn = replace(
         request,
         shapes=given or (() if start is None else start.shapes),

@@ -17,7 +17,7 @@ import numpy as np
 
 from voxgran._base.arrays import Floats, Integers
 from voxgran._base.errors import InputError, shown
-from voxgran._base.scalars import whole_number_of
+from voxgran._base.scalars import number_of, whole_number_of
 from voxgran._base.seeds import stream
 from voxgran.contacts.assembly import NOT_STATED, Assembly, Density, as_density, by_shape, density_text, merged
 from voxgran.containers.model import Container
@@ -168,6 +168,6 @@ def density_around(start: Assembly | None, density: Any, shapes: int) -> Density
             )
         return start.density
     given = as_density(density, shapes)
-    if start.density == NOT_STATED and isinstance(given, float):
+    if start.density == NOT_STATED and number_of(density) is not None:
         return given
     return merged([*by_shape(start.density, len(start.shapes)), *by_shape(given, shapes)])
