@@ -33,6 +33,10 @@ SECTIONS = {
         "A clump of spheres in place of the shape. The parameters of the method are keys of the same table.",
     ),
     "roughen = { ... } of a [[shape]]": ((Roughness,), "A rough surface; a `seed` may be given, too."),
+    "[[layer]]": (
+        (keys.Layered,),
+        "Layers, the lowest first, in place of [[shape]] and `count`; each has its own [[layer.shape]] entries.",
+    ),
     "[grains]": (
         (keys.Listed,),
         "A list of grains, each placed once, in place of `count` and [sizes]. Without the section grains are drawn.",
