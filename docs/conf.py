@@ -49,7 +49,11 @@ DEFAULT_LINKS.clear()  # the words of numpydoc, of which many lead to what the i
 numpydoc_xref_aliases = (
     {name: f"voxgran.{name}" for name in voxgran.__all__ if name[0].isupper()}
     | site_inventories.WORDS
-    | {"SizeDistribution": "voxgran.sizes.SizeDistribution", "Clump": "voxgran.clumps.Clump"}
+    | {
+        "SizeDistribution": "voxgran.sizes.SizeDistribution",
+        "OrientationLaw": "voxgran.orientations.OrientationLaw",
+        "Clump": "voxgran.clumps.Clump",
+    }
 )
 
 # the gallery's configuration holds functions, which Sphinx cannot keep between builds

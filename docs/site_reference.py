@@ -14,6 +14,7 @@ NAMESPACES = {
     "voxgran.shapes": "Functions that make shapes, by family",
     "voxgran.families": "Parameters of the families of shapes",
     "voxgran.sizes": "Distributions of sizes",
+    "voxgran.orientations": "Distributions of orientations",
     "voxgran.clumps": "Methods and results of clumps",
     "voxgran.containers": "Containers",
     "voxgran.methods": "Parameters of the packing methods",

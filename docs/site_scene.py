@@ -11,6 +11,7 @@ from voxgran.cli.commands import SCENE
 from voxgran.clumps.method import clump_registry
 from voxgran.containers.make import container_registry
 from voxgran.decks.material import Material
+from voxgran.geometry.orientations import KINDS as TURNS
 from voxgran.packing.method import method_registry
 from voxgran.scene import keys
 from voxgran.scene.sections import General, Output
@@ -32,6 +33,10 @@ SECTIONS = {
         "A clump of spheres in place of the shape. The parameters of the method are keys of the same table.",
     ),
     "roughen = { ... } of a [[shape]]": ((Roughness,), "A rough surface; a `seed` may be given, too."),
+    "[[layer]]": (
+        (keys.Layered,),
+        "Layers, the lowest first, in place of [[shape]] and `count`; each has its own [[layer.shape]] entries.",
+    ),
     "[grains]": (
         (keys.Listed,),
         "A list of grains, each placed once, in place of `count` and [sizes]. Without the section grains are drawn.",
@@ -110,6 +115,15 @@ def sizes():
     return "\n".join(parts)
 
 
+def orientations():
+    """Return the section of the orientations."""
+    parts = ["## [orientations]", "", "Orientations of the grains. Without the section all are equally likely.", ""]
+    parts += [keys_of(keys.Oriented), ""]
+    for kind, law in TURNS.items():
+        parts += [f"### Orientations of the kind {kind}", "", keys_of(law), ""]
+    return "\n".join(parts)
+
+
 def own_parameters():
     """Return the sections of the parameters of families, methods and clump methods."""
     parts = []
@@ -131,5 +145,5 @@ def page():
     for heading, (classes, text) in SECTIONS.items():
         parts += [f"## {heading}", "", text, "", keys_of(*classes), ""]
         if heading.startswith("roughen"):
-            parts += [sizes(), containers(), ""]
+            parts += [sizes(), orientations(), containers(), ""]
     return "\n".join([*parts, own_parameters()])

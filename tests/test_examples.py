@@ -443,6 +443,26 @@ def test_scenes(name, count, low, high, tmp_path):
     assert vg.load(tmp_path / "out" / "packing.vtp").position.tobytes() == result.packing.position.tobytes()
 
 
+def test_a_bed_of_two_layers_has_their_heights(tmp_path):
+    result = vg.Scene.from_toml(EXAMPLES / "layered_bed.toml").run(tmp_path / "out")
+    assert result.verification.ok
+    lower, upper = result.packing.provenance["layers"]
+    assert [lower["count"] + upper["count"], upper["first"]] == [result.packing.count, lower["count"]]
+    assert lower["surface"] == pytest.approx(31.2, abs=1.0)
+    assert upper["surface"] == pytest.approx(52.1, abs=1.5)
+
+
+def test_fibres_have_the_tensor_that_is_asked(tmp_path):
+    result = vg.Scene.from_toml(EXAMPLES / "oriented_fibres.toml").run(tmp_path / "out")
+    assert result.verification.ok
+    assert result.packing.count == 450
+    fabric = result.packing.measure("fabric")["fabric"]
+    asked, error = fabric.orientation_tensor_asked.values, fabric.orientation_tensor_error.values
+    assert asked == pytest.approx(np.array([[0.7, 0.05, 0], [0.05, 0.22, 0], [0, 0, 0.08]]))
+    assert fabric.orientation_tensor.values[0, 0] == pytest.approx(0.69, abs=0.005)
+    assert np.abs((fabric.orientation_tensor.values - asked) / error).max() < 3
+
+
 @pytest.mark.slow
 @pytest.mark.usefixtures("jagged_pictures")
 def test_rocks_scene_leaves_a_page_and_files(tmp_path):

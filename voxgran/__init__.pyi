@@ -21,6 +21,7 @@ from voxgran.decks.engine import engines as engines
 from voxgran.decks.material import Material as Material
 from voxgran.decks.relax import relax as relax
 from voxgran.decks.write import write_deck as write_deck
+from voxgran.geometry import orientations as orientations
 from voxgran.io.cloud_files import load_cloud as load_cloud
 from voxgran.io.cloud_files import save_cloud as save_cloud
 from voxgran.io.data_files import data_file as data_file
@@ -48,6 +49,7 @@ from voxgran.measures.describe import describe as describe
 from voxgran.measures.model import measure as measure
 from voxgran.measures.registered.density import window_solid_fraction as window_solid_fraction
 from voxgran.packing import methods as methods
+from voxgran.packing.beds.layers import pack_layers as pack_layers
 from voxgran.packing.compress import compress as compress
 from voxgran.packing.jamming.expected import expected_solid_fraction as expected_solid_fraction
 from voxgran.packing.method import packing_methods as packing_methods

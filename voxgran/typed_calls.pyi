@@ -17,6 +17,7 @@ from voxgran._base.progress import OnStep
 from voxgran._base.registry import Parameters
 from voxgran.clumps.model import Clump
 from voxgran.containers.model import Container
+from voxgran.geometry.orientation_laws.law import OrientationLaw
 from voxgran.packing.driver import Recorder
 from voxgran.packing.model import Packing
 from voxgran.settling.parameters import Lid, Settling, Shaking
@@ -50,6 +51,7 @@ class PackKeywords(TypedDict, total=False):
     on_step: OnStep | None
     recorder: Recorder | None
     settle: bool | Mapping[str, Any] | Settling | None
+    orientations: OrientationLaw | ArrayLike | None
 class AdvancingFrontKeywords(PackKeywords, total=False):
     mode: Literal['loose', 'dense']
     order: Literal['random', 'nearest', 'lowest']
@@ -98,14 +100,12 @@ class DigitalKeywords(WalkingKeywords, total=False):
     downward_share: Number
     vibration_up: Number
     rotation_share: Number
-    orientations: Whole
     guided: Number
     schedule: Literal['random', 'sorted', 'sleeping']
 class LatticeSearchKeywords(PackKeywords, total=False):
     voxel_size: Number | None
     cover: Literal['touch', 'center']
     turned: bool
-    orientations: Whole
 class DigitalFillKeywords(LatticeSearchKeywords, total=False):
     place: Literal['lowest', 'contact', 'wall']
     gravity: Literal['-x', '+x', '-y', '+y', '-z', '+z', 'none'] | None
@@ -160,7 +160,6 @@ class TetrahedralKeywords(PackKeywords, total=False):
 class VoronoiFillKeywords(PackKeywords, total=False):
     fill: Literal['shapes', 'cells']
     smoothing: Whole
-    orientations: Whole
     rounds: Whole
 @overload
 def pack(shapes: Sequence[Shape] | Shape, container: Container, method: Literal["advancing_front"], **keywords: Unpack[AdvancingFrontKeywords]) -> Packing: ...

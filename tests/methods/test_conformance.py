@@ -37,7 +37,7 @@ RESIZING = ("expand", "jam")
 #: methods for which the container of the suite will not do, with another
 CONTAINERS = {"apollonian": vg.Sphere(2.0)}
 #: methods that take no start
-FROM_NOTHING = ("gravity", "compress", "apollonian", "multilayer", "voronoi_fill")
+FROM_NOTHING = ("compress", "apollonian", "multilayer", "voronoi_fill")
 #: methods that `make test` kills, too: one of each way to walk on, which is all that a checkpoint depends on
 KILLED = ("digital", "gravity", "rsa")
 #: what of the suite is about grains of a start that stay

@@ -42,6 +42,7 @@ def _written_elsewhere(name: str, known: Iterable[str]) -> str | None:
     places = (
         (dir(voxgran.shapes), "vg.shapes.{}()"),
         (voxgran.sizes.__all__, "vg.sizes.{}(...)"),
+        (voxgran.orientations.__all__, "vg.orientations.{}(...)"),
         (voxgran.packing_methods(), "vg.pack(shapes, container, {!r}, ...)"),
         (voxgran.clump_methods(), "vg.fit_clump(shape, method={!r})"),
         (voxgran.engines(), "vg.write_deck(packing, folder, {!r})"),

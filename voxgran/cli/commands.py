@@ -288,7 +288,7 @@ def _write_bodies(shapes: Sequence[Any], options: argparse.Namespace) -> list[st
 
 
 def methods(options: argparse.Namespace) -> None:
-    """List methods, families, sizes and measures, or a group or one of them, with their parameters and allowed values.
+    """List methods, families, sizes, orientations and measures, or a group or one of them, with their parameters.
 
     Raises
     ------
@@ -296,6 +296,7 @@ def methods(options: argparse.Namespace) -> None:
         If there is nothing of that name; the message gives the nearest one.
     """
     from voxgran.clumps.method import clump_registry
+    from voxgran.geometry.orientations import KINDS as TURNS
     from voxgran.measures.model import measure_registry
     from voxgran.packing.method import method_registry
     from voxgran.shapes.family import families
@@ -308,10 +309,12 @@ def methods(options: argparse.Namespace) -> None:
         "measures": measure_registry(),
     }
     groups = {title: {name: found.get(name) for name in found.names()} for title, found in registries.items()}
-    groups["sizes"] = {
-        name: SimpleNamespace(summary=(law.__doc__ or "").partition(".\n")[0], parameters=law)
-        for name, law in sorted(KINDS.items())
-    }
+    laws: dict[str, dict[str, Any]] = {"sizes": {**KINDS}, "orientations": {**TURNS}}
+    for title, kinds in laws.items():
+        groups[title] = {
+            name: SimpleNamespace(summary=(law.__doc__ or "").partition(".\n")[0], parameters=law)
+            for name, law in sorted(kinds.items())
+        }
     chosen = {title: [n for n in found if options.name in (None, n, title)] for title, found in groups.items()}
     named = {title: names for title, names in chosen.items() if names}
     if not named:
@@ -393,7 +396,7 @@ COMMANDS: dict[str, tuple[str, Callable[[argparse.Namespace], int | None]]] = {
     "export": ("write the input of a DEM or DDA engine for a packing", export),
     "relax": ("bring a packing to rest in an engine, and say how far from rest it was", relax),
     "engines": ("list the engines that input can be written for", engines),
-    "methods": ("list methods, families, sizes and measures with their parameters", methods),
+    "methods": ("list methods, families, sizes, orientations and measures with their parameters", methods),
     "bench": ("measure run time against error", bench),
     "doctor": ("say what this machine has and what is missing", doctor),
     "data": ("copy a scan that comes with voxgran", data),

@@ -83,6 +83,21 @@ def product(a: Floats, b: Floats) -> Floats:
     )
 
 
+def rotations_between(start: Floats, end: Floats) -> Floats:
+    """Return (n, 4) quaternions of rotations that take unit vectors `start` (n, 3) to `end`.
+
+    Where the angle is above 90 degrees a half turn about an axis across `start` comes first, so that no digits are lost
+    near opposite vectors.
+    """
+    across = np.cross(start, np.eye(3)[np.abs(start).argmin(axis=1)])
+    back = (start * end).sum(axis=1) < 0.0
+    first = np.column_stack([np.zeros(len(start)), across / np.linalg.norm(across, axis=1, keepdims=True)])
+    first[~back] = [1.0, 0.0, 0.0, 0.0]
+    between = np.where(back[:, None], -start, start)
+    least = np.column_stack([1.0 + (between * end).sum(axis=1), np.cross(between, end)])
+    return normalized(product(normalized(least), first))
+
+
 def random_rotations(generator: np.random.Generator, count: int) -> Floats:
     """Return (count, 4) quaternions uniform on SO(3) (Shoemake 1992, doi:10.1016/B978-0-08-050755-2.50036-1).
 

@@ -65,6 +65,7 @@ class Request:
     unit: str | None = None
     density: float | Sequence[float] | None = None
     settle: bool | Mapping[str, Any] | Settling | None = None
+    orientations: Any = None
     parameters: Mapping[str, Any] = field(default_factory=dict)
 
 

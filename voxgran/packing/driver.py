@@ -174,6 +174,8 @@ def fingerprint(method: PackingMethod, problem: Problem) -> str:
     arrays = [problem.shape_id, problem.diameter]
     if problem.start is not None:
         arrays += [problem.start.position, problem.start.orientation]
+    if problem.orientation is not None:
+        arrays.append(problem.orientation)
     for array in arrays:
         digest.update(np.ascontiguousarray(array).data)
     return digest.hexdigest()

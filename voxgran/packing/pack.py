@@ -23,6 +23,7 @@ from voxgran._base.units import NO_UNIT, as_unit
 from voxgran._base.warning import warn
 from voxgran.containers.model import Container, check_container
 from voxgran.containers.one_unit import in_one_unit
+from voxgran.geometry.orientation_laws.law import OrientationLaw
 from voxgran.packing.beds.expected import tell_of_bed
 from voxgran.packing.compress import warn_of_imbalance
 from voxgran.packing.draw import Request, draw_grains, joined, listed_grains, scaled_to
@@ -32,7 +33,7 @@ from voxgran.packing.model import Packing, check_packing
 from voxgran.packing.problem import DECIMALS, Problem, normalized_problem, too_coarse, warn_of_overlaps, warn_of_units
 from voxgran.packing.settle import settling_after, warn_of_unrest, with_target
 from voxgran.packing.settling_run import with_settling
-from voxgran.packing.start import check_start, density_around
+from voxgran.packing.start import asked_orientations, check_start, density_around, turns_asked
 from voxgran.settling.parameters import Settling
 from voxgran.shapes.model import Shape, check_shapes
 from voxgran.shapes.size_laws.listed import ListedGrains, with_shapes_of_list
@@ -97,6 +98,7 @@ def pack(
     on_step: OnStep | None = None,
     recorder: Recorder | None = None,
     settle: bool | Mapping[str, Any] | Settling | None = None,
+    orientations: "OrientationLaw | ArrayLike | None" = None,
     **parameters: Any,
 ) -> Packing:
     """Pack grains into a container.
@@ -161,6 +163,11 @@ def pack(
         Whether the grains settle afterwards, as by :func:`settle`, or its parameters, such as ``dict(friction=0.3)``;
         default: they do after methods that build beds under gravity, ``digital`` and ``control_point``, unless a shape
         is open, or grains are to keep a distance or to overlap.
+    orientations : OrientationLaw or (n, 4) array_like of float, optional
+        Distribution of the orientations, such as ``vg.orientations.watson("z", 4)``, or a unit quaternion for each
+        grain; default: all are equally likely. Each grain keeps the one that is drawn for it, but for ``gravity``,
+        ``expand``, ``jam``, ``control_point`` and settling, which begin with it. The measure ``fabric`` gives what is
+        asked for beside what is placed. A whole number is the parameter of that name that some methods have.
     **parameters
         Parameters of the method, for a name.
 
@@ -210,7 +217,7 @@ def pack(
     request = Request(
         *(shapes, container, method), count=count, solid_fraction=solid_fraction, sizes=sizes, grains=grains,
         weights=weights, weights_by=weights_by, seed=seed, start=start, unit=unit, density=density, settle=settle,
-        parameters=parameters,
+        orientations=orientations, parameters=parameters,
     )  # fmt: skip
     task = prepare_task(request)
     limit = None if time_limit is None else as_number(time_limit, "time_limit", at_least=0.0)
@@ -241,7 +248,8 @@ def prepare_task(request: Request) -> Task:
     TooLargeError
         If more than 100 million grains are asked for.
     """
-    chosen = method_registry().chosen(request.method, request.parameters, where="method", beside=_arguments())
+    orientations, keywords = asked_orientations(request.orientations, request.parameters)
+    chosen = method_registry().chosen(request.method, keywords, where="method", beside=_arguments())
     entry, (settings, solid_fraction) = chosen[1], with_target(chosen[2], request.solid_fraction)
     sizes, start, count = request.sizes, request.start, request.count
     listed: ListedGrains | None = None
@@ -262,6 +270,7 @@ def prepare_task(request: Request) -> Task:
     density = density_around(start, density, len(given))
     scaled = entry.sizing == "scaled"
     none_asked = start is not None and count is None and (solid_fraction is None or (scaled and not given))
+    none_asked = none_asked and getattr(settings, "height", None) is None
     drawn = replace(
         request,
         shapes=given or (() if start is None else start.shapes),
@@ -279,6 +288,8 @@ def prepare_task(request: Request) -> Task:
         asked["rows"] = listed.rows
     asked["weights"] = None if request.weights is None else np.asarray(request.weights, dtype=float).tolist()
     asked["weights_by"] = request.weights_by
+    if orientations is not None:
+        asked["orientations"] = orientations.asked()
     if start is not None:
         asked["start"] = {"count": start.count, "method": start.provenance.get("method", "")}
         grains = joined(start, grains, earlier=len(start.shapes) if given else 0)
@@ -289,6 +300,7 @@ def prepare_task(request: Request) -> Task:
     problem = normalized_problem(
         *(given, container, grains, settings), seed=request.seed, start=start, unit=unit, density=density,
         asked_count=asked["count"], asked_fraction=asked["solid_fraction"],
+        orientation=turns_asked(orientations, settings, given, grains.shape_id, start=start, seed=request.seed),
     )  # fmt: skip
     settling = settling_after(entry, problem, request.settle)
     if settling is not None:

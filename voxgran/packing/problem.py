@@ -86,6 +86,7 @@ class Problem:
     settling: Any = None  # how the grains settle after the method; None if they do not
     grain_id: Integers | None = None  # (n,) row of each grain in a list, -1 for one of no list; None without a list
     given: Container | None = None  # the container in the user's unit, where it is known
+    orientation: Floats | None = None  # (n, 4) of each grain, those of a start among them, where they are asked for
     # what is requested; without both, grains are more than enough
     asked_count: int | None = None
     asked_fraction: float | None = None
@@ -331,15 +332,25 @@ def random_points(container: Container, count: int, generator: np.random.Generat
 
 def random_turns(problem: Problem, grains: Integers) -> Floats | None:
     """Return orientations of grains, (m, 4): those of the start, and random ones of all others; None for spheres."""
-    n = problem.started
-    if all(shape.is_sphere for shape in problem.shapes) and not n:
+    if all(shape.is_sphere for shape in problem.shapes) and not problem.started:
         return None
-    turns = stream(problem.seed, "turns").normal(size=(problem.count, 4))
+    return turns_of(problem, problem.count, stream(problem.seed, "turns"))[grains]
+
+
+def turns_of(problem: Problem, count: int, generator: np.random.Generator) -> Floats:
+    """Return the orientations of the first grains, (count, 4): those asked for, or those of the start and random ones.
+
+    Random numbers are drawn in both cases, so that what is drawn after them is the same.
+    """
+    turns = generator.normal(size=(count, 4))
+    if problem.orientation is not None:
+        return problem.orientation[:count].copy()
     if problem.dimension == 2:
         turns[:, 1:3] = 0.0
+    turns = normalized(turns)
     if problem.start is not None:
-        turns[:n] = problem.start.orientation
-    return normalized(turns[grains])
+        turns[: problem.started] = problem.start.orientation
+    return turns
 
 
 def too_coarse(problem: Problem) -> str:

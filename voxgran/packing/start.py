@@ -5,17 +5,28 @@ between control points. Grains of a start may therefore touch, and be nearer tha
 lattice they keep their poses where their true shapes overlap neither each other nor a wall; each stays until a move
 provides the distance that the method requires. On a lattice they are displaced until their voxels do not overlap
 (:mod:`voxgran.packing.digital.initial_sites`).
+
+All other grains may have orientations that are asked for, which they have from the beginning, too.
 """
 
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
 from voxgran._base.arrays import Floats, Integers
-from voxgran._base.errors import InputError
+from voxgran._base.errors import InputError, shown
+from voxgran._base.scalars import number_of, whole_number_of
+from voxgran._base.seeds import stream
 from voxgran.contacts.assembly import NOT_STATED, Assembly, Density, as_density, by_shape, density_text, merged
 from voxgran.containers.model import Container
+from voxgran.geometry.orientation_laws.directional import Random
+from voxgran.geometry.orientation_laws.given import Given
+from voxgran.geometry.orientation_laws.law import OrientationLaw
+from voxgran.geometry.orientations import given
+from voxgran.shapes.describing.principal_axis import body_axes
+from voxgran.shapes.model import Shape
 
 
 @dataclass(frozen=True, eq=False)
@@ -75,6 +86,65 @@ def check_start(start: Assembly, dimension: int) -> None:
         )
 
 
+def asked_orientations(asked: Any, parameters: Mapping[str, Any]) -> tuple[OrientationLaw | None, Mapping[str, Any]]:
+    """Return the distribution of orientations that is asked for, None without, and the parameters of the method.
+
+    A whole number is the parameter of that name that some methods have.
+
+    Raises
+    ------
+    InputError
+        If it is neither a distribution nor an array of unit quaternions.
+    """
+    if asked is None or isinstance(asked, OrientationLaw):
+        return asked, parameters
+    if whole_number_of(asked) is not None:
+        return None, {**parameters, "orientations": asked}
+    if isinstance(asked, str | Mapping):
+        raise InputError(
+            f"orientations is {shown(asked)}: it must be a distribution such as vg.orientations.aligned('z'), or a "
+            "unit quaternion for each grain"
+        )
+    return given(asked), parameters
+
+
+def turns_asked(
+    law: OrientationLaw | None, settings: Any, shapes: Sequence[Shape], shape_id: Integers, *,
+    start: Assembly | None, seed: int,
+) -> Floats | None:  # fmt: skip
+    """Return the orientations of grains that a distribution asks for, (n, 4), after those of a start.
+
+    None leaves them to the method, as where all orientations are equally likely, or all grains are spheres.
+
+    Raises
+    ------
+    InputError
+        If the distribution is not one of this dimension, a shape has no axis for it, a list has another length, or the
+        parameters of the method do not go together with it.
+    """
+    if law is None or isinstance(law, Random) or all(shape.is_sphere for shape in shapes):
+        return None
+    against = getattr(settings, "against_orientations", "")
+    if against:
+        raise InputError(
+            f"orientations is given and {against}, by which the method chooses orientations itself: leave out one of "
+            "the two"
+        )
+    axes, n = body_axes(shapes, law), 0 if start is None else start.count
+    for k in np.unique(shape_id[n:]).tolist():
+        shape = shapes[k]
+        if shape.is_sphere:
+            axes[k] = [1.0, 0.0, 0.0]
+        elif not axes[k].any() and not isinstance(law, Given):
+            other = "short" if law.body_axis == "long" else "long"
+            raise InputError(
+                f"shape {shape.name!r} has no distinct {law.body_axis} axis: a distribution of orientations needs one; "
+                f"give body_axis={other!r}, or a vector in the frame of the shape"
+            )
+    turns = law.turns(axes[shape_id[n:]], stream(seed, "asked turns"), dimension=shapes[0].dimension)
+    return turns if start is None else np.concatenate([start.orientation, turns])
+
+
 def density_around(start: Assembly | None, density: Any, shapes: int) -> Density:
     """Return the density of the shapes of a start followed by so many new ones.
 
@@ -98,6 +168,6 @@ def density_around(start: Assembly | None, density: Any, shapes: int) -> Density
             )
         return start.density
     given = as_density(density, shapes)
-    if start.density == NOT_STATED and isinstance(given, float):
+    if start.density == NOT_STATED and number_of(density) is not None:
         return given
     return merged([*by_shape(start.density, len(start.shapes)), *by_shape(given, shapes)])

@@ -1,15 +1,17 @@
-"""What becomes of grains after they are packed: the sections [settle] and [compress] of a scene."""
+"""What becomes of grains after they are packed: the sections [settle], [compress] and [measure] of a scene."""
 
 from collections.abc import Mapping
 from typing import Any, Literal
 
+from voxgran._base.arrays import check_type
 from voxgran._base.config import from_mapping, parameters_of, to_mapping
-from voxgran._base.errors import InputError, shown
+from voxgran._base.errors import InputError, UnknownNameError, shown
+from voxgran._base.names import unknown
 from voxgran.containers.model import Container
 from voxgran.packing.compress import compress
 from voxgran.packing.gravity import proposed_axis
 from voxgran.packing.model import Packing
-from voxgran.scene.keys import Settled, names_of
+from voxgran.scene.keys import Measured, Settled, names_of
 from voxgran.scene.mistakes import refuse_unknown
 from voxgran.settling.compression_parameters import Compression
 from voxgran.settling.parameters import Settling
@@ -76,3 +78,27 @@ def compress_section(
 def compressed(how: Compression | None, packing: Packing, **run: Any) -> Packing:
     """Return a packing as it is after the section [compress], with options of the run of :func:`voxgran.compress`."""
     return packing if how is None else compress(packing, **to_mapping(how), **run)
+
+
+def measure_section(mapping: Mapping[str, Any]) -> tuple[str, ...] | None:
+    """Return the names of the measures that are asked for; "all" may be among them.
+
+    Raises
+    ------
+    InputError
+        If they are no list.
+    UnknownNameError
+        If a key or a measure is unknown.
+    """
+    from voxgran.measures.model import ALL, measure_registry
+
+    refuse_unknown(mapping, "[measure]", Measured)
+    if "which" not in mapping:
+        return None
+    check_type(mapping["which"], (list, tuple), "[measure] which", "a list of names, such as ['density']")
+    names = tuple(str(name) for name in mapping["which"])
+    known = (ALL, *measure_registry().names())
+    for name in names:
+        if name not in known:
+            raise UnknownNameError(unknown("[measure] which", name, known))
+    return names

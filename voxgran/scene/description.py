@@ -21,11 +21,14 @@ from voxgran.containers.model import Container
 from voxgran.decks.engine import engine_registry
 from voxgran.decks.material import Material
 from voxgran.decks.write import refuse_unheld
+from voxgran.geometry.orientation_laws.law import OrientationLaw
+from voxgran.geometry.orientations import make_orientations
 from voxgran.io.files import load
 from voxgran.packing.method import method_registry
 from voxgran.packing.model import Packing
-from voxgran.scene.afterwards import compress_section, settle_section
-from voxgran.scene.keys import Listed, Measured, Packed, names_of
+from voxgran.scene.afterwards import compress_section, measure_section, settle_section
+from voxgran.scene.keys import Listed, Packed, names_of
+from voxgran.scene.layer_entries import ALONE_IN_PACKING, LayerEntry, layer_entries, together
 from voxgran.scene.mistakes import Mistakes, refuse_unknown
 from voxgran.scene.sections import General, Output
 from voxgran.scene.shape_entries import ShapeEntry, given_values, shape_entries, with_densities
@@ -36,17 +39,8 @@ from voxgran.shapes.sizes import SizeDistribution, make_sizes
 T = TypeVar("T")
 
 SECTIONS = (
-    "scene",
-    "shape",
-    "sizes",
-    "grains",
-    "container",
-    "packing",
-    "settle",
-    "compress",
-    "material",
-    "measure",
-    "output",
+    *("scene", "shape", "sizes", "orientations", "grains", "layer", "container"),
+    *("packing", "settle", "compress", "material", "measure", "output"),
 )
 #: where a scene says whether and how its grains settle
 SETTLE_KEYS = "a section [settle] says how grains settle; with enabled = false in it they do not"
@@ -64,8 +58,12 @@ class SceneDescription(ExplainedAttributes):
         Where the shapes come from, with their shares.
     sizes : SizeDistribution or None
         Equivalent diameters; None keeps each shape at its own size.
+    orientations : OrientationLaw or None
+        Orientations of the grains; None for random ones.
     grains : str or None
         File of a list of grains, each placed once.
+    layers : tuple of LayerEntry
+        Layers that are packed one after the other, of which `shapes` has all shapes; none for one packing.
     share_by : {"number", "volume"}
         What the shares are of.
     container : Container
@@ -93,7 +91,9 @@ class SceneDescription(ExplainedAttributes):
     general: General
     shapes: tuple[ShapeEntry, ...]
     sizes: SizeDistribution | None
+    orientations: OrientationLaw | None = None
     grains: str | None = None
+    layers: tuple[LayerEntry, ...] = ()
     share_by: str
     container: Container
     method: str
@@ -188,6 +188,8 @@ class SceneDescription(ExplainedAttributes):
                 sizes.setdefault("unit", unit)
             law = make_sizes(_with_file(sizes, place)) if sizes else None
         with mistakes.part():
+            oriented = make_orientations(mapping["orientations"]) if "orientations" in mapping else None
+        with mistakes.part():
             grains = _grains(mapping.get("grains"), place)
         with mistakes.part("[container]"):
             container = make_container(_with_file(mapping["container"], place))
@@ -195,20 +197,25 @@ class SceneDescription(ExplainedAttributes):
             packing = dict(mapping["packing"])
             method, parameters, given = _method(packing)
             packed = _packed(packing, place)
+            layers = layer_entries(mapping, place, parameters)
         with mistakes.part():
             material: Material = _section(Material, mapping.get("material", {}), "[material]")
         with mistakes.part():
-            which = _which(mapping.get("measure", {}))
+            which = measure_section(mapping.get("measure", {}))
         with mistakes.part():
             output: Output = _section(Output, mapping.get("output", {}), "[output]")
         mistakes.refuse()
         for engine in output.dem:
             refuse_unheld(engine_registry().get(engine), material, container)
+        if layers:
+            shapes, packed["count"], given = together(layers, given)
         return cls(
             general=general,
             shapes=with_densities(shapes, general.density),
             sizes=law,
+            orientations=oriented,
             grains=grains,
+            layers=layers,
             share_by=share_by,
             container=container,
             method=method,
@@ -240,13 +247,18 @@ class SceneDescription(ExplainedAttributes):
             "packing": {key: value for key, value in packing.items() if value is not None} | dict(self.parameters),
             "output": to_mapping(self.output),
         }
-        if self.shapes:
+        if self.layers:
+            made["layer"] = [layer.to_mapping() for layer in self.layers]
+            made["packing"] = {key: value for key, value in made["packing"].items() if key not in ALONE_IN_PACKING}
+        elif self.shapes:
             made["shape"] = [entry.to_mapping() for entry in self.shapes]
         if self.sizes is not None:
             kept = {key: value for key, value in self.sizes.to_mapping().items() if value is not None}
             made["sizes"] = kept | {"share_by": self.share_by}
         elif self.share_by != "number":
             made["sizes"] = {"share_by": self.share_by}
+        if self.orientations is not None:
+            made["orientations"] = self.orientations.to_mapping()
         if self.grains is not None:
             made["grains"] = {"file": self.grains}
         if self.settle is not None:
@@ -277,6 +289,7 @@ class SceneDescription(ExplainedAttributes):
             "count": self.count,
             "solid_fraction": self.solid_fraction,
             "sizes": self.sizes,
+            "orientations": self.orientations,
             "grains": self.grains,
             "weights": [share for entry in self.shapes for share in entry.shares()] or None,
             "weights_by": self.share_by,
@@ -354,11 +367,11 @@ def _check_sections(mapping: Mapping[str, Any]) -> None:
         with mistakes.part():
             if name not in SECTIONS:
                 raise UnknownNameError(unknown("section", name, SECTIONS))
-            if name != "shape":
+            if name not in ("shape", "layer"):
                 check_type(mapping[name], Mapping, f"[{name}]", f"a section; write [{name}] above its keys")
     mistakes.refuse()  # a section that is missing may be there under a wrong name
     # grains of a list are spheres, or disks, where there is no shape
-    for name in (*(() if "grains" in mapping else ("shape",)), "container", "packing"):
+    for name in (*(() if "grains" in mapping or "layer" in mapping else ("shape",)), "container", "packing"):
         with mistakes.part():
             if name not in mapping:
                 told = "[[shape]]" if name == "shape" else f"[{name}]"
@@ -414,22 +427,6 @@ def _share_by(value: Any) -> str:
     if value not in ("number", "volume"):
         raise InputError(f"[sizes] share_by is {shown(value)}: it must be 'number' or 'volume'; change it")
     return str(value)
-
-
-def _which(mapping: Mapping[str, Any]) -> tuple[str, ...] | None:
-    """Return the names of the measures that are asked for; "all" may be among them."""
-    from voxgran.measures.model import ALL, measure_registry
-
-    refuse_unknown(mapping, "[measure]", Measured)
-    if "which" not in mapping:
-        return None
-    check_type(mapping["which"], (list, tuple), "[measure] which", "a list of names, such as ['density']")
-    names = tuple(str(name) for name in mapping["which"])
-    known = (ALL, *measure_registry().names())
-    for name in names:
-        if name not in known:
-            raise UnknownNameError(unknown("[measure] which", name, known))
-    return names
 
 
 def _with_file(mapping: Mapping[str, Any], folder: Path) -> dict[str, Any]:

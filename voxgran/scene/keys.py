@@ -79,6 +79,27 @@ class Shares:
 
 
 @parameter_class
+class Oriented:
+    """Keys of [orientations], beside the parameters of its kind."""
+
+    kind: str = parameter(doc="distribution of the orientations")
+
+
+@parameter_class
+class Layered:
+    """Keys of [[layer]], beside its [[layer.shape]] entries, which are those of [[shape]]."""
+
+    count: int | None = parameter(None, doc="number of grains of the layer", at_least=0)
+    height: float | None = parameter(
+        None, doc="thickness of the layer in place of count, with method 'gravity'", unit="length", above=0.0
+    )
+    sizes: Mapping[str, Any] | None = parameter(None, doc="distribution of the sizes, a table with the keys of [sizes]")
+    orientations: Mapping[str, Any] | None = parameter(
+        None, doc="distribution of the orientations, a table with the keys of [orientations]"
+    )
+
+
+@parameter_class
 class Listed:
     """Keys of [grains]."""
 

@@ -9,7 +9,18 @@ from voxgran._base.config import parameters_of
 from voxgran._base.errors import InputError, UnknownNameError, VoxgranError
 from voxgran._base.names import unknown
 from voxgran.decks.material import Material
-from voxgran.scene.keys import AnyShape, Listed, Measured, Packed, Settled, ShapeOfFamily, ShapeOfFile, Shares, names_of
+from voxgran.scene.keys import (
+    AnyShape,
+    Listed,
+    Measured,
+    Oriented,
+    Packed,
+    Settled,
+    ShapeOfFamily,
+    ShapeOfFile,
+    Shares,
+    names_of,
+)
 from voxgran.scene.sections import General, Output
 from voxgran.settling.compression_parameters import Compression
 from voxgran.settling.parameters import Settling
@@ -24,6 +35,7 @@ _PLACES = {
     "[material]": names_of(Material),
     "[measure]": names_of(Measured),
     "[sizes]": names_of(Shares),
+    "[orientations]": names_of(Oriented),
     "[grains]": names_of(Listed),
     "[[shape]]": names_of(ShapeOfFamily, ShapeOfFile, AnyShape),
 }

@@ -27,6 +27,7 @@ from voxgran.io.series import Series
 from voxgran.io.vtk_files import save_scene
 from voxgran.measures.model import measure
 from voxgran.measures.registered.density import main_numbers
+from voxgran.packing.beds.layers import pack_layers
 from voxgran.packing.model import Packing
 from voxgran.packing.pack import pack
 from voxgran.report.page import save_report
@@ -107,15 +108,16 @@ def _run_in(
 ) -> SceneResult:
     """Pack, check, measure and save a scene in a folder that no other process uses."""
     checkpoint = target / CHECKPOINT
+    kept = [target / COMPRESSING, *_checkpoints(scene, checkpoint)]
     if not resume:
-        remove_checkpoint(checkpoint)
-        remove_checkpoint(target / COMPRESSING)
+        for path in kept:
+            remove_checkpoint(path)
     recorder = None
     if scene.output.snapshots:
         place, most = target / "snapshots.pvd", scene.output.snapshots
         recorder = Series(place, max_snapshots=most, every=plan.grains, resume=resume, overwrite=True)
     run: dict[str, Any] = {"checkpoint": checkpoint, "resume": resume, "on_step": on_step, "recorder": recorder}
-    packing = pack(tuple(shape for shape, _ in grains), scene.container, **scene.asked(), **run, **scene.parameters)
+    packing = _packed(scene, tuple(shape for shape, _ in grains), **run)
     packing = compressed(scene.compress, packing, checkpoint=target / COMPRESSING, resume=resume, on_step=on_step)
     clumps = [record for _, record in grains]
     told = {"scene": scene.to_mapping()} | ({"clumps": clumps} if any(clumps) else {})
@@ -123,9 +125,35 @@ def _run_in(
     result = finish_folder(packing, target, scene=scene, on_step=on_step)
     result.summary["plan"] = plan.to_mapping()
     write_text(target / SUMMARY, json.dumps(result.summary, indent=2) + "\n")
-    remove_checkpoint(target / COMPRESSING)
-    remove_checkpoint(checkpoint)
+    for path in kept:
+        remove_checkpoint(path)
     return result
+
+
+def _packed(scene: SceneDescription, shapes: tuple[Shape, ...], *, checkpoint: Path, **run: Any) -> Packing:
+    """Return the packing of a scene with these shapes, with options of the run of :func:`voxgran.pack`.
+
+    Each layer has a checkpoint of its own.
+    """
+    if not scene.layers:
+        return pack(shapes, scene.container, **scene.asked(), checkpoint=checkpoint, **run, **scene.parameters)
+    density, given, at = scene.density(), [], 0
+    for layer, place in zip(scene.layers, _checkpoints(scene, checkpoint), strict=True):
+        shares = [share for entry in layer.shapes for share in entry.shares()]
+        here = slice(at, at + len(shares))
+        own = {name: getattr(layer, name) for name in ("count", "height", "sizes", "orientations")}
+        own["density"] = density[here] if isinstance(density, list) else density
+        kept = {name: value for name, value in own.items() if value is not None}
+        given.append({"shapes": shapes[here], "weights": shares, "checkpoint": place, **kept})
+        at += len(shares)
+    asked = {name: scene.asked()[name] for name in ("seed", "unit", "settle")}
+    rest = {name: value for name, value in scene.parameters.items() if name != "height"}
+    return pack_layers(given, scene.container, scene.method, **asked, **run, **rest)
+
+
+def _checkpoints(scene: SceneDescription, checkpoint: Path) -> list[Path]:
+    """Return the checkpoints of a run: that of the packing, or one of each layer."""
+    return [checkpoint.with_name(f"{checkpoint.name}.{k}") for k in range(len(scene.layers))] or [checkpoint]
 
 
 def is_complete(folder: Path) -> bool:

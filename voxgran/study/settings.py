@@ -179,6 +179,8 @@ def _base(base: Any, folder: Path) -> dict[str, Any]:
     for name in mapping:
         if name not in SECTIONS:
             raise UnknownNameError(unknown("section of the base", name, SECTIONS))
+        if name == "layer":
+            raise InputError("base has [[layer]]: a study packs scenes of one packing; run layered scenes one by one")
         if name != "shape":
             check_type(
                 mapping[name], Mapping, f"[{name}] of the base", f"a section; write [base.{name}] above its keys"

@@ -89,6 +89,8 @@ def test_every_key_of_the_table_is_taken_by_a_scene(tmp_path):
         keys.Packed: {"method": "digital", "count": 2, "solid_fraction": 0.1, "start": "start.vtp"},
         keys.Shares: {"kind": "fixed", "share_by": "volume"},
         keys.Listed: {"file": "list.csv"},
+        keys.Layered: {"count": 2, "height": 2.0, "sizes": {"kind": "fixed"}, "orientations": {"kind": "random"}},
+        keys.Oriented: {"kind": "random"},
         keys.Settled: {"enabled": True},
         keys.Measured: {"which": ["density"]},
     }
@@ -98,6 +100,7 @@ def test_every_key_of_the_table_is_taken_by_a_scene(tmp_path):
     scene = {
         "shape": [values[keys.ShapeOfFile] | common, values[keys.ShapeOfFamily] | values[keys.AnyShape]],
         "sizes": values[keys.Shares],
+        "orientations": values[keys.Oriented],
         "grains": values[keys.Listed],
         "container": {"kind": "box", "lengths": [9, 9, 9]},
         "packing": values[keys.Packed],
@@ -105,6 +108,10 @@ def test_every_key_of_the_table_is_taken_by_a_scene(tmp_path):
         "measure": values[keys.Measured],
     }
     assert vg.Scene.from_mapping(scene, folder=tmp_path).share_by == "volume"
+    layer = {"shape": [{"family": "sphere"}], **values[keys.Layered]}
+    layers = [{key: value for key, value in layer.items() if key != other} for other in ("count", "height")]
+    rest = {"container": scene["container"], "packing": {"method": "gravity"}}
+    assert len(vg.Scene.from_mapping({"layer": layers, **rest}).layers) == 2
 
 
 def test_every_command_and_option_is_listed():

@@ -66,9 +66,9 @@ class TrueShapes(NamedTuple):
 
     shape: (n,) shape of each grain.  scale: (n,) its diameter.  inner: (n,) radius of a sphere about the centroid
     inside it, 0 without.  orientation: (n, 4), written when a grain is placed.
-    turns: (s,) whether a shape is not a sphere.  bounding: (s,) bounding radii.  hull: (s,) the part that contains the
-    whole shape, -1 without.  closed: (s,) whether triangles enclose the shape.  box: (s, 3) half edges of boxes along
-    the axes of the shape, 0 for others.
+    turns: (s,) whether a shape is not a sphere; the caller clears it where grains have their orientations already.
+    bounding: (s,) bounding radii.  hull: (s,) the part that contains the whole shape, -1 without.  closed: (s,) whether
+    triangles enclose the shape.  box: (s, 3) half edges of boxes along the axes of the shape, 0 for others.
     first: (s + 1, 3) first part, first box and first triangle of each shape.
     part: (p, 4) kind, first corner, end of corners, first corner in the tables.  margin: (p,) distance of the surface
     from the core.  part_sphere: (p, 4) bounding spheres.  sphere: (k, 4) and rows: (k, 2) bounding spheres and parts of

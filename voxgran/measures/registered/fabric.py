@@ -6,26 +6,30 @@ tensors of branch vectors are those of their directions, and those weighted with
 moments of the vectors over their trace (Satake 1982; Kanatani 1984, doi:10.1016/0020-7225(84)90055-7). The long
 axis of a grain is the principal axis of its smallest moment of inertia; grains without a distinct one, such as spheres
 and cubes, have none.
+
+The orientation tensor is the mean of n n of these axes, or of those that a distribution of orientations was asked for,
+beside the tensor of that distribution.
 """
 
+import math
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
-from voxgran._base.arrays import Floats, Integers
+from voxgran._base.arrays import Booleans, Floats, Integers
+from voxgran.geometry.orientation_laws.directional import Random
+from voxgran.geometry.orientation_laws.law import OrientationLaw
+from voxgran.geometry.orientations import make_orientations
 from voxgran.measures.directions import Fabric, Rose, fabric_of, rose_of
 from voxgran.measures.model import Groups, Measure, dataset, variable
 from voxgran.measures.region import gravity_of
 from voxgran.measures.registered.coordination import touching_contacts
 from voxgran.packing.model import Packing
-from voxgran.shapes.model import Shape
-from voxgran.shapes.surface import Surface
+from voxgran.shapes.describing.principal_axis import body_axes
 
 #: the sets of vectors that are measured
 NORMALS, BRANCHES, WEIGHTED, AXES = "contact_normals", "branch_vectors", "weighted_branch_vectors", "long_axes"
-#: relative difference of the two smallest moments of inertia from which on the long axis is distinct
-DISTINCT = 1e-3
 
 
 @dataclass(frozen=True, eq=False)
@@ -71,23 +75,38 @@ def fabric(packing: Packing, vectors: Vectors) -> Fabric:
 
 def long_axes(packing: Packing) -> tuple[Floats, Integers]:
     """Return the unit vectors along the long axes of the grains that have a distinct one, (m, 3), and these grains."""
-    found = [_long_axis(shape) for shape in packing.shapes]
-    axes = np.array([np.zeros(3) if axis is None else axis for axis in found]).reshape(-1, 3)
-    grains = np.flatnonzero(np.array([axis is not None for axis in found], dtype=np.bool_)[packing.shape_id])
+    return _directions(packing, Random())
+
+
+def _directions(packing: Packing, law: OrientationLaw) -> tuple[Floats, Integers]:
+    """Return the unit vectors along the axes of the grains that a distribution of orientations is of, and the grains
+    that have one.
+    """
+    axes = body_axes(packing.shapes, law)
+    distinct: Booleans = np.asarray(axes.any(axis=1), dtype=np.bool_)
+    grains = np.flatnonzero(distinct[packing.shape_id])
     return np.einsum("nij,nj->ni", packing.matrices[grains], axes[packing.shape_id[grains]]), grains
 
 
-def _long_axis(shape: Shape) -> Floats | None:
-    """Return the long axis of a shape in its frame, a unit vector (3,); None where it has no distinct one."""
-    geometry = shape.geometry
-    inertia = geometry.area_inertia if isinstance(geometry, Surface) else shape.inertia
-    d = shape.dimension
-    moments, axes = np.linalg.eigh(inertia[:d, :d])
-    if moments[1] - moments[0] <= DISTINCT * moments[-1]:
-        return None
-    axis = np.zeros(3)
-    axis[:d] = axes[:, 0]
-    return axis
+def _orientations(packing: Packing) -> dict[str, Any]:
+    """Return the variables of the orientation tensor: as placed, its standard error, and as it was asked for."""
+    asked = (packing.provenance.get("asked") or {}).get("orientations")
+    law = Random() if asked is None or asked["kind"] == "given" else make_orientations(asked)
+    d, tensor = packing.dimension, ("i", "j")
+    ways, grains = _directions(packing, law)
+    each = ways[:, :d, None] * ways[:, None, :d]
+    empty = np.full((d, d), np.nan)
+    error = each.std(axis=0, ddof=1) / math.sqrt(len(grains)) if len(grains) > 1 else empty
+    made = {
+        "orientation_tensor": variable(
+            tensor, each.mean(axis=0) if len(grains) else empty, "1", "orientation tensor: mean of n n of body axes"
+        ),
+        "orientation_tensor_error": variable(tensor, error, "1", "its standard error, for independent orientations"),
+    }
+    if asked is not None and asked["kind"] != "given":
+        wanted = law.moment(dimension=d)
+        made["orientation_tensor_asked"] = variable(tensor, wanted, "1", "the orientation tensor that was asked for")
+    return made
 
 
 def _compute(packing: Packing) -> Groups:
@@ -98,7 +117,8 @@ def _compute(packing: Packing) -> Groups:
     fabrics = [fabric(packing, given) for given in sets.values()]
     roses = [rose_of(given.way, given.weight, dimension=d, pole=pole) for given in sets.values()]
     labels = {"vector": variable(("vector",), np.array(list(sets)), "1", "set of vectors")}
-    found = dataset({**_tensors(fabrics), **_anisotropies(fabrics), **_roses(roses, d)}, labels)
+    tensors = {**_tensors(fabrics), **_anisotropies(fabrics), **_orientations(packing)}
+    found = dataset({**tensors, **_roses(roses, d)}, labels)
     found.attrs["pole"] = "xyz"[pole] if d == 3 else "none"
     normals = fabrics[0].second_order
     told = "anisotropy of the contact normals, of second order and without bias"

@@ -1,14 +1,15 @@
 """A bed from random seeds: grains grow from them in a column, with contacts, fall, and come to rest.
 
-Seeds lie at random in a column above the floor; each grain begins so small that none overlap and grows to its size
-while its contacts hold it, so that grains of all sizes and shapes stay mixed. Then the bed settles
-(:mod:`voxgran.settling.stages`).
+Seeds lie at random in a column above the floor, or above the grains of a start; each grain begins so small that none
+overlap and grows to its size while its contacts hold it, so that grains of all sizes and shapes stay mixed. Then all
+grains settle (:mod:`voxgran.settling.stages`), those of a start with them.
 
 References
 ----------
 Moreau 1988, Unilateral contact and dry friction in finite freedom dynamics, doi:10.1007/978-3-7091-2624-0_1.
 """
 
+import math
 from dataclasses import fields, replace
 from typing import Literal
 
@@ -25,7 +26,7 @@ from voxgran.packing.beds.seeds import LOOSE, RADIUS, column_top, container_leve
 from voxgran.packing.gravity import gravity_text, gravity_vector
 from voxgran.packing.method import Cost, PackingMethod
 from voxgran.packing.model import Packing
-from voxgran.packing.problem import Problem
+from voxgran.packing.problem import Problem, spheres_of_start
 from voxgran.packing.settling_run import (
     GRAIN_BYTES,
     Moving,
@@ -94,13 +95,9 @@ def prepare(problem: Problem) -> SettleState:
     Raises
     ------
     InputError
-        If gravity points along a periodic axis, a shape is an open surface, seeds find no place, or there is a start.
+        If gravity points along a periodic axis, a shape is an open surface, seeds find no place, or a grain of the
+        start overlaps another or reaches beyond a wall.
     """
-    if problem.start is not None:
-        raise InputError(
-            f"start has {len(problem.start.position)} grains: method 'gravity' grows all grains from seeds; give "
-            "method='digital' or 'control_point', which pack around a start"
-        )
     assembly, small, gravity = _start(problem)
     how = settling_of(problem.parameters)
     lidded = with_lid(assembly, how, gravity)
@@ -128,20 +125,27 @@ def _start(problem: Problem) -> tuple[Assembly, Floats, Floats]:
     volume = np.cumsum(problem.volumes)
     n = int(np.searchsorted(volume, _most_volume(problem, up), side="right"))
     n = in_column(problem, up, n, _height(problem, up), stream(problem.seed, "column"))
-    total = float(volume[n - 1]) if n else 0.0
+    spheres, m = spheres_of_start(problem), problem.started
+    n, centers = max(n, m), spheres[:, :3] + container.bounds[0]
+    base = float((centers @ up + spheres[:, 3]).max(initial=-math.inf))
+    total = float(problem.volumes[m:n].sum()) if m else float(volume[n - 1]) if n else 0.0
     fill = min(settings.fill, LOOSER * usual_solid_fraction(problem)) if n else settings.fill
-    top = column_top(container, up, total / fill, generator) if n else 0.0
-    fill = max(fill, total / container.volume)
-    radii = RADIUS * (LOOSE / fill) ** (1.0 / dimension) * problem.diameter[:n]
-    centers, radii = random_seeds(container, radii, up=up, top=top, generator=generator)
+    top, room = column_top(container, up, total / fill, generator, base) if n else (0.0, container.volume)
+    fill = max(fill, total / max(room, 1e-300))
+    radii = RADIUS * (LOOSE / fill) ** (1.0 / dimension) * problem.diameter[m:n]
+    seeds, radii = random_seeds(container, radii, up=up, top=top, generator=generator, base=base)
     turns = generator.normal(size=(n, 4))
     if dimension == 2:
         turns[:, 1:3] = 0.0
     turns /= np.linalg.norm(turns, axis=1)[:, None]
-    arrays = {"position": centers, "scale": problem.diameter[:n], "shape_id": problem.shape_id[:n]}
+    if problem.orientation is not None:
+        turns = problem.orientation[:n].copy()
+    elif problem.start is not None:
+        turns[:m] = problem.start.orientation
+    arrays = {"position": np.vstack([centers, seeds]), "scale": problem.diameter[:n], "shape_id": problem.shape_id[:n]}
     assembly = Assembly.of(problem.shapes, container, orientation=turns, density=problem.density, **arrays)
-    small = np.minimum(1.0, APART * radii / np.maximum(assembly.bounding_radii, 1e-300))
-    return assembly, small, gravity
+    small = np.minimum(1.0, APART * radii / np.maximum(assembly.bounding_radii[m:], 1e-300))
+    return assembly, np.concatenate([np.ones(m), small]), gravity
 
 
 def _most_volume(problem: Problem, up: Floats) -> float:

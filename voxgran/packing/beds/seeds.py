@@ -20,11 +20,17 @@ SAMPLES = 20_000
 TRIES, SMALLER = 4, 0.8
 
 
-def column_top(container: Container, up: Floats, volume: float, generator: np.random.Generator) -> float:
-    """Return the level along `up` below which the container has a volume, estimated to about one percent."""
-    points = points_inside(container, generator)
-    share = min(volume / container.volume, 1.0)
-    return float(np.quantile(points @ up, share)) if share < 1.0 else float((points @ up).max())
+def column_top(
+    container: Container, up: Floats, volume: float, generator: np.random.Generator, base: float = -math.inf
+) -> tuple[float, float]:
+    """Return the level along `up` below which the container has a volume above the level `base`, and how much it has
+    above it in all, both estimated to about one percent.
+    """
+    level = points_inside(container, generator) @ up
+    below = float((level < base).mean())
+    share = min(below + volume / container.volume, 1.0)
+    top = float(np.quantile(level, share)) if share < 1.0 else float(level.max())
+    return top, (1.0 - below) * container.volume
 
 
 def container_levels(container: Container, up: Floats) -> tuple[float, float]:
@@ -35,9 +41,10 @@ def container_levels(container: Container, up: Floats) -> tuple[float, float]:
 
 
 def random_seeds(
-    container: Container, radii: Floats, *, up: Floats, top: float, generator: np.random.Generator
-) -> tuple[Floats, Floats]:
-    """Return centers (n, 3) of spheres that do not overlap, below a level along `up`, and their radii (n,).
+    container: Container, radii: Floats, *, up: Floats, top: float, generator: np.random.Generator,
+    base: float = -math.inf,
+) -> tuple[Floats, Floats]:  # fmt: skip
+    """Return centers (n, 3) of spheres that do not overlap, between two levels along `up`, and their radii (n,).
 
     Spheres are placed at random one after the other (random sequential addition), the large ones first; where there is
     no place for some, those become smaller.
@@ -58,7 +65,7 @@ def random_seeds(
         points = points_inside(container, generator, max(TRIES * n, SAMPLES))
         room = -np.asarray(container.signed_distance(points))
         # as far from the top as from the floor, or else large grains would begin higher
-        room = np.minimum(room, top - points @ up)
+        room = np.minimum(room, np.minimum(top - points @ up, points @ up - base))
         before = placed
         placed = int(_place(centers, radii, order, placed, points, room, cells))
         if placed - before < 0.01 * n:

@@ -270,8 +270,14 @@ def _place(grains, cells, lists, walls, scratch, g):  # type: ignore[no-untyped-
 
 @bare_kernel
 def _propose_entry(grains, bodies, walls, rules, scratch, g, words, turns):  # type: ignore[no-untyped-def]
-    """Put a waiting grain in a random orientation at the top or anywhere; return whether it is between the walls."""
-    _random_turn(rules, scratch.quaternion, turns)
+    """Put a waiting grain, in its orientation or a random one, at the top or anywhere; return whether it is between
+    the walls.
+    """
+    if rules.oriented:
+        for k in range(4):
+            scratch.quaternion[k] = grains.orientation[g, k]
+    else:
+        _random_turn(rules, scratch.quaternion, turns)
     write_matrix(scratch.quaternion, scratch.turn)
     fits = _enter_axis(grains, bodies, walls, rules, scratch, g, 0, unit_float(words[1]))
     fits = _enter_axis(grains, bodies, walls, rules, scratch, g, 1, unit_float(words[2])) and fits

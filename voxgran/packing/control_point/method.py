@@ -136,9 +136,10 @@ def prepare(problem: Problem) -> ControlState:
     check_distance(problem)
     check_overlap(problem)
     n = problem.count
+    upright = np.tile([1.0, 0.0, 0.0, 0.0], (n, 1))
     state = ControlState(
         position=np.zeros((n, 3)),
-        orientation=np.tile([1.0, 0.0, 0.0, 0.0], (n, 1)),
+        orientation=upright if problem.orientation is None else problem.orientation.copy(),
         entered=np.zeros(n, dtype=np.int64),
         step=np.zeros(n),
     )
@@ -190,6 +191,7 @@ def _rules(problem: Problem, state: ControlState) -> WalkRules:
         float(settings.step),
         SHORTEST_STEP,
         problem.dimension,
+        problem.orientation is not None,
     )
 
 

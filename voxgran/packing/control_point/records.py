@@ -124,7 +124,8 @@ class WalkRules(NamedTuple):
     entry: the lattice vector along which gravity is strongest, against which grains enter; zero where they enter
     anywhere.  in_turn, falls: whether they enter in turn, and whether they fall when they do.  newest: how
     many of the newest grains move.  shares, vibration: fractions and schedule by the names of
-    :mod:`voxgran.packing.walking.vibration`.
+    :mod:`voxgran.packing.walking.vibration`.  oriented: whether grains enter in the orientations that they have, which
+    are random otherwise.
     """
 
     gravity: Floats
@@ -138,6 +139,7 @@ class WalkRules(NamedTuple):
     longest: float
     shortest: float
     dimension: int
+    oriented: bool
 
 
 class Pairs(NamedTuple):

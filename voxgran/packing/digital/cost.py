@@ -28,7 +28,8 @@ def digital_cost(problem: Problem) -> Cost:
     # each member along each axis, in pieces and then joined; and the bits of each grain, or those that all share
     words = wide * wide * (tall / 64 + 0.5)
     grains = digital_kinds(problem)[1]
-    turns = 1 if settings.orientations == 1 else 24 if problem.dimension == 3 else 4
+    fixed = settings.orientations == 1 or problem.orientation is not None
+    turns = 1 if fixed else 24 if problem.dimension == 3 else 4
     shared = members * turns * float(words[grains].sum())
     bits = shared if shared <= SHARED else float(words.sum())
     bank = 2 * 3 * members * 8 * float(words[grains].sum()) + 8 * bits

@@ -68,7 +68,11 @@ def _kinds(problem: Problem, voxel_size: float) -> tuple[Floats, Floats, Floats]
     # in the pose that is given, primitives look alike in all rotations but 6, spheres in all of them
     alike = np.array([6 if isinstance(shape.geometry, Primitive) else 24 for shape in problem.shapes])[shapes]
     sphere = np.array([shape.is_sphere for shape in problem.shapes], dtype=np.bool_)[shapes]
-    poses = np.where(sphere, 1.0, turns * (settings.orientations - 1.0) + np.minimum(turns, alike))
+    poses = np.where(
+        sphere,
+        1.0,
+        turns * ((settings.orientations if problem.orientation is None else 1) - 1.0) + np.minimum(turns, alike),
+    )
     return width / voxel_size + 2, poses, np.bincount(kind, minlength=len(first)) / max(problem.count, 1)
 
 

@@ -47,6 +47,7 @@ from voxgran.packing.digital.oriented_voxels import (
     orient,
     packing_of_sites,
     places_of,
+    poses_to_voxelize,
 )
 from voxgran.packing.digital.parameters import LatticeSearch
 from voxgran.packing.gravity import axis_of, gravity_text
@@ -181,7 +182,7 @@ def cost(problem: Problem) -> Cost:
         memory=int(voxels / 8 * maps * 1.3 + masks + shells + 3 * voxels + problem.cache.limit),
         seconds=filling_seconds(problem, lattice.voxel_size),
         attempts=problem.count - starting,
-        voxelized_shapes=len(kinds_of(problem)[1]) * problem.parameters.orientations + starting,
+        voxelized_shapes=poses_to_voxelize(problem) + starting,
     )
 
 

@@ -2,6 +2,7 @@
 
 Grains of one shape and one diameter are of one kind and share their voxels. A kind has its given pose, further random
 ones if asked, and of each the rotations that map the lattice onto itself; rotations that give the same voxels are one.
+Where orientations are asked for, each grain is a kind with that one.
 """
 
 from dataclasses import dataclass
@@ -44,7 +45,11 @@ def kinds_of(problem: Problem) -> tuple[Integers, Integers]:
     """Return the kind of each grain, in the order of their first grains, and the first grain of each kind."""
     if not problem.count:
         return np.zeros(0, dtype=np.int64), np.zeros(0, dtype=np.int64)
-    pairs = np.column_stack([problem.shape_id, problem.diameter])
+    columns = [problem.shape_id, problem.diameter]
+    if problem.orientation is not None:
+        sphere = np.array([shape.is_sphere for shape in problem.shapes])[problem.shape_id]
+        columns.append(np.where(sphere[:, None], 0.0, problem.orientation))
+    pairs = np.column_stack(columns)
     _, first, inverse = np.unique(pairs, axis=0, return_index=True, return_inverse=True)
     order = np.argsort(first, kind="stable")
     rank = np.empty_like(order)
@@ -53,8 +58,13 @@ def kinds_of(problem: Problem) -> tuple[Integers, Integers]:
 
 
 def lattice_turns(problem: Problem) -> Integers:
-    """Return the rotations (r, 3, 3) that map the lattice onto itself, in 2D about z; the first is the identity."""
+    """Return the rotations (r, 3, 3) that map the lattice onto itself, in 2D about z; the first is the identity.
+
+    Grains of which the orientations are asked for have that alone.
+    """
     rotations = lattice_rotations()
+    if problem.orientation is not None:
+        return rotations[:1]
     return rotations if problem.dimension == 3 else rotations[rotations[:, 2, 2] == 1]
 
 
@@ -69,7 +79,13 @@ def places_of(problem: Problem, lattice: ContainerLattice) -> Integers:
 def number_of_poses(problem: Problem) -> int:
     """Return the number of poses of all kinds, in all turns, before those that look alike are counted once."""
     turns = len(lattice_turns(problem)) if problem.parameters.turned else 1
-    return len(kinds_of(problem)[1]) * problem.parameters.orientations * turns
+    return poses_to_voxelize(problem) * turns
+
+
+def poses_to_voxelize(problem: Problem) -> int:
+    """Return the number of poses of all kinds: one of each where orientations are asked for."""
+    bases = problem.parameters.orientations if problem.orientation is None else 1
+    return len(kinds_of(problem)[1]) * bases
 
 
 def random_poses(problem: Problem, count: int) -> Floats:
@@ -81,8 +97,13 @@ def random_poses(problem: Problem, count: int) -> Floats:
     return np.column_stack([np.cos(half), np.zeros((count, 2)), np.sin(half)])
 
 
-def base_orientations(problem: Problem, kinds: int, bases: int) -> Floats:
-    """Return the poses (kinds, bases, 4) that are voxelized: the given one, then random ones."""
+def base_orientations(problem: Problem, first: Integers, bases: int) -> Floats:
+    """Return the poses (kinds, bases, 4) that are voxelized: the given one, then random ones, of kinds of which these
+    are grains; or the one that is asked for.
+    """
+    kinds = len(first)
+    if problem.orientation is not None:
+        return problem.orientation[first, None]
     base = np.zeros((kinds, bases, 4))
     base[:, :, 0] = 1.0
     base[:, 1:] = random_poses(problem, kinds * (bases - 1)).reshape(kinds, bases - 1, 4)
@@ -99,7 +120,7 @@ def orient(problem: Problem, first: Integers, lattice: ContainerLattice) -> Orie
         rotations = rotations[:1]
     turns, quaternions = signed_axes(rotations), quaternions_of(rotations.astype(np.float64))
     found: list[tuple[Booleans, Integers, int, Floats]] = []
-    for kind, poses in enumerate(base_orientations(problem, len(first), settings.orientations)):
+    for kind, poses in enumerate(base_orientations(problem, first, settings.orientations)):
         seen: set[tuple[bytes, tuple[int, ...], tuple[int, ...]]] = set()
         for pose in poses:
             box, low = cut_to_box(problem.voxels(int(first[kind]), pose, lattice.voxel_size, cover=settings.cover))

@@ -142,6 +142,8 @@ def records(state: DigitalState, known: Precomputed) -> Bed:
 
 def bases_of(problem: Problem) -> int:
     """Return how many base orientations each kind has."""
+    if problem.orientation is not None:
+        return 1
     whole = 24 if problem.dimension == 3 else 4
     return max(1, math.ceil(problem.parameters.orientations / whole))
 
@@ -149,7 +151,8 @@ def bases_of(problem: Problem) -> int:
 def digital_kinds(problem: Problem) -> tuple[Integers, Integers]:
     """Return the kind of each grain, and a grain of each kind; grains of a start are kinds of their own.
 
-    So that many grains of one kind do not all lie in few orientations, up to 16 kinds are made of one shape and size.
+    So that many grains of one kind do not all lie in few orientations, up to 16 kinds are made of one shape and size,
+    and one for each grain where orientations are asked for.
     """
     n = 0 if problem.start is None else problem.start.count
     rest = np.column_stack([problem.shape_id[n:], problem.diameter[n:]])
@@ -162,7 +165,7 @@ def digital_kinds(problem: Problem) -> tuple[Integers, Integers]:
     rank = np.empty_like(order)
     begin = np.searchsorted(same[order], same[order])
     rank[order] = np.arange(len(order)) - begin
-    several = np.where(sphere[problem.shape_id[n:]], 0, rank % 16)
+    several = np.where(sphere[problem.shape_id[n:]], 0, rank if problem.orientation is not None else rank % 16)
     pairs = np.column_stack([same, several])
     _, first, inverse = np.unique(pairs, axis=0, return_index=True, return_inverse=True)
     return np.concatenate([np.arange(n), n + inverse.reshape(-1)]), np.concatenate([np.arange(n), n + first])
@@ -186,7 +189,9 @@ def _make(problem: Problem) -> Precomputed:
     bases = bases_of(problem)
     kind, grains = digital_kinds(problem)
     base = random_poses(problem, len(grains) * bases)
-    if problem.start is not None:
+    if problem.orientation is not None:
+        base = problem.orientation[grains]
+    elif problem.start is not None:
         # the first member of each grain is the pose that it starts in
         base[: problem.start.count * bases : bases] = problem.start.orientation
 

@@ -31,6 +31,7 @@ from voxgran.packing.digital.oriented_voxels import (
     orient,
     packing_of_sites,
     places_of,
+    poses_to_voxelize,
 )
 from voxgran.packing.digital.parameters import LatticeSearch
 from voxgran.packing.digital.trial_sites import TALLY, Lists, add_at_random, stamp_grain
@@ -144,7 +145,7 @@ def cost(problem: Problem) -> Cost:
         memory=int(np.prod(lattice.shape) / 2 + 2**23),
         seconds=addition_seconds(problem, lattice.voxel_size),
         attempts=candidates + problem.count,
-        voxelized_shapes=len(kinds_of(problem)[1]) * problem.parameters.orientations + starting,
+        voxelized_shapes=poses_to_voxelize(problem) + starting,
     )
 
 

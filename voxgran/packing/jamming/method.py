@@ -10,13 +10,12 @@ from voxgran._base.config import parameter, parameter_class
 from voxgran._base.seeds import stream
 from voxgran._base.stopping import stop_if_asked
 from voxgran.contacts.assembly import Assembly
-from voxgran.geometry.rotation import normalized
 from voxgran.packing.jamming.expected import reachable
 from voxgran.packing.jamming.model import Compressor
 from voxgran.packing.jamming.solids import GrowingSolids
 from voxgran.packing.jamming.spheres import SoftSpheres
 from voxgran.packing.method import Array, Cost
-from voxgran.packing.problem import Problem, random_points
+from voxgran.packing.problem import Problem, random_points, turns_of
 
 #: bytes of a grain (measured), and estimate of the largest number of steps
 GRAIN_BYTES, STEPS = 700, 400
@@ -91,15 +90,11 @@ def grains_at_random(problem: Problem, n: int) -> Assembly:
     """Return the first n grains at random points and turned at random, those of a start at their own places."""
     generator = stream(problem.seed, "points")
     position = random_points(problem.container, n - problem.started, generator)
-    turns = generator.normal(size=(n, 4))
-    if problem.dimension == 2:
-        turns[:, 1:3] = 0.0
-    turns = normalized(turns)
+    turns = turns_of(problem, n, generator)
     if all(shape.is_sphere for shape in problem.shapes):
-        turns = np.tile([1.0, 0.0, 0.0, 0.0], (n, 1))
+        turns[problem.started :] = [1.0, 0.0, 0.0, 0.0]
     if problem.start is not None:
         position = np.vstack([problem.start.wrapped(problem.container), position])
-        turns[: problem.started] = problem.start.orientation
     scale, shape_id = problem.diameter[:n], problem.shape_id[:n]
     return Assembly.of(
         problem.shapes, problem.container, position=position, scale=scale, shape_id=shape_id, orientation=turns

@@ -160,6 +160,11 @@ class Rsa:
         return UNSORTED.get(self.scheme, self.scheme) in ("1", "3")
 
     @property
+    def against_orientations(self) -> str:
+        """What orientations that are asked for do not go together with."""
+        return "aligned is True" if self.aligned else ""
+
+    @property
     def retaining(self) -> int:
         """Where the radius of a rejected candidate is tried next: DROP, NEXT or SCAN."""
         if UNSORTED.get(self.scheme, self.scheme) not in ("2", "3"):
@@ -189,7 +194,8 @@ def prepare(problem: Problem) -> State:
     state.counters["search_from"] = 0 if problem.parameters.until == "saturated" else -1
     refuse_moves(problem)
     if problem.start is not None or has_true_shapes(problem):
-        arrays["orientation"] = np.tile([1.0, 0.0, 0.0, 0.0], (n, 1))
+        turns = np.tile([1.0, 0.0, 0.0, 0.0], (n, 1))
+        arrays["orientation"] = turns if problem.orientation is None else problem.orientation.copy()
     if problem.start is not None and problem.start.count:
         _enter_start(problem, state, problem.start)
     made = precompute(problem, state.counters["search_from"])

@@ -89,6 +89,10 @@ def precompute(problem: Problem, search_from: int) -> Precomputed:
         if found.any():
             kind[rest] = found
     corrections = settings.corrections if settings.correcting else 0
+    shapes = None
+    if true:
+        shapes = true_shapes(problem.shapes, problem.container, problem.shape_id, problem.diameter, core[:, 0])
+        shapes.turns[:] *= problem.orientation is None
     return Precomputed(
         half=half,
         level=level,
@@ -104,9 +108,7 @@ def precompute(problem: Problem, search_from: int) -> Precomputed:
         if search
         else None,
         boxes=bool(settings.aligned),
-        shapes=true_shapes(problem.shapes, problem.container, problem.shape_id, problem.diameter, core[:, 0])
-        if true
-        else None,
+        shapes=shapes,
     )
 
 

@@ -1,4 +1,4 @@
-"""A new grain of a true shape: its random orientation, the grains near it, and whether it may be placed.
+"""A new grain of a true shape: its orientation, the grains near it, and whether it may be placed.
 
 Grains whose inner spheres overlap certainly meet, and those whose bounding spheres do not are apart. Of the others the
 nearest ones, in sums of the bounding radii, are tested first, exactly.
@@ -23,7 +23,10 @@ SORTED = 8
 
 @bare_kernel
 def place_true(bed: Bed, shapes: TrueShapes, g: int, place: Vector, key: Words, number: int) -> bool:
-    """Place grain g at `place`, in the orientation of block (number, 1), if it meets nothing; return whether it did."""
+    """Place grain g at `place`, if it meets nothing, and return whether it did.
+
+    Its orientation is that of block (number, 1), and the one it has where its shape is not turned.
+    """
     s, f, inner, work = shapes.shape[g], shapes.scale[g], shapes.inner[g], shapes.work
     radius, walls = bed.grains.half[g, 0], bed.walls
     if is_barred(walls, *place, 0.0, 0.0, 0.0, inner):
@@ -31,7 +34,8 @@ def place_true(bed: Bed, shapes: TrueShapes, g: int, place: Vector, key: Words, 
     many = list_near(bed, shapes, place, radius, inner)
     if many < 0:
         return False
-    work.quaternion[0], work.quaternion[1], work.quaternion[2], work.quaternion[3] = 1.0, 0.0, 0.0, 0.0
+    for c in range(4):
+        work.quaternion[c] = shapes.orientation[g, c]
     if shapes.turns[s]:
         draw_quaternion(walls.dimension, key, number, work.quaternion)
     write_matrix(work.quaternion, work.turn)

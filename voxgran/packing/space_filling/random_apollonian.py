@@ -115,6 +115,11 @@ class RandomApollonian:
                 f"smallest is {self.smallest:g} and largest is {self.largest:g}: no diameter is between; change one"
             )
 
+    @property
+    def against_orientations(self) -> str:
+        """What orientations that are asked for do not go together with."""
+        return f"rotate is {self.rotate}" if self.rotate else ""
+
 
 def prepare(problem: Problem) -> State:
     """Return the state in which only the grains of the start are placed.
@@ -128,7 +133,8 @@ def prepare(problem: Problem) -> State:
     spheres[: problem.started] = spheres_of_start(problem)
     arrays = {"spheres": spheres, "tally": np.array([problem.started, 0], dtype=np.int64), "volume": np.zeros(1)}
     if not all_spheres(problem):
-        arrays["diameter"], arrays["orientation"] = np.zeros(problem.count), np.tile(UPRIGHT, (problem.count, 1))
+        turns = np.tile(UPRIGHT, (problem.count, 1)) if problem.orientation is None else problem.orientation.copy()
+        arrays["diameter"], arrays["orientation"] = np.zeros(problem.count), turns
     if problem.start is not None and not all_spheres(problem):
         arrays["diameter"][: problem.started] = problem.diameter[: problem.started]
         arrays["orientation"][: problem.started] = problem.start.orientation

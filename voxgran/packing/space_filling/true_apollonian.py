@@ -1,8 +1,9 @@
 """Random Apollonian packing of true shapes: a random point gets the largest copy of a shape that fits there.
 
-Each copy has a random orientation. It may be moved away from what it touches while it grows (`shift`), and rotated to
-where it can grow further (`rotate`): each try rotates the best orientation by a random angle about a random axis, and
-is kept if the grain becomes larger. The range of the angles widens with each success and narrows with each failure.
+Each copy has a random orientation, or the one that is asked for. It may be moved away from what it touches while it
+grows (`shift`), and, from a random orientation, rotated to where it can grow further (`rotate`): each try rotates the
+best orientation by a random angle about a random axis, and is kept if the grain becomes larger. The range of the angles
+widens with each success and narrows with each failure.
 """
 
 import math
@@ -65,6 +66,7 @@ def precompute_shapes(problem: Problem, state: State, limits: Floats) -> Precomp
     walls = kernel_container(problem.container, from_corner=True)
     tables = true_shapes(shapes, problem.container, problem.shape_id, np.zeros(n), np.zeros(n))
     tables = tables._replace(scale=arrays["diameter"], orientation=arrays["orientation"])
+    tables.turns[:] *= problem.orientation is None
     cells = cells_with(walls, n, arrays["spheres"][: arrays["tally"][PLACED]])
     volume = np.array([shape.volume for shape in shapes])
     core = np.array([inner_radius(shape) for shape in shapes])
@@ -108,7 +110,7 @@ def put_shapes(
         place[0] = unit_float(words[0]) * walls.lengths[0]
         place[1] = unit_float(words[1]) * walls.lengths[1]
         place[2] = unit_float(words[2]) * walls.lengths[2] if walls.dimension == 3 else 0.0
-        _grow_at(around, rules, s, place, key, done)
+        _grow_at(around, rules, n, place, key, done)
         f = place[3] * limits[2]
         added, reached = volume[s] * f**walls.dimension, False
         if f > 0.0 and filled[0] + added >= limits[3]:
@@ -144,13 +146,14 @@ def _enter(around, n, s, place, f):  # type: ignore[no-untyped-def]
 
 
 @bare_kernel
-def _grow_at(around, rules, s, place, key, number):  # type: ignore[no-untyped-def]
-    """Write the largest scale at a place, and the orientation; the place moves if grains shift."""
-    work, dimension = around.shapes.work, around.walls.dimension
+def _grow_at(around, rules, n, place, key, number):  # type: ignore[no-untyped-def]
+    """Write the largest scale of grain n at a place, and its orientation; the place moves if grains shift."""
+    work, dimension, s = around.shapes.work, around.walls.dimension, around.shapes.shape[n]
     least, most = rules.limits[0] / rules.limits[2], rules.limits[1]
     # grains that move or are rotated become larger
     first = 0.0 if rules.shift > 0 or rules.rotate > 0 else least
-    work.quaternion[0], work.quaternion[1], work.quaternion[2], work.quaternion[3] = 1.0, 0.0, 0.0, 0.0
+    for c in range(4):
+        work.quaternion[c] = around.shapes.orientation[n, c]
     if around.shapes.turns[s]:
         draw_quaternion(dimension, key, number, work.quaternion)
     write_matrix(work.quaternion, work.turn)

@@ -73,7 +73,8 @@ def fit_shapes(
 ) -> int:  # fmt: skip
     """Write the largest place of each grain in its cell, or in the room `around` it.
 
-    The arrays hold earlier places, than which a place must be larger. No grain gets larger than `most`. Return
+    The arrays hold earlier places, than which a place must be larger. No grain gets larger than `most`. With 0 `tries`
+    grains keep their orientations. Return
     the number after the last grain; less than `last` where the work space is too small for a cell.
     """
     walls, cell, shapes = tessellation.walls, tessellation.cell, tessellation.poses.shape_id
@@ -89,8 +90,8 @@ def fit_shapes(
         if walls.dimension == 2:
             middle[2] = 0.0
         planes = _planes_of(walls, cell, work, middle)
-        shape, fitted = shapes[i], size[i] > 0.0
-        once = tessellation.bodies.round[shape] == 1
+        shape, fitted = shapes[i], size[i] > 0.0 or tries == 0
+        once = tessellation.bodies.round[shape] == 1 or tries == 0
         angle = FIRST_ANGLE
         for c in range(4):
             best[c] = turn[i, c]

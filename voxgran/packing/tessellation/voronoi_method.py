@@ -98,6 +98,11 @@ class VoronoiFill:
         """Whether the grains have shapes of their own, so that those that are given tell the volumes only."""
         return self.fill == "cells"
 
+    @property
+    def against_orientations(self) -> str:
+        """What orientations that are asked for do not go together with."""
+        return "fill is 'cells'" if self.own_shapes else ""
+
 
 def prepare(problem: Problem) -> State:
     """Return the state in which seeds are at random points.
@@ -119,6 +124,8 @@ def prepare(problem: Problem) -> State:
     for name in ("", "next_"):
         arrays[f"{name}arm"], arrays[f"{name}size"] = np.zeros((n, 3)), np.zeros(n)
         arrays[f"{name}turn"] = np.tile([1.0, 0.0, 0.0, 0.0], (n, 1))
+    if problem.orientation is not None:
+        arrays["turn"], arrays["next_turn"] = problem.orientation[:n].copy(), problem.orientation[:n].copy()
     if not problem.target:
         arrays["cap"][0] = math.inf
     settings: VoronoiFill = problem.parameters
@@ -192,7 +199,7 @@ def _fit(problem: Problem, state: State, made: Precomputed, many: int) -> int:
         made.poses = poses_of(problem.shapes, shape_id, arrays["arm"], arrays["turn"], arrays["size"])
     first = int(tally[FITTED])
     last, again = min(first + many, n), bool(tally[ROUND])
-    tries = math.ceil(settings.orientations * (AGAIN if again else 1.0))
+    tries = math.ceil(settings.orientations * (AGAIN if again else 1.0)) if problem.orientation is None else 0
     most = arrays["cap"][0] * problem.diameter[:n]
     key = philox_key(problem.seed, f"orientations {tally[ROUND]}")
     places = Places(arrays["next_arm"], arrays["next_turn"], arrays["next_size"])

@@ -50,10 +50,14 @@ def test_the_column_holds_the_volume():
     """A box to the share of its height, a sphere to the height of its cap."""
     generator = np.random.default_rng(2)
     box = vg.Box((3, 4, 10))
-    level = column_top(box, UP, 0.4 * box.volume, generator) - box.bounds[0][2]
-    assert level == pytest.approx(4.0, abs=0.1)
+    level, room = column_top(box, UP, 0.4 * box.volume, generator)
+    assert level - box.bounds[0][2] == pytest.approx(4.0, abs=0.1)
+    assert room == box.volume
+    level, room = column_top(box, UP, 0.4 * box.volume, generator, box.bounds[0][2] + 3.0)
+    assert level - box.bounds[0][2] == pytest.approx(7.0, abs=0.1)
+    assert room == pytest.approx(0.7 * box.volume, rel=0.02)
     ball = vg.Sphere(radius=2.0)
-    middle = column_top(ball, UP, 0.5 * ball.volume, generator)
+    middle, _ = column_top(ball, UP, 0.5 * ball.volume, generator)
     assert middle == pytest.approx(float(np.mean(ball.bounds, axis=0)[2]), abs=0.06)
 
 

@@ -1,0 +1,93 @@
+"""The [[layer]] entries of a scene."""
+
+import pytest
+
+import voxgran as vg
+from voxgran._base.errors import InputError, UnknownNameError
+from voxgran._base.stopping import Interrupted
+
+# small beds have no bulk
+pytestmark = pytest.mark.filterwarnings("ignore:the bulk holds")
+LAYERS = [
+    {"shape": [{"family": "sphere", "density": 1.0}], "count": 12},
+    {
+        "shape": [{"family": "box", "density": 2.0, "share": 0.5}, {"family": "sphere", "density": 2.0, "share": 0.5}],
+        "count": 10,
+        "sizes": {"kind": "fixed", "diameter": 0.8},
+    },
+]
+SCENE = {
+    "scene": {"seed": 3},
+    "layer": LAYERS,
+    "container": {"kind": "box", "lengths": [3, 3, 10]},
+    "packing": {"method": "gravity", "friction": 0.3},
+    "measure": {"which": ["density"]},
+    "output": {"vtk": False, "report": False},
+}
+
+
+def called():
+    upper = [vg.shapes.box(), vg.shapes.sphere()]
+    layers = [
+        {"shapes": vg.shapes.sphere(), "count": 12, "density": 1.0},
+        {"shapes": upper, "count": 10, "density": 2.0, "sizes": vg.sizes.fixed(0.8)},
+    ]
+    return vg.pack_layers(layers, vg.Box((3, 3, 10)), friction=0.3, seed=3)
+
+
+def test_a_scene_packs_what_a_call_does(tmp_path):
+    scene = vg.Scene.from_mapping(SCENE)
+    assert vg.Scene.from_mapping(scene.to_mapping()) == scene
+    assert scene.plan().grains == 22
+    result = scene.run(tmp_path / "out")
+    assert result.packing.position.tobytes() == called().position.tobytes()
+    assert result.packing.densities.tolist() == [1.0] * 12 + [2.0] * 10
+    assert {path.name for path in (tmp_path / "out").iterdir()} == {"packing.vtp", "statistics.nc", "summary.json"}
+
+
+def test_a_run_that_stops_within_a_layer_goes_on(tmp_path):
+    scene, seen = vg.Scene.from_mapping(SCENE), []
+
+    def stop(step):
+        seen.append(step)
+        if len(seen) == 12:
+            raise Interrupted("enough", 2)
+
+    with pytest.raises(Interrupted):
+        scene.run(tmp_path / "out", on_step=stop)
+    result = scene.run(tmp_path / "out", resume=True)
+    assert result.packing.position.tobytes() == called().position.tobytes()
+    assert not list((tmp_path / "out").glob("checkpoint*"))
+
+
+def with_layer(**changes):
+    return {**SCENE, "layer": [{**LAYERS[0], **changes}]}
+
+
+@pytest.mark.parametrize(
+    ("scene", "error", "words"),
+    [
+        ({**SCENE, "layer": {}}, InputError, r"write \[\[layer\]\]"),
+        ({**SCENE, "layer": [{"count": 3}]}, InputError, "has no shape"),
+        (with_layer(height=3), InputError, "either count or height"),
+        (with_layer(count=-3), InputError, "count is -3"),
+        (with_layer(cuont=3), UnknownNameError, "count"),
+        (with_layer(sizes={"kind": "fixd"}), UnknownNameError, "fixed"),
+        ({**SCENE, "sizes": {"kind": "fixed"}}, InputError, r"\[sizes\] and \[\[layer\]\]"),
+        ({**SCENE, "packing": {"method": "gravity", "count": 3}}, InputError, r"\[packing\] count and \[\[layer\]\]"),
+        ({**SCENE, "output": {"snapshots": 3}}, InputError, "snapshots"),
+        (
+            {**SCENE, "packing": {"method": "deposition"}, "layer": [{"shape": LAYERS[0]["shape"], "height": 2}]},
+            InputError,
+            "only method 'gravity'",
+        ),
+    ],
+)
+def test_mistakes_are_told(scene, error, words):
+    with pytest.raises(error, match=words):
+        vg.Scene.from_mapping(scene)
+
+
+def test_a_study_says_that_it_has_no_layers():
+    with pytest.raises(InputError, match=r"base has \[\[layer\]\]"):
+        vg.Study(base=SCENE, axes={"packing.friction": [0.1, 0.3]})
