@@ -10,11 +10,11 @@ from voxgran._base.config import parameters_of
 from voxgran.cli.commands import SCENE
 from voxgran.clumps.method import clump_registry
 from voxgran.containers.make import container_registry
-from voxgran.decks.material import Material
 from voxgran.packing.method import method_registry
 from voxgran.scene import keys
 from voxgran.scene.sections import General, Output
 from voxgran.settling.compression_parameters import Compression
+from voxgran.settling.material import Material
 from voxgran.settling.parameters import Lid, Settling, Shaking
 from voxgran.shapes.family import families
 from voxgran.shapes.roughness.parameters import Roughness

@@ -20,8 +20,8 @@ from voxgran._base.lazy import load
 from voxgran._base.progress import OnStep, Step
 from voxgran._base.units import NO_UNIT, unit_factor
 from voxgran.clumps.model import Clump
+from voxgran.decks.contact_law import GRAVITY
 from voxgran.decks.engine import Engine, Frame, engine_registry
-from voxgran.decks.material import GRAVITY, Material
 from voxgran.decks.simulation import LONGEST, REST, Simulation
 from voxgran.decks.write import described
 from voxgran.geometry.rotation import quaternions_of
@@ -32,6 +32,7 @@ from voxgran.io.vtk_files import load_packing
 from voxgran.measures.region import HELD, Regions
 from voxgran.measures.registered.density import INSET
 from voxgran.packing.model import Packing
+from voxgran.settling.material import Material
 from voxgran.settling.relaxation import Relaxation
 
 if TYPE_CHECKING:

@@ -18,10 +18,11 @@ from voxgran._base.units import NO_UNIT
 from voxgran.clumps.bonds import LEAST_AREA, TOUCHING, Strengths, bonds_of_bodies
 from voxgran.contacts.assembly import NOT_STATED, Density, by_shape, density_text
 from voxgran.decks.bodies import Bodies, Kind, Template
-from voxgran.decks.material import GRAVITY, QUARTZ, STEPS_PER_COLLISION, ContactLaw, Material, contact_law
+from voxgran.decks.contact_law import GRAVITY, QUARTZ, STEPS_PER_COLLISION, ContactLaw, contact_law
 from voxgran.decks.walls import Walls
 from voxgran.geometry.sphere_pairs import near_pairs
 from voxgran.packing.model import Packing
+from voxgran.settling.material import Material
 
 if TYPE_CHECKING:
     from xarray import Dataset

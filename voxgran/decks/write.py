@@ -19,10 +19,11 @@ from voxgran.clumps.model import Clump
 from voxgran.contacts.manifolds.convex_bodies import is_convex
 from voxgran.containers.model import Container
 from voxgran.decks.bodies import Kind, Template, names_of
+from voxgran.decks.contact_law import GRAVITY
 from voxgran.decks.engine import Engine, engine_registry
-from voxgran.decks.material import GRAVITY, Material
 from voxgran.decks.simulation import LONGEST, REST, Simulation, simulation_of
 from voxgran.packing.model import Packing, check_packing
+from voxgran.settling.material import Material
 from voxgran.shapes.model import Shape
 from voxgran.shapes.spheres import Spheres
 

@@ -19,7 +19,6 @@ from voxgran.contacts.assembly import NOT_STATED
 from voxgran.containers.make import make_container
 from voxgran.containers.model import Container
 from voxgran.decks.engine import engine_registry
-from voxgran.decks.material import Material
 from voxgran.decks.write import refuse_unheld
 from voxgran.io.files import load
 from voxgran.packing.method import method_registry
@@ -30,6 +29,7 @@ from voxgran.scene.mistakes import Mistakes, refuse_unknown
 from voxgran.scene.sections import General, Output
 from voxgran.scene.shape_entries import ShapeEntry, given_values, shape_entries, with_densities
 from voxgran.settling.compression_parameters import Compression
+from voxgran.settling.material import Material
 from voxgran.settling.parameters import Settling
 from voxgran.shapes.sizes import SizeDistribution, make_sizes
 

@@ -8,10 +8,10 @@ from voxgran._base.calls import removal_of
 from voxgran._base.config import parameters_of
 from voxgran._base.errors import InputError, UnknownNameError, VoxgranError
 from voxgran._base.names import unknown
-from voxgran.decks.material import Material
 from voxgran.scene.keys import AnyShape, Listed, Measured, Packed, Settled, ShapeOfFamily, ShapeOfFile, Shares, names_of
 from voxgran.scene.sections import General, Output
 from voxgran.settling.compression_parameters import Compression
+from voxgran.settling.material import Material
 from voxgran.settling.parameters import Settling
 
 #: keys of the sections, to name the right one where a key is in another; [packing] and [scene] come first

@@ -12,7 +12,6 @@ from voxgran._base import ExplainedAttributes
 from voxgran._base.config import to_mapping
 from voxgran._base.errors import InputError
 from voxgran.containers.model import boundary_of
-from voxgran.decks.material import Material
 from voxgran.packing.beds.expected import ExpectedBed, expected_bed
 from voxgran.packing.draw import Request
 from voxgran.packing.method import check_memory, long_run, packing_memory
@@ -20,6 +19,7 @@ from voxgran.packing.pack import Task, prepare_task
 from voxgran.packing.problem import too_coarse
 from voxgran.scene.description import SceneDescription
 from voxgran.scene.shape_entries import REMEDIES, ShapeEntry
+from voxgran.settling.material import Material
 from voxgran.settling.parameters import Settling
 from voxgran.settling.search import MOST_TRIES
 from voxgran.shapes.family import families

@@ -31,6 +31,7 @@ from voxgran.containers.stretch import stretched
 from voxgran.settling.bed import Bed
 from voxgran.settling.closing import close_round
 from voxgran.settling.compression_parameters import Compression
+from voxgran.settling.materials import friction_of, friction_range
 from voxgran.settling.parting import part_grains
 from voxgran.settling.presets import KEPT, TRIANGLES
 from voxgran.settling.resumable import Resumable
@@ -121,7 +122,8 @@ class Compressor(Resumable):
         self.stress = stress / self.unit
         self.bed = Bed(assembly, np.zeros(3))
         without_weight(self.bed)
-        self.pace = FRICTIONAL if how.friction >= LITTLE else FRICTIONLESS
+        self.friction = friction_of(how.friction, assembly)
+        self.pace = FRICTIONAL if friction_range(self.friction)[0] >= LITTLE else FRICTIONLESS
         self._rate = how.rate or self.pace.rate
         self.progress = Progress(mobility=max(self.pace.strain / self._rate, LAST))
         if how.solid_fraction is not None:
@@ -181,7 +183,7 @@ class Compressor(Resumable):
         bed.finders.exact = True
         if self._start is not None:
             bed.find(TOUCHING, 0.0)
-            keep_known_forces(bed, self._start, self.how.friction, self.unit)
+            keep_known_forces(bed, self._start, self.friction, self.unit)
         if self._examine(THOROUGH, known=self._start is not None) and progress.smallest >= 0.0:
             progress.stage, progress.exact = ENDED, 1
             return
@@ -196,7 +198,7 @@ class Compressor(Resumable):
         load = self.stress * bed.assembly.container.volume
         free = float(np.abs(self.modes @ load).max())
         forces, accelerations = pressed_forces(
-            bed, self.modes, pace.strain / (size * free), load, openness=bed.gap / size, friction=self.how.friction,
+            bed, self.modes, pace.strain / (size * free), load, openness=bed.gap / size, friction=self.friction,
             skin=SOFTNESS / size, iterations=int(np.clip(ITERATIONS * math.sqrt(size), FEWEST, MANY)),
             tolerance=TOLERANCE,
         )  # fmt: skip
@@ -244,7 +246,7 @@ class Compressor(Resumable):
             smallest = min(smallest, -TOUCHING)
         load = self.stress * bed.assembly.container.volume
         found = balance_grains(
-            bed, self.modes, load, friction=self.how.friction, tolerance=RESIDUAL, rounds=rounds, known=known
+            bed, self.modes, load, friction=self.friction, tolerance=RESIDUAL, rounds=rounds, known=known
         )
         progress.residual = np.maximum(found.residual, found.residual_torque)
         progress.bearing = found.bearing.astype(np.float64)

@@ -14,6 +14,7 @@ import numpy as np
 
 from voxgran._base.arrays import Floats, Integers
 from voxgran._base.errors import FileFormatError, InputError
+from voxgran.decks.contact_law import CHOSEN_OVERLAP
 from voxgran.decks.engine import Engine, Held
 from voxgran.decks.lammps_bonds import BondTexts, bond_commands, bond_texts
 from voxgran.decks.lammps_states import (
@@ -29,7 +30,6 @@ from voxgran.decks.lammps_states import (
     TITLE,
     lammps_states,
 )
-from voxgran.decks.material import CHOSEN_OVERLAP
 from voxgran.decks.simulation import OUTPUT, SETTLING, Simulation
 from voxgran.decks.text import row_of, text_of
 from voxgran.decks.walls import Walls
