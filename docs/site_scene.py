@@ -48,6 +48,11 @@ SECTIONS = {
         "How grains are compressed, without gravity, after they are packed. Without the section they are not.",
     ),
     "[material]": ((Material,), "The contact law in the input of engines. The section may be left out."),
+    "[[material]]": (
+        (keys.NamedMaterial,),
+        "Materials by name, each with the keys of [material] too; [[shape]] and [container] name theirs.",
+    ),
+    "material of [container]": ((keys.OfContainer,), "The material of the walls, where there are several."),
     "[measure]": ((keys.Measured,), "What is measured. The section may be left out."),
     "[output]": ((Output,), "What is written. The section may be left out."),
 }

@@ -38,6 +38,7 @@ class ContactLaw:
     poisson_ratio: float
     restitution: float
     friction: float
+    rolling_friction: float
     cohesion: float  # J/m^2
     damping_ratio: float  # zeta: damping over that which ends all rebound
     stable_step: float  # s
@@ -109,6 +110,7 @@ def contact_law(
         poisson_ratio=material.poisson_ratio,
         restitution=material.restitution,
         friction=material.friction,
+        rolling_friction=material.rolling_friction,
         cohesion=material.cohesion,
         damping_ratio=damping_ratio(material.restitution),
         stable_step=step,

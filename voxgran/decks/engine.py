@@ -50,8 +50,11 @@ class Engine:
         What grains may be, the preferred kind of a solid that is no sphere first.
     laws : tuple of str
         Contact laws that it has.
-    periodic, planar, cohesion, bonds : bool
-        Whether it has periodic containers, grains in two dimensions, surface energy, and bonds that break.
+    periodic, planar, cohesion, bonds, materials : bool
+        Whether it has periodic containers, grains in two dimensions, surface energy, bonds that break, and several
+        materials with properties of pairs.
+    rolling : tuple of str
+        Contact laws under which it has rolling friction.
     install : str
         Command line that installs it; ``""`` where it cannot be had in that way.
     verified : str
@@ -82,6 +85,8 @@ class Engine:
     planar: bool = False
     cohesion: bool = False
     bonds: bool = False
+    materials: bool = False
+    rolling: tuple[str, ...] = ()
     install: str = ""
     verified: str = "not run"
     command: str = ""

@@ -33,6 +33,7 @@ from voxgran.measures.region import HELD, Regions
 from voxgran.measures.registered.density import INSET
 from voxgran.packing.model import Packing
 from voxgran.settling.material import Material
+from voxgran.settling.materials import Materials
 from voxgran.settling.relaxation import Relaxation
 
 if TYPE_CHECKING:
@@ -52,7 +53,7 @@ def relax(
     packing: Packing,
     engine: str = "lammps",
     *,
-    material: Material | Mapping[str, Any] | None = None,
+    material: Material | Materials | Mapping[str, Any] | None = None,
     clump: int | Clump | None = None,
     acceleration: float = GRAVITY,
     time_step: float | None = None,
@@ -73,7 +74,7 @@ def relax(
         Grains in their container, with gravity.
     engine : str
         Engine that voxgran can run, such as ``"lammps"``.
-    material : Material or mapping, optional
+    material : Material, Materials or mapping, optional
         Contact law and its parameters. Default: ``Material()``.
     clump : int or Clump, optional
         Number of spheres, or a fitted clump, in place of each shape that is no sphere. Default: 20.

@@ -8,7 +8,18 @@ from voxgran._base.calls import removal_of
 from voxgran._base.config import parameters_of
 from voxgran._base.errors import InputError, UnknownNameError, VoxgranError
 from voxgran._base.names import unknown
-from voxgran.scene.keys import AnyShape, Listed, Measured, Packed, Settled, ShapeOfFamily, ShapeOfFile, Shares, names_of
+from voxgran.scene.keys import (
+    AnyShape,
+    Listed,
+    Measured,
+    NamedMaterial,
+    Packed,
+    Settled,
+    ShapeOfFamily,
+    ShapeOfFile,
+    Shares,
+    names_of,
+)
 from voxgran.scene.sections import General, Output
 from voxgran.settling.compression_parameters import Compression
 from voxgran.settling.material import Material
@@ -22,6 +33,7 @@ _PLACES = {
     "[settle]": names_of(Settled, Settling),
     "[compress]": names_of(Compression),
     "[material]": names_of(Material),
+    "[[material]]": names_of(NamedMaterial),
     "[measure]": names_of(Measured),
     "[sizes]": names_of(Shares),
     "[grains]": names_of(Listed),

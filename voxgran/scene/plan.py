@@ -20,6 +20,7 @@ from voxgran.packing.problem import too_coarse
 from voxgran.scene.description import SceneDescription
 from voxgran.scene.shape_entries import REMEDIES, ShapeEntry
 from voxgran.settling.material import Material
+from voxgran.settling.materials import Materials, friction_text
 from voxgran.settling.parameters import Settling
 from voxgran.settling.search import MOST_TRIES
 from voxgran.shapes.family import families
@@ -283,9 +284,11 @@ def _full(scene: SceneDescription, task: Task) -> str:
 def _two_frictions(scene: SceneDescription, task: Task) -> str:
     """Return that frictions of settling and of input for engines differ; empty where they do not."""
     settling, material = _settling_of(task), scene.material
+    if isinstance(material, Materials) or settling is None or isinstance(settling.friction, Materials):
+        return ""
     used = bool(scene.output.dem) or material != Material()
     # a solid fraction that is asked for is reached by frictions that are not known yet
-    if not used or settling is None or settling.solid_fraction is not None or settling.friction == material.friction:
+    if not used or settling.solid_fraction is not None or settling.friction == material.friction:
         return ""
     section = "[packing]" if settling is task.problem.parameters else "[settle]"
     return (
@@ -310,12 +313,12 @@ def _steps(scene: SceneDescription, task: Task) -> dict[str, tuple[str, ...]]:
             f"until at least {settling.rest:.1%} of them rest",
             "" if settling.parts == "exact" else ", by hulls",
         )
-        how, target = f"with friction {settling.friction:g}", settling.solid_fraction
+        how, target = f"with friction {friction_text(settling.friction)}", settling.solid_fraction
         if target is not None:
             how = f"at a solid fraction of {target:g}, by friction and shaking in at most {MOST_TRIES} tries"
         computed.append(f"settle them {how}{shapes}, {share}")
     if (compression := scene.compress) is not None:
-        how, target = f"with friction {compression.friction:g}", compression.solid_fraction
+        how, target = f"with friction {friction_text(compression.friction)}", compression.solid_fraction
         if target is not None:
             how = f"to a solid fraction of {target:g}, by friction in at most {MOST_TRIES} tries"
         computed.append(f"compress them along {compression.axes} {how}")
