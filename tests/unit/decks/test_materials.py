@@ -1,5 +1,7 @@
 """Several materials in the input of engines: tables of pairs, walls, rolling friction, and what is refused."""
 
+import ast
+import json
 import math
 import re
 
@@ -10,6 +12,7 @@ import pytest
 import voxgran as vg
 from voxgran._base.errors import InputError
 from voxgran.decks.engine import engine_registry
+from voxgran.decks.engines.kratos import MATERIALS
 from voxgran.shapes.spheres import Spheres
 
 NAMES = engine_registry().names()
@@ -34,7 +37,7 @@ def deck(tmp_path, engine, material, packing=None):
 
 @pytest.mark.parametrize("engine", SEVERAL)
 def test_grains_of_several_materials_have_their_masses(engine, tmp_path):
-    made, _ = deck(tmp_path, engine, table())
+    made, _ = deck(tmp_path, engine, table(walls="steel"), cases.mixed(periodic=False))
     held = engine_registry().get(engine).read(tmp_path)
     packing = made.packing
     own = np.array([2600.0, 7800.0])[packing.shape_id]
@@ -116,6 +119,61 @@ def test_moduli_of_liggghts_are_those_of_materials(tmp_path):
     _, text = deck(tmp_path, "liggghts", materials)
     assert "youngsModulus peratomtype 10000000.0 100000000.0" in text
     assert "poissonsRatio peratomtype 0.25 0.3" in text
+
+
+def test_the_relations_of_kratos_are_those_of_pairs(tmp_path):
+    deck(tmp_path, "kratos", table(walls="steel"))
+    found = json.loads((tmp_path / MATERIALS).read_text())
+    told = {tuple(one["material_names_list"]): one["Variables"] for one in found["material_relations"]}
+    clump = next(name for pair in told for name in pair if name not in ("spheres", "walls"))
+    friction = {pair: values["STATIC_FRICTION"] for pair, values in told.items()}
+    assert friction == {
+        ("spheres", "spheres"): 0.6, ("spheres", clump): 0.15, ("spheres", "walls"): 0.15, (clump, clump): 0.3,
+        (clump, "walls"): 0.3,
+    }  # fmt: skip
+    stiffness = [told["spheres", "spheres"]["K_NORMAL"], told["spheres", clump]["K_NORMAL"]]
+    assert stiffness == pytest.approx([1e3, 1.5e3])
+    assert told["spheres", clump]["COEFFICIENT_OF_RESTITUTION"] == pytest.approx(0.4)
+
+
+def test_the_match_makers_of_yade_hold_the_numbers_of_pairs(tmp_path):
+    made, text = deck(tmp_path, "yade", table())
+    found = {
+        name: {(i, j): value for i, j, value in ast.literal_eval(rows)}
+        for name, rows in re.findall(r"(\w+)=MatchMaker\(matches=(\[.*?\])\)", text)
+    }
+    labels = re.findall(r'label="(\w+)"', text)
+    assert labels == ["grains0", "members0", "walls0", "grains1", "members1", "walls1"]
+    # ids are the places of the labels: a grain of sand on a wall of steel, and a member of steel on a wall of sand
+    for i, j, friction, stiffness in ((0, 5, 0.15, 1.5e3), (2, 4, 0.15, 1.5e3), (0, 1, 0.6, 1e3), (3, 5, 0.3, 3e3)):
+        assert math.tan(found["frictAngle"][i, j]) == pytest.approx(friction)
+        assert found["kn"][i, j] == pytest.approx(stiffness)
+        assert found["kRatio"][i, j] == pytest.approx(2 / 7)
+    assert len(found["kn"]) == 21
+    planes = ast.literal_eval(re.search(r"PLANES = (.*)", text)[1])
+    assert {(axis, inward): kind for _, axis, inward, kind in planes} == {
+        (0, 1): 0, (0, -1): 0, (1, 1): 0, (1, -1): 0, (2, 1): 1, (2, -1): 0,
+    }  # fmt: skip
+    names = [template.name for template in made.simulation.bodies.templates]
+    assert ast.literal_eval(re.search(r"MATERIALS = (.*)", text)[1]) == dict(zip(names, (0, 1), strict=True))
+    assert "the damping of a pair is the mean share" in text
+
+
+def test_spheres_of_two_materials_are_two_materials_of_kratos(tmp_path):
+    one = cases.spheres()
+    shapes = [vg.shapes.sphere(), vg.shapes.sphere()]
+    packing = vg.Packing.of(
+        shapes, one.container, position=one.position, scale=one.scale, shape_id=np.arange(one.count) % 2, unit="mm"
+    )
+    same = {"materials": {"sand": {"friction": 0.6}, "steel": {"friction": 0.3}}, "pairs": None}
+    deck(tmp_path, "kratos", vg.Materials(**same, shapes=["sand", "steel"], walls="steel"), packing)
+    found = json.loads((tmp_path / MATERIALS).read_text())
+    told = {tuple(pair["material_names_list"]): pair["Variables"] for pair in found["material_relations"]}
+    assert {pair: values["STATIC_FRICTION"] for pair, values in told.items() if "walls" not in pair} == {
+        ("spheres", "spheres"): 0.6, ("spheres", "spheres_2"): 0.3, ("spheres_2", "spheres_2"): 0.3,
+    }  # fmt: skip
+    with pytest.raises(InputError, match="name one for all"):
+        deck(tmp_path / "new", "kratos", table())
 
 
 @pytest.mark.parametrize(
