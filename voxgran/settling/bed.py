@@ -30,7 +30,7 @@ from voxgran.contacts.manifolds.rows import (
     PairList,
     carry_rows,
 )
-from voxgran.containers.model import Container, Surface, boundary_of
+from voxgran.containers.model import Container, boundary_of
 from voxgran.geometry.rotation import normalized
 from voxgran.settling.balance import LoadedContacts
 from voxgran.settling.impulses import move_bodies, write_matrices
@@ -226,8 +226,8 @@ class Bed:
 
     def _walls_at(self, partner: Integers) -> Integers:
         """Return the numbers of the walls that contacts are at, (m,), the lid as the last one; 0 between grains."""
-        walls = [wall for wall in boundary_of(self.assembly.container).walls if not isinstance(wall, Surface)]
-        found = np.where(partner == LID, len(walls), 0)
+        boundary = boundary_of(self.assembly.container)
+        walls, found = (*boundary.planes, *boundary.round), np.where(partner == LID, len(boundary.walls), 0)
         at = np.flatnonzero(partner == WALL)
         row = self.rows.row[at]
         normal = row[:, NORMAL : NORMAL + 3]

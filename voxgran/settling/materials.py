@@ -16,7 +16,6 @@ from voxgran._base.errors import InputError, UnknownNameError, shown
 from voxgran._base.names import unknown
 from voxgran.contacts.assembly import Assembly
 from voxgran.containers.model import Boundary, boundary_of
-from voxgran.geometry.walls import Plane, Round
 from voxgran.settling.material import Material
 
 #: properties that a pair of materials may have of its own
@@ -272,11 +271,9 @@ def friction_of(friction: "float | Materials", assembly: Assembly) -> "float | F
 
 
 def wall_names(boundary: Boundary) -> tuple[str, ...]:
-    """Return the names of the walls of a container, in their order."""
-    return tuple(
-        wall.name if isinstance(wall, Plane) else "round" if isinstance(wall, Round) else "mesh"
-        for wall in boundary.walls
-    )
+    """Return the names of the walls of a container: planes, walls of revolution, and a surface of triangles."""
+    others = ("round",) * len(boundary.round) + ("mesh",) * (boundary.solid is not None)
+    return (*(plane.name for plane in boundary.planes), *others)
 
 
 def friction_range(friction: "float | FrictionTable") -> tuple[float, float]:

@@ -59,14 +59,14 @@ def test_a_scene_of_materials_is_read_again():
 
 @pytest.mark.parametrize(("section", "found"), [("[settle]", None), ("[settle]\nfriction = 0.1", 0.1), ("", None)])
 def test_the_section_settle_has_the_last_word(section, found):
-    made = scene(('"gravity", count = 24', '"deposition", count = 24'), ("\ndensity = 7800", ""), text=SCENE + section)
+    made = scene(('"gravity", count = 24', '"digital", count = 24'), ("\ndensity = 7800", ""), text=SCENE + section)
     assert made.settle.friction == (found or made.material)
     assert not made.parameters
 
 
 def test_grains_are_compressed_with_the_friction_of_their_materials():
     made = scene(
-        ('"gravity"', '"rsa"'), ("lengths = [4, 4, 8]", 'lengths = [4, 4, 4], periodic = "xyz"'), ("\ndensity = 7800", ""),
+        ('"gravity"', '"rsa"'), ("[4, 4, 8]", '[4, 4, 4], periodic = "xyz"'), ("\ndensity = 7800", ""),
         text=SCENE + "[compress]\n",
     )  # fmt: skip
     assert made.compress.friction == made.material

@@ -179,6 +179,18 @@ def test_walls_are_told_apart_at_edges_and_the_lid_is_one():
     assert set(np.round(held.friction, 6)) == {0.1, 0.2, 0.3, 0.4}
 
 
+def test_a_polygon_is_one_wall_beside_the_lid():
+    disk, place = vg.make_shape("disk", diameter=0.8), vg.Polygon(2.0 * np.array([(0, 0), (2, 0), (2, 3), (0, 3)]))
+    names = ("sand", "side", "top")
+    pairs = {("sand", name): {"friction": 0.1 * k} for k, name in enumerate(names, 1)}
+    walls = {"mesh": "side", "lid": "top"}
+    materials = table(dict.fromkeys(names, 0.9), pairs=pairs, shapes="sand", walls=walls)
+    bed = vg.pack(disk, place, "gravity", count=20, seed=1, friction=materials, lid={"weight": 1.0})
+    held = bed.forces
+    np.testing.assert_allclose(held.friction, np.where(held.j == -2, 0.3, np.where(held.j == -1, 0.2, 0.1)))
+    assert {-2, -1} <= set(held.j.tolist())
+
+
 def test_a_grain_in_a_corner_has_the_friction_of_all_its_walls():
     bed = vg.Packing.of(
         vg.make_shape("box", lengths=(1, 1, 1)), vg.Box((3, 3, 3)), position=[(0.5, 0.5, 0.5)], gravity="-z"
