@@ -109,6 +109,19 @@ def test_the_properties_of_pairs_of_liggghts_are_matrices(tmp_path):
     assert "group spheres type 1 2" in text
 
 
+def test_rolling_friction_of_pfc_needs_a_radius(tmp_path):
+    _, text = deck(tmp_path, "pfc", {"rolling_friction": 0.1, "stiffness": 1e3})
+    assert "contact cmat default model rrlinear property kn 1000.0" in text
+    with pytest.raises(InputError, match="no radius of curvature"):
+        deck(tmp_path / "new", "pfc", {"rolling_friction": 0.1}, cases.falling(rock()))
+
+
+def rock():
+    """Return a convex polyhedron, which PFC has as a rigid block."""
+    shape = vg.make_shape("convex_polyhedron", seed=1)
+    return vg.Packing.of(shape, vg.Box((4, 4, 5)), position=[(2, 2, 2)], unit="mm")
+
+
 def test_moduli_of_liggghts_are_those_of_materials(tmp_path):
     own = {"law": "hertz", "young_modulus": 1e7}
     materials = vg.Materials(
