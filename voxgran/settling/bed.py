@@ -32,6 +32,7 @@ from voxgran.contacts.manifolds.rows import (
 )
 from voxgran.containers.model import Container, boundary_of
 from voxgran.geometry.rotation import normalized
+from voxgran.geometry.walls import Plane, Round
 from voxgran.settling.balance import LoadedContacts
 from voxgran.settling.impulses import move_bodies, write_matrices
 from voxgran.settling.materials import FrictionTable
@@ -227,7 +228,8 @@ class Bed:
     def _walls_at(self, partner: Integers) -> Integers:
         """Return the numbers of the walls that contacts are at, (m,), the lid as the last one; 0 between grains."""
         boundary = boundary_of(self.assembly.container)
-        walls, found = (*boundary.planes, *boundary.round), np.where(partner == LID, len(boundary.walls), 0)
+        walls: tuple[Plane | Round, ...] = (*boundary.planes, *boundary.round)
+        found = np.where(partner == LID, len(boundary.walls), 0)
         at = np.flatnonzero(partner == WALL)
         row = self.rows.row[at]
         normal = row[:, NORMAL : NORMAL + 3]

@@ -179,7 +179,7 @@ def _base(base: Any, folder: Path) -> dict[str, Any]:
     for name in mapping:
         if name not in SECTIONS:
             raise UnknownNameError(unknown("section of the base", name, SECTIONS))
-        if name != "shape":
+        if name != "shape" and not (name == "material" and isinstance(mapping[name], list)):
             check_type(
                 mapping[name], Mapping, f"[{name}] of the base", f"a section; write [base.{name}] above its keys"
             )

@@ -8,6 +8,8 @@ import pytest
 
 import voxgran as vg
 from voxgran._base.errors import InputError, UnknownNameError
+from voxgran.study.axes import changed
+from voxgran.study.canonical import canonical_scene
 
 SCENE = """
 shape = [{family = "sphere", material = "sand"}, {family = "sphere", count = 1, material = "steel"}]
@@ -100,3 +102,18 @@ def test_one_material_has_no_name():
     single = SCENE[: SCENE.index("[[material]]")] + "[material]\nfriction = 0.3\n"
     with pytest.raises(InputError, match=r"write \[\[material\]\] with a name"):
         scene(text=single)
+
+
+def test_studies_vary_the_friction_of_a_material_and_of_a_pair():
+    base = tomllib.loads(SCENE.replace("\ndensity = 7800", ""))
+    axes = {"material.0.pair.steel.friction": [0.1, 0.4], "material.1.friction": [0.3, 0.5]}
+    study = vg.Study(base=base, axes=axes, seeds=1)
+    cells = study.plan().cells
+    assert len(cells) == 4
+    found = vg.Scene.from_mapping(changed(base, {name: values[1] for name, values in axes.items()})).material
+    assert (found.between("sand", "steel").friction, found.between("steel", "steel").friction) == (0.4, 0.5)
+    # cells are told apart by the frictions with which their grains settle
+    made = [vg.Scene.from_mapping(changed(base, {"material.1.friction": mu})) for mu in (0.3, 0.5)]
+    assert canonical_scene(made[0]) != canonical_scene(made[1])
+    with pytest.raises(InputError, match=r"the scene has 2 \[\[material\]\]"):
+        changed(base, {"material.2.friction": 0.1})
