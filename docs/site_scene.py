@@ -10,12 +10,12 @@ from voxgran._base.config import parameters_of
 from voxgran.cli.commands import SCENE
 from voxgran.clumps.method import clump_registry
 from voxgran.containers.make import container_registry
-from voxgran.decks.material import Material
 from voxgran.geometry.orientations import KINDS as TURNS
 from voxgran.packing.method import method_registry
 from voxgran.scene import keys
 from voxgran.scene.sections import General, Output
 from voxgran.settling.compression_parameters import Compression
+from voxgran.settling.material import Material
 from voxgran.settling.parameters import Lid, Settling, Shaking
 from voxgran.shapes.family import families
 from voxgran.shapes.roughness.parameters import Roughness
@@ -53,6 +53,11 @@ SECTIONS = {
         "How grains are compressed, without gravity, after they are packed. Without the section they are not.",
     ),
     "[material]": ((Material,), "The contact law in the input of engines. The section may be left out."),
+    "[[material]]": (
+        (keys.NamedMaterial,),
+        "Materials by name, each with the keys of [material] too; [[shape]] and [container] name theirs.",
+    ),
+    "material of [container]": ((keys.OfContainer,), "The material of the walls, where there are several."),
     "[measure]": ((keys.Measured,), "What is measured. The section may be left out."),
     "[output]": ((Output,), "What is written. The section may be left out."),
 }

@@ -60,6 +60,7 @@ from voxgran.containers.model import Container
 from voxgran.geometry.orientation_laws.law import OrientationLaw
 from voxgran.packing.driver import Recorder
 from voxgran.packing.model import Packing
+from voxgran.settling.materials import Materials
 from voxgran.settling.parameters import Lid, Settling, Shaking
 from voxgran.shapes.families.random.polyhedron import Solid
 from voxgran.shapes.families.random.solid_union import Kind

@@ -18,7 +18,6 @@ from voxgran.containers.kinds.sphere import Sphere as Sphere
 from voxgran.containers.make import make_container as make_container
 from voxgran.containers.rough_walls import rough_walls as rough_walls
 from voxgran.decks.engine import engines as engines
-from voxgran.decks.material import Material as Material
 from voxgran.decks.relax import relax as relax
 from voxgran.decks.write import write_deck as write_deck
 from voxgran.geometry import orientations as orientations
@@ -73,6 +72,8 @@ from voxgran.report.slices import save_slices as save_slices
 from voxgran.report.turntable import save_turntable as save_turntable
 from voxgran.scene.scene import Scene as Scene
 from voxgran.settling.equilibrium import equilibrium as equilibrium
+from voxgran.settling.material import Material as Material
+from voxgran.settling.materials import Materials as Materials
 from voxgran.settling.parameters import Lid as Lid
 from voxgran.settling.parameters import Shaking as Shaking
 from voxgran.shapes import families as families

@@ -20,6 +20,7 @@ from voxgran.containers.model import Container
 from voxgran.geometry.orientation_laws.law import OrientationLaw
 from voxgran.packing.driver import Recorder
 from voxgran.packing.model import Packing
+from voxgran.settling.materials import Materials
 from voxgran.settling.parameters import Lid, Settling, Shaking
 from voxgran.shapes.families.random.polyhedron import Solid
 from voxgran.shapes.families.random.solid_union import Kind
@@ -62,7 +63,7 @@ class ApollonianKeywords(PackKeywords, total=False):
 class CompressionKeywords(PackKeywords, total=False):
     stress: Number | (Sequence[Number] | NDArray[Any])
     axes: str
-    friction: Number
+    friction: Number | Materials
     height: Number | None
     rate: Number | None
     rest: Number
@@ -115,7 +116,7 @@ class GrowthRateKeywords(PackKeywords, total=False):
     growth_rate: Number
 class ExpandKeywords(GrowthRateKeywords, total=False): ...
 class SettlingKeywords(PackKeywords, total=False):
-    friction: Number
+    friction: Number | Materials
     restitution: Number
     shaking: Shaking | None
     lid: Lid | None

@@ -134,8 +134,18 @@ GOOD = {
             "poisson_ratio": 0.2,
             "restitution": 0.3,
             "friction": 0.5,
+            "rolling_friction": 0.0,
             "cohesion": 0.0,
             "bond_strength": 1.0,
+        },
+    ),
+    "Materials": (
+        vg.Materials,
+        {
+            "materials": {"sand": vg.Material(), "steel": {"friction": 0.3}},
+            "pairs": {("sand", "steel"): {"friction": 0.2}},
+            "shapes": ["sand"],
+            "walls": {"others": "steel"},
         },
     ),
     "Packing.of": (

@@ -144,7 +144,7 @@ def check_bounds(instance: Any, *, of: str = "") -> None:
         kinds, name = kinds_of(entry.type), f"{of} {entry.name}".lstrip()
         if len(kinds) == 1 and typing.get_origin(kinds[0]) is typing.Literal:
             as_choice(value, name, typing.get_args(kinds[0]))
-        if not entry.bounds:
+        if not entry.bounds or is_parameter_class(type(value)):
             continue
         whole = int in kinds and float not in kinds
         for item in value if isinstance(value, tuple | list) else (value,):
@@ -292,7 +292,7 @@ def _describe(wanted: Any) -> str:
         return "a table"
     if is_parameter_class(wanted):
         entries = dataclasses.fields(wanted)
-        example = {field.name: field.default for field in entries if field.default is not MISSING}
+        example = {field.name: field.default for field in entries if field.default not in (MISSING, None)}
         return f"a table of {' and '.join(field.name for field in entries)}" + (
             f", such as {example}, or {wanted.__name__}({next(iter(example))}=...)" if example else ""
         )

@@ -11,10 +11,10 @@ from voxgran._base.errors import InputError
 from voxgran._base.files import as_path, refuse_to_replace
 from voxgran.cli.terminal import entry_line, progress, show
 from voxgran.decks.engine import Engine, engine_registry
-from voxgran.decks.material import Material
 from voxgran.decks.relax import remove_state, save_history
 from voxgran.io.files import known_suffix
 from voxgran.packing.model import Packing
+from voxgran.settling.material import Material
 
 
 def checkpoint_of(options: argparse.Namespace) -> Path:

@@ -16,8 +16,8 @@ from voxgran._base.names import nearest, unknown
 from voxgran._base.warning import warn_former
 from voxgran.cli.examples import EXAMPLES
 from voxgran.cli.flags import FLAGS, Once, as_value
-from voxgran.decks.material import Material
 from voxgran.settling.compression_parameters import Compression
+from voxgran.settling.material import Material
 from voxgran.settling.parameters import Settling
 
 
@@ -201,6 +201,9 @@ def _add_parameters(sub: argparse.ArgumentParser, cls: type) -> None:
 def nested_class(item: Parameter) -> type | None:
     """Return the class of a parameter that is a group of parameters; None for others."""
     kinds = (item.type, *typing.get_args(item.type))
+    if float in kinds:
+        # a number or a table: flags give the number
+        return None
     return next((kind for kind in kinds if isinstance(kind, type) and dataclasses.is_dataclass(kind)), None)
 
 

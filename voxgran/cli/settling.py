@@ -2,7 +2,7 @@
 
 import argparse
 import dataclasses
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -12,7 +12,7 @@ import numpy as np
 import voxgran
 from voxgran._base.arrays import as_share
 from voxgran._base.checkpoint import remove_checkpoint
-from voxgran._base.config import parameters_of
+from voxgran._base.config import from_mapping, parameters_of
 from voxgran._base.errors import InputError, OutputExistsError
 from voxgran._base.files import as_path, refuse_to_replace
 from voxgran.cli.parser import nested_class
@@ -22,6 +22,7 @@ from voxgran.measures.registered.density import main_fraction
 from voxgran.packing.gravity import as_down, proposed_axis
 from voxgran.packing.model import Packing
 from voxgran.settling.compression_parameters import Compression
+from voxgran.settling.materials import Materials
 from voxgran.settling.parameters import Settling
 
 #: shares of the grains that `equilibrium` tells
@@ -161,7 +162,7 @@ def equilibrium(options: argparse.Namespace, packing: Packing) -> int:
     Raises
     ------
     InputError
-        If there is no gravity, or a number is out of range.
+        If there is no gravity, a number is out of range, or the materials of the grains are not known.
     """
     least = as_share(options.rest, "rest", zero=True)
     if options.gravity is not None:
@@ -175,8 +176,7 @@ def equilibrium(options: argparse.Namespace, packing: Packing) -> int:
         )
     friction = options.friction
     if friction is None:
-        settled_with = None if packing.forces is None else packing.forces.friction
-        friction = 0.5 if settled_with is None else settled_with
+        friction = _friction_of(packing)
     found = voxgran.equilibrium(packing, friction, options.gap, stress=options.stress, tolerance=options.tolerance)
     rattlers = np.flatnonzero(found["rattler"].values)
     residual = np.maximum(found["residual"].values, found["residual_torque"].values)
@@ -191,7 +191,7 @@ def equilibrium(options: argparse.Namespace, packing: Packing) -> int:
             "rests": bool(rests),
             "grains": packing.count,
             "contacts": found.sizes["contact"],
-            "friction": friction,
+            "friction": found.attrs["friction"],
             **{name: found.attrs[name] for name in (*SHARES, *(("stress_error",) if pressed else ()))},
             "rattlers": rattlers.tolist() if options.json else _listed(rattlers.tolist()),
             "largest_residuals": {f"grain_{grain}": float(residual[grain]) for grain in worst.tolist()},
@@ -199,6 +199,19 @@ def equilibrium(options: argparse.Namespace, packing: Packing) -> int:
         options,
     )
     return 0 if rests else 1
+
+
+def _friction_of(packing: Packing) -> float | Materials:
+    """Return the friction with which a packing came to rest, or 0.5 where it is not known."""
+    known = None if packing.forces is None else packing.forces.friction
+    if not isinstance(known, np.ndarray):
+        return 0.5 if known is None else known
+    # contacts that are found now are others: their friction is that of the materials
+    record = packing.provenance.get("compression", packing.provenance.get("settling", {}))
+    table = record.get("parameters", {}).get("friction")
+    if not isinstance(table, Mapping):
+        raise InputError("friction of the packing is by contact, and its materials are not known; give --friction")
+    return from_mapping(Materials, table, "friction of the packing")
 
 
 def _listed(grains: list[int]) -> str:

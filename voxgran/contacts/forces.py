@@ -51,8 +51,9 @@ class ContactForces:
         stress, in mean normal forces.
     rattler : (n,) ndarray of bool
         Whether the grain is a rattler, which bears no load and could move.
-    friction : float or None
-        Coefficient of friction within whose cones the forces are; None where it is not known.
+    friction : float, (m,) ndarray of float or None
+        Coefficient of friction within whose cones the forces are, of all contacts or of each; None where it is not
+        known.
     stress : (3, 3) ndarray of float or None
         Mean stress tensor of the forces, compression above 0; None under gravity.
 
@@ -72,7 +73,7 @@ class ContactForces:
     gap: Floats
     residual: Floats
     rattler: Booleans
-    friction: float | None = None
+    friction: float | Floats | None = None
     stress: Floats | None = None
 
     def __post_init__(self) -> None:
@@ -91,6 +92,11 @@ class ContactForces:
             given = np.zeros((0, 3)) if not np.size(getattr(self, name)) else getattr(self, name)
             made[name] = as_floats(given, name, shape=(m, 3))
         as_points(made["point"], "point")
+        if self.friction is not None and np.ndim(self.friction):
+            made["friction"] = as_floats(self.friction, "friction", shape=(m,))
+            as_number(made["friction"].min(initial=0.0), "friction", at_least=0.0)
+        elif self.friction is not None:
+            object.__setattr__(self, "friction", as_number(self.friction, "friction", at_least=0.0))
         if self.stress is not None:
             made["stress"] = as_floats(self.stress, "stress", shape=(3, 3))
         if residual.min(initial=0.0) < 0:
@@ -104,8 +110,6 @@ class ContactForces:
             raise InputError(f"normal has length {length[worst]:g} at row {worst}: it must be 1; divide by the length")
         for name, array in made.items():
             object.__setattr__(self, name, read_only(np.array(array, order="C")))
-        if self.friction is not None:
-            object.__setattr__(self, "friction", as_number(self.friction, "friction", at_least=0.0))
 
     def __reduce__(self) -> tuple[Any, ...]:
         # made anew by its constructor, so that its arrays are read-only again and what was cached stays behind

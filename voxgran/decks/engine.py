@@ -51,9 +51,11 @@ class Engine:
         What grains may be, the preferred kind of a solid that is no sphere first.
     laws : tuple of str
         Contact laws that it has.
-    periodic, planar, cohesion, bonds, servo : bool
-        Whether it has periodic containers, grains in two dimensions, surface energy, bonds that break, and periodic
-        cells that keep a stress.
+    periodic, planar, cohesion, bonds, servo, materials : bool
+        Whether it has periodic containers, grains in two dimensions, surface energy, bonds that break, periodic cells
+        that keep a stress, and several materials with properties of pairs.
+    rolling : tuple of str
+        Contact laws under which it has rolling friction.
     install : str
         Command line that installs it; ``""`` where it cannot be had in that way.
     verified : str
@@ -85,6 +87,8 @@ class Engine:
     cohesion: bool = False
     bonds: bool = False
     servo: bool = False
+    materials: bool = False
+    rolling: tuple[str, ...] = ()
     install: str = ""
     verified: str = "not run"
     command: str = ""

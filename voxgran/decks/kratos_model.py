@@ -36,21 +36,30 @@ def clumps_of(bodies: Bodies) -> dict[int, int]:
     return {number: FIRST_CLUMP + place for place, number in enumerate(used)}
 
 
-def spheres_of(bodies: Bodies) -> list[tuple[int, str, float, Integers]]:
-    """Return the materials of grains that are spheres: identification number, name, density in kg/m^3, and the grains.
+def spheres_of(simulation: Simulation) -> list[tuple[int, str, int, float, Integers]]:
+    """Return the materials of grains that are spheres: identification number, name, number of the material in the table
+    of laws, density in kg/m^3, and the grains.
 
-    There is one for each density; the numbers of those after the first follow those of clumps.
+    There is one for each material and density; the numbers of those after the first follow those of clumps.
     """
+    bodies, of_shapes = simulation.bodies, np.array(simulation.laws.of_shapes)
     mine = bodies.of_kind("sphere")
-    densities = bodies.assembly.densities[mine]
-    found = [one for one in dict.fromkeys(bodies.densities) if (densities == one).any()]
+    kinds, densities = of_shapes[bodies.assembly.shape_id[mine]], bodies.assembly.densities[mine]
+    every = dict.fromkeys(zip(of_shapes.tolist(), bodies.densities, strict=True))
+    found = [one for one in every if ((kinds == one[0]) & (densities == one[1])).any()]
     if not found:
         # the material of spheres is there without any
-        return [(SPHERES, "spheres", bodies.densities[0], mine)]
+        return [(SPHERES, "spheres", 0, bodies.densities[0], mine)]
     after = FIRST_CLUMP + len(clumps_of(bodies)) - 1
     return [
-        (after + k if k else SPHERES, f"spheres_{k + 1}" if k else "spheres", one, mine[densities == one])
-        for k, one in enumerate(found)
+        (
+            after + k if k else SPHERES,
+            f"spheres_{k + 1}" if k else "spheres",
+            kind,
+            density,
+            mine[(kinds == kind) & (densities == density)],
+        )
+        for k, (kind, density) in enumerate(found)
     ]
 
 
@@ -60,11 +69,11 @@ def sphere_text(simulation: Simulation, comments: Sequence[str]) -> str:
     centers, radii, grain = bodies.spheres
     mine = np.isin(grain, bodies.of_kind("sphere"))
     ids = (grain[mine] + 1).tolist()
-    materials, material = spheres_of(bodies), np.zeros(bodies.count, dtype=np.int64)
-    for number, _, _, grains in materials:
+    materials, material = spheres_of(simulation), np.zeros(bodies.count, dtype=np.int64)
+    for number, *_, grains in materials:
         material[grains] = number
     elements = [f"{number} {material[number - 1]} {number}" for number in ids]
-    parts = [(name.title(), (grains + 1).tolist()) for _, name, _, grains in materials]
+    parts = [(name.title(), (grains + 1).tolist()) for _, name, *_, grains in materials]
     lines = [
         *_comments(comments),
         *_block("ModelPartData", []),

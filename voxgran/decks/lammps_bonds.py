@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from voxgran._base.arrays import Floats, Integers
-from voxgran.decks.material import SHEAR_RATIO, ContactLaw
+from voxgran.decks.contact_law import SHEAR_RATIO, ContactLaw
 
 if TYPE_CHECKING:
     from xarray import Dataset

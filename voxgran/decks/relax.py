@@ -21,8 +21,8 @@ from voxgran._base.progress import OnStep, Step
 from voxgran._base.units import NO_UNIT, unit_factor
 from voxgran.clumps.model import Clump
 from voxgran.containers.stretch import stretched
+from voxgran.decks.contact_law import GRAVITY
 from voxgran.decks.engine import Engine, Frame, engine_registry
-from voxgran.decks.material import GRAVITY, Material
 from voxgran.decks.simulation import LONGEST, Simulation
 from voxgran.decks.write import described
 from voxgran.geometry.rotation import quaternions_of
@@ -33,6 +33,8 @@ from voxgran.io.vtk_files import load_packing
 from voxgran.measures.region import HELD, Regions
 from voxgran.measures.registered.density import INSET
 from voxgran.packing.model import Packing
+from voxgran.settling.material import Material
+from voxgran.settling.materials import Materials
 from voxgran.settling.relaxation import Relaxation
 
 if TYPE_CHECKING:
@@ -52,7 +54,7 @@ def relax(
     packing: Packing,
     engine: str = "lammps",
     *,
-    material: Material | Mapping[str, Any] | None = None,
+    material: Material | Materials | Mapping[str, Any] | None = None,
     clump: int | Clump | None = None,
     acceleration: float = GRAVITY,
     time_step: float | None = None,
@@ -75,7 +77,7 @@ def relax(
         Grains in their container, with gravity or, where there is a stress, without.
     engine : str
         Engine that voxgran can run, such as ``"lammps"``.
-    material : Material or mapping, optional
+    material : Material, Materials or mapping, optional
         Contact law and its parameters. Default: ``Material()``.
     clump : int or Clump, optional
         Number of spheres, or a fitted clump, in place of each shape that is no sphere. Default: 20.

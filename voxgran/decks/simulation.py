@@ -7,7 +7,7 @@ import math
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -18,10 +18,13 @@ from voxgran._base.units import NO_UNIT
 from voxgran.clumps.bonds import LEAST_AREA, TOUCHING, Strengths, bonds_of_bodies
 from voxgran.contacts.assembly import NOT_STATED, Density, by_shape, density_text
 from voxgran.decks.bodies import Bodies, Kind, Template
-from voxgran.decks.material import GRAVITY, QUARTZ, STEPS_PER_COLLISION, ContactLaw, Material, contact_law
+from voxgran.decks.contact_law import GRAVITY, QUARTZ, STEPS_PER_COLLISION, ContactLaw, contact_law
+from voxgran.decks.law_table import LawTable, law_table
 from voxgran.decks.walls import Walls
 from voxgran.geometry.sphere_pairs import near_pairs
 from voxgran.packing.model import Packing
+from voxgran.settling.material import Material
+from voxgran.settling.materials import Materials
 
 if TYPE_CHECKING:
     from xarray import Dataset
@@ -63,7 +66,9 @@ class Simulation:
     walls : Walls
         Walls and lid, in metres.
     law : ContactLaw
-        Numbers of the contact law.
+        Numbers of the contact law; of several materials, those of the pair with the shortest stable time step.
+    laws : LawTable
+        Contact laws between all materials, and the materials of grains and walls.
     gravity : (3,) ndarray of float
         Acceleration, m/s^2; zero where there is none.
     time_step : float
@@ -85,7 +90,7 @@ class Simulation:
 
     bodies: Bodies
     walls: Walls
-    law: ContactLaw
+    laws: LawTable
     gravity: Floats
     time_step: float
     bonds: "Dataset | None" = None
@@ -98,6 +103,11 @@ class Simulation:
     def pressure(self) -> float:
         """Largest stress that the cell keeps, Pa; 0 where there is none."""
         return 0.0 if self.stress is None else float(np.nanmax(self.stress))
+
+    @cached_property
+    def law(self) -> ContactLaw:
+        """Numbers of the contact law; of several materials, those of the pair with the shortest stable time step."""
+        return self.laws.slowest
 
     @cached_property
     def diameter(self) -> float:
@@ -161,7 +171,7 @@ class Simulation:
         lines = [
             f"voxgran {__version__}: {bodies.count} grains for {engine} ({what})",
             f"SI units: m, kg, s, N, Pa, J; {lengths}; total mass {float(bodies.mass.sum())!r} kg",
-            *_law_lines(law, density_text(bodies.assembly.density)),
+            *_table_lines(self.laws, density_text(bodies.assembly.density)),
             f"time step {self.time_step:.6g} s; stable up to {law.stable_step:.6g} s = {law.formula}",
         ]
         if self.bonds is not None:
@@ -180,9 +190,19 @@ class Simulation:
         return [f"{mark} {line}" for line in (*self.header(engine), *notes)]
 
 
+def _table_lines(laws: LawTable, density: str) -> list[str]:
+    """Return the contact laws of all pairs of materials in words."""
+    if laws.count == 1:
+        return _law_lines(laws.laws[0][0], density)
+    named = ", ".join(f"{k + 1} {name}" for k, name in enumerate(laws.names))
+    rows = [(f"materials {a + 1} and {b + 1}", law) for a, b, law in laws.pairs()]
+    return [f"materials: {named}", *(f"{pair}: {line}" for pair, law in rows for line in _law_lines(law, density))]
+
+
 def _law_lines(law: ContactLaw, density: str) -> list[str]:
     """Return the contact law in words, with the densities."""
     common = f"density {density} kg/m^3, restitution {law.restitution:g}, friction {law.friction:g}"
+    common += f", rolling friction {law.rolling_friction:g}" if law.rolling_friction else ""
     if law.name == "linear":
         stiffness = f"normal stiffness {law.stiffness:.6g} N/m, shear stiffness {law.shear_stiffness:.6g} N/m"
         return [
@@ -198,7 +218,7 @@ def _law_lines(law: ContactLaw, density: str) -> list[str]:
 def simulation_of(
     packing: Packing,
     templates: tuple[Template, ...],
-    material: Material,
+    material: Material | Materials,
     *,
     acceleration: float = GRAVITY,
     time_step: float | None = None,
@@ -216,28 +236,32 @@ def simulation_of(
     metric = packing if packing.unit == NO_UNIT else packing.to_unit("m")
     scaled = tuple(replace(one, shape=shape) for one, shape in zip(templates, metric.shapes, strict=True))
     bodies = Bodies(scaled, replace(metric, density=_density(material, packing)))
-    bonds = None if material.bond_strength is None else _bonds(bodies, material.bond_strength)
+    strength = material.bond_strength if isinstance(material, Material) else None
+    bonds = None if strength is None else _bonds(bodies, strength)
     gravity = np.zeros(3)
     if metric.gravity is not None:
         gravity = acceleration * np.array(metric.gravity, dtype=float) / np.linalg.norm(metric.gravity)
     diameter = float(np.median(metric.diameters))
-    law = contact_law(
-        material,
-        density=bodies.assembly.mean_density,
-        mass=bodies.mass if bonds is None else _bonded_masses(bodies, bonds),
-        quickest=bodies.quickest,
-        diameter=diameter,
-        load=_load(bodies, gravity, acceleration, 0.0 if stress is None else float(np.nanmax(stress))),
-    )
+    numbers: dict[str, Any] = {
+        "density": bodies.assembly.mean_density,
+        "mass": bodies.mass if bonds is None else _bonded_masses(bodies, bonds),
+        "quickest": bodies.quickest,
+        "diameter": diameter,
+        "load": _load(bodies, gravity, acceleration, 0.0 if stress is None else float(np.nanmax(stress))),
+    }
+    walls = Walls.of(metric)
+    laws = law_table(material, lambda one: contact_law(one, **numbers), len(templates), walls.names)
+    law = laws.slowest
     if bonds is not None:
         law = _slowed(law, bodies, bonds)
+        laws = replace(laws, laws=((law,),))
     step = USUAL_STEP * law.stable_step if time_step is None else as_positive(time_step, "time_step")
     if step > law.stable_step:
         raise InputError(
             f"time_step is {step:g} s: it must be at most {law.stable_step:.4g} s, which is {law.formula}; leave it out"
         )
     rest = (REST if stress is None else CALM) if rest is None else rest
-    made = Simulation(bodies, Walls.of(metric), law, gravity, step, bonds, packing.unit, rest, longest, stress)
+    made = Simulation(bodies, walls, laws, gravity, step, bonds, packing.unit, rest, longest, stress)
     if not made.duration <= MOST_STEPS * step:
         given = f"time_step is {step:g} s" if time_step is not None else f"the stable time step is {step:g} s"
         longer = "a longer one, or " if time_step is not None else ""
@@ -284,7 +308,7 @@ def _load(bodies: Bodies, gravity: Floats, acceleration: float, pressure: float)
     return float(loads[worst]), float(diameters[worst])
 
 
-def _density(material: Material, packing: Packing) -> Density:
+def _density(material: Material | Materials, packing: Packing) -> Density:
     """Return the density of the solid, or of that of each shape, kg/m^3.
 
     Raises
@@ -293,6 +317,12 @@ def _density(material: Material, packing: Packing) -> Density:
         If that of the packing cannot be in this unit, or the material has one although shapes differ.
     """
     several = isinstance(packing.density, tuple)
+    if isinstance(material, Materials):
+        own = [material.materials[name].density for name in material.of_shapes(len(packing.shapes))]
+        if not several and any(one is not None for one in own):
+            usual = _density(Material(), packing)
+            return tuple(float(usual) if one is None else one for one in own)  # type: ignore[arg-type]
+        return _density(Material(), packing)
     if material.density is not None:
         if several:
             raise InputError(

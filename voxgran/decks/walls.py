@@ -59,6 +59,12 @@ class Walls:
         return cls(bounds, container.periodic, tuple(planes), wall, mesh, convex)
 
     @property
+    def names(self) -> tuple[str, ...]:
+        """Names of the walls."""
+        planes = tuple(plane.name for plane in self.planes)
+        return planes + ("round",) * (self.round is not None) + ("mesh",) * (self.mesh is not None)
+
+    @property
     def needs_triangles(self) -> bool:
         """Whether a wall is neither a plane nor a cylinder."""
         return self.mesh is not None or (self.round is not None and self.round.kind == "sphere")

@@ -3,6 +3,7 @@
 import os
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from itertools import combinations_with_replacement
 from pathlib import Path
 from typing import Any, Literal
 
@@ -19,10 +20,12 @@ from voxgran.clumps.model import Clump
 from voxgran.contacts.manifolds.convex_bodies import is_convex
 from voxgran.containers.model import Container
 from voxgran.decks.bodies import Kind, Template, names_of
+from voxgran.decks.contact_law import GRAVITY
 from voxgran.decks.engine import Engine, engine_registry
-from voxgran.decks.material import GRAVITY, Material
 from voxgran.decks.simulation import LONGEST, Simulation, simulation_of
 from voxgran.packing.model import Packing, check_packing
+from voxgran.settling.material import Material
+from voxgran.settling.materials import Materials
 from voxgran.shapes.model import Shape
 from voxgran.shapes.spheres import Spheres
 
@@ -72,7 +75,7 @@ def write_deck(
     folder: str | os.PathLike[str],
     engine: str = "lammps",
     *,
-    material: Material | Mapping[str, Any] | None = None,
+    material: Material | Materials | Mapping[str, Any] | None = None,
     clump: int | Clump | None = None,
     grains: Literal["clump", "polyhedron", "mesh", "level_set", "convex_parts"] | None = None,
     acceleration: float = GRAVITY,
@@ -95,8 +98,8 @@ def write_deck(
         engines may share a folder.
     engine : str
         Name of the engine; :func:`voxgran.engines` lists them.
-    material : Material or mapping, optional
-        Contact law and its parameters. Default: ``Material()``.
+    material : Material, Materials or mapping, optional
+        Contact law and its parameters, or a table of materials with those of each pair. Default: ``Material()``.
     clump : int or Clump, optional
         Number of spheres, or a fitted clump, in place of each shape that is no sphere, also where the engine has
         another kind of grain for it. Default: 20 where it has none.
@@ -164,7 +167,7 @@ def write_deck(
 def described(
     packing: Packing,
     engine: Engine,
-    material: Material | Mapping[str, Any] | None,
+    material: Material | Materials | Mapping[str, Any] | None,
     *,
     clump: int | Clump | None = None,
     grains: str | None = None,
@@ -191,7 +194,8 @@ def described(
     for number in np.unique(packing.shape_id).tolist():
         packing.shapes[number].refuse_open("bodies of an engine")
     held, templates = _held(packing, engine, clump, grains)
-    if law.bond_strength is not None and not any(template.kind == "clump" for template in templates):
+    bonded = isinstance(law, Material) and law.bond_strength is not None
+    if bonded and not any(template.kind == "clump" for template in templates):
         raise InputError("material bond_strength is given, but no grain is a clump: leave it out, or give clump=20")
     made = simulation_of(
         held,
@@ -241,8 +245,8 @@ def _as_stress(given: Any, packing: Packing, engine: Engine) -> Floats:
     return stress
 
 
-def as_material(value: Any) -> Material:
-    """Return a material, made of a mapping of its parameters or the default one.
+def as_material(value: Any) -> Material | Materials:
+    """Return a material, made of a mapping of its parameters or the default one; a table of several stays as it is.
 
     Raises
     ------
@@ -255,18 +259,18 @@ def as_material(value: Any) -> Material:
         return Material()
     if isinstance(value, Mapping):
         return from_mapping(Material, value, "material")
-    check_type(value, Material, "material", "a Material, or a mapping of its parameters")
+    check_type(value, (Material, Materials), "material", "a Material, a mapping of its parameters, or Materials")
     return value
 
 
-def refuse_unheld(engine: Engine, material: Material, container: Container) -> None:
+def refuse_unheld(engine: Engine, material: Material | Materials, container: Container) -> None:
     """Refuse a material or a container that an engine does not have.
 
     Parameters
     ----------
     engine : Engine
         The engine.
-    material : Material
+    material : Material or Materials
         Contact law.
     container : Container
         What holds the grains.
@@ -274,19 +278,44 @@ def refuse_unheld(engine: Engine, material: Material, container: Container) -> N
     Raises
     ------
     InputError
-        If the container is flat or periodic, or the material has a law, surface energy or bonds that the engine has
-        not.
+        If the container is flat or periodic, or the material has a law, surface energy, rolling friction or bonds
+        that the engine has not, or there are several materials and it has one.
     """
     title = engine.title
     if container.dimension == 2 and not engine.planar:
         raise InputError(f"container is flat: {title} takes grains in three dimensions; choose engine 'blocks'")
     if any(container.periodic) and not engine.periodic:
         raise InputError(f"container is periodic: input for {title} has walls only; use one without periodic axes")
+    if isinstance(material, Materials):
+        _refuse_several(engine, material)
+        for first, second in combinations_with_replacement(material.names, 2):
+            _refuse_law(engine, material.between(first, second))
+        return
+    _refuse_law(engine, material)
+
+
+def _refuse_several(engine: Engine, materials: Materials) -> None:
+    """Refuse several materials for an engine that has one, and bonds of several."""
+    many = len(materials.names)
+    if many > 1 and not engine.materials:
+        raise InputError(f"material has {many} materials: input for {engine.title} has one; give one Material")
+    if materials.materials[materials.names[0]].bond_strength is not None:
+        raise InputError("material bond_strength is given for named materials: bonds are of one; give one Material")
+
+
+def _refuse_law(engine: Engine, material: Material) -> None:
+    """Refuse properties of a material that an engine does not have."""
+    title = engine.title
     if material.law not in engine.laws:
         laws = " and ".join(map(repr, engine.laws))
         raise InputError(f"material law is {material.law!r}: input for {title} has {laws}; change it")
     if material.cohesion and not engine.cohesion:
         raise InputError(f"material cohesion is {material.cohesion:g}: input for {title} has none; leave it out")
+    if material.rolling_friction and material.law not in engine.rolling:
+        raise InputError(
+            f"material rolling_friction is {material.rolling_friction:g}: input for {title} has none under the law "
+            f"{material.law!r}; leave it out"
+        )
     if material.bond_strength is not None and not engine.bonds:
         raise InputError(f"material bond_strength is given: input for {title} has no bonds; leave it out")
 

@@ -54,6 +54,8 @@ def refuse_polyhedra(simulation: Simulation) -> None:
         raise InputError(f"container is periodic and grains are polyhedra: YADE has walls for them; {remedy}")
     if walls.round is not None or walls.mesh is not None:
         raise InputError(f"container is not flat and grains are polyhedra: YADE has planes for them; {remedy}")
+    if simulation.laws.count > 1:
+        raise InputError(f"material has {simulation.laws.count} materials and grains are polyhedra: give one Material")
     if law.cohesion:
         raise InputError(
             f"material cohesion is {law.cohesion:g} and grains are polyhedra: they have none in YADE; {remedy}"
@@ -170,7 +172,7 @@ def contacts_of_polyhedra(simulation: Simulation) -> Contacts:
     angle = math.atan(law.friction)
     # two materials in series have half of the stiffness of each
     solid = f"PolyhedraMat(young={2 * volumetric!r}, poisson={law.shear_stiffness / volumetric!r}, "
-    made = {"polyhedra": (solid, law.density), "walls": (solid, law.density)}
+    made = {"polyhedra": (solid, law.density), "walls0": (solid, law.density)}
     bodies, geometry = (
         simulation.bodies,
         ["Ig2_Polyhedra_Polyhedra_PolyhedraGeom()", "Ig2_Wall_Polyhedra_PolyhedraGeom()"],
@@ -178,7 +180,7 @@ def contacts_of_polyhedra(simulation: Simulation) -> Contacts:
     physics, laws = ["Ip2_PolyhedraMat_PolyhedraMat_PolyhedraPhys()"], ["Law2_PolyhedraGeom_PolyhedraPhys_Volumetric()"]
     if len(bodies.of_kind("sphere", "clump")):
         # another member has the mass of a clump
-        made |= {"grains": ("FrictMat(", law.density), "members": ("FrictMat(", 0.0)}
+        made |= {"grains0": ("FrictMat(", law.density), "members0": ("FrictMat(", 0.0)}
         geometry += ["Ig2_Sphere_Sphere_ScGeom()", "Ig2_Wall_Sphere_ScGeom()", "Ig2_Sphere_Polyhedra_ScGeom()"]
         normal, shear = (f"MatchMaker(algo='val', val={value!r})" for value in (law.stiffness, law.shear_stiffness))
         # also for a sphere and a polyhedron, as their material is one with friction

@@ -25,14 +25,14 @@ def pose(body, values):
     return body
 
 
-def put_sphere(values, spheres):
-    """Add a sphere."""
+def put_sphere(values, spheres, kind):
+    """Add a sphere of a material."""
     x, y, z, radius = spheres[0]
-    O.bodies.append(pose(utils.sphere((x, y, z), radius, material="grains"), values))
+    O.bodies.append(pose(utils.sphere((x, y, z), radius, material="grains%d" % kind), values))
 
 
-def put_clump(values, spheres):
-    """Add a clump.
+def put_clump(values, spheres, kind):
+    """Add a clump of a material.
 
     YADE takes mass, centroid and inertia of a clump from its members. A box without bounds, which meets nothing,
     carries the true ones among spheres without mass. The clump is made about the origin, with principal
@@ -43,10 +43,10 @@ def put_clump(values, spheres):
     center, turn = Vector3(*place[:3]), Quaternion(*place[3:7])
     points = [Vector3(x, y, z) for x, y, z, _ in spheres]
     members = [
-        utils.sphere(turn.conjugate() * (point - center), sphere[3], material="members")
+        utils.sphere(turn.conjugate() * (point - center), sphere[3], material="members%d" % kind)
         for point, sphere in zip(points, spheres)
     ]
-    box = utils.box((0, 0, 0), [spheres[0][3]] * 3, material="members", mask=2)
+    box = utils.box((0, 0, 0), [spheres[0][3]] * 3, material="members%d" % kind, mask=2)
     carrier = pose(box, [mass, 0, 0, 0, 1, 0, 0, 0, *place[7:]])
     carrier.bounded = False
     clump, ids = O.bodies.appendClumped([*members, carrier], discretization=0)
@@ -58,11 +58,11 @@ def put_clump(values, spheres):
         member.mass, member.pos, member.refPos, member.ori, member.refOri = mass, point, point, turn, turn
 
 
-def put_level_set(values, lattice):
+def put_level_set(values, lattice, kind):
     """Add a body given by signed distances on a lattice."""
     corner, spacing, points, distances = lattice
     grid = RegularGrid(min=Vector3(*corner), nGP=Vector3i(*points), spacing=spacing)
-    body = utils.levelSetBody(distField=distances, grid=grid, nSurfNodes=NODES, material="grains")
+    body = utils.levelSetBody(distField=distances, grid=grid, nSurfNodes=NODES, material="grains%d" % kind)
     O.bodies.append(pose(body, values))
 
 
@@ -99,20 +99,20 @@ def load():
     for grain, (kind, name, scale, *values) in enumerate(rows("yade_grains.txt")):
         values, scale = numbers(values), float(scale)
         if kind == "sphere":
-            put_sphere(values, spheres[grain])
+            put_sphere(values, spheres[grain], MATERIALS[name])
         elif kind == "clump":
-            put_clump(values, spheres[grain])
+            put_clump(values, spheres[grain], MATERIALS[name])
         elif kind == "polyhedron":
             points = rows("yade_%s.txt" % name)
             put_polyhedron(values, [scale * Vector3(*numbers(point)) for point in points])
         else:
-            put_level_set(values, lattice_of(name, scale))
-    for level, axis, inward in PLANES:
-        O.bodies.append(utils.wall(level, axis=axis, sense=inward, material="walls"))
+            put_level_set(values, lattice_of(name, scale), MATERIALS[name])
+    for level, axis, inward, kind in PLANES:
+        O.bodies.append(utils.wall(level, axis=axis, sense=inward, material="walls%d" % kind))
     for row in rows("yade_facets.txt") if FACETS else []:
-        values = numbers(row)
+        *values, kind = numbers(row)
         corners = [Vector3(*values[k : k + 3]) for k in (0, 3, 6)]
-        O.bodies.append(utils.facet(corners, material="walls"))
+        O.bodies.append(utils.facet(corners, material="walls%d" % kind))
 
 
 def grains():

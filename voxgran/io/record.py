@@ -213,7 +213,7 @@ def _add_forces(
     """Add the arrays of forces, where they are known, to those of a record; friction that is not known is NaN."""
     if forces is None:
         return
-    arrays[_FORCES + "friction"] = np.array([np.nan if forces.friction is None else forces.friction])
+    arrays[_FORCES + "friction"] = np.atleast_1d(np.nan if forces.friction is None else forces.friction)
     if forces.stress is not None:
         arrays[_FORCES + "stress"] = np.array(forces.stress)
     for names, place in ((_OF_CONTACTS, arrays), (_OF_GRAINS, per_grain)):
@@ -227,12 +227,13 @@ def _forces(record: Record) -> ContactForces | None:
     """Return the forces of a record; None where there are none."""
     if _FORCES + "friction" not in record.arrays:
         return None
-    friction = float(record.arrays[_FORCES + "friction"][0])
+    friction = np.asarray(record.arrays[_FORCES + "friction"], dtype=np.float64)
     values = {name: record.arrays[_FORCES + name] for name in _OF_CONTACTS}
     values |= {name: record.per_grain[_FORCES + name] for name in _OF_GRAINS}
     values["rattler"] = np.asarray(values["rattler"]) != 0
     stress = record.arrays.get(_FORCES + "stress")
-    return ContactForces(**values, friction=None if np.isnan(friction) else friction, stress=stress)
+    one = float(friction[0]) if len(friction) == 1 else friction
+    return ContactForces(**values, friction=None if np.isnan(friction).any() else one, stress=stress)
 
 
 def _json(value: Any, name: str) -> str:

@@ -34,6 +34,7 @@ from voxgran.packing.settling_run import (
 from voxgran.packing.start import Start
 from voxgran.settling.compression import TOUCHING, Compressor
 from voxgran.settling.compression_parameters import Compression
+from voxgran.settling.materials import Materials, friction_of
 from voxgran.settling.stress_balance import stress_of
 
 #: largest share of grains that bear no forces in a specimen
@@ -46,7 +47,7 @@ def compress(
     *,
     stress: float | Sequence[float] = 1.0,
     axes: str = "xyz",
-    friction: float = 0.5,
+    friction: float | Materials = 0.5,
     solid_fraction: float | None = None,
     height: float | None = None,
     rate: float | None = None,
@@ -73,8 +74,9 @@ def compress(
     axes : str
         Axes along which the container is compressed: ``"z"`` is an oedometric path, in which the others stay as they
         are; default: all. A cylinder is compressed along ``"xy"`` by its radius.
-    friction : float
-        Coulomb coefficient of friction between grains and at walls, from 0 to 2.
+    friction : float or Materials
+        Coulomb coefficient of friction between grains and at walls, from 0 to 2, or a table of materials, whose pairs
+        have one each.
     solid_fraction : float, optional
         Solid fraction of the result, met to 0.002: the friction, beginning with `friction`, from 0 to 1 is found that
         gives it. It is measured as by :func:`voxgran.settle`; default: as the friction gives it.
@@ -267,7 +269,7 @@ def finished_compression(packing: Packing, state: SettleState) -> Packing:
         gap=row[:, GAP] * unit,
         residual=bed.in_order(settler.progress.residual),
         rattler=bed.in_order(settler.progress.bearing) == 0.0,
-        friction=settler.how.friction,
+        friction=bed.friction_at(friction_of(settler.how.friction, bed.assembly)),
         stress=stress_of(bed, forces) * settler.unit,
     )
     return replace(moved, forces=known)

@@ -32,6 +32,7 @@ from voxgran.packing.problem import Problem
 from voxgran.packing.settling_run import GRAIN_BYTES, advance_settling, begun, finished, no_forces, normalized_assembly
 from voxgran.packing.start import Start
 from voxgran.settling.compression_parameters import Compression
+from voxgran.settling.materials import Materials
 from voxgran.settling.parameters import Lid, Settling, Shaking
 
 
@@ -39,7 +40,7 @@ from voxgran.settling.parameters import Lid, Settling, Shaking
 def settle(
     packing: Packing,
     *,
-    friction: float = 0.5,
+    friction: float | Materials = 0.5,
     restitution: float = 0.0,
     shaking: Shaking | Mapping[str, Any] | None = None,
     lid: Lid | Mapping[str, Any] | None = None,
@@ -64,8 +65,9 @@ def settle(
     ----------
     packing : Packing
         The grains, made by any method, loaded or put together by hand. They may overlap.
-    friction : float
-        Coulomb coefficient of friction between grains and at walls, from 0 to 2; what rests with 2 rests with more.
+    friction : float or Materials
+        Coulomb coefficient of friction between grains and at walls, from 0 to 2; what rests with 2 rests with more. A
+        table of materials has one for each pair; the masses of the grains follow from the density of the packing.
     restitution : float
         Ratio of the velocities after and before an impact, along the normal, from 0 to 1.
     shaking : Shaking or mapping, optional

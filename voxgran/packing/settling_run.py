@@ -21,6 +21,7 @@ from voxgran.packing.model import Packing
 from voxgran.packing.problem import Problem
 from voxgran.settling.compression import Compressor
 from voxgran.settling.equilibrium import carried_by
+from voxgran.settling.materials import Materials, friction_of
 from voxgran.settling.parameters import Settling
 from voxgran.settling.stages import RESIDUAL, TOUCHING, Settler
 
@@ -315,12 +316,12 @@ def _moved(packing: Packing, settler: Moving) -> Packing:
     )
 
 
-def no_forces(friction: float) -> ContactForces:
+def no_forces(friction: float | Materials) -> ContactForces:
     """Return the forces of a bed without grains."""
     none, nobody, vectors = np.zeros(0), np.zeros(0, dtype=np.int64), np.zeros((0, 3))
     return ContactForces(
         i=nobody, j=nobody, point=vectors, normal=vectors, force=vectors, gap=none, residual=none,
-        rattler=np.zeros(0, dtype=bool), friction=friction,
+        rattler=np.zeros(0, dtype=bool), friction=none if isinstance(friction, Materials) else friction,
     )  # fmt: skip
 
 
@@ -343,6 +344,6 @@ def contact_forces(packing: Packing, settler: Moving) -> Packing:
         gap=row[:, GAP] * unit,
         residual=residual,
         rattler=(residual <= RESIDUAL) & (bed.in_order(carried_by(bed, forces)) <= RESIDUAL),
-        friction=settler.how.friction,
+        friction=bed.friction_at(friction_of(settler.how.friction, bed.assembly)),
     )
     return replace(packing, forces=known)

@@ -10,6 +10,7 @@ from voxgran._base.names import unknown
 from voxgran.containers.model import Container
 from voxgran.packing.compress import compress
 from voxgran.packing.gravity import proposed_axis
+from voxgran.packing.method import method_registry
 from voxgran.packing.model import Packing
 from voxgran.scene.keys import Measured, Settled, names_of
 from voxgran.scene.mistakes import refuse_unknown
@@ -18,9 +19,11 @@ from voxgran.settling.parameters import Settling
 
 
 def settle_section(
-    mapping: Mapping[str, Any] | None, method: str, parameters: type, container: Container
+    mapping: Mapping[str, Any] | None, method: str, parameters: type, container: Container, friction: Mapping[str, Any]
 ) -> Settling | Literal[False] | None:
     """Return what the section [settle] says: parameters, False where it is disabled, None where it is left out.
+
+    friction: that of named materials, by its name, which holds where the section says nothing of it.
 
     Raises
     ------
@@ -30,7 +33,9 @@ def settle_section(
         If a key is unknown.
     """
     if mapping is None:
-        return None
+        # a method that builds beds lets them settle unasked
+        builds = friction and not issubclass(parameters, Settling) and method_registry().get(method).builds_bed
+        return Settling(**friction) if builds else None
     given = dict(mapping)
     enabled = given.pop("enabled", True)
     if not isinstance(enabled, bool):
@@ -45,12 +50,12 @@ def settle_section(
             f"with 'voxgran settle out/packing.vtp --gravity {proposed_axis(container)} -o settled.vtp'"
         )
     refuse_unknown(given, "[settle]", Settling, beside=names_of(Settled))
-    settling = from_mapping(Settling, given, "[settle]")
+    settling = from_mapping(Settling, {**friction, **given}, "[settle]")
     return settling if enabled else False
 
 
 def compress_section(
-    mapping: Mapping[str, Any] | None, method: str, parameters: type, container: Container
+    mapping: Mapping[str, Any] | None, method: str, parameters: type, container: Container, friction: Mapping[str, Any]
 ) -> Compression | None:
     """Return what the section [compress] says; None where it is left out.
 
@@ -70,7 +75,7 @@ def compress_section(
             "[packing]"
         )
     refuse_unknown(mapping, "[compress]", Compression)
-    how = from_mapping(Compression, mapping, "[compress]")
+    how = from_mapping(Compression, {**friction, **mapping}, "[compress]")
     how.modes_of(container)
     return how
 

@@ -19,7 +19,6 @@ from voxgran.contacts.assembly import NOT_STATED
 from voxgran.containers.make import make_container
 from voxgran.containers.model import Container
 from voxgran.decks.engine import engine_registry
-from voxgran.decks.material import Material
 from voxgran.decks.write import refuse_unheld
 from voxgran.geometry.orientation_laws.law import OrientationLaw
 from voxgran.geometry.orientations import make_orientations
@@ -29,10 +28,13 @@ from voxgran.packing.model import Packing
 from voxgran.scene.afterwards import compress_section, measure_section, settle_section
 from voxgran.scene.keys import Listed, Packed, names_of
 from voxgran.scene.layer_entries import ALONE_IN_PACKING, LayerEntry, layer_entries, together
+from voxgran.scene.materials import given_parameters, material_entries, material_section, with_material_densities
 from voxgran.scene.mistakes import Mistakes, refuse_unknown
 from voxgran.scene.sections import General, Output
 from voxgran.scene.shape_entries import ShapeEntry, given_values, shape_entries, with_densities
 from voxgran.settling.compression_parameters import Compression
+from voxgran.settling.material import Material
+from voxgran.settling.materials import Materials
 from voxgran.settling.parameters import Settling
 from voxgran.shapes.sizes import SizeDistribution, make_sizes
 
@@ -80,8 +82,8 @@ class SceneDescription(ExplainedAttributes):
         How the grains settle afterwards; False if they do not, None as the method does by default.
     compress : Compression or None
         How the grains are compressed then; None if they are not.
-    material : Material
-        Contact law of the grains in the input of engines.
+    material : Material or Materials
+        Contact law of the grains in the input of engines; several also give the friction of grains that settle.
     which : tuple of str or None
         Measures; None for all.
     output : Output
@@ -103,7 +105,7 @@ class SceneDescription(ExplainedAttributes):
     parameters: Mapping[str, Any]
     settle: Settling | Literal[False] | None = None
     compress: Compression | None = None
-    material: Material = Material()  # noqa: RUF009
+    material: Material | Materials = Material()  # noqa: RUF009
     which: tuple[str, ...] | None
     output: Output
 
@@ -176,11 +178,11 @@ class SceneDescription(ExplainedAttributes):
         64.0
         """
         _check_sections(mapping)
-        place, mistakes = Path(folder), Mistakes()
+        place, mistakes, shapes, walls = Path(folder), Mistakes(), tuple[ShapeEntry, ...](), None
         with mistakes.part():
             general = _general(mapping.get("scene", {}))
         with mistakes.part():
-            shapes = shape_entries(mapping["shape"], place) if "shape" in mapping else ()
+            shapes = shape_entries(mapping["shape"], place) if "shape" in mapping else shapes
         with mistakes.part("[sizes]"):
             sizes = dict(mapping.get("sizes", {}))
             share_by = _share_by(sizes.pop("share_by", "number"))
@@ -192,26 +194,32 @@ class SceneDescription(ExplainedAttributes):
         with mistakes.part():
             grains = _grains(mapping.get("grains"), place)
         with mistakes.part("[container]"):
-            container = make_container(_with_file(mapping["container"], place))
+            held = _with_file(mapping["container"], place)
+            walls = held.pop("material", None)
+            container = make_container(held)
         with mistakes.part():
             packing = dict(mapping["packing"])
             method, parameters, given = _method(packing)
             packed = _packed(packing, place)
             layers = layer_entries(mapping, place, parameters)
         with mistakes.part():
-            material: Material = _section(Material, mapping.get("material", {}), "[material]")
+            section = mapping.get("material", {})
+            # names of materials are told where all else can be read
+            if isinstance(section, Mapping) or not mistakes.found:
+                material = material_section(section, shapes, walls)
         with mistakes.part():
             which = measure_section(mapping.get("measure", {}))
         with mistakes.part():
             output: Output = _section(Output, mapping.get("output", {}), "[output]")
         mistakes.refuse()
+        friction = {} if isinstance(material, Material) else {"friction": material}
         for engine in output.dem:
             refuse_unheld(engine_registry().get(engine), material, container)
         if layers:
             shapes, packed["count"], given = together(layers, given)
         return cls(
             general=general,
-            shapes=with_densities(shapes, general.density),
+            shapes=with_densities(with_material_densities(shapes, material), general.density),
             sizes=law,
             orientations=oriented,
             grains=grains,
@@ -219,9 +227,9 @@ class SceneDescription(ExplainedAttributes):
             share_by=share_by,
             container=container,
             method=method,
-            parameters=given,
-            settle=settle_section(mapping.get("settle"), method, parameters, container),
-            compress=compress_section(mapping.get("compress"), method, parameters, container),
+            parameters=(friction if issubclass(parameters, Settling | Compression) else {}) | given,
+            settle=settle_section(mapping.get("settle"), method, parameters, container, friction),
+            compress=compress_section(mapping.get("compress"), method, parameters, container, friction),
             which=which,
             material=material,
             output=output,
@@ -240,11 +248,12 @@ class SceneDescription(ExplainedAttributes):
         >>> scene.to_mapping()["packing"]["method"]
         'rsa'
         """
-        packing = {name: getattr(self, name) for name in ("method", "count", "solid_fraction", "start")}
+        names = ("method", "count", "solid_fraction", "start")
+        packing = {name: value for name in names if (value := getattr(self, name)) is not None}
         made: dict[str, Any] = {
             "scene": to_mapping(self.general),
             "container": self.container.to_mapping(),
-            "packing": {key: value for key, value in packing.items() if value is not None} | dict(self.parameters),
+            "packing": packing | given_parameters(self.parameters),
             "output": to_mapping(self.output),
         }
         if self.layers:
@@ -267,7 +276,8 @@ class SceneDescription(ExplainedAttributes):
         if self.compress is not None:
             made["compress"] = {key: value for key, value in to_mapping(self.compress).items() if value is not None}
         if self.material != Material():
-            made["material"] = {key: value for key, value in to_mapping(self.material).items() if value is not None}
+            made["material"], walls = material_entries(self.material)
+            made["container"] |= {} if walls is None else {"material": walls}
         if self.which is not None:
             made["measure"] = {"which": list(self.which)}
         return made
@@ -367,7 +377,9 @@ def _check_sections(mapping: Mapping[str, Any]) -> None:
         with mistakes.part():
             if name not in SECTIONS:
                 raise UnknownNameError(unknown("section", name, SECTIONS))
-            if name not in ("shape", "layer"):
+            if name not in ("shape", "layer") and not (
+                name == "material" and isinstance(mapping[name], list) and mapping[name]
+            ):
                 check_type(mapping[name], Mapping, f"[{name}]", f"a section; write [{name}] above its keys")
     mistakes.refuse()  # a section that is missing may be there under a wrong name
     # grains of a list are spheres, or disks, where there is no shape

@@ -17,6 +17,7 @@ class AnyShape:
     density: float | None = parameter(
         None, doc="density of the material of these grains; default: that of [scene]", above=0.0
     )
+    material: str | None = parameter(None, doc="name of the [[material]] of these grains, where there are several")
     clump: int | Mapping[str, Any] | None = parameter(
         None, doc="a clump of spheres is packed in place of the shape: their number, or a table such as { mode = ... }"
     )
@@ -114,6 +115,27 @@ class Settled:
     """Keys of [settle], beside the parameters of settling."""
 
     enabled: bool = parameter(True, doc="grains settle; false leaves them where the method ends")
+
+
+@parameter_class
+class NamedMaterial:
+    """Keys of every [[material]], beside those of [material]."""
+
+    name: str = parameter(doc="name, by which shapes, walls and pairs mean it")
+    pair: Mapping[str, Any] | None = parameter(
+        None, doc="properties of contacts with other materials, a table for each by its name: friction, "
+        "rolling_friction, restitution, stiffness, shear_stiffness, cohesion; what is left out follows from both",
+    )  # fmt: skip
+
+
+@parameter_class
+class OfContainer:
+    """Keys of every [container]."""
+
+    material: str | Mapping[str, Any] | None = parameter(
+        None, doc="name of the [[material]] of all walls, or a table of them by the names of walls, such as "
+        '{ z_low = "steel", others = "glass" }',
+    )  # fmt: skip
 
 
 @parameter_class

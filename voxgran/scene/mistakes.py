@@ -8,11 +8,11 @@ from voxgran._base.calls import removal_of
 from voxgran._base.config import parameters_of
 from voxgran._base.errors import InputError, UnknownNameError, VoxgranError
 from voxgran._base.names import unknown
-from voxgran.decks.material import Material
 from voxgran.scene.keys import (
     AnyShape,
     Listed,
     Measured,
+    NamedMaterial,
     Oriented,
     Packed,
     Settled,
@@ -23,6 +23,7 @@ from voxgran.scene.keys import (
 )
 from voxgran.scene.sections import General, Output
 from voxgran.settling.compression_parameters import Compression
+from voxgran.settling.material import Material
 from voxgran.settling.parameters import Settling
 
 #: keys of the sections, to name the right one where a key is in another; [packing] and [scene] come first
@@ -33,6 +34,7 @@ _PLACES = {
     "[settle]": names_of(Settled, Settling),
     "[compress]": names_of(Compression),
     "[material]": names_of(Material),
+    "[[material]]": names_of(NamedMaterial),
     "[measure]": names_of(Measured),
     "[sizes]": names_of(Shares),
     "[orientations]": names_of(Oriented),

@@ -12,7 +12,6 @@ from voxgran._base import ExplainedAttributes
 from voxgran._base.config import to_mapping
 from voxgran._base.errors import InputError
 from voxgran.containers.model import boundary_of
-from voxgran.decks.material import Material
 from voxgran.packing.beds.expected import ExpectedBed, expected_bed
 from voxgran.packing.draw import Request
 from voxgran.packing.method import check_memory, long_run, packing_memory
@@ -21,6 +20,8 @@ from voxgran.packing.problem import too_coarse
 from voxgran.scene.description import SceneDescription
 from voxgran.scene.shape_entries import REMEDIES, ShapeEntry
 from voxgran.settling.compression_parameters import Compression
+from voxgran.settling.material import Material
+from voxgran.settling.materials import Materials, friction_text
 from voxgran.settling.parameters import Settling
 from voxgran.settling.search import MOST_TRIES
 from voxgran.shapes.family import families
@@ -284,9 +285,11 @@ def _full(scene: SceneDescription, task: Task) -> str:
 def _two_frictions(scene: SceneDescription, task: Task) -> str:
     """Return that frictions of settling and of input for engines differ; empty where they do not."""
     settling, material = _settling_of(task), scene.material
+    if isinstance(material, Materials) or settling is None or isinstance(settling.friction, Materials):
+        return ""
     used = bool(scene.output.dem) or material != Material()
     # a solid fraction that is asked for is reached by frictions that are not known yet
-    if not used or settling is None or settling.solid_fraction is not None or settling.friction == material.friction:
+    if not used or settling.solid_fraction is not None or settling.friction == material.friction:
         return ""
     section = "[packing]" if settling is task.problem.parameters else "[settle]"
     return (
@@ -311,13 +314,16 @@ def _steps(scene: SceneDescription, task: Task) -> dict[str, tuple[str, ...]]:
             f"until at least {settling.rest:.1%} of them rest",
             "" if settling.parts == "exact" else ", by hulls",
         )
-        how, target = f"with friction {settling.friction:g}", settling.solid_fraction
+        how, target = f"with friction {friction_text(settling.friction)}", settling.solid_fraction
         if target is not None:
             how = f"at a solid fraction of {target:g}, by friction and shaking in at most {MOST_TRIES} tries"
         computed.append(f"settle them {how}{shapes}, {share}")
     own = task.problem.parameters
     if (compression := own if isinstance(own, Compression) else scene.compress) is not None:
-        how, target = f"with friction {compression.friction:g}", compression.solid_fraction or compression.height
+        how, target = (
+            f"with friction {friction_text(compression.friction)}",
+            compression.solid_fraction or compression.height,
+        )
         if target is not None:
             kind = "solid fraction" if compression.height is None else "height"
             how = f"to a {kind} of {target:g}, by friction in at most {MOST_TRIES} tries"

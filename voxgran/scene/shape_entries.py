@@ -46,7 +46,7 @@ CLUMP_KEYS = names_of(ClumpOfShape)
 class ShapeEntry:
     """One [[shape]]: a file or a family with parameters, its share, how a clump is fitted that is packed in its
     place (None for the shape itself), how many different shapes of a family it stands for, its roughness, its density
-    (None for that of the scene), and the largest number of its triangles (None for all).
+    (None for that of the scene), the largest number of its triangles (None for all), and the name of its material.
     """
 
     source: Literal["file", "family"]
@@ -58,6 +58,7 @@ class ShapeEntry:
     roughness: Mapping[str, Any] | None = None
     density: float | None = None
     faces: int | None = None
+    material: str | None = None
 
     def make(self) -> list[Shape]:
         """Return the shapes, before clumps take their place; each has a roughness of its own."""
@@ -97,7 +98,7 @@ class ShapeEntry:
     def to_mapping(self) -> dict[str, Any]:
         """Return the entry as nested JSON-able values, as the scene file has it."""
         tables = {"clump": self.clump, "roughen": self.roughness}
-        more = {"density": self.density, "count": self.count, "faces": self.faces} | {
+        more = {name: getattr(self, name) for name in ("density", "count", "faces", "material")} | {
             key: None if table is None else dict(table) for key, table in tables.items()
         }
         rest = {key: value for key, value in more.items() if value is not None}
@@ -124,6 +125,8 @@ def shape_entries(entries: Any, folder: Path) -> tuple[ShapeEntry, ...]:
         share = as_number(rest.pop("share", 1.0), "[[shape]] share", at_least=0.0)
         density = as_positive(rest.pop("density"), "[[shape]] density") if "density" in rest else None
         faces = as_count(rest.pop("faces"), "[[shape]] faces", at_least=FEWEST) if "faces" in rest else None
+        material = rest.pop("material", None)
+        check_type(material, (str, type(None)), "[[shape]] material", "the name of a [[material]]")
         clump = _clump(rest.pop("clump")) if "clump" in rest else None
         roughness = _roughness(rest.pop("roughen")) if "roughen" in rest else None
         if ("file" in rest) == ("family" in rest):
@@ -132,6 +135,7 @@ def shape_entries(entries: Any, folder: Path) -> tuple[ShapeEntry, ...]:
                 raise UnknownNameError(unknown("[[shape]] key", meant, SHAPE_KEYS))
             raise InputError(f"[[shape]] has the keys {shortened(', '.join(entry))}: give either file or family")
         common = {"share": share, "clump": clump, "roughness": roughness, "density": density, "faces": faces}
+        common["material"] = material
         made.append(_of_file(rest, folder, common) if "file" in rest else _of_family(rest, folder, common))
     return tuple(made)
 

@@ -4,7 +4,7 @@ The unknowns are forces f, one for each contact, which act on its body j and wit
 give the bodies accelerations a = gravity + (sum of forces and of their moments) / (mass and moment of inertia). A
 quasi-static step of length dt moves bodies by a dt^2 from rest, so that its contacts obey ``0 <= f_n, 0 <= a_n + gap /
 dt^2 + skin f_n``, and one of both is 0; across the normal a force of friction is at most `friction` times as large as
-f_n. Without the gaps it is the question whether the bodies rest.
+f_n, a number for all contacts or one for each. Without the gaps it is the question whether the bodies rest.
 
 `accelerated_projected_gradient` minimises half the sum of squared accelerations, weighted by mass and moment of
 inertia, over the friction cones: a convex problem. `gauss_seidel_forces` solves for the law of Coulomb, with which
@@ -81,8 +81,8 @@ def net_accelerations(contacts: LoadedContacts, forces: Floats) -> Floats:
 
 
 def gauss_seidel_forces(
-    contacts: LoadedContacts, forces: Floats, openness: Floats, *, friction: float, skin: float, iterations: int,
-    tolerance: float = 1e-6,
+    contacts: LoadedContacts, forces: Floats, openness: Floats, *, friction: float | Floats, skin: float,
+    iterations: int, tolerance: float = 1e-6,
 ) -> tuple[Floats, int]:  # fmt: skip
     """Change the forces (m, 3) to those of a quasi-static step; return accelerations (n + 1, 6) and iterations made.
 
@@ -98,13 +98,14 @@ def gauss_seidel_forces(
     _order_independent(contacts, np.zeros(count, dtype=np.int64), np.zeros(m + 1, dtype=np.int64), work)
     _fill_work(contacts, forces, openness, skin, np.ones(count), work)
     accelerations, state = net_accelerations(contacts, forces), np.empty((count, 8))
-    made = _gauss_seidel(contacts, work, state, friction, skin, iterations, tolerance, accelerations, forces)
+    rub = friction[work.order] if isinstance(friction, np.ndarray) else np.full(1, float(friction))
+    made = _gauss_seidel(contacts, work, state, rub, skin, iterations, tolerance, accelerations, forces)
     return net_accelerations(contacts, forces), made
 
 
 def accelerated_projected_gradient(
-    contacts: LoadedContacts, forces: Floats, *, friction: float, iterations: int, tolerance: float, near: float,
-    decide: bool = False,
+    contacts: LoadedContacts, forces: Floats, *, friction: float | Floats, iterations: int, tolerance: float,
+    near: float, decide: bool = False,
 ) -> tuple[Floats, int, float]:  # fmt: skip
     """Change the forces (m, 3), within their friction cones, to those that balance all bodies best.
 
@@ -118,7 +119,7 @@ def accelerated_projected_gradient(
     """
     m, j, last = len(contacts.i), contacts.j, len(contacts.bodies) - 1
     work = _new_work(m)
-    work.order[:] = np.arange(m)
+    work.order[:], rub = np.arange(m), np.array(friction, dtype=np.float64, ndmin=1)
     share = np.bincount(contacts.i, minlength=last + 1) + np.bincount(j[j >= 0], minlength=last + 1)
     _fill_work(contacts, forces, np.zeros(m), 0.0, np.maximum(share, 1).astype(np.float64), work)
     accelerations = net_accelerations(contacts, forces)
@@ -129,11 +130,11 @@ def accelerated_projected_gradient(
     while made < iterations:
         stop_if_asked()
         for _ in range(min(AT_ONCE, iterations - made)):
-            _descend(work, contacts.bodies, contacts.gravity, friction, accelerations, new, extrapolated, state)
+            _descend(work, contacts.bodies, contacts.gravity, rub, accelerations, new, extrapolated, state)
             made += 1
         # squares of the motions, by mass; the optimum, which has the least sum, is no farther than they are large
         squares = (accelerations.reshape(-1, 2, 3) ** 2).sum(axis=2) * masses
-        excess = max(_excess(work, friction, accelerations), 0.0)
+        excess = max(_excess(work, rub, accelerations), 0.0)
         reach, total = math.sqrt(min(excess, float(squares.sum()))), max(float(masses[:, 0].sum()), 1e-300)
         distance = reach / math.sqrt(total)
         beyond = np.sqrt(squares) - tolerance * np.sqrt(masses[:, :1])
@@ -316,7 +317,7 @@ def _sweep(work, state, contacts, friction, skin, momentum, backwards):  # type:
     Return, of the way backwards, the product of the way back from the extrapolated forces with the change since the
     iteration before, the square of this change and that of the forces.
     """
-    m, last, turned, change, size = len(work.pair), len(state) - 1, 0.0, 0.0, 0.0
+    m, last, own, turned, change, size = len(work.pair), len(state) - 1, len(friction) - 1, 0.0, 0.0, 0.0
     mobility, deforms = contacts.cell.mobility, len(contacts.cell.mobility) > 0
     for q in range(m):
         k = m - 1 - q if backwards else q
@@ -334,7 +335,7 @@ def _sweep(work, state, contacts, friction, skin, momentum, backwards):  # type:
         push = fn - c[10] * (un + c[9] + skin * fn)
         pressed = NONE
         if push > 0.0:
-            limit, part = friction * push, 1.0
+            limit, part = friction[min(k, own)] * push, 1.0
             across = along(along(force, -fn, normal), -c[11], along(apart, -un, normal))
             square = dot(across, across)
             if square > limit * limit:
@@ -362,7 +363,7 @@ def _descend(work, bodies, gravity, friction, accelerations, new, extrapolated, 
     accelerations: under the forces, new: to be written, extrapolated: under the extrapolated forces.  state: the two
     numbers t and momentum.
     """
-    last, momentum, turned = len(bodies) - 1, state[1], 0.0
+    last, momentum, turned, own = len(bodies) - 1, state[1], 0.0, len(friction) - 1
     for k in range(last + 1):
         free = 1.0 if bodies[k, 6] > 0.0 else 0.0
         for s in range(3):
@@ -376,7 +377,7 @@ def _descend(work, bodies, gravity, friction, accelerations, new, extrapolated, 
         un, fn = dot(apart, normal), dot(ahead, normal)
         sn, st = c[10], c[11]
         across = along(along(ahead, -fn, normal), -st, along(apart, -un, normal))
-        push, part = _onto_cone(fn - sn * un, math.sqrt(dot(across, across)), friction, sn, st)
+        push, part = _onto_cone(fn - sn * un, math.sqrt(dot(across, across)), friction[min(k, own)], sn, st)
         force = along(times(normal, push), part, across)
         c[12], c[13], c[14] = force
         step, back = sub(force, before), sub(ahead, force)
@@ -434,14 +435,14 @@ def _excess(work, friction, accelerations):  # type: ignore[no-untyped-def]
     of the forces of the optimum. Where contact points approach each other, that is at most the approach times the
     normal force, which is taken to be at most that of now and a mean one.
     """
-    power, short, weighted, mean = 0.0, 0.0, 0.0, 0.0
+    power, short, weighted, mean, own = 0.0, 0.0, 0.0, 0.0, len(friction) - 1
     for k in range(len(work.pair)):
         c = work.row[k]
         u0, u1, u2 = _approach(c, accelerations, work.pair[k, 0], work.pair[k, 1])
         un = u0 * c[0] + u1 * c[1] + u2 * c[2]
         fn = c[12] * c[0] + c[13] * c[1] + c[14] * c[2]
         across = math.sqrt(max(u0 * u0 + u1 * u1 + u2 * u2 - un * un, 0.0))
-        approach = max(friction * across - un, 0.0)
+        approach = max(friction[min(k, own)] * across - un, 0.0)
         power += c[12] * u0 + c[13] * u1 + c[14] * u2
         short += approach
         weighted += approach * fn

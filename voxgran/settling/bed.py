@@ -14,6 +14,7 @@ import numpy as np
 
 from voxgran._base.arrays import Floats, Integers
 from voxgran.contacts.assembly import Assembly, Lid
+from voxgran.contacts.forces import LID, WALL
 from voxgran.contacts.manifolds.finders import ContactFinders, kinds_of
 from voxgran.contacts.manifolds.pair_list import no_pairs, renewed
 from voxgran.contacts.manifolds.rows import (
@@ -29,10 +30,12 @@ from voxgran.contacts.manifolds.rows import (
     PairList,
     carry_rows,
 )
-from voxgran.containers.model import Container
+from voxgran.containers.model import Container, boundary_of
 from voxgran.geometry.rotation import normalized
+from voxgran.geometry.walls import Plane, Round
 from voxgran.settling.balance import LoadedContacts
 from voxgran.settling.impulses import move_bodies, write_matrices
+from voxgran.settling.materials import FrictionTable
 
 Array = TypeVar("Array", bound="np.ndarray[Any, Any]")
 
@@ -214,6 +217,27 @@ class Bed:
         inner = (j >= 0) & (j < n)
         partner[inner] = self.order[j[inner]]
         return np.asarray(self.order[i]), partner
+
+    def friction_at(self, friction: float | FrictionTable | Floats) -> float | Floats:
+        """Return the coefficients of friction of the contacts that were last found, (m,), or one for all of them."""
+        if not isinstance(friction, FrictionTable):
+            return friction
+        i, j = self.contact_grains(wall=WALL, lid=LID)
+        return friction.of_contacts(i, j, self._walls_at(j) if friction.walls_differ else np.zeros_like(j))
+
+    def _walls_at(self, partner: Integers) -> Integers:
+        """Return the numbers of the walls that contacts are at, (m,), the lid as the last one; 0 between grains."""
+        boundary = boundary_of(self.assembly.container)
+        walls: tuple[Plane | Round, ...] = (*boundary.planes, *boundary.round)
+        found = np.where(partner == LID, len(boundary.walls), 0)
+        at = np.flatnonzero(partner == WALL)
+        row = self.rows.row[at]
+        normal = row[:, NORMAL : NORMAL + 3]
+        # points beyond the walls of the contacts by 1: near an edge both walls are near, and one is as far as that
+        beyond = self.grains.position[self.rows.i[at]] + row[:, ARM_I : ARM_I + 3] + (row[:, GAP, None] + 1.0) * normal
+        if len(walls) > 1:
+            found[at] = np.argmin([np.abs(wall.distance(beyond) + 1.0) for wall in walls], axis=0)
+        return found
 
     def forces(self) -> Floats:
         """Return the forces of the contacts on their partners, (m, 3)."""

@@ -27,10 +27,13 @@ from voxgran._base.stopping import Stopped
 from voxgran.contacts.assembly import Assembly
 from voxgran.contacts.forces import ContactForces
 from voxgran.contacts.manifolds.rows import SURFACE
+from voxgran.containers.model import boundary_of
 from voxgran.containers.stretch import stretched
 from voxgran.settling.bed import Bed
 from voxgran.settling.closing import close_round
 from voxgran.settling.compression_parameters import Compression
+from voxgran.settling.material import Material
+from voxgran.settling.materials import Materials, friction_of, friction_range
 from voxgran.settling.parting import part_grains
 from voxgran.settling.presets import KEPT, TRIANGLES
 from voxgran.settling.resumable import Resumable
@@ -52,6 +55,9 @@ QUICK, THOROUGH = 3, 12
 TOUCHING, RESIDUAL = 1e-3, 0.01
 #: relative difference of the stress up to which it is met
 STRESS_MET = 0.01
+#: largest friction at walls: with 1 a grain in a right-angled corner of a wall that moves and one that does not bears any
+#: load by itself, and all others nothing
+AT_WALLS = 0.7
 #: most steps, rounds in which surfaces are parted, and the distance to which they are
 STEPS, ROUNDS, PARTED = 400, 12, 1e-4
 #: distance up to which contacts are found in a step, and farthest that a grain moves in it
@@ -121,7 +127,8 @@ class Compressor(Resumable):
         self.stress = stress / self.unit
         self.bed = Bed(assembly, np.zeros(3))
         without_weight(self.bed)
-        self.pace = FRICTIONAL if how.friction >= LITTLE else FRICTIONLESS
+        self.friction = friction_of(_with_walls(how.friction, assembly), assembly)
+        self.pace = FRICTIONAL if friction_range(self.friction)[0] >= LITTLE else FRICTIONLESS
         self._rate = how.rate or self.pace.rate
         self.progress = Progress(mobility=max(self.pace.strain / self._rate, LAST))
         if how.solid_fraction is not None:
@@ -181,7 +188,7 @@ class Compressor(Resumable):
         bed.finders.exact = True
         if self._start is not None:
             bed.find(TOUCHING, 0.0)
-            keep_known_forces(bed, self._start, self.how.friction, self.unit)
+            keep_known_forces(bed, self._start, self.friction, self.unit)
         if self._examine(THOROUGH, known=self._start is not None) and progress.smallest >= 0.0:
             progress.stage, progress.exact = ENDED, 1
             return
@@ -196,7 +203,7 @@ class Compressor(Resumable):
         load = self.stress * bed.assembly.container.volume
         free = float(np.abs(self.modes @ load).max())
         forces, accelerations = pressed_forces(
-            bed, self.modes, pace.strain / (size * free), load, openness=bed.gap / size, friction=self.how.friction,
+            bed, self.modes, pace.strain / (size * free), load, openness=bed.gap / size, friction=self.friction,
             skin=SOFTNESS / size, iterations=int(np.clip(ITERATIONS * math.sqrt(size), FEWEST, MANY)),
             tolerance=TOLERANCE,
         )  # fmt: skip
@@ -244,7 +251,7 @@ class Compressor(Resumable):
             smallest = min(smallest, -TOUCHING)
         load = self.stress * bed.assembly.container.volume
         found = balance_grains(
-            bed, self.modes, load, friction=self.how.friction, tolerance=RESIDUAL, rounds=rounds, known=known
+            bed, self.modes, load, friction=self.friction, tolerance=RESIDUAL, rounds=rounds, known=known
         )
         progress.residual = np.maximum(found.residual, found.residual_torque)
         progress.bearing = found.bearing.astype(np.float64)
@@ -260,6 +267,14 @@ class Compressor(Resumable):
         fraction = float(self.bed.assembly.volumes.sum()) / container.volume
         row = [fraction, *np.diag(stress_of(self.bed, forces))]
         self.progress.path = np.vstack([self.progress.path, row])
+
+
+def _with_walls(friction: float | Materials, assembly: Assembly) -> float | Materials:
+    """Return the friction, which is less at walls where grains would wedge in their corners with it."""
+    if isinstance(friction, Materials) or friction <= AT_WALLS or not boundary_of(assembly.container).walls:
+        return friction
+    grains, walls = Material(friction=friction), Material(friction=AT_WALLS)
+    return Materials({"grains": grains, "walls": walls}, shapes="grains", walls="walls")
 
 
 _STEPS = {START: Compressor._begin, PRESSING: Compressor._press, CLOSING: Compressor._close}

@@ -9,6 +9,7 @@ from voxgran._base.config import check_bounds, parameter, parameter_class
 from voxgran._base.errors import InputError, shown
 from voxgran.containers.model import Container
 from voxgran.containers.stretch import stretched_together
+from voxgran.settling.materials import Materials, as_friction
 from voxgran.settling.parameters import MOST_FRICTION
 
 
@@ -33,9 +34,10 @@ class Compression:
         at_most=1e60,
     )
     axes: str = parameter("xyz", doc='axes along which the container is compressed, such as "z" for an oedometric path')
-    friction: float = parameter(
+    friction: float | Materials = parameter(
         0.5,
-        doc="Coulomb coefficient of friction between grains and at walls; less friction gives a denser packing",
+        doc="Coulomb coefficient of friction between grains and at walls; less friction gives a denser packing; or a "
+        "table of materials, with one friction for each pair",
         at_least=0.0,
         at_most=MOST_FRICTION,
     )
@@ -69,6 +71,7 @@ class Compression:
     def __post_init__(self) -> None:
         """Check the ranges and the names of the axes."""
         check_bounds(self)
+        as_friction(self.friction, at_most=MOST_FRICTION, sought=self.solid_fraction)
         if not self.axes or len(set(self.axes)) < len(self.axes) or not set(self.axes) <= set("xyz"):
             raise InputError(
                 f"axes is {shown(self.axes)}: it must name axes out of x, y, z, each once, such as 'z'; correct it"

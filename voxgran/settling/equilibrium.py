@@ -23,6 +23,7 @@ from voxgran.contacts.manifolds.rows import ARM_I, GAP, NORMAL
 from voxgran.settling.balance import accelerated_projected_gradient, gauss_seidel_forces
 from voxgran.settling.bed import Bed, normalized_bed
 from voxgran.settling.interior_point import frictionless_forces
+from voxgran.settling.materials import FrictionTable, Materials, as_friction, friction_of, friction_range
 from voxgran.settling.parameters import MOST_FRICTION
 from voxgran.settling.stress_balance import Balanced, as_stress, balance_stress
 
@@ -73,7 +74,7 @@ class Balance:
 
 @explained(hint="equilibrium(packing, friction=0.5)")
 def equilibrium(
-    packing: Assembly, friction: float = 0.5, gap: float = 1e-3, *, stress: "ArrayLike | None" = None,
+    packing: Assembly, friction: float | Materials = 0.5, gap: float = 1e-3, *, stress: "ArrayLike | None" = None,
     tolerance: float = 0.01, threads: int | None = None,
 ) -> "Dataset":  # fmt: skip
     """Return whether grains rest: forces at their contacts that balance the weight and the torque of each.
@@ -89,8 +90,9 @@ def equilibrium(
     ----------
     packing : Packing
         Grains, which may come from anywhere.
-    friction : float
-        Coefficient of friction of Coulomb between grains and at walls, at least 0.
+    friction : float or Materials
+        Coefficient of friction of Coulomb between grains and at walls, at least 0, or a table of materials, whose pairs
+        have one each.
     gap : float
         Distance of the surfaces, in median diameters, up to which grains touch; at least 0.
     stress : float or array_like of float, optional
@@ -117,10 +119,10 @@ def equilibrium(
         and with opposite sign on grain i, in weights of a grain of the median diameter (of the mean density by volume,
         where densities differ); ``normal_force``, along the normal; and ``gap``, in the unit of lengths.
 
-        Attributes: ``friction``, ``gap`` and ``tolerance`` as given; ``share_at_rest``, the share of all grains that
-        rest, and ``share_at_rest_without_rattlers``, that of the grains that are no rattlers; ``share_of_rattlers``, of
-        all grains; and ``distance``, about how far the residuals are from the least ones (root mean square, in
-        weights).
+        Attributes: ``gap``, ``tolerance`` and ``friction`` as given, of a table the largest one; ``share_at_rest``, the
+        share of all grains that rest, and ``share_at_rest_without_rattlers``, that of the grains that are no rattlers;
+        ``share_of_rattlers``, of all grains; and ``distance``, about how far the residuals are from the least ones
+        (root mean square, in weights).
 
         Under a stress residuals are in mean normal forces, forces in the unit of stress times the square of the median
         diameter (in 2D times the diameter), ``carried`` is half the sum of the normal forces on the grain in mean ones,
@@ -158,8 +160,9 @@ def equilibrium(
             "packing.gravity is None: rest is a balance of weights; give the direction of gravity with "
             f"dataclasses.replace(packing, gravity={usual}), or a stress to be borne without gravity, stress=1"
         )
-    friction, gap = as_number(friction, "friction", at_least=0.0), as_number(gap, "gap", at_least=0.0)
+    rub, gap = friction_of(as_friction(friction), packing), as_number(gap, "gap", at_least=0.0)
     tolerance = as_positive(tolerance, "tolerance")
+    given = {"friction": friction_range(rub)[1], "gap": gap, "tolerance": tolerance}
     if stress is not None:
         tensor = as_stress(stress, packing.dimension)
         bed = normalized_bed(packing, np.zeros(3))
@@ -167,17 +170,17 @@ def equilibrium(
         if forces is not None and forces.stress is not None and packing.count:
             start = forces.scaled(1.0 / float(np.median(packing.diameters)))
         with using_threads(threads):
-            held = balance_stress(bed, tensor, friction, reach=gap, tolerance=tolerance, start=start)
-        return _stress_dataset(packing, bed, held, {"friction": friction, "gap": gap, "tolerance": tolerance})
+            held = balance_stress(bed, tensor, rub, reach=gap, tolerance=tolerance, start=start)
+        return _stress_dataset(packing, bed, held, given)
     bed = normalized_bed(packing, np.array(down, dtype=np.float64))
     with using_threads(threads):
-        if friction > 0.0:
-            _guess_forces(bed, friction, gap)
-        found = balance_bed(bed, friction, reach=gap, tolerance=tolerance, decide=True)
-    return _dataset(packing, bed, found, {"friction": friction, "gap": gap, "tolerance": tolerance})
+        if given["friction"] > 0.0:
+            _guess_forces(bed, rub, gap)
+        found = balance_bed(bed, rub, reach=gap, tolerance=tolerance, decide=True)
+    return _dataset(packing, bed, found, given)
 
 
-def _guess_forces(bed: Bed, friction: float, reach: float) -> None:
+def _guess_forces(bed: Bed, friction: float | FrictionTable, reach: float) -> None:
     """Let the bed keep forces that nearly balance it, with which the search for the best ones begins.
 
     They lie within the cones of a friction with which sweeps converge, and so within those of more friction. Where they
@@ -186,7 +189,12 @@ def _guess_forces(bed: Bed, friction: float, reach: float) -> None:
     bed.find(reach, 0.0)
     forces = np.zeros((bed.m, 3))
     accelerations, _ = gauss_seidel_forces(
-        bed.contacts, forces, np.zeros(bed.m), friction=min(friction, MOST_FRICTION), skin=0.0, iterations=GUESS
+        bed.contacts,
+        forces,
+        np.zeros(bed.m),
+        skin=0.0,
+        iterations=GUESS,
+        friction=np.minimum(bed.friction_at(friction), MOST_FRICTION),
     )
     inverse = bed.bodies[:-1, 6:8]
     left = (accelerations[:-1].reshape(-1, 2, 3) ** 2).sum(axis=2) / inverse
@@ -195,8 +203,9 @@ def _guess_forces(bed: Bed, friction: float, reach: float) -> None:
 
 
 def balance_bed(
-    bed: Bed, friction: float, *, reach: float, tolerance: float, iterations: int = ITERATIONS, decide: bool = False
-) -> Balance:
+    bed: Bed, friction: float | FrictionTable, *, reach: float, tolerance: float, iterations: int = ITERATIONS,
+    decide: bool = False,
+) -> Balance:  # fmt: skip
     """Return the forces at the contacts of a bed within reach that balance its grains best; grains as the bed has them.
 
     The search begins with the forces that the bed keeps, and the bed keeps those that are found. With `decide` it goes
@@ -206,10 +215,10 @@ def balance_bed(
     contacts, forces = bed.contacts, bed.forces()
     row, bodies = contacts.row, contacts.bodies
     turning = bool(np.abs(np.cross(row[:, ARM_I : ARM_I + 3], row[:, NORMAL : NORMAL + 3])).max(initial=0.0) > 1e-9)
-    if friction > 0.0 or turning or len(bodies) > MOST_DIRECT:
+    if friction_range(friction)[1] > 0.0 or turning or len(bodies) > MOST_DIRECT:
         accelerations, made, distance = accelerated_projected_gradient(
-            contacts, forces, friction=friction, iterations=iterations, tolerance=tolerance, near=NEAR * tolerance,
-            decide=decide,
+            contacts, forces, friction=bed.friction_at(friction), iterations=iterations, tolerance=tolerance,
+            near=NEAR * tolerance, decide=decide,
         )  # fmt: skip
     else:
         distance, height = ACCURACY * tolerance, -(bed.grains.position @ bed.gravity)

@@ -19,6 +19,7 @@ def fall_step(bed: Bed, how: Fall, before: float, pull: Floats | None = None) ->
     substep = how.step / how.substeps
     part = substep / before if before > 0.0 else 0.0
     approach = np.zeros(bed.m if how.restitution > 0.0 else 0)
+    how = how._replace(friction=np.array(bed.friction_at(how.friction), dtype=np.float64, ndmin=1))
     advance_bodies(bed.rows, bed.m, bed.bodies, bed.motion, how.weight * bed.gravity, how, part, approach)
     bed.move(bed.motion, how.most)
 

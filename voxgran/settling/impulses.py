@@ -16,6 +16,7 @@ from voxgran._base.arrays import Floats
 from voxgran._base.kernels import bare_kernel, inlined_kernel, kernel
 from voxgran.contacts.manifolds.rows import ContactRows
 from voxgran.geometry.vectors import Vector, cross, dot
+from voxgran.settling.materials import FrictionTable
 
 #: time step and number of substeps; farthest that a grain moves in a step; distance up to which contacts are found
 STEP, SUBSTEPS, MOST, MARGIN = 0.05, 4, 0.05, 0.08
@@ -29,9 +30,12 @@ LEFT, GAIN, LOSS = 2.5e-4, 0.9478, 0.0522
 
 
 class Fall(NamedTuple):
-    """How a bed falls; lengths in median diameters, times in sqrt(d / g)."""
+    """How a bed falls; lengths in median diameters, times in sqrt(d / g).
 
-    friction: float
+    Kernels take the friction of each contact, (m,), or that of all contacts, (1,).
+    """
+
+    friction: float | FrictionTable | Floats
     restitution: float = 0.0
     rest: float = 5e-4  # distance that surfaces keep
     step: float = STEP
@@ -137,6 +141,7 @@ def _sweep(rows, m, bodies, motion, axis, rate, fall, approach, moving):  # type
     by a share of themselves. Otherwise bodies only stop, or rebound by the share `restitution` of their approach.
     """
     friction, restitution = fall.friction, fall.restitution
+    own = len(friction) - 1
     for q in range(m):
         k = q if moving else m - 1 - q
         row, i, j = rows.row[k], rows.i[k], rows.j[k]
@@ -180,8 +185,9 @@ def _sweep(rows, m, bodies, motion, axis, rate, fall, approach, moving):  # type
         row[10] = push
         change = push - old
         px, py, pz = change * nx, change * ny, change * nz
-        if friction > 0.0 and (push > 0.0 or row[11] != 0.0 or row[12] != 0.0 or row[13] != 0.0):
-            tx, ty, tz = _held_back(row, ux, uy, uz, speed, friction * push)
+        rub = friction[min(k, own)]
+        if rub > 0.0 and (push > 0.0 or row[11] != 0.0 or row[12] != 0.0 or row[13] != 0.0):
+            tx, ty, tz = _held_back(row, ux, uy, uz, speed, rub * push)
             px += tx - row[11]
             py += ty - row[12]
             pz += tz - row[13]

@@ -6,6 +6,7 @@ from typing import ClassVar, Literal
 from voxgran._base import ExplainedAttributes
 from voxgran._base.calls import explained_methods
 from voxgran._base.config import check_bounds, parameter, parameter_class
+from voxgran.settling.materials import Materials, as_friction
 
 #: largest coefficient of friction with which sweeps over the contacts are known to converge
 MOST_FRICTION = 2.0
@@ -90,15 +91,15 @@ class Settling:
     Raises
     ------
     InputError
-        If a number is out of its range.
+        If a number is out of its range, or friction is by materials and a solid fraction is sought.
     """
 
     usual_fall: ClassVar[float] = 20.0
 
-    friction: float = parameter(
+    friction: float | Materials = parameter(
         0.5,
         doc="Coulomb coefficient of friction between grains and at walls; what rests with the largest one also rests "
-        "with more",
+        "with more; or a table of materials, with one friction for each pair",
         at_least=0.0,
         at_most=MOST_FRICTION,
     )
@@ -133,3 +134,4 @@ class Settling:
     def __post_init__(self) -> None:
         """Check the ranges."""
         check_bounds(self)
+        as_friction(self.friction, at_most=MOST_FRICTION, sought=self.solid_fraction)

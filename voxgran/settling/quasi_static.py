@@ -12,6 +12,7 @@ from voxgran.contacts.manifolds.rows import PUSH
 from voxgran.settling.balance import gauss_seidel_forces
 from voxgran.settling.bed import Bed
 from voxgran.settling.interior_point import frictionless_forces
+from voxgran.settling.materials import FrictionTable
 
 #: compression of a contact by a force of one weight, in median diameters; a lid does not compress contacts more
 SOFTNESS = 1e-6
@@ -22,7 +23,7 @@ MARGIN, MOST = 0.1, 0.1
 
 
 def quasi_static_step(
-    bed: Bed, friction: float, step: float, *, rest: float, iterations: int, margin: float = MARGIN,
+    bed: Bed, friction: float | FrictionTable, step: float, *, rest: float, iterations: int, margin: float = MARGIN,
     most: float = MOST, reuse: float = 0.0,
 ) -> float:  # fmt: skip
     """Make a step with friction, and return the share of the grains that moved by more than a hundredth of free fall.
@@ -33,7 +34,7 @@ def quasi_static_step(
     forces, square = bed.forces(), step * step
     skin = SOFTNESS / (bed.load * square)
     accelerations, _ = gauss_seidel_forces(
-        bed.contacts, forces, bed.gap / square, friction=friction, skin=skin, iterations=iterations
+        bed.contacts, forces, bed.gap / square, friction=bed.friction_at(friction), skin=skin, iterations=iterations
     )
     bed.keep_forces(forces)
     bed.move(accelerations * square, most, carry=reuse > 0.0)

@@ -21,6 +21,7 @@ from voxgran.settling.closing import close_round
 from voxgran.settling.equilibrium import balance_bed
 from voxgran.settling.fall import fall_step, stop_falling
 from voxgran.settling.impulses import Fall
+from voxgran.settling.materials import friction_of, friction_range
 from voxgran.settling.parameters import Settling
 from voxgran.settling.parting import part_grains
 from voxgran.settling.presets import FRICTIONAL, FRICTIONLESS, GRIDS, TRIANGLES, SolverPreset
@@ -140,8 +141,12 @@ class Settler(Resumable):
         if small is not None:
             self.bed.resize(small[self.bed.order])
         surfaces = SURFACE in self.bed.grains.kind
-        self._fall = Fall(how.friction, how.restitution, **(SURFACE_FALL if surfaces else {}))
-        if how.friction == 0.0 and not surfaces:
+        self.friction = friction_of(how.friction, assembly)
+        least, largest = friction_range(self.friction)
+        # some grains slip without friction, or all of them
+        self._slips, self._frictionless = least == 0.0, largest == 0.0
+        self._fall = Fall(self.friction, how.restitution, **(SURFACE_FALL if surfaces else {}))
+        if self._frictionless and not surfaces:
             self._fall = self._fall._replace(rest=self._preset.kept)
         if how.fall_time is None and assembly.count and self._height() > HIGHEST:
             raise InputError(
@@ -232,10 +237,10 @@ class Settler(Resumable):
         self._advance(None)
         progress.heights = np.append(progress.heights, self.bed.height)[-unit - 1 :]
         sunk = abs(progress.heights[0] - progress.heights[-1])
-        shortest = SHORTEST if self.how.friction > 0.0 else CREEPING
+        shortest = CREEPING if self._slips else SHORTEST
         lasted = progress.stage_step + 1 >= shortest * unit
         # without friction grains go on trembling
-        calm = lasted and sunk < SINKING and (self.how.friction == 0.0 or self._is_slow())
+        calm = lasted and sunk < SINKING and (self._slips or self._is_slow())
         if not calm and progress.stage_step + 1 < self._fall_steps():
             return
         if progress.stage == FALL and self.how.shaking is not None:
@@ -345,14 +350,14 @@ class Settler(Resumable):
     def _quasi_static(self, preset: SolverPreset) -> float:
         """Make a quasi-static step, and return the share of the grains that moved."""
         progress, bed = self.progress, self.bed
-        if self.how.friction == 0.0 and self.direct:
+        if self._frictionless and self.direct:
             accuracy = FINE if progress.moved < SLOW else COARSE
             progress.moved = frictionless_step(
                 bed, progress.length, rest=preset.kept, accuracy=accuracy, margin=preset.margin, most=preset.most
             )
         else:
             progress.moved = quasi_static_step(
-                bed, self.how.friction, progress.length, rest=preset.kept, iterations=self._iterations,
+                bed, self.friction, progress.length, rest=preset.kept, iterations=self._iterations,
                 margin=preset.margin, most=preset.most, reuse=preset.reuse,
             )  # fmt: skip
         return progress.moved
@@ -382,7 +387,7 @@ class Settler(Resumable):
     @property
     def _more_steps(self) -> int:
         """How many times more steps are made than in a large bed: in a small one they take little time."""
-        if self.how.friction == 0.0 and not self.direct:
+        if self._frictionless and not self.direct:
             # such beds go on creeping
             return 1
         return min(max(FEW_GRAINS // max(self.bed.count, 1), 1), MORE_STEPS)
@@ -396,7 +401,7 @@ class Settler(Resumable):
     def _preset(self) -> SolverPreset:
         """The solver preset of quasi-static steps."""
         if SURFACE not in self.bed.grains.kind:
-            if self.how.friction == 0.0:
+            if self._frictionless:
                 return FRICTIONLESS[0 if self.direct else 1]
             return FRICTIONAL[int(self.bed.grains.kind.any())]
         return TRIANGLES if self.progress.exact else GRIDS
@@ -404,7 +409,7 @@ class Settler(Resumable):
     def _examine(self, iterations: int) -> None:
         """Note how well forces at the contacts balance the grains."""
         bed, progress = self.bed, self.progress
-        found = balance_bed(bed, self.how.friction, reach=TOUCHING, tolerance=RESIDUAL, iterations=iterations)
+        found = balance_bed(bed, self.friction, reach=TOUCHING, tolerance=RESIDUAL, iterations=iterations)
         progress.residual = np.maximum(found.residual, found.residual_torque)
         progress.moving = 1.0 - float(found.rests.mean())
         smallest = float(bed.gap.min(initial=TOUCHING))

@@ -21,6 +21,7 @@ from voxgran.contacts.manifolds.rows import ARM_I, ARM_J, GAP, NORMAL
 from voxgran.settling.balance import gauss_seidel_forces, net_accelerations
 from voxgran.settling.bed import Bed
 from voxgran.settling.cell import Cell
+from voxgran.settling.materials import FrictionTable
 
 #: places of the six numbers of a symmetric tensor
 PLACES = ((0, 0), (1, 1), (2, 2), (1, 2), (0, 2), (0, 1))
@@ -42,8 +43,8 @@ SAME = 1e-6
 
 
 def pressed_forces(
-    bed: Bed, modes: Floats, mobility: float, load: Floats, *, openness: Floats, friction: float, skin: float,
-    iterations: int, tolerance: float, scaled_every: int = SCALED_EVERY,
+    bed: Bed, modes: Floats, mobility: float, load: Floats, *, openness: Floats, friction: float | FrictionTable,
+    skin: float, iterations: int, tolerance: float, scaled_every: int = SCALED_EVERY,
 ) -> tuple[Floats, Floats]:  # fmt: skip
     """Return forces (m, 3) that balance grains and the load on their container, and the accelerations that are left.
 
@@ -56,7 +57,7 @@ def pressed_forces(
     cell = Cell(np.ascontiguousarray(modes * mobility), load)
     contacts, forces, made = bed.contacts._replace(cell=cell), bed.forces(), 0
     normal = bed.rows.row[: bed.m, NORMAL : NORMAL + 3]
-    inverse = np.repeat(bed.bodies[:-1, 6:8], 3, axis=1)
+    inverse, rub = np.repeat(bed.bodies[:-1, 6:8], 3, axis=1), bed.friction_at(friction)
     weight = np.divide(1.0, inverse, out=np.zeros_like(inverse), where=inverse > 0.0)
     pressed = cell.mobility @ load
     accelerations = net_accelerations(contacts, forces)
@@ -67,7 +68,7 @@ def pressed_forces(
         if energy > 0.0:
             forces *= min(max(work / energy, LEAST_FACTOR), MOST_FACTOR)
         accelerations, turns = gauss_seidel_forces(
-            contacts, forces, openness, friction=friction, skin=skin, iterations=scaled_every, tolerance=tolerance
+            contacts, forces, openness, friction=rub, skin=skin, iterations=scaled_every, tolerance=tolerance
         )
         made += turns
         if turns < scaled_every:
@@ -98,7 +99,14 @@ class Balanced(NamedTuple):
 
 
 def balance_grains(
-    bed: Bed, modes: Floats, load: Floats, *, friction: float, tolerance: float, rounds: int, known: bool = False
+    bed: Bed,
+    modes: Floats,
+    load: Floats,
+    *,
+    friction: float | FrictionTable,
+    tolerance: float,
+    rounds: int,
+    known: bool = False,
 ) -> Balanced:
     """Return the forces at the contacts of a bed that balance its grains under a load best, of so many rounds.
 
@@ -211,7 +219,13 @@ def as_stress(value: "ArrayLike", dimension: int) -> Floats:
 
 
 def balance_stress(
-    bed: Bed, stress: Floats, friction: float, *, reach: float, tolerance: float, start: ContactForces | None = None
+    bed: Bed,
+    stress: Floats,
+    friction: float | FrictionTable,
+    *,
+    reach: float,
+    tolerance: float,
+    start: ContactForces | None = None,
 ) -> Balanced:
     """Return the forces at the contacts of a bed without gravity within reach that balance its grains under a stress.
 
@@ -233,7 +247,7 @@ def balance_stress(
     return found._replace(forces=found.forces * unit, stress=found.stress * unit)
 
 
-def keep_known_forces(bed: Bed, known: ContactForces, friction: float, unit: float) -> None:
+def keep_known_forces(bed: Bed, known: ContactForces, friction: float | FrictionTable, unit: float) -> None:
     """Let a bed keep known forces at its contacts, in a unit, as far as they lie within the cones of its friction."""
     normal = bed.rows.row[: bed.m, NORMAL : NORMAL + 3]
     forces = _forces_at(bed, known) / unit
@@ -241,7 +255,7 @@ def keep_known_forces(bed: Bed, known: ContactForces, friction: float, unit: flo
     across = forces - push[:, None] * normal
     push = np.maximum(push, 0.0)
     slides = np.linalg.norm(across, axis=1)
-    part = np.minimum(1.0, friction * push / np.maximum(slides, 1e-300))
+    part = np.minimum(1.0, bed.friction_at(friction) * push / np.maximum(slides, 1e-300))
     bed.keep_forces(push[:, None] * normal + part[:, None] * across)
 
 

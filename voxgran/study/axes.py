@@ -26,8 +26,8 @@ FIXED = ("measure", "output")
 #: axes that change no result, and why
 IDLE = {
     "material": "it is the contact law in the input of engines, and changes no result of a study; the friction of "
-    'grains that settle is "settle.friction", or "packing.friction" of method gravity, and their density is '
-    '"shape.density"',
+    'grains that settle is "settle.friction", or "packing.friction" of method gravity, of several materials '
+    '"material.0.friction", and their density is "shape.density"',
     "scene.unit": "all cells have one unit of length; set it in the base, and vary sizes",
 }
 #: what a value is called: text, or a number where all values of an axis are numbers
@@ -86,7 +86,8 @@ def check_axis(axis: str, beside: Iterable[str] = ()) -> None:
         raise InputError(f"axis {axis}: the seeds of a study are no axis; write seeds = 5 or seeds = [1, 2, 3]")
     if first in FIXED:
         raise InputError(f"axis {axis}: what is measured and written is the same for all cells; set it in the base")
-    for idle, told in IDLE.items():
+    numbered = first == "material" and bool(rest) and rest[0].isdecimal()
+    for idle, told in IDLE.items() if not numbered else ():
         if axis == idle or axis.startswith(f"{idle}."):
             raise InputError(f"axis {axis}: {told}")
     if first in (*NAMED, *SECTIONS) and all(rest) and not (first == "method" and rest):
@@ -284,23 +285,24 @@ def _shape(value: Any) -> dict[str, Any]:
 
 
 def _set(scene: dict[str, Any], axis: str, value: Any) -> None:
-    """Set the value at a path; ``shape.KEY`` is that of each [[shape]], ``shape.0.KEY`` that of the first one.
+    """Set the value at a path; ``shape.KEY`` is that of each [[shape]], ``shape.0.KEY`` that of the first one, as
+    ``material.0.KEY`` is that of the first [[material]].
 
     Raises
     ------
     InputError
-        If the path leads through something that is no table, or to a shape that is not there.
+        If the path leads through something that is no table, or to a shape or material that is not there.
     """
     first, *rest = axis.split(".")
     places: list[Any] = [scene.setdefault(first, {})]
-    if first == "shape":
-        entries = scene["shape"] if isinstance(scene["shape"], list) else []
+    if first in ("shape", "material"):
+        entries = scene[first] if isinstance(scene[first], list) else []
         places = entries
         if rest[0].isdecimal():
             number = int(rest.pop(0))
             if number >= len(entries) or not rest:
                 raise InputError(
-                    f"axis {axis}: the scene has {len(entries)} [[shape]], counted from 0; write shape.0.KEY"
+                    f"axis {axis}: the scene has {len(entries)} [[{first}]], counted from 0; write {first}.0.KEY"
                 )
             places = entries[number : number + 1]
     for place in places:

@@ -181,7 +181,7 @@ def _base(base: Any, folder: Path) -> dict[str, Any]:
             raise UnknownNameError(unknown("section of the base", name, SECTIONS))
         if name == "layer":
             raise InputError("base has [[layer]]: a study packs scenes of one packing; run layered scenes one by one")
-        if name != "shape":
+        if name != "shape" and not (name == "material" and isinstance(mapping[name], list)):
             check_type(
                 mapping[name], Mapping, f"[{name}] of the base", f"a section; write [base.{name}] above its keys"
             )

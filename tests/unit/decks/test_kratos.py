@@ -412,3 +412,28 @@ def test_walls_stop_grains_and_the_run_ends_at_rest(container, tmp_path):
     assert room.min() > -0.03 * simulation.diameter
     assert room.min() < 0.01 * simulation.diameter
     assert points[:, 2].min() < 1e-3 * bounds.mean(axis=0)[2]
+
+
+@pytest.mark.engine
+def test_clumps_on_an_incline_slide_by_the_friction_of_their_pair_in_kratos(tmp_path):
+    """They stand on three spheres; where the slope is steeper than the friction, g (sin a - mu cos a) is left."""
+    angle, slope = 2 * np.pi * np.arange(3) / 3, math.radians(20)
+    centers = 0.7 * np.column_stack([np.cos(angle), np.sin(angle), 0 * angle])
+    clump = vg.Shape.of(Spheres(centers, [0.65] * 3), name="tripod")
+    packing = vg.Packing.of(
+        [clump, clump], vg.Box((40, 6, 4)), shape_id=[0, 1], position=[(5, 3, 0.65), (20, 3, 0.65)], unit="mm",
+        gravity=(math.sin(slope), 0, -math.cos(slope)),
+    )  # fmt: skip
+    materials = vg.Materials(
+        {name: {"friction": 0.9} for name in ("rough", "smooth", "floor")},
+        pairs={("rough", "floor"): {"friction": 0.5}, ("smooth", "floor"): {"friction": 0.2}},
+        shapes=["rough", "smooth"],
+        walls="floor",
+    )
+    simulation = cases.simulation_of(packing, "kratos", material=materials)
+    steps = round(4 * simulation.time_unit / simulation.time_step)
+    _, state = run(written(simulation, tmp_path), steps)
+    moved = state[3][:, 1] - simulation.bodies.assembly.position[:, 0]
+    expected = 0.5 * 9.81 * (math.sin(slope) - 0.2 * math.cos(slope)) * state[1] ** 2
+    assert moved[1] == pytest.approx(expected, rel=0.03)
+    assert abs(moved[0]) < 0.02 * moved[1]

@@ -8,7 +8,7 @@ from scipy.integrate import solve_ivp
 
 import voxgran as vg
 from voxgran._base.errors import InputError, PackingWarning, UnknownNameError
-from voxgran.decks.material import contact_law, damping_ratio
+from voxgran.decks.contact_law import contact_law, damping_ratio
 from voxgran.decks.write import as_material
 
 MASS, DIAMETER = np.array([2.0, 1.0, 4.0]), 0.5

@@ -120,7 +120,7 @@ def test_walls_are_those_of_the_container():
     edges = re.search(r"O.cell.setBox\((.*)\)", cell["yade_run.py"])[1].split(", ")
     assert [float(edge) for edge in edges[:2]] == pytest.approx([0.005, 0.005])
     assert float(edges[2]) > 4 * 0.007
-    corners = np.loadtxt(cell["yade_facets.txt"].splitlines()).reshape(-1, 3, 3)
+    corners = np.loadtxt(cell["yade_facets.txt"].splitlines())[:, :9].reshape(-1, 3, 3)
     assert corners.shape == (2, 3, 3)
     np.testing.assert_allclose(corners[:, :, 2], [[0.0] * 3, [0.007] * 3], atol=1e-12)
 
@@ -130,7 +130,7 @@ def test_a_round_wall_is_triangles_outside_of_it():
         simulation = engine_cases.simulation_of(engine_cases.mixed(container=container), ENGINE)
         files = files_of(simulation)
         wall = simulation.walls.round
-        corners = np.loadtxt(files["yade_facets.txt"].splitlines()).reshape(-1, 3, 3) - wall.center
+        corners = np.loadtxt(files["yade_facets.txt"].splitlines())[:, :9].reshape(-1, 3, 3) - wall.center
         normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
         distance = np.abs(np.einsum("ij,ij->i", normals, corners[:, 0])) / np.linalg.norm(normals, axis=1)
         assert distance.min() >= wall.radius * (1 - 1e-9)

@@ -83,7 +83,14 @@ def test_every_key_of_the_table_is_taken_by_a_scene(tmp_path):
     (tmp_path / "list.csv").write_text("diameter\n1.0\n")
     clump = {"max_spheres": 9, "method": "optimal", "target": "iou", "value": 0.5, "seed": 1}
     values = {
-        keys.AnyShape: {"share": 1.0, "density": 7800.0, "clump": clump, "faces": 20, "roughen": {"rms": 0.02}},
+        keys.AnyShape: {
+            "share": 1.0,
+            "density": 7800.0,
+            "material": "steel",
+            "clump": clump,
+            "faces": 20,
+            "roughen": {"rms": 0.02},
+        },
         keys.ShapeOfFile: {"file": "box.stl", "repair": True, "surface": False, "unit": "mm"},
         keys.ShapeOfFamily: {"family": "solid_union", "seed": 1, "count": 2},
         keys.Packed: {"method": "digital", "count": 2, "solid_fraction": 0.1, "start": "start.vtp"},
@@ -92,6 +99,8 @@ def test_every_key_of_the_table_is_taken_by_a_scene(tmp_path):
         keys.Layered: {"count": 2, "height": 2.0, "sizes": {"kind": "fixed"}, "orientations": {"kind": "random"}},
         keys.Oriented: {"kind": "random"},
         keys.Settled: {"enabled": True},
+        keys.NamedMaterial: {"name": "steel", "pair": {"steel": {"friction": 0.2}}},
+        keys.OfContainer: {"material": {"others": "steel"}},
         keys.Measured: {"which": ["density"]},
     }
     assert all(tuple(entry) == keys.names_of(cls) for cls, entry in values.items())
@@ -102,8 +111,9 @@ def test_every_key_of_the_table_is_taken_by_a_scene(tmp_path):
         "sizes": values[keys.Shares],
         "orientations": values[keys.Oriented],
         "grains": values[keys.Listed],
-        "container": {"kind": "box", "lengths": [9, 9, 9]},
+        "container": {"kind": "box", "lengths": [9, 9, 9]} | values[keys.OfContainer],
         "packing": values[keys.Packed],
+        "material": [values[keys.NamedMaterial]],
         "settle": values[keys.Settled],
         "measure": values[keys.Measured],
     }

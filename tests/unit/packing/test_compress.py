@@ -141,6 +141,18 @@ def test_a_height_is_met_by_the_friction():
         vg.compress(slab, axes="z", height=8)
 
 
+def test_no_grain_wedges_in_a_corner_of_the_walls():
+    loose = loose_grains(container=vg.Cylinder(2.5, 9), count=70)
+    specimen = vg.compress(loose, axes="z", friction=1.0)
+    assert specimen.stop_reason == "compressed"
+    # with friction 1 at walls one grain between the plate and the wall would bear all
+    assert specimen.forces.share_of_rattlers < 0.3
+    wall = specimen.forces.j < 0
+    across = specimen.forces.tangential_force
+    assert (across[wall] <= 0.701 * specimen.forces.normal_force[wall] + 1e-9).all()
+    assert vg.equilibrium(specimen).attrs["share_at_rest_without_rattlers"] >= 0.97
+
+
 def test_more_friction_is_looser_as_published():
     """Limits that hold for any 400 spheres: frictionless 0.636 to 0.645 (with chance 0.62), and Z near 6."""
     loose = loose_grains(container=vg.Box((9, 9, 9), periodic="xyz"), count=400)

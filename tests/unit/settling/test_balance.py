@@ -196,16 +196,19 @@ def test_an_iteration_is_two_sweeps_in_the_order_of_the_rows(round_grains):
     np.testing.assert_allclose(forces, expected, atol=1e-11)
 
 
+@pytest.mark.parametrize("own", [False, True])
 @pytest.mark.parametrize("round_grains", [True, False])
-def test_sweeps_end_at_the_law_of_coulomb(round_grains):
+def test_sweeps_end_at_the_law_of_coulomb(round_grains, own):
+    """Of one friction, or one of each contact."""
     row, i, j, bodies = heap(8, round_grains=round_grains)
+    friction = np.random.default_rng(3).uniform(0.0, 0.6, len(i)) if own else 0.3
     openness = 0.05 * np.random.default_rng(9).random(len(i))
     forces, skin = np.zeros((len(i), 3)), 1e-3
     found, made = gauss_seidel_forces(
         LoadedContacts(row, i, j, bodies, DOWN),
         forces,
         openness,
-        friction=0.3,
+        friction=friction,
         skin=skin,
         iterations=20_000,
         tolerance=1e-12,
@@ -221,12 +224,12 @@ def test_sweeps_end_at_the_law_of_coulomb(round_grains):
     assert (push * room).max() < 1e-7
     across, sliding = forces - push[:, None] * normal, apart - opening[:, None] * normal
     slides = np.linalg.norm(sliding, axis=1) > 1e-5
-    limit = 0.3 * push[slides, None]
+    limit = (friction * push)[slides, None]
     # what slides is pulled back by the whole friction, without any demand that it opens
     np.testing.assert_allclose(
         across[slides], -limit * sliding[slides] / np.linalg.norm(sliding[slides], axis=1)[:, None], atol=1e-4
     )
-    assert (np.linalg.norm(across, axis=1) <= 0.3 * push + 1e-9).all()
+    assert (np.linalg.norm(across, axis=1) <= friction * push + 1e-9).all()
     assert (slides & (push > 1e-2)).any()
     assert (~slides & (push > 1e-2)).any()
 

@@ -73,8 +73,8 @@ def twin(bed, dt, substeps, *, friction, restitution, most):
             rub = drag[k] - (velocity - along * normal[k]) * across
             rub -= (rub @ normal[k]) * normal[k]
             size = np.linalg.norm(rub)
-            if size > friction * new:
-                rub *= friction * new / size
+            if size > friction[k] * new:
+                rub *= friction[k] * new / size
             impulse = (new - push[k]) * normal[k] + rub - drag[k]
             push[k], drag[k] = new, rub
             apply(k, impulse)
@@ -93,15 +93,18 @@ def twin(bed, dt, substeps, *, friction, restitution, most):
     return speed, motion, push, drag
 
 
-@pytest.mark.parametrize("friction", [0.0, 0.4])
+@pytest.mark.parametrize("friction", [(0.0,), (0.4,), (0.1, 0.9)])
 @pytest.mark.parametrize("restitution", [0.0, 0.6])
 def test_a_step_is_that_of_a_plain_twin(friction, restitution):
     bed = heap()
     assert bed.m > 12
     assert (bed.gap < 0).any()
     assert (bed.gap > 2e-3).any()
-    speed, motion, push, drag = twin(bed, 0.05, 4, friction=friction, restitution=restitution, most=0.5)
-    fall = Fall(friction, restitution, step=0.05, substeps=4, most=0.025)
+    # one friction of all contacts, or one of each
+    rub = np.array(friction) if len(friction) == 1 else np.linspace(*friction, bed.m)
+    each = np.broadcast_to(rub, bed.m)
+    speed, motion, push, drag = twin(bed, 0.05, 4, friction=each, restitution=restitution, most=0.5)
+    fall = Fall(rub, restitution, step=0.05, substeps=4, most=0.025)
     approach = np.zeros(bed.m if restitution else 0)
     advance_bodies(bed.rows, bed.m, bed.bodies, bed.motion, bed.gravity, fall, 1.0, approach)
     row = bed.rows.row[: bed.m]

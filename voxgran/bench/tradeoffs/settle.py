@@ -253,7 +253,7 @@ def measure_accuracy(
 def _settled(start: Packing, how: Fall) -> tuple[float, float, float, float]:
     """Return seconds, bulk solid fraction, deepest overlap after the fall, and share at rest of one bed."""
     assembly, _ = normalized_assembly(start)
-    settler = Settler(assembly, Settling(friction=how.friction), np.array(start.gravity, dtype=np.float64))
+    settler = Settler(assembly, Settling(friction=CASES[0].friction), np.array(start.gravity, dtype=np.float64))
     settler._fall = how
     began = time.process_time()
     settler.step()

@@ -17,6 +17,8 @@ from typing import Any
 import numpy as np
 
 from voxgran._base.arrays import Floats
+from voxgran._base.errors import InputError
+from voxgran.decks.contact_law import ContactLaw
 from voxgran.decks.engine import Engine, Held
 from voxgran.decks.facets import facets_of
 from voxgran.decks.kratos_model import (
@@ -167,8 +169,10 @@ def _write(simulation: Simulation) -> Mapping[str, str]:
     Raises
     ------
     InputError
-        If there are clumps of too many shapes.
+        If there are clumps of too many shapes, or walls of several materials.
     """
+    if len(set(simulation.laws.of_walls.values())) > 1:
+        raise InputError("walls are of several materials: input for Kratos has one of all walls; name one for all")
     comments = [*simulation.header(TITLE), *_remarks(simulation)]
     files = {
         SCRIPT: _script(simulation, comments),
@@ -197,7 +201,8 @@ def _json(value: Mapping[str, Any]) -> str:
 def _remarks(simulation: Simulation) -> list[str]:
     """Return what the contact law of Kratos has different, as lines."""
     law = simulation.law
-    lines = [f"contact law of Kratos: {_law_name(simulation)}, the same between grains and at walls"]
+    names = sorted({_law_name(one) for _, _, one in simulation.laws.pairs()})
+    lines = [f"contact law of Kratos: {' and '.join(names)}, the same between grains and at walls"]
     if law.name == "linear":
         lines.append(
             "both stiffnesses hold for every pair; Kratos damps by 2 gamma sqrt(k m), also along the contact, with "
@@ -208,11 +213,11 @@ def _remarks(simulation: Simulation) -> list[str]:
     return lines
 
 
-def _law_name(simulation: Simulation) -> str:
+def _law_name(law: ContactLaw) -> str:
     """Return the name of the contact law in Kratos."""
-    if simulation.law.name == "linear":
+    if law.name == "linear":
         return "DEM_D_Linear_Custom_Constants"
-    return "DEM_D_Hertz_viscous_Coulomb" + ("_DMT" if simulation.law.cohesion else "")
+    return "DEM_D_Hertz_viscous_Coulomb" + ("_DMT" if law.cohesion else "")
 
 
 def _parameters(simulation: Simulation) -> dict[str, Any]:
@@ -263,25 +268,34 @@ def _steps_per_search(simulation: Simulation, tolerance: float) -> int:
 
 def _materials(simulation: Simulation) -> dict[str, Any]:
     """Return the materials: of spheres, of walls, and of each template that is a clump, whose file it names."""
-    law, bodies = simulation.law, simulation.bodies
-    elastic = {"YOUNG_MODULUS": _young_modulus(simulation), "POISSON_RATIO": law.poisson_ratio}
-    spheres, clumps = spheres_of(bodies), {material: k for k, material in clumps_of(bodies).items()}
-    walls = _material("walls", WALLS, {**elastic, "COMPUTE_WEAR": False})
+    bodies, laws = simulation.bodies, simulation.laws
+    elastic = [
+        {"YOUNG_MODULUS": _young_modulus(simulation, laws.laws[k][k]), "POISSON_RATIO": laws.laws[k][k].poisson_ratio}
+        for k in range(laws.count)
+    ]
+    of_walls = next(iter(laws.of_walls.values()), 0)
+    spheres, clumps = spheres_of(simulation), {material: k for k, material in clumps_of(bodies).items()}
+    walls = _material("walls", WALLS, {**elastic[of_walls], "COMPUTE_WEAR": False})
     several, materials, table = len(spheres) > 1, [], []
-    for material, name, density, _ in spheres:
-        materials.append(_material(name, material, {"PARTICLE_DENSITY": density, **elastic}))
+    for material, name, kind, density, _ in spheres:
+        materials.append(_material(name, material, {"PARTICLE_DENSITY": density, **elastic[kind]}))
         table.append([f"SpheresPart.{name.title()}" if several else "SpheresPart", name])
     materials.insert(1, walls)
     table.insert(1, ["RigidFacePart", "walls"])
     names = {material: name for material, name, *_ in spheres} | {WALLS: "walls"}
+    kinds = {material: kind for material, _, kind, *_ in spheres} | {WALLS: of_walls}
     for material, k in clumps.items():
-        names[material] = name = bodies.templates[k].name
+        name, kind = bodies.templates[k].name, laws.of_shapes[k]
+        names[material], kinds[material] = name, kind
         own = {"CLUSTER_FILE_NAME": _cluster_file(name), "BREAKABLE_CLUSTER": False}
-        materials.append(_material(name, material, {"PARTICLE_DENSITY": bodies.densities[k], **elastic, **own}))
+        materials.append(_material(name, material, {"PARTICLE_DENSITY": bodies.densities[k], **elastic[kind], **own}))
         table.append([f"ClusterPart.{name}", name])
-    contact = _contact(simulation)
     relations = [
-        {"material_names_list": [names[a], names[b]], "material_ids_list": [a, b], "Variables": contact}
+        {
+            "material_names_list": [names[a], names[b]],
+            "material_ids_list": [a, b],
+            "Variables": _contact(simulation, laws.laws[kinds[a]][kinds[b]]),
+        }
         for a, b in itertools.combinations_with_replacement((*(one[0] for one in spheres), *clumps, WALLS), 2)
         if (a, b) != (WALLS, WALLS)
     ]
@@ -293,21 +307,19 @@ def _material(name: str, number: int, variables: Mapping[str, Any]) -> dict[str,
     return {"material_name": name, "material_id": number, "Variables": dict(variables)}
 
 
-def _young_modulus(simulation: Simulation) -> float:
-    """Return Young's modulus.
+def _young_modulus(simulation: Simulation, law: ContactLaw) -> float:
+    """Return Young's modulus of a material by its law.
 
     That of the linear law has no effect. It is the one by which DEM_D_Linear_viscous_Coulomb, put in place of the law,
     has the normal stiffness between two spheres of the median diameter: 1.432 pi 0.31225 E / (2 (1 - nu^2)) d / 4.
     """
-    law = simulation.law
     if law.name == "hertz":
         return law.young_modulus
     return law.stiffness * 8 * (1 - law.poisson_ratio**2) / (1.432 * math.pi * 0.31225 * simulation.diameter)
 
 
-def _contact(simulation: Simulation) -> dict[str, Any]:
-    """Return the parameters of contacts, which are the same for every pair of materials."""
-    law = simulation.law
+def _contact(simulation: Simulation, law: ContactLaw) -> dict[str, Any]:
+    """Return the parameters of contacts between two materials by their law."""
     variables: dict[str, Any] = {
         "COEFFICIENT_OF_RESTITUTION": law.restitution,
         "STATIC_FRICTION": law.friction,
@@ -316,7 +328,7 @@ def _contact(simulation: Simulation) -> dict[str, Any]:
         "ROLLING_FRICTION": 0.0,
         "ROLLING_FRICTION_WITH_WALLS": 0.0,
         "DEM_ROLLING_FRICTION_MODEL_NAME": "DEMRollingFrictionModelBounded",
-        "DEM_DISCONTINUUM_CONSTITUTIVE_LAW_NAME": _law_name(simulation),
+        "DEM_DISCONTINUUM_CONSTITUTIVE_LAW_NAME": _law_name(law),
     }
     if law.name == "linear":
         variables |= {"K_NORMAL": law.stiffness, "K_TANGENTIAL": law.shear_stiffness}
@@ -425,6 +437,7 @@ registration = Engine(
     kinds=("sphere", "clump"),
     periodic=False,
     cohesion=True,
+    materials=True,
     install=INSTALL,
     verified="run with KratosDEMApplication 10.4.4",
     command=f"python {SCRIPT}",

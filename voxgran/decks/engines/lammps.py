@@ -7,13 +7,14 @@ Formats and commands: docs.lammps.org, pages `read_data`, `pair_granular`, `fix_
 """
 
 import math
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from pathlib import Path
 
 import numpy as np
 
 from voxgran._base.arrays import Floats, Integers
 from voxgran._base.errors import FileFormatError, InputError
+from voxgran.decks.contact_law import CHOSEN_OVERLAP, SHEAR_RATIO, ContactLaw
 from voxgran.decks.engine import Engine, Held
 from voxgran.decks.lammps_bonds import BondTexts, bond_commands, bond_texts
 from voxgran.decks.lammps_states import (
@@ -29,14 +30,14 @@ from voxgran.decks.lammps_states import (
     TITLE,
     lammps_states,
 )
-from voxgran.decks.material import CHOSEN_OVERLAP
 from voxgran.decks.simulation import OUTPUT, SETTLING, Simulation
 from voxgran.decks.text import row_of, text_of
-from voxgran.decks.walls import Walls
 from voxgran.shapes.formats.sphere_files import PLACES, text_of_spheres
 
-#: types of atoms: spheres that are grains, and spheres of clumps
+#: types of atoms of the first material: spheres that are grains, and spheres of clumps; the next one has 3 and 4
 SPHERE, CLUMP = 1, 2
+#: most materials: each is a group, of which LAMMPS has 32
+MOST_MATERIALS = 28
 #: room between the walls and the bounds of the box, in median diameters, so that no atom is lost
 MARGIN = 2.0
 #: overlap from which grains are parted under drag at the start, in median diameters; how long; time in which drag stops
@@ -61,9 +62,11 @@ def _write(simulation: Simulation) -> Mapping[str, str]:
     Raises
     ------
     InputError
-        If a clump has a single sphere, or the container is not one that LAMMPS has.
+        If a clump has a single sphere, there are too many materials, or the container is not one that LAMMPS has.
     """
-    bodies = simulation.bodies
+    bodies, many = simulation.bodies, simulation.laws.count
+    if many > MOST_MATERIALS:
+        raise InputError(f"material has {many} materials: LAMMPS takes {MOST_MATERIALS} here; give fewer")
     for template in bodies.templates:
         if template.kind == "clump" and len(template.spheres[1]) == 1 and simulation.bonds is None:
             raise InputError(
@@ -92,7 +95,8 @@ def _data(simulation: Simulation) -> str:
     places, images = simulation.walls.wrapped(centers)
     room = np.where(walls.periodic, 0.0, MARGIN * simulation.diameter + 2 * radii.max())
     low, high = walls.bounds[0] - room, walls.bounds[1] + room
-    counts, bonds = [f"{len(radii)} atoms", "2 atom types"], _bond_texts(simulation)
+    laws, bonds = simulation.laws, _bond_texts(simulation)
+    counts = [f"{len(radii)} atoms", f"{2 * laws.count} atom types"]
     if bonds is not None:
         counts += [f"{len(bonds.section)} bonds", f"{len(bonds.commands)} bond types"]
     lines = [f"# {simulation.header(TITLE)[0]}", "", *counts, ""]
@@ -100,11 +104,11 @@ def _data(simulation: Simulation) -> str:
     lines += [f"{lower!r} {upper!r} {axis}lo {axis}hi" for axis, lower, upper in ends]
     style = "sphere" if simulation.bonds is None else "bpm/sphere"
     lines += ["", f"Atoms # {style}", ""]
-    rows = zip(grain.tolist(), clump.tolist(), radii.tolist(), density.tolist(), strict=True)
+    kinds = 2 * np.array(laws.of_shapes)[bodies.assembly.shape_id[grain]] + np.where(clump, CLUMP, SPHERE)
+    rows = zip(grain.tolist(), kinds.tolist(), radii.tolist(), density.tolist(), strict=True)
     wheres = zip(places.tolist(), images.tolist(), strict=True)
-    for number, ((one, of_clump, radius, rho), ((x, y, z), (i, j, k))) in enumerate(zip(rows, wheres, strict=True), 1):
+    for number, ((one, kind, radius, rho), ((x, y, z), (i, j, k))) in enumerate(zip(rows, wheres, strict=True), 1):
         molecule = "" if simulation.bonds is None else f"{one + 1} "
-        kind = CLUMP if of_clump else SPHERE
         lines.append(f"{number} {molecule}{kind} {2 * radius!r} {rho!r} {x!r} {y!r} {z!r} {i} {j} {k}")
     if bonds is None:
         lines += ["", "Molecules", ""]
@@ -139,26 +143,42 @@ def _bodies(simulation: Simulation) -> str:
     return text_of(lines)
 
 
-def _law(simulation: Simulation) -> str:
-    """Return the contact law as arguments of the granular pair style and walls."""
-    law = simulation.law
+def _law(simulation: Simulation, law: ContactLaw) -> str:
+    """Return a contact law as arguments of the granular pair style and walls."""
+    young, ratio = law.young_modulus, law.poisson_ratio
+    # two median grains, slightly pressed
+    mass, diameter = float(np.median(simulation.bodies.mass)) / 2, simulation.diameter
+    stiffness = young / (1 - ratio**2) * math.sqrt(diameter / 4 * CHOSEN_OVERLAP * diameter)
+    rolling = ""
+    if law.rolling_friction:
+        spring = law.shear_stiffness or SHEAR_RATIO * stiffness
+        dashpot = 2 * law.damping_ratio * math.sqrt(spring * mass)
+        rolling = f" rolling sds {spring!r} {dashpot!r} {law.rolling_friction!r}"
     if law.name == "linear":
         return (
             f"hooke {law.stiffness!r} {law.restitution!r} tangential linear_history {law.shear_stiffness!r} 1.0 "
-            f"{law.friction!r} damping coeff_restitution"
+            f"{law.friction!r}{rolling} damping coeff_restitution"
         )
-    young, ratio = law.young_modulus, law.poisson_ratio
-    shear = f"tangential mindlin NULL 1.0 {law.friction!r} damping"
+    shear = f"tangential mindlin NULL 1.0 {law.friction!r}{rolling} damping"
     if law.cohesion:
-        # with surface energy LAMMPS takes no restitution: damping that has it for two median grains, slightly pressed
-        mass, diameter = float(np.median(simulation.bodies.mass)) / 2, simulation.diameter
-        stiffness = young / (1 - ratio**2) * math.sqrt(diameter / 4 * CHOSEN_OVERLAP * diameter)
+        # with surface energy LAMMPS takes no restitution: damping that has it for those grains
         rate = 2 * law.damping_ratio * math.sqrt(stiffness / mass)
         return f"dmt {young!r} {rate!r} {ratio!r} {law.cohesion!r} {shear} mass_velocity"
     return f"hertz/material {young!r} {law.restitution!r} {ratio!r} {shear} coeff_restitution"
 
 
-def _walls(walls: Walls, law: str) -> list[str]:
+def _of_walls(simulation: Simulation, name: str) -> Iterator[tuple[str, str, str]]:
+    """Yield name, group and contact law of the commands of a wall, one for each material of grains."""
+    laws = simulation.laws
+    wall = laws.of_walls[name]
+    if laws.count == 1:
+        yield name, "all", _law(simulation, laws.laws[0][wall])
+        return
+    for k in sorted(set(laws.of_shapes)):
+        yield f"{name}_{k + 1}", f"material_{k + 1}", _law(simulation, laws.laws[k][wall])
+
+
+def _walls(simulation: Simulation) -> list[str]:
     """Return the commands of all walls.
 
     Raises
@@ -166,10 +186,13 @@ def _walls(walls: Walls, law: str) -> list[str]:
     InputError
         If the container is a mesh that is not convex, or has too many planes.
     """
+    walls = simulation.walls
     lines = []
     for plane in walls.planes:
         low, high = (plane.level, "NULL") if plane.inward > 0 else ("NULL", plane.level)
-        lines.append(f"fix {plane.name} all wall/gran granular {law} {'xyz'[plane.axis]}plane {low} {high}")
+        at = f"{'xyz'[plane.axis]}plane {low} {high}"
+        found = _of_walls(simulation, plane.name)
+        lines += [f"fix {name} {of} wall/gran granular {law} {at}" for name, of, law in found]
     if walls.round is not None:
         x, y, z = walls.round.center
         radius = repr(walls.round.radius)
@@ -178,14 +201,32 @@ def _walls(walls: Walls, law: str) -> list[str]:
         else:
             bottom, top = (repr(float(level)) for level in walls.bounds[:, 2])
             lines.append(f"region round cylinder z {x!r} {y!r} {radius} {bottom} {top} side in open 1 open 2")
-        lines.append(f"fix round all wall/gran/region granular {law} region round")
+        lines += _region_walls(simulation, "round")
     if walls.mesh is not None:
         if not walls.convex:
             raise InputError(
                 "container is a closed mesh that is not convex: LAMMPS has walls of convex ones; use engine 'liggghts'"
             )
         lines += _planes(*walls.mesh)
-        lines.append(f"fix mesh all wall/gran/region granular {law} region mesh")
+        lines += _region_walls(simulation, "mesh")
+    return lines
+
+
+def _region_walls(simulation: Simulation, region: str) -> list[str]:
+    """Return the commands of the wall around a region of the same name."""
+    found = _of_walls(simulation, region)
+    return [f"fix {name} {of} wall/gran/region granular {law} region {region}" for name, of, law in found]
+
+
+def _contacts(simulation: Simulation) -> list[str]:
+    """Return the commands of the contact laws, and of the groups of grains."""
+    laws = simulation.laws
+    every = ["*"] if laws.count == 1 else [f"{2 * k + SPHERE}*{2 * k + CLUMP}" for k in range(laws.count)]
+    lines = [f"pair_coeff {every[a]} {every[b]} {_law(simulation, law)}" for a, b, law in laws.pairs()]
+    for name, first in (("spheres", SPHERE), ("clumps", CLUMP)):
+        lines.append(f"group {name} type {' '.join(str(first + 2 * k) for k in range(laws.count))}")
+    if laws.count > 1:
+        lines += [f"group material_{k + 1} type {2 * k + SPHERE} {2 * k + CLUMP}" for k in range(laws.count)]
     return lines
 
 
@@ -220,7 +261,7 @@ def _script(simulation: Simulation) -> str:
     spheres, clumps = len(bodies.of_kind("sphere")), len(bodies.of_kind("clump"))
     boundary = " ".join("p" if periodic else "f" for periodic in walls.periodic)
     reach = 2 * float(bodies.assembly.bounding_radii.max())
-    law, rigid = _law(simulation), simulation.bonds is None
+    rigid = simulation.bonds is None
     lines = [
         "units si",
         f"boundary {boundary}",
@@ -232,12 +273,10 @@ def _script(simulation: Simulation) -> str:
         f"neighbor {0.1 * simulation.diameter!r} bin",
         "neigh_modify delay 0",
         "pair_style granular",
-        f"pair_coeff * * {law}",
-        f"group spheres type {SPHERE}",
-        f"group clumps type {CLUMP}",
+        *_contacts(simulation),
         *(_motion(simulation, spheres, clumps) if rigid else _bonded_motion(simulation)),
         "# walls",
-        *_walls(walls, law),
+        *_walls(simulation),
         *_servo(simulation),
         *_energy(spheres, clumps if rigid else 0, "spheres" if rigid else "all"),
         f"timestep {simulation.time_step!r}",
@@ -395,7 +434,7 @@ def _read(folder: Path) -> Held:
     position[grain] = centers
     inertia = np.zeros((count, 3, 3))
     inertia[grain] = (0.4 * mass[grain] * radii**2)[:, None, None] * np.eye(3)
-    if (atoms[:, 1] == CLUMP).any() and "Molecules" in text:
+    if (atoms[:, 1] % 2 == CLUMP % 2).any() and "Molecules" in text:
         rows = np.loadtxt(folder / BODIES, skiprows=2, ndmin=2)
         mine = rows[:, 0].astype(np.int64) - 1
         mass[mine] = rows[:, 1]
@@ -421,6 +460,8 @@ registration = Engine(
     cohesion=True,
     bonds=True,
     servo=True,
+    materials=True,
+    rolling=("linear", "hertz"),
     install=INSTALL,
     verified="run with LAMMPS of 22 July 2025",
     command=f"lmp -in {SCRIPT}",

@@ -11,10 +11,12 @@ LIGGGHTS-PUBLIC 3.8.0, documentation and source: `fix_particletemplate_multisphe
 `tangential_model_luding_tn.h`, `global_properties.cpp`; github.com/CFDEMproject/LIGGGHTS-PUBLIC.
 """
 
+import itertools
 import math
 import re
 from collections.abc import Mapping
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -59,10 +61,11 @@ def _write(simulation: Simulation) -> Mapping[str, str]:
     InputError
         If the restitution is too low, or a clump is a single sphere.
     """
-    law, bodies = simulation.law, simulation.bodies
-    if law.restitution < LEAST_RESTITUTION:
+    bodies = simulation.bodies
+    least = min(law.restitution for _, _, law in simulation.laws.pairs())
+    if least < LEAST_RESTITUTION:
         raise InputError(
-            f"material restitution is {law.restitution:g}: LIGGGHTS takes {LEAST_RESTITUTION} to 1; give one in between"
+            f"material restitution is {least:g}: LIGGGHTS takes {LEAST_RESTITUTION} to 1; give one in between"
         )
     clumps = [template for template in bodies.templates if template.kind == "clump"]
     for template in clumps:
@@ -109,11 +112,13 @@ def _grains(simulation: Simulation) -> str:
     places = np.searchsorted(grain, mine)
     points, sizes = simulation.walls.wrapped(centers[places])[0], radii[places]
     density = bodies.mass[mine] / (4 / 3 * math.pi * sizes**3)
-    lines = ["", f"{len(mine)} atoms", "1 atom types", ""]
+    lines = ["", f"{len(mine)} atoms", f"{simulation.laws.count} atom types", ""]
+    kinds = 1 + np.array(simulation.laws.of_shapes)[bodies.assembly.shape_id[mine]]
     lines += [f"{row_of(ends)} {axis}lo {axis}hi" for axis, ends in zip("xyz", _box(simulation).T, strict=True)]
     lines += ["", "Atoms", ""]
     rows = np.column_stack([2 * sizes, density, points])
-    lines += [f"{number} 1 {row_of(row)}" for number, row in zip((mine + 1).tolist(), rows, strict=True)]
+    numbered = zip((mine + 1).tolist(), kinds.tolist(), rows, strict=True)
+    lines += [f"{number} {kind} {row_of(row)}" for number, kind, row in numbered]
     return text_of([*simulation.comments(TITLE), *lines])
 
 
@@ -153,9 +158,9 @@ def _clump(simulation: Simulation, grain: int, number: int, block: Floats) -> li
     # in the frame of the template: LIGGGHTS turns it with the clump
     tensor = template.shape.inertia * density * scale**5
     inertia = row_of(np.array([tensor[place] for place in PLACES]))
-    name = grain + 1
+    name, kind = grain + 1, 1 + simulation.laws.of_shapes[bodies.assembly.shape_id[grain]]
     made = (
-        f"fix t{name} all particletemplate/multisphere {SEEDS[0]} atom_type 1 density constant {density!r} "
+        f"fix t{name} all particletemplate/multisphere {SEEDS[0]} atom_type {kind} density constant {density!r} "
         f"nspheres {len(template.spheres[1])} ntry 1000 spheres file {_file(template.name)} scale {scale!r} "
         f"type {number} mass {float(bodies.mass[grain])!r} inertia_tensor {inertia} use_density"
     )
@@ -169,37 +174,47 @@ def _clump(simulation: Simulation, grain: int, number: int, block: Floats) -> li
 def _models(simulation: Simulation) -> tuple[str, str]:
     """Return the contact models, and their settings, which follow the walls in commands of walls."""
     models = "luding tangential tan_luding" if simulation.law.name == "linear" else "hertz tangential history"
+    models += " rolling_friction cdt" if simulation.laws.rolls else ""
     return f"model {models}", "tangential_damping on limitForce off"
 
 
 def _properties(simulation: Simulation) -> list[str]:
     """Return the parameters of the contact law."""
-    law = simulation.law
-    pairs = {"coefficientRestitution": law.restitution, "coefficientFriction": law.friction}
+    laws, many = simulation.laws, simulation.laws.count
+    pairs: dict[str, Any] = {
+        "coefficientRestitution": laws.matrix("restitution"), "coefficientFriction": laws.matrix("friction")
+    }  # fmt: skip
+    if laws.rolls:
+        pairs["coefficientRollingFriction"] = laws.matrix("rolling_friction")
     lines = []
-    if law.name == "linear":
+    if simulation.law.name == "linear":
         pairs |= {
-            "LoadingStiffness": law.stiffness,
+            "LoadingStiffness": laws.matrix("stiffness"),
             # over that of loading, at an overlap of 500 diameters: at usual ones it is equal up to 1e-9
             "UnloadingStiffness": 1.001,
             "coefficientPlasticityDepth": 1.0,
             "coefficientAdhesionStiffness": 0.0,
             "pullOffForce": 0.0,
-            "coeffFrictionStiffness": law.shear_stiffness / law.stiffness,
+            "coeffFrictionStiffness": [[law.shear_stiffness / law.stiffness for law in row] for row in laws.laws],
             # tangential over normal damping
             "FrictionViscosity": 1.0,
             # dynamic over static friction: the tangential model `tan_luding` reads it under this name
             "FluidViscosity": 1.0,
         }
     else:
-        if law.young_modulus < SOFT:
+        # the modulus of a pair follows from those of its materials
+        own = {"youngsModulus": "young_modulus", "poissonsRatio": "poisson_ratio"}
+        each = {name: [getattr(laws.laws[k][k], value) for k in range(many)] for name, value in own.items()}
+        if min(each["youngsModulus"]) < SOFT:
             lines.append("soft_particles yes")
-        if law.young_modulus > HARD:
+        if max(each["youngsModulus"]) > HARD:
             lines.append("hard_particles yes")
-        for name, value in (("youngsModulus", law.young_modulus), ("poissonsRatio", law.poisson_ratio)):
-            lines.append(f"fix {name} all property/global {name} peratomtype {value!r}")
+        for name, values in each.items():
+            lines.append(f"fix {name} all property/global {name} peratomtype {row_of(values)}")
+    tables = {name: value if isinstance(value, list) else [[value] * many] * many for name, value in pairs.items()}
     return lines + [
-        f"fix {name} all property/global {name} peratomtypepair 1 {value!r}" for name, value in pairs.items()
+        f"fix {name} all property/global {name} peratomtypepair {many} {row_of(itertools.chain(*rows))}"
+        for name, rows in tables.items()
     ]
 
 
@@ -210,13 +225,18 @@ def _walls(simulation: Simulation) -> list[str]:
     shapes = {plane.name: f"{'xyz'[plane.axis]}plane {plane.level!r}" for plane in walls.planes}
     if walls.round is not None and walls.round.kind == "cylinder":
         shapes["round"] = f"zcylinder {walls.round.radius!r} {row_of(np.array(walls.round.center[:2]))}"
-    lines = [f"fix {name} all wall/gran {models} primitive type 1 {shape} {settings}" for name, shape in shapes.items()]
+    kind = {name: 1 + number for name, number in simulation.laws.of_walls.items()}
+    lines = [
+        f"fix {name} all wall/gran {models} primitive type {kind[name]} {shape} {settings}"
+        for name, shape in shapes.items()
+    ]
     if simulation.walls.needs_triangles:
         (mesh,) = (wall for wall in facets_of(simulation) if wall.name in ("round", "mesh"))
         if mesh.note:
             lines.append(f"# approximated: {mesh.note}")
         precision = repr(min(1e-3, 1e-7 * simulation.diameter))
-        lines.append(f"fix triangles all mesh/surface file {WALL} type 1 precision {precision} curvature_tolerant yes")
+        surface = f"file {WALL} type {kind[mesh.name]} precision {precision} curvature_tolerant yes"
+        lines.append(f"fix triangles all mesh/surface {surface}")
         lines.append(f"fix wall all wall/gran {models} mesh n_meshes 1 meshes triangles {settings}")
     return lines
 
@@ -237,9 +257,14 @@ def _script(simulation: Simulation) -> str:
         "communicate single vel yes",
     ]
     if spheres:
-        lines += [f"read_data {GRAINS}", "group spheres type 1"]
+        # there are no other atoms yet: those of clumps are inserted later
+        types = " ".join(str(k + 1) for k in range(simulation.laws.count))
+        lines += [f"read_data {GRAINS}", f"group spheres type {types}"]
     else:
-        lines += [f"region box block {row_of(_box(simulation).T.ravel())} units box", "create_box 1 box"]
+        lines += [
+            f"region box block {row_of(_box(simulation).T.ravel())} units box",
+            f"create_box {simulation.laws.count} box",
+        ]
     lines += [
         f"neighbor {0.1 * simulation.diameter!r} bin",
         "neigh_modify delay 0",
@@ -379,6 +404,8 @@ registration = Engine(
     summary="data file of spheres, multisphere templates with the place of each clump, and a script",
     source="LIGGGHTS-PUBLIC 3.8.0, documentation and source",
     kinds=("sphere", "clump"),
+    materials=True,
+    rolling=("linear", "hertz"),
     install=INSTALL,
     verified="run with LIGGGHTS-PUBLIC 3.8.0 of Debian 12",
     command=f"liggghts -in {SCRIPT}",

@@ -50,7 +50,7 @@ COMMANDS: Mapping[str, Mapping[str, str]] = {
     "program call": {"": "s"},
     "contact cmat default": {
         "model": "w", "property": "", "kn": "f", "ks": "f", "fric": "f", "dp_nratio": "f", "hz_shear": "f",
-        "hz_poiss": "f", "dp_en": "f",
+        "hz_poiss": "f", "dp_en": "f", "rr_fric": "f",
     },
     "ball create": {"id": "i", "radius": "f", "position": "fff", "group": "s"},
     "ball attribute": {"density": "f", "range": "ws"},
@@ -62,7 +62,7 @@ COMMANDS: Mapping[str, Mapping[str, str]] = {
     "wall create": {"id": "i", "name": "s", "vertices": "f*"},
 }  # fmt: skip
 #: words that a `w` may be
-WORDS = {"linear", "hysteretic", "periodic", "stop", "group"}
+WORDS = {"linear", "rrlinear", "hysteretic", "periodic", "stop", "group"}
 NUMBER = r"[-+]?\d+\.?\d*(?:[eE][-+]?\d+)?"
 #: what each kind of argument is
 ARGUMENTS = {
@@ -88,13 +88,14 @@ def _write(simulation: Simulation) -> Mapping[str, str]:
     Raises
     ------
     InputError
-        If rigid blocks are to have the law of Hertz, or a sphere is too large for the periodic container.
+        If rigid blocks are to have the law of Hertz or rolling friction, or a sphere is too large for the container.
     """
-    bodies = simulation.bodies
-    if simulation.law.name == "hertz" and "polyhedron" in bodies.kinds:
+    law, bodies = simulation.law, simulation.bodies
+    curved = "law is 'hertz'" if law.name == "hertz" else "rolling_friction is given" if law.rolling_friction else ""
+    if curved and "polyhedron" in bodies.kinds:
         raise InputError(
-            "material law is 'hertz' for polyhedra: contacts of PFC's rigid blocks have no radius of curvature, which "
-            "that law needs; use law='linear', or give clump=20"
+            f"material {curved} for polyhedra: contacts of PFC's rigid blocks have no radius of curvature, which it "
+            "needs; use law='linear' without rolling_friction, or give clump=20"
         )
     low, high = _domain(simulation)
     single = bodies.of_kind("sphere")
@@ -128,8 +129,9 @@ def _setup(simulation: Simulation, low: Floats, high: Floats) -> list[str]:
     law, walls, bodies = simulation.law, simulation.walls, simulation.bodies
     if law.name == "linear":
         contact = (
-            f"model linear property kn {law.stiffness!r} ks {law.shear_stiffness!r} fric {law.friction!r} "
-            f"dp_nratio {law.damping_ratio!r}"
+            f"model {'rr' * (law.rolling_friction > 0)}linear property kn {law.stiffness!r} ks {law.shear_stiffness!r} "
+            f"fric {law.friction!r} dp_nratio {law.damping_ratio!r}"
+            + (f" rr_fric {law.rolling_friction!r}" if law.rolling_friction else "")
         )
     else:
         shear = law.young_modulus / (2 * (1 + law.poisson_ratio))
@@ -439,6 +441,7 @@ registration = Engine(
     summary="command files: spheres, clumps by templates, rigid blocks, walls of facets, and a run until rest",
     source="docs.itascacg.com/pfc700",
     kinds=("sphere", "polyhedron", "clump"),
+    rolling=("linear",),
     verified="not run; read back by the grammar of its documentation",
     command=f"program call '{RUN}' in PFC3D",
     write=_write,

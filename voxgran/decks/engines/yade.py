@@ -96,6 +96,12 @@ def _refuse(simulation: Simulation) -> None:
         refuse_polyhedra(simulation)
     if any(walls.periodic):
         _refuse_narrow(simulation)
+    adhesive = {law.cohesion for _, _, law in simulation.laws.pairs()}
+    if len(adhesive) > 1:
+        raise InputError(
+            f"material cohesion differs between pairs, {min(adhesive):g} to {max(adhesive):g}: YADE has one of all "
+            "contacts; give all materials the same"
+        )
     if "level_set" not in kinds:
         return
     if len(kinds) > 1:
@@ -136,7 +142,11 @@ def _kinds(simulation: Simulation) -> set[Kind]:
 
 def _notes(simulation: Simulation) -> list[str]:
     """Return what is not exact, as sentences."""
-    kinds, lines = _kinds(simulation), []
+    kinds, laws, lines = _kinds(simulation), simulation.laws, []
+    own = np.diag(np.array(laws.matrix("damping_ratio")))
+    mean = (own[:, None] + own) / 2
+    if simulation.law.name == "linear" and not np.allclose(mean, laws.matrix("damping_ratio")):
+        lines.append("approximated: the damping of a pair is the mean share of the critical one of its two materials")
     if "polyhedron" in kinds:
         lines += notes_of_polyhedra(simulation)
     if "level_set" in kinds:
@@ -150,10 +160,12 @@ def _notes(simulation: Simulation) -> list[str]:
 
 def _constants(simulation: Simulation, facets: bool) -> list[str]:
     """Return the numbers of the simulation as lines of Python."""
-    kinds, walls = _kinds(simulation), simulation.walls
+    kinds, walls, bodies = _kinds(simulation), simulation.walls, simulation.bodies
     falling = bool(simulation.gravity.any()) or simulation.stress is not None
     start = math.ceil(SETTLING * simulation.time_unit / simulation.time_step)
-    planes = [] if any(walls.periodic) else [(plane.level, plane.axis, plane.inward) for plane in walls.planes]
+    kind, of_walls = simulation.laws.of_shapes, simulation.laws.of_walls
+    planes = [(plane.level, plane.axis, plane.inward, of_walls[plane.name]) for plane in walls.planes]
+    planes = [] if any(walls.periodic) else planes
     return [
         "import os",
         "import sys",
@@ -165,7 +177,9 @@ def _constants(simulation: Simulation, facets: bool) -> list[str]:
         f"REST = {simulation.rest_energy if falling else 0.0!r}",
         "# mean net force on a body at rest under a stress, in mean contact forces; 0 without",
         f"UNBALANCED = {0.0 if simulation.stress is None else UNBALANCED!r}",
-        "# level, axis and side of plane walls",
+        "# material of the grains of each template by its number",
+        f"MATERIALS = {{{', '.join(f'{one.name!r}: {k}' for one, k in zip(bodies.templates, kind, strict=True))}}}",
+        "# level, axis, side and material of plane walls",
         f"PLANES = {planes!r}",
         f"FACETS = {facets}",
         f"SPHERES = {bool(kinds & {'sphere', 'clump'})}",
@@ -177,25 +191,40 @@ def _constants(simulation: Simulation, facets: bool) -> list[str]:
 
 def _materials(simulation: Simulation) -> list[str]:
     """Return the lines that make the materials of grains, of the spheres of clumps, and of walls."""
-    law = simulation.law
     if "polyhedron" in _kinds(simulation):
         return contacts_of_polyhedra(simulation).materials
-    if law.name == "hertz":
-        made = f"FrictMat(young={law.young_modulus!r}, poisson={law.poisson_ratio!r}"
-    else:
-        made = f"FrictViscoMat(betan={law.damping_ratio!r}"
-    # another member has the mass of a clump
-    density = {"grains": law.density, "members": 0.0, "walls": law.density}
-    angle = math.atan(law.friction)
-    return [
-        f'O.materials.append({made}, frictionAngle={angle!r}, density={value!r}, label="{name}"))'
-        for name, value in density.items()
-    ]
+    lines = []
+    for k in range(simulation.laws.count):
+        law = simulation.laws.laws[k][k]
+        if law.name == "hertz":
+            made = f"FrictMat(young={law.young_modulus!r}, poisson={law.poisson_ratio!r}"
+        else:
+            made = f"FrictViscoMat(betan={law.damping_ratio!r}"
+        # another member has the mass of a clump
+        density = {"grains": law.density, "members": 0.0, "walls": law.density}
+        angle = math.atan(law.friction)
+        lines += [
+            f'O.materials.append({made}, frictionAngle={angle!r}, density={value!r}, label="{name}{k}"))'
+            for name, value in density.items()
+        ]
+    return lines
+
+
+def _matches(simulation: Simulation, values: list[list[float]]) -> str:
+    """Return numbers of pairs of materials as a MatchMaker."""
+    if simulation.laws.count == 1:
+        return f"MatchMaker(algo='val', val={values[0][0]!r})"
+    # each material is three of YADE: of grains, of members of clumps, and of walls
+    many = 3 * simulation.laws.count
+    pairs = [(i, j, values[i // 3][j // 3]) for i in range(many) for j in range(i, many)]
+    return f"MatchMaker(matches={pairs!r})"
 
 
 def _contacts(simulation: Simulation, shapes: list[str]) -> tuple[list[str], list[str], list[str]]:
     """Return the parts of an engine that make geometry, physics and forces of contacts."""
-    law = simulation.law
+    law, laws = simulation.law, simulation.laws
+    angle = _matches(simulation, [[math.atan(value) for value in row] for row in laws.matrix("friction")])
+    rubs = f", frictAngle={angle}" if laws.count > 1 else ""
     if "Polyhedra" in shapes:
         found = contacts_of_polyhedra(simulation)
         return found.geometry, found.physics, found.laws
@@ -207,11 +236,12 @@ def _contacts(simulation: Simulation, shapes: list[str]) -> tuple[list[str], lis
     if "LevelSet" in shapes:
         geometry += ["Ig2_LevelSet_LevelSet_ScGeom()", "Ig2_Wall_LevelSet_ScGeom()"]
     if hertz:
-        physics = [f"Ip2_FrictMat_FrictMat_MindlinPhys(en={law.restitution!r}, gamma={law.cohesion!r})"]
+        bounce = _matches(simulation, laws.matrix("restitution")) if laws.count > 1 else repr(law.restitution)
+        physics = [f"Ip2_FrictMat_FrictMat_MindlinPhys(en={bounce}, gamma={law.cohesion!r}{rubs})"]
         return geometry, physics, [f"Law2_ScGeom_MindlinPhys_Mindlin(includeAdhesion={law.cohesion > 0})"]
-    values = (law.stiffness, law.shear_stiffness / law.stiffness)
-    normal, ratio = (f"MatchMaker(algo='val', val={value!r})" for value in values)
-    physics = [f"Ip2_FrictViscoMat_FrictViscoMat_FrictViscoPhys(kn={normal}, kRatio={ratio})"]
+    normal = _matches(simulation, laws.matrix("stiffness"))
+    ratio = _matches(simulation, [[one.shear_stiffness / one.stiffness for one in row] for row in laws.laws])
+    physics = [f"Ip2_FrictViscoMat_FrictViscoMat_FrictViscoPhys(kn={normal}, kRatio={ratio}{rubs})"]
     return geometry, physics, ["Law2_ScGeom_FrictViscoPhys_CundallStrackVisco(sphericalBodies=False)"]
 
 
@@ -275,10 +305,12 @@ def _facets(simulation: Simulation) -> tuple[list[str], list[str]]:
 
     Periodic cells have no infinite planes: a triangle that reaches over many cells is in place of each.
     """
-    walls, said, found = simulation.walls, [], []
+    walls, of_walls = simulation.walls, simulation.laws.of_walls
+    said: list[str] = []
+    found: list[tuple[Floats, int]] = []
     for wall in facets_of(simulation):
         if wall.name in ("round", "mesh"):
-            found.append(wall.vertices[wall.faces])
+            found.append((wall.vertices[wall.faces], of_walls[wall.name]))
             said += [f"approximated: {wall.note}"] if wall.note else []
     if any(walls.periodic):
         for plane in walls.planes:
@@ -288,11 +320,11 @@ def _facets(simulation: Simulation) -> tuple[list[str], list[str]]:
             triangle[:, plane.axis] = plane.level
             triangle[:, first] += size * np.array([0.0, -2.0, 2.0])
             triangle[:, second] += size * np.array([2.0, -1.0, -1.0])
-            found.append(triangle[None])
+            found.append((triangle[None], of_walls[plane.name]))
     if not found:
         return [], said
-    rows = np.concatenate(found).reshape(-1, 9)
-    return ["# corners of triangles: x y z three times", *map(row_of, rows)], said
+    rows = [f"{row_of(row)} {kind}" for corners, kind in found for row in corners.reshape(-1, 9)]
+    return ["# corners of triangles: x y z three times, and the material", *rows], said
 
 
 def _grains(simulation: Simulation) -> list[str]:
@@ -373,6 +405,7 @@ registration = Engine(
     kinds=("sphere", "clump", "level_set", "polyhedron"),
     cohesion=True,
     servo=True,
+    materials=True,
     install=INSTALL,
     verified="run with YADE 2023.02a of Debian 12",
     command=f"yade -n -x {SCRIPT}",

@@ -112,9 +112,9 @@ def sliding_share(forces: ContactForces) -> float:
     """Return the share of the contacts that carry a force whose tangential force is at the limit of friction, within
     1e-3 of it; NaN where the friction is not known, 0, or nothing carries a force.
     """
-    if not forces.friction or not forces.carries.any():
+    if forces.friction is None or not np.any(forces.friction) or not forces.carries.any():
         return math.nan
-    limit = forces.friction * forces.normal_force[forces.carries]
+    limit = (forces.friction * forces.normal_force)[forces.carries]
     return float((forces.tangential_force[forces.carries] >= (1.0 - SLIDES) * limit).mean())
 
 

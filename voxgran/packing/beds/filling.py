@@ -14,6 +14,7 @@ from voxgran._base.arrays import Booleans, Floats
 from voxgran.containers.model import Container
 from voxgran.packing.beds.seeds import container_levels, points_inside
 from voxgran.packing.problem import Problem
+from voxgran.settling.materials import Materials, mean_friction
 from voxgran.shapes.model import Shape
 
 #: solid fractions of round grains of one size far from walls, by dimension: with much friction, and without
@@ -39,12 +40,13 @@ APART, ROUNDING = 1e-3, 1e-12
 LOOKS = 4
 
 
-def usual_solid_fraction(problem: Problem, friction: float | None = None) -> float:
+def usual_solid_fraction(problem: Problem, friction: float | Materials | None = None) -> float:
     """Return the solid fraction far from walls in which beds of the grains come to rest.
 
     The friction is that of the method, unless it is given.
     """
     dimension, friction = problem.dimension, problem.parameters.friction if friction is None else friction
+    friction = mean_friction(friction, problem.shape_id, len(problem.shapes))
     found = RUBBING[dimension] + (FREE[dimension] - RUBBING[dimension]) * math.exp(-friction / USUAL)
     roundness = np.array([_roundness(shape) for shape in problem.shapes])[problem.shape_id]
     looser = np.minimum(roundness / ROUND, 1.0) ** POWER[dimension]

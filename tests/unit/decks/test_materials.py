@@ -1,0 +1,272 @@
+"""Several materials in the input of engines: tables of pairs, walls, rolling friction, and what is refused."""
+
+import ast
+import json
+import math
+import re
+
+import engine_cases as cases
+import numpy as np
+import pytest
+
+import voxgran as vg
+from voxgran._base.errors import InputError
+from voxgran.decks.engine import engine_registry
+from voxgran.decks.engines.kratos import MATERIALS
+from voxgran.shapes.spheres import Spheres
+
+NAMES = engine_registry().names()
+SEVERAL = tuple(name for name in NAMES if engine_registry().get(name).materials)
+
+
+def table(**options):
+    """Return two materials with all that pairs may have."""
+    materials = {
+        "sand": {"friction": 0.6, "restitution": 0.2, "stiffness": 1e3, "density": 2600.0},
+        "steel": {"friction": 0.3, "restitution": 0.8, "stiffness": 3e3, "density": 7800.0},
+    }
+    pairs = {("sand", "steel"): {"friction": 0.15}}
+    walls = {"z_low": "steel", "others": "sand"}
+    return vg.Materials(materials, **{"pairs": pairs, "shapes": ["sand", "steel"], "walls": walls, **options})
+
+
+def deck(tmp_path, engine, material, packing=None):
+    made = vg.write_deck(packing or cases.mixed(), tmp_path, engine, material=material)
+    return made, "\n".join(path.read_text() for path in made.files)
+
+
+@pytest.mark.parametrize("engine", SEVERAL)
+def test_grains_of_several_materials_have_their_masses(engine, tmp_path):
+    made, _ = deck(tmp_path, engine, table(walls="steel"), cases.mixed(periodic=False))
+    held = engine_registry().get(engine).read(tmp_path)
+    packing = made.packing
+    own = np.array([2600.0, 7800.0])[packing.shape_id]
+    np.testing.assert_allclose(held.mass, 1e-9 * packing.volumes * own, rtol=1e-6)
+    # the shortest step of all pairs: two of the lightest grains, with the stiffest springs
+    shortest = math.pi * math.sqrt(made.simulation.bodies.mass.min() / 2 / 3e3) / 50
+    assert made.simulation.law.stable_step == pytest.approx(shortest)
+
+
+@pytest.mark.parametrize("engine", SEVERAL)
+def test_a_table_of_one_material_is_that_material(engine, tmp_path):
+    alone = {"friction": 0.3, "restitution": 0.6, "stiffness": 2e3}
+    _, one = deck(tmp_path / "one", engine, alone)
+    _, other = deck(tmp_path / "other", engine, vg.Materials({"sand": alone}))
+    assert one == other
+
+
+@pytest.mark.parametrize("engine", sorted(set(NAMES) - set(SEVERAL)))
+def test_engines_with_one_material_say_so(engine, tmp_path):
+    sphere = "sphere" in engine_registry().get(engine).kinds
+    packing = cases.mixed() if sphere else cases.rocks()
+    with pytest.raises(InputError, match=r"material has 2 materials: input for .* has one"):
+        vg.write_deck(packing, tmp_path / "new", engine, material=table())
+    assert not (tmp_path / "new").exists()
+
+
+@pytest.mark.parametrize("engine", NAMES)
+def test_rolling_friction_is_written_or_refused(engine, tmp_path):
+    entry = engine_registry().get(engine)
+    for law in entry.laws:
+        material = {"law": law, "rolling_friction": 0.125} | ({"young_modulus": 1e7} if law == "hertz" else {})
+        packing = cases.spheres() if "sphere" in entry.kinds else cases.rocks()
+        if law in entry.rolling:
+            assert "0.125" in deck(tmp_path / law, engine, material, packing)[1]
+        else:
+            with pytest.raises(InputError, match=r"rolling_friction is 0\.125.*leave it out"):
+                deck(tmp_path / law, engine, material, packing)
+
+
+def test_pairs_and_walls_of_lammps(tmp_path):
+    _, text = deck(tmp_path, "lammps", table())
+    pairs = dict(re.findall(r"pair_coeff (\S+ \S+) hooke (.*)", text))
+    shown = {key: [float(word) for word in words.split() if word[0].isdigit()] for key, words in pairs.items()}
+    # stiffness, restitution, shear stiffness, its damping, friction
+    shear = 2 / 7
+    assert shown["1*2 1*2"] == pytest.approx([1e3, 0.2, shear * 1e3, 1, 0.6])
+    assert shown["1*2 3*4"] == pytest.approx([1.5e3, 0.4, shear * 1.5e3, 1, 0.15])
+    assert shown["3*4 3*4"] == pytest.approx([3e3, 0.8, shear * 3e3, 1, 0.3])
+    walls = dict(
+        re.findall(r"fix (\w+) material_\d wall/gran granular hooke \S+ \S+ tangential \S+ \S+ 1.0 (\S+)", text)
+    )
+    assert {name: float(value) for name, value in walls.items() if name[0] == "z"} == {
+        "z_low_1": 0.15, "z_low_2": 0.3, "z_high_1": 0.6, "z_high_2": 0.15,
+    }  # fmt: skip
+    assert "4 atom types" in text
+    assert "group clumps type 2 4" in text
+    assert "materials: 1 sand, 2 steel" in text
+
+
+def test_the_properties_of_pairs_of_liggghts_are_matrices(tmp_path):
+    _, text = deck(tmp_path, "liggghts", table())
+    found = dict(re.findall(r"property/global (\w+) peratomtypepair 2 (.*)", text))
+    assert [float(word) for word in found["coefficientFriction"].split()] == [0.6, 0.15, 0.15, 0.3]
+    assert [float(word) for word in found["coefficientRestitution"].split()] == pytest.approx([0.2, 0.4, 0.4, 0.8])
+    assert [float(word) for word in found["LoadingStiffness"].split()] == pytest.approx([1e3, 1.5e3, 1.5e3, 3e3])
+    assert "primitive type 2 zplane 0.0" in text
+    assert "primitive type 1 xplane 0.0" in text
+    assert set(re.findall(r"atom_type (\d)", text)) == {"2"}
+    assert "group spheres type 1 2" in text
+
+
+def test_rolling_friction_of_pfc_needs_a_radius(tmp_path):
+    _, text = deck(tmp_path, "pfc", {"rolling_friction": 0.1, "stiffness": 1e3})
+    assert "contact cmat default model rrlinear property kn 1000.0" in text
+    with pytest.raises(InputError, match="no radius of curvature"):
+        deck(tmp_path / "new", "pfc", {"rolling_friction": 0.1}, cases.falling(rock()))
+
+
+def rock():
+    """Return a convex polyhedron, which PFC has as a rigid block."""
+    shape = vg.make_shape("convex_polyhedron", seed=1)
+    return vg.Packing.of(shape, vg.Box((4, 4, 5)), position=[(2, 2, 2)], unit="mm")
+
+
+def test_moduli_of_liggghts_are_those_of_materials(tmp_path):
+    own = {"law": "hertz", "young_modulus": 1e7}
+    materials = vg.Materials(
+        {"sand": own, "steel": {**own, "young_modulus": 1e8, "poisson_ratio": 0.3}},
+        shapes=["sand", "steel"],
+        walls="steel",
+    )
+    _, text = deck(tmp_path, "liggghts", materials)
+    assert "youngsModulus peratomtype 10000000.0 100000000.0" in text
+    assert "poissonsRatio peratomtype 0.25 0.3" in text
+
+
+def test_the_relations_of_kratos_are_those_of_pairs(tmp_path):
+    deck(tmp_path, "kratos", table(walls="steel"))
+    found = json.loads((tmp_path / MATERIALS).read_text())
+    told = {tuple(one["material_names_list"]): one["Variables"] for one in found["material_relations"]}
+    clump = next(name for pair in told for name in pair if name not in ("spheres", "walls"))
+    friction = {pair: values["STATIC_FRICTION"] for pair, values in told.items()}
+    assert friction == {
+        ("spheres", "spheres"): 0.6, ("spheres", clump): 0.15, ("spheres", "walls"): 0.15, (clump, clump): 0.3,
+        (clump, "walls"): 0.3,
+    }  # fmt: skip
+    stiffness = [told["spheres", "spheres"]["K_NORMAL"], told["spheres", clump]["K_NORMAL"]]
+    assert stiffness == pytest.approx([1e3, 1.5e3])
+    assert told["spheres", clump]["COEFFICIENT_OF_RESTITUTION"] == pytest.approx(0.4)
+
+
+def test_the_match_makers_of_yade_hold_the_numbers_of_pairs(tmp_path):
+    made, text = deck(tmp_path, "yade", table())
+    found = {
+        name: {(i, j): value for i, j, value in ast.literal_eval(rows)}
+        for name, rows in re.findall(r"(\w+)=MatchMaker\(matches=(\[.*?\])\)", text)
+    }
+    labels = re.findall(r'label="(\w+)"', text)
+    assert labels == ["grains0", "members0", "walls0", "grains1", "members1", "walls1"]
+    # ids are the places of the labels: a grain of sand on a wall of steel, and a member of steel on a wall of sand
+    for i, j, friction, stiffness in ((0, 5, 0.15, 1.5e3), (2, 4, 0.15, 1.5e3), (0, 1, 0.6, 1e3), (3, 5, 0.3, 3e3)):
+        assert math.tan(found["frictAngle"][i, j]) == pytest.approx(friction)
+        assert found["kn"][i, j] == pytest.approx(stiffness)
+        assert found["kRatio"][i, j] == pytest.approx(2 / 7)
+    assert len(found["kn"]) == 21
+    planes = ast.literal_eval(re.search(r"PLANES = (.*)", text)[1])
+    assert {(axis, inward): kind for _, axis, inward, kind in planes} == {
+        (0, 1): 0, (0, -1): 0, (1, 1): 0, (1, -1): 0, (2, 1): 1, (2, -1): 0,
+    }  # fmt: skip
+    names = [template.name for template in made.simulation.bodies.templates]
+    assert ast.literal_eval(re.search(r"MATERIALS = (.*)", text)[1]) == dict(zip(names, (0, 1), strict=True))
+    assert "the damping of a pair is the mean share" in text
+
+
+def test_spheres_of_two_materials_are_two_materials_of_kratos(tmp_path):
+    one = cases.spheres()
+    shapes = [vg.shapes.sphere(), vg.shapes.sphere()]
+    packing = vg.Packing.of(
+        shapes, one.container, position=one.position, scale=one.scale, shape_id=np.arange(one.count) % 2, unit="mm"
+    )
+    same = {"materials": {"sand": {"friction": 0.6}, "steel": {"friction": 0.3}}, "pairs": None}
+    deck(tmp_path, "kratos", vg.Materials(**same, shapes=["sand", "steel"], walls="steel"), packing)
+    found = json.loads((tmp_path / MATERIALS).read_text())
+    told = {tuple(pair["material_names_list"]): pair["Variables"] for pair in found["material_relations"]}
+    assert {pair: values["STATIC_FRICTION"] for pair, values in told.items() if "walls" not in pair} == {
+        ("spheres", "spheres"): 0.6, ("spheres", "spheres_2"): 0.3, ("spheres_2", "spheres_2"): 0.3,
+    }  # fmt: skip
+    with pytest.raises(InputError, match="name one for all"):
+        deck(tmp_path / "new", "kratos", table())
+
+
+@pytest.mark.parametrize(
+    ("materials", "said"),
+    [
+        (table(walls="sand", shapes=["sand"]), "2 shapes"),
+        (table(walls=None), "says nothing of the wall 'x_low'"),
+        (vg.Materials({"sand": {"bond_strength": 1e6}}), "bonds are of one"),
+    ],
+)
+def test_tables_that_do_not_fit_are_refused(materials, said, tmp_path):
+    with pytest.raises(InputError, match=said):
+        vg.write_deck(cases.mixed(), tmp_path, "lammps", material=materials)
+
+
+def test_densities_that_the_packing_has_by_shape_hold(tmp_path):
+    loose = cases.mixed()
+    packing = vg.Packing.of(
+        loose.shapes, loose.container, position=loose.position, scale=loose.scale, shape_id=loose.shape_id,
+        orientation=loose.orientation, density=(2000.0, 3000.0), unit="mm",
+    )  # fmt: skip
+    made, _ = deck(tmp_path, "lammps", table(), packing)
+    np.testing.assert_allclose(made.simulation.bodies.densities, (2000.0, 3000.0))
+
+
+def frames_of(packing, tmp_path, material, many=5):
+    """Return the first states of a run of LAMMPS."""
+    made = vg.write_deck(packing, tmp_path, "lammps", material=material)
+    states = engine_registry().get("lammps").run(tmp_path, made.simulation)
+    found = [next(states) for _ in range(many + 1)]
+    states.close()
+    return found
+
+
+@pytest.fixture
+def lammps(monkeypatch):
+    monkeypatch.setenv("VOXGRAN_LAMMPS", cases.program("lmp", "make test-engines"))
+
+
+@pytest.mark.engine
+def test_clumps_on_an_incline_of_lammps_slide_by_the_friction_of_their_pair(lammps, tmp_path):
+    """They stand on three spheres; where the slope is steeper than the friction, g (sin a - mu cos a) is left."""
+    angle, slope = 2 * np.pi * np.arange(3) / 3, math.radians(20)
+    clump = vg.Shape.of(
+        Spheres(0.7 * np.column_stack([np.cos(angle), np.sin(angle), 0 * angle]), [0.65] * 3), name="tripod"
+    )
+    packing = vg.Packing.of(
+        [clump, clump], vg.Box((40, 6, 4)), shape_id=[0, 1], position=[(5, 3, 0.65), (20, 3, 0.65)], unit="mm",
+        gravity=(math.sin(slope), 0, -math.cos(slope)),
+    )  # fmt: skip
+    materials = vg.Materials(
+        {name: {"friction": 0.9} for name in ("rough", "smooth", "floor")},
+        pairs={("rough", "floor"): {"friction": 0.5}, ("smooth", "floor"): {"friction": 0.2}},
+        shapes=["rough", "smooth"],
+        walls="floor",
+    )
+    found = frames_of(packing, tmp_path, materials)
+    moved = found[-1].position[:, 0] - found[0].position[:, 0]
+    expected = 0.5 * 9.81 * (math.sin(slope) - 0.2 * math.cos(slope)) * found[-1].time ** 2
+    assert moved[1] == pytest.approx(expected, rel=0.03)
+    assert abs(moved[0]) < 0.01 * moved[1]
+
+
+@pytest.mark.engine
+@pytest.mark.parametrize("law", [{}, {"law": "hertz", "young_modulus": 1e7}])
+def test_spheres_on_an_incline_of_lammps_roll_by_the_rolling_friction_of_their_pair(lammps, law, tmp_path):
+    """A sphere on a slope rolls with 5/7 g sin a less 5/7 of the rolling friction, or stays."""
+    slope = math.radians(10)
+    packing = vg.Packing.of(
+        [vg.shapes.sphere(), vg.shapes.sphere()], vg.Box((40, 6, 4)), shape_id=[0, 1],
+        position=[(5, 3, 0.5), (20, 3, 0.5)], unit="mm", gravity=(math.sin(slope), 0, -math.cos(slope)),
+    )  # fmt: skip
+    own = {"friction": 0.9, "rolling_friction": 0.5, **law}
+    materials = vg.Materials(
+        {"rough": own, "smooth": {**own, "rolling_friction": 0.05}, "floor": own},
+        shapes=["rough", "smooth"],
+        walls="floor",
+    )
+    found = frames_of(packing, tmp_path, materials)
+    moved = found[-1].position[:, 0] - found[0].position[:, 0]
+    expected = 0.5 * 5 / 7 * 9.81 * (math.sin(slope) - 0.05 * math.cos(slope)) * found[-1].time ** 2
+    assert moved[1] == pytest.approx(expected, rel=0.03)
+    assert abs(moved[0]) < 0.02 * moved[1]
