@@ -76,7 +76,8 @@ def compress(
         are; default: all. A cylinder is compressed along ``"xy"`` by its radius.
     friction : float or Materials
         Coulomb coefficient of friction between grains and at walls, from 0 to 2, or a table of materials, whose pairs
-        have one each.
+        have one each. A coefficient above 0.7 is that between grains only: at walls it is 0.7, since in corners of
+        walls grains would wedge.
     solid_fraction : float, optional
         Solid fraction of the result, met to 0.002: the friction, beginning with `friction`, from 0 to 1 is found that
         gives it. It is measured as by :func:`voxgran.settle`; default: as the friction gives it.
