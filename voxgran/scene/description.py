@@ -202,6 +202,8 @@ class SceneDescription(ExplainedAttributes):
             method, parameters, given = _method(packing)
             packed = _packed(packing, place)
             layers = layer_entries(mapping, place, parameters)
+            if layers:
+                shapes, packed["count"], given = together(layers, given)
         with mistakes.part():
             section = mapping.get("material", {})
             # names of materials are told where all else can be read
@@ -215,8 +217,6 @@ class SceneDescription(ExplainedAttributes):
         friction = {} if isinstance(material, Material) else {"friction": material}
         for engine in output.dem:
             refuse_unheld(engine_registry().get(engine), material, container)
-        if layers:
-            shapes, packed["count"], given = together(layers, given)
         return cls(
             general=general,
             shapes=with_densities(with_material_densities(shapes, material), general.density),

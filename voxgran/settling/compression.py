@@ -55,8 +55,8 @@ QUICK, THOROUGH = 3, 12
 TOUCHING, RESIDUAL = 1e-3, 0.01
 #: relative difference of the stress up to which it is met
 STRESS_MET = 0.01
-#: largest friction at walls: with 1 a grain in a right-angled corner of a wall that moves and one that does not bears any
-#: load by itself, and all others nothing
+#: largest friction at walls: with 1 a grain in a right-angled corner of a wall that moves and one that does not bears
+#: any load by itself, and all others nothing
 AT_WALLS = 0.7
 #: most steps, rounds in which surfaces are parted, and the distance to which they are
 STEPS, ROUNDS, PARTED = 400, 12, 1e-4

@@ -45,6 +45,25 @@ def test_a_scene_packs_what_a_call_does(tmp_path):
     assert {path.name for path in (tmp_path / "out").iterdir()} == {"packing.vtp", "statistics.nc", "summary.json"}
 
 
+def test_shapes_of_layers_name_their_materials(tmp_path):
+    shapes = [{**entry, "material": name} for entry, name in zip(LAYERS[1]["shape"], ("soft", "hard"), strict=True)]
+    layers = [{**LAYERS[0], "shape": [{**LAYERS[0]["shape"][0], "material": "soft"}]}, {**LAYERS[1], "shape": shapes}]
+    materials = [{"name": "soft", "friction": 0.6}, {"name": "hard", "friction": 0.2}]
+    rest = {"container": {**SCENE["container"], "material": "hard"}, "packing": {"method": "gravity"}}
+    made = (
+        vg.Scene.from_mapping({**SCENE, **rest, "layer": layers, "material": materials}).run(tmp_path / "out").packing
+    )
+    lower = {"shapes": vg.shapes.sphere(), "count": 12, "density": 1.0}
+    upper = {"shapes": [vg.shapes.box(), vg.shapes.sphere()], "count": 10, "density": 2.0, "sizes": vg.sizes.fixed(0.8)}
+    table = vg.Materials(
+        {"soft": {"friction": 0.6}, "hard": {"friction": 0.2}}, shapes=("soft", "soft", "hard"), walls="hard"
+    )
+    again = vg.pack_layers([lower, upper], vg.Box((3, 3, 10)), friction=table, seed=3)
+    assert made.position.tobytes() == again.position.tobytes()
+    assert made.provenance["seed"] == 3
+    assert made.position.tobytes() != called().position.tobytes()
+
+
 def test_a_run_that_stops_within_a_layer_goes_on(tmp_path):
     scene, seen = vg.Scene.from_mapping(SCENE), []
 

@@ -16,6 +16,7 @@ from voxgran.containers.model import Container, check_container
 from voxgran.packing.beds.seeds import container_levels
 from voxgran.packing.model import Packing
 from voxgran.packing.pack import pack
+from voxgran.settling.materials import Materials
 from voxgran.shapes.model import check_shapes
 
 #: share of the grains of a bed that have their tops below its surface
@@ -49,7 +50,8 @@ def pack_layers(
     seed : int
         The same seed gives the same bits on the same machine and versions.
     **arguments
-        Arguments of :func:`pack` for all layers, such as ``friction=0.3`` or ``unit="mm"``.
+        Arguments of :func:`pack` for all layers, such as ``friction=0.3`` or ``unit="mm"``. A table of materials names
+        those of the shapes of all layers, one after the other.
 
     Returns
     -------
@@ -90,6 +92,11 @@ def pack_layers(
         if "height" in given and packing is not None:
             thickness = as_positive(given["height"], f"height of layer {number}")
             given["height"] = thickness + surface_level(packing)
+        friction = given.get("friction")
+        if isinstance(friction, Materials) and isinstance(friction.shapes, tuple):
+            earlier = 0 if packing is None else len(packing.shapes)
+            known = friction.shapes[: earlier + len(check_shapes(given["shapes"]))]
+            given["friction"] = replace(friction, shapes=known)
         # each layer has random numbers of its own, the first those of a packing of one layer
         own = int(philox_key(seed, f"layer {number}")[0]) if number else seed
         packing = pack(given.pop("shapes"), container, method, seed=own, start=packing, **given)
@@ -98,7 +105,7 @@ def pack_layers(
     assert packing is not None
     for record in records:
         record["surface"] = surface_level(packing, record["first"], record["first"] + record["count"])
-    return replace(packing, provenance={**packing.provenance, "layers": records})
+    return replace(packing, provenance={**packing.provenance, "seed": seed, "layers": records})
 
 
 def _arguments(layer: Any, number: int, common: Mapping[str, Any]) -> dict[str, Any]:
