@@ -106,7 +106,7 @@ def test_engines_get_its_walls_as_triangles(bed, engine, tmp_path):
 
 
 def test_methods_that_know_no_cones_refuse_it():
-    with pytest.raises(InputError, match="Hopper, with a cone or several round walls, which method 'deposition' does"):
+    with pytest.raises(InputError, match="Hopper, with tilted, conical or several round walls, which method 'deposition' does"):
         vg.pack(SHAPES[:1], HOPPER, "deposition", count=3)
 
 
