@@ -61,7 +61,7 @@ class Wall:
         """Return the space between two levels that holds a point, or the largest one; None if there is none."""
         block = self.block.trim_by_plane((-self.up).tolist(), -lid).trim_by_plane(self.up.tolist(), floor)
         parts = [_triangles(part) for part in (block - self.solid).decompose()]
-        solids = [part for part in parts if _volume(part) > 0 and part[0].min(axis=0)[0] > self.corner[0]]
+        solids = [part for part in parts if _volume(part) > 0 and (part[0].min(axis=0) > self.corner).all()]
         if point is not None:
             solids = [part for part in solids if _holds(part, point)]
         if not solids:
