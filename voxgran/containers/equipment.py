@@ -67,11 +67,11 @@ class Equipment(ExplainedAttributes):
         """
         if not (outlet := getattr(self, "outlet", None)) or 2 * outlet >= ARCHING * diameter:
             return ""
-        effect = "no grain leaves it" if 2 * outlet < diameter else "arches close it once it is opened"
+        effect = "is smaller than a grain and will arch" if 2 * outlet < diameter else "will arch"
         return (
-            f"outlet of the {self.kind} is {2 * outlet:g} wide, {2 * outlet / diameter:.3g} median diameters of the "
-            f"grains: {effect}, and below about {ARCHING:g} diameters grains stop flowing; widen it, such as to a radius "
-            f"of {ARCHING * diameter / 2:.3g}"
+            f"outlet of the {self.kind} is {2 * outlet:.6g} wide, {2 * outlet / diameter:.3g} median diameters of the "
+            f"grains: it {effect} once it is opened, as outlets narrower than about {ARCHING:g} diameters do; give a "
+            f"radius of {ARCHING * diameter / 2:.3g} or more, or leave it closed"
         )
 
     @property
