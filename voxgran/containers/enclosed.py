@@ -39,6 +39,11 @@ class Wall:
     ----------
     low, high : float
         Its ends along the upward direction.
+
+    Raises
+    ------
+    DirtyMeshError
+        If the surface is not closed.
     """
 
     def __init__(self, mesh: Triangles, up: Floats) -> None:
@@ -60,7 +65,7 @@ class Wall:
     def space(self, floor: float, lid: float, point: Floats | None) -> Triangles | None:
         """Return the space between two levels that holds a point, or the largest one; None if there is none."""
         block = self.block.trim_by_plane((-self.up).tolist(), -lid).trim_by_plane(self.up.tolist(), floor)
-        parts = [_triangles(part) for part in (block - self.solid).decompose()]
+        parts = [_triangles(part) for part in (block - self.solid).decompose() if not part.is_empty()]
         solids = [part for part in parts if _volume(part) > 0 and (part[0].min(axis=0) > self.corner).all()]
         if point is not None:
             solids = [part for part in solids if _holds(part, point)]
@@ -103,6 +108,9 @@ def enclosed(shape: Shape, up: Floats, *, lid: float | None, floor: float | None
     """
     mesh = _closed(shape, up) if shape.is_open else _placed(shape)
     wall = Wall(mesh, up)
+    # levels far from the wall cut no more than those above and below it
+    ends = 2 * wall.low - wall.high, 2 * wall.high - wall.low
+    lid, floor = (None if level is None else min(max(level, ends[0]), ends[1]) for level in (lid, floor))
     if lid is None:
         found = wall.highest(floor, point)
     else:

@@ -14,7 +14,6 @@ from voxgran.containers.model import Boundary
 from voxgran.containers.space import Space
 from voxgran.shapes.mesh import Mesh
 
-
 #: widths of an outlet, in diameters of spheres, below which arches form over it (Zuriguel et al. 2005,
 #: doi:10.1103/PhysRevE.71.051303: 4.94)
 ARCHING = 5.0
@@ -24,7 +23,7 @@ ARCHING = 5.0
 class Equipment(ExplainedAttributes):
     """A container of several walls: a frozen dataclass whose fields are the keys of its mapping.
 
-    A kind gives its fields, which of them are lengths, and the space within its walls. A field that is None is left out.
+    A kind gives its fields, of which those that are None are left out, their lengths, and the space within its walls.
     """
 
     kind: ClassVar[str]
@@ -45,11 +44,12 @@ class Equipment(ExplainedAttributes):
 
     def _check_lengths(self) -> None:
         """Check the lengths, and put numbers where other values are given."""
+        spare = {field.name for field in fields(self) if field.default is None}  # type: ignore[arg-type]
         for name in self.lengths:
             value = getattr(self, name)
             if name == "origin":
                 self._set(name, tuple(as_place(value, "origin").tolist()))
-            elif value is not None:
+            elif value is not None or name not in spare:
                 self._set(name, as_length(value, f"{name} of the {self.kind}"))
 
     def _set(self, name: str, value: Any) -> None:
@@ -138,7 +138,7 @@ class Equipment(ExplainedAttributes):
         4.0
         """
         times = as_positive(factor, "factor")
-        return replace(self, **{name: _times(getattr(self, name), times) for name in self.lengths})  # type: ignore[type-var]
+        return replace(self, **{name: multiplied(getattr(self, name), times) for name in self.lengths})  # type: ignore[type-var]
 
     def to_mapping(self) -> dict[str, Any]:
         """Return kind and parameters as JSON-able values.
@@ -153,9 +153,10 @@ class Equipment(ExplainedAttributes):
         return {"kind": self.kind} | {name: _plain(value) for name, value in found.items() if value is not None}
 
 
-def _times(value: Any, factor: float) -> Any:
+def multiplied(value: Any, factor: float) -> Any:
     """Return a length, a place or several of them multiplied; None as it is."""
-    return None if value is None else (np.array(value) * factor).tolist()
+    with np.errstate(over="ignore"):
+        return None if value is None else (np.array(value) * factor).tolist()
 
 
 def _plain(value: Any) -> Any:

@@ -115,12 +115,12 @@ class Boundary:
     @property
     def cylinder(self) -> Round | None:
         """The upright cylinder, or the circle of a disk, where it is the only wall that is not plane."""
-        return self._only("cylinder")
+        return self._only("cylinder") if all(plane.axis == 2 for plane in self.planes) else None
 
     @property
     def sphere(self) -> Round | None:
         """The sphere where it is the only wall."""
-        return self._only("sphere")
+        return None if self.planes else self._only("sphere")
 
     @property
     def is_usual(self) -> bool:

@@ -1,4 +1,4 @@
-"""The space within walls: of revolution about one axis, or all that lies within planes, cylinders, cones and spheres."""
+"""The space within walls: of revolution about one axis, or within planes, cylinders, cones and spheres."""
 
 import math
 from collections.abc import Sequence
@@ -40,12 +40,11 @@ class Space(NamedTuple):
 def revolved_space(profile: Sequence[tuple[float, float]], origin: Sequence[float], axis: int = 2) -> Space:
     """Return what lies within a convex profile of heights and radii, from below, about an axis through a point."""
     away = np.eye(3)[axis]
-    way = (float(away[0]), float(away[1]), float(away[2]))
+    way = _place(away)
     walls, volume = [], 0.0
     for (z, r), (above, wide) in pairwise(profile):
-        x, y, t = (np.array(origin) + z * away).tolist()
-        angle = math.atan2(above - z, wide - r)
-        wall = Round((x, y, t), r) if r == wide else cone((x, y, t), r, angle)
+        center = _place(np.array(origin) + z * away)
+        wall = Round(center, r) if r == wide else cone(center, r, math.atan2(above - z, wide - r))
         walls.append(wall._replace(axis=way))
         volume += math.pi / 3 * (above - z) * (r * r + r * wide + wide * wide)
     vertices, faces, _ = revolved(profile)
@@ -69,7 +68,7 @@ def space_within(walls: Sequence[Round], where: str) -> Space:
     # a power of two as the unit: containers that are scaled by one have the same bits
     numbers = [*(abs(x) for wall in walls for x in wall.center), *(wall.radius for wall in walls)]
     unit = 2.0 ** math.floor(math.log2(max(numbers, default=1.0) or 1.0))
-    scaled = [w._replace(center=tuple(x / unit for x in w.center), radius=w.radius / unit) for w in walls]
+    scaled = [w._replace(center=_place(np.array(w.center) / unit), radius=w.radius / unit) for w in walls]
     vertices, faces, middle = tangent_mesh(scaled, where)
     bounds = np.array([vertices.min(axis=0), vertices.max(axis=0)])
     if all(wall.kind == "plane" for wall in walls):
@@ -117,6 +116,12 @@ def tangent_mesh(walls: Sequence[Round], where: str, sides: int = SIDES) -> tupl
     cut = spatial.HalfspaceIntersection(np.column_stack([normals, -levels]), middle)
     mesh = hull_of(_distinct(cut.intersections))
     return mesh.vertices, mesh.faces, middle
+
+
+def _place(vector: Floats) -> tuple[float, float, float]:
+    """Return a vector as a tuple."""
+    x, y, z = vector.tolist()
+    return x, y, z
 
 
 def _tangents(wall: Round, sides: int) -> tuple[Floats, Floats]:

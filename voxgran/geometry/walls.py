@@ -16,7 +16,6 @@ from voxgran._base.arrays import Floats
 from voxgran._base.kernels import bare_kernel
 from voxgran.geometry.vectors import Vector, along, dot, times, vector_at
 
-
 #: axis of walls that are upright
 UP = (0.0, 0.0, 1.0)
 

@@ -5,8 +5,6 @@ from dataclasses import dataclass, field
 from functools import cached_property
 from typing import ClassVar
 
-import numpy as np
-
 from voxgran._base.arrays import as_number
 from voxgran._base.calls import explained_methods
 from voxgran.containers.equipment import Equipment
@@ -83,13 +81,15 @@ class Hopper(Equipment):
         if self.length is None:
             return revolved_space(profile, self.origin)
         sine, cosine = math.sin(math.radians(self.angle)), math.cos(math.radians(self.angle))
-        low, top = np.array([self.outlet, self.length / 2, 0.0]), profile[-1][0]
-        walls = [(low, (0, 0, -1)), (np.array([0, 0, top]), (0, 0, 1))]
+        top = profile[-1][0]
+        walls = [(0.0, 0.0, 0.0, 0.0, 0.0, -1.0), (0.0, 0.0, top, 0.0, 0.0, 1.0)]
         for side in (-1.0, 1.0):
-            walls += [(side * low, (0, side, 0)), (low * (side, 1, 1), (side * sine, 0, -cosine))]
+            walls.append((0.0, side * self.length / 2, 0.0, 0.0, side, 0.0))
+            walls.append((side * self.outlet, 0.0, 0.0, side * sine, 0.0, -cosine))
             if self.bin_height is not None:
-                walls.append((np.array([side * self.radius, 0, 0]), (side, 0, 0)))
-        planes = [plane(tuple((point + self.origin).tolist()), normal) for point, normal in walls]
+                walls.append((side * self.radius, 0.0, 0.0, side, 0.0, 0.0))
+        x, y, z = self.origin
+        planes = [plane((x + a, y + b, z + c), (u, v, w)) for a, b, c, u, v, w in walls]
         return space_within(planes, "hopper")
 
 

@@ -2,9 +2,7 @@
 
 from dataclasses import dataclass
 from functools import cached_property
-from typing import ClassVar
-
-from numpy.typing import ArrayLike
+from typing import Any, ClassVar
 
 from voxgran._base.arrays import as_points, check_coordinates
 from voxgran._base.calls import explained_methods
@@ -44,8 +42,8 @@ class Planes(Equipment):
     4.5
     """
 
-    normals: "ArrayLike"
-    points: "ArrayLike"
+    normals: Any
+    points: Any
     kind: ClassVar[str] = "planes"
     lengths: ClassVar[tuple[str, ...]] = ("points",)
 
@@ -53,7 +51,9 @@ class Planes(Equipment):
         """Check the planes."""
         normals, points = as_points(self.normals, "normals"), as_points(self.points, "points")
         if len(normals) != len(points):
-            raise InputError(f"there are {len(normals)} normals and {len(points)} points: give one point for each plane")
+            raise InputError(
+                f"there are {len(normals)} normals and {len(points)} points: give one point for each plane"
+            )
         check_coordinates(points, "points")
         self._set("normals", tuple(tuple(row) for row in normals.tolist()))
         self._set("points", tuple(tuple(row) for row in points.tolist()))
@@ -62,7 +62,7 @@ class Planes(Equipment):
     @cached_property
     def space(self) -> Space:
         """The space within the walls."""
-        pairs = zip(self.points, self.normals, strict=True)  # type: ignore[arg-type]
+        pairs = zip(self.points, self.normals, strict=True)
         walls = [plane(point, direction(normal, f"normal {k}")) for k, (point, normal) in enumerate(pairs)]
         return space_within(walls, "planes")
 

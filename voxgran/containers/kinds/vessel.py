@@ -19,7 +19,7 @@ from voxgran.shapes.model import Shape
 
 
 @explained(hint='Vessel("silo.stl")')
-def Vessel(
+def Vessel(  # noqa: N802  (named as the containers are)
     wall: Shape | str | os.PathLike[str],
     *,
     lid: float | None = None,
@@ -96,8 +96,8 @@ def Vessel(
     found = enclosed(wall, up, **levels, point=None if point is None else as_vector(point, "point"))
     if found is None:
         raise InputError(
-            f"wall {wall.name!r} encloses no space{_between(**levels)}: lid and floor must close it; give levels at which "
-            "the wall is closed all around, or ClosedMesh(shape) where the mesh itself bounds the grains"
+            f"wall {wall.name!r} encloses no space{_between(**levels)}: lid and floor must close it; give levels at "
+            "which the wall is closed all around, or ClosedMesh(shape) where the mesh itself bounds the grains"
         )
     return ClosedMesh(found)
 

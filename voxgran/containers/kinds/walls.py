@@ -1,7 +1,7 @@
 """A container put together from walls: what lies within planes, cylinders, cones and spheres."""
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Any, ClassVar
@@ -13,7 +13,7 @@ from voxgran._base.arrays import as_length, as_number, as_place, as_positive, as
 from voxgran._base.calls import explained_methods
 from voxgran._base.errors import InputError, UnknownNameError, shown
 from voxgran._base.names import unknown
-from voxgran.containers.equipment import Equipment
+from voxgran.containers.equipment import Equipment, multiplied
 from voxgran.containers.make import ContainerKind
 from voxgran.containers.space import Space, space_within
 from voxgran.geometry.walls import Round, cone, plane
@@ -65,14 +65,16 @@ class Walls(Equipment):
     (16.755, [2.0, 2.0, 0.0], True)
     """
 
-    wall: Sequence[Mapping[str, Any]]
+    wall: Any
     kind: ClassVar[str] = "walls"
     lengths: ClassVar[tuple[str, ...]] = ("wall",)
 
     def __post_init__(self) -> None:
         """Check the walls."""
-        if isinstance(self.wall, str | Mapping) or not isinstance(self.wall, Sequence) or not self.wall:
-            raise InputError(f"wall is {shown(self.wall)}: it must be a list of walls; give mappings with the key kind")
+        if not isinstance(self.wall, list | tuple) or not self.wall:
+            raise InputError(
+                f"wall is {shown(self.wall)}: it must be a list of one wall or more; give mappings with the key kind"
+            )
         self._set("wall", tuple(_checked(wall, f"wall {k}") for k, wall in enumerate(self.wall)))
         _ = self.space
 
@@ -104,7 +106,10 @@ class Walls(Equipment):
         times = as_positive(factor, "factor")
         lengths = ("point", "radius")
         return Walls(
-            [{key: (np.array(v) * times).tolist() if key in lengths else v for key, v in w.items()} for w in self.wall]
+            [
+                {key: multiplied(value, times) if key in lengths else value for key, value in wall.items()}
+                for wall in self.wall
+            ]
         )
 
 
@@ -116,7 +121,7 @@ def direction(value: "ArrayLike", name: str) -> tuple[float, float, float]:
     InputError
         If it is neither, or a vector of length 0.
     """
-    if isinstance(value, str) and value.lstrip("-") in ("x", "y", "z"):
+    if isinstance(value, str) and value.lstrip("+-") in ("x", "y", "z"):
         value = np.eye(3)["xyz".index(value[-1])] * (-1 if value[0] == "-" else 1)
     vector = as_vector(value, name)
     length = float(np.linalg.norm(vector))

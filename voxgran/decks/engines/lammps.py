@@ -210,9 +210,8 @@ def _region(number: int, wall: Round, bounds: Floats) -> str:
         apex = center[axis] + wall.radius / sine
         low, high = (low, min(high, apex)) if sine > 0 else (max(low, apex), high)
     radii = [max(float((wall.radius - sine * (end - center[axis])) / wall.cosine), 0.0) for end in (low, high)]
-    if not sine:
-        return f"{name} cylinder {'xyz'[axis]} {row_of(around)} {wall.radius!r} {row_of([low, high])} side in open 1 open 2"
-    return f"{name} cone {'xyz'[axis]} {row_of(around)} {row_of([*radii, low, high])} side in open 1 open 2"
+    kind, sizes = ("cone", radii) if sine else ("cylinder", [wall.radius])
+    return f"{name} {kind} {'xyz'[axis]} {row_of(around)} {row_of([*sizes, low, high])} side in open 1 open 2"
 
 
 def _planes(vertices: Floats, faces: Integers) -> list[str]:
