@@ -5,7 +5,6 @@ left of it without the wall is the outside, which reaches the sides of the block
 floor close. The sum of solids is that of manifold3d, in double precision.
 """
 
-from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -69,11 +68,8 @@ class Wall:
         solids = [part for part in parts if _volume(part) > 0 and (part[0].min(axis=0) > self.corner).all()]
         if point is not None:
             solids = [part for part in solids if _holds(part, point)]
-        if not solids:
-            return None
-        chosen = max(solids, key=_volume)
-        # what stands in the space is a surface of its own
-        return _joined([chosen, *(part for part in parts if _volume(part) < 0 and _holds(chosen, part[0][0]))])
+        # a wall is one piece, so that nothing stands in a space without touching its sides
+        return max(solids, key=_volume, default=None)
 
     def highest(self, floor: float | None, point: Floats | None) -> Triangles | None:
         """Return the space below the highest lid at which it is largest; None if there is none."""
@@ -177,13 +173,6 @@ def _triangles(solid: Any) -> Triangles:
     """Return the triangles of a solid of manifold3d."""
     mesh = solid.to_mesh64()
     return np.array(mesh.vert_properties[:, :3], dtype=np.float64), np.array(mesh.tri_verts, dtype=np.int64)
-
-
-def _joined(parts: Sequence[Triangles]) -> Triangles:
-    """Return several surfaces in one."""
-    first = np.cumsum([0, *(len(vertices) for vertices, _ in parts)])
-    faces = [faces + start for (_, faces), start in zip(parts, first, strict=False)]
-    return np.concatenate([vertices for vertices, _ in parts]), np.concatenate(faces)
 
 
 def _volume(part: Triangles) -> float:

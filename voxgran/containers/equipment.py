@@ -62,8 +62,8 @@ class Equipment(ExplainedAttributes):
         Examples
         --------
         >>> import voxgran as vg
-        >>> vg.Hopper(radius=5, outlet=1.5).doubt(1.0)[:62]
-        'outlet of the hopper is 3 wide, 3 median diameters of the grain'
+        >>> vg.Hopper(radius=5, outlet=1.5).doubt(1.0)[:64]
+        'outlet of the hopper is 3 wide, 3 median diameters of the grains'
         """
         if not (outlet := getattr(self, "outlet", None)) or 2 * outlet >= ARCHING * diameter:
             return ""

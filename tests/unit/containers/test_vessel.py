@@ -81,7 +81,7 @@ def test_beds_rest_in_an_hourglass_and_its_wall_is_told_from_it(tmp_path):
 
 
 def test_a_closed_tank_and_what_stands_in_it():
-    """A thick shell of two surfaces, and a stirrer in it that no wall touches."""
+    """A thick shell of two surfaces, without and with a stirrer that hangs in it."""
     block = manifold3d.Manifold.cube
     shell = block([6, 6, 6], True) - block([4, 4, 4], True)
     tank = vg.Shape.from_mesh(*arrays(shell))
@@ -90,6 +90,10 @@ def test_a_closed_tank_and_what_stands_in_it():
     assert vg.Vessel(tank, lid=1.0).volume == pytest.approx(48, rel=1e-12)
     vessel = vg.Vessel(tank)
     assert vessel.signed_distance([(0, 0, 0), (0, 0, 2.5)]).tolist() == pytest.approx([-2.0, 0.5])
+    stirrer = block([1, 1, 3], True).translate([0, 0, 1])
+    inside = vg.Vessel(vg.Shape.from_mesh(*arrays(shell + stirrer)))
+    assert inside.volume == pytest.approx(64 - 2.5, rel=1e-12)
+    assert inside.signed_distance([(0, 0, 1), (1.0, 0, 1)]).tolist() == pytest.approx([0.5, -0.5])
 
 
 def test_of_two_spaces_a_point_chooses():

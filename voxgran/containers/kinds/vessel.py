@@ -124,7 +124,7 @@ def _make(rest: Mapping[str, Any], where: str) -> ClosedMesh:
 
     Parameters
     ----------
-    file
+    file : path-like
         Mesh of the wall, relative to the scene file.
     lid : optional
         Level against gravity of a plane that closes the space.
