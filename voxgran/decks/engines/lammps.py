@@ -32,6 +32,7 @@ from voxgran.decks.lammps_states import (
 )
 from voxgran.decks.simulation import OUTPUT, SETTLING, Simulation
 from voxgran.decks.text import row_of, text_of
+from voxgran.geometry.walls import Round
 from voxgran.shapes.formats.sphere_files import PLACES, text_of_spheres
 
 #: types of atoms of the first material: spheres that are grains, and spheres of clumps; the next one has 3 and 4
@@ -167,15 +168,14 @@ def _law(simulation: Simulation, law: ContactLaw) -> str:
     return f"hertz/material {young!r} {law.restitution!r} {ratio!r} {shear} coeff_restitution"
 
 
-def _of_walls(simulation: Simulation, name: str) -> Iterator[tuple[str, str, str]]:
+def _of_walls(simulation: Simulation, wall: str, name: str) -> Iterator[tuple[str, str, str]]:
     """Yield name, group and contact law of the commands of a wall, one for each material of grains."""
-    laws = simulation.laws
-    wall = laws.of_walls[name]
+    laws, other = simulation.laws, simulation.laws.of_walls[wall]
     if laws.count == 1:
-        yield name, "all", _law(simulation, laws.laws[0][wall])
+        yield name, "all", _law(simulation, laws.laws[0][other])
         return
     for k in sorted(set(laws.of_shapes)):
-        yield f"{name}_{k + 1}", f"material_{k + 1}", _law(simulation, laws.laws[k][wall])
+        yield f"{name}_{k + 1}", f"material_{k + 1}", _law(simulation, laws.laws[k][other])
 
 
 def _walls(simulation: Simulation) -> list[str]:
@@ -191,7 +191,7 @@ def _walls(simulation: Simulation) -> list[str]:
     for plane in walls.planes:
         low, high = (plane.level, "NULL") if plane.inward > 0 else ("NULL", plane.level)
         at = f"{'xyz'[plane.axis]}plane {low} {high}"
-        found = _of_walls(simulation, plane.name)
+        found = _of_walls(simulation, plane.name, plane.name)
         lines += [f"fix {name} {of} wall/gran granular {law} {at}" for name, of, law in found]
     if walls.round is not None:
         x, y, z = walls.round.center
@@ -202,6 +202,12 @@ def _walls(simulation: Simulation) -> list[str]:
             bottom, top = (repr(float(level)) for level in walls.bounds[:, 2])
             lines.append(f"region round cylinder z {x!r} {y!r} {radius} {bottom} {top} side in open 1 open 2")
         lines += _region_walls(simulation, "round")
+    regions = [_region(number, wall, walls.bounds) for number, wall in enumerate(walls.others)]
+    if regions and all(regions):
+        lines += [f"region {text}" for text in regions]
+        for text in regions:
+            lines += _region_walls(simulation, text.split()[0], "mesh")
+        return lines
     if walls.mesh is not None:
         if not walls.convex:
             raise InputError(
@@ -212,9 +218,9 @@ def _walls(simulation: Simulation) -> list[str]:
     return lines
 
 
-def _region_walls(simulation: Simulation, region: str) -> list[str]:
-    """Return the commands of the wall around a region of the same name."""
-    found = _of_walls(simulation, region)
+def _region_walls(simulation: Simulation, region: str, wall: str | None = None) -> list[str]:
+    """Return the commands of the wall around a region, which has the name of the wall unless that is given."""
+    found = _of_walls(simulation, wall or region, region)
     return [f"fix {name} {of} wall/gran/region granular {law} region {region}" for name, of, law in found]
 
 
@@ -228,6 +234,27 @@ def _contacts(simulation: Simulation) -> list[str]:
     if laws.count > 1:
         lines += [f"group material_{k + 1} type {2 * k + SPHERE} {2 * k + CLUMP}" for k in range(laws.count)]
     return lines
+
+
+def _region(number: int, wall: Round, bounds: Floats) -> str:
+    """Return the region within a wall in closed form; empty where its axis is not that of a coordinate."""
+    name, center, across = f"wall{number}", np.array(wall.center), np.flatnonzero(wall.axis)
+    if wall.kind == "plane":
+        return f"{name} plane {row_of(center)} {row_of(-np.array(wall.axis))} side in"
+    if wall.kind == "sphere":
+        return f"{name} sphere {row_of(center)} {wall.radius!r} side in"
+    if len(across) > 1:
+        return ""
+    axis = int(across[0])
+    around, sine = center[np.delete(np.arange(3), axis)], wall.sine * wall.axis[axis]
+    low, high = bounds[:, axis]
+    if sine:
+        # not beyond the apex
+        apex = center[axis] + wall.radius / sine
+        low, high = (low, min(high, apex)) if sine > 0 else (max(low, apex), high)
+    radii = [max(float((wall.radius - sine * (end - center[axis])) / wall.cosine), 0.0) for end in (low, high)]
+    kind, sizes = ("cone", radii) if sine else ("cylinder", [wall.radius])
+    return f"{name} {kind} {'xyz'[axis]} {row_of(around)} {row_of([*sizes, low, high])} side in open 1 open 2"
 
 
 def _planes(vertices: Floats, faces: Integers) -> list[str]:
