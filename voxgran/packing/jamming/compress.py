@@ -135,6 +135,7 @@ registration = followed(
         cost=cost,
         dimensions=(2, 3),
         stretches=True,
+        any_walls=True,
     ),
     lambda problem, packed: begun_compression(packed, compression_of(problem.parameters)),
     finished_compression,
