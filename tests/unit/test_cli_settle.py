@@ -1,6 +1,7 @@
 """`voxgran settle` and `voxgran equilibrium`: what they write and print, and one line per mistake."""
 
 import contextlib
+import dataclasses
 import json
 import signal
 
@@ -247,3 +248,19 @@ def test_compress_refuses_a_stress_of_two_numbers_and_keeps_what_is_there(tmp_pa
     assert main(["compress", str(loose), "-o", str(there), "--stress", "1,2", "--overwrite"]) == 2
     assert there.read_text() == "kept"
     assert "it must be one number, or 3" in capsys.readouterr().err
+
+
+def test_equilibrium_takes_the_materials_with_which_a_bed_came_to_rest(tmp_path, capsys):
+    file, sphere = tmp_path / "bed.vtp", vg.make_shape("sphere")
+    materials = vg.Materials({"a": {"friction": 0.6}, "b": {"friction": 0.2}}, shapes=["a", "b"], walls="a")
+    bed = vg.pack([sphere, sphere], vg.Box((3, 3, 6)), "gravity", count=20, friction=materials)
+    vg.save(bed, file)
+    assert main(["equilibrium", str(file), "--json"]) == 0
+    found = json.loads(capsys.readouterr().out)
+    assert found["friction"] == 0.6
+    assert found["share_at_rest"] == vg.equilibrium(bed, materials).attrs["share_at_rest"] >= 0.95
+    # without them the friction has to be given
+    vg.save(dataclasses.replace(bed, provenance={}), file, overwrite=True)
+    assert main(["equilibrium", str(file)]) == 2
+    assert "give --friction" in capsys.readouterr().err
+    assert main(["equilibrium", str(file), "--friction", "0.6"]) == 0
