@@ -248,8 +248,11 @@ def prepare_task(request: Request) -> Task:
     TooLargeError
         If more than 100 million grains are asked for.
     """
-    orientations, keywords = asked_orientations(request.orientations, request.parameters)
-    chosen = method_registry().chosen(request.method, keywords, where="method", beside=_arguments())
+    methods, method = method_registry(), request.method
+    known = parameters_of(methods.get(method).parameters) if isinstance(method, str) else ()
+    names = [item.name for item in known]
+    orientations, keywords = asked_orientations(request.orientations, request.parameters, names)
+    chosen = methods.chosen(method, keywords, where="method", beside=_arguments())
     entry, (settings, solid_fraction) = chosen[1], with_target(chosen[2], request.solid_fraction)
     sizes, start, count = request.sizes, request.start, request.count
     listed: ListedGrains | None = None

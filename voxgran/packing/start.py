@@ -9,7 +9,7 @@ provides the distance that the method requires. On a lattice they are displaced 
 All other grains may have orientations that are asked for, which they have from the beginning, too.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -86,10 +86,12 @@ def check_start(start: Assembly, dimension: int) -> None:
         )
 
 
-def asked_orientations(asked: Any, parameters: Mapping[str, Any]) -> tuple[OrientationLaw | None, Mapping[str, Any]]:
+def asked_orientations(
+    asked: Any, parameters: Mapping[str, Any], known: Iterable[str]
+) -> tuple[OrientationLaw | None, Mapping[str, Any]]:
     """Return the distribution of orientations that is asked for, None without, and the parameters of the method.
 
-    A whole number is the parameter of that name that some methods have.
+    A whole number is the parameter of that name, where it is among those that are `known`.
 
     Raises
     ------
@@ -98,9 +100,9 @@ def asked_orientations(asked: Any, parameters: Mapping[str, Any]) -> tuple[Orien
     """
     if asked is None or isinstance(asked, OrientationLaw):
         return asked, parameters
-    if whole_number_of(asked) is not None:
+    if whole_number_of(asked) is not None and "orientations" in known:
         return None, {**parameters, "orientations": asked}
-    if isinstance(asked, str | Mapping):
+    if isinstance(asked, str | Mapping) or number_of(asked) is not None:
         raise InputError(
             f"orientations is {shown(asked)}: it must be a distribution such as vg.orientations.aligned('z'), or a "
             "unit quaternion for each grain"

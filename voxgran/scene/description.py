@@ -190,7 +190,7 @@ class SceneDescription(ExplainedAttributes):
                 sizes.setdefault("unit", unit)
             law = make_sizes(_with_file(sizes, place)) if sizes else None
         with mistakes.part():
-            oriented = make_orientations(mapping["orientations"]) if "orientations" in mapping else None
+            oriented = _orientations(mapping)
         with mistakes.part():
             grains = _grains(mapping.get("grains"), place)
         with mistakes.part("[container]"):
@@ -299,7 +299,8 @@ class SceneDescription(ExplainedAttributes):
             "count": self.count,
             "solid_fraction": self.solid_fraction,
             "sizes": self.sizes,
-            "orientations": self.orientations,
+            # methods have a parameter of this name
+            **({} if self.orientations is None else {"orientations": self.orientations}),
             "grains": self.grains,
             "weights": [share for entry in self.shapes for share in entry.shares()] or None,
             "weights_by": self.share_by,
@@ -412,6 +413,18 @@ def _packed(packing: Mapping[str, Any], place: Path) -> dict[str, Any]:
         "solid_fraction": None if solid is None else as_share(solid, "[packing] solid_fraction"),
         "start": None if start is None else str(existing_file(place / str(start))),
     }
+
+
+def _orientations(mapping: Mapping[str, Any]) -> OrientationLaw | None:
+    """Return the distribution of the section [orientations]; None without the section."""
+    if "orientations" not in mapping:
+        return None
+    if "orientations" in mapping["packing"]:
+        raise InputError(
+            "[orientations] and [packing] orientations: grains keep those that are drawn for them; leave out one of "
+            "the two"
+        )
+    return make_orientations(mapping["orientations"])
 
 
 def _grains(mapping: Mapping[str, Any] | None, place: Path) -> str | None:

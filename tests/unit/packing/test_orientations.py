@@ -169,6 +169,8 @@ def test_another_distribution_does_not_resume_a_checkpoint(tmp_path):
     [
         (ROD, box(3), "rsa", np.eye(4)[:2], {}, "2 rows and there are 3 grains"),
         (ROD, box(3), "rsa", "aligned", {}, "orientations is 'aligned'"),
+        (ROD, box(3), "rsa", 24, {}, "orientations is 24: it must be a distribution"),
+        (ROD, box(3), vg.methods.Digital(), 24, {}, "orientations is 24: it must be a distribution"),
         (LONG, box(2), "rsa", np.tile([0.0, 1, 0, 0], (3, 1)), {}, "rotate about z only"),
         (LONG, box(2), "rsa", vg.orientations.aligned("z"), {}, "must lie in the plane"),
         (vg.shapes.box(), box(3), "rsa", vg.orientations.aligned("z"), {}, "'box' has no distinct long axis"),

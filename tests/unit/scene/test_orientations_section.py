@@ -31,6 +31,15 @@ def test_a_scene_packs_what_a_call_does(tmp_path):
     assert vg.Scene.from_mapping({k: v for k, v in SCENE.items() if k != "orientations"}).orientations is None
 
 
+def test_the_parameter_of_that_name_is_one_of_the_method(tmp_path):
+    packing = {"method": "digital_rsa", "count": 4, "orientations": 2, "voxel_size": 0.2}
+    plain = {**{k: v for k, v in SCENE.items() if k != "orientations"}, "packing": packing}
+    result = vg.Scene.from_mapping(plain).run(tmp_path / "out")
+    assert result.packing.provenance["parameters"]["orientations"] == 2
+    with pytest.raises(InputError, match=r"\[orientations\] and \[packing\] orientations"):
+        vg.Scene.from_mapping({**SCENE, "packing": packing})
+
+
 @pytest.mark.parametrize(
     ("section", "error", "words"),
     [
