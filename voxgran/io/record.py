@@ -93,6 +93,8 @@ def to_record(packing: Packing) -> Record:
         arrays["coordination_gap"] = np.array([gap])
     if packing.grain_id is not None:
         per_grain["grain_id"] = packing.grain_id
+    if packing.fixed is not None:
+        per_grain["fixed"] = packing.fixed.astype(np.int64)
     several = isinstance(packing.density, tuple)
     if several:
         per_grain["density"] = packing.densities
@@ -186,6 +188,7 @@ def _later_fields(record: Record, packing: Packing) -> dict[str, Any]:
         "forces": _forces(record),
         "relaxation": _relaxation(record),
         "grain_id": record.per_grain.get("grain_id"),
+        "fixed": None if "fixed" not in record.per_grain else np.asarray(record.per_grain["fixed"]) != 0,
     }
 
 

@@ -19,7 +19,7 @@ from voxgran._base.machine import installed_versions
 from voxgran._base.progress import OnStep
 from voxgran._base.registry import Parameters
 from voxgran._base.scalars import number_of, whole_number_of
-from voxgran._base.units import NO_UNIT, as_unit
+from voxgran._base.units import NO_UNIT
 from voxgran._base.warning import warn
 from voxgran.containers.model import Container, check_container
 from voxgran.containers.one_unit import in_one_unit
@@ -28,6 +28,7 @@ from voxgran.packing.draw import Request, draw_grains, joined, listed_grains, sc
 from voxgran.packing.driver import Drive, Recorder, check_drive, drive
 from voxgran.packing.method import PackingMethod, RunState, check_cost, method_registry, refuse_list, refuse_unfit
 from voxgran.packing.model import Packing, check_packing
+from voxgran.packing.obstacles import around_obstacles, start_with, unit_of, with_density_of
 from voxgran.packing.problem import DECIMALS, Problem, normalized_problem, too_coarse, warn_of_overlaps, warn_of_units
 from voxgran.packing.settle import settling_after, warn_of_unrest, with_target
 from voxgran.packing.settling_run import with_settling
@@ -87,6 +88,7 @@ def pack(
     weights_by: str = "number",
     seed: int = 0,
     start: Packing | None = None,
+    obstacles: Packing | None = None,
     unit: str | None = None,
     density: float | Sequence[float] | None = None,
     checkpoint: str | os.PathLike[str] | None = None,
@@ -135,7 +137,12 @@ def pack(
         Grains that are there from the beginning, and may touch: at their places, on a lattice as near to them as voxels
         have room, at last raised (:mod:`voxgran.packing.start`). They come first in the result. `count` and
         `solid_fraction` are then those of further grains; with neither, there are none. Where `shapes` is empty they
-        have those of the start.
+        have those of the start. Fixed grains among them are obstacles, and come first.
+    obstacles : Packing, optional
+        Grains that stand in the container and never move, whatever the container and the density that they have: one
+        shape, as of ``Packing.of(shape, container, position=[...])``, or a whole bed. They are the first grains of the
+        result, ``packing.fixed`` marks them, and their volume is taken off that of the container. Methods: ``gravity``,
+        ``digital``, ``digital_fill``, ``digital_rsa``, ``rsa`` and, around spheres, ``advancing_front``.
     unit : str, optional
         Unit of all lengths that have none of their own: container, sizes, parameters, regular shapes. Shapes of other
         units are converted to it. Left out: that of the start, or else the one of the shapes, where it is known.
@@ -177,7 +184,8 @@ def pack(
         If an argument is of another type, a value breaks a rule, shapes have several units and none is given, a length
         is not between 1e-60 and 1e60, the grains have more volume than the container, equal spheres are asked for a
         solid fraction beyond that of the densest lattice, the method packs no open surfaces, or a list of grains breaks
-        a rule or is not for the method.
+        a rule or is not for the method, or obstacles overlap, reach beyond a wall, leave no room, or are not for the
+        method.
     GrainTooLargeError
         If no grain can fit, or one of a list cannot.
     TooLargeError
@@ -208,8 +216,8 @@ def pack(
     began = time.monotonic()
     request = Request(
         *(shapes, container, method), count=count, solid_fraction=solid_fraction, sizes=sizes, grains=grains,
-        weights=weights, weights_by=weights_by, seed=seed, start=start, unit=unit, density=density, settle=settle,
-        parameters=parameters,
+        weights=weights, weights_by=weights_by, seed=seed, start=start, obstacles=obstacles, unit=unit, density=density,
+        settle=settle, parameters=parameters,
     )  # fmt: skip
     task = prepare_task(request)
     limit = None if time_limit is None else as_number(time_limit, "time_limit", at_least=0.0)
@@ -245,25 +253,30 @@ def prepare_task(request: Request) -> Task:
     listed: ListedGrains | None = None
     shapes, table, density = with_shapes_of_list(request.shapes, request.grains, request.density)
     given = check_asked(shapes, request.container, sizes, start)
-    unit = start.unit if start is not None and as_unit(request.unit) == NO_UNIT else request.unit
-    given, container, unit = in_one_unit(given, request.container, unit)
+    given, container, unit = in_one_unit(given, request.container, unit_of(request))
     if start is not None:
         check_start(start, container.dimension)
         start = start if start.unit == NO_UNIT else start.to_unit(unit)
     refuse_unfit(entry, given if start is None else (*given, *start.shapes), container)
+    begun = start
+    if request.obstacles is not None:
+        # grains with the shapes of the start have none of those of the obstacles
+        given = given or (() if start is None else start.shapes)
+        start = start_with(request.obstacles, start, container, unit)
+    entry, start, room = around_obstacles(entry, start, container)
     if table is not None:
         refuse_list(entry, {"count": count, "sizes": sizes, "solid_fraction": solid_fraction})
-        shapes = given or (() if start is None else start.shapes)
+        shapes = given or (() if begun is None else begun.shapes)
         found = replace(request, shapes=given, container=container, grains=table, density=density)
         given, listed, density = listed_grains(found, shapes, unit)
         count, sizes = len(listed.row), listed.sizes()
-    density = density_around(start, density, len(given))
+    density = with_density_of(request.obstacles, density_around(begun, density, len(given)))
     scaled = entry.sizing == "scaled"
-    none_asked = start is not None and count is None and (solid_fraction is None or (scaled and not given))
+    none_asked = begun is not None and count is None and (solid_fraction is None or (scaled and not given))
     drawn = replace(
         request,
-        shapes=given or (() if start is None else start.shapes),
-        container=container,
+        shapes=given or (() if begun is None else begun.shapes),
+        container=room,
         count=0 if none_asked else count,
         solid_fraction=solid_fraction,
         grains=listed,
@@ -366,7 +379,8 @@ def _misses(task: Task, packing: Packing) -> dict[str, float]:
     if solid_fraction is not None:
         reached = packing.solid_fraction if growth is None else growth["solid_fraction_before"]
         if task.method.sizing != "scaled":
-            reached -= float(task.problem.volumes[:started].sum() / task.problem.container.volume)
+            begun = task.problem.volumes[task.problem.fixed : started].sum()
+            reached -= float(begun / task.problem.apart.container.volume)
         missed["solid_fraction"] = max(0.0, float(solid_fraction) - reached)
         # differences of rounding are none
         if missed["solid_fraction"] <= 1e-12:

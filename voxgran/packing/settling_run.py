@@ -13,7 +13,7 @@ from voxgran.contacts.assembly import Assembly
 from voxgran.contacts.assembly import Lid as LidPlane
 from voxgran.contacts.forces import LID, WALL, ContactForces
 from voxgran.contacts.manifolds.rows import ARM_I, GAP, NORMAL
-from voxgran.packing.bed_search import SoughtBed
+from voxgran.packing.beds.search import SoughtBed
 from voxgran.packing.grains import STOP_REASONS
 from voxgran.packing.gravity import main_axis
 from voxgran.packing.method import Array, Cost, PackingMethod, RunState
@@ -251,9 +251,9 @@ def lid_of(settler: Moving, unit: float) -> LidPlane | None:
 
 def normalized_assembly(packing: Packing) -> tuple[Assembly, float]:
     """Return the grains of a packing with lengths in median diameters, without lid, and the median diameter."""
-    unit = float(np.median(packing.diameters))
+    unit = packing.median_diameter
     arrays = (packing.shapes, packing.shape_id, packing.scale / unit, packing.position / unit, packing.orientation)
-    return Assembly(*arrays, packing.container.scaled(1.0 / unit), packing.density), unit
+    return Assembly(*arrays, packing.container.scaled(1.0 / unit), packing.density, fixed=packing.fixed), unit
 
 
 def advance_settling(problem: Problem, state: SettleState, attempts: int) -> SettleState:
@@ -288,7 +288,7 @@ def finished(packing: Packing, state: SettleState) -> Packing:
 
 def _moved(packing: Packing, settler: Moving) -> Packing:
     """Return a packing with its grains where they are in the bed of a settler, without forces."""
-    unit = float(np.median(packing.diameters))
+    unit = packing.median_diameter
     position, orientation = settler.bed.poses()
     position *= unit
     if settler.ended and settler.progress.step == 1:
@@ -316,7 +316,7 @@ def contact_forces(packing: Packing, settler: Moving) -> Packing:
         return replace(packing, forces=no_forces(settler.how.friction))
     if not settler.ended:
         return packing
-    unit, forces, row = float(np.median(packing.diameters)), bed.forces(), bed.rows.row[: bed.m]
+    unit, forces, row = packing.median_diameter, bed.forces(), bed.rows.row[: bed.m]
     i, j = bed.contact_grains(wall=WALL, lid=LID)
     residual = bed.in_order(settler.progress.residual)
     known = ContactForces(
@@ -327,7 +327,7 @@ def contact_forces(packing: Packing, settler: Moving) -> Packing:
         force=forces,
         gap=row[:, GAP] * unit,
         residual=residual,
-        rattler=(residual <= RESIDUAL) & (bed.in_order(carried_by(bed, forces)) <= RESIDUAL),
+        rattler=(residual <= RESIDUAL) & (bed.in_order(carried_by(bed, forces)) <= RESIDUAL) & packing.movable,
         friction=settler.how.friction,
     )
     return replace(packing, forces=known)

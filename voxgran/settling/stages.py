@@ -133,7 +133,8 @@ class Settler(Resumable):
         self, assembly: Assembly, how: Settling, gravity: Floats, *, seed: int = 0, small: Floats | None = None
     ) -> None:
         self.how, self.seed = how, seed
-        weight = how.lid.weight * float(assembly.volumes.sum()) / UNIT[assembly.dimension] if how.lid else 1.0
+        volume = float(assembly.volumes[assembly.movable].sum()) / UNIT[assembly.dimension]
+        weight = how.lid.weight * volume if how.lid else 1.0
         self.bed = Bed(assembly, gravity, lid_weight=weight, hulls=how.parts == "hulls")
         self.small = small
         self.progress = Progress(stage=START if small is None else GROWTH)
@@ -150,8 +151,9 @@ class Settler(Resumable):
             )
         layers = np.ptp(self.bed.grains.position @ gravity) if assembly.count else 0.0
         self._iterations = ITERATIONS if layers <= DEEP else 2 * ITERATIONS
-        if not assembly.count:
+        if not assembly.movable.any():
             self.progress.stage, self.progress.proven, self.progress.moving = ENDED, 1, 0.0
+            self.progress.residual = np.zeros(assembly.count)
 
     @property
     def ended(self) -> bool:
@@ -247,7 +249,7 @@ class Settler(Resumable):
     def _is_slow(self) -> bool:
         """Return whether the grains have little kinetic energy, and few of them move fast."""
         speed = np.linalg.norm(self.bed.bodies[: self.bed.count, :3], axis=1)
-        return self.bed.kinetic_energy < ENERGY and float((speed > FAST).mean()) < FEW
+        return self.bed.kinetic_energy < ENERGY and self.bed.mean(speed > FAST) < FEW
 
     def _fall_steps(self) -> int:
         """Return the largest number of steps of a fall."""
@@ -406,7 +408,7 @@ class Settler(Resumable):
         bed, progress = self.bed, self.progress
         found = balance_bed(bed, self.how.friction, reach=TOUCHING, tolerance=RESIDUAL, iterations=iterations)
         progress.residual = np.maximum(found.residual, found.residual_torque)
-        progress.moving = 1.0 - float(found.rests.mean())
+        progress.moving = bed.mean(~found.rests)
         smallest = float(bed.gap.min(initial=TOUCHING))
         progress.smallest = 0.0 if -ROUND_OFF < smallest < 0.0 else smallest
         if bed.finders.crossing(bed.pairs, bed.grains):

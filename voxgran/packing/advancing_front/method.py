@@ -99,12 +99,17 @@ def prepare(problem: Problem) -> State:
     Raises
     ------
     InputError
-        If a grain of the start overlaps another or reaches through a wall.
+        If a grain of the start overlaps another or reaches through a wall, or an obstacle is no sphere.
     TooLargeError
         If there are 2**26 grains or more.
     """
     if problem.count >= MOST:
         raise TooLargeError(f"count is {problem.count}: the front takes fewer than {MOST} grains; pack in parts")
+    if any(not problem.shapes[k].is_sphere for k in problem.shape_id[: problem.fixed]):
+        raise InputError(
+            "obstacles are not all spheres: method 'advancing_front' packs spheres around spheres; give method 'rsa', "
+            "'gravity' or 'digital'"
+        )
     n = problem.started
     order = stream(problem.seed, "order").permutation(np.arange(n, problem.count, dtype=np.int64))
     arrays = {
@@ -287,4 +292,5 @@ registration = PackingMethod(
     finish=finish,
     cost=cost,
     dimensions=(2, 3),
+    obstacles="placed",
 )

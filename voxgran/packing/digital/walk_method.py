@@ -185,4 +185,5 @@ registration = PackingMethod(
     dimensions=(2, 3),
     any_container=True,
     builds_bed=True,
+    obstacles="apart",
 )

@@ -1,0 +1,72 @@
+"""Room that grains can reach around fixed ones: without the pores between these that are too narrow for a grain."""
+
+from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from voxgran._base.arrays import Floats
+from voxgran._base.lazy import load
+from voxgran._base.scalars import cube_root
+from voxgran._base.seeds import stream
+from voxgran.contacts.inside import Occupied
+from voxgran.packing.problem import Problem, random_points
+
+#: radius of the sphere that finds room wherever grains do, in diameters of the smallest one
+NARROWEST = 0.4
+#: points by which the room is known, and how far the next of them is at the most, in their mean distances
+POINTS, NEXT = 40_000, 0.6
+
+
+def reachable(problem: Problem) -> Problem:
+    """Return a task without its fixed grains, in the room that they leave for grains of the smallest size."""
+    free = problem.apart
+    if not isinstance(free.container, Occupied) or not free.count:
+        return free
+    return replace(free, container=Reachable(free.container, NARROWEST * float(free.diameter.min())))
+
+
+@dataclass(frozen=True, eq=False)
+class Reachable:
+    """What spheres of a radius cover where they find room: the morphological opening of a container with solids.
+
+    Near solids it is known by random points; all else is that of the container.
+    """
+
+    container: Occupied
+    radius: float
+
+    def __getattr__(self, name: str) -> Any:
+        return getattr(self.container, name)
+
+    @cached_property
+    def _points(self) -> Floats:
+        """Random points between the solids."""
+        return random_points(self.container, POINTS, stream(0, "reachable"))
+
+    @cached_property
+    def _centers(self) -> Any:
+        """Tree of the points at which spheres find room; None without any."""
+        clear = self._points[self.container.depth(self._points) <= -self.radius]
+        return load("scipy.spatial").cKDTree(clear) if len(clear) else None
+
+    @cached_property
+    def volume(self) -> float:
+        """Volume, estimated from points."""
+        return self.container.volume * float((self.signed_distance(self._points) <= 0.0).mean())
+
+    def signed_distance(self, points: "ArrayLike") -> Floats:
+        """Return the distance of (n, 3) points from the nearest wall or solid, negative where grains can be."""
+        places = np.asarray(points, dtype=np.float64)
+        found = np.array(self.container.signed_distance(places))
+        near = np.flatnonzero((found < 0.0) & (self.container.depth(places) > -self.radius))
+        if self._centers is None or not len(near):
+            found[near] = np.abs(found[near])
+            return found
+        area = self.container.volume / POINTS
+        spacing = cube_root(area) if self.container.dimension == 3 else np.sqrt(area)
+        away = self._centers.query(places[near])[0]
+        found[near] = np.where(away <= self.radius + NEXT * spacing, found[near], np.abs(found[near]))
+        return found
