@@ -140,6 +140,7 @@ def _summary(before: Packing, after: Packing) -> dict[str, Any]:
     (region, fraction), was = main_fraction(after), main_fraction(before)
     numbers: dict[str, Any] = {
         "grains": after.count,
+        **_fixed_count(after),
         "steps": record.get("steps", 0),
         **({"solid_fraction_before": was[1]} if was[0] == region else {}),
         "solid_fraction": fraction,
@@ -190,6 +191,7 @@ def equilibrium(options: argparse.Namespace, packing: Packing) -> int:
         {
             "rests": bool(rests),
             "grains": packing.count,
+            **_fixed_count(packing),
             "contacts": found.sizes["contact"],
             "friction": friction,
             **{name: found.attrs[name] for name in (*SHARES, *(("stress_error",) if pressed else ()))},
@@ -199,6 +201,11 @@ def equilibrium(options: argparse.Namespace, packing: Packing) -> int:
         options,
     )
     return 0 if rests else 1
+
+
+def _fixed_count(packing: Packing) -> dict[str, int]:
+    """Return the number of fixed grains, where there are some."""
+    return {} if packing.fixed is None else {"fixed_grains": int(packing.fixed.sum())}
 
 
 def _listed(grains: list[int]) -> str:

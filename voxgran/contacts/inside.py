@@ -84,19 +84,16 @@ class Occupied:
         return np.maximum(self.container.signed_distance(points), self.depth(points))
 
     def depth(self, points: "ArrayLike") -> Floats:
-        """Return the distance of (n, 3) points from the nearest solid within reach, negative outside; else its reach.
+        """Return the distance of (n, 3) points from the nearest solid within reach, negative outside, else infinite.
 
         Outside, and deep within, it may be nearer to 0 than the distance is.
         """
         places = np.asarray(points, dtype=np.float64)
-        found = np.full(len(places), -self.reach)
-        if not len(places):
-            return found
+        found = np.full(len(places), -np.inf)
         near = load("scipy.spatial").cKDTree(places)
         for place, radius, depth in self.solids():
-            mine = near.query_ball_point(place, radius + self.reach)
-            if mine:
-                found[mine] = np.maximum(found[mine], depth(places[mine]))
+            mine = np.array(near.query_ball_point(place, radius + self.reach), dtype=np.int64)
+            found[mine] = np.maximum(found[mine], depth(places[mine]))
         return found
 
     def solids(self) -> Iterator[tuple[Floats, float, Inner]]:

@@ -124,7 +124,7 @@ class Problem:
         if start is None or not k:
             return self
         free = Start(start.position[k:], start.orientation[k:]) if start.count > k else None
-        reach = 2.0 * float(self.diameter[k:].max(initial=1.0))
+        reach = float(self.diameter[k:].max(initial=1.0))
         standing = self.start_assembly(Start(start.position[:k], start.orientation[:k]))
         rows = None if self.grain_id is None else self.grain_id[k:]
         return replace(

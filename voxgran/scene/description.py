@@ -27,6 +27,7 @@ from voxgran.packing.model import Packing
 from voxgran.scene.afterwards import compress_section, settle_section
 from voxgran.scene.keys import Listed, Measured, Packed, names_of
 from voxgran.scene.mistakes import Mistakes, refuse_unknown
+from voxgran.scene.obstacles import ObstacleEntry, obstacle_entries, standing_of
 from voxgran.scene.sections import General, Output
 from voxgran.scene.shape_entries import ShapeEntry, given_values, shape_entries, with_densities
 from voxgran.settling.compression_parameters import Compression
@@ -41,6 +42,7 @@ SECTIONS = (
     "sizes",
     "grains",
     "container",
+    "obstacle",
     "packing",
     "settle",
     "compress",
@@ -70,6 +72,8 @@ class SceneDescription(ExplainedAttributes):
         What the shares are of.
     container : Container
         What holds the grains.
+    obstacles : tuple of ObstacleEntry
+        What stands in it.
     method : str
         Packing method.
     count, solid_fraction : int or float or None
@@ -96,6 +100,7 @@ class SceneDescription(ExplainedAttributes):
     grains: str | None = None
     share_by: str
     container: Container
+    obstacles: tuple[ObstacleEntry, ...] = ()
     method: str
     count: int | None
     solid_fraction: float | None
@@ -191,6 +196,7 @@ class SceneDescription(ExplainedAttributes):
             grains = _grains(mapping.get("grains"), place)
         with mistakes.part("[container]"):
             container = make_container(_with_file(mapping["container"], place))
+            obstacles = obstacle_entries(mapping.get("obstacle", ()), place, container.dimension)
         with mistakes.part():
             packing = dict(mapping["packing"])
             method, parameters, given = _method(packing)
@@ -211,6 +217,7 @@ class SceneDescription(ExplainedAttributes):
             grains=grains,
             share_by=share_by,
             container=container,
+            obstacles=obstacles,
             method=method,
             parameters=given,
             settle=settle_section(mapping.get("settle"), method, parameters, container),
@@ -240,6 +247,8 @@ class SceneDescription(ExplainedAttributes):
             "packing": {key: value for key, value in packing.items() if value is not None} | dict(self.parameters),
             "output": to_mapping(self.output),
         }
+        if self.obstacles:
+            made["obstacle"] = [entry.to_mapping() for entry in self.obstacles]
         if self.shapes:
             made["shape"] = [entry.to_mapping() for entry in self.shapes]
         if self.sizes is not None:
@@ -282,6 +291,7 @@ class SceneDescription(ExplainedAttributes):
             "weights_by": self.share_by,
             "seed": self.general.seed,
             "start": self.begin(),
+            "obstacles": standing_of(self.obstacles, self.container, self.general.unit),
             "unit": self.general.unit,
             "density": self.density(),
             "settle": self.settle,
@@ -354,7 +364,7 @@ def _check_sections(mapping: Mapping[str, Any]) -> None:
         with mistakes.part():
             if name not in SECTIONS:
                 raise UnknownNameError(unknown("section", name, SECTIONS))
-            if name != "shape":
+            if name not in ("shape", "obstacle"):
                 check_type(mapping[name], Mapping, f"[{name}]", f"a section; write [{name}] above its keys")
     mistakes.refuse()  # a section that is missing may be there under a wrong name
     # grains of a list are spheres, or disks, where there is no shape

@@ -143,13 +143,13 @@ def make_plan(scene: SceneDescription) -> Plan:
         If it does not fit in memory.
     """
     task = task_of(scene, tuple(shape for entry in scene.shapes for shape in _stand_ins(entry)))
-    cost, bed = task.method.cost(task.problem), expected_bed(task.problem)
+    cost, bed, free = task.method.cost(task.problem), expected_bed(task.problem), task.problem.apart
     finishing = FINISHING_BYTES + (DRAWING_BYTES if scene.output.report else 0)
     memory = max(packing_memory(task.method, task.problem), finishing)
     check_memory(task.method, memory, "the scene")
     return Plan(
-        grains=task.problem.count,
-        solid_fraction=float(task.problem.volumes.sum() / task.problem.container.volume),
+        grains=free.count,
+        solid_fraction=float(free.volumes.sum() / free.container.volume),
         memory=memory,
         attempts=cost.attempts,
         voxelized_shapes=cost.voxelized_shapes,

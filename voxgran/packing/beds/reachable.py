@@ -60,8 +60,9 @@ class Reachable:
     def signed_distance(self, points: "ArrayLike") -> Floats:
         """Return the distance of (n, 3) points from the nearest wall or solid, negative where grains can be."""
         places = np.asarray(points, dtype=np.float64)
-        found = np.array(self.container.signed_distance(places))
-        near = np.flatnonzero((found < 0.0) & (self.container.depth(places) > -self.radius))
+        depth = self.container.depth(places)
+        found = np.maximum(self.container.container.signed_distance(places), depth)
+        near = np.flatnonzero((found < 0.0) & (depth > -self.radius))
         if self._centers is None or not len(near):
             found[near] = np.abs(found[near])
             return found
