@@ -426,6 +426,7 @@ def test_fit_clump(tmp_path, capsys, monkeypatch):
         ("any_porosity", 189, 0.4999, 0.5001),
         slow("level_column", 1026, 0.5799, 0.5801),
         ("loose_deposit", 1000, 0.14, 0.16),
+        ("rebar_in_bed", 221, 0.29, 0.31),
         ("gaps_in_rectangle", 1029, 0.91, 0.93),
         slow("fragments_in_rectangle", 671, 0.87, 0.89),
         slow("spheres_in_rock", 3000, 0.57, 0.60),

@@ -13,6 +13,7 @@ from voxgran._base.arrays import (
     Booleans,
     Floats,
     Integers,
+    as_array,
     as_count,
     as_floats,
     as_indices,
@@ -290,7 +291,7 @@ def _as_fixed(value: Any, count: int) -> Booleans | None:
     """
     if value is None:
         return None
-    mask = np.asarray(value)
+    mask = as_array(value, "fixed")
     if mask.shape != (count,) or (count and mask.dtype != np.bool_):
         raise InputError(
             f"fixed has shape {mask.shape} and type {mask.dtype}: it must have one of True and False for each of the "

@@ -50,8 +50,9 @@ class Engine:
         What grains may be, the preferred kind of a solid that is no sphere first.
     laws : tuple of str
         Contact laws that it has.
-    periodic, planar, cohesion, bonds : bool
-        Whether it has periodic containers, grains in two dimensions, surface energy, and bonds that break.
+    periodic, planar, cohesion, bonds, fixed : bool
+        Whether it has periodic containers, grains in two dimensions, surface energy, bonds that break, and grains that
+        are fixed.
     install : str
         Command line that installs it; ``""`` where it cannot be had in that way.
     verified : str
@@ -82,6 +83,7 @@ class Engine:
     planar: bool = False
     cohesion: bool = False
     bonds: bool = False
+    fixed: bool = False
     install: str = ""
     verified: str = "not run"
     command: str = ""

@@ -112,7 +112,7 @@ def relax(
     UnknownNameError
         If the engine or a material parameter is unknown; the message gives the nearest name.
     InputError
-        If there is no gravity, the engine cannot be run by voxgran, or as :func:`voxgran.write_deck`.
+        If there is no gravity, grains are fixed, the engine cannot be run by voxgran, or as :func:`voxgran.write_deck`.
     EngineError
         If the engine is not installed, with the line that installs it, or fails, with its last lines.
     OutputExistsError
@@ -147,6 +147,7 @@ def relax(
         rest=as_positive(until, "until"),
         longest=as_positive(longest, "longest"),
     )
+    packing.refuse_fixed("relaxation by an engine")
     if packing.gravity is None:
         raise InputError("packing.gravity is None: grains relax under gravity; give it with dataclasses.replace")
     if time_step is None:

@@ -81,7 +81,7 @@ def start_with(obstacles: Packing, start: Packing | None, container: Container, 
 def with_density_of(obstacles: Packing | None, density: Density) -> Density:
     """Return densities of shapes after those of the shapes of obstacles, on which nothing depends."""
     several = obstacles is not None and isinstance(density, tuple)
-    return (density[0],) * len(obstacles.shapes) + density if several else density  # type: ignore[union-attr,index,operator]
+    return (density[0],) * len(obstacles.shapes) + density if several else density  # type: ignore[union-attr,index]
 
 
 def around_obstacles(

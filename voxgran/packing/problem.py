@@ -140,7 +140,7 @@ class Problem:
         own = self.packing(
             np.arange(k), position=start.position[:k], orientation=start.orientation[:k], stop_reason="count"
         )
-        both = {
+        both: dict[str, Any] = {
             name: np.concatenate([getattr(own, name), getattr(packing, name)])
             for name in ("shape_id", "scale", "position", "orientation")
         }

@@ -11,6 +11,7 @@ from voxgran._base.arrays import as_floats, as_positive, check_type
 from voxgran._base.errors import InputError, VoxgranError, shown
 from voxgran._base.files import existing_file
 from voxgran.containers.model import Container
+from voxgran.geometry.rotation import normalized
 from voxgran.io.files import load
 from voxgran.packing.model import Packing
 from voxgran.scene.keys import Standing, names_of
@@ -31,7 +32,13 @@ class ObstacleEntry:
     scale: float = 1.0
 
     def make(self, container: Container, unit: str | None) -> Packing:
-        """Return the obstacles as grains in a container."""
+        """Return the obstacles as grains in a container.
+
+        Raises
+        ------
+        InputError
+            If the entry stands for several shapes.
+        """
         if self.packing is not None:
             bare = {"container": container, "gravity": None, "lid": None, "forces": None, "fixed": None}
             return replace(load(self.packing), **bare)  # type: ignore[arg-type]
@@ -41,10 +48,10 @@ class ObstacleEntry:
             raise InputError(f"[[obstacle]] is {len(shapes)} shapes: one stands at a position; leave count out")
         place = np.zeros((1, 3))
         place[0, : len(self.position)] = self.position
+        turn = normalized(np.array([self.orientation]))
         return Packing.of(
-            shapes[0], container, position=place, orientation=[self.orientation], scale=[self.scale], unit=unit,
-            gravity=None,
-        )  # fmt: skip
+            shapes[0], container, position=place, orientation=turn, scale=[self.scale], unit=unit, gravity=None
+        )
 
     def to_mapping(self) -> dict[str, Any]:
         """Return the entry as nested JSON-able values, as the scene file has it."""
@@ -82,7 +89,7 @@ def obstacle_entries(entries: Any, folder: Path, dimension: int) -> tuple[Obstac
             raise InputError("[[obstacle]] has no position: give the centroid, such as position = [4, 4, 2]")
         place = {key: rest.pop(key) for key in PLACE if key in rest}
         sizes = {"position": dimension, "orientation": 4}
-        found = {
+        found: dict[str, Any] = {
             key: tuple(as_floats(place[key], f"[[obstacle]] {key}", shape=(size,)).tolist())
             for key, size in sizes.items()
             if key in place
@@ -93,7 +100,8 @@ def obstacle_entries(entries: Any, folder: Path, dimension: int) -> tuple[Obstac
         try:
             shape = shape_entries([rest], folder)[0]
         except VoxgranError as error:
-            raise type(error)(str(error).replace("[[shape]]", "[[obstacle]]")) from None
+            error.args = (str(error).replace("[[shape]]", "[[obstacle]]"),)
+            raise
         made.append(ObstacleEntry(shape, **found, scale=scale))
     return tuple(made)
 

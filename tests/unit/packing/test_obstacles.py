@@ -226,3 +226,67 @@ def test_a_run_with_obstacles_goes_on_from_its_checkpoint(tmp_path):
     assert part.stop_reason == "interrupted"
     again = vg.pack(SPHERE, BOX, "gravity", checkpoint=tmp_path / "run", resume=True, **keywords)
     assert again == whole
+
+
+def test_frozen_grains_of_decks(tmp_path):
+    # spheres 0 and 1 are fixed, the clump 2 too, and the rest moves
+    cube = vg.shapes.box(lengths=(1, 1, 1))
+    poses = [(1.5, 1.5, 1), (4.5, 1.5, 1), (1.5, 4.5, 1), (4.5, 4.5, 1), (3, 3, 4), (3, 3, 6)]
+    bed = vg.Packing.of(
+        [SPHERE, cube], BOX, position=poses, shape_id=[0, 0, 1, 0, 1, 0], fixed=[True] * 3 + [False] * 3
+    )
+    deck = vg.write_deck(bed, tmp_path / "run", "lammps", clump=8, material=vg.Material(density=2500))
+    script = (tmp_path / "run" / "lammps_run.in").read_text()
+    for line in (
+        "group fixed molecule 1:3",
+        "group spheres subtract every_sphere fixed",
+        "group clumps subtract every_clump fixed",
+        "neigh_modify exclude group fixed fixed",
+        "fix hold fixed freeze",
+    ):
+        assert line in script.splitlines()
+    # the rigid bodies that move are those of the free clumps alone
+    assert [int(row.split()[0]) for row in (tmp_path / "run" / "lammps_bodies.txt").read_text().splitlines()[2:]] == [5]
+    assert deck.simulation.rest_energy == pytest.approx(
+        vg.write_deck(bed[3:], tmp_path / "free", "lammps", clump=8, material=vg.Material(density=2500))
+        .simulation.rest_energy
+    )  # fmt: skip
+    with pytest.raises(
+        InputError, match="3 grains are fixed: such input for YADE moves all grains; give engine 'lammps'"
+    ):
+        vg.write_deck(bed, tmp_path / "yade", "yade", clump=8, material=vg.Material(density=2500))
+    with pytest.raises(InputError, match="relaxation by an engine takes none"):
+        vg.relax(bed)
+
+
+def test_obstacles_of_a_scene(tmp_path):
+    vg.pack(SPHERE, BOX, "gravity", count=20).save(tmp_path / "below.vtp")
+    bar = {"family": "cylinder", "radius": 0.5, "height": 3.0, "position": [3, 3, 5], "orientation": [1, 0, 1, 0]}
+    scene = {
+        "shape": [{"family": "sphere"}],
+        "container": {"kind": "box", "lengths": [6, 6, 8]},
+        "obstacle": [{"packing": "below.vtp"}, {**bar, "scale": 1.5}],
+        "packing": {"method": "rsa", "count": 5},
+        "output": {"vtk": False, "report": False},
+    }
+    made = vg.Scene.from_mapping(scene, folder=tmp_path)
+    assert vg.Scene.from_mapping(made.to_mapping()) == made
+    assert "5 drawn" in str(made.plan())
+    result = made.run(tmp_path / "out")
+    packing = result.packing
+    assert packing.count == 26
+    assert packing.fixed.sum() == result.summary["fixed_grains"] == 21
+    assert packing.diameters[20] == pytest.approx(1.5 * vg.shapes.cylinder(radius=0.5, height=3.0).diameter)
+    # its axis lies along x
+    assert abs(packing.matrices[20][:, 2]) == pytest.approx([1.0, 0.0, 0.0], abs=1e-12)
+    assert packing.verify().ok
+    for wrong, message in (
+        ({"family": "sphere"}, "has no position"),
+        ({"family": "sphere", "position": [1, 2]}, r"position has shape \(2,\)"),
+        ({"family": "spher", "position": [1, 2, 3]}, "spher"),
+        ({"family": "sphere", "position": [1, 2, 3], "radios": 2}, r"\[\[obstacle\]\] sphere key 'radios' is unknown"),
+        ({"family": "sphere", "position": [1, 2, 3], "orientation": [0, 0, 0, 0]}, "orientation is 0"),
+        ({"packing": "below.vtp", "scale": 2}, "packing stands alone"),
+    ):
+        with pytest.raises(vg.VoxgranError, match=message):
+            vg.Scene.from_mapping({**scene, "obstacle": [wrong]}, folder=tmp_path)

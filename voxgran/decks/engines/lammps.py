@@ -14,6 +14,7 @@ import numpy as np
 
 from voxgran._base.arrays import Floats, Integers
 from voxgran._base.errors import FileFormatError, InputError
+from voxgran.decks.bodies import Kind
 from voxgran.decks.engine import Engine, Held
 from voxgran.decks.lammps_bonds import BondTexts, bond_commands, bond_texts
 from voxgran.decks.lammps_states import (
@@ -68,7 +69,7 @@ def _write(simulation: Simulation) -> Mapping[str, str]:
                 f"clump {template.name!r} has 1 sphere: rigid bodies of LAMMPS have at least 2; give clump=2"
             )
     files = {SCRIPT: _script(simulation), DATA: _data(simulation)}
-    if len(bodies.of_kind("clump")) and simulation.bonds is None:
+    if len(_moving(simulation, "clump")) and simulation.bonds is None:
         files[BODIES] = _bodies(simulation)
     bonds = _bond_texts(simulation)
     if bonds is not None:
@@ -125,7 +126,7 @@ def _bond_texts(simulation: Simulation) -> BondTexts | None:
 def _bodies(simulation: Simulation) -> str:
     """Return the file of rigid bodies: true mass, centroid and inertia tensor of each clump."""
     bodies = simulation.bodies
-    mine = bodies.of_kind("clump")
+    mine = _moving(simulation, "clump")
     places, images = simulation.walls.wrapped(bodies.assembly.position[mine])
     tensors = np.stack([bodies.inertia[mine][:, i, j] for i, j in PLACES], axis=1)
     lines = ["# molecule, mass, centroid, inertia xx yy zz xy xz yz, velocity, angular momentum, image flags"]
@@ -215,7 +216,7 @@ def _planes(vertices: Floats, faces: Integers) -> list[str]:
 def _script(simulation: Simulation) -> str:
     """Return the script: until the bed rests, with dumps and restart files."""
     walls, bodies = simulation.walls, simulation.bodies
-    spheres, clumps = len(bodies.of_kind("sphere")), len(bodies.of_kind("clump"))
+    spheres, clumps = len(_moving(simulation, "sphere")), len(_moving(simulation, "clump"))
     boundary = " ".join("p" if periodic else "f" for periodic in walls.periodic)
     reach = 2 * float(bodies.assembly.bounding_radii.max())
     law, rigid = _law(simulation), simulation.bonds is None
@@ -231,8 +232,7 @@ def _script(simulation: Simulation) -> str:
         "neigh_modify delay 0",
         "pair_style granular",
         f"pair_coeff * * {law}",
-        f"group spheres type {SPHERE}",
-        f"group clumps type {CLUMP}",
+        *_groups(simulation),
         *(_motion(simulation, spheres, clumps) if rigid else _bonded_motion(simulation)),
         "# walls",
         *_walls(walls, law),
@@ -243,6 +243,30 @@ def _script(simulation: Simulation) -> str:
         *_until_rest(simulation),
     ]
     return text_of([*simulation.comments(TITLE), *lines])
+
+
+def _moving(simulation: Simulation, kind: Kind) -> Integers:
+    """Return the grains of a kind that are not fixed."""
+    bodies = simulation.bodies
+    return np.intersect1d(bodies.of_kind(kind), np.flatnonzero(bodies.assembly.movable))
+
+
+def _groups(simulation: Simulation) -> list[str]:
+    """Return the commands of the groups of spheres and of clumps that move, and what holds fixed grains."""
+    grains = simulation.bodies.assembly
+    if grains.fixed is None:
+        return [f"group spheres type {SPHERE}", f"group clumps type {CLUMP}"]
+    ends = np.flatnonzero(np.diff(np.concatenate([[0], grains.fixed, [0]]))).reshape(-1, 2)
+    return [
+        # grains are molecules, numbered from 1 on
+        *(f"group fixed molecule {first + 1}:{last}" for first, last in ends.tolist()),
+        f"group every_sphere type {SPHERE}",
+        f"group every_clump type {CLUMP}",
+        "group spheres subtract every_sphere fixed",
+        "group clumps subtract every_clump fixed",
+        "neigh_modify exclude group fixed fixed",
+        "fix hold fixed freeze",
+    ]
 
 
 def _motion(simulation: Simulation, spheres: int, clumps: int) -> list[str]:
@@ -389,6 +413,7 @@ registration = Engine(
     kinds=("sphere", "clump"),
     cohesion=True,
     bonds=True,
+    fixed=True,
     install=INSTALL,
     verified="run with LAMMPS of 22 July 2025",
     command=f"lmp -in {SCRIPT}",
