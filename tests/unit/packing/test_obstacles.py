@@ -11,6 +11,7 @@ from voxgran._base.errors import InputError
 from voxgran.contacts.inside import Occupied
 from voxgran.packing.beds.reachable import Reachable
 from voxgran.packing.start import around_fixed
+from voxgran.report.colors import coloring
 
 BOX, FLAT = vg.Box((6, 6, 8)), vg.Rectangle((8, 10))
 SPHERE, DISK = vg.shapes.sphere(), vg.shapes.disk()
@@ -290,3 +291,11 @@ def test_obstacles_of_a_scene(tmp_path):
     ):
         with pytest.raises(vg.VoxgranError, match=message):
             vg.Scene.from_mapping({**scene, "obstacle": [wrong]}, folder=tmp_path)
+
+
+def test_pictures_show_fixed_grains_in_grey():
+    bed = vg.pack(SPHERE, BOX, "rsa", count=5, obstacles=BAR, sizes=vg.sizes.uniform(0.8, 1.0))
+    found = coloring(bed, "diameter")
+    assert np.isnan(found.values).tolist() == bed.fixed.tolist()
+    assert found.limits == (bed.diameters[1:].min(), bed.diameters[1:].max())
+    assert not found.same
