@@ -25,7 +25,7 @@ SAME = 1e-9
 
 @dataclass(frozen=True, slots=True)
 class Coloring:
-    """Values (n,) of grains, NaN of fixed ones, with name and unit (``""`` if none), and what single values are called."""
+    """Values (n,) of grains, NaN of fixed ones, with name and unit (``""`` if none), and names of single values."""
 
     values: Floats
     label: str
