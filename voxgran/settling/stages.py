@@ -205,7 +205,8 @@ class Settler(Resumable):
         steps, small = self._growth_steps(), self.small[self.bed.order]
         part = (self.progress.stage_step + 1) / steps
         self.bed.resize(small + (1.0 - small) * part)
-        self._advance(None)
+        # with friction grains that grow would be wedged between fixed ones, or these and walls, and overlap
+        self._advance(None, self._fall if self.bed.fixed is None else self._fall._replace(friction=0.0))
         if self.progress.stage_step + 1 >= steps:
             self.progress.stage = FALL
 
@@ -278,9 +279,9 @@ class Settler(Resumable):
         if progress.stage_step + 1 >= steps:
             progress.stage, progress.heights = AGAIN, np.zeros(0)
 
-    def _advance(self, pull: Floats | None) -> None:
-        """Advance the bed by a step with inertia."""
-        fall_step(self.bed, self._fall, self.progress.substep, pull)
+    def _advance(self, pull: Floats | None, how: Fall | None = None) -> None:
+        """Advance the bed by a step with inertia, as in the fall where nothing else is given."""
+        fall_step(self.bed, how or self._fall, self.progress.substep, pull)
         self.progress.substep = self._fall.step / self._fall.substeps
 
     def _rest(self) -> None:

@@ -1,5 +1,6 @@
 """Room that grains can reach around fixed ones: without the pores between these that are too narrow for a grain."""
 
+import math
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any
@@ -9,15 +10,15 @@ from numpy.typing import ArrayLike
 
 from voxgran._base.arrays import Floats
 from voxgran._base.lazy import load
-from voxgran._base.scalars import cube_root
 from voxgran._base.seeds import stream
 from voxgran.contacts.inside import Occupied
 from voxgran.packing.problem import Problem, random_points
 
 #: radius of the sphere that finds room wherever grains do, in diameters of the smallest one
-NARROWEST = 0.4
-#: points by which the room is known, and how far the next of them is at the most, in their mean distances
-POINTS, NEXT = 40_000, 0.6
+NARROWEST = 0.5
+#: mean distance of the points by which the room is known, in that radius, their largest number, and how far the next of
+#: them is at the most, in their mean distances
+SPACING, MOST_POINTS, NEXT = 0.6, 2_000_000, 0.5
 
 
 def reachable(problem: Problem) -> Problem:
@@ -44,7 +45,13 @@ class Reachable:
     @cached_property
     def _points(self) -> Floats:
         """Random points between the solids."""
-        return random_points(self.container, POINTS, stream(0, "reachable"))
+        many = self.container.volume / self._spacing**self.container.dimension
+        return random_points(self.container, math.ceil(many), stream(0, "reachable"))
+
+    @cached_property
+    def _spacing(self) -> float:
+        """Mean distance of the points."""
+        return max(SPACING * self.radius, (self.container.volume / MOST_POINTS) ** (1.0 / self.container.dimension))
 
     @cached_property
     def _centers(self) -> Any:
@@ -66,8 +73,6 @@ class Reachable:
         if self._centers is None or not len(near):
             found[near] = np.abs(found[near])
             return found
-        area = self.container.volume / POINTS
-        spacing = cube_root(area) if self.container.dimension == 3 else np.sqrt(area)
         away = self._centers.query(places[near])[0]
-        found[near] = np.where(away <= self.radius + NEXT * spacing, found[near], np.abs(found[near]))
+        found[near] = np.where(away <= self.radius + NEXT * self._spacing, found[near], np.abs(found[near]))
         return found
