@@ -427,7 +427,7 @@ class Packing(GrainSequence):
 
     def __repr__(self) -> str:
         """Count, solid fraction and how it ended."""
-        forces = around_fixed(self).forces if self.count else None
+        forces = around_fixed(self).forces if self.movable.any() else None
         rest = "" if forces is None else f", {100 * forces.share_at_rest:.1f} % at rest"
         # of a bed the container has room above the surface
         of = "" if self.gravity is None else "container_"

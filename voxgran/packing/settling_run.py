@@ -48,7 +48,7 @@ def with_settling(method: PackingMethod, how: Settling) -> PackingMethod:
             return state
         if state.outer is None:
             packed = method.finish(problem, state.inner)
-            if packed.gravity is None or not packed.count:
+            if packed.gravity is None or not packed.movable.any():
                 state.stop_reason = state.inner.stop_reason
                 return state
             state.begin(begun(packed, how, problem.seed))
@@ -239,6 +239,7 @@ def with_lid(assembly: Assembly, how: Settling, gravity: Floats) -> Assembly:
     """Return the assembly with a lid above its grains, if there is to be one."""
     if how.lid is None or not assembly.count:
         return assembly
+    assembly.refuse_fixed("a bed under a lid")
     up = -main_axis(gravity).astype(np.float64)
     return replace(assembly, lid=LidPlane(up, float((assembly.position @ up + assembly.bounding_radii).max())))
 

@@ -121,9 +121,7 @@ class Bed:
     def load(self) -> float:
         """Ratio of the weight of all grains and the lid to that of the grains."""
         inverse = float(self.bodies[-1, 6])
-        return 1.0 + (
-            1.0 / (inverse * float((1.0 / self.bodies[:-1, 6][self.movable]).sum())) if inverse > 0.0 else 0.0
-        )
+        return 1.0 + (1.0 / (inverse * float((1.0 / self.bodies[:-1, 6]).sum())) if inverse > 0.0 else 0.0)
 
     @property
     def movable(self) -> Booleans:

@@ -133,8 +133,7 @@ class Settler(Resumable):
         self, assembly: Assembly, how: Settling, gravity: Floats, *, seed: int = 0, small: Floats | None = None
     ) -> None:
         self.how, self.seed = how, seed
-        volume = float(assembly.volumes[assembly.movable].sum()) / UNIT[assembly.dimension]
-        weight = how.lid.weight * volume if how.lid else 1.0
+        weight = how.lid.weight * float(assembly.volumes.sum()) / UNIT[assembly.dimension] if how.lid else 1.0
         self.bed = Bed(assembly, gravity, lid_weight=weight, hulls=how.parts == "hulls")
         self.small = small
         self.progress = Progress(stage=START if small is None else GROWTH)

@@ -105,6 +105,15 @@ def test_settle_leaves_fixed_grains_where_they_are():
     assert vg.settle(every, gravity="-z") == dataclasses.replace(every, gravity=(0.0, 0.0, -1.0))
 
 
+def test_obstacles_may_stand_alone():
+    for method in ("gravity", "rsa", "digital"):
+        alone = vg.pack(SPHERE, BOX, method, count=0, obstacles=BAR)
+        assert alone.count == alone.fixed.sum() == 1
+        assert alone.solid_fraction == 0.0
+        assert "nan" not in repr(alone)
+        assert int(alone.measure("density")["count"]) == 0
+
+
 def test_disks_and_periodic_images():
     ball = vg.Packing.of(vg.shapes.disk(diameter=2.0), FLAT, position=[(4, 3, 0)])
     bed = vg.pack(DISK, FLAT, "gravity", count=30, obstacles=ball)
@@ -207,6 +216,8 @@ def test_bad_obstacles_are_refused():
     with pytest.raises(InputError, match="obstacles has dimension 2"):
         vg.pack(SPHERE, BOX, "rsa", count=5, obstacles=vg.Packing.of(DISK, FLAT, position=[(1, 1, 0)]))
     fixed = vg.pack(SPHERE, BOX, "rsa", count=5, obstacles=BALL)
+    with pytest.raises(InputError, match="1 grains are fixed: a bed under a lid takes none"):
+        vg.pack(SPHERE, BOX, "gravity", count=5, obstacles=BALL, lid={"weight": 1.0})
     with pytest.raises(InputError, match="1 grains are fixed: compression takes none"):
         vg.compress(fixed)
     with pytest.raises(InputError, match="balance under a stress takes none"):
@@ -308,3 +319,13 @@ def test_pictures_show_fixed_grains_in_grey():
     assert np.isnan(found.values).tolist() == bed.fixed.tolist()
     assert found.limits == (bed.diameters[1:].min(), bed.diameters[1:].max())
     assert not found.same
+
+
+@pytest.mark.slow
+def test_a_wide_layer_rests_on_a_fixed_bed():
+    # of many grains some would be wedged between fixed ones and walls, if they grew with friction
+    box = vg.Box((15, 15, 20))
+    below = vg.pack(SPHERE, box, "gravity", count=1500)
+    bed = vg.pack(SPHERE, box, "gravity", count=1000, obstacles=below)
+    assert bed.stop_reason == "settled"
+    assert bed.verify().ok
