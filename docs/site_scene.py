@@ -28,6 +28,10 @@ SECTIONS = {
         (keys.AnyShape, keys.ShapeOfFile, keys.ShapeOfFamily),
         "Grains, with `file` or `family`. The parameters of the family are keys of the same section.",
     ),
+    "[[obstacle]]": (
+        (keys.Standing,),
+        "What stands in the container and never moves: a shape, with the keys of a [[shape]] too, or a packing.",
+    ),
     "clump = { ... } of a [[shape]]": (
         (keys.ClumpOfShape,),
         "A clump of spheres in place of the shape. The parameters of the method are keys of the same table.",

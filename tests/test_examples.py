@@ -429,6 +429,7 @@ def test_fit_clump(tmp_path, capsys, monkeypatch):
         ("loose_deposit", 1000, 0.14, 0.16),
         ("isotropic_specimen", 387, 0.585, 0.590),
         slow("oedometer", 250, 0.513, 0.518),
+        ("rebar_in_bed", 221, 0.29, 0.31),
         ("gaps_in_rectangle", 1029, 0.91, 0.93),
         slow("fragments_in_rectangle", 671, 0.87, 0.89),
         slow("spheres_in_rock", 3000, 0.57, 0.60),

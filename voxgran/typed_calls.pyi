@@ -43,6 +43,7 @@ class PackKeywords(TypedDict, total=False):
     weights_by: str
     seed: Whole
     start: Packing | None
+    obstacles: Packing | None
     unit: str | None
     density: Number | Sequence[float] | None
     checkpoint: str | os.PathLike[str] | None

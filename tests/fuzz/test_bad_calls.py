@@ -67,6 +67,7 @@ TANK = vg.Shape.from_mesh(
 )
 DISK = vg.make_shape("disk")
 BED = vg.Packing.of([SPHERE], BOX, position=[(1, 1, 0.5), (3, 3, 0.5)], gravity=(0.0, 0.0, -1.0))
+OBSTACLE = vg.Packing.of([SPHERE], BOX, position=[(2, 2, 2)], unit="mm")
 MASK = np.zeros((6, 6, 6), dtype=bool)
 MASK[1:4, 2:5, 2:4] = True
 LABELS = MASK.astype(int)
@@ -173,6 +174,7 @@ GOOD = {
             "unit": "m",
             "gravity": (0.0, 0.0, -1.0),
             "contact_gap": 0.0,
+            "fixed": [True],
         },
     ),
     "Packing.bonds": (BED.bonds, {"strength": 1.0, "shear_strength": 1.0, "tolerance": 1e-3, "least_area": 0.1}),
@@ -325,6 +327,7 @@ GOOD = {
             "weights_by": "number",
             "seed": 0,
             "start": None,
+            "obstacles": OBSTACLE,
             "unit": "mm",
             "density": 1.0,
             "checkpoint": ">pack.voxgran",

@@ -17,9 +17,9 @@ from voxgran._base.errors import InputError, OutputExistsError
 from voxgran._base.files import as_path, refuse_to_replace
 from voxgran.cli.parser import nested_class
 from voxgran.cli.terminal import progress, show
+from voxgran.containers.gravity import as_down, proposed_axis
 from voxgran.io.files import check_savable
 from voxgran.measures.registered.density import main_fraction
-from voxgran.packing.gravity import as_down, proposed_axis
 from voxgran.packing.model import Packing
 from voxgran.settling.compression_parameters import Compression
 from voxgran.settling.materials import Materials
@@ -141,6 +141,7 @@ def _summary(before: Packing, after: Packing) -> dict[str, Any]:
     (region, fraction), was = main_fraction(after), main_fraction(before)
     numbers: dict[str, Any] = {
         "grains": after.count,
+        **_fixed_count(after),
         "steps": record.get("steps", 0),
         **({"solid_fraction_before": was[1]} if was[0] == region else {}),
         "solid_fraction": fraction,
@@ -190,6 +191,7 @@ def equilibrium(options: argparse.Namespace, packing: Packing) -> int:
         {
             "rests": bool(rests),
             "grains": packing.count,
+            **_fixed_count(packing),
             "contacts": found.sizes["contact"],
             "friction": found.attrs["friction"],
             **{name: found.attrs[name] for name in (*SHARES, *(("stress_error",) if pressed else ()))},
@@ -212,6 +214,11 @@ def _friction_of(packing: Packing) -> float | Materials:
     if not isinstance(table, Mapping):
         raise InputError("friction of the packing is by contact, and its materials are not known; give --friction")
     return from_mapping(Materials, table, "friction of the packing")
+
+
+def _fixed_count(packing: Packing) -> dict[str, int]:
+    """Return the number of fixed grains, where there are some."""
+    return {} if packing.fixed is None else {"fixed_grains": int(packing.fixed.sum())}
 
 
 def _listed(grains: list[int]) -> str:

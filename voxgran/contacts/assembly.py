@@ -10,8 +10,10 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from voxgran._base.arrays import (
+    Booleans,
     Floats,
     Integers,
+    as_array,
     as_count,
     as_floats,
     as_indices,
@@ -68,11 +70,14 @@ class Assembly:
         Density of the material, mass per volume in the user's units: one number, or one for each shape.
     lid : Lid, optional
         Additional flat wall on the grains.
+    fixed : (n,) ndarray of bool or None
+        Which grains are fixed: obstacles that never move. None where all grains are free.
 
     Raises
     ------
     InputError
-        If there are more or fewer densities than shapes, or one is no finite number above 0.
+        If there are more or fewer densities than shapes, one is no finite number above 0, or `fixed` holds no True or
+        False for each grain.
     """
 
     shapes: tuple[Shape, ...]
@@ -83,6 +88,7 @@ class Assembly:
     container: Container
     density: Density = NOT_STATED
     lid: Lid | None = field(default=None, kw_only=True)
+    fixed: Booleans | None = field(default=None, kw_only=True)
 
     @classmethod
     def of(
@@ -114,6 +120,7 @@ class Assembly:
         for array in (self.shape_id, self.scale, self.position, self.orientation):
             read_only(array)
         object.__setattr__(self, "density", as_density(self.density, len(self.shapes)))
+        object.__setattr__(self, "fixed", _as_fixed(self.fixed, self.count))
 
     @property
     def count(self) -> int:
@@ -158,12 +165,12 @@ class Assembly:
 
     @cached_property
     def relative_densities(self) -> Floats:
-        """Densities of the grains over their mean by volume, (n,); exactly 1 where they are all equal."""
+        """Densities of the grains over the mean by volume of free ones, (n,); exactly 1 where all are equal."""
         if not self.count or self.densities.min() == self.densities.max():
             return read_only(np.ones(self.count))
         # ratios first: they, and so all that follows, have the same bits in other units of density
-        ratio = self.densities / self.densities.max()
-        return read_only(ratio / ((ratio * self.volumes).sum() / self.volumes.sum()))
+        ratio, some = self.densities / self.densities.max(), self.movable if self.movable.any() else slice(None)
+        return read_only(ratio / ((ratio * self.volumes)[some].sum() / self.volumes[some].sum()))
 
     @cached_property
     def surface_areas(self) -> Floats:
@@ -177,10 +184,35 @@ class Assembly:
         """Equivalent diameters of the grains, (n,), in the unit of lengths."""
         return read_only(self._of_shapes([shape.diameter for shape in self.shapes]) * self.scale)
 
+    @property
+    def movable(self) -> Booleans:
+        """Which grains are not fixed, (n,)."""
+        return np.ones(self.count, dtype=np.bool_) if self.fixed is None else ~self.fixed
+
+    @cached_property
+    def median_diameter(self) -> float:
+        """Median equivalent diameter of the grains that are not fixed, or of all where all are; 1 without grains."""
+        sizes = self.diameters if self.fixed is None or self.fixed.all() else self.diameters[~self.fixed]
+        return float(np.median(sizes)) if self.count else 1.0
+
     @cached_property
     def bounding_radii(self) -> Floats:
         """Radii of the bounding spheres about the centroids, (n,)."""
         return read_only(self._of_shapes([shape.bounding_radius for shape in self.shapes]) * self.scale)
+
+    def refuse_fixed(self, what: str) -> None:
+        """Refuse fixed grains, named after what they are for.
+
+        Raises
+        ------
+        InputError
+            If a grain is fixed.
+        """
+        if self.fixed is not None:
+            raise InputError(
+                f"{int(self.fixed.sum())} grains are fixed: {what} takes none; free them with "
+                "dataclasses.replace(packing, fixed=None), or leave them out with packing[packing.movable]"
+            )
 
     def world_vertices(self, grain: int) -> Floats:
         """Return the vertices (v, 3) of the tessellation of one grain in its pose.
@@ -247,6 +279,25 @@ def checked_arrays(
         turns = as_quaternions(np.reshape(rows, (n, 4)) if rows is not None and flat else orientation)
     check_grain_sizes(shapes, container, index, scales)
     return tuple(shapes), index, scales.copy(), points.copy(), turns
+
+
+def _as_fixed(value: Any, count: int) -> Booleans | None:
+    """Return which of so many grains are fixed, read-only; None where none is.
+
+    Raises
+    ------
+    InputError
+        If it is no array of True and False for each grain.
+    """
+    if value is None:
+        return None
+    mask = as_array(value, "fixed")
+    if mask.shape != (count,) or (count and mask.dtype != np.bool_):
+        raise InputError(
+            f"fixed has shape {mask.shape} and type {mask.dtype}: it must have one of True and False for each of the "
+            f"{count} grains; give a mask"
+        )
+    return read_only(mask.copy()) if mask.any() else None
 
 
 def as_density(value: Any, shapes: int, name: str = "density") -> Density:

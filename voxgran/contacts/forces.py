@@ -203,6 +203,30 @@ def chain_ends(assembly: Assembly, forces: ContactForces) -> tuple[Floats, Float
     return assembly.position[forces.i], ends
 
 
+def among_movable(assembly: Assembly, forces: ContactForces, fixed: Booleans) -> ContactForces:
+    """Return the forces of the grains that are not fixed, (n,), by their numbers without the fixed ones.
+
+    The partner of a contact with a fixed grain is a wall there.
+    """
+    lower, upper = assembly.container.bounds
+    turned = fixed[forces.i] & (forces.j >= 0) & ~fixed[np.maximum(forces.j, 0)]
+    kept, sign = ~fixed[forces.i] | turned, np.where(turned, -1.0, 1.0)[:, None]
+    across = forces.gap[:, None] * forces.normal - partner_images(assembly, forces) * (upper - lower)
+    number = np.where(fixed, WALL, np.cumsum(~fixed) - 1)
+    i, j = np.where(turned, forces.j, forces.i), np.where(turned, forces.i, forces.j)
+    return replace(
+        forces,
+        i=number[i[kept]],
+        j=np.where(j < 0, j, number[np.maximum(j, 0)])[kept],
+        point=np.where(turned[:, None], forces.point + across, forces.point)[kept],
+        normal=(sign * forces.normal)[kept],
+        force=(sign * forces.force)[kept],
+        gap=forces.gap[kept],
+        residual=forces.residual[~fixed],
+        rattler=forces.rattler[~fixed],
+    )
+
+
 def check_forces(forces: ContactForces | None, count: int) -> None:
     """Check that forces are those of a packing of so many grains; None is nothing to check.
 

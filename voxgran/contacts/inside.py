@@ -1,8 +1,17 @@
-"""Signed distance of points to the surface of a grain, positive inside."""
+"""Signed distance of points to the surface of a grain, positive inside, and containers of which grains take a part."""
+
+import itertools
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import Any
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from voxgran._base.arrays import Floats
+from voxgran._base.lazy import load
+from voxgran.contacts.assembly import Assembly
 from voxgran.contacts.search import Inner
 from voxgran.geometry.rotation import stretch_of
 from voxgran.shapes.describing.body import Geometry
@@ -36,6 +45,89 @@ def placed(inner: Inner, *, matrix: Floats, offset: Floats) -> Inner:
     factor = stretch_of(matrix)
     back = matrix / factor**2
     return lambda points: factor * inner((points - offset) @ back)
+
+
+@dataclass(frozen=True, eq=False)
+class Occupied:
+    """A container without the solids that stand in it, known by its signed distance; all else is that of the container.
+
+    Attributes
+    ----------
+    container : Container
+        The container.
+    standing : Assembly
+        The solids, which do not overlap, within the container.
+    reach : float
+        Distance from a solid up to which it is looked at.
+    """
+
+    container: Any
+    standing: Assembly
+    reach: float
+
+    def __getattr__(self, name: str) -> Any:
+        if name == "boundary" or name.startswith("__"):
+            # walls in closed form are not all of its walls
+            raise AttributeError(name)
+        return getattr(self.container, name)
+
+    @cached_property
+    def volume(self) -> float:
+        """Volume of the container less that of the solids."""
+        return float(self.container.volume - self.standing.volumes.sum())
+
+    def signed_distance(self, points: "ArrayLike") -> Floats:
+        """Return the distance of (n, 3) points from the nearest wall or solid, negative where there is room.
+
+        Outside of solids, and within them, it may be nearer to 0 than the distance is.
+        """
+        return np.maximum(self.container.signed_distance(points), self.depth(points))
+
+    def depth(self, points: "ArrayLike") -> Floats:
+        """Return the distance of (n, 3) points from the nearest solid within reach, negative outside, else infinite.
+
+        Outside, and deep within, it may be nearer to 0 than the distance is.
+        """
+        places = np.asarray(points, dtype=np.float64)
+        found = np.full(len(places), -np.inf)
+        near = load("scipy.spatial").cKDTree(places)
+        for place, radius, depth in self.solids():
+            mine = np.array(near.query_ball_point(place, radius + self.reach), dtype=np.int64)
+            found[mine] = np.maximum(found[mine], depth(places[mine]))
+        return found
+
+    def solids(self) -> Iterator[tuple[Floats, float, Inner]]:
+        """Yield centroid, bounding radius and signed distance of each solid, and of its periodic images."""
+        solids = self.standing
+        for grain, shift in self._images:
+            place, radius = solids.position[grain] + shift, float(solids.bounding_radii[grain])
+            inner = inner_distance(solids.shapes[solids.shape_id[grain]].geometry)
+            yield place, radius, placed(inner, matrix=solids.matrices[grain] * solids.scale[grain], offset=place)
+
+    @cached_property
+    def _images(self) -> list[tuple[int, Floats]]:
+        """The solids and their periodic images that come near the container: numbers, and translations (3,)."""
+        (lower, upper), solids = self.container.bounds, self.standing
+        made: list[tuple[int, Floats]] = []
+        # in 2D there is no length along z
+        lengths = np.where(upper > lower, upper - lower, 1.0)
+        for grain, (place, radius) in enumerate(zip(solids.position, solids.bounding_radii + self.reach, strict=True)):
+            first, last = np.ceil((lower - radius - place) / lengths), np.floor((upper + radius - place) / lengths)
+            ends = zip(first, last, self.container.periodic, strict=True)
+            turns = itertools.product(*(range(int(a), int(b) + 1) if wraps else (0,) for a, b, wraps in ends))
+            made += [(grain, np.array(turn) * lengths) for turn in turns]
+        return made
+
+    def scaled(self, factor: float) -> "Occupied":
+        """Return the same with all lengths multiplied."""
+        solids = self.standing
+        grown = replace(
+            solids,
+            scale=solids.scale * factor,
+            position=solids.position * factor,
+            container=solids.container.scaled(factor),
+        )
+        return Occupied(self.container.scaled(factor), grown, self.reach * factor)
 
 
 def _in_spheres(points: Floats, centers: Floats, radii: Floats) -> Floats:

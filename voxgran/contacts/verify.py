@@ -128,7 +128,7 @@ def verify(
     Parameters
     ----------
     packing : Packing or Assembly
-        The grains.
+        The grains. Overlaps of two fixed grains, and fixed grains beyond walls, are left out.
     tolerance : float
         Largest depth and protrusion that are ignored, in mean equivalent diameters.
     threads : int, optional
@@ -171,10 +171,12 @@ def verify(
     mean = float(packing.diameters.mean()) if packing.count else 1.0
     with using_threads(threads):
         near = grain_pairs(packing, -limit * mean)
+        if packing.fixed is not None:
+            near = near.where(~(packing.fixed[near.i] & packing.fixed[near.j]))
         contacts = contacts_of_pairs(packing, near, -limit * mean, on_step=told)
     depth = -contacts.gap / mean
     bad = depth > limit
-    escape = escape_depths(packing) / mean
+    escape = np.where(packing.movable, escape_depths(packing) / mean, -np.inf)
     out = np.flatnonzero(escape > limit)
     worst = np.flatnonzero(bad)[np.argsort(-depth[bad], kind="stable")][:LISTED]
     farthest = out[np.argsort(-escape[out], kind="stable")][:LISTED]

@@ -51,9 +51,9 @@ class Engine:
         What grains may be, the preferred kind of a solid that is no sphere first.
     laws : tuple of str
         Contact laws that it has.
-    periodic, planar, cohesion, bonds, servo, materials : bool
-        Whether it has periodic containers, grains in two dimensions, surface energy, bonds that break, periodic cells
-        that keep a stress, and several materials with properties of pairs.
+    periodic, planar, cohesion, bonds, fixed, servo, materials : bool
+        Whether it has periodic containers, grains in two dimensions, surface energy, bonds that break, grains that are
+        fixed, periodic cells that keep a stress, and several materials with properties of pairs.
     rolling : tuple of str
         Contact laws under which it has rolling friction.
     install : str
@@ -86,6 +86,7 @@ class Engine:
     planar: bool = False
     cohesion: bool = False
     bonds: bool = False
+    fixed: bool = False
     servo: bool = False
     materials: bool = False
     rolling: tuple[str, ...] = ()

@@ -121,7 +121,8 @@ def relax(
     UnknownNameError
         If the engine or a material parameter is unknown; the message gives the nearest name.
     InputError
-        If there is neither gravity nor a stress, the engine cannot be run by voxgran, or as :func:`voxgran.write_deck`.
+        If there is neither gravity nor a stress, grains are fixed, the engine cannot be run by voxgran, or as
+        :func:`voxgran.write_deck`.
     EngineError
         If the engine is not installed, with the line that installs it, or fails, with its last lines.
     OutputExistsError
@@ -147,21 +148,13 @@ def relax(
         able = [name for name in engine_registry().names() if engine_registry().get(name).run is not None]
         raise InputError(f"engine is {engine!r}: voxgran runs {', '.join(map(repr, able))} only; choose one of these")
     simulation, held = described(
-        packing,
-        found,
-        material,
-        clump=clump,
-        acceleration=acceleration,
-        time_step=time_step,
-        rest=None if until is None else as_positive(until, "until"),
-        longest=as_positive(longest, "longest"),
+        packing, found, material, clump=clump, acceleration=acceleration, time_step=time_step,
+        rest=None if until is None else as_positive(until, "until"), longest=as_positive(longest, "longest"),
         stress=stress,
-    )
+    )  # fmt: skip
+    packing.refuse_fixed("relaxation by an engine")
     if packing.gravity is None and stress is None:
-        raise InputError(
-            "packing.gravity is None: grains relax under gravity, or under a stress; give gravity with "
-            "dataclasses.replace, or stress=1e5"
-        )
+        raise InputError("packing.gravity is None, and there is no stress: grains relax under one; give stress=1e5")
     if time_step is None:
         simulation = replace(simulation, time_step=simulation.law.stable_step)
     if checkpoint is not None and as_path(checkpoint).suffix.lower() != ".vtp":

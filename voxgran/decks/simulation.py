@@ -112,7 +112,7 @@ class Simulation:
     @cached_property
     def diameter(self) -> float:
         """Median equivalent diameter, m."""
-        return float(np.median(self.bodies.assembly.diameters))
+        return self.bodies.assembly.median_diameter
 
     @cached_property
     def time_unit(self) -> float:
@@ -158,7 +158,7 @@ class Simulation:
         if self.pressure:
             return self.rest * self.pressure * self.diameter**3 * self.bodies.count
         weight = float(np.median(self.bodies.mass)) * (float(np.linalg.norm(self.gravity)) or GRAVITY)
-        return self.rest * weight * self.diameter * self.bodies.count
+        return self.rest * weight * self.diameter * int(self.bodies.assembly.movable.sum())
 
     def header(self, engine: str) -> list[str]:
         """Return the lines that begin each file: content, units, contact law, and what is approximated."""

@@ -126,7 +126,9 @@ def write_deck(
     UnknownNameError
         If the engine or a material parameter is unknown; the message gives the nearest name.
     InputError
-        If the packing has no grains, the engine cannot hold its grains, container, law, bonds or stress, a material
+        If the packing has no grains, the engine cannot hold its grains, fixed ones, container, law, bonds or stress, a
+        material parameter is missing or out of range, the stiffness is too low, or the time step is above the stable
+        one.
         parameter is missing or out of range, the stiffness is too low, or the time step is above the stable one.
     OutputExistsError
         If one of the files is there and `overwrite` is false.
@@ -191,10 +193,15 @@ def described(
     if not packing.count:
         raise InputError(f"packing has no grains: input for {engine.title} needs at least one; add grains")
     refuse_unheld(engine, law, packing.container)
+    bonded = isinstance(law, Material) and law.bond_strength is not None
+    if packing.fixed is not None and not (engine.fixed and packing.movable.any() and not bonded):
+        raise InputError(
+            f"{int(packing.fixed.sum())} grains are fixed: such input for {engine.title} moves all grains; give engine "
+            "'lammps', without bonds and with grains that move, or leave them out with packing[packing.movable]"
+        )
     for number in np.unique(packing.shape_id).tolist():
         packing.shapes[number].refuse_open("bodies of an engine")
     held, templates = _held(packing, engine, clump, grains)
-    bonded = isinstance(law, Material) and law.bond_strength is not None
     if bonded and not any(template.kind == "clump" for template in templates):
         raise InputError("material bond_strength is given, but no grain is a clump: leave it out, or give clump=20")
     made = simulation_of(

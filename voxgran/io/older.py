@@ -6,8 +6,8 @@ from typing import Any
 import numpy as np
 
 from voxgran._base.errors import InputError
+from voxgran.containers.gravity import Down, as_down
 from voxgran.containers.model import Container
-from voxgran.packing.gravity import Down, as_down
 from voxgran.shapes.sizes import SizeDistribution, make_sizes
 
 

@@ -20,12 +20,12 @@ from voxgran._base.guarded import reason_of
 from voxgran._base.units import known_unit
 from voxgran.contacts.assembly import Lid
 from voxgran.contacts.forces import ContactForces
+from voxgran.containers.gravity import as_down
 from voxgran.containers.kinds.mesh import ClosedMesh
 from voxgran.containers.make import make_container, package_of, saved_mapping
 from voxgran.containers.one_unit import shape_of
 from voxgran.io.older import fields_of
 from voxgran.io.shape_record import record_as_json, record_of_json
-from voxgran.packing.gravity import as_down
 from voxgran.packing.model import Packing
 from voxgran.settling.relaxation import Relaxation
 from voxgran.shapes.describing.body import Geometry
@@ -93,6 +93,8 @@ def to_record(packing: Packing) -> Record:
         arrays["coordination_gap"] = np.array([gap])
     if packing.grain_id is not None:
         per_grain["grain_id"] = packing.grain_id
+    if packing.fixed is not None:
+        per_grain["fixed"] = packing.fixed.astype(np.int64)
     several = isinstance(packing.density, tuple)
     if several:
         per_grain["density"] = packing.densities
@@ -186,6 +188,7 @@ def _later_fields(record: Record, packing: Packing) -> dict[str, Any]:
         "forces": _forces(record),
         "relaxation": _relaxation(record),
         "grain_id": record.per_grain.get("grain_id"),
+        "fixed": None if "fixed" not in record.per_grain else np.asarray(record.per_grain["fixed"]) != 0,
     }
 
 

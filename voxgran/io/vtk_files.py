@@ -237,6 +237,8 @@ def _per_grain(packing: Packing, grains: Any) -> dict[str, Any]:
     more = {"density": packing.densities[grains]} if isinstance(packing.density, tuple) else {}
     if packing.grain_id is not None:
         more["grain_id"] = packing.grain_id[grains]
+    if packing.fixed is not None:
+        more["fixed"] = packing.fixed[grains].astype(np.int64)
     return {"grain": grains, "shape_id": packing.shape_id[grains], "diameter": packing.diameters[grains], **more}
 
 

@@ -18,6 +18,7 @@ from voxgran._base.lazy import load
 from voxgran._base.registry import Registry
 from voxgran.measures.accessor import register_accessor
 from voxgran.packing.model import Packing, check_packing
+from voxgran.packing.start import around_fixed
 
 if TYPE_CHECKING:
     from xarray import Dataset, DataTree
@@ -46,6 +47,7 @@ class Measure:
     compute: Callable[[Packing], Groups]
     applies: Callable[[Packing], bool] = _always  # whether it applies to a packing, where it is not named
     usual: bool = True  # whether it is computed where no measure is named
+    sees_fixed: bool = False  # whether fixed grains are grains to it; to others they are a part of the container
 
 
 def measure_registry() -> Registry[Measure]:
@@ -68,7 +70,8 @@ def measure(packing: Packing, which: str | Sequence[str] | None = None, *, threa
     Parameters
     ----------
     packing : Packing
-        The packing; zero grains are allowed.
+        The packing; zero grains are allowed. Fixed grains are no grains here but a part of the container, whose volume
+        they reduce; contacts with them are contacts with walls. Only the pore space is measured between them too.
     which : str or sequence of str, optional
         Names of measures; `voxgran methods` lists them. Only these and the provenance are computed. ``"all"`` are
         all that apply to the packing. Default: the usual ones of these, which take a small part of the time of packing.
@@ -100,7 +103,7 @@ def measure(packing: Packing, which: str | Sequence[str] | None = None, *, threa
     """
     check_packing(packing, "packing")
     register_accessor()
-    registry = measure_registry()
+    registry, free = measure_registry(), around_fixed(packing)
     check_type(which, (Iterable, type(None)), "which", "a name or a list of names, such as ['density']")
     names = [which] if isinstance(which, str) else which
     names = None if names is None else list(names)
@@ -109,14 +112,20 @@ def measure(packing: Packing, which: str | Sequence[str] | None = None, *, threa
     named = [registry.get(name) for name in dict.fromkeys([*(names or ()), *ALWAYS]) if name != ALL]
     if names is None or ALL in names:
         entries = map(registry.get, registry.names())
-        chosen = [entry for entry in entries if (entry.usual or names is not None) and entry.applies(packing)]
+        chosen = [
+            entry
+            for entry in entries
+            if (entry.usual or names is not None) and entry.applies(packing if entry.sees_fixed else free)
+        ]
     else:
         chosen = named
-    groups: dict[str, Any] = {"/": dataset({"count": variable((), packing.count, "1", "number of grains")})}
+    groups: dict[str, Any] = {"/": dataset({"count": variable((), free.count, "1", "number of grains")})}
+    if free is not packing:
+        groups["/"]["fixed_count"] = variable((), packing.count - free.count, "1", "number of fixed grains")
     told = {"unit": packing.unit, "gravity": packing.gravity or "none", "contact_gap": packing.contact_gap}
     groups["/"].attrs.update(told)
     with using_threads(threads):
-        computed = [entry.compute(packing) for entry in chosen]
+        computed = [entry.compute(packing if entry.sees_fixed else free) for entry in chosen]
     for group, found in (item for some in computed for item in some.items()):
         groups[group] = groups[group].merge(found, compat="identical") if group in groups else found
     tree: DataTree = load("xarray").DataTree.from_dict(groups, name="measures")

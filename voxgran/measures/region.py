@@ -6,19 +6,20 @@ grain is represented by random points of equal weight in fine voxels of its shap
 """
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
 
 from voxgran._base.arrays import Booleans, Floats, Integers
 from voxgran._base.seeds import stream
+from voxgran.containers.gravity import main_axis
 from voxgran.containers.model import boundary_of
 from voxgran.geometry.halfspaces import cut_spheres
 from voxgran.measures.cylinders import cut_spheres_by_cylinder
 from voxgran.measures.window import Estimate, Solids
-from voxgran.packing.gravity import main_axis
 from voxgran.packing.model import Packing
+from voxgran.packing.start import around_fixed, standing_in
 from voxgran.voxels.occupy import voxelize
 
 #: share of the solid volume below the height of the region
@@ -29,14 +30,18 @@ POINTS, MOST_POINTS, CONTAINER_POINTS = 60_000, 1000, 60_000
 VOXELS = 30_000
 #: distance outside of a face, relative to its coordinate, up to which a centroid lies in it
 ON_FACE = 1e-12
+#: volume without fixed grains
+NOTHING = Estimate(0.0)
 
 
 class Regions:
     """Regions of a packing, by their distance from the walls."""
 
     def __init__(self, packing: Packing) -> None:
-        self.packing = packing
-        self.solids = Solids(packing)
+        self.packing = around_fixed(packing)
+        self.solids = Solids(self.packing)
+        standing = standing_in(packing)
+        self.standing = None if standing is None else Regions(standing)
 
     @cached_property
     def limits(self) -> Floats:
@@ -66,6 +71,15 @@ class Regions:
         return not all(self.packing.container.periodic[: self.packing.dimension])
 
     def at(self, inset: float) -> "BoxRegion | CylinderRegion | SampledRegion":
+        """Return the part that lies at least `inset` from each wall and below the height, between fixed grains."""
+        region = self._at(inset)
+        if self.standing is None:
+            return region
+        if isinstance(region, SampledRegion):
+            return replace(region, standing=self.standing.samples)
+        return replace(region, taken=region.solid(self.standing.solids))
+
+    def _at(self, inset: float) -> "BoxRegion | CylinderRegion | SampledRegion":
         """Return the part that lies at least `inset` from each wall and below the height."""
         container, d = self.packing.container, self.packing.dimension
         boundary = boundary_of(container)
@@ -88,11 +102,12 @@ class BoxRegion:
     lower: Floats
     upper: Floats
     walls: Booleans
+    taken: Estimate = NOTHING  # volume of fixed grains in it
 
     @property
     def volume(self) -> Estimate:
-        """Volume."""
-        return Estimate(float(np.prod(self.upper - self.lower)))
+        """Volume without that of fixed grains."""
+        return Estimate(float(np.prod(self.upper - self.lower)) - self.taken, self.taken.error)
 
     def grains(self, packing: Packing) -> Booleans:
         """Return the mask of the grains with their centroids in the box; periodic axes do not count."""
@@ -114,11 +129,12 @@ class CylinderRegion:
     radius: float
     lower: float
     upper: float
+    taken: Estimate = NOTHING  # volume of fixed grains in it
 
     @property
     def volume(self) -> Estimate:
-        """Volume."""
-        return Estimate(math.pi * self.radius**2 * (self.upper - self.lower))
+        """Volume without that of fixed grains."""
+        return Estimate(math.pi * self.radius**2 * (self.upper - self.lower) - self.taken, self.taken.error)
 
     def grains(self, packing: Packing) -> Booleans:
         """Return the mask of the grains with their centroids in the region."""
@@ -200,13 +216,15 @@ class SampledRegion:
     inset: float
     limits: Floats
     until: float = math.inf
+    standing: Samples | None = None  # fixed grains
 
     @cached_property
     def volume(self) -> Estimate:
-        """Volume, from points in the bounds of the container."""
+        """Volume without that of fixed grains, from points in the bounds of the container."""
         share = float(self._held(self.samples.around, self.samples.around_depths).mean())
         error = math.sqrt(share * (1 - share) / len(self.samples.around))
-        return Estimate(share * self.samples.span, error * self.samples.span)
+        taken = NOTHING if self.standing is None else self._solid_of(self.standing)
+        return Estimate(share * self.samples.span - taken, math.hypot(error * self.samples.span, taken.error))
 
     def grains(self, packing: Packing) -> Booleans:
         """Return the mask of the grains with their centroids in the region."""
@@ -215,12 +233,16 @@ class SampledRegion:
     def solid(self, solids: Solids) -> Estimate:
         """Return the volume of the grains inside; overlapping volume counts for each grain."""
         del solids
-        n = len(self.samples.volumes)
-        held = self._held(self.samples.points, self.samples.depths)
-        count = np.maximum(np.bincount(self.samples.grain, minlength=n), 1)
-        share = np.bincount(self.samples.grain, weights=held, minlength=n) / count
-        variance = self.samples.volumes**2 * share * (1 - share) / count
-        return Estimate(float((self.samples.volumes * share).sum()), math.sqrt(float(variance.sum())))
+        return self._solid_of(self.samples)
+
+    def _solid_of(self, samples: Samples) -> Estimate:
+        """Return the volume of the grains that are sampled inside."""
+        n = len(samples.volumes)
+        held = self._held(samples.points, samples.depths)
+        count = np.maximum(np.bincount(samples.grain, minlength=n), 1)
+        share = np.bincount(samples.grain, weights=held, minlength=n) / count
+        variance = samples.volumes**2 * share * (1 - share) / count
+        return Estimate(float((samples.volumes * share).sum()), math.sqrt(float(variance.sum())))
 
     def _held(self, points: Floats, depths: Floats) -> Booleans:
         """Return the mask of the sample points in the region."""

@@ -19,6 +19,7 @@ from voxgran.geometry.triangles import areas_of, normals_of
 from voxgran.measures.model import length_unit, variable
 from voxgran.measures.window import ON, Estimate, Solids, images
 from voxgran.packing.model import Packing
+from voxgran.packing.start import free_volume
 from voxgran.shapes.mesh import Mesh
 from voxgran.shapes.model import Shape
 from voxgran.shapes.outline import Outline
@@ -51,7 +52,7 @@ def specific_surfaces(packing: Packing) -> dict[str, Any]:
     }
     if "surfaces" not in packing._found:
         packing._found["surfaces"] = _surfaces(packing)
-    room = packing.container.volume
+    room = free_volume(packing)
     return {
         name: variable((), found / room, unit, f"{text} over {kind} of the container", error=found.error / room)
         for (name, text), found in zip(texts.items(), packing._found["surfaces"], strict=True)

@@ -17,7 +17,7 @@ from voxgran._base.progress import OnStep
 from voxgran._base.warning import warn
 from voxgran.contacts.forces import LID, WALL, ContactForces
 from voxgran.contacts.manifolds.rows import ARM_I, GAP, NORMAL
-from voxgran.packing.bed_search import REGIONS, WHOLE, SoughtBed, sentence_of
+from voxgran.packing.beds.search import REGIONS, WHOLE, SoughtBed, sentence_of
 from voxgran.packing.driver import Drive, check_drive, drive
 from voxgran.packing.method import Cost, PackingMethod
 from voxgran.packing.model import Packing, check_packing
@@ -110,7 +110,8 @@ def compress(
     ------
     InputError
         If a value breaks a rule, no wall of the container moves along the axes, stresses differ along axes that
-        stretch together, grains overlap so deep that they cannot be parted, or a shape is an open surface.
+        stretch together, grains overlap so deep that they cannot be parted, a shape is an open surface, or grains are
+        fixed.
     CheckpointError
         If the checkpoint is damaged, belongs to another run, or is another file, which is not replaced.
     OutputError
@@ -156,6 +157,7 @@ def compress(
     how = from_mapping(Compression, given, "compress")
     how.modes_of(packing.container)
     check_drive(checkpoint, resume, on_step, None)
+    packing.refuse_fixed("compression")
     packing = replace(packing, gravity=None, lid=None)
     if not packing.count:
         return replace(packing, stop_reason="compressed", forces=no_forces(how.friction))

@@ -18,8 +18,8 @@ from voxgran._base.warning import warn
 from voxgran.contacts.assembly import as_density, by_shape, shapes_by_density
 from voxgran.containers.model import Container, boundary_of
 from voxgran.containers.size_limits import can_fit
-from voxgran.packing.grains import joined_ids
 from voxgran.packing.model import Packing
+from voxgran.packing.start import joined_ids
 from voxgran.settling.parameters import Settling
 from voxgran.shapes.describing.extents import principal_extents
 from voxgran.shapes.family import make_shape
@@ -62,6 +62,7 @@ class Request:
     weights_by: str = "number"
     seed: int = 0
     start: Packing | None = None
+    obstacles: Packing | None = None
     unit: str | None = None
     density: float | Sequence[float] | None = None
     settle: bool | Mapping[str, Any] | Settling | None = None

@@ -167,6 +167,7 @@ def fingerprint(method: PackingMethod, problem: Problem) -> str:
         "asked": [problem.asked_count, problem.asked_fraction],
         "shapes": [shape.key for shape in problem.shapes],
         "settling": None if problem.settling is None else to_mapping(problem.settling),
+        **({"fixed": problem.fixed} if problem.fixed else {}),
         # one density for all is no part of what is computed
         **({"density": problem.density} if isinstance(problem.density, tuple) else {}),
     }

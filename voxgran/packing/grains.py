@@ -4,7 +4,7 @@ meshes and a card for notebooks.
 
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, fields, replace
-from functools import partial
+from functools import cached_property, partial
 from typing import TYPE_CHECKING, Any, ClassVar, Literal, Self, TypeAlias, overload
 
 import numpy as np
@@ -19,7 +19,8 @@ from voxgran.clumps.bonds import LEAST_AREA, TOUCHING, Strengths, bonds_of_bodie
 from voxgran.contacts.assembly import Assembly, Lid, checked_arrays
 from voxgran.contacts.forces import check_forces
 from voxgran.contacts.surfaces import merged_surfaces
-from voxgran.packing.gravity import as_down
+from voxgran.containers.gravity import as_down
+from voxgran.packing.start import around_fixed, free_volume
 from voxgran.settling.relaxation import Relaxation
 from voxgran.shapes.model import Shape
 from voxgran.shapes.size_laws.distribution import SizeDistribution
@@ -117,6 +118,16 @@ class GrainSequence(ExplainedAttributes, Assembly):
         """Equivalent diameters of the grains, (n,), in the unit of lengths."""
         return self.diameters
 
+    @cached_property
+    def solid_fraction(self) -> float:
+        """True volume of the grains over the volume of the container (in 2D areas), less the volume of fixed grains."""
+        return float(self.volumes[self.movable].sum() / free_volume(self))
+
+    @property
+    def porosity(self) -> float:
+        """One minus the solid fraction."""
+        return 1.0 - self.solid_fraction
+
     def __len__(self) -> int:
         return self.count
 
@@ -198,13 +209,9 @@ class GrainSequence(ExplainedAttributes, Assembly):
 
     def _chosen(self, kept: Integers) -> Self:
         """Return some of the grains."""
-        return replace(
-            self,
-            shape_id=self.shape_id[kept],
-            scale=self.scale[kept],
-            position=self.position[kept],
-            orientation=self.orientation[kept],
-        )
+        names = ("shape_id", "scale", "position", "orientation", "fixed", "grain_id")
+        values = {name: getattr(self, name, None) for name in names}
+        return replace(self, **{name: value[kept] for name, value in values.items() if value is not None})
 
     def __reduce__(self) -> tuple[Any, ...]:
         # made anew by its constructor, so that its arrays are read-only again and what was cached stays behind
@@ -304,7 +311,7 @@ class GrainSequence(ExplainedAttributes, Assembly):
 
     def to_dataframe(self) -> Any:
         """Return a `pandas.DataFrame` with one row per grain: shape, x, y, z, qw, qx, qy, qz, scale, diameter, volume,
-        density where that differs between shapes, and grain_id where grains are those of a list.
+        density where that differs between shapes, fixed where some are, and grain_id where grains are those of a list.
 
         Raises
         ------
@@ -324,18 +331,13 @@ class GrainSequence(ExplainedAttributes, Assembly):
         columns.update(scale=self.scale, diameter=self.diameters, volume=self.volumes)
         if isinstance(self.density, tuple):
             columns["density"] = self.densities
+        if self.fixed is not None:
+            columns["fixed"] = self.fixed
         if (rows := getattr(self, "grain_id", None)) is not None:
             columns["grain_id"] = rows
         made = load("pandas").DataFrame(columns)
         made.index.name = "grain"
         return made
-
-
-def joined_ids(*parts: tuple[Integers | None, int]) -> Integers | None:
-    """Return the rows of grains that are put together, -1 for those of no list; None where no list is known."""
-    if all(rows is None for rows, _ in parts):
-        return None
-    return np.concatenate([np.full(count, -1) if rows is None else rows for rows, count in parts])
 
 
 def frame_of(packing: Any) -> dict[str, Any]:
@@ -417,6 +419,7 @@ def card_of_packing(packing: Any) -> str:
         "packing": f"{packing.count} grains of {len(packing.shapes)} shapes: {names}",
         "solid fraction of the container": f"{packing.solid_fraction:.4f}",
         "method": str(packing.provenance.get("method", "not known")),
+        **({} if packing.fixed is None else {"fixed grains": str(int(packing.fixed.sum()))}),
         "stopped": packing.stop_reason,
         **_rest(packing),
         "container": packing.container.kind + (f", periodic in {axes}" if axes else ""),
@@ -435,5 +438,6 @@ def _rest(packing: Any) -> dict[str, str]:
     """Return how many grains rest, for notebooks; nothing where that is not known."""
     if packing.forces is None or not packing.count:
         return {}
-    shares = packing.forces.share_at_rest, packing.forces.share_of_rattlers
+    forces = around_fixed(packing).forces
+    shares = forces.share_at_rest, forces.share_of_rattlers
     return {"at rest": "{:.1f} % of the grains, {:.1f} % are rattlers".format(*(100 * share for share in shares))}

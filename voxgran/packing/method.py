@@ -208,6 +208,9 @@ class PackingMethod:
         fraction exactly, also together with a count; or by the method, which then takes no size distribution.
     keeps_sizes : bool
         Whether a method that scales sizes keeps those of a count, so that it places the grains of a list.
+    obstacles : {"refused", "placed", "apart"}
+        How it packs around fixed grains: not at all; as the first grains of the start, which it leaves in place; or as
+        a part of the container, which :func:`voxgran.packing.obstacles.around_obstacles` makes of them.
     no_room : str
         What a warning says where the method stops since no other grain has room: why, and what helps.
 
@@ -236,6 +239,7 @@ class PackingMethod:
     builds_bed: bool = False
     sizing: Literal["drawn", "scaled", "made"] = "drawn"
     keeps_sizes: bool = False
+    obstacles: Literal["refused", "placed", "apart"] = "refused"
     no_room: str = NO_ROOM
 
 

@@ -21,10 +21,11 @@ from voxgran.contacts.find import find_contacts
 from voxgran.contacts.forces import ContactForces
 from voxgran.contacts.model import Contacts
 from voxgran.contacts.verify import Verification, verify
+from voxgran.containers.gravity import Down, as_down
 from voxgran.containers.model import Container
 from voxgran.containers.one_unit import converted, in_one_unit
-from voxgran.packing.grains import ColorBy, GrainSequence, card_of_packing, frame_of, joined_ids, refuse_unlike
-from voxgran.packing.gravity import Down, as_down
+from voxgran.packing.grains import ColorBy, GrainSequence, card_of_packing, frame_of, refuse_unlike
+from voxgran.packing.start import around_fixed, joined_fixed, joined_ids
 from voxgran.settling.relaxation import Relaxation
 from voxgran.shapes.model import Shape, check_shapes
 from voxgran.shapes.size_laws.distribution import SizeDistribution
@@ -69,6 +70,9 @@ class Packing(GrainSequence):
         other poses or another gravity with ``dataclasses.replace``, give ``forces=None, stop_reason="count"`` too.
     relaxation : Relaxation or None
         What an engine changed that brought these grains to rest, as of :func:`voxgran.relax`; None for others.
+    fixed : (n,) ndarray of bool or None
+        Which grains are fixed: obstacles, which never move and belong to the container. Their volume is taken off that
+        of the container, and measures leave them out. None where all grains are free.
     grain_id : (n,) ndarray of int or None
         Row of each grain in the list that was packed, from 0 on, -1 for a grain of no list; None without a list.
 
@@ -111,6 +115,7 @@ class Packing(GrainSequence):
         asked_sizes: SizeDistribution | None = None,
         forces: ContactForces | None = None,
         grain_id: "ArrayLike | None" = None,
+        fixed: "ArrayLike | None" = None,
     ) -> "Packing":
         """Make a packing from array-likes.
 
@@ -148,6 +153,8 @@ class Packing(GrainSequence):
             Forces at the contacts of these grains.
         grain_id : (n,) array_like of int, optional
             Row of each grain in a list.
+        fixed : (n,) array_like of bool, optional
+            Which grains are fixed; none where left out.
 
         Raises
         ------
@@ -155,7 +162,8 @@ class Packing(GrainSequence):
             If `shapes` are no shapes, an array has the wrong length, a scale or density is not above 0, a shape index
             is out of range, dimensions differ, a grain lies off the plane in 2D, contains a sphere wider than a period
             or is far larger than the container, the stop reason is unknown, gravity is no direction or has a part along
-            a periodic axis or off the plane, the contact gap is negative, units differ, or forces are of other grains.
+            a periodic axis or off the plane, the contact gap is negative, units differ, forces are of other grains, or
+            `fixed` is no mask of the grains.
         UnknownNameError
             If the unit is unknown; the message gives the nearest one.
 
@@ -179,6 +187,7 @@ class Packing(GrainSequence):
             asked_sizes,
             forces,
             grain_id=grain_id,  # type: ignore[arg-type]  # made an array as the fields are checked
+            fixed=fixed,  # type: ignore[arg-type]
         )
 
     def to_unit(self, unit: str) -> "Packing":
@@ -227,11 +236,8 @@ class Packing(GrainSequence):
         every = np.arange(self.count)
         reason = self.stop_reason if np.array_equal(np.sort(kept), every) else "count"
         forces = self.forces if np.array_equal(kept, every) else None
-        rows = None if self.grain_id is None else self.grain_id[kept]
-        some = GrainSequence._chosen(replace(self, forces=None, grain_id=None), kept)
-        return replace(
-            some, provenance=record, stop_reason=reason, asked_sizes=None, forces=forces, relaxation=None, grain_id=rows
-        )
+        some = GrainSequence._chosen(replace(self, forces=None), kept)
+        return replace(some, provenance=record, stop_reason=reason, asked_sizes=None, forces=forces, relaxation=None)
 
     def with_clumps(self, clumps: Clump | Sequence[Clump | None] | None = None, **fitting: Any) -> "Packing":
         """Return the same grains at the same poses as clumps with the mass properties of their true shapes.
@@ -294,12 +300,13 @@ class Packing(GrainSequence):
             forces=None,
             relaxation=None,
             grain_id=joined_ids((self.grain_id, self.count), (other.grain_id, other.count)),
+            fixed=joined_fixed(self, other),
         )
 
     def __eq__(self, other: object) -> bool:
         if not isinstance(other, Packing):
             return NotImplemented
-        arrays = ("scale", "position", "orientation")
+        arrays = ("scale", "position", "orientation", "movable")
         return (
             all(np.array_equal(getattr(self, name), getattr(other, name)) for name in arrays)
             and self.contact_gap == other.contact_gap
@@ -309,16 +316,6 @@ class Packing(GrainSequence):
 
     def __hash__(self) -> int:
         return hash((self.unit, (self.position + 0.0).tobytes()))  # -0.0 equals 0.0
-
-    @cached_property
-    def solid_fraction(self) -> float:
-        """True volume of the grains over the volume of the container (in 2D areas)."""
-        return float(self.volumes.sum() / self.container.volume)
-
-    @property
-    def porosity(self) -> float:
-        """One minus the solid fraction."""
-        return 1.0 - self.solid_fraction
 
     @cached_property
     def _contacts(self) -> dict[float, Contacts]:
@@ -430,7 +427,7 @@ class Packing(GrainSequence):
 
     def __repr__(self) -> str:
         """Count, solid fraction and how it ended."""
-        forces = self.forces if self.count else None
+        forces = around_fixed(self).forces if self.movable.any() else None
         rest = "" if forces is None else f", {100 * forces.share_at_rest:.1f} % at rest"
         # of a bed the container has room above the surface
         of = "" if self.gravity is None else "container_"

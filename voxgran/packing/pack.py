@@ -4,7 +4,7 @@ import inspect
 import os
 import time
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import wraps
 from typing import Any, ParamSpec
 
@@ -14,12 +14,12 @@ from numpy.typing import ArrayLike
 from voxgran._base.arrays import as_number, check_lengths
 from voxgran._base.calls import explained
 from voxgran._base.config import parameters_of, to_mapping
-from voxgran._base.errors import InputError, PackingWarning, numbered, shown
+from voxgran._base.errors import InputError, PackingWarning, shown
 from voxgran._base.machine import installed_versions
 from voxgran._base.progress import OnStep
 from voxgran._base.registry import Parameters
 from voxgran._base.scalars import number_of, whole_number_of
-from voxgran._base.units import NO_UNIT, as_unit
+from voxgran._base.units import NO_UNIT
 from voxgran._base.warning import warn
 from voxgran.containers.model import Container, check_container, doubt_about
 from voxgran.containers.one_unit import in_one_unit
@@ -29,37 +29,19 @@ from voxgran.packing.compress import warn_of_imbalance
 from voxgran.packing.draw import Request, draw_grains, joined, listed_grains, scaled_to
 from voxgran.packing.driver import Drive, Recorder, check_drive, drive
 from voxgran.packing.method import PackingMethod, RunState, check_cost, method_registry, refuse_list, refuse_unfit
+from voxgran.packing.missed import Task, ended_by_solid_fraction, misses, warn_of_misses
 from voxgran.packing.model import Packing, check_packing
-from voxgran.packing.problem import DECIMALS, Problem, normalized_problem, too_coarse, warn_of_overlaps, warn_of_units
+from voxgran.packing.obstacles import around_obstacles, start_with, unit_of, with_density_of
+from voxgran.packing.problem import normalized_problem, warn_of_overlaps, warn_of_units
 from voxgran.packing.settle import settling_after, warn_of_unrest, with_target
 from voxgran.packing.settling_run import with_settling
 from voxgran.packing.start import asked_orientations, check_start, density_around, turns_asked
 from voxgran.settling.parameters import Settling
 from voxgran.shapes.model import Shape, check_shapes
 from voxgran.shapes.size_laws.listed import ListedGrains, with_shapes_of_list
-from voxgran.shapes.sizes import SizeDistribution, size_distance
+from voxgran.shapes.sizes import SizeDistribution
 
 P = ParamSpec("P")
-
-#: what helps where a count or a solid fraction is missed, where there is no room, and why the method ended
-FEWER = "make the container larger, the grains fewer, or give the method more attempts"
-LESS = "ask for less, give the method more attempts, make the container larger or choose a method that packs denser"
-LARGEST_FIRST = "give order='largest', by which more grains of a gradation find room"
-STOPPED = "the method stopped ({})"
-MADE = "the method makes the sizes; ask for less, or change its parameters"
-EMPTY = "no grain is packed: none finds room; change the limits of the sizes, or the container"
-JAMMED = "these grains jam there; ask for less, for a wider gradation or for a periodic container"
-
-
-@dataclass(frozen=True, slots=True)
-class Task:
-    """The checked arguments of `pack` and the drawn grains, before anything is computed."""
-
-    method: PackingMethod
-    problem: Problem
-    removed: dict[str, float]
-    asked: dict[str, Any]
-    sizes: SizeDistribution | None
 
 
 def _without_shapes(function: Callable[P, Packing]) -> Callable[P, Packing]:
@@ -89,6 +71,7 @@ def pack(
     weights_by: str = "number",
     seed: int = 0,
     start: Packing | None = None,
+    obstacles: Packing | None = None,
     unit: str | None = None,
     density: float | Sequence[float] | None = None,
     checkpoint: str | os.PathLike[str] | None = None,
@@ -138,7 +121,12 @@ def pack(
         Grains that are there from the beginning, and may touch: at their places, on a lattice as near to them as voxels
         have room, at last raised (:mod:`voxgran.packing.start`). They come first in the result. `count` and
         `solid_fraction` are then those of further grains; with neither, there are none. Where `shapes` is empty they
-        have those of the start.
+        have those of the start. Fixed grains among them are obstacles, and come first.
+    obstacles : Packing, optional
+        Grains that stand in the container and never move, whatever the container and the density that they have: one
+        shape, as of ``Packing.of(shape, container, position=[...])``, or a whole bed. They are the first grains of the
+        result, ``packing.fixed`` marks them, and their volume is taken off that of the container. Methods: ``gravity``,
+        ``digital``, ``digital_fill``, ``digital_rsa``, ``rsa`` and, around spheres, ``advancing_front``.
     unit : str, optional
         Unit of all lengths that have none of their own: container, sizes, parameters, regular shapes. Shapes of other
         units are converted to it. Left out: that of the start, or else the one of the shapes, where it is known.
@@ -185,7 +173,8 @@ def pack(
         If an argument is of another type, a value breaks a rule, shapes have several units and none is given, a length
         is not between 1e-60 and 1e60, the grains have more volume than the container, equal spheres are asked for a
         solid fraction beyond that of the densest lattice, the method packs no open surfaces, or a list of grains breaks
-        a rule or is not for the method.
+        a rule or is not for the method, or obstacles overlap, reach beyond a wall, leave no room, or are not for the
+        method.
     GrainTooLargeError
         If no grain can fit, or one of a list cannot.
     TooLargeError
@@ -216,8 +205,8 @@ def pack(
     began = time.monotonic()
     request = Request(
         *(shapes, container, method), count=count, solid_fraction=solid_fraction, sizes=sizes, grains=grains,
-        weights=weights, weights_by=weights_by, seed=seed, start=start, unit=unit, density=density, settle=settle,
-        orientations=orientations, parameters=parameters,
+        weights=weights, weights_by=weights_by, seed=seed, start=start, obstacles=obstacles, unit=unit, density=density,
+        settle=settle, orientations=orientations, parameters=parameters,
     )  # fmt: skip
     task = prepare_task(request)
     limit = None if time_limit is None else as_number(time_limit, "time_limit", at_least=0.0)
@@ -227,7 +216,7 @@ def pack(
     how = Drive(checkpoint, resume, on_step, time_limit=limit, recorder=recorder, threads=threads)
     state = drive(task.method, task.problem, how)
     packing = with_provenance(task, state, task.method.finish(task.problem, state), seconds=time.monotonic() - began)
-    _warn_of_misses(task, packing)
+    warn_of_misses(task, packing)
     warn_of_overlaps(task.problem, packing)
     warn_of_unrest(packing)
     warn_of_imbalance(packing)
@@ -248,36 +237,37 @@ def prepare_task(request: Request) -> Task:
     TooLargeError
         If more than 100 million grains are asked for.
     """
-    methods, method = method_registry(), request.method
-    known = parameters_of(methods.get(method).parameters) if isinstance(method, str) else ()
-    names = [item.name for item in known]
-    orientations, keywords = asked_orientations(request.orientations, request.parameters, names)
-    chosen = methods.chosen(method, keywords, where="method", beside=_arguments())
-    entry, (settings, solid_fraction) = chosen[1], with_target(chosen[2], request.solid_fraction)
+    entry, given_settings, orientations = _chosen(request)
+    settings, solid_fraction = with_target(given_settings, request.solid_fraction)
     sizes, start, count = request.sizes, request.start, request.count
     listed: ListedGrains | None = None
     shapes, table, density = with_shapes_of_list(request.shapes, request.grains, request.density)
     given = check_asked(shapes, request.container, sizes, start)
-    unit = start.unit if start is not None and as_unit(request.unit) == NO_UNIT else request.unit
-    given, container, unit = in_one_unit(given, request.container, unit)
+    given, container, unit = in_one_unit(given, request.container, unit_of(request))
     if start is not None:
         check_start(start, container.dimension)
         start = start if start.unit == NO_UNIT else start.to_unit(unit)
     refuse_unfit(entry, given if start is None else (*given, *start.shapes), container)
+    begun = start
+    if request.obstacles is not None:
+        # grains with the shapes of the start have none of those of the obstacles
+        given = given or (() if start is None else start.shapes)
+        start = start_with(request.obstacles, start, container, unit)
+    entry, start, room = around_obstacles(entry, start, container)
     if table is not None:
         refuse_list(entry, {"count": count, "sizes": sizes, "solid_fraction": solid_fraction})
-        shapes = given or (() if start is None else start.shapes)
+        shapes = given or (() if begun is None else begun.shapes)
         found = replace(request, shapes=given, container=container, grains=table, density=density)
         given, listed, density = listed_grains(found, shapes, unit)
         count, sizes = len(listed.row), listed.sizes()
-    density = density_around(start, density, len(given))
+    density = with_density_of(request.obstacles, density_around(begun, density, len(given)))
     scaled = entry.sizing == "scaled"
-    none_asked = start is not None and count is None and (solid_fraction is None or (scaled and not given))
+    none_asked = begun is not None and count is None and (solid_fraction is None or (scaled and not given))
     none_asked = none_asked and getattr(settings, "height", None) is None
     drawn = replace(
         request,
-        shapes=given or (() if start is None else start.shapes),
-        container=container,
+        shapes=given or (() if begun is None else begun.shapes),
+        container=room,
         count=0 if none_asked else count,
         solid_fraction=solid_fraction,
         grains=listed,
@@ -285,14 +275,7 @@ def prepare_task(request: Request) -> Task:
     own_shapes = getattr(settings, "own_shapes", False)
     surplus = entry.selects or entry.stretches
     grains = draw_grains(drawn, surplus=surplus, sizing=entry.sizing, own_shapes=own_shapes)
-    asked: dict[str, Any] = {"count": whole_number_of(count), "solid_fraction": number_of(solid_fraction)}
-    asked["sizes"] = None if request.sizes is None else request.sizes.to_mapping()
-    if listed is not None:
-        asked["rows"] = listed.rows
-    asked["weights"] = None if request.weights is None else np.asarray(request.weights, dtype=float).tolist()
-    asked["weights_by"] = request.weights_by
-    if orientations is not None:
-        asked["orientations"] = orientations.asked()
+    asked = _asked(request, count, solid_fraction, listed, orientations)
     if start is not None:
         asked["start"] = {"count": start.count, "method": start.provenance.get("method", "")}
         grains = joined(start, grains, earlier=len(start.shapes) if given else 0)
@@ -312,6 +295,31 @@ def prepare_task(request: Request) -> Task:
     if problem.count and (doubt := doubt_about(container, problem.unit_length)):
         warn(doubt, PackingWarning)
     return Task(entry, problem, grains.removed, asked, sizes)
+
+
+def _chosen(request: Request) -> tuple[PackingMethod, Any, OrientationLaw | None]:
+    """Return the method, its parameters, and the distribution of orientations that is asked for."""
+    methods, method = method_registry(), request.method
+    known = parameters_of(methods.get(method).parameters) if isinstance(method, str) else ()
+    names = [item.name for item in known]
+    orientations, keywords = asked_orientations(request.orientations, request.parameters, names)
+    chosen = methods.chosen(method, keywords, where="method", beside=_arguments())
+    return chosen[1], chosen[2], orientations
+
+
+def _asked(
+    request: Request, count: Any, solid_fraction: Any, listed: ListedGrains | None, orientations: OrientationLaw | None
+) -> dict[str, Any]:
+    """Return what the provenance says of what is asked for."""
+    asked: dict[str, Any] = {"count": whole_number_of(count), "solid_fraction": number_of(solid_fraction)}
+    asked["sizes"] = None if request.sizes is None else request.sizes.to_mapping()
+    if listed is not None:
+        asked["rows"] = listed.rows
+    asked["weights"] = None if request.weights is None else np.asarray(request.weights, dtype=float).tolist()
+    asked["weights_by"] = request.weights_by
+    if orientations is not None:
+        asked["orientations"] = orientations.asked()
+    return asked
 
 
 def check_asked(shapes: Any, container: Any, sizes: Any, start: Any) -> tuple[Shape, ...]:
@@ -341,7 +349,7 @@ def _arguments() -> tuple[str, ...]:
 def with_provenance(task: Task, state: RunState, packing: Packing, *, seconds: float) -> Packing:
     """Return the packing with the record of what was asked, done and missed, and the target that ended it."""
     problem = task.problem
-    missed = _misses(task, packing)
+    missed = misses(task, packing)
     record = {
         "method": task.method.name,
         "parameters": to_mapping(problem.parameters),
@@ -358,92 +366,6 @@ def with_provenance(task: Task, state: RunState, packing: Packing, *, seconds: f
         **packing.provenance,
     }
     made = replace(packing, provenance=record, asked_sizes=task.sizes)
-    if packing.stop_reason == "count" and _ended_by_solid_fraction(task) and not missed["solid_fraction"]:
+    if packing.stop_reason == "count" and ended_by_solid_fraction(task) and not missed["solid_fraction"]:
         return replace(made, stop_reason="solid_fraction")
     return made
-
-
-def _ended_by_solid_fraction(task: Task) -> bool:
-    """Return whether the solid fraction, and not the count, decided how many grains were drawn."""
-    count, solid_fraction = task.asked["count"], task.asked["solid_fraction"]
-    drawn = task.problem.count - task.problem.started + task.removed["count"]
-    return solid_fraction is not None and (count is None or drawn < count)
-
-
-def _misses(task: Task, packing: Packing) -> dict[str, float]:
-    """Return by how much the packing misses what was asked: grains, solid fraction, and gradation by number.
-
-    The count and the solid fraction are met together, by whichever comes first. Where the grains grew at the end, all
-    of this is said of the packing before: its sizes and its solid fraction were asked for.
-    """
-    growth, started = packing.provenance.get("growth"), task.problem.started
-    count, solid_fraction = task.asked["count"], task.asked["solid_fraction"]
-    drawn = task.problem.count - started
-    wanted = drawn if count is None else max(drawn, count - int(task.removed["count"]))
-    if task.method.sizing != "drawn" and count is None and task.problem.start is None:
-        wanted = packing.count - started
-    missed: dict[str, float] = {"count": wanted - (packing.count - started)}
-    if solid_fraction is not None:
-        reached = packing.solid_fraction if growth is None else growth["solid_fraction_before"]
-        if task.method.sizing != "scaled":
-            reached -= float(task.problem.volumes[:started].sum() / task.problem.container.volume)
-        missed["solid_fraction"] = max(0.0, float(solid_fraction) - reached)
-        # differences of rounding are none
-        if missed["solid_fraction"] <= 1e-12:
-            missed["solid_fraction"] = 0.0
-        both = task.method.sizing == "scaled"
-        if not both and ((count is not None and missed["count"] <= 0) or not missed["solid_fraction"]):
-            missed.update(count=0, solid_fraction=0.0)
-    missed["gradation"] = 0.0
-    if packing.count - started < drawn and growth is not None:
-        missed["gradation"] = growth["gradation_missed_before"]
-    elif packing.count - started < drawn and task.method.sizing != "made":
-        # grains of the start come first, and nobody asked for their sizes
-        asked_for, placed = task.problem.diameter[started:], packing.diameters[started:]
-        missed["gradation"] = size_distance(asked_for * task.problem.unit_length, placed)
-    return {**missed, **{f"cannot_fit_{k}": v for k, v in task.removed.items()}}
-
-
-def _warn_of_misses(task: Task, packing: Packing) -> None:
-    """Warn where neither the count nor the solid fraction that was asked for is reached."""
-    missed, asked, reason = packing.provenance["missed"], task.asked, packing.stop_reason
-    parts = []
-    if not packing.count and task.problem.count and not task.problem.target and reason != "interrupted":
-        warn(EMPTY, PackingWarning)
-    if asked["count"] is not None and missed["count"] > 0:
-        placed = packing.count - task.problem.started
-        rows = _lost_rows(task, packing)
-        parts.append(f"{placed} of {asked['count']} grains were placed{rows} before {STOPPED.format(reason)}")
-    if asked["solid_fraction"] is not None and missed["solid_fraction"] > 0:
-        reached = asked["solid_fraction"] - missed["solid_fraction"]
-        parts.append(f"the solid fraction is {reached:.4g} instead of {asked['solid_fraction']:.4g}")
-        if len(parts) == 1:
-            parts[0] += f" where {STOPPED.format(reason)}"
-    if parts and reason != "interrupted":
-        remedy = (
-            {"scaled": JAMMED, "made": MADE}.get(task.method.sizing, task.method.no_room)
-            if reason in ("saturated", "full")
-            else FEWER
-            if missed["count"] and asked["count"]
-            else LESS
-        )
-        text = f"{' and '.join(parts)}: {too_coarse(task.problem) or _with_order(remedy, task, packing)}"
-        warn(text, PackingWarning)
-
-
-def _lost_rows(task: Task, packing: Packing) -> str:
-    """Return the rows of a list of which not all grains are placed; empty without a list."""
-    many, started = task.asked.get("rows"), task.problem.started
-    if many is None or task.problem.grain_id is None or packing.grain_id is None:
-        return ""
-    found = [np.bincount(rows[started:], minlength=many) for rows in (task.problem.grain_id, packing.grain_id)]
-    return f", without {numbered('row', np.flatnonzero(found[1] < found[0]))} of the list (from 0 on),"
-
-
-def _with_order(remedy: str, task: Task, packing: Packing) -> str:
-    """Return a remedy with that of the order before it, unless sizes are equal or the largest grains came first."""
-    settings, order = task.problem.parameters, packing.provenance["parameters"].get("order")
-    known = any("'largest'" in item.type_text for item in parameters_of(type(settings)) if item.name == "order")
-    helps = known and order != "largest" and bool(np.ptp(np.round(task.problem.diameter, DECIMALS)) > 0.0)
-    reason, semicolon, rest = remedy.rpartition("; ")
-    return f"{reason}{semicolon}{LARGEST_FIRST}, or {rest}" if helps else remedy

@@ -7,7 +7,8 @@ the same numbers. Representations are cached up to a limit of memory; the oldest
 import hashlib
 from collections import OrderedDict
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -19,13 +20,14 @@ from voxgran._base.errors import InputError, PackingWarning
 from voxgran._base.seeds import stream
 from voxgran._base.warning import warn
 from voxgran.contacts.assembly import NOT_STATED, Assembly, Density
+from voxgran.contacts.inside import Occupied
 from voxgran.contacts.verify import verify
 from voxgran.containers.model import Container
 from voxgran.geometry.rotation import normalized
 from voxgran.lattice.grid import Grid
 from voxgran.packing.draw import DrawnGrains
 from voxgran.packing.model import Packing
-from voxgran.packing.start import Start, refuse_start
+from voxgran.packing.start import Start, joined_ids, refuse_start
 from voxgran.points.control import sample_controls
 from voxgran.points.sample import SurfacePoints
 from voxgran.shapes.model import Shape
@@ -81,6 +83,7 @@ class Problem:
     unit_length: float  # the median diameter, in the user's unit
     original: tuple[Shape, ...]  # the shapes as the user gave them
     start: Start | None = None  # poses of the first grains, which are present from the beginning
+    fixed: int = 0  # how many of these, the first ones, are fixed
     unit: str = "1"  # the user's unit of lengths
     density: Density = NOT_STATED  # of the shapes
     settling: Any = None  # how the grains settle after the method; None if they do not
@@ -114,6 +117,39 @@ class Problem:
     def started(self) -> int:
         """Number of grains of the start; they are the first ones."""
         return 0 if self.start is None else self.start.count
+
+    @cached_property
+    def apart(self) -> "Problem":
+        """The task without fixed grains, whose container they are a part of; itself where there are none."""
+        k, start = self.fixed, self.start
+        if start is None or not k:
+            return self
+        free = Start(start.position[k:], start.orientation[k:]) if start.count > k else None
+        reach = float(self.diameter[k:].max(initial=1.0))
+        standing = self.start_assembly(Start(start.position[:k], start.orientation[:k]))
+        rows = None if self.grain_id is None else self.grain_id[k:]
+        turns = None if self.orientation is None else self.orientation[k:]
+        return replace(
+            self, shape_id=self.shape_id[k:], diameter=self.diameter[k:], grain_id=rows, orientation=turns, start=free,
+            fixed=0, container=Occupied(self.container, standing, reach),
+        )  # fmt: skip
+
+    def beside_fixed(self, packing: Packing) -> Packing:
+        """Return a packing of the task without fixed grains with these before its own ones, in the container."""
+        k, start = self.fixed, self.start
+        if start is None or not k:
+            return packing
+        own = self.packing(
+            np.arange(k), position=start.position[:k], orientation=start.orientation[:k], stop_reason="count"
+        )
+        both: dict[str, Any] = {
+            name: np.concatenate([getattr(own, name), getattr(packing, name)])
+            for name in ("shape_id", "scale", "position", "orientation")
+        }
+        return replace(
+            packing, container=own.container, fixed=np.arange(k + packing.count) < k, **both,
+            grain_id=joined_ids((own.grain_id, k), (packing.grain_id, packing.count)),
+        )  # fmt: skip
 
     @property
     def volumes(self) -> Floats:
@@ -182,6 +218,7 @@ class Problem:
             gravity=gravity if gravity is not None and np.any(gravity) else None,
             contact_gap=contact_gap * unit,
             grain_id=None if self.grain_id is None else self.grain_id[placed],
+            fixed=placed < self.fixed if self.fixed else None,
         )
 
     def voxels(self, grain: int, orientation: Floats, voxel_size: float, *, cover: str) -> Booleans:
@@ -260,7 +297,9 @@ def normalized_problem(
 
     What else is asked for are fields of the task that do not depend on that unit.
     """
-    unit = float(np.median(grains.diameter)) if len(grains.diameter) else shapes[0].diameter
+    fixed = 0 if start is None or start.fixed is None else int(start.fixed.sum())
+    sizes = grains.diameter[fixed:] if len(grains.diameter) > fixed else grains.diameter
+    unit = float(np.median(sizes)) if len(sizes) else shapes[0].diameter
     return Problem(
         shapes=tuple(shape.scaled(1 / shape.diameter) for shape in shapes),
         shape_id=grains.shape_id,
@@ -271,6 +310,7 @@ def normalized_problem(
         unit_length=unit,
         original=shapes,
         start=None if start is None else Start(start.position / unit, start.orientation),
+        fixed=fixed,
         grain_id=grains.grain_id,
         **asked,
         given=container,

@@ -19,18 +19,18 @@ from voxgran._base.errors import InputError, PackingWarning, numbered, shown
 from voxgran._base.progress import OnStep
 from voxgran._base.seeds import MOST_SEED
 from voxgran._base.warning import warn
+from voxgran.containers.gravity import as_down, gravity_vector, proposed_axis
 from voxgran.containers.model import UNKNOWN, Container, boundary_of, check_container
 from voxgran.containers.one_unit import in_one_unit
-from voxgran.packing.bed_search import sentence_of
 from voxgran.packing.beds.expected import tell_of_bed
+from voxgran.packing.beds.search import sentence_of
 from voxgran.packing.draw import DENSEST
 from voxgran.packing.driver import Drive, check_drive, drive
-from voxgran.packing.gravity import as_down, gravity_vector, proposed_axis
 from voxgran.packing.method import Cost, PackingMethod
 from voxgran.packing.model import Packing, check_packing
 from voxgran.packing.problem import Problem
 from voxgran.packing.settling_run import GRAIN_BYTES, advance_settling, begun, finished, no_forces, normalized_assembly
-from voxgran.packing.start import Start
+from voxgran.packing.start import Start, around_fixed, free_volume
 from voxgran.settling.compression_parameters import Compression
 from voxgran.settling.materials import Materials
 from voxgran.settling.parameters import Lid, Settling, Shaking
@@ -64,7 +64,7 @@ def settle(
     Parameters
     ----------
     packing : Packing
-        The grains, made by any method, loaded or put together by hand. They may overlap.
+        The grains, made by any method, loaded or put together by hand. They may overlap. Fixed grains do not move.
     friction : float or Materials
         Coulomb coefficient of friction between grains and at walls, from 0 to 2; what rests with 2 rests with more. A
         table of materials has one for each pair; the masses of the grains follow from the density of the packing.
@@ -168,8 +168,9 @@ def settle(
     packing = _prepared(packing, container, gravity)
     check_drive(checkpoint, resume, on_step, None)
     seed = as_count(seed, "seed", at_most=MOST_SEED)
-    if not packing.count:
-        return replace(packing, stop_reason="settled", forces=no_forces(how.friction))
+    if not packing.movable.any():
+        forces = None if packing.count else no_forces(how.friction)
+        return replace(packing, stop_reason="settled", forces=forces)
     problem = _problem_of(packing, how, seed)
     method = PackingMethod(
         name="settle",
@@ -209,7 +210,7 @@ def _prepared(packing: Packing, container: Container | None, gravity: "ArrayLike
             "packing.gravity is None: grains settle under gravity only; give "
             f"gravity={proposed_axis(packing.container)!r} along an axis that has walls"
         )
-    if packing.count:
+    if packing.movable.any():
         _refuse_too_full(packing)
         beyond = packing.container.signed_distance(packing.position)
         outside = np.flatnonzero(beyond > 0.0)
@@ -229,13 +230,15 @@ def _refuse_too_full(packing: Packing) -> None:
     InputError
         If they have more volume than it, or are equal spheres in a box and denser than the densest lattice.
     """
+    packing = around_fixed(packing)
     sizes = packing.diameters
     equal = all(shape.is_sphere for shape in packing.shapes) and np.ptp(sizes) <= 1e-9 * sizes.max()
     lattice = equal and boundary_of(packing.container).is_flat
     most = DENSEST[packing.dimension] if lattice else 1.0
-    if packing.solid_fraction > most * (1.0 + 1e-9):
+    filled = float(packing.volumes.sum()) / free_volume(packing)
+    if filled > most * (1.0 + 1e-9):
         raise InputError(
-            f"the solid fraction is {packing.solid_fraction:.4g}: without overlap these grains fill at most {most:.4g} "
+            f"the solid fraction is {filled:.4g}: without overlap these grains fill at most {most:.4g} "
             "of the container; give a larger container or fewer grains"
         )
 
@@ -243,6 +246,7 @@ def _refuse_too_full(packing: Packing) -> None:
 def _problem_of(packing: Packing, how: Settling, seed: int) -> Problem:
     """Return the task of settling a packing, from which the fingerprint of its checkpoints is made."""
     assembly, unit = normalized_assembly(packing)
+    fixed = assembly.position[~assembly.movable]
     return Problem(
         shapes=packing.shapes,
         shape_id=packing.shape_id,
@@ -252,8 +256,8 @@ def _problem_of(packing: Packing, how: Settling, seed: int) -> Problem:
         seed=seed,
         unit_length=unit,
         original=packing.shapes,
-        # gravity is a part of the task
-        start=Start(np.vstack([assembly.position, np.array(packing.gravity)]), assembly.orientation),
+        # gravity is a part of the task, and so is which grains are fixed
+        start=Start(np.vstack([assembly.position, np.array(packing.gravity), fixed]), assembly.orientation),
         unit=packing.unit,
         density=packing.density,
     )

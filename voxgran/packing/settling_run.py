@@ -13,9 +13,9 @@ from voxgran.contacts.assembly import Assembly
 from voxgran.contacts.assembly import Lid as LidPlane
 from voxgran.contacts.forces import LID, WALL, ContactForces
 from voxgran.contacts.manifolds.rows import ARM_I, GAP, NORMAL
-from voxgran.packing.bed_search import SoughtBed
+from voxgran.containers.gravity import main_axis
+from voxgran.packing.beds.search import SoughtBed
 from voxgran.packing.grains import STOP_REASONS
-from voxgran.packing.gravity import main_axis
 from voxgran.packing.method import Array, Cost, PackingMethod, RunState
 from voxgran.packing.model import Packing
 from voxgran.packing.problem import Problem
@@ -63,7 +63,7 @@ def followed(
             return state
         if state.outer is None:
             packed = method.finish(problem, state.inner)
-            first = begin(problem, packed) if packed.count else None
+            first = begin(problem, packed) if packed.movable.any() else None
             if first is None:
                 state.stop_reason = state.inner.stop_reason
                 return state
@@ -255,6 +255,7 @@ def with_lid(assembly: Assembly, how: Settling, gravity: Floats) -> Assembly:
     """Return the assembly with a lid above its grains, if there is to be one."""
     if how.lid is None or not assembly.count:
         return assembly
+    assembly.refuse_fixed("a bed under a lid")
     up = -main_axis(gravity).astype(np.float64)
     return replace(assembly, lid=LidPlane(up, float((assembly.position @ up + assembly.bounding_radii).max())))
 
@@ -267,9 +268,9 @@ def lid_of(settler: Moving, unit: float) -> LidPlane | None:
 
 def normalized_assembly(packing: Packing) -> tuple[Assembly, float]:
     """Return the grains of a packing with lengths in median diameters, without lid, and the median diameter."""
-    unit = float(np.median(packing.diameters))
+    unit = packing.median_diameter
     arrays = (packing.shapes, packing.shape_id, packing.scale / unit, packing.position / unit, packing.orientation)
-    return Assembly(*arrays, packing.container.scaled(1.0 / unit), packing.density), unit
+    return Assembly(*arrays, packing.container.scaled(1.0 / unit), packing.density, fixed=packing.fixed), unit
 
 
 def advance_settling(problem: Problem, state: SettleState, attempts: int) -> SettleState:
@@ -304,7 +305,7 @@ def finished(packing: Packing, state: SettleState) -> Packing:
 
 def _moved(packing: Packing, settler: Moving) -> Packing:
     """Return a packing with its grains where they are in the bed of a settler, without forces."""
-    unit = float(np.median(packing.diameters))
+    unit = packing.median_diameter
     position, orientation = settler.bed.poses()
     position *= unit
     if settler.ended and settler.progress.step == 1:
@@ -332,7 +333,7 @@ def contact_forces(packing: Packing, settler: Moving) -> Packing:
         return replace(packing, forces=no_forces(settler.how.friction))
     if not settler.ended:
         return packing
-    unit, forces, row = float(np.median(packing.diameters)), bed.forces(), bed.rows.row[: bed.m]
+    unit, forces, row = packing.median_diameter, bed.forces(), bed.rows.row[: bed.m]
     i, j = bed.contact_grains(wall=WALL, lid=LID)
     residual = bed.in_order(settler.progress.residual)
     known = ContactForces(
@@ -343,7 +344,7 @@ def contact_forces(packing: Packing, settler: Moving) -> Packing:
         force=forces,
         gap=row[:, GAP] * unit,
         residual=residual,
-        rattler=(residual <= RESIDUAL) & (bed.in_order(carried_by(bed, forces)) <= RESIDUAL),
+        rattler=(residual <= RESIDUAL) & (bed.in_order(carried_by(bed, forces)) <= RESIDUAL) & packing.movable,
         friction=bed.friction_at(friction_of(settler.how.friction, bed.assembly)),
     )
     return replace(packing, forces=known)

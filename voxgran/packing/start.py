@@ -10,16 +10,17 @@ All other grains may have orientations that are asked for, which they have from 
 """
 
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 
-from voxgran._base.arrays import Floats, Integers
+from voxgran._base.arrays import Booleans, Floats, Integers
 from voxgran._base.errors import InputError, shown
 from voxgran._base.scalars import number_of, whole_number_of
 from voxgran._base.seeds import stream
 from voxgran.contacts.assembly import NOT_STATED, Assembly, Density, as_density, by_shape, density_text, merged
+from voxgran.contacts.forces import among_movable
 from voxgran.containers.model import Container
 from voxgran.geometry.orientation_laws.directional import Random
 from voxgran.geometry.orientation_laws.given import Given
@@ -27,6 +28,9 @@ from voxgran.geometry.orientation_laws.law import OrientationLaw
 from voxgran.geometry.orientations import given
 from voxgran.shapes.describing.principal_axis import body_axes
 from voxgran.shapes.model import Shape
+
+#: under which name a packing without its fixed grains keeps these
+STANDING = "standing"
 
 
 @dataclass(frozen=True, eq=False)
@@ -72,8 +76,8 @@ def refuse_start(grain: int) -> None:
     )
 
 
-def check_start(start: Assembly, dimension: int) -> None:
-    """Refuse a start of another dimension.
+def check_start(start: Assembly, dimension: int, name: str = "start") -> None:
+    """Refuse a start, or what else it is named, of another dimension.
 
     Raises
     ------
@@ -82,7 +86,7 @@ def check_start(start: Assembly, dimension: int) -> None:
     """
     if start.dimension != dimension:
         raise InputError(
-            f"start has dimension {start.dimension}: the container has {dimension}; use packings of one dimension"
+            f"{name} has dimension {start.dimension}: the container has {dimension}; use packings of one dimension"
         )
 
 
@@ -173,3 +177,43 @@ def density_around(start: Assembly | None, density: Any, shapes: int) -> Density
     if start.density == NOT_STATED and number_of(density) is not None:
         return given
     return merged([*by_shape(start.density, len(start.shapes)), *by_shape(given, shapes)])
+
+
+def joined_ids(*parts: tuple[Integers | None, int]) -> Integers | None:
+    """Return the rows of grains that are put together, -1 for those of no list; None where no list is known."""
+    if all(rows is None for rows, _ in parts):
+        return None
+    return np.concatenate([np.full(count, -1) if rows is None else rows for rows, count in parts])
+
+
+def joined_fixed(*parts: Any) -> Booleans | None:
+    """Return which grains are fixed of packings that are put together; None where none is."""
+    if all(part.fixed is None for part in parts):
+        return None
+    return np.concatenate([~part.movable for part in parts])
+
+
+def standing_in(packing: Any) -> Any:
+    """Return the packing of the fixed grains alone, also of a packing that :func:`around_fixed` returns; or None."""
+    if packing.fixed is None:
+        return packing._found.get(STANDING)
+    return replace(packing[packing.fixed], fixed=None)
+
+
+def around_fixed(packing: Any) -> Any:
+    """Return the packing of the grains that are not fixed; forces at fixed ones are there forces at walls."""
+    if packing.fixed is None:
+        return packing
+    if "around" not in packing._found:
+        forces = None if packing.forces is None else among_movable(packing, packing.forces, ~packing.movable)
+        kept = {name: getattr(packing, name) for name in ("provenance", "stop_reason", "asked_sizes", "relaxation")}
+        found = replace(packing[packing.movable], forces=forces, **kept)
+        found._found[STANDING] = standing_in(packing)
+        packing._found["around"] = found
+    return packing._found["around"]
+
+
+def free_volume(packing: Any) -> float:
+    """Return the volume of the container, in two dimensions its area, less that of fixed grains."""
+    standing = standing_in(packing)
+    return float(packing.container.volume - (0.0 if standing is None else standing.volumes.sum()))

@@ -1,7 +1,7 @@
 """Colouring of grains: one value per grain, with name and unit."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import get_args
 
 import numpy as np
@@ -25,7 +25,7 @@ SAME = 1e-9
 
 @dataclass(frozen=True, slots=True)
 class Coloring:
-    """Values (n,) of grains, with name and unit (``""`` if there is none), and what single values are called."""
+    """Values (n,) of grains, NaN of fixed ones, with name and unit (``""`` if none), and names of single values."""
 
     values: Floats
     label: str
@@ -33,15 +33,20 @@ class Coloring:
     names: Mapping[float, str] = field(default_factory=dict)
 
     @property
+    def known(self) -> Floats:
+        """Values of the grains that are not fixed."""
+        return self.values[np.isfinite(self.values)]
+
+    @property
     def same(self) -> bool:
         """Whether all values are equal, but for round-off."""
-        low, high = float(self.values.min(initial=np.inf)), float(self.values.max(initial=-np.inf))
+        low, high = float(self.known.min(initial=np.inf)), float(self.known.max(initial=-np.inf))
         return not low < high - SAME * abs(high)
 
     @property
     def limits(self) -> tuple[float, float]:
         """Smallest and largest value; slightly different if all values are equal."""
-        low, high = float(self.values.min(initial=np.inf)), float(self.values.max(initial=-np.inf))
+        low, high = float(self.known.min(initial=np.inf)), float(self.known.max(initial=-np.inf))
         if not self.same:
             return low, high
         return (0.6 * low, 1.2 * high) if low <= high and low > 0 else (-0.5, 0.5)
@@ -54,7 +59,7 @@ class Coloring:
     @property
     def entries(self) -> dict[float, str]:
         """Values with what they are called, where these can be listed: a few that have names, or a single one."""
-        different = self.values[:1] if self.same else np.unique(self.values)
+        different = self.known[:1] if self.same else np.unique(self.known)
         if len(different) > (ENTRIES if self.names else 1):
             return {}
         return {value: self.names.get(value, f"{value:.4g}") for value in different.tolist()}
@@ -71,6 +76,9 @@ def coloring(packing: Packing, color_by: str) -> Coloring:
         If `color_by` is unknown, or it is "force" and the forces of the packing are not known.
     """
     as_choice(color_by, "color_by", COLOR_BY)
+    if packing.fixed is not None:
+        shown = coloring(replace(packing, fixed=None), color_by)
+        return replace(shown, values=np.where(packing.fixed, np.nan, shown.values))
     unit = "" if packing.unit == "1" else packing.unit
     if color_by == "force":
         forces = known_forces(packing)

@@ -11,7 +11,7 @@ import base64
 import gzip
 import json
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cache
 from pathlib import Path
 from typing import Any
@@ -127,7 +127,8 @@ def view_data(packing: Packing, shown: Integers, most: int) -> tuple[dict[str, A
     whole = [np.round(vertices / r * WHOLE) for (vertices, _), r in zip(bodies, reach, strict=True)]
     known = {"force": packing.forces is not None, "density": isinstance(packing.density, tuple)}
     shades = [name for name in COLOR_BY if known.get(name, True)]
-    colors = [coloring(packing, name) for name in shades]
+    # fixed grains have values like all others here: it has no colour for grains without one
+    colors = [coloring(replace(packing, fixed=None), name) for name in shades]
     lines = (outline(packing.container) - middle) / length
     contacts = touching_contacts(packing)
     near = np.zeros(packing.count, dtype=bool)

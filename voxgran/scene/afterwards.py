@@ -7,9 +7,9 @@ from voxgran._base.arrays import check_type
 from voxgran._base.config import from_mapping, parameters_of, to_mapping
 from voxgran._base.errors import InputError, UnknownNameError, shown
 from voxgran._base.names import unknown
+from voxgran.containers.gravity import proposed_axis
 from voxgran.containers.model import Container
 from voxgran.packing.compress import compress
-from voxgran.packing.gravity import proposed_axis
 from voxgran.packing.method import method_registry
 from voxgran.packing.model import Packing
 from voxgran.scene.keys import Measured, Settled, names_of

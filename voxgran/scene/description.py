@@ -3,18 +3,17 @@
 import os
 import tomllib
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, Literal, Self, TypeVar
+from typing import Any, Literal, Self
 
 from voxgran._base import ExplainedAttributes
-from voxgran._base.arrays import as_count, as_positive, as_share, check_type
-from voxgran._base.config import from_mapping, to_mapping
-from voxgran._base.errors import FileFormatError, InputError, UnknownNameError, shown
+from voxgran._base.arrays import as_count, as_share, check_type
+from voxgran._base.config import to_mapping
+from voxgran._base.errors import FileFormatError, InputError, UnknownNameError
 from voxgran._base.files import existing_file
 from voxgran._base.guarded import reason_of
 from voxgran._base.names import unknown
-from voxgran._base.units import as_unit
 from voxgran.contacts.assembly import NOT_STATED
 from voxgran.containers.make import make_container
 from voxgran.containers.model import Container
@@ -26,10 +25,12 @@ from voxgran.io.files import load
 from voxgran.packing.method import method_registry
 from voxgran.packing.model import Packing
 from voxgran.scene.afterwards import compress_section, measure_section, settle_section
+from voxgran.scene.checked_sections import general_section, section_of, share_by_of, with_file
 from voxgran.scene.keys import Listed, Packed, names_of
 from voxgran.scene.layer_entries import ALONE_IN_PACKING, LayerEntry, layer_entries, together
 from voxgran.scene.materials import given_parameters, material_entries, material_section, with_material_densities
 from voxgran.scene.mistakes import Mistakes, refuse_unknown
+from voxgran.scene.obstacles import ObstacleEntry, obstacle_entries, standing_of
 from voxgran.scene.sections import General, Output
 from voxgran.scene.shape_entries import ShapeEntry, given_values, shape_entries, with_densities
 from voxgran.settling.compression_parameters import Compression
@@ -38,10 +39,8 @@ from voxgran.settling.materials import Materials
 from voxgran.settling.parameters import Settling
 from voxgran.shapes.sizes import SizeDistribution, make_sizes
 
-T = TypeVar("T")
-
 SECTIONS = (
-    *("scene", "shape", "sizes", "orientations", "grains", "layer", "container"),
+    *("scene", "shape", "sizes", "orientations", "grains", "layer", "container", "obstacle"),
     *("packing", "settle", "compress", "material", "measure", "output"),
 )
 #: where a scene says whether and how its grains settle
@@ -70,6 +69,8 @@ class SceneDescription(ExplainedAttributes):
         What the shares are of.
     container : Container
         What holds the grains.
+    obstacles : tuple of ObstacleEntry
+        What stands in it.
     method : str
         Packing method.
     count, solid_fraction : int or float or None
@@ -98,6 +99,7 @@ class SceneDescription(ExplainedAttributes):
     layers: tuple[LayerEntry, ...] = ()
     share_by: str
     container: Container
+    obstacles: tuple[ObstacleEntry, ...] = ()
     method: str
     count: int | None
     solid_fraction: float | None
@@ -180,23 +182,23 @@ class SceneDescription(ExplainedAttributes):
         _check_sections(mapping)
         place, mistakes, shapes, walls = Path(folder), Mistakes(), tuple[ShapeEntry, ...](), None
         with mistakes.part():
-            general = _general(mapping.get("scene", {}))
+            general = general_section(mapping.get("scene", {}))
         with mistakes.part():
             shapes = shape_entries(mapping["shape"], place) if "shape" in mapping else shapes
         with mistakes.part("[sizes]"):
             sizes = dict(mapping.get("sizes", {}))
-            share_by = _share_by(sizes.pop("share_by", "number"))
+            share_by = share_by_of(sizes.pop("share_by", "number"))
             if "file" in sizes and (unit := dict(mapping.get("scene", {})).get("unit")) is not None:
                 sizes.setdefault("unit", unit)
-            law = make_sizes(_with_file(sizes, place)) if sizes else None
+            law = make_sizes(with_file(sizes, place)) if sizes else None
         with mistakes.part():
             oriented = _orientations(mapping)
-        with mistakes.part():
             grains = _grains(mapping.get("grains"), place)
         with mistakes.part("[container]"):
-            held = _with_file(mapping["container"], place)
+            held = with_file(mapping["container"], place)
             walls = held.pop("material", None)
             container = make_container(held)
+            obstacles = obstacle_entries(mapping.get("obstacle", ()), place, container.dimension)
         with mistakes.part():
             packing = dict(mapping["packing"])
             method, parameters, given = _method(packing)
@@ -212,7 +214,7 @@ class SceneDescription(ExplainedAttributes):
         with mistakes.part():
             which = measure_section(mapping.get("measure", {}))
         with mistakes.part():
-            output: Output = _section(Output, mapping.get("output", {}), "[output]")
+            output: Output = section_of(Output, mapping.get("output", {}), "[output]")
         mistakes.refuse()
         friction = {} if isinstance(material, Material) else {"friction": material}
         for engine in output.dem:
@@ -226,6 +228,7 @@ class SceneDescription(ExplainedAttributes):
             layers=layers,
             share_by=share_by,
             container=container,
+            obstacles=obstacles,
             method=method,
             parameters=(friction if issubclass(parameters, Settling | Compression) else {}) | given,
             settle=settle_section(mapping.get("settle"), method, parameters, container, friction),
@@ -256,6 +259,8 @@ class SceneDescription(ExplainedAttributes):
             "packing": packing | given_parameters(self.parameters),
             "output": to_mapping(self.output),
         }
+        if self.obstacles:
+            made["obstacle"] = [entry.to_mapping() for entry in self.obstacles]
         if self.layers:
             made["layer"] = [layer.to_mapping() for layer in self.layers]
             made["packing"] = {key: value for key, value in made["packing"].items() if key not in ALONE_IN_PACKING}
@@ -306,6 +311,7 @@ class SceneDescription(ExplainedAttributes):
             "weights_by": self.share_by,
             "seed": self.general.seed,
             "start": self.begin(),
+            "obstacles": standing_of(self.obstacles, self.container, self.general.unit),
             "unit": self.general.unit,
             "density": self.density(),
             "settle": self.settle,
@@ -378,7 +384,7 @@ def _check_sections(mapping: Mapping[str, Any]) -> None:
         with mistakes.part():
             if name not in SECTIONS:
                 raise UnknownNameError(unknown("section", name, SECTIONS))
-            if name not in ("shape", "layer") and not (
+            if name not in ("shape", "layer", "obstacle") and not (
                 name == "material" and isinstance(mapping[name], list) and mapping[name]
             ):
                 check_type(mapping[name], Mapping, f"[{name}]", f"a section; write [{name}] above its keys")
@@ -429,34 +435,4 @@ def _orientations(mapping: Mapping[str, Any]) -> OrientationLaw | None:
 
 def _grains(mapping: Mapping[str, Any] | None, place: Path) -> str | None:
     """Return the file of the section [grains]; None without the section."""
-    return None if mapping is None else str(existing_file(place / _section(Listed, mapping, "[grains]").file))
-
-
-def _section(cls: type[T], mapping: Mapping[str, Any], place: str) -> T:
-    """Return a section that holds the parameters of a class and nothing else."""
-    refuse_unknown(mapping, place, cls)
-    return from_mapping(cls, mapping, place)
-
-
-def _general(mapping: Mapping[str, Any]) -> General:
-    """Return the checked section [scene]."""
-    made = _section(General, mapping, "[scene]")
-    as_count(made.seed, "[scene] seed", at_most=None)
-    as_count(made.seeds, "[scene] seeds", at_least=1)
-    as_positive(made.density, "[scene] density")
-    return replace(made, unit=as_unit(made.unit, "[scene] unit"))
-
-
-def _share_by(value: Any) -> str:
-    """Return the checked share_by."""
-    if value not in ("number", "volume"):
-        raise InputError(f"[sizes] share_by is {shown(value)}: it must be 'number' or 'volume'; change it")
-    return str(value)
-
-
-def _with_file(mapping: Mapping[str, Any], folder: Path) -> dict[str, Any]:
-    """Return a section with its file relative to the scene file."""
-    made = dict(mapping)
-    if "file" in made:
-        made["file"] = str(folder / str(made["file"]))
-    return made
+    return None if mapping is None else str(existing_file(place / section_of(Listed, mapping, "[grains]").file))

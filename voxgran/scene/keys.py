@@ -47,6 +47,20 @@ class ShapeOfFamily:
 
 
 @parameter_class
+class Standing:
+    """Keys of an [[obstacle]], beside those of a [[shape]] that say what shape it is."""
+
+    position: tuple[float, ...] | None = parameter(None, doc="centroid of the shape, in two dimensions two numbers")
+    orientation: tuple[float, float, float, float] = parameter(
+        (1.0, 0.0, 0.0, 0.0), doc="quaternion (w, x, y, z) by which it is rotated; of any length"
+    )
+    scale: float = parameter(1.0, doc="factor on the lengths of the shape", above=0.0)
+    packing: str | None = parameter(
+        None, doc="file of a packing, all of whose grains are fixed, in place of a shape; relative to the scene file"
+    )
+
+
+@parameter_class
 class ClumpOfShape:
     """Keys of the table `clump` of a [[shape]], beside the parameters of its method."""
 

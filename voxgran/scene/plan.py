@@ -15,7 +15,8 @@ from voxgran.containers.model import boundary_of
 from voxgran.packing.beds.expected import ExpectedBed, expected_bed
 from voxgran.packing.draw import Request
 from voxgran.packing.method import check_memory, long_run, packing_memory
-from voxgran.packing.pack import Task, prepare_task
+from voxgran.packing.missed import Task
+from voxgran.packing.pack import prepare_task
 from voxgran.packing.problem import too_coarse
 from voxgran.scene.description import SceneDescription
 from voxgran.scene.shape_entries import REMEDIES, ShapeEntry
@@ -145,13 +146,13 @@ def make_plan(scene: SceneDescription) -> Plan:
         If it does not fit in memory.
     """
     task = task_of(scene, tuple(shape for entry in scene.shapes for shape in _stand_ins(entry)))
-    cost, bed = task.method.cost(task.problem), expected_bed(task.problem)
+    cost, bed, free = task.method.cost(task.problem), expected_bed(task.problem), task.problem.apart
     finishing = FINISHING_BYTES + (DRAWING_BYTES if scene.output.report else 0)
     memory = max(packing_memory(task.method, task.problem), finishing)
     check_memory(task.method, memory, "the scene")
     return Plan(
-        grains=task.problem.count,
-        solid_fraction=float(task.problem.volumes.sum() / task.problem.container.volume),
+        grains=free.count,
+        solid_fraction=float(free.volumes.sum() / free.container.volume),
         memory=memory,
         attempts=cost.attempts,
         voxelized_shapes=cost.voxelized_shapes,
@@ -298,6 +299,20 @@ def _two_frictions(scene: SceneDescription, task: Task) -> str:
     )
 
 
+def _compression_step(scene: SceneDescription, task: Task) -> list[str]:
+    """Return how grains are compressed; nothing where they are not."""
+    own = task.problem.parameters
+    compression = own if isinstance(own, Compression) else scene.compress
+    if compression is None:
+        return []
+    how = f"with friction {friction_text(compression.friction)}"
+    target = compression.solid_fraction or compression.height
+    if target is not None:
+        kind = "solid fraction" if compression.height is None else "height"
+        how = f"to a {kind} of {target:g}, by friction in at most {MOST_TRIES} tries"
+    return [f"compress them along {compression.axes} {how}"]
+
+
 def _steps(scene: SceneDescription, task: Task) -> dict[str, tuple[str, ...]]:
     """Return what is done, what is skipped and why, and the libraries that this takes."""
     clumps = [entry.clump for entry in scene.shapes if entry.clump is not None for _ in entry.shares()]
@@ -318,16 +333,7 @@ def _steps(scene: SceneDescription, task: Task) -> dict[str, tuple[str, ...]]:
         if target is not None:
             how = f"at a solid fraction of {target:g}, by friction and shaking in at most {MOST_TRIES} tries"
         computed.append(f"settle them {how}{shapes}, {share}")
-    own = task.problem.parameters
-    if (compression := own if isinstance(own, Compression) else scene.compress) is not None:
-        how, target = (
-            f"with friction {friction_text(compression.friction)}",
-            compression.solid_fraction or compression.height,
-        )
-        if target is not None:
-            kind = "solid fraction" if compression.height is None else "height"
-            how = f"to a {kind} of {target:g}, by friction in at most {MOST_TRIES} tries"
-        computed.append(f"compress them along {compression.axes} {how}")
+    computed += _compression_step(scene, task)
     computed.append("verify against the true shapes")
     if scene.general.seeds > 1:
         computed.append(f"all of it {scene.general.seeds} times, with {scene.general.seeds} seeds")

@@ -278,6 +278,7 @@ def summary_of(packing: Packing, proof: Verification, statistics: "DataTree") ->
         "method": record.get("method", ""),
         "seed": record.get("seed", 0),
         "grains": packing.count,
+        **({} if packing.fixed is None else {"fixed_grains": int(packing.fixed.sum())}),
         **main_numbers(packing, statistics),
         **numbers,
         "stop_reason": packing.stop_reason,

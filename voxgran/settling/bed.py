@@ -12,7 +12,7 @@ from typing import Any, TypeVar
 
 import numpy as np
 
-from voxgran._base.arrays import Floats, Integers
+from voxgran._base.arrays import Booleans, Floats, Integers
 from voxgran.contacts.assembly import Assembly, Lid
 from voxgran.contacts.forces import LID, WALL
 from voxgran.contacts.manifolds.finders import ContactFinders, kinds_of
@@ -92,6 +92,7 @@ class Bed:
         write_matrices(self.orientation, self.grains.matrix)
         self.diameter: Floats = assembly.diameters[order].copy()
         self.density: Floats = assembly.relative_densities[order]
+        self.fixed: Booleans | None = None if assembly.fixed is None else assembly.fixed[order]
         self.bodies, self.motion = _bodies(assembly, order, lid_weight), np.zeros((n + 1, 6))
         self.lid_level = math.inf if assembly.lid is None else float(assembly.lid.level)
         self.pairs: PairList = no_pairs()
@@ -126,14 +127,24 @@ class Bed:
         return 1.0 + (1.0 / (inverse * float((1.0 / self.bodies[:-1, 6]).sum())) if inverse > 0.0 else 0.0)
 
     @property
+    def movable(self) -> Booleans:
+        """Which grains are not fixed, (n,)."""
+        return np.ones(self.count, dtype=np.bool_) if self.fixed is None else ~self.fixed
+
+    def mean(self, values: "Floats | Booleans") -> float:
+        """Return the mean of values of the grains, (n,), over those that are not fixed; 0 without any."""
+        values = values if self.fixed is None else values[~self.fixed]
+        return float(values.mean()) if len(values) else 0.0
+
+    @property
     def kinetic_energy(self) -> float:
         """Mean kinetic energy of translation of a grain, for its mass."""
-        return 0.5 * float((self.bodies[: self.count, :3] ** 2).sum(axis=1).mean()) if self.count else 0.0
+        return 0.5 * self.mean((self.bodies[: self.count, :3] ** 2).sum(axis=1))
 
     @property
     def height(self) -> float:
         """Mean height of the centroids, along gravity."""
-        return -float((self.grains.position @ self.gravity).mean()) if self.count else 0.0
+        return -self.mean(self.grains.position @ self.gravity)
 
     def find(self, margin: float, rest: float, *, reuse: float = 0.0) -> None:
         """Find the contacts nearer than a margin; gaps count from a rest distance.
@@ -147,7 +158,7 @@ class Bed:
         way = self.grains.way
         two = np.partition(way, -2)[-2:].sum() if len(way) > 1 else 2.0 * float(way.max(initial=0.0))
         if not self.listed or two + margin > SKIN:
-            self.pairs = renewed(self.pairs, self.grains, self.assembly.container, SKIN)
+            self.pairs = renewed(self.pairs, self.grains, self.assembly.container, SKIN, self.fixed)
             self.listed, reuse = True, 0.0
         self.rows = self.rows._replace(row=self.rows.old, old=self.rows.row)
         places = (*self.pairs[3:], self.wall_first, self.wall_count)
@@ -188,7 +199,7 @@ class Bed:
         """Return the number of contacts, or -1 where they are more than the rows."""
         return self.finders.find(
             self.grains, self.pairs, self.rows, at_walls=(self.wall_first, self.wall_count), lid_level=self.lid_level,
-            margin=margin, rest=rest, reuse=reuse,
+            margin=margin, rest=rest, reuse=reuse, fixed=self.fixed,
         )  # fmt: skip
 
     def deep_overlaps(self, deepest: float) -> tuple[Integers, Integers, Floats]:
@@ -365,6 +376,7 @@ class Bed:
         self.bounding = self.assembly.bounding_radii[self.order].copy()
         self.diameter = self.assembly.diameters[self.order].copy()
         self.density = self.assembly.relative_densities[self.order]
+        self.fixed = None if self.assembly.fixed is None else self.assembly.fixed[self.order]
         self.pairs = PairList(*(held[f"pair_{name}"] for name in PairList._fields))
         self.listed = bool(held["listed"])
         self.m = len(held["row"])
@@ -380,15 +392,16 @@ class Bed:
 
 def normalized_bed(assembly: Assembly, gravity: Floats) -> Bed:
     """Return the grains of an assembly as a bed with exact contacts, whose lid does not move."""
-    unit = float(np.median(assembly.diameters)) if assembly.count else 1.0
+    unit = assembly.median_diameter
     lid = assembly.lid if assembly.lid is None else Lid(assembly.lid.normal, assembly.lid.level / unit)
     arrays = (assembly.shapes, assembly.shape_id, assembly.scale / unit, assembly.position / unit, assembly.orientation)
-    normalized = Assembly(*arrays, assembly.container.scaled(1.0 / unit), assembly.density, lid=lid)
+    container = assembly.container.scaled(1.0 / unit)
+    normalized = Assembly(*arrays, container, assembly.density, lid=lid, fixed=assembly.fixed)
     return Bed(normalized, gravity, lid_weight=math.inf, exact=True)
 
 
 def _bodies(assembly: Assembly, order: Integers, lid_weight: float) -> Floats:
-    """Return the rows (n + 1, 8) of grains at rest, and of the lid."""
+    """Return the rows (n + 1, 8) of grains at rest, and of the lid; fixed grains have infinite mass."""
     n = assembly.count
     bodies = np.zeros((n + 1, BODY))
     unit = math.pi / 6 if assembly.dimension == 3 else math.pi / 4
@@ -400,6 +413,7 @@ def _bodies(assembly: Assembly, order: Integers, lid_weight: float) -> Floats:
     power = assembly.dimension + 2
     moment = np.array(own)[assembly.shape_id[order]] * assembly.scale[order] ** power / unit if n else np.zeros(0)
     bodies[:n, 7] = 1.0 / (moment * density)
+    bodies[:n, 6:][~assembly.movable[order]] = 0.0
     bodies[n, 6] = 1.0 / lid_weight if assembly.lid is not None else 0.0
     return bodies
 

@@ -89,7 +89,8 @@ def equilibrium(
     Parameters
     ----------
     packing : Packing
-        Grains, which may come from anywhere.
+        Grains, which may come from anywhere. Fixed ones need no balance: their residuals are 0, and shares leave them
+        out.
     friction : float or Materials
         Coefficient of friction of Coulomb between grains and at walls, at least 0, or a table of materials, whose pairs
         have one each.
@@ -134,8 +135,8 @@ def equilibrium(
     Raises
     ------
     InputError
-        If `packing` is no packing, has neither gravity nor a stress, the stress is no symmetric tensor with principal
-        stresses above 0, or a number, also that of threads, is out of range.
+        If `packing` is no packing, has neither gravity nor a stress, or fixed grains under a stress, the stress is no
+        symmetric tensor with principal stresses above 0, or a number, also that of threads, is out of range.
 
     References
     ----------
@@ -164,6 +165,7 @@ def equilibrium(
     tolerance = as_positive(tolerance, "tolerance")
     given = {"friction": friction_range(rub)[1], "gap": gap, "tolerance": tolerance}
     if stress is not None:
+        packing.refuse_fixed("a balance under a stress")
         tensor = as_stress(stress, packing.dimension)
         bed = normalized_bed(packing, np.zeros(3))
         start = None
@@ -196,8 +198,8 @@ def _guess_forces(bed: Bed, friction: float | FrictionTable, reach: float) -> No
         iterations=GUESS,
         friction=np.minimum(bed.friction_at(friction), MOST_FRICTION),
     )
-    inverse = bed.bodies[:-1, 6:8]
-    left = (accelerations[:-1].reshape(-1, 2, 3) ** 2).sum(axis=2) / inverse
+    inverse = bed.bodies[:-1, 6:8][bed.movable]
+    left = (accelerations[:-1][bed.movable].reshape(-1, 2, 3) ** 2).sum(axis=2) / inverse
     # without forces all grains fall with the acceleration 1
     bed.keep_forces(forces if left.sum() < (1.0 / inverse[:, 0]).sum() else np.zeros_like(forces))
 
@@ -227,10 +229,9 @@ def balance_bed(
         )
         forces = push[:, None] * row[:, NORMAL : NORMAL + 3]
     residual = np.linalg.norm(accelerations[:-1, :3], axis=1)
-    # moment of inertia over mass, and the radius of a sphere or disk of the same volume
+    # moment of inertia over mass, beside the radius of a sphere or disk of the same volume
     moment = bodies[:-1, 6] / np.where(bodies[:-1, 7] > 0.0, bodies[:-1, 7], np.inf)
-    radius = 0.5 * (bodies[:-1, 6] * bed.density) ** (-1.0 / bed.assembly.dimension)
-    torque = np.linalg.norm(accelerations[:-1, 3:], axis=1) * moment / radius
+    torque = np.linalg.norm(accelerations[:-1, 3:], axis=1) * moment / (0.5 * bed.diameter)
     rests = (residual <= tolerance) & (torque <= tolerance)
     bed.keep_forces(forces)
     return Balance(forces, residual, torque, rests, made, distance)
@@ -254,10 +255,13 @@ def _dataset(packing: Assembly, bed: Bed, found: Balance, parameters: dict[str, 
         packing, bed, found.forces, weight="weight", of_forces="weight of a grain of the median diameter",
         residual=bed.in_order(found.residual), torque=bed.in_order(found.residual_torque), rests=rests,
         carried=(carried, "weight", "sum of the downward forces of others"),
-        rattler=(rests & (carried <= parameters["tolerance"]), "whether the grain rests and carries nothing else"),
+        rattler=(
+            rests & (carried <= parameters["tolerance"]) & packing.movable,
+            "whether the grain rests and carries nothing else",
+        ),
     )  # fmt: skip
     made.attrs.update(parameters)
-    made.attrs.update(_shares(made))
+    made.attrs.update(_shares(made, packing.movable))
     made.attrs["distance"] = found.distance if math.isfinite(found.distance) else -1.0
     return made
 
@@ -278,15 +282,15 @@ def _stress_dataset(packing: Assembly, bed: Bed, found: Balanced, parameters: di
         rattler=(~bed.in_order(found.bearing), "whether the grain bears no forces"),
     )  # fmt: skip
     made["stress"] = (("axis", "axis_"), found.stress, {"units": "stress", "long_name": "mean stress tensor"})
-    shares = _shares(made)
+    shares = _shares(made, packing.movable)
     held = found.missed <= tolerance and shares["share_at_rest"] == 1.0
     made.attrs.update({**parameters, **shares, "stress_error": found.missed, "balanced": int(held)})
     return made
 
 
-def _shares(made: "Dataset") -> dict[str, float]:
-    """Return the shares of grains that rest, with and without rattlers, and of rattlers."""
-    rests, rattler = made["rests"].values, made["rattler"].values
+def _shares(made: "Dataset", movable: Booleans) -> dict[str, float]:
+    """Return the shares of grains that are not fixed: that rest, with and without rattlers, and of rattlers."""
+    rests, rattler = made["rests"].values[movable], made["rattler"].values[movable]
     others = rests[~rattler]
     return {
         "share_at_rest": float(rests.mean()) if len(rests) else 1.0,
@@ -303,7 +307,7 @@ def _named(
 
     weight, of_forces: units of residuals and of forces.  carried, rattler: numbers of the grains and what they mean.
     """
-    length, unit = float(np.median(packing.diameters)) if packing.count else 1.0, getattr(packing, "unit", "1")
+    length, unit = packing.median_diameter, getattr(packing, "unit", "1")
     row = bed.rows.row[: bed.m]
     i, partner = bed.contact_grains(wall=WALL, lid=LID)
     normal, point = row[:, NORMAL : NORMAL + 3], packing.position[i] + row[:, ARM_I : ARM_I + 3] * length

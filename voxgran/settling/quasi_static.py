@@ -38,7 +38,7 @@ def quasi_static_step(
     )
     bed.keep_forces(forces)
     bed.move(accelerations * square, most, carry=reuse > 0.0)
-    return float((np.linalg.norm(accelerations[: bed.count, :3], axis=1) > MOVING).mean())
+    return bed.mean(np.linalg.norm(accelerations[: bed.count, :3], axis=1) > MOVING)
 
 
 def frictionless_step(
@@ -58,4 +58,4 @@ def frictionless_step(
     )  # fmt: skip
     bed.keep_forces(push[:, None] * contacts.row[:, :3])
     bed.move(accelerations * square, most)
-    return float((np.linalg.norm(accelerations[: bed.count, :3], axis=1) > MOVING).mean())
+    return bed.mean(np.linalg.norm(accelerations[: bed.count, :3], axis=1) > MOVING)

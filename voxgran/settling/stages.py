@@ -155,8 +155,9 @@ class Settler(Resumable):
             )
         layers = np.ptp(self.bed.grains.position @ gravity) if assembly.count else 0.0
         self._iterations = ITERATIONS if layers <= DEEP else 2 * ITERATIONS
-        if not assembly.count:
+        if not assembly.movable.any():
             self.progress.stage, self.progress.proven, self.progress.moving = ENDED, 1, 0.0
+            self.progress.residual = np.zeros(assembly.count)
 
     @property
     def ended(self) -> bool:
@@ -208,7 +209,8 @@ class Settler(Resumable):
         steps, small = self._growth_steps(), self.small[self.bed.order]
         part = (self.progress.stage_step + 1) / steps
         self.bed.resize(small + (1.0 - small) * part)
-        self._advance(None)
+        # with friction grains that grow would be wedged between fixed ones, or these and walls, and overlap
+        self._advance(None, self._fall if self.bed.fixed is None else self._fall._replace(friction=0.0))
         if self.progress.stage_step + 1 >= steps:
             self.progress.stage = FALL
 
@@ -252,7 +254,7 @@ class Settler(Resumable):
     def _is_slow(self) -> bool:
         """Return whether the grains have little kinetic energy, and few of them move fast."""
         speed = np.linalg.norm(self.bed.bodies[: self.bed.count, :3], axis=1)
-        return self.bed.kinetic_energy < ENERGY and float((speed > FAST).mean()) < FEW
+        return self.bed.kinetic_energy < ENERGY and self.bed.mean(speed > FAST) < FEW
 
     def _fall_steps(self) -> int:
         """Return the largest number of steps of a fall."""
@@ -281,9 +283,9 @@ class Settler(Resumable):
         if progress.stage_step + 1 >= steps:
             progress.stage, progress.heights = AGAIN, np.zeros(0)
 
-    def _advance(self, pull: Floats | None) -> None:
-        """Advance the bed by a step with inertia."""
-        fall_step(self.bed, self._fall, self.progress.substep, pull)
+    def _advance(self, pull: Floats | None, how: Fall | None = None) -> None:
+        """Advance the bed by a step with inertia, as in the fall where nothing else is given."""
+        fall_step(self.bed, how or self._fall, self.progress.substep, pull)
         self.progress.substep = self._fall.step / self._fall.substeps
 
     def _rest(self) -> None:
@@ -411,7 +413,7 @@ class Settler(Resumable):
         bed, progress = self.bed, self.progress
         found = balance_bed(bed, self.friction, reach=TOUCHING, tolerance=RESIDUAL, iterations=iterations)
         progress.residual = np.maximum(found.residual, found.residual_torque)
-        progress.moving = 1.0 - float(found.rests.mean())
+        progress.moving = bed.mean(~found.rests)
         smallest = float(bed.gap.min(initial=TOUCHING))
         progress.smallest = 0.0 if -ROUND_OFF < smallest < 0.0 else smallest
         if bed.finders.crossing(bed.pairs, bed.grains):

@@ -11,7 +11,7 @@ from voxgran._base.arrays import Floats
 from voxgran._base.errors import InputError, UnknownNameError, shown
 from voxgran._base.names import unknown
 from voxgran._base.scalars import unwrapped
-from voxgran.packing.pack import STOPPED
+from voxgran.packing.missed import STOPPED
 from voxgran.report.significance import EQUAL, all_equal
 from voxgran.study.axes import Label
 from voxgran.study.cells import LISTED

@@ -21,13 +21,13 @@ def with_absolute_files(scene: Mapping[str, Any], folder: str | Path) -> dict[st
 
 def with_files(scene: Mapping[str, Any], made: Callable[[str], str]) -> dict[str, Any]:
     """Return the mapping of a scene with a function applied to the files that it names: those of shapes, those that
-    shapes are like, that of the container, of the sieve curve, of the list of grains and of the packing to start from.
+    shapes are like, of obstacles, that of the container, of the sieve curve, of the list of grains and of the start.
     """
     found = dict(scene)
-    if isinstance(found.get("shape"), list):
-        found["shape"] = [
-            _with(entry, made, "file", "like") if isinstance(entry, Mapping) else entry for entry in found["shape"]
-        ]
+    for name in ("shape", "obstacle"):
+        if isinstance(found.get(name), list):
+            keys = ("file", "like", "packing")
+            found[name] = [_with(entry, made, *keys) if isinstance(entry, Mapping) else entry for entry in found[name]]
     for section, key in (("container", "file"), ("sizes", "file"), ("grains", "file"), ("packing", "start")):
         if isinstance(found.get(section), Mapping):
             found[section] = _with(found[section], made, key)

@@ -1,6 +1,7 @@
 """What every packing method must keep, as a class of tests to derive from."""
 
 from collections.abc import Mapping
+from dataclasses import replace
 from multiprocessing import get_context
 from pathlib import Path
 from typing import Any, ClassVar
@@ -17,8 +18,9 @@ from voxgran.containers.model import Container
 from voxgran.packing.draw import Request
 from voxgran.packing.driver import Drive, drive
 from voxgran.packing.method import RunState, method_registry
+from voxgran.packing.missed import Task
 from voxgran.packing.model import Packing
-from voxgran.packing.pack import Task, pack, prepare_task
+from voxgran.packing.pack import pack, prepare_task
 from voxgran.shapes.family import make_shape
 from voxgran.shapes.model import Shape
 from voxgran.shapes.sizes import lognormal
@@ -170,6 +172,22 @@ class PackingMethodSuite:
         assert packing.shape_id.tolist() == shape[row].tolist()
         assert packing.diameters == pytest.approx(diameter[row], rel=1e-12)
         assert verify(packing).ok
+
+    def test_obstacles_stay_where_they_are(self) -> None:
+        """No grain overlaps a fixed one, and this stays in its place; methods that move all grains refuse it."""
+        container, kind = self.container(), "sphere" if self.container().dimension == 3 else "disk"
+        middle = container.bounds.mean(axis=0)
+        ball = Packing.of(make_shape(kind, diameter=1.5), container, position=[middle])
+        asked = {"count": 3, "seed": 1, "obstacles": ball, **self.parameters}
+        if method_registry().get(self.method).obstacles == "refused":
+            with pytest.raises(InputError, match="packs around obstacles, one of"):
+                pack(self.shapes(), container, self.method, **asked)
+            return
+        packing = pack(self.shapes(), container, self.method, **asked)
+        assert packing.fixed is not None
+        assert packing.fixed.tolist() == [True, False, False, False]
+        assert packing.position[0] == pytest.approx(middle, abs=1e-12)
+        assert verify(replace(packing, fixed=None)).ok
 
     def test_periodic_grains_wrap(self) -> None:
         """Nothing is lost at a periodic face: moved by half of each periodic length, the packing is still valid."""

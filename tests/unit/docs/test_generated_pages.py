@@ -93,6 +93,7 @@ def test_every_key_of_the_table_is_taken_by_a_scene(tmp_path):
         },
         keys.ShapeOfFile: {"file": "box.stl", "repair": True, "surface": False, "unit": "mm"},
         keys.ShapeOfFamily: {"family": "solid_union", "seed": 1, "count": 2},
+        keys.Standing: {"position": [4, 4, 2], "orientation": [1, 0, 0, 0], "scale": 1.0, "packing": "start.vtp"},
         keys.Packed: {"method": "digital", "count": 2, "solid_fraction": 0.1, "start": "start.vtp"},
         keys.Shares: {"kind": "fixed", "share_by": "volume"},
         keys.Listed: {"file": "list.csv"},
@@ -105,6 +106,8 @@ def test_every_key_of_the_table_is_taken_by_a_scene(tmp_path):
     }
     assert all(tuple(entry) == keys.names_of(cls) for cls, entry in values.items())
     assert tuple(clump) == keys.names_of(keys.ClumpOfShape)
+    standing = dict(values[keys.Standing])
+    path = standing.pop("packing")
     common = {"share": 1.0, "clump": clump, "density": 2500.0}
     scene = {
         "shape": [values[keys.ShapeOfFile] | common, values[keys.ShapeOfFamily] | values[keys.AnyShape]],
@@ -112,6 +115,7 @@ def test_every_key_of_the_table_is_taken_by_a_scene(tmp_path):
         "orientations": values[keys.Oriented],
         "grains": values[keys.Listed],
         "container": {"kind": "box", "lengths": [9, 9, 9]} | values[keys.OfContainer],
+        "obstacle": [{"family": "sphere"} | standing, {"packing": path}],
         "packing": values[keys.Packed],
         "material": [values[keys.NamedMaterial]],
         "settle": values[keys.Settled],

@@ -12,9 +12,9 @@ from kit import slow
 import voxgran as vg
 from voxgran._base.errors import InputError, Interrupted, PackingWarning, UnknownNameError
 from voxgran._base.stopping import Stopped
+from voxgran.containers.gravity import as_down
 from voxgran.packing import driver as run
 from voxgran.packing.driver import Drive, drive
-from voxgran.packing.gravity import as_down
 from voxgran.packing.settle import begun
 from voxgran.settling.parameters import Settling
 from voxgran.testing.packing_methods import bits_of, contents_of

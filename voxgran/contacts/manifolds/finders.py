@@ -123,11 +123,12 @@ class ContactFinders:
 
     def find(
         self, grains: Grains, pairs: PairList, rows: ContactRows, *, at_walls: tuple[Integers, Integers],
-        lid_level: float, margin: float, rest: float, reuse: float = 0.0,
+        lid_level: float, margin: float, rest: float, reuse: float = 0.0, fixed: Booleans | None = None,
     ) -> int:  # fmt: skip
         """Write all contacts nearer than a margin, and return their number, or -1 where they are more than the rows.
 
-        reuse: motion of a pair up to which exact contacts of meshes are those of before.
+        reuse: motion of a pair up to which exact contacts of meshes are those of before.  fixed: (n,) grains whose
+        contacts with walls are left out.
         """
         m, search = 0, Search(grains, pairs, margin, rest, reuse)
         if SPHERE in self._kinds:
@@ -142,5 +143,7 @@ class ContactFinders:
             m = find_outline_contacts(search, self._outlines, rows, m)
         if m < 0:
             return m
+        if fixed is not None:
+            search = search._replace(grains=grains._replace(radius=np.where(fixed, -1.0, grains.radius)))
         lid = Lid(self._normal, lid_level if math.isfinite(lid_level) else math.inf)
         return int(find_wall_contacts(search, self._walls, lid, self._wall_bodies, at_walls, rows, m))

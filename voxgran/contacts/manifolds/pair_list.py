@@ -5,7 +5,7 @@ Verlet 1967, doi:10.1103/PhysRev.159.98.
 
 import numpy as np
 
-from voxgran._base.arrays import Floats, Integers
+from voxgran._base.arrays import Booleans, Floats, Integers
 from voxgran._base.kernels import kernel
 from voxgran.contacts.manifolds.rows import Grains, PairList
 from voxgran.containers.model import Container
@@ -20,15 +20,20 @@ def no_pairs() -> PairList:
     return _blank(np.zeros(0, dtype=np.int64), np.zeros(0, dtype=np.int64), np.zeros((0, 3)))
 
 
-def renewed(pairs: PairList, grains: Grains, container: Container, skin: float) -> PairList:
+def renewed(
+    pairs: PairList, grains: Grains, container: Container, skin: float, fixed: Booleans | None = None
+) -> PairList:
     """Return the pairs of grains whose bounding spheres are nearer than `skin`, with what is known of those in a list.
 
-    The ways of the grains are set to 0.
+    Pairs of which both are fixed, (n,), are left out. The ways of the grains are set to 0.
     """
     lower, upper = container.bounds
     i, j, image = near_pairs(
         grains.position, grains.radius, skin, lower=lower, lengths=upper - lower, periodic=container.periodic
     )
+    if fixed is not None:
+        kept = ~(fixed[i] & fixed[j])
+        i, j, image = i[kept], j[kept], image[kept]
     shift = np.asarray(image * np.where(container.periodic, upper - lower, 0.0), dtype=np.float64)
     made = _blank(i, j, shift)
     _hand_on(pairs, made, grains.way)

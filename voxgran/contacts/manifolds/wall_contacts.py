@@ -37,7 +37,7 @@ def find_wall_contacts(
     Parameters
     ----------
     search : Search
-        The n grains, not wrapped along periodic axes, which have no walls.
+        The n grains, not wrapped along periodic axes, which have no walls; those of a radius below 0 touch none.
     walls : KernelContainer
         Container, in the coordinates of the grains.
     lid : Lid
@@ -70,7 +70,9 @@ def _find_in_closed_form(search, walls, lid, bodies, at_walls, rows, m):  # type
     n, nowhere, (first, count) = len(grains.position), (np.inf, np.inf, np.inf), at_walls
     here, many = np.empty(n, dtype=np.int64), np.empty(n, dtype=np.int64)
     for g in range(n):
-        here[g] = m
+        here[g], many[g] = m, 0
+        if grains.radius[g] < 0.0:
+            continue
         x, y, z = grains.position[g, 0], grains.position[g, 1], grains.position[g, 2]
         near = reach + grains.radius[g]
         around = len(walls.round)
@@ -101,7 +103,9 @@ def _find_in_mesh(search, walls, lid, bodies, at_walls, rows, m):  # type: ignor
     n, nowhere, (first, count) = len(grains.position), (np.inf, np.inf, np.inf), at_walls
     here, many = np.empty(n, dtype=np.int64), np.empty(n, dtype=np.int64)
     for g in range(n):
-        here[g] = m
+        here[g], many[g] = m, 0
+        if grains.radius[g] < 0.0:
+            continue
         x, y, z = grains.position[g, 0], grains.position[g, 1], grains.position[g, 2]
         for side in range(2):
             if side == 0:

@@ -7,14 +7,14 @@ Formats and commands: docs.lammps.org, pages `read_data`, `pair_granular`, `fix_
 """
 
 import math
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 from pathlib import Path
 
 import numpy as np
 
 from voxgran._base.arrays import Floats, Integers
 from voxgran._base.errors import FileFormatError, InputError
-from voxgran.decks.contact_law import CHOSEN_OVERLAP, SHEAR_RATIO, ContactLaw
+from voxgran.decks.bodies import Kind
 from voxgran.decks.engine import Engine, Held
 from voxgran.decks.lammps_bonds import BondTexts, bond_commands, bond_texts
 from voxgran.decks.lammps_states import (
@@ -30,9 +30,9 @@ from voxgran.decks.lammps_states import (
     TITLE,
     lammps_states,
 )
+from voxgran.decks.lammps_walls import law_text, wall_commands
 from voxgran.decks.simulation import OUTPUT, SETTLING, Simulation
 from voxgran.decks.text import row_of, text_of
-from voxgran.geometry.walls import Round
 from voxgran.shapes.formats.sphere_files import PLACES, text_of_spheres
 
 #: types of atoms of the first material: spheres that are grains, and spheres of clumps; the next one has 3 and 4
@@ -46,8 +46,6 @@ MARGIN = 2.0
 DEEPEST, UNLOADING, DRAG_TIME, STABLE_DRAG = 5e-3, 1.0, 0.01, 0.2
 #: relative difference of a stress up to which it is met, and the time in which the cell follows, in sqrt(m / (s d))
 STRESS_MET, FOLLOWS = 0.02, 0.2
-#: most planes of a convex container
-MOST_PLANES = 200
 #: commands that read the data file where clumps are rigid
 _LOADED = [
     "fix grain all property/atom mol ghost yes",
@@ -74,7 +72,7 @@ def _write(simulation: Simulation) -> Mapping[str, str]:
                 f"clump {template.name!r} has 1 sphere: rigid bodies of LAMMPS have at least 2; give clump=2"
             )
     files = {SCRIPT: _script(simulation), DATA: _data(simulation)}
-    if len(bodies.of_kind("clump")) and simulation.bonds is None:
+    if len(_moving(simulation, "clump")) and simulation.bonds is None:
         files[BODIES] = _bodies(simulation)
     bonds = _bond_texts(simulation)
     if bonds is not None:
@@ -132,7 +130,7 @@ def _bond_texts(simulation: Simulation) -> BondTexts | None:
 def _bodies(simulation: Simulation) -> str:
     """Return the file of rigid bodies: true mass, centroid and inertia tensor of each clump."""
     bodies = simulation.bodies
-    mine = bodies.of_kind("clump")
+    mine = _moving(simulation, "clump")
     places, images = simulation.walls.wrapped(bodies.assembly.position[mine])
     tensors = np.stack([bodies.inertia[mine][:, i, j] for i, j in PLACES], axis=1)
     lines = ["# molecule, mass, centroid, inertia xx yy zz xy xz yz, velocity, angular momentum, image flags"]
@@ -144,148 +142,20 @@ def _bodies(simulation: Simulation) -> str:
     return text_of(lines)
 
 
-def _law(simulation: Simulation, law: ContactLaw) -> str:
-    """Return a contact law as arguments of the granular pair style and walls."""
-    young, ratio = law.young_modulus, law.poisson_ratio
-    # two median grains, slightly pressed
-    mass, diameter = float(np.median(simulation.bodies.mass)) / 2, simulation.diameter
-    stiffness = young / (1 - ratio**2) * math.sqrt(diameter / 4 * CHOSEN_OVERLAP * diameter)
-    rolling = ""
-    if law.rolling_friction:
-        spring = law.shear_stiffness or SHEAR_RATIO * stiffness
-        dashpot = 2 * law.damping_ratio * math.sqrt(spring * mass)
-        rolling = f" rolling sds {spring!r} {dashpot!r} {law.rolling_friction!r}"
-    if law.name == "linear":
-        return (
-            f"hooke {law.stiffness!r} {law.restitution!r} tangential linear_history {law.shear_stiffness!r} 1.0 "
-            f"{law.friction!r}{rolling} damping coeff_restitution"
-        )
-    shear = f"tangential mindlin NULL 1.0 {law.friction!r}{rolling} damping"
-    if law.cohesion:
-        # with surface energy LAMMPS takes no restitution: damping that has it for those grains
-        rate = 2 * law.damping_ratio * math.sqrt(stiffness / mass)
-        return f"dmt {young!r} {rate!r} {ratio!r} {law.cohesion!r} {shear} mass_velocity"
-    return f"hertz/material {young!r} {law.restitution!r} {ratio!r} {shear} coeff_restitution"
-
-
-def _of_walls(simulation: Simulation, wall: str, name: str) -> Iterator[tuple[str, str, str]]:
-    """Yield name, group and contact law of the commands of a wall, one for each material of grains."""
-    laws, other = simulation.laws, simulation.laws.of_walls[wall]
-    if laws.count == 1:
-        yield name, "all", _law(simulation, laws.laws[0][other])
-        return
-    for k in sorted(set(laws.of_shapes)):
-        yield f"{name}_{k + 1}", f"material_{k + 1}", _law(simulation, laws.laws[k][other])
-
-
-def _walls(simulation: Simulation) -> list[str]:
-    """Return the commands of all walls.
-
-    Raises
-    ------
-    InputError
-        If the container is a mesh that is not convex, or has too many planes.
-    """
-    walls = simulation.walls
-    lines = []
-    for plane in walls.planes:
-        low, high = (plane.level, "NULL") if plane.inward > 0 else ("NULL", plane.level)
-        at = f"{'xyz'[plane.axis]}plane {low} {high}"
-        found = _of_walls(simulation, plane.name, plane.name)
-        lines += [f"fix {name} {of} wall/gran granular {law} {at}" for name, of, law in found]
-    if walls.round is not None:
-        x, y, z = walls.round.center
-        radius = repr(walls.round.radius)
-        if walls.round.kind == "sphere":
-            lines.append(f"region round sphere {x!r} {y!r} {z!r} {radius} side in")
-        else:
-            bottom, top = (repr(float(level)) for level in walls.bounds[:, 2])
-            lines.append(f"region round cylinder z {x!r} {y!r} {radius} {bottom} {top} side in open 1 open 2")
-        lines += _region_walls(simulation, "round")
-    regions = [_region(number, wall, walls.bounds) for number, wall in enumerate(walls.others)]
-    if regions and all(regions):
-        lines += [f"region {text}" for text in regions]
-        for text in regions:
-            lines += _region_walls(simulation, text.split()[0], "mesh")
-        return lines
-    if walls.mesh is not None:
-        if not walls.convex:
-            raise InputError(
-                "container is a closed mesh that is not convex: LAMMPS has walls of convex ones; use engine 'liggghts'"
-            )
-        lines += _planes(*walls.mesh)
-        lines += _region_walls(simulation, "mesh")
-    return lines
-
-
-def _region_walls(simulation: Simulation, region: str, wall: str | None = None) -> list[str]:
-    """Return the commands of the wall around a region, which has the name of the wall unless that is given."""
-    found = _of_walls(simulation, wall or region, region)
-    return [f"fix {name} {of} wall/gran/region granular {law} region {region}" for name, of, law in found]
-
-
 def _contacts(simulation: Simulation) -> list[str]:
-    """Return the commands of the contact laws, and of the groups of grains."""
+    """Return the commands of the contact laws, and of the groups of grains of each material."""
     laws = simulation.laws
     every = ["*"] if laws.count == 1 else [f"{2 * k + SPHERE}*{2 * k + CLUMP}" for k in range(laws.count)]
-    lines = [f"pair_coeff {every[a]} {every[b]} {_law(simulation, law)}" for a, b, law in laws.pairs()]
-    for name, first in (("spheres", SPHERE), ("clumps", CLUMP)):
-        lines.append(f"group {name} type {' '.join(str(first + 2 * k) for k in range(laws.count))}")
+    lines = [f"pair_coeff {every[a]} {every[b]} {law_text(simulation, law)}" for a, b, law in laws.pairs()]
     if laws.count > 1:
         lines += [f"group material_{k + 1} type {2 * k + SPHERE} {2 * k + CLUMP}" for k in range(laws.count)]
     return lines
 
 
-def _region(number: int, wall: Round, bounds: Floats) -> str:
-    """Return the region within a wall in closed form; empty where its axis is not that of a coordinate."""
-    name, center, across = f"wall{number}", np.array(wall.center), np.flatnonzero(wall.axis)
-    if wall.kind == "plane":
-        return f"{name} plane {row_of(center)} {row_of(-np.array(wall.axis))} side in"
-    if wall.kind == "sphere":
-        return f"{name} sphere {row_of(center)} {wall.radius!r} side in"
-    if len(across) > 1:
-        return ""
-    axis = int(across[0])
-    around, sine = center[np.delete(np.arange(3), axis)], wall.sine * wall.axis[axis]
-    low, high = bounds[:, axis]
-    if sine:
-        # not beyond the apex
-        apex = center[axis] + wall.radius / sine
-        low, high = (low, min(high, apex)) if sine > 0 else (max(low, apex), high)
-    radii = [max(float((wall.radius - sine * (end - center[axis])) / wall.cosine), 0.0) for end in (low, high)]
-    kind, sizes = ("cone", radii) if sine else ("cylinder", [wall.radius])
-    return f"{name} {kind} {'xyz'[axis]} {row_of(around)} {row_of([*sizes, low, high])} side in open 1 open 2"
-
-
-def _planes(vertices: Floats, faces: Integers) -> list[str]:
-    """Return the region within a convex mesh: one plane for each of its flat faces.
-
-    Raises
-    ------
-    InputError
-        If there are too many planes.
-    """
-    corners = vertices[faces]
-    normal = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
-    normal /= np.linalg.norm(normal, axis=1, keepdims=True)
-    _, first = np.unique(np.round(normal, 6), axis=0, return_index=True)
-    if len(first) > MOST_PLANES:
-        raise InputError(
-            f"container is a closed mesh of {len(first)} planes: LAMMPS takes {MOST_PLANES} here; use engine 'liggghts'"
-        )
-    lines = []
-    for number, face in enumerate(first.tolist()):
-        point, inward = (" ".join(map(repr, vector.tolist())) for vector in (corners[face, 0], -normal[face]))
-        lines.append(f"region plane{number} plane {point} {inward} side in")
-    names = " ".join(f"plane{number}" for number in range(len(first)))
-    # fewer than two regions do not intersect, but no solid has fewer than four planes
-    return [*lines, f"region mesh intersect {len(first)} {names} side in"]
-
-
 def _script(simulation: Simulation) -> str:
     """Return the script: until the bed rests, with dumps and restart files."""
     walls, bodies = simulation.walls, simulation.bodies
-    spheres, clumps = len(bodies.of_kind("sphere")), len(bodies.of_kind("clump"))
+    spheres, clumps = len(_moving(simulation, "sphere")), len(_moving(simulation, "clump"))
     boundary = " ".join("p" if periodic else "f" for periodic in walls.periodic)
     reach = 2 * float(bodies.assembly.bounding_radii.max())
     rigid = simulation.bonds is None
@@ -301,9 +171,10 @@ def _script(simulation: Simulation) -> str:
         "neigh_modify delay 0",
         "pair_style granular",
         *_contacts(simulation),
+        *_groups(simulation),
         *(_motion(simulation, spheres, clumps) if rigid else _bonded_motion(simulation)),
         "# walls",
-        *_walls(simulation),
+        *wall_commands(simulation),
         *_servo(simulation),
         *_energy(spheres, clumps if rigid else 0, "spheres" if rigid else "all"),
         f"timestep {simulation.time_step!r}",
@@ -312,6 +183,31 @@ def _script(simulation: Simulation) -> str:
         *_until_rest(simulation),
     ]
     return text_of([*simulation.comments(TITLE), *lines])
+
+
+def _moving(simulation: Simulation, kind: Kind) -> Integers:
+    """Return the grains of a kind that are not fixed."""
+    bodies = simulation.bodies
+    return np.intersect1d(bodies.of_kind(kind), np.flatnonzero(bodies.assembly.movable))
+
+
+def _groups(simulation: Simulation) -> list[str]:
+    """Return the commands of the groups of spheres and of clumps that move, and what holds fixed grains."""
+    grains, many = simulation.bodies.assembly, range(simulation.laws.count)
+    sphere, clump = (" ".join(str(first + 2 * k) for k in many) for first in (SPHERE, CLUMP))
+    if grains.fixed is None:
+        return [f"group spheres type {sphere}", f"group clumps type {clump}"]
+    ends = np.flatnonzero(np.diff(np.concatenate([[0], grains.fixed, [0]]))).reshape(-1, 2)
+    return [
+        # grains are molecules, numbered from 1 on
+        *(f"group fixed molecule {first + 1}:{last}" for first, last in ends.tolist()),
+        f"group every_sphere type {sphere}",
+        f"group every_clump type {clump}",
+        "group spheres subtract every_sphere fixed",
+        "group clumps subtract every_clump fixed",
+        "neigh_modify exclude group fixed fixed",
+        "fix hold fixed freeze",
+    ]
 
 
 def _motion(simulation: Simulation, spheres: int, clumps: int) -> list[str]:
@@ -486,6 +382,7 @@ registration = Engine(
     kinds=("sphere", "clump"),
     cohesion=True,
     bonds=True,
+    fixed=True,
     servo=True,
     materials=True,
     rolling=("linear", "hertz"),

@@ -16,6 +16,7 @@ from voxgran.measures.slices import as_window
 from voxgran.measures.wetted import specific_surfaces
 from voxgran.measures.window import Estimate, Solids
 from voxgran.packing.model import Packing, check_packing
+from voxgran.packing.start import around_fixed, free_volume
 
 if TYPE_CHECKING:
     from xarray import DataTree
@@ -84,6 +85,7 @@ def window_solid_fraction(packing: Packing, lower: "ArrayLike", upper: "ArrayLik
 
 def _bulk(packing: Packing, regions: Regions | None = None) -> tuple[Estimate, int, float]:
     """Return solid fraction, number of grains and volume of the bulk."""
+    packing = around_fixed(packing)
     if not packing.count:
         return Estimate(math.nan, math.nan), 0, math.nan
     regions = regions or Regions(packing)
@@ -106,6 +108,7 @@ def bed_fraction(packing: Packing, regions: Regions | None = None) -> Estimate |
 
     It is found once and kept.  regions: of the packing, made where left out.
     """
+    packing = around_fixed(packing)
     if not packing.count or packing.gravity is None:
         return None
     if "bed_fraction" not in packing._found:
@@ -167,7 +170,7 @@ def _compute(packing: Packing) -> Groups:
     kind = "volume" if d == 3 else "area"
     diameters = packing.diameters if packing.count else np.array([math.nan])
     values = {
-        "container_volume": variable((), packing.container.volume, size, f"{kind} of the container"),
+        "container_volume": variable((), free_volume(packing), size, f"{kind} of the container"),
         "grain_volume": variable((), packing.volumes.sum(), size, f"{kind} of all grains together"),
         **specific_surfaces(packing),
         "mean_diameter": variable((), diameters.mean(), unit, "mean equivalent diameter of the grains"),

@@ -64,8 +64,9 @@ def local_density(packing: Packing, *, points: int | None = None) -> LocalDensit
     Raises
     ------
     InputError
-        If `points` is less than 12.
+        If `points` is less than 12, or grains are fixed.
     """
+    packing.refuse_fixed("the local solid fraction")
     wanted = POINTS if points is None else as_count(points, "points", at_least=FEWEST)
     if points is None and packing.count:
         wanted = int(np.clip(ALL_POINTS // packing.count, FEWEST, POINTS))
@@ -160,4 +161,6 @@ registration = Measure(
     groups=("/", "/grains", "/local_density"),
     compute=_compute,
     usual=False,
+    applies=lambda packing: packing.fixed is None,
+    sees_fixed=True,
 )

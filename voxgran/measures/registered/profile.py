@@ -14,8 +14,9 @@ from voxgran.measures.model import Groups, Measure, dataset, length_unit, variab
 from voxgran.measures.region import Regions, SampledRegion
 from voxgran.measures.registered.coordination import mean_diameter
 from voxgran.measures.slices import cut_mesh
-from voxgran.measures.window import Solids
+from voxgran.measures.window import Estimate, Solids
 from voxgran.packing.model import Packing
+from voxgran.packing.start import around_fixed, standing_in
 
 #: width of the bins along an axis, in mean diameters, and largest number of bins
 BIN, MOST_BINS = 0.25, 100
@@ -55,9 +56,9 @@ def axis_profile(packing: Packing, axis: str = "z", *, bins: int | None = None) 
         width = BIN * mean_diameter(packing)
         bins = int(np.clip(np.ceil((high - low) / width), 1, MOST_BINS)) if width > 0 else 1
     edges = np.linspace(low, high, as_count(bins, "bins", at_least=1) + 1)
-    solids = Solids(packing)
-    parts = [solids.volume(*_slab(packing.dimension, k, edges[b : b + 2])) for b in range(len(edges) - 1)]
-    room = _rooms(container, k, edges)
+    packing, standing = around_fixed(packing), standing_in(packing)
+    parts = _parts(packing, k, edges)
+    room = _rooms(container, k, edges) - (0.0 if standing is None else np.array(_parts(standing, k, edges)))
     found = _profile(edges, np.array(parts), np.array([part.error for part in parts]), room)
     if not few or not packing.count:
         return found
@@ -113,6 +114,12 @@ def wall_profile(packing: Packing, *, step: float | None = None) -> Profile:
     errors: Floats = np.array([part.error for part in solid])
     each, doubt = -np.diff(np.array(solid)), np.hypot(errors[1:], errors[:-1])
     return bare(_profile(edges[:kept], each, doubt, -np.diff(room[:kept])))
+
+
+def _parts(packing: Packing, axis: int, edges: Floats) -> list[Estimate]:
+    """Return the volume of the grains in each slice across an axis."""
+    solids = Solids(packing)
+    return [solids.volume(*_slab(packing.dimension, axis, edges[b : b + 2])) for b in range(len(edges) - 1)]
 
 
 def _profile(edges: Floats, solid: Floats, error: Floats, room: Floats) -> Profile:

@@ -20,6 +20,7 @@ from voxgran.measures.pores import pores_of
 from voxgran.measures.registered.density import bed_fraction
 from voxgran.measures.wetted import specific_surfaces
 from voxgran.packing.model import Packing
+from voxgran.packing.start import around_fixed
 
 #: voxels in a mean diameter, in 3D and 2D, and most voxels
 RESOLUTION = {3: 20.0, 2: 50.0}
@@ -142,7 +143,7 @@ def _compute(packing: Packing) -> Groups:
     whole["pore_voxel_size"] = variable((), fine.voxel_size, unit, "edge of the voxels of the pore space")
     text = "edge of the voxels of the pore sizes"
     whole["pore_size_voxel_size"] = variable((), fine.size_voxel, unit, text)
-    whole |= specific_surfaces(packing)
+    whole |= specific_surfaces(around_fixed(packing))
     return {"/": dataset(whole), "/voids": _distributions(fine, packing, unit)}
 
 
@@ -197,4 +198,5 @@ registration = Measure(
     compute=_compute,
     applies=lambda packing: not any(packing.shapes[k].is_open for k in np.unique(packing.shape_id)),
     usual=False,
+    sees_fixed=True,
 )

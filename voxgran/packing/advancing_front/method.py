@@ -24,6 +24,7 @@ from voxgran._base.config import check_bounds, parameter, parameter_class
 from voxgran._base.errors import InputError, TooLargeError
 from voxgran._base.seeds import philox_key, stream
 from voxgran._base.stopping import stop_if_asked
+from voxgran.containers.gravity import as_down
 from voxgran.containers.kernel_container import KernelContainer
 from voxgran.containers.model import boundary_of
 from voxgran.geometry.level_grid import LevelGrid
@@ -31,7 +32,6 @@ from voxgran.packing.advancing_front.container import front_container
 from voxgran.packing.advancing_front.front import LAST, LOWEST, MISSING, NEAREST, RANDOM, Front, FrontRules, Spheres
 from voxgran.packing.advancing_front.pockets import FOUND_SHORT, FRONT_SHORT, NEAR_SHORT, Scratch, advance_front
 from voxgran.packing.advancing_front.sphere_cells import BITS, lay_cells, link_all
-from voxgran.packing.gravity import as_down
 from voxgran.packing.method import Cost, PackingMethod, State
 from voxgran.packing.model import Packing
 from voxgran.packing.problem import Problem, random_turns, spheres_of_start
@@ -99,12 +99,17 @@ def prepare(problem: Problem) -> State:
     Raises
     ------
     InputError
-        If a grain of the start overlaps another or reaches through a wall.
+        If a grain of the start overlaps another or reaches through a wall, or an obstacle is no sphere.
     TooLargeError
         If there are 2**26 grains or more.
     """
     if problem.count >= MOST:
         raise TooLargeError(f"count is {problem.count}: the front takes fewer than {MOST} grains; pack in parts")
+    if any(not problem.shapes[k].is_sphere for k in problem.shape_id[: problem.fixed]):
+        raise InputError(
+            "obstacles are not all spheres: method 'advancing_front' packs spheres around spheres; give method 'rsa', "
+            "'gravity' or 'digital'"
+        )
     n = problem.started
     order = stream(problem.seed, "order").permutation(np.arange(n, problem.count, dtype=np.int64))
     arrays = {
@@ -287,4 +292,5 @@ registration = PackingMethod(
     finish=finish,
     cost=cost,
     dimensions=(2, 3),
+    obstacles="placed",
 )

@@ -10,9 +10,10 @@ from voxgran._base.errors import PackingWarning
 from voxgran._base.progress import OnStep, Step, reported
 from voxgran._base.seeds import stream
 from voxgran._base.warning import warn
+from voxgran.containers.gravity import gravity_vector
 from voxgran.packing.beds.filling import AT_SURFACE, AT_WALLS, mean_diameter, usual_solid_fraction
+from voxgran.packing.beds.reachable import reachable
 from voxgran.packing.beds.seeds import container_levels, points_inside
-from voxgran.packing.gravity import gravity_vector
 from voxgran.packing.problem import Problem
 from voxgran.settling.parameters import Settling
 
@@ -62,6 +63,7 @@ def expected_bed(problem: Problem, gravity: Floats | None = None) -> ExpectedBed
     """Return the bed that is expected, under a gravity (3,) that the parameters do not tell; None where grains form
     none, since there is no gravity, or none settle.
     """
+    problem = reachable(problem)
     settings = problem.parameters
     settling = settings if isinstance(settings, Settling) else problem.settling
     if settling is None or not problem.count or any(shape.is_open for shape in problem.shapes):

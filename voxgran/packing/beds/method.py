@@ -21,9 +21,10 @@ from voxgran._base.errors import InputError, PackingWarning
 from voxgran._base.seeds import stream
 from voxgran._base.warning import warn
 from voxgran.contacts.assembly import Assembly
+from voxgran.containers.gravity import gravity_text, gravity_vector
 from voxgran.packing.beds.filling import highest_surface, in_column, usual_solid_fraction, volume_at_rest
+from voxgran.packing.beds.reachable import reachable
 from voxgran.packing.beds.seeds import LOOSE, RADIUS, column_top, container_levels, random_seeds
-from voxgran.packing.gravity import gravity_text, gravity_vector
 from voxgran.packing.method import Cost, PackingMethod
 from voxgran.packing.model import Packing
 from voxgran.packing.problem import Problem, spheres_of_start
@@ -98,15 +99,16 @@ def prepare(problem: Problem) -> SettleState:
         If gravity points along a periodic axis, a shape is an open surface, seeds find no place, or a grain of the
         start overlaps another or reaches beyond a wall.
     """
-    assembly, small, gravity = _start(problem)
+    assembly, small, gravity = _start(reachable(problem))
+    assembly, small = _beside_fixed(problem, assembly, small)
     how = settling_of(problem.parameters)
     lidded = with_lid(assembly, how, gravity)
     settler = begin_settling(
-        how if assembly.count else replace(how, solid_fraction=None),
+        how if assembly.movable.any() else replace(how, solid_fraction=None),
         lambda tried: Settler(lidded, tried, gravity, seed=problem.seed, small=small),
         lambda settler: _packing(problem, settler, ""),
     )
-    reason = "" if assembly.count else "count"
+    reason = "" if assembly.movable.any() else "count"
     return SettleState(settler, total=settler.most_steps * assembly.count, stop_reason=reason)
 
 
@@ -146,6 +148,23 @@ def _start(problem: Problem) -> tuple[Assembly, Floats, Floats]:
     assembly = Assembly.of(problem.shapes, container, orientation=turns, density=problem.density, **arrays)
     small = np.minimum(1.0, APART * radii / np.maximum(assembly.bounding_radii[m:], 1e-300))
     return assembly, np.concatenate([np.ones(m), small]), gravity
+
+
+def _beside_fixed(problem: Problem, grains: Assembly, small: Floats) -> tuple[Assembly, Floats]:
+    """Return the fixed grains of a problem at full size before others, and the factors on the sizes."""
+    start, k, n = problem.start, problem.fixed, problem.fixed + grains.count
+    if start is None or not k:
+        return grains, small
+    both = Assembly.of(
+        problem.shapes,
+        problem.container,
+        position=np.concatenate([start.position[:k], grains.position]),
+        scale=problem.diameter[:n],
+        shape_id=problem.shape_id[:n],
+        orientation=np.concatenate([start.orientation[:k], grains.orientation]),
+        density=problem.density,
+    )
+    return replace(both, fixed=np.arange(n) < k), np.concatenate([np.ones(k), small])
 
 
 def _most_volume(problem: Problem, up: Floats) -> float:
@@ -241,4 +260,5 @@ registration = PackingMethod(
     any_walls=True,
     dimensions=(2, 3),
     no_room=NO_ROOM,
+    obstacles="placed",
 )

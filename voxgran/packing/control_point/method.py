@@ -33,6 +33,7 @@ from functools import partial
 import numpy as np
 
 from voxgran._base.arrays import Floats
+from voxgran.containers.gravity import gravity_vector, main_axis, upward
 from voxgran.packing.control_point.attempts import enter_raised, make_attempts
 from voxgran.packing.control_point.checks import check_distance, check_overlap, check_surfaces
 from voxgran.packing.control_point.parameters import SHORTEST_STEP, ControlPoint
@@ -40,7 +41,6 @@ from voxgran.packing.control_point.precompute import memory_needed, pairs_of, pr
 from voxgran.packing.control_point.records import HALF_SPACING, HALF_THICKNESS, WalkRules, World
 from voxgran.packing.control_point.state import ControlState
 from voxgran.packing.control_point.walls import room_of_lid
-from voxgran.packing.gravity import gravity_vector, main_axis, upward
 from voxgran.packing.method import Cost, PackingMethod
 from voxgran.packing.model import Packing
 from voxgran.packing.problem import Problem, stands_free

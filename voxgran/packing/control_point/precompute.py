@@ -10,6 +10,7 @@ import numpy as np
 from voxgran._base.arrays import Floats, Integers
 from voxgran._base.lazy import load
 from voxgran._base.seeds import philox_key
+from voxgran.containers.gravity import gravity_vector, main_axis
 from voxgran.containers.model import boundary_of
 from voxgran.packing.control_point.attempts import link_all, span_all
 from voxgran.packing.control_point.distance_fields import MARGIN, Fields, make_fields
@@ -36,7 +37,6 @@ from voxgran.packing.control_point.records import (
 from voxgran.packing.control_point.state import ControlState
 from voxgran.packing.control_point.support_tables import make_reaches, no_reaches
 from voxgran.packing.control_point.verlet_lists import MOST_GRAINS, ROOM, make_lists
-from voxgran.packing.gravity import gravity_vector, main_axis
 from voxgran.packing.problem import Problem
 from voxgran.points.control import inner_count, inner_points, sample_controls
 from voxgran.points.sample import SurfacePoints

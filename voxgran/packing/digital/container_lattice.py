@@ -6,6 +6,7 @@ import numpy as np
 
 from voxgran._base.arrays import WHOLE, Booleans, Floats, Integers
 from voxgran._base.errors import InputError, TooLargeError
+from voxgran.contacts.inside import Occupied
 from voxgran.containers.model import UNKNOWN, Container, boundary_of
 from voxgran.lattice.grid import Grid, check_voxel_size
 from voxgran.packing.problem import COARSEST, Problem
@@ -82,6 +83,9 @@ def _dividing_size(lengths: Floats, voxel_size: float, unit: float) -> float:
 
 def free_voxels(container: Container, lattice: ContainerLattice) -> Booleans | None:
     """Return the mask (nx, ny, nz) of the voxels that lie wholly inside the container; None where all do."""
+    if isinstance(container, Occupied):
+        clear, inside = _clear_of_solids(container, lattice), free_voxels(container.container, lattice)
+        return clear if inside is None else clear & inside
     walls = boundary_of(container)
     if walls.is_flat:
         return None
@@ -116,6 +120,21 @@ def _far_from_walls(container: Container, lattice: ContainerLattice) -> Booleans
         depth = -np.asarray(container.signed_distance(points))
         inside[:, :, k] = (depth >= 0.5 * size * np.sqrt(container.dimension)).reshape(inside.shape[:2])
     return inside
+
+
+def _clear_of_solids(container: Occupied, lattice: ContainerLattice) -> Booleans:
+    """Return which voxels have a center farther from all solids in a container than their corners are from it."""
+    size, clear = lattice.voxel_size, np.ones(lattice.shape.tolist(), dtype=bool)
+    away = 0.5 * size * np.sqrt(container.dimension)
+    for place, radius, depth in container.solids():
+        first = np.clip(np.floor((place - radius - away - lattice.corner) / size), 0, lattice.shape).astype(int)
+        last = np.clip(np.ceil((place + radius + away - lattice.corner) / size), 0, lattice.shape).astype(int)
+        x, y, z = (lattice.corner[k] + (np.arange(first[k], last[k]) + 0.5) * size for k in range(3))
+        for k, height in enumerate([0.0] * len(z) if container.dimension == 2 else z):
+            points = np.stack(np.broadcast_arrays(x[:, None], y[None, :], height), axis=-1).reshape(-1, 3)
+            here = clear[first[0] : last[0], first[1] : last[1], first[2] + k]
+            here &= (depth(points) <= -away).reshape(here.shape)
+    return clear
 
 
 def positions_on(lattice: ContainerLattice, site: Integers, dimension: int) -> Floats:

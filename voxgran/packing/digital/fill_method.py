@@ -24,6 +24,7 @@ from voxgran._base.config import check_bounds, parameter, parameter_class
 from voxgran._base.errors import InputError
 from voxgran._base.seeds import below, philox_block, philox_key, stream
 from voxgran._base.stopping import stop_if_asked
+from voxgran.containers.gravity import axis_of, gravity_text
 from voxgran.packing.digital.bit_columns import Canvas
 from voxgran.packing.digital.container_lattice import ContainerLattice, container_lattice, free_voxels
 from voxgran.packing.digital.expected_time import filling_seconds, maps_and_masks
@@ -50,7 +51,6 @@ from voxgran.packing.digital.oriented_voxels import (
     poses_to_voxelize,
 )
 from voxgran.packing.digital.parameters import LatticeSearch
-from voxgran.packing.gravity import axis_of, gravity_text
 from voxgran.packing.method import Cost, PackingMethod, State
 from voxgran.packing.model import Packing
 from voxgran.packing.problem import Problem
@@ -398,4 +398,5 @@ registration = PackingMethod(
     cost=cost,
     dimensions=(2, 3),
     any_container=True,
+    obstacles="apart",
 )

@@ -5,8 +5,8 @@ from collections.abc import Callable
 import numpy as np
 
 from voxgran._base.arrays import Floats, Integers
+from voxgran.containers.gravity import upward
 from voxgran.packing.digital.container_lattice import ContainerLattice
-from voxgran.packing.gravity import upward
 from voxgran.packing.problem import Problem
 from voxgran.packing.start import Start, refuse_start
 from voxgran.settling.spreading import spread

@@ -10,6 +10,7 @@ import numpy as np
 
 from voxgran._base.arrays import Booleans, Floats, Integers, Words
 from voxgran._base.seeds import philox_key
+from voxgran.containers.gravity import gravity_vector, main_axis
 from voxgran.containers.model import boundary_of
 from voxgran.packing.digital.attempts import put
 from voxgran.packing.digital.bit_columns import (
@@ -29,7 +30,6 @@ from voxgran.packing.digital.no_fit_tables import make_tables, no_tables, table_
 from voxgran.packing.digital.oriented_voxels import lattice_turns, random_poses
 from voxgran.packing.digital.stamping import close_layer
 from voxgran.packing.digital.state import DigitalState
-from voxgran.packing.gravity import gravity_vector, main_axis
 from voxgran.packing.problem import Problem
 from voxgran.shapes.model import Shape
 

@@ -207,4 +207,5 @@ registration = PackingMethod(
     cost=cost,
     dimensions=(2, 3),
     any_container=True,
+    obstacles="apart",
 )

@@ -29,6 +29,7 @@ import numpy as np
 
 from voxgran._base.arrays import Floats, Integers
 from voxgran._base.stopping import stop_if_asked
+from voxgran.containers.gravity import gravity_vector
 from voxgran.geometry.rotation import product, quaternions_of
 from voxgran.packing.digital.attempts import enter_near, make_attempts, put
 from voxgran.packing.digital.container_lattice import container_lattice, positions_on
@@ -39,7 +40,6 @@ from voxgran.packing.digital.precompute import need_member, precomputed_of, reco
 from voxgran.packing.digital.proposals import MoveRules, Schedule
 from voxgran.packing.digital.schedule import SORT_SWEEPS, begin_schedule, lower_lid, sort_grains
 from voxgran.packing.digital.state import COUNTERS, DigitalState
-from voxgran.packing.gravity import gravity_vector
 from voxgran.packing.method import PackingMethod
 from voxgran.packing.model import Packing
 from voxgran.packing.problem import Problem
@@ -185,4 +185,5 @@ registration = PackingMethod(
     dimensions=(2, 3),
     any_container=True,
     builds_bed=True,
+    obstacles="apart",
 )

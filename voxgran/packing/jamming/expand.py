@@ -24,7 +24,7 @@ import numpy as np
 from voxgran._base.config import parameter_class
 from voxgran._base.errors import PackingWarning
 from voxgran._base.warning import warn
-from voxgran.packing.gravity import Down
+from voxgran.containers.gravity import Down
 from voxgran.packing.jamming.method import CompressState, GrowthRate, advance, cost, first_state, told
 from voxgran.packing.method import PackingMethod
 from voxgran.packing.model import Packing

@@ -22,8 +22,8 @@ from voxgran._base.arrays import Floats, Integers
 from voxgran._base.config import parameter, parameter_class
 from voxgran._base.errors import InputError
 from voxgran.contacts.assembly import Assembly
+from voxgran.containers.gravity import as_down, usual_axis
 from voxgran.containers.model import boundary_of
-from voxgran.packing.gravity import as_down, usual_axis
 from voxgran.packing.jamming.expand import finish as expanded
 from voxgran.packing.jamming.expected import reachable
 from voxgran.packing.jamming.layers import LayeredSpheres

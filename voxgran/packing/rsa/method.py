@@ -429,4 +429,5 @@ registration = PackingMethod(
     any_walls=True,
     dimensions=(2, 3),
     selects=True,
+    obstacles="placed",
 )

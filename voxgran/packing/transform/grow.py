@@ -50,7 +50,7 @@ def grow(packing: Packing, *, max_factor: float = 2.0) -> Packing:
     Raises
     ------
     InputError
-        If the packing is of another type, or the factor is below 1 or not finite.
+        If the packing is of another type or has fixed grains, or the factor is below 1 or not finite.
 
     Notes
     -----
@@ -67,6 +67,7 @@ def grow(packing: Packing, *, max_factor: float = 2.0) -> Packing:
     [1.5, 1.5]
     """
     check_packing(packing, "packing")
+    packing.refuse_fixed("growth")
     limit = as_number(max_factor, "max_factor", at_least=1.0)
     factor, touches = _factors(packing, limit)
     grown = replace(packing, scale=packing.scale * factor, forces=None)

@@ -55,7 +55,7 @@ def inscribe(
     ------
     InputError
         If an argument is of another type, there are no shapes, one has another dimension, a share is negative or all
-        are 0, or `shape_id` is not n indices of shapes.
+        are 0, or `shape_id` is not n indices of shapes, or grains are fixed.
 
     Notes
     -----
@@ -73,6 +73,7 @@ def inscribe(
     True
     """
     check_packing(packing, "packing")
+    packing.refuse_fixed("inscribing shapes")
     # the sizes are those of the spheres, so that other units of the shapes do not matter
     own = (None, packing.unit)
     given = tuple(shape if shape.unit in own else replace(shape, unit=None) for shape in check_shapes(shapes))

@@ -39,7 +39,8 @@ def remove_grains(packing: Packing, *, solid_fraction: float, seed: int = 0) -> 
     Raises
     ------
     InputError
-        If the packing is of another type, or the solid fraction is negative, not finite or above that of the packing.
+        If the packing is of another type, grains are fixed, or the solid fraction is negative, not finite or above that
+        of the packing.
 
     Warns
     -----
@@ -60,6 +61,7 @@ def remove_grains(packing: Packing, *, solid_fraction: float, seed: int = 0) -> 
     0.2
     """
     check_packing(packing, "packing")
+    packing.refuse_fixed("removal")
     wanted = as_number(solid_fraction, "solid_fraction", at_least=0.0)
     before = packing.solid_fraction
     if wanted > before * (1.0 + 1e-12):

@@ -16,7 +16,7 @@ import numpy as np
 from voxgran._base.arrays import Floats, Integers
 from voxgran._base.kernels import inlined_kernel
 from voxgran._base.seeds import below, stream
-from voxgran.packing.gravity import gravity_vector
+from voxgran.containers.gravity import gravity_vector
 from voxgran.packing.problem import Problem
 from voxgran.packing.walking.state import WalkState
 

@@ -11,8 +11,8 @@ from collections.abc import Callable
 import numpy as np
 
 from voxgran._base.arrays import Floats, Integers
+from voxgran.containers.gravity import gravity_vector, main_axis
 from voxgran.containers.model import boundary_of
-from voxgran.packing.gravity import gravity_vector, main_axis
 from voxgran.packing.problem import Problem
 from voxgran.packing.walking.state import WalkState
 

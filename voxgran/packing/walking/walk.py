@@ -9,8 +9,8 @@ from typing import Any, Protocol, TypeVar
 import numpy as np
 
 from voxgran._base.arrays import Floats
+from voxgran.containers.gravity import gravity_text, gravity_vector
 from voxgran.geometry.rotation import normalized
-from voxgran.packing.gravity import gravity_text, gravity_vector
 from voxgran.packing.model import Packing
 from voxgran.packing.problem import Problem
 from voxgran.packing.start import Start

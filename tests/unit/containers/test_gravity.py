@@ -5,8 +5,8 @@ import pytest
 
 import voxgran as vg
 from voxgran._base.errors import InputError
+from voxgran.containers.gravity import proposed_axis
 from voxgran.measures.registered.coordination import usual_gap
-from voxgran.packing.gravity import proposed_axis
 
 BALL, DISK = vg.make_shape("sphere"), vg.make_shape("disk")
 BOX = vg.Box((4, 4, 6))

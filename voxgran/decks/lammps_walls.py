@@ -1,0 +1,142 @@
+"""Contact laws and walls in the commands of LAMMPS."""
+
+import math
+from collections.abc import Iterator
+
+import numpy as np
+
+from voxgran._base.arrays import Floats, Integers
+from voxgran._base.errors import InputError
+from voxgran.decks.contact_law import CHOSEN_OVERLAP, SHEAR_RATIO, ContactLaw
+from voxgran.decks.simulation import Simulation
+from voxgran.decks.text import row_of
+from voxgran.geometry.walls import Round
+
+#: most planes of a convex container
+MOST_PLANES = 200
+
+
+def law_text(simulation: Simulation, law: ContactLaw) -> str:
+    """Return a contact law as arguments of the granular pair style and walls."""
+    young, ratio = law.young_modulus, law.poisson_ratio
+    # two median grains, slightly pressed
+    mass, diameter = float(np.median(simulation.bodies.mass)) / 2, simulation.diameter
+    stiffness = young / (1 - ratio**2) * math.sqrt(diameter / 4 * CHOSEN_OVERLAP * diameter)
+    rolling = ""
+    if law.rolling_friction:
+        spring = law.shear_stiffness or SHEAR_RATIO * stiffness
+        dashpot = 2 * law.damping_ratio * math.sqrt(spring * mass)
+        rolling = f" rolling sds {spring!r} {dashpot!r} {law.rolling_friction!r}"
+    if law.name == "linear":
+        return (
+            f"hooke {law.stiffness!r} {law.restitution!r} tangential linear_history {law.shear_stiffness!r} 1.0 "
+            f"{law.friction!r}{rolling} damping coeff_restitution"
+        )
+    shear = f"tangential mindlin NULL 1.0 {law.friction!r}{rolling} damping"
+    if law.cohesion:
+        # with surface energy LAMMPS takes no restitution: damping that has it for those grains
+        rate = 2 * law.damping_ratio * math.sqrt(stiffness / mass)
+        return f"dmt {young!r} {rate!r} {ratio!r} {law.cohesion!r} {shear} mass_velocity"
+    return f"hertz/material {young!r} {law.restitution!r} {ratio!r} {shear} coeff_restitution"
+
+
+def _of_walls(simulation: Simulation, wall: str, name: str) -> Iterator[tuple[str, str, str]]:
+    """Yield name, group and contact law of the commands of a wall, one for each material of grains."""
+    laws, other = simulation.laws, simulation.laws.of_walls[wall]
+    if laws.count == 1:
+        yield name, "all", law_text(simulation, laws.laws[0][other])
+        return
+    for k in sorted(set(laws.of_shapes)):
+        yield f"{name}_{k + 1}", f"material_{k + 1}", law_text(simulation, laws.laws[k][other])
+
+
+def wall_commands(simulation: Simulation) -> list[str]:
+    """Return the commands of all walls.
+
+    Raises
+    ------
+    InputError
+        If the container is a mesh that is not convex, or has too many planes.
+    """
+    walls = simulation.walls
+    lines = []
+    for plane in walls.planes:
+        low, high = (plane.level, "NULL") if plane.inward > 0 else ("NULL", plane.level)
+        at = f"{'xyz'[plane.axis]}plane {low} {high}"
+        found = _of_walls(simulation, plane.name, plane.name)
+        lines += [f"fix {name} {of} wall/gran granular {law} {at}" for name, of, law in found]
+    if walls.round is not None:
+        x, y, z = walls.round.center
+        radius = repr(walls.round.radius)
+        if walls.round.kind == "sphere":
+            lines.append(f"region round sphere {x!r} {y!r} {z!r} {radius} side in")
+        else:
+            bottom, top = (repr(float(level)) for level in walls.bounds[:, 2])
+            lines.append(f"region round cylinder z {x!r} {y!r} {radius} {bottom} {top} side in open 1 open 2")
+        lines += _region_walls(simulation, "round")
+    regions = [_region(number, wall, walls.bounds) for number, wall in enumerate(walls.others)]
+    if regions and all(regions):
+        lines += [f"region {text}" for text in regions]
+        for text in regions:
+            lines += _region_walls(simulation, text.split()[0], "mesh")
+        return lines
+    if walls.mesh is not None:
+        if not walls.convex:
+            raise InputError(
+                "container is a closed mesh that is not convex: LAMMPS has walls of convex ones; use engine 'liggghts'"
+            )
+        lines += _planes(*walls.mesh)
+        lines += _region_walls(simulation, "mesh")
+    return lines
+
+
+def _region_walls(simulation: Simulation, region: str, wall: str | None = None) -> list[str]:
+    """Return the commands of the wall around a region, which has the name of the wall unless that is given."""
+    found = _of_walls(simulation, wall or region, region)
+    return [f"fix {name} {of} wall/gran/region granular {law} region {region}" for name, of, law in found]
+
+
+def _region(number: int, wall: Round, bounds: Floats) -> str:
+    """Return the region within a wall in closed form; empty where its axis is not that of a coordinate."""
+    name, center, across = f"wall{number}", np.array(wall.center), np.flatnonzero(wall.axis)
+    if wall.kind == "plane":
+        return f"{name} plane {row_of(center)} {row_of(-np.array(wall.axis))} side in"
+    if wall.kind == "sphere":
+        return f"{name} sphere {row_of(center)} {wall.radius!r} side in"
+    if len(across) > 1:
+        return ""
+    axis = int(across[0])
+    around, sine = center[np.delete(np.arange(3), axis)], wall.sine * wall.axis[axis]
+    low, high = bounds[:, axis]
+    if sine:
+        # not beyond the apex
+        apex = center[axis] + wall.radius / sine
+        low, high = (low, min(high, apex)) if sine > 0 else (max(low, apex), high)
+    radii = [max(float((wall.radius - sine * (end - center[axis])) / wall.cosine), 0.0) for end in (low, high)]
+    kind, sizes = ("cone", radii) if sine else ("cylinder", [wall.radius])
+    return f"{name} {kind} {'xyz'[axis]} {row_of(around)} {row_of([*sizes, low, high])} side in open 1 open 2"
+
+
+def _planes(vertices: Floats, faces: Integers) -> list[str]:
+    """Return the region within a convex mesh: one plane for each of its flat faces.
+
+    Raises
+    ------
+    InputError
+        If there are too many planes.
+    """
+    corners = vertices[faces]
+    normal = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    normal /= np.linalg.norm(normal, axis=1, keepdims=True)
+    _, first = np.unique(np.round(normal, 6), axis=0, return_index=True)
+    if len(first) > MOST_PLANES:
+        raise InputError(
+            f"container is a closed mesh of {len(first)} planes: LAMMPS takes {MOST_PLANES} here; use engine 'liggghts'"
+        )
+    lines = []
+    for number, face in enumerate(first.tolist()):
+        point, inward = (" ".join(map(repr, vector.tolist())) for vector in (corners[face, 0], -normal[face]))
+        lines.append(f"region plane{number} plane {point} {inward} side in")
+    names = " ".join(f"plane{number}" for number in range(len(first)))
+    # fewer than two regions do not intersect, but no solid has fewer than four planes
+    return [*lines, f"region mesh intersect {len(first)} {names} side in"]

@@ -1,0 +1,51 @@
+"""Sections of a scene, checked."""
+
+from collections.abc import Mapping
+from dataclasses import replace
+from pathlib import Path
+from typing import Any, TypeVar
+
+from voxgran._base.arrays import as_count, as_positive
+from voxgran._base.config import from_mapping
+from voxgran._base.errors import InputError, shown
+from voxgran._base.units import as_unit
+from voxgran.scene.mistakes import refuse_unknown
+from voxgran.scene.sections import General
+
+T = TypeVar("T")
+
+
+def section_of(cls: type[T], mapping: Mapping[str, Any], place: str) -> T:
+    """Return a section that holds the parameters of a class and nothing else."""
+    refuse_unknown(mapping, place, cls)
+    return from_mapping(cls, mapping, place)
+
+
+def general_section(mapping: Mapping[str, Any]) -> General:
+    """Return the checked section [scene]."""
+    made = section_of(General, mapping, "[scene]")
+    as_count(made.seed, "[scene] seed", at_most=None)
+    as_count(made.seeds, "[scene] seeds", at_least=1)
+    as_positive(made.density, "[scene] density")
+    return replace(made, unit=as_unit(made.unit, "[scene] unit"))
+
+
+def share_by_of(value: Any) -> str:
+    """Return the checked share_by.
+
+    Raises
+    ------
+    InputError
+        If it is neither ``"number"`` nor ``"volume"``.
+    """
+    if value not in ("number", "volume"):
+        raise InputError(f"[sizes] share_by is {shown(value)}: it must be 'number' or 'volume'; change it")
+    return str(value)
+
+
+def with_file(mapping: Mapping[str, Any], folder: Path) -> dict[str, Any]:
+    """Return a section with its file relative to the scene file."""
+    made = dict(mapping)
+    if "file" in made:
+        made["file"] = str(folder / str(made["file"]))
+    return made
