@@ -246,11 +246,8 @@ def prepare_task(request: Request) -> Task:
     TooLargeError
         If more than 100 million grains are asked for.
     """
-    methods, method = method_registry(), request.method
-    known = parameters_of(methods.get(method).parameters) if isinstance(method, str) else ()
-    names = [item.name for item in known]
-    orientations, keywords = asked_orientations(request.orientations, request.parameters, names)
-    chosen = methods.chosen(method, keywords, where="method", beside=_arguments())
+    orientations, keywords = asked_orientations(request.orientations, request.parameters, _keywords_of(request.method))
+    chosen = method_registry().chosen(request.method, keywords, where="method", beside=_arguments())
     entry, (settings, solid_fraction) = chosen[1], with_target(chosen[2], request.solid_fraction)
     sizes, start, count = request.sizes, request.start, request.count
     listed: ListedGrains | None = None
@@ -326,6 +323,12 @@ def check_asked(shapes: Any, container: Any, sizes: Any, start: Any) -> tuple[Sh
     for shape in given:
         check_lengths(shape.bounding_radius, f"bounding radius of shape {shape.name!r}")
     return given
+
+
+def _keywords_of(method: Any) -> list[str]:
+    """Return the names of the parameters of a method that is given by name; none of a parameter object."""
+    known = parameters_of(method_registry().get(method).parameters) if isinstance(method, str) else ()
+    return [item.name for item in known]
 
 
 def _arguments() -> tuple[str, ...]:
