@@ -299,11 +299,8 @@ def prepare_task(request: Request) -> Task:
 
 def _chosen(request: Request) -> tuple[PackingMethod, Any, OrientationLaw | None]:
     """Return the method, its parameters, and the distribution of orientations that is asked for."""
-    methods, method = method_registry(), request.method
-    known = parameters_of(methods.get(method).parameters) if isinstance(method, str) else ()
-    names = [item.name for item in known]
-    orientations, keywords = asked_orientations(request.orientations, request.parameters, names)
-    chosen = methods.chosen(method, keywords, where="method", beside=_arguments())
+    orientations, keywords = asked_orientations(request.orientations, request.parameters, _keywords_of(request.method))
+    chosen = method_registry().chosen(request.method, keywords, where="method", beside=_arguments())
     return chosen[1], chosen[2], orientations
 
 
@@ -339,6 +336,12 @@ def check_asked(shapes: Any, container: Any, sizes: Any, start: Any) -> tuple[Sh
     for shape in given:
         check_lengths(shape.bounding_radius, f"bounding radius of shape {shape.name!r}")
     return given
+
+
+def _keywords_of(method: Any) -> list[str]:
+    """Return the names of the parameters of a method that is given by name; none of a parameter object."""
+    known = parameters_of(method_registry().get(method).parameters) if isinstance(method, str) else ()
+    return [item.name for item in known]
 
 
 def _arguments() -> tuple[str, ...]:
