@@ -22,7 +22,8 @@ from voxgran.containers.plane import prism_of
 from voxgran.geometry.farthest import farthest_of_row
 from voxgran.geometry.rotation import stretch_of
 from voxgran.geometry.support import support
-from voxgran.geometry.walls import Round, directions_toward, reach_from
+from voxgran.geometry.vectors import add, dot
+from voxgran.geometry.walls import Round, directions_toward, in_frame, out_of_frame, reach_from
 from voxgran.shapes.mesh import Mesh
 from voxgran.shapes.model import Shape
 from voxgran.shapes.outline import Outline
@@ -236,46 +237,48 @@ def _reach_out(start, row, margin, center, position, wall, reach):  # type: igno
             elif wall[3] == 1.0:
                 reach[grain] = max(reach[grain], farthest_of_row(row[part], x, y, z))
             else:
-                reach[grain] = max(reach[grain], reach_from_line(row[part], x, y, z, wall[4], wall[5]))
+                reach[grain] = max(reach[grain], reach_from_line(row[part], x, y, z, wall))
 
 
 @kernel
-def reach_from_line(row: Floats, x: float, y: float, z: float, cosine: float, sine: float) -> float:
-    """Return the largest reach of the points of a part centered at (x, y, z) at a cylinder or cone about the origin."""
-    place, best = (x, y, z, cosine, sine), -math.inf
+def reach_from_line(row: Floats, x: float, y: float, z: float, wall: Floats) -> float:
+    """Return the largest reach of the points of a part centered at (x, y, z) at a wall about the origin, no sphere."""
+    best, place = -math.inf, in_frame(wall, (x, y, z))
+    if wall[4] == 0.0:
+        return _reach_along(row, place, wall, 0.0)
     # the normal at the farthest point has its direction from the axis
-    start, step = directions_toward(x, y, row[1] + row[2] + row[3], DIRECTIONS)
-    before, now = _reach_along(row, place, start - step), _reach_along(row, place, start)
+    start, step = directions_toward(place[0], place[1], row[1] + row[2] + row[3], DIRECTIONS)
+    before, now = _reach_along(row, place, wall, start - step), _reach_along(row, place, wall, start)
     for k in range(DIRECTIONS + 1):
-        after = _reach_along(row, place, start + (k + 1) * step)
+        after = _reach_along(row, place, wall, start + (k + 1) * step)
         if now >= before and now >= after:
-            best = max(best, _refine(row, place, start + (k - 1) * step, start + (k + 1) * step))
+            best = max(best, _refine(row, place, wall, start + (k - 1) * step, start + (k + 1) * step))
         before, now = now, after
     return best
 
 
 @kernel
-def _reach_along(row, place, angle):  # type: ignore[no-untyped-def]
-    """Return the support function of a part at a place along the normal of a cylinder or cone at an angle."""
-    x, y, z, cosine, sine = place
-    u, v = cosine * math.cos(angle), cosine * math.sin(angle)
-    px, py, pz = support(row, 0.0, u, v, sine)
-    return (x + px) * u + (y + py) * v + (z + pz) * sine
+def _reach_along(row, place, wall, angle):  # type: ignore[no-untyped-def]
+    """Return the support function of a part, placed in the frame of a wall, along its normal at an angle."""
+    normal = (wall[4] * math.cos(angle), wall[4] * math.sin(angle), wall[5])
+    u, v, w = out_of_frame(wall, normal)
+    point = support(row, 0.0, u, v, w)
+    return dot(add(place, in_frame(wall, point)), normal)
 
 
 @kernel
-def _refine(row, place, low, high):  # type: ignore[no-untyped-def]
+def _refine(row, place, wall, low, high):  # type: ignore[no-untyped-def]
     """Return the maximum of the support function between two directions, by golden-section search."""
     golden = 0.5 * (math.sqrt(5.0) - 1.0)
     one, two = high - golden * (high - low), low + golden * (high - low)
-    first, second = _reach_along(row, place, one), _reach_along(row, place, two)
+    first, second = _reach_along(row, place, wall, one), _reach_along(row, place, wall, two)
     for _ in range(48):
         if first >= second:
             high, two, second = two, one, first
             one = high - golden * (high - low)
-            first = _reach_along(row, place, one)
+            first = _reach_along(row, place, wall, one)
         else:
             low, one, first = one, two, second
             two = low + golden * (high - low)
-            second = _reach_along(row, place, two)
+            second = _reach_along(row, place, wall, two)
     return max(first, second)

@@ -53,7 +53,7 @@ class KernelContainer(NamedTuple):
     kind: FLAT, UPRIGHT, ROUND, MESH or SEVERAL.  lower, lengths: of the bounds; in two dimensions the length along z is
     1, or 0 in coordinates from the corner.
     walled, periodic: which axes are, as 0 or 1 (in two dimensions z is neither).  flat: which have plane walls.
-    round: (k, 7) rows of the walls of revolution.  radius: of a cylinder or a sphere that is the only one of these.
+    round: (k, 16) rows of the walls of revolution.  radius: of a cylinder or a sphere that is the only one of these.
     middle: of the bounds, which is on the axis of a cylinder and the center of a sphere.  slack: length up to which a
     sphere may reach beyond a wall, by rounding.  mesh: walls of a closed mesh.
     """
@@ -98,7 +98,7 @@ def kernel_container(
         lengths = np.where(np.arange(3) < container.dimension, lengths, 1.0)
     if slack is None:
         slack = ROUNDING * float(lengths.max() + np.abs(lower).max())
-    rows = np.array([wall.row for wall in boundary.round]).reshape(-1, 7)
+    rows = np.array([wall.row for wall in boundary.round]).reshape(-1, 16)
     sole = boundary.cylinder or boundary.sphere
     if sole:
         kind = UPRIGHT if sole.axes == 2 else ROUND

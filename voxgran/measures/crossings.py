@@ -124,10 +124,10 @@ def outside_intervals(container: Container, lines: Lines) -> Intervals:
     if boundary.solid is not None and isinstance(boundary.solid.geometry, Mesh):
         mesh = boundary.solid.geometry
         at, place = _Crossings(lines).of(mesh.vertices + np.array(boundary.solid.offset), mesh.faces)
-    elif len(boundary.round) == 1:
+    elif boundary.round:
         points = np.full((lines.count, 3), lines.low)
         points[:, lines.axes[0]], points[:, lines.axes[1]] = lines.across
-        ends = np.array(boundary.round[0].along(points, lines.axes))
+        ends = np.array(boundary.along(points, lines.axes))
         at = np.flatnonzero(~np.isnan(ends[0]))
         at, place = np.concatenate([at, at]), ends[:, at].ravel()
     else:

@@ -289,7 +289,9 @@ def refuse_unfit(method: PackingMethod, shapes: tuple[Shape, ...], container: Co
         )
     walls = boundary_of(container)
     if not method.any_container and (walls is UNKNOWN or not (walls.is_usual or method.any_walls)):
-        known = "known by its signed distance only" if walls is UNKNOWN else "with a cone or several round walls"
+        known = (
+            "known by its signed distance only" if walls is UNKNOWN else "with tilted, conical or several round walls"
+        )
         remedy = "make a mesh of it, ClosedMesh(Shape.from_mesh(*container.mesh()))"
         raise InputError(
             f"container is of type {type(container).__name__}, {known}, which method {method.name!r} does not take; "

@@ -13,7 +13,7 @@ from voxgran.contacts.manifolds.candidates import add_candidate
 from voxgran.contacts.manifolds.rows import Grains
 from voxgran.contacts.manifolds.wall_bodies import CONE, CYLINDER, ELLIPSOID, POINTS, WallBodies
 from voxgran.geometry.vectors import Vector, add, along, dot, rotate, rotate_back, row_of, sub, times, vector_at
-from voxgran.geometry.walls import directions_toward
+from voxgran.geometry.walls import directions_toward, in_frame, out_of_frame
 
 #: halvings of the bracket of a root, after which it has the width of rounding
 HALVINGS = 70
@@ -90,14 +90,17 @@ def near_plane(bodies: WallBodies, grains: Grains, g: int, normal: Vector, room:
 def near_round(bodies: WallBodies, grains: Grains, g: int, wall: Floats, reach: float) -> int:
     """Write the points within reach of a wall of revolution, given by its row; return how many there are."""
     shape, scale, m, c = grains.shape[g], grains.scale[g], grains.matrix[g], 0
-    place = sub(row_of(grains.position, g), vector_at(wall, 0))
+    place = in_frame(wall, sub(row_of(grains.position, g), vector_at(wall, 0)))
     dx, dy, dz = place
     for k in range(bodies.start[shape], bodies.start[shape + 1]):
-        arm = times(rotate(m, row_of(bodies.point, k)), scale)
+        arm = in_frame(wall, times(rotate(m, row_of(bodies.point, k)), scale))
         c = _add_round(bodies.found, c, arm, scale * bodies.margin[k], place, wall, reach)
-    kind = bodies.kind[shape]
+    kind, frame = bodies.kind[shape], bodies.frame
     if kind != POINTS:
         set_frame(bodies, shape, m)
+        for k in range(3):
+            column = in_frame(wall, (frame[0, k], frame[1, k], frame[2, k]))
+            frame[0, k], frame[1, k], frame[2, k] = column
     if wall[5] != 0.0:
         return _near_cone(bodies, shape, scale, place, wall, reach, c)
     for ring in range(rings_of(kind)):
@@ -124,7 +127,7 @@ def near_round(bodies: WallBodies, grains: Grains, g: int, wall: Floats, reach: 
 def _add_round(found, c, arm, r, place, wall, reach):  # type: ignore[no-untyped-def]
     """Add the point of a sphere of radius r that is nearest to a wall of revolution, if it is within reach.
 
-    place: of the centroid, from the middle of the wall.
+    place: of the centroid, from the middle of the wall; with the arm, in the frame of the wall.
     """
     x, y, z = add(place, arm)
     flat = (x, y, z * wall[3])
@@ -136,7 +139,8 @@ def _add_round(found, c, arm, r, place, wall, reach):  # type: ignore[no-untyped
     normal = (cosine, 0.0, sine)
     if length > 0.0:
         normal = cosine * flat[0] / length, cosine * flat[1] / length, cosine * flat[2] / length + sine
-    return add_candidate(found, c, along(arm, r, normal), normal, gap)
+    normal = out_of_frame(wall, normal)
+    return add_candidate(found, c, along(out_of_frame(wall, arm), r, normal), normal, gap)
 
 
 @bare_kernel

@@ -79,7 +79,7 @@ def _find_in_closed_form(search, walls, lid, bodies, at_walls, rows, m):  # type
             room, nx, ny, nz = _side_of(walls, lid, side, x, y, z)
             if room > near:
                 continue
-            if side >= AROUND:
+            if side >= AROUND and walls.round[side - AROUND, 4] != 0.0:
                 c = near_round(bodies, grains, g, walls.round[side - AROUND], reach)
             else:
                 c = near_plane(bodies, grains, g, (nx, ny, nz), room, reach)
@@ -137,14 +137,14 @@ def _lay_flat(found, many):  # type: ignore[no-untyped-def]
 def _side_of(walls, lid, side, x, y, z):  # type: ignore[no-untyped-def]
     """Return the distance of a point from a side of a container, infinite without such a side, and its normal.
 
-    The sides are two for each axis, and the walls of revolution, whose normal is not needed.
+    The sides are two for each axis, and the walls of revolution, of which the normal is that of planes.
     """
     if side == LID:
         nx, ny, nz = lid.normal[0], lid.normal[1], lid.normal[2]
         return lid.level - x * nx - y * ny - z * nz, nx, ny, nz
     if side >= AROUND:
         row = walls.round[side - AROUND]
-        return row[6] - reach_of(row, x, y, z), 0.0, 0.0, 0.0
+        return row[6] - reach_of(row, x, y, z), row[13], row[14], row[15]
     axis = side // 2
     if walls.flat[axis] == 0:
         return math.inf, 0.0, 0.0, 0.0

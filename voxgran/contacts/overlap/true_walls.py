@@ -79,7 +79,7 @@ def _farthest(shapes, s, f, x, y, z, wall):  # type: ignore[no-untyped-def]
             if wall[3] == 1.0:
                 most = max(most, farthest_of_row(work.row[last], x, y, z))
             else:
-                most = max(most, reach_from_line(work.row[last], x, y, z, wall[4], wall[5]))
+                most = max(most, reach_from_line(work.row[last], x, y, z, wall))
         for k in range(shapes.part[p, 1], shapes.part[p, 2]):
             corner = work.corner[k]
             dx, dy, dz = _turned(turn, f, corner)
