@@ -2,7 +2,6 @@
 
 import contextlib
 import faulthandler
-import importlib
 import os
 import signal
 import struct
@@ -111,14 +110,6 @@ def hull(points):
     inward = np.einsum("fi,fi->f", normals, found.equations[:, :3]) < 0
     faces = np.where(inward[:, None], found.simplices[:, ::-1], found.simplices)
     return points, faces.astype(np.int64), found.equations
-
-
-def example_hopper():
-    """Return the class of the container of examples/plugin: a cone above a closed outlet."""
-    place = Path(__file__).parents[1] / "examples" / "plugin"
-    if str(place) not in sys.path:
-        sys.path.append(str(place))
-    return importlib.import_module("voxgran_hopper").Hopper
 
 
 def install(folder, name, groups):

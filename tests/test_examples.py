@@ -424,6 +424,7 @@ def test_fit_clump(tmp_path, capsys, monkeypatch):
         ("spheres_in_cylinder", 120, 0.25, 0.30),
         ("region_of_disks", 253, 0.66, 0.68),
         ("any_porosity", 189, 0.4999, 0.5001),
+        ("filled_hopper", 600, 0.31461, 0.31462),
         slow("level_column", 1026, 0.5799, 0.5801),
         ("loose_deposit", 1000, 0.14, 0.16),
         ("gaps_in_rectangle", 1029, 0.91, 0.93),

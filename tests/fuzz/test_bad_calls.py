@@ -62,6 +62,9 @@ VALUES = {
 SPHERE, BOX = VALUES["shape"], vg.Box((4, 4, 4))
 ROCK = vg.Shape.of(vg.make_shape("box").geometry, name="rock")
 MESH = vg.Shape.from_mesh(ROCK.vertices, ROCK.faces)
+TANK = vg.Shape.from_mesh(
+    np.concatenate([4 * MESH.vertices, 3 * MESH.vertices]), np.concatenate([MESH.faces, MESH.faces[:, ::-1] + 8])
+)
 DISK = vg.make_shape("disk")
 BED = vg.Packing.of([SPHERE], BOX, position=[(1, 1, 0.5), (3, 3, 0.5)], gravity=(0.0, 0.0, -1.0))
 MASK = np.zeros((6, 6, 6), dtype=bool)
@@ -111,6 +114,15 @@ GOOD = {
     "Sphere": (vg.Sphere, {"radius": 1, "origin": (0, 0, 0)}),
     "Sphere.scaled": (vg.Sphere(1).scaled, {"factor": 2}),
     "Sphere.signed_distance": (vg.Sphere(1).signed_distance, {"points": [(1, 1, 1)]}),
+    "Hopper": (vg.Hopper, {"radius": 3, "outlet": 1, "angle": 60, "length": 2, "bin_height": 1, "origin": (0, 0, 0)}),
+    "Funnel": (vg.Funnel, {"radius": 3, "outlet": 1, "height": 2, "origin": (0, 0, 0)}),
+    "Drum": (vg.Drum, {"radius": 1, "length": 2, "axis": "x", "origin": (0, 0, 0)}),
+    "Drum.scaled": (vg.Drum(1, 2).scaled, {"factor": 2}),
+    "Drum.doubt": (vg.Drum(1, 2).doubt, {"diameter": 1}),
+    "Planes": (vg.Planes, {"normals": [*np.eye(3), *-np.eye(3)], "points": [*np.eye(3), *-np.eye(3)]}),
+    "Walls": (vg.Walls, {"wall": [{"kind": "sphere", "radius": 1, "point": (0, 0, 0)}]}),
+    "Walls.scaled": (vg.Walls([{"kind": "sphere", "radius": 1}]).scaled, {"factor": 2}),
+    "Vessel": (vg.Vessel, {"wall": TANK, "lid": 2.5, "floor": 0.5, "point": (0, 0, 1), "gravity": "-z", "unit": "mm"}),
     "make_container": (vg.make_container, {"mapping": {"kind": "sphere", "radius": 1}}),
     "rough_walls": (vg.rough_walls, {"container": vg.Box((4, 4, 4)), **ROUGH, **LONG}),
     "Cloud.of": (

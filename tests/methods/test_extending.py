@@ -16,7 +16,7 @@ ROOT = Path(__file__).parents[2]
 PLUGIN = ROOT / "examples" / "plugin"
 PAGE = (ROOT / "docs" / "contribute" / "extending.md").read_text()
 PROJECT = tomllib.loads((PLUGIN / "pyproject.toml").read_text())["project"]
-TESTS = ("test_voxgran_cubic.py", "test_voxgran_hopper.py")
+TESTS = ("test_voxgran_cubic.py", "test_voxgran_bowl.py")
 #: number of tests in the suite of each kind that its page names; the last are skipped
 KINDS = {"wedge": (5, 0), "mean_height": (5, 0), "ring": (7, 1), "table": (5, 2)}
 
@@ -73,7 +73,7 @@ def test_the_plugin_works_after_pip_has_installed_it(tmp_path):
     run(tmp_path, "pip", "install", "--quiet", "--no-deps", "--target", str(tmp_path), str(PLUGIN))
     assert {path.name for path in tmp_path.iterdir()} >= {
         "voxgran_cubic.py",
-        "voxgran_hopper.py",
+        "voxgran_bowl.py",
         "voxgran_example-1.0.dist-info",
     }
     for path in PLUGIN.glob("test_*.py"):

@@ -1,8 +1,14 @@
 from voxgran.containers.kinds.box import Box as Box
 from voxgran.containers.kinds.cylinder import Cylinder as Cylinder
 from voxgran.containers.kinds.disk import Disk as Disk
+from voxgran.containers.kinds.drum import Drum as Drum
+from voxgran.containers.kinds.funnel import Funnel as Funnel
+from voxgran.containers.kinds.hopper import Hopper as Hopper
 from voxgran.containers.kinds.mesh import ClosedMesh as ClosedMesh
+from voxgran.containers.kinds.planes import Planes as Planes
 from voxgran.containers.kinds.polygon import Polygon as Polygon
 from voxgran.containers.kinds.rectangle import Rectangle as Rectangle
 from voxgran.containers.kinds.sphere import Sphere as Sphere
+from voxgran.containers.kinds.vessel import Vessel as Vessel
+from voxgran.containers.kinds.walls import Walls as Walls
 from voxgran.containers.make import make_container as make_container

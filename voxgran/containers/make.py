@@ -24,7 +24,7 @@ class ContainerKind:
     name : str
         The `kind` of its containers.
     container : type
-        Their class.
+        Their class, which may be that of another kind.
     make : callable, optional
         ``make(values, where)`` returns the container of a mapping where its keys beside ``kind`` are not the arguments
         of the class; `where` names the mapping in messages. It checks which keys are required.

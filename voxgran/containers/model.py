@@ -23,7 +23,9 @@ class Container(Protocol):
     Notes
     -----
     A container may also have an attribute ``boundary``, its walls in closed form as a :class:`Boundary`. Without it the
-    container is known by its signed distance and its mesh only, which some packing methods refuse.
+    container is known by its signed distance and its mesh only, which some packing methods refuse. With a method
+    ``doubt(diameter)`` it says in a sentence what speaks against packing grains of a median diameter, ``""`` if nothing
+    does; :func:`voxgran.pack` warns of it.
     """
 
     @property
@@ -112,18 +114,23 @@ class Boundary:
 
     @property
     def cylinder(self) -> Round | None:
-        """The cylinder, or the circle of a disk, where it is the only wall that is not plane."""
-        return self._only("cylinder")
+        """The upright cylinder, or the circle of a disk, where it is the only wall that is not plane."""
+        return self._only("cylinder") if all(plane.axis == 2 for plane in self.planes) else None
 
     @property
     def sphere(self) -> Round | None:
         """The sphere where it is the only wall."""
-        return self._only("sphere")
+        return None if self.planes else self._only("sphere")
 
     @property
     def is_usual(self) -> bool:
         """Whether all packing methods know the walls: planes, and one cylinder, sphere or surface at most."""
         return self is not UNKNOWN and (not self.round or self.cylinder is not None or self.sphere is not None)
+
+    @property
+    def is_upright(self) -> bool:
+        """Whether all walls of revolution are about a vertical axis, and none of them is a plane."""
+        return all(wall.is_upright and wall.kind != "plane" for wall in self.round)
 
     def signed_distance(self, points: Floats) -> Floats:
         """Return the distance (n,) of points (n, 3) from the nearest plane or wall of revolution, negative inside.
@@ -133,6 +140,14 @@ class Boundary:
         walls: tuple[Plane | Round, ...] = (*self.planes, *self.round)
         return np.asarray(-np.min([wall.distance(points) for wall in walls], axis=0))
 
+    def along(self, points: Floats, axes: tuple[int, int, int]) -> tuple[Floats, Floats]:
+        """Return between which distances from points (n, 3), along the last one of the axes, lines are within all walls
+        of revolution; NaN for lines that miss.
+        """
+        ends = np.array([wall.along(points, axes) for wall in self.round])
+        low, high = ends[:, 0].max(axis=0), ends[:, 1].min(axis=0)
+        return np.where(low < high, low, np.nan), np.where(low < high, high, np.nan)
+
     def has_flat_ends(self, axis: int) -> bool:
         """Whether a plane, or none, ends the container on both sides along an axis, along which no wall narrows it."""
         return self.is_flat or (self.cylinder is not None and self.flat[axis])
@@ -140,12 +155,12 @@ class Boundary:
     def longest_line(self, lengths: Floats) -> float:
         """Return an upper bound of the length of lines in the container, by the lengths of its bounds."""
         # axes around which a wall closes share one diameter
-        shared = max((wall.axes for wall in self.round), default=1)
+        shared = max((wall.axes for wall in self.round), default=1) if self.is_upright else 1
         return float(np.linalg.norm(lengths[shared - 1 :]))
 
     def _only(self, kind: str) -> Round | None:
         """Return the wall of revolution of a kind if there is no other."""
-        return self.round[0] if len(self.round) == 1 and self.round[0].kind == kind else None
+        return self.round[0] if len(self.round) == 1 and self.is_upright and self.round[0].kind == kind else None
 
 
 #: the boundary of a container that is known by its signed distance only
@@ -156,6 +171,12 @@ def boundary_of(container: Container) -> Boundary:
     """Return the walls of a container in closed form; :data:`UNKNOWN` if it gives none."""
     boundary = getattr(container, "boundary", UNKNOWN)
     return boundary if isinstance(boundary, Boundary) else UNKNOWN
+
+
+def doubt_about(container: Container, diameter: float) -> str:
+    """Return what speaks against packing grains of a median diameter in a container, as a sentence; else ``""``."""
+    doubt = getattr(container, "doubt", None)
+    return "" if doubt is None else str(doubt(diameter))
 
 
 def check_container(container: Any) -> None:

@@ -7,13 +7,12 @@ import numpy as np
 
 from voxgran._base.arrays import Floats, Integers
 from voxgran.decks.simulation import Simulation
+from voxgran.decks.walls import sides_of
 from voxgran.geometry.walls import Plane, Round
 from voxgran.shapes.tessellate import sphere
 
-#: most that the triangles of a round wall lie outside of it, in median diameters
-CYLINDER_ERROR, SPHERE_ERROR = 1e-3, 1e-2
-#: least and most sides of a cylinder, and most subdivisions of a sphere
-FEWEST_SIDES, MOST_SIDES, MOST_SUBDIVISIONS = 24, 1000, 6
+#: most that the triangles of a sphere lie outside of it, in median diameters, and its most subdivisions
+SPHERE_ERROR, MOST_SUBDIVISIONS = 1e-2, 6
 #: corners of a rectangle as two triangles
 RECTANGLE = np.array([[0, 1, 2], [0, 2, 3]])
 
@@ -36,7 +35,9 @@ def facets_of(simulation: Simulation) -> list[Facets]:
     elif walls.round is not None:
         found.append(_sphere(walls.round, simulation.diameter))
     if walls.mesh is not None:
-        found.append(Facets("mesh", *walls.mesh))
+        beyond = [-float(wall.distance(walls.mesh[0]).min()) for wall in walls.others]
+        note = _outside(max(beyond), len(walls.mesh[1])) if beyond else ""
+        found.append(Facets("mesh", *walls.mesh, note))
     return found
 
 
@@ -51,8 +52,7 @@ def _rectangle(plane: Plane, bounds: Floats) -> Facets:
 
 def _cylinder(wall: Round, ends: Floats, diameter: float) -> Facets:
     """Return a cylinder along z as rectangles that touch it from outside."""
-    least = math.pi / math.acos(1 / (1 + CYLINDER_ERROR * diameter / wall.radius))
-    sides = min(max(math.ceil(least), FEWEST_SIDES), MOST_SIDES)
+    sides = sides_of(wall.radius, diameter)
     radius = wall.radius / math.cos(math.pi / sides)
     angles = 2 * math.pi * np.arange(sides) / sides
     ring = wall.center[:2] + radius * np.stack([np.cos(angles), np.sin(angles)], axis=1)

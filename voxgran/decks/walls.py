@@ -1,5 +1,6 @@
 """Walls of a container as engines take them: planes, one round wall, or triangles."""
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
@@ -8,7 +9,11 @@ from voxgran._base.arrays import Floats, Integers
 from voxgran.contacts.assembly import Assembly
 from voxgran.contacts.manifolds.convex_bodies import is_convex
 from voxgran.containers.model import boundary_of
-from voxgran.geometry.walls import Plane, Round
+from voxgran.containers.space import tangent_mesh
+from voxgran.geometry.walls import Plane, Round, plane
+
+#: most that the triangles of a cylinder or cone lie outside of it, in median diameters; least and most of its sides
+ROUND_ERROR, FEWEST_SIDES, MOST_SIDES = 1e-3, 24, 1000
 
 
 @dataclass(frozen=True, eq=False)
@@ -30,6 +35,9 @@ class Walls:
         grains. A polygon has the triangles of the prism upon it.
     convex : bool
         Whether the triangles bound a convex solid.
+    others : tuple of Round
+        All walls of the container in closed form where they are neither planes across an axis nor one upright cylinder
+        or sphere alone; the triangles touch them from outside.
     """
 
     bounds: Floats
@@ -38,6 +46,7 @@ class Walls:
     round: Round | None
     mesh: tuple[Floats, Integers] | None
     convex: bool
+    others: tuple[Round, ...] = ()
 
     @classmethod
     def of(cls, assembly: Assembly) -> "Walls":
@@ -56,7 +65,14 @@ class Walls:
         # what lies within planes and walls of revolution is convex
         convex = bool(boundary.round) if solid is None else is_convex(solid.geometry)
         wall = boundary.cylinder or boundary.sphere
-        return cls(bounds, container.periodic, tuple(planes), wall, mesh, convex)
+        others: tuple[Round, ...] = ()
+        if boundary.round and not boundary.is_usual:
+            across = (plane(tuple((one.level * np.abs(one.normal)).tolist()), tuple((-one.normal).tolist()))
+                      for one in boundary.planes)  # fmt: skip
+            others = (*across, *boundary.round)
+            width = float((bounds[1] - bounds[0]).max()) / 2
+            mesh = tangent_mesh(others, "container", sides_of(width, float(np.median(assembly.diameters))))[:2]
+        return cls(bounds, container.periodic, tuple(planes), wall, mesh, convex, others)
 
     @property
     def needs_triangles(self) -> bool:
@@ -72,12 +88,18 @@ class Walls:
         return points - image * length, image.astype(np.int64)
 
     def distances(self, points: Floats) -> list[Floats]:
-        """Return the distances (n,) of points (n, 3) from each plane and from a round wall, positive within.
+        """Return the distances (n,) of points (n, 3) from each plane and other wall in closed form, positive within.
 
         Parameters
         ----------
         points : (n, 3) ndarray of float
             In the unit of the walls.
         """
-        walls: tuple[Plane | Round, ...] = self.planes if self.round is None else (*self.planes, self.round)
+        walls = (*self.planes, *(() if self.round is None else (self.round,)), *self.others)
         return [wall.distance(points) for wall in walls]
+
+
+def sides_of(radius: float, diameter: float) -> int:
+    """Return how many sides a polygon around a circle has, by the median diameter of the grains."""
+    least = math.pi / math.acos(1 / (1 + ROUND_ERROR * diameter / radius))
+    return min(max(math.ceil(least), FEWEST_SIDES), MOST_SIDES)

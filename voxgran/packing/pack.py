@@ -21,7 +21,7 @@ from voxgran._base.registry import Parameters
 from voxgran._base.scalars import number_of, whole_number_of
 from voxgran._base.units import NO_UNIT, as_unit
 from voxgran._base.warning import warn
-from voxgran.containers.model import Container, check_container
+from voxgran.containers.model import Container, check_container, doubt_about
 from voxgran.containers.one_unit import in_one_unit
 from voxgran.packing.beds.expected import tell_of_bed
 from voxgran.packing.draw import Request, draw_grains, joined, listed_grains, scaled_to
@@ -291,6 +291,8 @@ def prepare_task(request: Request) -> Task:
     if settling is not None:
         problem, entry = replace(problem, settling=settling), with_settling(entry, settling)
     warn_of_units(problem)
+    if problem.count and (doubt := doubt_about(container, problem.unit_length)):
+        warn(doubt, PackingWarning)
     return Task(entry, problem, grains.removed, asked, sizes)
 
 

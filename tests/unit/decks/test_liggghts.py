@@ -94,6 +94,7 @@ PACKINGS = {
     "cylinder": lambda: engine_cases.mixed(container=vg.Cylinder(2.5, 7)),
     "sphere": lambda: engine_cases.mixed(container=vg.Sphere(3.5)),
     "mesh": lambda: engine_cases.mixed(container=rock_hull()),
+    "hopper": lambda: engine_cases.mixed(container=vg.Hopper(3.5, 2.4, 65, bin_height=4)),
 }
 
 
@@ -257,7 +258,7 @@ def test_two_clumps_rebound_as_asked(tmp_path, material, scales):
 
 @pytest.mark.engine
 @pytest.mark.parametrize("law", ["linear", "hertz"])
-@pytest.mark.parametrize("name", ["mixed", "cylinder", "sphere", "mesh", "periodic"])
+@pytest.mark.parametrize("name", ["mixed", "cylinder", "sphere", "mesh", "hopper", "periodic"])
 def test_walls_hold_the_grains(tmp_path, name, law):
     material = {"stiffness": 200.0} if law == "linear" else HERTZ
     deck = write_deck(PACKINGS[name](), tmp_path, ENGINE, material=material)

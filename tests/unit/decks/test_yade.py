@@ -90,6 +90,7 @@ PACKINGS = {
     "cylinder": (lambda: engine_cases.mixed(container=vg.Cylinder(2.5, 7)), {}),
     "sphere": (lambda: engine_cases.mixed(container=vg.Sphere(3.5)), {}),
     "mesh": (lambda: engine_cases.mixed(container=rock_hull()), {}),
+    "hopper": (lambda: engine_cases.mixed(container=vg.Hopper(3.5, 2.4, 65, bin_height=4)), {}),
 }
 
 
@@ -268,13 +269,13 @@ def test_a_level_set_rebounds_from_the_ground_as_asked(tmp_path, material):
 
 @pytest.mark.engine
 @pytest.mark.parametrize("law", ["linear", "hertz"])
-@pytest.mark.parametrize("name", ["mixed", "cylinder", "sphere", "mesh", "periodic", "level sets"])
+@pytest.mark.parametrize("name", ["mixed", "cylinder", "sphere", "mesh", "hopper", "periodic", "level sets"])
 def test_walls_hold_the_grains(tmp_path, name, law):
     make, asked = PACKINGS[name]
     material = {} if law == "linear" else {**HERTZ, "young_modulus": 5e6}
     deck = write_deck(make(), tmp_path, ENGINE, material=material, **asked)
     # thousands of triangles take their time
-    steps = round((5 if name == "sphere" else 12) * deck.simulation.time_unit / deck.simulation.time_step)
+    steps = round((5 if name in ("sphere", "hopper") else 12) * deck.simulation.time_unit / deck.simulation.time_step)
     states = run(tmp_path, f"load()\nO.run({steps}, True)\n")
     assert np.isfinite(states).all()
     bodies, walls = deck.simulation.bodies, deck.simulation.walls

@@ -12,6 +12,7 @@ from voxgran._base import ExplainedAttributes
 from voxgran._base.arrays import Floats, Integers, as_faces, as_points, as_vector, check_type
 from voxgran._base.calls import explained_methods
 from voxgran._base.errors import InputError, with_article
+from voxgran.containers.enclosed import wall_around
 from voxgran.containers.make import ContainerKind
 from voxgran.containers.model import Boundary, Surface
 from voxgran.shapes.files import shape_of_file
@@ -31,6 +32,8 @@ MENDING = Remedies(
 @dataclass(frozen=True, eq=False)
 class ClosedMesh(ExplainedAttributes):
     """The interior of a closed triangle mesh, in the coordinates that the shape was made from.
+
+    For the space that a wall of some thickness encloses see :func:`voxgran.Vessel`.
 
     Attributes
     ----------
@@ -136,6 +139,25 @@ class ClosedMesh(ExplainedAttributes):
         [-1.0, 0.5]
         """
         return self._geometry.tree.signed_distance(as_points(points) - np.array(self.shape.offset))
+
+    def doubt(self, diameter: float) -> str:
+        """Return what speaks against packing grains of a median diameter, as a sentence; ``""`` if nothing does.
+
+        Examples
+        --------
+        >>> import voxgran as vg
+        >>> cube = vg.shapes.box(lengths=(2, 2, 2))
+        >>> vg.ClosedMesh(vg.Shape.from_mesh(cube.vertices, cube.faces)).doubt(0.1)
+        ''
+        """
+        space = wall_around(self.shape)
+        if not space:
+            return ""
+        return (
+            f"container is a mesh of volume {self.volume:.4g} around a space of {space:.4g}: grains are packed within "
+            "the mesh, which looks like a wall; give Vessel(shape), in a scene kind = 'vessel', for the space that it "
+            "encloses"
+        )
 
     @property
     def _geometry(self) -> Mesh:

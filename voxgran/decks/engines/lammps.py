@@ -33,6 +33,7 @@ from voxgran.decks.material import CHOSEN_OVERLAP
 from voxgran.decks.simulation import OUTPUT, SETTLING, Simulation
 from voxgran.decks.text import row_of, text_of
 from voxgran.decks.walls import Walls
+from voxgran.geometry.walls import Round
 from voxgran.shapes.formats.sphere_files import PLACES, text_of_spheres
 
 #: types of atoms: spheres that are grains, and spheres of clumps
@@ -177,6 +178,11 @@ def _walls(walls: Walls, law: str) -> list[str]:
             bottom, top = (repr(float(level)) for level in walls.bounds[:, 2])
             lines.append(f"region round cylinder z {x!r} {y!r} {radius} {bottom} {top} side in open 1 open 2")
         lines.append(f"fix round all wall/gran/region granular {law} region round")
+    regions = [_region(number, wall, walls.bounds) for number, wall in enumerate(walls.others)]
+    if regions and all(regions):
+        lines += [f"region {text}" for text in regions]
+        names = [text.split()[0] for text in regions]
+        return lines + [f"fix {name} all wall/gran/region granular {law} region {name}" for name in names]
     if walls.mesh is not None:
         if not walls.convex:
             raise InputError(
@@ -185,6 +191,27 @@ def _walls(walls: Walls, law: str) -> list[str]:
         lines += _planes(*walls.mesh)
         lines.append(f"fix mesh all wall/gran/region granular {law} region mesh")
     return lines
+
+
+def _region(number: int, wall: Round, bounds: Floats) -> str:
+    """Return the region within a wall in closed form; empty where its axis is not that of a coordinate."""
+    name, center, across = f"wall{number}", np.array(wall.center), np.flatnonzero(wall.axis)
+    if wall.kind == "plane":
+        return f"{name} plane {row_of(center)} {row_of(-np.array(wall.axis))} side in"
+    if wall.kind == "sphere":
+        return f"{name} sphere {row_of(center)} {wall.radius!r} side in"
+    if len(across) > 1:
+        return ""
+    axis = int(across[0])
+    around, sine = center[np.delete(np.arange(3), axis)], wall.sine * wall.axis[axis]
+    low, high = bounds[:, axis]
+    if sine:
+        # not beyond the apex
+        apex = center[axis] + wall.radius / sine
+        low, high = (low, min(high, apex)) if sine > 0 else (max(low, apex), high)
+    radii = [max(float((wall.radius - sine * (end - center[axis])) / wall.cosine), 0.0) for end in (low, high)]
+    kind, sizes = ("cone", radii) if sine else ("cylinder", [wall.radius])
+    return f"{name} {kind} {'xyz'[axis]} {row_of(around)} {row_of([*sizes, low, high])} side in open 1 open 2"
 
 
 def _planes(vertices: Floats, faces: Integers) -> list[str]:

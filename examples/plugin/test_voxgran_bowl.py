@@ -1,13 +1,13 @@
 """The container keeps what every container of voxgran must keep."""
 
-from voxgran_hopper import Hopper
+from voxgran_bowl import Bowl
 
 from voxgran.testing import ContainerSuite
 
 
-class TestHopper(ContainerSuite):
+class TestBowl(ContainerSuite):
     """The conformance suite."""
 
     def container(self):
-        """Return a hopper."""
-        return Hopper(radius=3.0, outlet=1.0)
+        """Return a bowl."""
+        return Bowl(radius=3.0, depth=2.0)

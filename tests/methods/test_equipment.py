@@ -1,18 +1,16 @@
-"""A container of a package of one's own, with a cone as a wall: packed, proven, measured, saved, written as decks."""
+"""Containers of several walls, a hopper first: packed, proven, measured, saved, written as decks."""
 
 import dataclasses
 import math
 
 import numpy as np
 import pytest
-from kit import example_hopper, install
 
 import voxgran as vg
 from voxgran._base.errors import InputError
 from voxgran.measures.crossings import Lines, outside_intervals
 
-Hopper = example_hopper()
-HOPPER = Hopper(3.5, 1.0, 65.0)
+HOPPER = vg.Hopper(3.5, 1.0, 65.0)
 SHAPES = [
     vg.make_shape("sphere", diameter=0.8),
     vg.make_shape("convex_polyhedron", seed=3, points=10, diameter=0.9),
@@ -20,11 +18,23 @@ SHAPES = [
 ]
 
 
-@pytest.fixture
-def registered(tmp_path, monkeypatch):
-    """Register the package of the example without installing it."""
-    install(tmp_path, "voxgran-example", {"voxgran.containers": {"hopper": "voxgran_hopper:registration"}})
-    monkeypatch.syspath_prepend(str(tmp_path))
+# grains are large, to be few
+pytestmark = pytest.mark.filterwarnings("ignore:outlet of the")
+
+OTHERS = {
+    "wedge": vg.Hopper(3.0, 1.0, 60.0, length=3.0, bin_height=1.0),
+    "bin": vg.Hopper(3.0, 1.0, 45.0, bin_height=2.0, origin=(2.0, 1.0, -3.0)),
+    "drum": vg.Drum(2.5, 4.0, "y"),
+    "planes": vg.Planes([(-1, 0, 0), (0, -1, 0), (0, 0, -1), (1, 1, 1)], [(0, 0, 0)] * 3 + [(8, 0, 0)]),
+    "walls": vg.Walls(
+        [
+            {"kind": "cylinder", "radius": 2.5, "axis": (1, 0, 2)},
+            {"kind": "sphere", "radius": 3.5, "point": (0, 0.5, 0)},
+            {"kind": "plane", "normal": (0.2, 0, 1), "point": (0, 0, 2)},
+            {"kind": "cone", "radius": 2, "angle": 60, "point": (0, 0, -2)},
+        ]
+    ),
+}
 
 
 @pytest.fixture(scope="module")
@@ -40,6 +50,40 @@ def test_a_bed_rests_in_it_and_true_shapes_do_not_pass_the_cone(bed):
     assert bool(vg.equilibrium(bed).rests.all())
     # some lie at the cone
     assert (HOPPER.boundary.round[0].distance(bed.position) < 0.45).sum() > 5
+
+
+@pytest.mark.parametrize("name", OTHERS)
+def test_beds_rest_in_the_others_and_have_their_volume(name):
+    container = OTHERS[name]
+    made = vg.pack(SHAPES, container, "gravity", count=30, seed=3)
+    assert made.stop_reason == "settled"
+    assert vg.verify(made).ok
+    assert int((~vg.equilibrium(made).rests).sum()) <= 1
+    lines = Lines.through(0, *container.bounds, 0.05, dimension=3)
+    line, low, high = outside_intervals(container, lines)
+    whole = lines.high - lines.low
+    length = whole - np.bincount(line, np.clip(high, 0.0, whole) - np.clip(low, 0.0, whole), lines.count)
+    assert length.sum() * lines.step.prod() == pytest.approx(container.volume, rel=2e-3)
+
+
+def test_a_drum_is_a_cylinder_on_its_side():
+    """Turned by 90 degrees, gravity and all, a bed in a cylinder is one in a drum."""
+    upright = vg.pack(SHAPES, vg.Cylinder(2.5, 4.0), "gravity", gravity="-x", count=40, seed=2)
+    turn = np.array([[0.0, 0.0, 1.0], [0.0, 1.0, 0.0], [-1.0, 0.0, 0.0]])
+    place = (upright.position - [0.0, 0.0, 2.0]) @ turn.T
+    quaternion = np.array([math.sqrt(0.5), 0.0, math.sqrt(0.5), 0.0])
+    w, v = quaternion[0], quaternion[1:]
+    a, b = upright.orientation[:, 0], upright.orientation[:, 1:]
+    turned = np.column_stack([w * a - b @ v, w * b + a[:, None] * v + np.cross(v, b)])
+    drum = vg.Packing.of(
+        SHAPES, vg.Drum(2.5, 4.0), position=place, scale=upright.scale, shape_id=upright.shape_id, orientation=turned,
+        gravity="+z",
+    )  # fmt: skip
+    assert vg.verify(drum).ok
+    both = [vg.equilibrium(one) for one in (upright, drum)]
+    assert both[0].sizes["contact"] == both[1].sizes["contact"]
+    assert bool(both[1].rests.all())
+    np.testing.assert_allclose(np.sort(both[0].gap), np.sort(both[1].gap), atol=1e-9)
 
 
 def test_random_sequential_addition_fills_it():
@@ -96,21 +140,28 @@ def test_lines_through_it_are_inside_over_its_volume(axis):
 
 
 @pytest.mark.parametrize("engine", ["lammps", "yade"])
-def test_engines_get_its_walls_as_triangles(bed, engine, tmp_path):
-    vg.write_deck(bed, tmp_path, engine)
+def test_engines_get_its_walls_as_they_are_or_as_triangles_outside_of_it(bed, engine, tmp_path):
+    deck = vg.write_deck(bed, tmp_path, engine)
     files = {path.name: path.read_text() for path in tmp_path.iterdir()}
     if engine == "yade":
-        assert len(files["yade_facets.txt"].splitlines()) > 100
+        rows = [row for row in files["yade_facets.txt"].splitlines() if not row.startswith("#")]
+        corners = np.loadtxt(rows).reshape(-1, 3, 3)
+        assert len(corners) > 100
+        scale = deck.simulation.walls.bounds[1, 2] / HOPPER.bounds[1, 2]
+        outside = HOPPER.signed_distance(corners.mean(axis=1) / scale)
+        assert outside.min() > -1e-9
+        assert outside.max() < 2e-3 * deck.simulation.diameter / scale
     else:
-        assert files["lammps_run.in"].count("region") > 60
+        assert " cone z 0.0 0.0 " in files["lammps_run.in"]
 
 
 def test_methods_that_know_no_cones_refuse_it():
-    with pytest.raises(InputError, match="Hopper, with a cone or several round walls, which method 'deposition' does"):
+    with pytest.raises(
+        InputError, match="Hopper, with tilted, conical or several round walls, which method 'deposition' does"
+    ):
         vg.pack(SHAPES[:1], HOPPER, "deposition", count=3)
 
 
-@pytest.mark.usefixtures("registered")
 def test_scenes_make_it_by_its_kind_and_files_keep_it(tmp_path):
     mapping = {"kind": "hopper", "radius": 3.5, "outlet": 1.0, "angle": 65.0}
     assert vg.make_container(mapping) == HOPPER
