@@ -129,6 +129,8 @@ figures: demo bench   ## the pictures of README and docs
 	cp out/settled_bed/settled_bed.png docs/figures/settled_bed.png
 	$(BIN)/python examples/compressed_specimen.py out/compressed_specimen
 	cp out/compressed_specimen/compressed_specimen.png docs/figures/compressed_specimen.png
+	$(BIN)/python examples/initial_states.py out/initial_states
+	cp out/initial_states/initial_states.png docs/figures/initial_states.png
 	$(BIN)/python examples/shapes_polyhedra.py out/shapes_polyhedra
 	cp out/shapes_polyhedra/shapes_polyhedra.png docs/figures/shapes_polyhedra.png
 	$(BIN)/python examples/scan_to_packing.py out/scan_to_packing

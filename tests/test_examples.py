@@ -406,6 +406,14 @@ def test_compressed_specimen(tmp_path, capsys, monkeypatch):
 
 
 @pytest.mark.slow
+def test_initial_states(tmp_path, capsys, monkeypatch):
+    text = printed("initial_states.py", capsys, monkeypatch, str(tmp_path))
+    assert text.count("verified True") == 4
+    assert [int(count) for count in re.findall(r"(\d+) grains", text)] == [600, 374, 221, 450]
+    assert min(float(share) for share in re.findall(r"at rest ([\d.]+)", text)) >= 0.95
+
+
+@pytest.mark.slow
 def test_fit_clump(tmp_path, capsys, monkeypatch):
     text = printed("fit_clump.py", capsys, monkeypatch, str(tmp_path))
     overlaps = [float(value) for value in re.findall(r"overlap ([\d.]+)", text)]

@@ -124,7 +124,7 @@ def test_every_key_of_the_table_is_taken_by_a_scene(tmp_path):
     assert vg.Scene.from_mapping(scene, folder=tmp_path).share_by == "volume"
     layer = {"shape": [{"family": "sphere"}], **values[keys.Layered]}
     layers = [{key: value for key, value in layer.items() if key != other} for other in ("count", "height")]
-    rest = {"container": scene["container"], "packing": {"method": "gravity"}}
+    rest = {"container": scene["container"], "material": scene["material"], "packing": {"method": "gravity"}}
     assert len(vg.Scene.from_mapping({"layer": layers, **rest}).layers) == 2
 
 
