@@ -37,7 +37,7 @@ packings = {
         sizes=vg.sizes.uniform(0.8, 1.2),
         seed=3,
     ),
-    "layers": vg.pack_layers(layers, vg.Box((50, 50, 120), periodic="xy", unit="mm"), friction=0.3, seed=1),
+    "layers": vg.pack_layers(layers, vg.Box((50, 50, 120), periodic="xy"), friction=0.3, seed=1, unit="mm"),
     "bed around a bar": vg.pack(
         sphere, mould, "gravity", count=220, obstacles=bar, sizes=vg.sizes.lognormal(1.0, 0.15), seed=1
     ),
@@ -56,6 +56,6 @@ for panel, (title, packing) in zip(figure.subplots(1, 4), packings.items(), stri
     panel.imshow(picture_cut(packing, legend=False))
     panel.set_title(title)
     panel.axis("off")
-# Picture: Spheres at rest in a conical hopper with a bin above it; gravel with a layer of sand upon it; a bed of spheres
-#   around a cylindrical bar; and rods that lie along one axis mostly.
+# Picture: Spheres at rest in a conical hopper with a bin above it; gravel with a layer of sand upon it; a bed of
+#   spheres around a cylindrical bar; and rods that lie along one axis mostly.
 figure.savefig(folder / "initial_states.png", dpi=110)
