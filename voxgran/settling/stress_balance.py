@@ -193,7 +193,8 @@ def as_stress(value: "ArrayLike", dimension: int) -> Floats:
     if given.shape in ((), (d,)):
         axial = np.broadcast_to(given, d)
         # shear between axes along which nothing is prescribed is not prescribed either
-        tensor[:d, :d] = np.where(np.isnan(axial[:, None] + axial), math.nan, np.diag(np.nan_to_num(axial)))
+        unknown = np.isnan(axial)
+        tensor[:d, :d] = np.where(unknown[:, None] | unknown, math.nan, np.diag(np.nan_to_num(axial)))
     elif given.shape in ((d, d), (3, 3)):
         tensor[:d, :d] = given[:d, :d]
     else:
