@@ -94,14 +94,17 @@ def pour(
     size = -(-count // BATCHES) if batch is None else as_count(batch, "batch", at_least=1)
     if wrong := [name for name in REFUSED if name in arguments]:
         raise InputError(f"{wrong[0]} is given: grains are poured in batches by a count alone; leave it out")
-    packing, batches, drawn = start, list[int](), shapes
+    packing, batches, drawn, said = start, list[int](), shapes, set[str]()
     while (poured := sum(batches)) < count and (not batches or batches[-1]):
         own = int(philox_key(seed, f"batch {len(batches)}")[0]) if batches else seed
         asked: dict[str, Any] = {"count": min(size, count - poured), "seed": own, "start": packing, "inlet": inlet}
-        with warnings.catch_warnings():
-            # said once at the end, of all grains
-            warnings.filterwarnings("ignore", r".* grains were placed before", PackingWarning)
+        with warnings.catch_warnings(record=True, action="always") as caught:
             packing = pack(drawn, container, "gravity", **asked, **arguments)
+        # each is said once, and that grains are missing at the end
+        for text, category in {str(one.message): one.category for one in caught}.items():
+            if text not in said and " grains were placed " not in text:
+                said.add(text)
+                warn(text, category)
         if not batches:
             before = sum(one.count for one in (start, arguments.get("obstacles")) if one is not None)
             arguments, drawn = _of_later_batches(packing, shapes, arguments), ()

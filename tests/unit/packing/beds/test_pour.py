@@ -171,3 +171,12 @@ def test_gravity_along_a_vector_and_an_inlet_on_a_slope():
     away = np.linalg.norm(np.cross(offset, down), axis=1)
     assert begun.count == 8
     assert away.max() < 1.2
+
+
+def test_a_doubt_is_told_once():
+    hopper = vg.Hopper(radius=4, outlet=1.5, angle=60, bin_height=3)
+    with pytest.warns(PackingWarning, match="it will arch once it is opened") as told:
+        bed = vg.pour(BALL, hopper, 20, batch=10, friction=0.3)
+    assert len(told) == 1
+    assert bed.provenance["batches"] == [10, 10]
+    assert vg.verify(bed).ok
