@@ -11,6 +11,7 @@ from voxgran.cli.commands import SCENE
 from voxgran.clumps.method import clump_registry
 from voxgran.containers.make import container_registry
 from voxgran.geometry.orientations import KINDS as TURNS
+from voxgran.packing.beds.inlet import Inlet
 from voxgran.packing.method import method_registry
 from voxgran.scene import keys
 from voxgran.scene.sections import General, Output
@@ -46,6 +47,7 @@ SECTIONS = {
         "A list of grains, each placed once, in place of `count` and [sizes]. Without the section grains are drawn.",
     ),
     "[packing]": ((keys.Packed,), "How the grains are packed. Parameters of the method are keys of the same section."),
+    "inlet = { ... } of [packing]": ((Inlet,), "Disk or rectangle below which grains fall, of the method gravity."),
     "[settle]": (
         (keys.Settled, Settling),
         "How grains come to rest after they are packed. Without the section, it is up to the method.",

@@ -58,6 +58,7 @@ from voxgran._base.registry import Parameters
 from voxgran.clumps.model import Clump
 from voxgran.containers.model import Container
 from voxgran.geometry.orientation_laws.law import OrientationLaw
+from voxgran.packing.beds.inlet import Inlet
 from voxgran.packing.driver import Recorder
 from voxgran.packing.model import Packing
 from voxgran.settling.materials import Materials

@@ -54,7 +54,9 @@ from voxgran.measures.describe import describe as describe
 from voxgran.measures.model import measure as measure
 from voxgran.measures.registered.density import window_solid_fraction as window_solid_fraction
 from voxgran.packing import methods as methods
+from voxgran.packing.beds.inlet import Inlet as Inlet
 from voxgran.packing.beds.layers import pack_layers as pack_layers
+from voxgran.packing.beds.pour import pour as pour
 from voxgran.packing.compress import compress as compress
 from voxgran.packing.jamming.expected import expected_solid_fraction as expected_solid_fraction
 from voxgran.packing.method import packing_methods as packing_methods

@@ -18,6 +18,7 @@ from voxgran._base.registry import Parameters
 from voxgran.clumps.model import Clump
 from voxgran.containers.model import Container
 from voxgran.geometry.orientation_laws.law import OrientationLaw
+from voxgran.packing.beds.inlet import Inlet
 from voxgran.packing.driver import Recorder
 from voxgran.packing.model import Packing
 from voxgran.settling.materials import Materials
@@ -128,6 +129,7 @@ class GravityKeywords(SettlingKeywords, total=False):
     gravity: Literal['-x', '+x', '-y', '+y', '-z', '+z'] | (Sequence[Number] | NDArray[Any]) | None
     fill: Number
     height: Number | None
+    inlet: Inlet | None
 class GrowthKeywords(PackKeywords, total=False):
     arrival: Literal['together', 'continuous']
     slowest: Number

@@ -136,6 +136,7 @@ GOOD = {
     "Cloud.thinned": (CLOUD.thinned, {"spacing": 0.1}),
     "Cloud.with_normals": (CLOUD.with_normals, {"neighbours": 9}),
     "Cloud.without_outliers": (CLOUD.without_outliers, {"deviations": 2.0, "neighbours": 9}),
+    "Inlet": (vg.Inlet, {"radius": 1.0, "center": (2.0, 2.0, 0.0), "height": 1.0}),
     "Lid": (vg.Lid, {"weight": 1.0}),
     "Shaking": (vg.Shaking, {"acceleration": 1.0, "duration": 1.0}),
     "Material": (
@@ -314,6 +315,19 @@ GOOD = {
     "make_shapes": (vg.make_shapes, {"family": "sphere", "count": 2, "seed": 0, "diameter": 1.0}),
     "seeds_of_shapes": (vg.seeds_of_shapes, {"seed": 0, "count": 2}),
     "measure": (vg.measure, {"packing": BED, "which": "density", "threads": 1}),
+    "pour": (
+        vg.pour,
+        {
+            "shapes": SPHERE,
+            "container": BOX,
+            "count": 2,
+            "inlet": vg.Inlet(radius=1.0),
+            "batch": 1,
+            "seed": 0,
+            "start": None,
+            "weights": [1],
+        },
+    ),
     "pack": (
         vg.pack,
         {

@@ -38,6 +38,7 @@ ALL = (
     "provenance",
     "rdf",
     "relaxation",
+    "repose",
     "segregation",
     "strict",
     "voids",

@@ -129,11 +129,11 @@ def surface_level(packing: Packing, first: int = 0, last: int | None = None) -> 
     if packing.gravity is None or packing.count == first:
         return 0.0
     up: Floats = -np.asarray(packing.gravity)
-    tops = [_top(packing, grain, up) for grain in range(first, packing.count if last is None else last)]
+    tops = [top_of(packing, grain, up) for grain in range(first, packing.count if last is None else last)]
     return float(np.quantile(tops, BELOW)) - container_levels(packing.container, up)[0]
 
 
-def _top(packing: Packing, grain: int, up: Floats) -> float:
+def top_of(packing: Packing, grain: int, up: Floats) -> float:
     """Return the highest level of a grain."""
     if packing.shapes[packing.shape_id[grain]].is_sphere:
         return float(packing.position[grain] @ up + packing.bounding_radii[grain])

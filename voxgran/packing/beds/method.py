@@ -23,6 +23,7 @@ from voxgran._base.warning import warn
 from voxgran.contacts.assembly import Assembly
 from voxgran.containers.gravity import gravity_text, gravity_vector
 from voxgran.packing.beds.filling import highest_surface, in_column, usual_solid_fraction, volume_at_rest
+from voxgran.packing.beds.inlet import Inlet, column_below
 from voxgran.packing.beds.reachable import reachable
 from voxgran.packing.beds.seeds import LOOSE, RADIUS, column_top, container_levels, random_seeds
 from voxgran.packing.method import Cost, PackingMethod
@@ -45,8 +46,8 @@ from voxgran.settling.stages import TOUCHING, Settler
 FULLEST, LOOSER = 0.52, 0.87
 #: why grains are left out, and what helps
 NO_ROOM = (
-    "no more are expected to come to rest below the top of the container, or below the height that is asked for; ask "
-    "for less, or take smaller grains or a higher or wider container"
+    "no more are expected to come to rest below the top of the container, or below the height that is asked for, or to "
+    "have room in the column of the inlet; ask for less, or take smaller grains or a higher or wider container"
 )
 #: largest size of a grain at the beginning, in sizes at which its bounding sphere is its seed
 APART = 0.98
@@ -87,6 +88,9 @@ class Gravity(Settling):
         "7 percent from four grains on: about 95 percent of all grains have their tops below it; as many grains grow "
         "as usually fill it; if omitted, count and solid_fraction alone decide, or the container",
         above=0.0,
+    )
+    inlet: Inlet | None = parameter(
+        None, doc="disk or rectangle below which the grains begin to fall; if omitted, the whole container"
     )
 
 
@@ -130,6 +134,12 @@ def _start(problem: Problem) -> tuple[Assembly, Floats, Floats]:
     spheres, m = spheres_of_start(problem), problem.started
     n, centers = max(n, m), spheres[:, :3] + container.bounds[0]
     base = float((centers @ up + spheres[:, 3]).max(initial=-math.inf))
+    if settings.inlet is not None:
+        container, base = column_below(settings.inlet, problem, up, np.column_stack([centers, spheres[:, 3]]))
+        # those that grow in the column together
+        room = column_top(container, up, 0.0, stream(problem.seed, "inlet"), base)[1]
+        volume = np.cumsum(problem.volumes[m:n]) / min(settings.fill, LOOSER * usual_solid_fraction(problem))
+        n = m + int(np.searchsorted(volume, room, side="right"))
     total = float(problem.volumes[m:n].sum()) if m else float(volume[n - 1]) if n else 0.0
     fill = min(settings.fill, LOOSER * usual_solid_fraction(problem)) if n else settings.fill
     top, room = column_top(container, up, total / fill, generator, base) if n else (0.0, container.volume)
@@ -145,7 +155,7 @@ def _start(problem: Problem) -> tuple[Assembly, Floats, Floats]:
     elif problem.start is not None:
         turns[:m] = problem.start.orientation
     arrays = {"position": np.vstack([centers, seeds]), "scale": problem.diameter[:n], "shape_id": problem.shape_id[:n]}
-    assembly = Assembly.of(problem.shapes, container, orientation=turns, density=problem.density, **arrays)
+    assembly = Assembly.of(problem.shapes, problem.container, orientation=turns, density=problem.density, **arrays)
     small = np.minimum(1.0, APART * radii / np.maximum(assembly.bounding_radii[m:], 1e-300))
     return assembly, np.concatenate([np.ones(m), small]), gravity
 
@@ -242,9 +252,12 @@ def cost(problem: Problem) -> Cost:
     Raises
     ------
     InputError
-        If a height is asked that no bed in the container can have.
+        If a height is asked that no bed in the container can have, or no grain has room below the inlet.
     """
-    _height(problem, -gravity_vector(problem))
+    up = -gravity_vector(problem)
+    _height(problem, up)
+    if problem.parameters.inlet is not None:
+        column_below(problem.parameters.inlet, problem, up, np.zeros((0, 4)))
     return Cost(memory=GRAIN_BYTES * problem.count, attempts=problem.count)
 
 
