@@ -315,6 +315,10 @@ GOOD = {
     "make_shapes": (vg.make_shapes, {"family": "sphere", "count": 2, "seed": 0, "diameter": 1.0}),
     "seeds_of_shapes": (vg.seeds_of_shapes, {"seed": 0, "count": 2}),
     "measure": (vg.measure, {"packing": BED, "which": "density", "threads": 1}),
+    "pack_layers": (
+        vg.pack_layers,
+        {"layers": [{"shapes": SPHERE, "count": 2}], "container": BOX, "method": "gravity", "seed": 0, "friction": 0.5},
+    ),
     "pour": (
         vg.pour,
         {

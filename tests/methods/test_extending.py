@@ -55,7 +55,7 @@ def check_plugin(folder):
     (folder / "try_it.py").write_text(example + proof)
     run(folder, "try_it")
     found = run(folder, "pytest", "-q", "-p", "no:dash", "-p", "no:cacheprovider", *TESTS)
-    assert re.search(r"^22 passed", found, flags=re.MULTILINE), found
+    assert re.search(r"^23 passed", found, flags=re.MULTILINE), found
     assert "the suites: 22 tests" in page
 
 

@@ -207,6 +207,11 @@ class Assembly:
         ------
         InputError
             If a grain is fixed.
+
+        Examples
+        --------
+        >>> import voxgran as vg
+        >>> vg.Packing.of(vg.shapes.sphere(), vg.Box((4, 4, 4)), position=[(2, 2, 2)]).refuse_fixed("compression")
         """
         if self.fixed is not None:
             raise InputError(

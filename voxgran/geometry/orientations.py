@@ -148,7 +148,7 @@ def bingham(
     >>> import voxgran as vg
     >>> law = vg.orientations.bingham("z", 4, "x", second_kappa=-2)
     >>> law.moment(dimension=3).round(3).diagonal().tolist()
-    [0.094, 0.165, 0.741]
+    [0.096, 0.15, 0.754]
     """
     numbers = {"kappa": as_number(kappa, "kappa"), "second_kappa": as_number(second_kappa, "second_kappa")}
     return Bingham(axis=_plain(axis), second_axis=_plain(second_axis), body_axis=_plain(body_axis), **numbers)

@@ -85,17 +85,17 @@ class DrawnGrains:
 
 
 def draw_grains(
-    request: Request, *, surplus: bool, sizing: Literal["drawn", "scaled", "made"], own_shapes: bool
+    request: Request, *, surplus: bool, stretches: bool, sizing: Literal["drawn", "scaled", "made"], own_shapes: bool
 ) -> DrawnGrains:
     """Draw the grains of a packing.
 
     The sizes are those of strata (:meth:`SizeDistribution.strata`), unless they are to be independent, and shapes and
     sizes are independent of each other. Without a count and a solid fraction as many grains are drawn as fill the
     container completely; `surplus` allows grains of more volume than the container, of which the method places those
-    that fit, or for which it stretches the container. `sizing` is that of the method: sizes that are scaled later may
-    be given with a count and a solid fraction; for sizes that the method makes, all grains get the diameter at which
-    they have the volume of the container together. With `own_shapes` the method makes the shapes, and those that are
-    given tell the volumes only: spheres are then as dense as any.
+    that fit, and `stretches` those for which it stretches the container. `sizing` is that of the method: sizes that are
+    scaled later may be given with a count and a solid fraction; for sizes that the method makes, all grains get the
+    diameter at which they have the volume of the container together. With `own_shapes` the method makes the shapes, and
+    those that are given tell the volumes only: spheres are then as dense as any.
 
     Raises
     ------
@@ -109,7 +109,8 @@ def draw_grains(
     """
     shapes, container, sizes, seed = check_shapes(request.shapes), request.container, request.sizes, request.seed
     if request.grains is not None:
-        return _listed(shapes, container, request.grains, surplus=surplus)
+        return _listed(shapes, container, request.grains, stretches=stretches)
+    surplus = surplus or stretches
     solid_fraction = request.solid_fraction
     count = None if request.count is None else as_count(request.count, "count", at_most=None)
     if count is not None and count > MOST_ASKED:
@@ -178,7 +179,7 @@ def listed_grains(
     return apart, replace(found, shape_id=shape_id), density
 
 
-def _listed(shapes: Sequence[Shape], container: Container, grains: ListedGrains, *, surplus: bool) -> DrawnGrains:
+def _listed(shapes: Sequence[Shape], container: Container, grains: ListedGrains, *, stretches: bool) -> DrawnGrains:
     """Return the grains of a list, each once and in its order."""
     wrong = np.flatnonzero(~can_fit(shapes, container, grains.shape_id, grains.diameter))
     if len(wrong):
@@ -188,7 +189,7 @@ def _listed(shapes: Sequence[Shape], container: Container, grains: ListedGrains,
             "turned; take out what is too large, or enlarge the container"
         )
     share = float(_volumes(shapes, grains.shape_id, grains.diameter).sum() / container.volume)
-    if share > 1.0 and not surplus:
+    if share > 1.0 and not stretches:
         raise InputError(_too_much(len(grains.row), share))
     return DrawnGrains(grains.shape_id, grains.diameter, {"count": 0, "volume": 0.0}, grains.row)
 

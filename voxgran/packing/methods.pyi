@@ -5,6 +5,7 @@ from voxgran.packing.deposition.method import Deposition as Deposition
 from voxgran.packing.digital.fill_method import DigitalFill as DigitalFill
 from voxgran.packing.digital.parameters import Digital as Digital
 from voxgran.packing.digital.rsa_method import DigitalRsa as DigitalRsa
+from voxgran.packing.jamming.compress import Compress as Compress
 from voxgran.packing.jamming.expand import Expand as Expand
 from voxgran.packing.jamming.jam import Jam as Jam
 from voxgran.packing.jamming.multilayer import Multilayer as Multilayer

@@ -273,8 +273,9 @@ def prepare_task(request: Request) -> Task:
         grains=listed,
     )
     own_shapes = getattr(settings, "own_shapes", False)
-    surplus = entry.selects or entry.stretches
-    grains = draw_grains(drawn, surplus=surplus, sizing=entry.sizing, own_shapes=own_shapes)
+    grains = draw_grains(
+        drawn, surplus=entry.selects, stretches=entry.stretches, sizing=entry.sizing, own_shapes=own_shapes
+    )
     asked = _asked(request, count, solid_fraction, listed, orientations)
     if start is not None:
         asked["start"] = {"count": start.count, "method": start.provenance.get("method", "")}

@@ -9,8 +9,8 @@ from voxgran.bench.tradeoffs.spheres import CASES, Case, Row, measure, room_for,
 
 
 def test_every_method_that_packs_spheres_has_a_case():
-    # methods on voxels and control points have trade-offs of their own; cells are filled by other shapes
-    others = {"digital", "digital_fill", "digital_rsa", "control_point", "voronoi_fill"}
+    # methods on voxels and control points, and compression have trade-offs of their own; other shapes fill cells
+    others = {"compress", "digital", "digital_fill", "digital_rsa", "control_point", "voronoi_fill"}
     assert {case.method for case in CASES} == set(vg.packing_methods()) - others
 
 

@@ -1,6 +1,7 @@
 """Contacts with walls: gaps are those of the exact tests, and grains stand on as many points as hold them."""
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -153,8 +154,7 @@ def test_the_smallest_gap_is_that_of_the_exact_test(name):
     found = Found(assembly, 100.0)
     np.testing.assert_allclose(found.least(), -escape_depths(assembly), atol=1e-9)
     level = float(np.median(assembly.position[:, 2]))
-    lidded = Assembly(*(getattr(assembly, key) for key in Assembly.__dataclass_fields__ if key != "lid"),
-                      lid=Lid(np.array([0.0, 0.0, 1.0]), level))  # fmt: skip
+    lidded = replace(assembly, lid=Lid(np.array([0.0, 0.0, 1.0]), level))
     with_lid = Found(lidded, 100.0, lid=LidPlane(np.array([0.0, 0.0, 1.0]), level))
     np.testing.assert_allclose(with_lid.least(), -escape_depths(lidded), atol=1e-9)
 

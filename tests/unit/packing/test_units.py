@@ -201,7 +201,7 @@ def test_two_grains_that_meet_are_brought_to_one_unit():
 
 
 #: methods whose grains push each other or move by chance: a difference in the last digit grows from contact to contact
-CHAOTIC = ("gravity", "jam", "expand", "control_point", "digital")
+CHAOTIC = ("gravity", "compress", "jam", "expand", "control_point", "digital")
 
 
 @pytest.mark.parametrize(

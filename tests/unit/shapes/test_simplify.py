@@ -146,5 +146,5 @@ def test_the_key_of_a_scene():
 
 
 def test_an_unknown_key_lists_those_of_every_shape():
-    with pytest.raises(UnknownNameError, match="known are clump, count, density, diameter, faces, radius"):
+    with pytest.raises(UnknownNameError, match="known are clump, count, density, diameter, faces, material, radius"):
         scene(family="sphere", foo=3)

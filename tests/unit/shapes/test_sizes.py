@@ -389,7 +389,7 @@ def test_a_plan_says_what_fines_are():
 def drawn_for(shapes, container, law, **request):
     """Return the grains that are drawn for a packing."""
     asked = Request(shapes, container, "rsa", sizes=law, **request)
-    return draw_grains(asked, surplus=False, sizing="drawn", own_shapes=False)
+    return draw_grains(asked, surplus=False, stretches=False, sizing="drawn", own_shapes=False)
 
 
 @pytest.mark.parametrize("dimension", [2, 3])
