@@ -41,6 +41,9 @@ def test_axes_that_stay_are_those_of_the_container():
     specimen = vg.pack(SPHERE, vg.Cylinder(2.5, 5), "compress", axes="z", count=60)
     assert (specimen.count, specimen.container.radius) == (60, 2.5)
     assert specimen.container.height < 5
+    # stretched along its axis alone, until the grains fill 0.3 of it
+    path = specimen.measure("compression")["compression"]["path_solid_fraction"]
+    assert path.values[0] == pytest.approx(0.3, abs=0.01)
     high = vg.pack(SPHERE, vg.Cylinder(2.5, 5), "compress", axes="z", height=6.0)
     assert high.container.height == pytest.approx(6.0, rel=0.005)
     # grains for that height, not for that of the container
