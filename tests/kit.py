@@ -98,8 +98,8 @@ def column(count, **more):
         rattler=np.zeros(count, dtype=bool),
         friction=0.5,
     )
-    ball = Shape.of(Primitive("sphere", (0.5,)), name="sphere")
-    return Packing.of([ball], Box((2, 2, count + 1)), position=place, forces=forces, **more)
+    sphere = Shape.of(Primitive("sphere", (0.5,)), name="sphere")
+    return Packing.of([sphere], Box((2, 2, count + 1)), position=place, forces=forces, **more)
 
 
 def hull(points):

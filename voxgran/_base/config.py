@@ -19,7 +19,7 @@ from functools import lru_cache
 from types import FunctionType
 from typing import Any, TypeVar, dataclass_transform
 
-from voxgran._base.arrays import as_choice, as_count, as_number, check_lengths
+from voxgran._base.arrays import as_choice, as_count, as_number, check_lengths, check_type
 from voxgran._base.calls import explained_methods, removal_of
 from voxgran._base.errors import InputError, UnknownNameError, shown
 from voxgran._base.names import unknown
@@ -154,6 +154,30 @@ def check_bounds(instance: Any, *, of: str = "") -> None:
                 as_number(item, name, **entry.bounds)
                 if entry.unit == "length":
                     check_lengths(item, name)
+
+
+def kind_of(
+    mapping: Mapping[str, Any], kinds: Mapping[str, type[T]], where: str, *, example: str
+) -> tuple[type[T], dict[str, Any]]:
+    """Return the class that the key `kind` of a mapping names, and the values beside it.
+
+    `example` is a mapping of a kind, as messages show it.
+
+    Raises
+    ------
+    UnknownNameError
+        If the kind is not known.
+    InputError
+        If it is no mapping, or the kind is missing.
+    """
+    check_type(mapping, Mapping, where, f"a mapping with a kind, such as {example}")
+    values = dict(mapping)
+    if "kind" not in values:
+        raise InputError(f"{where} kind is missing: it must be one of {', '.join(sorted(kinds))}; add it")
+    kind = values.pop("kind")
+    if not isinstance(kind, str) or kind not in kinds:
+        raise UnknownNameError(unknown(f"{where} kind", kind, kinds))
+    return kinds[kind], values
 
 
 def from_mapping(cls: type[T], mapping: Mapping[str, Any], where: str, *, beside: Iterable[str] = ()) -> T:

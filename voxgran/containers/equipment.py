@@ -1,7 +1,7 @@
 """What containers that are made of several walls share: each one gives its parameters and the space within."""
 
+from abc import ABC, abstractmethod
 from dataclasses import fields, replace
-from functools import cached_property
 from typing import Any, ClassVar, Self
 
 import numpy as np
@@ -20,7 +20,7 @@ ARCHING = 5.0
 
 
 @explained_methods
-class Equipment(ExplainedAttributes):
+class Equipment(ExplainedAttributes, ABC):
     """A container of several walls: a frozen dataclass whose fields are the keys of its mapping.
 
     A kind gives its fields, of which those that are None are left out, their lengths, and the space within its walls.
@@ -31,16 +31,10 @@ class Equipment(ExplainedAttributes):
     dimension: ClassVar[int] = 3
     periodic: ClassVar[tuple[bool, bool, bool]] = (False, False, False)
 
-    @cached_property
+    @property
+    @abstractmethod
     def space(self) -> Space:
-        """The space within the walls.
-
-        Raises
-        ------
-        NotImplementedError
-            Where a kind does not give it.
-        """
-        raise NotImplementedError
+        """The space within the walls."""
 
     def _check_lengths(self) -> None:
         """Check the lengths, and put numbers where other values are given."""

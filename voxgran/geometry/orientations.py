@@ -12,11 +12,9 @@ from typing import TYPE_CHECKING, Any, Literal
 from numpy.typing import ArrayLike
 
 from voxgran._base import missing_names
-from voxgran._base.arrays import as_floats, as_number, as_quaternions, check_type
+from voxgran._base.arrays import as_floats, as_number, as_quaternions
 from voxgran._base.calls import explained
-from voxgran._base.config import from_mapping
-from voxgran._base.errors import InputError, UnknownNameError
-from voxgran._base.names import unknown
+from voxgran._base.config import from_mapping, kind_of
 from voxgran.geometry.orientation_laws.directional import Aligned, Bingham, Fisher, Random, Watson
 from voxgran.geometry.orientation_laws.fibres import Tensor
 from voxgran.geometry.orientation_laws.given import Given
@@ -262,14 +260,7 @@ def make_orientations(mapping: Mapping[str, Any], where: str = "[orientations]")
     >>> made == vg.orientations.watson("z", 4)
     True
     """
-    check_type(mapping, Mapping, where, "a mapping with a kind, such as {'kind': 'aligned', 'axis': 'z'}")
-    values = dict(mapping)
-    if "kind" not in values:
-        raise InputError(f"{where} kind is missing: it must be one of {', '.join(orientation_kinds())}; add it")
-    kind = values.pop("kind")
-    if not isinstance(kind, str) or kind not in KINDS:
-        raise UnknownNameError(unknown(f"{where} kind", kind, KINDS))
-    return from_mapping(KINDS[kind], values, where)
+    return from_mapping(*kind_of(mapping, KINDS, where, example="{'kind': 'aligned', 'axis': 'z'}"), where)
 
 
 #: classes of distributions by kind

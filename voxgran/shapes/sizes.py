@@ -15,9 +15,7 @@ from numpy.typing import ArrayLike
 from voxgran._base import missing_names
 from voxgran._base.arrays import Floats, as_floats, as_number, check_type
 from voxgran._base.calls import explained
-from voxgran._base.config import from_mapping
-from voxgran._base.errors import InputError, UnknownNameError
-from voxgran._base.names import unknown
+from voxgran._base.config import from_mapping, kind_of
 from voxgran.shapes.size_laws.distribution import Basis, SizeDistribution
 from voxgran.shapes.size_laws.mixture import Mixture
 from voxgran.shapes.size_laws.openings import openings
@@ -380,16 +378,10 @@ def make_sizes(mapping: Mapping[str, Any], where: str = "[sizes]") -> SizeDistri
     >>> vg.sizes.make_sizes({"kind": "uniform", "low": 0.8, "high": 1.2}) == vg.sizes.uniform(0.8, 1.2)
     True
     """
-    check_type(mapping, Mapping, where, "a mapping with a kind, such as {'kind': 'fixed', 'diameter': 1.0}")
-    values = dict(mapping)
-    if "kind" not in values:
-        raise InputError(f"{where} kind is missing: it must be one of {', '.join(size_kinds())}; add it")
-    kind = values.pop("kind")
-    if not isinstance(kind, str) or kind not in KINDS:
-        raise UnknownNameError(unknown(f"{where} kind", kind, KINDS))
-    if KINDS[kind] is Mixture and isinstance(values.get("parts"), list | tuple):
+    law, values = kind_of(mapping, KINDS, where, example="{'kind': 'fixed', 'diameter': 1.0}")
+    if law is Mixture and isinstance(values.get("parts"), list | tuple):
         values["parts"] = [make_sizes(part, f"{where} parts") for part in values["parts"]]
-    return from_mapping(KINDS[kind], values, where)
+    return from_mapping(law, values, where)
 
 
 #: classes of distributions by kind

@@ -177,8 +177,8 @@ class PackingMethodSuite:
         """No grain overlaps a fixed one, and this stays in its place; methods that move all grains refuse it."""
         container, kind = self.container(), "sphere" if self.container().dimension == 3 else "disk"
         middle = container.bounds.mean(axis=0)
-        ball = Packing.of(make_shape(kind, diameter=1.5), container, position=[middle])
-        asked = {"count": 3, "seed": 1, "obstacles": ball, **self.parameters}
+        obstacle = Packing.of(make_shape(kind, diameter=1.5), container, position=[middle])
+        asked = {"count": 3, "seed": 1, "obstacles": obstacle, **self.parameters}
         if method_registry().get(self.method).obstacles == "refused":
             with pytest.raises(InputError, match="packs around obstacles, one of"):
                 pack(self.shapes(), container, self.method, **asked)

@@ -115,10 +115,10 @@ def test_obstacles_may_stand_alone():
 
 
 def test_disks_and_periodic_images():
-    ball = vg.Packing.of(vg.shapes.disk(diameter=2.0), FLAT, position=[(4, 3, 0)])
-    bed = vg.pack(DISK, FLAT, "gravity", count=30, obstacles=ball)
+    obstacle = vg.Packing.of(vg.shapes.disk(diameter=2.0), FLAT, position=[(4, 3, 0)])
+    bed = vg.pack(DISK, FLAT, "gravity", count=30, obstacles=obstacle)
     assert bed.stop_reason == "settled"
-    check(bed, ball)
+    check(bed, obstacle)
     box = vg.Box((5, 5, 7), periodic="xy")
     corner = vg.Packing.of(vg.shapes.sphere(diameter=3.0), box, position=[(0, 0, 2)])
     for method, more in (("gravity", {}), ("digital_rsa", {"voxel_size": 0.1}), ("rsa", {})):
@@ -149,9 +149,9 @@ def test_obstacles_are_parts_of_the_container_for_measures():
 
 def test_forces_without_fixed_grains_balance_the_others():
     box = vg.Box((5, 5, 7), periodic="xy")
-    ball = vg.Packing.of(vg.shapes.sphere(diameter=3.0), box, position=[(0, 0, 1.5)])
-    bed = vg.pack(SPHERE, box, "gravity", count=80, obstacles=ball)
-    # the ball is the first one of some contacts, and the second one of others
+    obstacle = vg.Packing.of(vg.shapes.sphere(diameter=3.0), box, position=[(0, 0, 1.5)])
+    bed = vg.pack(SPHERE, box, "gravity", count=80, obstacles=obstacle)
+    # the obstacle is the first one of some contacts, and the second one of others
     assert (bed.forces.i == 0).any()
     assert (bed.forces.j == 0).any()
     free = around_fixed(bed)
@@ -185,9 +185,9 @@ def test_fixed_grains_are_kept_by_files_and_by_sequences(tmp_path):
 def test_density_start_and_list_beside_obstacles():
     first = vg.pack(SPHERE, BOX, "rsa", count=5, obstacles=BAR, density=2500.0)
     assert first.density == 2500.0
-    ball = vg.Packing.of(SPHERE, BOX, position=[(3, 3, 7)])
+    obstacle = vg.Packing.of(SPHERE, BOX, position=[(3, 3, 7)])
     cube = vg.shapes.box(lengths=(1, 1, 1))
-    second = vg.pack(cube, BOX, "rsa", start=first, count=3, obstacles=ball, density=[3000.0])
+    second = vg.pack(cube, BOX, "rsa", start=first, count=3, obstacles=obstacle, density=[3000.0])
     # fixed grains come first: new ones, and then those of the start
     assert second.fixed.tolist() == [True, True] + [False] * 8
     assert second.densities[2:].tolist() == [2500.0] * 5 + [3000.0] * 3

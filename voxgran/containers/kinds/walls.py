@@ -99,8 +99,8 @@ class Walls(Equipment):
         Examples
         --------
         >>> import voxgran as vg
-        >>> ball = vg.Walls([{"kind": "sphere", "radius": 2.0}])
-        >>> ball.scaled(2.0).bounds[1].tolist()
+        >>> sphere = vg.Walls([{"kind": "sphere", "radius": 2.0}])
+        >>> sphere.scaled(2.0).bounds[1].tolist()
         [4.0, 4.0, 4.0]
         """
         times = as_positive(factor, "factor")

@@ -56,9 +56,9 @@ def test_the_column_holds_the_volume():
     level, room = column_top(box, UP, 0.4 * box.volume, generator, box.bounds[0][2] + 3.0)
     assert level - box.bounds[0][2] == pytest.approx(7.0, abs=0.1)
     assert room == pytest.approx(0.7 * box.volume, rel=0.02)
-    ball = vg.Sphere(radius=2.0)
-    middle, _ = column_top(ball, UP, 0.5 * ball.volume, generator)
-    assert middle == pytest.approx(float(np.mean(ball.bounds, axis=0)[2]), abs=0.06)
+    round_container = vg.Sphere(radius=2.0)
+    middle, _ = column_top(round_container, UP, 0.5 * round_container.volume, generator)
+    assert middle == pytest.approx(float(np.mean(round_container.bounds, axis=0)[2]), abs=0.06)
 
 
 def test_beds_of_graded_spheres_are_not_sorted():
