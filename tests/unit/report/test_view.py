@@ -109,7 +109,7 @@ def test_values_and_contacts_are_those_of_the_packing(packing):
 
 
 def test_contacts_that_are_known_are_not_found_again(packing, monkeypatch):
-    vg.measure(packing)
+    vg.measure(packing, which="coordination")
     monkeypatch.setattr("voxgran.packing.model.find_contacts", None)
     assert view.views_of({"": packing}) is not None
 
