@@ -23,15 +23,16 @@ GRAIN_BYTES, STEPS = 700, 400
 
 @parameter_class
 class GrowthRate:
-    """Parameters of grains that grow."""
+    """Parameters of grains that grow.
 
-    growth_rate: float = parameter(
-        0.01,
-        doc="of all shapes but spheres and disks: relative growth of the sizes in the time in which a grain moves by "
-        "its diameter at thermal speed; the smaller, the denser and more ordered the grains jam, the longer it takes",
-        at_least=1e-4,
-        at_most=1.0,
-    )
+    Parameters
+    ----------
+    growth_rate
+        of all shapes but spheres and disks: relative growth of the sizes in the time in which a grain moves by its
+        diameter at thermal speed; the smaller, the denser and more ordered the grains jam, the longer it takes.
+    """
+
+    growth_rate: float = parameter(0.01, at_least=1e-4, at_most=1.0)
 
 
 @dataclass(slots=True)

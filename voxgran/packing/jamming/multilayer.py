@@ -40,6 +40,13 @@ LOOSER = 0.05
 class Multilayer:
     """Parameters of layers that are compacted one by one.
 
+    Parameters
+    ----------
+    layers
+        number of layers, of equally many grains.
+    undercompaction
+        void ratio of the first layer when it is compacted over that of the bed, less 1; the last one has 0.
+
     Raises
     ------
     InputError
@@ -54,13 +61,8 @@ class Multilayer:
     0.5
     """
 
-    layers: int = parameter(5, doc="number of layers, of equally many grains", at_least=1, at_most=1000)
-    undercompaction: float = parameter(
-        0.1,
-        doc="void ratio of the first layer when it is compacted over that of the bed, less 1; the last one has 0",
-        at_least=0.0,
-        at_most=5.0,
-    )
+    layers: int = parameter(5, at_least=1, at_most=1000)
+    undercompaction: float = parameter(0.1, at_least=0.0, at_most=5.0)
 
 
 def prepare(problem: Problem) -> CompressState:
