@@ -1,0 +1,17 @@
+#include <algorithm>
+#include <cmath>
+#include <fstream>
+#include <map>
+#include <sstream>
+#include <string>
+#include <utility>
+#include <vector>
+#include "Mercury3D.h"
+#include "Boundaries/PeriodicBoundary.h"
+#include "Particles/ClumpParticle.h"
+#include "Species/HertzianViscoelasticMindlinSpecies.h"
+#include "Species/LinearViscoelasticSlidingFrictionSpecies.h"
+#include "Walls/AxisymmetricIntersectionOfWalls.h"
+#include "Walls/InfiniteWall.h"
+#include "Walls/TriangleWall.h"
+#include "../ClumpHeaders/Mercury3DClump.h"
