@@ -10,8 +10,7 @@ from voxgran._base.config import parameters_of
 from voxgran._base.errors import InputError, shown
 from voxgran.geometry.orientation_laws.law import OrientationLaw
 from voxgran.geometry.orientations import make_orientations
-from voxgran.scene.keys import Layered
-from voxgran.scene.mistakes import refuse_unknown
+from voxgran.scene.keys import Layered, refuse_unknown
 from voxgran.scene.shape_entries import ShapeEntry, shape_entries
 from voxgran.shapes.sizes import SizeDistribution, make_sizes
 

@@ -7,8 +7,7 @@ from typing import Any
 from voxgran._base.arrays import check_type
 from voxgran._base.config import from_mapping, parameters_of, to_mapping
 from voxgran._base.errors import InputError
-from voxgran.scene.keys import NamedMaterial, names_of
-from voxgran.scene.mistakes import refuse_unknown
+from voxgran.scene.keys import NamedMaterial, names_of, refuse_unknown
 from voxgran.scene.shape_entries import ShapeEntry
 from voxgran.settling.material import Material
 from voxgran.settling.materials import Materials

@@ -113,7 +113,8 @@ def _distance(solid: Booleans, edges: Edges) -> Floats:
 
 def snow(solid: Booleans, edges: Edges) -> tuple[Integers, float] | None:
     """Return labels by the SNOW algorithm of porespy, and its seconds; None where it is not installed, or fails."""
-    script, solids = PEERS / "segmentation_snow.py", {"solid": solid, "distance": _distance(solid, edges)}
+    script = PEERS / "segmentation_snow.py"
+    solids: dict[str, Any] = {"solid": solid, "distance": _distance(solid, edges)}
     found = peer_arrays(script, "solid.npz", lambda path: np.savez(path, **solids), longest=LONGEST)
     return None if found is None else (found[0]["labels"].astype(np.int64), found[1])
 

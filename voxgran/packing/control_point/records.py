@@ -6,10 +6,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from voxgran._base.arrays import Floats, Integers
-from voxgran.packing.control_point.distance_fields import Fields
+from voxgran.packing.control_point.distance_fields import Fields, Reaches
 from voxgran.packing.control_point.pair_cache import PairCache
 from voxgran.packing.control_point.point_trees import Trees
-from voxgran.packing.control_point.support_tables import Reaches
 
 #: kinds of walls
 FLAT, ROUND, MESH, BALL = 0, 1, 2, 3
