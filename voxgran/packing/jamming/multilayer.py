@@ -156,7 +156,7 @@ registration = PackingMethod(
 
 
 class LayeredSpheres:
-    """Compressor of spheres and disks in layers: see :class:`voxgran.packing.jamming.model.Compressor`.
+    """Compressor of spheres and disks in layers: see :class:`voxgran.packing.jamming.method.Compressor`.
 
     Parameters
     ----------

@@ -1,7 +1,7 @@
 """Filling of cells: the container is cut into cells whose volumes follow the sizes, and each cell gets one grain.
 
 The cells are those of a Laguerre tessellation, Voronoi cells of weighted seeds, whose volumes are in proportion to
-those of the drawn grains, for any gradation (:mod:`voxgran.packing.tessellation.voronoi_weights`).
+those of the drawn grains, for any gradation (:mod:`voxgran.packing.tessellation.voronoi_steps`).
 
 With ``fill="shapes"`` each grain gets the largest place in its cell that a search over orientations finds. Then the
 planes between neighbours move to the middle of the gaps that are left, and the grains look for larger places in the

@@ -13,8 +13,7 @@ from voxgran.shapes.model import Shape
 from voxgran.shapes.roughness.fields import draw_field
 from voxgran.shapes.roughness.measuring import lattice_statistics, moments_of
 from voxgran.shapes.roughness.parameters import Roughness
-from voxgran.shapes.roughness.refining import MOST_FACES
-from voxgran.shapes.roughness.roughen import ends_of
+from voxgran.shapes.roughness.roughen import MOST_FACES, ends_of
 from voxgran.shapes.surface import Surface
 
 #: cells along an edge at least, so that there is something to measure
