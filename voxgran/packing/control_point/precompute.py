@@ -14,7 +14,6 @@ from voxgran.containers.gravity import gravity_vector, main_axis
 from voxgran.containers.model import boundary_of
 from voxgran.packing.control_point.attempts import link_all, span_all
 from voxgran.packing.control_point.distance_fields import MARGIN, Fields, make_fields, make_reaches, no_reaches
-from voxgran.packing.control_point.pair_cache import PairCache
 from voxgran.packing.control_point.parameters import ControlPoint
 from voxgran.packing.control_point.point_trees import make_trees, stack_room
 from voxgran.packing.control_point.records import (
@@ -30,6 +29,7 @@ from voxgran.packing.control_point.records import (
     Cells,
     CloseLists,
     GrainPoses,
+    PairCache,
     Pairs,
     Scratch,
     Walls,
