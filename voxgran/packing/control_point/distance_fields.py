@@ -25,12 +25,11 @@ from voxgran._base.kernels import bare_kernel, inlined_kernel
 from voxgran._base.lazy import load
 from voxgran.contacts.inside import inner_distance
 from voxgran.geometry.vectors import Vector, row_of
-from voxgran.shapes.describing.body import Geometry
+from voxgran.shapes.describing.body import Geometry, as_spheres
 from voxgran.shapes.mesh import Mesh
 from voxgran.shapes.model import Shape
 from voxgran.shapes.outline import Outline
 from voxgran.shapes.primitive import Primitive
-from voxgran.shapes.spheres import Spheres
 
 #: kinds of fields
 BALLS, PLANES, GRID = 0, 1, 2
@@ -110,12 +109,9 @@ def distances(fields: Fields, shape: int, points: Floats) -> Floats:
 
 def _rows_of(geometry: Geometry, *, exact: bool) -> tuple[int, Floats]:
     """Return spheres or planes of a geometry, or that it has to be sampled; planes tell exact distances only inside."""
-    if isinstance(geometry, Primitive) and geometry.kind == "sphere":
-        return BALLS, np.array([[0.0, 0.0, 0.0, geometry.dimensions[0]]])
-    if isinstance(geometry, Spheres) and len(geometry.radii) <= MOST_BALLS:
-        return BALLS, np.column_stack([geometry.centers, geometry.radii])
-    if isinstance(geometry, Outline) and geometry.kind == "disk":
-        return BALLS, np.array([[*geometry.center, 0.0, geometry.radius]])
+    spheres = as_spheres(geometry)
+    if spheres is not None and len(spheres[1]) <= MOST_BALLS:
+        return BALLS, np.column_stack(spheres)
     planes = None if exact else _planes_of(geometry)
     return (GRID, np.zeros((0, 4))) if planes is None else (PLANES, planes)
 

@@ -28,7 +28,8 @@ from voxgran.containers.gravity import as_down, usual_axis
 from voxgran.containers.kernel_container import KernelContainer, kernel_container
 from voxgran.containers.model import boundary_of
 from voxgran.geometry.level_grid import level_cells
-from voxgran.packing.deposition.field import ROWS, WIDTH, Field, standing_out
+from voxgran.packing.deposition.facets import standing_out
+from voxgran.packing.deposition.field import ROWS, WIDTH, Field
 from voxgran.packing.deposition.rain import LOST, MISSED, PATIENCE, PLACED, TALLIES, Tops, drop_spheres, put_again
 from voxgran.packing.method import Cost, PackingMethod, State
 from voxgran.packing.model import Packing

@@ -22,6 +22,7 @@ from voxgran._base.arrays import Floats
 from voxgran._base.kernels import bare_kernel
 from voxgran.containers.kernel_container import MESH
 from voxgran.geometry.vectors import row_of
+from voxgran.packing.deposition.facets import end_on_facets, first_facet, still_touched, touch_facet
 from voxgran.packing.deposition.field import (
     CENTER,
     FIRST,
@@ -37,11 +38,7 @@ from voxgran.packing.deposition.field import (
     Field,
     Motion,
     copy_row,
-    end_on_facets,
-    first_facet,
     pull_from,
-    still_touched,
-    touch_facet,
     touch_sphere,
     touch_wall,
     turn_normal,
