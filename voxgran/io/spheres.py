@@ -58,7 +58,13 @@ def save_spheres(packing: Packing, path: str | os.PathLike[str], *, overwrite: b
 
 
 def owned_spheres(packing: Packing) -> tuple[Floats, Floats, Integers]:
-    """Return centers, radii and grain of all spheres."""
+    """Return centers, radii and grain of all spheres.
+
+    Raises
+    ------
+    InputError
+        If a grain is neither a sphere nor a clump of spheres nor a disk.
+    """
     centers, radii, owner = [np.zeros((0, 3))], [np.zeros(0)], [np.zeros(0, np.int64)]
     for index in np.unique(packing.shape_id).tolist():
         members, found = np.flatnonzero(packing.shape_id == index), spheres_of(packing, index)
