@@ -1,12 +1,6 @@
-"""Numbers and lines in the files of engines, and parts of their programs."""
+"""Numbers and lines in the files of engines."""
 
-from collections.abc import Iterable, Sequence
-from pathlib import Path
-
-import numpy as np
-
-from voxgran._base.arrays import Floats
-from voxgran._base.errors import FileFormatError
+from collections.abc import Iterable
 
 
 def row_of(values: Iterable[float], between: str = " ") -> str:
@@ -17,23 +11,3 @@ def row_of(values: Iterable[float], between: str = " ") -> str:
 def text_of(lines: Iterable[str]) -> str:
     """Return lines as the text of a file."""
     return "\n".join(lines) + "\n"
-
-
-def program_part(name: str) -> str:
-    """Return a part of a program, in the language of an engine, from the folder ``programs``."""
-    return (Path(__file__).parent / "programs" / name).read_text(encoding="utf-8")
-
-
-def named_rows(path: Path, columns: Sequence[str]) -> tuple[list[str], Floats]:
-    """Return the names and the numbers (n, columns) of a table of grains, whose comments begin with ``#``.
-
-    Raises
-    ------
-    FileFormatError
-        If a row has another number of columns.
-    """
-    rows = [line.split(",") for line in path.read_text().splitlines() if not line.startswith("#")]
-    wrong = next((row for row in rows if len(row) != 1 + len(columns)), None)
-    if wrong is not None:
-        raise FileFormatError(f"{path} has a row of {len(wrong)} columns: write the deck again")
-    return [row[0] for row in rows], np.array([[float(word) for word in row[1:]] for row in rows])

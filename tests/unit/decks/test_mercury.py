@@ -12,7 +12,6 @@ import voxgran as vg
 from voxgran._base.errors import FileFormatError, InputError
 from voxgran.decks.engine import Held
 from voxgran.decks.engines import mercury
-from voxgran.decks.text import program_part
 
 HERTZ = {"law": "hertz", "young_modulus": 1e8, "restitution": 0.6}
 
@@ -204,7 +203,7 @@ def run(folder, *arguments):
     if compiler is None:
         pytest.skip("g++ is not installed: the driver is compiled by it")
     headers = folder / "headers"
-    for line in program_part("mercury_includes.cpp").splitlines():
+    for line in mercury.INCLUDES.splitlines():
         if '"' in line:
             path = headers / "here" / line.split('"')[1]
             path.parent.mkdir(parents=True, exist_ok=True)

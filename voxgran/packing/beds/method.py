@@ -57,19 +57,6 @@ APART = 0.98
 class Gravity(Settling):
     """Parameters of beds that grow from seeds.
 
-    Parameters
-    ----------
-    gravity
-        direction of gravity, as an axis or as a vector of any length; if omitted, '-z', and '-y' in two dimensions.
-    fill
-        solid fraction of the column in which the grains grow, at most 0.87 of that of the bed; lower ones fall farther.
-    height
-        height of the surface of the bed above the lowest point of the container, in units of length, to about 7 percent
-        from four grains on: about 95 percent of all grains have their tops below it; as many grains grow as usually
-        fill it; if omitted, count and solid_fraction alone decide, or the container.
-    inlet
-        disk or rectangle below which the grains begin to fall; if omitted, the whole container.
-
     Raises
     ------
     InputError
@@ -83,10 +70,28 @@ class Gravity(Settling):
     'settled'
     """
 
-    gravity: Literal["-x", "+x", "-y", "+y", "-z", "+z"] | tuple[float, float, float] | None = parameter(None)
-    fill: float = parameter(LOOSE, above=0.0, at_most=FULLEST)
-    height: float | None = parameter(None, above=0.0)
-    inlet: Inlet | None = parameter(None)
+    gravity: Literal["-x", "+x", "-y", "+y", "-z", "+z"] | tuple[float, float, float] | None = parameter(
+        None,
+        doc="direction of gravity, as an axis or as a vector of any length; if omitted, '-z', and '-y' in two "
+        "dimensions",
+    )
+    fill: float = parameter(
+        LOOSE,
+        doc="solid fraction of the column in which the grains grow, at most 0.87 of that of the bed; lower ones fall "
+        "farther",
+        above=0.0,
+        at_most=FULLEST,
+    )
+    height: float | None = parameter(
+        None,
+        doc="height of the surface of the bed above the lowest point of the container, in units of length, to about "
+        "7 percent from four grains on: about 95 percent of all grains have their tops below it; as many grains grow "
+        "as usually fill it; if omitted, count and solid_fraction alone decide, or the container",
+        above=0.0,
+    )
+    inlet: Inlet | None = parameter(
+        None, doc="disk or rectangle below which the grains begin to fall; if omitted, the whole container"
+    )
 
 
 def prepare(problem: Problem) -> SettleState:
