@@ -4,6 +4,7 @@ import ast
 import json
 import math
 import re
+import subprocess
 
 import engine_cases as cases
 import numpy as np
@@ -185,8 +186,14 @@ def test_spheres_of_two_materials_are_two_materials_of_kratos(tmp_path):
     assert {pair: values["STATIC_FRICTION"] for pair, values in told.items() if "walls" not in pair} == {
         ("spheres", "spheres"): 0.6, ("spheres", "spheres_2"): 0.3, ("spheres_2", "spheres_2"): 0.3,
     }  # fmt: skip
-    with pytest.raises(InputError, match="name one for all"):
-        deck(tmp_path / "new", "kratos", table())
+    deck(tmp_path / "walls", "kratos", table(shapes=["sand", "sand"]), packing)
+    found = json.loads((tmp_path / "walls" / MATERIALS).read_text())
+    told = {tuple(pair["material_names_list"]): pair["Variables"] for pair in found["material_relations"]}
+    friction = {pair[1]: values["STATIC_FRICTION"] for pair, values in told.items()}
+    assert friction == {"spheres": 0.6, "walls": 0.6, "walls_2": 0.15}
+    assigned = dict(found["material_assignation_table"])
+    assert {assigned[f"RigidFacePart.{wall}"] for wall in ("x_low", "z_high")} == {"walls"}
+    assert assigned["RigidFacePart.z_low"] == "walls_2"
 
 
 @pytest.mark.parametrize(
@@ -248,6 +255,39 @@ def test_clumps_on_an_incline_of_lammps_slide_by_the_friction_of_their_pair(lamm
     expected = 0.5 * 9.81 * (math.sin(slope) - 0.2 * math.cos(slope)) * found[-1].time ** 2
     assert moved[1] == pytest.approx(expected, rel=0.03)
     assert abs(moved[0]) < 0.01 * moved[1]
+
+
+@pytest.mark.engine
+@pytest.mark.parametrize(("engine", "script"), [("kratos", "kratos_run.py"), ("yade", "yade_run.py")])
+@pytest.mark.parametrize("rolling", [0.05, 0.3])
+def test_spheres_on_an_incline_roll_by_the_rolling_friction_of_the_floor(engine, script, rolling, tmp_path):
+    """A sphere on a slope rolls with 5/7 g sin a less 5/7 of the rolling friction, or stays."""
+    slope = math.radians(10)
+    packing = vg.Packing.of(
+        vg.shapes.sphere(), vg.Box((40, 6, 4)), position=[(5, 3, 0.5)], unit="mm",
+        gravity=(math.sin(slope), 0, -math.cos(slope)),
+    )  # fmt: skip
+    own = {"friction": 0.9, "rolling_friction": rolling, "law": "hertz", "young_modulus": 1e7}
+    # the friction of the other walls does not matter
+    materials = vg.Materials(
+        {"grains": own, "floor": own, "sides": {**own, "friction": 0.1}},
+        shapes="grains", walls={"z_low": "floor", "others": "sides"},
+    )  # fmt: skip
+    made, _ = deck(tmp_path, engine, materials, packing)
+    every, steps = made.simulation.steps_per_output, made.simulation.steps
+    path = tmp_path / script
+    path.write_text(path.read_text().replace(str(steps), str(5 * every), 1))
+    program = cases.program("python" if engine == "kratos" else engine, "make test-engines")
+    command = [program, script] if engine == "kratos" else [program, "-n", "-x", script]
+    subprocess.run(command, cwd=tmp_path, capture_output=True, timeout=200, check=True)
+    if engine == "kratos":
+        ends = [np.loadtxt(one)[1] for one in (lambda files: (files[0], files[-1]))(sorted(tmp_path.glob("*state*")))]
+    else:
+        lines = (tmp_path / "yade_poses.txt").read_text().splitlines()
+        ends = [float(lines[k].split()[0]) for k in (1, -1)]
+    time = 5 * every * made.simulation.time_step
+    expected = max(0.0, 0.5 * 5 / 7 * 9.81 * (math.sin(slope) - rolling * math.cos(slope)) * time**2)
+    assert ends[1] - ends[0] == pytest.approx(expected, rel=0.05, abs=2e-2 * made.simulation.diameter)
 
 
 @pytest.mark.engine
