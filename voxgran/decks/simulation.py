@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from voxgran import __version__
-from voxgran._base.arrays import Floats, as_positive
+from voxgran._base.arrays import Booleans, Floats, as_positive
 from voxgran._base.errors import InputError
 from voxgran._base.units import NO_UNIT
 from voxgran.clumps.bonds import LEAST_AREA, TOUCHING, Strengths, bonds_of_bodies
@@ -153,8 +153,7 @@ class Simulation:
     @property
     def fixed(self) -> list[tuple[int, int]]:
         """First and last number of each row of grains that are fixed, counted from 1."""
-        marks = np.concatenate([[False], ~self.bodies.assembly.movable, [False]])
-        return [(first + 1, last) for first, last in np.flatnonzero(np.diff(marks)).reshape(-1, 2).tolist()]
+        return rows_of(~self.bodies.assembly.movable)
 
     @property
     def drag(self) -> float:
@@ -244,6 +243,12 @@ class Simulation:
     def comments(self, engine: str, *notes: str, mark: str = "#") -> list[str]:
         """Return the lines that begin each file, and notes, as comments."""
         return [f"{mark} {line}" for line in (*self.header(engine), *notes)]
+
+
+def rows_of(marks: Booleans) -> list[tuple[int, int]]:
+    """Return first and last number, counted from 1, of each row of grains (n,) that are marked."""
+    edges = np.flatnonzero(np.diff(np.concatenate([[False], marks, [False]])))
+    return [(first + 1, last) for first, last in edges.reshape(-1, 2).tolist()]
 
 
 def _table_lines(laws: LawTable, density: str) -> list[str]:
