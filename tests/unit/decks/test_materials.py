@@ -56,28 +56,6 @@ def test_a_table_of_one_material_is_that_material(engine, tmp_path):
     assert one == other
 
 
-@pytest.mark.parametrize("engine", sorted(set(NAMES) - set(SEVERAL)))
-def test_engines_with_one_material_say_so(engine, tmp_path):
-    sphere = "sphere" in engine_registry().get(engine).kinds
-    packing = cases.mixed() if sphere else cases.rocks()
-    with pytest.raises(InputError, match=r"material has 2 materials: input for .* has one"):
-        vg.write_deck(packing, tmp_path / "new", engine, material=table())
-    assert not (tmp_path / "new").exists()
-
-
-@pytest.mark.parametrize("engine", NAMES)
-def test_rolling_friction_is_written_or_refused(engine, tmp_path):
-    entry = engine_registry().get(engine)
-    for law in entry.laws:
-        material = {"law": law, "rolling_friction": 0.125} | ({"young_modulus": 1e7} if law == "hertz" else {})
-        packing = cases.spheres() if "sphere" in entry.kinds else cases.rocks()
-        if law in entry.rolling:
-            assert "0.125" in deck(tmp_path / law, engine, material, packing)[1]
-        else:
-            with pytest.raises(InputError, match=r"rolling_friction is 0\.125.*leave it out"):
-                deck(tmp_path / law, engine, material, packing)
-
-
 def test_pairs_and_walls_of_lammps(tmp_path):
     _, text = deck(tmp_path, "lammps", table())
     pairs = dict(re.findall(r"pair_coeff (\S+ \S+) hooke (.*)", text))

@@ -176,9 +176,6 @@ def walled(count=60, container=None, **more):
     return vg.pack(vg.shapes.sphere(), box, "compress", count=count, unit="mm", friction=0.5, **more)
 
 
-PLATENS = tuple(name for name in engine_registry().names() if engine_registry().get(name).platens)
-
-
 def test_the_upper_wall_of_each_axis_moves_with_the_force_of_the_stress():
     packing = loose("")
     made = cases.simulation_of(packing, "liggghts", stress=(NAN, 2e3, 5e3))
@@ -205,17 +202,6 @@ def test_the_impedance_of_elastic_spheres_is_that_under_the_stress():
     assert law.stiffness_at(overlap, d) == pytest.approx(1.5 * load / overlap)
     impedance = 16e-6 * np.sqrt(2650 * 1.5 * load / overlap / d)
     assert made.platens[0].speed == pytest.approx(1e3 * 16e-6 / impedance)
-
-
-@pytest.mark.parametrize("engine", PLATENS)
-def test_walls_that_keep_a_stress_are_written(engine, tmp_path):
-    packing = loose("")
-    deck = vg.write_deck(packing, tmp_path, engine, stress=(NAN, NAN, 5e3))
-    text = "\n".join(path.read_text() for path in deck.files)
-    platen = deck.simulation.platens[0]
-    assert repr(platen.force) in text.split("moves so that", 1)[1].split("at the start", 1)[1]
-    still = vg.write_deck(packing, tmp_path / "still", engine)
-    assert repr(platen.force) not in "\n".join(path.read_text() for path in still.files)
 
 
 def moved(engine, folder, deck, columns):
