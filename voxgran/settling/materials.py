@@ -16,6 +16,7 @@ from voxgran._base.errors import InputError, UnknownNameError, shown
 from voxgran._base.names import unknown
 from voxgran.contacts.assembly import Assembly
 from voxgran.containers.model import Boundary, boundary_of
+from voxgran.geometry.walls import Round
 from voxgran.settling.material import Material
 
 #: properties that a pair of materials may have of its own
@@ -275,9 +276,21 @@ def friction_of(friction: "float | Materials", assembly: Assembly) -> "float | F
 
 def wall_names(boundary: Boundary) -> tuple[str, ...]:
     """Return the names of the walls of a container: planes, walls of revolution, and a surface of triangles."""
-    several = [f"{ROUND}_{k + 1}" for k in range(len(boundary.round))]
-    rounds = several if len(several) > 1 else [ROUND] * len(several)
-    return (*(plane.name for plane in boundary.planes), *rounds, *("mesh",) * (boundary.solid is not None))
+    names = [plane.name for plane in boundary.planes]
+    for wall in boundary.round:
+        across = _name_of_plane(wall) if wall.kind == "plane" else ""
+        names.append("" if across in names else across)
+    rounds = [ROUND] if names.count("") == 1 else [f"{ROUND}_{k + 1}" for k in range(names.count(""))]
+    numbered = iter(rounds)
+    return (*(name or next(numbered) for name in names), *("mesh",) * (boundary.solid is not None))
+
+
+def _name_of_plane(wall: Round) -> str:
+    """Return the name of a plane across an axis, such as ``"z_low"``; empty for an oblique one."""
+    axis = int(np.abs(wall.axis).argmax())
+    if np.count_nonzero(wall.axis) > 1:
+        return ""
+    return f"{'xyz'[axis]}_{'high' if wall.axis[axis] > 0 else 'low'}"
 
 
 def friction_range(friction: "float | FrictionTable") -> tuple[float, float]:

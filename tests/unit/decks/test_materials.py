@@ -14,6 +14,7 @@ import voxgran as vg
 from voxgran._base.errors import InputError
 from voxgran.decks.engine import engine_registry
 from voxgran.decks.engines.kratos import MATERIALS
+from voxgran.settling.materials import friction_of
 from voxgran.shapes.spheres import Spheres
 
 NAMES = engine_registry().names()
@@ -288,3 +289,64 @@ def test_spheres_on_an_incline_of_lammps_roll_by_the_rolling_friction_of_their_p
     expected = 0.5 * 5 / 7 * 9.81 * (math.sin(slope) - 0.05 * math.cos(slope)) * found[-1].time ** 2
     assert moved[1] == pytest.approx(expected, rel=0.03)
     assert abs(moved[0]) < 0.02 * moved[1]
+
+
+def equipment(oblique=0.0):
+    """Return spheres within a cone, a cylinder and two planes, and a material of each wall."""
+    wall = [
+        {"kind": "cone", "point": (0, 0, 0), "radius": 1.5, "angle": 60.0},
+        {"kind": "cylinder", "radius": 3.0, "axis": (oblique, 0, 1)},
+        {"kind": "plane", "point": (0, 0, 0), "normal": (0, 0, -1)},
+        {"kind": "plane", "point": (0, 0, 5), "normal": (0, 0, 1)},
+    ]
+    places = [(0, 0, 2), (1.2, 0, 2), (0, 1.2, 2)]
+    packing = vg.Packing.of(vg.shapes.sphere(), vg.Walls(wall), position=places, unit="mm")
+    frictions = {"sand": 0.6, "cone": 0.1, "tube": 0.2, "floor": 0.3}
+    materials = vg.Materials(
+        {name: {"friction": value} for name, value in frictions.items()},
+        shapes="sand",
+        walls={"round_1": "cone", "round_2": "tube", "z_low": "floor", "others": "sand"},
+    )
+    return packing, materials
+
+
+@pytest.mark.parametrize("engine", sorted(set(SEVERAL)))
+def test_each_wall_of_equipment_has_its_own_law(engine, tmp_path):
+    packing, materials = equipment()
+    made, _ = deck(tmp_path, engine, materials, packing)
+    laws, walls = made.simulation.laws, made.simulation.walls
+    assert laws.of_walls == {"z_low": 3, "z_high": 0, "round_1": 1, "round_2": 2}
+    assert laws.laws[0][laws.of_walls["round_1"]].friction == 0.1
+    # all triangles of the closed surface, each of the wall that it touches
+    assert sum(len(faces) for _, faces in walls.surfaces.values()) == len(walls.mesh[1])
+    for name, (vertices, faces) in walls.surfaces.items():
+        middles = vertices[faces].mean(axis=1)
+        assert np.abs(walls.others[name].distance(middles)).max() < 1e-2 * made.simulation.diameter
+        assert np.abs(walls.others[name].distance(vertices[np.unique(faces)])).max() < 0.1 * made.simulation.diameter
+
+
+def test_the_walls_of_equipment_are_regions_and_meshes_of_their_own(tmp_path):
+    packing, materials = equipment()
+    _, text = deck(tmp_path / "lammps", "lammps", materials, packing)
+    found = dict(re.findall(r"fix (\w+)_1 material_1 wall/gran/region granular .* 1.0 (\S+) damping", text))
+    assert {name: float(value) for name, value in found.items()} == {
+        "z_low": 0.3, "z_high": 0.6, "round_1": 0.1, "round_2": 0.2,
+    }  # fmt: skip
+    assert "region round_1 cone z" in text
+    _, text = deck(tmp_path / "liggghts", "liggghts", materials, packing)
+    kinds = dict(re.findall(r"fix (\w+) all mesh/surface file \S+ type (\d)", text))
+    assert kinds == {"z_low": "4", "z_high": "1", "round_1": "2", "round_2": "3"}
+    assert "n_meshes 4 meshes round_1 round_2 z_low z_high" in text
+    # LAMMPS has planes in place of walls about an oblique axis, one region for each wall
+    _, text = deck(tmp_path / "oblique", "lammps", materials, equipment(oblique=0.2)[0])
+    assert re.search(r"region round_2 intersect \d+ round_2_0 round_2_1", text)
+    assert "region z_low plane" in text
+
+
+def test_walls_of_revolution_have_one_material_by_their_common_name():
+    packing, materials = equipment()
+    named = vg.Materials(materials.materials, shapes="sand", walls={"round": "tube", "others": "floor"})
+    assert [named.of_wall(name) for name in ("round", "round_1", "z_low")] == ["tube", "tube", "floor"]
+    # those of settling too
+    table = friction_of(materials, packing)
+    assert (table.least, table.largest) == (0.1, 0.6)
