@@ -31,16 +31,17 @@ def materials_of(simulation: Simulation) -> dict[str, Any]:
     ]
     spheres, clumps = spheres_of(simulation), {material: k for k, material in clumps_of(bodies).items()}
     walls = walls_of(simulation)
-    several, materials, table = len(spheres) > 1, [], []
+    several, materials, table = len(spheres) > 1, list[dict[str, Any]](), list[list[str]]()
+    names, kinds = dict[int, str](), dict[int, int]()
     for material, name, kind, density, _ in spheres:
+        names[material], kinds[material] = name, kind
         materials.append(_material(name, material, {"PARTICLE_DENSITY": density, **elastic[kind]}))
         table.append([f"SpheresPart.{name.title()}" if several else "SpheresPart", name])
     for material, name, kind, parts in walls:
+        names[material], kinds[material] = name, kind
         materials.append(_material(name, material, {**elastic[kind], "COMPUTE_WEAR": False}))
         own = [f"RigidFacePart.{part}" for part in parts] if walls[1:] else ["RigidFacePart"]
         table += [[part, name] for part in own]
-    names = {material: name for material, name, *_ in (*spheres, *walls)}
-    kinds = {material: kind for material, _, kind, *_ in (*spheres, *walls)}
     for material, k in clumps.items():
         name, kind = bodies.templates[k].name, laws.of_shapes[k]
         names[material], kinds[material] = name, kind

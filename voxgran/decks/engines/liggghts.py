@@ -332,10 +332,10 @@ def _read(folder: Path) -> Held:
     if (folder / GRAINS).is_file():
         text = (folder / GRAINS).read_text(encoding="utf-8")
         grains = {int(atom): int(grain) for atom, grain in _FROZEN.findall(text)}
-        rows: dict[int, list[list[float]]] = {}
+        tables: dict[int, list[list[float]]] = {}
         for number, *row in _atoms(text):
-            rows.setdefault(grains.get(int(number), int(number)), []).append(row)
-        found = {number: _held_spheres(np.array(table)) for number, table in rows.items()}
+            tables.setdefault(grains.get(int(number), int(number)), []).append(row)
+        found = {number: _held_spheres(np.array(table)) for number, table in tables.items()}
     if (folder / CLUMPS).is_file():
         for words in _CLUMP.findall((folder / CLUMPS).read_text(encoding="utf-8")):
             found[int(words[0])] = _held_clump(folder, words[1:])
