@@ -179,7 +179,7 @@ def test_spheres_of_two_materials_are_two_materials_of_kratos(tmp_path):
     ("materials", "said"),
     [
         (table(walls="sand", shapes=["sand"]), "2 shapes"),
-        (table(walls=None), "says nothing of the wall 'x_low'"),
+        (table(walls=None), r"says nothing of the wall 'x_low'.* in a scene as material of \[container\]"),
         (vg.Materials({"sand": {"bond_strength": 1e6}}), "bonds are of one"),
     ],
 )
