@@ -105,7 +105,11 @@ def _told(engine: Engine) -> dict[str, Any]:
         "two dimensions": engine.planar,
         "cohesion": engine.cohesion,
         "bonds": engine.bonds,
+        "rolling friction": bool(engine.rolling),
+        "several materials": engine.materials,
+        "fixed grains": engine.fixed,
         "stress of periodic cells": engine.servo,
+        "stress of walls": engine.platens,
         "relax": engine.run is not None,
     }
     return {

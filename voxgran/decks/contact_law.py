@@ -48,6 +48,21 @@ class ContactLaw:
         """Return the damping of the linear law, N s/m, for two grains of an effective mass in kg."""
         return 2 * self.damping_ratio * math.sqrt(self.stiffness * mass)
 
+    @property
+    def effective_modulus(self) -> float:
+        """Effective modulus of the law of Hertz between two equal materials, Pa."""
+        return self.young_modulus / (2 * (1 - self.poisson_ratio**2))
+
+    def overlap_under(self, load: float, diameter: float) -> float:
+        """Return the overlap, m, of two equal spheres of a diameter in m under a load in N."""
+        if self.name == "linear":
+            return load / self.stiffness
+        return float((0.75 * load / (self.effective_modulus * math.sqrt(diameter / 4))) ** (2 / 3))
+
+    def stiffness_at(self, overlap: float, diameter: float) -> float:
+        """Return the normal stiffness, N/m, of two equal spheres of a diameter that overlap, both in m."""
+        return self.stiffness or 2 * self.effective_modulus * math.sqrt(diameter / 4 * overlap)
+
 
 def damping_ratio(restitution: float) -> float:
     """Return the damping, as share of that which ends all rebound, with which a linear spring-dashpot has a
@@ -86,22 +101,18 @@ def contact_law(
     if material.law == "linear":
         stiffness = _stiffness(material, diameter, *load)
         shear = SHEAR_RATIO * stiffness if material.shear_stiffness is None else material.shear_stiffness
-        overlap = load[0] / stiffness / load[1]
         # two of the lightest grains collide for the shortest time
         step = math.pi * math.sqrt(lightest / 2 / stiffness) / STEPS_PER_COLLISION
         formula = f"pi sqrt(m / k) / {STEPS_PER_COLLISION}, with half the least mass m of a grain and the stiffness k"
     else:
         young = material.young_modulus or 0.0
-        effective = young / (2 * (1 - material.poisson_ratio**2))
-        overlap = (0.75 * load[0] / (effective * math.sqrt(load[1] / 4))) ** (2 / 3) / load[1]
         shear_modulus = young / (2 * (1 + material.poisson_ratio))
         radius, own = quickest
         rayleigh = math.pi * radius * math.sqrt(own / shear_modulus) / (0.1631 * material.poisson_ratio + 0.8766)
         step = RAYLEIGH_SHARE * rayleigh
         formula = f"{RAYLEIGH_SHARE} pi r sqrt(density / G) / (0.1631 nu + 0.8766), with the least radius r of a sphere"
         formula += "" if own == density else f" times root of its density {own:g}"
-    _refuse_soft(material, overlap, *load)
-    return ContactLaw(
+    law = ContactLaw(
         name=material.law,
         density=density,
         stiffness=stiffness,
@@ -116,6 +127,8 @@ def contact_law(
         stable_step=step,
         formula=formula,
     )
+    _refuse_soft(material, law.overlap_under(*load) / load[1], *load)
+    return law
 
 
 def _stiffness(material: Material, diameter: float, load: float, loaded: float) -> float:

@@ -51,9 +51,10 @@ class Engine:
         What grains may be, the preferred kind of a solid that is no sphere first.
     laws : tuple of str
         Contact laws that it has.
-    periodic, planar, cohesion, bonds, fixed, servo, materials : bool
+    periodic, planar, cohesion, bonds, fixed, servo, platens, materials : bool
         Whether it has periodic containers, grains in two dimensions, surface energy, bonds that break, grains that are
-        fixed, periodic cells that keep a stress, and several materials with properties of pairs.
+        fixed, periodic cells that keep a stress, plane walls that keep one, and several materials with properties of
+        pairs.
     rolling : tuple of str
         Contact laws under which it has rolling friction.
     install : str
@@ -88,6 +89,7 @@ class Engine:
     bonds: bool = False
     fixed: bool = False
     servo: bool = False
+    platens: bool = False
     materials: bool = False
     rolling: tuple[str, ...] = ()
     install: str = ""

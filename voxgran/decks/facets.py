@@ -13,6 +13,8 @@ from voxgran.shapes.tessellate import sphere
 
 #: most that the triangles of a sphere lie outside of it, in median diameters, and its most subdivisions
 SPHERE_ERROR, MOST_SUBDIVISIONS = 1e-2, 6
+#: how far triangles reach beyond a container of which walls move, in median diameters
+BEYOND = 1.0
 #: corners of a rectangle as two triangles
 RECTANGLE = np.array([[0, 1, 2], [0, 2, 3]])
 
@@ -26,18 +28,25 @@ class Facets(NamedTuple):
     note: str = ""  # what they leave out, as a sentence
 
 
-def facets_of(simulation: Simulation) -> list[Facets]:
-    """Return the triangles of all walls."""
-    walls = simulation.walls
-    found = [_rectangle(plane, walls.bounds) for plane in walls.planes]
+def facets_of(simulation: Simulation, *, planes: bool = True) -> list[Facets]:
+    """Return the triangles of all walls, or of those that are no planes across an axis.
+
+    They reach beyond the container where walls move.
+    """
+    walls, bounds = simulation.walls, simulation.walls.bounds
+    if simulation.platens:
+        bounds = bounds + np.where(walls.periodic, 0.0, BEYOND * simulation.diameter) * np.array([[-1.0], [1.0]])
+    found = [_rectangle(plane, bounds) for plane in walls.planes] if planes else []
     if walls.round is not None and walls.round.kind == "cylinder":
-        found.append(_cylinder(walls.round, walls.bounds[:, 2], simulation.diameter))
+        found.append(_cylinder(walls.round, bounds[:, 2], simulation.diameter))
     elif walls.round is not None:
         found.append(_sphere(walls.round, simulation.diameter))
-    if walls.mesh is not None:
-        beyond = [-float(wall.distance(walls.mesh[0]).min()) for wall in walls.others]
-        note = _outside(max(beyond), len(walls.mesh[1])) if beyond else ""
-        found.append(Facets("mesh", *walls.mesh, note))
+    for name, (vertices, faces) in walls.surfaces.items():
+        used, renumbered = np.unique(faces, return_inverse=True)
+        corners, triangles = vertices[used], renumbered.reshape(-1, 3)
+        one = walls.others.get(name)
+        note = "" if one is None else _outside(-float(one.distance(corners).min()), len(triangles))
+        found.append(Facets(name, corners, triangles, note))
     return found
 
 

@@ -10,7 +10,7 @@ import numpy as np
 from voxgran._base.arrays import Floats, Integers
 from voxgran._base.errors import FileFormatError, InputError
 from voxgran.decks.bodies import Bodies, Template
-from voxgran.decks.facets import Facets
+from voxgran.decks.facets import facets_of
 from voxgran.decks.simulation import Simulation
 
 #: identification numbers of materials: grains that are spheres, walls, and the first template that is a clump
@@ -122,26 +122,51 @@ def cluster_text(simulation: Simulation, comments: Sequence[str]) -> str:
     return _text(lines)
 
 
-def wall_text(walls: Sequence[Facets], comments: Sequence[str]) -> str:
+def walls_of(simulation: Simulation) -> list[tuple[int, str, int, list[str]]]:
+    """Return the materials of walls: identification number, name, number of the material in the table of laws, and the
+    names of the walls.
+
+    The numbers of those after the first follow those of spheres and clumps.
+    """
+    of_walls = simulation.laws.of_walls
+    found = list(dict.fromkeys(of_walls.values())) or [0]
+    used = [SPHERES, WALLS, *clumps_of(simulation.bodies).values(), *(one[0] for one in spheres_of(simulation))]
+    return [
+        (
+            max(used) + k if k else WALLS,
+            f"walls_{k + 1}" if k else "walls",
+            kind,
+            [name for name, own in of_walls.items() if own == kind],
+        )
+        for k, kind in enumerate(found)
+    ]
+
+
+def wall_text(simulation: Simulation, comments: Sequence[str]) -> str:
     """Return the .mdpa file of walls, as rigid triangles that stand still."""
+    walls, materials = facets_of(simulation), walls_of(simulation)
+    material = {name: number for number, *_, names in materials for name in names}
     notes = [f"wall {wall.name}: {wall.note}" for wall in walls if wall.note]
     firsts = [0, *itertools.accumulate(len(wall.vertices) for wall in walls)]
     counts = [0, *itertools.accumulate(len(wall.faces) for wall in walls)]
     vertices = np.concatenate([np.zeros((0, 3)), *(wall.vertices for wall in walls)])
     faces = [wall.faces + first + 1 for wall, first in zip(walls, firsts[:-1], strict=True)]
     corners = np.concatenate([np.zeros((0, 3), dtype=np.int64), *faces]).tolist()
+    kinds = [material[wall.name] for wall in walls for _ in wall.faces]
+    numbered = enumerate(zip(kinds, corners, strict=True), 1)
+    triangles = [f"{k} {kind} {a} {b} {c}" for k, (kind, (a, b, c)) in numbered]
     lines = [
         *_comments([*comments, *notes]),
         *_block("ModelPartData", []),
-        *_block(f"Properties {WALLS}", []),
+        *(line for number, *_ in materials for line in _block(f"Properties {number}", [])),
         *_block("Nodes", _rows(range(1, len(vertices) + 1), vertices)),
-        *_block("Conditions RigidFace3D3N", [f"{k} {WALLS} {a} {b} {c}" for k, (a, b, c) in enumerate(corners, 1)]),
+        *_block("Conditions RigidFace3D3N", triangles),
     ]
     for k, wall in enumerate(walls):
-        nodes, triangles = (range(ends[k] + 1, ends[k + 1] + 1) for ends in (firsts, counts))
+        nodes, conditions = (range(ends[k] + 1, ends[k + 1] + 1) for ends in (firsts, counts))
         still = ["FIXED_MESH_OPTION 0", "RIGID_BODY_MOTION 0", "FREE_BODY_MOTION 0", "IS_GHOST 0"]
         data = [*still, f"IDENTIFIER {wall.name}", "FORCE_INTEGRATION_GROUP 0"]
-        lines += _part(wall.name, data, Nodes=nodes, Conditions=triangles)
+        lines += _part(wall.name, data, Nodes=nodes, Conditions=conditions)
     return _text(lines)
 
 

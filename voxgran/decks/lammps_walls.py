@@ -7,7 +7,7 @@ import numpy as np
 
 from voxgran._base.arrays import Floats, Integers
 from voxgran._base.errors import InputError
-from voxgran.decks.contact_law import CHOSEN_OVERLAP, SHEAR_RATIO, ContactLaw
+from voxgran.decks.contact_law import CHOSEN_OVERLAP, ContactLaw
 from voxgran.decks.simulation import Simulation
 from voxgran.decks.text import row_of
 from voxgran.geometry.walls import Round
@@ -19,13 +19,9 @@ MOST_PLANES = 200
 def law_text(simulation: Simulation, law: ContactLaw) -> str:
     """Return a contact law as arguments of the granular pair style and walls."""
     young, ratio = law.young_modulus, law.poisson_ratio
-    # two median grains, slightly pressed
-    mass, diameter = float(np.median(simulation.bodies.mass)) / 2, simulation.diameter
-    stiffness = young / (1 - ratio**2) * math.sqrt(diameter / 4 * CHOSEN_OVERLAP * diameter)
     rolling = ""
     if law.rolling_friction:
-        spring = law.shear_stiffness or SHEAR_RATIO * stiffness
-        dashpot = 2 * law.damping_ratio * math.sqrt(spring * mass)
+        spring, dashpot = simulation.rolling(law)
         rolling = f" rolling sds {spring!r} {dashpot!r} {law.rolling_friction!r}"
     if law.name == "linear":
         return (
@@ -34,7 +30,9 @@ def law_text(simulation: Simulation, law: ContactLaw) -> str:
         )
     shear = f"tangential mindlin NULL 1.0 {law.friction!r}{rolling} damping"
     if law.cohesion:
-        # with surface energy LAMMPS takes no restitution: damping that has it for those grains
+        # with surface energy LAMMPS takes no restitution: damping that has it for two median grains, slightly pressed
+        mass, diameter = float(np.median(simulation.bodies.mass)) / 2, simulation.diameter
+        stiffness = law.stiffness_at(CHOSEN_OVERLAP * diameter, diameter)
         rate = 2 * law.damping_ratio * math.sqrt(stiffness / mass)
         return f"dmt {young!r} {rate!r} {ratio!r} {law.cohesion!r} {shear} mass_velocity"
     return f"hertz/material {young!r} {law.restitution!r} {ratio!r} {shear} coeff_restitution"
@@ -74,31 +72,29 @@ def wall_commands(simulation: Simulation) -> list[str]:
             bottom, top = (repr(float(level)) for level in walls.bounds[:, 2])
             lines.append(f"region round cylinder z {x!r} {y!r} {radius} {bottom} {top} side in open 1 open 2")
         lines += _region_walls(simulation, "round")
-    regions = [_region(number, wall, walls.bounds) for number, wall in enumerate(walls.others)]
-    if regions and all(regions):
-        lines += [f"region {text}" for text in regions]
-        for text in regions:
-            lines += _region_walls(simulation, text.split()[0], "mesh")
-        return lines
+    regions = {name: _region(name, wall, walls.bounds) for name, wall in walls.others.items()}
+    if regions and all(regions.values()):
+        lines += [f"region {text}" for text in regions.values()]
+        return lines + [line for name in regions for line in _region_walls(simulation, name)]
     if walls.mesh is not None:
         if not walls.convex:
             raise InputError(
                 "container is a closed mesh that is not convex: LAMMPS has walls of convex ones; use engine 'liggghts'"
             )
-        lines += _planes(*walls.mesh)
-        lines += _region_walls(simulation, "mesh")
+        for name, surface in walls.surfaces.items():
+            lines += [*_planes(name, *surface), *_region_walls(simulation, name)]
     return lines
 
 
-def _region_walls(simulation: Simulation, region: str, wall: str | None = None) -> list[str]:
-    """Return the commands of the wall around a region, which has the name of the wall unless that is given."""
-    found = _of_walls(simulation, wall or region, region)
-    return [f"fix {name} {of} wall/gran/region granular {law} region {region}" for name, of, law in found]
+def _region_walls(simulation: Simulation, wall: str) -> list[str]:
+    """Return the commands of the wall around a region, which has the name of the wall."""
+    found = _of_walls(simulation, wall, wall)
+    return [f"fix {name} {of} wall/gran/region granular {law} region {wall}" for name, of, law in found]
 
 
-def _region(number: int, wall: Round, bounds: Floats) -> str:
+def _region(name: str, wall: Round, bounds: Floats) -> str:
     """Return the region within a wall in closed form; empty where its axis is not that of a coordinate."""
-    name, center, across = f"wall{number}", np.array(wall.center), np.flatnonzero(wall.axis)
+    center, across = np.array(wall.center), np.flatnonzero(wall.axis)
     if wall.kind == "plane":
         return f"{name} plane {row_of(center)} {row_of(-np.array(wall.axis))} side in"
     if wall.kind == "sphere":
@@ -117,8 +113,8 @@ def _region(number: int, wall: Round, bounds: Floats) -> str:
     return f"{name} {kind} {'xyz'[axis]} {row_of(around)} {row_of([*sizes, low, high])} side in open 1 open 2"
 
 
-def _planes(vertices: Floats, faces: Integers) -> list[str]:
-    """Return the region within a convex mesh: one plane for each of its flat faces.
+def _planes(name: str, vertices: Floats, faces: Integers) -> list[str]:
+    """Return the region within a wall of a convex mesh: one plane for each of its flat faces.
 
     Raises
     ------
@@ -136,7 +132,7 @@ def _planes(vertices: Floats, faces: Integers) -> list[str]:
     lines = []
     for number, face in enumerate(first.tolist()):
         point, inward = (" ".join(map(repr, vector.tolist())) for vector in (corners[face, 0], -normal[face]))
-        lines.append(f"region plane{number} plane {point} {inward} side in")
-    names = " ".join(f"plane{number}" for number in range(len(first)))
-    # fewer than two regions do not intersect, but no solid has fewer than four planes
-    return [*lines, f"region mesh intersect {len(first)} {names} side in"]
+        region = f"{name}_{number}" if len(first) > 1 else name
+        lines.append(f"region {region} plane {point} {inward} side in")
+    names = " ".join(f"{name}_{number}" for number in range(len(first)))
+    return [*lines, *([f"region {name} intersect {len(first)} {names} side in"] if len(first) > 1 else [])]

@@ -22,7 +22,7 @@ class LawTable:
     of_shapes : tuple of int
         Number of the material of each template.
     of_walls : mapping
-        Number of the material of each wall by its name: those of planes, ``"round"`` and ``"mesh"``.
+        Number of the material of each wall by its name, as :class:`voxgran.Materials` has them.
     """
 
     names: tuple[str, ...]

@@ -12,15 +12,23 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from voxgran import __version__
-from voxgran._base.arrays import Floats, as_positive
+from voxgran._base.arrays import Booleans, Floats, as_positive
 from voxgran._base.errors import InputError
 from voxgran._base.units import NO_UNIT
 from voxgran.clumps.bonds import LEAST_AREA, TOUCHING, Strengths, bonds_of_bodies
 from voxgran.contacts.assembly import NOT_STATED, Density, by_shape, density_text
 from voxgran.decks.bodies import Bodies, Kind, Template
-from voxgran.decks.contact_law import GRAVITY, QUARTZ, STEPS_PER_COLLISION, ContactLaw, contact_law
+from voxgran.decks.contact_law import (
+    CHOSEN_OVERLAP,
+    GRAVITY,
+    QUARTZ,
+    SHEAR_RATIO,
+    STEPS_PER_COLLISION,
+    ContactLaw,
+    contact_law,
+)
 from voxgran.decks.law_table import LawTable, law_table
-from voxgran.decks.walls import Walls
+from voxgran.decks.walls import Platen, Walls
 from voxgran.geometry.sphere_pairs import near_pairs
 from voxgran.packing.model import Packing
 from voxgran.settling.material import Material
@@ -35,6 +43,10 @@ USUAL_STEP = 0.5
 SPARSEST, DENSEST = 10.0, 3e4
 #: most time steps of a run
 MOST_STEPS = 1e12
+#: largest share of the velocity of a grain that a drag takes in one time step
+STABLE_DRAG = 0.2
+#: relative difference of a stress up to which it is met
+STRESS_MET = 0.02
 #: mean kinetic energy of a grain, in m g d of the median grain, below which a bed rests
 REST = 1e-6
 #: mean kinetic energy of a grain, in s d^3, below which grains under a stress s rest
@@ -84,8 +96,8 @@ class Simulation:
     longest : float
         Longest time of a run, in sqrt(d / g) with the median diameter d; under a stress in sqrt(m / (s d)).
     stress : (3,) ndarray of float or None
-        Mean stress along each axis that the periodic cell keeps, Pa, compression above 0; NaN along axes of which the
-        length stays; None where the container stays as it is.
+        Mean stress along each axis that the periodic cell, or walls, keep, Pa, compression above 0; NaN along axes of
+        which the length stays; None where the container stays as it is.
     """
 
     bodies: Bodies
@@ -101,7 +113,7 @@ class Simulation:
 
     @property
     def pressure(self) -> float:
-        """Largest stress that the cell keeps, Pa; 0 where there is none."""
+        """Largest stress that the cell or walls keep, Pa; 0 where there is none."""
         return 0.0 if self.stress is None else float(np.nanmax(self.stress))
 
     @cached_property
@@ -123,6 +135,42 @@ class Simulation:
         if self.pressure:
             return math.sqrt(float(np.median(self.bodies.mass)) / (self.pressure * self.diameter))
         return math.sqrt(self.diameter / (float(np.linalg.norm(self.gravity)) or GRAVITY))
+
+    @cached_property
+    def platens(self) -> tuple[Platen, ...]:
+        """Walls that keep a stress: the upper one of each axis that has a stress and is not periodic."""
+        if self.stress is None:
+            return ()
+        spans, law = np.ptp(self.walls.bounds, axis=0), self.law
+        overlap = law.overlap_under(self.pressure * self.diameter**2, self.diameter)
+        impedance = math.sqrt(law.density * law.stiffness_at(overlap, self.diameter) / self.diameter)
+        return tuple(
+            Platen(plane, float(stress * self.bodies.assembly.container.volume / spans[plane.axis]), stress / impedance)
+            for plane in self.walls.planes
+            if plane.inward < 0 and (stress := float(self.stress[plane.axis])) == stress
+        )
+
+    @property
+    def fixed(self) -> list[tuple[int, int]]:
+        """First and last number of each row of grains that are fixed, counted from 1."""
+        return rows_of(~self.bodies.assembly.movable)
+
+    @property
+    def drag(self) -> float:
+        """Drag on each sphere, kg/s, by which grains that bear nothing come to rest under a stress."""
+        return self.drag_within(self.time_unit)
+
+    def drag_within(self, time: float) -> float:
+        """Return the drag on each sphere, kg/s, that stops the median grain within a time in s."""
+        members = max(len(template.spheres[1]) for template in self.bodies.templates)
+        most = STABLE_DRAG * float(self.bodies.mass.min()) / self.time_step
+        return min(float(np.median(self.bodies.mass)) / time, most) / members
+
+    def rolling(self, law: ContactLaw) -> tuple[float, float]:
+        """Return stiffness, N/m, and damping, N s/m, of the spring of rolling friction, as of median grains."""
+        mass = float(np.median(self.bodies.mass)) / 2
+        spring = law.shear_stiffness or SHEAR_RATIO * law.stiffness_at(CHOSEN_OVERLAP * self.diameter, self.diameter)
+        return spring, 2 * law.damping_ratio * math.sqrt(spring * mass)
 
     @cached_property
     def overlap(self) -> float:
@@ -179,6 +227,13 @@ class Simulation:
                 f"{self.bonds.sizes['bond']} bonds join the spheres of clumps: masses are the true ones, centroids and "
                 "inertia tensors are those of the spheres"
             )
+        fixed = bodies.count - int(bodies.assembly.movable.sum())
+        lines += [f"{fixed} grains are fixed"] if fixed else []
+        for plane, force, _ in self.platens:
+            lines.append(
+                f"wall {plane.name} moves so that grains press on it with {force!r} N: "
+                f"{float(self.stress[plane.axis])!r} Pa on the area at the start"  # type: ignore[index]
+            )
         if self.overlap > 0:
             lines.append(f"spheres overlap each other or walls by up to {self.overlap:.3g} m at the start")
         lines += [f"approximated: {one.approximated}" for one in bodies.templates if one.approximated]
@@ -188,6 +243,12 @@ class Simulation:
     def comments(self, engine: str, *notes: str, mark: str = "#") -> list[str]:
         """Return the lines that begin each file, and notes, as comments."""
         return [f"{mark} {line}" for line in (*self.header(engine), *notes)]
+
+
+def rows_of(marks: Booleans) -> list[tuple[int, int]]:
+    """Return first and last number, counted from 1, of each row of grains (n,) that are marked."""
+    edges = np.flatnonzero(np.diff(np.concatenate([[False], marks, [False]])))
+    return [(first + 1, last) for first, last in edges.reshape(-1, 2).tolist()]
 
 
 def _table_lines(laws: LawTable, density: str) -> list[str]:

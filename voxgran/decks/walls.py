@@ -1,7 +1,10 @@
 """Walls of a container as engines take them: planes, one round wall, or triangles."""
 
 import math
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from functools import cached_property
+from typing import NamedTuple
 
 import numpy as np
 
@@ -11,9 +14,22 @@ from voxgran.contacts.manifolds.convex_bodies import is_convex
 from voxgran.containers.model import boundary_of
 from voxgran.containers.space import tangent_mesh
 from voxgran.geometry.walls import Plane, Round, plane
+from voxgran.settling.materials import wall_names
 
 #: most that the triangles of a cylinder or cone lie outside of it, in median diameters; least and most of its sides
 ROUND_ERROR, FEWEST_SIDES, MOST_SIDES = 1e-3, 24, 1000
+
+
+class Platen(NamedTuple):
+    """A plane wall that moves along its normal so that the grains press on it with a force.
+
+    It moves inward with the `speed` times what the force lacks of the one asked for, over that: as a damper with the
+    acoustic impedance of the grains, which takes up waves. The wall that is opposite stands still.
+    """
+
+    plane: Plane
+    force: float  # N
+    speed: float  # m/s, where nothing presses on it
 
 
 @dataclass(frozen=True, eq=False)
@@ -35,9 +51,9 @@ class Walls:
         grains. A polygon has the triangles of the prism upon it.
     convex : bool
         Whether the triangles bound a convex solid.
-    others : tuple of Round
-        All walls of the container in closed form where they are neither planes across an axis nor one upright cylinder
-        or sphere alone; the triangles touch them from outside.
+    others : mapping
+        All walls of the container in closed form by their names, where they are neither planes across an axis nor one
+        upright cylinder or sphere alone; the triangles touch them from outside.
     """
 
     bounds: Floats
@@ -46,7 +62,7 @@ class Walls:
     round: Round | None
     mesh: tuple[Floats, Integers] | None
     convex: bool
-    others: tuple[Round, ...] = ()
+    others: Mapping[str, Round] = field(default_factory=dict)
 
     @classmethod
     def of(cls, assembly: Assembly) -> "Walls":
@@ -65,20 +81,33 @@ class Walls:
         # what lies within planes and walls of revolution is convex
         convex = bool(boundary.round) if solid is None else is_convex(solid.geometry)
         wall = boundary.cylinder or boundary.sphere
-        others: tuple[Round, ...] = ()
+        others: dict[str, Round] = {}
         if boundary.round and not boundary.is_usual:
             across = (plane(tuple((one.level * np.abs(one.normal)).tolist()), tuple((-one.normal).tolist()))
                       for one in boundary.planes)  # fmt: skip
-            others = (*across, *boundary.round)
+            others = dict(zip(wall_names(boundary), (*across, *boundary.round), strict=True))
             width = float((bounds[1] - bounds[0]).max()) / 2
-            mesh = tangent_mesh(others, "container", sides_of(width, float(np.median(assembly.diameters))))[:2]
+            sides = sides_of(width, float(np.median(assembly.diameters)))
+            mesh = tangent_mesh(list(others.values()), "container", sides)[:2]
         return cls(bounds, container.periodic, tuple(planes), wall, mesh, convex, others)
 
     @property
     def names(self) -> tuple[str, ...]:
         """Names of the walls."""
         planes = tuple(plane.name for plane in self.planes)
-        return planes + ("round",) * (self.round is not None) + ("mesh",) * (self.mesh is not None)
+        return planes + ("round",) * (self.round is not None) + tuple(self.surfaces)
+
+    @cached_property
+    def surfaces(self) -> dict[str, tuple[Floats, Integers]]:
+        """Vertices and triangles of each wall that is made of triangles, by its name: ``"mesh"``, or those of `others`,
+        of which each triangle lies on the nearest one.
+        """
+        if self.mesh is None or not self.others:
+            return {} if self.mesh is None else {"mesh": self.mesh}
+        vertices, faces = self.mesh
+        middles = vertices[faces].mean(axis=1)
+        nearest = np.abs([wall.distance(middles) for wall in self.others.values()]).argmin(axis=0)
+        return {name: (vertices, faces[nearest == k]) for k, name in enumerate(self.others) if (nearest == k).any()}
 
     @property
     def needs_triangles(self) -> bool:
@@ -101,7 +130,7 @@ class Walls:
         points : (n, 3) ndarray of float
             In the unit of the walls.
         """
-        walls = (*self.planes, *(() if self.round is None else (self.round,)), *self.others)
+        walls = (*self.planes, *(() if self.round is None else (self.round,)), *self.others.values())
         return [wall.distance(points) for wall in walls]
 
 

@@ -18,7 +18,7 @@ from voxgran._base.files import as_path, refuse_to_replace, write_files
 from voxgran.clumps.fit import fit_clump
 from voxgran.clumps.model import Clump
 from voxgran.contacts.manifolds.convex_bodies import is_convex
-from voxgran.containers.model import Container
+from voxgran.containers.model import Container, boundary_of
 from voxgran.decks.bodies import Kind, Template, names_of
 from voxgran.decks.contact_law import GRAVITY
 from voxgran.decks.engine import Engine, engine_registry
@@ -111,8 +111,9 @@ def write_deck(
     time_step : float, optional
         Time step in s, at most the stable one. Default: half of that.
     stress : float or sequence of float, optional
-        Mean stress in Pa that the sides of a periodic container keep, along all axes or along each one, compression
-        above 0; NaN along axes of which the length stays. Default: the container stays as it is.
+        Mean stress in Pa that the sides of a periodic container, or its plane walls, keep, along all axes or along each
+        one, compression above 0; NaN along axes of which the length stays. Of two walls the upper one moves, with the
+        force of the stress on its area at the start. Default: the container stays as it is.
     overwrite : bool
         Whether files that are there may be replaced.
 
@@ -129,7 +130,6 @@ def write_deck(
         If the packing has no grains, the engine cannot hold its grains, fixed ones, container, law, bonds or stress, a
         material parameter is missing or out of range, the stiffness is too low, or the time step is above the stable
         one.
-        parameter is missing or out of range, the stiffness is too low, or the time step is above the stable one.
     OutputExistsError
         If one of the files is there and `overwrite` is false.
     OutputError
@@ -197,7 +197,7 @@ def described(
     if packing.fixed is not None and not (engine.fixed and packing.movable.any() and not bonded):
         raise InputError(
             f"{int(packing.fixed.sum())} grains are fixed: such input for {engine.title} moves all grains; give engine "
-            "'lammps', without bonds and with grains that move, or leave them out with packing[packing.movable]"
+            f"{_able('fixed')}, without bonds, and grains that move, or leave them out with packing[packing.movable]"
         )
     for number in np.unique(packing.shape_id).tolist():
         packing.shapes[number].refuse_open("bodies of an engine")
@@ -223,14 +223,9 @@ def _as_stress(given: Any, packing: Packing, engine: Engine) -> Floats:
     Raises
     ------
     InputError
-        If they are no stresses, a side is no periodic one, there is gravity, or the engine keeps none.
+        If they are no stresses, a wall is no plane, both walls and periodic sides are to keep one, there is gravity, or
+        the engine keeps none.
     """
-    if not engine.servo:
-        able = [name for name in engine_registry().names() if engine_registry().get(name).servo]
-        raise InputError(
-            f"stress is {shown(given)}: input for {engine.title} has no cell that keeps one; choose engine "
-            f"{' or '.join(map(repr, able))}, or leave it out"
-        )
     stress = float_array(given)
     stress = None if stress is None or stress.shape not in ((), (3,)) else np.array(np.broadcast_to(stress, 3))
     if stress is None or np.isnan(stress).all() or not (np.isnan(stress) | ((stress > 0.0) & (stress < LARGEST))).all():
@@ -238,18 +233,30 @@ def _as_stress(given: Any, packing: Packing, engine: Engine) -> Floats:
             f"stress is {shown(given)}: it must be one number of pascals above 0, or three, NaN along axes whose "
             "length stays; correct it"
         )
-    walled = [axis for k, axis in enumerate("xyz") if not (packing.container.periodic[k] or np.isnan(stress[k]))]
-    if walled:
-        raise InputError(
-            f"stress is {shown(given)}, and the container has walls along {', '.join(walled)}: {engine.title} keeps a "
-            "stress along periodic axes only; give NaN along the others"
-        )
+    periodic = np.array(packing.container.periodic)
+    kept, flat = ~np.isnan(stress), np.array(boundary_of(packing.container).flat)
+    for what, mine, able in (("walls", kept & ~periodic, "platens"), ("periodic sides", kept & periodic, "servo")):
+        if mine.any() and not getattr(engine, able):
+            raise InputError(
+                f"stress is {shown(given)}: input for {engine.title} has no {what} that keep one; choose engine "
+                f"{_able(able)}, or leave it out"
+            )
+    curved = ", ".join(axis for k, axis in enumerate("xyz") if kept[k] and not (periodic[k] or flat[k]))
+    if curved or ((kept & periodic).any() and (kept & ~periodic).any()):
+        why = f"there are no two plane walls along {curved}" if curved else "walls and periodic sides are to keep one"
+        raise InputError(f"stress is {shown(given)}: {why}; give NaN along such axes, whose length stays then")
     if packing.gravity is not None:
         raise InputError(
             f"stress is {shown(given)}, and packing.gravity is {shown(packing.gravity)}: grains under both are not "
             "held; take one away with dataclasses.replace"
         )
     return stress
+
+
+def _able(what: str) -> str:
+    """Return the names of the engines that can do something, in words."""
+    registry = engine_registry()
+    return " or ".join(repr(name) for name in registry.names() if getattr(registry.get(name), what))
 
 
 def as_material(value: Any) -> Material | Materials:

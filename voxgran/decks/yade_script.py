@@ -115,9 +115,38 @@ def load():
         O.bodies.append(utils.facet(corners, material="walls%d" % kind))
 
 
+    bodies = grains()
+    for first, last in FIXED:
+        for body in bodies[first - 1 : last]:
+            body.dynamic = False
+
+
 def grains():
     """Return the bodies that are grains, in the order of yade_grains.txt."""
-    return [body for body in O.bodies if body.dynamic and not body.isClumpMember]
+    return [body for body in O.bodies if not (body.isClumpMember or isinstance(body.shape, (Wall, Facet)))]
+
+
+def platens():
+    """Return the walls that move, with their axis, side, force and speed, and what the grains press on them with."""
+    found = [(O.bodies[WALLS[number]], *numbers) for number, *numbers in PLATENS]
+    return [(*row, -row[2] * O.forces.f(row[0].id, sync=True)[row[1]]) for row in found]
+
+
+def limit_moments():
+    """Limit the moments of rolling friction at walls, of which YADE takes the radius for infinite."""
+    for body in BOUNDARY:
+        for contact in body.intrs():
+            if contact.isReal:
+                other = O.bodies[contact.id1 + contact.id2 - body.id]
+                contact.phys.maxBendPl = ROLLING * other.shape.radius
+
+
+def move_platens():
+    """Let walls move as dampers that take up waves, so that the grains press on them with their forces."""
+    for body, axis, inward, force, speed, pressing in platens():
+        velocity = [0.0, 0.0, 0.0]
+        velocity[axis] = inward * speed * (1 - pressing / force)
+        body.state.vel = Vector3(*velocity)
 
 
 def output():
@@ -144,7 +173,8 @@ def picture(name):
 
 def rests():
     """Tell whether the grains rest: by the forces on them under a stress, as grains that bear nothing spin on."""
-    return utils.unbalancedForce() < UNBALANCED if UNBALANCED else utils.kineticEnergy() < REST
+    met = all(abs(pressing / force - 1) < STRESS_MET for *_, force, _, pressing in platens())
+    return met and (utils.unbalancedForce() < UNBALANCED if UNBALANCED else utils.kineticEnergy() < REST)
 
 
 def run():
@@ -162,6 +192,7 @@ def run():
     picture("end")
 
 
+WALLS, BOUNDARY = [], []
 if len(sys.argv) > 1:
     # a file of a former run
     O.load(sys.argv[1])
@@ -172,6 +203,8 @@ else:
     load()
     output()
     picture("start")
+WALLS += [body.id for body in O.bodies if isinstance(body.shape, Wall)]
+BOUNDARY += [body for body in O.bodies if isinstance(body.shape, (Wall, Facet))]
 run()
 sys.stdout.flush()
 # YADE ends with an error where it has loaded VTK

@@ -31,7 +31,7 @@ class Plane(NamedTuple):
     @property
     def normal(self) -> Floats:
         """Unit normal (3,) that points to the grains."""
-        return np.eye(3)[self.axis] * self.inward
+        return np.eye(3)[self.axis] * self.inward + 0.0
 
     def distance(self, points: Floats) -> Floats:
         """Return the distance (n,) of points (n, 3) from the wall, positive on the side of the grains."""

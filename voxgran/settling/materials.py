@@ -16,12 +16,13 @@ from voxgran._base.errors import InputError, UnknownNameError, shown
 from voxgran._base.names import unknown
 from voxgran.contacts.assembly import Assembly
 from voxgran.containers.model import Boundary, boundary_of
+from voxgran.geometry.walls import Round
 from voxgran.settling.material import Material
 
 #: properties that a pair of materials may have of its own
 OF_PAIRS = ("friction", "rolling_friction", "restitution", "stiffness", "shear_stiffness", "cohesion")
-#: name of all walls that are not named
-OTHERS = "others"
+#: names of all walls that are not named, and of walls of revolution, to which a number is added where there are several
+OTHERS, ROUND = "others", "round"
 
 
 @explained_methods
@@ -45,7 +46,8 @@ class Materials(ExplainedAttributes):
         Name of the material of all shapes, or one for each shape of the packing; one material needs none.
     walls : str or mapping, optional
         Name of the material of all walls, or one by the name of each wall: ``"x_low"``, ``"x_high"`` and so on for
-        planes across the axes, ``"round"`` for a cylinder, cone or sphere, ``"mesh"`` for a wall of triangles,
+        planes across the axes, ``"round"`` for cylinders, cones, spheres and oblique planes, of which several are
+        ``"round_1"``, ``"round_2"`` and so on in the order of the container, ``"mesh"`` for a wall of triangles,
         ``"lid"``, and ``"others"`` for all that are not named. One material needs none.
 
     Raises
@@ -175,11 +177,13 @@ class Materials(ExplainedAttributes):
         """
         if isinstance(self.walls, str):
             return self.walls
-        found = (self.walls or {}).get(name, (self.walls or {}).get(OTHERS))
+        named = self.walls or {}
+        found = named.get(name) or (named.get(ROUND) if name.startswith(ROUND) else None) or named.get(OTHERS)
         if found is None and len(self.names) > 1:
             raise InputError(
                 f"walls of the materials is {shown(self.walls)}: it says nothing of the wall {name!r}; name the "
-                f"material of all walls, such as walls={self.names[-1]!r}, or give {name!r} or 'others' in it"
+                f"material of all walls, such as walls={self.names[-1]!r}, in a scene as material of [container], or "
+                f"give {name!r} or 'others' in it"
             )
         return str(found or self.names[0])
 
@@ -272,8 +276,21 @@ def friction_of(friction: "float | Materials", assembly: Assembly) -> "float | F
 
 def wall_names(boundary: Boundary) -> tuple[str, ...]:
     """Return the names of the walls of a container: planes, walls of revolution, and a surface of triangles."""
-    others = ("round",) * len(boundary.round) + ("mesh",) * (boundary.solid is not None)
-    return (*(plane.name for plane in boundary.planes), *others)
+    names = [plane.name for plane in boundary.planes]
+    for wall in boundary.round:
+        across = _name_of_plane(wall) if wall.kind == "plane" else ""
+        names.append("" if across in names else across)
+    rounds = [ROUND] if names.count("") == 1 else [f"{ROUND}_{k + 1}" for k in range(names.count(""))]
+    numbered = iter(rounds)
+    return (*(name or next(numbered) for name in names), *("mesh",) * (boundary.solid is not None))
+
+
+def _name_of_plane(wall: Round) -> str:
+    """Return the name of a plane across an axis, such as ``"z_low"``; empty for an oblique one."""
+    axis = int(np.abs(wall.axis).argmax())
+    if np.count_nonzero(wall.axis) > 1:
+        return ""
+    return f"{'xyz'[axis]}_{'high' if wall.axis[axis] > 0 else 'low'}"
 
 
 def friction_range(friction: "float | FrictionTable") -> tuple[float, float]:

@@ -1,7 +1,9 @@
 """What every engine must keep, as a class of tests to derive from."""
 
+import math
+from dataclasses import replace
 from pathlib import Path
-from typing import ClassVar
+from typing import Any, ClassVar
 
 import numpy as np
 import pytest
@@ -11,9 +13,12 @@ from voxgran.containers.kinds.box import Box
 from voxgran.decks.engine import Engine, engine_registry
 from voxgran.decks.write import write_deck
 from voxgran.packing.model import Packing
+from voxgran.settling.materials import Materials
 from voxgran.shapes.family import make_shape
 from voxgran.shapes.model import Shape
 
+#: a coefficient that stands for nothing else in a file
+NUMBER = 0.1375
 #: what a stranger may write into the name of a shape, and the marks that begin a comment in the files of engines
 NAME, MARKS = "rock\nimport os; os.abort()\n", ("#", "//", ";", "--", "%", "!")
 
@@ -96,6 +101,63 @@ class EngineSuite:
         )
         write_deck(two, tmp_path, self.engine)
         np.testing.assert_allclose(reader(tmp_path).mass, 1e-9 * self.shape().volume * two.densities, rtol=1e-6)
+
+    def written(self, folder: Path, packing: Packing, **asked: Any) -> str:
+        """Return the text of all files of a deck."""
+        return "\n".join(path.read_text() for path in write_deck(packing, folder, self.engine, **asked).files)
+
+    def test_fixed_grains_are_written_or_refused(self, tmp_path: Path) -> None:
+        """A grain that is fixed is another deck, with its true mass; an engine without fixed grains says so."""
+        entry, still = self.entry(), replace(self.packing(), fixed=np.array([True, False, False]))
+        if not entry.fixed:
+            with pytest.raises(InputError, match="1 grains are fixed"):
+                write_deck(still, tmp_path, self.engine)
+            return
+        told = self.written(tmp_path / "fixed", still)
+        assert "1 grains are fixed" in told
+        free = self.written(tmp_path / "free", self.packing())
+        assert told.replace("1 grains are fixed", "").split() != free.split()
+        if entry.read is not None:
+            np.testing.assert_allclose(entry.read(tmp_path / "fixed").mass, entry.read(tmp_path / "free").mass)
+
+    def test_friction_of_pairs_is_written_or_refused(self, tmp_path: Path) -> None:
+        """The coefficient of two materials, or its angle, stands in the files; an engine of one material says so."""
+        materials = Materials(
+            {"sand": {"friction": 0.6}, "steel": {"friction": 0.3}},
+            {("sand", "steel"): {"friction": NUMBER}},
+            shapes="sand",
+            walls="steel",
+        )
+        if not self.entry().materials:
+            with pytest.raises(InputError, match=r"material has 2 materials: .* has one"):
+                write_deck(self.packing(), tmp_path, self.engine, material=materials)
+            return
+        told = self.written(tmp_path, self.packing(), material=materials)
+        assert repr(NUMBER) in told or repr(math.atan(NUMBER)) in told
+
+    def test_rolling_friction_is_written_or_refused(self, tmp_path: Path) -> None:
+        """The coefficient, or half of it for another radius, stands in the files of each law; others are refused."""
+        entry, packing = self.entry(), self.packing()
+        for law in entry.laws:
+            material = {"law": law, "rolling_friction": NUMBER} | ({"young_modulus": 1e7} if law == "hertz" else {})
+            if law in entry.rolling:
+                told = self.written(tmp_path / law, packing, material=material)
+                assert repr(NUMBER) in told or repr(NUMBER / 2) in told
+            else:
+                with pytest.raises(InputError, match=f"rolling_friction is {NUMBER:g}.*leave it out"):
+                    write_deck(packing, tmp_path / law, self.engine, material=material)
+
+    def test_a_stress_of_walls_is_written_or_refused(self, tmp_path: Path) -> None:
+        """The force on the upper wall of the one axis along which there is a stress stands in the files."""
+        packing, stress = replace(self.packing(), gravity=None), (math.nan, math.nan, 1e3)
+        if not self.entry().platens:
+            with pytest.raises(InputError, match="has no walls that keep one"):
+                write_deck(packing, tmp_path, self.engine, stress=stress)
+            return
+        told = self.written(tmp_path, packing, stress=stress)
+        force = write_deck(packing, tmp_path / "again", self.engine, stress=stress).simulation.platens[0].force
+        # in the header and in a command
+        assert told.count(repr(force)) > told.count("moves so that grains press")
 
     def test_nothing_is_overwritten_unasked(self, tmp_path: Path) -> None:
         """A deck stays as it is unless it is to be replaced."""

@@ -189,7 +189,7 @@ def test_time_and_gravity():
 
 def faces_of(simulation):
     """Return the corners (f, 3, 3) of the triangles of walls, and the names of walls, as the file has them."""
-    text = kratos_model.wall_text(triangles.facets_of(simulation), [])
+    text = kratos_model.wall_text(simulation, [])
     blocks, names = {}, []
     for block in text.split("\nBegin ")[1:]:
         head, *lines = block.splitlines()

@@ -131,7 +131,7 @@ def test_a_round_container_is_closed_triangles_outside_of_it():
     packing = engine_cases.mixed(container=vg.Sphere(3.5))
     simulation = engine_cases.simulation_of(packing, ENGINE)
     files = files_of(simulation)
-    numbers = re.findall(r"vertex (\S+) (\S+) (\S+)", files["liggghts_wall.stl"])
+    numbers = re.findall(r"vertex (\S+) (\S+) (\S+)", files["liggghts_round.stl"])
     corners = np.array(numbers, dtype=float).reshape(-1, 3, 3) - simulation.walls.round.center
     normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
     distance = np.abs(np.einsum("ij,ij->i", normals, corners[:, 0])) / np.linalg.norm(normals, axis=1)

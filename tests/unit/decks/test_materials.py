@@ -4,6 +4,7 @@ import ast
 import json
 import math
 import re
+import subprocess
 
 import engine_cases as cases
 import numpy as np
@@ -13,6 +14,7 @@ import voxgran as vg
 from voxgran._base.errors import InputError
 from voxgran.decks.engine import engine_registry
 from voxgran.decks.engines.kratos import MATERIALS
+from voxgran.settling.materials import friction_of
 from voxgran.shapes.spheres import Spheres
 
 NAMES = engine_registry().names()
@@ -53,28 +55,6 @@ def test_a_table_of_one_material_is_that_material(engine, tmp_path):
     _, one = deck(tmp_path / "one", engine, alone)
     _, other = deck(tmp_path / "other", engine, vg.Materials({"sand": alone}))
     assert one == other
-
-
-@pytest.mark.parametrize("engine", sorted(set(NAMES) - set(SEVERAL)))
-def test_engines_with_one_material_say_so(engine, tmp_path):
-    sphere = "sphere" in engine_registry().get(engine).kinds
-    packing = cases.mixed() if sphere else cases.rocks()
-    with pytest.raises(InputError, match=r"material has 2 materials: input for .* has one"):
-        vg.write_deck(packing, tmp_path / "new", engine, material=table())
-    assert not (tmp_path / "new").exists()
-
-
-@pytest.mark.parametrize("engine", NAMES)
-def test_rolling_friction_is_written_or_refused(engine, tmp_path):
-    entry = engine_registry().get(engine)
-    for law in entry.laws:
-        material = {"law": law, "rolling_friction": 0.125} | ({"young_modulus": 1e7} if law == "hertz" else {})
-        packing = cases.spheres() if "sphere" in entry.kinds else cases.rocks()
-        if law in entry.rolling:
-            assert "0.125" in deck(tmp_path / law, engine, material, packing)[1]
-        else:
-            with pytest.raises(InputError, match=r"rolling_friction is 0\.125.*leave it out"):
-                deck(tmp_path / law, engine, material, packing)
 
 
 def test_pairs_and_walls_of_lammps(tmp_path):
@@ -185,15 +165,21 @@ def test_spheres_of_two_materials_are_two_materials_of_kratos(tmp_path):
     assert {pair: values["STATIC_FRICTION"] for pair, values in told.items() if "walls" not in pair} == {
         ("spheres", "spheres"): 0.6, ("spheres", "spheres_2"): 0.3, ("spheres_2", "spheres_2"): 0.3,
     }  # fmt: skip
-    with pytest.raises(InputError, match="name one for all"):
-        deck(tmp_path / "new", "kratos", table())
+    deck(tmp_path / "walls", "kratos", table(shapes=["sand", "sand"]), packing)
+    found = json.loads((tmp_path / "walls" / MATERIALS).read_text())
+    told = {tuple(pair["material_names_list"]): pair["Variables"] for pair in found["material_relations"]}
+    friction = {pair[1]: values["STATIC_FRICTION"] for pair, values in told.items()}
+    assert friction == {"spheres": 0.6, "walls": 0.6, "walls_2": 0.15}
+    assigned = dict(found["material_assignation_table"])
+    assert {assigned[f"RigidFacePart.{wall}"] for wall in ("x_low", "z_high")} == {"walls"}
+    assert assigned["RigidFacePart.z_low"] == "walls_2"
 
 
 @pytest.mark.parametrize(
     ("materials", "said"),
     [
         (table(walls="sand", shapes=["sand"]), "2 shapes"),
-        (table(walls=None), "says nothing of the wall 'x_low'"),
+        (table(walls=None), r"says nothing of the wall 'x_low'.* in a scene as material of \[container\]"),
         (vg.Materials({"sand": {"bond_strength": 1e6}}), "bonds are of one"),
     ],
 )
@@ -251,6 +237,39 @@ def test_clumps_on_an_incline_of_lammps_slide_by_the_friction_of_their_pair(lamm
 
 
 @pytest.mark.engine
+@pytest.mark.parametrize(("engine", "script"), [("kratos", "kratos_run.py"), ("yade", "yade_run.py")])
+@pytest.mark.parametrize("rolling", [0.05, 0.3])
+def test_spheres_on_an_incline_roll_by_the_rolling_friction_of_the_floor(engine, script, rolling, tmp_path):
+    """A sphere on a slope rolls with 5/7 g sin a less 5/7 of the rolling friction, or stays."""
+    slope = math.radians(10)
+    packing = vg.Packing.of(
+        vg.shapes.sphere(), vg.Box((40, 6, 4)), position=[(5, 3, 0.5)], unit="mm",
+        gravity=(math.sin(slope), 0, -math.cos(slope)),
+    )  # fmt: skip
+    own = {"friction": 0.9, "rolling_friction": rolling, "law": "hertz", "young_modulus": 1e7}
+    # the friction of the other walls does not matter
+    materials = vg.Materials(
+        {"grains": own, "floor": own, "sides": {**own, "friction": 0.1}},
+        shapes="grains", walls={"z_low": "floor", "others": "sides"},
+    )  # fmt: skip
+    made, _ = deck(tmp_path, engine, materials, packing)
+    every, steps = made.simulation.steps_per_output, made.simulation.steps
+    path = tmp_path / script
+    path.write_text(path.read_text().replace(str(steps), str(5 * every), 1))
+    program = cases.program("python" if engine == "kratos" else engine, "make test-engines")
+    command = [program, script] if engine == "kratos" else [program, "-n", "-x", script]
+    subprocess.run(command, cwd=tmp_path, capture_output=True, timeout=200, check=True)
+    if engine == "kratos":
+        ends = [np.loadtxt(one)[1] for one in (lambda files: (files[0], files[-1]))(sorted(tmp_path.glob("*state*")))]
+    else:
+        lines = (tmp_path / "yade_poses.txt").read_text().splitlines()
+        ends = [float(lines[k].split()[0]) for k in (1, -1)]
+    time = 5 * every * made.simulation.time_step
+    expected = max(0.0, 0.5 * 5 / 7 * 9.81 * (math.sin(slope) - rolling * math.cos(slope)) * time**2)
+    assert ends[1] - ends[0] == pytest.approx(expected, rel=0.05, abs=2e-2 * made.simulation.diameter)
+
+
+@pytest.mark.engine
 @pytest.mark.parametrize("law", [{}, {"law": "hertz", "young_modulus": 1e7}])
 def test_spheres_on_an_incline_of_lammps_roll_by_the_rolling_friction_of_their_pair(lammps, law, tmp_path):
     """A sphere on a slope rolls with 5/7 g sin a less 5/7 of the rolling friction, or stays."""
@@ -270,3 +289,64 @@ def test_spheres_on_an_incline_of_lammps_roll_by_the_rolling_friction_of_their_p
     expected = 0.5 * 5 / 7 * 9.81 * (math.sin(slope) - 0.05 * math.cos(slope)) * found[-1].time ** 2
     assert moved[1] == pytest.approx(expected, rel=0.03)
     assert abs(moved[0]) < 0.02 * moved[1]
+
+
+def equipment(oblique=0.0):
+    """Return spheres within a cone, a cylinder and two planes, and a material of each wall."""
+    wall = [
+        {"kind": "cone", "point": (0, 0, 0), "radius": 1.5, "angle": 60.0},
+        {"kind": "cylinder", "radius": 3.0, "axis": (oblique, 0, 1)},
+        {"kind": "plane", "point": (0, 0, 0), "normal": (0, 0, -1)},
+        {"kind": "plane", "point": (0, 0, 5), "normal": (0, 0, 1)},
+    ]
+    places = [(0, 0, 2), (1.2, 0, 2), (0, 1.2, 2)]
+    packing = vg.Packing.of(vg.shapes.sphere(), vg.Walls(wall), position=places, unit="mm")
+    frictions = {"sand": 0.6, "cone": 0.1, "tube": 0.2, "floor": 0.3}
+    materials = vg.Materials(
+        {name: {"friction": value} for name, value in frictions.items()},
+        shapes="sand",
+        walls={"round_1": "cone", "round_2": "tube", "z_low": "floor", "others": "sand"},
+    )
+    return packing, materials
+
+
+@pytest.mark.parametrize("engine", sorted(set(SEVERAL)))
+def test_each_wall_of_equipment_has_its_own_law(engine, tmp_path):
+    packing, materials = equipment()
+    made, _ = deck(tmp_path, engine, materials, packing)
+    laws, walls = made.simulation.laws, made.simulation.walls
+    assert laws.of_walls == {"z_low": 3, "z_high": 0, "round_1": 1, "round_2": 2}
+    assert laws.laws[0][laws.of_walls["round_1"]].friction == 0.1
+    # all triangles of the closed surface, each of the wall that it touches
+    assert sum(len(faces) for _, faces in walls.surfaces.values()) == len(walls.mesh[1])
+    for name, (vertices, faces) in walls.surfaces.items():
+        middles = vertices[faces].mean(axis=1)
+        assert np.abs(walls.others[name].distance(middles)).max() < 1e-2 * made.simulation.diameter
+        assert np.abs(walls.others[name].distance(vertices[np.unique(faces)])).max() < 0.1 * made.simulation.diameter
+
+
+def test_the_walls_of_equipment_are_regions_and_meshes_of_their_own(tmp_path):
+    packing, materials = equipment()
+    _, text = deck(tmp_path / "lammps", "lammps", materials, packing)
+    found = dict(re.findall(r"fix (\w+)_1 material_1 wall/gran/region granular .* 1.0 (\S+) damping", text))
+    assert {name: float(value) for name, value in found.items()} == {
+        "z_low": 0.3, "z_high": 0.6, "round_1": 0.1, "round_2": 0.2,
+    }  # fmt: skip
+    assert "region round_1 cone z" in text
+    _, text = deck(tmp_path / "liggghts", "liggghts", materials, packing)
+    kinds = dict(re.findall(r"fix (\w+) all mesh/surface file \S+ type (\d)", text))
+    assert kinds == {"z_low": "4", "z_high": "1", "round_1": "2", "round_2": "3"}
+    assert "n_meshes 4 meshes round_1 round_2 z_low z_high" in text
+    # LAMMPS has planes in place of walls about an oblique axis, one region for each wall
+    _, text = deck(tmp_path / "oblique", "lammps", materials, equipment(oblique=0.2)[0])
+    assert re.search(r"region round_2 intersect \d+ round_2_0 round_2_1", text)
+    assert "region z_low plane" in text
+
+
+def test_walls_of_revolution_have_one_material_by_their_common_name():
+    packing, materials = equipment()
+    named = vg.Materials(materials.materials, shapes="sand", walls={"round": "tube", "others": "floor"})
+    assert [named.of_wall(name) for name in ("round", "round_1", "z_low")] == ["tube", "tube", "floor"]
+    # those of settling too
+    table = friction_of(materials, packing)
+    assert (table.least, table.largest) == (0.1, 0.6)

@@ -1,5 +1,6 @@
 """Input for MercuryDPM: tables of pebbles, table of grains, and a driver that is compiled against its declarations."""
 
+import dataclasses
 import math
 import shutil
 import subprocess
@@ -12,6 +13,7 @@ import voxgran as vg
 from voxgran._base.errors import FileFormatError, InputError
 from voxgran.decks.engine import Held
 from voxgran.decks.engines import mercury
+from voxgran.decks.mercury_driver import INCLUDES
 
 HERTZ = {"law": "hertz", "young_modulus": 1e8, "restitution": 0.6}
 
@@ -21,11 +23,19 @@ STUBS = """
 #include <cmath>
 #include <cstdlib>
 #include <iostream>
+#include <algorithm>
+#include <map>
 #include <memory>
 #include <string>
+#include <utility>
 #include <vector>
 typedef double Mdouble;
-struct Vec3D { double X, Y, Z; Vec3D(double x = 0, double y = 0, double z = 0) : X(x), Y(y), Z(z) {} };
+struct Vec3D {
+    double X, Y, Z;
+    Vec3D(double x = 0, double y = 0, double z = 0) : X(x), Y(y), Z(z) {}
+    static double dot(const Vec3D& a, const Vec3D& b) { return a.X * b.X + a.Y * b.Y + a.Z * b.Z; }
+    friend Vec3D operator*(Mdouble a, const Vec3D& v) { return Vec3D(a * v.X, a * v.Y, a * v.Z); }
+};
 inline std::ostream& operator<<(std::ostream& os, const Vec3D& v) { return os << v.X << ' ' << v.Y << ' ' << v.Z; }
 struct Matrix3D {
     double XX, XY, XZ, YX, YY, YZ, ZX, ZY, ZZ;
@@ -36,45 +46,88 @@ struct MatrixSymmetric3D {
     double XX, XY, XZ, YY, YZ, ZZ;
     MatrixSymmetric3D(double xx, double xy, double xz, double yy, double yz, double zz)
         : XX(xx), XY(xy), XZ(xz), YY(yy), YZ(yz), ZZ(zz) {}
+    friend Vec3D operator*(const MatrixSymmetric3D& m, const Vec3D& v) {
+        return Vec3D(m.XX * v.X + m.XY * v.Y + m.XZ * v.Z, m.XY * v.X + m.YY * v.Y + m.YZ * v.Z,
+                     m.XZ * v.X + m.YZ * v.Y + m.ZZ * v.Z);
+    }
 };
 enum Level { ERROR };
 struct Logger {
     void operator()(Level, const char*, const std::string& s) { std::cerr << s << std::endl; std::abort(); }
 };
 static Logger logger;
-struct ParticleSpecies {
+struct BaseSpecies { virtual ~BaseSpecies() {} std::string label; };
+struct LinearViscoelasticNormalSpecies {
     double dissipation = -1;
-    void setDensity(double v) { std::cout << "density " << v << "\\n"; }
+    virtual ~LinearViscoelasticNormalSpecies() {}
+    void setDissipation(double v) { dissipation = v; std::cout << "dissipation " << v << "\\n"; }
 };
-struct FrictionSpecies : ParticleSpecies {
+struct ParticleSpecies : BaseSpecies {
+    unsigned index = 0;
+    void setDensity(double v) { std::cout << "density " << v << "\\n"; }
+    unsigned getIndex() const { return index; }
+};
+// the mixed species of two has the functions of a species, but the density
+template <class S> struct Sliding : S {
     void setSlidingFrictionCoefficient(double v) { std::cout << "friction " << v << "\\n"; }
 };
-struct LinearViscoelasticSlidingFrictionSpecies : FrictionSpecies {
+template <class S> struct Linear : Sliding<S>, LinearViscoelasticNormalSpecies {
     void setStiffness(double v) { std::cout << "stiffness " << v << "\\n"; }
     void setSlidingStiffness(double v) { std::cout << "shear " << v << "\\n"; }
-    void setDissipation(double v) { dissipation = v; }
 };
-struct HertzianViscoelasticMindlinSpecies : FrictionSpecies {
+template <class S> struct Hertz : Sliding<S> {
     void setEffectiveElasticModulusAndRestitutionCoefficient(double e, double r) {
         std::cout << "modulus " << e << "\\nrestitution " << r << "\\n";
     }
     void setEffectiveShearModulus(double v) { std::cout << "shear " << v << "\\n"; }
 };
+template <class S> struct Rolling : S {
+    void setRollingDissipation(double v) { std::cout << "rolling_dissipation " << v << "\\n"; }
+    void setRollingFrictionCoefficient(double v) { std::cout << "rolling " << v << "\\n"; }
+};
+template <class S> struct RollingSpring : Rolling<S> {
+    void setRollingStiffness(double v) { std::cout << "rolling_stiffness " << v << "\\n"; }
+};
+struct LinearViscoelasticSlidingFrictionSpecies : Linear<ParticleSpecies> {
+    typedef Linear<BaseSpecies> MixedSpeciesType;
+};
+struct LinearViscoelasticFrictionSpecies : RollingSpring<Linear<ParticleSpecies>> {
+    typedef RollingSpring<Linear<BaseSpecies>> MixedSpeciesType;
+};
+struct HertzianViscoelasticMindlinSpecies : Hertz<ParticleSpecies> { typedef Hertz<BaseSpecies> MixedSpeciesType; };
+struct HertzianViscoelasticMindlinRollingTorsionSpecies : Rolling<Hertz<ParticleSpecies>> {
+    typedef Rolling<Hertz<BaseSpecies>> MixedSpeciesType;
+};
 struct Base {
     const ParticleSpecies* species = nullptr;
+    Vec3D force, torque;
     void setSpecies(const ParticleSpecies* s) { species = s; }
+    unsigned getIndSpecies() const { return species ? species->getIndex() : 0; }
+    const Vec3D& getForce() const { return force; }
+    void addForce(const Vec3D& v) { force = v; }
+    void addTorque(const Vec3D& v) { torque = v; }
 };
-struct InfiniteWall : Base {
+struct BaseWall : Base {
+    Vec3D goal, gain;
+    void setForceControl(Vec3D forceGoal, Vec3D gainFactor, Vec3D = Vec3D(0, 0, 0)) {
+        goal = forceGoal;
+        gain = gainFactor;
+        std::cout << "servo " << goal << ' ' << gain << "\\n";
+        // what the grains press with is the goal at once
+        force = goal;
+    }
+};
+struct InfiniteWall : BaseWall {
     Vec3D normal, point;
     void set(Vec3D n, Vec3D p) { normal = n; point = p; }
-    void print() const { std::cout << "plane " << normal << ' ' << point << "\\n"; }
+    void print() const { std::cout << "plane " << normal << ' ' << point << ' ' << getIndSpecies() << "\\n"; }
 };
-struct TriangleWall : Base {
+struct TriangleWall : BaseWall {
     Vec3D a, b, c;
     void setVertices(Vec3D p, Vec3D q, Vec3D r) { a = p; b = q; c = r; }
     void print() const { std::cout << "triangle " << a << ' ' << b << ' ' << c << "\\n"; }
 };
-struct AxisymmetricIntersectionOfWalls : Base {
+struct AxisymmetricIntersectionOfWalls : BaseWall {
     Vec3D position, axis, normal, point;
     void setPosition(const Vec3D& v) { position = v; }
     void setAxis(Vec3D v) { axis = v; }
@@ -88,12 +141,16 @@ struct PeriodicBoundary {
     void set(Vec3D n, Mdouble l, Mdouble h) { normal = n; low = l; high = h; }
     void print() const { std::cout << "periodic " << normal << ' ' << low << ' ' << high << "\\n"; }
 };
-struct BaseWall {};
 struct BaseParticle : Base {
     double invMass = 0;
     Vec3D position, velocity, spin;
     virtual ~BaseParticle() {}
+    MatrixSymmetric3D inertia{1, 0, 0, 1, 0, 1};
     virtual bool isPebble() const { return false; }
+    virtual BaseParticle* getClump() const { return nullptr; }
+    bool isFixed() const { return invMass == 0; }
+    void fixParticle() { invMass = 0; }
+    MatrixSymmetric3D getInertia() const { return inertia; }
     double getInvMass() const { return invMass; }
     void setRadius(double v) { std::cout << "radius " << v << "\\n"; }
     void setPosition(const Vec3D& v) { position = v; }
@@ -107,7 +164,7 @@ struct BaseParticle : Base {
 };
 struct ClumpParticle final : BaseParticle {
     Matrix3D axes{1, 0, 0, 0, 1, 0, 0, 0, 1};
-    MatrixSymmetric3D first{1, 0, 0, 1, 0, 1}, inertia{1, 0, 0, 1, 0, 1};
+    MatrixSymmetric3D first{1, 0, 0, 1, 0, 1};
     std::vector<Vec3D> pebbles;
     std::vector<double> radii;
     double mass = 1;
@@ -146,10 +203,37 @@ struct ClumpParticle final : BaseParticle {
 struct Handler {
     template <class T> T* copyAndAddObject(const T& object) { object.print(); return new T(object); }
 };
-struct SpeciesHandler { template <class T> T* copyAndAddObject(const T& object) { return new T(object); } };
+struct ParticleHandler : std::vector<BaseParticle*> {
+    ClumpParticle* copyAndAddObject(const ClumpParticle& object) {
+        object.print();
+        ClumpParticle* made = new ClumpParticle(object);
+        push_back(made);
+        return made;
+    }
+};
+struct SpeciesHandler {
+    std::vector<BaseSpecies*> own;
+    std::map<std::pair<unsigned, unsigned>, BaseSpecies*> mixed;
+    template <class T> T* copyAndAddObject(const T& object) {
+        T* made = new T(object);
+        made->index = own.size();
+        for (unsigned k = 0; k < own.size(); ++k) mixed[{k, made->index}] = new typename T::MixedSpeciesType();
+        own.push_back(made);
+        std::cout << "species " << made->index << "\\n";
+        return made;
+    }
+    BaseSpecies* getMixedObject(const unsigned a, const unsigned b) {
+        return a == b ? own[a] : mixed[{std::min(a, b), std::max(a, b)}];
+    }
+    template <class U> typename U::MixedSpeciesType* getMixedObject(const U* a, const U* b) {
+        std::cout << "mixed " << a->index << ' ' << b->index << "\\n";
+        return dynamic_cast<typename U::MixedSpeciesType*>(getMixedObject(a->index, b->index));
+    }
+};
 class Mercury3Dclump {
 public:
-    Handler particleHandler, wallHandler, boundaryHandler;
+    ParticleHandler particleHandler;
+    Handler wallHandler, boundaryHandler;
     SpeciesHandler speciesHandler;
     virtual ~Mercury3Dclump() {}
     virtual void setupInitialConditions() {}
@@ -167,27 +251,30 @@ public:
     void setSaveCount(unsigned v) { std::cout << "save " << v << "\\n"; }
     unsigned getNumberOfTimeSteps() const { return steps_; }
     double getTime() const { return steps_ * step_; }
-    virtual ParticleSpecies* only() { return nullptr; }
     void solve() {
         setupInitialConditions();
+        for (BaseParticle* p : particleHandler) if (p->isFixed()) std::cout << "fixed " << p->getPosition() << "\\n";
         BaseParticle one, two;
+        BaseWall wall;
         one.invMass = 1e6; two.invMass = 3e6;
         computeInternalForce(&one, &two);
-        std::cout << "pair\\n";
-        report();
-        computeForcesDueToWalls(&one, nullptr);
-        std::cout << "wall\\n";
-        report();
+        computeForcesDueToWalls(&one, &wall);
+        one.setVelocity(Vec3D(1, 0, 0));
+        one.setAngularVelocity(Vec3D(0, 2, 0));
+        computeExternalForces(&one);
+        std::cout << "drag " << one.force << ' ' << one.torque << "\\n";
+        one.fixParticle(); two.fixParticle();
+        std::cout << "fixed_pair\\n";
+        computeInternalForce(&one, &two);
+        computeForcesDueToWalls(&one, &wall);
+        std::cout << "end\\n";
         for (steps_ = 1; getTime() < most_; ++steps_) { actionsAfterTimeStep(); if (!continueSolve()) break; }
         std::cout << "time " << getTime() << "\\n";
     }
-    void report();
 private:
     unsigned steps_ = 0;
     double step_ = 0, most_ = 0;
 };
-extern ParticleSpecies* watched;
-inline void Mercury3Dclump::report() { std::cout << "dissipation " << watched->dissipation << "\\n"; }
 """
 
 
@@ -203,15 +290,14 @@ def run(folder, *arguments):
     if compiler is None:
         pytest.skip("g++ is not installed: the driver is compiled by it")
     headers = folder / "headers"
-    for line in mercury.INCLUDES.splitlines():
+    for line in INCLUDES.splitlines():
         if '"' in line:
             path = headers / "here" / line.split('"')[1]
             path.parent.mkdir(parents=True, exist_ok=True)
             path.write_text('#include "stubs.h"\n')
     (headers / "stubs.h").write_text(STUBS)
     source = folder / "compiled.cpp"
-    driver = (folder / mercury.RUN).read_text().replace("bed.species = ", "bed.species = species;\n    watched = ")
-    source.write_text(driver.replace("typedef ", "ParticleSpecies* watched;\ntypedef ", 1))
+    source.write_text((folder / mercury.RUN).read_text())
     flags = ["-std=c++14", "-Wall", "-Werror", f"-I{headers / 'here'}", f"-I{headers}"]
     subprocess.run([compiler, *flags, "-o", str(folder / "bed"), str(source)], check=True)
     done = subprocess.run([str(folder / "bed"), *arguments], cwd=folder, check=True, capture_output=True, text=True)
@@ -278,6 +364,7 @@ def test_the_driver_loads_the_bodies_and_the_law(tmp_path):
         assert numbers_of(lines, word) == [[pytest.approx(value)]]
     # the stubs let two grains of 1e-6 and 1/3e-6 kg touch, then the first a wall
     pair, wall = (numbers[0] for numbers in numbers_of(lines, "dissipation"))
+    assert numbers_of(lines, "drag") == [[0.0] * 6]
     for dissipation, mass in ((pair, 1 / 4e6), (wall, 1 / 1e6)):
         ratio = dissipation / (2 * math.sqrt(law.stiffness * mass))
         assert math.exp(-math.pi * ratio / math.sqrt(1 - ratio**2)) == pytest.approx(0.4)
@@ -314,7 +401,7 @@ def test_walls(tmp_path):
     assert len(planes) == 6
     middle = made.simulation.walls.bounds.mean(axis=0)
     for numbers in planes:
-        normal, point = np.array(numbers[:3]), np.array(numbers[3:])
+        normal, point = np.array(numbers[:3]), np.array(numbers[3:6])
         # normals of MercuryDPM point into the wall
         assert np.dot(normal, middle) < np.dot(normal, point)
     deck(tmp_path / "periodic", mixed(periodic=True))
@@ -348,3 +435,65 @@ def test_the_reader_refuses_what_mclump_does_not_have(tmp_path):
     grains.write_text(grains.read_text() + "three_spheres_1,1.0\n")
     with pytest.raises(FileFormatError, match="2 columns"):
         mercury.registration.read(tmp_path)
+
+
+def test_contacts_of_two_materials_have_the_law_of_their_pair(tmp_path):
+    materials = vg.Materials(
+        {"sand": {"friction": 0.6, "stiffness": 1e3}, "steel": {"friction": 0.3, "stiffness": 3e3}},
+        pairs={("sand", "steel"): {"friction": 0.15, "rolling_friction": 0.05}},
+        shapes=["sand", "steel"],
+        walls={"z_low": "steel", "others": "sand"},
+    )
+    made, _ = deck(tmp_path, mixed(), material=materials)
+    lines = run(tmp_path)
+    # 0 and 0, 0 and 1, 1 and 1
+    assert numbers_of(lines, "friction") == [[0.6], [0.15], [0.3]]
+    assert numbers_of(lines, "stiffness") == [[1e3], [pytest.approx(1.5e3)], [3e3]]
+    assert numbers_of(lines, "mixed") == [[0, 1]]
+    # the arm of rolling is twice the effective radius
+    assert numbers_of(lines, "rolling") == [[0], [0.025], [0]]
+    spring, dashpot = made.simulation.rolling(made.simulation.laws.laws[0][1])
+    assert spring == pytest.approx(2 / 7 * 1.5e3)
+    assert numbers_of(lines, "rolling_stiffness")[1] == [pytest.approx(spring / 4)]
+    assert numbers_of(lines, "rolling_dissipation")[1] == [pytest.approx(dashpot / 4)]
+    kinds = {tuple(numbers[:3]): numbers[6] for numbers in numbers_of(lines, "plane")}
+    assert kinds[0, 0, -1] == 1
+    assert set(kinds.values()) == {0, 1}
+    text = (tmp_path / mercury.RUN).read_text()
+    names = [one.name for one in made.simulation.bodies.templates]
+    assert f'MATERIALS = {{{{"{names[0]}", 0}}, {{"{names[1]}", 1}}}};' in text
+
+
+def test_fixed_grains_have_no_inverse_mass(tmp_path):
+    packing = dataclasses.replace(mixed(8), fixed=np.array([1, 1, 0, 0, 0, 1, 0, 0], dtype=bool))
+    made, _ = deck(tmp_path, packing)
+    lines = run(tmp_path)
+    places = made.simulation.bodies.assembly.position[packing.fixed]
+    np.testing.assert_allclose(numbers_of(lines, "fixed"), places)
+    words = [word for word, _ in lines]
+    # two that are fixed make no contact, nor one with a wall
+    assert "dissipation" not in words[words.index("fixed_pair") : words.index("end")]
+
+
+def test_walls_that_keep_a_stress_move_as_dampers(tmp_path):
+    packing = dataclasses.replace(mixed(), gravity=None)
+    made, _ = deck(tmp_path, packing, stress=(float("nan"), 2e3, 5e3))
+    lines = run(tmp_path)
+    y, z = made.simulation.platens
+    # the force of the grains is outward, and a wall that bears less moves inward
+    assert numbers_of(lines, "servo") == [
+        [0, pytest.approx(y.force), 0, 0, pytest.approx(y.speed / y.force), 0],
+        [0, 0, pytest.approx(z.force), 0, 0, pytest.approx(z.speed / z.force)],
+    ]
+    drag = 1 / made.simulation.time_unit
+    assert numbers_of(lines, "drag") == [[pytest.approx(-drag / 1e6), 0, 0, 0, pytest.approx(-2 * drag), 0]]
+    # the stubs press with the goal: the bed rests at the first output after the start
+    assert numbers_of(lines, "time")[0][0] < 7 * made.simulation.time_unit
+
+
+@pytest.mark.slow
+def test_the_law_of_hertz_rolls(tmp_path):
+    deck(tmp_path, mixed(), material=HERTZ | {"rolling_friction": 0.1})
+    lines = run(tmp_path)
+    assert numbers_of(lines, "rolling") == [[0.05]]
+    assert not numbers_of(lines, "rolling_stiffness")

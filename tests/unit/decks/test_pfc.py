@@ -1,5 +1,6 @@
 """Input for PFC: command files, read back by the grammar of its documentation."""
 
+import dataclasses
 import math
 import re
 
@@ -10,6 +11,7 @@ from engine_cases import assert_holds, falling, mixed, rocks, spheres, two_spher
 import voxgran as vg
 from voxgran._base.errors import FileFormatError, InputError
 from voxgran.decks.engines import pfc
+from voxgran.decks.pfc_reader import statements
 
 HERTZ = {"law": "hertz", "young_modulus": 1e8, "restitution": 0.6}
 
@@ -22,7 +24,7 @@ def deck(folder, packing, **asked):
 
 def given(folder, command):
     """Return the arguments of all statements of a command."""
-    return [one.given for one in pfc._statements(folder, pfc.RUN) if one.command == command]
+    return [one.given for one in statements(folder, pfc.RUN) if one.command == command]
 
 
 @pytest.mark.parametrize(
@@ -176,3 +178,66 @@ def test_the_reader_refuses_what_the_documentation_does_not_have(tmp_path, file,
     path.write_text(f"{path.read_text()}{line}\n")
     with pytest.raises(FileFormatError, match=re.escape(message)):
         pfc.registration.read(tmp_path)
+
+
+def test_contacts_of_two_materials_have_the_law_of_their_pair(tmp_path):
+    materials = vg.Materials(
+        {"sand": {"friction": 0.6, "stiffness": 1e3}, "steel": {"friction": 0.3, "stiffness": 3e3}},
+        pairs={("sand", "steel"): {"friction": 0.15, "rolling_friction": 0.05}},
+        shapes=["sand", "steel"],
+        walls={"z_low": "steel", "others": "sand"},
+    )
+    made, _ = deck(tmp_path, mixed(), material=materials)
+    laws = {tuple(one["range"]): one for one in given(tmp_path, "contact cmat add")}
+    first, second = "material_1", "material_2"
+    told = {key: (one["model"][0], one["fric"][0], one["kn"][0]) for key, one in laws.items()}
+    assert told == {
+        ("group", first, "matches", "2"): ("linear", 0.6, pytest.approx(1e3)),
+        ("group", first, "group", second): ("rrlinear", 0.15, pytest.approx(1.5e3)),
+        ("group", second, "matches", "2"): ("linear", 0.3, pytest.approx(3e3)),
+    }
+    assert laws["group", first, "group", second]["rr_fric"] == [0.05]
+    members = {first: set(), second: set()}
+    for kind in ("ball", "clump"):
+        for one in given(tmp_path, f"{kind} group"):
+            low, high = map(int, one["range"][1:])
+            members[one[""][0]] |= set(range(low, high + 1))
+    shapes = made.simulation.bodies.assembly.shape_id
+    assert members == {first: set((np.flatnonzero(shapes == 0) + 1).tolist()),
+                       second: set((np.flatnonzero(shapes == 1) + 1).tolist())}  # fmt: skip
+    walls = {wall["id"][0]: wall["name"][0] for wall in given(tmp_path, "wall create")}
+    told = {walls[int(one["range"][1])]: one[""][0] for one in given(tmp_path, "wall group")}
+    assert told == {name: second if name == "z_low" else first for name in walls.values()}
+
+
+def test_fixed_grains_keep_their_velocity_of_zero(tmp_path):
+    packing = dataclasses.replace(mixed(8), fixed=np.array([1, 1, 0, 0, 0, 1, 0, 1], dtype=bool))
+    deck(tmp_path, packing)
+    found = [(kind, list(map(int, one["range"][1:])))
+             for kind in ("ball", "clump") for one in given(tmp_path, f"{kind} fix")]  # fmt: skip
+    fixed = {(kind, number) for kind, (low, high) in found for number in range(low, high + 1)}
+    names = {0: "ball", 1: "clump"}
+    assert fixed == {(names[int(packing.shape_id[k])], int(k) + 1) for k in np.flatnonzero(packing.fixed)}
+
+
+def test_walls_that_keep_a_stress_have_servos(tmp_path):
+    packing = dataclasses.replace(mixed(), gravity=None)
+    made, _ = deck(tmp_path, packing, stress=(float("nan"), 2e3, 5e3))
+    servos = given(tmp_path, "wall servo")
+    walls = {wall["id"][0]: wall for wall in given(tmp_path, "wall create")}
+    for servo, axis, platen in zip(servos, "yz", made.simulation.platens, strict=True):
+        wall = walls[int(servo["range"][1])]
+        assert wall["name"] == [f"{axis}_high"]
+        # the target points to the grains
+        assert servo[f"force-{axis}"] == [-platen.force]
+        assert servo["velocity-max"] == [platen.speed]
+        # it reaches beyond the other walls, which move too
+        bounds = made.simulation.walls.bounds
+        corners = np.array(wall["vertices"]).reshape(-1, 3)
+        across = [k for k in range(3) if "xyz"[k] != axis]
+        assert (corners[:, across].min(axis=0) < bounds[0, across]).all()
+        assert (corners[:, across].max(axis=0) > bounds[1, across]).all()
+    assert given(tmp_path, "ball attribute")[-1]["damp"] == [0.2]
+    text = (tmp_path / pfc.RUN).read_text()
+    assert "wall.force.contact(wall.find('y_high'), 2)" in text
+    assert "if missed_stress < 0.02 then" in text

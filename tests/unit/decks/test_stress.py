@@ -34,6 +34,10 @@ def loose(periodic="xyz"):
     return vg.pack(vg.shapes.sphere(), vg.Box((4, 4, 4), periodic=periodic), "rsa", count=8, unit="mm")
 
 
+def drum():
+    return vg.pack(vg.shapes.sphere(), vg.Cylinder(3, 4), "rsa", count=8, unit="mm")
+
+
 def test_units_follow_from_the_stress():
     made = cases.simulation_of(loose(), "lammps", stress=(NAN, 2e3, 5e3))
     mass, d = np.pi / 6 * 1e-9 * 2650, 1e-3
@@ -82,8 +86,11 @@ def test_yade_keeps_the_stress_of_each_axis(tmp_path):
         (loose(), "lammps", (1.0, -2.0, NAN), "one number of pascals above 0, or three"),
         (loose(), "lammps", (NAN,) * 3, "one number of pascals above 0, or three"),
         (loose(), "lammps", "1e5", "one number of pascals above 0, or three"),
-        (loose(), "pfc", 1e5, "input for PFC has no cell that keeps one; choose engine 'lammps' or 'yade'"),
-        (loose("xy"), "lammps", 1e5, "walls along z: LAMMPS keeps a stress along periodic axes only"),
+        (loose(), "pfc", 1e5, "input for PFC has no periodic sides that keep one; choose engine 'lammps' or 'yade'"),
+        (loose("xy"), "lammps", 1e5, "input for LAMMPS has no walls that keep one; choose engine 'liggghts'"),
+        (loose("xy"), "yade", 1e5, "walls and periodic sides are to keep one; give NaN"),
+        (drum(), "liggghts", 1e5, "no two plane walls along x, y; give NaN"),
+        (loose("xy"), "yade", (NAN, NAN, 1e5), "YADE has none that move in a periodic cell"),
         (dataclasses.replace(loose("xy"), gravity=(0, 0, -1)), "lammps", (1e5, 1e5, NAN), "both are not held"),
     ],
 )
@@ -161,3 +168,78 @@ def test_yade_meets_the_stress_and_comes_to_rest(tmp_path):
     found = np.array(re.search(r"STRESS (.*)", told.stdout)[1].split(), dtype=float)
     assert found[:3] == pytest.approx([-1e3] * 3, rel=0.01)
     assert found[3:] == pytest.approx(np.array(made.container.lengths) * 1e-3, rel=0.01)
+
+
+def walled(count=60, container=None, **more):
+    """Return a specimen that is compressed between walls."""
+    box = container or vg.Box((4, 4, 4))
+    return vg.pack(vg.shapes.sphere(), box, "compress", count=count, unit="mm", friction=0.5, **more)
+
+
+def test_the_upper_wall_of_each_axis_moves_with_the_force_of_the_stress():
+    packing = loose("")
+    made = cases.simulation_of(packing, "liggghts", stress=(NAN, 2e3, 5e3))
+    assert [one.plane.name for one in made.platens] == ["y_high", "z_high"]
+    assert [one.force for one in made.platens] == pytest.approx([2e3 * 16e-6, 5e3 * 16e-6])
+    # as a damper with the impedance of the grains, the root of density times modulus
+    impedance = 16e-6 * np.sqrt(2650 * made.law.stiffness / 1e-3)
+    assert [one.speed for one in made.platens] == pytest.approx([one.force / impedance for one in made.platens])
+    told = [line for line in made.header("LIGGGHTS") if "moves so that" in line]
+    assert len(told) == 2
+    assert "z_high" in told[1]
+    round_one = cases.simulation_of(drum(), "liggghts", stress=(NAN, NAN, 1e3))
+    assert round_one.platens[0].force == pytest.approx(1e3 * np.pi * 9e-6)
+    assert cases.simulation_of(packing, "liggghts").platens == ()
+
+
+def test_the_impedance_of_elastic_spheres_is_that_under_the_stress():
+    hertz = {"law": "hertz", "young_modulus": 1e8}
+    made = cases.simulation_of(loose(""), "liggghts", stress=1e3, material=hertz)
+    law, d, load = made.law, 1e-3, 1e3 * 1e-6
+    overlap = law.overlap_under(load, d)
+    # Hertz: F = 4/3 E* sqrt(R) overlap^(3/2), with half the radius of equal spheres
+    assert 4 / 3 * 1e8 / (2 * (1 - 0.25**2)) * np.sqrt(d / 4) * overlap**1.5 == pytest.approx(load)
+    assert law.stiffness_at(overlap, d) == pytest.approx(1.5 * load / overlap)
+    impedance = 16e-6 * np.sqrt(2650 * 1.5 * load / overlap / d)
+    assert made.platens[0].speed == pytest.approx(1e3 * 16e-6 / impedance)
+
+
+def moved(engine, folder, deck, columns):
+    """Run a deck of spheres and return the lines of the energy, and how far grains have moved, in m."""
+    arguments = {"liggghts": ["-in", "liggghts_run.in"], "yade": ["-n", "-x", "yade_run.py"]}[engine]
+    command = [cases.program(engine, REMEDY), *arguments]
+    subprocess.run(command, cwd=folder, capture_output=True, timeout=300, check=True)
+    bodies = deck.simulation.bodies
+    places = {"liggghts": "liggghts_spheres.dump", "yade": "yade_poses.txt"}[engine]
+    rows = (folder / places).read_text().splitlines()[-bodies.count :]
+    table = np.array([row.split() for row in rows], dtype=float)[:, columns]
+    energy = (folder / f"{engine}_energy.txt").read_text().splitlines()
+    return energy, np.linalg.norm(table - bodies.assembly.position, axis=1)
+
+
+@pytest.mark.engine
+@pytest.mark.parametrize(("engine", "first"), [("liggghts", 1), ("yade", 0)])
+@pytest.mark.parametrize("container", [None, vg.Cylinder(2.2, 5)], ids=["box", "cylinder"])
+def test_a_specimen_between_walls_hardly_moves_when_an_engine_gives_it_a_stiffness(engine, first, container, tmp_path):
+    flat = container is None
+    made = walled(container=container, **({} if flat else {"axes": "z"}))
+    stress = 1e3 if flat else (NAN, NAN, 1e3)
+    deck = vg.write_deck(made, tmp_path, engine, stress=stress, material={"friction": 0.5})
+    energy, distance = moved(engine, tmp_path, deck, slice(first, first + 3))
+    # it is at rest before the longest time, which the force on each wall and the energy decide
+    assert int(energy[-1].split()[0]) < deck.simulation.steps / 2
+    # the strain of elastic contacts, of which each overlaps by a thousandth of a diameter, is part of that
+    assert np.median(distance) < 0.06 * deck.simulation.diameter
+
+
+@pytest.mark.engine
+@pytest.mark.parametrize(("engine", "first"), [("liggghts", 1), ("yade", 0)])
+def test_walls_move_up_to_loose_grains(engine, first, tmp_path):
+    """One sphere between walls at a gap: the upper wall comes and presses with its force."""
+    packing = vg.Packing.of(vg.shapes.sphere(), vg.Box((4, 4, 1.05)), position=[(2, 2, 0.5)], gravity=None, unit="mm")
+    material = {"stiffness": 1e3}
+    deck = vg.write_deck(packing, tmp_path, engine, stress=(NAN, NAN, 10.0), material=material)
+    _, distance = moved(engine, tmp_path, deck, slice(first, first + 3))
+    # it is pressed into the floor by the force over the stiffness
+    force = 10.0 * 16e-6
+    assert distance[0] == pytest.approx(force / 1e3, rel=0.05)

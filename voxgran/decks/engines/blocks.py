@@ -92,6 +92,7 @@ SCHEMA: Mapping[str, Any] = {"$schema": "https://json-schema.org/draft/2020-12/s
                     "id": COUNT,
                     "shape": TEXT,
                     "scale": NUMBER,
+                    "fixed": FLAG,
                     "mass": NUMBER,
                     "centroid": _list(NUMBER, 3, 3),
                     "inertia": _list(_list(NUMBER, 3, 3), 3, 3),
@@ -99,7 +100,7 @@ SCHEMA: Mapping[str, Any] = {"$schema": "https://json-schema.org/draft/2020-12/s
                     **SOLID,
                     "parts": _list(_object(SOLID), 1),
                 },
-                optional=("vertices", "faces", "parts"),
+                optional=("fixed", "vertices", "faces", "parts"),
             ),
             1,
         ),
@@ -126,6 +127,7 @@ def _write(simulation: Simulation) -> Mapping[str, str]:
             "centroid": grains.position[k].tolist(),
             "inertia": bodies.inertia[k].tolist(),
             "orientation": grains.orientation[k].tolist(),
+            **({} if grains.movable[k] else {"fixed": True}),
         }
         lines.append(json.dumps(grain | ({"parts": placed} if template.kind == "convex_parts" else placed[0])))
     shapes = [_shape(bodies.templates[k]) for k in used]
@@ -285,6 +287,7 @@ registration = Engine(
     source="docs/guide/decks_blocks.md",
     kinds=("polyhedron", "mesh", "convex_parts"),
     planar=True,
+    fixed=True,
     verified="held against its schema",
     write=_write,
     read=_read,

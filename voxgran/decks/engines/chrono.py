@@ -137,7 +137,10 @@ material = solver.LoadMaterial(MATERIAL)
 names, rows = rows_of(sys.argv[1] if len(sys.argv) > 1 else os.path.join(FOLDER, "chrono_grains.csv"))
 types = {}
 batch = solver.AddClumps([type_of(name, row) for name, row in zip(names, rows)], rows[:, 5:8].tolist())
-batch.SetFamily(0)
+# those of family 1 stand still
+fixed = {number for first, last in FIXED for number in range(first - 1, last)}
+batch.SetFamilies([int(number in fixed) for number in range(len(names))])
+solver.SetFamilyFixed(1)
 batch.SetVel(rows[:, 12:15].tolist())
 tracker = solver.Track(batch)
 if len(types) > 16:
@@ -233,11 +236,18 @@ def _force(simulation: Simulation) -> str:
 
 
 def _faceted(simulation: Simulation) -> Facets | None:
-    """Return the wall that is made of triangles: a closed mesh, or a sphere; planes and cylinders are exact."""
+    """Return the walls that are made of triangles: a mesh, or a sphere; planes and cylinders are exact."""
     walls = simulation.walls
     if walls.mesh is None and (walls.round is None or walls.round.kind == "cylinder"):
         return None
-    return next(wall for wall in facets_of(simulation) if wall.name in ("round", "mesh"))
+    found = facets_of(simulation, planes=False)
+    firsts = np.cumsum([0, *(len(wall.vertices) for wall in found)])
+    return Facets(
+        "mesh",
+        np.concatenate([wall.vertices for wall in found]),
+        np.concatenate([wall.faces + first for wall, first in zip(found, firsts[:-1], strict=True)]),
+        "; ".join(wall.note for wall in found if wall.note),
+    )
 
 
 def _mesh(simulation: Simulation, wall: Facets) -> str:
@@ -270,6 +280,7 @@ def _driver(simulation: Simulation) -> str:
         f"GRAVITY = {simulation.gravity.tolist()!r}",
         f"TIME_STEP = {simulation.time_step!r}",
         f"STEPS_PER_OUTPUT, FRAMES, SETTLING_FRAMES = {steps}, {frames}, {settling}",
+        f"FIXED = {simulation.fixed!r}  # first and last number of each row of fixed grains, from 1",
         f"SETTLES, REST_ENERGY = {bool(simulation.gravity.any())}, {simulation.rest_energy!r}",
         GRAINS_PART,
         *_walls(simulation),
@@ -342,6 +353,7 @@ registration = Engine(
     source="https://github.com/projectchrono/DEM-Engine, release 3.0.19",
     kinds=("sphere", "clump"),
     periodic=False,
+    fixed=True,
     install="pip install 'deme[cuda12]'",
     verified="loaded by deme 3.0.19, which took the force model; not run, since that needs a GPU",
     command=f"python {RUN}",

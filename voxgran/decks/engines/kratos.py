@@ -7,7 +7,6 @@ Kratos DEMApplication 10.4: `DEM_analysis_stage.py`, `sphere_strategy.py`, `clus
 https://github.com/KratosMultiphysics/Kratos.
 """
 
-import itertools
 import json
 import math
 from collections.abc import Mapping
@@ -18,11 +17,9 @@ import numpy as np
 
 from voxgran._base.arrays import Floats
 from voxgran._base.errors import InputError
-from voxgran.decks.contact_law import ContactLaw
 from voxgran.decks.engine import Engine, Held
-from voxgran.decks.facets import facets_of
+from voxgran.decks.kratos_materials import cluster_file, law_name, materials_of
 from voxgran.decks.kratos_model import (
-    WALLS,
     Cluster,
     clu_text,
     clumps_of,
@@ -30,7 +27,6 @@ from voxgran.decks.kratos_model import (
     read_clu,
     read_mdpa,
     sphere_text,
-    spheres_of,
     wall_text,
 )
 from voxgran.decks.simulation import SETTLING, Simulation
@@ -69,6 +65,11 @@ class Bed(DEMAnalysisStage):
         spheres = dict(zip(grains_of(GRAINS), self.spheres_model_part.Nodes))
         self.clusters = dict(zip(grains_of(CLUMPS), self.cluster_model_part.Nodes))
         self.grains = sorted({**spheres, **self.clusters}.items())
+        for number, node in self.grains:
+            if any(first <= number <= last for first, last in FIXED):
+                for axis in "XYZ":
+                    node.Fix(getattr(Kratos, "VELOCITY_" + axis))
+                    node.Fix(getattr(Kratos, "ANGULAR_VELOCITY_" + axis))
         if self.state:
             self.go_on_from(self.state)
 
@@ -169,28 +170,23 @@ def _write(simulation: Simulation) -> Mapping[str, str]:
     Raises
     ------
     InputError
-        If there are clumps of too many shapes, or walls of several materials.
+        If there are clumps of too many shapes, or with rolling friction.
     """
-    if len(set(simulation.laws.of_walls.values())) > 1:
-        raise InputError("walls are of several materials: input for Kratos has one of all walls; name one for all")
+    if simulation.laws.rolls and len(simulation.bodies.of_kind("clump")):
+        raise InputError("material rolling_friction is given: clusters of Kratos have none; choose engine 'liggghts'")
     comments = [*simulation.header(TITLE), *_remarks(simulation)]
     files = {
         SCRIPT: _script(simulation, comments),
         PARAMETERS: _json(_parameters(simulation)),
-        MATERIALS: _json(_materials(simulation)),
+        MATERIALS: _json(materials_of(simulation)),
         GRAINS: sphere_text(simulation, comments),
         CLUMPS: cluster_text(simulation, comments),
-        FACES: wall_text(facets_of(simulation), comments),
+        FACES: wall_text(simulation, comments),
     }
     for number in clumps_of(simulation.bodies):
         template = simulation.bodies.templates[number]
-        files[_cluster_file(template.name)] = clu_text(template, comments)
+        files[cluster_file(template.name)] = clu_text(template, comments)
     return files
-
-
-def _cluster_file(template: str) -> str:
-    """Return the name of the file of a template that is a clump."""
-    return f"kratos_{template}.clu"
 
 
 def _json(value: Mapping[str, Any]) -> str:
@@ -201,7 +197,7 @@ def _json(value: Mapping[str, Any]) -> str:
 def _remarks(simulation: Simulation) -> list[str]:
     """Return what the contact law of Kratos has different, as lines."""
     law = simulation.law
-    names = sorted({_law_name(one) for _, _, one in simulation.laws.pairs()})
+    names = sorted({law_name(one) for _, _, one in simulation.laws.pairs()})
     lines = [f"contact law of Kratos: {' and '.join(names)}, the same between grains and at walls"]
     if law.name == "linear":
         lines.append(
@@ -211,13 +207,6 @@ def _remarks(simulation: Simulation) -> list[str]:
     else:
         lines.append("Kratos damps by 2 gamma sqrt(k m) with the stiffness k at the overlap, also along the contact")
     return lines
-
-
-def _law_name(law: ContactLaw) -> str:
-    """Return the name of the contact law in Kratos."""
-    if law.name == "linear":
-        return "DEM_D_Linear_Custom_Constants"
-    return "DEM_D_Hertz_viscous_Coulomb" + ("_DMT" if law.cohesion else "")
 
 
 def _parameters(simulation: Simulation) -> dict[str, Any]:
@@ -241,6 +230,7 @@ def _parameters(simulation: Simulation) -> dict[str, Any]:
         **gravity,
         "dem_inlet_option": False,
         "RotationOption": True,
+        "RollingFrictionOption": simulation.laws.rolls,
         "TranslationalIntegrationScheme": "Symplectic_Euler",
         "RotationalIntegrationScheme": "Runge_Kutta",
         "MaxTimeStep": simulation.time_step,
@@ -266,78 +256,6 @@ def _steps_per_search(simulation: Simulation, tolerance: float) -> int:
     return min(max(int(tolerance / (fastest * simulation.time_step)), 1), MOST_STEPS)
 
 
-def _materials(simulation: Simulation) -> dict[str, Any]:
-    """Return the materials: of spheres, of walls, and of each template that is a clump, whose file it names."""
-    bodies, laws = simulation.bodies, simulation.laws
-    elastic = [
-        {"YOUNG_MODULUS": _young_modulus(simulation, laws.laws[k][k]), "POISSON_RATIO": laws.laws[k][k].poisson_ratio}
-        for k in range(laws.count)
-    ]
-    of_walls = next(iter(laws.of_walls.values()), 0)
-    spheres, clumps = spheres_of(simulation), {material: k for k, material in clumps_of(bodies).items()}
-    walls = _material("walls", WALLS, {**elastic[of_walls], "COMPUTE_WEAR": False})
-    several, materials, table = len(spheres) > 1, [], []
-    for material, name, kind, density, _ in spheres:
-        materials.append(_material(name, material, {"PARTICLE_DENSITY": density, **elastic[kind]}))
-        table.append([f"SpheresPart.{name.title()}" if several else "SpheresPart", name])
-    materials.insert(1, walls)
-    table.insert(1, ["RigidFacePart", "walls"])
-    names = {material: name for material, name, *_ in spheres} | {WALLS: "walls"}
-    kinds = {material: kind for material, _, kind, *_ in spheres} | {WALLS: of_walls}
-    for material, k in clumps.items():
-        name, kind = bodies.templates[k].name, laws.of_shapes[k]
-        names[material], kinds[material] = name, kind
-        own = {"CLUSTER_FILE_NAME": _cluster_file(name), "BREAKABLE_CLUSTER": False}
-        materials.append(_material(name, material, {"PARTICLE_DENSITY": bodies.densities[k], **elastic[kind], **own}))
-        table.append([f"ClusterPart.{name}", name])
-    relations = [
-        {
-            "material_names_list": [names[a], names[b]],
-            "material_ids_list": [a, b],
-            "Variables": _contact(simulation, laws.laws[kinds[a]][kinds[b]]),
-        }
-        for a, b in itertools.combinations_with_replacement((*(one[0] for one in spheres), *clumps, WALLS), 2)
-        if (a, b) != (WALLS, WALLS)
-    ]
-    return {"materials": materials, "material_relations": relations, "material_assignation_table": table}
-
-
-def _material(name: str, number: int, variables: Mapping[str, Any]) -> dict[str, Any]:
-    """Return one material."""
-    return {"material_name": name, "material_id": number, "Variables": dict(variables)}
-
-
-def _young_modulus(simulation: Simulation, law: ContactLaw) -> float:
-    """Return Young's modulus of a material by its law.
-
-    That of the linear law has no effect. It is the one by which DEM_D_Linear_viscous_Coulomb, put in place of the law,
-    has the normal stiffness between two spheres of the median diameter: 1.432 pi 0.31225 E / (2 (1 - nu^2)) d / 4.
-    """
-    if law.name == "hertz":
-        return law.young_modulus
-    return law.stiffness * 8 * (1 - law.poisson_ratio**2) / (1.432 * math.pi * 0.31225 * simulation.diameter)
-
-
-def _contact(simulation: Simulation, law: ContactLaw) -> dict[str, Any]:
-    """Return the parameters of contacts between two materials by their law."""
-    variables: dict[str, Any] = {
-        "COEFFICIENT_OF_RESTITUTION": law.restitution,
-        "STATIC_FRICTION": law.friction,
-        "DYNAMIC_FRICTION": law.friction,
-        "FRICTION_DECAY": 500.0,
-        "ROLLING_FRICTION": 0.0,
-        "ROLLING_FRICTION_WITH_WALLS": 0.0,
-        "DEM_ROLLING_FRICTION_MODEL_NAME": "DEMRollingFrictionModelBounded",
-        "DEM_DISCONTINUUM_CONSTITUTIVE_LAW_NAME": _law_name(law),
-    }
-    if law.name == "linear":
-        variables |= {"K_NORMAL": law.stiffness, "K_TANGENTIAL": law.shear_stiffness}
-    if law.cohesion:
-        # Kratos pulls with 2 pi R times this
-        variables["PARTICLE_COHESION"] = 2 * law.cohesion
-    return variables
-
-
 def _script(simulation: Simulation, comments: list[str]) -> str:
     """Return the script: until the bed rests, with a state to go on from at every output."""
     rest = simulation.rest_energy if simulation.gravity.any() else 0.0
@@ -350,6 +268,7 @@ def _script(simulation: Simulation, comments: list[str]) -> str:
         "STEPS_PER_OUTPUT": simulation.steps_per_output,
         "EARLIEST_REST": math.ceil(SETTLING * simulation.time_unit / simulation.time_step),
         "REST_ENERGY": rest,
+        "FIXED": simulation.fixed,
     }
     lines = [
         *(f"# {line}" for line in comments),
@@ -437,7 +356,9 @@ registration = Engine(
     kinds=("sphere", "clump"),
     periodic=False,
     cohesion=True,
+    fixed=True,
     materials=True,
+    rolling=("linear", "hertz"),
     install=INSTALL,
     verified="run with KratosDEMApplication 10.4.4",
     command=f"python {SCRIPT}",

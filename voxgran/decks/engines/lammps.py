@@ -31,7 +31,7 @@ from voxgran.decks.lammps_states import (
     lammps_states,
 )
 from voxgran.decks.lammps_walls import law_text, wall_commands
-from voxgran.decks.simulation import OUTPUT, SETTLING, Simulation
+from voxgran.decks.simulation import OUTPUT, SETTLING, STRESS_MET, Simulation
 from voxgran.decks.text import row_of, text_of
 from voxgran.shapes.formats.sphere_files import PLACES, text_of_spheres
 
@@ -41,11 +41,11 @@ SPHERE, CLUMP = 1, 2
 MOST_MATERIALS = 28
 #: room between the walls and the bounds of the box, in median diameters, so that no atom is lost
 MARGIN = 2.0
-#: overlap from which grains are parted under drag at the start, in median diameters; how long; time in which drag stops
-#: a grain, in sqrt(d / g); and the largest share of the velocity of a grain that it takes in one time step
-DEEPEST, UNLOADING, DRAG_TIME, STABLE_DRAG = 5e-3, 1.0, 0.01, 0.2
-#: relative difference of a stress up to which it is met, and the time in which the cell follows, in sqrt(m / (s d))
-STRESS_MET, FOLLOWS = 0.02, 0.2
+#: overlap from which grains are parted under drag at the start, in median diameters; how long; and the time in which
+#: drag stops a grain, in sqrt(d / g)
+DEEPEST, UNLOADING, DRAG_TIME = 5e-3, 1.0, 0.01
+#: time in which the cell follows a stress, in sqrt(m / (s d))
+FOLLOWS = 0.2
 #: commands that read the data file where clumps are rigid
 _LOADED = [
     "fix grain all property/atom mol ghost yes",
@@ -197,10 +197,9 @@ def _groups(simulation: Simulation) -> list[str]:
     sphere, clump = (" ".join(str(first + 2 * k) for k in many) for first in (SPHERE, CLUMP))
     if grains.fixed is None:
         return [f"group spheres type {sphere}", f"group clumps type {clump}"]
-    ends = np.flatnonzero(np.diff(np.concatenate([[0], grains.fixed, [0]]))).reshape(-1, 2)
     return [
         # grains are molecules, numbered from 1 on
-        *(f"group fixed molecule {first + 1}:{last}" for first, last in ends.tolist()),
+        *(f"group fixed molecule {first}:{last}" for first, last in simulation.fixed),
         f"group every_sphere type {sphere}",
         f"group every_clump type {clump}",
         "group spheres subtract every_sphere fixed",
@@ -243,7 +242,7 @@ def _servo(simulation: Simulation) -> list[str]:
         return []
     law, pressure, damping = simulation.law, simulation.pressure, FOLLOWS * simulation.time_unit
     young = law.young_modulus
-    drag, spheres = _drag(simulation, simulation.time_unit), len(simulation.bodies.of_kind("sphere"))
+    drag, spheres = simulation.drag, len(simulation.bodies.of_kind("sphere"))
     # of the grains together, about: it sets the time in which the cell follows
     modulus = young ** (2 / 3) * pressure ** (1 / 3) if law.name == "hertz" else law.stiffness / simulation.diameter
     sides = [f"{x} {s!r} {s!r} {damping!r}" for x, s in zip("xyz", simulation.stress.tolist(), strict=True) if s == s]
@@ -253,14 +252,6 @@ def _servo(simulation: Simulation) -> list[str]:
         f"fix drag all viscous {drag!r}",
         *([f"fix spin_drag spheres viscous/sphere {0.1 * drag * simulation.diameter**2!r}"] if spheres else []),
     ]
-
-
-def _drag(simulation: Simulation, time: float) -> float:
-    """Return the coefficient of a drag on each sphere, kg/s, that stops the median grain within a time."""
-    bodies = simulation.bodies
-    members = max(len(template.spheres[1]) for template in bodies.templates)
-    most = STABLE_DRAG * float(bodies.mass.min()) / simulation.time_step
-    return min(float(np.median(bodies.mass)) / time, most) / members
 
 
 def _energy(spheres: int, clumps: int, single: str) -> list[str]:
@@ -303,7 +294,7 @@ def _unloading(simulation: Simulation) -> list[str]:
     """Return the commands that part grains which overlap at the start, by drag that lets them gather no speed."""
     if simulation.overlap <= DEEPEST * simulation.diameter:
         return []
-    drag = _drag(simulation, DRAG_TIME * simulation.time_unit)
+    drag = simulation.drag_within(DRAG_TIME * simulation.time_unit)
     return [
         f"# spheres overlap by {simulation.overlap!r} m at the start: they are parted under drag",
         f"fix parting all viscous {drag!r}",

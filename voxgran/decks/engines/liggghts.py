@@ -7,30 +7,29 @@ stiffness and the effective mass of each contact. `hooke/stiffness` has one damp
 References
 ----------
 LIGGGHTS-PUBLIC 3.8.0, documentation and source: `fix_particletemplate_multisphere`, `fix_multisphere`,
-`fix_insert_pack`, `fix_wall_gran`, `fix_mesh_surface`, `gran_model_hertz`, `normal_model_luding.h`,
-`tangential_model_luding_tn.h`, `global_properties.cpp`; github.com/CFDEMproject/LIGGGHTS-PUBLIC.
+`fix_insert_pack`, `fix_wall_gran`, `fix_mesh_surface`, `fix_mesh_surface_stress_servo`, `fix_freeze`,
+`gran_model_hertz`, `normal_model_luding.h`, `tangential_model_luding_tn.h`, `global_properties.cpp`;
+github.com/CFDEMproject/LIGGGHTS-PUBLIC.
 """
 
-import itertools
 import math
 import re
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
-from voxgran._base.arrays import Floats
+from voxgran._base.arrays import Floats, Integers
 from voxgran._base.errors import FileFormatError, InputError
 from voxgran.decks.engine import Engine, Held
-from voxgran.decks.facets import facets_of
-from voxgran.decks.simulation import SETTLING, Simulation
+from voxgran.decks.liggghts_walls import models_of, property_commands, wall_commands, wall_files
+from voxgran.decks.simulation import SETTLING, STRESS_MET, Simulation
 from voxgran.decks.text import row_of, text_of
 from voxgran.geometry.rotation import quaternions_of, rotation_matrices
 
 TITLE, INSTALL = "LIGGGHTS", "apt-get install liggghts"
 #: names of files
-SCRIPT, GRAINS, CLUMPS, WALL = "liggghts_run.in", "liggghts_spheres.data", "liggghts_clumps.in", "liggghts_wall.stl"
+SCRIPT, GRAINS, CLUMPS = "liggghts_run.in", "liggghts_spheres.data", "liggghts_clumps.in"
 POSES, SPHERES, ENERGY = "liggghts_clumps.dump", "liggghts_spheres.dump", "liggghts_energy.txt"
 #: room between the walls and the bounds of the box, in median diameters, so that no atom is lost
 MARGIN = 2.0
@@ -40,13 +39,14 @@ PLACED = 1e-9
 BATCH = 50
 #: time step in which clumps are inserted, in time steps: nothing moves
 STILL = 1e-20
-#: least restitution, and the range of Young's modulus that LIGGGHTS takes without further words
-LEAST_RESTITUTION, SOFT, HARD = 0.05, 5e6, 1e9
+#: least restitution that LIGGGHTS takes
+LEAST_RESTITUTION = 0.05
 #: seeds of templates, distributions and insertions: prime numbers above 10000, all different
 SEEDS = (32452843, 32452867, 49979687)
 #: places in a tensor in the order of `inertia_tensor`
 PLACES = ((0, 0), (0, 1), (0, 2), (1, 1), (1, 2), (2, 2))
 _NUMBER = r"[-+.0-9eE]+"
+_FROZEN = re.compile(r"# atom (\d+) is of the fixed grain (\d+)")
 _CLUMP = re.compile(
     rf"fix t(\d+) .* file (\S+) scale ({_NUMBER}) .* mass ({_NUMBER}) inertia_tensor((?: {_NUMBER}){{6}})"
     rf".*\n.*\nregion r\d+ block((?: {_NUMBER}){{6}}).*\nfix i\d+ .*orientation constant((?: {_NUMBER}){{4}})"
@@ -75,9 +75,9 @@ def _write(simulation: Simulation) -> Mapping[str, str]:
                 "max_spheres=2 or more"
             )
     files = {SCRIPT: _script(simulation)}
-    if len(bodies.of_kind("sphere")):
+    if len(_atoms_of(simulation)):
         files[GRAINS] = _grains(simulation)
-    if len(bodies.of_kind("clump")):
+    if len(_moving_clumps(simulation)):
         files[CLUMPS] = _clumps(simulation)
     for template in clumps:
         rows = np.column_stack(template.spheres)
@@ -85,10 +85,23 @@ def _write(simulation: Simulation) -> Mapping[str, str]:
             f"# {template.name}: spheres x y z r in m at the size of the shape, in its body frame about the centroid"
         ]
         files[_file(template.name)] = text_of([*simulation.comments(TITLE), *lines, *map(row_of, rows)])
-    for wall in facets_of(simulation) if simulation.walls.needs_triangles else ():
-        if wall.name in ("round", "mesh"):
-            files[WALL] = _stl(wall.vertices[wall.faces])
-    return files
+    return files | wall_files(simulation)
+
+
+def _moving_clumps(simulation: Simulation) -> Integers:
+    """Return the grains that are clumps and move."""
+    bodies = simulation.bodies
+    return np.intersect1d(bodies.of_kind("clump"), np.flatnonzero(bodies.assembly.movable))
+
+
+def _atoms_of(simulation: Simulation) -> Integers:
+    """Return the numbers of the spheres of the data file: those of grains that are spheres, then of fixed clumps, which
+    are frozen spheres.
+    """
+    bodies, grain = simulation.bodies, simulation.bodies.spheres[2]
+    alone = np.isin(grain, bodies.of_kind("sphere"))
+    frozen = np.isin(grain, np.setdiff1d(bodies.of_kind("clump"), _moving_clumps(simulation)))
+    return np.concatenate([np.flatnonzero(alone), np.flatnonzero(frozen)])
 
 
 def _file(name: str) -> str:
@@ -105,19 +118,25 @@ def _box(simulation: Simulation) -> Floats:
 
 
 def _grains(simulation: Simulation) -> str:
-    """Return the data file of the grains that are spheres; the number of an atom is that of its grain, from 1."""
-    bodies = simulation.bodies
-    mine = bodies.of_kind("sphere")
+    """Return the data file of the grains that are spheres, whose numbers are those of their grains, from 1.
+
+    The spheres of fixed clumps follow, with numbers after those of all grains; a comment says of which grain they are.
+    """
+    bodies, places = simulation.bodies, _atoms_of(simulation)
     centers, radii, grain = bodies.spheres
-    places = np.searchsorted(grain, mine)
+    mine, alone = grain[places], np.isin(grain[places], bodies.of_kind("sphere"))
     points, sizes = simulation.walls.wrapped(centers[places])[0], radii[places]
-    density = bodies.mass[mine] / (4 / 3 * math.pi * sizes**3)
-    lines = ["", f"{len(mine)} atoms", f"{simulation.laws.count} atom types", ""]
+    volume = 4 / 3 * math.pi * sizes**3
+    density = bodies.mass[mine] / np.bincount(mine, volume, minlength=bodies.count)[mine]
+    names = np.where(alone, mine + 1, bodies.count + np.cumsum(~alone))
+    of_clumps = [f"# atom {name} is of the fixed grain {one + 1}"
+                 for name, one in zip(names[~alone].tolist(), mine[~alone].tolist(), strict=True)]  # fmt: skip
+    lines = [*of_clumps, "", f"{len(mine)} atoms", f"{simulation.laws.count} atom types", ""]
     kinds = 1 + np.array(simulation.laws.of_shapes)[bodies.assembly.shape_id[mine]]
     lines += [f"{row_of(ends)} {axis}lo {axis}hi" for axis, ends in zip("xyz", _box(simulation).T, strict=True)]
     lines += ["", "Atoms", ""]
     rows = np.column_stack([2 * sizes, density, points])
-    numbered = zip((mine + 1).tolist(), kinds.tolist(), rows, strict=True)
+    numbered = zip(names.tolist(), kinds.tolist(), rows, strict=True)
     lines += [f"{number} {kind} {row_of(row)}" for number, kind, row in numbered]
     return text_of([*simulation.comments(TITLE), *lines])
 
@@ -129,7 +148,7 @@ def _clumps(simulation: Simulation) -> str:
     point for all that matters.
     """
     bodies, half = simulation.bodies, PLACED * simulation.diameter
-    mine = bodies.of_kind("clump").tolist()
+    mine = _moving_clumps(simulation).tolist()
     places = simulation.walls.wrapped(bodies.assembly.position)[0]
     turns = quaternions_of(bodies.assembly.matrices)
     lines = []
@@ -171,82 +190,13 @@ def _clump(simulation: Simulation, grain: int, number: int, block: Floats) -> li
     ]
 
 
-def _models(simulation: Simulation) -> tuple[str, str]:
-    """Return the contact models, and their settings, which follow the walls in commands of walls."""
-    models = "luding tangential tan_luding" if simulation.law.name == "linear" else "hertz tangential history"
-    models += " rolling_friction cdt" if simulation.laws.rolls else ""
-    return f"model {models}", "tangential_damping on limitForce off"
-
-
-def _properties(simulation: Simulation) -> list[str]:
-    """Return the parameters of the contact law."""
-    laws, many = simulation.laws, simulation.laws.count
-    pairs: dict[str, Any] = {
-        "coefficientRestitution": laws.matrix("restitution"), "coefficientFriction": laws.matrix("friction")
-    }  # fmt: skip
-    if laws.rolls:
-        pairs["coefficientRollingFriction"] = laws.matrix("rolling_friction")
-    lines = []
-    if simulation.law.name == "linear":
-        pairs |= {
-            "LoadingStiffness": laws.matrix("stiffness"),
-            # over that of loading, at an overlap of 500 diameters: at usual ones it is equal up to 1e-9
-            "UnloadingStiffness": 1.001,
-            "coefficientPlasticityDepth": 1.0,
-            "coefficientAdhesionStiffness": 0.0,
-            "pullOffForce": 0.0,
-            "coeffFrictionStiffness": [[law.shear_stiffness / law.stiffness for law in row] for row in laws.laws],
-            # tangential over normal damping
-            "FrictionViscosity": 1.0,
-            # dynamic over static friction: the tangential model `tan_luding` reads it under this name
-            "FluidViscosity": 1.0,
-        }
-    else:
-        # the modulus of a pair follows from those of its materials
-        own = {"youngsModulus": "young_modulus", "poissonsRatio": "poisson_ratio"}
-        each = {name: [getattr(laws.laws[k][k], value) for k in range(many)] for name, value in own.items()}
-        if min(each["youngsModulus"]) < SOFT:
-            lines.append("soft_particles yes")
-        if max(each["youngsModulus"]) > HARD:
-            lines.append("hard_particles yes")
-        for name, values in each.items():
-            lines.append(f"fix {name} all property/global {name} peratomtype {row_of(values)}")
-    tables = {name: value if isinstance(value, list) else [[value] * many] * many for name, value in pairs.items()}
-    return lines + [
-        f"fix {name} all property/global {name} peratomtypepair {many} {row_of(itertools.chain(*rows))}"
-        for name, rows in tables.items()
-    ]
-
-
-def _walls(simulation: Simulation) -> list[str]:
-    """Return the commands of all walls."""
-    walls = simulation.walls
-    models, settings = _models(simulation)
-    shapes = {plane.name: f"{'xyz'[plane.axis]}plane {plane.level!r}" for plane in walls.planes}
-    if walls.round is not None and walls.round.kind == "cylinder":
-        shapes["round"] = f"zcylinder {walls.round.radius!r} {row_of(np.array(walls.round.center[:2]))}"
-    kind = {name: 1 + number for name, number in simulation.laws.of_walls.items()}
-    lines = [
-        f"fix {name} all wall/gran {models} primitive type {kind[name]} {shape} {settings}"
-        for name, shape in shapes.items()
-    ]
-    if simulation.walls.needs_triangles:
-        (mesh,) = (wall for wall in facets_of(simulation) if wall.name in ("round", "mesh"))
-        if mesh.note:
-            lines.append(f"# approximated: {mesh.note}")
-        precision = repr(min(1e-3, 1e-7 * simulation.diameter))
-        surface = f"file {WALL} type {kind[mesh.name]} precision {precision} curvature_tolerant yes"
-        lines.append(f"fix triangles all mesh/surface {surface}")
-        lines.append(f"fix wall all wall/gran {models} mesh n_meshes 1 meshes triangles {settings}")
-    return lines
-
-
 def _script(simulation: Simulation) -> str:
     """Return the script: until the bed rests, with dumps and restart files."""
     bodies = simulation.bodies
-    spheres, clumps = len(bodies.of_kind("sphere")), len(bodies.of_kind("clump"))
+    atoms, clumps = len(_atoms_of(simulation)), len(_moving_clumps(simulation))
+    spheres = int(bodies.assembly.movable[bodies.of_kind("sphere")].sum())
     boundary = " ".join("p" if periodic else "f" for periodic in simulation.walls.periodic)
-    models, settings = _models(simulation)
+    models, settings = models_of(simulation)
     size = float(np.linalg.norm(simulation.gravity))
     lines = [
         "units si",
@@ -256,10 +206,10 @@ def _script(simulation: Simulation) -> str:
         "newton off",
         "communicate single vel yes",
     ]
-    if spheres:
+    if atoms:
         # there are no other atoms yet: those of clumps are inserted later
         types = " ".join(str(k + 1) for k in range(simulation.laws.count))
-        lines += [f"read_data {GRAINS}", f"group spheres type {types}"]
+        lines += [f"read_data {GRAINS}", *_groups(simulation, types)]
     else:
         lines += [
             f"region box block {row_of(_box(simulation).T.ravel())} units box",
@@ -270,8 +220,8 @@ def _script(simulation: Simulation) -> str:
         "neigh_modify delay 0",
         f"pair_style gran {models} {settings}",
         "pair_coeff * *",
-        *_properties(simulation),
-        *_walls(simulation),
+        *property_commands(simulation),
+        *wall_commands(simulation),
     ]
     if spheres:
         lines.append("fix move_spheres spheres nve/sphere")
@@ -284,9 +234,31 @@ def _script(simulation: Simulation) -> str:
         ]
     if size:
         lines.append(f"fix weight all gravity {size!r} vector {row_of(simulation.gravity / size)}")
+    if simulation.platens:
+        lines += ["# grains that bear nothing come to rest by drag alone", f"fix drag all viscous {simulation.drag!r}"]
+    if len(simulation.fixed):
+        # after all else that gives them forces
+        lines += ["neigh_modify exclude group fixed fixed", "fix hold fixed freeze"]
     lines.append(f"timestep {simulation.time_step!r}")
     lines += [*_outputs(simulation, spheres, clumps), *_until_rest(simulation)]
     return text_of([*simulation.comments(TITLE), *lines])
+
+
+def _groups(simulation: Simulation, types: str) -> list[str]:
+    """Return the commands of the groups of spheres that move, and of those that are fixed."""
+    bodies, places = simulation.bodies, _atoms_of(simulation)
+    alone = int(np.isin(bodies.spheres[2][places], bodies.of_kind("sphere")).sum())
+    ends = [f"{first}:{last}" for first, last in simulation.fixed]
+    if not ends:
+        return [f"group spheres type {types}"]
+    if len(places) > alone:
+        ends.append(f"{bodies.count + 1}:{bodies.count + len(places) - alone}")
+    return [
+        # numbers of fixed clumps are those of no atom
+        *(f"group fixed id {one}" for one in ends),
+        f"group every_sphere type {types}",
+        "group spheres subtract every_sphere fixed",
+    ]
 
 
 def _outputs(simulation: Simulation, spheres: int, clumps: int) -> list[str]:
@@ -310,6 +282,12 @@ def _outputs(simulation: Simulation, spheres: int, clumps: int) -> list[str]:
         lines.append(f"# in the order of {CLUMPS}")
         lines.append(f"dump clumps all local {every} {POSES} {' '.join(columns)}")
         lines.append('dump_modify clumps first yes format "%.0f' + " %.17g" * (len(columns) - 1) + '"')
+    if simulation.platens:
+        # drag does not stop the spin of grains that bear nothing
+        terms = [term for term in terms if "move" in term]
+        missed = (f"(abs(abs(f_{plane.name}[{plane.axis + 1}])/{force!r}-1.0)>{STRESS_MET})"
+                  for plane, force, _ in simulation.platens)  # fmt: skip
+        lines.append(f"variable missed equal {'+'.join(missed)}")
     lines += [
         f"variable energy equal {'+'.join(terms)}",
         f"thermo {every}",
@@ -324,33 +302,22 @@ def _outputs(simulation: Simulation, spheres: int, clumps: int) -> list[str]:
 def _until_rest(simulation: Simulation) -> list[str]:
     """Return the commands that run until the bed rests, or for the longest time."""
     every, most = simulation.steps_per_output, simulation.steps
-    if not simulation.gravity.any():
+    if not simulation.gravity.any() and simulation.stress is None:
         return [f"run {most}", "write_restart liggghts_end.restart"]
+    met = " && ${missed} < 0.5" if simulation.platens else ""
     start = min(most, math.ceil(SETTLING * simulation.time_unit / simulation.time_step))
     return [
         "# at the start all grains stand still",
         f"run {start}",
         f"variable output loop {max(1, math.ceil((most - start) / every))}",
         "label on",
-        f'if "${{energy}} < {simulation.rest_energy!r}" then "jump {SCRIPT} rest"',
+        f'if "${{energy}} < {simulation.rest_energy!r}{met}" then "jump {SCRIPT} rest"',
         f"run {every}",
         "next output",
         f"jump {SCRIPT} on",
         "label rest",
         "write_restart liggghts_end.restart",
     ]
-
-
-def _stl(corners: Floats) -> str:
-    """Return triangles (f, 3, 3) as an STL file in ASCII."""
-    lines = ["solid wall"]
-    normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
-    normals /= np.linalg.norm(normals, axis=1, keepdims=True)
-    for normal, triangle in zip(normals, corners, strict=True):
-        lines += [f"facet normal {row_of(normal)}", "outer loop"]
-        lines += [f"vertex {row_of(point)}" for point in triangle]
-        lines += ["endloop", "endfacet"]
-    return text_of([*lines, "endsolid wall"])
 
 
 def _read(folder: Path) -> Held:
@@ -363,11 +330,12 @@ def _read(folder: Path) -> Held:
     """
     found: dict[int, tuple[float, Floats, Floats, Floats]] = {}
     if (folder / GRAINS).is_file():
-        for number, _, diameter, density, *center in _atoms(folder / GRAINS):
-            radius = diameter / 2
-            mass = density * 4 / 3 * math.pi * radius**3
-            sphere = np.array([[*center, radius]])
-            found[int(number)] = (mass, np.array(center), 0.4 * mass * radius**2 * np.eye(3), sphere)
+        text = (folder / GRAINS).read_text(encoding="utf-8")
+        grains = {int(atom): int(grain) for atom, grain in _FROZEN.findall(text)}
+        tables: dict[int, list[list[float]]] = {}
+        for number, *row in _atoms(text):
+            tables.setdefault(grains.get(int(number), int(number)), []).append(row)
+        found = {number: _held_spheres(np.array(table)) for number, table in tables.items()}
     if (folder / CLUMPS).is_file():
         for words in _CLUMP.findall((folder / CLUMPS).read_text(encoding="utf-8")):
             found[int(words[0])] = _held_clump(folder, words[1:])
@@ -378,10 +346,22 @@ def _read(folder: Path) -> Held:
     return Held(np.array(masses), np.array(places), np.array(tensors), rows[:, :3], rows[:, 3])
 
 
-def _atoms(path: Path) -> list[list[float]]:
+def _atoms(text: str) -> list[list[float]]:
     """Return the rows of the atoms of a data file."""
-    text = path.read_text(encoding="utf-8").split("Atoms", 1)[-1]
-    return [list(map(float, line.split())) for line in text.splitlines() if line.strip()]
+    return [list(map(float, line.split())) for line in text.split("Atoms", 1)[-1].splitlines() if line.strip()]
+
+
+def _held_spheres(table: Floats) -> tuple[float, Floats, Floats, Floats]:
+    """Return mass, centroid, inertia tensor and spheres (s, 4) of a grain by its type, diameters, densities and centers
+    (s, 6).
+    """
+    radii, centers = table[:, 1] / 2, table[:, 3:]
+    masses = table[:, 2] * 4 / 3 * math.pi * radii**3
+    middle = masses @ centers / masses.sum()
+    arms = centers - middle
+    own = 0.4 * radii**2 + (arms**2).sum(axis=1)
+    inertia = (masses @ own) * np.eye(3) - np.einsum("s,si,sj->ij", masses, arms, arms)
+    return float(masses.sum()), middle, inertia, np.column_stack([centers, radii])
 
 
 def _held_clump(folder: Path, words: tuple[str, ...]) -> tuple[float, Floats, Floats, Floats]:
@@ -404,6 +384,8 @@ registration = Engine(
     summary="data file of spheres, multisphere templates with the place of each clump, and a script",
     source="LIGGGHTS-PUBLIC 3.8.0, documentation and source",
     kinds=("sphere", "clump"),
+    fixed=True,
+    platens=True,
     materials=True,
     rolling=("linear", "hertz"),
     install=INSTALL,

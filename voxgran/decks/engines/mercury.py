@@ -3,8 +3,9 @@
 References
 ----------
 MercuryDPM, files `Drivers/Clump/ClumpHeaders/ClumpInput.h` (layout of the tables), `Mercury3DClump.h`,
-`Kernel/Particles/ClumpParticle.h`, `Kernel/Interactions/NormalForceInteractions/LinearViscoelasticInteraction.cc` and
-`HertzianViscoelasticInteraction.cc`; Ostanin et al. 2023 (arXiv:2310.05027).
+`Kernel/Particles/ClumpParticle.h`, `Kernel/SpeciesHandler.h`, `Kernel/Walls/BaseWall.cc` (`setForceControl`),
+in `Kernel/Interactions` `LinearViscoelasticInteraction.cc`, `HertzianViscoelasticInteraction.cc`,
+`FrictionInteraction.cc` and `MindlinRollingTorsionInteraction.cc`; Ostanin et al. 2023 (arXiv:2310.05027).
 """
 
 import math
@@ -17,9 +18,11 @@ import numpy as np
 from voxgran._base.arrays import Floats
 from voxgran._base.errors import FileFormatError
 from voxgran.decks.bodies import Template
+from voxgran.decks.contact_law import ContactLaw
 from voxgran.decks.engine import Engine, Held
 from voxgran.decks.facets import facets_of
-from voxgran.decks.simulation import SETTLING, Simulation
+from voxgran.decks.mercury_driver import CLASS, INCLUDES
+from voxgran.decks.simulation import SETTLING, STRESS_MET, Simulation
 from voxgran.decks.text import row_of, text_of
 from voxgran.geometry.rotation import rotation_matrices
 
@@ -36,8 +39,11 @@ COLUMNS = (
 )
 #: room between the walls and the bounds of the domain, in median diameters
 MARGIN = 2.0
-#: walls that are made of triangles
-FACETED = ("round", "mesh")
+#: species of each law, without and with rolling friction
+SPECIES = {
+    "linear": ("LinearViscoelasticSlidingFriction", "LinearViscoelasticFriction"),
+    "hertz": ("HertzianViscoelasticMindlin", "HertzianViscoelasticMindlinRollingTorsion"),
+}
 #: a number in a table
 NUMBER = r"[-+]?\d+\.?\d*(?:[eE][-+]?\d+)?"
 
@@ -47,172 +53,6 @@ HELP = (
     "build mercury_run, and run it where the .csv and .txt files are; mercury_run mercury_state.csv goes on from",
     "the last output; the damping is set for each pair of grains, so that it runs on one thread",
 )
-#: names that the driver uses
-INCLUDES = """\
-#include <algorithm>
-#include <cmath>
-#include <fstream>
-#include <map>
-#include <sstream>
-#include <string>
-#include <utility>
-#include <vector>
-#include "Mercury3D.h"
-#include "Boundaries/PeriodicBoundary.h"
-#include "Particles/ClumpParticle.h"
-#include "Species/HertzianViscoelasticMindlinSpecies.h"
-#include "Species/LinearViscoelasticSlidingFrictionSpecies.h"
-#include "Walls/AxisymmetricIntersectionOfWalls.h"
-#include "Walls/InfiniteWall.h"
-#include "Walls/TriangleWall.h"
-#include "../ClumpHeaders/Mercury3DClump.h"
-"""
-
-#: the driver between its constants and its walls
-CLASS = """\
-
-// Rows of a comma-separated file, each as its first word and its numbers.
-struct Row {
-    std::string name;
-    std::vector<double> values;
-};
-
-std::vector<Row> readTable(const std::string& name, bool named) {
-    std::ifstream file(name);
-    if (!file) logger(ERROR, "cannot read %", name);
-    std::vector<Row> rows;
-    std::string line, word;
-    while (std::getline(file, line)) {
-        if (line.empty() || line[0] == '#') continue;
-        std::istringstream words(line);
-        Row row;
-        if (named) std::getline(words, row.name, ',');
-        while (std::getline(words, word, ',')) row.values.push_back(std::stod(word));
-        rows.push_back(row);
-    }
-    return rows;
-}
-
-// Pebbles and inertia tensor.
-typedef std::pair<std::vector<Row>, std::vector<Row>> Template;
-
-class Bed : public Mercury3Dclump {
-public:
-    void setupInitialConditions() override {
-        addGrains();
-        addWalls();
-    }
-
-    // Pebbles carry the inverse mass of their clump, on which alone gravity acts.
-    void computeExternalForces(BaseParticle* p) override {
-        if (!p->isPebble()) Mercury3Dclump::computeExternalForces(p);
-    }
-
-    void computeInternalForce(BaseParticle* p, BaseParticle* q) override {
-        setDamping(1.0 / (p->getInvMass() + q->getInvMass()));
-        Mercury3Dclump::computeInternalForce(p, q);
-    }
-
-    void computeForcesDueToWalls(BaseParticle* p, BaseWall* w) override {
-        setDamping(1.0 / p->getInvMass());
-        Mercury3Dclump::computeForcesDueToWalls(p, w);
-    }
-
-    void actionsAfterTimeStep() override {
-        if (getNumberOfTimeSteps() % STEPS_PER_OUTPUT == 0) writeGrains("mercury_state.csv");
-    }
-
-    bool continueSolve() const override {
-        if (!SETTLES || getTime() < SETTLING_TIME || getNumberOfTimeSteps() % STEPS_PER_OUTPUT != 0) return true;
-        double energy = 0.0;
-        for (const ClumpParticle* clump : clumps_) energy += clump->getKineticEnergy() + clump->getRotationalEnergy();
-        return energy >= REST_ENERGY;
-    }
-
-    SPECIES* species = nullptr;
-    std::string grains = "mercury_grains.csv";
-
-private:
-    const Template& templateOf(const std::string& name) {
-        const std::string stem = "mercury_" + name;
-        if (templates_.count(name) == 0)
-            templates_[name] = {readTable(stem + "_pebbles.txt", false), readTable(stem + "_toi.txt", false)};
-        return templates_[name];
-    }
-
-    void addGrains() {
-        for (const Row& row : readTable(grains, true)) {
-            const Template& shape = templateOf(row.name);
-            const std::vector<double>& v = row.values;
-            const double fifth = std::pow(v[0], 5);
-            const std::vector<Row>& toi = shape.second;
-            ClumpParticle clump;
-            clump.setSpecies(species);
-            clump.setClump();
-            double largest = 0.0;
-            for (const Row& pebble : shape.first) {
-                const std::vector<double>& s = pebble.values;
-                clump.addPebble(Vec3D(v[0] * s[0], v[0] * s[1], v[0] * s[2]), v[0] * s[3]);
-                largest = std::max(largest, v[0] * s[3]);
-            }
-            clump.setRadius(largest);
-            clump.setClumpMass(v[1]);
-            // xx, xy, xz, yy, yz, zz in the principal frame
-            clump.setInitInertia(MatrixSymmetric3D(fifth * toi[0].values[0], 0.0, 0.0, fifth * toi[1].values[1], 0.0,
-                                                   fifth * toi[2].values[2]));
-            clump.setPosition(Vec3D(v[2], v[3], v[4]));
-            clump.setPrincipalDirections(Matrix3D(v[5], v[6], v[7], v[8], v[9], v[10], v[11], v[12], v[13]));
-            clump.rotateTensorOfInertia();
-            clump.setVelocity(Vec3D(v[14], v[15], v[16]));
-            clump.setAngularVelocity(Vec3D(v[17], v[18], v[19]));
-            clump.setDamping(0.0);
-            rows_.push_back(row);
-            clumps_.push_back(particleHandler.copyAndAddObject(clump));
-        }
-    }
-
-    void writeGrains(const std::string& name) const {
-        std::ofstream file(name);
-        file.precision(17);
-        for (std::size_t n = 0; n < clumps_.size(); ++n) {
-            const ClumpParticle& clump = *clumps_[n];
-            const Vec3D x = clump.getPosition(), u = clump.getVelocity(), w = clump.getAngularVelocity();
-            const Vec3D a = clump.getPrincipalDirections_e1(), b = clump.getPrincipalDirections_e2(),
-                c = clump.getPrincipalDirections_e3();
-            file << rows_[n].name << ',' << rows_[n].values[0] << ',' << rows_[n].values[1];
-            for (double value : {x.X, x.Y, x.Z, a.X, b.X, c.X, a.Y, b.Y, c.Y, a.Z, b.Z, c.Z,
-                                 u.X, u.Y, u.Z, w.X, w.Y, w.Z}) file << ',' << value;
-            file << "\\n";
-        }
-    }
-
-    void addTriangles(const std::string& name) {
-        for (const Row& row : readTable(name, false)) {
-            const std::vector<double>& v = row.values;
-            TriangleWall wall;
-            wall.setSpecies(species);
-            wall.setVertices(Vec3D(v[0], v[1], v[2]), Vec3D(v[3], v[4], v[5]), Vec3D(v[6], v[7], v[8]));
-            wallHandler.copyAndAddObject(wall);
-        }
-    }
-
-    void addPlane(Vec3D outward, Vec3D point) {
-        InfiniteWall wall;
-        wall.setSpecies(species);
-        wall.set(outward, point);
-        wallHandler.copyAndAddObject(wall);
-    }
-
-    void addPeriodic(Vec3D normal, double low, double high) {
-        PeriodicBoundary boundary;
-        boundary.set(normal, low, high);
-        boundaryHandler.copyAndAddObject(boundary);
-    }
-
-    std::map<std::string, Template> templates_;
-    std::vector<Row> rows_;
-    std::vector<ClumpParticle*> clumps_;
-"""
 
 
 def _write(simulation: Simulation) -> Mapping[str, str]:
@@ -221,11 +61,11 @@ def _write(simulation: Simulation) -> Mapping[str, str]:
     used = {int(k) for k in bodies.assembly.shape_id}
     files = {RUN: _driver(simulation), GRAINS: _grains(simulation)}
     if simulation.walls.needs_triangles:
-        triangles = [wall.vertices[wall.faces].reshape(-1, 9) for wall in facets_of(simulation) if wall.name in FACETED]
-        notes = [wall.note for wall in facets_of(simulation) if wall.note]
-        files[WALLS] = text_of(
-            [*simulation.comments(TITLE, *notes), *(row_of(row, ",") for row in np.concatenate(triangles))]
-        )
+        found, of_walls = facets_of(simulation, planes=False), simulation.laws.of_walls
+        triangles = [f"{row_of(row, ',')},{of_walls[wall.name]}"
+                     for wall in found for row in wall.vertices[wall.faces].reshape(-1, 9)]  # fmt: skip
+        notes = [wall.note for wall in found if wall.note]
+        files[WALLS] = text_of([*simulation.comments(TITLE, *notes), *triangles])
     for k, template in enumerate(bodies.templates):
         if k in used:
             for table, rows in _tables(template, bodies.densities[k]).items():
@@ -262,14 +102,22 @@ def _vector(values: Iterable[float]) -> str:
 
 def _driver(simulation: Simulation) -> str:
     """Return the driver: grains, walls, contact law, and a run until the bed rests."""
-    law = simulation.law
-    kind = "LinearViscoelasticSlidingFriction" if law.name == "linear" else "HertzianViscoelasticMindlin"
+    templates, laws = simulation.bodies.templates, simulation.laws
+    kind = SPECIES[simulation.law.name][laws.rolls]
+    materials = ", ".join(f'{{"{one.name}", {k}}}' for one, k in zip(templates, laws.of_shapes, strict=True))
+    fixed = ", ".join(f"{{{first}, {last}}}" for first, last in simulation.fixed)
     lines = [
         *simulation.comments(TITLE, *HELP, mark="//"),
         INCLUDES,
         f"typedef {kind}Species SPECIES;",
         f"const unsigned STEPS_PER_OUTPUT = {simulation.steps_per_output};",
-        f"const bool SETTLES = {str(bool(simulation.gravity.any())).lower()};",
+        f"const bool SETTLES = {str(bool(simulation.gravity.any() or simulation.platens)).lower()};",
+        "// time in which a drag stops grains that bear nothing, s; 0 without",
+        f"const double DRAG_TIME = {simulation.time_unit if simulation.platens else 0.0!r};",
+        f"const double STRESS_MET = {STRESS_MET!r};",
+        "// number of the material of each template; first and last number of each row of fixed grains, from 1",
+        f"const std::map<std::string, unsigned> MATERIALS = {{{materials}}};",
+        f"const std::vector<std::pair<unsigned, unsigned>> FIXED = {{{fixed}}};",
         f"const double SETTLING_TIME = {SETTLING * simulation.time_unit!r};",
         f"const double REST_ENERGY = {simulation.rest_energy!r};",
         CLASS,
@@ -284,32 +132,38 @@ def _driver(simulation: Simulation) -> str:
 
 
 def _damping(simulation: Simulation) -> list[str]:
-    """Return the function that sets the damping for two grains of an effective mass."""
-    law = simulation.law
-    if law.name == "linear":
-        factor = 2 * law.damping_ratio * math.sqrt(law.stiffness)
-        body = [f"        species->setDissipation({factor!r} * std::sqrt(mass));"]
+    """Return the function that sets the damping of two materials for two grains of an effective mass."""
+    if simulation.law.name == "linear":
+        laws = simulation.laws.laws
+        rows = (", ".join(repr(2 * law.damping_ratio * math.sqrt(law.stiffness)) for law in row) for row in laws)
+        body = [
+            f"        static const double factors[{len(laws)}][{len(laws)}] = {{{{{'}, {'.join(rows)}}}}};",
+            "        BaseSpecies* pair = speciesHandler.getMixedObject(first, second);",
+            "        dynamic_cast<LinearViscoelasticNormalSpecies*>(pair)->setDissipation(",
+            "            factors[first][second] * std::sqrt(mass));",
+        ]
     else:
         # the restitution of the law of Hertz does not depend on the mass
-        body = ["        (void)mass;"]
-    return ["    void setDamping(double mass)", "    {", *body, "    }"]
+        body = ["        (void)first;", "        (void)second;", "        (void)mass;"]
+    return ["    void setDamping(unsigned first, unsigned second, double mass)", "    {", *body, "    }"]
 
 
 def _walls(simulation: Simulation) -> list[str]:
     """Return the function that adds the walls."""
-    walls = simulation.walls
-    lines = ["    void addWalls()", "    {"]
-    lines += [
-        f"        addPlane({_vector(-plane.normal)}, {_vector(np.eye(3)[plane.axis] * plane.level)});"
-        for plane in walls.planes
-    ]
+    walls, kind = simulation.walls, simulation.laws.of_walls
+    lines, moving = ["    void addWalls()", "    {"], {platen.plane.name: platen for platen in simulation.platens}
+    for plane in walls.planes:
+        at = f"{_vector(-plane.normal)}, {_vector(np.eye(3)[plane.axis] * plane.level)}, {kind[plane.name]}"
+        platen = moving.get(plane.name)
+        made = f"addPlane({at})" if platen is None else f"addPlaten({at}, {platen.force!r}, {platen.speed!r})"
+        lines.append(f"        {made};")
     for axis, (periodic, low, high) in enumerate(zip(walls.periodic, *walls.bounds.tolist(), strict=True)):
         if periodic:
             lines.append(f"        addPeriodic({_vector(np.eye(3)[axis])}, {low!r}, {high!r});")
     if walls.round is not None and walls.round.kind == "cylinder":
         lines += [
             "        AxisymmetricIntersectionOfWalls cylinder;",
-            "        cylinder.setSpecies(species);",
+            f"        cylinder.setSpecies(species[{kind['round']}]);",
             f"        cylinder.setPosition({_vector(walls.round.center)});",
             "        cylinder.setAxis(Vec3D(0.0, 0.0, 1.0));",
             f"        cylinder.addObject(Vec3D(1.0, 0.0, 0.0), {_vector([walls.round.radius, 0, 0])});",
@@ -320,23 +174,45 @@ def _walls(simulation: Simulation) -> list[str]:
     return [*lines, "    }"]
 
 
+def _species(simulation: Simulation) -> list[str]:
+    """Return the lines that make the materials and the laws between them."""
+    laws, lines = simulation.laws, list[str]()
+    for k in range(laws.count):
+        lines.append("    bed.species.push_back(bed.speciesHandler.copyAndAddObject(SPECIES()));")
+        lines.append(f"    bed.species.back()->setDensity({laws.laws[k][k].density!r});")
+    for a, b, law in laws.pairs():
+        both = f"bed.species[{a}], bed.species[{b}]"
+        pair = f"bed.species[{a}]" if a == b else f"bed.speciesHandler.getMixedObject({both})"
+        lines += ["    {", f"        auto* law = {pair};"]
+        lines += [f"        law->{name}({arguments});" for name, arguments in _numbers(simulation, law).items()]
+        lines.append("    }")
+    return lines
+
+
+def _numbers(simulation: Simulation, law: ContactLaw) -> dict[str, str]:
+    """Return the arguments of the functions that set the numbers of a law."""
+    found = {"setSlidingFrictionCoefficient": repr(law.friction)}
+    if law.name == "linear":
+        found |= {"setStiffness": repr(law.stiffness), "setSlidingStiffness": repr(law.shear_stiffness)}
+    else:
+        shear = law.young_modulus / (2 * (1 + law.poisson_ratio))
+        found["setEffectiveShearModulus"] = repr(shear / (2 * (2 - law.poisson_ratio)))
+        given = f"{law.effective_modulus!r}, {law.restitution!r}"
+        found["setEffectiveElasticModulusAndRestitutionCoefficient"] = given
+    if simulation.laws.rolls:
+        # MercuryDPM takes twice the effective radius for the arm of rolling, both of the motion and of the force
+        spring, dashpot = simulation.rolling(law)
+        found |= {"setRollingStiffness": repr(spring / 4)} if law.name == "linear" else {}
+        found["setRollingDissipation"] = repr(dashpot / 4)
+        found["setRollingFrictionCoefficient"] = repr(law.rolling_friction / 2)
+    return found
+
+
 def _main(simulation: Simulation) -> list[str]:
     """Return the main function."""
-    law, walls = simulation.law, simulation.walls
+    walls = simulation.walls
     reach = 2 * float(simulation.bodies.assembly.bounding_radii.max())
     room = np.where(walls.periodic, 0.0, MARGIN * simulation.diameter + reach)
-    if law.name == "linear":
-        numbers = {"setStiffness": law.stiffness, "setSlidingStiffness": law.shear_stiffness}
-    else:
-        ratio = law.poisson_ratio
-        shear = law.young_modulus / (2 * (1 + ratio))
-        numbers = {"setEffectiveShearModulus": shear / (2 * (2 - ratio))}
-    numbers |= {"setSlidingFrictionCoefficient": law.friction, "setDensity": law.density}
-    contact = [f"    species->{name}({value!r});" for name, value in numbers.items()]
-    if law.name == "hertz":
-        effective = law.young_modulus / (2 * (1 - law.poisson_ratio**2))
-        given = f"{effective!r}, {law.restitution!r}"
-        contact.append(f"    species->setEffectiveElasticModulusAndRestitutionCoefficient({given});")
     return [
         "int main(int argc, char* argv[])",
         "{",
@@ -345,9 +221,7 @@ def _main(simulation: Simulation) -> list[str]:
         f"    bed.setGravity({_vector(simulation.gravity)});",
         f"    bed.setMin({_vector(walls.bounds[0] - room)});",
         f"    bed.setMax({_vector(walls.bounds[1] + room)});",
-        "    SPECIES* species = bed.speciesHandler.copyAndAddObject(SPECIES());",
-        *contact,
-        "    bed.species = species;",
+        *_species(simulation),
         "    if (argc > 1) bed.grains = argv[1];",
         f"    bed.setTimeStep({simulation.time_step!r});",
         f"    bed.setTimeMax({simulation.duration!r});",
@@ -408,6 +282,10 @@ registration = Engine(
     summary="tables of pebbles in the layout of MClump, table of grains, and a driver in C++ that runs until rest",
     source="MercuryDPM, Drivers/Clump and tools/MClump",
     kinds=("sphere", "clump"),
+    fixed=True,
+    platens=True,
+    materials=True,
+    rolling=("linear", "hertz"),
     verified="not run; driver compiled against the declarations of its headers",
     write=_write,
     read=_read,

@@ -6,80 +6,38 @@ volume differs between the versions.
 References
 ----------
 docs.itascacg.com/pfc700, pages of the commands `model domain`, `model mechanical`, `contact cmat default`,
-`ball create`, `clump template`, `clump replicate`, `rblock create`, `wall create`, of `linear`, `hysteretic` and FISH.
+`contact cmat add`, `range`, `ball create`, `ball fix`, `ball group`, `clump template`, `clump replicate`,
+`rblock create`, `wall create`, `wall servo`, of `linear`, `rrlinear`, `hysteretic` and FISH.
 """
 
+import functools
 import math
-import re
-from collections.abc import Iterator, Mapping
-from pathlib import Path
-from typing import Any, NamedTuple
+from collections.abc import Mapping
 
 import numpy as np
 
 from voxgran._base.arrays import Floats
-from voxgran._base.errors import FileFormatError, InputError
+from voxgran._base.errors import InputError
 from voxgran.decks.bodies import Template
-from voxgran.decks.engine import Engine, Held
+from voxgran.decks.contact_law import ContactLaw
+from voxgran.decks.engine import Engine
 from voxgran.decks.facets import facets_of
-from voxgran.decks.simulation import SETTLING, Simulation
+from voxgran.decks.pfc_reader import GRAINS, RUN, read_deck
+from voxgran.decks.simulation import SETTLING, STRESS_MET, Simulation, rows_of
 from voxgran.decks.text import row_of, text_of
-from voxgran.geometry.rotation import rotation_matrices
 from voxgran.shapes.mesh import hull_of
 
 TITLE = "PFC"
 #: names of files
-RUN, TEMPLATES, GRAINS, WALLS = "pfc_run.dat", "pfc_clumps.dat", "pfc_grains.dat", "pfc_walls.dat"
+TEMPLATES, WALLS = "pfc_clumps.dat", "pfc_walls.dat"
+#: what PFC calls grains of each kind
+NAMES = {"sphere": "ball", "clump": "clump", "polyhedron": "rblock"}
+#: local damping of grains between walls that keep a stress, a share of the net force
+DAMPING = 0.2
 #: room between the walls and the bounds of the domain, in median diameters
 MARGIN = 2.0
 #: largest radius of a sphere, in least extents of the domain
 LARGEST_SPHERE = 0.25
-
-#: arguments of each keyword of a command: f number, i whole number, s text in quotes, b on or off, w word, f* numbers,
-#: p pebbles; "" is what follows the command itself
-COMMANDS: Mapping[str, Mapping[str, str]] = {
-    "model new": {},
-    "model large-strain": {"": "b"},
-    "model orientation-tracking": {"": "b"},
-    "model energy": {"mechanical": "b"},
-    "model domain": {"extent": "ffffff", "condition": "www"},
-    "model gravity": {"": "fff"},
-    "model mechanical timestep": {"fix": "f"},
-    "model cycle": {"": "i"},
-    "model save": {"": "s"},
-    "program call": {"": "s"},
-    "contact cmat default": {
-        "model": "w", "property": "", "kn": "f", "ks": "f", "fric": "f", "dp_nratio": "f", "hz_shear": "f",
-        "hz_poiss": "f", "dp_en": "f", "rr_fric": "f",
-    },
-    "ball create": {"id": "i", "radius": "f", "position": "fff", "group": "s"},
-    "ball attribute": {"density": "f", "range": "ws"},
-    "clump template create": {"name": "s", "pebbles": "p", "volume": "f", "inertia": "ffffff"},
-    "clump replicate": {
-        "id": "i", "name": "s", "position": "fff", "axis": "fff", "angle": "f", "diameter": "f", "density": "f"
-    },
-    "rblock create": {"id": "i", "density": "f", "vertices": "f*"},
-    "wall create": {"id": "i", "name": "s", "vertices": "f*"},
-}  # fmt: skip
-#: words that a `w` may be
-WORDS = {"linear", "rrlinear", "hysteretic", "periodic", "stop", "group"}
-NUMBER = r"[-+]?\d+\.?\d*(?:[eE][-+]?\d+)?"
-#: what each kind of argument is
-ARGUMENTS = {
-    "f": NUMBER,
-    "i": r"\d+",
-    "s": r"'[\w.]+'|\['\w+' \+ string\(frame\)\]",
-    "b": "on|off",
-    "w": "|".join(WORDS),
-}
-#: lines within a FISH function; commands stand between `command` and `endcommand`
-FISH = (
-    r"(frame|kinetic_energy) = .+",
-    rf"loop while frame < {NUMBER}",
-    r"endloop",
-    rf"if (frame >= \d+|kinetic_energy < {NUMBER}) then",
-    r"endif",
-)
 
 
 def _write(simulation: Simulation) -> Mapping[str, str]:
@@ -91,7 +49,7 @@ def _write(simulation: Simulation) -> Mapping[str, str]:
         If rigid blocks are to have the law of Hertz or rolling friction, or a sphere is too large for the container.
     """
     law, bodies = simulation.law, simulation.bodies
-    curved = "law is 'hertz'" if law.name == "hertz" else "rolling_friction is given" if law.rolling_friction else ""
+    curved = "law is 'hertz'" if law.name == "hertz" else "rolling_friction is given" if simulation.laws.rolls else ""
     if curved and "polyhedron" in bodies.kinds:
         raise InputError(
             f"material {curved} for polyhedra: contacts of PFC's rigid blocks have no radius of curvature, which it "
@@ -124,21 +82,57 @@ def _domain(simulation: Simulation) -> tuple[Floats, Floats]:
     return walls.bounds[0] - room, walls.bounds[1] + room
 
 
-def _setup(simulation: Simulation, low: Floats, high: Floats) -> list[str]:
-    """Return the commands that make the model."""
-    law, walls, bodies = simulation.law, simulation.walls, simulation.bodies
+def _contact(law: ContactLaw) -> str:
+    """Return a contact law as contact model and properties."""
     if law.name == "linear":
-        contact = (
+        return (
             f"model {'rr' * (law.rolling_friction > 0)}linear property kn {law.stiffness!r} ks {law.shear_stiffness!r} "
             f"fric {law.friction!r} dp_nratio {law.damping_ratio!r}"
             + (f" rr_fric {law.rolling_friction!r}" if law.rolling_friction else "")
         )
-    else:
-        shear = law.young_modulus / (2 * (1 + law.poisson_ratio))
-        contact = (
-            f"model hysteretic property hz_shear {shear!r} hz_poiss {law.poisson_ratio!r} fric {law.friction!r} "
-            f"dp_en {law.restitution!r}"
-        )
+    shear = law.young_modulus / (2 * (1 + law.poisson_ratio))
+    return (
+        f"model hysteretic property hz_shear {shear!r} hz_poiss {law.poisson_ratio!r} fric {law.friction!r} "
+        f"dp_en {law.restitution!r}"
+    )
+
+
+def _pair(number: int, first: int, second: int, law: ContactLaw) -> str:
+    """Return the command of the law of contacts between two materials, which are groups."""
+    other = "matches 2" if first == second else f"group 'material_{second + 1}'"
+    return f"contact cmat add {number} {_contact(law)} range group 'material_{first + 1}' {other}"
+
+
+def _groups(simulation: Simulation) -> list[str]:
+    """Return the commands that put grains into the groups of their materials, and that fix grains."""
+    bodies, laws = simulation.bodies, simulation.laws
+    material, lines = np.array(laws.of_shapes)[bodies.assembly.shape_id], []
+    for kind in sorted(bodies.kinds):
+        mine = np.isin(np.arange(bodies.count), bodies.of_kind(kind))
+        for k in range(laws.count if laws.count > 1 else 0):
+            name = f"{NAMES[kind]} group 'material_{k + 1}'"
+            lines += [f"{name} range id {first} {last}" for first, last in rows_of(mine & (material == k))]
+        ends = rows_of(mine & ~bodies.assembly.movable)
+        lines += [f"{NAMES[kind]} fix velocity spin range id {first} {last}" for first, last in ends]
+    return lines
+
+
+def _platens(simulation: Simulation) -> list[str]:
+    """Return the commands of walls that keep a stress, and of what brings grains that bear nothing to rest."""
+    names = {wall.name: number for number, wall in enumerate(facets_of(simulation), 1)}
+    lines = [
+        f"wall servo activate on force-{'xyz'[plane.axis]} {plane.inward * force!r} velocity-max {speed!r} "
+        f"range id {names[plane.name]}"
+        for plane, force, speed in simulation.platens
+    ]
+    return lines + (
+        [f"{NAMES[kind]} attribute damp {DAMPING!r}" for kind in sorted(simulation.bodies.kinds)] if lines else []
+    )
+
+
+def _setup(simulation: Simulation, low: Floats, high: Floats) -> list[str]:
+    """Return the commands that make the model."""
+    walls, bodies, laws = simulation.walls, simulation.bodies, simulation.laws
     conditions = " ".join("periodic" if axis else "stop" for axis in walls.periodic)
     extent = row_of(np.stack([low, high], axis=1).ravel())
     called = [TEMPLATES] if "clump" in bodies.kinds else []
@@ -147,11 +141,13 @@ def _setup(simulation: Simulation, low: Floats, high: Floats) -> list[str]:
         "model large-strain on",
         f"model domain extent {extent}",
         f"model domain condition {conditions}",
-        f"contact cmat default {contact}",
+        f"contact cmat default {_contact(simulation.law)}",
+        *(_pair(number, a, b, law) for number, (a, b, law) in enumerate(laws.pairs() if laws.count > 1 else (), 1)),
         *(f"program call '{name}'" for name in (*called, GRAINS, WALLS)),
         "model energy mechanical on",
         "model orientation-tracking on",
         f"model gravity {row_of(simulation.gravity)}",
+        *_platens(simulation),
         f"model mechanical timestep fix {simulation.time_step!r}",
     ]
 
@@ -160,19 +156,29 @@ def _course(simulation: Simulation) -> list[str]:
     """Return the commands that run until the bed rests, and save the model at each output, from which it goes on."""
     steps = simulation.steps_per_output
     frames = math.ceil(simulation.steps / steps)
-    names = {"sphere": "ball", "clump": "clump", "polyhedron": "rblock"}
-    parts = [f"{names[kind]}.energy('energy-kinetic')" for kind in sorted(simulation.bodies.kinds)]
-    rests = []
-    if simulation.gravity.any():
+    parts = [f"{NAMES[kind]}.energy('energy-kinetic')" for kind in sorted(simulation.bodies.kinds)]
+    rests, press = list[str](), list[str]()
+    if simulation.platens:
+        # the largest relative difference of the force on a wall from the one asked for
+        missed = [
+            f"math.abs(math.abs(wall.force.contact(wall.find('{plane.name}'), {plane.axis + 1})) / {force!r} - 1.0)"
+            for plane, force, _ in simulation.platens
+        ]
+        worst = functools.reduce(lambda one, other: f"math.max({one}, {other})", missed)
+        press = ["fish define missed_stress", f"  missed_stress = {worst}", "end"]
+    if simulation.gravity.any() or simulation.platens:
         first = math.ceil(SETTLING * simulation.time_unit / (steps * simulation.time_step))
         rests = [
             f"    if frame >= {first} then",
             f"      if kinetic_energy < {simulation.rest_energy!r} then",
+            *([f"        if missed_stress < {STRESS_MET!r} then"] if press else []),
             f"        frame = {frames}",
+            *(["        endif"] if press else []),
             "      endif",
             "    endif",
         ]
     return [
+        *press,
         "fish define kinetic_energy",
         f"  kinetic_energy = {' + '.join(parts)}",
         "end",
@@ -232,7 +238,7 @@ def _grains(simulation: Simulation, low: Floats, high: Floats) -> list[str]:
             world = (scale * points) @ grains.matrices[k].T + place
             lines += [f"  {row_of(point)} ..." for point in world[:-1]]
             lines.append(f"  {row_of(world[-1])}")
-    return [*lines, *_ball_densities(simulation)]
+    return [*lines, *_ball_densities(simulation), *_groups(simulation)]
 
 
 def _ball_densities(simulation: Simulation) -> list[str]:
@@ -288,151 +294,9 @@ def _walls(simulation: Simulation) -> list[str]:
         lines.append(f"wall create id {number} name '{wall.name}' vertices ...")
         lines += [f"  {row_of(triangle)} ..." for triangle in triangles[:-1]]
         lines.append(f"  {row_of(triangles[-1])}")
+        if simulation.laws.count > 1:
+            lines.append(f"wall group 'material_{simulation.laws.of_walls[wall.name] + 1}' range id {number}")
     return lines
-
-
-class _Statement(NamedTuple):
-    """A command with the arguments of each of its keywords."""
-
-    command: str
-    given: dict[str, list[Any]]
-
-
-def _read(folder: Path) -> Held:
-    """Return what the files hold.
-
-    Raises
-    ------
-    FileFormatError
-        If a line is not as the documentation of PFC has it, or a template is missing.
-    """
-    found = list(_statements(folder, RUN))
-    # by group; that of spheres without a group is under the empty name
-    attributes = [one.given for one in found if one.command == "ball attribute"]
-    densities = {given.get("range", [""])[-1]: given["density"][0] for given in attributes}
-    templates = {one.given["name"][0]: one.given for one in found if one.command == "clump template create"}
-    rows: dict[int, tuple[float, Floats, Floats, Floats, Floats]] = {}
-    for statement in found:
-        given = statement.given
-        if statement.command == "ball create":
-            row = _sphere(given, densities.get(given.get("group", [""])[0], 0.0))
-        elif statement.command == "clump replicate":
-            if given["name"][0] not in templates:
-                raise FileFormatError(f"{folder / GRAINS} names no template {given['name'][0]!r}: write the deck again")
-            row = _clump(given, templates[given["name"][0]])
-        elif statement.command == "rblock create":
-            row = _block(given)
-        else:
-            continue
-        rows[given["id"][0]] = row
-    ordered = [rows[number] for number in sorted(rows)]
-    return Held(
-        mass=np.array([row[0] for row in ordered]),
-        position=np.array([row[1] for row in ordered]).reshape(-1, 3),
-        inertia=np.array([row[2] for row in ordered]).reshape(-1, 3, 3),
-        centers=np.concatenate([np.zeros((0, 3)), *(row[3] for row in ordered)]),
-        radii=np.concatenate([np.zeros(0), *(row[4] for row in ordered)]),
-    )
-
-
-def _sphere(given: dict[str, list[Any]], density: float) -> tuple[float, Floats, Floats, Floats, Floats]:
-    """Return mass, centroid, inertia, centers and radii of a sphere."""
-    radius, place = given["radius"][0], np.array(given["position"])
-    mass = density * 4 / 3 * math.pi * radius**3
-    return mass, place, 0.4 * mass * radius**2 * np.eye(3), place[None], np.array([radius])
-
-
-def _clump(given: dict[str, list[Any]], template: dict[str, list[Any]]) -> tuple[float, Floats, Floats, Floats, Floats]:
-    """Return mass, centroid, inertia, centers and radii of a clump."""
-    pebbles, place = np.array(template["pebbles"]).reshape(-1, 4), np.array(given["position"])
-    volume, density = math.pi / 6 * given["diameter"][0] ** 3, given["density"][0]
-    scale = (volume / template["volume"][0]) ** (1 / 3)
-    xx, yy, zz, xy, xz, yz = template["inertia"]
-    half = math.radians(given.get("angle", [0.0])[0]) / 2
-    axis = np.array(given.get("axis", [1.0, 0.0, 0.0]))
-    matrix = rotation_matrices(np.array([[math.cos(half), *(math.sin(half) * axis)]]))[0]
-    moments = density * scale**5 * np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
-    centers = scale * pebbles[:, 1:] @ matrix.T + place
-    return density * volume, place, matrix @ moments @ matrix.T, centers, scale * pebbles[:, 0]
-
-
-def _block(given: dict[str, list[Any]]) -> tuple[float, Floats, Floats, Floats, Floats]:
-    """Return mass, centroid and inertia of a rigid block, which has no spheres."""
-    hull, density = hull_of(np.array(given["vertices"]).reshape(-1, 3)), given["density"][0]
-    return density * hull.volume, hull.centroid, density * hull.inertia, np.zeros((0, 3)), np.zeros(0)
-
-
-def _statements(folder: Path, name: str) -> Iterator[_Statement]:
-    """Yield the commands of a file, and of the files that it calls.
-
-    Raises
-    ------
-    FileFormatError
-        If a line is not as the documentation of PFC has it.
-    """
-    within: list[str] = []  # open FISH statements
-    text = re.sub(r"^;.*\n", "", (folder / name).read_text(), flags=re.MULTILINE)
-    for line in re.sub(r" \.\.\.\n *", " ", text).splitlines():
-        words = line.strip()
-        opened = re.fullmatch(r"fish define \w+|command|(loop|if) .+", words)
-        if opened:
-            within.append({"fish": "end", "comm": "endcommand", "loop": "endloop"}.get(words[:4], "endif"))
-        elif within and words == within[-1]:
-            within.pop()
-        elif within and within[-1] != "endcommand":
-            if not any(re.fullmatch(pattern, words) for pattern in FISH):
-                raise FileFormatError(
-                    f"{folder / name} has the line {words[:80]!r}: no such statement in FISH; write it again"
-                )
-        elif words != "[settle]":
-            statement = _statement(words, folder / name)
-            yield statement
-            if statement.command == "program call":
-                yield from _statements(folder, statement.given[""][0])
-    if within:
-        raise FileFormatError(f"{folder / name} ends before {within[-1]!r}: write the deck again")
-
-
-def _statement(line: str, path: Path) -> _Statement:
-    """Return a command with its arguments.
-
-    Raises
-    ------
-    FileFormatError
-        If PFC has no such command, keyword or argument.
-    """
-    command = next((one for one in COMMANDS if line == one or line.startswith(f"{one} ")), None)
-    if command is None:
-        raise FileFormatError(f"{path} has the line {line[:80]!r}: PFC has no such command; write the deck again")
-    keywords = COMMANDS[command]
-    words = re.findall(r"\[[^\]]*\]|\S+", line[len(command) :])
-    given: dict[str, list[Any]] = {}
-    if "" in keywords:
-        words = ["", *words]
-    while words:
-        keyword = words.pop(0)
-        if keyword not in keywords or keyword in given:
-            raise FileFormatError(
-                f"{path} gives {keyword!r} to {command!r}: PFC does not take it; write the deck again"
-            )
-        kinds = keywords[keyword]
-        if kinds == "p":
-            kinds = "f" * (4 * int(words.pop(0)))
-        elif kinds == "f*":
-            kinds = "f" * next((k for k, word in enumerate(words) if word in keywords), len(words))
-        values, words = words[: len(kinds)], words[len(kinds) :]
-        good = len(values) == len(kinds) and all(
-            re.fullmatch(ARGUMENTS[kind], value) for kind, value in zip(kinds, values, strict=True)
-        )
-        if not good:
-            raise FileFormatError(f"{path} gives {values[:9]} as {keyword!r} of {command!r}: write the deck again")
-        given[keyword] = [_value(kind, value) for kind, value in zip(kinds, values, strict=True)]
-    return _Statement(command, given)
-
-
-def _value(kind: str, word: str) -> Any:
-    """Return an argument as a number or text."""
-    return float(word) if kind == "f" else int(word) if kind == "i" else word.strip("'")
 
 
 registration = Engine(
@@ -441,9 +305,12 @@ registration = Engine(
     summary="command files: spheres, clumps by templates, rigid blocks, walls of facets, and a run until rest",
     source="docs.itascacg.com/pfc700",
     kinds=("sphere", "polyhedron", "clump"),
+    fixed=True,
+    platens=True,
+    materials=True,
     rolling=("linear",),
     verified="not run; read back by the grammar of its documentation",
     command=f"program call '{RUN}' in PFC3D",
     write=_write,
-    read=_read,
+    read=read_deck,
 )

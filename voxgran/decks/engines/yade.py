@@ -15,16 +15,15 @@ from pathlib import Path
 
 import numpy as np
 
-from voxgran._base.arrays import Floats
 from voxgran._base.errors import FileFormatError, InputError
 from voxgran._base.lazy import load
 from voxgran.decks.bodies import Kind, Template
 from voxgran.decks.engine import Engine, Held
-from voxgran.decks.facets import facets_of
-from voxgran.decks.simulation import SETTLING, Simulation
+from voxgran.decks.simulation import SETTLING, STRESS_MET, Simulation
 from voxgran.decks.text import row_of, text_of
 from voxgran.decks.yade_polyhedra import contacts_of_polyhedra, corners, damping, notes_of_polyhedra, refuse_polyhedra
 from voxgran.decks.yade_script import RUN
+from voxgran.decks.yade_walls import cell_lines, facet_lines
 from voxgran.geometry.rotation import rotation_matrices
 
 TITLE, INSTALL = "YADE", "apt-get install yade"
@@ -36,10 +35,6 @@ SCRIPT, GRAINS, SPHERES, FACETS = "yade_run.py", "yade_grains.txt", "yade_sphere
 CELLS, AROUND = 24, 2
 #: nodes on the surface of a level set
 NODES = 1000
-#: how far a wall of a periodic cell reaches, in cells: grains are not wrapped, and meet it where they are
-REACH = 1000
-#: lengths of a cell across walls, in distances of the walls: periodic images lie apart
-APART = 4
 #: largest strain rate of a cell that keeps a stress s, times sqrt(m / (s d))
 RATE = 0.01
 #: numerical damping in such a cell, a share of the force on a grain, and the mean net force at rest, in contact forces
@@ -74,7 +69,7 @@ def _write(simulation: Simulation) -> Mapping[str, str]:
     if _kinds(simulation) & {"sphere", "clump"}:
         files[SPHERES] = _spheres(simulation)
     files[GRAINS] = _grains(simulation)
-    facets, said = _facets(simulation)
+    facets, said = facet_lines(simulation)
     if facets:
         files[FACETS] = facets
     script = [*_constants(simulation, bool(facets)), *_engines(simulation)]
@@ -96,18 +91,26 @@ def _refuse(simulation: Simulation) -> None:
         refuse_polyhedra(simulation)
     if any(walls.periodic):
         _refuse_narrow(simulation)
-    adhesive = {law.cohesion for _, _, law in simulation.laws.pairs()}
-    if len(adhesive) > 1:
-        raise InputError(
-            f"material cohesion differs between pairs, {min(adhesive):g} to {max(adhesive):g}: YADE has one of all "
-            "contacts; give all materials the same"
-        )
+        if simulation.platens:
+            raise InputError(
+                "container is periodic, and walls are to keep a stress: YADE has none that move in a periodic cell; "
+                "choose engine 'liggghts'"
+            )
+    for name in ("cohesion", "rolling_friction"):
+        found = {float(getattr(law, name)) for _, _, law in simulation.laws.pairs()}
+        if len(found) > 1:
+            raise InputError(
+                f"material {name} differs between pairs, {min(found):g} to {max(found):g}: YADE has one of all "
+                "contacts; give all materials the same"
+            )
     if "level_set" not in kinds:
         return
     if len(kinds) > 1:
         raise InputError(
             "grains are level sets and others: level sets meet no other grains in YADE; give grains='clump'"
         )
+    if simulation.laws.rolls:
+        raise InputError("material rolling_friction is given: level sets of YADE have none; leave it out")
     if any(walls.periodic):
         raise InputError("container is periodic and grains are level sets: YADE has wrong torques; give grains='clump'")
     if walls.round is not None or walls.mesh is not None:
@@ -147,6 +150,8 @@ def _notes(simulation: Simulation) -> list[str]:
     mean = (own[:, None] + own) / 2
     if simulation.law.name == "linear" and not np.allclose(mean, laws.matrix("damping_ratio")):
         lines.append("approximated: the damping of a pair is the mean share of the critical one of its two materials")
+    if laws.rolls:
+        lines.append("approximated: rolling friction of spheres takes their mean radius over 2 for the effective one")
     if "polyhedron" in kinds:
         lines += notes_of_polyhedra(simulation)
     if "level_set" in kinds:
@@ -166,6 +171,8 @@ def _constants(simulation: Simulation, facets: bool) -> list[str]:
     kind, of_walls = simulation.laws.of_shapes, simulation.laws.of_walls
     planes = [(plane.level, plane.axis, plane.inward, of_walls[plane.name]) for plane in walls.planes]
     planes = [] if any(walls.periodic) else planes
+    moving = [(walls.planes.index(one.plane), one.plane.axis, one.plane.inward, one.force, one.speed)
+              for one in simulation.platens]  # fmt: skip
     return [
         "import os",
         "import sys",
@@ -181,6 +188,13 @@ def _constants(simulation: Simulation, facets: bool) -> list[str]:
         f"MATERIALS = {{{', '.join(f'{one.name!r}: {k}' for one, k in zip(bodies.templates, kind, strict=True))}}}",
         "# level, axis, side and material of plane walls",
         f"PLANES = {planes!r}",
+        "# plane walls that move: number, axis, side, force of the grains in N, and speed in m/s where nothing presses",
+        f"PLATENS = {moving!r}",
+        "# coefficient of rolling friction",
+        f"ROLLING = {simulation.law.rolling_friction!r}",
+        f"STRESS_MET = {STRESS_MET!r}",
+        "# first and last number of each row of grains that are fixed, from 1",
+        f"FIXED = {simulation.fixed!r}",
         f"FACETS = {facets}",
         f"SPHERES = {bool(kinds & {'sphere', 'clump'})}",
         f"LEVEL_SETS = {'level_set' in kinds}",
@@ -237,12 +251,26 @@ def _contacts(simulation: Simulation, shapes: list[str]) -> tuple[list[str], lis
         geometry += ["Ig2_LevelSet_LevelSet_ScGeom()", "Ig2_Wall_LevelSet_ScGeom()"]
     if hertz:
         bounce = _matches(simulation, laws.matrix("restitution")) if laws.count > 1 else repr(law.restitution)
-        physics = [f"Ip2_FrictMat_FrictMat_MindlinPhys(en={bounce}, gamma={law.cohesion!r}{rubs})"]
-        return geometry, physics, [f"Law2_ScGeom_MindlinPhys_Mindlin(includeAdhesion={law.cohesion > 0})"]
+        rolls, moment = _rolling(simulation)
+        physics = [f"Ip2_FrictMat_FrictMat_MindlinPhys(en={bounce}, gamma={law.cohesion!r}{rubs}{rolls})"]
+        return geometry, physics, [f"Law2_ScGeom_MindlinPhys_Mindlin(includeAdhesion={law.cohesion > 0}{moment})"]
     normal = _matches(simulation, laws.matrix("stiffness"))
     ratio = _matches(simulation, [[one.shear_stiffness / one.stiffness for one in row] for row in laws.laws])
     physics = [f"Ip2_FrictViscoMat_FrictViscoMat_FrictViscoPhys(kn={normal}, kRatio={ratio}{rubs})"]
     return geometry, physics, ["Law2_ScGeom_FrictViscoPhys_CundallStrackVisco(sphericalBodies=False)"]
+
+
+def _rolling(simulation: Simulation) -> tuple[str, str]:
+    """Return what the parameters of contacts and the law of Hertz say of rolling friction.
+
+    The moment is at most eta times the mean radius of two spheres and the normal force; that of others, the coefficient
+    times the effective radius, is half of it between equal spheres.
+    """
+    if not simulation.laws.rolls:
+        return "", ""
+    law = simulation.law
+    stiffness = simulation.rolling(law)[0] * (simulation.diameter / 4) ** 2
+    return f", krot={stiffness!r}, eta={law.rolling_friction / 2!r}", ", includeMoment=True"
 
 
 def _engines(simulation: Simulation) -> list[str]:
@@ -255,7 +283,7 @@ def _engines(simulation: Simulation) -> list[str]:
     # without gravity grains that bear nothing come to rest by damping alone
     usual = "damping=0" if simulation.stress is None else f"damping={DAMPING!r}"
     damped = damping(simulation) if "Polyhedra" in shapes else usual
-    lines = _cell(simulation) if any(walls.periodic) else []
+    lines = cell_lines(simulation) if any(walls.periodic) else []
     return [
         *lines,
         *_materials(simulation),
@@ -266,6 +294,7 @@ def _engines(simulation: Simulation) -> list[str]:
         *(f"        [{', '.join(group)}]," for group in _contacts(simulation, shapes)),
         "    ),",
         *_servo(simulation),
+        *(["    PyRunner(command='limit_moments()', iterPeriod=10),"] if simulation.laws.rolls else []),
         f"    NewtonIntegrator({damped}, gravity=({gravity})),",
         "]",
         f"O.dt = {simulation.time_step!r}",
@@ -274,9 +303,11 @@ def _engines(simulation: Simulation) -> list[str]:
 
 
 def _servo(simulation: Simulation) -> list[str]:
-    """Return the engine that keeps the stress of a periodic cell, in which compression is below 0."""
+    """Return the engine that keeps the stress of walls, or of a periodic cell, in which compression is below 0."""
     if simulation.stress is None:
         return []
+    if simulation.platens:
+        return ["    PyRunner(command='move_platens()', iterPeriod=1),"]
     kept = ~np.isnan(simulation.stress)
     goal = ", ".join(repr(float(value)) for value in np.where(kept, -simulation.stress, 0.0))
     mask, rate = int(kept @ np.array([1, 2, 4])), RATE / simulation.time_unit
@@ -284,47 +315,6 @@ def _servo(simulation: Simulation) -> list[str]:
         f"    PeriTriaxController(goal=({goal}), stressMask={mask}, maxStrainRate=({rate!r}, {rate!r}, {rate!r}),",
         "        globUpdate=1, relStressTol=1e-3, maxUnbalanced=0),",
     ]
-
-
-def _period(simulation: Simulation) -> Floats:
-    """Return the edges (3,) of the periodic cell: across walls it is so long that images do not meet."""
-    walls, bodies = simulation.walls, simulation.bodies
-    lengths = np.ptp(walls.bounds, axis=0)
-    reach = 4 * float((bodies.assembly.scale * bodies.assembly.bounding_radii).max())
-    return np.where(walls.periodic, lengths, APART * (lengths + reach))
-
-
-def _cell(simulation: Simulation) -> list[str]:
-    """Return the lines of the periodic cell."""
-    edges = ", ".join(repr(float(value)) for value in _period(simulation))
-    return ["O.periodic = True", f"O.cell.setBox({edges})"]
-
-
-def _facets(simulation: Simulation) -> tuple[list[str], list[str]]:
-    """Return the triangles of walls as lines, and what they leave out.
-
-    Periodic cells have no infinite planes: a triangle that reaches over many cells is in place of each.
-    """
-    walls, of_walls = simulation.walls, simulation.laws.of_walls
-    said: list[str] = []
-    found: list[tuple[Floats, int]] = []
-    for wall in facets_of(simulation):
-        if wall.name in ("round", "mesh"):
-            found.append((wall.vertices[wall.faces], of_walls[wall.name]))
-            said += [f"approximated: {wall.note}"] if wall.note else []
-    if any(walls.periodic):
-        for plane in walls.planes:
-            size = REACH * float(_period(simulation).max())
-            first, second = (axis for axis in range(3) if axis != plane.axis)
-            triangle = np.tile(walls.bounds.mean(axis=0), (3, 1))
-            triangle[:, plane.axis] = plane.level
-            triangle[:, first] += size * np.array([0.0, -2.0, 2.0])
-            triangle[:, second] += size * np.array([2.0, -1.0, -1.0])
-            found.append((triangle[None], of_walls[plane.name]))
-    if not found:
-        return [], said
-    rows = [f"{row_of(row)} {kind}" for corners, kind in found for row in corners.reshape(-1, 9)]
-    return ["# corners of triangles: x y z three times, and the material", *rows], said
 
 
 def _grains(simulation: Simulation) -> list[str]:
@@ -404,8 +394,11 @@ registration = Engine(
     source="YADE 2023.02a, reference of classes and source",
     kinds=("sphere", "clump", "level_set", "polyhedron"),
     cohesion=True,
+    fixed=True,
     servo=True,
+    platens=True,
     materials=True,
+    rolling=("hertz",),
     install=INSTALL,
     verified="run with YADE 2023.02a of Debian 12",
     command=f"yade -n -x {SCRIPT}",
