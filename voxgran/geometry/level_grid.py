@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from voxgran._base.arrays import Floats, Integers
 from voxgran._base.kernels import inlined_kernel
+from voxgran.geometry.periods import slopes_of
 
 #: half edges of a region along the axes
 Reach: TypeAlias = tuple[float, float, float]
@@ -23,7 +24,10 @@ SPARE = 2
 class LevelGrid(NamedTuple):
     """Cells of all levels, level by level, for positions from the lower corner of the container.
 
-    span: lengths of the periodic axes, 0 of others.  reach: (k, 3) largest half extents of each
+    Linked positions lie in the cell of the container, whose edges may be tilted; other positions lie anywhere.
+
+    span: lengths of the periodic axes, 0 of others.  periods, slopes: the vectors by which the container repeats and
+    what leads to coordinates along them (:mod:`voxgran.geometry.periods`).  reach: (k, 3) largest half extents of each
     level.  width, count: (k, 3) edges and numbers of the cells.  wraps: (k, 3), 1 where the cells repeat along an axis:
     as images of a periodic axis, or on others to limit their number; distant grains then share a cell.  first: first
     cell of each level in `head`.  filled: number of linked grains of each level.  head: the grain linked last in each
@@ -31,6 +35,8 @@ class LevelGrid(NamedTuple):
     """
 
     span: Floats
+    periods: Floats
+    slopes: Floats
     reach: Floats
     width: Floats
     count: Integers  # type: ignore[assignment]
@@ -41,18 +47,21 @@ class LevelGrid(NamedTuple):
     after: NDArray[np.int32]
 
 
-def empty_grid(span: Floats, reach: Floats, width: Floats, count: Integers, wraps: Integers, grains: int) -> LevelGrid:
-    """Return a grid for so many grains, none of which is linked."""
+def empty_grid(
+    periods: Floats, reach: Floats, width: Floats, count: Integers, wraps: Integers, grains: int
+) -> LevelGrid:
+    """Return a grid for so many grains, none of which is linked, by the (3, 3) periods of the container."""
+    along = periods.diagonal().copy(), periods, slopes_of(periods)
     first = np.concatenate([[0], np.cumsum(count.prod(axis=1))]).astype(np.int64)
     # untouched zeros take no memory until grains are linked
     links = np.full(int(first[-1]), -1, dtype=np.int32), np.zeros(grains, dtype=np.int32)
-    return LevelGrid(span, reach, width, count, wraps, first[:-1], np.zeros(len(count), dtype=np.int64), *links)
+    return LevelGrid(*along, reach, width, count, wraps, first[:-1], np.zeros(len(count), dtype=np.int64), *links)
 
 
-def level_cells(lengths: Floats, periodic: Integers, reach: Floats, dimension: int) -> tuple[LevelGrid, Integers]:
+def level_cells(lengths: Floats, periods: Floats, reach: Floats, dimension: int) -> tuple[LevelGrid, Integers]:
     """Return empty cells for spheres of half ranges `reach`, (n,), and the level of each; level 0 has the largest.
 
-    lengths: of the bounds of the container.  periodic: which axes are, as 0 or 1.
+    lengths: of the bounds of the container.  periods: (3, 3) vectors by which it repeats.
     """
     level = np.floor(np.log2(reach.max() / reach)).astype(np.int64)
     used, level, number = np.unique(level, return_inverse=True, return_counts=True)
@@ -63,10 +72,10 @@ def level_cells(lengths: Floats, periodic: Integers, reach: Floats, dimension: i
     # as many cells as spheres at most, of one shape
     share = np.minimum(1.0, (SPARE * number / full[:, axes].prod(axis=1)) ** (1.0 / dimension))
     count = np.where(axes, np.maximum(np.floor(full * share[:, None]), 1), 1).astype(np.int64)
-    wraps = np.tile(periodic, (len(used), 1)).astype(np.int64)
+    wraps = np.tile(periods.diagonal() > 0.0, (len(used), 1)).astype(np.int64)
     width = np.ascontiguousarray(span / count)
     rows = np.ascontiguousarray(np.tile(largest[:, None], (1, 3)))
-    return empty_grid(span * periodic, rows, width, count, wraps, len(reach)), level.astype(np.int64)
+    return empty_grid(periods, rows, width, count, wraps, len(reach)), level.astype(np.int64)
 
 
 @inlined_kernel
@@ -88,6 +97,7 @@ def unlink_at(cells: LevelGrid, grain: int, level: int, x: float, y: float, z: f
 @inlined_kernel
 def _cell_at(cells, level, x, y, z):  # type: ignore[no-untyped-def]
     """Return the cell of a position."""
+    x, y = x + cells.slopes[0] * y + cells.slopes[1] * z, y + cells.slopes[2] * z
     i, j, k = _index_at(cells, level, 0, x), _index_at(cells, level, 1, y), _index_at(cells, level, 2, z)
     return cells.first[level] + (i * cells.count[level, 1] + j) * cells.count[level, 2] + k
 
@@ -111,6 +121,9 @@ def cells_near(
 
     They may lie beyond the ends of axes along which the cells repeat.
     """
+    u, v, w = cells.slopes[0], cells.slopes[1], cells.slopes[2]
+    x, y = x + u * y + v * z, y + w * z
+    reach = reach[0] + abs(u) * reach[1] + abs(v) * reach[2], reach[1] + abs(w) * reach[2], reach[2]
     i0, i1 = _cells_along(cells, level, 0, x, reach[0])
     j0, j1 = _cells_along(cells, level, 1, y, reach[1])
     k0, k1 = _cells_along(cells, level, 2, z, reach[2])
@@ -125,6 +138,13 @@ def first_in_cell(cells: LevelGrid, level: int, i: int, j: int, k: int) -> tuple
     tj = 0 if 0 <= j < nj else j // nj
     tk = 0 if 0 <= k < nk else k // nk
     return cells.head[cells.first[level] + ((i - ti * ni) * nj + j - tj * nj) * nk + k - tk * nk], ti, tj, tk
+
+
+@inlined_kernel
+def image_shift(cells: LevelGrid, ti: int, tj: int, tk: int) -> tuple[float, float, float]:
+    """Return the vector of so many periods along each axis."""
+    p = cells.periods
+    return ti * p[0, 0] + tj * p[1, 0] + tk * p[2, 0], tj * p[1, 1] + tk * p[2, 1], tk * p[2, 2]
 
 
 @inlined_kernel

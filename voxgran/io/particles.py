@@ -291,7 +291,7 @@ def _warn_of_a_clump(particles: Particles, path: Path) -> None:
         return
     if not 2 <= len(radii) <= MOST_OF_A_CLUMP:
         return
-    i, j, _ = near_pairs(centers, radii, 0.0, lower=np.zeros(3), lengths=np.ones(3), periodic=(False, False, False))
+    i, j, _ = near_pairs(centers, radii, 0.0)
     depth = radii[i] + radii[j] - np.linalg.norm(centers[j] - centers[i], axis=1)
     deep = depth > DEEP * np.minimum(radii[i], radii[j])
     count = len(np.union1d(i[deep], j[deep]))

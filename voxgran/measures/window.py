@@ -16,8 +16,9 @@ import numpy as np
 
 from voxgran._base.arrays import Floats, Integers
 from voxgran._base.kernels import kernel
-from voxgran.containers.model import Container
+from voxgran.containers.model import Container, periods_of
 from voxgran.geometry.halfspaces import cut_disks, cut_spheres
+from voxgran.geometry.periods import OPEN
 from voxgran.geometry.sphere_pairs import near_pairs
 from voxgran.measures.overlap import overlap_volume
 from voxgran.measures.slabs import Ordered, near_box
@@ -130,7 +131,7 @@ class Solids:
             found = known[max(known)]
             deep = found.gap <= -NO_DEPTH * float(radii.mean())
             pairs = found.i[deep], found.j[deep], found.image[deep]
-            return centers, radii, _planes_of(pairs, centers, radii, _periods(self.packing.container))
+            return centers, radii, _planes_of(pairs, centers, radii, periods_of(self.packing.container))
         return centers, radii, power_planes(centers, radii, self.packing.container)
 
     @property
@@ -251,17 +252,17 @@ def power_planes(centers: Floats, radii: Floats, container: Container | None = N
     The planes of sphere i have the indices from ``start[i]`` to ``start[i + 1]``; offsets are relative to its center.
     """
     slack = -NO_DEPTH * float(radii.mean()) if len(radii) else 0.0
-    periodic, lower, lengths = (False, False, False), np.zeros(3), np.ones(3)
+    lower, periods = np.zeros(3), OPEN
     if container is not None:
-        periodic, lower, lengths = container.periodic, container.bounds[0], _periods(container)
-    pairs = near_pairs(centers, radii, slack, lower=lower, lengths=lengths, periodic=periodic)
-    return _planes_of(pairs, centers, radii, lengths)
+        lower, periods = np.array(container.bounds[0]), periods_of(container)
+    pairs = near_pairs(centers, radii, slack, lower=lower, periods=periods)
+    return _planes_of(pairs, centers, radii, periods)
 
 
-def _planes_of(pairs: tuple[Integers, Integers, Integers], centers: Floats, radii: Floats, lengths: Floats) -> Planes:
+def _planes_of(pairs: tuple[Integers, Integers, Integers], centers: Floats, radii: Floats, periods: Floats) -> Planes:
     """Return the planes of equal power of pairs (i, j, image) of overlapping spheres, as :func:`power_planes`."""
     i, j, image = pairs
-    apart = centers[j] + image * lengths - centers[i]
+    apart = centers[j] + image @ periods - centers[i]
     distance = np.sqrt((apart**2).sum(axis=1))
     same = distance == 0.0
     # among concentric spheres the largest one is kept, among equal ones the first

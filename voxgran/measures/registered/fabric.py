@@ -18,6 +18,7 @@ from typing import Any
 import numpy as np
 
 from voxgran._base.arrays import Booleans, Floats, Integers
+from voxgran.containers.model import periods_of
 from voxgran.geometry.orientation_laws.directional import Random
 from voxgran.geometry.orientation_laws.law import OrientationLaw
 from voxgran.geometry.orientations import make_orientations
@@ -44,9 +45,8 @@ class Vectors:
 def fabric_vectors(packing: Packing) -> dict[str, Vectors]:
     """Return all sets of vectors."""
     contacts = touching_contacts(packing)
-    lower, upper = packing.container.bounds
-    period = np.where(packing.container.periodic, upper - lower, 0.0)
-    branch = packing.position[contacts.j] + contacts.image * period - packing.position[contacts.i]
+    shift = contacts.image @ periods_of(packing.container)
+    branch = packing.position[contacts.j] + shift - packing.position[contacts.i]
     # relative lengths, whose squares neither overflow nor vanish
     length = np.linalg.norm(branch / max(float(np.abs(branch).max(initial=0.0)), 1e-300), axis=1)
     axes, grains = long_axes(packing)

@@ -211,7 +211,9 @@ def queue_of(problem: Problem, half: Floats, walls: KernelContainer) -> NDArray[
     elif order == "random":
         queue = queue[stream(problem.seed, "order").permutation(len(queue))]
     across = slice(0, problem.dimension)
-    return queue[(2 * half[queue, across] <= walls.lengths[across] + walls.slack).all(axis=1)]
+    # spheres may be nearer to an image along a tilted edge than along an axis
+    least = walls.lengths[across] if half.shape[1] > 1 else np.minimum(walls.lengths[across], walls.shortest)
+    return queue[(2 * half[queue, across] <= least + walls.slack).all(axis=1)]
 
 
 def sizes_of(half: Floats, most: int | None = None) -> Integers:

@@ -66,7 +66,7 @@ class Walls:
 def filled_cells(spheres: Floats, walls: Walls) -> LevelGrid:
     """Return cells in which all spheres (n, 4) are linked."""
     reach = spheres[:, 3].copy() if len(spheres) else np.ones(1)
-    cells, level = level_cells(walls.lengths, walls.periodic, reach, walls.container.dimension)
+    cells, level = level_cells(walls.lengths, walls.periods, reach, walls.container.dimension)
     link_all(spheres, level, cells)
     return cells
 
@@ -133,7 +133,7 @@ def taken(found: Floats, walls: Walls, slack: float) -> tuple[Integers, Integers
     if not len(order):
         return order, order
     spheres = found[order]
-    cells, level = level_cells(walls.lengths, walls.periodic, spheres[:, 3].copy(), walls.container.dimension)
+    cells, level = level_cells(walls.lengths, walls.periods, spheres[:, 3].copy(), walls.container.dimension)
     fate = np.zeros(len(order), dtype=np.int64)
     take_largest(spheres, level, cells, slack, fate)
     return order[fate == TAKEN], order[fate == AGAIN]
