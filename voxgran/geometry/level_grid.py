@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from voxgran._base.arrays import Floats, Integers
-from voxgran._base.kernels import inlined_kernel
+from voxgran._base.kernels import bare_kernel, inlined_kernel
 from voxgran.geometry.periods import slopes_of
 
 #: half edges of a region along the axes
@@ -157,3 +157,34 @@ def _cells_along(cells, level, axis, x, reach):  # type: ignore[no-untyped-def]
     if cells.span[axis] == 0.0 and high - low >= count:
         return 0, count - 1
     return low, high
+
+
+@bare_kernel
+def is_free(cells: LevelGrid, spheres: Floats, x: float, y: float, z: float, r: float, slack: float) -> bool:
+    """Return whether a sphere would overlap none of those that are linked by more than the slack.
+
+    spheres: (n, 4) centers from the lower corner of the container, and radii.
+    """
+    for level in range(len(cells.first)):
+        if not _is_free_within(cells, spheres, level, x, y, z, r, slack, r + cells.reach[level, 0]):
+            return False
+    return True
+
+
+@bare_kernel
+def _is_free_within(cells, spheres, level, x, y, z, r, slack, reach):  # type: ignore[no-untyped-def]
+    """Return whether a sphere would overlap none of a level, in the cells within reach."""
+    low, high = cells_near(cells, level, x, y, z, (reach, reach, reach))
+    for i in range(low[0], high[0]):
+        for j in range(low[1], high[1]):
+            for k in range(low[2], high[2]):
+                sphere, ti, tj, tk = first_in_cell(cells, level, i, j, k)
+                sx, sy, sz = image_shift(cells, ti, tj, tk)
+                px, py, pz = x - sx, y - sy, z - sz
+                while sphere >= 0:
+                    dx, dy, dz = px - spheres[sphere, 0], py - spheres[sphere, 1], pz - spheres[sphere, 2]
+                    apart = r + spheres[sphere, 3] - slack
+                    if dx * dx + dy * dy + dz * dz < apart * apart:
+                        return False
+                    sphere = cells.after[sphere]
+    return True

@@ -14,10 +14,10 @@ from voxgran._base.arrays import Floats, Integers
 from voxgran._base.kernels import bare_kernel
 from voxgran._base.seeds import below, philox_block, unit_float
 from voxgran.containers.kernel_container import KernelContainer
-from voxgran.geometry.level_grid import LevelGrid
+from voxgran.geometry.level_grid import LevelGrid, is_free
 from voxgran.packing.advancing_front.container import is_inside, pulled_in
 from voxgran.packing.advancing_front.mesh_pockets import place_in
-from voxgran.packing.advancing_front.sphere_cells import BITS, HERE, IMAGES, is_free, link, unlink
+from voxgran.packing.advancing_front.sphere_cells import BITS, HERE, IMAGES, link, unlink
 from voxgran.packing.advancing_front.tangent_spheres import PLANE, center_of
 
 #: order of the faces of the front

@@ -4,16 +4,7 @@ import numpy as np
 
 from voxgran._base.arrays import Floats, Integers
 from voxgran._base.kernels import bare_kernel
-from voxgran.geometry.level_grid import (
-    LevelGrid,
-    cells_near,
-    empty_grid,
-    first_in_cell,
-    image_shift,
-    link_at,
-    unlink_at,
-)
-from voxgran.geometry.vectors import sub
+from voxgran.geometry.level_grid import LevelGrid, empty_grid, link_at, unlink_at
 
 #: a sphere and its periodic image as one number: the index of the sphere times 2 ** BITS, plus the image
 BITS = 5
@@ -79,30 +70,3 @@ def link_all(cells: LevelGrid, spheres: Floats, many: int) -> None:
     """Link the first spheres, in their order."""
     for sphere in range(many):
         link(cells, spheres, sphere)
-
-
-@bare_kernel
-def is_free(cells: LevelGrid, spheres: Floats, x: float, y: float, z: float, r: float, slack: float) -> bool:
-    """Return whether a sphere would overlap no other by more than the slack."""
-    for level in range(len(cells.first)):
-        if not _is_free_within(cells, spheres, level, x, y, z, r, slack, r + cells.reach[level, 0]):
-            return False
-    return True
-
-
-@bare_kernel
-def _is_free_within(cells, spheres, level, x, y, z, r, slack, reach):  # type: ignore[no-untyped-def]
-    """Return whether a sphere would overlap none of a level, in the cells within reach."""
-    low, high = cells_near(cells, level, x, y, z, (reach, reach, reach))
-    for i in range(low[0], high[0]):
-        for j in range(low[1], high[1]):
-            for k in range(low[2], high[2]):
-                sphere, ti, tj, tk = first_in_cell(cells, level, i, j, k)
-                px, py, pz = sub((x, y, z), image_shift(cells, ti, tj, tk))
-                while sphere >= 0:
-                    dx, dy, dz = px - spheres[sphere, 0], py - spheres[sphere, 1], pz - spheres[sphere, 2]
-                    apart = r + spheres[sphere, 3] - slack
-                    if dx * dx + dy * dy + dz * dz < apart * apart:
-                        return False
-                    sphere = cells.after[sphere]
-    return True

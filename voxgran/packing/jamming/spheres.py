@@ -24,7 +24,7 @@ from voxgran.contacts.assembly import Assembly
 from voxgran.containers.kernel_container import kernel_container
 from voxgran.containers.kinds.box import Box
 from voxgran.containers.kinds.rectangle import Rectangle
-from voxgran.containers.model import Container, boundary_of, within_periods
+from voxgran.containers.model import Container, boundary_of, tilt_of, within_periods
 from voxgran.geometry.level_grid import level_cells
 from voxgran.packing.jamming.coordination import NearPairs
 from voxgran.packing.jamming.expected import reachable
@@ -326,7 +326,7 @@ def _bounds_of(container: Container) -> Container:
     n = container.dimension
     axes = "".join(axis for axis, wraps in zip("xyz", container.periodic, strict=True) if wraps)
     make = Box if n == 3 else Rectangle
-    return make(tuple((upper - lower)[:n].tolist()), axes, origin=tuple(lower[:n].tolist()))
+    return make((upper - lower)[:n], axes, origin=lower[:n], tilt=tilt_of(container)[: 2 * n - 3])
 
 
 def _near_order(position: Floats, radii: Floats, bounds: Floats) -> Integers:
