@@ -57,17 +57,28 @@ def images_within(reach: "float | Floats", periods: Floats) -> Floats:
 
 def nearest_turns(away: Floats, periods: Floats) -> Integers:
     """Return the numbers of periods (n, 3) whose sum is nearest to vectors (n, 3)."""
-    turns, left = np.zeros(away.shape, dtype=np.int64), away
-    for axis in (2, 1, 0):
-        length = periods[axis, axis]
-        turns[:, axis] = np.rint(left[:, axis] / (length or np.inf))
-        left = left - turns[:, axis, None] * periods[axis]
+    turns = _step_by_step(away, periods, np.rint)
     if not slopes_of(periods).any():
         return turns
+    left = away - turns @ periods
     # where the faces are tilted, a cell beside the one across the nearest face may be nearer
     steps = (np.indices((3, 3, 3)).reshape(3, -1).T - 1) * (periods.diagonal() > 0.0)
     best = np.argmin(np.square(left[:, None] - steps @ periods).sum(axis=2), axis=1)
     return turns + steps[best]
+
+
+def upright_turns(points: Floats, lower: Floats, periods: Floats) -> Integers:
+    """Return by how many periods (n, 3) points lie beyond the upright box with a lower corner, as large as the cell."""
+    return _step_by_step(points - lower, periods, np.floor)
+
+
+def _step_by_step(left: Floats, periods: Floats, rounded: np.ufunc) -> Integers:
+    """Return numbers of periods (n, 3) that vectors (n, 3) are rounded to, along z first, which changes x and y."""
+    turns = np.zeros(left.shape, dtype=np.int64)
+    for axis in (2, 1, 0):
+        turns[:, axis] = rounded(left[:, axis] / (periods[axis, axis] or np.inf))
+        left = left - turns[:, axis, None] * periods[axis]
+    return turns
 
 
 def shortest_period(periods: Floats) -> float:

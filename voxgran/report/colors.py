@@ -8,6 +8,7 @@ import numpy as np
 
 from voxgran._base.arrays import Floats, as_choice
 from voxgran._base.lazy import load
+from voxgran.containers.model import refuse_tilt
 from voxgran.measures.registered.coordination import coordination_number
 from voxgran.measures.registered.forces import known_forces
 from voxgran.packing.grains import ColorBy
@@ -124,6 +125,7 @@ def _heights(packing: Packing) -> Floats:
 
 def _nearest(packing: Packing) -> Floats:
     """Return the distance of each centroid from the nearest other one, across periodic faces too."""
+    refuse_tilt(packing.container, "the distance from the nearest grain", "color the grains by something else")
     lower, upper = packing.container.bounds
     lengths = np.where(packing.container.periodic, upper - lower, 0.0)
     local = packing.position - lower
