@@ -132,12 +132,10 @@ def _nearest(packing: Packing) -> Floats:
     d, half = packing.dimension, np.full(packing.count, 0.5)
     alone, reach = np.arange(packing.count), float((extent[:d].prod() / max(packing.count, 1)) ** (1 / d))
     while len(alone) and reach < 4.0 * float(np.linalg.norm(extent)):
-        known = {"lower": lower, "periods": periods}
-        one, j, image = spheres_near(
-            packing.position[alone], reach * half[alone], packing.position, reach * half, **known
-        )
+        radii = reach * half
+        one, j, image = spheres_near(place[alone], radii[alone], place, radii, lower=lower, periods=periods)
         i = alone[one]
-        away = np.linalg.norm(packing.position[j] + image @ periods - packing.position[i], axis=1)
+        away = np.linalg.norm(place[j] + image @ periods - place[i], axis=1)
         other = i != j
         np.minimum.at(distance, i[other], away[other])
         alone, reach = alone[np.isinf(distance[alone])], 2.0 * reach
