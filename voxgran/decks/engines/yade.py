@@ -15,6 +15,7 @@ from pathlib import Path
 
 import numpy as np
 
+from voxgran.geometry.periods import face_distances
 from voxgran._base.arrays import Floats
 from voxgran._base.errors import FileFormatError, InputError
 from voxgran._base.lazy import load
@@ -125,7 +126,7 @@ def _refuse_narrow(simulation: Simulation) -> None:
         If a period is too short.
     """
     walls = simulation.walls
-    period = float(np.ptp(walls.bounds, axis=0)[np.array(walls.periodic)].min())
+    period = float(face_distances(walls.periods).min())
     bodies = simulation.bodies
     widest = 2 * (float(bodies.spheres[1].max(initial=0.0)) + VERLET * bodies.least_radius)
     if widest > period / 2:
@@ -296,8 +297,9 @@ def _period(simulation: Simulation) -> Floats:
 
 def _cell(simulation: Simulation) -> list[str]:
     """Return the lines of the periodic cell."""
-    edges = ", ".join(repr(float(value)) for value in _period(simulation))
-    return ["O.periodic = True", f"O.cell.setBox({edges})"]
+    edges = np.diag(_period(simulation)) + np.tril(simulation.walls.periods, -1)
+    # the vectors of the cell are the columns
+    return ["O.periodic = True", f"O.cell.hSize = Matrix3({row_of(edges.T.ravel(), ', ')})"]
 
 
 def _facets(simulation: Simulation) -> tuple[list[str], list[str]]:
@@ -403,6 +405,7 @@ registration = Engine(
     summary="Python script, with tables of grains, spheres, distances, corners and walls",
     source="YADE 2023.02a, reference of classes and source",
     kinds=("sphere", "clump", "level_set", "polyhedron"),
+    tilted=True,
     cohesion=True,
     servo=True,
     materials=True,
