@@ -15,7 +15,6 @@ from pathlib import Path
 
 import numpy as np
 
-from voxgran.geometry.periods import face_distances
 from voxgran._base.arrays import Floats
 from voxgran._base.errors import FileFormatError, InputError
 from voxgran._base.lazy import load
@@ -26,6 +25,7 @@ from voxgran.decks.simulation import SETTLING, Simulation
 from voxgran.decks.text import row_of, text_of
 from voxgran.decks.yade_polyhedra import contacts_of_polyhedra, corners, damping, notes_of_polyhedra, refuse_polyhedra
 from voxgran.decks.yade_script import RUN
+from voxgran.geometry.periods import face_distances
 from voxgran.geometry.rotation import rotation_matrices
 
 TITLE, INSTALL = "YADE", "apt-get install yade"
