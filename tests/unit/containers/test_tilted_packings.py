@@ -8,7 +8,7 @@ import pytest
 from kit import slow
 
 import voxgran as vg
-from voxgran._base.errors import InputError
+from voxgran._base.errors import GrainTooLargeError, InputError
 from voxgran.containers.model import periods_of
 from voxgran.measures.model import measure_registry
 from voxgran.measures.registered.profile import axis_profile
@@ -59,7 +59,8 @@ def test_grains_of_any_shape_at_random_do_not_meet_images_of_themselves():
     placed = vg.pack(SPHERE, thin, "rsa", count=1)
     assert placed.count == 1
     assert placed.verify().ok
-    assert not vg.pack(SPHERE, vg.Box((3, 0.9, 3), "xyz", tilt=(0.3, 0, 0)), "rsa", count=1).count
+    with pytest.raises(GrainTooLargeError, match="none can fit in the container"):
+        vg.pack(SPHERE, vg.Box((3, 0.9, 3), "xyz", tilt=(0.3, 0, 0)), "rsa", count=1)
 
 
 def test_spheres_jam_as_in_upright_cells(jammed):
