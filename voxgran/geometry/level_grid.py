@@ -141,6 +141,18 @@ def first_in_cell(cells: LevelGrid, level: int, i: int, j: int, k: int) -> tuple
 
 
 @inlined_kernel
+def turns_at(cells: LevelGrid, x: float, y: float, z: float) -> tuple[int, int, int]:
+    """Return by how many periods along each axis a position lies beyond the cell of the container."""
+    span = cells.span
+    x, y = x + cells.slopes[0] * y + cells.slopes[1] * z, y + cells.slopes[2] * z
+    return (
+        math.floor(x / span[0]) if span[0] > 0.0 else 0,
+        math.floor(y / span[1]) if span[1] > 0.0 else 0,
+        math.floor(z / span[2]) if span[2] > 0.0 else 0,
+    )
+
+
+@inlined_kernel
 def image_shift(cells: LevelGrid, ti: int, tj: int, tk: int) -> tuple[float, float, float]:
     """Return the vector of so many periods along each axis."""
     p = cells.periods

@@ -291,6 +291,7 @@ registration = PackingMethod(
     advance=advance,
     finish=finish,
     cost=cost,
+    tilted=True,
     dimensions=(2, 3),
     obstacles="placed",
 )

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from voxgran._base.arrays import WHOLE, Floats
 from voxgran._base.kernels import bare_kernel, inlined_kernel
 from voxgran.containers.kernel_container import KernelContainer
-from voxgran.geometry.level_grid import LevelGrid, cells_near, empty_grid, first_in_cell, image_shift, link_at
+from voxgran.geometry.level_grid import LevelGrid, cells_near, empty_grid, first_in_cell, image_shift, link_at, turns_at
 from voxgran.geometry.vectors import Vector, add, along, dot, row_of, sub
 
 #: largest number of cells of a level, per grain
@@ -73,17 +73,8 @@ def lay_out(half: Floats, level: NDArray[np.int8], walls: KernelContainer, dimen
 @bare_kernel
 def enter(bed: Bed, g: int, place: Vector) -> None:
     """Place a grain at a position, wrapped into the container along periodic axes."""
-    (x, y, z), walls = place, bed.walls
-    for axis in range(2, -1, -1):
-        if walls.periodic[axis] == 1:
-            p = walls.periods[axis]
-            u, v, w = from_corner(bed, (x, y, z))
-            s = bed.cells.slopes
-            share = (u + s[0] * v + s[1] * w) if axis == 0 else (v + s[2] * w) if axis == 1 else w
-            turn = math.floor(share / p[axis])
-            x, y, z = x - turn * p[0], y - turn * p[1], z - turn * p[2]
-    position = bed.grains.position
-    position[g, 0], position[g, 1], position[g, 2] = x, y, z
+    position, turns = bed.grains.position, turns_at(bed.cells, *from_corner(bed, place))
+    position[g, 0], position[g, 1], position[g, 2] = sub(place, image_shift(bed.cells, *turns))
     bed.grains.entered[g] = 1
     _link(bed, g)
 
