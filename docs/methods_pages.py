@@ -22,8 +22,7 @@ from voxgran._base.config import parameters_of
 from voxgran._base.registry import Registry
 from voxgran.clumps.method import clump_registry
 from voxgran.packing.method import method_registry
-from voxgran.report.clumps import picture_clumps
-from voxgran.report.gallery import picture_shapes
+from voxgran.report.gallery import picture_clumps, picture_shapes
 from voxgran.report.scenes import picture_packing
 from voxgran.shapes.family import families
 

@@ -70,8 +70,8 @@ from voxgran.points.cloud import Cloud as Cloud
 from voxgran.points.cloud_surface import shape_of_cloud as shape_of_cloud
 from voxgran.points.register import register_clouds as register_clouds
 from voxgran.points.sample import sample_surface as sample_surface
-from voxgran.report.clumps import save_clump_picture as save_clump_picture
 from voxgran.report.compare import save_comparison as save_comparison
+from voxgran.report.gallery import save_clump_picture as save_clump_picture
 from voxgran.report.gallery import save_gallery as save_gallery
 from voxgran.report.page import save_report as save_report
 from voxgran.report.plot import plot as plot

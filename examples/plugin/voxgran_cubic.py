@@ -13,9 +13,15 @@ from voxgran.packing.method import Cost, PackingMethod, State
 
 @dataclass(frozen=True, kw_only=True, slots=True)
 class Cubic:
-    """Parameters of the cubic lattice."""
+    """Parameters of the cubic lattice.
 
-    gap: float = parameter(0.0, doc="least distance of bounding spheres, in diameters of the largest", at_least=0.0)
+    Parameters
+    ----------
+    gap
+        least distance of bounding spheres, in diameters of the largest.
+    """
+
+    gap: float = parameter(0.0, at_least=0.0)
 
     def __post_init__(self):
         check_bounds(self)

@@ -39,6 +39,14 @@ def typed(*words, unbuffered="", **streams):
     return subprocess.run([sys.executable, "-m", "voxgran", *words], check=False, **told)
 
 
+def test_names_that_are_no_text_are_printed(tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    assert main(["init", "\udcff.toml"]) == 0
+    said = capsys.readouterr().out
+    assert said.startswith("\\udcff.toml: edit it")
+    assert Path("\udcff.toml").is_file()
+
+
 @pytest.mark.skipif(not FULL.exists(), reason="there is no device that is always full")
 @pytest.mark.parametrize(
     ("words", "unbuffered"), [(["methods"], ""), (["--help"], "1"), (["--version"], ""), slow(["methods"], "1")]

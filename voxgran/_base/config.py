@@ -1,6 +1,7 @@
 """Parameter classes as the one source of TOML keys, command-line flags, help texts and provenance.
 
-A parameter class is a frozen keyword-only dataclass whose fields are made by :func:`parameter`. This module turns
+A parameter class is a frozen keyword-only dataclass whose fields are made by :func:`parameter`; their meanings stand
+under "Parameters" in its docstring, after the name alone: :func:`document` adds types and bounds. This module turns
 plain mappings (from TOML, JSON or keyword arguments) into such objects and back; an unknown key is an error
 that gives the nearest name. A parameter may have a former name, which is accepted with a DeprecationWarning, and
 bounds, which :func:`check_bounds` enforces and the help prints. A class that has lost parameters says in its class
@@ -10,6 +11,7 @@ attribute `removed`, a mapping of names to sentences, what to use instead.
 import dataclasses
 import inspect
 import math
+import re
 import textwrap
 import types
 import typing
@@ -28,6 +30,9 @@ from voxgran._base.warning import warn_former
 
 T = TypeVar("T")
 
+#: the section of a docstring on parameters, and an entry of it, with its type or without
+_SECTION = re.compile(r"\n\s*Parameters\n *-{10}\n(.*?)(?=\n\n *\w+\n *---|\n *\Z|\Z)", re.DOTALL)
+_ENTRY = re.compile(r"^(\w+)(?: : .*)?\n((?: +.*\n?)+)", re.MULTILINE)
 #: what dataclasses with slots have for pickle, without docstrings
 _PICKLING = {"__getstate__": "Return the values of the fields.", "__setstate__": "Set the values of the fields."}
 
@@ -63,14 +68,16 @@ class Parameter:
 def parameter(
     default: Any = MISSING,
     *,
-    doc: str,
+    doc: str = "",
     unit: str = "",
     former: str = "",
     above: float | None = None,
     at_least: float | None = None,
     at_most: float | None = None,
 ) -> Any:
-    """Return a dataclass field with its meaning, unit and bounds; without a default the parameter must be given.
+    """Return a dataclass field with its unit and bounds; without a default the parameter must be given.
+
+    `doc` is its meaning, where the docstring of the class does not give it.
 
     The unit is such as ``"length"``, ``"voxels"``, ``"radian"``; the former name is accepted with a DeprecationWarning.
     The bounds, exclusive below, inclusive below and inclusive above, hold for the value or for each entry of a list.
@@ -100,11 +107,31 @@ def parameters_of(cls: type) -> tuple[Parameter, ...]:
 def _parameters_of(cls: type) -> tuple[Parameter, ...]:
     """Return the fields of a parameter class; resolving its annotations takes most of the time of small calls."""
     hints, own = typing.get_type_hints(cls), inspect.get_annotations(cls)
+    meanings = {name: text for base in reversed(cls.__mro__) for name, text in _meanings_in(base.__doc__ or "")}
     return tuple(
-        Parameter(name=field.name, type=hints[field.name], default=field.default, **field.metadata)
+        Parameter(name=field.name, type=hints[field.name], default=field.default, **_told(field, meanings))
         for field in sorted(dataclasses.fields(cls), key=lambda field: field.name not in own)
         if field.init
     )
+
+
+def _told(field: "dataclasses.Field[Any]", meanings: Mapping[str, str]) -> dict[str, Any]:
+    """Return the metadata of a field, with its meaning from a docstring where it has none."""
+    told = dict(field.metadata)
+    meaning = meanings.get(field.name, "").removesuffix(_in_unit(told.get("unit", "")))
+    return told | {"doc": told.get("doc") or meaning}
+
+
+def _meanings_in(docstring: str) -> list[tuple[str, str]]:
+    """Return names and meanings of the parameters that a docstring lists."""
+    section = _SECTION.search(docstring)
+    entries = _ENTRY.findall(textwrap.dedent(section[1])) if section else []
+    return [(name, " ".join(text.split()).removesuffix(".")) for name, text in entries]
+
+
+def _in_unit(unit: str) -> str:
+    """Return how a meaning ends in help texts; lengths are in any unit."""
+    return f", in {unit}" if unit not in ("", "length") else ""
 
 
 @dataclass_transform(kw_only_default=True, frozen_default=True)
@@ -324,7 +351,7 @@ def _describe(wanted: Any) -> str:
 
 
 def document(cls: type) -> None:
-    """Append the section ``Parameters`` to the docstring of a parameter class, from its fields, if it is missing."""
+    """Write the section ``Parameters`` of the docstring of a parameter class, with types, bounds and defaults."""
     for name, meaning in _PICKLING.items():
         method = vars(cls).get(name)
         if method is not None and method.__doc__ is None:
@@ -333,15 +360,17 @@ def document(cls: type) -> None:
             own.__doc__ = meaning
             setattr(cls, name, own)
     text = cls.__doc__ or ""
-    if "Parameters\n" in text:
+    section = _SECTION.search(text)
+    if section and re.search(r"^ *\w+ : ", section[1], re.MULTILINE):
         return
     lines = ["Parameters", "----------"]
     for item in parameters_of(cls):
         default = "" if item.default in (MISSING, None) else f", default {item.default!r}"
         optional = ", optional" if item.default is None else ""
-        unit = f", in {item.unit}" if item.unit and item.unit != "length" else ""
         lines.append(f"{item.name} : {item.type_text}{optional}{default}")
-        lines += textwrap.wrap(f"{item.doc}{unit}.", 100, initial_indent="    ", subsequent_indent="    ")
-    summary, _, rest = text.partition("\n\n")
+        lines += textwrap.wrap(
+            f"{item.doc}{_in_unit(item.unit)}.", 100, initial_indent="    ", subsequent_indent="    "
+        )
+    summary, _, rest = _SECTION.sub("", text).partition("\n\n")
     parts = [summary, "\n    ".join(lines), rest.strip()]
     cls.__doc__ = "\n\n    ".join(part for part in parts if part) + "\n"

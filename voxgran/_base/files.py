@@ -371,6 +371,11 @@ def _send(whole: Path, target: Path) -> None:
 
 def _remove(draft: Path) -> None:
     """Remove what is left of a draft."""
+    with contextlib.suppress(OSError):
+        # a library that failed may keep a file open, which would hold its space until the process ends
+        for file in (draft, *draft.rglob("*")):
+            if file.is_file() and not file.is_symlink():
+                os.truncate(file, 0)
     if draft.is_dir():
         shutil.rmtree(draft, ignore_errors=True)
     else:

@@ -33,7 +33,8 @@ CORES = (
 
 def init(options: argparse.Namespace) -> None:
     """Write a scene file to start from."""
-    write_text(options.file, SCENE, overwrite=options.overwrite)
+    scene = Path(__file__).with_name("scene.toml").read_text(encoding="utf-8")
+    write_text(options.file, scene, overwrite=options.overwrite)
     print(f"{options.file}: edit it, then 'voxgran plan {options.file}' and 'voxgran run {options.file} -o out'")
 
 
@@ -402,38 +403,3 @@ COMMANDS: dict[str, tuple[str, Callable[[argparse.Namespace], int | None]]] = {
     "data": ("copy a scan that comes with voxgran", data),
     "demo": ("pack scanned rocks and random solids in a box", demo),
 }
-
-SCENE = """\
-# A scene of voxgran: 'voxgran plan' says what it costs, 'voxgran run' packs it.
-[scene]
-seed = 1
-unit = "mm"
-
-[[shape]]
-family = "solid_union"
-share = 1.0
-solids = [3, 6]
-
-[sizes]
-kind = "lognormal"
-median = 1.0
-sigma = 0.2
-
-[container]
-kind = "box"
-lengths = [5, 5, 8]
-periodic = ["x", "y"]
-
-[packing]
-method = "digital"
-count = 100
-gravity = "-z"
-
-[settle]             # the true shapes settle until they rest; enabled = false leaves them where the method ends
-friction = 0.5
-
-[output]
-vtk = true
-statistics = true
-report = true
-"""

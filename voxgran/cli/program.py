@@ -4,6 +4,7 @@
 """
 
 import argparse
+import io
 import logging
 import os
 import shlex
@@ -30,6 +31,9 @@ def run(arguments: Sequence[str] | None, signals: Signals) -> int:
         What notes signals meanwhile.
     """
     words = list(sys.argv[1:] if arguments is None else arguments)
+    if isinstance(sys.stdout, io.TextIOWrapper):
+        # as on the error stream: names of files need not be text, and a terminal may know ASCII only
+        sys.stdout.reconfigure(errors="backslashreplace")
     with warnings.catch_warnings():
         warnings.showwarning = warn  # type: ignore[assignment]
         try:

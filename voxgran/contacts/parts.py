@@ -11,7 +11,7 @@ import numpy as np
 
 from voxgran._base.arrays import Floats, Integers
 from voxgran.geometry.support import BOX, CONE, CYLINDER, ELLIPSOID, POINT, ROW
-from voxgran.shapes.describing.body import Geometry
+from voxgran.shapes.describing.body import Geometry, as_spheres
 from voxgran.shapes.outline import Outline
 from voxgran.shapes.primitive import Primitive
 from voxgran.shapes.spheres import Spheres
@@ -86,13 +86,5 @@ def _parts_of_one(geometry: Geometry) -> tuple[Floats, Floats, Floats]:
     """Return rows, margins and centers of one geometry."""
     if isinstance(geometry, Primitive) and geometry.kind != "sphere":
         return row_of(geometry)[None], np.zeros(1), np.zeros((1, 3))
-    if isinstance(geometry, Primitive):
-        centers, margins = np.zeros((1, 3)), np.array([geometry.dimensions[0]])
-    elif isinstance(geometry, Spheres):
-        centers, margins = geometry.centers, geometry.radii
-    elif is_disk(geometry):
-        assert isinstance(geometry, Outline)
-        centers, margins = np.array([[*geometry.center, 0.0]]), np.array([geometry.radius])
-    else:
-        centers, margins = np.zeros((0, 3)), np.zeros(0)
+    centers, margins = as_spheres(geometry) or (np.zeros((0, 3)), np.zeros(0))
     return np.zeros((len(margins), ROW)), margins, centers

@@ -1,4 +1,4 @@
-"""What containers that are made of several walls share: each one gives its parameters and the space within."""
+"""What containers share that are known by their parameters, and what those of several walls do."""
 
 from abc import ABC, abstractmethod
 from dataclasses import fields, replace
@@ -20,10 +20,10 @@ ARCHING = 5.0
 
 
 @explained_methods
-class Equipment(ExplainedAttributes, ABC):
-    """A container of several walls: a frozen dataclass whose fields are the keys of its mapping.
+class Parametric(ExplainedAttributes):
+    """A container known by its parameters: a frozen dataclass whose fields are the keys of its mapping.
 
-    A kind gives its fields, of which those that are None are left out, their lengths, and the space within its walls.
+    A kind gives its fields, of which those that are None are left out, and their lengths.
     """
 
     kind: ClassVar[str]
@@ -31,24 +31,58 @@ class Equipment(ExplainedAttributes, ABC):
     dimension: ClassVar[int] = 3
     periodic: ClassVar[tuple[bool, bool, bool]] = (False, False, False)
 
-    @property
-    @abstractmethod
-    def space(self) -> Space:
-        """The space within the walls."""
-
-    def _check_lengths(self) -> None:
-        """Check the lengths, and put numbers where other values are given."""
+    def _check_lengths(self, **given: Any) -> None:
+        """Check the lengths, those of the fields or others that are given, and put numbers there."""
         spare = {field.name for field in fields(self) if field.default is None}  # type: ignore[arg-type]
         for name in self.lengths:
-            value = getattr(self, name)
+            value = given[name] if given else getattr(self, name)
             if name == "origin":
-                self._set(name, tuple(as_place(value, "origin").tolist()))
+                self._set(name, tuple(as_place(value, "origin", length=self.dimension).tolist()))
             elif value is not None or name not in spare:
                 self._set(name, as_length(value, f"{name} of the {self.kind}"))
 
     def _set(self, name: str, value: Any) -> None:
         """Set a field."""
         object.__setattr__(self, name, value)
+
+    def scaled(self, factor: float) -> Self:
+        """Return the container with all lengths multiplied.
+
+        Raises
+        ------
+        InputError
+            If the factor is not above 0, or a length is not between 1e-60 and 1e60 any longer.
+
+        Examples
+        --------
+        >>> import voxgran as vg
+        >>> vg.Funnel(radius=2, outlet=1, height=2).scaled(2.0).radius
+        4.0
+        """
+        times = as_positive(factor, "factor")
+        return replace(self, **{name: multiplied(getattr(self, name), times) for name in self.lengths})  # type: ignore[type-var]
+
+    def to_mapping(self) -> dict[str, Any]:
+        """Return kind and parameters as JSON-able values.
+
+        Examples
+        --------
+        >>> import voxgran as vg
+        >>> vg.Funnel(radius=2, outlet=1, height=2).to_mapping()
+        {'kind': 'funnel', 'radius': 2.0, 'outlet': 1.0, 'height': 2.0, 'origin': [0.0, 0.0, 0.0]}
+        """
+        found = {field.name: getattr(self, field.name) for field in fields(self)}  # type: ignore[arg-type]
+        return {"kind": self.kind} | {name: _plain(value) for name, value in found.items() if value is not None}
+
+
+@explained_methods
+class Equipment(Parametric, ABC):
+    """A container of several walls, which gives the space within them."""
+
+    @property
+    @abstractmethod
+    def space(self) -> Space:
+        """The space within the walls."""
 
     def doubt(self, diameter: float) -> str:
         """Return what speaks against packing grains of a median diameter, as a sentence; ``""`` if nothing does.
@@ -116,35 +150,6 @@ class Equipment(ExplainedAttributes, ABC):
         2.0
         """
         return self.space.vertices.copy(), self.space.faces.copy()
-
-    def scaled(self, factor: float) -> Self:
-        """Return the container with all lengths multiplied.
-
-        Raises
-        ------
-        InputError
-            If the factor is not above 0, or a length is not between 1e-60 and 1e60 any longer.
-
-        Examples
-        --------
-        >>> import voxgran as vg
-        >>> vg.Funnel(radius=2, outlet=1, height=2).scaled(2.0).radius
-        4.0
-        """
-        times = as_positive(factor, "factor")
-        return replace(self, **{name: multiplied(getattr(self, name), times) for name in self.lengths})  # type: ignore[type-var]
-
-    def to_mapping(self) -> dict[str, Any]:
-        """Return kind and parameters as JSON-able values.
-
-        Examples
-        --------
-        >>> import voxgran as vg
-        >>> vg.Funnel(radius=2, outlet=1, height=2).to_mapping()
-        {'kind': 'funnel', 'radius': 2.0, 'outlet': 1.0, 'height': 2.0, 'origin': [0.0, 0.0, 0.0]}
-        """
-        found = {field.name: getattr(self, field.name) for field in fields(self)}  # type: ignore[arg-type]
-        return {"kind": self.kind} | {name: _plain(value) for name, value in found.items() if value is not None}
 
 
 def multiplied(value: Any, factor: float) -> Any:

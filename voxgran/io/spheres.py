@@ -10,11 +10,10 @@ from voxgran._base.errors import InputError, with_article
 from voxgran._base.files import written_whole
 from voxgran.containers.make import saved_mapping
 from voxgran.io.tables import CONTAINER, FIELDS, UNIT
+from voxgran.measures.crossings import spheres_of
 from voxgran.packing.model import Packing
-from voxgran.shapes.model import Shape
 from voxgran.shapes.outline import Outline
 from voxgran.shapes.primitive import Primitive
-from voxgran.shapes.spheres import Spheres
 
 _ROWS_AT_ONCE = 100_000
 
@@ -59,32 +58,25 @@ def save_spheres(packing: Packing, path: str | os.PathLike[str], *, overwrite: b
 
 
 def owned_spheres(packing: Packing) -> tuple[Floats, Floats, Integers]:
-    """Return centers, radii and grain of all spheres."""
+    """Return centers, radii and grain of all spheres.
+
+    Raises
+    ------
+    InputError
+        If a grain is neither a sphere nor a clump of spheres nor a disk.
+    """
     centers, radii, owner = [np.zeros((0, 3))], [np.zeros(0)], [np.zeros(0, np.int64)]
-    for index in np.unique(packing.shape_id):
-        members = np.flatnonzero(packing.shape_id == index)
-        body_centers, body_radii = _spheres_of_shape(packing.shapes[index], int(members[0]))
-        scale = packing.scale[members]
-        turned = np.einsum("gij,sj->gsi", packing.matrices[members], body_centers)
-        placed = turned * scale[:, None, None] + packing.position[members, None, :]
-        centers.append(placed.reshape(-1, 3))
-        radii.append((scale[:, None] * body_radii).ravel())
-        owner.append(np.repeat(members, len(body_radii)))
+    for index in np.unique(packing.shape_id).tolist():
+        members, found = np.flatnonzero(packing.shape_id == index), spheres_of(packing, index)
+        if found is None:
+            geometry = packing.shapes[index].geometry
+            kind = geometry.kind if isinstance(geometry, Primitive | Outline) else type(geometry).__name__.lower()
+            raise InputError(
+                f"grain {members[0]} is {with_article(kind)}: text holds only spheres, clumps of them and disks; save "
+                "as .vtp, or pack the clumps of fit_clump instead, or take packing.with_clumps()"
+            )
+        centers.append(found[0])
+        radii.append(found[1])
+        owner.append(np.repeat(members, len(found[1]) // len(members)))
     order = np.argsort(np.concatenate(owner), kind="stable")
     return np.concatenate(centers)[order], np.concatenate(radii)[order], np.concatenate(owner)[order]
-
-
-def _spheres_of_shape(shape: Shape, grain: int) -> tuple[Floats, Floats]:
-    """Return centers and radii of the spheres of one shape in its body frame."""
-    geometry = shape.geometry
-    if isinstance(geometry, Spheres):
-        return geometry.centers, geometry.radii
-    if isinstance(geometry, Primitive) and geometry.kind == "sphere":
-        return np.zeros((1, 3)), np.array(geometry.dimensions)
-    if isinstance(geometry, Outline) and geometry.kind == "disk":
-        return np.array([[*geometry.center, 0.0]]), np.array([geometry.radius])
-    kind = geometry.kind if isinstance(geometry, Primitive | Outline) else type(geometry).__name__.lower()
-    raise InputError(
-        f"grain {grain} is {with_article(kind)}: text holds only spheres, clumps of them and disks; save as .vtp, or "
-        "pack the clumps of fit_clump instead, or take packing.with_clumps()"
-    )

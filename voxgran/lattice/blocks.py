@@ -24,8 +24,9 @@ from voxgran.lattice.image import Edges, Image
 
 #: voxels of a block, where the file does not ask for more
 BLOCK = 2**23
-#: share of the memory that a block of a file may take, and most parts of a file
-SHARE, PARTS = 0.25, 10**8
+#: share of the memory that a block of a file may take, and most parts of a file, and of a block, each of which takes
+#: about 30 us to open
+SHARE, PARTS, PARTS_OF_BLOCK = 0.25, 10**8, 4096
 
 
 def lazy_of(image: Any) -> Any:
@@ -76,7 +77,8 @@ def lazily(source: Any, name: str, edges: Sequence[int] | None = None) -> Any:
             f"{name} has {' x '.join(map(str, source.shape))} voxels in parts of {' x '.join(map(str, parts))}: these "
             f"are more than {PARTS:.0e} parts; write it in larger parts, or again if it is damaged"
         )
-    most = {"limit": BLOCK * size, "dtype": source.dtype, "previous_chunks": parts}
+    voxels = BLOCK if parts is None else min(BLOCK, PARTS_OF_BLOCK * math.prod(parts))
+    most = {"limit": voxels * size, "dtype": source.dtype, "previous_chunks": parts}
     chunks = array.core.normalize_chunks("auto" if edges is None else tuple(edges), source.shape, **most)
     return array.from_array(source, chunks=chunks, name=False)
 

@@ -15,8 +15,8 @@ from voxgran._base.arrays import Floats, Integers
 from voxgran._base.kernels import kernel
 from voxgran.containers.model import Container, boundary_of
 from voxgran.measures.painting import with_images
-from voxgran.measures.window import body_spheres
 from voxgran.packing.model import Packing
+from voxgran.shapes.describing.body import as_spheres
 from voxgran.shapes.mesh import Mesh
 from voxgran.shapes.outline import Outline
 from voxgran.shapes.primitive import Primitive
@@ -181,7 +181,7 @@ def _of_shape(packing: Packing, index: int, shifts: Floats, lines: Lines) -> lis
 
 def spheres_of(packing: Packing, index: int) -> tuple[Floats, Floats] | None:
     """Return centers (n, 3) and radii (n,) of the spheres or disks of all grains of a shape; None for other shapes."""
-    spheres = body_spheres(packing.shapes[index])
+    spheres = as_spheres(packing.shapes[index].geometry)
     if spheres is None:
         return None
     grains = np.flatnonzero(packing.shape_id == index)

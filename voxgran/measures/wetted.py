@@ -21,12 +21,12 @@ from voxgran.measures.model import length_unit, variable
 from voxgran.measures.window import ON, Estimate, Solids, images
 from voxgran.packing.model import Packing
 from voxgran.packing.start import free_volume
+from voxgran.shapes.describing.body import as_spheres
 from voxgran.shapes.mesh import Mesh
 from voxgran.shapes.model import Shape
 from voxgran.shapes.outline import Outline
 from voxgran.shapes.primitive import Primitive
 from voxgran.shapes.sphere_union import exposed_areas
-from voxgran.shapes.spheres import Spheres
 from voxgran.shapes.surface import Surface
 
 #: least number of parts of the surface of a grain
@@ -137,9 +137,7 @@ def _partners(packing: Packing, contacts: Contacts, reach: float) -> dict[int, l
 def _is_bent(shape: Shape) -> bool:
     """Return whether no part of a surface is plane, so that it touches others and walls in points."""
     geometry = shape.geometry
-    if isinstance(geometry, Primitive):
-        return geometry.kind in ("sphere", "ellipsoid")
-    return isinstance(geometry, Spheres) or (isinstance(geometry, Outline) and geometry.kind == "disk")
+    return as_spheres(geometry) is not None or (isinstance(geometry, Primitive) and geometry.kind == "ellipsoid")
 
 
 def _parts_of(shape: Shape) -> Parts:

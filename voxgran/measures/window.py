@@ -24,10 +24,10 @@ from voxgran.measures.overlap import overlap_volume
 from voxgran.measures.slabs import Ordered, near_box
 from voxgran.measures.slices import cut_mesh, cut_polygon
 from voxgran.packing.model import Packing
+from voxgran.shapes.describing.body import as_spheres
 from voxgran.shapes.mesh import Mesh
 from voxgran.shapes.model import Shape
 from voxgran.shapes.outline import Outline
-from voxgran.shapes.primitive import Primitive
 from voxgran.shapes.spheres import Spheres
 from voxgran.shapes.surface import Surface
 from voxgran.shapes.tessellate import revolved
@@ -120,7 +120,7 @@ class Solids:
     def _find_spheres(self) -> tuple[Floats, Floats, Planes] | None:
         """Return centers, radii and planes of equal power of all spheres, where all grains are spheres."""
         used = [self.packing.shapes[k] for k in np.unique(self.packing.shape_id)]
-        if any(body_spheres(shape) is None for shape in used):
+        if any(as_spheres(shape.geometry) is None for shape in used):
             return None
         if any(isinstance(shape.geometry, Spheres) and shape.geometry.mass is not None for shape in used):
             return None
@@ -236,7 +236,7 @@ def flat_spheres(packing: Packing) -> tuple[Floats, Floats]:
     centers, radii, owner = [np.zeros((0, 3))], [np.zeros(0)], [np.zeros(0, np.int64)]
     for k in np.unique(packing.shape_id):
         grain = np.flatnonzero(packing.shape_id == k)
-        found = body_spheres(packing.shapes[k])
+        found = as_spheres(packing.shapes[k].geometry)
         assert found is not None
         body, sizes = found
         stretched = body[None] * packing.scale[grain, None, None]
@@ -288,18 +288,6 @@ def chosen_planes(planes: Planes, sphere: Integers) -> Planes:
     ends = np.concatenate([[0], np.cumsum(counts)]).astype(np.int64)
     index = np.arange(ends[-1]) + np.repeat(start[sphere] - ends[:-1], counts)
     return ends, normals[index], offsets[index]
-
-
-def body_spheres(shape: Shape) -> tuple[Floats, Floats] | None:
-    """Return centers and radii of a sphere, a union of spheres or a disk in its frame; None for other shapes."""
-    geometry = shape.geometry
-    if isinstance(geometry, Spheres):
-        return geometry.centers, geometry.radii
-    if isinstance(geometry, Outline) and geometry.kind == "disk":
-        return np.array([[*geometry.center, 0.0]]), np.array([geometry.radius])
-    if isinstance(geometry, Primitive) and geometry.kind == "sphere":
-        return np.zeros((1, 3)), np.array([shape.bounding_radius])
-    return None
 
 
 def _closed(container: Container, lower: Floats, upper: Floats) -> tuple[Floats, Floats]:

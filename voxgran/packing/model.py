@@ -14,8 +14,8 @@ from voxgran._base import public
 from voxgran._base.arrays import Integers, as_number, check_type
 from voxgran._base.calls import explained_methods
 from voxgran._base.units import as_unit, unit_factor
+from voxgran.clumps.fit import as_clumps
 from voxgran.clumps.model import Clump
-from voxgran.clumps.stand_in import as_clumps
 from voxgran.contacts.assembly import as_density, checked_arrays, common_shapes
 from voxgran.contacts.find import find_contacts
 from voxgran.contacts.forces import ContactForces

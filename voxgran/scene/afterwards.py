@@ -12,8 +12,7 @@ from voxgran.containers.model import Container
 from voxgran.packing.compress import compress
 from voxgran.packing.method import method_registry
 from voxgran.packing.model import Packing
-from voxgran.scene.keys import Measured, Settled, names_of
-from voxgran.scene.mistakes import refuse_unknown
+from voxgran.scene.keys import Measured, Settled, names_of, refuse_unknown
 from voxgran.settling.compression_parameters import Compression
 from voxgran.settling.parameters import Settling
 

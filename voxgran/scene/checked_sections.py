@@ -9,7 +9,7 @@ from voxgran._base.arrays import as_count, as_positive
 from voxgran._base.config import from_mapping
 from voxgran._base.errors import InputError, shown
 from voxgran._base.units import as_unit
-from voxgran.scene.mistakes import refuse_unknown
+from voxgran.scene.keys import refuse_unknown
 from voxgran.scene.sections import General
 
 T = TypeVar("T")

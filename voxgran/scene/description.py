@@ -26,13 +26,23 @@ from voxgran.packing.method import method_registry
 from voxgran.packing.model import Packing
 from voxgran.scene.afterwards import compress_section, measure_section, settle_section
 from voxgran.scene.checked_sections import general_section, section_of, share_by_of, with_file
-from voxgran.scene.keys import Listed, Packed, names_of
-from voxgran.scene.layer_entries import ALONE_IN_PACKING, LayerEntry, layer_entries, together
-from voxgran.scene.materials import given_parameters, material_entries, material_section, with_material_densities
-from voxgran.scene.mistakes import Mistakes, refuse_unknown
+from voxgran.scene.entries import (
+    ALONE_IN_PACKING,
+    LayerEntry,
+    ShapeEntry,
+    given_parameters,
+    given_values,
+    layer_entries,
+    material_entries,
+    material_section,
+    shape_entries,
+    together,
+    with_densities,
+    with_material_densities,
+)
+from voxgran.scene.keys import Listed, Mistakes, Packed, names_of, refuse_unknown
 from voxgran.scene.obstacles import ObstacleEntry, obstacle_entries, standing_of
 from voxgran.scene.sections import General, Output
-from voxgran.scene.shape_entries import ShapeEntry, given_values, shape_entries, with_densities
 from voxgran.settling.compression_parameters import Compression
 from voxgran.settling.material import Material
 from voxgran.settling.materials import Materials

@@ -14,8 +14,8 @@ from voxgran.containers.model import Container
 from voxgran.geometry.rotation import normalized
 from voxgran.io.files import load
 from voxgran.packing.model import Packing
+from voxgran.scene.entries import ShapeEntry, shape_entries
 from voxgran.scene.keys import Standing, names_of
-from voxgran.scene.shape_entries import ShapeEntry, shape_entries
 
 #: keys that say where a shape stands
 PLACE = tuple(name for name in names_of(Standing) if name != "packing")

@@ -19,7 +19,7 @@ from voxgran.packing.missed import Task
 from voxgran.packing.pack import prepare_task
 from voxgran.packing.problem import too_coarse
 from voxgran.scene.description import SceneDescription
-from voxgran.scene.shape_entries import REMEDIES, ShapeEntry
+from voxgran.scene.entries import REMEDIES, ShapeEntry
 from voxgran.settling.compression_parameters import Compression
 from voxgran.settling.material import Material
 from voxgran.settling.materials import Materials, friction_text

@@ -9,17 +9,46 @@ from voxgran.decks.engine import engine_registry
 
 @parameter_class
 class General:
-    """The section [scene]."""
+    """The section [scene].
 
-    seed: int = parameter(0, doc="seed of all random numbers")
-    seeds: int = parameter(1, doc="how many packings to make, with this seed and the next ones")
-    unit: str = parameter("1", doc="unit of every length below that has none of its own")
-    density: float = parameter(1.0, doc="density of the material; a [[shape]] may have its own")
+    Parameters
+    ----------
+    seed
+        seed of all random numbers.
+    seeds
+        how many packings to make, with this seed and the next ones.
+    unit
+        unit of every length below that has none of its own.
+    density
+        density of the material; a [[shape]] may have its own.
+    """
+
+    seed: int = parameter(0)
+    seeds: int = parameter(1)
+    unit: str = parameter("1")
+    density: float = parameter(1.0)
 
 
 @parameter_class
 class Output:
     """The section [output].
+
+    Parameters
+    ----------
+    vtk
+        write the scene for ParaView.
+    statistics
+        write the measures as netCDF.
+    report
+        write the page with pictures.
+    interactive
+        give the page a view that can be turned and cut in a browser.
+    snapshots
+        most snapshots of the run to keep for ParaView; 0 for none.
+    dem
+        engines to write input for.
+    clump
+        number of spheres of a clump in that input, for shapes that an engine does not hold.
 
     Raises
     ------
@@ -29,15 +58,13 @@ class Output:
         If the number of snapshots is negative or 1, or that of spheres below 1.
     """
 
-    vtk: bool = parameter(True, doc="write the scene for ParaView")
-    statistics: bool = parameter(True, doc="write the measures as netCDF")
-    report: bool = parameter(True, doc="write the page with pictures")
-    interactive: bool = parameter(True, doc="give the page a view that can be turned and cut in a browser")
-    snapshots: int = parameter(0, doc="most snapshots of the run to keep for ParaView; 0 for none")
-    dem: tuple[str, ...] = parameter((), doc="engines to write input for")
-    clump: int | None = parameter(
-        None, doc="number of spheres of a clump in that input, for shapes that an engine does not hold", at_least=1
-    )
+    vtk: bool = parameter(True)
+    statistics: bool = parameter(True)
+    report: bool = parameter(True)
+    interactive: bool = parameter(True)
+    snapshots: int = parameter(0)
+    dem: tuple[str, ...] = parameter(())
+    clump: int | None = parameter(None, at_least=1)
 
     def __post_init__(self) -> None:
         """Refuse engines that are not there, and a single snapshot."""

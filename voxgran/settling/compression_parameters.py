@@ -17,6 +17,30 @@ from voxgran.settling.parameters import MOST_FRICTION
 class Compression:
     """How grains are compressed.
 
+    Parameters
+    ----------
+    stress
+        mean stress along all axes, or one along each axis, compression above 0, in any unit: only the ratios decide how
+        the grains lie; along axes that do not move it is not prescribed.
+    axes
+        axes along which the container is compressed, such as "z" for an oedometric path.
+    friction
+        Coulomb coefficient of friction between grains and at walls; less friction gives a denser packing; or a table of
+        materials, with one friction for each pair.
+    solid_fraction
+        solid fraction of the compressed packing, met to 0.002: the friction (up to 1) is found that gives it; that of
+        the bulk or, in containers without periodic sides of few grains, of the container; if omitted, as the friction
+        gives it.
+    height
+        height of the container at the end, along its last axis, which alone is compressed: the friction is found that
+        gives it, as with a solid fraction, which is then that of the container.
+    rate
+        viscous number of the compression: strain rate times the drag of a grain of the median diameter, over stress
+        times diameter (in 2D over the stress); grains that are compressed slower become a little denser; if omitted,
+        3e-3, and 3e-5 with a friction below 0.05.
+    rest
+        share of the grains that bear forces which must be in balance so that the packing counts as compressed.
+
     Raises
     ------
     InputError
@@ -26,47 +50,13 @@ class Compression:
     #: grains are not shaken
     shaking: ClassVar[None] = None
 
-    stress: float | tuple[float, ...] = parameter(
-        1.0,
-        doc="mean stress along all axes, or one along each axis, compression above 0, in any unit: only the ratios "
-        "decide how the grains lie; along axes that do not move it is not prescribed",
-        above=0.0,
-        at_most=1e60,
-    )
-    axes: str = parameter("xyz", doc='axes along which the container is compressed, such as "z" for an oedometric path')
-    friction: float | Materials = parameter(
-        0.5,
-        doc="Coulomb coefficient of friction between grains and at walls; less friction gives a denser packing; or a "
-        "table of materials, with one friction for each pair",
-        at_least=0.0,
-        at_most=MOST_FRICTION,
-    )
-    solid_fraction: float | None = parameter(
-        None,
-        doc="solid fraction of the compressed packing, met to 0.002: the friction (up to 1) is found that gives it; "
-        "that of the bulk or, in containers without periodic sides of few grains, of the container; if omitted, as "
-        "the friction gives it",
-        above=0.0,
-        at_most=1.0,
-    )
-    height: float | None = parameter(
-        None,
-        doc="height of the container at the end, along its last axis, which alone is compressed: the friction is found "
-        "that gives it, as with a solid fraction, which is then that of the container",
-        above=0.0,
-    )
-    rate: float | None = parameter(
-        None,
-        doc="viscous number of the compression: strain rate times the drag of a grain of the median diameter, over "
-        "stress times diameter (in 2D over the stress); grains that are compressed slower become a little denser; if "
-        "omitted, 3e-3, and 3e-5 with a friction below 0.05",
-        at_least=1e-6,
-        at_most=0.1,
-    )
-    rest: float = parameter(
-        0.98, doc="share of the grains that bear forces which must be in balance so that the packing counts as "
-        "compressed", above=0.0, at_most=1.0,
-    )  # fmt: skip
+    stress: float | tuple[float, ...] = parameter(1.0, above=0.0, at_most=1e60)
+    axes: str = parameter("xyz")
+    friction: float | Materials = parameter(0.5, at_least=0.0, at_most=MOST_FRICTION)
+    solid_fraction: float | None = parameter(None, above=0.0, at_most=1.0)
+    height: float | None = parameter(None, above=0.0)
+    rate: float | None = parameter(None, at_least=1e-6, at_most=0.1)
+    rest: float = parameter(0.98, above=0.0, at_most=1.0)
 
     def __post_init__(self) -> None:
         """Check the ranges and the names of the axes."""

@@ -21,8 +21,7 @@ from voxgran._base.lazy import load
 from voxgran.lattice.grid import Grid
 from voxgran.lattice.morphology import dilation
 from voxgran.shapes.model import Shape
-from voxgran.voxels.fraction import voxel_shares
-from voxgran.voxels.occupy import lattice_of
+from voxgran.voxels.occupy import lattice_of, voxel_shares
 from voxgran.voxels.scanline import scanline_inside
 from voxgran.voxels.touch import clip_levels, distance_to_triangle, scaled_normal
 

@@ -1,11 +1,24 @@
 """Parameter classes from mappings and back."""
 
+import importlib
+import re
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Literal
 
 import pytest
 
-from voxgran._base.config import check_bounds, from_mapping, parameter, parameter_class, parameters_of, to_mapping
+import voxgran
+from voxgran._base.config import (
+    check_bounds,
+    document,
+    from_mapping,
+    is_parameter_class,
+    parameter,
+    parameter_class,
+    parameters_of,
+    to_mapping,
+)
 from voxgran._base.errors import InputError, UnknownNameError
 
 
@@ -52,6 +65,75 @@ def test_parameters_carry_their_help():
     assert (first.name, first.doc, first.unit, first.default) == ("voxel_size", "edge of a voxel", "length", None)
     assert first.type_text == "a number"
     assert parameters_of(Example)[1].type_text == "one of 'touch', 'center'"
+
+
+@parameter_class
+class Told:
+    """What has meanings in its docstring.
+
+    Parameters
+    ----------
+    edge
+        edge of a voxel; if omitted,
+        a tenth.
+    step
+        length of a step.
+
+    Raises
+    ------
+    InputError
+        Never.
+    """
+
+    edge: float | None = parameter(None, unit="length", above=0.0)
+    step: int = parameter(1, unit="voxels")
+    #: where the docstring gives none
+    cover: bool = parameter(False, doc="whether it covers")
+
+
+@parameter_class
+class ToldAndMore(Told):
+    """What inherits meanings.
+
+    Parameters
+    ----------
+    more
+        one more.
+    """
+
+    more: int = parameter(3)
+
+
+def test_meanings_stand_in_the_docstring_and_get_their_types_there():
+    meanings = {
+        "edge": "edge of a voxel; if omitted, a tenth",
+        "step": "length of a step",
+        "cover": "whether it covers",
+    }
+    assert {entry.name: entry.doc for entry in parameters_of(Told)} == meanings
+    for _ in range(2):
+        document(Told)
+        assert "edge : a number above 0, optional\n        edge of a voxel; if omitted, a tenth.\n" in Told.__doc__
+        assert "step : a whole number, default 1\n        length of a step, in voxels.\n" in Told.__doc__
+        assert Told.__doc__.count("----------") == 1
+        assert Told.__doc__.endswith("Raises\n    ------\n    InputError\n        Never.\n")
+    # a class that is looked at after its base has its types
+    assert {entry.name: entry.doc for entry in parameters_of(ToldAndMore)} == {"more": "one more"} | meanings
+
+
+def test_all_parameters_have_a_meaning_and_all_meanings_a_parameter():
+    package = Path(voxgran.__file__).parent
+    for file in sorted(package.rglob("*.py")):
+        if " = parameter(" not in file.read_text():
+            continue
+        module = importlib.import_module(".".join(("voxgran", *file.relative_to(package).with_suffix("").parts)))
+        for kind in vars(module).values():
+            if isinstance(kind, type) and kind.__module__ == module.__name__ and is_parameter_class(kind):
+                section = (kind.__doc__ or "").partition("Parameters\n")[2].partition("\n\n")[0]
+                listed = re.findall(r"^ {4}(\w+)(?: :|$)", section, re.MULTILINE)
+                entries = {entry.name: entry.doc for entry in parameters_of(kind)}
+                assert set(listed) <= set(entries), kind
+                assert all(entries.values()), kind
 
 
 @dataclass(frozen=True, kw_only=True, slots=True)

@@ -1,4 +1,4 @@
-from voxgran.bench.tradeoffs.distance import bench_images, measure_signed, measure_transforms
+from voxgran.bench.tradeoffs.images.distance import bench_images, measure_signed, measure_transforms
 
 
 def test_images_hold_grains_pores_and_a_sphere():

@@ -5,8 +5,8 @@ import csv
 import numpy as np
 import pytest
 
-from voxgran.bench.tradeoffs import labels
-from voxgran.bench.tradeoffs.labels import bodies, crossings, crowded, is_manifold, programs
+from voxgran.bench.tradeoffs.images import labels
+from voxgran.bench.tradeoffs.images.labels import bodies, crossings, crowded, is_manifold, programs
 from voxgran.geometry.triangles import enclosed_volume
 from voxgran.shapes.tessellate import unit_box
 

@@ -5,8 +5,8 @@ import pytest
 
 import voxgran as vg
 from voxgran._base.lazy import load
-from voxgran.bench.tradeoffs import segmentation
-from voxgran.bench.tradeoffs.segmentation import grey_image, judged, measured, scores, snow
+from voxgran.bench.tradeoffs.images import segmentation
+from voxgran.bench.tradeoffs.images.segmentation import grey_image, judged, measured, scores, snow
 from voxgran.lattice.segment import Segmentation
 
 pytest.importorskip("skimage")

@@ -5,7 +5,7 @@ import math
 import pytest
 
 import voxgran as vg
-from voxgran.bench.tradeoffs.voids import cubic_lattice, mean_chords, measured, polyhedra
+from voxgran.bench.tradeoffs.images.voids import cubic_lattice, mean_chords, measured, polyhedra
 
 
 def test_mean_chords_of_spheres_are_those_of_their_surface():

@@ -3,7 +3,7 @@ import numpy as np
 from voxgran._base.seeds import stream
 from voxgran.bench import model
 from voxgran.bench.model import trade_offs
-from voxgran.bench.tradeoffs.voxelize import SHARES, bench_shapes, measure_peers, measure_rows
+from voxgran.bench.tradeoffs.images.voxelize import SHARES, bench_shapes, measure_peers, measure_rows
 from voxgran.geometry.rotation import random_rotations
 from voxgran.shapes.mesh import Mesh
 from voxgran.shapes.model import Shape

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from voxgran._base.seeds import stream
-from voxgran.measures.direction_sums import (
+from voxgran.measures.directions import (
     BLOCK,
     ON_EQUATOR,
     RINGS,

@@ -4,7 +4,7 @@ import numpy as np
 from matplotlib import colormaps
 
 import voxgran as vg
-from voxgran.report.clumps import COLORS, picture_clumps
+from voxgran.report.gallery import COLORS, picture_clumps
 
 
 def test_names_and_a_colour_bar_stand_below_the_bodies():

@@ -6,7 +6,7 @@ import pytest
 import voxgran as vg
 from voxgran._base.errors import FileFormatError, InputError, OutputExistsError
 from voxgran._base.lazy import load
-from voxgran.report.gallery import COLORS, picture_shapes
+from voxgran.report.gallery import SHADES, picture_shapes
 from voxgran.report.stage import png_of
 
 
@@ -64,7 +64,7 @@ def test_a_file_has_a_palette_that_shows_the_same(tmp_path):
         shown = np.asarray(image.convert("RGB")).astype(int)
     drawn = picture_shapes(shapes, columns=2).astype(int)
     difference = np.abs(shown - drawn)
-    assert 10 < len(np.unique(shown.reshape(-1, 3), axis=0)) <= COLORS
+    assert 10 < len(np.unique(shown.reshape(-1, 3), axis=0)) <= SHADES
     assert difference.mean() < 0.5
     assert np.quantile(difference, 0.99) <= 4
     plain = len(png_of(picture_shapes(shapes, columns=2)))

@@ -11,7 +11,7 @@ from voxgran._base.seeds import stream
 from voxgran.geometry.rotation import random_rotations, rotation_matrices
 from voxgran.shapes.describing.curvature import roundness
 from voxgran.shapes.describing.inscribed import inscribed_radius
-from voxgran.shapes.describing.minimal_box import principal_lengths
+from voxgran.shapes.describing.ratios import principal_lengths
 from voxgran.shapes.primitive import Primitive
 from voxgran.shapes.spheres import Spheres
 from voxgran.shapes.tessellate import sphere

@@ -10,8 +10,7 @@ import voxgran as vg
 from voxgran._base.errors import InputError, TooLargeError
 from voxgran.geometry.crossing import count_crossings
 from voxgran.shapes.finer import vertex_normals
-from voxgran.shapes.roughness.refining import diffused, refined
-from voxgran.shapes.roughness.roughen import largest_if_none
+from voxgran.shapes.roughness.roughen import diffused, largest_if_none, refined
 
 METHODS = ["spectral", "patir", "whitehouse", "midpoint"]
 

@@ -308,11 +308,20 @@ def test_many_sizes_are_found_by_polynomials_as_a_few_are_by_iteration(name):
 
 def test_a_table_of_very_many_columns_is_refused_soon(tmp_path):
     (tmp_path / "a.csv").write_text("opening;passing" + ";x" * 50_000 + "\n1;2\n")
-    with pytest.raises(FileFormatError, match="a first row of"):
-        sizes.sieve(tmp_path / "a.csv", unit="mm")
+    (tmp_path / "b.csv").write_text("opening;passing\n" + "1;2" * 50_000 + "\n")
+    for name in ("a.csv", "b.csv"):
+        with pytest.raises(FileFormatError, match=r"has a row of 1\d{5} characters"):
+            sizes.sieve(tmp_path / name, unit="mm")
     some = {f"column {k}": [1.0] for k in range(100)}
     with pytest.raises(FileFormatError, match=r"'column 7', \.\.\.: it must have 'opening'"):
         sizes.sieve(some)
+
+
+def test_a_table_whose_rows_have_more_entries_than_names_is_refused(tmp_path):
+    """Its first entries would be no column, and the others one column too far to the left."""
+    (tmp_path / "a.csv").write_text("opening;passing\n1;2;3\n4;5;6\n")
+    with pytest.raises(FileFormatError, match="rows of more entries than its first row has names"):
+        sizes.sieve(tmp_path / "a.csv", unit="mm")
 
 
 def test_sizes_by_number_of_crushed_material_are_those_of_the_exponential_integral():

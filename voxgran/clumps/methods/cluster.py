@@ -72,6 +72,19 @@ NONE = SphereSet(np.zeros((0, 3)), np.zeros(0))
 class Cluster:
     """Parameters of equal spheres on a lattice.
 
+    Parameters
+    ----------
+    radius
+        radius of the spheres, of the small ones with merge; if omitted, it follows from the number asked.
+    lattice
+        cubic: simple cubic; hexagonal: hexagonal close packing, which has thicker layers.
+    spacing
+        distance of neighbours; if omitted 1.1 (cubic) or 1.35 (hexagonal), which leaves no hole.
+    inside
+        least depth of a center: 0 if only centers must lie inside, 1 if whole spheres; if omitted, the best one.
+    merge
+        whether groups of small spheres are replaced by larger ones.
+
     Raises
     ------
     InputError
@@ -84,31 +97,11 @@ class Cluster:
     4
     """
 
-    radius: float | None = parameter(
-        None,
-        doc="radius of the spheres, of the small ones with merge; if omitted, it follows from the number asked",
-        unit="equivalent diameters",
-        at_least=LEAST,
-        at_most=0.5,
-    )
-    lattice: Literal["cubic", "hexagonal"] = parameter(
-        "cubic", doc="cubic: simple cubic; hexagonal: hexagonal close packing, which has thicker layers"
-    )
-    spacing: float | None = parameter(
-        None,
-        doc="distance of neighbours; if omitted 1.1 (cubic) or 1.35 (hexagonal), which leaves no hole",
-        unit="radii",
-        at_least=0.2,
-        at_most=4.0,
-    )
-    inside: float | None = parameter(
-        None,
-        doc="least depth of a center: 0 if only centers must lie inside, 1 if whole spheres; if omitted, the best one",
-        unit="radii",
-        at_least=0.0,
-        at_most=1.0,
-    )
-    merge: bool = parameter(False, doc="whether groups of small spheres are replaced by larger ones")
+    radius: float | None = parameter(None, unit="equivalent diameters", at_least=LEAST, at_most=0.5)
+    lattice: Literal["cubic", "hexagonal"] = parameter("cubic")
+    spacing: float | None = parameter(None, unit="radii", at_least=0.2, at_most=4.0)
+    inside: float | None = parameter(None, unit="radii", at_least=0.0, at_most=1.0)
+    merge: bool = parameter(False)
 
 
 def fit(body: Body, count: int, settings: Cluster, seed: int) -> Fitted:

@@ -37,6 +37,15 @@ STEP = 0.3
 class Dynamic:
     """Parameters of the virtual forces.
 
+    Parameters
+    ----------
+    steps
+        number of steps.
+    damping
+        share of its velocity that a sphere loses in a step.
+    min_radius
+        smallest radius of a sphere.
+
     Raises
     ------
     InputError
@@ -49,11 +58,9 @@ class Dynamic:
     4
     """
 
-    steps: int = parameter(300, doc="number of steps", at_least=1, at_most=100_000)
-    damping: float = parameter(0.3, doc="share of its velocity that a sphere loses in a step", above=0.0, at_most=1.0)
-    min_radius: float = parameter(
-        0.02, doc="smallest radius of a sphere", unit="equivalent diameters", at_least=1e-3, at_most=0.5
-    )
+    steps: int = parameter(300, at_least=1, at_most=100_000)
+    damping: float = parameter(0.3, above=0.0, at_most=1.0)
+    min_radius: float = parameter(0.02, unit="equivalent diameters", at_least=1e-3, at_most=0.5)
 
 
 def fit(body: Body, count: int, settings: Dynamic, seed: int) -> Fitted:

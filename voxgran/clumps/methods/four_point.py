@@ -41,6 +41,15 @@ MOST = 5.0
 class FourPoint:
     """Parameters of the spheres through four points.
 
+    Parameters
+    ----------
+    tolerance
+        largest protrusion of a sphere; if omitted, 0.07 divided by the cube root of the number asked.
+    trials
+        number of quadruples of points drawn for each sphere.
+    min_radius
+        smallest radius of a sphere.
+
     Raises
     ------
     InputError
@@ -53,17 +62,9 @@ class FourPoint:
     4
     """
 
-    tolerance: float | None = parameter(
-        None,
-        doc="largest protrusion of a sphere; if omitted, 0.07 divided by the cube root of the number asked",
-        unit="equivalent diameters",
-        at_least=0.0,
-        at_most=0.5,
-    )
-    trials: int = parameter(50, doc="number of quadruples of points drawn for each sphere", at_least=1, at_most=100_000)
-    min_radius: float = parameter(
-        0.02, doc="smallest radius of a sphere", unit="equivalent diameters", at_least=1e-3, at_most=0.5
-    )
+    tolerance: float | None = parameter(None, unit="equivalent diameters", at_least=0.0, at_most=0.5)
+    trials: int = parameter(50, at_least=1, at_most=100_000)
+    min_radius: float = parameter(0.02, unit="equivalent diameters", at_least=1e-3, at_most=0.5)
 
 
 def fit(body: Body, count: int, settings: FourPoint, seed: int) -> Fitted:

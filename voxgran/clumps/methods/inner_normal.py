@@ -37,6 +37,17 @@ FAR, NEAR, HALVINGS = 1.0, 1e-3, 16
 class InnerNormal:
     """Parameters of the spheres along inner normals.
 
+    Parameters
+    ----------
+    min_radius
+        smallest radius of a sphere; if omitted, 0.2 divided by the cube root of the number asked, at most half the
+        largest radius.
+    distance
+        distance of the surface from the spheres above which a sphere is added; if omitted, the largest with which the
+        number asked is reached.
+    order
+        order in which points of the surface are visited: the largest sphere first, or random.
+
     Raises
     ------
     InputError
@@ -49,25 +60,9 @@ class InnerNormal:
     4
     """
 
-    min_radius: float | None = parameter(
-        None,
-        doc="smallest radius of a sphere; if omitted, 0.2 divided by the cube root of the number asked, at most half "
-        "the largest radius",
-        unit="equivalent diameters",
-        at_least=1e-3,
-        at_most=0.5,
-    )
-    distance: float | None = parameter(
-        None,
-        doc="distance of the surface from the spheres above which a sphere is added; if omitted, the largest with "
-        "which the number asked is reached",
-        unit="equivalent diameters",
-        above=0.0,
-        at_most=1.0,
-    )
-    order: Literal["largest", "random"] = parameter(
-        "largest", doc="order in which points of the surface are visited: the largest sphere first, or random"
-    )
+    min_radius: float | None = parameter(None, unit="equivalent diameters", at_least=1e-3, at_most=0.5)
+    distance: float | None = parameter(None, unit="equivalent diameters", above=0.0, at_most=1.0)
+    order: Literal["largest", "random"] = parameter("largest")
 
 
 def fit(body: Body, count: int, settings: InnerNormal, seed: int) -> Fitted:

@@ -37,6 +37,13 @@ STEPS = tuple(0.5 * 0.7**k for k in range(12))
 class Inscribed:
     """Parameters of the greedy fit.
 
+    Parameters
+    ----------
+    min_radius
+        smallest radius of a sphere.
+    resolution
+        number of voxels along the equivalent diameter.
+
     Raises
     ------
     InputError
@@ -50,12 +57,8 @@ class Inscribed:
     [2.0]
     """
 
-    min_radius: float = parameter(
-        0.02, doc="smallest radius of a sphere", unit="equivalent diameters", at_least=0.0, at_most=0.5
-    )
-    resolution: float = parameter(
-        64.0, doc="number of voxels along the equivalent diameter", at_least=8.0, at_most=512.0
-    )
+    min_radius: float = parameter(0.02, unit="equivalent diameters", at_least=0.0, at_most=0.5)
+    resolution: float = parameter(64.0, at_least=8.0, at_most=512.0)
 
 
 def fit(body: Body, count: int, settings: Inscribed, seed: int) -> Fitted:

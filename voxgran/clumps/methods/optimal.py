@@ -62,6 +62,21 @@ ROUNDS, HEAVIER = 4, 10.0
 class Optimal:
     """Parameters of the refined fit.
 
+    Parameters
+    ----------
+    mode
+        balanced: the least error, of the same volume; inscribed: nothing protrudes; bounding: all is covered.
+    overlap
+        whether spheres may overlap; if false they touch, for breakable agglomerates.
+    uniform
+        whether all radii are equal.
+    min_radius
+        smallest radius.
+    max_radius
+        largest radius; if omitted, there is no limit.
+    match_volume
+        whether a balanced union gets exactly the volume of the solid, by one change of all radii.
+
     Raises
     ------
     InputError
@@ -75,19 +90,12 @@ class Optimal:
     [2.0]
     """
 
-    mode: Literal["balanced", "inscribed", "bounding"] = parameter(
-        "balanced",
-        doc="balanced: the least error, of the same volume; inscribed: nothing protrudes; bounding: all is covered",
-    )
-    overlap: bool = parameter(True, doc="whether spheres may overlap; if false they touch, for breakable agglomerates")
-    uniform: bool = parameter(False, doc="whether all radii are equal")
-    min_radius: float = parameter(LEAST, doc="smallest radius", unit="equivalent diameters", at_least=1e-3)
-    max_radius: float | None = parameter(
-        None, doc="largest radius; if omitted, there is no limit", unit="equivalent diameters", above=0.0
-    )
-    match_volume: bool = parameter(
-        True, doc="whether a balanced union gets exactly the volume of the solid, by one change of all radii"
-    )
+    mode: Literal["balanced", "inscribed", "bounding"] = parameter("balanced")
+    overlap: bool = parameter(True)
+    uniform: bool = parameter(False)
+    min_radius: float = parameter(LEAST, unit="equivalent diameters", at_least=1e-3)
+    max_radius: float | None = parameter(None, unit="equivalent diameters", above=0.0)
+    match_volume: bool = parameter(True)
 
     def __post_init__(self) -> None:
         """Check the ranges."""

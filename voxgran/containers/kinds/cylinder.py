@@ -2,14 +2,14 @@
 
 import math
 from dataclasses import dataclass
-from typing import Any, ClassVar
+from typing import ClassVar
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from voxgran._base import ExplainedAttributes
-from voxgran._base.arrays import Floats, Integers, as_length, as_place, as_points, as_positive
+from voxgran._base.arrays import Floats, Integers, as_points
 from voxgran._base.calls import explained
+from voxgran.containers.equipment import Parametric
 from voxgran.containers.make import ContainerKind
 from voxgran.containers.model import Boundary
 from voxgran.geometry.walls import Round, planes_across
@@ -17,7 +17,7 @@ from voxgran.shapes.tessellate import revolved
 
 
 @dataclass(frozen=True, init=False)
-class Cylinder(ExplainedAttributes):
+class Cylinder(Parametric):
     """A cylinder whose axis is along z.
 
     Parameters
@@ -47,15 +47,11 @@ class Cylinder(ExplainedAttributes):
     height: float
     origin: tuple[float, float, float]
     kind: ClassVar[str] = "cylinder"
-    dimension: ClassVar[int] = 3
-    periodic: ClassVar[tuple[bool, bool, bool]] = (False, False, False)
+    lengths: ClassVar[tuple[str, ...]] = ("origin", "radius", "height")
 
     @explained(hint="Cylinder(radius=2, height=6)")
     def __init__(self, radius: float, height: float, *, origin: "ArrayLike" = (0.0, 0.0, 0.0)) -> None:
-        a, b, c = (float(value) for value in as_place(origin, "origin"))
-        object.__setattr__(self, "radius", as_length(radius, "radius of the cylinder"))
-        object.__setattr__(self, "height", as_length(height, "height of the cylinder"))
-        object.__setattr__(self, "origin", (a, b, c))
+        self._check_lengths(radius=radius, height=height, origin=origin)
 
     @property
     def volume(self) -> float:
@@ -105,34 +101,6 @@ class Cylinder(ExplainedAttributes):
         """
         vertices, faces, _ = revolved([(0.0, self.radius), (self.height, self.radius)])
         return vertices + np.array(self.origin), faces
-
-    def scaled(self, factor: float) -> "Cylinder":
-        """Return the cylinder with lengths and base multiplied.
-
-        Raises
-        ------
-        InputError
-            If the factor is not above 0, or a length is not between 1e-60 and 1e60 any longer.
-
-        Examples
-        --------
-        >>> import voxgran as vg
-        >>> vg.Cylinder(radius=2, height=5).scaled(2.0).height
-        10.0
-        """
-        times = as_positive(factor, "factor")
-        return Cylinder(self.radius * times, self.height * times, origin=[value * times for value in self.origin])
-
-    def to_mapping(self) -> dict[str, Any]:
-        """Return kind and parameters as JSON-able values.
-
-        Examples
-        --------
-        >>> import voxgran as vg
-        >>> vg.Cylinder(radius=2, height=5).to_mapping()
-        {'kind': 'cylinder', 'radius': 2.0, 'height': 5.0, 'origin': [0.0, 0.0, 0.0]}
-        """
-        return {"kind": self.kind, "radius": self.radius, "height": self.height, "origin": list(self.origin)}
 
 
 registration = ContainerKind(name="cylinder", container=Cylinder)

@@ -2,14 +2,14 @@
 
 import math
 from dataclasses import dataclass
-from typing import Any, ClassVar
+from typing import ClassVar
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from voxgran._base import ExplainedAttributes
-from voxgran._base.arrays import Floats, Integers, as_length, as_place, as_positive
+from voxgran._base.arrays import Floats, Integers
 from voxgran._base.calls import explained
+from voxgran.containers.equipment import Parametric
 from voxgran.containers.make import ContainerKind
 from voxgran.containers.model import Boundary
 from voxgran.containers.plane import points_in_plane
@@ -18,7 +18,7 @@ from voxgran.shapes.outline import Outline
 
 
 @dataclass(frozen=True, init=False)
-class Disk(ExplainedAttributes):
+class Disk(Parametric):
     """The interior of a circle in the plane z = 0.
 
     Parameters
@@ -45,14 +45,12 @@ class Disk(ExplainedAttributes):
     radius: float
     origin: tuple[float, float]
     kind: ClassVar[str] = "disk"
+    lengths: ClassVar[tuple[str, ...]] = ("origin", "radius")
     dimension: ClassVar[int] = 2
-    periodic: ClassVar[tuple[bool, bool, bool]] = (False, False, False)
 
     @explained(hint="Disk(radius=2)")
     def __init__(self, radius: float, *, origin: "ArrayLike" = (0.0, 0.0)) -> None:
-        x, y = (float(value) for value in as_place(origin, "origin", length=2))
-        object.__setattr__(self, "radius", as_length(radius, "radius of the disk"))
-        object.__setattr__(self, "origin", (x, y))
+        self._check_lengths(radius=radius, origin=origin)
 
     @property
     def volume(self) -> float:
@@ -99,34 +97,6 @@ class Disk(ExplainedAttributes):
         2.0
         """
         return Outline("disk", self.radius, center=self.origin).tessellation()[:2]
-
-    def scaled(self, factor: float) -> "Disk":
-        """Return the disk with radius and center multiplied.
-
-        Raises
-        ------
-        InputError
-            If the factor is not above 0, or the radius is not between 1e-60 and 1e60 any longer.
-
-        Examples
-        --------
-        >>> import voxgran as vg
-        >>> vg.Disk(radius=2).scaled(2.0).radius
-        4.0
-        """
-        times = as_positive(factor, "factor")
-        return Disk(self.radius * times, origin=[value * times for value in self.origin])
-
-    def to_mapping(self) -> dict[str, Any]:
-        """Return kind and parameters as JSON-able values.
-
-        Examples
-        --------
-        >>> import voxgran as vg
-        >>> vg.Disk(radius=2).to_mapping()
-        {'kind': 'disk', 'radius': 2.0, 'origin': [0.0, 0.0]}
-        """
-        return {"kind": self.kind, "radius": self.radius, "origin": list(self.origin)}
 
 
 registration = ContainerKind(name="disk", container=Disk)

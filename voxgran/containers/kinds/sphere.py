@@ -2,14 +2,14 @@
 
 import math
 from dataclasses import dataclass
-from typing import Any, ClassVar
+from typing import ClassVar
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from voxgran._base import ExplainedAttributes
-from voxgran._base.arrays import Floats, Integers, as_length, as_place, as_points, as_positive
+from voxgran._base.arrays import Floats, Integers, as_points
 from voxgran._base.calls import explained
+from voxgran.containers.equipment import Parametric
 from voxgran.containers.make import ContainerKind
 from voxgran.containers.model import Boundary
 from voxgran.geometry.walls import Round
@@ -17,7 +17,7 @@ from voxgran.shapes.tessellate import sphere
 
 
 @dataclass(frozen=True, init=False)
-class Sphere(ExplainedAttributes):
+class Sphere(Parametric):
     """The interior of a sphere.
 
     Parameters
@@ -45,14 +45,11 @@ class Sphere(ExplainedAttributes):
     radius: float
     origin: tuple[float, float, float]
     kind: ClassVar[str] = "sphere"
-    dimension: ClassVar[int] = 3
-    periodic: ClassVar[tuple[bool, bool, bool]] = (False, False, False)
+    lengths: ClassVar[tuple[str, ...]] = ("origin", "radius")
 
     @explained(hint="Sphere(radius=2)")
     def __init__(self, radius: float, *, origin: "ArrayLike" = (0.0, 0.0, 0.0)) -> None:
-        a, b, c = (float(value) for value in as_place(origin, "origin"))
-        object.__setattr__(self, "radius", as_length(radius, "radius of the sphere"))
-        object.__setattr__(self, "origin", (a, b, c))
+        self._check_lengths(radius=radius, origin=origin)
 
     @property
     def volume(self) -> float:
@@ -100,34 +97,6 @@ class Sphere(ExplainedAttributes):
         """
         vertices, faces, _ = sphere()
         return vertices * self.radius + np.array(self.origin), faces
-
-    def scaled(self, factor: float) -> "Sphere":
-        """Return the sphere with radius and center multiplied.
-
-        Raises
-        ------
-        InputError
-            If the factor is not above 0, or the radius is not between 1e-60 and 1e60 any longer.
-
-        Examples
-        --------
-        >>> import voxgran as vg
-        >>> vg.Sphere(radius=2).scaled(2.0).radius
-        4.0
-        """
-        times = as_positive(factor, "factor")
-        return Sphere(self.radius * times, origin=[value * times for value in self.origin])
-
-    def to_mapping(self) -> dict[str, Any]:
-        """Return kind and parameters as JSON-able values.
-
-        Examples
-        --------
-        >>> import voxgran as vg
-        >>> vg.Sphere(radius=2).to_mapping()
-        {'kind': 'sphere', 'radius': 2.0, 'origin': [0.0, 0.0, 0.0]}
-        """
-        return {"kind": self.kind, "radius": self.radius, "origin": list(self.origin)}
 
 
 registration = ContainerKind(name="sphere", container=Sphere)

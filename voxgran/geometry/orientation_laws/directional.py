@@ -37,6 +37,11 @@ class Random(OrientationLaw):
 class Aligned(OrientationLaw):
     """All bodies point along one axis.
 
+    Parameters
+    ----------
+    axis
+        axis in the container, a name or a vector of any length.
+
     Raises
     ------
     InputError
@@ -45,7 +50,7 @@ class Aligned(OrientationLaw):
 
     kind: ClassVar[str] = "aligned"
 
-    axis: Axis | tuple[float, ...] = parameter(doc="axis in the container, a name or a vector of any length")
+    axis: Axis | tuple[float, ...] = parameter()
 
     def __post_init__(self) -> None:
         """Check the ranges and the axes."""
@@ -65,6 +70,11 @@ class Aligned(OrientationLaw):
 class Fisher(Aligned):
     """Density proportional to exp(kappa n . m) for directions n about m (von Mises and Fisher).
 
+    Parameters
+    ----------
+    kappa
+        concentration: 0 for directions at random, the larger, the closer they are to the axis.
+
     Raises
     ------
     InputError
@@ -73,11 +83,7 @@ class Fisher(Aligned):
 
     kind: ClassVar[str] = "fisher"
 
-    kappa: float = parameter(
-        doc="concentration: 0 for directions at random, the larger, the closer they are to the axis",
-        at_least=0.0,
-        at_most=MOST,
-    )
+    kappa: float = parameter(at_least=0.0, at_most=MOST)
 
     def directions(self, count: int, generator: np.random.Generator, *, dimension: int) -> Floats:
         """Draw by the inverse of the distribution function of the angle; in the plane as NumPy does."""
@@ -107,6 +113,11 @@ class Fisher(Aligned):
 class Watson(Aligned):
     """Density proportional to exp(kappa (n . m)^2) for directions n about m, of which both senses are alike.
 
+    Parameters
+    ----------
+    kappa
+        concentration: above 0 about the axis, 0 for directions at random, below 0 about the plane across it.
+
     Raises
     ------
     InputError
@@ -115,11 +126,7 @@ class Watson(Aligned):
 
     kind: ClassVar[str] = "watson"
 
-    kappa: float = parameter(
-        doc="concentration: above 0 about the axis, 0 for directions at random, below 0 about the plane across it",
-        at_least=-MOST,
-        at_most=MOST,
-    )
+    kappa: float = parameter(at_least=-MOST, at_most=MOST)
 
     def directions(self, count: int, generator: np.random.Generator, *, dimension: int) -> Floats:
         """Draw as from a Bingham distribution."""
@@ -142,6 +149,13 @@ class Watson(Aligned):
 class Bingham(Watson):
     """Density proportional to exp(kappa (n . m)^2 + second_kappa (n . s)^2), with m and s at right angles.
 
+    Parameters
+    ----------
+    second_axis
+        another axis in the container, at right angles to the first.
+    second_kappa
+        concentration along it.
+
     Raises
     ------
     InputError
@@ -151,8 +165,8 @@ class Bingham(Watson):
 
     kind: ClassVar[str] = "bingham"
 
-    second_axis: Axis | tuple[float, ...] = parameter(doc="another axis in the container, at right angles to the first")
-    second_kappa: float = parameter(doc="concentration along it", at_least=-MOST, at_most=MOST)
+    second_axis: Axis | tuple[float, ...] = parameter()
+    second_kappa: float = parameter(at_least=-MOST, at_most=MOST)
 
     def __post_init__(self) -> None:
         """Check the ranges and the axes."""

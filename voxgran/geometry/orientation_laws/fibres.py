@@ -28,6 +28,11 @@ POWER, STEPS = 1.8, 2000
 class Tensor(OrientationLaw):
     """Directions n whose mean of n n is a given tensor.
 
+    Parameters
+    ----------
+    matrix
+        orientation tensor of second order, rows of a symmetric matrix of trace 1, in the plane of 2 x 2 numbers.
+
     Raises
     ------
     InputError
@@ -37,9 +42,7 @@ class Tensor(OrientationLaw):
 
     kind: ClassVar[str] = "tensor"
 
-    matrix: tuple[tuple[float, ...], ...] = parameter(
-        doc="orientation tensor of second order, rows of a symmetric matrix of trace 1, in the plane of 2 x 2 numbers"
-    )
+    matrix: tuple[tuple[float, ...], ...] = parameter()
 
     def __post_init__(self) -> None:
         """Check the tensor."""

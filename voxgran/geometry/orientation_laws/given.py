@@ -15,6 +15,11 @@ from voxgran.geometry.rotation import normalized
 class Given(OrientationLaw):
     """The orientation of each grain, in the order of the grains.
 
+    Parameters
+    ----------
+    quaternions
+        unit quaternions (w, x, y, z), each from the frame of the shape to the container.
+
     Raises
     ------
     InputError
@@ -23,9 +28,7 @@ class Given(OrientationLaw):
 
     kind: ClassVar[str] = "given"
 
-    quaternions: tuple[tuple[float, ...], ...] = parameter(
-        doc="unit quaternions (w, x, y, z), each from the frame of the shape to the container"
-    )
+    quaternions: tuple[tuple[float, ...], ...] = parameter()
 
     def __post_init__(self) -> None:
         """Check the quaternions."""

@@ -26,15 +26,18 @@ Axis = Literal["x", "y", "z", "+x", "+y", "+z", "-x", "-y", "-z"]
 
 @parameter_class
 class OrientationLaw(ABC):
-    """A distribution of orientations; `kind` is its name in scene files."""
+    """A distribution of orientations; `kind` is its name in scene files.
+
+    Parameters
+    ----------
+    body_axis
+        axis of the body that the distribution is of: the principal axis of the smallest moment of inertia, that of the
+        largest one, as of plates, or a vector in the frame of the shape; spheres need none.
+    """
 
     kind: ClassVar[str]
 
-    body_axis: Literal["long", "short"] | tuple[float, ...] = parameter(
-        "long",
-        doc="axis of the body that the distribution is of: the principal axis of the smallest moment of inertia, that "
-        "of the largest one, as of plates, or a vector in the frame of the shape; spheres need none",
-    )
+    body_axis: Literal["long", "short"] | tuple[float, ...] = parameter("long")
 
     def __post_init__(self) -> None:
         """Check the ranges and the axis of the body."""

@@ -57,6 +57,17 @@ FIRST, FEW = 128, 128
 class AdvancingFront:
     """Parameters of the advancing front.
 
+    Parameters
+    ----------
+    mode
+        where spheres are placed: on three that touch each other, or wherever they touch three spheres or walls.
+    order
+        next position: random, the nearest to the widest point of the container, or the lowest.
+    tries
+        number of grains, in their order, that are tried at a position.
+    grow
+        largest factor by which grains grow about their centroids at the end, until each touches another; 1: none.
+
     Raises
     ------
     InputError
@@ -70,19 +81,10 @@ class AdvancingFront:
     ('full', True)
     """
 
-    mode: Literal["loose", "dense"] = parameter(
-        "loose",
-        doc="where spheres are placed: on three that touch each other, or wherever they touch three spheres or walls",
-    )
-    order: Literal["random", "nearest", "lowest"] = parameter(
-        "nearest", doc="next position: random, the nearest to the widest point of the container, or the lowest"
-    )
-    tries: int = parameter(5, doc="number of grains, in their order, that are tried at a position", at_least=1)
-    grow: float = parameter(
-        1.0,
-        doc="largest factor by which grains grow about their centroids at the end, until each touches another; 1: none",
-        at_least=1.0,
-    )
+    mode: Literal["loose", "dense"] = parameter("loose")
+    order: Literal["random", "nearest", "lowest"] = parameter("nearest")
+    tries: int = parameter(5, at_least=1)
+    grow: float = parameter(1.0, at_least=1.0)
 
     def __post_init__(self) -> None:
         """Check the ranges."""

@@ -5,19 +5,24 @@ import numpy as np
 from voxgran._base.arrays import Floats, Integers
 from voxgran._base.kernels import bare_kernel, inlined_kernel
 from voxgran.geometry.vectors import Vector, dot
-from voxgran.packing.control_point.pair_cache import PAIR, SLACK, WAY, claim_row, moved_since, row_of_pair
 from voxgran.packing.control_point.point_contact import HORIZON, may_hold, overlaps_by_points, still_refused_by_points
 from voxgran.packing.control_point.records import (
     IS_SPHERE,
     KEEP_OUT,
     LIMIT,
+    PAIR,
     RADIUS,
     SDF,
+    SLACK,
     STRETCH,
+    WAY,
     Cells,
     Pairs,
     Walls,
     World,
+    claim_row,
+    moved_since,
+    row_of_pair,
 )
 from voxgran.packing.control_point.relative_poses import relate
 from voxgran.packing.control_point.sdf_contact import overlaps_by_sdf, still_refused_by_sdf, threshold

@@ -18,6 +18,32 @@ SHORTEST_STEP = 0.002
 class ControlPoint(Walking):
     """Parameters of control-point packing.
 
+    Parameters
+    ----------
+    spacing
+        spacing of the control points on a grain; touching grains stay apart by up to this distance.
+    contact
+        contact test: control points of one grain in the signed-distance field of the other (sdf), or distances between
+        the control points of both, found with k-d trees (kdtree; points is its former name).
+    points
+        where control points lie: on the surface with its edges and corners, or in the interior as well.
+    tested_points
+        which control points are tested against the other grain's signed distance: those of both grains, or only those
+        of the finer-sampled one.
+    distance
+        distance that the surfaces of grains keep at least; sharp edges between control points may come closer by less
+        than half the spacing.
+    overlap
+        depth up to which grains may overlap, as a model of deformable grains; with contact 'sdf' only.
+    gravity_bias
+        length of the vector along gravity that is added to the random unit vector of each step.
+    vibration_up
+        fraction of the steps that may go upward at the beginning of the first vibration cycle.
+    rotation_share
+        fraction of the attempts that also rotate the grain.
+    step
+        largest step length; steps are never longer than half the ratio of volume to surface area of the grain.
+
     Raises
     ------
     InputError
@@ -30,62 +56,16 @@ class ControlPoint(Walking):
     5
     """
 
-    spacing: float = parameter(
-        0.12,
-        doc="spacing of the control points on a grain; touching grains stay apart by up to this distance",
-        unit="diameters of the grain",
-        above=0.0,
-        at_most=1.0,
-    )
-    contact: Literal["sdf", "points", "kdtree"] = parameter(
-        "sdf",
-        doc="contact test: control points of one grain in the signed-distance field of the other (sdf), or distances "
-        "between the control points of both, found with k-d trees (kdtree; points is its former name)",
-    )
-    points: Literal["surface", "all"] = parameter(
-        "surface", doc="where control points lie: on the surface with its edges and corners, or in the interior as well"
-    )
-    tested_points: Literal["both", "one"] = parameter(
-        "both",
-        doc="which control points are tested against the other grain's signed distance: those of both grains, or only "
-        "those of the finer-sampled one",
-        former="ways",
-    )
-    distance: float = parameter(
-        0.0,
-        doc="distance that the surfaces of grains keep at least; sharp edges between control points may come closer by "
-        "less than half the spacing",
-        unit="length",
-        at_least=0.0,
-    )
-    overlap: float = parameter(
-        0.0,
-        doc="depth up to which grains may overlap, as a model of deformable grains; with contact 'sdf' only",
-        unit="length",
-        at_least=0.0,
-    )
-    gravity_bias: float = parameter(
-        0.5,
-        doc="length of the vector along gravity that is added to the random unit vector of each step",
-        former="tilt",
-        at_least=0.0,
-    )
-    vibration_up: float = parameter(
-        0.8,
-        doc="fraction of the steps that may go upward at the beginning of the first vibration cycle",
-        former="up",
-        at_least=0.0,
-        at_most=1.0,
-    )
-    rotation_share: float = parameter(
-        0.7, doc="fraction of the attempts that also rotate the grain", former="turns", at_least=0.0, at_most=1.0
-    )
-    step: float = parameter(
-        0.1,
-        doc="largest step length; steps are never longer than half the ratio of volume to surface area of the grain",
-        unit="diameters of the grain",
-        at_least=SHORTEST_STEP,
-    )
+    spacing: float = parameter(0.12, unit="diameters of the grain", above=0.0, at_most=1.0)
+    contact: Literal["sdf", "points", "kdtree"] = parameter("sdf")
+    points: Literal["surface", "all"] = parameter("surface")
+    tested_points: Literal["both", "one"] = parameter("both", former="ways")
+    distance: float = parameter(0.0, unit="length", at_least=0.0)
+    overlap: float = parameter(0.0, unit="length", at_least=0.0)
+    gravity_bias: float = parameter(0.5, former="tilt", at_least=0.0)
+    vibration_up: float = parameter(0.8, former="up", at_least=0.0, at_most=1.0)
+    rotation_share: float = parameter(0.7, former="turns", at_least=0.0, at_most=1.0)
+    step: float = parameter(0.1, unit="diameters of the grain", at_least=SHORTEST_STEP)
 
     def __post_init__(self) -> None:
         """Check the ranges, and that the parameters go together."""

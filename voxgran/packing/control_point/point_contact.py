@@ -9,16 +9,20 @@ convex hull of a grain; the mesh of a closed container is sampled like a grain.
 from voxgran._base.arrays import Floats
 from voxgran._base.kernels import bare_kernel, inlined_kernel
 from voxgran.geometry.vectors import Vector, dot
-from voxgran.packing.control_point.pair_cache import COUNT, OTHER_POINT, POINT, claim_row, keep_pose
 from voxgran.packing.control_point.point_trees import list_near, placed, point_distance
 from voxgran.packing.control_point.records import (
+    COUNT,
     HALF_SPACING,
     HALF_THICKNESS,
+    OTHER_POINT,
+    POINT,
     RADIUS,
     Bodies,
     GrainPoses,
     Pairs,
     Scratch,
+    claim_row,
+    keep_pose,
 )
 from voxgran.packing.control_point.relative_poses import invert, relate
 

@@ -13,8 +13,7 @@ from voxgran._base.seeds import philox_key
 from voxgran.containers.gravity import gravity_vector, main_axis
 from voxgran.containers.model import boundary_of
 from voxgran.packing.control_point.attempts import link_all, span_all
-from voxgran.packing.control_point.distance_fields import MARGIN, Fields, make_fields
-from voxgran.packing.control_point.pair_cache import PairCache
+from voxgran.packing.control_point.distance_fields import MARGIN, Fields, make_fields, make_reaches, no_reaches
 from voxgran.packing.control_point.parameters import ControlPoint
 from voxgran.packing.control_point.point_trees import make_trees, stack_room
 from voxgran.packing.control_point.records import (
@@ -30,12 +29,12 @@ from voxgran.packing.control_point.records import (
     Cells,
     CloseLists,
     GrainPoses,
+    PairCache,
     Pairs,
     Scratch,
     Walls,
 )
 from voxgran.packing.control_point.state import ControlState
-from voxgran.packing.control_point.support_tables import make_reaches, no_reaches
 from voxgran.packing.control_point.verlet_lists import MOST_GRAINS, ROOM, make_lists
 from voxgran.packing.problem import Problem
 from voxgran.points.control import inner_count, inner_points, sample_controls

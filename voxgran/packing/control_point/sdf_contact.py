@@ -13,13 +13,25 @@ import numpy as np
 from voxgran._base.arrays import Floats, Integers
 from voxgran._base.kernels import bare_kernel, inlined_kernel
 from voxgran.geometry.vectors import Vector, dot, row_of, sub
-from voxgran.packing.control_point.distance_fields import ROUGH, SINGLE, STEEP, Fields, field_at
-from voxgran.packing.control_point.pair_cache import OTHER_POINT, PAIR, POINT, WAY, claim_row, keep_pose, row_of_pair
+from voxgran.packing.control_point.distance_fields import ROUGH, SINGLE, STEEP, Fields, field_at, plane_of
 from voxgran.packing.control_point.point_contact import HORIZON
 from voxgran.packing.control_point.point_trees import Pose, Trees, leaf_of, placed
-from voxgran.packing.control_point.records import CURVATURE, HALF_SPACING, HALF_THICKNESS, RADIUS, SURFACE_ERROR, Pairs
+from voxgran.packing.control_point.records import (
+    CURVATURE,
+    HALF_SPACING,
+    HALF_THICKNESS,
+    OTHER_POINT,
+    PAIR,
+    POINT,
+    RADIUS,
+    SURFACE_ERROR,
+    WAY,
+    Pairs,
+    claim_row,
+    keep_pose,
+    row_of_pair,
+)
 from voxgran.packing.control_point.relative_poses import invert, relate
-from voxgran.packing.control_point.support_tables import plane_of
 
 
 @inlined_kernel

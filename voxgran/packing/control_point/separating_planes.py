@@ -16,7 +16,7 @@ from voxgran._base.arrays import Floats
 from voxgran._base.kernels import bare_kernel, inlined_kernel
 from voxgran.geometry.rotation import matrix_of
 from voxgran.geometry.vectors import Vector
-from voxgran.packing.control_point.support_tables import plane_of
+from voxgran.packing.control_point.distance_fields import plane_of
 
 #: directions that are tried one after the other
 TRIES = 3

@@ -68,6 +68,18 @@ SLAB_WORDS = 2**18
 class DigitalFill(LatticeSearch):
     """Parameters of digital filling.
 
+    Parameters
+    ----------
+    voxel_size
+        edge of a voxel; default: 1/20 of the median diameter, up to 1/10 where the search would take long.
+    place
+        choice among the feasible places: the lowest (of several, the one blocked on most sides), the one blocked on
+        most sides, or the one nearest to a wall.
+    gravity
+        direction of gravity; default: -z, in two dimensions -y.
+    order
+        order of insertion: random, or the largest first.
+
     Raises
     ------
     InputError
@@ -83,21 +95,10 @@ class DigitalFill(LatticeSearch):
     usual_voxel_size: ClassVar[float] = 1 / 20
     expected_seconds: ClassVar[Any] = staticmethod(filling_seconds)
 
-    voxel_size: float | None = parameter(
-        None,
-        doc="edge of a voxel; default: 1/20 of the median diameter, up to 1/10 where the search would take long",
-        unit="length",
-        above=0.0,
-    )
-    place: Literal["lowest", "contact", "wall"] = parameter(
-        "lowest",
-        doc="choice among the feasible places: the lowest (of several, the one blocked on most sides), the one "
-        "blocked on most sides, or the one nearest to a wall",
-    )
-    gravity: Literal["-x", "+x", "-y", "+y", "-z", "+z", "none"] | None = parameter(
-        None, doc="direction of gravity; default: -z, in two dimensions -y"
-    )
-    order: Literal["random", "largest"] = parameter("random", doc="order of insertion: random, or the largest first")
+    voxel_size: float | None = parameter(None, unit="length", above=0.0)
+    place: Literal["lowest", "contact", "wall"] = parameter("lowest")
+    gravity: Literal["-x", "+x", "-y", "+y", "-z", "+z", "none"] | None = parameter(None)
+    order: Literal["random", "largest"] = parameter("random")
 
     def __post_init__(self) -> None:
         """Check the ranges, and that the lowest place has a direction."""

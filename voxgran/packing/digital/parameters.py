@@ -15,6 +15,30 @@ from voxgran.packing.walking.parameters import Walking
 class Digital(Walking):
     """Parameters of digital packing.
 
+    Parameters
+    ----------
+    voxel_size
+        edge length of a voxel; if omitted, 1/16 of the median diameter.
+    cover
+        voxels that represent a grain: all that it touches, so that grains never overlap, or those whose center lies in
+        it.
+    rate
+        fraction of the attempts that insert a grain, with feed 'rain'.
+    downward_share
+        fraction of the moves that go downward, with gravity.
+    vibration_up
+        fraction of the moves that go upward at the beginning of the first vibration cycle.
+    rotation_share
+        fraction of the attempts that rotate a grain instead of moving it.
+    orientations
+        number of orientations that a grain can take, rounded up to a multiple of the number of lattice rotations; 1 for
+        no rotation.
+    guided
+        fraction of the moves following a refused move that lead away from the contact that caused the refusal.
+    schedule
+        order in which grains are moved: at random, in groups that are neighbors in space, which is faster in large
+        beds, or at random without the grains that have come to rest.
+
     Raises
     ------
     InputError
@@ -30,52 +54,15 @@ class Digital(Walking):
 
     usual_voxel_size: ClassVar[float] = 1 / 16
 
-    voxel_size: float | None = parameter(
-        None, doc="edge length of a voxel; if omitted, 1/16 of the median diameter", unit="length", above=0.0
-    )
-    cover: Literal["touch", "center"] = parameter(
-        "touch",
-        doc="voxels that represent a grain: all that it touches, so that grains never overlap, or those whose center "
-        "lies in it",
-    )
-    rate: float = parameter(
-        0.001, doc="fraction of the attempts that insert a grain, with feed 'rain'", above=0.0, at_most=1.0
-    )
-    downward_share: float = parameter(
-        0.42, doc="fraction of the moves that go downward, with gravity", former="down", at_least=0.0, at_most=1.0
-    )
-    vibration_up: float = parameter(
-        0.42,
-        doc="fraction of the moves that go upward at the beginning of the first vibration cycle",
-        former="up",
-        at_least=0.0,
-        at_most=1.0,
-    )
-    rotation_share: float = parameter(
-        0.15,
-        doc="fraction of the attempts that rotate a grain instead of moving it",
-        former="turns",
-        at_least=0.0,
-        at_most=1.0,
-    )
-    orientations: int = parameter(
-        24,
-        doc="number of orientations that a grain can take, rounded up to a multiple of the number of lattice "
-        "rotations; 1 for no rotation",
-        at_least=1,
-        at_most=MOST_ORIENTATIONS,
-    )
-    guided: float = parameter(
-        0.0,
-        doc="fraction of the moves following a refused move that lead away from the contact that caused the refusal",
-        at_least=0.0,
-        at_most=1.0,
-    )
-    schedule: Literal["random", "sorted", "sleeping"] = parameter(
-        "random",
-        doc="order in which grains are moved: at random, in groups that are neighbors in space, which is faster in "
-        "large beds, or at random without the grains that have come to rest",
-    )
+    voxel_size: float | None = parameter(None, unit="length", above=0.0)
+    cover: Literal["touch", "center"] = parameter("touch")
+    rate: float = parameter(0.001, above=0.0, at_most=1.0)
+    downward_share: float = parameter(0.42, former="down", at_least=0.0, at_most=1.0)
+    vibration_up: float = parameter(0.42, former="up", at_least=0.0, at_most=1.0)
+    rotation_share: float = parameter(0.15, former="turns", at_least=0.0, at_most=1.0)
+    orientations: int = parameter(24, at_least=1, at_most=MOST_ORIENTATIONS)
+    guided: float = parameter(0.0, at_least=0.0, at_most=1.0)
+    schedule: Literal["random", "sorted", "sleeping"] = parameter("random")
 
     def __post_init__(self) -> None:
         """Check the ranges, and that the parameters go together."""
@@ -95,6 +82,17 @@ class Digital(Walking):
 class LatticeSearch:
     """Parameters of methods that put each grain at a site of the lattice, where it stays.
 
+    Parameters
+    ----------
+    voxel_size
+        edge of a voxel.
+    cover
+        voxels that a grain takes: all that it touches, or those whose center it contains.
+    turned
+        whether grains may also take the other rotations of the lattice.
+    orientations
+        voxelized poses of each kind: the given one, then random ones; each with its lattice rotations.
+
     Raises
     ------
     InputError
@@ -104,14 +102,7 @@ class LatticeSearch:
     usual_voxel_size: ClassVar[float]
     expected_seconds: ClassVar[Any]  # of a problem and a voxel size in median diameters
 
-    voxel_size: float | None = parameter(None, doc="edge of a voxel", unit="length", above=0.0)
-    cover: Literal["touch", "center"] = parameter(
-        "touch", doc="voxels that a grain takes: all that it touches, or those whose center it contains"
-    )
-    turned: bool = parameter(True, doc="whether grains may also take the other rotations of the lattice")
-    orientations: int = parameter(
-        1,
-        doc="voxelized poses of each kind: the given one, then random ones; each with its lattice rotations",
-        at_least=1,
-        at_most=MOST_ORIENTATIONS,
-    )
+    voxel_size: float | None = parameter(None, unit="length", above=0.0)
+    cover: Literal["touch", "center"] = parameter("touch")
+    turned: bool = parameter(True)
+    orientations: int = parameter(1, at_least=1, at_most=MOST_ORIENTATIONS)

@@ -47,6 +47,11 @@ MOST_CANDIDATES = 2**40
 class DigitalRsa(LatticeSearch):
     """Parameters of random sequential addition on a lattice.
 
+    Parameters
+    ----------
+    voxel_size
+        edge of a voxel; default: 1/16 of the median diameter, up to 1/10 where the search would take long.
+
     Examples
     --------
     >>> import voxgran as vg
@@ -57,12 +62,7 @@ class DigitalRsa(LatticeSearch):
     usual_voxel_size: ClassVar[float] = 1 / 16
     expected_seconds: ClassVar[Any] = staticmethod(addition_seconds)
 
-    voxel_size: float | None = parameter(
-        None,
-        doc="edge of a voxel; default: 1/16 of the median diameter, up to 1/10 where the search would take long",
-        unit="length",
-        above=0.0,
-    )
+    voxel_size: float | None = parameter(None, unit="length", above=0.0)
 
 
 def prepare(problem: Problem) -> State:

@@ -38,6 +38,12 @@ GROWTH_RATE = 0.1
 class Compress(Compression):
     """Parameters of specimens.
 
+    Parameters
+    ----------
+    fill
+        solid fraction in which the grains begin, below that of the specimen; if omitted, 0.3, and 0.5 in two
+        dimensions.
+
     Raises
     ------
     InputError
@@ -52,13 +58,7 @@ class Compress(Compression):
     'compressed'
     """
 
-    fill: float | None = parameter(
-        None,
-        doc="solid fraction in which the grains begin, below that of the specimen; if omitted, 0.3, and 0.5 in two "
-        "dimensions",
-        above=0.0,
-        at_most=0.5,
-    )
+    fill: float | None = parameter(None, above=0.0, at_most=0.5)
 
 
 def prepare(problem: Problem) -> CompressState:

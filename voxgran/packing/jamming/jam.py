@@ -32,6 +32,12 @@ from voxgran.packing.problem import Problem
 class Jam(GrowthRate):
     """Parameters of jamming.
 
+    Parameters
+    ----------
+    keep
+        what stays as it is given: the container, in which the grains grow or shrink by a common factor, or the sizes of
+        the grains, about which the container does.
+
     Raises
     ------
     InputError
@@ -45,11 +51,7 @@ class Jam(GrowthRate):
     True
     """
 
-    keep: Literal["container", "sizes"] = parameter(
-        "container",
-        doc="what stays as it is given: the container, in which the grains grow or shrink by a common factor, or the "
-        "sizes of the grains, about which the container does",
-    )
+    keep: Literal["container", "sizes"] = parameter("container")
 
 
 def prepare(problem: Problem) -> CompressState:

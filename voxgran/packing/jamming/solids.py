@@ -96,7 +96,7 @@ TRUE, FIELDS = GrowthPreset(1e-5, 0.02, 1e-4), GrowthPreset(2e-3, 0.01, 5e-4)
 
 
 class GrowingSolids:
-    """Compressor of grains of any shape: see :class:`voxgran.packing.jamming.model.Compressor`.
+    """Compressor of grains of any shape: see :class:`voxgran.packing.jamming.method.Compressor`.
 
     Raises
     ------

@@ -69,7 +69,7 @@ NUDGE = 1e-6
 
 
 class SoftSpheres:
-    """Compressor of spheres and disks: see :class:`voxgran.packing.jamming.model.Compressor`.
+    """Compressor of spheres and disks: see :class:`voxgran.packing.jamming.method.Compressor`.
 
     Attributes
     ----------

@@ -89,6 +89,32 @@ BYTES_PER_GRAIN, BYTES_OF_CELLS = 250, 50
 class Rsa:
     """Parameters of random sequential addition.
 
+    Parameters
+    ----------
+    scheme
+        scheme of Chu 2011 for candidates that overlap; 4a to 4d sort the coordinates first.
+    until
+        when to stop: after `tries`, or when saturation is proven; if omitted, after `tries`, except that scheme classic
+        continues to a requested count or solid fraction until it is met or proven to be impossible.
+    tries
+        coordinates drawn; while the available space is searched, the failed throws after which a grain is deferred if
+        there are more than 32 sizes, or true shapes.
+    retry
+        where a rejected radius is tried next: at every unused coordinate (once per size), or at the next coordinate
+        only.
+    corrections
+        largest number of moves of a candidate, in schemes 1, 3, 4b and 4d.
+    order
+        order of insertion: as drawn, largest first, or random; if omitted, as drawn, except that scheme classic puts
+        the largest first if a solid fraction is requested, since more then find room.
+    along
+        axis along which coordinates are sorted.
+    numbers
+        random numbers of the coordinates; the linear congruential sequence of Chu 2011 is for replication only: its
+        axes are shifts of one cycle of 65536 numbers.
+    aligned
+        whether boxes and rectangles stand along the axes instead of in random orientations.
+
     Raises
     ------
     InputError
@@ -101,44 +127,15 @@ class Rsa:
     10
     """
 
-    scheme: Literal["classic", "1", "2", "3", "4a", "4b", "4c", "4d"] = parameter(
-        "classic", doc="scheme of Chu 2011 for candidates that overlap; 4a to 4d sort the coordinates first"
-    )
-    until: Literal["tries", "saturated"] | None = parameter(
-        None,
-        doc="when to stop: after `tries`, or when saturation is proven; if omitted, after `tries`, except that scheme "
-        "classic continues to a requested count or solid fraction until it is met or proven to be impossible",
-    )
-    tries: int = parameter(
-        1000,
-        doc="coordinates drawn; while the available space is searched, the failed throws after which a grain is "
-        "deferred if there are more than 32 sizes, or true shapes",
-        unit="per grain",
-        at_least=1,
-    )
-    retry: Literal["scan", "next"] = parameter(
-        "scan",
-        doc="where a rejected radius is tried next: at every unused coordinate (once per size), or at the next "
-        "coordinate only",
-        former="retain",
-    )
-    corrections: int = parameter(
-        2, doc="largest number of moves of a candidate, in schemes 1, 3, 4b and 4d", at_least=1
-    )
-    order: Literal["given", "largest", "random"] | None = parameter(
-        None,
-        doc="order of insertion: as drawn, largest first, or random; if omitted, as drawn, except that scheme classic "
-        "puts the largest first if a solid fraction is requested, since more then find room",
-    )
-    along: Literal["x", "y", "z"] = parameter("x", doc="axis along which coordinates are sorted")
-    numbers: Literal["philox", "lcg"] = parameter(
-        "philox",
-        doc="random numbers of the coordinates; the linear congruential sequence of Chu 2011 is for replication only: "
-        "its axes are shifts of one cycle of 65536 numbers",
-    )
-    aligned: bool = parameter(
-        False, doc="whether boxes and rectangles stand along the axes instead of in random orientations"
-    )
+    scheme: Literal["classic", "1", "2", "3", "4a", "4b", "4c", "4d"] = parameter("classic")
+    until: Literal["tries", "saturated"] | None = parameter(None)
+    tries: int = parameter(1000, unit="per grain", at_least=1)
+    retry: Literal["scan", "next"] = parameter("scan", former="retain")
+    corrections: int = parameter(2, at_least=1)
+    order: Literal["given", "largest", "random"] | None = parameter(None)
+    along: Literal["x", "y", "z"] = parameter("x")
+    numbers: Literal["philox", "lcg"] = parameter("philox")
+    aligned: bool = parameter(False)
 
     def __post_init__(self) -> None:
         """Check the ranges."""

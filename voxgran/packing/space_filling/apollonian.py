@@ -48,6 +48,11 @@ ROUNDING = 1e-9
 class Apollonian:
     """Parameters of the exact gaskets.
 
+    Parameters
+    ----------
+    smallest
+        smallest diameter; default: that of as many grains as are asked for, or of the 10,000 largest.
+
     Raises
     ------
     InputError
@@ -61,12 +66,7 @@ class Apollonian:
     (6, 2)
     """
 
-    smallest: float | None = parameter(
-        None,
-        doc="smallest diameter; default: that of as many grains as are asked for, or of the 10,000 largest",
-        unit="length",
-        above=0.0,
-    )
+    smallest: float | None = parameter(None, unit="length", above=0.0)
 
 
 @dataclass(frozen=True)

@@ -55,6 +55,16 @@ GROWN = ("spheres", "born", "rate", "room", "reach")
 class Growth:
     """Parameters of the growth.
 
+    Parameters
+    ----------
+    arrival
+        whether all nuclei are there from the beginning, or keep arriving while others grow.
+    slowest
+        smallest rate of growth, in largest rates, between which all are uniformly distributed; 1: all are equal.
+    speed
+        for continuous arrival: growth of the radius at the largest rate while as many nuclei arrive as grains are asked
+        for, in diameters of as many equal grains that fill the container.
+
     Raises
     ------
     InputError
@@ -68,21 +78,9 @@ class Growth:
     (20, True)
     """
 
-    arrival: Literal["together", "continuous"] = parameter(
-        "together", doc="whether all nuclei are there from the beginning, or keep arriving while others grow"
-    )
-    slowest: float = parameter(
-        1.0,
-        doc="smallest rate of growth, in largest rates, between which all are uniformly distributed; 1: all are equal",
-        above=0.0,
-        at_most=1.0,
-    )
-    speed: float = parameter(
-        5.0,
-        doc="for continuous arrival: growth of the radius at the largest rate while as many nuclei arrive as grains are"
-        " asked for, in diameters of as many equal grains that fill the container",
-        above=0.0,
-    )
+    arrival: Literal["together", "continuous"] = parameter("together")
+    slowest: float = parameter(1.0, above=0.0, at_most=1.0)
+    speed: float = parameter(5.0, above=0.0)
 
 
 def prepare(problem: Problem) -> State:

@@ -71,6 +71,21 @@ HALVINGS, ROUNDING, DIFFERENCE = 60, 1e-10, 1e-6
 class RandomApollonian:
     """Parameters of the random Apollonian packing.
 
+    Parameters
+    ----------
+    smallest
+        smallest diameter; default: none if a count or a solid fraction is asked for, otherwise 2 % of the shortest edge
+        of the container, and at most a tenth of the largest diameter.
+    largest
+        largest diameter; default: a quarter of the shortest edge of the container.
+    shift
+        how often a grain moves away from the nearest surface until another is equally near.
+    rotate
+        rotations that are tried for each grain that is not a sphere, of which those are kept that let it grow further;
+        0: random orientations.
+    shrink
+        share of the diameter by which each sphere is smaller than fits.
+
     Raises
     ------
     InputError
@@ -84,28 +99,11 @@ class RandomApollonian:
     20
     """
 
-    smallest: float | None = parameter(
-        None,
-        doc="smallest diameter; default: none if a count or a solid fraction is asked for, otherwise 2 % of the"
-        " shortest edge of the container, and at most a tenth of the largest diameter",
-        unit="length",
-        at_least=0.0,
-    )
-    largest: float | None = parameter(
-        None, doc="largest diameter; default: a quarter of the shortest edge of the container", unit="length", above=0.0
-    )
-    shift: int = parameter(
-        0, doc="how often a grain moves away from the nearest surface until another is equally near", at_least=0
-    )
-    rotate: int = parameter(
-        0,
-        doc="rotations that are tried for each grain that is not a sphere, of which those are kept that let it grow"
-        " further; 0: random orientations",
-        at_least=0,
-    )
-    shrink: float = parameter(
-        0.0, doc="share of the diameter by which each sphere is smaller than fits", at_least=0.0, at_most=0.99
-    )
+    smallest: float | None = parameter(None, unit="length", at_least=0.0)
+    largest: float | None = parameter(None, unit="length", above=0.0)
+    shift: int = parameter(0, at_least=0)
+    rotate: int = parameter(0, at_least=0)
+    shrink: float = parameter(0.0, at_least=0.0, at_most=0.99)
 
     def __post_init__(self) -> None:
         """Check the ranges, and that one of the diameters is not below the other."""

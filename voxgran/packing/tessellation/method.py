@@ -60,6 +60,22 @@ ROUNDING = 1e-15
 class Tetrahedral:
     """Parameters of a packing by a mesh.
 
+    Parameters
+    ----------
+    edge
+        mean edge of the cells, which are flat where the container is thinner; left out: by the largest diameter, by the
+        count, or for about 2000 cells.
+    smallest
+        smallest diameter of a sphere; left out: a fifth of the edge or of the thickness of the container (twice the
+        volume over the surface), whichever is less; larger, up to half the thickness, where neither edge, largest nor
+        count is given and that would take more than about 50,000 spheres.
+    largest
+        largest diameter of a sphere; left out: as the cells give.
+    jitter
+        range of random displacements of the nodes, in edges.
+    mesh
+        file of a mesh of tetrahedra (2D: triangles) with the lengths of the container, instead of one made here.
+
     Raises
     ------
     InputError
@@ -73,31 +89,11 @@ class Tetrahedral:
     True
     """
 
-    edge: float | None = parameter(
-        None,
-        doc="mean edge of the cells, which are flat where the container is thinner; left out: by the largest diameter, "
-        "by the count, or for about 2000 cells",
-        unit="length",
-        above=0.0,
-    )
-    smallest: float | None = parameter(
-        None,
-        doc="smallest diameter of a sphere; left out: a fifth of the edge or of the thickness of the container (twice "
-        "the volume over the surface), whichever is less; larger, up to half the thickness, where neither edge, "
-        "largest nor count is given and that would take more than about 50,000 spheres",
-        unit="length",
-        above=0.0,
-    )
-    largest: float | None = parameter(
-        None, doc="largest diameter of a sphere; left out: as the cells give", unit="length", above=0.0
-    )
-    jitter: float = parameter(
-        0.3, doc="range of random displacements of the nodes, in edges", at_least=0.0, at_most=1.0
-    )
-    mesh: str | None = parameter(
-        None,
-        doc="file of a mesh of tetrahedra (2D: triangles) with the lengths of the container, instead of one made here",
-    )
+    edge: float | None = parameter(None, unit="length", above=0.0)
+    smallest: float | None = parameter(None, unit="length", above=0.0)
+    largest: float | None = parameter(None, unit="length", above=0.0)
+    jitter: float = parameter(0.3, at_least=0.0, at_most=1.0)
+    mesh: str | None = parameter(None)
 
     def __post_init__(self) -> None:
         """Check the ranges."""

@@ -1,7 +1,7 @@
 """Filling of cells: the container is cut into cells whose volumes follow the sizes, and each cell gets one grain.
 
 The cells are those of a Laguerre tessellation, Voronoi cells of weighted seeds, whose volumes are in proportion to
-those of the drawn grains, for any gradation (:mod:`voxgran.packing.tessellation.voronoi_weights`).
+those of the drawn grains, for any gradation (:mod:`voxgran.packing.tessellation.voronoi_steps`).
 
 With ``fill="shapes"`` each grain gets the largest place in its cell that a search over orientations finds. Then the
 planes between neighbours move to the middle of the gaps that are left, and the grains look for larger places in the
@@ -64,6 +64,18 @@ FITTED, ROUND, DONE = 3, 4, 5
 class VoronoiFill:
     """Parameters of the filling of cells.
 
+    Parameters
+    ----------
+    fill
+        what fills the cells: the shapes given, or the cells themselves, each as a shape of its own.
+    smoothing
+        moves of the seeds to the centroids of their cells; 0: cells of random seeds, more: rounder cells.
+    orientations
+        orientations of a grain that are tried in its cell.
+    rounds
+        most rounds in which planes move to the middle of gaps and grains look for larger places: first up to the sizes
+        that are asked for, and then, for a solid fraction that is not met, as many up to larger ones.
+
     Raises
     ------
     InputError
@@ -77,21 +89,10 @@ class VoronoiFill:
     10
     """
 
-    fill: Literal["shapes", "cells"] = parameter(
-        "shapes", doc="what fills the cells: the shapes given, or the cells themselves, each as a shape of its own"
-    )
-    smoothing: int = parameter(
-        30,
-        doc="moves of the seeds to the centroids of their cells; 0: cells of random seeds, more: rounder cells",
-        at_least=0,
-    )
-    orientations: int = parameter(100, doc="orientations of a grain that are tried in its cell", at_least=1)
-    rounds: int = parameter(
-        8,
-        doc="most rounds in which planes move to the middle of gaps and grains look for larger places: first up to the "
-        "sizes that are asked for, and then, for a solid fraction that is not met, as many up to larger ones",
-        at_least=0,
-    )
+    fill: Literal["shapes", "cells"] = parameter("shapes")
+    smoothing: int = parameter(30, at_least=0)
+    orientations: int = parameter(100, at_least=1)
+    rounds: int = parameter(8, at_least=0)
 
     @property
     def own_shapes(self) -> bool:

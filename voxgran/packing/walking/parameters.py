@@ -31,70 +31,62 @@ REMOVED = MappingProxyType(
 
 @dataclass(frozen=True, kw_only=True)
 class Feeding:
-    """How grains enter the container."""
+    """How grains enter the container.
 
-    gravity: Literal["-x", "+x", "-y", "+y", "-z", "+z", "none"] | tuple[float, float, float] | None = parameter(
-        None,
-        doc="direction of gravity, as an axis or as a vector of any length; if omitted, '-z', and '-y' in two "
-        "dimensions",
-    )
-    feed: Literal["rain", "layers", "at_once"] = parameter(
-        "rain",
-        doc="how grains are inserted: one by one at the top, from where each falls on those below while the newest "
-        "ones move; in layers, each of which sinks before the next is inserted; or at random places in the whole "
-        "container",
-    )
-    rate: float = parameter(
-        0.003, doc="fraction of the attempts that insert a grain, with feed 'rain'", above=0.0, at_most=1.0
-    )
-    layer_sweeps: int = parameter(
-        40,
-        doc="number of sweeps in which a layer sinks before the next is inserted, with feed 'layers'",
-        unit="attempts per grain",
-        at_least=1,
-        at_most=MOST_SWEEPS,
-    )
+    Parameters
+    ----------
+    gravity
+        direction of gravity, as an axis or as a vector of any length; if omitted, '-z', and '-y' in two dimensions.
+    feed
+        how grains are inserted: one by one at the top, from where each falls on those below while the newest ones move;
+        in layers, each of which sinks before the next is inserted; or at random places in the whole container.
+    rate
+        fraction of the attempts that insert a grain, with feed 'rain'.
+    layer_sweeps
+        number of sweeps in which a layer sinks before the next is inserted, with feed 'layers'.
+    """
+
+    gravity: Literal["-x", "+x", "-y", "+y", "-z", "+z", "none"] | tuple[float, float, float] | None = parameter(None)
+    feed: Literal["rain", "layers", "at_once"] = parameter("rain")
+    rate: float = parameter(0.003, above=0.0, at_most=1.0)
+    layer_sweeps: int = parameter(40, unit="attempts per grain", at_least=1, at_most=MOST_SWEEPS)
 
 
 @dataclass(frozen=True, kw_only=True)
 class Vibration:
-    """How long grains move after all have entered, and how the bed is vibrated meanwhile."""
+    """How long grains move after all have entered, and how the bed is vibrated meanwhile.
+
+    Parameters
+    ----------
+    sweeps
+        number of attempts per grain after feeding has ended; with 200 or more, or a lid, the walk then goes on until
+        the bed no longer sinks.
+    cycles
+        number of vibration cycles within the sweeps; if neither it nor the period is given, 1.
+    period
+        number of sweeps in a vibration cycle; an alternative to the number of cycles.
+    decay
+        ratio of the vibration amplitude of a cycle to that of the previous one; if omitted, the amplitude falls
+        linearly to zero over all cycles.
+    """
 
     usual_cycles: ClassVar[int] = 1
 
-    sweeps: int = parameter(
-        100,
-        doc="number of attempts per grain after feeding has ended; with 200 or more, or a lid, the walk then goes on "
-        "until the bed no longer sinks",
-        unit="attempts per grain",
-        at_least=0,
-        at_most=MOST_SWEEPS,
-    )
-    cycles: int | None = parameter(
-        None,
-        doc="number of vibration cycles within the sweeps; if neither it nor the period is given, 1",
-        at_least=1,
-        at_most=MOST_SWEEPS,
-    )
-    period: int | None = parameter(
-        None,
-        doc="number of sweeps in a vibration cycle; an alternative to the number of cycles",
-        unit="attempts per grain",
-        at_least=1,
-        at_most=MOST_SWEEPS,
-    )
-    decay: float | None = parameter(
-        None,
-        doc="ratio of the vibration amplitude of a cycle to that of the previous one; if omitted, the amplitude falls "
-        "linearly to zero over all cycles",
-        at_least=0.0,
-        at_most=1.0,
-    )
+    sweeps: int = parameter(100, unit="attempts per grain", at_least=0, at_most=MOST_SWEEPS)
+    cycles: int | None = parameter(None, at_least=1, at_most=MOST_SWEEPS)
+    period: int | None = parameter(None, unit="attempts per grain", at_least=1, at_most=MOST_SWEEPS)
+    decay: float | None = parameter(None, at_least=0.0, at_most=1.0)
 
 
 @dataclass(frozen=True, kw_only=True)
 class Walking(Feeding, Vibration):
     """All parameters that the walking methods share.
+
+    Parameters
+    ----------
+    lid
+        whether a lid is lowered onto the bed after feeding, by one voxel or 1/32 of the median diameter at a time,
+        where no grain is in the way.
 
     Raises
     ------
@@ -104,11 +96,7 @@ class Walking(Feeding, Vibration):
 
     removed: ClassVar[Mapping[str, str]] = REMOVED
 
-    lid: bool = parameter(
-        False,
-        doc="whether a lid is lowered onto the bed after feeding, by one voxel or 1/32 of the median diameter at a "
-        "time, where no grain is in the way",
-    )
+    lid: bool = parameter(False)
 
     def __post_init__(self) -> None:
         """Check the ranges, and that the parameters go together."""

@@ -20,6 +20,17 @@ from voxgran.shapes.thumbnail import card, portrait
 Geometry: TypeAlias = Mesh | Primitive | Spheres | Outline | Surface
 
 
+def as_spheres(geometry: Geometry) -> tuple[Floats, Floats] | None:
+    """Return centers (k, 3) and radii of a sphere, a union of spheres or a disk; None of other geometries."""
+    if isinstance(geometry, Spheres):
+        return geometry.centers, geometry.radii
+    if isinstance(geometry, Outline) and geometry.kind == "disk":
+        return np.array([[*geometry.center, 0.0]]), np.array([geometry.radius])
+    if isinstance(geometry, Primitive) and geometry.kind == "sphere":
+        return np.zeros((1, 3)), np.array([geometry.dimensions[0]])
+    return None
+
+
 class Body:
     """Properties of a shape that its geometry, name and unit give; :class:`Shape` derives from it."""
 

@@ -17,8 +17,8 @@ from voxgran._base.guarded import refused
 from voxgran._base.lazy import load
 from voxgran._base.units import as_unit, known_unit, unit_factor
 
-#: most columns that a message lists, and characters of the row with the names of columns
-MOST_TOLD, LONGEST_HEAD = 8, 10_000
+#: most columns that a message lists, and characters of a row
+MOST_TOLD, LONGEST_ROW = 8, 10_000
 
 
 def read_table(path: str) -> Any:
@@ -35,14 +35,21 @@ def read_table(path: str) -> Any:
     with refused(found):
         text = found.read_text(encoding="utf-8-sig")
         head, *rows = [row for line in text.splitlines() if (row := line.partition("#")[0].strip())] or [";"]
-        if len(head) > LONGEST_HEAD:
+        if (longest := max(map(len, [head, *rows]))) > LONGEST_ROW:
             raise FileFormatError(
-                f"{path} has a first row of {len(head)} characters: it must hold the names of some columns; correct it"
+                f"{path} has a row of {longest} characters: at most {LONGEST_ROW} may be one row; correct it"
             )
         # in a single column a separator would be guessed among letters, blanks and decimal commas
         alone = not re.search(r"[;,\t]", head) and not any(re.search(r"\s", row) for row in rows)
         how = {"sep": ";"} if alone else {"sep": None, "engine": "python"}
-        return load("pandas").read_csv(found, comment="#", decimal="," if alone or ";" in text else ".", **how)
+        pandas = load("pandas")
+        table = pandas.read_csv(found, comment="#", decimal="," if alone or ";" in text else ".", **how)
+        # entries before the columns that have names have become an index
+        if not table.index.equals(pandas.RangeIndex(len(table))):
+            raise FileFormatError(
+                f"{path} has rows of more entries than its first row has names; give one name to each column"
+            )
+        return table
 
 
 def told_columns(table: Any) -> str:

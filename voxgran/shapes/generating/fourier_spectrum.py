@@ -14,22 +14,33 @@ from voxgran._base.config import parameter, parameter_class
 class FourierSpectrum:
     """Key descriptors of a spectrum, as Mollon & Zhao 2012 choose them.
 
+    Parameters
+    ----------
+    d_2
+        descriptor D_2: elongation.
+    d_3
+        descriptor D_3: irregularity.
+    d_8
+        descriptor D_8: roughness.
+    alpha
+        exponent of the decay from D_3 to D_7: D_n = D_3 (n / 3)^alpha.
+    beta
+        exponent of the decay from D_8 on: D_n = D_8 (n / 8)^beta.
+    harmonics
+        number of the last harmonic.
+
     Raises
     ------
     InputError
         If a number is out of range.
     """
 
-    d_2: float = parameter(0.1, doc="descriptor D_2: elongation", at_least=0.0, at_most=1.0)
-    d_3: float = parameter(0.1, doc="descriptor D_3: irregularity", at_least=0.0, at_most=1.0)
-    d_8: float = parameter(0.015, doc="descriptor D_8: roughness", at_least=0.0, at_most=1.0)
-    alpha: float = parameter(
-        -2.0, doc="exponent of the decay from D_3 to D_7: D_n = D_3 (n / 3)^alpha", at_least=-10.0, at_most=0.0
-    )
-    beta: float = parameter(
-        -2.0, doc="exponent of the decay from D_8 on: D_n = D_8 (n / 8)^beta", at_least=-10.0, at_most=0.0
-    )
-    harmonics: int = parameter(32, doc="number of the last harmonic", at_least=8, at_most=128)
+    d_2: float = parameter(0.1, at_least=0.0, at_most=1.0)
+    d_3: float = parameter(0.1, at_least=0.0, at_most=1.0)
+    d_8: float = parameter(0.015, at_least=0.0, at_most=1.0)
+    alpha: float = parameter(-2.0, at_least=-10.0, at_most=0.0)
+    beta: float = parameter(-2.0, at_least=-10.0, at_most=0.0)
+    harmonics: int = parameter(32, at_least=8, at_most=128)
 
 
 def descriptors(spectrum: FourierSpectrum) -> Floats:

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from voxgran._base.errors import FileFormatError
+from voxgran._base.errors import FileFormatError, shown
 from voxgran._base.guarded import refused
 from voxgran._base.units import known_unit
 from voxgran._base.vtk_readers import chosen_name
@@ -78,7 +78,9 @@ def ome_image(group: Any, key: str | None, path: Path) -> Image | None:
                 centers[name] += step["translation"][k]
     units = {str(axis.get("unit", "")) for axis in axes if axis["name"] in left}
     if len(units) > 1:
-        raise FileFormatError(f"{path} has axes in {', '.join(sorted(units))}: one unit is needed; write it in one")
+        raise FileFormatError(
+            f"{path} has axes in {', '.join(map(shown, sorted(units)))}: one unit is needed; write it in one"
+        )
     unit = units.pop()
     x, y, z = ((edges[name], centers[name] - edges[name] / 2) for name in "xyz")
     size = (x[0], y[0], z[0]) if any(step["type"] == "scale" for step in steps) else None

@@ -23,45 +23,43 @@ Method = Literal["spectral", "patir", "whitehouse", "midpoint"]
 class Roughness:
     """Parameters of a rough surface.
 
+    Parameters
+    ----------
+    method
+        random field: spectral (self-affine, of a Hurst exponent), patir (of a given autocorrelation function),
+        whitehouse (recursion, exponential autocorrelation) or midpoint (midpoint displacement).
+    rms
+        root mean square height, which is met exactly; default: 0.02 equivalent diameters.
+    correlation_length
+        distance at which the autocorrelation falls to 1/e, or one for each axis; default: 0.25 equivalent diameters.
+    shortest
+        shortest wavelength, along which the mesh has four edges; the spectral field ends there; default: 0.75 of the
+        least correlation length.
+    hurst
+        Hurst exponent of spectral and midpoint; default: 0.8.
+    autocorrelation
+        autocorrelation function of patir; default: exponential.
+    skewness
+        skewness of the heights, of spectral and patir.
+    kurtosis
+        kurtosis of the heights, of spectral and patir; 3 for Gaussian heights.
+
     Raises
     ------
     InputError
         If a number is out of range, or a parameter is given that its method does not have.
     """
 
-    method: Literal["spectral", "patir", "whitehouse", "midpoint"] = parameter(
-        "spectral",
-        doc="random field: spectral (self-affine, of a Hurst exponent), patir (of a given autocorrelation function), "
-        "whitehouse (recursion, exponential autocorrelation) or midpoint (midpoint displacement)",
-    )
-    rms: float | None = parameter(
-        None,
-        doc="root mean square height, which is met exactly; default: 0.02 equivalent diameters",
-        unit="length",
-        at_least=0.0,
-    )
+    method: Literal["spectral", "patir", "whitehouse", "midpoint"] = parameter("spectral")
+    rms: float | None = parameter(None, unit="length", at_least=0.0)
     correlation_length: float | tuple[float, float] | tuple[float, float, float] | None = parameter(
-        None,
-        doc="distance at which the autocorrelation falls to 1/e, or one for each axis; default: 0.25 equivalent "
-        "diameters",
-        unit="length",
-        above=0.0,
+        None, unit="length", above=0.0
     )
-    shortest: float | None = parameter(
-        None,
-        doc="shortest wavelength, along which the mesh has four edges; the spectral field ends there; default: 0.75 of "
-        "the least correlation length",
-        unit="length",
-        above=0.0,
-    )
-    hurst: float | None = parameter(
-        None, doc="Hurst exponent of spectral and midpoint; default: 0.8", at_least=0.05, at_most=1.0
-    )
-    autocorrelation: Literal["exponential", "gaussian", "linear"] | None = parameter(
-        None, doc="autocorrelation function of patir; default: exponential"
-    )
-    skewness: float = parameter(0.0, doc="skewness of the heights, of spectral and patir")
-    kurtosis: float = parameter(3.0, doc="kurtosis of the heights, of spectral and patir; 3 for Gaussian heights")
+    shortest: float | None = parameter(None, unit="length", above=0.0)
+    hurst: float | None = parameter(None, at_least=0.05, at_most=1.0)
+    autocorrelation: Literal["exponential", "gaussian", "linear"] | None = parameter(None)
+    skewness: float = parameter(0.0)
+    kurtosis: float = parameter(3.0)
 
     def __post_init__(self) -> None:
         """Check the ranges, and that the method has what is given."""

@@ -32,16 +32,21 @@ MANY, POINTS, EXACT = 100_000, 8, 5e-16
 
 @parameter_class
 class SizeDistribution(ABC):
-    """A distribution of grain sizes; `kind` is its name in scene files."""
+    """A distribution of grain sizes; `kind` is its name in scene files.
+
+    Parameters
+    ----------
+    basis
+        quantity that the shares refer to.
+    independent
+        whether each size is drawn independently of the others, as in a sample of a population, rather than one from
+        each of as many strata as there are grains, which follow the distribution as nearly as so many can.
+    """
 
     kind: ClassVar[str]
 
-    basis: Literal["number", "volume"] = parameter("number", doc="quantity that the shares refer to")
-    independent: bool = parameter(
-        False,
-        doc="whether each size is drawn independently of the others, as in a sample of a population, rather than one "
-        "from each of as many strata as there are grains, which follow the distribution as nearly as so many can",
-    )
+    basis: Literal["number", "volume"] = parameter("number")
+    independent: bool = parameter(False)
 
     def __post_init__(self) -> None:
         """Check what all distributions have."""

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from voxgran._base.arrays import Floats, Integers, check_lengths, check_type
-from voxgran._base.errors import FileFormatError, InputError, TooLargeError, UnknownNameError
+from voxgran._base.errors import FileFormatError, InputError, TooLargeError, UnknownNameError, shown
 from voxgran._base.machine import memory_limit
 from voxgran._base.names import unknown
 from voxgran._base.scalars import number_of
@@ -172,7 +172,10 @@ def grains_of(
             why = "a shape is an open surface, which has no mass" if known is not None else "no densities"
             raise InputError(f"{where} has masses and {why}: give density, a column of densities, or diameters")
         dimension = shapes[0].dimension
-        volume = values["mass"] / known * _unit_volume(names, where, unit, dimension)
+        with np.errstate(over="ignore"):
+            # what is infinite is refused as a diameter below
+            volume = values["mass"] / known
+        volume *= _unit_volume(names, where, unit, dimension)
         diameter = (volume * (6.0 if dimension == 3 else 4.0) / math.pi) ** (1.0 / dimension)
     else:
         diameter = np.array([shape.diameter for shape in shapes])[shape_id]
@@ -260,7 +263,7 @@ def _in_si(kind: str, name: str, where: str) -> float:
     """Return the factor to kg, or kg/m3, of a column; 1 for one without unit."""
     told, known = unit_in(name).replace("\u00b3", "3").replace("^", ""), UNITS[kind]
     if told and told not in known:
-        raise InputError(f"{where} has {name!r}: the unit must be one of {', '.join(known)}; convert the column")
+        raise InputError(f"{where} has {shown(name)}: the unit must be one of {', '.join(known)}; convert the column")
     return known.get(told, 1.0)
 
 
@@ -270,8 +273,10 @@ def _unit_volume(names: Mapping[str, str], where: str, unit: str, dimension: int
     """
     if not unit_in(names["mass"]):
         if unit_in(names.get("density", "")):
-            raise InputError(f"{where} has {names['density']!r}, and masses have no unit: write it, such as 'mass [g]'")
+            raise InputError(
+                f"{where} has {shown(names['density'])}, and masses have no unit: write it, such as 'mass [g]'"
+            )
         return 1.0
     if unit == NO_UNIT:
-        raise InputError(f"{where} has {names['mass']!r}, and lengths have no unit: give one, such as unit='mm'")
+        raise InputError(f"{where} has {shown(names['mass'])}, and lengths have no unit: give one, such as unit='mm'")
     return _in_si("mass", names["mass"], where) * unit_factor("m", unit) ** dimension

@@ -16,6 +16,15 @@ from voxgran.shapes.size_laws.distribution import SizeDistribution, check_weight
 class Mixture(SizeDistribution):
     """Several distributions together, each with its share by volume or by number.
 
+    Parameters
+    ----------
+    parts
+        distributions; in a scene a list of tables such as [sizes].
+    shares
+        shares of the distributions; normalized to a sum of 1.
+    basis
+        quantity that the shares refer to.
+
     Raises
     ------
     InputError
@@ -24,9 +33,9 @@ class Mixture(SizeDistribution):
 
     kind: ClassVar[str] = "mixture"
 
-    parts: tuple[Any, ...] = parameter(doc="distributions; in a scene a list of tables such as [sizes]")
-    shares: tuple[float, ...] = parameter(doc="shares of the distributions; normalized to a sum of 1")
-    basis: Literal["number", "volume"] = parameter("volume", doc="quantity that the shares refer to")
+    parts: tuple[Any, ...] = parameter()
+    shares: tuple[float, ...] = parameter()
+    basis: Literal["number", "volume"] = parameter("volume")
 
     def __post_init__(self) -> None:
         """Check the ranges."""

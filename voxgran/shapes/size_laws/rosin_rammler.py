@@ -21,6 +21,19 @@ PANELS = 512
 class RosinRammler(SizeDistribution):
     """Rosin-Rammler (Weibull) distribution of crushed material: the share below d is 1 - exp(-(d / size)^spread).
 
+    Parameters
+    ----------
+    size
+        size below which 63.2 % lie before truncation.
+    spread
+        exponent: the larger, the more uniform.
+    low
+        lower truncation of the sizes.
+    high
+        upper truncation of the sizes; default: none.
+    basis
+        quantity that the shares refer to.
+
     Raises
     ------
     InputError
@@ -33,11 +46,11 @@ class RosinRammler(SizeDistribution):
 
     kind: ClassVar[str] = "rosin_rammler"
 
-    size: float = parameter(doc="size below which 63.2 % lie before truncation", unit="length")
-    spread: float = parameter(doc="exponent: the larger, the more uniform", at_least=0.2, at_most=50.0)
-    low: float | None = parameter(None, doc="lower truncation of the sizes", unit="length")
-    high: float | None = parameter(None, doc="upper truncation of the sizes; default: none", unit="length")
-    basis: Literal["number", "volume"] = parameter("volume", doc="quantity that the shares refer to")
+    size: float = parameter(unit="length")
+    spread: float = parameter(at_least=0.2, at_most=50.0)
+    low: float | None = parameter(None, unit="length")
+    high: float | None = parameter(None, unit="length")
+    basis: Literal["number", "volume"] = parameter("volume")
 
     def __post_init__(self) -> None:
         """Check the ranges."""

@@ -32,6 +32,26 @@ class Sieve(SizeDistribution):
     masses, shares or percent; an opening of 0 is the pan. Where the smallest opening lets something pass, these fines
     reach down to `smallest`.
 
+    Parameters
+    ----------
+    openings
+        openings of the sieves.
+    passing
+        what passes each sieve: shares up to 1, or percent up to 100.
+    retained
+        instead: what each sieve retains, of which the sum is all.
+    file
+        instead: table (CSV) with a column of openings and one of the others.
+    unit
+        unit of all other lengths, where the table names the unit of its openings.
+    smallest
+        smallest size, where the smallest sieve lets something pass; default: as if one sieve finer, of the same ratio,
+        were passed by nothing.
+    as_diameter
+        whether openings are equivalent diameters rather than intermediate axes.
+    basis
+        quantity that the shares refer to.
+
     Raises
     ------
     InputError
@@ -40,23 +60,14 @@ class Sieve(SizeDistribution):
 
     kind: ClassVar[str] = "sieve"
 
-    openings: tuple[float, ...] | None = parameter(None, doc="openings of the sieves", unit="length")
-    passing: tuple[float, ...] | None = parameter(
-        None, doc="what passes each sieve: shares up to 1, or percent up to 100"
-    )
-    retained: tuple[float, ...] | None = parameter(
-        None, doc="instead: what each sieve retains, of which the sum is all"
-    )
-    file: str | None = parameter(None, doc="instead: table (CSV) with a column of openings and one of the others")
-    unit: str | None = parameter(None, doc="unit of all other lengths, where the table names the unit of its openings")
-    smallest: float | None = parameter(
-        None,
-        doc="smallest size, where the smallest sieve lets something pass; default: as if one sieve finer, of the same "
-        "ratio, were passed by nothing",
-        unit="length",
-    )
-    as_diameter: bool = parameter(False, doc="whether openings are equivalent diameters rather than intermediate axes")
-    basis: Literal["number", "volume"] = parameter("volume", doc="quantity that the shares refer to")
+    openings: tuple[float, ...] | None = parameter(None, unit="length")
+    passing: tuple[float, ...] | None = parameter(None)
+    retained: tuple[float, ...] | None = parameter(None)
+    file: str | None = parameter(None)
+    unit: str | None = parameter(None)
+    smallest: float | None = parameter(None, unit="length")
+    as_diameter: bool = parameter(False)
+    basis: Literal["number", "volume"] = parameter("volume")
 
     def __post_init__(self) -> None:
         """Bring the curve into the form of increasing openings with the shares that pass them."""

@@ -19,6 +19,17 @@ WIDEST = 5.0
 class Lognormal(SizeDistribution):
     """Log-normal distribution, optionally truncated below and above.
 
+    Parameters
+    ----------
+    median
+        median before truncation, in the basis of the distribution.
+    sigma
+        standard deviation of the natural logarithm of the size.
+    low
+        lower truncation of the sizes; default: none.
+    high
+        upper truncation of the sizes; default: none.
+
     Raises
     ------
     InputError
@@ -27,10 +38,10 @@ class Lognormal(SizeDistribution):
 
     kind: ClassVar[str] = "lognormal"
 
-    median: float = parameter(doc="median before truncation, in the basis of the distribution", unit="length")
-    sigma: float = parameter(doc="standard deviation of the natural logarithm of the size")
-    low: float | None = parameter(None, doc="lower truncation of the sizes; default: none", unit="length")
-    high: float | None = parameter(None, doc="upper truncation of the sizes; default: none", unit="length")
+    median: float = parameter(unit="length")
+    sigma: float = parameter()
+    low: float | None = parameter(None, unit="length")
+    high: float | None = parameter(None, unit="length")
 
     def __post_init__(self) -> None:
         """Check the ranges."""
@@ -78,6 +89,13 @@ class Lognormal(SizeDistribution):
 class Uniform(SizeDistribution):
     """Uniform distribution between two sizes.
 
+    Parameters
+    ----------
+    low
+        smallest size.
+    high
+        largest size.
+
     Raises
     ------
     InputError
@@ -86,8 +104,8 @@ class Uniform(SizeDistribution):
 
     kind: ClassVar[str] = "uniform"
 
-    low: float = parameter(doc="smallest size", unit="length")
-    high: float = parameter(doc="largest size", unit="length")
+    low: float = parameter(unit="length")
+    high: float = parameter(unit="length")
 
     def __post_init__(self) -> None:
         """Check the ranges."""
@@ -107,6 +125,17 @@ class Uniform(SizeDistribution):
 class Fuller(SizeDistribution):
     """Power law of concrete and asphalt with a limit of fines: the share below d is (d^n - low^n) / (high^n - low^n).
 
+    Parameters
+    ----------
+    low
+        smallest size.
+    high
+        largest size.
+    exponent
+        exponent n of the size.
+    basis
+        quantity that the shares refer to.
+
     Raises
     ------
     InputError
@@ -120,10 +149,10 @@ class Fuller(SizeDistribution):
 
     kind: ClassVar[str] = "fuller"
 
-    low: float = parameter(doc="smallest size", unit="length")
-    high: float = parameter(doc="largest size", unit="length")
-    exponent: float = parameter(0.5, doc="exponent n of the size", above=0.0, at_most=10.0)
-    basis: Literal["number", "volume"] = parameter("volume", doc="quantity that the shares refer to")
+    low: float = parameter(unit="length")
+    high: float = parameter(unit="length")
+    exponent: float = parameter(0.5, above=0.0, at_most=10.0)
+    basis: Literal["number", "volume"] = parameter("volume")
 
     def __post_init__(self) -> None:
         """Check the ranges."""
@@ -144,6 +173,13 @@ class Fuller(SizeDistribution):
 class Discrete(SizeDistribution):
     """Discrete distribution: a few sizes, each with its weight.
 
+    Parameters
+    ----------
+    diameters
+        sizes.
+    weights
+        weights of the sizes; normalized to a sum of 1.
+
     Raises
     ------
     InputError
@@ -152,8 +188,8 @@ class Discrete(SizeDistribution):
 
     kind: ClassVar[str] = "discrete"
 
-    diameters: tuple[float, ...] = parameter(doc="sizes", unit="length")
-    weights: tuple[float, ...] = parameter(doc="weights of the sizes; normalized to a sum of 1")
+    diameters: tuple[float, ...] = parameter(unit="length")
+    weights: tuple[float, ...] = parameter()
 
     def __post_init__(self) -> None:
         """Check the ranges."""
@@ -198,6 +234,11 @@ class Discrete(SizeDistribution):
 class Fixed(SizeDistribution):
     """One size for all grains.
 
+    Parameters
+    ----------
+    diameter
+        size.
+
     Raises
     ------
     InputError
@@ -206,7 +247,7 @@ class Fixed(SizeDistribution):
 
     kind: ClassVar[str] = "fixed"
 
-    diameter: float = parameter(1.0, doc="size", unit="length")
+    diameter: float = parameter(1.0, unit="length")
 
     def __post_init__(self) -> None:
         """Check the size."""

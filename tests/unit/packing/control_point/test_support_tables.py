@@ -5,9 +5,8 @@ import pytest
 
 import voxgran as vg
 from voxgran.geometry.rotation import rotation_matrices
-from voxgran.packing.control_point.distance_fields import distances, make_fields
+from voxgran.packing.control_point.distance_fields import distances, make_fields, make_reaches, plane_of
 from voxgran.packing.control_point.separating_planes import find_plane, write_span
-from voxgran.packing.control_point.support_tables import make_reaches, plane_of
 from voxgran.points.control import sample_controls
 from voxgran.shapes.spheres import Spheres
 

@@ -10,9 +10,8 @@ from voxgran.geometry import polyhedron
 from voxgran.packing.method import State
 from voxgran.packing.tessellation.voronoi_cells import Cells, seeds_of
 from voxgran.packing.tessellation.voronoi_grains import corners_of, largest_factor, shapes_of
-from voxgran.packing.tessellation.voronoi_steps import first_arrays, step
+from voxgran.packing.tessellation.voronoi_steps import first_arrays, step, weight_steps
 from voxgran.packing.tessellation.voronoi_walls import PROTRUSION
-from voxgran.packing.tessellation.voronoi_weights import weight_steps
 
 BENT = vg.Polygon([(0, 0), (4, 0), (4, 1), (1, 1), (1, 3), (0, 3)])
 

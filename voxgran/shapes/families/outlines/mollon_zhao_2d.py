@@ -29,6 +29,11 @@ LARGEST = 0.95
 class MollonZhao2d(FourierSpectrum):
     """Parameters of a grain in the plane with a Fourier spectrum.
 
+    Parameters
+    ----------
+    diameter
+        diameter of the disk of equal area; default: 1.
+
     Examples
     --------
     >>> import voxgran as vg
@@ -37,9 +42,7 @@ class MollonZhao2d(FourierSpectrum):
     (2, 1.0)
     """
 
-    diameter: float | None = parameter(
-        None, doc="diameter of the disk of equal area; default: 1", unit="length", above=0.0
-    )
+    diameter: float | None = parameter(None, unit="length", above=0.0)
 
 
 def make(parameters: MollonZhao2d, generator: np.random.Generator) -> Shape:

@@ -17,6 +17,17 @@ MOST_CORNERS = 10_000
 class Polygon:
     """Parameters of a polygon.
 
+    Parameters
+    ----------
+    corners
+        number of corners of a regular polygon; default: 6.
+    stretch
+        factor by which x is stretched before scaling to diameter; default: 1.
+    diameter
+        diameter of the disk of equal area; default: 1.
+    vertices
+        corners in counterclockwise order; replace corners, stretch and diameter.
+
     Examples
     --------
     >>> import voxgran as vg
@@ -24,12 +35,10 @@ class Polygon:
     2.0
     """
 
-    corners: int | None = parameter(None, doc="number of corners of a regular polygon; default: 6")
-    stretch: float | None = parameter(None, doc="factor by which x is stretched before scaling to diameter; default: 1")
-    diameter: float | None = parameter(None, doc="diameter of the disk of equal area; default: 1", unit="length")
-    vertices: tuple[tuple[float, float], ...] | None = parameter(
-        None, doc="corners in counterclockwise order; replace corners, stretch and diameter", unit="length"
-    )
+    corners: int | None = parameter(None)
+    stretch: float | None = parameter(None)
+    diameter: float | None = parameter(None, unit="length")
+    vertices: tuple[tuple[float, float], ...] | None = parameter(None, unit="length")
 
 
 def make(parameters: Polygon, generator: np.random.Generator) -> Shape:

@@ -18,6 +18,15 @@ from voxgran.shapes.model import Shape
 class ConvexPolyhedron:
     """Parameters of a convex polyhedron.
 
+    Parameters
+    ----------
+    points
+        number of random points, which become the vertices; from 4 to 100 000.
+    aspect
+        factors by which the hull is stretched along x, y and z.
+    diameter
+        equivalent diameter; default: 1.
+
     Examples
     --------
     >>> import voxgran as vg
@@ -25,11 +34,9 @@ class ConvexPolyhedron:
     Shape('convex_polyhedron', mesh, diameter=1)
     """
 
-    points: int = parameter(20, doc="number of random points, which become the vertices; from 4 to 100 000")
-    aspect: tuple[float, float, float] = parameter(
-        (1.0, 1.0, 1.0), doc="factors by which the hull is stretched along x, y and z"
-    )
-    diameter: float | None = parameter(None, doc="equivalent diameter; default: 1", unit="length")
+    points: int = parameter(20)
+    aspect: tuple[float, float, float] = parameter((1.0, 1.0, 1.0))
+    diameter: float | None = parameter(None, unit="length")
 
 
 def make(parameters: ConvexPolyhedron, generator: np.random.Generator) -> Shape:

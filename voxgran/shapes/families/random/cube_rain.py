@@ -32,6 +32,19 @@ MOST_CUBES = 1000
 class CubeRain:
     """Parameters of a rain of turned cubes.
 
+    Parameters
+    ----------
+    cubes
+        number of cubes; from 1 to 1000.
+    edges
+        range of the edges of the cubes, before scaling to diameter.
+    overlap
+        how deep a cube sinks into another, in edges of the smaller one; from 0.01 to 0.9.
+    fall
+        from where cubes fall: from all sides, or from above.
+    diameter
+        equivalent diameter; default: 1.
+
     Raises
     ------
     InputError
@@ -44,18 +57,11 @@ class CubeRain:
     Shape('cube_rain', mesh, diameter=1)
     """
 
-    cubes: int = parameter(12, doc="number of cubes; from 1 to 1000", at_least=1, at_most=MOST_CUBES)
-    edges: tuple[float, float] = parameter(
-        (0.5, 1.0), doc="range of the edges of the cubes, before scaling to diameter"
-    )
-    overlap: float = parameter(
-        0.3,
-        doc="how deep a cube sinks into another, in edges of the smaller one; from 0.01 to 0.9",
-        at_least=0.01,
-        at_most=0.9,
-    )
-    fall: Literal["around", "down"] = parameter("around", doc="from where cubes fall: from all sides, or from above")
-    diameter: float | None = parameter(None, doc="equivalent diameter; default: 1", unit="length")
+    cubes: int = parameter(12, at_least=1, at_most=MOST_CUBES)
+    edges: tuple[float, float] = parameter((0.5, 1.0))
+    overlap: float = parameter(0.3, at_least=0.01, at_most=0.9)
+    fall: Literal["around", "down"] = parameter("around")
+    diameter: float | None = parameter(None, unit="length")
 
     def __post_init__(self) -> None:
         """Check all parameters."""

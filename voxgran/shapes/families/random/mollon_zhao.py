@@ -48,6 +48,13 @@ HALVINGS = 40
 class MollonZhao(FourierSpectrum):
     """Parameters of a grain whose sections have a Fourier spectrum.
 
+    Parameters
+    ----------
+    subdivisions
+        subdivisions of the triangles of an icosahedron into four, for the mesh.
+    diameter
+        equivalent diameter; default: 1.
+
     Examples
     --------
     >>> import voxgran as vg
@@ -55,10 +62,8 @@ class MollonZhao(FourierSpectrum):
     Shape('mollon_zhao', mesh, diameter=1)
     """
 
-    subdivisions: int = parameter(
-        4, doc="subdivisions of the triangles of an icosahedron into four, for the mesh", at_least=2, at_most=7
-    )
-    diameter: float | None = parameter(None, doc="equivalent diameter; default: 1", unit="length", above=0.0)
+    subdivisions: int = parameter(4, at_least=2, at_most=7)
+    diameter: float | None = parameter(None, unit="length", above=0.0)
 
 
 def make(parameters: MollonZhao, generator: np.random.Generator) -> Shape:

@@ -32,6 +32,17 @@ MOST_DEGREES = 120
 class NoiseStar:
     """Parameters of a Gaussian random sphere.
 
+    Parameters
+    ----------
+    deviation
+        standard deviation of the radius, in mean radii.
+    correlation_angle
+        angle over which radii are correlated.
+    subdivisions
+        number of subdivisions of the icosahedron.
+    diameter
+        equivalent diameter; default: 1.
+
     Raises
     ------
     InputError
@@ -44,12 +55,10 @@ class NoiseStar:
     Shape('noise_star', mesh, diameter=1)
     """
 
-    deviation: float = parameter(0.2, doc="standard deviation of the radius, in mean radii", at_least=0.0, at_most=1.0)
-    correlation_angle: float = parameter(
-        35.0, doc="angle over which radii are correlated", unit="degrees", at_least=8.0, at_most=180.0
-    )
-    subdivisions: int = parameter(4, doc="number of subdivisions of the icosahedron", at_least=2, at_most=6)
-    diameter: float | None = parameter(None, doc="equivalent diameter; default: 1", unit="length")
+    deviation: float = parameter(0.2, at_least=0.0, at_most=1.0)
+    correlation_angle: float = parameter(35.0, unit="degrees", at_least=8.0, at_most=180.0)
+    subdivisions: int = parameter(4, at_least=2, at_most=6)
+    diameter: float | None = parameter(None, unit="length")
 
 
 def make(parameters: NoiseStar, generator: np.random.Generator) -> Shape:

@@ -32,6 +32,24 @@ Solid: TypeAlias = Literal["random", PlatonicSolid, ArchimedeanSolid]
 class Polyhedron:
     """Parameters of a polyhedron.
 
+    Parameters
+    ----------
+    solid
+        hull of random points, or the name of a Platonic or Archimedean solid.
+    points
+        number of random points, or a range to draw it from; from 4 to 100 000; default: (8, 20).
+    aspect
+        factors by which the corners are stretched along x, y and z.
+    mirror
+        whether to take the mirror image, such as the other form of a snub solid.
+    rounding
+        radius of the sphere that is swept over the polyhedron, as a fraction of the equivalent diameter of the sharp
+        polyhedron; 0: sharp edges.
+    tolerance
+        largest distance of the mesh from the true rounded surface, in equivalent diameters.
+    diameter
+        equivalent diameter; default: 1.
+
     Raises
     ------
     InputError
@@ -44,28 +62,13 @@ class Polyhedron:
     8
     """
 
-    solid: Solid = parameter("random", doc="hull of random points, or the name of a Platonic or Archimedean solid")
-    points: int | tuple[int, int] | None = parameter(
-        None, doc="number of random points, or a range to draw it from; from 4 to 100 000; default: (8, 20)"
-    )
-    aspect: tuple[float, float, float] = parameter(
-        (1.0, 1.0, 1.0), doc="factors by which the corners are stretched along x, y and z", above=0.0
-    )
-    mirror: bool = parameter(False, doc="whether to take the mirror image, such as the other form of a snub solid")
-    rounding: float = parameter(
-        0.0,
-        doc="radius of the sphere that is swept over the polyhedron, as a fraction of the equivalent diameter of the "
-        "sharp polyhedron; 0: sharp edges",
-        at_least=0.0,
-        at_most=10.0,
-    )
-    tolerance: float = parameter(
-        0.002,
-        doc="largest distance of the mesh from the true rounded surface, in equivalent diameters",
-        at_least=1e-4,
-        at_most=0.1,
-    )
-    diameter: float | None = parameter(None, doc="equivalent diameter; default: 1", unit="length", above=0.0)
+    solid: Solid = parameter("random")
+    points: int | tuple[int, int] | None = parameter(None)
+    aspect: tuple[float, float, float] = parameter((1.0, 1.0, 1.0), above=0.0)
+    mirror: bool = parameter(False)
+    rounding: float = parameter(0.0, at_least=0.0, at_most=10.0)
+    tolerance: float = parameter(0.002, at_least=1e-4, at_most=0.1)
+    diameter: float | None = parameter(None, unit="length", above=0.0)
 
     def __post_init__(self) -> None:
         """Check the values."""

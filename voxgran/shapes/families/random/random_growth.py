@@ -41,6 +41,21 @@ GAIN = 150.0
 class RandomGrowth:
     """Parameters of random growth.
 
+    Parameters
+    ----------
+    cubes
+        number of cubes; from 1 to 2 000 000.
+    power
+        power of the number of neighbours of a free place; from -4 (porous) over 0 and 1 to 4 (smooth).
+    rates
+        rates of growth along x, y and z; default: equal; at most 10 times each other.
+    aspect
+        ratio of the axes, met by rates that are adjusted; at most 10 times each other.
+    diameter
+        equivalent diameter; default: 1.
+    edge
+        edge of a cube, in place of the diameter.
+
     Raises
     ------
     InputError
@@ -53,21 +68,12 @@ class RandomGrowth:
     20.0
     """
 
-    cubes: int = parameter(500, doc="number of cubes; from 1 to 2 000 000", at_least=1, at_most=MOST_CUBES)
-    power: float = parameter(
-        1.0,
-        doc="power of the number of neighbours of a free place; from -4 (porous) over 0 and 1 to 4 (smooth)",
-        at_least=-4.0,
-        at_most=4.0,
-    )
-    rates: tuple[float, float, float] | None = parameter(
-        None, doc="rates of growth along x, y and z; default: equal; at most 10 times each other"
-    )
-    aspect: tuple[float, float, float] | None = parameter(
-        None, doc="ratio of the axes, met by rates that are adjusted; at most 10 times each other"
-    )
-    diameter: float | None = parameter(None, doc="equivalent diameter; default: 1", unit="length")
-    edge: float | None = parameter(None, doc="edge of a cube, in place of the diameter", unit="length")
+    cubes: int = parameter(500, at_least=1, at_most=MOST_CUBES)
+    power: float = parameter(1.0, at_least=-4.0, at_most=4.0)
+    rates: tuple[float, float, float] | None = parameter(None)
+    aspect: tuple[float, float, float] | None = parameter(None)
+    diameter: float | None = parameter(None, unit="length")
+    edge: float | None = parameter(None, unit="length")
 
     def __post_init__(self) -> None:
         """Check all parameters together."""

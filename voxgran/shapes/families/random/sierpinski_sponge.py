@@ -40,6 +40,27 @@ MOST_ON_SIDE, MOST_CELLS = 256, 1_000_000
 class SierpinskiSponge:
     """Parameters of a sponge.
 
+    Parameters
+    ----------
+    kind
+        where cells are removed: at random places, or from a central hole along three axes, none or z.
+    divisions
+        number of cells along an edge into which each cube is divided; from 2 to 16.
+    levels
+        number of times that all cubes are divided; 0 is a cube.
+    hole
+        width of the central hole in cells, as even or odd as the divisions; default: 1 or 2; not for 'random'.
+    removed
+        number of cells removed from each cube, only for 'random'; default: 7 of 27, and in this proportion.
+    kept
+        probability with which each cell stays, in place of a fixed number; only for 'random'.
+    piece
+        what is made of a sponge in several pieces: the largest one, or an error.
+    diameter
+        equivalent diameter; default: 1.
+    edge
+        edge of a smallest cube, in place of the diameter.
+
     Raises
     ------
     InputError
@@ -52,28 +73,15 @@ class SierpinskiSponge:
     Shape('sierpinski_sponge', mesh, diameter=1)
     """
 
-    kind: Literal["random", "menger", "sierpinski", "carpet"] = parameter(
-        "random", doc="where cells are removed: at random places, or from a central hole along three axes, none or z"
-    )
-    divisions: int = parameter(
-        3, doc="number of cells along an edge into which each cube is divided; from 2 to 16", at_least=2, at_most=16
-    )
-    levels: int = parameter(2, doc="number of times that all cubes are divided; 0 is a cube")
-    hole: int | None = parameter(
-        None,
-        doc="width of the central hole in cells, as even or odd as the divisions; default: 1 or 2; not for 'random'",
-    )
-    removed: int | None = parameter(
-        None, doc="number of cells removed from each cube, only for 'random'; default: 7 of 27, and in this proportion"
-    )
-    kept: float | None = parameter(
-        None, doc="probability with which each cell stays, in place of a fixed number; only for 'random'"
-    )
-    piece: Literal["largest", "whole"] = parameter(
-        "largest", doc="what is made of a sponge in several pieces: the largest one, or an error"
-    )
-    diameter: float | None = parameter(None, doc="equivalent diameter; default: 1", unit="length")
-    edge: float | None = parameter(None, doc="edge of a smallest cube, in place of the diameter", unit="length")
+    kind: Literal["random", "menger", "sierpinski", "carpet"] = parameter("random")
+    divisions: int = parameter(3, at_least=2, at_most=16)
+    levels: int = parameter(2)
+    hole: int | None = parameter(None)
+    removed: int | None = parameter(None)
+    kept: float | None = parameter(None)
+    piece: Literal["largest", "whole"] = parameter("largest")
+    diameter: float | None = parameter(None, unit="length")
+    edge: float | None = parameter(None, unit="length")
 
     def __post_init__(self) -> None:
         """Check all parameters together."""

@@ -57,6 +57,31 @@ DRAWN: dict[Kind, tuple[str, ...]] = {
 class SolidUnion:
     """Parameters of a union of base solids.
 
+    Parameters
+    ----------
+    solids
+        number of base solids, or a range to draw it from; from 1 to 1000.
+    kinds
+        kinds of base solids to draw from.
+    counts
+        numbers of base solids of each of `kinds`, or ranges to draw them from; in place of `solids`.
+    lengths
+        range of each dimension of a base solid, before scaling to diameter.
+    box
+        edges of boxes, each a number or a range; default: lengths.
+    cylinder
+        diameter and height of cylinders, each a number or a range; default: lengths.
+    cone
+        diameter and height of cones, each a number or a range; default: lengths.
+    ellipsoid
+        axes of ellipsoids from end to end, each a number or a range; default: lengths.
+    sphere
+        diameter of spheres, a number or a range; default: lengths.
+    chord_error
+        volume between round base solids and their flat facets, relative to their volume.
+    diameter
+        equivalent diameter; default: 1.
+
     Raises
     ------
     InputError
@@ -69,40 +94,21 @@ class SolidUnion:
     Shape('solid_union', mesh, diameter=1)
     """
 
-    solids: int | tuple[int, int] = parameter(
-        (3, 6), doc="number of base solids, or a range to draw it from; from 1 to 1000"
-    )
-    kinds: tuple[Kind, ...] = parameter(
-        ("box", "cylinder", "cone", "ellipsoid", "sphere"), doc="kinds of base solids to draw from"
-    )
-    counts: tuple[int | tuple[int, int], ...] | None = parameter(
-        None, doc="numbers of base solids of each of `kinds`, or ranges to draw them from; in place of `solids`"
-    )
-    lengths: tuple[float, float] = parameter(
-        (0.4, 1.0), doc="range of each dimension of a base solid, before scaling to diameter"
-    )
+    solids: int | tuple[int, int] = parameter((3, 6))
+    kinds: tuple[Kind, ...] = parameter(("box", "cylinder", "cone", "ellipsoid", "sphere"))
+    counts: tuple[int | tuple[int, int], ...] | None = parameter(None)
+    lengths: tuple[float, float] = parameter((0.4, 1.0))
     box: tuple[float | tuple[float, float], float | tuple[float, float], float | tuple[float, float]] | None = (
-        parameter(None, doc="edges of boxes, each a number or a range; default: lengths")
+        parameter(None)
     )
-    cylinder: tuple[float | tuple[float, float], float | tuple[float, float]] | None = parameter(
-        None, doc="diameter and height of cylinders, each a number or a range; default: lengths"
-    )
-    cone: tuple[float | tuple[float, float], float | tuple[float, float]] | None = parameter(
-        None, doc="diameter and height of cones, each a number or a range; default: lengths"
-    )
+    cylinder: tuple[float | tuple[float, float], float | tuple[float, float]] | None = parameter(None)
+    cone: tuple[float | tuple[float, float], float | tuple[float, float]] | None = parameter(None)
     ellipsoid: tuple[float | tuple[float, float], float | tuple[float, float], float | tuple[float, float]] | None = (
-        parameter(None, doc="axes of ellipsoids from end to end, each a number or a range; default: lengths")
+        parameter(None)
     )
-    sphere: float | tuple[float, float] | None = parameter(
-        None, doc="diameter of spheres, a number or a range; default: lengths"
-    )
-    chord_error: float = parameter(
-        2e-3,
-        doc="volume between round base solids and their flat facets, relative to their volume",
-        at_least=1e-5,
-        at_most=COARSEST,
-    )
-    diameter: float | None = parameter(None, doc="equivalent diameter; default: 1", unit="length", above=0.0)
+    sphere: float | tuple[float, float] | None = parameter(None)
+    chord_error: float = parameter(2e-3, at_least=1e-5, at_most=COARSEST)
+    diameter: float | None = parameter(None, unit="length", above=0.0)
 
     def __post_init__(self) -> None:
         """Check the ranges."""

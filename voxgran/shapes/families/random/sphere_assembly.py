@@ -44,6 +44,26 @@ ROUNDING = 1e-12
 class SphereAssembly:
     """Parameters of an assembly of spheres.
 
+    Parameters
+    ----------
+    base
+        volume that is filled: a family, a table of family, seed and its parameters, or a Shape.
+    arrangement
+        points that fill the volume: centers of voxels, or nodes of nearly regular tetrahedra.
+    spacing
+        distance of neighbouring points, in equivalent diameters of the base.
+    probability
+        probability that a point gets a sphere.
+    radii
+        radius of all spheres in spacings, or a range from which each is drawn uniformly; at most 3.
+    overlap
+        least depth by which two spheres of one piece overlap, in radii of the smaller; at 0 they may just touch.
+    isolated
+        what becomes of spheres apart from the others: they grow until all are one piece, or only the largest piece
+        remains.
+    diameter
+        equivalent diameter; default: 1.
+
     Raises
     ------
     UnknownNameError
@@ -58,31 +78,14 @@ class SphereAssembly:
     Shape('sphere_assembly', spheres, diameter=1)
     """
 
-    base: str | Shape | Mapping[str, Any] = parameter(
-        "solid_union", doc="volume that is filled: a family, a table of family, seed and its parameters, or a Shape"
-    )
-    arrangement: Literal["voxels", "tetrahedra"] = parameter(
-        "voxels", doc="points that fill the volume: centers of voxels, or nodes of nearly regular tetrahedra"
-    )
-    spacing: float = parameter(
-        0.15, doc="distance of neighbouring points, in equivalent diameters of the base", at_least=0.03, at_most=0.5
-    )
-    probability: float = parameter(0.7, doc="probability that a point gets a sphere", above=0.0, at_most=1.0)
-    radii: float | tuple[float, float] = parameter(
-        (0.6, 0.9), doc="radius of all spheres in spacings, or a range from which each is drawn uniformly; at most 3"
-    )
-    overlap: float = parameter(
-        0.2,
-        doc="least depth by which two spheres of one piece overlap, in radii of the smaller; at 0 they may just touch",
-        at_least=0.0,
-        at_most=0.9,
-    )
-    isolated: Literal["connect", "remove"] = parameter(
-        "connect",
-        doc="what becomes of spheres apart from the others: they grow until all are one piece, or only the "
-        "largest piece remains",
-    )
-    diameter: float | None = parameter(None, doc="equivalent diameter; default: 1", unit="length", above=0.0)
+    base: str | Shape | Mapping[str, Any] = parameter("solid_union")
+    arrangement: Literal["voxels", "tetrahedra"] = parameter("voxels")
+    spacing: float = parameter(0.15, at_least=0.03, at_most=0.5)
+    probability: float = parameter(0.7, above=0.0, at_most=1.0)
+    radii: float | tuple[float, float] = parameter((0.6, 0.9))
+    overlap: float = parameter(0.2, at_least=0.0, at_most=0.9)
+    isolated: Literal["connect", "remove"] = parameter("connect")
+    diameter: float | None = parameter(None, unit="length", above=0.0)
 
     def __post_init__(self) -> None:
         """Check the ranges and the base."""

@@ -51,6 +51,23 @@ HIGHEST = 64
 class SphericalHarmonics:
     """Parameters of a grain from spherical harmonics.
 
+    Parameters
+    ----------
+    like
+        solid whose spectrum the grain has: a mesh file, a family, a table of family, seed and parameters, or a Shape.
+    degree
+        largest degree of the harmonics.
+    roughness
+        standard deviation of the logarithm of the radius over the sphere; default: 0.15.
+    exponent
+        exponent of the power law by which the power falls with the degree, from degree 2 on; default: 3.
+    aspect
+        factors by which the grain is stretched along x, y and z.
+    subdivisions
+        number of subdivisions of the icosahedron.
+    diameter
+        equivalent diameter; default: 1.
+
     Raises
     ------
     UnknownNameError
@@ -65,29 +82,13 @@ class SphericalHarmonics:
     Shape('spherical_harmonics', mesh, diameter=1)
     """
 
-    like: str | Shape | Mapping[str, Any] | None = parameter(
-        None,
-        doc="solid whose spectrum the grain has: a mesh file, a family, a table of family, seed and parameters, "
-        "or a Shape",
-    )
-    degree: int = parameter(16, doc="largest degree of the harmonics", at_least=2, at_most=HIGHEST)
-    roughness: float | None = parameter(
-        None,
-        doc="standard deviation of the logarithm of the radius over the sphere; default: 0.15",
-        at_least=0.0,
-        at_most=1.0,
-    )
-    exponent: float | None = parameter(
-        None,
-        doc="exponent of the power law by which the power falls with the degree, from degree 2 on; default: 3",
-        at_least=0.0,
-        at_most=20.0,
-    )
-    aspect: tuple[float, float, float] = parameter(
-        (1.0, 1.0, 1.0), doc="factors by which the grain is stretched along x, y and z"
-    )
-    subdivisions: int = parameter(4, doc="number of subdivisions of the icosahedron", at_least=2, at_most=6)
-    diameter: float | None = parameter(None, doc="equivalent diameter; default: 1", unit="length")
+    like: str | Shape | Mapping[str, Any] | None = parameter(None)
+    degree: int = parameter(16, at_least=2, at_most=HIGHEST)
+    roughness: float | None = parameter(None, at_least=0.0, at_most=1.0)
+    exponent: float | None = parameter(None, at_least=0.0, at_most=20.0)
+    aspect: tuple[float, float, float] = parameter((1.0, 1.0, 1.0))
+    subdivisions: int = parameter(4, at_least=2, at_most=6)
+    diameter: float | None = parameter(None, unit="length")
 
     def __post_init__(self) -> None:
         """Check the numbers and what the grain is like."""

@@ -33,6 +33,25 @@ TRIES = 50
 class Superspherize:
     """Parameters of a volume inflated toward spheres.
 
+    Parameters
+    ----------
+    base
+        volume that is inflated: a family, a table of family, seed and its parameters, or a Shape.
+    inflations
+        number of spheres toward which it is inflated.
+    amounts
+        how far the surface moves toward a sphere, a number or a range; above 0, at most 1: all the way.
+    radii
+        radius of the spheres in equivalent diameters of the base, a number or a range; at most 10.
+    half_angles
+        half angle of the cone in which the surface is inflated, a number or a range; 180 is everywhere.
+    spread
+        how far the centers lie from the centroid, as part of the way to a random point of the base.
+    longest_edge
+        longest edge of the mesh, in equivalent diameters of the base.
+    diameter
+        equivalent diameter; default: 1.
+
     Raises
     ------
     UnknownNameError
@@ -47,33 +66,14 @@ class Superspherize:
     Shape('superspherize', mesh, diameter=1)
     """
 
-    base: str | Shape | Mapping[str, Any] = parameter(
-        "convex_polyhedron",
-        doc="volume that is inflated: a family, a table of family, seed and its parameters, or a Shape",
-    )
-    inflations: int = parameter(4, doc="number of spheres toward which it is inflated", at_least=1, at_most=100)
-    amounts: float | tuple[float, float] = parameter(
-        (0.5, 1.0),
-        doc="how far the surface moves toward a sphere, a number or a range; above 0, at most 1: all the way",
-    )
-    radii: float | tuple[float, float] = parameter(
-        (0.4, 0.65), doc="radius of the spheres in equivalent diameters of the base, a number or a range; at most 10"
-    )
-    half_angles: float | tuple[float, float] = parameter(
-        (40.0, 110.0),
-        doc="half angle of the cone in which the surface is inflated, a number or a range; 180 is everywhere",
-        unit="degrees",
-    )
-    spread: float = parameter(
-        0.5,
-        doc="how far the centers lie from the centroid, as part of the way to a random point of the base",
-        at_least=0.0,
-        at_most=1.0,
-    )
-    longest_edge: float = parameter(
-        0.08, doc="longest edge of the mesh, in equivalent diameters of the base", at_least=0.01, at_most=0.5
-    )
-    diameter: float | None = parameter(None, doc="equivalent diameter; default: 1", unit="length", above=0.0)
+    base: str | Shape | Mapping[str, Any] = parameter("convex_polyhedron")
+    inflations: int = parameter(4, at_least=1, at_most=100)
+    amounts: float | tuple[float, float] = parameter((0.5, 1.0))
+    radii: float | tuple[float, float] = parameter((0.4, 0.65))
+    half_angles: float | tuple[float, float] = parameter((40.0, 110.0), unit="degrees")
+    spread: float = parameter(0.5, at_least=0.0, at_most=1.0)
+    longest_edge: float = parameter(0.08, at_least=0.01, at_most=0.5)
+    diameter: float | None = parameter(None, unit="length", above=0.0)
 
     def __post_init__(self) -> None:
         """Check the ranges and the base."""

@@ -29,6 +29,25 @@ MOST_SEEDS = 100_000
 class VoronoiFragment:
     """Parameters of a Voronoi fragment.
 
+    Parameters
+    ----------
+    seeds
+        number of seeds in the box, which is that of the cells.
+    process
+        seeds at independent random points, as in a Poisson process, or jittered about a cubic lattice.
+    jitter
+        edge of the cube in which each seed of a jittered lattice lies, in lattice spacings; 0 makes cubes.
+    boundary
+        whether the box is periodic, or its faces bound the cells.
+    aspect
+        factors by which the cells are stretched along x, y and z; default: (1, 1, 1).
+    cell
+        which cell, from 0; default: a random one.
+    diameter
+        equivalent diameter; default: 1.
+    lengths
+        edge lengths of the box, in which the fragment keeps its size; replace diameter and aspect.
+
     Raises
     ------
     InputError
@@ -41,32 +60,14 @@ class VoronoiFragment:
     Shape('voronoi_fragment', mesh, diameter=1)
     """
 
-    seeds: int = parameter(
-        64, doc="number of seeds in the box, which is that of the cells", at_least=2, at_most=MOST_SEEDS
-    )
-    process: Literal["random", "jittered"] = parameter(
-        "random", doc="seeds at independent random points, as in a Poisson process, or jittered about a cubic lattice"
-    )
-    jitter: float = parameter(
-        1.0,
-        doc="edge of the cube in which each seed of a jittered lattice lies, in lattice spacings; 0 makes cubes",
-        at_least=0.0,
-        at_most=1.0,
-    )
-    boundary: Literal["periodic", "reflected"] = parameter(
-        "periodic", doc="whether the box is periodic, or its faces bound the cells"
-    )
-    aspect: tuple[float, float, float] | None = parameter(
-        None, doc="factors by which the cells are stretched along x, y and z; default: (1, 1, 1)", above=0.0
-    )
-    cell: int | None = parameter(None, doc="which cell, from 0; default: a random one")
-    diameter: float | None = parameter(None, doc="equivalent diameter; default: 1", unit="length", above=0.0)
-    lengths: tuple[float, float, float] | None = parameter(
-        None,
-        doc="edge lengths of the box, in which the fragment keeps its size; replace diameter and aspect",
-        unit="length",
-        above=0.0,
-    )
+    seeds: int = parameter(64, at_least=2, at_most=MOST_SEEDS)
+    process: Literal["random", "jittered"] = parameter("random")
+    jitter: float = parameter(1.0, at_least=0.0, at_most=1.0)
+    boundary: Literal["periodic", "reflected"] = parameter("periodic")
+    aspect: tuple[float, float, float] | None = parameter(None, above=0.0)
+    cell: int | None = parameter(None)
+    diameter: float | None = parameter(None, unit="length", above=0.0)
+    lengths: tuple[float, float, float] | None = parameter(None, unit="length", above=0.0)
 
     def __post_init__(self) -> None:
         """Check the values."""

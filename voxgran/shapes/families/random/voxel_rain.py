@@ -36,6 +36,23 @@ MOST_WIDE, MOST_CUBES, MOST_VOXELS = 1024, 5_000_000, 200_000_000
 class VoxelRain:
     """Parameters of a rain of cubes.
 
+    Parameters
+    ----------
+    cubes
+        number of cubes that fall; to 5 000 000.
+    width
+        cubes along the base in x and y; from 1 to 1024 each.
+    base
+        form of the base.
+    plate
+        thickness of the plate on which they fall, in cubes; from 1 to 1024.
+    deposition
+        where a cube stays: where it first touches another, on its column, or on the lowest column near.
+    diameter
+        equivalent diameter; default: 1.
+    edge
+        edge of a cube, in place of the diameter.
+
     Raises
     ------
     InputError
@@ -48,20 +65,13 @@ class VoxelRain:
     56.0
     """
 
-    cubes: int = parameter(400, doc="number of cubes that fall; to 5 000 000", at_most=MOST_CUBES)
-    width: tuple[int, int] = parameter(
-        (10, 10), doc="cubes along the base in x and y; from 1 to 1024 each", at_least=1, at_most=MOST_WIDE
-    )
-    base: Literal["rectangle", "ellipse"] = parameter("rectangle", doc="form of the base")
-    plate: int = parameter(
-        1, doc="thickness of the plate on which they fall, in cubes; from 1 to 1024", at_least=1, at_most=MOST_WIDE
-    )
-    deposition: Literal["ballistic", "random", "relaxed"] = parameter(
-        "ballistic",
-        doc="where a cube stays: where it first touches another, on its column, or on the lowest column near",
-    )
-    diameter: float | None = parameter(None, doc="equivalent diameter; default: 1", unit="length")
-    edge: float | None = parameter(None, doc="edge of a cube, in place of the diameter", unit="length")
+    cubes: int = parameter(400, at_most=MOST_CUBES)
+    width: tuple[int, int] = parameter((10, 10), at_least=1, at_most=MOST_WIDE)
+    base: Literal["rectangle", "ellipse"] = parameter("rectangle")
+    plate: int = parameter(1, at_least=1, at_most=MOST_WIDE)
+    deposition: Literal["ballistic", "random", "relaxed"] = parameter("ballistic")
+    diameter: float | None = parameter(None, unit="length")
+    edge: float | None = parameter(None, unit="length")
 
 
 def make(parameters: VoxelRain, generator: np.random.Generator) -> Shape:

@@ -11,6 +11,15 @@ from voxgran.shapes.model import Shape
 class Box:
     """Parameters of a box.
 
+    Parameters
+    ----------
+    aspect
+        ratios of the edge lengths; default: (1, 1, 1).
+    diameter
+        equivalent diameter; default: 1.
+    lengths
+        edge lengths; replace aspect and diameter.
+
     Examples
     --------
     >>> import voxgran as vg
@@ -18,11 +27,9 @@ class Box:
     6.0
     """
 
-    aspect: tuple[float, float, float] | None = parameter(None, doc="ratios of the edge lengths; default: (1, 1, 1)")
-    diameter: float | None = parameter(None, doc="equivalent diameter; default: 1", unit="length")
-    lengths: tuple[float, float, float] | None = parameter(
-        None, doc="edge lengths; replace aspect and diameter", unit="length"
-    )
+    aspect: tuple[float, float, float] | None = parameter(None)
+    diameter: float | None = parameter(None, unit="length")
+    lengths: tuple[float, float, float] | None = parameter(None, unit="length")
 
 
 def make(parameters: Box, generator: np.random.Generator) -> Shape:

@@ -14,6 +14,17 @@ from voxgran.shapes.model import Shape
 class Cylinder:
     """Parameters of a cylinder.
 
+    Parameters
+    ----------
+    aspect
+        ratio of the height to the diameter of the base; default: 1.
+    diameter
+        equivalent diameter; default: 1.
+    radius
+        radius of the base; with height, replaces aspect and diameter.
+    height
+        height; requires radius.
+
     Examples
     --------
     >>> import voxgran as vg
@@ -21,12 +32,10 @@ class Cylinder:
     6.2832
     """
 
-    aspect: float | None = parameter(None, doc="ratio of the height to the diameter of the base; default: 1")
-    diameter: float | None = parameter(None, doc="equivalent diameter; default: 1", unit="length")
-    radius: float | None = parameter(
-        None, doc="radius of the base; with height, replaces aspect and diameter", unit="length"
-    )
-    height: float | None = parameter(None, doc="height; requires radius", unit="length")
+    aspect: float | None = parameter(None)
+    diameter: float | None = parameter(None, unit="length")
+    radius: float | None = parameter(None, unit="length")
+    height: float | None = parameter(None, unit="length")
 
 
 def make(parameters: Cylinder, generator: np.random.Generator) -> Shape:

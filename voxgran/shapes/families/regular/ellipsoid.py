@@ -11,6 +11,15 @@ from voxgran.shapes.model import Shape
 class Ellipsoid:
     """Parameters of an ellipsoid.
 
+    Parameters
+    ----------
+    aspect
+        ratios of the axes; default: (1, 0.8, 0.6).
+    diameter
+        equivalent diameter; default: 1.
+    semi_axes
+        lengths of the semi-axes; replace aspect and diameter.
+
     Examples
     --------
     >>> import voxgran as vg
@@ -18,11 +27,9 @@ class Ellipsoid:
     25.1327
     """
 
-    aspect: tuple[float, float, float] | None = parameter(None, doc="ratios of the axes; default: (1, 0.8, 0.6)")
-    diameter: float | None = parameter(None, doc="equivalent diameter; default: 1", unit="length")
-    semi_axes: tuple[float, float, float] | None = parameter(
-        None, doc="lengths of the semi-axes; replace aspect and diameter", unit="length"
-    )
+    aspect: tuple[float, float, float] | None = parameter(None)
+    diameter: float | None = parameter(None, unit="length")
+    semi_axes: tuple[float, float, float] | None = parameter(None, unit="length")
 
 
 def make(parameters: Ellipsoid, generator: np.random.Generator) -> Shape:

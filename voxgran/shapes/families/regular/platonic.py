@@ -16,6 +16,13 @@ from voxgran.shapes.model import Shape
 class Platonic:
     """Parameters of a Platonic solid.
 
+    Parameters
+    ----------
+    solid
+        which of the five Platonic solids.
+    diameter
+        equivalent diameter; default: 1.
+
     Examples
     --------
     >>> import voxgran as vg
@@ -23,8 +30,8 @@ class Platonic:
     20
     """
 
-    solid: PlatonicSolid = parameter("icosahedron", doc="which of the five Platonic solids")
-    diameter: float | None = parameter(None, doc="equivalent diameter; default: 1", unit="length")
+    solid: PlatonicSolid = parameter("icosahedron")
+    diameter: float | None = parameter(None, unit="length")
 
 
 def make(parameters: Platonic, generator: np.random.Generator) -> Shape:

@@ -12,6 +12,13 @@ from voxgran.shapes.primitive import Primitive
 class Sphere:
     """Parameters of a sphere.
 
+    Parameters
+    ----------
+    diameter
+        diameter; default: 1.
+    radius
+        radius, in place of the diameter.
+
     Examples
     --------
     >>> import voxgran as vg
@@ -19,8 +26,8 @@ class Sphere:
     4.1888
     """
 
-    diameter: float | None = parameter(None, doc="diameter; default: 1", unit="length")
-    radius: float | None = parameter(None, doc="radius, in place of the diameter", unit="length")
+    diameter: float | None = parameter(None, unit="length")
+    radius: float | None = parameter(None, unit="length")
 
 
 def make(parameters: Sphere, generator: np.random.Generator) -> Shape:

@@ -20,6 +20,19 @@ from voxgran.shapes.tessellate import revolved
 class Spherocylinder:
     """Parameters of a spherocylinder.
 
+    Parameters
+    ----------
+    aspect
+        ratio of the height, ends included, to the diameter of the cylinder; default: 2.
+    diameter
+        equivalent diameter; default: 1.
+    radius
+        radius of cylinder and ends; with height, replaces aspect and diameter.
+    height
+        height, ends included: at least twice the radius, which it requires.
+    tolerance
+        largest distance of the mesh from the true surface, in equivalent diameters.
+
     Raises
     ------
     InputError
@@ -32,22 +45,11 @@ class Spherocylinder:
     4.16
     """
 
-    aspect: float | None = parameter(
-        None, doc="ratio of the height, ends included, to the diameter of the cylinder; default: 2", at_least=1.0
-    )
-    diameter: float | None = parameter(None, doc="equivalent diameter; default: 1", unit="length", above=0.0)
-    radius: float | None = parameter(
-        None, doc="radius of cylinder and ends; with height, replaces aspect and diameter", unit="length", above=0.0
-    )
-    height: float | None = parameter(
-        None, doc="height, ends included: at least twice the radius, which it requires", unit="length", above=0.0
-    )
-    tolerance: float = parameter(
-        0.002,
-        doc="largest distance of the mesh from the true surface, in equivalent diameters",
-        at_least=1e-4,
-        at_most=0.1,
-    )
+    aspect: float | None = parameter(None, at_least=1.0)
+    diameter: float | None = parameter(None, unit="length", above=0.0)
+    radius: float | None = parameter(None, unit="length", above=0.0)
+    height: float | None = parameter(None, unit="length", above=0.0)
+    tolerance: float = parameter(0.002, at_least=1e-4, at_most=0.1)
 
     def __post_init__(self) -> None:
         """Check the values."""

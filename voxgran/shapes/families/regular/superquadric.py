@@ -33,6 +33,21 @@ PLACES = (0.25, 0.5, 0.75)
 class Superquadric:
     """Parameters of a superquadric.
 
+    Parameters
+    ----------
+    e1
+        exponent along z: near 0 flat ends, 1 round, 2 straight cones, above 2 pinched.
+    e2
+        exponent in the xy-plane: near 0 a rectangle, 1 round, 2 a rhombus, above 2 a star.
+    aspect
+        ratios of the axes; default: (1, 1, 1).
+    diameter
+        equivalent diameter; default: 1.
+    semi_axes
+        lengths of the semi-axes; replace aspect and diameter.
+    tolerance
+        largest distance of the mesh from the true surface, in equivalent diameters.
+
     Raises
     ------
     InputError
@@ -45,29 +60,12 @@ class Superquadric:
     Shape('superquadric', mesh, diameter=1)
     """
 
-    e1: float = parameter(
-        0.5,
-        doc="exponent along z: near 0 flat ends, 1 round, 2 straight cones, above 2 pinched",
-        at_least=0.02,
-        at_most=4.0,
-    )
-    e2: float = parameter(
-        0.5,
-        doc="exponent in the xy-plane: near 0 a rectangle, 1 round, 2 a rhombus, above 2 a star",
-        at_least=0.02,
-        at_most=4.0,
-    )
-    aspect: tuple[float, float, float] | None = parameter(None, doc="ratios of the axes; default: (1, 1, 1)", above=0.0)
-    diameter: float | None = parameter(None, doc="equivalent diameter; default: 1", unit="length", above=0.0)
-    semi_axes: tuple[float, float, float] | None = parameter(
-        None, doc="lengths of the semi-axes; replace aspect and diameter", unit="length", above=0.0
-    )
-    tolerance: float = parameter(
-        0.002,
-        doc="largest distance of the mesh from the true surface, in equivalent diameters",
-        at_least=1e-4,
-        at_most=0.1,
-    )
+    e1: float = parameter(0.5, at_least=0.02, at_most=4.0)
+    e2: float = parameter(0.5, at_least=0.02, at_most=4.0)
+    aspect: tuple[float, float, float] | None = parameter(None, above=0.0)
+    diameter: float | None = parameter(None, unit="length", above=0.0)
+    semi_axes: tuple[float, float, float] | None = parameter(None, unit="length", above=0.0)
+    tolerance: float = parameter(0.002, at_least=1e-4, at_most=0.1)
 
     def __post_init__(self) -> None:
         """Check the values."""

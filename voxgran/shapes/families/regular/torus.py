@@ -19,6 +19,19 @@ FATTEST = 0.999
 class Torus:
     """Parameters of a torus.
 
+    Parameters
+    ----------
+    aspect
+        ratio of the minor to the major radius; default: 0.4.
+    diameter
+        equivalent diameter; default: 1.
+    major_radius
+        radius of the circle about which the section turns; with minor_radius, replaces aspect and diameter.
+    minor_radius
+        radius of the circular section; requires major_radius.
+    tolerance
+        largest distance of the mesh from the true surface, in equivalent diameters.
+
     Raises
     ------
     InputError
@@ -31,25 +44,11 @@ class Torus:
     [2.5, 2.474554, 0.475528]
     """
 
-    aspect: float | None = parameter(
-        None, doc="ratio of the minor to the major radius; default: 0.4", at_least=0.001, at_most=FATTEST
-    )
-    diameter: float | None = parameter(None, doc="equivalent diameter; default: 1", unit="length", above=0.0)
-    major_radius: float | None = parameter(
-        None,
-        doc="radius of the circle about which the section turns; with minor_radius, replaces aspect and diameter",
-        unit="length",
-        above=0.0,
-    )
-    minor_radius: float | None = parameter(
-        None, doc="radius of the circular section; requires major_radius", unit="length", above=0.0
-    )
-    tolerance: float = parameter(
-        0.002,
-        doc="largest distance of the mesh from the true surface, in equivalent diameters",
-        at_least=1e-4,
-        at_most=0.1,
-    )
+    aspect: float | None = parameter(None, at_least=0.001, at_most=FATTEST)
+    diameter: float | None = parameter(None, unit="length", above=0.0)
+    major_radius: float | None = parameter(None, unit="length", above=0.0)
+    minor_radius: float | None = parameter(None, unit="length", above=0.0)
+    tolerance: float = parameter(0.002, at_least=1e-4, at_most=0.1)
 
     def __post_init__(self) -> None:
         """Check the values."""

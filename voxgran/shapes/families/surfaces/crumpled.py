@@ -34,6 +34,18 @@ MOST_FOLDS = 400
 class Crumpled:
     """Parameters of a crumpled sheet.
 
+    Parameters
+    ----------
+    fold_length
+        mean length of the straight creases between crossings and rims, in mean edges of the flat sheet; folds are made
+        until it is no longer.
+    angles
+        range from which the angle of each fold is drawn, in degrees; 0 is flat, below 180.
+    aspect
+        ratio of the edges along x and y of the flat sheet.
+    diameter
+        diameter of the disk of equal area; default: 1.
+
     Raises
     ------
     InputError
@@ -46,18 +58,10 @@ class Crumpled:
     True
     """
 
-    fold_length: float = parameter(
-        0.35,
-        doc="mean length of the straight creases between crossings and rims, in mean edges of the flat sheet; folds "
-        "are made until it is no longer",
-        at_least=0.1,
-        at_most=1.0,
-    )
-    angles: tuple[float, float] = parameter(
-        (20.0, 90.0), doc="range from which the angle of each fold is drawn, in degrees; 0 is flat, below 180"
-    )
-    aspect: tuple[float, float] = parameter((1.0, 1.0), doc="ratio of the edges along x and y of the flat sheet")
-    diameter: float | None = parameter(None, doc="diameter of the disk of equal area; default: 1", unit="length")
+    fold_length: float = parameter(0.35, at_least=0.1, at_most=1.0)
+    angles: tuple[float, float] = parameter((20.0, 90.0))
+    aspect: tuple[float, float] = parameter((1.0, 1.0))
+    diameter: float | None = parameter(None, unit="length")
 
     def __post_init__(self) -> None:
         """Check the ranges."""

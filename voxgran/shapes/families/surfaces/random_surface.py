@@ -24,6 +24,19 @@ HIGHEST, MOST_WAVES, SHORTEST = 10.0, 10_000, 64.0
 class RandomSurface:
     """Parameters of a random surface.
 
+    Parameters
+    ----------
+    aspect
+        ratio of the edges along x and y of the flat sheet.
+    height
+        root mean square height, in mean edge lengths.
+    waves
+        number of waves.
+    max_frequency
+        largest number of periods per mean edge length; the smallest is half of it.
+    diameter
+        diameter of the disk of equal area; default: 1.
+
     Raises
     ------
     InputError
@@ -36,17 +49,11 @@ class RandomSurface:
     True
     """
 
-    aspect: tuple[float, float] = parameter((1.0, 1.0), doc="ratio of the edges along x and y of the flat sheet")
-    height: float = parameter(0.15, doc="root mean square height, in mean edge lengths", at_least=0.0, at_most=HIGHEST)
-    waves: int = parameter(6, doc="number of waves", at_least=1, at_most=MOST_WAVES)
-    max_frequency: float = parameter(
-        1.5,
-        doc="largest number of periods per mean edge length; the smallest is half of it",
-        former="most",
-        above=0.0,
-        at_most=SHORTEST,
-    )
-    diameter: float | None = parameter(None, doc="diameter of the disk of equal area; default: 1", unit="length")
+    aspect: tuple[float, float] = parameter((1.0, 1.0))
+    height: float = parameter(0.15, at_least=0.0, at_most=HIGHEST)
+    waves: int = parameter(6, at_least=1, at_most=MOST_WAVES)
+    max_frequency: float = parameter(1.5, former="most", above=0.0, at_most=SHORTEST)
+    diameter: float | None = parameter(None, unit="length")
 
 
 def make(parameters: RandomSurface, generator: np.random.Generator) -> Shape:

@@ -13,8 +13,7 @@ from voxgran.shapes.model import Shape
 from voxgran.shapes.roughness.fields import draw_field
 from voxgran.shapes.roughness.measuring import lattice_statistics, moments_of
 from voxgran.shapes.roughness.parameters import Roughness
-from voxgran.shapes.roughness.refining import MOST_FACES
-from voxgran.shapes.roughness.roughen import ends_of
+from voxgran.shapes.roughness.roughen import MOST_FACES, ends_of
 from voxgran.shapes.surface import Surface
 
 #: cells along an edge at least, so that there is something to measure
@@ -27,6 +26,15 @@ class RoughSheet(Roughness):
 
     Heights and lengths are in the unit of `lengths`; without them, in mean edges of the flat sheet, which is scaled
     with its heights until the area of the rough surface is that of the disk of the given diameter.
+
+    Parameters
+    ----------
+    aspect
+        ratio of the edges along x and y of the flat sheet; default: (1, 1).
+    diameter
+        diameter of the disk whose area is that of the rough surface; default: 1.
+    lengths
+        edge lengths along x and y of the flat sheet; replace aspect and diameter.
 
     Raises
     ------
@@ -41,15 +49,9 @@ class RoughSheet(Roughness):
     0.1
     """
 
-    aspect: tuple[float, float] | None = parameter(
-        None, doc="ratio of the edges along x and y of the flat sheet; default: (1, 1)"
-    )
-    diameter: float | None = parameter(
-        None, doc="diameter of the disk whose area is that of the rough surface; default: 1", unit="length"
-    )
-    lengths: tuple[float, float] | None = parameter(
-        None, doc="edge lengths along x and y of the flat sheet; replace aspect and diameter", unit="length"
-    )
+    aspect: tuple[float, float] | None = parameter(None)
+    diameter: float | None = parameter(None, unit="length")
+    lengths: tuple[float, float] | None = parameter(None, unit="length")
 
 
 def make(parameters: RoughSheet, generator: np.random.Generator) -> Shape:

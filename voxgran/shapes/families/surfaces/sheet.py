@@ -17,6 +17,18 @@ STRIP = 7.5
 class Sheet:
     """Parameters of a sheet.
 
+    Parameters
+    ----------
+    aspect
+        ratio of the edges along x and y; default: (1, 1).
+    roll
+        angle through which the sheet is rolled along x, in degrees, in [0, 360): 0 is flat, 180 is half a pipe; the
+        curvature is this angle divided by the length along x.
+    diameter
+        diameter of the disk of equal area; default: 1.
+    lengths
+        edge lengths along x and y; replace aspect and diameter.
+
     Raises
     ------
     InputError
@@ -29,16 +41,10 @@ class Sheet:
     2.0
     """
 
-    aspect: tuple[float, float] | None = parameter(None, doc="ratio of the edges along x and y; default: (1, 1)")
-    roll: float = parameter(
-        0.0,
-        doc="angle through which the sheet is rolled along x, in degrees, in [0, 360): 0 is flat, 180 is half a pipe; "
-        "the curvature is this angle divided by the length along x",
-    )
-    diameter: float | None = parameter(None, doc="diameter of the disk of equal area; default: 1", unit="length")
-    lengths: tuple[float, float] | None = parameter(
-        None, doc="edge lengths along x and y; replace aspect and diameter", unit="length"
-    )
+    aspect: tuple[float, float] | None = parameter(None)
+    roll: float = parameter(0.0)
+    diameter: float | None = parameter(None, unit="length")
+    lengths: tuple[float, float] | None = parameter(None, unit="length")
 
     def __post_init__(self) -> None:
         """Check that the sheet does not close on itself."""

@@ -17,6 +17,13 @@ SIDES, RING = 36, 10.0
 class Shell:
     """Parameters of a shell.
 
+    Parameters
+    ----------
+    opening
+        angle spanned at the center of the sphere, in degrees, in (0, 360); 180 is half of the sphere.
+    diameter
+        diameter of the disk of equal area; default: 1.
+
     Raises
     ------
     InputError
@@ -29,10 +36,8 @@ class Shell:
     1.0
     """
 
-    opening: float = parameter(
-        180.0, doc="angle spanned at the center of the sphere, in degrees, in (0, 360); 180 is half of the sphere"
-    )
-    diameter: float | None = parameter(None, doc="diameter of the disk of equal area; default: 1", unit="length")
+    opening: float = parameter(180.0)
+    diameter: float | None = parameter(None, unit="length")
 
     def __post_init__(self) -> None:
         """Check that the shell is an open surface."""

@@ -1,23 +1,37 @@
-"""The [[shape]] entries of a scene: files and families, how many shapes each stands for, and their shares."""
+"""Entries of a scene: [[shape]], its files and families, how many shapes each stands for, and their shares; [[layer]],
+layers that are packed one after the other; and [material] or [[material]], one material or several by name.
+"""
 
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any, Literal
 
 from voxgran._base.arrays import as_choice, as_count, as_number, as_positive, as_share, check_type
 from voxgran._base.calls import removal_of
-from voxgran._base.config import from_mapping, parameters_of
+from voxgran._base.config import from_mapping, parameters_of, to_mapping
 from voxgran._base.errors import InputError, UnknownNameError, shortened, shown
 from voxgran._base.files import existing_file
 from voxgran._base.names import nearest, unknown
 from voxgran._base.seeds import stream
 from voxgran._base.units import as_unit
-from voxgran.clumps.fit import TARGETS, fit_clump
+from voxgran.clumps.fit import TARGETS, fit_clump, record_of
 from voxgran.clumps.method import clump_registry
-from voxgran.clumps.stand_in import record_of
 from voxgran.contacts.assembly import NOT_STATED
-from voxgran.scene.keys import AnyShape, ClumpOfShape, ShapeOfFamily, ShapeOfFile, names_of
+from voxgran.geometry.orientation_laws.law import OrientationLaw
+from voxgran.geometry.orientations import make_orientations
+from voxgran.scene.keys import (
+    AnyShape,
+    ClumpOfShape,
+    Layered,
+    NamedMaterial,
+    ShapeOfFamily,
+    ShapeOfFile,
+    names_of,
+    refuse_unknown,
+)
+from voxgran.settling.material import Material
+from voxgran.settling.materials import Materials
 from voxgran.shapes.family import families, make_shape, make_shapes, seeds_of_shapes
 from voxgran.shapes.files import shape_of_file
 from voxgran.shapes.generating.ranges import drawn
@@ -26,6 +40,7 @@ from voxgran.shapes.repairing.diagnose import Remedies
 from voxgran.shapes.repairing.simplify import FEWEST, simplify
 from voxgran.shapes.roughness.parameters import Roughness
 from voxgran.shapes.roughness.roughen import roughen
+from voxgran.shapes.sizes import SizeDistribution, make_sizes
 
 #: keys of a [[shape]] from a file, and of any
 FILE_KEYS = names_of(AnyShape, ShapeOfFile)
@@ -249,3 +264,162 @@ def _roughness(given: Any) -> dict[str, Any]:
     rest = dict(given)
     seed = {"seed": as_count(rest.pop("seed"), f"{where} seed")} if "seed" in rest else {}
     return given_values(Roughness, rest, where, beside=("seed",)) | seed
+
+
+#: sections and keys of [packing] that each layer has of its own, or that are for one packing alone
+ALONE, ALONE_IN_PACKING = ("shape", "sizes", "orientations", "grains"), ("count", "solid_fraction", "start", "height")
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class LayerEntry:
+    """One [[layer]]: its shapes, the number of its grains or its thickness, and their sizes and orientations."""
+
+    shapes: tuple[ShapeEntry, ...]
+    count: int | None = None
+    height: float | None = None
+    sizes: SizeDistribution | None = None
+    orientations: OrientationLaw | None = None
+
+    def to_mapping(self) -> dict[str, Any]:
+        """Return the entry as nested JSON-able values, as the scene file has it."""
+        laws = {"sizes": self.sizes, "orientations": self.orientations}
+        given = {"count": self.count, "height": self.height} | {
+            key: None if law is None else law.to_mapping() for key, law in laws.items()
+        }
+        kept = {key: value for key, value in given.items() if value is not None}
+        return {"shape": [entry.to_mapping() for entry in self.shapes], **kept}
+
+
+def layer_entries(mapping: Mapping[str, Any], folder: Path, parameters: type) -> tuple[LayerEntry, ...]:
+    """Return the checked [[layer]] entries of a scene, of which these are the parameters of the method; none without.
+
+    Raises
+    ------
+    UnknownNameError
+        If a key, a family or a kind is unknown.
+    InputError
+        If a value breaks a rule, a layer has no shape, or not one of count and height, or another section has what the
+        layers have of their own.
+    """
+    if "layer" not in mapping:
+        return ()
+    entries, packing = mapping["layer"], mapping["packing"]
+    if not isinstance(entries, list) or not entries:
+        raise InputError(f"[layer] is {shown(entries)}: write [[layer]], once per layer, the lowest first")
+    for name in ALONE:
+        if name in mapping:
+            raise InputError(f"[{name}] and [[layer]]: each layer has its own; write it as [layer.{name}] of a layer")
+    for name in ALONE_IN_PACKING:
+        if name in packing:
+            raise InputError(f"[packing] {name} and [[layer]]: layers have count or height; leave {name} out here")
+    if dict(mapping.get("output", {})).get("snapshots"):
+        raise InputError("[output] snapshots and [[layer]]: snapshots are those of one packing; leave them out")
+    return tuple(_layer(entry, folder, parameters) for entry in entries)
+
+
+def _layer(entry: Any, folder: Path, parameters: type) -> LayerEntry:
+    """Return a checked [[layer]]."""
+    check_type(entry, Mapping, "[[layer]]", "a section; write [[layer]] above its keys")
+    refuse_unknown(entry, "[[layer]]", Layered, beside=("shape",))
+    if "shape" not in entry:
+        raise InputError("[[layer]] has no shape: its grains need one; add [[layer.shape]] below it")
+    if ("count" in entry) == ("height" in entry):
+        raise InputError(f"[[layer]] has the keys {', '.join(entry)}: give either count or height")
+    if "height" in entry and not any(item.name == "height" for item in parameters_of(parameters)):
+        raise InputError("[[layer]] height: only method 'gravity' fills to a height; give count")
+    return LayerEntry(
+        shapes=shape_entries(entry["shape"], folder),
+        count=as_count(entry["count"], "[[layer]] count") if "count" in entry else None,
+        height=as_positive(entry["height"], "[[layer]] height") if "height" in entry else None,
+        sizes=make_sizes(entry["sizes"], "[layer.sizes]") if "sizes" in entry else None,
+        orientations=make_orientations(entry["orientations"], "[layer.orientations]")
+        if "orientations" in entry
+        else None,
+    )
+
+
+def together(
+    layers: tuple[LayerEntry, ...], parameters: Mapping[str, Any]
+) -> tuple[tuple[ShapeEntry, ...], int | None, dict[str, Any]]:
+    """Return the shapes of all layers, the number of their grains, and the parameters of the method with the height of
+    all, as far as all layers state it: those of one packing that costs as much.
+    """
+    counts, heights = [layer.count for layer in layers], [layer.height for layer in layers]
+    count = sum(many for many in counts if many is not None) if None not in counts else None
+    height = {"height": sum(one for one in heights if one is not None)} if None not in heights else {}
+    return tuple(shape for layer in layers for shape in layer.shapes), count, {**parameters, **height}
+
+
+def material_section(section: Any, shapes: tuple[ShapeEntry, ...], walls: Any) -> Material | Materials:
+    """Return what [material] or the [[material]] entries say; walls: the key `material` of [container].
+
+    Raises
+    ------
+    InputError
+        If a value breaks a rule, two materials have one name, or a shape has no material although there are several.
+    UnknownNameError
+        If a key or a material is unknown; the message gives the nearest name.
+    """
+    named = [entry.material for entry in shapes if entry.material is not None]
+    if isinstance(section, Mapping):
+        refuse_unknown(section, "[material]", Material)
+        if named or walls is not None:
+            raise InputError(
+                f"material of a [[shape]] or of [container] is {named[0] if named else walls!r}: one [material] holds "
+                "for all; write [[material]] with a name, once for each material"
+            )
+        return from_mapping(Material, section, "[material]")
+    materials: dict[str, Material] = {}
+    pairs: dict[str, Any] = {}
+    for entry in section:
+        check_type(entry, Mapping, "[[material]]", "a section; write [[material]] above its keys")
+        refuse_unknown(entry, "[[material]]", Material, beside=names_of(NamedMaterial))
+        named_by = {key: entry[key] for key in names_of(NamedMaterial) if key in entry}
+        own = from_mapping(NamedMaterial, named_by, "[[material]]")
+        if own.name in materials:
+            raise InputError(f"[[material]] name {own.name!r} is given twice: names tell materials apart; change one")
+        rest = {key: value for key, value in entry.items() if key not in names_of(NamedMaterial)}
+        materials[own.name] = from_mapping(Material, rest, f"[[material]] {own.name}")
+        pairs[own.name] = own.pair or {}
+    missing = [entry.name for entry in shapes if entry.material is None]
+    if missing and len(materials) > 1:
+        raise InputError(
+            f"[[shape]] {missing[0]} has no material, and there are {len(materials)}: each shape needs one; give it "
+            f"material = {next(iter(materials))!r}"
+        )
+    of_shapes = tuple(entry.material or next(iter(materials)) for entry in shapes for _ in entry.shares())
+    return Materials(materials, pairs, of_shapes or None, walls)
+
+
+def material_entries(material: Material | Materials) -> tuple[Any, Any]:
+    """Return the section, or the entries and the walls, from which :func:`material_section` makes a material again."""
+    if isinstance(material, Material):
+        return _given(material), None
+    pairs = material.pairs or {}
+    entries = [
+        {"name": name, **_given(material.materials[name]), **({"pair": pairs[name]} if name in pairs else {})}
+        for name in material.names
+    ]
+    return entries, material.walls
+
+
+def given_parameters(parameters: Mapping[str, Any]) -> dict[str, Any]:
+    """Return the parameters of a method without the friction that follows from [[material]]."""
+    return {key: value for key, value in parameters.items() if not isinstance(value, Materials)}
+
+
+def with_material_densities(shapes: tuple[ShapeEntry, ...], material: Material | Materials) -> tuple[ShapeEntry, ...]:
+    """Return the entries of shapes with the densities of their named materials, where they have none of their own."""
+    if isinstance(material, Material):
+        return shapes
+    known, usual = material.materials, material.names[0]
+    return tuple(
+        entry if entry.density is not None else replace(entry, density=known[entry.material or usual].density)
+        for entry in shapes
+    )
+
+
+def _given(material: Material) -> dict[str, Any]:
+    """Return the values of a material that are not the usual ones."""
+    usual = {item.name: item.default for item in parameters_of(Material)}
+    return {key: value for key, value in to_mapping(material).items() if value != usual[key]}

@@ -10,10 +10,6 @@ pairs and grains that are wrong are suspects.
 
 import itertools
 import logging
-import os
-import subprocess
-import sys
-import tempfile
 import time
 from collections.abc import Iterator
 from pathlib import Path
@@ -25,7 +21,7 @@ from numpy.typing import NDArray
 from voxgran._base.arrays import Booleans, Floats, Integers
 from voxgran._base.lazy import load
 from voxgran._base.seeds import stream
-from voxgran.bench.model import PEERS, TradeOff, panels_of, write_rows
+from voxgran.bench.model import PEERS, TradeOff, panels_of, peer_arrays, write_rows
 from voxgran.containers.kinds.box import Box
 from voxgran.io.image import to_image
 from voxgran.lattice.distance import distance_transform
@@ -118,18 +114,9 @@ def _distance(solid: Booleans, edges: Edges) -> Floats:
 def snow(solid: Booleans, edges: Edges) -> tuple[Integers, float] | None:
     """Return labels by the SNOW algorithm of porespy, and its seconds; None where it is not installed, or fails."""
     script = PEERS / "segmentation_snow.py"
-    if not script.is_file():
-        return None
-    with tempfile.TemporaryDirectory() as folder:
-        given, made = Path(folder) / "solid.npz", Path(folder) / "labels.npz"
-        np.savez(given, solid=solid, distance=_distance(solid, edges))
-        command = [os.environ.get("VOXGRAN_PEERS", sys.executable), *map(os.fspath, (script, given, made))]
-        try:
-            ended = subprocess.run(command, capture_output=True, text=True, timeout=LONGEST, check=True)
-        except (OSError, subprocess.SubprocessError):
-            return None
-        with np.load(made, allow_pickle=False) as found:
-            return found["labels"].astype(np.int64), float(ended.stdout.split()[-1])
+    solids: dict[str, Any] = {"solid": solid, "distance": _distance(solid, edges)}
+    found = peer_arrays(script, "solid.npz", lambda path: np.savez(path, **solids), longest=LONGEST)
+    return None if found is None else (found[0]["labels"].astype(np.int64), found[1])
 
 
 def scores(true: NDArray[Any], found: NDArray[Any]) -> tuple[float, float, float]:

@@ -1,0 +1,1 @@
+"""Trade-offs of images, voxels and distances."""
