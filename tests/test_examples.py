@@ -436,6 +436,7 @@ def test_fit_clump(tmp_path, capsys, monkeypatch):
         slow("level_column", 1026, 0.5799, 0.5801),
         ("loose_deposit", 1000, 0.14, 0.16),
         ("isotropic_specimen", 387, 0.585, 0.590),
+        ("tilted_cell", 600, 0.63, 0.645),
         slow("oedometer", 250, 0.513, 0.518),
         ("rebar_in_bed", 221, 0.29, 0.31),
         ("gaps_in_rectangle", 1029, 0.91, 0.93),

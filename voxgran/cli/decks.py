@@ -102,6 +102,7 @@ def _told(engine: Engine) -> dict[str, Any]:
     """Return what is said of an engine."""
     has = {
         "periodic": engine.periodic,
+        "tilted periodic cells": engine.tilted,
         "two dimensions": engine.planar,
         "cohesion": engine.cohesion,
         "bonds": engine.bonds,

@@ -75,7 +75,7 @@ def body_bonds(
     smaller sphere.
     """
     reach = tolerance * float(radii.max())
-    i, j, _ = near_pairs(centers, radii, reach, lower=np.zeros(3), lengths=np.ones(3), periodic=(False, False, False))
+    i, j, _ = near_pairs(centers, radii, reach)
     gap = _gaps(centers, radii, i, j)
     near = gap <= tolerance * np.minimum(radii[i], radii[j])
     i, j = i[near], j[near]

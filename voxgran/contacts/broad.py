@@ -2,8 +2,11 @@
 
 from typing import NamedTuple
 
+import numpy as np
+
 from voxgran._base.arrays import Booleans, Floats, Integers
 from voxgran.contacts.assembly import Assembly
+from voxgran.containers.model import periods_of
 from voxgran.geometry.sphere_pairs import near_pairs
 
 
@@ -15,7 +18,7 @@ class Pairs(NamedTuple):
     i, j : (m,) ndarray of int
         Grains in lexical order, i <= j; i == j denotes a grain and its own periodic image.
     image : (m, 3) ndarray of int
-        The partner is grain j shifted by `image` times the lengths of the container.
+        The partner is grain j shifted by `image` times the periods of the container.
     offset : (m, 3) ndarray of float
         Vector from the centroid of grain i to that of its partner.
     """
@@ -40,12 +43,11 @@ def grain_pairs(assembly: Assembly, gap: float) -> Pairs:
 
     The gap is in the unit of lengths; a negative value is a smallest overlap.
     """
-    lower, upper = assembly.container.bounds
-    lengths = upper - lower
+    periods = periods_of(assembly.container)
     # pairs within rounding error of the limit are kept: the exact test follows
     radii = assembly.bounding_radii * (1 + 1e-14)
     i, j, image = near_pairs(
-        assembly.position, radii, gap, lower=lower, lengths=lengths, periodic=assembly.container.periodic
+        assembly.position, radii, gap, lower=np.array(assembly.container.bounds[0]), periods=periods
     )
-    offset = assembly.position[j] - assembly.position[i] + image * lengths
+    offset = assembly.position[j] - assembly.position[i] + image @ periods
     return Pairs(i, j, image, offset)

@@ -12,6 +12,8 @@ from numpy.typing import ArrayLike, NDArray
 from voxgran._base.arrays import Booleans, Floats, Integers, as_floats, as_number, as_points, read_only
 from voxgran._base.errors import InputError
 from voxgran.contacts.assembly import Assembly
+from voxgran.containers.model import periods_of
+from voxgran.geometry.periods import nearest_turns
 
 #: partners of grains that are no grains
 WALL, LID = -1, -2
@@ -181,24 +183,21 @@ class ContactForces:
 
 
 def partner_images(assembly: Assembly, forces: ContactForces) -> Integers:
-    """Return by how many lengths of the container the partner of each contact is shifted, (m, 3).
+    """Return by how many periods of the container the partner of each contact is shifted, (m, 3).
 
     It is the periodic image of the partner that lies nearest to where the centroid of `i` mirrored at the contact point
     is; 0 at walls and the lid.
     """
-    lower, upper = assembly.container.bounds
-    lengths = np.where(assembly.container.periodic, upper - lower, np.inf)
     mirrored = 2.0 * forces.point - assembly.position[forces.i]
-    away = mirrored - assembly.position[forces.j]
-    return np.where(forces.j[:, None] >= 0, np.rint(away / lengths), 0.0).astype(np.int64)
+    turns = nearest_turns(mirrored - assembly.position[forces.j], periods_of(assembly.container))
+    return np.where(forces.j[:, None] >= 0, turns, 0)
 
 
 def chain_ends(assembly: Assembly, forces: ContactForces) -> tuple[Floats, Floats]:
     """Return where the lines of the force chains start and end, (m, 3) each: the centroid of `i`, and that of the
     periodic image of `j` that it touches, or the contact point at a wall or the lid.
     """
-    lower, upper = assembly.container.bounds
-    shift = partner_images(assembly, forces) * (upper - lower)
+    shift = partner_images(assembly, forces) @ periods_of(assembly.container)
     ends = np.where(forces.j[:, None] >= 0, assembly.position[forces.j] + shift, forces.point)
     return assembly.position[forces.i], ends
 
@@ -208,10 +207,9 @@ def among_movable(assembly: Assembly, forces: ContactForces, fixed: Booleans) ->
 
     The partner of a contact with a fixed grain is a wall there.
     """
-    lower, upper = assembly.container.bounds
     turned = fixed[forces.i] & (forces.j >= 0) & ~fixed[np.maximum(forces.j, 0)]
     kept, sign = ~fixed[forces.i] | turned, np.where(turned, -1.0, 1.0)[:, None]
-    across = forces.gap[:, None] * forces.normal - partner_images(assembly, forces) * (upper - lower)
+    across = forces.gap[:, None] * forces.normal - partner_images(assembly, forces) @ periods_of(assembly.container)
     number = np.where(fixed, WALL, np.cumsum(~fixed) - 1)
     i, j = np.where(turned, forces.j, forces.i), np.where(turned, forces.i, forces.j)
     return replace(

@@ -1,6 +1,5 @@
 """Signed distance of points to the surface of a grain, positive inside, and containers of which grains take a part."""
 
-import itertools
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from functools import cached_property
@@ -13,7 +12,9 @@ from voxgran._base.arrays import Floats
 from voxgran._base.lazy import load
 from voxgran.contacts.assembly import Assembly
 from voxgran.contacts.search import Inner
+from voxgran.containers.model import periods_of
 from voxgran.geometry.rotation import stretch_of
+from voxgran.geometry.sphere_pairs import spheres_near
 from voxgran.shapes.describing.body import Geometry
 from voxgran.shapes.mesh import Mesh
 from voxgran.shapes.outline import Outline
@@ -107,16 +108,16 @@ class Occupied:
     @cached_property
     def _images(self) -> list[tuple[int, Floats]]:
         """The solids and their periodic images that come near the container: numbers, and translations (3,)."""
-        (lower, upper), solids = self.container.bounds, self.standing
-        made: list[tuple[int, Floats]] = []
-        # in 2D there is no length along z
-        lengths = np.where(upper > lower, upper - lower, 1.0)
-        for grain, (place, radius) in enumerate(zip(solids.position, solids.bounding_radii + self.reach, strict=True)):
-            first, last = np.ceil((lower - radius - place) / lengths), np.floor((upper + radius - place) / lengths)
-            ends = zip(first, last, self.container.periodic, strict=True)
-            turns = itertools.product(*(range(int(a), int(b) + 1) if wraps else (0,) for a, b, wraps in ends))
-            made += [(grain, np.array(turn) * lengths) for turn in turns]
-        return made
+        (lower, upper), solids, periods = self.container.bounds, self.standing, periods_of(self.container)
+        # what is in the bounds may also be given by its place in the tilted cell
+        half = (upper - lower) / 2 + np.abs(np.tril(periods, -1)).sum(axis=0)
+        middle, radii = (np.array(lower) + upper) / 2, solids.bounding_radii + self.reach
+        far = np.array([np.linalg.norm(half)])
+        _, grain, image = spheres_near(middle[None], far, solids.position, radii, lower=lower, periods=periods)
+        shift = image @ periods
+        away = np.abs(solids.position[grain] + shift - middle) - half <= radii[grain, None]
+        near = (away | (periods.diagonal() == 0.0)).all(axis=1)
+        return list(zip(grain[near].tolist(), shift[near], strict=True))
 
     def scaled(self, factor: float) -> "Occupied":
         """Return the same with all lengths multiplied."""

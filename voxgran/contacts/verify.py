@@ -33,7 +33,7 @@ class Overlap:
     i, j : int
         The grains, i <= j; i == j denotes a grain and its own periodic image.
     image : tuple of int
-        The partner is grain j shifted by `image` times the lengths of the container.
+        The partner is grain j shifted by `image` times the periods of the container.
     depth : float
         Largest distance, to the surface of one grain, of a point of the other inside it, in mean diameters; for two
         crossing open surfaces, the shortest separating translation found, an upper bound of the minimum.

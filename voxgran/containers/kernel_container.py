@@ -17,7 +17,8 @@ import numpy as np
 
 from voxgran._base.arrays import Floats, Integers
 from voxgran._base.kernels import bare_kernel
-from voxgran.containers.model import Container, boundary_of
+from voxgran.containers.model import Container, boundary_of, periods_of
+from voxgran.geometry.periods import shortest_period
 from voxgran.geometry.tree import STACK, is_behind, search_triangles
 from voxgran.geometry.walls import least_reach, reach_of
 from voxgran.shapes.mesh import Mesh
@@ -52,6 +53,7 @@ class KernelContainer(NamedTuple):
 
     kind: FLAT, UPRIGHT, ROUND, MESH or SEVERAL.  lower, lengths: of the bounds; in two dimensions the length along z is
     1, or 0 in coordinates from the corner.
+    periods: (3, 3) vectors by which it repeats, 0 along axes that are not periodic.  shortest: of their sums.
     walled, periodic: which axes are, as 0 or 1 (in two dimensions z is neither).  flat: which have plane walls.
     round: (k, 16) rows of the walls of revolution.  radius: of a cylinder or a sphere that is the only one of these.
     middle: of the bounds, which is on the axis of a cylinder and the center of a sphere.  slack: length up to which a
@@ -62,6 +64,8 @@ class KernelContainer(NamedTuple):
     dimension: int
     lower: Floats
     lengths: Floats
+    periods: Floats
+    shortest: float
     walled: Integers
     periodic: Integers
     flat: Integers
@@ -106,7 +110,9 @@ def kernel_container(
     else:
         kind = MESH if boundary.solid is not None else SEVERAL if len(rows) else FLAT
         rows[:, :3] -= np.array(container.bounds[0]) if from_corner else 0.0
-    axes = (lower, lengths, walled, periodic, np.array(boundary.flat, dtype=np.int64), rows)
+    periods = periods_of(container)
+    repeats, flat = (periods, shortest_period(periods)), np.array(boundary.flat, dtype=np.int64)
+    axes = (lower, lengths, *repeats, walled, periodic, flat, rows)
     radius = float(sole.radius) if sole else 0.0
     return KernelContainer(kind, container.dimension, *axes, radius, middle, slack, mesh_walls)
 
@@ -149,15 +155,13 @@ def is_held(walls: KernelContainer, x: float, y: float, z: float, hx: float, hy:
 def clearance(walls: KernelContainer, x: float, y: float, z: float) -> float:
     """Return the radius of the largest sphere about a point that the container holds; negative outside.
 
-    Across a periodic axis it is half the length, beyond which a sphere overlaps its image.
+    In a periodic one it is half the shortest period at most, beyond which a sphere overlaps its image.
     """
-    room = math.inf
+    room = 0.5 * walls.shortest
     for axis in range(walls.dimension):
         along = (x if axis == 0 else y if axis == 1 else z) - walls.lower[axis]
         if walls.walled[axis] == 1:
             room = min(room, along, walls.lengths[axis] - along)
-        else:
-            room = min(room, 0.5 * walls.lengths[axis])
     for k in range(len(walls.round)):
         room = min(room, walls.round[k, 6] - reach_of(walls.round[k], x, y, z))
     if walls.kind == MESH and room > 0.0:

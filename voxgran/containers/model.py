@@ -9,6 +9,7 @@ from numpy.typing import ArrayLike
 
 from voxgran._base.arrays import Floats, Integers, check_lengths
 from voxgran._base.errors import InputError, shown
+from voxgran.geometry.periods import wrapped
 from voxgran.geometry.walls import Plane, Round
 from voxgran.shapes.model import Shape
 
@@ -25,7 +26,8 @@ class Container(Protocol):
     A container may also have an attribute ``boundary``, its walls in closed form as a :class:`Boundary`. Without it the
     container is known by its signed distance and its mesh only, which some packing methods refuse. With a method
     ``doubt(diameter)`` it says in a sentence what speaks against packing grains of a median diameter, ``""`` if nothing
-    does; :func:`voxgran.pack` warns of it.
+    does; :func:`voxgran.pack` warns of it. An attribute ``tilt`` (xy, xz, yz) makes a periodic container repeat by the
+    vectors (lx, 0, 0), (xy, ly, 0) and (xz, yz, lz), where lx, ly and lz are the lengths of its bounds.
     """
 
     @property
@@ -46,7 +48,7 @@ class Container(Protocol):
 
     @property
     def bounds(self) -> Floats:
-        """Lower and upper corner, (2, 3), in the unit of lengths; z = 0 in 2D."""
+        """Lower and upper corner, (2, 3), in the unit of lengths; z = 0 in 2D; as if a tilted box stood upright."""
 
     def signed_distance(self, points: "ArrayLike") -> Floats:
         """Return the distance of (n, 3) points from the nearest wall, negative inside; periodic axes have no wall."""
@@ -171,6 +173,42 @@ def boundary_of(container: Container) -> Boundary:
     """Return the walls of a container in closed form; :data:`UNKNOWN` if it gives none."""
     boundary = getattr(container, "boundary", UNKNOWN)
     return boundary if isinstance(boundary, Boundary) else UNKNOWN
+
+
+def tilt_of(container: Container) -> tuple[float, float, float]:
+    """Return the tilts (xy, xz, yz) of a periodic container, 0 of an upright one: see :class:`voxgran.Box`."""
+    tilt: tuple[float, ...] = getattr(container, "tilt", ())
+    xy, xz, yz, *_ = *tilt, 0.0, 0.0, 0.0
+    return xy, xz, yz
+
+
+def periods_of(container: Container) -> Floats:
+    """Return the vectors by which a container repeats, the rows of a (3, 3) array, 0 for axes that are not periodic.
+
+    Row k is at right angles to the axes behind k: what lies in the bounds, repeated by all sums of the vectors, fills
+    space.
+    """
+    lower, upper = container.bounds
+    periods = np.diag(np.where(container.periodic, upper - lower, 0.0))
+    periods[np.tril_indices(3, -1)] = tilt_of(container)
+    return periods
+
+
+def within_periods(points: Floats, container: Container) -> Floats:
+    """Return points (n, 3) moved by periods into the cell of a container, along axes that are periodic."""
+    return wrapped(points, np.asarray(container.bounds[0], dtype=np.float64), periods_of(container))
+
+
+def refuse_tilt(container: Container, what: str, remedy: str) -> None:
+    """Refuse a tilted container, where what asks for it knows upright ones only.
+
+    Raises
+    ------
+    InputError
+        If the container is tilted.
+    """
+    if any(tilt := tilt_of(container)):
+        raise InputError(f"container has the tilt {shown(tilt)}: {what} takes upright containers only: {remedy}")
 
 
 def doubt_about(container: Container, diameter: float) -> str:

@@ -8,8 +8,9 @@ import numpy as np
 from voxgran._base.arrays import Booleans, Floats, Integers
 from voxgran._base.errors import GrainTooLargeError
 from voxgran._base.lazy import load
-from voxgran.containers.model import Container, boundary_of
-from voxgran.geometry.sphere_pairs import MOST_IMAGES, images_within
+from voxgran.containers.model import Container, boundary_of, periods_of
+from voxgran.geometry.periods import images_within, shortest_period
+from voxgran.geometry.sphere_pairs import MOST_IMAGES
 from voxgran.shapes.describing.extents import principal_extents
 from voxgran.shapes.model import Shape
 from voxgran.shapes.primitive import Primitive
@@ -38,8 +39,8 @@ def check_grain_sizes(shapes: Sequence[Shape], container: Container, shape_id: I
     lower, upper = container.bounds
     lengths, radii = upper - lower, np.array([shape.bounding_radius for shape in shapes])[shape_id]
     width = 2.0 * radii * scale
-    cramped = [axis for axis in range(container.dimension) if container.periodic[axis]]
-    period = lengths[cramped].min(initial=math.inf)
+    periods = periods_of(container)
+    period = shortest_period(periods)
     known: dict[int, float] = {}
     for grain in np.flatnonzero(width > min(period * ROUNDED, MOST_WIDTHS * lengths.max())).tolist():
         index = int(shape_id[grain])
@@ -47,7 +48,7 @@ def check_grain_sizes(shapes: Sequence[Shape], container: Container, shape_id: I
             known[index] = _spheres(shapes[index])[0]
         if known[index] * scale[grain] > period * ROUNDED:
             rule = f"it contains a sphere wider than the period of {period:g} and overlaps its own images"
-        elif images_within(width[grain], lengths, container.periodic) > MOST_IMAGES:
+        elif images_within(width[grain], periods) > MOST_IMAGES:
             rule = f"more than {MOST_IMAGES} of its periodic images lie within its width, from {period:g} on"
         elif width[grain] > MOST_WIDTHS * lengths.max():
             rule = f"it must be at most {MOST_WIDTHS:g} times as wide as the container is long, {lengths.max():g}"
@@ -71,7 +72,7 @@ def can_fit(shapes: Sequence[Shape], container: Container, shape_id: Integers, d
     # grains that fit along the axes need no further test
     fits = np.all(extents[shape_id] * diameter[:, None] <= np.sort(lengths) * EXACT, axis=1)
     open_axes = np.array(container.periodic[:dimension])
-    walled, periodic = lengths[~open_axes].min(initial=math.inf), lengths[open_axes].min(initial=math.inf)
+    walled, periodic = lengths[~open_axes].min(initial=math.inf), shortest_period(periods_of(container))
     longest = math.inf if open_axes.any() else boundary_of(container).longest_line(lengths)
     for k in np.unique(shape_id[~fits]).tolist():
         mine = np.flatnonzero(~fits & (shape_id == k))

@@ -7,7 +7,7 @@ from voxgran.containers.make import make_container
 from voxgran.containers.model import Container, boundary_of
 
 #: parameters of containers that lengths along axes decide, by the axes
-ALONG = {"lengths": (0, 1, 2), "origin": (0, 1, 2), "radius": (0,), "height": (2,)}
+ALONG = {"lengths": (0, 1, 2), "origin": (0, 1, 2), "tilt": (0, 0, 1), "radius": (0,), "height": (2,)}
 
 
 def stretched_together(container: Container) -> tuple[tuple[int, ...], ...]:

@@ -51,10 +51,10 @@ class Engine:
         What grains may be, the preferred kind of a solid that is no sphere first.
     laws : tuple of str
         Contact laws that it has.
-    periodic, planar, cohesion, bonds, fixed, servo, platens, materials : bool
-        Whether it has periodic containers, grains in two dimensions, surface energy, bonds that break, grains that are
-        fixed, periodic cells that keep a stress, plane walls that keep one, and several materials with properties of
-        pairs.
+    periodic, tilted, planar, cohesion, bonds, fixed, servo, platens, materials : bool
+        Whether it has periodic containers, tilted ones among them, grains in two dimensions, surface energy, bonds that
+        break, grains that are fixed, periodic cells that keep a stress, plane walls that keep one, and several
+        materials with properties of pairs.
     rolling : tuple of str
         Contact laws under which it has rolling friction.
     install : str
@@ -84,6 +84,7 @@ class Engine:
     kinds: tuple[Kind, ...]
     laws: tuple[str, ...] = ("linear", "hertz")
     periodic: bool = True
+    tilted: bool = False
     planar: bool = False
     cohesion: bool = False
     bonds: bool = False

@@ -20,6 +20,7 @@ from voxgran._base.lazy import load
 from voxgran._base.progress import OnStep, Step
 from voxgran._base.units import NO_UNIT, unit_factor
 from voxgran.clumps.model import Clump
+from voxgran.containers.model import within_periods
 from voxgran.containers.stretch import stretched
 from voxgran.decks.contact_law import GRAVITY
 from voxgran.decks.engine import Engine, Frame, engine_registry
@@ -323,8 +324,10 @@ class _History:
         centers, radii, grain = bodies.spheres
         arms = centers - bodies.assembly.position[grain]
         now = frame.position[grain] + np.einsum("sij,sj->si", frame.matrices[grain], arms)
-        low, high = walls.bounds if frame.bounds is None else frame.bounds
-        i, j, _ = near_pairs(now, radii, self.gap, lower=low, lengths=high - low, periodic=walls.periodic)
+        low, factors = walls.bounds[0], np.ones(3)
+        if frame.bounds is not None:
+            low, factors = frame.bounds[0], np.ptp(frame.bounds, axis=0) / np.ptp(walls.bounds, axis=0)
+        i, j, _ = near_pairs(now, radii, self.gap, lower=low, periods=walls.periods * factors)
         a, b = np.minimum(grain[i], grain[j]), np.maximum(grain[i], grain[j])
         pairs = np.unique((a * bodies.count + b)[a != b])
         ends = np.concatenate([pairs // bodies.count, pairs % bodies.count])
@@ -364,18 +367,14 @@ class _History:
         if last.bounds is not None:
             factors = np.ptp(last.bounds, axis=0) / np.ptp(self.simulation.walls.bounds, axis=0)
             container = stretched(container, factors.tolist())
-        low, high = container.bounds
-        wraps = np.array(container.periodic)
         position = last.position * factor
         if last.bounds is not None:
-            position += low - last.bounds[0] * factor
-        length = np.where(wraps, high - low, 1.0)
-        position -= np.where(wraps, np.floor((position - low) / length), 0.0) * length
+            position += container.bounds[0] - last.bounds[0] * factor
         told = {"engine": engine, "time_step": self.simulation.time_step, "rests": self.rests}
         return replace(
             held,
             container=container,
-            position=position,
+            position=within_periods(position, container),
             orientation=quaternions_of(last.matrices @ held.matrices),
             # little kinetic energy proves no rest
             stop_reason="count" if self.rests else "steps",

@@ -178,9 +178,8 @@ class Simulation:
         (centers, radii, grain), walls = self.bodies.spheres, self.walls
         if not len(radii):
             return 0.0
-        low, span = walls.bounds[0], walls.bounds[1] - walls.bounds[0]
-        i, j, image = near_pairs(centers, radii, 0.0, lower=low, lengths=span, periodic=walls.periodic)
-        apart = np.linalg.norm(centers[j] + image * span - centers[i], axis=1)
+        i, j, image = near_pairs(centers, radii, 0.0, lower=walls.bounds[0], periods=walls.periods)
+        apart = np.linalg.norm(centers[j] + image @ walls.periods - centers[i], axis=1)
         depth = (radii[i] + radii[j] - apart)[grain[i] != grain[j]]
         beyond = (float((radii - distance).max()) for distance in walls.distances(centers))
         return max(0.0, float(depth.max(initial=0.0)), *beyond)

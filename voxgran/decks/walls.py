@@ -11,8 +11,9 @@ import numpy as np
 from voxgran._base.arrays import Floats, Integers
 from voxgran.contacts.assembly import Assembly
 from voxgran.contacts.manifolds.convex_bodies import is_convex
-from voxgran.containers.model import boundary_of
+from voxgran.containers.model import boundary_of, periods_of
 from voxgran.containers.space import tangent_mesh
+from voxgran.geometry.periods import turns_of
 from voxgran.geometry.walls import Plane, Round, plane
 from voxgran.settling.materials import wall_names
 
@@ -42,6 +43,8 @@ class Walls:
         Lower and upper corner of the container.
     periodic : tuple of bool
         Whether each axis is periodic.
+    periods : (3, 3) ndarray of float
+        Vectors by which the container repeats, 0 for axes that are not periodic.
     planes : tuple of Plane
         Plane walls, a lid among them.
     round : Round or None
@@ -58,6 +61,7 @@ class Walls:
 
     bounds: Floats
     periodic: tuple[bool, bool, bool]
+    periods: Floats
     planes: tuple[Plane, ...]
     round: Round | None
     mesh: tuple[Floats, Integers] | None
@@ -89,7 +93,7 @@ class Walls:
             width = float((bounds[1] - bounds[0]).max()) / 2
             sides = sides_of(width, float(np.median(assembly.diameters)))
             mesh = tangent_mesh(list(others.values()), "container", sides)[:2]
-        return cls(bounds, container.periodic, tuple(planes), wall, mesh, convex, others)
+        return cls(bounds, container.periodic, periods_of(container), tuple(planes), wall, mesh, convex, others)
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -116,11 +120,8 @@ class Walls:
 
     def wrapped(self, points: Floats) -> tuple[Floats, Integers]:
         """Return points (n, 3) within the periodic bounds, and how many periods they were moved by."""
-        low, high = self.bounds
-        periodic = np.array(self.periodic)
-        length = np.where(periodic, high - low, 1.0)
-        image = np.where(periodic, np.floor((points - low) / length), 0.0)
-        return points - image * length, image.astype(np.int64)
+        image = turns_of(points, self.bounds[0], self.periods)
+        return points - image @ self.periods, image
 
     def distances(self, points: Floats) -> list[Floats]:
         """Return the distances (n,) of points (n, 3) from each plane and other wall in closed form, positive within.

@@ -18,7 +18,7 @@ from voxgran._base.files import as_path, refuse_to_replace, write_files
 from voxgran.clumps.fit import fit_clump
 from voxgran.clumps.model import Clump
 from voxgran.contacts.manifolds.convex_bodies import is_convex
-from voxgran.containers.model import Container, boundary_of
+from voxgran.containers.model import Container, boundary_of, refuse_tilt
 from voxgran.decks.bodies import Kind, Template, names_of
 from voxgran.decks.contact_law import GRAVITY
 from voxgran.decks.engine import Engine, engine_registry
@@ -233,6 +233,7 @@ def _as_stress(given: Any, packing: Packing, engine: Engine) -> Floats:
             f"stress is {shown(given)}: it must be one number of pascals above 0, or three, NaN along axes whose "
             "length stays; correct it"
         )
+    refuse_tilt(packing.container, f"a cell of {engine.title} that keeps a stress", "leave the stress out")
     periodic = np.array(packing.container.periodic)
     kept, flat = ~np.isnan(stress), np.array(boundary_of(packing.container).flat)
     for what, mine, able in (("walls", kept & ~periodic, "platens"), ("periodic sides", kept & periodic, "servo")):
@@ -292,14 +293,18 @@ def refuse_unheld(engine: Engine, material: Material | Materials, container: Con
     Raises
     ------
     InputError
-        If the container is flat or periodic, or the material has a law, surface energy, rolling friction or bonds
-        that the engine has not, or there are several materials and it has one.
+        If the container is flat, periodic or tilted, or the material has a law, surface energy, rolling friction or
+        bonds that the engine has not, or there are several materials and it has one.
     """
     title = engine.title
     if container.dimension == 2 and not engine.planar:
         raise InputError(f"container is flat: {title} takes grains in three dimensions; choose engine 'blocks'")
     if any(container.periodic) and not engine.periodic:
         raise InputError(f"container is periodic: input for {title} has walls only; use one without periodic axes")
+    if not engine.tilted:
+        registry = engine_registry()
+        able = " or ".join(repr(name) for name in registry.names() if registry.get(name).tilted)
+        refuse_tilt(container, f"input for {title}", f"choose engine {able}, or leave the tilt out")
     if isinstance(material, Materials):
         _refuse_several(engine, material)
         for first, second in combinations_with_replacement(material.names, 2):

@@ -23,8 +23,9 @@ def _period(simulation: Simulation) -> Floats:
 
 def cell_lines(simulation: Simulation) -> list[str]:
     """Return the lines of the periodic cell."""
-    edges = ", ".join(repr(float(value)) for value in _period(simulation))
-    return ["O.periodic = True", f"O.cell.setBox({edges})"]
+    edges = np.diag(_period(simulation)) + np.tril(simulation.walls.periods, -1)
+    # the vectors of the cell are the columns
+    return ["O.periodic = True", f"O.cell.hSize = Matrix3({row_of(edges.T.ravel(), ', ')})"]
 
 
 def facet_lines(simulation: Simulation) -> tuple[list[str], list[str]]:

@@ -12,7 +12,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from voxgran._base.arrays import Floats, Integers
-from voxgran._base.kernels import inlined_kernel
+from voxgran._base.kernels import bare_kernel, inlined_kernel
+from voxgran.geometry.periods import slopes_of
 
 #: half edges of a region along the axes
 Reach: TypeAlias = tuple[float, float, float]
@@ -23,7 +24,10 @@ SPARE = 2
 class LevelGrid(NamedTuple):
     """Cells of all levels, level by level, for positions from the lower corner of the container.
 
-    span: lengths of the periodic axes, 0 of others.  reach: (k, 3) largest half extents of each
+    Linked positions lie in the cell of the container, whose edges may be tilted; other positions lie anywhere.
+
+    span: lengths of the periodic axes, 0 of others.  periods, slopes: the vectors by which the container repeats and
+    what leads to coordinates along them (:mod:`voxgran.geometry.periods`).  reach: (k, 3) largest half extents of each
     level.  width, count: (k, 3) edges and numbers of the cells.  wraps: (k, 3), 1 where the cells repeat along an axis:
     as images of a periodic axis, or on others to limit their number; distant grains then share a cell.  first: first
     cell of each level in `head`.  filled: number of linked grains of each level.  head: the grain linked last in each
@@ -31,6 +35,8 @@ class LevelGrid(NamedTuple):
     """
 
     span: Floats
+    periods: Floats
+    slopes: Floats
     reach: Floats
     width: Floats
     count: Integers  # type: ignore[assignment]
@@ -41,18 +47,21 @@ class LevelGrid(NamedTuple):
     after: NDArray[np.int32]
 
 
-def empty_grid(span: Floats, reach: Floats, width: Floats, count: Integers, wraps: Integers, grains: int) -> LevelGrid:
-    """Return a grid for so many grains, none of which is linked."""
+def empty_grid(
+    periods: Floats, reach: Floats, width: Floats, count: Integers, wraps: Integers, grains: int
+) -> LevelGrid:
+    """Return a grid for so many grains, none of which is linked, by the (3, 3) periods of the container."""
+    along = periods.diagonal().copy(), periods, slopes_of(periods)
     first = np.concatenate([[0], np.cumsum(count.prod(axis=1))]).astype(np.int64)
     # untouched zeros take no memory until grains are linked
     links = np.full(int(first[-1]), -1, dtype=np.int32), np.zeros(grains, dtype=np.int32)
-    return LevelGrid(span, reach, width, count, wraps, first[:-1], np.zeros(len(count), dtype=np.int64), *links)
+    return LevelGrid(*along, reach, width, count, wraps, first[:-1], np.zeros(len(count), dtype=np.int64), *links)
 
 
-def level_cells(lengths: Floats, periodic: Integers, reach: Floats, dimension: int) -> tuple[LevelGrid, Integers]:
+def level_cells(lengths: Floats, periods: Floats, reach: Floats, dimension: int) -> tuple[LevelGrid, Integers]:
     """Return empty cells for spheres of half ranges `reach`, (n,), and the level of each; level 0 has the largest.
 
-    lengths: of the bounds of the container.  periodic: which axes are, as 0 or 1.
+    lengths: of the bounds of the container.  periods: (3, 3) vectors by which it repeats.
     """
     level = np.floor(np.log2(reach.max() / reach)).astype(np.int64)
     used, level, number = np.unique(level, return_inverse=True, return_counts=True)
@@ -63,10 +72,10 @@ def level_cells(lengths: Floats, periodic: Integers, reach: Floats, dimension: i
     # as many cells as spheres at most, of one shape
     share = np.minimum(1.0, (SPARE * number / full[:, axes].prod(axis=1)) ** (1.0 / dimension))
     count = np.where(axes, np.maximum(np.floor(full * share[:, None]), 1), 1).astype(np.int64)
-    wraps = np.tile(periodic, (len(used), 1)).astype(np.int64)
+    wraps = np.tile(periods.diagonal() > 0.0, (len(used), 1)).astype(np.int64)
     width = np.ascontiguousarray(span / count)
     rows = np.ascontiguousarray(np.tile(largest[:, None], (1, 3)))
-    return empty_grid(span * periodic, rows, width, count, wraps, len(reach)), level.astype(np.int64)
+    return empty_grid(periods, rows, width, count, wraps, len(reach)), level.astype(np.int64)
 
 
 @inlined_kernel
@@ -88,6 +97,7 @@ def unlink_at(cells: LevelGrid, grain: int, level: int, x: float, y: float, z: f
 @inlined_kernel
 def _cell_at(cells, level, x, y, z):  # type: ignore[no-untyped-def]
     """Return the cell of a position."""
+    x, y = x + cells.slopes[0] * y + cells.slopes[1] * z, y + cells.slopes[2] * z
     i, j, k = _index_at(cells, level, 0, x), _index_at(cells, level, 1, y), _index_at(cells, level, 2, z)
     return cells.first[level] + (i * cells.count[level, 1] + j) * cells.count[level, 2] + k
 
@@ -111,6 +121,9 @@ def cells_near(
 
     They may lie beyond the ends of axes along which the cells repeat.
     """
+    u, v, w = cells.slopes[0], cells.slopes[1], cells.slopes[2]
+    x, y = x + u * y + v * z, y + w * z
+    reach = reach[0] + abs(u) * reach[1] + abs(v) * reach[2], reach[1] + abs(w) * reach[2], reach[2]
     i0, i1 = _cells_along(cells, level, 0, x, reach[0])
     j0, j1 = _cells_along(cells, level, 1, y, reach[1])
     k0, k1 = _cells_along(cells, level, 2, z, reach[2])
@@ -128,6 +141,25 @@ def first_in_cell(cells: LevelGrid, level: int, i: int, j: int, k: int) -> tuple
 
 
 @inlined_kernel
+def turns_at(cells: LevelGrid, x: float, y: float, z: float) -> tuple[int, int, int]:
+    """Return by how many periods along each axis a position lies beyond the cell of the container."""
+    span = cells.span
+    x, y = x + cells.slopes[0] * y + cells.slopes[1] * z, y + cells.slopes[2] * z
+    return (
+        math.floor(x / span[0]) if span[0] > 0.0 else 0,
+        math.floor(y / span[1]) if span[1] > 0.0 else 0,
+        math.floor(z / span[2]) if span[2] > 0.0 else 0,
+    )
+
+
+@inlined_kernel
+def image_shift(cells: LevelGrid, ti: int, tj: int, tk: int) -> tuple[float, float, float]:
+    """Return the vector of so many periods along each axis."""
+    p = cells.periods
+    return ti * p[0, 0] + tj * p[1, 0] + tk * p[2, 0], tj * p[1, 1] + tk * p[2, 1], tk * p[2, 2]
+
+
+@inlined_kernel
 def _cells_along(cells, level, axis, x, reach):  # type: ignore[no-untyped-def]
     """Return the first and the last cell within reach along an axis."""
     width, count = cells.width[level, axis], cells.count[level, axis]
@@ -137,3 +169,34 @@ def _cells_along(cells, level, axis, x, reach):  # type: ignore[no-untyped-def]
     if cells.span[axis] == 0.0 and high - low >= count:
         return 0, count - 1
     return low, high
+
+
+@bare_kernel
+def is_free(cells: LevelGrid, spheres: Floats, x: float, y: float, z: float, r: float, slack: float) -> bool:
+    """Return whether a sphere would overlap none of those that are linked by more than the slack.
+
+    spheres: (n, 4) centers from the lower corner of the container, and radii.
+    """
+    for level in range(len(cells.first)):
+        if not _is_free_within(cells, spheres, level, x, y, z, r, slack, r + cells.reach[level, 0]):
+            return False
+    return True
+
+
+@bare_kernel
+def _is_free_within(cells, spheres, level, x, y, z, r, slack, reach):  # type: ignore[no-untyped-def]
+    """Return whether a sphere would overlap none of a level, in the cells within reach."""
+    low, high = cells_near(cells, level, x, y, z, (reach, reach, reach))
+    for i in range(low[0], high[0]):
+        for j in range(low[1], high[1]):
+            for k in range(low[2], high[2]):
+                sphere, ti, tj, tk = first_in_cell(cells, level, i, j, k)
+                sx, sy, sz = image_shift(cells, ti, tj, tk)
+                px, py, pz = x - sx, y - sy, z - sz
+                while sphere >= 0:
+                    dx, dy, dz = px - spheres[sphere, 0], py - spheres[sphere, 1], pz - spheres[sphere, 2]
+                    apart = r + spheres[sphere, 3] - slack
+                    if dx * dx + dy * dy + dz * dz < apart * apart:
+                        return False
+                    sphere = cells.after[sphere]
+    return True

@@ -4,30 +4,27 @@ from typing import NamedTuple
 
 import numpy as np
 
-from voxgran._base.arrays import Booleans, Floats, Integers
+from voxgran._base.arrays import Floats, Integers
 from voxgran._base.errors import InputError
 from voxgran._base.kernels import kernel
+from voxgran.geometry.periods import OPEN, along_edges, face_distances, images_within, turns_of
 
+#: corner of a cell without one
+ORIGIN = np.zeros(3)
 #: spheres share cells if their sizes differ by no more than this power of two
 CLASS = 2.0
 #: most periodic images that are compared with a sphere
 MOST_IMAGES = 10_000
 
 
-def images_within(reach: "float | Floats", lengths: Floats, periodic: tuple[bool, bool, bool] | Booleans) -> Floats:
-    """Return how many periodic images of a point, about, lie within a reach (one or several); 1 if none but its own."""
-    axes = np.flatnonzero(periodic)
-    return np.asarray(np.prod(2.0 * np.floor(np.divide.outer(reach, lengths[axes])) + 1.0, axis=-1))
-
-
 def near_pairs(
-    centers: Floats, radii: Floats, gap: float, *, lower: Floats, lengths: Floats, periodic: tuple[bool, bool, bool]
+    centers: Floats, radii: Floats, gap: float, *, lower: Floats = ORIGIN, periods: Floats = OPEN
 ) -> tuple[Integers, Integers, Integers]:
     """Return each pair of spheres with ``distance - r_i - r_j <= gap``, once per periodic image.
 
     The pairs (i, j), (m,), are in lexical order with i <= j; i == j stands for a sphere and its own image. A pair is
-    (center i, center j + image * lengths) with the (n, 3) centers as given, anywhere on periodic axes, and `image` (m,
-    3). The box is used on periodic axes only.
+    (center i, center j + image @ periods) with the (n, 3) centers as given, anywhere on periodic axes, and `image` (m,
+    3). The periods are those of a cell with the corner `lower` (:mod:`voxgran.geometry.periods`).
 
     Raises
     ------
@@ -37,7 +34,7 @@ def near_pairs(
     n = len(centers)
     if n == 0:
         return np.zeros(0, np.int64), np.zeros(0, np.int64), np.zeros((0, 3), np.int64)
-    place, turns = _placed(centers, radii, lower, lengths, periodic)
+    place, turns = _placed(centers, radii, lower, periods)
     # spheres of similar size share cells, whose width is that of the largest of them
     size = _classes(radii + max(0.0, 0.5 * gap))
     found = []
@@ -53,19 +50,12 @@ def near_pairs(
 
 
 def spheres_near(
-    points: Floats,
-    reach: Floats,
-    centers: Floats,
-    radii: Floats,
-    *,
-    lower: Floats,
-    lengths: Floats,
-    periodic: tuple[bool, bool, bool],
+    points: Floats, reach: Floats, centers: Floats, radii: Floats, *, lower: Floats = ORIGIN, periods: Floats = OPEN
 ) -> tuple[Integers, Integers, Integers]:
     """Return each pair of a point and a sphere whose surface is within the reach (n,) of the point, or which holds it.
 
-    The pairs (i, j), (m,), are in the order of the points. A pair is (point i, center j + image * lengths) with `image`
-    (m, 3). The box is used on periodic axes only.
+    The pairs (i, j), (m,), are in the order of the points. A pair is (point i, center j + image @ periods) with `image`
+    (m, 3). The periods are those of a cell with the corner `lower` (:mod:`voxgran.geometry.periods`).
 
     Raises
     ------
@@ -77,7 +67,7 @@ def spheres_near(
     turns = np.zeros((n, 3), dtype=np.int64)
     if n and len(centers):
         both = np.concatenate([points, centers]), np.concatenate([reach, radii])
-        place, turns = _placed(*both, lower, lengths, periodic)
+        place, turns = _placed(*both, lower, periods)
         size = _classes(radii)
         found += [_pairs_with(place, np.arange(n), n + np.flatnonzero(size == k), 0.0) for k in np.unique(size)]
     rows = np.concatenate(found)
@@ -90,8 +80,8 @@ class Cells(NamedTuple):
     """Spheres in cells of a box.
 
     sphere: (m, 4) centers and radii, cell by cell.  order: (m,) their numbers.  start: (c + 1,) first one of each cell.
-    many: (3,) cells along each axis.  around: (3,) cells on each side that are within reach.  wraps, span: (3,)
-    which axes are periodic, and lengths of the box.
+    many: (3,) cells along each axis.  around: (3,) cells on each side that are within reach.  wraps: (3,)
+    which axes are periodic.  periods: (3, 3) vectors by which the box repeats.
     """
 
     sphere: Floats
@@ -100,29 +90,26 @@ class Cells(NamedTuple):
     many: Integers
     around: Integers
     wraps: Integers
-    span: Floats
+    periods: Floats
 
 
 class Placed(NamedTuple):
-    """Spheres in the bounds: wrapped centers (n, 3), radii (n,), lower corner, lengths, and which axes are periodic."""
+    """Spheres in the bounds: wrapped centers (n, 3), radii (n,), lower corner, lengths, and periods."""
 
     centers: Floats
     radii: Floats
     low: Floats
     span: Floats
-    wraps: Integers
+    periods: Floats
 
 
-def _placed(
-    centers: Floats, radii: Floats, lower: Floats, lengths: Floats, periodic: tuple[bool, bool, bool]
-) -> tuple[Placed, Integers]:
-    """Return spheres in the bounds, and by how many lengths (n, 3) they were moved there."""
-    wraps = np.array(periodic, dtype=np.int64)
-    turns = np.where(wraps, np.floor((centers - lower) / np.where(wraps, lengths, 1.0)), 0.0).astype(np.int64)
-    wrapped = np.where(wraps, centers - turns * np.where(wraps, lengths, 0.0), centers)
-    low = np.where(wraps, lower, wrapped.min(axis=0))
-    span = np.where(wraps, lengths, np.maximum(wrapped.max(axis=0) - low, 1e-300))
-    return Placed(wrapped, radii, low, span, wraps), turns
+def _placed(centers: Floats, radii: Floats, lower: Floats, periods: Floats) -> tuple[Placed, Integers]:
+    """Return spheres in the bounds, and by how many periods (n, 3) they were moved there."""
+    turns, lengths = turns_of(centers, lower, periods), periods.diagonal()
+    wraps, moved = lengths > 0.0, centers - turns @ periods
+    low = np.where(wraps, lower, moved.min(axis=0))
+    span = np.where(wraps, lengths, np.maximum(moved.max(axis=0) - low, 1e-300))
+    return Placed(moved, radii, low, span, periods), turns
 
 
 def _classes(reach: Floats) -> Integers:
@@ -133,25 +120,27 @@ def _classes(reach: Floats) -> Integers:
 
 def _pairs_with(place: Placed, queries: Integers, members: Integers, gap: float) -> Integers:
     """Return the pairs (i, j, image) of each of `queries` with `members` as j, (m, 5); within a set each pair once."""
-    low, span, wraps = place.low, place.span, place.wraps
+    low, span, periods = place.low, place.span, place.periods
+    wraps = periods.diagonal() > 0.0
     reach = place.radii[members].max() + place.radii[queries].max() + gap
-    if (many := float(images_within(max(reach, 0.0), span, wraps.astype(np.bool_)))) > MOST_IMAGES:
+    if (many := float(images_within(max(reach, 0.0), periods))) > MOST_IMAGES:
         raise InputError(
             f"spheres are compared up to a distance of {reach:g} between their centers, within which there are about "
             f"{many:.0f} periodic images: there must be at most {MOST_IMAGES}; lower the gap or enlarge the container"
         )
     # no more cells than spheres (per axis: cube root), no cell narrower than the reach
     most = max(1, int(np.ceil(2 * len(members) ** (1 / 3))))
-    cells = np.clip(np.floor(span / max(reach, 1e-300)), 1, most).astype(np.int64)
-    index = np.clip(((place.centers - low) / span * cells).astype(np.int64), 0, cells - 1)
+    across = np.where(wraps, face_distances(periods), span)
+    cells = np.clip(np.floor(across / max(reach, 1e-300)), 1, most).astype(np.int64)
+    index = np.clip((along_edges(place.centers - low, periods) / span * cells).astype(np.int64), 0, cells - 1)
     flat = ((index[:, 0] * cells[1] + index[:, 1]) * cells[2] + index[:, 2])[members]
     order = np.argsort(flat, kind="stable")
     start = np.searchsorted(flat[order], np.arange(int(np.prod(cells)) + 1))
     # an open axis along which all centers agree has no width to divide by
-    width = np.where(wraps, span / cells, 1.0)
+    width = np.where(wraps, across / cells, 1.0)
     around = np.where(wraps & (reach > width), np.ceil(reach / width), 1).astype(np.int64)
     rows = np.column_stack([place.centers, place.radii])
-    filled = Cells(rows[members][order], order, start, cells, around, wraps, span)
+    filled = Cells(rows[members][order], order, start, cells, around, wraps.astype(np.int64), periods)
     arguments = rows[queries], index[queries], filled, float(gap), queries is members
     pairs = np.zeros((16 * len(queries), 5), dtype=np.int64)
     while (found := _visit_pairs(*arguments, pairs)) > len(pairs):
@@ -175,7 +164,7 @@ def _visit_pairs(queries, index, cells, gap, one_set, pairs):  # type: ignore[no
     Where they are more than `pairs` has rows for, those that have no row are counted only. In one set, each pair comes
     once.
     """
-    many, around, wraps, span, packed = cells.many, cells.around, cells.wraps, cells.span, cells.sphere
+    many, around, wraps, p, packed = cells.many, cells.around, cells.wraps, cells.periods, cells.sphere
     count = 0
     for i in range(len(queries)):
         first = count
@@ -198,7 +187,8 @@ def _visit_pairs(queries, index, cells, gap, one_set, pairs):  # type: ignore[no
                     own = ix == 0 and iy == 0 and iz == 0
                     ahead = ix > 0 or (ix == 0 and (iy > 0 or (iy == 0 and iz > 0)))
                     cell = ((cx - ix * many[0]) * many[1] + cy - iy * many[1]) * many[2] + cz - iz * many[2]
-                    px, py, pz = x - ix * span[0], y - iy * span[1], z - iz * span[2]
+                    px = x - (ix * p[0, 0] + iy * p[1, 0] + iz * p[2, 0])
+                    py, pz = y - (iy * p[1, 1] + iz * p[2, 1]), z - iz * p[2, 2]
                     for k in range(cells.start[cell], cells.start[cell + 1]):
                         dx, dy, dz = packed[k, 0] - px, packed[k, 1] - py, packed[k, 2] - pz
                         reach = packed[k, 3] + r

@@ -52,7 +52,8 @@ def to_image(
     (nx, ny, nz) ndarray of int32, int64 or bool
         Axes x, y, z; in 2D nz = 1. With labels 0 is void and k + 1 is grain k, unless they were given (int64, where one
         is beyond int32); otherwise True is solid (``~image`` is the pore space). Voxel (0, 0, 0) has its corner at
-        ``packing.container.bounds[0]``. A dask array if a block is given.
+        ``packing.container.bounds[0]``; of a tilted container it is the upright box of its bounds, which repeats by the
+        same edges. A dask array if a block is given.
 
     Raises
     ------

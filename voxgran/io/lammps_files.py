@@ -22,8 +22,11 @@ from voxgran.io.particles import (
     radii_of,
     refuse_bad_spheres,
     text_lines,
+    tilt_of_edges,
 )
 
+#: names of tilts, and of the edges of a box that may lie in any direction
+TILTS, EDGES = ("xy", "xz", "yz"), ("avec", "bvec", "cvec")
 #: place of diameter, density and x in a row of the section Atoms, by atom style
 STYLES = {"sphere": (2, 3, 4), "bpm/sphere": (3, 4, 5)}
 #: lines that are looked at to recognize a data file
@@ -47,16 +50,16 @@ def is_data(head: str) -> bool:
 
 def read_lammps_data(path: Path) -> Particles:
     """Read spheres from a LAMMPS data file with a section ``Atoms`` of the style sphere or bpm/sphere; the file does
-    not say whether its box is periodic.
+    not say whether its box is periodic, which it is along axes along which it is tilted.
 
     Raises
     ------
     FileFormatError
-        If the box is tilted, the style has no diameters, a line is wrong, or there are more or fewer atoms than the
-        head says.
+        If the edges of the box are not in the order of the axes, the style has no diameters, a line is wrong, or there
+        are more or fewer atoms than the head says.
     """
     lines = text_lines(path, "a text file of LAMMPS")
-    bounds, count = _data_head(lines, path)
+    bounds, tilt, count = _data_head(lines, path)
     start = next((k for k, line in enumerate(lines) if re.match(r"\s*Atoms\b", line)), None)
     if start is None:
         raise FileFormatError(f"{path} has no section Atoms: spheres stand there; write the file with write_data")
@@ -67,7 +70,8 @@ def read_lammps_data(path: Path) -> Particles:
             f"{path} has {len(rows)} lines of atoms where its head says {count:g}: it is cut off or changed; write it "
             "again"
         )
-    style, assumed = hint, {"periodic": "nowhere: a data file does not say"}
+    wraps = "".join(axis for axis in "xyz" if any(axis in name for name, t in zip(TILTS, tilt, strict=True) if t))
+    style, assumed = hint, {"periodic": f"{f'along {wraps} only' if wraps else 'nowhere'}: a data file does not say"}
     if not hint:
         style = {7: "sphere", 10: "sphere", 8: "bpm/sphere", 11: "bpm/sphere"}.get(len(rows[0]) if rows else 7, "")
         assumed["atom style"] = f"{style}, by the number of values"
@@ -83,7 +87,7 @@ def read_lammps_data(path: Path) -> Particles:
     refuse_bad_spheres(centers, radii, path, row="atom")
     density_of = _densities(table[:, density], assumed)
     return Particles(
-        centers=centers, radii=radii, container=box_of(bounds, "", path), density=density_of, assumed=assumed
+        centers=centers, radii=radii, container=box_of(bounds, wraps, path, tilt), density=density_of, assumed=assumed
     )
 
 
@@ -111,7 +115,8 @@ def read_lammps_dump(path: Path, *, frame: int = -1) -> Particles:
     Raises
     ------
     FileFormatError
-        If there is no such frame, it is cut off, the box is tilted, a column is missing, or a line is wrong.
+        If there is no such frame, it is cut off, the edges of the box are not in the order of the axes, or it is tilted
+        along an axis that is not periodic, a column is missing, or a line is wrong.
     """
     lines = text_lines(path, "a text file of LAMMPS")
     starts = [k for k, line in enumerate(lines) if line.startswith("ITEM: TIMESTEP")]
@@ -140,17 +145,20 @@ def read_lammps_dump(path: Path, *, frame: int = -1) -> Particles:
     bounds = numbers_of(words[box + 1 : box + 4], [begin + box + k for k in (2, 3, 4)], path, width=wide)
     if skewed:
         # the vector of each edge, and a coordinate of the corner in which they begin
-        tilts, bounds = bounds[:, :3] - np.diag(np.diag(bounds)), bounds[:, 3:] + np.outer(np.diag(bounds), (0.0, 1.0))
+        tilt = tilt_of_edges(bounds[:, :3], path, begin + box + 1)
+        bounds = bounds[:, 3:] + np.outer(np.diag(bounds), (0.0, 1.0))
     else:
-        tilts, bounds = bounds[:, 2:], bounds[:, :2]
-    if tilts.any():
-        raise FileFormatError(f"{path}, line {begin + box + 1}: the box is tilted: give an upright one")
+        tilt, bounds = bounds[:, 2] if wide == 3 else np.zeros(3), bounds[:, :2]
+        # the bounds are those around the tilted box
+        (xy, xz, yz), z = tilt, 0.0
+        around = np.array([[min(z, xy, xz, xy + xz), max(z, xy, xz, xy + xz)], [min(z, yz), max(z, yz)], [z, z]])
+        bounds = bounds - around
     numbers = [begin + k + 1 for k, row in enumerate(words) if k >= first and row]
     texts = [k for k, name in enumerate(columns) if name in ("element", "type", "typelabel")]
     table = numbers_of(rows, numbers, path, width=len(columns), text=texts)
     if "id" in columns:
         table = table[order_by_id(table[:, columns.index("id")], numbers, path)]
-    centers, radii = _columns(table, columns, bounds, path)
+    centers, radii = _columns(table, columns, bounds, tilt, path)
     refuse_bad_spheres(centers, radii, path, row="atom")
     # one file may be several, one behind the other
     told = [k for k, line in enumerate(lines[:begin]) if line.startswith("ITEM: UNITS")]
@@ -158,12 +166,14 @@ def read_lammps_dump(path: Path, *, frame: int = -1) -> Particles:
     step = block[1].strip()
     periodic = "".join(axis for axis, flag in zip("xyz", flags, strict=False) if flag == "pp")
     assumed = {"frame": f"time step {step}, one of {len(starts)}"} if len(starts) > 1 else {}
-    return Particles(centers=centers, radii=radii, container=box_of(bounds, periodic, path), unit=unit, assumed=assumed)
+    return Particles(
+        centers=centers, radii=radii, container=box_of(bounds, periodic, path, tilt), unit=unit, assumed=assumed
+    )
 
 
-def _data_head(lines: list[str], path: Path) -> tuple[Floats, float]:
-    """Return the bounds of the box and the number of atoms."""
-    bounds, count = np.full((3, 2), np.nan), -1.0
+def _data_head(lines: list[str], path: Path) -> tuple[Floats, Floats, float]:
+    """Return the bounds of the box as if it stood upright, its tilts, and the number of atoms."""
+    bounds, tilt, count, edges = np.full((3, 2), np.nan), np.zeros(3), -1.0, np.zeros((3, 3))
     for number, line in enumerate(lines[:HEAD_LINES], 1):
         words = line.partition("#")[0].split()
         if words[-1:] == ["atoms"]:
@@ -171,14 +181,22 @@ def _data_head(lines: list[str], path: Path) -> tuple[Floats, float]:
         for axis, name in enumerate("xyz"):
             if words[-2:] == [f"{name}lo", f"{name}hi"]:
                 bounds[axis] = numbers_of([words[:2]], [number], path, width=2)[0]
-        tilted = words[-3:] == ["xy", "xz", "yz"] and bool(numbers_of([words[:3]], [number], path, width=3).any())
-        if tilted or words[-1:] in (["avec"], ["bvec"], ["cvec"]):
-            raise FileFormatError(f"{path}, line {number}: the box is tilted: give an upright one")
+        if words[-3:] == list(TILTS):
+            tilt = numbers_of([words[:3]], [number], path, width=3)[0]
+        for axis, name in enumerate(EDGES):
+            if words[-1:] == [name]:
+                edges[axis] = numbers_of([words[:3]], [number], path, width=3)[0]
+                tilt = tilt_of_edges(edges, path, number)
+                bounds[axis, 1] = edges[axis, axis]
+        if words[-2:] == ["abc", "origin"]:
+            bounds[:, 0] = numbers_of([words[:3]], [number], path, width=3)[0]
+    if edges.any():
+        bounds[:, 1] += bounds[:, 0]
     if not np.isfinite(bounds).all():
         if any(re.match(r"\s*Coords\b", line) for line in lines):
             raise FileFormatError(f"{path} is a molecule and no packing: read it with vg.load_shape, as a clump")
         raise FileFormatError(f"{path} gives no box (xlo xhi, ylo yhi, zlo zhi): write it with write_data")
-    return bounds, count
+    return bounds, tilt, count
 
 
 def _section(lines: list[str], start: int) -> tuple[list[list[str]], list[int]]:
@@ -195,7 +213,7 @@ def _section(lines: list[str], start: int) -> tuple[list[list[str]], list[int]]:
     return rows, numbers
 
 
-def _columns(table: Floats, columns: list[str], bounds: Floats, path: Path) -> tuple[Floats, Floats]:
+def _columns(table: Floats, columns: list[str], bounds: Floats, tilt: Floats, path: Path) -> tuple[Floats, Floats]:
     """Return centers and radii of the columns of a dump."""
     centers = None
     for suffix, scaled in (("", False), ("u", False), ("s", True), ("su", True)):
@@ -203,7 +221,9 @@ def _columns(table: Floats, columns: list[str], bounds: Floats, path: Path) -> t
         if centers is None and set(names) <= set(columns):
             centers = table[:, [columns.index(name) for name in names]]
             if scaled:
-                centers = bounds[:, 0] + centers * (bounds[:, 1] - bounds[:, 0])
+                edges = np.diag(bounds[:, 1] - bounds[:, 0])
+                edges[np.tril_indices(3, -1)] = tilt
+                centers = bounds[:, 0] + centers @ edges
             for name in (*names, "radius", "diameter", "id"):
                 if columns.count(name) > 1:
                     raise FileFormatError(

@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from voxgran._base.arrays import LONGEST, SHORTEST, Booleans, Floats, Integers
 from voxgran._base.axes import Periodic
@@ -188,13 +189,13 @@ def order_by_id(ids: Sequence[str] | Floats, numbers: Sequence[int], path: Path,
     return order
 
 
-def box_of(bounds: Floats, periodic: Periodic, path: Path) -> Box:
-    """Return the box that a file gives by its bounds (3, 2).
+def box_of(bounds: Floats, periodic: Periodic, path: Path, tilt: "ArrayLike" = (0.0, 0.0, 0.0)) -> Box:
+    """Return the box that a file gives by its bounds (3, 2), as if it stood upright, and its tilts xy, xz and yz.
 
     Raises
     ------
     FileFormatError
-        If it has no size, or a bound is not finite.
+        If it has no size, a bound is not finite, or it is tilted along an axis that is not periodic.
     """
     lengths = bounds[:, 1] - bounds[:, 0]
     if not ((np.abs(bounds) <= LONGEST).all() and (lengths >= SHORTEST).all()):
@@ -204,9 +205,25 @@ def box_of(bounds: Floats, periodic: Periodic, path: Path) -> Box:
         )
     x, y, z = lengths.tolist()
     try:
-        return Box((x, y, z), periodic, origin=tuple(bounds[:, 0].tolist()))
+        return Box((x, y, z), periodic, origin=tuple(bounds[:, 0].tolist()), tilt=tilt)
     except InputError as error:
         raise FileFormatError(f"{path}: {error}") from error
+
+
+def tilt_of_edges(edges: Floats, path: Path, line: int) -> Floats:
+    """Return the tilts xy, xz and yz of a box whose edges are the rows of an array (3, 3).
+
+    Raises
+    ------
+    FileFormatError
+        If its first edge is not along x, or its second one not in the plane of x and y.
+    """
+    if np.triu(edges, 1).any():
+        raise FileFormatError(
+            f"{path}, line {line}: the edges of the box are {shown(edges.tolist())}: the first must be along x and the "
+            "second in the plane of x and y; turn the spheres and the box"
+        )
+    return np.asarray(edges[np.tril_indices(3, -1)])
 
 
 def packing_of(
@@ -291,7 +308,7 @@ def _warn_of_a_clump(particles: Particles, path: Path) -> None:
         return
     if not 2 <= len(radii) <= MOST_OF_A_CLUMP:
         return
-    i, j, _ = near_pairs(centers, radii, 0.0, lower=np.zeros(3), lengths=np.ones(3), periodic=(False, False, False))
+    i, j, _ = near_pairs(centers, radii, 0.0)
     depth = radii[i] + radii[j] - np.linalg.norm(centers[j] - centers[i], axis=1)
     deep = depth > DEEP * np.minimum(radii[i], radii[j])
     count = len(np.union1d(i[deep], j[deep]))

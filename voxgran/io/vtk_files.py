@@ -22,6 +22,7 @@ from voxgran._base.vtk_data import attach, attach_texts, poly_data, write_data
 from voxgran._base.vtk_readers import vtk_points
 from voxgran.contacts.forces import chain_ends
 from voxgran.contacts.surfaces import merged_surfaces
+from voxgran.containers.model import periods_of
 from voxgran.io.record import Record, from_record, to_record
 from voxgran.packing.model import Packing, check_packing
 
@@ -262,8 +263,7 @@ def _sphere_points(packing: Packing) -> Any:
 def _contact_lines(packing: Packing, gap: float) -> Any:
     """Return contacts as lines between centroids; across a periodic face the line leaves the container."""
     contacts = packing.contacts(gap)
-    lengths = packing.container.bounds[1] - packing.container.bounds[0]
-    partner = packing.position[contacts.j] + contacts.image * lengths
+    partner = packing.position[contacts.j] + contacts.image @ periods_of(packing.container)
     ends = np.stack([packing.position[contacts.i], partner], axis=1).reshape(-1, 3)
     data = poly_data(ends, "Lines", np.arange(len(ends)).reshape(-1, 2))
     values = {name: getattr(contacts, name) for name in ("i", "j", "gap", "normal", "point")}

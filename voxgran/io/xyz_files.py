@@ -23,6 +23,7 @@ from voxgran.io.particles import (
     radii_of,
     refuse_bad_spheres,
     text_lines,
+    tilt_of_edges,
 )
 
 #: names of the properties that hold sizes and ids, in lower case
@@ -81,7 +82,8 @@ def read_xyz(path: Path, *, frame: int = -1) -> Particles:
     if "pbc" not in told:
         assumed["periodic"] = "everywhere: a file with a lattice that says nothing repeats"
     periodic = "".join(axis for axis, flag in zip("xyz", wraps, strict=True) if flag[0] in "t1")
-    container = box_of(_bounds(told, path, start + 2), periodic, path)
+    bounds, tilt = _bounds(told, path, start + 2)
+    container = box_of(bounds, periodic, path, tilt)
     return Particles(centers=centers, radii=radii, container=container, assumed=assumed)
 
 
@@ -109,13 +111,11 @@ def _properties(text: str, where: str) -> tuple[dict[str, int], int]:
     return places, width
 
 
-def _bounds(told: dict[str, str], path: Path, line: int) -> Floats:
-    """Return the bounds (3, 2) of an upright lattice."""
+def _bounds(told: dict[str, str], path: Path, line: int) -> tuple[Floats, Floats]:
+    """Return the bounds (3, 2) of a lattice as if it stood upright, and its tilts (3,)."""
     edges = numbers_of([told["lattice"].replace(",", " ").split()], [line], path, width=9).reshape(3, 3)
     lower = numbers_of([told.get("origin", "0 0 0").replace(",", " ").split()], [line], path, width=3)[0]
-    if (edges != np.diag(np.diag(edges))).any():
-        raise FileFormatError(f"{path}, line {line}: the box is tilted: give an upright one")
-    return np.column_stack([lower, lower + np.diag(edges)])
+    return np.column_stack([lower, lower + np.diag(edges)]), tilt_of_edges(edges, path, line)
 
 
 def read_xyzd(path: Path, *, place: Path | None = None) -> Particles:

@@ -18,7 +18,7 @@ import numpy as np
 from voxgran._base.arrays import Floats, Integers
 from voxgran._base.kernels import bare_kernel, kernel
 from voxgran.containers.kernel_container import FLAT, kernel_container
-from voxgran.containers.model import Boundary, Container, boundary_of
+from voxgran.containers.model import Boundary, Container, boundary_of, refuse_tilt
 from voxgran.geometry.halfspaces import unit_sphere
 from voxgran.geometry.polyhedron import (
     CROWDED,
@@ -92,7 +92,14 @@ def cell_volumes(seeds: Floats, weights: Floats, container: Container) -> Floats
 
 
 def walls_of(container: Container, unit: float) -> Walls:
-    """Return the walls beside the bounds, with lengths over a unit."""
+    """Return the walls beside the bounds, with lengths over a unit.
+
+    Raises
+    ------
+    InputError
+        If the container is tilted.
+    """
+    refuse_tilt(container, "a Voronoi cell", "measure them in an upright one")
     boundary, d = boundary_of(container), container.dimension
     lower, work = container.bounds[0], np.zeros((FACES, 9))
     pieces = np.zeros((0, 4, 4)), np.zeros(0)

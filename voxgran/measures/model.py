@@ -16,6 +16,7 @@ from voxgran._base.calls import explained
 from voxgran._base.compiling.threads import using_threads
 from voxgran._base.lazy import load
 from voxgran._base.registry import Registry
+from voxgran.containers.model import refuse_tilt, tilt_of
 from voxgran.measures.accessor import register_accessor
 from voxgran.packing.model import Packing, check_packing
 from voxgran.packing.start import around_fixed
@@ -47,6 +48,7 @@ class Measure:
     compute: Callable[[Packing], Groups]
     applies: Callable[[Packing], bool] = _always  # whether it applies to a packing, where it is not named
     usual: bool = True  # whether it is computed where no measure is named
+    tilted: bool = False  # whether it applies to packings in tilted periodic containers
     sees_fixed: bool = False  # whether fixed grains are grains to it; to others they are a part of the container
 
 
@@ -87,8 +89,8 @@ def measure(packing: Packing, which: str | Sequence[str] | None = None, *, threa
     Raises
     ------
     InputError
-        If `packing` is not a packing, `which` is neither a name nor a sequence of names, or `threads`
-        is no whole number above 0.
+        If `packing` is not a packing, `which` is neither a name nor a sequence of names, a measure that it names does
+        not apply to tilted containers, or `threads` is no whole number above 0.
     UnknownNameError
         If there is no measure of that name.
 
@@ -117,8 +119,12 @@ def measure(packing: Packing, which: str | Sequence[str] | None = None, *, threa
             for entry in entries
             if (entry.usual or names is not None) and entry.applies(packing if entry.sees_fixed else free)
         ]
+        chosen = [entry for entry in chosen if entry.tilted or not any(tilt_of(packing.container))]
     else:
         chosen = named
+        for entry in chosen:
+            if not entry.tilted:
+                refuse_tilt(packing.container, f"measure {entry.name!r}", "name others, or leave which out")
     groups: dict[str, Any] = {"/": dataset({"count": variable((), free.count, "1", "number of grains")})}
     if free is not packing:
         groups["/"]["fixed_count"] = variable((), packing.count - free.count, "1", "number of fixed grains")

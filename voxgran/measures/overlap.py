@@ -10,6 +10,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from voxgran._base.arrays import Floats, Integers
+from voxgran.containers.model import periods_of
 from voxgran.lattice.label import components
 from voxgran.measures.slices import cut_mesh
 from voxgran.packing.model import Packing
@@ -57,8 +58,8 @@ def _clusters(pairs: tuple[Integers, Integers, Integers], present: tuple[Integer
 
 def _shared(packing: Packing, cluster: Sequence[Copy], lower: Floats, upper: Floats) -> float:
     """Return the volume of the members of a cluster inside the box, minus that of their union."""
-    lengths = packing.container.bounds[1] - packing.container.bounds[0]
-    corners = [packing.world_vertices(grain) + np.array(turn) * lengths for grain, turn in cluster]
+    periods = periods_of(packing.container)
+    corners = [packing.world_vertices(grain) + np.array(turn) @ periods for grain, turn in cluster]
     faces = [packing.shapes[packing.shape_id[grain]].faces for grain, _ in cluster]
     # manifold3d needs lengths of the order of 1 about the origin; a power of two does not change the digits
     origin = corners[0].mean(axis=0)

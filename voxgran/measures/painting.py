@@ -7,6 +7,8 @@ from numpy.typing import NDArray
 
 from voxgran._base.arrays import Floats, Integers
 from voxgran._base.kernels import kernel
+from voxgran.containers.model import periods_of
+from voxgran.geometry.periods import face_distances, upright_turns
 from voxgran.lattice.grid import Grid
 from voxgran.packing.model import Packing
 from voxgran.shapes.spheres import Spheres
@@ -48,19 +50,18 @@ def labels_on(
 
 
 def with_images(packing: Packing) -> tuple[Packing, Floats]:
-    """Return a packing with its centers moved into the container along periodic axes, and the (k, 3) shifts to the
-    periodic images that may reach into it.
+    """Return a packing with its centers moved into the bounds of the container along periodic axes, and the (k, 3)
+    shifts to the periodic images that may reach into them.
     """
-    container = packing.container
-    lower, upper = container.bounds
-    axes, lengths = np.flatnonzero(container.periodic), upper - lower
-    turns = np.zeros_like(packing.position)
-    turns[:, axes] = np.floor((packing.position - lower)[:, axes] / lengths[axes])
+    (lower, upper), periods = packing.container.bounds, periods_of(packing.container)
+    turns = upright_turns(packing.position, lower, periods)
     if turns.any():
-        packing = replace(packing, position=packing.position - turns * lengths)
-    far = np.zeros(3, dtype=np.int64)
-    far[axes] = np.ceil(float(packing.bounding_radii.max(initial=0.0)) / lengths[axes])
-    return packing, (np.array(list(np.ndindex(*(2 * far + 1)))) - far) * lengths
+        packing = replace(packing, position=packing.position - turns @ periods)
+    reach = upper - lower + float(packing.bounding_radii.max(initial=0.0))
+    far = np.floor(np.linalg.norm(reach) / face_distances(periods)).astype(np.int64)
+    shifts = (np.array(list(np.ndindex(*(2 * far + 1)))) - far) @ periods
+    # from bounds without length in 2D nothing is shifted
+    return packing, shifts[((np.abs(shifts) < reach) | (shifts == 0.0)).all(axis=1)]
 
 
 def _paint_round(

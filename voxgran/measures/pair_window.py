@@ -16,7 +16,8 @@ import numpy as np
 
 from voxgran._base.arrays import Booleans, Floats
 from voxgran._base.lazy import load
-from voxgran.containers.model import boundary_of
+from voxgran.containers.model import boundary_of, periods_of
+from voxgran.geometry.periods import face_distances
 from voxgran.measures.region import Regions
 from voxgran.packing.model import Packing
 
@@ -69,8 +70,9 @@ class PairWindow:
 
     @property
     def reach(self) -> float:
-        """Largest distance at which pairs are counted: half the shortest edge."""
-        return float(self.edges.min()) / 2
+        """Largest distance at which pairs are counted: half the shortest edge, or distance of periodic faces."""
+        faces = face_distances(periods_of(self.packing.container))[: len(self.lower)]
+        return float(np.minimum(self.edges, faces).min()) / 2
 
     def weights(self, points: Floats, rise: float | None = None) -> Floats:
         """Return the weights (n,) of points (n, 3)."""

@@ -13,7 +13,7 @@ from voxgran._base.arrays import Booleans, Floats, Integers
 from voxgran._base.compiling.threads import in_blocks, using_threads
 from voxgran._base.kernels import bare_kernel, kernel
 from voxgran.containers.kernel_container import KernelContainer, clearance, kernel_container
-from voxgran.containers.model import UNKNOWN, boundary_of
+from voxgran.containers.model import UNKNOWN, boundary_of, periods_of
 from voxgran.geometry.sphere_pairs import spheres_near
 from voxgran.lattice.distance import distance_transform
 from voxgran.lattice.thickness import cover, ridge
@@ -35,8 +35,8 @@ class Bodies:
     centers: Floats  # (n, 3)
     radii: Floats  # (n,)
     walls: KernelContainer
-    bounds: Floats  # (2, 3) of the container
-    periodic: tuple[bool, bool, bool]
+    lower: Floats  # (3,) corner of the container
+    periods: Floats  # (3, 3) vectors by which it repeats
 
     @classmethod
     def of(cls, packing: Packing) -> "Bodies | None":
@@ -51,8 +51,8 @@ class Bodies:
         radii = np.concatenate([np.zeros(0), *(one for _, one in known)])
         walls = kernel_container(container)
         # a sphere of pores may meet its own image
-        walls = walls._replace(lengths=np.where(walls.walled == 1, walls.lengths, np.inf))
-        return cls(centers, radii, walls, np.array(container.bounds), container.periodic)
+        walls = walls._replace(shortest=math.inf)
+        return cls(centers, radii, walls, np.array(container.bounds[0]), periods_of(container))
 
     def largest_near(self, places: Floats, reach: Floats, edge: float) -> Floats:
         """Return centers and radii (n, 4) of the largest spheres of pores with centers in the voxels about places.
@@ -60,15 +60,14 @@ class Bodies:
         `reach` (n,) is at least the radius of the largest sphere about a place.
         """
         found = np.empty((len(places), 4))
-        lower, lengths = self.bounds[0], self.bounds[1] - self.bounds[0]
         for begin in range(0, len(places), POINTS):
             part = slice(begin, begin + POINTS)
             # to a corner of the voxel the distance and the radius change by half a diagonal each; voxels may miss the
             # length of a period by half of one
             far = reach[part] + (math.sqrt(3.0) + 0.5) * edge
-            known = {"lower": lower, "lengths": lengths, "periodic": self.periodic}
+            known = {"lower": self.lower, "periods": self.periods}
             point, body, image = spheres_near(places[part], far, self.centers, self.radii, **known)
-            near = np.column_stack([self.centers[body] + image * lengths, self.radii[body]])
+            near = np.column_stack([self.centers[body] + image @ self.periods, self.radii[body]])
             starts = np.searchsorted(point, np.arange(len(far) + 1))
             arguments = self.walls, places[part], edge / 2, near, starts, found[part]
             in_blocks(_climb, len(far), *arguments, least=LEAST_POINTS)

@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from voxgran._base.arrays import Booleans, Floats
 from voxgran._base.errors import TooLargeError
-from voxgran.containers.model import boundary_of
+from voxgran.containers.model import boundary_of, refuse_tilt
 from voxgran.lattice.distance import distance_transform
 from voxgran.lattice.grid import Grid
 from voxgran.lattice.label import connected_components
@@ -118,11 +118,12 @@ def pores_of(packing: Packing, voxel_size: float) -> Pores:
     Raises
     ------
     InputError
-        If a grain is an open surface.
+        If a grain is an open surface, or the container is tilted.
     TooLargeError
         If there are more than 2**31 voxels.
     """
     container, d = packing.container, packing.dimension
+    refuse_tilt(container, "the pore space", "measure it in an upright one")
     lower, upper = container.bounds
     periodic = tuple(bool(around) and k < d for k, around in enumerate(container.periodic))
     size = commensurate(voxel_size, (upper - lower)[list(periodic)])

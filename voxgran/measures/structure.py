@@ -28,15 +28,15 @@ class StructureFactor:
 
 
 def lattice_structure(points: Floats, periods: Floats, *, reach: float, step: float) -> StructureFactor:
-    """Return the structure factor of points (n, d) with the periods (d,), in shells of width `step` up to `reach`.
+    """Return the structure factor of points (n, d) with the periods (d, d), in shells of width `step` up to `reach`.
 
     It is exact on each vector of the reciprocal lattice; of a shell with more than 60, 60 are drawn.
     """
-    chosen = _vectors(2 * np.pi / periods, reach, step)
-    length = np.linalg.norm(chosen * (2 * np.pi / periods), axis=1)
+    chosen = _vectors(periods, reach, step)
+    length = np.linalg.norm(chosen @ reciprocal(periods), axis=1)
     power = np.zeros(len(chosen))
     d, turns = len(periods), np.zeros((len(points), 3))
-    turns[:, :d] = (points / periods) % 1.0 * 2 * np.pi
+    turns[:, :d] = np.linalg.solve(periods.T, points.T).T % 1.0 * 2 * np.pi
     vectors = np.zeros((len(chosen), 3), np.int64)
     vectors[:, :d] = chosen
     if len(points) and len(chosen):
@@ -73,25 +73,30 @@ def transformed_structure(
     return StructureFactor(waves, value, spread, np.zeros(len(waves), np.int64))
 
 
-def _vectors(unit: Floats, reach: float, step: float) -> Integers:
-    """Return whole-number vectors (m, d) of a reciprocal lattice with the edges `unit`, one of each opposite pair."""
-    d = len(unit)
+def reciprocal(periods: Floats) -> Floats:
+    """Return the vectors of the reciprocal lattice (d, d), in the rows, of periods (d, d)."""
+    return np.asarray(2 * np.pi * np.linalg.inv(periods).T)
+
+
+def _vectors(periods: Floats, reach: float, step: float) -> Integers:
+    """Return whole-number vectors (m, d) of the reciprocal lattice of periods (d, d), one of each opposite pair."""
+    d, unit = len(periods), reciprocal(periods)
     # within this sphere all vectors are listed; they are some thousands
-    inner = min(reach, float((MOST_VECTORS * 40 * np.prod(unit)) ** (1 / d)))
-    most = np.floor(inner / unit).astype(np.int64)
+    inner = min(reach, float((MOST_VECTORS * 40 * abs(np.linalg.det(unit))) ** (1 / d)))
+    most = np.floor(inner * np.linalg.norm(periods, axis=1) / (2 * np.pi) * (1 + 1e-12)).astype(np.int64)
     axes = [np.arange(-n, n + 1) for n in most]
     every = np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1).reshape(-1, d)
     generator = stream(0, "wave vectors")
     aims = np.arange(inner, reach, step / MOST_VECTORS / 2) if reach > inner else np.zeros(0)
     directions = generator.standard_normal((len(aims), d))
     directions *= (aims / np.linalg.norm(directions, axis=1))[:, None]
-    drawn = np.round(directions / unit).astype(np.int64)
-    drawn = drawn[np.linalg.norm(drawn * unit, axis=1) > inner]
-    found = np.concatenate([every[np.linalg.norm(every * unit, axis=1) <= inner], drawn])
+    drawn = np.round(directions @ periods.T / (2 * np.pi)).astype(np.int64)
+    drawn = drawn[np.linalg.norm(drawn @ unit, axis=1) > inner]
+    found = np.concatenate([every[np.linalg.norm(every @ unit, axis=1) <= inner], drawn])
     # the first coordinate that is not 0 is above 0
     leading = found[np.arange(len(found)), (found != 0).argmax(axis=1)]
     found = np.unique(found[leading != 0] * np.sign(leading[leading != 0])[:, None], axis=0)
-    length = np.linalg.norm(found * unit, axis=1)
+    length = np.linalg.norm(found @ unit, axis=1)
     found, length = found[length < reach], length[length < reach]
     shell = np.floor(length / step).astype(np.int64)
     order = np.lexsort((generator.random(len(found)), shell))

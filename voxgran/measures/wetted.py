@@ -15,6 +15,7 @@ from voxgran._base.arrays import Booleans, Floats, Integers
 from voxgran._base.lazy import load
 from voxgran.contacts.inside import inner_distance
 from voxgran.contacts.model import Contacts
+from voxgran.containers.model import periods_of
 from voxgran.geometry.triangles import areas_of, normals_of
 from voxgran.measures.model import length_unit, variable
 from voxgran.measures.window import ON, Estimate, Solids, images
@@ -83,12 +84,12 @@ def _surfaces(packing: Packing) -> tuple[Estimate, Estimate, Estimate, Estimate]
 
 def shared_areas(packing: Packing, contacts: Contacts) -> Floats:
     """Return the area (n,) of the triangles that both grains of each contact have, as neighbours of label images do."""
-    lengths, reach = packing.container.bounds[1] - packing.container.bounds[0], SAME * packing.diameters.mean()
+    periods, reach = periods_of(packing.container), SAME * packing.diameters.mean()
     meshes = np.array([isinstance(shape.geometry, Mesh) for shape in packing.shapes], dtype=np.bool_)[packing.shape_id]
     found = np.zeros(contacts.count)
     for k in np.flatnonzero(meshes[contacts.i] & meshes[contacts.j] & (np.abs(contacts.gap) <= reach)).tolist():
         one, two = _triangles(packing, int(contacts.i[k])), _triangles(packing, int(contacts.j[k]))
-        two = two + contacts.image[k] * lengths
+        two = two + contacts.image[k] @ periods
         low = np.maximum(*(corners.min(axis=(0, 1)) for corners in (one, two))) - reach
         high = np.minimum(*(corners.max(axis=(0, 1)) for corners in (one, two))) + reach
         one, two = (near[((near >= low) & (near <= high)).all(axis=(1, 2))] for near in (one, two))
@@ -117,7 +118,7 @@ def _of_union(packing: Packing, centers: Floats, radii: Floats) -> float:
 
 def _partners(packing: Packing, contacts: Contacts, reach: float) -> dict[int, list[Partner]]:
     """Return what may cover each grain; nothing for one at a wall, and no entry for one that touches in points only."""
-    lengths = packing.container.bounds[1] - packing.container.bounds[0]
+    periods = periods_of(packing.container)
     bent, hollow = (
         np.array([of(shape) for shape in packing.shapes], dtype=np.bool_)[packing.shape_id]
         for of in (_is_bent, lambda shape: shape.is_open)
@@ -125,7 +126,7 @@ def _partners(packing: Packing, contacts: Contacts, reach: float) -> dict[int, l
     outside = packing.container.signed_distance(packing.position) + packing.bounding_radii
     found: dict[int, list[Partner]] = {grain: [] for grain in np.flatnonzero((outside >= -reach) & ~bent).tolist()}
     for k in np.flatnonzero((contacts.gap < -reach) | ~(bent[contacts.i] | bent[contacts.j])):
-        i, j, shift = int(contacts.i[k]), int(contacts.j[k]), contacts.image[k] * lengths
+        i, j, shift = int(contacts.i[k]), int(contacts.j[k]), contacts.image[k] @ periods
         for grain, other, way in ((i, j, shift), (j, i, -shift)):
             if not hollow[other]:
                 center = packing.position[other] + way

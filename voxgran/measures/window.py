@@ -16,8 +16,9 @@ import numpy as np
 
 from voxgran._base.arrays import Floats, Integers
 from voxgran._base.kernels import kernel
-from voxgran.containers.model import Container
+from voxgran.containers.model import Container, periods_of, tilt_of
 from voxgran.geometry.halfspaces import cut_disks, cut_spheres
+from voxgran.geometry.periods import OPEN, nearest_turns
 from voxgran.geometry.sphere_pairs import near_pairs
 from voxgran.measures.overlap import overlap_volume
 from voxgran.measures.slabs import Ordered, near_box
@@ -77,7 +78,7 @@ class Solids:
             lower, upper = _closed(self.packing.container, lower, upper)
         grain, shift = images(self.packing.position, self.packing.bounding_radii, lower, upper, self.packing.container)
         volumes, errors = self.cut_grains(grain, lower, upper, shift=shift)
-        present = grain, np.rint(shift / _periods(self.packing.container)).astype(np.int64)
+        present = grain, nearest_turns(shift, periods_of(self.packing.container))
         twice = overlap_volume(self.packing, self.overlaps, present, lower=lower, upper=upper)
         doubt = twice if self._curved else 0.0
         return Estimate(float(volumes.sum()) - twice, float(errors.sum()) + doubt)
@@ -130,7 +131,7 @@ class Solids:
             found = known[max(known)]
             deep = found.gap <= -NO_DEPTH * float(radii.mean())
             pairs = found.i[deep], found.j[deep], found.image[deep]
-            return centers, radii, _planes_of(pairs, centers, radii, _periods(self.packing.container))
+            return centers, radii, _planes_of(pairs, centers, radii, periods_of(self.packing.container))
         return centers, radii, power_planes(centers, radii, self.packing.container)
 
     @property
@@ -164,7 +165,8 @@ class Solids:
     def _sphere_volume(self, spheres: tuple[Floats, Floats, Planes], lower: Floats, upper: Floats) -> float:
         """Return the volume of a union of spheres inside a box."""
         centers, radii, planes = spheres
-        near = near_box(self._ordered, float(radii.max(initial=0.0)), lower, upper)
+        upright = not any(tilt_of(self.packing.container))
+        near = near_box(self._ordered, float(radii.max(initial=0.0)), lower, upper) if upright else None
         some = slice(None) if near is None else near
         sphere, shift = images(centers[some], radii[some], lower, upper, self.packing.container)
         sphere = sphere if near is None else near[sphere]
@@ -185,47 +187,48 @@ def images(
 
     An open periodic axis gives no images.
     """
-    lengths, d = container.bounds[1] - container.bounds[0], len(lower)
-    repeated = np.array(container.periodic[:d]) & np.isfinite(lower) & np.isfinite(upper)
+    d, periods = len(lower), periods_of(container)
+    periods[:d][~(np.isfinite(lower) & np.isfinite(upper))] = 0.0
     box = np.asarray(lower, dtype=np.float64), np.asarray(upper, dtype=np.float64)
     found = len(centers)
     while True:
         index, shift = np.empty(found, dtype=np.int64), np.zeros((found, 3))
-        found = int(_find_images(centers, radii, *box, np.where(repeated, lengths[:d], 0.0), index, shift))
+        found = int(_find_images(centers, radii, *box, periods, index, shift))
         if found <= len(index):
             return index[:found], shift[:found]
 
 
 @kernel
-def _find_images(centers, radii, lower, upper, lengths, index, shift):  # type: ignore[no-untyped-def]
-    """Write the spheres that reach into a box and their translations as far as there is room; return their number.
-
-    A length of 0 is that of an axis without images.
-    """
-    found, d = 0, len(lower)
-    first, last = np.zeros(3, np.int64), np.zeros(3, np.int64)
+def _find_images(centers, radii, lower, upper, periods, index, shift):  # type: ignore[no-untyped-def]
+    """Write the spheres that reach into a box and their translations as far as there is room; return their number."""
+    found, d, p = 0, len(lower), periods
     for i in range(len(radii)):
-        near = True
-        for axis in range(d):
-            place, reach = centers[i, axis], radii[i]
-            if lengths[axis] > 0.0:
-                first[axis] = math.floor((lower[axis] - reach - place) / lengths[axis]) + 1
-                last[axis] = math.ceil((upper[axis] + reach - place) / lengths[axis]) - 1
-                near = near and first[axis] <= last[axis]
-            else:
-                near = near and place + reach > lower[axis] and place - reach < upper[axis]
-        if not near:
-            continue
-        for a in range(first[0], last[0] + 1):
-            for b in range(first[1], last[1] + 1):
-                for c in range(first[2], last[2] + 1):
+        r = radii[i]
+        first_c, last_c = 0, 0
+        if d == 3:
+            first_c, last_c = _images_along(lower[2], upper[2], centers[i, 2], r, p[2, 2])
+        for c in range(first_c, last_c + 1):
+            first_b, last_b = _images_along(lower[1], upper[1], centers[i, 1] + c * p[2, 1], r, p[1, 1])
+            for b in range(first_b, last_b + 1):
+                x = c * p[2, 0] + b * p[1, 0]
+                first_a, last_a = _images_along(lower[0], upper[0], centers[i, 0] + x, r, p[0, 0])
+                for a in range(first_a, last_a + 1):
                     if found < len(index):
                         index[found] = i
-                        if d == 3:
-                            shift[found, 2] = c * lengths[2]
-                        shift[found, 0], shift[found, 1] = a * lengths[0], b * lengths[1]
+                        shift[found, 0], shift[found, 1] = a * p[0, 0] + x, b * p[1, 1] + c * p[2, 1]
+                        shift[found, 2] = c * p[2, 2]
                     found += 1
     return found
+
+
+@kernel
+def _images_along(low, high, place, r, length):  # type: ignore[no-untyped-def]
+    """Return the first and the last image of a sphere that reaches between two ends, of an axis with a length or, where
+    that is 0, without images.
+    """
+    if length == 0.0:
+        return 0, 0 if place + r > low and place - r < high else -1
+    return math.floor((low - r - place) / length) + 1, math.ceil((high + r - place) / length) - 1
 
 
 def flat_spheres(packing: Packing) -> tuple[Floats, Floats]:
@@ -251,17 +254,17 @@ def power_planes(centers: Floats, radii: Floats, container: Container | None = N
     The planes of sphere i have the indices from ``start[i]`` to ``start[i + 1]``; offsets are relative to its center.
     """
     slack = -NO_DEPTH * float(radii.mean()) if len(radii) else 0.0
-    periodic, lower, lengths = (False, False, False), np.zeros(3), np.ones(3)
+    lower, periods = np.zeros(3), OPEN
     if container is not None:
-        periodic, lower, lengths = container.periodic, container.bounds[0], _periods(container)
-    pairs = near_pairs(centers, radii, slack, lower=lower, lengths=lengths, periodic=periodic)
-    return _planes_of(pairs, centers, radii, lengths)
+        lower, periods = np.array(container.bounds[0]), periods_of(container)
+    pairs = near_pairs(centers, radii, slack, lower=lower, periods=periods)
+    return _planes_of(pairs, centers, radii, periods)
 
 
-def _planes_of(pairs: tuple[Integers, Integers, Integers], centers: Floats, radii: Floats, lengths: Floats) -> Planes:
+def _planes_of(pairs: tuple[Integers, Integers, Integers], centers: Floats, radii: Floats, periods: Floats) -> Planes:
     """Return the planes of equal power of pairs (i, j, image) of overlapping spheres, as :func:`power_planes`."""
     i, j, image = pairs
-    apart = centers[j] + image * lengths - centers[i]
+    apart = centers[j] + image @ periods - centers[i]
     distance = np.sqrt((apart**2).sum(axis=1))
     same = distance == 0.0
     # among concentric spheres the largest one is kept, among equal ones the first
@@ -285,11 +288,6 @@ def chosen_planes(planes: Planes, sphere: Integers) -> Planes:
     ends = np.concatenate([[0], np.cumsum(counts)]).astype(np.int64)
     index = np.arange(ends[-1]) + np.repeat(start[sphere] - ends[:-1], counts)
     return ends, normals[index], offsets[index]
-
-
-def _periods(container: Container) -> Floats:
-    """Return the lengths of the container, 1 on axes that are not periodic."""
-    return np.where(container.periodic, container.bounds[1] - container.bounds[0], 1.0)
 
 
 def _closed(container: Container, lower: Floats, upper: Floats) -> tuple[Floats, Floats]:

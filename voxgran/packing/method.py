@@ -21,7 +21,7 @@ from voxgran._base.errors import InputError, LongRunWarning, TooLargeError, show
 from voxgran._base.machine import memory_limit
 from voxgran._base.registry import Registry
 from voxgran._base.warning import warn
-from voxgran.containers.model import UNKNOWN, Container, boundary_of
+from voxgran.containers.model import UNKNOWN, Container, boundary_of, refuse_tilt
 from voxgran.packing.model import Packing
 from voxgran.packing.problem import Problem
 from voxgran.shapes.model import Shape
@@ -199,6 +199,8 @@ class PackingMethod:
         methods need the boundary in closed form.
     any_walls : bool
         Whether it knows any walls in closed form, such as cones or several round walls.
+    tilted : bool
+        Whether it packs into tilted periodic containers.
     stretches : bool
         Whether the container is stretched so that any count of grains has room.
     builds_bed : bool
@@ -235,6 +237,7 @@ class PackingMethod:
     open_surfaces: bool = False
     any_container: bool = False
     any_walls: bool = False
+    tilted: bool = False
     stretches: bool = False
     builds_bed: bool = False
     sizing: Literal["drawn", "scaled", "made"] = "drawn"
@@ -295,6 +298,10 @@ def refuse_unfit(method: PackingMethod, shapes: tuple[Shape, ...], container: Co
             f"method {method.name!r} packs in dimension {method.dimensions}: the container has {container.dimension}; "
             "choose another method"
         )
+    if not method.tilted:
+        registry = method_registry()
+        able = ", ".join(name for name in registry.names() if registry.get(name).tilted)
+        refuse_tilt(container, f"method {method.name!r}", f"leave the tilt out, or choose another method, of {able}")
     walls = boundary_of(container)
     if not method.any_container and (walls is UNKNOWN or not (walls.is_usual or method.any_walls)):
         known = (

@@ -22,7 +22,7 @@ from voxgran._base.warning import warn
 from voxgran.contacts.assembly import NOT_STATED, Assembly, Density
 from voxgran.contacts.inside import Occupied
 from voxgran.contacts.verify import verify
-from voxgran.containers.model import Container
+from voxgran.containers.model import Container, within_periods
 from voxgran.geometry.rotation import normalized
 from voxgran.lattice.grid import Grid
 from voxgran.packing.draw import DrawnGrains
@@ -367,7 +367,7 @@ def random_points(container: Container, count: int, generator: np.random.Generat
         inside = points[np.asarray(container.signed_distance(points)) < 0.0]
         found.append(inside)
         many += len(inside)
-    return np.concatenate(found)[:count]
+    return within_periods(np.concatenate(found)[:count], container)
 
 
 def random_turns(problem: Problem, grains: Integers) -> Floats | None:

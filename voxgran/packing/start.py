@@ -21,7 +21,7 @@ from voxgran._base.scalars import number_of, whole_number_of
 from voxgran._base.seeds import stream
 from voxgran.contacts.assembly import NOT_STATED, Assembly, Density, as_density, by_shape, density_text, merged
 from voxgran.contacts.forces import among_movable
-from voxgran.containers.model import Container
+from voxgran.containers.model import Container, within_periods
 from voxgran.geometry.orientation_laws.directional import Random
 from voxgran.geometry.orientation_laws.given import Given
 from voxgran.geometry.orientation_laws.law import OrientationLaw
@@ -52,10 +52,7 @@ class Start:
 
     def wrapped(self, container: Container) -> Floats:
         """Return the positions brought into the periodic lengths of a container."""
-        wraps, (lower, upper), position = list(container.periodic), container.bounds, self.position.copy()
-        lengths = (upper - lower)[wraps]
-        position[:, wraps] -= np.floor((position - lower)[:, wraps] / lengths) * lengths
-        return np.asarray(position)
+        return within_periods(self.position, container)
 
     def queue(self, count: int) -> Integers:
         """Return the indices of all `count` grains: first those not yet placed, then those of the start."""

@@ -5,6 +5,7 @@ from typing import Any
 import numpy as np
 
 from voxgran._base.arrays import Floats, Integers
+from voxgran.containers.model import periods_of
 from voxgran.measures.registered.coordination import WIDEST_GAP, mean_diameter
 from voxgran.packing.model import Packing
 from voxgran.report.creases import creased, shaded
@@ -22,10 +23,10 @@ def picture_contacts(packing: Packing, *, window: tuple[int, int] = (900, 900)) 
         return None
     grain = _busiest(packing, found.i, found.j)
     first, second = found.i == grain, (found.j == grain) & (found.i != grain)
-    lengths = packing.container.bounds[1] - packing.container.bounds[0]
+    periods = periods_of(packing.container)
     others = np.concatenate([found.j[first], found.i[second]])
-    shift = np.concatenate([found.image[first], -found.image[second]]) * lengths
-    points = np.concatenate([found.point[first], found.point[second] - found.image[second] * lengths])
+    shift = np.concatenate([found.image[first], -found.image[second]]) @ periods
+    points = np.concatenate([found.point[first], found.point[second] - found.image[second] @ periods])
     extent = []
     with stage_of(window) as stage:
         extent.append(_add_grain(stage, packing, grain, np.zeros(3), color=_MIDDLE, opacity=1.0))

@@ -8,6 +8,8 @@ import numpy as np
 
 from voxgran._base.arrays import Floats, as_choice
 from voxgran._base.lazy import load
+from voxgran.containers.model import periods_of
+from voxgran.geometry.sphere_pairs import spheres_near
 from voxgran.measures.registered.coordination import coordination_number
 from voxgran.measures.registered.forces import known_forces
 from voxgran.packing.grains import ColorBy
@@ -124,10 +126,17 @@ def _heights(packing: Packing) -> Floats:
 
 def _nearest(packing: Packing) -> Floats:
     """Return the distance of each centroid from the nearest other one, across periodic faces too."""
-    lower, upper = packing.container.bounds
-    lengths = np.where(packing.container.periodic, upper - lower, 0.0)
-    local = packing.position - lower
-    local = np.where(lengths > 0, np.mod(local, np.where(lengths > 0, lengths, 1.0)), local)
-    tree = load("scipy.spatial").cKDTree(local, boxsize=lengths)
-    distance: Floats = tree.query(local, k=2)[0][:, 1]
+    periods, extent = periods_of(packing.container), np.ptp(packing.container.bounds, axis=0)
+    lower, place = packing.container.bounds[0], packing.position
+    distance = np.full(packing.count, np.inf)
+    d, half = packing.dimension, np.full(packing.count, 0.5)
+    alone, reach = np.arange(packing.count), float((extent[:d].prod() / max(packing.count, 1)) ** (1 / d))
+    while len(alone) and reach < 4.0 * float(np.linalg.norm(extent)):
+        radii = reach * half
+        one, j, image = spheres_near(place[alone], radii[alone], place, radii, lower=lower, periods=periods)
+        i = alone[one]
+        away = np.linalg.norm(place[j] + image @ periods - place[i], axis=1)
+        other = i != j
+        np.minimum.at(distance, i[other], away[other])
+        alone, reach = alone[np.isinf(distance[alone])], 2.0 * reach
     return np.where(np.isfinite(distance), distance, 0.0)

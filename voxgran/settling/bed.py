@@ -30,7 +30,7 @@ from voxgran.contacts.manifolds.rows import (
     PairList,
     carry_rows,
 )
-from voxgran.containers.model import Container, boundary_of
+from voxgran.containers.model import Container, boundary_of, within_periods
 from voxgran.geometry.rotation import normalized
 from voxgran.geometry.walls import Plane, Round
 from voxgran.settling.balance import LoadedContacts
@@ -321,13 +321,7 @@ class Bed:
         """Return centroids (n, 3), within the periodic sides, and orientations (n, 4), in the order of the assembly."""
         position, orientation = np.zeros_like(self.grains.position), np.zeros_like(self.orientation)
         position[self.order], orientation[self.order] = self.grains.position, self.orientation
-        lower, upper = self.assembly.container.bounds
-        for axis in range(3):
-            if self.assembly.container.periodic[axis]:
-                length = upper[axis] - lower[axis]
-                inside = lower[axis] + (position[:, axis] - lower[axis]) % length
-                position[:, axis] = np.where(inside < upper[axis], inside, lower[axis])
-        return position, normalized(orientation)
+        return within_periods(position, self.assembly.container), normalized(orientation)
 
     def moved_assembly(self) -> Assembly:
         """Return the grains in their present poses, with the lid where it is."""

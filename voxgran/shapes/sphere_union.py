@@ -77,7 +77,7 @@ def contained(centers: Floats, radii: Floats) -> Booleans:
 
 def _touching(centers: Floats, radii: Floats) -> tuple[Integers, Integers]:
     """Return the pairs i < j of spheres that touch or overlap."""
-    i, j, _ = near_pairs(centers, radii, 0.0, lower=np.zeros(3), lengths=np.ones(3), periodic=(False, False, False))
+    i, j, _ = near_pairs(centers, radii, 0.0)
     return i, j
 
 

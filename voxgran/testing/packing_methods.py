@@ -173,6 +173,19 @@ class PackingMethodSuite:
         assert packing.diameters == pytest.approx(diameter[row], rel=1e-12)
         assert verify(packing).ok
 
+    def test_tilted_cells_are_packed_or_refused(self) -> None:
+        """Grains in a tilted cell do not overlap across its faces; methods for upright containers refuse it."""
+        flat = self.container().dimension == 2
+        cell = Rectangle((4, 5), "xy", tilt=1.5) if flat else Box((4, 4, 5), "xy", tilt=(1.5, 0, 0))
+        asked = {"count": 6, "seed": 1, **self.parameters}
+        if not method_registry().get(self.method).tilted:
+            with pytest.raises(InputError, match="takes upright containers only"):
+                pack(self.shapes(), cell, self.method, **asked)
+            return
+        packing = pack(self.shapes(), cell, self.method, **asked)
+        assert packing.count > 0
+        assert verify(packing).ok
+
     def test_obstacles_stay_where_they_are(self) -> None:
         """No grain overlaps a fixed one, and this stays in its place; methods that move all grains refuse it."""
         container, kind = self.container(), "sphere" if self.container().dimension == 3 else "disk"

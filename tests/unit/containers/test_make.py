@@ -71,7 +71,7 @@ def test_all_kinds_are_listed():
     # the space in a vessel is a closed mesh
     assert all(entry.container.kind == entry.name for entry in entries if entry.name != "vessel")
     assert registry.get("vessel").container is ClosedMesh
-    assert entries[0].keys == {"lengths": True, "periodic": False, "origin": False}
+    assert entries[0].keys == {"lengths": True, "periodic": False, "origin": False, "tilt": False}
 
 
 @pytest.mark.parametrize("container", CONTAINERS)

@@ -118,9 +118,9 @@ def test_walls_are_those_of_the_container():
     # infinite planes stop YADE in a periodic cell
     cell = files_of(engine_cases.simulation_of(engine_cases.mixed(periodic="xy"), ENGINE))
     assert "PLANES = []" in cell["yade_run.py"]
-    edges = re.search(r"O.cell.setBox\((.*)\)", cell["yade_run.py"])[1].split(", ")
-    assert [float(edge) for edge in edges[:2]] == pytest.approx([0.005, 0.005])
-    assert float(edges[2]) > 4 * 0.007
+    edges = re.search(r"O.cell.hSize = Matrix3\((.*)\)", cell["yade_run.py"])[1].split(", ")
+    assert [float(edge) for edge in edges[:8]] == pytest.approx([0.005, 0, 0, 0, 0.005, 0, 0, 0])
+    assert float(edges[8]) > 4 * 0.007
     corners = np.loadtxt(cell["yade_facets.txt"].splitlines())[:, :9].reshape(-1, 3, 3)
     assert corners.shape == (2, 3, 3)
     np.testing.assert_allclose(corners[:, :, 2], [[0.0] * 3, [0.007] * 3], atol=1e-12)

@@ -88,7 +88,7 @@ def test_a_lattice_without_pbc_repeats_and_xyz_without_one_is_boxed(tmp_path):
         ("radius:R:1", "mass:R:1", "pos and radius or diameter are needed"),
         ("radius:R:1", "radius:R:1:radius:R:1", "names radius twice"),
         ("radius:R:1", "radius:X:1", "which is no column"),
-        ("4 0 0 0 4", "4 1 0 0 4", "line 2: the box is tilted"),
+        ("4 0 0 0 4", "4 1 0 0 4", "line 2: the edges of the box are"),
         ("0 0 0 3", "0 0 0 -3", "all lengths must be above 0"),
         ('pbc="T T F"', 'pbc="T T"', "three of T and F"),
         ("3\nLattice", "4\nLattice", "4: it is cut off"),

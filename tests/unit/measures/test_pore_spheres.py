@@ -139,7 +139,9 @@ def test_spheres_near_points_against_all_pairs(periodic):
     points = lower + generator.uniform(-0.2, 1.2, (40, 3)) * lengths
     centers = lower + generator.uniform(-0.2, 1.2, (50, 3)) * lengths
     reach, radii = generator.uniform(0.1, 1.0, 40), 10 ** generator.uniform(-2, 0, 50)
-    i, j, image = spheres_near(points, reach, centers, radii, lower=lower, lengths=lengths, periodic=periodic)
+    i, j, image = spheres_near(
+        points, reach, centers, radii, lower=lower, periods=np.diag(np.where(periodic, lengths, 0.0))
+    )
     assert (np.diff(i) >= 0).all()
     expected = set()
     for turn in itertools.product(*(range(-4, 5) if around else (0,) for around in periodic)):

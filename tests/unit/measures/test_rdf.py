@@ -18,6 +18,7 @@ from voxgran.containers.kinds.mesh import ClosedMesh
 from voxgran.containers.kinds.polygon import Polygon
 from voxgran.containers.kinds.rectangle import Rectangle
 from voxgran.containers.kinds.sphere import Sphere
+from voxgran.geometry.periods import OPEN
 from voxgran.measures.model import measure
 from voxgran.measures.pair_sums import pair_sums
 from voxgran.measures.pair_window import PairWindow
@@ -127,7 +128,7 @@ def test_pairs_against_a_tree(periodic, bins):
     edges, step = np.array([9.0, 10.0, 12.0]), 0.24
     points = stream(2, "points").random((300, 3)) * edges
     weights = stream(2, "weights").random(300)
-    found = pair_sums(points, weights, step, bins, edges=edges, periodic=np.array(periodic))
+    found = pair_sums(points, weights, step, bins, periods=np.diag(np.where(periodic, edges, 0.0)))
     apart = points[:, None] - points
     apart -= np.where(periodic, edges * np.rint(apart / edges), 0.0)
     distance = np.linalg.norm(apart, axis=2)
@@ -145,10 +146,9 @@ def test_pairs_of_points_in_a_line_and_in_a_long_box():
     line = np.zeros((50, 3))
     line[:, 0] = np.arange(50) * 1e4
     ones = np.ones(50)
-    off = np.zeros(3, dtype=bool)
-    found = pair_sums(line, ones, 1e4, 4, edges=np.ones(3), periodic=off)
+    found = pair_sums(line, ones, 1e4, 4, periods=OPEN)
     assert found.pairs.tolist() == [0, 98, 96, 94]
-    same = pair_sums(np.zeros((5, 3)), np.ones(5), 1.0, 2, edges=np.ones(3), periodic=off)
+    same = pair_sums(np.zeros((5, 3)), np.ones(5), 1.0, 2, periods=OPEN)
     assert same.pairs.tolist() == [20, 0]
 
 
@@ -292,7 +292,7 @@ def test_below_the_surface_of_a_bed():
 
 def test_the_structure_factor_is_that_of_its_definition():
     points, periods = stream(4, "points").random((50, 3)) * [4, 5, 6], np.array([4.0, 5.0, 6.0])
-    found = lattice_structure(points, periods, reach=4.0, step=0.5)
+    found = lattice_structure(points, np.diag(periods), reach=4.0, step=0.5)
     every = np.stack(np.meshgrid(*[np.arange(-5, 6)] * 3, indexing="ij"), axis=-1).reshape(-1, 3)
     waves = every * 2 * math.pi / periods
     length = np.linalg.norm(waves, axis=1)
@@ -336,7 +336,7 @@ def test_bragg_peaks():
 
 def test_many_vectors_are_drawn_evenly():
     periods = np.array([30.0, 40.0, 50.0])
-    found = lattice_structure(stream(5, "points").random((2000, 3)) * periods, periods, reach=20.0, step=0.4)
+    found = lattice_structure(stream(5, "points").random((2000, 3)) * periods, np.diag(periods), reach=20.0, step=0.4)
     assert found.vectors.max() == 60
     assert (found.vectors[10:] >= 55).all()
     assert np.diff(found.wave_number) == pytest.approx(np.full(len(found.value) - 1, 0.4), abs=0.15)

@@ -8,7 +8,7 @@ import numpy as np
 from voxgran._base.arrays import Booleans, Floats, Integers
 from voxgran._base.kernels import kernel
 from voxgran.contacts.manifolds.rows import Grains, PairList
-from voxgran.containers.model import Container
+from voxgran.containers.model import Container, periods_of
 from voxgran.geometry.sphere_pairs import near_pairs
 
 #: `bound` of pairs that were never looked at, and first number of a normal that is not known
@@ -27,15 +27,12 @@ def renewed(
 
     Pairs of which both are fixed, (n,), are left out. The ways of the grains are set to 0.
     """
-    lower, upper = container.bounds
-    i, j, image = near_pairs(
-        grains.position, grains.radius, skin, lower=lower, lengths=upper - lower, periodic=container.periodic
-    )
+    lower, periods = np.array(container.bounds[0]), periods_of(container)
+    i, j, image = near_pairs(grains.position, grains.radius, skin, lower=lower, periods=periods)
     if fixed is not None:
         kept = ~(fixed[i] & fixed[j])
         i, j, image = i[kept], j[kept], image[kept]
-    shift = np.asarray(image * np.where(container.periodic, upper - lower, 0.0), dtype=np.float64)
-    made = _blank(i, j, shift)
+    made = _blank(i, j, np.ascontiguousarray(image @ periods))
     _hand_on(pairs, made, grains.way)
     grains.way[:] = 0.0
     return made

@@ -218,28 +218,36 @@ def holds(shapes: TrueShapes, s: int, x: float, y: float, z: float) -> bool:
 
 @bare_kernel
 def meets_itself(
-    span: Floats, shapes: TrueShapes, s: int, f: float, radius: float
+    periods: Floats, shapes: TrueShapes, s: int, f: float, radius: float
 ) -> bool:  # fmt: skip
-    """Return whether the new grain meets one of its own periodic images; span: periodic lengths, 0 without."""
-    work = shapes.work
-    mx = math.floor(2.0 * radius / span[0]) if span[0] > 0.0 else 0
-    my = math.floor(2.0 * radius / span[1]) if span[1] > 0.0 else 0
-    mz = math.floor(2.0 * radius / span[2]) if span[2] > 0.0 else 0
-    if mx + my + mz == 0:
-        return False
+    """Return whether the new grain meets one of its own images, by the (3, 3) periods of the container."""
+    work, p, far = shapes.work, periods, 2.0 * radius
+    highest_z = _turns_within(p[2, 2], 0.0, far)[1]
     for i in range(3):
         for j in range(3):
             work.relative[i, j] = 1.0 if i == j else 0.0
-    for kx in range(-mx, mx + 1):
-        for ky in range(-my, my + 1):
-            # the image on the other side is the same pair
-            for kz in range(1 if kx == 0 and ky == 0 else -mz, mz + 1):
-                dx, dy, dz = kx * span[0], ky * span[1], kz * span[2]
-                if dx * dx + dy * dy + dz * dz < 4.0 * radius * radius:
+    # the image on the other side is the same pair
+    for kz in range(highest_z + 1):
+        dz = kz * p[2, 2]
+        lowest_y, highest_y = _turns_within(p[1, 1], kz * p[2, 1], far)
+        for ky in range(lowest_y if kz > 0 else 0, highest_y + 1):
+            dy, away = ky * p[1, 1] + kz * p[2, 1], ky * p[1, 0] + kz * p[2, 0]
+            lowest_x, highest_x = _turns_within(p[0, 0], away, far)
+            for kx in range(lowest_x if kz > 0 or ky > 0 else 1, highest_x + 1):
+                dx = kx * p[0, 0] + away
+                if dx * dx + dy * dy + dz * dz < far * far:
                     x, y, z = in_frame(work.turn, f, dx, dy, dz)
                     if shapes_meet(shapes, s, s, x, y, z, 1.0):
                         return True
     return False
+
+
+@bare_kernel
+def _turns_within(length, away, reach):  # type: ignore[no-untyped-def]
+    """Return the least and the largest number of lengths that lead from `away` to within reach of 0; 0 without one."""
+    if length == 0.0:
+        return 0, 0
+    return math.ceil((-reach - away) / length), math.floor((reach - away) / length)
 
 
 @bare_kernel

@@ -17,9 +17,10 @@ from voxgran._base.arrays import Floats, Integers
 from voxgran._base.lazy import load
 from voxgran.contacts.inside import inner_distance
 from voxgran.contacts.manifolds.convex_bodies import ConvexBodies, convex_bodies
-from voxgran.containers.model import Container, boundary_of
+from voxgran.containers.model import Container, boundary_of, periods_of
 from voxgran.containers.plane import prism_of
 from voxgran.geometry.gjk import Simplex, new_simplex
+from voxgran.geometry.periods import face_distances
 from voxgran.geometry.support import BOX, POINT, ROW
 from voxgran.geometry.tree import STACK, TriangleTree, grow_tree
 from voxgran.shapes.mesh import Mesh
@@ -127,9 +128,9 @@ def true_shapes(
         solids.append(wall)
     bodies = convex_bodies(solids, hulls=True, faces=False)
     made: list[_Body] = []
-    corners, lengths = len(bodies.corner), container.bounds[1] - container.bounds[0]
+    corners = len(bodies.corner)
     widest = 2 * float(diameter.max(initial=0.0)) * max(shape.bounding_radius for shape in shapes)
-    images = [math.ceil(2 * widest / length) + 1 for length in lengths[list(container.periodic)]]
+    images = [math.ceil(2 * widest / length) + 1 for length in face_distances(periods_of(container))]
     near = len(shape_id) * math.prod(images) + 1
     for k, solid in enumerate(solids):
         body = _body_of(solid, bodies, k, corners, walls=k > len(shapes))

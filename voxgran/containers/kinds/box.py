@@ -11,10 +11,14 @@ from voxgran._base import ExplainedAttributes
 from voxgran._base.arrays import Floats, Integers, as_length, as_place, as_points, as_positive, as_vector
 from voxgran._base.axes import Flags, Periodic, as_periodic
 from voxgran._base.calls import explained
+from voxgran._base.errors import InputError
 from voxgran.containers.make import ContainerKind
 from voxgran.containers.model import Boundary
 from voxgran.geometry.walls import planes_across
 from voxgran.shapes.tessellate import unit_box
+
+#: part of a tilt that is left by rounding where it was a multiple of a length
+ROUNDING = 1e-15
 
 
 @dataclass(frozen=True, init=False)
@@ -24,10 +28,11 @@ class Block:
     lengths: tuple[float, ...]
     periodic: Flags
     origin: tuple[float, ...]
+    tilt: tuple[float, ...]
     kind: ClassVar[str]
     dimension: ClassVar[int]
 
-    def _set(self, lengths: "ArrayLike", periodic: Periodic, origin: "ArrayLike") -> None:
+    def _set(self, lengths: "ArrayLike", periodic: Periodic, origin: "ArrayLike", tilt: "ArrayLike") -> None:
         """Check and set the attributes."""
         d = self.dimension
         edges = tuple(
@@ -37,6 +42,50 @@ class Block:
         object.__setattr__(self, "lengths", edges)
         object.__setattr__(self, "periodic", as_periodic(periodic, d))
         object.__setattr__(self, "origin", corner)
+        object.__setattr__(self, "tilt", self._least_tilt(as_place(np.atleast_1d(tilt), "tilt", length=2 * d - 3)))
+
+    def _least_tilt(self, tilt: Floats) -> tuple[float, ...]:
+        """Return the tilts of the same lattice that are at most half a length, and check the axes that they are along.
+
+        Raises
+        ------
+        InputError
+            If an axis along which the box is tilted is not periodic.
+        """
+        vectors = self._vectors(tilt)
+        # the last vector first, whose multiple of the second one changes its tilt along x
+        for row, axis in ((2, 1), (2, 0), (1, 0))[-len(tilt) :]:
+            given = vectors[row, axis]
+            vectors[row] -= np.rint(given / vectors[axis, axis]) * vectors[axis]
+            if abs(vectors[row, axis]) <= ROUNDING * abs(given):
+                vectors[row, axis] = 0.0
+        least = vectors[np.tril_indices(self.dimension, -1)]
+        for value, name in zip(least, ("xy", "xz", "yz"), strict=False):
+            if value and not all(self.periodic["xyz".index(axis)] for axis in name):
+                raise InputError(
+                    f"tilt {name} is {value:g}: the {self.kind} must be periodic along {name[0]} and {name[1]}, as "
+                    f"what leaves it along {name[1]} comes back shifted along {name[0]}; make them periodic, or leave "
+                    "the tilt out"
+                )
+        return tuple(float(value) for value in least)
+
+    def _vectors(self, tilt: "ArrayLike") -> Floats:
+        """Return the edges of the cell, the rows of an array, by its tilt."""
+        vectors = np.diag(self.lengths)
+        vectors[np.tril_indices(self.dimension, -1)] = tilt
+        return vectors
+
+    @property
+    def vectors(self) -> Floats:
+        """Edges of the cell, (3, 3), one in each row, by which it repeats along periodic axes; (2, 2) in 2D.
+
+        Examples
+        --------
+        >>> import voxgran as vg
+        >>> vg.Rectangle((4, 3), "xy", tilt=1.0).vectors.tolist()
+        [[4.0, 0.0], [1.0, 3.0]]
+        """
+        return self._vectors(self.tilt)
 
     @property
     def volume(self) -> float:
@@ -45,7 +94,7 @@ class Block:
 
     @property
     def bounds(self) -> Floats:
-        """Lower and upper corner, (2, 3); z = 0 in 2D."""
+        """Lower and upper corner, (2, 3), as if the container stood upright; z = 0 in 2D."""
         low, span = (np.array([*vector, 0.0][:3]) for vector in (self.origin, self.lengths))
         return np.array([low, low + span])
 
@@ -70,8 +119,8 @@ class Block:
         (2.0, 4.0, 6.0)
         """
         times = as_positive(factor, "factor")
-        lengths, origin = ([value * times for value in vector] for vector in (self.lengths, self.origin))
-        return self._with(lengths, self.periodic[: self.dimension], origin)
+        lengths, origin, tilt = ([v * times for v in vector] for vector in (self.lengths, self.origin, self.tilt))
+        return self._with(lengths, self.periodic[: self.dimension], origin, tilt)
 
     def with_periodic(self, periodic: Periodic) -> Self:
         """Return the container with other periodic axes.
@@ -79,7 +128,7 @@ class Block:
         Raises
         ------
         InputError
-            If `periodic` names no axes.
+            If `periodic` names no axes, or leaves out one along which the container is tilted.
 
         Examples
         --------
@@ -87,12 +136,12 @@ class Block:
         >>> vg.Box((1, 2, 3)).with_periodic("xy").periodic
         (True, True, False)
         """
-        return self._with(self.lengths, periodic, self.origin)
+        return self._with(self.lengths, periodic, self.origin, self.tilt)
 
-    def _with(self, lengths: "ArrayLike", periodic: Periodic, origin: "ArrayLike") -> Self:
+    def _with(self, lengths: "ArrayLike", periodic: Periodic, origin: "ArrayLike", tilt: "ArrayLike") -> Self:
         """Return a container of the same kind."""
         made = object.__new__(type(self))
-        made._set(lengths, periodic, origin)
+        made._set(lengths, periodic, origin, tilt)
         return made
 
     def to_mapping(self) -> dict[str, Any]:
@@ -105,7 +154,8 @@ class Block:
         {'kind': 'rectangle', 'lengths': [1.0, 2.0], 'periodic': [False, False], 'origin': [0.0, 0.0]}
         """
         flags = list(self.periodic[: self.dimension])
-        return {"kind": self.kind, "lengths": list(self.lengths), "periodic": flags, "origin": list(self.origin)}
+        made = {"kind": self.kind, "lengths": list(self.lengths), "periodic": flags, "origin": list(self.origin)}
+        return made | ({"tilt": list(self.tilt)} if any(self.tilt) else {})
 
     def _distance(self, points: Floats) -> Floats:
         """Return the distance of points (n, dimension) from the nearest wall, negative inside; -inf without walls."""
@@ -120,7 +170,7 @@ class Block:
 
 @dataclass(frozen=True, init=False)
 class Box(ExplainedAttributes, Block):
-    """A box along the axes.
+    """A box along the axes, or a periodic one whose edges are tilted.
 
     Parameters
     ----------
@@ -130,13 +180,17 @@ class Box(ExplainedAttributes, Block):
         Periodic axes: names such as ``"xy"`` or ``["x", "y"]``, three flags, or True for all of them.
     origin : (3,) sequence of float
         Lower corner.
+    tilt : (3,) sequence of float
+        Tilts xy, xz and yz, as in LAMMPS: the edges are (lx, 0, 0), (xy, ly, 0) and (xz, yz, lz). All axes that a tilt
+        names must be periodic. Tilts beyond half a length are brought within it by edges that make the same lattice.
 
     Raises
     ------
     CallError
         If there are other arguments than these.
     InputError
-        If a length is not between 1e-60 and 1e60, the corner is out of this range, or `periodic` is invalid.
+        If a length is not between 1e-60 and 1e60, the corner is out of this range, `periodic` is invalid, or the box is
+        tilted along an axis that is not periodic.
 
     Examples
     --------
@@ -144,18 +198,26 @@ class Box(ExplainedAttributes, Block):
     >>> box = vg.Box((4, 4, 6), periodic="xy")
     >>> box.volume, box.periodic
     (96.0, (True, True, False))
+    >>> vg.Box((4, 4, 6), periodic="xyz", tilt=(3, 0, 1)).tilt
+    (-1.0, 0.0, 1.0)
     """
 
     lengths: tuple[float, float, float]
     origin: tuple[float, float, float]
+    tilt: tuple[float, float, float]
     kind: ClassVar[str] = "box"
     dimension: ClassVar[int] = 3
 
     @explained(hint='Box((4, 4, 6)) or Box((4, 4, 6), periodic="xy")')
     def __init__(
-        self, lengths: "ArrayLike", periodic: Periodic = False, *, origin: "ArrayLike" = (0.0, 0.0, 0.0)
+        self,
+        lengths: "ArrayLike",
+        periodic: Periodic = False,
+        *,
+        origin: "ArrayLike" = (0.0, 0.0, 0.0),
+        tilt: "ArrayLike" = (0.0, 0.0, 0.0),
     ) -> None:
-        self._set(lengths, periodic, origin)
+        self._set(lengths, periodic, origin, tilt)
 
     def signed_distance(self, points: "ArrayLike") -> Floats:
         """Return the distance of (n, 3) points from the nearest wall, negative inside.
@@ -184,7 +246,7 @@ class Box(ExplainedAttributes, Block):
         ((8, 3), (12, 3))
         """
         vertices, faces, _ = unit_box()
-        return (vertices + 0.5) * np.array(self.lengths) + np.array(self.origin), faces
+        return (vertices + 0.5) @ self.vectors + np.array(self.origin), faces
 
 
 registration = ContainerKind(name="box", container=Box)

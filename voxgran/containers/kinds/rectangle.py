@@ -16,7 +16,7 @@ from voxgran.containers.make import ContainerKind
 
 @dataclass(frozen=True, init=False)
 class Rectangle(ExplainedAttributes, Block):
-    """A rectangle along the axes in the plane z = 0.
+    """A rectangle along the axes in the plane z = 0, or a periodic one whose sides are tilted.
 
     Parameters
     ----------
@@ -26,13 +26,17 @@ class Rectangle(ExplainedAttributes, Block):
         Periodic axes: names such as ``"x"`` or ``["x", "y"]``, two flags, or True for both.
     origin : (2,) sequence of float
         Lower corner.
+    tilt : float
+        Tilt xy, as in LAMMPS: the sides are (lx, 0) and (xy, ly). Both axes must be periodic. A tilt beyond half a
+        length is brought within it by a side that makes the same lattice.
 
     Raises
     ------
     CallError
         If there are other arguments than these.
     InputError
-        If a length is not between 1e-60 and 1e60, the corner is out of this range, or `periodic` is invalid.
+        If a length is not between 1e-60 and 1e60, the corner is out of this range, `periodic` is invalid, or the
+        rectangle is tilted and not periodic along both axes.
 
     Examples
     --------
@@ -43,12 +47,20 @@ class Rectangle(ExplainedAttributes, Block):
 
     lengths: tuple[float, float]
     origin: tuple[float, float]
+    tilt: tuple[float]
     kind: ClassVar[str] = "rectangle"
     dimension: ClassVar[int] = 2
 
     @explained(hint='Rectangle((4, 6)) or Rectangle((4, 6), periodic="x")')
-    def __init__(self, lengths: "ArrayLike", periodic: Periodic = False, *, origin: "ArrayLike" = (0.0, 0.0)) -> None:
-        self._set(lengths, periodic, origin)
+    def __init__(
+        self,
+        lengths: "ArrayLike",
+        periodic: Periodic = False,
+        *,
+        origin: "ArrayLike" = (0.0, 0.0),
+        tilt: "ArrayLike" = 0.0,
+    ) -> None:
+        self._set(lengths, periodic, origin, tilt)
 
     def signed_distance(self, points: "ArrayLike") -> Floats:
         """Return the distance of (n, 2 or 3) points from the nearest wall, negative inside; z does not count.
@@ -77,8 +89,8 @@ class Rectangle(ExplainedAttributes, Block):
         >>> vertices.shape
         (4, 3)
         """
-        (x, y, _), (u, v, _) = self.bounds
-        vertices = np.array([[x, y, 0.0], [u, y, 0.0], [u, v, 0.0], [x, v, 0.0]])
+        vertices = np.zeros((4, 3))
+        vertices[:, :2] = np.array([[0, 0], [1, 0], [1, 1], [0, 1]]) @ self.vectors + np.array(self.origin)
         return vertices, np.array([[0, 1, 2], [0, 2, 3]])
 
 

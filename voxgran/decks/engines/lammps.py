@@ -101,6 +101,8 @@ def _data(simulation: Simulation) -> str:
     lines = [f"# {simulation.header(TITLE)[0]}", "", *counts, ""]
     ends = zip("xyz", low.tolist(), high.tolist(), strict=True)
     lines += [f"{lower!r} {upper!r} {axis}lo {axis}hi" for axis, lower, upper in ends]
+    if (tilts := walls.periods[np.tril_indices(3, -1)]).any():
+        lines.append(f"{row_of(tilts)} xy xz yz")
     style = "sphere" if simulation.bonds is None else "bpm/sphere"
     lines += ["", f"Atoms # {style}", ""]
     kinds = 2 * np.array(laws.of_shapes)[bodies.assembly.shape_id[grain]] + np.where(clump, CLUMP, SPHERE)
@@ -371,6 +373,7 @@ registration = Engine(
     summary="data file, rigid bodies, molecule templates and a script of granular contact",
     source="docs.lammps.org, release of 22 July 2025",
     kinds=("sphere", "clump"),
+    tilted=True,
     cohesion=True,
     bonds=True,
     fixed=True,

@@ -24,6 +24,7 @@ from voxgran.decks.text import row_of, text_of
 from voxgran.decks.yade_polyhedra import contacts_of_polyhedra, corners, damping, notes_of_polyhedra, refuse_polyhedra
 from voxgran.decks.yade_script import RUN
 from voxgran.decks.yade_walls import cell_lines, facet_lines
+from voxgran.geometry.periods import face_distances
 from voxgran.geometry.rotation import rotation_matrices
 
 TITLE, INSTALL = "YADE", "apt-get install yade"
@@ -128,7 +129,7 @@ def _refuse_narrow(simulation: Simulation) -> None:
         If a period is too short.
     """
     walls = simulation.walls
-    period = float(np.ptp(walls.bounds, axis=0)[np.array(walls.periodic)].min())
+    period = float(face_distances(walls.periods).min())
     bodies = simulation.bodies
     widest = 2 * (float(bodies.spheres[1].max(initial=0.0)) + VERLET * bodies.least_radius)
     if widest > period / 2:
@@ -393,6 +394,7 @@ registration = Engine(
     summary="Python script, with tables of grains, spheres, distances, corners and walls",
     source="YADE 2023.02a, reference of classes and source",
     kinds=("sphere", "clump", "level_set", "polyhedron"),
+    tilted=True,
     cohesion=True,
     fixed=True,
     servo=True,

@@ -54,5 +54,6 @@ registration = Measure(
     summary="mean stress tensor and void ratio of a compressed packing, and the path of its compression",
     groups=("/", "/compression"),
     compute=_compute,
+    tilted=True,
     applies=_applies,
 )

@@ -39,4 +39,5 @@ registration = Measure(
     summary="pairs of grains within the contact gap, with gap, normal, point, and the area that they share",
     groups=("/contacts",),
     compute=_compute,
+    tilted=True,
 )

@@ -227,4 +227,5 @@ registration = Measure(
     summary="mean number of neighbours with and without rattlers, its distribution, and its curve over the gap",
     groups=("/", "/grains", "/profiles", "/contact_numbers"),
     compute=_compute,
+    tilted=True,
 )

@@ -198,4 +198,5 @@ registration = Measure(
     summary="solid fraction and porosity of the whole packing and of the bulk",
     groups=("/",),
     compute=_compute,
+    tilted=True,
 )

@@ -18,9 +18,11 @@ from typing import Any
 import numpy as np
 
 from voxgran._base.arrays import Booleans, Floats, Integers
+from voxgran.containers.model import periods_of
 from voxgran.geometry.orientation_laws.directional import Random
 from voxgran.geometry.orientation_laws.law import OrientationLaw
 from voxgran.geometry.orientations import make_orientations
+from voxgran.geometry.periods import along_edges
 from voxgran.measures.directions import Fabric, Rose, fabric_of, rose_of
 from voxgran.measures.model import Groups, Measure, dataset, variable
 from voxgran.measures.region import gravity_of
@@ -44,9 +46,8 @@ class Vectors:
 def fabric_vectors(packing: Packing) -> dict[str, Vectors]:
     """Return all sets of vectors."""
     contacts = touching_contacts(packing)
-    lower, upper = packing.container.bounds
-    period = np.where(packing.container.periodic, upper - lower, 0.0)
-    branch = packing.position[contacts.j] + contacts.image * period - packing.position[contacts.i]
+    shift = contacts.image @ periods_of(packing.container)
+    branch = packing.position[contacts.j] + shift - packing.position[contacts.i]
     # relative lengths, whose squares neither overflow nor vanish
     length = np.linalg.norm(branch / max(float(np.abs(branch).max(initial=0.0)), 1e-300), axis=1)
     axes, grains = long_axes(packing)
@@ -63,13 +64,15 @@ def fabric(packing: Packing, vectors: Vectors) -> Fabric:
     d = packing.dimension
     # extremes along rows of memory are found faster than along its columns
     place = np.ascontiguousarray(vectors.place[:, :d].T)
-    lower, upper = packing.container.bounds
-    length = np.where(packing.container.periodic, upper - lower, 0.0)[:d]
+    periods = periods_of(packing.container)
+    length = periods.diagonal()[:d]
     if place.size:
         # walls and the free surface end the sample
         length = np.where(length > 0.0, length, np.ptp(place, axis=1))
     origin = place.min(axis=1, initial=np.inf)
-    turns = ((place - origin[:, None]) / length[:, None]).T if (length > 0.0).all() else None
+    turns = None
+    if (length > 0.0).all():
+        turns = along_edges(vectors.place - np.append(origin, 0.0)[:3], periods)[:, :d] / length
     return fabric_of(vectors.way, vectors.weight, dimension=d, turns=turns)
 
 
@@ -190,4 +193,5 @@ registration = Measure(
     summary="fabric tensors, anisotropy and roses of contact normals, branch vectors and long axes",
     groups=("/", "/fabric"),
     compute=_compute,
+    tilted=True,
 )

@@ -169,5 +169,6 @@ registration = Measure(
     summary="distribution of contact forces, sliding contacts, rattlers, and the share of grains at rest",
     groups=("/", "/forces", "/grains"),
     compute=_compute,
+    tilted=True,
     applies=_known,
 )

@@ -152,4 +152,5 @@ registration = Measure(
     summary="cumulative curves of the requested and the placed sizes",
     groups=("/gradation",),
     compute=_compute,
+    tilted=True,
 )

@@ -38,5 +38,9 @@ def _compute(packing: Packing) -> Groups:
 
 
 registration = Measure(
-    name="grains", summary="position, size and orientation of each grain", groups=("/grains",), compute=_compute
+    name="grains",
+    summary="position, size and orientation of each grain",
+    groups=("/grains",),
+    compute=_compute,
+    tilted=True,
 )

@@ -14,6 +14,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from voxgran._base.arrays import Booleans, Floats, as_number
+from voxgran.containers.model import refuse_tilt
 from voxgran.measures.cell_volumes import cell_volumes
 from voxgran.measures.model import Groups, Measure, dataset, length_unit, variable
 from voxgran.measures.pair_window import PairWindow
@@ -88,7 +89,7 @@ def homogeneity(packing: Packing, *, tolerance: float = TOLERANCE, inset: float 
     Raises
     ------
     InputError
-        If the tolerance is not above 0, or the inset is negative.
+        If the tolerance is not above 0, the inset is negative, or the container is tilted.
 
     Examples
     --------
@@ -101,6 +102,7 @@ def homogeneity(packing: Packing, *, tolerance: float = TOLERANCE, inset: float 
     ([0.5, 1.0, 1.5, 2.0, 2.5], True)
     """
     wanted = as_number(tolerance, "tolerance", above=0.0)
+    refuse_tilt(packing.container, "homogeneity", "measure it in an upright one")
     if inset is None:
         inset = INSET * float(np.median(packing.diameters)) if packing.count else 0.0
     window = PairWindow.of(packing, as_number(inset, "inset", at_least=0.0))

@@ -8,7 +8,7 @@ import numpy as np
 
 from voxgran._base.arrays import Floats, as_choice, as_count, as_length
 from voxgran._base.errors import InputError
-from voxgran.containers.model import Container, boundary_of
+from voxgran.containers.model import Container, boundary_of, periods_of, refuse_tilt
 from voxgran.geometry.halfspaces import cut_disks
 from voxgran.measures.model import Groups, Measure, dataset, length_unit, variable
 from voxgran.measures.region import Regions, SampledRegion
@@ -51,6 +51,8 @@ def axis_profile(packing: Packing, axis: str = "z", *, bins: int | None = None) 
     """
     few, k = bins is None, "xyz".index(as_choice(axis, "axis", "xyz"[: packing.dimension]))
     container = packing.container
+    if k not in layered(container):
+        refuse_tilt(container, f"a profile along {axis}", "take another axis, whose layers lie above each other")
     low, high = container.bounds[:, k]
     if bins is None:
         width = BIN * mean_diameter(packing)
@@ -66,6 +68,11 @@ def axis_profile(packing: Packing, axis: str = "z", *, bins: int | None = None) 
     places = np.unique(wide)
     below = np.concatenate([[0.0], np.cumsum(_rooms(container, k, places))])
     return _without_small(found, np.diff(below[np.searchsorted(places, wide)], axis=0)[0], packing)
+
+
+def layered(container: Container) -> tuple[int, ...]:
+    """Return the axes across which a container consists of layers that repeat: those along which it is not tilted."""
+    return tuple(k for k in range(container.dimension) if not np.tril(periods_of(container), -1)[:, k].any())
 
 
 def wall_profile(packing: Packing, *, step: float | None = None) -> Profile:
@@ -205,7 +212,7 @@ def _compute(packing: Packing) -> Groups:
     unit = length_unit(packing)
     values: dict[str, Any] = {}
     coordinates: dict[str, Any] = {}
-    for axis in "xyz"[: packing.dimension]:
+    for axis in ("xyz"[k] for k in layered(packing.container)):
         profile = axis_profile(packing, axis)
         more, along = _columns(profile, f"solid_fraction_{axis}", axis, (unit, f"the coordinate {axis}"))
         values, coordinates = values | more, coordinates | along
@@ -223,4 +230,5 @@ registration = Measure(
     summary="solid fraction, and mass density where densities differ, along the axes; solid fraction from the walls",
     groups=("/profiles",),
     compute=_compute,
+    tilted=True,
 )

@@ -62,4 +62,5 @@ registration = Measure(
     summary="record of how the packing was made, with a hash",
     groups=("/provenance",),
     compute=_compute,
+    tilted=True,
 )

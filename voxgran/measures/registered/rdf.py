@@ -8,6 +8,7 @@ import numpy as np
 from voxgran._base.arrays import Floats, as_length, as_number
 from voxgran._base.errors import InputError, PackingWarning
 from voxgran._base.warning import warn
+from voxgran.containers.model import periods_of
 from voxgran.measures.model import Groups, Measure, dataset, length_unit, variable
 from voxgran.measures.pair_sums import PairSums, pair_sums
 from voxgran.measures.pair_window import PairWindow
@@ -155,9 +156,10 @@ def _structure(packing: Packing, found: RadialDistribution | None, reach: float 
         return StructureFactor(none, none, none, np.zeros(0, np.int64))
     # lengths in mean diameters
     furthest = WAVE_REACH if reach is None else reach * diameter
-    low, high = packing.container.bounds[:, :d] / diameter
     if all(packing.container.periodic[:d]):
-        made = lattice_structure(packing.position[:, :d] / diameter - low, high - low, reach=furthest, step=WAVE_STEP)
+        places = (packing.position - packing.container.bounds[0])[:, :d] / diameter
+        periods = periods_of(packing.container)[:d, :d] / diameter
+        made = lattice_structure(places, periods, reach=furthest, step=WAVE_STEP)
     elif found is None or found.count < 2 or not len(found.g):
         return StructureFactor(none, none, none, np.zeros(0, np.int64))
     else:
@@ -190,12 +192,10 @@ def _bins(window: PairWindow, diameter: float, count: int, reach: float | None, 
 
 def _sums(window: PairWindow, points: Floats, weights: Floats, edges: Floats) -> PairSums:
     """Return the sums over the pairs of points in bins."""
-    d = window.packing.dimension
     # lengths in steps: no power of a length overflows
     step = 2 * edges[1]
-    periods, periodic = np.ones(3), np.zeros(3, np.bool_)
-    periods[:d], periodic[:d] = window.edges / step, window.periodic
-    return pair_sums(points / step, weights, 1.0, len(edges) - 1, edges=periods, periodic=periodic)
+    periods = periods_of(window.packing.container) / step
+    return pair_sums(points / step, weights, 1.0, len(edges) - 1, periods=periods)
 
 
 def _sphere(radius: float, dimension: int) -> float:
@@ -236,5 +236,6 @@ registration = Measure(
     summary="radial distribution function and structure factor of the centroids, with standard errors",
     groups=("/", "/profiles"),
     compute=_compute,
+    tilted=True,
     usual=False,
 )

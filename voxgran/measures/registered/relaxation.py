@@ -47,5 +47,6 @@ registration = Measure(
     summary="sinking of the bulk and change of the coordination number while an engine brought the packing to rest",
     groups=("/",),
     compute=_compute,
+    tilted=True,
     applies=_applies,
 )

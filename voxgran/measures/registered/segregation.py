@@ -199,5 +199,6 @@ registration = Measure(
     summary="rank correlation of diameter (and density) and height, size classes, and the gradation of layers",
     groups=("/", "/size_classes", "/layers"),
     compute=_compute,
+    tilted=True,
     applies=_applies,
 )

@@ -80,5 +80,6 @@ registration = Measure(
     summary="solid fraction after shrinking all grains until nothing overlaps",
     groups=("/",),
     compute=_compute,
+    tilted=True,
     applies=_overlaps,
 )

@@ -73,10 +73,10 @@ def _between_walls(walls: KernelContainer, axis: int, at: float, r: float) -> fl
 
 @bare_kernel
 def _within(walls: KernelContainer, axis: int, at: float, r: float) -> bool:
-    """Return whether a sphere is within the walls along an axis, or fits into the period."""
+    """Return whether a sphere is within the walls along an axis, or fits between its periodic images."""
     length = walls.lengths[axis]
     if walls.walled[axis] == 0:
-        return 2.0 * r <= length + walls.slack
+        return 2.0 * r <= walls.shortest + walls.slack
     return at - r >= -walls.slack and at + r <= length + walls.slack
 
 

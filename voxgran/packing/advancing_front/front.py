@@ -14,10 +14,10 @@ from voxgran._base.arrays import Floats, Integers
 from voxgran._base.kernels import bare_kernel
 from voxgran._base.seeds import below, philox_block, unit_float
 from voxgran.containers.kernel_container import KernelContainer
-from voxgran.geometry.level_grid import LevelGrid
+from voxgran.geometry.level_grid import LevelGrid, image_shift, is_free, turns_at
 from voxgran.packing.advancing_front.container import is_inside, pulled_in
 from voxgran.packing.advancing_front.mesh_pockets import place_in
-from voxgran.packing.advancing_front.sphere_cells import BITS, HERE, IMAGES, is_free, link, unlink
+from voxgran.packing.advancing_front.sphere_cells import BITS, HERE, IMAGES, link, unlink
 from voxgran.packing.advancing_front.tangent_spheres import PLANE, center_of
 
 #: order of the faces of the front
@@ -120,32 +120,22 @@ def _push_face(front, packed, walls, rules, tally, a, b, c):  # type: ignore[no-
     if rules.order == RANDOM:
         push(front, tally, 0.0, a, b, c)
         return
-    x, y, z = center_of(packed.spheres, walls.lengths, a)
-    px, py, pz = center_of(packed.spheres, walls.lengths, b)
+    x, y, z = center_of(packed.spheres, walls.periods, a)
+    px, py, pz = center_of(packed.spheres, walls.periods, b)
     x, y, z, many = x + px, y + py, z + pz, 2
     if c >= 0:
-        px, py, pz = center_of(packed.spheres, walls.lengths, c)
+        px, py, pz = center_of(packed.spheres, walls.periods, c)
         x, y, z, many = x + px, y + py, z + pz, 3
     push(front, tally, rank(walls, rules, x / many, y / many, z / many), a, b, c)
 
 
 @bare_kernel
-def _write_sphere(packed, walls, sphere, x, y, z, r):  # type: ignore[no-untyped-def]
+def _write_sphere(packed, cells, sphere, x, y, z, r):  # type: ignore[no-untyped-def]
     """Write a sphere, wrapped into the periodic box; return the image by which its neighbours are shifted."""
-    packed.spheres[sphere, 0], packed.spheres[sphere, 1], packed.spheres[sphere, 2], packed.spheres[sphere, 3] = (
-        x,
-        y,
-        z,
-        r,
-    )
-    image, weight = 0, 1
-    for axis in range(3):
-        if walls.periodic[axis]:
-            turn = math.floor(packed.spheres[sphere, axis] / walls.lengths[axis])
-            packed.spheres[sphere, axis] -= turn * walls.lengths[axis]
-            image += turn * weight
-        weight *= 3
-    return image
+    spheres, (i, j, k) = packed.spheres, turns_at(cells, x, y, z)
+    sx, sy, sz = image_shift(cells, i, j, k)
+    spheres[sphere, 0], spheres[sphere, 1], spheres[sphere, 2], spheres[sphere, 3] = x - sx, y - sy, z - sz, r
+    return i + 3 * j + 9 * k
 
 
 @bare_kernel
@@ -186,7 +176,7 @@ def _visit(packed, front, cells, walls, rules, tally, at):  # type: ignore[no-un
         return
     sphere = tally[PLACED]
     _bring(packed.order, sphere, slot)
-    image = _write_sphere(packed, walls, sphere, x, y, z, r)
+    image = _write_sphere(packed, cells, sphere, x, y, z, r)
     link(cells, packed.spheres, sphere)
     tally[PLACED] += 1
     if rules.dense:
@@ -240,7 +230,7 @@ def _begin(packed, cells, walls, rules, tally, key, attempt):  # type: ignore[no
                 break
         if not found:
             break
-        image = _write_sphere(packed, walls, placed + many, x, y, z, r)
+        image = _write_sphere(packed, cells, placed + many, x, y, z, r)
         tally[LAST + many] = (placed + many) * IMAGES + HERE + image
         link(cells, packed.spheres, placed + many)
         many += 1
@@ -264,11 +254,11 @@ def _beside(spheres, walls, tally, many, r, key, attempt, draw):  # type: ignore
     up = 2.0 * unit_float(words[0]) - 1.0 if walls.dimension == 3 else 0.0
     turn, flat = 2.0 * math.pi * unit_float(words[1]), math.sqrt(1.0 - up * up)
     dx, dy, dz = flat * math.cos(turn), flat * math.sin(turn), up
-    x, y, z = center_of(spheres, walls.lengths, tally[LAST])
+    x, y, z = center_of(spheres, walls.periods, tally[LAST])
     a = spheres[tally[LAST] >> BITS, 3] + r
     if many == 1:
         return x + a * dx, y + a * dy, z + a * dz
-    ux, uy, uz = center_of(spheres, walls.lengths, tally[LAST + 1])
+    ux, uy, uz = center_of(spheres, walls.periods, tally[LAST + 1])
     ux, uy, uz = ux - x, uy - y, uz - z
     c, b = math.sqrt(ux * ux + uy * uy + uz * uz), spheres[tally[LAST + 1] >> BITS, 3] + r
     ux, uy, uz = ux / c, uy / c, uz / c

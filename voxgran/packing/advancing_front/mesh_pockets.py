@@ -32,7 +32,7 @@ def place_in(
         return _at_edge(spheres, walls, a, 1.0 if b == WALL else -1.0, r)
     if c == WALL:
         return _at_mesh(spheres, walls, a, b, r)
-    return place_at(spheres, walls.lengths, a, b, c, r)
+    return place_at(spheres, walls.lengths, walls.periods, a, b, c, r)
 
 
 @bare_kernel
@@ -42,8 +42,8 @@ def _at_mesh(spheres, walls, a, b, r):  # type: ignore[no-untyped-def]
     The circle of centers is searched to the left from its point nearest to the wall.
     """
     nothing = False, 0.0, 0.0, 0.0
-    ax, ay, az = center_of(spheres, walls.lengths, a)
-    ux, uy, uz = center_of(spheres, walls.lengths, b)
+    ax, ay, az = center_of(spheres, walls.periods, a)
+    ux, uy, uz = center_of(spheres, walls.periods, b)
     ux, uy, uz, d1, d2 = ux - ax, uy - ay, uz - az, spheres[a >> BITS, 3] + r, spheres[b >> BITS, 3] + r
     uu = ux * ux + uy * uy + uz * uz
     part = 0.5 * ((d1 - d2) * (d1 + d2) + uu) / uu
@@ -77,7 +77,7 @@ def _at_edge(spheres, walls, a, side, r):  # type: ignore[no-untyped-def]
     The circle of centers is searched to the left (side 1) or right (-1) from its point towards the nearest wall.
     """
     nothing = False, 0.0, 0.0, 0.0
-    x, y, _ = center_of(spheres, walls.lengths, a)
+    x, y, _ = center_of(spheres, walls.periods, a)
     wide = spheres[a >> BITS, 3] + r
     away, qx, qy, _ = wall_of_mesh(walls.mesh, x, y, 0.0)
     length = math.hypot(qx - x, qy - y)

@@ -209,7 +209,7 @@ def _precomputed(problem: Problem, state: State) -> Precomputed:
     if "precomputed" not in state.derived:
         radius = np.array([shape.bounding_radius for shape in problem.shapes])[problem.shape_id] * problem.diameter
         walls, widest = front_container(problem.container, float(radius.min(initial=np.inf)))
-        cells = lay_cells(walls.lengths, walls.periodic, radius, problem.dimension)
+        cells = lay_cells(walls.lengths, walls.periods, radius, problem.dimension)
         link_all(cells, state.arrays["spheres"], state.counters["placed"])
         asked: AdvancingFront = problem.parameters
         pocket = float(np.quantile(radius, POCKET)) if len(radius) else 1.0
@@ -293,6 +293,7 @@ registration = PackingMethod(
     advance=advance,
     finish=finish,
     cost=cost,
+    tilted=True,
     dimensions=(2, 3),
     obstacles="placed",
 )

@@ -9,7 +9,8 @@ from typing import NamedTuple
 from voxgran._base.arrays import Floats, Integers
 from voxgran._base.kernels import bare_kernel
 from voxgran.containers.kernel_container import MESH, ROUND, UPRIGHT, KernelContainer
-from voxgran.geometry.level_grid import LevelGrid, cells_near, first_in_cell
+from voxgran.geometry.level_grid import LevelGrid, cells_near, first_in_cell, image_shift
+from voxgran.geometry.vectors import add, row_of, sub
 from voxgran.packing.advancing_front.container import is_inside, is_near_mesh
 from voxgran.packing.advancing_front.front import (
     MISSED,
@@ -139,9 +140,7 @@ def _gather(spheres, cells, walls, pocket, scratch, sphere):  # type: ignore[no-
                     tx, ty, tz = ti * walls.periodic[0], tj * walls.periodic[1], tk * walls.periodic[2]
                     image, partner = HERE + tx + 3 * ty + 9 * tz, max(abs(tx), abs(ty), abs(tz)) <= 1
                     while other >= 0:
-                        dx = spheres[other, 0] + ti * cells.span[0] - x
-                        dy = spheres[other, 1] + tj * cells.span[1] - y
-                        dz = spheres[other, 2] + tk * cells.span[2] - z
+                        dx, dy, dz = sub(add(row_of(spheres, other), image_shift(cells, ti, tj, tk)), (x, y, z))
                         apart = r + spheres[other, 3] + 2.0 * pocket
                         square = dx * dx + dy * dy + dz * dz
                         if square < apart * apart and (other != sphere or image != HERE):

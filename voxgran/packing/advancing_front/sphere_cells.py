@@ -4,7 +4,7 @@ import numpy as np
 
 from voxgran._base.arrays import Floats, Integers
 from voxgran._base.kernels import bare_kernel
-from voxgran.geometry.level_grid import LevelGrid, cells_near, empty_grid, first_in_cell, link_at, unlink_at
+from voxgran.geometry.level_grid import LevelGrid, empty_grid, link_at, unlink_at
 
 #: a sphere and its periodic image as one number: the index of the sphere times 2 ** BITS, plus the image
 BITS = 5
@@ -15,8 +15,8 @@ HERE = 13
 SPARE = 2
 
 
-def lay_cells(lengths: Floats, periodic: Integers, radii: Floats, dimension: int) -> LevelGrid:
-    """Return empty cells for spheres in a box of these lengths, from its lower corner; `periodic` has 0 or 1."""
+def lay_cells(lengths: Floats, periods: Floats, radii: Floats, dimension: int) -> LevelGrid:
+    """Return empty cells for spheres, from the lower corner of a box of these lengths that repeats by `periods`."""
     given = radii if len(radii) else np.ones(1)
     level = np.floor(np.log2(given.max() / given)).astype(np.int64)
     used, number = np.unique(level, return_counts=True)
@@ -27,10 +27,11 @@ def lay_cells(lengths: Floats, periodic: Integers, radii: Floats, dimension: int
     full[:, ~axes] = 1
     count = np.array([_fewer(row, SPARE * int(many)) for row, many in zip(full, number, strict=True)])
     # along periodic axes the cells fill the length exactly
-    full = np.where(periodic == 1, count, full)
-    wraps = ((count < full) | (periodic == 1)).astype(np.int64)
+    periodic = periods.diagonal() > 0.0
+    full = np.where(periodic, count, full)
+    wraps = ((count < full) | periodic).astype(np.int64)
     reach, width = np.tile(largest[:, None], (1, 3)), np.ascontiguousarray(span / full, dtype=np.float64)
-    return empty_grid(span * periodic, reach, width, count, wraps, len(radii))
+    return empty_grid(periods, reach, width, count, wraps, len(radii))
 
 
 def _fewer(count: Integers, most: int) -> Integers:
@@ -69,30 +70,3 @@ def link_all(cells: LevelGrid, spheres: Floats, many: int) -> None:
     """Link the first spheres, in their order."""
     for sphere in range(many):
         link(cells, spheres, sphere)
-
-
-@bare_kernel
-def is_free(cells: LevelGrid, spheres: Floats, x: float, y: float, z: float, r: float, slack: float) -> bool:
-    """Return whether a sphere would overlap no other by more than the slack."""
-    for level in range(len(cells.first)):
-        if not _is_free_within(cells, spheres, level, x, y, z, r, slack, r + cells.reach[level, 0]):
-            return False
-    return True
-
-
-@bare_kernel
-def _is_free_within(cells, spheres, level, x, y, z, r, slack, reach):  # type: ignore[no-untyped-def]
-    """Return whether a sphere would overlap none of a level, in the cells within reach."""
-    low, high = cells_near(cells, level, x, y, z, (reach, reach, reach))
-    for i in range(low[0], high[0]):
-        for j in range(low[1], high[1]):
-            for k in range(low[2], high[2]):
-                sphere, ti, tj, tk = first_in_cell(cells, level, i, j, k)
-                px, py, pz = x - ti * cells.span[0], y - tj * cells.span[1], z - tk * cells.span[2]
-                while sphere >= 0:
-                    dx, dy, dz = px - spheres[sphere, 0], py - spheres[sphere, 1], pz - spheres[sphere, 2]
-                    apart = r + spheres[sphere, 3] - slack
-                    if dx * dx + dy * dy + dz * dz < apart * apart:
-                        return False
-                    sphere = cells.after[sphere]
-    return True

@@ -113,25 +113,28 @@ def touch_disks(ux: float, uy: float, d1: float, d2: float, near: float) -> tupl
 
 
 @bare_kernel
-def center_of(spheres: Floats, lengths: Floats, ref: int) -> tuple[float, float, float]:
+def center_of(spheres: Floats, periods: Floats, ref: int) -> tuple[float, float, float]:
     """Return the center of a sphere in its periodic image."""
     sphere, image = ref >> BITS, ref & (IMAGES - 1)
     x, y, z = spheres[sphere, 0], spheres[sphere, 1], spheres[sphere, 2]
     if image != HERE:
-        x += (image % 3 - 1) * lengths[0]
-        y += (image // 3 % 3 - 1) * lengths[1]
-        z += (image // 9 - 1) * lengths[2]
+        i, j, k = image % 3 - 1, image // 3 % 3 - 1, image // 9 - 1
+        x += i * periods[0, 0] + j * periods[1, 0] + k * periods[2, 0]
+        y += j * periods[1, 1] + k * periods[2, 1]
+        z += k * periods[2, 2]
     return x, y, z
 
 
 @bare_kernel
-def place_at(spheres: Floats, lengths: Floats, a: int, b: int, c: int, r: float) -> tuple[bool, float, float, float]:
+def place_at(
+    spheres: Floats, lengths: Floats, periods: Floats, a: int, b: int, c: int, r: float
+) -> tuple[bool, float, float, float]:
     """Return whether a sphere of radius r can touch a, b and c, and its center.
 
     Spheres precede walls. The position is on the left of the circuit of three spheres, or of the line from one sphere
     to the other seen along the axis across the wall; for one sphere the order of two walls decides.
     """
-    ax, ay, az = center_of(spheres, lengths, a)
+    ax, ay, az = center_of(spheres, periods, a)
     d1 = spheres[a >> BITS, 3] + r
     if b < 0:
         if c in (ABOVE, BENEATH):
@@ -141,13 +144,13 @@ def place_at(spheres: Floats, lengths: Floats, a: int, b: int, c: int, r: float)
                 lengths, ax, ay, az, d1, min(b, c) + max(b, c) - SIDE, r, 1.0 if c == SIDE else -1.0
             )
         return _at_two_walls(lengths, ax, ay, az, d1, b, c, r)
-    ux, uy, uz = center_of(spheres, lengths, b)
+    ux, uy, uz = center_of(spheres, periods, b)
     ux, uy, uz, d2 = ux - ax, uy - ay, uz - az, spheres[b >> BITS, 3] + r
     if c == SIDE:
         return _at_side(lengths, (ax, ay, az), (ux, uy, uz), d1, d2, r)
     if c < 0:
         return _at_wall(lengths, (ax, ay, az), (ux, uy, uz), d1, d2, c, r)
-    vx, vy, vz = center_of(spheres, lengths, c)
+    vx, vy, vz = center_of(spheres, periods, c)
     d3 = spheres[c >> BITS, 3] + r
     near = NEAR * r + ROUNDING * max(d1, d2, d3)
     found, x, y, z = touch_spheres(ux, uy, uz, vx - ax, vy - ay, vz - az, d1, d2, d3, near)

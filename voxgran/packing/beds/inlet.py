@@ -13,7 +13,8 @@ from voxgran._base.calls import explained_methods
 from voxgran._base.config import check_bounds, parameter
 from voxgran._base.errors import InputError
 from voxgran._base.seeds import stream
-from voxgran.containers.model import Container
+from voxgran.containers.model import Container, periods_of, refuse_tilt
+from voxgran.geometry.periods import nearest_turns
 from voxgran.packing.beds.seeds import SAMPLES, container_levels
 from voxgran.packing.problem import Problem
 
@@ -131,9 +132,8 @@ class Column:
     def surface(self, spheres: Floats) -> float:
         """Return the level of the highest of spheres (n, 4) that reach below the inlet; -inf where none does."""
         centers, radii = spheres[:, :3], spheres[:, 3]
-        lower, upper = np.array(self.container.bounds, dtype=np.float64)
-        turns = np.round((centers - self.center) / np.where(upper > lower, upper - lower, 1.0))
-        below = self.across(centers - turns * (upper - lower) * self.container.periodic) < radii
+        periods = periods_of(self.container)
+        below = self.across(centers - nearest_turns(centers - self.center, periods) @ periods) < radii
         return float((centers @ self.up + radii)[below].max(initial=-np.inf))
 
 
@@ -147,6 +147,7 @@ def column_below(inlet: Inlet, problem: Problem, up: Floats, bed: Floats) -> tup
         If the inlet is narrower than a grain, reaches beyond the container, lies within walls or above the container,
         or is a rectangle though gravity is along no axis or there are two dimensions.
     """
+    refuse_tilt(problem.container, "an inlet", "leave the tilt out, or the inlet")
     unit, flat = problem.unit_length, np.arange(3) < problem.dimension
     lower, upper = np.array(problem.container.bounds, dtype=np.float64)
     center = 0.5 * (lower + upper) if inlet.center is None else np.array(inlet.center) * flat / unit

@@ -270,6 +270,7 @@ registration = PackingMethod(
     advance=advance_settling,
     finish=finish,
     cost=cost,
+    tilted=True,
     any_walls=True,
     dimensions=(2, 3),
     no_room=NO_ROOM,

@@ -4,8 +4,8 @@ import math
 
 from voxgran._base.arrays import Floats
 from voxgran._base.kernels import bare_kernel
-from voxgran.geometry.level_grid import cells_near, first_in_cell
-from voxgran.geometry.vectors import Vector
+from voxgran.geometry.level_grid import cells_near, first_in_cell, image_shift
+from voxgran.geometry.vectors import Vector, add, row_of
 from voxgran.packing.deposition.field import CENTER, FIRST, MIDDLE, REACH, SECOND, SLIGHT, WAY, Field, Motion
 from voxgran.packing.deposition.tube import meet_in_tube
 
@@ -34,9 +34,7 @@ def first_sphere(
                 for k in range(low[2], high[2]):
                     g, ti, tj, tk = first_in_cell(cells, level, i, j, k)
                     while g >= 0:
-                        x = field.spheres[g, 0] + ti * cells.span[0]
-                        y = field.spheres[g, 1] + tj * cells.span[1]
-                        z = field.spheres[g, 2] + tk * cells.span[2]
+                        x, y, z = add(row_of(field.spheres, g), image_shift(cells, ti, tj, tk))
                         reach = motion.r + field.spheres[g, 3]
                         if motion.kind == LINE:
                             t = meet_on_line(place, field.vectors[WAY], x, y, z, reach)

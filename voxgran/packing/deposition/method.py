@@ -143,7 +143,7 @@ def _precomputed(problem: Problem, state: State) -> Precomputed:
     walls = _walls(problem)
     radius = np.array([shape.bounding_radius for shape in problem.shapes])[problem.shape_id] * problem.diameter
     reach = radius if len(radius) else np.ones(1)
-    cells, level = level_cells(walls.lengths, walls.periodic, reach, problem.dimension)
+    cells, level = level_cells(walls.lengths, walls.periods, reach, problem.dimension)
     up, lengths = problem.dimension - 1, np.where(np.arange(3) < problem.dimension, walls.lengths, 0.0)
     across = np.array([lengths[0], lengths[3 - up]])
     count = np.maximum(across / (2.0 * reach.max()), 1.0).astype(np.int64)

@@ -133,6 +133,7 @@ registration = followed(
         advance=advance,
         finish=finish,
         cost=cost,
+        tilted=True,
         dimensions=(2, 3),
         stretches=True,
         any_walls=True,

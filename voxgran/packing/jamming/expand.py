@@ -88,6 +88,7 @@ registration = PackingMethod(
     advance=advance,
     finish=finish,
     cost=cost,
+    tilted=True,
     dimensions=(2, 3),
     any_container=True,
     sizing="scaled",

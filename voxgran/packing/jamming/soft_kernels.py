@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 from voxgran._base.arrays import Floats, Integers
 from voxgran._base.kernels import bare_kernel
 from voxgran.containers.kernel_container import FLAT, MESH, ROUND, UPRIGHT, KernelContainer, wall_of_mesh
-from voxgran.geometry.level_grid import LevelGrid, cells_near, first_in_cell, link_at
+from voxgran.geometry.level_grid import LevelGrid, cells_near, first_in_cell, image_shift, link_at
 from voxgran.geometry.tree import square_to_box
 from voxgran.geometry.triangles import closest_on_triangle
 
@@ -49,10 +49,10 @@ class PairList(NamedTuple):
     near_wall: Integers
 
 
-def image_shifts(span: Floats) -> Floats:
-    """Return the vector of each image, (IMAGES**3, 3), for lengths of the periodic axes, 0 of others."""
+def image_shifts(periods: Floats) -> Floats:
+    """Return the vector of each image, (IMAGES**3, 3), by the vectors (3, 3) by which the container repeats."""
     turns = np.indices((IMAGES,) * 3).reshape(3, -1).T - MOST_IMAGES
-    return np.ascontiguousarray(turns * span)
+    return np.ascontiguousarray(turns @ periods)
 
 
 @bare_kernel
@@ -94,12 +94,13 @@ def _list_level(cells, other_level, own, spheres, lower, reach, i, found, other,
                 j, ti, tj, tk = first_in_cell(cells, other_level, ci, cj, ck)
                 if max(abs(ti), abs(tj), abs(tk)) > MOST_IMAGES:
                     continue
+                sx, sy, sz = image_shift(cells, ti, tj, tk)
                 ahead = ti > 0 or (ti == 0 and (tj > 0 or (tj == 0 and tk > 0)))
                 while j >= 0:
                     if other_level < own or j < i or (j == i and ahead):
-                        dx = spheres[j, 0] - lower[0] + ti * cells.span[0] - x
-                        dy = spheres[j, 1] - lower[1] + tj * cells.span[1] - y
-                        dz = spheres[j, 2] - lower[2] + tk * cells.span[2] - z
+                        dx = spheres[j, 0] - lower[0] + sx - x
+                        dy = spheres[j, 1] - lower[1] + sy - y
+                        dz = spheres[j, 2] - lower[2] + sz - z
                         limit = reach * (r + spheres[j, 3])
                         if dx * dx + dy * dy + dz * dz < limit * limit:
                             if found < len(other):

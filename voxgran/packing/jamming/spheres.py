@@ -24,7 +24,7 @@ from voxgran.contacts.assembly import Assembly
 from voxgran.containers.kernel_container import kernel_container
 from voxgran.containers.kinds.box import Box
 from voxgran.containers.kinds.rectangle import Rectangle
-from voxgran.containers.model import Container, boundary_of
+from voxgran.containers.model import Container, boundary_of, tilt_of, within_periods
 from voxgran.geometry.level_grid import level_cells
 from voxgran.packing.jamming.coordination import NearPairs
 from voxgran.packing.jamming.expected import reachable
@@ -272,16 +272,12 @@ class SoftSpheres:
 
     def _wrapped(self) -> Floats:
         """Return the positions within the periodic lengths."""
-        walls, position = self.walls, self.spheres[:, :3].copy()
-        wraps = walls.periodic == 1
-        turns = np.floor((position - walls.lower)[:, wraps] / walls.lengths[wraps])
-        position[:, wraps] -= turns * walls.lengths[wraps]
-        return position
+        return within_periods(self.spheres[:, :3], self.container)
 
     def _listing(self) -> PairList:
         """Return the pairs that may touch before a sphere has moved too far from where it was listed."""
         reach, walls = 1.0 + FREE, self.walls
-        cells, level = level_cells(walls.lengths, walls.periodic, reach * self.listed[:, 3], self.dimension)
+        cells, level = level_cells(walls.lengths, walls.periods, reach * self.listed[:, 3], self.dimension)
         n, many = len(self.listed), 10 * len(self.listed) + 64
         first = np.zeros(n + 1, dtype=np.int64)
         while True:
@@ -293,7 +289,7 @@ class SoftSpheres:
             cells.head[:] = -1
         depth = -np.asarray(self.container.signed_distance(self.listed[:, :3]))
         near = np.flatnonzero(depth < reach * self.listed[:, 3]).astype(np.int64)
-        return PairList(first, other, image, image_shifts(walls.lengths * walls.periodic), near)
+        return PairList(first, other, image, image_shifts(walls.periods), near)
 
     def _walls_near(self) -> Floats:
         """Return distance and inward normal of walls that are known by their distance only, for spheres near them.
@@ -330,7 +326,7 @@ def _bounds_of(container: Container) -> Container:
     n = container.dimension
     axes = "".join(axis for axis, wraps in zip("xyz", container.periodic, strict=True) if wraps)
     make = Box if n == 3 else Rectangle
-    return make(tuple((upper - lower)[:n].tolist()), axes, origin=tuple(lower[:n].tolist()))
+    return make((upper - lower)[:n], axes, origin=lower[:n], tilt=tilt_of(container)[: 2 * n - 3])
 
 
 def _near_order(position: Floats, radii: Floats, bounds: Floats) -> Integers:

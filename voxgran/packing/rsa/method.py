@@ -423,6 +423,7 @@ registration = PackingMethod(
     advance=advance,
     finish=finish,
     cost=cost,
+    tilted=True,
     any_walls=True,
     dimensions=(2, 3),
     selects=True,

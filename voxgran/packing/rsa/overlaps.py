@@ -13,8 +13,8 @@ from numpy.typing import NDArray
 from voxgran._base.arrays import WHOLE, Floats
 from voxgran._base.kernels import bare_kernel, inlined_kernel
 from voxgran.containers.kernel_container import KernelContainer
-from voxgran.geometry.level_grid import LevelGrid, cells_near, empty_grid, first_in_cell, link_at
-from voxgran.geometry.vectors import Vector, along, dot, row_of, sub
+from voxgran.geometry.level_grid import LevelGrid, cells_near, empty_grid, first_in_cell, image_shift, link_at, turns_at
+from voxgran.geometry.vectors import Vector, add, along, dot, row_of, sub
 
 #: largest number of cells of a level, per grain
 CELLS_PER_GRAIN = 2
@@ -67,14 +67,14 @@ def lay_out(half: Floats, level: NDArray[np.int8], walls: KernelContainer, dimen
             wanted *= min(1.0, (most / np.prod(wanted)) ** (1 / dimension))
             count[k, :dimension] = np.maximum(np.floor(wanted + WHOLE), 1)
     wraps = np.tile(walls.periodic, (levels, 1))
-    return empty_grid(walls.lengths * walls.periodic, reach, walls.lengths / count, count, wraps, len(half))
+    return empty_grid(walls.periods, reach, walls.lengths / count, count, wraps, len(half))
 
 
 @bare_kernel
 def enter(bed: Bed, g: int, place: Vector) -> None:
     """Place a grain at a position, wrapped into the container along periodic axes."""
-    for axis in range(3):
-        bed.grains.position[g, axis] = _wrapped(bed.walls, axis, place[axis])
+    position, turns = bed.grains.position, turns_at(bed.cells, *from_corner(bed, place))
+    position[g, 0], position[g, 1], position[g, 2] = sub(place, image_shift(bed.cells, *turns))
     bed.grains.entered[g] = 1
     _link(bed, g)
 
@@ -119,8 +119,7 @@ def find_overlap(bed: Bed, place: Vector, half: Vector, slack: float, deepest: b
                 for k in range(low[2], high[2]):
                     g, ti, tj, tk = first_in_cell(cells, level, i, j, k)
                     while g >= 0:
-                        dx, dy, dz = sub(place, row_of(grains.position, g))
-                        way = (dx - ti * cells.span[0], dy - tj * cells.span[1], dz - tk * cells.span[2])
+                        way = sub(sub(place, row_of(grains.position, g)), image_shift(cells, ti, tj, tk))
                         if grains.boxes:
                             overlap = _box_overlap(grains.half, g, way, half)
                         else:
@@ -154,9 +153,8 @@ def gather(bed: Bed, place: Vector, half: Vector, edge: Vector, near: Floats) ->
                 for k in range(low[2], high[2]):
                     g, ti, tj, tk = first_in_cell(cells, level, i, j, k)
                     while g >= 0 and many < len(near):
-                        near[many, 0] = grains.position[g, 0] + ti * cells.span[0] - x
-                        near[many, 1] = grains.position[g, 1] + tj * cells.span[1] - y
-                        near[many, 2] = grains.position[g, 2] + tk * cells.span[2] - z
+                        dx, dy, dz = add(row_of(grains.position, g), image_shift(cells, ti, tj, tk))
+                        near[many, 0], near[many, 1], near[many, 2] = dx - x, dy - y, dz - z
                         gx, gy, gz = extents(grains.half, g)
                         near[many, 3], near[many, 4], near[many, 5] = hx + gx, hy + gy, hz + gz
                         if is_within(grains.boxes, near, many, middle, edge):
@@ -202,12 +200,3 @@ def _sphere_overlap(half, g, way, radius, least):  # type: ignore[no-untyped-def
 def _box_overlap(half, g, way, own):  # type: ignore[no-untyped-def]
     """Return the overlap with box g along the axis where it is least; 0 or less if they do not overlap."""
     return min(own[0] + half[g, 0] - abs(way[0]), own[1] + half[g, 1] - abs(way[1]), own[2] + half[g, 2] - abs(way[2]))
-
-
-@bare_kernel
-def _wrapped(walls, axis, x):  # type: ignore[no-untyped-def]
-    """Return a coordinate wrapped into the container along a periodic axis, unchanged along others."""
-    if walls.periodic[axis] == 0:
-        return x
-    shift = math.floor((x - walls.lower[axis]) / walls.lengths[axis])
-    return x - shift * walls.lengths[axis]

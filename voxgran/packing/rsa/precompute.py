@@ -211,7 +211,11 @@ def queue_of(problem: Problem, half: Floats, walls: KernelContainer) -> NDArray[
     elif order == "random":
         queue = queue[stream(problem.seed, "order").permutation(len(queue))]
     across = slice(0, problem.dimension)
-    return queue[(2 * half[queue, across] <= walls.lengths[across] + walls.slack).all(axis=1)]
+    least = walls.lengths[across]
+    if half.shape[1] == 1:
+        # the nearest image of a sphere in a tilted cell is not along an axis
+        least = np.where(walls.walled[across] == 1, least, walls.shortest)
+    return queue[(2 * half[queue, across] <= least + walls.slack).all(axis=1)]
 
 
 def sizes_of(half: Floats, most: int | None = None) -> Integers:

@@ -10,9 +10,9 @@ from voxgran.contacts.overlap.true_pairs import in_frame, meets_itself, place_re
 from voxgran.contacts.overlap.true_shapes import TrueShapes
 from voxgran.contacts.overlap.true_walls import is_within_walls
 from voxgran.containers.kernel_container import is_barred
-from voxgran.geometry.level_grid import cells_near, first_in_cell
+from voxgran.geometry.level_grid import cells_near, first_in_cell, image_shift
 from voxgran.geometry.rotation import draw_quaternion, write_matrix
-from voxgran.geometry.vectors import Vector, dot, row_of, sub
+from voxgran.geometry.vectors import Vector, add, dot, row_of, sub
 from voxgran.packing.rsa.overlaps import Bed, Grains, enter, from_corner
 
 #: share of a radius by which a sphere is made smaller where rounding must not take it for meeting a grain
@@ -43,7 +43,7 @@ def place_true(bed: Bed, shapes: TrueShapes, g: int, place: Vector, key: Words, 
         return False
     if not is_within_walls(walls, shapes, s, f, *place):
         return False
-    if meets_itself(bed.cells.span, shapes, s, f, radius):
+    if meets_itself(bed.cells.periods, shapes, s, f, radius):
         return False
     for c in range(4):
         shapes.orientation[g, c] = work.quaternion[c]
@@ -83,7 +83,7 @@ def list_near(bed: Bed, shapes: TrueShapes, center: Vector, radius: float, inner
 
     The number is -1 if the inner sphere of one overlaps that of radius `inner`, which may be negative.
     """
-    position, half, cells, span = bed.grains.position, bed.grains.half, bed.cells, bed.cells.span
+    position, half, cells = bed.grains.position, bed.grains.half, bed.cells
     place, many = shapes.work.place, 0
     for level in range(len(cells.first)):
         if cells.filled[level] == 0:
@@ -95,9 +95,7 @@ def list_near(bed: Bed, shapes: TrueShapes, center: Vector, radius: float, inner
                 for k in range(low[2], high[2]):
                     g, ti, tj, tk = first_in_cell(cells, level, i, j, k)
                     while g >= 0:
-                        dx = position[g, 0] + ti * span[0] - center[0]
-                        dy = position[g, 1] + tj * span[1] - center[1]
-                        dz = position[g, 2] + tk * span[2] - center[2]
+                        dx, dy, dz = sub(add(row_of(position, g), image_shift(cells, ti, tj, tk)), center)
                         square, reach = dx * dx + dy * dy + dz * dz, radius + half[g, 0]
                         if square < reach * reach:
                             core = inner + shapes.inner[g]

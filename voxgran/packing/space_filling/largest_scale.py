@@ -114,7 +114,7 @@ def _is_alone(around, s, x, y, z, f):  # type: ignore[no-untyped-def]
     """Return whether a grain meets no wall and no image of itself."""
     if not is_within_walls(around.walls, around.shapes, s, f, x, y, z):
         return False
-    return not meets_itself(around.cells.span, around.shapes, s, f, f * around.shapes.bounding[s])
+    return not meets_itself(around.walls.periods, around.shapes, s, f, f * around.shapes.bounding[s])
 
 
 @bare_kernel

@@ -13,7 +13,8 @@ import numpy as np
 
 from voxgran._base.arrays import Floats, Integers
 from voxgran._base.kernels import bare_kernel, kernel
-from voxgran.geometry.level_grid import LevelGrid, cells_near, first_in_cell, link_at
+from voxgran.geometry.level_grid import LevelGrid, cells_near, first_in_cell, image_shift, link_at
+from voxgran.geometry.vectors import sub
 
 #: spheres that are looked at around a point, at most; the nearest ones
 NEAREST = 64
@@ -116,7 +117,7 @@ def _gather(spheres, cells, x, y, z, reach, near):  # type: ignore[no-untyped-de
             for j in range(low[1], high[1]):
                 for k in range(low[2], high[2]):
                     sphere, ti, tj, tk = first_in_cell(cells, level, i, j, k)
-                    px, py, pz = x - ti * cells.span[0], y - tj * cells.span[1], z - tk * cells.span[2]
+                    px, py, pz = sub((x, y, z), image_shift(cells, ti, tj, tk))
                     while sphere >= 0:
                         dx, dy, dz = spheres[sphere, 0] - px, spheres[sphere, 1] - py, spheres[sphere, 2] - pz
                         r = spheres[sphere, 3]
@@ -257,7 +258,7 @@ def _fate(spheres, cells, x, y, z, r, slack):  # type: ignore[no-untyped-def]
             for j in range(low[1], high[1]):
                 for k in range(low[2], high[2]):
                     sphere, ti, tj, tk = first_in_cell(cells, level, i, j, k)
-                    px, py, pz = x - ti * cells.span[0], y - tj * cells.span[1], z - tk * cells.span[2]
+                    px, py, pz = sub((x, y, z), image_shift(cells, ti, tj, tk))
                     while sphere >= 0:
                         dx, dy, dz = px - spheres[sphere, 0], py - spheres[sphere, 1], pz - spheres[sphere, 2]
                         away, other = math.sqrt(dx * dx + dy * dy + dz * dz), spheres[sphere, 3]

@@ -8,7 +8,7 @@ import numpy as np
 
 from voxgran._base.arrays import Floats, Integers
 from voxgran._base.stopping import stop_if_asked
-from voxgran.containers.model import Container, boundary_of
+from voxgran.containers.model import Container, boundary_of, periods_of
 from voxgran.geometry.level_grid import LevelGrid, level_cells
 from voxgran.packing.tessellation.climb import AGAIN, HINT, MOST, MOVES, TAKEN, climb_all, link_all, take_largest
 from voxgran.packing.tessellation.mesh import CELL, CORNER, TILE, outward, thickness, triangulated_by_tiles, with_images
@@ -48,7 +48,7 @@ class Walls:
             self.flat[row, 3] = 0.0 if side > 0 else (upper - self.lower)[axis]
         self.is_flat = boundary_of(container).is_flat
         self.periodic = np.array(container.periodic, dtype=np.int64)
-        self.lengths = upper - self.lower
+        self.lengths, self.periods = upper - self.lower, periods_of(container)
         self.thickness = thickness(container)
         #: half the shortest period: beyond it a sphere would overlap its own images
         self.widest = float(0.5 * self.lengths[self.periodic == 1].min(initial=np.inf))
@@ -66,7 +66,7 @@ class Walls:
 def filled_cells(spheres: Floats, walls: Walls) -> LevelGrid:
     """Return cells in which all spheres (n, 4) are linked."""
     reach = spheres[:, 3].copy() if len(spheres) else np.ones(1)
-    cells, level = level_cells(walls.lengths, walls.periodic, reach, walls.container.dimension)
+    cells, level = level_cells(walls.lengths, walls.periods, reach, walls.container.dimension)
     link_all(spheres, level, cells)
     return cells
 
@@ -133,7 +133,7 @@ def taken(found: Floats, walls: Walls, slack: float) -> tuple[Integers, Integers
     if not len(order):
         return order, order
     spheres = found[order]
-    cells, level = level_cells(walls.lengths, walls.periodic, spheres[:, 3].copy(), walls.container.dimension)
+    cells, level = level_cells(walls.lengths, walls.periods, spheres[:, 3].copy(), walls.container.dimension)
     fate = np.zeros(len(order), dtype=np.int64)
     take_largest(spheres, level, cells, slack, fate)
     return order[fate == TAKEN], order[fate == AGAIN]

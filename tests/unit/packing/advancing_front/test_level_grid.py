@@ -3,7 +3,9 @@
 import numpy as np
 import pytest
 
-from voxgran.packing.advancing_front.sphere_cells import is_free, lay_cells, link, link_all, unlink
+from voxgran.geometry.level_grid import is_free
+from voxgran.geometry.periods import OPEN
+from voxgran.packing.advancing_front.sphere_cells import lay_cells, link, link_all, unlink
 
 CASES = {
     "a box": ((9.0, 7.0, 11.0), (0, 0, 0), 3, 400),
@@ -33,7 +35,7 @@ def test_free_places_are_free(case, spread):
     region = np.minimum(lengths, 12.0)
     spheres[:, :3] = generator.random((many, 3)) * region
     spheres[:, 3] = 0.9 * spread ** -generator.random(many)
-    cells = lay_cells(lengths, periodic, spheres[:, 3], dimension)
+    cells = lay_cells(lengths, np.diag(lengths * periodic), spheres[:, 3], dimension)
     assert len(cells.head) <= 3 * many + 8 * len(cells.first)
     link_all(cells, spheres, many)
     found = []
@@ -48,7 +50,7 @@ def test_free_places_are_free(case, spread):
 
 def test_the_sphere_that_came_last_is_taken_out_again():
     spheres = np.array([[1.0, 1.0, 1.0, 0.5], [1.2, 1.0, 1.0, 0.5]])
-    cells = lay_cells(np.array([4.0, 4.0, 4.0]), np.zeros(3, np.int64), spheres[:, 3], 3)
+    cells = lay_cells(np.array([4.0, 4.0, 4.0]), OPEN, spheres[:, 3], 3)
     link_all(cells, spheres, 1)
     before = cells.head.copy()
     link(cells, spheres, 1)

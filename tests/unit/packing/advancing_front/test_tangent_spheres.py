@@ -10,6 +10,7 @@ from voxgran.packing.advancing_front.sphere_cells import BITS, HERE
 from voxgran.packing.advancing_front.tangent_spheres import PLANE, SIDE, place_at, touch_disks, touch_spheres
 
 LENGTHS = np.array([20.0, 20.0, 30.0])
+PERIODS = np.diag(LENGTHS)
 
 
 def gap(p, q, apart):
@@ -39,7 +40,7 @@ def test_a_sphere_touches_three_to_the_last_digits(ratio):
         spheres = np.column_stack([centers, radii])
         a, b, c = ((k << BITS) + HERE for k in range(3))
         for refs in ((a, b, c), (a, c, b)):
-            touches, *place = place_at(spheres, LENGTHS, *refs, r)
+            touches, *place = place_at(spheres, LENGTHS, PERIODS, *refs, r)
             if not touches:
                 continue
             found += 1
@@ -97,7 +98,7 @@ def test_two_spheres_and_a_wall(wall):
         a, b = HERE, (1 << BITS) + HERE
         places = []
         for refs in ((a, b, wall), (b, a, wall)):
-            touches, *place = place_at(spheres, LENGTHS, *refs, r)
+            touches, *place = place_at(spheres, LENGTHS, PERIODS, *refs, r)
             if touches:
                 places.append(place)
                 assert gap(place, one, radii[0] + r) == pytest.approx(0, abs=2e-14)
@@ -118,7 +119,7 @@ def test_a_sphere_and_two_walls(walls):
         center = generator.random(3) * LENGTHS
         spheres, places = np.array([[*center, radius]]), []
         for refs in (walls, walls[::-1]):
-            touches, *place = place_at(spheres, LENGTHS, HERE, *refs, r)
+            touches, *place = place_at(spheres, LENGTHS, PERIODS, HERE, *refs, r)
             if touches:
                 places.append(place)
                 assert gap(place, center, radius + r) == pytest.approx(0, abs=2e-14)
@@ -131,12 +132,12 @@ def test_a_sphere_and_two_walls(walls):
 
 def test_disks_stay_in_their_plane():
     spheres = np.array([[5.0, 5.0, 0.0, 1.0], [7.0, 5.5, 0.0, 1.2]])
-    _, x, y, z = place_at(spheres, LENGTHS, HERE, (1 << BITS) + HERE, PLANE, 0.7)
+    _, x, y, z = place_at(spheres, LENGTHS, PERIODS, HERE, (1 << BITS) + HERE, PLANE, 0.7)
     assert z == 0.0
     assert math.hypot(x - 5, y - 5) == pytest.approx(1.7, abs=1e-14)
     assert math.hypot(x - 7, y - 5.5) == pytest.approx(1.9, abs=1e-14)
     for walls in ((-1, PLANE), (PLANE, -1)):
-        _, x, y, z = place_at(np.array([[1.5, 5.0, 0.0, 1.0]]), LENGTHS, HERE, *walls, 0.7)
+        _, x, y, z = place_at(np.array([[1.5, 5.0, 0.0, 1.0]]), LENGTHS, PERIODS, HERE, *walls, 0.7)
         assert (x, z) == (0.7, 0.0)
         assert math.hypot(x - 1.5, y - 5) == pytest.approx(1.7, abs=1e-14)
 
@@ -147,4 +148,4 @@ def test_an_image_is_a_sphere_elsewhere():
     refs = HERE, (1 << BITS) + HERE + 1, (2 << BITS) + HERE + 1
     plain = np.array([spheres[0], moved[1], moved[2]])
     here = [(k << BITS) + HERE for k in range(3)]
-    assert place_at(spheres, LENGTHS, *refs, 0.9) == place_at(plain, LENGTHS, *here, 0.9)
+    assert place_at(spheres, LENGTHS, PERIODS, *refs, 0.9) == place_at(plain, LENGTHS, PERIODS, *here, 0.9)

@@ -146,9 +146,8 @@ def connected(centers: Floats, radii: Floats, overlap: float) -> Floats:
 
 def _gaps(centers: Floats, radii: Floats, overlap: float, reach: float) -> tuple[Integers, Integers, Floats]:
     """Return all pairs (m,) of spheres that are short of their overlap by at most `reach`, and by how much."""
-    free = (False, False, False)
     slack = ROUNDING * float(radii.max())
-    i, j, _ = near_pairs(centers, radii, reach + slack, lower=np.zeros(3), lengths=np.ones(3), periodic=free)
+    i, j, _ = near_pairs(centers, radii, reach + slack)
     apart = np.linalg.norm(centers[i] - centers[j], axis=1)
     gap = apart - (radii[i] + radii[j] - overlap * np.minimum(radii[i], radii[j]))
     near = gap <= reach + slack

@@ -1,0 +1,125 @@
+"""Tilted periodic cells in files of engines, and in LAMMPS and YADE where they are installed."""
+
+import dataclasses
+import os
+import re
+import subprocess
+
+import engine_cases as cases
+import numpy as np
+import pytest
+
+import voxgran as vg
+from voxgran._base.errors import InputError
+
+TILT = (2.5, -1.7, 2.1)
+
+
+def overlapping():
+    """Return jammed spheres that overlap by 2e-4 of their sizes."""
+    box = vg.Box((6, 5, 7), "xyz", tilt=TILT, origin=(1, -2, 0.5))
+    jammed = vg.pack(vg.make_shape("sphere"), box, "jam", seed=3, count=150, unit="mm", density=2000)
+    return dataclasses.replace(jammed, scale=jammed.scale * 1.0002)
+
+
+def test_engines_have_tilted_cells_or_refuse_them(tmp_path):
+    box = vg.Box((6, 5, 7), "xyz", tilt=TILT)
+    packing = vg.Packing.of(vg.make_shape("sphere"), box, position=[(1, 1, 1)], unit="mm")
+    for name in ("lammps", "yade"):
+        vg.write_deck(packing, tmp_path / name, name)
+    for name in set(vg.engines()) - {"lammps", "yade"}:
+        with pytest.raises(InputError, match=r"tilt .*choose engine 'lammps' or 'yade'|is periodic: "):
+            vg.write_deck(packing, tmp_path / name, name)
+    with pytest.raises(InputError, match="a cell of LAMMPS that keeps a stress takes upright containers only"):
+        vg.write_deck(packing, tmp_path / "servo", "lammps", stress=1e3)
+
+
+def test_the_data_file_of_lammps_is_read_back(tmp_path):
+    packing = overlapping()
+    vg.write_deck(packing, tmp_path, "lammps")
+    read = vg.load(tmp_path / "lammps_grains.data", unit="m").to_unit("mm")
+    assert read.container.periodic == (True, True, True)
+    assert read.container.tilt == pytest.approx(TILT, rel=1e-12)
+    assert read.container.origin == pytest.approx((1, -2, 0.5))
+    assert read.contacts(0.0).count == packing.contacts(0.0).count > 400
+
+
+@pytest.mark.parametrize("kind", ["xy xz yz", "abc origin"])
+@pytest.mark.parametrize("scaled", [False, True])
+def test_dumps_of_tilted_cells_are_read(tmp_path, kind, scaled):
+    packing = overlapping()
+    (xy, xz, yz), low, lengths = packing.container.tilt, packing.container.bounds[0], packing.container.lengths
+    ends = np.array([[min(0, xy, xz, xy + xz), max(0, xy, xz, xy + xz)], [min(0, yz), max(0, yz)], [0, 0]])
+    rows = np.column_stack([low, low + lengths]) + ends
+    rows = np.column_stack([rows, packing.container.tilt])
+    if kind == "abc origin":
+        rows = np.column_stack([packing.container.vectors, low])
+    places = (packing.position - low) @ np.linalg.inv(packing.container.vectors) if scaled else packing.position
+    names = "xs ys zs" if scaled else "x y z"
+    text = ["ITEM: TIMESTEP", "0", "ITEM: NUMBER OF ATOMS", str(packing.count), f"ITEM: BOX BOUNDS {kind} pp pp pp"]
+    text += [" ".join(map(repr, row)) for row in rows.tolist()] + [f"ITEM: ATOMS id {names} radius"]
+    radii = packing.bounding_radii.tolist()
+    text += [
+        f"{k} {x!r} {y!r} {z!r} {r!r}" for k, ((x, y, z), r) in enumerate(zip(places.tolist(), radii, strict=True))
+    ]
+    (tmp_path / "a.dump").write_text("\n".join(text) + "\n")
+    read = vg.load(tmp_path / "a.dump")
+    assert read.container.tilt == pytest.approx(TILT, rel=1e-12)
+    assert read.container.bounds == pytest.approx(packing.container.bounds)
+    assert read.position == pytest.approx(packing.position, abs=1e-12)
+
+
+def test_files_keep_the_tilt(tmp_path):
+    packing = vg.pack(vg.make_shape("sphere"), vg.Box((4, 4, 5), "xyz", tilt=TILT), "rsa", count=5)
+    for name in ("a.vtp", "a.xyzr"):
+        vg.save(packing, tmp_path / name)
+        assert vg.load(tmp_path / name).container == packing.container
+    edges = " ".join(map(repr, packing.container.vectors.ravel().tolist()))
+    lines = [f"S {x!r} {y!r} {z!r} 0.5" for x, y, z in packing.position.tolist()]
+    head = f'Lattice="{edges}" Properties=species:S:1:pos:R:3:radius:R:1'
+    (tmp_path / "a.xyz").write_text("\n".join(["5", head, *lines]) + "\n")
+    assert vg.load(tmp_path / "a.xyz").container == packing.container
+
+
+def output_of(folder, *command):
+    """Return what a program prints, which does not get the modules of this one."""
+    clean = {name: value for name, value in os.environ.items() if name != "PYTHONPATH"}
+    done = subprocess.run(command, cwd=folder, capture_output=True, text=True, env=clean, check=False, timeout=280)
+    return done.stdout + done.stderr
+
+
+@pytest.mark.engine
+def test_lammps_finds_the_same_contacts(tmp_path):
+    program, packing = cases.program("lmp", "make test-engines"), overlapping()
+    vg.write_deck(packing, tmp_path, "lammps")
+    file = tmp_path / "lammps_run.in"
+    head = file.read_text().partition("\ntimestep")[0]
+    sums = "compute touch all contact/atom\ncompute sum all reduce sum c_touch\nthermo_style custom step c_sum\nrun 0\n"
+    file.write_text(f"{head}\n{sums}")
+    found = re.search(
+        r"^\s+0\s+(\d+)\s*$", output_of(tmp_path, program, "-in", file.name, "-log", "none"), re.MULTILINE
+    )
+    # each contact counts for both spheres
+    assert int(found[1]) == 2 * packing.contacts(0.0).count
+
+
+@pytest.mark.engine
+def test_yade_finds_the_same_contacts(tmp_path):
+    program, packing = cases.program("yade", "apt-get install yade"), overlapping()
+    vg.write_deck(packing, tmp_path, "yade")
+    file = tmp_path / "yade_run.py"
+    count = 'O.run(1, True)\nprint("REAL", sum(1 for one in O.interactions if one.isReal))\n'
+    file.write_text(file.read_text().replace('    picture("start")\nrun()\n', count))
+    output = output_of(tmp_path, program, "-n", "-x", file.name)
+    assert int(re.search(r"REAL (\d+)", output)[1]) == packing.contacts(0.0).count
+
+
+@pytest.mark.engine
+def test_a_bed_in_a_tilted_cell_rests_in_lammps(monkeypatch):
+    monkeypatch.setenv("VOXGRAN_LAMMPS", cases.program("lmp", "make test-engines"))
+    box = vg.Box((6, 5, 9), "xy", tilt=(2.5, 0, 0))
+    bed = vg.pack(vg.make_shape("sphere"), box, "gravity", seed=3, count=100, unit="mm", density=2000)
+    rested, history = vg.relax(bed)
+    assert rested.container == bed.container
+    assert history.attrs["rests"] == 1
+    assert history.attrs["sinking"] < 0.05
