@@ -23,6 +23,7 @@ from voxgran.settling.compression import Compressor
 from voxgran.settling.equilibrium import carried_by
 from voxgran.settling.materials import Materials, friction_of
 from voxgran.settling.parameters import Settling
+from voxgran.settling.rain import Rain, speed_of_fall
 from voxgran.settling.stages import RESIDUAL, TOUCHING, Settler
 
 #: what moves the grains of a run, step by step
@@ -216,8 +217,12 @@ def begun(packing: Packing, how: Settling, seed: int) -> SettleState:
     assembly, _ = normalized_assembly(packing)
     gravity = np.array(packing.gravity, dtype=np.float64)
     lidded = with_lid(assembly, how, gravity)
+    height = how.fall_height
+    rain = None if height is None else Rain(speed_of_fall(height / packing.median_diameter))
     settler = begin_settling(
-        how, lambda tried: Settler(lidded, tried, gravity, seed=seed), lambda settler: _moved(packing, settler)
+        how,
+        lambda tried: Settler(lidded, tried, gravity, seed=seed, rain=rain),
+        lambda settler: _moved(packing, settler),
     )
     refuse_deep(settler)
     return SettleState(settler, total=settler.most_steps * packing.count)
@@ -277,7 +282,7 @@ def advance_settling(problem: Problem, state: SettleState, attempts: int) -> Set
     """Make a step if it is due within the attempts: one attempt a grain."""
     del problem
     settler = state.settler
-    many = max(settler.bed.count, 1)
+    many = max(settler.bed.assembly.count, 1)
     due = (state.steps + 1) * many
     if state.done + attempts < due:
         state.done += attempts
