@@ -47,7 +47,6 @@ def settle(
     container: Container | None = None,
     gravity: "ArrayLike | None" = None,
     seed: int = 0,
-    fall_height: float | None = None,
     fall_time: float | None = None,
     solid_fraction: float | None = None,
     rest: float = 0.95,
@@ -81,9 +80,6 @@ def settle(
         Direction in which gravity acts, an axis such as ``"-z"`` or any vector; default: that of the packing.
     seed : int
         Seed of the random accelerations of shaking.
-    fall_height : float, optional
-        Height, in units of length, from which all grains together have fallen when they begin to settle; default: they
-        begin at rest, and fall no faster than sqrt(g d).
     fall_time : float, optional
         Longest time of the fall with inertia, in sqrt(d / g) with the median diameter d; default: until the mean grain
         sinks by less than 0.05 d in that time unit. Beds that move for longer become denser.
@@ -163,7 +159,6 @@ def settle(
         "restitution": restitution,
         "shaking": shaking,
         "lid": lid,
-        "fall_height": fall_height,
         "fall_time": fall_time,
         "solid_fraction": solid_fraction,
         "rest": rest,

@@ -23,7 +23,6 @@ from voxgran.settling.compression import Compressor
 from voxgran.settling.equilibrium import carried_by
 from voxgran.settling.materials import Materials, friction_of
 from voxgran.settling.parameters import Settling
-from voxgran.settling.rain import Rain, speed_of_fall
 from voxgran.settling.stages import RESIDUAL, TOUCHING, Settler
 
 #: what moves the grains of a run, step by step
@@ -217,12 +216,8 @@ def begun(packing: Packing, how: Settling, seed: int) -> SettleState:
     assembly, _ = normalized_assembly(packing)
     gravity = np.array(packing.gravity, dtype=np.float64)
     lidded = with_lid(assembly, how, gravity)
-    height = how.fall_height
-    rain = None if height is None else Rain(speed_of_fall(height / packing.median_diameter))
     settler = begin_settling(
-        how,
-        lambda tried: Settler(lidded, tried, gravity, seed=seed, rain=rain),
-        lambda settler: _moved(packing, settler),
+        how, lambda tried: Settler(lidded, tried, gravity, seed=seed), lambda settler: _moved(packing, settler)
     )
     refuse_deep(settler)
     return SettleState(settler, total=settler.most_steps * packing.count)

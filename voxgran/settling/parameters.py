@@ -106,13 +106,6 @@ class Settling:
     restitution: float = parameter(
         0.0, doc="ratio of the velocities after and before an impact, along the normal", at_least=0.0, at_most=1.0
     )
-    fall_height: float | None = parameter(
-        None,
-        doc="height, in units of length, from which the grains have fallen when they arrive: one after the other upon "
-        "the bed or, where a packing settles, all at once upon the floor; if omitted, grains begin at rest, and no "
-        "impact makes the bed denser",
-        at_least=0.0,
-    )
     shaking: Shaking | None = parameter(None, doc="random accelerations after the fall; if omitted, none")
     lid: Lid | None = parameter(None, doc="plate that lies on the bed; if omitted, none")
     fall_time: float | None = parameter(

@@ -21,6 +21,8 @@ from voxgran.settling.impulses import STEP, Fall
 CLEAR, LEVELS = 0.05, 0.25
 #: units of time after which no further grain arrives if none has found room since
 PATIENCE = 10.0
+#: velocity below which a grain lies still: less than it gains in the first step of its fall
+STILL = 0.02
 #: by how much grains may become faster within a step
 FASTER = 1.25
 
@@ -36,16 +38,16 @@ class Rain:
     rate : float
         How many arrive in a unit of time.
     places : callable
-        Number of a grain and its bounding radius to points (k, 3) above or below which it may arrive, the first ones
-        preferred.
+        Numbers of a step and of a grain, and its bounding radius, to points (k, 3) above or below which it may arrive,
+        the first ones preferred.
     level : float
         Level, against gravity, below which no grain begins.
     """
 
     speed: float
-    rate: float = 0.0
-    places: Callable[[int, float], Floats] = lambda number, radius: np.zeros((0, 3))
-    level: float = -math.inf
+    rate: float
+    places: Callable[[int, int, float], Floats]
+    level: float
 
 
 def speed_of_fall(height: float) -> float:
@@ -53,22 +55,25 @@ def speed_of_fall(height: float) -> float:
     return math.sqrt(2.0 * height)
 
 
-def begin_fast(bed: Bed, rain: Rain, held: int) -> None:
-    """Give the grains of a bed the velocity of the rain, where none is held back."""
-    if not held:
-        bed.bodies[:-1, :3] = np.where(bed.movable[:, None], rain.speed * bed.gravity, 0.0)
+def steps_of_rain(rain: Rain, many: int, fall: Fall) -> int:
+    """Return in how many steps about so many grains arrive."""
+    return math.ceil(many / (rain.rate * _step(rain.speed, fall)))
+
+
+def _step(speed: float, fall: Fall) -> float:
+    """Return a step in which grains of a speed move no farther than grains may, though impacts make some faster."""
+    return min(STEP, fall.most / (FASTER * speed + STEP))
 
 
 def let_arrive(bed: Bed, rain: Rain, fall: Fall, progress: Any) -> tuple[Fall, bool]:
     """Let the grains arrive that are due; return how the next step is made, and whether it is the last one.
 
-    progress: numbers `owed` and `waited`, which are updated. The step is so short that no grain moves farther in it
+    progress: `stage_step`, and `owed` and `waited`, which are updated. The step is so short that no grain moves farther
     than grains may; it is the last one where no grain is held back any more, or none finds room, and all are slow.
     """
-    came = _admit_grains(bed, rain, int(progress.owed))
+    came = _admit_grains(bed, rain, int(progress.owed), progress.stage_step)
     speed = math.sqrt(float((bed.bodies[: bed.count, :3] ** 2).sum(axis=1).max(initial=0.0)))
-    # gravity and impacts make grains faster within the step
-    step = min(STEP, fall.most / (FASTER * speed + STEP))
+    step = _step(speed, fall)
     # what finds no room comes as soon as it does, and no faster than the rate
     progress.owed = min(progress.owed - came, 1.0) + rain.rate * step
     progress.waited = 0.0 if came else progress.waited + step
@@ -76,18 +81,18 @@ def let_arrive(bed: Bed, rain: Rain, fall: Fall, progress: Any) -> tuple[Fall, b
     return fall._replace(step=step), full and (step == STEP or not bed.count)
 
 
-def _admit_grains(bed: Bed, rain: Rain, many: int) -> int:
+def _admit_grains(bed: Bed, rain: Rain, many: int, step: int) -> int:
     """Let up to `many` further grains arrive, as long as they find room; return how many have."""
     first, found, radii = bed.count, list[Floats](), bed.assembly.bounding_radii
-    # the bed is what pushes, or never moves; all else flies, and so may what rebounds
-    lies = ~bed.movable
+    # the bed is what pushes or does not move; all else flies
+    lies = np.linalg.norm(bed.bodies[:first, :3], axis=1) < STILL
     pushing = bed.rows.row[: bed.m, PUSH] > 0.0
     lies[bed.rows.i[: bed.m][pushing]] = True
     partner = bed.rows.j[: bed.m][pushing]
     lies[partner[(partner >= 0) & (partner < bed.count)]] = True
     spheres = np.column_stack([bed.grains.position, bed.grains.radius, lies])
     for k in range(first, min(first + many, bed.assembly.count)):
-        center = _arrival(bed, rain.places(k, radii[k]), radii[k], spheres, rain.level)
+        center = _arrival(bed, rain.places(step, k, radii[k]), radii[k], spheres, rain.level)
         if center is None:
             break
         found.append(center)

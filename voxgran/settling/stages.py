@@ -25,7 +25,7 @@ from voxgran.settling.parameters import Settling
 from voxgran.settling.parting import part_grains
 from voxgran.settling.presets import FRICTIONAL, FRICTIONLESS, GRIDS, TRIANGLES, SolverPreset
 from voxgran.settling.quasi_static import frictionless_step, quasi_static_step
-from voxgran.settling.rain import Rain, begin_fast, let_arrive
+from voxgran.settling.rain import Rain, let_arrive, steps_of_rain
 from voxgran.settling.resumable import Resumable
 
 #: stages: growth to full size, an examination of grains that may rest already, fall, shaking, the fall after it,
@@ -119,7 +119,7 @@ class Settler(Resumable):
     small : (n,) ndarray of float, optional
         Factors on the sizes from which the grains grow to their own ones, with contacts.
     rain : Rain, optional
-        How fast the grains are at first, and how those arrive that are held back.
+        How grains arrive that are held back, in place of growth.
     held : int
         How many of the last grains are held back.
 
@@ -140,14 +140,11 @@ class Settler(Resumable):
         self.how, self.seed = how, seed
         weight = how.lid.weight * float(assembly.volumes.sum()) / UNIT[assembly.dimension] if how.lid else 1.0
         self.bed = Bed(assembly, gravity, lid_weight=weight, hulls=how.parts == "hulls", held=held)
-        self.small, self.rain = small, rain
-        self.progress = Progress(stage=START if small is None else GROWTH)
-        if rain is not None:
-            self.progress.stage = RAIN
-            begin_fast(self.bed, rain, held)
-        if small is not None:
-            self.bed.resize(small[self.bed.order])
-        surfaces = SURFACE in self.bed.grains.kind
+        self.small, self.rain = small if rain is None else None, rain
+        self.progress = Progress(stage=RAIN if rain is not None else START if small is None else GROWTH)
+        if self.small is not None:
+            self.bed.resize(self.small[self.bed.order])
+        surfaces = SURFACE in self.bed.finders.kinds
         self.friction = friction_of(how.friction, assembly)
         least, largest = friction_range(self.friction)
         # some grains slip without friction, or all of them
@@ -174,9 +171,11 @@ class Settler(Resumable):
     def most_steps(self) -> int:
         """Largest number of steps, those that were made included."""
         growth = 0 if self.small is None else self._growth_steps()
+        rain = 0 if self.rain is None else steps_of_rain(self.rain, self.bed.assembly.count, self._fall)
         shaking = 0 if self.how.shaking is None else math.ceil(self.how.shaking.duration / self._fall.step)
         falls, rounds = 2 + self._more_falls, (TRIALS + 2) * CLOSING_ROUNDS
-        return growth + 1 + shaking + falls * self._fall_steps() + (falls - 1) * self._more_steps * STILL_STEPS + rounds
+        still = (falls - 1) * self._more_steps * STILL_STEPS
+        return growth + rain + 1 + shaking + falls * self._fall_steps() + still + rounds
 
     @property
     def told(self) -> str:
@@ -397,7 +396,7 @@ class Settler(Resumable):
     @property
     def direct(self) -> bool:
         """Whether steps without friction are solved to the end: its time grows faster than the number of unknowns."""
-        return not self.bed.grains.kind.any() and self.bed.count <= MOST_DIRECT
+        return not any(self.bed.finders.kinds) and self.bed.assembly.count <= MOST_DIRECT
 
     @property
     def _more_steps(self) -> int:

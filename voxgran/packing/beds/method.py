@@ -93,6 +93,13 @@ class Gravity(Settling):
     inlet: Inlet | None = parameter(
         None, doc="disk or rectangle below which the grains begin to fall; if omitted, the whole container"
     )
+    fall_height: float | None = parameter(
+        None,
+        doc="height, in units of length, from which grains have fallen when they meet the bed, one after the other, at "
+        "the rate of the inlet or such that the bed rises by 0.3 d in sqrt(d / g): the higher, the denser; if omitted, "
+        "they grow together and fall no faster than sqrt(g d)",
+        at_least=0.0,
+    )
 
 
 def prepare(problem: Problem) -> SettleState:
@@ -113,9 +120,7 @@ def prepare(problem: Problem) -> SettleState:
     lidded = with_lid(assembly, how, gravity)
     settler = begin_settling(
         how if assembly.movable.any() else replace(how, solid_fraction=None),
-        lambda tried: Settler(
-            lidded, tried, gravity, seed=problem.seed, small=small if rain is None else None, rain=rain, held=held
-        ),
+        lambda tried: Settler(lidded, tried, gravity, seed=problem.seed, small=small, rain=rain, held=held),
         lambda settler: _packing(problem, settler, ""),
     )
     reason = "" if assembly.movable.any() else "count"
@@ -133,7 +138,7 @@ def _as_many(problem: Problem, up: Floats) -> int:
 
 
 def _unplaced(problem: Problem) -> tuple[Assembly, Floats]:
-    """Return the grains of a start before all others, which will arrive one after the other, and factors 1."""
+    """Return the grains of a start before all others, which will arrive one after the other, and no growth."""
     m, n = problem.started, max(_as_many(problem, -gravity_vector(problem)), problem.started)
     centers = np.zeros((n, 3))
     centers[:m] = spheres_of_start(problem)[:, :3] + problem.container.bounds[0]

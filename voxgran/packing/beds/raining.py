@@ -28,7 +28,7 @@ def rain_of(problem: Problem, up: Floats) -> Rain | None:
         If there is a lid, or :func:`column_below` refuses the inlet.
     """
     settings, container, base = problem.parameters, problem.container, -math.inf
-    inlet = settings.inlet
+    inlet, column = settings.inlet, None
     if settings.fall_height is None and (inlet is None or inlet.rate is None):
         return None
     if settings.lid is not None:
@@ -38,20 +38,20 @@ def rain_of(problem: Problem, up: Floats) -> Rain | None:
         )
     lower, upper = (np.array(corner, dtype=np.float64) for corner in container.bounds)
     if inlet is not None:
-        container, base = column_below(inlet, problem, up, np.zeros((0, 4)))
-        lower, upper = container.bounds
+        column, base = column_below(inlet, problem, up, np.zeros((0, 4)))
+        lower, upper = column.bounds
     flat = np.arange(3) < problem.dimension
 
-    def places(number: int, radius: float) -> Floats:
-        points = lower + (upper - lower) * stream(problem.seed, "rain", number).random((4 * PLACES, 3)) * flat
-        if inlet is not None:
-            points = points[container.across(points) <= -radius]
+    def places(step: int, number: int, radius: float) -> Floats:
+        points = lower + (upper - lower) * stream(problem.seed, "rain", number, step).random((4 * PLACES, 3)) * flat
+        if column is not None:
+            points = points[column.across(points) <= -radius]
         return points[:PLACES]
 
     rate = None if inlet is None else inlet.rate
     if rate is None:
         floor, top = container_levels(problem.container, up)
-        solid = usual_solid_fraction(problem) * container.volume / (top - floor)
+        solid = usual_solid_fraction(problem) * (column or container).volume / (top - floor)
         rate = RISING * solid / float(problem.volumes[problem.started :].mean())
     height = 0.0 if settings.fall_height is None else problem.length(settings.fall_height)
     return Rain(speed_of_fall(height), rate, places, base)
