@@ -130,9 +130,6 @@ class Settler(Resumable):
         not end.
     """
 
-    #: stop reason of a packing that is proven to rest
-    reason = "settled"
-
     def __init__(
         self, assembly: Assembly, how: Settling, gravity: Floats, *, seed: int = 0, small: Floats | None = None,
         rain: Rain | None = None, held: int = 0,
@@ -166,6 +163,11 @@ class Settler(Resumable):
     def ended(self) -> bool:
         """Whether all stages have ended."""
         return self.progress.stage == ENDED
+
+    @property
+    def reason(self) -> str:
+        """Stop reason of a bed that has ended."""
+        return "settled" if self.progress.proven else "steps"
 
     @property
     def most_steps(self) -> int:
@@ -240,14 +242,13 @@ class Settler(Resumable):
 
     def _rain(self) -> None:
         """Make a step in which grains arrive, or in which those that have arrived are still fast."""
-        progress, bed = self.progress, self.bed
         assert self.rain is not None
+        progress, bed = self.progress, self.bed
         how, ended = let_arrive(bed, self.rain, self._fall, progress)
         if bed.count:
             self._advance(None, how)
         if ended:
-            progress.stage = FALL if bed.count else ENDED
-            progress.iterations = self._sweeps()
+            progress.stage, progress.iterations = FALL if bed.count else ENDED, self._sweeps()
 
     def _sweeps(self) -> int:
         """Return the number of iterations of a quasi-static step, by the layers of the bed."""
