@@ -104,7 +104,8 @@ def test_shear_walls_and_two_dimensions():
     held = vg.equilibrium(replace(drum, forces=None), stress=np.diag(drum.forces.stress))
     assert held.attrs["share_at_rest_without_rattlers"] > 0.98
     flat = vg.compress(vg.pack(DISK, vg.Rectangle((9, 9), periodic="xy"), "rsa", count=45), friction=0.3)
-    assert vg.equilibrium(replace(flat, forces=None), 0.3, stress=1.0).attrs["share_at_rest"] > 0.99
+    again = vg.equilibrium(replace(flat, forces=None), 0.3, stress=flat.forces.stress)
+    assert again.attrs["share_at_rest"] > 0.99
 
 
 def test_what_bears_nothing_is_not_proven(specimen):
