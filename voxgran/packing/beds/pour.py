@@ -8,7 +8,7 @@ from typing import Any, Literal
 
 import numpy as np
 
-from voxgran._base.arrays import as_count, as_floats, check_type
+from voxgran._base.arrays import as_choice, as_count, as_floats, check_type
 from voxgran._base.calls import explained
 from voxgran._base.errors import InputError, PackingWarning, shown
 from voxgran._base.files import as_path
@@ -104,6 +104,7 @@ def pour(
     check_container(container)
     inlet = Inlet() if inlet is None else inlet
     check_type(inlet, Inlet, "inlet", "an Inlet, such as Inlet(radius=2)")
+    as_choice(method, "method", ("gravity", "deposition"))
     count, seed = as_count(count, "count", at_least=1), as_count(seed, "seed", at_most=MOST_SEED)
     if wrong := [name for name in REFUSED if name in arguments]:
         raise InputError(f"{wrong[0]} is given: grains are poured by a count alone; leave it out")
