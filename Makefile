@@ -127,6 +127,8 @@ figures: demo bench   ## the pictures of README and docs
 	cp out/clump_methods/clump_methods.png docs/figures/clump_methods.png
 	$(BIN)/python examples/settled_bed.py out/settled_bed
 	cp out/settled_bed/settled_bed.png docs/figures/settled_bed.png
+	$(BIN)/python examples/fall_height.py out/fall_height
+	cp out/fall_height/fall_height.svg out/fall_height/fall_height.csv docs/figures
 	$(BIN)/python examples/compressed_specimen.py out/compressed_specimen
 	cp out/compressed_specimen/compressed_specimen.png docs/figures/compressed_specimen.png
 	$(BIN)/python examples/initial_states.py out/initial_states

@@ -50,6 +50,7 @@ LATERAL = {
     # spheres of a front may grow at the end
     "advancing_front": {"transform"},
     # how dense grains become, and so how many fill a specimen
+    "deposition": {"beds"},
     "jamming": {"beds"},
 }
 #: classes of containers: other rooms ask for their boundary, so that a new container is one file

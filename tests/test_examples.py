@@ -406,6 +406,19 @@ def test_compressed_specimen(tmp_path, capsys, monkeypatch):
 
 
 @pytest.mark.slow
+def test_fall_height(tmp_path, capsys, monkeypatch):
+    monkeypatch.delenv("VOXGRAN_PEERS", raising=False)
+    printed("fall_height.py", capsys, monkeypatch, str(tmp_path), "400", "1")
+    rows = pd.read_csv(tmp_path / "fall_height.csv").query("program == 'voxgran'")
+    dense = rows.set_index(["friction", "fall_height"])["bulk_solid_fraction"]
+    assert dense[0.5, 0] == pytest.approx(0.582, abs=0.01)
+    assert dense[0.5, 50] > dense[0.5, 0] + 0.025
+    assert dense[0.1, 50] > dense[0.1, 0] + 0.01
+    assert (dense[0.1] > dense[0.5]).all()
+    assert (tmp_path / "fall_height.svg").exists()
+
+
+@pytest.mark.slow
 def test_initial_states(tmp_path, capsys, monkeypatch):
     text = printed("initial_states.py", capsys, monkeypatch, str(tmp_path))
     assert text.count("verified True") == 4

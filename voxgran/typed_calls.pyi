@@ -97,6 +97,7 @@ class DepositionKeywords(PackKeywords, total=False):
     sticking: Number
     toward: Literal['floor', 'center']
     drops: Whole
+    inlet: Inlet | None
 class DigitalKeywords(WalkingKeywords, total=False):
     voxel_size: Number | None
     cover: Literal['touch', 'center']
@@ -130,6 +131,7 @@ class GravityKeywords(SettlingKeywords, total=False):
     fill: Number
     height: Number | None
     inlet: Inlet | None
+    fall_height: Number | None
 class GrowthKeywords(PackKeywords, total=False):
     arrival: Literal['together', 'continuous']
     slowest: Number

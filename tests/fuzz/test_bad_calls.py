@@ -327,6 +327,7 @@ GOOD = {
             "count": 2,
             "inlet": vg.Inlet(radius=1.0),
             "batch": 1,
+            "method": "gravity",
             "seed": 0,
             "start": None,
             "weights": [1],

@@ -102,7 +102,8 @@ def compress(
     Packing
         The same grains, in the same order, in the container as it is at the end, without gravity and lid. Its stop
         reason is ``"compressed"`` where at least the share `rest` of the grains that bear forces is in balance and the
-        stress is met to 1 %, else ``"steps"``. Its `forces` are in the unit of stress times the square of the median
+        stress is met to 1 %, ``"yielded"`` where they go on shearing at a constant volume, since they bear no
+        such ratio of stresses, else ``"steps"``. Its `forces` are in the unit of stress times the square of the median
         diameter (in 2D times the diameter), their `stress` is the mean stress tensor, and their residuals are in mean
         normal forces. The measure ``compression`` has the path: solid fraction, void ratio and stresses by step.
 
@@ -288,11 +289,20 @@ def warn_of_imbalance(packing: Packing) -> None:
             f"grains still overlap by up to {-record['smallest_gap']:.2g} median diameters: compress them once more",
             PackingWarning,
         )
+    elif packing.stop_reason == "yielded":
+        asked = np.asarray(record["parameters"]["stress"], dtype=np.float64)
+        warn(
+            f"the least axial stress that is asked for is {asked.min() / asked.max():.3g} of the largest one, and the "
+            f"least that these grains bear is about {record['stress_ratio']:.2g} of it: they go on shearing at a "
+            "constant volume; ask for more equal stresses, or give more friction",
+            PackingWarning,
+        )
     elif packing.stop_reason != "compressed":
         warn(
             f"{record['balanced']:.1%} of the grains that bear forces are in balance, and the stress is "
-            f"{record['stress_error']:.2g} from the one that is asked for: compress them once more, or with more "
-            "friction or more equal stresses",
+            f"{record['stress_error']:.2g} from the one that is asked for, with a least axial stress of "
+            f"{record['stress_ratio']:.2g} of the largest: compress them once more, or with more friction or more "
+            "equal stresses",
             PackingWarning,
         )
     elif packing.forces is not None and packing.forces.share_of_rattlers > MOST_RATTLERS:

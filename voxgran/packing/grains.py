@@ -32,7 +32,9 @@ if TYPE_CHECKING:
 
 
 #: why a method stopped
-STOP_REASONS = ("settled", "count", "solid_fraction", "saturated", "full", "steps", "interrupted", "compressed")
+STOP_REASONS = (
+    *("settled", "count", "solid_fraction", "saturated", "full", "steps", "interrupted", "compressed", "yielded"),
+)
 #: what the colours of grains show in pictures
 ColorBy: TypeAlias = Literal["diameter", "height", "shape", "density", "coordination", "distance", "force"]
 #: how packings become alike in what they must share for a sum

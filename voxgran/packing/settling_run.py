@@ -128,7 +128,7 @@ class SettleState:
 
 
 #: how methods end whose grains settle, and a run that goes on; checkpoints hold the places in this list
-ENDS = (*(reason for reason in STOP_REASONS if reason != "compressed"), "")
+ENDS = (*(reason for reason in STOP_REASONS if reason not in ("compressed", "yielded")), "")
 #: prefix of what a checkpoint holds of the settling
 PREFIX = "settling_"
 
@@ -277,7 +277,7 @@ def advance_settling(problem: Problem, state: SettleState, attempts: int) -> Set
     """Make a step if it is due within the attempts: one attempt a grain."""
     del problem
     settler = state.settler
-    many = max(settler.bed.count, 1)
+    many = max(settler.bed.assembly.count, 1)
     due = (state.steps + 1) * many
     if state.done + attempts < due:
         state.done += attempts
@@ -287,7 +287,7 @@ def advance_settling(problem: Problem, state: SettleState, attempts: int) -> Set
     settler.step()
     state.total = max(state.done, settler.most_steps * many)
     if settler.ended:
-        state.stop_reason = settler.reason if settler.progress.proven else "steps"
+        state.stop_reason = settler.reason
     return state
 
 

@@ -34,7 +34,7 @@ from voxgran.containers.model import Container, boundary_of, within_periods
 from voxgran.geometry.rotation import normalized
 from voxgran.geometry.walls import Plane, Round
 from voxgran.settling.balance import LoadedContacts
-from voxgran.settling.impulses import move_bodies, write_matrices
+from voxgran.settling.impulses import bodies_of, move_bodies, write_matrices
 from voxgran.settling.materials import FrictionTable
 
 Array = TypeVar("Array", bound="np.ndarray[Any, Any]")
@@ -43,8 +43,6 @@ Array = TypeVar("Array", bound="np.ndarray[Any, Any]")
 SKIN = 0.5
 #: share of the smaller diameter from which on an overlap of meshes that are not convex is deep
 DEEP = 0.1
-#: numbers of a body: velocity (3), angular velocity (3), inverse mass and inverse moment of inertia
-BODY = 8
 
 
 class Bed:
@@ -62,6 +60,8 @@ class Bed:
         Whether contacts of meshes that are not convex come from their triangles, not from grids of distances.
     hulls : bool
         Whether convex hulls stand for them.
+    held : int
+        How many of the last grains are held back: they come later, in their order.
 
     Raises
     ------
@@ -70,14 +70,17 @@ class Bed:
     """
 
     def __init__(
-        self, assembly: Assembly, gravity: Floats, *, lid_weight: float = 1.0, exact: bool = False, hulls: bool = False
-    ) -> None:
+        self, assembly: Assembly, gravity: Floats, *, lid_weight: float = 1.0, exact: bool = False, hulls: bool = False,
+        held: int = 0,
+    ) -> None:  # fmt: skip
         self.assembly, self.gravity = assembly, np.array(gravity, dtype=np.float64)
         self.hulls = hulls
         # without gravity neighbours are near each other in memory too
         down = gravity if gravity.any() else -np.eye(3)[assembly.dimension - 1]
-        self.order: Integers = np.argsort(-(assembly.position @ down), kind="stable")
-        order, n = self.order, assembly.count
+        n = assembly.count
+        first = np.argsort(-(assembly.position[: n - held] @ down), kind="stable")
+        self.order: Integers = np.concatenate([first, np.arange(n - held, n)])
+        order = self.order
         self.orientation: Floats = assembly.orientation[order].copy()
         self.bounding: Floats = assembly.bounding_radii[order].copy()
         self.grains = Grains(
@@ -93,7 +96,7 @@ class Bed:
         self.diameter: Floats = assembly.diameters[order].copy()
         self.density: Floats = assembly.relative_densities[order]
         self.fixed: Booleans | None = None if assembly.fixed is None else assembly.fixed[order]
-        self.bodies, self.motion = _bodies(assembly, order, lid_weight), np.zeros((n + 1, 6))
+        self.bodies, self.motion = bodies_of(assembly, order, lid_weight), np.zeros((n + 1, 6))
         self.lid_level = math.inf if assembly.lid is None else float(assembly.lid.level)
         self.pairs: PairList = no_pairs()
         self.rows = _no_rows(8 * n + 64)
@@ -103,6 +106,31 @@ class Bed:
         self.wall_first, self.wall_count = np.zeros(n, dtype=np.int64), np.zeros(n, dtype=np.int64)
         self.listed = False
         self.finders = ContactFinders(assembly, self.grains, exact=exact, hulls=hulls)
+        self._coming = self.bodies[n - held : n].copy()
+        if held:
+            self._keep(n - held)
+
+    def _keep(self, first: int) -> None:
+        """Leave all but the first grains out."""
+        held = self.arrays
+        for name in (*("position", "orientation", "scale", "radius", "way", "order"), "wall_first", "wall_count"):
+            held[name] = held[name][:first]
+        self.restore({**held, "bodies": np.delete(self.bodies, np.s_[first : self.count], axis=0)})
+
+    def admit(self, position: Floats, velocity: Floats) -> None:
+        """Add the next grains that were held back, at their positions (k, 3) and with a velocity (3,)."""
+        n, k, held, assembly = self.count, len(position), self.arrays, self.assembly
+        first = n - (assembly.count - len(self._coming))
+        bodies, new = self._coming[first : first + k].copy(), slice(n, n + k)
+        bodies[:, :3] = velocity
+        zero, none = np.zeros(k), np.zeros(k, dtype=np.int64)
+        added = {
+            "position": position, "orientation": assembly.orientation[new], "scale": assembly.scale[new],
+            "radius": assembly.bounding_radii[new], "way": zero, "order": np.arange(n, n + k), "wall_first": none,
+            "wall_count": none,
+        }  # fmt: skip
+        both = {name: np.concatenate([held[name], values]) for name, values in added.items()}
+        self.restore({**held, **both, "bodies": np.insert(self.bodies, n, bodies, axis=0), "listed": np.array(False)})
 
     @property
     def count(self) -> int:
@@ -382,6 +410,7 @@ class Bed:
         )
         self.wall_first, self.wall_count = held["wall_first"], held["wall_count"]
         self.lid_level, self.carried = float(held["lid_level"]), held["carried"]
+        self.motion = np.zeros((len(self.orientation) + 1, 6))
 
 
 def normalized_bed(assembly: Assembly, gravity: Floats) -> Bed:
@@ -392,24 +421,6 @@ def normalized_bed(assembly: Assembly, gravity: Floats) -> Bed:
     container = assembly.container.scaled(1.0 / unit)
     normalized = Assembly(*arrays, container, assembly.density, lid=lid, fixed=assembly.fixed)
     return Bed(normalized, gravity, lid_weight=math.inf, exact=True)
-
-
-def _bodies(assembly: Assembly, order: Integers, lid_weight: float) -> Floats:
-    """Return the rows (n + 1, 8) of grains at rest, and of the lid; fixed grains have infinite mass."""
-    n = assembly.count
-    bodies = np.zeros((n + 1, BODY))
-    unit = math.pi / 6 if assembly.dimension == 3 else math.pi / 4
-    density = assembly.relative_densities[order]
-    mass = assembly.volumes[order] / unit * density
-    bodies[:n, 6] = 1.0 / mass
-    # the mean of the three principal moments stands for all: rest does not depend on them
-    own = [np.trace(shape.inertia) / 3 if assembly.dimension == 3 else shape.inertia[2, 2] for shape in assembly.shapes]
-    power = assembly.dimension + 2
-    moment = np.array(own)[assembly.shape_id[order]] * assembly.scale[order] ** power / unit if n else np.zeros(0)
-    bodies[:n, 7] = 1.0 / (moment * density)
-    bodies[:n, 6:][~assembly.movable[order]] = 0.0
-    bodies[n, 6] = 1.0 / lid_weight if assembly.lid is not None else 0.0
-    return bodies
 
 
 def _no_rows(size: int) -> ContactRows:

@@ -60,6 +60,9 @@ STRESS_MET = 0.01
 AT_WALLS = 0.7
 #: most steps, rounds in which surfaces are parted, and the distance to which they are
 STEPS, ROUNDS, PARTED = 400, 12, 1e-4
+#: relative change of the volume that counts as none, and shear strain at constant volume from which on grains yield:
+#: the fabric follows the strain by then, and with it the stress that they bear; steps over which that is a mean
+SAME_VOLUME, SHEARED, WINDOW = 0.01, 0.4, 30
 #: distance up to which contacts are found in a step, and farthest that a grain moves in it
 MARGIN, FAR = 0.1, 0.1
 
@@ -91,6 +94,8 @@ class Progress:
     smallest: float = 0.0  # gap, when last examined
     missed: float = 1.0  # relative difference of the stress from the one that is asked for
     factors: Floats = field(default_factory=lambda: np.ones(3))  # by which the container was stretched
+    before: Floats = field(default_factory=lambda: np.ones(3))  # the same when it last had another volume
+    yields: int = 0  # whether it goes on shearing without a change of volume
     residual: Floats = field(default_factory=lambda: np.zeros(0))  # in mean normal forces, in the order of the bed
     bearing: Floats = field(default_factory=lambda: np.zeros(0))  # 1 where a grain bears forces
     path: Floats = field(default_factory=lambda: np.zeros((0, 4)))  # by step: solid fraction, and the axial stresses
@@ -115,8 +120,8 @@ class Compressor(Resumable):
         stretch together.
     """
 
-    #: whether grains come to rest without friction, and stop reason of a packing that is proven to be in balance
-    direct, reason = True, "compressed"
+    #: whether grains come to rest without friction
+    direct = True
 
     def __init__(self, assembly: Assembly, how: Compression, start: ContactForces | None = None) -> None:
         self.how, self.container, self._start = how, assembly.container, start
@@ -143,6 +148,12 @@ class Compressor(Resumable):
         return self.progress.stage == ENDED
 
     @property
+    def reason(self) -> str:
+        """Stop reason of a compression that has ended."""
+        progress = self.progress
+        return "compressed" if progress.proven else "yielded" if progress.yields else "steps"
+
+    @property
     def most_steps(self) -> int:
         """Largest number of steps, those that were made included."""
         return 1 + STEPS + (STEPS + ROUNDS if self._surfaces else 0)
@@ -163,6 +174,7 @@ class Compressor(Resumable):
             "largest_residual": float(progress.residual.max(initial=0.0)),
             "smallest_gap": progress.smallest,
             "stress_error": progress.missed,
+            "stress_ratio": self._ratio(),
             "path": (progress.path * np.array([1.0, self.unit, self.unit, self.unit])).tolist(),
         }
 
@@ -215,7 +227,8 @@ class Compressor(Resumable):
         bed.stretch(1.0 + strain, stretched(self.container, progress.factors.tolist()))
         if np.abs(strain).max() < CALM * pace.strain:
             progress.mobility = max(LAST, pace.shrink * size)
-        last = progress.step + 1 >= self.most_steps
+        progress.yields = int(self._yields())
+        last = progress.step + 1 >= self.most_steps or bool(progress.yields)
         if not last and (progress.mobility > EXAMINED or progress.step % EVERY):
             return
         good = self._examine(QUICK)
@@ -229,6 +242,19 @@ class Compressor(Resumable):
             # nothing has moved since: the forces are at least as good afterwards
             self._examine(THOROUGH, known=True)
             progress.stage = ENDED
+
+    def _yields(self) -> bool:
+        """Return whether the container has sheared for long without a change of volume."""
+        progress = self.progress
+        strain = np.log(progress.factors / progress.before)[: self.bed.assembly.dimension]
+        if abs(strain.sum()) > SAME_VOLUME:
+            progress.before = progress.factors.copy()
+        return abs(strain.sum()) <= SAME_VOLUME and float(np.ptp(strain)) > SHEARED
+
+    def _ratio(self) -> float:
+        """Return the ratio of the least to the largest axial stress, the mean of the last steps; 1 before the first."""
+        stress = self.progress.path[-WINDOW:, 1 : 1 + self.bed.assembly.dimension].sum(axis=0)
+        return float(stress.min() / stress.max()) if stress.max(initial=0.0) > 0.0 else 1.0
 
     def _close(self) -> None:
         """Part surfaces that are not proven to be separate; then go on with the contacts of their triangles."""

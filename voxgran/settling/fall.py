@@ -3,8 +3,14 @@
 import numpy as np
 
 from voxgran._base.arrays import Floats
+from voxgran._base.seeds import stream
 from voxgran.settling.bed import Bed
 from voxgran.settling.impulses import Fall, advance_bodies
+
+#: kinetic energy of a grain, and the share of grains above a speed, in sqrt(g d), below which a bed is slow
+ENERGY, FAST, FEW = 0.05, 0.2, 0.05
+#: steps for which a grain is shaken in one direction
+SHAKEN_STEPS = 4
 
 
 def fall_step(bed: Bed, how: Fall, before: float, pull: Floats | None = None) -> None:
@@ -28,3 +34,18 @@ def stop_falling(bed: Bed, substep: float) -> None:
     """Take away the velocities, and turn the impulses of a substep into forces."""
     bed.rows.row[: bed.m, 10:14] /= substep
     bed.bodies[:, :6] = 0.0
+
+
+def is_slow(bed: Bed) -> bool:
+    """Return whether the grains have little kinetic energy, and few of them move fast."""
+    speed = np.linalg.norm(bed.bodies[: bed.count, :3], axis=1)
+    return bed.kinetic_energy < ENERGY and bed.mean(speed > FAST) < FEW
+
+
+def random_pull(bed: Bed, seed: int, step: int) -> Floats:
+    """Return random accelerations (n, 6) of all grains with moments, of the amplitude 1, in a step of shaking."""
+    draws = stream(seed, "shaking", step // SHAKEN_STEPS).normal(size=(bed.count, 6))
+    if bed.assembly.dimension == 2:
+        draws[:, 2:5] = 0.0
+    # grains of any size turn as far as they move
+    return np.asarray(draws * np.where(np.arange(6) < 3, 1.0, 2.0 / bed.diameter[:, None]))

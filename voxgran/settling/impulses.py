@@ -12,8 +12,11 @@ Moreau 1988, doi:10.1007/978-3-7091-2624-0_1. Macklin et al. 2019, doi:10.1145/3
 import math
 from typing import NamedTuple
 
-from voxgran._base.arrays import Floats
+import numpy as np
+
+from voxgran._base.arrays import Floats, Integers
 from voxgran._base.kernels import bare_kernel, inlined_kernel, kernel
+from voxgran.contacts.assembly import Assembly
 from voxgran.contacts.manifolds.rows import ContactRows
 from voxgran.geometry.vectors import Vector, cross, dot
 from voxgran.settling.materials import FrictionTable
@@ -27,6 +30,8 @@ SLOW = 0.05
 #: overlap that is not opened, and how contacts yield while they open others: factors on the change of an impulse and on
 #: the impulse that is lost; those of a spring of angular frequency 1.57 / h with 5 times the critical damping
 LEFT, GAIN, LOSS = 2.5e-4, 0.9478, 0.0522
+#: numbers of a body: velocity (3), angular velocity (3), inverse mass and inverse moment of inertia
+BODY = 8
 
 
 class Fall(NamedTuple):
@@ -43,6 +48,24 @@ class Fall(NamedTuple):
     most: float = MOST
     margin: float = MARGIN
     weight: float = 1.0  # factor on gravity
+
+
+def bodies_of(assembly: Assembly, order: Integers, lid_weight: float) -> Floats:
+    """Return the rows (n + 1, 8) of grains at rest, and of the lid; fixed grains have infinite mass."""
+    n = assembly.count
+    bodies = np.zeros((n + 1, BODY))
+    unit = math.pi / 6 if assembly.dimension == 3 else math.pi / 4
+    density = assembly.relative_densities[order]
+    mass = assembly.volumes[order] / unit * density
+    bodies[:n, 6] = 1.0 / mass
+    # the mean of the three principal moments stands for all: rest does not depend on them
+    own = [np.trace(shape.inertia) / 3 if assembly.dimension == 3 else shape.inertia[2, 2] for shape in assembly.shapes]
+    power = assembly.dimension + 2
+    moment = np.array(own)[assembly.shape_id[order]] * assembly.scale[order] ** power / unit if n else np.zeros(0)
+    bodies[:n, 7] = 1.0 / (moment * density)
+    bodies[:n, 6:][~assembly.movable[order]] = 0.0
+    bodies[n, 6] = 1.0 / lid_weight if assembly.lid is not None else 0.0
+    return bodies
 
 
 @bare_kernel

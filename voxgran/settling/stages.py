@@ -12,41 +12,37 @@ import numpy as np
 
 from voxgran._base.arrays import Floats
 from voxgran._base.errors import InputError
-from voxgran._base.seeds import stream
 from voxgran._base.stopping import Stopped
 from voxgran.contacts.assembly import Assembly
 from voxgran.contacts.manifolds.rows import SURFACE
 from voxgran.settling.bed import Bed
 from voxgran.settling.closing import close_round
 from voxgran.settling.equilibrium import balance_bed
-from voxgran.settling.fall import fall_step, stop_falling
+from voxgran.settling.fall import fall_step, is_slow, random_pull, stop_falling
 from voxgran.settling.impulses import Fall
 from voxgran.settling.materials import friction_of, friction_range
 from voxgran.settling.parameters import Settling
 from voxgran.settling.parting import part_grains
 from voxgran.settling.presets import FRICTIONAL, FRICTIONLESS, GRIDS, TRIANGLES, SolverPreset
 from voxgran.settling.quasi_static import frictionless_step, quasi_static_step
+from voxgran.settling.rain import Rain, let_arrive, steps_of_rain
 from voxgran.settling.resumable import Resumable
 
-#: stages, in their order: growth to full size, an examination of grains that may rest already, fall, shaking, the fall
-#: after it, quasi-static steps, rounds in which surfaces are parted, and the end
-GROWTH, START, FALL, SHAKING, AGAIN, STILL, CLOSING, ENDED = range(8)
+#: stages: growth to full size, an examination of grains that may rest already, fall, shaking, the fall after it,
+#: quasi-static steps, rounds in which surfaces are parted, and the end; and, before the fall, grains that arrive fast
+GROWTH, START, FALL, SHAKING, AGAIN, STILL, CLOSING, ENDED, RAIN = range(9)
 #: what they are called
-STAGES = ("growth", "examination", "fall", "shaking", "fall", "quasi-static", "parting", "end")
+STAGES = ("growth", "examination", "fall", "shaking", "fall", "quasi-static", "parting", "end", "rain")
 #: distance up to which surfaces touch
 TOUCHING = 1e-3
-#: sinking in a unit of time, and kinetic energy, below which the fall ends; units of time that it lasts at least
-SINKING, ENERGY, SHORTEST = 0.05, 0.05, 4.0
-#: speed of grains that move fast, in sqrt(g d), and their share from which on the fall goes on
-FAST, FEW = 0.2, 0.05
+#: sinking in a unit of time below which the fall ends; units of time that it lasts at least
+SINKING, SHORTEST = 0.05, 4.0
 #: greatest height of a container in which grains fall until they rest, in median diameters
 HIGHEST = 10_000.0
 #: units of time that the fall lasts at least without friction, where beds creep
 CREEPING = 30.0
 #: surfaces move at most so far in a step of growth, which lasts at least so many steps
 GROWTH_STEP, GROWTH_STEPS = 0.03, 40
-#: steps of the fall for which a grain is shaken in one direction
-SHAKEN_STEPS = 4
 #: iterations in a quasi-static step, twice as many in beds of more layers than these, and how the steps shrink
 ITERATIONS, DEEP, SHRINK = 30, 40.0, 0.9
 #: largest number of quasi-static steps in all, and how many times more are made in a bed of fewer grains than these
@@ -91,6 +87,9 @@ class Progress:
     substep: float = 0.0  # duration to which the impulses of the rows belong; 0 where they are forces or none
     trials: int = 0  # times that overlapping grains were parted
     falls: int = 0  # falls of a bed that had not come to rest
+    iterations: int = ITERATIONS  # of a quasi-static step
+    owed: float = 1.0  # grains that should have arrived by now
+    waited: float = 0.0  # time since the last one has arrived
     moved: float = 1.0  # share of the grains that moved in the last quasi-static step
     moving: float = 1.0  # share of the grains that do not rest, when last examined
     smallest: float = 0.0  # gap, when last examined
@@ -119,6 +118,10 @@ class Settler(Resumable):
         Of the random accelerations of shaking.
     small : (n,) ndarray of float, optional
         Factors on the sizes from which the grains grow to their own ones, with contacts.
+    rain : Rain, optional
+        How grains arrive that are held back, in place of growth.
+    held : int
+        How many of the last grains are held back.
 
     Raises
     ------
@@ -127,20 +130,18 @@ class Settler(Resumable):
         not end.
     """
 
-    #: stop reason of a packing that is proven to rest
-    reason = "settled"
-
     def __init__(
-        self, assembly: Assembly, how: Settling, gravity: Floats, *, seed: int = 0, small: Floats | None = None
-    ) -> None:
+        self, assembly: Assembly, how: Settling, gravity: Floats, *, seed: int = 0, small: Floats | None = None,
+        rain: Rain | None = None, held: int = 0,
+    ) -> None:  # fmt: skip
         self.how, self.seed = how, seed
         weight = how.lid.weight * float(assembly.volumes.sum()) / UNIT[assembly.dimension] if how.lid else 1.0
-        self.bed = Bed(assembly, gravity, lid_weight=weight, hulls=how.parts == "hulls")
-        self.small = small
-        self.progress = Progress(stage=START if small is None else GROWTH)
-        if small is not None:
-            self.bed.resize(small[self.bed.order])
-        surfaces = SURFACE in self.bed.grains.kind
+        self.bed = Bed(assembly, gravity, lid_weight=weight, hulls=how.parts == "hulls", held=held)
+        self.small, self.rain = small if rain is None else None, rain
+        self.progress = Progress(stage=RAIN if rain is not None else START if small is None else GROWTH)
+        if self.small is not None:
+            self.bed.resize(self.small[self.bed.order])
+        surfaces = SURFACE in self.bed.finders.kinds
         self.friction = friction_of(how.friction, assembly)
         least, largest = friction_range(self.friction)
         # some grains slip without friction, or all of them
@@ -153,8 +154,7 @@ class Settler(Resumable):
                 f"the container is {self._height():.3g} median diameters high along gravity: grains fall through at "
                 f"most {HIGHEST:.0f} until they rest; correct their sizes, or give fall_time"
             )
-        layers = np.ptp(self.bed.grains.position @ gravity) if assembly.count else 0.0
-        self._iterations = ITERATIONS if layers <= DEEP else 2 * ITERATIONS
+        self.progress.iterations = self._sweeps()
         if not assembly.movable.any():
             self.progress.stage, self.progress.proven, self.progress.moving = ENDED, 1, 0.0
             self.progress.residual = np.zeros(assembly.count)
@@ -165,12 +165,19 @@ class Settler(Resumable):
         return self.progress.stage == ENDED
 
     @property
+    def reason(self) -> str:
+        """Stop reason of a bed that has ended."""
+        return "settled" if self.progress.proven else "steps"
+
+    @property
     def most_steps(self) -> int:
         """Largest number of steps, those that were made included."""
         growth = 0 if self.small is None else self._growth_steps()
+        rain = 0 if self.rain is None else steps_of_rain(self.rain, self.bed.assembly.count, self._fall)
         shaking = 0 if self.how.shaking is None else math.ceil(self.how.shaking.duration / self._fall.step)
         falls, rounds = 2 + self._more_falls, (TRIALS + 2) * CLOSING_ROUNDS
-        return growth + 1 + shaking + falls * self._fall_steps() + (falls - 1) * self._more_steps * STILL_STEPS + rounds
+        still = (falls - 1) * self._more_steps * STILL_STEPS
+        return growth + rain + 1 + shaking + falls * self._fall_steps() + still + rounds
 
     @property
     def told(self) -> str:
@@ -233,6 +240,21 @@ class Settler(Resumable):
             self.bed.finders.exact = False
         self.bed.rows.row[:, 10:14] = 0.0
 
+    def _rain(self) -> None:
+        """Make a step in which grains arrive, or in which those that have arrived are still fast."""
+        assert self.rain is not None
+        progress, bed = self.progress, self.bed
+        how, ended = let_arrive(bed, self.rain, self._fall, progress)
+        if bed.count:
+            self._advance(None, how)
+        if ended:
+            progress.stage, progress.iterations = FALL if bed.count else ENDED, self._sweeps()
+
+    def _sweeps(self) -> int:
+        """Return the number of iterations of a quasi-static step, by the layers of the bed."""
+        layers = np.ptp(self.bed.grains.position @ self.bed.gravity) if self.bed.count else 0.0
+        return ITERATIONS if layers <= DEEP else 2 * ITERATIONS
+
     def _drop(self) -> None:
         """Make a step of the fall."""
         progress, unit = self.progress, round(1.0 / self._fall.step)
@@ -242,7 +264,7 @@ class Settler(Resumable):
         shortest = CREEPING if self._slips else SHORTEST
         lasted = progress.stage_step + 1 >= shortest * unit
         # without friction grains go on trembling
-        calm = lasted and sunk < SINKING and (self._slips or self._is_slow())
+        calm = lasted and sunk < SINKING and (self._slips or is_slow(self.bed))
         if not calm and progress.stage_step + 1 < self._fall_steps():
             return
         if progress.stage == FALL and self.how.shaking is not None:
@@ -250,11 +272,6 @@ class Settler(Resumable):
             return
         stop_falling(self.bed, self._fall.step / self._fall.substeps)
         progress.stage, progress.length, progress.substep = STILL, self._preset.first, 0.0
-
-    def _is_slow(self) -> bool:
-        """Return whether the grains have little kinetic energy, and few of them move fast."""
-        speed = np.linalg.norm(self.bed.bodies[: self.bed.count, :3], axis=1)
-        return self.bed.kinetic_energy < ENERGY and self.bed.mean(speed > FAST) < FEW
 
     def _fall_steps(self) -> int:
         """Return the largest number of steps of a fall."""
@@ -273,20 +290,16 @@ class Settler(Resumable):
         shaking, progress, bed = self.how.shaking, self.progress, self.bed
         assert shaking is not None
         steps = math.ceil(shaking.duration / self._fall.step)
-        draws = stream(self.seed, "shaking", progress.stage_step // SHAKEN_STEPS).normal(size=(bed.count, 6))
-        if bed.assembly.dimension == 2:
-            draws[:, 2:5] = 0.0
         strength = shaking.acceleration * (1.0 - progress.stage_step / steps)
-        # grains of any size turn as far as they move
-        pull = strength * draws * np.where(np.arange(6) < 3, 1.0, 2.0 / bed.diameter[:, None])
-        self._advance(np.ascontiguousarray(pull))
+        self._advance(strength * random_pull(bed, self.seed, progress.stage_step))
         if progress.stage_step + 1 >= steps:
             progress.stage, progress.heights = AGAIN, np.zeros(0)
 
     def _advance(self, pull: Floats | None, how: Fall | None = None) -> None:
         """Advance the bed by a step with inertia, as in the fall where nothing else is given."""
-        fall_step(self.bed, how or self._fall, self.progress.substep, pull)
-        self.progress.substep = self._fall.step / self._fall.substeps
+        how = how or self._fall
+        fall_step(self.bed, how, self.progress.substep, pull)
+        self.progress.substep = how.step / how.substeps
 
     def _rest(self) -> None:
         """Make a quasi-static step, and examine the bed when it hardly moves."""
@@ -359,7 +372,7 @@ class Settler(Resumable):
             )
         else:
             progress.moved = quasi_static_step(
-                bed, self.friction, progress.length, rest=preset.kept, iterations=self._iterations,
+                bed, self.friction, progress.length, rest=preset.kept, iterations=progress.iterations,
                 margin=preset.margin, most=preset.most, reuse=preset.reuse,
             )  # fmt: skip
         return progress.moved
@@ -384,7 +397,7 @@ class Settler(Resumable):
     @property
     def direct(self) -> bool:
         """Whether steps without friction are solved to the end: its time grows faster than the number of unknowns."""
-        return not self.bed.grains.kind.any() and self.bed.count <= MOST_DIRECT
+        return not any(self.bed.finders.kinds) and self.bed.assembly.count <= MOST_DIRECT
 
     @property
     def _more_steps(self) -> int:
@@ -431,7 +444,7 @@ class Settler(Resumable):
 
 _STEPS = {
     GROWTH: Settler._grow, START: Settler._begin, FALL: Settler._drop, SHAKING: Settler._shake, AGAIN: Settler._drop,
-    STILL: Settler._rest, CLOSING: Settler._close,
+    STILL: Settler._rest, CLOSING: Settler._close, RAIN: Settler._rain,
 }  # fmt: skip
 #: stages whose steps may be stopped in their midst
 _LONG = (START, STILL, CLOSING)

@@ -21,10 +21,9 @@ from voxgran.contacts.manifolds.rows import ARM_I, ARM_J, GAP, NORMAL
 from voxgran.settling.balance import gauss_seidel_forces, net_accelerations
 from voxgran.settling.bed import Bed
 from voxgran.settling.cell import Cell
+from voxgran.settling.cone_barrier import PLACES, forces_in_cones
 from voxgran.settling.materials import FrictionTable
 
-#: places of the six numbers of a symmetric tensor
-PLACES = ((0, 0), (1, 1), (2, 2), (1, 2), (0, 2), (0, 1))
 #: iterations between two multiplications of all forces, and the range of their factor
 SCALED_EVERY, LEAST_FACTOR, MOST_FACTOR = 10, 0.2, 5.0
 #: of a round of a search: iterations, those between two multiplications of all forces, mobility of the container (that
@@ -34,8 +33,11 @@ ROUND, SCALED_IN_ROUND, MOBILITY, TOLERANCE, SOFTNESS = 100, 50, 0.3, 1e-7, 1e-9
 STRESS_MET = 1e-3
 #: normal force, in mean ones, from which on a contact bears, and bearing contacts of a grain that is no rattler
 BEARS, HELD = 1e-3, 2
-#: most rounds of iterations
-ROUNDS = 100
+#: most rounds of iterations, those before the interior point begins, and most grains for which it does: its time grows
+#: with their number to the power of 7/3
+ROUNDS, FIRST_ROUNDS, MOST_DIRECT = 100, 4, 1500
+#: residual with which the interior point ends, in tolerances
+ACCURACY = 0.1
 #: range of the largest number of a stress
 LEAST, MOST = 1e-60, 1e60
 #: distance in median diameters within which the point of a contact is that of a known force
@@ -241,10 +243,20 @@ def balance_stress(
     if start is not None:
         keep_known_forces(bed, start, friction, unit)
     pressed = np.where(prescribed, asked / unit, 0.0) * bed.assembly.container.volume
-    modes = np.diag(prescribed.astype(np.float64))
-    found = balance_grains(
-        bed, modes, pressed, friction=friction, tolerance=tolerance, rounds=ROUNDS, known=start is not None
-    )
+    modes, direct = np.diag(prescribed.astype(np.float64)), bed.count <= MOST_DIRECT
+
+    def best(rounds: int, *, known: bool) -> Balanced:
+        return balance_grains(bed, modes, pressed, friction=friction, tolerance=tolerance, rounds=rounds, known=known)
+
+    found = best(FIRST_ROUNDS if direct else ROUNDS, known=start is not None)
+    if direct and found.bearing.any() and (found.moving > 0.0 or found.missed > STRESS_MET):
+        forces = forces_in_cones(
+            bed.contacts, found.forces, friction=bed.friction_at(friction), pressed=pressed, prescribed=prescribed,
+            radius=0.5 * bed.diameter, height=bed.grains.position[:, 2 - int(bed.assembly.dimension == 2)],
+            tolerance=ACCURACY * tolerance,
+        )  # fmt: skip
+        bed.keep_forces(forces)
+        found = min(found, best(0, known=True), key=lambda one: one.rank(tolerance))
     return found._replace(forces=found.forces * unit, stress=found.stress * unit)
 
 

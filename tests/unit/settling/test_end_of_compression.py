@@ -8,8 +8,9 @@ import voxgran as vg
 pytestmark = pytest.mark.filterwarnings("ignore::voxgran._base.errors.PackingWarning")
 
 
-def loose():
-    return vg.pack(vg.shapes.sphere(), vg.Box((5, 5, 5), periodic="xyz"), "rsa", count=60)
+def loose(count=60):
+    edge = 5 * (count / 60) ** (1 / 3)
+    return vg.pack(vg.shapes.sphere(), vg.Box((edge,) * 3, periodic="xyz"), "rsa", count=count)
 
 
 def test_each_axial_stress_is_met_to_its_own_hundredth():
@@ -17,10 +18,23 @@ def test_each_axial_stress_is_met_to_its_own_hundredth():
     ratio = np.diag(specimen.forces.stress) / (1.0, 1.0, 100.0)
     # the smaller stresses were once met to a hundredth of the largest one only
     assert specimen.stop_reason != "compressed" or np.allclose(ratio, 1.0, rtol=0.01)
-    assert np.allclose(ratio, 1.0, rtol=0.1)
+    assert np.allclose(ratio, 1.0, rtol=0.15)
 
 
 def test_grains_are_in_balance_where_the_last_examination_finds_less():
     specimen = vg.compress(loose(), rate=0.1)
     assert specimen.stop_reason == "compressed"
     assert vg.equilibrium(specimen).attrs["share_at_rest_without_rattlers"] >= 0.98
+
+
+def test_grains_that_bear_no_such_ratio_of_stresses_yield():
+    with pytest.warns(vg.PackingWarning, match=r"asked for is 0.3 of the largest one, and the least that these grains"):
+        flows = vg.compress(loose(300), stress=(0.3, 0.3, 1.0), friction=0.1)
+    record = flows.provenance["compression"]
+    assert flows.stop_reason == "yielded"
+    # a friction of 0.1 bears a third to two thirds
+    assert 0.3 < record["stress_ratio"] < 0.75
+    assert record["steps"] < 300
+    bears = vg.compress(loose(300), stress=(0.8, 0.8, 1.0), friction=0.1)
+    assert bears.stop_reason == "compressed"
+    assert bears.provenance["compression"]["stress_ratio"] == pytest.approx(0.8, abs=0.1)

@@ -77,16 +77,16 @@ class ContactFinders:
                 "are known only; make a mesh of it, ClosedMesh(Shape.from_mesh(*container.mesh()))"
             )
         self.exact = exact
-        self._kinds = set(grains.kind.tolist())
+        self.kinds = set(grains.kind.tolist())
         self._walls = kernel_container(assembly.container)
         self._wall_bodies = wall_bodies(assembly.shapes, assembly.container)
         self._normal = np.zeros(3) if assembly.lid is None else np.array(assembly.lid.normal, dtype=np.float64)
-        if CONVEX in self._kinds:
+        if CONVEX in self.kinds:
             self._convex_work = convex_work(convex_bodies(assembly.shapes, hulls=hulls), grains)
-        if SURFACE in self._kinds:
+        if SURFACE in self.kinds:
             self._surfaces = surface_bodies(assembly.shapes)
             self._surface_work = surface_work(self._surfaces, 0)
-        if OUTLINE in self._kinds:
+        if OUTLINE in self.kinds:
             self._outlines = outline_bodies(assembly.shapes)
 
     def prove(
@@ -102,7 +102,7 @@ class ContactFinders:
 
     def crossing(self, pairs: PairList, grains: Grains) -> int:
         """Return how many pairs were not proven to be separate when exact contacts were last found."""
-        if SURFACE not in self._kinds or not self.exact:
+        if SURFACE not in self.kinds or not self.exact:
             return 0
         proven = self._surface_work.arrays.proven[: len(pairs.i)]
         return int((pairs_of_kind(grains, pairs, SURFACE) & ~proven).sum())
@@ -118,7 +118,7 @@ class ContactFinders:
 
     def forget(self) -> None:
         """Forget all that a search has remembered of pairs of meshes."""
-        if SURFACE in self._kinds:
+        if SURFACE in self.kinds:
             self._surface_work.arrays.key[:] = -1
 
     def find(
@@ -131,15 +131,15 @@ class ContactFinders:
         contacts with walls are left out.
         """
         m, search = 0, Search(grains, pairs, margin, rest, reuse)
-        if SPHERE in self._kinds:
+        if SPHERE in self.kinds:
             m = find_sphere_contacts(search, rows, m)
-        if m >= 0 and CONVEX in self._kinds:
+        if m >= 0 and CONVEX in self.kinds:
             m = find_convex_contacts(search, self._convex_work, rows, m)
-        if m >= 0 and SURFACE in self._kinds:
+        if m >= 0 and SURFACE in self.kinds:
             self._make_room(len(pairs.i))
             find = find_triangle_contacts if self.exact else find_surface_contacts
             m = find(search, self._surface_work, rows, m)
-        if m >= 0 and OUTLINE in self._kinds:
+        if m >= 0 and OUTLINE in self.kinds:
             m = find_outline_contacts(search, self._outlines, rows, m)
         if m < 0:
             return m

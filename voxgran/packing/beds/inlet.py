@@ -20,6 +20,8 @@ from voxgran.packing.problem import Problem
 
 #: radius of an inlet whose radius is left out, in median diameters
 RADIUS = 2.0
+#: least rate, in grains per sqrt(d / g): no run of so many steps ends
+SLOWEST = 1e-3
 
 
 @explained_methods
@@ -39,6 +41,9 @@ class Inlet(ExplainedAttributes):
     height : float, optional
         Height above the lowest point of the container, in units of length, from which grains begin to fall if the bed
         below the inlet is lower. Default: the surface of the bed there.
+    rate : float, optional
+        How many grains pass the inlet in the time sqrt(d / g), with the median diameter d: they arrive one after the
+        other, and the bed moves meanwhile. Default: those of a batch begin together.
 
     Raises
     ------
@@ -68,6 +73,12 @@ class Inlet(ExplainedAttributes):
         "of the bed below the inlet",
         at_least=0.0,
     )
+    rate: float | None = parameter(
+        None,
+        doc="grains that pass the inlet in the time sqrt(d / g) with the median diameter d; if omitted, those of a "
+        "batch begin together",
+        at_least=SLOWEST,
+    )
 
     def __post_init__(self) -> None:
         """Check the ranges, and that there is one outline."""
@@ -80,7 +91,8 @@ class Inlet(ExplainedAttributes):
 
 @dataclass(frozen=True, eq=False)
 class Column:
-    """The part of a container below an inlet, and above it, as a container of its own that is not periodic.
+    """The part of a container below an inlet, and above it, as a container of its own, which is periodic along axes
+    that a rectangle spans.
 
     half: half the edges of a rectangle across gravity, or the radius of a disk alone; axes: directions of the edges.
     """
@@ -90,7 +102,7 @@ class Column:
     center: Floats
     half: Floats
     axes: Floats
-    periodic = (False, False, False)
+    periodic: tuple[bool, bool, bool] = (False, False, False)
 
     @property
     def dimension(self) -> int:
@@ -177,7 +189,12 @@ def column_below(inlet: Inlet, problem: Problem, up: Floats, bed: Floats) -> tup
             f"inlet runs from {ends[0]:g} to {ends[1]:g} along {axis}: it must lie within the bounds of the container; "
             "move it, or make it smaller"
         )
-    column = Column(problem.container, up, center, half, axes)
+    whole = np.zeros(3, dtype=np.bool_)
+    if len(half) > 1:
+        # a rectangle from one periodic side to the other has no edge there
+        whole = np.array(problem.container.periodic) & (2.0 * half @ axes > (upper - lower) * (1.0 - 1e-9))
+        half = np.where(axes @ whole > 0.0, 2.0 * (axes @ (upper - lower)), half)
+    column = Column(problem.container, up, center, half, axes, (bool(whole[0]), bool(whole[1]), bool(whole[2])))
     floor, top = container_levels(problem.container, up)
     level = -np.inf if inlet.height is None else floor + problem.length(inlet.height)
     if level > top - widest:

@@ -24,6 +24,7 @@ from voxgran.contacts.assembly import Assembly
 from voxgran.containers.gravity import gravity_text, gravity_vector
 from voxgran.packing.beds.filling import highest_surface, in_column, usual_solid_fraction, volume_at_rest
 from voxgran.packing.beds.inlet import Inlet, column_below
+from voxgran.packing.beds.raining import rain_of
 from voxgran.packing.beds.reachable import reachable
 from voxgran.packing.beds.seeds import LOOSE, RADIUS, column_top, container_levels, random_seeds
 from voxgran.packing.method import Cost, PackingMethod
@@ -92,6 +93,13 @@ class Gravity(Settling):
     inlet: Inlet | None = parameter(
         None, doc="disk or rectangle below which the grains begin to fall; if omitted, the whole container"
     )
+    fall_height: float | None = parameter(
+        None,
+        doc="height, in units of length, from which grains have fallen when they meet the bed, one after the other, at "
+        "the rate of the inlet or such that the bed rises by 0.3 d in sqrt(d / g): the higher, the denser; if omitted, "
+        "they grow together and fall no faster than sqrt(g d)",
+        at_least=0.0,
+    )
 
 
 def prepare(problem: Problem) -> SettleState:
@@ -103,13 +111,16 @@ def prepare(problem: Problem) -> SettleState:
         If gravity points along a periodic axis, a shape is an open surface, seeds find no place, or a grain of the
         start overlaps another or reaches beyond a wall.
     """
-    assembly, small, gravity = _start(reachable(problem))
+    gravity, how = gravity_vector(problem), settling_of(problem.parameters)
+    started = reachable(problem)
+    rain = rain_of(started, -gravity)
+    assembly, small = _start(started) if rain is None else _unplaced(started)
+    held = 0 if rain is None else assembly.count - problem.started
     assembly, small = _beside_fixed(problem, assembly, small)
-    how = settling_of(problem.parameters)
     lidded = with_lid(assembly, how, gravity)
     settler = begin_settling(
         how if assembly.movable.any() else replace(how, solid_fraction=None),
-        lambda tried: Settler(lidded, tried, gravity, seed=problem.seed, small=small),
+        lambda tried: Settler(lidded, tried, gravity, seed=problem.seed, small=small, rain=rain, held=held),
         lambda settler: _packing(problem, settler, ""),
     )
     reason = "" if assembly.movable.any() else "count"
@@ -121,15 +132,40 @@ def settling_of(parameters: Gravity) -> Settling:
     return Settling(**{item.name: getattr(parameters, item.name) for item in fields(Settling)})
 
 
-def _start(problem: Problem) -> tuple[Assembly, Floats, Floats]:
-    """Return the grains at their seeds, at full size, the factors on their sizes, and gravity."""
+def _as_many(problem: Problem, up: Floats) -> int:
+    """Return how many grains there is room for, in the order in which they were drawn."""
+    return int(np.searchsorted(np.cumsum(problem.volumes), _most_volume(problem, up), side="right"))
+
+
+def _unplaced(problem: Problem) -> tuple[Assembly, Floats]:
+    """Return the grains of a start before all others, which will arrive one after the other, and no growth."""
+    m, n = problem.started, max(_as_many(problem, -gravity_vector(problem)), problem.started)
+    centers = np.zeros((n, 3))
+    centers[:m] = spheres_of_start(problem)[:, :3] + problem.container.bounds[0]
+    return _assembly(problem, centers, stream(problem.seed, "seeds")), np.ones(n)
+
+
+def _assembly(problem: Problem, centers: Floats, generator: np.random.Generator) -> Assembly:
+    """Return the first grains at centers (n, 3), at full size, turned at random where nothing else is asked."""
+    n, m = len(centers), problem.started
+    turns = generator.normal(size=(n, 4))
+    if problem.dimension == 2:
+        turns[:, 1:3] = 0.0
+    turns /= np.linalg.norm(turns, axis=1)[:, None]
+    if problem.orientation is not None:
+        turns = problem.orientation[:n].copy()
+    elif problem.start is not None:
+        turns[:m] = problem.start.orientation
+    arrays = {"position": centers, "scale": problem.diameter[:n], "shape_id": problem.shape_id[:n]}
+    return Assembly.of(problem.shapes, problem.container, orientation=turns, density=problem.density, **arrays)
+
+
+def _start(problem: Problem) -> tuple[Assembly, Floats]:
+    """Return the grains at their seeds, at full size, and the factors on their sizes."""
     container, dimension = problem.container, problem.dimension
-    gravity, settings = gravity_vector(problem), problem.parameters
-    up = -gravity
+    up, settings = -gravity_vector(problem), problem.parameters
     generator = stream(problem.seed, "seeds")
-    # as many grains, in the order in which they were drawn, as there is room for
-    volume = np.cumsum(problem.volumes)
-    n = int(np.searchsorted(volume, _most_volume(problem, up), side="right"))
+    n, volume = _as_many(problem, up), np.cumsum(problem.volumes)
     n = in_column(problem, up, n, _height(problem, up), stream(problem.seed, "column"))
     spheres, m = spheres_of_start(problem), problem.started
     n, centers = max(n, m), spheres[:, :3] + container.bounds[0]
@@ -146,18 +182,9 @@ def _start(problem: Problem) -> tuple[Assembly, Floats, Floats]:
     fill = max(fill, total / max(room, 1e-300))
     radii = RADIUS * (LOOSE / fill) ** (1.0 / dimension) * problem.diameter[m:n]
     seeds, radii = random_seeds(container, radii, up=up, top=top, generator=generator, base=base)
-    turns = generator.normal(size=(n, 4))
-    if dimension == 2:
-        turns[:, 1:3] = 0.0
-    turns /= np.linalg.norm(turns, axis=1)[:, None]
-    if problem.orientation is not None:
-        turns = problem.orientation[:n].copy()
-    elif problem.start is not None:
-        turns[:m] = problem.start.orientation
-    arrays = {"position": np.vstack([centers, seeds]), "scale": problem.diameter[:n], "shape_id": problem.shape_id[:n]}
-    assembly = Assembly.of(problem.shapes, problem.container, orientation=turns, density=problem.density, **arrays)
+    assembly = _assembly(problem, np.vstack([centers, seeds]), generator)
     small = np.minimum(1.0, APART * radii / np.maximum(assembly.bounding_radii[m:], 1e-300))
-    return assembly, np.concatenate([np.ones(m), small]), gravity
+    return assembly, np.concatenate([np.ones(m), small])
 
 
 def _beside_fixed(problem: Problem, grains: Assembly, small: Floats) -> tuple[Assembly, Floats]:

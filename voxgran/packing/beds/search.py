@@ -69,7 +69,7 @@ class SoughtBed:
 
     @property
     def reason(self) -> str:
-        """Stop reason of a bed that rests."""
+        """Stop reason of the present try, at the end of the best one."""
         return str(self.settler.reason)
 
     @property

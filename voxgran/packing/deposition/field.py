@@ -25,7 +25,8 @@ class Field(NamedTuple):
     spheres: (n, 4) centers and radii.  lengths: of the bounds.  flat: axes with plane walls on both sides, as 0 or 1.
     up: the axis against the pull.  central: whether the pull is to `target` instead, without walls.
     contacts: (3, WIDTH) and vectors: (ROWS, 3) work space.  edges: (m, 6) which edges and corners of the triangles of a
-    mesh stand out into the container, as 0 or 1.
+    mesh stand out into the container, as 0 or 1.  inlet: (5,) below which spheres fall: its center along the two axes
+    across the pull, half its edges or the radius of a disk, and whether it is one.
     """
 
     spheres: Floats
@@ -39,6 +40,7 @@ class Field(NamedTuple):
     vectors: Floats
     walls: KernelContainer
     edges: Integers
+    inlet: Floats
 
 
 class Motion(NamedTuple):

@@ -28,6 +28,7 @@ from voxgran.containers.gravity import as_down, usual_axis
 from voxgran.containers.kernel_container import KernelContainer, kernel_container
 from voxgran.containers.model import boundary_of
 from voxgran.geometry.level_grid import level_cells
+from voxgran.packing.beds.inlet import Inlet, column_below
 from voxgran.packing.deposition.facets import standing_out
 from voxgran.packing.deposition.field import ROWS, WIDTH, Field
 from voxgran.packing.deposition.rain import LOST, MISSED, PATIENCE, PLACED, TALLIES, Tops, drop_spheres, put_again
@@ -71,6 +72,9 @@ class Deposition:
     drops: int = parameter(
         1, doc="drops of each grain, of which the lowest place is taken, or that nearest to the center", at_least=1
     )
+    inlet: Inlet | None = parameter(
+        None, doc="disk or rectangle below which grains fall to the floor; if omitted, the whole container"
+    )
 
 
 def prepare(problem: Problem) -> State:
@@ -79,8 +83,8 @@ def prepare(problem: Problem) -> State:
     Raises
     ------
     InputError
-        If grains fall along a periodic axis, or toward the center of a container with periodic axes, or a grain of the
-        start overlaps another or reaches beyond a wall.
+        If grains fall along a periodic axis, or toward the center of a container with periodic axes, the inlet is
+        refused, or a grain of the start overlaps another or reaches beyond a wall.
     """
     settings: Deposition = problem.parameters
     container, central = problem.container, settings.toward == "center"
@@ -95,6 +99,7 @@ def prepare(problem: Problem) -> State:
             f"periodic is {_axes(container.periodic)}: grains that fall toward the center have no periodic images; "
             "give a container with walls"
         )
+    _inlet(problem, problem.dimension - 1)
     spheres = np.zeros((problem.count, 4))
     spheres[: problem.started] = spheres_of_start(problem)
     arrays = {"spheres": spheres, "tally": np.array([problem.started, *[0] * (TALLIES - 1)])}
@@ -163,10 +168,35 @@ def _precomputed(problem: Problem, state: State) -> Precomputed:
         *work,
         walls,
         standing_out(walls.mesh),
+        _inlet(problem, up),
     )
     made = Precomputed(field, radius, level, tops)
     put_again(field, tops, level, int(state.arrays["tally"][PLACED]))
     return made
+
+
+def _inlet(problem: Problem, up: int) -> Floats:
+    """Return the inlet, from the lower corner, as :class:`Field` describes it.
+
+    Raises
+    ------
+    InputError
+        If it has a height or a rate, grains fall toward the center, or :func:`column_below` refuses it.
+    """
+    settings: Deposition = problem.parameters
+    if settings.inlet is None:
+        return np.array([0.0, 0.0, np.inf, np.inf, 0.0])
+    if settings.toward == "center":
+        raise InputError("inlet is given with toward='center': grains fall below an inlet to the floor; leave one out")
+    for name in ("height", "rate"):
+        if (value := getattr(settings.inlet, name)) is not None:
+            raise InputError(
+                f"{name} of inlet is {value:g}: by deposition grains come one by one from above all others; leave it "
+                "out, or take the method 'gravity'"
+            )
+    column, _ = column_below(settings.inlet, problem, np.eye(3)[up], np.zeros((0, 4)))
+    center, half = column.center - problem.container.bounds[0], column.half
+    return np.array([center[0], center[3 - up], half[0], half[-1], float(len(half) == 1)])
 
 
 def _walls(problem: Problem) -> KernelContainer:

@@ -21,7 +21,7 @@ PATIENCE = 200
 PLACED, MISSED, LOST, TALLIES = range(4)
 #: length in radii up to which a sphere may reach beyond the wall of a mesh
 ROUNDING = 1e-10
-#: lines that are tried to find room in a mesh
+#: lines that are tried to find room in a mesh, or below an inlet
 TRIES = 100
 #: number of a draw beyond those of all drops
 APART = 2**32
@@ -64,7 +64,7 @@ def drop_spheres(
             else:
                 free = _lift(field, tops, r, u, v, w, place)
                 for again in range(1, TRIES if free < 0 else 0):
-                    # the line may lead through no room of a mesh
+                    # the line may not be below the inlet, or lead through no room of a mesh
                     words = philox_block(key[0], key[1], np.uint64(done), np.uint64(k + again * APART * 2))
                     u, v, w = unit_float(words[0]), unit_float(words[1]), unit_float(words[2])
                     free = _lift(field, tops, r, u, v, w, place)
@@ -92,8 +92,8 @@ def drop_spheres(
 def _lift(field, tops, r, u, v, w, place):  # type: ignore[no-untyped-def]
     """Write a random place above all spheres that may be in the way; return 1, or 0 where it is taken.
 
-    It may be taken where a round wall or that of a mesh is above. Return -1 where a vertical line has no room in a
-    mesh; where it has several, w is the share of the height near which one is chosen.
+    It may be taken where a round wall or that of a mesh is above. Return -1 where a vertical line is not below the
+    inlet, or has no room in a mesh; where it has several, w is the share of the height near which one is chosen.
     """
     across = 3 - field.up
     place[0], place[1], place[2] = 0.0, 0.0, 0.0
@@ -105,6 +105,8 @@ def _lift(field, tops, r, u, v, w, place):  # type: ignore[no-untyped-def]
             if field.lengths[axis] > 0.0:
                 inset = r if field.flat[axis] == 1 else 0.0
                 place[axis] = inset + share * (field.lengths[axis] - 2.0 * inset)
+    if not _is_below_inlet(field, r, place):
+        return -1
     if field.walls.kind == MESH:
         highest, ceiling = _within_mesh(field, r, w, place)
         if ceiling == math.inf:
@@ -120,6 +122,16 @@ def _lift(field, tops, r, u, v, w, place):  # type: ignore[no-untyped-def]
         return 1
     still = Motion(STILL, place, r, 0, 0.0)
     return int(first_sphere(field, still, (place[0], place[1], place[2]), r, 0.0)[4] == 0.0)
+
+
+@bare_kernel
+def _is_below_inlet(field, r, place):  # type: ignore[no-untyped-def]
+    """Return whether a vertical line through a place is below the inlet, if there is one, as far as the sphere goes."""
+    a, b, half_a, half_b, is_disk = field.inlet
+    away_a, away_b = abs(place[0] - a), abs(place[3 - field.up] - b)
+    if is_disk == 1.0:
+        return math.hypot(away_a, away_b) <= half_a - r
+    return away_a <= half_a - r and away_b <= half_b - r
 
 
 @bare_kernel

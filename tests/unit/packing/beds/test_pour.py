@@ -124,7 +124,7 @@ def test_inlets_that_cannot_be(inlet, container, sentence):
 
 
 def test_what_has_no_meaning_for_batches():
-    with pytest.raises(InputError, match="height is given: grains are poured in batches by a count alone"):
+    with pytest.raises(InputError, match="height is given: grains are poured by a count alone"):
         vg.pour(BALL, vg.Box((5, 5, 6)), 5, height=3)
     with pytest.raises(InputError, match="inlet is 2"):
         vg.pour(BALL, vg.Box((5, 5, 6)), 5, inlet=2)
