@@ -22,17 +22,6 @@ from voxgran.lattice.label import connected_components
 from voxgran.lattice.necks import Basins, basins_from, pairs_of, tally, widest
 
 
-def histogram_of(grey: Any, least: Any, greatest: Any) -> tuple[Integers, NDArray[Any]]:
-    """Return the numbers of voxels and the middles of the classes of an image, as scikit-image counts them."""
-    if grey.dtype.kind == "f":
-        edges = np.histogram_bin_edges(np.array([least, greatest]), 256)
-        parts = of_blocks(grey, lambda block, _: np.histogram(block, 256, (least, greatest))[0])
-        return np.sum(parts, axis=0), (edges[:-1] + edges[1:]) / 2
-    many = int(greatest) - int(least) + 1
-    parts = of_blocks(grey, lambda block, _: np.bincount(block.ravel() - int(least), minlength=many))
-    return np.sum(parts, axis=0), np.arange(int(least), int(greatest) + 1)
-
-
 def without_small(mask: Any, least: int) -> Any:
     """Return a mask without bodies of few voxels."""
     bodies: Any

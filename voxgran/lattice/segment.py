@@ -13,8 +13,8 @@ from voxgran._base.arrays import Integers, as_array, as_count, as_number, as_pos
 from voxgran._base.calls import explained, renamed
 from voxgran._base.errors import InputError, MissingLibraryError, shown
 from voxgran._base.lazy import load
-from voxgran.lattice.block_basins import basins_of, border_of, distance_to_void, histogram_of, without_small
-from voxgran.lattice.blocks import lazy_of
+from voxgran.lattice.block_basins import basins_of, border_of, distance_to_void, without_small
+from voxgran.lattice.blocks import histogram_of, lazy_of
 from voxgran.lattice.image import Edges, Image, known_edges
 from voxgran.lattice.necks import Basins, basins_from, merged, pairs_of, score, tally, widest
 
