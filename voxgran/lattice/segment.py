@@ -18,11 +18,11 @@ from voxgran.lattice.blocks import histogram_of, lazy_of
 from voxgran.lattice.image import Edges, Image, known_edges
 from voxgran.lattice.necks import Basins, basins_from, merged, pairs_of, score, tally, widest
 
-#: largest ratio of the neck to the smaller of two grains, where no separation is given
+#: largest score of two grains, where no separation is given
 NECK = 0.9
 #: standard deviation, in voxels along each axis, over which the distance is smoothed
 SMOOTH = 0.7
-#: ratios of necks above which two grains may be one, and below which one grain may be two
+#: scores above which two grains may be one, and below which one grain may be two
 SPLIT, MERGED = 0.75, 0.95
 
 
@@ -48,8 +48,9 @@ class Segmentation(NDArrayOperatorsMixin, Image):
     necks : xarray.Dataset
         A row for each pair of touching grains, and for the narrowest neck within each grain that was put together of
         several: labels ``grain`` and ``other`` (equal within a grain), ``diameter`` of the largest sphere that passes
-        (twice the largest distance to the void on the common faces), and its ``ratio`` to the smaller part (twice the
-        largest distance to the void in it). Distances are smoothed over 0.7 voxels.
+        (twice the largest distance to the void on the common faces), its ``ratio`` to the smaller part (twice the
+        largest distance to the void in it), the ``excess`` of the ellipsoid of both over those of the parts as a share
+        of the smaller one, and the ``score``, ratio less 0.15 of the excess. Distances are smoothed over 0.7 voxels.
     grains : int
         Number of grains.
     """
@@ -72,8 +73,8 @@ class Segmentation(NDArrayOperatorsMixin, Image):
 
     @property
     def suspects(self) -> Any:
-        """The rows of `necks` that may be wrong: pairs of grains that may be one, with a neck of at least 0.75 of the
-        smaller grain, and grains that may be several (``grain`` equals ``other``), with one of at most 0.95.
+        """The rows of `necks` that may be wrong: pairs of grains that may be one, with a score of at least 0.75, and
+        grains that may be several (``grain`` equals ``other``), with one of at most 0.95.
         """
         within, found = (self.necks["grain"] == self.necks["other"]).values, self.necks["score"].values
         return self.necks.isel(neck=np.where(within, found <= MERGED, found >= SPLIT))
@@ -129,8 +130,8 @@ def segment(
         Smallest number of voxels of solid bodies, holes and separated grains; smaller ones are removed as noise.
     separation : float, optional
         Decrease of the distance to the void between two centers from which they are separate grains, in the unit of the
-        voxel size, or in voxels where that is unknown; larger values separate fewer grains. Default: a tenth of the
-        smaller of the two distances, whatever the size of the grains.
+        voxel size, or in voxels where that is unknown; larger values separate fewer grains. Default: about a tenth of
+        the smaller of the two distances, whatever the size of the grains, by the score of the necks.
     voxel_size : float or (3,) array_like of float, optional
         Edge of a voxel, or its edges along x, y and z. Default: those that an Image tells.
 
@@ -151,10 +152,12 @@ def segment(
     The distance is that to the void within the image, so that grains are as wide where the border cuts them. It is
     smoothed over 0.7 voxels (Gaussian), so that steps of the voxels part nothing.
 
-    Why a tenth: a length that parts small grains cuts large ones at each bump of their surface. Relative to the smaller
-    grain the necks of grains that touch and the bumps of one grain are far apart: of spheres, polyhedra and rocks
-    (``voxgran bench segmentation``) hardly a neck within a grain is narrower than 0.9, and hardly one between two
-    grains is wider. Grains that share a whole flat face have no neck: no separation parts them.
+    Two parts are one grain if their score is above 0.9. Its ratio is relative, since a length that parts small grains
+    cuts large ones at each bump of their surface. Of a part that the border cuts it is the mean of two, one of them by
+    distances within the planes of the border: what is left of a grain may be thin there, and its section wide. The
+    excess tells grains that touch with a wide neck from the parts of one: two equal spheres that touch have 0.45, the
+    parts of a convex body at most about 0. Spheres, polyhedra and rocks are found within 2 % (``voxgran bench
+    segmentation``). Grains that share a whole flat face have no neck: nothing parts them.
 
     A dask array is flooded block by block, each with surroundings as wide as the largest grain; only voxels that two
     basins reach at the same level may get another label than in memory. What is needed several times is kept in the
