@@ -94,6 +94,6 @@ def basins_of(solid: Any, edges: Edges | None, smooth: float) -> tuple[Any, Basi
 
 def _tallied(labels: Any, start: Integers, distance: Any, count: int) -> tuple[Integers, Integers, Floats]:
     """Return the labels of a block, their moments, and the largest distance in each."""
-    moments, peak = tally(np.ascontiguousarray(labels), np.ascontiguousarray(distance), start, count)
+    moments, peak = tally(labels, distance, start, count)
     some = np.flatnonzero(moments[:, 0])
     return some, moments[some], peak[some]

@@ -9,6 +9,7 @@ which the ellipsoid with the moments of both is larger than those of the parts. 
 
 from collections.abc import Iterable
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -51,7 +52,7 @@ class Basins:
         return (pairs.neck / smaller).mean(axis=1), _excess(self.moments[pairs.one], self.moments[pairs.other])
 
 
-def score(ratio: Floats, excess: Floats) -> Floats:
+def score(ratio: Any, excess: Any) -> Any:
     """Return how much two parts are like one grain: 1 if nothing parts them, less the narrower and the more bent."""
     return ratio - BENT * excess
 
@@ -76,9 +77,17 @@ def _ellipsoids(moments: Integers) -> Floats:
     return np.asarray(np.sqrt(np.maximum(determinant, 12.0**-3)))
 
 
+def tally(
+    labels: NDArray[np.int32], distance: NDArray[np.float32], start: Integers, count: int
+) -> tuple[Integers, Floats]:
+    """Return moments (count + 1, 10) and largest distances (count + 1,) of labels; `start` is the first voxel."""
+    found: tuple[Integers, Floats] = _tally(np.ascontiguousarray(labels), np.ascontiguousarray(distance), start, count)
+    return found
+
+
 @kernel
-def tally(labels, distance, start, n):  # type: ignore[no-untyped-def]
-    """Return the moments (n + 1, 10) of labels, of which the first voxel lies at `start`, and the largest distance."""
+def _tally(labels, distance, start, n):  # type: ignore[no-untyped-def]
+    """Return moments and largest distances of labels; those of label 0 are 0."""
     moments, peak = np.zeros((n + 1, 10), dtype=np.int64), np.zeros(n + 1)
     nx, ny, nz = labels.shape
     for i in range(nx):
