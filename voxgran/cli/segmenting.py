@@ -47,7 +47,7 @@ def segment(options: argparse.Namespace) -> None:
     suspects = found.suspects
     pairs = np.column_stack([suspects["grain"], suspects["other"]])
     # those of which it is least sure come first
-    order = np.argsort(np.where(pairs[:, 0] == pairs[:, 1], suspects["ratio"], 1.0 - suspects["ratio"]))
+    order = np.argsort(np.where(pairs[:, 0] == pairs[:, 1], suspects["score"], 1.0 - suspects["score"]))
     numbers = {
         "grains": found.grains,
         "separation": found.separation,

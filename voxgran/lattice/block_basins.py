@@ -5,7 +5,9 @@ so that the basins of blocks fit together; a voxel may belong to another basin t
 reach it at the same level, or where a plateau of the distance is wider than these surroundings.
 """
 
+import itertools
 import math
+from collections.abc import Iterator
 from typing import Any
 
 import numpy as np
@@ -17,18 +19,7 @@ from voxgran.lattice.blocks import block_library, kept, of_blocks, overlapped
 from voxgran.lattice.distance import distance_transform
 from voxgran.lattice.image import Edges
 from voxgran.lattice.label import connected_components
-from voxgran.lattice.necks import Pairs, pairs_of, widest
-
-
-def histogram_of(grey: Any, least: Any, greatest: Any) -> tuple[Integers, NDArray[Any]]:
-    """Return the numbers of voxels and the middles of the classes of an image, as scikit-image counts them."""
-    if grey.dtype.kind == "f":
-        edges = np.histogram_bin_edges(np.array([least, greatest]), 256)
-        parts = of_blocks(grey, lambda block, _: np.histogram(block, 256, (least, greatest))[0])
-        return np.sum(parts, axis=0), (edges[:-1] + edges[1:]) / 2
-    many = int(greatest) - int(least) + 1
-    parts = of_blocks(grey, lambda block, _: np.bincount(block.ravel() - int(least), minlength=many))
-    return np.sum(parts, axis=0), np.arange(int(least), int(greatest) + 1)
+from voxgran.lattice.necks import Basins, basins_from, pairs_of, tally, widest
 
 
 def without_small(mask: Any, least: int) -> Any:
@@ -55,8 +46,15 @@ def sizes_of(labels: Any, count: int) -> Integers:
     return sizes
 
 
-def basins_of(solid: Any, edges: Edges | None, smooth: float) -> tuple[Any, Floats, Pairs, Integers]:
-    """Return the basins of the distance to the void, the largest distance in each, their pairs and numbers of voxels.
+def border_of(labels: Any, solid: Any, edges: Edges | None, smooth: float) -> Iterator[tuple[Any, Any]]:
+    """Yield the labels and the smoothed distances to the void within each of the six planes of the border."""
+    for axis, side in itertools.product(range(3), (slice(1), slice(-1, None))):
+        plane, mask = (np.asarray(each[(slice(None),) * axis + (side,)]) for each in (labels, solid))
+        yield plane, load("scipy.ndimage").gaussian_filter(distance_to_void(mask, edges), smooth) * mask
+
+
+def basins_of(solid: Any, edges: Edges | None, smooth: float) -> tuple[Any, Basins]:
+    """Return the labels of the basins of the distance to the void, and the basins.
 
     `smooth` is the standard deviation, in voxels, over which the distance is smoothed.
     """
@@ -87,15 +85,15 @@ def basins_of(solid: Any, edges: Edges | None, smooth: float) -> tuple[Any, Floa
     with_next = [array.overlap.overlap(each, ahead, "none") for each in (basins, distance)]
     found = of_blocks(with_next, lambda labels, _, far: pairs_of(labels, far))
     pairs = widest(*(np.concatenate([getattr(part, name) for part in found]) for name in ("one", "other", "neck")))
-    peaks = np.zeros(count + 1)
-    for labels, tallest in of_blocks([basins, distance], lambda labels, _, far: _tops(labels, far)):
-        peaks[labels] = np.maximum(peaks[labels], tallest)
-    peaks[0] = 0.0
-    return basins, peaks, pairs, sizes_of(basins, count)
+    peak, moments = np.zeros(count + 1), np.zeros((count + 1, 10), dtype=np.int64)
+    for some, sums, tallest in of_blocks([basins, distance], _tallied, count):
+        peak[some] = np.maximum(peak[some], tallest)
+        moments[some] += sums
+    return basins, basins_from(peak, moments, pairs, border_of(basins, solid, edges, smooth))
 
 
-def _tops(labels: NDArray[Any], distance: NDArray[Any]) -> tuple[Integers, Floats]:
-    """Return the labels of a block and the largest distance in each."""
-    found, index = np.unique(labels, return_inverse=True)
-    highest = load("scipy.ndimage").maximum(distance, index.reshape(labels.shape), np.arange(len(found)))
-    return found, np.asarray(highest, dtype=np.float64)
+def _tallied(labels: Any, start: Integers, distance: Any, count: int) -> tuple[Integers, Integers, Floats]:
+    """Return the labels of a block, their moments, and the largest distance in each."""
+    moments, peak = tally(labels, distance, start, count)
+    some = np.flatnonzero(moments[:, 0])
+    return some, moments[some], peak[some]

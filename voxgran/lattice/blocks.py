@@ -16,7 +16,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from voxgran._base.arrays import as_count
+from voxgran._base.arrays import Integers, as_count
 from voxgran._base.errors import MissingLibraryError, TooLargeError
 from voxgran._base.lazy import load
 from voxgran._base.machine import memory_limit
@@ -98,6 +98,17 @@ def of_blocks(values: Any, function: Callable[..., Any], *arguments: Any) -> lis
 
     how = {"dtype": object, "chunks": (1, 1, 1), "meta": np.empty((0, 0, 0), dtype=object)}
     return list(block_library("dask.array").map_blocks(found, *arrays, **how).compute().ravel())
+
+
+def histogram_of(grey: Any, least: Any, greatest: Any) -> tuple[Integers, NDArray[Any]]:
+    """Return the numbers of voxels and the middles of the classes of an image, as scikit-image counts them."""
+    if grey.dtype.kind == "f":
+        edges = np.histogram_bin_edges(np.array([least, greatest]), 256)
+        parts = of_blocks(grey, lambda block, _: np.histogram(block, 256, (least, greatest))[0])
+        return np.sum(parts, axis=0), (edges[:-1] + edges[1:]) / 2
+    many = int(greatest) - int(least) + 1
+    parts = of_blocks(grey, lambda block, _: np.bincount(block.ravel() - int(least), minlength=many))
+    return np.sum(parts, axis=0), np.arange(int(least), int(greatest) + 1)
 
 
 def overlapped(

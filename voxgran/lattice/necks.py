@@ -1,17 +1,24 @@
 """Basins of a distance map, the necks between them, and which of them are one grain.
 
 Each maximum of the distance to the void has a basin (watershed). Basins are merged from the widest neck on, as long as
-the neck is hardly narrower than the smaller of the two: the same as markers by h-maxima, of the distance where the
-decrease is a length, of its logarithm where it is a share (Soille 2004, Morphological image analysis,
-doi:10.1007/978-3-662-05088-0), and at the cost of one watershed for all of them. Every neck is known in the end.
+the neck is hardly narrower than the smaller of the two. Where the decrease is a length, these are the markers by
+h-maxima of the distance (Soille 2004, Morphological image analysis, doi:10.1007/978-3-662-05088-0), at the cost of one
+watershed for all of them. Otherwise two numbers decide: the ratio of the neck to the smaller part, and the excess, by
+which the ellipsoid with the moments of both is larger than those of the parts. Every neck is known in the end.
 """
 
+from collections.abc import Iterable
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from voxgran._base.arrays import Floats, Integers
+from voxgran._base.kernels import kernel
+
+#: by how much an excess of one reduces the score of two parts
+BENT = 0.15
 
 
 @dataclass(frozen=True, slots=True)
@@ -20,7 +27,99 @@ class Pairs:
 
     one: Integers  # (n,), the smaller label
     other: Integers  # (n,)
-    neck: Floats  # (n,)
+    neck: Floats  # (n,), or (n, 2) as `peak` of basins
+
+
+@dataclass(frozen=True, slots=True)
+class Basins:
+    """Basins 1 ... n; entry 0 is the void."""
+
+    peak: Floats  # (n + 1, 2), largest distance to the void; the second one has that within the border planes, too
+    moments: Integers  # (n + 1, 10), numbers of voxels, sums of their indices x, y, z and of xx, yy, zz, xy, xz, yz
+    pairs: Pairs
+
+    def joined(self, root: Integers) -> "Basins":
+        """Return the basins of which each has what the basins have that belong to it, without pairs."""
+        peak, moments = np.zeros_like(self.peak), np.zeros_like(self.moments)
+        np.maximum.at(peak, root, self.peak)
+        np.add.at(moments, root, self.moments)
+        none = np.zeros(0, dtype=np.int64)
+        return Basins(peak, moments, Pairs(none, none, np.zeros((0, 2))))
+
+    def alike(self, pairs: Pairs) -> tuple[Floats, Floats]:
+        """Return ratio and excess (n,) of the basins of each pair."""
+        smaller = np.minimum(self.peak[pairs.one], self.peak[pairs.other])
+        return (pairs.neck / smaller).mean(axis=1), _excess(self.moments[pairs.one], self.moments[pairs.other])
+
+
+def score(ratio: Any, excess: Any) -> Any:
+    """Return how much two parts are like one grain: 1 if nothing parts them, less the narrower and the more bent."""
+    return ratio - BENT * excess
+
+
+def _excess(one: Integers, other: Integers) -> Floats:
+    """Return by how much the ellipsoid of both is larger than those of the parts, as a share of the smaller one.
+
+    Each ellipsoid has the second moments, (n, 10), of its part; whole parts of a convex body have about none.
+    """
+    both, first, second = (_ellipsoids(each) for each in (one + other, one, other))
+    return (both - first - second) / np.minimum(first, second)
+
+
+def _ellipsoids(moments: Integers) -> Floats:
+    """Return volumes, but for a factor that all have in common, of the ellipsoids with some moments (n, 10)."""
+    sums = moments.T.astype(np.float64)
+    x, y, z, xx, yy, zz, xy, xz, yz = sums[1:] / sums[0]
+    # a voxel is a cube, not a point
+    xx, yy, zz = xx - x * x + 1 / 12, yy - y * y + 1 / 12, zz - z * z + 1 / 12
+    xy, xz, yz = xy - x * y, xz - x * z, yz - y * z
+    determinant = xx * (yy * zz - yz * yz) - xy * (xy * zz - yz * xz) + xz * (xy * yz - yy * xz)
+    return np.asarray(np.sqrt(np.maximum(determinant, 12.0**-3)))
+
+
+def tally(
+    labels: NDArray[np.int32], distance: NDArray[np.float32], start: Integers, count: int
+) -> tuple[Integers, Floats]:
+    """Return moments (count + 1, 10) and largest distances (count + 1,) of labels; `start` is the first voxel."""
+    found: tuple[Integers, Floats] = _tally(np.ascontiguousarray(labels), np.ascontiguousarray(distance), start, count)
+    return found
+
+
+@kernel
+def _tally(labels, distance, start, n):  # type: ignore[no-untyped-def]
+    """Return moments and largest distances of labels; those of label 0 are 0."""
+    moments, peak = np.zeros((n + 1, 10), dtype=np.int64), np.zeros(n + 1)
+    nx, ny, nz = labels.shape
+    for i in range(nx):
+        for j in range(ny):
+            for k in range(nz):
+                label = labels[i, j, k]
+                if label > 0:
+                    x, y, z = start[0] + i, start[1] + j, start[2] + k
+                    for place, term in enumerate((1, x, y, z, x * x, y * y, z * z, x * y, x * z, y * z)):
+                        moments[label, place] += term
+                    peak[label] = max(peak[label], distance[i, j, k])
+    return moments, peak
+
+
+def basins_from(
+    peak: Floats, moments: Integers, pairs: Pairs, planes: Iterable[tuple[NDArray[np.int32], NDArray[np.float32]]]
+) -> Basins:
+    """Return basins by their largest distances (n + 1,), moments, pairs with necks (n,), and the planes of the border.
+
+    What the border cuts is no narrower than its section there, whose distances to the void within the plane count.
+    """
+    wide, ones, others = peak.copy(), [pairs.one], [pairs.other]
+    necks = [np.stack([pairs.neck, pairs.neck], axis=1)]
+    for labels, distance in planes:
+        np.maximum.at(wide, labels.ravel(), distance.ravel())
+        found = pairs_of(labels, distance)
+        ones.append(found.one)
+        others.append(found.other)
+        necks.append(np.stack([np.zeros(len(found.one)), found.neck], axis=1))
+    wide[0] = 0.0
+    every = widest(np.concatenate(ones), np.concatenate(others), np.concatenate(necks))
+    return Basins(np.stack([peak, wide], axis=1), moments, every)
 
 
 def pairs_of(labels: NDArray[np.int32], distance: NDArray[np.float32]) -> Pairs:
@@ -38,41 +137,49 @@ def pairs_of(labels: NDArray[np.int32], distance: NDArray[np.float32]) -> Pairs:
 
 
 def widest(one: Integers, other: Integers, neck: Floats) -> Pairs:
-    """Return each pair once, with its widest neck."""
+    """Return each pair once, with its widest neck, (n,) or (n, 2)."""
     low, high = np.minimum(one, other), np.maximum(one, other)
-    order = np.lexsort((-neck, high, low))
-    low, high, neck = low[order], high[order], neck[order]
+    order = np.lexsort((high, low))
+    low, high = low[order], high[order]
     first = np.ones(len(low), dtype=bool)
     first[1:] = (low[1:] != low[:-1]) | (high[1:] != high[:-1])
-    return Pairs(low[first], high[first], neck[first])
+    if len(low):
+        neck = np.maximum.reduceat(neck[order], np.flatnonzero(first))
+    return Pairs(low[first], high[first], neck)
 
 
-def merged(peaks: Floats, pairs: Pairs, *, decrease: float | None, share: float) -> tuple[Integers, Pairs, Floats]:
-    """Merge basins (n,), given by the largest distance in each, across their necks in decreasing width.
+def merged(basins: Basins, *, decrease: float | None, share: float) -> tuple[Integers, Pairs, Floats, Floats]:
+    """Merge basins across their necks in decreasing width.
 
     Two of them are merged if the neck is narrower than the smaller one by less than `decrease` or, if that is None, if
-    it is above `share` of it. Returned are the basin that each belongs to (n,), the necks that were merged, between the
-    basins that they then joined, and the ratio of each such neck to the smaller of the two.
+    their score is above `share`. Returned are the basin that each belongs to (n + 1,), the necks that were merged,
+    between the basins that they then joined, and ratio and excess of each such neck.
     """
-    root, tops, ratios = list(range(len(peaks))), peaks.tolist(), []
+    pairs, root, tops = basins.pairs, list(range(len(basins.peak))), basins.peak.tolist()
+    moments, joined, found = basins.moments.copy(), [], []
 
-    def found(basin: int) -> int:
+    def top(basin: int) -> int:
         while root[basin] != basin:
             root[basin] = root[root[basin]]
             basin = root[basin]
         return basin
 
-    order = np.argsort(-pairs.neck, kind="stable")
-    joined = []
-    for k in order.tolist():
-        one, other, neck = found(int(pairs.one[k])), found(int(pairs.other[k])), float(pairs.neck[k])
-        if one == other:
+    order = np.argsort(-pairs.neck[:, 0], kind="stable")
+    rows = zip(order.tolist(), pairs.one[order].tolist(), pairs.other[order].tolist(), strict=True)
+    for (k, one, other), (neck, wide) in zip(rows, pairs.neck[order].tolist(), strict=True):
+        low, high = sorted((top(one), top(other)), key=lambda basin: tops[basin][0])
+        ratio = 0.5 * (neck / tops[low][0] + wide / min(tops[low][1], tops[high][1]))
+        # the ellipsoid of both is hardly smaller than that of the larger part: the excess is at least about -1
+        near = tops[low][0] - neck < decrease if decrease is not None else ratio > share - BENT
+        if low == high or not near:
             continue
-        low, high = (one, other) if tops[one] < tops[other] else (other, one)
-        if neck > share * tops[low] if decrease is None else tops[low] - neck < decrease:
-            root[low] = high
-            joined.append(k)
-            ratios.append(neck / tops[low])
-    some = np.array(joined, dtype=np.int64)
-    basins = np.array([found(k) for k in range(len(root))], dtype=np.int64)
-    return basins, Pairs(pairs.one[some], pairs.other[some], pairs.neck[some]), np.array(ratios)
+        excess = float(_excess(moments[low : low + 1], moments[high : high + 1])[0])
+        if decrease is None and not score(ratio, excess) > share:
+            continue
+        root[low], tops[high] = high, [max(each) for each in zip(tops[low], tops[high], strict=True)]
+        moments[high] += moments[low]
+        joined.append(k)
+        found.append((ratio, excess))
+    some, terms = np.array(joined, dtype=np.int64), np.array(found).reshape(-1, 2)
+    belongs = np.array([top(k) for k in range(len(root))], dtype=np.int64)
+    return belongs, Pairs(pairs.one[some], pairs.other[some], pairs.neck[some]), terms[:, 0], terms[:, 1]

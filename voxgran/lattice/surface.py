@@ -5,6 +5,8 @@ is chosen so that the surface encloses the required volume; the remaining differ
 less than a ten-thousandth.
 """
 
+from typing import Any
+
 import numpy as np
 from numpy.typing import ArrayLike
 
@@ -13,6 +15,7 @@ from voxgran._base.calls import explained
 from voxgran._base.errors import InputError
 from voxgran._base.lazy import load
 from voxgran.geometry.triangles import enclosed_volume
+from voxgran.lattice.blocks import block_library, histogram_of, lazy_of, of_blocks
 
 #: relative difference of volumes at which the search for the level ends
 LEVEL_ACCURACY = 1e-4
@@ -28,7 +31,8 @@ def iso_surface(
     Parameters
     ----------
     field : (nx, ny, nz) array_like of float
-        Field with larger values inside: volume fractions, a smoothed mask, or a distance that is positive inside.
+        Field with larger values inside: volume fractions, a smoothed mask, or a distance that is positive inside. A
+        dask array is read block by block.
     level : float, optional
         Value on the surface. Default: the value whose surface encloses `volume`.
     volume : float, optional
@@ -48,10 +52,14 @@ def iso_surface(
     InputError
         If the field does not have three axes or is not finite, both level and volume are given, the level is below or
         above all values, or the volume is not above 0 or larger than the image.
+    MissingLibraryError
+        If the field is a dask array and a part of dask is not installed.
 
     Notes
     -----
-    Memory beside the field: 24 bytes per voxel, and about 100 bytes per triangle.
+    Memory beside the field: 24 bytes per voxel, and about 100 bytes per triangle. Of a dask array only the triangles
+    are in memory. Its surface at a level is that in memory but for the order of its triangles and round-off (vertices
+    in memory have single precision); the level of a volume is sought from another value on, to the same accuracy.
 
     Examples
     --------
@@ -62,16 +70,16 @@ def iso_surface(
     >>> bool(abs(body.volume / voxels.volume - 1) < 1e-9)
     True
     """
-    given = as_array(field, "field")
-    given = given.astype(np.float64) if given.dtype == np.bool_ else given
-    values = as_floats(given, "field", shape=(None, None, None))
+    values = _values_of(field)
     if not values.size:
         raise InputError(f"field has shape {values.shape}: there must be voxels")
     if level is not None and volume is not None:
         raise InputError("level and volume: give one of them at most")
     low, high = float(values.min()), float(values.max())
     # an additional layer below all levels closes bodies at the border
-    around = np.pad(values, 1, constant_values=low - (high - low) - 1.0 if high > low else low)
+    around: Any = np.pad(values, 1, constant_values=low - (high - low) - 1.0 if high > low else low)
+    if lazy_of(values) is not None:
+        around = around.rechunk(values.chunksize)
     if level is not None:
         chosen = as_number(level, "level")
         if not low <= chosen < high and not chosen < low:
@@ -87,6 +95,19 @@ def iso_surface(
     return vertices - 1.0, faces
 
 
+def _values_of(field: Any) -> Any:
+    """Return the checked values of a field, an array or a dask array."""
+    lazy = lazy_of(field)
+    if lazy is None:
+        given = as_array(field, "field")
+        return as_floats(given.astype(np.float64) if given.dtype == np.bool_ else given, "field", shape=(None,) * 3)
+    if lazy.ndim != 3 or lazy.dtype.kind not in "buif" or not np.isfinite(lazy).all():
+        raise InputError(
+            f"field has shape {lazy.shape} and holds {lazy.dtype}: it must have three axes and finite numbers; clean it"
+        )
+    return lazy.astype(np.float64)
+
+
 def smooth_surface(mask: Booleans, *, smoothing: float = 1.0) -> tuple[Floats, Integers]:
     """Return vertices (n, 3) and triangles (m, 3) of a smooth closed surface around occupied voxels, at least one.
 
@@ -100,13 +121,17 @@ def smooth_surface(mask: Booleans, *, smoothing: float = 1.0) -> tuple[Floats, I
     return vertices - ring, faces
 
 
-def _surface_of_volume(field: Floats, wanted: float) -> tuple[Floats, Integers]:
+def _surface_of_volume(field: Any, wanted: float) -> tuple[Floats, Integers]:
     """Return the level surface of a field that encloses a volume; the field is lowest at the border."""
     low, high = float(field.min()), float(field.max())
     # the volume decreases with the level; the ends of the search are (level, relative excess)
     above, below = (low, np.inf), (high, -1.0)
     rank = min(max(int(wanted), 1), field.size)
-    level = float(np.partition(field.ravel(), -rank)[-rank])
+    if lazy_of(field) is None:
+        level = float(np.partition(field.ravel(), -rank)[-rank])
+    else:
+        counts, middles = histogram_of(field, low, high)
+        level = float(middles[np.flatnonzero(np.cumsum(counts[::-1])[::-1] >= rank)[-1]])
     for _ in range(MOST_LEVELS):
         vertices, faces = _level_surface(field, level)
         excess = enclosed_volume(vertices - vertices.mean(axis=0), faces) / wanted - 1.0
@@ -120,8 +145,46 @@ def _surface_of_volume(field: Floats, wanted: float) -> tuple[Floats, Integers]:
     return (vertices - middle) * stretch + middle, faces
 
 
-def _level_surface(field: Floats, level: float) -> tuple[Floats, Integers]:
-    """Return the level surface of a field on voxel centers."""
+def _level_surface(field: Any, level: float) -> tuple[Floats, Integers]:
+    """Return the level surface of a field on voxel centers, an array or a dask array."""
+    if lazy_of(field) is None:
+        return _surface_in_block(field, level)
+    overlap = block_library("dask.array").overlap.overlap
+    ahead = overlap(field, dict.fromkeys(range(3), (0, 1)), "none")
+    starts = [np.cumsum((0, *along)) for along in ahead.chunks]
+
+    def found(block: Floats, start: Integers) -> tuple[Floats, Integers]:
+        vertices, faces = _surface_in_block(np.ascontiguousarray(block), level)
+        # each block before has a voxel more along each axis
+        earlier = [np.searchsorted(along, place) for along, place in zip(starts, start, strict=True)]
+        return vertices + (start - earlier), faces
+
+    pieces = of_blocks(ahead, found)
+    many = np.cumsum([0] + [len(vertices) for vertices, _ in pieces[:-1]])
+    vertices = np.concatenate([each for each, _ in pieces])
+    faces = np.concatenate([each + before for (_, each), before in zip(pieces, many, strict=True)])
+    return _joined(vertices, faces, [np.cumsum(along)[:-1] + 0.5 for along in field.chunks])
+
+
+def _joined(vertices: Floats, faces: Integers, planes: list[Floats]) -> tuple[Floats, Integers]:
+    """Return a surface whose vertices of the same place are one, where they lie in planes across x, y and z.
+
+    Blocks interpolate along an edge of the lattice between the same values, so that their vertices there are equal.
+    """
+    within = np.any([np.isin(vertices[:, axis], along) for axis, along in enumerate(planes)], axis=0)
+    places, index = np.unique(vertices[within], axis=0, return_inverse=True)
+    numbers = np.empty(len(vertices), dtype=np.int64)
+    numbers[~within] = np.arange(len(vertices) - within.sum())
+    numbers[within] = len(vertices) - within.sum() + index.reshape(-1)
+    faces = numbers[faces]
+    flat = (faces == np.roll(faces, 1, axis=1)).any(axis=1)
+    return np.concatenate([vertices[~within], places]), faces[~flat]
+
+
+def _surface_in_block(field: Floats, level: float) -> tuple[Floats, Integers]:
+    """Return the level surface of a field on voxel centers, which may be open at its border."""
+    if min(field.shape) < 2:
+        return np.zeros((0, 3)), np.zeros((0, 3), dtype=np.int64)
     support, model = load("vtkmodules.util.numpy_support"), load("vtkmodules.vtkCommonDataModel")
     image = model.vtkImageData()
     image.SetDimensions(*field.shape)
@@ -135,7 +198,7 @@ def _level_surface(field: Floats, level: float) -> tuple[Floats, Integers]:
     edges.Update()
     surface = edges.GetOutput()
     if not surface.GetNumberOfPolys():
-        return np.zeros((1, 3)), np.zeros((0, 3), dtype=np.int64)
+        return np.zeros((0, 3)), np.zeros((0, 3), dtype=np.int64)
     vertices = support.vtk_to_numpy(surface.GetPoints().GetData()).astype(np.float64)
     corners = support.vtk_to_numpy(surface.GetPolys().GetConnectivityArray()).astype(np.int64)
     return vertices, corners.reshape(-1, 3)

@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 from scipy.ndimage import gaussian_filter, median_filter, uniform_filter
+from scipy.spatial import cKDTree
 
 import voxgran as vg
 from voxgran._base.errors import InputError
@@ -157,3 +158,44 @@ def test_the_part_with_voxels_stays_in_blocks():
         assert isinstance(part, da.Array)
         assert start.tolist() == first.tolist()
         assert np.array_equal(np.asarray(part), whole)
+
+
+@pytest.mark.parametrize(
+    "how", [{"factor": (0.4, 1.7, 1)}, {"shape": (7, 15, 31)}, {"to": "cubic", "voxel_size": UNEQUAL}]
+)
+def test_means_of_blocks_are_those_in_memory(how):
+    same(vg.resample(blocks(GREY), **how), vg.resample(GREY, **how))
+    same(vg.resample(blocks(MASK), **how), vg.resample(MASK, **how))
+
+
+@pytest.mark.parametrize("part", [BLOCKS, (22, 3, 1), (23, 15, 20)])
+def test_level_surfaces_are_joined_across_blocks(part):
+    level = float(np.quantile(GREY, 0.6))
+    vertices, faces = vg.iso_surface(GREY, level=level)
+    found, triangles = vg.iso_surface(da.from_array(GREY, chunks=part), level=level)
+    assert (len(found), len(triangles)) == (len(vertices), len(faces))
+    # vertices in memory have single precision
+    apart, nearest = cKDTree(vertices).query(found)
+    assert apart.max() < 1e-5
+    assert len(np.unique(nearest)) == len(vertices)
+    least = [np.roll(face, -face.argmin()).tolist() for face in (*faces, *nearest[triangles])]
+    assert sorted(least[: len(faces)]) == sorted(least[len(faces) :])
+    # each edge has two triangles, in opposite directions
+    ends = np.concatenate([triangles[:, [0, 1]], triangles[:, [1, 2]], triangles[:, [2, 0]]])
+    assert len(np.unique(ends, axis=0)) == len(ends)
+    assert set(map(tuple, ends)) == set(map(tuple, ends[:, ::-1]))
+
+
+def test_level_surfaces_of_blocks_have_the_volume_that_is_asked_for():
+    vertices, faces = vg.iso_surface(blocks(MASK))
+    body = vg.Shape.from_mesh(vertices, faces)
+    assert body.volume == pytest.approx(MASK.sum(), rel=1e-9)
+    assert len(faces) == pytest.approx(len(vg.iso_surface(MASK)[1]), rel=0.01)
+    at_level = blocks(np.where(MASK, 1.0, 0.0))
+    assert len(vg.iso_surface(at_level, level=0.5)[1]) == len(vg.iso_surface(MASK.astype(float), level=0.5)[1])
+    with pytest.raises(InputError, match="finite numbers"):
+        vg.iso_surface(da.full((8, 8, 8), np.nan, chunks=4))
+    with pytest.raises(InputError, match="three axes"):
+        vg.iso_surface(da.zeros((8, 8), chunks=4))
+    with pytest.raises(InputError, match="the field is at most"):
+        vg.iso_surface(blocks(GREY), level=2.0)

@@ -9,7 +9,7 @@ from voxgran._base.seeds import stream
 from voxgran.lattice import segment as segmenting
 from voxgran.lattice.distance import distance_transform
 from voxgran.lattice.image import Image
-from voxgran.lattice.necks import Pairs, merged, pairs_of
+from voxgran.lattice.necks import Basins, Pairs, basins_from, merged, pairs_of, tally
 
 morphology = pytest.importorskip("skimage.morphology")
 
@@ -64,21 +64,77 @@ def test_basins_merge_as_the_markers_of_h_maxima(decrease):
     distance = distance_transform(np.pad(solid, 1))[1:-1, 1:-1, 1:-1]
     seeds, count = ndimage.label(morphology.local_maxima(distance) & solid, np.ones((3, 3, 3)))
     basins = watershed(-distance, seeds, mask=solid)
-    peaks = np.zeros(count + 1)
-    peaks[1:] = ndimage.maximum(distance, basins, np.arange(1, count + 1))
-    root, joined, _ = merged(peaks, pairs_of(basins, distance), decrease=decrease, share=0.0)
+    moments, peak = tally(basins, distance, np.zeros(3, dtype=np.int64), count)
+    found = basins_from(peak, moments, pairs_of(basins, distance), [])
+    root, joined, _, _ = merged(found, decrease=decrease, share=0.0)
     # basins meet at faces, in the twin also at edges: joined there it can only have fewer
     _, twin = ndimage.label(morphology.h_maxima(distance, decrease, ndimage.generate_binary_structure(3, 1)))
     assert len(np.unique(root[1:])) == pytest.approx(twin, abs=2)
     assert len(np.unique(root[1:])) + len(joined.one) == count
 
 
+def moments_of(middles, radii):
+    """Return the moments of spheres, (n + 1, 10), of which the first entry is the void."""
+    moments, pairs = np.zeros((len(radii) + 1, 10), dtype=np.int64), ((0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2))
+    for row, middle, radius in zip(moments[1:], middles, radii, strict=True):
+        places = np.argwhere(spheres([middle], [radius], (90, 30, 30)) > 0)
+        row[:4] = [len(places), *places.sum(axis=0)]
+        row[4:] = [(places[:, p] * places[:, q]).sum() for p, q in pairs]
+    return moments
+
+
 def test_grains_merge_from_the_widest_neck_on():
-    pairs = Pairs(np.array([1, 2, 3]), np.array([2, 3, 4]), np.array([9.5, 8.0, 4.0]))
-    root, joined, ratios = merged(np.array([0, 10, 10.0, 8.5, 5.0]), pairs, decrease=None, share=0.9)
+    pairs = Pairs(np.array([1, 2, 3]), np.array([2, 3, 4]), np.array([[9.5, 9.5], [8.0, 8.0], [3.0, 3.0]]))
+    peak = np.repeat([[0], [10], [10.0], [8.5], [5.0]], 2, axis=1)
+    # one upon the other: nothing but the necks parts them
+    found = Basins(peak, moments_of([(14, 14, 14)] * 4, [8.0] * 4), pairs)
+    root, joined, ratios, excess = merged(found, decrease=None, share=0.9)
     assert root[1] == root[2] == root[3] != root[4]
-    assert joined.neck.tolist() == [9.5, 8.0]
+    assert joined.neck[:, 0].tolist() == [9.5, 8.0]
     np.testing.assert_allclose(ratios, [0.95, 8.0 / 8.5])
+    np.testing.assert_allclose(excess, -1.0)
+
+
+def test_the_excess_of_touching_spheres_and_of_halves_of_one_is_that_in_closed_form():
+    pair = Pairs(np.array([1]), np.array([2]), np.array([[9.0, 9.0]]))
+    touching = Basins(np.full((3, 2), 10.0), moments_of([(14, 14, 14), (34, 14, 14)], [10.0, 10.0]), pair)
+    ratio, excess = touching.alike(pair)
+    # the moments along the line of centers are 6 times those of a sphere
+    assert (float(ratio[0]), float(excess[0])) == pytest.approx((0.9, np.sqrt(6) - 2), abs=0.01)
+    # the neck alone would make them one
+    assert len(merged(touching, decrease=None, share=0.85)[1].one) == 0
+    assert len(merged(touching, decrease=2.0, share=0.85)[1].one) == 1
+    both = spheres([(14, 14, 14)], [12.0], (28, 28, 28)).astype(np.int32)
+    both[14:] *= 2
+    moments, _ = tally(both, both.astype(np.float32), np.array([5, -3, 7]), 2)
+    halves = Basins(np.full((3, 2), 10.0), moments, pair)
+    # a half has 0.2 - 9 / 64 of the square of the radius along its axis
+    half = np.sqrt((0.2 - 9 / 64) / 0.2)
+    assert float(halves.alike(pair)[1][0]) == pytest.approx((1 - 2 * half) / half, abs=0.01)
+
+
+def test_moments_and_largest_distances_are_those_of_numpy():
+    generator = stream(4, "labels")
+    labels = generator.integers(0, 4, (7, 8, 9)).astype(np.int32)
+    distance, start = generator.random((7, 8, 9), dtype=np.float32), np.array([100, -20, 3])
+    moments, peak = tally(labels, distance, start, 4)
+    for label in range(1, 4):
+        x, y, z = (np.argwhere(labels == label) + start).T
+        terms = [np.ones_like(x), x, y, z, x * x, y * y, z * z, x * y, x * z, y * z]
+        assert moments[label].tolist() == [term.sum() for term in terms]
+        assert peak[label] == distance[labels == label].max()
+    assert not moments[[0, 4]].any()
+
+
+def test_a_cap_that_the_border_leaves_is_as_wide_as_its_section():
+    labels = np.ones((20, 20, 1), dtype=np.int32)
+    labels[10:] = 2
+    distance = np.full((20, 20, 1), 3.0, dtype=np.float32)
+    distance[10:] = 8.0
+    inner = Pairs(np.array([1]), np.array([2]), np.array([2.5]))
+    found = basins_from(np.array([0, 3.0, 5.0]), np.ones((3, 10), dtype=np.int64), inner, [(labels, distance)])
+    assert found.peak.tolist() == [[0, 0], [3, 3], [5, 8]]
+    assert found.pairs.neck.tolist() == [[2.5, 3.0]]
 
 
 @pytest.fixture(scope="module")

@@ -129,26 +129,29 @@ def scores(true: NDArray[Any], found: NDArray[Any]) -> tuple[float, float, float
     return float(error), float(splitting), float(merging)
 
 
-def judged(true: NDArray[Any], found: Segmentation) -> tuple[int, int, int]:
+def judged(true: NDArray[Any], found: Segmentation, counted: int = 1) -> tuple[int, int, int]:
     """Return the numbers of suspects, of labels and pairs that are wrong, and of suspects that are wrong.
 
     A label is wrong if several grains have most of their voxels in it, and a pair of touching labels if the same grain
-    has most voxels of both.
+    has most voxels of both. Grains of fewer than `counted` voxels are left out, as are suspects of which one is such.
     """
     labels = np.asarray(found)
     both = (true > 0) & (labels > 0)
     shared = load("scipy.sparse").coo_array((np.ones(both.sum()), (labels[both], true[both]))).toarray()
-    grain, label = shared.argmax(axis=1), shared.argmax(axis=0)
-    several = np.bincount(label[shared.any(axis=0)], minlength=len(shared)) > 1
+    grain, label, large = shared.argmax(axis=1), shared.argmax(axis=0), shared.sum(axis=0) >= counted
+    several = np.bincount(label[large], minlength=len(shared)) > 1
+    # a label belongs to a grain that counts
+    clear = large[grain] & shared.any(axis=1)
 
-    def split(necks: Any) -> Booleans:
+    def split(necks: Any) -> tuple[Booleans, Booleans]:
         one, other = necks["grain"].values, necks["other"].values
-        return np.asarray((one != other) & (grain[one] == grain[other]))
+        some = clear[one] & clear[other]
+        return some, some & (one != other) & (grain[one] == grain[other])
 
-    suspects = found.suspects
-    one, other = suspects["grain"].values, suspects["other"].values
-    right = split(suspects) | ((one == other) & several[one])
-    return len(one), int(several.sum() + split(found.necks).sum()), int(right.sum())
+    one, other = (found.suspects[name].values for name in ("grain", "other"))
+    some, right = split(found.suspects)
+    right |= (one == other) & several[one]
+    return int(some.sum()), int(several.sum() + split(found.necks)[1].sum()), int(right.sum())
 
 
 def measured(made: Iterator[tuple[str, str, Packing]], qualities: Any = QUALITIES, across: int = ACROSS) -> list[Row]:
@@ -172,7 +175,7 @@ def measured(made: Iterator[tuple[str, str, Packing]], qualities: Any = QUALITIE
                 if way in SEPARATIONS:
                     result = segment(grey, min_size=least, voxel_size=edges, separation=SEPARATIONS[way])
                     seconds, found = time.process_time() - began, np.asarray(result)
-                    told, solid = judged(true, result), found > 0
+                    told, solid = judged(true, result, counted), found > 0
                 elif way == "watershed":
                     found = watershed(solid, edges)
                     seconds = time.process_time() - began
