@@ -95,9 +95,10 @@ def load_labels(
     Returns
     -------
     list of Shape
-        Named ``label K``, rising. Each has the volume of its voxels to round-off, unless it has several pieces, of
-        which the largest is kept. Of a dask array corners of triangles differ by some thousandths of a voxel, and few
-        by up to half of one, where triangles that cross are repaired.
+        Named ``label K``, rising. Each has the volume of its voxels, smooth ones within a millionth and a
+        hundred-thousandth of a voxel, unless it has several pieces, of which the largest is kept. Of a dask array
+        corners of triangles differ by some thousandths of a voxel, and few by up to half of one, where triangles that
+        cross are repaired.
 
     Raises
     ------
