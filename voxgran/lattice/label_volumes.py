@@ -182,8 +182,9 @@ def _examine(net, crossed, moved, held, spacing, labels, low, high, chunk):  # t
     keys, values = np.full(1024, -1, dtype=np.int64), np.zeros(1024)
     ease, wrong = np.empty(len(moved), dtype=np.float32), np.zeros(len(moved), dtype=np.bool_)
     used = 0
-    for first in range(0, len(moved), CHUNK):
-        stop = min(first + CHUNK, len(moved))
+    size = len(chunk.many)
+    for first in range(0, len(moved), size):
+        stop = min(first + size, len(moved))
         _gather(net, crossed, moved, spacing, low, high, first, stop, chunk, change)
         many = _list_suspects(net, low, high, first, stop, chunk)
         if many:
