@@ -25,7 +25,7 @@ from voxgran.containers.kinds.mesh import ClosedMesh
 from voxgran.containers.make import make_container, package_of, saved_mapping
 from voxgran.containers.one_unit import shape_of
 from voxgran.io.older import fields_of
-from voxgran.io.shape_record import record_as_json, record_of_json
+from voxgran.io.shape_record import planes_of, record_as_json, record_of_json, rows_of
 from voxgran.packing.model import Packing
 from voxgran.settling.relaxation import Relaxation
 from voxgran.shapes.describing.body import Geometry
@@ -36,9 +36,11 @@ from voxgran.shapes.primitive import Primitive
 from voxgran.shapes.sizes import KINDS, make_sizes
 from voxgran.shapes.spheres import MassProperties, Spheres
 from voxgran.shapes.surface import Surface
+from voxgran.shapes.triangles import LatticePoints
 
-#: version of the layout; a reader refuses a higher one. Only packings of several densities need the second
-FORMAT = 2
+#: version of the layout; a reader refuses a higher one. Only packings of several densities need the second, and only
+#: those with meshes whose vertices lie on lattices the third
+FORMAT = 3
 #: arrays of the forces with one row a contact, and a grain; in files they stand behind this word
 _OF_CONTACTS, _OF_GRAINS = ("i", "j", "point", "normal", "force", "gap"), ("residual", "rattler")
 _FORCES = "forces_"
@@ -98,7 +100,7 @@ def to_record(packing: Packing) -> Record:
     several = isinstance(packing.density, tuple)
     if several:
         per_grain["density"] = packing.densities
-    arrays["format"] = np.array([FORMAT if several else 1])
+    arrays["format"] = np.array([3 if "shape_steps" in arrays else 2 if several else 1])
     arrays["density"] = np.array(packing.density).reshape(-1)
     arrays["solid_fraction"] = np.array([packing.solid_fraction])
     arrays["contact_gap"] = np.array([packing.contact_gap])
@@ -155,7 +157,10 @@ def _packing(record: Record) -> Packing:
         # before units were checked it was not taken from the shapes: it is theirs, if they agree
         units = {known_unit(entry["unit"]) for entry in entries} - {None}
         unit = units.pop() if len(units) == 1 else None
-    shapes = tuple(_shape(entry, record.arrays, unit) for entry in entries)
+    arrays = dict(record.arrays)
+    for name in {"shape_steps", "shape_corners"} & arrays.keys():
+        arrays[name] = rows_of(arrays[name])
+    shapes = tuple(_shape(entry, arrays, unit) for entry in entries)
     kind, densities = json.loads(record.texts["container"]), record.arrays["density"]
     solid = kind["kind"] == ClosedMesh.kind
     packing = Packing.of(
@@ -263,7 +268,9 @@ def _shapes_apart(shapes: tuple[Shape, ...]) -> tuple[list[dict[str, Any]], dict
     points: list[Floats] = [np.zeros((0, 3))]
     faces: list[NDArray[Any]] = [np.zeros((0, 3), np.int64)]
     radii: list[Floats] = [np.zeros(0)]
-    entries, ends = [], {"points": 0, "faces": 0, "radii": 0}
+    steps: list[NDArray[np.int32]] = []
+    corners: list[NDArray[np.int32]] = []
+    entries, ends = [], {"points": 0, "faces": 0, "radii": 0, "steps": 0, "corners": 0}
     for shape in shapes:
         geometry = shape.geometry
         parts: dict[str, tuple[list[Any], NDArray[Any]]] = {}
@@ -271,7 +278,10 @@ def _shapes_apart(shapes: tuple[Shape, ...]) -> tuple[list[dict[str, Any]], dict
         entry["geometry"] = type(geometry).__name__
         if shape.record:
             entry["record"] = record_as_json(shape.record)
-        if isinstance(geometry, Mesh | Surface):
+        if isinstance(geometry, Mesh | Surface) and isinstance(geometry.points, LatticePoints):
+            entry |= {"step": geometry.points.step, "first": geometry.points.first}
+            parts = {"steps": (steps, geometry.points.steps), "corners": (corners, geometry.corners.astype(np.int32))}
+        elif isinstance(geometry, Mesh | Surface):
             parts = {"points": (points, geometry.vertices), "faces": (faces, geometry.faces)}
         elif isinstance(geometry, Spheres):
             parts = {"points": (points, geometry.centers), "radii": (radii, geometry.radii)}
@@ -280,8 +290,8 @@ def _shapes_apart(shapes: tuple[Shape, ...]) -> tuple[list[dict[str, Any]], dict
         elif isinstance(geometry, Primitive):
             entry |= {"kind": geometry.kind, "dimensions": geometry.dimensions, "rotation": geometry.rotation}
         else:
-            corners = geometry.vertices
-            parts = {"points": (points, np.column_stack([corners, np.zeros(len(corners))]))}
+            ring = geometry.vertices
+            parts = {"points": (points, np.column_stack([ring, np.zeros(len(ring))]))}
             entry |= {"kind": geometry.kind, "radius": geometry.radius, "center": geometry.center}
         for name, (joined, array) in parts.items():
             joined.append(array)
@@ -289,6 +299,9 @@ def _shapes_apart(shapes: tuple[Shape, ...]) -> tuple[list[dict[str, Any]], dict
             ends[name] += len(array)
         entries.append(entry)
     arrays = {"shape_points": np.concatenate(points), "shape_faces": np.concatenate(faces)}
+    if steps:
+        # coordinates and numbers of vertices are near those before them
+        arrays |= {"shape_steps": planes_of(steps), "shape_corners": planes_of(corners)}
     return entries, {**arrays, "shape_radii": np.concatenate(radii)}
 
 
@@ -310,10 +323,14 @@ def _geometry(entry: Mapping[str, Any], arrays: Mapping[str, NDArray[Any]]) -> G
     """Return the geometry of an entry."""
     part = {
         name: np.array(arrays[f"shape_{name}"][slice(*entry[name])])
-        for name in ("points", "faces", "radii")
+        for name in ("points", "faces", "radii", "steps", "corners")
         if name in entry
     }
     kind = entry["geometry"]
+    if "steps" in part:
+        step, first = (as_floats(entry[name], name, shape=(3,)) for name in ("step", "first"))
+        faces = as_faces(part["corners"].astype(np.int64), len(part["steps"]))
+        return (Mesh if kind == "Mesh" else Surface)(LatticePoints(part["steps"], step, first), faces)
     if kind in ("Mesh", "Surface"):
         vertices = as_points(part["points"], "vertices")
         return (Mesh if kind == "Mesh" else Surface)(vertices, as_faces(part["faces"], len(vertices)))

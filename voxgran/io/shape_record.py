@@ -21,6 +21,24 @@ def record_of_json(stated: Mapping[str, Any]) -> dict[str, Any]:
     return {name: _read(value) for name, value in stated.items()}
 
 
+def planes_of(parts: list[NDArray[np.int32]]) -> NDArray[np.uint8]:
+    """Return rows (n, 3) of whole numbers as bytes that can be compressed: steps from row to row, the least byte of
+    each first, then the next one.
+    """
+    rows = np.concatenate(parts)
+    steps = np.diff(rows, axis=0, prepend=np.zeros((1, 3), dtype=np.int32))
+    # small steps, up or down, are small numbers
+    folded = np.ascontiguousarray(((steps << 1) ^ (steps >> 31)).T)
+    return np.ascontiguousarray(folded.view(np.uint8).reshape(-1, 4).T).ravel()
+
+
+def rows_of(planes: NDArray[Any]) -> NDArray[np.int32]:
+    """Return the rows whose bytes :func:`planes_of` has parted."""
+    folded = np.ascontiguousarray(np.asarray(planes, dtype=np.uint8).reshape(4, -1).T).view(np.uint32).reshape(3, -1).T
+    steps = (folded >> 1).astype(np.int32) ^ -(folded & 1).astype(np.int32)
+    return np.cumsum(steps, axis=0, dtype=np.int32)
+
+
 def _bytes_of(value: Any) -> int:
     """Return the size of the largest array in a value, in bytes."""
     if isinstance(value, tuple):

@@ -68,7 +68,7 @@ def block_surfaces(
         done = np.isin(rows, own + 1)
         remaining = found.lower[np.flatnonzero(later) - 1, 0]
         first = int(remaining.min(initial=shape[0]))
-        seams.keep(made.net, made.split, made.moved, made.crossed, done, later[rows], first)
+        seams.keep(made.net, made.moved, made.crossed, done, later[rows], first)
         several += [int(rows[label]) - 1 for label in made.several if done[label]]
         for label in np.flatnonzero(done):
             yield int(rows[label]) - 1, made.of(int(label))

@@ -39,12 +39,13 @@ class Net(NamedTuple):
 
 
 class Split(NamedTuple):
-    """Triangles of each label k, with vertices of its own: rows first[k] to first[k + 1] of each table."""
+    """Sides of quadrangles by label, of which the triangles of a label are made when they are asked for."""
 
-    triangles: NDArray[np.int32]  # (m, 3) vertices, counted from the first one of the label; counterclockwise
-    first_triangle: Integers  # (labels + 2,)
-    point: NDArray[np.int32]  # (v,) point of the net at which each vertex lies
-    first_vertex: Integers  # (labels + 2,)
+    sides: NDArray[np.uint32]  # (m,) 2 q + 0 for the lower or 1 for the upper side of quadrangle q
+    first: Integers  # (labels + 2,) label k has the rows first[k] to first[k + 1] of them
+    joined: Integers  # (b, 2) half edges, as bits, at which voxels of a label are joined, of each block
+    # (1 + points + 4 b, 2) the number of calls; the last call in which a point or fan had a vertex, and which
+    stamp: NDArray[np.int32]
 
 
 def net_of(labels: NDArray[np.int32], wraps: Booleans) -> Net:
@@ -58,10 +59,21 @@ def net_of(labels: NDArray[np.int32], wraps: Booleans) -> Net:
     return net._replace(**kept, blocks=blocks)
 
 
-def split_of(net: Net, labels: int, crossed: Booleans) -> Split:
-    """Return the triangles of labels 1 ... `labels`; `crossed`, (q,): quadrangles that are cut from point 1 to 3."""
-    flip = _joined_edges(net.special, net.blocks, net.near)
-    return Split(*_split(net, labels, crossed, flip))
+def split_of(net: Net, labels: int) -> Split:
+    """Return the sides of quadrangles of labels 1 ... `labels`."""
+    joined = _joined_edges(net.special, net.blocks, net.near)
+    stamp = np.zeros((1 + len(net.at) + 4 * len(net.blocks), 2), dtype=np.int32)
+    sides, first = _sort_sides(net.side, labels)
+    return Split(sides, first, joined, stamp)
+
+
+def triangles_of(net: Net, split: Split, label: int, crossed: Booleans) -> tuple[NDArray[np.int32], NDArray[np.int32]]:
+    """Return the triangles (m, 3) of a label, counterclockwise, and the points of the net of its vertices, (v,).
+
+    `crossed`, (q,): quadrangles that are cut from point 1 to 3.
+    """
+    made: tuple[NDArray[np.int32], NDArray[np.int32]] = _triangles(net, *split, label, crossed)
+    return made
 
 
 def _empty(points: int, quads: int) -> Iterator[NDArray[Any]]:
@@ -344,49 +356,53 @@ def _joined_edges(special, blocks, near):  # type: ignore[no-untyped-def]
 
 
 @kernel
-def _split(net, labels, crossed, joined):  # type: ignore[no-untyped-def]
-    """Return the parts of `Split`: sides of quadrangles by a counting sort, and one stamp for each point and fan."""
+def _sort_sides(side, labels):  # type: ignore[no-untyped-def]
+    """Return the sides of quadrangles by label, by a counting sort, and the first one of each label."""
     first = np.zeros(labels + 2, dtype=np.int64)
-    for q in range(len(net.side)):
+    for q in range(len(side)):
         for s in range(2):
-            if net.side[q, s] > 0:
-                first[net.side[q, s] + 1] += 1
+            if side[q, s] > 0:
+                first[side[q, s] + 1] += 1
     for label in range(labels + 1):
         first[label + 1] += first[label]
-    place, slot = first.copy(), np.empty(first[-1], dtype=np.int64)
-    for q in range(len(net.side)):
+    place, sides = first.copy(), np.empty(first[-1], dtype=np.uint32)
+    for q in range(len(side)):
         for s in range(2):
-            if net.side[q, s] > 0:
-                slot[place[net.side[q, s]]] = 2 * q + s
-                place[net.side[q, s]] += 1
-    points = len(net.at)
-    triangles = np.empty((2 * len(slot), 3), dtype=np.int32)
+            if side[q, s] > 0:
+                sides[place[side[q, s]]] = 2 * q + s
+                place[side[q, s]] += 1
+    return sides, first
+
+
+@kernel
+def _triangles(net, sides, first, joined, stamp, label, crossed):  # type: ignore[no-untyped-def]
+    """Return what `triangles_of` does: a vertex for each point of a label, or for each fan around it."""
+    points, rows = len(net.at), first[label + 1] - first[label]
+    # each call has a number of its own
+    stamp[0, 0] = call = stamp[0, 0] + 1
+    triangles = np.empty((2 * rows, 3), dtype=np.int32)
     # a label has at most half a vertex more than faces, and each fan has three or more of them
-    point = np.empty(4 * len(slot) // 3 + 1, dtype=np.int32)
-    first_vertex = np.zeros(labels + 2, dtype=np.int64)
-    stamp = np.zeros((points + 4 * len(net.blocks), 2), dtype=np.int32)
+    point = np.empty(4 * rows // 3 + 1, dtype=np.int32)
     own = np.zeros(4, dtype=np.int32)
     n = 0
-    for label in range(1, labels + 1):
-        first_vertex[label] = n
-        for t in range(first[label], first[label + 1]):
-            q, s = slot[t] >> 1, slot[t] & 1
-            for p in range(4):
-                v = net.quad[q, p]
-                key, b = v, net.special[v]
-                if b >= 0:
-                    # the face lies above its lower corners
-                    face = 4 * net.axis[q] + 2 * (1, 0, 0, 1)[p] + (1, 1, 0, 0)[p]
-                    key = points + 4 * b + _fan_of(_mask_of(net.blocks, b, label), joined, b, face)
-                if stamp[key, 0] != label:
-                    stamp[key, 0], stamp[key, 1], point[n] = label, n - first_vertex[label], v
-                    n += 1
-                own[p] = stamp[key, 1]
-            c = int(crossed[q])
-            i, j, k, m = own[c], own[c + 1], own[(c + 2) % 4], own[(c + 3) % 4]
-            if s:
-                j, m = m, j
-            triangles[2 * t, 0], triangles[2 * t, 1], triangles[2 * t, 2] = i, j, k
-            triangles[2 * t + 1, 0], triangles[2 * t + 1, 1], triangles[2 * t + 1, 2] = i, k, m
-    first_vertex[labels + 1] = n
-    return triangles, 2 * first, point[:n].copy(), first_vertex
+    for t in range(rows):
+        side = sides[first[label] + t]
+        q, s = side >> 1, side & 1
+        for p in range(4):
+            v = net.quad[q, p]
+            key, b = v, net.special[v]
+            if b >= 0:
+                # the face lies above its lower corners
+                face = 4 * net.axis[q] + 2 * (1, 0, 0, 1)[p] + (1, 1, 0, 0)[p]
+                key = points + 4 * b + _fan_of(_mask_of(net.blocks, b, label), joined, b, face)
+            if stamp[key + 1, 0] != call:
+                stamp[key + 1, 0], stamp[key + 1, 1], point[n] = call, n, v
+                n += 1
+            own[p] = stamp[key + 1, 1]
+        c = int(crossed[q])
+        i, j, k, m = own[c], own[c + 1], own[(c + 2) % 4], own[(c + 3) % 4]
+        if s:
+            j, m = m, j
+        triangles[2 * t, 0], triangles[2 * t, 1], triangles[2 * t, 2] = i, j, k
+        triangles[2 * t + 1, 0], triangles[2 * t + 1, 1], triangles[2 * t + 1, 2] = i, k, m
+    return triangles, point[:n].copy()

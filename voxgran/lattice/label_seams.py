@@ -4,9 +4,10 @@ from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
-from voxgran._base.arrays import Booleans, Floats, Integers
-from voxgran.lattice.label_net import Net, Split
+from voxgran._base.arrays import Booleans, Integers
+from voxgran.lattice.label_net import Net
 
 
 @dataclass(slots=True)
@@ -17,11 +18,11 @@ class Seams:
     corner: Integers  # (3,) first corner of the window
     whole: Booleans  # (labels + 1,) labels that lie within the window
     points: Integers = field(default_factory=lambda: np.zeros(0, dtype=np.int64))  # (n,) rising
-    moved: Floats = field(default_factory=lambda: np.zeros((0, 3)))
+    moved: NDArray[np.float32] = field(default_factory=lambda: np.zeros((0, 3), dtype=np.float32))
     quads: Integers = field(default_factory=lambda: np.zeros(0, dtype=np.int64))  # (m,) rising
     crossed: Booleans = field(default_factory=lambda: np.zeros(0, dtype=np.bool_))
 
-    def put(self, net: Net, moved: Floats, held: Booleans, crossed: Booleans) -> None:
+    def put(self, net: Net, moved: NDArray[np.float32], held: Booleans, crossed: Booleans) -> None:
         """Move points and cut quadrangles of a window as they are known, and hold these points."""
         points = self._points(net)
         here, known = _common(points, self.points)
@@ -30,18 +31,18 @@ class Seams:
         crossed[here] = self.crossed[known]
 
     def keep(
-        self, net: Net, split: Split, moved: Floats, crossed: Booleans, done: Booleans, later: Booleans, first: int
+        self, net: Net, moved: NDArray[np.float32], crossed: Booleans, done: Booleans, later: Booleans, first: int
     ) -> None:
         """Keep what labels of this window that are done share with later ones, and forget what lies before a plane."""
-        owner = np.repeat(np.arange(len(done)), np.diff(split.first_vertex))
         shared = np.zeros((2, len(net.at)), dtype=np.bool_)
-        shared[0, split.point[done[owner]]] = shared[1, split.point[later[owner]]] = True
-        some = shared.all(axis=0)
+        for of, some in zip(shared, (done, later), strict=True):
+            of[net.quad[some[np.maximum(net.side, 0)].any(axis=1)]] = True
+        both = np.asarray(shared.all(axis=0))
         below, above = np.maximum(net.side, 0).T
         between = (done[below] & later[above]) | (later[below] & done[above])
         points = self._points(net)
         plane = int(first * self.shape[1] * self.shape[2])
-        self.points, self.moved = _merged(self.points, self.moved, points[some], moved[some], plane)
+        self.points, self.moved = _merged(self.points, self.moved, points[both], moved[both], plane)
         quads = self._quads(net, points)[between]
         self.quads, self.crossed = _merged(self.quads, self.crossed, quads, crossed[between], 3 * plane)
 

@@ -6,9 +6,11 @@ from functools import cached_property
 import numpy as np
 
 from voxgran._base.arrays import Floats
+from voxgran._base.kernels import kernel
 from voxgran._base.lazy import load
 from voxgran.geometry.triangles import normals_of
-from voxgran.shapes.triangles import Triangles
+from voxgran.geometry.vectors import cross, dot
+from voxgran.shapes.triangles import LatticePoints, Triangles
 
 
 @dataclass(frozen=True, eq=False, init=False)
@@ -28,6 +30,10 @@ class Mesh(Triangles):
     @cached_property
     def _volume_and_centroid(self) -> tuple[float, Floats]:
         """Both together, without the inertia, which takes longer."""
+        if isinstance(self.points, LatticePoints):
+            sixth, moment = _sums(self.points.steps, self.corners.astype(np.int32))
+            center = moment / (4 * sixth) if sixth else np.zeros(3)
+            return float(sixth * self.points.step.prod() / 6), center * self.points.step + self.points.first
         middle, (a, b, c), sixth = self._tetrahedra()
         volume = float(sixth.sum())
         if volume == 0.0:
@@ -60,6 +66,24 @@ class Mesh(Triangles):
         offset = (sixth[:, None] * total).sum(axis=0) / 4 / self.volume
         second = second - self.volume * np.outer(offset, offset)
         return np.asarray(np.trace(second) * np.eye(3) - second)
+
+
+@kernel
+def _sums(steps, corners):  # type: ignore[no-untyped-def]
+    """Return six times the volume that triangles of whole numbers enclose, and that times four times the centroid."""
+    volume, moment, origin = 0.0, np.zeros(3), steps[0]
+    for t in range(len(corners)):
+        a, b, c = steps[corners[t, 0]], steps[corners[t, 1]], steps[corners[t, 2]]
+        u = (float(a[0] - origin[0]), float(a[1] - origin[1]), float(a[2] - origin[2]))
+        v = (float(b[0] - origin[0]), float(b[1] - origin[1]), float(b[2] - origin[2]))
+        w = (float(c[0] - origin[0]), float(c[1] - origin[1]), float(c[2] - origin[2]))
+        part = dot(u, cross(v, w))
+        volume += part
+        for k in range(3):
+            moment[k] += part * (u[k] + v[k] + w[k])
+    for k in range(3):
+        moment[k] += 4.0 * volume * origin[k]
+    return volume, moment
 
 
 def hull_of(points: Floats) -> Mesh:

@@ -2,7 +2,7 @@
 
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any, Self
+from typing import Any, NamedTuple, Self
 
 import numpy as np
 from numpy.typing import NDArray
@@ -33,19 +33,46 @@ class Moments:
         return self._moments[2]
 
 
+class LatticePoints(NamedTuple):
+    """Points on a lattice, as surfaces of labels have them: half the bytes of coordinates, from which these follow."""
+
+    steps: NDArray[np.int32]  # (n, 3) whole steps from the first corner
+    step: Floats  # (3,) edges of a cell of the lattice
+    first: Floats  # (3,) its first corner
+
+    @property
+    def nbytes(self) -> int:
+        """Bytes that they take."""
+        return sum(array.nbytes for array in self)
+
+    @property
+    def coordinates(self) -> Floats:
+        """The points, (n, 3)."""
+        return read_only(np.asarray(self.steps * self.step + self.first, dtype=np.float64))
+
+
 @dataclass(frozen=True, eq=False, init=False)
 class Triangles:
     """Triangles (m, 3) of vertices (n, 3) in space, in the unit of lengths."""
 
-    vertices: Floats
+    #: the vertices, or their places on a lattice
+    points: Floats | LatticePoints
     #: (m, 3) vertices of the triangles, in as few bytes as their numbers take
     corners: NDArray[np.unsignedinteger[Any]]
 
     dimension = 3
 
-    def __init__(self, vertices: Floats, faces: NDArray[Any]) -> None:
-        object.__setattr__(self, "vertices", read_only(vertices))
-        object.__setattr__(self, "corners", read_only(faces.astype(np.min_scalar_type(max(len(vertices) - 1, 0)))))
+    def __init__(self, vertices: Floats | LatticePoints, faces: NDArray[Any]) -> None:
+        count = len(vertices.steps if isinstance(vertices, LatticePoints) else vertices)
+        for array in vertices if isinstance(vertices, LatticePoints) else (vertices,):
+            read_only(array)
+        object.__setattr__(self, "points", vertices)
+        object.__setattr__(self, "corners", read_only(faces.astype(np.min_scalar_type(max(count - 1, 0)))))
+
+    @property
+    def vertices(self) -> Floats:
+        """Vertices, (n, 3)."""
+        return self.points.coordinates if isinstance(self.points, LatticePoints) else self.points
 
     @property
     def faces(self) -> Integers:
@@ -88,7 +115,9 @@ class Triangles:
 
     def moved(self, offset: Floats) -> Self:
         """Return the triangles shifted by a (3,) offset."""
-        return type(self)(self.vertices + offset, self.corners)
+        if isinstance(self.points, LatticePoints):
+            return type(self)(self.points._replace(first=self.points.first + offset), self.corners)
+        return type(self)(self.points + offset, self.corners)
 
     def rotated(self, matrix: Floats) -> Self:
         """Return the triangles rotated about the origin by a (3, 3) rotation matrix."""

@@ -1,10 +1,7 @@
 """One run of a study, a cell with a seed: what is asked for, how it is computed, and what it leaves."""
 
-import contextlib
 import json
 import logging
-import os
-import re
 import resource
 import socket
 import tempfile
@@ -21,6 +18,7 @@ from voxgran._base.checkpoint import remove_checkpoint
 from voxgran._base.errors import CheckpointError, InUseError, LongRunWarning, OutputError, VoxgranError
 from voxgran._base.files import made_folder, write_text
 from voxgran._base.lazy import counting_preparation
+from voxgran._base.machine import forget_peak, peak_memory
 from voxgran._base.progress import Step, silent
 from voxgran.contacts.verify import verify
 from voxgran.io.files import save
@@ -266,7 +264,7 @@ def compute(run: Run, cache: SceneCache | None = None) -> Record:
     record, began, clock = Record(), _seconds(), time.monotonic()
     if run.version != __version__:
         return Record(failure=f"the worker has voxgran {__version__} in place of {run.version}: install the same")
-    _forget_peak()
+    forget_peak()
     with warnings.catch_warnings(record=True, action="always") as caught, counting_preparation() as preparation:
         # the study has told it before it started
         warnings.simplefilter("ignore", LongRunWarning)
@@ -289,7 +287,7 @@ def compute(run: Run, cache: SceneCache | None = None) -> Record:
             record.failure = f"{type(error).__name__}: {error}"
     record.failure = " ".join(record.failure.split())
     record.warnings = list(dict.fromkeys(" ".join(str(one.message).split()) for one in caught))
-    record.seconds, record.memory = _seconds() - began - preparation.seconds + kept.before, _peak()
+    record.seconds, record.memory = _seconds() - began - preparation.seconds + kept.before, peak_memory()
     record.elapsed = time.monotonic() - clock - preparation.seconds
     kept.remove()
     return record
@@ -349,18 +347,3 @@ def _seconds() -> float:
         return time.thread_time()
     used = resource.getrusage(resource.RUSAGE_CHILDREN)
     return time.process_time() + used.ru_utime + used.ru_stime
-
-
-def _forget_peak() -> None:
-    """Let the system count the largest memory of this process anew, where it can."""
-    with contextlib.suppress(OSError):
-        Path("/proc/self/clear_refs").write_text("5", encoding="ascii")
-
-
-def _peak() -> int:
-    """Return the largest memory of this process since :func:`_forget_peak`, in bytes."""
-    with contextlib.suppress(OSError):
-        if found := re.search(r"VmHWM:\s+(\d+)", Path("/proc/self/status").read_text(encoding="ascii")):
-            return 1024 * int(found[1])
-    # in kilobytes on Linux, in bytes on macOS
-    return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * (1024 if os.uname().sysname == "Linux" else 1)

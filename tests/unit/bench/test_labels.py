@@ -63,7 +63,8 @@ def test_rows_and_figure_are_written(tmp_path, monkeypatch):
     monkeypatch.setattr(labels, "POINTS", 4)
     monkeypatch.setattr(labels, "measured", lambda measured=labels.measured: measured((8,)))
     monkeypatch.setattr(labels, "measured_crowd", lambda measured=labels.measured_crowd: measured(20, 4))
-    table, crowd, figure = labels.run(tmp_path)
+    monkeypatch.setattr(labels, "measured_large", lambda measured=labels.measured_large: measured((20, 4), (1, 2)))
+    table, crowd, large, figure = labels.run(tmp_path)
     rows = list(csv.DictReader(table.read_text().splitlines()))
     assert len(rows) == 16
     assert all(float(row["processor_seconds"]) > 0 for row in rows)
@@ -75,4 +76,10 @@ def test_rows_and_figure_are_written(tmp_path, monkeypatch):
     assert [row["program"] for row in rows][:3] == names
     assert all(float(row["processor_seconds_over_calibration"]) > 0 for row in rows)
     assert {(row["closed_manifolds"], row["crossing_pairs"]) for row in rows[:4]} == {(rows[0]["labels"], "0")}
+    rows = list(csv.DictReader(large.read_text().splitlines()))
+    assert [row["voxels_along_an_edge"] for row in rows] == ["20", "40"]
+    assert [int(row["labels"]) for row in rows] == [4, 32]
+    # corners of triangles in two bytes each or less, and 12 for each of half as many vertices
+    assert all(9 < float(row["bytes_of_a_triangle"]) < 14 for row in rows)
+    assert all(float(row["file_over_image"]) > 0 and float(row["largest_memory_mib"]) > 0 for row in rows)
     assert "<svg" in figure.read_text()

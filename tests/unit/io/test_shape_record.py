@@ -7,10 +7,11 @@ import voxgran as vg
 from voxgran._base.errors import FileFormatError
 from voxgran.io.files import load, save
 from voxgran.io.record import from_record, to_record
-from voxgran.io.shape_record import MOST_BYTES, record_as_json, record_of_json
+from voxgran.io.shape_record import MOST_BYTES, planes_of, record_as_json, record_of_json, rows_of
 from voxgran.shapes.generating.record import Record
 from voxgran.shapes.model import Shape
 from voxgran.shapes.primitive import Primitive
+from voxgran.shapes.triangles import LatticePoints
 
 NOTED = {
     "heights": np.arange(12, dtype=np.int32).reshape(3, 4),
@@ -101,3 +102,41 @@ def test_a_file_of_before_has_no_record():
     record = to_record(packing_of(vg.make_shape("sphere")))
     assert '"record"' not in record.texts["shapes"]
     assert not from_record(record).shapes[0].record
+
+
+@pytest.mark.parametrize("count", [0, 1, 500])
+def test_rows_of_whole_numbers_survive_as_bytes_that_can_be_compressed(count):
+    draw = np.random.default_rng(count)
+    far = draw.integers(-(2**30), 2**30, (count, 3)).astype(np.int32)
+    near = np.cumsum(draw.integers(-9, 10, (count, 3)), axis=0).astype(np.int32)
+    for parts in ([far], [near], [near[:1], near[1:], far]):
+        rows = np.concatenate(parts)
+        planes = planes_of(parts)
+        assert planes.dtype == np.uint8
+        assert planes.size == rows.nbytes
+        assert np.array_equal(rows_of(planes), rows)
+    # steps of less than 128 leave three of four bytes empty
+    assert not planes_of([near])[3 * count :].any()
+
+
+def test_surfaces_of_labels_take_fewer_bytes_and_survive(tmp_path):
+    image = np.zeros((12, 12, 24), dtype=int)
+    away = np.linalg.norm(np.stack(np.indices((12,) * 3), axis=-1) - 5.5, axis=-1)
+    image[..., :12][away < 5], image[..., 12:][away < 5] = 1, 2
+    packing = vg.packing_of_labels(image, voxel_size=(0.1, 0.3, 0.7), gravity="none")
+    assert all(isinstance(shape.geometry.points, LatticePoints) for shape in packing.shapes)
+    record = to_record(packing)
+    assert record.arrays["format"] == [3]
+    assert len(record.arrays["shape_points"]) == len(record.arrays["shape_faces"]) == 0
+    assert from_record(record) == packing
+    save(packing, tmp_path / "bed.vtp")
+    again = load(tmp_path / "bed.vtp")
+    assert again == packing
+    for one, other in zip(packing.shapes, again.shapes, strict=True):
+        assert_equal_values(one.vertices, other.vertices)
+        assert_equal_values(one.geometry.points.steps, other.geometry.points.steps)
+    # other steps are another shape
+    record.arrays["shape_steps"] = record.arrays["shape_steps"].copy()
+    record.arrays["shape_steps"][5] ^= 2
+    with pytest.raises(FileFormatError, match="is not the one that was saved"):
+        from_record(record)

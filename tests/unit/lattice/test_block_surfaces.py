@@ -62,7 +62,7 @@ def test_smooth_surfaces_have_the_same_triangles_and_volumes_and_share_them(labe
     for one, other in zip(whole.shapes, grouped.shapes, strict=True):
         # quadrangles whose diagonals are about equal may be cut along the other one
         assert (one.faces != other.faces).any(axis=1).mean() < 0.05
-        assert other.volume == pytest.approx(one.volume, rel=1e-9)
+        assert other.volume == pytest.approx(one.volume, rel=2e-6)
         assert other.surface_area == pytest.approx(one.surface_area, rel=3e-3)
     moved = np.abs((np.concatenate(corners(grouped)) - np.concatenate(corners(whole))) / EDGES).max(axis=1)
     # those of crossings that are repaired in one of both
@@ -144,13 +144,13 @@ def test_what_two_labels_share_stays_as_it_was():
     how = {"wraps": np.zeros(3, dtype=bool), "smoothing": 1.0, "spacing": np.ones(3), "seams": seams}
     first = label_surfaces(image.copy(), 2, **how)
     done, later = np.array([False, True, False]), np.array([False, False, True])
-    seams.keep(first.net, first.split, 0.9 * first.moved, ~first.crossed, done, later, 0)
+    seams.keep(first.net, 0.9 * first.moved, ~first.crossed, done, later, 0)
     second = label_surfaces(image.copy(), 2, **how)
     shared = (first.net.side > 0).all(axis=1)
     assert np.array_equal(second.crossed, first.crossed ^ shared)
     points = np.unique(first.net.quad[shared])
     assert np.array_equal(second.moved[points], 0.9 * first.moved[points])
     # planes before those that are still needed are forgotten
-    seams.keep(first.net, first.split, first.moved, first.crossed, done, later, 7)
+    seams.keep(first.net, first.moved, first.crossed, done, later, 7)
     assert not len(seams.points)
     assert not len(seams.quads)

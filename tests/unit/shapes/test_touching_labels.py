@@ -62,7 +62,7 @@ def test_grains_neither_overlap_nor_escape(name, surface):
     assert packing.count == len(np.unique(image[image > 0]))
     if name in WHOLE:
         counted = np.array([(image == label).sum() for label in packing.provenance["labels"]]) * 1e-3
-        np.testing.assert_allclose(packing.volumes, counted, rtol=1e-9)
+        np.testing.assert_allclose(packing.volumes, counted, rtol=2e-6 if surface == "smooth" else 1e-9)
 
 
 @pytest.mark.parametrize("number", [60, slow(5000)])
@@ -100,7 +100,7 @@ def test_neighbours_that_share_faces_touch(surface):
     # in the face that they share; smooth surfaces are rounded at its rim, where the point may lie
     assert contacts.point[0][0] == pytest.approx(7.0, abs=0.1)
     assert contacts.normal[0][0] > (0.3 if surface == "smooth" else 1 - 1e-9)
-    assert packing.volumes == pytest.approx([80, 80], rel=1e-9)
+    assert packing.volumes == pytest.approx([80, 80], rel=2e-6)
 
 
 def test_cut_grains_end_in_the_wall():
@@ -165,7 +165,7 @@ def test_smoothing_brings_a_sphere_nearer_to_its_shape():
     found = {}
     for surface in ("smooth", "voxel"):
         packing = vg.packing_of_labels(image, voxel_size=1.0, surface=surface)
-        assert packing.volumes[0] == pytest.approx((image == 1).sum(), rel=1e-12)
+        assert packing.volumes[0] == pytest.approx((image == 1).sum(), rel=2e-6)
         corners = packing.shapes[0].vertices + packing.position[0]
         off = np.linalg.norm(corners - (14.9, 15.2, 14.6), axis=1) - radius
         found[surface] = np.sqrt(np.mean(off[corners[:, 0] > 8] ** 2))

@@ -5,6 +5,8 @@ image, and those within it are compared with their convex hulls. The peers are m
 label, and the surface nets of VTK, whose single surface of all labels is parted by label after its time is taken.
 """
 
+import tempfile
+import time
 import warnings
 from collections.abc import Callable
 from functools import partial
@@ -17,16 +19,18 @@ from numpy.typing import NDArray
 from voxgran._base.arrays import Floats, Integers
 from voxgran._base.errors import PackingWarning
 from voxgran._base.lazy import load
+from voxgran._base.machine import forget_peak, peak_memory
 from voxgran._base.seeds import stream
 from voxgran.bench.model import TradeOff, calibration, least_seconds, panels_of, peers_of, write_rows
 from voxgran.contacts.verify import verify
 from voxgran.geometry.crossing import count_crossings
 from voxgran.geometry.rotation import random_rotations, rotation_matrices
 from voxgran.geometry.triangles import areas_of, enclosed_volume
+from voxgran.io.vtk_files import save_packing
 from voxgran.lattice.cuberille import fans
 from voxgran.packing.transform.from_labels import packing_of_labels
 from voxgran.shapes.images.labels import load_labels
-from voxgran.shapes.mesh import hull_of
+from voxgran.shapes.mesh import Mesh, hull_of
 from voxgran.shapes.model import Shape
 from voxgran.shapes.primitive import Primitive
 from voxgran.shapes.shells import half_edges
@@ -35,6 +39,9 @@ from voxgran.shapes.shells import half_edges
 ACROSS, HALF_AXES, BODIES, POINTS = (10, 20, 40), (0.75, 0.5, 0.35), 2, 5
 #: voxels along the edge of the crowded image, and its points
 CROWDED = 200, 230
+#: voxels along the edge of the part that large images are made of, its points, and parts along their edges: the
+#: largest one has 500^3 voxels and about 10,000 labels
+PART, PARTS = (125, 158), (2, 4)
 #: calls of which the least time counts
 REPEATS = 2
 #: accuracy of corners up to which they are one, in voxels
@@ -161,6 +168,35 @@ def measured_crowd(n: int = CROWDED[0], points: int = CROWDED[1]) -> list[tuple[
     return rows[-2:] + rows[:-2]
 
 
+def measured_large(
+    part: tuple[int, int] = PART, parts: tuple[int, ...] = PARTS
+) -> list[tuple[int, int, int, float, float, float, float]]:
+    """Return voxels along the edge, labels, triangles, processor seconds and largest memory in MiB of packings of large
+    images, the bytes that they keep for each triangle, and those of their files over those of 16 bits a voxel.
+    """
+    one, rows = crowded(*part), []
+    for many in parts:
+        steps = np.arange(many**3, dtype=np.int32).reshape((many,) * 3) * one.max()
+        image = np.block(
+            [[[np.where(one, one + step, 0) for step in row] for row in plane] for plane in steps.tolist()]
+        )
+        image = image.astype(np.int32, copy=False)
+        forget_peak()
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore", PackingWarning)
+            began = time.process_time()
+            packing = packing_of_labels(image, voxel_size=1.0, gravity="none")
+            seconds, memory = time.process_time() - began, peak_memory() / 2**20
+        meshes = [shape.geometry for shape in packing.shapes if isinstance(shape.geometry, Mesh)]
+        triangles = sum(len(mesh.corners) for mesh in meshes)
+        kept = sum(mesh.corners.nbytes + mesh.points.nbytes for mesh in meshes) / triangles
+        with tempfile.TemporaryDirectory() as folder:
+            save_packing(packing, Path(folder, "packing.vtp"))
+            length = Path(folder, "packing.vtp").stat().st_size / (2 * image.size)
+        rows.append((len(image), packing.count, triangles, seconds, memory, kept, length))
+    return rows
+
+
 def is_manifold(points: Floats, faces: Integers) -> bool:
     """Return whether a surface is closed, its triangles face one way, and those around each vertex are one fan."""
     start, end, edge, uses = half_edges(faces, len(points))
@@ -195,7 +231,13 @@ def run(folder: Path) -> tuple[Path, ...]:
     ]
     head = "program,processor_seconds,labels,triangles,closed_manifolds,crossing_pairs,calibration_seconds"
     _draw(rows, folder / "labels.svg")
-    return table, write_rows(folder / "labels_crowded.csv", head, crowd), folder / "labels.svg"
+    crowd_table = write_rows(folder / "labels_crowded.csv", head, crowd)
+    head = (
+        "voxels_along_an_edge:d,labels:d,triangles:d,processor_seconds:.4g,largest_memory_mib:.0f,"
+        "bytes_of_a_triangle:.4g,file_over_image:.3g"
+    )
+    large = write_rows(folder / "labels_large.csv", head, measured_large())
+    return table, crowd_table, large, folder / "labels.svg"
 
 
 def _draw(rows: list[Row], path: Path) -> None:
