@@ -127,8 +127,9 @@ def view_data(packing: Packing, shown: Integers, most: int) -> tuple[dict[str, A
     whole = [np.round(vertices / r * WHOLE) for (vertices, _), r in zip(bodies, reach, strict=True)]
     known = {"force": packing.forces is not None, "density": isinstance(packing.density, tuple)}
     shades = [name for name in COLOR_BY if known.get(name, True)]
-    # fixed grains have values like all others here: it has no colour for grains without one
-    colors = [coloring(replace(packing, fixed=None), name) for name in shades]
+    # fixed grains have values like all others here: it has no colour for grains without one; a copy finds contacts anew
+    free = packing if packing.fixed is None else replace(packing, fixed=None)
+    colors = [coloring(free, name) for name in shades]
     lines = (outline(packing.container) - middle) / length
     contacts = touching_contacts(packing)
     near = np.zeros(packing.count, dtype=bool)

@@ -108,6 +108,12 @@ def test_values_and_contacts_are_those_of_the_packing(packing):
     assert head["shapes"] == ["sphere", "<block> & co"]
 
 
+def test_contacts_that_are_known_are_not_found_again(packing, monkeypatch):
+    vg.measure(packing, which="coordination")
+    monkeypatch.setattr("voxgran.packing.model.find_contacts", None)
+    assert view.views_of({"": packing}) is not None
+
+
 def test_heights_are_against_gravity(packing):
     assert coloring(packing, "height").values == pytest.approx(packing.position[:, 2])
     sideways = dataclasses.replace(packing, gravity=(1.0, 0.0, 0.0))
