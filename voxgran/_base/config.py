@@ -25,7 +25,7 @@ from voxgran._base.arrays import as_choice, as_count, as_number, check_lengths, 
 from voxgran._base.calls import explained_methods, removal_of
 from voxgran._base.errors import InputError, UnknownNameError, shown
 from voxgran._base.names import unknown
-from voxgran._base.scalars import float_of, number_of, unwrapped, whole_number_of
+from voxgran._base.scalars import float_of, nested, number_of, unwrapped, whole_number_of
 from voxgran._base.warning import warn_former
 
 T = TypeVar("T")
@@ -254,13 +254,7 @@ def to_mapping(instance: Any) -> dict[str, Any]:
 
 def _plain(value: Any) -> Any:
     """Turn tuples into lists and nested parameter objects into dicts; objects of other classes stay as they are."""
-    if is_parameter_class(type(value)):
-        return to_mapping(value)
-    if isinstance(value, tuple | list):
-        return [_plain(item) for item in value]
-    if isinstance(value, Mapping):
-        return {str(key): _plain(item) for key, item in value.items()}
-    return value
+    return nested(value, lambda one: to_mapping(one) if is_parameter_class(type(one)) else one)
 
 
 def _convert(value: Any, wanted: Any, where: str) -> Any:

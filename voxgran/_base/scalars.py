@@ -1,7 +1,8 @@
-"""What counts as a number: the one conversion, whether it stands alone, in a list or in a parameter class."""
+"""What counts as a number: the one conversion, whether it stands alone, in others or in a parameter class."""
 
 import contextlib
 import math
+from collections.abc import Callable, Mapping
 from decimal import Decimal
 from numbers import Integral, Real
 from typing import Any
@@ -58,3 +59,23 @@ def unwrapped(value: Any) -> Any:
         with contextlib.suppress(AttributeError, TypeError, ValueError):
             return value.item()
     return value
+
+
+def nested(value: Any, leaf: Callable[[Any], Any]) -> Any:
+    """Return mappings, lists and tuples in each other as dicts and lists, with a function applied to all in them."""
+    if isinstance(value, Mapping):
+        return {str(key): nested(item, leaf) for key, item in value.items()}
+    if isinstance(value, list | tuple | range):
+        return [nested(item, leaf) for item in value]
+    return leaf(value)
+
+
+def finite(value: Any) -> Any:
+    """Return nested values for JSON, which has no number for NaN and infinity: None in their place."""
+
+    def leaf(one: Any) -> Any:
+        if hasattr(one, "tolist"):
+            return finite(one.tolist())
+        return None if isinstance(one, float) and not math.isfinite(one) else one
+
+    return nested(value, leaf)

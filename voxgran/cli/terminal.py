@@ -3,7 +3,6 @@
 import argparse
 import contextlib
 import json
-import math
 import shutil
 import sys
 import textwrap
@@ -13,6 +12,7 @@ from typing import Any
 
 from voxgran._base.lazy import load
 from voxgran._base.progress import OnStep, ProgressLines, Step, silent
+from voxgran._base.scalars import finite
 
 #: steps of a stage from which on their pace tells how long it takes
 MANY = 20
@@ -96,22 +96,13 @@ def show(
         What is written behind numbers besides `UNITS`, by name; not in JSON.
     """
     if options.json:
-        print(json.dumps(_finite(numbers), indent=2, default=str))
+        print(json.dumps(finite(numbers), indent=2, default=str))
         return
     known = {**UNITS, **(units or {})}
     for name, value in numbers.items():
         print(f"{name.replace('_', ' '):24} {_with_unit(name, value, known)}")
     if last:
         print(last)
-
-
-def _finite(value: Any) -> Any:
-    """Return values for JSON, which has no number for NaN and infinity: None in their place."""
-    if isinstance(value, Mapping):
-        return {key: _finite(item) for key, item in value.items()}
-    if isinstance(value, list | tuple):
-        return [_finite(item) for item in value]
-    return None if isinstance(value, float) and not math.isfinite(value) else value
 
 
 def _with_unit(name: str, value: Any, units: Mapping[str, str]) -> str:

@@ -2,13 +2,13 @@
 
 import dataclasses
 import json
-import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from voxgran import __version__
+from voxgran._base.scalars import finite
 from voxgran.measures.registered.density import main_numbers
 from voxgran.packing.model import Packing
 from voxgran.report import facts
@@ -50,7 +50,7 @@ def page_numbers(
 
 def json_text(value: Any) -> str:
     """Return a value as JSON text; numbers that are not finite become null, as JSON cannot represent them."""
-    return json.dumps(_finite(value), indent=1, default=str, allow_nan=False, ensure_ascii=False) + "\n"
+    return json.dumps(finite(value), indent=1, default=str, allow_nan=False, ensure_ascii=False) + "\n"
 
 
 def _spread(packing: Packing) -> dict[str, float | None]:
@@ -59,16 +59,3 @@ def _spread(packing: Packing) -> dict[str, float | None]:
         return {"least": None, "median": None, "largest": None}
     low, middle, high = (float(value) for value in np.quantile(packing.diameters, [0.0, 0.5, 1.0]))
     return {"least": low, "median": middle, "largest": high}
-
-
-def _finite(value: Any) -> Any:
-    """Replace numbers that are not finite by None, recursively."""
-    if isinstance(value, Mapping):
-        return {str(key): _finite(item) for key, item in value.items()}
-    if isinstance(value, list | tuple):
-        return [_finite(item) for item in value]
-    if isinstance(value, np.ndarray | np.generic):
-        return _finite(value.tolist())
-    if isinstance(value, float) and not math.isfinite(value):
-        return None
-    return value

@@ -19,7 +19,7 @@ from voxgran._base.lazy import load
 from voxgran._base.stopping import stop_if_asked
 from voxgran.contacts.manifolds.rows import ARM_I, ARM_J, GAP, NORMAL
 from voxgran.settling.balance import LoadedContacts
-from voxgran.settling.frontal import FrontalMatrix
+from voxgran.settling.interior_point import FrontalMatrix
 
 #: places of the six numbers of a symmetric tensor
 PLACES = ((0, 0), (1, 1), (2, 2), (1, 2), (0, 2), (0, 1))

@@ -15,7 +15,7 @@ from typing import Any, TypeAlias
 from voxgran._base.config import parameters_of, to_mapping
 from voxgran._base.errors import InputError, UnknownNameError, shown
 from voxgran._base.names import nearest, unknown
-from voxgran._base.scalars import unwrapped
+from voxgran._base.scalars import nested, unwrapped
 from voxgran.packing.method import method_registry
 from voxgran.scene.description import SECTIONS
 
@@ -111,22 +111,16 @@ def plain(value: Any) -> Any:
         If it is nested too deeply.
     """
     try:
-        return _plain(value)
+        return nested(value, _plain)
     except RecursionError:
         raise InputError(f"value is {shown(value)}: a study takes numbers, texts, lists and tables; give one") from None
 
 
 def _plain(value: Any) -> Any:
-    """Return a value as TOML has it."""
-    if isinstance(value, Mapping):
-        return {str(key): _plain(item) for key, item in value.items()}
-    if isinstance(value, list | tuple | range):
-        return [_plain(item) for item in value]
+    """Return a single value as TOML has it."""
     if getattr(value, "ndim", 0) and hasattr(value, "tolist"):
         return value.tolist()
-    if isinstance(value, Path):
-        return str(value)
-    return unwrapped(value)
+    return str(value) if isinstance(value, Path) else unwrapped(value)
 
 
 def _given(axis: str, value: Any) -> tuple[str, Any]:

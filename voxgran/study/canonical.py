@@ -8,6 +8,7 @@ from collections.abc import Mapping
 from typing import Any
 
 from voxgran._base.config import from_mapping, parameters_of, to_mapping
+from voxgran._base.scalars import nested
 from voxgran.clumps.method import clump_registry
 from voxgran.containers.model import UNKNOWN, boundary_of
 from voxgran.packing.method import method_registry
@@ -114,12 +115,12 @@ def _is_default_settling(scene: SceneDescription) -> bool:
 
 def _plain(value: Any) -> Any:
     """Return a value as JSON-able values of one kind: lists, and integers for numbers that are whole."""
-    if hasattr(value, "tolist"):
-        value = value.tolist()
-    if isinstance(value, Mapping):
-        return {str(key): _plain(item) for key, item in value.items()}
-    if isinstance(value, list | tuple):
-        return [_plain(item) for item in value]
-    if isinstance(value, float) and value.is_integer():
-        return int(value)
-    return value if isinstance(value, str | int | float | None) else str(value)
+
+    def leaf(one: Any) -> Any:
+        if hasattr(one, "tolist"):
+            return _plain(one.tolist())
+        if isinstance(one, float) and one.is_integer():
+            return int(one)
+        return one if isinstance(one, str | int | float | None) else str(one)
+
+    return nested(value, leaf)

@@ -18,6 +18,7 @@ from voxgran._base.stopping import Signals
 from voxgran._base.warning import warn
 from voxgran.scene.run import opened_folder
 from voxgran.study.cells import Cell
+from voxgran.study.checkpoints import marked, seconds_before
 from voxgran.study.dask_runs import DaskRuns
 from voxgran.study.durations import SPREAD, Durations, Kind, told_duration
 from voxgran.study.executor import Executor
@@ -25,7 +26,7 @@ from voxgran.study.files import files_of, run_hash
 from voxgran.study.plan import CellPlan, StudyPlan, cell_plan, note_of_beds, told_values
 from voxgran.study.processes import Processes
 from voxgran.study.result import StudyResult, dataset_of, rows_of, save_results
-from voxgran.study.runs import Record, Run, marked, seconds_before
+from voxgran.study.runs import Record, Run
 from voxgran.study.settings import StudySettings
 from voxgran.study.store import CELLS, CHECKPOINTS, Store
 

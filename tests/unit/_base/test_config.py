@@ -121,6 +121,26 @@ def test_meanings_stand_in_the_docstring_and_get_their_types_there():
     assert {entry.name: entry.doc for entry in parameters_of(ToldAndMore)} == {"more": "one more"} | meanings
 
 
+@parameter_class
+class Written:
+    """What has types in its docstring.
+
+    Parameters
+    ----------
+    law : {"linear", "hertz"}
+        Contact law.
+    """
+
+    law: Literal["linear", "hertz"] = parameter("linear")
+
+
+def test_types_that_are_written_stay():
+    before = Written.__doc__
+    document(Written)
+    assert Written.__doc__ == before
+    assert parameters_of(Written)[0].doc == "Contact law"
+
+
 def test_all_parameters_have_a_meaning_and_all_meanings_a_parameter():
     package = Path(voxgran.__file__).parent
     for file in sorted(package.rglob("*.py")):
