@@ -86,5 +86,18 @@ def test_a_thin_cap_at_the_border_is_a_grain_of_its_own(cut):
     assert np.mean(np.moveaxis(true, 2, cut) != found.values) < 0.005
 
 
+@pytest.mark.parametrize("cut", [0, 2])
+def test_a_cap_with_a_neck_as_wide_as_it_is_deep_is_a_grain_of_its_own(cut):
+    x, y, z = np.indices((30, 40, 40)) + 0.5
+    # what the border leaves of a sphere, 4 voxels, and one that it touches, with a neck of 5 voxels
+    inside = [(x + 8) ** 2 + (y - 20) ** 2 + (z - 20) ** 2 < 144, (x - 14) ** 2 + (y - 20) ** 2 + (z - 20) ** 2 < 144]
+    grey = np.moveaxis(200.0 * np.any(inside, axis=0), 0, cut)
+    found = vg.segment(grey, threshold=100)
+    assert found.grains == 2
+    # within the volume the neck is 0.95 of the cap, within the border 0.67
+    assert float(found.necks["ratio"][0]) == pytest.approx(0.81, abs=0.03)
+    assert found.suspects["grain"].values.tolist() == [1]
+
+
 def test_an_image_without_void_is_one_grain():
     assert vg.segment(np.full((9, 9, 9), 200), threshold=100).grains == 1
