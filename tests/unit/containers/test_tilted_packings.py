@@ -159,8 +159,8 @@ def test_what_takes_upright_containers_only_says_so(jammed):
             jammed.measure(name)
         assert "\n" not in str(caught.value)
     # those that are not named are left out
-    assert "/pores" not in jammed.measure("all").groups
-    with pytest.raises(InputError, match=r"method 'digital' takes upright containers only: .*of compress, .*rsa"):
+    assert "/voids" not in jammed.measure("all").groups
+    with pytest.raises(InputError, match=r"method 'digital' takes upright .*of advancing_front, .*rsa"):
         vg.pack(SPHERE, CELL, "digital", count=3)
     with pytest.raises(InputError, match="an inlet takes upright containers only"):
         vg.pour(SPHERE, vg.Box((9, 9, 9), "xy", tilt=(3, 0, 0)), count=9, inlet=vg.Inlet(radius=2))
@@ -180,3 +180,12 @@ def test_packings_of_true_shapes_in_tilted_cells(act, jammed):
     made = vg.grow(rocks) if act == "grow" else vg.compress(rocks, friction=0.3)
     assert made.solid_fraction > rocks.solid_fraction
     assert made.verify().ok
+
+
+@pytest.mark.parametrize("mode", ["loose", "dense"])
+def test_a_front_grows_across_tilted_faces(mode):
+    made = vg.pack(SPHERE, vg.Box((7, 6, 7), "xyz", tilt=(3, -2, 2)), "advancing_front", mode=mode, seed=1)
+    assert made.verify().ok
+    assert made.solid_fraction > (0.4 if mode == "loose" else 0.5)
+    # each sphere touches three others when it is placed
+    assert float(made.measure("coordination")["mean_coordination_number"]) > 5.5
