@@ -177,3 +177,28 @@ def test_a_pour_in_batches_goes_on_from_its_checkpoints(tmp_path):
     assert sorted(one.name for one in tmp_path.iterdir()) == ["heap.ckpt", "heap.ckpt.1"]
     again = vg.pour(BALL, box, 30, batch=10, seed=2, checkpoint=path, resume=True)
     assert again.position.tobytes() == whole.position.tobytes()
+
+
+@pytest.mark.filterwarnings("ignore:the bulk holds")
+def test_a_scene_has_a_fall_height_and_a_rate(tmp_path):
+    scene = vg.Scene.from_mapping(
+        {
+            "scene": {"seed": 3},
+            "shape": [{"family": "sphere"}],
+            "container": {"kind": "box", "lengths": [6, 6, 10]},
+            "packing": {"method": "gravity", "count": 12, "fall_height": 3, "inlet": {"radius": 1.5, "rate": 4}},
+            "measure": {"which": ["density"]},
+            "output": {"vtk": False, "report": False},
+        }
+    )
+    assert vg.Scene.from_mapping(scene.to_mapping()) == scene
+    position = scene.run(tmp_path / "out").packing.position
+    called = vg.pour(BALL, vg.Box((6, 6, 10)), 12, inlet=vg.Inlet(radius=1.5, rate=4), fall_height=3, seed=3)
+    assert called.position.tobytes() == position.tobytes()
+
+
+def test_the_unit_of_lengths_changes_nothing():
+    box, small = vg.Box((4, 4, 9), periodic="xy"), vg.Box((0.5, 0.5, 1.125), periodic="xy")
+    bed = vg.pack(BALL, box, "gravity", count=20, fall_height=4.0)
+    again = vg.pack(BALL.scaled(0.125), small, "gravity", count=20, fall_height=0.5)
+    assert (again.position * 8).tobytes() == bed.position.tobytes()
