@@ -21,7 +21,7 @@ ROOT = Path(__file__).parents[2]
 PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text())
 MOST_BYTES = 2_000_000
 #: what a wheel holds beside Python files
-SUFFIXES = {".js", ".py", ".pyi", ".typed", ".j2", ".npy", ".obj", ".md", ".toml"}
+SUFFIXES = {".cpp", ".cu", ".in", ".js", ".py", ".pyi", ".typed", ".j2", ".npy", ".obj", ".md", ".toml"}
 #: the first lines of the tutorial, with a scan that travels with the package
 TUTORIAL = """
 from pathlib import Path

@@ -88,6 +88,29 @@ class Lid(ExplainedAttributes):
 class Settling:
     """How a bed settles.
 
+    Parameters
+    ----------
+    friction
+        Coulomb coefficient of friction between grains and at walls; what rests with the largest one also rests with
+        more; or a table of materials, with one friction for each pair.
+    restitution
+        ratio of the velocities after and before an impact, along the normal.
+    shaking
+        random accelerations after the fall; if omitted, none.
+    lid
+        plate that lies on the bed; if omitted, none.
+    fall_time
+        longest time of the fall with inertia, in sqrt(d / g) with the median diameter d; if omitted, until the mean
+        grain sinks by less than 0.05 d in that time unit.
+    solid_fraction
+        solid fraction of the bed at rest, met to 0.002: the friction (up to 1) and, for denser beds, the shaking are
+        found that give it, beginning with the friction that is given; that of the bulk or, in beds of few grains, below
+        the surface; if omitted, as friction and shaking give it.
+    rest
+        share of the grains that must be proven to rest so that the bed counts as settled.
+    parts
+        shapes that settle: the true ones, or the convex hulls of meshes that are not convex.
+
     Raises
     ------
     InputError
@@ -96,40 +119,14 @@ class Settling:
 
     usual_fall: ClassVar[float] = 20.0
 
-    friction: float | Materials = parameter(
-        0.5,
-        doc="Coulomb coefficient of friction between grains and at walls; what rests with the largest one also rests "
-        "with more; or a table of materials, with one friction for each pair",
-        at_least=0.0,
-        at_most=MOST_FRICTION,
-    )
-    restitution: float = parameter(
-        0.0, doc="ratio of the velocities after and before an impact, along the normal", at_least=0.0, at_most=1.0
-    )
-    shaking: Shaking | None = parameter(None, doc="random accelerations after the fall; if omitted, none")
-    lid: Lid | None = parameter(None, doc="plate that lies on the bed; if omitted, none")
-    fall_time: float | None = parameter(
-        None,
-        doc="longest time of the fall with inertia, in sqrt(d / g) with the median diameter d; if omitted, until the "
-        "mean grain sinks by less than 0.05 d in that time unit",
-        at_least=0.0,
-        at_most=LONGEST,
-    )
-    solid_fraction: float | None = parameter(
-        None,
-        doc="solid fraction of the bed at rest, met to 0.002: the friction (up to 1) and, for denser beds, the shaking "
-        "are found that give it, beginning with the friction that is given; that of the bulk or, in beds of few "
-        "grains, below the surface; if omitted, as friction and shaking give it",
-        above=0.0,
-        at_most=1.0,
-    )
-    rest: float = parameter(
-        0.95, doc="share of the grains that must be proven to rest so that the bed counts as settled", above=0.0,
-        at_most=1.0,
-    )  # fmt: skip
-    parts: Literal["exact", "hulls"] = parameter(
-        "exact", doc="shapes that settle: the true ones, or the convex hulls of meshes that are not convex"
-    )
+    friction: float | Materials = parameter(0.5, at_least=0.0, at_most=MOST_FRICTION)
+    restitution: float = parameter(0.0, at_least=0.0, at_most=1.0)
+    shaking: Shaking | None = parameter(None)
+    lid: Lid | None = parameter(None)
+    fall_time: float | None = parameter(None, at_least=0.0, at_most=LONGEST)
+    solid_fraction: float | None = parameter(None, above=0.0, at_most=1.0)
+    rest: float = parameter(0.95, above=0.0, at_most=1.0)
+    parts: Literal["exact", "hulls"] = parameter("exact")
 
     def __post_init__(self) -> None:
         """Check the ranges."""

@@ -13,7 +13,7 @@ import voxgran as vg
 from voxgran._base.errors import FileFormatError, InputError
 from voxgran.decks.engine import Held
 from voxgran.decks.engines import mercury
-from voxgran.decks.mercury_driver import INCLUDES
+from voxgran.decks.text import program_part
 
 HERTZ = {"law": "hertz", "young_modulus": 1e8, "restitution": 0.6}
 
@@ -290,7 +290,7 @@ def run(folder, *arguments):
     if compiler is None:
         pytest.skip("g++ is not installed: the driver is compiled by it")
     headers = folder / "headers"
-    for line in INCLUDES.splitlines():
+    for line in program_part("mercury_includes.cpp").splitlines():
         if '"' in line:
             path = headers / "here" / line.split('"')[1]
             path.parent.mkdir(parents=True, exist_ok=True)

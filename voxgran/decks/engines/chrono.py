@@ -19,7 +19,7 @@ from voxgran.decks.bodies import Template
 from voxgran.decks.engine import Engine, Held
 from voxgran.decks.facets import Facets, facets_of
 from voxgran.decks.simulation import SETTLING, Simulation
-from voxgran.decks.text import row_of, text_of
+from voxgran.decks.text import program_part, row_of, text_of
 from voxgran.geometry.rotation import rotation_matrices
 
 TITLE = "Chrono DEM-Engine"
@@ -54,123 +54,6 @@ LAWS = {
     const float drag_stiffness = 8.f * shear_modulus * contact;
 """,
 }
-#: a force model after its constants; {law} is one of the laws
-FORCE = """\
-if (overlapDepth > 0) {{
-    // one over the sum of reciprocals: a product of two masses may be too small for a float
-    const float mass = 1.f / (1.f / AOwnerMass + 1.f / BOwnerMass);
-{law}\
-    float3 turnA = cross(ARotVel, locCPA);
-    float3 turnB = cross(BRotVel, locCPB);
-    applyOriQToVector3(turnA, AOriQ);
-    applyOriQToVector3(turnB, BOriQ);
-    const float3 relative = (ALinVel + turnA) - (BLinVel + turnB);
-    const float apart = dot(relative, B2A);
-    float3 slid = make_float3(slid_x, slid_y, slid_z);
-    slid += ts * (relative - apart * B2A);
-    const float lifted = dot(slid, B2A);
-    slid -= lifted * B2A;
-    force += (normal_stiffness * overlapDepth - damping * apart) * B2A;
-    float3 drag = -drag_stiffness * slid;
-    const float most = friction * length(force);
-    const float drawn = length(drag);
-    if (drawn > most) {{
-        drag = (most / drawn) * drag;
-        slid = (most / drawn) * slid;
-    }}
-    force += drag;
-    slid_x = slid.x;
-    slid_y = slid.y;
-    slid_z = slid.z;
-}} else {{
-    slid_x = 0;
-    slid_y = 0;
-    slid_z = 0;
-}}
-"""
-
-#: the driver after its constants, before its walls
-GRAINS_PART = """\
-
-
-def rows_of(path):
-    \"\"\"Return name and numbers of each row of a table; lines that begin with # are comments.\"\"\"
-    with open(path) as file:
-        rows = [line.strip().split(",") for line in file if line.strip() and not line.startswith("#")]
-    return [row[0] for row in rows], np.array([[float(word) for word in row[1:]] for row in rows])
-
-
-def spheres_of(name):
-    \"\"\"Return centers and radii of the spheres of a template, in its principal frame.\"\"\"
-    table = np.loadtxt(os.path.join(FOLDER, f"chrono_{name}.csv"), delimiter=",", skiprows=1, ndmin=2)
-    return table[:, :3], table[:, 3]
-
-
-def type_of(name, row):
-    \"\"\"Return the clump type of a grain; grains of one template and size share it.\"\"\"
-    scale, mass, moments = row[0], row[1], row[2:5]
-    if (name, scale) not in types:
-        centers, radii = spheres_of(name)
-        types[name, scale] = solver.LoadClumpType(
-            mass, moments.tolist(), (scale * radii).tolist(), (scale * centers).tolist(), material
-        )
-    return types[name, scale]
-
-
-def kinetic_energy():
-    \"\"\"Return the kinetic energy of all grains, of translation and rotation, in J.\"\"\"
-    velocity, spin = np.array(tracker.Velocities()), np.array(tracker.AngularVelocitiesLocal())
-    return float((rows[:, 1] * (velocity**2).sum(axis=1) + (rows[:, 2:5] * spin**2).sum(axis=1)).sum() / 2)
-
-
-def save(path):
-    \"\"\"Write the state of all grains; the driver goes on from it.\"\"\"
-    state = [tracker.Positions(), tracker.OrientationQuaternions(), tracker.Velocities()]
-    state = np.column_stack([rows[:, :5], *state, tracker.AngularVelocitiesLocal()])
-    with open(path, "w") as file:
-        for name, row in zip(names, state.tolist()):
-            file.write(",".join([name, *map(repr, row)]) + "\\n")
-
-
-solver = deme.DEMSolver([0])
-material = solver.LoadMaterial(MATERIAL)
-names, rows = rows_of(sys.argv[1] if len(sys.argv) > 1 else os.path.join(FOLDER, "chrono_grains.csv"))
-types = {}
-batch = solver.AddClumps([type_of(name, row) for name, row in zip(names, rows)], rows[:, 5:8].tolist())
-# those of family 1 stand still
-fixed = {number for first, last in FIXED for number in range(first - 1, last)}
-batch.SetFamilies([int(number in fixed) for number in range(len(names))])
-solver.SetFamilyFixed(1)
-batch.SetVel(rows[:, 12:15].tolist())
-tracker = solver.Track(batch)
-if len(types) > 16:
-    solver.DisableJitifyClumpTemplates()
-    solver.DisableJitifyMassProperties()
-with open(os.path.join(FOLDER, "chrono_law.cu")) as file:
-    model = solver.DefineContactForceModel(file.read())
-model.SetMustHaveMatProp(set())
-model.SetMustPairwiseMatProp(set())
-model.SetPerContactWildcards({"slid_x", "slid_y", "slid_z"})
-"""
-
-#: the end of the driver
-RUN_PART = """\
-solver.SetGravitationalAcceleration(GRAVITY)
-solver.SetTimeStepSize(TIME_STEP)
-solver.SetOutputFormat("CSV")
-solver.Initialize()
-# the Python binding takes orientations after the initialization only
-tracker.SetOriQ([tuple(row) for row in rows[:, 8:12].tolist()])
-tracker.SetAngVel([tuple(row) for row in rows[:, 15:18].tolist()])
-for frame in range(1, FRAMES + 1):
-    solver.DoDynamicsThenSync(STEPS_PER_OUTPUT * TIME_STEP)
-    save(os.path.join(FOLDER, "chrono_state.csv"))
-    save(os.path.join(FOLDER, f"chrono_frame_{frame:04d}.csv"))
-    energy = kinetic_energy()
-    print(f"time {frame * STEPS_PER_OUTPUT * TIME_STEP:.6g} s, kinetic energy {energy:.6g} J")
-    if SETTLES and frame >= SETTLING_FRAMES and energy < REST_ENERGY:
-        break
-"""
 
 
 def _write(simulation: Simulation) -> Mapping[str, str]:
@@ -232,7 +115,9 @@ def _force(simulation: Simulation) -> str:
         shear = young / (2 * (1 + ratio)) / (2 * (2 - ratio))
         numbers |= {"young_modulus": young / (2 * (1 - ratio**2)), "shear_modulus": shear}
     constants = [f"const float {name} = {float(np.float32(value))!r}f;" for name, value in numbers.items()]
-    return text_of([*_comments(simulation, "//"), *constants]) + FORCE.format(law=LAWS[law.name])
+    return text_of([*_comments(simulation, "//"), *constants]) + program_part("chrono_force.cu").format(
+        law=LAWS[law.name]
+    )
 
 
 def _faceted(simulation: Simulation) -> Facets | None:
@@ -282,10 +167,10 @@ def _driver(simulation: Simulation) -> str:
         f"STEPS_PER_OUTPUT, FRAMES, SETTLING_FRAMES = {steps}, {frames}, {settling}",
         f"FIXED = {simulation.fixed!r}  # first and last number of each row of fixed grains, from 1",
         f"SETTLES, REST_ENERGY = {bool(simulation.gravity.any())}, {simulation.rest_energy!r}",
-        GRAINS_PART,
+        program_part("chrono_grains.py.in"),
         *_walls(simulation),
     ]
-    return text_of(lines) + RUN_PART
+    return text_of(lines) + program_part("chrono_run.py.in")
 
 
 def _walls(simulation: Simulation) -> list[str]:

@@ -30,6 +30,7 @@ from voxgran.decks.kratos_model import (
     wall_text,
 )
 from voxgran.decks.simulation import SETTLING, Simulation
+from voxgran.decks.text import program_part
 from voxgran.geometry.rotation import rotation_matrices
 
 TITLE, INSTALL = "Kratos", "pip install KratosMultiphysics KratosDEMApplication"
@@ -40,128 +41,6 @@ PARAMETERS, MATERIALS = f"{PROBLEM}ProjectParametersDEM.json", f"{PROBLEM}Materi
 #: farthest that neighbours are looked for beyond contact, in median diameters, and most steps between two searches
 TOLERANCE, MOST_STEPS = 0.05, 50
 AXES = tuple(enumerate("XYZ"))
-#: the script after its constants
-RUN = '''\
-FOLDER = os.path.dirname(os.path.abspath(__file__))
-
-
-def grains_of(name):
-    """Return the ids of the nodes of a file, which are the numbers of its grains."""
-    with open(os.path.join(FOLDER, name), encoding="utf-8") as file:
-        lines = file.read().split("Begin Nodes")[1].split("End Nodes")[0].splitlines()
-    return [int(line.split()[0]) for line in lines if line.strip()]
-
-
-class Bed(DEMAnalysisStage):
-    """Grains in their container, until they rest."""
-
-    def __init__(self, model, parameters, state):
-        super().__init__(model, parameters)
-        self.state, self.steps, self.at_rest = state, 0, False
-
-    def ReadModelParts(self, *numbers):
-        super().ReadModelParts(*numbers)
-        # Kratos renumbers the nodes in the order of the files
-        spheres = dict(zip(grains_of(GRAINS), self.spheres_model_part.Nodes))
-        self.clusters = dict(zip(grains_of(CLUMPS), self.cluster_model_part.Nodes))
-        self.grains = sorted({**spheres, **self.clusters}.items())
-        for number, node in self.grains:
-            if any(first <= number <= last for first, last in FIXED):
-                for axis in "XYZ":
-                    node.Fix(getattr(Kratos, "VELOCITY_" + axis))
-                    node.Fix(getattr(Kratos, "ANGULAR_VELOCITY_" + axis))
-        if self.state:
-            self.go_on_from(self.state)
-
-    def go_on_from(self, path):
-        with open(path) as file:
-            lines = file.read().splitlines()
-        self.steps = int(lines[1].split()[1])
-        nodes = dict(self.grains)
-        for line in lines[3:]:
-            number, *values = line.split()
-            x, y, z, w, i, j, k, *velocities = map(float, values)
-            node = nodes[int(number)]
-            node.X, node.Y, node.Z = node.X0, node.Y0, node.Z0 = x, y, z
-            node.SetSolutionStepValue(Kratos.VELOCITY, velocities[:3])
-            node.SetSolutionStepValue(Kratos.ANGULAR_VELOCITY, velocities[3:])
-            if int(number) in self.clusters:
-                turn = Kratos.Quaternion()
-                turn.W, turn.X, turn.Y, turn.Z = w, i, j, k
-                node.SetSolutionStepValue(Kratos.ORIENTATION, turn)
-
-    def Initialize(self):
-        super().Initialize()
-        self.time = self.steps * TIME_STEP
-        self.write_state()
-
-    def KeepAdvancingSolutionLoop(self):
-        return self.steps < STEPS and not self.at_rest
-
-    def OutputSolutionStep(self):
-        super().OutputSolutionStep()
-        self.steps += 1
-        if self.steps % STEPS_PER_OUTPUT == 0:
-            energy = self.write_state()
-            self.at_rest = self.steps >= EARLIEST_REST and energy < REST_ENERGY
-
-    def kinetic_energy(self):
-        energy = 0.0
-        for part in (self.spheres_model_part, self.cluster_model_part):
-            physics = Dem.SphericElementGlobalPhysicsCalculator(part)
-            energy += physics.CalculateTranslationalKinematicEnergy(part)
-            energy += physics.CalculateRotationalKinematicEnergy(part)
-        return energy
-
-    def write_state(self):
-        energy = self.kinetic_energy()
-        lines = [
-            "# step, time in s, kinetic energy in J",
-            f"# {self.steps} {self.steps * TIME_STEP!r} {energy!r}",
-            "# grain, centroid, turn of the principal frame (w x y z; 1 0 0 0 for spheres), velocity, angular velocity",
-        ]
-        for number, node in self.grains:
-            turn = (1.0, 0.0, 0.0, 0.0)
-            if number in self.clusters:
-                found = node.GetSolutionStepValue(Kratos.ORIENTATION)
-                turn = (found.W, found.X, found.Y, found.Z)
-            velocity = node.GetSolutionStepValue(Kratos.VELOCITY)
-            spin = node.GetSolutionStepValue(Kratos.ANGULAR_VELOCITY)
-            values = (node.X, node.Y, node.Z, *turn, *velocity, *spin)
-            lines.append(" ".join([str(number), *(repr(float(value)) for value in values)]))
-        self.write("state", ".txt", lines)
-        self.write_spheres()
-        return energy
-
-    def write_spheres(self):
-        nodes = list(self.spheres_model_part.Nodes)
-        lines = ["# vtk DataFile Version 3.0", "spheres of all grains", "ASCII", "DATASET POLYDATA"]
-        lines.append(f"POINTS {len(nodes)} double")
-        lines += [f"{node.X!r} {node.Y!r} {node.Z!r}" for node in nodes]
-        lines.append(f"VERTICES {len(nodes)} {2 * len(nodes)}")
-        lines += [f"1 {k}" for k in range(len(nodes))]
-        lines += [f"POINT_DATA {len(nodes)}", "SCALARS radius double 1", "LOOKUP_TABLE default"]
-        lines += [repr(node.GetSolutionStepValue(Kratos.RADIUS)) for node in nodes]
-        self.write("spheres", ".vtk", lines)
-
-    def write(self, name, suffix, lines):
-        path = os.path.join(FOLDER, f"kratos_{name}_{self.steps:09d}{suffix}")
-        with open(path + ".part", "w") as file:
-            file.write("\\n".join(lines) + "\\n")
-        os.replace(path + ".part", path)
-
-
-def bed(state=None):
-    """Return the bed of the files of this folder, as at the start or in a state that was written."""
-    state = state and os.path.abspath(state)
-    os.chdir(FOLDER)
-    with open(PARAMETERS) as file:
-        return Bed(Kratos.Model(), Kratos.Parameters(file.read()), state)
-
-
-if __name__ == "__main__":
-    bed(*sys.argv[1:2]).Run()
-'''
 
 
 def _write(simulation: Simulation) -> Mapping[str, str]:
@@ -284,7 +163,7 @@ def _script(simulation: Simulation, comments: list[str]) -> str:
         "",
         *(f"{name} = {value!r}" for name, value in constants.items()),
     ]
-    return "\n".join(lines) + "\n" + RUN
+    return "\n".join(lines) + "\n" + program_part("kratos_run.py.in")
 
 
 def _read(folder: Path) -> Held:

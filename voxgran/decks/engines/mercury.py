@@ -21,9 +21,8 @@ from voxgran.decks.bodies import Template
 from voxgran.decks.contact_law import ContactLaw
 from voxgran.decks.engine import Engine, Held
 from voxgran.decks.facets import facets_of
-from voxgran.decks.mercury_driver import CLASS, INCLUDES
 from voxgran.decks.simulation import SETTLING, STRESS_MET, Simulation
-from voxgran.decks.text import row_of, text_of
+from voxgran.decks.text import program_part, row_of, text_of
 from voxgran.geometry.rotation import rotation_matrices
 
 TITLE = "MercuryDPM"
@@ -108,7 +107,7 @@ def _driver(simulation: Simulation) -> str:
     fixed = ", ".join(f"{{{first}, {last}}}" for first, last in simulation.fixed)
     lines = [
         *simulation.comments(TITLE, *HELP, mark="//"),
-        INCLUDES,
+        program_part("mercury_includes.cpp"),
         f"typedef {kind}Species SPECIES;",
         f"const unsigned STEPS_PER_OUTPUT = {simulation.steps_per_output};",
         f"const bool SETTLES = {str(bool(simulation.gravity.any() or simulation.platens)).lower()};",
@@ -120,7 +119,7 @@ def _driver(simulation: Simulation) -> str:
         f"const std::vector<std::pair<unsigned, unsigned>> FIXED = {{{fixed}}};",
         f"const double SETTLING_TIME = {SETTLING * simulation.time_unit!r};",
         f"const double REST_ENERGY = {simulation.rest_energy!r};",
-        CLASS,
+        program_part("mercury_bed.cpp"),
         *_damping(simulation),
         "",
         *_walls(simulation),

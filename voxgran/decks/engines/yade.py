@@ -20,9 +20,8 @@ from voxgran._base.lazy import load
 from voxgran.decks.bodies import Kind, Template
 from voxgran.decks.engine import Engine, Held
 from voxgran.decks.simulation import SETTLING, STRESS_MET, Simulation
-from voxgran.decks.text import row_of, text_of
+from voxgran.decks.text import program_part, row_of, text_of
 from voxgran.decks.yade_polyhedra import contacts_of_polyhedra, corners, damping, notes_of_polyhedra, refuse_polyhedra
-from voxgran.decks.yade_script import RUN
 from voxgran.decks.yade_walls import cell_lines, facet_lines
 from voxgran.geometry.periods import face_distances
 from voxgran.geometry.rotation import rotation_matrices
@@ -75,7 +74,7 @@ def _write(simulation: Simulation) -> Mapping[str, str]:
         files[FACETS] = facets
     script = [*_constants(simulation, bool(facets)), *_engines(simulation)]
     header = simulation.comments(TITLE, *notes, *said, *_notes(simulation))
-    made = {SCRIPT: "\n".join([*header, *script]) + RUN}
+    made = {SCRIPT: "\n".join([*header, *script]) + program_part("yade_run.py.in")}
     return made | {name: text_of([*header, *lines]) for name, lines in files.items()}
 
 

@@ -58,6 +58,23 @@ APART = 0.98
 class Gravity(Settling):
     """Parameters of beds that grow from seeds.
 
+    Parameters
+    ----------
+    gravity
+        direction of gravity, as an axis or as a vector of any length; if omitted, '-z', and '-y' in two dimensions.
+    fill
+        solid fraction of the column in which the grains grow, at most 0.87 of that of the bed; lower ones fall farther.
+    height
+        height of the surface of the bed above the lowest point of the container, in units of length, to about 7 percent
+        from four grains on: about 95 percent of all grains have their tops below it; as many grains grow as usually
+        fill it; if omitted, count and solid_fraction alone decide, or the container.
+    inlet
+        disk or rectangle below which the grains begin to fall; if omitted, the whole container.
+    fall_height
+        height, in units of length, from which grains have fallen when they meet the bed, one after the other, at the
+        rate of the inlet or such that the bed rises by 0.3 d in sqrt(d / g): the higher, the denser; if omitted, they
+        grow together and fall no faster than sqrt(g d).
+
     Raises
     ------
     InputError
@@ -71,35 +88,11 @@ class Gravity(Settling):
     'settled'
     """
 
-    gravity: Literal["-x", "+x", "-y", "+y", "-z", "+z"] | tuple[float, float, float] | None = parameter(
-        None,
-        doc="direction of gravity, as an axis or as a vector of any length; if omitted, '-z', and '-y' in two "
-        "dimensions",
-    )
-    fill: float = parameter(
-        LOOSE,
-        doc="solid fraction of the column in which the grains grow, at most 0.87 of that of the bed; lower ones fall "
-        "farther",
-        above=0.0,
-        at_most=FULLEST,
-    )
-    height: float | None = parameter(
-        None,
-        doc="height of the surface of the bed above the lowest point of the container, in units of length, to about "
-        "7 percent from four grains on: about 95 percent of all grains have their tops below it; as many grains grow "
-        "as usually fill it; if omitted, count and solid_fraction alone decide, or the container",
-        above=0.0,
-    )
-    inlet: Inlet | None = parameter(
-        None, doc="disk or rectangle below which the grains begin to fall; if omitted, the whole container"
-    )
-    fall_height: float | None = parameter(
-        None,
-        doc="height, in units of length, from which grains have fallen when they meet the bed, one after the other, at "
-        "the rate of the inlet or such that the bed rises by 0.3 d in sqrt(d / g): the higher, the denser; if omitted, "
-        "they grow together and fall no faster than sqrt(g d)",
-        at_least=0.0,
-    )
+    gravity: Literal["-x", "+x", "-y", "+y", "-z", "+z"] | tuple[float, float, float] | None = parameter(None)
+    fill: float = parameter(LOOSE, above=0.0, at_most=FULLEST)
+    height: float | None = parameter(None, above=0.0)
+    inlet: Inlet | None = parameter(None)
+    fall_height: float | None = parameter(None, at_least=0.0)
 
 
 def prepare(problem: Problem) -> SettleState:

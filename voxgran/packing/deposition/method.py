@@ -48,6 +48,17 @@ LATTICE = 20
 class Deposition:
     """Parameters of deposition.
 
+    Parameters
+    ----------
+    sticking
+        probability that a grain stays where it first touches something; 0: all roll to a stable place, 1: none.
+    toward
+        where grains fall: down, or from all sides toward the place farthest from all walls.
+    drops
+        drops of each grain, of which the lowest place is taken, or that nearest to the center.
+    inlet
+        disk or rectangle below which grains fall to the floor; if omitted, the whole container.
+
     Raises
     ------
     InputError
@@ -60,21 +71,10 @@ class Deposition:
     20
     """
 
-    sticking: float = parameter(
-        0.0,
-        doc="probability that a grain stays where it first touches something; 0: all roll to a stable place, 1: none",
-        at_least=0.0,
-        at_most=1.0,
-    )
-    toward: Literal["floor", "center"] = parameter(
-        "floor", doc="where grains fall: down, or from all sides toward the place farthest from all walls"
-    )
-    drops: int = parameter(
-        1, doc="drops of each grain, of which the lowest place is taken, or that nearest to the center", at_least=1
-    )
-    inlet: Inlet | None = parameter(
-        None, doc="disk or rectangle below which grains fall to the floor; if omitted, the whole container"
-    )
+    sticking: float = parameter(0.0, at_least=0.0, at_most=1.0)
+    toward: Literal["floor", "center"] = parameter("floor")
+    drops: int = parameter(1, at_least=1)
+    inlet: Inlet | None = parameter(None)
 
 
 def prepare(problem: Problem) -> State:

@@ -1,30 +1,3 @@
-"""Driver of MercuryDPM in C++, without the numbers of a simulation."""
-
-#: names that the driver uses
-INCLUDES = """\
-#include <algorithm>
-#include <cmath>
-#include <fstream>
-#include <map>
-#include <sstream>
-#include <string>
-#include <utility>
-#include <vector>
-#include "Mercury3D.h"
-#include "Boundaries/PeriodicBoundary.h"
-#include "Particles/ClumpParticle.h"
-#include "Species/HertzianViscoelasticMindlinRollingTorsionSpecies.h"
-#include "Species/HertzianViscoelasticMindlinSpecies.h"
-#include "Species/LinearViscoelasticFrictionSpecies.h"
-#include "Species/LinearViscoelasticSlidingFrictionSpecies.h"
-#include "Walls/AxisymmetricIntersectionOfWalls.h"
-#include "Walls/InfiniteWall.h"
-#include "Walls/TriangleWall.h"
-#include "../ClumpHeaders/Mercury3DClump.h"
-"""
-
-#: the driver between its constants and its walls
-CLASS = """\
 
 // Rows of a comma-separated file, each as its first word and its numbers.
 struct Row {
@@ -157,7 +130,7 @@ private:
             file << rows_[n].name << ',' << rows_[n].values[0] << ',' << rows_[n].values[1];
             for (double value : {x.X, x.Y, x.Z, a.X, b.X, c.X, a.Y, b.Y, c.Y, a.Z, b.Z, c.Z,
                                  u.X, u.Y, u.Z, w.X, w.Y, w.Z}) file << ',' << value;
-            file << "\\n";
+            file << "\n";
         }
     }
 
@@ -196,4 +169,3 @@ private:
     std::vector<Row> rows_;
     std::vector<ClumpParticle*> clumps_;
     std::vector<Platen> platens_;
-"""
