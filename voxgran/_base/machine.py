@@ -4,8 +4,9 @@ import contextlib
 import importlib.metadata
 import os
 import re
-import resource
 from pathlib import Path
+
+from voxgran._base.lazy import load
 
 #: where a control group states its limit of memory, new and old layout
 LIMITS = ("/sys/fs/cgroup/memory.max", "/sys/fs/cgroup/memory/memory.limit_in_bytes")
@@ -39,8 +40,9 @@ def peak_memory() -> int:
     with contextlib.suppress(OSError):
         if found := re.search(r"VmHWM:\s+(\d+)", Path("/proc/self/status").read_text(encoding="ascii")):
             return 1024 * int(found[1])
+    resource = load("resource")
     # in kilobytes on Linux, in bytes on macOS
-    return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * (1024 if os.uname().sysname == "Linux" else 1)
+    return int(resource.getrusage(resource.RUSAGE_SELF).ru_maxrss) * (1024 if os.uname().sysname == "Linux" else 1)
 
 
 def installed_versions(*names: str) -> dict[str, str]:
