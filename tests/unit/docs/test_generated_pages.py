@@ -4,6 +4,7 @@ import argparse
 import inspect
 import re
 import tomllib
+from pathlib import Path
 
 import site_commands
 import site_reference
@@ -12,7 +13,7 @@ import site_tables
 
 import voxgran as vg
 from voxgran._base.config import parameters_of
-from voxgran.cli.commands import COMMANDS, SCENE
+from voxgran.cli.commands import COMMANDS
 from voxgran.clumps.fit import TARGETS
 from voxgran.containers.make import container_registry
 from voxgran.packing.method import method_registry
@@ -36,8 +37,8 @@ def test_a_table_has_no_empty_columns_and_no_bars_in_its_cells():
 
 
 def test_every_section_and_key_of_a_scene_is_explained():
-    page = site_scene.page()
-    for name, entries in tomllib.loads(SCENE).items():
+    page, scene = site_scene.page(), Path(vg.__file__).parent / "cli/scene.toml"
+    for name, entries in tomllib.loads(scene.read_text()).items():
         heading = "## [[shape]]" if name == "shape" else f"## [{name}]"
         for key in entries[0] if isinstance(entries, list) else entries:
             own = (
