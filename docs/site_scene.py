@@ -3,11 +3,12 @@
 import dataclasses
 import inspect
 import re
+from pathlib import Path
 
 from site_tables import code, table
 
+import voxgran
 from voxgran._base.config import parameters_of
-from voxgran.cli.commands import SCENE
 from voxgran.clumps.method import clump_registry
 from voxgran.containers.make import container_registry
 from voxgran.geometry.orientations import KINDS as TURNS
@@ -21,6 +22,9 @@ from voxgran.settling.parameters import Lid, Settling, Shaking
 from voxgran.shapes.family import families
 from voxgran.shapes.roughness.parameters import Roughness
 from voxgran.shapes.sizes import KINDS as LAWS
+
+#: what `voxgran init` writes
+FIRST = Path(voxgran.__file__).parent / "cli/scene.toml"
 
 #: sections with the classes of their keys, in the order of a scene file, and what is said of them
 SECTIONS = {
@@ -47,7 +51,10 @@ SECTIONS = {
         "A list of grains, each placed once, in place of `count` and [sizes]. Without the section grains are drawn.",
     ),
     "[packing]": ((keys.Packed,), "How the grains are packed. Parameters of the method are keys of the same section."),
-    "inlet = { ... } of [packing]": ((Inlet,), "Disk or rectangle below which grains fall, of the method gravity."),
+    "inlet = { ... } of [packing]": (
+        (Inlet,),
+        "Disk or rectangle below which grains fall, of the methods gravity and deposition.",
+    ),
     "[settle]": (
         (keys.Settled, Settling),
         "How grains come to rest after they are packed. Without the section, it is up to the method.",
@@ -152,7 +159,7 @@ def own_parameters():
 
 def page():
     """Return the page of the scene file, in Markdown."""
-    parts = [HEAD.format(scene=SCENE)]
+    parts = [HEAD.format(scene=FIRST.read_text(encoding="utf-8"))]
     for heading, (classes, text) in SECTIONS.items():
         parts += [f"## {heading}", "", text, "", keys_of(*classes), ""]
         if heading.startswith("roughen"):
