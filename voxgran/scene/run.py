@@ -117,7 +117,7 @@ def _run_in(
         place, most = target / "snapshots.pvd", scene.output.snapshots
         recorder = Series(place, max_snapshots=most, every=plan.grains, resume=resume, overwrite=True)
     run: dict[str, Any] = {"checkpoint": checkpoint, "resume": resume, "on_step": on_step, "recorder": recorder}
-    packing = _packed(scene, tuple(shape for shape, _ in grains), **run)
+    packing = pack_scene(scene, tuple(shape for shape, _ in grains), **run)
     packing = compressed(scene.compress, packing, checkpoint=target / COMPRESSING, resume=resume, on_step=on_step)
     clumps = [record for _, record in grains]
     told = {"scene": scene.to_mapping()} | ({"clumps": clumps} if any(clumps) else {})
@@ -130,7 +130,9 @@ def _run_in(
     return result
 
 
-def _packed(scene: SceneDescription, shapes: tuple[Shape, ...], *, checkpoint: Path, **run: Any) -> Packing:
+def pack_scene(
+    scene: SceneDescription, shapes: tuple[Shape, ...], *, checkpoint: Path | None = None, **run: Any
+) -> Packing:
     """Return the packing of a scene with these shapes, with options of the run of :func:`voxgran.pack`.
 
     Each layer has a checkpoint of its own.
@@ -138,7 +140,8 @@ def _packed(scene: SceneDescription, shapes: tuple[Shape, ...], *, checkpoint: P
     if not scene.layers:
         return pack(shapes, scene.container, **scene.asked(), checkpoint=checkpoint, **run, **scene.parameters)
     density, given, at = scene.density(), [], 0
-    for layer, place in zip(scene.layers, _checkpoints(scene, checkpoint), strict=True):
+    places = [None] * len(scene.layers) if checkpoint is None else _checkpoints(scene, checkpoint)
+    for layer, place in zip(scene.layers, places, strict=True):
         shares = [share for entry in layer.shapes for share in entry.shares()]
         here = slice(at, at + len(shares))
         own = {name: getattr(layer, name) for name in ("count", "height", "sizes", "orientations")}

@@ -23,6 +23,8 @@ from voxgran.scene.description import SECTIONS
 NAMED = {"method": "method", "shape": "family", "sizes": "kind", "container": "kind"}
 #: sections that no axis changes: what is measured and written is the same for all cells
 FIXED = ("measure", "output")
+#: sections that may stand several times
+LISTS = ("shape", "obstacle", "layer", "material")
 #: axes that change no result, and why
 IDLE = {
     "material": "it is the contact law in the input of engines, and changes no result of a study; the friction of "
@@ -280,25 +282,24 @@ def _shape(value: Any) -> dict[str, Any]:
 
 def _set(scene: dict[str, Any], axis: str, value: Any) -> None:
     """Set the value at a path; ``shape.KEY`` is that of each [[shape]], ``shape.0.KEY`` that of the first one, as
-    ``material.0.KEY`` is that of the first [[material]].
+    ``material.0.KEY``, ``obstacle.0.KEY`` and ``layer.0.KEY`` are those of the first entry of these sections.
 
     Raises
     ------
     InputError
-        If the path leads through something that is no table, or to a shape or material that is not there.
+        If the path leads through something that is no table, or to an entry that is not there.
     """
     first, *rest = axis.split(".")
     places: list[Any] = [scene.setdefault(first, {})]
-    if first in ("shape", "material"):
+    if first in LISTS:
         entries = scene[first] if isinstance(scene[first], list) else []
         places = entries
         if rest[0].isdecimal():
-            number = int(rest.pop(0))
-            if number >= len(entries) or not rest:
-                raise InputError(
-                    f"axis {axis}: the scene has {len(entries)} [[{first}]], counted from 0; write {first}.0.KEY"
-                )
-            places = entries[number : number + 1]
+            places = entries[int(rest.pop(0)) :][:1]
+        if not places or not rest:
+            raise InputError(
+                f"axis {axis}: the scene has {len(entries)} [[{first}]], counted from 0; write {first}.0.KEY"
+            )
     for place in places:
         at = place
         for key in rest[:-1]:

@@ -34,7 +34,8 @@ def canonical_scene(scene: SceneDescription) -> dict[str, Any]:
     """
     made = {key: value for key, value in scene.to_mapping().items() if key not in UNUSED}
     made["scene"] = {key: value for key, value in made["scene"].items() if key not in SEEDS}
-    made["shape"] = [_shape(entry) for entry in made["shape"]]
+    for table in made.get("layer", [made]):
+        table["shape"] = [_shape(entry) for entry in table["shape"]]
     parameters = method_registry().get(scene.method).parameters
     given = to_mapping(from_mapping(parameters, scene.parameters, "[packing]"))
     beside = {key: value for key, value in made["packing"].items() if key not in scene.parameters}
@@ -57,8 +58,9 @@ def canonical_numbers(scene: SceneDescription) -> dict[str, Any]:
     """
     made = canonical_scene(scene)
     if not _density_counts(scene):
-        for table in (made["scene"], *made["shape"]):
-            table.pop("density", None)
+        for table in made.get("layer", [made]):
+            for entry in (made["scene"], *table["shape"]):
+                entry.pop("density", None)
     return made
 
 

@@ -13,8 +13,8 @@ from voxgran._base.errors import CheckpointError, InUseError, OutputError
 from voxgran._base.files import made_folder, write_text
 from voxgran._base.progress import Step
 from voxgran.packing.model import Packing
-from voxgran.packing.pack import pack
 from voxgran.scene.description import SceneDescription
+from voxgran.scene.run import pack_scene
 from voxgran.shapes.model import Shape
 
 #: file in the folder of checkpoints by which a worker on another machine finds that it sees the same folder
@@ -80,7 +80,7 @@ class Checkpoint:
         self.before = seconds_before(file)
 
     def pack(self, scene: SceneDescription, shapes: tuple[Shape, ...]) -> Packing:
-        """Pack a scene, from its checkpoint where there is one that belongs to it.
+        """Pack a scene, from its checkpoint where there is one that belongs to it; layers always anew.
 
         Parameters
         ----------
@@ -89,22 +89,21 @@ class Checkpoint:
         shapes : tuple of Shape
             Its shapes.
         """
-        asked: dict[str, Any] = {**scene.asked(), **scene.parameters}
-        if not self._file:
-            return pack(shapes, scene.container, **asked)
-        kept: dict[str, Any] = {"checkpoint": self._file, "resume": True, "on_step": self._note}
+        if not self._file or scene.layers:
+            return pack_scene(scene, shapes)
+        kept: dict[str, Any] = {"checkpoint": Path(self._file), "resume": True, "on_step": self._note}
         try:
             try:
-                return pack(shapes, scene.container, **asked, **kept)
+                return pack_scene(scene, shapes, **kept)
             except CheckpointError:
                 # damaged, or of another version
                 self.remove()
                 self.before = 0.0
-                return pack(shapes, scene.container, **asked, **kept)
+                return pack_scene(scene, shapes, **kept)
         except (CheckpointError, InUseError, OutputError):
             # the disk is full, another worker still computes this run, or another file lies there: that stays
             self._file, self.before = "", 0.0
-            return pack(shapes, scene.container, **asked)
+            return pack_scene(scene, shapes)
 
     def remove(self) -> None:
         """Remove the checkpoint of a finished run."""

@@ -28,6 +28,8 @@ def with_files(scene: Mapping[str, Any], made: Callable[[str], str]) -> dict[str
         if isinstance(found.get(name), list):
             keys = ("file", "like", "packing")
             found[name] = [_with(entry, made, *keys) if isinstance(entry, Mapping) else entry for entry in found[name]]
+    if isinstance(found.get("layer"), list):
+        found["layer"] = [with_files(entry, made) if isinstance(entry, Mapping) else entry for entry in found["layer"]]
     for section, key in (("container", "file"), ("sizes", "file"), ("grains", "file"), ("packing", "start")):
         if isinstance(found.get(section), Mapping):
             found[section] = _with(found[section], made, key)

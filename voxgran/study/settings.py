@@ -11,7 +11,7 @@ from voxgran._base.errors import InputError, UnknownNameError, shown
 from voxgran._base.files import existing_file
 from voxgran._base.names import unknown
 from voxgran.scene.description import SECTIONS, SceneDescription, read_toml
-from voxgran.study.axes import plain
+from voxgran.study.axes import LISTS, plain
 from voxgran.study.cell_values import text_of
 from voxgran.study.cells import Cell, Dimension, cells_of, dimensions_of
 from voxgran.study.experiments import bands_of, check_labels
@@ -179,9 +179,7 @@ def _base(base: Any, folder: Path) -> dict[str, Any]:
     for name in mapping:
         if name not in SECTIONS:
             raise UnknownNameError(unknown("section of the base", name, SECTIONS))
-        if name == "layer":
-            raise InputError("base has [[layer]]: a study packs scenes of one packing; run layered scenes one by one")
-        if name != "shape" and not (name == "material" and isinstance(mapping[name], list)):
+        if name != "shape" and not (name in LISTS and isinstance(mapping[name], list)):
             check_type(
                 mapping[name], Mapping, f"[{name}] of the base", f"a section; write [base.{name}] above its keys"
             )

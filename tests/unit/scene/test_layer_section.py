@@ -105,8 +105,3 @@ def with_layer(**changes):
 def test_mistakes_are_told(scene, error, words):
     with pytest.raises(error, match=words):
         vg.Scene.from_mapping(scene)
-
-
-def test_a_study_says_that_it_has_no_layers():
-    with pytest.raises(InputError, match=r"base has \[\[layer\]\]"):
-        vg.Study(base=SCENE, axes={"packing.friction": [0.1, 0.3]})

@@ -368,3 +368,28 @@ def test_values_that_differ_in_one_cell_alone_are_an_axis():
     densities = {"shape.0.density": [1, 3], "method": ["rsa", {"method": "gravity", "label": "bed"}]}
     made = study(densities, BASE | {"shape": DENSER})
     assert [cell.values["shape.0.density"] for cell in made.cells()] == [1, 1, 3, 3]
+
+
+@pytest.mark.filterwarnings("ignore:the bulk holds", "ignore:in 4 of 4 cells")
+def test_layers_and_obstacles_are_varied_and_packed_as_in_single_scenes(tmp_path, monkeypatch):
+    vg.save_shape(vg.shapes.box(lengths=(0.5, 0.5, 0.5)), tmp_path / "bar.stl")
+    base = {
+        "layer": [{"shape": [{"family": "sphere"}], "count": 10}, {"shape": [{"file": "bar.stl"}], "count": 4}],
+        "container": {"kind": "box", "lengths": [3, 3, 10]},
+        "packing": {"method": "gravity"},
+        "obstacle": [{"family": "sphere", "position": [1.5, 1.5, 0.5], "scale": 1.0}],
+        "measure": {"which": ["density"]},
+    }
+    monkeypatch.chdir(tmp_path)
+    study = vg.Study(base=base, axes={"layer.1.count": [4, 8], "obstacle.0.scale": [0.5, 1.0]}, seeds=[0])
+    data = study.run("out", workers=1).dataset
+    for cell in study.cells():
+        packing = vg.Scene.from_mapping(cell.mapping).run("_".join(map(str, cell.place))).packing
+        assert data["solid_fraction"].sel(cell.values).item() == packing.solid_fraction
+        assert packing.count == 10 + cell.values["layer.1.count"]
+
+
+@pytest.mark.parametrize("axis", ["layer.0.count", "obstacle.friction", "layer.count"])
+def test_axes_of_entries_that_are_not_there_are_refused(base, axis):
+    with pytest.raises(InputError, match=rf"axis {axis}: the scene has 0 \[\["):
+        vg.Study(base=base, axes={axis: [1, 2]}).cells()
