@@ -15,6 +15,7 @@ from voxgran._base.files import output_suffix, written_whole
 from voxgran._base.units import stated_unit
 from voxgran._base.vtk_data import image_data, write_data
 from voxgran._base.warning import warn
+from voxgran.containers.model import tilt_of
 from voxgran.lattice.blocks import as_block, in_parts, lazy_of, stored
 from voxgran.lattice.grid import check_voxel_size
 from voxgran.lattice.image import as_edges
@@ -68,7 +69,7 @@ def to_image(
     Warns
     -----
     PackingWarning
-        If a periodic length is not a whole number of voxels: the image then does not repeat seamlessly.
+        If a periodic length or a tilt is not a whole number of voxels: the image then does not repeat seamlessly.
 
     Notes
     -----
@@ -140,6 +141,13 @@ def lattice_over(
             warn(
                 f"voxel_size is {edges[axis]:g}: the period along {'xyz'[axis]} is {exact[axis]:.6g} voxels and the "
                 f"image does not repeat seamlessly; take {(upper - lower)[axis] / counts[axis]:.10g}",
+                PackingWarning,
+            )
+    for name, along, tilt in zip(("xy", "xz", "yz"), (0, 0, 1), tilt_of(packing.container), strict=True):
+        if abs(tilt / edges[along] - np.rint(tilt / edges[along])) > 1e-9 * counts[along]:
+            warn(
+                f"voxel_size is {edges[along]:g}: the tilt {name} is {tilt / edges[along]:.6g} voxels and the image "
+                "does not repeat seamlessly; take one that divides the tilt, too",
                 PackingWarning,
             )
     return edges, (nx, ny, nz)

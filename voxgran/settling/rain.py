@@ -14,6 +14,8 @@ import numpy as np
 
 from voxgran._base.arrays import Floats
 from voxgran.contacts.manifolds.rows import PUSH
+from voxgran.containers.model import periods_of
+from voxgran.geometry.periods import nearest_turns
 from voxgran.settling.bed import Bed
 from voxgran.settling.impulses import STEP, Fall
 
@@ -109,12 +111,11 @@ def _arrival(bed: Bed, places: Floats, radius: float, spheres: Floats, level: fl
     """
     up, container = -bed.gravity, bed.assembly.container
     lower, upper = (np.asarray(corner, dtype=np.float64) for corner in container.bounds)
-    lengths = np.where(container.periodic, upper - lower, 0.0)
-    turns = np.where(lengths > 0.0, lengths, 1.0)
+    periods = periods_of(container)
     floor, top = (float(ends.sum()) for ends in np.sort([lower * up, upper * up], axis=0))
     for place in places:
         offset = spheres[:, :3] - place
-        offset -= lengths * np.round(offset / turns)
+        offset -= nearest_turns(offset, periods) @ periods
         along = offset @ up
         # half the length of the line through the place on which the sphere would meet each of the others
         half = np.sqrt(np.maximum((spheres[:, 3] + radius) ** 2 - (offset**2).sum(axis=1) + along**2, 0.0))

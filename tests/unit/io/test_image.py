@@ -1,10 +1,12 @@
 """Label images: a plain twin, volumes, periodic faces and the file."""
 
 import itertools
+import warnings
 
 import numpy as np
 import pytest
 
+import voxgran as vg
 from voxgran._base.errors import FileFormatError, InputError, PackingWarning, TooLargeError
 from voxgran._base.lazy import load as load_library
 from voxgran._base.seeds import stream
@@ -217,3 +219,16 @@ def test_grains_many_periods_away_take_no_more_images(shape):
     assert np.array_equal(to_image(away, 0.25), to_image(near, 0.25))
     chords = [load_library("voxgran").measure(packing, which=["voids"])["voids"] for packing in (near, away)]
     assert chords[0].equals(chords[1])
+
+
+def test_a_tilt_of_no_whole_number_of_voxels_is_told():
+    # axes y and z are as many voxels, but what comes back along y is shifted along x by 3.75
+    box = vg.Box((4, 4, 4), "xyz", tilt=(1.5, 0, 0.8))
+    bed = vg.Packing.of(vg.make_shape("sphere"), box, position=[[0.2, 0.3, 0.4]])
+    with pytest.warns(PackingWarning, match=r"the tilt xy is 3\.75 voxels and the image does not repeat") as caught:
+        image = vg.to_image(bed, 0.4)
+    assert len(caught) == 1
+    assert image.any()
+    with warnings.catch_warnings(action="error"):
+        vg.to_image(bed, 0.1)
+        vg.to_image(bed, (0.5, 0.4, 0.4))

@@ -8,7 +8,7 @@ from voxgran._base.errors import InputError
 from voxgran.contacts.assembly import Assembly
 from voxgran.settling.bed import Bed
 from voxgran.settling.parameters import Settling
-from voxgran.settling.rain import Rain, let_arrive, steps_of_rain
+from voxgran.settling.rain import Rain, _admit_grains, let_arrive, steps_of_rain
 from voxgran.settling.stages import RAIN, Settler
 
 BALL, DISK = vg.shapes.sphere(), vg.make_shape("disk")
@@ -202,3 +202,16 @@ def test_the_unit_of_lengths_changes_nothing():
     bed = vg.pack(BALL, box, "gravity", count=20, fall_height=4.0)
     again = vg.pack(BALL.scaled(0.125), small, "gravity", count=20, fall_height=0.5)
     assert (again.position * 8).tobytes() == bed.position.tobytes()
+
+
+def test_a_grain_that_arrives_meets_images_across_a_tilted_side():
+    # a grain of the bed lies across the side of y: its image there is shifted along x
+    box = vg.Box((4, 4, 12), "xy", tilt=(1.5, 0, 0))
+    bed = Bed(assembly(2, box), DOWN, held=1)
+    bed.grains.position[0] = [0.2, 0.1, 0.5]
+    above = np.add([0.2, 0.1, 0.0], box.vectors[1]) - [0.1, 0.3, 0.0]
+    rain = Rain(1.0, 1.0, lambda step, number, radius: above[None], -np.inf)
+    assert _admit_grains(bed, rain, 1, 0) == 1
+    apart = bed.grains.position[1] - bed.grains.position[0] - box.vectors[1]
+    assert np.linalg.norm(apart) > 1.0
+    assert apart[2] == pytest.approx(np.sqrt(1 - 0.1) + 0.05)
