@@ -13,7 +13,7 @@ from voxgran._base.arrays import Floats
 from voxgran.contacts.depth import deepest_of_triangles
 from voxgran.contacts.inside import placed
 from voxgran.contacts.model import Touch, direction
-from voxgran.contacts.overlap.shared_faces import lie_side_by_side
+from voxgran.contacts.overlap.shared_faces import middle_of_shared, shared_by_neighbours
 from voxgran.contacts.search import deepest_point
 from voxgran.contacts.solid import Body, Solid, combine
 from voxgran.contacts.triangles import nearest_points
@@ -34,8 +34,13 @@ def touch_meshes(one: Solid, other: Solid, *, matrix: Floats, offset: Floats, re
     )
     if distance > margin and not _is_nested(one, other, matrix, offset, factor):
         return Touch.between(distance, point, partner, offset)
-    if distance <= margin and lie_side_by_side(one, other, matrix=matrix, offset=offset, margin=margin):
-        return Touch(distance, outward(one, point, offset), (point + partner) / 2)
+    if distance <= margin:
+        shared = shared_by_neighbours(one, other, matrix=matrix, offset=offset, margin=margin)
+        if shared is not None and len(shared):
+            point, normal = middle_of_shared(one, shared)
+            return Touch(distance, direction(normal, offset), point)
+        if shared is not None:
+            return Touch(distance, outward(one, point, offset), (point + partner) / 2)
     body = combine(one, other, matrix=matrix, offset=offset, operation="common")
     depth, normal, where = body_depth(one, other, body, matrix=matrix, offset=offset)
     if depth > 0:

@@ -91,6 +91,11 @@ def _count_slab(slab: NDArray[Any], start: Integers, name: str) -> Census:
         slab = slab.astype(np.int64)
     if slab.dtype.kind == "i" and slab.min() < 0:
         raise InputError(f"{name} holds the label {slab.min()}: labels are at least 0, 0 being void; renumber them")
+    if slab.dtype == np.uint64:
+        # together with whole numbers of 64 bits these become floating-point numbers, in which large labels are alike
+        if slab.max() >= 2**63:
+            raise InputError(f"{name} holds the label {slab.max()}: labels are below 2**63; renumber them")
+        slab = slab.astype(np.int64)
     label = np.arange(int(slab.max()) + 1) if slab.max() <= LARGEST else np.append(0, np.unique(slab[slab > 0]))
     if slab.max() > LARGEST:
         slab = np.searchsorted(label, slab)

@@ -7,7 +7,7 @@ from scipy.spatial.transform import Rotation
 import voxgran as vg
 from voxgran._base.seeds import stream
 from voxgran.contacts import meshes
-from voxgran.contacts.overlap.shared_faces import lie_side_by_side
+from voxgran.contacts.overlap.shared_faces import shared_by_neighbours
 from voxgran.contacts.solid import Solid, combine
 from voxgran.geometry.crossing import meet_beyond_corners
 from voxgran.geometry.tree import grow_tree
@@ -28,9 +28,10 @@ def tetrahedron(points):
 
 def proven(one, other, *, matrix=STRAIGHT, offset=HERE):
     """Return whether two solids are proven to lie side by side, which must not depend on their order."""
-    found = lie_side_by_side(one, other, matrix=matrix, offset=offset, margin=MARGIN)
-    assert found == lie_side_by_side(other, one, matrix=matrix.T, offset=-matrix.T @ offset, margin=MARGIN)
-    return found
+    found = shared_by_neighbours(one, other, matrix=matrix, offset=offset, margin=MARGIN)
+    back = shared_by_neighbours(other, one, matrix=matrix.T, offset=-matrix.T @ offset, margin=MARGIN)
+    assert (found is None) == (back is None)
+    return found is not None
 
 
 def common_volume(one, other):
@@ -138,3 +139,33 @@ def test_packings_of_labels_are_proven_without_booleans(surface, periodic, monke
     found = vg.verify(pushed)
     assert found.overlapping_pairs > 0
     assert found.deepest * found.mean_diameter == pytest.approx(1e-6, rel=0.2)
+
+
+@pytest.mark.filterwarnings("ignore:.*cut by the border")
+@pytest.mark.parametrize("surface", ["smooth", "voxel"])
+def test_normals_of_neighbours_are_those_of_the_surface_that_they_share(surface):
+    # one image of cells of points: the faces between two cells lie across the line between their points
+    centers = stream(3, "cells").random((12, 3)) * 20
+    cells = np.stack(np.meshgrid(*[np.arange(0.5, 20.0)] * 3, indexing="ij"), axis=-1)[..., None, :] - centers
+    packing = vg.packing_of_labels(1 + (cells**2).sum(axis=-1).argmin(axis=-1), voxel_size=1.0, surface=surface)
+    found = packing.contacts(1e-9)
+    label = np.array([int(shape.name.split()[1]) - 1 for shape in packing.shapes])[packing.shape_id]
+    between = centers[label[found.j]] - centers[label[found.i]]
+    cosines = np.einsum("ki,ki->k", found.normal, between) / np.linalg.norm(between, axis=1)
+    assert np.linalg.norm(found.normal, axis=1) == pytest.approx(np.ones(found.count))
+    # some cells meet in a few faces of voxels only
+    assert np.median(cosines) > 0.995
+    assert np.quantile(cosines, 0.1) > 0.9
+    # the points lie on both surfaces
+    for k in range(found.count):
+        for grain in (found.i[k], found.j[k]):
+            shape, away = packing.shapes[packing.shape_id[grain]], found.point[k] - packing.position[grain]
+            assert abs(shape.signed_distance(away[None])[0]) < 1e-9
+
+
+def test_the_contact_of_two_blocks_is_the_middle_of_their_face():
+    image = np.zeros((14, 14, 14), dtype=int)
+    image[2:8, 3:9, 2:7], image[8:13, 3:9, 2:9] = 1, 2
+    found = vg.packing_of_labels(image, voxel_size=(0.5, 0.4, 0.7)).contacts(0.0)
+    assert found.normal[0] == pytest.approx([1, 0, 0], abs=0.01)
+    assert found.point[0] == pytest.approx([4.0, 2.4, 3.15], abs=0.25)

@@ -309,3 +309,9 @@ def test_the_gradation_is_compared_with_the_list():
     found = vg.measure(packing, "gradation")["gradation"]
     assert float(found.distance_volume) == pytest.approx(0.0, abs=1e-12)
     assert float(found.distance_number) == pytest.approx(0.0, abs=1e-12)
+
+
+def test_a_row_without_a_shape_is_named(tmp_path):
+    (tmp_path / "list.csv").write_text("diameter,shape\n2,sphere\n1\n")
+    with pytest.raises(InputError, match="row 1: shape is missing"):
+        vg.pack(vg.make_shape("sphere"), vg.Box((9, 9, 9)), "rsa", grains=tmp_path / "list.csv")

@@ -29,6 +29,17 @@ def sphere_image(radius, *, n=None, middle=None, label=1):
     return np.where(np.linalg.norm(grid - middle, axis=-1) <= radius, label, 0)
 
 
+def test_large_labels_of_64_bits_without_sign_are_told_apart():
+    image = np.zeros((8, 8, 8), dtype=np.uint64)
+    image[1:3, 1:3, 1:3], image[4:7, 4:7, 4:7] = 2**60 + 1, 2**60 + 2
+    found = census(image)
+    assert found.label.tolist() == [2**60 + 1, 2**60 + 2]
+    assert [shape.volume for shape in vg.load_labels(image, voxel_size=1.0)] == pytest.approx([8.0, 27.0], rel=1e-5)
+    image[0, 0, 0] = 2**63
+    with pytest.raises(InputError, match="holds the label 9223372036854775808: labels are below"):
+        vg.label_table(image, voxel_size=1.0)
+
+
 @pytest.mark.parametrize("radius", [1.0, 2.5, 6.3, 12.0])
 def test_a_sphere_keeps_its_volume_and_place(radius):
     image = sphere_image(radius, middle=(9.2, 10.1, 11.4) if radius < 7 else None, n=22 if radius < 7 else 30)

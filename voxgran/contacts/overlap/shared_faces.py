@@ -4,6 +4,9 @@ The grains of a label image or of a tessellation share the triangles between the
 have in common, each other triangle lies wholly inside or wholly outside of the other mesh, which its middle decides. If
 all lie outside, and shared triangles face each other, the interiors have no point in common. Corners are the same up to
 a margin, by which a grain may overlap at most.
+
+The contact of such grains is a whole surface, with the mean normal of its triangles: any of its points is nearest, and
+the first one that is found lies on its rim as often as not, on a triangle that faces elsewhere.
 """
 
 from typing import Any
@@ -16,15 +19,19 @@ from voxgran._base.lazy import load
 from voxgran.contacts.solid import Solid
 from voxgran.geometry.crossing import meet_beyond_corners
 from voxgran.geometry.rotation import stretch_of
+from voxgran.geometry.triangles import normals_of
 
 
-def lie_side_by_side(one: Solid, other: Solid, *, matrix: Floats, offset: Floats, margin: float) -> bool:
-    """Return whether it is proven that two meshes share triangles and do not overlap by more than a margin.
+def shared_by_neighbours(
+    one: Solid, other: Solid, *, matrix: Floats, offset: Floats, margin: float
+) -> NDArray[np.int64] | None:
+    """Return which triangles of `one` two meshes share that are proven not to overlap by more than a margin.
 
-    The map of `matrix` and `offset` leads from the frame of `other` to that of `one`, in which the margin is meant.
+    None where this is not proven; no triangles where the meshes share edges or corners only. The map of `matrix` and
+    `offset` leads from the frame of `other` to that of `one`, in which the margin is meant.
     """
     if one.inside_out or other.inside_out:
-        return False
+        return None
     mine, theirs = one.mesh.vertices, other.mesh.vertices @ matrix.T + offset
     low = np.maximum(mine.min(axis=0), theirs.min(axis=0)) - margin
     high = np.minimum(mine.max(axis=0), theirs.max(axis=0)) + margin
@@ -32,7 +39,7 @@ def lie_side_by_side(one: Solid, other: Solid, *, matrix: Floats, offset: Floats
     points, both = np.concatenate([mine, theirs]), np.concatenate([here, len(mine) + there])
     pairs = both[load("scipy.spatial").cKDTree(points[both]).query_pairs(margin, output_type="ndarray")]
     if not len(pairs):
-        return False
+        return None
     # corners at the same place are the first one of them; a mesh may have several there, too
     number = np.arange(len(points))
     np.minimum.at(number, pairs.max(axis=1), pairs.min(axis=1))
@@ -41,15 +48,24 @@ def lie_side_by_side(one: Solid, other: Solid, *, matrix: Floats, offset: Floats
     partners = partners[rest]
     mine_keys, their_keys = _keys(faces[near], len(points)), _keys(partners[:, ::-1], len(points))
     shared = np.intersect1d(mine_keys, their_keys)
-    near[near] = ~np.isin(mine_keys, shared)
+    common = np.flatnonzero(near)[np.isin(mine_keys, shared)]
+    near[common] = False
     partners = partners[~np.isin(their_keys, shared)]
     if meet_beyond_corners(one.tree, faces, near, points, partners, margin=margin):
-        return False
+        return None
     back, faces = matrix.T / stretch_of(matrix) ** 2, faces[near]
     outside = one.tree.signed_distance(points[partners].mean(axis=1)) > 0
-    return bool(
-        outside.all() and (other.tree.signed_distance((points[faces].mean(axis=1) - offset) @ back.T) > 0).all()
-    )
+    outside_too = other.tree.signed_distance((points[faces].mean(axis=1) - offset) @ back.T) > 0
+    return common if outside.all() and outside_too.all() else None
+
+
+def middle_of_shared(one: Solid, shared: NDArray[np.int64]) -> tuple[Floats, Floats]:
+    """Return the point of shared triangles, one at least, that is near their centroid, and the sum of their normals."""
+    triangles = one.mesh.vertices[one.mesh.corners[shared]]
+    middles, normals = triangles.mean(axis=1), normals_of(triangles)
+    areas = np.linalg.norm(normals, axis=1)
+    centroid = areas @ middles / max(float(areas.sum()), 1e-300)
+    return middles[np.square(middles - centroid).sum(axis=1).argmin()], normals.sum(axis=0)
 
 
 def _are_near(corners: NDArray[Any], points: Floats, low: Floats, high: Floats) -> Booleans:

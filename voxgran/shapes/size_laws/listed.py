@@ -250,7 +250,11 @@ def _named(column: Any, shapes: Sequence[Shape], shares: Floats, where: str, row
     texts, place = np.unique([str(entry).strip() for entry in column], return_inverse=True)
     for k, text in enumerate(texts):
         if text not in called:
-            raise UnknownNameError(unknown(f"{where}, row {int(np.argmax(place == k))}: shape", str(text), called))
+            at = f"{where}, row {int(np.argmax(place == k))}"
+            # as tables hold cells that are empty
+            if text in ("", "nan", "None", "<NA>"):
+                raise InputError(f"{at}: shape is missing; give its name, or remove the row")
+            raise UnknownNameError(unknown(f"{at}: shape", str(text), called))
     place = place[row]
     found, ends = np.zeros(len(row), dtype=np.int64), np.cumsum(np.bincount(place, minlength=len(texts)))
     for text, grains in zip(texts, np.split(np.argsort(place, kind="stable"), ends[:-1]), strict=True):
