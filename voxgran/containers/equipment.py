@@ -27,14 +27,14 @@ class Parametric(ExplainedAttributes):
     """
 
     kind: ClassVar[str]
-    lengths: ClassVar[tuple[str, ...]]  # fields that are lengths or places
+    _lengths: ClassVar[tuple[str, ...]]  # fields that are lengths or places
     dimension: ClassVar[int] = 3
     periodic: ClassVar[tuple[bool, bool, bool]] = (False, False, False)
 
     def _check_lengths(self, **given: Any) -> None:
         """Check the lengths, those of the fields or others that are given, and put numbers there."""
         spare = {field.name for field in fields(self) if field.default is None}  # type: ignore[arg-type]
-        for name in self.lengths:
+        for name in self._lengths:
             value = given[name] if given else getattr(self, name)
             if name == "origin":
                 self._set(name, tuple(as_place(value, "origin", length=self.dimension).tolist()))
@@ -60,7 +60,7 @@ class Parametric(ExplainedAttributes):
         4.0
         """
         times = as_positive(factor, "factor")
-        return replace(self, **{name: multiplied(getattr(self, name), times) for name in self.lengths})  # type: ignore[type-var]
+        return replace(self, **{name: multiplied(getattr(self, name), times) for name in self._lengths})  # type: ignore[type-var]
 
     def to_mapping(self) -> dict[str, Any]:
         """Return kind and parameters as JSON-able values.

@@ -47,7 +47,7 @@ class Cylinder(Parametric):
     height: float
     origin: tuple[float, float, float]
     kind: ClassVar[str] = "cylinder"
-    lengths: ClassVar[tuple[str, ...]] = ("origin", "radius", "height")
+    _lengths: ClassVar[tuple[str, ...]] = ("origin", "radius", "height")
 
     @explained(hint="Cylinder(radius=2, height=6)")
     def __init__(self, radius: float, height: float, *, origin: "ArrayLike" = (0.0, 0.0, 0.0)) -> None:

@@ -45,7 +45,7 @@ class Disk(Parametric):
     radius: float
     origin: tuple[float, float]
     kind: ClassVar[str] = "disk"
-    lengths: ClassVar[tuple[str, ...]] = ("origin", "radius")
+    _lengths: ClassVar[tuple[str, ...]] = ("origin", "radius")
     dimension: ClassVar[int] = 2
 
     @explained(hint="Disk(radius=2)")

@@ -46,7 +46,7 @@ class Drum(Equipment):
     axis: str = "x"
     origin: tuple[float, float, float] = field(default=(0.0, 0.0, 0.0), kw_only=True)
     kind: ClassVar[str] = "drum"
-    lengths: ClassVar[tuple[str, ...]] = ("radius", "length", "origin")
+    _lengths: ClassVar[tuple[str, ...]] = ("radius", "length", "origin")
 
     def __post_init__(self) -> None:
         """Check the parameters."""

@@ -47,7 +47,7 @@ class Funnel(Equipment):
     height: float
     origin: tuple[float, float, float] = field(default=(0.0, 0.0, 0.0), kw_only=True)
     kind: ClassVar[str] = "funnel"
-    lengths: ClassVar[tuple[str, ...]] = ("radius", "outlet", "height", "origin")
+    _lengths: ClassVar[tuple[str, ...]] = ("radius", "outlet", "height", "origin")
 
     def __post_init__(self) -> None:
         """Check the parameters."""

@@ -63,7 +63,7 @@ class Hopper(Equipment):
     bin_height: float | None = field(default=None, kw_only=True)
     origin: tuple[float, float, float] = field(default=(0.0, 0.0, 0.0), kw_only=True)
     kind: ClassVar[str] = "hopper"
-    lengths: ClassVar[tuple[str, ...]] = ("radius", "outlet", "length", "bin_height", "origin")
+    _lengths: ClassVar[tuple[str, ...]] = ("radius", "outlet", "length", "bin_height", "origin")
 
     def __post_init__(self) -> None:
         """Check the parameters."""

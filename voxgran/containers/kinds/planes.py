@@ -45,7 +45,7 @@ class Planes(Equipment):
     normals: Any
     points: Any
     kind: ClassVar[str] = "planes"
-    lengths: ClassVar[tuple[str, ...]] = ("points",)
+    _lengths: ClassVar[tuple[str, ...]] = ("points",)
 
     def __post_init__(self) -> None:
         """Check the planes."""

@@ -45,7 +45,7 @@ class Sphere(Parametric):
     radius: float
     origin: tuple[float, float, float]
     kind: ClassVar[str] = "sphere"
-    lengths: ClassVar[tuple[str, ...]] = ("origin", "radius")
+    _lengths: ClassVar[tuple[str, ...]] = ("origin", "radius")
 
     @explained(hint="Sphere(radius=2)")
     def __init__(self, radius: float, *, origin: "ArrayLike" = (0.0, 0.0, 0.0)) -> None:

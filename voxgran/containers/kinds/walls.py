@@ -67,7 +67,7 @@ class Walls(Equipment):
 
     wall: Any
     kind: ClassVar[str] = "walls"
-    lengths: ClassVar[tuple[str, ...]] = ("wall",)
+    _lengths: ClassVar[tuple[str, ...]] = ("wall",)
 
     def __post_init__(self) -> None:
         """Check the walls."""
