@@ -32,7 +32,7 @@ class Parametric(ExplainedAttributes):
     periodic: ClassVar[tuple[bool, bool, bool]] = (False, False, False)
 
     def _check_lengths(self, **given: Any) -> None:
-        """Check the lengths, those of the fields or others that are given, and put numbers there."""
+        """Check the lengths in the fields, or the lengths that are given instead, and store them as numbers."""
         spare = {field.name for field in fields(self) if field.default is None}  # type: ignore[arg-type]
         for name in self._lengths:
             value = given[name] if given else getattr(self, name)

@@ -4,7 +4,8 @@ Each maximum of the distance to the void has a basin (watershed). Basins are mer
 the neck is hardly narrower than the smaller of the two. Where the decrease is a length, these are the markers by
 h-maxima of the distance (Soille 2004, Morphological image analysis, doi:10.1007/978-3-662-05088-0), at the cost of one
 watershed for all of them. Otherwise two numbers decide: the ratio of the neck to the smaller part, and the excess, by
-which the ellipsoid with the moments of both is larger than those of the parts. Every neck is known in the end.
+which the ellipsoid with the moments of the union is larger than the ellipsoids of the parts. Every neck is known in
+the end.
 """
 
 from collections.abc import Iterable
@@ -58,7 +59,7 @@ def score(ratio: Any, excess: Any) -> Any:
 
 
 def _excess(one: Integers, other: Integers) -> Floats:
-    """Return by how much the ellipsoid of both is larger than those of the parts, as a share of the smaller one.
+    """Return by how much the ellipsoid of the union is larger than the ellipsoids of the parts, over the smaller one.
 
     Each ellipsoid has the second moments, (n, 10), of its part; whole parts of a convex body have about none.
     """

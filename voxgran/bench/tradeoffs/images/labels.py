@@ -172,7 +172,7 @@ def measured_large(
     part: tuple[int, int] = PART, parts: tuple[int, ...] = PARTS
 ) -> list[tuple[int, int, int, float, float, float, float]]:
     """Return voxels along the edge, labels, triangles, processor seconds and largest memory in MiB of packings of large
-    images, the bytes that they keep for each triangle, and those of their files over those of 16 bits a voxel.
+    images, their bytes for each triangle, and the size of their files over the size of an image of 16 bits a voxel.
     """
     one, rows = crowded(*part), []
     for many in parts:
