@@ -43,6 +43,16 @@ def mixed(count=8, *, periodic=False, unit="mm", seed=2, container=None):
     return falling(vg.pack(shapes, box, "rsa", count=count, sizes=sizes, seed=seed, unit=unit))
 
 
+def sand_and_steel():
+    """Return two materials for `mixed`, with another friction between them, and a floor of the second one."""
+    return vg.Materials(
+        {"sand": {"friction": 0.6, "stiffness": 1e3}, "steel": {"friction": 0.3, "stiffness": 3e3}},
+        pairs={("sand", "steel"): {"friction": 0.15, "rolling_friction": 0.05}},
+        shapes=["sand", "steel"],
+        walls={"z_low": "steel", "others": "sand"},
+    )
+
+
 def rocks(count=4, *, unit="mm", seed=3):
     """Return a packing of convex and other rocks, which no engine of spheres holds as they are."""
     shapes = [vg.make_shape("convex_polyhedron", seed=1), vg.make_shape("solid_union", seed=2)]

@@ -7,7 +7,7 @@ import subprocess
 
 import numpy as np
 import pytest
-from engine_cases import assert_holds, mixed, rocks, spheres
+from engine_cases import assert_holds, mixed, rocks, sand_and_steel, spheres
 
 import voxgran as vg
 from voxgran._base.errors import FileFormatError, InputError
@@ -438,13 +438,7 @@ def test_the_reader_refuses_what_mclump_does_not_have(tmp_path):
 
 
 def test_contacts_of_two_materials_have_the_law_of_their_pair(tmp_path):
-    materials = vg.Materials(
-        {"sand": {"friction": 0.6, "stiffness": 1e3}, "steel": {"friction": 0.3, "stiffness": 3e3}},
-        pairs={("sand", "steel"): {"friction": 0.15, "rolling_friction": 0.05}},
-        shapes=["sand", "steel"],
-        walls={"z_low": "steel", "others": "sand"},
-    )
-    made, _ = deck(tmp_path, mixed(), material=materials)
+    made, _ = deck(tmp_path, mixed(), material=sand_and_steel())
     lines = run(tmp_path)
     # 0 and 0, 0 and 1, 1 and 1
     assert numbers_of(lines, "friction") == [[0.6], [0.15], [0.3]]

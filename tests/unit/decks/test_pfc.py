@@ -6,7 +6,7 @@ import re
 
 import numpy as np
 import pytest
-from engine_cases import assert_holds, falling, mixed, rocks, spheres, two_spheres
+from engine_cases import assert_holds, falling, mixed, rocks, sand_and_steel, spheres, two_spheres
 
 import voxgran as vg
 from voxgran._base.errors import FileFormatError, InputError
@@ -181,13 +181,7 @@ def test_the_reader_refuses_what_the_documentation_does_not_have(tmp_path, file,
 
 
 def test_contacts_of_two_materials_have_the_law_of_their_pair(tmp_path):
-    materials = vg.Materials(
-        {"sand": {"friction": 0.6, "stiffness": 1e3}, "steel": {"friction": 0.3, "stiffness": 3e3}},
-        pairs={("sand", "steel"): {"friction": 0.15, "rolling_friction": 0.05}},
-        shapes=["sand", "steel"],
-        walls={"z_low": "steel", "others": "sand"},
-    )
-    made, _ = deck(tmp_path, mixed(), material=materials)
+    made, _ = deck(tmp_path, mixed(), material=sand_and_steel())
     laws = {tuple(one["range"]): one for one in given(tmp_path, "contact cmat add")}
     first, second = "material_1", "material_2"
     told = {key: (one["model"][0], one["fric"][0], one["kn"][0]) for key, one in laws.items()}
