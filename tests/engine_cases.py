@@ -1,7 +1,9 @@
 """Packings, programs and checks that the tests of all engines share."""
 
 import dataclasses
+import os
 import shutil
+import subprocess
 import sys
 from pathlib import Path
 
@@ -10,6 +12,7 @@ import pytest
 
 import voxgran as vg
 from voxgran.decks.engine import engine_registry
+from voxgran.decks.engines import kratos
 from voxgran.decks.write import described
 from voxgran.shapes.spheres import Spheres
 
@@ -95,3 +98,14 @@ def program(name, remedy):
     if found is None:
         pytest.skip(f"{name} is not installed: {remedy}")
     return found
+
+
+def python_of_kratos():
+    """Return the path of a Python that has Kratos; skip the test where there is none."""
+    told = os.environ.get("VOXGRAN_ENGINES") or str(ENGINES_VENV / "bin" / "python")
+    if not Path(told).is_file():
+        pytest.skip("Kratos is not installed: set VOXGRAN_ENGINES to a Python that has it, or run make test-engines")
+    asked = "import KratosMultiphysics.DEMApplication"
+    if subprocess.run([told, "-c", asked], capture_output=True, check=False, timeout=120).returncode:
+        pytest.skip(f"Kratos is not installed in {told}: {kratos.INSTALL}")
+    return told

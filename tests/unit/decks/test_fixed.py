@@ -62,7 +62,7 @@ def poses(engine, folder, count):
 def test_fixed_grains_stay_and_others_fall(engine, tmp_path):
     packing = bed()
     deck = vg.write_deck(packing, tmp_path, engine)
-    program = cases.program("python" if engine == "kratos" else engine, REMEDY)
+    program = cases.python_of_kratos() if engine == "kratos" else cases.program(engine, REMEDY)
     command = [program, "kratos_run.py"] if engine == "kratos" else [program, "-n", "-x", "yade_run.py"]
     environment = {**os.environ, "OMP_NUM_THREADS": "1"}
     short(tmp_path, engine, deck)

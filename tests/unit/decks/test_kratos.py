@@ -4,7 +4,6 @@ import json
 import math
 import os
 import subprocess
-from pathlib import Path
 
 import engine_cases as cases
 import numpy as np
@@ -52,17 +51,6 @@ bed.Finalize()
 """
 
 
-def python():
-    """Return the path of a Python that has Kratos; skip the test where there is none."""
-    told = os.environ.get("VOXGRAN_ENGINES") or str(cases.ENGINES_VENV / "bin" / "python")
-    if not Path(told).is_file():
-        pytest.skip("Kratos is not installed: set VOXGRAN_ENGINES to a Python that has it, or run make engines")
-    asked = "import KratosMultiphysics.DEMApplication"
-    if subprocess.run([told, "-c", asked], capture_output=True, check=False, timeout=120).returncode:
-        pytest.skip(f"Kratos is not installed in {told}: {kratos.INSTALL}")
-    return told
-
-
 def written(simulation, folder):
     """Write the files into a folder."""
     folder.mkdir(exist_ok=True)
@@ -91,7 +79,7 @@ def started(simulation, folder, velocity, spin=None):
 def run(folder, steps, *state):
     """Run Kratos for some steps; return what it has loaded and the last state."""
     (folder / "driver.py").write_text(DRIVER)
-    command = [python(), "driver.py", str(steps), *state]
+    command = [cases.python_of_kratos(), "driver.py", str(steps), *state]
     environment = {**os.environ, "OMP_NUM_THREADS": "1"}
     done = subprocess.run(
         command, cwd=folder, env=environment, capture_output=True, text=True, check=False, timeout=240

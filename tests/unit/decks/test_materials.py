@@ -256,7 +256,7 @@ def test_spheres_on_an_incline_roll_by_the_rolling_friction_of_the_floor(engine,
     every, steps = made.simulation.steps_per_output, made.simulation.steps
     path = tmp_path / script
     path.write_text(path.read_text().replace(str(steps), str(5 * every), 1))
-    program = cases.program("python" if engine == "kratos" else engine, "make test-engines")
+    program = cases.python_of_kratos() if engine == "kratos" else cases.program(engine, "make test-engines")
     command = [program, script] if engine == "kratos" else [program, "-n", "-x", script]
     subprocess.run(command, cwd=tmp_path, capture_output=True, timeout=200, check=True)
     if engine == "kratos":
