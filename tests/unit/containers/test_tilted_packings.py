@@ -174,7 +174,8 @@ def test_packings_of_true_shapes_in_tilted_cells(act, jammed):
         return
     rocks = vg.pack(rock, vg.Box((4, 4, 4), "xyz", tilt=(1.5, 0, 1)), "rsa", seed=3, count=20)
     if act == "deform":
-        wide = vg.Packing.of(SPHERE, CELL, position=jammed.position, scale=jammed.scale * 1.01)
+        few = vg.pack(SPHERE, vg.Box((2.2, 2.2, 2.2), "xyz", tilt=(1, -0.7, 0.8)), "jam", seed=3, count=12)
+        wide = vg.Packing.of(SPHERE, few.container, position=few.position, scale=few.scale * 1.01)
         assert vg.deform(wide, stiffness=1.0, spacing=0.25).image.any()
         return
     made = vg.grow(rocks) if act == "grow" else vg.compress(rocks, friction=0.3)
