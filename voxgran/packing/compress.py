@@ -4,12 +4,13 @@ The work is that of :mod:`voxgran.settling.compression`; here it becomes a run l
 """
 
 import os
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from typing import Any
 
 import numpy as np
 
+from voxgran._base.arrays import Floats, Integers
 from voxgran._base.calls import explained
 from voxgran._base.config import from_mapping, to_mapping
 from voxgran._base.errors import InputError, PackingWarning
@@ -37,8 +38,9 @@ from voxgran.settling.compression_parameters import Compression
 from voxgran.settling.materials import Materials, friction_of
 from voxgran.settling.stress_balance import stress_of
 
-#: largest share of grains that bear no forces in a specimen
-MOST_RATTLERS = 0.5
+#: largest share of grains that bear no forces in a specimen, and least width of one that changes its form, in mean
+#: diameters
+MOST_RATTLERS, LEAST_WIDTH = 0.5, 3.0
 
 
 @explained(hint="compress(packing, friction=0.5)")
@@ -125,9 +127,9 @@ def compress(
     Warns
     -----
     PackingWarning
-        If fewer grains than asked for are in balance, the stress is missed, some grains overlap, more than half of them
-        bear no forces, or the solid fraction is beyond what the grains are compressed to; the nearest packing is
-        returned then.
+        If fewer grains than asked for are in balance, the stress is missed, some grains overlap, more than half
+        of them bear no forces, the container has changed its form and is narrower than 3 mean diameters, or the
+        solid fraction is beyond what the grains are compressed to; the nearest packing is returned then.
 
     See Also
     --------
@@ -232,9 +234,26 @@ def _fraction_at(packing: Packing, height: float) -> float:
     return fraction
 
 
+def _widths(packing: Packing) -> Floats:
+    """Return the lengths (d,) of the bounds of the container."""
+    return np.asarray(np.ptp(packing.container.bounds, axis=0)[: packing.dimension])
+
+
+def _thin_axes(packing: Packing, asked: Mapping[str, Any]) -> Integers:
+    """Return the axes along which a specimen is too narrow, of those that move.
+
+    A cell that is compressed by one factor along all axes is as wide as its grains, of which the caller knows.
+    """
+    moves = [axis for axis in range(packing.dimension) if "xyz"[axis] in asked["axes"]]
+    if len(moves) == packing.dimension and np.ptp(asked["stress"]) == 0.0:
+        return np.zeros(0, dtype=np.int64)
+    narrow = _widths(packing)[moves] < LEAST_WIDTH * float(np.mean(packing.diameters))
+    return np.array(moves, dtype=np.int64)[narrow]
+
+
 def _height_of(packing: Packing) -> float:
     """Return the length of the container along its last axis."""
-    return float(np.ptp(packing.container.bounds, axis=0)[packing.dimension - 1])
+    return float(_widths(packing)[-1])
 
 
 def _moved(packing: Packing, settler: Any) -> Packing:
@@ -306,11 +325,20 @@ def warn_of_imbalance(packing: Packing) -> None:
             PackingWarning,
         )
     elif packing.forces is not None and packing.forces.share_of_rattlers > MOST_RATTLERS:
-        wide = float(np.ptp(packing.container.bounds, axis=0)[: packing.dimension].min())
+        wide = float(_widths(packing).min())
         warn(
             f"{packing.forces.share_of_rattlers:.1%} of the grains bear no forces, since a few grains span the "
             f"container, which is {wide / np.median(packing.diameters):.2g} median diameters wide now: take more "
             "grains, or a wider container",
+            PackingWarning,
+        )
+    elif len(thin := _thin_axes(packing, record["parameters"])):
+        axis = thin[int(_widths(packing)[thin].argmin())]
+        wide = float(_widths(packing)[axis] / np.mean(packing.diameters))
+        warn(
+            f"the container is {wide:.2g} mean diameters wide along {'xyz'[axis]} now, and a specimen of less than "
+            f"{LEAST_WIDTH:g} has the stress of a few layers of grains: begin with a container that is longer along "
+            f"{'xyz'[axis]}, with more grains, or ask for more equal stresses",
             PackingWarning,
         )
     if not (sought := record.get("sought", {"met": True}))["met"]:

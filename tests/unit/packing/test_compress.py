@@ -141,6 +141,14 @@ def test_a_height_is_met_by_the_friction():
         vg.compress(slab, axes="z", height=8)
 
 
+def test_a_specimen_of_a_few_layers_is_told():
+    with pytest.warns(PackingWarning, match=r"is 2\.5 mean diameters wide along z now, and a specimen of less than 3"):
+        specimen = vg.compress(loose_grains(), stress=(1, 1, 2.5), friction=1.0)
+    assert specimen.stop_reason == "compressed"
+    # a cell that keeps its form is as wide as its grains, and nothing is said
+    assert np.ptp(vg.compress(loose_grains(count=20), friction=1.0).container.bounds, axis=0).max() < 3.0
+
+
 def test_no_grain_wedges_in_a_corner_of_the_walls():
     loose = loose_grains(container=vg.Cylinder(2.5, 9), count=70)
     specimen = vg.compress(loose, axes="z", friction=1.0)
