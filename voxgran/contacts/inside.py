@@ -119,6 +119,16 @@ class Occupied:
         near = (away | (periods.diagonal() == 0.0)).all(axis=1)
         return list(zip(grain[near].tolist(), shift[near], strict=True))
 
+    def filled(self, grains: Assembly) -> Assembly:
+        """Return grains of the same shapes and, as fixed ones after them, the solids, within the container."""
+        solids, n = self.standing, grains.count
+        both = {
+            name: np.concatenate([getattr(grains, name), getattr(solids, name)])
+            for name in ("shape_id", "scale", "position", "orientation")
+        }
+        fixed = np.arange(n + solids.count) >= n
+        return Assembly(grains.shapes, **both, container=self.container, density=grains.density, fixed=fixed)
+
     def scaled(self, factor: float) -> "Occupied":
         """Return the same with all lengths multiplied."""
         solids = self.standing

@@ -78,6 +78,21 @@ def start_with(obstacles: Packing, start: Packing | None, container: Container, 
     )
 
 
+def refuse_no_spheres(problem: Problem, method: str) -> None:
+    """Refuse fixed grains that are no spheres, where a method packs spheres around spheres.
+
+    Raises
+    ------
+    InputError
+        If one of them is of another shape.
+    """
+    if any(not problem.shapes[k].is_sphere for k in problem.shape_id[: problem.fixed]):
+        raise InputError(
+            f"obstacles are not all spheres: method {method!r} packs spheres around spheres; give method 'rsa', "
+            "'gravity' or 'digital'"
+        )
+
+
 def with_density_of(obstacles: Packing | None, density: Density) -> Density:
     """Return densities of shapes after those of the shapes of obstacles, on which nothing depends."""
     several = obstacles is not None and isinstance(density, tuple)

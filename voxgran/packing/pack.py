@@ -283,7 +283,8 @@ def prepare_task(request: Request) -> Task:
         given = (*start.shapes, *given)
     if scaled and solid_fraction is not None:
         kept = len(grains.diameter) if count is not None or none_asked else 0 if start is None else start.count
-        grains = scaled_to(grains, given, container, solid_fraction, given=kept)
+        fixed = 0 if start is None else int(start.count - start.movable.sum())
+        grains = scaled_to(grains, given, room, solid_fraction, given=kept, fixed=fixed)
     problem = normalized_problem(
         *(given, container, grains, settings), seed=request.seed, start=start, unit=unit, density=density,
         asked_count=asked["count"], asked_fraction=asked["solid_fraction"],
