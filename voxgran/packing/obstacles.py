@@ -15,7 +15,7 @@ from voxgran.packing.draw import Request
 from voxgran.packing.method import PackingMethod, method_registry
 from voxgran.packing.model import Packing, check_packing
 from voxgran.packing.problem import Problem
-from voxgran.packing.start import check_start, joined_fixed, joined_ids
+from voxgran.packing.start import check_start, joined_fixed, joined_ids, number_fixed
 
 
 def unit_of(request: Request) -> str | None:
@@ -113,7 +113,7 @@ def around_obstacles(
     if start is None or start.fixed is None:
         return method, start, container
     start = start[np.argsort(start.movable, kind="stable")]
-    many = int(start.count - start.movable.sum())
+    many = number_fixed(start)
     room = Occupied(container, start[:many], 0.0)
     if method.obstacles == "refused":
         registry = method_registry()

@@ -61,8 +61,8 @@ def prepare(problem: Problem) -> CompressState:
     Raises
     ------
     InputError
-        If a solid fraction is asked for, sizes are to be kept beside fixed grains, a shape is an open surface, or it is no sphere where the walls of the
-        container are not known.
+        If a solid fraction is asked for, sizes are to be kept beside fixed grains, a shape is an open surface, or it is
+        no sphere where the walls of the container are not known.
     """
     if problem.asked_fraction is not None:
         raise InputError(

@@ -108,8 +108,9 @@ class GrowthRate:
     Parameters
     ----------
     growth_rate
-        of all shapes but spheres and disks, and of these around fixed grains: relative growth of the sizes in the time in which a grain moves by its
-        diameter at thermal speed; the smaller, the denser and more ordered the grains jam, the longer it takes.
+        of all shapes but spheres and disks, and of these around fixed grains: relative growth of the sizes in the time
+        in which a grain moves by its diameter at thermal speed; the smaller, the denser and more ordered the grains
+        jam, the longer it takes.
     """
 
     growth_rate: float = parameter(0.01, at_least=1e-4, at_most=1.0)

@@ -134,7 +134,7 @@ class GrowingSolids:
         self._resize(self.bed, first)
 
     def _scaled(self) -> Assembly:
-        """Return the grains at their dense sizes, and after them those that are fixed, in the unit in which they grow."""
+        """Return the grains at their dense sizes, and fixed ones after them, in the unit in which they grow."""
         given, room = self.assembly, self.assembly.container.scaled(1.0 / self.unit)
         arrays = (given.shapes, given.shape_id, given.scale * self.dense / self.unit, given.position / self.unit)
         grains = Assembly(*arrays, given.orientation, room)
