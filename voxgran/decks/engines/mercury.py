@@ -279,6 +279,7 @@ registration = Engine(
     name="mercury",
     title=TITLE,
     summary="tables of pebbles in the layout of MClump, table of grains, and a driver in C++ that runs until rest",
+    upright="whose periodic walls lie across the axes",
     source="MercuryDPM, Drivers/Clump and tools/MClump",
     kinds=("sphere", "clump"),
     fixed=True,
