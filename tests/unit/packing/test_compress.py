@@ -270,6 +270,8 @@ def test_no_grains_are_compressed_at_once():
         (CUBE, {"axes": "w"}, "each once"),
         (CUBE, {"stress": (1, 2)}, "it must be one number, or 3"),
         (CUBE, {"stress": -1.0}, "above 0"),
+        (CUBE, {"stress": np.nan}, "it must be a finite number or a list, each entry a finite number"),
+        (CUBE, {"rate": np.inf}, "it must be a finite number; or leave it out"),
         (CUBE, {"friction": 3.0}, "friction"),
         (CUBE, {"rate": 1.0}, "rate"),
         (CUBE, {"height": 3.0}, "it needs axes='z'"),
