@@ -284,7 +284,7 @@ def _convert(value: Any, wanted: Any, where: str) -> Any:
     if origin is None and (found := _plain_value(value, wanted)) is not None:
         return found
     remedy = f"; write [{shown(value)}]" if isinstance(value, str) and wanted == tuple[str, ...] else ""
-    raise InputError(f"{where} is {shown(value)}: it must be {_describe(wanted)}{remedy}")
+    raise InputError(f"{where} is {shown(value)}: it must be {_finite(_describe(wanted), value)}{remedy}")
 
 
 def _convert_union(value: Any, kinds: tuple[Any, ...], where: str) -> Any:
@@ -299,7 +299,7 @@ def _convert_union(value: Any, kinds: tuple[Any, ...], where: str) -> Any:
             raise
         except InputError:
             continue
-    told = " or ".join(_describe(kind) for kind in kinds if kind is not type(None))
+    told = _finite(" or ".join(_describe(kind) for kind in kinds if kind is not type(None)), value)
     raise InputError(f"{where} is {shown(value)}: it must be {told}{'; or leave it out' * (type(None) in kinds)}")
 
 
@@ -317,6 +317,13 @@ def kinds_of(wanted: Any) -> tuple[Any, ...]:
     """Return the alternatives of a type annotation, without None."""
     union = typing.get_origin(wanted) in (typing.Union, types.UnionType)
     return tuple(kind for kind in (typing.get_args(wanted) if union else (wanted,)) if kind is not type(None))
+
+
+def _finite(told: str, value: Any) -> str:
+    """Return the words for types, which say that numbers are finite where those of a value are not."""
+    several = value if isinstance(value, list | tuple) else [value]
+    wild = any(isinstance(one, float) and not math.isfinite(one) for one in several)
+    return told.replace("a number", "a finite number") if wild else told
 
 
 def _describe(wanted: Any) -> str:

@@ -119,6 +119,14 @@ class Occupied:
         near = (away | (periods.diagonal() == 0.0)).all(axis=1)
         return list(zip(grain[near].tolist(), shift[near], strict=True))
 
+    def filled(self, grains: Assembly) -> Assembly:
+        """Return grains of the same shapes and, as fixed ones after them, the solids, within the container."""
+        solids, n = self.standing, grains.count
+        names = ("shape_id", "scale", "position", "orientation")
+        both = (np.concatenate([getattr(grains, name), getattr(solids, name)]) for name in names)
+        fixed = np.arange(n + solids.count) >= n
+        return Assembly(grains.shapes, *both, self.container, grains.density, fixed=fixed)
+
     def scaled(self, factor: float) -> "Occupied":
         """Return the same with all lengths multiplied."""
         solids = self.standing

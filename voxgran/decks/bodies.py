@@ -141,6 +141,10 @@ class Bodies:
         mine = np.array([template.kind in kinds for template in self.templates], dtype=np.bool_)
         return np.flatnonzero(mine[self.assembly.shape_id]) if self.count else np.zeros(0, dtype=np.int64)
 
+    def moving(self, kind: Kind) -> Integers:
+        """Return the grains of a kind that are not fixed."""
+        return np.intersect1d(self.of_kind(kind), np.flatnonzero(self.assembly.movable))
+
     @property
     def kinds(self) -> frozenset[Kind]:
         """Kinds of all templates."""

@@ -55,6 +55,8 @@ class Engine:
         Whether it has periodic containers, tilted ones among them, grains in two dimensions, surface energy, bonds that
         break, grains that are fixed, periodic cells that keep a stress, plane walls that keep one, and several
         materials with properties of pairs.
+    upright : str
+        Why it has no tilted containers, in words that a message ends with; ``""`` where it has them.
     rolling : tuple of str
         Contact laws under which it has rolling friction.
     install : str
@@ -85,6 +87,7 @@ class Engine:
     laws: tuple[str, ...] = ("linear", "hertz")
     periodic: bool = True
     tilted: bool = False
+    upright: str = ""
     planar: bool = False
     cohesion: bool = False
     bonds: bool = False

@@ -51,7 +51,7 @@ def lammps_states(folder: Path, simulation: Simulation) -> Iterator[Frame]:
 def _frames(folder: Path, simulation: Simulation, process: subprocess.Popen[bytes]) -> Iterator[Frame]:
     """Yield the states of a run as they are written."""
     bodies = simulation.bodies
-    kinds = {SPHERES: bodies.of_kind("sphere"), CLUMPS: bodies.of_kind("clump")}
+    kinds = {SPHERES: bodies.moving("sphere"), CLUMPS: bodies.moving("clump")}
     if simulation.bonds is not None:
         kinds = {SPHERES: np.arange(len(bodies.spheres[1])), CLUMPS: np.arange(0)}
     tails = {name: Tail(folder / name) for name in (*kinds, ENERGY)}
@@ -70,9 +70,9 @@ def _frames(folder: Path, simulation: Simulation, process: subprocess.Popen[byte
                 corners[step] = bounds
         whole = [step for step, tables in found.items() if len(tables) == sum(map(bool, map(len, kinds.values())))]
         for step in sorted(set(whole) & set(energy)):
-            position, matrices = _poses(simulation, found.pop(step))
-            start = matrices if start is None else start
             corner = None if simulation.stress is None else corners.pop(step)
+            position, matrices = _poses(simulation, found.pop(step), corner)
+            start = matrices if start is None else start
             turned = matrices @ start.transpose(0, 2, 1)
             yield Frame(step * simulation.time_step, position, turned, energy[step], bounds=corner)
         if ended:
@@ -100,13 +100,16 @@ def _tables(tail: Tail, rows: int) -> list[tuple[int, Floats, Floats]]:
         at = len(text) - len(lines[rows])
 
 
-def _poses(simulation: Simulation, tables: Mapping[str, Floats]) -> tuple[Floats, Floats]:
-    """Return centroids (n, 3), and rotations (n, 3, 3) of principal frames; those of spheres are not known."""
+def _poses(simulation: Simulation, tables: Mapping[str, Floats], corners: Floats | None) -> tuple[Floats, Floats]:
+    """Return centroids (n, 3), and rotations (n, 3, 3) of principal frames; those of spheres are not known.
+
+    Fixed grains are where they were, or where a cell with these corners (2, 3) has moved them.
+    """
     count = simulation.bodies.count
     if simulation.bonds is not None:
         centers, _, grain = simulation.bodies.spheres
         return fitted_poses(centers, tables[SPHERES][:, 1:4], grain, simulation.bodies.assembly.position)
-    position, matrices = np.zeros((count, 3)), np.tile(np.eye(3), (count, 1, 1))
+    position, matrices = simulation.strained(corners).copy(), np.tile(np.eye(3), (count, 1, 1))
     for name, rows in tables.items():
         grain = rows[:, 0].astype(np.int64) - 1
         position[grain] = rows[:, 1:4]

@@ -10,10 +10,8 @@ from voxgran._base.errors import InputError
 from voxgran.decks.contact_law import CHOSEN_OVERLAP, ContactLaw
 from voxgran.decks.simulation import Simulation
 from voxgran.decks.text import row_of
+from voxgran.decks.walls import MOST_PLANES, planes_of
 from voxgran.geometry.walls import Round
-
-#: most planes of a convex container
-MOST_PLANES = 200
 
 
 def law_text(simulation: Simulation, law: ContactLaw) -> str:
@@ -121,18 +119,16 @@ def _planes(name: str, vertices: Floats, faces: Integers) -> list[str]:
     InputError
         If there are too many planes.
     """
-    corners = vertices[faces]
-    normal = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
-    normal /= np.linalg.norm(normal, axis=1, keepdims=True)
-    _, first = np.unique(np.round(normal, 6), axis=0, return_index=True)
-    if len(first) > MOST_PLANES:
+    planes = planes_of(vertices, faces)
+    if len(planes) > MOST_PLANES:
         raise InputError(
-            f"container is a closed mesh of {len(first)} planes: LAMMPS takes {MOST_PLANES} here; use engine 'liggghts'"
+            f"container is a closed mesh of {len(planes)} planes: LAMMPS takes {MOST_PLANES} here; use engine "
+            "'liggghts'"
         )
     lines = []
-    for number, face in enumerate(first.tolist()):
-        point, inward = (" ".join(map(repr, vector.tolist())) for vector in (corners[face, 0], -normal[face]))
-        region = f"{name}_{number}" if len(first) > 1 else name
+    for number, place in enumerate(planes.tolist()):
+        point, inward = (" ".join(map(repr, vector)) for vector in place)
+        region = f"{name}_{number}" if len(planes) > 1 else name
         lines.append(f"region {region} plane {point} {inward} side in")
-    names = " ".join(f"{name}_{number}" for number in range(len(first)))
-    return [*lines, *([f"region {name} intersect {len(first)} {names} side in"] if len(first) > 1 else [])]
+    names = " ".join(f"{name}_{number}" for number in range(len(planes)))
+    return [*lines, *([f"region {name} intersect {len(planes)} {names} side in"] if len(planes) > 1 else [])]

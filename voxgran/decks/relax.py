@@ -122,7 +122,7 @@ def relax(
     UnknownNameError
         If the engine or a material parameter is unknown; the message gives the nearest name.
     InputError
-        If there is neither gravity nor a stress, grains are fixed, the engine cannot be run by voxgran, or as
+        If there is neither gravity nor a stress, the engine cannot be run by voxgran, or as
         :func:`voxgran.write_deck`.
     EngineError
         If the engine is not installed, with the line that installs it, or fails, with its last lines.
@@ -153,7 +153,6 @@ def relax(
         rest=None if until is None else as_positive(until, "until"), longest=as_positive(longest, "longest"),
         stress=stress,
     )  # fmt: skip
-    packing.refuse_fixed("relaxation by an engine")
     if packing.gravity is None and stress is None:
         raise InputError("packing.gravity is None, and there is no stress: grains relax under one; give stress=1e5")
     if time_step is None:
@@ -281,8 +280,9 @@ class _History:
         """Take down a state."""
         self.frames = [*self.frames[:1], frame]
         simulation = self.simulation
-        moved = (frame.position - self._strained(frame)) / simulation.diameter
-        degree, touching = self._contacts(frame)
+        free = simulation.bodies.assembly.movable
+        moved = (frame.position - simulation.strained(frame.bounds))[free] / simulation.diameter
+        degree, touching = (many[free] for many in self._contacts(frame))
         few = FEWEST_CONTACTS if simulation.law.friction else FEWEST_FRICTIONLESS
         self.rows.append(
             {
@@ -302,15 +302,6 @@ class _History:
     def _down(self) -> Floats:
         """Unit vector of gravity; 0 without."""
         return self.simulation.gravity / (float(np.linalg.norm(self.simulation.gravity)) or 1.0)
-
-    def _strained(self, frame: Frame) -> Floats:
-        """Return where the mean strain of a cell alone has moved the grains, (n, 3)."""
-        position = self.simulation.bodies.assembly.position
-        if frame.bounds is None:
-            return position
-        low, high = self.simulation.walls.bounds
-        strained: Floats = frame.bounds[0] + (position - low) * (np.ptp(frame.bounds, axis=0) / (high - low))
-        return strained
 
     @property
     def gap(self) -> float:
@@ -345,9 +336,10 @@ class _History:
     def relaxation(self, engine: str) -> Relaxation:
         """Return what the run has changed."""
         first, last = self.frames[0], self.frames[-1]
-        inset = INSET * float(np.median(self.held.diameters))
+        inset = INSET * self.held.median_diameter
         bulk = Regions(self.held).at(inset).grains(self.held)
-        mine = bulk if bulk.any() else np.ones(self.held.count, dtype=np.bool_)
+        mine = bulk & self.held.movable
+        mine = mine if mine.any() else self.held.movable
         sunk = ((last.position - first.position)[mine] @ self._down).mean() / self.simulation.diameter
         return Relaxation(
             engine=engine,

@@ -150,6 +150,18 @@ class Simulation:
             if plane.inward < 0 and (stress := float(self.stress[plane.axis])) == stress
         )
 
+    def strained(self, corners: "Floats | None") -> Floats:
+        """Return where the mean strain alone of a cell that has corners (2, 3) now has moved the grains, (n, 3).
+
+        Without corners they are where they were.
+        """
+        position = self.bodies.assembly.position
+        if corners is None:
+            return position
+        low, high = self.walls.bounds
+        strained: Floats = corners[0] + (position - low) * (np.ptp(corners, axis=0) / (high - low))
+        return strained
+
     @property
     def fixed(self) -> list[tuple[int, int]]:
         """First and last number of each row of grains that are fixed, counted from 1."""

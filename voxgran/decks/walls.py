@@ -17,6 +17,8 @@ from voxgran.geometry.periods import turns_of
 from voxgran.geometry.walls import Plane, Round, plane
 from voxgran.settling.materials import wall_names
 
+#: most planes by which a convex container is written
+MOST_PLANES = 200
 #: most that the triangles of a cylinder or cone lie outside of it, in median diameters; least and most of its sides
 ROUND_ERROR, FEWEST_SIDES, MOST_SIDES = 1e-3, 24, 1000
 
@@ -118,6 +120,16 @@ class Walls:
         """Whether a wall is neither a plane nor a cylinder."""
         return self.mesh is not None or (self.round is not None and self.round.kind == "sphere")
 
+    @cached_property
+    def slopes(self) -> Floats:
+        """A point and the unit normal toward the grains (k, 2, 3) of each plane of a wedge, or another container of
+        oblique planes; none of other walls, and of more planes than :data:`MOST_PLANES`.
+        """
+        if self.mesh is None or not self.convex or self.others:
+            return np.zeros((0, 2, 3))
+        found = planes_of(*self.mesh)
+        return found if len(found) <= MOST_PLANES else found[:0]
+
     def wrapped(self, points: Floats) -> tuple[Floats, Integers]:
         """Return points (n, 3) within the periodic bounds, and how many periods they were moved by."""
         image = turns_of(points, self.bounds[0], self.periods)
@@ -133,6 +145,15 @@ class Walls:
         """
         walls = (*self.planes, *(() if self.round is None else (self.round,)), *self.others.values())
         return [wall.distance(points) for wall in walls]
+
+
+def planes_of(vertices: Floats, faces: Integers) -> Floats:
+    """Return a point and the unit normal into a convex mesh (k, 2, 3) of each plane that its triangles lie in."""
+    corners = vertices[faces]
+    normal = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    normal /= np.linalg.norm(normal, axis=1, keepdims=True)
+    _, first = np.unique(np.round(normal, 6), axis=0, return_index=True)
+    return np.stack([corners[first, 0], -normal[first]], axis=1)
 
 
 def sides_of(radius: float, diameter: float) -> int:

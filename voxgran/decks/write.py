@@ -304,7 +304,8 @@ def refuse_unheld(engine: Engine, material: Material | Materials, container: Con
     if not engine.tilted:
         registry = engine_registry()
         able = " or ".join(repr(name) for name in registry.names() if registry.get(name).tilted)
-        refuse_tilt(container, f"input for {title}", f"choose engine {able}, or leave the tilt out")
+        why = f", {engine.upright}," if engine.upright else ""
+        refuse_tilt(container, f"input for {title}{why}", f"choose engine {able}, or leave the tilt out")
     if isinstance(material, Materials):
         _refuse_several(engine, material)
         for first, second in combinations_with_replacement(material.names, 2):

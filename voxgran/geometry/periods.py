@@ -60,11 +60,19 @@ def nearest_turns(away: Floats, periods: Floats) -> Integers:
     turns = _step_by_step(away, periods, np.rint)
     if not slopes_of(periods).any():
         return turns
-    left = away - turns @ periods
-    # where the faces are tilted, a cell beside the one across the nearest face may be nearer
-    steps = (np.indices((3, 3, 3)).reshape(3, -1).T - 1) * (periods.diagonal() > 0.0)
-    best = np.argmin(np.square(left[:, None] - steps @ periods).sum(axis=2), axis=1)
-    return turns + steps[best]
+    rows = reduced_periods(periods)
+    numbers = np.rint(rows @ np.linalg.pinv(periods)).astype(np.int64)
+    steps = (np.indices((3,) * len(rows)).reshape(len(rows), -1).T - 1) @ numbers
+    moved = np.arange(len(away))
+    while len(moved):
+        # what none of these steps brings nearer is nearest: they hold all vectors that bound a cell of Voronoi
+        left = away[moved] - turns[moved] @ periods
+        square = np.square(left[:, None] - steps @ periods).sum(axis=2)
+        best = square.argmin(axis=1)
+        nearer = square[np.arange(len(moved)), best] < np.square(left).sum(axis=1)
+        moved, best = moved[nearer], best[nearer]
+        turns[moved] += steps[best]
+    return turns
 
 
 def upright_turns(points: Floats, lower: Floats, periods: Floats) -> Integers:
@@ -82,7 +90,12 @@ def _step_by_step(left: Floats, periods: Floats, rounded: np.ufunc) -> Integers:
 
 
 def shortest_period(periods: Floats) -> float:
-    """Return the length of the shortest sum of periods, which is that of the shortest one in an upright cell.
+    """Return the length of the shortest sum of periods, which is that of the shortest one in an upright cell."""
+    return float(np.linalg.norm(reduced_periods(periods), axis=1).min(initial=np.inf))
+
+
+def reduced_periods(periods: Floats) -> Floats:
+    """Return the shortest vectors (k, 3) of which all sums of periods are sums: a Minkowski-reduced basis.
 
     References
     ----------
@@ -101,4 +114,4 @@ def shortest_period(periods: Floats) -> float:
                 break
         else:
             break
-    return float(np.linalg.norm(rows, axis=1).min(initial=np.inf))
+    return np.asarray(rows)

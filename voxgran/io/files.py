@@ -55,7 +55,8 @@ def save(packing: Packing, path: str | os.PathLike[str], *, overwrite: bool = Fa
     path : path-like
         ``.vtp`` holds all of it, bit for bit, and opens in ParaView; ``.txt``, ``.xyzr`` and ``.csv`` hold spheres as
         ``x y z r``, clumps with a fifth column, and disks as ``x y r``. A ``.csv`` is a table with the names of the
-        columns in its first line, as pandas reads it, without container and unit.
+        columns in its first line, as pandas reads it, without unit and container, its periodic axes and tilt among it:
+        give these to :func:`load`.
     overwrite : bool
         Whether a file that is there may be replaced.
 

@@ -4,12 +4,13 @@ The work is that of :mod:`voxgran.settling.compression`; here it becomes a run l
 """
 
 import os
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from typing import Any
 
 import numpy as np
 
+from voxgran._base.arrays import Floats, Integers
 from voxgran._base.calls import explained
 from voxgran._base.config import from_mapping, to_mapping
 from voxgran._base.errors import InputError, PackingWarning
@@ -17,6 +18,7 @@ from voxgran._base.progress import OnStep
 from voxgran._base.warning import warn
 from voxgran.contacts.forces import LID, WALL, ContactForces
 from voxgran.contacts.manifolds.rows import ARM_I, GAP, NORMAL
+from voxgran.contacts.verify import verify
 from voxgran.packing.beds.search import REGIONS, WHOLE, SoughtBed, sentence_of
 from voxgran.packing.driver import Drive, check_drive, drive
 from voxgran.packing.method import Cost, PackingMethod
@@ -31,14 +33,15 @@ from voxgran.packing.settling_run import (
     normalized_assembly,
     refuse_deep,
 )
-from voxgran.packing.start import Start
+from voxgran.packing.start import Start, around_fixed, free_volume
 from voxgran.settling.compression import TOUCHING, Compressor
 from voxgran.settling.compression_parameters import Compression
 from voxgran.settling.materials import Materials, friction_of
 from voxgran.settling.stress_balance import stress_of
 
-#: largest share of grains that bear no forces in a specimen
-MOST_RATTLERS = 0.5
+#: largest share of grains that bear no forces in a specimen, and least width of one that changes its form, in mean
+#: diameters
+MOST_RATTLERS, LEAST_WIDTH = 0.5, 3.0
 
 
 @explained(hint="compress(packing, friction=0.5)")
@@ -67,7 +70,8 @@ def compress(
     ----------
     packing : Packing
         The grains, made by any method, loaded or put together by hand, loose or dense. They may overlap a little. Its
-        container is a box, a rectangle, an upright cylinder, a disk or a sphere, periodic or not.
+        container is a box, a rectangle, an upright cylinder, a disk or a sphere, periodic or not. Fixed grains move as
+        points of the container and do not turn; solid fractions leave them out.
     stress : float or sequence of float
         Mean stress along all axes, or one along each axis, above 0, in any unit; only the ratios decide how the grains
         lie. Along axes that do not move it is not prescribed.
@@ -111,8 +115,8 @@ def compress(
     ------
     InputError
         If a value breaks a rule, no wall of the container moves along the axes, stresses differ along axes that
-        stretch together, grains overlap so deep that they cannot be parted, a shape is an open surface, or grains are
-        fixed.
+        stretch together, grains overlap so deep that they cannot be parted, a shape is an open surface, or all grains
+        are fixed.
     CheckpointError
         If the checkpoint is damaged, belongs to another run, or is another file, which is not replaced.
     OutputError
@@ -125,9 +129,9 @@ def compress(
     Warns
     -----
     PackingWarning
-        If fewer grains than asked for are in balance, the stress is missed, some grains overlap, more than half of them
-        bear no forces, or the solid fraction is beyond what the grains are compressed to; the nearest packing is
-        returned then.
+        If fewer grains than asked for are in balance, the stress is missed, some grains overlap, more than half
+        of them bear no forces, the container has changed its form and is narrower than 3 mean diameters, or the
+        solid fraction is beyond what the grains are compressed to; the nearest packing is returned then.
 
     See Also
     --------
@@ -158,8 +162,12 @@ def compress(
     how = from_mapping(Compression, given, "compress")
     how.modes_of(packing.container)
     check_drive(checkpoint, resume, on_step, None)
-    packing.refuse_fixed("compression")
     packing = replace(packing, gravity=None, lid=None)
+    if packing.count and not packing.movable.any():
+        raise InputError(
+            f"all {packing.count} grains are fixed: none bears a stress by itself; free some of them with "
+            "dataclasses.replace(packing, fixed=...)"
+        )
     if not packing.count:
         return replace(packing, stop_reason="compressed", forces=no_forces(how.friction))
     method = PackingMethod(
@@ -182,6 +190,7 @@ def compress(
 def _problem_of(packing: Packing, how: Compression) -> Problem:
     """Return the task of compressing a packing, from which the fingerprint of its checkpoints is made."""
     assembly, unit = normalized_assembly(packing)
+    fixed = assembly.position[~assembly.movable]
     return Problem(
         shapes=packing.shapes,
         shape_id=packing.shape_id,
@@ -191,7 +200,8 @@ def _problem_of(packing: Packing, how: Compression) -> Problem:
         seed=0,
         unit_length=unit,
         original=packing.shapes,
-        start=Start(assembly.position, assembly.orientation),
+        # which grains are fixed is a part of the task
+        start=Start(np.vstack([assembly.position, fixed]), assembly.orientation),
         unit=packing.unit,
         density=packing.density,
     )
@@ -223,7 +233,9 @@ def _fraction_at(packing: Packing, height: float) -> float:
     InputError
         If it is above 1.
     """
-    fraction = packing.solid_fraction * _height_of(packing) / height
+    bare = around_fixed(packing)
+    volume, fixed = float(bare.volumes.sum()), packing.container.volume - free_volume(packing)
+    fraction = volume / max(packing.container.volume * height / _height_of(packing) - fixed, 1e-300)
     if fraction > 1.0:
         raise InputError(
             f"height is {height:g}: the grains have {fraction:.3g} times the volume of a container of that height; "
@@ -232,14 +244,31 @@ def _fraction_at(packing: Packing, height: float) -> float:
     return fraction
 
 
+def _widths(packing: Packing) -> Floats:
+    """Return the lengths (d,) of the bounds of the container."""
+    return np.asarray(np.ptp(packing.container.bounds, axis=0)[: packing.dimension])
+
+
+def _thin_axes(packing: Packing, asked: Mapping[str, Any]) -> Integers:
+    """Return the axes along which a specimen is too narrow, of those that move.
+
+    A cell that is compressed by one factor along all axes is as wide as its grains, of which the caller knows.
+    """
+    moves = [axis for axis in range(packing.dimension) if "xyz"[axis] in asked["axes"]]
+    if len(moves) == packing.dimension and np.ptp(asked["stress"]) == 0.0:
+        return np.zeros(0, dtype=np.int64)
+    narrow = _widths(packing)[moves] < LEAST_WIDTH * float(packing.diameters[packing.movable].mean())
+    return np.array(moves, dtype=np.int64)[narrow]
+
+
 def _height_of(packing: Packing) -> float:
     """Return the length of the container along its last axis."""
-    return float(np.ptp(packing.container.bounds, axis=0)[packing.dimension - 1])
+    return float(_widths(packing)[-1])
 
 
 def _moved(packing: Packing, settler: Any) -> Packing:
     """Return a packing with its grains and its container where they are now, without forces."""
-    unit = float(np.median(packing.diameters))
+    unit = packing.median_diameter
     if settler.ended and settler.progress.step == 1:
         # it bore the stress already: not even the last bits change
         return replace(packing, contact_gap=TOUCHING * unit, forces=None)
@@ -261,7 +290,7 @@ def finished_compression(packing: Packing, state: SettleState) -> Packing:
     moved = replace(_moved(packing, settler), stop_reason=state.stop_reason or "interrupted", provenance=record)
     if not settler.ended:
         return moved
-    bed, unit, forces = settler.bed, float(np.median(packing.diameters)), settler.bed.forces()
+    bed, unit, forces = settler.bed, packing.median_diameter, settler.bed.forces()
     row = bed.rows.row[: bed.m]
     i, j = bed.contact_grains(wall=WALL, lid=LID)
     known = ContactForces(
@@ -272,7 +301,7 @@ def finished_compression(packing: Packing, state: SettleState) -> Packing:
         force=forces * settler.unit,
         gap=row[:, GAP] * unit,
         residual=bed.in_order(settler.progress.residual),
-        rattler=bed.in_order(settler.progress.bearing) == 0.0,
+        rattler=(bed.in_order(settler.progress.bearing) == 0.0) & packing.movable,
         friction=bed.friction_at(friction_of(settler.how.friction, bed.assembly)),
         stress=stress_of(bed, forces) * settler.unit,
     )
@@ -284,6 +313,13 @@ def warn_of_imbalance(packing: Packing) -> None:
     record = packing.provenance.get("compression", {})
     if packing.stop_reason == "interrupted" or "balanced" not in record:
         return
+    if packing.fixed is not None and not (proof := verify(replace(packing[packing.fixed], fixed=None))).ok:
+        depth = max(proof.deepest, proof.largest_escape)
+        warn(
+            f"fixed grains overlap each other or the walls by up to {depth:.2g} mean diameters of theirs, since they "
+            "move with the walls: let them stand farther apart, or leave them free",
+            PackingWarning,
+        )
     if record["smallest_gap"] < 0.0:
         warn(
             f"grains still overlap by up to {-record['smallest_gap']:.2g} median diameters: compress them once more",
@@ -306,11 +342,20 @@ def warn_of_imbalance(packing: Packing) -> None:
             PackingWarning,
         )
     elif packing.forces is not None and packing.forces.share_of_rattlers > MOST_RATTLERS:
-        wide = float(np.ptp(packing.container.bounds, axis=0)[: packing.dimension].min())
+        wide = float(_widths(packing).min())
         warn(
             f"{packing.forces.share_of_rattlers:.1%} of the grains bear no forces, since a few grains span the "
-            f"container, which is {wide / np.median(packing.diameters):.2g} median diameters wide now: take more "
+            f"container, which is {wide / packing.median_diameter:.2g} median diameters wide now: take more "
             "grains, or a wider container",
+            PackingWarning,
+        )
+    elif len(thin := _thin_axes(packing, record["parameters"])):
+        axis = thin[int(_widths(packing)[thin].argmin())]
+        wide = float(_widths(packing)[axis] / packing.diameters[packing.movable].mean())
+        warn(
+            f"the container is {wide:.2g} mean diameters wide along {'xyz'[axis]} now, and a specimen of less than "
+            f"{LEAST_WIDTH:g} has the stress of a few layers of grains: begin with a container that is longer along "
+            f"{'xyz'[axis]}, with more grains, or ask for more equal stresses",
             PackingWarning,
         )
     if not (sought := record.get("sought", {"met": True}))["met"]:

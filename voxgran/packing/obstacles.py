@@ -15,7 +15,7 @@ from voxgran.packing.draw import Request
 from voxgran.packing.method import PackingMethod, method_registry
 from voxgran.packing.model import Packing, check_packing
 from voxgran.packing.problem import Problem
-from voxgran.packing.start import check_start, joined_fixed, joined_ids
+from voxgran.packing.start import check_start, joined_fixed, joined_ids, number_fixed
 
 
 def unit_of(request: Request) -> str | None:
@@ -78,6 +78,21 @@ def start_with(obstacles: Packing, start: Packing | None, container: Container, 
     )
 
 
+def refuse_no_spheres(problem: Problem, method: str) -> None:
+    """Refuse fixed grains that are no spheres, where a method packs spheres around spheres.
+
+    Raises
+    ------
+    InputError
+        If one of them is of another shape.
+    """
+    if any(not problem.shapes[k].is_sphere for k in problem.shape_id[: problem.fixed]):
+        raise InputError(
+            f"obstacles are not all spheres: method {method!r} packs spheres around spheres; give method 'rsa', "
+            "'gravity' or 'digital'"
+        )
+
+
 def with_density_of(obstacles: Packing | None, density: Density) -> Density:
     """Return densities of shapes after those of the shapes of obstacles, on which nothing depends."""
     several = obstacles is not None and isinstance(density, tuple)
@@ -98,7 +113,7 @@ def around_obstacles(
     if start is None or start.fixed is None:
         return method, start, container
     start = start[np.argsort(start.movable, kind="stable")]
-    many = int(start.count - start.movable.sum())
+    many = number_fixed(start)
     room = Occupied(container, start[:many], 0.0)
     if method.obstacles == "refused":
         registry = method_registry()

@@ -35,7 +35,7 @@ from voxgran.packing.obstacles import around_obstacles, start_with, unit_of, wit
 from voxgran.packing.problem import normalized_problem, warn_of_overlaps, warn_of_units
 from voxgran.packing.settle import settling_after, warn_of_unrest, with_target
 from voxgran.packing.settling_run import with_settling
-from voxgran.packing.start import asked_orientations, check_start, density_around, turns_asked
+from voxgran.packing.start import asked_orientations, check_start, density_around, number_fixed, turns_asked
 from voxgran.settling.parameters import Settling
 from voxgran.shapes.model import Shape, check_shapes
 from voxgran.shapes.size_laws.listed import ListedGrains, with_shapes_of_list
@@ -283,7 +283,7 @@ def prepare_task(request: Request) -> Task:
         given = (*start.shapes, *given)
     if scaled and solid_fraction is not None:
         kept = len(grains.diameter) if count is not None or none_asked else 0 if start is None else start.count
-        grains = scaled_to(grains, given, container, solid_fraction, given=kept)
+        grains = scaled_to(grains, given, room, solid_fraction, given=kept, fixed=number_fixed(start))
     problem = normalized_problem(
         *(given, container, grains, settings), seed=request.seed, start=start, unit=unit, density=density,
         asked_count=asked["count"], asked_fraction=asked["solid_fraction"],

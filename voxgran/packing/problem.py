@@ -27,7 +27,7 @@ from voxgran.geometry.rotation import normalized
 from voxgran.lattice.grid import Grid
 from voxgran.packing.draw import DrawnGrains
 from voxgran.packing.model import Packing
-from voxgran.packing.start import Start, joined_ids, refuse_start
+from voxgran.packing.start import Start, joined_ids, number_fixed, refuse_start
 from voxgran.points.control import sample_controls
 from voxgran.points.sample import SurfacePoints
 from voxgran.shapes.model import Shape
@@ -297,7 +297,7 @@ def normalized_problem(
 
     What else is asked for are fields of the task that do not depend on that unit.
     """
-    fixed = 0 if start is None or start.fixed is None else int(start.fixed.sum())
+    fixed = number_fixed(start)
     sizes = grains.diameter[fixed:] if len(grains.diameter) > fixed else grains.diameter
     unit = float(np.median(sizes)) if len(sizes) else shapes[0].diameter
     return Problem(

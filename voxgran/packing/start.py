@@ -210,6 +210,11 @@ def around_fixed(packing: Any) -> Any:
     return packing._found["around"]
 
 
+def number_fixed(start: Any) -> int:
+    """Return how many grains of a start, if there is one, are fixed."""
+    return 0 if start is None or start.fixed is None else int(start.fixed.sum())
+
+
 def free_volume(packing: Any) -> float:
     """Return the volume of the container, in two dimensions its area, less that of fixed grains."""
     standing = standing_in(packing)

@@ -7,6 +7,8 @@ sought with which no gap closes, as in a quasi-static step under gravity. All fo
 the factor that serves best, since the strain of the container is the slowest mode. Once it hardly strains, steps become
 shorter until surfaces keep their distance and the forces balance.
 
+Fixed grains move with the mean strain, as points of the container, and do not turn.
+
 Lengths are in median diameters d, forces in the largest stress times d^2 (in 2D times d). The mobility of a grain of
 the median diameter is 1 and falls with the square of the diameter (in 2D with the diameter), as its forces grow.
 
@@ -161,8 +163,14 @@ class Compressor(Resumable):
     @property
     def told(self) -> str:
         """How far the compression is, in words."""
-        assembly = self.bed.assembly
-        return f"solid fraction {float(assembly.volumes.sum()) / assembly.container.volume:.4f}"
+        return f"solid fraction {self._solid_fraction:.4f}"
+
+    @property
+    def _solid_fraction(self) -> float:
+        """Volume of the grains that are not fixed, in that of the container without fixed ones."""
+        grains = self.bed.assembly
+        free = float(grains.volumes[grains.movable].sum())
+        return free / (grains.container.volume - float(grains.volumes.sum()) + free)
 
     @property
     def report(self) -> dict[str, Any]:
@@ -289,9 +297,7 @@ class Compressor(Resumable):
 
     def _note(self, forces: Floats) -> None:
         """Add a row to the path."""
-        container = self.bed.assembly.container
-        fraction = float(self.bed.assembly.volumes.sum()) / container.volume
-        row = [fraction, *np.diag(stress_of(self.bed, forces))]
+        row = [self._solid_fraction, *np.diag(stress_of(self.bed, forces))]
         self.progress.path = np.vstack([self.progress.path, row])
 
 

@@ -118,6 +118,8 @@ def _program(
     ]
     blocks = np.stack(sides, axis=2)  # (m, part, body, freedom)
     blocks[partner < 0, :, 1] = 0.0
+    # fixed grains need no balance
+    blocks *= (contacts.bodies[both, 6] > 0.0)[:, None, :, None]
     branch = row[:, ARM_I : ARM_I + 3] - row[:, ARM_J : ARM_J + 3] + row[:, GAP, None] * normal
     mean = float(pressed[:3].sum()) / max(float(np.abs((branch * normal).sum(axis=1)).sum()), 1e-300)
     # the virial is a sum over all contacts

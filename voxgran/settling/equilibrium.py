@@ -135,8 +135,8 @@ def equilibrium(
     Raises
     ------
     InputError
-        If `packing` is no packing, has neither gravity nor a stress, or fixed grains under a stress, the stress is no
-        symmetric tensor with principal stresses above 0, or a number, also that of threads, is out of range.
+        If `packing` is no packing, has neither gravity nor a stress, the stress is no symmetric tensor with principal
+        stresses above 0, or a number, also that of threads, is out of range.
 
     References
     ----------
@@ -153,8 +153,9 @@ def equilibrium(
     """
     check_type(packing, Assembly, "packing", "a Packing")
     down, forces = getattr(packing, "gravity", None), getattr(packing, "forces", None)
-    if down is None and stress is None and forces is not None:
-        stress = forces.stress
+    if down is None and stress is None and forces is not None and forces.stress is not None:
+        # torques on fixed grains, which bear them, are not in the symmetric part
+        stress = (forces.stress + forces.stress.T) / 2.0
     if down is None and stress is None:
         usual = (0, 0, -1) if packing.dimension == 3 else (0, -1, 0)
         raise InputError(
@@ -165,12 +166,11 @@ def equilibrium(
     tolerance = as_positive(tolerance, "tolerance")
     given = {"friction": friction_range(rub)[1], "gap": gap, "tolerance": tolerance}
     if stress is not None:
-        packing.refuse_fixed("a balance under a stress")
         tensor = as_stress(stress, packing.dimension)
         bed = normalized_bed(packing, np.zeros(3))
         start = None
         if forces is not None and forces.stress is not None and packing.count:
-            start = forces.scaled(1.0 / float(np.median(packing.diameters)))
+            start = forces.scaled(1.0 / packing.median_diameter)
         with using_threads(threads):
             held = balance_stress(bed, tensor, rub, reach=gap, tolerance=tolerance, start=start)
         return _stress_dataset(packing, bed, held, given)
@@ -279,7 +279,7 @@ def _stress_dataset(packing: Assembly, bed: Bed, found: Balanced, parameters: di
         packing, bed, found.forces, weight="mean normal force", of_forces=f"stress x {power}",
         residual=residual, torque=torque, rests=(residual <= tolerance) & (torque <= tolerance),
         carried=(bed.in_order(total / (2.0 * mean)), "mean normal force", "half the sum of the normal forces"),
-        rattler=(~bed.in_order(found.bearing), "whether the grain bears no forces"),
+        rattler=(~bed.in_order(found.bearing) & packing.movable, "whether the grain bears no forces"),
     )  # fmt: skip
     made["stress"] = (("axis", "axis_"), found.stress, {"units": "stress", "long_name": "mean stress tensor"})
     shares = _shares(made, packing.movable)

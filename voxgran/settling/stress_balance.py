@@ -155,7 +155,7 @@ def stress_of(bed: Bed, forces: Floats) -> Floats:
 def _residuals(bed: Bed, forces: Floats, accelerations: Floats) -> tuple[Floats, Floats, Booleans]:
     """Return net force and torque of each grain (n,), in mean normal forces, and which grains bear forces (n,).
 
-    Torques are over the radius of the sphere of equal volume.
+    Torques are over the radius of the sphere of equal volume. Of fixed grains all are 0, and none counts as bearing.
     """
     n, row = bed.count, bed.rows.row[: bed.m]
     push = (forces * row[:, NORMAL : NORMAL + 3]).sum(axis=1)
@@ -164,18 +164,19 @@ def _residuals(bed: Bed, forces: Floats, accelerations: Floats) -> tuple[Floats,
     i, j = bed.rows.i[: bed.m], bed.rows.j[: bed.m]
     other = bears & (j >= 0) & (j < n)
     many = np.bincount(i[bears], minlength=n) + np.bincount(j[other], minlength=n)
-    force = np.linalg.norm(accelerations[:n, :3], axis=1) / bed.bodies[:n, 6]
-    moment = np.linalg.norm(accelerations[:n, 3:], axis=1)
-    torque = np.divide(moment, bed.bodies[:n, 7], out=np.zeros(n), where=bed.bodies[:n, 7] > 0.0)
-    return force / mean, torque / (0.5 * bed.diameter) / mean, many >= HELD
+    force, moment = (
+        np.divide(np.linalg.norm(part, axis=1), inverse, out=np.zeros(n), where=inverse > 0.0)
+        for part, inverse in ((accelerations[:n, :3], bed.bodies[:n, 6]), (accelerations[:n, 3:], bed.bodies[:n, 7]))
+    )
+    return force / mean, moment / (0.5 * bed.diameter) / mean, (many >= HELD) & bed.movable
 
 
 def without_weight(bed: Bed) -> None:
     """Give the bodies of a bed the mobilities of grains that are compressed."""
-    bodies, n = bed.bodies, bed.count
-    gyration = bodies[:n, 6] / bodies[:n, 7]
-    bodies[:n, 6] = bed.diameter ** (1 - bed.assembly.dimension)
-    bodies[:n, 7] = bodies[:n, 6] / gyration
+    bodies, free = bed.bodies[: bed.count], bed.movable
+    gyration = bodies[free, 6] / bodies[free, 7]
+    bodies[free, 6] = bed.diameter[free] ** (1 - bed.assembly.dimension)
+    bodies[free, 7] = bodies[free, 6] / gyration
 
 
 def as_stress(value: "ArrayLike", dimension: int) -> Floats:

@@ -5,6 +5,7 @@ import math
 
 import numpy as np
 import pytest
+from scipy.spatial import cKDTree
 
 import voxgran as vg
 from voxgran._base.errors import InputError
@@ -57,6 +58,25 @@ def test_the_nearest_image_and_the_shortest_period_are_those_of_all_images(tilt)
     volume = np.linalg.det(periods)
     faces = [np.linalg.norm(np.cross(periods[a], periods[b])) for a, b in ((1, 2), (2, 0), (0, 1))]
     assert face_distances(periods) == pytest.approx(volume / np.array(faces), rel=1e-12)
+
+
+@pytest.mark.parametrize(
+    ("lengths", "tilt"),
+    [((10, 10, 1), (5, 5, 5)), ((10, 10, 1), (3.3, 5, -4.9)), ((10, 2, 0.7), (5, 4, 1)), ((12, 1, 12), (6, 0, 0.5))],
+)
+def test_the_nearest_image_in_flat_cells_is_that_of_all_images(lengths, tilt):
+    # cells across the nearest face and beside it do not hold the nearest image there
+    periods = periods_of(vg.Box(lengths, "xyz", tilt=tilt))
+    away = stream(2, "points").uniform(-9, 9, size=(60, 3))
+    every = lattice_points(periods, 30)
+    nearest = cKDTree(every).query(away)[0]
+    turns = nearest_turns(away, periods)
+    assert np.linalg.norm(away - turns @ periods, axis=1) == pytest.approx(nearest, rel=1e-9)
+    assert turns.dtype == np.int64
+    flat = periods_of(vg.Rectangle(lengths[:2], "xy", tilt=tilt[0]))
+    turns = nearest_turns(away * (1, 1, 0), flat)
+    nearest = cKDTree(lattice_points(flat, 30)).query(away * (1, 1, 0))[0]
+    assert np.linalg.norm(away * (1, 1, 0) - turns @ flat, axis=1) == pytest.approx(nearest, rel=1e-9)
 
 
 def test_tilts_are_brought_within_half_a_length():

@@ -291,6 +291,36 @@ def test_spheres_on_an_incline_of_lammps_roll_by_the_rolling_friction_of_their_p
     assert abs(moved[0]) < 0.02 * moved[1]
 
 
+@pytest.mark.engine
+def test_spheres_on_an_incline_of_yade_roll_by_the_rolling_friction_of_their_pair(tmp_path):
+    slope = math.radians(10)
+    packing = vg.Packing.of(
+        [vg.shapes.sphere()] * 3, vg.Box((40, 6, 4)), shape_id=[0, 1, 2],
+        position=[(5, 3, 0.5), (16, 3, 0.5), (25, 3, 0.5)], unit="mm", gravity=(math.sin(slope), 0, -math.cos(slope)),
+    )  # fmt: skip
+    own = {"friction": 0.9, "rolling_friction": 0.5, "law": "hertz", "young_modulus": 1e7}
+    materials = vg.Materials(
+        {name: {**own, "rolling_friction": value}
+         for name, value in (("rough", 0.5), ("smooth", 0.05), ("round", 0.0), ("floor", 0.5))},
+        pairs={("smooth", "floor"): {"rolling_friction": 0.05}, ("round", "floor"): {"rolling_friction": 0.0}},
+        shapes=["rough", "smooth", "round"],
+        walls="floor",
+    )  # fmt: skip
+    made, text = deck(tmp_path, "yade", materials, packing)
+    assert "approximated: rolling" not in text
+    every, steps = made.simulation.steps_per_output, made.simulation.steps
+    path = tmp_path / "yade_run.py"
+    path.write_text(path.read_text().replace(str(steps), str(5 * every), 1))
+    program = cases.program("yade", "make test-engines")
+    subprocess.run([program, "-n", "-x", path.name], cwd=tmp_path, capture_output=True, timeout=200, check=True)
+    places = [line.split()[0] for line in (tmp_path / "yade_poses.txt").read_text().splitlines()]
+    moved = np.array(places[-3:], dtype=float) - np.array(places[1:4], dtype=float)
+    time = 5 * every * made.simulation.time_step
+    expected = 0.5 * 5 / 7 * 9.81 * (math.sin(slope) - np.array([0.05, 0.0]) * math.cos(slope)) * time**2
+    assert moved[1:] == pytest.approx(expected, rel=0.05)
+    assert abs(moved[0]) < 0.02 * moved[1]
+
+
 def equipment(oblique=0.0):
     """Return spheres within a cone, a cylinder and two planes, and a material of each wall."""
     wall = [

@@ -28,7 +28,7 @@ def test_engines_have_tilted_cells_or_refuse_them(tmp_path):
     for name in ("lammps", "yade"):
         vg.write_deck(packing, tmp_path / name, name)
     for name in set(vg.engines()) - {"lammps", "yade"}:
-        with pytest.raises(InputError, match=r"tilt .*choose engine 'lammps' or 'yade'|is periodic: "):
+        with pytest.raises(InputError, match=r"tilt .*, wh.*, takes upright .* 'lammps' or 'yade'|is periodic: "):
             vg.write_deck(packing, tmp_path / name, name)
     with pytest.raises(InputError, match="a cell of LAMMPS that keeps a stress takes upright containers only"):
         vg.write_deck(packing, tmp_path / "servo", "lammps", stress=1e3)

@@ -240,3 +240,23 @@ def test_materials_that_are_none_are_named(material, words, tmp_path):
     bed = vg.Packing.of([vg.make_shape("sphere")], vg.Box((4, 4, 4)), position=[(1, 1, 0.5)], gravity=(0, 0, -1))
     with pytest.raises(InputError, match=words):
         vg.write_deck(bed, tmp_path / "deck", "lammps", material={"density": 2500.0, **material})
+
+
+def test_a_wedge_is_planes_where_an_engine_has_planes(tmp_path):
+    wedge = vg.Hopper(radius=4, outlet=3, angle=45, length=6, bin_height=5)
+    packing = vg.Packing.of(vg.make_shape("sphere"), wedge, position=[(0, 0, 3)], unit="m", gravity=(0, 0, -1))
+    walls = Walls.of(packing)
+    points = np.random.default_rng(0).uniform(*wedge.bounds, (500, 3))
+    inside = points[wedge.signed_distance(points) < 0]
+    point, inward = walls.slopes[:, 0], walls.slopes[:, 1]
+    nearest = ((inside[:, None] - point) * inward).sum(axis=2).min(axis=1)
+    assert len(walls.slopes) == 8
+    assert nearest == pytest.approx(-wedge.signed_distance(inside), abs=1e-12)
+    for engine, file, call in (
+        ("mercury", "mercury_run.cpp", "        addPlane(Vec3D("), ("chrono", "chrono_run.py", "solver.AddBCPlane("),
+        ("lammps", "lammps_run.in", "region mesh_"),
+    ):  # fmt: skip
+        vg.write_deck(packing, tmp_path / engine, engine)
+        assert (tmp_path / engine / file).read_text().count(call) == 8
+        assert not list((tmp_path / engine).glob("*walls*"))
+    assert not len(Walls.of(vg.Packing.of(vg.make_shape("sphere"), vg.Hopper(4, 3, 45), position=[(0, 0, 3)])).slopes)

@@ -141,6 +141,50 @@ def test_a_height_is_met_by_the_friction():
         vg.compress(slab, axes="z", height=8)
 
 
+@pytest.mark.parametrize("dimension", [2, 3])
+def test_grains_are_compressed_around_a_fixed_one_which_moves_with_the_mean_strain(dimension):
+    cell, shape, insert = CUBE.scaled(1.6), SPHERE, vg.shapes.sphere(diameter=3.0)
+    if dimension == 2:
+        cell, shape, insert = vg.Rectangle((9, 9), periodic="xy"), DISK, vg.shapes.disk(diameter=3.0)
+    place = (5, 4, 4 * (dimension - 2))
+    loose = loose_grains(
+        shape, cell, 35 + 85 * (dimension - 2), obstacles=vg.Packing.of(insert, cell, position=[place])
+    )
+    specimen = vg.compress(loose, friction=0.3)
+    assert specimen.stop_reason == "compressed"
+    assert vg.verify(replace(specimen, fixed=None)).ok
+    strained = loose.position[0] * np.append(specimen.container.lengths, [1.0])[:3] / np.append(cell.lengths, [1.0])[:3]
+    assert specimen.position[0] == pytest.approx(strained, rel=1e-12)
+    assert np.array_equal(specimen.orientation[0], loose.orientation[0])
+    left, stress = unbalanced(specimen)
+    assert (left[~specimen.forces.rattler & specimen.movable] < 0.011).mean() >= 0.98
+    # what holds the fixed grain bears a torque, but no force, which others would have to balance
+    assert specimen.forces.residual[0] == 0.0
+    assert not specimen.forces.rattler[0]
+    assert np.diag(stress)[:dimension] == pytest.approx(np.ones(dimension), abs=0.01)
+    for known in (specimen, replace(specimen, forces=None)):
+        found = vg.equilibrium(known, 0.3, stress=1.0)
+        assert found.attrs["share_at_rest_without_rattlers"] >= 0.98
+        assert found.attrs["stress_error"] < 0.01
+    path = specimen.provenance["compression"]["path"]
+    assert path[-1][0] == pytest.approx(specimen.solid_fraction, abs=1e-3)
+
+
+def test_fixed_grains_that_overlap_at_the_end_are_told():
+    box = vg.Box((5, 5, 7))
+    loose = loose_grains(container=box, obstacles=vg.Packing.of(SPHERE, box, position=[(2.5, 2.5, 0.5)]))
+    with pytest.warns(PackingWarning, match=r"fixed grains overlap each other or the walls by up to 0\.\d+ mean diam"):
+        vg.compress(loose, axes="z")
+
+
+def test_a_specimen_of_a_few_layers_is_told():
+    with pytest.warns(PackingWarning, match=r"is 2\.5 mean diameters wide along z now, and a specimen of less than 3"):
+        specimen = vg.compress(loose_grains(), stress=(1, 1, 2.5), friction=1.0)
+    assert specimen.stop_reason == "compressed"
+    # a cell that keeps its form is as wide as its grains, and nothing is said
+    assert np.ptp(vg.compress(loose_grains(count=20), friction=1.0).container.bounds, axis=0).max() < 3.0
+
+
 def test_no_grain_wedges_in_a_corner_of_the_walls():
     loose = loose_grains(container=vg.Cylinder(2.5, 9), count=70)
     specimen = vg.compress(loose, axes="z", friction=1.0)
@@ -226,6 +270,8 @@ def test_no_grains_are_compressed_at_once():
         (CUBE, {"axes": "w"}, "each once"),
         (CUBE, {"stress": (1, 2)}, "it must be one number, or 3"),
         (CUBE, {"stress": -1.0}, "above 0"),
+        (CUBE, {"stress": np.nan}, "it must be a finite number or a list, each entry a finite number"),
+        (CUBE, {"rate": np.inf}, "it must be a finite number; or leave it out"),
         (CUBE, {"friction": 3.0}, "friction"),
         (CUBE, {"rate": 1.0}, "rate"),
         (CUBE, {"height": 3.0}, "it needs axes='z'"),

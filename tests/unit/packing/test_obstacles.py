@@ -45,6 +45,9 @@ def check(packing, obstacles):
         ("digital_rsa", BAR, {"voxel_size": 0.15}),
         ("digital_fill", BALL, {"voxel_size": 0.15}),
         ("advancing_front", BALL, {}),
+        ("deposition", BALL, {}),
+        ("expand", BAR, {}),
+        ("jam", BALL, {}),
     ],
 )
 def test_methods_pack_around_obstacles(method, obstacles, parameters):
@@ -52,6 +55,18 @@ def test_methods_pack_around_obstacles(method, obstacles, parameters):
     assert packing.count == 41
     assert packing.provenance["missed"]["count"] == 0
     check(packing, obstacles)
+
+
+@pytest.mark.parametrize("shape", [SPHERE, vg.make_shape("torus")], ids=["spheres", "meshes"])
+def test_grains_expand_to_a_solid_fraction_of_the_room_around_obstacles(shape):
+    cell = vg.Box((6, 6, 6), periodic="xyz")
+    insert = vg.Packing.of(vg.shapes.sphere(diameter=3.0), cell, position=[(0, 0, 0)])
+    packing = vg.pack(shape, cell, "expand", count=30, solid_fraction=0.2, obstacles=insert)
+    assert packing.solid_fraction == pytest.approx(0.2, rel=1e-9)
+    assert packing.volumes[1:].sum() / (216 - insert.volumes[0]) == pytest.approx(0.2, rel=1e-9)
+    check(packing, insert)
+    listed = vg.pack(grains={"diameter": [1.0, 0.8]}, container=BOX, method="expand", obstacles=BAR)
+    assert listed.diameters[1:].tolist() == pytest.approx([1.0, 0.8])
 
 
 @pytest.mark.parametrize("shape", [SPHERE, vg.shapes.box(lengths=(1, 1, 1))], ids=["spheres", "cubes"])
@@ -209,19 +224,19 @@ def test_bad_obstacles_are_refused():
     whole = vg.Packing.of(vg.shapes.box(lengths=(6, 6, 8)), BOX, position=[(3, 3, 4)])
     with pytest.raises(InputError, match="no room is left"):
         vg.pack(SPHERE, BOX, "rsa", obstacles=whole)
-    with pytest.raises(InputError, match=r"method 'jam' moves all grains.*advancing_front, digital.*gravity, rsa"):
-        vg.pack(SPHERE, BOX, "jam", count=5, obstacles=BALL)
-    with pytest.raises(InputError, match="obstacles are not all spheres"):
-        vg.pack(SPHERE, BOX, "advancing_front", count=5, obstacles=BAR)
+    with pytest.raises(InputError, match=r"method 'growth' moves all grains.*advancing_front, .*digital.*gravity.*rsa"):
+        vg.pack(SPHERE, BOX, "growth", count=5, obstacles=BALL)
+    for method in ("advancing_front", "deposition"):
+        with pytest.raises(InputError, match=f"obstacles are not all spheres: method '{method}'"):
+            vg.pack(SPHERE, BOX, method, count=5, obstacles=BAR)
+    with pytest.raises(InputError, match="keep is 'sizes': the container would change its size around fixed grains"):
+        vg.pack(SPHERE, BOX, "jam", count=5, obstacles=BALL, keep="sizes")
     with pytest.raises(InputError, match="obstacles has dimension 2"):
         vg.pack(SPHERE, BOX, "rsa", count=5, obstacles=vg.Packing.of(DISK, FLAT, position=[(1, 1, 0)]))
-    fixed = vg.pack(SPHERE, BOX, "rsa", count=5, obstacles=BALL)
     with pytest.raises(InputError, match="1 grains are fixed: a bed under a lid takes none"):
         vg.pack(SPHERE, BOX, "gravity", count=5, obstacles=BALL, lid={"weight": 1.0})
-    with pytest.raises(InputError, match="1 grains are fixed: compression takes none"):
-        vg.compress(fixed)
-    with pytest.raises(InputError, match="balance under a stress takes none"):
-        vg.equilibrium(fixed, stress=1.0)
+    with pytest.raises(InputError, match="all 1 grains are fixed: none bears a stress"):
+        vg.compress(vg.pack(SPHERE, BOX, "rsa", count=0, obstacles=BALL))
 
 
 def test_the_room_around_solids():
@@ -272,8 +287,6 @@ def test_frozen_grains_of_decks(tmp_path):
         vg.write_deck(bed[3:], tmp_path / "free", "lammps", clump=8, material=vg.Material(density=2500))
         .simulation.rest_energy
     )  # fmt: skip
-    with pytest.raises(InputError, match="relaxation by an engine takes none"):
-        vg.relax(bed)
 
 
 def test_obstacles_of_a_scene(tmp_path):
@@ -315,6 +328,17 @@ def test_pictures_show_fixed_grains_in_grey():
     assert np.isnan(found.values).tolist() == bed.fixed.tolist()
     assert found.limits == (bed.diameters[1:].min(), bed.diameters[1:].max())
     assert not found.same
+
+
+@pytest.mark.slow
+def test_grains_jam_around_an_obstacle_as_densely_as_without_it():
+    cell = vg.Box((8, 8, 8), periodic="xyz")
+    insert = vg.Packing.of(vg.shapes.sphere(diameter=3.0), cell, position=[(0, 0, 0)])
+    jammed = vg.pack(SPHERE, cell, "jam", count=400, obstacles=insert)
+    check(jammed, insert)
+    # a layer at the obstacle is looser
+    assert jammed.solid_fraction == pytest.approx(0.63, abs=0.02)
+    assert jammed.provenance["compression"]["coordination_without_rattlers"] == pytest.approx(6.0, abs=0.3)
 
 
 @pytest.mark.slow

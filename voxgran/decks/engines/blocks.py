@@ -284,6 +284,7 @@ registration = Engine(
     name="blocks",
     title="Blocks",
     summary="one JSON file: corners, faces, mass and inertia of each grain, contact law and walls",
+    upright="which has lengths of periodic axes only",
     source="docs/guide/decks_blocks.md",
     kinds=("polyhedron", "mesh", "convex_parts"),
     planar=True,

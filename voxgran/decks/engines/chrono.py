@@ -123,6 +123,8 @@ def _force(simulation: Simulation) -> str:
 def _faceted(simulation: Simulation) -> Facets | None:
     """Return the walls that are made of triangles: a mesh, or a sphere; planes and cylinders are exact."""
     walls = simulation.walls
+    if len(walls.slopes):
+        return None
     if walls.mesh is None and (walls.round is None or walls.round.kind == "cylinder"):
         return None
     found = facets_of(simulation, planes=False)
@@ -183,6 +185,7 @@ def _walls(simulation: Simulation) -> list[str]:
     for plane in walls.planes:
         point = np.where(np.arange(3) == plane.axis, plane.level, walls.bounds.mean(axis=0))
         lines.append(f"solver.AddBCPlane({point.tolist()}, {plane.normal.tolist()}, material)  # {plane.name}")
+    lines += [f"solver.AddBCPlane({point}, {inward}, material)" for point, inward in walls.slopes.tolist()]
     if walls.round is not None and walls.round.kind == "cylinder":
         center = list(walls.round.center)
         lines.append("cylinder = solver.AddExternalObject()")

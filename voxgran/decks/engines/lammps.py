@@ -12,9 +12,8 @@ from pathlib import Path
 
 import numpy as np
 
-from voxgran._base.arrays import Floats, Integers
+from voxgran._base.arrays import Floats
 from voxgran._base.errors import FileFormatError, InputError
-from voxgran.decks.bodies import Kind
 from voxgran.decks.engine import Engine, Held
 from voxgran.decks.lammps_bonds import BondTexts, bond_commands, bond_texts
 from voxgran.decks.lammps_states import (
@@ -72,7 +71,7 @@ def _write(simulation: Simulation) -> Mapping[str, str]:
                 f"clump {template.name!r} has 1 sphere: rigid bodies of LAMMPS have at least 2; give clump=2"
             )
     files = {SCRIPT: _script(simulation), DATA: _data(simulation)}
-    if len(_moving(simulation, "clump")) and simulation.bonds is None:
+    if len(simulation.bodies.moving("clump")) and simulation.bonds is None:
         files[BODIES] = _bodies(simulation)
     bonds = _bond_texts(simulation)
     if bonds is not None:
@@ -132,7 +131,7 @@ def _bond_texts(simulation: Simulation) -> BondTexts | None:
 def _bodies(simulation: Simulation) -> str:
     """Return the file of rigid bodies: true mass, centroid and inertia tensor of each clump."""
     bodies = simulation.bodies
-    mine = _moving(simulation, "clump")
+    mine = bodies.moving("clump")
     places, images = simulation.walls.wrapped(bodies.assembly.position[mine])
     tensors = np.stack([bodies.inertia[mine][:, i, j] for i, j in PLACES], axis=1)
     lines = ["# molecule, mass, centroid, inertia xx yy zz xy xz yz, velocity, angular momentum, image flags"]
@@ -157,7 +156,7 @@ def _contacts(simulation: Simulation) -> list[str]:
 def _script(simulation: Simulation) -> str:
     """Return the script: until the bed rests, with dumps and restart files."""
     walls, bodies = simulation.walls, simulation.bodies
-    spheres, clumps = len(_moving(simulation, "sphere")), len(_moving(simulation, "clump"))
+    spheres, clumps = len(bodies.moving("sphere")), len(bodies.moving("clump"))
     boundary = " ".join("p" if periodic else "f" for periodic in walls.periodic)
     reach = 2 * float(bodies.assembly.bounding_radii.max())
     rigid = simulation.bonds is None
@@ -185,12 +184,6 @@ def _script(simulation: Simulation) -> str:
         *_until_rest(simulation),
     ]
     return text_of([*simulation.comments(TITLE), *lines])
-
-
-def _moving(simulation: Simulation, kind: Kind) -> Integers:
-    """Return the grains of a kind that are not fixed."""
-    bodies = simulation.bodies
-    return np.intersect1d(bodies.of_kind(kind), np.flatnonzero(bodies.assembly.movable))
 
 
 def _groups(simulation: Simulation) -> list[str]:

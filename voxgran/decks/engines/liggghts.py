@@ -382,6 +382,7 @@ registration = Engine(
     name="liggghts",
     title=TITLE,
     summary="data file of spheres, multisphere templates with the place of each clump, and a script",
+    upright="which finds no contacts across tilted sides",
     source="LIGGGHTS-PUBLIC 3.8.0, documentation and source",
     kinds=("sphere", "clump"),
     fixed=True,

@@ -59,7 +59,7 @@ def _write(simulation: Simulation) -> Mapping[str, str]:
     bodies = simulation.bodies
     used = {int(k) for k in bodies.assembly.shape_id}
     files = {RUN: _driver(simulation), GRAINS: _grains(simulation)}
-    if simulation.walls.needs_triangles:
+    if simulation.walls.needs_triangles and not len(simulation.walls.slopes):
         found, of_walls = facets_of(simulation, planes=False), simulation.laws.of_walls
         triangles = [f"{row_of(row, ',')},{of_walls[wall.name]}"
                      for wall in found for row in wall.vertices[wall.faces].reshape(-1, 9)]  # fmt: skip
@@ -168,7 +168,9 @@ def _walls(simulation: Simulation) -> list[str]:
             f"        cylinder.addObject(Vec3D(1.0, 0.0, 0.0), {_vector([walls.round.radius, 0, 0])});",
             "        wallHandler.copyAndAddObject(cylinder);",
         ]
-    if simulation.walls.needs_triangles:
+    for point, inward in walls.slopes:
+        lines.append(f"        addPlane({_vector(-inward)}, {_vector(point)}, {kind['mesh']});")
+    if walls.needs_triangles and not len(walls.slopes):
         lines.append(f'        addTriangles("{WALLS}");')
     return [*lines, "    }"]
 
@@ -279,6 +281,7 @@ registration = Engine(
     name="mercury",
     title=TITLE,
     summary="tables of pebbles in the layout of MClump, table of grains, and a driver in C++ that runs until rest",
+    upright="whose periodic walls lie across the axes",
     source="MercuryDPM, Drivers/Clump and tools/MClump",
     kinds=("sphere", "clump"),
     fixed=True,

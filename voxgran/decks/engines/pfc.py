@@ -303,6 +303,7 @@ registration = Engine(
     name="pfc",
     title=TITLE,
     summary="command files: spheres, clumps by templates, rigid blocks, walls of facets, and a run until rest",
+    upright="whose domain lies along the axes",
     source="docs.itascacg.com/pfc700",
     kinds=("sphere", "polyhedron", "clump"),
     fixed=True,

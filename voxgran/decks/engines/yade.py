@@ -96,13 +96,12 @@ def _refuse(simulation: Simulation) -> None:
                 "container is periodic, and walls are to keep a stress: YADE has none that move in a periodic cell; "
                 "choose engine 'liggghts'"
             )
-    for name in ("cohesion", "rolling_friction"):
-        found = {float(getattr(law, name)) for _, _, law in simulation.laws.pairs()}
-        if len(found) > 1:
-            raise InputError(
-                f"material {name} differs between pairs, {min(found):g} to {max(found):g}: YADE has one of all "
-                "contacts; give all materials the same"
-            )
+    found = {law.cohesion for _, _, law in simulation.laws.pairs()}
+    if len(found) > 1:
+        raise InputError(
+            f"material cohesion differs between pairs, {min(found):g} to {max(found):g}: YADE has one of all contacts; "
+            "give all materials the same"
+        )
     if "level_set" not in kinds:
         return
     if len(kinds) > 1:
@@ -150,7 +149,7 @@ def _notes(simulation: Simulation) -> list[str]:
     mean = (own[:, None] + own) / 2
     if simulation.law.name == "linear" and not np.allclose(mean, laws.matrix("damping_ratio")):
         lines.append("approximated: the damping of a pair is the mean share of the critical one of its two materials")
-    if laws.rolls:
+    if laws.rolls and len(set(np.ravel(laws.matrix("rolling_friction")))) == 1:
         lines.append("approximated: rolling friction of spheres takes their mean radius over 2 for the effective one")
     if "polyhedron" in kinds:
         lines += notes_of_polyhedra(simulation)
@@ -190,8 +189,8 @@ def _constants(simulation: Simulation, facets: bool) -> list[str]:
         f"PLANES = {planes!r}",
         "# plane walls that move: number, axis, side, force of the grains in N, and speed in m/s where nothing presses",
         f"PLATENS = {moving!r}",
-        "# coefficient of rolling friction",
-        f"ROLLING = {simulation.law.rolling_friction!r}",
+        "# coefficients of rolling friction of pairs of materials, of which each is three of YADE",
+        f"ROLLING = {simulation.laws.matrix('rolling_friction')!r}",
         f"STRESS_MET = {STRESS_MET!r}",
         "# first and last number of each row of grains that are fixed, from 1",
         f"FIXED = {simulation.fixed!r}",
@@ -264,11 +263,12 @@ def _rolling(simulation: Simulation) -> tuple[str, str]:
     """Return what the parameters of contacts and the law of Hertz say of rolling friction.
 
     The moment is at most eta times the mean radius of two spheres and the normal force; that of others, the coefficient
-    times the effective radius, is half of it between equal spheres.
+    times the effective radius, is half of it between equal spheres. Where pairs differ the script sets the moment of
+    each contact.
     """
     if not simulation.laws.rolls:
         return "", ""
-    law = simulation.law
+    law = max((law for _, _, law in simulation.laws.pairs()), key=lambda law: law.rolling_friction)
     stiffness = simulation.rolling(law)[0] * (simulation.diameter / 4) ** 2
     return f", krot={stiffness!r}, eta={law.rolling_friction / 2!r}", ", includeMoment=True"
 

@@ -34,6 +34,7 @@ from voxgran.packing.advancing_front.pockets import FOUND_SHORT, FRONT_SHORT, NE
 from voxgran.packing.advancing_front.sphere_cells import BITS, lay_cells, link_all
 from voxgran.packing.method import Cost, PackingMethod, State
 from voxgran.packing.model import Packing
+from voxgran.packing.obstacles import refuse_no_spheres
 from voxgran.packing.problem import Problem, random_turns, spheres_of_start
 from voxgran.packing.transform.grow import grow
 from voxgran.shapes.sizes import size_distance
@@ -107,11 +108,7 @@ def prepare(problem: Problem) -> State:
     """
     if problem.count >= MOST:
         raise TooLargeError(f"count is {problem.count}: the front takes fewer than {MOST} grains; pack in parts")
-    if any(not problem.shapes[k].is_sphere for k in problem.shape_id[: problem.fixed]):
-        raise InputError(
-            "obstacles are not all spheres: method 'advancing_front' packs spheres around spheres; give method 'rsa', "
-            "'gravity' or 'digital'"
-        )
+    refuse_no_spheres(problem, "advancing_front")
     n = problem.started
     order = stream(problem.seed, "order").permutation(np.arange(n, problem.count, dtype=np.int64))
     arrays = {

@@ -159,7 +159,7 @@ def column_below(inlet: Inlet, problem: Problem, up: Floats, bed: Floats) -> tup
         If the inlet is narrower than a grain, reaches beyond the container, lies within walls or above the container,
         or is a rectangle though gravity is along no axis or there are two dimensions.
     """
-    refuse_tilt(problem.container, "an inlet", "leave the tilt out, or the inlet")
+    refuse_tilt(problem.container, "an inlet", "leave the tilt out, or give vg.pack no inlet")
     unit, flat = problem.unit_length, np.arange(3) < problem.dimension
     lower, upper = np.array(problem.container.bounds, dtype=np.float64)
     center = 0.5 * (lower + upper) if inlet.center is None else np.array(inlet.center) * flat / unit

@@ -63,7 +63,8 @@ class Gravity(Settling):
     gravity
         direction of gravity, as an axis or as a vector of any length; if omitted, '-z', and '-y' in two dimensions.
     fill
-        solid fraction of the column in which the grains grow, at most 0.87 of that of the bed; lower ones fall farther.
+        solid fraction of the column in which the grains grow, at most 0.87 of that of the bed; lower ones fall farther;
+        of grains that grow together only, not beside a fall height or a rate of the inlet.
     height
         height of the surface of the bed above the lowest point of the container, in units of length, to about 7 percent
         from four grains on: about 95 percent of all grains have their tops below it; as many grains grow as usually
@@ -78,7 +79,8 @@ class Gravity(Settling):
     Raises
     ------
     InputError
-        If a number is out of its range, or gravity is ``"none"``.
+        If a number is out of its range, gravity is ``"none"``, or there is a solid fraction of the column, in which
+        grains grow together, where they arrive one after the other.
 
     Examples
     --------
@@ -93,6 +95,20 @@ class Gravity(Settling):
     height: float | None = parameter(None, above=0.0)
     inlet: Inlet | None = parameter(None)
     fall_height: float | None = parameter(None, at_least=0.0)
+
+    def __post_init__(self) -> None:
+        """Check the ranges, and that grains either grow together or arrive one after the other."""
+        Settling.__post_init__(self)
+        if self.fill != LOOSE and self.arrive_singly:
+            raise InputError(
+                f"fill is {self.fill:g}, and with a fall_height or a rate of the inlet grains arrive one after the "
+                "other: no column of them has a solid fraction; leave fill out, or let them grow together"
+            )
+
+    @property
+    def arrive_singly(self) -> bool:
+        """Whether grains arrive one after the other."""
+        return self.fall_height is not None or (self.inlet is not None and self.inlet.rate is not None)
 
 
 def prepare(problem: Problem) -> SettleState:

@@ -29,7 +29,7 @@ def rain_of(problem: Problem, up: Floats) -> Rain | None:
     """
     settings, container, base = problem.parameters, problem.container, -math.inf
     inlet, column = settings.inlet, None
-    if settings.fall_height is None and (inlet is None or inlet.rate is None):
+    if not settings.arrive_singly:
         return None
     if settings.lid is not None:
         raise InputError(

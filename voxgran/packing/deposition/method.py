@@ -34,6 +34,7 @@ from voxgran.packing.deposition.field import ROWS, WIDTH, Field
 from voxgran.packing.deposition.rain import LOST, MISSED, PATIENCE, PLACED, TALLIES, Tops, drop_spheres, put_again
 from voxgran.packing.method import Cost, PackingMethod, State
 from voxgran.packing.model import Packing
+from voxgran.packing.obstacles import refuse_no_spheres
 from voxgran.packing.problem import Problem, random_turns, spheres_of_start
 
 #: bytes of a grain (measured), and attempts per grain, of which most find a place
@@ -84,7 +85,7 @@ def prepare(problem: Problem) -> State:
     ------
     InputError
         If grains fall along a periodic axis, or toward the center of a container with periodic axes, the inlet is
-        refused, or a grain of the start overlaps another or reaches beyond a wall.
+        refused, an obstacle is no sphere, or a grain of the start overlaps another or reaches beyond a wall.
     """
     settings: Deposition = problem.parameters
     container, central = problem.container, settings.toward == "center"
@@ -99,6 +100,7 @@ def prepare(problem: Problem) -> State:
             f"periodic is {_axes(container.periodic)}: grains that fall toward the center have no periodic images; "
             "give a container with walls"
         )
+    refuse_no_spheres(problem, "deposition")
     _inlet(problem, problem.dimension - 1)
     spheres = np.zeros((problem.count, 4))
     spheres[: problem.started] = spheres_of_start(problem)
@@ -250,4 +252,5 @@ registration = PackingMethod(
     finish=finish,
     cost=cost,
     dimensions=(2, 3),
+    obstacles="placed",
 )

@@ -91,6 +91,7 @@ registration = PackingMethod(
     tilted=True,
     dimensions=(2, 3),
     any_container=True,
+    obstacles="apart",
     sizing="scaled",
     keeps_sizes=True,
 )

@@ -22,6 +22,7 @@ import numpy as np
 
 from voxgran._base.config import parameter, parameter_class
 from voxgran._base.errors import InputError
+from voxgran.contacts.inside import Occupied
 from voxgran.packing.jamming.method import CompressState, GrowthRate, advance, cost, first_state, told
 from voxgran.packing.method import PackingMethod
 from voxgran.packing.model import Packing
@@ -60,13 +61,18 @@ def prepare(problem: Problem) -> CompressState:
     Raises
     ------
     InputError
-        If a solid fraction is asked for, a shape is an open surface, or it is no sphere where the walls of the
-        container are not known.
+        If a solid fraction is asked for, sizes are to be kept beside fixed grains, a shape is an open surface, or it is
+        no sphere where the walls of the container are not known.
     """
     if problem.asked_fraction is not None:
         raise InputError(
             f"solid_fraction is {problem.asked_fraction:g}: method 'jam' finds the largest one by itself; leave it "
             "out, or give method='expand'"
+        )
+    if problem.parameters.keep == "sizes" and isinstance(problem.container, Occupied):
+        raise InputError(
+            "keep is 'sizes': the container would change its size around fixed grains, which do not; leave it out, or "
+            "leave out the fixed grains"
         )
     return first_state(problem, jam=True)
 
@@ -103,5 +109,6 @@ registration = PackingMethod(
     tilted=True,
     dimensions=(2, 3),
     any_container=True,
+    obstacles="apart",
     sizing="scaled",
 )

@@ -18,6 +18,7 @@ from voxgran._base.config import parameter, parameter_class
 from voxgran._base.seeds import stream
 from voxgran._base.stopping import stop_if_asked
 from voxgran.contacts.assembly import Assembly
+from voxgran.contacts.inside import Occupied
 from voxgran.packing.jamming.expected import reachable
 from voxgran.packing.jamming.solids import GrowingSolids
 from voxgran.packing.jamming.spheres import SoftSpheres
@@ -107,8 +108,9 @@ class GrowthRate:
     Parameters
     ----------
     growth_rate
-        of all shapes but spheres and disks: relative growth of the sizes in the time in which a grain moves by its
-        diameter at thermal speed; the smaller, the denser and more ordered the grains jam, the longer it takes.
+        of all shapes but spheres and disks, and of these around fixed grains: relative growth of the sizes in the time
+        in which a grain moves by its diameter at thermal speed; the smaller, the denser and more ordered the grains
+        jam, the longer it takes.
     """
 
     growth_rate: float = parameter(0.01, at_least=1e-4, at_most=1.0)
@@ -182,14 +184,16 @@ def grains_at_random(problem: Problem, n: int) -> Assembly:
 
 
 def compressor_of(problem: Problem, assembly: Assembly, *, jam: bool, growth_rate: float) -> Compressor:
-    """Return the compressor of the grains, which grow at a rate where they are no spheres.
+    """Return the compressor of the grains, which grow at a rate where they, or fixed ones, are not all spheres.
+
+    Where there are fixed ones, all are taken as true shapes.
 
     Raises
     ------
     InputError
         If a shape is an open surface, or no sphere where the walls of the container are not known.
     """
-    if all(shape.is_sphere for shape in problem.shapes):
+    if all(shape.is_sphere for shape in problem.shapes) and not isinstance(assembly.container, Occupied):
         return SoftSpheres(assembly, jam=jam, seed=problem.seed)
     return GrowingSolids(assembly, jam=jam, seed=problem.seed, growth_rate=growth_rate)
 

@@ -32,6 +32,7 @@ from voxgran._base.arrays import Floats
 from voxgran._base.seeds import stream
 from voxgran._base.stopping import Stopped, stop_if_asked
 from voxgran.contacts.assembly import Assembly
+from voxgran.contacts.inside import Occupied
 from voxgran.contacts.manifolds.rows import SURFACE
 from voxgran.contacts.verify import verify
 from voxgran.packing.jamming.coordination import NearPairs
@@ -130,13 +131,19 @@ class GrowingSolids:
         # growth that is left, and the length of a substep, of thermal motion
         self.numbers = np.array([0.0, self._preset.first, first, math.inf, FIRST_FREE, 0.0])
         self._keep()
-        self.bed.resize(np.full(n, first))
+        self._resize(self.bed, first)
 
     def _scaled(self) -> Assembly:
-        """Return the grains at their dense sizes, in the unit in which they grow."""
-        given = self.assembly
+        """Return the grains at their dense sizes, and fixed ones after them, in the unit in which they grow."""
+        given, room = self.assembly, self.assembly.container.scaled(1.0 / self.unit)
         arrays = (given.shapes, given.shape_id, given.scale * self.dense / self.unit, given.position / self.unit)
-        return Assembly(*arrays, given.orientation, given.container.scaled(1.0 / self.unit))
+        grains = Assembly(*arrays, given.orientation, room)
+        return room.filled(grains) if isinstance(room, Occupied) else grains
+
+    @staticmethod
+    def _resize(bed: Bed, size: float) -> None:
+        """Give the grains a size; those that are fixed keep theirs."""
+        bed.resize(np.where(bed.movable, size, 1.0))
 
     def _part_hulls(self, size: float) -> float:
         """Part the convex hulls at a size, or at a smaller one, which is returned.
@@ -145,7 +152,7 @@ class GrowingSolids:
         """
         hulls = Bed(self._scaled(), self.bed.gravity, lid_weight=math.inf, hulls=True)
         while True:
-            hulls.resize(np.full(hulls.count, size))
+            self._resize(hulls, size)
             if part_grains(hulls, FIELDS.kept, LONGEST * ROUNDS, missed=MISSED, most=MOST, margin=MARGIN) > 0.0:
                 break
             size *= SMALLER
@@ -232,7 +239,7 @@ class GrowingSolids:
     def _near(self) -> NearPairs:
         """Return pairs of grains, and grains at walls, with their least gaps, at the final sizes."""
         bed = self.bed
-        bed.resize(np.full(bed.count, self.numbers[SIZE]))
+        self._resize(bed, float(self.numbers[SIZE]))
         bed.find(GAPS[-1] * 1.01, 0.0)
         i, j, gap = bed.rows.i[: bed.m], bed.rows.j[: bed.m], bed.gap
         # the rows of a pair, or of a grain at its walls, are next to each other
@@ -240,16 +247,21 @@ class GrowingSolids:
         new[1:] = (i[1:] != i[:-1]) | (j[1:] != j[:-1]) | (j[1:] < 0)
         first = np.flatnonzero(new)
         least = np.minimum.reduceat(gap, first) if len(first) else gap
-        inner = j[first] >= 0
-        pairs, walls = first[inner], first[~inner]
-        return NearPairs(bed.count, self.dimension, i[pairs], j[pairs], least[inner], i[walls], least[~inner])
+        # fixed grains are as walls to the others
+        still, at = bed.fixed if bed.fixed is not None else np.zeros(bed.count, dtype=bool), j[first]
+        number, first_one, other = np.cumsum(~still) - 1, i[first], np.maximum(at, 0)
+        inner = (at >= 0) & ~still[first_one] & ~still[other]
+        mine = np.where(still[first_one], other, first_one)
+        pairs = number[first_one[inner]], number[other[inner]], least[inner]
+        return NearPairs(int((~still).sum()), self.dimension, *pairs, number[mine[~inner]], least[~inner])
 
     def poses(self) -> tuple[Floats, Floats]:
         """Return positions (n, 3), within the periodic lengths, and orientations (n, 4)."""
         if not self.assembly.count:
             return self.assembly.position, self.assembly.orientation
         position, orientation = self.bed.poses()
-        return position * self.unit, orientation
+        n = self.assembly.count
+        return position[:n] * self.unit, orientation[:n]
 
     def step(self) -> None:
         """Make some rounds of parting at one size, and change the size where they have succeeded or failed."""
@@ -356,7 +368,7 @@ class GrowingSolids:
     def _try(self, size: float) -> None:
         """Give the grains a size that is tried."""
         self.numbers[TRIED], self.numbers[DEPTH], self.turns = size, math.inf, 0
-        self.bed.resize(np.full(self.bed.count, size))
+        self._resize(self.bed, size)
 
     def _keep(self) -> None:
         """Keep the present poses."""
@@ -386,4 +398,5 @@ class GrowingSolids:
         """Return the grains in their present poses and sizes, in the unit of the assembly."""
         position, orientation = self.poses()
         given = self.assembly
-        return replace(given, position=position, orientation=orientation, scale=given.scale * self.factor)
+        grains = replace(given, position=position, orientation=orientation, scale=given.scale * self.factor)
+        return given.container.filled(grains) if isinstance(given.container, Occupied) else grains

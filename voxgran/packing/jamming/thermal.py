@@ -87,5 +87,5 @@ def _excess_pressure(bed: Bed, substep: float) -> float:
     """Return the reduced pressure beyond that of an ideal gas, by the impulses of the last substep (virial)."""
     row: Floats = bed.rows.row[: bed.m]
     apart = ((row[:, ARM_I:ARM_J] - row[:, ARM_J:GAP]) * row[:, NORMAL:ARM_I]).sum(axis=1)
-    kinetic = bed.assembly.dimension * bed.count * SPEED**2
+    kinetic = bed.assembly.dimension * int(bed.movable.sum()) * SPEED**2
     return max(float(row[:, PUSH] @ apart) / (substep * kinetic), 0.0)

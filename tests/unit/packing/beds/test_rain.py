@@ -164,6 +164,10 @@ def test_what_cannot_be():
     box = vg.Box((5, 5, 9))
     with pytest.raises(InputError, match="lid is given with a fall_height or a rate: grains arrive"):
         vg.pack(BALL, box, "gravity", count=5, fall_height=1.0, lid=vg.Lid(weight=1))
+    with pytest.raises(InputError, match=r"fill is 0\.2, and with a fall_height or a rate of the inlet grains arrive"):
+        vg.methods.Gravity(fill=0.2, fall_height=3.0)
+    with pytest.raises(InputError, match=r"fill is 0\.2, and with a fall_height or a rate"):
+        vg.methods.Gravity(fill=0.2, inlet=vg.Inlet(rate=2.0))
     with pytest.raises(InputError, match="fall_height is -1"):
         vg.pack(BALL, box, "gravity", count=5, fall_height=-1.0)
     with pytest.raises(InputError, match="batch is 2: by deposition, at a rate or from a fall_height grains arrive"):
