@@ -40,8 +40,8 @@ FAMILIES = ("solid_union", "convex_polyhedron", "sphere")
 #: kinds of shapes whose contacts are found by kernels of their own: a sphere, convex solids with flat and with round
 #: faces, a mesh that is not convex, and outlines
 SETTLED = ("solid_union", "convex_polyhedron", "ellipsoid", "sphere", "polygon", "disk")
-#: processes at the most; more of them compile more kernels twice
-PROCESSES = 2
+#: processes at the most: of more, most wait for the largest kernels
+PROCESSES = 8
 
 
 @dataclass(frozen=True, slots=True)
