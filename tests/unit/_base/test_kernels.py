@@ -242,7 +242,7 @@ def test_kernels_are_looked_for_in_the_cache_then_in_the_package(cache, packaged
 def test_kernels_of_the_package_serve_where_versions_are_equal_and_files_whole(tmp_path, monkeypatch):
     from voxgran._base.compiling import kernel_files
 
-    loaded, missed, files = first_of(None, "b", tmp_path, monkeypatch)
+    _, missed, files = first_of(None, "b", tmp_path, monkeypatch)
     with monkeypatch.context() as other:
         other.setattr(kernel_files, "VERSIONS", kernel_files.VERSIONS + ".1")
         assert (files.load("key"), missed) == (None, ["compiled"])
@@ -280,6 +280,36 @@ def test_kernels_are_compiled_for_the_baseline_where_the_processor_has_it(enviro
         pytest.skip("this processor lacks a part of x86-64-v3")
     words = {"capture_output": True, "text": True, "check": True, "env": {**os.environ, **environment}}
     assert subprocess.run([sys.executable, "-c", TARGET], **words).stdout.split()[-1] == target
+
+
+BITS = """
+import hashlib, sys
+import numpy as np
+import voxgran as vg
+box = vg.Box((4, 4, 8), periodic="xy")
+if sys.argv[1] == "solid":
+    held = [vg.voxelize(vg.make_shape("solid_union"), voxel_size=0.03).taken.words]
+else:
+    beds = [vg.pack(vg.make_shape(sys.argv[1]), box, "gravity", count=60, seed=1)]
+    held = [array for bed in beds for array in (bed.position, bed.orientation)]
+print(hashlib.sha256(b"".join(np.ascontiguousarray(array).tobytes() for array in held)).hexdigest())
+"""
+
+
+@pytest.mark.parametrize(
+    "what", ["solid", *(pytest.param(grain, marks=pytest.mark.slow) for grain in ("sphere", "convex_polyhedron"))]
+)
+def test_the_baseline_gives_the_bits_of_this_processor(what, tmp_path):
+    import llvmlite.binding
+
+    other = {"NUMBA_CPU_NAME": llvmlite.binding.get_host_cpu_name(), "VOXGRAN_CACHE": str(tmp_path)}
+    words = {"stdout": subprocess.PIPE, "text": True}
+    told = [
+        subprocess.run([sys.executable, "-c", BITS, what], check=True, env={**os.environ, **more}, **words).stdout
+        for more in ({}, other)
+    ]
+    assert told[0] == told[1]
+    assert list((tmp_path / "kernels").glob("*.kernel"))
 
 
 def test_a_kernel_that_another_process_compiles_is_waited_for(tmp_path):

@@ -6,8 +6,8 @@ the types of its arguments, of the processor and of the versions: what is there 
 
 Kernels are looked for in the cache of the user, then among those that `make dist` has compiled into the package.
 
-A file is a pickle, which is a program: in the cache it is read only if this user has written it and nobody else may change
-it, and the folder in the package is what its modules are.
+A file is a pickle, which is a program: in the cache it is read only if this user has written it and nobody else may
+change it; one in the package is as much to be trusted as the modules beside it.
 
 This file is loaded when a kernel is compiled, never before: it imports numba.
 """
@@ -103,8 +103,8 @@ class _Results(CompileResultCacheImpl):
         self._locator = _Locator(folder)
 
     def reduce(self, data: Any) -> Any:
-        """Return machine code and how it is called. The report of the types and the intermediate code, which only callers
-        link, are left out: three quarters of a file. numba takes from that code which functions there are.
+        """Return machine code and how it is called. The report of the types and the intermediate code, which only
+        callers link, are left out: three quarters of a file. numba takes from that code which functions there are.
         """
         (name, kind, (code, _)), *call, _types, init, environments = super().reduce(data)
         found = llvm.parse_assembly(f'define void @"{data.fndesc.llvm_cpython_wrapper_name}"() {{ ret void }}')
@@ -191,7 +191,6 @@ def _kept(path: Path) -> Any:
     """Return what the cache holds, or the package; None where neither does."""
     data = _read(path, is_private)
     if data is None:
-        # as much to be trusted as the modules beside it
         return _read(PACKAGED / path.name, bool)
     with contextlib.suppress(OSError):
         if time.time() - path.stat().st_mtime > NOTED_SECONDS:

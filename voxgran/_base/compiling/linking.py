@@ -47,7 +47,7 @@ class BaselineCodegen(JITCPUCodegen):
 
 @cache
 def codegen_of(context: Any) -> JITCPUCodegen:
-    """Return what makes the machine code of kernels: numba's own where the processor lacks something of the baseline, or
+    """Return what makes the machine code of kernels: numba's own where the processor lacks a part of the baseline, or
     where ``NUMBA_CPU_NAME`` names another.
     """
     own = context.codegen()
