@@ -2,7 +2,7 @@
 VENV ?= .venv
 BIN := $(VENV)/bin
 STAMP := $(VENV)/.ok
-# processes of the tests; more of them compile more kernels twice where the cache of kernels is empty
+# processes of the tests
 WORKERS ?= 2
 # the environment of engines that pip installs
 ENGINES ?= .venv-engines
@@ -50,9 +50,11 @@ docs: $(VENV)/.docs   ## this package's site, with its gallery, in out/docs; a w
 	$(BIN)/python -m sphinx -W --keep-going -q -b html -d out/docs_cache docs out/docs
 	@echo "open out/docs/index.html"
 
-dist: $(STAMP)   ## sdist and wheel in dist/
-	rm -rf dist
-	$(BIN)/python -m build --outdir dist
+dist: $(STAMP)   ## sdist, and wheel with kernels compiled, in dist/
+	rm -rf dist build/kernels
+	VOXGRAN_CACHE=build $(BIN)/voxgran doctor --warm
+	$(BIN)/python -m build --sdist --outdir dist
+	VOXGRAN_KERNELS=build/kernels $(BIN)/python -m build --wheel --outdir dist
 
 test-dist: dist   ## install the wheel in a fresh environment outside the checkout, run the demo and a script there
 	VOXGRAN_DIST=dist $(BIN)/python -m pytest -m dist

@@ -15,13 +15,14 @@ from pathlib import Path
 
 import pytest
 
+from voxgran.cli import warm
 from voxgran.scene.demo import SCANS
 
 ROOT = Path(__file__).parents[2]
 PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text())
-MOST_BYTES = 2_000_000
+MOST_BYTES = 5_000_000
 #: what a wheel holds beside Python files
-SUFFIXES = {".cpp", ".cu", ".in", ".js", ".py", ".pyi", ".typed", ".j2", ".npy", ".obj", ".md", ".toml"}
+SUFFIXES = {".cpp", ".cu", ".in", ".js", ".kernel", ".py", ".pyi", ".typed", ".j2", ".npy", ".obj", ".md", ".toml"}
 #: the first lines of the tutorial, with a scan that travels with the package
 TUTORIAL = """
 from pathlib import Path
@@ -33,6 +34,17 @@ packing = vg.pack([rock], vg.Box((5, 5, 8), periodic="xy"), method="digital", co
 assert vg.verify(packing).ok
 vg.save(packing, "packing.vtp")
 print(vg.load("packing.vtp") == packing, vg.__file__)
+"""
+#: prints how many kernels the first bed compiles
+FIRST_BED = """
+from voxgran._base.kernels import telling_of_compilation
+import voxgran as vg
+
+compiled = []
+with telling_of_compilation(lambda: compiled.append(1)):
+    bed = vg.pack(vg.make_shape("convex_polyhedron"), vg.Box((4, 4, 8), periodic="xy"), "gravity", count=60, seed=1)
+    assert vg.verify(bed).ok and vg.equilibrium(bed)
+print(len(compiled))
 """
 
 
@@ -108,10 +120,27 @@ def test_the_wheel_is_small_and_holds_the_package_only(wheel):
 
 
 @pytest.mark.dist
+def test_the_wheel_holds_the_kernels_of_usual_scenes(wheel):
+    assert wheel.name.endswith("-py3-none-manylinux_2_17_x86_64.whl")
+    names = zipfile.ZipFile(wheel).namelist()
+    kernels = [name for name in names if name.endswith(".kernel")]
+    assert len(kernels) == warm.KERNELS
+    assert {Path(name).parent.as_posix() for name in kernels} == {"voxgran/_base/compiling/kernels"}
+
+
+@pytest.mark.dist
+def test_the_first_bed_compiles_nothing_where_only_the_wheel_is(fresh, monkeypatch):
+    monkeypatch.setenv("XDG_CACHE_HOME", str(fresh / "empty"))
+    assert run(fresh, "python", "-c", FIRST_BED) == "0\n"
+    assert not list((fresh / "empty").rglob("*.kernel"))
+
+
+@pytest.mark.dist
 def test_the_source_distribution_can_be_tested(built):
     (found,) = built.glob("*.tar.gz")
     with tarfile.open(found) as archive:
         names = {name.partition("/")[2] for name in archive.getnames()}
+    assert not any(name.endswith(".kernel") for name in names)
     assert {"Makefile", "pyproject.toml", "LICENSE", "tests/kit.py", "data/bunny_dirty.ply", ".ci/run"} <= names
     assert [
         name for name in names if name.startswith((".venv", "out/", "dist/", ".git/")) or "__pycache__" in name

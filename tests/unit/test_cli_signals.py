@@ -1,11 +1,13 @@
 """A program that is told to stop ends within a second, with its status and one line, and leaves no process behind."""
 
+import contextlib
 import os
 import signal
 import subprocess
 import sys
 import textwrap
 import time
+from functools import partial
 
 import pytest
 
@@ -151,6 +153,24 @@ def test_a_process_computes_what_is_sent_and_ends_with_the_one_that_started_it()
     assert issubclass(Interrupted, KeyboardInterrupt)
 
 
+#: work that a signal has stopped, in a process of which a library has a thread
+STOPPED_BESIDE_A_THREAD = """
+import threading, time
+from voxgran._base.errors import Interrupted
+threading.Thread(target=time.sleep, args=(600,)).start()
+raise Interrupted("stopped", 15)
+"""
+
+
+@pytest.mark.parametrize("work", [partial(signal.raise_signal, 15), partial(exec, STOPPED_BESIDE_A_THREAD)])
+def test_a_process_that_a_signal_stops_ends_and_stops_the_one_that_started_it(work):
+    with start(compute, Process) as other:
+        other.connection.send(work)
+        with pytest.raises(Interrupted, match="stopped by SIGTERM") as caught:
+            other.receive()
+    assert caught.value.exit_code == 143
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize(
     "words",
@@ -188,7 +208,11 @@ def test_every_verb_ends_at_any_moment_with_all_its_processes(words, tmp_path):
         )
         # later than the start of Python itself
         time.sleep(0.3 + 0.2 * k)
-        program.send_signal(signal.SIGTERM)
+        # to the program alone, or to all its processes, in any order
+        all_of_it = processes_with(f"MARK_OF_TEST={tmp_path}")[:: 2 - k % 4] if k % 2 else []
+        for pid in all_of_it or [program.pid]:
+            with contextlib.suppress(ProcessLookupError):
+                os.kill(pid, signal.SIGTERM)
         _, errors = program.communicate(timeout=30)
         assert program.returncode in (143, 0), errors
         assert "Traceback" not in errors

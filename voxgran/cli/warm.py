@@ -40,8 +40,10 @@ FAMILIES = ("solid_union", "convex_polyhedron", "sphere")
 #: kinds of shapes whose contacts are found by kernels of their own: a sphere, convex solids with flat and with round
 #: faces, a mesh that is not convex, and outlines
 SETTLED = ("solid_union", "convex_polyhedron", "ellipsoid", "sphere", "polygon", "disk")
-#: processes at the most; more of them compile more kernels twice
-PROCESSES = 2
+#: number of kernels that the scenes use, of which a package that was built by `make dist` brings all
+KERNELS = 83
+#: processes at the most: of more, most wait for the largest kernels
+PROCESSES = 8
 
 
 @dataclass(frozen=True, slots=True)
@@ -76,7 +78,7 @@ def warm(on_step: OnStep | None = None) -> Warmed:
             if waiting:
                 process.connection.send(waiting.pop())
             if on_step is not None:
-                text = f"kernels (once per machine), {_count() - before} so far"
+                text = f"kernels (once per machine), {_count() - before} of at most {KERNELS}"
                 on_step(Step(stage="compiling", done=done, total=len(tasks), text=text))
     return Warmed(_count() - before, time.monotonic() - began)
 

@@ -17,8 +17,8 @@ from dataclasses import dataclass, field
 from multiprocessing.connection import Connection, Pipe
 from typing import Any, Self, TypeVar
 
-from voxgran._base.errors import MissingLibraryError, TooLargeError
-from voxgran._base.stopping import heed, undone_at_end
+from voxgran._base.errors import Interrupted, MissingLibraryError, TooLargeError
+from voxgran._base.stopping import NUMBERS, heed, undone_at_end
 
 _START = (
     "import sys; number = int(sys.argv[1]); module, name = sys.argv[2:4]; sys.path[:] = sys.argv[4:]; "
@@ -70,7 +70,12 @@ def serve(descriptor: int, module: str, name: str) -> None:
         Where the function is.
     """
     channel = Channel(Connection(descriptor))
-    getattr(importlib.import_module(module), name)(channel)
+    try:
+        getattr(importlib.import_module(module), name)(channel)
+    except Interrupted as stop:
+        # ended at once, as where no signal is noted: Python would wait for the threads of libraries
+        signal.signal(stop.signal_number, signal.SIG_DFL)
+        os.kill(os.getpid(), stop.signal_number)
 
 
 def compute(channel: Channel) -> None:
@@ -100,13 +105,18 @@ class Process:
         ------
         TooLargeError
             If the process has ended.
+        Interrupted
+            If a signal has ended it that asks to stop.
         """
         while not self.connection.poll(TICK):
             heed()
         try:
             answer = self.connection.recv()
         except (EOFError, OSError):
+            heed()
             code = self.process.wait()
+            if -code in NUMBERS:
+                raise Interrupted(f"stopped by {signal.Signals(-code).name}", -code) from None
             raise TooLargeError(
                 f"a process of this program {ending_of(code)}: memory may have run out; free some, and try again"
             ) from None

@@ -213,6 +213,113 @@ def test_kernels_that_others_could_have_written_are_not_run(tmp_path, monkeypatc
     assert f"{folder} belongs to another user, or others may write there" in caplog.text
 
 
+def first_of(cache, packaged, tmp_path, monkeypatch):
+    """Return what is found of two folders that hold a kernel, None for one that does not, and what is compiled."""
+    from voxgran._base.compiling import kernel_files
+
+    missed, folders = [], [tmp_path / "cache", tmp_path / "package"]
+    monkeypatch.setattr(kernel_files, "PACKAGED", folders[1])
+    for folder, content in zip(folders, (cache, packaged), strict=True):
+        folder.mkdir()
+        if content is not None:
+            kernel_files._Files(folder, "f", on_miss=list, on_save=list).save("key", content)
+    # neither owned nor written by this user, as where root has installed the package
+    (tmp_path / "package").chmod(0o577)
+    for path in folders[1].iterdir():
+        path.chmod(0o466)
+    files = kernel_files._Files(folders[0], "f", on_miss=partial(missed.append, "compiled"), on_save=list)
+    return files.load("key"), missed, files
+
+
+@pytest.mark.parametrize(
+    ("cache", "packaged", "found"), [("a", "b", "a"), (None, "b", "b"), ("a", None, "a"), (None, None, None)]
+)
+def test_kernels_are_looked_for_in_the_cache_then_in_the_package(cache, packaged, found, tmp_path, monkeypatch):
+    loaded, missed, _ = first_of(cache, packaged, tmp_path, monkeypatch)
+    assert (loaded, missed) == (found, ["compiled"] * (found is None))
+
+
+def test_kernels_of_the_package_serve_where_versions_are_equal_and_files_whole(tmp_path, monkeypatch):
+    from voxgran._base.compiling import kernel_files
+
+    _, missed, files = first_of(None, "b", tmp_path, monkeypatch)
+    with monkeypatch.context() as other:
+        other.setattr(kernel_files, "VERSIONS", kernel_files.VERSIONS + ".1")
+        assert (files.load("key"), missed) == (None, ["compiled"])
+    assert (files.load("other types"), len(missed)) == (None, 2)
+    assert (files.load("key"), len(missed)) == ("b", 2)
+    (path,) = (tmp_path / "package").iterdir()
+    path.chmod(0o666)
+    path.write_bytes(path.read_bytes()[:-5])
+    assert (files.load("key"), len(missed)) == (None, 3)
+    files.save("key", "c")
+    assert (files.load("key"), len(missed)) == ("c", 3)
+
+
+TARGET = """
+from numba.core.registry import cpu_target
+from voxgran._base.compiling.linking import codegen_of
+print(*codegen_of(cpu_target.target_context).magic_tuple()[1:])
+"""
+
+
+@pytest.mark.parametrize(
+    ("environment", "target"),
+    [
+        ({}, "x86-64-v3"),
+        ({"NUMBA_CPU_NAME": "generic"}, "generic"),
+        ({"NUMBA_CPU_FEATURES": "+avx2,+fma"}, "+avx2,+fma"),
+    ],
+)
+def test_kernels_are_compiled_for_the_baseline_where_the_processor_has_it(environment, target):
+    from numba.core.codegen import get_host_cpu_features
+
+    from voxgran._base.compiling.linking import FEATURES
+
+    if not environment and not set(get_host_cpu_features().split(",")) >= FEATURES:
+        pytest.skip("this processor lacks a part of x86-64-v3")
+    words = {"capture_output": True, "text": True, "check": True, "env": {**os.environ, **environment}}
+    assert subprocess.run([sys.executable, "-c", TARGET], **words).stdout.split()[-1] == target
+
+
+BITS = """
+import hashlib, sys
+import numpy as np
+import voxgran as vg
+box = vg.Box((4, 4, 8), periodic="xy")
+if sys.argv[1] == "solid":
+    held = [vg.voxelize(vg.make_shape("solid_union"), voxel_size=0.03).taken.words]
+else:
+    beds = [vg.pack(vg.make_shape(sys.argv[1]), box, "gravity", count=60, seed=1)]
+    held = [array for bed in beds for array in (bed.position, bed.orientation)]
+print(hashlib.sha256(b"".join(np.ascontiguousarray(array).tobytes() for array in held)).hexdigest())
+"""
+
+
+@pytest.mark.parametrize(
+    "what", ["solid", *(pytest.param(grain, marks=pytest.mark.slow) for grain in ("sphere", "convex_polyhedron"))]
+)
+def test_the_baseline_gives_the_bits_of_this_processor(what, tmp_path):
+    import llvmlite.binding
+
+    other = {"NUMBA_CPU_NAME": llvmlite.binding.get_host_cpu_name(), "VOXGRAN_CACHE": str(tmp_path)}
+    words = {"stdout": subprocess.PIPE, "text": True}
+    told = [
+        subprocess.run([sys.executable, "-c", BITS, what], check=True, env={**os.environ, **more}, **words).stdout
+        for more in ({}, other)
+    ]
+    assert told[0] == told[1]
+    assert list((tmp_path / "kernels").glob("*.kernel"))
+
+
+def test_a_kernel_that_another_process_compiles_is_waited_for(tmp_path):
+    words = {"stdout": subprocess.PIPE, "text": True, "env": {**os.environ, "VOXGRAN_CACHE": str(tmp_path)}}
+    both = [subprocess.Popen([sys.executable, "-c", RUN], **words) for _ in range(2)]
+    said = [process.communicate()[0] for process in both]
+    assert sum("compiling" in text for text in said) == 1
+    assert all("1.5" in text for text in said)
+
+
 def test_only_forgotten_files_of_the_cache_are_removed(tmp_path, monkeypatch):
     hashes = f"{'0' * 16}-{'a' * 16}.kernel"
     from voxgran._base.compiling.kernel_files import MARK
@@ -240,7 +347,7 @@ def test_homes_that_cannot_be_written(tmp_path):
     assert "compiling" in run_with(**places, TMPDIR=str(tmp_path))
     assert "compiling" not in run_with(**places, TMPDIR=str(tmp_path))
     (folder,) = tmp_path.glob("voxgran-*")
-    assert [path.suffix for path in folder.iterdir()] == [".kernel"]
+    assert sorted(path.suffix for path in folder.iterdir()) == ["", ".kernel"]
     # what others could have written is not run
     folder.chmod(0o777)
     assert "compiling" in run_with(**places, TMPDIR=str(tmp_path))

@@ -4,7 +4,10 @@ numba's own cache knows neither the kernels that a kernel calls nor two processe
 kernels of a file that is edited. Here the name of a file is a hash of the code of a kernel and of all that it calls, of
 the types of its arguments, of the processor and of the versions: what is there is right, and never written twice.
 
-A file is a pickle, which is a program: it is read only if this user has written it and nobody else may change it.
+Kernels are looked for in the cache of the user, then among those that `make dist` has compiled into the package.
+
+A file is a pickle, which is a program: in the cache it is read only if this user has written it and nobody else may
+change it; one in the package is as much to be trusted as the modules beside it.
 
 This file is loaded when a kernel is compiled, never before: it imports numba.
 """
@@ -19,21 +22,31 @@ import secrets
 import sys
 import time
 from collections.abc import Callable
+from functools import cache
 from pathlib import Path
 from typing import Any
 
 import llvmlite
+import llvmlite.binding as llvm
 import numba
 from numba.core.caching import CompileResultCacheImpl, FunctionCache
+from numba.core.registry import cpu_target
 from numba.core.serialize import dumps
 
+from voxgran._base.compiling.linking import codegen_of
 from voxgran._base.files import is_private
 
 log = logging.getLogger(__name__)
 
 #: number of the way in which kernels are compiled and linked; kernels of other ways are compiled again
-LAYOUT = 2
-VERSIONS = f"{LAYOUT} {sys.version_info[0]}.{sys.version_info[1]} {numba.__version__} {llvmlite.__version__}"
+LAYOUT = 3
+VERSIONS = (
+    f"{LAYOUT} {sys.version_info[0]}.{sys.version_info[1]} {numba.__version__} {llvmlite.__version__} "
+    # whether code calls Intel's vector functions, which another machine may lack
+    f"{numba.config.USING_SVML}"
+)
+#: kernels that came with the package
+PACKAGED = Path(__file__).with_name("kernels")
 #: how each file begins, also a draft: for the unpickler, a text that it drops
 MARK = b"Vvoxgran kernel\n0"
 #: names of kernels and of drafts
@@ -73,12 +86,29 @@ class KernelCache(FunctionCache):
         self._cache_file = _Files(folder, f"{function.__name__.strip('_')}-{code}", on_miss, on_save)
         self.enable()
 
+    def release(self) -> None:
+        """Let other processes look for a kernel that was claimed for this one to compile."""
+        self._cache_file.release()
+
+    def _index_key(self, sig: Any, codegen: Any) -> Any:
+        """Return what decides the code: the types and the processor for which kernels are compiled."""
+        del codegen
+        return super()._index_key(sig, codegen_of(cpu_target.target_context))
+
 
 class _Results(CompileResultCacheImpl):
     """numba's conversion of compiled code to what can be written, without its search for a folder."""
 
     def __init__(self, folder: Path) -> None:
         self._locator = _Locator(folder)
+
+    def reduce(self, data: Any) -> Any:
+        """Return machine code and how it is called. The report of the types and the intermediate code, which only
+        callers link, are left out: three quarters of a file. numba takes from that code which functions there are.
+        """
+        (name, kind, (code, _)), *call, _types, init, environments = super().reduce(data)
+        found = llvm.parse_assembly(f'define void @"{data.fndesc.llvm_cpython_wrapper_name}"() {{ ret void }}')
+        return (name, kind, (code, found.as_bitcode())), *call, "", init, environments
 
 
 class _Locator:
@@ -97,6 +127,7 @@ class _Files:
 
     def __init__(self, folder: Path, stem: str, on_miss: Callable[[], None], on_save: Callable[[], None]) -> None:
         self.folder, self.stem, self.on_miss, self.on_save = folder, stem, on_miss, on_save
+        self._claimed = -1
 
     def _path(self, key: object) -> Path:
         """Return the file of a combination of types and a processor."""
@@ -104,26 +135,13 @@ class _Files:
         return self.folder / f"{self.stem}-{mark}.kernel"
 
     def load(self, key: object) -> Any:
-        """Return what was saved; None where nothing was, or nothing that can be read."""
+        """Return what was saved, or came with the package; None where neither is there, or can be read."""
         path = self._path(key)
-        try:
-            with path.open("rb") as file:
-                about = os.fstat(file.fileno())
-                data = pickle.loads(file.read()) if is_private(about) else None
-            if time.time() - about.st_mtime > NOTED_SECONDS:
-                os.utime(path)
-        except (
-            OSError,
-            pickle.UnpicklingError,
-            EOFError,
-            ImportError,
-            LookupError,
-            AttributeError,
-            TypeError,
-            ValueError,
-        ):
-            # it is not there, or damaged
-            data = None
+        data = _kept(path)
+        if data is None:
+            self._claim(path)
+            # another process may have compiled it meanwhile
+            data = _kept(path)
         if data is None:
             self.on_miss()
         return data
@@ -143,6 +161,50 @@ class _Files:
 
     def flush(self) -> None:
         """Forget nothing: names decide what is fresh."""
+
+    def _claim(self, path: Path) -> None:
+        """Wait until no other process compiles a kernel, and keep others from it; not where a disk has no locks."""
+        import fcntl
+
+        with contextlib.suppress(OSError):
+            byte = int(path.stem[-15:], 16)
+            fcntl.lockf(_claims(self.folder), fcntl.LOCK_EX, 1, byte)
+            self._claimed = byte
+
+    def release(self) -> None:
+        """Let other processes look for the kernel that was claimed."""
+        import fcntl
+
+        if self._claimed >= 0:
+            with contextlib.suppress(OSError):
+                fcntl.lockf(_claims(self.folder), fcntl.LOCK_UN, 1, self._claimed)
+            self._claimed = -1
+
+
+@cache
+def _claims(folder: Path) -> int:
+    """Return the open file of a folder of which each kernel that a process compiles locks one byte."""
+    return os.open(folder / ".claims", os.O_RDWR | os.O_CREAT, 0o600)
+
+
+def _kept(path: Path) -> Any:
+    """Return what the cache holds, or the package; None where neither does."""
+    data = _read(path, is_private)
+    if data is None:
+        return _read(PACKAGED / path.name, bool)
+    with contextlib.suppress(OSError):
+        if time.time() - path.stat().st_mtime > NOTED_SECONDS:
+            os.utime(path)
+    return data
+
+
+def _read(path: Path, trusted: Callable[[os.stat_result], bool]) -> Any:
+    """Return what a file holds; None where it is not there, damaged or not trusted."""
+    try:
+        with path.open("rb") as file:
+            return pickle.loads(file.read()) if trusted(os.fstat(file.fileno())) else None
+    except (OSError, pickle.UnpicklingError, EOFError, ImportError, LookupError, AttributeError, TypeError, ValueError):
+        return None
 
 
 def remove_forgotten(folder: Path) -> None:

@@ -5,22 +5,54 @@ calls it. A kernel that only kernels call needs neither: here its intermediate c
 optimized once, in the kernel that Python calls, which links the code of all that it calls directly or indirectly.
 Literal arguments (an axis 0, 1 or 2) do not make specializations of a callee, since LLVM propagates constants anyway.
 
+Machine code is made for x86-64-v3 (AVX2) where the processor has it, and not for that very processor: kernels that come
+with the package then serve, and those that are compiled here give the same bits on other machines. It costs no time.
+
 This file is loaded when a kernel is compiled, never before: it imports numba.
 """
 
 import gc
 from collections.abc import Iterator
 from contextlib import contextmanager
+from functools import cache
 from typing import Any, ClassVar
 
-from numba import types
-from numba.core.codegen import JITCodeLibrary
+from numba import config, types
+from numba.core.codegen import JITCodeLibrary, JITCPUCodegen
 from numba.core.compiler import Compiler, Flags
 from numba.core.registry import CPUDispatcher
 from numba.core.targetconfig import ConfigStack
 from numba.core.types.functions import BaseFunction
 
 from voxgran._base.lazy import preparing
+
+#: the processor for which kernels are compiled, and what it has beyond what each x86-64 has, as LLVM names it
+BASELINE = "x86-64-v3"
+FEATURES = frozenset(
+    ["+avx2", "+bmi", "+bmi2", "+cx16", "+f16c", "+fma", "+lzcnt", "+movbe", "+popcnt", "+sahf", "+xsave"]
+)
+
+
+class BaselineCodegen(JITCPUCodegen):
+    """What makes machine code for the baseline."""
+
+    def _get_host_cpu_name(self) -> str:
+        """Return the processor for which code is made."""
+        return BASELINE
+
+    def _get_host_cpu_features(self) -> str:
+        """Return what is added to that processor: nothing."""
+        return ""
+
+
+@cache
+def codegen_of(context: Any) -> JITCPUCodegen:
+    """Return what makes the machine code of kernels: numba's own where the processor lacks a part of the baseline, or
+    where ``NUMBA_CPU_NAME`` names another.
+    """
+    own = context.codegen()
+    features = frozenset(own.magic_tuple()[2].split(","))
+    return BaselineCodegen("voxgran") if config.CPU_NAME is None and features >= FEATURES else own
 
 
 class KernelFlags(Flags):
@@ -96,7 +128,10 @@ class CallerDispatcher(CPUDispatcher):
     def compile(self, sig: Any) -> Any:
         """Return the machine code for a combination of types."""
         with preparing(), _uncollected():
-            return super().compile(sig)
+            try:
+                return super().compile(sig)
+            finally:
+                self._cache.release()
 
 
 class CalleeDispatcher(CPUDispatcher):
@@ -182,7 +217,7 @@ class CallerCompiler(Compiler):
         """Return numba's own steps, which fill a library of the class that is wanted."""
         if self.state.library is None:
             name = self.state.func_id.func_qualname
-            self.state.library = self.library(self.state.targetctx.codegen(), name)
+            self.state.library = self.library(codegen_of(self.state.targetctx), name)
             self.state.library.enable_object_caching()
         return super().define_pipelines()
 

@@ -1,0 +1,85 @@
+"""Measure first calls where the wheel is installed: PYTHON_OF_THAT_ENVIRONMENT first_calls.py FILE.csv
+
+Each call is made by processes of its own, on one thread, with an empty cache: one that compiles its kernels, since it
+asks for those of this very processor, one that takes what has come with the package, and the last again. Seconds are of
+the processor, from the start of Python on, so that the import of libraries is included.
+"""
+
+import csv
+import os
+import resource
+import subprocess
+import sys
+import tempfile
+
+from llvmlite.binding import get_host_cpu_name
+
+BOX = "box = vg.Box((4, 4, 8), periodic='xy'); loose = {'count': 60, 'seed': 1, 'settle': False}"
+BED = "bed = vg.load('bed.vtp')"
+#: calls, by what they are named in the table
+CALLS = {
+    "gravity, spheres": "vg.pack(vg.shapes.sphere(), box, 'gravity', count=60, seed=1)",
+    "gravity, polyhedra": "vg.pack(vg.make_shape('convex_polyhedron'), box, 'gravity', count=60, seed=1)",
+    "gravity, rocks": "vg.pack(vg.make_shape('solid_union'), box, 'gravity', count=30, seed=1)",
+    "digital": "vg.pack(vg.make_shape('solid_union'), box, 'digital', **loose)",
+    "control_point": "vg.pack(vg.make_shape('solid_union'), box, 'control_point', **loose)",
+    "rsa": "vg.pack(vg.shapes.sphere(), box, 'rsa', count=60, seed=1)",
+    "voxelize": "vg.voxelize(vg.make_shape('solid_union'), voxel_size=0.05)",
+    "fit_clump": "vg.fit_clump(vg.make_shape('solid_union'), max_spheres=10)",
+    "measure": f"{BED}; bed.measure()",
+    "report": f"{BED}; vg.save_report(bed, 'report.html', overwrite=True)",
+}
+MAKE = "vg.save(vg.pack(vg.make_shape('convex_polyhedron'), vg.Box((6, 6, 9)), 'gravity', count=200), 'bed.vtp')"
+#: prints how many kernels were compiled
+COUNTED = """
+import warnings
+warnings.simplefilter("ignore")
+from voxgran._base.kernels import telling_of_compilation
+import voxgran as vg
+compiled = []
+with telling_of_compilation(lambda: compiled.append(1)):
+    {box}
+    {call}
+print(len(compiled))
+"""
+
+
+def seconds_of(call: str, folder: str, cache: str, **environment: str) -> tuple[float, int]:
+    """Return the seconds of the processor that a call takes in a new process, and the number of kernels compiled."""
+    kept = {**os.environ, "VOXGRAN_CACHE": cache, "OMP_NUM_THREADS": "1", "NUMBA_NUM_THREADS": "1", **environment}
+    before = resource.getrusage(resource.RUSAGE_CHILDREN)
+    words = [sys.executable, "-c", COUNTED.format(box=BOX, call=call)]
+    done = subprocess.run(words, cwd=folder, env=kept, check=True, capture_output=True, text=True)
+    after = resource.getrusage(resource.RUSAGE_CHILDREN)
+    return after.ru_utime - before.ru_utime + after.ru_stime - before.ru_stime, int(done.stdout)
+
+
+def rows(folder: str) -> list[dict[str, object]]:
+    """Return what each call takes."""
+    made = []
+    seconds_of(MAKE, folder, tempfile.mkdtemp(dir=folder))
+    for name, call in CALLS.items():
+        native, packaged = tempfile.mkdtemp(dir=folder), tempfile.mkdtemp(dir=folder)
+        compiled, kernels = seconds_of(call, folder, native, NUMBA_CPU_NAME=get_host_cpu_name())
+        first, left = seconds_of(call, folder, packaged)
+        again, _ = seconds_of(call, folder, packaged)
+        made.append(
+            {
+                "call": name,
+                "kernels": kernels,
+                "compiled_seconds": round(compiled, 1),
+                "from_the_wheel_seconds": round(first, 1),
+                "second_process_seconds": round(again, 1),
+                "compiled_in_spite_of_the_wheel": left,
+            }
+        )
+    return made
+
+
+if __name__ == "__main__":
+    with tempfile.TemporaryDirectory() as folder:
+        table = rows(folder)
+    with open(sys.argv[1], "w", newline="", encoding="utf-8") as file:
+        writer = csv.DictWriter(file, table[0])
+        writer.writeheader()
+        writer.writerows(table)
