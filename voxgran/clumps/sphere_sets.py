@@ -28,7 +28,7 @@ LEAST_GAIN, IDLE = 1e-4, 4
 CHOOSING = 4_000
 #: relative loss at which the best spheres so far are taken up again
 LOSS = 0.02
-#: number of points that share a list of near spheres, and part of a distance by which lists are longer than they need be
+#: number of points that share a list of near spheres, and part of a distance by which lists are longer than needed
 TOGETHER, ROUNDING = 16, 1e-9
 
 
