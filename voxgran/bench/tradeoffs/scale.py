@@ -1,13 +1,15 @@
 """Growth: time and memory of packing, checks, measures, files and pages with the number of grains, and its exponent.
 
 Packing methods make equal spheres or polyhedra. All else works on a bed of spheres at rest that is repeated beside
-itself, with its forces. Times are seconds of the processor on one thread without compilation; memory is by how much the
-largest memory of the process exceeds that before. The exponent is that of the time between a size and the one before.
+itself, with its forces. Times are seconds of the processor on one thread without compilation. Memory is the most that
+arrays and objects of a second run take, without that of VTK, of up to 10,000 grains. The exponent is that of the time
+between a size and the one before.
 Where the interpreter named by the environment variable ``VOXGRAN_PEERS`` has LAMMPS, it pours as many spheres.
 """
 
 import math
 import tempfile
+import tracemalloc
 import warnings
 from collections.abc import Callable, Iterator
 from dataclasses import astuple, dataclass, replace
@@ -19,7 +21,6 @@ import numpy as np
 
 from voxgran._base.compiling.threads import using_threads
 from voxgran._base.errors import PackingWarning
-from voxgran._base.machine import forget_peak, peak_memory
 from voxgran.bench.model import LOG, PEERS, TradeOff, panels_of, peer_arrays, scans, timed, write_rows
 from voxgran.bench.tradeoffs.settle import polyhedra, spheres
 from voxgran.clumps.fit import fit_clump
@@ -43,7 +44,7 @@ LOOSE, DENSE = 0.38, 0.6
 #: spheres of clumps for a case of so many grains
 CLUMP = 0.05
 #: what LAMMPS pours: velocity of the grains, how many arrive per area and unit of time, and seconds until it is stopped
-SPEED, RATE, LONGEST = 3.0, 1.0, 600.0
+SPEED, RATE, LONGEST = 1.0, 0.5, 900.0
 POURED = (1_000, 10_000)
 #: case of the peer
 POURING = "pour, LAMMPS"
@@ -56,7 +57,7 @@ class Row:
     case: str
     grains: int
     seconds: float
-    megabytes: float | None
+    bytes_a_grain: float | None
     exponent: float | None = None
 
 
@@ -87,7 +88,9 @@ def bed(count: int) -> Packing:
 
 
 def work_of(name: str, count: int, folder: Path) -> Callable[[], object]:
-    """Return the work of a case that stands upon a bed, which is made beforehand."""
+    """Return the work of a case; the bed that it needs is made beforehand."""
+    if name in METHODS:
+        return partial(METHODS[name][0], count)
     # without the contacts that a former case has found
     grains, file = replace(bed(count)), folder / "bed.vtp"
     rock = next(iter(scans("eros.obj").values()), polyhedra()[0])
@@ -137,21 +140,30 @@ def measure_case(name: str, largest: int) -> Iterator[Row]:
         # how many rest, and how large the bulk is, is of no concern here
         warnings.simplefilter("ignore", PackingWarning)
         for count in (counts[0], *counts):
-            work = partial(METHODS[name][0], count) if name in METHODS else work_of(name, count, Path(given))
-            forget_peak()
-            held = peak_memory()
-            made, seconds = timed(work)
-            many = made.count if isinstance(made, Packing) else bed(count).count
-            many = clump(count) if name == "fit_clump" else many
-            row = Row(name, many, seconds, (peak_memory() - held) / 2**20, exponent_of(before, many, seconds))
+            made, seconds = timed(work_of(name, count, Path(given)))
+            if name == "fit_clump":
+                many = clump(count)
+            else:
+                many = made.count if isinstance(made, Packing) else bed(count).count
             if before is not None:
-                yield row
-            before = row if before is None else Row(name, many, seconds, None)
+                memory = most_memory(work_of(name, count, Path(given))) / many if count <= COUNTS[1] else None
+                yield Row(name, many, seconds, memory, exponent_of(before, many, seconds))
+            before = Row(name, many, seconds, None) if before is not None else Row(name, 0, 0.0, None)
+
+
+def most_memory(work: Callable[[], object]) -> int:
+    """Return the most memory that a call takes at once, in bytes."""
+    tracemalloc.start()
+    try:
+        work()
+        return tracemalloc.get_traced_memory()[1]
+    finally:
+        tracemalloc.stop()
 
 
 def exponent_of(before: Row | None, count: int, seconds: float) -> float | None:
     """Return the power of the number of grains with which the time has grown; None for the first one."""
-    if before is None or before.grains >= count or not seconds or not before.seconds:
+    if before is None or not (before.seconds and seconds) or before.grains >= count:
         return None
     return math.log(seconds / before.seconds) / math.log(count / before.grains)
 
@@ -160,9 +172,9 @@ def measure_peer(counts: tuple[int, ...] = POURED) -> list[Row]:
     """Pour spheres in LAMMPS; without it, or where it takes too long, rows are left out."""
     rows: list[Row] = []
     for count in counts:
-        height = 14.0 + count / WIDTH**2 if count <= BED else 14.0 + count / (1.7 * WIDTH) ** 2
         wide = WIDTH if count <= BED else 1.7 * WIDTH
-        asked: dict[str, Any] = {"count": count, "lengths": np.array([wide, wide, height]), "friction": 0.5}
+        lengths = np.array([wide, wide, 60.0 + count / wide**2])
+        asked: dict[str, Any] = {"count": count, "lengths": lengths, "friction": 0.5}
         write = partial(np.savez, **asked, speed=SPEED, rate=RATE * wide**2)
         found = peer_arrays(PEERS / "pour_lammps.py", "asked.npz", write, longest=LONGEST)
         if found is None:
@@ -177,7 +189,7 @@ def run(folder: Path) -> tuple[Path, ...]:
     """Measure, and write rows as CSV and a figure as SVG."""
     rows = [row for name in CASES for row in measure_case(name, LARGEST)] + measure_peer()
     _draw(rows, folder / "scale.svg")
-    head = "case,grains,seconds:.3g,megabytes:.0f,exponent:.2f"
+    head = "case,grains,seconds:.3g,bytes_a_grain:.0f,exponent:.2f"
     return write_rows(folder / "scale.csv", head, map(astuple, rows)), folder / "scale.svg"
 
 
