@@ -182,6 +182,10 @@ GOOD = {
     "Packing.contacts": (BED.contacts, {"gap": 0.1}),
     "Packing.measure": (BED.measure, {"which": "density"}),
     "Packing.save": (BED.save, {"path": ">bed.vtp", "overwrite": False}),
+    "Packing.tiled": (
+        vg.Packing.of(SPHERE, vg.Box((2, 2, 2), periodic="xy"), position=[(1, 1, 1)]).tiled,
+        {"repeats": (2, 1, 1)},
+    ),
     "Packing.to_unit": (vg.Packing.of([SPHERE], BOX, position=[(1, 1, 1)], unit="mm").to_unit, {"unit": "m"}),
     "Packing.verify": (BED.verify, {"tolerance": 1e-9}),
     "Packing.with_clumps": (BED.with_clumps, {"clumps": CLUMP}),

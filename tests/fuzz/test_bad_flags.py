@@ -52,6 +52,7 @@ GOOD = {
     "segment": ["labels.npy", "--threshold", "0", "--min-size", "1", "--voxel-size", "1"],
     "shape": ["solid_union"],
     "repair": ["mesh.stl"],
+    "tile": ["bed.vtp", "--repeats", "1", "-o", "tiled.vtp"],
     "simplify": ["mesh.stl", "--faces", "12"],
     "cloud": ["cloud.ply", "--method", "alpha"],
     "clump": ["mesh.stl", "--spheres", "2"],

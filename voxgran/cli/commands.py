@@ -112,6 +112,13 @@ def balance(options: argparse.Namespace) -> int:
     return work(options, _packing(options))
 
 
+def tile(options: argparse.Namespace) -> None:
+    """Repeat a packing beside itself and write all copies."""
+    from voxgran.cli import settling
+
+    settling.tile(options, _packing(options))
+
+
 def export(options: argparse.Namespace) -> None:
     """Write the input of an engine for a packing."""
     from voxgran.cli import decks
@@ -381,6 +388,7 @@ COMMANDS: dict[str, tuple[str, Callable[[argparse.Namespace], int | None]]] = {
     "verify": ("check a packing against the true shapes", verify),
     "settle": ("let the grains of a packing come to rest under gravity", balance),
     "compress": ("compress the grains of a packing to a mean stress", balance),
+    "tile": ("repeat a periodic packing beside itself, with its forces", tile),
     "equilibrium": ("prove that the grains of a packing rest", balance),
     "measure": ("measure a packing", measure),
     "report": ("write a page with pictures about a packing", report),

@@ -10,6 +10,7 @@ EXAMPLES: dict[str, str] = {
     "  voxgran settle spheres.txt --periodic xy --gravity -z -o bed.vtp --shaking-duration 20",
     "compress": "voxgran compress loose.vtp -o specimen.vtp --friction 0.3\n"
     "  voxgran compress loose.vtp -o oedometer.vtp --axes z --solid-fraction 0.6",
+    "tile": "voxgran tile bed.vtp --repeats 4,4,1 -o large.vtp",
     "equilibrium": "voxgran equilibrium bed.vtp --friction 0.5",
     "measure": "voxgran measure out/packing.vtp --which density --which coordination -o statistics.nc",
     "report": "voxgran report out/packing.vtp -o report.html",

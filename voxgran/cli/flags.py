@@ -120,6 +120,13 @@ FLAGS: dict[str, tuple[Flag, ...]] = {
         _flag("--checkpoint", help="file to go on from after an interrupt; default: beside the output"),
         _flag("--resume", action="store_true", help="go on from the checkpoint"),
     ),
+    "tile": (
+        *PACKING,
+        _flag("-o", "--output", required=True, help="file for all copies: .vtp"),
+        _flag(
+            "--repeats", type=as_value, required=True, help="copies along each axis: 4,4,1, or 4 where it is periodic"
+        ),
+    ),
     "equilibrium": (
         *PACKING,
         _flag("--friction", type=float, help="coefficient of friction; default: as the packing was settled, or 0.5"),

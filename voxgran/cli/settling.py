@@ -68,6 +68,27 @@ def compress(options: argparse.Namespace, packing: Packing) -> int:
     return _moved(options, packing, partial(voxgran.compress, packing, **how), _compressed_summary)
 
 
+def tile(options: argparse.Namespace, packing: Packing) -> None:
+    """Repeat a packing beside itself, and write all copies.
+
+    Raises
+    ------
+    FileFormatError
+        If packings are not written with the suffix of the output.
+    InputError
+        If a file with that suffix cannot hold the grains, or the packing is not repeated so.
+    OutputExistsError
+        If the output is there and is not to be replaced.
+    """
+    check_savable(packing, options.output)
+    if not options.overwrite:
+        refuse_to_replace(options.output)
+    large = packing.tiled(options.repeats)
+    voxgran.save(large, options.output, overwrite=options.overwrite)
+    rest = {} if large.forces is None else {"share_at_rest": large.forces.share_at_rest}
+    show({**large.provenance["tiled"], "grains": large.count, **rest}, options, str(options.output))
+
+
 def _moved(
     options: argparse.Namespace,
     packing: Packing,

@@ -6,11 +6,14 @@ fall apart into one of four unknowns a sphere, and a step costs no more than the
 """
 
 from dataclasses import dataclass
+from functools import cached_property
+from typing import NamedTuple
 
 import numpy as np
 
 from voxgran._base.arrays import Booleans, Floats, Integers
 from voxgran._base.kernels import kernel
+from voxgran._base.lazy import load
 
 #: kinds of points: on the surface (distance 0), inside (at most 0) and outside (at least 0)
 SURFACE, INSIDE, OUTSIDE = 0, 1, 2
@@ -25,6 +28,35 @@ LEAST_GAIN, IDLE = 1e-4, 4
 CHOOSING = 4_000
 #: relative loss at which the best spheres so far are taken up again
 LOSS = 0.02
+#: number of points that share a list of near spheres, and part of a distance by which lists are longer than needed
+TOGETHER, ROUNDING = 16, 1e-9
+
+
+class Groups(NamedTuple):
+    """Points that lie together.
+
+    order: (n,) points, one group after the other.  first: (m + 1,) where each begins.  places: (n, 3) in this order.
+    middle: (m, 3) and reach: (m,) spheres that hold them.
+    """
+
+    order: Integers
+    first: Integers
+    places: Floats
+    middle: Floats
+    reach: Floats
+
+    @classmethod
+    def of(cls, places: Floats) -> "Groups":
+        """Divide points (n, 3) into groups of nearly equal numbers that lie together."""
+        tree = load("scipy.spatial").cKDTree(places, leafsize=TOGETHER)
+        # halves of halves are the leaves of the tree
+        parts = 2 ** max(0, int(np.ceil(np.log2(max(1, len(places)) / TOGETHER))))
+        first = np.linspace(0, len(places), parts + 1).astype(np.int64)
+        inside = places[tree.indices]
+        low, high = (ufunc.reduceat(inside, first[:-1], axis=0) for ufunc in (np.minimum, np.maximum))
+        middle = (low + high) / 2
+        away = np.linalg.norm(inside - np.repeat(middle, np.diff(first), axis=0), axis=1)
+        return cls(tree.indices.astype(np.int64), first, inside, middle, np.maximum.reduceat(away, first[:-1]))
 
 
 @dataclass(frozen=True, eq=False)
@@ -43,9 +75,17 @@ class Points:
             np.concatenate([self.weight, weight]),
         )
 
+    @cached_property
+    def groups(self) -> Groups:
+        """The points as groups of those that lie together, for which near spheres are listed together."""
+        return Groups.of(self.places)
+
     def gaps(self, spheres: "SphereSet") -> tuple[Floats, Integers]:
         """Return the distance of each point from the nearest sphere, negative inside, and that sphere."""
-        return union_gaps(self.places, spheres.centers, spheres.radii)
+        gap, owner = np.full(len(self.places), np.inf), np.zeros(len(self.places), dtype=np.int64)
+        if len(self.places):
+            _find_gaps_of_groups(self.groups, *_contiguous(spheres.centers, spheres.radii), gap, owner)
+        return gap, owner
 
 
 @dataclass(frozen=True, eq=False)
@@ -83,8 +123,13 @@ class Rules:
 def union_gaps(places: Floats, centers: Floats, radii: Floats) -> tuple[Floats, Integers]:
     """Return the distance of (n, 3) points from the nearest of the spheres, negative inside, and that sphere."""
     gap, owner = np.full(len(places), np.inf), np.zeros(len(places), dtype=np.int64)
-    _find_gaps(*(np.array(array, order="C") for array in (places, centers, radii)), gap, owner)
+    _find_gaps(*_contiguous(places, centers, radii), gap, owner)
     return gap, owner
+
+
+def _contiguous(*arrays: Floats) -> tuple[Floats, ...]:
+    """Return arrays as kernels take them."""
+    return tuple(np.array(array, order="C") for array in arrays)
 
 
 def refined(points: Points, spheres: SphereSet, rules: Rules, steps: int) -> SphereSet:
@@ -194,6 +239,37 @@ def _find_gaps(places, centers, radii, gap, owner):  # type: ignore[no-untyped-d
             # the root is taken only where the sphere is nearer than all before
             if reach > 0.0 and square < reach * reach:
                 gap[p], owner[p] = np.sqrt(square) - radii[s], s
+
+
+@kernel
+def _find_gaps_of_groups(groups, centers, radii, gap, owner):  # type: ignore[no-untyped-def]
+    """Fill `gap` and `owner` as `_find_gaps` does, with the spheres that may be nearest to points of each group.
+
+    The distance from a sphere changes by no more than the way to another point. A sphere that is farther from the
+    middle than the nearest one by the diameter of the group is therefore nearest to none of its points.
+    """
+    away, near = np.empty(len(radii)), np.empty(len(radii), dtype=np.int64)
+    for g in range(len(groups.reach)):
+        least, x, y, z = np.inf, groups.middle[g, 0], groups.middle[g, 1], groups.middle[g, 2]
+        for s in range(len(radii)):
+            dx, dy, dz = x - centers[s, 0], y - centers[s, 1], z - centers[s, 2]
+            away[s] = np.sqrt(dx * dx + dy * dy + dz * dz) - radii[s]
+            least = min(least, away[s])
+        most = least + 2.0 * groups.reach[g] + ROUNDING * (1.0 + abs(least))
+        many = 0
+        for s in range(len(radii)):
+            near[many] = s
+            many += away[s] <= most
+        for p in range(groups.first[g], groups.first[g + 1]):
+            x, y, z = groups.places[p, 0], groups.places[p, 1], groups.places[p, 2]
+            best, nearest = np.inf, 0
+            for k in range(many):
+                s = near[k]
+                dx, dy, dz = x - centers[s, 0], y - centers[s, 1], z - centers[s, 2]
+                square, reach = dx * dx + dy * dy + dz * dz, best + radii[s]
+                if reach > 0.0 and square < reach * reach:
+                    best, nearest = np.sqrt(square) - radii[s], s
+            gap[groups.order[p]], owner[groups.order[p]] = best, nearest
 
 
 @kernel

@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike, NDArray
 from voxgran._base.arrays import Booleans, Floats, Integers, as_floats, as_number, as_points, read_only
 from voxgran._base.errors import InputError
 from voxgran.contacts.assembly import Assembly
-from voxgran.containers.model import periods_of
+from voxgran.containers.model import Container, periods_of, tilt_of, within_periods
 from voxgran.geometry.periods import nearest_turns
 
 #: partners of grains that are no grains
@@ -223,6 +223,35 @@ def among_movable(assembly: Assembly, forces: ContactForces, fixed: Booleans) ->
         residual=forces.residual[~fixed],
         rattler=forces.rattler[~fixed],
     )
+
+
+def tiled_positions(assembly: Assembly, container: Container, cells: Integers) -> Floats:
+    """Return the positions of copies of all grains in cells (k, 3) of a periodic container, within a larger one."""
+    moved = (assembly.position + (cells @ periods_of(assembly.container))[:, None]).reshape(-1, 3)
+    # where copies lie one upon the other in a tilted cell, the edges of the larger cell may lean the other way
+    return within_periods(moved, container) if any(tilt_of(assembly.container)) else moved
+
+
+def tiled_forces(assembly: Assembly, forces: ContactForces, position: Floats, cells: Integers) -> ContactForces:
+    """Return the forces of copies of all grains, which have positions (k n, 3), in cells (k, 3)."""
+    many, n, grains = cells.max(axis=0) + 1, assembly.count, forces.j >= 0
+    # the partner is in the cell to which its image belongs
+    cell = (cells[:, None] + partner_images(assembly, forces)) % many
+    copy, across = cell @ [many[1] * many[2], many[2], 1], n * np.arange(len(cells))[:, None]
+    moved = (position.reshape(-1, n, 3) - assembly.position)[:, forces.i]
+    names: dict[str, Any] = {
+        "normal": (len(cells), 1),
+        "force": (len(cells), 1),
+        "gap": len(cells),
+        "residual": len(cells),
+    }
+    rub = forces.friction
+    return replace(
+        forces, i=(forces.i + across).ravel(), j=np.where(grains, forces.j + n * copy, forces.j).ravel(),
+        point=(forces.point + moved).reshape(-1, 3), rattler=np.tile(forces.rattler, len(cells)),
+        friction=np.tile(rub, len(cells)) if isinstance(rub, np.ndarray) else rub,
+        **{name: np.tile(getattr(forces, name), times) for name, times in names.items()},
+    )  # fmt: skip
 
 
 def check_forces(forces: ContactForces | None, count: int) -> None:

@@ -1,13 +1,21 @@
-"""Containers that are stretched along the axes: which axes stretch together, and what becomes of the container."""
+"""Containers that are stretched or repeated along the axes, and which axes stretch together."""
 
+import math
 from collections.abc import Sequence
+from typing import Any
 
-from voxgran._base.errors import InputError
+import numpy as np
+
+from voxgran._base.arrays import Integers, as_count
+from voxgran._base.errors import InputError, shown
+from voxgran._base.scalars import whole_number_of
 from voxgran.containers.make import make_container
 from voxgran.containers.model import Container, boundary_of
 
 #: parameters of containers that lengths along axes decide, by the axes
 ALONG = {"lengths": (0, 1, 2), "origin": (0, 1, 2), "tilt": (0, 0, 1), "radius": (0,), "height": (2,)}
+#: largest number of copies of a container
+MOST_COPIES = 1_000_000
 
 
 def stretched_together(container: Container) -> tuple[tuple[int, ...], ...]:
@@ -45,3 +53,41 @@ def stretched(container: Container, factors: Sequence[float]) -> Container:
         else:
             mapping[name] = value * factors[along[0]]
     return make_container(mapping)
+
+
+def repeated(container: Container, repeats: Any) -> tuple[Container, Integers]:
+    """Return a periodic container that holds so many copies of another along its axes, and their cells (k, 3).
+
+    Raises
+    ------
+    InputError
+        If `repeats` are no whole numbers of at least 1, there are more or fewer of them than axes, one is above 1 along
+        an axis that is not periodic, there are more than a million copies, or the container is of a class that is not
+        known.
+    """
+    d, periodic, one = container.dimension, container.periodic, whole_number_of(repeats)
+    listed = isinstance(repeats, Sequence | np.ndarray) and not isinstance(repeats, str)
+    if one is None and not (listed and len(repeats) == d):
+        raise InputError(
+            f"repeats is {shown(repeats)}: it must be {d} whole numbers, one for each axis, or one number for all "
+            f"periodic axes; give {tuple(2 if wraps else 1 for wraps in periodic[:d])}"
+        )
+    given = repeats if one is None else [one if wraps else 1 for wraps in periodic[:d]]
+    many = [as_count(times, "repeats", at_least=1) for times in given]
+    as_count(math.prod(many), "number of copies", at_most=MOST_COPIES)
+    for axis, times in enumerate(many):
+        if times > 1 and not periodic[axis]:
+            raise InputError(
+                f"repeats is {shown(repeats)}: the {container.kind} is not periodic along {'xyz'[axis]}, where copies "
+                "would meet at its walls; give 1 there"
+            )
+    mapping = container.to_mapping()
+    if max(many) > 1 and not ("lengths" in mapping and set(mapping) <= {"kind", "periodic", *ALONG}):
+        raise InputError(f"container is a {container.kind}: boxes and rectangles are repeated; pack in one of them")
+    if "lengths" in mapping:
+        mapping["lengths"] = [length * times for length, times in zip(mapping["lengths"], many, strict=True)]
+    if "tilt" in mapping:
+        # of the second edge along x, and of the third along x and y
+        mapping["tilt"] = [tilt * many[axis] for tilt, axis in zip(mapping["tilt"], (1, 2, 2), strict=False)]
+    cells = np.indices((*many, 1)[:3]).reshape(3, -1).T
+    return make_container(mapping) if max(many) > 1 else container, cells

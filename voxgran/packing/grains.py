@@ -2,7 +2,7 @@
 meshes and a card for notebooks.
 """
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, fields, replace
 from functools import cached_property, partial
 from typing import TYPE_CHECKING, Any, ClassVar, Literal, Self, TypeAlias, overload
@@ -20,7 +20,7 @@ from voxgran.contacts.assembly import Assembly, Lid, checked_arrays
 from voxgran.contacts.forces import check_forces
 from voxgran.contacts.surfaces import merged_surfaces
 from voxgran.containers.gravity import as_down
-from voxgran.packing.start import around_fixed, free_volume
+from voxgran.packing.start import around_fixed, copies_of, free_volume
 from voxgran.settling.relaxation import Relaxation
 from voxgran.shapes.model import Shape
 from voxgran.shapes.size_laws.distribution import SizeDistribution
@@ -37,13 +37,6 @@ STOP_REASONS = (
 )
 #: what the colours of grains show in pictures
 ColorBy: TypeAlias = Literal["diameter", "height", "shape", "density", "coordination", "distance", "force"]
-#: how packings become alike in what they must share for a sum
-_REMEDIES = {
-    "unit": "convert one with to_unit",
-    "container": "make one anew in the container of the other with Packing.of",
-    "gravity": "give one the gravity of the other with dataclasses.replace",
-    "lid": "give one the lid of the other with dataclasses.replace",
-}
 
 
 @dataclass(frozen=True, eq=False, slots=True, kw_only=True)
@@ -215,6 +208,43 @@ class GrainSequence(ExplainedAttributes, Assembly):
         values = {name: getattr(self, name, None) for name in names}
         return replace(self, **{name: value[kept] for name, value in values.items() if value is not None})
 
+    def tiled(self, repeats: "int | Sequence[int]") -> Self:
+        """Return a periodic packing repeated beside itself, with its forces, in a container that holds all copies.
+
+        Each copy has the same grains, one copy after the other, so that all numbers of grains, contacts and forces are
+        those of the packing, and nothing is said of the spread of larger ones. Grains are not displaced at random:
+        those that touch could not be without an overlap or a lost contact. To part the copies from each other let
+        :func:`voxgran.settle` shake the bed, or pack further grains upon it with ``start=``.
+
+        Parameters
+        ----------
+        repeats : int or sequence of int
+            Number of copies along each axis, 1 along axes that are not periodic; one number is that along all periodic
+            axes. A tilted cell is repeated along its edges.
+
+        Returns
+        -------
+        Packing
+            All copies; ``provenance["tiled"]`` has the repeats and the number of grains of one copy. Rows of a list
+            (``grain_id``) are there once in each copy.
+
+        Raises
+        ------
+        InputError
+            If `repeats` are no whole numbers of at least 1, there are more or fewer of them than axes, one is above 1
+            along an axis that is not periodic, there are more than a million copies, or the container is of a class of
+            your own.
+
+        Examples
+        --------
+        >>> import voxgran as vg
+        >>> bed = vg.pack(vg.shapes.sphere(), vg.Box((4, 4, 8), periodic="xy"), "gravity", count=60)
+        >>> large = bed.tiled((3, 3, 1))
+        >>> large, large.container.lengths, large.verify().ok
+        (Packing(540 grains, container_solid_fraction=0.2454, settled, 100.0 % at rest), (12.0, 12.0, 8.0), True)
+        """
+        return replace(self, **copies_of(self, repeats))
+
     def __reduce__(self) -> tuple[Any, ...]:
         # made anew by its constructor, so that its arrays are read-only again and what was cached stays behind
         return partial(type(self), **{entry.name: getattr(self, entry.name) for entry in fields(self)}), ()
@@ -342,12 +372,6 @@ class GrainSequence(ExplainedAttributes, Assembly):
         return made
 
 
-def frame_of(packing: Any) -> dict[str, Any]:
-    """Return all that two packings must share so that their grains can be put together."""
-    lid = None if packing.lid is None else (*packing.lid.normal.tolist(), packing.lid.level)
-    return {"unit": packing.unit, "container": packing.container.to_mapping(), "gravity": packing.gravity, "lid": lid}
-
-
 def _checked(packing: Any) -> dict[str, Any]:
     """Return shapes, unit, gravity and contact gap of a packing as they are kept, and check its other fields.
 
@@ -387,30 +411,6 @@ def _checked(packing: Any) -> dict[str, Any]:
     if rows is not None:
         rows = read_only(as_indices(rows, "grain_id", length=len(packing.position), at_least=-1))
     return {"shapes": tuple(packing.shapes), "unit": unit, "gravity": down, "contact_gap": gap, "grain_id": rows}
-
-
-def refuse_unlike(mine: Mapping[str, Any], its: Mapping[str, Any]) -> None:
-    """Refuse two packings that differ in what `frame_of` returns of them.
-
-    Raises
-    ------
-    InputError
-        If they differ; the message says in what, and what to do.
-    """
-    for name, value in mine.items():
-        one, other, what, remedy = value, its[name], name, _REMEDIES[name]
-        if one == other:
-            continue
-        if name == "unit" and NO_UNIT in (one, other):
-            remedy = "state the unknown one with dataclasses.replace"
-        if name == "container":
-            keys = [key for key in {**one, **other} if one.get(key) != other.get(key)]
-            one, other = ({key: box[key] for key in keys if key in box} for box in (one, other))
-            what = f"container ({', '.join(keys)})"
-        raise InputError(
-            f"{what} of the packings is {shown(one)} and {shown(other)}: grains are put together in one container "
-            f"and unit; {remedy}"
-        )
 
 
 def card_of_packing(packing: Any) -> str:

@@ -24,8 +24,8 @@ from voxgran.contacts.verify import Verification, verify
 from voxgran.containers.gravity import Down, as_down
 from voxgran.containers.model import Container
 from voxgran.containers.one_unit import converted, in_one_unit
-from voxgran.packing.grains import ColorBy, GrainSequence, card_of_packing, frame_of, refuse_unlike
-from voxgran.packing.start import around_fixed, joined_fixed, joined_ids
+from voxgran.packing.grains import ColorBy, GrainSequence, card_of_packing
+from voxgran.packing.start import around_fixed, frame_of, joined_fixed, joined_ids, refuse_unlike
 from voxgran.settling.relaxation import Relaxation
 from voxgran.shapes.model import Shape, check_shapes
 from voxgran.shapes.size_laws.distribution import SizeDistribution

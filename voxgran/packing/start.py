@@ -10,6 +10,7 @@ All other grains may have orientations that are asked for, which they have from 
 """
 
 from collections.abc import Iterable, Mapping, Sequence
+from copy import deepcopy
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -19,9 +20,11 @@ from voxgran._base.arrays import Booleans, Floats, Integers
 from voxgran._base.errors import InputError, shown
 from voxgran._base.scalars import number_of, whole_number_of
 from voxgran._base.seeds import stream
+from voxgran._base.units import NO_UNIT
 from voxgran.contacts.assembly import NOT_STATED, Assembly, Density, as_density, by_shape, density_text, merged
-from voxgran.contacts.forces import among_movable
+from voxgran.contacts.forces import among_movable, tiled_forces, tiled_positions
 from voxgran.containers.model import Container, within_periods
+from voxgran.containers.stretch import repeated
 from voxgran.geometry.orientation_laws.directional import Random
 from voxgran.geometry.orientation_laws.given import Given
 from voxgran.geometry.orientation_laws.law import OrientationLaw
@@ -31,6 +34,13 @@ from voxgran.shapes.model import Shape
 
 #: under which name a packing without its fixed grains keeps these
 STANDING = "standing"
+#: how packings become alike in what they must share for a sum
+_REMEDIES = {
+    "unit": "convert one with to_unit",
+    "container": "make one anew in the container of the other with Packing.of",
+    "gravity": "give one the gravity of the other with dataclasses.replace",
+    "lid": "give one the lid of the other with dataclasses.replace",
+}
 
 
 @dataclass(frozen=True, eq=False)
@@ -190,6 +200,26 @@ def joined_fixed(*parts: Any) -> Booleans | None:
     return np.concatenate([~part.movable for part in parts])
 
 
+def copies_of(packing: Any, repeats: Any) -> dict[str, Any]:
+    """Return the fields that change in a packing that is repeated beside itself.
+
+    Raises
+    ------
+    InputError
+        As :meth:`voxgran.Packing.tiled`.
+    """
+    box, cells = repeated(packing.container, repeats)
+    moved, k = tiled_positions(packing, box, cells), len(cells)
+    tile: dict[str, Any] = {"shape_id": k, "scale": k, "orientation": (k, 1), "fixed": k, "grain_id": k}
+    values = {name: getattr(packing, name) for name in tile}
+    values = {name: None if value is None else np.tile(value, tile[name]) for name, value in values.items()}
+    before = packing.provenance.get("tiled", {"repeats": 1, "count": packing.count})
+    many = (cells.max(axis=0) + 1)[: packing.dimension] * before["repeats"]
+    record = {**deepcopy(dict(packing.provenance)), "tiled": {**before, "repeats": many.tolist()}}
+    forces = None if packing.forces is None else tiled_forces(packing, packing.forces, moved, cells)
+    return {**values, "position": moved, "container": box, "forces": forces, "provenance": record}
+
+
 def standing_in(packing: Any) -> Any:
     """Return the packing of the fixed grains alone, also of a packing that :func:`around_fixed` returns; or None."""
     if packing.fixed is None:
@@ -219,3 +249,33 @@ def free_volume(packing: Any) -> float:
     """Return the volume of the container, in two dimensions its area, less that of fixed grains."""
     standing = standing_in(packing)
     return float(packing.container.volume - (0.0 if standing is None else standing.volumes.sum()))
+
+
+def frame_of(packing: Any) -> dict[str, Any]:
+    """Return all that two packings must share so that their grains can be put together."""
+    lid = None if packing.lid is None else (*packing.lid.normal.tolist(), packing.lid.level)
+    return {"unit": packing.unit, "container": packing.container.to_mapping(), "gravity": packing.gravity, "lid": lid}
+
+
+def refuse_unlike(mine: Mapping[str, Any], its: Mapping[str, Any]) -> None:
+    """Refuse two packings that differ in what `frame_of` returns of them.
+
+    Raises
+    ------
+    InputError
+        If they differ; the message says in what, and what to do.
+    """
+    for name, value in mine.items():
+        one, other, what, remedy = value, its[name], name, _REMEDIES[name]
+        if one == other:
+            continue
+        if name == "unit" and NO_UNIT in (one, other):
+            remedy = "state the unknown one with dataclasses.replace"
+        if name == "container":
+            keys = [key for key in {**one, **other} if one.get(key) != other.get(key)]
+            one, other = ({key: box[key] for key in keys if key in box} for box in (one, other))
+            what = f"container ({', '.join(keys)})"
+        raise InputError(
+            f"{what} of the packings is {shown(one)} and {shown(other)}: grains are put together in one container "
+            f"and unit; {remedy}"
+        )

@@ -150,7 +150,7 @@ def details(packing: Packing) -> list[Fact]:
     if packing.count:
         low, middle, high = (number(float(v)) for v in np.quantile(packing.diameters, [0.0, 0.5, 1.0]))
         facts.append(Fact("equivalent diameter", f"{low} to {high}, median {middle}"))
-    for key in ("asked", "placed", "missed", "counters", "assumed"):
+    for key in ("asked", "placed", "missed", "tiled", "counters", "assumed"):
         if record.get(key):
             facts += _missed(record) if key == "missed" else [Fact(key, _pairs(record[key]))]
     seconds = record.get("timing", {}).get("wall_seconds")

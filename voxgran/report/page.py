@@ -38,7 +38,7 @@ if TYPE_CHECKING:
 
 #: number of shapes that are drawn, and that are listed
 SHAPES_DRAWN, SHAPES_LISTED = 3, 20
-#: largest number of grains for which a close-up of contacts is drawn
+#: largest number of grains of which all contacts are found for a close-up, which above it shows one of the middle
 MOST_FOR_CONTACTS = 50_000
 #: number of pictures of a turntable
 TURNS = 24
@@ -214,9 +214,17 @@ def _draw(packing: Packing, color_by: str) -> Drawn:
             f"{what}, without the near quarter",
             caption,
         )
-    close = picture_contacts(packing) if packing.count <= MOST_FOR_CONTACTS else None
+    many = packing.dimension == 3 and packing.count > scenes.BALL_LIMIT
+    middle = scenes.middle_of(packing) if many else packing
+    if many and color_by != "force":
+        caption = f"The {middle.count} grains of a cube in the middle, with their surfaces."
+        whole["middle"] = (scenes.picture_packing(middle, color_by=color_by), f"the middle of {what}", caption)
+    large = packing.count > MOST_FOR_CONTACTS
+    close = picture_contacts(middle if large else packing) if many or not large else None
     if close is not None:
-        caption = "The grain with the most neighbours, and the contact points."
+        caption = "The grain with the most neighbours{}, and the contact points.".format(
+            " in that cube" if large else ""
+        )
         whole["contacts"] = (close, "one grain among its neighbours", caption)
     chains = picture_forces(packing)
     if chains is not None:

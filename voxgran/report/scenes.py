@@ -4,6 +4,7 @@ The lightness of the colours increases evenly (viridis). Each function returns t
 bytes. Grains of many triangles are simplified, see :func:`picture_faces`.
 """
 
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -12,6 +13,7 @@ from voxgran._base.arrays import Floats, Integers
 from voxgran._base.lazy import load
 from voxgran.clumps.fit import fit_clump
 from voxgran.contacts.surfaces import merged_surfaces
+from voxgran.containers.kinds.box import Box
 from voxgran.packing.model import Packing
 from voxgran.points.sample import sample_surface
 from voxgran.report.colors import COLORS, Coloring, coloring
@@ -39,6 +41,8 @@ TRIANGLE_BUDGET = 600_000
 FEWEST_FACES = 80
 #: number of spheres above which they are drawn as shaded points
 BALL_LIMIT = 10_000
+#: number of grains of the middle that are drawn beside them
+MIDDLE = 3_000
 #: number of grains above which faces are flat: a grain is a few pixels wide, and normals take longer than the picture
 FLAT_LIMIT = 5_000
 
@@ -87,6 +91,16 @@ def picture_cut(
     near = (packing.position[:, 0] > middle[0]) & (packing.position[:, 1] < middle[1])
     kept = np.flatnonzero(~near | (packing.dimension == 2))
     return _picture(packing, kept, coloring(packing, color_by), window, legend=legend)
+
+
+def middle_of(packing: Packing) -> Packing:
+    """Return the grains of a cube in the middle of a large packing, of which so many are seen as surfaces."""
+    middle = np.median(packing.position, axis=0)
+    away = np.abs(packing.position - middle).max(axis=1)
+    kept = np.sort(np.argpartition(away, min(MIDDLE, packing.count - 1))[:MIDDLE])
+    half = float(away[kept].max() + packing.bounding_radii[kept].max())
+    cube = Box((2.0 * half,) * 3, origin=middle - half)
+    return replace(replace(packing, forces=None)[kept], container=cube, gravity=None, lid=None)
 
 
 def picture_grain(shape: Shape, *, window: tuple[int, int] = (400, 300), spheres: int = 30) -> dict[str, Picture]:

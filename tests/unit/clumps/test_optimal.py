@@ -145,6 +145,18 @@ def test_the_least_useful_sphere_is_removed():
     np.testing.assert_array_equal(chosen.centers, [[2.0, 0.0, 0.0]])
 
 
+@pytest.mark.parametrize(("number", "many"), [(1, 1), (40, 3), (3000, 200)])
+def test_lists_of_near_spheres_change_no_bit(number, many):
+    """Distances and owners are those of all spheres, also where spheres lie twice in one place."""
+    generator = stream(6, "near spheres", number)
+    places = np.concatenate([generator.normal(size=(number, 3)), 3.0 + 1e-3 * generator.random((number, 3))])
+    centers, radii = generator.normal(size=(many, 3)), 0.05 + 0.3 * generator.random(many)
+    centers[many // 2 :], radii[many // 2 :] = centers[: many - many // 2], radii[: many - many // 2]
+    points = Points(places, np.full(2 * number, SURFACE), np.ones(2 * number))
+    for found, plain in zip(points.gaps(SphereSet(centers, radii)), union_gaps(places, centers, radii), strict=True):
+        np.testing.assert_array_equal(found, plain)
+
+
 def test_kernels_agree_with_plain_python():
     generator = stream(5, "kernels")
     places, centers, radii = generator.normal(size=(60, 3)), generator.normal(size=(7, 3)), 0.2 + generator.random(7)

@@ -12,7 +12,7 @@ from voxgran.containers.kinds.cylinder import Cylinder
 from voxgran.containers.kinds.mesh import ClosedMesh
 from voxgran.geometry.rotation import rotation_matrices
 from voxgran.packing.model import Packing
-from voxgran.report import scenes
+from voxgran.report import page, scenes
 from voxgran.report.scenes import picture_cut, picture_faces, picture_grain, picture_packing
 from voxgran.report.stage import BACKGROUND, look_at, shot, stage_of
 from voxgran.shapes.mesh import Mesh
@@ -107,6 +107,25 @@ def test_many_spheres_are_shaded_points_in_the_same_places(packing, monkeypatch)
     points = picture_packing(only, window=WINDOW)
     assert covered(points) == pytest.approx(covered(meshes), rel=0.03)
     assert (np.abs(points.astype(int) - meshes).max(axis=2) > 90).mean() < 0.03
+
+
+def test_a_large_packing_shows_its_middle_and_says_so(monkeypatch):
+    """The grains of the middle are those nearest to the median place, and their contacts are found without the rest."""
+    bed = vg.pack(vg.shapes.sphere(), vg.Box((8, 8, 8)), "advancing_front")
+    monkeypatch.setattr(scenes, "MIDDLE", 40)
+    middle = scenes.middle_of(bed)
+    assert middle.count == 40
+    away = np.abs(bed.position - np.median(bed.position, axis=0)).max(axis=1)
+    np.testing.assert_array_equal(middle.position, bed.position[away <= np.sort(away)[39]])
+    assert middle.verify().escaped == 0
+    monkeypatch.setattr(scenes, "BALL_LIMIT", bed.count - 1)
+    monkeypatch.setattr(page, "MOST_FOR_CONTACTS", bed.count - 1)
+    monkeypatch.setattr(scenes, "picture_grain", lambda shape: {})
+    drawn = page._draw(bed, "diameter").packing
+    assert drawn["middle"][2] == "The 40 grains of a cube in the middle, with their surfaces."
+    assert "most neighbours in that cube" in drawn["contacts"][2]
+    assert not bed._contacts
+    assert scenes.middle_of(bed[:3]).count == 3
 
 
 def test_grains_of_many_triangles_are_drawn_coarser(packing, monkeypatch):

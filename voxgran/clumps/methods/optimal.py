@@ -52,8 +52,8 @@ GROWTH, STEPS, BEYOND = 0.33, 8, 0.3
 EARLY, LATE, LAST_STEPS = 1.5, 1.0, 60
 #: weight of distances by which an inscribed union protrudes, or a bounding one does not cover
 ONE_SIDED = 200.0
-#: accuracy of the volume after the change of radii
-VOLUME_ERROR = 1e-6
+#: accuracy of the volume after the change of radii, and steps of Newton before the change is enclosed
+VOLUME_ERROR, NEWTON = 1e-6, 6
 #: rounds in which spheres that left the solid are replaced, or what is open inside is closed with growing weight
 ROUNDS, HEAVIER = 4, 10.0
 
@@ -258,12 +258,20 @@ class _Fit:
 def growth_to_volume(found: SphereSet, volume: float, *, least: float = 1e-6, most: float = math.inf) -> float:
     """Return the length by which all radii grow, within limits, so that the union has a volume, or comes nearest to."""
 
-    def excess(growth: float) -> float:
-        return Spheres(found.centers, np.clip(found.radii + growth, least, most)).volume / volume - 1.0
+    def excess(growth: float) -> tuple[float, float]:
+        union = Spheres(found.centers, np.clip(found.radii + growth, least, most))
+        return union.volume / volume - 1.0, union.surface_area / volume
 
+    growth = 0.0
+    for _ in range(NEWTON):
+        # the surface is the derivative of the volume, but for radii at a limit
+        missed, slope = excess(growth)
+        if abs(missed) <= VOLUME_ERROR / 10:
+            return growth
+        growth -= missed / slope
     low, high = -float(found.radii.max()), 1.0
-    if excess(low) >= 0.0:
+    if excess(low)[0] >= 0.0:
         return low
-    if excess(high) <= 0.0:
+    if excess(high)[0] <= 0.0:
         return high
-    return float(load("scipy.optimize").brentq(excess, low, high, xtol=VOLUME_ERROR / 10, rtol=1e-12))
+    return float(load("scipy.optimize").brentq(lambda x: excess(x)[0], low, high, xtol=VOLUME_ERROR / 10, rtol=1e-12))
