@@ -30,14 +30,15 @@ from voxgran._base.stopping import stop_if_asked
 from voxgran.geometry.vectors import add, along, cross, dot, row_of, sub, times, vector_at
 from voxgran.settling.cell import RIGID, Cell, add_to_cell, branch_of, effective_cell, strained
 
-#: numbers in a row of work: normal (3), arms (6), openness, steps along the normal and across it; then three
-#: forces (3): that of now, the extrapolated one, and that of the iteration before; and the branch (3), the vector from
-#: body i to body j or to the wall; three cache lines
-WORK = 24
+#: numbers in a row of work: normal (3), arms (6), openness, steps along the normal and across it; then two forces (3):
+#: that of now, and that of the iteration before
+WORK = 18
 #: columns of bodies, and of accelerations in the work: inverse mass and inverse moment of inertia
 INVERSE_MASS, INVERSE_MOMENT = 6, 7
 #: iterations of the projected gradient between two looks at its distance from the optimum
 AT_ONCE = 16
+#: share of the bodies that is few
+FEW = 0.1
 #: no force
 NONE = (0.0, 0.0, 0.0)
 
@@ -56,17 +57,6 @@ class LoadedContacts(NamedTuple):
     bodies: Floats
     gravity: Floats
     cell: Cell = RIGID
-
-
-class Work(NamedTuple):
-    """Contacts in the order in which they are solved.
-
-    order, pair: (m,) rows of the contacts and (m, 2) their bodies.  row: (m, 24) numbers; see `WORK`.
-    """
-
-    order: Integers
-    pair: Integers
-    row: Floats
 
 
 def net_accelerations(contacts: LoadedContacts, forces: Floats) -> Floats:
@@ -93,19 +83,19 @@ def gauss_seidel_forces(
     skin: acceleration by which a contact may approach for a unit of its force.  tolerance: relative change of the
     forces in an iteration at which they end.
     """
-    m, count = len(contacts.i), len(contacts.bodies)
-    work = _new_work(m)
-    _order_independent(contacts, np.zeros(count, dtype=np.int64), np.zeros(m + 1, dtype=np.int64), work)
+    count = len(contacts.bodies)
+    work = np.empty((len(contacts.i), WORK))
     _fill_work(contacts, forces, openness, skin, np.ones(count), work)
-    accelerations, state = net_accelerations(contacts, forces), np.empty((count, 8))
-    rub = friction[work.order] if isinstance(friction, np.ndarray) else np.full(1, float(friction))
-    made = _gauss_seidel(contacts, work, state, rub, skin, iterations, tolerance, accelerations, forces)
+    accelerations, state, ahead = net_accelerations(contacts, forces), np.empty((count, 8)), np.empty((count, 6))
+    rub = np.array(friction, dtype=np.float64, ndmin=1)
+    made = _gauss_seidel(contacts, work, state, rub, skin, iterations, tolerance, accelerations, ahead)
+    forces[:] = work[:, 12:15]
     return net_accelerations(contacts, forces), made
 
 
 def accelerated_projected_gradient(
     contacts: LoadedContacts, forces: Floats, *, friction: float | Floats, iterations: int, tolerance: float,
-    near: float, decide: bool = False,
+    near: float, decide: bool = False, patience: int | None = None,
 ) -> tuple[Floats, int, float]:  # fmt: skip
     """Change the forces (m, 3), within their friction cones, to those that balance all bodies best.
 
@@ -115,39 +105,38 @@ def accelerated_projected_gradient(
 
     forces: the first guess, changed in place.  tolerance: the iterations end where no body accelerates by more, nor its
     points at the radius of gyration.  near: they also end at this distance from the optimum.  decide: then they go on
-    as long as a body that accelerates by more might not do so at the optimum.
+    as long as a body that accelerates by more might not do so at the optimum.  patience: iterations after which they
+    also end where few bodies accelerate by more than the tolerance, and these do not become fewer.
     """
     m, j, last = len(contacts.i), contacts.j, len(contacts.bodies) - 1
-    work = _new_work(m)
-    work.order[:], rub = np.arange(m), np.array(friction, dtype=np.float64, ndmin=1)
+    work, rub = np.empty((m, WORK)), np.array(friction, dtype=np.float64, ndmin=1)
     share = np.bincount(contacts.i, minlength=last + 1) + np.bincount(j[j >= 0], minlength=last + 1)
     _fill_work(contacts, forces, np.zeros(m), 0.0, np.maximum(share, 1).astype(np.float64), work)
     accelerations = net_accelerations(contacts, forces)
     new, extrapolated, state = accelerations.copy(), accelerations.copy(), np.array([1.0, 0.0])
     inverse = contacts.bodies[:, INVERSE_MASS : INVERSE_MOMENT + 1]
     masses = np.where(inverse > 0.0, 1.0 / np.where(inverse > 0.0, inverse, 1.0), 0.0)
-    made, distance = 0, math.inf
+    made, distance, least, improved = 0, math.inf, FEW * last, 0
     while made < iterations:
         stop_if_asked()
         for _ in range(min(AT_ONCE, iterations - made)):
-            _descend(work, contacts.bodies, contacts.gravity, rub, accelerations, new, extrapolated, state)
+            _descend(contacts, work, rub, accelerations, new, extrapolated, state)
             made += 1
         # squares of the motions, by mass; the optimum, which has the least sum, is no farther than they are large
         squares = (accelerations.reshape(-1, 2, 3) ** 2).sum(axis=2) * masses
-        excess = max(_excess(work, rub, accelerations), 0.0)
+        excess = max(_excess(contacts, work, rub, accelerations), 0.0)
         reach, total = math.sqrt(min(excess, float(squares.sum()))), max(float(masses[:, 0].sum()), 1e-300)
         distance = reach / math.sqrt(total)
         beyond = np.sqrt(squares) - tolerance * np.sqrt(masses[:, :1])
         moving = beyond > 0.0
         if not moving.any() or (distance <= near and not (decide and (beyond[moving] <= reach).any())):
             break
-    forces[:m] = work.row[:, 12:15]
+        left = int(moving.any(axis=1).sum())
+        least, improved = (left, made) if left < least else (least, improved if left <= FEW * last else made)
+        if patience is not None and made - improved >= patience:
+            break
+    forces[:m] = work[:, 12:15]
     return net_accelerations(contacts, forces), made, distance
-
-
-def _new_work(m: int) -> Work:
-    """Return room for m contacts."""
-    return Work(np.empty(m, dtype=np.int64), np.empty((m, 2), dtype=np.int64), np.empty((m, WORK)))
 
 
 @inlined_kernel
@@ -196,34 +185,6 @@ def _add_forces(contacts, forces, accelerations):  # type: ignore[no-untyped-def
 
 
 @bare_kernel
-def _order_independent(contacts, level, start, work):  # type: ignore[no-untyped-def]
-    """Write an order of the contacts in which neighbours share no body, and those that do keep their order.
-
-    A Gauss-Seidel sweep in this order changes the same numbers in the same way as one in the order of the rows: each
-    contact meets the same accelerations of its two bodies. But a processor can work on several contacts at once. The
-    rows are sorted by the length of the longest chain of rows up to them of which each shares a body with the next.
-
-    level: (n + 1,) zeros and start: (m + 1,) zeros, to work with.
-    """
-    m, pair, order = len(contacts.i), work.pair, work.order
-    for k in range(m):
-        one, other = contacts.i[k], contacts.j[k]
-        here = level[one]
-        if other >= 0:
-            here = max(here, level[other])
-            level[other] = here + 1
-        level[one] = here + 1
-        pair[k, 0] = here
-        start[here + 1] += 1
-    for k in range(m):
-        start[k + 1] += start[k]
-    for k in range(m):
-        here = pair[k, 0]
-        order[start[here]] = k
-        start[here] += 1
-
-
-@bare_kernel
 def _effective(c, first, mass, moment, coupled):  # type: ignore[no-untyped-def]
     """Return the inverse effective masses, along the normal and at most across it, that a body has at an arm.
 
@@ -241,16 +202,14 @@ def _effective(c, first, mass, moment, coupled):  # type: ignore[no-untyped-def]
 
 @bare_kernel
 def _fill_work(contacts, forces, openness, skin, share, work):  # type: ignore[no-untyped-def]
-    """Write the contacts in the order of the work: bodies, and rows of `WORK` numbers.
+    """Write rows of `WORK` numbers of the contacts.
 
     share: (n + 1,) in how many parts the mass of a body is split among its contacts; 1 where they are solved in turn.
     """
     bodies, gravity, last = contacts.bodies, contacts.gravity, len(contacts.bodies) - 1
     cell, deforms = contacts.cell, len(contacts.cell.mobility) > 0
-    for q in range(len(work.order)):
-        k = work.order[q]
-        c, w, one, other = contacts.row[k], work.row[q], contacts.i[k], contacts.j[k]
-        work.pair[q, 0], work.pair[q, 1] = one, other
+    for k in range(len(work)):
+        c, w, one, other = contacts.row[k], work[k], contacts.i[k], contacts.j[k]
         coupled = share[one] > 1.0
         normal, across = _effective(c, 3, share[one] * bodies[one, 6], share[one] * bodies[one, 7], coupled)
         if other == last:
@@ -264,11 +223,9 @@ def _fill_work(contacts, forces, openness, skin, share, work):  # type: ignore[n
             if other == one:
                 # of a grain and its own image, whose arms point opposite ways
                 normal, across = 2.0 * normal, 2.0 * across
-        branch = branch_of(c)
         if deforms:
-            along_branch, across_it = effective_cell(cell.mobility, vector_at(c, 0), branch)
+            along_branch, across_it = effective_cell(cell.mobility, vector_at(c, 0), branch_of(c))
             normal, across = normal + along_branch, across + across_it
-        w[21], w[22], w[23] = branch
         for s in range(9):
             w[s] = c[s]
         # of two fixed bodies there is nothing to solve for
@@ -276,12 +233,16 @@ def _fill_work(contacts, forces, openness, skin, share, work):  # type: ignore[n
         w[10] = 1.0 / (normal + skin) if normal > 0.0 else 0.0
         w[11] = 1.0 / across if across > 0.0 else 0.0
         for s in range(3):
-            w[12 + s] = w[15 + s] = w[18 + s] = forces[k, s]
+            w[12 + s] = w[15 + s] = forces[k, s]
 
 
 @bare_kernel
-def _gauss_seidel(contacts, work, state, friction, skin, iterations, tolerance, accelerations, forces):  # type: ignore[no-untyped-def]
-    """Solve, write the forces and return the number of iterations."""
+def _gauss_seidel(contacts, work, state, friction, skin, iterations, tolerance, accelerations, ahead):  # type: ignore[no-untyped-def]
+    """Solve for the forces in the rows, and return the number of iterations.
+
+    state: (n + 1, 8) and ahead: (n + 1, 6), to work with. The momentum begins anew where the accelerations move back
+    from the extrapolated ones.
+    """
     bodies, last = contacts.bodies, len(contacts.bodies) - 1
     for k in range(last + 1):
         for c in range(6):
@@ -292,45 +253,52 @@ def _gauss_seidel(contacts, work, state, friction, skin, iterations, tolerance, 
         for k in range(last + 1):
             for c in range(6):
                 here = state[k, c]
-                state[k, c] = here + momentum * (here - accelerations[k, c])
+                state[k, c] = ahead[k, c] = here + momentum * (here - accelerations[k, c])
                 accelerations[k, c] = here
-        _sweep(work, state, contacts, friction, skin, momentum, False)
-        turned, change, size = _sweep(work, state, contacts, friction, skin, momentum, True)
+        _sweep(contacts, work, state, friction, skin, momentum, False)
+        change, size = _sweep(contacts, work, state, friction, skin, momentum, True)
         made += 1
         if change <= tolerance * tolerance * size:
             break
-        if turned > 0.0:
+        if _turned(state, ahead, accelerations) > 0.0:
             t = 1.0
         after = (1.0 + math.sqrt(1.0 + 4.0 * t * t)) / 2.0
         momentum = (t - 1.0) / after
         t = after
-    for q in range(len(work.order)):
-        for s in range(3):
-            forces[work.order[q], s] = work.row[q, 12 + s]
     return made
 
 
 @bare_kernel
-def _sweep(work, state, contacts, friction, skin, momentum, backwards):  # type: ignore[no-untyped-def]
+def _turned(state, ahead, before):  # type: ignore[no-untyped-def]
+    """Return the product, by mass, of the way back from extrapolated accelerations with the change since `before`."""
+    turned = 0.0
+    for k in range(len(state)):
+        for c in range(6):
+            inverse = state[k, 6 + c // 3]
+            if inverse > 0.0:
+                turned += (ahead[k, c] - state[k, c]) * (state[k, c] - before[k, c]) / inverse
+    return turned
+
+
+@bare_kernel
+def _sweep(contacts, work, state, friction, skin, momentum, backwards):  # type: ignore[no-untyped-def]
     """Visit all contacts once; extrapolate their forces on the way forwards, and compare them on the way backwards.
 
-    Return, of the way backwards, the product of the way back from the extrapolated forces with the change since the
-    iteration before, the square of this change and that of the forces.
+    Return, of the way backwards, the square of the change since the iteration before, and that of the forces.
     """
-    m, last, own, turned, change, size = len(work.pair), len(state) - 1, len(friction) - 1, 0.0, 0.0, 0.0
+    m, last, own, change, size = len(work), len(state) - 1, len(friction) - 1, 0.0, 0.0
     mobility, deforms = contacts.cell.mobility, len(contacts.cell.mobility) > 0
     for q in range(m):
         k = m - 1 - q if backwards else q
-        c, one, other = work.row[k], work.pair[k, 0], work.pair[k, 1]
+        c, one, other = work[k], contacts.i[k], contacts.j[k]
         normal, force = vector_at(c, 0), vector_at(c, 12)
         if not backwards:
-            ahead = along(force, momentum, sub(force, vector_at(c, 18)))
-            c[18], c[19], c[20] = force
-            c[15], c[16], c[17] = ahead
+            ahead = along(force, momentum, sub(force, vector_at(c, 15)))
+            c[15], c[16], c[17] = force
             force = ahead
         apart = _approach(c, state, one, other)
         if deforms:
-            apart = add(apart, strained(state[last], vector_at(c, 21)))
+            apart = add(apart, strained(state[last], branch_of(contacts.row[k])))
         un, fn = dot(apart, normal), dot(force, normal)
         push = fn - c[10] * (un + c[9] + skin * fn)
         pressed = NONE
@@ -343,8 +311,7 @@ def _sweep(work, state, contacts, friction, skin, momentum, backwards):  # type:
             pressed = along(times(normal, push), part, across)
         c[12], c[13], c[14] = pressed
         if backwards:
-            step = sub(pressed, vector_at(c, 18))
-            turned += dot(sub(vector_at(c, 15), pressed), step)
+            step = sub(pressed, vector_at(c, 15))
             change += dot(step, step)
             size += dot(pressed, pressed)
         more = sub(pressed, force)
@@ -352,27 +319,28 @@ def _sweep(work, state, contacts, friction, skin, momentum, backwards):  # type:
             continue
         _add_to_both(state, state, contacts.gravity, c, one, other, more)
         if deforms:
-            add_to_cell(state[last], mobility, more, vector_at(c, 21))
-    return turned, change, size
+            add_to_cell(state[last], mobility, more, branch_of(contacts.row[k]))
+    return change, size
 
 
 @bare_kernel
-def _descend(work, bodies, gravity, friction, accelerations, new, extrapolated, state):  # type: ignore[no-untyped-def]
+def _descend(contacts, work, friction, accelerations, new, extrapolated, state):  # type: ignore[no-untyped-def]
     """Make one iteration of the projected gradient: a step from the extrapolated forces, and the next momentum.
 
     accelerations: under the forces, new: to be written, extrapolated: under the extrapolated forces.  state: the two
     numbers t and momentum.
     """
+    bodies, gravity = contacts.bodies, contacts.gravity
     last, momentum, turned, own = len(bodies) - 1, state[1], 0.0, len(friction) - 1
     for k in range(last + 1):
         free = 1.0 if bodies[k, 6] > 0.0 else 0.0
         for s in range(3):
             new[k, s], new[k, 3 + s] = free * gravity[s], 0.0
-    for k in range(len(work.pair)):
-        c, one, other = work.row[k], work.pair[k, 0], work.pair[k, 1]
+    for k in range(len(work)):
+        c, one, other = work[k], contacts.i[k], contacts.j[k]
         before, normal = vector_at(c, 12), vector_at(c, 0)
-        ahead = along(before, momentum, sub(before, vector_at(c, 18)))
-        c[18], c[19], c[20] = before
+        ahead = along(before, momentum, sub(before, vector_at(c, 15)))
+        c[15], c[16], c[17] = before
         apart = _approach(c, extrapolated, one, other)
         un, fn = dot(apart, normal), dot(ahead, normal)
         sn, st = c[10], c[11]
@@ -427,7 +395,7 @@ def _onto_cone(push, rub, friction, sn, st):  # type: ignore[no-untyped-def]
 
 
 @bare_kernel
-def _excess(work, friction, accelerations):  # type: ignore[no-untyped-def]
+def _excess(contacts, work, friction, accelerations):  # type: ignore[no-untyped-def]
     """Return a bound of the squared distance from the optimum in accelerations, weighted by mass.
 
     The accelerations of the optimum are the least ones within a convex set. The square of the distance from them is
@@ -436,9 +404,9 @@ def _excess(work, friction, accelerations):  # type: ignore[no-untyped-def]
     normal force, which is taken to be at most that of now and a mean one.
     """
     power, short, weighted, mean, own = 0.0, 0.0, 0.0, 0.0, len(friction) - 1
-    for k in range(len(work.pair)):
-        c = work.row[k]
-        u0, u1, u2 = _approach(c, accelerations, work.pair[k, 0], work.pair[k, 1])
+    for k in range(len(work)):
+        c = work[k]
+        u0, u1, u2 = _approach(c, accelerations, contacts.i[k], contacts.j[k])
         un = u0 * c[0] + u1 * c[1] + u2 * c[2]
         fn = c[12] * c[0] + c[13] * c[1] + c[14] * c[2]
         across = math.sqrt(max(u0 * u0 + u1 * u1 + u2 * u2 - un * un, 0.0))
@@ -446,5 +414,5 @@ def _excess(work, friction, accelerations):  # type: ignore[no-untyped-def]
         power += c[12] * u0 + c[13] * u1 + c[14] * u2
         short += approach
         weighted += approach * fn
-        mean += fn / len(work.pair)
+        mean += fn / len(work)
     return power + weighted + short * mean

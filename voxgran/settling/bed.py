@@ -5,6 +5,7 @@ densities differ of one of their mean by volume.
 Grains are kept in the order of their heights at the beginning, so that neighbours lie close in memory.
 """
 
+import copy
 import math
 from collections.abc import Mapping
 from dataclasses import replace
@@ -358,6 +359,12 @@ class Bed:
         if lid is not None:
             lid = Lid(lid.normal, self.lid_level)
         return replace(self.assembly, position=position, orientation=orientation, lid=lid)
+
+    def copy(self) -> "Bed":
+        """Return a copy that moves on its own; memory of searches is shared."""
+        made = copy.copy(self)
+        made.restore(self.arrays)
+        return made
 
     @property
     def arrays(self) -> dict[str, Floats | Integers]:

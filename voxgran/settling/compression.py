@@ -38,7 +38,7 @@ from voxgran.settling.material import Material
 from voxgran.settling.materials import Materials, friction_of, friction_range
 from voxgran.settling.parting import part_grains
 from voxgran.settling.presets import KEPT, TRIANGLES
-from voxgran.settling.resumable import Resumable
+from voxgran.settling.progress import Resumable
 from voxgran.settling.stress_balance import balance_grains, keep_known_forces, pressed_forces, stress_of, without_weight
 
 #: stages: an examination of grains that may be in balance already, steps to the stress, rounds in which the surfaces of

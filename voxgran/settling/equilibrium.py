@@ -206,21 +206,30 @@ def _guess_forces(bed: Bed, friction: float | FrictionTable, reach: float) -> No
 
 def balance_bed(
     bed: Bed, friction: float | FrictionTable, *, reach: float, tolerance: float, iterations: int = ITERATIONS,
-    decide: bool = False,
+    decide: bool = False, sweeps: int = 0, hopeless: float = 1.0, patience: int | None = None,
 ) -> Balance:  # fmt: skip
     """Return the forces at the contacts of a bed within reach that balance its grains best; grains as the bed has them.
 
     The search begins with the forces that the bed keeps, and the bed keeps those that are found. With `decide` it goes
-    on near the optimum while grains that do not rest may rest at the optimum.
+    on near the optimum while grains that do not rest may rest at the optimum. sweeps: iterations of Gauss-Seidel with
+    which it begins, which spread forces fast; it ends with them where a larger share of the grains than `hopeless` does
+    not rest.  patience: iterations after which it ends where no more grains rest.
     """
     bed.find(reach, 0.0)
     contacts, forces = bed.contacts, bed.forces()
     row, bodies = contacts.row, contacts.bodies
     turning = bool(np.abs(np.cross(row[:, ARM_I : ARM_I + 3], row[:, NORMAL : NORMAL + 3])).max(initial=0.0) > 1e-9)
     if friction_range(friction)[1] > 0.0 or turning or len(bodies) > MOST_DIRECT:
+        rub = bed.friction_at(friction)
+        if sweeps:
+            accelerations, made = gauss_seidel_forces(
+                contacts, forces, np.zeros(bed.m), friction=rub, skin=0.0, iterations=sweeps
+            )
+            if bed.mean(~_rests(bed, accelerations, tolerance)[2]) > hopeless:
+                iterations = 0
         accelerations, made, distance = accelerated_projected_gradient(
-            contacts, forces, friction=bed.friction_at(friction), iterations=iterations, tolerance=tolerance,
-            near=NEAR * tolerance, decide=decide,
+            contacts, forces, friction=rub, iterations=iterations, tolerance=tolerance,
+            near=NEAR * tolerance, decide=decide, patience=patience,
         )  # fmt: skip
     else:
         distance, height = ACCURACY * tolerance, -(bed.grains.position @ bed.gravity)
@@ -228,13 +237,18 @@ def balance_bed(
             contacts, openness=np.zeros(bed.m), skin=0.0, accuracy=distance, height=height
         )
         forces = push[:, None] * row[:, NORMAL : NORMAL + 3]
+    bed.keep_forces(forces)
+    return Balance(forces, *_rests(bed, accelerations, tolerance), made, distance)
+
+
+def _rests(bed: Bed, accelerations: Floats, tolerance: float) -> tuple[Floats, Floats, Booleans]:
+    """Return the net force and torque of each grain, in its weight and radius, and whether they are small."""
+    bodies = bed.bodies
     residual = np.linalg.norm(accelerations[:-1, :3], axis=1)
     # moment of inertia over mass, beside the radius of a sphere or disk of the same volume
     moment = bodies[:-1, 6] / np.where(bodies[:-1, 7] > 0.0, bodies[:-1, 7], np.inf)
     torque = np.linalg.norm(accelerations[:-1, 3:], axis=1) * moment / (0.5 * bed.diameter)
-    rests = (residual <= tolerance) & (torque <= tolerance)
-    bed.keep_forces(forces)
-    return Balance(forces, residual, torque, rests, made, distance)
+    return residual, torque, (residual <= tolerance) & (torque <= tolerance)
 
 
 def carried_by(bed: Bed, forces: Floats) -> Floats:

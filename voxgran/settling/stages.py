@@ -1,11 +1,10 @@
 """The stages of settling: growth, fall, shaking, quasi-static steps to rest, parting, and the proof.
 
-Each stage is made of steps; all that a step depends on is in the bed and in the :class:`Progress`, so that a run may
-stop between any two steps and go on with the same bits. Lengths are in median diameters, times in sqrt(d / g).
+Each stage is made of steps; all that a step depends on is in the bed and in its progress, so that a run may stop
+between any two steps and go on with the same bits. Lengths are in median diameters, times in sqrt(d / g).
 """
 
 import math
-from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
@@ -24,9 +23,9 @@ from voxgran.settling.materials import friction_of, friction_range
 from voxgran.settling.parameters import Settling
 from voxgran.settling.parting import part_grains
 from voxgran.settling.presets import FRICTIONAL, FRICTIONLESS, GRIDS, TRIANGLES, SolverPreset
+from voxgran.settling.progress import Progress, Resumable
 from voxgran.settling.quasi_static import frictionless_step, quasi_static_step
 from voxgran.settling.rain import Rain, let_arrive, steps_of_rain
-from voxgran.settling.resumable import Resumable
 
 #: stages: growth to full size, an examination of grains that may rest already, fall, shaking, the fall after it,
 #: quasi-static steps, rounds in which surfaces are parted, and the end; and, before the fall, grains that arrive fast
@@ -37,17 +36,15 @@ STAGES = ("growth", "examination", "fall", "shaking", "fall", "quasi-static", "p
 TOUCHING = 1e-3
 #: sinking in a unit of time below which the fall ends; units of time that it lasts at least
 SINKING, SHORTEST = 0.05, 4.0
-#: greatest height of a container in which grains fall until they rest, in median diameters
-HIGHEST = 10_000.0
-#: units of time that the fall lasts at least without friction, where beds creep
-CREEPING = 30.0
+#: units of time that the fall lasts at least without friction, where beds creep; greatest height of a container in
+#: which grains fall until they rest, in median diameters
+CREEPING, HIGHEST = 30.0, 10_000.0
 #: surfaces move at most so far in a step of growth, which lasts at least so many steps
 GROWTH_STEP, GROWTH_STEPS = 0.03, 40
 #: iterations in a quasi-static step, twice as many in beds of more layers than these, and how the steps shrink
 ITERATIONS, DEEP, SHRINK = 30, 40.0, 0.9
 #: largest number of quasi-static steps in all, and how many times more are made in a bed of fewer grains than these
-STILL_STEPS = 300
-FEW_GRAINS, MORE_STEPS = 1500, 5
+STILL_STEPS, FEW_GRAINS, MORE_STEPS = 300, 1500, 5
 #: what is different in the fall of meshes that are not convex: their distances are known less well
 SURFACE_FALL: dict[str, Any] = {"rest": 2e-3, "most": 0.03, "margin": 0.05}
 #: most rounds in which surfaces are parted, and length of steps after overlapping grains were, in that of the last ones
@@ -61,46 +58,18 @@ SLOW, CALM = 0.03, 0.015
 EXAMINED, ENOUGH = 10, 0.025
 #: net force, in weights, and net torque, in weights times radii, up to which a grain rests
 RESIDUAL = 0.01
-#: iterations of an examination, and of the last one
-QUICK, THOROUGH = 300, 3000
+#: share of moving grains below which copies of a bed with friction are examined, and steps from one to the next; depth
+#: to which overlaps of a copy whose grains rest otherwise are parted
+EARLY, EVERY, SHALLOW = 0.3, 4, 1e-2
+#: iterations of an examination of a copy, of others, and most of the last one; those by sweeps with which it begins
+#: where grains rub, those after which it ends where no more grains rest, and the share that moves of a hopeless copy
+QUICK, USUAL, THOROUGH, SWEPT, PATIENCE, HOPELESS = 100, 300, 3000, 50, 64, 0.5
 #: distance to which overlapping grains are parted, rounds for it, by triangles and by other contacts, how often it is
 #: tried, and depth that is rounding
 PARTED, FEW_ROUNDS, ROUNDS, TRIALS, ROUND_OFF = 1e-4, 20, 60, 3, 1e-13
-
-
-#: accuracy of steps without friction while many grains move, and when few do
-COARSE, FINE = 3e-2, 3e-3
-#: largest number of spheres for which steps without friction are solved to the end
-MOST_DIRECT = 3000
-
-
-@dataclass(slots=True)
-class Progress:
-    """How far the settling of a bed is."""
-
-    stage: int = START
-    step: int = 0  # steps in all
-    stage_step: int = 0  # steps of the stage
-    still_steps: int = 0  # quasi-static steps by the present preset
-    exact: int = 0  # whether contacts of meshes that are not convex are those of their triangles
-    length: float = 0.0  # of the next quasi-static step
-    substep: float = 0.0  # duration to which the impulses of the rows belong; 0 where they are forces or none
-    trials: int = 0  # times that overlapping grains were parted
-    falls: int = 0  # falls of a bed that had not come to rest
-    iterations: int = ITERATIONS  # of a quasi-static step
-    owed: float = 1.0  # grains that should have arrived by now
-    waited: float = 0.0  # time since the last one has arrived
-    moved: float = 1.0  # share of the grains that moved in the last quasi-static step
-    moving: float = 1.0  # share of the grains that do not rest, when last examined
-    smallest: float = 0.0  # gap, when last examined
-    proven: int = 0  # whether the bed is known to rest
-    heights: Floats = field(default_factory=lambda: np.zeros(0))  # of the last unit of time of the fall
-    residual: Floats = field(default_factory=lambda: np.zeros(0))  # when last examined, in the order of the bed
-    first: float = -math.inf  # smallest gap at the beginning, where the grains were examined then
-    best: float = 1.0  # least share of the grains that did not rest in an examined bed without overlap
-    best_position: Floats = field(default_factory=lambda: np.zeros((0, 3)))  # of that bed
-    best_orientation: Floats = field(default_factory=lambda: np.zeros((0, 4)))
-    best_lid: float = math.inf
+#: accuracy of steps without friction while many grains move, and when few do; largest number of spheres for which they
+#: are solved to the end
+COARSE, FINE, MOST_DIRECT = 3e-2, 3e-3, 3000
 
 
 class Settler(Resumable):
@@ -309,12 +278,16 @@ class Settler(Resumable):
             progress.length = max(preset.last, SHRINK * progress.length)
         progress.still_steps += 1
         last = progress.still_steps >= self._more_steps * preset.steps
+        if preset in FRICTIONAL and not last:
+            if moving < EARLY and progress.still_steps % EVERY == 0 and self._rests_as_copy(preset):
+                self._end()
+            return
         if moving >= CALM and not last and (preset is not TRIANGLES or progress.still_steps % EXAMINED):
             return
         if preset is GRIDS:
             self._look_closer()
             return
-        self._examine(QUICK)
+        self._examine(USUAL)
         enough = ENOUGH if preset is TRIANGLES else CALM
         if preset is TRIANGLES and progress.moving >= enough and not last:
             return
@@ -325,11 +298,34 @@ class Settler(Resumable):
                 return
             if not progress.exact:
                 progress.length = min(progress.length, AFTER_PARTING * preset.last)
-            self._examine(QUICK)
+            self._examine(USUAL)
         if last or (progress.moving < enough and progress.smallest >= 0.0):
             if progress.smallest < 0.0 and not progress.exact:
                 part_grains(bed, PARTED, ROUNDS)
             self._end()
+
+    def _rests_as_copy(self, preset: SolverPreset) -> bool:
+        """Return whether a copy of the bed rests, once small overlaps are parted; then it takes the place of the bed.
+
+        Where some grains move since a step is not solved to the end, the bed may rest long since. The forces of an
+        examination, which has no contacts beyond its reach, would move it.
+        """
+        progress, own, enough = self.progress, self.bed, min(CALM, 1.0 - self.how.rest)
+        self.bed = own.copy()
+        self._examine(QUICK)
+        parted = progress.moving < enough and -SHALLOW < progress.smallest < 0.0
+        if parted:
+            progress.trials += 1
+            part_grains(self.bed, PARTED, ROUNDS)
+            self._examine(QUICK)
+        if progress.moving < enough and progress.smallest >= 0.0:
+            return True
+        if parted and progress.trials % TRIALS == 0:
+            # grains that are wedged by forces which gravity does not need come free by those of the examination
+            progress.length = min(progress.length, AFTER_PARTING * preset.last)
+        else:
+            self.bed = own
+        return False
 
     def _part(self) -> bool:
         """Part grains that overlap; return whether they are parted as far as their present contacts can do it."""
@@ -348,16 +344,16 @@ class Settler(Resumable):
             progress.stage, progress.heights, progress.substep = AGAIN, np.zeros(0), 0.0
             progress.falls, progress.still_steps, progress.trials = progress.falls + 1, 0, 0
             return
-        better = progress.smallest < 0.0 or progress.best < progress.moving
+        back, better = None, progress.smallest < 0.0 or progress.best < progress.moving
         if not self._rests() and better and len(progress.best_position):
-            bed.put(progress.best_position, progress.best_orientation, progress.best_lid)
-            self._examine(THOROUGH)
-            self._rests()
+            back = progress.best_position, progress.best_orientation, progress.best_lid
         elif progress.smallest < min(progress.first, 0.0):
             # the grains cannot be parted: they overlapped less where they were
             assembly, order = bed.assembly, bed.order
             level = math.inf if assembly.lid is None else assembly.lid.level
-            bed.put(assembly.position[order], assembly.orientation[order], level)
+            back = assembly.position[order], assembly.orientation[order], level
+        if back is not None:
+            bed.put(*back)
             self._examine(THOROUGH)
             self._rests()
         progress.stage, progress.best_position, progress.best_orientation = ENDED, np.zeros((0, 3)), np.zeros((0, 4))
@@ -424,7 +420,11 @@ class Settler(Resumable):
     def _examine(self, iterations: int) -> None:
         """Note how well forces at the contacts balance the grains."""
         bed, progress = self.bed, self.progress
-        found = balance_bed(bed, self.friction, reach=TOUCHING, tolerance=RESIDUAL, iterations=iterations)
+        found = balance_bed(
+            bed, self.friction, reach=TOUCHING, tolerance=RESIDUAL, iterations=iterations,
+            sweeps=0 if self._frictionless else SWEPT, hopeless=HOPELESS if iterations == QUICK else 1.0,
+            patience=PATIENCE,
+        )  # fmt: skip
         progress.residual = np.maximum(found.residual, found.residual_torque)
         progress.moving = bed.mean(~found.rests)
         smallest = float(bed.gap.min(initial=TOUCHING))

@@ -1,12 +1,43 @@
-"""Work on a bed that may stop between any two steps, or within one, and goes on with the same bits."""
+"""How far work on a bed is: it may stop between any two steps, or within one, and goes on with the same bits."""
 
+import math
 from collections.abc import Mapping
-from dataclasses import fields
+from dataclasses import dataclass, field, fields
 from typing import Any
 
 import numpy as np
 
+from voxgran._base.arrays import Floats
 from voxgran.settling.bed import Bed
+
+
+@dataclass(slots=True)
+class Progress:
+    """How far the settling of a bed is."""
+
+    stage: int  # of the stages of settling
+    step: int = 0  # steps in all
+    stage_step: int = 0  # steps of the stage
+    still_steps: int = 0  # quasi-static steps by the present preset
+    exact: int = 0  # whether contacts of meshes that are not convex are those of their triangles
+    length: float = 0.0  # of the next quasi-static step
+    substep: float = 0.0  # duration to which the impulses of the rows belong; 0 where they are forces or none
+    trials: int = 0  # times that overlapping grains were parted
+    falls: int = 0  # falls of a bed that had not come to rest
+    iterations: int = 0  # of a quasi-static step
+    owed: float = 1.0  # grains that should have arrived by now
+    waited: float = 0.0  # time since the last one has arrived
+    moved: float = 1.0  # share of the grains that moved in the last quasi-static step
+    moving: float = 1.0  # share of the grains that do not rest, when last examined
+    smallest: float = 0.0  # gap, when last examined
+    proven: int = 0  # whether the bed is known to rest
+    heights: Floats = field(default_factory=lambda: np.zeros(0))  # of the last unit of time of the fall
+    residual: Floats = field(default_factory=lambda: np.zeros(0))  # when last examined, in the order of the bed
+    first: float = -math.inf  # smallest gap at the beginning, where the grains were examined then
+    best: float = 1.0  # least share of the grains that did not rest in an examined bed without overlap
+    best_position: Floats = field(default_factory=lambda: np.zeros((0, 3)))  # of that bed
+    best_orientation: Floats = field(default_factory=lambda: np.zeros((0, 4)))
+    best_lid: float = math.inf
 
 
 class Resumable:
