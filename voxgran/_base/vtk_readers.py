@@ -36,7 +36,8 @@ def vtk_points(path: Path) -> Content:
 
 
 def vtk_triangles(path: Path) -> Content:
-    """Return points (n, 3) and faces (m, 3) of a ``.vtk``, ``.vtp`` or ``.vtu`` file; of a volume mesh its outer faces.
+    """Return points (n, 3), corners (3 m,) of triangles and how many each has (m,) of a ``.vtk``, ``.vtp`` or ``.vtu``
+    file; of a volume mesh its outer faces.
 
     Raises
     ------
@@ -52,11 +53,12 @@ def vtk_triangles(path: Path) -> Content:
     cutter.PassVertsOff()
     cutter.PassLinesOff()
     cut = _filtered(cutter, output, path)
+    none = np.zeros(0, dtype=np.int64)
     if not cut.GetNumberOfPolys():
-        return {}, {"points": np.zeros((0, 3)), "faces": np.zeros((0, 3), dtype=np.int64)}
+        return {}, {"points": np.zeros((0, 3)), "corners": none, "counts": none}
     points = numpy_support().vtk_to_numpy(cut.GetPoints().GetData()).astype(np.float64)
     cells = numpy_support().vtk_to_numpy(cut.GetPolys().GetConnectivityArray()).astype(np.int64)
-    return {}, {"points": points, "faces": cells.reshape(-1, 3)}
+    return {}, {"points": points, "corners": cells, "counts": np.full(len(cells) // 3, 3)}
 
 
 def vtk_image(path: Path, *, key: str | None) -> Content:

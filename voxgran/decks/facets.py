@@ -9,6 +9,7 @@ from voxgran._base.arrays import Floats, Integers
 from voxgran.decks.simulation import Simulation
 from voxgran.decks.walls import sides_of
 from voxgran.geometry.walls import Plane, Round
+from voxgran.shapes.shells import without_unused
 from voxgran.shapes.tessellate import sphere
 
 #: most that the triangles of a sphere lie outside of it, in median diameters, and its most subdivisions
@@ -42,8 +43,7 @@ def facets_of(simulation: Simulation, *, planes: bool = True) -> list[Facets]:
     elif walls.round is not None:
         found.append(_sphere(walls.round, simulation.diameter))
     for name, (vertices, faces) in walls.surfaces.items():
-        used, renumbered = np.unique(faces, return_inverse=True)
-        corners, triangles = vertices[used], renumbered.reshape(-1, 3)
+        corners, triangles = without_unused(vertices, faces)
         one = walls.others.get(name)
         note = "" if one is None else _outside(-float(one.distance(corners).min()), len(triangles))
         found.append(Facets(name, corners, triangles, note))

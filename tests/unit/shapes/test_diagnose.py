@@ -2,6 +2,7 @@ import math
 
 import numpy as np
 import pytest
+from scipy.sparse.csgraph import connected_components
 
 from voxgran._base.errors import DirtyMeshError, InputError
 from voxgran._base.seeds import stream
@@ -13,7 +14,7 @@ from voxgran.shapes.mesh import Mesh
 from voxgran.shapes.model import Shape
 from voxgran.shapes.repairing.diagnose import Diagnosis, diagnose, merged, refuse_dirty
 from voxgran.shapes.repairing.touching import parted
-from voxgran.shapes.shells import edge_faults, shell_labels
+from voxgran.shapes.shells import edge_faults, half_edges, shell_labels, without_unused
 from voxgran.shapes.tessellate import revolved, sphere, unit_box
 
 BOX = unit_box()[:2]
@@ -346,3 +347,35 @@ def test_touching_edges_are_parted_without_a_change_of_the_surface(seed):
 def test_faces_that_lie_on_each_other_are_not_parted():
     box = unit_box()[:2]
     assert parted(*merged(*joined(box, box))) is None
+
+
+def test_edges_and_used_points_are_those_of_numpy():
+    faces = np.random.default_rng(0).integers(0, 40, (500, 3)) * 2
+    start, end, edge, uses = half_edges(faces, 80)
+    ends = np.sort(np.column_stack([start, end]), axis=1)
+    _, expected, counts = np.unique(ends, axis=0, return_inverse=True, return_counts=True)
+    assert np.array_equal(edge, expected.ravel())
+    assert np.array_equal(uses, counts)
+    points = np.random.default_rng(1).random((80, 3))
+    used, index = np.unique(faces, return_inverse=True)
+    kept, renumbered = without_unused(points, faces)
+    assert np.array_equal(kept, points[used])
+    assert np.array_equal(renumbered, index.reshape(-1, 3))
+    assert [len(part) for part in half_edges(faces[:0], 3)] == [0, 0, 0, 0]
+
+
+@pytest.mark.parametrize("weld", [1e-12, 0.02])
+def test_points_are_merged_as_by_all_distances(weld):
+    points = np.random.default_rng(2).random((303, 3))
+    points = np.concatenate([points, points[::3], points[1::3] + 1e-14, [[0.0] * 3, [-0.0] * 3]])
+    points = points[np.random.default_rng(3).permutation(len(points))]
+    merged_points, faces = merged(points, np.arange(len(points)).reshape(-1, 3), weld=weld)
+    reach = weld * np.linalg.norm(np.ptp(points, axis=0))
+    near = np.linalg.norm(points[:, None] - points, axis=2) <= reach
+    first = connected_components(near)[1]
+    _, leader, label = np.unique(first, return_index=True, return_inverse=True)
+    got = faces.ravel()
+    assert len(merged_points) == len(leader)
+    # the first point of each set stands for it, in their order
+    assert np.array_equal(merged_points[got], (points + 0.0)[leader[label]])
+    assert np.array_equal(np.unique(got, return_index=True)[1], np.sort(leader))

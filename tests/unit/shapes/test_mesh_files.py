@@ -61,6 +61,19 @@ def ply_binary(faces, vertices=VERTICES, *, mark="<"):
     return ply_header(order, len(vertices), len(faces)).encode() + body
 
 
+def ply_rich(faces, order="<"):
+    """Return a PLY file with a list before the corners, of 64 bits, and a number behind them."""
+    head = ply_header("binary_little_endian" if order == "<" else "binary_big_endian", len(VERTICES), len(faces))
+    lists = "property list uchar float weights\nproperty list int int64 vertex_indices\nproperty uchar flag"
+    body = VERTICES.astype(f"{order}f8").tobytes()
+    for k, face in enumerate(faces):
+        weights = [0.5] * (k % 3)
+        row = len(weights), *weights, len(face), *face, 7
+        body += struct.pack(f"{order}B{len(weights)}fi{len(face)}qB", *row)
+    lines = [lists if line.startswith("property list") else line for line in head.splitlines()]
+    return "\n".join([*lines, ""]).encode() + body
+
+
 def stl_binary(faces, vertices=VERTICES, *, count=None):
     body = b"".join(struct.pack("<12fH", 0, 0, 0, *np.asarray(vertices)[list(face)].ravel(), 0) for face in faces)
     return b"solid but binary".ljust(80) + struct.pack("<I", len(faces) if count is None else count) + body
@@ -103,10 +116,16 @@ GOOD = {
     "mixed.ply": ply_text(MIXED),
     "little.ply": ply_binary(MIXED),
     "big.ply": ply_binary(MIXED, mark=">"),
+    "rich.ply": ply_rich(MIXED),
+    "rich_big.ply": ply_rich(MIXED, ">"),
+    "triangles.ply": ply_binary(FACES),
+    "triangles_text.ply": ply_text(FACES),
     "windows.ply": ply_text(QUADS).replace("\n", "\r\n"),
     "other_name.ply": ply_text(QUADS).replace("vertex_indices", "vertex_index"),
     "binary.stl": stl_binary(FACES),
     "text.stl": stl_text(FACES),
+    "named.stl": stl_text(FACES).replace("solid box", "solid vertex of a vertex"),
+    "colors.off": off_text(MIXED).replace("\n3 ", " 0.5 1\n3 ").replace("\n4 ", " 0.5 1\n4 "),
     "shouting.STL": stl_text(FACES).upper(),
 }
 
@@ -227,6 +246,9 @@ BAD = {
     "other.off": (b"NOT A MESH\n", "OFF"),
     "only_name.off": (b"OFF\n", "OFF"),
     "beyond.off": (off_text([*FACES[1:], (0, 1, 99)]), "vertex 99 of 8"),
+    "fraction.off": (off_text([*FACES[1:], (0, 1, 2.5)]), "vertex 2.5"),
+    "cut_list.ply": (cut(ply_rich(MIXED), 0.95), "cut"),
+    "length.ply": (ply_text([*MIXED, (0, 1, 2)]).replace("3 0 1 2", "2.5 0 1 2"), "2.5"),
     "cut_text.ply": (cut(ply_text(FACES), 0.7), "cut"),
     "cut_points.ply": (cut(ply_binary(FACES), 0.5), "cut"),
     "cut_faces.ply": (cut(ply_binary(FACES), 0.9), "cut"),

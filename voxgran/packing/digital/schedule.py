@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from voxgran.lattice.morton import morton_order
+from voxgran.geometry.morton import morton_order
 from voxgran.packing.digital.container_lattice import container_lattice
 from voxgran.packing.digital.precompute import layer_of_lid, precomputed_of, records, walls_of_layers
 from voxgran.packing.digital.stamping import close_layer, count_layer

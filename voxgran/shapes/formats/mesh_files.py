@@ -6,7 +6,7 @@ in a process of its own.
 
 import os
 import struct
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -48,8 +48,8 @@ def read_surface(path: str | os.PathLike[str]) -> tuple[Floats, Integers]:
         raise FileFormatError(f"{found} has the suffix {found.suffix!r}: {remedy}")
     if found.stat().st_size == 0:
         raise FileFormatError(f"{found} is empty: it must hold a closed surface; write it again")
-    points, polygons = reader(found)
-    faces = _triangles(points, polygons, found)
+    points, corners, counts = reader(found)
+    faces = _triangles(points, corners, counts, found)
     _refuse_damaged(points, faces, found)
     return points, faces
 
@@ -75,23 +75,16 @@ def _refuse_damaged(points: Floats, faces: Integers, path: Path) -> None:
         raise FileFormatError(f"{path}: {error}") from error
 
 
-def _triangles(points: Floats, polygons: Sequence[Sequence[int]] | Integers, path: Path) -> Integers:
+def _triangles(points: Floats, corners: Integers, counts: Integers, path: Path) -> Integers:
     """Cut polygons into triangles: fans where they are convex, else by clipping ears."""
-    if isinstance(polygons, np.ndarray):
-        return polygons.astype(np.int64)
-    counts = np.array([len(polygon) for polygon in polygons], dtype=np.int64)
     if len(counts) and counts.min() < 3:
         raise FileFormatError(f"{path} has a face of {counts.min()} corners: each needs 3 or more; mend it")
-    parts, places = [], []
+    first, parts, places = np.cumsum(counts) - counts, [], []
     for count in np.unique(counts):
         chosen = np.flatnonzero(counts == count)
-        try:
-            rings = np.array([polygons[k] for k in chosen.tolist()], dtype=np.int64)
-        except OverflowError:
-            raise FileFormatError(
-                f"{path} has a face with a vertex beyond 2^63 of {len(points)}: it is cut or damaged; write it again"
-            ) from None
-        _refuse_damaged(points, rings, path)
+        rings = corners[first[chosen][:, None] + np.arange(count)]
+        if count > 3:
+            _refuse_damaged(points, rings, path)
         fans = np.stack([rings[:, [0, k, k + 1]] for k in range(1, count - 1)], axis=1)
         bent = np.flatnonzero(~_convex(points[rings])) if count > 3 else np.zeros(0, dtype=np.int64)
         if len(bent) and count > MOST_CORNERS:
@@ -103,8 +96,8 @@ def _triangles(points: Floats, polygons: Sequence[Sequence[int]] | Integers, pat
             fans[k] = rings[k][_clipped(points[rings[k]])]
         parts.append(fans.reshape(-1, 3))
         places.append(np.repeat(chosen, count - 2))
-    if not parts:
-        return np.zeros((0, 3), dtype=np.int64)
+    if len(parts) < 2:
+        return parts[0] if parts else np.zeros((0, 3), dtype=np.int64)
     faces: Integers = np.concatenate(parts)[np.argsort(np.concatenate(places), kind="stable")]
     return faces
 
@@ -146,10 +139,7 @@ def _guarded(read: Callable[[Path], Content]) -> Callable[[Path], Polygons]:
 
     def reader(path: Path) -> Polygons:
         _, found = read_guarded(read, path)
-        if "counts" not in found:
-            return found["points"], found["faces"]
-        corners = np.split(found["corners"], np.cumsum(found["counts"])[:-1])
-        return found["points"], [polygon.tolist() for polygon in corners]
+        return found["points"], found["corners"], found["counts"]
 
     return reader
 

@@ -7,18 +7,24 @@ mixed polygons or additional properties, or silently return a part of a truncate
 import re
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
+from itertools import chain
 from pathlib import Path
+from struct import Struct, calcsize
+from struct import error as struct_error
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from voxgran._base.arrays import Floats, Integers
 from voxgran._base.errors import FileFormatError
 from voxgran._base.guarded import Content, reason_of
 from voxgran._base.lazy import load
 
-#: vertices (n, 3), and the vertex indices of each polygon
-Polygons = tuple[Floats, list[list[int]] | Integers]
+#: vertices (n, 3), the vertex indices of all polygons one after the other, and the number of those of each
+Polygons = tuple[Floats, Integers, Integers]
+#: values of a property of each record; of a list those of all records one after the other, and how many each has
+Column = NDArray[Any] | tuple[NDArray[Any], Integers]
 
 PLY_NAMES = {
     "i1": "char int8",
@@ -57,24 +63,31 @@ def read_stl(raw: bytes, name: str) -> Polygons:
     # the cast of a signalling NaN causes a warning
     with np.errstate(invalid="ignore"):
         points = records["numbers"][:, 3:].astype(np.float64).reshape(-1, 3)
-    return points, np.arange(len(points)).reshape(-1, 3)
+    return _loose(points)
+
+
+def _loose(points: Floats) -> Polygons:
+    """Return triangles that have each its own three corners."""
+    return points, np.arange(len(points)), np.full(len(points) // 3, 3)
 
 
 def _read_text_stl(raw: bytes, name: str) -> Polygons:
     """Return the triangles of a text STL file."""
-    words = raw.decode("ascii", errors="replace").lower().split()
-    marks = [k for k, word in enumerate(words) if word == "vertex"]
-    ends = words.count("endfacet"), words.count("endsolid")
+    text = raw.lower()
+    ends = text.count(b"endfacet"), text.count(b"endsolid")
+    # the names of solids lie before and behind
+    corners = text[text.find(b"facet") : text.rfind(b"endfacet")].split(b"vertex")[1:]
     try:
-        points = np.array([[float(word) for word in words[k + 1 : k + 4]] for k in marks])
+        numbers = np.fromiter(
+            map(float, chain.from_iterable(words.split(None, 3)[:3] for words in corners)), np.float64
+        )
     except ValueError as error:
         raise FileFormatError(f"{name} is no STL file ({reason_of(error)}): write it again") from None
-    if len(marks) != 3 * ends[0] or not ends[1] or (len(marks) and points.shape != (len(marks), 3)):
+    if len(corners) != 3 * ends[0] or not ends[1] or len(numbers) != 3 * len(corners):
         raise FileFormatError(
-            f"{name} holds {len(marks)} vertices for {ends[0]} complete triangles: it is cut; write it again"
+            f"{name} holds {len(corners)} vertices for {ends[0]} complete triangles: it is cut; write it again"
         )
-    points = points.reshape(-1, 3)
-    return points, np.arange(len(points)).reshape(-1, 3)
+    return _loose(numbers.reshape(-1, 3))
 
 
 def read_obj(raw: bytes, name: str) -> Polygons:
@@ -85,30 +98,41 @@ def read_obj(raw: bytes, name: str) -> Polygons:
     FileFormatError
         If a line cannot be read or a polygon refers to a missing vertex.
     """
-    points: list[tuple[float, float, float]] = []
-    polygons: list[list[int]] = []
+    points: list[float] = []
+    corners: list[int] = []
+    counts: list[int] = []
     text = raw.decode("utf-8", errors="replace").replace("\\\r\n", " ").replace("\\\n", " ")
-    for number, line in enumerate(text.splitlines(), 1):
-        words = line.partition("#")[0].split()
-        try:
-            if words[:1] == ["v"]:
-                points.append((float(words[1]), float(words[2]), float(words[3])))
-            elif words[:1] == ["f"]:
-                places = [int(word.partition("/")[0]) for word in words[1:]]
-                polygons.append([k - 1 if k > 0 else _from_end(k, len(points)) for k in places])
-        except (ValueError, IndexError):
-            raise FileFormatError(
-                f"{name} has {line.strip()[:40]!r} in line {number}: that is no vertex or face of an OBJ file; "
-                "it is cut or damaged, write it again"
-            ) from None
-    return np.array(points, dtype=np.float64).reshape(-1, 3), polygons
+    number, line = 0, ""
+    try:
+        for number, line in enumerate(text.splitlines(), 1):  # noqa: B007
+            words = (line.partition("#")[0] if "#" in line else line).split()
+            if not words:
+                continue
+            if words[0] == "v":
+                points += map(float, (words[1], words[2], words[3]))
+            elif words[0] == "f":
+                places = list(map(int, [word.partition("/")[0] for word in words[1:]] if "/" in line else words[1:]))
+                counts.append(len(places))
+                corners += places if min(places, default=1) > 0 else [_from_end(k, len(points) // 3) for k in places]
+    except (ValueError, IndexError):
+        raise FileFormatError(
+            f"{name} has {line.strip()[:40]!r} in line {number}: that is no vertex or face of an OBJ file; "
+            "it is cut or damaged, write it again"
+        ) from None
+    if max(corners, default=0) >= 2**63:
+        raise FileFormatError(f"{name} has a face with a vertex beyond 2^63: it is cut or damaged; write it again")
+    return (
+        np.array(points, dtype=np.float64).reshape(-1, 3),
+        np.array(corners, dtype=np.int64) - 1,
+        np.array(counts, dtype=np.int64),
+    )
 
 
 def _from_end(place: int, count: int) -> int:
-    """Convert a relative OBJ index (-1 is the last vertex) to an absolute one (0 is the first)."""
+    """Return an OBJ index, of which -1 is the last vertex, counted from 1."""
     if place == 0 or -place > count:
         raise IndexError
-    return count + place
+    return place if place > 0 else count + place + 1
 
 
 def read_off(raw: bytes, name: str) -> Polygons:
@@ -119,28 +143,52 @@ def read_off(raw: bytes, name: str) -> Polygons:
     FileFormatError
         If the file is truncated or not an OFF file.
     """
-    lines = (line.partition("#")[0].split() for line in raw.decode("utf-8", errors="replace").splitlines())
-    rows = [words for words in lines if words]
-    if not rows or not rows[0][0].upper().endswith("OFF"):
+    rows = list(
+        filter(None, (line.split() for line in (re.sub(b"#.*", b"", raw) if b"#" in raw else raw).splitlines()))
+    )
+    if not rows or not rows[0][0].upper().endswith(b"OFF"):
         raise FileFormatError(f"{name} does not begin with OFF: it is no OFF file; check its format")
     head, rows = (rows[0][1:], rows[1:]) if len(rows[0]) > 1 else (rows[1] if len(rows) > 1 else [], rows[2:])
     try:
         vertex_count, face_count = _count(head[0]), _count(head[1])
-        body = rows[:vertex_count], rows[vertex_count : vertex_count + face_count]
-        points = np.array([[float(w) for w in row[:3]] for row in body[0]]).reshape(-1, 3)
-        polygons = [[int(w) for w in row[1 : 1 + int(row[0])]] for row in body[1]]
-        whole = all(len(p) == int(row[0]) for p, row in zip(polygons, body[1], strict=True))
-    except (ValueError, IndexError) as error:
+        places, first, _ = _numbers(rows[:vertex_count])
+        points = places[first[:, None] + np.arange(3)]
+        faces, first, many = _numbers(rows[vertex_count : vertex_count + face_count])
+        counts = faces[first].astype(np.int64)
+        whole = bool(((counts >= 0) & (counts < many)).all())
+        skipped = np.repeat(first + 1 - np.cumsum(counts) + counts, counts) if whole else first[:0]
+        corners = _whole(faces[skipped + np.arange(len(skipped))])
+    except (ValueError, IndexError, OverflowError) as error:
         raise FileFormatError(f"{name} cannot be read as OFF ({reason_of(error)}): write it again") from None
-    if len(points) < vertex_count or len(polygons) < face_count or not whole:
+    if len(points) < vertex_count or len(counts) < face_count or not whole:
         raise FileFormatError(
-            f"{name} holds {len(points)} of {vertex_count} vertices and {len(polygons)} of {face_count} faces: it is "
+            f"{name} holds {len(points)} of {vertex_count} vertices and {len(counts)} of {face_count} faces: it is "
             "cut; write it again"
         )
-    return points, polygons
+    return points, corners, counts
 
 
-def _count(word: str) -> int:
+def _numbers(rows: list[list[bytes]]) -> tuple[Floats, Integers, Integers]:
+    """Return the numbers of all rows, which of them is the first of each row, and how many it has."""
+    many = np.fromiter(map(len, rows), np.int64, len(rows))
+    return np.fromiter(map(float, chain.from_iterable(rows)), np.float64), np.cumsum(many) - many, many
+
+
+def _whole(corners: NDArray[Any]) -> Integers:
+    """Return vertex indices as whole numbers.
+
+    Raises
+    ------
+    ValueError
+        If one is none, or so large that digits are lost.
+    """
+    bad = ~((np.abs(corners) < 2.0**53) & (corners == np.floor(corners)))
+    if bad.any():
+        raise ValueError(f"it has a face with a vertex {corners[bad][0]:g}")
+    return corners.astype(np.int64)
+
+
+def _count(word: bytes) -> int:
     """Return a count; negative numbers are invalid."""
     if (count := int(word)) < 0:
         raise ValueError(f"it counts {count} of something")
@@ -166,13 +214,17 @@ def read_ply(raw: bytes, name: str) -> Polygons:
     """
     found = ply_elements(raw, name)
     face = found.get("face", {})
-    lists = next((face[key] for key in ("vertex_indices", "vertex_index") if key in face), [])
-    if lists and not isinstance(lists[0], list):
+    none = np.zeros(0, dtype=np.int64)
+    lists = next((face[key] for key in ("vertex_indices", "vertex_index") if key in face), (none, none))
+    if not isinstance(lists, tuple):
         raise FileFormatError(f"{name} gives one corner for each face: a list is needed; write it again")
-    return ply_columns(found, "xyz", name), lists
+    try:
+        return ply_columns(found, "xyz", name), _whole(lists[0]), lists[1]
+    except ValueError as error:
+        raise FileFormatError(f"{name} cannot be read as PLY ({error}): it is cut or damaged; write it again") from None
 
 
-def ply_elements(raw: bytes, name: str) -> dict[str, dict[str, list[Any]]]:
+def ply_elements(raw: bytes, name: str) -> dict[str, dict[str, Column]]:
     """Return the columns of each element of a PLY file, text or binary.
 
     Raises
@@ -182,15 +234,20 @@ def ply_elements(raw: bytes, name: str) -> dict[str, dict[str, list[Any]]]:
     """
     try:
         order, elements, body = _ply_header(raw)
-        walk = _ply_binary(body, elements, order) if order else _ply_text(body, elements)
+        if not order:
+            # words of a text are records of float64
+            body, order = np.array(list(map(float, body.split()))).tobytes(), "="
+            for element in elements:
+                element.properties = [(key, ("f8",) * len(types)) for key, types in element.properties]
+        walk = _ply_records(body, elements, order)
         return {element.name: columns for element, columns in zip(elements, walk, strict=True)}
-    except (ValueError, KeyError, IndexError, TypeError, OverflowError) as error:
+    except (ValueError, KeyError, IndexError, TypeError, OverflowError, struct_error) as error:
         raise FileFormatError(
             f"{name} cannot be read as PLY ({reason_of(error)}): it is cut or damaged; write it again"
         ) from None
 
 
-def ply_columns(found: dict[str, dict[str, list[Any]]], keys: Sequence[str], name: str) -> Floats:
+def ply_columns(found: dict[str, dict[str, Column]], keys: Sequence[str], name: str) -> Floats:
     """Return some properties of the vertices of a PLY file as columns.
 
     Raises
@@ -231,62 +288,78 @@ def _ply_header(raw: bytes) -> tuple[str, list[_Element], bytes]:
     return order, elements, body[2:] if body.startswith(b"\r\n") else body[1:]
 
 
-def _ply_text(body: bytes, elements: list[_Element]) -> Iterator[dict[str, list[Any]]]:
-    """Yield the columns of each element of a text file."""
-    words = body.decode("ascii", errors="replace").split()
+def _ply_records(body: bytes, elements: list[_Element], order: str) -> Iterator[dict[str, Column]]:
+    """Yield the columns of each element."""
     place = 0
     for element in elements:
-        columns: dict[str, list[Any]] = {key: [] for key, _ in element.properties}
-        if len(words) - place < element.count * len(element.properties):
-            raise ValueError(f"it ends within {element.name[:40]} records")
-        for _ in range(element.count):
-            for key, types in element.properties:
-                if len(types) == 1:
-                    columns[key].append(float(words[place]))
-                    place += 1
-                    continue
-                length = int(words[place])
-                items = words[place + 1 : place + 1 + length]
-                if length != len(items):
-                    raise ValueError(f"it holds {len(items)} of {length} items of a list")
-                columns[key].append([int(float(item)) for item in items])
-                place += 1 + length
-        yield columns
-
-
-def _ply_binary(body: bytes, elements: list[_Element], order: str) -> Iterator[dict[str, list[Any]]]:
-    """Yield the columns of each element of a binary file."""
-    place = 0
-    for element in elements:
-        columns: dict[str, list[Any]] = {key: [] for key, _ in element.properties}
-        if all(len(types) == 1 for _, types in element.properties):
-            row = np.dtype([(key, order + types[0]) for key, types in element.properties])
-            if len(body) - place < row.itemsize * element.count:
-                raise ValueError(f"it ends within {element.name[:40]} records")
-            records = np.frombuffer(body, dtype=row, count=element.count, offset=place)
-            place += row.itemsize * element.count
-            yield {key: records[key].tolist() for key in columns}
-            continue
         if len(body) - place < element.count * sum(np.dtype(types[0]).itemsize for _, types in element.properties):
             raise ValueError(f"it ends within {element.name[:40]} records")
-        for _ in range(element.count):
-            for key, types in element.properties:
-                length = 1
-                if len(types) == 2:
-                    length = int(np.frombuffer(body, order + types[0], 1, place)[0])
-                    place += np.dtype(types[0]).itemsize
-                    if length < 0:
-                        raise ValueError(f"it has a list of {length} items")
-                items = np.frombuffer(body, order + types[-1], length, place).tolist() if length else []
-                place += np.dtype(types[-1]).itemsize * length
-                columns[key].append(items[0] if len(types) == 1 else items)
+        _, numbers, _ = _ply_places(body, place, element, order, min(element.count, 1))
+        row = np.dtype(
+            [
+                field
+                for (key, types), many in zip(element.properties, numbers, strict=True)
+                for field in (
+                    [(key, order + types[0])]
+                    if len(types) == 1
+                    else [(f"# {key}", order + types[0]), (key, order + types[1], many)]
+                )
+            ]
+        )
+        if element.count and len(body) - place >= row.itemsize * element.count:
+            # most often all lists are as long as those of the first record
+            records = np.frombuffer(body, dtype=row, count=element.count, offset=place)
+            if all((records[key] == records[key][0]).all() for key in row.names or () if key.startswith("# ")):
+                place += row.itemsize * element.count
+                yield {
+                    key: records[key]
+                    if len(types) == 1
+                    else (records[key].ravel(), records[f"# {key}"].astype(np.int64))
+                    for key, types in element.properties
+                }
+                continue
+        starts, numbers, place = _ply_places(body, place, element, order, element.count)
+        columns: dict[str, Column] = {}
+        for (key, types), first, many in zip(element.properties, starts, numbers, strict=True):
+            kind = np.dtype(order + types[-1])
+            within = np.arange(many.sum()) - np.repeat(np.cumsum(many) - many, many)
+            at = (np.repeat(first, many) + kind.itemsize * within)[:, None] + np.arange(kind.itemsize)
+            items = np.frombuffer(body, np.uint8)[at].view(kind).ravel()
+            columns[key] = items if len(types) == 1 else (items, many)
         yield columns
+
+
+def _ply_places(
+    body: bytes, place: int, element: _Element, order: str, count: int
+) -> tuple[list[Integers], list[Integers], int]:
+    """Return where the items of each property begin in the first records, how many they are, and the end of these."""
+    codes = [
+        [np.dtype(code).char.replace("l", "q").replace("L", "Q") for code in types] for _, types in element.properties
+    ]
+    sizes = [(Struct(order + code[0]) if len(code) == 2 else None, calcsize("=" + code[-1])) for code in codes]
+    starts: list[list[int]] = [[] for _ in sizes]
+    numbers: list[list[int]] = [[] for _ in sizes]
+    for _ in range(count):
+        for k, (head, size) in enumerate(sizes):
+            many = 1
+            if head is not None:
+                (told,) = head.unpack_from(body, place)
+                many = int(told)
+                if many < 0 or many != told:
+                    raise ValueError(f"it has a list of {told} items")
+                place += head.size
+            starts[k].append(place)
+            numbers[k].append(many)
+            place += many * size
+            if place > len(body):
+                raise ValueError(f"it ends within {element.name[:40]} records")
+    return [np.array(s, dtype=np.int64) for s in starts], [np.array(n, dtype=np.int64) for n in numbers], place
 
 
 def gmsh_polygons(path: Path) -> Content:
     """Read the triangles and quadrangles of a Gmsh file, to be run by `read_guarded`.
 
-    The arrays are ``points`` (n, 3), the ``corners`` of all polygons one after the other, and their ``counts``.
+    The arrays are those of `Polygons`: ``points``, ``corners`` and ``counts``.
     """
     mesh = load("meshio").gmsh.read(str(path))
     cells = [np.asarray(block.data) for block in mesh.cells if block.type in ("triangle", "quad")]

@@ -4,6 +4,7 @@ import numpy as np
 
 from voxgran._base.arrays import Floats
 from voxgran.shapes.mesh import Mesh, hull_of
+from voxgran.shapes.shells import without_unused
 
 #: largest number of points of a hull
 MOST_POINTS = 100_000
@@ -20,5 +21,4 @@ def points_on_sphere(count: int, generator: np.random.Generator) -> Floats:
 def hull_of_corners(points: Floats) -> Mesh:
     """Return the convex hull of (n, 3) points, of which some may be the same corner up to rounding."""
     solid = hull_of(points)
-    used, faces = np.unique(solid.faces, return_inverse=True)
-    return Mesh(points[used], faces.reshape(-1, 3).astype(np.int64))
+    return Mesh(*without_unused(points, solid.faces))

@@ -31,7 +31,7 @@ from voxgran.shapes.images.open_image import is_opened, open_image
 from voxgran.shapes.mesh import Mesh
 from voxgran.shapes.model import Shape
 from voxgran.shapes.repairing.touching import parted
-from voxgran.shapes.shells import edge_faults
+from voxgran.shapes.shells import edge_faults, without_unused
 from voxgran.shapes.triangles import LatticePoints
 
 if TYPE_CHECKING:
@@ -356,7 +356,6 @@ def _joined(parts: list[tuple[Floats, NDArray[np.int32]]]) -> tuple[Floats, NDAr
     faces = vertex[np.delete(faces, twins, axis=0)]
     corner = np.empty((int(vertex.max()) + 1, 3))
     corner[vertex] = points
-    used, index = np.unique(faces, return_inverse=True)
-    points, faces = corner[used], index.reshape(-1, 3)
+    points, faces = without_unused(corner, faces)
     crowded = edge_faults(faces, len(points)).any()
     return (parted(points, faces) if crowded else None) or (points, faces)

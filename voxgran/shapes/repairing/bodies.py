@@ -6,7 +6,7 @@ import numpy as np
 
 from voxgran._base.arrays import Booleans, Floats, Integers
 from voxgran.geometry.triangles import areas_of
-from voxgran.shapes.shells import FLAT, inner_point, shell_labels
+from voxgran.shapes.shells import FLAT, inner_point, shell_labels, without_unused
 from voxgran.shapes.winding import winding_numbers
 
 
@@ -82,8 +82,5 @@ def split(points: Floats, faces: Integers) -> list[tuple[Floats, Integers]]:
         if len(around):
             owner[s] = around[shells.volume[around].argmin()]
     whole = np.bincount(owner[owner >= 0], weights=shells.volume[owner >= 0], minlength=len(owner))
-    bodies = []
-    for s in solid[np.argsort(-whole[solid], kind="stable")]:
-        used, index = np.unique(faces[owner[shells.label] == s], return_inverse=True)
-        bodies.append((points[used], index.reshape(-1, 3).astype(np.int64)))
-    return bodies
+    order = solid[np.argsort(-whole[solid], kind="stable")]
+    return [without_unused(points, faces[owner[shells.label] == s]) for s in order]

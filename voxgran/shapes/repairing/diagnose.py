@@ -14,13 +14,16 @@ from voxgran._base import ExplainedAttributes
 from voxgran._base.arrays import Floats, Integers, as_faces, float_array
 from voxgran._base.calls import explained
 from voxgran._base.errors import DirtyMeshError, InputError, shown
+from voxgran._base.kernels import kernel
 from voxgran._base.lazy import load
 from voxgran.geometry.crossing import count_crossings
 from voxgran.lattice.label import components
-from voxgran.shapes.shells import count_apart, count_flipped, edge_faults, shell_counts
+from voxgran.shapes.shells import count_apart, count_flipped, edge_faults, shell_counts, without_unused
 
 #: vertices nearer than this many diagonals of the bounding box are one
 WELD = 1e-12
+#: unit vector in which no two corners of a lattice are alike
+ALONG = np.sqrt([0.2, 0.3, 0.5])
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -221,42 +224,61 @@ def merged(vertices: Floats, faces: Integers, *, weld: float = WELD) -> tuple[Fl
     """
     if not len(faces):
         return vertices[:0].copy(), faces.copy()
-    used, index = np.unique(faces, return_inverse=True)
-    points = vertices[used] + 0.0  # no negative zeros
-    first, same = _bit_equal(points)
-    corners, group = points[first], same[index.reshape(-1, 3)]
+    points, faces = without_unused(vertices, faces)
+    points += 0.0  # no negative zeros
+    first, same = _bit_equal(np.ascontiguousarray(points).view(np.uint64))
+    corners, group = points[first], same[faces]
     welded = _near(corners, weld)
     if welded is not None:
         corners, group = corners[welded[0]], welded[1][group]
     line = (group == np.roll(group, 1, axis=1)).any(axis=1)
     if line.any() and not edge_faults(group[~line], len(corners)).any():
         group = group[~line]
-        kept, index = np.unique(group, return_inverse=True)
-        corners, group = corners[kept], index.reshape(-1, 3)
+        corners, group = without_unused(corners, group)
     return np.ascontiguousarray(corners), np.ascontiguousarray(group, dtype=np.int64)
 
 
-def _bit_equal(points: Floats) -> tuple[Integers, Integers]:
-    """Return the first of each set of equal points, in their order, and the set of each point."""
-    order = np.lexsort(points.T)
-    ordered = points[order]
-    new = np.concatenate([[True], (ordered[1:] != ordered[:-1]).any(axis=1)])
-    leader = np.minimum.reduceat(order, np.flatnonzero(new))
-    rank = np.argsort(leader, kind="stable")
-    place = np.empty(len(leader), dtype=np.int64)
-    place[rank] = np.arange(len(leader))
-    same = np.empty(len(points), dtype=np.int64)
-    same[order] = place[np.cumsum(new) - 1]
-    return leader[rank], same
+@kernel
+def _bit_equal(points):  # type: ignore[no-untyped-def]
+    """Return the first of each set of equal points (n, 3), in their order, and the set of each point.
+
+    The points are 64-bit words of their coordinates, which are looked up in a table by their hash.
+    """
+    room = 64
+    while room < 2 * len(points):
+        room *= 2
+    table, same = np.full(room, -1, dtype=np.int64), np.empty(len(points), dtype=np.int64)
+    first, count = np.empty(len(points), dtype=np.int64), 0
+    for p in range(len(points)):
+        x, y, z = points[p, 0], points[p, 1], points[p, 2]
+        word = x * np.uint64(0x9E3779B97F4A7C15)
+        word = (word ^ (word >> np.uint64(32)) ^ y) * np.uint64(0xC2B2AE3D27D4EB4F)
+        word = (word ^ (word >> np.uint64(32)) ^ z) * np.uint64(0x165667B19E3779F9)
+        at = np.int64(word >> np.uint64(20)) & (room - 1)
+        while table[at] >= 0:
+            q = first[table[at]]
+            if points[q, 0] == x and points[q, 1] == y and points[q, 2] == z:
+                break
+            at = (at + 1) & (room - 1)
+        if table[at] < 0:
+            table[at], first[count] = count, p
+            count += 1
+        same[p] = table[at]
+    return first[:count], same
 
 
 def _near(points: Floats, weld: float) -> tuple[Integers, Integers] | None:
     """Return the first of each set of points nearer than `weld`, and the set of each; None where all are apart."""
-    reach = weld * float(np.linalg.norm(points.max(axis=0) - points.min(axis=0)))
-    pairs = load("scipy.spatial").cKDTree(points).query_pairs(reach, output_type="ndarray")
+    size = float(np.linalg.norm(points.max(axis=0) - points.min(axis=0)))
+    # points that are near each other follow each other closely along any direction, apart from rounding
+    along = (points - points.min(axis=0)) @ ALONG
+    order = np.argsort(along)
+    close = np.diff(along[order]) <= weld * size + 1e-15 * size
+    some = order[np.append(close, False) | np.append(False, close)]
+    pairs = load("scipy.spatial").cKDTree(points[some]).query_pairs(weld * size, output_type="ndarray")
     if not len(pairs):
         return None
-    label = components(len(points), pairs[:, 0], pairs[:, 1])
+    label = components(len(points), some[pairs[:, 0]], some[pairs[:, 1]])
     first = np.unique(label, return_index=True)[1]
     order = np.argsort(first, kind="stable")
     place = np.empty(len(first), dtype=np.int64)
@@ -271,11 +293,10 @@ def _examined(
     points, triangles = merged(vertices, faces)
     found = _examine(points, triangles, whole=whole, uncrossed=uncrossed)
     if found.non_manifold_edges and not found.open_edges:
-        used, index = np.unique(faces, return_inverse=True)
-        given = vertices[used] + 0.0, index.reshape(-1, 3).astype(np.int64)
-        as_given = _examine(*given, whole=False, uncrossed=uncrossed) if len(used) > len(points) else found
+        corners, given = without_unused(vertices + 0.0, faces)
+        as_given = _examine(corners, given, whole=False, uncrossed=uncrossed) if len(corners) > len(points) else found
         if as_given.ok:
-            return as_given, *given
+            return as_given, corners, given
     return found, points, triangles
 
 

@@ -30,7 +30,7 @@ from voxgran.shapes.repairing.diagnose import IN_PYTHON, Remedies, bounds_solid,
 from voxgran.shapes.repairing.holes import closed_loop, extent, hole_loops
 from voxgran.shapes.repairing.patches import one_sided, without_doubles, without_flaps, without_pinches, wound_alike
 from voxgran.shapes.repairing.touching import parted
-from voxgran.shapes.shells import edge_faults, shell_labels
+from voxgran.shapes.shells import edge_faults, shell_labels, without_unused
 
 log = logging.getLogger(__name__)
 
@@ -320,13 +320,7 @@ def _joined(points: Floats, faces: Integers, done: list[str]) -> tuple[Floats, I
         )
     solids = [(points, faces[shells.label == shell]) for shell in range(len(shells.volume))]
     done.append(f"joined {len(solids)} shells that overlap or lie in each other, by manifold3d")
-    return united([_used(*solid) for solid in solids])
-
-
-def _used(points: Floats, faces: Integers) -> tuple[Floats, Integers]:
-    """Leave out vertices that no face has."""
-    used, index = np.unique(faces, return_inverse=True)
-    return points[used], index.reshape(-1, 3).astype(np.int64)
+    return united([without_unused(*solid) for solid in solids])
 
 
 def _chosen(

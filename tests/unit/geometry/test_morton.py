@@ -1,7 +1,7 @@
 import numpy as np
 
 from voxgran._base.seeds import stream
-from voxgran.lattice.morton import morton_order
+from voxgran.geometry.morton import morton_order
 
 
 def test_the_order_is_that_of_interleaved_bits():
