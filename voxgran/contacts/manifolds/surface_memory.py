@@ -19,6 +19,10 @@ from voxgran.geometry.vectors import Vector, along, dot, rotate_back, row_of, su
 
 #: clusters that are kept of each grain of a pair, and pairs of triangles
 LEAVES, NEAR = 48, 2048
+#: entries of the pool of lists for each pair of grains at first
+FIRST = 32
+#: length of a list that found no room in the pool
+LOST = -2
 #: pairs of triangles of one pair of grains that are listed at once
 LISTED = 16384
 #: what the square of its distance from the centroid counts of the gap of a point
@@ -35,14 +39,16 @@ class SurfaceWork(NamedTuple):
     grains overlap.  proven: (cap,) whether the grains were proven to be separate.
     pose: (cap, 2, 20) poses when the pair was listed, by points and by triangles: offset (3) and rotation (9) of j in
     the frame of i, both scales, the distance beyond which nothing was listed; from column 16 on the direction in which
-    the triangles were nearest.  key: (cap, 2, 4): i, j, and the
-    lengths of the lists, -1 without a list.  leaf: (cap, 2 LEAVES) clusters of j, then of i.  near: (cap, NEAR, 2)
-    triangles of i and of j, and apart: (cap, NEAR) lower bounds of their distances.  saved: (cap, 2) first and
-    count of pairs that overlap, before a call.
+    the triangles were nearest.  key: (cap, 2, 5): i, j, and the lengths of both lists of clusters, or the length of the
+    list of triangles, -1 without a list, its first entry in the pool and the number of entries that it has there.
+    leaf: (cap, 2 LEAVES) clusters of j, then of i.  near: (pool, 2) triangles of i and of j, and apart: (pool,) lower
+    bounds of their distances, the lists of all pairs.  used: (1,) entries in use, from the first one on.  saved:
+    (cap, 2) first and count of pairs that overlap, before a call.
     candidate: (LISTED, 8) contact points: place on i from its centroid (3), normal (3), gap.  now: (28,) a pose and an
     offset.  turn: (2, 12) maps to the cells of grids.  listed: (2, c) clusters or leaves.  found: (LISTED, 3) and
     found_apart: (LISTED,) pairs of triangles.  stack: (256,), points: (16,): of searches.  placed: (2, t, 3, 3),
-    plane: (2, t, 9) and number: (2, t): triangles of j and of i in the frame of i.
+    plane: (2, t, 9) and number: (2, t): triangles of j and of i in the frame of i.  span: (2,) first entry of the pool
+    that is free for a block of pairs, and the one after its last.
     """
 
     bodies: SurfaceBodies
@@ -53,6 +59,7 @@ class SurfaceWork(NamedTuple):
     leaf: NDArray[np.int32]
     near: NDArray[np.int32]
     apart: Floats
+    used: Integers
     saved: Integers
     candidate: Floats
     now: Floats
@@ -65,11 +72,13 @@ class SurfaceWork(NamedTuple):
     placed: Floats
     plane: Floats
     number: Integers
+    span: Integers
 
 
 #: arrays of the work that each thread has for itself
 SCRATCH = (
     *("candidate", "now", "turn", "listed", "found", "found_apart", "stack", "points", "placed", "plane", "number"),
+    "span",
 )
 
 
@@ -82,10 +91,11 @@ def surface_work(bodies: SurfaceBodies, cap: int) -> Blocks[SurfaceWork]:
         gap=np.full(cap, np.inf),
         proven=np.zeros(cap, dtype=np.bool_),
         pose=np.zeros((cap, 2, 20)),
-        key=np.full((cap, 2, 4), -1, dtype=np.int64),
+        key=np.tile(np.array([-1, -1, -1, 0, 0]), (cap, 2, 1)),
         leaf=np.zeros((cap, 2 * LEAVES), dtype=np.int32),
-        near=np.zeros((cap, NEAR, 2), dtype=np.int32),
-        apart=np.zeros((cap, NEAR)),
+        near=np.zeros((FIRST * cap, 2), dtype=np.int32),
+        apart=np.zeros(FIRST * cap),
+        used=np.zeros(1, dtype=np.int64),
         saved=np.zeros((cap, 2), dtype=np.int64),
         candidate=np.zeros((scratch, 8)),
         now=np.zeros(28),
@@ -98,8 +108,34 @@ def surface_work(bodies: SurfaceBodies, cap: int) -> Blocks[SurfaceWork]:
         placed=np.zeros((2, int(counts[3]), 3, 3)),
         plane=np.zeros((2, int(counts[3]), 9)),
         number=np.zeros((2, int(counts[3])), dtype=np.int64),
+        span=np.zeros(2, dtype=np.int64),
     )
     return Blocks(work, SCRATCH)
+
+
+def tidy(work: Blocks[SurfaceWork], size: int) -> None:
+    """Move the lists of triangles of the first pairs to the front of the pool, once half of it is in use.
+
+    The pool grows where lists found no room in it, which are made again when their pairs are next looked at.
+    """
+    arrays = work.arrays
+    arrays.key[size:, 1, 2] = -1
+    key = arrays.key[:, 1]
+    lost, cap = key[:, 2] == LOST, len(arrays.apart)
+    arrays.used[0] = (key[:, 3] + key[:, 4]).max(initial=0)
+    if not lost.any() and 2 * arrays.used[0] <= cap:
+        return
+    wanted = int(key[lost, 4].sum())
+    key[lost, 2] = -1
+    count = np.maximum(key[:, 2], 0)
+    first = np.cumsum(count) - count
+    total = int(count.sum())
+    source = np.arange(total) + np.repeat(key[:, 3] - first, count)
+    cap = max(cap, 2 * (total + wanted))
+    near, apart = np.zeros((cap, 2), dtype=np.int32), np.zeros(cap)
+    near[:total], apart[:total] = arrays.near[source], arrays.apart[source]
+    key[:, 3], key[:, 4], arrays.used[0] = first, count, total
+    work.replace(near=near, apart=apart)
 
 
 @bare_kernel

@@ -16,7 +16,14 @@ from voxgran._base.kernels import bare_kernel, kernel
 from voxgran.contacts.manifolds.blocks import Blocks, pairs_of_kind
 from voxgran.contacts.manifolds.rows import SURFACE, ContactRows, Grains, Pair, PairList, Search, offset_of
 from voxgran.contacts.manifolds.surface_contacts import field_candidates
-from voxgran.contacts.manifolds.surface_memory import SurfaceWork, copy_numbers, spacing_of, write_pose, write_spread
+from voxgran.contacts.manifolds.surface_memory import (
+    SurfaceWork,
+    copy_numbers,
+    spacing_of,
+    tidy,
+    write_pose,
+    write_spread,
+)
 from voxgran.contacts.manifolds.triangle_depths import crossing_depths
 from voxgran.contacts.manifolds.triangle_features import is_minimum, nearest_features, place_triangle
 from voxgran.contacts.manifolds.triangle_lists import near_triangles
@@ -42,7 +49,7 @@ def exact_candidates(
     The gap is -1e9 where triangles cross or the center of a sphere lies in a mesh, and 1e9 where none are within the
     margin.
     """
-    bodies, pose, points, placed, apart = work.bodies, work.now, work.points, work.placed[0], work.apart[p]
+    bodies, pose, points, placed, apart = work.bodies, work.now, work.points, work.placed[0], work.apart
     stretch, unit, turn = pose[13] / pose[12], pose[12], grains.matrix[i]
     solid_i, solid_j = bodies.frame[grains.shape[i], 7], bodies.frame[grains.shape[j], 7]
     pierce = solid_i != 0 and solid_j != 0
@@ -193,6 +200,7 @@ def find_triangle_contacts(search: Search, work: Blocks[SurfaceWork], rows: Cont
     if made >= 0 and overlap.any():
         # a kernel of its own: beds without overlap need not wait for its compilation
         made = work.find(_find_crossing, search, rows, made, chosen=overlap)
+    tidy(work, len(search.pairs.i))
     return made
 
 
@@ -200,6 +208,8 @@ def find_triangle_contacts(search: Search, work: Blocks[SurfaceWork], rows: Cont
 def _find_exact(search, work, rows, m, begin, end):  # type: ignore[no-untyped-def]
     """Write the contacts of pairs from `begin` to `end` - 1 that do not overlap, and the gaps of all."""
     grains, pairs, margin, silent = search.grains, search.pairs, search.margin, m < 0
+    used, free, size = work.used[0], len(work.apart) - work.used[0], max(len(pairs.i), 1)
+    work.span[0], work.span[1] = used + free * begin // size, used + free * end // size
     for p in range(begin, end):
         i, j = pairs.i[p], pairs.j[p]
         work.gap[p] = math.inf
