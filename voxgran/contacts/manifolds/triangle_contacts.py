@@ -19,6 +19,8 @@ from voxgran.contacts.manifolds.surface_contacts import field_candidates
 from voxgran.contacts.manifolds.surface_memory import (
     SurfaceWork,
     copy_numbers,
+    is_kept,
+    motion_since,
     spacing_of,
     tidy,
     write_pose,
@@ -26,7 +28,7 @@ from voxgran.contacts.manifolds.surface_memory import (
 )
 from voxgran.contacts.manifolds.triangle_depths import crossing_depths
 from voxgran.contacts.manifolds.triangle_features import is_minimum, nearest_features, place_triangle
-from voxgran.contacts.manifolds.triangle_lists import near_triangles
+from voxgran.contacts.manifolds.triangle_lists import least_distance, near_triangles
 from voxgran.geometry.tree import is_behind, search_triangles
 from voxgran.geometry.vectors import along, corner_of, dot, rotate, sub, times, vector_at
 
@@ -143,6 +145,11 @@ def _exact_pair(grains, work, p, i, j, margin):  # type: ignore[no-untyped-def]
 
     The gap is -1e9 where the grains overlap, or a bound of it beyond the margin.
     """
+    old = work.pose[p, 1]
+    if is_kept(work.key[p, 1], i, j):
+        apart = old[15] - motion_since(work.now, old, grains.radius[i], grains.radius[j])
+        if apart > margin:
+            return 0, apart
     count, clear, way = near_triangles(grains, work, p, i, j, margin)
     if count < 0:
         # more triangles than are listed are near each other only where grains lie deep in each other
@@ -152,6 +159,7 @@ def _exact_pair(grains, work, p, i, j, margin):  # type: ignore[no-untyped-def]
         if _is_inside(grains, work, i, j):
             return 0, -1e9
         # listed pairs are all beyond the margin now
+        old[15] = least_distance(work, p)
         return 0, clear if count == 0 else min(clear, margin)
     return k, low
 

@@ -260,6 +260,7 @@ def _renew(grains, work, p, i, j, margin):  # type: ignore[no-untyped-def]
     count, clear = _list_triangles(grains, work, i, j, margin + slack, slack, old[16:19])
     key[0], key[1], key[2] = i, j, -1
     copy_numbers(old, work.now, 14)
+    old[15] = -1.0
     # of more triangles than can be kept the nearer ones are
     kept = 0
     for _ in range(6):
@@ -287,6 +288,15 @@ def _renew(grains, work, p, i, j, margin):  # type: ignore[no-untyped-def]
             work.apart[to] = work.found_apart[q]
             to += 1
     return count, clear
+
+
+@bare_kernel
+def least_distance(work: SurfaceWork, p: int) -> float:
+    """Return a lower bound of the distance of the surfaces of a pair when its list was made, -1 without a list."""
+    key, least = work.key[p, 1], work.pose[p, 1, 14]
+    for q in range(key[3], key[3] + key[2]):
+        least = min(least, work.apart[q])
+    return least if key[2] >= 0 else -1.0
 
 
 @bare_kernel
