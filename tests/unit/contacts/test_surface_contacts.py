@@ -9,9 +9,9 @@ from surface_scenes import bring_near, couples, exact_gaps, grains_of, pairs_of,
 import voxgran as vg
 from voxgran._base.errors import InputError
 from voxgran.contacts.manifolds.distance_grids import surface_bodies, surface_points
-from voxgran.contacts.manifolds.rows import GAP, PUSH, Search
-from voxgran.contacts.manifolds.surface_contacts import find_surface_contacts
-from voxgran.contacts.manifolds.surface_memory import surface_work
+from voxgran.contacts.manifolds.rows import GAP, PUSH, Pair, Search
+from voxgran.contacts.manifolds.surface_contacts import MOST, find_surface_contacts
+from voxgran.contacts.manifolds.surface_memory import surface_work, write_spread
 from voxgran.geometry.rotation import normalized, rotation_matrices
 
 
@@ -61,6 +61,60 @@ def test_room_and_rest_are_subtracted_and_bounds_skip(scene):
     look(grains, bodies, pairs)
     np.testing.assert_array_equal(bound[far], pairs.bound[far])
     assert not pairs.count[far].any()
+
+
+def test_what_is_remembered_does_not_change_the_contacts(scene):
+    """Points that are listed when a pair is looked at are enough while its grains move."""
+    _, bodies, grains, again, _ = scene
+    grains, generator = grains._replace(position=grains.position.copy()), np.random.Generator(np.random.Philox(6))
+    pairs, work = pairs_of(again.i, again.j), surface_work(bodies, len(again.i))
+    kept = 0
+    for step in range(6):
+        pairs.bound[:], rows = -1e9, rows_of(2000)
+        before = work.arrays.pose[:, 0].copy()
+        m = find_surface_contacts(Search(grains, pairs, 0.02, 1e-3), work, rows, 0)
+        kept += int((work.arrays.pose[:, 0] == before).all(axis=1).sum())
+        fresh = pairs_of(again.i, again.j)
+        other, same = look(grains, bodies, fresh, margin=0.02, rest=1e-3)
+        assert m == same > 50
+        np.testing.assert_array_equal(rows.row[:m], other.row[:m])
+        np.testing.assert_array_equal(pairs.count, fresh.count)
+        grains.position[:] += generator.normal(size=grains.position.shape) * (2e-3 if step < 4 else 2e-2)
+    assert kept > 100
+
+
+def spread_twin(candidate, most, reach, spacing):
+    """Return the places and gaps of the candidates that are kept, by sorting."""
+    left = candidate[candidate[:, 6] < reach]
+    left = left[np.argsort(left[:, 6] - 1e-12 * (left[:, :3] ** 2).sum(axis=1), kind="stable")]
+    kept = []
+    while len(left) and len(kept) < most:
+        best = left[0]
+        kept.append(best)
+        near = np.linalg.norm(left[:, :3] - best[:3], axis=1) < spacing
+        left = left[1:][~(near & (left[:, 3:6] @ best[3:6] > 0.7))[1:]]
+    return np.array(kept)
+
+
+@pytest.mark.parametrize("many", [0, 1, 5, 60])
+def test_the_deepest_points_apart_from_each_other_are_kept(many):
+    generator = np.random.Generator(np.random.Philox(many))
+    candidate = np.zeros((80, 8))
+    candidate[:, :3] = 0.3 * generator.random((80, 3))
+    candidate[:, 3:6] = normalized(np.column_stack([generator.normal(size=(80, 3)), np.zeros(80)]))[:, :3]
+    # some gaps are the same: the outer one of these counts
+    candidate[:, 6] = np.round(0.03 * generator.random(80), 3)
+    twin = spread_twin(candidate[:many], MOST, 0.02, 0.1)
+    rows, pair = rows_of(20), Pair(3, 7, (1.0, 2.0, 3.0), 0, 0, 0.02, 1e-3)
+    m = write_spread(rows, 2, pair, candidate, many, MOST, 0.1)
+    assert m == 2 + len(twin)
+    if len(twin):
+        np.testing.assert_array_equal(rows.row[2:m, 3:6], twin[:, :3])
+        np.testing.assert_array_equal(rows.row[2:m, :3], twin[:, 3:6])
+        np.testing.assert_array_equal(rows.row[2:m, GAP], twin[:, 6] - 1e-3)
+    if many == 60:
+        assert m == 2 + MOST
+        assert write_spread(rows_of(4), 2, pair, candidate, many, MOST, 0.1) == -1
 
 
 def test_a_turned_bed_has_turned_contacts(scene):

@@ -6,6 +6,7 @@ from kit import hull, mesh_box
 from surface_scenes import bring_near, couples, exact_gaps, grains_of, pairs_of, rows_of
 
 import voxgran as vg
+from voxgran.contacts.manifolds import surface_memory
 from voxgran.contacts.manifolds.distance_grids import surface_bodies
 from voxgran.contacts.manifolds.rows import GAP, Search
 from voxgran.contacts.manifolds.surface_memory import surface_work
@@ -54,8 +55,10 @@ def test_gaps_and_normals_are_those_of_the_general_tests(rocks):
         np.testing.assert_allclose(apart, (row[GAP] + 1e-3) * row[:3], atol=1e-12)
 
 
-def test_what_is_remembered_does_not_change_the_gaps(rocks):
+@pytest.mark.parametrize("room", [1, 800])
+def test_what_is_remembered_does_not_change_the_gaps(rocks, room, monkeypatch):
     """Grains of near couples move in small steps; each time the gaps are those of a look without memory."""
+    monkeypatch.setattr(surface_memory, "FIRST", room)
     shapes, bodies = rocks
     generator = np.random.Generator(np.random.Philox(5))
     grains, turns, pairs = couples(60, shapes, 4)
@@ -63,13 +66,39 @@ def test_what_is_remembered_does_not_change_the_gaps(rocks):
     for _ in range(3):
         bring_near(shapes, grains, turns, pairs, box, generator)
     work, rows = surface_work(bodies, 60), rows_of(MOST * 60)
+    kept = []
     for step in range(8):
         gap, proven = prove_separate(grains, pairs, work, rows, 0.02)
         other = surface_work(bodies, 60)
         fresh, again = prove_separate(grains, pairs, other, rows, 0.02)
         np.testing.assert_allclose(gap, fresh, atol=1e-13)
         np.testing.assert_array_equal(proven, again)
+        kept.append(set(np.flatnonzero(work.arrays.key[:, 1, 2] > 0)))
         grains.position[:] += generator.normal(size=(120, 3)) * (1e-3 if step < 6 else 2e-2)
+    # lists that found no room at first are kept when they are made again, and lie apart from each other in the pool
+    assert (kept[0] < kept[1]) == (room == 1)
+    assert len(kept[1]) > 20
+    first, count = work.arrays.key[:, 1, 3], work.arrays.key[:, 1, 4]
+    order = np.lexsort((count, first))
+    assert (first[order][1:] >= (first + count)[order][:-1]).all()
+
+
+def test_pairs_of_a_dense_bed_take_little_memory(rocks):
+    shapes, bodies = rocks
+    n, generator = 5**3, np.random.Generator(np.random.Philox(2))
+    place = np.stack(np.meshgrid(*[0.97 * np.arange(5.0)] * 3), axis=-1).reshape(-1, 3)
+    shape, turns = generator.integers(0, 2, n), normalized(generator.normal(size=(n, 4)))
+    grains = grains_of(shapes, shape, place, turns)
+    far = np.linalg.norm(place[:, None] - place, axis=2) - grains.radius[:, None] - grains.radius
+    pairs = pairs_of(*np.nonzero(np.triu(far < 0.1, 1)))
+    assert len(pairs.i) > 6 * n
+    rows, work = rows_of(MOST * len(pairs.i)), surface_work(bodies, len(pairs.i))
+    for _ in range(3):
+        find_triangle_contacts(Search(grains, pairs, 5e-3, 0.0), work, rows, 0)
+        grains.position[:] += 2e-3 * generator.normal(size=(n, 3))
+    assert (work.arrays.key[:, 1, 2] > 0).sum() > 2 * n
+    held = sum(array.nbytes for name, array in work.arrays._asdict().items() if name not in {"bodies", *work.scratch})
+    assert held / n < 50e3
 
 
 def test_edges_of_crossed_boxes_touch_at_one_place():

@@ -74,6 +74,11 @@ class Blocks(Generic[Work]):
             m += end
         return m
 
+    def replace(self, **arrays: Any) -> None:
+        """Put other arrays, which all blocks share, in the place of those of these names."""
+        self.arrays = self.arrays._replace(**arrays)  # type: ignore[attr-defined]
+        self.own = [(work._replace(**arrays), room) for work, room in self.own]  # type: ignore[attr-defined]
+
     def _own(self, block: int, rows: ContactRows) -> tuple[Work, ContactRows]:
         """Return the work of a block, and room for as many rows as there are, with the same old ones."""
         if block == len(self.own):

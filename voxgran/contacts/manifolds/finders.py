@@ -110,7 +110,7 @@ class ContactFinders:
     def _make_room(self, size: int) -> None:
         """Make room for the memory of pairs."""
         if size > len(self._surface_work.arrays.key):
-            self._surface_work = surface_work(self._surfaces, 2 * size)
+            self._surface_work = surface_work(self._surfaces, size + size // 4)
 
     def move_walls(self, container: Container) -> None:
         """Take over a container of the same kind, whose walls have moved."""

@@ -13,7 +13,7 @@ from voxgran.contacts.manifolds.blocks import Blocks, pairs_of_kind
 from voxgran.contacts.manifolds.distance_grids import SurfaceBodies
 from voxgran.contacts.manifolds.rows import SURFACE, ContactRows, Grains, Pair, Search, offset_of
 from voxgran.contacts.manifolds.surface_memory import (
-    LEAVES,
+    POINTS,
     SurfaceWork,
     copy_numbers,
     is_kept,
@@ -26,7 +26,7 @@ from voxgran.geometry.vectors import Vector, add, along, dot, rotate, times, vec
 
 #: contact points of a pair, at most
 MOST = 6
-#: distance beyond the margin within which clusters are listed
+#: distance beyond the margin within which points are listed
 SLACK = 0.02
 #: slope of a grid below which it gives no direction
 FLAT = 0.1
@@ -122,14 +122,14 @@ def to_cells(turn: Floats, x: float, y: float, z: float) -> Vector:
 
 
 @bare_kernel
-def _list_clusters(work, way, body, guest, reach):  # type: ignore[no-untyped-def]
-    """List the clusters of a guest within reach of the grid of a body; return their number and a bound of the others.
+def _list_points(work, way, body, guest, reach):  # type: ignore[no-untyped-def]
+    """List the points of a guest within reach of the grid of a body; return their number and a bound of the others.
 
-    way: 0 where the body is that of grain i, 1 where it is that of j.
+    way: 0 where the body is that of grain i, 1 where it is that of j.  Their distances are written to `found_apart`.
     """
     bodies, turn, listed = work.bodies, work.turn[way], work.listed[way]
     mine, theirs, cluster, rows = work.now[12 + way], work.now[13 - way], bodies.cluster, bodies.cluster_rows
-    grid, at, frame = bodies.grid, bodies.first[body, 2], bodies.frame[body]
+    grid, at, frame, point = bodies.grid, bodies.first[body, 2], bodies.frame[body], bodies.point
     nx, ny, nz, cell = int(frame[0]), int(frame[1]), int(frame[2]), frame[6]
     q, last, count, low = bodies.first[guest, 1], bodies.first[guest + 1, 1], 0, 1e9
     while q < last:
@@ -139,45 +139,49 @@ def _list_clusters(work, way, body, guest, reach):  # type: ignore[no-untyped-de
             low = min(low, distance)
             q = rows[q, 2]
             continue
-        if rows[q, 0] >= 0:
-            listed[count] = q
-            count += 1
+        for s in range(rows[q, 0], rows[q, 1]):
+            x, y, z = to_cells(turn, point[s, 0], point[s, 1], point[s, 2])
+            distance = _grid_distance(grid, at, nx, ny, nz, cell, x, y, z) * mine - point[s, 3] * theirs
+            if distance > reach:
+                low = min(low, distance)
+            else:
+                listed[count], work.found_apart[count] = s, distance
+                count += 1
         q += 1
     return count, low
 
 
 @bare_kernel
-def _look(work, way, body, count, near, k):  # type: ignore[no-untyped-def]
-    """Write the points of listed clusters that are within `near`, in the frame of the body with the grid.
+def _look(work, way, body, count, near, known, k):  # type: ignore[no-untyped-def]
+    """Write the listed points that are within `near`, in the frame of the body with the grid.
 
-    A candidate is point (3), outward normal (3) of the grid and gap.  Returns the number and the least gap.
+    known: whether their distances are in `found_apart`.  A candidate is point (3), outward normal (3) of the grid and
+    gap.  Returns the number and the least gap.
     """
     bodies, turn, listed = work.bodies, work.turn[way], work.listed[way]
-    mine, theirs, cluster, rows = work.now[12 + way], work.now[13 - way], bodies.cluster, bodies.cluster_rows
+    mine, theirs, point, low = work.now[12 + way], work.now[13 - way], bodies.point, 1e9
     grid, at, frame = bodies.grid, bodies.first[body, 2], bodies.frame[body]
     nx, ny, nz, cell = int(frame[0]), int(frame[1]), int(frame[2]), frame[6]
-    point, low = bodies.point, 1e9
     for n in range(count):
-        q = listed[n]
-        x, y, z = to_cells(turn, cluster[q, 0], cluster[q, 1], cluster[q, 2])
-        distance = _grid_distance(grid, at, nx, ny, nz, cell, x, y, z) * mine - cluster[q, 3] * theirs
-        if distance > near:
+        s = listed[n]
+        distance = work.found_apart[n]
+        if known and distance >= near:
             low = min(low, distance)
             continue
-        for s in range(rows[q, 0], rows[q, 1]):
-            x, y, z = to_cells(turn, point[s, 0], point[s, 1], point[s, 2])
+        x, y, z = to_cells(turn, point[s, 0], point[s, 1], point[s, 2])
+        if not known:
             distance = _grid_distance(grid, at, nx, ny, nz, cell, x, y, z) * mine - point[s, 3] * theirs
-            low = min(low, distance)
-            if distance < near:
-                gx, gy, gz = _grid_slope(grid, at, nx, ny, nz, cell, x, y, z)
-                length = math.sqrt(gx * gx + gy * gy + gz * gz)
-                if length < FLAT:
-                    continue
-                row = work.candidate[k]
-                row[0], row[1], row[2] = x, y, z
-                row[3], row[4], row[5], row[6] = gx / length, gy / length, gz / length, distance
-                row[7] = point[s, 3] * theirs
-                k += 1
+        low = min(low, distance)
+        if distance < near:
+            gx, gy, gz = _grid_slope(grid, at, nx, ny, nz, cell, x, y, z)
+            length = math.sqrt(gx * gx + gy * gy + gz * gz)
+            if length < FLAT:
+                continue
+            row = work.candidate[k]
+            row[0], row[1], row[2] = x, y, z
+            row[3], row[4], row[5], row[6] = gx / length, gy / length, gz / length, distance
+            row[7] = point[s, 3] * theirs
+            k += 1
     return k, low
 
 
@@ -217,7 +221,7 @@ def field_candidates(
     if not kept:
         clear = 1e9
     slack = min(SLACK, 0.1 * min(grains.radius[i], grains.radius[j]))
-    k, low, fits = 0, 1e9, True
+    k, low, many = 0, 1e9, 0
     for way in range(2):
         one, other = (i, j) if way == 0 else (j, i)
         body, frame, listed = grains.shape[one], bodies.frame[grains.shape[one]], work.listed[way]
@@ -229,20 +233,20 @@ def field_candidates(
         if kept:
             count = key[2 + way]
             for q in range(count):
-                listed[q] = work.leaf[p, way * LEAVES + q]
+                listed[q] = work.leaf[p, many + q]
         else:
-            count, apart = _list_clusters(work, way, body, grains.shape[other], near + slack)
+            count, apart = _list_points(work, way, body, grains.shape[other], near + slack)
             clear = min(clear, apart)
-            fits = fits and count <= LEAVES
             key[2 + way] = count
-            for q in range(min(count, LEAVES)):
-                work.leaf[p, way * LEAVES + q] = listed[q]
+            for q in range(min(count, POINTS - many)):
+                work.leaf[p, many + q] = listed[q]
+        many += count
         start = k
-        k, least = _look(work, way, body, count, near, k)
+        k, least = _look(work, way, body, count, near, not kept, k)
         low = min(low, least)
         _place(grains, one, frame, way, offset, work.candidate, start, k)
     if not kept:
-        key[0], key[1] = i if fits else -1, j
+        key[0], key[1] = i if many <= POINTS else -1, j
         copy_numbers(old, pose, 14)
         old[14] = clear
     return k, min(low, clear)

@@ -17,8 +17,12 @@ from voxgran.contacts.manifolds.distance_grids import SurfaceBodies
 from voxgran.contacts.manifolds.rows import ContactRows, Grains, Pair, write_contact
 from voxgran.geometry.vectors import Vector, along, dot, rotate_back, row_of, sub, vector_at
 
-#: clusters that are kept of each grain of a pair, and pairs of triangles
-LEAVES, NEAR = 48, 2048
+#: points that are kept of a pair, and pairs of triangles
+POINTS, NEAR = 128, 2048
+#: entries of the pool of lists for each pair of grains at first
+FIRST = 32
+#: length of a list that found no room in the pool
+LOST = -2
 #: pairs of triangles of one pair of grains that are listed at once
 LISTED = 16384
 #: what the square of its distance from the centroid counts of the gap of a point
@@ -34,15 +38,18 @@ class SurfaceWork(NamedTuple):
     gap: (cap,) exact distances of the surfaces at the last exact look: infinite beyond the margin, minus infinity where
     grains overlap.  proven: (cap,) whether the grains were proven to be separate.
     pose: (cap, 2, 20) poses when the pair was listed, by points and by triangles: offset (3) and rotation (9) of j in
-    the frame of i, both scales, the distance beyond which nothing was listed; from column 16 on the direction in which
-    the triangles were nearest.  key: (cap, 2, 4): i, j, and the
-    lengths of the lists, -1 without a list.  leaf: (cap, 2 LEAVES) clusters of j, then of i.  near: (cap, NEAR, 2)
-    triangles of i and of j, and apart: (cap, NEAR) lower bounds of their distances.  saved: (cap, 2) first and
+    the frame of i, both scales, the distance beyond which nothing was listed; of triangles a distance that the
+    surfaces, neither of which was in the other, had then at least, -1 if unknown, and the direction in which they were
+    nearest.  key: (cap, 2, 5): i, j, and the lengths of both lists of points, or the length of the list of triangles,
+    -1 without a list, its first entry in the pool and the number of entries that it has there.  leaf: (cap, POINTS)
+    points of j, then of i.  near: (pool, 2) triangles of i and of j, and apart: (pool,) lower bounds of their
+    distances, the lists of all pairs.  used: (1,) entries in use, from the first one on.  saved: (cap, 2) first and
     count of pairs that overlap, before a call.
     candidate: (LISTED, 8) contact points: place on i from its centroid (3), normal (3), gap.  now: (28,) a pose and an
-    offset.  turn: (2, 12) maps to the cells of grids.  listed: (2, c) clusters or leaves.  found: (LISTED, 3) and
-    found_apart: (LISTED,) pairs of triangles.  stack: (256,), points: (16,): of searches.  placed: (2, t, 3, 3),
-    plane: (2, t, 9) and number: (2, t): triangles of j and of i in the frame of i.
+    offset.  turn: (2, 12) maps to the cells of grids.  listed: (2, c) points or leaves.  found: (LISTED, 3) pairs of
+    triangles.  found_apart: (LISTED,) bounds of their distances, or distances of points.  stack: (256,), points: (16,):
+    of searches.  placed: (2, t, 3, 3), plane: (2, t, 9) and number: (2, t): triangles of j and of i in the frame of i.
+    span: (2,) first entry of the pool that is free for a block of pairs, and the one after its last.
     """
 
     bodies: SurfaceBodies
@@ -53,6 +60,7 @@ class SurfaceWork(NamedTuple):
     leaf: NDArray[np.int32]
     near: NDArray[np.int32]
     apart: Floats
+    used: Integers
     saved: Integers
     candidate: Floats
     now: Floats
@@ -65,11 +73,13 @@ class SurfaceWork(NamedTuple):
     placed: Floats
     plane: Floats
     number: Integers
+    span: Integers
 
 
 #: arrays of the work that each thread has for itself
 SCRATCH = (
     *("candidate", "now", "turn", "listed", "found", "found_apart", "stack", "points", "placed", "plane", "number"),
+    "span",
 )
 
 
@@ -82,24 +92,51 @@ def surface_work(bodies: SurfaceBodies, cap: int) -> Blocks[SurfaceWork]:
         gap=np.full(cap, np.inf),
         proven=np.zeros(cap, dtype=np.bool_),
         pose=np.zeros((cap, 2, 20)),
-        key=np.full((cap, 2, 4), -1, dtype=np.int64),
-        leaf=np.zeros((cap, 2 * LEAVES), dtype=np.int32),
-        near=np.zeros((cap, NEAR, 2), dtype=np.int32),
-        apart=np.zeros((cap, NEAR)),
+        key=np.tile(np.array([-1, -1, -1, 0, 0]), (cap, 2, 1)),
+        leaf=np.zeros((cap, POINTS), dtype=np.int32),
+        near=np.zeros((FIRST * cap, 2), dtype=np.int32),
+        apart=np.zeros(FIRST * cap),
+        used=np.zeros(1, dtype=np.int64),
         saved=np.zeros((cap, 2), dtype=np.int64),
         candidate=np.zeros((scratch, 8)),
         now=np.zeros(28),
         turn=np.zeros((2, 12)),
         listed=np.zeros((2, int(counts.max())), dtype=np.int64),
         found=np.zeros((LISTED, 3), dtype=np.int64),
-        found_apart=np.zeros(LISTED),
+        found_apart=np.zeros(scratch),
         stack=np.zeros(256, dtype=np.int64),
         points=np.zeros(16),
         placed=np.zeros((2, int(counts[3]), 3, 3)),
         plane=np.zeros((2, int(counts[3]), 9)),
         number=np.zeros((2, int(counts[3])), dtype=np.int64),
+        span=np.zeros(2, dtype=np.int64),
     )
     return Blocks(work, SCRATCH)
+
+
+def tidy(work: Blocks[SurfaceWork], size: int) -> None:
+    """Move the lists of triangles of the first pairs to the front of the pool, once half of it is in use.
+
+    The pool grows where lists found no room in it, which are made again when their pairs are next looked at.
+    """
+    arrays = work.arrays
+    arrays.key[size:, 1, 2] = -1
+    key = arrays.key[:, 1]
+    lost, cap = key[:, 2] == LOST, len(arrays.apart)
+    arrays.used[0] = (key[:, 3] + key[:, 4]).max(initial=0)
+    if not lost.any() and 2 * arrays.used[0] <= cap:
+        return
+    wanted = int(key[lost, 4].sum())
+    key[lost, 2] = -1
+    count = np.maximum(key[:, 2], 0)
+    first = np.cumsum(count) - count
+    total = int(count.sum())
+    source = np.arange(total) + np.repeat(key[:, 3] - first, count)
+    cap = max(cap, 2 * (total + wanted))
+    near, apart = np.zeros((cap, 2), dtype=np.int32), np.zeros(cap)
+    near[:total], apart[:total] = arrays.near[source], arrays.apart[source]
+    key[:, 3], key[:, 4], arrays.used[0] = first, count, total
+    work.replace(near=near, apart=apart)
 
 
 @bare_kernel
@@ -153,28 +190,35 @@ def write_spread(rows: ContactRows, m: int, pair: Pair, candidate: Floats, k: in
 
     Returns -1 if the rows are full.
     """
-    start, near = m, pair.reach
-    while m - start < most:
-        best, at = 1e300, -1
-        for q in range(k):
-            if candidate[q, 6] < near:
-                # of points at one height, as between parallel faces, the outer ones are kept
-                place = row_of(candidate, q)
-                score = candidate[q, 6] - TIE * dot(place, place)
-                if score < best:
-                    best, at = score, q
-        if at < 0:
-            return m
-        best = candidate[at, 6]
+    left, at, best, last = 0, -1, 1e300, m + most
+    for q in range(k):
+        row = candidate[q]
+        if row[6] < pair.reach:
+            # of points at one height, as between parallel faces, the outer ones are kept
+            place = vector_at(row, 0)
+            row[7] = row[6] - TIE * dot(place, place)
+            left, at, best = _keep_candidate(candidate, q, left, at, best)
+    while at >= 0 and m < last:
         if m >= len(rows.i):
             return -1
+        chosen, gap = at, candidate[at, 6]
         arm, normal = row_of(candidate, at), vector_at(candidate[at], 3)
-        other_arm = sub(along(arm, best, normal), pair.offset)
-        write_contact(rows, m, pair, normal, arm, other_arm, best - pair.rest, 0.5 * spacing)
+        other_arm = sub(along(arm, gap, normal), pair.offset)
+        write_contact(rows, m, pair, normal, arm, other_arm, gap - pair.rest, 0.5 * spacing)
         m += 1
-        for q in range(k):
-            if candidate[q, 6] < near:
-                way, cosine = sub(row_of(candidate, q), arm), dot(vector_at(candidate[q], 3), normal)
-                if q == at or (dot(way, way) < spacing * spacing and cosine > SAME):
-                    candidate[q, 6] = 1e300
+        count, left, at, best = left, 0, -1, 1e300
+        for q in range(count):
+            way, cosine = sub(row_of(candidate, q), arm), dot(vector_at(candidate[q], 3), normal)
+            if q != chosen and (dot(way, way) >= spacing * spacing or cosine <= SAME):
+                left, at, best = _keep_candidate(candidate, q, left, at, best)
     return m
+
+
+@bare_kernel
+def _keep_candidate(candidate, q, left, at, best):  # type: ignore[no-untyped-def]
+    """Move candidate q up to place `left`; return the number of those kept, and place and score of the best of them."""
+    if left < q:
+        copy_numbers(candidate[left], candidate[q], 8)
+    if candidate[left, 7] < best:
+        return left + 1, left, candidate[left, 7]
+    return left + 1, at, best

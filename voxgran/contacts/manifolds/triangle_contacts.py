@@ -16,10 +16,19 @@ from voxgran._base.kernels import bare_kernel, kernel
 from voxgran.contacts.manifolds.blocks import Blocks, pairs_of_kind
 from voxgran.contacts.manifolds.rows import SURFACE, ContactRows, Grains, Pair, PairList, Search, offset_of
 from voxgran.contacts.manifolds.surface_contacts import field_candidates
-from voxgran.contacts.manifolds.surface_memory import SurfaceWork, copy_numbers, spacing_of, write_pose, write_spread
+from voxgran.contacts.manifolds.surface_memory import (
+    SurfaceWork,
+    copy_numbers,
+    is_kept,
+    motion_since,
+    spacing_of,
+    tidy,
+    write_pose,
+    write_spread,
+)
 from voxgran.contacts.manifolds.triangle_depths import crossing_depths
 from voxgran.contacts.manifolds.triangle_features import is_minimum, nearest_features, place_triangle
-from voxgran.contacts.manifolds.triangle_lists import near_triangles
+from voxgran.contacts.manifolds.triangle_lists import least_distance, near_triangles
 from voxgran.geometry.tree import is_behind, search_triangles
 from voxgran.geometry.vectors import along, corner_of, dot, rotate, sub, times, vector_at
 
@@ -42,7 +51,7 @@ def exact_candidates(
     The gap is -1e9 where triangles cross or the center of a sphere lies in a mesh, and 1e9 where none are within the
     margin.
     """
-    bodies, pose, points, placed, apart = work.bodies, work.now, work.points, work.placed[0], work.apart[p]
+    bodies, pose, points, placed, apart = work.bodies, work.now, work.points, work.placed[0], work.apart
     stretch, unit, turn = pose[13] / pose[12], pose[12], grains.matrix[i]
     solid_i, solid_j = bodies.frame[grains.shape[i], 7], bodies.frame[grains.shape[j], 7]
     pierce = solid_i != 0 and solid_j != 0
@@ -136,6 +145,11 @@ def _exact_pair(grains, work, p, i, j, margin):  # type: ignore[no-untyped-def]
 
     The gap is -1e9 where the grains overlap, or a bound of it beyond the margin.
     """
+    old = work.pose[p, 1]
+    if is_kept(work.key[p, 1], i, j):
+        apart = old[15] - motion_since(work.now, old, grains.radius[i], grains.radius[j])
+        if apart > margin:
+            return 0, apart
     count, clear, way = near_triangles(grains, work, p, i, j, margin)
     if count < 0:
         # more triangles than are listed are near each other only where grains lie deep in each other
@@ -145,6 +159,7 @@ def _exact_pair(grains, work, p, i, j, margin):  # type: ignore[no-untyped-def]
         if _is_inside(grains, work, i, j):
             return 0, -1e9
         # listed pairs are all beyond the margin now
+        old[15] = least_distance(work, p)
         return 0, clear if count == 0 else min(clear, margin)
     return k, low
 
@@ -193,6 +208,7 @@ def find_triangle_contacts(search: Search, work: Blocks[SurfaceWork], rows: Cont
     if made >= 0 and overlap.any():
         # a kernel of its own: beds without overlap need not wait for its compilation
         made = work.find(_find_crossing, search, rows, made, chosen=overlap)
+    tidy(work, len(search.pairs.i))
     return made
 
 
@@ -200,6 +216,8 @@ def find_triangle_contacts(search: Search, work: Blocks[SurfaceWork], rows: Cont
 def _find_exact(search, work, rows, m, begin, end):  # type: ignore[no-untyped-def]
     """Write the contacts of pairs from `begin` to `end` - 1 that do not overlap, and the gaps of all."""
     grains, pairs, margin, silent = search.grains, search.pairs, search.margin, m < 0
+    used, free, size = work.used[0], len(work.apart) - work.used[0], max(len(pairs.i), 1)
+    work.span[0], work.span[1] = used + free * begin // size, used + free * end // size
     for p in range(begin, end):
         i, j = pairs.i[p], pairs.j[p]
         work.gap[p] = math.inf

@@ -12,7 +12,7 @@ import math
 from voxgran._base.kernels import bare_kernel
 from voxgran.contacts.manifolds.rows import Grains
 from voxgran.contacts.manifolds.surface_contacts import grid_bound, to_cells, write_turn
-from voxgran.contacts.manifolds.surface_memory import NEAR, SurfaceWork, copy_numbers, is_kept, motion_since
+from voxgran.contacts.manifolds.surface_memory import LOST, NEAR, SurfaceWork, copy_numbers, is_kept, motion_since
 
 #: distance beyond the margin within which triangles are listed, in median diameters and in radii of the smaller grain
 SLACK, SLACK_OF_RADIUS = 8e-3, 0.02
@@ -251,7 +251,7 @@ def _list_triangles(grains, work, i, j, reach, slack, nearest):  # type: ignore[
 def _renew(grains, work, p, i, j, margin):  # type: ignore[no-untyped-def]
     """List the near triangles of a pair, and keep the list; return the number in `work.found`, and a bound of others.
 
-    Without a list that is kept (too many triangles), `work.key` says so.
+    Without a list that is kept (too many triangles, or no room), `work.key` says so.
     """
     key, old = work.key[p, 1], work.pose[p, 1]
     if not (key[0] == i and key[1] == j):
@@ -260,6 +260,7 @@ def _renew(grains, work, p, i, j, margin):  # type: ignore[no-untyped-def]
     count, clear = _list_triangles(grains, work, i, j, margin + slack, slack, old[16:19])
     key[0], key[1], key[2] = i, j, -1
     copy_numbers(old, work.now, 14)
+    old[15] = -1.0
     # of more triangles than can be kept the nearer ones are
     kept = 0
     for _ in range(6):
@@ -273,14 +274,29 @@ def _renew(grains, work, p, i, j, margin):  # type: ignore[no-untyped-def]
     old[14] = clear
     if count < 0 or kept > NEAR:
         return count, clear
+    if kept > key[4]:
+        key[3], key[4] = work.span[0], kept + kept // 4 + 1
+        if key[3] + key[4] > work.span[1]:
+            key[2], key[3] = LOST, 0
+            return count, clear
+        work.span[0] += key[4]
     key[2] = kept
-    kept = 0
+    to = key[3]
     for q in range(count):
         if work.found_apart[q] <= margin + slack:
-            work.near[p, kept, 0], work.near[p, kept, 1] = work.found[q, 0], work.found[q, 1]
-            work.apart[p, kept] = work.found_apart[q]
-            kept += 1
+            work.near[to, 0], work.near[to, 1] = work.found[q, 0], work.found[q, 1]
+            work.apart[to] = work.found_apart[q]
+            to += 1
     return count, clear
+
+
+@bare_kernel
+def least_distance(work: SurfaceWork, p: int) -> float:
+    """Return a lower bound of the distance of the surfaces of a pair when its list was made, -1 without a list."""
+    key, least = work.key[p, 1], work.pose[p, 1, 14]
+    for q in range(key[3], key[3] + key[2]):
+        least = min(least, work.apart[q])
+    return least if key[2] >= 0 else -1.0
 
 
 @bare_kernel
@@ -289,7 +305,7 @@ def near_triangles(
 ) -> tuple[int, float, float]:
     """List in `work.found` the pairs of triangles that may be within a margin; return their number, -1 if too many.
 
-    The pose is in `work.now`. The third number is the place in the list that is kept, -1 without one. Returns too the
+    The pose is in `work.now`. The third number is the entry in the pool, -1 without one. Returns too the
     distance that all others have at least, and the motion since the list was made.
     """
     key, old, way = work.key[p, 1], work.pose[p, 1], 0.0
@@ -305,8 +321,8 @@ def near_triangles(
                 work.found[q, 2] = -1
             return count, clear, way
     count = 0
-    for q in range(key[2]):
-        if work.apart[p, q] - way <= margin:
-            work.found[count, 0], work.found[count, 1], work.found[count, 2] = work.near[p, q, 0], work.near[p, q, 1], q
+    for q in range(key[3], key[3] + key[2]):
+        if work.apart[q] - way <= margin:
+            work.found[count, 0], work.found[count, 1], work.found[count, 2] = work.near[q, 0], work.near[q, 1], q
             count += 1
     return count, old[14] - way, way
