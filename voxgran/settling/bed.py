@@ -297,7 +297,7 @@ class Bed:
         """
         grains, n = self.grains, self.count
         if carry:
-            motion = self._clipped(motion, most)
+            motion = self.clipped(motion, most)
             carry_rows(self.rows, self.m, motion[:n])
         else:
             self.carried = np.full(2, np.nan)
@@ -316,7 +316,7 @@ class Bed:
         write_matrices(self.orientation, self.grains.matrix)
         self.pairs, self.listed, self.carried = no_pairs(), False, np.full(2, np.nan)
 
-    def _clipped(self, motion: Floats, most: float) -> Floats:
+    def clipped(self, motion: Floats, most: float) -> Floats:
         """Return the motions (n + 1, 6) of which none moves a point of a surface by more than `most`."""
         clipped, reach = motion.copy(), np.append(self.grains.radius, 0.0)
         for part, lever in ((clipped[:, :3], np.ones(len(motion))), (clipped[:, 3:], reach)):

@@ -22,7 +22,7 @@ from voxgran.contacts.assembly import Assembly
 from voxgran.contacts.manifolds.rows import ARM_I, GAP, NORMAL
 from voxgran.settling.balance import accelerated_projected_gradient, gauss_seidel_forces
 from voxgran.settling.bed import Bed, normalized_bed
-from voxgran.settling.interior_point import frictionless_forces
+from voxgran.settling.interior_point import frictionless_forces, is_direct
 from voxgran.settling.materials import FrictionTable, Materials, as_friction, friction_of, friction_range
 from voxgran.settling.parameters import MOST_FRICTION
 from voxgran.settling.stress_balance import Balanced, as_stress, balance_stress
@@ -36,8 +36,6 @@ ITERATIONS = 20_000
 NEAR = 0.2
 #: accuracy of the interior point, in tolerances
 ACCURACY = 0.1
-#: most spheres whose balance without friction is solved directly; of others and of more the gradient is faster
-MOST_DIRECT = 3000
 #: iterations of the first guess
 GUESS = 300
 #: number of the partner at a wall and at a lid
@@ -217,9 +215,8 @@ def balance_bed(
     """
     bed.find(reach, 0.0)
     contacts, forces = bed.contacts, bed.forces()
-    row, bodies = contacts.row, contacts.bodies
-    turning = bool(np.abs(np.cross(row[:, ARM_I : ARM_I + 3], row[:, NORMAL : NORMAL + 3])).max(initial=0.0) > 1e-9)
-    if friction_range(friction)[1] > 0.0 or turning or len(bodies) > MOST_DIRECT:
+    row = contacts.row
+    if friction_range(friction)[1] > 0.0 or not is_direct(bed):
         rub = bed.friction_at(friction)
         if sweeps:
             accelerations, made = gauss_seidel_forces(

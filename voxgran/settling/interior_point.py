@@ -26,8 +26,9 @@ from voxgran._base.arrays import Floats, Integers
 from voxgran._base.kernels import bare_kernel
 from voxgran._base.lazy import load
 from voxgran._base.stopping import stop_if_asked
-from voxgran.contacts.manifolds.rows import ARM_I, ARM_J, NORMAL
+from voxgran.contacts.manifolds.rows import ARM_I, ARM_J, NORMAL, OUTLINE, SPHERE, SURFACE
 from voxgran.settling.balance import LoadedContacts
+from voxgran.settling.bed import Bed
 
 #: unknowns of a group: with fewer, fronts are copied more often; with more, they are larger
 GROUP = 160
@@ -180,37 +181,65 @@ ITERATIONS = 80
 SHORT_OF_BOUND = 0.99
 #: most corrections of a step, by how much each is to lengthen it, and the part of that from which on it is kept
 CORRECTIONS, LONGER, KEPT = 3, 0.3, 0.1
+#: least force at a contact at the beginning, without an earlier step and with one; least slack is as large
+FIRST, WARM = 1.0, 0.3
+#: grains in a layer of unit area, and the largest product of unknowns and the square of those of a layer
+LAYER, MOST_WORK = 1.2, 4e10
+#: least second derivative, over mass or moment of inertia, that counts
+LEAST_BEND = 1e-2
 #: range of the products of slack and force, in means, into which a correction brings them
 LEAST, MOST = 0.1, 10.0
 
 
 def frictionless_forces(
     contacts: LoadedContacts, *, openness: Floats, skin: float, accuracy: float, start: Floats | None = None,
-    height: Floats | None = None,
+    height: Floats | None = None, bend: tuple[Integers, Floats] | None = None,
 ) -> tuple[Floats, Floats, int]:  # fmt: skip
     """Return normal forces (m,), accelerations (n + 1, 6) and the number of factorizations.
 
     openness: (m,) gaps divided by the square of the length of the step.  skin: acceleration by which a contact may
     approach for a unit of its force.  accuracy: to which all conditions hold at the end, in units of gravity.  start:
     (m,) forces of an earlier step.  height: (n,) by which the grains are sorted before the equations are solved, layer
-    by layer; left out, they are numbered by height.
+    by layer; left out, they are numbered by height.  bend: contacts (k,), and symmetric matrices (k, 12, 12) of
+    quadratic forms of the accelerations of their two bodies, half of which are added to the potential; of each only
+    the part that is not negative counts.
     """
     m, bodies = len(contacts.i), contacts.bodies
     jacobian, freedoms, weight = _program(contacts)
     # the lid, which may be coupled to all, is the last
     order = np.arange(len(bodies)) if height is None else np.append(np.argsort(height, kind="stable"), len(height))
-    matrix = FrontalMatrix(contacts.i, contacts.j, jacobian.data.reshape(m, 2, len(freedoms)), order)
-    force, made = np.ones(m) if start is None else np.maximum(start, 1.0), 0
+    i, j, values = contacts.i, contacts.j, jacobian.data.reshape(m, 2, len(freedoms))
+    stiff = _sparse(i[:0], j[:0], values[:0], len(bodies))
+    if bend is not None and len(bend[0]):
+        more = _bent(contacts, bend, freedoms)
+        stiff = _sparse(*more, len(bodies))
+        i, j, values = (np.concatenate(pair) for pair in zip((i, j, values), more, strict=True))
+    matrix = FrontalMatrix(i, j, values, order)
+    force, made = np.full(m, FIRST) if start is None else np.maximum(start, WARM), 0
     if m:
         # threads of small products wait for each other longer than they work, and give other bits
         with load("threadpoolctl").threadpool_limits(1, user_api="blas"):
-            x, force, made = _solved(jacobian, matrix, weight, openness, skin, force, accuracy)
+            x, force, made = _solved((jacobian, stiff), matrix, weight, openness, skin, force, accuracy)
     else:
         x = weight
     accelerations = np.zeros((len(bodies), 6))
     accelerations[:-1, :3] = np.where(bodies[:-1, 6:7] > 0.0, contacts.gravity, 0.0)
     accelerations[:, freedoms] = x.reshape(len(bodies), -1) * np.sqrt(_inverse_masses(bodies)[:, freedoms])
     return force, accelerations, made
+
+
+def is_direct(bed: Bed) -> bool:
+    """Return whether forces without friction are computed to the end: grains are convex or spheres, and layers small.
+
+    The time grows with the number of unknowns and the square of those of a layer, which a container of some width has.
+    """
+    if {SURFACE, OUTLINE} & bed.finders.kinds:
+        return False
+    lower, upper = bed.assembly.container.bounds
+    height = float((upper - lower) @ np.abs(bed.gravity))
+    unknowns = (6 if bed.finders.kinds - {SPHERE} else 3) * bed.assembly.count
+    area = bed.assembly.container.volume / max(height, 1.0)
+    return unknowns * min(unknowns, LAYER * area * unknowns / max(bed.assembly.count, 1)) ** 2 <= MOST_WORK
 
 
 def _inverse_masses(bodies: Floats) -> Floats:
@@ -224,7 +253,7 @@ def _program(contacts: LoadedContacts) -> tuple[Any, Integers, Floats]:
     All are scaled by the square roots of mass and moment of inertia.
     """
     row, i, j, bodies, gravity, _ = contacts
-    normal, m, lid = row[:, NORMAL : NORMAL + 3], len(row), len(bodies) - 1
+    normal, lid = row[:, NORMAL : NORMAL + 3], len(bodies) - 1
     root = np.sqrt(_inverse_masses(bodies))
     one = -np.hstack([normal, np.cross(row[:, ARM_I : ARM_I + 3], normal)]) * root[i]
     other = np.hstack([normal, np.cross(row[:, ARM_J : ARM_J + 3], normal)]) * root[j]
@@ -236,32 +265,56 @@ def _program(contacts: LoadedContacts) -> tuple[Any, Integers, Floats]:
     # arms of spheres have no moments, and nothing leaves a plane
     used = [np.abs(part).max(axis=0, initial=0.0) for part in (one, other)]
     freedoms = np.flatnonzero((np.maximum(*used) > 1e-9) | (np.arange(6) == np.argmax(np.abs(gravity))))
-    d = len(freedoms)
-    column = np.stack([i, np.where(j < 0, 0, j)], axis=1)[:, :, None] * d + np.arange(d)
     values = np.stack([one[:, freedoms], other[:, freedoms]], axis=1)
-    sparse = load("scipy.sparse")
-    jacobian = sparse.csr_array((values.ravel(), column.ravel(), np.arange(m + 1) * 2 * d), shape=(m, (lid + 1) * d))
-    return jacobian, freedoms, pull[:, freedoms].ravel()
+    return _sparse(i, j, values, lid + 1), freedoms, pull[:, freedoms].ravel()
+
+
+def _sparse(i: Integers, j: Integers, values: Floats, count: int) -> Any:
+    """Return rows that couple bodies i and j, (k,), by values (k, 2, d) as a sparse matrix (k, count d)."""
+    k, _, d = values.shape
+    column = np.stack([i, np.where(j < 0, 0, j)], axis=1)[:, :, None] * d + np.arange(d)
+    arrays = (values.ravel(), column.ravel(), np.arange(k + 1) * 2 * d)
+    return load("scipy.sparse").csr_array(arrays, shape=(k, count * d))
+
+
+def _bent(
+    contacts: LoadedContacts, bend: tuple[Integers, Floats], freedoms: Integers
+) -> tuple[Integers, Integers, Floats]:
+    """Return rows of which the sum of squares is the part of quadratic forms that is not negative: i, j and values."""
+    some, forms = bend
+    i, j, lid = contacts.i[some], contacts.j[some], len(contacts.bodies) - 1
+    root = np.sqrt(_inverse_masses(contacts.bodies))
+    scale = np.hstack([root[i], root[np.where(j < 0, lid, j)]])
+    used = np.concatenate([freedoms, freedoms + 6])
+    size, way = np.linalg.eigh((forms * scale[:, :, None] * scale[:, None, :])[:, used[:, None], used])
+    which, one = np.nonzero(size > LEAST_BEND)
+    values = np.sqrt(size[which, one])[:, None] * way[which, :, one]
+    return i[which], np.where(j < lid, j, -1)[which], values.reshape(len(which), 2, len(freedoms))
 
 
 def _solved(
-    jacobian: Any, matrix: FrontalMatrix, weight: Floats, openness: Floats, skin: float, force: Floats, accuracy: float
-) -> tuple[Floats, Floats, int]:
-    """Return the scaled accelerations, the forces, and the number of factorizations."""
-    transposed = jacobian.T.tocsr()
+    matrices: tuple[Any, Any], matrix: FrontalMatrix, weight: Floats, openness: Floats, skin: float, force: Floats,
+    accuracy: float,
+) -> tuple[Floats, Floats, int]:  # fmt: skip
+    """Return the scaled accelerations, the forces, and the number of factorizations.
+
+    matrices: the Jacobian of the gaps, and rows of which the squares are added to the potential.
+    """
+    jacobian, stiff = matrices
+    transposed, back, always = jacobian.T.tocsr(), stiff.T.tocsr(), np.ones(stiff.shape[0])
     x = weight + transposed @ force
-    slack = np.maximum(jacobian @ x + openness + skin * force, 1.0)
+    slack = np.maximum(jacobian @ x + openness + skin * force, min(FIRST, float(force.min())))
     made = 0
     while made < ITERATIONS:
         stop_if_asked()
-        rest = x - weight - transposed @ force
+        rest = x + back @ (stiff @ x) - weight - transposed @ force
         short = jacobian @ x + openness + skin * force - slack
         mean = float(slack @ force) / len(force)
         worst = max(float(np.abs(one).max()) for one in (rest, short))
         if mean < accuracy**2 and worst < accuracy:
             break
         step = _Step(jacobian, transposed, matrix, slack, force, rest, short, skin)
-        if not matrix.factorize(step.weights):
+        if not matrix.factorize(np.concatenate([step.weights, always])):
             # as accurate as numbers allow
             break
         made += 1

@@ -19,6 +19,7 @@ from voxgran.settling.closing import close_round
 from voxgran.settling.equilibrium import balance_bed
 from voxgran.settling.fall import fall_step, is_slow, random_pull, stop_falling
 from voxgran.settling.impulses import Fall
+from voxgran.settling.interior_point import is_direct
 from voxgran.settling.materials import friction_of, friction_range
 from voxgran.settling.parameters import Settling
 from voxgran.settling.parting import part_grains
@@ -41,8 +42,8 @@ SINKING, SHORTEST = 0.05, 4.0
 CREEPING, HIGHEST = 30.0, 10_000.0
 #: surfaces move at most so far in a step of growth, which lasts at least so many steps
 GROWTH_STEP, GROWTH_STEPS = 0.03, 40
-#: iterations in a quasi-static step, twice as many in beds of more layers than these, and how the steps shrink
-ITERATIONS, DEEP, SHRINK = 30, 40.0, 0.9
+#: iterations in a quasi-static step, twice as many in beds of more layers than these, and how steps shrink and grow
+ITERATIONS, DEEP, SHRINK, LENGTHEN = 30, 40.0, 0.9, 1.3
 #: largest number of quasi-static steps in all, and how many times more are made in a bed of fewer grains than these
 STILL_STEPS, FEW_GRAINS, MORE_STEPS = 300, 1500, 5
 #: what is different in the fall of meshes that are not convex: their distances are known less well
@@ -53,9 +54,8 @@ CLOSING_ROUNDS, AFTER_PARTING = 12, 0.5
 UNIT = {2: math.pi / 4, 3: math.pi / 6}
 #: share of moving grains below which steps become shorter, and below which the bed is examined
 SLOW, CALM = 0.03, 0.015
-#: steps between two examinations of meshes by their triangles, whose contact points change from step to step, and the
-#: share of grains that do not rest with which they end
-EXAMINED, ENOUGH = 10, 0.025
+#: share of grains that do not rest with which steps end that are examined every few ones: their contact points change
+ENOUGH = 0.025
 #: net force, in weights, and net torque, in weights times radii, up to which a grain rests
 RESIDUAL = 0.01
 #: share of moving grains below which copies of a bed with friction are examined, and steps from one to the next; depth
@@ -67,9 +67,6 @@ QUICK, USUAL, THOROUGH, SWEPT, PATIENCE, HOPELESS = 100, 300, 3000, 50, 64, 0.5
 #: distance to which overlapping grains are parted, rounds for it, by triangles and by other contacts, how often it is
 #: tried, and depth that is rounding
 PARTED, FEW_ROUNDS, ROUNDS, TRIALS, ROUND_OFF = 1e-4, 20, 60, 3, 1e-13
-#: accuracy of steps without friction while many grains move, and when few do; largest number of spheres for which they
-#: are solved to the end
-COARSE, FINE, MOST_DIRECT = 3e-2, 3e-3, 3000
 
 
 class Settler(Resumable):
@@ -274,7 +271,9 @@ class Settler(Resumable):
         """Make a quasi-static step, and examine the bed when it hardly moves."""
         progress, bed, preset = self.progress, self.bed, self._preset
         moving = self._quasi_static(preset)
-        if moving < SLOW:
+        if preset.last > preset.first:
+            progress.length = min(preset.last, LENGTHEN * progress.length)
+        elif moving < SLOW:
             progress.length = max(preset.last, SHRINK * progress.length)
         progress.still_steps += 1
         last = progress.still_steps >= self._more_steps * preset.steps
@@ -282,14 +281,14 @@ class Settler(Resumable):
             if moving < EARLY and progress.still_steps % EVERY == 0 and self._rests_as_copy(preset):
                 self._end()
             return
-        if moving >= CALM and not last and (preset is not TRIANGLES or progress.still_steps % EXAMINED):
+        if not last and (progress.still_steps % preset.examined if preset.examined else moving >= CALM):
             return
         if preset is GRIDS:
             self._look_closer()
             return
         self._examine(USUAL)
-        enough = ENOUGH if preset is TRIANGLES else CALM
-        if preset is TRIANGLES and progress.moving >= enough and not last:
+        enough = ENOUGH if preset.examined else CALM
+        if preset.examined and progress.moving >= enough and not last:
             return
         if progress.smallest < 0.0 and (progress.trials < TRIALS or (last and progress.exact)):
             progress.trials += 1
@@ -362,10 +361,10 @@ class Settler(Resumable):
         """Make a quasi-static step, and return the share of the grains that moved."""
         progress, bed = self.progress, self.bed
         if self._frictionless and self.direct:
-            accuracy = FINE if progress.moved < SLOW else COARSE
-            progress.moved = frictionless_step(
-                bed, progress.length, rest=preset.kept, accuracy=accuracy, margin=preset.margin, most=preset.most
-            )
+            progress.moved, progress.velocity, progress.momentum = frictionless_step(
+                bed, progress.length, rest=preset.kept, before=(progress.velocity, progress.momentum),
+                ahead=(progress.still_steps + 1) % preset.examined > 0, margin=preset.margin, most=preset.most,
+            )  # fmt: skip
         else:
             progress.moved = quasi_static_step(
                 bed, self.friction, progress.length, rest=preset.kept, iterations=progress.iterations,
@@ -392,8 +391,8 @@ class Settler(Resumable):
 
     @property
     def direct(self) -> bool:
-        """Whether steps without friction are solved to the end: its time grows faster than the number of unknowns."""
-        return not any(self.bed.finders.kinds) and self.bed.assembly.count <= MOST_DIRECT
+        """Whether steps without friction are solved to the end."""
+        return is_direct(self.bed)
 
     @property
     def _more_steps(self) -> int:
@@ -413,7 +412,7 @@ class Settler(Resumable):
         """The solver preset of quasi-static steps."""
         if SURFACE not in self.bed.grains.kind:
             if self._frictionless:
-                return FRICTIONLESS[0 if self.direct else 1]
+                return FRICTIONLESS[int(self.bed.grains.kind.any()) if self.direct else 2]
             return FRICTIONAL[int(self.bed.grains.kind.any())]
         return TRIANGLES if self.progress.exact else GRIDS
 

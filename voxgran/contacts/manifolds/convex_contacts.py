@@ -13,7 +13,7 @@ from voxgran.contacts.manifolds.blocks import Blocks, pairs_of_kind
 from voxgran.contacts.manifolds.convex_bodies import ConvexWork
 from voxgran.contacts.manifolds.convex_distance import ellipsoid_gap, part_gap
 from voxgran.contacts.manifolds.face_contacts import SAME, write_face_contacts
-from voxgran.contacts.manifolds.rows import CONVEX, ContactRows, Pair, Search, offset_of, write_contact
+from voxgran.contacts.manifolds.rows import CONVEX, ContactRows, Grains, Pair, Search, offset_of, write_contact
 from voxgran.geometry.vectors import add, along, dot, row_of, sub, times, vector_at
 
 
@@ -22,13 +22,13 @@ def find_convex_contacts(search: Search, work: Blocks[ConvexWork], rows: Contact
 
     Returns -1 if there is no space in `rows`; what was known of pairs is then to be restored.
     """
-    _place(search.grains, work.arrays)
+    place_grains(search.grains, work.arrays)
     chosen = pairs_of_kind(search.grains, search.pairs, CONVEX)
     return work.find(_find, search, rows, m, chosen=chosen)
 
 
 @kernel
-def _place(grains, work):  # type: ignore[no-untyped-def]
+def place_grains(grains: Grains, work: ConvexWork) -> None:
     """Write the corners and rows of all grains, rotated and scaled."""
     bodies = work.bodies
     for i in range(len(grains.shape)):

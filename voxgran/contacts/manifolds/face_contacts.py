@@ -13,7 +13,7 @@ import math
 from voxgran._base.kernels import bare_kernel
 from voxgran.contacts.manifolds.convex_bodies import ConvexWork
 from voxgran.contacts.manifolds.rows import ContactRows, Grains, Pair, write_contact
-from voxgran.geometry.vectors import Vector, along, rotate, rotate_back, row_of, sub
+from voxgran.geometry.vectors import Vector, along, dot, rotate, rotate_back, row_of, sub
 
 #: cosine of the largest angle between a face and the plane of contact
 FLAT = 0.5
@@ -78,6 +78,12 @@ def write_face_contacts(
                 at = k
         if at < 0:
             break
+        # of corners so near to each other that one stands for all, that of the least gap
+        far = at
+        for k in range(left):
+            off = sub(row_of(ring, k), row_of(ring, far))
+            if other[k, 1] >= 0.0 and other[k, 0] < other[at, 0] and dot(off, off) <= least:
+                at = k
         if m >= len(rows.row):
             return -1
         gap, arm = other[at, 0], row_of(ring, at)
