@@ -5,6 +5,7 @@ has connected. What is needed several times, such as numbers of bodies, is kept 
 """
 
 import math
+import mmap
 import shutil
 import sys
 import tempfile
@@ -27,6 +28,8 @@ BLOCK = 2**23
 #: share of the memory that a block of a file may take, and most parts of a file, and of a block, each of which takes
 #: about 30 us to open
 SHARE, PARTS, PARTS_OF_BLOCK = 0.25, 10**8, 4096
+#: bytes of a file that small arrays share
+SHARED = 2**25
 
 
 def lazy_of(image: Any) -> Any:
@@ -124,13 +127,46 @@ def overlapped(
     return values.map_overlap(function, depth=depth, boundary=around, dtype=dtype, meta=meta)
 
 
+class Shelf:
+    """Arrays in files of the temporary folder, which take memory only as long as there is some to spare.
+
+    A file has no name, and ends with the last array in it. Where the disk is full, arrays stay in memory.
+    """
+
+    def __init__(self) -> None:
+        self._file: Any = b""
+        self._used = 0
+
+    def put(self, array: NDArray[Any]) -> NDArray[Any]:
+        """Return an array as it is read from a file."""
+        # numbers begin at a multiple of their bytes
+        size = -(-array.nbytes // 16) * 16
+        if self._used + size > len(self._file):
+            try:
+                with tempfile.TemporaryFile(dir=_temporary()) as file:
+                    # the disk has the bytes before they are mapped: a process ends where it writes to others
+                    file.write(bytes(max(size, SHARED)))
+                    file.flush()
+                    self._file, self._used = mmap.mmap(file.fileno(), 0), 0
+            except OSError:
+                return array
+        copy: NDArray[Any] = np.ndarray(array.shape, array.dtype, self._file, self._used)
+        copy[...] = array
+        self._used += size
+        return copy
+
+
+def _temporary() -> Any:
+    """Return the setting of dask for the folder of temporary files; None for that of the system."""
+    return block_library("dask").config.get("temporary_directory", None)
+
+
 def kept(values: Any) -> Any:
     """Compute an array block by block into a temporary folder, and return it as it is read from there.
 
     The folder is that of the setting ``temporary_directory`` of dask, or of the system; it is removed with the array.
     """
-    place = block_library("dask").config.get("temporary_directory", None)
-    folder = Path(tempfile.mkdtemp(prefix="voxgran-", dir=place))
+    folder = Path(tempfile.mkdtemp(prefix="voxgran-", dir=_temporary()))
     store = stored(values, folder, {})
     weakref.finalize(store, shutil.rmtree, folder, ignore_errors=True)
     return block_library("dask.array").from_array(store, chunks=store.chunks, name=False)

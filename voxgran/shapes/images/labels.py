@@ -21,7 +21,7 @@ from voxgran._base.lazy import load
 from voxgran._base.progress import OnStep, Step, reported, silent
 from voxgran._base.warning import warn
 from voxgran.lattice.block_surfaces import block_surfaces
-from voxgran.lattice.blocks import lazy_of
+from voxgran.lattice.blocks import Shelf, lazy_of
 from voxgran.lattice.census import Census, census
 from voxgran.lattice.label import components
 from voxgran.lattice.label_surfaces import label_surfaces
@@ -32,7 +32,7 @@ from voxgran.shapes.mesh import Mesh
 from voxgran.shapes.model import Shape
 from voxgran.shapes.repairing.touching import parted
 from voxgran.shapes.shells import edge_faults
-from voxgran.shapes.triangles import LatticePoints
+from voxgran.shapes.triangles import LatticePoints, corner_type
 
 if TYPE_CHECKING:
     from xarray import Dataset
@@ -254,11 +254,12 @@ def labelled_grains(
     several: list[int] = []
     grains = []
     made = _surfaces(image.values, found, kept, wraps, width, size, several)
+    shelf = Shelf() if lazy_of(image.values) is not None else None
     for done, (k, parts) in enumerate(made):
         if done:
             told(Step(stage="grains", done=done, total=len(kept), text=f"{done} of {len(kept)} labels"))
         label = int(found.label[k])
-        shape = _solid(parts, size, f"label {label}", unit)
+        shape = _solid(parts, size, f"label {label}", unit, shelf)
         position = np.array(shape.offset) + np.array(image.origin)
         grains.append(LabelledGrain(label, shape, position, float(found.count[k] * size.prod()), bool(cut[k])))
     if several:
@@ -328,12 +329,18 @@ def is_grey(values: NDArray[Any]) -> bool:
     return 4 * slopes > changes
 
 
-def _solid(parts: list[tuple[Floats, NDArray[np.int32]]], size: Floats, name: str, unit: str | None) -> Shape:
-    """Return the solid that the surface of a label bounds, which is closed and free of crossings as it is made."""
+def _solid(
+    parts: list[tuple[Floats, NDArray[np.int32]]], size: Floats, name: str, unit: str | None, shelf: Shelf | None
+) -> Shape:
+    """Return the solid that the surface of a label bounds, which is closed and free of crossings as it is made; its
+    numbers lie on a shelf, if there is one.
+    """
     points, faces = parts[0] if len(parts) == 1 else _joined(parts)
+    faces = faces.astype(corner_type(len(points)))
     low = np.floor(points.min(axis=0))
     if (points.max(axis=0) - low).max() * PARTS < 2**31:
         steps = np.rint((points - low) * PARTS).astype(np.int32)
+        steps, faces = (steps, faces) if shelf is None else (shelf.put(steps), shelf.put(faces))
         return Shape.of(Mesh(LatticePoints(steps, size / PARTS, low * size), faces), name=name, unit=unit)
     return Shape.of(Mesh(points * size, faces), name=name, unit=unit)
 
