@@ -191,7 +191,25 @@ def as_block(block: Any) -> tuple[int, ...]:
     return tuple(as_count(n, "block", at_least=1) for n in given)
 
 
-def in_parts(function: Callable[..., Any], shape: Sequence[int], block: Sequence[int], dtype: Any) -> Any:
+def windowed(arrays: Sequence[Any], function: Callable[..., Any], depth: Sequence[int], dtype: Any) -> Any:
+    """Return function of each block of some arrays with what lies around it, without the surroundings; lazily.
+
+    The arrays are read for each block anew, so that no more of them is in memory; it takes long unless they are kept.
+    """
+    shape, wide = np.array(arrays[0].shape), np.array(depth)
+
+    def found(ends: tuple[Integers, Integers]) -> NDArray[Any]:
+        lower, upper = np.maximum(ends[0] - wide, 0), np.minimum(ends[1] + wide, shape)
+        box = tuple(slice(*along) for along in np.stack([lower, upper], axis=1).tolist())
+        # a block is a task itself, on one thread
+        read = [np.asarray(each[box].compute(scheduler="synchronous")) for each in arrays]
+        inner = np.stack([ends[0] - lower, ends[1] - lower], axis=1).tolist()
+        return np.ascontiguousarray(function(*read)[tuple(slice(*along) for along in inner)], dtype=dtype)
+
+    return in_parts(found, arrays[0].shape, arrays[0].chunks, dtype)
+
+
+def in_parts(function: Callable[..., Any], shape: Sequence[int], block: Sequence[Any], dtype: Any) -> Any:
     """Return a dask array of what a function returns for the first voxel of each block and that after the last one."""
     array = block_library("dask.array")
 

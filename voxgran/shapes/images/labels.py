@@ -23,7 +23,7 @@ from voxgran._base.warning import warn
 from voxgran.lattice.block_surfaces import block_surfaces
 from voxgran.lattice.blocks import Shelf, lazy_of
 from voxgran.lattice.census import Census, census
-from voxgran.lattice.label import components
+from voxgran.lattice.cuberille import edge_sides, fans
 from voxgran.lattice.label_surfaces import label_surfaces
 from voxgran.lattice.label_volumes import PARTS
 from voxgran.shapes.images.image_files import Image, load_image, voxel_sizes, voxel_unit
@@ -346,7 +346,11 @@ def _solid(
 
 
 def _joined(parts: list[tuple[Floats, NDArray[np.int32]]]) -> tuple[Floats, NDArray[Any]]:
-    """Return one surface of parts of a label, without the triangles that two of them share."""
+    """Return one surface of parts of a label, without the triangles that two of them share.
+
+    Where a triangle goes, its neighbour within the part and that of its twin become neighbours, so that surfaces which
+    touch in an edge stay apart as they are in the parts.
+    """
     points = np.concatenate([vertices for vertices, _ in parts])
     first = np.cumsum([0] + [len(vertices) for vertices, _ in parts])
     faces = np.concatenate([triangles + start for (_, triangles), start in zip(parts, first, strict=False)])
@@ -357,13 +361,24 @@ def _joined(parts: list[tuple[Floats, NDArray[np.int32]]]) -> tuple[Floats, NDAr
     which = which.ravel()
     twins = np.flatnonzero(count[which] == 2)
     twins = twins[np.argsort(which[twins], kind="stable")]
-    ends = np.take_along_axis(faces, order, axis=1)[twins]
-    # the vertices of triangles that lie on each other are one
-    vertex = components(len(points), ends[0::2].ravel(), ends[1::2].ravel())
-    faces = vertex[np.delete(faces, twins, axis=0)]
+    # the half-edge opposite to each corner, in the order of places
+    opposite = 3 * twins[:, None] + (order[twins] + 1) % 3
+    of_twin, partner = np.zeros(faces.size, dtype=np.int64), np.zeros(faces.size, dtype=np.int64)
+    of_twin[opposite[0::2]], of_twin[opposite[1::2]] = opposite[1::2], opposite[0::2]
+    one, two = edge_sides(faces)
+    partner[one], partner[two] = two, one
+    stays = np.ones(len(faces), dtype=np.bool_)
+    stays[twins] = False
+    here = np.flatnonzero(np.repeat(stays, 3))
+    there = partner[here]
+    while (gone := ~stays[there // 3]).any():
+        there[gone] = partner[of_twin[there[gone]]]
+    row = np.cumsum(stays) - 1
+    here, there = (3 * row[half // 3] + half % 3 for half in (here, there))
+    faces = faces[stays]
+    vertex = fans(faces, here, there)
     corner = np.empty((int(vertex.max()) + 1, 3))
-    corner[vertex] = points
-    used, index = np.unique(faces, return_inverse=True)
-    points, faces = corner[used], index.reshape(-1, 3)
+    corner[vertex] = points[faces.ravel()]
+    points, faces = corner, vertex.reshape(-1, 3)
     crowded = edge_faults(faces, len(points)).any()
     return (parted(points, faces) if crowded else None) or (points, faces)
