@@ -60,12 +60,7 @@ def block_surfaces(
         inside = ((found.lower >= lower) & (found.upper <= upper)).all(axis=1)
         seams.corner, seams.whole = lower, np.concatenate([[False], inside])[rows]
         made = label_surfaces(
-            part,
-            len(rows) - 1,
-            wraps=np.zeros(3, dtype=np.bool_),
-            smoothing=smoothing,
-            spacing=spacing,
-            seams=seams,
+            part, len(rows) - 1, wraps=np.zeros(3, dtype=np.bool_), smoothing=smoothing, spacing=spacing, seams=seams
         )
         del part
         later[own + 1] = False

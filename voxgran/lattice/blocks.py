@@ -103,6 +103,20 @@ def of_blocks(values: Any, function: Callable[..., Any], *arguments: Any) -> lis
     return list(block_library("dask.array").map_blocks(found, *arrays, **how).compute().ravel())
 
 
+def not_finite(values: Any) -> tuple[int, ...] | None:
+    """Return the first voxel, in the order of the lattice, whose number is not finite; None if all are."""
+
+    def first(block: NDArray[Any], start: Any) -> tuple[int, ...] | None:
+        bad = ~np.isfinite(block)
+        at = np.unravel_index(bad.argmax(), block.shape) if bad.any() else None
+        return None if at is None else tuple((np.array(at) + start).tolist())
+
+    if values.dtype.kind != "f":
+        return None
+    found = [first(values, 0)] if lazy_of(values) is None else of_blocks(values, first)
+    return min((place for place in found if place is not None), default=None)
+
+
 def histogram_of(grey: Any, least: Any, greatest: Any) -> tuple[Integers, NDArray[Any]]:
     """Return the numbers of voxels and the middles of the classes of an image, as scikit-image counts them."""
     if grey.dtype.kind == "f":
@@ -134,7 +148,7 @@ class Shelf:
     """
 
     def __init__(self) -> None:
-        self._file: Any = b""
+        self._file: Any = bytearray()
         self._used = 0
 
     def put(self, array: NDArray[Any]) -> NDArray[Any]:

@@ -2,8 +2,9 @@
 
 The grains of a label image or of a tessellation share the triangles between them. Where these are all that the surfaces
 have in common, each other triangle lies wholly inside or wholly outside of the other mesh, and so do triangles together
-that are connected over corners that the other mesh has not: the middle of one of them decides. If all lie outside, and shared triangles face each other, the interiors have no point in common. Corners are the same up to
-a margin, by which a grain may overlap at most.
+that are connected over corners that the other mesh has not: the middle of one of them decides. If all lie outside, and
+shared triangles face each other, the interiors have no point in common. Corners are the same up to a margin, by which a
+grain may overlap at most.
 
 The contact of such grains is a whole surface, with the mean normal of its triangles: any of its points is nearest, and
 the first one that is found lies on its rim as often as not, on a triangle that faces elsewhere.
@@ -57,7 +58,10 @@ def shared_by_neighbours(
     both = np.zeros(len(points), dtype=np.bool_)
     both[number[len(mine) :]] = True
     both[len(mine) :] = False
-    back, faces, partners = matrix.T / stretch_of(matrix) ** 2, *(_one_a_patch(f, both) for f in (faces[near], partners))
+    back, faces, partners = (
+        matrix.T / stretch_of(matrix) ** 2,
+        *(_one_a_patch(f, both) for f in (faces[near], partners)),
+    )
     outside = one.tree.signed_distance(points[partners].mean(axis=1)) > 0
     outside_too = other.tree.signed_distance((points[faces].mean(axis=1) - offset) @ back.T) > 0
     return common if outside.all() and outside_too.all() else None

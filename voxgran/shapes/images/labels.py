@@ -30,8 +30,7 @@ from voxgran.shapes.images.image_files import Image, load_image, voxel_sizes, vo
 from voxgran.shapes.images.open_image import is_opened, open_image
 from voxgran.shapes.mesh import Mesh
 from voxgran.shapes.model import Shape
-from voxgran.shapes.repairing.touching import parted
-from voxgran.shapes.shells import edge_faults
+from voxgran.shapes.shells import half_edges
 from voxgran.shapes.triangles import LatticePoints, corner_type
 
 if TYPE_CHECKING:
@@ -379,6 +378,28 @@ def _joined(parts: list[tuple[Floats, NDArray[np.int32]]]) -> tuple[Floats, NDAr
     vertex = fans(faces, here, there)
     corner = np.empty((int(vertex.max()) + 1, 3))
     corner[vertex] = points[faces.ravel()]
-    points, faces = corner, vertex.reshape(-1, 3)
-    crowded = edge_faults(faces, len(points)).any()
-    return (parted(points, faces) if crowded else None) or (points, faces)
+    return _with_middles(corner, vertex.reshape(-1, 3), here, there)
+
+
+def _with_middles(points: Floats, faces: Integers, here: Integers, there: Integers) -> tuple[Floats, Integers]:
+    """Return a surface in which edges with the same two ends have a vertex of their own in the middle.
+
+    Half-edges `here`, all of them, are neighbours of `there`.
+    """
+    start, end, edge, uses = half_edges(faces, len(points))
+    own = here[(uses[edge[here]] > 2) & (here < there)]
+    middle = np.full(faces.size, -1, dtype=np.int64)
+    partner = np.empty(faces.size, dtype=np.int64)
+    partner[here] = there
+    middle[own] = middle[partner[own]] = len(points) + np.arange(len(own))
+    points, middle = np.concatenate([points, (points[start[own]] + points[end[own]]) / 2]), middle.reshape(-1, 3)
+    while len(split := np.flatnonzero((middle >= 0).any(axis=1))):
+        # one edge of a triangle at a time
+        slot = (middle[split] >= 0).argmax(axis=1)
+        p, q, r = (faces[split, (slot + k) % 3] for k in range(3))
+        m, after, before = (middle[split, (slot + k) % 3] for k in range(3))
+        none, rest = np.full(len(split), -1), np.delete(faces, split, axis=0)
+        faces = np.concatenate([rest, np.column_stack([p, m, r]), np.column_stack([m, q, r])])
+        halves = np.column_stack([none, none, before]), np.column_stack([none, after, none])
+        middle = np.concatenate([np.delete(middle, split, axis=0), *halves])
+    return points, faces
