@@ -1,14 +1,18 @@
-"""Measure time and memory of images in blocks: block_speed.py FOLDER EDGE [STEP ...]
+"""Measure time and memory of images in blocks: block_speed.py FOLDER EDGE [STEP ...] [--limit GIB]
 
-The image has EDGE voxels along each axis and shows a packing of spheres of about 34 voxels, which touch. It is painted
+The image has EDGE voxels along each axis and shows a packing of spheres of about 30 voxels, which touch. It is painted
 by blocks and kept in FOLDER as zarr, where each step opens it in a process of its own. A line for each step: processor
-seconds, nanoseconds of them for each voxel, the largest memory of the process, and what was found. Steps: image,
-components, distance, thickness, segment, labels; default: all of them, in this order.
+seconds, nanoseconds of them for each voxel, the largest memory of the process (without what lies in files), and what
+was found. Steps: image, components, distance, thickness, segment, labels; default: all of them, in this order. With a
+limit a step that takes more memory fails.
 """
 
+import argparse
+import math
 import resource
 import subprocess
 import sys
+import threading
 import time
 import warnings
 from collections.abc import Callable
@@ -19,7 +23,7 @@ from scipy.ndimage import gaussian_filter
 
 import voxgran as vg
 
-VOXEL, BLOCK = 1 / 34, 128
+VOXEL, BLOCK = 1 / 30, 128
 
 
 def image(folder: Path, edge: int) -> str:
@@ -86,19 +90,45 @@ STEPS: dict[str, Callable[[Path, int], str]] = {
 }
 
 
+class Memory(threading.Thread):
+    """Watches the memory of this process that is not a copy of what lies in files."""
+
+    def __init__(self) -> None:
+        super().__init__(daemon=True)
+        self.most = 0
+
+    def run(self) -> None:
+        """Look every hundredth of a second."""
+        while True:
+            told = Path("/proc/self/status").read_text(encoding="ascii")
+            self.most = max(self.most, int(told.partition("RssAnon:")[2].split()[0]) // 1024)
+            time.sleep(0.01)
+
+
 def main() -> None:
     """Run a step, or each in a process of its own."""
-    folder, edge, *steps = sys.argv[1:]
-    if len(steps) != 1:
-        for step in steps or STEPS:
-            subprocess.run([sys.executable, __file__, folder, edge, step], check=True)
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("folder", type=Path)
+    parser.add_argument("edge", type=int)
+    parser.add_argument("steps", nargs="*", choices=STEPS, default=list(STEPS), metavar="step")
+    parser.add_argument("--limit", type=float, default=math.inf)
+    given = parser.parse_args()
+    if len(given.steps) != 1:
+        for step in given.steps:
+            command = [sys.executable, __file__, given.folder, str(given.edge), step, f"--limit={given.limit}"]
+            subprocess.run(command, check=True)
         return
+    if given.limit < math.inf:
+        # what programs write to: files that are mapped are no part of it, and threads that wait take none
+        resource.setrlimit(resource.RLIMIT_DATA, (int(given.limit * 2**30),) * 2)
     warnings.simplefilter("ignore")
-    began = time.process_time()
-    found = STEPS[steps[0]](Path(folder), int(edge))
-    seconds, peak = time.process_time() - began, resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024
-    each = seconds / int(edge) ** 3 * 1e9
-    sys.stdout.write(f"{steps[0]}: {seconds:.0f} s, {each:.0f} ns a voxel, {peak:.0f} MiB; {found}\n")
+    memory = Memory()
+    memory.start()
+    began, step = time.process_time(), given.steps[0]
+    found = STEPS[step](given.folder, given.edge)
+    seconds = time.process_time() - began
+    each = seconds / given.edge**3 * 1e9
+    sys.stdout.write(f"{step}: {seconds:.0f} s, {each:.0f} ns a voxel, {memory.most} MiB; {found}\n")
 
 
 if __name__ == "__main__":

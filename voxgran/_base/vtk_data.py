@@ -36,10 +36,10 @@ def poly_data(points: Floats, cells: str, corners: NDArray[np.int64]) -> Any:
     return data
 
 
-def attach(place: Any, arrays: Mapping[str, NDArray[Any]]) -> None:
-    """Add arrays to the point, cell or field data."""
+def attach(place: Any, arrays: Mapping[str, NDArray[Any]], *, deep: bool = True) -> None:
+    """Add arrays to the point, cell or field data; those that are not copied must stay as long as the data."""
     for name, values in arrays.items():
-        array = numpy_support().numpy_to_vtk(np.array(values), deep=True)
+        array = numpy_support().numpy_to_vtk(np.ascontiguousarray(values), deep=deep)
         array.SetName(name)
         place.AddArray(array)
 

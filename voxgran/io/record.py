@@ -268,8 +268,8 @@ def _shapes_apart(shapes: tuple[Shape, ...]) -> tuple[list[dict[str, Any]], dict
     points: list[Floats] = [np.zeros((0, 3))]
     faces: list[NDArray[Any]] = [np.zeros((0, 3), np.int64)]
     radii: list[Floats] = [np.zeros(0)]
-    steps: list[NDArray[np.int32]] = []
-    corners: list[NDArray[np.int32]] = []
+    steps: list[NDArray[Any]] = []
+    corners: list[NDArray[Any]] = []
     entries, ends = [], {"points": 0, "faces": 0, "radii": 0, "steps": 0, "corners": 0}
     for shape in shapes:
         geometry = shape.geometry
@@ -280,7 +280,7 @@ def _shapes_apart(shapes: tuple[Shape, ...]) -> tuple[list[dict[str, Any]], dict
             entry["record"] = record_as_json(shape.record)
         if isinstance(geometry, Mesh | Surface) and isinstance(geometry.points, LatticePoints):
             entry |= {"step": geometry.points.step, "first": geometry.points.first}
-            parts = {"steps": (steps, geometry.points.steps), "corners": (corners, geometry.corners.astype(np.int32))}
+            parts = {"steps": (steps, geometry.points.steps), "corners": (corners, geometry.corners)}
         elif isinstance(geometry, Mesh | Surface):
             parts = {"points": (points, geometry.vertices), "faces": (faces, geometry.faces)}
         elif isinstance(geometry, Spheres):

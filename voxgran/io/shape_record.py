@@ -21,15 +21,21 @@ def record_of_json(stated: Mapping[str, Any]) -> dict[str, Any]:
     return {name: _read(value) for name, value in stated.items()}
 
 
-def planes_of(parts: list[NDArray[np.int32]]) -> NDArray[np.uint8]:
+def planes_of(parts: list[NDArray[Any]]) -> NDArray[np.uint8]:
     """Return rows (n, 3) of whole numbers as bytes that can be compressed: steps from row to row, the least byte of
-    each first, then the next one.
+    each first, then the next one. Part by part, so that they are the memory that it takes.
     """
-    rows = np.concatenate(parts)
-    steps = np.diff(rows, axis=0, prepend=np.zeros((1, 3), dtype=np.int32))
-    # small steps, up or down, are small numbers
-    folded = np.ascontiguousarray(((steps << 1) ^ (steps >> 31)).T)
-    return np.ascontiguousarray(folded.view(np.uint8).reshape(-1, 4).T).ravel()
+    ends = np.cumsum([0] + [len(part) for part in parts])
+    planes, last = np.empty((4, 3, ends[-1]), dtype=np.uint8), np.zeros((1, 3), dtype=np.int32)
+    for part, start, end in zip(parts, ends, ends[1:], strict=False):
+        rows = part.astype(np.int32)
+        steps = np.diff(rows, axis=0, prepend=last).T
+        # small steps, up or down, are small numbers
+        folded = ((steps << 1) ^ (steps >> 31)).view(np.uint32)
+        for place, plane in enumerate(planes):
+            plane[:, start:end] = folded >> np.uint32(8 * place)
+        last = rows[-1:] if len(rows) else last
+    return planes.ravel()
 
 
 def rows_of(planes: NDArray[Any]) -> NDArray[np.int32]:

@@ -55,7 +55,8 @@ def save_packing(packing: Packing, path: str | os.PathLike[str], *, overwrite: b
     record = to_record(packing)
     data = poly_data(record.position, "Verts", np.arange(packing.count)[:, None])
     attach(data.GetPointData(), record.per_grain)
-    attach(data.GetFieldData(), record.arrays)
+    # the record lives as long as the data
+    attach(data.GetFieldData(), record.arrays, deep=False)
     attach_texts(data.GetFieldData(), record.texts)
     with written_whole(path, overwrite=overwrite) as draft:
         write_data("vtkXMLPolyDataWriter", data, draft)

@@ -15,11 +15,11 @@ from numpy.typing import NDArray
 
 from voxgran._base.arrays import Floats, Integers
 from voxgran._base.lazy import load
-from voxgran.lattice.blocks import block_library, kept, of_blocks, overlapped
+from voxgran.lattice.blocks import kept, of_blocks, windowed
 from voxgran.lattice.distance import distance_transform
 from voxgran.lattice.image import Edges
 from voxgran.lattice.label import connected_components
-from voxgran.lattice.necks import Basins, basins_from, pairs_of, tally, widest
+from voxgran.lattice.necks import Basins, Pairs, basins_from, pairs_of, tally, widest
 
 
 def without_small(mask: Any, least: int) -> Any:
@@ -58,42 +58,48 @@ def basins_of(solid: Any, edges: Edges | None, smooth: float) -> tuple[Any, Basi
 
     `smooth` is the standard deviation, in voxels, over which the distance is smoothed.
     """
-    array, ndimage, step = block_library("dask.array"), load("scipy.ndimage"), edges or (1.0, 1.0, 1.0)
-    flooded, no = load("skimage.segmentation").watershed, (False, False, False)
-    distance: Any = distance_to_void(solid, edges).rechunk(solid.chunks)
-    # the reach of the Gaussian of SciPy
-    how = {"depth": int(4 * smooth + 0.5), "boundary": "reflect", "dtype": np.float32}
-    distance = kept(distance.map_overlap(ndimage.gaussian_filter, sigma=smooth, **how) * solid)
+    ndimage, step = load("scipy.ndimage"), edges or (1.0, 1.0, 1.0)
+    maxima = load("skimage.morphology").local_maxima
+    sharp: Any = kept(distance_to_void(solid, edges).rechunk(solid.chunks))
+
+    def smoothed(far: NDArray[Any], mask: NDArray[Any]) -> NDArray[Any]:
+        return np.asarray(ndimage.gaussian_filter(far, smooth) * mask)
+
+    # the reach of the Gaussian of SciPy, which reflects at the border of the image as here at its own
+    distance = kept(windowed([sharp, solid], smoothed, (int(4 * smooth + 0.5),) * 3, np.float32))
+    del sharp
     width = 2 * float(distance.max()) + 3 * max(step)
-    tops = overlapped(distance, load("skimage.morphology").local_maxima, width / 2, step, no, np.bool_)
-    seeds, count = connected_components(tops & solid, connectivity=26)
+    near = [min(math.ceil(width / 2 / edge), n) for edge, n in zip(step, solid.shape, strict=True)]
+    tops = windowed([distance, solid], lambda far, mask: maxima(far) & mask, near, np.bool_)
+    seeds, count = connected_components(tops, connectivity=26)
     seeds = kept(seeds)
 
     def flood(far: NDArray[Any], seed: NDArray[Any], mask: NDArray[Any]) -> NDArray[Any]:
-        return np.asarray(flooded(-far, seed, mask=mask))
+        return np.asarray(load("skimage.segmentation").watershed(-far, seed, mask=mask))
 
     while True:
         depth = tuple(min(math.ceil(width / edge), n) for edge, n in zip(step, solid.shape, strict=True))
-        kind = np.empty((0, 0, 0), dtype=np.int32)
-        around: dict[str, Any] = {"depth": depth, "boundary": "none", "dtype": kind.dtype, "meta": kind}
-        basins = kept(array.map_overlap(flood, distance, seeds, solid, **around).rechunk(distance.chunks))
+        basins = kept(windowed([distance, seeds, solid], flood, depth, np.int32))
         if depth == solid.shape or not ((basins == 0) & solid).any().compute():
             break
         # a grain so long that its middle lies beyond the surroundings
         width *= 2
-    ahead = dict.fromkeys(range(3), (0, 1))
-    with_next = [array.overlap.overlap(each, ahead, "none") for each in (basins, distance)]
-    found = of_blocks(with_next, lambda labels, _, far: pairs_of(labels, far))
-    pairs = widest(*(np.concatenate([getattr(part, name) for part in found]) for name in ("one", "other", "neck")))
     peak, moments = np.zeros(count + 1), np.zeros((count + 1, 10), dtype=np.int64)
-    for some, sums, tallest in of_blocks([basins, distance], _tallied, count):
+    pairs = []
+    for some, sums, tallest, within in of_blocks([basins, distance], _tallied, count):
         peak[some] = np.maximum(peak[some], tallest)
         moments[some] += sums
-    return basins, basins_from(peak, moments, pairs, border_of(basins, solid, edges, smooth))
+        pairs.append(within)
+    for axis, sizes in enumerate(basins.chunks):
+        for end in itertools.accumulate(sizes[:-1]):
+            across = (slice(None),) * axis + (slice(end - 1, end + 1),)
+            pairs.append(pairs_of(np.asarray(basins[across]), np.asarray(distance[across])))
+    every = widest(*(np.concatenate([getattr(part, name) for part in pairs]) for name in ("one", "other", "neck")))
+    return basins, basins_from(peak, moments, every, border_of(basins, solid, edges, smooth))
 
 
-def _tallied(labels: Any, start: Integers, distance: Any, count: int) -> tuple[Integers, Integers, Floats]:
-    """Return the labels of a block, their moments, and the largest distance in each."""
+def _tallied(labels: Any, start: Integers, distance: Any, count: int) -> tuple[Integers, Integers, Floats, Pairs]:
+    """Return the labels of a block, their moments, the largest distance in each, and the pairs that touch there."""
     moments, peak = tally(labels, distance, start, count)
     some = np.flatnonzero(moments[:, 0])
-    return some, moments[some], peak[some]
+    return some, moments[some], peak[some], pairs_of(labels, distance)

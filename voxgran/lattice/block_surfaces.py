@@ -19,7 +19,7 @@ from voxgran.lattice.label_seams import Seams
 from voxgran.lattice.label_surfaces import label_surfaces
 
 #: edge in voxels of the cells by which labels are grouped
-GROUP = 160
+GROUP = 256
 #: voxels around the labels of a group
 MARGIN = 16
 
@@ -50,20 +50,19 @@ def block_surfaces(
         name = f"the group of {len(own)} labels with label {found.label[own[0]]}"
         part = found.numbered(window(values, lower, upper, name))
         # rows + 1 of the labels in the window, in which they are numbered in the same order
-        rows = np.unique(part[part > 0]).astype(np.int64)
-        table = np.zeros(len(later), dtype=np.int32)
-        table[rows] = np.arange(1, len(rows) + 1)
-        rows = np.concatenate([[0], rows])
+        there = np.zeros(len(later), dtype=np.bool_)
+        for plane in part:
+            there[plane.ravel()] = True
+        there[0] = True
+        rows, numbers = np.flatnonzero(there), (np.cumsum(there) - 1).astype(np.int32)
+        for plane in part:
+            plane[...] = numbers[plane]
         inside = ((found.lower >= lower) & (found.upper <= upper)).all(axis=1)
         seams.corner, seams.whole = lower, np.concatenate([[False], inside])[rows]
         made = label_surfaces(
-            table[part],
-            len(rows) - 1,
-            wraps=np.zeros(3, dtype=np.bool_),
-            smoothing=smoothing,
-            spacing=spacing,
-            seams=seams,
+            part, len(rows) - 1, wraps=np.zeros(3, dtype=np.bool_), smoothing=smoothing, spacing=spacing, seams=seams
         )
+        del part
         later[own + 1] = False
         done = np.isin(rows, own + 1)
         remaining = found.lower[np.flatnonzero(later) - 1, 0]

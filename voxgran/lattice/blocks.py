@@ -5,6 +5,7 @@ has connected. What is needed several times, such as numbers of bodies, is kept 
 """
 
 import math
+import mmap
 import shutil
 import sys
 import tempfile
@@ -27,6 +28,8 @@ BLOCK = 2**23
 #: share of the memory that a block of a file may take, and most parts of a file, and of a block, each of which takes
 #: about 30 us to open
 SHARE, PARTS, PARTS_OF_BLOCK = 0.25, 10**8, 4096
+#: bytes of a file that small arrays share
+SHARED = 2**25
 
 
 def lazy_of(image: Any) -> Any:
@@ -100,6 +103,20 @@ def of_blocks(values: Any, function: Callable[..., Any], *arguments: Any) -> lis
     return list(block_library("dask.array").map_blocks(found, *arrays, **how).compute().ravel())
 
 
+def not_finite(values: Any) -> tuple[int, ...] | None:
+    """Return the first voxel, in the order of the lattice, whose number is not finite; None if all are."""
+
+    def first(block: NDArray[Any], start: Any) -> tuple[int, ...] | None:
+        bad = ~np.isfinite(block)
+        at = np.unravel_index(bad.argmax(), block.shape) if bad.any() else None
+        return None if at is None else tuple((np.array(at) + start).tolist())
+
+    if values.dtype.kind != "f":
+        return None
+    found = [first(values, 0)] if lazy_of(values) is None else of_blocks(values, first)
+    return min((place for place in found if place is not None), default=None)
+
+
 def histogram_of(grey: Any, least: Any, greatest: Any) -> tuple[Integers, NDArray[Any]]:
     """Return the numbers of voxels and the middles of the classes of an image, as scikit-image counts them."""
     if grey.dtype.kind == "f":
@@ -124,13 +141,46 @@ def overlapped(
     return values.map_overlap(function, depth=depth, boundary=around, dtype=dtype, meta=meta)
 
 
+class Shelf:
+    """Arrays in files of the temporary folder, which take memory only as long as there is some to spare.
+
+    A file has no name, and ends with the last array in it. Where the disk is full, arrays stay in memory.
+    """
+
+    def __init__(self) -> None:
+        self._file: Any = bytearray()
+        self._used = 0
+
+    def put(self, array: NDArray[Any]) -> NDArray[Any]:
+        """Return an array as it is read from a file."""
+        # numbers begin at a multiple of their bytes
+        size = -(-array.nbytes // 16) * 16
+        if self._used + size > len(self._file):
+            try:
+                with tempfile.TemporaryFile(dir=_temporary()) as file:
+                    # the disk has the bytes before they are mapped: a process ends where it writes to others
+                    file.write(bytes(max(size, SHARED)))
+                    file.flush()
+                    self._file, self._used = mmap.mmap(file.fileno(), 0), 0
+            except OSError:
+                return array
+        copy: NDArray[Any] = np.ndarray(array.shape, array.dtype, self._file, self._used)
+        copy[...] = array
+        self._used += size
+        return copy
+
+
+def _temporary() -> Any:
+    """Return the setting of dask for the folder of temporary files; None for that of the system."""
+    return block_library("dask").config.get("temporary_directory", None)
+
+
 def kept(values: Any) -> Any:
     """Compute an array block by block into a temporary folder, and return it as it is read from there.
 
     The folder is that of the setting ``temporary_directory`` of dask, or of the system; it is removed with the array.
     """
-    place = block_library("dask").config.get("temporary_directory", None)
-    folder = Path(tempfile.mkdtemp(prefix="voxgran-", dir=place))
+    folder = Path(tempfile.mkdtemp(prefix="voxgran-", dir=_temporary()))
     store = stored(values, folder, {})
     weakref.finalize(store, shutil.rmtree, folder, ignore_errors=True)
     return block_library("dask.array").from_array(store, chunks=store.chunks, name=False)
@@ -155,7 +205,25 @@ def as_block(block: Any) -> tuple[int, ...]:
     return tuple(as_count(n, "block", at_least=1) for n in given)
 
 
-def in_parts(function: Callable[..., Any], shape: Sequence[int], block: Sequence[int], dtype: Any) -> Any:
+def windowed(arrays: Sequence[Any], function: Callable[..., Any], depth: Sequence[int], dtype: Any) -> Any:
+    """Return function of each block of some arrays with what lies around it, without the surroundings; lazily.
+
+    The arrays are read for each block anew, so that no more of them is in memory; it takes long unless they are kept.
+    """
+    shape, wide = np.array(arrays[0].shape), np.array(depth)
+
+    def found(ends: tuple[Integers, Integers]) -> NDArray[Any]:
+        lower, upper = np.maximum(ends[0] - wide, 0), np.minimum(ends[1] + wide, shape)
+        box = tuple(slice(*along) for along in np.stack([lower, upper], axis=1).tolist())
+        # a block is a task itself, on one thread
+        read = [np.asarray(each[box].compute(scheduler="synchronous")) for each in arrays]
+        inner = np.stack([ends[0] - lower, ends[1] - lower], axis=1).tolist()
+        return np.ascontiguousarray(function(*read)[tuple(slice(*along) for along in inner)], dtype=dtype)
+
+    return in_parts(found, arrays[0].shape, arrays[0].chunks, dtype)
+
+
+def in_parts(function: Callable[..., Any], shape: Sequence[int], block: Sequence[Any], dtype: Any) -> Any:
     """Return a dask array of what a function returns for the first voxel of each block and that after the last one."""
     array = block_library("dask.array")
 

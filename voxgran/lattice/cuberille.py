@@ -29,7 +29,7 @@ def voxel_surface(mask: Booleans) -> tuple[Floats, Integers]:
     at = np.column_stack(np.unravel_index(corner, np.array(mask.shape) + 1)).astype(np.float64)
     faces = np.searchsorted(corner, faces)
     at, faces = with_middles(at, faces, owner)
-    vertex = fans(faces, *_sides(faces))
+    vertex = fans(faces, *edge_sides(faces))
     original = np.zeros(int(vertex.max()) + 1, dtype=np.int64)
     original[vertex] = faces.ravel()
     return at[original], vertex.reshape(-1, 3)
@@ -99,7 +99,7 @@ def fans(faces: Integers, one: Integers, two: Integers) -> Integers:
     return components(faces.size, *pairs)
 
 
-def _sides(faces: Integers) -> tuple[Integers, Integers]:
+def edge_sides(faces: Integers) -> tuple[Integers, Integers]:
     """Return the two half-edges of each edge, of which each has two."""
     begin, end = faces.ravel(), np.roll(faces, -1, axis=1).ravel()
     order = np.argsort(np.minimum(begin, end) * (int(faces.max()) + 1) + np.maximum(begin, end), kind="stable")

@@ -14,7 +14,7 @@ from voxgran._base.calls import explained, renamed
 from voxgran._base.errors import InputError, MissingLibraryError, shown
 from voxgran._base.lazy import load
 from voxgran.lattice.block_basins import basins_of, border_of, distance_to_void, without_small
-from voxgran.lattice.blocks import histogram_of, lazy_of
+from voxgran.lattice.blocks import histogram_of, lazy_of, not_finite
 from voxgran.lattice.image import Edges, Image, known_edges
 from voxgran.lattice.necks import Basins, basins_from, merged, pairs_of, score, tally, widest
 
@@ -183,8 +183,10 @@ def segment(
     grey = as_array(image, "image") if lazy is None else lazy
     if grey.ndim != 3 or not grey.size:
         raise InputError(f"image has the shape {grey.shape}: three axes are needed; stack slices, or choose a channel")
-    if grey.dtype.kind not in "buif" or not np.isfinite(grey).all():
-        raise InputError(f"image holds {grey.dtype} with numbers that are not finite: grey values are needed; clean it")
+    if grey.dtype.kind not in "buif":
+        raise InputError(f"image holds {grey.dtype}: grey values are needed; convert it")
+    if (bad := not_finite(grey)) is not None:
+        raise InputError(f"image is {float(grey[bad])} at voxel {bad}: grey values must be finite numbers; clean it")
     least, edges = as_count(min_size, "min_size", at_least=1), known_edges(voxel_size, image)
     decrease = None if separation is None else as_positive(separation, "separation")
     filters = _skimage("filters")

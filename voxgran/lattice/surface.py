@@ -5,6 +5,7 @@ is chosen so that the surface encloses the required volume; the remaining differ
 less than a ten-thousandth.
 """
 
+import math
 from typing import Any
 
 import numpy as np
@@ -15,11 +16,13 @@ from voxgran._base.calls import explained
 from voxgran._base.errors import InputError
 from voxgran._base.lazy import load
 from voxgran.geometry.triangles import enclosed_volume
-from voxgran.lattice.blocks import block_library, histogram_of, lazy_of, of_blocks
+from voxgran.lattice.blocks import block_library, histogram_of, lazy_of, not_finite, of_blocks
 
 #: relative difference of volumes at which the search for the level ends
 LEVEL_ACCURACY = 1e-4
 MOST_LEVELS = 30
+#: voxels of blocks below which several are taken as one: joining them takes longer than their triangles
+LEAST_BLOCK = 2**21
 
 
 @explained(hint="iso_surface(field, level=0.5)")
@@ -79,7 +82,8 @@ def iso_surface(
     # an additional layer below all levels closes bodies at the border
     around: Any = np.pad(values, 1, constant_values=low - (high - low) - 1.0 if high > low else low)
     if lazy_of(values) is not None:
-        around = around.rechunk(values.chunksize)
+        small = math.prod(values.chunksize) < LEAST_BLOCK
+        around = around.rechunk("auto", block_size_limit=8 * LEAST_BLOCK) if small else around.rechunk(values.chunksize)
     if level is not None:
         chosen = as_number(level, "level")
         if not low <= chosen < high and not chosen < low:
@@ -101,10 +105,12 @@ def _values_of(field: Any) -> Any:
     if lazy is None:
         given = as_array(field, "field")
         return as_floats(given.astype(np.float64) if given.dtype == np.bool_ else given, "field", shape=(None,) * 3)
-    if lazy.ndim != 3 or lazy.dtype.kind not in "buif" or not np.isfinite(lazy).all():
+    if lazy.ndim != 3 or lazy.dtype.kind not in "buif":
         raise InputError(
             f"field has shape {lazy.shape} and holds {lazy.dtype}: it must have three axes and finite numbers; clean it"
         )
+    if (bad := not_finite(lazy)) is not None:
+        raise InputError(f"field is {float(lazy[bad])} at voxel {bad}: it must hold finite numbers; clean it")
     return lazy.astype(np.float64)
 
 

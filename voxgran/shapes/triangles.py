@@ -33,6 +33,11 @@ class Moments:
         return self._moments[2]
 
 
+def corner_type(count: int) -> Any:
+    """Return the type of the numbers of some vertices."""
+    return np.min_scalar_type(max(count - 1, 0))
+
+
 class LatticePoints(NamedTuple):
     """Points on a lattice, as surfaces of labels have them: half the bytes of coordinates, from which these follow."""
 
@@ -67,7 +72,7 @@ class Triangles:
         for array in vertices if isinstance(vertices, LatticePoints) else (vertices,):
             read_only(array)
         object.__setattr__(self, "points", vertices)
-        object.__setattr__(self, "corners", read_only(faces.astype(np.min_scalar_type(max(count - 1, 0)))))
+        object.__setattr__(self, "corners", read_only(faces.astype(corner_type(count), copy=False)))
 
     @property
     def vertices(self) -> Floats:

@@ -8,6 +8,7 @@ from scipy.spatial import cKDTree
 import voxgran as vg
 from voxgran._base.errors import InputError
 from voxgran._base.seeds import stream
+from voxgran.lattice import surface
 from voxgran.lattice.census import census
 from voxgran.lattice.image import Image, as_edges
 
@@ -169,7 +170,8 @@ def test_means_of_blocks_are_those_in_memory(how):
 
 
 @pytest.mark.parametrize("part", [BLOCKS, (22, 3, 1), (23, 15, 20)])
-def test_level_surfaces_are_joined_across_blocks(part):
+def test_level_surfaces_are_joined_across_blocks(part, monkeypatch):
+    monkeypatch.setattr(surface, "LEAST_BLOCK", 1)
     level = float(np.quantile(GREY, 0.6))
     vertices, faces = vg.iso_surface(GREY, level=level)
     found, triangles = vg.iso_surface(da.from_array(GREY, chunks=part), level=level)
@@ -193,8 +195,10 @@ def test_level_surfaces_of_blocks_have_the_volume_that_is_asked_for():
     assert len(faces) == pytest.approx(len(vg.iso_surface(MASK)[1]), rel=0.01)
     at_level = blocks(np.where(MASK, 1.0, 0.0))
     assert len(vg.iso_surface(at_level, level=0.5)[1]) == len(vg.iso_surface(MASK.astype(float), level=0.5)[1])
-    with pytest.raises(InputError, match="finite numbers"):
-        vg.iso_surface(da.full((8, 8, 8), np.nan, chunks=4))
+    bad = np.zeros((8, 8, 8))
+    bad[5, 1, 7] = bad[6, 0, 0] = np.nan
+    with pytest.raises(InputError, match=r"nan at voxel \(5, 1, 7\)"):
+        vg.iso_surface(da.from_array(bad, chunks=(8, 4, 4)))
     with pytest.raises(InputError, match="three axes"):
         vg.iso_surface(da.zeros((8, 8), chunks=4))
     with pytest.raises(InputError, match="the field is at most"):

@@ -53,7 +53,7 @@ def test_an_image_without_grains_has_no_labels():
     ("image", "options", "words"),
     [
         (np.zeros((4, 4)), {}, "three axes"),
-        (np.full((4, 4, 4), np.nan), {}, "not finite"),
+        (np.full((4, 4, 4), np.nan), {}, r"image is nan at voxel \(0, 0, 0\)"),
         (np.zeros((4, 4, 4)), {"threshold": "mean"}, "threshold is 'mean'"),
         (np.zeros((4, 4, 4)), {"min_size": 0}, "min_size is 0"),
         (np.zeros((4, 4, 4)), {"separation": 0.0}, "separation is 0"),

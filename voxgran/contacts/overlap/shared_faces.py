@@ -1,9 +1,10 @@
 """Proof that two closed meshes lie side by side: they share triangles, and meet nowhere else.
 
 The grains of a label image or of a tessellation share the triangles between them. Where these are all that the surfaces
-have in common, each other triangle lies wholly inside or wholly outside of the other mesh, which its middle decides. If
-all lie outside, and shared triangles face each other, the interiors have no point in common. Corners are the same up to
-a margin, by which a grain may overlap at most.
+have in common, each other triangle lies wholly inside or wholly outside of the other mesh, and so do triangles together
+that are connected over corners that the other mesh has not: the middle of one of them decides. If all lie outside, and
+shared triangles face each other, the interiors have no point in common. Corners are the same up to a margin, by which a
+grain may overlap at most.
 
 The contact of such grains is a whole surface, with the mean normal of its triangles: any of its points is nearest, and
 the first one that is found lies on its rim as often as not, on a triangle that faces elsewhere.
@@ -20,6 +21,7 @@ from voxgran.contacts.solid import Solid
 from voxgran.geometry.crossing import meet_beyond_corners
 from voxgran.geometry.rotation import stretch_of
 from voxgran.geometry.triangles import normals_of
+from voxgran.lattice.label import components
 
 
 def shared_by_neighbours(
@@ -35,7 +37,7 @@ def shared_by_neighbours(
     mine, theirs = one.mesh.vertices, other.mesh.vertices @ matrix.T + offset
     low = np.maximum(mine.min(axis=0), theirs.min(axis=0)) - margin
     high = np.minimum(mine.max(axis=0), theirs.max(axis=0)) + margin
-    here, there = (np.flatnonzero(((at >= low) & (at <= high)).all(axis=1)) for at in (mine, theirs))
+    here, there = (np.flatnonzero(_side(at, low, high) == 0) for at in (mine, theirs))
     points, both = np.concatenate([mine, theirs]), np.concatenate([here, len(mine) + there])
     pairs = both[load("scipy.spatial").cKDTree(points[both]).query_pairs(margin, output_type="ndarray")]
     if not len(pairs):
@@ -53,7 +55,13 @@ def shared_by_neighbours(
     partners = partners[~np.isin(their_keys, shared)]
     if meet_beyond_corners(one.tree, faces, near, points, partners, margin=margin):
         return None
-    back, faces = matrix.T / stretch_of(matrix) ** 2, faces[near]
+    both = np.zeros(len(points), dtype=np.bool_)
+    both[number[len(mine) :]] = True
+    both[len(mine) :] = False
+    back, faces, partners = (
+        matrix.T / stretch_of(matrix) ** 2,
+        *(_one_a_patch(f, both) for f in (faces[near], partners)),
+    )
     outside = one.tree.signed_distance(points[partners].mean(axis=1)) > 0
     outside_too = other.tree.signed_distance((points[faces].mean(axis=1) - offset) @ back.T) > 0
     return common if outside.all() and outside_too.all() else None
@@ -68,10 +76,29 @@ def middle_of_shared(one: Solid, shared: NDArray[np.int64]) -> tuple[Floats, Flo
     return middles[np.square(middles - centroid).sum(axis=1).argmin()], normals.sum(axis=0)
 
 
+def _one_a_patch(faces: Integers, common: Booleans) -> Integers:
+    """Return a triangle of each patch of triangles that are connected over corners that are not common."""
+    free = ~common[faces]
+    links = [faces[free[:, k] & free[:, k - 1]][:, [k, k - 1]] for k in range(3)]
+    patch = components(len(common), *np.concatenate(links).T)
+    # a triangle without such a corner is alone
+    own = len(common) + np.arange(len(faces))
+    some = np.where(free.any(axis=1), patch[faces[np.arange(len(faces)), free.argmax(axis=1)]], own)
+    return faces[np.unique(some, return_index=True)[1]]
+
+
+def _side(points: Floats, low: Floats, high: Floats) -> NDArray[np.uint8]:
+    """Return of each point a bit for each plane of a box on whose outer side it lies."""
+    found = np.zeros(len(points), dtype=np.uint8)
+    for axis, along in enumerate(points.T):
+        found |= (along < low[axis]).view(np.uint8) << np.uint8(axis)
+        found |= (along > high[axis]).view(np.uint8) << np.uint8(axis + 3)
+    return found
+
+
 def _are_near(corners: NDArray[Any], points: Floats, low: Floats, high: Floats) -> Booleans:
     """Return which triangles are not wholly on the outer side of one of the planes of a box."""
-    side = np.packbits(np.concatenate([points < low, points > high], axis=1), axis=1)[:, 0]
-    a, b, c = side[corners].T
+    a, b, c = _side(points, low, high)[corners].T
     return np.asarray(a & b & c == 0)
 
 
