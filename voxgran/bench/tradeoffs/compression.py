@@ -124,7 +124,7 @@ def judged(case: Case, program: str, specimen: Packing, seconds: float) -> Row:
     push = rest["normal_force"].values
     bearing, bears = int((~rest["rattler"].values).sum()), int((push > BEARS * push[push > 0.0].mean()).sum())
     alike = case.name == EQUAL and case.rate is None and program == "voxgran"
-    published = PUBLISHED.get(case.friction, ("", "")) if alike else ("", "")
+    published: tuple[float | str, float | str] = PUBLISHED.get(case.friction, ("", "")) if alike else ("", "")
     if case.sizes is not None and case.friction == 0.0:
         # theory of spheres of several sizes that are packed closely at random: Farr & Groot 2009
         published = round(expected_solid_fraction(case.sizes), 3), ""
