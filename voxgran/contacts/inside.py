@@ -122,10 +122,14 @@ class Occupied:
     def filled(self, grains: Assembly) -> Assembly:
         """Return grains of the same shapes and, as fixed ones after them, the solids, within the container."""
         solids, n = self.standing, grains.count
-        names = ("shape_id", "scale", "position", "orientation")
-        both = (np.concatenate([getattr(grains, name), getattr(solids, name)]) for name in names)
+        shape_id, scale, position, orientation = (
+            np.concatenate([getattr(grains, name), getattr(solids, name)])
+            for name in ("shape_id", "scale", "position", "orientation")
+        )
         fixed = np.arange(n + solids.count) >= n
-        return Assembly(grains.shapes, *both, self.container, grains.density, fixed=fixed)
+        return Assembly(
+            grains.shapes, shape_id, scale, position, orientation, self.container, grains.density, fixed=fixed
+        )  # fmt: skip
 
     def scaled(self, factor: float) -> "Occupied":
         """Return the same with all lengths multiplied."""

@@ -20,12 +20,13 @@ from voxgran.bench.tradeoffs.settle import TOUCHING, peer_packing, polyhedra, ro
 from voxgran.contacts.verify import verify
 from voxgran.containers.kinds.box import Box
 from voxgran.packing.compress import compress
+from voxgran.packing.jamming.expected import expected_solid_fraction
 from voxgran.packing.model import Packing
 from voxgran.packing.pack import pack
 from voxgran.settling.compression import FRICTIONAL
 from voxgran.settling.equilibrium import equilibrium
 from voxgran.shapes.model import Shape
-from voxgran.shapes.sizes import lognormal
+from voxgran.shapes.sizes import SizeDistribution, discrete, lognormal
 
 #: share of the number of grains of each case that is compressed
 SIZE = 1.0
@@ -49,7 +50,7 @@ class Case:
     rate: float | None = None
     stress: tuple[float, float, float] = (1.0, 1.0, 1.0)
     axes: str = "xyz"
-    sigma: float = 0.0  # of lognormal sizes
+    sizes: SizeDistribution | None = None
     loose: float = 0.3  # solid fraction of the start
     peer: bool = False  # whether LAMMPS compresses the same grains
 
@@ -79,7 +80,14 @@ EQUAL = "equal spheres"
 CASES = (
     *(Case(EQUAL, friction=friction, peer=friction == 0.5) for friction in (1.0, 0.5, 0.3, 0.1, 0.0)),
     *(Case(EQUAL, rate=rate) for rate in (3e-2, 3e-4, 3e-5)),
-    Case("lognormal spheres, sigma 0.3", sigma=0.3, loose=0.25),
+    *(
+        Case(name, sizes=sizes, loose=0.25, friction=friction)
+        for name, sizes in (
+            ("lognormal spheres, sigma 0.3", lognormal(1.0, 0.3)),
+            ("as many spheres of diameter 1 and 1.4", discrete([1.0, 1.4], [0.5, 0.5])),
+        )
+        for friction in (0.5, 0.0)
+    ),
     Case("equal spheres, along z only", axes="z"),
     Case("equal spheres, stress 0.7 : 0.7 : 1", stress=(0.7, 0.7, 1.0)),
     Case(EQUAL, count=10_000),
@@ -90,10 +98,9 @@ CASES = (
 
 def loose_grains(case: Case, count: int) -> Packing:
     """Return grains apart from each other in a periodic cube, which all programs compress."""
-    volume = count * np.pi / 6.0 * float(np.exp(4.5 * case.sigma**2))
+    volume = count * (np.pi / 6.0 if case.sizes is None else case.sizes.mean_volume())
     cube = Box(((volume / case.loose) ** (1.0 / 3.0),) * 3, periodic="xyz")
-    sizes = lognormal(1.0, case.sigma) if case.sigma else None
-    return pack(case.shapes(), cube, method="rsa", count=count, sizes=sizes, seed=1)
+    return pack(case.shapes(), cube, method="rsa", count=count, sizes=case.sizes, seed=1)
 
 
 def compressed(case: Case, start: Packing) -> tuple[Packing, float]:
@@ -117,7 +124,10 @@ def judged(case: Case, program: str, specimen: Packing, seconds: float) -> Row:
     push = rest["normal_force"].values
     bearing, bears = int((~rest["rattler"].values).sum()), int((push > BEARS * push[push > 0.0].mean()).sum())
     alike = case.name == EQUAL and case.rate is None and program == "voxgran"
-    published = PUBLISHED.get(case.friction, ("", "")) if alike else ("", "")
+    published: tuple[float | str, float | str] = PUBLISHED.get(case.friction, ("", "")) if alike else ("", "")
+    if case.sizes is not None and case.friction == 0.0:
+        # theory of spheres of several sizes that are packed closely at random: Farr & Groot 2009
+        published = round(expected_solid_fraction(case.sizes), 3), ""
     return Row(
         case.name, program, case.friction, case.rate or "", specimen.count, seconds, specimen.solid_fraction,
         2.0 * bears / max(bearing, 1), rest.attrs["share_of_rattlers"], rest.attrs["share_at_rest_without_rattlers"],
