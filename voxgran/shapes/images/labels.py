@@ -73,7 +73,7 @@ def load_labels(
     ----------
     source : path-like, Image or (nx, ny, nz) ndarray of int
         A file as :func:`voxgran.load_image` or :func:`voxgran.open_image` takes it, or labels with 0 for void. A dask
-        array may be larger than the memory: surfaces are made group by group, and the shapes alone must fit.
+        array may be larger than the memory: surfaces are made group by group, and lie in temporary files.
     voxel_size : float or (3,) array_like of float, optional
         Edges of a voxel; default: as the file says.
     border : {"keep", "drop"}
