@@ -92,7 +92,10 @@ def _count_slab(slab: NDArray[Any], start: Integers, name: str) -> Census:
         if bad.any():
             at = np.unravel_index(bad.argmax(), slab.shape)
             place = tuple((np.array(at) + start).tolist())
-            raise InputError(f"{name} is {slab[at]:g} at voxel {place}: labels are whole numbers; segment it first")
+            raise InputError(
+                f"{name} is {slab[at]:g} at voxel {place}: labels are whole numbers, and these are grey values; segment "
+                "it first"
+            )
         slab = slab.astype(np.int64)
     if slab.dtype.kind == "i" and slab.min() < 0:
         raise InputError(f"{name} holds the label {slab.min()}: labels are at least 0, 0 being void; renumber them")
