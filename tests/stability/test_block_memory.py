@@ -14,7 +14,7 @@ pytest.importorskip("skimage")
 
 ROOT = Path(__file__).parents[2]
 #: most mebibytes of each step, without what lies in files
-MOST = {"image": 400, "components": 800, "segment": 1200, "labels": 900}
+MOST = {"image": 400, "components": 800, "segment": 1200, "labels": 1200}
 #: most of them in GiB, beyond which a step fails
 LIMIT = 2
 

@@ -93,8 +93,8 @@ def _count_slab(slab: NDArray[Any], start: Integers, name: str) -> Census:
             at = np.unravel_index(bad.argmax(), slab.shape)
             place = tuple((np.array(at) + start).tolist())
             raise InputError(
-                f"{name} is {slab[at]:g} at voxel {place}: labels are whole numbers, and these are grey values; segment "
-                "it first"
+                f"{name} is {slab[at]:g} at voxel {place}: labels are whole numbers, and these are grey values; "
+                "segment it first"
             )
         slab = slab.astype(np.int64)
     if slab.dtype.kind == "i" and slab.min() < 0:
