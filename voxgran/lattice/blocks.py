@@ -18,7 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from voxgran._base.arrays import Integers, as_count
-from voxgran._base.errors import MissingLibraryError, TooLargeError
+from voxgran._base.errors import InputError, MissingLibraryError, TooLargeError
 from voxgran._base.lazy import load
 from voxgran._base.machine import memory_limit
 from voxgran.lattice.image import Edges, Image
@@ -33,11 +33,21 @@ SHARED = 2**25
 
 
 def lazy_of(image: Any) -> Any:
-    """Return the dask array that an image is, or that an Image holds; None for others."""
+    """Return the dask array that an image is, or that an Image holds; None for others.
+
+    Raises
+    ------
+    InputError
+        If its blocks are of unknown sizes.
+    """
     values = image.values if isinstance(image, Image) else image
     # whoever has a dask array has loaded dask
     array = getattr(sys.modules.get("dask.array"), "Array", None)
-    return values if array is not None and isinstance(values, array) else None
+    if array is None or not isinstance(values, array):
+        return None
+    if any(map(math.isnan, values.shape)):
+        raise InputError(f"the image has the shape {values.shape}: call its compute_chunk_sizes(), which finds them")
+    return values
 
 
 def block_library(name: str) -> Any:

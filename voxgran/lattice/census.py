@@ -86,8 +86,16 @@ def _count_slab(slab: NDArray[Any], start: Integers, name: str) -> Census:
     indices of the voxels, whole numbers, so that the parts make no difference.
     """
     if slab.dtype.kind == "f":
-        if not np.isfinite(slab).all() or (slab != np.floor(slab)).any():
-            raise InputError(f"{name} holds numbers with fractions or NaN: these are grey values; segment it first")
+        # inf less inf is no number either
+        with np.errstate(invalid="ignore"):
+            bad = slab - np.floor(slab) != 0
+        if bad.any():
+            at = np.unravel_index(bad.argmax(), slab.shape)
+            place = tuple((np.array(at) + start).tolist())
+            raise InputError(
+                f"{name} is {slab[at]:g} at voxel {place}: labels are whole numbers, and these are grey values; "
+                "segment it first"
+            )
         slab = slab.astype(np.int64)
     if slab.dtype.kind == "i" and slab.min() < 0:
         raise InputError(f"{name} holds the label {slab.min()}: labels are at least 0, 0 being void; renumber them")

@@ -97,7 +97,8 @@ def resample(
         factors = float_array(factor)
         if factors is None or factors.shape != (3,):
             factors = np.full(3, as_positive(factor, "factor"))
-        wanted = [max(1.0, n * as_positive(each, "factor")) for n, each in zip(given.shape, factors, strict=True)]
+        each = [as_positive(value, "factor") for value in factors.tolist()]
+        wanted = [max(1.0, n * value) for n, value in zip(given.shape, each, strict=True)]
     else:
         wanted = as_floats(shape, "shape", shape=(3,)).tolist()
     if not math.prod(wanted) < MOST_VOXELS:

@@ -161,7 +161,8 @@ def segment(
 
     A dask array is flooded block by block, each with surroundings as wide as the largest grain; only voxels that two
     basins reach at the same level may get another label than in memory. What is needed several times is kept in the
-    temporary folder of dask, with about 15 bytes a voxel before compression.
+    temporary folder of dask, with about 20 bytes a voxel before compression, and read anew for each block, with about
+    40 bytes in memory for each voxel of a block with its surroundings on each thread.
 
     References
     ----------

@@ -203,3 +203,19 @@ def test_level_surfaces_of_blocks_have_the_volume_that_is_asked_for():
         vg.iso_surface(da.zeros((8, 8), chunks=4))
     with pytest.raises(InputError, match="the field is at most"):
         vg.iso_surface(blocks(GREY), level=2.0)
+
+
+def test_blocks_of_unknown_sizes_are_refused():
+    values = da.arange(64, chunks=8)
+    some = values[values > 3][:, None, None]
+    for take in (vg.open_image, vg.segment, vg.connected_components):
+        with pytest.raises(InputError, match="compute_chunk_sizes"):
+            take(some)
+
+
+def test_what_is_no_label_is_named_with_its_voxel():
+    labels = np.zeros((8, 6, 6))
+    labels[5, 2, 4] = 0.5
+    for image in (labels, da.from_array(labels, chunks=(4, 6, 3))):
+        with pytest.raises(InputError, match=r"the image is 0.5 at voxel \(5, 2, 4\): labels are whole numbers"):
+            vg.packing_of_labels(image, voxel_size=1.0)

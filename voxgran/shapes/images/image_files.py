@@ -310,6 +310,8 @@ def _read_meta(path: Path, key: str | None) -> Image:
 def _read_dicom(folder: Path, key: str | None) -> Image:
     """Read the slices of a folder of DICOM files."""
     del key
+    if not any(item.is_file() for item in folder.iterdir()):
+        raise FileFormatError(f"{folder} has no files: slices or a zarr array are needed; check the path")
     facts, found = read_guarded(dicom_series, folder)
     # VTK turns the image by half a turn about x; lengths are in millimetres by the standard
     values = found["values"].reshape(facts["shape"], order="F")[:, ::-1, ::-1]

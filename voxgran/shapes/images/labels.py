@@ -73,7 +73,7 @@ def load_labels(
     ----------
     source : path-like, Image or (nx, ny, nz) ndarray of int
         A file as :func:`voxgran.load_image` or :func:`voxgran.open_image` takes it, or labels with 0 for void. A dask
-        array may be larger than the memory: surfaces are made group by group, and the shapes alone must fit.
+        array may be larger than the memory: surfaces are made group by group, and lie in temporary files.
     voxel_size : float or (3,) array_like of float, optional
         Edges of a voxel; default: as the file says.
     border : {"keep", "drop"}
@@ -388,18 +388,19 @@ def _with_middles(points: Floats, faces: Integers, here: Integers, there: Intege
     """
     start, end, edge, uses = half_edges(faces, len(points))
     own = here[(uses[edge[here]] > 2) & (here < there)]
-    middle = np.full(faces.size, -1, dtype=np.int64)
+    middle: Integers = np.full(faces.size, -1, dtype=np.int64)
     partner = np.empty(faces.size, dtype=np.int64)
     partner[here] = there
     middle[own] = middle[partner[own]] = len(points) + np.arange(len(own))
-    points, middle = np.concatenate([points, (points[start[own]] + points[end[own]]) / 2]), middle.reshape(-1, 3)
+    points = np.concatenate([points, (points[start[own]] + points[end[own]]) / 2])
+    middle = middle.reshape(-1, 3)
     while len(split := np.flatnonzero((middle >= 0).any(axis=1))):
         # one edge of a triangle at a time
         slot = (middle[split] >= 0).argmax(axis=1)
         p, q, r = (faces[split, (slot + k) % 3] for k in range(3))
         m, after, before = (middle[split, (slot + k) % 3] for k in range(3))
         none, rest = np.full(len(split), -1), np.delete(faces, split, axis=0)
-        faces = np.concatenate([rest, np.column_stack([p, m, r]), np.column_stack([m, q, r])])
-        halves = np.column_stack([none, none, before]), np.column_stack([none, after, none])
+        faces = np.concatenate([rest, np.stack([p, m, r], axis=1), np.stack([m, q, r], axis=1)])
+        halves = np.stack([none, none, before], axis=1), np.stack([none, after, none], axis=1)
         middle = np.concatenate([np.delete(middle, split, axis=0), *halves])
     return points, faces
