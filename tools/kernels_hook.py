@@ -4,6 +4,7 @@ Such a wheel is one of a platform. It serves all versions of Python: those for w
 """
 
 import os
+from pathlib import Path
 from typing import Any
 
 from hatchling.builders.hooks.plugin.interface import BuildHookInterface
@@ -16,6 +17,7 @@ class Kernels(BuildHookInterface):
         """Add them, where there are any."""
         del version
         if folder := os.environ.get("VOXGRAN_KERNELS"):
-            build_data["force_include"][os.path.abspath(folder)] = "voxgran/_base/compiling/kernels"
+            for path in Path(folder).resolve().glob("*.kernel"):
+                build_data["force_include"][str(path)] = f"voxgran/_base/compiling/kernels/{path.name}"
             # code that calls what numba brings and mathematical functions that each C library has
             build_data["tag"], build_data["pure_python"] = "py3-none-manylinux_2_17_x86_64", False

@@ -157,7 +157,7 @@ def test_a_process_computes_what_is_sent_and_ends_with_the_one_that_started_it()
 STOPPED_BESIDE_A_THREAD = """
 import threading, time
 from voxgran._base.errors import Interrupted
-threading.Thread(target=time.sleep, args=(600,)).start()
+threading.Thread(target=time.sleep, args=(30,)).start()
 raise Interrupted("stopped", 15)
 """
 
