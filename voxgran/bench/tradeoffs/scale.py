@@ -43,7 +43,7 @@ BED, WIDTH = 1_000, 10.0
 LOOSE, DENSE = 0.38, 0.6
 #: spheres of clumps for a case of so many grains
 CLUMP = 0.05
-#: what LAMMPS pours: velocity of the grains, how many arrive per area and unit of time, and seconds until it is stopped;
+#: what LAMMPS pours: velocity of grains, how many arrive per area and unit of time, seconds until it is stopped;
 #: 10,000 take more than ten minutes
 SPEED, RATE, LONGEST = 1.0, 0.5, 900.0
 POURED = (1_000,)
