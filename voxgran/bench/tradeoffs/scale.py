@@ -97,7 +97,7 @@ def work_of(name: str, count: int, folder: Path) -> Callable[[], object]:
     rock = next(iter(scans("eros.obj").values()), polyhedra()[0])
     if name == "load .vtp":
         save(grains, file, overwrite=True)
-    return {
+    works: dict[str, Callable[[], object]] = {
         "verify": partial(verify, grains),
         "equilibrium": partial(equilibrium, grains),
         "measure": partial(measure, grains),
@@ -107,7 +107,8 @@ def work_of(name: str, count: int, folder: Path) -> Callable[[], object]:
         "report": partial(save_report, grains, folder / "page.html", overwrite=True),
         "tiled": partial(bed(BED).tiled, max(1, round(math.sqrt(count / BED)))),
         "fit_clump": partial(fit_clump, rock, max_spheres=clump(count)),
-    }[name]
+    }
+    return works[name]
 
 
 def clump(count: int) -> int:
