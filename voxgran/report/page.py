@@ -196,10 +196,12 @@ def _draw(packing: Packing, color_by: str) -> Drawn:
     what = f"{packing.count} {plural} in {with_article(packing.container.kind)}"
     coarse = ""
     most = scenes.picture_faces(packing)
-    if any(len(shape.faces) > most for shape in packing.shapes):
+    balls = np.array([*(shape.is_sphere and shape.dimension == 3 for shape in packing.shapes), False])
+    as_points = int(balls[packing.shape_id].sum()) > scenes.BALL_LIMIT
+    if any(len(shape.faces) > most and not (as_points and shape.is_sphere) for shape in packing.shapes):
         coarse = f" For the picture grains are drawn with about {most} triangles at most."
-    elif packing.count > scenes.BALL_LIMIT:
-        coarse = " Spheres are drawn as points, shaded by the slope of the heap."
+    if as_points:
+        coarse += " Spheres are drawn as points, shaded by the slope of the heap."
     whole = {
         "whole": (
             scenes.picture_packing(packing, color_by=color_by),

@@ -113,6 +113,7 @@ def test_a_large_packing_shows_its_middle_and_says_so(monkeypatch):
     """The grains of the middle are those nearest to the median place, and their contacts are found without the rest."""
     bed = vg.pack(vg.shapes.sphere(), vg.Box((8, 8, 8)), "advancing_front")
     monkeypatch.setattr(scenes, "MIDDLE", 40)
+    monkeypatch.setattr(scenes, "TRIANGLE_BUDGET", 80 * bed.count)  # as of a million grains
     middle = scenes.middle_of(bed)
     assert middle.count == 40
     away = np.abs(bed.position - np.median(bed.position, axis=0)).max(axis=1)
@@ -122,6 +123,7 @@ def test_a_large_packing_shows_its_middle_and_says_so(monkeypatch):
     monkeypatch.setattr(page, "MOST_FOR_CONTACTS", bed.count - 1)
     monkeypatch.setattr(scenes, "picture_grain", lambda shape: {})
     drawn = page._draw(bed, "diameter").packing
+    assert drawn["whole"][2] == "The whole packing. Spheres are drawn as points, shaded by the slope of the heap."
     assert drawn["middle"][2] == "The 40 grains of a cube in the middle, with their surfaces."
     assert "most neighbours in that cube" in drawn["contacts"][2]
     assert not bed._contacts

@@ -43,9 +43,10 @@ BED, WIDTH = 1_000, 10.0
 LOOSE, DENSE = 0.38, 0.6
 #: spheres of clumps for a case of so many grains
 CLUMP = 0.05
-#: what LAMMPS pours: velocity of the grains, how many arrive per area and unit of time, and seconds until it is stopped
+#: what LAMMPS pours: velocity of grains, how many arrive per area and unit of time, seconds until it is stopped;
+#: 10,000 take more than ten minutes
 SPEED, RATE, LONGEST = 1.0, 0.5, 900.0
-POURED = (1_000, 10_000)
+POURED = (1_000,)
 #: case of the peer
 POURING = "pour, LAMMPS"
 
@@ -96,7 +97,7 @@ def work_of(name: str, count: int, folder: Path) -> Callable[[], object]:
     rock = next(iter(scans("eros.obj").values()), polyhedra()[0])
     if name == "load .vtp":
         save(grains, file, overwrite=True)
-    return {
+    works: dict[str, Callable[[], object]] = {
         "verify": partial(verify, grains),
         "equilibrium": partial(equilibrium, grains),
         "measure": partial(measure, grains),
@@ -106,7 +107,8 @@ def work_of(name: str, count: int, folder: Path) -> Callable[[], object]:
         "report": partial(save_report, grains, folder / "page.html", overwrite=True),
         "tiled": partial(bed(BED).tiled, max(1, round(math.sqrt(count / BED)))),
         "fit_clump": partial(fit_clump, rock, max_spheres=clump(count)),
-    }[name]
+    }
+    return works[name]
 
 
 def clump(count: int) -> int:
