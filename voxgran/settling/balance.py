@@ -260,7 +260,7 @@ def _gauss_seidel(contacts, work, state, friction, skin, iterations, tolerance, 
         made += 1
         if change <= tolerance * tolerance * size:
             break
-        if _turned(state, ahead, accelerations) > 0.0:
+        if _turned(state, ahead, accelerations, contacts.cell.mobility) > 0.0:
             t = 1.0
         after = (1.0 + math.sqrt(1.0 + 4.0 * t * t)) / 2.0
         momentum = (t - 1.0) / after
@@ -269,7 +269,7 @@ def _gauss_seidel(contacts, work, state, friction, skin, iterations, tolerance, 
 
 
 @bare_kernel
-def _turned(state, ahead, before):  # type: ignore[no-untyped-def]
+def _turned(state, ahead, before, mobility):  # type: ignore[no-untyped-def]
     """Return the product, by mass, of the way back from extrapolated accelerations with the change since `before`."""
     turned = 0.0
     for k in range(len(state)):
@@ -277,6 +277,11 @@ def _turned(state, ahead, before):  # type: ignore[no-untyped-def]
             inverse = state[k, 6 + c // 3]
             if inverse > 0.0:
                 turned += (ahead[k, c] - state[k, c]) * (state[k, c] - before[k, c]) / inverse
+    last = len(state) - 1
+    for c in range(len(mobility)):
+        if mobility[c, c] > 0.0:
+            # strains of a container that deforms stand in the last row
+            turned += (ahead[last, c] - state[last, c]) * (state[last, c] - before[last, c]) / mobility[c, c]
     return turned
 
 

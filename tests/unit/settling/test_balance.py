@@ -157,12 +157,20 @@ def test_the_first_guess_does_not_matter():
     np.testing.assert_allclose(warm, cold, atol=1e-5)
 
 
-def plain_sweeps(row, i, j, bodies, forces, openness, friction, skin, sweeps):
-    """Return the forces after sweeps there and back in the order of the rows, by dense matrices."""
+def plain_sweeps(row, i, j, bodies, forces, openness, friction, skin, iterations):
+    """Return the forces after sweeps there and back in the order of the rows, by dense matrices, and restarts.
+
+    Between two iterations is the momentum of Nesterov, which begins anew where it points the wrong way.
+    """
     matrix = matrix_of(row, i, j, bodies).reshape(len(row), 3, -1)
     inverse = np.repeat(bodies[:, 6:8], 3, axis=1).ravel()
-    velocity = twin(row, i, j, bodies, forces).ravel()
-    for _ in range(sweeps):
+    old, old_velocity, t, momentum, restarts = forces.copy(), twin(row, i, j, bodies, forces).ravel(), 1.0, 0.0, 0
+    for _ in range(iterations):
+        velocity = twin(row, i, j, bodies, forces).ravel()
+        before_it, before_velocity = forces.copy(), velocity.copy()
+        forces += momentum * (forces - old)
+        velocity = velocity + momentum * (velocity - old_velocity)
+        old, old_velocity, ahead = before_it, before_velocity, velocity.copy()
         for k in [*range(len(row)), *reversed(range(len(row)))]:
             n, own = row[k, :3], matrix[k]
             along = n @ own @ (inverse * (own.T @ n))
@@ -180,20 +188,43 @@ def plain_sweeps(row, i, j, bodies, forces, openness, friction, skin, sweeps):
             across *= min(1.0, friction * push / length) if length > 0 else 0.0
             forces[k] = push * n + across
             velocity += inverse * (own.T @ (forces[k] - before))
-    return forces
+        if (masses_of(bodies) * (ahead - velocity)) @ (velocity - old_velocity) > 0:
+            t, restarts = 1.0, restarts + 1
+        momentum, t = (t - 1) / ((1 + np.sqrt(1 + 4 * t * t)) / 2), (1 + np.sqrt(1 + 4 * t * t)) / 2
+    return forces, restarts
 
 
+@pytest.mark.parametrize("iterations", [1, 30])
 @pytest.mark.parametrize("round_grains", [True, False])
-def test_an_iteration_is_two_sweeps_in_the_order_of_the_rows(round_grains):
+def test_an_iteration_is_two_sweeps_in_the_order_of_the_rows(round_grains, iterations):
     row, i, j, bodies = heap(6, round_grains=round_grains)
     generator = np.random.default_rng(7)
     openness, start = 0.1 * generator.normal(size=len(i)), 0.1 * row[:, :3]
-    expected = plain_sweeps(row, i, j, bodies, start.copy(), openness, 0.5, 1e-3, 1)
+    expected, restarts = plain_sweeps(row, i, j, bodies, start.copy(), openness, 0.5, 1e-3, iterations)
+    assert restarts > 1 or iterations == 1
     forces = start.copy()
     gauss_seidel_forces(
-        LoadedContacts(row, i, j, bodies, DOWN), forces, openness, friction=0.5, skin=1e-3, iterations=1
+        LoadedContacts(row, i, j, bodies, DOWN), forces, openness, friction=0.5, skin=1e-3, iterations=iterations
     )
-    np.testing.assert_allclose(forces, expected, atol=1e-11)
+    np.testing.assert_allclose(forces, expected, atol=1e-9)
+
+
+def test_patience_ends_a_search_in_which_a_few_bodies_cannot_rest():
+    """Thirty grains rest on the floor and one has no contact: it falls whatever the forces are."""
+    count = 31
+    row, bodies = np.zeros((count - 1, 16)), np.zeros((count + 1, 8))
+    row[:, :6] = [0, 0, -1, 0, 0, -0.5]
+    bodies[:-1, 6:] = 1.0, 10.0
+    contacts = LoadedContacts(row, np.arange(count - 1), np.full(count - 1, -1), bodies, DOWN)
+    made = {}
+    for patience in (None, 32):
+        forces = np.zeros((count - 1, 3))
+        left, made[patience], _ = accelerated_projected_gradient(
+            contacts, forces, friction=0.5, iterations=320, tolerance=0.01, near=-1.0, patience=patience
+        )
+        np.testing.assert_allclose(forces[:, 2], -1.0, atol=0.01)
+        np.testing.assert_allclose(left[count - 1], [0, 0, -1, 0, 0, 0])
+    assert made == {None: 320, 32: 48}
 
 
 @pytest.mark.parametrize("own", [False, True])
