@@ -53,4 +53,3 @@ def test_mesh_files_keep_the_digits_of_their_formats():
     rows = {(suffix, name): error for suffix, _, name, _, error in measure_files(0)}
     assert max(rows[suffix, "voxgran"] for suffix in (".ply", ".obj", ".off")) < 1e-15
     assert 1e-9 < rows[".stl", "voxgran"] < 1e-7
-    assert 1e-9 < rows[".obj", "PyVista"] < 1e-7
