@@ -31,14 +31,19 @@ def _numbered(start, end, vertex_count):  # type: ignore[no-untyped-def]
     np.unique.
     """
     many = len(start)
-    order, before = np.arange(many), np.empty(many, dtype=np.int64)
+    order, before = np.empty(many, dtype=np.int64), np.empty(many, dtype=np.int64)
+    for k in range(many):
+        order[k] = k
     for lower in range(2):
-        before[:] = order
         first = np.zeros(vertex_count + 1, dtype=np.int64)
         for h in range(many):
             first[(min(start[h], end[h]) if lower else max(start[h], end[h])) + 1] += 1
-        first = np.cumsum(first)
-        for h in before:
+        for v in range(vertex_count):
+            first[v + 1] += first[v]
+        for k in range(many):
+            before[k] = order[k]
+        for k in range(many):
+            h = before[k]
             corner = min(start[h], end[h]) if lower else max(start[h], end[h])
             order[first[corner]] = h
             first[corner] += 1

@@ -3,7 +3,7 @@ import numpy as np
 from voxgran._base.seeds import stream
 from voxgran.bench import model
 from voxgran.bench.model import trade_offs
-from voxgran.bench.tradeoffs.images.voxelize import SHARES, bench_shapes, measure_peers, measure_rows
+from voxgran.bench.tradeoffs.images.voxelize import SHARES, bench_shapes, measure_files, measure_peers, measure_rows
 from voxgran.geometry.rotation import random_rotations
 from voxgran.shapes.mesh import Mesh
 from voxgran.shapes.model import Shape
@@ -47,3 +47,9 @@ def test_without_the_source_repository_the_rows_of_peers_are_left_out(tmp_path, 
 def test_the_trade_off_is_found_by_its_name():
     assert {"voxelize", "distance"} <= set(trade_offs().names())
     assert trade_offs().get("voxelize").name == "voxelize"
+
+
+def test_mesh_files_keep_the_digits_of_their_formats():
+    rows = {(suffix, name): error for suffix, _, name, _, error in measure_files(0)}
+    assert max(rows[suffix, "voxgran"] for suffix in (".ply", ".obj", ".off")) < 1e-15
+    assert 1e-9 < rows[".stl", "voxgran"] < 1e-7

@@ -154,7 +154,7 @@ def read_off(raw: bytes, name: str) -> Polygons:
         places, first, _ = _numbers(rows[:vertex_count])
         points = places[first[:, None] + np.arange(3)]
         faces, first, many = _numbers(rows[vertex_count : vertex_count + face_count])
-        counts = faces[first].astype(np.int64)
+        counts = _whole(faces[first])
         whole = bool(((counts >= 0) & (counts < many)).all())
         skipped = np.repeat(first + 1 - np.cumsum(counts) + counts, counts) if whole else first[:0]
         corners = _whole(faces[skipped + np.arange(len(skipped))])
@@ -175,16 +175,17 @@ def _numbers(rows: list[list[bytes]]) -> tuple[Floats, Integers, Integers]:
 
 
 def _whole(corners: NDArray[Any]) -> Integers:
-    """Return vertex indices as whole numbers.
+    """Return vertex indices, or how many there are, as whole numbers.
 
     Raises
     ------
     ValueError
         If one is none, or so large that digits are lost.
     """
-    bad = ~((np.abs(corners) < 2.0**53) & (corners == np.floor(corners)))
+    with np.errstate(invalid="ignore"):
+        bad = ~((np.abs(corners) < 2.0**53) & (corners == np.floor(corners)))
     if bad.any():
-        raise ValueError(f"it has a face with a vertex {corners[bad][0]:g}")
+        raise ValueError(f"it has a face with a vertex or a count {corners[bad][0]:g}")
     return corners.astype(np.int64)
 
 

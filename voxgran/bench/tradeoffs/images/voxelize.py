@@ -6,6 +6,7 @@ where flat faces lie along the lattice; exact shares are at round-off whatever t
 """
 
 from pathlib import Path
+from tempfile import TemporaryDirectory
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -17,6 +18,8 @@ from voxgran.bench.model import TradeOff, least_seconds, panels_of, peers_of, sc
 from voxgran.geometry.rotation import random_rotations, rotation_matrices
 from voxgran.lattice.grid import Grid
 from voxgran.shapes.family import make_shape
+from voxgran.shapes.files import load_shape
+from voxgran.shapes.formats.mesh_files import WRITERS
 from voxgran.shapes.mesh import Mesh
 from voxgran.shapes.model import Shape
 from voxgran.voxels.occupy import BACKENDS, voxelize
@@ -111,6 +114,33 @@ def measure_peers(sizes: tuple[int, ...] = PEER_SIZES) -> list[tuple[int, str, f
     return rows
 
 
+def measure_files(divisions: int = 2) -> list[tuple[str, int, str, float, float]]:
+    """Time reading a scanned body, whose triangles are divided into four again and again, from files that are parsed
+    here, with all checks, and by PyVista, without.
+
+    Return format, triangles, program, seconds of the processor, and the largest error of a coordinate over the size.
+    """
+    pyvista, rows = load("pyvista"), []
+    (body,) = scans("eros.obj").values()
+    divided = pyvista.PolyData.from_regular_faces(body.vertices, body.faces).subdivide(divisions, "linear")
+    points, faces = np.asarray(divided.points, dtype=np.float64) / body.diameter, divided.regular_faces
+    with TemporaryDirectory() as folder:
+        for suffix in (".ply", ".stl", ".obj", ".off"):
+            path = Path(folder) / f"scan{suffix}"
+            WRITERS[suffix](points, faces, path)
+            programs = {"voxgran": lambda: load_shape(path), "PyVista": lambda: pyvista.read(path)}  # noqa: B023
+            for name, program in programs.items():
+                seconds, read = least_seconds(program, processor=True), program()
+                there = (
+                    read.vertices + np.array(read.offset)
+                    if name == "voxgran"
+                    else np.asarray(read.points, dtype=np.float64)
+                )
+                error = float(np.abs(there.max(axis=0) - points.max(axis=0)).max() / np.ptp(points))
+                rows.append((suffix, len(faces), name, seconds, error))
+    return rows
+
+
 def run(folder: Path) -> tuple[Path, ...]:
     """Measure, and write rows as CSV and a figure as SVG."""
     data = measure_rows(bench_shapes())
@@ -132,6 +162,7 @@ def run(folder: Path) -> tuple[Path, ...]:
     return (
         write_rows(folder / "voxelize.csv", head, rows),
         write_rows(folder / "voxelize_peers.csv", peer_head, peers),
+        write_rows(folder / "mesh_files.csv", "format,triangles,program,seconds:.3f,error:.1e", measure_files()),
         folder / "voxelize.svg",
     )
 
