@@ -8,7 +8,7 @@ its edges ab, bc, ca and 4 to 6 for its corners a, b, c.
 import numpy as np
 
 from voxgran._base.arrays import Floats, Integers
-from voxgran._base.kernels import bare_kernel
+from voxgran._base.kernels import bare_kernel, inlined_kernel
 from voxgran.geometry.vectors import Vector, along, corner_of, cross, dot, sub
 
 #: square of the sine of an angle of a triangle up to which its plane is not used
@@ -117,7 +117,7 @@ def triangle_distance(one: Floats, i: int, other: Floats, j: int, points: Floats
     return best
 
 
-@bare_kernel
+@inlined_kernel
 def keep_nearer(points: Floats, best: float, a: Vector, b: Vector) -> float:
     """Write two points where they are nearer than the best ones; return the lesser squared distance."""
     square = (a[0] - b[0]) ** 2 + (a[1] - b[1]) ** 2 + (a[2] - b[2]) ** 2
@@ -128,7 +128,7 @@ def keep_nearer(points: Floats, best: float, a: Vector, b: Vector) -> float:
     return best
 
 
-@bare_kernel
+@inlined_kernel
 def try_edges(
     one: Floats, i: int, c: int, other: Floats, j: int, d: int, points: Floats, best: float, limit: float
 ) -> float:

@@ -55,8 +55,8 @@ def test_gaps_and_normals_are_those_of_the_general_tests(rocks):
         np.testing.assert_allclose(apart, (row[GAP] + 1e-3) * row[:3], atol=1e-12)
 
 
-@pytest.mark.parametrize("room", [1, 800])
-def test_what_is_remembered_does_not_change_the_gaps(rocks, room, monkeypatch):
+@pytest.mark.parametrize(("room", "reach"), [(1, 0.02), (800, 0.02), (800, 0.004)])
+def test_what_is_remembered_does_not_change_the_gaps(rocks, room, reach, monkeypatch):
     """Grains of near couples move in small steps; each time the gaps are those of a look without memory."""
     monkeypatch.setattr(surface_memory, "FIRST", room)
     shapes, bodies = rocks
@@ -68,9 +68,11 @@ def test_what_is_remembered_does_not_change_the_gaps(rocks, room, monkeypatch):
     work, rows = surface_work(bodies, 60), rows_of(MOST * 60)
     kept = []
     for step in range(8):
-        gap, proven = prove_separate(grains, pairs, work, rows, 0.02)
+        gap, proven = prove_separate(grains, pairs, work, rows, reach)
         other = surface_work(bodies, 60)
-        fresh, again = prove_separate(grains, pairs, other, rows, 0.02)
+        fresh, again = prove_separate(grains, pairs, other, rows, reach)
+        # of pairs that are farther apart some have the reach as their gap
+        gap[gap >= reach] = fresh[fresh >= reach] = np.inf
         np.testing.assert_allclose(gap, fresh, atol=1e-13)
         np.testing.assert_array_equal(proven, again)
         kept.append(set(np.flatnonzero(work.arrays.key[:, 1, 2] > 0)))
@@ -81,6 +83,37 @@ def test_what_is_remembered_does_not_change_the_gaps(rocks, room, monkeypatch):
     first, count = work.arrays.key[:, 1, 3], work.arrays.key[:, 1, 4]
     order = np.lexsort((count, first))
     assert (first[order][1:] >= (first + count)[order][:-1]).all()
+
+
+def test_lists_that_move_to_the_front_of_the_pool_stay_as_they_are(rocks):
+    shapes, bodies = rocks
+    grains, turns, pairs = couples(40, shapes, 4, reach=0.6)
+    bring_near(shapes, grains, turns, pairs, vg.Box((3000.0, 40.0, 40.0)), np.random.Generator(np.random.Philox(7)))
+    work, rows = surface_work(bodies, 40), rows_of(MOST * 40)
+    # some overlap: their lists are looked for twice in a search, also where they find no room
+    for _ in range(2):
+        find_triangle_contacts(Search(grains, pairs, 0.02, 0.0), work, rows, 0)
+        assert (work.arrays.key[:, 1, 3] + work.arrays.key[:, 1, 4]).max() <= len(work.arrays.apart)
+
+    def lists():
+        key, found = work.arrays.key[:, 1], []
+        for first, count in key[key[:, 2] > 0][:, [3, 2]]:
+            found.append((work.arrays.near[first : first + count].copy(), work.arrays.apart[first : first + count]))
+        return found
+
+    key = work.arrays.key[:, 1]
+    # every second list is given up, one has found no room, and one is that of a pair that is no longer there
+    key[::2, 2], key[-2:, 2] = -1, -1
+    before = lists()
+    key[0, 2:5] = surface_memory.LOST, 5000, 0
+    key[-1, 2] = 3
+    assert len(before) > 5
+    surface_memory.tidy(work, 39)
+    for one, other in zip(before, lists(), strict=True):
+        np.testing.assert_array_equal(one[0], other[0])
+        np.testing.assert_array_equal(one[1], other[1])
+    assert work.arrays.used[0] == sum(len(near) for near, _ in before)
+    assert len(work.arrays.apart) >= work.arrays.used[0] + 5000
 
 
 def test_pairs_of_a_dense_bed_take_little_memory(rocks):

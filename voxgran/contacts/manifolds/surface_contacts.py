@@ -75,7 +75,7 @@ def _grid_slope(grid, at, nx, ny, nz, cell, x, y, z):  # type: ignore[no-untyped
     return gx, gy, gz
 
 
-@bare_kernel
+@inlined_kernel
 def grid_bound(bodies: SurfaceBodies, body: int, x: float, y: float, z: float) -> float:
     """Return a lower bound of the distance of a point, in cells, from a body with a grid or of spheres.
 

@@ -41,7 +41,8 @@ class SurfaceWork(NamedTuple):
     the frame of i, both scales, the distance beyond which nothing was listed; of triangles a distance that the
     surfaces, neither of which was in the other, had then at least, -1 if unknown, and the direction in which they were
     nearest.  key: (cap, 2, 5): i, j, and the lengths of both lists of points, or the length of the list of triangles,
-    -1 without a list, its first entry in the pool and the number of entries that it has there.  leaf: (cap, POINTS)
+    -1 without a list, its first entry in the pool and the number of entries that it has there, 0 for a `LOST` one,
+    whose first entry is the number that it wants.  leaf: (cap, POINTS)
     points of j, then of i.  near: (pool, 2) triangles of i and of j, and apart: (pool,) lower bounds of their
     distances, the lists of all pairs.  used: (1,) entries in use, from the first one on.  saved: (cap, 2) first and
     count of pairs that overlap, before a call.
@@ -120,14 +121,14 @@ def tidy(work: Blocks[SurfaceWork], size: int) -> None:
     The pool grows where lists found no room in it, which are made again when their pairs are next looked at.
     """
     arrays = work.arrays
-    arrays.key[size:, 1, 2] = -1
+    arrays.key[size:, 1, 2:] = -1, 0, 0
     key = arrays.key[:, 1]
     lost, cap = key[:, 2] == LOST, len(arrays.apart)
+    wanted = int(key[lost, 3].sum())
+    key[lost, 2:4] = -1, 0
     arrays.used[0] = (key[:, 3] + key[:, 4]).max(initial=0)
-    if not lost.any() and 2 * arrays.used[0] <= cap:
+    if not wanted and 2 * arrays.used[0] <= cap:
         return
-    wanted = int(key[lost, 4].sum())
-    key[lost, 2] = -1
     count = np.maximum(key[:, 2], 0)
     first = np.cumsum(count) - count
     total = int(count.sum())

@@ -7,16 +7,18 @@ minimum if it lies in the normal cone of each feature: no neighbouring face or e
 import math
 
 from voxgran._base.arrays import Floats
-from voxgran._base.kernels import bare_kernel
+from voxgran._base.kernels import bare_kernel, inlined_kernel
 from voxgran.contacts.manifolds.distance_grids import SurfaceBodies
 from voxgran.geometry.triangles import closest_on_triangle, keep_nearer, pierces, try_edges
 from voxgran.geometry.vectors import Vector, corner_of, cross, dot, row_of, sub
 
 #: sine by which a direction may leave a normal cone, where the other feature is a face, and else
 WIDE, NARROW = 0.5, 0.05
+#: share of a squared distance that rounding may take
+ROUND_OFF = 1e-9
 
 
-@bare_kernel
+@inlined_kernel
 def place_triangle(corner: Floats, t: int, pose: Floats, stretch: float, placed: Floats, k: int) -> None:
     """Write triangle t of j in the frame and unit of i."""
     for c in range(3):
@@ -59,7 +61,7 @@ def nearest_features(
     bound = _side_of(other, b, one, a, points)
     if bound > limit:
         return bound * bound, -1, -1
-    pierce = pierce and bound == 0.0
+    pierce, least = pierce and bound == 0.0, bound
     for c in range(3):
         if points[6 + c] * points[6 + c] <= best:
             x, y, z = one[a, c, 0], one[a, c, 1], one[a, c, 2]
@@ -71,6 +73,7 @@ def nearest_features(
     if bound > limit:
         return bound * bound, -1, -1
     pierce = pierce and bound == 0.0
+    least = max(least, bound)
     for c in range(3):
         if points[6 + c] * points[6 + c] <= best:
             x, y, z = other[b, c, 0], other[b, c, 1], other[b, c, 2]
@@ -78,6 +81,9 @@ def nearest_features(
             square = keep_nearer(points, best, (px, py, pz), (x, y, z))
             if square < best:
                 best, mine, theirs = square, feature, 4 + c
+    if least > 0.0 and least * least >= best * (1.0 - ROUND_OFF):
+        # a corner is as near as the plane of the other triangle: nothing is nearer
+        return best, mine, theirs
     for c in range(3):
         for d in range(3):
             square = try_edges(one, a, c, other, b, d, points, best, best)
@@ -90,7 +96,7 @@ def nearest_features(
     return best, mine, theirs
 
 
-@bare_kernel
+@inlined_kernel
 def _in_cone(bodies, t, feature, direction, slack):  # type: ignore[no-untyped-def]
     """Return whether a unit direction lies in the normal cone of a feature, up to the sine of an angle."""
     if dot(corner_of(bodies.pseudo, t, feature), direction) <= 0.0:
@@ -110,7 +116,7 @@ def _in_cone(bodies, t, feature, direction, slack):  # type: ignore[no-untyped-d
     return dot(cross(edge, face), direction) >= least and -dot(cross(edge, other), direction) >= least
 
 
-@bare_kernel
+@inlined_kernel
 def is_minimum(
     bodies: SurfaceBodies, s: int, mine: int, t: int, theirs: int, pose: Floats, direction: Vector, solid_i: int,
     solid_j: int,

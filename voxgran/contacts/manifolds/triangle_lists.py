@@ -9,7 +9,7 @@ margin.
 
 import math
 
-from voxgran._base.kernels import bare_kernel
+from voxgran._base.kernels import bare_kernel, inlined_kernel
 from voxgran.contacts.manifolds.rows import Grains
 from voxgran.contacts.manifolds.surface_contacts import grid_bound, to_cells, write_turn
 from voxgran.contacts.manifolds.surface_memory import LOST, NEAR, SurfaceWork, copy_numbers, is_kept, motion_since
@@ -116,7 +116,7 @@ def _extreme(placed, plane, many, x, y, z, sign):  # type: ignore[no-untyped-def
     return high
 
 
-@bare_kernel
+@inlined_kernel
 def _least_height(placed, n, x, y, z, at, other):  # type: ignore[no-untyped-def]
     """Return the least and the largest height of a triangle above the plane through corner `at` of another."""
     ox, oy, oz = other[at, 0], other[at, 1], other[at, 2]
@@ -126,7 +126,7 @@ def _least_height(placed, n, x, y, z, at, other):  # type: ignore[no-untyped-def
     return min(a, b, c), max(a, b, c)
 
 
-@bare_kernel
+@inlined_kernel
 def _beside(one, n, normal, other, m, limit):  # type: ignore[no-untyped-def]
     """Return a lower bound of the distance of triangle m of others from n, by the planes through the edges of n."""
     bound = 0.0
@@ -142,7 +142,7 @@ def _beside(one, n, normal, other, m, limit):  # type: ignore[no-untyped-def]
     return bound
 
 
-@bare_kernel
+@inlined_kernel
 def _bound_of(mine, my_plane, n, theirs, their_plane, m, reach, slack):  # type: ignore[no-untyped-def]
     """Return a lower bound of the distance of two triangles with skins, 1e9 if they face away from each other.
 
@@ -275,11 +275,13 @@ def _renew(grains, work, p, i, j, margin):  # type: ignore[no-untyped-def]
     if count < 0 or kept > NEAR:
         return count, clear
     if kept > key[4]:
-        key[3], key[4] = work.span[0], kept + kept // 4 + 1
-        if key[3] + key[4] > work.span[1]:
-            key[2], key[3] = LOST, 0
+        room = kept + kept // 4 + 1
+        if work.span[0] + room > work.span[1]:
+            # what it has of the pool is nothing; how much it wants stands in the place of its first entry
+            key[2], key[3], key[4] = LOST, room, 0
             return count, clear
-        work.span[0] += key[4]
+        key[3], key[4] = work.span[0], room
+        work.span[0] += room
     key[2] = kept
     to = key[3]
     for q in range(count):
