@@ -307,7 +307,8 @@ class Settler(Resumable):
             progress.length = max(preset.last, SHRINK * progress.length)
         progress.still_steps += 1
         last = progress.still_steps >= self._more_steps * preset.steps
-        if not last and (progress.still_steps % preset.examined if preset.examined else moving >= CALM):
+        calm = moving < CALM and preset.last <= preset.first
+        if not last and not calm and (not preset.examined or progress.still_steps % preset.examined):
             return
         if preset is GRIDS:
             self._look_closer()
