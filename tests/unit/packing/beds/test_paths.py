@@ -1,5 +1,6 @@
 """The density of a rough bed depends on how its grains came together, not on where they come from."""
 
+import sys
 from dataclasses import replace
 
 import numpy as np
@@ -32,7 +33,7 @@ def test_grains_that_grow_in_a_low_column_rest_denser_than_those_that_fall(capsy
     grown = density(replace(start, position=settled.position * start.median_diameter, orientation=settled.orientation))
     gravity = density(vg.pack(hulls, vg.Box((6, 6, 14), periodic="xy"), "gravity", count=300, seed=1))
     with capsys.disabled():
-        print(f"\nfallen {fallen:.3f}, grown in a low column {grown:.3f}, gravity {gravity:.3f}")
+        sys.stdout.write(f"\nfallen {fallen:.3f}, grown in a low column {grown:.3f}, gravity {gravity:.3f}\n")
     assert grown > fallen + 0.01
     assert grown == pytest.approx(gravity, abs=0.01)
 
