@@ -281,7 +281,8 @@ class Settler(Resumable):
             if moving < EARLY and progress.still_steps % EVERY == 0 and self._rests_as_copy(preset):
                 self._end()
             return
-        if not last and (progress.still_steps % preset.examined if preset.examined else moving >= CALM):
+        calm = moving < CALM and preset.last <= preset.first
+        if not last and not calm and (not preset.examined or progress.still_steps % preset.examined):
             return
         if preset is GRIDS:
             self._look_closer()

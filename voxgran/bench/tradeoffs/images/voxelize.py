@@ -5,9 +5,11 @@ sample the volume with an error of order 2 in the voxel size where the surface l
 where flat faces lie along the lattice; exact shares are at round-off whatever the voxel size is.
 """
 
+from collections.abc import Callable
+from functools import partial
 from pathlib import Path
 from tempfile import TemporaryDirectory
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -128,7 +130,10 @@ def measure_files(divisions: int = 2) -> list[tuple[str, int, str, float, float]
         for suffix in (".ply", ".stl", ".obj", ".off"):
             path = Path(folder) / f"scan{suffix}"
             WRITERS[suffix](points, faces, path)
-            programs = {"voxgran": lambda: load_shape(path), "PyVista": lambda: pyvista.read(path)}  # noqa: B023
+            programs: dict[str, Callable[[], Any]] = {
+                "voxgran": partial(load_shape, path),
+                "PyVista": partial(pyvista.read, path),
+            }
             for name, program in programs.items():
                 seconds, read = least_seconds(program, processor=True), program()
                 there = (
