@@ -19,6 +19,8 @@ from voxgran.settling.materials import FrictionTable
 
 #: compression of a contact by a force of one weight, in median diameters; a lid does not compress contacts more
 SOFTNESS = 1e-6
+#: part of the distance that surfaces keep by which forces without friction compress contacts at most
+COMPRESSED = 0.25
 #: acceleration, in that of gravity, from which on a grain moves
 MOVING = 0.01
 #: accuracy of steps without friction, in units of gravity and in gaps
@@ -69,8 +71,10 @@ def frictionless_step(
     pressed = np.flatnonzero(start > PRESSED)
     forms = bed.finders.curvature(bed.grains, bed.rows, pressed)
     forms *= -square * start[pressed, None, None]
+    # the largest force of a tall bed must not compress its contact by more than the distance that surfaces keep
+    softness = min(2.0 * SOFTNESS / bed.load, COMPRESSED * rest / start.max(initial=1.0))
     push, accelerations, _ = frictionless_forces(
-        contacts, openness=bed.gap / square, skin=2.0 * SOFTNESS / (bed.load * square),
+        contacts, openness=bed.gap / square, skin=softness / square,
         accuracy=ACCURACY / max(1.0, square), start=start, height=-(bed.grains.position @ bed.gravity),
         bend=(pressed, forms),
     )  # fmt: skip
