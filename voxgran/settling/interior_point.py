@@ -184,7 +184,7 @@ CORRECTIONS, LONGER, KEPT = 3, 0.3, 0.1
 #: least force at a contact at the beginning, without an earlier step and with one; least slack is as large
 FIRST, WARM = 1.0, 0.3
 #: grains in a layer of unit area, and the largest product of unknowns and the square of those of a layer
-LAYER, MOST_WORK = 1.2, 4e10
+LAYER, MOST_WORK = 1.2, 1e10
 #: least second derivative, over mass or moment of inertia, that counts
 LEAST_BEND = 1e-2
 #: range of the products of slack and force, in means, into which a correction brings them

@@ -28,7 +28,7 @@ FRICTIONAL = (
 #: of the same without friction: of spheres and of convex grains, solved to the end with steps that become longer, of
 #: which steps of spheres move no two grains into each other; and where that would take too long
 FRICTIONLESS = (
-    SolverPreset(2e-4, 0.1, 0.1, first=1.0, last=2.0, steps=40, examined=4),
+    SolverPreset(2e-4, 0.1, 0.1, first=1.0, last=2.0, steps=120, examined=4),
     SolverPreset(KEPT, 0.1, 0.1, first=0.5, last=1.0, steps=100, examined=5),
     SolverPreset(KEPT, 0.1, 0.03, first=0.2, last=0.05, steps=60),
 )

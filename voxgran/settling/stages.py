@@ -61,9 +61,9 @@ RESIDUAL = 0.01
 #: share of moving grains below which copies of a bed with friction are examined, and steps from one to the next; depth
 #: to which overlaps of a copy whose grains rest otherwise are parted
 EARLY, EVERY, SHALLOW = 0.3, 4, 1e-2
-#: iterations of an examination of a copy, of others, and most of the last one; those by sweeps with which it begins
-#: where grains rub, those after which it ends where no more grains rest, and the share that moves of a hopeless copy
-QUICK, USUAL, THOROUGH, SWEPT, PATIENCE, HOPELESS = 100, 300, 3000, 50, 64, 0.5
+#: iterations of an examination of a copy, of others, and most of the last one; those by sweeps with which it begins where
+#: grains rub, those after which it ends where no more rest, and more for all grains, and what moves of a hopeless copy
+QUICK, USUAL, THOROUGH, SWEPT, PATIENCE, MANY, HOPELESS = 100, 300, 3000, 50, 64, 60_000, 0.5
 #: distance to which overlapping grains are parted, rounds for it, by triangles and by other contacts, how often it is
 #: tried, and depth that is rounding
 PARTED, FEW_ROUNDS, ROUNDS, TRIALS, ROUND_OFF = 1e-4, 20, 60, 3, 1e-13
@@ -423,7 +423,7 @@ class Settler(Resumable):
         found = balance_bed(
             bed, self.friction, reach=TOUCHING, tolerance=RESIDUAL, iterations=iterations,
             sweeps=0 if self._frictionless else SWEPT, hopeless=HOPELESS if iterations == QUICK else 1.0,
-            patience=PATIENCE,
+            patience=PATIENCE + MANY // max(bed.count, 1),
         )  # fmt: skip
         progress.residual = np.maximum(found.residual, found.residual_torque)
         progress.moving = bed.mean(~found.rests)

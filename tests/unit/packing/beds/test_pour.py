@@ -37,7 +37,7 @@ def test_a_heap_stands_below_the_inlet(heap):
 def test_friction_makes_heaps_steeper(heap):
     flat, steep = repose(pour_disks(0.0, seed=1)), repose(heap)
     # frictionless disks run to the walls
-    assert abs(flat.angle) < 8.0
+    assert abs(flat.angle) < 12.0
     assert steep.angle > flat.angle + 10.0
     assert steep.height > 1.5 * flat.height
     assert heap.measure("repose").angle_of_repose == steep.angle
