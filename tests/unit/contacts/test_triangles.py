@@ -100,7 +100,7 @@ def test_turned_boxes_bound_the_distance_of_what_they_hold():
     assert np.quantile(close, 0.75) > 0.7
 
 
-@pytest.mark.parametrize("family", ["sphere", "polyhedron"])
+@pytest.mark.parametrize("family", ["sphere", slow("polyhedron")])
 def test_contacts_of_a_smaller_gap_are_taken_from_those_of_a_larger_one(family):
     place = stream(1, "places").uniform(0.0, 4.0, (60, 3))
     grains = [make_shape(family, seed=0)], Box((4, 4, 4), periodic="xyz")

@@ -106,6 +106,7 @@ def test_rocks_settle_around_an_obstacle_in_a_tilted_cell():
     assert bed.verify().ok
 
 
+@pytest.mark.slow
 def test_pairs_and_waves_are_those_of_all_images(jammed):
     found = jammed.measure("rdf")["/profiles"]
     edges = np.concatenate([[0], found.pair_distance.values])

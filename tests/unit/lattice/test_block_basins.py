@@ -66,6 +66,7 @@ def test_maxima_that_meet_diagonally_are_one():
     assert parts.necks.identical(whole.necks)
 
 
+@pytest.mark.slow
 def test_an_image_without_void_is_one_grain_as_in_memory():
     grey = np.full((9, 9, 9), 200)
     assert (np.asarray(vg.segment(da.from_array(grey, chunks=4), threshold=100)) == 1).all()
