@@ -61,7 +61,7 @@ RESIDUAL = 0.01
 #: share of moving grains below which copies of a bed with friction are examined, and steps from one to the next; depth
 #: to which overlaps of a copy whose grains rest otherwise are parted
 EARLY, EVERY, SHALLOW = 0.3, 4, 1e-2
-#: iterations of an examination of a copy, of others, and most of the last one; those by sweeps with which it begins where
+#: iterations of an examination of a copy, of others, and most of the last one; those by sweeps it begins with where
 #: grains rub, those after which it ends where no more rest, and more for all grains, and what moves of a hopeless copy
 QUICK, USUAL, THOROUGH, SWEPT, PATIENCE, MANY, HOPELESS = 100, 300, 3000, 50, 64, 60_000, 0.5
 #: distance to which overlapping grains are parted, rounds for it, by triangles and by other contacts, how often it is
