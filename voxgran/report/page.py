@@ -196,8 +196,8 @@ def _draw(packing: Packing, color_by: str) -> Drawn:
     what = f"{packing.count} {plural} in {with_article(packing.container.kind)}"
     coarse = ""
     most = scenes.picture_faces(packing)
-    balls = np.array([*(shape.is_sphere and shape.dimension == 3 for shape in packing.shapes), False])
-    as_points = int(balls[packing.shape_id].sum()) > scenes.BALL_LIMIT
+    spheres = np.array([*(shape.is_sphere and shape.dimension == 3 for shape in packing.shapes), False])
+    as_points = int(spheres[packing.shape_id].sum()) > scenes.MOST_SPHERES
     if any(len(shape.faces) > most and not (as_points and shape.is_sphere) for shape in packing.shapes):
         coarse = f" For the picture grains are drawn with about {most} triangles at most."
     if as_points:
@@ -216,7 +216,7 @@ def _draw(packing: Packing, color_by: str) -> Drawn:
             f"{what}, without the near quarter",
             caption,
         )
-    many = packing.dimension == 3 and packing.count > scenes.BALL_LIMIT
+    many = packing.dimension == 3 and packing.count > scenes.MOST_SPHERES
     middle = scenes.middle_of(packing) if many else packing
     if many and color_by != "force":
         caption = f"The {middle.count} grains of a cube in the middle, with their surfaces."

@@ -40,7 +40,7 @@ TRIANGLE_BUDGET = 600_000
 #: smallest number of triangles to which a grain is simplified
 FEWEST_FACES = 80
 #: number of spheres above which they are drawn as shaded points
-BALL_LIMIT = 10_000
+MOST_SPHERES = 10_000
 #: number of grains of the middle that are drawn beside them
 MIDDLE = 3_000
 #: number of grains above which faces are flat: a grain is a few pixels wide, and normals take longer than the picture
@@ -141,7 +141,7 @@ def _picture(
     low, high = colors.limits
     round_ones = np.array([*(shape.is_sphere and shape.dimension == 3 for shape in packing.shapes), False])
     spheres = round_ones[packing.shape_id[grains]]
-    as_points = grains[spheres] if spheres.sum() > BALL_LIMIT else grains[:0]
+    as_points = grains[spheres] if spheres.sum() > MOST_SPHERES else grains[:0]
     as_meshes = np.setdiff1d(grains, as_points)
     strip = legend_of(colors, window) if legend else None
     with stage_of(window) as stage:

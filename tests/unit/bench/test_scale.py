@@ -1,12 +1,15 @@
 """The bench of growth: rows of each case, exponents, memory, and a million spheres from packing to the report."""
 
 import csv
+import sys
 from functools import partial
 
 import numpy as np
 import pytest
 
 import voxgran as vg
+from voxgran._base.machine import peak_memory
+from voxgran.bench.model import timed
 from voxgran.bench.tradeoffs import scale
 from voxgran.bench.tradeoffs.scale import CASES, Row, bed, exponent_of, measure_case, most_memory
 
@@ -57,25 +60,27 @@ def test_a_million_spheres_from_packing_to_the_report(name, tmp_path):
 
     The method `gravity` takes up to 40 minutes and 6 GB, the others up to 2 minutes and 4 GB.
     """
-    count = 1_000_000
-    if name == "tiled":
-        packing = bed(count)
-    elif name == "advancing_front":
-        packing = scale.front(count)
-    else:
-        given = {"expand": {"solid_fraction": scale.DENSE}, "gravity": {"threads": 1}}.get(name, {})
-        tall = name in ("deposition", "gravity")
-        packing = scale.packed(
-            name, count, fraction=scale.LOOSE if name != "expand" else scale.DENSE, tall=tall, **given
-        )
-    assert packing.count > 0.75 * count
-    assert packing.verify().ok
-    tree = packing.measure()
+    count, dense = 1_000_000, name == "expand"
+    given = {"expand": {"solid_fraction": scale.DENSE}, "gravity": {"threads": 1}}.get(name, {})
+    ways = {"tiled": partial(bed, count), "advancing_front": partial(scale.front, count)}
+    tall, fraction = name in ("deposition", "gravity"), scale.DENSE if dense else scale.LOOSE
+    pack = ways.get(name) or partial(scale.packed, name, count, fraction=fraction, tall=tall, **given)
+
+    def step(what, work):
+        """Print the seconds of a step, which the guide states."""
+        found, seconds = timed(work)
+        sys.stdout.write(f"{name}: {what} {seconds:.1f} s, {peak_memory() / 1e9:.1f} GB\n")
+        return found
+
+    packing = step("pack", pack)
+    assert packing.count > 0.7 * count
+    assert step("verify", packing.verify).ok
+    tree = step("measure", packing.measure)
     assert 0.2 < float(tree["solid_fraction"]) < 0.7
-    packing.save(tmp_path / "bed.vtp")
-    assert vg.load(tmp_path / "bed.vtp") == packing
-    assert vg.write_deck(packing, tmp_path / "run", "lammps", material=vg.Material()).files
-    vg.save_report(packing, tmp_path / "page.html", statistics=tree)
+    step("save", partial(packing.save, tmp_path / "bed.vtp"))
+    assert step("load", partial(vg.load, tmp_path / "bed.vtp")) == packing
+    assert step("deck", partial(vg.write_deck, packing, tmp_path / "run", "lammps", material=vg.Material())).files
+    step("report", partial(vg.save_report, packing, tmp_path / "page.html", statistics=tree))
     text = (tmp_path / "page.html").read_text()
     assert "Spheres are drawn as points" in text
     assert f"It shows 20000 of {packing.count} grains" in text

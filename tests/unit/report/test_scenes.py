@@ -103,7 +103,7 @@ def test_many_spheres_are_shaded_points_in_the_same_places(packing, monkeypatch)
         packing.shapes, packing.container, position=packing.position[spheres], scale=packing.scale[spheres]
     )
     meshes = picture_packing(only, window=WINDOW)
-    monkeypatch.setattr(scenes, "BALL_LIMIT", 5)
+    monkeypatch.setattr(scenes, "MOST_SPHERES", 5)
     points = picture_packing(only, window=WINDOW)
     assert covered(points) == pytest.approx(covered(meshes), rel=0.03)
     assert (np.abs(points.astype(int) - meshes).max(axis=2) > 90).mean() < 0.03
@@ -119,7 +119,7 @@ def test_a_large_packing_shows_its_middle_and_says_so(monkeypatch):
     away = np.abs(bed.position - np.median(bed.position, axis=0)).max(axis=1)
     np.testing.assert_array_equal(middle.position, bed.position[away <= np.sort(away)[39]])
     assert middle.verify().escaped == 0
-    monkeypatch.setattr(scenes, "BALL_LIMIT", bed.count - 1)
+    monkeypatch.setattr(scenes, "MOST_SPHERES", bed.count - 1)
     monkeypatch.setattr(page, "MOST_FOR_CONTACTS", bed.count - 1)
     monkeypatch.setattr(scenes, "picture_grain", lambda shape: {})
     drawn = page._draw(bed, "diameter").packing
