@@ -88,7 +88,7 @@ def _count_crossings(triangles, faces, depth, hit):  # type: ignore[no-untyped-d
 
 @kernel
 def _heap_of_boxes(triangles, leaves):  # type: ignore[no-untyped-def]
-    """Return lower and upper corners (2 leaves - 1, 2, 3): the last are those of the triangles, others of two boxes.
+    """Return the lower and upper corners of boxes, (2 leaves - 1, 2, 3): the last hold triangles, the others two boxes.
 
     Leaves without a triangle have boxes that meet none.
     """

@@ -211,9 +211,9 @@ class GrainSequence(ExplainedAttributes, Assembly):
     def tiled(self, repeats: "int | Sequence[int]") -> Self:
         """Return a periodic packing repeated beside itself, with its forces, in a container that holds all copies.
 
-        Each copy has the same grains, one copy after the other, so that all numbers of grains, contacts and forces are
-        those of the packing, and nothing is said of the spread of larger ones. Grains are not displaced at random:
-        those that touch could not be without an overlap or a lost contact. To part the copies from each other let
+        The copies follow one another in the order of the grains. Since all copies are alike, the result tells no more
+        of the scatter of grains, contacts and forces than the packing does. Grains are not displaced at random: grains
+        that touch would overlap or lose contacts. To make the copies differ, let
         :func:`voxgran.settle` shake the bed, or pack further grains upon it with ``start=``.
 
         Parameters

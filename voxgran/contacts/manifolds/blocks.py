@@ -75,7 +75,7 @@ class Blocks(Generic[Work]):
         return m
 
     def replace(self, **arrays: Any) -> None:
-        """Put other arrays, which all blocks share, in the place of those of these names."""
+        """Replace arrays that all blocks share, by name."""
         self.arrays = self.arrays._replace(**arrays)  # type: ignore[attr-defined]
         self.own = [(work._replace(**arrays), room) for work, room in self.own]  # type: ignore[attr-defined]
 
