@@ -1,7 +1,7 @@
 """The example of each method and family: what its page packs, when to take it, and the figure of its bench.
 
 Examples are written once, as the tables of a scene; the page shows them as Python and as a scene, and draws the result.
-When to take a packing method stands in the table of README.md, from which the pages take it.
+When to take a packing method stands in the table of guide/choosing.md, from which the pages take it.
 """
 
 from dataclasses import dataclass, field
@@ -14,7 +14,7 @@ class Case:
 
     guide: str  # page of docs/guide, with its heading
     bench: str = ""  # name of the bench that measures it, whose figure is docs/figures/NAME.svg; "" if none does
-    when: str = ""  # when to take it, where README.md does not say it
+    when: str = ""  # when to take it, where guide/choosing.md does not say it
     options: dict[str, Any] = field(default_factory=dict)  # parameters of the example
     shape: dict[str, Any] = field(default_factory=lambda: {"family": "sphere"})
     container: dict[str, Any] = field(default_factory=lambda: {"kind": "box", "lengths": [6, 6, 6]})

@@ -1,7 +1,7 @@
 """Pages of the site for packing methods, clump methods and shape families: one each, made from the registries.
 
 :func:`write_pages` writes Markdown and pictures into a folder beside docs/guide and docs/figures. What a page says
-comes from the registration of the entry, which `voxgran methods NAME` prints too, from the tables of README.md and of
+comes from the registration of the entry, which `voxgran methods NAME` prints too, from the tables of
 docs/guide, and from the example of the entry in method_cases.py.
 """
 
@@ -162,9 +162,9 @@ _HEADS = ("method", "family", "method or program")
 
 
 def _told(kind: Kind, name: str, case: Case) -> tuple[str, str]:
-    """Return when to take an entry, and what it costs, from the tables of README.md and the guide."""
+    """Return when to take an entry, and what it costs, from the tables of the guide."""
     if kind.folder == "packing":
-        row = table_row(DOCS.parent / "README.md", name)
+        row = table_row(DOCS / "guide/choosing.md", name)
         return _sentence(row.get("use", case.when)), _sentence(row.get("cost and accuracy", "Not measured yet"))
     if kind.folder == "clumps":
         rows = [
