@@ -129,6 +129,8 @@ figures: demo bench   ## the pictures of README and docs
 	cp out/clump_methods/clump_methods.png docs/figures/clump_methods.png
 	$(BIN)/python examples/settled_bed.py out/settled_bed
 	cp out/settled_bed/settled_bed.png docs/figures/settled_bed.png
+	$(BIN)/python examples/checked_beds.py out/checked_beds
+	cp out/checked_beds/checked_beds.png docs/figures/checked_beds.png
 	$(BIN)/python examples/fall_height.py out/fall_height
 	cp out/fall_height/fall_height.svg out/fall_height/fall_height.csv docs/figures
 	$(BIN)/python examples/compressed_specimen.py out/compressed_specimen

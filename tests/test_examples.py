@@ -404,6 +404,15 @@ def test_settled_bed(tmp_path, capsys, monkeypatch):
     assert vg.load(tmp_path / "poured.vtp").forces is not None
 
 
+def test_checked_beds(tmp_path, capsys, monkeypatch):
+    text = printed("checked_beds.py", capsys, monkeypatch, str(tmp_path), "120")
+    assert text.count("overlapping pairs 0, escaped 0") == 4
+    shares = [float(value) for value in re.findall(r"at rest ([\d.]+)", text)]
+    # the walk alone leaves grains above each other without contact
+    assert min(shares[0], shares[1], shares[3]) >= 0.95
+    assert shares[2] < 0.1
+
+
 @pytest.mark.slow
 def test_compressed_specimen(tmp_path, capsys, monkeypatch):
     text = printed("compressed_specimen.py", capsys, monkeypatch, str(tmp_path))
