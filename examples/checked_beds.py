@@ -42,6 +42,6 @@ axes.set(
     xscale="log", xlabel="residual force, in weights of the grain", ylabel="share of the grains below", ylim=(0, 1.02)
 )
 axes.legend(frameon=False)
-# Picture: Share of the grains whose residual force is below a value, for beds by gravity, by deposition, and by a digital
-#   walk before and after settling; a dotted line marks a hundredth of the weight, below which a grain rests.
+# Picture: Share of the grains whose residual force is below a value, for beds by gravity, by deposition, and by a
+#   digital walk before and after settling; a dotted line marks a hundredth of the weight, below which a grain rests.
 figure.savefig(folder / "checked_beds.png", dpi=110)

@@ -154,7 +154,7 @@ def test_tables_of_studies_are_those_of_their_files(name, row, head):
     means = cells.pivot_table(index=row, columns="method", values="bulk_solid_fraction", sort=False)
     # rows of the page are shapes, or methods where the columns are widths
     means = means if row == "shape" else means.T
-    lines = (docs / "guide" / "studies.md").read_text().split(head)[1].split("\n")[2 : 2 + len(means)]
+    lines = (docs / "validation" / "densities.md").read_text().split(head)[1].split("\n")[2 : 2 + len(means)]
     shown = {cells[1].strip(): cells[2 : 2 + means.shape[1]] for cells in (line.split("|") for line in lines)}
     assert {key.lower() for key in shown} == {str(key).lower() for key in means.index}
     for key, values in means.iterrows():
@@ -178,7 +178,7 @@ def test_the_table_of_feeding_is_that_of_its_file():
     order = itertools.product(("as packed", "settled"), ("sphere", "random solids"), ("[]", '["x", "y"]'))
     means = means[list(order)]
     head = "| method and feed | as packed: spheres, walls |"
-    text = (docs / "guide" / "studies.md").read_text()
+    text = (docs / "validation" / "densities.md").read_text()
     lines = text.split(head)[1].split("\n")[2 : 2 + len(means)]
     shown = {cells[1].strip(): cells[2:-1] for cells in (line.split("|") for line in lines)}
     assert list(shown) == list(means.index)
