@@ -290,8 +290,6 @@ def _write_pair(search, work, p, offset, rows, m, k):  # type: ignore[no-untyped
     after = write_spread(rows, m, pair, work.candidate, k, MOST, spacing_of(grains.radius[i], grains.radius[j]))
     if after < 0:
         return -1
-    for r in range(3):
-        pairs.normal[p, r] = rows.row[m, r]
     pairs.count[p] = after - m
     return after
 
