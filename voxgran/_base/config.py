@@ -369,9 +369,8 @@ def document(cls: type) -> None:
         default = "" if item.default in (MISSING, None) else f", default {item.default!r}"
         optional = ", optional" if item.default is None else ""
         lines.append(f"{item.name} : {item.type_text}{optional}{default}")
-        lines += textwrap.wrap(
-            f"{item.doc}{_in_unit(item.unit)}.", 100, initial_indent="    ", subsequent_indent="    "
-        )
+        meaning = item.doc if item.unit in item.doc else f"{item.doc}{_in_unit(item.unit)}"
+        lines += textwrap.wrap(f"{meaning}.", 100, initial_indent="    ", subsequent_indent="    ")
     summary, _, rest = _SECTION.sub("", text).partition("\n\n")
     parts = [summary, "\n    ".join(lines), rest.strip()]
     cls.__doc__ = "\n\n    ".join(part for part in parts if part) + "\n"

@@ -91,6 +91,14 @@ DECK: tuple[Flag, ...] = (
     _flag("--time-step", type=float, help="time step in s; default: by the contact law"),
     _flag("--stress", type=as_value, help="mean stress of a periodic cell in Pa: 1e5, or NaN,NaN,1e5 along the axes"),
 )
+#: a mesh file that is read, and one that is written
+SURFACE = _flag("file", help="mesh file: STL, OBJ, PLY, OFF, VTP, VTU, VTK or MSH")
+MESH = _flag("-o", "--output", help="mesh file for the result: STL, OBJ, PLY, OFF or VTP")
+#: what a run that moves grains goes on from
+GOES_ON: tuple[Flag, ...] = (
+    _flag("--checkpoint", help="file to go on from after an interrupt; default: beside the output"),
+    _flag("--resume", action="store_true", help="go on from the checkpoint"),
+)
 TARGETS = ("iou", "volume", "inertia", "surface")
 COLORED = _flag(
     "--color-by", choices=typing.get_args(ColorBy), default="diameter", help="what the grains are coloured by"
@@ -111,14 +119,12 @@ FLAGS: dict[str, tuple[Flag, ...]] = {
         _flag("-o", "--output", required=True, help="file for the settled packing: .vtp"),
         _flag("--gravity", type=as_value, help="its direction: -z or x,y,z; default: as the packing says"),
         _flag("--seed", type=int, default=0, help="seed of the random accelerations of shaking"),
-        _flag("--checkpoint", help="file to go on from after an interrupt; default: beside the output"),
-        _flag("--resume", action="store_true", help="go on from the checkpoint"),
+        *GOES_ON,
     ),
     "compress": (
         *PACKING,
         _flag("-o", "--output", required=True, help="file for the compressed packing: .vtp"),
-        _flag("--checkpoint", help="file to go on from after an interrupt; default: beside the output"),
-        _flag("--resume", action="store_true", help="go on from the checkpoint"),
+        *GOES_ON,
     ),
     "tile": (
         *PACKING,
@@ -200,8 +206,8 @@ FLAGS: dict[str, tuple[Flag, ...]] = {
         _flag("-o", "--output", help="file for the labels: .vti, .tif or .npy"),
     ),
     "repair": (
-        _flag("file", help="mesh file: STL, OBJ, PLY, OFF, VTP, VTU, VTK or MSH"),
-        _flag("-o", "--output", help="mesh file for the result: STL, OBJ, PLY, OFF or VTP"),
+        SURFACE,
+        MESH,
         _flag(
             "--max-hole", type=float, default=0.25, help="widest hole that is closed, in diagonals of the bounding box"
         ),
@@ -211,10 +217,10 @@ FLAGS: dict[str, tuple[Flag, ...]] = {
         ),
     ),
     "simplify": (
-        _flag("file", help="mesh file: STL, OBJ, PLY, OFF, VTP, VTU, VTK or MSH"),
+        SURFACE,
         _flag("--faces", type=int, required=True, help="largest number of triangles"),
         _flag("--repair", action="store_true", help="mend the surface first, as 'voxgran repair' does"),
-        _flag("-o", "--output", help="mesh file for the result: STL, OBJ, PLY, OFF or VTP"),
+        MESH,
     ),
     "cloud": (
         _flag("file", help="point cloud: .ply, .pcd, .xyz, .csv or .las"),
@@ -225,7 +231,7 @@ FLAGS: dict[str, tuple[Flag, ...]] = {
             "--max-gap", type=float, default=5.0, help="how far the surface may be from the nearest point, in spacings"
         ),
         _former("--largest-hole", "--max-gap", float),
-        _flag("-o", "--output", help="mesh file for the result: STL, OBJ, PLY, OFF or VTP"),
+        MESH,
     ),
     "clump": (
         _flag("file", help="mesh file"),

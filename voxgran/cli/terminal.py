@@ -10,6 +10,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from datetime import timedelta
 from typing import Any
 
+import voxgran
 from voxgran._base.lazy import load
 from voxgran._base.progress import OnStep, ProgressLines, Step, silent
 from voxgran._base.scalars import finite
@@ -161,3 +162,16 @@ def complain(sentence: str) -> None:
     # where the error stream takes nothing there is nobody to tell
     with contextlib.suppress(OSError):
         print(f"voxgran: {text}", file=sys.stderr)
+
+
+def loaded(options: argparse.Namespace) -> Any:
+    """Load a packing; say on the error stream what was assumed."""
+    packing = voxgran.load(options.file, unit=options.unit, periodic=options.periodic)
+    say_assumed(packing)
+    return packing
+
+
+def say_assumed(packing: Any, of_what: str = "") -> None:
+    """Say what was assumed of spheres of another program."""
+    for subject, sentence in packing.provenance.get("assumed", {}).items():
+        complain(f"{of_what}assumed {subject}: {sentence}")

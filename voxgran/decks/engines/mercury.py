@@ -22,7 +22,7 @@ from voxgran.decks.contact_law import ContactLaw
 from voxgran.decks.engine import Engine, Held
 from voxgran.decks.facets import facets_of
 from voxgran.decks.simulation import SETTLING, STRESS_MET, Simulation
-from voxgran.decks.text import program_part, row_of, text_of
+from voxgran.decks.text import grain_rows, program_part, row_of, text_of
 from voxgran.geometry.rotation import rotation_matrices
 
 TITLE = "MercuryDPM"
@@ -241,16 +241,12 @@ def _read(folder: Path) -> Held:
     FileFormatError
         If a table is not in the layout of MClump, or a row has too few columns.
     """
-    rows = [line.split(",") for line in (folder / GRAINS).read_text().splitlines() if not line.startswith("#")]
-    wrong = next((row for row in rows if len(row) != 1 + len(COLUMNS)), None)
-    if wrong is not None:
-        raise FileFormatError(f"{folder / GRAINS} has a row of {len(wrong)} columns: write the deck again")
-    tables = {name: _template(folder, name) for name in sorted({row[0] for row in rows})}
-    values = np.array([[float(word) for word in row[1:]] for row in rows])
+    names, values = grain_rows(folder / GRAINS, len(COLUMNS))
+    tables = {name: _template(folder, name) for name in sorted(set(names))}
     axes = values[:, 5:14].reshape(-1, 3, 3)
     inertia, centers, radii = [], [], []
-    for row, value, frame in zip(rows, values, axes, strict=True):
-        table = tables[row[0]]
+    for name, value, frame in zip(names, values, axes, strict=True):
+        table = tables[name]
         inertia.append(frame @ (value[0] ** 5 * table["toi"]) @ frame.T)
         centers.append(value[0] * table["pebbles"][:, :3] @ frame.T + value[2:5])
         radii.append(value[0] * table["pebbles"][:, 3])
