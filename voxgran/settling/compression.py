@@ -39,7 +39,14 @@ from voxgran.settling.materials import Materials, friction_of, friction_range
 from voxgran.settling.parting import part_grains
 from voxgran.settling.presets import KEPT, TRIANGLES
 from voxgran.settling.progress import Resumable
-from voxgran.settling.stress_balance import balance_grains, evenly, keep_known_forces, pressed_forces, stress_of, without_weight
+from voxgran.settling.stress_balance import (
+    balance_grains,
+    evenly,
+    keep_known_forces,
+    pressed_forces,
+    stress_of,
+    without_weight,
+)
 
 #: stages: an examination of grains that may be in balance already, steps to the stress, rounds in which the surfaces of
 #: meshes are parted, and the end
