@@ -111,9 +111,9 @@ def relax(
         of an engine overlap by their elastic deformation.
     xarray.Dataset
         Along ``time``, in s: ``kinetic_energy`` (mean of a grain, in the unit of `until`), ``mean_sinking``,
-        ``mean_displacement`` and ``largest_displacement`` (median diameters; relative to the mean strain of the container),
-        ``coordination_number``, ``share_of_rattlers`` (grains that touch
-        fewer than 2 grains and plane or round walls, without friction fewer than 4), and ``solid_fraction`` (of the
+        ``mean_displacement`` and ``largest_displacement`` (median diameters; relative to the mean strain of the
+        container), ``coordination_number``, ``share_of_rattlers`` (grains that touch fewer than 2 grains and plane or
+        round walls, without friction fewer than 4), and ``solid_fraction`` (of the
         space from 1.5 diameters above the floor to the height that holds 85 % of the volume of the grains; NaN in low
         beds, in spheres and meshes, and where gravity is oblique). Attributes: ``sinking`` of the bulk,
         ``change_of_coordination``, ``rests`` (1 or 0), ``touching_gap`` (median diameters), ``time_step``.

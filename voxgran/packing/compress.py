@@ -344,8 +344,8 @@ def warn_of_imbalance(packing: Packing) -> None:
     elif packing.stop_reason != "compressed":
         warn(
             f"{record['balanced']:.1%} of the grains that bear forces are in balance, and the axial stresses are "
-            f"{_axial_stresses(packing)}, up to {record['stress_error']:.2g} of the least one from those that are asked "
-            "for: compress them once more, or with more friction or more equal stresses",
+            f"{_axial_stresses(packing)}, up to {record['stress_error']:.2g} of the least one from those asked for: "
+            "compress them once more, or with more friction or more equal stresses",
             PackingWarning,
         )
     elif packing.forces is not None and packing.forces.share_of_rattlers > MOST_RATTLERS:

@@ -139,7 +139,7 @@ def balance_grains(
         stress = stress_of(bed, forces)
         excess = modes @ (np.array([(stress[a, b] + stress[b, a]) / 2.0 for a, b in PLACES]) * volume - load)
         axial = (modes @ load)[:3]
-        missed = float(np.abs(excess).max() / axial[axial > 0.0].min())
+        missed = float(np.abs(excess).max() / axial[axial > 0.0].min(initial=np.abs(load).max()))
         # a grain that one contact pushes bears nothing, and is not in balance
         unrest, many = int((np.maximum(force, torque) > tolerance).sum()), int(bearing.sum())
         moving = min(unrest / many, 1.0) if many else 1.0
