@@ -178,7 +178,7 @@ def test_fixed_grains_that_overlap_at_the_end_are_told():
 
 
 def test_a_specimen_of_a_few_layers_is_told():
-    with pytest.warns(PackingWarning, match=r"is 2\.5 mean diameters wide along z now, and a specimen of less than 3"):
+    with pytest.warns(PackingWarning, match=r"is 2\.4 mean diameters wide along z now, and a specimen of less than 3"):
         specimen = vg.compress(loose_grains(), stress=(1, 1, 2.5), friction=1.0)
     assert specimen.stop_reason == "compressed"
     # a cell that keeps its form is as wide as its grains, and nothing is said
