@@ -39,6 +39,7 @@ from voxgran.io.netcdf import load_statistics as load_statistics
 from voxgran.io.netcdf import save_statistics as save_statistics
 from voxgran.io.series import Series as Series
 from voxgran.io.vtk_files import save_scene as save_scene
+from voxgran.lattice.diffusion import effective_diffusivity as effective_diffusivity
 from voxgran.lattice.distance import distance_transform as distance_transform
 from voxgran.lattice.label import connected_components as connected_components
 from voxgran.lattice.morphology import closing as closing
