@@ -1,9 +1,9 @@
 """Steady diffusion through the pores of an image: effective diffusivity, porosity that conducts, tortuosity factor.
 
 Two or three voxels along each axis make a cell. The open area of a face between cells is the mean of those of the two
-layers of voxels at the face, as if the surface of the grains lay anywhere within them: with the areas of faces between cubes the
-error falls with the square of the edge where they are exact (Ng, Min & Gibou 2009, doi:10.1016/j.jcp.2009.08.032),
-while the steps of single voxels, which all other programs know, narrow each throat by about half a voxel.
+layers of voxels at the face, as if the surface of the grains lay anywhere within them. Where these areas are exact, the
+error falls with the square of the edge (Ng, Min & Gibou 2009, doi:10.1016/j.jcp.2009.08.032); the steps of single
+voxels, which other programs keep, narrow each throat by about half a voxel.
 """
 
 from collections.abc import Sequence

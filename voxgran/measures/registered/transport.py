@@ -1,7 +1,8 @@
 """Steady diffusion through the pores: effective diffusivity, effective porosity and tortuosity factor along each axis.
 
-The pores are those of the measure `voids`, on voxels of the same size, of which three along each axis make a cell;
-errors are the differences from the numbers of cells of two voxels. In beds they are those below the height that holds 85 % of the volume of the grains.
+The pores are those of the measure `voids`, on voxels of the same size: in beds those below the height that holds
+85 % of the volume of the grains. Three voxels along each axis make a cell; errors are the differences from the numbers
+of cells of two voxels.
 """
 
 import math
