@@ -229,6 +229,8 @@ GOOD = {
     "local_thickness": periodic_filter(vg.local_thickness, voxel_size=(1.0, 1.0, 2.0), threads=1),
     "connected_components": periodic_filter(vg.connected_components, connectivity=6),
     "distance_transform": periodic_filter(vg.distance_transform, voxel_size=0.5, squared=False, threads=1, out=None),
+    "two_point_correlation": periodic_filter(vg.two_point_correlation, voxel_size=(1.0, 1.0, 2.0)),
+    "chord_lengths": periodic_filter(vg.chord_lengths, voxel_size=(1.0, 1.0, 2.0)),
     "effective_diffusivity": (
         vg.effective_diffusivity,
         {"pores": ~MASK, "region": None, "voxel_size": (1.0, 1.0, 2.0), "periodic": "x", "block": 2},
