@@ -252,6 +252,7 @@ GOOD = {
             "voxel_size": (1.0, 1.0, 2.0),
         },
     ),
+    "view": (vg.view, {"packing": BED, "color_by": "height", "most": 5.0, "widget": False}),
     "save_slices": (
         vg.save_slices,
         {"segmentation": SEGMENTED, "path": ">slices.png", "image": None, "overwrite": False},
