@@ -39,6 +39,9 @@ from voxgran.io.netcdf import load_statistics as load_statistics
 from voxgran.io.netcdf import save_statistics as save_statistics
 from voxgran.io.series import Series as Series
 from voxgran.io.vtk_files import save_scene as save_scene
+from voxgran.lattice.along_lines import chord_lengths as chord_lengths
+from voxgran.lattice.along_lines import two_point_correlation as two_point_correlation
+from voxgran.lattice.diffusion import effective_diffusivity as effective_diffusivity
 from voxgran.lattice.distance import distance_transform as distance_transform
 from voxgran.lattice.label import connected_components as connected_components
 from voxgran.lattice.morphology import closing as closing
@@ -73,6 +76,7 @@ from voxgran.points.sample import sample_surface as sample_surface
 from voxgran.report.compare import save_comparison as save_comparison
 from voxgran.report.gallery import save_clump_picture as save_clump_picture
 from voxgran.report.gallery import save_gallery as save_gallery
+from voxgran.report.notebook import view as view
 from voxgran.report.page import save_report as save_report
 from voxgran.report.plot import plot as plot
 from voxgran.report.plot import save_picture as save_picture

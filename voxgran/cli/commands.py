@@ -85,13 +85,15 @@ def measure(options: argparse.Namespace) -> None:
     if options.output:
         voxgran.save_statistics(tree, options.output, overwrite=options.overwrite)
     elif arrays := [name for name in asked if "/" not in registry.get(name).groups]:
-        last = f"of {', '.join(arrays)} there are arrays only: write them with -o FILE.nc"
+        last = f"of {', '.join(arrays)} there are arrays only: write them with -o FILE.nc or FILE.csv"
     found = {str(name): value for name, value in tree.dataset.data_vars.items() if value.ndim == 0}
     units = {name: str(value.attrs.get("units", "1")) for name, value in found.items() if name not in UNITS}
     numbers = {name: value.item() for name, value in found.items()}
     if "solid_fraction" in numbers:
         # those of the tree are of the container
         numbers = {**(known := main_numbers(packing, tree)), **numbers, **known}
+    for vectors in tree["/fabric"].coords["vector"].values.tolist() if "fabric" in asked else ():
+        numbers[f"fabric_tensor_of_{vectors}"] = tree["/fabric"]["second_order"].sel(vector=vectors).values.tolist()
     show(numbers, options, last, units)
     if "segregation" in tree and (warning := warning_of(float(tree["segregation"]), int(tree["count"]))):
         complain(f"warning: {warning}")

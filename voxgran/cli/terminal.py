@@ -118,7 +118,8 @@ def _plain(value: Any, units: Mapping[str, str]) -> str:
         items = (f"{str(key).replace('_', ' ')} {_with_unit(str(key), item, units)}" for key, item in value.items())
         return ", ".join(items) or "none"
     if isinstance(value, list | tuple):
-        return ", ".join(_plain(item, units) for item in value) or "none"
+        rows = any(isinstance(item, list | tuple) for item in value)
+        return ("; " if rows else ", ").join(_plain(item, units) for item in value) or "none"
     if isinstance(value, bool):
         return "yes" if value else "no"
     return f"{value:.6g}" if isinstance(value, float) else str(value)

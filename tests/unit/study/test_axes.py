@@ -60,6 +60,16 @@ def test_seeds_are_counted_from_that_of_the_base_or_listed():
             study(seeds=wrong)
 
 
+def test_friction_is_one_axis_for_all_methods_that_settle():
+    assert axis_values("friction", [0.1, 0.5])[1].label == 0.5
+    bed = changed(BASE, {"friction": 0.3, "method": "gravity"})
+    assert bed["packing"]["friction"] == 0.3
+    assert "settle" not in bed
+    walk = changed(BASE, {"friction": 0.3, "settle": True, "method": "digital"})
+    assert walk["settle"] == {"enabled": True, "friction": 0.3}
+    assert "friction" not in walk["packing"]
+
+
 def test_methods_are_names_or_tables_and_may_settle():
     values = ["digital", {"method": "gravity", "friction": 0.3}, {"name": "digital", "settle": {"friction": 0.1}}]
     third = axis_values("method", values)[2].given
