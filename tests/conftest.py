@@ -1,6 +1,7 @@
 """What all tests share: how many random examples are tried, and where the scans lie."""
 
 import contextlib
+import gc
 import importlib
 import os
 from pathlib import Path
@@ -14,6 +15,17 @@ settings.register_profile("fast", max_examples=25, deadline=None)
 settings.register_profile("ci", settings.get_profile("fast"), derandomize=True)
 settings.register_profile("thorough", max_examples=500, deadline=None)
 settings.load_profile("ci" if os.environ.get("CI") else "fast")
+
+
+@pytest.hookimpl(wrapper=True)
+def pytest_collection():
+    """Search for no garbage while tests are collected, nor later among the many objects that this makes."""
+    gc.disable()
+    try:
+        return (yield)
+    finally:
+        gc.enable()
+        gc.freeze()
 
 
 @pytest.fixture(scope="session")

@@ -27,6 +27,7 @@ def jammed(shape, count, **options):
     return vg.pack(shape, periodic(count, shape.dimension), "jam", count=count, sizes=EQUAL, **options)
 
 
+@pytest.mark.slow
 def test_ellipsoids_jam_denser_than_spheres_with_as_many_contacts_as_hold_them():
     packing = jammed(ELLIPSOID, 60, growth_rate=0.05)
     told = packing.provenance["compression"]
