@@ -4,7 +4,9 @@ import contextlib
 import gc
 import importlib
 import os
+import subprocess
 from pathlib import Path
+from types import SimpleNamespace
 
 import pytest
 from hypothesis import settings
@@ -53,6 +55,17 @@ def forked_readers(monkeypatch):
         with contextlib.suppress(ImportError):
             importlib.import_module(name)
     monkeypatch.setattr("voxgran._base.guarded._process", forked)
+
+
+@pytest.fixture
+def forked_workers(monkeypatch):
+    """Fork the processes of studies from this one: each would load its libraries for a second or two."""
+    from kit import ForkedWorker
+
+    # what all of them load
+    importlib.import_module("voxgran._base.compiling.kernel_files")
+    standing = SimpleNamespace(Popen=ForkedWorker, DEVNULL=subprocess.DEVNULL)
+    monkeypatch.setattr("voxgran.scene.processes.subprocess", standing)
 
 
 @pytest.fixture(scope="session")

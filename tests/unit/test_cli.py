@@ -698,6 +698,7 @@ def test_doctor_compiles_beforehand(monkeypatch, tmp_path, capsys):
     monkeypatch.setattr(beforehand, "scenes", lambda: [scene, refused])
     assert main(["doctor", "--warm", "--json"]) == 0
     assert json.loads(capsys.readouterr().out)["kernels"] == 1
+    monkeypatch.setattr(beforehand, "PROCESSES", 1)
     assert main(["doctor", "--warm"]) == 0
     text = capsys.readouterr()
     assert text.out.startswith("nothing was left to compile")
