@@ -122,7 +122,7 @@ def found_pairs(proof):
     return {(pair.i, pair.j, pair.image) for pair in proof.pairs}
 
 
-@pytest.mark.parametrize("name", [slow(name) if name == "scans" else name for name in [*NAMES, *PLANE]])
+@pytest.mark.parametrize("name", [slow(name) if name in ("scans", "mixture") else name for name in [*NAMES, *PLANE]])
 def test_a_grain_pushed_into_another_is_found_by_number(sets, name):
     good = chain(sets[name])
     proof = verify(good)

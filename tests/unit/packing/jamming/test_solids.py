@@ -94,6 +94,7 @@ def test_outlines_jam():
     assert packing.provenance["compression"]["isostatic"] == 6
 
 
+@pytest.mark.slow
 def test_scanned_grains_are_proven_to_be_separate():
     eros = vg.load_shape("data/eros.obj")
     packing = vg.pack(eros, vg.Box((3, 3, 3)), "expand", solid_fraction=0.35, sizes=EQUAL)
