@@ -444,6 +444,7 @@ def test_a_second_run_in_one_folder_is_refused_in_one_line(scene, tmp_path, caps
     assert not lock.exists()
 
 
+@pytest.mark.slow
 @pytest.mark.skipif(os.geteuid() != 0, reason="only root can mount a small disk")
 def test_a_full_disk_is_one_line(scene, tmp_path):
     disk = tmp_path / "disk"
@@ -698,6 +699,7 @@ def test_doctor_compiles_beforehand(monkeypatch, tmp_path, capsys):
     monkeypatch.setattr(beforehand, "scenes", lambda: [scene, refused])
     assert main(["doctor", "--warm", "--json"]) == 0
     assert json.loads(capsys.readouterr().out)["kernels"] == 1
+    monkeypatch.setattr(beforehand, "PROCESSES", 1)
     assert main(["doctor", "--warm"]) == 0
     text = capsys.readouterr()
     assert text.out.startswith("nothing was left to compile")

@@ -7,6 +7,7 @@ import subprocess
 import engine_cases as cases
 import numpy as np
 import pytest
+from kit import slow
 
 import voxgran as vg
 from voxgran._base.errors import InputError
@@ -219,7 +220,7 @@ def moved(engine, folder, deck, columns):
 
 @pytest.mark.engine
 @pytest.mark.parametrize(("engine", "first"), [("liggghts", 1), ("yade", 0)])
-@pytest.mark.parametrize("container", [None, vg.Cylinder(2.2, 5)], ids=["box", "cylinder"])
+@pytest.mark.parametrize("container", [None, slow(vg.Cylinder(2.2, 5))], ids=["box", "cylinder"])
 def test_a_specimen_between_walls_hardly_moves_when_an_engine_gives_it_a_stiffness(engine, first, container, tmp_path):
     flat = container is None
     made = walled(container=container, **({} if flat else {"axes": "z"}))
@@ -269,7 +270,7 @@ def test_a_specimen_between_platens_of_lammps_hardly_moves(lammps, round_wall, m
 
 
 @pytest.mark.engine
-@pytest.mark.parametrize(("engine", "first"), [("liggghts", 1), ("yade", 0)])
+@pytest.mark.parametrize(("engine", "first"), [("liggghts", 1), slow("yade", 0)])
 def test_walls_move_up_to_loose_grains(engine, first, tmp_path):
     """One sphere between walls at a gap: the upper wall comes and presses with its force."""
     packing = vg.Packing.of(vg.shapes.sphere(), vg.Box((4, 4, 1.05)), position=[(2, 2, 0.5)], gravity=None, unit="mm")

@@ -197,6 +197,7 @@ def test_no_grain_wedges_in_a_corner_of_the_walls():
     assert vg.equilibrium(specimen, friction=1.0).attrs["share_at_rest_without_rattlers"] >= 0.97
 
 
+@pytest.mark.slow
 def test_more_friction_is_looser_as_published():
     """Limits that hold for any 400 spheres: frictionless 0.636 to 0.645 (with chance 0.62), and Z near 6."""
     loose = loose_grains(container=vg.Box((9, 9, 9), periodic="xyz"), count=400)

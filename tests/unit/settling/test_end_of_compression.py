@@ -37,6 +37,7 @@ def test_grains_are_in_balance_where_the_last_examination_finds_less():
     assert vg.equilibrium(specimen).attrs["share_at_rest_without_rattlers"] >= 0.98
 
 
+@pytest.mark.slow
 def test_grains_that_bear_no_such_ratio_of_stresses_yield():
     with pytest.warns(vg.PackingWarning, match=r"asked for is 0.3 of the largest one, .*axial stresses of 0"):
         flows = vg.compress(loose(300), stress=(0.3, 0.3, 1.0), friction=0.1)

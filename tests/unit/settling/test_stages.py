@@ -155,6 +155,7 @@ def test_meshes_that_overlap_a_little_are_parted_by_their_triangles_and_those_th
     assert not settler._part()
 
 
+@pytest.mark.slow
 def test_rocks_that_were_locked_in_each_other_while_they_grew_come_free():
     rock = vg.load_shape(vg.data_file("eros.obj"))
     width = 2.3 * rock.diameter
