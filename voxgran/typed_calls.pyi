@@ -26,6 +26,7 @@ from voxgran.settling.parameters import Lid, Settling, Shaking
 from voxgran.shapes.families.random.polyhedron import Solid
 from voxgran.shapes.families.random.solid_union import Kind
 from voxgran.shapes.generating.regular_solids import PlatonicSolid
+from voxgran.shapes.learning.model import ShapeModel
 from voxgran.shapes.model import Shape
 from voxgran.shapes.size_laws.distribution import SizeDistribution
 from voxgran.voxels.model import Voxels
