@@ -50,6 +50,7 @@ GOOD = {
     "image": ["info", "labels.npy"],
     "labels": ["labels.npy", "--voxel-size", "1"],
     "segment": ["labels.npy", "--threshold", "0", "--min-size", "1", "--voxel-size", "1"],
+    "learn": ["bed.vtp", "-o", "shapes.nc"],
     "shape": ["solid_union"],
     "repair": ["mesh.stl"],
     "tile": ["bed.vtp", "--repeats", "1", "-o", "tiled.vtp"],
