@@ -96,6 +96,8 @@ from voxgran.shapes.images.labels import label_table as label_table
 from voxgran.shapes.images.labels import load_labels as load_labels
 from voxgran.shapes.images.open_image import open_image as open_image
 from voxgran.shapes.images.outline_images import load_outlines as load_outlines
+from voxgran.shapes.learning.learn import learn_shapes as learn_shapes
+from voxgran.shapes.learning.model import ShapeModel as ShapeModel
 from voxgran.shapes.model import Shape as Shape
 from voxgran.shapes.repairing.diagnose import diagnose as diagnose
 from voxgran.shapes.repairing.repair import repair as repair
