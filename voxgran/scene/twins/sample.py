@@ -26,6 +26,8 @@ class Sample:
     solid_fraction: float
     unit: str
     packing: Packing | None = None  # None of shapes alone
+    #: (m,) of all grains of the packing, 0 of those that the border cuts
+    all_weights: Floats | None = None
     scanned: bool = False  # whether the border of an image cuts grains
 
     def laid_sizes(self, count: int) -> Floats:
@@ -50,7 +52,7 @@ def sample_of(given: Packing | Sequence[Shape], solid_fraction: float | None) ->
     else:
         shapes = tuple(check_shapes(given))
         if solid_fraction is None:
-            raise InputError("solid_fraction is None and the sample is shapes only: give the solid fraction of the twin")
+            raise InputError("solid_fraction is None and the sample is shapes only: give that of the twin")
         found = Sample(shapes, np.ones(len(shapes)), as_share(solid_fraction, "solid_fraction"), shapes[0].unit)
     _check(found, given)
     return found
@@ -72,7 +74,7 @@ def _of_packing(packing: Packing, solid_fraction: float | None) -> Sample:
     own = [packing.shapes[k] for k in packing.shape_id[kept]]
     shapes = tuple(one.scaled(factor) for one, factor in zip(own, packing.scale[kept].tolist(), strict=True))
     share = as_share(solid_fraction, "solid_fraction") if packing.count else 0.5
-    return Sample(shapes, weights[kept], share, packing.unit, packing, scanned)
+    return Sample(shapes, weights[kept], share, packing.unit, packing, weights, scanned)
 
 
 def _check(sample: Sample, given: object) -> None:
@@ -82,7 +84,7 @@ def _check(sample: Sample, given: object) -> None:
         raise InputError("the sample holds open surfaces, which have no volume: close them with repair first")
     if count < FEWEST:
         cut = "" if not isinstance(given, Packing) else f" of {given.count}, those that no border cuts,"
-        raise InputError(f"the sample has {count} whole grains{cut} and a twin needs at least {FEWEST}: give a larger one")
+        raise InputError(f"the sample has {count} whole grains{cut} and a twin needs {FEWEST} at least: give more")
     if not LOOSEST <= sample.solid_fraction <= DENSEST:
         raise InputError(
             f"the solid fraction of the sample is {sample.solid_fraction:.3g} (porosity "

@@ -2,7 +2,7 @@
 
 import os
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cached_property
 from typing import TYPE_CHECKING, Any, Literal
 
@@ -20,13 +20,14 @@ from voxgran.packing.pack import pack
 from voxgran.scene.twins.compared import comparison_of
 from voxgran.scene.twins.page import write_page
 from voxgran.scene.twins.sample import Sample, sample_of
+from voxgran.shapes.learning.learn import learn_shapes
 from voxgran.shapes.mesh import Mesh
 from voxgran.shapes.model import Shape
 
 if TYPE_CHECKING:
     from xarray import Dataset
 
-#: depth of a bed over its width, height of its container over that depth, and share of a given container that a bed fills
+#: depth of a bed over its width, height of its container over that depth, and share of a container that beds fill
 DEEP, ROOM, FILLED = 1.5, 3.0, 0.8
 
 
@@ -60,8 +61,8 @@ class Twin(ExplainedAttributes):
 
         The variables are `sample` and `twin`, the `difference`, the standard errors `sample_scatter` and
         `twin_scatter`, and the `ratio` of the difference to both together. The scatter is that between eight blocks of
-        each packing; with several seeds that of the twin is between packings. Curves stand beside them, with the scatter
-        of each of their values.
+        each packing; with several seeds that of the twin is between packings. Curves stand beside them, with the
+        scatter of each value.
         """
         return comparison_of(self.sample, self.packings, self.voxel_size)
 
@@ -142,8 +143,8 @@ def twin(
     Raises
     ------
     InputError
-        If the sample has fewer than 10 whole grains, open surfaces, or a solid fraction that rigid grains at rest cannot
-        have; or if an option is out of range.
+        If the sample has fewer than 10 whole grains, open surfaces, or a solid fraction that rigid grains at rest
+        cannot have; or if an option is out of range.
 
     Warns
     -----
@@ -179,7 +180,7 @@ def twin(
     for one in range(seed, seed + as_count(seeds, "seeds", at_least=1)):
         shapes = drawn(found, many, model, one)
         volume = sum(shape.volume for shape in shapes) / found.solid_fraction
-        box = _box(volume, how, parameters.get("gravity"), found.unit) if container is None else container
+        box = _box(volume, how, parameters.get("gravity")) if container is None else container
         packings.append(
             pack(shapes, box, how, count=many, seed=one, solid_fraction=found.solid_fraction, **parameters)
             if how == "expand"
@@ -204,11 +205,11 @@ def drawn(sample: Sample, count: int, model: Any, seed: int) -> list[Shape]:
     return [shape.scaled(size / shape.diameter) for shape, size in zip(shapes, laid.tolist(), strict=True)]
 
 
-def _box(volume: float, protocol: str, gravity: Any, unit: str) -> Box:
+def _box(volume: float, protocol: str, gravity: Any) -> Box:
     """Return a periodic box that grains fill at rest, or one with a floor in which they come to rest as a bed."""
     if protocol != "gravity":
-        return Box((volume ** (1 / 3),) * 3, "xyz", unit=unit)
+        return Box((volume ** (1 / 3),) * 3, "xyz")
     down = np.abs(main_axis(np.array((0.0, 0.0, -1.0) if gravity is None else gravity)))
     width = (volume / DEEP) ** (1 / 3)
     lengths = np.where(down > 0, DEEP * ROOM * width, width)
-    return Box(lengths, tuple(bool(one) for one in down == 0), unit=unit)
+    return Box(lengths, tuple(bool(one) for one in down == 0))

@@ -1,0 +1,135 @@
+"""Page of a sample and its twin: both in the same view and cut, their differences, the largest first, and curves."""
+
+import os
+from functools import partial
+from typing import Any
+
+import numpy as np
+
+from voxgran import __version__
+from voxgran._base.files import as_path, write_files
+from voxgran._base.units import NO_UNIT
+from voxgran.containers.gravity import main_axis
+from voxgran.io.image import to_image
+from voxgran.packing.model import Packing
+from voxgran.report import facts, plots, scenes
+from voxgran.report.numbers import json_text
+from voxgran.report.page import check_page_path, page_template, view_of
+from voxgran.report.view import views_of
+from voxgran.scene.twins.differences import CURVES
+
+#: difference, in standard errors, up to which sample and twin are equal; voxels along the longer edge of a cut
+EQUAL, ACROSS = 2.0, 240
+NOTES = (
+    "The scatter is the standard error of a number, from eight blocks of the packing; with several twins it is the "
+    "standard deviation between them. The ratio is the difference over both scatters together: sample and twin are "
+    f"equal within what another part of the same material differs by where it is below {EQUAL:g}, of one row in twenty "
+    "by chance not. The largest ratio comes first.",
+    "A twin does not keep the history of the sample, cementation, or the directions of force chains.",
+)
+
+
+def write_page(twin: Any, path: str | os.PathLike[str], *, title: str, overwrite: bool) -> None:
+    """Write a page of a twin and a JSON file of its numbers."""
+    numbers = check_page_path(path, overwrite=overwrite)
+    data = twin.comparison
+    shown = {"sample": twin.sample.packing, "twin": twin.packing}
+    known = {name: packing for name, packing in shown.items() if packing is not None}
+    order = np.argsort(-np.nan_to_num(np.abs(data["ratio"].values), nan=-1.0), kind="stable")
+    text = page_template("comparison.html.j2").render(
+        version=__version__,
+        title=title,
+        groups=[_headline(name, packing, twin) for name, packing in shown.items()],
+        head=["", "sample", "twin", "difference", "ratio"],
+        rows=[_row(data, int(k)) for k in order],
+        notes=NOTES,
+        tests=[],
+        views=[
+            view_of(scenes.picture_packing(p, window=(600, 600)), f"{n}, seen from outside", n)
+            for n, p in known.items()
+        ],
+        view=views_of(known),
+        figures=[*(_cut(name, packing) for name, packing in known.items()), *_curves(data)],
+    )
+    names = ("sample", "twin", "difference", "sample_scatter", "twin_scatter", "ratio")
+    table = [{"measure": str(m), **{n: float(data[n][k]) for n in names}} for k, m in enumerate(data["measure"].values)]
+    record = {"voxgran": __version__, "numbers": table}
+    write_files({as_path(path): text, numbers: json_text(record)}, overwrite=overwrite)
+
+
+def _headline(name: str, packing: Packing | None, twin: Any) -> dict[str, str]:
+    """Return the solid fraction and the contents of the sample or the twin."""
+    found = twin.comparison[name].sel(measure="solid_fraction")
+    many = len(twin.sample.shapes)
+    count = f"{facts.number(many)} shapes" if packing is None else f"{facts.number(packing.count)} grains"
+    cut = (
+        f", {facts.number(many)} of them whole"
+        if name == "sample" and packing is not None and many < packing.count
+        else ""
+    )
+    note = count + cut if len(twin.packings) == 1 or name == "sample" else f"{len(twin.packings)} packings of {count}"
+    return {"name": name, "value": f"{float(found):.4f}", "note": f"solid fraction; {note}"}
+
+
+def _row(data: Any, k: int) -> list[str]:
+    """Return a row of the table of differences as texts."""
+    unit = str(data["unit"].values[k])
+    name = str(data["text"].values[k]) + ("" if unit == NO_UNIT else f" ({unit})")
+    ratio = float(data["ratio"].values[k])
+    difference = float(data["difference"].values[k])
+    texts = [_with_error(float(data[n][k]), float(data[f"{n}_scatter"][k])) for n in ("sample", "twin")]
+    verdict = "not known" if not np.isfinite(ratio) else f"{ratio:.1f}" + ("" if abs(ratio) <= EQUAL else ", differs")
+    return [name, *texts, f"{difference:.3g}" if np.isfinite(difference) else "not known", verdict]
+
+
+def _with_error(value: float, error: float) -> str:
+    """Return a number with its scatter as text."""
+    if not np.isfinite(value):
+        return "not known"
+    return f"{value:.4g}" + (f" \u00b1 {error:.2g}" if np.isfinite(error) and error > 0 else "")
+
+
+def _cut(name: str, packing: Packing) -> dict[str, str]:
+    """Return a cut through the middle of a packing, along its first horizontal axis and upwards."""
+    down = np.zeros(3) if packing.gravity is None else np.abs(main_axis(np.array(packing.gravity)))
+    up = int(np.argmax(down)) if down.any() else 2
+    across, other = [axis for axis in range(3) if axis != up]
+    size = np.ptp(packing.container.bounds, axis=0)
+    image = to_image(packing, float(size.max()) / ACROSS)
+    middle = np.take(image, image.shape[other] // 2, axis=other)
+    svg = plots.svg_of(
+        partial(_draw_cut, labels=middle if across < up else middle.T, width=size[across], height=size[up]),
+        f"cut-{name}",
+    )
+    return {"svg": svg, "alt": f"cut through the {name}", "caption": f"Cut through the middle of the {name}."}
+
+
+def _draw_cut(axes: Any, *, labels: Any, width: float, height: float) -> None:
+    """Draw grains in a few shades, so that neighbours can be told apart, on void."""
+    shade = np.where(labels > 0, 0.25 + 0.6 * (labels * 0.6180339887 % 1.0), np.nan)
+    axes.imshow(shade.T, origin="lower", cmap="cividis", vmin=0, vmax=1, extent=(0, width, 0, height))
+    axes.set_aspect("equal")
+
+
+def _curves(data: Any) -> list[dict[str, str]]:
+    """Return the curves of both with their bands."""
+    figures = []
+    for name, (_, _, _, meaning, _) in CURVES.items():
+        svg = plots.svg_of(partial(_draw, data=data, name=name), name.replace("_", "-"))
+        caption = f"{meaning[:1].upper()}{meaning[1:]}; the bands are twice the scatter."
+        figures.append({"svg": svg, "alt": meaning, "caption": caption})
+    return figures
+
+
+def _draw(axes: Any, *, data: Any, name: str) -> None:
+    """Draw a curve of the sample and of the twin, each with twice its scatter."""
+    for whose, ink in zip(("sample", "twin"), plots.DISTINCT, strict=False):
+        curve, scatter = data[f"{name}_{whose}"], data[f"{name}_{whose}_scatter"].values
+        place = data[curve.dims[0]]
+        if np.isfinite(curve.values).any():
+            axes.plot(place.values, curve.values, color=ink, label=whose)
+            low, high = curve.values - EQUAL * scatter, curve.values + EQUAL * scatter
+            axes.fill_between(place.values, low, high, color=ink, alpha=0.2, linewidth=0)
+    place_unit, unit = (plots.unit_text(str(one.attrs.get("units", NO_UNIT))) for one in (place, curve))
+    axes.set(xlabel=f"{place.attrs['long_name']}{place_unit}", ylabel=f"{CURVES[name][3]}{unit}")
+    axes.legend(loc="best")
