@@ -160,7 +160,7 @@ def _known_of(packing: Packing, sample: Sample, scale: _Scale) -> _Known:
     weights = sample.all_weights if own else np.ones(packing.count)
     contacts, voxel = packing.contacts(scale.gap), scale.voxel
     number = np.bincount(np.concatenate([contacts.i, contacts.j]), minlength=packing.count)
-    forms = describe(packing, FORMS)
+    forms = _forms(packing, sample, weights)
     axes, owner = long_axes(packing)
     along = np.full((packing.count, 3), np.nan)
     along[owner] = axes / np.linalg.norm(axes, axis=1)[:, None]
@@ -168,7 +168,7 @@ def _known_of(packing: Packing, sample: Sample, scale: _Scale) -> _Known:
         "place": packing.position, "weight": weights, "diameter": packing.diameters, "volume": packing.volumes,
         "coordination_number": number.astype(np.float64),
         "local_solid_fraction": local_density(packing).solid_fraction,
-        **{name: np.asarray(forms[name].values, dtype=np.float64) for name in FORMS},
+        **forms,
         **{f"long_axes_{'xyz'[k]}": along[:, k] ** 2 for k in range(3)},
     }  # fmt: skip
     image = to_image(packing, voxel)
@@ -178,6 +178,16 @@ def _known_of(packing: Packing, sample: Sample, scale: _Scale) -> _Known:
     axis = 2 if gravity is None else gravity[0]
     cut = image[tuple(slice(a, b) for a, b in zip(first, last, strict=True))]
     return _Known(grains, contacts.normal, contacts.point, cut, lower, upper, voxel, axis, packing.container.periodic)
+
+
+def _forms(packing: Packing, sample: Sample, weights: Floats) -> dict[str, Floats]:
+    """Return the descriptors of the grains, of a sample by its shapes, which have the resolution of the twin."""
+    own = packing is sample.packing
+    known = describe(sample.shapes if own else packing, FORMS)
+    found = {name: np.full(packing.count, np.nan) for name in FORMS}
+    for name, values in found.items():
+        values[weights > 0] = known[name].values
+    return found
 
 
 def _blocks(known: _Known) -> Iterator[tuple[Floats, Floats]]:

@@ -75,12 +75,7 @@ def dataset_of(
     coordinates["text"] = variable(row, np.array([TEXTS[n][0] for n in names]), "1", "measure, for people")
     for name, (place, text, power, meaning, own) in CURVES.items():
         coordinates[place] = variable((place,), places[place], _unit(unit, power), text)
-        for whose, found in (
-            ("sample", known),
-            ("sample_scatter", scatter),
-            ("twin", values),
-            ("twin_scatter", spread),
-        ):
+        for whose, found in whose_values.items():
             curve = found.get(name, np.full(len(places[place]), np.nan))
             data[f"{name}_{whose}"] = variable((place,), curve, _unit(unit, own), f"{meaning}, {whose}")
     return dataset(data, coordinates)

@@ -13,6 +13,7 @@ from voxgran.containers.gravity import main_axis
 from voxgran.io.image import to_image
 from voxgran.packing.model import Packing
 from voxgran.report import facts, plots, scenes
+from voxgran.report.colors import gradient
 from voxgran.report.numbers import json_text
 from voxgran.report.page import check_page_path, page_template, view_of
 from voxgran.report.view import views_of
@@ -20,13 +21,13 @@ from voxgran.scene.twins.differences import CURVES
 
 #: difference, in standard errors, up to which sample and twin are equal; voxels along the longer edge of a cut
 EQUAL, ACROSS = 2.0, 240
-NOTES = (
+TELLS = (
     "The scatter is the standard error of a number, from eight blocks of the packing; with several twins it is the "
     "standard deviation between them. The ratio is the difference over both scatters together: sample and twin are "
     f"equal within what another part of the same material differs by where it is below {EQUAL:g}, of one row in twenty "
-    "by chance not. The largest ratio comes first.",
-    "A twin does not keep the history of the sample, cementation, or the directions of force chains.",
+    "by chance not. The largest ratio comes first."
 )
+KEEPS = "A twin does not keep the history of the sample, cementation, or the directions of force chains."
 
 
 def write_page(twin: Any, path: str | os.PathLike[str], *, title: str, overwrite: bool) -> None:
@@ -42,13 +43,14 @@ def write_page(twin: Any, path: str | os.PathLike[str], *, title: str, overwrite
         groups=[_headline(name, packing, twin) for name, packing in shown.items()],
         head=["", "sample", "twin", "difference", "ratio"],
         rows=[_row(data, int(k)) for k in order],
-        notes=NOTES,
+        notes=[TELLS, KEEPS],
         tests=[],
         views=[
             view_of(scenes.picture_packing(p, window=(600, 600)), f"{n}, seen from outside", n)
             for n, p in known.items()
         ],
         view=views_of(known),
+        gradient=", ".join(gradient()),
         figures=[*(_cut(name, packing) for name, packing in known.items()), *_curves(data)],
     )
     names = ("sample", "twin", "difference", "sample_scatter", "twin_scatter", "ratio")

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any, Literal
 import numpy as np
 
 from voxgran._base import ExplainedAttributes
-from voxgran._base.arrays import Floats, as_choice, as_count
+from voxgran._base.arrays import Floats, Integers, as_choice, as_count
 from voxgran._base.calls import explained
 from voxgran._base.seeds import stream
 from voxgran.containers.gravity import main_axis
@@ -23,6 +23,7 @@ from voxgran.scene.twins.sample import Sample, sample_of
 from voxgran.shapes.learning.learn import learn_shapes
 from voxgran.shapes.mesh import Mesh
 from voxgran.shapes.model import Shape
+from voxgran.shapes.repairing.simplify import simplify
 
 if TYPE_CHECKING:
     from xarray import Dataset
@@ -99,6 +100,8 @@ def twin(
     solid_fraction: float | None = None,
     protocol: Literal["gravity", "compress", "expand"] | None = None,
     model: Any = None,
+    faces: int = 200,
+    forms: int = 100,
     voxel_size: float | None = None,
     seed: int = 0,
     seeds: int = 1,
@@ -125,6 +128,10 @@ def twin(
     model : ShapeModel, optional
         Distribution of shapes, as of :func:`voxgran.learn_shapes`. Default: learnt from the sample where its grains are
         meshes; other shapes are those of the sample, drawn by their weights.
+    faces : int
+        Most triangles of a grain: surfaces of labels have thousands, which settling does not need.
+    forms : int
+        Most different shapes; each is then that of several grains of nearly the same size.
     voxel_size : float, optional
         Edge of the voxels on which both are compared. Default: the contact gap of a scan, which is its voxel, or the
         twentieth part of a mean diameter; larger where a packing had more than a million voxels.
@@ -173,36 +180,41 @@ def twin(
         count = int(found.solid_fraction * container.volume * (FILLED if how == "gravity" else 1.0) / mean)
     many = as_count(len(found.shapes) if count is None else count, "count", at_least=1)
     if model is None and all(isinstance(shape.geometry, Mesh) for shape in found.shapes):
+        # both are then described at the same resolution
+        found = replace(found, shapes=tuple(simplify(shape, faces=faces).shape for shape in found.shapes))
         model = learn_shapes(found.shapes, weights=found.weights, seed=seed)
     if how == "gravity" and gravity is not None:
         parameters.setdefault("gravity", tuple(gravity))
     packings = []
     for one in range(seed, seed + as_count(seeds, "seeds", at_least=1)):
-        shapes = drawn(found, many, model, one)
-        volume = sum(shape.volume for shape in shapes) / found.solid_fraction
+        shapes, shape_id, sizes = drawn(found, many, model, min(forms, many), one)
+        volume = float((np.pi / 6 * sizes**3).sum()) / found.solid_fraction
         box = _box(volume, how, parameters.get("gravity")) if container is None else container
-        packings.append(
-            pack(shapes, box, how, count=many, seed=one, solid_fraction=found.solid_fraction, **parameters)
-            if how == "expand"
-            else pack((), box, how, grains=shapes, seed=one, solid_fraction=found.solid_fraction, **parameters)
-        )
+        listed = {"shape": shape_id, "diameter": sizes}
+        asked = {"seed": one, "solid_fraction": found.solid_fraction, **parameters}
+        if how == "expand":
+            # it scales sizes and takes no list
+            kinds = [shapes[k].scaled(size / shapes[k].diameter) for k, size in zip(shape_id, sizes, strict=True)]
+            packings.append(pack(kinds, box, how, count=many, **asked))
+        else:
+            packings.append(pack(shapes, box, how, grains=listed, **asked))
     return Twin(found, tuple(packings), model, voxel_size)
 
 
-def drawn(sample: Sample, count: int, model: Any, seed: int) -> list[Shape]:
-    """Return shapes of a model, or of the sample, whose diameters are laid over the distribution of the sample.
+def drawn(sample: Sample, count: int, model: Any, forms: int, seed: int) -> tuple[list[Shape], Integers, Floats]:
+    """Return shapes of a model, or of the sample, and shape and diameter of each grain (count,), from small to large.
 
-    The order of the sizes that the model has drawn is kept, so that form and size stay related as they are.
+    The diameters are laid over the distribution of the sample. A shape is that of grains whose sizes follow each other,
+    in the order of the sizes that the model has drawn, so that form and size stay related as they are.
     """
     if model is None:
-        at = stream(seed, "twin shapes").random() + np.arange(count)
         share = np.cumsum(sample.weights) / sample.weights.sum()
-        shapes = [sample.shapes[k] for k in np.searchsorted(share, at / count % 1.0, side="right")]
+        at = (stream(seed, "twin shapes").random() + np.arange(forms)) / forms % 1.0
+        shapes = [sample.shapes[k] for k in np.searchsorted(share, at, side="right")]
     else:
-        shapes = list(model.sample(count, seed=seed))
-    laid: Floats = np.empty(count)
-    laid[np.argsort([shape.diameter for shape in shapes], kind="stable")] = sample.laid_sizes(count)
-    return [shape.scaled(size / shape.diameter) for shape, size in zip(shapes, laid.tolist(), strict=True)]
+        shapes = list(model.sample(forms, seed=seed))
+    shapes.sort(key=lambda shape: shape.diameter)
+    return shapes, np.arange(count) * len(shapes) // count, sample.laid_sizes(count)
 
 
 def _box(volume: float, protocol: str, gravity: Any) -> Box:
