@@ -39,6 +39,9 @@ from voxgran.io.netcdf import load_statistics as load_statistics
 from voxgran.io.netcdf import save_statistics as save_statistics
 from voxgran.io.series import Series as Series
 from voxgran.io.vtk_files import save_scene as save_scene
+from voxgran.lattice.along_lines import chord_lengths as chord_lengths
+from voxgran.lattice.along_lines import two_point_correlation as two_point_correlation
+from voxgran.lattice.diffusion import effective_diffusivity as effective_diffusivity
 from voxgran.lattice.distance import distance_transform as distance_transform
 from voxgran.lattice.label import connected_components as connected_components
 from voxgran.lattice.morphology import closing as closing

@@ -229,6 +229,12 @@ GOOD = {
     "local_thickness": periodic_filter(vg.local_thickness, voxel_size=(1.0, 1.0, 2.0), threads=1),
     "connected_components": periodic_filter(vg.connected_components, connectivity=6),
     "distance_transform": periodic_filter(vg.distance_transform, voxel_size=0.5, squared=False, threads=1, out=None),
+    "two_point_correlation": periodic_filter(vg.two_point_correlation, voxel_size=(1.0, 1.0, 2.0)),
+    "chord_lengths": periodic_filter(vg.chord_lengths, voxel_size=(1.0, 1.0, 2.0)),
+    "effective_diffusivity": (
+        vg.effective_diffusivity,
+        {"pores": ~MASK, "region": None, "voxel_size": (1.0, 1.0, 2.0), "periodic": "x", "block": 2},
+    ),
     "crop": (vg.crop, {"image": MASK, "margin": 1}),
     "iso_surface": (vg.iso_surface, {"field": MASK * 1.0, "level": 0.5}),
     "iso_surface volume": (vg.iso_surface, {"field": MASK * 1.0, "volume": 8.0}),
