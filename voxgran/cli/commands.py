@@ -119,6 +119,13 @@ def tile(options: argparse.Namespace) -> None:
     settling.tile(options, _packing(options))
 
 
+def twin(options: argparse.Namespace) -> None:
+    """Make a packing that equals a sample, and say how nearly it does."""
+    from voxgran.cli import twins
+
+    twins.twin(options, _packing(options))
+
+
 def export(options: argparse.Namespace) -> None:
     """Write the input of an engine for a packing."""
     from voxgran.cli import decks
@@ -397,6 +404,7 @@ COMMANDS: dict[str, tuple[str, Callable[[argparse.Namespace], int | None]]] = {
     "image": ("say what an image holds: its voxels, lengths, values and labels", image),
     "segment": ("segment a grey image into labelled grains", segment),
     "labels": ("make a packing of a label image", labels),
+    "twin": ("make a packing of any number of grains that equals a sample", twin),
     "shape": ("make a shape of a family", shape),
     "repair": ("mend a mesh file and say what was done", repair),
     "simplify": ("reduce a mesh file to fewer triangles and tell what that changed", simplify),

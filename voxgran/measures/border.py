@@ -44,7 +44,8 @@ def is_scan(packing: Packing) -> bool:
     """Return whether the border of a packing cuts grains: each has a shape of its own at its own size, as the labels of
     an image have, and the container is a box with a side that does not repeat, beyond which flat faces of them lie.
     """
-    own = len(packing.shapes) == packing.count == len(np.unique(packing.shape_id)) and bool((packing.scale == 1.0).all())
+    n = packing.count
+    own = len(packing.shapes) == n == len(np.unique(packing.shape_id)) and bool((packing.scale == 1.0).all())
     walls = not all(packing.container.periodic[: packing.dimension])
     return own and walls and boundary_of(packing.container).is_flat and bool(_flattened(packing).any())
 
@@ -63,7 +64,7 @@ def _flattened(packing: Packing) -> Booleans:
     slack = 1e-6 * float((upper - lower).max())
     unturned = np.abs(packing.orientation[:, 0]) > 1.0 - 1e-12
     found = np.zeros(packing.count, dtype=np.bool_)
-    for grain in np.flatnonzero(unturned):
+    for grain in np.flatnonzero(unturned).tolist():
         points = packing.world_vertices(grain)
         at = np.stack([points <= lower + slack, points >= upper - slack]).sum(axis=1) >= 3
         found[grain] = bool((at & walls).any())

@@ -16,16 +16,8 @@ import numpy as np
 
 from voxgran._base.arrays import Booleans, Floats, Integers
 from voxgran.io.image import to_image
-
-try:
-    from voxgran.lattice.diffusion import effective_diffusivity
-except ImportError:
-
-    class effective_diffusivity:
-        def __init__(self, p):
-            self.relative = np.full(3, np.nan)
-
-
+from voxgran.lattice.along_lines import chord_lengths, two_point_correlation
+from voxgran.lattice.diffusion import effective_diffusivity
 from voxgran.measures.describe import describe
 from voxgran.measures.region import BoxRegion, Regions, gravity_of
 from voxgran.measures.registered.coordination import mean_diameter
@@ -156,8 +148,7 @@ def _scatter(parts: Sequence[Any]) -> Any:
 def _known_of(packing: Packing, sample: Sample, scale: _Scale) -> _Known:
     """Find what the blocks of a packing share."""
     lower, upper = _bulk(packing, sample)
-    own = packing is sample.packing and sample.all_weights is not None
-    weights = sample.all_weights if own else np.ones(packing.count)
+    weights = sample.all_weights if packing is sample.packing else np.ones(packing.count)
     contacts, voxel = packing.contacts(scale.gap), scale.voxel
     number = np.bincount(np.concatenate([contacts.i, contacts.j]), minlength=packing.count)
     forms = _forms(packing, sample, weights)
@@ -238,8 +229,9 @@ def _image_values(part: Integers, known: _Known, lags: Floats) -> Values:
         runs += int((~solid).take(0, axis=axis).sum()) + int(((one > 0) & (other == 0)).sum())
     # the faces of voxels have 3/2 of the area of a surface of any direction
     area = 2.0 / 3.0 / (part.size * voxel)
-    pairs = [[_together(solid, axis, step) for axis in range(3)] for step in range(len(lags))]
     pores = ~solid
+    pairs = [np.interp(lags, *of, right=math.nan) for of in two_point_correlation(solid, voxel_size=voxel)]
+    chords = np.sort(np.concatenate(chord_lengths(pores, voxel_size=voxel)))
     transport = effective_diffusivity(pores)
     layers = solid.mean(axis=tuple({0, 1, 2} - {known.axis}))
     width = max(round(known.grains["diameter"].mean() / voxel), 1)
@@ -250,18 +242,11 @@ def _image_values(part: Integers, known: _Known, lags: Floats) -> Values:
         "wetted_surface": faces * area,
         "contact_area": touching * area,
         "pore_chord": 3.0 * int(pores.sum()) * voxel / max(runs, 1),
-        "two_point_correlation": np.array([np.mean(row) for row in pairs]),
+        "two_point_correlation": np.mean(pairs, axis=0),
+        "pore_chords": 1.0 - np.searchsorted(chords, lags, side="right") / max(len(chords), 1),
         **{f"diffusivity_{'xyz'[k]}": float(transport.relative[k]) for k in range(3)},
         "tortuosity": float(pores.mean() / max(float(np.mean(transport.relative)), 1e-300)),
     }
-
-
-def _together(solid: Booleans, axis: int, step: int) -> float:
-    """Return the share of pairs of voxels, so many steps apart along an axis, that are both solid."""
-    n = solid.shape[axis] - step
-    if n < 1:
-        return math.nan
-    return float((solid.take(range(n), axis=axis) & solid.take(range(step, n + step), axis=axis)).mean())
 
 
 def _in(places: Floats, lower: Floats, upper: Floats, known: _Known) -> Booleans:

@@ -1,6 +1,7 @@
 """Page of a sample and its twin: both in the same view and cut, their differences, the largest first, and curves."""
 
 import os
+import warnings
 from functools import partial
 from typing import Any
 
@@ -97,7 +98,8 @@ def _cut(name: str, packing: Packing) -> dict[str, str]:
     up = int(np.argmax(down)) if down.any() else 2
     across, other = [axis for axis in range(3) if axis != up]
     size = np.ptp(packing.container.bounds, axis=0)
-    image = to_image(packing, float(size.max()) / ACROSS)
+    with warnings.catch_warnings(action="ignore"):
+        image = to_image(packing, float(size.max()) / ACROSS)
     middle = np.take(image, image.shape[other] // 2, axis=other)
     svg = plots.svg_of(
         partial(_draw_cut, labels=middle if across < up else middle.T, width=size[across], height=size[up]),

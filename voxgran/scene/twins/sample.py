@@ -7,6 +7,7 @@ import numpy as np
 
 from voxgran._base.arrays import Floats, as_share
 from voxgran._base.errors import InputError
+from voxgran._base.units import NO_UNIT
 from voxgran.measures.border import border_weights, is_scan
 from voxgran.measures.region import gravity_of
 from voxgran.measures.registered.density import main_fraction
@@ -25,9 +26,9 @@ class Sample:
     weights: Floats  # (n,) for how many grains each stands
     solid_fraction: float
     unit: str
+    #: of all grains of the packing, 0 of those that the border cuts; of shapes alone their own
+    all_weights: Floats
     packing: Packing | None = None  # None of shapes alone
-    #: (m,) of all grains of the packing, 0 of those that the border cuts
-    all_weights: Floats | None = None
     scanned: bool = False  # whether the border of an image cuts grains
 
     def laid_sizes(self, count: int) -> Floats:
@@ -53,7 +54,8 @@ def sample_of(given: Packing | Sequence[Shape], solid_fraction: float | None) ->
         shapes = tuple(check_shapes(given))
         if solid_fraction is None:
             raise InputError("solid_fraction is None and the sample is shapes only: give that of the twin")
-        found = Sample(shapes, np.ones(len(shapes)), as_share(solid_fraction, "solid_fraction"), shapes[0].unit)
+        ones, share = np.ones(len(shapes)), as_share(solid_fraction, "solid_fraction")
+        found = Sample(shapes, ones, share, shapes[0].unit or NO_UNIT, ones)
     _check(found, given)
     return found
 
@@ -74,7 +76,7 @@ def _of_packing(packing: Packing, solid_fraction: float | None) -> Sample:
     own = [packing.shapes[k] for k in packing.shape_id[kept]]
     shapes = tuple(one.scaled(factor) for one, factor in zip(own, packing.scale[kept].tolist(), strict=True))
     share = as_share(solid_fraction, "solid_fraction") if packing.count else 0.5
-    return Sample(shapes, weights[kept], share, packing.unit, packing, weights, scanned)
+    return Sample(shapes, weights[kept], share, packing.unit, weights, packing, scanned)
 
 
 def _check(sample: Sample, given: object) -> None:
