@@ -49,18 +49,19 @@ def sample_of(given: Packing | Sequence[Shape], solid_fraction: float | None) ->
         If no twin can be made of it.
     """
     if isinstance(given, Packing):
-        found = _of_packing(given, solid_fraction)
+        found = _of_packing(given)
     else:
         shapes = tuple(check_shapes(given))
         if solid_fraction is None:
             raise InputError("solid_fraction is None and the sample is shapes only: give that of the twin")
         ones, share = np.ones(len(shapes)), as_share(solid_fraction, "solid_fraction")
         found = Sample(shapes, ones, share, shapes[0].unit or NO_UNIT, ones)
-    _check(found, given)
+    wanted = found.solid_fraction if solid_fraction is None else as_share(solid_fraction, "solid_fraction")
+    _check(found, given, wanted)
     return found
 
 
-def _of_packing(packing: Packing, solid_fraction: float | None) -> Sample:
+def _of_packing(packing: Packing) -> Sample:
     """Return the sample that a packing is: its whole grains, and the solid fraction of its bulk."""
     scanned, weights = is_scan(packing), border_weights(packing)
     if packing.count and not weights.any():
@@ -68,18 +69,16 @@ def _of_packing(packing: Packing, solid_fraction: float | None) -> Sample:
             f"all {packing.count} grains of the sample are cut by the border of the image: no whole grain is known; "
             "take a larger part of the scan"
         )
-    if solid_fraction is None:
-        # a scan without gravity is bulk up to its border, where grains are cut and not stopped
-        whole = scanned and gravity_of(packing) is None
-        solid_fraction = packing.solid_fraction if whole else main_fraction(packing)[1]
+    # a scan without gravity is bulk up to its border, where grains are cut and not stopped
+    whole = scanned and gravity_of(packing) is None
+    share = packing.solid_fraction if whole else main_fraction(packing)[1]
     kept = np.flatnonzero(weights)
     own = [packing.shapes[k] for k in packing.shape_id[kept]]
     shapes = tuple(one.scaled(factor) for one, factor in zip(own, packing.scale[kept].tolist(), strict=True))
-    share = as_share(solid_fraction, "solid_fraction") if packing.count else 0.5
     return Sample(shapes, weights[kept], share, packing.unit, weights, packing, scanned)
 
 
-def _check(sample: Sample, given: object) -> None:
+def _check(sample: Sample, given: object, wanted: float) -> None:
     """Refuse a sample of which no twin can be made."""
     count = len(sample.shapes)
     if any(shape.is_open for shape in sample.shapes):
@@ -87,9 +86,8 @@ def _check(sample: Sample, given: object) -> None:
     if count < FEWEST:
         cut = "" if not isinstance(given, Packing) else f" of {given.count}, those that no border cuts,"
         raise InputError(f"the sample has {count} whole grains{cut} and a twin needs {FEWEST} at least: give more")
-    if not LOOSEST <= sample.solid_fraction <= DENSEST:
+    if not LOOSEST <= wanted <= DENSEST:
         raise InputError(
-            f"the solid fraction of the sample is {sample.solid_fraction:.3g} (porosity "
-            f"{1 - sample.solid_fraction:.3g}): rigid grains at rest have from {LOOSEST:g} to {DENSEST:g}; give "
+            f"the solid fraction is {wanted:.3g} (porosity {1 - wanted:.3g}): rigid grains at rest have from {LOOSEST:g} to {DENSEST:g}; give "
             "solid_fraction, or check how the image was segmented"
         )

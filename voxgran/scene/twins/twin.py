@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any, Literal
 import numpy as np
 
 from voxgran._base import ExplainedAttributes
-from voxgran._base.arrays import Floats, Integers, as_choice, as_count
+from voxgran._base.arrays import Floats, Integers, as_choice, as_count, as_share
 from voxgran._base.calls import explained
 from voxgran._base.seeds import stream
 from voxgran.containers.gravity import main_axis
@@ -24,6 +24,7 @@ from voxgran.shapes.learning.learn import learn_shapes
 from voxgran.shapes.mesh import Mesh
 from voxgran.shapes.model import Shape
 from voxgran.shapes.repairing.simplify import simplify
+from voxgran.shapes.sizes import discrete
 
 if TYPE_CHECKING:
     from xarray import Dataset
@@ -122,8 +123,8 @@ def twin(
     solid_fraction : float, optional
         Solid fraction of the twin. Default: that of the sample, in its bulk where it is a bed.
     protocol : {"gravity", "compress", "expand"}, optional
-        How the grains come together: as a bed, compressed to a stress without gravity, or grown in place, of which the
-        last one gives no contacts that bear forces. Default: ``"gravity"`` where the sample has gravity, otherwise
+        How the grains come together: as a bed, compressed to a stress without gravity, or grown in place, which
+        gives no contacts that bear forces and makes form and size independent. Default: ``"gravity"`` where the sample has gravity, otherwise
         ``"compress"``. The friction, and in beds the shaking, are searched that give the solid fraction.
     model : ShapeModel, optional
         Distribution of shapes, as of :func:`voxgran.learn_shapes`. Default: learnt from the sample where its grains are
@@ -172,12 +173,13 @@ def twin(
     (30, 0.5)
     """
     found = sample_of(sample, solid_fraction)
+    wanted = found.solid_fraction if solid_fraction is None else as_share(solid_fraction, "solid_fraction")
     gravity = None if found.packing is None else found.packing.gravity
     usual = "compress" if gravity is None else "gravity"
     how = as_choice(usual if protocol is None else protocol, "protocol", ("gravity", "compress", "expand"))
     mean = float((np.pi / 6 * found.laid_sizes(1000) ** 3).mean())
     if count is None and container is not None:
-        count = int(found.solid_fraction * container.volume * (FILLED if how == "gravity" else 1.0) / mean)
+        count = int(wanted * container.volume * (FILLED if how == "gravity" else 1.0) / mean)
     many = as_count(len(found.shapes) if count is None else count, "count", at_least=1)
     if model is None and all(isinstance(shape.geometry, Mesh) for shape in found.shapes):
         # both are then described at the same resolution
@@ -188,14 +190,14 @@ def twin(
     packings = []
     for one in range(seed, seed + as_count(seeds, "seeds", at_least=1)):
         shapes, shape_id, sizes = drawn(found, many, model, min(forms, many), one)
-        volume = float((np.pi / 6 * sizes**3).sum()) / found.solid_fraction
+        volume = float((np.pi / 6 * sizes**3).sum()) / wanted
         box = _box(volume, how, parameters.get("gravity")) if container is None else container
         listed = {"shape": shape_id, "diameter": sizes}
-        asked = {"seed": one, "solid_fraction": found.solid_fraction, **parameters}
+        asked = {"seed": one, "solid_fraction": wanted, **parameters}
         if how == "expand":
             # it scales sizes and takes no list
-            kinds = [shapes[k].scaled(size / shapes[k].diameter) for k, size in zip(shape_id, sizes, strict=True)]
-            packings.append(pack(kinds, box, how, count=many, **asked))
+            law = discrete(sizes, np.ones(many))
+            packings.append(pack(shapes, box, how, count=many, sizes=law, **asked))
         else:
             packings.append(pack(shapes, box, how, grains=listed, **asked))
     return Twin(found, tuple(packings), model, voxel_size)
