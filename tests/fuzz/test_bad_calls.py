@@ -71,6 +71,8 @@ OBSTACLE = vg.Packing.of([SPHERE], BOX, position=[(2, 2, 2)], unit="mm")
 MASK = np.zeros((6, 6, 6), dtype=bool)
 MASK[1:4, 2:5, 2:4] = True
 LABELS = MASK.astype(int)
+SAMPLE = vg.make_shapes("convex_polyhedron", count=10)
+LEARNED = vg.learn_shapes(SAMPLE)
 SEGMENTED = vg.segment(MASK * 100.0, threshold=50, min_size=1)
 CLOUD = vg.Cloud.of(np.random.Generator(np.random.Philox(1)).random((60, 3)))
 SCAN = vg.Cloud.of(vg.sample_surface(ROCK, spacing=0.1))
@@ -252,6 +254,13 @@ GOOD = {
             "voxel_size": (1.0, 1.0, 2.0),
         },
     ),
+    "learn_shapes": (
+        vg.learn_shapes,
+        {"shapes": SAMPLE, "sizes": np.ones(10), "method": "warp", "strength": 0.05, "weights": np.ones(10), "seed": 0},
+    ),
+    "ShapeModel.sample": (LEARNED.sample, {"count": 2, "seed": 0}),
+    "ShapeModel.report": (LEARNED.report, {"test": SAMPLE, "count": 10, "descriptors": False, "seed": 0}),
+    "ShapeModel.save": (LEARNED.save, {"path": ">shapes.nc", "overwrite": False}),
     "save_slices": (
         vg.save_slices,
         {"segmentation": SEGMENTED, "path": ">slices.png", "image": None, "overwrite": False},

@@ -51,6 +51,7 @@ GOOD = {
     "twin": ["bed.vtp", "-o", "twins"],
     "labels": ["labels.npy", "--voxel-size", "1"],
     "segment": ["labels.npy", "--threshold", "0", "--min-size", "1", "--voxel-size", "1"],
+    "learn": ["bed.vtp", "-o", "shapes.nc"],
     "shape": ["solid_union"],
     "repair": ["mesh.stl"],
     "tile": ["bed.vtp", "--repeats", "1", "-o", "tiled.vtp"],

@@ -719,7 +719,7 @@ def test_each_method_and_kind_of_shape_is_compiled_beforehand():
 @pytest.mark.slow
 def test_each_family_of_shapes_is_compiled_beforehand(monkeypatch, tmp_path):
     made = {task.args[0] for task in beforehand.scenes() if getattr(task, "func", None) is beforehand.make_few}
-    assert made == set(vg.shape_families())
+    assert made == set(vg.shape_families()) - {"learned"}  # it needs a model
     code = """
         import voxgran as vg
         from voxgran._base.kernels import cache_folder

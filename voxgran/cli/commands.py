@@ -18,7 +18,7 @@ from voxgran.cli.clumps import clump
 from voxgran.cli.data import data
 from voxgran.cli.doctor import doctor
 from voxgran.cli.parser import parameter_text
-from voxgran.cli.segmenting import segment
+from voxgran.cli.segmenting import learn, segment
 from voxgran.cli.shapes import shape, simplify
 from voxgran.cli.terminal import UNITS, complain, entry_line, progress, show, table
 from voxgran.shapes.files import check_surface_output
@@ -405,6 +405,7 @@ COMMANDS: dict[str, tuple[str, Callable[[argparse.Namespace], int | None]]] = {
     "segment": ("segment a grey image into labelled grains", segment),
     "labels": ("make a packing of a label image", labels),
     "twin": ("make a packing of any number of grains that equals a sample", twin),
+    "learn": ("learn the distribution of the shapes of a sample", learn),
     "shape": ("make a shape of a family", shape),
     "repair": ("mend a mesh file and say what was done", repair),
     "simplify": ("reduce a mesh file to fewer triangles and tell what that changed", simplify),

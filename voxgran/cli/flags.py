@@ -211,6 +211,14 @@ FLAGS: dict[str, tuple[Flag, ...]] = {
         _flag("--picture", help="PNG file: slices with the outlines of the grains, those in doubt marked"),
         _flag("-o", "--output", help="file for the labels: .vti, .tif or .npy"),
     ),
+    "learn": (
+        _flag("files", nargs="+", help="packing, such as that of labels (.vtp), or mesh files, one a grain"),
+        _flag("--strength", type=float, help="by how much new grains differ from their donors; default: chosen"),
+        _flag("--seed", type=int, default=0, help="seed of the choice and of the comparison"),
+        _flag("--descriptors", action="store_true", help="compare roundness and smallest boxes too, which take longer"),
+        _flag("--picture", help="PNG file: grains of the sample, each beside one that was made of it"),
+        _flag("-o", "--output", required=True, help="file for the distribution: .nc"),
+    ),
     "repair": (
         _flag("file", help="mesh file: STL, OBJ, PLY, OFF, VTP, VTU, VTK or MSH"),
         _flag("-o", "--output", help="mesh file for the result: STL, OBJ, PLY, OFF or VTP"),

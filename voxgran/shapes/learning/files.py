@@ -75,9 +75,8 @@ def read_model(path: str | os.PathLike[str]) -> tuple[tuple[Shape, ...], Floats,
     unit = facts.pop("unit")
     meshes, vertex, face = [], 0, 0
     for points, corners in zip(arrays["vertex_count"], arrays["face_count"], strict=True):
-        mesh = Mesh(
-            arrays["vertices"][vertex : vertex + points], arrays["faces"][face : face + corners].astype(np.int64)
-        )
+        triangles = arrays["faces"][face : face + corners].astype(np.int64)
+        mesh = Mesh(arrays["vertices"][vertex : vertex + points], triangles)
         meshes.append(Shape(mesh, "grain", unit=None if unit == "1" else unit))
         vertex, face = vertex + points, face + corners
     if not all(shape.volume > 0 for shape in meshes):
@@ -86,11 +85,18 @@ def read_model(path: str | os.PathLike[str]) -> tuple[tuple[Shape, ...], Floats,
 
 
 def model_values(path: Path) -> Content:
-    """Read the checked numbers and arrays of a file, to be run by `read_guarded`."""
+    """Read the checked numbers and arrays of a file, to be run by `read_guarded`.
+
+    Raises
+    ------
+    FileFormatError
+        If it holds something else, or its arrays do not fit each other.
+    """
     with load("netCDF4").Dataset(path) as file:
         if getattr(file, "kind", "") != KIND or not set(ARRAYS) <= set(file.variables):
             raise FileFormatError(f"{path} holds no distribution of shapes: give a file that ShapeModel.save wrote")
-        facts = {"unit": str(file.unit), "method": str(file.method), "strength": float(file.strength)}
+        strength = float(file.strength)
+        facts = {"unit": str(file.unit), "method": str(file.method), "strength": strength}
         arrays = {name: np.ma.getdata(file[name][...]) for name in ARRAYS}
     points, corners = arrays["vertex_count"], arrays["face_count"]
     inner = np.repeat(points, corners) if (points > 0).all() and (corners > 0).all() else np.zeros(0)
@@ -104,7 +110,7 @@ def model_values(path: Path) -> Content:
         and (arrays["faces"] < inner[:, None]).all()
         and np.isfinite(arrays["weights"]).all()
         and (arrays["weights"] > 0).all()
-        and 0 <= facts["strength"] <= 1
+        and 0 <= strength <= 1
     )
     if not right:
         raise FileFormatError(f"{path} holds grains that do not fit their numbers: it is damaged; write it again")

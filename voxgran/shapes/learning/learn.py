@@ -17,10 +17,10 @@ from voxgran.shapes.model import Shape
 
 #: how grains are made
 METHODS = ("warp",)
-#: strengths that are tried, the smallest of which small samples get, and the number of grains that is not small
-STRENGTHS, LARGE = (0.05, 0.06, 0.07, 0.085, 0.1), 40
+#: strengths that are tried, that of small samples, and the number of grains that is not small
+STRENGTHS, SMALL, LARGE = (0.03, 0.04, 0.05, 0.065, 0.08), 0.05, 40
 #: novelty that is enough, error in that of the smallest strength that is too much, folds, and most grains of a fold
-ENOUGH, WORSE, FOLDS, MOST = 0.95, 1.15, 2, 60
+ENOUGH, WORSE, FOLDS, MOST = 0.9, 1.15, 2, 40
 
 
 @explained(hint="learn_shapes(shapes)")
@@ -52,7 +52,7 @@ def learn_shapes(
         How grains are made.
     strength : float, optional
         Standard deviation of the shears and of the taper, at most 0.3. Default: chosen by cross-validation in halves of
-        the sample, between 0.05 and 0.1; 0.05 where there are fewer than 40 grains.
+        the sample, between 0.03 and 0.08; 0.05 where there are fewer than 40 grains.
     weights : (n,) array_like of float, optional
         How often each grain is the donor, relative to the others; default: equally often, and of a packing of labels as
         said above.
@@ -67,8 +67,8 @@ def learn_shapes(
     Raises
     ------
     InputError
-        If there are fewer than 10 whole grains, all are one shape, one is open or plane, their units differ, or a number
-        is out of range.
+        If there are fewer than 10 whole grains, all are one shape, one is open or plane, their units differ, or a
+        number is out of range.
 
     Examples
     --------
@@ -83,7 +83,7 @@ def learn_shapes(
     as_choice(method, "method", METHODS)
     sample = checked_sample(shapes, sizes, weights)
     if strength is None:
-        strength = _chosen(sample, method, seed) if len(sample.shapes) >= LARGE else STRENGTHS[0]
+        strength = _chosen(sample, method, seed) if len(sample.shapes) >= LARGE else SMALL
     strength = as_number(strength, "strength", at_least=0.0, at_most=0.3)
     return ShapeModel(shapes=tuple(sample.shapes), weights=sample.weights, strength=strength, method=method)
 
@@ -98,7 +98,7 @@ def _chosen(sample: Sample, method: str, seed: int) -> float:
         order = generator.permutation(count)[: 2 * min(count // 2, MOST)]
         half, rest = order[: len(order) // 2], order[len(order) // 2 :]
         given, new = ([sample.shapes[k] for k in part] for part in (half, rest))
-        marks = [np.array([signature(shape.geometry) for shape in part]) for part in (given, new)]  # type: ignore[arg-type]
+        marks = [np.array([signature(shape.geometry) for shape in part]) for part in (given, new)]
         rows = quick_descriptors(new)
         for k, strength in enumerate(STRENGTHS):
             model = ShapeModel(shapes=tuple(given), weights=sample.weights[half], strength=strength, method=method)

@@ -13,7 +13,7 @@ from voxgran.shapes.mesh import Mesh
 from voxgran.shapes.model import Shape
 
 #: points along each axis of the grid of signed distances, half of its length in radii, and the largest distance
-FINE, HALF, FAR = 10, 1.5, 0.3
+FINE, HALF, FAR = 8, 1.4, 0.3
 #: descriptors that are compared
 COMPARED = ("sphericity", "elongation", "flatness", "convexity", "roundness")
 #: least standard deviation by which a descriptor is divided, so that rounding is no difference
@@ -31,7 +31,7 @@ def signature(mesh: Mesh) -> Floats:
     grid = np.stack(np.meshgrid(ticks, ticks, ticks, indexing="ij"), axis=-1).reshape(-1, 3)
     points = (mesh.vertices - center) @ axes / (np.sqrt(5) * roots)
     faces = mesh.corners[:, ::-1] if np.linalg.det(axes) < 0 else mesh.corners
-    distance = grow_tree(points, faces).signed_distance(grid)
+    distance = grow_tree(points, faces.astype(np.int64)).signed_distance(grid)
     return np.concatenate([np.clip(distance, -FAR, FAR), np.log(np.sqrt(5) * roots / radius)])
 
 

@@ -56,7 +56,7 @@ class ShapeModel(ExplainedAttributes):
         return Kernel(np.array(rows), self.weights)
 
     def __repr__(self) -> str:
-        """Method, number of grains and strength."""
+        """Show method, number of grains and strength."""
         return f"ShapeModel({self.method!r}, grains={len(self.shapes)}, strength={self.strength:g})"
 
     def sample(self, count: int, *, seed: int = 0) -> list[Shape]:
@@ -93,8 +93,12 @@ class ShapeModel(ExplainedAttributes):
         (True, (4, 4))
         """
         count = as_count(count, "count")
-        donors = self._kernel.grains(count, stream(seed, "donors of learned grains")) if count else []
+        donors = self._kernel.grains(count, stream(seed, "donors of learned grains"))
         return [self._made(int(donor), stream(seed, "learned grains", k)) for k, donor in enumerate(donors)]
+
+    def draw(self, generator: np.random.Generator) -> Shape:
+        """Draw a single grain by a random generator."""
+        return self._made(int(self._kernel.grains(1, generator)[0]), generator)
 
     def _made(self, donor: int, generator: np.random.Generator) -> Shape:
         """Return a grain made of one of the sample."""

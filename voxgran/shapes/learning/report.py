@@ -50,7 +50,7 @@ class ShapeReport:
     pairs: tuple[Shape, ...]
 
     def __repr__(self) -> str:
-        """Numbers, one a line."""
+        """Show the numbers, one a line."""
         names = [name for name, variable in self.table.data_vars.items() if not variable.dims]
         return "\n".join(f"{name}: {float(self.table[name]):.3g}" for name in names)
 

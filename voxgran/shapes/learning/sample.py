@@ -58,7 +58,8 @@ def closed_grains(packing: Grains) -> tuple[NDArray[np.int64], Floats]:
         return np.arange(count), np.full(count, 1 / max(count, 1))
     walls = ~np.asarray(packing.container.periodic, dtype=bool)
     corners = [packing.world_vertices(grain) for grain in range(count)]
-    low, high = (np.array([end(axis=0) for end in ends]) for ends in zip(*((c.min, c.max) for c in corners)))
+    low = np.array([points.min(axis=0) for points in corners])
+    high = np.array([points.max(axis=0) for points in corners])
     room = np.minimum(low - lower, upper - high)
     whole = np.flatnonzero((room > packing.contact_gap / 2)[:, walls].all(axis=1))
     shares = 1 - (high - low)[whole][:, walls] / (upper - lower)[walls]

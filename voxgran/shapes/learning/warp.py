@@ -1,7 +1,7 @@
 """Grains like those of a sample: one of its grains, mirrored and mapped so that planes stay planes.
 
-The principal ratios and the size of a new grain come from a kernel density of the sample, mapped onto its marginals; the
-surface is that of one grain under a projective map, which keeps convex solids convex and any topology.
+The principal ratios and the size of a new grain come from a kernel density of the sample, mapped onto its marginals;
+the surface is that of one grain under a projective map, which keeps convex solids convex and any topology.
 """
 
 from dataclasses import dataclass
@@ -28,7 +28,7 @@ def frame_of(mesh: Mesh) -> tuple[float, Floats, Floats, Floats]:
 
 
 def affine(matrix: Floats, shift: Floats | None = None, taper: Floats | None = None) -> Floats:
-    """Return the homogeneous matrix (4, 4) of a projective map: linear part, translation, and row of the denominator."""
+    """Return the homogeneous matrix (4, 4) of a projective map: linear part, translation, row of the denominator."""
     made = np.eye(4)
     made[:3, :3] = matrix
     if shift is not None:
@@ -77,7 +77,7 @@ class Kernel:
 
     def grains(self, count: int, generator: np.random.Generator) -> Integers:
         """Draw grains (count,) in random order, each as often as its weight says, to one."""
-        places = (generator.random() + np.arange(count)) / count
+        places = (generator.random() + np.arange(count)) / max(count, 1)
         drawn = np.searchsorted(np.cumsum(self.weights) / self.weights.sum(), places)
         return generator.permutation(np.minimum(drawn, len(self.rows) - 1))
 
