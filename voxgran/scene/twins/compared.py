@@ -19,6 +19,7 @@ from voxgran.io.image import to_image
 from voxgran.lattice.along_lines import chord_lengths, two_point_correlation
 from voxgran.lattice.diffusion import effective_diffusivity
 from voxgran.measures.describe import describe
+from voxgran.measures.pair_window import PairWindow
 from voxgran.measures.region import BoxRegion, Regions, gravity_of
 from voxgran.measures.registered.coordination import mean_diameter
 from voxgran.measures.registered.density import main_fraction
@@ -52,7 +53,9 @@ class _Scale:
     voxel: float
     gap: float  # up to which grains touch
     reach: float  # of curves
-    step: float  # of g(r)
+    inner: float  # distance from walls of the centroids whose pairs count
+    far: float  # of g(r), and its step
+    step: float
 
 
 @dataclass(frozen=True, eq=False)
@@ -78,11 +81,14 @@ def comparison_of(sample: Sample, twins: Sequence[Packing], voxel_size: float | 
     usual = given.contact_gap if given is not None and sample.scanned else diameter / ACROSS
     bulks = [_bulk(packing, sample) for packing in packings]
     room = max(float(np.prod(upper - lower)) for lower, upper in bulks)
+    inner = max(mean_diameter(packing) for packing in packings)
     scale = _Scale(
         voxel=max(usual, (room / MOST_VOXELS) ** (1 / 3)) if voxel_size is None else voxel_size,
         # of both the same gap is that up to which grains touch
         gap=max(packing.contact_gap for packing in packings) * (1 + 1e-9),
         reach=min(REACH * diameter, *(0.5 * float((upper - lower).min()) for lower, upper in bulks)),
+        inner=inner,
+        far=min(REACH * diameter, *(PairWindow.of(one, inner, rise=inner).reach for one in packings)),
         step=STEP * diameter,
     )
     with warnings.catch_warnings(action="ignore"):
@@ -130,7 +136,7 @@ def _measured(packing: Packing, sample: Sample, scale: _Scale) -> tuple[Values, 
     scatter = {name: _scatter([part[name] for part in parts]) for name in whole}
     is_sample = packing is sample.packing
     whole["solid_fraction"] = sample.solid_fraction if is_sample else main_fraction(packing)[1]
-    found = radial_distribution(packing, reach=scale.reach, step=scale.step)
+    found = radial_distribution(packing, reach=scale.far, step=scale.step, inset=scale.inner)
     whole["radial_distribution"], scatter["radial_distribution"] = found.g, found.error
     peak = int(np.nanargmax(found.g)) if np.isfinite(found.g).any() else 0
     whole["radial_peak"], scatter["radial_peak"] = float(found.g[peak]), float(found.error[peak])

@@ -31,7 +31,7 @@ TELLS = (
 KEEPS = "A twin does not keep the history of the sample, cementation, or the directions of force chains."
 
 
-def write_page(twin: Any, path: str | os.PathLike[str], *, title: str, overwrite: bool) -> None:
+def write_page(twin: Any, path: str | os.PathLike[str], *, overwrite: bool) -> None:
     """Write a page of a twin and a JSON file of its numbers."""
     numbers = check_page_path(path, overwrite=overwrite)
     data = twin.comparison
@@ -40,7 +40,7 @@ def write_page(twin: Any, path: str | os.PathLike[str], *, title: str, overwrite
     order = np.argsort(-np.nan_to_num(np.abs(data["ratio"].values), nan=-1.0), kind="stable")
     text = page_template("comparison.html.j2").render(
         version=__version__,
-        title=title,
+        title="Sample and twin",
         groups=[_headline(name, packing, twin) for name, packing in shown.items()],
         head=["", "sample", "twin", "difference", "ratio"],
         rows=[_row(data, int(k)) for k in order],

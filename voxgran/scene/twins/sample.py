@@ -11,11 +11,15 @@ from voxgran._base.units import NO_UNIT
 from voxgran.measures.border import border_weights, is_scan
 from voxgran.measures.region import gravity_of
 from voxgran.measures.registered.density import main_fraction
+from voxgran.packing.jamming.expected import reachable
 from voxgran.packing.model import Packing
 from voxgran.shapes.model import Shape, check_shapes
 
-#: fewest grains that make a sample, and the least solid fraction that rigid grains bear and the largest that they reach
-FEWEST, LOOSEST, DENSEST = 10, 0.25, 0.9
+#: fewest grains that make a sample, the least solid fraction that rigid grains at rest bear, and how much denser than
+#: spheres of their sizes at random others become
+FEWEST, LOOSEST, DENSER = 10, 0.25, 0.13
+#: number of sizes by which it is expected how dense they become
+LAID = 1000
 
 
 @dataclass(frozen=True, eq=False)
@@ -55,7 +59,7 @@ def sample_of(given: Packing | Sequence[Shape], solid_fraction: float | None) ->
         if solid_fraction is None:
             raise InputError("solid_fraction is None and the sample is shapes only: give that of the twin")
         ones, share = np.ones(len(shapes)), as_share(solid_fraction, "solid_fraction")
-        found = Sample(shapes, ones, share, shapes[0].unit or NO_UNIT, ones)
+        found = Sample(shapes, ones, share, next((one.unit for one in shapes if one.unit), NO_UNIT), ones)
     wanted = found.solid_fraction if solid_fraction is None else as_share(solid_fraction, "solid_fraction")
     _check(found, given, wanted)
     return found
@@ -86,8 +90,9 @@ def _check(sample: Sample, given: object, wanted: float) -> None:
     if count < FEWEST:
         cut = "" if not isinstance(given, Packing) else f" of {given.count}, those that no border cuts,"
         raise InputError(f"the sample has {count} whole grains{cut} and a twin needs {FEWEST} at least: give more")
-    if not LOOSEST <= wanted <= DENSEST:
+    densest = reachable(sample.laid_sizes(LAID), 3) + DENSER
+    if not LOOSEST <= wanted <= densest:
         raise InputError(
-            f"the solid fraction is {wanted:.3g} (porosity {1 - wanted:.3g}): rigid grains at rest have from {LOOSEST:g} to {DENSEST:g}; give "
-            "solid_fraction, or check how the image was segmented"
+            f"the solid fraction is {wanted:.3g} (porosity {1 - wanted:.3g}) and rigid grains of these sizes rest with "
+            f"{LOOSEST:g} to {densest:.2g}: give solid_fraction, or check how the image was segmented"
         )

@@ -68,15 +68,13 @@ class Twin(ExplainedAttributes):
         """
         return comparison_of(self.sample, self.packings, self.voxel_size)
 
-    def report(self, path: str | os.PathLike[str], *, title: str = "Sample and twin", overwrite: bool = False) -> None:
+    def report(self, path: str | os.PathLike[str], *, overwrite: bool = False) -> None:
         """Write a page of the sample beside the twin, with the table of differences, the largest first.
 
         Parameters
         ----------
         path : path-like
             File to write, ``.html``; the numbers are written to the same name with the suffix ``.json``.
-        title : str
-            Title of the page.
         overwrite : bool
             Whether existing files may be replaced.
 
@@ -89,7 +87,7 @@ class Twin(ExplainedAttributes):
         OutputError
             If a file cannot be written.
         """
-        write_page(self, path, title=title, overwrite=overwrite)
+        write_page(self, path, overwrite=overwrite)
 
 
 @explained(hint="twin(sample, count=500)")
@@ -123,9 +121,10 @@ def twin(
     solid_fraction : float, optional
         Solid fraction of the twin. Default: that of the sample, in its bulk where it is a bed.
     protocol : {"gravity", "compress", "expand"}, optional
-        How the grains come together: as a bed, compressed to a stress without gravity, or grown in place, which
-        gives no contacts that bear forces and makes form and size independent. Default: ``"gravity"`` where the sample has gravity, otherwise
-        ``"compress"``. The friction, and in beds the shaking, are searched that give the solid fraction.
+        How the grains come together: as a bed, compressed to a stress without gravity, or grown in place, which gives
+        no contacts that bear forces and makes form and size independent. Default: ``"gravity"`` where the sample has
+        gravity, otherwise ``"compress"``. The friction, and in beds the shaking, are searched that give the solid
+        fraction.
     model : ShapeModel, optional
         Distribution of shapes, as of :func:`voxgran.learn_shapes`. Default: learnt from the sample where its grains are
         meshes; other shapes are those of the sample, drawn by their weights.
