@@ -277,6 +277,7 @@ GOOD = {
             "seeds": 1,
         },
     ),
+    "Twin.compared_with": (TWIN.compared_with, {"packing": BED}),
     "Twin.report": (TWIN.report, {"path": ">twin.html", "overwrite": False}),
     "ShapeModel.sample": (LEARNED.sample, {"count": 2, "seed": 0}),
     "ShapeModel.report": (LEARNED.report, {"test": SAMPLE, "count": 10, "descriptors": False, "seed": 0}),
@@ -555,7 +556,7 @@ def public_functions():
 #: objects are made by functions
 ELSEWHERE = {
     *("plot", "save_clump_picture", "save_comparison", "save_gallery", "save_picture", "save_report"),
-    *("save_turntable", "save_deformed", "relax", "Cloud", "Packing", "Scene", "Shape"),
+    *("save_turntable", "save_deformed", "relax", "Cloud", "Packing", "Scene", "Shape", "ShapeModel", "Twin"),
 }
 
 

@@ -1,7 +1,6 @@
 """Page of a sample and its twin: both in the same view and cut, their differences, the largest first, and curves."""
 
 import os
-import warnings
 from functools import partial
 from typing import Any
 
@@ -10,8 +9,6 @@ import numpy as np
 from voxgran import __version__
 from voxgran._base.files import as_path, write_files
 from voxgran._base.units import NO_UNIT
-from voxgran.containers.gravity import main_axis
-from voxgran.io.image import to_image
 from voxgran.packing.model import Packing
 from voxgran.report import facts, plots, scenes
 from voxgran.report.colors import gradient
@@ -20,8 +17,8 @@ from voxgran.report.page import check_page_path, page_template, view_of
 from voxgran.report.view import views_of
 from voxgran.scene.twins.differences import CURVES
 
-#: difference, in standard errors, up to which sample and twin are equal; voxels along the longer edge of a cut
-EQUAL, ACROSS = 2.0, 240
+#: difference, in standard errors, up to which sample and twin are equal
+EQUAL = 2.0
 TELLS = (
     "The scatter is the standard error of a number, from eight blocks of the packing; with several twins it is the "
     "standard deviation between them. The ratio is the difference over both scatters together: sample and twin are "
@@ -46,13 +43,10 @@ def write_page(twin: Any, path: str | os.PathLike[str], *, overwrite: bool) -> N
         rows=[_row(data, int(k)) for k in order],
         notes=[TELLS, KEEPS],
         tests=[],
-        views=[
-            view_of(scenes.picture_packing(p, window=(600, 600)), f"{n}, seen from outside", n)
-            for n, p in known.items()
-        ],
+        views=[view for name, packing in known.items() for view in _pictures(name, packing)],
         view=views_of(known),
         gradient=", ".join(gradient()),
-        figures=[*(_cut(name, packing) for name, packing in known.items()), *_curves(data)],
+        figures=_curves(data),
     )
     names = ("sample", "twin", "difference", "sample_scatter", "twin_scatter", "ratio")
     table = [{"measure": str(m), **{n: float(data[n][k]) for n in names}} for k, m in enumerate(data["measure"].values)]
@@ -92,27 +86,10 @@ def _with_error(value: float, error: float) -> str:
     return f"{value:.4g}" + (f" \u00b1 {error:.2g}" if np.isfinite(error) and error > 0 else "")
 
 
-def _cut(name: str, packing: Packing) -> dict[str, str]:
-    """Return a cut through the middle of a packing, along its first horizontal axis and upwards."""
-    down = np.zeros(3) if packing.gravity is None else np.abs(main_axis(np.array(packing.gravity)))
-    up = int(np.argmax(down)) if down.any() else 2
-    across, other = [axis for axis in range(3) if axis != up]
-    size = np.ptp(packing.container.bounds, axis=0)
-    with warnings.catch_warnings(action="ignore"):
-        image = to_image(packing, float(size.max()) / ACROSS)
-    middle = np.take(image, image.shape[other] // 2, axis=other)
-    svg = plots.svg_of(
-        partial(_draw_cut, labels=middle if across < up else middle.T, width=size[across], height=size[up]),
-        f"cut-{name}",
-    )
-    return {"svg": svg, "alt": f"cut through the {name}", "caption": f"Cut through the middle of the {name}."}
-
-
-def _draw_cut(axes: Any, *, labels: Any, width: float, height: float) -> None:
-    """Draw grains in a few shades, so that neighbours can be told apart, on void."""
-    shade = np.where(labels > 0, 0.25 + 0.6 * (labels * 0.6180339887 % 1.0), np.nan)
-    axes.imshow(shade.T, origin="lower", cmap="cividis", vmin=0, vmax=1, extent=(0, width, 0, height))
-    axes.set_aspect("equal")
+def _pictures(name: str, packing: Packing) -> list[Any]:
+    """Return a packing seen from outside, and cut through its middle."""
+    seen, cut = (draw(packing, window=(600, 600)) for draw in (scenes.picture_packing, scenes.picture_cut))
+    return [view_of(seen, f"{name}, seen from outside", name), view_of(cut, f"{name}, cut", f"{name}: cut")]
 
 
 def _curves(data: Any) -> list[dict[str, str]]:

@@ -15,7 +15,7 @@ from voxgran._base.seeds import stream
 from voxgran.containers.gravity import main_axis
 from voxgran.containers.kinds.box import Box
 from voxgran.containers.model import Container
-from voxgran.packing.model import Packing
+from voxgran.packing.model import Packing, check_packing
 from voxgran.packing.pack import pack
 from voxgran.scene.twins.compared import comparison_of
 from voxgran.scene.twins.page import write_page
@@ -67,6 +67,27 @@ class Twin(ExplainedAttributes):
         scatter of each value.
         """
         return comparison_of(self.sample, self.packings, self.voxel_size)
+
+    def compared_with(self, packing: Packing) -> "Dataset":
+        """Return the comparison with another packing in place of the sample, such as a part of it that was kept apart.
+
+        Parameters
+        ----------
+        packing : Packing
+            The other packing.
+
+        Returns
+        -------
+        xarray.Dataset
+            As `comparison`.
+
+        Raises
+        ------
+        InputError
+            If it has fewer than 10 whole grains, or open surfaces.
+        """
+        check_packing(packing, "packing")
+        return comparison_of(sample_of(packing, self.sample.solid_fraction), self.packings, self.voxel_size)
 
     def report(self, path: str | os.PathLike[str], *, overwrite: bool = False) -> None:
         """Write a page of the sample beside the twin, with the table of differences, the largest first.
