@@ -277,7 +277,7 @@ GOOD = {
             "seeds": 1,
         },
     ),
-    "Twin.compared_with": (TWIN.compared_with, {"packing": BED}),
+    "Twin.compared_with": (TWIN.compared_with, {"packing": TWIN.packing}),
     "Twin.report": (TWIN.report, {"path": ">twin.html", "overwrite": False}),
     "ShapeModel.sample": (LEARNED.sample, {"count": 2, "seed": 0}),
     "ShapeModel.report": (LEARNED.report, {"test": SAMPLE, "count": 10, "descriptors": False, "seed": 0}),
