@@ -83,6 +83,8 @@ from voxgran.report.plot import save_picture as save_picture
 from voxgran.report.slices import save_slices as save_slices
 from voxgran.report.turntable import save_turntable as save_turntable
 from voxgran.scene.scene import Scene as Scene
+from voxgran.scene.twins.twin import Twin as Twin
+from voxgran.scene.twins.twin import twin as twin
 from voxgran.settling.equilibrium import equilibrium as equilibrium
 from voxgran.settling.material import Material as Material
 from voxgran.settling.materials import Materials as Materials

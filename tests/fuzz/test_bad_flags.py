@@ -48,6 +48,7 @@ GOOD = {
     "measure": ["bed.vtp", "--which", "contacts"],
     "picture": ["bed.vtp", "-o", "bed.png", "--window", "60,60"],
     "image": ["info", "labels.npy"],
+    "twin": ["bed.vtp", "-o", "twins"],
     "labels": ["labels.npy", "--voxel-size", "1"],
     "segment": ["labels.npy", "--threshold", "0", "--min-size", "1", "--voxel-size", "1"],
     "learn": ["bed.vtp", "-o", "shapes.nc"],

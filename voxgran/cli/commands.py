@@ -332,6 +332,7 @@ COMMANDS: dict[str, tuple[str, Callable[[argparse.Namespace], int | None]]] = {
     "image": ("say what an image holds: its voxels, lengths, values and labels", _late("images", "info")),
     "segment": ("segment a grey image into labelled grains", segment),
     "labels": ("make a packing of a label image", _late("images", "labels")),
+    "twin": ("make a packing of any number of grains that equals a sample", _of_packing("twins", "twin")),
     "learn": ("learn the distribution of the shapes of a sample", learn),
     "shape": ("make a shape of a family", shape),
     "repair": ("mend a mesh file and say what was done", repair),

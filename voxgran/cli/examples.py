@@ -20,6 +20,7 @@ EXAMPLES: dict[str, str] = {
     "segment": "voxgran segment grey.tif --voxel-size 0.1,0.1,0.2 -o labels.vti --picture slices.png",
     "labels": "voxgran labels scan.tif --voxel-size 0.02,0.02,0.05 --unit mm -o scan.vtp\n"
     "  voxgran labels grey.tif --segment --voxel-size 0.02 -o scan.vtp",
+    "twin": "voxgran twin scan.vtp --count 2000 -o out/",
     "learn": "voxgran learn scan.vtp -o shapes.nc --picture pairs.png\n"
     "  voxgran shape learned --model shapes.nc --count 100 -o grains",
     "shape": "voxgran shape solid_union --seed 7 --solids 3,5 -o grain.stl\n"

@@ -177,6 +177,18 @@ FLAGS: dict[str, tuple[Flag, ...]] = {
         _flag("file", help="image: .npy, .npz, .tif, .png, .vti, .nrrd, .mha or .mhd, or a folder of DICOM slices"),
         _flag("--key", help="which array of an .npz or .vti file"),
     ),
+    "twin": (
+        *PACKING,
+        _flag("--count", type=int, help="number of grains; default: as many as the sample has whole"),
+        _flag("--solid-fraction", type=float, help="of the twin; default: that of the sample"),
+        _flag("--protocol", choices=("gravity", "compress", "expand"), help="default: by the gravity of the sample"),
+        _flag("--faces", type=int, help="most triangles of a grain; default 200"),
+        _flag("--forms", type=int, help="most different shapes; default 100"),
+        _flag("--voxel-size", type=float, help="edge of the voxels on which both are compared"),
+        _flag("--seed", type=int, default=0, help="seed of the grains and of the packing"),
+        _flag("--seeds", type=int, help="number of packings, whose scatter is then known"),
+        _flag("-o", "--output", required=True, help="directory for the packing, the shapes and the page"),
+    ),
     "labels": (
         _flag("file", help="label image: .npy, .npz, .tif, .vti, .nrrd, .mha or .mhd"),
         VOXEL_SIZE,
