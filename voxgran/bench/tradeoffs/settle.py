@@ -30,7 +30,8 @@ from voxgran.packing.settling_run import normalized_assembly
 from voxgran.settling.equilibrium import equilibrium
 from voxgran.settling.impulses import Fall
 from voxgran.settling.parameters import Settling
-from voxgran.settling.stages import FALL, Settler
+from voxgran.settling.progress import FALL
+from voxgran.settling.stages import Settler
 from voxgran.shapes.family import make_shape
 from voxgran.shapes.model import Shape
 from voxgran.shapes.sizes import lognormal
