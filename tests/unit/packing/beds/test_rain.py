@@ -8,8 +8,9 @@ from voxgran._base.errors import InputError
 from voxgran.contacts.assembly import Assembly
 from voxgran.settling.bed import Bed
 from voxgran.settling.parameters import Settling
+from voxgran.settling.progress import RAIN
 from voxgran.settling.rain import Rain, _admit_grains, let_arrive, steps_of_rain
-from voxgran.settling.stages import RAIN, Settler
+from voxgran.settling.stages import Settler
 
 BALL, DISK = vg.shapes.sphere(), vg.make_shape("disk")
 MIDDLE = np.array([[2.0, 2.0, 0.0]])
