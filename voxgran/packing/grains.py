@@ -23,7 +23,6 @@ from voxgran.contacts.surfaces import merged_surfaces
 from voxgran.containers.gravity import as_down
 from voxgran.packing.start import copies_of, free_volume
 from voxgran.settling.relaxation import Relaxation
-from voxgran.shapes.describing.thumbnail import card, picture
 from voxgran.shapes.model import Shape
 from voxgran.shapes.size_laws.distribution import SizeDistribution
 from voxgran.shapes.spheres import Spheres

@@ -19,7 +19,7 @@ from voxgran.report.page import page_template
 from voxgran.report.plot import notebook_backend, plot
 from voxgran.report.scenes import drawn_surface
 from voxgran.report.view import GRAINS, views_of
-from voxgran.shapes.thumbnail import card, picture
+from voxgran.shapes.describing.thumbnail import card, picture
 
 #: triangles of a grain in the small picture, at most
 TRIANGLES = 300
