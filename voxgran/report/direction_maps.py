@@ -1,5 +1,6 @@
 """Equal-area maps of directions in space (Schmidt net), with the density that is fitted to them."""
 
+import contextlib
 from typing import Any
 
 import numpy as np
@@ -73,4 +74,6 @@ def _draw_fitted(axes: Any, deviator: Floats, pole: int) -> None:
     if not np.isfinite(fitted).all() or np.ptp(fitted) < 1e-6:
         return
     lines = axes.contour(turn, radius, fitted, levels=5, colors="#404a50", linewidths=1.0)
-    axes.clabel(lines, fontsize=8, fmt="%.2f")
+    # matplotlib finds no place for the label of a line at whose very beginning it would stand
+    with contextlib.suppress(IndexError):
+        axes.clabel(lines, fontsize=8, fmt="%.2f")

@@ -146,3 +146,18 @@ def test_an_even_map_has_no_lines():
     plot_direction_map(axes, rose.cells[:, 0], rose.cells[:, 1], np.ones(81), deviator=np.zeros((3, 3)), pole=0)
     assert not [found for found in axes.collections if hasattr(found, "levels")]
     assert [label.get_text() for label in axes.get_xticklabels()] == ["+y", "+z", "\u2212y", "\u2212z"]
+
+
+def test_a_label_that_has_no_place_is_left_out():
+    """The label of a line would stand at its very beginning, where matplotlib 3.11 fails."""
+    tensor = [
+        [-0.04110899757359107, -0.025692976869077372, -0.03482613577447646],
+        [-0.025692976869077372, -0.08273892037609337, 0.015740640923696352],
+        [-0.03482613577447646, 0.015740640923696352, 0.12384791794968444],
+    ]
+    none = np.zeros((0, 2))
+
+    def draw(axes):
+        plot_direction_map(axes, none, none, np.zeros(0), deviator=tensor)
+
+    assert svg_of(draw, "map", size=(5.0, 4.2), projection="polar").count("<path") > 5

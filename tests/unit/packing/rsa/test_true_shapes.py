@@ -89,7 +89,7 @@ def test_pairs_meet_where_contacts_say_so(one, other):
     made = tables(shapes, room, scale)
     generator = stream(len(one) + 7 * len(other), "test")
     # the contacts of the union take long to find
-    found, many = [], 12 if "union" in (one, other) else 25
+    found, many = [], 12 if "union" in (one, other) else 16
     for _ in range(many):
         orientation = turns(generator, 2, dimension)
         step = generator.normal(size=3) * (np.arange(3) < dimension)
