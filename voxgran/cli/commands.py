@@ -101,12 +101,12 @@ def measure(options: argparse.Namespace) -> None:
 
 def _late(module: str, name: str) -> Callable[[argparse.Namespace], int | None]:
     """Return a command of a module beside this one, which is imported when the command is called."""
-    return lambda options: getattr(import_module(f"voxgran.cli.{module}"), name)(options)
+    return lambda options: getattr(import_module(f"{__package__}.{module}"), name)(options)
 
 
 def _of_packing(module: str, name: str) -> Callable[[argparse.Namespace], int | None]:
     """Return a command of a module beside this one that takes a packing, which is loaded for it."""
-    return lambda options: getattr(import_module(f"voxgran.cli.{module}"), name)(options, loaded(options))
+    return lambda options: getattr(import_module(f"{__package__}.{module}"), name)(options, loaded(options))
 
 
 def _fields(source: Any, *names: str) -> dict[str, Any]:
