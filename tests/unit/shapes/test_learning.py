@@ -10,7 +10,7 @@ import voxgran as vg
 from voxgran._base.errors import FileFormatError, InputError, MissingFileError, OutputExistsError
 from voxgran._base.seeds import stream
 from voxgran.bench.tradeoffs import twins
-from voxgran.shapes.learning.likeness import distances, energy_distance, nearest_neighbour_test, signature
+from voxgran.shapes.learning.likeness import comparable, distances, energy_distance, nearest_neighbour_test, signature
 from voxgran.shapes.learning.sample import closed_grains, meshed
 from voxgran.shapes.learning.warp import Kernel, frame_of, mapped, warped
 from voxgran.shapes.mesh import Mesh
@@ -111,6 +111,15 @@ def test_distances_take_axes_in_any_order():
     field = mark[:number].reshape(side, side, side)
     other = np.concatenate([field.transpose(2, 0, 1)[::-1].ravel(), mark[number:][[2, 0, 1]]])
     assert distances(mark[None], other[None])[0, 0] == pytest.approx(0.0, abs=1e-7)
+
+
+def test_descriptors_that_grains_lack_are_left_out():
+    one, two = np.ones((20, 2)), np.zeros((20, 2))
+    one[:3, 1] = two[0, 0] = np.nan
+    (first, second), kept = comparable(one, two)
+    assert kept.tolist() == [True, False]
+    assert first.shape == (20, 1)
+    assert second[0, 0] == 1.0  # the median of all
 
 
 def test_files_hold_the_model(tmp_path):
