@@ -109,16 +109,23 @@ GROWING = "voronoi_fragment"
 def run(folder: Path) -> tuple[Path, ...]:
     """Write twins.csv and twins.svg into a folder and return both."""
     rows = [row_of(case, LEARNED) for case in CASES] + [row_of(GROWING, number) for number in NUMBERS]
+    return written(rows, folder)
+
+
+def written(rows: list[Row], folder: Path) -> tuple[Path, ...]:
+    """Write rows and their figure."""
     head = "case,grains,strength:.3g,energy_distance:.3f,sample_error:.3f,novelty:.2f,same_neighbour:.2f"
     table = write_rows(folder / "twins.csv", f"{head},learn_seconds:.2f,draw_seconds:.2f", map(astuple, rows))
+    growing = [row for row in rows if row.grains != LEARNED]
     with panels_of(folder / "twins.svg", 2, width=10.0, height=4.0) as panels:
         panels[0].plot([0, 0.2], [0, 0.3], ":", color="k", label="1.5 times that of the sample")
-        for row in rows[: len(CASES)]:
-            panels[0].plot(row.sample_error, row.energy_distance, "o", label=row.case)
+        for row in rows:
+            if row.grains == LEARNED:
+                panels[0].plot(row.sample_error, row.energy_distance, "o", label=row.case)
         panels[0].set(xlabel="energy distance of the sample", ylabel="energy distance of drawn grains")
         for name in ("energy_distance", "sample_error"):
-            values = [getattr(row, name) for row in rows[len(CASES) :]]
-            panels[1].plot(NUMBERS, values, "o-", label=name.replace("_", " "))
+            xs, ys = [row.grains for row in growing], [getattr(row, name) for row in growing]
+            panels[1].plot(xs, ys, "o-", label=name.replace("_", " "))
         panels[1].set(xscale="log", yscale="log", xlabel="grains that are learned from", title=GROWING)
     return table, folder / "twins.svg"
 
