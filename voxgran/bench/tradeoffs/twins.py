@@ -135,8 +135,17 @@ def row_of(case: str, grains: int) -> Row:
     model, learning = timed(learn_shapes, CASES[case](grains, SEED + 1))
     _, drawing = timed(model.sample, DRAWN)
     table = model.report(CASES[case](TESTED, SEED), count=DRAWN).table
-    names = ("energy_distance", "sample_error", "novelty", "same_neighbour")
-    return Row(case, grains, model.strength, *(float(table[name]) for name in names), learning, drawing)
+    return Row(
+        case,
+        grains,
+        model.strength,
+        float(table.energy_distance),
+        float(table.sample_error),
+        float(table.novelty),
+        float(table.same_neighbour),
+        learning,
+        drawing,
+    )
 
 
 registration = TradeOff(name="twins", summary="grains of learned distributions, against others of the kind", run=run)
