@@ -1,5 +1,6 @@
 """The page stands alone, says the numbers, and lets no name break out."""
 
+import csv
 import dataclasses
 import json
 import math
@@ -325,3 +326,14 @@ def test_the_shapes_that_are_drawn_are_called_as_frequent_as_they_are(monkeypatc
     assert [shape.name for shape in pages._drawn_shapes(often)] == ["c", "a"]
     few = vg.Packing.of(named[:2], vg.Box((7, 2, 2)), position=places[:3], shape_id=[0, 1, 1])
     assert pages._grains_note(few) == ""
+
+
+def test_tables_lie_beside_the_page_as_csv(packing, tmp_path):
+    save_report(packing, tmp_path / "p.html", pictures=False)
+    with open(tmp_path / "p_numbers.csv", encoding="utf-8", newline="") as file:
+        numbers = {row[0]: row[1] for row in csv.reader(file)}
+    assert numbers["grains"] == str(packing.count)
+    with open(tmp_path / "p_shapes.csv", encoding="utf-8", newline="") as file:
+        rows = list(csv.reader(file))
+    assert rows[0] == ["shape", "geometry", "grains", "share"]
+    assert sum(int(row[2]) for row in rows[1:]) == packing.count
