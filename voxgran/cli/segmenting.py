@@ -64,15 +64,13 @@ def segment(options: argparse.Namespace) -> None:
         voxgran.save_slices(found, options.picture, image=source, overwrite=options.overwrite)
     suspects = found.suspects
     pairs = np.column_stack([suspects["grain"], suspects["other"]])
-    # those of which it is least sure come first
-    order = np.argsort(np.where(pairs[:, 0] == pairs[:, 1], suspects["score"], 1.0 - suspects["score"]))
     numbers = {
         "grains": found.grains,
         "separation": found.separation,
         "threshold": found.threshold,
         "suspects": len(pairs),
-        "perhaps_one": [f"{a} and {b}" for a, b in pairs[order] if a != b][:NAMED],
-        "perhaps_several": [str(a) for a, b in pairs[order] if a == b][:NAMED],
+        "perhaps_one": [f"{a} and {b}" for a, b in pairs if a != b][:NAMED],
+        "perhaps_several": [str(a) for a, b in pairs if a == b][:NAMED],
     }
     show(numbers, options, ", ".join(str(path) for path in (options.output, options.picture) if path))
 

@@ -20,6 +20,11 @@ from voxgran._base.kernels import kernel
 
 #: by how much an excess of one reduces the score of two parts
 BENT = 0.15
+#: logistic regressions of what is wrong in images of known grains (spheres, ellipsoids, polyhedra, rocks): weights of
+#: the ratio, of the excess, of the size of both parts together, and 1
+PARTED, JOINED = (12.7, -1.86, -2.6, -10.1), (-28.3, 4.54, 1.46, 23.5)
+#: least spread of sizes, range of the relative sizes, and grains by which sizes count half
+SPREAD, SIZES, FEW = 0.6, (-1.5, 3.0), 10
 
 
 @dataclass(frozen=True, slots=True)
@@ -56,6 +61,25 @@ class Basins:
 def score(ratio: Any, excess: Any) -> Any:
     """Return how much two parts are like one grain: 1 if nothing parts them, less the narrower and the more bent."""
     return ratio - BENT * excess
+
+
+def relative_sizes(volumes: Floats, among: Floats) -> Floats:
+    """Return how large volumes, (n,), are among those of all grains, (m,): 0 for the median, 1 for one spread above.
+
+    The spread of the logarithms is that of the middle half, as of a normal distribution. Few grains tell little of it.
+    """
+    if not len(among):
+        return np.zeros(len(volumes))
+    low, middle, high = np.quantile(np.log(among), (0.25, 0.5, 0.75))
+    size = (np.log(volumes) - middle) / max((high - low) / 1.349, SPREAD)
+    return np.asarray(np.clip(size, *SIZES) * len(among) / (len(among) + FEW))
+
+
+def doubt(ratio: Floats, excess: Floats, size: Floats, within: Any) -> Floats:
+    """Return the probability, (n,), that two parts were parted, or joined where `within`, wrongly."""
+    terms = np.stack([ratio, excess, size, np.ones(len(ratio))], axis=1)
+    odds = np.where(within, terms @ np.array(JOINED), terms @ np.array(PARTED))
+    return np.asarray(1.0 / (1.0 + np.exp(-np.clip(odds, -50.0, 50.0))))
 
 
 def _excess(one: Integers, other: Integers) -> Floats:

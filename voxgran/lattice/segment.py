@@ -16,14 +16,14 @@ from voxgran._base.lazy import load
 from voxgran.lattice.block_basins import basins_of, border_of, distance_to_void, without_small
 from voxgran.lattice.blocks import histogram_of, lazy_of, not_finite
 from voxgran.lattice.image import Edges, Image, known_edges
-from voxgran.lattice.necks import Basins, basins_from, merged, pairs_of, score, tally, widest
+from voxgran.lattice.necks import Basins, basins_from, doubt, merged, pairs_of, relative_sizes, score, tally, widest
 
 #: largest score of two grains, where no separation is given
 NECK = 0.9
 #: standard deviation, in voxels along each axis, over which the distance is smoothed
 SMOOTH = 0.7
-#: scores above which two grains may be one, and below which one grain may be two
-SPLIT, MERGED = 0.75, 0.95
+#: doubt from which on a neck is suspect
+DOUBT = 0.2
 
 
 @dataclass(frozen=True, slots=True, eq=False, repr=False)
@@ -50,7 +50,8 @@ class Segmentation(NDArrayOperatorsMixin, Image):
         several: labels ``grain`` and ``other`` (equal within a grain), ``diameter`` of the largest sphere that passes
         (twice the largest distance to the void on the common faces), its ``ratio`` to the smaller part (twice the
         largest distance to the void in it), the ``excess`` of the ellipsoid of both over those of the parts as a share
-        of the smaller one, and the ``score``, ratio less 0.15 of the excess. Distances are smoothed over 0.7 voxels.
+        of the smaller one, the ``score``, ratio less 0.15 of the excess, and the ``doubt``, the probability that the
+        pair is one grain, or the grain several. Distances are smoothed over 0.7 voxels.
     grains : int
         Number of grains.
     """
@@ -73,11 +74,12 @@ class Segmentation(NDArrayOperatorsMixin, Image):
 
     @property
     def suspects(self) -> Any:
-        """The rows of `necks` that may be wrong: pairs of grains that may be one, with a score of at least 0.75, and
-        grains that may be several (``grain`` equals ``other``), with one of at most 0.95.
+        """The rows of `necks` that may be wrong, with a doubt of at least 0.2, the largest first: pairs of grains that
+        may be one, and grains that may be several (``grain`` equals ``other``).
         """
-        within, found = (self.necks["grain"] == self.necks["other"]).values, self.necks["score"].values
-        return self.necks.isel(neck=np.where(within, found <= MERGED, found >= SPLIT))
+        found = self.necks["doubt"].values
+        order = np.argsort(-found, kind="stable")
+        return self.necks.isel(neck=order[found[order] >= DOUBT])
 
     def __array_ufunc__(self, ufunc: Any, method: str, *inputs: Any, **keywords: Any) -> Any:
         """Apply a function of NumPy to the labels."""
@@ -158,6 +160,10 @@ def segment(
     excess tells grains that touch with a wide neck from the parts of one: two equal spheres that touch have 0.45, the
     parts of a convex body at most about 0. Spheres, polyhedra and rocks are found within 2 % (``voxgran bench
     segmentation``). Grains that share a whole flat face have no neck: nothing parts them.
+
+    The doubt is a logistic function of ratio, excess and the volume of both parts together among those of all grains:
+    the parts of a grain that was cut in two make one of usual size, and two grains that were merged are large. Its
+    weights are those of images of known grains.
 
     A dask array is flooded block by block, each with surroundings as wide as the largest grain; only voxels that two
     basins reach at the same level may get another label than in memory. What is needed several times is kept in the
@@ -251,6 +257,10 @@ def _grains(basins: Basins, least: int, decrease: float | None) -> tuple[Integer
         "excess": excesses,
         "score": score(ratios, excesses),
     }
+    voxels = grains.moments[:, 0].astype(np.float64)
+    both = np.concatenate([voxels[between.one] + voxels[between.other], voxels[kept[grain - 1]]])
+    sizes = relative_sizes(both, voxels[kept])
+    columns["doubt"] = doubt(ratios, excesses, sizes, columns["grain"] == columns["other"])
     necks = load("xarray").Dataset({name: ("neck", values) for name, values in columns.items()})
     return new[root], separated, necks
 

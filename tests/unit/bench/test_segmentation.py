@@ -64,12 +64,13 @@ def test_wrong_pairs_and_grains_are_told_from_right_suspects():
     # grain 1 is split in two, grains 2 and 3 are merged, grain 4 is right
     labels[0:5], labels[5:10], labels[10:20], labels[20:30] = 1, 2, 3, 4
     true = np.repeat([1, 2, 3, 4], [10, 6, 4, 20])[:, None, None] * (labels > 0)
-    columns = {"grain": [1, 2, 3, 3], "other": [2, 3, 4, 3], "score": [0.9, 0.8, 0.2, 0.9]}
+    columns = {"grain": [1, 2, 3, 3], "other": [2, 3, 4, 3], "doubt": [0.9, 0.4, 0.1, 0.2]}
     necks = load("xarray").Dataset({name: ("neck", np.array(values)) for name, values in columns.items()})
     found = Segmentation(labels, necks=necks, grains=4)
     # labels 1 and 2 are rightly suspects, 2 and 3 are not, and label 3 is
     assert judged(true, found) == (3, 2, 2)
-    few = Segmentation(labels, necks=necks.assign(score=("neck", [0.5, 0.8, 0.2, 0.99])), grains=4)
+    assert found.suspects["grain"].values.tolist() == [1, 2, 3]
+    few = Segmentation(labels, necks=necks.assign(doubt=("neck", [0.1, 0.8, 0.1, 0.1])), grains=4)
     assert judged(true, few) == (1, 2, 0)
     # label 3 is right where grain 3, of 144 voxels, does not count
     assert judged(true, found, 200) == (3, 1, 1)

@@ -158,3 +158,20 @@ def test_what_two_labels_share_stays_as_it_was():
     seams.keep(first.net, first.moved, first.crossed, later, 7)
     assert not len(seams.points)
     assert not len(seams.quads)
+
+
+def test_a_diagonal_between_later_labels_stays_where_all_its_points_do():
+    # labels 2 and 3 beside each other in a flat hole of label 1, which touches all points between them
+    image = np.zeros((8, 8, 8), dtype=np.int32)
+    image[1:7, 1:7, 1:7], image[2:4, 2:6, 4], image[4:6, 2:6, 4] = 1, 2, 3
+    none = np.zeros(3, dtype=np.int64)
+    seams = Seams(np.array(image.shape) + 1, none, np.ones(4, dtype=bool), np.arange(4) == 1)
+    how = {"wraps": np.zeros(3, dtype=bool), "smoothing": 1.0, "spacing": np.ones(3), "seams": seams}
+    first = label_surfaces(image.copy(), 3, **how)
+    seams.keep(first.net, first.moved, ~first.crossed, np.arange(4) > 1, 0)
+    second = label_surfaces(image.copy(), 3, **how)
+    points = seams.touched(first.net, seams.own) & seams.touched(first.net, np.arange(4) > 1)
+    held = points[first.net.quad].all(axis=1)
+    later = (first.net.side > 1).all(axis=1)
+    assert (held & later).any()
+    assert np.array_equal(second.crossed, first.crossed ^ held)

@@ -7,6 +7,7 @@ import voxgran as vg
 from voxgran._base.errors import InputError, MissingLibraryError
 from voxgran._base.seeds import stream
 from voxgran.lattice import segment as segmenting
+from voxgran.lattice.necks import doubt, relative_sizes
 
 pytest.importorskip("skimage")
 
@@ -101,3 +102,40 @@ def test_a_cap_with_a_neck_as_wide_as_it_is_deep_is_a_grain_of_its_own(cut):
 
 def test_an_image_without_void_is_one_grain():
     assert vg.segment(np.full((9, 9, 9), 200), threshold=100).grains == 1
+
+
+def test_doubt_grows_with_what_is_wrong_and_few_grains_say_nothing_of_sizes():
+    size = relative_sizes(np.array([1.0, 2.0, 1e6]), np.full(1000, 2.0))
+    assert size.tolist() == pytest.approx([-np.log(2) / 0.6 / 1.01, 0.0, 3.0 / 1.01])
+    assert relative_sizes(np.array([1.0, 4.0]), np.array([2.0])).tolist() == pytest.approx(
+        [-np.log(2) / 0.6 / 11, np.log(2) / 0.6 / 11]
+    )
+    # the spread is that of the logarithms
+    volumes = np.exp(stream(1, "volumes").normal(1.0, 2.0, 20000))
+    assert relative_sizes(np.exp([1.0, 3.0]), volumes).tolist() == pytest.approx([0.0, 1.0], abs=0.03)
+    ratio, excess, size = np.array([0.5, 0.9, 0.9, 0.9]), np.array([0.0, 0.0, 1.0, 0.0]), np.array([0.0, 0, 0, 2.0])
+    parted, joined = (doubt(ratio, excess, size, within) for within in (False, True))
+    # parts of one grain have a wide neck, are not bent, and are no larger together than others; merged ones reversely
+    assert np.argmax(parted) == 1
+    assert np.argmin(joined) == 1
+    np.testing.assert_allclose(parted[0], 1 / (1 + np.exp(10.1 - 12.7 * 0.5)))
+    assert (
+        doubt(ratio, excess, size, np.array([True, False, True, False]))
+        == [joined[0], *parted[1:2], joined[2], parted[3]]
+    ).all()
+
+
+def test_the_suspects_of_known_halves_come_first():
+    # a row of spheres, of which one was cut in two by a narrow notch
+    x, y, z = np.indices((120, 24, 24)) + 0.5
+    grey = np.zeros(x.shape)
+    for k in range(6):
+        grey[(x - 12 - 19 * k) ** 2 + (y - 12) ** 2 + (z - 12) ** 2 < 100] = 1.0
+    grey[(np.abs(x - 12) < 1) & (np.hypot(y - 12, z - 12) > 6.0)] = 0.0
+    found = vg.segment(grey, threshold=0.5, separation=0.3)
+    assert found.grains == 7
+    assert found.suspects.sizes["neck"] == 1
+    first = found.suspects.isel(neck=0)
+    assert sorted({found.values[8, 12, 12], found.values[16, 12, 12]}) == [int(first.grain), int(first.other)]
+    assert float(first.doubt) > 0.5
+    assert (found.necks.doubt.values > 0.05).sum() == 1

@@ -179,6 +179,7 @@ BAD = [
     (lambda: sizes.sieve([1.0, 2.0, 3.0], [0.0, 0.2, 100.0]), "shares up to 1 and percent up to 100 are mixed"),
     (lambda: sizes.sieve([1.0, 2.0, 3.0], [0.0, 1.0, 0.5]), "passing falls from 1 at 2 to 0.5 at 3"),
     (lambda: sizes.sieve([1.0, 2.0], [0.0, 0.9]), "passing reaches 0.9: it must reach 1, or 100"),
+    (lambda: sizes.sieve([1.0, 2.0, 3.0], [0.0, 60.0, 50.0]), "passing falls from 60 at 2 to 50 at 3"),
     (lambda: sizes.sieve([1.0, 2.0, 1.0], [0.0, 1.0, 0.0]), "openings have 1 twice"),
     (lambda: sizes.sieve([1.0, -2.0], [0.0, 1.0]), "openings have -2"),
     (lambda: sizes.sieve([0.0, 1.0, 2.0], [0.1, 0.5, 1.0]), "an opening of 0 lets 0.1 pass"),

@@ -310,12 +310,27 @@ def _read_meta(path: Path, key: str | None) -> Image:
 def _read_dicom(folder: Path, key: str | None) -> Image:
     """Read the slices of a folder of DICOM files."""
     del key
-    if not any(item.is_file() for item in folder.iterdir()):
+    files = sorted(item for item in folder.iterdir() if item.is_file())
+    if not files:
         raise FileFormatError(f"{folder} has no files: slices or a zarr array are needed; check the path")
-    facts, found = read_guarded(dicom_series, folder)
+    try:
+        facts, found = read_guarded(dicom_series, folder)
+    except FileFormatError as error:
+        if any(_is_dicom(item) for item in files):
+            raise
+        raise FileFormatError(
+            f"{folder} holds {files[0].name}, and no slices: TIFF or DICOM files, or a zarr array, are needed; check "
+            "the path"
+        ) from error
     # VTK turns the image by half a turn about x; lengths are in millimetres by the standard
     values = found["values"].reshape(facts["shape"], order="F")[:, ::-1, ::-1]
     return Image(values, tuple(facts["spacing"]), unit="mm")
+
+
+def _is_dicom(path: Path) -> bool:
+    """Return whether a file begins as one of DICOM does."""
+    with path.open("rb") as file:
+        return file.read(132)[128:] == b"DICM"
 
 
 def _read_vti(path: Path, key: str | None) -> Image:

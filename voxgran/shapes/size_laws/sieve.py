@@ -170,13 +170,13 @@ def _curve(
     if opening[0] < 0 or value.min() < 0:
         worst, of = (opening[0], "openings") if opening[0] < 0 else (value.min(), name)
         raise InputError(f"{of} have {worst:g}: none may be negative; change it")
-    passing = _of_retained(opening, value) if name == "retained" else _as_shares(value)
-    if np.any(np.diff(passing) < 0):
-        k = int(np.argmax(np.diff(passing) < 0))
+    if name == "passing" and np.any(np.diff(value) < 0):
+        k = int(np.argmax(np.diff(value) < 0))
         raise InputError(
             f"passing falls from {value[k]:g} at {opening[k]:g} to {value[k + 1]:g} at {opening[k + 1]:g}: a larger "
             "opening lets more pass; change it, or give what sieves retain as retained"
         )
+    passing = _of_retained(opening, value) if name == "retained" else _as_shares(value)
     return _with_fines(opening, passing, smallest)
 
 
