@@ -171,6 +171,11 @@ def check_bounds(instance: Any, *, of: str = "") -> None:
         kinds, name = kinds_of(entry.type), f"{of} {entry.name}".lstrip()
         if len(kinds) == 1 and typing.get_origin(kinds[0]) is typing.Literal:
             as_choice(value, name, typing.get_args(kinds[0]))
+        lists = [kind for kind in kinds if typing.get_origin(kind) is tuple]
+        plain = all(kind in (float, int, str) for kind in kinds if kind not in lists)
+        if plain and (lists or kinds == (str,) or isinstance(value, tuple | list)):
+            # numbers alone are checked by their bounds
+            _convert(value, entry.type, name)
         if not entry.bounds or is_parameter_class(type(value)):
             continue
         whole = int in kinds and float not in kinds

@@ -12,9 +12,10 @@ from typing import TYPE_CHECKING, Any, Literal
 from numpy.typing import ArrayLike
 
 from voxgran._base import missing_names
-from voxgran._base.arrays import as_floats, as_number, as_quaternions
+from voxgran._base.arrays import as_floats, as_number, as_quaternions, float_array
 from voxgran._base.calls import explained
 from voxgran._base.config import from_mapping, kind_of
+from voxgran._base.errors import InputError, shown
 from voxgran.geometry.orientation_laws.directional import Aligned, Bingham, Fisher, Random, Watson
 from voxgran.geometry.orientation_laws.fibres import Tensor
 from voxgran.geometry.orientation_laws.given import Given
@@ -170,7 +171,8 @@ def tensor(matrix: "ArrayLike", *, body_axis: BodyAxis = "long") -> Tensor:
     Raises
     ------
     InputError
-        If the matrix is not symmetric, its trace is not 1, or a principal value is negative.
+        If the matrix is not a symmetric one of 3 x 3 or 2 x 2 numbers, its trace is not 1, or a principal value is
+        negative.
 
     References
     ----------
@@ -184,6 +186,12 @@ def tensor(matrix: "ArrayLike", *, body_axis: BodyAxis = "long") -> Tensor:
     >>> law.moment(dimension=3).round(6).diagonal().tolist()
     [0.7, 0.2, 0.1]
     """
+    given = float_array(matrix)
+    if given is not None and given.ndim == 1:
+        raise InputError(
+            f"matrix is {shown(matrix)}: it must have three rows of three numbers; of principal values along the axes "
+            "give numpy.diag"
+        )
     rows = as_floats(matrix, "matrix", shape=(None, None)).tolist()
     return Tensor(matrix=tuple(tuple(row) for row in rows), body_axis=_plain(body_axis))
 

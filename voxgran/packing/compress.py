@@ -143,7 +143,7 @@ def compress(
     Walls move with the mean strain of the grains, so that friction at a wall hinders motion relative to the strain
     only: a container wall that stands still while grains move along it holds nothing. Equal spheres that are compressed
     isotropically have a solid fraction of 0.635 and 6.0 contacts without friction (published: 0.639 and 6.0) and of
-    0.577 and 4.65 contacts with a friction of 0.3 (published: 0.593 and 4.5; Agnolin & Roux 2007,
+    0.577 and 4.67 contacts with a friction of 0.3 (published: 0.593 and 4.5; Agnolin & Roux 2007,
     doi:10.1103/PhysRevE.76.061302).
 
     Examples

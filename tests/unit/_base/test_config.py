@@ -9,6 +9,7 @@ from typing import Literal
 import pytest
 
 import voxgran
+import voxgran as vg
 from voxgran._base.config import (
     check_bounds,
     document,
@@ -218,3 +219,18 @@ def test_help_shows_bounds():
     assert share.type_text == "a number in [0, 1]"
     assert count.type_text == "a whole number at least 1"
     assert size.type_text.endswith("above 0")
+
+
+@pytest.mark.parametrize(
+    ("make", "words"),
+    [
+        (lambda: vg.Inlet(center=(20, 20)), r"inlet center is \(20, 20\): it must be a list of 3, each entry a number"),
+        (lambda: vg.Inlet(center=("a", 1, 2)), "inlet center is .*: it must be a list of 3"),
+        (lambda: vg.Inlet(lengths=3), "inlet lengths is 3: it must be a list of 2"),
+        (lambda: vg.Inlet(rate=[1]), r"inlet rate is \[1\]: it must be a number"),
+        (lambda: vg.methods.Compress(axes=["x", "y"]), "it must be text; write 'xy'"),
+    ],
+)
+def test_lists_and_texts_are_checked_where_a_class_is_called(make, words):
+    with pytest.raises(InputError, match=words):
+        make()
