@@ -7,9 +7,9 @@ import pytest
 
 import voxgran as vg
 from voxgran._base.errors import InputError
-from voxgran.measures.border import border_weights, is_scan
 from voxgran.scene.twins.differences import TEXTS
 from voxgran.scene.twins.sample import sample_of
+from voxgran.shapes.learning.border import border_weights, is_scan
 
 EQUAL = 2.0
 

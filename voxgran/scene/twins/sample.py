@@ -8,11 +8,11 @@ import numpy as np
 from voxgran._base.arrays import Floats, as_share
 from voxgran._base.errors import InputError
 from voxgran._base.units import NO_UNIT
-from voxgran.measures.border import border_weights, is_scan
 from voxgran.measures.region import gravity_of
 from voxgran.measures.registered.density import main_fraction
 from voxgran.packing.jamming.expected import reachable
 from voxgran.packing.model import Packing
+from voxgran.shapes.learning.border import border_weights, is_scan
 from voxgran.shapes.model import Shape, check_shapes
 
 #: fewest grains that make a sample, the least solid fraction that rigid grains at rest bear, and how much denser than
