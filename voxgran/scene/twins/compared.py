@@ -179,10 +179,11 @@ def _known_of(packing: Packing, sample: Sample, scale: _Scale) -> _Known:
 def _forms(packing: Packing, sample: Sample, weights: Floats) -> dict[str, Floats]:
     """Return the descriptors of the grains, of a sample by its shapes, which have the resolution of the twin."""
     own = packing is sample.packing
-    known = describe(sample.shapes if own else packing, FORMS)
+    kept = weights > 0
+    known = describe(sample.shapes if own else packing[kept], FORMS)
     found = {name: np.full(packing.count, np.nan) for name in FORMS}
     for name, values in found.items():
-        values[weights > 0] = known[name].values
+        values[kept] = known[name].values
     return found
 
 
