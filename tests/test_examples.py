@@ -426,6 +426,21 @@ def test_compressed_specimen(tmp_path, capsys, monkeypatch):
 
 
 @pytest.mark.slow
+def test_twin_of_scan(tmp_path, capsys, monkeypatch):
+    text = printed("twin_of_scan.py", capsys, monkeypatch, str(tmp_path))
+    found = {
+        name: (float(one), float(other)) for name, one, other in re.findall(r"(\w+)  specimen (\S+)  twin (\S+)", text)
+    }
+    assert found["solid_fraction"][1] == pytest.approx(found["solid_fraction"][0], abs=0.005)
+    assert found["coordination_number"][1] == pytest.approx(found["coordination_number"][0], abs=0.3)
+    # the standard error of the D50 of 88 whole grains is 4 %
+    assert found["D50"][1] == pytest.approx(found["D50"][0], rel=0.08)
+    assert found["radial_peak"][1] == pytest.approx(found["radial_peak"][0], rel=0.05)
+    assert found["tortuosity"][1] == pytest.approx(found["tortuosity"][0], rel=0.05)
+    assert (tmp_path / "twin.html").exists()
+
+
+@pytest.mark.slow
 def test_fall_height(tmp_path, capsys, monkeypatch):
     monkeypatch.delenv("VOXGRAN_PEERS", raising=False)
     printed("fall_height.py", capsys, monkeypatch, str(tmp_path), "400", "1")

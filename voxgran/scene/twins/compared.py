@@ -22,13 +22,13 @@ from voxgran.measures.describe import describe
 from voxgran.measures.pair_window import PairWindow
 from voxgran.measures.region import BoxRegion, Regions, gravity_of
 from voxgran.measures.registered.coordination import mean_diameter
-from voxgran.measures.registered.density import main_fraction
 from voxgran.measures.registered.fabric import long_axes
 from voxgran.measures.registered.local_density import local_density
 from voxgran.measures.registered.rdf import radial_distribution
 from voxgran.packing.model import Packing
 from voxgran.scene.twins.differences import dataset_of
-from voxgran.scene.twins.sample import Sample
+from voxgran.scene.twins.sample import Sample, solid_fraction_of
+from voxgran.shapes.learning.border import border_weights, is_scan
 
 if TYPE_CHECKING:
     from xarray import Dataset
@@ -79,7 +79,7 @@ def comparison_of(sample: Sample, twins: Sequence[Packing], voxel_size: float | 
     packings = [*(() if given is None else (given,)), *twins]
     diameter = float(np.average([shape.diameter for shape in sample.shapes], weights=sample.weights))
     usual = given.contact_gap if given is not None and sample.scanned else diameter / ACROSS
-    bulks = [_bulk(packing, sample) for packing in packings]
+    bulks = [_bulk(packing) for packing in packings]
     room = max(float(np.prod(upper - lower)) for lower, upper in bulks)
     inner = max(mean_diameter(packing) for packing in packings)
     scale = _Scale(
@@ -110,9 +110,9 @@ def _of_shapes(sample: Sample) -> tuple[Values, Values]:
     return whole | {"solid_fraction": sample.solid_fraction}, scatter | {"solid_fraction": math.nan}
 
 
-def _bulk(packing: Packing, sample: Sample) -> tuple[Floats, Floats]:
+def _bulk(packing: Packing) -> tuple[Floats, Floats]:
     """Return the corners of the bulk: a scan up to its border, others at a distance from walls and below the height."""
-    inset = 0.0 if packing is sample.packing and sample.scanned else INSET * mean_diameter(packing)
+    inset = 0.0 if is_scan(packing) else INSET * mean_diameter(packing)
     region = Regions(packing).at(inset)
     lower, upper = (np.array(one) for one in packing.container.bounds)
     if isinstance(region, BoxRegion):
@@ -134,8 +134,7 @@ def _measured(packing: Packing, sample: Sample, scale: _Scale) -> tuple[Values, 
     whole = _values(known, (known.lower, known.upper), lags)
     parts = [_values(known, block, lags) for block in _blocks(known)]
     scatter = {name: _scatter([part[name] for part in parts]) for name in whole}
-    is_sample = packing is sample.packing
-    whole["solid_fraction"] = sample.solid_fraction if is_sample else main_fraction(packing)[1]
+    whole["solid_fraction"] = sample.solid_fraction if packing is sample.packing else solid_fraction_of(packing)
     found = radial_distribution(packing, reach=scale.far, step=scale.step, inset=scale.inner)
     whole["radial_distribution"], scatter["radial_distribution"] = found.g, found.error
     peak = int(np.nanargmax(found.g)) if np.isfinite(found.g).any() else 0
@@ -153,8 +152,8 @@ def _scatter(parts: Sequence[Any]) -> Any:
 
 def _known_of(packing: Packing, sample: Sample, scale: _Scale) -> _Known:
     """Find what the blocks of a packing share."""
-    lower, upper = _bulk(packing, sample)
-    weights = sample.all_weights if packing is sample.packing else np.ones(packing.count)
+    lower, upper = _bulk(packing)
+    weights = border_weights(packing)
     contacts, voxel = packing.contacts(scale.gap), scale.voxel
     number = np.bincount(np.concatenate([contacts.i, contacts.j]), minlength=packing.count)
     forms = _forms(packing, sample, weights)
@@ -180,10 +179,11 @@ def _known_of(packing: Packing, sample: Sample, scale: _Scale) -> _Known:
 def _forms(packing: Packing, sample: Sample, weights: Floats) -> dict[str, Floats]:
     """Return the descriptors of the grains, of a sample by its shapes, which have the resolution of the twin."""
     own = packing is sample.packing
-    known = describe(sample.shapes if own else packing, FORMS)
+    kept = weights > 0
+    known = describe(sample.shapes if own else packing[kept], FORMS)
     found = {name: np.full(packing.count, np.nan) for name in FORMS}
     for name, values in found.items():
-        values[weights > 0] = known[name].values
+        values[kept] = known[name].values
     return found
 
 

@@ -8,11 +8,11 @@ import numpy as np
 from voxgran._base.arrays import Floats, as_share
 from voxgran._base.errors import InputError
 from voxgran._base.units import NO_UNIT
-from voxgran.measures.border import border_weights, is_scan
 from voxgran.measures.region import gravity_of
 from voxgran.measures.registered.density import main_fraction
 from voxgran.packing.jamming.expected import reachable
 from voxgran.packing.model import Packing
+from voxgran.shapes.learning.border import border_weights, is_scan
 from voxgran.shapes.model import Shape, check_shapes
 
 #: fewest grains that make a sample, the least solid fraction that rigid grains at rest bear, and how much denser than
@@ -30,8 +30,6 @@ class Sample:
     weights: Floats  # (n,) for how many grains each stands
     solid_fraction: float
     unit: str
-    #: of all grains of the packing, 0 of those that the border cuts; of shapes alone their own
-    all_weights: Floats
     packing: Packing | None = None  # None of shapes alone
     scanned: bool = False  # whether the border of an image cuts grains
 
@@ -59,7 +57,7 @@ def sample_of(given: Packing | Sequence[Shape], solid_fraction: float | None) ->
         if solid_fraction is None:
             raise InputError("solid_fraction is None and the sample is shapes only: give that of the twin")
         ones, share = np.ones(len(shapes)), as_share(solid_fraction, "solid_fraction")
-        found = Sample(shapes, ones, share, next((one.unit for one in shapes if one.unit), NO_UNIT), ones)
+        found = Sample(shapes, ones, share, next((one.unit for one in shapes if one.unit), NO_UNIT))
     wanted = found.solid_fraction if solid_fraction is None else as_share(solid_fraction, "solid_fraction")
     _check(found, given, wanted)
     return found
@@ -73,13 +71,17 @@ def _of_packing(packing: Packing) -> Sample:
             f"all {packing.count} grains of the sample are cut by the border of the image: no whole grain is known; "
             "take a larger part of the scan"
         )
-    # a scan without gravity is bulk up to its border, where grains are cut and not stopped
-    whole = scanned and gravity_of(packing) is None
-    share = packing.solid_fraction if whole else main_fraction(packing)[1]
     kept = np.flatnonzero(weights)
+    share = solid_fraction_of(packing)
     own = [packing.shapes[k] for k in packing.shape_id[kept]]
     shapes = tuple(one.scaled(factor) for one, factor in zip(own, packing.scale[kept].tolist(), strict=True))
-    return Sample(shapes, weights[kept], share, packing.unit, weights, packing, scanned)
+    return Sample(shapes, weights[kept], share, packing.unit, packing, scanned)
+
+
+def solid_fraction_of(packing: Packing) -> float:
+    """Return the solid fraction of the bulk: a scan without gravity is bulk up to its border, where grains are cut."""
+    whole = is_scan(packing) and gravity_of(packing) is None
+    return packing.solid_fraction if whole else main_fraction(packing)[1]
 
 
 def _check(sample: Sample, given: object, wanted: float) -> None:

@@ -134,7 +134,7 @@ def twin(
     sample : Packing or sequence of Shape
         What was scanned, such as :func:`voxgran.packing_of_labels` gives it, or any packing; or shapes at their own
         sizes with a `solid_fraction`. Grains that the border of an image cuts are left out, and the others stand for as
-        many more as are cut (Miles 1974; Lantuejoul 1980, J. Microsc. 119, 9-24).
+        many more as are cut (Miles 1974; Lantuejoul 1980).
     container : Container, optional
         What holds the twin. Default: a periodic box of the size of its grains; of a bed one with a floor.
     count : int, optional

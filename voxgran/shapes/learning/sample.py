@@ -1,34 +1,20 @@
 """What is learned from: solid grains of true size, and how often each stands for grains that the border has cut."""
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable
 from dataclasses import replace
-from typing import Any, NamedTuple, Protocol, runtime_checkable
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from voxgran._base.arrays import Floats, as_floats, check_type
 from voxgran._base.errors import InputError
+from voxgran.shapes.learning.border import Grains, border_weights
 from voxgran.shapes.mesh import Mesh
 from voxgran.shapes.model import Shape
 
 #: fewest grains from which a distribution is learned
 FEWEST = 10
-
-
-@runtime_checkable
-class Grains(Protocol):
-    """What is asked of a packing: its grains, and of a packing of labels where it has been cut."""
-
-    shapes: Sequence[Shape]
-    shape_id: NDArray[Any]
-    scale: Floats
-    container: Any
-    provenance: Any
-    contact_gap: float
-
-    def world_vertices(self, grain: int) -> Floats:
-        """Return the vertices of a grain where it lies."""
 
 
 class Sample(NamedTuple):
@@ -41,30 +27,11 @@ class Sample(NamedTuple):
 def closed_grains(packing: Grains) -> tuple[NDArray[np.int64], Floats]:
     """Return which grains of a packing are whole, and their weights, of sum 1.
 
-    Of a packing of labels the grains at the border of the image are cut and left out. As a large grain is cut more
-    often than a small one, each other grain has the weight of Miles and Lantuejoul, one over the share of places in
-    which a grain of its extents lies within the image. Of other packings all grains are whole, with equal weights.
-
-    References
-    ----------
-    .. [1] Serra 1982, Image Analysis and Mathematical Morphology, on the correction of Miles and Lantuejoul
+    See :func:`voxgran.shapes.learning.border.border_weights`.
     """
-    count = len(packing.shape_id)
-    if packing.provenance.get("method") != "labels":
-        return np.arange(count), np.full(count, 1 / max(count, 1))
-    lower, upper = np.asarray(packing.container.bounds, dtype=np.float64)
-    if packing.provenance["parameters"]["border"] == "drop":
-        # the border of the image lies outside of the box around the grains that were kept
-        return np.arange(count), np.full(count, 1 / max(count, 1))
-    walls = ~np.asarray(packing.container.periodic, dtype=bool)
-    corners = [packing.world_vertices(grain) for grain in range(count)]
-    low = np.array([points.min(axis=0) for points in corners])
-    high = np.array([points.max(axis=0) for points in corners])
-    room = np.minimum(low - lower, upper - high)
-    whole = np.flatnonzero((room > packing.contact_gap / 2)[:, walls].all(axis=1))
-    shares = 1 - (high - low)[whole][:, walls] / (upper - lower)[walls]
-    weights = 1 / np.maximum(shares, 1e-3).prod(axis=1)
-    return whole, weights / max(weights.sum(), 1e-300)
+    weights = border_weights(packing)
+    whole = np.flatnonzero(weights)
+    return whole, weights[whole] / max(float(weights.sum()), 1e-300)
 
 
 def checked_sample(shapes: Any, sizes: "ArrayLike | None", weights: "ArrayLike | None") -> Sample:

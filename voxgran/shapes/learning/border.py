@@ -2,33 +2,50 @@
 
 A whole grain of the extents w lies whole within a window of the edges L for a share ``prod(1 - w / L)`` of all places
 where its centroid may be: large grains are cut more often than small ones. Weighted by the inverse of that share
-(Miles 1974, in Harding & Kendall, Stochastic Geometry; Lantuejoul 1980, J. Microsc. 119, 9-24), the whole grains are an
-unbiased sample by number.
+(Miles 1974; Lantuejoul 1980; Serra 1982, Image Analysis and Mathematical Morphology), the whole grains are an unbiased
+sample by number.
 """
 
+from collections.abc import Sequence
+from typing import Any, Protocol, runtime_checkable
+
 import numpy as np
+from numpy.typing import NDArray
 
 from voxgran._base.arrays import Booleans, Floats
-from voxgran.containers.model import boundary_of
-from voxgran.packing.model import Packing
 
 #: how near to a wall, in contact gaps, a grain ends in it
 NEAR = 0.5
 
 
-def border_weights(packing: Packing) -> Floats:
+@runtime_checkable
+class Grains(Protocol):
+    """What is asked of a packing: its grains where they lie, and the box that may cut them."""
+
+    shapes: Sequence[Any]
+    shape_id: NDArray[Any]
+    scale: Floats
+    orientation: Floats
+    container: Any
+    contact_gap: float
+
+    def world_vertices(self, grain: int) -> Floats:
+        """Return the vertices of a grain where it lies."""
+
+
+def border_weights(packing: Grains) -> Floats:
     """Return for how many grains of the material each grain (n,) of a scan stands, 0 for one that its border cuts.
 
     Along periodic axes, and along those on neither side of which a grain ends, none is cut. Containers are boxes, as
     those of images are; of another one all weights are 1.
     """
-    weights = np.ones(packing.count)
+    weights = np.ones(len(packing.shape_id))
     if not is_scan(packing):
         return weights
     low, high = _extents(packing)
     lower, upper = packing.container.bounds
     near = NEAR * packing.contact_gap + 1e-9 * float((upper - lower).max())
-    for axis in np.flatnonzero(~np.asarray(packing.container.periodic[: packing.dimension])):
+    for axis in np.flatnonzero(~np.asarray(packing.container.periodic)):
         ends = low[:, axis] <= lower[axis] + near, high[:, axis] >= upper[axis] - near
         # on a side where no grain ends, as above a bed, the grains end the sample and not the image
         first = lower[axis] if ends[0].any() else low[:, axis].min()
@@ -40,30 +57,30 @@ def border_weights(packing: Packing) -> Floats:
     return weights
 
 
-def is_scan(packing: Packing) -> bool:
+def is_scan(packing: Grains) -> bool:
     """Return whether the border of a packing cuts grains: each has a shape of its own at its own size, as the labels of
     an image have, and the container is a box with a side that does not repeat, beyond which flat faces of them lie.
     """
-    n = packing.count
+    n = len(packing.shape_id)
     own = len(packing.shapes) == n == len(np.unique(packing.shape_id)) and bool((packing.scale == 1.0).all())
-    walls = not all(packing.container.periodic[: packing.dimension])
-    return own and walls and boundary_of(packing.container).is_flat and bool(_flattened(packing).any())
+    walls = not all(packing.container.periodic)
+    return own and walls and bool(_flattened(packing).any())
 
 
-def _extents(packing: Packing) -> tuple[Floats, Floats]:
+def _extents(packing: Grains) -> tuple[Floats, Floats]:
     """Return the lowest and the highest coordinates (n, 3) of the grains."""
-    found = [(p.min(axis=0), p.max(axis=0)) for p in map(packing.world_vertices, range(packing.count))]
+    found = [(p.min(axis=0), p.max(axis=0)) for p in map(packing.world_vertices, range(len(packing.shape_id)))]
     low, high = np.array(found).reshape(-1, 2, 3).transpose(1, 0, 2)
     return low, high
 
 
-def _flattened(packing: Packing) -> Booleans:
+def _flattened(packing: Grains) -> Booleans:
     """Return which grains (n,) have three vertices or more in one wall, without turning: labels are as they lie."""
     lower, upper = packing.container.bounds
     walls = ~np.asarray(packing.container.periodic)
     slack = 1e-6 * float((upper - lower).max())
     unturned = np.abs(packing.orientation[:, 0]) > 1.0 - 1e-12
-    found = np.zeros(packing.count, dtype=np.bool_)
+    found = np.zeros(len(packing.shape_id), dtype=np.bool_)
     for grain in np.flatnonzero(unturned).tolist():
         points = packing.world_vertices(grain)
         at = np.stack([points <= lower + slack, points >= upper - slack]).sum(axis=1) >= 3
