@@ -49,7 +49,7 @@ def two_point_correlation(
     [0.5, 0.0, 0.5, 0.0, 0.5]
     """
     taken, edges, around = as_mask(mask), known_edges(voxel_size, mask) or (1.0, 1.0, 1.0), as_periodic(periodic)
-    found = []
+    found: list[tuple[Floats, Floats]] = []
     for axis in range(3):
         lines = np.moveaxis(taken, axis, 0)
         n = len(lines)

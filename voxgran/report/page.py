@@ -134,7 +134,7 @@ def save_report(
     twin = check_page_path(path, overwrite=overwrite)
     colors = coloring(packing, color_by)
     drawn = _draw(packing, color_by) if pictures else Drawn({}, {})
-    files = _picture_files(drawn, Path(pictures_folder)) if pictures_folder is not None else {}
+    files: dict[Path, Any] = {**_picture_files(drawn, Path(pictures_folder))} if pictures_folder is not None else {}
     if not overwrite:
         refuse_to_replace(*files)
     figures = figures_of(packing, statistics)
@@ -169,7 +169,9 @@ def save_report(
         provenance=json.dumps(packing.provenance, indent=2, default=str, ensure_ascii=False),
     )
     numbers = json_text(page_numbers(packing, statistics, verification, figures=figures))
-    tables = {name: [fact[:3] for fact in map(dataclasses.astuple, rows)] for name, rows in told.items()}
+    tables: dict[str, list[Any]] = {
+        name: [fact[:3] for fact in map(dataclasses.astuple, rows)] for name, rows in told.items()
+    }
     tables |= {
         "sizes": [SIZES, *sieves] if sieves else [],
         "shapes": [SHAPES, *shapes] if shapes else [],
