@@ -1,6 +1,7 @@
 """Distributions of shapes that are learned from a sample, and the grains that they draw."""
 
 import itertools
+import json
 import math
 
 import numpy as np
@@ -10,7 +11,8 @@ import voxgran as vg
 from voxgran._base.errors import FileFormatError, InputError, MissingFileError, OutputExistsError
 from voxgran._base.seeds import stream
 from voxgran.bench.tradeoffs import twins
-from voxgran.shapes.learning.likeness import distances, energy_distance, nearest_neighbour_test, signature
+from voxgran.cli import main
+from voxgran.shapes.learning.likeness import comparable, distances, energy_distance, nearest_neighbour_test, signature
 from voxgran.shapes.learning.sample import closed_grains, meshed
 from voxgran.shapes.learning.warp import Kernel, frame_of, mapped, warped
 from voxgran.shapes.mesh import Mesh
@@ -113,6 +115,15 @@ def test_distances_take_axes_in_any_order():
     assert distances(mark[None], other[None])[0, 0] == pytest.approx(0.0, abs=1e-7)
 
 
+def test_descriptors_that_grains_lack_are_left_out():
+    one, two = np.ones((20, 2)), np.zeros((20, 2))
+    one[:3, 1] = two[0, 0] = np.nan
+    (first, second), kept = comparable(one, two)
+    assert kept.tolist() == [True, False]
+    assert first.shape == (20, 1)
+    assert second[0, 0] == 1.0  # the median of all
+
+
 def test_files_hold_the_model(tmp_path):
     MODEL.save(tmp_path / "shapes.nc")
     read = vg.ShapeModel.load(tmp_path / "shapes.nc")
@@ -126,6 +137,15 @@ def test_files_hold_the_model(tmp_path):
     scene = {"scene": {"seed": 1}, "shape": [{"model": "shapes.nc"}], "packing": {"method": "rsa", "count": 5}}
     scene["container"] = {"kind": "box", "lengths": [12, 12, 12]}
     assert len(vg.Scene.from_mapping(scene, folder=tmp_path).shapes[0].make()) == 50
+
+
+def test_the_command_learns_and_reports(tmp_path, capsys):
+    vg.save(vg.pack(POLYHEDRA[:12], vg.Box((12, 12, 12)), "rsa", count=12), tmp_path / "bed.vtp")
+    assert main(["learn", str(tmp_path / "bed.vtp"), "-o", str(tmp_path / "shapes.nc"), "--json"]) == 0
+    told = json.loads(capsys.readouterr().out)
+    assert (told["grains"], told["strength"]) == (12, 0.05)
+    assert 0 < told["energy_distance"] < 1
+    assert len(vg.ShapeModel.load(tmp_path / "shapes.nc").shapes) == 12
 
 
 def test_damaged_files_are_refused(tmp_path):

@@ -26,7 +26,7 @@ from voxgran.voxels.occupy import voxelize
 
 #: grains that are learned from, drawn and tested on, and the numbers that are learned from of one family
 LEARNED, DRAWN, TESTED, NUMBERS = 100, 200, 150, (20, 40, 80, 160)
-#: seed of the test grains, which no choice has used
+#: seed of the test grains
 SEED = 48
 #: voxels of a diameter of the images, and standard deviations of their noise and of the filter
 VOXELS, NOISE, FILTER = 20, 0.3, 1.0
@@ -109,16 +109,23 @@ GROWING = "voronoi_fragment"
 def run(folder: Path) -> tuple[Path, ...]:
     """Write twins.csv and twins.svg into a folder and return both."""
     rows = [row_of(case, LEARNED) for case in CASES] + [row_of(GROWING, number) for number in NUMBERS]
+    return written(rows, folder)
+
+
+def written(rows: list[Row], folder: Path) -> tuple[Path, ...]:
+    """Write rows and their figure."""
     head = "case,grains,strength:.3g,energy_distance:.3f,sample_error:.3f,novelty:.2f,same_neighbour:.2f"
     table = write_rows(folder / "twins.csv", f"{head},learn_seconds:.2f,draw_seconds:.2f", map(astuple, rows))
+    growing = [row for row in rows if row.grains != LEARNED]
     with panels_of(folder / "twins.svg", 2, width=10.0, height=4.0) as panels:
         panels[0].plot([0, 0.2], [0, 0.3], ":", color="k", label="1.5 times that of the sample")
-        for row in rows[: len(CASES)]:
-            panels[0].plot(row.sample_error, row.energy_distance, "o", label=row.case)
+        for row in rows:
+            if row.grains == LEARNED:
+                panels[0].plot(row.sample_error, row.energy_distance, "o", label=row.case)
         panels[0].set(xlabel="energy distance of the sample", ylabel="energy distance of drawn grains")
         for name in ("energy_distance", "sample_error"):
-            values = [getattr(row, name) for row in rows[len(CASES) :]]
-            panels[1].plot(NUMBERS, values, "o-", label=name.replace("_", " "))
+            xs, ys = [row.grains for row in growing], [getattr(row, name) for row in growing]
+            panels[1].plot(xs, ys, "o-", label=name.replace("_", " "))
         panels[1].set(xscale="log", yscale="log", xlabel="grains that are learned from", title=GROWING)
     return table, folder / "twins.svg"
 
@@ -128,8 +135,17 @@ def row_of(case: str, grains: int) -> Row:
     model, learning = timed(learn_shapes, CASES[case](grains, SEED + 1))
     _, drawing = timed(model.sample, DRAWN)
     table = model.report(CASES[case](TESTED, SEED), count=DRAWN).table
-    names = ("energy_distance", "sample_error", "novelty", "same_neighbour")
-    return Row(case, grains, model.strength, *(float(table[name]) for name in names), learning, drawing)
+    return Row(
+        case,
+        grains,
+        model.strength,
+        float(table.energy_distance),
+        float(table.sample_error),
+        float(table.novelty),
+        float(table.same_neighbour),
+        learning,
+        drawing,
+    )
 
 
 registration = TradeOff(name="twins", summary="grains of learned distributions, against others of the kind", run=run)

@@ -3,6 +3,7 @@ from voxgran.shapes.families.outlines.mollon_zhao_2d import MollonZhao2d as Moll
 from voxgran.shapes.families.outlines.polygon import Polygon as Polygon
 from voxgran.shapes.families.random.convex_polyhedron import ConvexPolyhedron as ConvexPolyhedron
 from voxgran.shapes.families.random.cube_rain import CubeRain as CubeRain
+from voxgran.shapes.families.random.learned import Learned as Learned
 from voxgran.shapes.families.random.mollon_zhao import MollonZhao as MollonZhao
 from voxgran.shapes.families.random.noise_star import NoiseStar as NoiseStar
 from voxgran.shapes.families.random.polyhedron import Polyhedron as Polyhedron

@@ -20,7 +20,7 @@ METHODS = ("warp",)
 #: strengths that are tried, that of small samples, and the number of grains that is not small
 STRENGTHS, SMALL, LARGE = (0.03, 0.04, 0.05, 0.065, 0.08), 0.05, 40
 #: novelty that is enough, error in that of the smallest strength that is too much, folds, and most grains of a fold
-ENOUGH, WORSE, FOLDS, MOST = 0.9, 1.25, 2, 40
+ENOUGH, WORSE, FOLDS, MOST = 0.87, 1.25, 2, 40
 
 
 @explained(hint="learn_shapes(shapes)")

@@ -5,7 +5,7 @@ from itertools import permutations, product
 
 import numpy as np
 
-from voxgran._base.arrays import Floats
+from voxgran._base.arrays import Booleans, Floats
 from voxgran.geometry.tree import grow_tree
 from voxgran.shapes.describing.ratios import DESCRIPTORS, Form
 from voxgran.shapes.learning.warp import frame_of
@@ -16,6 +16,8 @@ from voxgran.shapes.model import Shape
 FINE, HALF, FAR = 8, 1.4, 0.3
 #: descriptors that are compared
 COMPARED = ("sphericity", "elongation", "flatness", "convexity", "roundness")
+#: share of grains that may lack a descriptor which is compared
+LACKING = 0.1
 #: least standard deviation by which a descriptor is divided, so that rounding is no difference
 LEAST_SPREAD = 0.02
 #: permutations of the test by nearest neighbours
@@ -53,9 +55,18 @@ def distances(one: Floats, two: Floats) -> Floats:
 
 
 def descriptors(shapes: Sequence[Shape]) -> Floats:
-    """Return the descriptors (n, 5) that are compared; a roundness that a coarse mesh does not have is 0."""
+    """Return the descriptors (n, 5) that are compared, NaN for a roundness that a coarse mesh does not have."""
     rows = [[DESCRIPTORS[name].compute(form) for name in COMPARED] for form in map(Form, shapes)]
-    return np.nan_to_num(np.array(rows, dtype=np.float64).reshape(-1, len(COMPARED)))
+    return np.array(rows, dtype=np.float64).reshape(-1, len(COMPARED))
+
+
+def comparable(*groups: Floats) -> tuple[list[Floats], Booleans]:
+    """Return groups of descriptors (n, k) without those that more than a few grains of one of them lack, and which (k,)
+    are kept; where a few lack one, they have the median of all.
+    """
+    kept = np.all([np.isnan(rows).mean(axis=0) <= LACKING for rows in groups], axis=0)
+    middle = np.nanmedian(np.concatenate(groups)[:, kept], axis=0)
+    return [np.where(np.isnan(rows[:, kept]), middle, rows[:, kept]) for rows in groups], kept
 
 
 def quick_descriptors(shapes: Sequence[Shape]) -> Floats:

@@ -11,6 +11,7 @@ from voxgran._base.lazy import load
 from voxgran._base.seeds import stream
 from voxgran.shapes.learning.likeness import (
     COMPARED,
+    comparable,
     descriptors,
     distances,
     energy_distance,
@@ -41,7 +42,8 @@ class ShapeReport:
         median distance of drawn grains to the nearest one of the sample over that of real new grains (mirrored copies
         count as copies), ``same_neighbour``, the share of grains whose nearest neighbour is of their own kind, drawn or
         real (1/2 where they are alike), with its ``p_value``, and along ``descriptor`` the means and standard
-        deviations of both.
+        deviations of both. Descriptors that more than a tenth of the grains lack are left out: the roundness of coarse
+        meshes.
     pairs : tuple of Shape
         Grains of the sample, each followed by its twin, for ``vg.save_gallery(report.pairs, "pairs.png", columns=4)``.
     """
@@ -70,7 +72,7 @@ def compared(
     real = list(given) if others is None else others
     names, describe = (COMPARED, _described) if descriptors else (QUICK, quick_descriptors)
     rows, own = describe(drawn), describe(given)
-    other = own if others is None else describe(real)
+    (rows, own, other), shared = comparable(rows, own, own if others is None else describe(real))
     spread, of_real = spread_of(other), weights if others is None else None
     values: dict[str, Any] = {"energy_distance": energy_distance(other, rows, spread, of_real)}
     if others is None:
@@ -92,7 +94,7 @@ def compared(
         "drawn_deviation": ("descriptor", rows.std(axis=0)),
         "real_deviation": ("descriptor", np.sqrt(w @ (other - mean) ** 2)),
     }
-    table = load("xarray").Dataset(values, coords={"descriptor": list(names)})
+    table = load("xarray").Dataset(values, coords={"descriptor": np.array(names)[shared]})
     table.attrs = {"drawn": len(drawn), "real": len(real), "learned": len(given)}
     chosen = [shape for twin in drawn[:PAIRS] for shape in (given[twin.record["donor"]], twin)]
     return ShapeReport(table, tuple(chosen))
