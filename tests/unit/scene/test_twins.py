@@ -102,6 +102,7 @@ def test_the_comparison_holds_each_measure_with_its_scatter(copy):
     )
 
 
+@pytest.mark.slow
 def test_a_difference_is_told_in_units_of_the_scatter(spheres):
     data = vg.twin(spheres, count=50, protocol="expand", solid_fraction=0.35).comparison
     assert float(data["sample"].sel(measure="solid_fraction")) == pytest.approx(0.5, abs=0.002)

@@ -26,7 +26,7 @@ from voxgran.voxels.occupy import voxelize
 
 #: grains that are learned from, drawn and tested on, and the numbers that are learned from of one family
 LEARNED, DRAWN, TESTED, NUMBERS = 100, 200, 150, (20, 40, 80, 160)
-#: seed of the test grains, which no choice has used
+#: seed of the test grains
 SEED = 48
 #: voxels of a diameter of the images, and standard deviations of their noise and of the filter
 VOXELS, NOISE, FILTER = 20, 0.3, 1.0

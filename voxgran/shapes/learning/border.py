@@ -22,12 +22,29 @@ NEAR = 0.5
 class Grains(Protocol):
     """What is asked of a packing: its grains where they lie, and the box that may cut them."""
 
-    shapes: Sequence[Any]
-    shape_id: NDArray[Any]
-    scale: Floats
-    orientation: Floats
-    container: Any
-    contact_gap: float
+    @property
+    def shapes(self) -> Sequence[Any]:
+        """Shapes of the grains."""
+
+    @property
+    def shape_id(self) -> NDArray[Any]:
+        """Index of the shape of each grain, (n,)."""
+
+    @property
+    def scale(self) -> Floats:
+        """Factor on the lengths of the shape of each grain, (n,)."""
+
+    @property
+    def orientation(self) -> Floats:
+        """Unit quaternions (n, 4)."""
+
+    @property
+    def container(self) -> Any:
+        """What holds the grains."""
+
+    @property
+    def contact_gap(self) -> float:
+        """Gap up to which grains touch: of a scan its voxel."""
 
     def world_vertices(self, grain: int) -> Floats:
         """Return the vertices of a grain where it lies."""
