@@ -93,7 +93,9 @@ def measure(options: argparse.Namespace) -> None:
         # those of the tree are of the container
         numbers = {**(known := main_numbers(packing, tree)), **numbers, **known}
     for vectors in tree["/fabric"].to_dataset()["vector"].values.tolist() if "fabric" in asked else ():
-        numbers[f"fabric_tensor_of_{vectors}"] = tree["/fabric/second_order"].sel(vector=vectors).values.tolist()
+        numbers[f"fabric_tensor_of_{vectors}"] = (
+            tree["/fabric"].to_dataset()["second_order"].sel(vector=vectors).values.tolist()
+        )
     show(numbers, options, last, units)
     if "segregation" in tree and (warning := warning_of(float(tree["segregation"]), int(tree["count"]))):
         complain(f"warning: {warning}")

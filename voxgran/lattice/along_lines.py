@@ -59,7 +59,7 @@ def two_point_correlation(
             if around[axis] and lag:
                 both, lines_of_it = both + np.count_nonzero(lines[:lag] & lines[n - lag :]), n
             shares.append(both / max(lines_of_it * lines[:1].size, 1))
-        found.append((float(edges[axis]) * np.arange(n // 2 + 1, dtype=np.float64), np.array(shares)))
+        found.append((np.arange(n // 2 + 1, dtype=np.float64) * edges[axis], np.array(shares)))
     return tuple(found)
 
 
