@@ -31,8 +31,8 @@ Row = tuple[str, int, int, int, float, float]
 def by_poles(fraction: float) -> float:
     """Return the conductivity of a matrix around spheres that do not conduct, on a simple cubic lattice.
 
-    The series of Rayleigh 1892, doi:10.1080/14786449208620364, with the poles of McKenzie, McPhedran & Derrick 1978,
-    doi:10.1098/rspa.1978.0129, by the coefficients of Sangani & Acrivos 1983, doi:10.1098/rspa.1983.0036.
+    The series of Rayleigh 1892, doi:10.1080/14786449208620364, with the poles of McPhedran & McKenzie 1978,
+    doi:10.1098/rspa.1978.0031, by the coefficients of Sangani & Acrivos 1983, doi:10.1098/rspa.1983.0036.
     """
     one, two, three, four, five = (-(2 * n - 1) / (2 * n) for n in range(1, 6))
     f = fraction ** (1 / 3)
