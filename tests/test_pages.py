@@ -11,7 +11,7 @@ from voxgran._base.errors import EngineError
 ROOT = Path(__file__).resolve().parents[1]
 PAGES = sorted((ROOT / "docs").glob("guide/*.md"))
 #: blocks that need files of the reader, or a cluster
-NOT_RUN = ("scene.toml", "study.toml", "dask_jobqueue")
+NOT_RUN = ("scene.toml", "study.toml", "dask_jobqueue", "labels.tif")
 
 
 def blocks_of(page):
