@@ -175,12 +175,20 @@ def _told(kind: Kind, name: str, case: Case) -> tuple[str, str]:
         return case.when, f"{told}Eros, {shares[3]} for Itokawa and {shares[4]} for Bennu." if shares else ""
     row = table_row(DOCS / "guide/shapes.md", name)
     law = f"Tests hold it to a law: {row['law that its tests hold it to']}. " if row else ""
-    vg.make_shape(name, **case.options)
+    options = _made(case)
+    vg.make_shape(name, **options)
     began = time.process_time()
-    shape = vg.make_shape(name, **case.options)
+    shape = vg.make_shape(name, **options)
     seconds = time.process_time() - began
     size = f"{len(shape.faces):,} triangles" if shape.dimension == 3 else f"{len(shape.vertices):,} corners"
     return case.when, f"{law}The example has {size} and took {_rounded(1e3 * seconds)} ms when this page was made."
+
+
+def _made(case: Case) -> dict[str, Any]:
+    """Return the options of an example, with a model in place of the file in which a reader has one."""
+    if "model" not in case.options:
+        return dict(case.options)
+    return {**case.options, "model": vg.learn_shapes(vg.make_shapes("solid_union", count=12))}
 
 
 def _rounded(value: float) -> str:
@@ -290,9 +298,7 @@ def _shape_examples(name: str, case: Case) -> Iterator[str]:
 def _draw_shape(name: str, case: Case) -> np.ndarray:
     """Draw four shapes of a family, or one where all are alike."""
     seeds = range(1, 5) if families().get(name).random else (0,)
-    options = dict(case.options)
-    if "model" in options:
-        options["model"] = vg.learn_shapes(vg.make_shapes("solid_union", count=12))
+    options = _made(case)
     picture = picture_shapes([vg.make_shape(name, seed=seed, **options) for seed in seeds], columns=len(seeds))
     step = max(1, picture.shape[0] // 180)
     # each pixel is the mean of a square of the picture

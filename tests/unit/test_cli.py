@@ -238,7 +238,7 @@ def test_numbers_have_the_units_of_the_packing_and_arrays_a_file(tmp_path, capsy
     assert not any("of density" in line for line in lines)
     assert said("verify", path)[2:] == ["deepest 0 mean diameters", "escaped 0", "tolerance 1e-09 mean diameters"]
     lines = said("measure", path, "--which", "profile", "--which", "gradation")
-    assert lines == ["count 2", "of gradation, profile there are arrays only: write them with -o FILE.nc"]
+    assert lines == ["count 2", "of gradation, profile there are arrays only: write them with -o FILE.nc or FILE.csv"]
     out = str(tmp_path / "bed.nc")
     assert said("measure", path, "--which", "profile", "-o", out) == ["count 2", out]
 

@@ -41,6 +41,7 @@ ALL = (
     "repose",
     "segregation",
     "strict",
+    "transport",
     "voids",
 )
 

@@ -130,7 +130,7 @@ def test_plan_refuses_what_cannot_fit_in_memory(write):
         ("count = 8", "count = 1.5", InputError, "count"),
         ("seed = 1", "seed = ", FileFormatError, "TOML"),
         ('family = "sphere"', 'file = "none.stl"', MissingFileError, "none.stl"),
-        ('family = "sphere"', 'family = "sphere"\nfile = "a.stl"', InputError, "either file or family"),
+        ('family = "sphere"', 'family = "sphere"\nfile = "a.stl"', InputError, "give one of file, family and model"),
         ("report = false", "report = false\ndem = ['lamps']", UnknownNameError, "dem"),
         ('family = "sphere"', 'family = ["sphere"]', UnknownNameError, "shape family .'sphere'. is unknown"),
     ],

@@ -45,6 +45,14 @@ class Twin(ExplainedAttributes):
         One for each seed.
     model : ShapeModel or None
         Distribution of shapes from which the grains were drawn; None where they are those of the sample.
+
+    Examples
+    --------
+    >>> import voxgran as vg
+    >>> spheres = vg.pack(vg.shapes.sphere(), vg.Box((4, 4, 4), periodic="xyz"), "expand", count=40, solid_fraction=0.5)
+    >>> twin = vg.twin(spheres, protocol="expand")
+    >>> twin.packing.count, twin.model is None
+    (40, True)
     """
 
     sample: Sample

@@ -34,6 +34,13 @@ class ShapeModel(ExplainedAttributes):
         Standard deviation of the shears and of the taper by which a new grain differs from one of the sample.
     method : str
         How grains are made: ``"warp"``.
+
+    Examples
+    --------
+    >>> import voxgran as vg
+    >>> model = vg.learn_shapes(vg.make_shapes("convex_polyhedron", count=12))
+    >>> len(model.shapes), len(model.sample(20))
+    (12, 20)
     """
 
     shapes: tuple[Shape, ...]
