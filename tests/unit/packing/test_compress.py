@@ -286,6 +286,12 @@ def test_bad_input_is_refused_in_one_sentence(container, given, words):
         vg.compress(loose, **given)
 
 
+def test_stresses_so_unequal_that_grains_become_wider_than_their_cell_are_refused():
+    loose = vg.pack(SPHERE, vg.Box((5, 5, 5), periodic="xyz"), "rsa", count=70, seed=1)
+    with pytest.raises(InputError, match="wide, less than a grain; ask for more equal stresses"):
+        vg.compress(loose, stress=(1e-9, 1, 1))
+
+
 def test_a_solid_fraction_out_of_reach_is_told():
     with pytest.warns(PackingWarning, match="0.75"):
         vg.compress(loose_grains(), solid_fraction=0.75)

@@ -297,6 +297,24 @@ def test_the_room_around_solids():
     assert slit.volume == pytest.approx(6 * 6 * 4, rel=0.03)
 
 
+@pytest.mark.parametrize("seed", [2, 9])
+def test_no_grain_grows_under_an_obstacle_that_is_too_low_for_it(seed):
+    # half of the seeds had a grain between the cube and the floor, which overlapped both by 0.1 d
+    box, cube = vg.Box((5, 5, 8)), vg.shapes.box(lengths=(1.2, 1.2, 1.2))
+    low = vg.Packing.of(cube, box, position=[(2.5, 2.5, 1.5)])
+    bed = vg.pack(SPHERE, box, "gravity", count=20, obstacles=low, seed=seed)
+    assert bed.stop_reason == "settled"
+    assert bed.verify().ok
+
+
+@pytest.mark.parametrize("method", ["gravity", "digital"])
+def test_obstacles_that_leave_no_room(method):
+    # points were looked for without end
+    filling = vg.Packing.of(vg.shapes.box(lengths=(5.8, 5.8, 7.8)), BOX, position=[(3, 3, 4)])
+    with pytest.raises(InputError, match="obstacles or walls leave none"):
+        vg.pack(SPHERE, BOX, method, count=20, obstacles=filling)
+
+
 def test_a_run_with_obstacles_goes_on_from_its_checkpoint(tmp_path):
     keywords = {"count": 40, "obstacles": BAR, "seed": 3}
     whole = vg.pack(SPHERE, BOX, "gravity", **keywords)
