@@ -248,6 +248,13 @@ def test_the_path_and_the_stress_are_measured_and_saved(tmp_path):
         loose_grains().measure("compression")
 
 
+def test_a_specimen_in_balance_under_another_stress_is_compressed_on():
+    once = vg.compress(loose_grains(), friction=0.4)
+    again = vg.compress(once, friction=0.4, stress=(1.0, 1.0, 1.5))
+    assert again.provenance["compression"]["steps"] > 1
+    assert again.forces.stress.diagonal() == pytest.approx((1.0, 1.0, 1.5), rel=0.01)
+
+
 def test_a_bed_loses_its_gravity_and_its_lid():
     bed = vg.pack(SPHERE, vg.Box((4, 4, 8), periodic="xy"), "gravity", count=40, lid={"weight": 1.0})
     specimen = vg.compress(bed)
