@@ -165,7 +165,7 @@ def test_methods_that_know_no_cones_refuse_it():
 def test_scenes_make_it_by_its_kind_and_files_keep_it(tmp_path):
     mapping = {"kind": "hopper", "radius": 3.5, "outlet": 1.0, "angle": 65.0}
     assert vg.make_container(mapping) == HOPPER
-    with pytest.raises(InputError, match="outlet is missing: a hopper needs it"):
+    with pytest.raises(InputError, match="outlet is missing: kind 'hopper' needs it"):
         vg.make_container({"kind": "hopper", "radius": 3.0})
     packing = {"method": "rsa", "count": 5}
     scene = vg.Scene.from_mapping({"shape": [{"family": "sphere"}], "container": mapping, "packing": packing})

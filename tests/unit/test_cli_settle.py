@@ -262,5 +262,5 @@ def test_equilibrium_takes_the_materials_with_which_a_bed_came_to_rest(tmp_path,
     # without them the friction has to be given
     vg.save(dataclasses.replace(bed, provenance={}), file, overwrite=True)
     assert main(["equilibrium", str(file)]) == 2
-    assert "give --friction" in capsys.readouterr().err
+    assert "or --friction 0.5" in capsys.readouterr().err
     assert main(["equilibrium", str(file), "--friction", "0.6"]) == 0

@@ -55,6 +55,16 @@ def test_a_name_stays_what_it_is(name):
     subprocess.run([sys.executable, "-c", code + str(kind)], check=True)
 
 
+@pytest.mark.parametrize("name", [name for name in dir(vg) if inspect.isfunction(inspect.unwrap(getattr(vg, name)))])
+def test_every_argument_of_a_function_is_documented(name):
+    function = getattr(vg, name)
+    names = inspect.signature(function).parameters
+    listed = re.search(r"\nParameters\n-+\n(.*?)(\n\n[A-Z][A-Za-z ]+\n---|$)", inspect.getdoc(function) or "", re.S)
+    # a line that is not indented has the names before the colon
+    lines = re.findall(r"^(\S[^:\n]*)", listed[1] if listed else "", re.M)
+    assert set(names) <= {one.strip(" *") for line in lines for one in line.split(",")}
+
+
 def test_former_names_warn():
     with pytest.warns(DeprecationWarning, match="read_image is now voxgran.load_image"):
         assert vg.read_image is vg.load_image

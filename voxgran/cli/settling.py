@@ -2,7 +2,7 @@
 
 import argparse
 import dataclasses
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -12,7 +12,7 @@ import numpy as np
 import voxgran
 from voxgran._base.arrays import as_share
 from voxgran._base.checkpoint import remove_checkpoint
-from voxgran._base.config import from_mapping, parameters_of
+from voxgran._base.config import parameters_of
 from voxgran._base.errors import InputError, OutputExistsError
 from voxgran._base.files import as_path, refuse_to_replace
 from voxgran.cli.parser import nested_class
@@ -22,7 +22,6 @@ from voxgran.io.files import check_savable
 from voxgran.measures.registered.density import main_fraction
 from voxgran.packing.model import Packing
 from voxgran.settling.compression_parameters import Compression
-from voxgran.settling.materials import Materials
 from voxgran.settling.parameters import Settling
 
 #: shares of the grains that `equilibrium` tells
@@ -196,10 +195,9 @@ def equilibrium(options: argparse.Namespace, packing: Packing) -> int:
             f"packing.gravity is None: rest is a balance of weights; give its direction with --gravity {axis}, or a "
             "stress that is borne without gravity with --stress 1"
         )
-    friction = options.friction
-    if friction is None:
-        friction = _friction_of(packing)
-    found = voxgran.equilibrium(packing, friction, options.gap, stress=options.stress, tolerance=options.tolerance)
+    found = voxgran.equilibrium(
+        packing, options.friction, options.gap, stress=options.stress, tolerance=options.tolerance
+    )
     rattlers = np.flatnonzero(found["rattler"].values)
     residual = np.maximum(found["residual"].values, found["residual_torque"].values)
     worst = np.argsort(-residual, kind="stable")[:LISTED]
@@ -222,19 +220,6 @@ def equilibrium(options: argparse.Namespace, packing: Packing) -> int:
         options,
     )
     return 0 if rests else 1
-
-
-def _friction_of(packing: Packing) -> float | Materials:
-    """Return the friction with which a packing came to rest, or 0.5 where it is not known."""
-    known = None if packing.forces is None else packing.forces.friction
-    if not isinstance(known, np.ndarray):
-        return 0.5 if known is None else known
-    # contacts that are found now are others: their friction is that of the materials
-    record = packing.provenance.get("compression", packing.provenance.get("settling", {}))
-    table = record.get("parameters", {}).get("friction")
-    if not isinstance(table, Mapping):
-        raise InputError("friction of the packing is by contact, and its materials are not known; give --friction")
-    return from_mapping(Materials, table, "friction of the packing")
 
 
 def _fixed_count(packing: Packing) -> dict[str, int]:

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from voxgran._base.calls import explained
-from voxgran._base.errors import InputError, MissingLibraryError, UnknownNameError, shown, with_article
+from voxgran._base.errors import InputError, MissingLibraryError, UnknownNameError, shown
 from voxgran._base.names import nearest, unknown
 from voxgran._base.registry import Registry
 from voxgran.containers.model import Container
@@ -141,6 +141,6 @@ def make_container(mapping: Mapping[str, Any], where: str = "[container]") -> Co
             raise UnknownNameError(unknown(f"{where} key", key, entry.keys))
     for key, required in entry.keys.items():
         if required and key not in rest:
-            raise InputError(f"{where} {key} is missing: {with_article(kind)} needs it; add it")
+            raise InputError(f"{where} {key} is missing: kind {kind!r} needs it; add it")
     container: Container = entry.container(**rest) if entry.make is None else entry.make(rest, where)
     return container

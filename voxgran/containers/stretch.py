@@ -35,8 +35,8 @@ def stretched_together(container: Container) -> tuple[tuple[int, ...], ...]:
     if known and boundary.cylinder is not None:
         return ((0, 1), (2,)) if container.dimension == 3 else ((0, 1),)
     raise InputError(
-        f"container is a {container.kind}: its walls do not move; compress grains in a box, a rectangle, an upright "
-        "cylinder, a disk or a sphere"
+        f"container is of kind {container.kind!r}: its walls do not move; compress grains in a box, a rectangle, an "
+        "upright cylinder, a disk or a sphere"
     )
 
 

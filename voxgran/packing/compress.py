@@ -13,7 +13,7 @@ import numpy as np
 from voxgran._base.arrays import Floats, Integers
 from voxgran._base.calls import explained
 from voxgran._base.config import from_mapping, to_mapping
-from voxgran._base.errors import InputError, PackingWarning
+from voxgran._base.errors import GrainTooLargeError, InputError, PackingWarning, shown
 from voxgran._base.progress import OnStep
 from voxgran._base.warning import warn
 from voxgran.contacts.forces import LID, WALL, ContactForces
@@ -85,6 +85,9 @@ def compress(
     solid_fraction : float, optional
         Solid fraction of the result, met to 0.002: the friction, beginning with `friction`, from 0 to 1 is found that
         gives it. It is measured as by :func:`voxgran.settle`; default: as the friction gives it.
+    height : float, optional
+        Height of the container at the end, along its last axis, in the unit of lengths, in place of a solid fraction,
+        with ``axes="z"`` (in 2D ``"y"``): the friction is found that gives it; default: as the friction gives it.
     rate : float, optional
         Viscous number of the compression, from 1e-6 to 0.1: strain rate times the drag of a grain of the median
         diameter d, over stress times d (in 2D over the stress). Grains that are compressed slower become a little
@@ -115,8 +118,8 @@ def compress(
     ------
     InputError
         If a value breaks a rule, no wall of the container moves along the axes, stresses differ along axes that
-        stretch together, grains overlap so deep that they cannot be parted, a shape is an open surface, or all grains
-        are fixed.
+        stretch together or are so unequal that the container shears until it is narrower than a grain, grains overlap
+        so deep that they cannot be parted, a shape is an open surface, or all grains are fixed.
     CheckpointError
         If the checkpoint is damaged, belongs to another run, or is another file, which is not replaced.
     OutputError
@@ -280,14 +283,22 @@ def _moved(packing: Packing, settler: Any) -> Packing:
         # it bore the stress already: not even the last bits change
         return replace(packing, contact_gap=TOUCHING * unit, forces=None)
     position, orientation = settler.bed.poses()
-    return replace(
-        packing,
-        position=position * unit,
-        orientation=orientation,
-        container=settler.bed.assembly.container.scaled(unit),
-        contact_gap=TOUCHING * unit,
-        forces=None,
-    )
+    container = settler.bed.assembly.container.scaled(unit)
+    try:
+        return replace(
+            packing,
+            position=position * unit,
+            orientation=orientation,
+            container=container,
+            contact_gap=TOUCHING * unit,
+            forces=None,
+        )
+    except GrainTooLargeError:
+        raise InputError(
+            f"stress is {shown(settler.how.stress)}: the grains do not bear it, and sheared until the container was "
+            f"{np.ptp(container.bounds, axis=0)[: packing.dimension].min():.3g} wide, less than a grain; ask for more "
+            "equal stresses, or begin with more grains"
+        ) from None
 
 
 def finished_compression(packing: Packing, state: SettleState) -> Packing:

@@ -83,7 +83,11 @@ def obstacle_entries(entries: Any, folder: Path, dimension: int) -> tuple[Obstac
                 raise InputError(
                     f"[[obstacle]] has the keys {shown(sorted(rest))}: packing stands alone; leave others out"
                 )
-            made.append(ObstacleEntry(packing=str(existing_file(folder / str(rest["packing"])))))
+            try:
+                made.append(ObstacleEntry(packing=str(existing_file(folder / str(rest["packing"])))))
+            except VoxgranError as error:
+                error.args = (f"[[obstacle]] packing {error}",)
+                raise
             continue
         if "position" not in rest:
             raise InputError("[[obstacle]] has no position: give the centroid, such as position = [4, 4, 2]")

@@ -7,6 +7,7 @@ that press, and that across the normal are at most `friction` times as large as 
 """
 
 import math
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
@@ -16,6 +17,7 @@ from numpy.typing import ArrayLike
 from voxgran._base.arrays import Booleans, Floats, as_number, as_positive, check_type
 from voxgran._base.calls import explained
 from voxgran._base.compiling.threads import using_threads
+from voxgran._base.config import from_mapping
 from voxgran._base.errors import InputError
 from voxgran._base.lazy import load
 from voxgran.contacts.assembly import Assembly
@@ -38,6 +40,8 @@ NEAR = 0.2
 ACCURACY = 0.1
 #: iterations of the first guess
 GUESS = 300
+#: friction of packings of which none is known
+USUAL = 0.5
 #: number of the partner at a wall and at a lid
 WALL, LID = -1, -2
 
@@ -72,8 +76,8 @@ class Balance:
 
 @explained(hint="equilibrium(packing, friction=0.5)")
 def equilibrium(
-    packing: Assembly, friction: float | Materials = 0.5, gap: float = 1e-3, *, stress: "ArrayLike | None" = None,
-    tolerance: float = 0.01, threads: int | None = None,
+    packing: Assembly, friction: float | Materials | None = None, gap: float = 1e-3, *,
+    stress: "ArrayLike | None" = None, tolerance: float = 0.01, threads: int | None = None,
 ) -> "Dataset":  # fmt: skip
     """Return whether grains rest: forces at their contacts that balance the weight and the torque of each.
 
@@ -89,9 +93,9 @@ def equilibrium(
     packing : Packing
         Grains, which may come from anywhere. Fixed ones need no balance: their residuals are 0, and shares leave them
         out.
-    friction : float or Materials
+    friction : float or Materials, optional
         Coefficient of friction of Coulomb between grains and at walls, at least 0, or a table of materials, whose pairs
-        have one each.
+        have one each; default: that of the forces which the packing keeps, as it settled or was compressed, or 0.5.
     gap : float
         Distance of the surfaces, in median diameters, up to which grains touch; at least 0.
     stress : float or array_like of float, optional
@@ -134,7 +138,8 @@ def equilibrium(
     ------
     InputError
         If `packing` is no packing, has neither gravity nor a stress, the stress is no symmetric tensor with principal
-        stresses above 0, or a number, also that of threads, is out of range.
+        stresses above 0, or a number, also that of threads, is out of range. If no friction is given, and that of the
+        packing is by contact without its materials in the provenance.
 
     References
     ----------
@@ -162,7 +167,8 @@ def equilibrium(
             "packing.gravity is None: rest is a balance of weights; give the direction of gravity with "
             f"dataclasses.replace(packing, gravity={usual}), or a stress to be borne without gravity, stress=1"
         )
-    rub, gap = friction_of(as_friction(friction), packing), as_number(gap, "gap", at_least=0.0)
+    friction = _known_friction(packing) if friction is None else as_friction(friction)
+    rub, gap = friction_of(friction, packing), as_number(gap, "gap", at_least=0.0)
     tolerance = as_positive(tolerance, "tolerance")
     given = {"friction": friction_range(rub)[1], "gap": gap, "tolerance": tolerance}
     if tensor is not None:
@@ -179,6 +185,23 @@ def equilibrium(
             _guess_forces(bed, rub, gap)
         found = balance_bed(bed, rub, reach=gap, tolerance=tolerance, decide=True)
     return _dataset(packing, bed, found, given)
+
+
+def _known_friction(packing: Assembly) -> float | Materials:
+    """Return the friction with which a packing came to rest, or 0.5 where it is not known."""
+    forces = getattr(packing, "forces", None)
+    known = None if forces is None else forces.friction
+    if not isinstance(known, np.ndarray):
+        return USUAL if known is None else float(known)
+    # contacts that are found now are others: their friction is that of the materials
+    record: Mapping[str, Any] = getattr(packing, "provenance", {})
+    table = record.get("compression", record.get("settling", {})).get("parameters", {}).get("friction")
+    if not isinstance(table, Mapping):
+        raise InputError(
+            "friction of the packing is by contact, and its materials are not known: give friction=0.5, or "
+            "--friction 0.5"
+        )
+    return from_mapping(Materials, table, "friction of the packing")
 
 
 def _guess_forces(bed: Bed, friction: float | FrictionTable, reach: float) -> None:

@@ -1,6 +1,7 @@
 """Materials of grains and walls, with the properties of contacts between two of them."""
 
 import math
+import re
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import combinations_with_replacement
@@ -23,6 +24,8 @@ from voxgran.settling.material import Material
 OF_PAIRS = ("friction", "rolling_friction", "restitution", "stiffness", "shear_stiffness", "cohesion")
 #: names of all walls that are not named, and of walls of revolution, to which a number is added where there are several
 OTHERS, ROUND = "others", "round"
+#: names of walls, beside those with a number
+WALLS = (*(f"{axis}_{side}" for axis in "xyz" for side in ("low", "high")), ROUND, "mesh", "lid", OTHERS)
 
 
 @explained_methods
@@ -56,8 +59,8 @@ class Materials(ExplainedAttributes):
         If there are no materials, their contact laws or bond strengths differ, one of several is not said of the
         shapes, a pair is given twice or is not two names, or a number is out of its range.
     UnknownNameError
-        If a pair, a shape or a wall names an unknown material, or a property is unknown; the message gives the nearest
-        name.
+        If a pair, a shape or a wall names an unknown material, or a property or a wall is unknown; the message gives
+        the nearest name.
 
     Examples
     --------
@@ -105,6 +108,9 @@ class Materials(ExplainedAttributes):
             for name in held:
                 if name is not None:
                     self._known(name, f"material of {what}")
+        for name in self.walls if isinstance(self.walls, Mapping) else ():
+            if name not in WALLS and not (isinstance(name, str) and re.fullmatch(rf"{ROUND}_[1-9][0-9]*", name)):
+                raise UnknownNameError(unknown("wall of the materials", name, WALLS))
         for first, second in combinations_with_replacement(self.names, 2):
             self.between(first, second)
 

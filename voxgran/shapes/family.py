@@ -195,6 +195,18 @@ def make_shapes(family: str | Parameters, *, count: int, seed: int = 0, **parame
 def seeds_of_shapes(seed: int, count: int) -> list[int]:
     """Return the seeds of the shapes that :func:`make_shapes` makes with one seed; a larger count adds to them.
 
+    Parameters
+    ----------
+    seed : int
+        Seed of :func:`make_shapes`, at least 0.
+    count : int
+        Number of shapes, at most a million.
+
+    Returns
+    -------
+    list of int
+        Seed of each shape, as :func:`make_shape` takes it.
+
     Raises
     ------
     InputError

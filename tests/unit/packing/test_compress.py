@@ -248,6 +248,13 @@ def test_the_path_and_the_stress_are_measured_and_saved(tmp_path):
         loose_grains().measure("compression")
 
 
+def test_a_specimen_in_balance_under_another_stress_is_compressed_on():
+    once = vg.compress(loose_grains(), friction=0.4)
+    again = vg.compress(once, friction=0.4, stress=(1.0, 1.0, 1.5))
+    assert again.provenance["compression"]["steps"] > 1
+    assert again.forces.stress.diagonal() == pytest.approx((1.0, 1.0, 1.5), rel=0.01)
+
+
 def test_a_bed_loses_its_gravity_and_its_lid():
     bed = vg.pack(SPHERE, vg.Box((4, 4, 8), periodic="xy"), "gravity", count=40, lid={"weight": 1.0})
     specimen = vg.compress(bed)
@@ -284,6 +291,12 @@ def test_bad_input_is_refused_in_one_sentence(container, given, words):
     loose = loose_grains(container=container, count=5)
     with pytest.raises(InputError, match=words):
         vg.compress(loose, **given)
+
+
+def test_stresses_so_unequal_that_grains_become_wider_than_their_cell_are_refused():
+    loose = vg.pack(SPHERE, vg.Box((5, 5, 5), periodic="xyz"), "rsa", count=70, seed=1)
+    with pytest.raises(InputError, match="wide, less than a grain; ask for more equal stresses"):
+        vg.compress(loose, stress=(1e-9, 1, 1))
 
 
 def test_a_solid_fraction_out_of_reach_is_told():

@@ -297,6 +297,32 @@ def test_the_room_around_solids():
     assert slit.volume == pytest.approx(6 * 6 * 4, rel=0.03)
 
 
+@pytest.mark.parametrize("seed", [2, 9])
+def test_no_grain_grows_under_an_obstacle_that_is_too_low_for_it(seed):
+    # half of the seeds had a grain between the cube and the floor, which overlapped both by 0.1 d
+    box, cube = vg.Box((5, 5, 8)), vg.shapes.box(lengths=(1.2, 1.2, 1.2))
+    low = vg.Packing.of(cube, box, position=[(2.5, 2.5, 1.5)])
+    bed = vg.pack(SPHERE, box, "gravity", count=20, obstacles=low, seed=seed)
+    assert bed.stop_reason == "settled"
+    assert bed.verify().ok
+
+
+@pytest.mark.parametrize("method", ["gravity", "digital"])
+def test_obstacles_that_leave_no_room(method):
+    # points were looked for without end
+    filling = vg.Packing.of(vg.shapes.box(lengths=(5.8, 5.8, 7.8)), BOX, position=[(3, 3, 4)])
+    with pytest.raises(InputError, match="obstacles or walls leave none"):
+        vg.pack(SPHERE, BOX, method, count=20, obstacles=filling)
+
+
+def test_grains_around_a_fixed_one_are_compressed_to_a_height():
+    cell = vg.Box((5, 5, 8), periodic="xyz")
+    insert = vg.Packing.of(vg.shapes.sphere(diameter=2.5), cell, position=[(2.5, 2.5, 4)])
+    loose = vg.pack(SPHERE, cell, "rsa", count=100, obstacles=insert, seed=1)
+    specimen = vg.compress(loose, axes="z", height=4.05)
+    assert specimen.container.lengths[2] == pytest.approx(4.05, rel=0.005)
+
+
 def test_a_run_with_obstacles_goes_on_from_its_checkpoint(tmp_path):
     keywords = {"count": 40, "obstacles": BAR, "seed": 3}
     whole = vg.pack(SPHERE, BOX, "gravity", **keywords)
@@ -359,6 +385,7 @@ def test_obstacles_of_a_scene(tmp_path):
         ({"family": "sphere", "position": [1, 2, 3], "radios": 2}, r"\[\[obstacle\]\] sphere key 'radios' is unknown"),
         ({"family": "sphere", "position": [1, 2, 3], "orientation": [0, 0, 0, 0]}, "orientation is 0"),
         ({"packing": "below.vtp", "scale": 2}, "packing stands alone"),
+        ({"packing": "nofile.vtp"}, r"^\[\[obstacle\]\] packing .*nofile.vtp is not there"),
     ):
         with pytest.raises(vg.VoxgranError, match=message):
             vg.Scene.from_mapping({**scene, "obstacle": [wrong]}, folder=tmp_path)

@@ -171,6 +171,20 @@ def test_a_guess_worse_than_no_forces_is_rejected(monkeypatch):
     assert found.attrs["share_at_rest"] == 1.0
 
 
+def test_the_friction_is_by_default_that_with_which_a_bed_came_to_rest():
+    shapes, box = [SPHERE, SPHERE.scaled(0.8)], vg.Box((4, 4, 6))
+    table = vg.Materials({"a": {"friction": 0.9}, "b": {"friction": 0.2}}, shapes=["a", "b"], walls="a")
+    for friction, known in ((1.0, 1.0), (table, 0.9)):
+        bed = vg.pack(shapes, box, "gravity", count=30, friction=friction, seed=2)
+        found = equilibrium(bed)
+        assert found.attrs["friction"] == known
+        assert found.identical(equilibrium(bed, friction))
+        # it has no forces any more, and is a bed of unknown friction
+        assert equilibrium(dataclasses.replace(bed, forces=None)).attrs["friction"] == 0.5
+    with pytest.raises(InputError, match="its materials are not known: give friction"):
+        equilibrium(dataclasses.replace(bed, provenance={}))
+
+
 def test_a_bed_that_settled_to_the_last_grain_is_proven_to_rest():
     """The search goes on while the grains above the tolerance may rest."""
     loose = vg.pack(SPHERE, vg.Box((5, 5, 12), periodic="xy"), "rsa", count=100, seed=3)

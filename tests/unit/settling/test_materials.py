@@ -251,6 +251,8 @@ def grains(count=2):
         ({"materials": {"sand": {}, "b": {}}, "shapes": "sadn"}, UnknownNameError, "did you mean 'sand'"),
         ({"materials": {"a": {}}, "walls": "glass"}, UnknownNameError, "material of walls"),
         ({"materials": {"a": {}}, "walls": {"z_low": "glass"}}, UnknownNameError, "material of walls"),
+        ({"materials": {"a": {}}, "walls": {"z_lo": "a", "others": "a"}}, UnknownNameError, "did you mean 'z_low'"),
+        ({"materials": {"a": {}}, "walls": {"round_0": "a"}}, UnknownNameError, "wall of the materials 'round_0'"),
         ({"materials": {"a": {}}, "pairs": {("a", "b"): {"friction": 1}}}, UnknownNameError, "material of a pair"),
         ({"materials": {"a": {}}, "pairs": {("a", "a"): {"fiction": 1}}}, UnknownNameError, "did you mean 'friction'"),
         ({"materials": {"a": {}}, "pairs": {("a", "a"): {"density": 1}}}, UnknownNameError, "property of pair"),

@@ -88,7 +88,7 @@ def in_column(problem: Problem, up: Floats, count: int, height: float | None, ge
     container = problem.container
     if not problem.count:
         return count
-    points = _with_middles(points_inside(container, generator), container)
+    points = with_middles(points_inside(container, generator), container)
     room = -np.asarray(container.signed_distance(points))
     least = float(problem.diameter.min())
     bounding = np.array([shape.bounding_radius for shape in problem.shapes])[problem.shape_id] * problem.diameter
@@ -123,7 +123,7 @@ def in_column(problem: Problem, up: Floats, count: int, height: float | None, ge
     return min(max(most, sure), problem.count)
 
 
-def _with_middles(points: Floats, container: Container) -> Floats:
+def with_middles(points: Floats, container: Container) -> Floats:
     """Return points (n, 3) and their projections on the middle of the bounding box along each axis and each two axes:
     the centers in a container hardly wider than a grain, which random points miss.
     """

@@ -8,7 +8,7 @@ import numpy as np
 
 from voxgran._base.arrays import Floats, as_count, as_positive, check_type
 from voxgran._base.calls import explained
-from voxgran._base.errors import InputError
+from voxgran._base.errors import InputError, shown
 from voxgran._base.registry import Parameters
 from voxgran._base.scalars import number_of
 from voxgran._base.seeds import MOST_SEED, philox_key
@@ -63,8 +63,9 @@ def pack_layers(
     Raises
     ------
     InputError
-        If there is no layer, one is no mapping, lacks its shapes or has a `start`, some have a density and others not,
-        a thickness is not above 0, or :func:`pack` refuses a layer.
+        If there is no layer, one is no mapping, lacks its shapes, has a `start` or both count and height, some have a
+        density and others not, a thickness is not above 0, several are made without gravity, or :func:`pack` refuses
+        a layer.
 
     Examples
     --------
@@ -100,6 +101,11 @@ def pack_layers(
         # each layer has random numbers of its own, the first those of a packing of one layer
         own = int(philox_key(seed, f"layer {number}")[0]) if number else seed
         packing = pack(given.pop("shapes"), container, method, seed=own, start=packing, **given)
+        if packing.gravity is None and len(layers) > 1:
+            raise InputError(
+                "method places grains without gravity: layers would not lie upon each other; give method 'gravity' or "
+                "'deposition'"
+            )
         records.append({"first": first, "count": packing.count - first})
         first = packing.count
     assert packing is not None
@@ -117,6 +123,11 @@ def _arguments(layer: Any, number: int, common: Mapping[str, Any]) -> dict[str, 
     if number_of(given.get("density")) is not None:
         # that of a layer alone, also where the layers below have the density 1
         given["density"] = [given["density"]] * len(check_shapes(given["shapes"]))
+    if given.get("height") is not None and given.get("count") is not None:
+        raise InputError(
+            f"layer {number} has the height {shown(given['height'])} and the count {shown(given['count'])}: either "
+            "says how much of it there is; leave one of them out"
+        )
     if "start" in given:
         raise InputError(f"layer {number} has a start: its start are the layers below; give them as layers before it")
     return given

@@ -1,4 +1,6 @@
-"""Room that grains can reach around fixed ones: without the pores between these that are too narrow for a grain."""
+"""Room that grains can reach around fixed ones: without the pores that are too narrow for a grain, between these or
+between them and walls.
+"""
 
 import math
 from dataclasses import dataclass, replace
@@ -12,6 +14,7 @@ from voxgran._base.arrays import Floats
 from voxgran._base.lazy import load
 from voxgran._base.seeds import stream
 from voxgran.contacts.inside import Occupied
+from voxgran.packing.beds.filling import ROUNDING, with_middles
 from voxgran.packing.problem import Problem, random_points
 
 #: radius of the sphere that finds room wherever grains do, in diameters of the smallest one
@@ -56,7 +59,9 @@ class Reachable:
     @cached_property
     def _centers(self) -> Any:
         """Tree of the points at which spheres find room; None without any."""
-        clear = self._points[self.container.depth(self._points) <= -self.radius]
+        # a slit hardly wider than a grain has its middle between them
+        points = with_middles(self._points, self.container)
+        clear = points[np.asarray(self.container.signed_distance(points)) <= ROUNDING - self.radius]
         return load("scipy.spatial").cKDTree(clear) if len(clear) else None
 
     @cached_property
@@ -69,10 +74,13 @@ class Reachable:
         places = np.asarray(points, dtype=np.float64)
         depth = self.container.depth(places)
         found = np.maximum(self.container.container.signed_distance(places), depth)
-        near = np.flatnonzero((found < 0.0) & (depth > -self.radius))
+        # a solid and a wall, too, may leave a pore between them that is too narrow
+        near = np.flatnonzero((found < 0.0) & (found > -self.radius) & (depth > -2.0 * self.radius))
         if self._centers is None or not len(near):
             found[near] = np.abs(found[near])
             return found
         away = self._centers.query(places[near])[0]
-        found[near] = np.where(away <= self.radius + NEXT * self._spacing, found[near], np.abs(found[near]))
+        # each of these spheres is in the room, so that seeds in the mouth of a pore, which would grow into it, are not
+        inside = self.radius + NEXT * self._spacing - away
+        found[near] = np.where(inside >= 0.0, np.maximum(found[near], -inside), np.abs(found[near]))
         return found

@@ -15,6 +15,8 @@ from voxgran.geometry.level_grid import is_free, level_cells, link_at
 RADIUS, LOOSE = 0.36, 0.5
 #: points by which the volume of a container below a level is estimated
 SAMPLES = 20_000
+#: multiple of these points after which a container in which none of them lies has no room
+HOPELESS = 20
 #: points that are tried for each seed at once, and the factor by which seeds without a place become smaller
 TRIES, SMALLER = 4, 0.8
 
@@ -98,13 +100,25 @@ def _place(spheres, level, order, placed, points, room, lower, cells):  # type: 
 
 
 def points_inside(container: Container, generator: np.random.Generator, many: int = SAMPLES) -> Floats:
-    """Return random points (many, 3) in a container."""
+    """Return random points (many, 3) in a container.
+
+    Raises
+    ------
+    InputError
+        If none of many points lies in it.
+    """
     lower, upper = container.bounds
-    found, missing = [], many
+    found, missing, tried = [], many, 0
     flat = np.arange(3) < container.dimension
     while missing > 0:
         points = np.array(lower) + (np.array(upper) - lower) * generator.random((many, 3)) * flat
         inside = points[container.signed_distance(points) <= 0.0]
         found.append(inside[:missing])
         missing -= len(inside)
+        tried += many
+        if missing == many and tried >= HOPELESS * SAMPLES:
+            raise InputError(
+                f"none of {tried} random points lies where grains have room: obstacles or walls leave none; make them "
+                "smaller, or the container larger"
+            )
     return within_periods(np.concatenate(found), container)

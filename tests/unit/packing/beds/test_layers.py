@@ -95,6 +95,7 @@ def test_a_start_alone_settles():
         ([BALL], "layer 0 is"),
         ([{"count": 3}], "layer 0 has no shapes"),
         ([{"shapes": BALL, "count": 3, "start": None}], "layer 0 has a start"),
+        ([{"shapes": BALL, "count": 3, "height": 2}], "layer 0 has the height 2 and the count 3: .* leave one of them"),
         ([{"shapes": BALL, "count": 3}, {"shapes": FINE, "height": -1}], "height of layer 1 is -1: .* above 0"),
         ([{"shapes": BALL, "count": 3}, {"shapes": FINE, "height": 40}], "height is .* within it"),
         ([{"shapes": BALL, "count": 3, "density": 2}, {"shapes": FINE, "count": 3}], "layer 1 has no density"),
@@ -103,3 +104,8 @@ def test_a_start_alone_settles():
 def test_bad_input_is_refused_in_one_sentence(layers, words):
     with pytest.raises(InputError, match=words):
         vg.pack_layers(layers, BOX)
+
+
+def test_layers_of_a_method_without_gravity_are_refused():
+    with pytest.raises(InputError, match="would not lie upon each other"):
+        vg.pack_layers([{"shapes": BALL, "count": 3}] * 2, BOX, "rsa")
