@@ -1,0 +1,154 @@
+"""What lies behind the page: the scene that is put together, its plan, the runs, and the packing that is looked at."""
+
+import pprint
+from pathlib import Path
+from typing import Any, ClassVar
+
+from voxgran._base.errors import InputError, VoxgranError
+from voxgran.app.forms import Form, blank_shape, forms_of, mapping_of, rest_of
+from voxgran.app.look import Look
+from voxgran.app.runs import Queue, Run, toml_of
+from voxgran.io.files import load
+from voxgran.measures.model import measure
+from voxgran.contacts.verify import verify
+from voxgran.scene.scene import Scene
+from voxgran.shapes.model import Shape
+
+#: shapes of a preview
+PREVIEW = 5
+#: headline numbers, where the measures have them
+NUMBERS = ("bulk_solid_fraction", "bed_solid_fraction", "solid_fraction", "mean_coordination_number")
+
+
+class Desk:
+    """A scene that is put together, and its runs."""
+
+    #: what can be taken away, by the words of its button
+    FILES: ClassVar[dict[str, str]] = {
+        "Packing": "packing.vtp",
+        "Scene": "scene.toml",
+        "Report": "report.html",
+        "Statistics": "statistics.nc",
+        "Picture": "picture.png",
+    }
+
+    def __init__(self, mapping: dict[str, Any], folder: Path) -> None:
+        self.forms: list[Form] = forms_of(mapping)
+        self.rest = rest_of(mapping)
+        self.folder = folder
+        self.queue = Queue(folder)
+        self.look = Look()
+        self.plan = self.error = ""
+        self.shown: Run | None = None
+        self.results: list[dict[str, str]] = []
+        self.lamps: list[dict[str, Any]] = []
+
+    @property
+    def mapping(self) -> dict[str, Any]:
+        """The scene as it stands in the forms."""
+        return self.rest | mapping_of(self.forms)
+
+    def refresh(self) -> None:
+        """Give each section the fields of its kind, with the values that it has."""
+        kept = {(form["name"], form["number"]): form for form in self.forms}
+        self.forms = forms_of(self.mapping | {})
+        for form in self.forms:
+            before = kept.get((form["name"], form["number"]))
+            if before is not None and not form["on"]:
+                form["kind"] = before["kind"]
+
+    def examine(self) -> None:
+        """Plan the scene; the sentence of an error goes to the section that it names."""
+        self.error = ""
+        for form in self.forms:
+            form["error"] = ""
+        try:
+            self.plan = str(Scene.from_mapping(self.mapping, folder=self.folder.parent).plan())
+        except VoxgranError as error:
+            self.plan = self.error = str(error)
+            for form in self.forms:
+                if f"[{form['name']}]" in self.error:
+                    form["error"] = self.error
+
+    def add_shape(self) -> None:
+        """Add a shape after the others."""
+        last = max(k for k, form in enumerate(self.forms) if form["name"] == "shape")
+        number = sum(form["name"] == "shape" for form in self.forms)
+        self.forms.insert(last + 1, blank_shape(number))
+
+    def remove(self, index: int) -> None:
+        """Remove a shape.
+
+        Raises
+        ------
+        InputError
+            If it is the only one.
+        """
+        if sum(form["name"] == "shape" for form in self.forms) < 2:
+            raise InputError("the only shape cannot be removed: a scene needs one; add another first")
+        del self.forms[index]
+        self.refresh()
+
+    def preview(self) -> list[Shape]:
+        """Return some of the shapes of the scene."""
+        scene = Scene.from_mapping(self.mapping, folder=self.folder.parent)
+        made = [shape for entry in scene.shapes for shape, _ in entry.make(None)]
+        return made[:PREVIEW]
+
+    def run(self) -> Run:
+        """Queue the scene."""
+        return self.queue.add(self.mapping)
+
+    def run_of(self, number: int) -> Run:
+        """Return the run of a number.
+
+        Raises
+        ------
+        InputError
+            If there is none.
+        """
+        found = next((run for run in self.queue.runs if run.number == number), None)
+        if found is None:
+            raise InputError(f"there is no run {number}: runs have the numbers {[run.number for run in self.queue.runs]}")
+        return found
+
+    def open(self, number: int) -> None:
+        """Show the packing of a run, with its numbers."""
+        run = self.run_of(number)
+        packing, self.shown = load(run.packing), run
+        self.look.show(packing)
+        proof, numbers = verify(packing), measure(packing)
+        self.results = [
+            {"name": name.replace("_", " "), "text": f"{float(numbers[name]):.4f}"} for name in NUMBERS if name in numbers
+        ]
+        rest = packing.forces
+        self.lamps = [{"name": "verify", "ok": proof.ok, "text": proof.summary().splitlines()[0]}]
+        if rest is not None:
+            text = f"{100 * rest.share_at_rest:.1f} % of the grains rest"
+            self.lamps.append({"name": "equilibrium", "ok": packing.stop_reason == "settled", "text": text})
+
+    def python(self) -> str:
+        """Return the Python that makes the same packing."""
+        text = pprint.pformat(self.mapping, sort_dicts=False, width=44)
+        return f"import voxgran as vg\n\nscene = vg.Scene.from_mapping({text})\nresult = scene.run('out')\n"
+
+    def file(self, name: str) -> bytes:
+        """Return the content of a file to take away.
+
+        Raises
+        ------
+        InputError
+            If the run that is shown has no such file.
+        """
+        if name == "scene.toml" and self.shown is None:
+            return toml_of(self.mapping).encode()
+        if self.shown is None:
+            raise InputError("no run is shown: show one first")
+        if name == "picture.png":
+            from voxgran.report.stage import png_of, shot
+
+            return png_of(shot(self.look.stage))
+        path = self.shown.folder.with_suffix(".toml") if name == "scene.toml" else self.shown.folder / name
+        if not path.exists():
+            raise InputError(f"run {self.shown.number} has no {name}: switch it on under Files, and run again")
+        return path.read_bytes()

@@ -1,0 +1,259 @@
+"""The page of the app: forms on the left, the scene in the middle, plan, runs and results on the right."""
+
+import asyncio
+from pathlib import Path
+from typing import Any
+
+from voxgran._base.errors import VoxgranError
+from voxgran._base.lazy import load
+from voxgran.app.desk import Desk
+from voxgran.app.look import colors_of
+
+#: seconds between two looks at the runs
+TICK = 0.5
+
+
+class Page:
+    """The page of a desk; all that it knows of a scene comes from the desk."""
+
+    def __init__(self, desk: Desk, server: Any) -> None:
+        self.desk, self.server, self.state = desk, server, server.state
+        self.state.update(
+            {
+                "trame__title": "voxgran",
+                "forms": desk.forms,
+                "plan": "",
+                "error": "",
+                "runs": [],
+                "shown": 0,
+                "colors": colors_of(None),
+                "color_by": "diameter",
+                "forces": False,
+                "cut_x": 1,
+                "cut_y": 1,
+                "cut_z": 1,
+                "results": [],
+                "lamps": [],
+                "python": "",
+            }
+        )
+        self.state.change("color_by", "forces")(self.redraw)
+        self.state.change("cut_x", "cut_y", "cut_z")(self.cut)
+        self.view: Any = None
+        self._build()
+        self.edited()
+
+    def edited(self, number: int = -1) -> None:
+        """Take the forms as they stand in the browser: a kind that changed brings its own fields."""
+        self.desk.forms = [dict(form) for form in self.state.forms]
+        if number >= 0:
+            self.desk.refresh()
+        self.desk.examine()
+        self.state.forms = self.desk.forms
+        self.state.plan, self.state.error = self.desk.plan, self.desk.error
+        self.state.python = self.desk.python()
+        self.state.dirty("forms")
+
+    def add_shape(self) -> None:
+        """Add a shape."""
+        self.desk.add_shape()
+        self.state.forms = self.desk.forms
+        self.edited()
+
+    def remove(self, index: int) -> None:
+        """Remove a shape, but the only one."""
+        self.desk.remove(index)
+        self.state.forms = self.desk.forms
+        self.edited()
+
+    def preview(self) -> None:
+        """Show shapes of the scene."""
+        self._guarded(lambda: self.desk.look.show_shapes(self.desk.preview()))
+
+    def run(self) -> None:
+        """Queue the scene."""
+        self._guarded(self.desk.run)
+        self._tell_runs()
+
+    def stop(self, number: int) -> None:
+        """Stop a run."""
+        self._guarded(lambda: self.desk.queue.stop(self.desk.run_of(number)))
+
+    def go_on(self, number: int) -> None:
+        """Let a run go on from its checkpoint."""
+        self._guarded(lambda: self.desk.queue.go_on(self.desk.run_of(number)))
+
+    def show(self, number: int) -> None:
+        """Show the packing of a run."""
+        self._guarded(lambda: self.desk.open(number))
+        self.state.shown, self.state.colors = number, colors_of(self.desk.look.packing)
+        if self.state.color_by not in self.state.colors:
+            self.state.color_by = "diameter"
+        self.state.results, self.state.lamps = self.desk.results, self.desk.lamps
+        self.redraw()
+
+    def redraw(self, **_: Any) -> None:
+        """Draw the packing again."""
+        look = self.desk.look
+        if look.packing is not None:
+            self._guarded(lambda: look.show(look.packing, color_by=self.state.color_by, forces=self.state.forces))
+            self.cut()
+
+    def cut(self, **_: Any) -> None:
+        """Cut the packing."""
+        self.desk.look.cut((float(self.state.cut_x), float(self.state.cut_y), float(self.state.cut_z)))
+        self._update()
+
+    def download(self, what: str) -> bytes:
+        """Return a file of the run that is shown, or of the scene."""
+        return self.desk.file(what)
+
+    async def watch(self) -> None:
+        """Follow the runs as long as the app is there."""
+        while True:
+            for run in self.desk.queue.poll():
+                if run.state == "done":
+                    self.show(run.number)
+            self._tell_runs()
+            self.state.flush()
+            await asyncio.sleep(TICK)
+
+    def _guarded(self, call: Any) -> None:
+        """Call a function; the sentence of an error goes to the page."""
+        try:
+            self.state.error = ""
+            call()
+        except VoxgranError as error:
+            self.state.error = str(error)
+        self._update()
+
+    def _update(self) -> None:
+        """Send the picture anew."""
+        if self.view is not None:
+            self.view.update()
+
+    def _tell_runs(self) -> None:
+        """Say how the runs are."""
+        told = [run.told() for run in self.desk.queue.runs]
+        if told != self.state.runs:
+            self.state.runs = told
+
+    def _build(self) -> None:
+        """Lay out the page."""
+        v3, html = load("trame.widgets.vuetify3"), load("trame.widgets.html")
+        with load("trame.ui.vuetify3").VAppLayout(self.server, theme="light") as layout:
+            with v3.VAppBar(density="compact", elevation=1):
+                v3.VAppBarTitle("voxgran")
+                html.Span("{{ error }}", classes="text-error mx-4", id="error")
+                v3.VBtn("Preview shapes", click=self.preview, id="preview")
+                v3.VBtn("Run", click=self.run, id="run", color="primary", variant="flat", classes="mx-2")
+            with v3.VNavigationDrawer(model_value=True, width=400, permanent=True):
+                self._forms(v3, html)
+            with v3.VNavigationDrawer(model_value=True, width=340, permanent=True, location="right"):
+                self._results(v3, html)
+            with v3.VMain(), v3.VContainer(fluid=True, classes="pa-0 d-flex flex-column", style="height: 100%"):
+                self._tools(v3)
+                with html.Div(style="flex: 1; min-height: 0"):
+                    self.view = load("trame_pyvista.widgets").PyVistaRemoteView(self.desk.look.stage)
+        layout.root.style = "overflow: hidden"
+
+    def _forms(self, v3: Any, html: Any) -> None:
+        """Lay out the forms, one panel for each section."""
+        with v3.VExpansionPanels(multiple=True, variant="accordion"):
+            with v3.VExpansionPanel(v_for="(form, index) in forms", key="index"):
+                with v3.VExpansionPanelTitle():
+                    html.Span("{{ form.title }}", classes="font-weight-medium")
+                    html.Span("{{ form.on ? form.kind : 'off' }}", classes="text-medium-emphasis mx-2")
+                    html.Span("{{ form.error }}", classes="text-error text-caption")
+                with v3.VExpansionPanelText():
+                    v3.VSwitch(
+                        v_if="!form.needed && form.name != 'shape'",
+                        v_model="form.on",
+                        label="used",
+                        density="compact",
+                        color="primary",
+                        update_modelValue="flushState('forms'); trigger('edited')",
+                    )
+                    v3.VSelect(
+                        v_if="form.kinds.length",
+                        v_model="form.kind",
+                        items=("form.kinds",),
+                        density="compact",
+                        label=("form.title",),
+                        update_modelValue="flushState('forms'); trigger('edited', [index])",
+                    )
+                    with html.Template(v_for="(field, k) in form.fields", key="k"):
+                        v3.VSelect(
+                            v_if="field.choices.length",
+                            v_model="field.text",
+                            items=("['', ...field.choices]",),
+                            label=("field.name",),
+                            hint=("field.meaning",),
+                            persistent_hint=True,
+                            density="compact",
+                            update_modelValue="flushState('forms'); trigger('edited')",
+                        )
+                        v3.VTextField(
+                            v_else=True,
+                            v_model="field.text",
+                            label=("field.name + (field.unit ? ' (' + field.unit + ')' : '')",),
+                            placeholder=("field.default",),
+                            persistent_placeholder=True,
+                            hint=("field.meaning + (field.type ? ': ' + field.type : '')",),
+                            persistent_hint=True,
+                            density="compact",
+                            id=("form.name + '-' + field.name",),
+                            update_modelValue="flushState('forms'); trigger('edited')",
+                        )
+                    v3.VBtn("Remove", v_if="form.number > 0", click=(self.remove, "[index]"), size="small")
+        v3.VBtn("Add a shape", click=self.add_shape, variant="text", id="add-shape")
+        self.server.controller.trigger("edited")(self.edited)
+
+    def _results(self, v3: Any, html: Any) -> None:
+        """Lay out plan, runs, numbers and files."""
+        with v3.VCard(title="Plan", variant="flat", density="compact"):
+            html.Pre("{{ plan }}", classes="text-caption px-4", style="white-space: pre-wrap", id="plan")
+        with v3.VCard(title="Runs", variant="flat", density="compact"):
+            with html.Div(v_for="run in runs", key="run.number", classes="px-4 py-1 run"):
+                html.Span("{{ run.number }}: {{ run.state }} {{ run.stage }} {{ run.text }} {{ run.error }}")
+                html.Span("{{ run.left === null ? '' : ', about ' + run.left + ' s left' }}")
+                v3.VProgressLinear(v_if="run.state == 'running'", model_value=("run.percent",), color="primary")
+                v3.VBtn("Stop", v_if="run.state == 'running' || run.state == 'waiting'", size="x-small",
+                        click=(self.stop, "[run.number]"), classes="stop")
+                v3.VBtn("Go on", v_if="run.state == 'stopped' || run.state == 'failed'", size="x-small",
+                        click=(self.go_on, "[run.number]"), classes="go-on")
+                v3.VBtn("Show", v_if="run.state == 'done'", size="x-small", click=(self.show, "[run.number]"))
+        with v3.VCard(title="Results", variant="flat", density="compact", v_if="shown"):
+            with html.Div(v_for="lamp in lamps", key="lamp.name", classes="px-4 lamp"):
+                v3.VIcon("mdi-circle", color=("lamp.ok ? 'success' : 'error'",), size="small")
+                html.Span(" {{ lamp.name }}: {{ lamp.text }}", classes="text-caption")
+            with html.Div(v_for="result in results", key="result.name", classes="px-4 text-caption"):
+                html.Span("{{ result.name }}: {{ result.text }}")
+            for name, file in Desk.FILES.items():
+                v3.VBtn(
+                    name,
+                    size="small",
+                    variant="outlined",
+                    classes="ma-1",
+                    click=f"utils.download('{file}', trigger('download', ['{file}']), 'application/octet-stream')",
+                )
+        with v3.VCard(title="The same in Python", variant="flat", density="compact"):
+            html.Pre("{{ python }}", classes="text-caption px-4", style="white-space: pre-wrap", id="python")
+        self.server.controller.trigger("download")(self.download)
+
+    def _tools(self, v3: Any) -> None:
+        """Lay out what turns the view: colours, forces, cuts."""
+        with v3.VRow(dense=True, no_gutters=True, classes="px-2", style="flex: 0"):
+            v3.VSelect(
+                v_model=("color_by",), items=("colors",), label="colour by", density="compact", hide_details=True
+            )
+            v3.VCheckbox(v_model=("forces",), label="forces", density="compact", hide_details=True)
+            for axis in "xyz":
+                v3.VSlider(
+                    v_model=(f"cut_{axis}",), label=axis, min=0, max=1, step=0.01, density="compact", hide_details=True
+                )
+
+
+def folder_of(scene: Path | None, output: str | None) -> Path:
+    """Return where runs go: beside the scene, or in the folder that is named."""
+    return Path(output) if output else (scene.parent if scene else Path.cwd()) / "voxgran_app"
