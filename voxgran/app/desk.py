@@ -8,14 +8,17 @@ from voxgran._base.errors import InputError, VoxgranError
 from voxgran.app.forms import Form, blank_shape, forms_of, mapping_of, rest_of
 from voxgran.app.look import Look
 from voxgran.app.runs import Queue, Run, toml_of
+from voxgran.contacts.verify import verify
 from voxgran.io.files import load
 from voxgran.measures.model import measure
-from voxgran.contacts.verify import verify
+from voxgran.report.stage import png_of, shot
 from voxgran.scene.scene import Scene
 from voxgran.shapes.model import Shape
 
 #: shapes of a preview
 PREVIEW = 5
+#: lines of a plan that are shown first
+HEADLINES = ("grains", "bed", "memory", "note")
 #: headline numbers, where the measures have them
 NUMBERS = ("bulk_solid_fraction", "bed_solid_fraction", "solid_fraction", "mean_coordination_number")
 
@@ -32,13 +35,14 @@ class Desk:
         "Picture": "picture.png",
     }
 
-    def __init__(self, mapping: dict[str, Any], folder: Path) -> None:
+    def __init__(self, mapping: dict[str, Any], folder: Path, base: Path) -> None:
         self.forms: list[Form] = forms_of(mapping)
         self.rest = rest_of(mapping)
-        self.folder = folder
-        self.queue = Queue(folder)
+        self.base = base
+        self.queue = Queue(folder, base)
         self.look = Look()
-        self.plan = self.error = ""
+        self.plan = self.details = self.error = ""
+        self.errors: dict[str, str] = {}
         self.shown: Run | None = None
         self.results: list[dict[str, str]] = []
         self.lamps: list[dict[str, Any]] = []
@@ -51,7 +55,7 @@ class Desk:
     def refresh(self) -> None:
         """Give each section the fields of its kind, with the values that it has."""
         kept = {(form["name"], form["number"]): form for form in self.forms}
-        self.forms = forms_of(self.mapping | {})
+        self.forms = forms_of(self.mapping)
         for form in self.forms:
             before = kept.get((form["name"], form["number"]))
             if before is not None and not form["on"]:
@@ -59,16 +63,18 @@ class Desk:
 
     def examine(self) -> None:
         """Plan the scene; the sentence of an error goes to the section that it names."""
-        self.error = ""
-        for form in self.forms:
-            form["error"] = ""
+        self.error, self.plan, self.details, self.errors = "", "", "", {}
         try:
-            self.plan = str(Scene.from_mapping(self.mapping, folder=self.folder.parent).plan())
+            made = Scene.from_mapping(self.mapping, folder=self.base).plan()
         except VoxgranError as error:
-            self.plan = self.error = str(error)
-            for form in self.forms:
-                if f"[{form['name']}]" in self.error:
-                    form["error"] = self.error
+            self.error = str(error)
+            named = (k for k, form in enumerate(self.forms) if f"[{form['name']}]" in self.error)
+            self.errors = {str(k): self.error for k in named}
+            return
+        self.details = str(made)
+        lines = [line for line in self.details.splitlines() if line.startswith(HEADLINES)]
+        seconds = f"time            about {made.seconds:.0f} s" if made.seconds >= 1 else ""
+        self.plan = "\n".join(" ".join(line.split()) for line in [*lines, seconds] if line)
 
     def add_shape(self) -> None:
         """Add a shape after the others."""
@@ -91,8 +97,8 @@ class Desk:
 
     def preview(self) -> list[Shape]:
         """Return some of the shapes of the scene."""
-        scene = Scene.from_mapping(self.mapping, folder=self.folder.parent)
-        made = [shape for entry in scene.shapes for shape, _ in entry.make(None)]
+        scene = Scene.from_mapping(self.mapping, folder=self.base)
+        made = [shape for entry in scene.shapes for shape in entry.make()]
         return made[:PREVIEW]
 
     def run(self) -> Run:
@@ -145,8 +151,6 @@ class Desk:
         if self.shown is None:
             raise InputError("no run is shown: show one first")
         if name == "picture.png":
-            from voxgran.report.stage import png_of, shot
-
             return png_of(shot(self.look.stage))
         path = self.shown.folder.with_suffix(".toml") if name == "scene.toml" else self.shown.folder / name
         if not path.exists():

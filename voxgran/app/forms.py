@@ -129,7 +129,6 @@ def _form(name: str, section: Section, given: Mapping[str, Any] | None, number: 
         "kind": kind,
         "needed": section.needed,
         "on": section.needed or given is not None,
-        "error": "",
         "fields": [_field(item, values.get(item.name)) for item in section.parameters(kind)],
     }
 

@@ -1,7 +1,6 @@
 """The page of the app: forms on the left, the scene in the middle, plan, runs and results on the right."""
 
 import asyncio
-from pathlib import Path
 from typing import Any
 
 from voxgran._base.errors import VoxgranError
@@ -23,6 +22,8 @@ class Page:
                 "trame__title": "voxgran",
                 "forms": desk.forms,
                 "plan": "",
+                "details": "",
+                "errors": {},
                 "error": "",
                 "runs": [],
                 "shown": 0,
@@ -41,30 +42,42 @@ class Page:
         self.state.change("cut_x", "cut_y", "cut_z")(self.cut)
         self.view: Any = None
         self._build()
-        self.edited()
+        self._examine()
 
-    def edited(self, number: int = -1) -> None:
-        """Take the forms as they stand in the browser: a kind that changed brings its own fields."""
+    def edited(self, index: int = -1) -> None:
+        """Take the forms as they stand in the browser; the section of a number has another kind, with its own fields.
+
+        The forms themselves are sent back only where their fields change, since a person goes on typing.
+        """
         self.desk.forms = [dict(form) for form in self.state.forms]
-        if number >= 0:
+        if index >= 0:
             self.desk.refresh()
-        self.desk.examine()
+            self._send_forms()
+        self._examine()
+
+    def _send_forms(self) -> None:
+        """Send the forms to the browser."""
         self.state.forms = self.desk.forms
-        self.state.plan, self.state.error = self.desk.plan, self.desk.error
-        self.state.python = self.desk.python()
         self.state.dirty("forms")
+
+    def _examine(self) -> None:
+        """Plan the scene of the forms."""
+        self.desk.examine()
+        state = self.state
+        state.plan, state.details, state.errors = self.desk.plan, self.desk.details, self.desk.errors
+        state.error, state.python = self.desk.error, self.desk.python()
 
     def add_shape(self) -> None:
         """Add a shape."""
         self.desk.add_shape()
-        self.state.forms = self.desk.forms
-        self.edited()
+        self._send_forms()
+        self._examine()
 
     def remove(self, index: int) -> None:
         """Remove a shape, but the only one."""
-        self.desk.remove(index)
-        self.state.forms = self.desk.forms
-        self.edited()
+        self._guarded(lambda: self.desk.remove(index))
+        self._send_forms()
+        self._examine()
 
     def preview(self) -> None:
         """Show shapes of the scene."""
@@ -164,7 +177,7 @@ class Page:
                 with v3.VExpansionPanelTitle():
                     html.Span("{{ form.title }}", classes="font-weight-medium")
                     html.Span("{{ form.on ? form.kind : 'off' }}", classes="text-medium-emphasis mx-2")
-                    html.Span("{{ form.error }}", classes="text-error text-caption")
+                    html.Span("{{ errors[index] }}", classes="text-error text-caption section-error")
                 with v3.VExpansionPanelText():
                     v3.VSwitch(
                         v_if="!form.needed && form.name != 'shape'",
@@ -213,6 +226,9 @@ class Page:
         """Lay out plan, runs, numbers and files."""
         with v3.VCard(title="Plan", variant="flat", density="compact"):
             html.Pre("{{ plan }}", classes="text-caption px-4", style="white-space: pre-wrap", id="plan")
+            with v3.VExpansionPanels(variant="accordion"), v3.VExpansionPanel(title="All of the plan"):
+                with v3.VExpansionPanelText():
+                    html.Pre("{{ details }}", classes="text-caption", style="white-space: pre-wrap", id="details")
         with v3.VCard(title="Runs", variant="flat", density="compact"):
             with html.Div(v_for="run in runs", key="run.number", classes="px-4 py-1 run"):
                 html.Span("{{ run.number }}: {{ run.state }} {{ run.stage }} {{ run.text }} {{ run.error }}")
@@ -253,7 +269,3 @@ class Page:
                     v_model=(f"cut_{axis}",), label=axis, min=0, max=1, step=0.01, density="compact", hide_details=True
                 )
 
-
-def folder_of(scene: Path | None, output: str | None) -> Path:
-    """Return where runs go: beside the scene, or in the folder that is named."""
-    return Path(output) if output else (scene.parent if scene else Path.cwd()) / "voxgran_app"

@@ -11,6 +11,7 @@ from voxgran._base.errors import InputError, Interrupted, VoxgranError
 from voxgran._base.files import write_text
 from voxgran._base.lazy import load
 from voxgran._base.progress import Step
+from voxgran.scene.description import read_toml
 from voxgran.scene.processes import Channel, Process, ending_of, start
 from voxgran.scene.run import PACKING
 from voxgran.scene.scene import Scene
@@ -25,15 +26,15 @@ def serve(channel: Channel) -> None:
     Parameters
     ----------
     channel : Channel
-        From which the folder comes.
+        From which the folder comes, the one of files that the scene names, and whether the run goes on.
     """
-    folder, resume = channel.receive()
+    folder, base, resume = channel.receive()
 
     def tell(step: Step) -> None:
         channel.send((step.stage, step.done, step.total, step.text))
 
     try:
-        Scene.from_toml(folder.with_suffix(".toml")).run(folder, resume=resume, on_step=tell)
+        Scene.from_mapping(read_toml(folder.with_suffix(".toml")), folder=base).run(folder, resume=resume, on_step=tell)
     except Interrupted:
         raise
     except VoxgranError as error:
@@ -103,9 +104,10 @@ class Run:
 
 @dataclass(slots=True, eq=False)
 class Queue:
-    """Runs in a folder, of which one is computed at a time."""
+    """Runs in a folder, of which one is computed at a time; scenes name files relative to `base`."""
 
     folder: Path
+    base: Path
     runs: list[Run] = field(default_factory=list)
 
     def add(self, mapping: dict[str, Any]) -> Run:
@@ -116,7 +118,7 @@ class Queue:
         VoxgranError
             If the scene breaks a rule.
         """
-        Scene.from_mapping(mapping, folder=self.folder)
+        Scene.from_mapping(mapping, folder=self.base)
         number = 1 + len(self.runs)
         while (self.folder / f"run_{number}").exists() or (self.folder / f"run_{number}.toml").exists():
             number += 1
@@ -139,7 +141,7 @@ class Queue:
         if self.current is None:
             waiting = next((run for run in self.runs if run.state == "waiting"), None)
             if waiting is not None:
-                _begin(waiting)
+                _begin(waiting, self.base)
         return ended
 
     def stop(self, run: Run) -> None:
@@ -216,10 +218,10 @@ def toml_of(mapping: dict[str, Any]) -> str:
     return str(load("tomli_w").dumps(mapping))
 
 
-def _begin(run: Run) -> None:
+def _begin(run: Run, base: Path) -> None:
     """Start the process of a run."""
     run.process = start(serve, Process)
-    run.process.connection.send((run.folder, run.folder.exists()))
+    run.process.connection.send((run.folder, base, run.folder.exists()))
     run.state, run.began, run.staged, run.stage, run.share = "running", time.monotonic(), time.monotonic(), "", -1.0
 
 

@@ -19,6 +19,7 @@ def serve(
     mapping: dict[str, Any],
     folder: Path,
     *,
+    base: Path,
     port: int = 0,
     open_browser: bool = True,
     told: Callable[[str], None] | None = None,
@@ -31,6 +32,8 @@ def serve(
         Scene with which it begins.
     folder : Path
         Where runs go.
+    base : Path
+        Folder in which the files that scenes name are looked for.
     port : int
         Port; 0 takes a free one.
     open_browser : bool
@@ -41,7 +44,7 @@ def serve(
     folder.mkdir(parents=True, exist_ok=True)
     token = secrets.token_urlsafe(16)
     server = load("trame.app").get_server(f"voxgran-{token}", client_type="vue3")
-    desk = Desk(mapping, folder)
+    desk = Desk(mapping, folder, base)
     page = Page(desk, server)
 
     @server.controller.on_server_ready.once
