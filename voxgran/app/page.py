@@ -38,19 +38,21 @@ class Page:
                 "python": "",
             }
         )
+        self.state.change("forms")(self.edited)
         self.state.change("color_by", "forces")(self.redraw)
         self.state.change("cut_x", "cut_y", "cut_z")(self.cut)
         self.view: Any = None
         self._build()
         self._examine()
 
-    def edited(self, index: int = -1) -> None:
-        """Take the forms as they stand in the browser; the section of a number has another kind, with its own fields.
+    def edited(self, **_: Any) -> None:
+        """Take the forms as they stand in the browser; a section of another kind gets its own fields.
 
         The forms themselves are sent back only where their fields change, since a person goes on typing.
         """
+        before = [form["kind"] for form in self.desk.forms]
         self.desk.forms = [dict(form) for form in self.state.forms]
-        if index >= 0:
+        if [form["kind"] for form in self.desk.forms] != before:
             self.desk.refresh()
             self._send_forms()
         self._examine()
@@ -185,7 +187,7 @@ class Page:
                         label="used",
                         density="compact",
                         color="primary",
-                        update_modelValue="flushState('forms'); trigger('edited')",
+                        update_modelValue="flushState('forms')",
                     )
                     v3.VSelect(
                         v_if="form.kinds.length",
@@ -193,7 +195,7 @@ class Page:
                         items=("form.kinds",),
                         density="compact",
                         label=("form.title",),
-                        update_modelValue="flushState('forms'); trigger('edited', [index])",
+                        update_modelValue="flushState('forms')",
                     )
                     with html.Template(v_for="(field, k) in form.fields", key="k"):
                         v3.VSelect(
@@ -204,7 +206,7 @@ class Page:
                             hint=("field.meaning",),
                             persistent_hint=True,
                             density="compact",
-                            update_modelValue="flushState('forms'); trigger('edited')",
+                            update_modelValue="flushState('forms')",
                         )
                         v3.VTextField(
                             v_else=True,
@@ -216,11 +218,10 @@ class Page:
                             persistent_hint=True,
                             density="compact",
                             id=("form.name + '-' + field.name",),
-                            update_modelValue="flushState('forms'); trigger('edited')",
+                            update_modelValue="flushState('forms')",
                         )
                     v3.VBtn("Remove", v_if="form.number > 0", click=(self.remove, "[index]"), size="small")
         v3.VBtn("Add a shape", click=self.add_shape, variant="text", id="add-shape")
-        self.server.controller.trigger("edited")(self.edited)
 
     def _results(self, v3: Any, html: Any) -> None:
         """Lay out plan, runs, numbers and files."""
