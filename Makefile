@@ -81,6 +81,7 @@ bench: demo $(STAMP) $(ENGINES)/.ok   ## run time against error of voxelization,
 	$(BIN)/voxgran bench tessellation -o docs/figures
 	$(BIN)/voxgran bench measures -o docs/figures
 	$(BIN)/voxgran bench voids -o docs/figures
+	$(BIN)/voxgran bench transport -o docs/figures
 	$(BIN)/voxgran bench settle -o docs/figures
 	VOXGRAN_PEERS=$(ENGINES)/bin/python $(BIN)/voxgran bench compression -o docs/figures
 	$(BIN)/voxgran bench clumps -o docs/figures

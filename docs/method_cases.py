@@ -75,6 +75,7 @@ FAMILIES = {
     "cylinder": Case("shapes.md", when="Pellets, rods and catalyst bodies.", options={"aspect": 2.0}),
     "disk": Case("shapes.md", when="Grains of two-dimensional studies."),
     "ellipsoid": Case("shapes.md", when="Smooth grains longer than wide.", options={"aspect": (1.5, 1.0, 0.7)}),
+    "learned": Case("twins.md", "twins", "Grains like those of a scanned sample.", options={"model": "shapes.nc"}),
     "mollon_zhao": Case("shapes.md", "shapes", "Sand whose sections were measured as Fourier descriptors."),
     "mollon_zhao_2d": Case("shapes.md", when="Outlines of sand with measured Fourier descriptors."),
     "noise_star": Case("shapes.md", "shapes", "Pebbles and dust: smooth random grains of a correlation angle."),

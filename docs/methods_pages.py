@@ -290,7 +290,10 @@ def _shape_examples(name: str, case: Case) -> Iterator[str]:
 def _draw_shape(name: str, case: Case) -> np.ndarray:
     """Draw four shapes of a family, or one where all are alike."""
     seeds = range(1, 5) if families().get(name).random else (0,)
-    picture = picture_shapes([vg.make_shape(name, seed=seed, **case.options) for seed in seeds], columns=len(seeds))
+    options = dict(case.options)
+    if "model" in options:
+        options["model"] = vg.learn_shapes(vg.make_shapes("solid_union", count=12))
+    picture = picture_shapes([vg.make_shape(name, seed=seed, **options) for seed in seeds], columns=len(seeds))
     step = max(1, picture.shape[0] // 180)
     # each pixel is the mean of a square of the picture
     height, width = (length // step * step for length in picture.shape[:2])

@@ -1,9 +1,12 @@
 """What all tests share: how many random examples are tried, and where the scans lie."""
 
 import contextlib
+import gc
 import importlib
 import os
+import subprocess
 from pathlib import Path
+from types import SimpleNamespace
 
 import pytest
 from hypothesis import settings
@@ -14,6 +17,17 @@ settings.register_profile("fast", max_examples=25, deadline=None)
 settings.register_profile("ci", settings.get_profile("fast"), derandomize=True)
 settings.register_profile("thorough", max_examples=500, deadline=None)
 settings.load_profile("ci" if os.environ.get("CI") else "fast")
+
+
+@pytest.hookimpl(wrapper=True)
+def pytest_collection():
+    """Search for no garbage while tests are collected, nor later among the many objects that this makes."""
+    gc.disable()
+    try:
+        return (yield)
+    finally:
+        gc.enable()
+        gc.freeze()
 
 
 @pytest.fixture(scope="session")
@@ -41,6 +55,17 @@ def forked_readers(monkeypatch):
         with contextlib.suppress(ImportError):
             importlib.import_module(name)
     monkeypatch.setattr("voxgran._base.guarded._process", forked)
+
+
+@pytest.fixture
+def forked_workers(monkeypatch):
+    """Fork the processes of studies from this one: each would load its libraries for a second or two."""
+    from kit import ForkedWorker
+
+    # what all of them load
+    importlib.import_module("voxgran._base.compiling.kernel_files")
+    standing = SimpleNamespace(Popen=ForkedWorker, DEVNULL=subprocess.DEVNULL)
+    monkeypatch.setattr("voxgran.scene.processes.subprocess", standing)
 
 
 @pytest.fixture(scope="session")

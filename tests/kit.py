@@ -21,6 +21,7 @@ from voxgran.packing.draw import Request
 from voxgran.packing.driver import Drive, drive
 from voxgran.packing.model import Packing
 from voxgran.packing.pack import prepare_task
+from voxgran.scene import processes
 from voxgran.shapes.mesh import Mesh
 from voxgran.shapes.model import Shape
 from voxgran.shapes.primitive import Primitive
@@ -124,30 +125,23 @@ def install(folder, name, groups):
 
 
 class Forked:
-    """A reader's process that is forked from this one, which has its libraries loaded, and not started anew."""
+    """A process that is forked from this one, which has its libraries loaded, and not started anew."""
 
-    def __init__(self, request):
-        there, here = os.pipe()
+    def __init__(self, work):
         self.returncode = None
         with warnings.catch_warnings():
-            # of threads, none of which holds a lock that a reader asks for
+            # of threads, none of which holds a lock that is asked for there
             warnings.filterwarnings("ignore", "This process .* multi-threaded", DeprecationWarning)
             self.pid = os.fork()
         if not self.pid:
             try:
                 # a crash of a library is an end like others
                 faulthandler.disable()
-                os.dup2(here, 1)
-                os.dup2(os.open(os.devnull, os.O_RDWR), 2)
-                # those that pytest put there lead elsewhere
-                sys.stdout, sys.stderr = sys.__stdout__, sys.__stderr__
-                guarded.serve(request)
+                work()
             finally:
                 os._exit(70)
-        os.close(here)
-        self.stdout = os.fdopen(there, "rb")
 
-    def wait(self):
+    def wait(self, timeout=None):
         if self.returncode is None:
             self.returncode = os.waitstatus_to_exitcode(os.waitpid(self.pid, 0)[1])
         return self.returncode
@@ -156,11 +150,50 @@ class Forked:
         if self.returncode is None:
             os.kill(self.pid, number)
 
+    def kill(self):
+        self.send_signal(signal.SIGKILL)
+
+
+class ForkedReader(Forked):
+    """A process that reads a file, and the pipe that it answers through."""
+
+    def __init__(self, request):
+        there, here = os.pipe()
+
+        def read():
+            os.dup2(here, 1)
+            os.dup2(os.open(os.devnull, os.O_RDWR), 2)
+            # those that pytest put there lead elsewhere
+            sys.stdout, sys.stderr = sys.__stdout__, sys.__stderr__
+            guarded.serve(request)
+
+        super().__init__(read)
+        os.close(here)
+        self.stdout = os.fdopen(there, "rb")
+
+
+class ForkedWorker(Forked):
+    """Stands in for `subprocess.Popen` in `scene.processes`: the same from the first message on."""
+
+    def __init__(self, words, *, pass_fds, env, **_):
+        number, module, name = words[4:7]
+
+        def compute():
+            os.setsid()
+            os.environ.update(env)
+            # what is open here would keep others from seeing the end of what they are connected to
+            sys.modules["voxgran._base.compiling.kernel_files"]._claims.cache_clear()
+            os.closerange(3, pass_fds[0])
+            os.closerange(pass_fds[0] + 1, os.sysconf("SC_OPEN_MAX"))
+            processes.serve(int(number), module, name)
+
+        super().__init__(compute)
+
 
 @contextlib.contextmanager
 def forked(request):
     """Stand in for `guarded._process`: a hundred times faster, the same from the request on."""
-    process = Forked(request)
+    process = ForkedReader(request)
     try:
         yield process
     finally:

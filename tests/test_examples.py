@@ -332,6 +332,7 @@ def test_hulls_in_spheres(tmp_path, capsys, monkeypatch):
     assert vg.load(tmp_path / "settled.vtp").count == int(re.search(r"grains +(\d+)", text).group(1))
 
 
+@pytest.mark.slow
 def test_hulls_on_a_front(tmp_path, capsys, monkeypatch):
     text = printed("hulls_on_a_front.py", capsys, monkeypatch, str(tmp_path), "200")
     assert "verified True" in text
@@ -467,8 +468,8 @@ def test_fit_clump(tmp_path, capsys, monkeypatch):
         ("filled_hopper", 600, 0.31461, 0.31462),
         slow("level_column", 1026, 0.5799, 0.5801),
         ("loose_deposit", 1000, 0.14, 0.16),
-        ("isotropic_specimen", 387, 0.585, 0.590),
-        ("tilted_cell", 600, 0.63, 0.645),
+        slow("isotropic_specimen", 387, 0.585, 0.590),
+        slow("tilted_cell", 600, 0.63, 0.645),
         slow("oedometer", 250, 0.513, 0.518),
         ("rebar_in_bed", 221, 0.29, 0.31),
         ("gaps_in_rectangle", 1029, 0.91, 0.93),

@@ -34,6 +34,7 @@ from numpy.typing import NDArray
 from voxgran.shapes.families.random.polyhedron import Solid
 from voxgran.shapes.families.random.solid_union import Kind
 from voxgran.shapes.generating.regular_solids import PlatonicSolid
+from voxgran.shapes.learning.model import ShapeModel
 from voxgran.shapes.model import Shape as Shape
 from voxgran.typed_calls import Number, NumberRange, Whole, WholeRange
 
@@ -66,6 +67,7 @@ from voxgran.settling.parameters import Lid, Settling, Shaking
 from voxgran.shapes.families.random.polyhedron import Solid
 from voxgran.shapes.families.random.solid_union import Kind
 from voxgran.shapes.generating.regular_solids import PlatonicSolid
+from voxgran.shapes.learning.model import ShapeModel
 from voxgran.shapes.model import Shape
 from voxgran.shapes.size_laws.distribution import SizeDistribution
 from voxgran.voxels.model import Voxels

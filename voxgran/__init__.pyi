@@ -39,6 +39,9 @@ from voxgran.io.netcdf import load_statistics as load_statistics
 from voxgran.io.netcdf import save_statistics as save_statistics
 from voxgran.io.series import Series as Series
 from voxgran.io.vtk_files import save_scene as save_scene
+from voxgran.lattice.along_lines import chord_lengths as chord_lengths
+from voxgran.lattice.along_lines import two_point_correlation as two_point_correlation
+from voxgran.lattice.diffusion import effective_diffusivity as effective_diffusivity
 from voxgran.lattice.distance import distance_transform as distance_transform
 from voxgran.lattice.label import connected_components as connected_components
 from voxgran.lattice.morphology import closing as closing
@@ -73,12 +76,15 @@ from voxgran.points.sample import sample_surface as sample_surface
 from voxgran.report.compare import save_comparison as save_comparison
 from voxgran.report.gallery import save_clump_picture as save_clump_picture
 from voxgran.report.gallery import save_gallery as save_gallery
+from voxgran.report.notebook import view as view
 from voxgran.report.page import save_report as save_report
 from voxgran.report.plot import plot as plot
 from voxgran.report.plot import save_picture as save_picture
 from voxgran.report.slices import save_slices as save_slices
 from voxgran.report.turntable import save_turntable as save_turntable
 from voxgran.scene.scene import Scene as Scene
+from voxgran.scene.twins.twin import Twin as Twin
+from voxgran.scene.twins.twin import twin as twin
 from voxgran.settling.equilibrium import equilibrium as equilibrium
 from voxgran.settling.material import Material as Material
 from voxgran.settling.materials import Materials as Materials
@@ -96,6 +102,8 @@ from voxgran.shapes.images.labels import label_table as label_table
 from voxgran.shapes.images.labels import load_labels as load_labels
 from voxgran.shapes.images.open_image import open_image as open_image
 from voxgran.shapes.images.outline_images import load_outlines as load_outlines
+from voxgran.shapes.learning.learn import learn_shapes as learn_shapes
+from voxgran.shapes.learning.model import ShapeModel as ShapeModel
 from voxgran.shapes.model import Shape as Shape
 from voxgran.shapes.repairing.diagnose import diagnose as diagnose
 from voxgran.shapes.repairing.repair import repair as repair

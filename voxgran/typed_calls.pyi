@@ -26,6 +26,7 @@ from voxgran.settling.parameters import Lid, Settling, Shaking
 from voxgran.shapes.families.random.polyhedron import Solid
 from voxgran.shapes.families.random.solid_union import Kind
 from voxgran.shapes.generating.regular_solids import PlatonicSolid
+from voxgran.shapes.learning.model import ShapeModel
 from voxgran.shapes.model import Shape
 from voxgran.shapes.size_laws.distribution import SizeDistribution
 from voxgran.voxels.model import Voxels
@@ -274,6 +275,9 @@ class EllipsoidKeywords(MakeShapeKeywords, total=False):
     aspect: Sequence[Number] | NDArray[Any] | None
     diameter: NumberRange | None
     semi_axes: Sequence[Number] | NDArray[Any] | None
+class LearnedKeywords(MakeShapeKeywords, total=False):
+    model: ShapeModel | str
+    diameter: NumberRange | None
 class FourierSpectrumKeywords(MakeShapeKeywords, total=False):
     d_2: NumberRange
     d_3: NumberRange
@@ -442,6 +446,8 @@ def make_shape(family: Literal["disk"], **keywords: Unpack[DiskKeywords]) -> Sha
 @overload
 def make_shape(family: Literal["ellipsoid"], **keywords: Unpack[EllipsoidKeywords]) -> Shape: ...
 @overload
+def make_shape(family: Literal["learned"], **keywords: Unpack[LearnedKeywords]) -> Shape: ...
+@overload
 def make_shape(family: Literal["mollon_zhao"], **keywords: Unpack[MollonZhaoKeywords]) -> Shape: ...
 @overload
 def make_shape(family: Literal["mollon_zhao_2d"], **keywords: Unpack[MollonZhao2dKeywords]) -> Shape: ...
@@ -503,6 +509,8 @@ def make_shapes(family: Literal["cylinder"], *, count: Whole, **keywords: Unpack
 def make_shapes(family: Literal["disk"], *, count: Whole, **keywords: Unpack[DiskKeywords]) -> list[Shape]: ...
 @overload
 def make_shapes(family: Literal["ellipsoid"], *, count: Whole, **keywords: Unpack[EllipsoidKeywords]) -> list[Shape]: ...
+@overload
+def make_shapes(family: Literal["learned"], *, count: Whole, **keywords: Unpack[LearnedKeywords]) -> list[Shape]: ...
 @overload
 def make_shapes(family: Literal["mollon_zhao"], *, count: Whole, **keywords: Unpack[MollonZhaoKeywords]) -> list[Shape]: ...
 @overload

@@ -71,6 +71,11 @@ OBSTACLE = vg.Packing.of([SPHERE], BOX, position=[(2, 2, 2)], unit="mm")
 MASK = np.zeros((6, 6, 6), dtype=bool)
 MASK[1:4, 2:5, 2:4] = True
 LABELS = MASK.astype(int)
+SAMPLE = vg.make_shapes("convex_polyhedron", count=10)
+LEARNED = vg.learn_shapes(SAMPLE)
+TWIN = vg.twin(
+    [vg.shapes.sphere(diameter=size) for size in np.linspace(1, 1.2, 10)], solid_fraction=0.4, protocol="expand"
+)
 SEGMENTED = vg.segment(MASK * 100.0, threshold=50, min_size=1)
 CLOUD = vg.Cloud.of(np.random.Generator(np.random.Philox(1)).random((60, 3)))
 SCAN = vg.Cloud.of(vg.sample_surface(ROCK, spacing=0.1))
@@ -229,6 +234,12 @@ GOOD = {
     "local_thickness": periodic_filter(vg.local_thickness, voxel_size=(1.0, 1.0, 2.0), threads=1),
     "connected_components": periodic_filter(vg.connected_components, connectivity=6),
     "distance_transform": periodic_filter(vg.distance_transform, voxel_size=0.5, squared=False, threads=1, out=None),
+    "two_point_correlation": periodic_filter(vg.two_point_correlation, voxel_size=(1.0, 1.0, 2.0)),
+    "chord_lengths": periodic_filter(vg.chord_lengths, voxel_size=(1.0, 1.0, 2.0)),
+    "effective_diffusivity": (
+        vg.effective_diffusivity,
+        {"pores": ~MASK, "region": None, "voxel_size": (1.0, 1.0, 2.0), "periodic": "x", "block": 2},
+    ),
     "crop": (vg.crop, {"image": MASK, "margin": 1}),
     "iso_surface": (vg.iso_surface, {"field": MASK * 1.0, "level": 0.5}),
     "iso_surface volume": (vg.iso_surface, {"field": MASK * 1.0, "volume": 8.0}),
@@ -246,6 +257,32 @@ GOOD = {
             "voxel_size": (1.0, 1.0, 2.0),
         },
     ),
+    "view": (vg.view, {"packing": BED, "color_by": "height", "most": 5.0, "widget": False}),
+    "learn_shapes": (
+        vg.learn_shapes,
+        {"shapes": SAMPLE, "sizes": np.ones(10), "method": "warp", "strength": 0.05, "weights": np.ones(10), "seed": 0},
+    ),
+    "twin": (
+        vg.twin,
+        {
+            "sample": SAMPLE,
+            "container": vg.Box((3, 3, 3), periodic="xyz"),
+            "count": 10,
+            "solid_fraction": 0.4,
+            "protocol": "expand",
+            "model": None,
+            "faces": 40,
+            "forms": 2,
+            "voxel_size": 0.2,
+            "seed": 0,
+            "seeds": 1,
+        },
+    ),
+    "Twin.compared_with": (TWIN.compared_with, {"packing": TWIN.packing}),
+    "Twin.report": (TWIN.report, {"path": ">twin.html", "overwrite": False}),
+    "ShapeModel.sample": (LEARNED.sample, {"count": 2, "seed": 0}),
+    "ShapeModel.report": (LEARNED.report, {"test": SAMPLE, "count": 10, "descriptors": False, "seed": 0}),
+    "ShapeModel.save": (LEARNED.save, {"path": ">shapes.nc", "overwrite": False}),
     "save_slices": (
         vg.save_slices,
         {"segmentation": SEGMENTED, "path": ">slices.png", "image": None, "overwrite": False},
@@ -520,7 +557,7 @@ def public_functions():
 #: objects are made by functions
 ELSEWHERE = {
     *("plot", "save_clump_picture", "save_comparison", "save_gallery", "save_picture", "save_report"),
-    *("save_turntable", "save_deformed", "relax", "Cloud", "Packing", "Scene", "Shape"),
+    *("save_turntable", "save_deformed", "relax", "Cloud", "Packing", "Scene", "Shape", "ShapeModel", "Twin"),
 }
 
 

@@ -46,14 +46,15 @@ def run(folder, *command):
 
 def check_plugin(folder):
     """Use the method of the plugin at the prompt and run its tests."""
-    assert "grains on the sites of a simple cubic lattice" in run(folder, "voxgran", "methods")
-    assert "at least 0" in run(folder, "voxgran", "methods", "cubic")
     page = (PLUGIN / "about.md").read_text()
     example = re.search(r"```python\n(.*?)```", page, flags=re.DOTALL)[1]
     proof = 'assert packing.count == 20\nassert vg.verify(packing).ok\nassert packing.stop_reason == "count"\n'
     proof += "assert bed.count == 40\nassert vg.verify(bed).ok\n"
-    (folder / "try_it.py").write_text(example + proof)
-    run(folder, "try_it")
+    asked = 'from voxgran.cli import main\nmain(["methods"]), main(["methods", "cubic"])\n'
+    (folder / "try_it.py").write_text(example + proof + asked)
+    told = run(folder, "try_it")
+    assert "grains on the sites of a simple cubic lattice" in told
+    assert "at least 0" in told
     found = run(folder, "pytest", "-q", "-p", "no:dash", "-p", "no:cacheprovider", *TESTS)
     assert re.search(r"^24 passed", found, flags=re.MULTILINE), found
     assert "the suites: 22 tests" in page

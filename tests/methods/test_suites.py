@@ -30,7 +30,9 @@ CONTAINERS = {
 MEASURES = [name for name in measures() if measure_registry().get(name).applies(MeasureSuite.packing())]
 
 for name in vg.shape_families():
-    globals()[f"TestFamily{name.title()}"] = type(f"TestFamily{name.title()}", (ShapeFamilySuite,), {"family": name})
+    needs = {"model": vg.learn_shapes(vg.make_shapes("convex_polyhedron", count=10))} if name == "learned" else {}
+    made = {"family": name, "parameters": needs}
+    globals()[f"TestFamily{name.title()}"] = type(f"TestFamily{name.title()}", (ShapeFamilySuite,), made)
 for name in MEASURES:
     globals()[f"TestMeasure{name.title()}"] = type(f"TestMeasure{name.title()}", (MeasureSuite,), {"name": name})
 for name in vg.engines():

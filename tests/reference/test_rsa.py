@@ -73,7 +73,7 @@ def test_the_last_places_fill_slowly():
         slow(
             "random_cubes", vg.make_shape("box", lengths=(1, 1, 1)), vg.Box((20,) * 3, "xyz"), 4_000_000, 0.008, (6, 8)
         ),
-        (
+        slow(
             "random_squares",
             vg.make_shape("polygon", **SQUARE),
             vg.Rectangle((50, 50), "xy"),

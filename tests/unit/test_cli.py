@@ -444,6 +444,7 @@ def test_a_second_run_in_one_folder_is_refused_in_one_line(scene, tmp_path, caps
     assert not lock.exists()
 
 
+@pytest.mark.slow
 @pytest.mark.skipif(os.geteuid() != 0, reason="only root can mount a small disk")
 def test_a_full_disk_is_one_line(scene, tmp_path):
     disk = tmp_path / "disk"
@@ -698,6 +699,7 @@ def test_doctor_compiles_beforehand(monkeypatch, tmp_path, capsys):
     monkeypatch.setattr(beforehand, "scenes", lambda: [scene, refused])
     assert main(["doctor", "--warm", "--json"]) == 0
     assert json.loads(capsys.readouterr().out)["kernels"] == 1
+    monkeypatch.setattr(beforehand, "PROCESSES", 1)
     assert main(["doctor", "--warm"]) == 0
     text = capsys.readouterr()
     assert text.out.startswith("nothing was left to compile")
@@ -719,7 +721,7 @@ def test_each_method_and_kind_of_shape_is_compiled_beforehand():
 @pytest.mark.slow
 def test_each_family_of_shapes_is_compiled_beforehand(monkeypatch, tmp_path):
     made = {task.args[0] for task in beforehand.scenes() if getattr(task, "func", None) is beforehand.make_few}
-    assert made == set(vg.shape_families())
+    assert made == set(vg.shape_families()) - {"learned"}  # it needs a model
     code = """
         import voxgran as vg
         from voxgran._base.kernels import cache_folder

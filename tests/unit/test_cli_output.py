@@ -1,5 +1,6 @@
 """Where the command line writes to: devices, pipes, links and names that no file system takes."""
 
+import csv
 import json
 import os
 import subprocess
@@ -134,6 +135,22 @@ def test_a_flag_that_is_unknown_names_one_alike_without_its_dashes_or_none(capsy
 def test_a_measure_beside_the_file_names_its_flag(capsys):
     assert main(["measure", "bed.vtp", "voids"]) == 2
     assert "'voids' is one argument too many; write --which voids" in capsys.readouterr().err
+
+
+def test_measures_become_a_table_and_the_fabric_tensor_is_printed(tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    grain = vg.make_shape("ellipsoid", semi_axes=(2, 1, 1))
+    places = [[2, 2, 2], [4, 2, 2]]
+    vg.Packing.of([grain], vg.Box((6, 6, 6), periodic="xyz"), position=places, scale=[0.5, 0.5]).save("bed.vtp")
+    assert main(["measure", "bed.vtp", "--which", "fabric", "-o", "bed.csv"]) == 0
+    assert "fabric tensor of contact normals 1, 0, 0; 0, 0, 0; 0, 0, 0" in capsys.readouterr().out
+    with open("bed.csv", newline="") as file:
+        rows = {(row["group"], row["variable"], row["place"]): row for row in csv.DictReader(file)}
+    assert rows["/", "count", ""]["value"] == "2"
+    row = rows["/fabric", "second_order", "vector=contact_normals;i=0;j=0"]
+    assert (float(row["value"]), row["units"]) == (1.0, "1")
+    assert main(["measure", "bed.vtp", "-o", "bed.csv"]) == 2
+    assert main(["measure", "bed.vtp", "-o", "bed.txt"]) == 2
 
 
 def test_a_grey_image_is_segmented_at_the_prompt(tmp_path, capsys):

@@ -268,7 +268,7 @@ def _convert(value: Any, wanted: Any, where: str) -> Any:
     if origin is typing.Literal:
         if value in arguments:
             return value
-        raise InputError(f"{where} is {shown(value)}: it must be {_describe(wanted)}")
+        raise InputError(f"{where} is {shown(value)}: it must be {_describe(wanted)}; choose one of these")
     if origin is tuple and isinstance(value, list | tuple):
         if arguments[-1] is Ellipsis:
             return tuple(_convert(item, arguments[0], where) for item in value)
@@ -283,8 +283,12 @@ def _convert(value: Any, wanted: Any, where: str) -> Any:
         return dict(value)
     if origin is None and (found := _plain_value(value, wanted)) is not None:
         return found
-    remedy = f"; write [{shown(value)}]" if isinstance(value, str) and wanted == tuple[str, ...] else ""
-    raise InputError(f"{where} is {shown(value)}: it must be {_finite(_describe(wanted), value)}{remedy}")
+    remedy = "correct it"
+    if isinstance(value, str) and wanted == tuple[str, ...]:
+        remedy = f"write [{shown(value)}]"
+    elif isinstance(value, list | tuple) and value and wanted is str and all(isinstance(one, str) for one in value):
+        remedy = f"write {shown(''.join(value))}"
+    raise InputError(f"{where} is {shown(value)}: it must be {_finite(_describe(wanted), value)}; {remedy}")
 
 
 def _convert_union(value: Any, kinds: tuple[Any, ...], where: str) -> Any:
@@ -300,7 +304,9 @@ def _convert_union(value: Any, kinds: tuple[Any, ...], where: str) -> Any:
         except InputError:
             continue
     told = _finite(" or ".join(_describe(kind) for kind in kinds if kind is not type(None)), value)
-    raise InputError(f"{where} is {shown(value)}: it must be {told}{'; or leave it out' * (type(None) in kinds)}")
+    raise InputError(
+        f"{where} is {shown(value)}: it must be {told}; {'or leave it out' if type(None) in kinds else 'correct it'}"
+    )
 
 
 def _plain_value(value: Any, wanted: Any) -> Any:
@@ -369,9 +375,8 @@ def document(cls: type) -> None:
         default = "" if item.default in (MISSING, None) else f", default {item.default!r}"
         optional = ", optional" if item.default is None else ""
         lines.append(f"{item.name} : {item.type_text}{optional}{default}")
-        lines += textwrap.wrap(
-            f"{item.doc}{_in_unit(item.unit)}.", 100, initial_indent="    ", subsequent_indent="    "
-        )
+        meaning = item.doc if item.unit in item.doc else f"{item.doc}{_in_unit(item.unit)}"
+        lines += textwrap.wrap(f"{meaning}.", 100, initial_indent="    ", subsequent_indent="    ")
     summary, _, rest = _SECTION.sub("", text).partition("\n\n")
     parts = [summary, "\n    ".join(lines), rest.strip()]
     cls.__doc__ = "\n\n    ".join(part for part in parts if part) + "\n"

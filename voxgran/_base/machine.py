@@ -4,6 +4,7 @@ import contextlib
 import importlib.metadata
 import os
 import re
+from functools import cache
 from pathlib import Path
 
 from voxgran._base.lazy import load
@@ -47,8 +48,12 @@ def peak_memory() -> int:
 
 def installed_versions(*names: str) -> dict[str, str]:
     """Return the versions of those of the distributions that are installed."""
-    found = {}
-    for name in names:
-        with contextlib.suppress(importlib.metadata.PackageNotFoundError):
-            found[name] = importlib.metadata.version(name)
-    return found
+    return {name: version for name in names if (version := _version_of(name))}
+
+
+@cache
+def _version_of(name: str) -> str:
+    """Return the version of a distribution, read from its files once, or nothing where it is not installed."""
+    with contextlib.suppress(importlib.metadata.PackageNotFoundError):
+        return importlib.metadata.version(name)
+    return ""

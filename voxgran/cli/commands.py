@@ -4,7 +4,7 @@ import argparse
 import json
 from collections.abc import Callable, Sequence
 from dataclasses import MISSING
-from functools import partial
+from importlib import import_module
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
@@ -18,9 +18,9 @@ from voxgran.cli.clumps import clump
 from voxgran.cli.data import data
 from voxgran.cli.doctor import doctor
 from voxgran.cli.parser import parameter_text
-from voxgran.cli.segmenting import segment
+from voxgran.cli.segmenting import learn, segment
 from voxgran.cli.shapes import shape, simplify
-from voxgran.cli.terminal import UNITS, complain, entry_line, progress, show, table
+from voxgran.cli.terminal import UNITS, complain, entry_line, loaded, progress, say_assumed, show, table
 from voxgran.shapes.files import check_surface_output
 
 #: which parts use several cores
@@ -59,16 +59,9 @@ def run(options: argparse.Namespace) -> None:
     show(summary, options, f"results in {result.folder}")
 
 
-def study(options: argparse.Namespace) -> int:
-    """Run a study, or say what it would compute; exit status 1 where a run failed."""
-    from voxgran.cli import studies
-
-    return studies.study(options)
-
-
 def verify(options: argparse.Namespace) -> int:
     """Check a packing against the true shapes; exit status 1 where it fails."""
-    packing = _packing(options)
+    packing = loaded(options)
     with progress(options) as on_step:
         proof = voxgran.verify(packing, tolerance=options.tolerance, on_step=on_step)
     show(_fields(proof, "ok", "overlapping_pairs", "deepest", "escaped", "tolerance"), options)
@@ -85,77 +78,40 @@ def measure(options: argparse.Namespace) -> None:
     registry = measure_registry()
     if options.output:
         check_statistics_path(options.output, overwrite=options.overwrite)
-    packing = _packing(options)
+    packing = loaded(options)
     tree = voxgran.measure(packing, which=options.which or None)
     last = str(options.output or "")
     asked = [name for name in registry.names() if name in (options.which or ())]
     if options.output:
         voxgran.save_statistics(tree, options.output, overwrite=options.overwrite)
     elif arrays := [name for name in asked if "/" not in registry.get(name).groups]:
-        last = f"of {', '.join(arrays)} there are arrays only: write them with -o FILE.nc"
+        last = f"of {', '.join(arrays)} there are arrays only: write them with -o FILE.nc or FILE.csv"
     found = {str(name): value for name, value in tree.dataset.data_vars.items() if value.ndim == 0}
     units = {name: str(value.attrs.get("units", "1")) for name, value in found.items() if name not in UNITS}
     numbers = {name: value.item() for name, value in found.items()}
     if "solid_fraction" in numbers:
         # those of the tree are of the container
         numbers = {**(known := main_numbers(packing, tree)), **numbers, **known}
+    for vectors in tree["/fabric"].coords["vector"].values.tolist() if "fabric" in asked else ():
+        numbers[f"fabric_tensor_of_{vectors}"] = tree["/fabric"]["second_order"].sel(vector=vectors).values.tolist()
     show(numbers, options, last, units)
     if "segregation" in tree and (warning := warning_of(float(tree["segregation"]), int(tree["count"]))):
         complain(f"warning: {warning}")
 
 
-def balance(options: argparse.Namespace) -> int:
-    """Settle or compress a packing, or prove that it rests; exit status 1 where some overlap or do not rest."""
-    from voxgran.cli import settling
-
-    work: Callable[..., int] = getattr(settling, options.command)
-    return work(options, _packing(options))
+def _late(module: str, name: str) -> Callable[[argparse.Namespace], int | None]:
+    """Return a command of a module beside this one, which is imported when the command is called."""
+    return lambda options: getattr(import_module(f"voxgran.cli.{module}"), name)(options)
 
 
-def tile(options: argparse.Namespace) -> None:
-    """Repeat a packing beside itself and write all copies."""
-    from voxgran.cli import settling
-
-    settling.tile(options, _packing(options))
-
-
-def export(options: argparse.Namespace) -> None:
-    """Write the input of an engine for a packing."""
-    from voxgran.cli import decks
-
-    decks.export(options, _packing(options))
-
-
-def relax(options: argparse.Namespace) -> int:
-    """Relax a packing in an engine; exit status 1 where it does not come to rest."""
-    from voxgran.cli import decks
-
-    return decks.relax(options, _packing(options))
-
-
-def engines(options: argparse.Namespace) -> None:
-    """List the engines that input can be written for."""
-    from voxgran.cli import decks
-
-    decks.engines(options)
+def _of_packing(module: str, name: str) -> Callable[[argparse.Namespace], int | None]:
+    """Return a command of a module beside this one that takes a packing, which is loaded for it."""
+    return lambda options: getattr(import_module(f"voxgran.cli.{module}"), name)(options, loaded(options))
 
 
 def _fields(source: Any, *names: str) -> dict[str, Any]:
     """Return attributes by their names."""
     return {name: getattr(source, name) for name in names}
-
-
-def _packing(options: argparse.Namespace) -> Any:
-    """Load a packing; say on the error stream what was assumed."""
-    packing = voxgran.load(options.file, unit=options.unit, periodic=options.periodic)
-    _say_assumed(packing)
-    return packing
-
-
-def _say_assumed(packing: Any, of_what: str = "") -> None:
-    """Say what was assumed of spheres of another program."""
-    for subject, sentence in packing.provenance.get("assumed", {}).items():
-        complain(f"{of_what}assumed {subject}: {sentence}")
 
 
 def report(options: argparse.Namespace) -> None:
@@ -164,19 +120,12 @@ def report(options: argparse.Namespace) -> None:
 
     target = Path(options.output or Path(options.file).with_suffix(".html"))
     check_page_path(target, overwrite=options.overwrite)
-    packing = _packing(options)
+    packing = loaded(options)
     with progress(options) as on_step:
         proof = voxgran.verify(packing, on_step=on_step)
     given = _fields(options, "color_by", "turntable", "interactive", "overwrite")
     voxgran.save_report(packing, target, statistics=voxgran.measure(packing), verification=proof, **given)
     print(target)
-
-
-def picture(options: argparse.Namespace) -> None:
-    """Write a picture of a packing."""
-    from voxgran.cli import pictures
-
-    pictures.picture(options, partial(_packing, options))
 
 
 def compare(options: argparse.Namespace) -> None:
@@ -189,7 +138,7 @@ def compare(options: argparse.Namespace) -> None:
     for name, path in _named(options.file):
         given = packings_of_run(path) if Path(path).is_dir() else [voxgran.load(path)]
         for packing in given:
-            _say_assumed(packing, f"{path}: ")
+            say_assumed(packing, f"{path}: ")
         packings.setdefault(name, []).extend(given)
     voxgran.save_comparison(packings, options.output, **_fields(options, "interactive", "overwrite"))
     print(options.output)
@@ -222,20 +171,6 @@ def _called(path: str) -> str:
     if place.is_dir():
         return place.absolute().name
     return place.absolute().parent.name if place.name == PACKING else place.stem
-
-
-def labels(options: argparse.Namespace) -> None:
-    """Make a packing of a label image and write it."""
-    from voxgran.cli import images
-
-    images.labels(options)
-
-
-def image(options: argparse.Namespace) -> None:
-    """Say what an image is."""
-    from voxgran.cli import images
-
-    images.info(options)
 
 
 def repair(options: argparse.Namespace) -> None:
@@ -401,27 +336,29 @@ COMMANDS: dict[str, tuple[str, Callable[[argparse.Namespace], int | None]]] = {
     "init": ("write a scene file to start from", init),
     "plan": ("say what a run would compute, skip and cost", plan),
     "run": ("pack, check, measure and save a scene", run),
-    "study": ("pack a scene with many values of its parameters and many seeds", study),
+    "study": ("pack a scene with many values of its parameters and many seeds", _late("studies", "study")),
     "verify": ("check a packing against the true shapes", verify),
-    "settle": ("let the grains of a packing come to rest under gravity", balance),
-    "compress": ("compress the grains of a packing to a mean stress", balance),
-    "tile": ("repeat a periodic packing beside itself, with its forces", tile),
-    "equilibrium": ("prove that the grains of a packing rest", balance),
+    "settle": ("let the grains of a packing come to rest under gravity", _of_packing("settling", "settle")),
+    "compress": ("compress the grains of a packing to a mean stress", _of_packing("settling", "compress")),
+    "tile": ("repeat a periodic packing beside itself, with its forces", _of_packing("settling", "tile")),
+    "equilibrium": ("prove that the grains of a packing rest", _of_packing("settling", "equilibrium")),
     "measure": ("measure a packing", measure),
     "report": ("write a page with pictures about a packing", report),
-    "picture": ("write a picture of a packing", picture),
+    "picture": ("write a picture of a packing", _late("pictures", "picture")),
     "compare": ("write a page that compares packings", compare),
-    "image": ("say what an image holds: its voxels, lengths, values and labels", image),
+    "image": ("say what an image holds: its voxels, lengths, values and labels", _late("images", "info")),
     "segment": ("segment a grey image into labelled grains", segment),
-    "labels": ("make a packing of a label image", labels),
+    "labels": ("make a packing of a label image", _late("images", "labels")),
+    "twin": ("make a packing of any number of grains that equals a sample", _of_packing("twins", "twin")),
+    "learn": ("learn the distribution of the shapes of a sample", learn),
     "shape": ("make a shape of a family", shape),
     "repair": ("mend a mesh file and say what was done", repair),
     "simplify": ("reduce a mesh file to fewer triangles and tell what that changed", simplify),
     "cloud": ("make a closed surface of a scanned point cloud", cloud),
     "clump": ("fit a clump of spheres to a mesh file", clump),
-    "export": ("write the input of a DEM or DDA engine for a packing", export),
-    "relax": ("bring a packing to rest in an engine, and say how far from rest it was", relax),
-    "engines": ("list the engines that input can be written for", engines),
+    "export": ("write the input of a DEM or DDA engine for a packing", _of_packing("decks", "export")),
+    "relax": ("bring a packing to rest in an engine, and say how far from rest it was", _of_packing("decks", "relax")),
+    "engines": ("list the engines that input can be written for", _late("decks", "engines")),
     "methods": ("list methods, families, sizes, orientations and measures with their parameters", methods),
     "bench": ("measure run time against error", bench),
     "doctor": ("say what this machine has and what is missing", doctor),

@@ -20,6 +20,9 @@ EXAMPLES: dict[str, str] = {
     "segment": "voxgran segment grey.tif --voxel-size 0.1,0.1,0.2 -o labels.vti --picture slices.png",
     "labels": "voxgran labels scan.tif --voxel-size 0.02,0.02,0.05 --unit mm -o scan.vtp\n"
     "  voxgran labels grey.tif --segment --voxel-size 0.02 -o scan.vtp",
+    "twin": "voxgran twin scan.vtp --count 2000 -o out/",
+    "learn": "voxgran learn scan.vtp -o shapes.nc --picture pairs.png\n"
+    "  voxgran shape learned --model shapes.nc --count 100 -o grains",
     "shape": "voxgran shape solid_union --seed 7 --solids 3,5 -o grain.stl\n"
     "  voxgran shape convex_polyhedron --count 300 --points 8,20 -o grains --gallery grains.png",
     "repair": "voxgran repair scan.ply -o rock.ply\n  voxgran repair scan.ply --bodies largest --max-hole 0.1",

@@ -91,6 +91,14 @@ DECK: tuple[Flag, ...] = (
     _flag("--time-step", type=float, help="time step in s; default: by the contact law"),
     _flag("--stress", type=as_value, help="mean stress of a periodic cell in Pa: 1e5, or NaN,NaN,1e5 along the axes"),
 )
+#: a mesh file that is read, and one that is written
+SURFACE = _flag("file", help="mesh file: STL, OBJ, PLY, OFF, VTP, VTU, VTK or MSH")
+MESH = _flag("-o", "--output", help="mesh file for the result: STL, OBJ, PLY, OFF or VTP")
+#: what a run that moves grains goes on from
+GOES_ON: tuple[Flag, ...] = (
+    _flag("--checkpoint", help="file to go on from after an interrupt; default: beside the output"),
+    _flag("--resume", action="store_true", help="go on from the checkpoint"),
+)
 TARGETS = ("iou", "volume", "inertia", "surface")
 COLORED = _flag(
     "--color-by", choices=typing.get_args(ColorBy), default="diameter", help="what the grains are coloured by"
@@ -111,14 +119,12 @@ FLAGS: dict[str, tuple[Flag, ...]] = {
         _flag("-o", "--output", required=True, help="file for the settled packing: .vtp"),
         _flag("--gravity", type=as_value, help="its direction: -z or x,y,z; default: as the packing says"),
         _flag("--seed", type=int, default=0, help="seed of the random accelerations of shaking"),
-        _flag("--checkpoint", help="file to go on from after an interrupt; default: beside the output"),
-        _flag("--resume", action="store_true", help="go on from the checkpoint"),
+        *GOES_ON,
     ),
     "compress": (
         *PACKING,
         _flag("-o", "--output", required=True, help="file for the compressed packing: .vtp"),
-        _flag("--checkpoint", help="file to go on from after an interrupt; default: beside the output"),
-        _flag("--resume", action="store_true", help="go on from the checkpoint"),
+        *GOES_ON,
     ),
     "tile": (
         *PACKING,
@@ -171,6 +177,18 @@ FLAGS: dict[str, tuple[Flag, ...]] = {
         _flag("file", help="image: .npy, .npz, .tif, .png, .vti, .nrrd, .mha or .mhd, or a folder of DICOM slices"),
         _flag("--key", help="which array of an .npz or .vti file"),
     ),
+    "twin": (
+        *PACKING,
+        _flag("--count", type=int, help="number of grains; default: as many as the sample has whole"),
+        _flag("--solid-fraction", type=float, help="of the twin; default: that of the sample"),
+        _flag("--protocol", choices=("gravity", "compress", "expand"), help="default: by the gravity of the sample"),
+        _flag("--faces", type=int, help="most triangles of a grain; default 200"),
+        _flag("--forms", type=int, help="most different shapes; default 100"),
+        _flag("--voxel-size", type=float, help="edge of the voxels on which both are compared"),
+        _flag("--seed", type=int, default=0, help="seed of the grains and of the packing"),
+        _flag("--seeds", type=int, help="number of packings, whose scatter is then known"),
+        _flag("-o", "--output", required=True, help="directory for the packing, the shapes and the page"),
+    ),
     "labels": (
         _flag("file", help="label image: .npy, .npz, .tif, .vti, .nrrd, .mha or .mhd"),
         VOXEL_SIZE,
@@ -199,9 +217,17 @@ FLAGS: dict[str, tuple[Flag, ...]] = {
         _flag("--picture", help="PNG file: slices with the outlines of the grains, those in doubt marked"),
         _flag("-o", "--output", help="file for the labels: .vti, .tif or .npy"),
     ),
+    "learn": (
+        _flag("files", nargs="+", help="packing, such as that of labels (.vtp), or mesh files, one a grain"),
+        _flag("--strength", type=float, help="by how much new grains differ from their donors; default: chosen"),
+        _flag("--seed", type=int, default=0, help="seed of the choice and of the comparison"),
+        _flag("--descriptors", action="store_true", help="compare roundness and smallest boxes too, which take longer"),
+        _flag("--picture", help="PNG file: grains of the sample, each beside one that was made of it"),
+        _flag("-o", "--output", required=True, help="file for the distribution: .nc"),
+    ),
     "repair": (
-        _flag("file", help="mesh file: STL, OBJ, PLY, OFF, VTP, VTU, VTK or MSH"),
-        _flag("-o", "--output", help="mesh file for the result: STL, OBJ, PLY, OFF or VTP"),
+        SURFACE,
+        MESH,
         _flag(
             "--max-hole", type=float, default=0.25, help="widest hole that is closed, in diagonals of the bounding box"
         ),
@@ -211,10 +237,10 @@ FLAGS: dict[str, tuple[Flag, ...]] = {
         ),
     ),
     "simplify": (
-        _flag("file", help="mesh file: STL, OBJ, PLY, OFF, VTP, VTU, VTK or MSH"),
+        SURFACE,
         _flag("--faces", type=int, required=True, help="largest number of triangles"),
         _flag("--repair", action="store_true", help="mend the surface first, as 'voxgran repair' does"),
-        _flag("-o", "--output", help="mesh file for the result: STL, OBJ, PLY, OFF or VTP"),
+        MESH,
     ),
     "cloud": (
         _flag("file", help="point cloud: .ply, .pcd, .xyz, .csv or .las"),
@@ -225,7 +251,7 @@ FLAGS: dict[str, tuple[Flag, ...]] = {
             "--max-gap", type=float, default=5.0, help="how far the surface may be from the nearest point, in spacings"
         ),
         _former("--largest-hole", "--max-gap", float),
-        _flag("-o", "--output", help="mesh file for the result: STL, OBJ, PLY, OFF or VTP"),
+        MESH,
     ),
     "clump": (
         _flag("file", help="mesh file"),

@@ -1,4 +1,4 @@
-"""The command that segments a grey image into labelled grains."""
+"""Commands from scans to grains: a grey image is segmented into labels, and a distribution of shapes is learned."""
 
 import argparse
 from pathlib import Path
@@ -11,10 +11,28 @@ from voxgran._base.errors import InputError
 from voxgran._base.files import output_suffix, written_whole
 from voxgran.cli.terminal import show
 from voxgran.report.stage import check_picture_path
+from voxgran.shapes.formats.mesh_files import WRITERS
 from voxgran.shapes.images.labels import image_of
 
 #: suspects that are named
 NAMED = 10
+
+
+def learn(options: argparse.Namespace) -> None:
+    """Learn the distribution of the shapes of a packing, or of mesh files, and write it."""
+    output_suffix(options.output, [".nc"], "distributions of shapes are kept", overwrite=options.overwrite)
+    if options.picture:
+        check_picture_path(options.picture, overwrite=options.overwrite)
+    meshes = [path for path in options.files if Path(path).suffix.lower() in WRITERS and len(options.files) > 1]
+    shapes = [voxgran.load_shape(path) for path in meshes] if meshes else voxgran.load(options.files[0])
+    model = voxgran.learn_shapes(shapes, strength=options.strength, seed=options.seed)
+    report = model.report(descriptors=options.descriptors, seed=options.seed)
+    if options.picture:
+        voxgran.save_gallery(report.pairs, options.picture, columns=4, overwrite=options.overwrite)
+    model.save(options.output, overwrite=options.overwrite)
+    numbers = {str(name): float(value) for name, value in report.table.data_vars.items() if not value.dims}
+    written = ", ".join(str(path) for path in (options.output, options.picture) if path)
+    show({"grains": len(model.shapes), "strength": model.strength, **numbers}, options, written)
 
 
 def segment(options: argparse.Namespace) -> None:

@@ -10,6 +10,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from datetime import timedelta
 from typing import Any
 
+import voxgran
 from voxgran._base.lazy import load
 from voxgran._base.progress import OnStep, ProgressLines, Step, silent
 from voxgran._base.scalars import finite
@@ -117,7 +118,8 @@ def _plain(value: Any, units: Mapping[str, str]) -> str:
         items = (f"{str(key).replace('_', ' ')} {_with_unit(str(key), item, units)}" for key, item in value.items())
         return ", ".join(items) or "none"
     if isinstance(value, list | tuple):
-        return ", ".join(_plain(item, units) for item in value) or "none"
+        rows = any(isinstance(item, list | tuple) for item in value)
+        return ("; " if rows else ", ").join(_plain(item, units) for item in value) or "none"
     if isinstance(value, bool):
         return "yes" if value else "no"
     return f"{value:.6g}" if isinstance(value, float) else str(value)
@@ -161,3 +163,16 @@ def complain(sentence: str) -> None:
     # where the error stream takes nothing there is nobody to tell
     with contextlib.suppress(OSError):
         print(f"voxgran: {text}", file=sys.stderr)
+
+
+def loaded(options: argparse.Namespace) -> Any:
+    """Load a packing; say on the error stream what was assumed."""
+    packing = voxgran.load(options.file, unit=options.unit, periodic=options.periodic)
+    say_assumed(packing)
+    return packing
+
+
+def say_assumed(packing: Any, of_what: str = "") -> None:
+    """Say what was assumed of spheres of another program."""
+    for subject, sentence in packing.provenance.get("assumed", {}).items():
+        complain(f"{of_what}assumed {subject}: {sentence}")

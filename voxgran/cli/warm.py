@@ -28,7 +28,7 @@ from voxgran.packing.pack import pack
 from voxgran.packing.settle import settle
 from voxgran.scene.processes import TICK, Process, compute, start
 from voxgran.settling.equilibrium import equilibrium
-from voxgran.shapes.family import make_shape, shape_families
+from voxgran.shapes.family import default_families, make_shape
 from voxgran.shapes.repairing.repair import repair
 from voxgran.shapes.roughness.roughen import roughen
 from voxgran.shapes.sizes import lognormal
@@ -41,7 +41,7 @@ FAMILIES = ("solid_union", "convex_polyhedron", "sphere")
 #: faces, a mesh that is not convex, and outlines
 SETTLED = ("solid_union", "convex_polyhedron", "ellipsoid", "sphere", "polygon", "disk")
 #: number of kernels that the scenes use, of which a package that was built by `make dist` brings all
-KERNELS = 83
+KERNELS = 86
 #: processes at the most: of more, most wait for the largest kernels
 PROCESSES = 8
 
@@ -89,7 +89,7 @@ def scenes() -> list[Callable[[], None]]:
     """
     packed = [partial(pack_few, method, family) for family in FAMILIES for method in _methods()]
     settled = [partial(settle_few, family) for family in SETTLED]
-    made = [partial(make_few, family) for family in shape_families()]
+    made = [partial(make_few, family) for family in default_families()]
     in_turn = [task for pair in zip(settled, packed, strict=False) for task in pair]
     return [*in_turn, *packed[len(settled) :], deform_few, use_solids, *made]
 

@@ -11,10 +11,10 @@ from voxgran._base import ExplainedAttributes
 from voxgran._base.arrays import Floats, as_choice
 from voxgran._base.calls import explained_methods
 from voxgran.clumps.bonds import LEAST_AREA, TOUCHING, Strengths, bonds_of_bodies
+from voxgran.shapes.describing.thumbnail import card, portrait
 from voxgran.shapes.formats.sphere_files import write_spheres
 from voxgran.shapes.model import Shape
 from voxgran.shapes.spheres import MassProperties, Spheres
-from voxgran.shapes.thumbnail import card, portrait
 
 if TYPE_CHECKING:
     from xarray import Dataset

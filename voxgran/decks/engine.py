@@ -20,7 +20,7 @@ class Frame(NamedTuple):
     matrices: Floats  # (n, 3, 3) rotations since the start
     kinetic_energy: float  # of translation and rotation
     final: bool = False  # whether the bed rests by the energy
-    bounds: Floats | None = None  # (2, 3) corners of a periodic cell that deforms
+    bounds: Floats | None = None  # (2, 3) corners of a container that keeps a stress
 
 
 class Held(NamedTuple):

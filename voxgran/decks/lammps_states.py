@@ -2,7 +2,7 @@
 
 import subprocess
 import time
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 
 import numpy as np
@@ -57,27 +57,41 @@ def _frames(folder: Path, simulation: Simulation, process: subprocess.Popen[byte
     tails = {name: Tail(folder / name) for name in (*kinds, ENERGY)}
     found: dict[int, dict[str, Floats]] = {}
     corners: dict[int, Floats] = {}
-    energy: dict[int, float] = {0: 0.0}
+    # by step: kinetic energy, and how far the platens have moved
+    energy: dict[int, list[float]] = {0: [0.0] * (1 + len(simulation.platens))}
     start: Floats | None = None
     while True:
         heed()
         # whatever was written before the end is read after it
         ended = process.poll() is not None
-        energy |= {int(words[0]): float(words[1]) for words in map(str.split, tails[ENERGY].lines()) if words[0] != "#"}
+        lines = (words for words in map(str.split, tails[ENERGY].lines()) if words[0] != "#")
+        energy |= {int(words[0]): list(map(float, words[1:])) for words in lines}
         for name, mine in kinds.items():
             for step, bounds, rows in _tables(tails[name], len(mine)):
                 found.setdefault(step, {})[name] = rows
                 corners[step] = bounds
         whole = [step for step, tables in found.items() if len(tables) == sum(map(bool, map(len, kinds.values())))]
         for step in sorted(set(whole) & set(energy)):
-            corner = None if simulation.stress is None else corners.pop(step)
+            corner = _corners(simulation, corners.pop(step), energy[step][1:])
             position, matrices = _poses(simulation, found.pop(step), corner)
             start = matrices if start is None else start
             turned = matrices @ start.transpose(0, 2, 1)
-            yield Frame(step * simulation.time_step, position, turned, energy[step], bounds=corner)
+            yield Frame(step * simulation.time_step, position, turned, energy[step][0], bounds=corner)
         if ended:
             return
         time.sleep(POLL)
+
+
+def _corners(simulation: Simulation, box: Floats, moved: Sequence[float]) -> Floats | None:
+    """Return the corners (2, 3) of a container that keeps a stress, from those of the box of LAMMPS, which is wider
+    along axes that are not periodic, and from how far each platen has moved; None without a stress.
+    """
+    if simulation.stress is None:
+        return None
+    corners: Floats = np.where(simulation.walls.periodic, box, simulation.walls.bounds)
+    for platen, way in zip(simulation.platens, moved, strict=True):
+        corners[1, platen.plane.axis] += way
+    return corners
 
 
 def _tables(tail: Tail, rows: int) -> list[tuple[int, Floats, Floats]]:
@@ -109,7 +123,9 @@ def _poses(simulation: Simulation, tables: Mapping[str, Floats], corners: Floats
     if simulation.bonds is not None:
         centers, _, grain = simulation.bodies.spheres
         return fitted_poses(centers, tables[SPHERES][:, 1:4], grain, simulation.bodies.assembly.position)
-    position, matrices = simulation.strained(corners).copy(), np.tile(np.eye(3), (count, 1, 1))
+    # platens leave fixed grains where they are
+    position = simulation.strained(None if simulation.platens else corners).copy()
+    matrices = np.tile(np.eye(3), (count, 1, 1))
     for name, rows in tables.items():
         grain = rows[:, 0].astype(np.int64) - 1
         position[grain] = rows[:, 1:4]

@@ -8,7 +8,7 @@ import numpy as np
 from voxgran._base.arrays import Floats, Integers
 from voxgran._base.errors import InputError
 from voxgran.decks.contact_law import CHOSEN_OVERLAP, ContactLaw
-from voxgran.decks.simulation import Simulation
+from voxgran.decks.simulation import Platen, Simulation
 from voxgran.decks.text import row_of
 from voxgran.decks.walls import MOST_PLANES, planes_of
 from voxgran.geometry.walls import Round
@@ -54,9 +54,12 @@ def wall_commands(simulation: Simulation) -> list[str]:
     InputError
         If the container is a mesh that is not convex, or has too many planes.
     """
-    walls = simulation.walls
+    walls, moving = simulation.walls, {platen.plane.name: platen for platen in simulation.platens}
     lines = []
     for plane in walls.planes:
+        if plane.name in moving:
+            lines += _platen(simulation, moving[plane.name])
+            continue
         low, high = (plane.level, "NULL") if plane.inward > 0 else ("NULL", plane.level)
         at = f"{'xyz'[plane.axis]}plane {low} {high}"
         found = _of_walls(simulation, plane.name, plane.name)
@@ -84,10 +87,33 @@ def wall_commands(simulation: Simulation) -> list[str]:
     return lines
 
 
-def _region_walls(simulation: Simulation, wall: str) -> list[str]:
-    """Return the commands of the wall around a region, which has the name of the wall."""
+def _region_walls(simulation: Simulation, wall: str, known: str = "") -> list[str]:
+    """Return the commands of the wall around a region, which has the name of the wall; known: what else it computes."""
     found = _of_walls(simulation, wall, wall)
-    return [f"fix {name} {of} wall/gran/region granular {law} region {wall}" for name, of, law in found]
+    return [f"fix {name} {of} wall/gran/region granular {law} region {wall}{known}" for name, of, law in found]
+
+
+def _platen(simulation: Simulation, platen: Platen) -> list[str]:
+    """Return the commands of an upper plane that moves by the force of the grains beyond that which it keeps.
+
+    A variable of LAMMPS, `at_` and the name of the wall, holds how far it has moved.
+    """
+    (name, axis), force = (platen.plane.name, platen.plane.axis), platen.force
+    point, normal, moves = np.zeros(3), np.zeros(3), ["NULL"] * 3
+    point[axis], normal[axis], moves[axis] = platen.plane.level, -1.0, f"v_at_{name}"
+    walls = [one for one, _, _ in _of_walls(simulation, name, name)]
+    # columns of the forces of contacts follow one that tells whether there is one
+    sums = " ".join(f"f_{one}[{axis + 2}]" for one in walls)
+    known = [f"c_sum_{name}[{k}]" for k in range(1, len(walls) + 1)] if len(walls) > 1 else [f"c_sum_{name}"]
+    return [
+        f"variable at_{name} internal 0.0",
+        f"region {name} plane {row_of(point)} {row_of(normal)} side in move {' '.join(moves)}",
+        *_region_walls(simulation, name, " contacts"),
+        f"compute sum_{name} all reduce sum {sums}",
+        f'variable push_{name} equal "-({"+".join(known)})"',
+        # its velocity is in proportion to what is missing
+        f"fix servo_{name} all controller 1 {-platen.speed / force!r} 1.0 0.0 0.0 v_push_{name} {force!r} at_{name}",
+    ]
 
 
 def _region(name: str, wall: Round, bounds: Floats) -> str:

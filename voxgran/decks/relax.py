@@ -69,7 +69,7 @@ def relax(
 ) -> tuple[Packing, "Dataset"]:
     """Bring a packing to rest in an engine, and tell how far from rest it was.
 
-    The grains start at rest, without velocity, and move under gravity, or under the stress of a periodic cell, until
+    The grains start at rest, without velocity, and move under gravity, or under the stress of a container, until
     their kinetic energy is dissipated.
 
     Parameters
@@ -87,7 +87,8 @@ def relax(
     time_step : float, optional
         Time step in s. Default: the stable one, of which :func:`voxgran.write_deck` takes half.
     stress : float or sequence of float, optional
-        Mean stress in Pa that the sides of a periodic container keep, as of :func:`voxgran.write_deck`.
+        Mean stress in Pa that the sides of a periodic container, or its plane walls, keep, as of
+        :func:`voxgran.write_deck`.
     until : float, optional
         Mean kinetic energy of a grain below which the bed rests, in m g d of the grain of median mass m and diameter d,
         or under a stress s in s d^3. Default: 1e-6, and 1e-8 under a stress.
@@ -110,9 +111,9 @@ def relax(
         of an engine overlap by their elastic deformation.
     xarray.Dataset
         Along ``time``, in s: ``kinetic_energy`` (mean of a grain, in the unit of `until`), ``mean_sinking``,
-        ``mean_displacement`` and ``largest_displacement`` (median diameters; relative to the mean strain of a cell),
-        ``coordination_number``, ``share_of_rattlers`` (grains that touch
-        fewer than 2 grains and plane or round walls, without friction fewer than 4), and ``solid_fraction`` (of the
+        ``mean_displacement`` and ``largest_displacement`` (median diameters; relative to the mean strain of the
+        container), ``coordination_number``, ``share_of_rattlers`` (grains that touch fewer than 2 grains and plane or
+        round walls, without friction fewer than 4), and ``solid_fraction`` (of the
         space from 1.5 diameters above the floor to the height that holds 85 % of the volume of the grains; NaN in low
         beds, in spheres and meshes, and where gravity is oblique). Attributes: ``sinking`` of the bulk,
         ``change_of_coordination``, ``rests`` (1 or 0), ``touching_gap`` (median diameters), ``time_step``.
@@ -324,7 +325,7 @@ class _History:
         ends = np.concatenate([pairs // bodies.count, pairs % bodies.count])
         degree = np.bincount(ends, minlength=bodies.count)
         touching = np.zeros(bodies.count, dtype=np.int64)
-        for distance in walls.distances(now):
+        for distance in walls.distances(now, frame.bounds):
             touching[np.unique(grain[distance - radii <= self.gap])] += 1
         return degree, touching
 

@@ -135,15 +135,19 @@ class Walls:
         image = turns_of(points, self.bounds[0], self.periods)
         return points - image @ self.periods, image
 
-    def distances(self, points: Floats) -> list[Floats]:
+    def distances(self, points: Floats, corners: "Floats | None" = None) -> list[Floats]:
         """Return the distances (n,) of points (n, 3) from each plane and other wall in closed form, positive within.
 
         Parameters
         ----------
         points : (n, 3) ndarray of float
             In the unit of the walls.
+        corners : (2, 3) ndarray of float, optional
+            Where the corners of the container are after planes have moved; default: where they were.
         """
-        walls = (*self.planes, *(() if self.round is None else (self.round,)), *self.others.values())
+        way = np.zeros((2, 3)) if corners is None else corners - self.bounds
+        planes = [one._replace(level=one.level + float(way[int(one.inward < 0), one.axis])) for one in self.planes]
+        walls = (*planes, *(() if self.round is None else (self.round,)), *self.others.values())
         return [wall.distance(points) for wall in walls]
 
 

@@ -21,11 +21,11 @@ from typing import Any
 import numpy as np
 
 from voxgran._base.arrays import Floats, Integers
-from voxgran._base.kernels import kernel
+from voxgran._base.kernels import bare_kernel, kernel
 
 #: distance from the center, in radii, below which a plane counts as passing through it
 ON_PLANE = 4e-16
-SHIFT = 1e-100
+SHIFT, ASKEW = 1e-100, (0.62, 0.53, 0.58)
 #: sine below which two planes count as parallel
 PARALLEL = 1e-15
 
@@ -77,33 +77,41 @@ def _cut(fill: Any, d: int, centers: Floats, radii: Floats, lower: Floats, upper
 def _fill_spheres(centers, radii, lower, upper, start, normals, offsets, work, volumes):  # type: ignore[no-untyped-def]
     """Write the volume of each sphere inside the box and its half-spaces."""
     for i in range(len(radii)):
-        count, r = 0, radii[i]
+        r = radii[i]
         whole = start[i + 1] == start[i]
         for axis in range(3):
             whole = whole and lower[axis] <= centers[i, axis] - r and centers[i, axis] + r <= upper[axis]
         if whole:
             volumes[i] = r**3 * (4.0 * math.pi / 3.0)
             continue
-        for k in range(6 + start[i + 1] - start[i]):
-            if k < 6:
-                axis, sign = k // 2, 2.0 * (k % 2) - 1.0
-                side = (upper[axis] if k % 2 else lower[axis]) - centers[i, axis]
-                x, y, z = sign * (axis == 0), sign * (axis == 1), sign * (axis == 2)
-                distance = sign * side / radii[i]
-            else:
-                m = start[i] + k - 6
-                x, y, z = normals[m, 0], normals[m, 1], normals[m, 2]
-                distance = offsets[m] / radii[i]
-            if distance <= -1.0:
-                count = -1
-                break
-            if distance < 1.0:
-                if abs(distance) <= ON_PLANE:
-                    distance = SHIFT * (0.62 * x + 0.53 * y + 0.58 * z)
-                work[count, 0], work[count, 1], work[count, 2], work[count, 3] = x, y, z, distance
-                count += 1
+        count = _near_planes(centers[i], r, lower, upper, start[i], normals, offsets[: start[i + 1]], work)
         if count >= 0:
             volumes[i] = radii[i] ** 3 * unit_sphere(work, count)
+
+
+@bare_kernel
+def _near_planes(center, radius, lower, upper, start, normals, offsets, work):  # type: ignore[no-untyped-def]
+    """Write the planes of a box, and those from number `start` on, that cut a sphere or disk, in units of its radius.
+
+    Return their number, -1 where one leaves nothing of it.
+    """
+    d, count = len(center), 0
+    for k in range(2 * d + len(offsets) - start):
+        axis, sign, m = k // 2, 2.0 * (k % 2) - 1.0, start + k - 2 * d
+        if k < 2 * d:
+            distance = sign * ((upper[axis] if k % 2 else lower[axis]) - center[axis]) / radius
+        else:
+            distance = offsets[m] / radius
+        if distance <= -1.0:
+            return -1
+        if distance < 1.0:
+            shift = 0.0
+            for c in range(d):
+                work[count, c] = sign * (c == axis) if k < 2 * d else normals[m, c]
+                shift += ASKEW[c] * work[count, c]
+            work[count, d] = SHIFT * shift if abs(distance) <= ON_PLANE else distance
+            count += 1
+    return count
 
 
 @kernel
@@ -214,24 +222,8 @@ def _edge(work, column, lines, g, radius):  # type: ignore[no-untyped-def]
 def _fill_disks(centers, radii, lower, upper, start, normals, offsets, work, areas):  # type: ignore[no-untyped-def]
     """Write the area of each disk inside the rectangle and its half-planes."""
     for i in range(len(radii)):
-        count = 0
-        for k in range(4 + start[i + 1] - start[i]):
-            if k < 4:
-                axis, sign = k // 2, 2.0 * (k % 2) - 1.0
-                side = (upper[axis] if k % 2 else lower[axis]) - centers[i, axis]
-                x, y = sign * (axis == 0), sign * (axis == 1)
-                distance = sign * side / radii[i]
-            else:
-                m = start[i] + k - 4
-                x, y, distance = normals[m, 0], normals[m, 1], offsets[m] / radii[i]
-            if distance <= -1.0:
-                count = -1
-                break
-            if distance < 1.0:
-                if abs(distance) <= ON_PLANE:
-                    distance = SHIFT * (0.62 * x + 0.53 * y)
-                work[count, 0], work[count, 1], work[count, 2] = x, y, distance
-                count += 1
+        own = offsets[: start[i + 1]]
+        count = _near_planes(centers[i], radii[i], lower, upper, start[i], normals, own, work)
         if count >= 0:
             areas[i] = radii[i] ** 2 * _unit_disk(work, count)
 

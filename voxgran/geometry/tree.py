@@ -17,6 +17,7 @@ from voxgran._base.arrays import Floats, Integers, read_only
 from voxgran._base.compiling.threads import in_blocks
 from voxgran._base.kernels import bare_kernel, inlined_kernel, kernel
 from voxgran.geometry.triangles import closest_on_triangle
+from voxgran.geometry.vectors import Vector
 
 #: triangles in a leaf, at most
 LEAF = 4
@@ -256,6 +257,18 @@ def is_behind(normals: Floats, k: int, feature: int, dx: float, dy: float, dz: f
     """Return whether the step from a feature of triangle k leads into the solid."""
     side = normals[k, feature, 0] * dx + normals[k, feature, 1] * dy + normals[k, feature, 2] * dz
     return side < 0.0
+
+
+@bare_kernel
+def encloses(
+    corners: Floats, normals: Floats, low: Floats, high: Floats, start: Integers, place: Vector, stack: Integers
+) -> bool:
+    """Return whether the triangles of a tree enclose a point; `stack` holds boxes that wait."""
+    x, y, z = place
+    if x < low[0, 0] or y < low[0, 1] or z < low[0, 2] or x > high[0, 0] or y > high[0, 1] or z > high[0, 2]:
+        return False
+    _, k, feature, px, py, pz = search_triangles(corners, low, high, start, x, y, z, 1e100, stack)
+    return is_behind(normals, k, feature, x - px, y - py, z - pz)
 
 
 @kernel

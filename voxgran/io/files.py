@@ -72,6 +72,11 @@ def save(packing: Packing, path: str | os.PathLike[str], *, overwrite: bool = Fa
     OutputError
         If it cannot be written; what was there before is untouched.
 
+    Warns
+    -----
+    PackingWarning
+        If a ``.csv`` leaves out the tilt of a container.
+
     Examples
     --------
     >>> import voxgran as vg

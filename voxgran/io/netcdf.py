@@ -13,9 +13,10 @@ import numpy as np
 from voxgran._base.arrays import check_type
 from voxgran._base.calls import explained
 from voxgran._base.errors import OutputError
-from voxgran._base.files import existing_file, output_suffix, written_whole
+from voxgran._base.files import as_path, existing_file, output_suffix, write_files, written_whole
 from voxgran._base.guarded import Content, read_guarded, refused
 from voxgran._base.lazy import load
+from voxgran.io.statistics_table import statistics_text
 from voxgran.measures.accessor import register_accessor
 
 if TYPE_CHECKING:
@@ -29,21 +30,21 @@ _NAME = "tree_name"
 
 @explained(hint='save_statistics(measure(packing), "bed.nc")')
 def save_statistics(tree: "DataTree", path: str | os.PathLike[str], *, overwrite: bool = False) -> None:
-    """Write statistics to a netCDF4 file.
+    """Write statistics to a netCDF4 file, or as a table.
 
     Parameters
     ----------
     tree : xarray.DataTree
         What :func:`voxgran.measure` returns, or any tree of datasets.
     path : path-like
-        File to write, ``.nc``.
+        File to write: ``.nc``, or ``.csv`` with a row for each number, which is not read again.
     overwrite : bool
         Whether a file that is there may be replaced.
 
     Raises
     ------
     FileFormatError
-        If the suffix is not ``.nc``.
+        If the suffix is neither ``.nc`` nor ``.csv``.
     InputError
         If `tree` is something else.
     OutputExistsError
@@ -63,10 +64,13 @@ def save_statistics(tree: "DataTree", path: str | os.PathLike[str], *, overwrite
     >>> vg.save_statistics(vg.measure(bed, which="coordination"), "statistics.nc")
     """
     check_statistics_path(path, overwrite=overwrite)
-    load("netCDF4")
     register_accessor()
     xarray = load("xarray")
     check_type(tree, xarray.DataTree, "tree", "a tree of datasets, such as measure(packing)")
+    if as_path(path).suffix.lower() == ".csv":
+        write_files({as_path(path): statistics_text(tree)}, overwrite=overwrite)
+        return
+    load("netCDF4")
     safe = {node.path: _with_safe_attributes(node.to_dataset(inherit=False)) for node in tree.subtree}
     encoding = {place: {str(n): _encoding(v) for n, v in data.variables.items()} for place, data in safe.items()}
     if tree.name is not None:
@@ -85,11 +89,11 @@ def check_statistics_path(path: str | os.PathLike[str], *, overwrite: bool) -> N
     Raises
     ------
     FileFormatError
-        If the suffix is not ``.nc``.
+        If the suffix is neither ``.nc`` nor ``.csv``.
     OutputExistsError
         If the file is there and `overwrite` is false.
     """
-    output_suffix(path, [".nc"], "statistics are kept", overwrite=overwrite)
+    output_suffix(path, [".nc", ".csv"], "statistics are kept", overwrite=overwrite)
 
 
 @explained(hint='load_statistics("statistics.nc")')

@@ -6,9 +6,11 @@ import os
 import numpy as np
 
 from voxgran._base.arrays import Floats, Integers
-from voxgran._base.errors import InputError, with_article
+from voxgran._base.errors import InputError, PackingWarning, with_article
 from voxgran._base.files import written_whole
+from voxgran._base.warning import warn
 from voxgran.containers.make import saved_mapping
+from voxgran.containers.model import tilt_of
 from voxgran.io.tables import CONTAINER, FIELDS, UNIT
 from voxgran.measures.crossings import spheres_of
 from voxgran.packing.model import Packing
@@ -36,6 +38,11 @@ def save_spheres(packing: Packing, path: str | os.PathLike[str], *, overwrite: b
         If the file is there and `overwrite` is false.
     OutputError
         If it cannot be written; what was there before is untouched.
+
+    Warns
+    -----
+    PackingWarning
+        If a ``.csv`` leaves out the tilt of a container.
     """
     centers, radii, owner = owned_spheres(packing)
     names = ["x", "y", "z", "r"] if packing.dimension == 3 else ["x", "y", "r"]
@@ -45,6 +52,12 @@ def save_spheres(packing: Packing, path: str | os.PathLike[str], *, overwrite: b
         rows, names, form = np.column_stack([rows, clump]), [*names, "clumpId"], [*form, "%d"]
     mark = "," if os.fspath(path).lower().endswith(".csv") else " "
     head = f"{mark.join(names)}\n"
+    if mark == "," and any(tilt_of(packing.container)):
+        warn(
+            f"{os.fspath(path)} is a table without container, and its spheres do not tell the tilt of this one: save "
+            f"as .txt or .vtp, or give container={packing.container!r} to load",
+            PackingWarning,
+        )
     if mark == " ":
         held = json.dumps(saved_mapping(packing.container))
         head = f"# {head}{UNIT}{packing.unit}\n{CONTAINER}{held}\n"

@@ -1,5 +1,6 @@
 """Connected components by SciPy: of images, joined across periodic faces and those of blocks, and of graphs."""
 
+from collections.abc import Sequence
 from itertools import accumulate
 from typing import Any
 
@@ -152,3 +153,16 @@ def components(count: int, one: Integers, two: Integers) -> Integers:
     links = load("scipy.sparse").coo_array((np.ones(len(one), dtype=bool), (one, two)), shape=(count, count))
     part: Integers = load("scipy.sparse.csgraph").connected_components(links, directed=False)[1].astype(np.int64)
     return part
+
+
+def percolating(mask: Booleans, axis: int, *, periodic: Sequence[bool] = (False,) * 3, region: Booleans) -> Booleans:
+    """Return the part of a mask in bodies, connected through faces, that join both sides of a region across an axis."""
+    labels, count = connected_components(mask, connectivity=6, periodic=periodic)
+    others = tuple(k for k in range(3) if k != axis)
+    layers = np.flatnonzero(region.any(axis=others))
+    through = np.zeros(count + 1, dtype=bool)
+    if len(layers):
+        low, high = (labels.take(layers[end], axis=axis) for end in (0, -1))
+        through[np.intersect1d(low, high)] = True
+        through[0] = False
+    return through[labels]

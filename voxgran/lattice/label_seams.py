@@ -17,6 +17,7 @@ class Seams:
     shape: Integers  # (3,) corners of voxels of the image
     corner: Integers  # (3,) first corner of the window
     whole: Booleans  # (labels + 1,) labels that lie within the window
+    own: Booleans  # (labels + 1,) labels whose surfaces are wanted
     points: Integers = field(default_factory=lambda: np.zeros(0, dtype=np.int64))  # (n,) rising
     moved: NDArray[np.float32] = field(default_factory=lambda: np.zeros((0, 3), dtype=np.float32))
     quads: Integers = field(default_factory=lambda: np.zeros(0, dtype=np.int64))  # (m,) rising
@@ -30,31 +31,45 @@ class Seams:
         here, known = _common(self._quads(net, points), self.quads)
         crossed[here] = self.crossed[known]
 
-    def keep(
-        self, net: Net, moved: NDArray[np.float32], crossed: Booleans, done: Booleans, later: Booleans, first: int
-    ) -> None:
-        """Keep what labels of this window that are done share with later ones, and forget what lies before a plane."""
-        shared = np.zeros((2, len(net.at)), dtype=np.bool_)
-        for of, some in zip(shared, (done, later), strict=True):
-            of[net.quad[some[np.maximum(net.side, 0)].any(axis=1)]] = True
-        both = np.asarray(shared.all(axis=0))
-        below, above = np.maximum(net.side, 0).T
-        between = (done[below] & later[above]) | (later[below] & done[above])
+    def keep(self, net: Net, moved: NDArray[np.float32], crossed: Booleans, later: Booleans, first: int) -> None:
+        """Keep what labels of this window that are its own share with later ones, and forget what lies before a plane.
+
+        Where all points of a quadrangle are kept its diagonal is, also between two later labels: with the other one its
+        triangles might cross others, and no point would be left that can be moved.
+        """
+        both = self.touched(net, self.own) & self.touched(net, later)
+        quads = np.flatnonzero(both[net.quad[:, 0]])
+        quads = quads[both[net.quad[quads]].all(axis=1)]
         points = self._points(net)
         plane = int(first * self.shape[1] * self.shape[2])
+        numbers = self._quads(net, points)[quads]
+        self.quads, self.crossed = _merged(self.quads, self.crossed, numbers, crossed[quads], 3 * plane)
         self.points, self.moved = _merged(self.points, self.moved, points[both], moved[both], plane)
-        quads = self._quads(net, points)[between]
-        self.quads, self.crossed = _merged(self.quads, self.crossed, quads, crossed[between], 3 * plane)
+
+    @staticmethod
+    def touched(net: Net, some: Booleans) -> Booleans:
+        """Return which points of a net some labels touch, (labels + 1,)."""
+        touched = np.zeros(len(net.at), dtype=np.bool_)
+        touched[net.quad[some[np.maximum(net.side, 0)].any(axis=1)]] = True
+        return touched
 
     def _points(self, net: Net) -> Integers:
         """Return a number of each point of a net in the whole image."""
-        at = net.at.T.astype(np.int64) + self.corner[:, None]
-        return np.asarray(np.ravel_multi_index(tuple(at), tuple(self.shape.tolist())), dtype=np.int64)
+        number: Integers = np.zeros(len(net.at), dtype=np.int64)
+        # axis by axis, as there are many points
+        for axis in range(3):
+            number *= self.shape[axis]
+            number += net.at[:, axis]
+            number += self.corner[axis]
+        return number
 
     @staticmethod
     def _quads(net: Net, points: Integers) -> Integers:
         """Return a number of each quadrangle in the whole image."""
-        return np.asarray(3 * points[net.quad[:, 0]] + net.axis, dtype=np.int64)
+        number: Integers = points[net.quad[:, 0]]
+        number *= 3
+        number += net.axis
+        return number
 
 
 def _common(here: Integers, known: Integers) -> tuple[Integers, Integers]:

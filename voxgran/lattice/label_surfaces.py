@@ -102,15 +102,16 @@ def label_surfaces(
     if smoothing > 0:
         factors = np.array(STEPS * max(1, round(PAIRS * smoothing**2)), dtype=np.float32)
         moved = _smoothed(net.near, net.triple, held, factors, np.float32(BOX))
+    # these are not needed any more
+    net = net._replace(near=np.zeros((0, 6), dtype=np.int32), triple=np.zeros(0, dtype=np.uint8))
+    if smoothing > 0:
         crossed = _is_second_shorter(net.quad, net.axis, moved, spacing)
         if seams is not None:
             seams.put(net, moved, held, crossed)
-    # these are not needed any more
-    net = net._replace(near=net.near[:0], triple=net.triple[:0])
     corner = np.zeros(3, dtype=np.int64) if seams is None else seams.corner
     made = LabelSurfaces(net, split, moved, turn, shape, crossed, corner, several, parts)
     if smoothing > 0:
-        _restore_volumes(made, held, wanted, spacing)
+        _restore_volumes(made, held, wanted, spacing, seams)
     return made
 
 
@@ -146,20 +147,27 @@ def _unrolled(labels: NDArray[np.int32], count: int, wraps: Booleans) -> tuple[I
     return turn, parts
 
 
-def _restore_volumes(made: LabelSurfaces, held: Booleans, wanted: Floats, spacing: Floats) -> None:
-    """Move the points so that each label has the volume of its voxels, (n + 1,), and no triangles cross."""
+def _restore_volumes(made: LabelSurfaces, held: Booleans, wanted: Floats, spacing: Floats, seams: Seams | None) -> None:
+    """Move the points so that each label has the volume of its voxels, (n + 1,), and no triangles cross.
+
+    What is left of labels that a window cuts may have any volume: just its own ones, of `seams`, must be right.
+    """
     net, crossed, moved, count, repairs = made.net, made.crossed, made.moved, len(wanted), 0
+    own = np.ones(count, dtype=np.bool_) if seams is None else seams.own
+    mine = np.ones(len(moved), dtype=np.bool_) if seams is None else seams.touched(net, own)
     for attempt in range(MOST_SOLUTIONS):
         found = examine(net, crossed, moved, held, spacing=spacing, labels=count - 1)
         missing = -found.change
         error, least = np.abs(missing), ACCURACY * wanted + ROUNDED * spacing.prod()
-        wrong = np.flatnonzero(found.wrong)
-        if (error <= least).all() and not len(wrong):
+        # where all is held nothing can be done any more
+        wrong = np.flatnonzero(found.wrong & ~held.all(axis=1))
+        wrong = wrong if mine[wrong].any() else wrong[:0]
+        if (error <= least)[own].all() and not len(wrong):
             return
         lost = (error > LOST * wanted) | ((error > least) & (found.diagonal <= 0))
-        if lost.any():
+        if (lost & own).any():
             # labels of few voxels, which the filter all but ends, or whose points all lie at the ends of their boxes
-            some = np.unique(net.quad[lost[np.maximum(net.side, 0)].any(axis=1)])
+            some = np.unique(net.quad[(lost & own)[np.maximum(net.side, 0)].any(axis=1)])
             some = some[~held[some].all(axis=1) & moved[some].any(axis=1)]
             if len(some):
                 _take_back(moved, some, attempt < MOST_SOLUTIONS // 3)
@@ -169,7 +177,7 @@ def _restore_volumes(made: LabelSurfaces, held: Booleans, wanted: Floats, spacin
         pressure = _pressures(found, missing)
         push(net, crossed, moved, held, spacing=spacing, pressure=pressure, ease=found.ease)
         if len(wrong):
-            _take_back(moved, wrong[~held[wrong].all(axis=1)], repairs < MOST_REPAIRS)
+            _take_back(moved, wrong, repairs < MOST_REPAIRS)
             # in the end such points stay at their corners of voxels, where nothing crosses
             held[wrong] |= repairs >= MOST_REPAIRS
             repairs += 1

@@ -11,7 +11,7 @@ from voxgran._base.errors import TooLargeError
 from voxgran.containers.model import boundary_of, refuse_tilt
 from voxgran.lattice.distance import distance_transform
 from voxgran.lattice.grid import Grid
-from voxgran.lattice.label import connected_components
+from voxgran.lattice.label import percolating
 from voxgran.lattice.thickness import local_thickness
 from voxgran.measures.painting import labels_on
 from voxgran.measures.pore_spheres import Bodies
@@ -102,14 +102,8 @@ class Pores:
         total = int(part.mask.sum())
         if not total:
             return math.nan
-        others = [around and k != axis for k, around in enumerate(self.periodic)]
-        labels, count = connected_components(part.mask, connectivity=6, periodic=others)
-        layers = np.flatnonzero(part.room.any(axis=tuple(k for k in range(3) if k != axis)))
-        low, high = (np.unique(labels.take(layers[end], axis=axis)) for end in (0, -1))
-        through = np.zeros(count + 1, dtype=bool)
-        through[np.intersect1d(low, high)] = True
-        through[0] = False
-        return float(np.bincount(labels.ravel(), minlength=count + 1)[through].sum()) / total
+        sides = [around and k != axis for k, around in enumerate(self.periodic)]
+        return float(percolating(part.mask, axis, periodic=sides, region=part.room).sum()) / total
 
 
 def pores_of(packing: Packing, voxel_size: float) -> Pores:

@@ -261,6 +261,13 @@ def _thin_axes(packing: Packing, asked: Mapping[str, Any]) -> Integers:
     return np.array(moves, dtype=np.int64)[narrow]
 
 
+def _axial_stresses(packing: Packing) -> str:
+    """Return the axial stresses of the forces in words."""
+    if packing.forces is None or packing.forces.stress is None:
+        return "unknown"
+    return " : ".join(f"{value:.3g}" for value in np.diag(packing.forces.stress)[: packing.dimension])
+
+
 def _height_of(packing: Packing) -> float:
     """Return the length of the container along its last axis."""
     return float(_widths(packing)[-1])
@@ -330,15 +337,15 @@ def warn_of_imbalance(packing: Packing) -> None:
         warn(
             f"the least axial stress that is asked for is {asked.min() / asked.max():.3g} of the largest one, and the "
             f"least that these grains bear is about {record['stress_ratio']:.2g} of it: they go on shearing at a "
-            "constant volume; ask for more equal stresses, or give more friction",
+            f"constant volume, with axial stresses of {_axial_stresses(packing)} at the end; ask for more equal "
+            "stresses, or give more friction",
             PackingWarning,
         )
     elif packing.stop_reason != "compressed":
         warn(
-            f"{record['balanced']:.1%} of the grains that bear forces are in balance, and the stress is "
-            f"{record['stress_error']:.2g} from the one that is asked for, with a least axial stress of "
-            f"{record['stress_ratio']:.2g} of the largest: compress them once more, or with more friction or more "
-            "equal stresses",
+            f"{record['balanced']:.1%} of the grains that bear forces are in balance, and the axial stresses are "
+            f"{_axial_stresses(packing)}, up to {record['stress_error']:.2g} of the least one from those asked for: "
+            "compress them once more, or with more friction or more equal stresses",
             PackingWarning,
         )
     elif packing.forces is not None and packing.forces.share_of_rattlers > MOST_RATTLERS:

@@ -18,14 +18,14 @@ from voxgran._base.units import NO_UNIT, as_unit
 from voxgran.clumps.bonds import LEAST_AREA, TOUCHING, Strengths, bonds_of_bodies
 from voxgran.contacts.assembly import Assembly, Lid, checked_arrays
 from voxgran.contacts.forces import check_forces
+from voxgran.contacts.model import Contacts
 from voxgran.contacts.surfaces import merged_surfaces
 from voxgran.containers.gravity import as_down
-from voxgran.packing.start import around_fixed, copies_of, free_volume
+from voxgran.packing.start import copies_of, free_volume
 from voxgran.settling.relaxation import Relaxation
 from voxgran.shapes.model import Shape
 from voxgran.shapes.size_laws.distribution import SizeDistribution
 from voxgran.shapes.spheres import Spheres
-from voxgran.shapes.thumbnail import card, picture
 
 if TYPE_CHECKING:
     from xarray import Dataset
@@ -318,6 +318,16 @@ class GrainSequence(ExplainedAttributes, Assembly):
             unit=getattr(self, "unit", "1"),
         )
 
+    @cached_property
+    def _contacts(self) -> dict[float, Contacts]:
+        """Contacts found so far, by gap."""
+        return {}
+
+    @cached_property
+    def _found(self) -> dict[str, Any]:
+        """What several measures need and is slow to compute, by name, for them to keep."""
+        return {}
+
     def to_pyvista(self) -> Any:
         """Return the surfaces of all grains as one `pyvista.PolyData`, with the cell data ``grain`` and ``diameter``.
 
@@ -411,35 +421,3 @@ def _checked(packing: Any) -> dict[str, Any]:
     if rows is not None:
         rows = read_only(as_indices(rows, "grain_id", length=len(packing.position), at_least=-1))
     return {"shapes": tuple(packing.shapes), "unit": unit, "gravity": down, "contact_gap": gap, "grain_id": rows}
-
-
-def card_of_packing(packing: Any) -> str:
-    """Return a small picture and numbers of a packing as HTML."""
-    names = ", ".join(shape.name for shape in packing.shapes[:4]) + (" ..." if len(packing.shapes) > 4 else "")
-    axes = ", ".join(axis for axis, wraps in zip("xyz", packing.container.periodic, strict=True) if wraps)
-    rows = {
-        "packing": f"{packing.count} grains of {len(packing.shapes)} shapes: {names}",
-        "solid fraction of the container": f"{packing.solid_fraction:.4f}",
-        "method": str(packing.provenance.get("method", "not known")),
-        **({} if packing.fixed is None else {"fixed grains": str(int(packing.fixed.sum()))}),
-        "stopped": packing.stop_reason,
-        **_rest(packing),
-        "container": packing.container.kind + (f", periodic in {axes}" if axes else ""),
-    }
-    if not packing.count:
-        return card(None, rows)
-    unit = "" if packing.unit == "1" else f" {packing.unit}"
-    rows["equivalent diameter"] = f"{packing.diameters.min():.4g} to {packing.diameters.max():.4g}{unit}"
-    bodies = [shape.vertices[shape.faces] for shape in packing.shapes]
-    matrices = packing.matrices * packing.scale[:, None, None]
-    flat = packing.dimension == 2
-    return card(picture(bodies, packing.shape_id, matrices, packing.position, packing.diameters, flat=flat), rows)
-
-
-def _rest(packing: Any) -> dict[str, str]:
-    """Return how many grains rest, for notebooks; nothing where that is not known."""
-    if packing.forces is None or not packing.count:
-        return {}
-    forces = around_fixed(packing).forces
-    shares = forces.share_at_rest, forces.share_of_rattlers
-    return {"at rest": "{:.1f} % of the grains, {:.1f} % are rattlers".format(*(100 * share for share in shares))}

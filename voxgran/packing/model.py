@@ -4,7 +4,6 @@ import os
 from collections.abc import Mapping, Sequence
 from copy import deepcopy
 from dataclasses import dataclass, field, replace
-from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -24,7 +23,7 @@ from voxgran.contacts.verify import Verification, verify
 from voxgran.containers.gravity import Down, as_down
 from voxgran.containers.model import Container
 from voxgran.containers.one_unit import converted, in_one_unit
-from voxgran.packing.grains import ColorBy, GrainSequence, card_of_packing
+from voxgran.packing.grains import ColorBy, GrainSequence
 from voxgran.packing.start import around_fixed, frame_of, joined_fixed, joined_ids, refuse_unlike
 from voxgran.settling.relaxation import Relaxation
 from voxgran.shapes.model import Shape, check_shapes
@@ -317,16 +316,6 @@ class Packing(GrainSequence):
     def __hash__(self) -> int:
         return hash((self.unit, (self.position + 0.0).tobytes()))  # -0.0 equals 0.0
 
-    @cached_property
-    def _contacts(self) -> dict[float, Contacts]:
-        """Contacts found so far, by gap."""
-        return {}
-
-    @cached_property
-    def _found(self) -> dict[str, Any]:
-        """What several measures need and is slow to compute, by name, for them to keep."""
-        return {}
-
     def contacts(self, gap: float | None = None) -> Contacts:
         """Return all pairs of grains whose surfaces are nearer than a gap; found once and kept.
 
@@ -421,9 +410,24 @@ class Packing(GrainSequence):
         """
         return public("plot")(self, color_by=color_by, legend=legend)
 
+    def view(self, *, color_by: ColorBy = "diameter") -> Any:
+        """Show the packing in a notebook, in a view that turns, as :func:`voxgran.view`.
+
+        Parameters
+        ----------
+        color_by : {"diameter", "height", "shape", "density", "coordination", "distance", "force"}
+            What the colours show first.
+
+        Examples
+        --------
+        >>> import voxgran as vg
+        >>> vg.pack(vg.shapes.sphere(), vg.Box((4, 4, 4)), "rsa", count=5).view().save("view.html")
+        """
+        return public("view")(self, color_by=color_by)
+
     def _repr_html_(self) -> str:
-        """Small picture and numbers, for notebooks."""
-        return card_of_packing(self)
+        """Card and interactive view, for notebooks."""
+        return str(public("view")(self, widget=False)._repr_html_())
 
     def __repr__(self) -> str:
         """Count, solid fraction and how it ended."""

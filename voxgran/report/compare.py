@@ -22,7 +22,7 @@ from voxgran.report import facts, plots, scenes
 from voxgran.report.colors import gradient
 from voxgran.report.figures import curves_of
 from voxgran.report.groups import Group, compared, distributions, groups_of
-from voxgran.report.numbers import json_text
+from voxgran.report.numbers import json_text, table_files
 from voxgran.report.page import check_page_path, page_template, view_of
 from voxgran.report.significance import LEVEL, p_text
 from voxgran.report.view import views_of
@@ -113,7 +113,11 @@ def save_comparison(
         "numbers": rows,
         "distributions": tests,
     }
-    write_files({as_path(path): text, twin: json_text(record)}, overwrite=overwrite)
+    tables = {"numbers": [_head(groups), *(_row(row, groups) for row in rows)]}
+    if tests:
+        tables["distributions"] = [["distribution", "group", "distance", "test"], *map(_test_row, tests)]
+    files = table_files(as_path(path), tables)
+    write_files({**files, as_path(path): text, twin: json_text(record)}, overwrite=overwrite)
 
 
 def _record(group: Group) -> dict[str, Any]:

@@ -1,8 +1,11 @@
 """Machine-readable contents of a page: all its numbers as JSON."""
 
+import csv
 import dataclasses
+import io
 import json
-from collections.abc import Sequence
+from collections.abc import Iterable, Mapping, Sequence
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -59,3 +62,18 @@ def _spread(packing: Packing) -> dict[str, float | None]:
         return {"least": None, "median": None, "largest": None}
     low, middle, high = (float(value) for value in np.quantile(packing.diameters, [0.0, 0.5, 1.0]))
     return {"least": low, "median": middle, "largest": high}
+
+
+def table_files(page: Path, tables: Mapping[str, Iterable[Sequence[str]]]) -> dict[Path, str]:
+    """Return tables by their names as CSV files beside a page, ``page_NAME.csv``; empty tables have none.
+
+    Numbers are those of the page, with the minus sign and without the spaces of thousands that programs read.
+    """
+    files = {}
+    for name, rows in tables.items():
+        out = io.StringIO()
+        plain = [[text.replace("\u2212", "-").replace("\u202f", "") for text in row] for row in rows]
+        csv.writer(out, lineterminator="\n").writerows(plain)
+        if plain:
+            files[page.with_name(f"{page.stem}_{name}.csv")] = out.getvalue()
+    return files

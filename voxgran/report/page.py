@@ -5,6 +5,7 @@ to wide and narrow windows.
 """
 
 import base64
+import dataclasses
 import json
 import os
 from collections.abc import Mapping
@@ -25,7 +26,7 @@ from voxgran.report.closeup import picture_contacts
 from voxgran.report.colors import Coloring, coloring, gradient, swatches
 from voxgran.report.figures import figures_of
 from voxgran.report.force_chains import picture_forces
-from voxgran.report.numbers import json_text, page_numbers
+from voxgran.report.numbers import json_text, page_numbers, table_files
 from voxgran.report.stage import Picture, png_of
 from voxgran.report.turntable import animated
 from voxgran.report.view import views_of
@@ -40,6 +41,8 @@ if TYPE_CHECKING:
 SHAPES_DRAWN, SHAPES_LISTED = 3, 20
 #: largest number of grains of which all contacts are found for a close-up, which above it shows one of the middle
 MOST_FOR_CONTACTS = 50_000
+#: heads of tables
+SIZES, SHAPES = ("size", "requested", "placed", "difference"), ("shape", "geometry", "grains", "share")
 #: number of pictures of a turntable
 TURNS = 24
 
@@ -79,14 +82,14 @@ def save_report(
     interactive: bool = True,
     overwrite: bool = False,
 ) -> None:
-    """Write a self-contained HTML report of a packing, and a JSON file with its numbers.
+    """Write a self-contained HTML report of a packing, and files with its numbers.
 
     Parameters
     ----------
     packing : Packing
         The packing.
     path : path-like
-        File to write, ``.html``; the numbers are written to the same name with the suffix ``.json``.
+        File to write, ``page.html``; beside it ``page.json`` has all numbers, and ``page_NAME.csv`` each table.
     statistics : xarray.DataTree, optional
         Result of :func:`voxgran.measure`; required for profiles and the bulk solid fraction.
     verification : Verification, optional
@@ -135,12 +138,16 @@ def save_report(
     if not overwrite:
         refuse_to_replace(*files)
     figures = figures_of(packing, statistics)
-    shapes = facts.shape_rows(packing)
+    headline, made = facts.headline(packing, statistics, verification), facts.details(packing)
+    sieves, shapes = facts.sieve_rows(packing), facts.shape_rows(packing)
+    proof = facts.proof_rows(verification) if verification is not None else []
+    compared = _comparison(comparisons or {})
+    told = {"numbers": headline, "verification": proof, "making": made}
     text = page_template("template.html.j2").render(
         version=__version__,
         title=title or f"Packing of {packing.count} grains",
         subtitle=_subtitle(packing),
-        headline=facts.headline(packing, statistics, verification),
+        headline=headline,
         views=[view_of(*parts) for parts in drawn.packing.values()]
         + (_turning(packing, color_by) if turntable else []),
         view=views_of({"": packing}, color_by) if interactive and pictures else None,
@@ -151,17 +158,24 @@ def save_report(
         grains=[{"name": n, "views": [view_of(*p) for p in v.values()]} for n, v in drawn.grains.items()],
         grains_note=_grains_note(packing),
         figures=figures,
-        proof=facts.proof_rows(verification) if verification is not None else [],
+        proof=proof,
         worst=_worst(verification) if verification is not None else {},
-        comparison=_comparison(comparisons or {}),
-        sieves=facts.sieve_rows(packing),
-        details=facts.details(packing),
+        comparison=compared,
+        sieves=sieves,
+        details=made,
         shapes=shapes[:SHAPES_LISTED],
         shapes_left=max(0, len(shapes) - SHAPES_LISTED),
         space="volume" if packing.dimension == 3 else "area",
         provenance=json.dumps(packing.provenance, indent=2, default=str, ensure_ascii=False),
     )
     numbers = json_text(page_numbers(packing, statistics, verification, figures=figures))
+    tables = {name: [fact[:3] for fact in map(dataclasses.astuple, rows)] for name, rows in told.items()}
+    tables |= {
+        "sizes": [SIZES, *sieves] if sieves else [],
+        "shapes": [SHAPES, *shapes] if shapes else [],
+        "comparison": compared,
+    }
+    files |= table_files(as_path(path), tables)
     write_files({**files, as_path(path): text, twin: numbers}, overwrite=overwrite)
 
 

@@ -65,7 +65,7 @@ def plot(
     check_type(what, (Packing, Shape), "what", "a Packing or a Shape; pack or make one")
     as_choice(color_by, "color_by", COLOR_BY)
     window = as_window(window)
-    backend = _notebook_backend()
+    backend = notebook_backend()
     if backend is not None or _has_window():
         plotter = _plotter(what, color_by, window, notebook=backend is not None, legend=legend)
         if backend is None:
@@ -166,7 +166,7 @@ def _plotter(what: Packing | Shape, color_by: str, window: tuple[int, int], *, n
     return plotter
 
 
-def _notebook_backend() -> str | None:
+def notebook_backend() -> str | None:
     """Return the backend with which PyVista shows a scene that turns in a notebook; None outside of one, where the
     backend chosen gives a picture only, and where none is installed.
     """

@@ -53,6 +53,8 @@ REMEDIES = Remedies(
     choose="choose with 'voxgran repair --bodies largest'",
     hole="close it with 'voxgran repair' and a larger --max-hole",
 )
+#: different shapes of a [[shape]] that names a model alone
+MANY = 50
 #: keys of a clump beside the parameters of its method
 CLUMP_KEYS = names_of(ClumpOfShape)
 
@@ -144,11 +146,15 @@ def shape_entries(entries: Any, folder: Path) -> tuple[ShapeEntry, ...]:
         check_type(material, (str, type(None)), "[[shape]] material", "the name of a [[material]]")
         clump = _clump(rest.pop("clump")) if "clump" in rest else None
         roughness = _roughness(rest.pop("roughen")) if "roughen" in rest else None
+        if "model" in rest and not {"file", "family"} & set(rest):
+            rest = {"family": "learned", "count": MANY, **rest}
         if ("file" in rest) == ("family" in rest):
             meant = next((key for key in entry if key not in SHAPE_KEYS and nearest(key, ("file", "family"))), None)
             if meant is not None:
                 raise UnknownNameError(unknown("[[shape]] key", meant, SHAPE_KEYS))
-            raise InputError(f"[[shape]] has the keys {shortened(', '.join(entry))}: give either file or family")
+            raise InputError(
+                f"[[shape]] has the keys {shortened(', '.join(entry))}: give one of file, family and model"
+            )
         common = {"share": share, "clump": clump, "roughness": roughness, "density": density, "faces": faces}
         common["material"] = material
         made.append(_of_file(rest, folder, common) if "file" in rest else _of_family(rest, folder, common))
@@ -192,10 +198,11 @@ def _of_file(rest: dict[str, Any], folder: Path, common: Mapping[str, Any]) -> S
 def _of_family(rest: dict[str, Any], folder: Path, common: Mapping[str, Any]) -> ShapeEntry:
     """Return the checked entry of a family with what all entries have."""
     family = rest.pop("family")
-    like = rest.get("like")
-    if isinstance(like, str) and Path(like).suffix:
-        # a file, which a scene names relative to itself
-        rest["like"] = str(existing_file(folder / like))
+    for key in ("like", "model"):
+        given = rest.get(key)
+        if isinstance(given, str) and Path(given).suffix:
+            # a file, which a scene names relative to itself
+            rest[key] = str(existing_file(folder / given))
     entry, where = families().get(family), f"[[shape]] {family}"
     known = {name for item in parameters_of(entry.parameters) for name in item.names}
     for key in rest:

@@ -75,7 +75,8 @@ class ShapeOfFamily:
     Parameters
     ----------
     family
-        family of shapes; 'voxgran methods' lists them with their parameters.
+        family of shapes; 'voxgran methods' lists them with their parameters. With the key model it may be left out: it
+        is 'learned', and the count 50.
     seed
         seed of a random family.
     count

@@ -39,7 +39,14 @@ from voxgran.settling.materials import Materials, friction_of, friction_range
 from voxgran.settling.parting import part_grains
 from voxgran.settling.presets import KEPT, TRIANGLES
 from voxgran.settling.progress import Resumable
-from voxgran.settling.stress_balance import balance_grains, keep_known_forces, pressed_forces, stress_of, without_weight
+from voxgran.settling.stress_balance import (
+    balance_grains,
+    evenly,
+    keep_known_forces,
+    pressed_forces,
+    stress_of,
+    without_weight,
+)
 
 #: stages: an examination of grains that may be in balance already, steps to the stress, rounds in which the surfaces of
 #: meshes are parted, and the end
@@ -221,9 +228,10 @@ class Compressor(Resumable):
         size, exact = progress.mobility, bool(progress.exact)
         bed.find(TRIANGLES.margin if exact else MARGIN, KEPT)
         load = self.stress * bed.assembly.container.volume
-        free = float(np.abs(self.modes @ load).max())
+        modes = evenly(self.modes, load)
+        free = float(np.abs(modes @ load).max())
         forces, accelerations = pressed_forces(
-            bed, self.modes, pace.strain / (size * free), load, openness=bed.gap / size, friction=self.friction,
+            bed, modes * (pace.strain / (size * free)), load, openness=bed.gap / size, friction=self.friction,
             skin=SOFTNESS / size, iterations=int(np.clip(ITERATIONS * math.sqrt(size), FEWEST, MANY)),
             tolerance=TOLERANCE,
         )  # fmt: skip

@@ -151,10 +151,12 @@ def equilibrium(
     """
     check_type(packing, Assembly, "packing", "a Packing")
     down, forces = getattr(packing, "gravity", None), getattr(packing, "forces", None)
+    tensor = None if stress is None else as_stress(stress, packing.dimension)
     if down is None and stress is None and forces is not None and forces.stress is not None:
-        # torques on fixed grains, which bear them, are not in the symmetric part
-        stress = (forces.stress + forces.stress.T) / 2.0
-    if down is None and stress is None:
+        # torques on fixed grains, which bear them, are not in the symmetric part; between them it may have tension
+        tensor, d = np.full((3, 3), math.nan), packing.dimension
+        tensor[:d, :d] = (forces.stress + forces.stress.T)[:d, :d] / 2.0
+    if down is None and tensor is None:
         usual = (0, 0, -1) if packing.dimension == 3 else (0, -1, 0)
         raise InputError(
             "packing.gravity is None: rest is a balance of weights; give the direction of gravity with "
@@ -163,8 +165,7 @@ def equilibrium(
     rub, gap = friction_of(as_friction(friction), packing), as_number(gap, "gap", at_least=0.0)
     tolerance = as_positive(tolerance, "tolerance")
     given = {"friction": friction_range(rub)[1], "gap": gap, "tolerance": tolerance}
-    if stress is not None:
-        tensor = as_stress(stress, packing.dimension)
+    if tensor is not None:
         bed = normalized_bed(packing, np.zeros(3))
         start = None
         if forces is not None and forces.stress is not None and packing.count:

@@ -21,34 +21,34 @@ class Material(ExplainedAttributes):
 
     Parameters
     ----------
-    law : {"linear", "hertz"}
-        Contact law: linear spring-dashpot, or Hertz with the tangential stiffness of Mindlin.
-    density : float, optional
-        Density of the solid, kg/m^3. Default: that of the packing, or of each of its shapes; where that is 1, which is
-        the value of a packing without a stated density, 2650, that of quartz.
-    stiffness : float, optional
-        Normal stiffness of the linear law, N/m. Default: ``pi / 4`` times Young's modulus times the median diameter
+    law
+        contact law: linear spring-dashpot, or Hertz with the tangential stiffness of Mindlin.
+    density
+        density of the solid, in kg/m^3; if omitted, that of the packing, or of each of its shapes; where that is 1,
+        which is the value of a packing without a stated density, 2650, that of quartz.
+    stiffness
+        normal stiffness of the linear law, in N/m; if omitted, pi / 4 times Young's modulus times the median diameter
         where the modulus is given, else such that the weight of the bed presses the most loaded of its lowest grains
         into the floor by a thousandth of its diameter.
-    shear_stiffness : float, optional
-        Tangential stiffness of the linear law, N/m. Default: 2/7 of the normal one.
-    young_modulus : float, optional
-        Young's modulus, Pa; the law of Hertz needs it.
-    poisson_ratio : float
-        Poisson's ratio, from 0 to 0.5.
-    restitution : float
-        Ratio of the normal velocities after and before a collision, above 0 and at most 1.
-    friction : float
+    shear_stiffness
+        tangential stiffness of the linear law, in N/m; if omitted, 2/7 of the normal one.
+    young_modulus
+        Young's modulus, in Pa; the law of Hertz needs it.
+    poisson_ratio
+        Poisson's ratio.
+    restitution
+        ratio of the normal velocities after and before a collision.
+    friction
         Coulomb coefficient of friction between grains and at walls.
-    rolling_friction : float
-        Coefficient of rolling friction: the largest rolling moment over the normal force times the effective radius
-        ``r1 r2 / (r1 + r2)``. It goes into input for engines that have it; grains that settle here roll freely.
-    cohesion : float
-        Surface energy of the contacts, J/m^2; two spheres of the effective radius R are pulled apart by the force
-        ``4 pi cohesion R`` (Derjaguin, Muller & Toporov 1975, doi:10.1016/0021-9797(75)90018-1). It needs the law of
-        Hertz and an engine that has it.
-    bond_strength : float, optional
-        Strength of the bonds between the spheres of a clump, Pa. Default: clumps are rigid.
+    rolling_friction
+        coefficient of rolling friction: the largest rolling moment over the normal force times the effective radius
+        r1 r2 / (r1 + r2), for engines that have it; grains that settle here roll freely.
+    cohesion
+        surface energy of the contacts, in J/m^2, for the law of Hertz and engines that have it; two spheres of the
+        effective radius R are pulled apart by the force 4 pi cohesion R (Derjaguin, Muller & Toporov 1975,
+        doi:10.1016/0021-9797(75)90018-1).
+    bond_strength
+        strength of the bonds between the spheres of a clump, in Pa; if omitted, clumps are rigid.
 
     Raises
     ------
@@ -69,41 +69,17 @@ class Material(ExplainedAttributes):
     ('hertz', 0.5)
     """
 
-    law: Literal["linear", "hertz"] = parameter(
-        "linear", doc="contact law: linear spring-dashpot, or Hertz with Mindlin's tangential stiffness"
-    )
-    density: float | None = parameter(
-        None, doc="density of the solid; if omitted, that of the packing, or 2650 where it has none", unit="kg/m^3",
-        at_least=LEAST, at_most=1e12,
-    )  # fmt: skip
-    stiffness: float | None = parameter(
-        None, doc="normal stiffness of the linear law; if omitted, by Young's modulus, or such that grains overlap by "
-        "a thousandth of their diameter under the weight of the bed", unit="N/m", at_least=LEAST,
-    )  # fmt: skip
-    shear_stiffness: float | None = parameter(
-        None,
-        doc="tangential stiffness of the linear law; if omitted, 2/7 of the normal one",
-        unit="N/m",
-        at_least=LEAST,
-    )
-    young_modulus: float | None = parameter(
-        None, doc="Young's modulus; the law of Hertz needs it", unit="Pa", at_least=LEAST
-    )
-    poisson_ratio: float = parameter(0.25, doc="Poisson's ratio", at_least=0.0, at_most=0.5)
-    restitution: float = parameter(
-        0.3, doc="ratio of the normal velocities after and before a collision", above=0.0, at_most=1.0
-    )
-    friction: float = parameter(0.5, doc="Coulomb coefficient of friction", at_least=0.0)
-    rolling_friction: float = parameter(
-        0.0, doc="coefficient of rolling friction: largest rolling moment over normal force times effective radius",
-        at_least=0.0,
-    )  # fmt: skip
-    cohesion: float = parameter(0.0, doc="surface energy of the contacts, for the law of Hertz", unit="J/m^2",
-                                at_least=0.0)  # fmt: skip
-    bond_strength: float | None = parameter(
-        None, doc="strength of the bonds between the spheres of a clump; if omitted, clumps are rigid", unit="Pa",
-        above=0.0,
-    )  # fmt: skip
+    law: Literal["linear", "hertz"] = parameter("linear")
+    density: float | None = parameter(None, unit="kg/m^3", at_least=LEAST, at_most=1e12)
+    stiffness: float | None = parameter(None, unit="N/m", at_least=LEAST)
+    shear_stiffness: float | None = parameter(None, unit="N/m", at_least=LEAST)
+    young_modulus: float | None = parameter(None, unit="Pa", at_least=LEAST)
+    poisson_ratio: float = parameter(0.25, at_least=0.0, at_most=0.5)
+    restitution: float = parameter(0.3, above=0.0, at_most=1.0)
+    friction: float = parameter(0.5, at_least=0.0)
+    rolling_friction: float = parameter(0.0, at_least=0.0)
+    cohesion: float = parameter(0.0, unit="J/m^2", at_least=0.0)
+    bond_strength: float | None = parameter(None, unit="Pa", above=0.0)
 
     def __post_init__(self) -> None:
         """Check the ranges and what the law needs."""

@@ -37,18 +37,18 @@ class Materials(ExplainedAttributes):
 
     Parameters
     ----------
-    materials : mapping
-        Materials by name, each a :class:`Material` or a mapping of its parameters; all have one contact law.
-    pairs : mapping, optional
-        Properties of contacts between two materials by their names, such as ``{("sand", "steel"): {"friction": 0.2}}``
+    materials
+        materials by name, each a :class:`Material` or a mapping of its parameters; all have one contact law.
+    pairs
+        properties of contacts between two materials by their names, such as ``{("sand", "steel"): {"friction": 0.2}}``
         or ``{"sand": {"steel": {"friction": 0.2}}}``; two equal names stand for contacts within a material.
-    shapes : str or sequence of str, optional
-        Name of the material of all shapes, or one for each shape of the packing; one material needs none.
-    walls : str or mapping, optional
-        Name of the material of all walls, or one by the name of each wall: ``"x_low"``, ``"x_high"`` and so on for
+    shapes
+        name of the material of all shapes, or one for each shape of the packing; one material needs none.
+    walls
+        name of the material of all walls, or one by the name of each wall: ``"x_low"``, ``"x_high"`` and so on for
         planes across the axes, ``"round"`` for cylinders, cones, spheres and oblique planes, of which several are
         ``"round_1"``, ``"round_2"`` and so on in the order of the container, ``"mesh"`` for a wall of triangles,
-        ``"lid"``, and ``"others"`` for all that are not named. One material needs none.
+        ``"lid"``, and ``"others"`` for all that are not named; one material needs none.
 
     Raises
     ------
@@ -72,12 +72,10 @@ class Materials(ExplainedAttributes):
     [0.6, 0.2]
     """
 
-    materials: Mapping[str, Any] = parameter(doc="materials by name, each a table of its parameters")
-    pairs: Mapping[Any, Any] | None = parameter(
-        None, doc="properties of contacts between two materials, by the name of the one and then of the other"
-    )
-    shapes: str | tuple[str, ...] | None = parameter(None, doc="material of all shapes, or one for each shape")
-    walls: str | Mapping[str, Any] | None = parameter(None, doc="material of all walls, or by the names of walls")
+    materials: Mapping[str, Any] = parameter()
+    pairs: Mapping[Any, Any] | None = parameter(None)
+    shapes: str | tuple[str, ...] | None = parameter(None)
+    walls: str | Mapping[str, Any] | None = parameter(None)
 
     def __post_init__(self) -> None:
         """Check the names and the properties, and give all fields one form."""

@@ -23,10 +23,10 @@ class Shaking(ExplainedAttributes):
 
     Parameters
     ----------
-    acceleration : float
-        Amplitude at the beginning, in gravitational accelerations.
-    duration : float
-        How long grains are shaken, in sqrt(d / g) with the median diameter d.
+    acceleration
+        amplitude at the beginning, in gravitational accelerations.
+    duration
+        how long grains are shaken, in sqrt(d / g) with the median diameter d.
 
     Raises
     ------
@@ -41,12 +41,8 @@ class Shaking(ExplainedAttributes):
     'settled'
     """
 
-    acceleration: float = parameter(
-        1.0, doc="amplitude at the beginning", unit="gravitational accelerations", above=0.0
-    )
-    duration: float = parameter(
-        10.0, doc="how long grains are shaken, in sqrt(d / g) with the median diameter d", above=0.0, at_most=LONGEST
-    )
+    acceleration: float = parameter(1.0, unit="gravitational accelerations", above=0.0)
+    duration: float = parameter(10.0, above=0.0, at_most=LONGEST)
 
     def __post_init__(self) -> None:
         """Check the ranges."""
@@ -60,8 +56,8 @@ class Lid(ExplainedAttributes):
 
     Parameters
     ----------
-    weight : float
-        Weight, in weights of all grains together.
+    weight
+        weight, in weights of all grains together.
 
     Raises
     ------
@@ -77,7 +73,7 @@ class Lid(ExplainedAttributes):
     ('settled', True)
     """
 
-    weight: float = parameter(1.0, doc="weight, in weights of all grains together", above=0.0, at_most=HEAVIEST)
+    weight: float = parameter(1.0, above=0.0, at_most=HEAVIEST)
 
     def __post_init__(self) -> None:
         """Check the range."""

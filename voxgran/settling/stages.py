@@ -16,7 +16,18 @@ from voxgran.contacts.assembly import Assembly
 from voxgran.contacts.manifolds.rows import SURFACE
 from voxgran.settling.bed import Bed
 from voxgran.settling.closing import close_round
-from voxgran.settling.equilibrium import balance_bed
+from voxgran.settling.examination import (
+    AFTER_PARTING,
+    CALM,
+    EARLY,
+    EVERY,
+    PARTED,
+    ROUNDS,
+    THOROUGH,
+    TRIALS,
+    USUAL,
+    Examined,
+)
 from voxgran.settling.fall import fall_step, is_slow, random_pull, stop_falling
 from voxgran.settling.impulses import Fall
 from voxgran.settling.interior_point import is_direct
@@ -24,17 +35,10 @@ from voxgran.settling.materials import friction_of, friction_range
 from voxgran.settling.parameters import Settling
 from voxgran.settling.parting import part_grains
 from voxgran.settling.presets import FRICTIONAL, FRICTIONLESS, GRIDS, TRIANGLES, SolverPreset
-from voxgran.settling.progress import Progress, Resumable
+from voxgran.settling.progress import AGAIN, CLOSING, ENDED, FALL, GROWTH, RAIN, SHAKING, STAGES, START, STILL, Progress
 from voxgran.settling.quasi_static import frictionless_step, quasi_static_step
 from voxgran.settling.rain import Rain, let_arrive, steps_of_rain
 
-#: stages: growth to full size, an examination of grains that may rest already, fall, shaking, the fall after it,
-#: quasi-static steps, rounds in which surfaces are parted, and the end; and, before the fall, grains that arrive fast
-GROWTH, START, FALL, SHAKING, AGAIN, STILL, CLOSING, ENDED, RAIN = range(9)
-#: what they are called
-STAGES = ("growth", "examination", "fall", "shaking", "fall", "quasi-static", "parting", "end", "rain")
-#: distance up to which surfaces touch
-TOUCHING = 1e-3
 #: sinking in a unit of time below which the fall ends; units of time that it lasts at least
 SINKING, SHORTEST = 0.05, 4.0
 #: units of time that the fall lasts at least without friction, where beds creep; greatest height of a container in
@@ -42,34 +46,24 @@ SINKING, SHORTEST = 0.05, 4.0
 CREEPING, HIGHEST = 30.0, 10_000.0
 #: surfaces move at most so far in a step of growth, which lasts at least so many steps
 GROWTH_STEP, GROWTH_STEPS = 0.03, 40
-#: iterations in a quasi-static step, twice as many in beds of more layers than these, and how steps shrink and grow
+#: iterations in a quasi-static step, twice as many in beds of more layers than these, and how steps shrink and grow; with
+#: some hundred iterations forces at sliding contacts drift, and beds that could rest go on moving
 ITERATIONS, DEEP, SHRINK, LENGTHEN = 30, 40.0, 0.9, 1.3
 #: largest number of quasi-static steps in all, and how many times more are made in a bed of fewer grains than these
 STILL_STEPS, FEW_GRAINS, MORE_STEPS = 300, 1500, 5
 #: what is different in the fall of meshes that are not convex: their distances are known less well
 SURFACE_FALL: dict[str, Any] = {"rest": 2e-3, "most": 0.03, "margin": 0.05}
-#: most rounds in which surfaces are parted, and length of steps after overlapping grains were, in that of the last ones
-CLOSING_ROUNDS, AFTER_PARTING = 12, 0.5
+#: most rounds in which surfaces are parted
+CLOSING_ROUNDS = 12
 #: volume of a grain of unit diameter by dimension, whose mass is 1
 UNIT = {2: math.pi / 4, 3: math.pi / 6}
-#: share of moving grains below which steps become shorter, and below which the bed is examined
-SLOW, CALM = 0.03, 0.015
+#: share of moving grains below which steps become shorter
+SLOW = 0.03
 #: share of grains that do not rest with which steps end that are examined every few ones: their contact points change
 ENOUGH = 0.025
-#: net force, in weights, and net torque, in weights times radii, up to which a grain rests
-RESIDUAL = 0.01
-#: share of moving grains below which copies of a bed with friction are examined, and steps from one to the next; depth
-#: to which overlaps of a copy whose grains rest otherwise are parted
-EARLY, EVERY, SHALLOW = 0.3, 4, 1e-2
-#: iterations of an examination of a copy, of others, and most of the last one; those by sweeps it begins with where
-#: grains rub, those after which it ends where no more rest, and more for all grains, and what moves of a hopeless copy
-QUICK, USUAL, THOROUGH, SWEPT, PATIENCE, MANY, HOPELESS = 100, 300, 3000, 50, 64, 60_000, 0.5
-#: distance to which overlapping grains are parted, rounds for it, by triangles and by other contacts, how often it is
-#: tried, and depth that is rounding
-PARTED, FEW_ROUNDS, ROUNDS, TRIALS, ROUND_OFF = 1e-4, 20, 60, 3, 1e-13
 
 
-class Settler(Resumable):
+class Settler(Examined):
     """Settles a bed, step by step.
 
     Parameters
@@ -304,38 +298,6 @@ class Settler(Resumable):
                 part_grains(bed, PARTED, ROUNDS)
             self._end()
 
-    def _rests_as_copy(self, preset: SolverPreset) -> bool:
-        """Return whether a copy of the bed rests, once small overlaps are parted; then it takes the place of the bed.
-
-        Where some grains move since a step is not solved to the end, the bed may rest long since. The forces of an
-        examination, which has no contacts beyond its reach, would move it.
-        """
-        progress, own, enough = self.progress, self.bed, min(CALM, 1.0 - self.how.rest)
-        self.bed = own.copy()
-        self._examine(QUICK)
-        parted = progress.moving < enough and -SHALLOW < progress.smallest < 0.0
-        if parted:
-            progress.trials += 1
-            part_grains(self.bed, PARTED, ROUNDS)
-            self._examine(QUICK)
-        if progress.moving < enough and progress.smallest >= 0.0:
-            return True
-        if parted and progress.trials % TRIALS == 0:
-            # grains that are wedged by forces which gravity does not need come free by those of the examination
-            progress.length = min(progress.length, AFTER_PARTING * preset.last)
-        else:
-            self.bed = own
-        return False
-
-    def _part(self) -> bool:
-        """Part grains that overlap; return whether they are parted as far as their present contacts can do it."""
-        bed = self.bed
-        if not self.progress.exact:
-            part_grains(bed, PARTED, ROUNDS)
-            return True
-        smallest = part_grains(bed, PARTED, FEW_ROUNDS, most=TRIANGLES.most, margin=TRIANGLES.margin)
-        return smallest >= 0.0 and not bed.finders.crossing(bed.pairs, bed.grains)
-
     def _end(self) -> None:
         """Examine the bed for the last time; let it fall again, or go back to a former one that was better."""
         progress, bed = self.progress, self.bed
@@ -416,30 +378,6 @@ class Settler(Resumable):
                 return FRICTIONLESS[int(self.bed.grains.kind.any()) if self.direct else 2]
             return FRICTIONAL[int(self.bed.grains.kind.any())]
         return TRIANGLES if self.progress.exact else GRIDS
-
-    def _examine(self, iterations: int) -> None:
-        """Note how well forces at the contacts balance the grains."""
-        bed, progress = self.bed, self.progress
-        found = balance_bed(
-            bed, self.friction, reach=TOUCHING, tolerance=RESIDUAL, iterations=iterations,
-            sweeps=0 if self._frictionless else SWEPT, hopeless=HOPELESS if iterations == QUICK else 1.0,
-            patience=PATIENCE + MANY // max(bed.count, 1),
-        )  # fmt: skip
-        progress.residual = np.maximum(found.residual, found.residual_torque)
-        progress.moving = bed.mean(~found.rests)
-        smallest = float(bed.gap.min(initial=TOUCHING))
-        progress.smallest = 0.0 if -ROUND_OFF < smallest < 0.0 else smallest
-        if bed.finders.crossing(bed.pairs, bed.grains):
-            progress.smallest = min(progress.smallest, -TOUCHING)
-        if progress.stage == STILL and progress.smallest >= 0.0 and progress.moving < progress.best:
-            progress.best, progress.best_lid = progress.moving, bed.lid_level
-            progress.best_position, progress.best_orientation = bed.grains.position.copy(), bed.orientation.copy()
-
-    def _rests(self) -> bool:
-        """Return whether the bed counts as resting, as last examined, and note it."""
-        progress = self.progress
-        progress.proven = int(progress.moving <= 1.0 - self.how.rest and progress.smallest >= 0.0)
-        return bool(progress.proven)
 
 
 _STEPS = {

@@ -45,18 +45,17 @@ SAME = 1e-6
 
 
 def pressed_forces(
-    bed: Bed, modes: Floats, mobility: float, load: Floats, *, openness: Floats, friction: float | FrictionTable,
+    bed: Bed, mobility: Floats, load: Floats, *, openness: Floats, friction: float | FrictionTable,
     skin: float, iterations: int, tolerance: float, scaled_every: int = SCALED_EVERY,
 ) -> tuple[Floats, Floats]:  # fmt: skip
     """Return forces (m, 3) that balance grains and the load on their container, and the accelerations that are left.
 
     Those (n + 1, 6) of the last body are the strains of the container.
 
-    modes: (6, 6) projection onto the strains that it may have.  mobility: strain of a mode under a unit load.
-    load: (6,) stress times volume.  openness, skin, tolerance: as in a quasi-static step.  scaled_every: iterations
-    between two multiplications of all forces.
+    mobility: (6, 6) strains under unit loads.  load: (6,) stress times volume.  openness, skin, tolerance: as in a
+    quasi-static step.  scaled_every: iterations between two multiplications of all forces.
     """
-    cell = Cell(np.ascontiguousarray(modes * mobility), load)
+    cell, stiffness = Cell(np.ascontiguousarray(mobility), load), np.linalg.pinv(mobility, hermitian=True)
     contacts, forces, made = bed.contacts._replace(cell=cell), bed.forces(), 0
     normal = bed.rows.row[: bed.m, NORMAL : NORMAL + 3]
     inverse, rub = np.repeat(bed.bodies[:-1, 6:8], 3, axis=1), bed.friction_at(friction)
@@ -65,8 +64,8 @@ def pressed_forces(
     accelerations = net_accelerations(contacts, forces)
     while made < iterations:
         virial = accelerations[-1] + pressed
-        energy = float((accelerations[:-1] ** 2 * weight).sum()) + float(virial @ virial) / mobility
-        work = float(virial @ pressed) / mobility - float(openness @ (forces * normal).sum(axis=1))
+        energy = float((accelerations[:-1] ** 2 * weight).sum()) + float(virial @ stiffness @ virial)
+        work = float(virial @ stiffness @ pressed) - float(openness @ (forces * normal).sum(axis=1))
         if energy > 0.0:
             forces *= min(max(work / energy, LEAST_FACTOR), MOST_FACTOR)
         accelerations, turns = gauss_seidel_forces(
@@ -76,6 +75,16 @@ def pressed_forces(
         if turns < scaled_every:
             break
     return forces, accelerations
+
+
+def evenly(modes: Floats, load: Floats) -> Floats:
+    """Return modes (6, 6) in which equal shares of the load (6,) along each axis strain a container alike.
+
+    Without them a small stress beside a large one is met slowly.
+    """
+    share = load / np.abs(load).max()
+    scale = np.sqrt(np.divide(1.0, share, out=np.ones(6), where=share > 0.0))
+    return np.asarray(modes * np.outer(scale, scale))
 
 
 class Balanced(NamedTuple):
@@ -116,13 +125,13 @@ def balance_grains(
     are within the cones of its contacts, so that they may be the best ones. It ends where all grains that bear forces
     are in balance within a tolerance, and the load is met to 1e-3.
     """
-    volume = bed.assembly.container.volume
+    volume, yielding = bed.assembly.container.volume, evenly(modes, load) * (MOBILITY / max(bed.count, 1))
     best: Balanced | None = None
     for number in range(0 if known else 1, rounds + 1):
         stop_if_asked()
         before = bed.forces()
         forces, accelerations = pressed_forces(
-            bed, modes, MOBILITY / max(bed.count, 1), load, openness=np.zeros(bed.m), friction=friction,
+            bed, yielding, load, openness=np.zeros(bed.m), friction=friction,
             skin=SOFTNESS, iterations=ROUND if number else 0, tolerance=TOLERANCE, scaled_every=SCALED_IN_ROUND,
         )  # fmt: skip
         bed.keep_forces(forces)
@@ -130,7 +139,7 @@ def balance_grains(
         stress = stress_of(bed, forces)
         excess = modes @ (np.array([(stress[a, b] + stress[b, a]) / 2.0 for a, b in PLACES]) * volume - load)
         axial = (modes @ load)[:3]
-        missed = float(np.abs(excess).max() / axial[axial > 0.0].min())
+        missed = float(np.abs(excess).max() / axial[axial > 0.0].min(initial=np.abs(load).max()))
         # a grain that one contact pushes bears nothing, and is not in balance
         unrest, many = int((np.maximum(force, torque) > tolerance).sum()), int(bearing.sum())
         moving = min(unrest / many, 1.0) if many else 1.0

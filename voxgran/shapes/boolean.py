@@ -22,7 +22,7 @@ def united(meshes: Iterable[tuple[Floats, Integers]]) -> tuple[Floats, Integers]
     library = load("manifold3d")
     solids: list[tuple[int, int, Any]] = []
     for vertices, faces in meshes:
-        mesh = library.Mesh64(np.ascontiguousarray(vertices), np.ascontiguousarray(faces, dtype=np.uint64))
+        mesh = library.Mesh64(np.array(vertices, order="C"), np.array(faces, dtype=np.uint64, order="C"))
         solid = library.Manifold(mesh)
         if solid.status() != library.Error.NoError:
             raise DirtyMeshError(

@@ -2,7 +2,7 @@
 
 import inspect
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from dataclasses import MISSING, dataclass
 from typing import Any
 
 import numpy as np
@@ -75,6 +75,12 @@ def shape_families() -> tuple[str, ...]:
     True
     """
     return families().names()
+
+
+def default_families() -> tuple[str, ...]:
+    """Return the names of the families that make shapes without any parameter given."""
+    entries = ((name, families().get(name)) for name in shape_families())
+    return tuple(name for name, one in entries if all(p.default is not MISSING for p in parameters_of(one.parameters)))
 
 
 def family_function(name: str) -> Callable[..., Shape]:

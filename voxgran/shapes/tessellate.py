@@ -14,6 +14,7 @@ from voxgran.geometry.triangles import normals_of
 SIDES = 96
 
 
+@lru_cache(maxsize=16)
 def sphere(subdivisions: int = 4) -> tuple[Floats, Integers, float]:
     """Return vertices and faces of an icosahedron subdivided onto the unit sphere, and their largest distance from it.
 
@@ -23,7 +24,7 @@ def sphere(subdivisions: int = 4) -> tuple[Floats, Integers, float]:
     for _ in range(subdivisions):
         vertices, faces = _split(vertices, faces)
     middles = vertices[faces].mean(axis=1)
-    return vertices, faces, float(1 - np.linalg.norm(middles, axis=1).min())
+    return read_only(vertices), read_only(faces), float(1 - np.linalg.norm(middles, axis=1).min())
 
 
 @lru_cache(maxsize=16)

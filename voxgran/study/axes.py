@@ -1,7 +1,8 @@
 """Axes of a study: what the values of an axis change in a scene, and what they are called.
 
 An axis is a path into the scene, such as ``packing.friction``, a section of it, such as ``settle``, or one of the names
-`method`, `shape`, `sizes` and `container`, whose values are names or whole tables.
+`method`, `shape`, `sizes` and `container`, whose values are names or whole tables. The axis ``friction`` is that
+with which grains settle: of the method where it settles them itself, otherwise of ``settle``.
 """
 
 import copy
@@ -21,6 +22,8 @@ from voxgran.scene.description import SECTIONS
 
 #: axes whose values are names or whole tables, and the key that a name stands for
 NAMED = {"method": "method", "shape": "family", "sizes": "kind", "container": "kind"}
+#: axis of the friction with which grains settle, whichever section has it
+FRICTION = "friction"
 #: sections that no axis changes: what is measured and written is the same for all cells
 FIXED = ("measure", "output")
 #: sections that may stand several times
@@ -92,9 +95,9 @@ def check_axis(axis: str, beside: Iterable[str] = ()) -> None:
     for idle, told in IDLE.items() if not numbered else ():
         if axis == idle or axis.startswith(f"{idle}."):
             raise InputError(f"axis {axis}: {told}")
-    if first in (*NAMED, *SECTIONS) and all(rest) and not (first == "method" and rest):
+    if axis == FRICTION or (first in (*NAMED, *SECTIONS) and all(rest) and not (first == "method" and rest)):
         return
-    known = (*NAMED, *(f"{name}.KEY" for name in SECTIONS if name not in (*NAMED, *FIXED, *IDLE)))
+    known = (*NAMED, FRICTION, *(f"{name}.KEY" for name in SECTIONS if name not in (*NAMED, *FIXED, *IDLE)))
     paths = {path.rpartition(".")[2]: path for path in beside}
     meant = nearest(axis.rpartition(".")[2], (*known, *paths, "seeds"))
     if meant in paths or meant == "seeds":
@@ -148,7 +151,7 @@ def _given(axis: str, value: Any) -> tuple[str, Any]:
             f"axis {axis} has the value {shown(value)}: it must be a name or a table such as "
             f"{{ {NAMED[axis]} = ..., label = ... }}; change it"
         )
-    if "." not in axis and axis not in NAMED and not isinstance(value, dict | bool):
+    if "." not in axis and axis not in (*NAMED, FRICTION) and not isinstance(value, dict | bool):
         also = ", true or false" if axis == "settle" else ""
         raise InputError(
             f"axis {axis} has the value {shown(value)}: it must be a table of keys of [{axis}]{also}; change it"
@@ -244,7 +247,7 @@ def changed(base: Mapping[str, Any], choices: Mapping[str, Any]) -> dict[str, An
         If a path leads through something that is no table.
     """
     made = copy.deepcopy(dict(base))
-    for axis in sorted(choices, key=lambda name: (name not in NAMED, name.count("."))):
+    for axis in sorted(choices, key=lambda name: (name not in NAMED, name.count(".") + (name == FRICTION))):
         value = copy.deepcopy(choices[axis])
         if axis == "method":
             _set_method(made, value)
@@ -256,6 +259,11 @@ def changed(base: Mapping[str, Any], choices: Mapping[str, Any]) -> dict[str, An
             kept = made.get(axis, {}) if "kind" not in table else {}
             share = {key: made[axis][key] for key in ("share_by",) if key in made.get(axis, {})}
             made[axis] = {**share, **kept, **table}
+        elif axis == FRICTION:
+            method = made.get("packing", {}).get("method")
+            entries = method_registry()
+            own = parameters_of(entries.get(method).parameters) if method in entries.names() else ()
+            _set(made, "packing.friction" if FRICTION in {item.name for item in own} else "settle.friction", value)
         elif "." not in axis:
             given: dict[str, Any] = {"enabled": value} if isinstance(value, bool) else dict(value)
             made[axis] = {**made.get(axis, {}), **given}

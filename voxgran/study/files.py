@@ -26,7 +26,7 @@ def with_files(scene: Mapping[str, Any], made: Callable[[str], str]) -> dict[str
     found = dict(scene)
     for name in ("shape", "obstacle"):
         if isinstance(found.get(name), list):
-            keys = ("file", "like", "packing")
+            keys = ("file", "like", "model", "packing")
             found[name] = [_with(entry, made, *keys) if isinstance(entry, Mapping) else entry for entry in found[name]]
     if isinstance(found.get("layer"), list):
         found["layer"] = [with_files(entry, made) if isinstance(entry, Mapping) else entry for entry in found["layer"]]

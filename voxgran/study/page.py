@@ -25,6 +25,7 @@ from voxgran.study.cell_values import (
     FAILURE,
     FULL,
     FULL_NOTE,
+    OF_CONTAINER,
     WARNED,
     WARNINGS,
     axes_of,
@@ -156,7 +157,8 @@ def write_study_page(
 def _chosen(dataset: "Dataset") -> list[str]:
     """Return the numbers that are drawn or compared by default, the main one first; densities that vary, or one."""
     main = main_variable(dataset)
-    known = [name for name in LISTED_NUMBERS if is_own(dataset, name)]
+    # of beds that of the container says how high it is
+    known = [n for n in LISTED_NUMBERS if is_own(dataset, n) and (n != OF_CONTAINER or n == main)]
     return [name for name in known if name == main] + [
         name for name in known if name != main and (name not in DENSITIES or varies(dataset, name))
     ]

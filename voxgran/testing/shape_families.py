@@ -81,4 +81,4 @@ class ShapeFamilySuite:
         assert entry.summary
         for parameter in parameters_of(entry.parameters):
             assert parameter.doc, parameter.name
-        assert to_mapping(entry.parameters())
+        assert to_mapping(entry.parameters(**self.parameters))

@@ -47,7 +47,8 @@ def test_unknown_key_names_the_nearest():
     ("mapping", "words"),
     [
         ({}, "name is missing"),
-        ({"name": 3}, "must be text"),
+        ({"name": 3}, "must be text; correct it"),
+        ({"name": ["x", "y"]}, r"is \['x', 'y'\]: it must be text; write 'xy'"),
         ({"name": "a", "sweeps": 1.5}, "whole number"),
         ({"name": "a", "sweeps": True}, "whole number"),
         ({"name": "a", "cover": "touchh"}, "'touch', 'center'"),

@@ -26,6 +26,7 @@ def rows():
     return compression.measure(cases, size=0.06)
 
 
+@pytest.mark.slow
 def test_specimens_are_judged_by_the_balance_of_their_forces(rows):
     assert [row.grains for row in rows] == [60, 60, 60, 60]
     # along z only, the stress across is not asked for

@@ -25,6 +25,7 @@ def test_beds_of_dice_are_free_of_overlap_and_rest(method):
     assert shaken.bulk > poured.bulk
 
 
+@pytest.mark.slow
 def test_beds_are_written_beside_what_is_published(tmp_path):
     beds = [
         Bed(method, solid, shaken, 1.0, 0.5, True, 0.97)

@@ -6,6 +6,7 @@ from functools import partial
 
 import numpy as np
 import pytest
+from kit import slow
 
 import voxgran as vg
 from voxgran._base.machine import peak_memory
@@ -25,7 +26,7 @@ def small(monkeypatch):
     bed.cache_clear()
 
 
-@pytest.mark.parametrize("name", ["deposition", "load .vtp", "fit_clump"])
+@pytest.mark.parametrize("name", ["deposition", "load .vtp", slow("fit_clump")])
 def test_a_case_has_a_row_for_each_number_of_grains(name, small):
     rows = list(measure_case(name, 160))
     many = [2, 8] if name == "fit_clump" else [40, 160]
@@ -42,6 +43,7 @@ def test_exponents_and_memory():
     assert most_memory(partial(np.ones, 10**6)) == pytest.approx(8e6, rel=0.01)
 
 
+@pytest.mark.slow
 def test_the_files(small, tmp_path, monkeypatch):
     monkeypatch.setattr(scale, "CASES", dict.fromkeys(("deposition", "verify"), 160))
     monkeypatch.setattr(scale, "measure_peer", lambda: [Row(scale.POURING, 40, 1.0, None)])

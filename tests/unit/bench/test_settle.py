@@ -37,8 +37,9 @@ def test_rows_and_figure_are_written(tmp_path, monkeypatch, rows):
     monkeypatch.setattr(settle, "measure_beds", lambda: rows)
     monkeypatch.setattr(settle, "measure_peers", list)
     monkeypatch.setattr(settle, "measure_accuracy", lambda: accuracy)
+    monkeypatch.setattr(settle, "measure_iterations", lambda: [(300, 30, 4, 0.2, 0.58, 0.001, 20, 0.01, 0.99)])
     files = settle.run(tmp_path)
-    assert {path.name for path in files} == {"settle.csv", "settle_accuracy.csv", "settle.svg"}
+    assert {path.name for path in files} == {"settle.csv", "settle_accuracy.csv", "settle_iterations.csv", "settle.svg"}
     with (tmp_path / "settle.csv").open(newline="") as table:
         written = list(csv.DictReader(table))
     assert [float(row["share_at_rest"]) for row in written] == pytest.approx([row.rests for row in rows], abs=1e-4)
@@ -50,6 +51,20 @@ def test_more_substeps_leave_less_overlap():
     assert [row[:2] for row in found] == [(0.1, 2), (0.1, 8)]
     assert found[1][4] < 0.5 * found[0][4]
     assert min(row[5] for row in found) > 0.9
+
+
+def test_iterations_of_steps_are_compared_with_a_fall_that_goes_on():
+    found = settle.measure_iterations(((120, 4.0, 2),), (30,))
+    assert [row[:3] for row in found] == [(120, 30, 4), (120, None, 4), (120, None, 16)]
+    for _, _, _, seconds, bulk, error, steps, moving, rests in found:
+        assert seconds > 0.0
+        assert 0.5 < bulk < 0.68
+        assert 0.0 < error < 0.05
+        assert steps >= 1
+        assert moving < 0.3
+        assert rests > 0.95
+    # a fall that goes on leaves less to do
+    assert found[2][6] < found[0][6]
 
 
 def test_other_programs_are_judged_alike_or_left_out(tmp_path):

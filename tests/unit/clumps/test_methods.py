@@ -41,7 +41,7 @@ def fitted(shape, method, **options):
         return vg.fit_clump(shape, method=method, **{"max_spheres": COUNT} | options)
 
 
-@pytest.mark.parametrize("name", ["eros", "cube"])
+@pytest.mark.parametrize("name", ["eros", slow("cube")])
 @pytest.mark.parametrize("method", METHODS)
 def test_the_number_asked_is_returned_with_all_centers_inside(clumps, solids, method, name):
     clump, shape = clumps(method, name), solids[name]
@@ -72,18 +72,20 @@ def test_the_clump_scales_with_the_solid(clumps, eros, method):
     assert np.allclose(small.radii * 1e3, clump.radii, rtol=1e-6)
 
 
-@pytest.mark.parametrize("method", METHODS)
+@pytest.mark.parametrize("method", ["optimal", *(slow(name) for name in METHODS if name != "optimal")])
 def test_voxels_give_nearly_the_clump_of_the_mesh(clumps, eros, method):
     clump = fitted(vg.voxelize(eros, voxel_size=eros.diameter / 40), method)
     assert (clump.shape.signed_distance(clump.centers) < 0).all()
     assert clump.errors.iou == pytest.approx(clumps(method, "eros").errors.iou, abs=0.06)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("method", METHODS)
 def test_more_spheres_lower_the_error(clumps, eros, method):
     assert fitted(eros, method, max_spheres=60).errors.iou > clumps(method, "eros").errors.iou + 0.03
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("method", METHODS)
 def test_one_sphere_stands_for_a_tessellated_sphere(method):
     shape = vg.make_shape("sphere")

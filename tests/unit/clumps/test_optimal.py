@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from kit import slow
 
 import voxgran as vg
 from voxgran._base.seeds import stream
@@ -87,7 +88,7 @@ def test_radii_keep_to_their_limits(eros):
     assert even.errors.iou > 0.92
 
 
-@pytest.mark.parametrize("parameters", [{}, {"uniform": True}, {"max_radius": 0.1}])
+@pytest.mark.parametrize("parameters", [{}, slow({"uniform": True}), {"max_radius": 0.1}])
 def test_tangent_spheres_touch_and_do_not_overlap(eros, parameters):
     clump = fit_clump(eros, max_spheres=40, overlap=False, **parameters)
     gap = np.linalg.norm(clump.centers[:, None] - clump.centers, axis=2) - clump.radii - clump.radii[:, None]
@@ -179,8 +180,8 @@ def test_kernels_agree_with_plain_python():
         add(places, made, weight, index, centers, matrix, slope)
         choose(places, kind, weight, np.minimum(made, 1.0), centers + 0.1, radii, chosen)
         results.append((made, index, matrix, slope, chosen))
-    for fast, slow in zip(*results, strict=True):
-        np.testing.assert_allclose(fast, slow, atol=1e-12)
+    for fast, plain in zip(*results, strict=True):
+        np.testing.assert_allclose(fast, plain, atol=1e-12)
     # the normal equations are those of residuals with derivatives by differences
     s, step = 2, 1e-6
     mine = owner == s

@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from kit import slow
 
 import voxgran as vg
 from voxgran._base.compiling.threads import using_threads
@@ -52,7 +53,7 @@ def searched(assembly, *, exact, threads, room):
 
 
 @pytest.mark.parametrize("exact", [False, True])
-@pytest.mark.parametrize("room", [None, 7])
+@pytest.mark.parametrize("room", [slow(None), 7])
 def test_threads_find_the_same_contacts(assembly, exact, room, monkeypatch):
     monkeypatch.setattr(blocks, "LEAST_PAIRS", 1)
     one = searched(assembly, exact=exact, threads=1, room=room)

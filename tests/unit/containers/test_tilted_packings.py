@@ -191,3 +191,12 @@ def test_a_front_grows_across_tilted_faces(mode):
     assert made.solid_fraction > (0.4 if mode == "loose" else 0.5)
     # each sphere touches three others when it is placed
     assert float(made.measure("coordination")["mean_coordination_number"]) > 5.5
+
+
+def test_a_table_without_container_says_that_it_loses_the_tilt(tmp_path):
+    tilted = vg.Packing.of(SPHERE, CELL, position=[(3, 0, 3)])
+    with pytest.warns(vg.PackingWarning, match="do not tell the tilt of this one: save as .txt or .vtp"):
+        vg.save(tilted, tmp_path / "a.csv")
+    assert vg.load(tmp_path / "a.csv", container=CELL).container.tilt == CELL.tilt
+    vg.save(tilted, tmp_path / "a.txt")
+    assert vg.load(tmp_path / "a.txt").container.tilt == CELL.tilt

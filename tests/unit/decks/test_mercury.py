@@ -139,6 +139,7 @@ struct AxisymmetricIntersectionOfWalls : BaseWall {
 struct PeriodicBoundary {
     Vec3D normal; double low, high;
     void set(Vec3D n, Mdouble l, Mdouble h) { normal = n; low = l; high = h; }
+    void setPlanewiseShift(Vec3D) {}
     void print() const { std::cout << "periodic " << normal << ' ' << low << ' ' << high << "\\n"; }
 };
 struct BaseParticle : Base {

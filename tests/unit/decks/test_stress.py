@@ -7,6 +7,7 @@ import subprocess
 import engine_cases as cases
 import numpy as np
 import pytest
+from kit import slow
 
 import voxgran as vg
 from voxgran._base.errors import InputError
@@ -87,7 +88,7 @@ def test_yade_keeps_the_stress_of_each_axis(tmp_path):
         (loose(), "lammps", (NAN,) * 3, "one number of pascals above 0, or three"),
         (loose(), "lammps", "1e5", "one number of pascals above 0, or three"),
         (loose(), "pfc", 1e5, "input for PFC has no periodic sides that keep one; choose engine 'lammps' or 'yade'"),
-        (loose("xy"), "lammps", 1e5, "input for LAMMPS has no walls that keep one; choose engine 'liggghts'"),
+        (loose(""), "kratos", 1e5, "input for Kratos has no walls that keep one; choose engine 'lammps'"),
         (loose("xy"), "yade", 1e5, "walls and periodic sides are to keep one; give NaN"),
         (drum(), "liggghts", 1e5, "no two plane walls along x, y; give NaN"),
         (loose("xy"), "yade", (NAN, NAN, 1e5), "YADE has none that move in a periodic cell"),
@@ -219,7 +220,7 @@ def moved(engine, folder, deck, columns):
 
 @pytest.mark.engine
 @pytest.mark.parametrize(("engine", "first"), [("liggghts", 1), ("yade", 0)])
-@pytest.mark.parametrize("container", [None, vg.Cylinder(2.2, 5)], ids=["box", "cylinder"])
+@pytest.mark.parametrize("container", [None, slow(vg.Cylinder(2.2, 5))], ids=["box", "cylinder"])
 def test_a_specimen_between_walls_hardly_moves_when_an_engine_gives_it_a_stiffness(engine, first, container, tmp_path):
     flat = container is None
     made = walled(container=container, **({} if flat else {"axes": "z"}))
@@ -232,8 +233,44 @@ def test_a_specimen_between_walls_hardly_moves_when_an_engine_gives_it_a_stiffne
     assert np.median(distance) < 0.06 * deck.simulation.diameter
 
 
+@pytest.fixture
+def lammps(monkeypatch):
+    monkeypatch.setenv("VOXGRAN_LAMMPS", cases.program("lmp", REMEDY))
+
+
 @pytest.mark.engine
-@pytest.mark.parametrize(("engine", "first"), [("liggghts", 1), ("yade", 0)])
+def test_a_platen_of_lammps_moves_up_to_a_sphere_and_presses_it_with_its_force(lammps):
+    sphere = {"position": [(2, 2, 0.5)], "gravity": None, "unit": "mm"}
+    packing = vg.Packing.of(vg.shapes.sphere(), vg.Box((4, 4, 1.05)), **sphere)
+    after, history = vg.relax(packing, stress=(NAN, NAN, 10.0), material={"stiffness": 1e3})
+    # a force of 10 Pa on 16 mm^2 presses the sphere into floor and platen, each over the stiffness, in mm
+    depth = 10.0 * 16e-6 / 1e3 * 1e3
+    assert after.stop_reason == "count"
+    assert after.position[0] == pytest.approx([2, 2, 0.5 - depth], abs=0.01 * depth)
+    assert after.container.lengths == pytest.approx((4, 4, 1 - 2 * depth), abs=0.01 * depth)
+    assert float(history.mean_displacement[-1]) == pytest.approx(0.5 * 0.05 / 1.05, rel=0.01)
+
+
+@pytest.mark.engine
+@pytest.mark.parametrize("materials", [False, True])
+@pytest.mark.parametrize("round_wall", [False, True])
+def test_a_specimen_between_platens_of_lammps_hardly_moves(lammps, round_wall, materials):
+    made = walled(container=vg.Cylinder(2.2, 5) if round_wall else None, **({"axes": "z"} if round_wall else {}))
+    material = {"friction": 0.5}
+    if materials:
+        table = {"sand": vg.Material(**material), "steel": vg.Material(**material)}
+        material = vg.Materials(table, shapes="sand", walls="steel")
+    after, history = vg.relax(made, stress=(NAN, NAN, 1e3) if round_wall else 1e3, material=material)
+    assert after.stop_reason == "count"
+    # the strain of elastic contacts, of which each overlaps by a thousandth of a diameter, is not part of that
+    assert float(history.mean_displacement[-1]) < 0.05
+    # the same grains bear the stress afterwards
+    assert abs(float(history.coordination_number[-1] - history.coordination_number[0])) < 0.5
+    assert float(history.share_of_rattlers[-1]) < 0.2
+
+
+@pytest.mark.engine
+@pytest.mark.parametrize(("engine", "first"), [("liggghts", 1), slow("yade", 0)])
 def test_walls_move_up_to_loose_grains(engine, first, tmp_path):
     """One sphere between walls at a gap: the upper wall comes and presses with its force."""
     packing = vg.Packing.of(vg.shapes.sphere(), vg.Box((4, 4, 1.05)), position=[(2, 2, 0.5)], gravity=None, unit="mm")

@@ -8,6 +8,7 @@ import subprocess
 import engine_cases as cases
 import numpy as np
 import pytest
+from scipy.spatial import cKDTree
 
 import voxgran as vg
 from voxgran._base.errors import InputError
@@ -25,13 +26,59 @@ def overlapping():
 def test_engines_have_tilted_cells_or_refuse_them(tmp_path):
     box = vg.Box((6, 5, 7), "xyz", tilt=TILT)
     packing = vg.Packing.of(vg.make_shape("sphere"), box, position=[(1, 1, 1)], unit="mm")
-    for name in ("lammps", "yade"):
+    for name in ("lammps", "mercury", "yade"):
         vg.write_deck(packing, tmp_path / name, name)
-    for name in set(vg.engines()) - {"lammps", "yade"}:
-        with pytest.raises(InputError, match=r"tilt .*, wh.*, takes upright .* 'lammps' or 'yade'|is periodic: "):
+    for name in set(vg.engines()) - {"lammps", "mercury", "yade"}:
+        with pytest.raises(
+            InputError, match=r"tilt .*, wh.*, takes upright .* 'lammps' or 'mercury' or 'yade'|is periodic: "
+        ):
             vg.write_deck(packing, tmp_path / name, name)
     with pytest.raises(InputError, match="a cell of LAMMPS that keeps a stress takes upright containers only"):
         vg.write_deck(packing, tmp_path / "servo", "lammps", stress=1e3)
+
+
+def ghosts_of_mercury(position, boundaries, reach):
+    """Return positions and grains with copies as MercuryDPM makes them, one across the nearer side of a boundary."""
+    grain = np.arange(len(position))
+    for normal, low, high, side in boundaries:
+        level, shift = position @ normal, normal * (high - low) + side
+        near = np.minimum(level - low, high - level) < reach
+        sign = np.where(high - level > level - low, 1.0, -1.0)
+        position = np.concatenate([position, (position + sign[:, None] * shift)[near]])
+        grain = np.concatenate([grain, grain[near]])
+    return position, grain
+
+
+@pytest.mark.parametrize("tilt", [TILT, (-2.9, 1.9, -2.4), (0, 0, 0)])
+def test_mercury_finds_the_contacts_of_tilted_cells(tmp_path, tilt):
+    box = vg.Box((6, 5, 7), "xyz", tilt=tilt, origin=(1, -2, 0.5))
+    packing = vg.pack(vg.make_shape("sphere"), box, "jam", seed=3, count=150, unit="m", density=2000)
+    packing = dataclasses.replace(packing, scale=packing.scale * 1.0002)
+    vg.write_deck(packing, tmp_path, "mercury")
+    calls = re.findall(r" addPeriodic\((.*)\);", (tmp_path / "mercury_run.cpp").read_text())
+    numbers = np.array([re.findall(r"-?\d[\d.e+-]*", call.replace("Vec3D", "")) for call in calls], dtype=float)
+    # grains that a boundary moves out of the box are brought back by those that follow
+    assert np.flatnonzero(numbers[:, :3])[::-1].tolist() == [6, 4, 2]
+    lengths = numbers[:, 4] - numbers[:, 3]
+    assert (np.abs(numbers[:, 5:]) <= lengths[::-1] / 2 + 1e-12).all()
+    boundaries = [(row[:3], row[3], row[4], row[5:]) for row in numbers]
+    radii = 0.5 * packing.diameters
+    rows = (tmp_path / "mercury_grains.csv").read_text().splitlines()
+    inside = np.array([row.split(",")[3:6] for row in rows if row.startswith("sphere")], dtype=float)
+    position, grain = ghosts_of_mercury(inside, boundaries, 2 * radii.max())
+    pairs = cKDTree(inside).sparse_distance_matrix(cKDTree(position), 2 * radii.max(), output_type="ndarray")
+    i, j = pairs["i"], grain[pairs["j"]]
+    touch = (pairs["v"] < radii[i] + radii[j]) & (pairs["j"] != i)
+    found = sorted(zip(i[touch].tolist(), j[touch].tolist(), strict=True))
+    known = packing.contacts(0.0)
+    both = [(a, b) for a, b in zip(known.i.tolist(), known.j.tolist(), strict=True) if b >= 0]
+    assert found == sorted(both + [(b, a) for a, b in both])
+
+
+def test_mercury_refuses_cells_whose_copies_it_does_not_make(tmp_path):
+    packing = vg.Packing.of(vg.make_shape("sphere"), vg.Box((6, 5, 7), "xyz", tilt=(2.6, 2.6, 0)), position=[(1, 1, 1)])
+    with pytest.raises(InputError, match="more together than the length along x of 6 m less a grain of 1 m"):
+        vg.write_deck(packing, tmp_path, "mercury")
 
 
 def test_the_data_file_of_lammps_is_read_back(tmp_path):

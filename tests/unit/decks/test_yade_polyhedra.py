@@ -7,6 +7,7 @@ import subprocess
 import engine_cases
 import numpy as np
 import pytest
+from kit import slow
 
 import voxgran as vg
 from voxgran._base.errors import InputError
@@ -222,7 +223,7 @@ def test_grains_fall_freely(tmp_path, unit):
 
 @pytest.mark.engine
 @pytest.mark.parametrize("case", [(0, 0), (0, 1), (1, 1)], ids=["faces", "face and sphere", "spheres"])
-@pytest.mark.parametrize("restitution", [0.4, 1.0])
+@pytest.mark.parametrize("restitution", [0.4, slow(1.0)])
 def test_two_grains_rebound_as_asked(tmp_path, case, restitution):
     packing = pair(*case)
     deck = polyhedra(packing, tmp_path, material={"stiffness": 500.0, "restitution": restitution})

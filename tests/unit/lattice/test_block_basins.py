@@ -47,6 +47,7 @@ def test_labels_and_necks_are_those_in_memory(edges, kind, options):
     assert str(parts) == str(whole)
 
 
+@pytest.mark.slow
 def test_grains_longer_than_the_surroundings_of_a_block_are_whole():
     x, y, z = np.indices((124, 32, 32))
     # a cone, whose distance rises from one end to the other

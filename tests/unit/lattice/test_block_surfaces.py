@@ -37,7 +37,8 @@ def labels(bed):
 
 
 def in_groups(labels, monkeypatch, **options):
-    monkeypatch.setattr(block_surfaces, "GROUP", 25)
+    monkeypatch.setattr(block_surfaces, "LEAST", 25)
+    monkeypatch.setattr(block_surfaces, "BUDGET", 1)
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", PackingWarning)
         lazy = Image(da.from_array(labels, chunks=(17, 19, 23)), EDGES)
@@ -84,7 +85,8 @@ def test_a_label_that_a_window_cuts_in_two_is_whole(monkeypatch):
 
 
 def test_pieces_are_left_out_and_grains_at_the_border_too(labels, monkeypatch):
-    monkeypatch.setattr(block_surfaces, "GROUP", 25)
+    monkeypatch.setattr(block_surfaces, "LEAST", 25)
+    monkeypatch.setattr(block_surfaces, "BUDGET", 1)
     lazy = da.from_array(labels, chunks=20)
     with pytest.warns(PackingWarning) as told:
         vg.load_labels(lazy, voxel_size=EDGES, surface="voxel")
@@ -140,17 +142,19 @@ def test_a_packing_goes_to_zarr_and_back(bed, tmp_path):
 def test_what_two_labels_share_stays_as_it_was():
     image = np.zeros((12, 8, 8), dtype=np.int32)
     image[2:6, 2:6, 1:7], image[6:10, 1:7, 2:6] = 1, 2
-    seams = Seams(np.array(image.shape) + 1, np.zeros(3, dtype=np.int64), np.ones(3, dtype=bool))
+    seams = Seams(
+        np.array(image.shape) + 1, np.zeros(3, dtype=np.int64), np.ones(3, dtype=bool), np.array([False, True, False])
+    )
     how = {"wraps": np.zeros(3, dtype=bool), "smoothing": 1.0, "spacing": np.ones(3), "seams": seams}
     first = label_surfaces(image.copy(), 2, **how)
-    done, later = np.array([False, True, False]), np.array([False, False, True])
-    seams.keep(first.net, 0.9 * first.moved, ~first.crossed, done, later, 0)
+    later = np.array([False, False, True])
+    seams.keep(first.net, 0.9 * first.moved, ~first.crossed, later, 0)
     second = label_surfaces(image.copy(), 2, **how)
     shared = (first.net.side > 0).all(axis=1)
     assert np.array_equal(second.crossed, first.crossed ^ shared)
     points = np.unique(first.net.quad[shared])
     assert np.array_equal(second.moved[points], 0.9 * first.moved[points])
     # planes before those that are still needed are forgotten
-    seams.keep(first.net, first.moved, first.crossed, done, later, 7)
+    seams.keep(first.net, first.moved, first.crossed, later, 7)
     assert not len(seams.points)
     assert not len(seams.quads)

@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from kit import slow
 from scipy.ndimage import gaussian_filter, median_filter, uniform_filter
 from scipy.spatial import cKDTree
 
@@ -169,7 +170,7 @@ def test_means_of_blocks_are_those_in_memory(how):
     same(vg.resample(blocks(MASK), **how), vg.resample(MASK, **how))
 
 
-@pytest.mark.parametrize("part", [BLOCKS, (22, 3, 1), (23, 15, 20)])
+@pytest.mark.parametrize("part", [BLOCKS, slow((22, 3, 1)), (23, 15, 20)])
 def test_level_surfaces_are_joined_across_blocks(part, monkeypatch):
     monkeypatch.setattr(surface, "LEAST_BLOCK", 1)
     level = float(np.quantile(GREY, 0.6))

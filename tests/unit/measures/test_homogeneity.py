@@ -43,6 +43,7 @@ def gas(container, count, seed):
     return grains(low + stream(seed, "gas").random((count, 3)) * (high - low), container, 1e-3)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "container",
     [Box((10, 10, 10), periodic="xyz"), Box((10, 10, 10)), Rectangle((10, 10), periodic="xy"), Rectangle((10, 10))],

@@ -4,6 +4,7 @@ import math
 
 import numpy as np
 import pytest
+from kit import slow
 from scipy.spatial import ConvexHull, Voronoi
 
 import voxgran as vg
@@ -87,7 +88,7 @@ def test_volumes_add_up_to_that_of_the_container(name, count):
     assert (found >= 0).all()
 
 
-@pytest.mark.parametrize("name", CONTAINERS)
+@pytest.mark.parametrize("name", [slow(name) if name in ("torus", "union") else name for name in CONTAINERS])
 def test_each_cell_holds_its_share_of_random_points(name):
     container, n = CONTAINERS[name], 12
     seeds, many = points_in(container, n), points_in(container, 40_000, "many")
@@ -134,6 +135,7 @@ def test_the_error_of_set_voronoi_cells():
     assert np.average(found.solid_fraction, weights=found.cell_volume) == pytest.approx(packing.solid_fraction)
 
 
+@pytest.mark.slow
 def test_set_voronoi_cells_of_spheres_are_voronoi_cells():
     place = np.array([[0.2, 0.2, 0.2], [1.6, 1.0, 0.3], [0.5, 1.5, 1.4], [1.5, 0.4, 1.5]])
     packing = vg.Packing.of([SPHERE], vg.Box((2.2,) * 3, periodic="xyz"), position=place, scale=[0.8] * 4)

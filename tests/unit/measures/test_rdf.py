@@ -62,7 +62,9 @@ def gas(container, count, seed):
     return grains(position[container.signed_distance(position) < 0][:count], container, 1e-5)
 
 
-@pytest.mark.parametrize("name", [slow(name) if name in ("mesh", "cylinder") else name for name in CONTAINERS])
+@pytest.mark.parametrize(
+    "name", [slow(name) if name in ("mesh", "cylinder", "polygon") else name for name in CONTAINERS]
+)
 def test_independent_points_have_one_up_to_every_wall(name):
     container = CONTAINERS[name]
     many = 12 if name in ("cylinder", "sphere", "mesh") else 40
@@ -204,6 +206,7 @@ def test_dilute_hard_spheres_at_contact():
     assert abs(mean[1] - contact) < 4 * error[1] + 0.03
 
 
+@pytest.mark.slow
 def test_layers_at_walls_do_not_change_the_level():
     """In a dense packing g(r) is that of a periodic one, up to the walls of the window."""
     dense = {}

@@ -78,6 +78,7 @@ def test_disks_and_a_lid():
     assert bed.lid is not None
 
 
+@pytest.mark.slow
 def test_less_friction_makes_denser_beds():
     fractions = []
     for friction in (1.0, 0.2, 0.02):

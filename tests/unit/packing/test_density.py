@@ -230,6 +230,7 @@ def test_the_walls_bear_the_weight_of_a_bed_of_two_materials(lid):
     assert vg.verify(settled).ok
 
 
+@pytest.mark.slow
 def test_only_the_ratio_of_densities_matters():
     """Ten times all densities give the same bits, and so do equal ones and none."""
     one, ten = bed([STEEL, GLASS]), bed([10 * STEEL, 10 * GLASS])

@@ -235,8 +235,50 @@ def test_bad_obstacles_are_refused():
         vg.pack(SPHERE, BOX, "rsa", count=5, obstacles=vg.Packing.of(DISK, FLAT, position=[(1, 1, 0)]))
     with pytest.raises(InputError, match="1 grains are fixed: a bed under a lid takes none"):
         vg.pack(SPHERE, BOX, "gravity", count=5, obstacles=BALL, lid={"weight": 1.0})
+    first = vg.pack(SPHERE, BOX, "rsa", count=2, obstacles=BALL)
+    with pytest.raises(InputError, match="start has 2 grains: method 'compress' places all grains at random"):
+        vg.pack(SPHERE, BOX, "compress", count=5, start=first)
     with pytest.raises(InputError, match="all 1 grains are fixed: none bears a stress"):
         vg.compress(vg.pack(SPHERE, BOX, "rsa", count=0, obstacles=BALL))
+
+
+@pytest.mark.parametrize(
+    ("shape", "container", "insert", "more"),
+    [
+        (SPHERE, vg.Box((6, 6, 6), periodic="xyz"), vg.shapes.sphere(diameter=3), {}),
+        (SPHERE, vg.Box((6, 6, 8)), vg.shapes.cylinder(radius=0.8, height=3), {"count": 150}),
+        (vg.make_shape("convex_polyhedron"), vg.Cylinder(3, 7), vg.shapes.sphere(diameter=2), {"count": 60}),
+        (DISK, vg.Rectangle((12, 12), "xy"), DISK, {"sizes": vg.sizes.uniform(0.8, 1.2)}),
+    ],
+    ids=["spheres", "bar", "polyhedra", "disks"],
+)
+def test_specimens_are_compressed_around_obstacles(shape, container, insert, more):
+    middle = np.mean(container.bounds, axis=0)
+    obstacle = vg.Packing.of(insert, container, position=[middle], gravity=None)
+    specimen = vg.pack(shape, container, "compress", obstacles=obstacle, friction=0.3, **more)
+    assert specimen.stop_reason == "compressed"
+    assert np.flatnonzero(specimen.fixed).tolist() == [0]
+    # as a point of the container, which is about the one given, it is in the middle again, and its size is the same
+    assert specimen.position[0] == pytest.approx(np.mean(specimen.container.bounds, axis=0), abs=1e-9)
+    assert specimen.diameters[0] == pytest.approx(insert.diameter)
+    assert specimen.verify().ok
+    assert vg.equilibrium(specimen).attrs["share_at_rest_without_rattlers"] >= 0.98
+    assert specimen.count == 1 + more.get("count", specimen.count - 1)
+    # as dense as without it, in the room that it leaves
+    if "count" not in more:
+        assert specimen.position[0] == pytest.approx(middle, abs=1.0)
+        alone = vg.pack(shape, container, "compress", friction=0.3, **more)
+        assert specimen.solid_fraction == pytest.approx(alone.solid_fraction, abs=0.04)
+
+
+def test_a_wedged_grain_has_a_stress_with_tension_which_is_balanced():
+    packing = vg.pack(SPHERE, vg.Box((3, 3, 3), periodic="xyz"), "compress")
+    tensor = np.diag([1.0, 1.0, 1.0])
+    tensor[0, 2] = tensor[2, 0] = 2.0
+    with pytest.raises(InputError, match="its least principal stress is -1"):
+        vg.equilibrium(packing, stress=tensor)
+    wedged = dataclasses.replace(packing, forces=dataclasses.replace(packing.forces, stress=tensor))
+    assert vg.equilibrium(wedged).attrs["balanced"] == 0
 
 
 def test_the_room_around_solids():

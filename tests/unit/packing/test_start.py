@@ -9,7 +9,7 @@ from voxgran._base.errors import InputError
 from voxgran.packing.digital.initial_sites import ways_from
 from voxgran.packing.draw import Request
 from voxgran.packing.pack import prepare_task
-from voxgran.settling.spreading import spread
+from voxgran.settling.parting import spread
 
 SPHERE, DISK = vg.make_shape("sphere"), vg.make_shape("disk")
 ROCKS = [vg.make_shape("convex_polyhedron", seed=seed, points=points) for seed, points in enumerate((8, 14, 30))]

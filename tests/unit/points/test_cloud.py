@@ -27,6 +27,7 @@ def scan_of(shape, count, noise, seed=1):
     return points + noise * stream(seed, "noise").normal(size=points.shape)
 
 
+@pytest.mark.slow
 def test_eros_comes_back_from_noisy_points(eros):
     noise = 0.002 * eros.diameter
     cloud = Cloud.of(scan_of(eros, 20_000, noise) + np.array([5.0, -6.0, 7.0]))

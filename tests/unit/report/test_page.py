@@ -194,7 +194,9 @@ def test_pictures_go_into_a_folder_beside_what_is_there(packing, tmp_path):
     bare = Packing.of([], packing.container, position=[])
     (tmp_path / "packing.vtp").write_text("mine")
     save_report(bare, tmp_path / "p.html", pictures_folder=tmp_path)
-    assert sorted(path.name for path in tmp_path.iterdir()) == ["p.html", "p.json", "packing.vtp", "whole.png"]
+    assert sorted(path.name for path in tmp_path.iterdir()) == [
+        *("p.html", "p.json", "p_making.csv", "p_numbers.csv", "packing.vtp", "whole.png")
+    ]
     assert (tmp_path / "packing.vtp").read_text() == "mine"
     with pytest.raises(OutputExistsError, match=r"whole.png is there already"):
         save_report(bare, tmp_path / "q.html", pictures_folder=tmp_path)

@@ -86,6 +86,8 @@ def test_a_run_that_stops_while_grains_are_compressed_goes_on(tmp_path):
     assert bits_of(scene().run(tmp_path / "out", resume=True, on_step=None).packing) == bits_of(whole)
 
 
+@pytest.mark.slow
+@pytest.mark.usefixtures("forked_workers")
 def test_a_study_varies_the_friction_of_a_compression(tmp_path):
     base = {name: given for name, given in SCENE.items() if name != "output"}
     study = vg.Study(base={**base, "measure": {"which": ["density"]}}, axes={"compress.friction": [0.05, 0.5]}, seeds=1)

@@ -60,7 +60,7 @@ print(json.dumps([plan, loaded(), result.packing.provenance["counters"]]))
 
 
 #: cases whose loads those of others contain
-SLOW = ("spheres", "spheres as points", "disks in a polygon", "disks with surfaces", "unions")
+SLOW = ("spheres", "spheres as points", "disks with statistics", "disks in a polygon", "disks with surfaces", "unions")
 
 
 @pytest.mark.parametrize("name", [slow(name) if name in SLOW else name for name in CASES])

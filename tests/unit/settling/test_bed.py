@@ -35,6 +35,7 @@ def least_gaps(bed):
     return {(bed.pairs.i[p], bed.pairs.j[p]): bed.gap[bed.pairs.first[p] :][: bed.pairs.count[p]].min() for p in many}
 
 
+@pytest.mark.slow
 def test_carried_gaps_are_those_of_a_search_to_first_order(assembly):
     worst = []
     for far in (1e-4, 5e-5, 2.5e-5):

@@ -4,7 +4,7 @@ import dataclasses
 
 import numpy as np
 import pytest
-from kit import hull, mesh_box
+from kit import hull, mesh_box, slow
 
 import voxgran as vg
 from voxgran._base.errors import CallError, InputError
@@ -150,7 +150,7 @@ def heap():
     return vg.pack(shapes, vg.Box((5, 5, 12), periodic="xy"), "gravity", count=60)
 
 
-@pytest.mark.parametrize("friction", [2.0, 20.0, 100.0, 1e6])
+@pytest.mark.parametrize("friction", [slow(2.0), slow(20.0), slow(100.0), 1e6])
 def test_a_bed_rests_with_any_friction_above_its_own(friction):
     """The forces stay moderate: friction lets contacts wedge each other, but nothing asks for that."""
     found = equilibrium(heap(), friction=friction)

@@ -5,6 +5,7 @@ import math
 
 import numpy as np
 import pytest
+from kit import slow
 
 import voxgran as vg
 from voxgran._base.errors import InputError, UnknownNameError
@@ -130,7 +131,7 @@ def test_a_layer_of_smooth_grains_on_rough_ones_has_forces_within_the_cone_of_ea
     assert vg.equilibrium(bed, 0.05, 1.001e-3).attrs["share_at_rest"] < found.attrs["share_at_rest"]
 
 
-@pytest.mark.parametrize("shape", ["sphere", "box", "solid_union"])
+@pytest.mark.parametrize("shape", ["sphere", "box", slow("solid_union")])
 def test_a_table_of_one_friction_gives_the_bits_of_the_number(shape):
     grain = vg.make_shape(shape, seed=1)
     same = table({"a": 0.4, "b": 0.4}, shapes=["a", "b"], walls={"z_low": "b", "others": "a"})

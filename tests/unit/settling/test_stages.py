@@ -7,7 +7,8 @@ import voxgran as vg
 from voxgran._base.errors import InputError
 from voxgran.packing.settling_run import normalized_assembly
 from voxgran.settling.parameters import Settling
-from voxgran.settling.stages import AGAIN, ENDED, STILL, Settler
+from voxgran.settling.progress import AGAIN, ENDED, STILL
+from voxgran.settling.stages import Settler
 
 DOWN = np.array([0.0, 0.0, -1.0])
 
@@ -155,6 +156,7 @@ def test_meshes_that_overlap_a_little_are_parted_by_their_triangles_and_those_th
     assert not settler._part()
 
 
+@pytest.mark.slow
 def test_rocks_that_were_locked_in_each_other_while_they_grew_come_free():
     rock = vg.load_shape(vg.data_file("eros.obj"))
     width = 2.3 * rock.diameter

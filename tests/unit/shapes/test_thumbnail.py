@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 import voxgran as vg
-from voxgran.shapes.thumbnail import picture, surface_samples
+from voxgran.shapes.describing.thumbnail import picture, surface_samples
 
 
 def picture_of(packing):
@@ -49,7 +49,7 @@ def test_light_comes_from_above():
 
 
 def test_many_grains_are_icosahedra_of_their_size(monkeypatch):
-    monkeypatch.setattr("voxgran.shapes.thumbnail.MAX_TRIANGLES", 100_000)
+    monkeypatch.setattr("voxgran.shapes.describing.thumbnail.MAX_TRIANGLES", 100_000)
     position = np.random.Generator(np.random.Philox(1)).uniform(0, 40, (1000, 3))
     shape = vg.make_shape("cone")
     few = vg.Packing.of([shape], vg.Box((40, 40, 40)), position=position[:50])

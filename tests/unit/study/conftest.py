@@ -9,10 +9,10 @@ MEASURE = """
 import json, os, pathlib, signal, time
 from voxgran.measures.model import Measure, dataset, variable
 
-PLACE = pathlib.Path(__file__).parent / "begun"
-
 
 def compute(packing):
+    # the module may have been imported for an earlier test
+    PLACE = pathlib.Path(os.environ["VOXGRAN_MARKS"])
     seed = packing.provenance["seed"]
     orders = json.loads((PLACE / "orders.json").read_text())
     begun = PLACE / str(seed)
@@ -64,6 +64,7 @@ def marks(tmp_path_factory, monkeypatch):
     (info / "METADATA").write_text("Metadata-Version: 2.1\nName: marking\nVersion: 1.0\n")
     (info / "entry_points.txt").write_text("[voxgran.measures]\nmark = marking:registration\n")
     monkeypatch.syspath_prepend(place)
+    monkeypatch.setenv("VOXGRAN_MARKS", str(place / "begun"))
     return Marks(place)
 
 

@@ -60,6 +60,16 @@ def test_seeds_are_counted_from_that_of_the_base_or_listed():
             study(seeds=wrong)
 
 
+def test_friction_is_one_axis_for_all_methods_that_settle():
+    assert axis_values("friction", [0.1, 0.5])[1].label == 0.5
+    bed = changed(BASE, {"friction": 0.3, "method": "gravity"})
+    assert bed["packing"]["friction"] == 0.3
+    assert "settle" not in bed
+    walk = changed(BASE, {"friction": 0.3, "settle": True, "method": "digital"})
+    assert walk["settle"] == {"enabled": True, "friction": 0.3}
+    assert "friction" not in walk["packing"]
+
+
 def test_methods_are_names_or_tables_and_may_settle():
     values = ["digital", {"method": "gravity", "friction": 0.3}, {"name": "digital", "settle": {"friction": 0.1}}]
     third = axis_values("method", values)[2].given
@@ -371,6 +381,7 @@ def test_values_that_differ_in_one_cell_alone_are_an_axis():
 
 
 @pytest.mark.filterwarnings("ignore:the bulk holds", "ignore:in 4 of 4 cells")
+@pytest.mark.usefixtures("forked_workers")
 def test_layers_and_obstacles_are_varied_and_packed_as_in_single_scenes(tmp_path, monkeypatch):
     vg.save_shape(vg.shapes.box(lengths=(0.5, 0.5, 0.5)), tmp_path / "bar.stl")
     base = {

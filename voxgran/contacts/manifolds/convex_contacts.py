@@ -13,7 +13,7 @@ from voxgran.contacts.manifolds.blocks import Blocks, pairs_of_kind
 from voxgran.contacts.manifolds.convex_bodies import ConvexWork
 from voxgran.contacts.manifolds.convex_distance import ellipsoid_gap, part_gap
 from voxgran.contacts.manifolds.face_contacts import SAME, write_face_contacts
-from voxgran.contacts.manifolds.rows import CONVEX, ContactRows, Grains, Pair, Search, offset_of, write_contact
+from voxgran.contacts.manifolds.rows import CONVEX, ContactRows, Grains, Search, begin_pair, write_contact
 from voxgran.geometry.vectors import add, along, dot, row_of, sub, times, vector_at
 
 
@@ -85,27 +85,14 @@ def _find(search, work, rows, m, begin, end):  # type: ignore[no-untyped-def]
     """Write the contacts of the pairs from `begin` to `end` - 1; return the next row, or -1."""
     grains, pairs, bodies = search.grains, search.pairs, work.bodies
     for p in range(begin, end):
-        i, j = pairs.i[p], pairs.j[p]
-        if max(grains.kind[i], grains.kind[j]) != CONVEX:
+        near, pair = begin_pair(search, p, m, CONVEX, search.margin + pairs.room[p])
+        if not near:
             continue
-        first, count = pairs.first[p], pairs.count[p]
-        pairs.first[p], pairs.count[p] = m, 0
-        reach, moved = search.margin + pairs.room[p], grains.way[i] + grains.way[j]
-        if pairs.bound[p] - (moved - pairs.way[p]) > reach:
-            continue
-        offset = offset_of(search, p)
-        distance = math.sqrt(dot(offset, offset))
-        apart = distance - grains.radius[i] - grains.radius[j]
-        pairs.way[p] = moved
-        if apart > reach:
-            pairs.bound[p] = apart
-            continue
-        pair = Pair(i, j, offset, first, count, reach, search.rest + pairs.room[p])
-        kind_i, kind_j = bodies.kind[grains.shape[i]], bodies.kind[grains.shape[j]]
-        normal, gap = pairs.normal[p], reach + search.margin
+        kind_i, kind_j = bodies.kind[grains.shape[pair.i]], bodies.kind[grains.shape[pair.j]]
+        normal, gap = pairs.normal[p], _look_of(search, pair)
         if kind_i > 0 and kind_j > 0:
-            one, two = _solid(grains, work, i), _solid(grains, work, j)
-            start = _first_direction(normal, offset, True)
+            one, two = _solid(grains, work, pair.i), _solid(grains, work, pair.j)
+            start = _first_direction(normal, pair.offset, True)
             m, gap = _touch_two(search, work, rows, m, pair, one, two, start, normal)
         elif kind_i == 0 and kind_j == 0:
             m, gap = _touch_spheres(search, work, rows, m, pair, normal)
@@ -113,8 +100,7 @@ def _find(search, work, rows, m, begin, end):  # type: ignore[no-untyped-def]
             m, gap = _touch_union(search, work, rows, m, pair, normal)
         if m < 0:
             return -1
-        pairs.bound[p] = gap
-        pairs.count[p] = m - pairs.first[p]
+        pairs.bound[p], pairs.count[p] = gap, m - pairs.first[p]
     return m
 
 

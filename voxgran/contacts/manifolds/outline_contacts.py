@@ -14,7 +14,7 @@ from voxgran._base.arrays import Floats, Integers
 from voxgran._base.kernels import bare_kernel, kernel
 from voxgran.contacts.manifolds.blocks import Blocks, pairs_of_kind
 from voxgran.contacts.manifolds.candidates import add_candidate, choose_candidates, is_candidate, write_candidates
-from voxgran.contacts.manifolds.rows import OUTLINE, ContactRows, Pair, Search, offset_of
+from voxgran.contacts.manifolds.rows import OUTLINE, ContactRows, Search, begin_pair
 from voxgran.shapes.model import Shape
 from voxgran.shapes.outline import Outline
 
@@ -100,8 +100,7 @@ def find_outline_contacts(search: Search, bodies: Blocks[OutlineBodies], rows: C
     ----------
     search : Search
         Grains, not wrapped along periodic axes, and near pairs. Of those with a polygon `first` and `count` are
-        replaced, and of those that are looked at also `bound` (the gap as it is written, or a lower bound), `way` and
-        `normal`.
+        replaced, and of those that are looked at also `bound` (the gap, or a lower bound) and `way`.
     bodies : OutlineBodies
         Tables of the shapes.
     rows : ContactRows
@@ -120,40 +119,24 @@ def find_outline_contacts(search: Search, bodies: Blocks[OutlineBodies], rows: C
 @kernel
 def _find(search, bodies, rows, m, begin, end):  # type: ignore[no-untyped-def]
     """Write the contacts of the pairs from `begin` to `end` - 1; return the next row, or -1."""
-    grains, pairs, margin = search.grains, search.pairs, search.margin
+    grains, pairs = search.grains, search.pairs
     for p in range(begin, end):
-        i, j = pairs.i[p], pairs.j[p]
-        if max(grains.kind[i], grains.kind[j]) != OUTLINE:
+        near, pair = begin_pair(search, p, m, OUTLINE, search.margin + search.rest + pairs.room[p])
+        if not near:
             continue
-        first, count = pairs.first[p], pairs.count[p]
-        pairs.first[p], pairs.count[p] = m, 0
-        way = grains.way[i] + grains.way[j]
-        if pairs.bound[p] - (way - pairs.way[p]) > margin:
-            continue
-        ox, oy, _ = offset_of(search, p)
-        beyond = search.rest + pairs.room[p]
-        # gaps are known to twice the margin, so that the pair can be passed over for a while
-        look = beyond + 2.0 * margin
-        least = math.sqrt(ox * ox + oy * oy) - grains.radius[i] - grains.radius[j]
-        pairs.way[p], pairs.normal[p, 0] = way, 2.0
-        pairs.bound[p] = least - beyond
-        if least > look:
-            continue
-        c = _near_pair(grains, bodies, i, j, ox, oy, look)
-        least, kept, found = look, 0, bodies.found
-        for k in range(c):
-            if found[k, 6] < least:
-                least = found[k, 6]
-                for axis in range(3):
-                    pairs.normal[p, axis] = found[k, 3 + axis]
-            if found[k, 6] <= beyond + margin:
+        i, j = pair.i, pair.j
+        # gaps are known beyond the reach, so that the pair can be passed over for a while
+        least, kept, found = pair.reach + search.margin, 0, bodies.found
+        for k in range(_near_pair(grains, bodies, i, j, pair.offset[0], pair.offset[1], least)):
+            least = min(least, found[k, 6])
+            if found[k, 6] <= pair.reach:
                 for column in range(7):
                     found[kept, column] = found[k, column]
                 kept += 1
-        pairs.bound[p] = least - beyond
+        pairs.bound[p] = least
         spread = min(bodies.spread[grains.shape[i]] * grains.scale[i], bodies.spread[grains.shape[j]] * grains.scale[j])
         kept = choose_candidates(found, kept, MOST, spread)
-        m = write_candidates(rows, m, Pair(i, j, (ox, oy, 0.0), first, count, margin, beyond), found, kept)
+        m = write_candidates(rows, m, pair, found, kept)
         if m < 0:
             return -1
         pairs.count[p] = kept

@@ -5,13 +5,14 @@ functions that find contact points write one row for each; a row takes over the 
 pair in the step before, from which the next solution starts.
 """
 
+import math
 from typing import NamedTuple
 
 import numpy as np
 
 from voxgran._base.arrays import Floats, Integers
 from voxgran._base.kernels import bare_kernel, inlined_kernel
-from voxgran.geometry.vectors import Vector
+from voxgran.geometry.vectors import Vector, dot
 
 #: numbers in a row: normal (3) from i to j, arm from centroid i (3), arm from centroid j (3), gap, normal impulse,
 #: tangential impulse (3), and the effective masses along the normal and across it
@@ -48,7 +49,7 @@ class PairList(NamedTuple):
     first, count: (cap,) rows of the contacts that were last written for the pair.
     bound: (cap,) gap when the pair was last looked at (-1e9: never), and way: (cap,) the sum of the ways of the two
     grains then: the pair is farther apart than ``bound - (way_i + way_j - way)``.
-    normal: (cap, 3) normal when last looked at; its first number is above 1.5 where none is known.
+    normal: (cap, 3) normal of convex parts when last looked at; its first number is above 1.5 where none is known.
     room: (cap,) distance beyond the usual one that the surfaces keep, where their gap is known to be inexact.
     """
 
@@ -132,6 +133,27 @@ def offset_of(search: Search, p: int) -> Vector:
         position[j, 1] + pairs.shift[p, 1] - position[i, 1],
         position[j, 2] + pairs.shift[p, 2] - position[i, 2],
     )
+
+
+@inlined_kernel
+def begin_pair(search: Search, p: int, m: int, kind: int, reach: float) -> tuple[bool, Pair]:
+    """Note that the rows of pair p begin at row m, and return whether it may have any, with what it was before.
+
+    A pair of another kind is left as it is. One that is farther apart than `reach` by its last gap, or by the bounding
+    spheres, has none.
+    """
+    grains, pairs = search.grains, search.pairs
+    i, j = pairs.i[p], pairs.j[p]
+    pair = Pair(i, j, (0.0, 0.0, 0.0), pairs.first[p], pairs.count[p], reach, search.rest + pairs.room[p])
+    if max(grains.kind[i], grains.kind[j]) != kind:
+        return False, pair
+    pairs.first[p], pairs.count[p] = m, 0
+    moved = grains.way[i] + grains.way[j]
+    if pairs.bound[p] - (moved - pairs.way[p]) > reach:
+        return False, pair
+    offset = offset_of(search, p)
+    pairs.bound[p], pairs.way[p] = math.sqrt(dot(offset, offset)) - grains.radius[i] - grains.radius[j], moved
+    return pairs.bound[p] <= reach, Pair(i, j, offset, pair.first, pair.count, reach, pair.rest)
 
 
 @bare_kernel

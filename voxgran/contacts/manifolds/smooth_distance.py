@@ -10,6 +10,7 @@ import math
 from voxgran._base.arrays import Floats
 from voxgran._base.kernels import bare_kernel
 from voxgran.contacts.manifolds.wall_bodies import CONE, ELLIPSOID
+from voxgran.geometry.vectors import Vector
 
 #: halvings of the bracket of a root
 HALVINGS = 70
@@ -34,18 +35,27 @@ def smooth_distance(
 
 @bare_kernel
 def _on_ellipsoid(a, b, c, x, y, z):  # type: ignore[no-untyped-def]
-    """Return the point of an ellipsoid that is nearest to (x, y, z).
+    """Return the point of an ellipsoid that is nearest to (x, y, z)."""
+    u, v, t = foot_on_ellipsoid(a, b, c, (x, y, z), 1.0)
+    return (a * u if x >= 0.0 else -a * u), (b * v if y >= 0.0 else -b * v), (c * t if z >= 0.0 else -c * t)
 
-    With a multiplier k it is x a^2 / (k + a^2) and so on.
+
+@bare_kernel
+def foot_on_ellipsoid(a: float, b: float, c: float, place: Vector, sign: float) -> Vector:
+    """Return the point of the unit sphere, without signs, that becomes the nearest point of an ellipsoid to a place
+    (sign 1) or the point that is farthest from the opposite place (sign -1), by stretching with the semi-axes.
+
+    With a multiplier k it is a x / (k + sign a^2) and so on.
     """
-    la, lb, lc = a * abs(x), b * abs(y), c * abs(z)
-    aa, bb, cc = a * a, b * b, c * c
+    la, lb, lc = a * abs(place[0]), b * abs(place[1]), c * abs(place[2])
+    aa, bb, cc = sign * a * a, sign * b * b, sign * c * c
     least = min(aa, bb, cc)
     low, high = -least, -least + math.sqrt(la * la + lb * lb + lc * lc)
     for _ in range(HALVINGS):
         k = 0.5 * (low + high)
         if k <= low or k >= high:
             break
+        # no division: k may be at a pole
         square = (
             (0.0 if la == 0.0 else (la / (k + aa)) ** 2)
             + (0.0 if lb == 0.0 else (lb / (k + bb)) ** 2)
@@ -58,14 +68,14 @@ def _on_ellipsoid(a, b, c, x, y, z):  # type: ignore[no-untyped-def]
     u = la / (high + aa) if la > 0.0 and high > -aa else 0.0
     v = lb / (high + bb) if lb > 0.0 and high > -bb else 0.0
     t = lc / (high + cc) if lc > 0.0 and high > -cc else 0.0
-    # from points near the middle what is missing from unit length lies along the shortest axis
+    # what is missing from unit length lies along the shortest axis, of the farthest point the longest
     if aa == least:
         u = math.sqrt(max(1.0 - v * v - t * t, 0.0))
     elif bb == least:
         v = math.sqrt(max(1.0 - u * u - t * t, 0.0))
     else:
         t = math.sqrt(max(1.0 - u * u - v * v, 0.0))
-    return (a * u if x >= 0.0 else -a * u), (b * v if y >= 0.0 else -b * v), (c * t if z >= 0.0 else -c * t)
+    return u, v, t
 
 
 @bare_kernel

@@ -11,7 +11,7 @@ from voxgran._base.arrays import Floats
 from voxgran._base.kernels import bare_kernel, inlined_kernel, kernel
 from voxgran.contacts.manifolds.blocks import Blocks, pairs_of_kind
 from voxgran.contacts.manifolds.distance_grids import SurfaceBodies
-from voxgran.contacts.manifolds.rows import SURFACE, ContactRows, Grains, Pair, Search, offset_of
+from voxgran.contacts.manifolds.rows import SURFACE, ContactRows, Grains, Search, begin_pair
 from voxgran.contacts.manifolds.surface_memory import (
     POINTS,
     SurfaceWork,
@@ -22,7 +22,7 @@ from voxgran.contacts.manifolds.surface_memory import (
     write_pose,
     write_spread,
 )
-from voxgran.geometry.vectors import Vector, add, along, dot, rotate, times, vector_at
+from voxgran.geometry.vectors import Vector, add, along, rotate, times, vector_at
 
 #: contact points of a pair, at most
 MOST = 6
@@ -267,34 +267,16 @@ def _find(search, work, rows, m, begin, end):  # type: ignore[no-untyped-def]
     """Write the contacts of the pairs from `begin` to `end` - 1; return the next row, or -1."""
     grains, pairs = search.grains, search.pairs
     for p in range(begin, end):
-        i, j = pairs.i[p], pairs.j[p]
-        if max(grains.kind[i], grains.kind[j]) != SURFACE:
+        near, pair = begin_pair(search, p, m, SURFACE, search.margin + pairs.room[p])
+        if not near:
             continue
-        first, count = pairs.first[p], pairs.count[p]
-        pairs.first[p], pairs.count[p] = m, 0
-        near = search.margin + pairs.room[p]
-        way = grains.way[i] + grains.way[j]
-        if pairs.bound[p] - (way - pairs.way[p]) > near:
-            continue
-        offset = offset_of(search, p)
-        square, reach = dot(offset, offset), grains.radius[i] + grains.radius[j]
-        pairs.way[p] = way
-        if square > (reach + near) ** 2:
-            pairs.bound[p] = math.sqrt(square) - reach
-            continue
-        write_pose(grains, i, j, offset, work.now)
-        k, low = field_candidates(grains, work, p, i, j, offset, near)
+        write_pose(grains, pair.i, pair.j, pair.offset, work.now)
+        k, low = field_candidates(grains, work, p, pair.i, pair.j, pair.offset, pair.reach)
         pairs.bound[p] = low
-        if k == 0:
-            continue
-        pair = Pair(i, j, offset, first, count, near, search.rest + pairs.room[p])
-        spacing = spacing_of(grains.radius[i], grains.radius[j])
-        after = write_spread(rows, m, pair, work.candidate, k, MOST, spacing)
-        if after < 0:
+        m = write_spread(
+            rows, m, pair, work.candidate, k, MOST, spacing_of(grains.radius[pair.i], grains.radius[pair.j])
+        )
+        if m < 0:
             return -1
-        if after > m:
-            for r in range(3):
-                pairs.normal[p, r] = rows.row[m, r]
-        pairs.count[p] = after - m
-        m = after
+        pairs.count[p] = m - pairs.first[p]
     return m

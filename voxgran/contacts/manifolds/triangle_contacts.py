@@ -29,7 +29,7 @@ from voxgran.contacts.manifolds.surface_memory import (
 from voxgran.contacts.manifolds.triangle_depths import crossing_depths
 from voxgran.contacts.manifolds.triangle_features import is_minimum, nearest_features, place_triangle
 from voxgran.contacts.manifolds.triangle_lists import least_distance, near_triangles
-from voxgran.geometry.tree import is_behind, search_triangles
+from voxgran.geometry.tree import encloses
 from voxgran.geometry.vectors import along, corner_of, dot, rotate, sub, times, vector_at
 
 #: contact points of a pair, at most
@@ -99,22 +99,10 @@ def _holds(work, body, x, y, z):  # type: ignore[no-untyped-def]
     """Return whether the triangles of a body enclose a point in its frame."""
     bodies = work.bodies
     first, last = bodies.first[body, 4], bodies.first[body + 1, 4]
-    low, high = bodies.low[first], bodies.high[first]
-    if (
-        bodies.frame[body, 7] == 0.0
-        or x < low[0]
-        or y < low[1]
-        or z < low[2]
-        or x > high[0]
-        or y > high[1]
-        or z > high[2]
-    ):
-        return False
-    _, k, feature, px, py, pz = search_triangles(
-        bodies.corner, bodies.low[first:last], bodies.high[first:last], bodies.box_rows[first:last], x, y, z, 1e100,
-        work.stack,
+    return bodies.frame[body, 7] != 0.0 and encloses(
+        bodies.corner, bodies.pseudo, bodies.low[first:last], bodies.high[first:last], bodies.box_rows[first:last],
+        (x, y, z), work.stack,
     )  # fmt: skip
-    return is_behind(bodies.pseudo, k, feature, x - px, y - py, z - pz)
 
 
 @bare_kernel
@@ -290,8 +278,6 @@ def _write_pair(search, work, p, offset, rows, m, k):  # type: ignore[no-untyped
     after = write_spread(rows, m, pair, work.candidate, k, MOST, spacing_of(grains.radius[i], grains.radius[j]))
     if after < 0:
         return -1
-    for r in range(3):
-        pairs.normal[p, r] = rows.row[m, r]
     pairs.count[p] = after - m
     return after
 

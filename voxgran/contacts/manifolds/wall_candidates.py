@@ -11,12 +11,11 @@ from voxgran._base.arrays import Floats
 from voxgran._base.kernels import bare_kernel
 from voxgran.contacts.manifolds.candidates import add_candidate
 from voxgran.contacts.manifolds.rows import Grains
+from voxgran.contacts.manifolds.smooth_distance import HALVINGS, foot_on_ellipsoid
 from voxgran.contacts.manifolds.wall_bodies import CONE, CYLINDER, ELLIPSOID, POINTS, WallBodies
 from voxgran.geometry.vectors import Vector, add, along, dot, rotate, rotate_back, row_of, sub, times, vector_at
 from voxgran.geometry.walls import directions_toward, in_frame, out_of_frame
 
-#: halvings of the bracket of a root, after which it has the width of rounding
-HALVINGS = 70
 #: steps from the side opposite to the farthest point to a second maximum of the distance
 STEPS = 30
 #: directions around a cone between which the farthest points of a smooth solid are looked for, and the golden section
@@ -209,38 +208,8 @@ def _farthest_way(bodies, shape, scale, ring, dx, dy, dz, flat):  # type: ignore
 
 @bare_kernel
 def _farthest_point(a, b, c, x, y, z):  # type: ignore[no-untyped-def]
-    """Return the direction from the origin to its farthest point of an ellipsoid with semi-axes a, b, c at (x, y, z).
-
-    With a multiplier k the unit vector u of the point is a x / (k - a^2) and so on.
-    """
-    la, lb, lc = a * abs(x), b * abs(y), c * abs(z)
-    aa, bb, cc = a * a, b * b, c * c
-    top = max(aa, bb, cc)
-    low, high = top, top + math.sqrt(la * la + lb * lb + lc * lc)
-    for _ in range(HALVINGS):
-        k = 0.5 * (low + high)
-        if k <= low or k >= high:
-            break
-        # no division: k may be at a pole
-        square = (
-            (0.0 if la == 0.0 else (la / (k - aa)) ** 2)
-            + (0.0 if lb == 0.0 else (lb / (k - bb)) ** 2)
-            + (0.0 if lc == 0.0 else (lc / (k - cc)) ** 2)
-        )
-        if square <= 1.0:
-            high = k
-        else:
-            low = k
-    u = la / (high - aa) if la > 0.0 and high > aa else 0.0
-    v = lb / (high - bb) if lb > 0.0 and high > bb else 0.0
-    t = lc / (high - cc) if lc > 0.0 and high > cc else 0.0
-    # what is missing from unit length lies along the longest axis
-    if aa == top:
-        u = math.sqrt(max(1.0 - v * v - t * t, 0.0))
-    elif bb == top:
-        v = math.sqrt(max(1.0 - u * u - t * t, 0.0))
-    else:
-        t = math.sqrt(max(1.0 - u * u - v * v, 0.0))
+    """Return the direction from the origin to its farthest point of an ellipsoid with semi-axes a to c at (x, y, z)."""
+    u, v, t = foot_on_ellipsoid(a, b, c, (x, y, z), -1.0)
     px = abs(x) + a * u
     py = abs(y) + b * v
     pz = abs(z) + c * t

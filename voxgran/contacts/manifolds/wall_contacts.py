@@ -12,6 +12,7 @@ from voxgran.contacts.manifolds.rows import WALL, ContactRows, Pair, Search
 from voxgran.contacts.manifolds.wall_bodies import Lid, WallBodies
 from voxgran.contacts.manifolds.wall_candidates import near_plane, near_round
 from voxgran.containers.kernel_container import MESH, KernelContainer
+from voxgran.geometry.vectors import row_of, vector_at
 from voxgran.geometry.walls import reach_of
 
 #: most contacts of a grain with one flat or round wall
@@ -66,66 +67,68 @@ def find_wall_contacts(
 @kernel
 def _find_in_closed_form(search, walls, lid, bodies, at_walls, rows, m):  # type: ignore[no-untyped-def]
     """Write the contacts with flat and round walls and with a lid."""
-    grains, rest, reach = search.grains, search.rest, search.margin + search.rest
-    n, nowhere, (first, count) = len(grains.position), (np.inf, np.inf, np.inf), at_walls
-    here, many = np.empty(n, dtype=np.int64), np.empty(n, dtype=np.int64)
-    for g in range(n):
-        here[g], many[g] = m, 0
+    grains, reach, around = search.grains, search.margin + search.rest, len(walls.round)
+    begin = np.zeros(len(grains.position) + 1, dtype=np.int64)
+    for g in range(len(grains.position)):
+        begin[g] = m
         if grains.radius[g] < 0.0:
             continue
-        x, y, z = grains.position[g, 0], grains.position[g, 1], grains.position[g, 2]
-        near = reach + grains.radius[g]
-        around = len(walls.round)
         for index in range(AROUND + around + 1):
             side = index if index < AROUND + around else LID
-            room, nx, ny, nz = _side_of(walls, lid, side, x, y, z)
-            if room > near:
+            room, normal = _side_of(walls, lid, side, row_of(grains.position, g))
+            if room > reach + grains.radius[g]:
                 continue
             if side >= AROUND and walls.round[side - AROUND, 4] != 0.0:
                 c = near_round(bodies, grains, g, walls.round[side - AROUND], reach)
             else:
-                c = near_plane(bodies, grains, g, (nx, ny, nz), room, reach)
-            c = choose_candidates(bodies.found, c, MOST, bodies.spread[grains.shape[g]] * grains.scale[g])
-            pair = Pair(g, n if side == LID else WALL, nowhere, first[g], count[g], reach, rest)
-            m = write_candidates(rows, m, pair, bodies.found, c)
+                c = near_plane(bodies, grains, g, normal, room, reach)
+            m = _write_side(search, bodies, at_walls, rows, m, g, side, c, MOST)
             if m < 0:
                 return -1
-        many[g] = m - here[g]
-    for g in range(n):
-        first[g], count[g] = here[g], many[g]
+    begin[-1] = m
+    _keep_spans(at_walls, begin)
     return m
 
 
 @kernel
 def _find_in_mesh(search, walls, lid, bodies, at_walls, rows, m):  # type: ignore[no-untyped-def]
     """Write the contacts with the walls of a closed mesh and with a lid."""
-    grains, rest, reach = search.grains, search.rest, search.margin + search.rest
-    n, nowhere, (first, count) = len(grains.position), (np.inf, np.inf, np.inf), at_walls
-    here, many = np.empty(n, dtype=np.int64), np.empty(n, dtype=np.int64)
-    for g in range(n):
-        here[g], many[g] = m, 0
+    grains, reach = search.grains, search.margin + search.rest
+    begin = np.zeros(len(grains.position) + 1, dtype=np.int64)
+    for g in range(len(grains.position)):
+        begin[g] = m
         if grains.radius[g] < 0.0:
             continue
-        x, y, z = grains.position[g, 0], grains.position[g, 1], grains.position[g, 2]
-        for side in range(2):
-            if side == 0:
-                c = near_mesh(bodies, walls.mesh, grains, g, reach)
-                if walls.dimension == 2:
-                    _lay_flat(bodies.found, c)
-            else:
-                room, nx, ny, nz = _side_of(walls, lid, LID, x, y, z)
-                if room > reach + grains.radius[g]:
-                    continue
-                c = near_plane(bodies, grains, g, (nx, ny, nz), room, reach)
-            c = choose_candidates(bodies.found, c, MOST_IN_MESH, bodies.spread[grains.shape[g]] * grains.scale[g])
-            pair = Pair(g, n if side == 1 else WALL, nowhere, first[g], count[g], reach, rest)
-            m = write_candidates(rows, m, pair, bodies.found, c)
-            if m < 0:
-                return -1
-        many[g] = m - here[g]
-    for g in range(n):
-        first[g], count[g] = here[g], many[g]
+        c = near_mesh(bodies, walls.mesh, grains, g, reach)
+        if walls.dimension == 2:
+            _lay_flat(bodies.found, c)
+        m = _write_side(search, bodies, at_walls, rows, m, g, 0, c, MOST_IN_MESH)
+        room, normal = _side_of(walls, lid, LID, row_of(grains.position, g))
+        if m >= 0 and room <= reach + grains.radius[g]:
+            c = near_plane(bodies, grains, g, normal, room, reach)
+            m = _write_side(search, bodies, at_walls, rows, m, g, LID, c, MOST_IN_MESH)
+        if m < 0:
+            return -1
+    begin[-1] = m
+    _keep_spans(at_walls, begin)
     return m
+
+
+@bare_kernel
+def _write_side(search, bodies, at_walls, rows, m, g, side, c, most):  # type: ignore[no-untyped-def]
+    """Write the c candidates of a grain at a side, of many those that are kept; return the next row, or -1."""
+    grains, nowhere, (first, count) = search.grains, (math.inf, math.inf, math.inf), at_walls
+    kept = choose_candidates(bodies.found, c, most, bodies.spread[grains.shape[g]] * grains.scale[g])
+    partner = len(grains.position) if side == LID else WALL
+    pair = Pair(g, partner, nowhere, first[g], count[g], search.margin + search.rest, search.rest)
+    return write_candidates(rows, m, pair, bodies.found, kept)
+
+
+@bare_kernel
+def _keep_spans(at_walls, begin):  # type: ignore[no-untyped-def]
+    """Note the rows of each grain, which begin where those of the grain before end."""
+    for g in range(len(begin) - 1):
+        at_walls[0][g], at_walls[1][g] = begin[g], begin[g + 1] - begin[g]
 
 
 @bare_kernel
@@ -138,21 +141,20 @@ def _lay_flat(found, many):  # type: ignore[no-untyped-def]
 
 
 @bare_kernel
-def _side_of(walls, lid, side, x, y, z):  # type: ignore[no-untyped-def]
+def _side_of(walls, lid, side, place):  # type: ignore[no-untyped-def]
     """Return the distance of a point from a side of a container, infinite without such a side, and its normal.
 
     The sides are two for each axis, and the walls of revolution, of which the normal is that of planes.
     """
     if side == LID:
-        nx, ny, nz = lid.normal[0], lid.normal[1], lid.normal[2]
-        return lid.level - x * nx - y * ny - z * nz, nx, ny, nz
+        n = vector_at(lid.normal, 0)
+        return lid.level - place[0] * n[0] - place[1] * n[1] - place[2] * n[2], n
     if side >= AROUND:
         row = walls.round[side - AROUND]
-        return row[6] - reach_of(row, x, y, z), row[13], row[14], row[15]
+        return row[6] - reach_of(row, place[0], place[1], place[2]), vector_at(row, 13)
     axis = side // 2
     if walls.flat[axis] == 0:
-        return math.inf, 0.0, 0.0, 0.0
-    place = (x if axis == 0 else (y if axis == 1 else z)) - walls.lower[axis]
-    sign = 2.0 * (side % 2) - 1.0
-    room = place if side % 2 == 0 else walls.lengths[axis] - place
-    return room, (sign if axis == 0 else 0.0), (sign if axis == 1 else 0.0), (sign if axis == 2 else 0.0)
+        return math.inf, (0.0, 0.0, 0.0)
+    along, sign = place[axis] - walls.lower[axis], 2.0 * (side % 2) - 1.0
+    room = along if side % 2 == 0 else walls.lengths[axis] - along
+    return room, (sign if axis == 0 else 0.0, sign if axis == 1 else 0.0, sign if axis == 2 else 0.0)

@@ -14,7 +14,7 @@ from voxgran._base.kernels import bare_kernel
 from voxgran.contacts.manifolds.convex_contacts import place_row
 from voxgran.contacts.manifolds.convex_distance import Part, distance_along, tables_of
 from voxgran.contacts.overlap.true_shapes import TrueShapes
-from voxgran.geometry.tree import is_behind, search_triangles
+from voxgran.geometry.tree import encloses
 
 #: distance, in diameters, up to which parts count as meeting, and the difference of bounds at which the search ends
 TOUCHING, CLOSE = 1e-12, 1e-13
@@ -205,15 +205,11 @@ def point_of(shapes: TrueShapes, p: int) -> tuple[float, float, float]:
 def holds(shapes: TrueShapes, s: int, x: float, y: float, z: float) -> bool:
     """Return whether the triangles of shape s enclose a point in its frame."""
     box, end = shapes.first[s, 1], shapes.first[s + 1, 1]
-    low, high = shapes.low[box], shapes.high[box]
-    if x < low[0] or y < low[1] or z < low[2] or x > high[0] or y > high[1] or z > high[2]:
-        return False
     begin, last = shapes.first[s, 2], shapes.first[s + 1, 2]
-    _, k, feature, px, py, pz = search_triangles(
-        shapes.triangle[begin:last], shapes.low[box:end], shapes.high[box:end], shapes.start[box:end], x, y, z, 1e100,
-        shapes.work.boxes,
+    return encloses(
+        shapes.triangle[begin:last], shapes.pseudo[begin:last], shapes.low[box:end], shapes.high[box:end],
+        shapes.start[box:end], (x, y, z), shapes.work.boxes,
     )  # fmt: skip
-    return is_behind(shapes.pseudo[begin:last], k, feature, x - px, y - py, z - pz)
 
 
 @bare_kernel

@@ -19,7 +19,7 @@ from voxgran.decks.bodies import Template
 from voxgran.decks.engine import Engine, Held
 from voxgran.decks.facets import Facets, facets_of
 from voxgran.decks.simulation import SETTLING, Simulation
-from voxgran.decks.text import program_part, row_of, text_of
+from voxgran.decks.text import grain_rows, program_part, row_of, text_of
 from voxgran.geometry.rotation import rotation_matrices
 
 TITLE = "Chrono DEM-Engine"
@@ -204,16 +204,12 @@ def _read(folder: Path) -> Held:
     FileFormatError
         If a row has too few columns, or the table of a template is not as the engine has it.
     """
-    rows = [line.split(",") for line in (folder / GRAINS).read_text().splitlines() if not line.startswith("#")]
-    wrong = next((row for row in rows if len(row) != 1 + len(COLUMNS)), None)
-    if wrong is not None:
-        raise FileFormatError(f"{folder / GRAINS} has a row of {len(wrong)} columns: write the deck again")
-    templates = {name: _template(folder / f"chrono_{name}.csv") for name in sorted({row[0] for row in rows})}
-    values = np.array([[float(word) for word in row[1:]] for row in rows])
+    names, values = grain_rows(folder / GRAINS, len(COLUMNS))
+    templates = {name: _template(folder / f"chrono_{name}.csv") for name in sorted(set(names))}
     frames = rotation_matrices(np.roll(values[:, 8:12], 1, axis=1))
     centers, radii = [], []
-    for row, value, frame in zip(rows, values, frames, strict=True):
-        table = value[0] * templates[row[0]]
+    for name, value, frame in zip(names, values, frames, strict=True):
+        table = value[0] * templates[name]
         centers.append(table[:, :3] @ frame.T + value[5:8])
         radii.append(table[:, 3])
     inertia = np.einsum("nij,nj,nkj->nik", frames, values[:, 2:5], frames)

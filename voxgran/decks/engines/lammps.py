@@ -232,7 +232,7 @@ def _bonded_motion(simulation: Simulation) -> list[str]:
 
 
 def _servo(simulation: Simulation) -> list[str]:
-    """Return the commands of a periodic cell that keeps a stress."""
+    """Return the commands of a periodic cell that keeps a stress, and of what brings grains under a stress to rest."""
     if simulation.stress is None:
         return []
     law, pressure, damping = simulation.law, simulation.pressure, FOLLOWS * simulation.time_unit
@@ -242,7 +242,7 @@ def _servo(simulation: Simulation) -> list[str]:
     modulus = young ** (2 / 3) * pressure ** (1 / 3) if law.name == "hertz" else law.stiffness / simulation.diameter
     sides = [f"{x} {s!r} {s!r} {damping!r}" for x, s in zip("xyz", simulation.stress.tolist(), strict=True) if s == s]
     return [
-        f"fix servo all press/berendsen {' '.join(sides)} modulus {modulus!r}",
+        *([] if simulation.platens else [f"fix servo all press/berendsen {' '.join(sides)} modulus {modulus!r}"]),
         "# without gravity grains that bear nothing come to rest by drag alone",
         f"fix drag all viscous {drag!r}",
         *([f"fix spin_drag spheres viscous/sphere {0.1 * drag * simulation.diameter**2!r}"] if spheres else []),
@@ -265,11 +265,12 @@ def _energy(spheres: int, clumps: int, single: str) -> list[str]:
 def _outputs(simulation: Simulation, spheres: int, clumps: int, single: str) -> list[str]:
     """Return the commands of outputs: poses of grains, energy, and restart files."""
     every = simulation.steps_per_output
+    moved = "".join(f" $(v_at_{platen.plane.name}:%.17g)" for platen in simulation.platens)
     lines = [
         f"thermo {every}",
         "thermo_style custom step v_energy",
         "thermo_modify lost error",
-        f'fix energy all print {every} "$(step) $(v_energy:%.9g)" file {ENERGY} screen no',
+        f'fix energy all print {every} "$(step) $(v_energy:%.9g){moved}" file {ENERGY} screen no',
     ]
     if spheres or single == "all":
         # spheres in the order of their grains, or of all spheres where these are bonded
@@ -304,7 +305,9 @@ def _until_rest(simulation: Simulation) -> list[str]:
     if not simulation.gravity.any() and simulation.stress is None:
         return [f"run {most}", "write_restart lammps_end.restart"]
     moves, missed = f"v_energy > {simulation.rest_energy!r}", []
-    if simulation.stress is not None:
+    if simulation.platens:
+        missed = [f"(abs(v_push_{one.name}/{force!r}-1.0) > {STRESS_MET})" for one, force, _ in simulation.platens]
+    elif simulation.stress is not None:
         known = enumerate(simulation.stress.tolist(), 1)
         missed = [f"(abs(c_servo_press[{k}]/{s!r}-1.0) > {STRESS_MET})" for k, s in known if s == s]
     start = min(most, math.ceil(SETTLING * simulation.time_unit / simulation.time_step))
@@ -371,6 +374,7 @@ registration = Engine(
     bonds=True,
     fixed=True,
     servo=True,
+    platens=True,
     materials=True,
     rolling=("linear", "hertz"),
     install=INSTALL,

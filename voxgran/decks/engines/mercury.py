@@ -16,13 +16,13 @@ from pathlib import Path
 import numpy as np
 
 from voxgran._base.arrays import Floats
-from voxgran._base.errors import FileFormatError
+from voxgran._base.errors import FileFormatError, InputError
 from voxgran.decks.bodies import Template
 from voxgran.decks.contact_law import ContactLaw
 from voxgran.decks.engine import Engine, Held
 from voxgran.decks.facets import facets_of
 from voxgran.decks.simulation import SETTLING, STRESS_MET, Simulation
-from voxgran.decks.text import program_part, row_of, text_of
+from voxgran.decks.text import grain_rows, program_part, row_of, text_of
 from voxgran.geometry.rotation import rotation_matrices
 
 TITLE = "MercuryDPM"
@@ -55,7 +55,13 @@ HELP = (
 
 
 def _write(simulation: Simulation) -> Mapping[str, str]:
-    """Return the files."""
+    """Return the files.
+
+    Raises
+    ------
+    InputError
+        If a periodic cell is tilted so far that MercuryDPM would not make all copies of grains.
+    """
     bodies = simulation.bodies
     used = {int(k) for k in bodies.assembly.shape_id}
     files = {RUN: _driver(simulation), GRAINS: _grains(simulation)}
@@ -87,7 +93,12 @@ def _grains(simulation: Simulation) -> str:
     """Return the table of the grains."""
     bodies, grains = simulation.bodies, simulation.bodies.assembly
     axes = rotation_matrices(bodies.principal_orientation).reshape(-1, 9)
-    rows = np.column_stack([grains.scale, bodies.mass, grains.position, axes, np.zeros((grains.count, 6))])
+    walls, places = simulation.walls, grains.position.copy()
+    # copies are made of grains within the upright bounds
+    for axis in np.flatnonzero(walls.periods.diagonal())[::-1]:
+        turns = np.floor((places[:, axis] - walls.bounds[0, axis]) / walls.periods[axis, axis])
+        places -= turns[:, None] * walls.periods[axis]
+    rows = np.column_stack([grains.scale, bodies.mass, places, axes, np.zeros((grains.count, 6))])
     lines = [*simulation.comments(TITLE), f"# template,{','.join(COLUMNS)}"]
     for shape, row in zip(grains.shape_id.tolist(), rows, strict=True):
         lines.append(f"{bodies.templates[shape].name},{row_of(row, ',')}")
@@ -147,6 +158,30 @@ def _damping(simulation: Simulation) -> list[str]:
     return ["    void setDamping(unsigned first, unsigned second, double mass)", "    {", *body, "    }"]
 
 
+def _least_sides(simulation: Simulation) -> Floats:
+    """Return the parts of periods (3, 3) across their own axes, at most half of the lengths that they are along.
+
+    All sums of the periods are the same with them.
+
+    Raises
+    ------
+    InputError
+        If copies across two tilted sides would need a second copy along x, of which MercuryDPM makes one.
+    """
+    found, reach = simulation.walls.periods.copy(), 2.0 * float(simulation.bodies.assembly.bounding_radii.max())
+    for k, along in ((1, 0), (2, 1), (2, 0)):
+        if length := found[along, along]:
+            found[k] -= np.rint(found[k, along] / length) * found[along]
+    tilts = np.tril(found, -1)
+    if tilts.any() and np.abs(tilts[:, 0]).sum() > found[0, 0] - reach:
+        raise InputError(
+            f"tilt: xy and xz are {tilts[1, 0]:.4g} and {tilts[2, 0]:.4g} m, more together than the length along x of "
+            f"{found[0, 0]:.4g} m less a grain of {reach:.4g} m, and MercuryDPM copies grains once across each side; "
+            "choose engine 'lammps' or 'yade'"
+        )
+    return np.asarray(tilts)
+
+
 def _walls(simulation: Simulation) -> list[str]:
     """Return the function that adds the walls."""
     walls, kind = simulation.walls, simulation.laws.of_walls
@@ -156,9 +191,13 @@ def _walls(simulation: Simulation) -> list[str]:
         platen = moving.get(plane.name)
         made = f"addPlane({at})" if platen is None else f"addPlaten({at}, {platen.force!r}, {platen.speed!r})"
         lines.append(f"        {made};")
-    for axis, (periodic, low, high) in enumerate(zip(walls.periodic, *walls.bounds.tolist(), strict=True)):
-        if periodic:
-            lines.append(f"        addPeriodic({_vector(np.eye(3)[axis])}, {low!r}, {high!r});")
+    side = _least_sides(simulation)
+    # what the shift along z or y takes beyond the sides across x is brought back by these, which come last
+    for axis in (2, 1, 0):
+        if walls.periodic[axis]:
+            low, high = walls.bounds[:, axis].tolist()
+            across = f"{_vector(np.eye(3)[axis])}, {low!r}, {high!r}, {_vector(side[axis])}"
+            lines.append(f"        addPeriodic({across});")
     if walls.round is not None and walls.round.kind == "cylinder":
         lines += [
             "        AxisymmetricIntersectionOfWalls cylinder;",
@@ -241,16 +280,12 @@ def _read(folder: Path) -> Held:
     FileFormatError
         If a table is not in the layout of MClump, or a row has too few columns.
     """
-    rows = [line.split(",") for line in (folder / GRAINS).read_text().splitlines() if not line.startswith("#")]
-    wrong = next((row for row in rows if len(row) != 1 + len(COLUMNS)), None)
-    if wrong is not None:
-        raise FileFormatError(f"{folder / GRAINS} has a row of {len(wrong)} columns: write the deck again")
-    tables = {name: _template(folder, name) for name in sorted({row[0] for row in rows})}
-    values = np.array([[float(word) for word in row[1:]] for row in rows])
+    names, values = grain_rows(folder / GRAINS, len(COLUMNS))
+    tables = {name: _template(folder, name) for name in sorted(set(names))}
     axes = values[:, 5:14].reshape(-1, 3, 3)
     inertia, centers, radii = [], [], []
-    for row, value, frame in zip(rows, values, axes, strict=True):
-        table = tables[row[0]]
+    for name, value, frame in zip(names, values, axes, strict=True):
+        table = tables[name]
         inertia.append(frame @ (value[0] ** 5 * table["toi"]) @ frame.T)
         centers.append(value[0] * table["pebbles"][:, :3] @ frame.T + value[2:5])
         radii.append(value[0] * table["pebbles"][:, 3])
@@ -281,9 +316,9 @@ registration = Engine(
     name="mercury",
     title=TITLE,
     summary="tables of pebbles in the layout of MClump, table of grains, and a driver in C++ that runs until rest",
-    upright="whose periodic walls lie across the axes",
     source="MercuryDPM, Drivers/Clump and tools/MClump",
     kinds=("sphere", "clump"),
+    tilted=True,
     fixed=True,
     platens=True,
     materials=True,

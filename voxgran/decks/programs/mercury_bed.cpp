@@ -159,9 +159,11 @@ private:
         platens_.push_back({wall, outward, force});
     }
 
-    void addPeriodic(Vec3D normal, double low, double high) {
+    // side: what the shift to the next period has beside its part along the normal
+    void addPeriodic(Vec3D normal, double low, double high, Vec3D side) {
         PeriodicBoundary boundary;
         boundary.set(normal, low, high);
+        boundary.setPlanewiseShift(side);
         boundaryHandler.copyAndAddObject(boundary);
     }
 

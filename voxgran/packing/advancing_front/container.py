@@ -86,13 +86,7 @@ def _mesh_distance(walls: KernelContainer, x: float, y: float, z: float, r: floa
 
     A distance changes by no more than the length of a move: far from contact the map of clearances decides.
     """
-    cell, last = walls.mesh.cell, walls.mesh.clearance.shape
-    i = min(max(int(x / cell), 0), last[0] - 1)
-    j = min(max(int(y / cell), 0), last[1] - 1)
-    k = min(max(int(z / cell), 0), last[2] - 1)
-    known = walls.mesh.clearance[i, j, k]
-    dx, dy, dz = x - (i + 0.5) * cell, y - (j + 0.5) * cell, z - (k + 0.5) * cell
-    way = math.sqrt(dx * dx + dy * dy + dz * dz)
+    known, way = _mapped(walls, x, y, z)
     if known + way < -r:
         return known + way
     if known - way > -r:
@@ -103,9 +97,16 @@ def _mesh_distance(walls: KernelContainer, x: float, y: float, z: float, r: floa
 @bare_kernel
 def is_near_mesh(walls: KernelContainer, x: float, y: float, z: float, reach: float) -> bool:
     """Return whether a point may be within reach of the wall of a mesh, by the map of clearances."""
+    known, way = _mapped(walls, x, y, z)
+    return known + way >= -reach
+
+
+@bare_kernel
+def _mapped(walls, x, y, z):  # type: ignore[no-untyped-def]
+    """Return what the map of clearances has in the cell of a point, and the distance of the point from its middle."""
     cell, last = walls.mesh.cell, walls.mesh.clearance.shape
     i = min(max(int(x / cell), 0), last[0] - 1)
     j = min(max(int(y / cell), 0), last[1] - 1)
     k = min(max(int(z / cell), 0), last[2] - 1)
     dx, dy, dz = x - (i + 0.5) * cell, y - (j + 0.5) * cell, z - (k + 0.5) * cell
-    return walls.mesh.clearance[i, j, k] + math.sqrt(dx * dx + dy * dy + dz * dz) >= -reach
+    return walls.mesh.clearance[i, j, k], math.sqrt(dx * dx + dy * dy + dz * dz)

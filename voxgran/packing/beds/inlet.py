@@ -31,19 +31,19 @@ class Inlet(ExplainedAttributes):
 
     Parameters
     ----------
-    radius : float, optional
-        Radius of the disk, in two dimensions half the width, in units of length. Default: two median diameters.
-    lengths : (2,) tuple of float, optional
-        Edges of a rectangle in place of the disk, along the two axes across gravity, in units of length.
-    center : (3,) tuple of float, optional
-        A point below the middle of the inlet; only its place across gravity matters. Default: the middle of the bounds
-        of the container.
-    height : float, optional
-        Height above the lowest point of the container, in units of length, from which grains begin to fall if the bed
-        below the inlet is lower. Default: the surface of the bed there.
-    rate : float, optional
-        How many grains pass the inlet in the time sqrt(d / g), with the median diameter d: they arrive one after the
-        other, and the bed moves meanwhile. Default: those of a batch begin together.
+    radius
+        radius of the disk, in two dimensions half the width, in units of length; if omitted, two median diameters.
+    lengths
+        edges of a rectangle in place of the disk, along the two axes across gravity, in units of length.
+    center
+        a point below the middle of the inlet, of which only the place across gravity matters; if omitted, the middle of
+        the bounds of the container.
+    height
+        height above the lowest point of the container, in units of length, from which grains begin to fall if the bed
+        below the inlet is lower; if omitted, the surface of the bed there.
+    rate
+        how many grains pass the inlet in the time sqrt(d / g), with the median diameter d: they arrive one after the
+        other, and the bed moves meanwhile; if omitted, those of a batch begin together.
 
     Raises
     ------
@@ -58,27 +58,11 @@ class Inlet(ExplainedAttributes):
     20
     """
 
-    radius: float | None = parameter(
-        None, doc="radius of a disk, in two dimensions half the width; if omitted, two median diameters", above=0.0
-    )
-    lengths: tuple[float, float] | None = parameter(
-        None, doc="edges of a rectangle in place of a disk, along the two axes across gravity", above=0.0
-    )
-    center: tuple[float, float, float] | None = parameter(
-        None, doc="a point below the middle of the inlet; if omitted, the middle of the bounds of the container"
-    )
-    height: float | None = parameter(
-        None,
-        doc="height above the lowest point of the container from which grains begin to fall; if omitted, the surface "
-        "of the bed below the inlet",
-        at_least=0.0,
-    )
-    rate: float | None = parameter(
-        None,
-        doc="grains that pass the inlet in the time sqrt(d / g) with the median diameter d; if omitted, those of a "
-        "batch begin together",
-        at_least=SLOWEST,
-    )
+    radius: float | None = parameter(None, above=0.0)
+    lengths: tuple[float, float] | None = parameter(None, above=0.0)
+    center: tuple[float, float, float] | None = parameter(None)
+    height: float | None = parameter(None, at_least=0.0)
+    rate: float | None = parameter(None, at_least=SLOWEST)
 
     def __post_init__(self) -> None:
         """Check the ranges, and that there is one outline."""

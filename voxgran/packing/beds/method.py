@@ -40,8 +40,9 @@ from voxgran.packing.settling_run import (
     lid_of,
     with_lid,
 )
+from voxgran.settling.examination import TOUCHING
 from voxgran.settling.parameters import Settling
-from voxgran.settling.stages import TOUCHING, Settler
+from voxgran.settling.stages import Settler
 
 #: largest solid fraction of the column, and the largest one in that of the bed
 FULLEST, LOOSER = 0.52, 0.87

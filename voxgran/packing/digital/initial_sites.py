@@ -9,7 +9,7 @@ from voxgran.containers.gravity import upward
 from voxgran.packing.digital.container_lattice import ContainerLattice
 from voxgran.packing.problem import Problem
 from voxgran.packing.start import Start, refuse_start
-from voxgran.settling.spreading import spread
+from voxgran.settling.parting import spread
 
 #: largest distance of a grain of a start from its nearest site, and distances by which all grains are separated until
 #: each has a site, in voxels

@@ -7,52 +7,11 @@ processor has narrower vectors the compiler splits them.
 from collections.abc import Callable
 from typing import Any
 
-from voxgran._base.kernels import instruction
+from voxgran._base.kernels import Instruction, instruction
 from voxgran._base.lazy import load
 
 #: words that are treated at once
 LANES = 8
-
-
-@instruction
-def meets_lanes(
-    _: Any, bits: Any, here: Any, under: Any, old: Any, old_under: Any, canvas: Any, cell: Any, shift: Any,
-    old_shift: Any,
-) -> Any:  # fmt: skip
-    """Return which of eight columns meet taken voxels of the canvas with bits that they did not have before.
-
-    A column is a word shifted up, with what comes from the word under it.
-    """
-    takes = (bits, here, under, old, old_under, canvas, cell, shift, old_shift)
-    return load("numba").types.uint8(*takes), _meeting(_joined)
-
-
-@instruction
-def meets_low_lanes(
-    _: Any, bits: Any, here: Any, part: Any, old: Any, old_part: Any, canvas: Any, cell: Any, shift: Any, old_shift: Any
-) -> Any:
-    """Return what `meets_lanes` returns, of columns one word tall: turned up, and of that the bits of a part."""
-    takes = (bits, here, part, old, old_part, canvas, cell, shift, old_shift)
-    return load("numba").types.uint8(*takes), _meeting(_turned)
-
-
-@instruction
-def flip_lanes(
-    _: Any, bits: Any, here: Any, under: Any, old: Any, old_under: Any, canvas: Any, cell: Any, shift: Any,
-    old_shift: Any,
-) -> Any:  # fmt: skip
-    """Flip those bits of eight columns on the canvas that they have now and did not have before, or the reverse."""
-    takes = (bits, here, under, old, old_under, canvas, cell, shift, old_shift)
-    return load("numba").types.void(*takes), _flipping(_joined)
-
-
-@instruction
-def flip_low_lanes(
-    _: Any, bits: Any, here: Any, part: Any, old: Any, old_part: Any, canvas: Any, cell: Any, shift: Any, old_shift: Any
-) -> Any:
-    """Flip what `flip_lanes` flips, of columns one word tall."""
-    takes = (bits, here, part, old, old_part, canvas, cell, shift, old_shift)
-    return load("numba").types.void(*takes), _flipping(_turned)
 
 
 #: context, builder, type of the bits, the bits, where a row begins, what is under it or which part, and the shift
@@ -132,3 +91,27 @@ def _place(context: Any, builder: Any, kind: Any, array: Any, index: Any) -> Any
     """Return where eight words of a flat array begin."""
     data = context.make_array(kind)(context, builder, array).data
     return builder.bitcast(builder.gep(data, [index]), _vector().as_pointer())
+
+
+def _lanes(code: Callable[[Columns], Callable[..., Any]], columns: Columns) -> Instruction:
+    """Return the instruction that looks at eight columns, or flips them."""
+
+    @instruction
+    def lanes(
+        _: Any, bits: Any, here: Any, under: Any, old: Any, old_under: Any, canvas: Any, cell: Any, shift: Any,
+        old_shift: Any,
+    ) -> Any:  # fmt: skip
+        """Take the words of columns, where they begin now and before, the canvas and by how much they are shifted."""
+        types = load("numba").types
+        gives = types.uint8 if code is _meeting else types.void
+        return gives(bits, here, under, old, old_under, canvas, cell, shift, old_shift), code(columns)
+
+    return lanes
+
+
+#: which of eight columns meet taken voxels of the canvas with bits that they did not have before; a column is a word
+#: shifted up, with what comes from the word under it, or of columns one word tall turned up, and of that the bits of a
+#: part
+meets_lanes, meets_low_lanes = _lanes(_meeting, _joined), _lanes(_meeting, _turned)
+#: flip those bits of eight such columns on the canvas that they have now and did not have before, or the reverse
+flip_lanes, flip_low_lanes = _lanes(_flipping, _joined), _lanes(_flipping, _turned)

@@ -16,7 +16,6 @@ import numpy as np
 from voxgran._base.config import parameter, parameter_class
 from voxgran._base.errors import InputError
 from voxgran._base.seeds import stream
-from voxgran.containers.model import Container
 from voxgran.containers.stretch import stretched
 from voxgran.packing.beds.filling import AT_WALLS, mean_diameter, usual_solid_fraction
 from voxgran.packing.beds.seeds import points_inside
@@ -26,6 +25,7 @@ from voxgran.packing.method import PackingMethod
 from voxgran.packing.model import Packing
 from voxgran.packing.problem import Problem
 from voxgran.packing.settling_run import followed
+from voxgran.packing.start import Start
 from voxgran.settling.compression_parameters import Compression
 
 #: solid fraction in which grains begin, by dimension
@@ -62,21 +62,21 @@ class Compress(Compression):
 
 
 def prepare(problem: Problem) -> CompressState:
-    """Return the state in which the grains are at random points of the stretched container.
+    """Return the state in which the grains are at random points of the stretched container, around fixed ones.
 
     Raises
     ------
     InputError
         If a shape is an open surface, no wall of the container moves as it is asked for, or there is a start.
     """
-    if problem.start is not None:
+    if problem.started > problem.fixed:
         raise InputError(
-            f"start has {len(problem.start.position)} grains: method 'compress' places all grains at random; give them "
-            "to vg.compress, which compresses a packing"
+            f"start has {problem.started - problem.fixed} grains: method 'compress' places all grains at random; give "
+            "them to vg.compress, which compresses a packing"
         )
-    n = _many(problem)
-    loose = replace(problem, container=_loose_container(problem, float(problem.volumes[:n].sum())))
-    compressor = compressor_of(problem, grains_at_random(loose, n), jam=False, growth_rate=GROWTH_RATE)
+    loose = _loose(problem).apart
+    grains = grains_at_random(loose, _many(problem.apart))
+    compressor = compressor_of(loose, grains, jam=False, growth_rate=GROWTH_RATE)
     return CompressState(compressor, total=compressor.most_steps, stop_reason="count" if compressor.ended else "")
 
 
@@ -93,34 +93,39 @@ def _many(problem: Problem) -> int:
     return max(1, int(np.searchsorted(np.cumsum(problem.volumes), room, side="right")))
 
 
-def _loose_container(problem: Problem, volume: float) -> Container:
-    """Return the container, stretched along the axes of the compression so that a volume of grains lies in it loosely.
+def _loose(problem: Problem) -> Problem:
+    """Return the task in the container stretched along the axes of the compression, in which its grains lie loosely.
+
+    Fixed grains are where this moves them as points of the container, and where the compression takes them back from.
 
     Raises
     ------
     InputError
         If no wall of the container moves as it is asked for.
     """
-    container, settings = problem.container, problem.parameters
+    container, settings, start, free = problem.container, problem.parameters, problem.start, problem.apart
     moves = np.diag(settings.modes_of(container))[:3] > 0.0
-    larger = volume / ((settings.fill or LOOSE[container.dimension]) * container.volume)
+    volume, fixed = float(free.volumes[: _many(free)].sum()), container.volume - free.container.volume
+    larger = (volume / (settings.fill or LOOSE[container.dimension]) + fixed) / container.volume
     factor = larger ** (1.0 / int(moves.sum())) if volume > 0.0 else 1.0
-    return stretched(container, np.where(moves, factor, 1.0).tolist())
+    factors = np.where(moves, factor, 1.0)
+    start = start if start is None else Start(start.position * factors, start.orientation)
+    return replace(problem, container=stretched(container, factors.tolist()), start=start)
 
 
 def finish(problem: Problem, state: CompressState) -> Packing:
     """Return the packing of the grains before they are compressed."""
-    compressor = state.compressor
+    compressor, loose = state.compressor, _loose(problem)
     position, orientation = compressor.poses()
     n = len(position)
-    packing = problem.packing(
+    packing = loose.apart.packing(
         np.arange(n),
         position=position,
         orientation=orientation,
-        diameter=problem.diameter[:n] * compressor.factor,
+        diameter=loose.apart.diameter[:n] * compressor.factor,
         stop_reason=state.stop_reason,
     )
-    return replace(packing, container=compressor.assembly.container.scaled(problem.unit_length))
+    return loose.beside_fixed(packing)
 
 
 registration = followed(
@@ -136,6 +141,7 @@ registration = followed(
         tilted=True,
         dimensions=(2, 3),
         stretches=True,
+        obstacles="placed",
         any_walls=True,
     ),
     lambda problem, packed: begun_compression(packed, compression_of(problem.parameters)),

@@ -185,6 +185,7 @@ def test_dense_leaves_no_pocket_between_spheres_or_walls(container, order):
     assert tree.query(probes - lower)[0].max() < 1.0
 
 
+@pytest.mark.slow
 def test_densities_and_coordination_of_equal_and_of_graded_spheres():
     """Reached here: 0.622 and 0.639 inside, 0.592 in all of the container."""
     equal = pack(SPHERE, vg.Box((60, 60, 60)), count=50_000, mode="dense")

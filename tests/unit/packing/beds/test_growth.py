@@ -61,6 +61,7 @@ def test_the_column_holds_the_volume():
     assert middle == pytest.approx(float(np.mean(round_container.bounds, axis=0)[2]), abs=0.06)
 
 
+@pytest.mark.slow
 def test_beds_of_graded_spheres_are_not_sorted():
     """Spearman's correlation of diameter and height; 200 lognormal spheres."""
     sizes = vg.sizes.lognormal(median=1.0, sigma=0.3)
@@ -234,7 +235,7 @@ OPEN = vg.Box((7, 7, 30), periodic="xy")
         (vg.make_shape("disk"), vg.Rectangle((15, 40)), 10.0, {}),
         (vg.make_shape("disk"), vg.Rectangle((20, 40), periodic="x"), 6.0, {}),
         slow([vg.make_shape("convex_polyhedron", seed=seed) for seed in range(3)], vg.Box((7, 7, 20)), 8.0, {}),
-        (vg.make_shape("box", aspect=(1, 1, 4)), vg.Box((8, 8, 20)), 8.0, {}),
+        slow(vg.make_shape("box", aspect=(1, 1, 4)), vg.Box((8, 8, 20)), 8.0, {}),
     ],
     ids=["open", "frictionless", "graded", "low", "walls", "narrow", "cylinder", "sphere", "disks", "open disks",
          "polyhedra", "rods"],

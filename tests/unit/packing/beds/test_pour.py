@@ -34,6 +34,7 @@ def test_a_heap_stands_below_the_inlet(heap):
     assert pour_disks(0.5, seed=1).position.tobytes() == heap.position.tobytes()
 
 
+@pytest.mark.slow
 def test_friction_makes_heaps_steeper(heap):
     flat, steep = repose(pour_disks(0.0, seed=1)), repose(heap)
     # frictionless disks run to the walls

@@ -8,8 +8,9 @@ from voxgran._base.errors import InputError
 from voxgran.contacts.assembly import Assembly
 from voxgran.settling.bed import Bed
 from voxgran.settling.parameters import Settling
+from voxgran.settling.progress import RAIN
 from voxgran.settling.rain import Rain, _admit_grains, let_arrive, steps_of_rain
-from voxgran.settling.stages import RAIN, Settler
+from voxgran.settling.stages import Settler
 
 BALL, DISK = vg.shapes.sphere(), vg.make_shape("disk")
 MIDDLE = np.array([[2.0, 2.0, 0.0]])
@@ -89,15 +90,14 @@ def test_a_grain_waits_while_another_is_in_its_way():
 @pytest.fixture(scope="module")
 def beds():
     box = vg.Box((6, 6, 20), periodic="xy")
-    return {h: vg.pack(BALL, box, "gravity", count=400, fall_height=h, seed=1) for h in (0.0, 10.0, 50.0)}
+    return {h: vg.pack(BALL, box, "gravity", count=400, fall_height=h, seed=1) for h in (0.0, 10.0)}
 
 
 def test_the_higher_the_fall_the_denser_the_bed(beds):
     dense = {h: float(bed.measure("density").bulk_solid_fraction) for h, bed in beds.items()}
-    # 0.583, 0.605 and 0.612 with a scatter of 0.003 between seeds
+    # 0.583 and 0.605 with a scatter of 0.003 between seeds
     assert dense[0.0] == pytest.approx(0.583, abs=0.008)
     assert dense[10.0] > dense[0.0] + 0.012
-    assert dense[50.0] > dense[0.0] + 0.018
     for bed in beds.values():
         assert bed.count == 400
         assert bed.stop_reason == "settled"

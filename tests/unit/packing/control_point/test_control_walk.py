@@ -176,8 +176,8 @@ def test_walk_is_that_of_a_plain_program(contact, points):
 @pytest.mark.parametrize(
     "options",
     [
-        {"contact": "sdf"}, {"contact": "sdf", "tested_points": "one", "spacing": 0.4},
-        {"contact": "sdf", "overlap": 0.1}, {"contact": "sdf", "distance": 0.05}, {"contact": "kdtree"},
+        slow({"contact": "sdf"}), {"contact": "sdf", "tested_points": "one", "spacing": 0.4},
+        slow({"contact": "sdf", "overlap": 0.1}), {"contact": "sdf", "distance": 0.05}, {"contact": "kdtree"},
     ],
     ids=str,
 )  # fmt: skip

@@ -47,7 +47,7 @@ WAYS = [
 ]
 
 
-@pytest.mark.parametrize("way", WAYS, ids=str)
+@pytest.mark.parametrize("way", [slow(way) if way in WAYS[1:5:3] else way for way in WAYS], ids=str)
 def test_every_way_keeps_its_promises(way):
     shapes = [vg.make_shape("solid_union", seed=2), vg.make_shape("box", lengths=(1.1, 0.8, 0.6))]
     state, packing = run(task_of(shapes, **way))

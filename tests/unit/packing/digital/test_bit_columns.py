@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from kit import slow
 
 from voxgran._base.seeds import stream
 from voxgran.geometry.rotation import lattice_rotations
@@ -70,7 +71,7 @@ def test_turns_are_exact(half):
         assert found.sum() == mask.sum()
 
 
-@pytest.mark.parametrize("half", [4, 35, 70])
+@pytest.mark.parametrize("half", [4, 35, slow(70)])
 def test_moves_are_those_of_plain_arrays(half):
     """Stamp two grains, then compare every answer with boolean arrays."""
     masks = [random_mask(2 * half, half), random_mask(2 * half + 1, half)]

@@ -121,6 +121,7 @@ def test_walks_are_expected_to_take_seconds_or_say_so(method, few, many):
     assert "fewer grains take less" in packing_method.long_run(full.method, full.problem)
 
 
+@pytest.mark.usefixtures("forked_workers")
 def test_studies_and_scenes_say_once_before_they_start_that_they_take_long(monkeypatch, tmp_path):
     base = {
         "shape": [{"family": "sphere"}],

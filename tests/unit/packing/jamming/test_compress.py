@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from kit import slow
 
 import voxgran as vg
 from voxgran._base.errors import InputError
@@ -15,7 +16,7 @@ SPHERE, ROCK = vg.shapes.sphere(), vg.make_shape("convex_polyhedron", seed=4, po
         (SPHERE, vg.Box((5, 5, 5), periodic="xyz"), {}),
         (SPHERE, vg.Box((5, 4, 6)), {"friction": 0.1}),
         (ROCK, vg.Box((5, 5, 5), periodic="xyz"), {"friction": 0.1}),
-        (SPHERE, vg.Box((6, 6, 6), periodic="xyz"), {"solid_fraction": 0.61}),
+        slow(SPHERE, vg.Box((6, 6, 6), periodic="xyz"), {"solid_fraction": 0.61}),
         (vg.make_shape("disk"), vg.Rectangle((9, 7), periodic="xy"), {}),
     ],
 )

@@ -71,6 +71,7 @@ def test_grains_of_a_layer_stay_about_where_they_appeared():
     assert middle == pytest.approx(16 * (np.arange(5) + 0.5) / 5, abs=0.4)
 
 
+@pytest.mark.slow
 def test_without_a_target_the_bed_is_a_little_looser_than_jammed():
     assert layered(vg.Box((8, 8, 8))).solid_fraction == pytest.approx(0.59, abs=0.01)
 

@@ -27,6 +27,7 @@ def jammed(shape, count, **options):
     return vg.pack(shape, periodic(count, shape.dimension), "jam", count=count, sizes=EQUAL, **options)
 
 
+@pytest.mark.slow
 def test_ellipsoids_jam_denser_than_spheres_with_as_many_contacts_as_hold_them():
     packing = jammed(ELLIPSOID, 60, growth_rate=0.05)
     told = packing.provenance["compression"]
@@ -93,6 +94,7 @@ def test_outlines_jam():
     assert packing.provenance["compression"]["isostatic"] == 6
 
 
+@pytest.mark.slow
 def test_scanned_grains_are_proven_to_be_separate():
     eros = vg.load_shape("data/eros.obj")
     packing = vg.pack(eros, vg.Box((3, 3, 3)), "expand", solid_fraction=0.35, sizes=EQUAL)

@@ -333,6 +333,7 @@ def test_boxes_of_any_number_of_sizes_are_proven_where_they_can_be_sorted():
     assert vg.verify(both).ok
 
 
+@pytest.mark.slow
 @pytest.mark.filterwarnings("error:overflow", "ignore:saturation is not proven")
 def test_open_boxes_are_cut_no_more_than_they_change():
     """Two shapes, many sizes: most are as wide as one and as long as the other, and throws are in vain for long."""

@@ -140,6 +140,7 @@ def dimension_of(diameter, first=50):
     return brentq(lambda a: 1 / a - width / np.expm1(a * width) - mean, 0.1, 10)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("container", "published"), [(vg.Rectangle((9, 9), periodic="xy"), 1.564)])
 def test_the_exponent_of_disks_is_the_published_one(container, published):
     # Dodds & Weitz 2002: 2.564 of the density of sizes

@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from kit import slow
 
 import voxgran as vg
 from voxgran.geometry.rotation import rotation_matrices
@@ -51,7 +52,7 @@ CASES = {
 }
 
 
-@pytest.mark.parametrize("name", CASES)
+@pytest.mark.parametrize("name", [slow(name) if name == "cones in a mesh" else name for name in CASES])
 def test_each_grain_touches_an_earlier_one_or_a_wall(name):
     shapes, container, options = CASES[name]
     packing = filled(shapes, container, count=40, **options)

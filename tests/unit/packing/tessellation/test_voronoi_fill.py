@@ -4,6 +4,7 @@ import warnings
 
 import numpy as np
 import pytest
+from kit import slow
 
 import voxgran as vg
 from voxgran._base.errors import InputError, PackingWarning
@@ -96,7 +97,7 @@ def test_smoothing_and_rounds_make_packings_denser():
     ("container", "solid_fraction"),
     [
         (vg.Box((6, 6, 6), "xy"), 0.7),
-        (vg.Box((6, 6, 6)), 0.999),
+        slow(vg.Box((6, 6, 6)), 0.999),
         (vg.Rectangle((15, 15), "xy"), 0.9),
         (vg.Cylinder(3, 6), 0.9),
         (vg.Disk(7), 0.9),

@@ -1,0 +1,39 @@
+"""
+A twin of a scanned sample
+==========================
+
+A compressed specimen of polyhedra becomes an image, which is cut, segmented and labelled as a scan is. The twin is made
+of the labels alone. The script prints the solid fraction, D50, mean coordination, peak of g(r) and tortuosity of the
+specimen and of the twin, and writes the page that compares the labels with the twin.
+"""
+
+import sys
+from pathlib import Path
+
+import numpy as np
+
+import voxgran as vg
+
+folder = Path(sys.argv[1] if len(sys.argv) > 1 else "out/twin_of_scan")
+count = int(sys.argv[2]) if len(sys.argv) > 2 else 250
+folder.mkdir(parents=True, exist_ok=True)
+VOXEL = 0.06
+rocks = vg.make_shapes("convex_polyhedron", count=40, seed=1)
+sizes = vg.sizes.lognormal(median=1.0, sigma=0.2)
+box = vg.Box((8.5, 8.5, 8.5), periodic="xyz")
+specimen = vg.pack(rocks, box, "compress", count=count, sizes=sizes, friction=0.2, seed=3)
+
+# %%
+# **The image, cut, segmented and labelled**
+image = vg.to_image(specimen, VOXEL, labels=False)[6:-6, 6:-6, 6:-6]
+labels = vg.segment(image.astype(float), threshold=0.5, voxel_size=VOXEL).labels
+scan = vg.packing_of_labels(np.asarray(labels), voxel_size=VOXEL, gravity="none")
+
+# %%
+# **The twin, and both against the specimen that the scan has seen a part of**
+twin = vg.twin(scan, count=count, forms=60, seed=5)
+twin.report(folder / "twin.html", overwrite=True)
+true = twin.compared_with(specimen)
+for name in ("solid_fraction", "D50", "coordination_number", "radial_peak", "tortuosity"):
+    row = true.sel(measure=name)
+    print(f"{name}  specimen {float(row['sample']):.4g}  twin {float(row['twin']):.4g}")

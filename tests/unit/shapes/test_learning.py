@@ -1,0 +1,235 @@
+"""Distributions of shapes that are learned from a sample, and the grains that they draw."""
+
+import itertools
+import math
+
+import numpy as np
+import pytest
+
+import voxgran as vg
+from voxgran._base.errors import FileFormatError, InputError, MissingFileError, OutputExistsError
+from voxgran._base.seeds import stream
+from voxgran.bench.tradeoffs import twins
+from voxgran.shapes.learning.likeness import distances, energy_distance, nearest_neighbour_test, signature
+from voxgran.shapes.learning.sample import closed_grains, meshed
+from voxgran.shapes.learning.warp import Kernel, frame_of, mapped, warped
+from voxgran.shapes.mesh import Mesh
+from voxgran.shapes.repairing.diagnose import refuse_dirty
+
+POLYHEDRA = vg.make_shapes("convex_polyhedron", count=60, points=(14, 26), aspect=(1.3, 1, 0.8))
+SIZES = np.exp(stream(0, "sizes").normal(0, 0.4, 60))
+MODEL = vg.learn_shapes(POLYHEDRA, SIZES, strength=0.06)
+
+
+def test_grains_are_closed_convex_and_their_maps_are_those_of_the_donors():
+    for grain in MODEL.sample(8, seed=3):
+        refuse_dirty(grain.vertices, grain.faces, grain.name)
+        assert vg.describe(grain, "convexity").convexity.item() == pytest.approx(1.0, abs=1e-9)
+        assert grain.volume > 0
+        assert grain.geometry.centroid == pytest.approx(np.zeros(3), abs=1e-12)
+        donor = MODEL.shapes[grain.record["donor"]]
+        assert mapped(donor.vertices, grain.record["map"]) == pytest.approx(grain.vertices, abs=1e-12)
+        # the principal axes are those of the body frame, the longest along x
+        moments = np.diag(grain.inertia)
+        assert grain.inertia == pytest.approx(np.diag(moments), abs=1e-9 * moments.max())
+        assert (np.diff(moments) > -1e-12).all()
+
+
+def test_half_of_the_grains_are_mirrored():
+    turned = [np.linalg.det(grain.record["map"][:3, :3]) < 0 for grain in MODEL.sample(200, seed=1)]
+    assert 70 < sum(turned) < 130
+
+
+def test_a_strength_of_zero_only_stretches():
+    mesh = POLYHEDRA[0].geometry
+    radius, _, roots, _ = frame_of(mesh)
+    own = np.log([roots[1] / roots[0], roots[2] / roots[1], 2 * radius])
+    made, matrix = warped(mesh, own, 0.0, stream(1, "warp"))
+    # what has the ratios and the size of its donor is the donor, but for turns
+    assert matrix[:3, :3] @ matrix[:3, :3].T == pytest.approx(np.eye(3), abs=1e-12)
+    marks = np.array([signature(one) for one in (mesh, made)])
+    assert distances(marks[:1], marks[1:])[0, 0] == pytest.approx(0.0, abs=1e-6)
+    assert made.volume == pytest.approx(mesh.volume, rel=1e-12)
+
+
+def test_marginals_and_correlations_are_those_of_the_sample():
+    # size goes with elongation
+    ratio = 0.3 + 0.6 * stream(1, "ratios").random(80)
+    shapes = [vg.shapes.box(aspect=(1, q, 0.3), diameter=2 - q) for q in ratio]
+    grains = vg.learn_shapes(shapes, strength=0.05).sample(160, seed=2)
+    roots = np.array([frame_of(grain.geometry)[2] for grain in grains])
+    found, sizes = roots[:, 1] / roots[:, 0], [grain.diameter for grain in grains]
+    quarters = (0.1, 0.25, 0.5, 0.75, 0.9)
+    assert np.quantile(found, quarters) == pytest.approx(np.quantile(ratio, quarters), abs=0.03)
+    assert np.quantile(sizes, quarters) == pytest.approx(np.quantile(2 - ratio, quarters), abs=0.03)
+    assert np.corrcoef(found, sizes)[0, 1] < -0.95
+
+
+def test_modes_stay_apart():
+    rows = np.concatenate([stream(0, "a").normal(0, 0.05, (40, 1)), stream(0, "b").normal(3, 0.05, (40, 1))])
+    kernel, draw = Kernel(rows, np.full(80, 1 / 80)), stream(0, "draw")
+    drawn = np.array([kernel.draw(int(grain), draw)[0] for grain in kernel.grains(400, draw)])
+    assert ((drawn < 0.5) | (drawn > 2.5)).mean() > 0.98
+    assert (drawn > 1.5).mean() == pytest.approx(0.5, abs=0.01)
+
+
+def test_weights_say_how_often_a_grain_is_the_donor():
+    weights = np.where(np.arange(60) < 30, 3.0, 1.0)
+    grains = vg.learn_shapes(POLYHEDRA, strength=0.05, weights=weights).sample(400, seed=1)
+    assert np.mean([grain.record["donor"] < 30 for grain in grains]) == pytest.approx(0.75, abs=0.005)
+
+
+def test_energy_distance_and_neighbours_have_their_closed_values():
+    # of a point and two points at distances 1 and 2: 2 (1.5) - 0 - 0.5
+    one, two = np.array([[0.0]]), np.array([[1.0], [2.0]])
+    assert energy_distance(one, two, np.ones(1)) == pytest.approx(2.5)
+    assert energy_distance(two, one, np.ones(1), np.array([1.0, 3.0])) == pytest.approx(2 * 1.75 - 2 * 3 / 16)
+    marks = np.array([signature(meshed(shape).geometry) for shape in POLYHEDRA])
+    share, p_value = nearest_neighbour_test(marks[:30], marks[30:], stream(0, "test"))
+    assert share < 0.65
+    assert p_value > 0.05
+    rods = np.array([signature(meshed(vg.shapes.box(lengths=(4, 1, 1 + k / 50))).geometry) for k in range(30)])
+    share, p_value = nearest_neighbour_test(marks[:30], rods, stream(0, "test"))
+    assert (share, p_value) == (1.0, pytest.approx(0.001))
+
+
+@pytest.mark.parametrize("order", list(itertools.permutations(range(3)))[1:])
+def test_turned_and_mirrored_copies_are_no_new_grains(order):
+    # a cube with three different pits along its axes has its second moments nearly equal
+    points = POLYHEDRA[3].vertices
+    for sides in itertools.product((1, -1), repeat=3):
+        matrix = np.eye(3)[list(order)] * sides
+        faces = POLYHEDRA[3].faces if np.linalg.det(matrix) > 0 else POLYHEDRA[3].faces[:, ::-1]
+        marks = [signature(Mesh(*one)) for one in ((points, POLYHEDRA[3].faces), (points @ matrix.T, faces))]
+        assert distances(np.array(marks[:1]), np.array(marks[1:]))[0, 0] < 1e-6
+
+
+def test_distances_take_axes_in_any_order():
+    mark = signature(POLYHEDRA[3].geometry)
+    number = len(mark) - 3
+    side = round(number ** (1 / 3))
+    field = mark[:number].reshape(side, side, side)
+    other = np.concatenate([field.transpose(2, 0, 1)[::-1].ravel(), mark[number:][[2, 0, 1]]])
+    assert distances(mark[None], other[None])[0, 0] == pytest.approx(0.0, abs=1e-7)
+
+
+def test_files_hold_the_model(tmp_path):
+    MODEL.save(tmp_path / "shapes.nc")
+    read = vg.ShapeModel.load(tmp_path / "shapes.nc")
+    assert read.sample(5, seed=4) == MODEL.sample(5, seed=4)
+    assert (read.strength, read.method, read.unit) == (MODEL.strength, "warp", None)
+    with pytest.raises(OutputExistsError):
+        MODEL.save(tmp_path / "shapes.nc")
+    made = vg.make_shapes("learned", count=3, model=str(tmp_path / "shapes.nc"))
+    assert made == vg.make_shapes("learned", count=3, model=MODEL)
+    assert vg.shapes.learned(model=MODEL, diameter=2.0).diameter == pytest.approx(2.0)
+    scene = {"scene": {"seed": 1}, "shape": [{"model": "shapes.nc"}], "packing": {"method": "rsa", "count": 5}}
+    scene["container"] = {"kind": "box", "lengths": [12, 12, 12]}
+    assert len(vg.Scene.from_mapping(scene, folder=tmp_path).shapes[0].make()) == 50
+
+
+def test_damaged_files_are_refused(tmp_path):
+    path = tmp_path / "shapes.nc"
+    MODEL.save(path)
+    whole = path.read_bytes()
+    path.write_bytes(whole[: len(whole) // 2])
+    with pytest.raises(FileFormatError, match=r"shapes\.nc"):
+        vg.ShapeModel.load(path)
+    path.write_bytes(b"no netCDF")
+    with pytest.raises(FileFormatError, match=r"shapes\.nc"):
+        vg.ShapeModel.load(path)
+    bed = vg.pack(vg.shapes.sphere(), vg.Box((4, 4, 4)), "rsa", count=3)
+    vg.save_statistics(vg.measure(bed, "coordination"), tmp_path / "s.nc")
+    with pytest.raises(FileFormatError, match="no distribution of shapes"):
+        vg.ShapeModel.load(tmp_path / "s.nc")
+    with pytest.raises(MissingFileError):
+        vg.make_shape("learned", model=str(tmp_path / "none.nc"))
+
+
+BAD = [
+    (POLYHEDRA[:9], {}, "shapes has 9 whole grains: at least 10 are needed"),
+    ([POLYHEDRA[0]] * 12, {}, "12 times one shape"),
+    ([*POLYHEDRA[:10], vg.shapes.shell()], {}, "open surface"),
+    ([*POLYHEDRA[:10], vg.shapes.disk()], {}, "plane"),
+    ([*POLYHEDRA[:10], POLYHEDRA[1].to_unit("mm"), POLYHEDRA[2].to_unit("m")], {}, "units m, mm"),
+    (POLYHEDRA, {"method": "copula"}, "method is 'copula': it must be one of warp"),
+    (POLYHEDRA, {"strength": 0.5}, "strength is 0.5"),
+    (POLYHEDRA, {"sizes": np.zeros(60)}, "sizes has 0: all must be above 0"),
+    (POLYHEDRA, {"weights": [1.0]}, "weights"),
+    (3, {}, "shapes is 3: it must be a list of shapes or a packing"),
+]
+
+
+@pytest.mark.parametrize(("shapes", "given", "message"), BAD)
+def test_bad_samples_are_refused_in_one_sentence(shapes, given, message):
+    with pytest.raises(InputError, match=message):
+        vg.learn_shapes(shapes, **given)
+
+
+def scan(count: int, seed: int, size: int = 64) -> tuple[np.ndarray, np.ndarray]:
+    """Return labels of spheres of two radii, cut by the border, and the radius of each."""
+    draw = stream(seed, "scan")
+    image, radii, centers = np.zeros((size,) * 3, dtype=np.int64), np.zeros(count + 1), np.zeros((count + 1, 3))
+    grid = np.stack(np.indices(image.shape), axis=-1) + 0.5
+    made = 0
+    while made < count:
+        center, radius = draw.uniform(-8, size + 8, 3), (4.0, 8.0)[int(draw.integers(2))]
+        if made and (np.linalg.norm(centers[1 : made + 1] - center, axis=1) < radii[1 : made + 1] + radius + 1.5).any():
+            continue
+        made += 1
+        radii[made], centers[made] = radius, center
+        image[((grid - center) ** 2).sum(axis=-1) < radius**2] = made
+    return image, radii
+
+
+def test_grains_that_the_border_cuts_are_weighted():
+    # half of the spheres are large; of the whole ones within the image fewer are
+    packing = vg.packing_of_labels(scan(70, 1)[0], voxel_size=1.0, gravity="none")
+    whole, weights = closed_grains(packing)
+    large = packing.diameters[whole] > 12
+    expected = 1 / (1 - np.where(large, 16, 8) / 64) ** 3
+    assert weights == pytest.approx(expected / expected.sum(), rel=0.08)
+    lower, upper = packing.container.bounds
+    for grain in set(range(packing.count)) - set(whole.tolist()):
+        corners = packing.world_vertices(grain)
+        assert min((corners - lower).min(), (upper - corners).min()) < 0.5
+    model = vg.learn_shapes(packing)
+    assert len(model.shapes) == len(whole) < packing.count
+    assert model.weights == pytest.approx(weights)
+
+
+def test_labels_without_a_whole_grain_are_refused():
+    image = np.zeros((20, 20, 20), dtype=int)
+    image[:, :9], image[:, 11:] = 1, 2
+    with pytest.raises(InputError, match="2 grains, all of which the border of the image cuts"):
+        vg.learn_shapes(vg.packing_of_labels(image, voxel_size=1.0, gravity="none"))
+
+
+@pytest.mark.parametrize("case", ["voronoi_fragment", "rings_with_rods"])
+def test_drawn_grains_are_as_near_to_others_as_the_sample_is(case):
+    model = vg.learn_shapes(twins.CASES[case](40, 5), strength=0.05)
+    report = model.report(twins.CASES[case](40, 6), count=60, descriptors=False)
+    assert float(report.table.energy_distance) < 1.5 * float(report.table.sample_error)
+    assert float(report.table.novelty) > 0.75
+    assert len(report.pairs) == 12
+    assert "energy_distance" in repr(report)
+    for grain in report.pairs[1::2]:
+        refuse_dirty(grain.vertices, grain.faces, grain.name)
+
+
+def test_the_strength_is_chosen_within_its_range():
+    model = vg.learn_shapes(POLYHEDRA[:40])
+    assert 0.03 <= model.strength <= 0.08
+    assert vg.learn_shapes(POLYHEDRA[:20]).strength == 0.05
+    again = model.report(count=20, descriptors=False)
+    assert math.isfinite(float(again.table.sample_error))
+
+
+@pytest.mark.slow
+def test_rows_of_the_bench_are_written(tmp_path, monkeypatch):
+    monkeypatch.setattr(twins, "CASES", {"voronoi_fragment": twins.CASES["voronoi_fragment"]})
+    for name, value in (("LEARNED", 20), ("DRAWN", 20), ("TESTED", 20), ("NUMBERS", (12, 20))):
+        monkeypatch.setattr(twins, name, value)
+    table, figure = twins.run(tmp_path)
+    assert table.read_text().count("\n") == 4
+    assert "<svg" in figure.read_text()

@@ -1,0 +1,135 @@
+"""Twins: grains that are drawn from a learned distribution, against others that were not learned from.
+
+The error is the energy distance of sphericity, elongation, flatness, convexity and roundness of drawn grains from the
+test grains; beside it that of the learned grains themselves, below which none can be expected. Seconds are those of
+the processor, without descriptors.
+"""
+
+from collections.abc import Callable
+from dataclasses import astuple, dataclass
+from pathlib import Path
+
+import numpy as np
+
+from voxgran._base.lazy import load
+from voxgran._base.seeds import stream
+from voxgran.bench.model import TradeOff, panels_of, timed, write_rows
+from voxgran.geometry.rotation import random_rotations
+from voxgran.shapes.boolean import united
+from voxgran.shapes.family import make_shape, make_shapes, seeds_of_shapes
+from voxgran.shapes.images.labels import load_labels
+from voxgran.shapes.learning.learn import learn_shapes
+from voxgran.shapes.mesh import Mesh
+from voxgran.shapes.model import Shape
+from voxgran.shapes.tessellate import sphere
+from voxgran.voxels.occupy import voxelize
+
+#: grains that are learned from, drawn and tested on, and the numbers that are learned from of one family
+LEARNED, DRAWN, TESTED, NUMBERS = 100, 200, 150, (20, 40, 80, 160)
+#: seed of the test grains, which no choice has used
+SEED = 48
+#: voxels of a diameter of the images, and standard deviations of their noise and of the filter
+VOXELS, NOISE, FILTER = 20, 0.3, 1.0
+
+
+@dataclass(frozen=True, slots=True)
+class Row:
+    """What was measured of a case."""
+
+    case: str
+    grains: int
+    strength: float
+    energy_distance: float
+    sample_error: float
+    novelty: float
+    same_neighbour: float
+    learn_seconds: float
+    draw_seconds: float
+
+
+def of_family(name: str, **parameters: object) -> Callable[[int, int], list[Shape]]:
+    """Return the function that makes a number of grains of a family with a seed."""
+    return lambda count, seed: make_shapes(name, count=count, seed=seed, **parameters)
+
+
+def ellipsoids(count: int, seed: int) -> list[Shape]:
+    """Return ellipsoids of random ratios, as meshes."""
+    draw = stream(seed, "ellipsoids")
+    ratios = np.column_stack([np.ones(count), draw.uniform(0.6, 0.95, count), draw.uniform(0.3, 0.6, count)])
+    directions, faces, _ = sphere(3)
+    return [Shape.of(Mesh(directions * row, faces), name="ellipsoid") for row in ratios]
+
+
+def two_families(count: int, seed: int) -> list[Shape]:
+    """Return polyhedra and rounded sand, half of each."""
+    sand = make_shapes("mollon_zhao", count=count - count // 2, seed=seed + 1000, d_2=0.2, subdivisions=3)
+    return [*make_shapes("convex_polyhedron", count=count // 2, seed=seed, aspect=(1.3, 1, 0.8)), *sand]
+
+
+def rings_with_rods(count: int, seed: int) -> list[Shape]:
+    """Return unions of a torus and a rod, which are not star-shaped and have a hole."""
+    made, turns = [], random_rotations(stream(seed, "rods"), count)
+    for k, own in enumerate(seeds_of_shapes(seed, count)):
+        draw = stream(own, "rings with rods")
+        ring = make_shape("torus", aspect=draw.uniform(0.25, 0.45), tolerance=0.01)
+        rod = make_shape("spherocylinder", aspect=draw.uniform(3.0, 6.0), diameter=0.8, tolerance=0.01)
+        rod = rod.rotated(turns[k])
+        place = np.array([0.75 * ring.bounds[1, 0], 0.0, 0.0])
+        parts = united([(ring.vertices, ring.faces), (rod.vertices + place, rod.faces)])
+        made.append(Shape.of(Mesh(*parts), name="ring with rod"))
+    return made
+
+
+def labels(count: int, seed: int) -> list[Shape]:
+    """Return unions of solids as the labels of a filtered image with noise."""
+    made, noise, images = [], stream(seed, "noise"), load("scipy.ndimage")
+    for shape in make_shapes("solid_union", count=count, seed=seed):
+        mask = np.pad(voxelize(shape, voxel_size=1 / VOXELS).mask, 4).astype(np.float64)
+        grey = images.gaussian_filter(mask + noise.normal(0.0, NOISE, mask.shape), FILTER)
+        bodies, number = images.label(grey > 0.5)
+        largest = 1 + int(np.argmax(images.sum_labels(mask >= 0, bodies, range(1, number + 1))))
+        made += load_labels((bodies == largest).astype(np.int64), voxel_size=1 / VOXELS)
+    return made
+
+
+CASES: dict[str, Callable[[int, int], list[Shape]]] = {
+    "convex_polyhedron": of_family("convex_polyhedron", points=(14, 26), aspect=(1.3, 1.0, 0.8)),
+    "solid_union": of_family("solid_union"),
+    "voronoi_fragment": of_family("voronoi_fragment"),
+    "mollon_zhao": of_family("mollon_zhao", subdivisions=3),
+    "ellipsoids": ellipsoids,
+    "two_families": two_families,
+    "rings_with_rods": rings_with_rods,
+    "labels_with_noise": labels,
+}
+#: case of which several numbers of grains are learned
+GROWING = "voronoi_fragment"
+
+
+def run(folder: Path) -> tuple[Path, ...]:
+    """Write twins.csv and twins.svg into a folder and return both."""
+    rows = [row_of(case, LEARNED) for case in CASES] + [row_of(GROWING, number) for number in NUMBERS]
+    head = "case,grains,strength:.3g,energy_distance:.3f,sample_error:.3f,novelty:.2f,same_neighbour:.2f"
+    table = write_rows(folder / "twins.csv", f"{head},learn_seconds:.2f,draw_seconds:.2f", map(astuple, rows))
+    with panels_of(folder / "twins.svg", 2, width=10.0, height=4.0) as panels:
+        panels[0].plot([0, 0.2], [0, 0.3], ":", color="k", label="1.5 times that of the sample")
+        for row in rows[: len(CASES)]:
+            panels[0].plot(row.sample_error, row.energy_distance, "o", label=row.case)
+        panels[0].set(xlabel="energy distance of the sample", ylabel="energy distance of drawn grains")
+        for name in ("energy_distance", "sample_error"):
+            values = [getattr(row, name) for row in rows[len(CASES) :]]
+            panels[1].plot(NUMBERS, values, "o-", label=name.replace("_", " "))
+        panels[1].set(xscale="log", yscale="log", xlabel="grains that are learned from", title=GROWING)
+    return table, folder / "twins.svg"
+
+
+def row_of(case: str, grains: int) -> Row:
+    """Return the row of a case with so many grains in the sample."""
+    model, learning = timed(learn_shapes, CASES[case](grains, SEED + 1))
+    _, drawing = timed(model.sample, DRAWN)
+    table = model.report(CASES[case](TESTED, SEED), count=DRAWN).table
+    names = ("energy_distance", "sample_error", "novelty", "same_neighbour")
+    return Row(case, grains, model.strength, *(float(table[name]) for name in names), learning, drawing)
+
+
+registration = TradeOff(name="twins", summary="grains of learned distributions, against others of the kind", run=run)

@@ -1,0 +1,177 @@
+"""Steady diffusion through the pores of an image: effective diffusivity, porosity that conducts, tortuosity factor.
+
+Two or three voxels along each axis make a cell. The open area of a face between cells is the mean of those of the two
+layers of voxels at the face, as if the surface of the grains lay anywhere within them. Where these areas are exact, the
+error falls with the square of the edge (Ng, Min & Gibou 2009, doi:10.1016/j.jcp.2009.08.032); the steps of single
+voxels, which other programs keep, narrow each throat by about half a voxel.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from voxgran._base.arrays import Booleans, Floats, as_count
+from voxgran._base.axes import Periodic, as_periodic
+from voxgran._base.calls import explained
+from voxgran._base.errors import InputError
+from voxgran.lattice.distance import as_mask
+from voxgran.lattice.image import known_edges
+from voxgran.lattice.label import percolating
+from voxgran.lattice.multigrid import flow_between, pair_sums
+
+
+@dataclass(frozen=True, eq=False)
+class Diffusivity:
+    """Steady diffusion through pores along each axis.
+
+    Attributes
+    ----------
+    relative : (3,) ndarray of float
+        Effective diffusivity over the diffusivity in the free fluid; 0 along an axis across which no pores connect the
+        two sides, NaN along an axis along which the cross-section of the region changes.
+    effective_porosity : (3,) ndarray of float
+        Share of the region that is pores of bodies that connect the two sides.
+    porosity : float
+        Share of the region that is pores.
+    """
+
+    relative: Floats
+    effective_porosity: Floats
+    porosity: float
+
+    @property
+    def tortuosity_factor(self) -> Floats:
+        """Effective porosity over relative diffusivity (3,); infinite along an axis that is not connected."""
+        with np.errstate(divide="ignore", invalid="ignore"):
+            return np.where(self.relative == 0.0, np.inf, self.effective_porosity / self.relative)
+
+
+@explained(hint="effective_diffusivity(labels == 0, periodic='xyz')")
+def effective_diffusivity(
+    pores: "ArrayLike",
+    *,
+    region: "ArrayLike | None" = None,
+    voxel_size: "ArrayLike | None" = None,
+    periodic: Periodic = False,
+    block: int = 2,
+) -> Diffusivity:
+    """Return the effective diffusivity of the pores of an image along each axis.
+
+    The concentration is 1 at one side of the image and 0 at the opposite one; nothing passes the other sides but where
+    they are periodic. The number is likewise that of electric or thermal conduction through the pores alone: its
+    inverse is the formation factor.
+
+    Parameters
+    ----------
+    pores : (nx, ny, nz) array_like of bool, or Image
+        Mask of the pores, such as ``labels == 0``.
+    region : (nx, ny, nz) array_like of bool, optional
+        Mask of what counts as the sample, such as a cylinder in the image. Default: the image.
+    voxel_size : float or (3,) array_like of float, optional
+        Edge of a voxel, or its edges along x, y and z, of which only the ratios matter. Default: those that an Image
+        tells, otherwise the unit.
+    periodic : str, bool or sequence
+        Periodic axes, such as ``"xy"``, as in :class:`voxgran.Box`. Flow along a periodic axis too is that from side
+        to side.
+    block : {1, 2, 3, 4}
+        Voxels along each axis that make a cell of the solution. 2 is good for grains that are 8 voxels wide, 3 for
+        those of 20 or more. 1 makes each voxel a cell, as other programs do, which suits walls that are one or two
+        voxels thick: larger cells may be open across them.
+
+    Returns
+    -------
+    Diffusivity
+        Relative diffusivity, effective porosity and tortuosity factor along x, y and z.
+
+    Raises
+    ------
+    InputError
+        If the image has not three axes, no voxels or no whole numbers, the region has another shape or is empty, an
+        edge of a voxel is not a length, `periodic` names no axes, or `block` is not 1, 2, 3 or 4.
+
+    Notes
+    -----
+    In dense packings of spheres 20 voxels wide numbers are too small by 2 %, with `block=3` right to 0.5 %, and with
+    `block=1` too small by 20 %. The solver adds 1e-5.
+    Memory beside the mask: about 15 bytes per voxel, with `block=1` 110.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> import voxgran as vg
+    >>> pores = np.zeros((20, 20, 20), dtype=bool)
+    >>> pores[:, 5:15, :] = True
+    >>> found = vg.effective_diffusivity(pores)
+    >>> found.relative.round(6).tolist(), found.tortuosity_factor.round(6).tolist()
+    ([0.5, 0.0, 0.5], [1.0, inf, 1.0])
+    """
+    mask, edges, around = as_mask(pores, "pores"), known_edges(voxel_size, pores), as_periodic(periodic)
+    inside = np.ones(mask.shape, dtype=bool) if region is None else as_mask(region, "region")
+    width = as_count(block, "block", at_least=1, at_most=4)
+    if inside.shape != mask.shape:
+        raise InputError(f"region has shape {inside.shape}: it must be that of pores, {mask.shape}; give one mask each")
+    if not inside.any():
+        raise InputError("region holds no voxel: there is nothing that could conduct; give an image with voxels")
+    mask = mask & inside
+    lengths = np.array(edges or (1.0, 1.0, 1.0))
+    found = [diffusivity_along(mask, inside, axis, lengths, around, block=width) for axis in range(3)]
+    relative, effective = np.transpose(found)
+    return Diffusivity(relative, effective, float(mask.sum() / inside.sum()))
+
+
+def diffusivity_along(
+    pores: Booleans, region: Booleans, axis: int, edges: Floats, periodic: Sequence[bool], *, block: int = 2
+) -> tuple[float, float]:
+    """Return relative diffusivity and effective porosity along one axis; see `effective_diffusivity`."""
+    sides = [around and k != axis for k, around in enumerate(periodic)]
+    through = percolating(pores, axis, periodic=sides, region=region)
+    share = float(through.sum() / region.sum())
+    layers = np.moveaxis(region, axis, 0)
+    kept = np.flatnonzero(layers.any(axis=(1, 2)))
+    section = layers[kept[0]]
+    if not (layers[kept] == section).all():
+        return np.nan, share
+    if not share:
+        return 0.0, share
+    through = through.take(range(kept[0], kept[-1] + 1), axis=axis)
+    scales = float(np.prod(edges)) / edges**2
+    conductance = np.stack([scales[k] * _openings(through, k, sides, block) for k in range(3)])
+    inlet, outlet = np.zeros((2, *conductance.shape[1:]))
+    lines, widths = np.moveaxis(through, axis, 0), _widths(through.shape[axis], block)
+    for ends, last in ((inlet, 0), (outlet, -1)):
+        np.moveaxis(ends, axis, 0)[last] = pair_sums(2 * scales[axis] / widths[last] * lines[last], (0, 1), block)
+    even = 1 - (np.cumsum(widths) - widths / 2) / len(lines)
+    potential = np.zeros(inlet.shape) + even.reshape([-1 if k == axis else 1 for k in range(3)])
+    flow = flow_between(conductance, inlet, outlet, potential)
+    return flow * len(lines) / (scales[axis] * float(section.sum())), share
+
+
+def _widths(count: int, block: int) -> Floats:
+    """Return the widths of the cells of a line of voxels; the last one may be less than a block."""
+    return np.diff([*range(0, count, block), count]).astype(np.float64)
+
+
+def _openings(pores: Booleans, axis: int, periodic: Sequence[bool], block: int) -> Floats:
+    """Return the open voxels of the faces between each cell and the next one along an axis, over their distance.
+
+    Of two voxels on either side of a face of which one is open half a face is open, where next to it both are: so a
+    wall along the face stays closed.
+    """
+    lines, widths = np.moveaxis(pores, axis, 0), _widths(pores.shape[axis], block)
+    firsts = np.arange(0, len(lines), block)
+    before, after = lines[np.roll(firsts, -1) - 1], lines[np.roll(firsts, -1)]
+    both = before & after
+    open_part = both.astype(np.float64)
+    if block > 1:
+        near = both
+        for other, around in enumerate(np.delete(periodic, axis), start=1):
+            wide = np.pad(near, [(int(k == other),) * 2 for k in range(3)], mode="wrap" if around else "constant")
+            near = near | np.delete(wide, (0, 1), other) | np.delete(wide, (-1, -2), other)
+        open_part += 0.5 * (near & (before ^ after))
+    if not periodic[axis] or len(widths) == 1:
+        open_part[-1] = 0.0
+    found = pair_sums(open_part, (1, 2), block)
+    found *= (2 / (widths + np.roll(widths, -1)))[:, None, None]
+    return np.moveaxis(found, 0, axis)

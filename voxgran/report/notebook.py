@@ -1,0 +1,186 @@
+"""Rich display of packings in notebooks: a card with numbers, and the interactive view of the report beside it."""
+
+import html
+import os
+from dataclasses import dataclass
+from typing import Any
+
+from voxgran._base.arrays import as_choice, as_flag, as_positive
+from voxgran._base.calls import explained
+from voxgran._base.errors import InputError, MissingLibraryError
+from voxgran._base.files import as_path, output_suffix, write_files
+from voxgran.measures.registered.density import main_numbers
+from voxgran.packing.grains import ColorBy
+from voxgran.packing.model import Packing, check_packing
+from voxgran.packing.start import around_fixed
+from voxgran.report import facts
+from voxgran.report.colors import COLOR_BY, gradient
+from voxgran.report.page import page_template
+from voxgran.report.plot import notebook_backend, plot
+from voxgran.report.scenes import drawn_surface
+from voxgran.report.view import GRAINS, views_of
+from voxgran.shapes.describing.thumbnail import card, picture
+
+#: triangles of a grain in the small picture, at most
+TRIANGLES = 300
+#: megabytes of the largest view in a notebook, and height of its frame in pixels
+MOST, HEIGHT = 5.0, 900
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class NotebookView:
+    """What a notebook shows of a packing: a card, and a page in a frame or why there is none.
+
+    Attributes
+    ----------
+    packing : Packing
+        The packing.
+    page : str
+        The page of the interactive view, which loads nothing; empty where the view is static.
+    reason : str
+        Why it is static, in a sentence; empty where it is not.
+    """
+
+    packing: Packing
+    page: str
+    reason: str
+
+    @property
+    def megabytes(self) -> float:
+        """Size of the page."""
+        return len(self.page.encode()) / 1e6
+
+    def save(self, path: str | os.PathLike[str], *, overwrite: bool = False) -> None:
+        """Write the page of the interactive view.
+
+        Parameters
+        ----------
+        path : path-like
+            File to write, ``.html``.
+        overwrite : bool
+            Whether an existing file may be replaced.
+
+        Raises
+        ------
+        InputError
+            If the view is static.
+        FileFormatError
+            If the suffix is not ``.html``.
+        OutputExistsError
+            If the file exists and `overwrite` is false.
+        OutputError
+            If it cannot be written.
+        """
+        output_suffix(path, [".html"], "pages are kept", overwrite=overwrite)
+        if not self.page:
+            raise InputError(f"the view is static: {self.reason}")
+        write_files({as_path(path): self.page}, overwrite=overwrite)
+
+    def _repr_html_(self) -> str:
+        """Card, and the page in a frame."""
+        shown = _card(self.packing)
+        if not self.page:
+            return shown + (f"<p>{html.escape(self.reason)}</p>" if self.reason else "")
+        frame = f'<iframe srcdoc="{html.escape(self.page)}" style="width:100%;height:{HEIGHT}px;border:0" '
+        return f'{shown}{frame}title="interactive view" loading="lazy"></iframe><p>{self.megabytes:.1f} MB</p>'
+
+    def __repr__(self) -> str:
+        """Size, or why it is static."""
+        told = self.reason or f"{self.megabytes:.1f} MB; it turns in a notebook, and save('view.html') writes it"
+        return f"NotebookView({self.packing.count} grains, {told})"
+
+
+@explained(hint='view(packing, color_by="height")')
+def view(packing: Packing, *, color_by: ColorBy = "diameter", most: float = MOST, widget: bool = True) -> Any:
+    """Show a packing in a notebook, in a view that can be turned, cut and asked for its grains.
+
+    Parameters
+    ----------
+    packing : Packing
+        The packing.
+    color_by : {"diameter", "height", "shape", "density", "coordination", "distance", "force"}
+        What the colours show first.
+    most : float
+        Largest size of the view, which the notebook keeps, in megabytes; above it only a card is shown, with the
+        reason. plotly.js, which draws the view, takes about 2 of them.
+    widget : bool
+        Whether it is the widget of PyVista in a notebook where trame is installed.
+
+    Returns
+    -------
+    NotebookView or widget
+        The view of the report, which needs no server, or the widget of PyVista, which does.
+
+    Raises
+    ------
+    InputError
+        If `color_by` is unknown, it is "force" and no forces are known, or `most` is not above 0.
+
+    Examples
+    --------
+    >>> import voxgran as vg
+    >>> bed = vg.pack(vg.shapes.sphere(), vg.Box((4, 4, 4)), "rsa", count=5)
+    >>> vg.view(bed).save("view.html")
+    """
+    check_packing(packing, "packing")
+    as_choice(color_by, "color_by", COLOR_BY)
+    limit = as_positive(most, "most")
+    if as_flag(widget, "widget") and notebook_backend() is not None:
+        return plot(packing, color_by=color_by)
+    return _made(packing, color_by, limit)
+
+
+def _made(packing: Packing, color_by: str, most: float) -> NotebookView:
+    """Return the view of a packing, or why it is static."""
+    if packing.count > GRAINS:
+        why = f"The picture does not turn: its view would show {GRAINS} of {packing.count} grains, as save_report does."
+        return NotebookView(packing, "", why)
+    try:
+        parts = views_of({"": packing}, color_by)
+    except MissingLibraryError as error:
+        return NotebookView(packing, "", f"The picture does not turn: {error}.")
+    if parts is None:
+        return NotebookView(packing, "", "There are no grains to show.")
+    page = page_template("notebook.html.j2").render(
+        title=f"Packing of {packing.count} grains", view=parts, gradient=", ".join(gradient())
+    )
+    if len(page.encode()) > most * 1e6:
+        size = f"{len(page.encode()) / 1e6:.1f} MB, more than {most:g}"
+        why = f"The picture does not turn: its view takes {size}; view(most=...) or save_report shows it."
+        return NotebookView(packing, "", why)
+    return NotebookView(packing, page, "")
+
+
+def _card(packing: Packing) -> str:
+    """Return a small picture and numbers of a packing as HTML."""
+    names = ", ".join(shape.name for shape in packing.shapes[:4]) + (" ..." if len(packing.shapes) > 4 else "")
+    axes = ", ".join(axis for axis, wraps in zip("xyz", packing.container.periodic, strict=True) if wraps)
+    known = main_numbers(packing)
+    rows = {
+        "packing": f"{packing.count} grains of {len(packing.shapes)} shapes: {names}",
+        f"solid fraction of the {known['region']}": f"{known['solid_fraction']:.4f}",
+        "method": str(packing.provenance.get("method", "not known")),
+        **({} if packing.fixed is None else {"fixed grains": str(int(packing.fixed.sum()))}),
+        "stopped": packing.stop_reason,
+        **_rest(packing),
+        "container": packing.container.kind + (f", periodic in {axes}" if axes else ""),
+    }
+    if not packing.count:
+        return card(None, rows)
+    unit = "" if packing.unit == "1" else f" {packing.unit}"
+    ends = [facts.number(float(end)) for end in (packing.diameters.min(), packing.diameters.max())]
+    rows["equivalent diameter"] = f"{ends[0]} to {ends[1]}{unit}"
+    surfaces = [drawn_surface(shape, TRIANGLES) for shape in packing.shapes]
+    bodies = [vertices[faces] for vertices, faces in surfaces]
+    matrices = packing.matrices * packing.scale[:, None, None]
+    flat = packing.dimension == 2
+    return card(picture(bodies, packing.shape_id, matrices, packing.position, packing.diameters, flat=flat), rows)
+
+
+def _rest(packing: Packing) -> dict[str, str]:
+    """Return how many grains rest; nothing where that is not known."""
+    if packing.forces is None or not packing.count:
+        return {}
+    forces = around_fixed(packing).forces
+    shares = forces.share_at_rest, forces.share_of_rattlers
+    return {"at rest": "{:.1f} % of the grains, {:.1f} % are rattlers".format(*(100 * share for share in shares))}

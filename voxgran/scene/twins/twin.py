@@ -1,0 +1,249 @@
+"""`twin`: a packing of any number of grains that equals a sample in grains, sizes and solid fraction, at rest."""
+
+import os
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import TYPE_CHECKING, Any, Literal
+
+import numpy as np
+
+from voxgran._base import ExplainedAttributes
+from voxgran._base.arrays import Floats, Integers, as_choice, as_count, as_share
+from voxgran._base.calls import explained
+from voxgran._base.seeds import stream
+from voxgran.containers.gravity import main_axis
+from voxgran.containers.kinds.box import Box
+from voxgran.containers.model import Container
+from voxgran.packing.model import Packing, check_packing
+from voxgran.packing.pack import pack
+from voxgran.scene.twins.compared import comparison_of
+from voxgran.scene.twins.page import write_page
+from voxgran.scene.twins.sample import Sample, sample_of
+from voxgran.shapes.learning.learn import learn_shapes
+from voxgran.shapes.mesh import Mesh
+from voxgran.shapes.model import Shape
+from voxgran.shapes.repairing.simplify import simplify
+from voxgran.shapes.sizes import discrete
+
+if TYPE_CHECKING:
+    from xarray import Dataset
+
+#: depth of a bed over its width, height of its container over that depth, and share of a container that beds fill
+DEEP, ROOM, FILLED = 1.5, 3.0, 0.8
+
+
+@dataclass(frozen=True, eq=False)
+class Twin(ExplainedAttributes):
+    """A sample and what was made after it.
+
+    Attributes
+    ----------
+    sample : Sample
+        The grains of the sample and for how many each stands, its solid fraction, and its packing.
+    packings : tuple of Packing
+        One for each seed.
+    model : ShapeModel or None
+        Distribution of shapes from which the grains were drawn; None where they are those of the sample.
+    """
+
+    sample: Sample
+    packings: tuple[Packing, ...]
+    model: Any = None
+    voxel_size: float | None = None
+
+    @property
+    def packing(self) -> Packing:
+        """The first of the packings."""
+        return self.packings[0]
+
+    @cached_property
+    def comparison(self) -> "Dataset":
+        """Measures of the sample and of the twin, with their scatter, along the dimension ``measure``.
+
+        The variables are `sample` and `twin`, the `difference`, the standard errors `sample_scatter` and
+        `twin_scatter`, and the `ratio` of the difference to both together. The scatter is that between eight blocks of
+        each packing; with several seeds that of the twin is between packings. Curves stand beside them, with the
+        scatter of each value.
+        """
+        return comparison_of(self.sample, self.packings, self.voxel_size)
+
+    def compared_with(self, packing: Packing) -> "Dataset":
+        """Return the comparison with another packing in place of the sample, such as a part of it that was kept apart.
+
+        Parameters
+        ----------
+        packing : Packing
+            The other packing.
+
+        Returns
+        -------
+        xarray.Dataset
+            As `comparison`.
+
+        Raises
+        ------
+        InputError
+            If it has fewer than 10 whole grains, or open surfaces.
+        """
+        check_packing(packing, "packing")
+        return comparison_of(sample_of(packing, self.sample.solid_fraction), self.packings, self.voxel_size)
+
+    def report(self, path: str | os.PathLike[str], *, overwrite: bool = False) -> None:
+        """Write a page of the sample beside the twin, with the table of differences, the largest first.
+
+        Parameters
+        ----------
+        path : path-like
+            File to write, ``.html``; the numbers are written to the same name with the suffix ``.json``.
+        overwrite : bool
+            Whether existing files may be replaced.
+
+        Raises
+        ------
+        FileFormatError
+            If the suffix is not ``.html``.
+        OutputExistsError
+            If a file exists and `overwrite` is false.
+        OutputError
+            If a file cannot be written.
+        """
+        write_page(self, path, overwrite=overwrite)
+
+
+@explained(hint="twin(sample, count=500)")
+def twin(
+    sample: Packing | Sequence[Shape],
+    container: Container | None = None,
+    *,
+    count: int | None = None,
+    solid_fraction: float | None = None,
+    protocol: Literal["gravity", "compress", "expand"] | None = None,
+    model: Any = None,
+    faces: int = 200,
+    forms: int = 100,
+    voxel_size: float | None = None,
+    seed: int = 0,
+    seeds: int = 1,
+    **parameters: Any,
+) -> Twin:
+    """Make a packing that equals a sample in the forms and sizes of its grains and in its solid fraction, at rest.
+
+    Parameters
+    ----------
+    sample : Packing or sequence of Shape
+        What was scanned, such as :func:`voxgran.packing_of_labels` gives it, or any packing; or shapes at their own
+        sizes with a `solid_fraction`. Grains that the border of an image cuts are left out, and the others stand for as
+        many more as are cut (Miles 1974; Lantuejoul 1980, J. Microsc. 119, 9-24).
+    container : Container, optional
+        What holds the twin. Default: a periodic box of the size of its grains; of a bed one with a floor.
+    count : int, optional
+        Number of grains. Default: as many as fill the container, without one as many as the sample has whole.
+    solid_fraction : float, optional
+        Solid fraction of the twin. Default: that of the sample, in its bulk where it is a bed.
+    protocol : {"gravity", "compress", "expand"}, optional
+        How the grains come together: as a bed, compressed to a stress without gravity, or grown in place, which gives
+        no contacts that bear forces and makes form and size independent. Default: ``"gravity"`` where the sample has
+        gravity, otherwise ``"compress"``. The friction, and in beds the shaking, are searched that give the solid
+        fraction.
+    model : ShapeModel, optional
+        Distribution of shapes, as of :func:`voxgran.learn_shapes`. Default: learnt from the sample where its grains are
+        meshes; other shapes are those of the sample, drawn by their weights.
+    faces : int
+        Most triangles of a grain: surfaces of labels have thousands, which settling does not need.
+    forms : int
+        Most different shapes; each is then that of several grains of nearly the same size.
+    voxel_size : float, optional
+        Edge of the voxels on which both are compared. Default: the contact gap of a scan, which is its voxel, or the
+        twentieth part of a mean diameter; larger where a packing had more than a million voxels.
+    seed : int
+        Seed of the grains and of the packing.
+    seeds : int
+        Number of packings, with the seeds `seed`, `seed` + 1 and so on, whose scatter is then known.
+    **parameters
+        Further parameters of the method of that name, such as ``friction``.
+
+    Returns
+    -------
+    Twin
+        Its `packing`, its `model`, and the `comparison` with the sample; ``twin.report("twin.html")`` is the page.
+
+    Raises
+    ------
+    InputError
+        If the sample has fewer than 10 whole grains, open surfaces, or a solid fraction that rigid grains at rest
+        cannot have; or if an option is out of range.
+
+    Warns
+    -----
+    PackingWarning
+        If no friction and shaking gives the solid fraction: the twin then has the nearest one.
+
+    Notes
+    -----
+    A twin keeps what is measured here. It does not keep the history of the sample, cementation, or the directions of
+    force chains.
+
+    Examples
+    --------
+    >>> import voxgran as vg
+    >>> spheres = vg.pack(vg.shapes.sphere(), vg.Box((4, 4, 4), periodic="xyz"), "expand", count=40, solid_fraction=0.5)
+    >>> twin = vg.twin(spheres, count=30, protocol="expand")
+    >>> twin.packing.count, round(twin.packing.solid_fraction, 3)
+    (30, 0.5)
+    """
+    found = sample_of(sample, solid_fraction)
+    wanted = found.solid_fraction if solid_fraction is None else as_share(solid_fraction, "solid_fraction")
+    gravity = None if found.packing is None else found.packing.gravity
+    usual = "compress" if gravity is None else "gravity"
+    how = as_choice(usual if protocol is None else protocol, "protocol", ("gravity", "compress", "expand"))
+    mean = float((np.pi / 6 * found.laid_sizes(1000) ** 3).mean())
+    if count is None and container is not None:
+        count = int(wanted * container.volume * (FILLED if how == "gravity" else 1.0) / mean)
+    many = as_count(len(found.shapes) if count is None else count, "count", at_least=1)
+    if model is None and all(isinstance(shape.geometry, Mesh) for shape in found.shapes):
+        # both are then described at the same resolution
+        found = replace(found, shapes=tuple(simplify(shape, faces=faces).shape for shape in found.shapes))
+        model = learn_shapes(found.shapes, weights=found.weights, seed=seed)
+    if how == "gravity" and gravity is not None:
+        parameters.setdefault("gravity", tuple(gravity))
+    packings = []
+    for one in range(seed, seed + as_count(seeds, "seeds", at_least=1)):
+        shapes, shape_id, sizes = drawn(found, many, model, min(forms, many), one)
+        volume = float((np.pi / 6 * sizes**3).sum()) / wanted
+        box = _box(volume, how, parameters.get("gravity")) if container is None else container
+        listed = {"shape": shape_id, "diameter": sizes}
+        asked = {"seed": one, "solid_fraction": wanted, **parameters}
+        if how == "expand":
+            # it scales sizes and takes no list
+            law = discrete(sizes, np.ones(many))
+            packings.append(pack(shapes, box, how, count=many, sizes=law, **asked))
+        else:
+            packings.append(pack(shapes, box, how, grains=listed, **asked))
+    return Twin(found, tuple(packings), model, voxel_size)
+
+
+def drawn(sample: Sample, count: int, model: Any, forms: int, seed: int) -> tuple[list[Shape], Integers, Floats]:
+    """Return shapes of a model, or of the sample, and shape and diameter of each grain (count,), from small to large.
+
+    The diameters are laid over the distribution of the sample. A shape is that of grains whose sizes follow each other,
+    in the order of the sizes that the model has drawn, so that form and size stay related as they are.
+    """
+    if model is None:
+        share = np.cumsum(sample.weights) / sample.weights.sum()
+        at = (stream(seed, "twin shapes").random() + np.arange(forms)) / forms % 1.0
+        shapes = [sample.shapes[k] for k in np.searchsorted(share, at, side="right")]
+    else:
+        shapes = list(model.sample(forms, seed=seed))
+    shapes.sort(key=lambda shape: shape.diameter)
+    return shapes, np.arange(count) * len(shapes) // count, sample.laid_sizes(count)
+
+
+def _box(volume: float, protocol: str, gravity: Any) -> Box:
+    """Return a periodic box that grains fill at rest, or one with a floor in which they come to rest as a bed."""
+    if protocol != "gravity":
+        return Box((volume ** (1 / 3),) * 3, "xyz")
+    down = np.abs(main_axis(np.array((0.0, 0.0, -1.0) if gravity is None else gravity)))
+    width = (volume / DEEP) ** (1 / 3)
+    lengths = np.where(down > 0, DEEP * ROOM * width, width)
+    return Box(lengths, tuple(bool(one) for one in down == 0))

@@ -1,0 +1,100 @@
+"""Examinations: whether a bed, or a copy of it, rests; and what has to be parted for that.
+
+Where some grains move since a step is not solved to the end, a bed may rest long since: copies are examined while beds
+still move.
+"""
+
+import numpy as np
+
+from voxgran.settling.equilibrium import balance_bed
+from voxgran.settling.materials import FrictionTable
+from voxgran.settling.parameters import Settling
+from voxgran.settling.parting import part_grains
+from voxgran.settling.presets import TRIANGLES, SolverPreset
+from voxgran.settling.progress import STILL, Progress, Resumable
+
+#: distance up to which surfaces touch
+TOUCHING = 1e-3
+#: share of grains that do not rest below which a bed does
+CALM = 0.015
+#: length of steps after overlapping grains were parted, in that of the last ones
+AFTER_PARTING = 0.5
+#: net force, in weights, and net torque, in weights times radii, up to which a grain rests
+RESIDUAL = 0.01
+#: share of moving grains below which copies of a bed with friction are examined, and steps from one to the next; depth
+#: to which overlaps of a copy whose grains rest otherwise are parted
+EARLY, EVERY, SHALLOW = 0.3, 4, 1e-2
+#: iterations of an examination of a copy, of others, and most of the last one; those by sweeps it begins with where
+#: grains rub, those after which it ends where no more rest, and more for all grains, and what moves of a hopeless copy
+QUICK, USUAL, THOROUGH, SWEPT, PATIENCE, MANY, HOPELESS = 100, 300, 3000, 50, 64, 60_000, 0.5
+#: distance to which overlapping grains are parted, rounds for it, by triangles and by other contacts, how often it is
+#: tried, and depth that is rounding
+PARTED, FEW_ROUNDS, ROUNDS, TRIALS, ROUND_OFF = 1e-4, 20, 60, 3, 1e-13
+
+
+class Examined(Resumable):
+    """A bed that is examined while it settles.
+
+    how: its parameters.  friction: of each pair of materials, or of all grains.
+    """
+
+    how: Settling
+    friction: float | FrictionTable
+    progress: Progress
+    _frictionless: bool
+
+    def _examine(self, iterations: int) -> None:
+        """Note how well forces at the contacts balance the grains."""
+        bed, progress = self.bed, self.progress
+        found = balance_bed(
+            bed, self.friction, reach=TOUCHING, tolerance=RESIDUAL, iterations=iterations,
+            sweeps=0 if self._frictionless else SWEPT, hopeless=HOPELESS if iterations == QUICK else 1.0,
+            patience=PATIENCE + MANY // max(bed.count, 1),
+        )  # fmt: skip
+        progress.residual = np.maximum(found.residual, found.residual_torque)
+        progress.moving = bed.mean(~found.rests)
+        smallest = float(bed.gap.min(initial=TOUCHING))
+        progress.smallest = 0.0 if -ROUND_OFF < smallest < 0.0 else smallest
+        if bed.finders.crossing(bed.pairs, bed.grains):
+            progress.smallest = min(progress.smallest, -TOUCHING)
+        if progress.stage == STILL and progress.smallest >= 0.0 and progress.moving < progress.best:
+            progress.best, progress.best_lid = progress.moving, bed.lid_level
+            progress.best_position, progress.best_orientation = bed.grains.position.copy(), bed.orientation.copy()
+
+    def _rests(self) -> bool:
+        """Return whether the bed counts as resting, as last examined, and note it."""
+        progress = self.progress
+        progress.proven = int(progress.moving <= 1.0 - self.how.rest and progress.smallest >= 0.0)
+        return bool(progress.proven)
+
+    def _rests_as_copy(self, preset: SolverPreset) -> bool:
+        """Return whether a copy of the bed rests, once small overlaps are parted; then it takes the place of the bed.
+
+        Where some grains move since a step is not solved to the end, the bed may rest long since. The forces of an
+        examination, which has no contacts beyond its reach, would move it.
+        """
+        progress, own, enough = self.progress, self.bed, min(CALM, 1.0 - self.how.rest)
+        self.bed = own.copy()
+        self._examine(QUICK)
+        parted = progress.moving < enough and -SHALLOW < progress.smallest < 0.0
+        if parted:
+            progress.trials += 1
+            part_grains(self.bed, PARTED, ROUNDS)
+            self._examine(QUICK)
+        if progress.moving < enough and progress.smallest >= 0.0:
+            return True
+        if parted and progress.trials % TRIALS == 0:
+            # grains that are wedged by forces which gravity does not need come free by those of the examination
+            progress.length = min(progress.length, AFTER_PARTING * preset.last)
+        else:
+            self.bed = own
+        return False
+
+    def _part(self) -> bool:
+        """Part grains that overlap; return whether they are parted as far as their present contacts can do it."""
+        bed = self.bed
+        if not self.progress.exact:
+            part_grains(bed, PARTED, ROUNDS)
+            return True
+        smallest = part_grains(bed, PARTED, FEW_ROUNDS, most=TRIANGLES.most, margin=TRIANGLES.margin)
+        return smallest >= 0.0 and not bed.finders.crossing(bed.pairs, bed.grains)

@@ -1,0 +1,1 @@
+"""Distributions of shapes that are learned from a sample of grains."""

@@ -1,0 +1,111 @@
+"""`learn_shapes`: the distribution of shapes and sizes of a sample of grains."""
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from voxgran._base.arrays import as_choice, as_number
+from voxgran._base.calls import explained
+from voxgran._base.seeds import stream
+from voxgran.shapes.learning.likeness import energy_distance, quick_descriptors, signature, spread_of
+from voxgran.shapes.learning.model import ShapeModel
+from voxgran.shapes.learning.report import novelty
+from voxgran.shapes.learning.sample import Sample, checked_sample
+from voxgran.shapes.model import Shape
+
+#: how grains are made
+METHODS = ("warp",)
+#: strengths that are tried, that of small samples, and the number of grains that is not small
+STRENGTHS, SMALL, LARGE = (0.03, 0.04, 0.05, 0.065, 0.08), 0.05, 40
+#: novelty that is enough, error in that of the smallest strength that is too much, folds, and most grains of a fold
+ENOUGH, WORSE, FOLDS, MOST = 0.9, 1.25, 2, 40
+
+
+@explained(hint="learn_shapes(shapes)")
+def learn_shapes(
+    shapes: Sequence[Shape] | Any,
+    sizes: "ArrayLike | None" = None,
+    *,
+    method: str = "warp",
+    strength: float | None = None,
+    weights: "ArrayLike | None" = None,
+    seed: int = 0,
+) -> ShapeModel:
+    """Learn the distribution of shapes and sizes of a sample of grains, such as those of a scan.
+
+    A grain that is drawn is made of one grain of the sample, its donor: mirrored at random, mapped by a small shear and
+    taper, by which planes stay planes and convex solids convex, and stretched to principal ratios and a size that a
+    kernel density of the sample gives. So texture, edges and holes stay those of real grains, and shape and size as
+    correlated as they are.
+
+    Parameters
+    ----------
+    shapes : sequence of Shape or Packing
+        At least 10 solids, of any topology; 40 or more are better. Their true sizes count. Of a packing of labels the
+        grains that the border of the image cuts are left out, and the others have weights by which large grains, cut
+        more often, are as frequent as they are.
+    sizes : (n,) array_like of float, optional
+        Equivalent diameters in place of those of the shapes.
+    method : {"warp"}
+        How grains are made.
+    strength : float, optional
+        Standard deviation of the shears and of the taper, at most 0.3. Default: chosen by cross-validation in halves of
+        the sample, between 0.03 and 0.08; 0.05 where there are fewer than 40 grains.
+    weights : (n,) array_like of float, optional
+        How often each grain is the donor, relative to the others; default: equally often, and of a packing of labels as
+        said above.
+    seed : int
+        Seed of the cross-validation.
+
+    Returns
+    -------
+    ShapeModel
+        Its `sample` draws grains, `report` compares them with others, `save` writes it.
+
+    Raises
+    ------
+    InputError
+        If there are fewer than 10 whole grains, all are one shape, one is open or plane, their units differ, or a
+        number is out of range.
+
+    Examples
+    --------
+    >>> import voxgran as vg
+    >>> scanned = [vg.make_shape("solid_union", seed=k, diameter=1 + k / 20) for k in range(12)]
+    >>> model = vg.learn_shapes(scanned)
+    >>> model
+    ShapeModel('warp', grains=12, strength=0.05)
+    >>> len(model.sample(30, seed=1))
+    30
+    """
+    as_choice(method, "method", METHODS)
+    sample = checked_sample(shapes, sizes, weights)
+    if strength is None:
+        strength = _chosen(sample, method, seed) if len(sample.shapes) >= LARGE else SMALL
+    strength = as_number(strength, "strength", at_least=0.0, at_most=0.3)
+    return ShapeModel(shapes=tuple(sample.shapes), weights=sample.weights, strength=strength, method=method)
+
+
+def _chosen(sample: Sample, method: str, seed: int) -> float:
+    """Return the smallest strength with which grains drawn from half of the sample are new enough, or else the largest
+    one by which they do not become worse.
+    """
+    generator, count = stream(seed, "strength of learned grains"), len(sample.shapes)
+    score = np.zeros((len(STRENGTHS), 2))
+    for fold in range(FOLDS):
+        order = generator.permutation(count)[: 2 * min(count // 2, MOST)]
+        half, rest = order[: len(order) // 2], order[len(order) // 2 :]
+        given, new = ([sample.shapes[k] for k in part] for part in (half, rest))
+        marks = [np.array([signature(shape.geometry) for shape in part]) for part in (given, new)]
+        rows = quick_descriptors(new)
+        for k, strength in enumerate(STRENGTHS):
+            model = ShapeModel(shapes=tuple(given), weights=sample.weights[half], strength=strength, method=method)
+            drawn = model.sample(len(half), seed=fold)
+            error = energy_distance(rows, quick_descriptors(drawn), spread_of(rows), sample.weights[rest])
+            found = np.array([signature(shape.geometry) for shape in drawn])  # type: ignore[arg-type]
+            score[k] += error / FOLDS, novelty(found, *marks) / FOLDS
+    good = score[:, 0] <= WORSE * score[0, 0]
+    enough = good & (score[:, 1] >= ENOUGH)
+    return STRENGTHS[int(np.flatnonzero(enough)[0] if enough.any() else np.flatnonzero(good)[-1])]

@@ -1,0 +1,122 @@
+"""Grains like those of a sample: one of its grains, mirrored and mapped so that planes stay planes.
+
+The principal ratios and the size of a new grain come from a kernel density of the sample, mapped onto its marginals;
+the surface is that of one grain under a projective map, which keeps convex solids convex and any topology.
+"""
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+from voxgran._base.arrays import Floats, Integers
+from voxgran._base.seeds import stream
+from voxgran.shapes.mesh import Mesh
+
+#: neighbours of a grain among which the kernel takes two, and how many rows of it give the marginals
+NEIGHBOURS, TABLE = 10, 4000
+#: least denominator of a projective map, so that no part of a grain becomes many times as large as another
+LEAST = 0.4
+
+
+def frame_of(mesh: Mesh) -> tuple[float, Floats, Floats, Floats]:
+    """Return equivalent radius, centroid, square roots of the second moments (largest first), and axes in columns."""
+    moments = np.trace(mesh.inertia) / 2 * np.eye(3) - mesh.inertia
+    squares, axes = np.linalg.eigh(moments / mesh.volume)
+    radius = (3 * mesh.volume / (4 * np.pi)) ** (1 / 3)
+    return radius, mesh.centroid, np.sqrt(np.maximum(squares[::-1], 1e-300)), axes[:, ::-1]
+
+
+def affine(matrix: Floats, shift: Floats | None = None, taper: Floats | None = None) -> Floats:
+    """Return the homogeneous matrix (4, 4) of a projective map: linear part, translation, row of the denominator."""
+    made = np.eye(4)
+    made[:3, :3] = matrix
+    if shift is not None:
+        made[:3, 3] = shift
+    if taper is not None:
+        made[3, :3] = taper
+    return made
+
+
+def mapped(points: Floats, matrix: Floats) -> Floats:
+    """Return points (n, 3) under a projective map, a homogeneous matrix (4, 4)."""
+    return np.asarray((points @ matrix[:3, :3].T + matrix[:3, 3]) / (points @ matrix[3, :3] + matrix[3, 3])[:, None])
+
+
+@dataclass(frozen=True, eq=False)
+class Kernel:
+    """Kernel density of rows (n, k) with weights (n,) of sum 1, whose marginals are mapped onto those of the rows.
+
+    A row is that of one grain plus the difference of two of its nearest neighbours over the square root of 2: as the
+    rows lie along lines or in groups, so do the new ones.
+    """
+
+    rows: Floats
+    weights: Floats
+
+    @cached_property
+    def _near(self) -> Integers:
+        """Nearest neighbours (n, m) of each row, in units of the standard deviations."""
+        spread = self.rows.std(axis=0)
+        rows = self.rows / np.where(spread > 1e-9, spread, np.inf)
+        far = ((rows[:, None] - rows) ** 2).sum(axis=2)
+        np.fill_diagonal(far, np.inf)
+        return np.argsort(far, axis=1, kind="stable")[:, : min(NEIGHBOURS, len(rows) - 1)]
+
+    def _raw(self, grain: int, generator: np.random.Generator) -> Floats:
+        """Draw a row about that of one grain."""
+        near = self._near[grain]
+        one, two = generator.choice(near, 2, replace=False, p=self.weights[near] / self.weights[near].sum())
+        return np.asarray(self.rows[grain] + (self.rows[one] - self.rows[two]) / np.sqrt(2))
+
+    @cached_property
+    def _table(self) -> Floats:
+        """Sorted values (TABLE, k) that the kernel draws, which give its marginals."""
+        generator = stream(0, "marginals of learned grains")
+        return np.sort([self._raw(grain, generator) for grain in self.grains(TABLE, generator)], axis=0)
+
+    def grains(self, count: int, generator: np.random.Generator) -> Integers:
+        """Draw grains (count,) in random order, each as often as its weight says, to one."""
+        places = (generator.random() + np.arange(count)) / max(count, 1)
+        drawn = np.searchsorted(np.cumsum(self.weights) / self.weights.sum(), places)
+        return generator.permutation(np.minimum(drawn, len(self.rows) - 1))
+
+    def draw(self, grain: int, generator: np.random.Generator) -> Floats:
+        """Draw a row (k,) about that of one grain, within the range of the rows."""
+        raw, places = self._raw(grain, generator), (np.arange(TABLE) + 0.5) / TABLE
+        shares = [np.interp(value, column, places) for value, column in zip(raw, self._table.T, strict=True)]
+        return np.array([self._quantile(k, share) for k, share in enumerate(shares)])
+
+    def _quantile(self, column: int, share: float) -> float:
+        """Return the value of a column below which a share of the weights lies, linear between the grains."""
+        order = np.argsort(self.rows[:, column], kind="stable")
+        weights = self.weights[order]
+        places = (np.cumsum(weights) - weights / 2) / weights.sum()
+        return float(np.interp(share, places, self.rows[order, column]))
+
+
+def warped(mesh: Mesh, wanted: Floats, strength: float, generator: np.random.Generator) -> tuple[Mesh, Floats]:
+    """Return a grain made of another, and the map (4, 4) of its points.
+
+    `wanted` are the logarithms of the two principal ratios (second over first and third over second) and of the
+    equivalent diameter; `strength` is the standard deviation of the shears and of the taper.
+    """
+    radius, center, _, axes = frame_of(mesh)
+    sides = np.where(generator.random(3) < 0.5, -1.0, 1.0)
+    shears = generator.normal(0.0, strength, 3)
+    squares, turn = np.linalg.eigh(np.array([[0, *shears[:2]], [shears[0], 0, shears[2]], [*shears[1:], 0]]))
+    into = sides[:, None] * axes.T / radius
+    linear = (turn * np.exp(squares)) @ turn.T @ into
+    matrix = affine(linear, -linear @ center)
+    taper = generator.normal(0.0, strength, 3)
+    deepest = -float((mapped(mesh.vertices, matrix) @ taper).min())
+    matrix = affine(np.eye(3), taper=taper * min(1.0, (1 - LEAST) / max(deepest, 1e-300))) @ matrix
+    faces = mesh.corners[:, ::-1] if np.linalg.det(matrix[:3, :3]) < 0 else mesh.corners
+    body = Mesh(mapped(mesh.vertices, matrix), faces)
+    radius, center, roots, axes = frame_of(body)
+    if np.linalg.det(axes) < 0:
+        axes[:, 2] *= -1
+    ratios = np.exp([0.0, wanted[0], wanted[0] + wanted[1]]) / roots
+    stretch = ratios / ratios.prod() ** (1 / 3) * np.exp(wanted[2]) / (2 * radius)
+    matrix = affine(stretch[:, None] * axes.T, -stretch * (axes.T @ center)) @ matrix
+    return Mesh(mapped(mesh.vertices, matrix), faces), matrix
