@@ -115,7 +115,9 @@ class Desk:
         """
         found = next((run for run in self.queue.runs if run.number == number), None)
         if found is None:
-            raise InputError(f"there is no run {number}: runs have the numbers {[run.number for run in self.queue.runs]}")
+            raise InputError(
+                f"there is no run {number}: runs have the numbers {[run.number for run in self.queue.runs]}"
+            )
         return found
 
     def open(self, number: int) -> None:
@@ -124,9 +126,8 @@ class Desk:
         packing, self.shown = load(run.packing), run
         self.look.show(packing)
         proof, numbers = verify(packing), measure(packing)
-        self.results = [
-            {"name": name.replace("_", " "), "text": f"{float(numbers[name]):.4f}"} for name in NUMBERS if name in numbers
-        ]
+        told = [(name, numbers[name]) for name in NUMBERS if name in numbers]
+        self.results = [{"name": name.replace("_", " "), "text": f"{float(value):.4f}"} for name, value in told]
         rest = packing.forces
         self.lamps = [{"name": "verify", "ok": proof.ok, "text": proof.summary().splitlines()[0]}]
         if rest is not None:

@@ -67,11 +67,7 @@ def _without(items: Iterable[Parameter], *names: str) -> list[Parameter]:
 #: sections in the order of the page
 SECTIONS: dict[str, Section] = {
     "shape": Section(
-        title="Shape",
-        key="family",
-        kinds=lambda: (*families().names(), FROM_FILE),
-        parameters=_shape,
-        many=True,
+        title="Shape", key="family", kinds=lambda: (*families().names(), FROM_FILE), parameters=_shape, many=True
     ),
     "sizes": Section(
         title="Sizes", key="kind", kinds=lambda: sorted(KINDS), parameters=lambda kind: parameters_of(KINDS[kind])

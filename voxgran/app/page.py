@@ -235,10 +235,20 @@ class Page:
                 html.Span("{{ run.number }}: {{ run.state }} {{ run.stage }} {{ run.text }} {{ run.error }}")
                 html.Span("{{ run.left === null ? '' : ', about ' + run.left + ' s left' }}")
                 v3.VProgressLinear(v_if="run.state == 'running'", model_value=("run.percent",), color="primary")
-                v3.VBtn("Stop", v_if="run.state == 'running' || run.state == 'waiting'", size="x-small",
-                        click=(self.stop, "[run.number]"), classes="stop")
-                v3.VBtn("Go on", v_if="run.state == 'stopped' || run.state == 'failed'", size="x-small",
-                        click=(self.go_on, "[run.number]"), classes="go-on")
+                v3.VBtn(
+                    "Stop",
+                    v_if="run.state == 'running' || run.state == 'waiting'",
+                    size="x-small",
+                    click=(self.stop, "[run.number]"),
+                    classes="stop",
+                )
+                v3.VBtn(
+                    "Go on",
+                    v_if="run.state == 'stopped' || run.state == 'failed'",
+                    size="x-small",
+                    click=(self.go_on, "[run.number]"),
+                    classes="go-on",
+                )
                 v3.VBtn("Show", v_if="run.state == 'done'", size="x-small", click=(self.show, "[run.number]"))
         with v3.VCard(title="Results", variant="flat", density="compact", v_if="shown"):
             with html.Div(v_for="lamp in lamps", key="lamp.name", classes="px-4 lamp"):
@@ -269,4 +279,3 @@ class Page:
                 v3.VSlider(
                     v_model=(f"cut_{axis}",), label=axis, min=0, max=1, step=0.01, density="compact", hide_details=True
                 )
-

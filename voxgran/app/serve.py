@@ -7,12 +7,15 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
+from voxgran._base.errors import MissingLibraryError
 from voxgran._base.lazy import load
 from voxgran.app.desk import Desk
 from voxgran.app.page import Page
 
 #: where the app listens
 HOST = "127.0.0.1"
+#: libraries of the extra
+LIBRARIES = ("tomli_w", "trame.app", "trame.widgets.vuetify3", "trame_vtk", "trame_pyvista.widgets")
 
 
 def serve(
@@ -40,14 +43,26 @@ def serve(
         Whether a browser is opened, where there is one.
     told : callable, optional
         Told the address.
+
+    Raises
+    ------
+    MissingLibraryError
+        If a library of the extra is not installed.
     """
+    try:
+        for name in LIBRARIES:
+            load(name)
+    except MissingLibraryError as error:
+        raise MissingLibraryError(
+            f"{str(error).partition(' ')[0]} is not installed: the app needs it; install it with "
+            "pip install 'voxgran[app]'"
+        ) from error
     folder.mkdir(parents=True, exist_ok=True)
     token = secrets.token_urlsafe(16)
     server = load("trame.app").get_server(f"voxgran-{token}", client_type="vue3")
     desk = Desk(mapping, folder, base)
     page = Page(desk, server)
 
-    @server.controller.on_server_ready.once
     def ready(**_: Any) -> None:
         address = f"http://{HOST}:{server.port}/?secret={token}"
         if told is not None:
@@ -56,6 +71,7 @@ def serve(
             webbrowser.open(address)
         asyncio.get_event_loop().create_task(page.watch())
 
+    server.controller.on_server_ready.once(ready)
     load("trame_server.protocol").CoreServer.authentication_token = token
     server.cli.set_defaults(authKey=token)
     try:
