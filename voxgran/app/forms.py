@@ -125,15 +125,21 @@ def _form(name: str, section: Section, given: Mapping[str, Any] | None, number: 
         "kind": kind,
         "needed": section.needed,
         "on": section.needed or given is not None,
-        "fields": [_field(item, values.get(item.name)) for item in section.parameters(kind)],
+        # a method may have a key of the section as a parameter of its own, which it explains itself
+        "fields": [_field(*pair) for pair in _with_values(section.parameters(kind), values)],
     }
+
+
+def _with_values(items: Iterable[Parameter], values: Mapping[str, Any]) -> list[tuple[Parameter, Any]]:
+    """Return parameters, the last of each name, and their values."""
+    return [(item, values.get(name)) for name, item in {item.name: item for item in items}.items()]
 
 
 def _field(item: Parameter, value: Any) -> Form:
     """Return the field of a parameter with its value."""
     kinds = [kind for kind in kinds_of(item.type) if kind is not NoneType]
     words = [str(word) for kind in kinds if get_origin(kind) is Literal for word in get_args(kind)]
-    choices = words if len(kinds) == 1 else ["true", "false"] if kinds == [bool] else []
+    choices = ["true", "false"] if kinds == [bool] else words if len(kinds) == 1 else []
     needed = item.default is MISSING
     return {
         "name": item.name,
@@ -141,6 +147,7 @@ def _field(item: Parameter, value: Any) -> Form:
         "unit": item.unit,
         "type": "" if item.type is Any else item.type_text,
         "choices": choices,
+        "long": any(get_origin(kind) not in (None, Literal) for kind in kinds),
         "word": kinds == [str] or bool(words),
         "default": "" if needed or item.default is None else text_of(item.default),
         "needed": needed,
@@ -164,10 +171,26 @@ def value_of(field: Form) -> Any:
     text = str(field["text"]).strip()
     if field["word"] and not text.startswith(("[", "{")):
         return text
+    table = _pasted(text)
+    if table is not None:
+        return table
     try:
         return tomllib.loads(f"v = {text}")["v"]
     except tomllib.TOMLDecodeError:
         return text
+
+
+def _pasted(text: str) -> list[Any] | None:
+    """Return the numbers of a column, or the rows of several, that were copied from a spreadsheet."""
+    rows = [row.replace(";", " ").split() for row in text.splitlines() if row.strip()]
+    try:
+        numbers = [[float(word.replace(",", ".")) for word in row] for row in rows]
+    except ValueError:
+        return None
+    if sum(map(len, numbers)) < 2:
+        return None
+    single = len(numbers) == 1 or all(len(row) == 1 for row in numbers)
+    return [value for row in numbers for value in row] if single else numbers
 
 
 def mapping_of(forms: Iterable[Form]) -> dict[str, Any]:

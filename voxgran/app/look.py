@@ -75,6 +75,28 @@ class Look:
         if corners:
             look_at(self.stage, np.concatenate(corners), flat=shapes[0].dimension == 2)
 
+    def grain_at(self, across: float, down: float) -> int | None:
+        """Return the grain at a place of the picture, in shares of its width and height; None where there is none."""
+        if self.packing is None or not self.packing.count:
+            return None
+        wide, high = self.stage.window_size
+        picker = load("vtkmodules.vtkRenderingCore").vtkCellPicker()
+        picker.SetTolerance(0.002)
+        picker.PickFromListOn()
+        for actor in self.stage.renderer.actors.values():
+            mapper = getattr(actor, "mapper", None)
+            data = getattr(mapper, "dataset", None)
+            if data is not None and ("grain" in data.cell_data or "radius" in data.point_data):
+                picker.AddPickList(actor)
+        if not picker.Pick(across * wide, (1 - down) * high, 0, self.stage.renderer):
+            return None
+        known = picker.GetDataSet().GetCellData().GetArray("grain")
+        if known is not None:
+            return int(known.GetValue(picker.GetCellId()))
+        # many spheres are points
+        away = np.linalg.norm(self.packing.position - picker.GetPickPosition(), axis=1)
+        return int((away / self.packing.bounding_radii).argmin())
+
     def cut(self, shares: tuple[float, float, float]) -> None:
         """Cut what lies beyond planes across the axes, at shares of the container."""
         if self.packing is None:

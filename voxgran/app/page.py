@@ -1,15 +1,29 @@
 """The page of the app: forms on the left, the scene in the middle, plan, runs and results on the right."""
 
 import asyncio
+import contextlib
 from typing import Any
 
 from voxgran._base.errors import VoxgranError
 from voxgran._base.lazy import load
 from voxgran.app.desk import Desk
-from voxgran.app.look import colors_of
+from voxgran.app.look import colors_of, numbers_of
+from voxgran.decks.engine import engines
+from voxgran.io.vtk_files import load_packing
 
 #: seconds between two looks at the runs
 TICK = 0.5
+
+
+#: place of an event of the mouse, in shares of the element that it belongs to
+PLACE = "[$event.offsetX / $event.target.clientWidth, $event.offsetY / $event.target.clientHeight]"
+
+
+#: takes a file away, if there is one
+TAKE = (
+    "trigger('download', [{file}]).then("
+    "(content) => content && utils.download({file}, content, 'application/octet-stream'))"
+)
 
 
 class Page:
@@ -36,12 +50,20 @@ class Page:
                 "results": [],
                 "lamps": [],
                 "python": "",
+                "curve": "",
+                "warnings": [],
+                "grain": [],
+                "upload": None,
+                "uploaded": "",
+                "engines": list(engines()),
             }
         )
         self.state.change("forms")(self.edited)
+        self.state.change("upload")(self.take)
         self.state.change("color_by", "forces")(self.redraw)
         self.state.change("cut_x", "cut_y", "cut_z")(self.cut)
         self.view: Any = None
+        self.grown = (0, 0)
         self._build()
         self._examine()
 
@@ -67,7 +89,7 @@ class Page:
         self.desk.examine()
         state = self.state
         state.plan, state.details, state.errors = self.desk.plan, self.desk.details, self.desk.errors
-        state.error, state.python = self.desk.error, self.desk.python()
+        state.error, state.python, state.curve = self.desk.error, self.desk.python(), self.desk.curve
 
     def add_shape(self) -> None:
         """Add a shape."""
@@ -80,6 +102,28 @@ class Page:
         self._guarded(lambda: self.desk.remove(index))
         self._send_forms()
         self._examine()
+
+    def take(self, **_: Any) -> None:
+        """Take an uploaded file as one more shape."""
+        given = self.state.upload
+        file = given[0] if isinstance(given, list) and given else given
+        if not file:
+            return
+        self.state.uploaded, self.state.upload = "", None
+
+        def read() -> None:
+            self.state.uploaded = self.desk.upload(file["name"], bytes(file["content"]))
+            self._send_forms()
+            self._examine()
+
+        self._guarded(read)
+
+    def pick(self, across: float, down: float) -> None:
+        """Show the numbers of the grain at a place of the picture, in shares of its width and height."""
+        look = self.desk.look
+        grain = look.grain_at(across, down)
+        told = {} if grain is None or look.packing is None else numbers_of(look.packing, grain)
+        self.state.grain = [f"{name}: {text}" for name, text in told.items()]
 
     def preview(self) -> None:
         """Show shapes of the scene."""
@@ -105,6 +149,7 @@ class Page:
         if self.state.color_by not in self.state.colors:
             self.state.color_by = "diameter"
         self.state.results, self.state.lamps = self.desk.results, self.desk.lamps
+        self.state.warnings, self.state.grain = self.desk.warnings, []
         self.redraw()
 
     def redraw(self, **_: Any) -> None:
@@ -119,9 +164,11 @@ class Page:
         self.desk.look.cut((float(self.state.cut_x), float(self.state.cut_y), float(self.state.cut_z)))
         self._update()
 
-    def download(self, what: str) -> bytes:
-        """Return a file of the run that is shown, or of the scene."""
-        return self.desk.file(what)
+    def download(self, what: str) -> bytes | None:
+        """Return a file of the run that is shown, or of the scene; None where there is none, which the page says."""
+        made: list[bytes] = []
+        self._guarded(lambda: made.append(self.desk.file(what)))
+        return made[0] if made else None
 
     async def watch(self) -> None:
         """Follow the runs as long as the app is there."""
@@ -129,9 +176,20 @@ class Page:
             for run in self.desk.queue.poll():
                 if run.state == "done":
                     self.show(run.number)
+            self._grow()
             self._tell_runs()
             self.state.flush()
             await asyncio.sleep(TICK)
+
+    def _grow(self) -> None:
+        """Show the grains of the run that is computed, where they were written since."""
+        run = self.desk.queue.current
+        if run is None or (run.number, run.grown) == self.grown or not run.grown:
+            return
+        self.grown = (run.number, run.grown)
+        with contextlib.suppress(VoxgranError):
+            self.desk.look.show(load_packing(run.growing))
+            self._update()
 
     def _guarded(self, call: Any) -> None:
         """Call a function; the sentence of an error goes to the page."""
@@ -168,7 +226,7 @@ class Page:
                 self._results(v3, html)
             with v3.VMain(), v3.VContainer(fluid=True, classes="pa-0 d-flex flex-column", style="height: 100%"):
                 self._tools(v3)
-                with html.Div(style="flex: 1; min-height: 0"):
+                with html.Div(style="flex: 1; min-height: 0", id="view", dblclick=(self.pick, PLACE)):
                     self.view = load("trame_pyvista.widgets").PyVistaRemoteView(self.desk.look.stage)
         layout.root.style = "overflow: hidden"
 
@@ -208,6 +266,20 @@ class Page:
                             density="compact",
                             update_modelValue="flushState('forms')",
                         )
+                        v3.VTextarea(
+                            v_else_if="field.long",
+                            v_model="field.text",
+                            label=("field.name + (field.unit ? ' (' + field.unit + ')' : '')",),
+                            placeholder=("field.default",),
+                            persistent_placeholder=True,
+                            hint=("field.meaning + ': ' + field.type + '; a column of a spreadsheet can be pasted'",),
+                            persistent_hint=True,
+                            density="compact",
+                            rows=1,
+                            auto_grow=True,
+                            id=("form.name + '-' + field.name",),
+                            update_modelValue="flushState('forms')",
+                        )
                         v3.VTextField(
                             v_else=True,
                             v_model="field.text",
@@ -222,17 +294,27 @@ class Page:
                         )
                     v3.VBtn("Remove", v_if="form.number > 0", click=(self.remove, "[index]"), size="small")
         v3.VBtn("Add a shape", click=self.add_shape, variant="text", id="add-shape")
+        v3.VFileInput(
+            v_model=("upload",),
+            label="mesh file or learned shapes (.nc)",
+            density="compact",
+            classes="mx-4",
+            id="upload",
+        )
+        html.Pre("{{ uploaded }}", classes="text-caption px-4", style="white-space: pre-wrap", id="uploaded")
 
     def _results(self, v3: Any, html: Any) -> None:
         """Lay out plan, runs, numbers and files."""
         with v3.VCard(title="Plan", variant="flat", density="compact"):
             html.Pre("{{ plan }}", classes="text-caption px-4", style="white-space: pre-wrap", id="plan")
+            html.Img(v_if="curve", src=("curve",), id="curve", classes="px-4", style="max-width: 100%")
             with v3.VExpansionPanels(variant="accordion"), v3.VExpansionPanel(title="All of the plan"):
                 with v3.VExpansionPanelText():
                     html.Pre("{{ details }}", classes="text-caption", style="white-space: pre-wrap", id="details")
         with v3.VCard(title="Runs", variant="flat", density="compact"):
             with html.Div(v_for="run in runs", key="run.number", classes="px-4 py-1 run"):
                 html.Span("{{ run.number }}: {{ run.state }} {{ run.stage }} {{ run.text }} {{ run.error }}")
+                html.Div("{{ text }}", v_for="text in run.warnings", classes="text-caption text-warning")
                 html.Span("{{ run.left === null ? '' : ', about ' + run.left + ' s left' }}")
                 v3.VProgressLinear(v_if="run.state == 'running'", model_value=("run.percent",), color="primary")
                 v3.VBtn(
@@ -256,26 +338,30 @@ class Page:
                 html.Span(" {{ lamp.name }}: {{ lamp.text }}", classes="text-caption")
             with html.Div(v_for="result in results", key="result.name", classes="px-4 text-caption"):
                 html.Span("{{ result.name }}: {{ result.text }}")
+            html.Div("{{ text }}", v_for="text in warnings", classes="px-4 text-caption text-warning")
+            html.Div("{{ text }}", v_for="text in grain", classes="px-4 text-caption grain")
             for name, file in Desk.FILES.items():
-                v3.VBtn(
-                    name,
-                    size="small",
-                    variant="outlined",
-                    classes="ma-1",
-                    click=f"utils.download('{file}', trigger('download', ['{file}']), 'application/octet-stream')",
-                )
+                take = TAKE.format(file=f"'{file}'")
+                v3.VBtn(name, size="small", variant="outlined", classes="ma-1", click=take, id=f"take-{file}")
+            html.Div("Input of engines, with the material of the scene", classes="px-4 text-caption")
+            v3.VBtn(
+                "{{ engine }}",
+                v_for="engine in engines",
+                size="x-small",
+                variant="text",
+                click=TAKE.format(file="engine + '.zip'"),
+                id=("'take-' + engine",),
+            )
         with v3.VCard(title="The same in Python", variant="flat", density="compact"):
             html.Pre("{{ python }}", classes="text-caption px-4", style="white-space: pre-wrap", id="python")
         self.server.controller.trigger("download")(self.download)
 
     def _tools(self, v3: Any) -> None:
         """Lay out what turns the view: colours, forces, cuts."""
-        with v3.VRow(dense=True, no_gutters=True, classes="px-2", style="flex: 0"):
-            v3.VSelect(
-                v_model=("color_by",), items=("colors",), label="colour by", density="compact", hide_details=True
-            )
-            v3.VCheckbox(v_model=("forces",), label="forces", density="compact", hide_details=True)
+        bare = {"density": "compact", "hide_details": True}
+        share = {"min": 0, "max": 1, "step": 0.01, "classes": "mx-2"}
+        with v3.VRow(dense=True, no_gutters=True, classes="px-2 align-center", style="flex: 0"):
+            v3.VSelect(v_model=("color_by",), items=("colors",), label="colour by", id="color-by", **bare)
+            v3.VCheckbox(v_model=("forces",), label="forces", **bare)
             for axis in "xyz":
-                v3.VSlider(
-                    v_model=(f"cut_{axis}",), label=axis, min=0, max=1, step=0.01, density="compact", hide_details=True
-                )
+                v3.VSlider(v_model=(f"cut_{axis}",), label=axis, id=f"cut-{axis}", **share, **bare)

@@ -1,16 +1,22 @@
 """Runs of scenes, one after the other, each in a process of its own that can be stopped and goes on."""
 
+import contextlib
 import os
 import signal
+import sys
 import time
+import warnings
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-from voxgran._base.errors import InputError, Interrupted, VoxgranError
+from voxgran._base.errors import DirtyMeshWarning, InputError, Interrupted, PackingWarning, VoxgranError
 from voxgran._base.files import write_text
 from voxgran._base.lazy import load
 from voxgran._base.progress import Step
+from voxgran.io.files import save
+from voxgran.packing.model import Packing
 from voxgran.scene.description import read_toml
 from voxgran.scene.processes import Channel, Process, ending_of, start
 from voxgran.scene.run import PACKING
@@ -18,6 +24,54 @@ from voxgran.scene.scene import Scene
 
 #: file of the scene in the folder of a run
 SCENE = "scene.toml"
+#: seconds between two looks at a bed that grows, and how many times as long as one takes
+PAUSE, REST = 1.0, 10.0
+
+
+@contextlib.contextmanager
+def heard(tell: Callable[[str], None]) -> Iterator[None]:
+    """Pass the sentences of warnings to a function (context manager)."""
+
+    def show(message: Warning | str, *_: Any, **__: Any) -> None:
+        tell(str(message))
+
+    with warnings.catch_warnings():
+        for kind in (PackingWarning, DirtyMeshWarning):
+            warnings.simplefilter("always", kind)
+        warnings.showwarning = show
+        yield
+
+
+@dataclass(slots=True)
+class Watcher:
+    """A recorder of a run, which writes the grains as they are into one file, for those who watch.
+
+    Attributes
+    ----------
+    path : Path
+        The file.
+    told : callable
+        Called when it was written.
+    due_at : float
+        When the next is due; a tenth of the time at most is taken for them.
+    """
+
+    path: Path
+    told: Callable[[], None]
+    due_at: float = 0.0
+    began: float = 0.0
+
+    def due(self, done: int) -> int:
+        """Return the number of attempts after which the grains are written."""
+        self.began = time.monotonic()
+        return done + (1 if self.began >= self.due_at else sys.maxsize)
+
+    def record(self, packing: Packing, done: int) -> None:
+        """Write the grains after `done` attempts."""
+        save(packing, self.path, overwrite=True)
+        now = time.monotonic()
+        self.due_at = now + max(PAUSE, REST * (now - self.began))
+        self.told()
 
 
 def serve(channel: Channel) -> None:
@@ -31,10 +85,14 @@ def serve(channel: Channel) -> None:
     folder, base, resume = channel.receive()
 
     def tell(step: Step) -> None:
-        channel.send((step.stage, step.done, step.total, step.text))
+        channel.send(("step", step.stage, step.done, step.total, step.text))
 
+    watcher = Watcher(folder.with_suffix(".vtp"), lambda: channel.send(("grown",)))
     try:
-        Scene.from_mapping(read_toml(folder.with_suffix(".toml")), folder=base).run(folder, resume=resume, on_step=tell)
+        with heard(lambda text: channel.send(("warning", text))):
+            scene = Scene.from_mapping(read_toml(folder.with_suffix(".toml")), folder=base)
+            recorder = None if scene.output.snapshots else watcher
+            scene.run(folder, resume=resume, on_step=tell, recorder=recorder)
     except Interrupted:
         raise
     except VoxgranError as error:
@@ -57,10 +115,14 @@ class Run:
         One of waiting, running, stopped, done, failed.
     stage, text, error : str
         What is done, how it stands, and why the run failed.
+    warnings : list of str
+        Its warnings.
     share : float
         Done of the stage, from 0 to 1; below 0 where it is not known.
     seconds : float
         How long it has run.
+    grown : int
+        How often its grains were written while it is computed.
     """
 
     number: int
@@ -69,8 +131,10 @@ class Run:
     stage: str = ""
     text: str = ""
     error: str = ""
+    warnings: list[str] = field(default_factory=list)
     share: float = -1.0
     seconds: float = 0.0
+    grown: int = 0
     began: float = 0.0
     staged: float = 0.0
     process: Process | None = None
@@ -79,6 +143,11 @@ class Run:
     def packing(self) -> Path:
         """The file of its packing."""
         return self.folder / PACKING
+
+    @property
+    def growing(self) -> Path:
+        """The file of its grains while it is computed."""
+        return self.folder.with_suffix(".vtp")
 
     @property
     def left(self) -> float:
@@ -96,6 +165,7 @@ class Run:
             "stage": self.stage,
             "text": self.text,
             "error": self.error,
+            "warnings": self.warnings,
             "percent": round(100 * self.share) if self.share >= 0 else None,
             "seconds": round(self.seconds),
             "left": None if left != left else round(left),
@@ -204,6 +274,7 @@ class Queue:
             return False
         process.end()
         run.process = None
+        run.growing.unlink(missing_ok=True)
         return True
 
 
@@ -223,10 +294,17 @@ def _begin(run: Run, base: Path) -> None:
     run.process = start(serve, Process)
     run.process.connection.send((run.folder, base, run.folder.exists()))
     run.state, run.began, run.staged, run.stage, run.share = "running", time.monotonic(), time.monotonic(), "", -1.0
+    run.warnings = []
 
 
-def _note(run: Run, stage: str, done: int, total: int, text: str) -> None:
-    """Take note of a step of a run."""
-    if stage != run.stage:
-        run.stage, run.staged = stage, time.monotonic()
-    run.share, run.text = min(1.0, done / total) if total > 0 else -1.0, text
+def _note(run: Run, kind: str, *told: Any) -> None:
+    """Take note of what the process of a run has sent: a step, a warning, or that its grains were written."""
+    if kind == "grown":
+        run.grown += 1
+    elif kind == "warning":
+        run.warnings += [text for text in told if text not in run.warnings]
+    else:
+        stage, done, total, run.text = told
+        if stage != run.stage:
+            run.stage, run.staged = stage, time.monotonic()
+        run.share = min(1.0, done / total) if total > 0 else -1.0

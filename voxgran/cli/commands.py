@@ -306,9 +306,14 @@ def app(options: argparse.Namespace) -> None:
     from voxgran.scene.description import read_toml
 
     scene = Path(options.file) if options.file else Path(__file__).with_name("scene.toml")
+    given = read_toml(scene)
+    if not options.file:
+        # true shapes that fall, the shortest way to a bed at rest
+        given = {**given, "packing": {"method": "gravity", "count": 100}}
+        del given["settle"]
     folder = Path(options.output or (scene.parent / "app" if options.file else "app"))
     serve(
-        read_toml(scene),
+        given,
         folder,
         base=scene.parent if options.file else Path.cwd(),
         port=options.port,

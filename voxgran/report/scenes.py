@@ -174,6 +174,7 @@ def _add_meshes(stage: Any, packing: Packing, grains: Integers, colors: Coloring
     plain = load("pyvista").PolyData.from_regular_faces
     mesh = (plain if many or flat else shaded)(merged.vertices, merged.faces)
     mesh.cell_data["value"] = colors.values[merged.grain]
+    mesh.cell_data["grain"] = merged.grain
     # the insides of closed surfaces are not seen; some triangles of reduced ones are turned, which shows on grains of
     # more than a few pixels
     closed = not flat and not any(shape.is_open for shape in packing.shapes)
