@@ -85,7 +85,12 @@ def click(page, selector, text=""):
     page.wait(f"!!({found})")
     unmarked = "document.querySelectorAll('.aim').forEach((e) => e.classList.remove('aim'))"
     page.run(f"{unmarked}; ({found}).classList.add('aim')")
-    left, top, width, height = page.box(".aim")
+    before, box = None, page.box(".aim")
+    while box != before:
+        # what opens moves
+        time.sleep(0.3)
+        before, box = box, page.box(".aim")
+    left, top, width, height = box
     x, y = left + width / 2, top + height / 2
     page.mouse(("mousePressed", x, y), ("mouseReleased", x, y))
 
@@ -154,6 +159,7 @@ def test_a_scene_is_put_together_run_looked_at_and_taken_away(tab, tmp_path):
         # coloured by height, and cut along x
         click(tab, "#color-by")
         click(tab, ".v-overlay .v-list-item", "height")
+        tab.wait("document.querySelector('#color-by').closest('.v-select').innerText.includes('height')")
         time.sleep(2)
         colored = tab.picture("#view").astype(int)
         assert np.abs(colored - before).max(axis=2).mean() > 1

@@ -169,8 +169,10 @@ class Desk:
         self.warnings = []
         with heard(self.warnings.append):
             proof, numbers = verify(packing), measure(packing, which=["density", "coordination"])
-        told = [(name, numbers[name]) for name in NUMBERS if name in numbers]
-        self.results = [{"name": name.replace("_", " "), "text": f"{float(value):.4f}"} for name, value in told]
+        told = {name: float(numbers[name]) for name in NUMBERS if name in numbers}
+        self.results = [
+            {"name": name.replace("_", " "), "text": f"{value:.4f}"} for name, value in told.items() if value == value
+        ]
         rest = packing.forces
         self.lamps = [{"name": "verify", "ok": proof.ok, "text": proof.summary().splitlines()[0]}]
         if rest is not None:
@@ -231,15 +233,15 @@ def _curve(scene: Scene) -> str:
     law = scene.sizes
     if law is None or not hasattr(law, "quantile"):
         return ""
-    shares = np.linspace(0.0, 1.0, 101)
+    # laws without a smallest or largest size have long tails
+    shares = np.linspace(0.001, 0.999, 101)
     sizes = law.quantile(shares, basis="volume", dimension=scene.container.dimension)
     figure = library("matplotlib.figure").Figure(figsize=(3.2, 1.9), dpi=100, layout="constrained")
     axes = figure.add_subplot()
     axes.plot(sizes, 100 * shares, color="#1867c0")
     axes.set(xlabel=f"size{unit_text(scene.general.unit)}", ylabel="finer by volume (%)", ylim=(0, 100))
     axes.grid(alpha=0.3)
-    if sizes[0] > 0:
-        set_log_scale(axes)
+    set_log_scale(axes)
     buffer = io.BytesIO()
     figure.savefig(buffer, format="png")
     return f"data:image/png;base64,{base64.b64encode(buffer.getvalue()).decode()}"

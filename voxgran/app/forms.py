@@ -147,6 +147,7 @@ def _field(item: Parameter, value: Any) -> Form:
         "unit": item.unit,
         "type": "" if item.type is Any else item.type_text,
         "choices": choices,
+        "pasted": "each entry a number" in item.type_text,
         "long": any(get_origin(kind) not in (None, Literal) for kind in kinds),
         "word": kinds == [str] or bool(words),
         "default": "" if needed or item.default is None else text_of(item.default),

@@ -15,6 +15,18 @@ from voxgran.io.vtk_files import load_packing
 TICK = 0.5
 
 
+#: what all fields of forms have
+FIELD: dict[str, Any] = {
+    "v_model": "field.text",
+    "label": ("field.name + (field.unit ? ' (' + field.unit + ')' : '')",),
+    "placeholder": ("field.default",),
+    "persistent_placeholder": True,
+    "hint": ("[field.meaning, field.type, field.pasted ? 'a column can be pasted' : ''].filter((s) => s).join('; ')",),
+    "persistent_hint": True,
+    "density": "compact",
+    "id": ("form.name + '-' + field.name",),
+    "update_modelValue": "flushState('forms')",
+}
 #: place of an event of the mouse, in shares of the element that it belongs to
 PLACE = "[$event.offsetX / $event.target.clientWidth, $event.offsetY / $event.target.clientHeight]"
 
@@ -256,42 +268,9 @@ class Page:
                         update_modelValue="flushState('forms')",
                     )
                     with html.Template(v_for="(field, k) in form.fields", key="k"):
-                        v3.VSelect(
-                            v_if="field.choices.length",
-                            v_model="field.text",
-                            items=("['', ...field.choices]",),
-                            label=("field.name",),
-                            hint=("field.meaning",),
-                            persistent_hint=True,
-                            density="compact",
-                            update_modelValue="flushState('forms')",
-                        )
-                        v3.VTextarea(
-                            v_else_if="field.long",
-                            v_model="field.text",
-                            label=("field.name + (field.unit ? ' (' + field.unit + ')' : '')",),
-                            placeholder=("field.default",),
-                            persistent_placeholder=True,
-                            hint=("field.meaning + ': ' + field.type + '; a column of a spreadsheet can be pasted'",),
-                            persistent_hint=True,
-                            density="compact",
-                            rows=1,
-                            auto_grow=True,
-                            id=("form.name + '-' + field.name",),
-                            update_modelValue="flushState('forms')",
-                        )
-                        v3.VTextField(
-                            v_else=True,
-                            v_model="field.text",
-                            label=("field.name + (field.unit ? ' (' + field.unit + ')' : '')",),
-                            placeholder=("field.default",),
-                            persistent_placeholder=True,
-                            hint=("field.meaning + (field.type ? ': ' + field.type : '')",),
-                            persistent_hint=True,
-                            density="compact",
-                            id=("form.name + '-' + field.name",),
-                            update_modelValue="flushState('forms')",
-                        )
+                        v3.VSelect(v_if="field.choices.length", items=("['', ...field.choices]",), **FIELD)
+                        v3.VTextarea(v_else_if="field.long", rows=1, auto_grow=True, **FIELD)
+                        v3.VTextField(v_else=True, **FIELD)
                     v3.VBtn("Remove", v_if="form.number > 0", click=(self.remove, "[index]"), size="small")
         v3.VBtn("Add a shape", click=self.add_shape, variant="text", id="add-shape")
         v3.VFileInput(
@@ -313,7 +292,8 @@ class Page:
                     html.Pre("{{ details }}", classes="text-caption", style="white-space: pre-wrap", id="details")
         with v3.VCard(title="Runs", variant="flat", density="compact"):
             with html.Div(v_for="run in runs", key="run.number", classes="px-4 py-1 run"):
-                html.Span("{{ run.number }}: {{ run.state }} {{ run.stage }} {{ run.text }} {{ run.error }}")
+                html.Span("{{ run.number }}: {{ run.state }} {{ run.error }}")
+                html.Span("{{ run.stage }} {{ run.text }}", v_if="run.state == 'running'")
                 html.Div("{{ text }}", v_for="text in run.warnings", classes="text-caption text-warning")
                 html.Span("{{ run.left === null ? '' : ', about ' + run.left + ' s left' }}")
                 v3.VProgressLinear(v_if="run.state == 'running'", model_value=("run.percent",), color="primary")

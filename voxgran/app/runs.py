@@ -251,6 +251,7 @@ class Queue:
             finally:
                 run.process.end()
                 run.process = None
+                run.growing.unlink(missing_ok=True)
 
     def _listen(self, run: Run) -> bool:
         """Take what the process of a run has sent; return whether it has ended."""

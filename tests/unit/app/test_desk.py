@@ -160,8 +160,8 @@ def test_a_scene_as_a_file_is_the_same_scene(tmp_path):
 
 
 def test_an_uploaded_mesh_is_diagnosed_mended_and_becomes_a_shape(desk, tmp_path):
-    box = vg.shapes.box()
-    mesh = pv.PolyData.from_regular_faces(box.vertices, box.faces[1:])
+    rock = vg.shapes.sphere()
+    mesh = pv.PolyData.from_regular_faces(rock.vertices, rock.faces[1:])
     mesh.save(tmp_path / "open.stl")
     told = desk.upload("../open.stl", (tmp_path / "open.stl").read_bytes())
     assert "open edges 3" in told
