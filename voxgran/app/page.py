@@ -215,6 +215,8 @@ class Page:
     def _update(self) -> None:
         """Send the picture anew."""
         if self.view is not None:
+            # actors that are exchanged are not drawn anew until they are asked for
+            self.desk.look.stage.render()
             self.view.update()
 
     def _tell_runs(self) -> None:
