@@ -13,6 +13,8 @@ from voxgran.io.vtk_files import load_packing
 
 #: seconds between two looks at the runs
 TICK = 0.5
+#: how often a picture is sent again: images are encoded in a thread, and the first that is sent may be the one before
+PUSHES = 3
 
 
 #: what all fields of forms have
@@ -75,7 +77,7 @@ class Page:
         self.state.change("color_by", "forces")(self.redraw)
         self.state.change("cut_x", "cut_y", "cut_z")(self.cut)
         self.view: Any = None
-        self.grown = (0, 0)
+        self.grown, self.pushes = (0, 0), 0
         self._build()
         self._examine()
 
@@ -189,6 +191,9 @@ class Page:
                 if run.state == "done":
                     self.show(run.number)
             self._grow()
+            if self.pushes and self.view is not None:
+                self.pushes -= 1
+                self.view.update()
             self._tell_runs()
             self.state.flush()
             await asyncio.sleep(TICK)
@@ -215,9 +220,8 @@ class Page:
     def _update(self) -> None:
         """Send the picture anew."""
         if self.view is not None:
-            # actors that are exchanged are not drawn anew until they are asked for
-            self.desk.look.stage.render()
             self.view.update()
+            self.pushes = PUSHES
 
     def _tell_runs(self) -> None:
         """Say how the runs are."""
