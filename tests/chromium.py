@@ -107,6 +107,12 @@ class Page:
         view = "(!document.getElementById('view') || document.getElementById('view-body').dataset.ready === 'yes')"
         self.wait(f"{ended} && {view}" if scripts else ended)
 
+    def go(self, address):
+        """Open an address and wait until it is loaded."""
+        self.events.clear()
+        self.ask("Page.navigate", url=address)
+        self.wait("document.readyState === 'complete'")
+
     def size(self, width, height=1000):
         """Set the size of the window, in pixels."""
         self.ask("Emulation.setDeviceMetricsOverride", width=width, height=height, deviceScaleFactor=1, mobile=False)

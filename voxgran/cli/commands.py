@@ -302,6 +302,28 @@ def bench(options: argparse.Namespace) -> None:
         print(path)
 
 
+def app(options: argparse.Namespace) -> None:
+    """Put scenes together, run them and look at them in a browser."""
+    from voxgran.app.serve import serve
+    from voxgran.scene.description import read_toml
+
+    scene = Path(options.file) if options.file else Path(__file__).with_name("scene.toml")
+    given = read_toml(scene)
+    if not options.file:
+        # true shapes that fall, the shortest way to a bed at rest
+        given = {**given, "packing": {"method": "gravity", "count": 100}}
+        del given["settle"]
+    folder = Path(options.output or (scene.parent / "app" if options.file else "app"))
+    serve(
+        given,
+        folder,
+        base=scene.parent if options.file else Path.cwd(),
+        port=options.port,
+        open_browser=not options.no_browser,
+        told=lambda address: print(f"open {address}\nCtrl-C ends the app; results are in {folder}", flush=True),
+    )
+
+
 def demo(options: argparse.Namespace) -> int:
     """Pack scanned rocks and random solids, prove, measure, save and show them."""
     from voxgran.scene.demo import run_demo
@@ -349,4 +371,5 @@ COMMANDS: dict[str, tuple[str, Callable[[argparse.Namespace], int | None]]] = {
     "doctor": ("say what this machine has and what is missing", doctor),
     "data": ("copy a scan that comes with voxgran", data),
     "demo": ("pack scanned rocks and random solids in a box", demo),
+    "app": ("put scenes together, run them and look at them in a browser", app),
 }

@@ -41,4 +41,5 @@ EXAMPLES: dict[str, str] = {
     "doctor": "voxgran doctor\n  voxgran doctor --warm",
     "data": "voxgran data itokawa_lp.obj -o rock.obj",
     "demo": "voxgran demo -o out/demo",
+    "app": "voxgran app\n  voxgran app scene.toml -o runs",
 }

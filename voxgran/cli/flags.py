@@ -305,4 +305,10 @@ FLAGS: dict[str, tuple[Flag, ...]] = {
         _flag("-o", "--output", help="file; default: of the same name, in this folder"),
     ),
     "demo": (_flag("-o", "--output", default="out/demo", help="folder for the results"),),
+    "app": (
+        _flag("file", nargs="?", help="scene file to begin with"),
+        _flag("-o", "--output", help="folder for the runs; default: app, beside the scene"),
+        _flag("--port", type=int, default=0, help="port; default: a free one"),
+        _flag("--no-browser", action="store_true", help="print the address only"),
+    ),
 }

@@ -1,5 +1,7 @@
 """Picture of the force chains: contacts as tubes from centroid to centroid, as thick as their forces."""
 
+from typing import Any
+
 import numpy as np
 
 from voxgran._base.arrays import Floats, Integers
@@ -21,6 +23,9 @@ THINNEST = 0.03
 #: sides of a tube, and largest number of tubes: the weakest are left out
 SIDES, MOST = 10, 60_000
 
+#: how tubes are drawn
+TUBES = {"scalars": "strength", "cmap": COLORS, "clim": (0.0, 1.0), "show_scalar_bar": False, **MATERIAL}
+
 _GRAIN, _OUTLINE = "#d3dae0", "#aab5be"
 
 
@@ -31,6 +36,31 @@ def picture_forces(packing: Packing, *, window: tuple[int, int] = (900, 900)) ->
     contact point; at periodic sides it leaves the container. The largest hundredth have the colour of the end of the
     colour bar. Return None where no forces are known or none is carried.
     """
+    found = force_tubes(packing)
+    if found is None or packing.forces is None:
+        return None
+    mesh, limit = found
+    strip = legend_of(Coloring(np.array([0.0, limit]), "contact force", packing.forces.unit), window, shades=COLORS)
+    flat = packing.dimension == 2
+    with stage_of(window) as stage:
+        if flat:
+            # behind the tubes, which lie in the plane
+            grains = packing.to_pyvista().translate((0.0, 0.0, -float(packing.diameters.max())))
+            stage.add_mesh(grains, color=_GRAIN, lighting=False)
+            add_outlines(stage, grains, color=_OUTLINE)
+        stage.add_mesh(mesh, **TUBES)
+        add_container(stage, packing.container)
+        look_at(stage, packing.container.mesh()[0], flat=flat, below=0.0 if strip is None else strip.height)
+        add_scale_bar(stage, packing.unit)
+        if strip is not None:
+            strip.add_to(stage)
+        return shot(stage)
+
+
+def force_tubes(packing: Packing) -> tuple[Any, float] | None:
+    """Return the contacts that carry a force as tubes, with a strength from 0 to 1, and the force of strength 1; None
+    where no forces are known or none is carried.
+    """
     forces = packing.forces
     if forces is None or not forces.carries.any():
         return None
@@ -40,25 +70,11 @@ def picture_forces(packing: Packing, *, window: tuple[int, int] = (900, 900)) ->
     force = forces.magnitude[kept]
     limit = float(np.quantile(force, LARGEST))
     strength = np.minimum(force / limit, 1.0)
-    strip = legend_of(Coloring(np.array([0.0, limit]), "contact force", forces.unit), window, shades=COLORS)
     radius = THICKEST * float(np.median(packing.diameters)) * np.maximum(strength, THINNEST)
     vertices, faces = tubes(start, end, radius)
     mesh = load("pyvista").PolyData.from_regular_faces(vertices, faces)
     mesh.cell_data["strength"] = np.repeat(strength, len(faces) // len(force))
-    flat = packing.dimension == 2
-    with stage_of(window) as stage:
-        if flat:
-            # behind the tubes, which lie in the plane
-            grains = packing.to_pyvista().translate((0.0, 0.0, -float(packing.diameters.max())))
-            stage.add_mesh(grains, color=_GRAIN, lighting=False)
-            add_outlines(stage, grains, color=_OUTLINE)
-        stage.add_mesh(mesh, scalars="strength", cmap=COLORS, clim=(0.0, 1.0), show_scalar_bar=False, **MATERIAL)
-        add_container(stage, packing.container)
-        look_at(stage, packing.container.mesh()[0], flat=flat, below=0.0 if strip is None else strip.height)
-        add_scale_bar(stage, packing.unit)
-        if strip is not None:
-            strip.add_to(stage)
-        return shot(stage)
+    return mesh, limit
 
 
 def tubes(start: Floats, end: Floats, radius: Floats) -> tuple[Floats, Integers]:

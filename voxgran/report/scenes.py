@@ -138,18 +138,9 @@ def _picture(
     legend: bool = True,
 ) -> Picture:
     """Draw some grains, the container, a scale bar and a legend."""
-    low, high = colors.limits
-    round_ones = np.array([*(shape.is_sphere and shape.dimension == 3 for shape in packing.shapes), False])
-    spheres = round_ones[packing.shape_id[grains]]
-    as_points = grains[spheres] if spheres.sum() > MOST_SPHERES else grains[:0]
-    as_meshes = np.setdiff1d(grains, as_points)
     strip = legend_of(colors, window) if legend else None
     with stage_of(window) as stage:
-        if len(as_meshes):
-            _add_meshes(stage, packing, as_meshes, colors)
-        if len(as_points):
-            shades = load("matplotlib").colormaps[COLORS]((colors.values[as_points] - low) / (high - low))[:, :3]
-            add_spheres(stage, packing.position[as_points], packing.bounding_radii[as_points], shades)
+        add_grains(stage, packing, grains, colors)
         add_container(stage, packing.container)
         below, flat = 0.0 if strip is None else strip.height, packing.dimension == 2
         look_at(stage, packing.container.mesh()[0], flat=flat, turn=turn, below=below)
@@ -157,6 +148,20 @@ def _picture(
         if strip is not None:
             strip.add_to(stage)
         return shot(stage)
+
+
+def add_grains(stage: Any, packing: Packing, grains: Integers, colors: Coloring) -> None:
+    """Draw some grains of a packing: as surfaces, or as shaded points where there are very many spheres."""
+    low, high = colors.limits
+    round_ones = np.array([*(shape.is_sphere and shape.dimension == 3 for shape in packing.shapes), False])
+    spheres = round_ones[packing.shape_id[grains]]
+    as_points = grains[spheres] if spheres.sum() > MOST_SPHERES else grains[:0]
+    as_meshes = np.setdiff1d(grains, as_points)
+    if len(as_meshes):
+        _add_meshes(stage, packing, as_meshes, colors)
+    if len(as_points):
+        shades = load("matplotlib").colormaps[COLORS]((colors.values[as_points] - low) / (high - low))[:, :3]
+        add_spheres(stage, packing.position[as_points], packing.bounding_radii[as_points], shades)
 
 
 def _add_meshes(stage: Any, packing: Packing, grains: Integers, colors: Coloring) -> None:
@@ -169,6 +174,7 @@ def _add_meshes(stage: Any, packing: Packing, grains: Integers, colors: Coloring
     plain = load("pyvista").PolyData.from_regular_faces
     mesh = (plain if many or flat else shaded)(merged.vertices, merged.faces)
     mesh.cell_data["value"] = colors.values[merged.grain]
+    mesh.cell_data["grain"] = merged.grain
     # the insides of closed surfaces are not seen; some triangles of reduced ones are turned, which shows on grains of
     # more than a few pixels
     closed = not flat and not any(shape.is_open for shape in packing.shapes)

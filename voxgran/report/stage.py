@@ -54,19 +54,25 @@ def stage_of(window: tuple[int, int], *, lit: bool = True) -> Iterator[Any]:
     """Provide an off-screen plotter that is closed at the end (context manager); without light and smoothing colours
     are reproduced exactly. The window is in pixels.
     """
-    pyvista = load("pyvista")
-    stage = pyvista.Plotter(off_screen=True, window_size=list(window), lighting="none")
+    stage = open_stage(window, lit=lit)
     try:
-        stage.set_background(BACKGROUND if lit else "black")
-        if lit and SMOOTHING:
-            stage.enable_anti_aliasing(SMOOTHING)
-        else:
-            stage.disable_anti_aliasing()
-        for place, strength in _LIGHTS if lit else ():
-            stage.add_light(pyvista.Light(position=place, intensity=strength, light_type="camera light", color="white"))
         yield stage
     finally:
         stage.close()
+
+
+def open_stage(window: tuple[int, int], *, lit: bool = True) -> Any:
+    """Return an off-screen plotter, which the caller closes; the window is in pixels."""
+    pyvista = load("pyvista")
+    stage = pyvista.Plotter(off_screen=True, window_size=list(window), lighting="none")
+    stage.set_background(BACKGROUND if lit else "black")
+    if lit and SMOOTHING:
+        stage.enable_anti_aliasing(SMOOTHING)
+    else:
+        stage.disable_anti_aliasing()
+    for place, strength in _LIGHTS if lit else ():
+        stage.add_light(pyvista.Light(position=place, intensity=strength, light_type="camera light", color="white"))
+    return stage
 
 
 def look_at(stage: Any, points: Floats, *, flat: bool = False, turn: float = 0.0, below: float = 0.0) -> None:

@@ -16,6 +16,7 @@ from voxgran._base.progress import OnStep, Step
 from voxgran._base.warning import warn
 from voxgran.io.netcdf import save_statistics
 from voxgran.io.vtk_files import load_packing
+from voxgran.packing.driver import Recorder
 from voxgran.packing.model import Packing
 from voxgran.report.significance import standard_error
 from voxgran.scene.description import SceneDescription
@@ -32,6 +33,7 @@ def run_seeds(
     resume: bool = False,
     overwrite: bool = False,
     on_step: OnStep | None = None,
+    recorder: Recorder | None = None,
 ) -> SceneResult:
     """Pack a scene once per seed, each in a folder ``seed_K`` of its own, and average; all else as
     :meth:`voxgran.Scene.run` says.
@@ -40,11 +42,17 @@ def run_seeds(
     statistics of the first seed, and a summary of all with their means and standard errors.
     """
     with opened_folder(folder, resume=resume, overwrite=overwrite) as target:
-        return _run_in(target, scene, resume=resume, overwrite=overwrite, on_step=on_step)
+        return _run_in(target, scene, resume=resume, overwrite=overwrite, on_step=on_step, recorder=recorder)
 
 
 def _run_in(
-    target: Path, scene: SceneDescription, *, resume: bool, overwrite: bool, on_step: OnStep | None
+    target: Path,
+    scene: SceneDescription,
+    *,
+    resume: bool,
+    overwrite: bool,
+    on_step: OnStep | None,
+    recorder: Recorder | None,
 ) -> SceneResult:
     """Pack a scene once per seed in a folder that no other process uses, and average."""
     first: SceneResult | None = None
@@ -53,7 +61,8 @@ def _run_in(
     for number in range(scene.general.seeds):
         one = _with_seed(scene, number)
         place = target / f"seed_{one.general.seed}"
-        result = run_one(one, place, resume=resume, overwrite=overwrite, on_step=_numbered(on_step, number, scene))
+        told = _numbered(on_step, number, scene)
+        result = run_one(one, place, resume=resume, overwrite=overwrite, on_step=told, recorder=recorder)
         first = first or result
         runs.append(result.summary)
         trees.append(result.statistics)

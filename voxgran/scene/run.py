@@ -20,7 +20,7 @@ from voxgran._base.progress import OnStep, Step, repeated
 from voxgran._base.warning import warn
 from voxgran.contacts.verify import Verification, verify
 from voxgran.decks.engine import engine_registry
-from voxgran.decks.write import write_deck
+from voxgran.decks.write import Deck, write_deck
 from voxgran.io.files import load, save
 from voxgran.io.netcdf import save_statistics
 from voxgran.io.series import Series
@@ -28,6 +28,7 @@ from voxgran.io.vtk_files import save_scene
 from voxgran.measures.model import measure
 from voxgran.measures.registered.density import main_numbers
 from voxgran.packing.beds.layers import pack_layers
+from voxgran.packing.driver import Recorder
 from voxgran.packing.model import Packing
 from voxgran.packing.pack import pack
 from voxgran.report.page import save_report
@@ -84,7 +85,13 @@ class SceneResult:
 
 
 def run_one(
-    scene: SceneDescription, folder: str | os.PathLike[str], *, resume: bool, overwrite: bool, on_step: OnStep | None
+    scene: SceneDescription,
+    folder: str | os.PathLike[str],
+    *,
+    resume: bool,
+    overwrite: bool,
+    on_step: OnStep | None,
+    recorder: Recorder | None = None,
 ) -> SceneResult:
     """Pack, check, measure and save a scene with its first seed; all else as :meth:`voxgran.Scene.run` says."""
     place = as_path(folder)
@@ -94,7 +101,7 @@ def run_one(
     with opened_folder(folder, resume=resume, overwrite=overwrite) as target:
         if resume and is_complete(target):
             return read_folder(scene, target)
-        return _run_in(target, scene, plan, grains, resume=resume, on_step=on_step)
+        return _run_in(target, scene, plan, grains, resume=resume, on_step=on_step, recorder=recorder)
 
 
 def _run_in(
@@ -105,6 +112,7 @@ def _run_in(
     *,
     resume: bool,
     on_step: OnStep | None,
+    recorder: Recorder | None,
 ) -> SceneResult:
     """Pack, check, measure and save a scene in a folder that no other process uses."""
     checkpoint = target / CHECKPOINT
@@ -112,8 +120,7 @@ def _run_in(
     if not resume:
         for path in kept:
             remove_checkpoint(path)
-    recorder = None
-    if scene.output.snapshots:
+    if scene.output.snapshots and recorder is None:
         place, most = target / "snapshots.pvd", scene.output.snapshots
         recorder = Series(place, max_snapshots=most, every=plan.grains, resume=resume, overwrite=True)
     run: dict[str, Any] = {"checkpoint": checkpoint, "resume": resume, "on_step": on_step, "recorder": recorder}
@@ -260,16 +267,26 @@ def _write_decks(packing: Packing, folder: Path, scene: SceneDescription) -> dic
     """
     written = {}
     for engine in scene.output.dem:
-        # solids that an engine holds as they are stay what they are
-        solid = next(kind for kind in engine_registry().get(engine).kinds if kind != "sphere")
-        clump = scene.output.clump if solid == "clump" else None
         try:
-            deck = write_deck(packing, folder, engine, material=scene.material, clump=clump, overwrite=True)
-            written[engine] = f"{DECKS}/{deck.files[0].name}"
+            written[engine] = f"{DECKS}/{deck_of(packing, folder, scene, engine).files[0].name}"
         except InputError as error:
             # all else that was computed stays
             warn(f"input for {engine} is not written: {error}", PackingWarning)
     return written
+
+
+def deck_of(packing: Packing, folder: Path, scene: SceneDescription, engine: str) -> Deck:
+    """Write the input of an engine with the material and the clumps of a scene.
+
+    Raises
+    ------
+    InputError
+        If the engine cannot hold the grains.
+    """
+    # solids that an engine holds as they are stay what they are
+    solid = next(kind for kind in engine_registry().get(engine).kinds if kind != "sphere")
+    clump = scene.output.clump if solid == "clump" else None
+    return write_deck(packing, folder, engine, material=scene.material, clump=clump, overwrite=True)
 
 
 def summary_of(packing: Packing, proof: Verification, statistics: "DataTree") -> dict[str, Any]:

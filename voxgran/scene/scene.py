@@ -5,6 +5,7 @@ from dataclasses import dataclass
 
 from voxgran._base.calls import explained_methods
 from voxgran._base.progress import OnStep
+from voxgran.packing.driver import Recorder
 from voxgran.scene.description import SceneDescription
 from voxgran.scene.plan import Plan, make_plan
 from voxgran.scene.replicates import run_seeds
@@ -55,6 +56,7 @@ class Scene(SceneDescription):
         resume: bool = False,
         overwrite: bool = False,
         on_step: OnStep | None = None,
+        recorder: Recorder | None = None,
     ) -> SceneResult:
         """Pack, check, measure and save.
 
@@ -68,6 +70,9 @@ class Scene(SceneDescription):
             Whether results that are there may be replaced.
         on_step : callable, optional
             Told of each step.
+        recorder : Recorder, optional
+            Receives the packing whenever a snapshot is due, as in :func:`voxgran.pack`, in place of the snapshots of
+            ``[output]``.
 
         Raises
         ------
@@ -92,4 +97,4 @@ class Scene(SceneDescription):
         10
         """
         run = run_seeds if self.general.seeds > 1 else run_one
-        return run(self, folder, resume=resume, overwrite=overwrite, on_step=on_step)
+        return run(self, folder, resume=resume, overwrite=overwrite, on_step=on_step, recorder=recorder)

@@ -1,0 +1,204 @@
+"""The app in a real browser: put together by clicks and keys, run, cut, coloured, taken away, as at the prompt.
+
+With the variable APP_PICTURES the pictures of the guide are written into that folder.
+"""
+
+import os
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import chromium
+import numpy as np
+import pytest
+from PIL import Image
+
+import voxgran as vg
+from voxgran.cli import main
+
+pytest.importorskip("trame_pyvista", reason="the extra [app] is not installed")
+pytest.importorskip("tomli_w")
+pytestmark = [
+    pytest.mark.browser,
+    pytest.mark.slow,
+    pytest.mark.skipif(chromium.PROGRAM is None, reason="chromium is not installed: make test-browser"),
+    pytest.mark.filterwarnings("ignore::voxgran._base.errors.PackingWarning"),
+]
+SPHERES = """
+[scene]
+seed = 3
+[[shape]]
+family = "sphere"
+[container]
+kind = "box"
+lengths = [22, 22, 22]
+[packing]
+method = "rsa"
+solid_fraction = 0.35
+[measure]
+which = ["coordination"]
+[output]
+report = false
+vtk = false
+"""
+
+
+class App:
+    """The app as a process, and pages of it."""
+
+    def __init__(self, folder, *words):
+        command = [sys.executable, "-m", "voxgran", "app", *words, "--no-browser", "-o", str(folder / "runs")]
+        self.folder, self.log = folder, (folder / "log").open("w")
+        self.process = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=self.log, text=True, cwd=folder)
+        self.address = self.process.stdout.readline().split()[1]
+
+    def __enter__(self):
+        return self
+
+    def __exit__(self, *_):
+        self.process.send_signal(signal.SIGINT)
+        assert self.process.wait(30) in (0, 130), (self.folder / "log").read_text()
+        self.process.stdout.close()
+        self.log.close()
+
+
+@pytest.fixture
+def tab(tmp_path):
+    """Return a tab, whose downloads go to a folder."""
+    (tmp_path / "taken").mkdir()
+    with chromium.Page(tmp_path / "chromium") as page:
+        yield ready(page, tmp_path / "taken")
+
+
+def ready(page, folder):
+    """Return a page that saves downloads in a folder."""
+    page.size(1400, 900)
+    page.ask("Browser.setDownloadBehavior", behavior="allow", downloadPath=str(folder))
+    return page
+
+
+def click(page, selector, text=""):
+    """Click in the middle of the first element that holds a text, which is scrolled to."""
+    found = f"[...document.querySelectorAll({selector!r})].find((e) => e.innerText.includes({text!r}))"
+    page.wait(f"!!({found})")
+    unmarked = "document.querySelectorAll('.aim').forEach((e) => e.classList.remove('aim'))"
+    page.run(f"{unmarked}; ({found}).classList.add('aim')")
+    before, box = None, page.box(".aim")
+    while box != before:
+        # what opens moves
+        time.sleep(0.3)
+        before, box = box, page.box(".aim")
+    left, top, width, height = box
+    x, y = left + width / 2, top + height / 2
+    page.mouse(("mousePressed", x, y), ("mouseReleased", x, y))
+
+
+def write(page, selector, text):
+    """Write into a field, in place of what it holds."""
+    page.wait(f"!!document.querySelector({selector!r})")
+    page.run(f"(() => {{ const e = document.querySelector({selector!r}); e.focus(); e.select(); }})()")
+    page.ask("Input.insertText", text=text)
+
+
+def text_of(page, selector):
+    """Return the text of an element."""
+    return page.run(f"(document.querySelector({selector!r}) || {{innerText: ''}}).innerText")
+
+
+def press(page, key, code, times=1):
+    """Press a key of a code."""
+    for kind in ("keyDown", "keyUp") * times:
+        page.ask("Input.dispatchKeyEvent", type=kind, key=key, code=key, windowsVirtualKeyCode=code)
+
+
+def taken(page, folder, name):
+    """Return a file that is taken away."""
+    click(page, f"[id='take-{name}']")
+    end = time.monotonic() + 60
+    while not (folder / name).exists():
+        assert time.monotonic() < end, f"{name} has not come: {text_of(page, '#error')} {page.complaints()}"
+        time.sleep(0.1)
+    return folder / name
+
+
+def kept(page, folder, name):
+    """Keep a picture of the page."""
+    Image.fromarray(page.picture()).save(folder / name)
+    if os.environ.get("APP_PICTURES"):
+        Image.fromarray(page.picture()).quantize(128).save(Path(os.environ["APP_PICTURES"]) / name, optimize=True)
+
+
+def same(one, two):
+    """Return whether two packings have the same bits."""
+    one, two = vg.load(one), vg.load(two)
+    return all(np.array_equal(getattr(one, name), getattr(two, name)) for name in ("position", "orientation", "scale"))
+
+
+def test_a_scene_is_put_together_run_looked_at_and_taken_away(tab, tmp_path):
+    with App(tmp_path) as app:
+        tab.go(app.address.partition("?")[0])
+        time.sleep(2)
+        assert not tab.run("!!document.querySelector('#run')"), "a page without the token is shown"
+        tab.go(app.address)
+        tab.wait("!!document.querySelector('#plan') && document.querySelector('#plan').innerText.length > 0")
+        click(tab, "#preview")
+        click(tab, ".v-expansion-panel-title", "Packing")
+        write(tab, "#packing-count", "sixty")
+        tab.wait("document.querySelector('#error').innerText.includes('[packing]')")
+        tab.wait("document.querySelector('.v-expansion-panel-title .section-error:not(:empty)') !== null")
+        write(tab, "#packing-count", "60")
+        tab.wait("document.querySelector('#plan').innerText.includes('60')")
+        assert not text_of(tab, "#error")
+        click(tab, "#run")
+        tab.wait("!!document.querySelector('.lamp')", 240)
+        time.sleep(4)
+        kept(tab, tmp_path, "app.png")
+        before = tab.picture("#view").astype(int)
+        # coloured by height, and cut along x
+        click(tab, "#color-by")
+        click(tab, ".v-overlay .v-list-item", "height")
+        tab.wait("document.querySelector('#color-by').closest('.v-select').innerText.includes('height')")
+        time.sleep(4)
+        colored = tab.picture("#view").astype(int)
+        assert np.abs(colored - before).max(axis=2).mean() > 1
+        tab.run("document.querySelector('.v-slider-thumb').focus()")
+        press(tab, "ArrowLeft", 37, times=50)
+        time.sleep(4)
+        kept(tab, tmp_path, "app_cut.png")
+        assert np.abs(tab.picture("#view").astype(int) - colored).max(axis=2).mean() > 1
+        scene, packing = taken(tab, tmp_path / "taken", "scene.toml"), taken(tab, tmp_path / "taken", "packing.vtp")
+        tab.size(1024, 700)
+        time.sleep(2)
+        kept(tab, tmp_path, "app_small.png")
+        # trame's client asks once whether the server starts sessions, which it does not
+        assert not [said for said in tab.complaints() if "405" not in str(said)]
+    assert vg.load(packing).count == 60
+    assert main(["run", str(scene), "-o", str(tmp_path / "out"), "--quiet"]) in (0, None)
+    assert same(packing, tmp_path / "out" / "packing.vtp")
+
+
+def test_a_run_stops_goes_on_and_is_seen_by_a_second_browser_and_without_one(tab, tmp_path):
+    (tmp_path / "scene.toml").write_text(SPHERES)
+    with App(tmp_path, "scene.toml") as app:
+        tab.go(app.address)
+        click(tab, "#run")
+        tab.wait("document.querySelector('.run') && document.querySelector('.run').innerText.includes('packing')", 60)
+        with chromium.Page(tmp_path / "second") as other:
+            ready(other, tmp_path).go(app.address)
+            other.wait("!!document.querySelector('.run .stop')")
+            click(other, ".run .stop")
+            tab.wait("!!document.querySelector('.run .go-on')")
+            click(tab, ".run .go-on")
+            tab.wait("!!document.querySelector('.run .stop')")
+        # nobody looks
+        tab.go("about:blank")
+        end = time.monotonic() + 240
+        while not (tmp_path / "runs" / "run_1" / "summary.json").exists():
+            assert time.monotonic() < end
+            time.sleep(0.2)
+        tab.go(app.address)
+        tab.wait("!!document.querySelector('.lamp')")
+    assert main(["run", str(tmp_path / "scene.toml"), "-o", str(tmp_path / "out"), "--quiet"]) in (0, None)
+    assert same(tmp_path / "runs" / "run_1" / "packing.vtp", tmp_path / "out" / "packing.vtp")

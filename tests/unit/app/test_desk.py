@@ -1,0 +1,231 @@
+"""The desk of the app: errors stand at their section, runs are a queue, and give the bits of the prompt."""
+
+import io
+import time
+import zipfile
+
+import numpy as np
+import pytest
+import pyvista as pv
+
+import voxgran as vg
+from voxgran._base.errors import InputError, VoxgranError
+from voxgran.app.desk import Desk
+from voxgran.app.look import Look, colors_of, numbers_of
+from voxgran.app.runs import Queue, Watcher, toml_of
+from voxgran.cli import main
+from voxgran.scene.description import read_toml
+
+pytest.importorskip("tomli_w")
+
+SPHERES = {
+    "scene": {"seed": 3},
+    "shape": [{"family": "sphere"}],
+    "container": {"kind": "box", "lengths": [4, 4, 4]},
+    "packing": {"method": "rsa", "count": 12},
+    "measure": {"which": ["coordination"]},
+    "output": {"report": False, "vtk": False, "statistics": False},
+}
+
+
+def waited(queue, run, states, seconds=120):
+    """Poll until a run is in one of some states."""
+    end = time.monotonic() + seconds
+    while run.state not in states:
+        queue.poll()
+        assert time.monotonic() < end, f"run {run.number} is {run.state}: {run.stage} {run.text}"
+        time.sleep(0.05)
+    return run
+
+
+def same(one, two):
+    """Return whether two packings have the same bits."""
+    one, two = vg.load(one), vg.load(two)
+    return all(np.array_equal(getattr(one, name), getattr(two, name)) for name in ("position", "orientation", "scale"))
+
+
+@pytest.fixture
+def desk(tmp_path):
+    """Return a desk with spheres."""
+    made = Desk(SPHERES, tmp_path / "runs", tmp_path)
+    yield made
+    made.queue.close()
+    made.look.stage.close()
+
+
+def field(desk, section, name):
+    """Return a field of the forms."""
+    form = next(form for form in desk.forms if form["name"] == section)
+    return next(field for field in form["fields"] if field["name"] == name)
+
+
+def test_the_plan_or_the_sentence_of_an_error_beside_its_section(desk):
+    desk.examine()
+    assert "12" in desk.plan
+    assert not desk.error
+    field(desk, "packing", "count")["text"] = "sixty"
+    desk.examine()
+    assert "[packing]" in desk.error
+    assert "count" in desk.error
+    assert {desk.forms[int(k)]["name"] for k in desk.errors} == {"packing"}
+    assert not desk.plan
+
+
+def test_a_kind_brings_its_fields_and_keeps_what_they_share(desk):
+    next(form for form in desk.forms if form["name"] == "packing")["kind"] = "digital"
+    desk.refresh()
+    assert field(desk, "packing", "count")["text"] == "12"
+    assert field(desk, "packing", "gravity")
+    with pytest.raises(InputError, match="only shape"):
+        desk.remove(0)
+    desk.add_shape()
+    desk.remove(1)
+    assert desk.mapping["shape"] == [{"family": "sphere"}]
+
+
+def test_a_run_has_the_bits_of_the_prompt_with_the_scene_that_is_taken_away(desk, tmp_path):
+    run = waited(desk.queue, desk.run(), {"done", "failed"})
+    assert run.state == "done", run.error
+    desk.open(run.number)
+    (tmp_path / "scene.toml").write_bytes(desk.file("scene.toml"))
+    assert main(["run", str(tmp_path / "scene.toml"), "-o", str(tmp_path / "out"), "--quiet"]) in (0, None)
+    assert same(run.packing, tmp_path / "out" / "packing.vtp")
+    assert (tmp_path / "out" / "packing.vtp").exists()
+    assert desk.file("packing.vtp")
+    assert [lamp["ok"] for lamp in desk.lamps] == [True]
+    with pytest.raises(InputError, match=r"report\.html"):
+        desk.file("report.html")
+    exec(desk.python().replace("'out'", repr(str(tmp_path / "python"))), {})
+    assert same(run.packing, tmp_path / "python" / "packing.vtp")
+    # the view
+    assert "force" not in colors_of(desk.look.packing)
+    for name in colors_of(desk.look.packing):
+        desk.look.show(desk.look.packing, color_by=name)
+    desk.look.cut((0.5, 1, 1))
+    assert numbers_of(desk.look.packing, 0)["shape"] == "sphere"
+    # input of an engine
+    names = zipfile.ZipFile(io.BytesIO(desk.file("lammps.zip"))).namelist()
+    assert any(name.startswith("in.") or name.endswith(".in") for name in names)
+
+
+def test_runs_wait_for_each_other_fail_alone_and_leave_the_forms(desk):
+    one, two = desk.run(), desk.run()
+    desk.queue.poll()
+    assert (one.state, two.state) == ("running", "waiting")
+    desk.queue.stop(two)
+    assert two.state == "stopped"
+    desk.queue.go_on(two)
+    with pytest.raises(InputError, match="waiting"):
+        desk.queue.go_on(two)
+    with pytest.raises(InputError, match="no run 9"):
+        desk.run_of(9)
+    # the folder of the second cannot be made
+    two.folder.write_text("")
+    waited(desk.queue, two, {"done", "failed"})
+    assert one.state == "done"
+    assert two.state == "failed"
+    assert "run_2" in two.error
+    assert desk.mapping["packing"]["count"] == 12
+    with pytest.raises(InputError, match="has ended"):
+        desk.queue.stop(one)
+
+
+@pytest.mark.slow
+def test_a_run_that_is_stopped_goes_on_to_the_same_bits(tmp_path):
+    scene = {**SPHERES, "packing": {"method": "rsa", "solid_fraction": 0.35}}
+    scene["container"] = {"kind": "box", "lengths": [14, 14, 14]}
+    queue = Queue(tmp_path / "runs", tmp_path)
+    try:
+        run = queue.add(scene)
+        waited(queue, run, {"running"})
+        while run.stage != "packing":
+            queue.poll()
+            time.sleep(0.02)
+        queue.stop(run)
+        waited(queue, run, {"stopped", "done"})
+        assert run.state == "stopped"
+        assert list(run.folder.glob("checkpoint*"))
+        queue.go_on(run)
+        waited(queue, run, {"done", "failed"})
+    finally:
+        queue.close()
+    assert run.state == "done", run.error
+    vg.Scene.from_mapping(scene).run(tmp_path / "out")
+    assert same(run.packing, tmp_path / "out" / "packing.vtp")
+
+
+def test_a_scene_as_a_file_is_the_same_scene(tmp_path):
+    (tmp_path / "scene.toml").write_text(toml_of(SPHERES))
+    assert read_toml(tmp_path / "scene.toml") == SPHERES
+
+
+def test_an_uploaded_mesh_is_diagnosed_mended_and_becomes_a_shape(desk, tmp_path):
+    rock = vg.shapes.sphere()
+    mesh = pv.PolyData.from_regular_faces(rock.vertices, rock.faces[1:])
+    mesh.save(tmp_path / "open.stl")
+    told = desk.upload("../open.stl", (tmp_path / "open.stl").read_bytes())
+    assert "open edges 3" in told
+    one, two = desk.mapping["shape"]
+    assert one == {"family": "sphere"}
+    assert two["repair"]
+    desk.examine()
+    assert not desk.error
+    assert len(desk.preview()) == 2
+    with pytest.raises(VoxgranError, match=r"no\.stl"):
+        desk.upload("no.stl", b"nothing of this is a mesh")
+    assert len(desk.mapping["shape"]) == 2
+    assert [path.name for path in (tmp_path / "runs" / "uploads").iterdir()] == ["open.stl"]
+
+
+def test_a_learned_distribution_becomes_a_shape(desk, tmp_path):
+    vg.learn_shapes(vg.make_shapes("convex_polyhedron", count=12)).save(tmp_path / "rocks.nc")
+    desk.upload("rocks.nc", (tmp_path / "rocks.nc").read_bytes())
+    assert desk.mapping["shape"][1]["count"] == 50
+    desk.examine()
+    assert not desk.error
+
+
+def test_the_curve_of_sizes_is_drawn(desk):
+    form = next(form for form in desk.forms if form["name"] == "sizes")
+    form["on"], form["kind"] = True, "sieve"
+    desk.refresh()
+    field(desk, "sizes", "openings")["text"] = "0.2\n0.4\n0.8"
+    field(desk, "sizes", "passing")["text"] = "0\n0.5\n1"
+    desk.examine()
+    assert not desk.error
+    assert desk.curve.startswith("data:image/png;base64,")
+
+
+def test_a_watcher_writes_grains_once_in_a_while(tmp_path):
+    told = []
+    watcher = Watcher(tmp_path / "growing.vtp", lambda: told.append(1))
+    with_it = vg.pack(vg.shapes.sphere(), vg.Box((6, 6, 6)), "rsa", count=60, seed=1, recorder=watcher)
+    without = vg.pack(vg.shapes.sphere(), vg.Box((6, 6, 6)), "rsa", count=60, seed=1)
+    assert np.array_equal(with_it.position, without.position)
+    assert told
+    assert vg.load(watcher.path).count <= 60
+    # the next is due a second later
+    assert watcher.due(5) > 1e9
+
+
+def test_a_grain_is_picked_in_the_picture():
+    look = Look()
+    shapes, place = [vg.make_shape("box"), vg.make_shape("sphere")], [[0.5, 0.5, 0.5], [2.5, 0.5, 0.5]]
+    packing = vg.Packing.of(shapes, vg.Box((3, 1, 1)), position=place, shape_id=[0, 1])
+    look.show(packing)
+    look.stage.render()
+    wide, high = look.stage.window_size
+    for grain, point in enumerate(place):
+        look.stage.renderer.SetWorldPoint(*point, 1)
+        look.stage.renderer.WorldToDisplay()
+        x, y, _ = look.stage.renderer.GetDisplayPoint()
+        assert look.grain_at(x / wide, 1 - y / high) == grain
+    assert look.grain_at(0.001, 0.001) is None
+    look.stage.close()
+
+
+def test_shapes_are_shown_in_a_row():
+    look = Look()
+    look.show_shapes([vg.shapes.sphere(), vg.shapes.box()])
+    assert len(look.stage.renderer.actors) == 2
+    look.stage.close()

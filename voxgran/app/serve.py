@@ -1,0 +1,81 @@
+"""The server of the app: on the loopback address, for those who have the token."""
+
+import asyncio
+import secrets
+import webbrowser
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+from voxgran._base.errors import MissingLibraryError
+from voxgran._base.lazy import load
+from voxgran.app.desk import Desk
+from voxgran.app.page import Page
+
+#: where the app listens
+HOST = "127.0.0.1"
+#: libraries of the extra
+LIBRARIES = ("tomli_w", "trame.app", "trame.widgets.vuetify3", "trame_vtk", "trame_pyvista.widgets")
+
+
+def serve(
+    mapping: dict[str, Any],
+    folder: Path,
+    *,
+    base: Path,
+    port: int = 0,
+    open_browser: bool = True,
+    told: Callable[[str], None] | None = None,
+) -> None:
+    """Serve the app until Ctrl-C.
+
+    Parameters
+    ----------
+    mapping : dict
+        Scene with which it begins.
+    folder : Path
+        Where runs go.
+    base : Path
+        Folder in which the files that scenes name are looked for.
+    port : int
+        Port; 0 takes a free one.
+    open_browser : bool
+        Whether a browser is opened, where there is one.
+    told : callable, optional
+        Told the address.
+
+    Raises
+    ------
+    MissingLibraryError
+        If a library of the extra is not installed.
+    """
+    try:
+        for name in LIBRARIES:
+            load(name)
+    except MissingLibraryError as error:
+        raise MissingLibraryError(
+            f"{str(error).partition(' ')[0]} is not installed: the app needs it; install it with "
+            "pip install 'voxgran[app]'"
+        ) from error
+    folder.mkdir(parents=True, exist_ok=True)
+    token = secrets.token_urlsafe(16)
+    server = load("trame.app").get_server(f"voxgran-{token}", client_type="vue3")
+    desk = Desk(mapping, folder, base)
+    page = Page(desk, server)
+
+    def ready(**_: Any) -> None:
+        address = f"http://{HOST}:{server.port}/?secret={token}"
+        if told is not None:
+            told(address)
+        if open_browser:
+            webbrowser.open(address)
+        asyncio.get_event_loop().create_task(page.watch())
+
+    server.controller.on_server_ready.once(ready)
+    load("trame_server.protocol").CoreServer.authentication_token = token
+    server.cli.set_defaults(authKey=token)
+    try:
+        server.start(port=port, host=HOST, open_browser=False, show_connection_info=False, timeout=0)
+    finally:
+        desk.queue.close()
+        desk.look.stage.close()
