@@ -69,7 +69,8 @@ def test_marginals_and_correlations_are_those_of_the_sample():
 
 def test_modes_stay_apart():
     rows = np.concatenate([stream(0, "a").normal(0, 0.05, (40, 1)), stream(0, "b").normal(3, 0.05, (40, 1))])
-    kernel, draw = Kernel(rows, np.full(80, 1 / 80)), stream(0, "draw")
+    even = np.full(80, 1 / 80)
+    kernel, draw = Kernel(rows, even, even), stream(0, "draw")
     drawn = np.array([kernel.draw(int(grain), draw)[0] for grain in kernel.grains(400, draw)])
     assert ((drawn < 0.5) | (drawn > 2.5)).mean() > 0.98
     assert (drawn > 1.5).mean() == pytest.approx(0.5, abs=0.01)
