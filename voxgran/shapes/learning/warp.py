@@ -48,7 +48,7 @@ class Kernel:
     """Kernel density of rows (n, k) with weights (n,) of sum 1, whose marginals are mapped onto those of the rows.
 
     A row is that of one grain, drawn by the weights of donors (n,), plus the difference of two of its nearest
-    neighbours: as the rows lie along lines or in groups, so do the new ones.
+    neighbours times the square root of 2: as the rows lie along lines or in groups, so do the new ones.
     """
 
     rows: Floats
@@ -70,7 +70,7 @@ class Kernel:
         # the two least of exponential times are two draws by weight without replacement (Efraimidis & Spirakis 2006)
         times = generator.exponential(size=near.shape) / self.weights[near]
         two = np.take_along_axis(near, np.argsort(times, axis=1, kind="stable")[:, :2], axis=1)
-        return np.asarray(self.rows[grains] + self.rows[two[:, 0]] - self.rows[two[:, 1]])
+        return np.asarray(self.rows[grains] + np.sqrt(2) * (self.rows[two[:, 0]] - self.rows[two[:, 1]]))
 
     @cached_property
     def _table(self) -> Floats:
