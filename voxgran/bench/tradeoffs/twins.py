@@ -1,35 +1,57 @@
 """Twins: grains that are drawn from a learned distribution, against others that were not learned from.
 
 The error is the energy distance of sphericity, elongation, flatness, convexity and roundness of drawn grains from the
-test grains; beside it that of the learned grains themselves, below which none can be expected. Seconds are those of
-the processor, without descriptors.
+test grains; beside it that of the learned grains themselves, below which none can be expected. One sample scatters:
+the numbers are means over samples. Seconds are those of the processor, without descriptors.
 """
 
+import math
 from collections.abc import Callable
 from dataclasses import astuple, dataclass
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
+from voxgran._base.arrays import Floats
 from voxgran._base.lazy import load
 from voxgran._base.seeds import stream
 from voxgran.bench.model import TradeOff, panels_of, timed, write_rows
 from voxgran.geometry.rotation import random_rotations
 from voxgran.shapes.boolean import united
 from voxgran.shapes.family import make_shape, make_shapes, seeds_of_shapes
+from voxgran.shapes.generating.radii import radii_of
+from voxgran.shapes.generating.spherical_fields import coefficients_of, field_values, sphere_quadrature
 from voxgran.shapes.images.labels import load_labels
 from voxgran.shapes.learning.learn import learn_shapes
+from voxgran.shapes.learning.likeness import (
+    comparable,
+    descriptors,
+    energy_distance,
+    nearest_neighbour_test,
+    signatures,
+    spread_of,
+)
+from voxgran.shapes.learning.report import novelty
+from voxgran.shapes.learning.sample import checked_sample
+from voxgran.shapes.learning.warp import frame_of
 from voxgran.shapes.mesh import Mesh
 from voxgran.shapes.model import Shape
 from voxgran.shapes.tessellate import sphere
 from voxgran.voxels.occupy import voxelize
 
-#: grains that are learned from, drawn and tested on, and the numbers that are learned from of one family
-LEARNED, DRAWN, TESTED, NUMBERS = 100, 200, 150, (20, 40, 80, 160)
-#: seed of the test grains
-SEED = 48
+#: samples, grains that are learned from, drawn and tested on, and the numbers that are learned from of one family
+SAMPLES, LEARNED, DRAWN, TESTED, NUMBERS = 3, 100, 200, 150, (20, 40, 80, 160)
+#: grains that are learned from and drawn to take the time
+MANY = (500, 1000)
+#: seed of the test grains, followed by those of the samples; no choice has used them
+SEED = 1000
+#: cases of few parameters of which harmonics are compared, degrees of these, and share that the components explain
+SMOOTH, DEGREES, EXPLAINED = ("mollon_zhao", "ellipsoids"), 16, 0.95
+#: tolerance of the surfaces of tori and rods, by which strained meshes have no sharp edges either
+FINE = 0.005
 #: voxels of a diameter of the images, and standard deviations of their noise and of the filter
-VOXELS, NOISE, FILTER = 20, 0.3, 1.0
+VOXELS, NOISE, FILTER = 14, 0.3, 1.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -39,10 +61,11 @@ class Row:
     case: str
     grains: int
     strength: float
-    energy_distance: float
-    sample_error: float
-    novelty: float
-    same_neighbour: float
+    energy_distance: float | None
+    sample_error: float | None
+    ratio: float | None
+    novelty: float | None
+    same_neighbour: float | None
     learn_seconds: float
     draw_seconds: float
 
@@ -71,8 +94,8 @@ def rings_with_rods(count: int, seed: int) -> list[Shape]:
     made, turns = [], random_rotations(stream(seed, "rods"), count)
     for k, own in enumerate(seeds_of_shapes(seed, count)):
         draw = stream(own, "rings with rods")
-        ring = make_shape("torus", aspect=draw.uniform(0.25, 0.45), tolerance=0.01)
-        rod = make_shape("spherocylinder", aspect=draw.uniform(3.0, 6.0), diameter=0.8, tolerance=0.01)
+        ring = make_shape("torus", aspect=draw.uniform(0.25, 0.45), tolerance=FINE)
+        rod = make_shape("spherocylinder", aspect=draw.uniform(3.0, 6.0), diameter=0.8, tolerance=FINE)
         rod = rod.rotated(turns[k])
         place = np.array([0.75 * ring.bounds[1, 0], 0.0, 0.0])
         parts = united([(ring.vertices, ring.faces), (rod.vertices + place, rod.faces)])
@@ -102,25 +125,26 @@ CASES: dict[str, Callable[[int, int], list[Shape]]] = {
     "rings_with_rods": rings_with_rods,
     "labels_with_noise": labels,
 }
-#: case of which several numbers of grains are learned
-GROWING = "voronoi_fragment"
+#: cases of which several numbers of grains, and many, are learned
+GROWING, LARGE = "voronoi_fragment", "solid_union"
 
 
 def run(folder: Path) -> tuple[Path, ...]:
     """Write twins.csv and twins.svg into a folder and return both."""
-    rows = [row_of(case, LEARNED) for case in CASES] + [row_of(GROWING, number) for number in NUMBERS]
+    rows = [row for case in CASES for row in rows_of(case, LEARNED, *(NUMBERS if case == GROWING else ()))]
+    rows.append(timed_row(LARGE))
     return written(rows, folder)
 
 
 def written(rows: list[Row], folder: Path) -> tuple[Path, ...]:
     """Write rows and their figure."""
-    head = "case,grains,strength:.3g,energy_distance:.3f,sample_error:.3f,novelty:.2f,same_neighbour:.2f"
+    head = "case,grains,strength:.3g,energy_distance:.3f,sample_error:.3f,ratio:.2f,novelty:.2f,same_neighbour:.2f"
     table = write_rows(folder / "twins.csv", f"{head},learn_seconds:.2f,draw_seconds:.2f", map(astuple, rows))
-    growing = [row for row in rows if row.grains != LEARNED]
+    growing = sorted((row for row in rows if row.case == GROWING and row.ratio), key=lambda row: row.grains)
     with panels_of(folder / "twins.svg", 2, width=10.0, height=4.0) as panels:
         panels[0].plot([0, 0.2], [0, 0.3], ":", color="k", label="1.5 times that of the sample")
         for row in rows:
-            if row.grains == LEARNED:
+            if row.grains == LEARNED and not row.case.endswith("harmonics"):
                 panels[0].plot(row.sample_error, row.energy_distance, "o", label=row.case)
         panels[0].set(xlabel="energy distance of the sample", ylabel="energy distance of drawn grains")
         for name in ("energy_distance", "sample_error"):
@@ -130,22 +154,82 @@ def written(rows: list[Row], folder: Path) -> tuple[Path, ...]:
     return table, folder / "twins.svg"
 
 
-def row_of(case: str, grains: int) -> Row:
-    """Return the row of a case with so many grains in the sample."""
-    model, learning = timed(learn_shapes, CASES[case](grains, SEED + 1))
-    _, drawing = timed(model.sample, DRAWN)
-    table = model.report(CASES[case](TESTED, SEED), count=DRAWN).table
-    return Row(
-        case,
-        grains,
-        model.strength,
-        float(table.energy_distance),
-        float(table.sample_error),
-        float(table.novelty),
-        float(table.same_neighbour),
-        learning,
-        drawing,
-    )
+def rows_of(case: str, *numbers: int) -> list[Row]:
+    """Return the rows of a case with numbers of grains in the samples, and that of harmonics where it is compared."""
+    unseen = checked_sample(CASES[case](TESTED, SEED), None, None).shapes
+    test, marks = descriptors(unseen), signatures(unseen)
+    plans = [(case, grains, learn_shapes) for grains in numbers]
+    if case in SMOOTH:
+        plans.append((f"{case} by harmonics", LEARNED, Harmonics.of))
+    found = []
+    for name, grains, learn in plans:
+        each = [measured(learn, CASES[case](grains, SEED + 1 + k), test, marks) for k in range(SAMPLES)]
+        strength, error, own, *others = np.mean(each, axis=0).tolist()
+        found.append(Row(name, grains, strength, error, own, error / own, *others))
+    return found
+
+
+def measured(learn: Callable[..., Any], sample: list[Shape], test: Floats, marks: Floats) -> tuple[float, ...]:
+    """Return strength, errors, novelty, nearest neighbours and seconds of one sample."""
+    given = checked_sample(sample, None, None).shapes
+    model, learning = timed(learn, given)
+    drawn, drawing = timed(model.sample, DRAWN)
+    (rows, own, other), _ = comparable(descriptors(drawn), descriptors(given), test)
+    spread = spread_of(other)
+    found, fewer = signatures(drawn), min(DRAWN, TESTED)
+    share, _ = nearest_neighbour_test(found[:fewer], marks[:fewer], stream(SEED, "neighbours"))
+    errors = (energy_distance(other, rows, spread), energy_distance(own, other, spread))
+    return (model.strength, *errors, novelty(found, signatures(given), marks), share, learning, drawing)
+
+
+@dataclass(frozen=True)
+class Harmonics:
+    """The model that is not offered: spherical harmonics of the radius, principal components and a Gaussian copula."""
+
+    mean: Floats
+    components: Floats  # (c, 2 degree^2)
+    scores: Floats  # (n, c)
+    strength: float = math.nan
+
+    @classmethod
+    def of(cls, shapes: list[Shape]) -> "Harmonics":
+        """Learn from grains in the frames of their principal axes."""
+        directions, weights = sphere_quadrature(2 * DEGREES)
+        rows = []
+        for shape in shapes:
+            mesh = Mesh(shape.vertices, shape.faces)
+            axes = frame_of(mesh)[3]
+            axes[:, 2] *= np.sign(np.linalg.det(axes))
+            body = Shape.of(Mesh((mesh.vertices - mesh.centroid) @ axes, mesh.corners), name="body")
+            fields = coefficients_of(DEGREES, directions, weights, np.log(radii_of(body, directions)[0]))
+            rows.append(np.concatenate([field.ravel() for field in fields]))
+        mean = np.mean(rows, axis=0)
+        _, sizes, components = np.linalg.svd(rows - mean, full_matrices=False)
+        kept = 1 + int(np.searchsorted(np.cumsum(sizes**2) / (sizes**2).sum(), EXPLAINED))
+        return cls(mean, components[:kept], (rows - mean) @ components[:kept].T)
+
+    def sample(self, count: int) -> list[Shape]:
+        """Draw grains."""
+        normal, number = load("scipy.stats").norm, len(self.scores)
+        ranks = (np.argsort(np.argsort(self.scores, axis=0), axis=0) + 0.5) / number
+        related = np.atleast_2d(np.corrcoef(normal.ppf(ranks).T))
+        drawn = stream(SEED, "copula").multivariate_normal(np.zeros(len(related)), related, count)
+        shares = normal.cdf(drawn).T
+        scores = np.array([np.quantile(own, share) for own, share in zip(self.scores.T, shares, strict=True)]).T
+        directions, faces, _ = sphere(3)
+        rows = (self.mean + scores @ self.components).reshape(count, 2, DEGREES, DEGREES)
+        return [
+            Shape.of(Mesh(np.exp(field_values(*row, directions))[:, None] * directions, faces), name="harmonics")
+            for row in rows
+        ]
+
+
+def timed_row(case: str) -> Row:
+    """Return the row with the seconds of many grains."""
+    learned, drawn = MANY
+    model, learning = timed(learn_shapes, CASES[case](learned, SEED + 1))
+    _, drawing = timed(model.sample, drawn)
+    return Row(case, learned, model.strength, None, None, None, None, None, learning, drawing)
 
 
 registration = TradeOff(name="twins", summary="grains of learned distributions, against others of the kind", run=run)

@@ -89,14 +89,18 @@ def roundness(shape: Shape) -> float:
     elif isinstance(geometry, Outline):
         bends = _bends_of_outline(geometry.vertices)
     else:
-        bends = _bends_of_mesh(shape.vertices, shape.faces)
+        bends = bends_of_mesh(shape.vertices, shape.faces)
     corner = bends.curvature > least
-    total = float(bends.angle[corner].sum())
-    if total <= 0:
-        return 1.0
-    if float((bends.coarse * bends.angle)[corner].sum()) > MOST_COARSE * total:
+    if (bends.coarse * bends.angle)[corner].sum() > MOST_COARSE * bends.angle[corner].sum():
         return float("nan")
-    return float(bends.size[corner].sum() / (inside * total))
+    return mean_of_corners(bends, inside)
+
+
+def mean_of_corners(bends: Bends, inside: float) -> float:
+    """Return the mean radius of curvature of corners over that of a sphere inside; 1 where there are none."""
+    corner = bends.curvature > 1 / (CORNER * inside)
+    total = float(bends.angle[corner].sum())
+    return float(bends.size[corner].sum() / (inside * total)) if total > 0 else 1.0
 
 
 def _of_cone(cone: Primitive, inside: float, least: float) -> float:
@@ -146,7 +150,7 @@ def _bends_of_outline(corners: Floats) -> Bends:
     return Bends(np.where(sharp, 0.0, length), np.maximum(angle, 0.0), curvature, coarse.astype(np.float64))
 
 
-def _bends_of_mesh(vertices: Floats, faces: Integers) -> Bends:
+def bends_of_mesh(vertices: Floats, faces: Integers) -> Bends:
     """Return the parts of a closed mesh.
 
     They are the sharp edges, which have no area and infinite curvature, and the surroundings of the vertices with their

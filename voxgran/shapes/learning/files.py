@@ -22,13 +22,21 @@ ARRAYS = {
     "vertex_count": ("grain",),
     "face_count": ("grain",),
     "weights": ("grain",),
+    "donors": ("grain",),
 }
+#: arrays that say how often each grain counts
+WEIGHTS = ("weights", "donors")
 #: content of a file, which says that it is one of these
 KIND = "voxgran shape model 1"
 
 
 def write_model(
-    path: str | os.PathLike[str], shapes: Sequence[Shape], weights: Floats, facts: Mapping[str, Any], *, overwrite: bool
+    path: str | os.PathLike[str],
+    shapes: Sequence[Shape],
+    weights: Mapping[str, Floats],
+    facts: Mapping[str, Any],
+    *,
+    overwrite: bool,
 ) -> None:
     """Write meshes, weights and numbers.
 
@@ -48,7 +56,7 @@ def write_model(
         "faces": np.concatenate([shape.faces for shape in shapes]).astype(np.int32),
         "vertex_count": np.array([len(shape.vertices) for shape in shapes]),
         "face_count": np.array([len(shape.faces) for shape in shapes]),
-        "weights": weights,
+        **weights,
     }
     table = load("xarray").Dataset({name: (ARRAYS[name], array) for name, array in arrays.items()})
     table.attrs = {"kind": KIND, "unit": shapes[0].unit or "1", **facts}
@@ -60,8 +68,8 @@ def write_model(
             raise OutputError(f"{path} cannot be written ({error}): free space or choose another place") from error
 
 
-def read_model(path: str | os.PathLike[str]) -> tuple[tuple[Shape, ...], Floats, dict[str, Any]]:
-    """Return the meshes, weights and numbers of a file.
+def read_model(path: str | os.PathLike[str]) -> tuple[tuple[Shape, ...], dict[str, Any]]:
+    """Return the meshes of a file, and its weights and numbers.
 
     Raises
     ------
@@ -81,7 +89,7 @@ def read_model(path: str | os.PathLike[str]) -> tuple[tuple[Shape, ...], Floats,
         vertex, face = vertex + points, face + corners
     if not all(shape.volume > 0 for shape in meshes):
         raise FileFormatError(f"{found} holds a grain without volume: it is damaged; write it again")
-    return tuple(meshes), arrays["weights"], facts
+    return tuple(meshes), facts | {name: arrays[name] for name in WEIGHTS}
 
 
 def model_values(path: Path) -> Content:
@@ -101,15 +109,14 @@ def model_values(path: Path) -> Content:
     points, corners = arrays["vertex_count"], arrays["face_count"]
     inner = np.repeat(points, corners) if (points > 0).all() and (corners > 0).all() else np.zeros(0)
     right = (
-        len(points) == len(corners) == len(arrays["weights"])
+        len(points) == len(corners) == len(arrays["weights"]) == len(arrays["donors"])
         and len(points) > 0
         and points.sum() == len(arrays["vertices"])
         and corners.sum() == len(arrays["faces"]) == len(inner)
         and np.isfinite(arrays["vertices"]).all()
         and (arrays["faces"] >= 0).all()
         and (arrays["faces"] < inner[:, None]).all()
-        and np.isfinite(arrays["weights"]).all()
-        and (arrays["weights"] > 0).all()
+        and all(np.isfinite(arrays[name]).all() and (arrays[name] > 0).all() for name in WEIGHTS)
         and 0 <= strength <= 1
     )
     if not right:

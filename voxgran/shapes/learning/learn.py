@@ -1,26 +1,29 @@
 """`learn_shapes`: the distribution of shapes and sizes of a sample of grains."""
 
 from collections.abc import Sequence
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from voxgran._base.arrays import as_choice, as_number
+from voxgran._base.arrays import Floats, Integers, as_choice, as_number
 from voxgran._base.calls import explained
+from voxgran._base.lazy import load
 from voxgran._base.seeds import stream
-from voxgran.shapes.learning.likeness import energy_distance, quick_descriptors, signature, spread_of
+from voxgran.shapes.learning.likeness import distances, energy_distance, quick_descriptors, signatures, spread_of
 from voxgran.shapes.learning.model import ShapeModel
-from voxgran.shapes.learning.report import novelty
-from voxgran.shapes.learning.sample import Sample, checked_sample
+from voxgran.shapes.learning.sample import checked_sample
 from voxgran.shapes.model import Shape
 
 #: how grains are made
 METHODS = ("warp",)
 #: strengths that are tried, that of small samples, and the number of grains that is not small
-STRENGTHS, SMALL, LARGE = (0.03, 0.04, 0.05, 0.065, 0.08), 0.05, 40
-#: novelty that is enough, error in that of the smallest strength that is too much, folds, and most grains of a fold
-ENOUGH, WORSE, FOLDS, MOST = 0.87, 1.25, 2, 40
+STRENGTHS, SMALL, LARGE = (0.02, 0.03, 0.04, 0.05, 0.065, 0.08), 0.05, 40
+#: grains that are drawn to find the mean change of descriptors, and what holds the weights of donors near the others
+BALANCED, RIDGE, STEEPEST = 100, 0.02, 1.0
+#: novelty that is enough, error in that of random halves of the sample that is too much, and pairs of such halves
+ENOUGH, WORSE, FOLDS = 0.9, 0.3, 10
 
 
 @explained(hint="learn_shapes(shapes)")
@@ -51,13 +54,13 @@ def learn_shapes(
     method : {"warp"}
         How grains are made.
     strength : float, optional
-        Standard deviation of the shears and of the taper, at most 0.3. Default: chosen by cross-validation in halves of
-        the sample, between 0.03 and 0.08; 0.05 where there are fewer than 40 grains.
+        Standard deviation of the shears and of the taper, at most 0.3. Default: chosen between 0.02 and 0.08, so that
+        drawn grains are new and the descriptors are those of the sample; 0.05 where there are fewer than 40 grains.
     weights : (n,) array_like of float, optional
         How often each grain is the donor, relative to the others; default: equally often, and of a packing of labels as
         said above.
     seed : int
-        Seed of the cross-validation.
+        Seed of the grains that are drawn to choose the strength and to balance the donors.
 
     Returns
     -------
@@ -82,30 +85,70 @@ def learn_shapes(
     """
     as_choice(method, "method", METHODS)
     sample = checked_sample(shapes, sizes, weights)
-    if strength is None:
-        strength = _chosen(sample, method, seed) if len(sample.shapes) >= LARGE else SMALL
-    strength = as_number(strength, "strength", at_least=0.0, at_most=0.3)
-    return ShapeModel(shapes=tuple(sample.shapes), weights=sample.weights, strength=strength, method=method)
+    strength = None if strength is None else as_number(strength, "strength", at_least=0.0, at_most=0.3)
+    start = SMALL if strength is None else strength
+    even = ShapeModel(
+        shapes=tuple(sample.shapes), weights=sample.weights, donors=sample.weights, strength=start, method=method
+    )
+    rows = quick_descriptors(even.shapes)
+    if strength is None and len(rows) >= LARGE:
+        even = replace(even, strength=_chosen(even, rows, seed))
+    return replace(even, donors=_balancing(even, rows, seed)[0])
 
 
-def _chosen(sample: Sample, method: str, seed: int) -> float:
-    """Return the smallest strength with which grains drawn from half of the sample are new enough, or else the largest
-    one by which they do not become worse.
+def _balancing(even: ShapeModel, rows: Floats, seed: int) -> tuple[Floats, list[Shape], float]:
+    """Return balanced weights of donors, the grains by which they were found, and how far these are from the sample
+    with the descriptors (n, k) then.
     """
-    generator, count = stream(seed, "strength of learned grains"), len(sample.shapes)
-    score = np.zeros((len(STRENGTHS), 2))
-    for fold in range(FOLDS):
-        order = generator.permutation(count)[: 2 * min(count // 2, MOST)]
-        half, rest = order[: len(order) // 2], order[len(order) // 2 :]
-        given, new = ([sample.shapes[k] for k in part] for part in (half, rest))
-        marks = [np.array([signature(shape.geometry) for shape in part]) for part in (given, new)]
-        rows = quick_descriptors(new)
-        for k, strength in enumerate(STRENGTHS):
-            model = ShapeModel(shapes=tuple(given), weights=sample.weights[half], strength=strength, method=method)
-            drawn = model.sample(len(half), seed=fold)
-            error = energy_distance(rows, quick_descriptors(drawn), spread_of(rows), sample.weights[rest])
-            found = np.array([signature(shape.geometry) for shape in drawn])  # type: ignore[arg-type]
-            score[k] += error / FOLDS, novelty(found, *marks) / FOLDS
-    good = score[:, 0] <= WORSE * score[0, 0]
-    enough = good & (score[:, 1] >= ENOUGH)
-    return STRENGTHS[int(np.flatnonzero(enough)[0] if enough.any() else np.flatnonzero(good)[-1])]
+    drawn = even.sample(min(len(rows), BALANCED), seed=seed)
+    made, donors = quick_descriptors(drawn), np.array([shape.record["donor"] for shape in drawn])
+    found = balanced(rows, even.weights, made, donors)
+    again = found[donors] / even.weights[donors]
+    return found, drawn, energy_distance(rows, made, spread_of(rows), even.weights, again)
+
+
+def _chosen(even: ShapeModel, rows: Floats, seed: int) -> float:
+    """Return the smallest strength with which drawn grains are as far from the nearest one of the sample as those are
+    from each other, or the largest one with which their descriptors are those of the sample.
+    """
+    generator, marks, least = stream(seed, "strength of learned grains"), signatures(even.shapes), STRENGTHS[0]
+    mixed = [np.array_split(generator.permutation(len(rows)), 2) for _ in range(FOLDS)]
+    w, spread = even.weights, spread_of(rows)
+    own = np.mean([energy_distance(rows[a], rows[b], spread, w[a], w[b]) for a, b in mixed])
+    far = distances(marks, marks)
+    np.fill_diagonal(far, np.inf)
+    for strength in STRENGTHS:
+        _, drawn, error = _balancing(replace(even, strength=strength), rows, seed)
+        if error > WORSE * own:
+            break
+        least = strength
+        if np.median(distances(signatures(drawn), marks).min(axis=1)) >= ENOUGH * np.median(far.min(axis=1)):
+            break
+    return least
+
+
+def balanced(given: Floats, weights: Floats, drawn: Floats, donors: Integers) -> Floats:
+    """Return weights (n,) of donors, of sum 1, with which the mean descriptors of drawn grains are those of the sample.
+
+    Maps change descriptors on the average: whatever bulges becomes sharper. With the mean change between the rows
+    (m, k) of drawn grains and those of their donors among the given ones (n, k), the weights are those nearest to the
+    given ones by relative entropy which make up for it, as exponential functions of the rows. These are not steeper
+    than one per standard deviation, so that no grain is the donor of most.
+
+    References
+    ----------
+    .. [1] Jaynes 1957, doi:10.1103/PhysRev.106.620: weights of largest entropy with given means
+    """
+    changed = given + (drawn - given[donors]).mean(axis=0)
+    rows = (changed - weights @ given) / spread_of(given)
+
+    def tilted(slope: Floats) -> Floats:
+        made = weights * np.exp(rows @ slope)
+        return np.asarray(made / made.sum())
+
+    def missed(slope: Floats) -> tuple[float, Floats]:
+        level = np.log(weights @ np.exp(rows @ slope)) + RIDGE / 2 * slope @ slope
+        return float(level), np.asarray(tilted(slope) @ rows + RIDGE * slope)
+
+    bounds = [(-STEEPEST, STEEPEST)] * rows.shape[1]
+    return tilted(load("scipy.optimize").minimize(missed, np.zeros(rows.shape[1]), jac=True, bounds=bounds).x)

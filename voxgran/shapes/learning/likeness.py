@@ -7,6 +7,7 @@ import numpy as np
 
 from voxgran._base.arrays import Booleans, Floats
 from voxgran.geometry.tree import grow_tree
+from voxgran.shapes.describing.curvature import bends_of_mesh, mean_of_corners
 from voxgran.shapes.describing.ratios import DESCRIPTORS, Form
 from voxgran.shapes.learning.warp import frame_of
 from voxgran.shapes.mesh import Mesh
@@ -35,6 +36,11 @@ def signature(mesh: Mesh) -> Floats:
     faces = mesh.corners[:, ::-1] if np.linalg.det(axes) < 0 else mesh.corners
     distance = grow_tree(points, faces.astype(np.int64)).signed_distance(grid)
     return np.concatenate([np.clip(distance, -FAR, FAR), np.log(np.sqrt(5) * roots / radius)])
+
+
+def signatures(shapes: Sequence[Shape]) -> Floats:
+    """Return the signatures (n, k) of grains that are meshes."""
+    return np.array([signature(shape.geometry) for shape in shapes])  # type: ignore[arg-type]
 
 
 def distances(one: Floats, two: Floats) -> Floats:
@@ -70,26 +76,33 @@ def comparable(*groups: Floats) -> tuple[list[Floats], Booleans]:
 
 
 def quick_descriptors(shapes: Sequence[Shape]) -> Floats:
-    """Return sphericity, convexity and the principal ratios (n, 4), which take a thousandth of a second a grain."""
+    """Return sphericity, principal ratios, convexity and roundness (n, 5), which take thousandths of a second a grain.
+
+    The ratios are those of the second moments, and the roundness is relative to the shortest axis of the ellipsoid that
+    has them: the smallest box and the largest sphere inside take ten times as long.
+    """
     rows = []
     for shape in shapes:
         assert isinstance(shape.geometry, Mesh)
         form, roots = Form(shape), frame_of(shape.geometry)[2]
         ratios = [roots[1] / roots[0], roots[2] / roots[1]]
-        rows.append([DESCRIPTORS["sphericity"].compute(form), *ratios, DESCRIPTORS["convexity"].compute(form)])
+        round_ = mean_of_corners(bends_of_mesh(shape.vertices, shape.faces), float(np.sqrt(5) * roots[2]))
+        rows.append([DESCRIPTORS["sphericity"].compute(form), *ratios, DESCRIPTORS["convexity"].compute(form), round_])
     return np.array(rows)
 
 
-def energy_distance(one: Floats, two: Floats, spread: Floats, weights: Floats | None = None) -> float:
-    """Return the energy distance of samples (n, k) and (m, k), columns divided by a spread (k,); the weights are those
-    of the first.
+def energy_distance(
+    one: Floats, two: Floats, spread: Floats, weights: Floats | None = None, others: Floats | None = None
+) -> float:
+    """Return the energy distance of samples (n, k) and (m, k), columns divided by a spread (k,), with the weights (n,)
+    of the first and those (m,) of the second.
 
     References
     ----------
     .. [1] Szekely & Rizzo 2013, doi:10.1016/j.jspi.2013.03.018
     """
     w = np.full(len(one), 1 / len(one)) if weights is None else weights / weights.sum()
-    v = np.full(len(two), 1 / len(two))
+    v = np.full(len(two), 1 / len(two)) if others is None else others / others.sum()
 
     def mean(a: Floats, b: Floats, p: Floats, q: Floats) -> float:
         return float(p @ np.sqrt((((a[:, None] - b) / spread) ** 2).sum(axis=2)) @ q)

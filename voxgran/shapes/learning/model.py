@@ -30,6 +30,9 @@ class ShapeModel(ExplainedAttributes):
         Grains of the sample as meshes, each of its true size.
     weights : (n,) ndarray of float
         How often each stands for a grain, of sum 1.
+    donors : (n,) ndarray of float
+        How often each is the donor of a grain, of sum 1: as its weight says, but for what makes up for the mean change
+        of descriptors by the maps.
     strength : float
         Standard deviation of the shears and of the taper by which a new grain differs from one of the sample.
     method : str
@@ -45,6 +48,7 @@ class ShapeModel(ExplainedAttributes):
 
     shapes: tuple[Shape, ...]
     weights: Floats
+    donors: Floats
     strength: float
     method: str = "warp"
 
@@ -60,7 +64,7 @@ class ShapeModel(ExplainedAttributes):
         for shape in self.shapes:
             radius, _, roots, _ = frame_of(shape.geometry)  # type: ignore[arg-type]
             rows.append([np.log(roots[1] / roots[0]), np.log(roots[2] / roots[1]), np.log(2 * radius)])
-        return Kernel(np.array(rows), self.weights)
+        return Kernel(np.array(rows), self.weights, self.donors)
 
     def __repr__(self) -> str:
         """Show method, number of grains and strength."""
@@ -69,8 +73,8 @@ class ShapeModel(ExplainedAttributes):
     def sample(self, count: int, *, seed: int = 0) -> list[Shape]:
         """Draw grains.
 
-        Each grain of the sample is the donor of as many as its weight says, to one, so that the counts of kinds of
-        grains hardly vary.
+        Each grain of the sample is the donor of as many as its number in `donors` says, to one, so that the counts of
+        kinds of grains hardly vary.
 
         Parameters
         ----------
@@ -126,7 +130,7 @@ class ShapeModel(ExplainedAttributes):
             Number of grains that are drawn.
         descriptors : bool
             Whether the descriptors of :func:`voxgran.describe` are compared, which take most of the time; otherwise
-            sphericity, convexity and the ratios of the second moments.
+            sphericity, convexity, the ratios of the second moments, and a roundness that is relative to these.
         seed : int
             Seed of all that is drawn.
 
@@ -177,7 +181,7 @@ class ShapeModel(ExplainedAttributes):
         ShapeModel('warp', grains=12, strength=0.05)
         """
         facts = {"method": self.method, "strength": self.strength}
-        write_model(path, self.shapes, self.weights, facts, overwrite=overwrite)
+        write_model(path, self.shapes, {"weights": self.weights, "donors": self.donors}, facts, overwrite=overwrite)
 
     @classmethod
     def load(cls, path: str | os.PathLike[str]) -> "ShapeModel":
@@ -197,8 +201,8 @@ class ShapeModel(ExplainedAttributes):
         >>> len(vg.ShapeModel.load("rocks.nc").sample(5))
         5
         """
-        shapes, weights, facts = read_model(path)
-        return cls(shapes=shapes, weights=weights, **facts)
+        shapes, facts = read_model(path)
+        return cls(shapes=shapes, **facts)
 
     def _repr_html_(self) -> str:
         """Small picture and numbers, for notebooks."""

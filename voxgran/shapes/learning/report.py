@@ -17,7 +17,7 @@ from voxgran.shapes.learning.likeness import (
     energy_distance,
     nearest_neighbour_test,
     quick_descriptors,
-    signature,
+    signatures,
     spread_of,
 )
 from voxgran.shapes.learning.sample import checked_sample
@@ -27,7 +27,7 @@ if TYPE_CHECKING:
     from xarray import Dataset
 
 #: quick descriptors; pairs in the picture; random halves of the sample
-QUICK, PAIRS, HALVES = ("sphericity", "second_ratio", "third_ratio", "convexity"), 6, 10
+QUICK, PAIRS, HALVES = ("sphericity", "second_ratio", "third_ratio", "convexity", "roundness"), 6, 10
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -81,7 +81,7 @@ def compared(
         values["sample_error"] = float(np.mean([energy_distance(*part, spread) for part in parts]))
     else:
         values["sample_error"] = energy_distance(own, other, spread, weights)
-    marks, kept, known = (np.array([signature(s.geometry) for s in group]) for group in (drawn, given, real))  # type: ignore[arg-type]
+    marks, kept, known = map(signatures, (drawn, given, real))
     values["novelty"] = novelty(marks, kept, None if others is None else known)
     fewer = min(len(marks), len(known))
     share, p_value = nearest_neighbour_test(marks[:fewer], known[:fewer], generator)
