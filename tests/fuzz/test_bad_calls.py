@@ -73,9 +73,8 @@ MASK[1:4, 2:5, 2:4] = True
 LABELS = MASK.astype(int)
 SAMPLE = vg.make_shapes("convex_polyhedron", count=10)
 LEARNED = vg.learn_shapes(SAMPLE)
-TWIN = vg.twin(
-    [vg.shapes.sphere(diameter=size) for size in np.linspace(1, 1.2, 10)], solid_fraction=0.4, protocol="expand"
-)
+BEADS = [vg.shapes.sphere(diameter=size) for size in np.linspace(1, 1.2, 10)]
+TWIN = vg.twin(BEADS, solid_fraction=0.4, protocol="expand")
 SEGMENTED = vg.segment(MASK * 100.0, threshold=50, min_size=1)
 CLOUD = vg.Cloud.of(np.random.Generator(np.random.Philox(1)).random((60, 3)))
 SCAN = vg.Cloud.of(vg.sample_surface(ROCK, spacing=0.1))
@@ -265,7 +264,7 @@ GOOD = {
     "twin": (
         vg.twin,
         {
-            "sample": SAMPLE,
+            "sample": BEADS,
             "container": vg.Box((3, 3, 3), periodic="xyz"),
             "count": 10,
             "solid_fraction": 0.4,

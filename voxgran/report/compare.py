@@ -29,6 +29,10 @@ from voxgran.report.view import views_of
 
 #: largest number of packings of a group whose curves are drawn
 DRAWN = 5
+LEADS = (
+    "Solid fraction, the mean of each group, of the region that is named below it; the first group is the reference "
+    "for the others."
+)
 
 
 @explained(hint='save_comparison({"loose": bed, "dense": other}, "page.html")')
@@ -96,6 +100,7 @@ def save_comparison(
     text = page_template("comparison.html.j2").render(
         version=__version__,
         title=title,
+        lead=LEADS,
         groups=[_headline(group) for group in groups],
         head=_head(groups),
         rows=[_row(row, groups) for row in rows],

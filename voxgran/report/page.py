@@ -15,6 +15,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from voxgran import __version__
+from voxgran._base.arrays import as_flag
 from voxgran._base.calls import explained
 from voxgran._base.errors import with_article
 from voxgran._base.files import as_path, output_suffix, refuse_to_replace, write_files
@@ -188,10 +189,12 @@ def check_page_path(path: str | os.PathLike[str], *, overwrite: bool) -> Path:
         If the suffix is not ``.html``.
     OutputExistsError
         If the page or the JSON file is there and `overwrite` is false.
+    InputError
+        If `overwrite` is neither true nor false.
     """
     output_suffix(path, [".html"], "pages are kept")
     twin = as_path(path).with_suffix(".json")
-    if not overwrite:
+    if not as_flag(overwrite, "overwrite"):
         refuse_to_replace(path, twin)
     return twin
 

@@ -7,9 +7,11 @@ import numpy as np
 import pytest
 
 import voxgran as vg
-from voxgran._base.errors import InputError
+from voxgran._base.errors import InputError, TooLargeError
+from voxgran.cli import main
+from voxgran.scene.twins.compared import _passing
 from voxgran.scene.twins.differences import TEXTS
-from voxgran.scene.twins.sample import sample_of
+from voxgran.scene.twins.sample import Sample, sample_of
 from voxgran.shapes.learning.border import border_weights, is_scan
 
 EQUAL = 2.0
@@ -26,7 +28,7 @@ def spheres():
 @pytest.fixture(scope="module")
 def copy(spheres):
     """Return a twin of it."""
-    return vg.twin(spheres, count=50, protocol="expand", seed=2)
+    return vg.twin(spheres, count=50, protocol="expand", seed=2, voxel_size=0.08)
 
 
 def scan_of(boxes, side=10):
@@ -35,6 +37,23 @@ def scan_of(boxes, side=10):
     for k, (lower, upper) in enumerate(boxes):
         image[tuple(slice(a, b) for a, b in zip(lower, upper, strict=True))] = k + 1
     return vg.packing_of_labels(image, voxel_size=1.0, surface="voxel", gravity="none")
+
+
+def mesh_of(seed):
+    """Return a polyhedron as a mesh."""
+    rock = vg.make_shape("convex_polyhedron", seed=seed)
+    return vg.Shape.from_mesh(rock.vertices, rock.faces)
+
+
+def row_of(count):
+    """Return spheres in a row, in a box three diameters wide."""
+    place = [(k + 0.5, 0.5, 0.5) for k in range(count)]
+    return vg.Packing.of([vg.shapes.sphere()], vg.Box((count, 3, 3)), position=place)
+
+
+def sheet():
+    """Return an open surface."""
+    return vg.Shape.from_surface([(0, 0, 0), (1, 0, 0), (1, 1, 0), (0, 1, 0)], [(0, 1, 2), (0, 2, 3)])
 
 
 def test_weights_are_the_inverse_of_the_room_that_whole_grains_have():
@@ -98,7 +117,7 @@ def test_the_comparison_holds_each_measure_with_its_scatter(copy):
     assert (np.abs(data["ratio"].values) <= EQUAL).mean() > 0.8
     assert float(data["two_point_correlation_sample"][0]) == pytest.approx(0.5, abs=0.01)
     assert float(data["sample"].sel(measure="wetted_surface")) == pytest.approx(
-        float((np.pi * copy.sample.packing.diameters**2).sum() / copy.sample.packing.container.volume), rel=0.03
+        float((np.pi * copy.sample.packing.diameters**2).sum() / copy.sample.packing.container.volume), rel=0.06
     )
 
 
@@ -127,13 +146,119 @@ def test_the_page_lists_the_largest_difference_first(copy, tmp_path):
         (lambda: vg.twin([vg.shapes.sphere()] * 12), "give that of the twin"),
         (lambda: vg.twin([vg.shapes.sphere()] * 12, solid_fraction=0.8), "rigid grains"),
         (lambda: vg.twin([vg.shapes.sphere()] * 12, solid_fraction=0.1), "rigid grains"),
+        (lambda: vg.twin([vg.shapes.sphere()] * 12, solid_fraction=0.6, count=10**9), "ask for fewer"),
+        (lambda: vg.twin([vg.shapes.sphere()] * 12, solid_fraction=0.6, model="shapes.nc"), "ShapeModel.load"),
+        (lambda: vg.twin([mesh_of(0)] * 12, solid_fraction=0.6), "one shape"),
+        (lambda: vg.twin([sheet()] * 12, solid_fraction=0.6), "open surfaces"),
         (lambda: vg.twin(scan_of([((0, 0, 0), (3, 3, 3)), ((5, 5, 5), (10, 9, 9))])), "no whole grain"),
         (lambda: vg.twin([vg.shapes.sphere()] * 12, solid_fraction=0.6, protocol="poured"), "protocol"),
     ],
 )
 def test_bad_samples_are_refused_in_one_sentence(given, told):
-    with pytest.raises(InputError, match=told):
+    with pytest.raises((InputError, TooLargeError), match=told):
         given()
+
+
+@pytest.mark.parametrize(
+    ("made", "told"),
+    [
+        (lambda: scan_of([((0, 0, 0), (3, 3, 3)), ((5, 5, 5), (10, 9, 9))]), "no whole grain"),
+        (lambda: row_of(5), "10 at least"),
+        (lambda: row_of(12), "rigid grains"),
+    ],
+)
+def test_the_command_refuses_them_with_status_2(made, told, tmp_path, capsys):
+    vg.save(made(), tmp_path / "scan.vtp")
+    assert main(["twin", str(tmp_path / "scan.vtp"), "-o", str(tmp_path / "out")]) == 2
+    said = capsys.readouterr().err
+    assert told in said
+    assert said.count("\n") == 1
+    assert not (tmp_path / "out").exists()
+
+
+def test_labels_of_a_bed_become_a_bed(monkeypatch):
+    """What packs is given a bed's gravity, a floor, and the solid fraction that is sought."""
+    bed = vg.Packing.of(
+        [vg.shapes.sphere()], vg.Box((4, 4, 8), periodic="xy"), gravity=(0.0, 0.0, -9.81),
+        position=[(x + 0.5, y + 0.5, z + 0.5) for x in range(4) for y in range(4) for z in range(5)],
+    )  # fmt: skip
+    asked = {}
+
+    def kept(shapes, box, method, **given):
+        asked.update(given, box=box, method=method)
+        return bed
+
+    monkeypatch.setattr("voxgran.scene.twins.twin.pack", kept)
+    twin = vg.twin(bed, count=90)
+    assert (asked["method"], asked["gravity"]) == ("gravity", (0.0, 0.0, -1.0))
+    assert asked["solid_fraction"] == twin.sample.solid_fraction == pytest.approx(np.pi / 6, rel=0.05)
+    assert asked["box"].periodic == (True, True, False)
+    volume = 90 * np.pi / 6 / asked["solid_fraction"]
+    width, height = asked["box"].lengths[0], asked["box"].lengths[2]
+    # the bed is one and a half times as deep as wide, and has room above
+    assert volume / width**3 == pytest.approx(1.5)
+    assert height == pytest.approx(4.5 * width)
+    vg.twin(bed, count=90, gravity="-x")
+    assert asked["box"].periodic == (False, True, True)
+    with pytest.raises(InputError, match="gravity is 'up'"):
+        vg.twin(bed, count=90, gravity="up")
+
+
+@pytest.mark.slow
+@pytest.mark.filterwarnings("ignore::voxgran._base.errors.PackingWarning")
+def test_the_twin_of_a_scanned_bed_comes_to_rest_as_dense():
+    shapes, sizes = [mesh_of(seed) for seed in range(12)], vg.sizes.lognormal(median=1, sigma=0.15)
+    box = vg.Box((3.6, 3.6, 14), periodic="xy")
+    bed = vg.pack(shapes, box, "gravity", count=60, sizes=sizes, friction=0.3, seed=3)
+    image = vg.to_image(bed, 0.09)[:, :, : int((bed.position[:, 2].max() + 1) / 0.09)]
+    scan = vg.packing_of_labels(image, voxel_size=0.09, periodic="xy", gravity="-z")
+    twin = vg.twin(scan, count=60, faces=100, forms=10, seed=5)
+    sought = twin.packing.provenance["settling"]["sought"]
+    assert sought["met"]
+    assert twin.packing.verify().ok
+    found = twin.compared_with(bed)
+    for name in ("solid_fraction", "coordination_number", "tortuosity"):
+        row = found.sel(measure=name)
+        print(f"{name}  bed {float(row['sample']):.4g}  twin {float(row['twin']):.4g}")  # noqa: T201
+    assert abs(float(found["difference"].sel(measure="solid_fraction"))) < 0.01
+    assert abs(float(found["difference"].sel(measure="coordination_number"))) < 0.3
+    assert abs(float(found["ratio"].sel(measure="tortuosity"))) < EQUAL
+
+
+def test_several_seeds_give_the_scatter_between_twins(spheres):
+    several = vg.twin(spheres, count=12, protocol="expand", seed=4, seeds=3, voxel_size=0.25)
+    assert len(several.packings) == 3
+    assert several.packings[1].provenance["seed"] == 5
+    data = several.comparison
+    numbers = [
+        replace(several, packings=(one,)).comparison["twin"].sel(measure="tortuosity") for one in several.packings
+    ]
+    row = data.sel(measure="tortuosity")
+    assert float(row["twin"]) == pytest.approx(np.mean(numbers))
+    assert float(row["twin_scatter"]) == pytest.approx(np.std(numbers, ddof=1))
+
+
+@pytest.mark.slow
+def test_whole_grains_of_a_window_give_the_sizes_without_bias():
+    """The D50 of 96 whole grains scatters by 3 %, that of 240 by less than 2 %; the mean of both is right."""
+    rng = np.random.default_rng(0)
+    for count in (250, 500):
+        edge = 6.35 * (count / 250) ** (1 / 3)
+        window, found = edge - 0.72, []
+        for _ in range(400):
+            size, place = np.exp(0.2 * rng.standard_normal(count)), edge * rng.random((count, 3))
+            low, high = place - size[:, None] / 2, place + size[:, None] / 2
+            whole = ((low > 0) & (high < window)).all(axis=1)
+            shapes = tuple(vg.shapes.sphere(diameter=one) for one in size[whole])
+            weights = (1 - size[whole] / window) ** -3.0
+            laid = Sample(shapes, weights, 0.6, "1").laid_sizes(count)
+            true, twin = (_passing(np.sort(one), np.sort(one) ** 3, np.array([0.5]))[0] for one in (size, laid))
+            found.append((len(shapes), twin / true - 1))
+        many, error = np.transpose(found)
+        text = f"{many.mean():.0f} whole of {count}: D50 {100 * error.mean():.2f} % with a scatter of"
+        print(f"\n{text} {100 * error.std():.1f} %")  # noqa: T201
+        assert abs(error.mean()) < 0.005
+        assert error.std() < (0.035 if count == 250 else 0.02)
 
 
 @pytest.mark.slow

@@ -36,7 +36,7 @@ TEXTS = {
 CURVES = {
     "radial_distribution": ("distance", "distance of centroids", 1, "radial distribution g(r)", 0),
     "two_point_correlation": ("lag", "distance", 1, "two-point correlation of the solid", 0),
-    "pore_chords": ("lag", "distance", 1, "share of the chords of pores that are longer", 0),
+    "pore_chords": ("lag", "distance", 1, "share of longer chords of pores", 0),
     "gradation": ("share", "share by volume", 0, "size that it passes", 1),
 }
 

@@ -19,6 +19,7 @@ from voxgran.scene.twins.differences import CURVES
 
 #: difference, in standard errors, up to which sample and twin are equal
 EQUAL = 2.0
+LEADS = "Solid fractions: of a scan up to its border, of a bed in its bulk, far from walls and surface."
 TELLS = (
     "The scatter is the standard error of a number, from eight blocks of the packing; with several twins it is the "
     "standard deviation between them. The ratio is the difference over both scatters together: sample and twin are "
@@ -38,12 +39,14 @@ def write_page(twin: Any, path: str | os.PathLike[str], *, overwrite: bool) -> N
     text = page_template("comparison.html.j2").render(
         version=__version__,
         title="Sample and twin",
+        lead=LEADS,
         groups=[_headline(name, packing, twin) for name, packing in shown.items()],
         head=["", "sample", "twin", "difference", "ratio"],
         rows=[_row(data, int(k)) for k in order],
         notes=[TELLS, KEEPS],
         tests=[],
-        views=[view for name, packing in known.items() for view in _pictures(name, packing)],
+        # sample beside twin from outside, and below both cut
+        views=[view for pair in zip(*(_pictures(*one) for one in known.items()), strict=True) for view in pair],
         view=views_of(known),
         gradient=", ".join(gradient()),
         figures=_curves(data),
@@ -83,7 +86,8 @@ def _with_error(value: float, error: float) -> str:
     """Return a number with its scatter as text."""
     if not np.isfinite(value):
         return "not known"
-    return f"{value:.4g}" + (f" \u00b1 {error:.2g}" if np.isfinite(error) and error > 0 else "")
+    known = np.isfinite(error) and error > 1e-9 * abs(value)
+    return f"{value:.4g}" + (f" \u00b1 {error:.2g}" if known else "")
 
 
 def _pictures(name: str, packing: Packing) -> list[Any]:

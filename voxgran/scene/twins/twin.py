@@ -9,10 +9,10 @@ from typing import TYPE_CHECKING, Any, Literal
 import numpy as np
 
 from voxgran._base import ExplainedAttributes
-from voxgran._base.arrays import Floats, Integers, as_choice, as_count, as_share
+from voxgran._base.arrays import Floats, Integers, as_choice, as_count, as_length, as_share, check_type
 from voxgran._base.calls import explained
 from voxgran._base.seeds import stream
-from voxgran.containers.gravity import main_axis
+from voxgran.containers.gravity import as_down, main_axis
 from voxgran.containers.kinds.box import Box
 from voxgran.containers.model import Container
 from voxgran.packing.model import Packing, check_packing
@@ -21,9 +21,11 @@ from voxgran.scene.twins.compared import comparison_of
 from voxgran.scene.twins.page import write_page
 from voxgran.scene.twins.sample import Sample, sample_of
 from voxgran.shapes.learning.learn import learn_shapes
+from voxgran.shapes.learning.model import ShapeModel
 from voxgran.shapes.mesh import Mesh
 from voxgran.shapes.model import Shape
 from voxgran.shapes.repairing.simplify import simplify
+from voxgran.shapes.size_laws.listed import refuse_too_many
 from voxgran.shapes.sizes import discrete
 
 if TYPE_CHECKING:
@@ -31,6 +33,8 @@ if TYPE_CHECKING:
 
 #: depth of a bed over its width, height of its container over that depth, and share of a container that beds fill
 DEEP, ROOM, FILLED = 1.5, 3.0, 0.8
+#: most packings of one call
+MOST_SEEDS = 1000
 
 
 @dataclass(frozen=True, eq=False)
@@ -57,7 +61,7 @@ class Twin(ExplainedAttributes):
 
     sample: Sample
     packings: tuple[Packing, ...]
-    model: Any = None
+    model: ShapeModel | None = None
     voxel_size: float | None = None
 
     @property
@@ -127,7 +131,7 @@ def twin(
     count: int | None = None,
     solid_fraction: float | None = None,
     protocol: Literal["gravity", "compress", "expand"] | None = None,
-    model: Any = None,
+    model: ShapeModel | None = None,
     faces: int = 200,
     forms: int = 100,
     voxel_size: float | None = None,
@@ -200,6 +204,8 @@ def twin(
     >>> twin.packing.count, round(twin.packing.solid_fraction, 3)
     (30, 0.5)
     """
+    if model is not None:
+        check_type(model, ShapeModel, "model", "a ShapeModel; learn_shapes and ShapeModel.load make one")
     found = sample_of(sample, solid_fraction)
     wanted = found.solid_fraction if solid_fraction is None else as_share(solid_fraction, "solid_fraction")
     gravity = None if found.packing is None else found.packing.gravity
@@ -209,15 +215,18 @@ def twin(
     if count is None and container is not None:
         count = int(wanted * container.volume * (FILLED if how == "gravity" else 1.0) / mean)
     many = as_count(len(found.shapes) if count is None else count, "count", at_least=1)
+    refuse_too_many(many)
+    different = min(as_count(forms, "forms", at_least=1), many)
+    voxel = None if voxel_size is None else as_length(voxel_size, "voxel_size")
     if model is None and all(isinstance(shape.geometry, Mesh) for shape in found.shapes):
         # both are then described at the same resolution
         found = replace(found, shapes=tuple(simplify(shape, faces=faces).shape for shape in found.shapes))
         model = learn_shapes(found.shapes, weights=found.weights, seed=seed)
     if how == "gravity" and gravity is not None:
         parameters.setdefault("gravity", tuple(gravity))
-    packings = []
-    for one in range(seed, seed + as_count(seeds, "seeds", at_least=1)):
-        shapes, shape_id, sizes = drawn(found, many, model, min(forms, many), one)
+    packings, first = [], as_count(seed, "seed")
+    for one in range(first, first + as_count(seeds, "seeds", at_least=1, at_most=MOST_SEEDS)):
+        shapes, shape_id, sizes = drawn(found, many, model, different, one)
         volume = float((np.pi / 6 * sizes**3).sum()) / wanted
         box = _box(volume, how, parameters.get("gravity")) if container is None else container
         listed = {"shape": shape_id, "diameter": sizes}
@@ -228,10 +237,12 @@ def twin(
             packings.append(pack(shapes, box, how, count=many, sizes=law, **asked))
         else:
             packings.append(pack(shapes, box, how, grains=listed, **asked))
-    return Twin(found, tuple(packings), model, voxel_size)
+    return Twin(found, tuple(packings), model, voxel)
 
 
-def drawn(sample: Sample, count: int, model: Any, forms: int, seed: int) -> tuple[list[Shape], Integers, Floats]:
+def drawn(
+    sample: Sample, count: int, model: ShapeModel | None, forms: int, seed: int
+) -> tuple[list[Shape], Integers, Floats]:
     """Return shapes of a model, or of the sample, and shape and diameter of each grain (count,), from small to large.
 
     The diameters are laid over the distribution of the sample. A shape is that of grains whose sizes follow each other,
@@ -251,7 +262,8 @@ def _box(volume: float, protocol: str, gravity: Any) -> Box:
     """Return a periodic box that grains fill at rest, or one with a floor in which they come to rest as a bed."""
     if protocol != "gravity":
         return Box((volume ** (1 / 3),) * 3, "xyz")
-    down = np.abs(main_axis(np.array((0.0, 0.0, -1.0) if gravity is None else gravity)))
+    asked = as_down(gravity, Box((1.0, 1.0, 1.0)))
+    down = np.abs(main_axis(np.array((0.0, 0.0, -1.0) if asked is None else asked, dtype=np.float64)))
     width = (volume / DEEP) ** (1 / 3)
     lengths = np.where(down > 0, DEEP * ROOM * width, width)
     return Box(lengths, tuple(bool(one) for one in down == 0))
