@@ -109,7 +109,7 @@ class Materials(ExplainedAttributes):
                 if name is not None:
                     self._known(name, f"material of {what}")
         for name in self.walls if isinstance(self.walls, Mapping) else ():
-            if name not in WALLS and not (isinstance(name, str) and re.fullmatch(rf"{ROUND}_[1-9][0-9]*", name)):
+            if name not in WALLS and not re.fullmatch(rf"{ROUND}_[1-9][0-9]*", str(name)):
                 raise UnknownNameError(unknown("wall of the materials", name, WALLS))
         for first, second in combinations_with_replacement(self.names, 2):
             self.between(first, second)

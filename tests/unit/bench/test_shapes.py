@@ -25,7 +25,7 @@ def test_errors_are_small_and_those_of_exact_shapes_are_zero(family, most, monke
 def test_rows_and_figure_are_written(tmp_path, monkeypatch):
     monkeypatch.setattr(shapes, "COUNT", 2)
     monkeypatch.setattr(shapes, "COMPARED", 1)
-    monkeypatch.setattr(shapes, "shape_families", lambda: ("sphere", "disk", "convex_polyhedron"))
+    monkeypatch.setattr(shapes, "default_families", lambda: ("sphere", "disk", "convex_polyhedron"))
     table, figure = shapes.run(tmp_path)
     rows = list(csv.DictReader(table.read_text().splitlines()))
     assert [row["family"] for row in rows] == ["sphere", "disk", "convex_polyhedron"]

@@ -158,7 +158,7 @@ def rows_of(case: str, *numbers: int) -> list[Row]:
     """Return the rows of a case with numbers of grains in the samples, and that of harmonics where it is compared."""
     unseen = checked_sample(CASES[case](TESTED, SEED), None, None).shapes
     test, marks = descriptors(unseen), signatures(unseen)
-    plans = [(case, grains, learn_shapes) for grains in numbers]
+    plans: list[tuple[str, int, Any]] = [(case, grains, learn_shapes) for grains in numbers]
     if case in SMOOTH:
         plans.append((f"{case} by harmonics", LEARNED, Harmonics.of))
     found = []
@@ -219,7 +219,7 @@ class Harmonics:
         directions, faces, _ = sphere(3)
         rows = (self.mean + scores @ self.components).reshape(count, 2, DEGREES, DEGREES)
         return [
-            Shape.of(Mesh(np.exp(field_values(*row, directions))[:, None] * directions, faces), name="harmonics")
+            Shape.of(Mesh(np.exp(field_values(row[0], row[1], directions))[:, None] * directions, faces), name="harmonics")
             for row in rows
         ]
 
