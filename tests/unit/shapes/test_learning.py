@@ -261,15 +261,20 @@ def test_labels_without_a_whole_grain_are_refused():
         vg.learn_shapes(vg.packing_of_labels(image, voxel_size=1.0, gravity="none"))
 
 
+NUMBERS = ["energy_distance", "sample_error", "novelty"]
+
+
 @pytest.mark.parametrize("case", ["voronoi_fragment", pytest.param("rings_with_rods", marks=pytest.mark.slow)])
 def test_drawn_grains_are_as_near_to_others_as_the_sample_is(case):
-    model = vg.learn_shapes(twins.CASES[case](40, 5), strength=0.05)
-    report = model.report(twins.CASES[case](40, 6), count=60, descriptors=False)
-    assert float(report.table.energy_distance) < 1.5 * float(report.table.sample_error)
-    assert float(report.table.novelty) > 0.75
-    assert len(report.pairs) == 12
-    assert "energy_distance" in repr(report)
-    for grain in report.pairs[1::2]:
+    # one sample of 40 scatters: means over three
+    models = [vg.learn_shapes(twins.CASES[case](40, seed), strength=0.05) for seed in (5, 6, 7)]
+    reports = [model.report(twins.CASES[case](60, 8), count=60, descriptors=False) for model in models]
+    error, own, new = np.mean([list(map(float, report.table[NUMBERS].values())) for report in reports], axis=0)
+    assert error < 1.5 * own
+    assert new > 0.8
+    assert len(reports[0].pairs) == 12
+    assert "energy_distance" in repr(reports[0])
+    for grain in reports[0].pairs[1::2]:
         refuse_dirty(grain.vertices, grain.faces, grain.name)
 
 
