@@ -13,11 +13,13 @@ from voxgran.report.creases import surface_of
 from voxgran.report.force_chains import TUBES, force_tubes
 from voxgran.report.legend import legend_of
 from voxgran.report.scenes import GRAIN_COLOR, SMOOTH, add_grains
-from voxgran.report.stage import add_container, add_scale_bar, look_at, open_stage
+from voxgran.report.stage import add_container, add_scale_bar, add_spheres, look_at, open_stage
 from voxgran.shapes.model import Shape
 
 #: size of the scene before a browser says its own
 WINDOW = (900, 700)
+#: grains above which a bed that grows is drawn as points
+MANY = 300
 
 
 def colors_of(packing: Packing | None) -> list[str]:
@@ -57,6 +59,19 @@ class Look:
         strip = legend_of(colors, tuple(self.stage.window_size)) if packing.count else None
         if strip is not None and tubes is None:
             strip.add_to(self.stage)
+        if fresh:
+            look_at(self.stage, packing.container.mesh()[0], flat=packing.dimension == 2)
+
+    def show_growing(self, packing: Packing) -> None:
+        """Show a packing that is computed: many grains as spheres of their size, which are drawn as points."""
+        if packing.count <= MANY:
+            self.show(packing)
+            return
+        fresh, self.packing = self.packing is None, packing
+        self.stage.clear_actors()
+        shades = np.full((packing.count, 3), 0.6)
+        add_spheres(self.stage, np.asarray(packing.position), 0.5 * packing.diameters, shades)
+        add_container(self.stage, packing.container)
         if fresh:
             look_at(self.stage, packing.container.mesh()[0], flat=packing.dimension == 2)
 

@@ -205,7 +205,7 @@ class Page:
             return
         self.grown = (run.number, run.grown)
         with contextlib.suppress(VoxgranError):
-            self.desk.look.show(load_packing(run.growing))
+            self.desk.look.show_growing(load_packing(run.growing))
             self._update()
 
     def _guarded(self, call: Any) -> None:
