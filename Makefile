@@ -142,6 +142,8 @@ figures: demo bench   ## the pictures of README and docs
 	cp out/shapes_polyhedra/shapes_polyhedra.png docs/figures/shapes_polyhedra.png
 	$(BIN)/python examples/scan_to_packing.py out/scan_to_packing
 	cp out/scan_to_packing/scan_to_packing.png docs/figures
+	$(BIN)/python examples/twin_of_scan.py out/twin_of_scan
+	cp out/twin_of_scan/twin_of_scan.png docs/figures
 	$(BIN)/python examples/tutorial.py out/tutorial
 	cp out/tutorial/tutorial_*.png docs/figures
 

@@ -11,8 +11,10 @@ import sys
 from pathlib import Path
 
 import numpy as np
+from matplotlib.figure import Figure
 
 import voxgran as vg
+from voxgran.report.scenes import picture_cut
 
 folder = Path(sys.argv[1] if len(sys.argv) > 1 else "out/twin_of_scan")
 count = int(sys.argv[2]) if len(sys.argv) > 2 else 250
@@ -37,3 +39,15 @@ true = twin.compared_with(specimen)
 for name in ("solid_fraction", "D50", "coordination_number", "radial_peak", "tortuosity"):
     row = true.sel(measure=name)
     print(f"{name}  specimen {float(row['sample']):.4g}  twin {float(row['twin']):.4g}")
+
+# %%
+# **Scan and twin**
+figure = Figure(figsize=(9, 4.6), layout="constrained")
+pictures = {"labels of the scan": picture_cut(scan), "twin": picture_cut(twin.packing)}
+for panel, (title, picture) in zip(figure.subplots(1, 2), pictures.items(), strict=True):
+    panel.imshow(picture)
+    panel.set_title(title)
+    panel.axis("off")
+# Picture: On the left the labels of a scanned box, cut flat by its border; on the right as many whole grains in a
+#   periodic box.
+figure.savefig(folder / "twin_of_scan.png", dpi=110)
