@@ -219,7 +219,9 @@ class Harmonics:
         directions, faces, _ = sphere(3)
         rows = (self.mean + scores @ self.components).reshape(count, 2, DEGREES, DEGREES)
         return [
-            Shape.of(Mesh(np.exp(field_values(row[0], row[1], directions))[:, None] * directions, faces), name="harmonics")
+            Shape.of(
+                Mesh(np.exp(field_values(row[0], row[1], directions))[:, None] * directions, faces), name="harmonics"
+            )
             for row in rows
         ]
 
