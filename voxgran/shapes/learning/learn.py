@@ -112,7 +112,8 @@ def _chosen(even: ShapeModel, rows: Floats, seed: int) -> float:
     from each other, or the largest one with which their descriptors are those of the sample.
     """
     generator, marks, least = stream(seed, "strength of learned grains"), signatures(even.shapes), STRENGTHS[0]
-    mixed = [np.array_split(generator.permutation(len(rows)), 2) for _ in range(FOLDS)]
+    # halves of as many grains as are drawn, since the error of a sample falls with its number of grains
+    mixed = [np.array_split(generator.permutation(len(rows))[:BALANCED], 2) for _ in range(FOLDS)]
     w, spread = even.weights, spread_of(rows)
     own = np.mean([energy_distance(rows[a], rows[b], spread, w[a], w[b]) for a, b in mixed])
     far = distances(marks, marks)
