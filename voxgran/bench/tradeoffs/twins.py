@@ -41,7 +41,7 @@ from voxgran.shapes.tessellate import sphere
 from voxgran.voxels.occupy import voxelize
 
 #: samples, grains that are learned from, drawn and tested on, and the numbers that are learned from of one family
-SAMPLES, LEARNED, DRAWN, TESTED, NUMBERS = 3, 100, 200, 150, (20, 40, 80, 160)
+SAMPLES, LEARNED, DRAWN, TESTED, NUMBERS = 2, 100, 200, 150, (20, 40, 80, 160)
 #: grains that are learned from and drawn to take the time
 MANY = (500, 1000)
 #: seed of the test grains, followed by those of the samples; no choice has used them
