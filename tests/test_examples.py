@@ -433,7 +433,7 @@ def test_twin_of_scan(tmp_path, capsys, monkeypatch):
     }
     assert found["solid_fraction"][1] == pytest.approx(found["solid_fraction"][0], abs=0.005)
     assert found["coordination_number"][1] == pytest.approx(found["coordination_number"][0], abs=0.3)
-    # the standard error of the D50 of 88 whole grains is 4 %
+    # the standard error of the D50 of 89 whole grains is 4 %
     assert found["D50"][1] == pytest.approx(found["D50"][0], rel=0.08)
     assert found["radial_peak"][1] == pytest.approx(found["radial_peak"][0], rel=0.05)
     assert found["tortuosity"][1] == pytest.approx(found["tortuosity"][0], rel=0.05)
