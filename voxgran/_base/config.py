@@ -173,7 +173,11 @@ def check_bounds(instance: Any, *, of: str = "") -> None:
             as_choice(value, name, typing.get_args(kinds[0]))
         lists = [kind for kind in kinds if typing.get_origin(kind) is tuple]
         plain = all(kind in (float, int, str) for kind in kinds if kind not in lists)
-        if plain and (lists or kinds == (str,) or isinstance(value, tuple | list)):
+        # two numbers in place of one are a range, from which a family draws
+        several = isinstance(value, tuple | list) and not (
+            len(value) == 2 and all(isinstance(one, int | float) for one in value)
+        )
+        if plain and (lists or kinds == (str,) or several):
             # numbers alone are checked by their bounds
             _convert(value, entry.type, name)
         if not entry.bounds or is_parameter_class(type(value)):

@@ -126,6 +126,10 @@ class Desk:
         """
         place = self.queue.folder / "uploads" / Path(name).name
         place.parent.mkdir(parents=True, exist_ok=True)
+        named, number = place, 1
+        while place.exists():  # an upload of that name may be a shape of a run
+            number += 1
+            place = named.with_stem(f"{named.stem}_{number}")
         place.write_bytes(content)
         try:
             with heard(lambda _: None):

@@ -238,9 +238,9 @@ class Page:
                 html.Span("{{ error }}", classes="text-error mx-4", id="error")
                 v3.VBtn("Preview shapes", click=self.preview, id="preview")
                 v3.VBtn("Run", click=self.run, id="run", color="primary", variant="flat", classes="mx-2")
-            with v3.VNavigationDrawer(model_value=True, width=400, permanent=True):
+            with v3.VNavigationDrawer(model_value=True, width=340, permanent=True):
                 self._forms(v3, html)
-            with v3.VNavigationDrawer(model_value=True, width=340, permanent=True, location="right"):
+            with v3.VNavigationDrawer(model_value=True, width=300, permanent=True, location="right"):
                 self._results(v3, html)
             with v3.VMain(), v3.VContainer(fluid=True, classes="pa-0 d-flex flex-column", style="height: 100%"):
                 self._tools(v3)

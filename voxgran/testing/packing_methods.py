@@ -199,7 +199,8 @@ class PackingMethodSuite:
         packing = pack(self.shapes(), container, self.method, **asked)
         assert packing.fixed is not None
         assert packing.fixed.tolist() == [True, False, False, False]
-        assert packing.position[0] == pytest.approx(middle, abs=1e-12)
+        # a container that is compressed takes its middle along
+        assert packing.position[0] == pytest.approx(packing.container.bounds.mean(axis=0), abs=1e-9)
         assert verify(replace(packing, fixed=None)).ok
 
     def test_periodic_grains_wrap(self) -> None:

@@ -10,6 +10,9 @@ PACKAGE = Path(voxgran.__file__).parent
 CALLS = {"unlink", "rmtree", "rmdir", "remove_tree", "ftruncate", "truncate"}
 OF_OS = {"os.remove", "os.replace", "os.rename", "os.removedirs", "os.renames", "shutil.move"}
 PLACES = {
+    ("app/runs.py", "_listen"): "the file of the growing bed of a run, which it has written itself",
+    ("app/runs.py", "close"): "the file of the growing bed of a run, which it has written itself",
+    ("app/desk.py", "upload"): "an upload that is no shape, which it has written itself under a new name",
     ("_base/checkpoint.py", "remove_checkpoint"): "the file begins as a checkpoint",
     ("_base/compiling/kernel_files.py", "save"): "a draft of its own, with a random name",
     ("_base/compiling/kernel_files.py", "remove_forgotten"): "its name and its first bytes are those of a kernel",

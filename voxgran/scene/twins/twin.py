@@ -10,7 +10,7 @@ import numpy as np
 
 from voxgran._base import ExplainedAttributes
 from voxgran._base.arrays import Floats, Integers, as_choice, as_count, as_length, as_share, check_type
-from voxgran._base.calls import explained
+from voxgran._base.calls import explained, explained_methods
 from voxgran._base.seeds import stream
 from voxgran.containers.gravity import as_down, main_axis
 from voxgran.containers.kinds.box import Box
@@ -37,7 +37,8 @@ DEEP, ROOM, FILLED = 1.5, 3.0, 0.8
 MOST_SEEDS = 1000
 
 
-@dataclass(frozen=True, eq=False)
+@explained_methods
+@dataclass(frozen=True, eq=False, kw_only=True)
 class Twin(ExplainedAttributes):
     """A sample and what was made after it.
 
@@ -237,7 +238,7 @@ def twin(
             packings.append(pack(shapes, box, how, count=many, sizes=law, **asked))
         else:
             packings.append(pack(shapes, box, how, grains=listed, **asked))
-    return Twin(found, tuple(packings), model, voxel)
+    return Twin(sample=found, packings=tuple(packings), model=model, voxel_size=voxel)
 
 
 def drawn(
