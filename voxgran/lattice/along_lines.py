@@ -80,6 +80,11 @@ def chord_lengths(
     periodic : str, bool or sequence
         Periodic axes, such as ``"xy"``, as in :class:`voxgran.Box`.
 
+    Returns
+    -------
+    tuple of (m,) ndarray of float
+        Lengths of the chords along x, y and z, in the unit of the edges.
+
     Raises
     ------
     InputError

@@ -2,7 +2,7 @@
 
 The error is the energy distance of sphericity, elongation, flatness, convexity and roundness of drawn grains from the
 test grains; beside it that of the learned grains themselves, below which none can be expected. One sample scatters:
-the numbers are means over samples. Seconds are those of the processor, without descriptors.
+the numbers are means over samples. Seconds are processor time, without descriptors.
 """
 
 import math
@@ -44,7 +44,7 @@ from voxgran.voxels.occupy import voxelize
 SAMPLES, LEARNED, DRAWN, TESTED, NUMBERS = 2, 100, 200, 150, (20, 40, 80, 160)
 #: grains that are learned from and drawn to take the time
 MANY = (500, 1000)
-#: seed of the test grains, followed by those of the samples; no choice has used them
+#: seed of the test grains; the samples have the seeds that follow
 SEED = 1000
 #: cases of few parameters of which harmonics are compared, degrees of these, and share that the components explain
 SMOOTH, DEGREES, EXPLAINED = ("mollon_zhao", "ellipsoids"), 16, 0.95
