@@ -138,6 +138,8 @@ figures: demo bench   ## the pictures of README and docs
 	cp out/compressed_specimen/compressed_specimen.png docs/figures/compressed_specimen.png
 	$(BIN)/python examples/initial_states.py out/initial_states
 	cp out/initial_states/initial_states.png docs/figures/initial_states.png
+	$(BIN)/python examples/containers.py out/containers
+	cp out/containers/containers.png docs/figures/containers.png
 	$(BIN)/python examples/shapes_polyhedra.py out/shapes_polyhedra
 	cp out/shapes_polyhedra/shapes_polyhedra.png docs/figures/shapes_polyhedra.png
 	$(BIN)/python examples/scan_to_packing.py out/scan_to_packing
