@@ -64,6 +64,14 @@ def test_every_page_is_in_the_contents_of_its_part(part):
     text = (DOCS / part / "index.md").read_text()
     entries = re.search(r"```\{toctree\}\n(.*?)```", text, re.DOTALL).group(1).split()
     assert {path.stem for path in PAGES if path.parent.name == part} - {"index"} <= set(entries)
+    assert len(entries) == len(set(entries))
+
+
+@pytest.mark.parametrize("path", PAGES, ids=name_of)
+def test_a_page_says_nothing_twice(path):
+    shown = re.sub(r"^```.*?^```", "", path.read_text(), flags=re.DOTALL | re.MULTILINE)
+    paragraphs = [text for text in shown.split("\n\n") if len(text) > 60]
+    assert len(paragraphs) == len(set(paragraphs))
 
 
 @pytest.mark.parametrize("path", [*PAGES, ROOT / "README.md"], ids=lambda path: path.name)
