@@ -130,6 +130,11 @@ figures: demo bench   ## the pictures of README and docs
 	cp out/clump_methods/clump_methods.png docs/figures/clump_methods.png
 	$(BIN)/python examples/settled_bed.py out/settled_bed
 	cp out/settled_bed/settled_bed.png docs/figures/settled_bed.png
+	$(BIN)/voxgran report out/settled_bed/poured.vtp -o out/settled_bed/report.html --overwrite
+	chromium --headless=new --no-sandbox --hide-scrollbars --window-size=1200,1140 \
+	  --screenshot=docs/figures/report.png "file://$(CURDIR)/out/settled_bed/report.html"
+	$(BIN)/python examples/scan_to_shape.py out/scan_to_shape
+	cp out/scan_to_shape/scan_to_shape.png docs/figures/scan_to_shape.png
 	$(BIN)/python examples/checked_beds.py out/checked_beds
 	cp out/checked_beds/checked_beds.png docs/figures/checked_beds.png
 	$(BIN)/python examples/fall_height.py out/fall_height
