@@ -73,6 +73,8 @@ bench: demo $(STAMP) $(ENGINES)/.ok   ## run time against error of voxelization,
 	$(BIN)/voxgran bench labels -o docs/figures
 	$(BIN)/voxgran bench rsa_shapes -o docs/figures
 	$(BIN)/voxgran bench front -o docs/figures
+	$(BIN)/voxgran bench scale -o docs/figures
+	$(BIN)/voxgran bench twins -o docs/figures
 	$(BIN)/voxgran bench spheres -o docs/figures
 	$(BIN)/voxgran bench jamming -o docs/figures
 	$(BIN)/voxgran bench exponents -o docs/figures
