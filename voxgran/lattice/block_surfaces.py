@@ -31,7 +31,7 @@ MARGIN = 16
 
 def block_surfaces(
     values: Any, found: Census, some: Integers, *, smoothing: float, spacing: Floats, several: list[int]
-) -> Iterator[tuple[int, list[tuple[Floats, NDArray[np.int32]]]]]:
+) -> Iterator[tuple[int, tuple[Floats, NDArray[np.int32]]]]:
     """Yield some rows of a census of a dask array of labels, each with the surface as `LabelSurfaces.of` returns it.
 
     `smoothing` and `spacing` are those of `label_surfaces`.  Labels, by row, of which the largest of several pieces is
@@ -65,7 +65,7 @@ def _edges(found: Census, some: Integers, shape: Integers) -> Integers:
 
 def _group(
     values: Any, found: Census, own: Integers, later: Booleans, several: list[int], how: dict[str, Any]
-) -> Iterator[tuple[int, list[tuple[Floats, NDArray[np.int32]]]]]:
+) -> Iterator[tuple[int, tuple[Floats, NDArray[np.int32]]]]:
     """Yield the surfaces of the rows of a group, as `block_surfaces`; in `later`, by row + 1, they become False."""
     shape, seams = np.array(values.shape, dtype=np.int64), how["seams"]
     lower = np.maximum(found.lower[own].min(axis=0) - MARGIN, 0)
