@@ -68,7 +68,8 @@ def _laid_out(pieces: NDArray[np.int32], many: int, wraps: Booleans) -> Integers
     tile = np.zeros((many + 1, 3), dtype=np.int64)
     beside: list[dict[int, Integers]] = [{} for _ in tile]
     for axis in np.flatnonzero(wraps).tolist():
-        last, first = pieces.take(-1, axis), pieces.take(0, axis)
+        planes = np.moveaxis(pieces, axis, 0)
+        last, first = planes[-1], planes[0]
         both, step = (last > 0) & (first > 0), np.eye(3, dtype=np.int64)[axis]
         for one, two in np.unique(np.stack([last[both], first[both]]), axis=1).T.tolist():
             beside[one][two], beside[two][one] = step, -step
