@@ -326,10 +326,15 @@ def _fill_net(labels, wraps, across, owner, most, crowded, net):  # type: ignore
 @bare_kernel
 def _needs_fans(block, crowded, most):  # type: ignore[no-untyped-def]
     """Return whether one of the labels around a corner needs several vertices there, or has tiles."""
-    some = False
+    seen = 0
     for e in range(8):
-        some |= block[0, e] > most or (block[0, e] > 0 and crowded[_mask_of(block, 0, block[0, e])])
-    return some
+        if seen >> e & 1:
+            continue
+        label, mask = block[0, e], _mask_of(block, 0, block[0, e])
+        if label > most or (label > 0 and crowded[mask]):
+            return True
+        seen |= mask
+    return False
 
 
 @bare_kernel

@@ -186,7 +186,8 @@ def _pressures(found: Findings, missing: Floats) -> Floats:
 
 @kernel
 def _smoothed(near, triple, held, factors, box):  # type: ignore[no-untyped-def]
-    """Return the displacements after steps towards the mean of the neighbours, each by one of the factors.
+    """Return the displacements after steps towards the mean of the neighbours, each by one of the factors; in `near`
+    what is not followed becomes n.
 
     A point on a line where three labels meet, which has two or more of its edges, follows its neighbours on them only.
     """
@@ -208,17 +209,19 @@ def _smoothed(near, triple, held, factors, box):  # type: ignore[no-untyped-def]
         for half in range(6):
             if near[v, half] >= 0 and (not line or triple[v] >> half & 1):
                 uses[v] |= 1 << half
+            else:
+                near[v, half] = n
         if held[v, 0] or held[v, 1] or held[v, 2]:
             stuck[many] = v
             many += 1
-    # what is no neighbour is row n, which stays 0; four numbers a row are moved together
+    # row n stays 0; four numbers a row are moved together
     now, new = np.zeros((n + 1, 4), dtype=np.float32), np.zeros((n + 1, 4), dtype=np.float32)
     for factor in factors:
         for v in range(n):
             some = uses[v]
-            a, b = near[v, 0] if some & 1 else n, near[v, 1] if some & 2 else n
-            c, d = near[v, 2] if some & 4 else n, near[v, 3] if some & 8 else n
-            e, f = near[v, 4] if some & 16 else n, near[v, 5] if some & 32 else n
+            # numbers without a sign are not tested for it
+            a, b, c = np.uint32(near[v, 0]), np.uint32(near[v, 1]), np.uint32(near[v, 2])
+            d, e, f = np.uint32(near[v, 3]), np.uint32(near[v, 4]), np.uint32(near[v, 5])
             share = table[some, 3]
             for axis in range(4):
                 total = (now[a, axis] + now[b, axis]) + (now[c, axis] + now[d, axis]) + (now[e, axis] + now[f, axis])
