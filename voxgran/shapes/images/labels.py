@@ -333,8 +333,9 @@ def _solid(
     numbers lie on a shelf, if there is one.
     """
     faces = faces.astype(corner_type(len(points)))
-    low = np.floor(points.min(axis=0))
-    if (points.max(axis=0) - low).max() * PARTS < 2**31:
+    # axis by axis: NumPy takes several times as long for rows of three
+    low = np.floor([along.min() for along in points.T])
+    if max(along.max() - start for along, start in zip(points.T, low, strict=True)) * PARTS < 2**31:
         steps = np.rint((points - low) * PARTS).astype(np.int32)
         steps, faces = (steps, faces) if shelf is None else (shelf.put(steps), shelf.put(faces))
         return Shape.of(Mesh(LatticePoints(steps, size / PARTS, low * size), faces), name=name, unit=unit)
