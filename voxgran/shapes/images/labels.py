@@ -110,8 +110,8 @@ def load_labels(
     TooLargeError
         If a label of a dask array spans more voxels than fit in memory.
     InputError
-        If the image has not three axes, holds no label or what is no label, no grain is left, an option is out of
-        range, or a dask array is periodic.
+        If the image has not three axes, holds no label or what is no label, no grain is left, or an option is out of
+        range.
 
     Warns
     -----
@@ -271,23 +271,12 @@ def labelled_grains(
 def _surfaces(
     values: Any, found: Census, kept: Integers, wraps: Booleans, smoothing: float, spacing: Floats, several: list[int]
 ) -> Iterator[tuple[int, tuple[Floats, NDArray[np.int32]]]]:
-    """Yield the rows of a census that are kept, each with the surface of its label, as `block_surfaces`.
-
-    Raises
-    ------
-    InputError
-        If the image is a dask array and periodic.
-    """
-    how: dict[str, Any] = {"smoothing": smoothing, "spacing": spacing}
+    """Yield the rows of a census that are kept, each with the surface of its label, as `block_surfaces`."""
+    how: dict[str, Any] = {"wraps": wraps, "smoothing": smoothing, "spacing": spacing}
     if lazy_of(values) is not None:
-        if wraps.any():
-            raise InputError(
-                "periodic is given for an image in blocks: surfaces that go on across its faces need it in memory; "
-                "give numpy.asarray(image), or leave periodic out"
-            )
         yield from block_surfaces(values, found, kept, several=several, **how)
         return
-    surfaces = label_surfaces(found.numbered(values), len(found.label), wraps=wraps, **how)
+    surfaces = label_surfaces(found.numbered(values), len(found.label), **how)
     several += np.intersect1d(np.array(surfaces.several, dtype=np.int64) - 1, kept).tolist()
     for k in kept.tolist():
         yield k, surfaces.of(k + 1)
