@@ -110,11 +110,11 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("folder", type=Path)
     parser.add_argument("edge", type=int)
-    parser.add_argument("steps", nargs="*", choices=STEPS, default=list(STEPS), metavar="step")
+    parser.add_argument("steps", nargs="*", metavar="step")
     parser.add_argument("--limit", type=float, default=math.inf)
     given = parser.parse_args()
     if len(given.steps) != 1:
-        for step in given.steps:
+        for step in given.steps or STEPS:
             command = [sys.executable, __file__, given.folder, str(given.edge), step, f"--limit={given.limit}"]
             subprocess.run(command, check=True)
         return
