@@ -202,7 +202,7 @@ def stored(values: Any, folder: Path, told: dict[str, Any]) -> Any:
         values = lazily(values, "the array")
     even = values.rechunk(values.chunksize)
     store = block_library("zarr").create_array(
-        store=folder, shape=even.shape, chunks=even.chunksize, dtype=even.dtype, attributes=told
+        store=folder.absolute(), shape=even.shape, chunks=even.chunksize, dtype=even.dtype, attributes=told
     )
     even.store(store, lock=False)
     return store
