@@ -5,6 +5,7 @@ import faulthandler
 import os
 import signal
 import struct
+import subprocess
 import sys
 import tomllib
 import warnings
@@ -38,6 +39,36 @@ def references(table):
 def slow(*values):
     """Return the values of a case that is run by `make test-slow` only."""
     return pytest.param(*values, marks=pytest.mark.slow)
+
+
+@contextlib.contextmanager
+def dask_cluster(folder):
+    """Start a Dask cluster of two processes with one thread each, in a process of its own; yield it and the address."""
+    pytest.importorskip("distributed")
+    code = (
+        "import sys, time, distributed\n"
+        "if __name__ == '__main__':\n"
+        "    with distributed.LocalCluster(n_workers=2, threads_per_worker=1, dashboard_address=None) as cluster:\n"
+        "        print(cluster.scheduler_address, flush=True)\n"
+        "        sys.stdin.read()\n"
+    )
+    path = folder / "cluster.py"
+    path.write_text(code)
+    libraries = os.pathsep.join(entry for entry in sys.path if entry)
+    process = subprocess.Popen(
+        [sys.executable, str(path)],
+        stdin=subprocess.PIPE,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.DEVNULL,
+        env={**os.environ, "PYTHONPATH": libraries},
+        text=True,
+        start_new_session=True,
+    )
+    try:
+        yield process, process.stdout.readline().strip()
+    finally:
+        os.killpg(process.pid, signal.SIGKILL)
+        process.communicate()
 
 
 def small_scene(family="sphere", count=3):

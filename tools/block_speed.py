@@ -67,8 +67,7 @@ def segment(folder: Path, edge: int) -> str:
     """Part the grains of a grey image."""
     del edge
     opened = vg.open_image(folder / "labels.zarr")
-    sharp = (opened.values > 0).astype(np.float32)
-    grey = sharp.map_overlap(gaussian_filter, depth=4, boundary="reflect", sigma=1.0)
+    grey = vg.filter_image((opened.values > 0).astype(np.float32), gaussian_filter, sigma=1.0)
     return f"{vg.segment(grey, threshold=0.5, voxel_size=opened.voxel_size).grains} grains"
 
 
@@ -110,11 +109,11 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("folder", type=Path)
     parser.add_argument("edge", type=int)
-    parser.add_argument("steps", nargs="*", choices=STEPS, default=list(STEPS), metavar="step")
+    parser.add_argument("steps", nargs="*", metavar="step")
     parser.add_argument("--limit", type=float, default=math.inf)
     given = parser.parse_args()
     if len(given.steps) != 1:
-        for step in given.steps:
+        for step in given.steps or STEPS:
             command = [sys.executable, __file__, given.folder, str(given.edge), step, f"--limit={given.limit}"]
             subprocess.run(command, check=True)
         return

@@ -47,6 +47,7 @@ from voxgran.lattice.label import connected_components as connected_components
 from voxgran.lattice.morphology import closing as closing
 from voxgran.lattice.morphology import dilation as dilation
 from voxgran.lattice.morphology import erosion as erosion
+from voxgran.lattice.morphology import filter_image as filter_image
 from voxgran.lattice.morphology import opening as opening
 from voxgran.lattice.resample import crop as crop
 from voxgran.lattice.resample import resample as resample

@@ -76,6 +76,8 @@ def as_value(text: str) -> Any:
 VOXEL_SIZE = _flag(
     "--voxel-size", type=as_value, help="edge of a voxel, or its three edges: x,y,z; default: as the file says"
 )
+#: where to compute
+DASK = _flag("--dask", help="address of a Dask scheduler, such as tcp://127.0.0.1:8786, to compute there")
 #: whether a page has a view beside its pictures
 INTERACTIVE = _flag("--interactive", action=_Switch, default=True, help="a view to turn and cut in a browser")
 #: a packing, and what may be said of a file of another program
@@ -200,6 +202,7 @@ FLAGS: dict[str, tuple[Flag, ...]] = {
         _flag("--gravity", type=as_value, help="where gravity acts in the sample: -z or x,y,z; default: nowhere"),
         _flag("--unit", help="unit of the voxel size"),
         _flag("--key", help="which array of an .npz or .vti file"),
+        DASK,
         _flag("-o", "--output", help="file for the packing that the sample is: .vtp"),
     ),
     "segment": (
@@ -214,8 +217,9 @@ FLAGS: dict[str, tuple[Flag, ...]] = {
             help="decrease of the distance to the void between two grains; default: a tenth of that in the smaller",
         ),
         _flag("--key", help="which array of an .npz or .vti file"),
+        DASK,
         _flag("--picture", help="PNG file: slices with the outlines of the grains, those in doubt marked"),
-        _flag("-o", "--output", help="file for the labels: .vti, .tif or .npy"),
+        _flag("-o", "--output", help="file for the labels: .vti, .tif, .zarr or .npy"),
     ),
     "learn": (
         _flag("files", nargs="+", help="packing, such as that of labels (.vtp), or mesh files, one a grain"),
@@ -293,7 +297,7 @@ FLAGS: dict[str, tuple[Flag, ...]] = {
         _flag("--dry-run", action="store_true", help="say what would be computed, and what is done"),
         _flag("--workers", type=int, help="processes, one thread each; default: one for each processor"),
         _flag("--memory", help="memory that they may take, such as 8GB or 50%%; default: 80%%"),
-        _flag("--dask", help="address of a Dask scheduler, such as tcp://127.0.0.1:8786, to compute there"),
+        DASK,
         _flag("--resume", action="store_true", help="accepted: a study goes on where it was, also without this flag"),
         _flag("--retry", action="store_true", help="compute runs that failed again"),
         _flag("--zarr", action="store_true", help="write the dataset as zarr, too"),

@@ -9,11 +9,19 @@ import voxgran
 from voxgran._base.errors import InputError
 from voxgran.cli.terminal import progress, show
 from voxgran.io.files import check_output
+from voxgran.lattice.image import Image
 from voxgran.measures.registered.density import main_numbers
 from voxgran.shapes.images.labels import image_of, is_grey
 
 #: most voxels that are read to say what values an image has
 MOST_READ = 2**28
+
+
+def opened(options: argparse.Namespace) -> Image:
+    """Return the image in a file; where there is a cluster, in blocks that it computes."""
+    if options.dask is None:
+        return image_of(options.file, options.key)
+    return voxgran.open_image(options.file, key=options.key, dask=options.dask)
 
 
 def labels(options: argparse.Namespace) -> None:
@@ -24,9 +32,9 @@ def labels(options: argparse.Namespace) -> None:
         name: getattr(options, name)
         for name in ("voxel_size", "border", "surface", "smoothing", "periodic", "gravity", "unit", "key")
     }
-    source = options.file
+    source: Any = opened(options) if options.segment or options.dask else options.file
     if options.segment:
-        source = voxgran.segment(image_of(options.file, options.key), voxel_size=options.voxel_size)
+        source = voxgran.segment(source, voxel_size=options.voxel_size)
     with progress(options) as on_step:
         packing = voxgran.packing_of_labels(source, on_step=on_step, **given)
     if options.output:

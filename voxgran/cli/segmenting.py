@@ -9,10 +9,10 @@ import numpy as np
 import voxgran
 from voxgran._base.errors import InputError
 from voxgran._base.files import output_suffix, written_whole
+from voxgran.cli.images import opened
 from voxgran.cli.terminal import show
 from voxgran.report.stage import check_picture_path
 from voxgran.shapes.formats.mesh_files import WRITERS
-from voxgran.shapes.images.labels import image_of
 
 #: suspects that are named
 NAMED = 10
@@ -49,7 +49,7 @@ def segment(options: argparse.Namespace) -> None:
         output_suffix(options.output, (*SUFFIXES, ".npy"), "labels are kept", overwrite=options.overwrite)
     if options.picture:
         check_picture_path(options.picture, overwrite=options.overwrite)
-    source = image_of(options.file, options.key)
+    source = opened(options)
     lattice = options.voxel_size is not None or source.voxel_size is not None
     if options.output and Path(options.output).suffix.lower() != ".npy" and not lattice:
         raise InputError(

@@ -10,6 +10,7 @@ import numpy as np
 
 from voxgran._base.arrays import Floats
 from voxgran._base.errors import FileFormatError
+from voxgran.shapes.formats.columns import cells_in, table_text
 
 #: largest difference from 1 of the length of a normal in columns without names
 UNIT = 1e-3
@@ -26,23 +27,14 @@ def read_point_table(path: Path) -> tuple[Any, Any, Any]:
     FileFormatError
         If it is no such table, or says too little about its columns.
     """
-    try:
-        lines = [line.strip() for line in path.read_text(encoding="utf-8-sig").splitlines()]
-    except UnicodeDecodeError as error:
-        raise FileFormatError(f"{path} is no table of numbers ({error}): each row is x y z") from error
-    rows = [_cells(line) for line in lines if line and not line.startswith(("#", "//"))]
+    lines = [line.strip() for line in table_text(path).splitlines()]
+    rows = [cells_in(line) for line in lines if line and not line.startswith(("#", "//"))]
     if not rows:
         return np.zeros((0, 3)), None, None
     names = [cell.lower() for cell in rows[0]]
     if set(PLACE) <= set(names):
         return _by_name(_numbers(rows[1:], len(names), path), names)
     return _by_place(_numbers(rows, len(names), path), path)
-
-
-def _cells(line: str) -> list[str]:
-    """Return the cells of a line."""
-    mark = next((mark for mark in (";", ",", "\t") if mark in line), None)
-    return [cell.strip().strip("\"'") for cell in line.split(mark)]
 
 
 def _numbers(rows: list[list[str]], width: int, path: Path) -> Floats:

@@ -141,14 +141,12 @@ def histogram_of(grey: Any, least: Any, greatest: Any) -> tuple[Integers, NDArra
 def overlapped(
     values: Any, function: Callable[..., Any], reach: float, edges: Edges, turns: Sequence[bool], dtype: Any
 ) -> Any:
-    """Return function of each block with what lies around it up to a distance, without the surroundings; lazily.
+    """Return function of each block with what lies around it up to a distance, as `windowed` does.
 
     `edges` of a voxel are in the unit of `reach`. Along axes that repeat the other side of the image lies around it.
     """
-    depth = {axis: min(math.ceil(reach / edges[axis]), n) for axis, n in enumerate(values.shape)}
-    around = {axis: "periodic" if turn else "none" for axis, turn in enumerate(turns)}
-    meta = np.empty((0, 0, 0), dtype=dtype)
-    return values.map_overlap(function, depth=depth, boundary=around, dtype=dtype, meta=meta)
+    depth = [min(math.ceil(reach / edge), n) for edge, n in zip(edges, values.shape, strict=True)]
+    return windowed([values], function, depth, dtype, turns)
 
 
 class Shelf:
@@ -202,7 +200,7 @@ def stored(values: Any, folder: Path, told: dict[str, Any]) -> Any:
         values = lazily(values, "the array")
     even = values.rechunk(values.chunksize)
     store = block_library("zarr").create_array(
-        store=folder, shape=even.shape, chunks=even.chunksize, dtype=even.dtype, attributes=told
+        store=folder.absolute(), shape=even.shape, chunks=even.chunksize, dtype=even.dtype, attributes=told
     )
     even.store(store, lock=False)
     return store
@@ -215,22 +213,37 @@ def as_block(block: Any) -> tuple[int, ...]:
     return tuple(as_count(n, "block", at_least=1) for n in given)
 
 
-def windowed(arrays: Sequence[Any], function: Callable[..., Any], depth: Sequence[int], dtype: Any) -> Any:
+def windowed(
+    arrays: Sequence[Any],
+    function: Callable[..., Any],
+    depth: Sequence[int],
+    dtype: Any,
+    turns: Sequence[bool] = (False, False, False),
+) -> Any:
     """Return function of each block of some arrays with what lies around it, without the surroundings; lazily.
 
-    The arrays are read for each block anew, so that no more of them is in memory; it takes long unless they are kept.
+    The arrays are read for each block anew, so that no more of them is in memory, where dask alone would hold planes of
+    blocks; it takes long unless they are kept.
     """
-    shape, wide = np.array(arrays[0].shape), np.array(depth)
+    shape, wide, around = np.array(arrays[0].shape), np.array(depth), np.array(turns)
 
     def found(ends: tuple[Integers, Integers]) -> NDArray[Any]:
-        lower, upper = np.maximum(ends[0] - wide, 0), np.minimum(ends[1] + wide, shape)
-        box = tuple(slice(*along) for along in np.stack([lower, upper], axis=1).tolist())
+        lower = np.where(around, ends[0] - wide, np.maximum(ends[0] - wide, 0))
+        upper = np.where(around, ends[1] + wide, np.minimum(ends[1] + wide, shape))
         # a block is a task itself, on one thread
-        read = [np.asarray(each[box].compute(scheduler="synchronous")) for each in arrays]
+        read = [np.asarray(_box(each, lower, upper).compute(scheduler="synchronous")) for each in arrays]
         inner = np.stack([ends[0] - lower, ends[1] - lower], axis=1).tolist()
         return np.ascontiguousarray(function(*read)[tuple(slice(*along) for along in inner)], dtype=dtype)
 
     return in_parts(found, arrays[0].shape, arrays[0].chunks, dtype)
+
+
+def _box(values: Any, lower: Integers, upper: Integers) -> Any:
+    """Return the part of a dask array from a voxel to before another one; beyond its ends it repeats."""
+    for axis, (low, high, n) in enumerate(zip(lower.tolist(), upper.tolist(), values.shape, strict=True)):
+        inside = low >= 0 and high <= n
+        values = values[(slice(None),) * axis + (slice(low, high) if inside else np.arange(low, high) % n,)]
+    return values
 
 
 def in_parts(function: Callable[..., Any], shape: Sequence[int], block: Sequence[Any], dtype: Any) -> Any:
@@ -246,7 +259,7 @@ def in_parts(function: Callable[..., Any], shape: Sequence[int], block: Sequence
 
 
 def window(values: Any, lower: NDArray[Any], upper: NDArray[Any], purpose: str) -> NDArray[Any]:
-    """Return the part of an image in a box, in memory.
+    """Return the part of an image in a box, in memory; across the ends of an axis the image repeats.
 
     Raises
     ------
@@ -258,5 +271,10 @@ def window(values: Any, lower: NDArray[Any], upper: NDArray[Any], purpose: str) 
             f"{purpose} spans {' x '.join(map(str, (upper - lower).tolist()))} voxels: they are more than the memory; "
             "take larger voxels"
         )
-    box = tuple(slice(int(low), int(high)) for low, high in zip(lower, upper, strict=True))
-    return np.asarray(values[box])
+    for axis, (low, high) in enumerate(zip(lower.tolist(), upper.tolist(), strict=True)):
+        n = values.shape[axis]
+        start, stop = low % n, low % n + high - low
+        ends = [(start, min(stop, n))] + ([(0, stop - n)] if stop > n else [])
+        parts = [values[(slice(None),) * axis + (slice(*end),)] for end in ends]
+        values = parts[0] if len(parts) == 1 else np.concatenate(parts, axis=axis)
+    return np.asarray(values)

@@ -21,7 +21,7 @@ from voxgran._base.compiling.threads import in_blocks, using_threads
 from voxgran._base.errors import InputError, TooLargeError
 from voxgran._base.kernels import kernel
 from voxgran._base.lazy import load
-from voxgran.lattice.blocks import block_library, lazy_of, overlapped
+from voxgran.lattice.blocks import block_library, kept, lazy_of, overlapped
 from voxgran.lattice.image import Edges, are_equal, known_edges
 
 #: squared distance without a free voxel; larger than any in an accepted lattice
@@ -75,13 +75,16 @@ def distance_transform(
         distances are asked for in lengths, `out` is given for a dask array, or `periodic` names no axes.
     TooLargeError
         If the diagonal of the image is longer than 2**15 voxels.
+    MissingLibraryError
+        If the image is a dask array and zarr is not installed.
 
     Notes
     -----
     Memory beside the mask: 4 bytes per voxel for the result and 4 for the squares it is made from (squared: 4 in all).
     Unequal edges are left to `scipy.ndimage.distance_transform_edt`, on one thread, with 70 bytes per voxel of the
     image and of half a period on each side of a periodic axis. A dask array is computed block by block with what lies
-    around a block up to the largest distance, which is sought first: with the memory of two such parts on each thread.
+    around a block up to the largest distance, which is sought first: the mask is kept in the temporary folder of dask,
+    and each thread has two such parts in memory.
 
     Examples
     --------
@@ -145,7 +148,7 @@ def _of_blocks(mask: Any, edges: Edges | None, turns: tuple[bool, bool, bool], s
     _refuse_squared(squared, edges)
     if out is not None:
         raise InputError("out is given for an image in blocks: the result is a dask array; leave it out")
-    step = (1.0, 1.0, 1.0) if edges is None else edges
+    step, mask = (1.0, 1.0, 1.0) if edges is None else edges, kept(mask)
 
     def found(block: Booleans) -> NDArray[Any]:
         return distance_transform(block, voxel_size=edges, squared=squared, threads=1)

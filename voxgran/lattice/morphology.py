@@ -1,21 +1,24 @@
-"""Erosion, dilation, opening and closing with spheres of any radius, through the exact distance transform.
+"""Erosion, dilation, opening and closing with spheres of any radius, through the exact distance transform; and filters.
 
 The cost does not depend on the radius (Serra 1982, Image analysis and mathematical morphology, for the operations).
 The exterior of the image neither erodes nor dilates the interior. A dask array is treated block by block, with what
 lies within the radius around each, to the same result.
 """
 
+from collections.abc import Callable, Sequence
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
-from voxgran._base.arrays import Booleans, as_number
+from voxgran._base.arrays import Booleans, as_array, as_count, as_number
 from voxgran._base.axes import Periodic, as_periodic
 from voxgran._base.calls import explained
-from voxgran.lattice.blocks import lazy_of, overlapped
+from voxgran._base.errors import InputError, shown
+from voxgran.lattice.blocks import kept, lazy_of, overlapped, windowed
 from voxgran.lattice.distance import as_mask, distance_transform, lazy_mask
-from voxgran.lattice.image import Edges, are_equal, known_edges
+from voxgran.lattice.image import Edges, Image, are_equal, known_edges
 
 
 @explained(hint="dilation(mask, 3); the radius is in voxels, or a length with voxel_size=")
@@ -52,6 +55,8 @@ def dilation(
     InputError
         If the image has not three axes, the radius is below 0, an edge of a voxel is not a length, or `periodic` names
         no axes.
+    MissingLibraryError
+        If the image is a dask array and zarr is not installed.
 
     Notes
     -----
@@ -95,6 +100,8 @@ def erosion(
     InputError
         If the image has not three axes, the radius is below 0, an edge of a voxel is not a length, or `periodic` names
         no axes.
+    MissingLibraryError
+        If the image is a dask array and zarr is not installed.
 
     Examples
     --------
@@ -133,6 +140,8 @@ def opening(
     InputError
         If the image has not three axes, the radius is below 0, an edge of a voxel is not a length, or `periodic` names
         no axes.
+    MissingLibraryError
+        If the image is a dask array and zarr is not installed.
 
     Examples
     --------
@@ -174,6 +183,8 @@ def closing(
     InputError
         If the image has not three axes, the radius is below 0, an edge of a voxel is not a length, or `periodic` names
         no axes.
+    MissingLibraryError
+        If the image is a dask array and zarr is not installed.
 
     Examples
     --------
@@ -189,6 +200,87 @@ def closing(
     return erosion(hull, radius, voxel_size=edges, periodic=periodic, threads=threads)
 
 
+@explained(hint="filter_image(image, scipy.ndimage.median_filter, size=3)")
+def filter_image(
+    image: "ArrayLike | Image",
+    function: Callable[..., Any],
+    *,
+    depth: "int | Sequence[int] | None" = None,
+    **options: Any,
+) -> Image:
+    """Apply a filter, such as those of `scipy.ndimage`, to an image of any size.
+
+    Parameters
+    ----------
+    image : (nx, ny, nz) array_like or Image
+        Values; a dask array, as :func:`voxgran.open_image` returns it, is filtered block by block.
+    function : callable
+        Called as ``function(values, **options)``; it returns as many values, each of which depends on those around it,
+        as `scipy.ndimage.median_filter` does.
+    depth : int or (3,) sequence of int, optional
+        How many voxels around a voxel its result depends on, along each axis. Default: as the options say, half of
+        `size`, and `truncate`, which is 4, times `sigma`.
+    **options
+        What the function is given.
+
+    Returns
+    -------
+    Image
+        With the lattice of the image, and values of the type that the function returns. Those of a dask array are a
+        dask array, which is computed at once and kept in the temporary folder of dask.
+
+    Raises
+    ------
+    InputError
+        If the image has not three axes, the function is none or returns fewer or more values than it is given, or depth
+        is neither given nor follows from the options.
+    MissingLibraryError
+        If the image is a dask array and zarr is not installed.
+
+    Notes
+    -----
+    The result is that in memory, to the bit, if no sum of the function is longer than `depth`. Each block is read with
+    what lies around it, where ``map_overlap`` of dask may hold most of the image.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> import voxgran as vg
+    >>> from scipy.ndimage import maximum_filter
+    >>> dot = np.zeros((9, 9, 9), dtype=np.uint8)
+    >>> dot[4, 4, 4] = 5
+    >>> filtered = vg.filter_image(vg.open_image(dot, block=5), maximum_filter, size=3)
+    >>> int(filtered.values.sum())
+    135
+    """
+    if not callable(function):
+        raise InputError(f"function is {shown(function)}: it must be called with values; give one of scipy.ndimage")
+    lazy = lazy_of(image)
+    given = image if isinstance(image, Image) else Image(as_array(image, "image") if lazy is None else lazy)
+    if given.values.ndim != 3:
+        raise InputError(f"image has the shape {given.values.shape}: three axes are needed; stack slices")
+
+    def filtered(values: NDArray[Any]) -> NDArray[Any]:
+        found = np.asarray(function(values, **options))
+        if found.shape != values.shape:
+            raise InputError(
+                f"function returns {found.shape} of {values.shape} values: a filter returns as many; give one"
+            )
+        return found
+
+    if lazy is None:
+        return replace(given, values=filtered(np.asarray(given.values)))
+    if depth is None and not {"sigma", "size"} & options.keys():
+        raise InputError("depth is missing: neither sigma nor size tells how far the filter reaches; give voxels")
+    if depth is None:
+        reach = np.multiply(options.get("sigma", 0), options.get("truncate", 4.0)) + 0.5
+        depth = np.maximum(reach.astype(int), np.array(options.get("size", 1)) // 2).tolist()
+    wide = [as_count(n, "depth") for n in np.broadcast_to(np.array(depth), 3).tolist()]
+    turns = np.broadcast_to(np.array(options.get("mode", "")), 3) == "wrap"
+    kind = filtered(np.ones((1, 1, 1), dtype=lazy.dtype)).dtype
+    return replace(given, values=kept(windowed([lazy], filtered, wide, kind, turns.tolist())))
+
+
 def _as_mask(mask: "ArrayLike") -> Any:
     """Return an image as an array of bool, in blocks if it is a dask array."""
     return as_mask(mask) if (lazy := lazy_of(mask)) is None else lazy_mask(lazy)
@@ -201,7 +293,7 @@ def _within(mask: Any, radius: float, edges: Edges | None, periodic: Periodic, t
         # one voxel more than the radius, for rounding
         step = (1.0, 1.0, 1.0) if edges is None else edges
         return overlapped(
-            mask,
+            kept(mask),
             lambda block: _within(block, reach, edges, False, 1),
             reach + min(step),
             step,

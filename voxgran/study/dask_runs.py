@@ -9,13 +9,13 @@ import time
 from collections.abc import Iterator, Sequence
 from typing import Any
 
-from voxgran._base.errors import ClusterError, MissingLibraryError, VoxgranError
-from voxgran._base.lazy import load
+from voxgran._base.cluster import connected
+from voxgran._base.errors import ClusterError, VoxgranError
 from voxgran.study.executor import TRIES, Executor
 from voxgran.study.runs import Record, Run, compute_with_file
 
-#: seconds that a scheduler has to answer, and between looks at whether it is still there
-ANSWER, TICK = 10.0, 0.2
+#: seconds between looks at whether the scheduler is still there
+TICK = 0.2
 #: seconds between looks at how many workers there are
 LOOK = 2.0
 #: name of the error of a run whose workers were killed several times
@@ -60,25 +60,8 @@ class DaskRuns(Executor):
         return [(run, now - self._begun.setdefault(run.key, now)) for run, _ in begun]
 
     def __enter__(self) -> "DaskRuns":
-        """Connect to the scheduler.
-
-        Raises
-        ------
-        MissingLibraryError
-            If distributed is not installed.
-        ClusterError
-            If there is no scheduler.
-        """
-        try:
-            distributed = load("distributed")
-        except MissingLibraryError as error:
-            raise MissingLibraryError(f"{error}, or 'pip install voxgran[dask]'") from error
-        try:
-            self._client = distributed.Client(self._address, timeout=ANSWER, set_as_default=False)
-        except (OSError, ValueError, TimeoutError) as error:
-            raise ClusterError(
-                f"there is no Dask scheduler at {self._address}: start one with 'dask scheduler', and check the address"
-            ) from error
+        """Connect to the scheduler."""
+        self._client = connected(self._address, default=False)
         # of a scheduler that goes away this raises one error, and the library writes pages
         for name in LOGGERS:
             self._levels[name] = logging.getLogger(name).level

@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from voxgran._base.arrays import as_count
+from voxgran._base.cluster import address_of
 from voxgran._base.errors import InputError, Interrupted, LongRunWarning, PackingWarning, shown
 from voxgran._base.files import made_folder, remove_drafts_in
 from voxgran._base.lazy import load
@@ -63,15 +64,10 @@ class Options:
         if self.workers is not None:
             as_count(self.workers, "workers", at_least=1)
         memory_bytes(self.memory)
-        if self.dask is not None and not isinstance(self.address, str):
-            raise InputError(f"dask is {shown(self.dask)}: it must be the address of a scheduler, as tcp://HOST:8786")
+        if self.dask is not None:
+            address_of(self.dask)
         if self.zarr:
             load("zarr")
-
-    @property
-    def address(self) -> Any:
-        """Address of the scheduler: as given, or of the cluster that is given."""
-        return getattr(self.dask, "scheduler_address", self.dask)
 
 
 def memory_bytes(given: int | str | None) -> int:
@@ -156,7 +152,7 @@ def run_study(settings: StudySettings, folder: Path, options: Options) -> StudyR
 def _executor(options: Options, runs: int) -> Executor:
     """Return what computes so many runs."""
     if options.dask is not None:
-        return DaskRuns(options.address)
+        return DaskRuns(address_of(options.dask))
     return Processes(min(options.workers or processor_count(), runs), memory_bytes(options.memory))
 
 

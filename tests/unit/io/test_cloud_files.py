@@ -49,6 +49,8 @@ def test_tables_with_a_head_and_commas_are_read(tmp_path):
     [
         ("\ufeff1,2,3\n4,5,6\n", [[1, 2, 3], [4, 5, 6]], None),
         ("z;y;x\n3;2;1\n", [[1, 2, 3]], None),
+        ("x;y;z\n1,5;2,0;3\n", [[1.5, 2, 3]], None),
+        ("1,5\t2\t3\n", [[1.5, 2, 3]], None),
         ('"id","x","y","z"\n"7","1","2","3"\n', [[1, 2, 3]], None),
         ("x\ty\tz\tintensity\tlabel\r\n1\t2\t3\t0.5\t8\r\n", [[1, 2, 3]], [8]),
         ("1 2 3 8\n4 5 6 9\n", [[1, 2, 3], [4, 5, 6]], [8, 9]),

@@ -92,6 +92,7 @@ def test_molecules_have_masses_of_the_material(clump, tmp_path):
         ("a.csv", "x,y,z,r\n" + ROWS),
         ("a.csv", ROWS),
         ("a.csv", "X [mm];Y [mm];Z [mm];Diameter;colour\n-0.5;0;0;2;1\n0.5;0;0;2;2\n"),
+        ("a.csv", "-0,5;0;0;1\n0,5;0;0;1\n"),
         ("a.csv", "# of CLUMP\n" + ROWS.replace("\n", "e0\r\n")),
         ("a.csv", "x,y,z,r\n" + ROWS + "# volume = 5.5886717\n# Ixx, yy, zz = 1.8327927, 2.1580013, 0.77010059\n"),
         ("a.txt", ROWS.replace(",", " ")),

@@ -34,15 +34,36 @@ def same(found, expected):
 
 
 @pytest.mark.parametrize(
-    ("function", "reach", "options"),
-    [(gaussian_filter, 6, {"sigma": 1.5}), (median_filter, 1, {"size": 3}), (uniform_filter, 2, {"size": 5})],
+    ("function", "options"),
+    [
+        (gaussian_filter, {"sigma": (1.5, 0.4, 1.0)}),
+        (gaussian_filter, {"sigma": 1.0, "truncate": 3.0, "mode": ("wrap", "nearest", "reflect")}),
+        (median_filter, {"size": 3}),
+        (median_filter, {"size": (2, 5, 4), "mode": "wrap"}),
+        (uniform_filter, {"size": 5}),
+        (median_filter, {"footprint": np.ones((3, 1, 3)), "depth": (1, 0, 1)}),
+    ],
 )
-def test_filters_are_those_of_scipy_with_an_overlap(function, reach, options):
+def test_filters_are_those_of_scipy(function, options):
     # running means of whole numbers have no round-off
     grey = (GREY * 255).astype(np.uint8) if function is uniform_filter else GREY
-    found = blocks(grey).map_overlap(function, depth=reach, boundary="reflect", **options)
-    same(found, function(grey, **options))
-    same(found > grey[0, 0, 0], function(grey, **options) > grey[0, 0, 0])
+    found = vg.filter_image(Image(blocks(grey), as_edges(0.5), unit="mm"), function, **options)
+    assert (found.voxel_size, found.unit) == ((0.5, 0.5, 0.5), "mm")
+    options.pop("depth", None)
+    same(found.values, function(grey, **options))
+    assert np.array_equal(vg.filter_image(grey, function, **options).values, function(grey, **options))
+
+
+def test_a_filter_whose_reach_is_unknown_is_refused():
+    for function, image, options, words in (
+        (median_filter, blocks(GREY), {"footprint": np.ones((3, 3, 3))}, "depth is missing"),
+        (median_filter, blocks(GREY), {"size": 3, "depth": -1}, "depth is -1"),
+        (median_filter, GREY[0], {"size": 3}, "three axes"),
+        ("median", GREY, {}, "function is 'median'"),
+        (np.ravel, GREY, {}, r"returns \(6900,\) of \(23, 15, 20\) values"),
+    ):
+        with pytest.raises(InputError, match=words):
+            vg.filter_image(image, function, **options)
 
 
 @pytest.mark.parametrize("connectivity", [6, 18, 26])

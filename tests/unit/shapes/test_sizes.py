@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 import voxgran as vg
-from voxgran._base.errors import FileFormatError, InputError, PackingWarning, UnknownNameError
+from voxgran._base.errors import InputError, PackingWarning, UnknownNameError
 from voxgran._base.lazy import load
 from voxgran._base.seeds import stream
 from voxgran.packing.draw import Request, draw_grains
@@ -305,24 +305,6 @@ def test_many_sizes_are_found_by_polynomials_as_a_few_are_by_iteration(name):
     assert np.abs(made[::97] / law.quantile(shares[::97], basis="number") - 1.0).max() < 1e-10
     if name != "steps":
         assert np.abs(law.cumulative(made, basis="number") - shares).max() < error
-
-
-def test_a_table_of_very_many_columns_is_refused_soon(tmp_path):
-    (tmp_path / "a.csv").write_text("opening;passing" + ";x" * 50_000 + "\n1;2\n")
-    (tmp_path / "b.csv").write_text("opening;passing\n" + "1;2" * 50_000 + "\n")
-    for name in ("a.csv", "b.csv"):
-        with pytest.raises(FileFormatError, match=r"has a row of 1\d{5} characters"):
-            sizes.sieve(tmp_path / name, unit="mm")
-    some = {f"column {k}": [1.0] for k in range(100)}
-    with pytest.raises(FileFormatError, match=r"'column 7', \.\.\.: it must have 'opening'"):
-        sizes.sieve(some)
-
-
-def test_a_table_whose_rows_have_more_entries_than_names_is_refused(tmp_path):
-    """Its first entries would be no column, and the others one column too far to the left."""
-    (tmp_path / "a.csv").write_text("opening;passing\n1;2;3\n4;5;6\n")
-    with pytest.raises(FileFormatError, match="rows of more entries than its first row has names"):
-        sizes.sieve(tmp_path / "a.csv", unit="mm")
 
 
 def test_sizes_by_number_of_crushed_material_are_those_of_the_exponential_integral():

@@ -2,7 +2,6 @@
 
 import os
 import signal
-import subprocess
 import sys
 import time
 import types
@@ -10,6 +9,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from kit import dask_cluster
 
 import voxgran as vg
 from voxgran._base.errors import ClusterError, Interrupted, MissingLibraryError
@@ -30,30 +30,9 @@ def test_a_missing_library_is_one_sentence(base, tmp_path, monkeypatch):
 
 @pytest.fixture
 def cluster(marks):
-    """Start a cluster of two processes with one thread each, in a process of its own."""
-    pytest.importorskip("distributed")
-    code = (
-        "import sys, time, distributed\n"
-        "if __name__ == '__main__':\n"
-        "    with distributed.LocalCluster(n_workers=2, threads_per_worker=1, dashboard_address=None) as cluster:\n"
-        "        print(cluster.scheduler_address, flush=True)\n"
-        "        sys.stdin.read()\n"
-    )
-    path = marks.place.parent / "cluster.py"
-    path.write_text(code)
-    libraries = os.pathsep.join(entry for entry in sys.path if entry)
-    process = subprocess.Popen(
-        [sys.executable, str(path)],
-        stdin=subprocess.PIPE,
-        stdout=subprocess.PIPE,
-        stderr=subprocess.DEVNULL,
-        env={**os.environ, "PYTHONPATH": libraries},
-        text=True,
-        start_new_session=True,
-    )
-    yield process, process.stdout.readline().strip()
-    os.killpg(process.pid, signal.SIGKILL)
-    process.communicate()
+    """Start a cluster."""
+    with dask_cluster(marks.place.parent) as started:
+        yield started
 
 
 @pytest.mark.filterwarnings("ignore::DeprecationWarning", "ignore::ResourceWarning")
@@ -123,7 +102,7 @@ def test_an_interrupt_leaves_the_cluster_alone(cluster, base, marks, tmp_path):
         made.run(tmp_path / "o", dask=address, on_step=stop)
     assert told.value.exit_code == 130
     marks.order()
-    cluster_like = types.types.SimpleNamespace(scheduler_address=address)
+    cluster_like = types.SimpleNamespace(scheduler_address=address)
     assert not made.run(tmp_path / "o", dask=cluster_like).failures
 
 

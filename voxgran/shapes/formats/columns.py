@@ -1,8 +1,9 @@
-"""Names of the columns of tables of spheres, and the units of length in brackets behind them."""
+"""Text of tables and the entries of its rows; names of columns of spheres, with units of length in brackets."""
 
 import re
 from collections.abc import Sequence
 from dataclasses import dataclass, field
+from pathlib import Path
 
 from voxgran._base.errors import FileFormatError, shown
 from voxgran._base.units import NO_UNIT, known_unit, unit_factor
@@ -25,8 +26,42 @@ NAMES: dict[str, tuple[str, ...]] = {
 LENGTHS = ("x", "y", "z", "r", "d")
 #: characters of a name of a column that are looked at
 LONGEST_NAME = 100
+#: what separates entries, the first of which that a row holds; blanks if none
+SEPARATORS = (";", "\t", ",")
+#: first bytes of workbooks, and of texts in UTF-16
+WORKBOOKS, WIDE = (b"PK\x03\x04", b"\xd0\xcf\x11\xe0"), (b"\xff\xfe", b"\xfe\xff")
+#: characters that no text has
+_BINARY = re.compile(r"[\x00-\x08\x0e-\x1f]")
 #: a name and its unit in brackets
 _BRACKET = re.compile(r"([^\[(]*)[\[(]([^\])]*)[\])]\s*")
+
+
+def table_text(path: Path) -> str:
+    """Return the text of a table, in UTF-8, in UTF-16 where its first bytes say so, or as older spreadsheets write it.
+
+    Raises
+    ------
+    FileFormatError
+        If it is no text.
+    """
+    raw = path.read_bytes()
+    if raw.startswith(WORKBOOKS):
+        raise FileFormatError(f"{path} is a workbook: a table is text; save the sheet as CSV")
+    for code in ("utf-16",) if raw.startswith(WIDE) else ("utf-8-sig", "cp1252"):
+        try:
+            text = raw.decode(code)
+        except UnicodeDecodeError:
+            continue
+        if not _BINARY.search(text):
+            return text
+    raise FileFormatError(f"{path} is no text: a table has rows of numbers; write it as CSV")
+
+
+def cells_in(row: str) -> list[str]:
+    """Return the entries of a row, whose numbers may have decimal commas where something else separates them."""
+    mark = next((mark for mark in SEPARATORS if mark in row), None)
+    cells = [cell.strip().strip("\"'") for cell in row.split(mark)]
+    return cells if mark in (",", None) else [cell.replace(",", ".") for cell in cells]
 
 
 @dataclass(frozen=True, slots=True)

@@ -24,7 +24,7 @@ from voxgran._base.arrays import LONGEST, SHORTEST, Floats, as_positive
 from voxgran._base.errors import FileFormatError, InputError, with_article
 from voxgran._base.files import as_path, existing_file, output_suffix, written_whole
 from voxgran._base.units import known_unit
-from voxgran.shapes.formats.columns import columns_of, places_of
+from voxgran.shapes.formats.columns import cells_in, columns_of, places_of, table_text
 from voxgran.shapes.formats.mesh_files import READERS as MESHES
 from voxgran.shapes.images.image_files import READERS as IMAGES
 from voxgran.shapes.model import Shape
@@ -155,10 +155,7 @@ def read_spheres(path: str | os.PathLike[str], *, unit: str | None = None) -> Sh
         If the file is no text, empty, damaged or a packing, or holds several clumps.
     """
     found = _Found(existing_file(path))
-    try:
-        lines = found.path.read_text(encoding="utf-8-sig").splitlines()
-    except UnicodeDecodeError as error:
-        raise FileFormatError(f"{path} is no text ({error.reason}): give spheres as lines of x y z r") from error
+    lines = table_text(found.path).splitlines()
     for number, line in enumerate(lines, 1):
         mark = line.find("#")
         if mark >= 0:
@@ -217,9 +214,8 @@ def _read_table(found: _Found, lines: list[str]) -> dict[str, list[float]]:
         text = line.partition("#")[0].strip()
         if not text:
             continue
-        words = (
-            [word.strip().strip("\"'") for word in re.split(r"[,;]", text)] if re.search("[,;]", text) else text.split()
-        )
+        # lines of YADE may hold tabs and blanks
+        words = cells_in(text.replace("\t", " "))
         words = words[:-1] if words and not words[-1] else words
         if columns is None:
             columns = _columns(found, words, number)

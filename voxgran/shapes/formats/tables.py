@@ -2,6 +2,7 @@
 names, with units in brackets behind them.
 """
 
+import io
 import math
 import re
 from collections.abc import Mapping, Sequence
@@ -16,6 +17,7 @@ from voxgran._base.files import existing_file
 from voxgran._base.guarded import refused
 from voxgran._base.lazy import load
 from voxgran._base.units import as_unit, known_unit, unit_factor
+from voxgran.shapes.formats.columns import SEPARATORS, cells_in, table_text
 
 #: most columns that a message lists, and characters of a row
 MOST_TOLD, LONGEST_ROW = 8, 10_000
@@ -29,21 +31,29 @@ def read_table(path: str) -> Any:
     MissingFileError
         If there is no such file.
     FileFormatError
-        If it is no table.
+        If it is no table, or empty.
     """
     found = existing_file(Path(path))
     with refused(found):
-        text = found.read_text(encoding="utf-8-sig")
-        head, *rows = [row for line in text.splitlines() if (row := line.partition("#")[0].strip())] or [";"]
+        text = table_text(found)
+        head, *rows = [row for line in text.splitlines() if (row := line.partition("#")[0].strip())] or [""]
         if (longest := max(map(len, [head, *rows]))) > LONGEST_ROW:
             raise FileFormatError(
                 f"{path} has a row of {longest} characters: at most {LONGEST_ROW} may be one row; correct it"
             )
-        # in a single column a separator would be guessed among letters, blanks and decimal commas
-        alone = not re.search(r"[;,\t]", head) and not any(re.search(r"\s", row) for row in rows)
-        how = {"sep": ";"} if alone else {"sep": None, "engine": "python"}
+        names = cells_in(head)
+        if not rows or all(_number(name) is not None for name in names):
+            told = f"begins with the row {shown(head)}" if rows else f"has only the row {shown(head)}" if head else ""
+            raise FileFormatError(
+                f"{path} {told or 'is empty'}: a table has the names of its columns in the first row, and entries "
+                "below; add them"
+            )
+        # a single column may have blanks in its name, and decimal commas
+        blanks = any(re.search(r"\s", row) for row in rows)
+        mark = next((mark for mark in SEPARATORS if mark in head), r"\s+" if blanks else ";")
         pandas = load("pandas")
-        table = pandas.read_csv(found, comment="#", decimal="," if alone or ";" in text else ".", **how)
+        how = {"comment": "#", "engine": "python", "skipinitialspace": True}
+        table = pandas.read_csv(io.StringIO(text, None), sep=mark, decimal="." if mark == "," else ",", **how)
         # entries before the columns that have names have become an index
         if not table.index.equals(pandas.RangeIndex(len(table))):
             raise FileFormatError(

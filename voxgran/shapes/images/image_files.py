@@ -319,8 +319,8 @@ def _read_dicom(folder: Path, key: str | None) -> Image:
         if any(_is_dicom(item) for item in files):
             raise
         raise FileFormatError(
-            f"{folder} holds {files[0].name}, and no slices: TIFF or DICOM files, or a zarr array, are needed; check "
-            "the path"
+            f"{folder} holds {files[0].name}, and no slices: DICOM files are needed, or for open_image TIFF files or a "
+            "zarr array; check the path"
         ) from error
     # VTK turns the image by half a turn about x; lengths are in millimetres by the standard
     values = found["values"].reshape(facts["shape"], order="F")[:, ::-1, ::-1]

@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from voxgran._base.calls import explained
+from voxgran._base.cluster import connected
 from voxgran._base.errors import FileFormatError, InputError, MissingFileError, shown
 from voxgran._base.files import as_path, existing_file
 from voxgran._base.guarded import Content, read_guarded, refused
@@ -91,7 +92,13 @@ class Stored:
 
 @explained(hint='open_image("scan.zarr", voxel_size=0.1, unit="mm")')
 def open_image(
-    source: Any, *, key: str | None = None, voxel_size: Any = None, unit: str | None = None, block: Any = None
+    source: Any,
+    *,
+    key: str | None = None,
+    voxel_size: Any = None,
+    unit: str | None = None,
+    block: Any = None,
+    dask: Any = None,
 ) -> Image:
     """Open an image that may be larger than the memory.
 
@@ -111,12 +118,16 @@ def open_image(
         Unit of the voxel size; default: as the file says, where its voxel size is taken.
     block : int or (3,) array_like of int, optional
         Voxels along each edge of a block; default: about 8 million in all, in whole parts of the file.
+    dask : str, cluster or client, optional
+        Address of the scheduler of a Dask cluster, such as ``"tcp://HOST:8786"``, or an object of a cluster. This
+        process is connected to it, as by ``distributed.Client(address)``: from then on its workers compute all blocks,
+        also of other images. They need voxgran of the same version, and files under the same paths.
 
     Returns
     -------
     Image
         Its values are a dask array: nothing is read before it is computed. Functions of images take it block by block,
-        on the threads of the machine or on the cluster of a client of ``distributed``.
+        on the threads of the machine, or on a cluster.
 
     Raises
     ------
@@ -125,7 +136,9 @@ def open_image(
     FileFormatError
         If it is no image, is cut, has slices of several shapes, or holds several arrays or none and no key is given.
     MissingLibraryError
-        If the library that reads the format is not installed.
+        If the library that reads the format, or distributed for a cluster, is not installed.
+    ClusterError
+        If there is no scheduler.
     TooLargeError
         If it must be read as a whole or in parts, and these are too large for the memory.
     InputError
@@ -143,8 +156,11 @@ def open_image(
     (2, 3, 3)
     """
     edges = None if block is None else as_block(block)
+    if dask is not None:
+        connected(dask, default=True)
     if isinstance(source, str | os.PathLike):
-        path = as_path(source)
+        # workers of a cluster may run in another folder
+        path = as_path(source).absolute()
         with refused(path):
             image = _image_in(path, key)
         name = str(path)
