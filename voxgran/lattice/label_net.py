@@ -261,9 +261,7 @@ def _number_plane(below, above, wraps, net, even, ids, n):  # type: ignore[no-un
 
 @kernel
 def _fill_net(labels, wraps, across, owner, most, crowded, net):  # type: ignore[no-untyped-def]
-    """Write the net plane by plane; return the number of points, and the blocks. Numbers above `most` are tiles, whose
-    labels are `owner`.
-    """
+    """Write the net plane by plane; return the number of points, and the blocks. Numbers above `most` are tiles."""
     nx, ny, nz = labels.shape
     planes = np.empty((2, ny + 2, nz + 2), dtype=np.int32)
     ids = np.full((3, ny + 1, nz + 1), -1, dtype=np.int32)

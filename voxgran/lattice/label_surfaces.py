@@ -214,8 +214,8 @@ def _smoothed(near, triple, held, factors, box):  # type: ignore[no-untyped-def]
         if held[v, 0] or held[v, 1] or held[v, 2]:
             stuck[many] = v
             many += 1
-    # row n stays 0; four numbers a row are moved together
-    now, new = np.zeros((n + 1, 4), dtype=np.float32), np.zeros((n + 1, 4), dtype=np.float32)
+    # row n stays 0
+    now, new = np.zeros((n + 1, 3), dtype=np.float32), np.zeros((n + 1, 3), dtype=np.float32)
     for factor in factors:
         for v in range(n):
             some = uses[v]
@@ -223,7 +223,7 @@ def _smoothed(near, triple, held, factors, box):  # type: ignore[no-untyped-def]
             a, b, c = np.uint32(near[v, 0]), np.uint32(near[v, 1]), np.uint32(near[v, 2])
             d, e, f = np.uint32(near[v, 3]), np.uint32(near[v, 4]), np.uint32(near[v, 5])
             share = table[some, 3]
-            for axis in range(4):
+            for axis in range(3):
                 total = (now[a, axis] + now[b, axis]) + (now[c, axis] + now[d, axis]) + (now[e, axis] + now[f, axis])
                 step = factor * (total * share + table[some, axis] - now[v, axis])
                 new[v, axis] = min(max(now[v, axis] + step, -box), box)

@@ -149,13 +149,16 @@ def test_a_bar_that_winds_around_the_torus_is_cut_in_the_periodic_face(smoothing
 @pytest.mark.parametrize("shift", range(0, 8, 3))
 def test_a_bar_that_is_longer_than_the_image_but_does_not_meet_itself_is_whole(smoothing, shift):
     tall = np.zeros((16, 9, 5), int)
-    tall[1:8, 1:3, 1:4], tall[6:8, 1:8, 1:4], tall[6:13, 6:8, 1:4] = 1, 1, 1
+    tall[1:8, 1:3, 1:3], tall[6:8, 1:8, 1:3], tall[6:13, 6:8, 1:3] = 1, 1, 1
+    # voxels that meet in edges, whose first one begins in a corner with a single fan
+    tall[8:10, 6, 2] = tall[8:10, 7, 1] = 0
     wound = np.roll(tall[:8] + tall[8:], shift, axis=0)
     (_, expected), (_, found) = (
         surfaces_of(image, periodic=axes, smoothing=smoothing) for image, axes in ((tall, ""), (wound, "x"))
     )
     (points, triangles), (others, faces) = expected[1], found[1]
     assert len(others) == len(points)
+    assert edge_faults(faces, len(others)).tolist() == [0, 0, 0]
     step = others.mean(axis=0) - points.mean(axis=0)
     assert step == pytest.approx(np.round(step), abs=1e-5)
     assert cKDTree(others).query(points + np.round(step))[0].max() < 1e-4
