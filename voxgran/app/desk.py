@@ -3,6 +3,7 @@
 import base64
 import io
 import pprint
+import re
 import shutil
 import tempfile
 from dataclasses import fields
@@ -19,6 +20,7 @@ from voxgran.app.runs import Queue, Run, heard, toml_of
 from voxgran.contacts.verify import verify
 from voxgran.io.files import load
 from voxgran.measures.model import measure
+from voxgran.packing.model import Packing
 from voxgran.report.plots import set_log_scale, unit_text
 from voxgran.report.stage import png_of, shot
 from voxgran.scene.run import deck_of
@@ -89,8 +91,7 @@ class Desk:
                 self.curve = _curve(scene)
         except VoxgranError as error:
             self.error = str(error)
-            named = (k for k, form in enumerate(self.forms) if f"[{form['name']}]" in self.error)
-            self.errors = {str(k): self.error for k in named}
+            self.errors = _errors_of(self.forms, self.error)
             return
         self.details = str(made)
         lines = [line for line in self.details.splitlines() if line.startswith(HEADLINES)]
@@ -165,14 +166,14 @@ class Desk:
             )
         return found
 
-    def open(self, number: int) -> None:
-        """Show the packing of a run, with its numbers."""
+    def open(self, number: int) -> Packing:
+        """Return the packing of a run, which is shown with its numbers."""
         run = self.run_of(number)
         packing, self.shown = load(run.packing), run
-        self.look.show(packing)
-        self.warnings = []
-        with heard(self.warnings.append):
+        said: list[str] = []
+        with heard(said.append):
             proof, numbers = verify(packing), measure(packing, which=["density", "coordination"])
+        self.warnings = [text for text in said if text not in run.warnings]
         told = {name: float(numbers[name]) for name in NUMBERS if name in numbers}
         self.results = [
             {"name": name.replace("_", " "), "text": f"{value:.4f}"} for name, value in told.items() if value == value
@@ -182,6 +183,7 @@ class Desk:
         if rest is not None:
             text = f"{100 * rest.share_at_rest:.1f} % of the grains rest"
             self.lamps.append({"name": "equilibrium", "ok": packing.stop_reason == "settled", "text": text})
+        return packing
 
     def python(self) -> str:
         """Return the Python that makes the same packing."""
@@ -230,6 +232,15 @@ def _shape_of_upload(place: Path) -> tuple[dict[str, Any], str]:
     done = "; ".join(made.sentences) or "nothing has to be mended"
     mended = {"repair": True} if made.sentences else {}
     return {"file": str(place), **mended}, f"{place.name}: {counts}\n{done}"
+
+
+def _errors_of(forms: list[Form], text: str) -> dict[str, str]:
+    """Return the sentence of an error by the numbers of the sections that it names, and of their fields."""
+    words, found = re.findall(r"\w+", text.partition(":")[0]), {}
+    for k, form in enumerate(forms):
+        if form["on"] and (f"[{form['name']}]" in text or words[:1] in ([form["name"]], [form["kind"]])):
+            found |= {str(k): text} | {f"{k}.{one['name']}": text for one in form["fields"] if one["name"] in words}
+    return found
 
 
 def _curve(scene: Scene) -> str:

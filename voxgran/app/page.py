@@ -2,19 +2,24 @@
 
 import asyncio
 import contextlib
+import time
+from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
 from typing import Any
 
 from voxgran._base.errors import VoxgranError
 from voxgran._base.lazy import load
 from voxgran.app.desk import Desk
 from voxgran.app.look import colors_of, numbers_of
+from voxgran.app.runs import REST
 from voxgran.decks.engine import engines
 from voxgran.io.vtk_files import load_packing
+from voxgran.packing.model import Packing
 
 #: seconds between two looks at the runs
-TICK = 0.5
-#: how often a picture is sent again: images are encoded in a thread, and the first that is sent may be the one before
-PUSHES = 3
+TICK = 0.1
+#: seconds that a picture may take while the view is turned
+FRAME = 0.1
 
 
 #: what all fields of forms have
@@ -25,6 +30,7 @@ FIELD: dict[str, Any] = {
     "persistent_placeholder": True,
     "hint": ("[field.meaning, field.type, field.pasted ? 'a column can be pasted' : ''].filter((s) => s).join('; ')",),
     "persistent_hint": True,
+    "error_messages": ("errors[index + '.' + field.name]",),
     "density": "compact",
     "id": ("form.name + '-' + field.name",),
     "update_modelValue": "flushState('forms')",
@@ -70,6 +76,7 @@ class Page:
                 "upload": None,
                 "uploaded": "",
                 "engines": list(engines()),
+                "ratio": 1.0,
             }
         )
         self.state.change("forms")(self.edited)
@@ -77,9 +84,14 @@ class Page:
         self.state.change("color_by", "forces")(self.redraw)
         self.state.change("cut_x", "cut_y", "cut_z")(self.cut)
         self.view: Any = None
-        self.grown, self.pushes = (0, 0), 0
+        self.grown, self.due, self.wanted, self.edits = (0, 0), 0.0, False, 0
+        #: browsers that are connected: nothing is drawn for none
+        self.lookers = 0
+        #: computes what may take long, so that the page answers meanwhile
+        self.thread = ThreadPoolExecutor(1)
         self._build()
-        self._examine()
+        self.desk.examine()
+        self._tell_plan()
 
     def edited(self, **_: Any) -> None:
         """Take the forms as they stand in the browser; a section of another kind gets its own fields.
@@ -99,8 +111,12 @@ class Page:
         self.state.dirty("forms")
 
     def _examine(self) -> None:
-        """Plan the scene of the forms."""
-        self.desk.examine()
+        """Plan the scene of the forms, the last one where they change quickly."""
+        self.edits = edit = self.edits + 1
+        self._worked(lambda: self.desk.examine() if edit == self.edits else None, self._tell_plan)
+
+    def _tell_plan(self, _: Any = None) -> None:
+        """Show the plan."""
         state = self.state
         state.plan, state.details, state.errors = self.desk.plan, self.desk.details, self.desk.errors
         state.error, state.python, state.curve = self.desk.error, self.desk.python(), self.desk.curve
@@ -125,12 +141,12 @@ class Page:
             return
         self.state.uploaded, self.state.upload = "", None
 
-        def read() -> None:
-            self.state.uploaded = self.desk.upload(file["name"], bytes(file["content"]))
+        def taken(told: str) -> None:
+            self.state.uploaded = told
             self._send_forms()
             self._examine()
 
-        self._guarded(read)
+        self._worked(lambda: self.desk.upload(file["name"], bytes(file["content"])), taken)
 
     def pick(self, across: float, down: float) -> None:
         """Show the numbers of the grain at a place of the picture, in shares of its width and height."""
@@ -141,7 +157,7 @@ class Page:
 
     def preview(self) -> None:
         """Show shapes of the scene."""
-        self._guarded(lambda: self.desk.look.show_shapes(self.desk.preview()))
+        self._worked(self.desk.preview, self.desk.look.show_shapes)
 
     def run(self) -> None:
         """Queue the scene."""
@@ -158,55 +174,94 @@ class Page:
 
     def show(self, number: int) -> None:
         """Show the packing of a run."""
-        self._guarded(lambda: self.desk.open(number))
-        self.state.shown, self.state.colors = number, colors_of(self.desk.look.packing)
-        if self.state.color_by not in self.state.colors:
-            self.state.color_by = "diameter"
-        self.state.results, self.state.lamps = self.desk.results, self.desk.lamps
-        self.state.warnings, self.state.grain = self.desk.warnings, []
-        self.redraw()
+
+        def opened(packing: Packing) -> None:
+            self.state.shown, self.state.colors = number, colors_of(packing)
+            if self.state.color_by not in self.state.colors:
+                self.state.color_by = "diameter"
+            self.state.results, self.state.lamps = self.desk.results, self.desk.lamps
+            self.state.warnings, self.state.grain = self.desk.warnings, []
+            self._draw(packing)
+
+        self._worked(lambda: self.desk.open(number), opened)
 
     def redraw(self, **_: Any) -> None:
         """Draw the packing again."""
-        look = self.desk.look
-        if look.packing is not None:
-            self._guarded(lambda: look.show(look.packing, color_by=self.state.color_by, forces=self.state.forces))
-            self.cut()
+        if self.desk.look.packing is not None:
+            self._draw(self.desk.look.packing)
+
+    def _draw(self, packing: Packing) -> None:
+        """Draw a packing as the page says."""
+        look, state = self.desk.look, self.state
+        self._guarded(lambda: look.show(packing, color_by=state.color_by, forces=state.forces))
+        self.cut()
 
     def cut(self, **_: Any) -> None:
         """Cut the packing."""
         self.desk.look.cut((float(self.state.cut_x), float(self.state.cut_y), float(self.state.cut_z)))
         self._update()
 
-    def download(self, what: str) -> bytes | None:
+    async def download(self, what: str) -> bytes | None:
         """Return a file of the run that is shown, or of the scene; None where there is none, which the page says."""
-        made: list[bytes] = []
-        self._guarded(lambda: made.append(self.desk.file(what)))
-        return made[0] if made else None
+        self.state.error = ""
+        try:
+            if what == "picture.png":
+                return self.desk.file(what)
+            return await asyncio.get_running_loop().run_in_executor(self.thread, self.desk.file, what)
+        except VoxgranError as error:
+            self.state.error = str(error)
+            return None
 
     async def watch(self) -> None:
-        """Follow the runs as long as the app is there."""
+        """Follow the runs, and send pictures, as long as the app is there."""
         while True:
             for run in self.desk.queue.poll():
                 if run.state == "done":
                     self.show(run.number)
-            self._grow()
-            if self.pushes and self.view is not None:
-                self.pushes -= 1
-                self.view.update()
+            began = time.monotonic()
+            grown = self.lookers and began > self.due and self._grow()
+            if self.wanted and self.lookers:
+                self._push()
+            took = time.monotonic() - began
+            if grown:
+                self.due = began + REST * took
             self._tell_runs()
             self.state.flush()
-            await asyncio.sleep(TICK)
+            await asyncio.sleep(max(TICK, took))
 
-    def _grow(self) -> None:
-        """Show the grains of the run that is computed, where they were written since."""
+    def _grow(self) -> bool:
+        """Show the grains of the run that is computed, where they were written since; return whether they were."""
         run = self.desk.queue.current
         if run is None or (run.number, run.grown) == self.grown or not run.grown:
-            return
+            return False
         self.grown = (run.number, run.grown)
         with contextlib.suppress(VoxgranError):
             self.desk.look.show_growing(load_packing(run.growing))
             self._update()
+        return True
+
+    def _push(self) -> None:
+        """Send the picture; where that takes long, it is drawn without smoothing, and smaller while it is turned."""
+        began, self.wanted = time.monotonic(), False
+        self.view.update()
+        took = time.monotonic() - began
+        self.state.ratio = round(min(1.0, max(0.25, (FRAME / max(took, 1e-9)) ** 0.5)), 2)
+        if took > FRAME:
+            self.desk.look.stage.disable_anti_aliasing()
+
+    def _worked(self, call: Callable[[], Any], then: Callable[[Any], None]) -> None:
+        """Call a function in the thread, and another one with what it returns; the sentence of an error is shown."""
+
+        async def wait() -> None:
+            try:
+                then(await asyncio.get_running_loop().run_in_executor(self.thread, call))
+            except VoxgranError as error:
+                self.state.error = str(error)
+            self._update()
+            self.state.flush()
+
+        self.state.error = ""
+        asyncio.get_running_loop().create_task(wait())
 
     def _guarded(self, call: Any) -> None:
         """Call a function; the sentence of an error goes to the page."""
@@ -218,10 +273,8 @@ class Page:
         self._update()
 
     def _update(self) -> None:
-        """Send the picture anew."""
-        if self.view is not None:
-            self.view.update()
-            self.pushes = PUSHES
+        """Have the picture sent, once for all that ask for it meanwhile."""
+        self.wanted = True
 
     def _tell_runs(self) -> None:
         """Say how the runs are."""
@@ -245,7 +298,10 @@ class Page:
             with v3.VMain(), v3.VContainer(fluid=True, classes="pa-0 d-flex flex-column", style="height: 100%"):
                 self._tools(v3)
                 with html.Div(style="flex: 1; min-height: 0", id="view", dblclick=(self.pick, PLACE)):
-                    self.view = load("trame_pyvista.widgets").PyVistaRemoteView(self.desk.look.stage)
+                    stage, views = self.desk.look.stage, load("trame_pyvista.widgets")
+                    self.view = views.PyVistaRemoteView(stage, interactive_ratio=("ratio",))
+                    # it would send a picture for each part of the scene
+                    stage.clear_on_render_callbacks()
         layout.root.style = "overflow: hidden"
 
     def _forms(self, v3: Any, html: Any) -> None:

@@ -86,7 +86,7 @@ def test_a_kind_brings_its_fields_and_keeps_what_they_share(desk):
 def test_a_run_has_the_bits_of_the_prompt_with_the_scene_that_is_taken_away(desk, tmp_path):
     run = waited(desk.queue, desk.run(), {"done", "failed"})
     assert run.state == "done", run.error
-    desk.open(run.number)
+    desk.look.show(desk.open(run.number))
     (tmp_path / "scene.toml").write_bytes(desk.file("scene.toml"))
     assert main(["run", str(tmp_path / "scene.toml"), "-o", str(tmp_path / "out"), "--quiet"]) in (0, None)
     assert same(run.packing, tmp_path / "out" / "packing.vtp")
