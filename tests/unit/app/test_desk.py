@@ -67,8 +67,32 @@ def test_the_plan_or_the_sentence_of_an_error_beside_its_section(desk):
     desk.examine()
     assert "[packing]" in desk.error
     assert "count" in desk.error
-    assert {desk.forms[int(k)]["name"] for k in desk.errors} == {"packing"}
+    (at,) = (k for k, form in enumerate(desk.forms) if form["name"] == "packing")
+    assert desk.errors == {str(at): desk.error, f"{at}.count": desk.error}
     assert not desk.plan
+    assert field(desk, "packing", "count")["text"] == "sixty"
+
+
+@pytest.mark.parametrize(
+    ("section", "kind", "name", "text"),
+    [
+        ("packing", "rsa", "solid_fraction", "2"),
+        ("container", "box", "lengths", "[4, 4]"),
+        ("material", "", "friction", "-1"),
+        ("shape", "ellipsoid", "", ""),
+    ],
+)
+def test_each_sentence_stands_beside_what_it_is_about(desk, section, kind, name, text):
+    (at,) = (k for k, form in enumerate(desk.forms) if form["name"] == section)
+    desk.forms[at]["on"], desk.forms[at]["kind"] = True, kind
+    desk.refresh()
+    if name:
+        field(desk, section, name)["text"] = text
+    else:
+        field(desk, section, desk.forms[at]["fields"][0]["name"])["text"] = "-1"
+    desk.examine()
+    assert desk.errors[str(at)] == desk.error
+    assert not name or desk.errors[f"{at}.{name}"] == desk.error
 
 
 def test_a_kind_brings_its_fields_and_keeps_what_they_share(desk):
