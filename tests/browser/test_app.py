@@ -107,6 +107,12 @@ def write(page, selector, text):
     page.ask("Input.insertText", text=text)
 
 
+def give(page, selector, path):
+    """Give a file to a field."""
+    found = page.ask("Runtime.evaluate", expression=f"document.querySelector({selector!r})")["result"]["objectId"]
+    page.ask("DOM.setFileInputFiles", files=[str(path)], objectId=found)
+
+
 def text_of(page, selector):
     """Return the text of an element."""
     return page.run(f"(document.querySelector({selector!r}) || {{innerText: ''}}).innerText")
@@ -166,6 +172,10 @@ def test_a_scene_is_put_together_run_looked_at_and_taken_away(tab, tmp_path):
         write(tab, "#packing-count", "60")
         tab.wait("document.querySelector('#plan').innerText.includes('60')")
         assert not text_of(tab, "#error")
+        (tmp_path / "no_mesh.stl").write_text("nothing of this is a mesh")
+        give(tab, "#upload", tmp_path / "no_mesh.stl")
+        tab.wait("document.querySelector('#error').innerText.includes('no_mesh.stl')")
+        assert tab.run("document.querySelector('#packing-count').value") == "60"
         click(tab, "#run")
         tab.wait("!!document.querySelector('.lamp')", 240)
         time.sleep(4)
@@ -214,5 +224,13 @@ def test_a_run_stops_goes_on_and_is_seen_by_a_second_browser_and_without_one(tab
             time.sleep(0.2)
         tab.go(app.address)
         tab.wait("!!document.querySelector('.lamp')")
+        # loaded again, without the token in its address; and the app ends while a run is computed
+        tab.go(app.address.partition("?")[0])
+        click(tab, "#run")
+        tab.wait("[...document.querySelectorAll('.run')].some((e) => e.innerText.includes('packing'))")
+        children = app.children()
+    assert children
+    assert not any(Path(f"/proc/{child}").exists() for child in children)
+    assert list((tmp_path / "runs" / "run_2").glob("checkpoint*"))
     assert main(["run", str(tmp_path / "scene.toml"), "-o", str(tmp_path / "out"), "--quiet"]) in (0, None)
     assert same(tmp_path / "runs" / "run_1" / "packing.vtp", tmp_path / "out" / "packing.vtp")

@@ -85,6 +85,7 @@ class Page:
         self.state.change("cut_x", "cut_y", "cut_z")(self.cut)
         self.view: Any = None
         self.grown, self.due, self.wanted, self.edits = (0, 0), 0.0, False, 0
+        self.fitted: tuple[float, float] | None = None
         #: browsers that are connected: nothing is drawn for none
         self.lookers = 0
         #: computes what may take long, so that the page answers meanwhile
@@ -219,6 +220,7 @@ class Page:
                 if run.state == "done":
                     self.show(run.number)
             began = time.monotonic()
+            self._fit()
             grown = self.lookers and began > self.due and self._grow()
             if self.wanted and self.lookers:
                 self._push()
@@ -239,6 +241,16 @@ class Page:
             self.desk.look.show_growing(load_packing(run.growing))
             self._update()
         return True
+
+    def _fit(self) -> None:
+        """Keep what is seen where the proportions of the window change, and the scale bar true where it is magnified."""
+        stage, before = self.desk.look.stage, self.fitted
+        wide, high = stage.window_size
+        if before and before[0] != round(wide / high, 2):
+            stage.camera.parallel_scale *= before[0] / round(wide / high, 2)
+        self.fitted = (round(wide / high, 2), stage.camera.parallel_scale)
+        if before and self.fitted != before:
+            self.redraw()
 
     def _push(self) -> None:
         """Send the picture; where that takes long, it is drawn without smoothing, and smaller while it is turned."""
@@ -287,13 +299,17 @@ class Page:
         v3, html = load("trame.widgets.vuetify3"), load("trame.widgets.html")
         with load("trame.ui.vuetify3").VAppLayout(self.server, theme="light") as layout:
             with v3.VAppBar(density="compact", elevation=1):
-                v3.VAppBarTitle("voxgran")
+                v3.VAppBarNavIcon(click="left = !left", id="left")
+                v3.VAppBarTitle("voxgran", style="flex: none")
+                v3.VSpacer()
                 html.Span("{{ error }}", classes="text-error mx-4", id="error")
                 v3.VBtn("Preview shapes", click=self.preview, id="preview")
                 v3.VBtn("Run", click=self.run, id="run", color="primary", variant="flat", classes="mx-2")
-            with v3.VNavigationDrawer(model_value=True, width=340, permanent=True):
+                v3.VAppBarNavIcon(click="right = !right", id="right")
+            drawer = {"width": ("$vuetify.display.width < 1200 ? 250 : 320",), "permanent": True}
+            with v3.VNavigationDrawer(v_model=("left", True), **drawer):
                 self._forms(v3, html)
-            with v3.VNavigationDrawer(model_value=True, width=300, permanent=True, location="right"):
+            with v3.VNavigationDrawer(v_model=("right", True), location="right", **drawer):
                 self._results(v3, html)
             with v3.VMain(), v3.VContainer(fluid=True, classes="pa-0 d-flex flex-column", style="height: 100%"):
                 self._tools(v3)
@@ -400,7 +416,7 @@ class Page:
 
     def _tools(self, v3: Any) -> None:
         """Lay out what turns the view: colours, forces, cuts."""
-        bare = {"density": "compact", "hide_details": True}
+        bare = {"density": "compact", "hide_details": True, "style": "min-width: 100px; max-width: 240px"}
         share = {"min": 0, "max": 1, "step": 0.01, "classes": "mx-2"}
         with v3.VRow(dense=True, no_gutters=True, classes="px-2 align-center", style="flex: 0"):
             v3.VSelect(v_model=("color_by",), items=("colors",), label="colour by", id="color-by", **bare)

@@ -99,9 +99,7 @@ def guard_of(page: Page, token: str) -> Any:
             if "secret" not in request.query and request.cookies.get(cookie) == token:
                 raise web.HTTPFound(f"/?secret={token}")
             if request.query.get("secret") != token:
-                raise web.HTTPForbidden(
-                    text="the token is missing or wrong: open the address that voxgran prints"
-                )
+                raise web.HTTPForbidden(text="the token is missing or wrong: open the address that voxgran prints")
         looks = request.headers.get("Upgrade", "").lower() == "websocket"
         page.lookers += looks
         try:
