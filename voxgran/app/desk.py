@@ -236,7 +236,8 @@ def _shape_of_upload(place: Path) -> tuple[dict[str, Any], str]:
 
 def _errors_of(forms: list[Form], text: str) -> dict[str, str]:
     """Return the sentence of an error by the numbers of the sections that it names, and of their fields."""
-    words, found = re.findall(r"\w+", text.partition(":")[0]), {}
+    words = re.findall(r"\w+", text.partition(":")[0])
+    found: dict[str, str] = {}
     for k, form in enumerate(forms):
         if form["on"] and (f"[{form['name']}]" in text or words[:1] in ([form["name"]], [form["kind"]])):
             found |= {str(k): text} | {f"{k}.{one['name']}": text for one in form["fields"] if one["name"] in words}

@@ -243,7 +243,7 @@ class Page:
         return True
 
     def _fit(self) -> None:
-        """Keep what is seen where the proportions of the window change, and the scale bar true where it is magnified."""
+        """Keep what is seen where the proportions of the window change, and the scale bar true when magnified."""
         stage, before = self.desk.look.stage, self.fitted
         wide, high = stage.window_size
         if before and before[0] != round(wide / high, 2):
