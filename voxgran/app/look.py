@@ -5,12 +5,13 @@ from typing import Any
 
 import numpy as np
 
-from voxgran._base.arrays import Floats
 from voxgran._base.lazy import load
 from voxgran.packing.model import Packing
-from voxgran.report.colors import COLOR_BY, coloring
+from voxgran.report.closeup import add_grain, closeups_of
+from voxgran.report.colors import COLORS, Coloring, coloring
 from voxgran.report.creases import surface_of
-from voxgran.report.force_chains import TUBES, force_tubes
+from voxgran.report.force_chains import COLORS as SHADES
+from voxgran.report.force_chains import add_chains, add_contacts
 from voxgran.report.legend import legend_of
 from voxgran.report.scenes import GRAIN_COLOR, SMOOTH, add_grains
 from voxgran.report.stage import add_container, add_scale_bar, add_spheres, look_at, open_stage
@@ -18,14 +19,12 @@ from voxgran.shapes.model import Shape
 
 #: size of the scene before a browser says its own
 WINDOW = (900, 700)
-#: grains above which a bed that grows is drawn as points
+#: grains above which a bed that grows is drawn as spheres of their size, which are points
 MANY = 300
-
-
-def colors_of(packing: Packing | None) -> list[str]:
-    """Return what the grains of a packing can be coloured by."""
-    known = packing is not None and packing.forces is not None
-    return [name for name in COLOR_BY if known or name != "force"]
+#: ways to draw a packing, and the beginning of those to draw the picked grain alone
+GRAINS, CONTACTS, CHAINS, SPHERES, ALONE = "grains", "contacts", "force chains", "spheres", "picked grain: "
+#: colour of the picked grain among the others
+PICKED = "#d1495b"
 
 
 @dataclass(slots=True, eq=False)
@@ -38,47 +37,87 @@ class Look:
         The scene.
     packing : Packing or None
         What it shows.
+    picked : int or None
+        The grain that was picked.
     """
 
     stage: Any = field(default_factory=lambda: open_stage(WINDOW))
     packing: Packing | None = None
+    picked: int | None = None
+    #: the camera of the packing while a grain is alone
+    camera: Any = None
+    #: what the colours mean, with their map, for which window and camera that was written, and its actors
+    colors: tuple[Coloring, str] | None = None
+    written: Any = None
+    labels: set[str] = field(default_factory=set)
 
-    def show(self, packing: Packing, *, color_by: str = "diameter", forces: bool = False) -> None:
-        """Show a packing in its container, or in place of its grains the forces between them."""
-        fresh = self.packing is None or self.packing.container is not packing.container
-        self.packing = packing
-        self.stage.clear_actors()
-        colors = coloring(packing, color_by)
-        tubes = force_tubes(packing) if forces else None
-        if tubes is not None:
-            self.stage.add_mesh(tubes[0], **TUBES)
-        elif packing.count:
-            add_grains(self.stage, packing, np.arange(packing.count), colors)
-        add_container(self.stage, packing.container)
-        add_scale_bar(self.stage, packing.unit)
-        strip = legend_of(colors, tuple(self.stage.window_size)) if packing.count else None
-        if strip is not None and tubes is None:
-            strip.add_to(self.stage)
-        if fresh:
-            look_at(self.stage, packing.container.mesh()[0], flat=packing.dimension == 2)
+    def __post_init__(self) -> None:
+        self.stage.render_window.AddObserver("StartEvent", self._write)
 
-    def show_growing(self, packing: Packing) -> None:
-        """Show a packing that is computed: many grains as spheres of their size, which are drawn as points."""
-        if packing.count <= MANY:
-            self.show(packing)
+    def ways(self) -> list[str]:
+        """Return in which ways the packing, and the grain that is picked, can be drawn."""
+        packing, made = self.packing, [GRAINS]
+        if packing is not None:
+            made += [CONTACTS, CHAINS] if packing.forces is not None else [CONTACTS]
+            if self.picked is not None:
+                made += [ALONE + name for name in closeups_of(packing, self.picked)]
+        return made
+
+    def show(self, packing: Packing, *, color_by: str = "diameter", way: str = GRAINS) -> None:
+        """Show a packing in its container in one of :meth:`ways`, or the picked grain alone, as it lies in it."""
+        bounds, flat = packing.container.bounds, packing.dimension == 2
+        fresh = self.packing is None or not np.array_equal(self.packing.container.bounds, bounds)
+        if packing is not self.packing:
+            self.packing, self.picked = packing, None
+        self._clear()
+        if way.startswith(ALONE) and self.picked is not None:
+            self.camera = self.camera or self.stage.camera.copy()
+            look_at(self.stage, closeups_of(packing, self.picked)[way.removeprefix(ALONE)](self.stage), flat=flat)
             return
-        fresh, self.packing = self.packing is None, packing
-        self.stage.clear_actors()
-        shades = np.full((packing.count, 3), 0.6)
-        add_spheres(self.stage, np.asarray(packing.position), 0.5 * packing.diameters, shades)
+        if way == CHAINS:
+            force = add_chains(self.stage, packing)
+            self.colors = None if force is None else (force, SHADES)
+        elif way == CONTACTS:
+            add_contacts(self.stage, packing)
+        elif way == SPHERES:
+            shades = np.full((packing.count, 3), 0.6)
+            add_spheres(self.stage, np.asarray(packing.position), 0.5 * packing.diameters, shades)
+        elif packing.count:
+            self.colors = coloring(packing, color_by), COLORS
+            add_grains(self.stage, packing, np.arange(packing.count), self.colors[0])
+            if self.picked is not None:
+                add_grain(self.stage, packing, self.picked, color=PICKED, larger=1.01)
         add_container(self.stage, packing.container)
         if fresh:
-            look_at(self.stage, packing.container.mesh()[0], flat=packing.dimension == 2)
+            look_at(self.stage, packing.container.mesh()[0], flat=flat)
+        elif self.camera is not None:
+            self.stage.camera = self.camera
+        self.camera = None
+
+    def _clear(self) -> None:
+        """Take all away."""
+        self.stage.clear_actors()
+        self.colors, self.written, self.labels = None, None, set()
+
+    def _write(self, *_: Any) -> None:
+        """Write the scale, and what the colours mean, where the window or the camera is another than before."""
+        window = tuple(self.stage.window_size)
+        now = (window, self.stage.camera.parallel_scale)
+        if self.packing is None or now == self.written:
+            return
+        self.written = now
+        self.stage.remove_actor(list(self.labels), render=False)
+        others = set(self.stage.actors)
+        add_scale_bar(self.stage, self.packing.unit)
+        strip = None if self.colors is None else legend_of(self.colors[0], window, shades=self.colors[1])
+        if strip is not None:
+            strip.add_to(self.stage)
+        self.labels = set(self.stage.actors) - others
 
     def show_shapes(self, shapes: list[Shape]) -> None:
         """Show shapes in a row."""
-        self.packing = None
-        self.stage.clear_actors()
+        self.packing = self.picked = self.camera = None
+        self._clear()
         at, corners = 0.0, []
         for shape in shapes:
             mesh = surface_of(shape)
@@ -130,23 +169,3 @@ class Look:
             mapper = getattr(actor, "mapper", None)
             if mapper is not None and hasattr(mapper, "SetClippingPlanes"):
                 mapper.SetClippingPlanes(planes)
-
-
-def numbers_of(packing: Packing, grain: int) -> dict[str, str]:
-    """Return the numbers of a grain, as a page shows them."""
-    told = {
-        "grain": str(grain),
-        "shape": str(packing.shapes[packing.shape_id[grain]].name),
-        "equivalent diameter": f"{packing.diameters[grain]:.5g}",
-        "centroid": _point(packing.position[grain]),
-        "neighbours": str(int((packing.contacts().i == grain).sum() + (packing.contacts().j == grain).sum())),
-    }
-    if packing.forces is not None:
-        told["largest force"] = f"{packing.forces.largest_force()[grain]:.4g} {packing.forces.unit}"
-        told["residual"] = f"{packing.forces.residual[grain]:.2g}"
-    return told
-
-
-def _point(point: Floats) -> str:
-    """Return coordinates as text."""
-    return ", ".join(f"{value:.4g}" for value in point)

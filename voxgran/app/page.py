@@ -2,14 +2,17 @@
 
 import asyncio
 import contextlib
+from dataclasses import asdict
 from typing import Any
 
 from voxgran._base.errors import VoxgranError
 from voxgran._base.lazy import load
 from voxgran.app.desk import Desk
-from voxgran.app.look import colors_of, numbers_of
+from voxgran.app.look import GRAINS, MANY, SPHERES
 from voxgran.decks.engine import engines
 from voxgran.io.vtk_files import load_packing
+from voxgran.report.closeup import numbers_of_grain
+from voxgran.report.colors import colors_of
 
 #: seconds between two looks at the runs
 TICK = 0.5
@@ -40,6 +43,10 @@ TAKE = (
 )
 
 
+#: address of a picture in the page
+SVG = "'data:image/svg+xml,' + encodeURIComponent({})"
+
+
 class Page:
     """The page of a desk; all that it knows of a scene comes from the desk."""
 
@@ -55,9 +62,10 @@ class Page:
                 "error": "",
                 "runs": [],
                 "shown": 0,
-                "colors": colors_of(None),
+                "colors": ["diameter"],
                 "color_by": "diameter",
-                "forces": False,
+                "ways": [GRAINS],
+                "way": GRAINS,
                 "cut_x": 1,
                 "cut_y": 1,
                 "cut_z": 1,
@@ -67,6 +75,8 @@ class Page:
                 "curve": "",
                 "warnings": [],
                 "grain": [],
+                "figures": [],
+                "large": "",
                 "upload": None,
                 "uploaded": "",
                 "engines": list(engines()),
@@ -74,7 +84,7 @@ class Page:
         )
         self.state.change("forms")(self.edited)
         self.state.change("upload")(self.take)
-        self.state.change("color_by", "forces")(self.redraw)
+        self.state.change("color_by", "way")(self.redraw)
         self.state.change("cut_x", "cut_y", "cut_z")(self.cut)
         self.view: Any = None
         self.grown, self.pushes = (0, 0), 0
@@ -135,9 +145,11 @@ class Page:
     def pick(self, across: float, down: float) -> None:
         """Show the numbers of the grain at a place of the picture, in shares of its width and height."""
         look = self.desk.look
-        grain = look.grain_at(across, down)
-        told = {} if grain is None or look.packing is None else numbers_of(look.packing, grain)
-        self.state.grain = [f"{name}: {text}" for name, text in told.items()]
+        if look.packing is not None and self.state.way == GRAINS:
+            grain = look.picked = look.grain_at(across, down)
+            told = [] if grain is None else numbers_of_grain(look.packing, grain)
+            self.state.grain, self.state.ways = list(map(asdict, told)), look.ways()
+            self.redraw()
 
     def preview(self) -> None:
         """Show shapes of the scene."""
@@ -159,9 +171,11 @@ class Page:
     def show(self, number: int) -> None:
         """Show the packing of a run."""
         self._guarded(lambda: self.desk.open(number))
-        self.state.shown, self.state.colors = number, colors_of(self.desk.look.packing)
-        if self.state.color_by not in self.state.colors:
-            self.state.color_by = "diameter"
+        look = self.desk.look
+        self.state.shown, self.state.ways, self.state.figures = number, look.ways(), []
+        self.state.colors = [] if look.packing is None else colors_of(look.packing)
+        self.state.color_by = self.state.color_by if self.state.color_by in self.state.colors else "diameter"
+        self.state.way = self.state.way if self.state.way in self.state.ways else GRAINS
         self.state.results, self.state.lamps = self.desk.results, self.desk.lamps
         self.state.warnings, self.state.grain = self.desk.warnings, []
         self.redraw()
@@ -170,8 +184,12 @@ class Page:
         """Draw the packing again."""
         look = self.desk.look
         if look.packing is not None:
-            self._guarded(lambda: look.show(look.packing, color_by=self.state.color_by, forces=self.state.forces))
+            self._guarded(lambda: look.show(look.packing, color_by=self.state.color_by, way=self.state.way))
             self.cut()
+
+    def draw_figures(self) -> None:
+        """Show the figures of the report."""
+        self.state.figures = self.desk.figures()
 
     def cut(self, **_: Any) -> None:
         """Cut the packing."""
@@ -205,7 +223,8 @@ class Page:
             return
         self.grown = (run.number, run.grown)
         with contextlib.suppress(VoxgranError):
-            self.desk.look.show_growing(load_packing(run.growing))
+            grown = load_packing(run.growing)
+            self.desk.look.show(grown, way=SPHERES if grown.count > MANY else GRAINS)
             self._update()
 
     def _guarded(self, call: Any) -> None:
@@ -322,14 +341,20 @@ class Page:
             with html.Div(v_for="lamp in lamps", key="lamp.name", classes="px-4 lamp"):
                 v3.VIcon("mdi-circle", color=("lamp.ok ? 'success' : 'error'",), size="small")
                 html.Span(" {{ lamp.name }}: {{ lamp.text }}", classes="text-caption")
-            with html.Div(v_for="result in results", key="result.name", classes="px-4 text-caption"):
-                html.Span("{{ result.name }}: {{ result.text }}")
+            self._table(v3, html, "results")
             html.Div("{{ text }}", v_for="text in warnings", classes="px-4 text-caption text-warning")
-            html.Div("{{ text }}", v_for="text in grain", classes="px-4 text-caption grain")
+            html.Div("Picked grain", v_if="grain.length", classes="px-4 text-subtitle-2")
+            self._table(v3, html, "grain")
+            v3.VBtn("Figures of the report", click=self.draw_figures, size="small", classes="ma-1", id="figures")
+            with html.Div(v_for="figure in figures", key="figure.alt", classes="px-4 figure", title=("figure.alt",)):
+                html.Img(src=(SVG.format("figure.svg"),), style="width: 100%", click="large = figure.svg")
+                html.Div("{{ figure.caption }}", classes="text-caption")
+            with v3.VDialog(model_value=("!!large",), update_modelValue="large = ''", max_width=900):
+                html.Img(src=(SVG.format("large"),), style="width: 100%; background: white", id="large")
             for name, file in Desk.FILES.items():
                 take = TAKE.format(file=f"'{file}'")
                 v3.VBtn(name, size="small", variant="outlined", classes="ma-1", click=take, id=f"take-{file}")
-            html.Div("Input of engines, with the material of the scene", classes="px-4 text-caption")
+            html.Div("Input of engines, with material and clumps as in the forms", classes="px-4 text-caption")
             v3.VBtn(
                 "{{ engine }}",
                 v_for="engine in engines",
@@ -342,12 +367,19 @@ class Page:
             html.Pre("{{ python }}", classes="text-caption px-4", style="white-space: pre-wrap", id="python")
         self.server.controller.trigger("download")(self.download)
 
+    def _table(self, v3: Any, html: Any, name: str) -> None:
+        """Lay out facts as a table, whose notes are seen where the pointer rests."""
+        with v3.VTable(density="compact", v_if=f"{name}.length", classes="text-caption mx-2", id=name), html.Tbody():
+            with html.Tr(v_for=f"row in {name}", key="row.label", title=("row.note",), style="height: 1.6em"):
+                html.Td("{{ row.label }}", style="height: auto")
+                html.Td("{{ row.value }}", style="height: auto", classes=("({bad: 'text-error'})[row.tone]",))
+
     def _tools(self, v3: Any) -> None:
-        """Lay out what turns the view: colours, forces, cuts."""
+        """Lay out what changes the view: what is drawn, colours, cuts."""
         bare = {"density": "compact", "hide_details": True}
         share = {"min": 0, "max": 1, "step": 0.01, "classes": "mx-2"}
         with v3.VRow(dense=True, no_gutters=True, classes="px-2 align-center", style="flex: 0"):
+            v3.VSelect(v_model=("way",), items=("ways",), label="show", id="way", **bare)
             v3.VSelect(v_model=("color_by",), items=("colors",), label="colour by", id="color-by", **bare)
-            v3.VCheckbox(v_model=("forces",), label="forces", **bare)
             for axis in "xyz":
                 v3.VSlider(v_model=(f"cut_{axis}",), label=axis, id=f"cut-{axis}", **share, **bare)

@@ -193,7 +193,7 @@ class Queue:
         while (self.folder / f"run_{number}").exists() or (self.folder / f"run_{number}.toml").exists():
             number += 1
         run = Run(number=number, folder=self.folder / f"run_{number}")
-        write_text(run.folder.with_suffix(".toml"), toml_of(mapping))
+        write_text(run.folder.with_suffix(".toml"), toml_of(located(mapping, self.base)))
         self.runs.append(run)
         return run
 
@@ -288,6 +288,16 @@ def toml_of(mapping: dict[str, Any]) -> str:
         If tomli_w is not installed.
     """
     return str(load("tomli_w").dumps(mapping))
+
+
+def located(value: Any, base: Path) -> Any:
+    """Return a scene, or a value in it, with whole paths of the files that it names, so that it holds in any folder."""
+    if isinstance(value, dict):
+        return {name: located(inner, base) for name, inner in value.items()}
+    if isinstance(value, list | tuple):
+        return [located(inner, base) for inner in value]
+    named = isinstance(value, str) and Path(value).suffix and (base / value).is_file()
+    return str((base / value).resolve()) if named else value
 
 
 def _begin(run: Run, base: Path) -> None:
