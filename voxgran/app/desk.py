@@ -15,7 +15,7 @@ from voxgran._base.errors import InputError, VoxgranError
 from voxgran._base.lazy import load as library
 from voxgran.app.forms import Form, blank_shape, forms_of, mapping_of, rest_of
 from voxgran.app.look import Look
-from voxgran.app.runs import Queue, Run, heard, located
+from voxgran.app.runs import Queue, Run, heard
 from voxgran.contacts.verify import Verification, verify
 from voxgran.io.files import load
 from voxgran.io.netcdf import load_statistics, save_statistics
@@ -26,6 +26,7 @@ from voxgran.report.figures import figures_of
 from voxgran.report.page import save_report
 from voxgran.report.plots import set_log_scale, unit_text
 from voxgran.report.stage import png_of, shot
+from voxgran.scene.checked_sections import located
 from voxgran.scene.description import read_toml
 from voxgran.scene.run import deck_of
 from voxgran.scene.scene import Scene
@@ -43,8 +44,6 @@ LEARNED = 50
 HEADLINES = ("grains", "bed", "memory", "note")
 #: files of a run
 REPORT, STATISTICS = "report.html", "statistics.nc"
-#: stop reasons of packings that are in balance, with their weight or with a stress
-BALANCED = ("settled", "compressed")
 
 
 class Desk:
@@ -184,16 +183,18 @@ class Desk:
         self.shown = run
         self.look.show(packing)
         self.warnings = []
-        left = run.folder / STATISTICS
+        left, which = run.folder / STATISTICS, ["density", "coordination"]
         with heard(self.warnings.append):
             proof = self.proof = verify(packing)
-            kept = load_statistics(left) if left.exists() else measure(packing, which=["density", "coordination"])
-            self.statistics, self.results = kept, list(map(asdict, headline(packing, kept, proof)))
+            kept = self.statistics = load_statistics(left) if left.exists() else measure(packing, which=which)
+            self.results = list(map(asdict, headline(packing, kept, proof)))
+        self.warnings = [text for text in self.warnings if text not in run.warnings]
         rest = packing.forces
         self.lamps = [{"name": "verify", "ok": proof.ok, "text": proof.summary().splitlines()[0]}]
         if rest is not None:
             text = f"{100 * rest.share_at_rest:.1f} % of the grains rest"
-            self.lamps.append({"name": "equilibrium", "ok": packing.stop_reason in BALANCED, "text": text})
+            balanced = packing.stop_reason in ("settled", "compressed")
+            self.lamps.append({"name": "equilibrium", "ok": balanced, "text": text})
 
     def figures(self) -> list[dict[str, str]]:
         """Return the figures of the report of the run that is shown."""
@@ -224,9 +225,7 @@ class Desk:
         return path.read_bytes() if path.exists() else self._made(name, read_toml(scene))
 
     def _made(self, name: str, mapping: dict[str, Any]) -> bytes:
-        """Make a file that the run that is shown, of a scene, has not left: of an engine it is a zip archive, with the
-        material and the clumps that the forms have.
-        """
+        """Make a file that the run of a scene has not left; that of an engine has material and clumps of the forms."""
         assert self.packing is not None
         with tempfile.TemporaryDirectory() as folder:
             place = Path(folder) / name

@@ -14,7 +14,7 @@ from voxgran.report.force_chains import COLORS as SHADES
 from voxgran.report.force_chains import add_chains, add_contacts
 from voxgran.report.legend import legend_of
 from voxgran.report.scenes import GRAIN_COLOR, SMOOTH, add_grains
-from voxgran.report.stage import add_container, add_scale_bar, add_spheres, look_at, open_stage
+from voxgran.report.stage import add_container, add_scale_bar, add_spheres, keep_written, look_at, open_stage
 from voxgran.shapes.model import Shape
 
 #: size of the scene before a browser says its own
@@ -23,6 +23,8 @@ WINDOW = (900, 700)
 MANY = 300
 #: ways to draw a packing, and the beginning of those to draw the picked grain alone
 GRAINS, CONTACTS, CHAINS, SPHERES, ALONE = "grains", "contacts", "force chains", "spheres", "picked grain: "
+#: share of the height that is left free for a legend
+BELOW = 0.16
 #: colour of the picked grain among the others
 PICKED = "#d1495b"
 
@@ -46,13 +48,11 @@ class Look:
     picked: int | None = None
     #: the camera of the packing while a grain is alone
     camera: Any = None
-    #: what the colours mean, with their map, for which window and camera that was written, and its actors
+    #: what the colours mean, with their map
     colors: tuple[Coloring, str] | None = None
-    written: Any = None
-    labels: set[str] = field(default_factory=set)
 
     def __post_init__(self) -> None:
-        self.stage.render_window.AddObserver("StartEvent", self._write)
+        keep_written(self.stage, self._write)
 
     def ways(self) -> list[str]:
         """Return in which ways the packing, and the grain that is picked, can be drawn."""
@@ -69,7 +69,9 @@ class Look:
         fresh = self.packing is None or not np.array_equal(self.packing.container.bounds, bounds)
         if packing is not self.packing:
             self.packing, self.picked = packing, None
-        self._clear()
+        # the page renders
+        self.stage.suppress_rendering, self.colors = True, None
+        self.stage.clear_actors()
         if way.startswith(ALONE) and self.picked is not None:
             self.camera = self.camera or self.stage.camera.copy()
             look_at(self.stage, closeups_of(packing, self.picked)[way.removeprefix(ALONE)](self.stage), flat=flat)
@@ -89,35 +91,24 @@ class Look:
                 add_grain(self.stage, packing, self.picked, color=PICKED, larger=1.01)
         add_container(self.stage, packing.container)
         if fresh:
-            look_at(self.stage, packing.container.mesh()[0], flat=flat)
+            look_at(self.stage, packing.container.mesh()[0], flat=flat, below=BELOW)
         elif self.camera is not None:
             self.stage.camera = self.camera
         self.camera = None
 
-    def _clear(self) -> None:
-        """Take all away."""
-        self.stage.clear_actors()
-        self.colors, self.written, self.labels = None, None, set()
-
-    def _write(self, *_: Any) -> None:
-        """Write the scale, and what the colours mean, where the window or the camera is another than before."""
-        window = tuple(self.stage.window_size)
-        now = (window, self.stage.camera.parallel_scale)
-        if self.packing is None or now == self.written:
-            return
-        self.written = now
-        self.stage.remove_actor(list(self.labels), render=False)
-        others = set(self.stage.actors)
-        add_scale_bar(self.stage, self.packing.unit)
-        strip = None if self.colors is None else legend_of(self.colors[0], window, shades=self.colors[1])
-        if strip is not None:
-            strip.add_to(self.stage)
-        self.labels = set(self.stage.actors) - others
+    def _write(self) -> None:
+        """Write the scale, and what the colours mean."""
+        if self.packing is not None:
+            add_scale_bar(self.stage, self.packing.unit)
+        if self.colors is not None:
+            strip = legend_of(self.colors[0], tuple(self.stage.window_size), shades=self.colors[1])
+            if strip is not None:
+                strip.add_to(self.stage)
 
     def show_shapes(self, shapes: list[Shape]) -> None:
         """Show shapes in a row."""
-        self.packing = self.picked = self.camera = None
-        self._clear()
+        self.packing = self.picked = self.camera = self.colors = None
+        self.stage.clear_actors()
         at, corners = 0.0, []
         for shape in shapes:
             mesh = surface_of(shape)

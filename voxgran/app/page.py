@@ -43,42 +43,26 @@ TAKE = (
 )
 
 
-#: address of a picture in the page
-SVG = "'data:image/svg+xml,' + encodeURIComponent({})"
-
-
 class Page:
     """The page of a desk; all that it knows of a scene comes from the desk."""
 
     def __init__(self, desk: Desk, server: Any) -> None:
         self.desk, self.server, self.state = desk, server, server.state
+        texts = ("plan", "details", "error", "python", "curve", "uploaded", "large")
+        lists = ("runs", "results", "lamps", "warnings", "grain", "figures")
+        self.state.update({**dict.fromkeys(texts, ""), **{name: [] for name in lists}})
         self.state.update(
             {
                 "trame__title": "voxgran",
                 "forms": desk.forms,
-                "plan": "",
-                "details": "",
                 "errors": {},
-                "error": "",
-                "runs": [],
                 "shown": 0,
                 "colors": ["diameter"],
                 "color_by": "diameter",
                 "ways": [GRAINS],
                 "way": GRAINS,
-                "cut_x": 1,
-                "cut_y": 1,
-                "cut_z": 1,
-                "results": [],
-                "lamps": [],
-                "python": "",
-                "curve": "",
-                "warnings": [],
-                "grain": [],
-                "figures": [],
-                "large": "",
+                **dict.fromkeys(("cut_x", "cut_y", "cut_z"), 1),
                 "upload": None,
-                "uploaded": "",
                 "engines": list(engines()),
             }
         )
@@ -263,6 +247,9 @@ class Page:
                 self._results(v3, html)
             with v3.VMain(), v3.VContainer(fluid=True, classes="pa-0 d-flex flex-column", style="height: 100%"):
                 self._tools(v3)
+                with html.Div(style="position: relative; height: 0; z-index: 1; pointer-events: none"):
+                    with html.Div(style="position: absolute; top: 4px; left: 4px; max-width: 75%; opacity: 0.85"):
+                        self._table(v3, html, "grain")
                 with html.Div(style="flex: 1; min-height: 0", id="view", dblclick=(self.pick, PLACE)):
                     self.view = load("trame_pyvista.widgets").PyVistaRemoteView(self.desk.look.stage)
         layout.root.style = "overflow: hidden"
@@ -309,6 +296,7 @@ class Page:
 
     def _results(self, v3: Any, html: Any) -> None:
         """Lay out plan, runs, numbers and files."""
+        drawn = "'data:image/svg+xml,' + encodeURIComponent({})"
         with v3.VCard(title="Plan", variant="flat", density="compact"):
             html.Pre("{{ plan }}", classes="text-caption px-4", style="white-space: pre-wrap", id="plan")
             html.Img(v_if="curve", src=("curve",), id="curve", classes="px-4", style="max-width: 100%")
@@ -343,14 +331,6 @@ class Page:
                 html.Span(" {{ lamp.name }}: {{ lamp.text }}", classes="text-caption")
             self._table(v3, html, "results")
             html.Div("{{ text }}", v_for="text in warnings", classes="px-4 text-caption text-warning")
-            html.Div("Picked grain", v_if="grain.length", classes="px-4 text-subtitle-2")
-            self._table(v3, html, "grain")
-            v3.VBtn("Figures of the report", click=self.draw_figures, size="small", classes="ma-1", id="figures")
-            with html.Div(v_for="figure in figures", key="figure.alt", classes="px-4 figure", title=("figure.alt",)):
-                html.Img(src=(SVG.format("figure.svg"),), style="width: 100%", click="large = figure.svg")
-                html.Div("{{ figure.caption }}", classes="text-caption")
-            with v3.VDialog(model_value=("!!large",), update_modelValue="large = ''", max_width=900):
-                html.Img(src=(SVG.format("large"),), style="width: 100%; background: white", id="large")
             for name, file in Desk.FILES.items():
                 take = TAKE.format(file=f"'{file}'")
                 v3.VBtn(name, size="small", variant="outlined", classes="ma-1", click=take, id=f"take-{file}")
@@ -363,6 +343,12 @@ class Page:
                 click=TAKE.format(file="engine + '.zip'"),
                 id=("'take-' + engine",),
             )
+            v3.VBtn("Figures of the report", click=self.draw_figures, size="small", classes="ma-1", id="figures")
+            with html.Div(v_for="figure in figures", key="figure.alt", classes="px-4 figure", title=("figure.alt",)):
+                html.Img(src=(drawn.format("figure.svg"),), style="width: 100%", click="large = figure.svg")
+                html.Div("{{ figure.caption }}", classes="text-caption")
+            with v3.VDialog(model_value=("!!large",), update_modelValue="large = ''", max_width=900):
+                html.Img(src=(drawn.format("large"),), style="width: 100%; background: white", id="large")
         with v3.VCard(title="The same in Python", variant="flat", density="compact"):
             html.Pre("{{ python }}", classes="text-caption px-4", style="white-space: pre-wrap", id="python")
         self.server.controller.trigger("download")(self.download)
@@ -370,7 +356,7 @@ class Page:
     def _table(self, v3: Any, html: Any, name: str) -> None:
         """Lay out facts as a table, whose notes are seen where the pointer rests."""
         with v3.VTable(density="compact", v_if=f"{name}.length", classes="text-caption mx-2", id=name), html.Tbody():
-            with html.Tr(v_for=f"row in {name}", key="row.label", title=("row.note",), style="height: 1.6em"):
+            with html.Tr(v_for=f"row in {name}", key="row.label", title=("row.note",), style="line-height: 1.2"):
                 html.Td("{{ row.label }}", style="height: auto")
                 html.Td("{{ row.value }}", style="height: auto", classes=("({bad: 'text-error'})[row.tone]",))
 

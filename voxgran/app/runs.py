@@ -17,6 +17,7 @@ from voxgran._base.lazy import load
 from voxgran._base.progress import Step
 from voxgran.io.files import save
 from voxgran.packing.model import Packing
+from voxgran.scene.checked_sections import located
 from voxgran.scene.description import read_toml
 from voxgran.scene.processes import Channel, Process, ending_of, start
 from voxgran.scene.run import PACKING
@@ -288,16 +289,6 @@ def toml_of(mapping: dict[str, Any]) -> str:
         If tomli_w is not installed.
     """
     return str(load("tomli_w").dumps(mapping))
-
-
-def located(value: Any, base: Path) -> Any:
-    """Return a scene, or a value in it, with whole paths of the files that it names, so that it holds in any folder."""
-    if isinstance(value, dict):
-        return {name: located(inner, base) for name, inner in value.items()}
-    if isinstance(value, list | tuple):
-        return [located(inner, base) for inner in value]
-    named = isinstance(value, str) and Path(value).suffix and (base / value).is_file()
-    return str((base / value).resolve()) if named else value
 
 
 def _begin(run: Run, base: Path) -> None:
