@@ -5,16 +5,19 @@ import contextlib
 import time
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
+from dataclasses import asdict
 from typing import Any
 
 from voxgran._base.errors import VoxgranError
 from voxgran._base.lazy import load
 from voxgran.app.desk import Desk
-from voxgran.app.look import colors_of, numbers_of
+from voxgran.app.look import ALONE, GRAINS, MANY, SPHERES, WINDOW
 from voxgran.app.runs import REST
 from voxgran.decks.engine import engines
 from voxgran.io.vtk_files import load_packing
 from voxgran.packing.model import Packing
+from voxgran.report.closeup import numbers_of_grain
+from voxgran.report.colors import colors_of
 
 #: seconds between two looks at the runs
 TICK = 0.1
@@ -51,41 +54,32 @@ class Page:
 
     def __init__(self, desk: Desk, server: Any) -> None:
         self.desk, self.server, self.state = desk, server, server.state
+        texts = ("plan", "details", "error", "python", "curve", "uploaded", "large")
+        lists = ("runs", "results", "lamps", "warnings", "grain", "figures")
+        self.state.update({**dict.fromkeys(texts, ""), **{name: [] for name in lists}})
         self.state.update(
             {
                 "trame__title": "voxgran",
                 "forms": desk.forms,
-                "plan": "",
-                "details": "",
                 "errors": {},
-                "error": "",
-                "runs": [],
                 "shown": 0,
-                "colors": colors_of(None),
+                "colors": ["diameter"],
                 "color_by": "diameter",
-                "forces": False,
-                "cut_x": 1,
-                "cut_y": 1,
-                "cut_z": 1,
-                "results": [],
-                "lamps": [],
-                "python": "",
-                "curve": "",
-                "warnings": [],
-                "grain": [],
+                "ways": [GRAINS],
+                "way": GRAINS,
+                **dict.fromkeys(("cut_x", "cut_y", "cut_z"), 1),
                 "upload": None,
-                "uploaded": "",
                 "engines": list(engines()),
                 "ratio": 1.0,
             }
         )
         self.state.change("forms")(self.edited)
         self.state.change("upload")(self.take)
-        self.state.change("color_by", "forces")(self.redraw)
+        self.state.change("color_by", "way")(self.redraw)
         self.state.change("cut_x", "cut_y", "cut_z")(self.cut)
         self.view: Any = None
         self.grown, self.due, self.wanted, self.edits = (0, 0), 0.0, False, 0
-        self.fitted: tuple[float, float] | None = None
+        self.shares = WINDOW[0] / WINDOW[1]
         #: browsers that are connected: nothing is drawn for none
         self.lookers = 0
         #: computes what may take long, so that the page answers meanwhile
@@ -152,9 +146,11 @@ class Page:
     def pick(self, across: float, down: float) -> None:
         """Show the numbers of the grain at a place of the picture, in shares of its width and height."""
         look = self.desk.look
-        grain = look.grain_at(across, down)
-        told = {} if grain is None or look.packing is None else numbers_of(look.packing, grain)
-        self.state.grain = [f"{name}: {text}" for name, text in told.items()]
+        if look.packing is not None and self.state.way == GRAINS:
+            grain = look.picked = look.grain_at(across, down)
+            told = [] if grain is None else numbers_of_grain(look.packing, grain)
+            self.state.grain, self.state.ways = list(map(asdict, told)), look.ways()
+            self.redraw()
 
     def preview(self) -> None:
         """Show shapes of the scene."""
@@ -177,12 +173,14 @@ class Page:
         """Show the packing of a run."""
 
         def opened(packing: Packing) -> None:
-            self.state.shown, self.state.colors = number, colors_of(packing)
-            if self.state.color_by not in self.state.colors:
-                self.state.color_by = "diameter"
-            self.state.results, self.state.lamps = self.desk.results, self.desk.lamps
-            self.state.warnings, self.state.grain = self.desk.warnings, []
+            state = self.state
+            state.shown, state.figures, state.colors = number, [], colors_of(packing)
+            state.color_by = state.color_by if state.color_by in state.colors else "diameter"
+            state.way = GRAINS if state.way.startswith(ALONE) or packing.forces is None else state.way
+            state.results, state.lamps = self.desk.results, self.desk.lamps
+            state.warnings, state.grain = self.desk.warnings, []
             self._draw(packing)
+            state.ways = self.desk.look.ways()
 
         self._worked(lambda: self.desk.open(number), opened)
 
@@ -194,8 +192,12 @@ class Page:
     def _draw(self, packing: Packing) -> None:
         """Draw a packing as the page says."""
         look, state = self.desk.look, self.state
-        self._guarded(lambda: look.show(packing, color_by=state.color_by, forces=state.forces))
+        self._guarded(lambda: look.show(packing, color_by=state.color_by, way=state.way))
         self.cut()
+
+    def draw_figures(self) -> None:
+        """Show the figures of the report."""
+        self._worked(self.desk.figures, lambda figures: self.state.update({"figures": figures}))
 
     def cut(self, **_: Any) -> None:
         """Cut the packing."""
@@ -238,19 +240,19 @@ class Page:
             return False
         self.grown = (run.number, run.grown)
         with contextlib.suppress(VoxgranError):
-            self.desk.look.show_growing(load_packing(run.growing))
+            grown = load_packing(run.growing)
+            self.desk.look.show(grown, way=SPHERES if grown.count > MANY else GRAINS)
             self._update()
         return True
 
     def _fit(self) -> None:
-        """Keep what is seen where the proportions of the window change, and the scale bar true when magnified."""
-        stage, before = self.desk.look.stage, self.fitted
-        wide, high = stage.window_size
-        if before and before[0] != round(wide / high, 2):
-            stage.camera.parallel_scale *= before[0] / round(wide / high, 2)
-        self.fitted = (round(wide / high, 2), stage.camera.parallel_scale)
-        if before and self.fitted != before:
-            self.redraw()
+        """Keep what is seen where the proportions of the window change."""
+        wide, high = self.desk.look.stage.window_size
+        # while the view is turned its pictures are smaller
+        before, self.shares = self.shares, round(wide / high, 2)
+        if before != self.shares:
+            self.desk.look.stage.camera.parallel_scale *= before / self.shares
+            self._update()
 
     def _push(self) -> None:
         """Send the picture; where that takes long, it is drawn without smoothing, and smaller while it is turned."""
@@ -313,6 +315,9 @@ class Page:
                 self._results(v3, html)
             with v3.VMain(), v3.VContainer(fluid=True, classes="pa-0 d-flex flex-column", style="height: 100%"):
                 self._tools(v3)
+                with html.Div(style="position: relative; height: 0; z-index: 1; pointer-events: none"):
+                    with html.Div(style="position: absolute; top: 4px; left: 4px; max-width: 75%; opacity: 0.85"):
+                        self._table(v3, html, "grain")
                 with html.Div(style="flex: 1; min-height: 0", id="view", dblclick=(self.pick, PLACE)):
                     stage, views = self.desk.look.stage, load("trame_pyvista.widgets")
                     self.view = views.PyVistaRemoteView(stage, interactive_ratio=("ratio",))
@@ -362,6 +367,7 @@ class Page:
 
     def _results(self, v3: Any, html: Any) -> None:
         """Lay out plan, runs, numbers and files."""
+        drawn = "'data:image/svg+xml,' + encodeURIComponent({})"
         with v3.VCard(title="Plan", variant="flat", density="compact"):
             html.Pre("{{ plan }}", classes="text-caption px-4", style="white-space: pre-wrap", id="plan")
             html.Img(v_if="curve", src=("curve",), id="curve", classes="px-4", style="max-width: 100%")
@@ -394,14 +400,12 @@ class Page:
             with html.Div(v_for="lamp in lamps", key="lamp.name", classes="px-4 lamp"):
                 v3.VIcon("mdi-circle", color=("lamp.ok ? 'success' : 'error'",), size="small")
                 html.Span(" {{ lamp.name }}: {{ lamp.text }}", classes="text-caption")
-            with html.Div(v_for="result in results", key="result.name", classes="px-4 text-caption"):
-                html.Span("{{ result.name }}: {{ result.text }}")
+            self._table(v3, html, "results")
             html.Div("{{ text }}", v_for="text in warnings", classes="px-4 text-caption text-warning")
-            html.Div("{{ text }}", v_for="text in grain", classes="px-4 text-caption grain")
             for name, file in Desk.FILES.items():
                 take = TAKE.format(file=f"'{file}'")
                 v3.VBtn(name, size="small", variant="outlined", classes="ma-1", click=take, id=f"take-{file}")
-            html.Div("Input of engines, with the material of the scene", classes="px-4 text-caption")
+            html.Div("Input of engines, with material and clumps as in the forms", classes="px-4 text-caption")
             v3.VBtn(
                 "{{ engine }}",
                 v_for="engine in engines",
@@ -410,16 +414,29 @@ class Page:
                 click=TAKE.format(file="engine + '.zip'"),
                 id=("'take-' + engine",),
             )
+            v3.VBtn("Figures of the report", click=self.draw_figures, size="small", classes="ma-1", id="figures")
+            with html.Div(v_for="figure in figures", key="figure.alt", classes="px-4 figure", title=("figure.alt",)):
+                html.Img(src=(drawn.format("figure.svg"),), style="width: 100%", click="large = figure.svg")
+                html.Div("{{ figure.caption }}", classes="text-caption")
+            with v3.VDialog(model_value=("!!large",), update_modelValue="large = ''", max_width=900):
+                html.Img(src=(drawn.format("large"),), style="width: 100%; background: white", id="large")
         with v3.VCard(title="The same in Python", variant="flat", density="compact"):
             html.Pre("{{ python }}", classes="text-caption px-4", style="white-space: pre-wrap", id="python")
         self.server.controller.trigger("download")(self.download)
 
+    def _table(self, v3: Any, html: Any, name: str) -> None:
+        """Lay out facts as a table, whose notes are seen where the pointer rests."""
+        with v3.VTable(density="compact", v_if=f"{name}.length", classes="text-caption mx-2", id=name), html.Tbody():
+            with html.Tr(v_for=f"row in {name}", key="row.label", title=("row.note",), style="line-height: 1.2"):
+                html.Td("{{ row.label }}", style="height: auto")
+                html.Td("{{ row.value }}", style="height: auto", classes=("({bad: 'text-error'})[row.tone]",))
+
     def _tools(self, v3: Any) -> None:
-        """Lay out what turns the view: colours, forces, cuts."""
+        """Lay out what changes the view: what is drawn, colours, cuts."""
         bare = {"density": "compact", "hide_details": True, "style": "min-width: 100px; max-width: 240px"}
         share = {"min": 0, "max": 1, "step": 0.01, "classes": "mx-2"}
         with v3.VRow(dense=True, no_gutters=True, classes="px-2 align-center", style="flex: 0"):
+            v3.VSelect(v_model=("way",), items=("ways",), label="show", id="way", **bare)
             v3.VSelect(v_model=("color_by",), items=("colors",), label="colour by", id="color-by", **bare)
-            v3.VCheckbox(v_model=("forces",), label="forces", **bare)
             for axis in "xyz":
                 v3.VSlider(v_model=(f"cut_{axis}",), label=axis, id=f"cut-{axis}", **share, **bare)

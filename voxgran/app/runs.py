@@ -18,6 +18,7 @@ from voxgran._base.lazy import load
 from voxgran._base.progress import Step
 from voxgran.io.files import save
 from voxgran.packing.model import Packing
+from voxgran.scene.checked_sections import located
 from voxgran.scene.description import read_toml
 from voxgran.scene.processes import Channel, Process, ending_of, start
 from voxgran.scene.run import PACKING
@@ -196,7 +197,7 @@ class Queue:
         while (self.folder / f"run_{number}").exists() or (self.folder / f"run_{number}.toml").exists():
             number += 1
         run = Run(number=number, folder=self.folder / f"run_{number}")
-        write_text(run.folder.with_suffix(".toml"), toml_of(mapping))
+        write_text(run.folder.with_suffix(".toml"), toml_of(located(mapping, self.base)))
         self.runs.append(run)
         return run
 

@@ -3,7 +3,7 @@
 import contextlib
 import io
 import os
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from typing import Any, TypeAlias
 
 import numpy as np
@@ -97,6 +97,27 @@ def look_at(stage: Any, points: Floats, *, flat: bool = False, turn: float = 0.0
     stage.camera_set = True
 
 
+def keep_written(stage: Any, write: Callable[[], None]) -> None:
+    """Have labels written before a rendering where window or camera are others than before, or labels were removed."""
+    seen: tuple[Any, ...] = ()
+    labels: list[str] = []
+
+    def renew(*_: Any) -> None:
+        nonlocal seen, labels
+        now = (*stage.window_size, stage.camera.parallel_scale)
+        if now == seen and labels and all(name in stage.actors for name in labels):
+            return
+        # what is added is not rendered by itself
+        seen, stage.suppress_rendering, before = now, True, stage.suppress_rendering
+        stage.remove_actor(labels, render=False)
+        others = set(stage.actors)
+        write()
+        labels = [name for name in stage.actors if name not in others]
+        stage.suppress_rendering = before
+
+    stage.render_window.AddObserver("StartEvent", renew)
+
+
 def view_axes(*, flat: bool = False, turn: float = 0.0) -> Floats:
     """Return the directions to the right, upward and to the camera as rows, (3, 3); the angle is in degrees."""
     toward = np.array((0.0, 0.0, 1.0) if flat else _VIEW)
@@ -111,6 +132,7 @@ def view_axes(*, flat: bool = False, turn: float = 0.0) -> Floats:
 
 def shot(stage: Any) -> Picture:
     """Return the rendered picture, (height, width, 3)."""
+    stage.suppress_rendering = False
     stage.renderer.reset_camera_clipping_range()
     stage.render()
     image: Picture = np.ascontiguousarray(stage.screenshot(None, return_img=True)[:, :, :3])
