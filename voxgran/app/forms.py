@@ -27,6 +27,8 @@ Form = dict[str, Any]
 
 #: the family under which a shape is read from a file
 FROM_FILE = "file"
+#: type of the fields that a column of a table is pasted into
+COLUMN = "a list, each entry a number"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -175,6 +177,8 @@ def value_of(field: Form) -> Any:
     table = _pasted(text)
     if table is not None:
         return table
+    if "," in text and (alone := _numbers(text)):
+        return alone[0]
     try:
         return tomllib.loads(f"v = {text}")["v"]
     except tomllib.TOMLDecodeError:
@@ -182,16 +186,42 @@ def value_of(field: Form) -> Any:
 
 
 def _pasted(text: str) -> list[Any] | None:
-    """Return the numbers of a column, or the rows of several, that were copied from a spreadsheet."""
-    rows = [row.replace(";", " ").split() for row in text.splitlines() if row.strip()]
-    try:
-        numbers = [[float(word.replace(",", ".")) for word in row] for row in rows]
-    except ValueError:
-        return None
-    if sum(map(len, numbers)) < 2:
+    """Return the numbers of a column, or the rows of several, that were copied from a spreadsheet, without a header.
+
+    Commas are decimal signs, but where there are points, or several of them in a word: there they separate numbers.
+    """
+    rows = [_numbers(row.replace(",", " ") if "." in text else row) for row in text.splitlines() if row.strip()]
+    if len(rows) > 1 and rows[0] is None:
+        del rows[0]
+    numbers = [row for row in rows if row is not None]
+    if len(numbers) < len(rows) or sum(map(len, numbers)) < 2:
         return None
     single = len(numbers) == 1 or all(len(row) == 1 for row in numbers)
     return [value for row in numbers for value in row] if single else numbers
+
+
+def _numbers(row: str) -> list[float] | None:
+    """Return the numbers of a row, with points or commas as decimal signs; None where a word is no number."""
+    words = row.replace(";", " ").replace("%", " ").split()
+    words = words[0].split(",") if len(words) == 1 and words[0].count(",") > 1 else words
+    try:
+        return [float(word.replace(",", ".")) for word in words]
+    except ValueError:
+        return None
+
+
+def spread(form: Form) -> bool:
+    """Give each column of a pasted table to a field of its own, from the one that holds it; return whether one did."""
+    lists = [field for field in form["fields"] if field["type"] == COLUMN]
+    for k, field in enumerate(lists):
+        table = _pasted(str(field["text"])) or [0.0]
+        rows = isinstance(table[0], list) and len({*map(len, table)}) == 1
+        columns = list(zip(*table, strict=True)) if rows else []
+        if columns and len(columns) <= len(lists) - k:
+            for other, column in zip(lists[k:], columns, strict=False):
+                other["text"] = "\n".join(map(str, column))
+            return True
+    return False
 
 
 def mapping_of(forms: Iterable[Form]) -> dict[str, Any]:
