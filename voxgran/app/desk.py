@@ -1,25 +1,21 @@
 """What lies behind the page: the scene that is put together, its plan, the runs, and the packing that is looked at."""
 
-import base64
-import io
 import pprint
 import shutil
 import tempfile
 from dataclasses import fields
+from functools import partial
 from pathlib import Path
 from typing import Any, ClassVar
 
-import numpy as np
-
 from voxgran._base.errors import InputError, VoxgranError
-from voxgran._base.lazy import load as library
 from voxgran.app.forms import Form, blank_shape, forms_of, mapping_of, rest_of
 from voxgran.app.look import Look
 from voxgran.app.runs import Queue, Run, heard, toml_of
 from voxgran.contacts.verify import verify
 from voxgran.io.files import load
 from voxgran.measures.model import measure
-from voxgran.report.plots import set_log_scale, unit_text
+from voxgran.report.plots import plot_planned, svg_of
 from voxgran.report.stage import png_of, shot
 from voxgran.scene.run import deck_of
 from voxgran.scene.scene import Scene
@@ -28,6 +24,8 @@ from voxgran.shapes.learning.model import ShapeModel
 from voxgran.shapes.model import Shape
 from voxgran.shapes.repairing.diagnose import diagnose
 from voxgran.shapes.repairing.repair import repaired
+from voxgran.shapes.size_laws.distribution import SizeDistribution
+from voxgran.shapes.size_laws.plan import SizePlan
 
 #: shapes of a preview
 PREVIEW = 5
@@ -57,7 +55,8 @@ class Desk:
         self.base = base
         self.queue = Queue(folder, base)
         self.look = Look()
-        self.plan = self.details = self.error = self.curve = ""
+        self.plan = self.details = self.error = self.curve = self.held = ""
+        self.drawn: dict[str, Any] = {}
         self.errors: dict[str, str] = {}
         self.shown: Run | None = None
         self.results: list[dict[str, str]] = []
@@ -79,14 +78,17 @@ class Desk:
                 form["kind"] = before["kind"]
 
     def examine(self) -> None:
-        """Plan the scene; the sentence of an error goes to the section that it names."""
-        self.error, self.plan, self.details, self.errors, self.curve = "", "", "", {}, ""
+        """Plan the scene, and draw another container; the sentence of an error goes to the section that it names."""
+        self.error, self.plan, self.details, self.errors, self.curve, self.held = "", "", "", {}, "", ""
         said: list[str] = []
         try:
             with heard(said.append):
                 scene = Scene.from_mapping(self.mapping, folder=self.base)
+                if scene.container.to_mapping() != self.drawn:
+                    self.drawn = scene.container.to_mapping()
+                    self.look.show_container(scene.container, scene.general.unit)
                 made = scene.plan()
-                self.curve = _curve(scene)
+                self.curve, self.held = _curve(scene, made.sizes), str(made.sizes or "")
         except VoxgranError as error:
             self.error = str(error)
             named = (k for k, form in enumerate(self.forms) if f"[{form['name']}]" in self.error)
@@ -132,11 +134,15 @@ class Desk:
             place = named.with_stem(f"{named.stem}_{number}")
         place.write_bytes(content)
         try:
-            with heard(lambda _: None):
-                entry, told = _shape_of_upload(place)
+            return self.add_file(place)
         except VoxgranError:
             place.unlink()
             raise
+
+    def add_file(self, path: str | Path) -> str:
+        """Take a file as one more shape, as `upload` does."""
+        with heard(lambda _: None):
+            entry, told = _shape_of_file(self.base / path)
         self.forms = forms_of(self.mapping | {"shape": [*self.mapping["shape"], entry]})
         return told
 
@@ -218,7 +224,7 @@ class Desk:
             return Path(shutil.make_archive(f"{folder}/{engine}", "zip", folder, engine)).read_bytes()
 
 
-def _shape_of_upload(place: Path) -> tuple[dict[str, Any], str]:
+def _shape_of_file(place: Path) -> tuple[dict[str, Any], str]:
     """Return the keys of a shape that is read from a file, and what was found in it."""
     if place.suffix.lower() == ".nc":
         model = ShapeModel.load(place)
@@ -232,20 +238,10 @@ def _shape_of_upload(place: Path) -> tuple[dict[str, Any], str]:
     return {"file": str(place), **mended}, f"{place.name}: {counts}\n{done}"
 
 
-def _curve(scene: Scene) -> str:
-    """Return a drawing of the sizes by volume as the address of a picture, empty where there are none."""
-    law = scene.sizes
-    if law is None or not hasattr(law, "quantile"):
+def _curve(scene: Scene, plan: SizePlan | None) -> str:
+    """Return a drawing of the sizes by volume, empty where there are none."""
+    law, dimension = scene.sizes, scene.container.dimension
+    if not isinstance(law, SizeDistribution):
         return ""
-    # laws without a smallest or largest size have long tails
-    shares = np.linspace(0.001, 0.999, 101)
-    sizes = law.quantile(shares, basis="volume", dimension=scene.container.dimension)
-    figure = library("matplotlib.figure").Figure(figsize=(3.2, 1.9), dpi=100, layout="constrained")
-    axes = figure.add_subplot()
-    axes.plot(sizes, 100 * shares, color="#1867c0")
-    axes.set(xlabel=f"size{unit_text(scene.general.unit)}", ylabel="finer by volume (%)", ylim=(0, 100))
-    axes.grid(alpha=0.3)
-    set_log_scale(axes)
-    buffer = io.BytesIO()
-    figure.savefig(buffer, format="png")
-    return f"data:image/png;base64,{base64.b64encode(buffer.getvalue()).decode()}"
+    draw = partial(plot_planned, sizes=law, plan=plan, dimension=dimension, unit=scene.general.unit)
+    return svg_of(draw, "sizes", size=(4.2, 3.0))

@@ -2,11 +2,13 @@
 
 import asyncio
 import contextlib
+from collections.abc import Callable
 from typing import Any
 
 from voxgran._base.errors import VoxgranError
 from voxgran._base.lazy import load
 from voxgran.app.desk import Desk
+from voxgran.app.forms import spread
 from voxgran.app.look import colors_of, numbers_of
 from voxgran.decks.engine import engines
 from voxgran.io.vtk_files import load_packing
@@ -65,9 +67,11 @@ class Page:
                 "lamps": [],
                 "python": "",
                 "curve": "",
+                "held": "",
                 "warnings": [],
                 "grain": [],
                 "upload": None,
+                "path": "",
                 "uploaded": "",
                 "engines": list(engines()),
             }
@@ -88,8 +92,11 @@ class Page:
         """
         before = [form["kind"] for form in self.desk.forms]
         self.desk.forms = [dict(form) for form in self.state.forms]
+        pasted = [spread(form) for form in self.desk.forms]
         if [form["kind"] for form in self.desk.forms] != before:
             self.desk.refresh()
+            pasted.append(True)
+        if any(pasted):
             self._send_forms()
         self._examine()
 
@@ -104,6 +111,8 @@ class Page:
         state = self.state
         state.plan, state.details, state.errors = self.desk.plan, self.desk.details, self.desk.errors
         state.error, state.python, state.curve = self.desk.error, self.desk.python(), self.desk.curve
+        state.held = self.desk.held
+        self._update()
 
     def add_shape(self) -> None:
         """Add a shape."""
@@ -121,16 +130,24 @@ class Page:
         """Take an uploaded file as one more shape."""
         given = self.state.upload
         file = given[0] if isinstance(given, list) and given else given
-        if not file:
-            return
-        self.state.uploaded, self.state.upload = "", None
+        if file:
+            self.state.upload = None
+            self._add(lambda: self.desk.upload(file["name"], bytes(file["content"])))
 
-        def read() -> None:
-            self.state.uploaded = self.desk.upload(file["name"], bytes(file["content"]))
+    def take_path(self) -> None:
+        """Take the file of a path as one more shape."""
+        self._add(lambda: self.desk.add_file(self.state.path))
+
+    def _add(self, read: Callable[[], str]) -> None:
+        """Add a shape, and say what was found in it."""
+
+        def add() -> None:
+            self.state.uploaded = read()
             self._send_forms()
             self._examine()
 
-        self._guarded(read)
+        self.state.uploaded = ""
+        self._guarded(add)
 
     def pick(self, across: float, down: float) -> None:
         """Show the numbers of the grain at a place of the picture, in shares of its width and height."""
@@ -277,6 +294,9 @@ class Page:
                         v3.VSelect(v_if="field.choices.length", items=("['', ...field.choices]",), **FIELD)
                         v3.VTextarea(v_else_if="field.long", rows=1, auto_grow=True, **FIELD)
                         v3.VTextField(v_else=True, **FIELD)
+                    with html.Template(v_if="form.name == 'sizes' && curve"):
+                        html.Div(v_html="curve", id="curve")
+                        html.Pre("{{ held }}", classes="text-caption", style="white-space: pre-wrap", id="held")
                     v3.VBtn("Remove", v_if="form.number > 0", click=(self.remove, "[index]"), size="small")
         v3.VBtn("Add a shape", click=self.add_shape, variant="text", id="add-shape")
         v3.VFileInput(
@@ -286,13 +306,21 @@ class Page:
             classes="mx-4",
             id="upload",
         )
+        v3.VTextField(
+            v_model=("path",),
+            label="or its path",
+            density="compact",
+            classes="mx-4",
+            id="path",
+            append_icon="mdi-plus",
+            click_append=self.take_path,
+        )
         html.Pre("{{ uploaded }}", classes="text-caption px-4", style="white-space: pre-wrap", id="uploaded")
 
     def _results(self, v3: Any, html: Any) -> None:
         """Lay out plan, runs, numbers and files."""
         with v3.VCard(title="Plan", variant="flat", density="compact"):
             html.Pre("{{ plan }}", classes="text-caption px-4", style="white-space: pre-wrap", id="plan")
-            html.Img(v_if="curve", src=("curve",), id="curve", classes="px-4", style="max-width: 100%")
             with v3.VExpansionPanels(variant="accordion"), v3.VExpansionPanel(title="All of the plan"):
                 with v3.VExpansionPanelText():
                     html.Pre("{{ details }}", classes="text-caption", style="white-space: pre-wrap", id="details")
