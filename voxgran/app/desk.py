@@ -126,6 +126,18 @@ class Desk:
         VoxgranError
             If it is neither, or a mesh that cannot be mended.
         """
+        place = self.kept(name, content)
+        try:
+            with heard(lambda _: None):
+                entry, told = _shape_of_upload(place)
+        except VoxgranError:
+            place.unlink()
+            raise
+        self.forms = forms_of(self.mapping | {"shape": [*self.mapping["shape"], entry]})
+        return told
+
+    def kept(self, name: str, content: bytes) -> Path:
+        """Keep an upload, and return its file."""
         place = self.queue.folder / "uploads" / Path(name).name
         place.parent.mkdir(parents=True, exist_ok=True)
         named, number = place, 1
@@ -133,18 +145,7 @@ class Desk:
             number += 1
             place = named.with_stem(f"{named.stem}_{number}")
         place.write_bytes(content)
-        try:
-            return self.add_file(place)
-        except VoxgranError:
-            place.unlink()
-            raise
-
-    def add_file(self, path: str | Path) -> str:
-        """Take a file as one more shape, as `upload` does."""
-        with heard(lambda _: None):
-            entry, told = _shape_of_file(self.base / path)
-        self.forms = forms_of(self.mapping | {"shape": [*self.mapping["shape"], entry]})
-        return told
+        return place
 
     def preview(self) -> list[Shape]:
         """Return some of the shapes of the scene."""
@@ -224,7 +225,7 @@ class Desk:
             return Path(shutil.make_archive(f"{folder}/{engine}", "zip", folder, engine)).read_bytes()
 
 
-def _shape_of_file(place: Path) -> tuple[dict[str, Any], str]:
+def _shape_of_upload(place: Path) -> tuple[dict[str, Any], str]:
     """Return the keys of a shape that is read from a file, and what was found in it."""
     if place.suffix.lower() == ".nc":
         model = ShapeModel.load(place)

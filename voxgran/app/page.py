@@ -2,7 +2,7 @@
 
 import asyncio
 import contextlib
-from collections.abc import Callable
+from pathlib import Path
 from typing import Any
 
 from voxgran._base.errors import VoxgranError
@@ -10,8 +10,10 @@ from voxgran._base.lazy import load
 from voxgran.app.desk import Desk
 from voxgran.app.forms import spread
 from voxgran.app.look import colors_of, numbers_of
+from voxgran.app.scan import ScanPane
 from voxgran.decks.engine import engines
 from voxgran.io.vtk_files import load_packing
+from voxgran.shapes.images.image_files import READERS
 
 #: seconds between two looks at the runs
 TICK = 0.5
@@ -49,30 +51,17 @@ class Page:
         self.desk, self.server, self.state = desk, server, server.state
         self.state.update(
             {
+                **dict.fromkeys(("plan", "details", "error", "python", "curve", "held", "uploaded"), ""),
+                **{name: [] for name in ("runs", "results", "lamps", "warnings", "grain")},
+                **dict.fromkeys(("cut_x", "cut_y", "cut_z"), 1),
                 "trame__title": "voxgran",
                 "forms": desk.forms,
-                "plan": "",
-                "details": "",
                 "errors": {},
-                "error": "",
-                "runs": [],
                 "shown": 0,
                 "colors": colors_of(None),
                 "color_by": "diameter",
                 "forces": False,
-                "cut_x": 1,
-                "cut_y": 1,
-                "cut_z": 1,
-                "results": [],
-                "lamps": [],
-                "python": "",
-                "curve": "",
-                "held": "",
-                "warnings": [],
-                "grain": [],
                 "upload": None,
-                "path": "",
-                "uploaded": "",
                 "engines": list(engines()),
             }
         )
@@ -80,6 +69,7 @@ class Page:
         self.state.change("upload")(self.take)
         self.state.change("color_by", "forces")(self.redraw)
         self.state.change("cut_x", "cut_y", "cut_z")(self.cut)
+        self.scan = ScanPane(desk, self.state, self.show)
         self.view: Any = None
         self.grown, self.pushes = (0, 0), 0
         self._build()
@@ -127,27 +117,23 @@ class Page:
         self._examine()
 
     def take(self, **_: Any) -> None:
-        """Take an uploaded file as one more shape."""
+        """Take an uploaded file as one more shape, or as the image of a scan."""
         given = self.state.upload
         file = given[0] if isinstance(given, list) and given else given
-        if file:
-            self.state.upload = None
-            self._add(lambda: self.desk.upload(file["name"], bytes(file["content"])))
+        if not file:
+            return
+        self.state.uploaded, self.state.upload = "", None
 
-    def take_path(self) -> None:
-        """Take the file of a path as one more shape."""
-        self._add(lambda: self.desk.add_file(self.state.path))
-
-    def _add(self, read: Callable[[], str]) -> None:
-        """Add a shape, and say what was found in it."""
-
-        def add() -> None:
-            self.state.uploaded = read()
+        def read() -> None:
+            content = bytes(file["content"])
+            if Path(file["name"]).suffix.lower() in READERS:
+                self.scan.open(self.desk.kept(file["name"], content))
+                return
+            self.state.uploaded = self.desk.upload(file["name"], content)
             self._send_forms()
             self._examine()
 
-        self.state.uploaded = ""
-        self._guarded(add)
+        self._guarded(read)
 
     def pick(self, across: float, down: float) -> None:
         """Show the numbers of the grain at a place of the picture, in shares of its width and height."""
@@ -208,12 +194,13 @@ class Page:
                 if run.state == "done":
                     self.show(run.number)
             self._grow()
+            self.scan.follow()
             if self.pushes and self.view is not None:
                 self.pushes -= 1
                 self.view.update()
             self._tell_runs()
             self.state.flush()
-            await asyncio.sleep(TICK)
+            await asyncio.sleep(TICK / 10 if self.scan.process.doing else TICK)
 
     def _grow(self) -> None:
         """Show the grains of the run that is computed, where they were written since."""
@@ -253,14 +240,19 @@ class Page:
             with v3.VAppBar(density="compact", elevation=1):
                 v3.VAppBarTitle("voxgran")
                 html.Span("{{ error }}", classes="text-error mx-4", id="error")
+                v3.VBtn("CT", click="scanning = !scanning", id="ct")
                 v3.VBtn("Preview shapes", click=self.preview, id="preview")
                 v3.VBtn("Run", click=self.run, id="run", color="primary", variant="flat", classes="mx-2")
             with v3.VNavigationDrawer(model_value=True, width=340, permanent=True):
                 self._forms(v3, html)
             with v3.VNavigationDrawer(model_value=True, width=300, permanent=True, location="right"):
                 self._results(v3, html)
-            with v3.VMain(), v3.VContainer(fluid=True, classes="pa-0 d-flex flex-column", style="height: 100%"):
+            with (
+                v3.VMain(),
+                v3.VContainer(fluid=True, classes="pa-0 d-flex flex-column", style="height: 100%; position: relative"),
+            ):
                 self._tools(v3)
+                self.scan.build(v3, html)
                 with html.Div(style="flex: 1; min-height: 0", id="view", dblclick=(self.pick, PLACE)):
                     self.view = load("trame_pyvista.widgets").PyVistaRemoteView(self.desk.look.stage)
         layout.root.style = "overflow: hidden"
@@ -301,19 +293,10 @@ class Page:
         v3.VBtn("Add a shape", click=self.add_shape, variant="text", id="add-shape")
         v3.VFileInput(
             v_model=("upload",),
-            label="mesh file or learned shapes (.nc)",
+            label="mesh file, learned shapes (.nc), or scan",
             density="compact",
             classes="mx-4",
             id="upload",
-        )
-        v3.VTextField(
-            v_model=("path",),
-            label="or its path",
-            density="compact",
-            classes="mx-4",
-            id="path",
-            append_icon="mdi-plus",
-            click_append=self.take_path,
         )
         html.Pre("{{ uploaded }}", classes="text-caption px-4", style="white-space: pre-wrap", id="uploaded")
 
