@@ -21,6 +21,7 @@ from voxgran.settling.compression_parameters import Compression
 from voxgran.settling.material import Material
 from voxgran.settling.parameters import Settling
 from voxgran.shapes.family import families
+from voxgran.shapes.formats.tables import rows_in
 from voxgran.shapes.sizes import KINDS
 
 Form = dict[str, Any]
@@ -174,47 +175,20 @@ def value_of(field: Form) -> Any:
     text = str(field["text"]).strip()
     if field["word"] and not text.startswith(("[", "{")):
         return text
-    table = _pasted(text)
+    table = rows_in(text)
     if table is not None:
-        return table
-    if "," in text and (alone := _numbers(text)):
-        return alone[0]
+        return table[0] if len(table) == 1 else table
     try:
         return tomllib.loads(f"v = {text}")["v"]
     except tomllib.TOMLDecodeError:
         return text
 
 
-def _pasted(text: str) -> list[Any] | None:
-    """Return the numbers of a column, or the rows of several, that were copied from a spreadsheet, without a header.
-
-    Commas are decimal signs, but where there are points, or several of them in a word: there they separate numbers.
-    """
-    rows = [_numbers(row.replace(",", " ") if "." in text else row) for row in text.splitlines() if row.strip()]
-    if len(rows) > 1 and rows[0] is None:
-        del rows[0]
-    numbers = [row for row in rows if row is not None]
-    if len(numbers) < len(rows) or sum(map(len, numbers)) < 2:
-        return None
-    single = len(numbers) == 1 or all(len(row) == 1 for row in numbers)
-    return [value for row in numbers for value in row] if single else numbers
-
-
-def _numbers(row: str) -> list[float] | None:
-    """Return the numbers of a row, with points or commas as decimal signs; None where a word is no number."""
-    words = row.replace(";", " ").replace("%", " ").split()
-    words = words[0].split(",") if len(words) == 1 and words[0].count(",") > 1 else words
-    try:
-        return [float(word.replace(",", ".")) for word in words]
-    except ValueError:
-        return None
-
-
 def spread(form: Form) -> bool:
     """Give each column of a pasted table to a field of its own, from the one that holds it; return whether one did."""
     lists = [field for field in form["fields"] if field["type"] == COLUMN]
     for k, field in enumerate(lists):
-        table = _pasted(str(field["text"])) or [0.0]
+        table = rows_in(str(field["text"])) or [0.0]
         rows = isinstance(table[0], list) and len({*map(len, table)}) == 1
         columns = list(zip(*table, strict=True)) if rows else []
         if columns and len(columns) <= len(lists) - k:

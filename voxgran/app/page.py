@@ -247,10 +247,8 @@ class Page:
                 self._forms(v3, html)
             with v3.VNavigationDrawer(model_value=True, width=300, permanent=True, location="right"):
                 self._results(v3, html)
-            with (
-                v3.VMain(),
-                v3.VContainer(fluid=True, classes="pa-0 d-flex flex-column", style="height: 100%; position: relative"),
-            ):
+            main = {"fluid": True, "classes": "pa-0 d-flex flex-column", "style": "height: 100%; position: relative"}
+            with v3.VMain(), v3.VContainer(**main):
                 self._tools(v3)
                 self.scan.build(v3, html)
                 with html.Div(style="flex: 1; min-height: 0", id="view", dblclick=(self.pick, PLACE)):

@@ -202,10 +202,10 @@ class Queue:
             number += 1
         return self.folder / f"run_{number}"
 
-    def take(self, folder: Path, mapping: dict[str, Any], warnings: list[str]) -> Run:
+    def take(self, folder: Path, mapping: dict[str, Any]) -> Run:
         """Take results that are in a folder, and the scene that belongs to them, as a run that is done."""
         write_text(folder.with_suffix(".toml"), toml_of(mapping))
-        run = Run(number=int(folder.name.removeprefix("run_")), folder=folder, state="done", warnings=warnings)
+        run = Run(number=int(folder.name.removeprefix("run_")), folder=folder, state="done")
         self.runs.append(run)
         return run
 
