@@ -286,7 +286,7 @@ class Page:
                         v3.VTextField(v_else=True, **FIELD)
                     with html.Template(v_if="form.name == 'sizes' && curve"):
                         html.Div(v_html="curve", id="curve")
-                        html.Pre("{{ held }}", classes="text-caption", style="white-space: pre-wrap", id="held")
+                        html.Pre("{{ held }}", style="font: 11px monospace; white-space: pre-wrap", id="held")
                     v3.VBtn("Remove", v_if="form.number > 0", click=(self.remove, "[index]"), size="small")
         v3.VBtn("Add a shape", click=self.add_shape, variant="text", id="add-shape")
         v3.VFileInput(

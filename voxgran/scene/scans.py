@@ -217,7 +217,7 @@ def serve(channel: Channel) -> None:
             try:
                 answer = getattr(scan, name)(**given)
             except VoxgranError as error:
-                named = next((word for word in given if str(error).startswith(word)), FIELD_OF[name])
+                named = next((word for word in (*FIELDS, *given) if str(error).startswith(word)), FIELD_OF[name])
                 answer = {"errors": {named: str(error)}}
             else:
                 told = [str(one.message) for one in said if issubclass(one.category, PackingWarning)]
