@@ -1,19 +1,15 @@
 """What lies behind the page: the scene that is put together, its plan, the runs, and the packing that is looked at."""
 
-import base64
-import io
 import pprint
 import re
 import shutil
 import tempfile
 from dataclasses import asdict, fields
+from functools import partial
 from pathlib import Path
 from typing import Any, ClassVar
 
-import numpy as np
-
 from voxgran._base.errors import InputError, VoxgranError
-from voxgran._base.lazy import load as library
 from voxgran.app.forms import Form, blank_shape, forms_of, mapping_of, rest_of
 from voxgran.app.look import Look
 from voxgran.app.runs import Queue, Run, heard
@@ -25,7 +21,7 @@ from voxgran.packing.model import Packing
 from voxgran.report.facts import headline
 from voxgran.report.figures import figures_of
 from voxgran.report.page import save_report
-from voxgran.report.plots import set_log_scale, unit_text
+from voxgran.report.plots import plot_planned, svg_of
 from voxgran.report.stage import png_of, shot
 from voxgran.scene.checked_sections import located
 from voxgran.scene.description import read_toml
@@ -36,6 +32,8 @@ from voxgran.shapes.learning.model import ShapeModel
 from voxgran.shapes.model import Shape
 from voxgran.shapes.repairing.diagnose import diagnose
 from voxgran.shapes.repairing.repair import repaired
+from voxgran.shapes.size_laws.distribution import SizeDistribution
+from voxgran.shapes.size_laws.plan import SizePlan
 
 #: shapes of a preview
 PREVIEW = 5
@@ -66,7 +64,8 @@ class Desk:
         self.base = base
         self.queue = Queue(folder, base)
         self.look = Look()
-        self.plan = self.details = self.error = self.curve = ""
+        self.plan = self.details = self.error = self.curve = self.held = ""
+        self.drawn: dict[str, Any] = {}
         self.errors: dict[str, str] = {}
         self.shown: Run | None = None
         self.proof: Verification | None = None
@@ -90,23 +89,27 @@ class Desk:
             if before is not None and not form["on"]:
                 form["kind"] = before["kind"]
 
-    def examine(self) -> None:
-        """Plan the scene; the sentence of an error goes to the section that it names."""
-        self.error, self.plan, self.details, self.errors, self.curve = "", "", "", {}, ""
+    def examine(self) -> Scene | None:
+        """Plan the scene; the sentence of an error goes to the section that it names. Return it if its container is
+        another one than before, so that it is drawn.
+        """
+        self.error, self.plan, self.details, self.errors, self.curve, self.held = "", "", "", {}, "", ""
         said: list[str] = []
         try:
             with heard(said.append):
                 scene = Scene.from_mapping(self.mapping, folder=self.base)
+                before, self.drawn = self.drawn, scene.container.to_mapping()
                 made = scene.plan()
-                self.curve = _curve(scene)
+                self.curve, self.held = _curve(scene, made.sizes), str(made.sizes or "")
         except VoxgranError as error:
             self.error = str(error)
             self.errors = _errors_of(self.forms, self.error)
-            return
+            return None
         self.details = str(made)
         lines = [line for line in self.details.splitlines() if line.startswith(HEADLINES)]
         seconds = f"time            about {made.seconds:.0f} s" if made.seconds >= 1 else ""
         self.plan = "\n".join(" ".join(line.split()) for line in [*lines, seconds, *said] if line)
+        return None if before == self.drawn else scene
 
     def add_shape(self) -> None:
         """Add a shape after the others."""
@@ -135,13 +138,7 @@ class Desk:
         VoxgranError
             If it is neither, or a mesh that cannot be mended.
         """
-        place = self.queue.folder.resolve() / "uploads" / Path(name).name
-        place.parent.mkdir(parents=True, exist_ok=True)
-        named, number = place, 1
-        while place.exists():  # an upload of that name may be a shape of a run
-            number += 1
-            place = named.with_stem(f"{named.stem}_{number}")
-        place.write_bytes(content)
+        place = self.kept(name, content)
         try:
             with heard(lambda _: None):
                 entry, told = _shape_of_upload(place)
@@ -150,6 +147,17 @@ class Desk:
             raise
         self.forms = forms_of(self.mapping | {"shape": [*self.mapping["shape"], entry]})
         return told
+
+    def kept(self, name: str, content: bytes) -> Path:
+        """Keep an upload, and return its file."""
+        place = self.queue.folder.resolve() / "uploads" / Path(name).name
+        place.parent.mkdir(parents=True, exist_ok=True)
+        named, number = place, 1
+        while place.exists():  # an upload of that name may be a shape of a run
+            number += 1
+            place = named.with_stem(f"{named.stem}_{number}")
+        place.write_bytes(content)
+        return place
 
     def preview(self) -> list[Shape]:
         """Return some of the shapes of the scene."""
@@ -264,20 +272,10 @@ def _errors_of(forms: list[Form], text: str) -> dict[str, str]:
     return found
 
 
-def _curve(scene: Scene) -> str:
-    """Return a drawing of the sizes by volume as the address of a picture, empty where there are none."""
-    law = scene.sizes
-    if law is None or not hasattr(law, "quantile"):
+def _curve(scene: Scene, plan: SizePlan | None) -> str:
+    """Return a drawing of the sizes by volume, empty where there are none."""
+    law, dimension = scene.sizes, scene.container.dimension
+    if not isinstance(law, SizeDistribution):
         return ""
-    # laws without a smallest or largest size have long tails
-    shares = np.linspace(0.001, 0.999, 101)
-    sizes = law.quantile(shares, basis="volume", dimension=scene.container.dimension)
-    figure = library("matplotlib.figure").Figure(figsize=(3.2, 1.9), dpi=100, layout="constrained")
-    axes = figure.add_subplot()
-    axes.plot(sizes, 100 * shares, color="#1867c0")
-    axes.set(xlabel=f"size{unit_text(scene.general.unit)}", ylabel="finer by volume (%)", ylim=(0, 100))
-    axes.grid(alpha=0.3)
-    set_log_scale(axes)
-    buffer = io.BytesIO()
-    figure.savefig(buffer, format="png")
-    return f"data:image/png;base64,{base64.b64encode(buffer.getvalue()).decode()}"
+    draw = partial(plot_planned, sizes=law, plan=plan, dimension=dimension, unit=scene.general.unit)
+    return svg_of(draw, "sizes", size=(4.2, 3.0))

@@ -6,18 +6,23 @@ import time
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import asdict
+from pathlib import Path
 from typing import Any
 
 from voxgran._base.errors import VoxgranError
 from voxgran._base.lazy import load
 from voxgran.app.desk import Desk
+from voxgran.app.forms import spread
 from voxgran.app.look import ALONE, GRAINS, MANY, SPHERES, WINDOW
 from voxgran.app.runs import REST
+from voxgran.app.scan import ScanPane
 from voxgran.decks.engine import engines
 from voxgran.io.vtk_files import load_packing
 from voxgran.packing.model import Packing
 from voxgran.report.closeup import numbers_of_grain
 from voxgran.report.colors import colors_of
+from voxgran.scene.scene import Scene
+from voxgran.shapes.images.image_files import READERS
 
 #: seconds between two looks at the runs
 TICK = 0.1
@@ -54,11 +59,13 @@ class Page:
 
     def __init__(self, desk: Desk, server: Any) -> None:
         self.desk, self.server, self.state = desk, server, server.state
-        texts = ("plan", "details", "error", "python", "curve", "uploaded", "large")
+        texts = ("plan", "details", "error", "python", "curve", "held", "uploaded", "large")
         lists = ("runs", "results", "lamps", "warnings", "grain", "figures")
-        self.state.update({**dict.fromkeys(texts, ""), **{name: [] for name in lists}})
         self.state.update(
             {
+                **dict.fromkeys(texts, ""),
+                **{name: [] for name in lists},
+                **dict.fromkeys(("cut_x", "cut_y", "cut_z"), 1),
                 "trame__title": "voxgran",
                 "forms": desk.forms,
                 "errors": {},
@@ -67,7 +74,6 @@ class Page:
                 "color_by": "diameter",
                 "ways": [GRAINS],
                 "way": GRAINS,
-                **dict.fromkeys(("cut_x", "cut_y", "cut_z"), 1),
                 "upload": None,
                 "engines": list(engines()),
                 "ratio": 1.0,
@@ -77,6 +83,7 @@ class Page:
         self.state.change("upload")(self.take)
         self.state.change("color_by", "way")(self.redraw)
         self.state.change("cut_x", "cut_y", "cut_z")(self.cut)
+        self.scan = ScanPane(desk, self.state, self.show)
         self.view: Any = None
         self.grown, self.due, self.wanted, self.edits = (0, 0), 0.0, False, 0
         self.shares = WINDOW[0] / WINDOW[1]
@@ -85,8 +92,7 @@ class Page:
         #: computes what may take long, so that the page answers meanwhile
         self.thread = ThreadPoolExecutor(1)
         self._build()
-        self.desk.examine()
-        self._tell_plan()
+        self._tell_plan(self.desk.examine())
 
     def edited(self, **_: Any) -> None:
         """Take the forms as they stand in the browser; a section of another kind gets its own fields.
@@ -95,13 +101,15 @@ class Page:
         """
         before = [form["kind"] for form in self.desk.forms]
         self.desk.forms = [dict(form) for form in self.state.forms]
+        pasted = [spread(form) for form in self.desk.forms]
         if [form["kind"] for form in self.desk.forms] != before:
             self.desk.refresh()
+            pasted.append(True)
+        if any(pasted):
             self._send_forms()
-        self._examine()
 
     def _send_forms(self) -> None:
-        """Send the forms to the browser."""
+        """Send the forms to the browser; as where they are edited there, their scene is planned."""
         self.state.forms = self.desk.forms
         self.state.dirty("forms")
 
@@ -110,38 +118,43 @@ class Page:
         self.edits = edit = self.edits + 1
         self._worked(lambda: self.desk.examine() if edit == self.edits else None, self._tell_plan)
 
-    def _tell_plan(self, _: Any = None) -> None:
-        """Show the plan."""
+    def _tell_plan(self, scene: Scene | None) -> None:
+        """Show the plan, and the container of a scene."""
         state = self.state
+        if scene is not None:
+            self.desk.look.show_container(scene.container, scene.general.unit)
         state.plan, state.details, state.errors = self.desk.plan, self.desk.details, self.desk.errors
         state.error, state.python, state.curve = self.desk.error, self.desk.python(), self.desk.curve
+        state.held = self.desk.held
+        self._update()
 
     def add_shape(self) -> None:
         """Add a shape."""
         self.desk.add_shape()
         self._send_forms()
-        self._examine()
 
     def remove(self, index: int) -> None:
         """Remove a shape, but the only one."""
         self._guarded(lambda: self.desk.remove(index))
         self._send_forms()
-        self._examine()
 
     def take(self, **_: Any) -> None:
-        """Take an uploaded file as one more shape."""
+        """Take an uploaded file as one more shape, or as the image of a scan."""
         given = self.state.upload
         file = given[0] if isinstance(given, list) and given else given
         if not file:
             return
         self.state.uploaded, self.state.upload = "", None
+        content = bytes(file["content"])
+        if Path(file["name"]).suffix.lower() in READERS:
+            self._guarded(lambda: self.scan.open(self.desk.kept(file["name"], content)))
+            return
 
         def taken(told: str) -> None:
             self.state.uploaded = told
             self._send_forms()
-            self._examine()
 
-        self._worked(lambda: self.desk.upload(file["name"], bytes(file["content"])), taken)
+        self._worked(lambda: self.desk.upload(file["name"], content), taken)
 
     def pick(self, across: float, down: float) -> None:
         """Show the numbers of the grain at a place of the picture, in shares of its width and height."""
@@ -223,6 +236,7 @@ class Page:
                     self.show(run.number)
             began = time.monotonic()
             self._fit()
+            self.scan.follow()
             grown = self.lookers and began > self.due and self._grow()
             if self.wanted and self.lookers:
                 self._push()
@@ -249,9 +263,10 @@ class Page:
         """Keep what is seen where the proportions of the window change."""
         wide, high = self.desk.look.stage.window_size
         # while the view is turned its pictures are smaller
-        before, self.shares = self.shares, round(wide / high, 2)
-        if before != self.shares:
-            self.desk.look.stage.camera.parallel_scale *= before / self.shares
+        share = self.shares * high / wide
+        if abs(share - 1) > 0.05:
+            self.shares = wide / high
+            self.desk.look.stage.camera.parallel_scale *= share
             self._update()
 
     def _push(self) -> None:
@@ -305,6 +320,7 @@ class Page:
                 v3.VAppBarTitle("voxgran", style="flex: none")
                 v3.VSpacer()
                 html.Span("{{ error }}", classes="text-error mx-4", id="error")
+                v3.VBtn("CT", click="scanning = !scanning", id="ct")
                 v3.VBtn("Preview shapes", click=self.preview, id="preview")
                 v3.VBtn("Run", click=self.run, id="run", color="primary", variant="flat", classes="mx-2")
                 v3.VAppBarNavIcon(click="right = !right", id="right")
@@ -313,8 +329,10 @@ class Page:
                 self._forms(v3, html)
             with v3.VNavigationDrawer(v_model=("right", True), location="right", **drawer):
                 self._results(v3, html)
-            with v3.VMain(), v3.VContainer(fluid=True, classes="pa-0 d-flex flex-column", style="height: 100%"):
+            main = {"fluid": True, "classes": "pa-0 d-flex flex-column", "style": "height: 100%; position: relative"}
+            with v3.VMain(), v3.VContainer(**main):
                 self._tools(v3)
+                self.scan.build(v3, html)
                 with html.Div(style="position: relative; height: 0; z-index: 1; pointer-events: none"):
                     with html.Div(style="position: absolute; top: 4px; left: 4px; max-width: 75%; opacity: 0.85"):
                         self._table(v3, html, "grain")
@@ -354,11 +372,14 @@ class Page:
                         v3.VSelect(v_if="field.choices.length", items=("['', ...field.choices]",), **FIELD)
                         v3.VTextarea(v_else_if="field.long", rows=1, auto_grow=True, **FIELD)
                         v3.VTextField(v_else=True, **FIELD)
+                    with html.Template(v_if="form.name == 'sizes' && curve"):
+                        html.Div(v_html="curve", id="curve")
+                        html.Pre("{{ held }}", style="font: 11px monospace; white-space: pre-wrap", id="held")
                     v3.VBtn("Remove", v_if="form.number > 0", click=(self.remove, "[index]"), size="small")
         v3.VBtn("Add a shape", click=self.add_shape, variant="text", id="add-shape")
         v3.VFileInput(
             v_model=("upload",),
-            label="mesh file or learned shapes (.nc)",
+            label="mesh file, learned shapes (.nc), or scan",
             density="compact",
             classes="mx-4",
             id="upload",
@@ -370,7 +391,6 @@ class Page:
         drawn = "'data:image/svg+xml,' + encodeURIComponent({})"
         with v3.VCard(title="Plan", variant="flat", density="compact"):
             html.Pre("{{ plan }}", classes="text-caption px-4", style="white-space: pre-wrap", id="plan")
-            html.Img(v_if="curve", src=("curve",), id="curve", classes="px-4", style="max-width: 100%")
             with v3.VExpansionPanels(variant="accordion"), v3.VExpansionPanel(title="All of the plan"):
                 with v3.VExpansionPanelText():
                     html.Pre("{{ details }}", classes="text-caption", style="white-space: pre-wrap", id="details")
@@ -381,21 +401,13 @@ class Page:
                 html.Div("{{ text }}", v_for="text in run.warnings", classes="text-caption text-warning")
                 html.Span("{{ run.left === null ? '' : ', about ' + run.left + ' s left' }}")
                 v3.VProgressLinear(v_if="run.state == 'running'", model_value=("run.percent",), color="primary")
-                v3.VBtn(
-                    "Stop",
-                    v_if="run.state == 'running' || run.state == 'waiting'",
-                    size="x-small",
-                    click=(self.stop, "[run.number]"),
-                    classes="stop",
-                )
-                v3.VBtn(
-                    "Go on",
-                    v_if="run.state == 'stopped' || run.state == 'failed'",
-                    size="x-small",
-                    click=(self.go_on, "[run.number]"),
-                    classes="go-on",
-                )
-                v3.VBtn("Show", v_if="run.state == 'done'", size="x-small", click=(self.show, "[run.number]"))
+                for word, act, states in (
+                    ("Stop", self.stop, ["running", "waiting"]),
+                    ("Go on", self.go_on, ["stopped", "failed"]),
+                    ("Show", self.show, ["done"]),
+                ):
+                    does = {"click": (act, "[run.number]"), "classes": word.lower().replace(" ", "-")}
+                    v3.VBtn(word, v_if=f"{states}.includes(run.state)", size="x-small", **does)
         with v3.VCard(title="Results", variant="flat", density="compact", v_if="shown"):
             with html.Div(v_for="lamp in lamps", key="lamp.name", classes="px-4 lamp"):
                 v3.VIcon("mdi-circle", color=("lamp.ok ? 'success' : 'error'",), size="small")

@@ -193,11 +193,23 @@ class Queue:
             If the scene breaks a rule.
         """
         Scene.from_mapping(mapping, folder=self.base)
+        folder = self.next_folder()
+        run = Run(number=int(folder.name.removeprefix("run_")), folder=folder)
+        write_text(run.folder.with_suffix(".toml"), toml_of(located(mapping, self.base)))
+        self.runs.append(run)
+        return run
+
+    def next_folder(self) -> Path:
+        """Return the folder of one more run, `run_1` or the next number that is not taken."""
         number = 1 + len(self.runs)
         while (self.folder / f"run_{number}").exists() or (self.folder / f"run_{number}.toml").exists():
             number += 1
-        run = Run(number=number, folder=self.folder / f"run_{number}")
-        write_text(run.folder.with_suffix(".toml"), toml_of(located(mapping, self.base)))
+        return self.folder / f"run_{number}"
+
+    def take(self, folder: Path, mapping: dict[str, Any]) -> Run:
+        """Take results that are in a folder, and the scene that belongs to them, as a run that is done."""
+        write_text(folder.with_suffix(".toml"), toml_of(mapping))
+        run = Run(number=int(folder.name.removeprefix("run_")), folder=folder, state="done")
         self.runs.append(run)
         return run
 

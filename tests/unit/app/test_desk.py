@@ -263,7 +263,9 @@ def test_the_curve_of_sizes_is_drawn(desk):
     field(desk, "sizes", "passing")["text"] = "0\n0.5\n1"
     desk.examine()
     assert not desk.error
-    assert desk.curve.startswith("data:image/png;base64,")
+    assert desk.curve.startswith("<svg")
+    assert "D50" in desk.held
+    assert "grains follow the curve to 0.05" in desk.held
 
 
 def test_a_watcher_writes_grains_once_in_a_while(tmp_path):
