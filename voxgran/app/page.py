@@ -107,6 +107,7 @@ class Page:
             pasted.append(True)
         if any(pasted):
             self._send_forms()
+        self._examine()
 
     def _send_forms(self) -> None:
         """Send the forms to the browser; as where they are edited there, their scene is planned."""
@@ -172,7 +173,6 @@ class Page:
     def run(self) -> None:
         """Queue the scene."""
         self._guarded(self.desk.run)
-        self._tell_runs()
 
     def stop(self, number: int) -> None:
         """Stop a run."""
@@ -243,7 +243,7 @@ class Page:
             took = time.monotonic() - began
             if grown:
                 self.due = began + REST * took
-            self._tell_runs()
+            self.state.runs = [run.told() for run in self.desk.queue.runs]
             self.state.flush()
             await asyncio.sleep(max(TICK, took))
 
@@ -304,12 +304,6 @@ class Page:
     def _update(self) -> None:
         """Have the picture sent, once for all that ask for it meanwhile."""
         self.wanted = True
-
-    def _tell_runs(self) -> None:
-        """Say how the runs are."""
-        told = [run.told() for run in self.desk.queue.runs]
-        if told != self.state.runs:
-            self.state.runs = told
 
     def _build(self) -> None:
         """Lay out the page."""

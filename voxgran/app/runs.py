@@ -169,7 +169,7 @@ class Run:
             "stage": self.stage,
             "text": self.text,
             "error": self.error,
-            "warnings": self.warnings,
+            "warnings": list(self.warnings),
             "percent": round(100 * self.share) if self.share >= 0 else None,
             "seconds": round(self.seconds),
             "left": None if left != left else round(left),

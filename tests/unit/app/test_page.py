@@ -135,7 +135,7 @@ def test_a_growing_bed_is_drawn_in_a_small_share_of_the_time(page, monkeypatch):
     monkeypatch.setattr(runs.Queue, "poll", lambda _: [])
     vg.save(vg.pack(vg.shapes.sphere(), vg.Box((4, 4, 4)), "rsa", count=3, seed=1), run.growing)
     shown = []
-    monkeypatch.setattr(Look, "show_growing", lambda _, packing: (shown.append(packing), time.sleep(0.2)))
+    monkeypatch.setattr(Look, "show", lambda _, packing, **__: (shown.append(packing), time.sleep(0.2)))
 
     async def act():
         task = asyncio.ensure_future(page.watch())
