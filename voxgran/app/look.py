@@ -15,13 +15,23 @@ from voxgran.report.force_chains import COLORS as SHADES
 from voxgran.report.force_chains import add_chains, add_contacts
 from voxgran.report.legend import legend_of
 from voxgran.report.scenes import GRAIN_COLOR, SMOOTH, add_grains
-from voxgran.report.stage import add_container, add_scale_bar, add_spheres, keep_written, look_at, open_stage
+from voxgran.report.stage import (
+    add_container,
+    add_scale_bar,
+    add_spheres,
+    jagged_while_turned,
+    keep_written,
+    look_at,
+    open_stage,
+)
 from voxgran.shapes.model import Shape
 
 #: size of the scene before a browser says its own
 WINDOW = (900, 700)
 #: grains above which a bed that grows is drawn as spheres of their size, which are points
 MANY = 300
+#: about the largest number of triangles of a bed, which turns smoothly
+TRIANGLES = 150_000
 #: ways to draw a packing, and the beginning of those to draw the picked grain alone
 GRAINS, CONTACTS, CHAINS, SPHERES, ALONE = "grains", "contacts", "force chains", "spheres", "picked grain: "
 #: share of the height that is left free for a legend
@@ -56,6 +66,7 @@ class Look:
 
     def __post_init__(self) -> None:
         keep_written(self.stage, self._write)
+        jagged_while_turned(self.stage)
 
     def ways(self) -> list[str]:
         """Return in which ways the packing, and the grain that is picked, can be drawn."""
@@ -90,7 +101,7 @@ class Look:
             add_spheres(self.stage, np.asarray(packing.position), 0.5 * packing.diameters, shades)
         elif packing.count:
             self.colors = coloring(packing, color_by), COLORS
-            add_grains(self.stage, packing, np.arange(packing.count), self.colors[0])
+            add_grains(self.stage, packing, np.arange(packing.count), self.colors[0], TRIANGLES)
             if self.picked is not None:
                 add_grain(self.stage, packing, self.picked, color=PICKED, larger=1.01)
         add_container(self.stage, packing.container)

@@ -55,9 +55,9 @@ SMOOTH = {"smooth_shading": True, **MATERIAL}
 OUTLINES = ("#dfe5ea", "#22303a")
 
 
-def picture_faces(packing: Packing) -> int:
-    """Return the largest number of triangles of a grain in a picture."""
-    return max(FEWEST_FACES, TRIANGLE_BUDGET // max(packing.count, 1))
+def picture_faces(packing: Packing, triangles: int = TRIANGLE_BUDGET) -> int:
+    """Return the largest number of triangles of a grain in a picture of about so many."""
+    return max(FEWEST_FACES, triangles // max(packing.count, 1))
 
 
 def picture_packing(
@@ -155,7 +155,9 @@ def _picture(
         return shot(stage)
 
 
-def add_grains(stage: Any, packing: Packing, grains: Integers, colors: Coloring) -> None:
+def add_grains(
+    stage: Any, packing: Packing, grains: Integers, colors: Coloring, triangles: int = TRIANGLE_BUDGET
+) -> None:
     """Draw some grains of a packing: as surfaces, or as shaded points where there are very many spheres."""
     low, high = colors.limits
     round_ones = np.array([*(shape.is_sphere and shape.dimension == 3 for shape in packing.shapes), False])
@@ -163,15 +165,15 @@ def add_grains(stage: Any, packing: Packing, grains: Integers, colors: Coloring)
     as_points = grains[spheres] if spheres.sum() > MOST_SPHERES else grains[:0]
     as_meshes = np.setdiff1d(grains, as_points)
     if len(as_meshes):
-        _add_meshes(stage, packing, as_meshes, colors)
+        _add_meshes(stage, packing, as_meshes, colors, picture_faces(packing, triangles))
     if len(as_points):
         shades = load("matplotlib").colormaps[COLORS]((colors.values[as_points] - low) / (high - low))[:, :3]
         add_spheres(stage, packing.position[as_points], packing.bounding_radii[as_points], shades)
 
 
-def _add_meshes(stage: Any, packing: Packing, grains: Integers, colors: Coloring) -> None:
+def _add_meshes(stage: Any, packing: Packing, grains: Integers, colors: Coloring, most: int) -> None:
     """Draw grains as surfaces, flat ones with outlines."""
-    most, many, flat = picture_faces(packing), len(grains) > FLAT_LIMIT, packing.dimension == 2
+    many, flat = len(grains) > FLAT_LIMIT, packing.dimension == 2
     bodies = [drawn_surface(shape, most) for shape in packing.shapes]
     if not many:
         bodies = [creased(shape, *body) for shape, body in zip(packing.shapes, bodies, strict=True)]
