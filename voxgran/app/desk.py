@@ -3,10 +3,11 @@
 import pprint
 import shutil
 import tempfile
-from dataclasses import fields
 from functools import partial
 from pathlib import Path
 from typing import Any, ClassVar
+
+import numpy as np
 
 from voxgran._base.errors import InputError, VoxgranError
 from voxgran.app.forms import Form, blank_shape, forms_of, mapping_of, rest_of
@@ -15,22 +16,18 @@ from voxgran.app.runs import Queue, Run, heard, toml_of
 from voxgran.contacts.verify import verify
 from voxgran.io.files import load
 from voxgran.measures.model import measure
+from voxgran.packing.model import Packing
 from voxgran.report.plots import plot_planned, svg_of
 from voxgran.report.stage import png_of, shot
 from voxgran.scene.run import deck_of
 from voxgran.scene.scene import Scene
-from voxgran.shapes.formats.mesh_files import read_surface
-from voxgran.shapes.learning.model import ShapeModel
+from voxgran.scene.shape_files import entry_of_file
 from voxgran.shapes.model import Shape
-from voxgran.shapes.repairing.diagnose import diagnose
-from voxgran.shapes.repairing.repair import repaired
 from voxgran.shapes.size_laws.distribution import SizeDistribution
 from voxgran.shapes.size_laws.plan import SizePlan
 
 #: shapes of a preview
 PREVIEW = 5
-#: shapes that are drawn of a learned distribution
-LEARNED = 50
 #: lines of a plan that are shown first
 HEADLINES = ("grains", "bed", "memory", "note")
 #: headline numbers, where the measures have them
@@ -57,6 +54,7 @@ class Desk:
         self.look = Look()
         self.plan = self.details = self.error = self.curve = self.held = ""
         self.drawn: dict[str, Any] = {}
+        self.empty: Packing | None = None  # the container where it has changed, which is to be drawn
         self.errors: dict[str, str] = {}
         self.shown: Run | None = None
         self.results: list[dict[str, str]] = []
@@ -78,15 +76,15 @@ class Desk:
                 form["kind"] = before["kind"]
 
     def examine(self) -> None:
-        """Plan the scene, and draw another container; the sentence of an error goes to the section that it names."""
+        """Plan the scene; the sentence of an error goes to the section that it names."""
         self.error, self.plan, self.details, self.errors, self.curve, self.held = "", "", "", {}, "", ""
         said: list[str] = []
         try:
             with heard(said.append):
                 scene = Scene.from_mapping(self.mapping, folder=self.base)
                 if scene.container.to_mapping() != self.drawn:
-                    self.drawn = scene.container.to_mapping()
-                    self.look.show_container(scene.container, scene.general.unit)
+                    self.drawn, none = scene.container.to_mapping(), np.empty((0, 3))
+                    self.empty = Packing.of((), scene.container, position=none, unit=scene.general.unit)
                 made = scene.plan()
                 self.curve, self.held = _curve(scene, made.sizes), str(made.sizes or "")
         except VoxgranError as error:
@@ -129,7 +127,7 @@ class Desk:
         place = self.kept(name, content)
         try:
             with heard(lambda _: None):
-                entry, told = _shape_of_upload(place)
+                entry, told = entry_of_file(place)
         except VoxgranError:
             place.unlink()
             raise
@@ -223,20 +221,6 @@ class Desk:
         with tempfile.TemporaryDirectory() as folder:
             deck_of(load(self.shown.packing), Path(folder) / engine, scene, engine)
             return Path(shutil.make_archive(f"{folder}/{engine}", "zip", folder, engine)).read_bytes()
-
-
-def _shape_of_upload(place: Path) -> tuple[dict[str, Any], str]:
-    """Return the keys of a shape that is read from a file, and what was found in it."""
-    if place.suffix.lower() == ".nc":
-        model = ShapeModel.load(place)
-        return {"family": "learned", "model": str(place), "count": LEARNED}, f"{place.name}: {model}"
-    points, faces = read_surface(place)
-    found = diagnose(points, faces)
-    made = repaired(points, faces, name=place.stem)
-    counts = ", ".join(f"{one.name.replace('_', ' ')} {getattr(found, one.name)}" for one in fields(found))
-    done = "; ".join(made.sentences) or "nothing has to be mended"
-    mended = {"repair": True} if made.sentences else {}
-    return {"file": str(place), **mended}, f"{place.name}: {counts}\n{done}"
 
 
 def _curve(scene: Scene, plan: SizePlan | None) -> str:

@@ -7,7 +7,6 @@ import numpy as np
 
 from voxgran._base.arrays import Floats
 from voxgran._base.lazy import load
-from voxgran.containers.model import Container
 from voxgran.packing.model import Packing
 from voxgran.report.colors import COLOR_BY, coloring
 from voxgran.report.creases import surface_of
@@ -75,14 +74,6 @@ class Look:
         add_container(self.stage, packing.container)
         if fresh:
             look_at(self.stage, packing.container.mesh()[0], flat=packing.dimension == 2)
-
-    def show_container(self, container: Container, unit: str) -> None:
-        """Show a container without grains."""
-        self.packing = None
-        self.stage.clear_actors()
-        add_container(self.stage, container)
-        look_at(self.stage, container.mesh()[0], flat=container.dimension == 2)
-        add_scale_bar(self.stage, unit)
 
     def show_shapes(self, shapes: list[Shape]) -> None:
         """Show shapes in a row."""

@@ -51,17 +51,29 @@ class Page:
         self.desk, self.server, self.state = desk, server, server.state
         self.state.update(
             {
-                **dict.fromkeys(("plan", "details", "error", "python", "curve", "held", "uploaded"), ""),
-                **{name: [] for name in ("runs", "results", "lamps", "warnings", "grain")},
-                **dict.fromkeys(("cut_x", "cut_y", "cut_z"), 1),
                 "trame__title": "voxgran",
                 "forms": desk.forms,
+                "plan": "",
+                "details": "",
                 "errors": {},
+                "error": "",
+                "runs": [],
                 "shown": 0,
                 "colors": colors_of(None),
                 "color_by": "diameter",
                 "forces": False,
+                "cut_x": 1,
+                "cut_y": 1,
+                "cut_z": 1,
+                "results": [],
+                "lamps": [],
+                "python": "",
+                "curve": "",
+                "held": "",
+                "warnings": [],
+                "grain": [],
                 "upload": None,
+                "uploaded": "",
                 "engines": list(engines()),
             }
         )
@@ -82,11 +94,11 @@ class Page:
         """
         before = [form["kind"] for form in self.desk.forms]
         self.desk.forms = [dict(form) for form in self.state.forms]
-        pasted = [spread(form) for form in self.desk.forms]
+        pasted = True in [spread(form) for form in self.desk.forms]
         if [form["kind"] for form in self.desk.forms] != before:
             self.desk.refresh()
-            pasted.append(True)
-        if any(pasted):
+            pasted = True
+        if pasted:
             self._send_forms()
         self._examine()
 
@@ -101,8 +113,10 @@ class Page:
         state = self.state
         state.plan, state.details, state.errors = self.desk.plan, self.desk.details, self.desk.errors
         state.error, state.python, state.curve = self.desk.error, self.desk.python(), self.desk.curve
-        state.held = self.desk.held
-        self._update()
+        state.held, empty, self.desk.empty = self.desk.held, self.desk.empty, None
+        if empty is not None:
+            self.desk.look.show(empty)
+            self._update()
 
     def add_shape(self) -> None:
         """Add a shape."""
@@ -125,11 +139,10 @@ class Page:
         self.state.uploaded, self.state.upload = "", None
 
         def read() -> None:
-            content = bytes(file["content"])
             if Path(file["name"]).suffix.lower() in READERS:
-                self.scan.open(self.desk.kept(file["name"], content))
+                self.scan.open(self.desk.kept(file["name"], bytes(file["content"])))
                 return
-            self.state.uploaded = self.desk.upload(file["name"], content)
+            self.state.uploaded = self.desk.upload(file["name"], bytes(file["content"]))
             self._send_forms()
             self._examine()
 
@@ -247,10 +260,9 @@ class Page:
                 self._forms(v3, html)
             with v3.VNavigationDrawer(model_value=True, width=300, permanent=True, location="right"):
                 self._results(v3, html)
-            main = {"fluid": True, "classes": "pa-0 d-flex flex-column", "style": "height: 100%; position: relative"}
-            with v3.VMain(), v3.VContainer(**main):
-                self._tools(v3)
+            with v3.VMain(), v3.VContainer(fluid=True, classes="pa-0 d-flex flex-column", style="height: 100%"):
                 self.scan.build(v3, html)
+                self._tools(v3)
                 with html.Div(style="flex: 1; min-height: 0", id="view", dblclick=(self.pick, PLACE)):
                     self.view = load("trame_pyvista.widgets").PyVistaRemoteView(self.desk.look.stage)
         layout.root.style = "overflow: hidden"

@@ -189,11 +189,7 @@ class Queue:
             If the scene breaks a rule.
         """
         Scene.from_mapping(mapping, folder=self.base)
-        folder = self.next_folder()
-        run = Run(number=int(folder.name.removeprefix("run_")), folder=folder)
-        write_text(run.folder.with_suffix(".toml"), toml_of(mapping))
-        self.runs.append(run)
-        return run
+        return self.take(self.next_folder(), mapping, "waiting")
 
     def next_folder(self) -> Path:
         """Return the folder of one more run, `run_1` or the next number that is not taken."""
@@ -202,10 +198,10 @@ class Queue:
             number += 1
         return self.folder / f"run_{number}"
 
-    def take(self, folder: Path, mapping: dict[str, Any]) -> Run:
-        """Take results that are in a folder, and the scene that belongs to them, as a run that is done."""
+    def take(self, folder: Path, mapping: dict[str, Any], state: str = "done") -> Run:
+        """Take a folder, in which there may be results, and its scene as a run."""
+        run = Run(number=int(folder.name.removeprefix("run_")), folder=folder, state=state)
         write_text(folder.with_suffix(".toml"), toml_of(mapping))
-        run = Run(number=int(folder.name.removeprefix("run_")), folder=folder, state="done")
         self.runs.append(run)
         return run
 
