@@ -4,10 +4,12 @@ import pprint
 import re
 import shutil
 import tempfile
-from dataclasses import asdict, fields
+from dataclasses import asdict
 from functools import partial
 from pathlib import Path
 from typing import Any, ClassVar
+
+import numpy as np
 
 from voxgran._base.errors import InputError, VoxgranError
 from voxgran.app.forms import Form, blank_shape, forms_of, mapping_of, rest_of
@@ -27,18 +29,13 @@ from voxgran.scene.checked_sections import located
 from voxgran.scene.description import read_toml
 from voxgran.scene.run import deck_of
 from voxgran.scene.scene import Scene
-from voxgran.shapes.formats.mesh_files import read_surface
-from voxgran.shapes.learning.model import ShapeModel
+from voxgran.scene.shape_files import entry_of_file
 from voxgran.shapes.model import Shape
-from voxgran.shapes.repairing.diagnose import diagnose
-from voxgran.shapes.repairing.repair import repaired
 from voxgran.shapes.size_laws.distribution import SizeDistribution
 from voxgran.shapes.size_laws.plan import SizePlan
 
 #: shapes of a preview
 PREVIEW = 5
-#: shapes that are drawn of a learned distribution
-LEARNED = 50
 #: lines of a plan that are shown first
 HEADLINES = ("grains", "bed", "memory", "note")
 #: files of a run
@@ -66,6 +63,7 @@ class Desk:
         self.look = Look()
         self.plan = self.details = self.error = self.curve = self.held = ""
         self.drawn: dict[str, Any] = {}
+        self.empty: Packing | None = None  # the container where it has changed, which is to be drawn
         self.errors: dict[str, str] = {}
         self.shown: Run | None = None
         self.proof: Verification | None = None
@@ -89,27 +87,26 @@ class Desk:
             if before is not None and not form["on"]:
                 form["kind"] = before["kind"]
 
-    def examine(self) -> Scene | None:
-        """Plan the scene; the sentence of an error goes to the section that it names. Return it if its container is
-        another one than before, so that it is drawn.
-        """
+    def examine(self) -> None:
+        """Plan the scene; the sentence of an error goes to the section that it names."""
         self.error, self.plan, self.details, self.errors, self.curve, self.held = "", "", "", {}, "", ""
         said: list[str] = []
         try:
             with heard(said.append):
                 scene = Scene.from_mapping(self.mapping, folder=self.base)
-                before, self.drawn = self.drawn, scene.container.to_mapping()
+                if scene.container.to_mapping() != self.drawn:
+                    self.drawn, none = scene.container.to_mapping(), np.empty((0, 3))
+                    self.empty = Packing.of((), scene.container, position=none, unit=scene.general.unit)
                 made = scene.plan()
                 self.curve, self.held = _curve(scene, made.sizes), str(made.sizes or "")
         except VoxgranError as error:
             self.error = str(error)
             self.errors = _errors_of(self.forms, self.error)
-            return None
+            return
         self.details = str(made)
         lines = [line for line in self.details.splitlines() if line.startswith(HEADLINES)]
         seconds = f"time            about {made.seconds:.0f} s" if made.seconds >= 1 else ""
         self.plan = "\n".join(" ".join(line.split()) for line in [*lines, seconds, *said] if line)
-        return None if before == self.drawn else scene
 
     def add_shape(self) -> None:
         """Add a shape after the others."""
@@ -141,7 +138,7 @@ class Desk:
         place = self.kept(name, content)
         try:
             with heard(lambda _: None):
-                entry, told = _shape_of_upload(place)
+                entry, told = entry_of_file(place)
         except VoxgranError:
             place.unlink()
             raise
@@ -246,20 +243,6 @@ class Desk:
                 deck_of(self.packing, place.with_suffix(""), Scene.from_mapping(mapping | asked), place.stem)
                 shutil.make_archive(str(place.with_suffix("")), "zip", folder, place.stem)
             return place.read_bytes()
-
-
-def _shape_of_upload(place: Path) -> tuple[dict[str, Any], str]:
-    """Return the keys of a shape that is read from a file, and what was found in it."""
-    if place.suffix.lower() == ".nc":
-        model = ShapeModel.load(place)
-        return {"family": "learned", "model": str(place), "count": LEARNED}, f"{place.name}: {model}"
-    points, faces = read_surface(place)
-    found = diagnose(points, faces)
-    made = repaired(points, faces, name=place.stem)
-    counts = ", ".join(f"{one.name.replace('_', ' ')} {getattr(found, one.name)}" for one in fields(found))
-    done = "; ".join(made.sentences) or "nothing has to be mended"
-    mended = {"repair": True} if made.sentences else {}
-    return {"file": str(place), **mended}, f"{place.name}: {counts}\n{done}"
 
 
 def _errors_of(forms: list[Form], text: str) -> dict[str, str]:

@@ -6,7 +6,6 @@ from typing import Any
 import numpy as np
 
 from voxgran._base.lazy import load
-from voxgran.containers.model import Container
 from voxgran.packing.model import Packing
 from voxgran.report.closeup import add_grain, closeups_of
 from voxgran.report.colors import COLORS, Coloring, coloring
@@ -59,8 +58,6 @@ class Look:
     picked: int | None = None
     #: the camera of the packing while a grain is alone
     camera: Any = None
-    #: unit of the scale bar, where there is one
-    unit: str | None = None
     #: what the colours mean, with their map
     colors: tuple[Coloring, str] | None = None
 
@@ -83,7 +80,6 @@ class Look:
         fresh = self.packing is None or not np.array_equal(self.packing.container.bounds, bounds)
         if packing is not self.packing:
             self.packing, self.picked = packing, None
-        self.unit = packing.unit
         # the page renders
         self.stage.suppress_rendering, self.colors = True, None
         self.stage.clear_actors()
@@ -113,24 +109,16 @@ class Look:
 
     def _write(self) -> None:
         """Write the scale, and what the colours mean."""
-        if self.unit is not None:
-            add_scale_bar(self.stage, self.unit)
+        if self.packing is not None:
+            add_scale_bar(self.stage, self.packing.unit)
         if self.colors is not None:
             strip = legend_of(self.colors[0], tuple(self.stage.window_size), shades=self.colors[1])
             if strip is not None:
                 strip.add_to(self.stage)
 
-    def show_container(self, container: Container, unit: str) -> None:
-        """Show a container without grains."""
-        self.packing = self.picked = self.camera = self.colors = None
-        self.unit = unit
-        self.stage.clear_actors()
-        add_container(self.stage, container)
-        look_at(self.stage, container.mesh()[0], flat=container.dimension == 2, below=BELOW)
-
     def show_shapes(self, shapes: list[Shape]) -> None:
         """Show shapes in a row."""
-        self.packing = self.picked = self.camera = self.colors = self.unit = None
+        self.packing = self.picked = self.camera = self.colors = None
         self.stage.clear_actors()
         at, corners = 0.0, []
         for shape in shapes:

@@ -21,7 +21,6 @@ from voxgran.io.vtk_files import load_packing
 from voxgran.packing.model import Packing
 from voxgran.report.closeup import numbers_of_grain
 from voxgran.report.colors import colors_of
-from voxgran.scene.scene import Scene
 from voxgran.shapes.images.image_files import READERS
 
 #: seconds between two looks at the runs
@@ -92,7 +91,8 @@ class Page:
         #: computes what may take long, so that the page answers meanwhile
         self.thread = ThreadPoolExecutor(1)
         self._build()
-        self._tell_plan(self.desk.examine())
+        self.desk.examine()
+        self._tell_plan()
 
     def edited(self, **_: Any) -> None:
         """Take the forms as they stand in the browser; a section of another kind gets its own fields.
@@ -101,11 +101,11 @@ class Page:
         """
         before = [form["kind"] for form in self.desk.forms]
         self.desk.forms = [dict(form) for form in self.state.forms]
-        pasted = [spread(form) for form in self.desk.forms]
+        pasted = True in [spread(form) for form in self.desk.forms]
         if [form["kind"] for form in self.desk.forms] != before:
             self.desk.refresh()
-            pasted.append(True)
-        if any(pasted):
+            pasted = True
+        if pasted:
             self._send_forms()
         self._examine()
 
@@ -119,15 +119,15 @@ class Page:
         self.edits = edit = self.edits + 1
         self._worked(lambda: self.desk.examine() if edit == self.edits else None, self._tell_plan)
 
-    def _tell_plan(self, scene: Scene | None) -> None:
-        """Show the plan, and the container of a scene."""
+    def _tell_plan(self, _: Any = None) -> None:
+        """Show the plan, and the container where it has changed."""
         state = self.state
-        if scene is not None:
-            self.desk.look.show_container(scene.container, scene.general.unit)
         state.plan, state.details, state.errors = self.desk.plan, self.desk.details, self.desk.errors
         state.error, state.python, state.curve = self.desk.error, self.desk.python(), self.desk.curve
-        state.held = self.desk.held
-        self._update()
+        state.held, empty, self.desk.empty = self.desk.held, self.desk.empty, None
+        if empty is not None:
+            self.desk.look.show(empty)
+            self._update()
 
     def add_shape(self) -> None:
         """Add a shape."""
@@ -323,10 +323,9 @@ class Page:
                 self._forms(v3, html)
             with v3.VNavigationDrawer(v_model=("right", True), location="right", **drawer):
                 self._results(v3, html)
-            main = {"fluid": True, "classes": "pa-0 d-flex flex-column", "style": "height: 100%; position: relative"}
-            with v3.VMain(), v3.VContainer(**main):
-                self._tools(v3)
+            with v3.VMain(), v3.VContainer(fluid=True, classes="pa-0 d-flex flex-column", style="height: 100%"):
                 self.scan.build(v3, html)
+                self._tools(v3)
                 with html.Div(style="position: relative; height: 0; z-index: 1; pointer-events: none"):
                     with html.Div(style="position: absolute; top: 4px; left: 4px; max-width: 75%; opacity: 0.85"):
                         self._table(v3, html, "grain")

@@ -18,7 +18,6 @@ from voxgran._base.lazy import load
 from voxgran._base.progress import Step
 from voxgran.io.files import save
 from voxgran.packing.model import Packing
-from voxgran.scene.checked_sections import located
 from voxgran.scene.description import read_toml
 from voxgran.scene.processes import Channel, Process, ending_of, start
 from voxgran.scene.run import PACKING
@@ -193,11 +192,7 @@ class Queue:
             If the scene breaks a rule.
         """
         Scene.from_mapping(mapping, folder=self.base)
-        folder = self.next_folder()
-        run = Run(number=int(folder.name.removeprefix("run_")), folder=folder)
-        write_text(run.folder.with_suffix(".toml"), toml_of(located(mapping, self.base)))
-        self.runs.append(run)
-        return run
+        return self.take(self.next_folder(), mapping, "waiting")
 
     def next_folder(self) -> Path:
         """Return the folder of one more run, `run_1` or the next number that is not taken."""
@@ -206,10 +201,10 @@ class Queue:
             number += 1
         return self.folder / f"run_{number}"
 
-    def take(self, folder: Path, mapping: dict[str, Any]) -> Run:
-        """Take results that are in a folder, and the scene that belongs to them, as a run that is done."""
-        write_text(folder.with_suffix(".toml"), toml_of(mapping))
-        run = Run(number=int(folder.name.removeprefix("run_")), folder=folder, state="done")
+    def take(self, folder: Path, mapping: dict[str, Any], state: str = "done") -> Run:
+        """Take a folder, in which there may be results, and its scene as a run."""
+        run = Run(number=int(folder.name.removeprefix("run_")), folder=folder, state=state)
+        write_text(folder.with_suffix(".toml"), toml_of(located(mapping, self.base)))
         self.runs.append(run)
         return run
 

@@ -12,8 +12,6 @@ from voxgran.scene.scans import FIELDS, ScanProcess
 
 #: sliders, and the state that holds their ends
 SLIDERS = {"threshold": ("scan_low", "scan_high"), "separation": ("0", "scan_widest")}
-#: what is said while the process is busy
-BUSY = {"open": "reading and segmenting", "segment": "segmenting", "finish": "making the packing"}
 #: seconds after which a slider that was moved is taken
 PAUSE = 0.6
 
@@ -23,9 +21,12 @@ class ScanPane:
 
     def __init__(self, desk: Desk, state: Any, shown: Callable[[int], None]) -> None:
         self.desk, self.state, self.shown = desk, state, shown
-        self.process, self.taken, self.moved_at = ScanProcess(), self, 0.0
+        self.process, self.moved_at = ScanProcess(), 0.0
         self.asked: list[str] = []
-        begin = dict.fromkeys((*FIELDS, "about", "found", "busy", "python"), "") | dict.fromkeys("xyz", 0.5)
+        self.taken: list[Any] = []
+        begin: dict[str, Any] = dict.fromkeys((*FIELDS, "about", "found", "busy", "python"), "") | dict.fromkeys(
+            "xyz", 0.5
+        )
         begin |= {"low": 0, "high": 1, "threshold": 0, "separation": 0, "widest": 1, "dark": False}
         begin |= {"slices": [], "errors": {}, "said": []}
         state.update({"scanning": False} | {f"scan_{name}": value for name, value in begin.items()})
@@ -52,7 +53,7 @@ class ScanPane:
         name, state = self.process.doing, self.state
         answer = self.process.answer()
         if answer is not None:
-            self._show(name, answer)
+            self._show(answer)
         now = [state[f"scan_{name}"] for name in ("dark", *SLIDERS)]
         if answer is not None and name in ("open", "segment"):
             self.taken = now
@@ -62,26 +63,22 @@ class ScanPane:
             self.ask("segment")
         if self.asked and not self.process.doing:
             self.process.begin(self.asked[0], self._given(self.asked.pop(0)))
-        state.scan_busy = BUSY.get(self.process.doing, "")
+        state.scan_busy = self.process.words
 
-    def _show(self, name: str, answer: dict[str, Any]) -> None:
+    def _show(self, answer: dict[str, Any]) -> None:
         """Show an answer; a packing is a run that is done."""
-        scene = answer.pop("scene", None)
-        self.state.update({f"scan_{key}": value for key, value in answer.items()})
-        if scene is not None:
+        self.state.update({f"scan_{key}": value for key, value in answer.items() if key != "scene"})
+        if "scene" in answer:
             self.state.scanning = False
-            self.shown(self.desk.queue.take(Path(answer["folder"]), scene).number)
+            self.shown(self.desk.queue.take(Path(answer["folder"]), answer["scene"]).number)
 
     def _given(self, name: str) -> dict[str, Any]:
         """Return what the page says of the scan."""
         state, desk = self.state, self.desk
-        texts = {key: str(state[f"scan_{key}"]).strip() for key in FIELDS}
-        given = {
-            key: value_of({"text": text, "word": key in ("path", "unit")}) if text else None
-            for key, text in texts.items()
-        }
+        texts = {key: state[f"scan_{key}"].strip() for key in FIELDS}
+        given = {key: value_of({"text": text, "word": key in ("path", "unit")}) for key, text in texts.items() if text}
         given |= {key: state[f"scan_{key}"] for key in ("dark", *SLIDERS)}
-        given |= {"path": desk.base / (given["path"] or ""), "at": [state[f"scan_{axis}"] for axis in "xyz"]}
+        given |= {"path": desk.base / given.get("path", ""), "at": [state[f"scan_{axis}"] for axis in "xyz"]}
         if name == "finish":
             folder = desk.queue.next_folder()
             folder.mkdir(parents=True)
@@ -91,7 +88,8 @@ class ScanPane:
     def build(self, v3: Any, html: Any) -> None:
         """Lay out the pane, which covers the view."""
         bare, main = {"density": "compact", "hide_details": "auto"}, {"color": "primary", "variant": "flat"}
-        over = "position: absolute; inset: 0; z-index: 2; overflow: auto; background: white"
+        left, right, top = (f"var(--v-layout-{side})" for side in ("left", "right", "top"))
+        over = f"position: fixed; inset: {top} {right} 0 {left}; z-index: 2; overflow: auto; background: white"
         with html.Div(v_show="scanning", id="scan", classes="pa-4", style=over):
             with v3.VRow(dense=True):
                 for name, hint in FIELDS.items():
@@ -113,15 +111,11 @@ class ScanPane:
                 html.Div("{{ text }}", v_for="text in scan_said", classes="text-caption text-warning")
                 with v3.VRow(dense=True):
                     for k, axis in enumerate("xyz"):
-                        with v3.VCol(v_if=f"scan_slices[{k}]"):
-                            wide = (
-                                f"`width: 100%; image-rendering: pixelated; aspect-ratio: ${{scan_slices[{k}].aspect}}`"
-                            )
-                            html.Img(src=(f"scan_slices[{k}].source",), style=(wide,), classes="slice")
+                        with v3.VCol(v_if=(one := f"scan_slices[{k}]")):
+                            look = f"`width: 100%; image-rendering: pixelated; aspect-ratio: ${{{one}.aspect}}`"
+                            html.Img(src=(f"{one}.source",), style=(look,), classes="slice")
                             place = {"min": 0, "max": 1, "step": 0.005, "label": axis}
                             v3.VSlider(v_model=(f"scan_{axis}",), id=f"scan-{axis}", **place, **bare)
                 for color, words in WORDS.items():
                     html.Span(f"■ {words} ", style=f"color: {color}", classes="text-caption")
-                html.Pre(
-                    "{{ scan_python }}", classes="text-caption mt-2", style="white-space: pre-wrap", id="scan-python"
-                )
+                html.Pre("{{ scan_python }}", classes="text-caption", style="white-space: pre-wrap", id="scan-python")

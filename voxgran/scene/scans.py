@@ -33,8 +33,13 @@ FIELDS = {
     "min_size": "voxels of the smallest grains; default: 64",
     "gravity": "such as -z; default: nowhere",
 }
-#: the field of which an error is that names none
-FIELD_OF = {"open": "path", "segment": "threshold", "draw": "threshold", "finish": "gravity"}
+#: what is said while something is done, and the field of which an error is that names none
+DOING = {
+    "open": ("reading and segmenting", "path"),
+    "segment": ("segmenting", "threshold"),
+    "draw": ("", "threshold"),
+    "finish": ("making the packing", "gravity"),
+}
 #: suspects that are named, and the sections of a scene that say how a scan is checked, measured and kept
 NAMED, KEPT = 8, ("scene", "material", "measure", "output")
 
@@ -166,8 +171,7 @@ class Scan:
             If no image is open, the mapping is no scene, or the packing cannot be made or saved.
         """
         try:
-            self._opened()
-            packing = packing_of_labels(self.found, gravity=gravity)
+            packing = packing_of_labels(self.found or self._opened(), gravity=gravity)
             scene: dict[str, Any] = {name: mapping[name] for name in KEPT if name in mapping}
             scene["scene"] = {**scene.get("scene", {}), "unit": packing.unit}
             scene |= {"shape": [{"family": "sphere"}], "container": packing.container.to_mapping()}
@@ -217,7 +221,7 @@ def serve(channel: Channel) -> None:
             try:
                 answer = getattr(scan, name)(**given)
             except VoxgranError as error:
-                named = next((word for word in (*FIELDS, *given) if str(error).startswith(word)), FIELD_OF[name])
+                named = next((word for word in (*FIELDS, *given) if str(error).startswith(word)), DOING[name][1])
                 answer = {"errors": {named: str(error)}}
             else:
                 told = [str(one.message) for one in said if issubclass(one.category, PackingWarning)]
@@ -233,32 +237,40 @@ class ScanProcess:
     ----------
     doing : str
         The method of the scan that it computes; empty where it waits.
+    process : Process or None
+        The process, once it was started.
+    failed : str
+        Why it could not be asked.
     """
 
     doing: str = ""
     process: Process | None = None
+    failed: str = ""
+
+    @property
+    def words(self) -> str:
+        """What it does, in words; empty where it waits."""
+        return DOING[self.doing][0] if self.doing else ""
 
     def begin(self, name: str, given: Mapping[str, Any]) -> None:
-        """Begin a method of the scan; a process that has ended is replaced by another, which has no image.
-
-        Raises
-        ------
-        MissingLibraryError
-            If no process can be started.
-        """
-        if self.process is None or self.process.process.poll() is not None:
-            self.process = start(serve, Process)
-        self.doing = name
-        self.process.connection.send((name, dict(given)))
+        """Begin a method of the scan; a process that has ended is replaced by another, which has no image."""
+        self.doing, self.failed = name, ""
+        try:
+            if self.process is None or self.process.process.poll() is not None:
+                self.process = start(serve, Process)
+            self.process.connection.send((name, dict(given)))
+        except (OSError, VoxgranError) as error:
+            self.failed = str(error)
 
     def answer(self) -> dict[str, Any] | None:
         """Return what the method returned, or the sentence of its error as ``errors``; None while it computes."""
-        if self.process is None or not self.doing or not self.process.connection.poll():
+        name = self.doing
+        if not name or not (self.failed or (self.process is not None and self.process.connection.poll())):
             return None
-        name, self.doing = self.doing, ""
+        self.doing = ""
         try:
-            told: dict[str, Any] = self.process.receive()
+            told: dict[str, Any] | None = None if self.process is None or self.failed else self.process.receive()
         except VoxgranError as error:
             # the process has ended
-            return {"errors": {FIELD_OF[name]: str(error)}}
-        return told
+            self.failed, told = str(error), None
+        return {"errors": {DOING[name][1]: self.failed}} if told is None else told

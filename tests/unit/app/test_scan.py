@@ -90,7 +90,6 @@ def test_an_image_is_opened_segmented_again_and_becomes_a_run(pane, tmp_path, mo
     assert np.array_equal(desk.packing.position, names["packing"].position)
     assert vg.Scene.from_toml(tmp_path / "runs" / "run_1.toml").material.friction == 0.7
     assert desk.file("scene.toml")
-    assert desk.file("lammps.zip")
     # the next is another run
     assert desk.run().number == 2
 
