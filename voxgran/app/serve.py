@@ -93,13 +93,15 @@ def guard_of(page: Page, token: str) -> Any:
 
     async def guard(request: Any, handler: Callable[[Any], Any]) -> Any:
         if urlsplit(f"//{request.host}").hostname not in (HOST, "localhost"):
-            raise web.HTTPForbidden(text=f"the host is {request.host}: the app is at {HOST} only")
+            return web.Response(status=403, text=f"the host is {request.host}: the app is at {HOST} only")
         cookie = f"voxgran-{request.url.port}"
         if request.path in ("/", "/index.html"):
             if "secret" not in request.query and request.cookies.get(cookie) == token:
-                raise web.HTTPFound(f"/?secret={token}")
+                return web.Response(status=302, headers={"Location": f"/?secret={token}"})
             if request.query.get("secret") != token:
-                raise web.HTTPForbidden(text="the token is missing or wrong: open the address that voxgran prints")
+                return web.Response(
+                    status=403, text="the token is missing or wrong: open the address that voxgran prints"
+                )
         looks = request.headers.get("Upgrade", "").lower() == "websocket"
         page.lookers += looks
         try:
