@@ -71,7 +71,7 @@ class Page:
         self.state.change("color_by", "way")(self.redraw)
         self.state.change("cut_x", "cut_y", "cut_z")(self.cut)
         self.view: Any = None
-        self.grown, self.pushes = (0, 0), 0
+        self.grown, self.pushes, self.follows = (0, 0), 0, True
         self._build()
         self._examine()
 
@@ -130,7 +130,8 @@ class Page:
         """Show the numbers of the grain at a place of the picture, in shares of its width and height."""
         look = self.desk.look
         if look.packing is not None and self.state.way == GRAINS:
-            grain = look.picked = look.grain_at(across, down)
+            self.follows, grain = False, look.grain_at(across, down)
+            look.picked = grain
             told = [] if grain is None else numbers_of_grain(look.packing, grain)
             self.state.grain, self.state.ways = list(map(asdict, told)), look.ways()
             self.redraw()
@@ -142,6 +143,7 @@ class Page:
     def run(self) -> None:
         """Queue the scene."""
         self._guarded(self.desk.run)
+        self.follows = True
         self._tell_runs()
 
     def stop(self, number: int) -> None:
@@ -152,8 +154,9 @@ class Page:
         """Let a run go on from its checkpoint."""
         self._guarded(lambda: self.desk.queue.go_on(self.desk.run_of(number)))
 
-    def show(self, number: int) -> None:
-        """Show the packing of a run."""
+    def show(self, number: int, *, follows: bool = False) -> None:
+        """Show the packing of a run; whether the view goes on to follow the runs as they are computed."""
+        self.follows = follows
         self._guarded(lambda: self.desk.open(number))
         look = self.desk.look
         self.state.shown, self.state.ways, self.state.figures = number, look.ways(), []
@@ -190,8 +193,8 @@ class Page:
         """Follow the runs as long as the app is there."""
         while True:
             for run in self.desk.queue.poll():
-                if run.state == "done":
-                    self.show(run.number)
+                if run.state == "done" and self.follows:
+                    self.show(run.number, follows=True)
             self._grow()
             if self.pushes and self.view is not None:
                 self.pushes -= 1
@@ -203,7 +206,7 @@ class Page:
     def _grow(self) -> None:
         """Show the grains of the run that is computed, where they were written since."""
         run = self.desk.queue.current
-        if run is None or (run.number, run.grown) == self.grown or not run.grown:
+        if run is None or (run.number, run.grown) == self.grown or not (run.grown and self.follows):
             return
         self.grown = (run.number, run.grown)
         with contextlib.suppress(VoxgranError):
@@ -341,7 +344,7 @@ class Page:
                 size="x-small",
                 variant="text",
                 click=TAKE.format(file="engine + '.zip'"),
-                id=("'take-' + engine",),
+                id=("'take-' + engine + '.zip'",),
             )
             v3.VBtn("Figures of the report", click=self.draw_figures, size="small", classes="ma-1", id="figures")
             with html.Div(v_for="figure in figures", key="figure.alt", classes="px-4 figure", title=("figure.alt",)):
