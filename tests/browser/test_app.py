@@ -234,3 +234,69 @@ def test_a_run_stops_goes_on_and_is_seen_by_a_second_browser_and_without_one(tab
     assert list((tmp_path / "runs" / "run_2").glob("checkpoint*"))
     assert main(["run", str(tmp_path / "scene.toml"), "-o", str(tmp_path / "out"), "--quiet"]) in (0, None)
     assert same(tmp_path / "runs" / "run_1" / "packing.vtp", tmp_path / "out" / "packing.vtp")
+
+
+BED = """
+[scene]
+seed = 3
+[[shape]]
+family = "box"
+[container]
+kind = "box"
+lengths = [3, 3, 7]
+[packing]
+method = "gravity"
+count = 25
+[output]
+report = false
+statistics = false
+vtk = false
+"""
+
+
+def chosen(page, selector, text):
+    """Choose an entry of a list; return all of them."""
+    click(page, selector)
+    page.wait(f"[...document.querySelectorAll('.v-overlay .v-list-item')].some((e) => e.innerText == {text!r})")
+    listed = page.run("[...document.querySelectorAll('.v-overlay .v-list-item')].map((e) => e.innerText)")
+    click(page, ".v-overlay .v-list-item", text)
+    page.wait("!document.querySelector('.v-overlay .v-list-item')")
+    return listed
+
+
+def test_contacts_a_picked_grain_figures_and_all_files(tab, tmp_path):
+    (tmp_path / "scene.toml").write_text(BED)
+    with App(tmp_path, "scene.toml") as app:
+        tab.go(app.address)
+        click(tab, "#run")
+        tab.wait("document.querySelectorAll('.lamp').length == 2", 240)
+        assert "at rest" in text_of(tab, "#results")
+        last = changed(tab, np.zeros_like(tab.picture("#view").astype(int)))
+        for way in ("contacts", "force chains", "grains"):
+            assert chosen(tab, "#way", way) == ["grains", "contacts", "force chains"]
+            last = changed(tab, last)
+        chosen(tab, "#color-by", "residual")
+        last = changed(tab, last)
+        left, top, width, height = tab.box("#view")
+        place = f"{left + 0.5 * width}, {top + 0.7 * height}"
+        at = f"{{bubbles: true, clientX: {left + 0.5 * width}, clientY: {top + 0.7 * height}}}"
+        tab.run(f"document.elementFromPoint({place}).dispatchEvent(new MouseEvent('dblclick', {at}))")
+        tab.wait("!!document.querySelector('#grain')", 60)
+        assert "residual (weights of the grain)" in text_of(tab, "#grain")
+        last = changed(tab, last)
+        for way in ("surface", "voxels", "points", "clump", "neighbours"):
+            assert len(chosen(tab, "#way", f"picked grain: {way}")) == 8
+            last = changed(tab, last)
+        kept(tab, tmp_path, "app_grain.png")
+        click(tab, "#figures")
+        tab.wait("document.querySelectorAll('.figure img').length >= 5", 60)
+        for name in (
+            "packing.vtp",
+            "scene.toml",
+            "scene.py",
+            "report.html",
+            "statistics.nc",
+            "picture.png",
+            "lammps.zip",
+        ):
+            assert taken(tab, tmp_path / "taken", name).stat().st_size > 0, name

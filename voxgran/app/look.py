@@ -18,6 +18,7 @@ from voxgran.report.stage import (
     add_container,
     add_scale_bar,
     add_spheres,
+    cut_beyond,
     jagged_while_turned,
     keep_written,
     look_at,
@@ -33,10 +34,8 @@ MANY = 300
 TRIANGLES = 150_000
 #: ways to draw a packing, and the beginning of those to draw the picked grain alone
 GRAINS, CONTACTS, CHAINS, SPHERES, ALONE = "grains", "contacts", "force chains", "spheres", "picked grain: "
-#: share of the height that is left free for a legend
-BELOW = 0.16
-#: colour of the picked grain among the others
-PICKED = "#d1495b"
+#: share of the height that is left free for a legend, and colour of the picked grain among the others
+BELOW, PICKED = 0.16, "#d1495b"
 
 
 @dataclass(slots=True, eq=False)
@@ -155,19 +154,5 @@ class Look:
 
     def cut(self, shares: tuple[float, float, float]) -> None:
         """Cut what lies beyond planes across the axes, at shares of the container."""
-        if self.packing is None:
-            return
-        low, high = self.packing.container.bounds
-        planes = load("vtkmodules.vtkCommonDataModel").vtkPlaneCollection()
-        for axis, share in enumerate(shares[: len(low)]):
-            if share < 1:
-                plane = load("vtkmodules.vtkCommonDataModel").vtkPlane()
-                origin = np.zeros(3)
-                origin[axis] = low[axis] + share * (high[axis] - low[axis])
-                plane.SetOrigin(*origin)
-                plane.SetNormal(*(-1.0 if k == axis else 0.0 for k in range(3)))
-                planes.AddItem(plane)
-        for actor in self.stage.renderer.actors.values():
-            mapper = getattr(actor, "mapper", None)
-            if mapper is not None and hasattr(mapper, "SetClippingPlanes"):
-                mapper.SetClippingPlanes(planes)
+        if self.packing is not None:
+            cut_beyond(self.stage, self.packing.container.bounds, shares)

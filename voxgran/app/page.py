@@ -84,7 +84,7 @@ class Page:
         self.state.change("cut_x", "cut_y", "cut_z")(self.cut)
         self.scan = ScanPane(desk, self.state, self.show)
         self.view: Any = None
-        self.grown, self.due, self.wanted, self.edits = (0, 0), 0.0, False, 0
+        self.grown, self.due, self.wanted, self.edits, self.follows = (0, 0), 0.0, False, 0, True
         self.shares = WINDOW[0] / WINDOW[1]
         #: browsers that are connected: nothing is drawn for none
         self.lookers = 0
@@ -161,7 +161,8 @@ class Page:
         """Show the numbers of the grain at a place of the picture, in shares of its width and height."""
         look = self.desk.look
         if look.packing is not None and self.state.way == GRAINS:
-            grain = look.picked = look.grain_at(across, down)
+            self.follows, grain = False, look.grain_at(across, down)
+            look.picked = grain
             told = [] if grain is None else numbers_of_grain(look.packing, grain)
             self.state.grain, self.state.ways = list(map(asdict, told)), look.ways()
             self.redraw()
@@ -173,6 +174,7 @@ class Page:
     def run(self) -> None:
         """Queue the scene."""
         self._guarded(self.desk.run)
+        self.follows = True
 
     def stop(self, number: int) -> None:
         """Stop a run."""
@@ -182,8 +184,9 @@ class Page:
         """Let a run go on from its checkpoint."""
         self._guarded(lambda: self.desk.queue.go_on(self.desk.run_of(number)))
 
-    def show(self, number: int) -> None:
-        """Show the packing of a run."""
+    def show(self, number: int, *, follows: bool = False) -> None:
+        """Show the packing of a run; whether the view goes on to follow the runs as they are computed."""
+        self.follows = follows
 
         def opened(packing: Packing) -> None:
             state = self.state
@@ -232,8 +235,8 @@ class Page:
         """Follow the runs, and send pictures, as long as the app is there."""
         while True:
             for run in self.desk.queue.poll():
-                if run.state == "done":
-                    self.show(run.number)
+                if run.state == "done" and self.follows:
+                    self.show(run.number, follows=True)
             began = time.monotonic()
             self._fit()
             self.scan.follow()
@@ -250,7 +253,7 @@ class Page:
     def _grow(self) -> bool:
         """Show the grains of the run that is computed, where they were written since; return whether they were."""
         run = self.desk.queue.current
-        if run is None or (run.number, run.grown) == self.grown or not run.grown:
+        if run is None or (run.number, run.grown) == self.grown or not (run.grown and self.follows):
             return False
         self.grown = (run.number, run.grown)
         with contextlib.suppress(VoxgranError):
@@ -417,7 +420,7 @@ class Page:
                 size="x-small",
                 variant="text",
                 click=TAKE.format(file="engine + '.zip'"),
-                id=("'take-' + engine",),
+                id=("'take-' + engine + '.zip'",),
             )
             v3.VBtn("Figures of the report", click=self.draw_figures, size="small", classes="ma-1", id="figures")
             with html.Div(v_for="figure in figures", key="figure.alt", classes="px-4 figure", title=("figure.alt",)):

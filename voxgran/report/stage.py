@@ -3,7 +3,7 @@
 import contextlib
 import io
 import os
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from typing import Any, TypeAlias
 
 import numpy as np
@@ -116,6 +116,23 @@ def keep_written(stage: Any, write: Callable[[], None]) -> None:
         stage.suppress_rendering = before
 
     stage.render_window.AddObserver("StartEvent", renew)
+
+
+def cut_beyond(stage: Any, bounds: Floats, shares: Sequence[float]) -> None:
+    """Cut what lies beyond planes across the axes, at shares of a box with bounds (2, 3); none is drawn at share 1."""
+    low, high = bounds
+    kinds = load("vtkmodules.vtkCommonDataModel")
+    planes = kinds.vtkPlaneCollection()
+    for axis, share in enumerate(shares[: len(low)]):
+        if share < 1:
+            plane = kinds.vtkPlane()
+            plane.SetOrigin(*((low + share * (high - low)) * np.eye(3)[axis]))
+            plane.SetNormal(*-np.eye(3)[axis])
+            planes.AddItem(plane)
+    for actor in stage.renderer.actors.values():
+        mapper = getattr(actor, "mapper", None)
+        if hasattr(mapper, "SetClippingPlanes"):
+            mapper.SetClippingPlanes(planes)
 
 
 def jagged_while_turned(stage: Any) -> None:
