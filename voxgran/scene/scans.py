@@ -115,7 +115,7 @@ class Scan:
         pairs = np.column_stack([found.suspects["grain"], found.suspects["other"]]).tolist()
         names = {"perhaps one": [f"{a} and {b}" for a, b in pairs if a != b]}
         names["perhaps several"] = [str(a) for a, b in pairs if a == b]
-        told = [f"{found.grains} grains, {len(pairs)} suspects"]
+        told = [f"{found.grains} grains, {len(pairs)} in doubt"]
         told += [f"{words}: {', '.join(some[:NAMED])}" for words, some in names.items() if some]
         ends = {"threshold": found.threshold, "separation": separation or found.separation}
         return {**ends, "found": "; ".join(told), "python": self.python()}

@@ -46,7 +46,7 @@ def test_what_is_proposed_is_what_the_library_finds(place):
     told = scan.open(path=place, voxel_size=0.5, unit="mm")
     assert told["threshold"] == found.threshold
     assert told["separation"] == found.separation
-    assert told["found"].startswith(f"{found.grains} grains, {found.suspects.sizes['neck']} suspects")
+    assert told["found"].startswith(f"{found.grains} grains, {found.suspects.sizes['neck']} in doubt")
     assert told["about"].startswith("34 x 34 x 34 voxels 0.5 x 0.5 x 0.5 mm, grey values")
     assert np.array_equal(scan.found.labels, found.labels)
     # the separation that is proposed stays relative, another one is a length
