@@ -13,6 +13,7 @@ from pathlib import Path
 import chromium
 import numpy as np
 import pytest
+from kit import grey_beads
 from PIL import Image
 
 import voxgran as vg
@@ -300,3 +301,44 @@ def test_contacts_a_picked_grain_figures_and_all_files(tab, tmp_path):
             "lammps.zip",
         ):
             assert taken(tab, tmp_path / "taken", name).stat().st_size > 0, name
+
+
+def test_a_scan_is_opened_segmented_by_sliders_and_becomes_a_packing(tab, tmp_path):
+    rows = 8 + 16 * np.stack(np.meshgrid(*[np.arange(3)] * 3, indexing="ij"), axis=-1).reshape(-1, 3)
+    centers = rows + np.random.default_rng(1).uniform(-1, 1, rows.shape)
+    # two of the spheres are nearly one
+    centers[[4, 13]] = [(13.25, 24, 24), (21.75, 24, 24)]
+    np.save(tmp_path / "scan.npy", grey_beads(centers, 7, 48))
+    with App(tmp_path) as app:
+        tab.go(app.address)
+        click(tab, "#ct")
+        write(tab, "#scan-path", "nothing.npy")
+        click(tab, "#scan-open")
+        tab.wait("document.querySelector('#scan').innerText.includes('nothing.npy is not there')")
+        write(tab, "#scan-path", "scan.npy")
+        click(tab, "#scan-open")
+        tab.wait("document.querySelectorAll('.slice').length == 3")
+        # the file does not say how large its voxels are
+        click(tab, "#scan-finish")
+        tab.wait("document.querySelector('#scan').innerText.includes('voxel_size is None')")
+        write(tab, "#scan-voxel_size", "0,05")
+        write(tab, "#scan-unit", "mm")
+        click(tab, "#scan-open")
+        tab.wait("document.querySelector('#scan-about').innerText.includes('0.05 x 0.05 x 0.05 mm')")
+        tab.wait("document.querySelector('#scan-found').innerText.includes('perhaps one: 9 and 10')")
+        tab.run("document.querySelector('#scan .v-slider-thumb').focus()")
+        press(tab, "ArrowLeft", 37, times=5)
+        tab.wait("document.querySelector('#scan-found').innerText.includes('perhaps several: 9')")
+        # slices with the labels come after them
+        time.sleep(2)
+        kept(tab, tmp_path, "app_scan.png")
+        python = text_of(tab, "#scan-python")
+        click(tab, "#scan-finish")
+        tab.wait("!!document.querySelector('.lamp')", 240)
+        assert not tab.run("document.querySelector('#scan').offsetHeight")
+        packing = vg.load(taken(tab, tmp_path / "taken", "packing.vtp"))
+        assert not [said for said in tab.complaints() if "405" not in str(said)]
+    names = {}
+    exec(python, names)
+    assert packing.count == 26
+    assert np.array_equal(packing.position, names["packing"].position)

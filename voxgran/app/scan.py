@@ -57,7 +57,7 @@ class ScanPane:
         now = [state[f"scan_{name}"] for name in ("dark", *SLIDERS)]
         if answer is not None and name in ("open", "segment"):
             self.taken = now
-            self.ask("draw")
+            self.moved()
         elif state.scan_about and now != self.taken and time.monotonic() > self.moved_at + PAUSE:
             self.taken = now
             self.ask("segment")

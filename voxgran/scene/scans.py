@@ -72,17 +72,21 @@ class Scan:
     proposed: float = 0.0
 
     def open(self, *, path: Path, voxel_size: Any = None, unit: str | None = None, **rest: Any) -> dict[str, Any]:
-        """Read an image, and segment it with the threshold and separation that are proposed.
+        """Read an image, and segment it with the threshold and separation that are proposed; if that fails, the one
+        that was open stays.
 
         Raises
         ------
         VoxgranError
             If it cannot be read or segmented.
         """
-        self.image = self.found = None
         image = with_lattice(image_of(path, None), voxel_size, unit)
-        self.path, self.image = path, image
-        told = self.segment(**{**rest, "threshold": "otsu", "separation": None})
+        before, self.path, self.image = (self.path, self.image), path, image
+        try:
+            told = self.segment(**{**rest, "threshold": "otsu", "separation": None})
+        except VoxgranError:
+            self.path, self.image = before
+            raise
         self.proposed = told["separation"]
         low, high = (np.asarray(end).item() for end in (image.values.min(), image.values.max()))
         self.span = (float(low), float(high))
@@ -111,7 +115,7 @@ class Scan:
         pairs = np.column_stack([found.suspects["grain"], found.suspects["other"]]).tolist()
         names = {"perhaps one": [f"{a} and {b}" for a, b in pairs if a != b]}
         names["perhaps several"] = [str(a) for a, b in pairs if a == b]
-        told = [f"{found.grains} grains, {len(pairs)} suspects"]
+        told = [f"{found.grains} grains, {len(pairs)} in doubt"]
         told += [f"{words}: {', '.join(some[:NAMED])}" for words, some in names.items() if some]
         ends = {"threshold": found.threshold, "separation": separation or found.separation}
         return {**ends, "found": "; ".join(told), "python": self.python()}

@@ -66,6 +66,7 @@ def test_an_image_is_opened_segmented_again_and_becomes_a_run(pane, tmp_path, mo
     pane.open()
     followed(pane, lambda: state.scan_errors)
     assert "no.npy" in state.scan_errors["path"]
+    assert not pane.asked
     state.scan_path, state.scan_voxel_size, state.scan_unit = "scan.npy", "0,5", "mm"
     pane.open()
     followed(pane, lambda: len(state.scan_slices) == 3 and not pane.process.doing)
@@ -80,6 +81,12 @@ def test_an_image_is_opened_segmented_again_and_becomes_a_run(pane, tmp_path, mo
     pane.moved()
     assert pane.asked == ["draw"]
     followed(pane, lambda: "threshold=100" in state.scan_python and not pane.process.doing)
+    # what is open stays where another file is none, and its slices are drawn
+    state.scan_path = "no.npy"
+    pane.open()
+    followed(pane, lambda: state.scan_errors and not pane.process.doing and not pane.asked)
+    assert list(state.scan_errors) == ["path"]
+    assert "no.npy" in state.scan_errors["path"]
     pane.ask("finish")
     followed(pane, lambda: pane.test.shown)
     assert pane.test.shown == [1]

@@ -9,8 +9,8 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from kit import grey_beads
 from PIL import Image
-from scipy import ndimage
 
 import voxgran as vg
 from voxgran._base.errors import InputError, VoxgranError
@@ -21,19 +21,11 @@ pytestmark = pytest.mark.filterwarnings("ignore::voxgran._base.errors.PackingWar
 FILES = {"output": {"report": False, "vtk": False, "statistics": False}, "measure": {"which": ["coordination"]}}
 
 
-def beads(centers, radius, side):
-    """Return a grey image of spheres, blurred and with noise."""
-    places = np.stack(np.meshgrid(*[np.arange(side) + 0.5] * 3, indexing="ij"), axis=-1)
-    solid = np.any([((places - center) ** 2).sum(axis=-1) < radius**2 for center in centers], axis=0)
-    noise = np.random.default_rng(1).normal(0, 6, solid.shape)
-    return (ndimage.gaussian_filter(60 + 120.0 * solid, 0.8) + noise).clip(0, 255).astype(np.uint8)
-
-
 @pytest.fixture
 def place(tmp_path):
     """Return the file of an image of eight spheres, of which two are nearly one."""
     rows = [(x, y, z) for x in (8, 25) for y in (8, 25) for z in (8, 25)]
-    np.save(tmp_path / "scan.npy", beads([*rows, (8, 8, 14)], 6, 34))
+    np.save(tmp_path / "scan.npy", grey_beads([*rows, (8, 8, 14)], 6, 34))
     return tmp_path / "scan.npy"
 
 
@@ -54,7 +46,7 @@ def test_what_is_proposed_is_what_the_library_finds(place):
     told = scan.open(path=place, voxel_size=0.5, unit="mm")
     assert told["threshold"] == found.threshold
     assert told["separation"] == found.separation
-    assert told["found"].startswith(f"{found.grains} grains, {found.suspects.sizes['neck']} suspects")
+    assert told["found"].startswith(f"{found.grains} grains, {found.suspects.sizes['neck']} in doubt")
     assert told["about"].startswith("34 x 34 x 34 voxels 0.5 x 0.5 x 0.5 mm, grey values")
     assert np.array_equal(scan.found.labels, found.labels)
     # the separation that is proposed stays relative, another one is a length
