@@ -3,7 +3,6 @@
 import pprint
 import shutil
 import tempfile
-from functools import partial
 from pathlib import Path
 from typing import Any, ClassVar
 
@@ -17,14 +16,12 @@ from voxgran.contacts.verify import verify
 from voxgran.io.files import load
 from voxgran.measures.model import measure
 from voxgran.packing.model import Packing
-from voxgran.report.plots import plot_planned, svg_of
+from voxgran.report.plots import planned_svg
 from voxgran.report.stage import png_of, shot
 from voxgran.scene.run import deck_of
 from voxgran.scene.scene import Scene
 from voxgran.scene.shape_files import entry_of_file
 from voxgran.shapes.model import Shape
-from voxgran.shapes.size_laws.distribution import SizeDistribution
-from voxgran.shapes.size_laws.plan import SizePlan
 
 #: shapes of a preview
 PREVIEW = 5
@@ -86,7 +83,8 @@ class Desk:
                     self.drawn, none = scene.container.to_mapping(), np.empty((0, 3))
                     self.empty = Packing.of((), scene.container, position=none, unit=scene.general.unit)
                 made = scene.plan()
-                self.curve, self.held = _curve(scene, made.sizes), str(made.sizes or "")
+                how = {"dimension": scene.container.dimension, "unit": scene.general.unit}
+                self.curve, self.held = planned_svg(scene.sizes, made.sizes, **how), str(made.sizes or "")
         except VoxgranError as error:
             self.error = str(error)
             named = (k for k, form in enumerate(self.forms) if f"[{form['name']}]" in self.error)
@@ -221,12 +219,3 @@ class Desk:
         with tempfile.TemporaryDirectory() as folder:
             deck_of(load(self.shown.packing), Path(folder) / engine, scene, engine)
             return Path(shutil.make_archive(f"{folder}/{engine}", "zip", folder, engine)).read_bytes()
-
-
-def _curve(scene: Scene, plan: SizePlan | None) -> str:
-    """Return a drawing of the sizes by volume, empty where there are none."""
-    law, dimension = scene.sizes, scene.container.dimension
-    if not isinstance(law, SizeDistribution):
-        return ""
-    draw = partial(plot_planned, sizes=law, plan=plan, dimension=dimension, unit=scene.general.unit)
-    return svg_of(draw, "sizes", size=(4.2, 3.0))
