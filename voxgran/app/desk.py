@@ -83,7 +83,7 @@ class Desk:
                     self.drawn, none = scene.container.to_mapping(), np.empty((0, 3))
                     self.empty = Packing.of((), scene.container, position=none, unit=scene.general.unit)
                 made = scene.plan()
-                how = {"dimension": scene.container.dimension, "unit": scene.general.unit}
+                how: dict[str, Any] = {"dimension": scene.container.dimension, "unit": scene.general.unit}
                 self.curve, self.held = planned_svg(scene.sizes, made.sizes, **how), str(made.sizes or "")
         except VoxgranError as error:
             self.error = str(error)
