@@ -101,11 +101,10 @@ class Page:
         """
         before = [form["kind"] for form in self.desk.forms]
         self.desk.forms = [dict(form) for form in self.state.forms]
-        pasted = True in [spread(form) for form in self.desk.forms]
-        if [form["kind"] for form in self.desk.forms] != before:
+        changed = [*map(spread, self.desk.forms), [form["kind"] for form in self.desk.forms] != before]
+        if changed[-1]:
             self.desk.refresh()
-            pasted = True
-        if pasted:
+        if any(changed):
             self._send_forms()
         self._examine()
 
