@@ -123,7 +123,7 @@ def picture_grain(shape: Shape, *, window: tuple[int, int] = (400, 300), spheres
 
 def drawings_of(shape: Shape, spheres: int = 30) -> dict[str, Callable[[Any], Any]]:
     """Return the functions that draw a shape on a stage, by what they draw, as :func:`picture_grain` says."""
-    made = {
+    made: dict[str, Callable[[Any], Any]] = {
         "surface": lambda stage: stage.add_mesh(surface_of(shape), color=GRAIN_COLOR, **SMOOTH),
         "voxels": partial(_add_voxels, shape=shape),
         "points": partial(_add_points, shape=shape),

@@ -131,7 +131,7 @@ def cut_beyond(stage: Any, bounds: Floats, shares: Sequence[float]) -> None:
             planes.AddItem(plane)
     for actor in stage.renderer.actors.values():
         mapper = getattr(actor, "mapper", None)
-        if hasattr(mapper, "SetClippingPlanes"):
+        if mapper is not None and hasattr(mapper, "SetClippingPlanes"):
             mapper.SetClippingPlanes(planes)
 
 
