@@ -17,6 +17,8 @@ from voxgran._base.lazy import load
 from voxgran.measures.registered.gradation import size_range
 from voxgran.packing.model import Packing
 from voxgran.shapes.describing.extents import principal_extents
+from voxgran.shapes.size_laws.distribution import SizeDistribution
+from voxgran.shapes.size_laws.plan import SHARES, SizePlan
 
 #: placeholder for the text colour of the page
 INK = "#0a0b0c"
@@ -105,6 +107,21 @@ def plot_gradation(axes: Any, packing: Packing) -> Any:
         set_log_scale(axes)
     axes.set(ylim=(0, 101), xlabel=f"size{unit_text(packing.unit)}", ylabel="passing by volume (%)")
     axes.legend(loc="best")
+    return axes
+
+
+def plot_planned(axes: Any, sizes: SizeDistribution, plan: SizePlan | None, *, dimension: int, unit: str) -> Any:
+    """Draw a distribution by volume, and D10 to D60 of the grains that are planned."""
+    # laws without a smallest or largest size have long tails
+    shares = np.linspace(0.001, 0.999, 101)
+    label = None if plan is None else "asked"
+    axes.plot(sizes.quantile(shares, basis="volume", dimension=dimension), 100 * shares, color=ASKED, label=label)
+    if plan is not None:
+        held = [plan.held[name] for name in SHARES]
+        axes.plot(held, [100 * share for share in SHARES.values()], "o", color=PLACED, label=f"{plan.count} grains")
+        axes.legend(loc="best")
+    axes.set(ylim=(0, 101), xlabel=f"size{unit_text(unit)}", ylabel="passing by volume (%)")
+    set_log_scale(axes)
     return axes
 
 

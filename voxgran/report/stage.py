@@ -135,13 +135,6 @@ def cut_beyond(stage: Any, bounds: Floats, shares: Sequence[float]) -> None:
             mapper.SetClippingPlanes(planes)
 
 
-def jagged_while_turned(stage: Any) -> None:
-    """Leave edges jagged while the scene is turned with the mouse: smooth ones take three to five times as long."""
-    style = stage.iren.interactor.GetInteractorStyle()
-    style.AddObserver("StartInteractionEvent", lambda *_: stage.disable_anti_aliasing())
-    style.AddObserver("EndInteractionEvent", lambda *_: SMOOTHING and stage.enable_anti_aliasing(SMOOTHING))
-
-
 def view_axes(*, flat: bool = False, turn: float = 0.0) -> Floats:
     """Return the directions to the right, upward and to the camera as rows, (3, 3); the angle is in degrees."""
     toward = np.array((0.0, 0.0, 1.0) if flat else _VIEW)

@@ -69,8 +69,32 @@ def test_the_plan_or_the_sentence_of_an_error_beside_its_section(desk):
     desk.examine()
     assert "[packing]" in desk.error
     assert "count" in desk.error
-    assert {desk.forms[int(k)]["name"] for k in desk.errors} == {"packing"}
+    (at,) = (k for k, form in enumerate(desk.forms) if form["name"] == "packing")
+    assert desk.errors == {str(at): desk.error, f"{at}.count": desk.error}
     assert not desk.plan
+    assert field(desk, "packing", "count")["text"] == "sixty"
+
+
+@pytest.mark.parametrize(
+    ("section", "kind", "name", "text"),
+    [
+        ("packing", "rsa", "solid_fraction", "2"),
+        ("container", "box", "lengths", "[4, 4]"),
+        ("material", "", "friction", "-1"),
+        ("shape", "ellipsoid", "", ""),
+    ],
+)
+def test_each_sentence_stands_beside_what_it_is_about(desk, section, kind, name, text):
+    (at,) = (k for k, form in enumerate(desk.forms) if form["name"] == section)
+    desk.forms[at]["on"], desk.forms[at]["kind"] = True, kind
+    desk.refresh()
+    if name:
+        field(desk, section, name)["text"] = text
+    else:
+        field(desk, section, desk.forms[at]["fields"][0]["name"])["text"] = "-1"
+    desk.examine()
+    assert desk.errors[str(at)] == desk.error
+    assert not name or desk.errors[f"{at}.{name}"] == desk.error
 
 
 def test_a_kind_brings_its_fields_and_keeps_what_they_share(desk):
@@ -88,7 +112,7 @@ def test_a_kind_brings_its_fields_and_keeps_what_they_share(desk):
 def test_a_run_has_the_bits_of_the_prompt_with_the_scene_that_is_taken_away(desk, tmp_path):
     run = waited(desk.queue, desk.run(), {"done", "failed"})
     assert run.state == "done", run.error
-    desk.open(run.number)
+    desk.look.show(desk.open(run.number))
     (tmp_path / "scene.toml").write_bytes(desk.file("scene.toml"))
     assert main(["run", str(tmp_path / "scene.toml"), "-o", str(tmp_path / "out"), "--quiet"]) in (0, None)
     assert same(run.packing, tmp_path / "out" / "packing.vtp")
@@ -239,7 +263,9 @@ def test_the_curve_of_sizes_is_drawn(desk):
     field(desk, "sizes", "passing")["text"] = "0\n0.5\n1"
     desk.examine()
     assert not desk.error
-    assert desk.curve.startswith("data:image/png;base64,")
+    assert desk.curve.startswith("<svg")
+    assert "D50" in desk.held
+    assert "grains follow the curve to 0.05" in desk.held
 
 
 def test_a_watcher_writes_grains_once_in_a_while(tmp_path):
