@@ -19,7 +19,6 @@ from voxgran.report.stage import (
     add_scale_bar,
     add_spheres,
     cut_beyond,
-    jagged_while_turned,
     keep_written,
     look_at,
     open_stage,
@@ -62,7 +61,6 @@ class Look:
 
     def __post_init__(self) -> None:
         keep_written(self.stage, self._write)
-        jagged_while_turned(self.stage)
 
     def ways(self) -> list[str]:
         """Return in which ways the packing, and the grain that is picked, can be drawn."""

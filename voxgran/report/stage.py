@@ -131,15 +131,8 @@ def cut_beyond(stage: Any, bounds: Floats, shares: Sequence[float]) -> None:
             planes.AddItem(plane)
     for actor in stage.renderer.actors.values():
         mapper = getattr(actor, "mapper", None)
-        if hasattr(mapper, "SetClippingPlanes"):
+        if mapper is not None and hasattr(mapper, "SetClippingPlanes"):
             mapper.SetClippingPlanes(planes)
-
-
-def jagged_while_turned(stage: Any) -> None:
-    """Leave edges jagged while the scene is turned with the mouse: smooth ones take three to five times as long."""
-    style = stage.iren.interactor.GetInteractorStyle()
-    style.AddObserver("StartInteractionEvent", lambda *_: stage.disable_anti_aliasing())
-    style.AddObserver("EndInteractionEvent", lambda *_: SMOOTHING and stage.enable_anti_aliasing(SMOOTHING))
 
 
 def view_axes(*, flat: bool = False, turn: float = 0.0) -> Floats:
