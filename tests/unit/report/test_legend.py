@@ -149,7 +149,7 @@ def test_labels_are_written_anew_where_the_scene_is_another_one(two):
             (lambda: None, True),
             (lambda: None, False),
             (lambda: stage.add_mesh(two.to_pyvista()), True),
-            (lambda: stage.camera.zoom(2), True),
+            (lambda: setattr(stage.camera, "parallel_scale", 2.0), True),
             (lambda: stage.clear_actors(), True),
         ):
             before = len(written)
