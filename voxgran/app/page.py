@@ -268,7 +268,7 @@ class Page:
         share = self.shares * high / wide
         if abs(share - 1) > 0.05:
             self.shares = wide / high
-            self.desk.look.stage.camera.parallel_scale *= share
+            self.desk.look.fit(share)
             self._update()
 
     def _push(self) -> None:
