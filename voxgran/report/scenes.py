@@ -56,7 +56,7 @@ OUTLINES = ("#dfe5ea", "#22303a")
 
 
 def picture_faces(packing: Packing, triangles: int | None = None) -> int:
-    """Return the largest number of triangles of a grain in a picture of about so many."""
+    """Return the largest number of triangles of a grain in a picture of about so many, usually the budget."""
     return max(FEWEST_FACES, (triangles or TRIANGLE_BUDGET) // max(packing.count, 1))
 
 
