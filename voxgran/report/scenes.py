@@ -55,9 +55,9 @@ SMOOTH = {"smooth_shading": True, **MATERIAL}
 OUTLINES = ("#dfe5ea", "#22303a")
 
 
-def picture_faces(packing: Packing, triangles: int = TRIANGLE_BUDGET) -> int:
-    """Return the largest number of triangles of a grain in a picture of about so many."""
-    return max(FEWEST_FACES, triangles // max(packing.count, 1))
+def picture_faces(packing: Packing, triangles: int | None = None) -> int:
+    """Return the largest number of triangles of a grain in a picture of about so many, usually the budget."""
+    return max(FEWEST_FACES, (triangles or TRIANGLE_BUDGET) // max(packing.count, 1))
 
 
 def picture_packing(
@@ -155,9 +155,7 @@ def _picture(
         return shot(stage)
 
 
-def add_grains(
-    stage: Any, packing: Packing, grains: Integers, colors: Coloring, triangles: int = TRIANGLE_BUDGET
-) -> None:
+def add_grains(stage: Any, packing: Packing, grains: Integers, colors: Coloring, triangles: int | None = None) -> None:
     """Draw some grains of a packing: as surfaces, or as shaded points where there are very many spheres."""
     low, high = colors.limits
     round_ones = np.array([*(shape.is_sphere and shape.dimension == 3 for shape in packing.shapes), False])
