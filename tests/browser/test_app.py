@@ -58,6 +58,11 @@ class App:
     def __enter__(self):
         return self
 
+    def children(self):
+        """Return the numbers of the processes that it has started."""
+        tasks = Path(f"/proc/{self.process.pid}/task").glob("*/children")
+        return [int(number) for task in tasks for number in task.read_text().split()]
+
     def __exit__(self, *_):
         self.process.send_signal(signal.SIGINT)
         assert self.process.wait(30) in (0, 130), (self.folder / "log").read_text()
@@ -101,6 +106,12 @@ def write(page, selector, text):
     page.wait(f"!!document.querySelector({selector!r})")
     page.run(f"(() => {{ const e = document.querySelector({selector!r}); e.focus(); e.select(); }})()")
     page.ask("Input.insertText", text=text)
+
+
+def give(page, selector, path):
+    """Give a file to a field."""
+    found = page.ask("Runtime.evaluate", expression=f"document.querySelector({selector!r})")["result"]["objectId"]
+    page.ask("DOM.setFileInputFiles", files=[str(path)], objectId=found)
 
 
 def text_of(page, selector):
@@ -162,6 +173,10 @@ def test_a_scene_is_put_together_run_looked_at_and_taken_away(tab, tmp_path):
         write(tab, "#packing-count", "60")
         tab.wait("document.querySelector('#plan').innerText.includes('60')")
         assert not text_of(tab, "#error")
+        (tmp_path / "no_mesh.stl").write_text("nothing of this is a mesh")
+        give(tab, "#upload", tmp_path / "no_mesh.stl")
+        tab.wait("document.querySelector('#error').innerText.includes('no_mesh.stl')")
+        assert tab.run("document.querySelector('#packing-count').value") == "60"
         click(tab, "#run")
         tab.wait("!!document.querySelector('.lamp')", 240)
         time.sleep(4)
@@ -193,13 +208,15 @@ def test_a_run_stops_goes_on_and_is_seen_by_a_second_browser_and_without_one(tab
         tab.go(app.address)
         click(tab, "#run")
         tab.wait("document.querySelector('.run') && document.querySelector('.run').innerText.includes('packing')", 60)
+        # it waits, so that it has not ended when it is stopped, however slow the browsers are
+        (run,) = app.children()
+        os.kill(run, signal.SIGSTOP)
         with chromium.Page(tmp_path / "second") as other:
             ready(other, tmp_path).go(app.address)
-            other.wait("!!document.querySelector('.run .stop')")
-            click(other, ".run .stop")
+            click(other, ".run .stop", "STOP")
+            os.kill(run, signal.SIGCONT)
             tab.wait("!!document.querySelector('.run .go-on')")
             click(tab, ".run .go-on")
-            tab.wait("!!document.querySelector('.run .stop')")
         # nobody looks
         tab.go("about:blank")
         end = time.monotonic() + 240
@@ -208,8 +225,82 @@ def test_a_run_stops_goes_on_and_is_seen_by_a_second_browser_and_without_one(tab
             time.sleep(0.2)
         tab.go(app.address)
         tab.wait("!!document.querySelector('.lamp')")
+        # loaded again, without the token in its address; and the app ends while a run is computed
+        tab.go(app.address.partition("?")[0])
+        click(tab, "#run")
+        tab.wait("[...document.querySelectorAll('.run')].some((e) => e.innerText.includes('packing'))")
+        children = app.children()
+    assert children
+    assert not any(Path(f"/proc/{child}").exists() for child in children)
+    assert list((tmp_path / "runs" / "run_2").glob("checkpoint*"))
     assert main(["run", str(tmp_path / "scene.toml"), "-o", str(tmp_path / "out"), "--quiet"]) in (0, None)
     assert same(tmp_path / "runs" / "run_1" / "packing.vtp", tmp_path / "out" / "packing.vtp")
+
+
+BED = """
+[scene]
+seed = 3
+[[shape]]
+family = "box"
+[container]
+kind = "box"
+lengths = [3, 3, 7]
+[packing]
+method = "gravity"
+count = 25
+[output]
+report = false
+statistics = false
+vtk = false
+"""
+
+
+def chosen(page, selector, text):
+    """Choose an entry of a list; return all of them."""
+    click(page, selector)
+    page.wait(f"[...document.querySelectorAll('.v-overlay .v-list-item')].some((e) => e.innerText == {text!r})")
+    listed = page.run("[...document.querySelectorAll('.v-overlay .v-list-item')].map((e) => e.innerText)")
+    click(page, ".v-overlay .v-list-item", text)
+    page.wait("!document.querySelector('.v-overlay .v-list-item')")
+    return listed
+
+
+def test_contacts_a_picked_grain_figures_and_all_files(tab, tmp_path):
+    (tmp_path / "scene.toml").write_text(BED)
+    with App(tmp_path, "scene.toml") as app:
+        tab.go(app.address)
+        click(tab, "#run")
+        tab.wait("document.querySelectorAll('.lamp').length == 2", 240)
+        assert "at rest" in text_of(tab, "#results")
+        last = changed(tab, np.zeros_like(tab.picture("#view").astype(int)))
+        for way in ("contacts", "force chains", "grains"):
+            assert chosen(tab, "#way", way) == ["grains", "contacts", "force chains"]
+            last = changed(tab, last)
+        chosen(tab, "#color-by", "residual")
+        last = changed(tab, last)
+        left, top, width, height = tab.box("#view")
+        place = f"{left + 0.5 * width}, {top + 0.7 * height}"
+        at = f"{{bubbles: true, clientX: {left + 0.5 * width}, clientY: {top + 0.7 * height}}}"
+        tab.run(f"document.elementFromPoint({place}).dispatchEvent(new MouseEvent('dblclick', {at}))")
+        tab.wait("!!document.querySelector('#grain')", 60)
+        assert "residual (weights of the grain)" in text_of(tab, "#grain")
+        last = changed(tab, last)
+        for way in ("surface", "voxels", "points", "clump", "neighbours"):
+            assert len(chosen(tab, "#way", f"picked grain: {way}")) == 8
+            last = changed(tab, last)
+        kept(tab, tmp_path, "app_grain.png")
+        click(tab, "#figures")
+        tab.wait("document.querySelectorAll('.figure img').length >= 5", 60)
+        for name in (
+            "packing.vtp",
+            "scene.toml",
+            "scene.py",
+            "report.html",
+            "statistics.nc",
+            "picture.png",
+            "lammps.zip",
+        ):
+            assert taken(tab, tmp_path / "taken", name).stat().st_size > 0, name
 
 
 def test_a_scan_is_opened_segmented_by_sliders_and_becomes_a_packing(tab, tmp_path):

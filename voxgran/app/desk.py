@@ -1,8 +1,10 @@
 """What lies behind the page: the scene that is put together, its plan, the runs, and the packing that is looked at."""
 
 import pprint
+import re
 import shutil
 import tempfile
+from dataclasses import asdict
 from pathlib import Path
 from typing import Any, ClassVar
 
@@ -11,13 +13,19 @@ import numpy as np
 from voxgran._base.errors import InputError, VoxgranError
 from voxgran.app.forms import Form, blank_shape, forms_of, mapping_of, rest_of
 from voxgran.app.look import Look
-from voxgran.app.runs import Queue, Run, heard, toml_of
-from voxgran.contacts.verify import verify
+from voxgran.app.runs import Queue, Run, heard
+from voxgran.contacts.verify import Verification, verify
 from voxgran.io.files import load
+from voxgran.io.netcdf import load_statistics, save_statistics
 from voxgran.measures.model import measure
 from voxgran.packing.model import Packing
+from voxgran.report.facts import headline
+from voxgran.report.figures import figures_of
+from voxgran.report.page import save_report
 from voxgran.report.plots import planned_svg
 from voxgran.report.stage import png_of, shot
+from voxgran.scene.checked_sections import located
+from voxgran.scene.description import read_toml
 from voxgran.scene.run import deck_of
 from voxgran.scene.scene import Scene
 from voxgran.scene.shape_files import entry_of_file
@@ -27,8 +35,8 @@ from voxgran.shapes.model import Shape
 PREVIEW = 5
 #: lines of a plan that are shown first
 HEADLINES = ("grains", "bed", "memory", "note")
-#: headline numbers, where the measures have them
-NUMBERS = ("bulk_solid_fraction", "bed_solid_fraction", "solid_fraction", "mean_coordination_number")
+#: files of a run
+REPORT, STATISTICS = "report.html", "statistics.nc"
 
 
 class Desk:
@@ -38,9 +46,10 @@ class Desk:
     FILES: ClassVar[dict[str, str]] = {
         "Packing": "packing.vtp",
         "Scene": "scene.toml",
-        "Report": "report.html",
-        "Statistics": "statistics.nc",
+        "Report": REPORT,
+        "Statistics": STATISTICS,
         "Picture": "picture.png",
+        "Python": "scene.py",
     }
 
     def __init__(self, mapping: dict[str, Any], folder: Path, base: Path) -> None:
@@ -54,6 +63,9 @@ class Desk:
         self.empty: Packing | None = None  # the container where it has changed, which is to be drawn
         self.errors: dict[str, str] = {}
         self.shown: Run | None = None
+        self.proof: Verification | None = None
+        self.statistics: Any = None
+        self.packing: Packing | None = None
         self.results: list[dict[str, str]] = []
         self.warnings: list[str] = []
         self.lamps: list[dict[str, Any]] = []
@@ -87,8 +99,7 @@ class Desk:
                 self.curve, self.held = planned_svg(scene.sizes, made.sizes, **how), str(made.sizes or "")
         except VoxgranError as error:
             self.error = str(error)
-            named = (k for k, form in enumerate(self.forms) if f"[{form['name']}]" in self.error)
-            self.errors = {str(k): self.error for k in named}
+            self.errors = _errors_of(self.forms, self.error)
             return
         self.details = str(made)
         lines = [line for line in self.details.splitlines() if line.startswith(HEADLINES)]
@@ -134,7 +145,7 @@ class Desk:
 
     def kept(self, name: str, content: bytes) -> Path:
         """Keep an upload, and return its file."""
-        place = self.queue.folder / "uploads" / Path(name).name
+        place = self.queue.folder.resolve() / "uploads" / Path(name).name
         place.parent.mkdir(parents=True, exist_ok=True)
         named, number = place, 1
         while place.exists():  # an upload of that name may be a shape of a run
@@ -168,27 +179,34 @@ class Desk:
             )
         return found
 
-    def open(self, number: int) -> None:
-        """Show the packing of a run, with its numbers."""
+    def open(self, number: int) -> Packing:
+        """Return the packing of a run, which is shown with its numbers."""
         run = self.run_of(number)
-        packing, self.shown = load(run.packing), run
-        self.look.show(packing)
-        self.warnings = []
-        with heard(self.warnings.append):
-            proof, numbers = verify(packing), measure(packing, which=["density", "coordination"])
-        told = {name: float(numbers[name]) for name in NUMBERS if name in numbers}
-        self.results = [
-            {"name": name.replace("_", " "), "text": f"{value:.4f}"} for name, value in told.items() if value == value
-        ]
+        packing = self.packing = load(run.packing)
+        self.shown = run
+        said: list[str] = []
+        left, which = run.folder / STATISTICS, ["density", "coordination"]
+        with heard(said.append):
+            proof = self.proof = verify(packing)
+            kept = self.statistics = load_statistics(left) if left.exists() else measure(packing, which=which)
+            self.results = list(map(asdict, headline(packing, kept, proof)))
+        self.warnings = [text for text in said if text not in run.warnings]
         rest = packing.forces
         self.lamps = [{"name": "verify", "ok": proof.ok, "text": proof.summary().splitlines()[0]}]
         if rest is not None:
             text = f"{100 * rest.share_at_rest:.1f} % of the grains rest"
-            self.lamps.append({"name": "equilibrium", "ok": packing.stop_reason == "settled", "text": text})
+            balanced = packing.stop_reason in ("settled", "compressed")
+            self.lamps.append({"name": "equilibrium", "ok": balanced, "text": text})
+        return packing
 
-    def python(self) -> str:
-        """Return the Python that makes the same packing."""
-        text = pprint.pformat(self.mapping, sort_dicts=False, width=44)
+    def figures(self) -> list[dict[str, str]]:
+        """Return the figures of the report of the run that is shown."""
+        made = [] if self.packing is None else figures_of(self.packing, self.statistics)
+        return [{"alt": one.alt, "caption": one.caption, "svg": one.svg} for one in made]
+
+    def python(self, mapping: dict[str, Any] | None = None) -> str:
+        """Return the Python that makes the same packing, of a scene or of that in the forms."""
+        text = pprint.pformat(mapping or located(self.mapping, self.base), sort_dicts=False, width=44)
         return f"import voxgran as vg\n\nscene = vg.Scene.from_mapping({text})\nresult = scene.run('out')\n"
 
     def file(self, name: str) -> bytes:
@@ -197,25 +215,39 @@ class Desk:
         Raises
         ------
         InputError
-            If the run that is shown has no such file.
+            If no run is shown, or an engine cannot hold its grains.
         """
-        if name == "scene.toml" and self.shown is None:
-            return toml_of(self.mapping).encode()
-        if self.shown is None:
+        if self.shown is None or self.packing is None:
             raise InputError("no run is shown: show one first")
+        scene = self.shown.folder.with_suffix(".toml")
+        if name == "scene.py":
+            return self.python(read_toml(scene)).encode()
         if name == "picture.png":
             return png_of(shot(self.look.stage))
-        if name.endswith(".zip"):
-            return self._deck(name.removesuffix(".zip"))
-        path = self.shown.folder.with_suffix(".toml") if name == "scene.toml" else self.shown.folder / name
-        if not path.exists():
-            raise InputError(f"run {self.shown.number} has no {name}: switch it on under Files, and run again")
-        return path.read_bytes()
+        path = scene if name == "scene.toml" else self.shown.folder / name
+        return path.read_bytes() if path.exists() else self._made(name, read_toml(scene))
 
-    def _deck(self, engine: str) -> bytes:
-        """Return the input of an engine for the run that is shown, as a zip archive."""
-        assert self.shown is not None
-        scene = Scene.from_toml(self.shown.folder.with_suffix(".toml"))
+    def _made(self, name: str, mapping: dict[str, Any]) -> bytes:
+        """Make a file that the run of a scene has not left; that of an engine has material and clumps of the forms."""
+        assert self.packing is not None
         with tempfile.TemporaryDirectory() as folder:
-            deck_of(load(self.shown.packing), Path(folder) / engine, scene, engine)
-            return Path(shutil.make_archive(f"{folder}/{engine}", "zip", folder, engine)).read_bytes()
+            place = Path(folder) / name
+            if name == REPORT:
+                save_report(self.packing, place, statistics=self.statistics, verification=self.proof)
+            elif name == STATISTICS:
+                save_statistics(self.statistics, place)
+            else:
+                asked = {key: self.mapping.get(key, {}) for key in ("material", "output")}
+                deck_of(self.packing, place.with_suffix(""), Scene.from_mapping(mapping | asked), place.stem)
+                shutil.make_archive(str(place.with_suffix("")), "zip", folder, place.stem)
+            return place.read_bytes()
+
+
+def _errors_of(forms: list[Form], text: str) -> dict[str, str]:
+    """Return the sentence of an error by the numbers of the sections that it names, and of their fields."""
+    words = re.findall(r"\w+", text.partition(":")[0])
+    found: dict[str, str] = {}
+    for k, form in enumerate(forms):
+        if form["on"] and (f"[{form['name']}]" in text or words[:1] in ([form["name"]], [form["kind"]])):
+            found |= {str(k): text} | {f"{k}.{one['name']}": text for one in form["fields"] if one["name"] in words}
+    return found

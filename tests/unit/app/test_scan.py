@@ -94,7 +94,7 @@ def test_an_image_is_opened_segmented_again_and_becomes_a_run(pane, tmp_path, mo
     desk.open(1)
     names = {}
     exec(state.scan_python, names)
-    assert np.array_equal(desk.look.packing.position, names["packing"].position)
+    assert np.array_equal(desk.packing.position, names["packing"].position)
     assert vg.Scene.from_toml(tmp_path / "runs" / "run_1.toml").material.friction == 0.7
     assert desk.file("scene.toml")
     # the next is another run
