@@ -130,7 +130,7 @@ def cut_beyond(stage: Any, bounds: Floats, shares: Sequence[float]) -> None:
             plane.SetNormal(*-np.eye(3)[axis])
             planes.AddItem(plane)
     for actor in stage.renderer.actors.values():
-        mapper = getattr(actor, "mapper", None)
+        mapper: Any = getattr(actor, "mapper", None)
         if hasattr(mapper, "SetClippingPlanes"):
             mapper.SetClippingPlanes(planes)
 
