@@ -367,9 +367,10 @@ class Page:
                         v3.VSelect(v_if="field.choices.length", items=("['', ...field.choices]",), **FIELD)
                         v3.VTextarea(v_else_if="field.long", rows=1, auto_grow=True, **FIELD)
                         v3.VTextField(v_else=True, **FIELD)
-                    with html.Template(v_if="form.name == 'sizes' && curve"):
+                    narrow = "font: clamp(9px, .8vw, 11px) monospace"
+                    with html.Div(v_if="form.name == 'sizes' && curve", style=narrow):
                         html.Div(v_html="curve", id="curve")
-                        html.Pre("{{ held }}", style="font: 11px monospace; white-space: pre-wrap", id="held")
+                        html.Pre("{{ held }}", style="font: inherit; white-space: pre-wrap", id="held")
                     v3.VBtn("Remove", v_if="form.number > 0", click=(self.remove, "[index]"), size="small")
         v3.VBtn("Add a shape", click=self.add_shape, variant="text", id="add-shape")
         v3.VFileInput(

@@ -130,8 +130,8 @@ def cut_beyond(stage: Any, bounds: Floats, shares: Sequence[float]) -> None:
             plane.SetNormal(*-np.eye(3)[axis])
             planes.AddItem(plane)
     for actor in stage.renderer.actors.values():
-        mapper = getattr(actor, "mapper", None)
-        if mapper is not None and hasattr(mapper, "SetClippingPlanes"):
+        mapper: Any = getattr(actor, "mapper", None)
+        if hasattr(mapper, "SetClippingPlanes"):
             mapper.SetClippingPlanes(planes)
 
 
