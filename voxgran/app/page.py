@@ -268,7 +268,7 @@ class Page:
         share = self.shares * high / wide
         if abs(share - 1) > 0.05:
             self.shares = wide / high
-            self.desk.look.stage.camera.parallel_scale *= share
+            self.desk.look.fit(share)
             self._update()
 
     def _push(self) -> None:
@@ -390,8 +390,8 @@ class Page:
             with v3.VExpansionPanels(variant="accordion"), v3.VExpansionPanel(title="All of the plan"):
                 with v3.VExpansionPanelText():
                     html.Pre("{{ details }}", classes="text-caption", style="white-space: pre-wrap", id="details")
-        with v3.VCard(title="Runs", variant="flat", density="compact"):
-            with html.Div(v_for="run in runs", key="run.number", classes="px-4 py-1 run"):
+        with v3.VCard(title="Runs", variant="flat", density="compact", style="max-height: 50vh; overflow-y: auto"):
+            with html.Div(v_for="run in [...runs].reverse()", key="run.number", classes="px-4 py-1 run"):
                 html.Span("{{ run.number }}: {{ run.state }} {{ run.error }}")
                 html.Span("{{ run.stage }} {{ run.text }}", v_if="run.state == 'running'")
                 html.Div("{{ text }}", v_for="text in run.warnings", classes="text-caption text-warning")

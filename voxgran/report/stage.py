@@ -130,16 +130,9 @@ def cut_beyond(stage: Any, bounds: Floats, shares: Sequence[float]) -> None:
             plane.SetNormal(*-np.eye(3)[axis])
             planes.AddItem(plane)
     for actor in stage.renderer.actors.values():
-        mapper: Any = getattr(actor, "mapper", None)
-        if hasattr(mapper, "SetClippingPlanes"):
+        mapper = getattr(actor, "mapper", None)
+        if mapper is not None and hasattr(mapper, "SetClippingPlanes"):
             mapper.SetClippingPlanes(planes)
-
-
-def jagged_while_turned(stage: Any) -> None:
-    """Leave edges jagged while the scene is turned with the mouse: smooth ones take three to five times as long."""
-    style = stage.iren.interactor.GetInteractorStyle()
-    style.AddObserver("StartInteractionEvent", lambda *_: stage.disable_anti_aliasing())
-    style.AddObserver("EndInteractionEvent", lambda *_: SMOOTHING and stage.enable_anti_aliasing(SMOOTHING))
 
 
 def view_axes(*, flat: bool = False, turn: float = 0.0) -> Floats:
