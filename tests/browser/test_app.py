@@ -140,7 +140,7 @@ def kept(page, folder, name):
     """Keep a picture of the page."""
     Image.fromarray(page.picture()).save(folder / name)
     if os.environ.get("APP_PICTURES"):
-        Image.fromarray(page.picture()).quantize(128).save(Path(os.environ["APP_PICTURES"]) / name, optimize=True)
+        Image.fromarray(page.picture()).quantize(256).save(Path(os.environ["APP_PICTURES"]) / name, optimize=True)
 
 
 def changed(page, before):

@@ -5,7 +5,6 @@ import re
 import shutil
 import tempfile
 from dataclasses import asdict
-from functools import partial
 from pathlib import Path
 from typing import Any, ClassVar
 
@@ -23,7 +22,7 @@ from voxgran.packing.model import Packing
 from voxgran.report.facts import headline
 from voxgran.report.figures import figures_of
 from voxgran.report.page import save_report
-from voxgran.report.plots import plot_planned, svg_of
+from voxgran.report.plots import planned_svg
 from voxgran.report.stage import SMOOTHING, png_of, shot
 from voxgran.scene.checked_sections import located
 from voxgran.scene.description import read_toml
@@ -31,8 +30,6 @@ from voxgran.scene.run import deck_of
 from voxgran.scene.scene import Scene
 from voxgran.scene.shape_files import entry_of_file
 from voxgran.shapes.model import Shape
-from voxgran.shapes.size_laws.distribution import SizeDistribution
-from voxgran.shapes.size_laws.plan import SizePlan
 
 #: shapes of a preview
 PREVIEW = 5
@@ -98,7 +95,8 @@ class Desk:
                     self.drawn, none = scene.container.to_mapping(), np.empty((0, 3))
                     self.empty = Packing.of((), scene.container, position=none, unit=scene.general.unit)
                 made = scene.plan()
-                self.curve, self.held = _curve(scene, made.sizes), str(made.sizes or "")
+                how: dict[str, Any] = {"dimension": scene.container.dimension, "unit": scene.general.unit}
+                self.curve, self.held = planned_svg(scene.sizes, made.sizes, **how), str(made.sizes or "")
         except VoxgranError as error:
             self.error = str(error)
             self.errors = _errors_of(self.forms, self.error)
@@ -255,12 +253,3 @@ def _errors_of(forms: list[Form], text: str) -> dict[str, str]:
         if form["on"] and (f"[{form['name']}]" in text or words[:1] in ([form["name"]], [form["kind"]])):
             found |= {str(k): text} | {f"{k}.{one['name']}": text for one in form["fields"] if one["name"] in words}
     return found
-
-
-def _curve(scene: Scene, plan: SizePlan | None) -> str:
-    """Return a drawing of the sizes by volume, empty where there are none."""
-    law, dimension = scene.sizes, scene.container.dimension
-    if not isinstance(law, SizeDistribution):
-        return ""
-    draw = partial(plot_planned, sizes=law, plan=plan, dimension=dimension, unit=scene.general.unit)
-    return svg_of(draw, "sizes", size=(4.2, 3.0))

@@ -6,6 +6,7 @@ from typing import Any
 import numpy as np
 
 from voxgran._base.lazy import load
+from voxgran.containers.model import Container
 from voxgran.packing.model import Packing
 from voxgran.report.closeup import add_grain, closeups_of
 from voxgran.report.colors import COLORS, Coloring, coloring
@@ -56,6 +57,8 @@ class Look:
     picked: int | None = None
     #: the camera of the packing while a grain is alone
     camera: Any = None
+    #: the camera when it had framed the container
+    framed: Any = None
     #: what the colours mean, with their map
     colors: tuple[Coloring, str] | None = None
 
@@ -99,10 +102,26 @@ class Look:
                 add_grain(self.stage, packing, self.picked, color=PICKED, larger=1.01)
         add_container(self.stage, packing.container)
         if fresh:
-            look_at(self.stage, packing.container.mesh()[0], flat=flat, below=BELOW)
+            self._frame(packing.container)
         elif self.camera is not None:
             self.stage.camera = self.camera
         self.camera = None
+
+    def _frame(self, container: Container) -> None:
+        """Frame a container with the camera."""
+        look_at(self.stage, container.mesh()[0], flat=container.dimension == 2, below=BELOW)
+        self.framed = self._seen()
+
+    def _seen(self) -> Any:
+        """Return place and scale of the camera."""
+        return self.stage.camera.position, self.stage.camera.parallel_scale
+
+    def fit(self, share: float) -> None:
+        """Keep in sight what was, in a window that is narrower by a factor; what nobody has turned is framed anew."""
+        if self.packing is not None and self._seen() == self.framed:
+            self._frame(self.packing.container)
+        else:
+            self.stage.camera.parallel_scale *= share
 
     def _write(self) -> None:
         """Write the scale, and what the colours mean."""

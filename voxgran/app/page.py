@@ -101,11 +101,10 @@ class Page:
         """
         before = [form["kind"] for form in self.desk.forms]
         self.desk.forms = [dict(form) for form in self.state.forms]
-        pasted = True in [spread(form) for form in self.desk.forms]
-        if [form["kind"] for form in self.desk.forms] != before:
+        changed = [*map(spread, self.desk.forms), [form["kind"] for form in self.desk.forms] != before]
+        if changed[-1]:
             self.desk.refresh()
-            pasted = True
-        if pasted:
+        if any(changed):
             self._send_forms()
         self._examine()
 
@@ -269,7 +268,7 @@ class Page:
         share = self.shares * high / wide
         if abs(share - 1) > 0.05:
             self.shares = wide / high
-            self.desk.look.stage.camera.parallel_scale *= share
+            self.desk.look.fit(share)
             self._update()
 
     def _push(self) -> None:
@@ -368,9 +367,10 @@ class Page:
                         v3.VSelect(v_if="field.choices.length", items=("['', ...field.choices]",), **FIELD)
                         v3.VTextarea(v_else_if="field.long", rows=1, auto_grow=True, **FIELD)
                         v3.VTextField(v_else=True, **FIELD)
-                    with html.Template(v_if="form.name == 'sizes' && curve"):
+                    narrow = "font: clamp(9px, .8vw, 11px) monospace"
+                    with html.Div(v_if="form.name == 'sizes' && curve", style=narrow):
                         html.Div(v_html="curve", id="curve")
-                        html.Pre("{{ held }}", style="font: 11px monospace; white-space: pre-wrap", id="held")
+                        html.Pre("{{ held }}", style="font: inherit; white-space: pre-wrap", id="held")
                     v3.VBtn("Remove", v_if="form.number > 0", click=(self.remove, "[index]"), size="small")
         v3.VBtn("Add a shape", click=self.add_shape, variant="text", id="add-shape")
         v3.VFileInput(
@@ -390,8 +390,8 @@ class Page:
             with v3.VExpansionPanels(variant="accordion"), v3.VExpansionPanel(title="All of the plan"):
                 with v3.VExpansionPanelText():
                     html.Pre("{{ details }}", classes="text-caption", style="white-space: pre-wrap", id="details")
-        with v3.VCard(title="Runs", variant="flat", density="compact"):
-            with html.Div(v_for="run in runs", key="run.number", classes="px-4 py-1 run"):
+        with v3.VCard(title="Runs", variant="flat", density="compact", style="max-height: 50vh; overflow-y: auto"):
+            with html.Div(v_for="run in [...runs].reverse()", key="run.number", classes="px-4 py-1 run"):
                 html.Span("{{ run.number }}: {{ run.state }} {{ run.error }}")
                 html.Span("{{ run.stage }} {{ run.text }}", v_if="run.state == 'running'")
                 html.Div("{{ text }}", v_for="text in run.warnings", classes="text-caption text-warning")

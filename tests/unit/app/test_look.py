@@ -93,3 +93,25 @@ def test_the_scale_bar_follows_the_camera(look):
     assert wide[0].endswith(" mm")
     assert float(bar()[0].split()[0]) < float(wide[0].split()[0])
     assert len(look.stage.actors) == count
+
+
+def test_a_narrow_window_shows_the_whole_container_and_one_that_is_turned_stays_in_sight():
+    look = Look()
+    look.show(vg.Packing.of(vg.shapes.sphere(), vg.Box((9, 9, 3)), position=[(5, 5, 1.5)]))
+    wide = look.stage.camera.parallel_scale
+    look.stage.window_size = (450, 700)
+    look.fit(2.0)
+    assert look.stage.camera.parallel_scale == pytest.approx(2 * wide)
+    look.stage.window_size = (900, 700)
+    look.fit(0.5)
+    assert look.stage.camera.parallel_scale == pytest.approx(wide)
+    # one that is high has room at its sides
+    look.show(vg.Packing.of(vg.shapes.sphere(), vg.Box((3, 3, 9)), position=[(1.5, 1.5, 1.5)]))
+    high = look.stage.camera.parallel_scale
+    look.stage.window_size = (800, 700)
+    look.fit(9 / 8)
+    assert look.stage.camera.parallel_scale == pytest.approx(high)
+    look.stage.camera.Azimuth(20)
+    look.fit(1.5)
+    assert look.stage.camera.parallel_scale == pytest.approx(1.5 * high)
+    look.stage.close()

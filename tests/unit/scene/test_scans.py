@@ -51,6 +51,7 @@ def test_what_is_proposed_is_what_the_library_finds(place):
     assert np.array_equal(scan.found.labels, found.labels)
     # the separation that is proposed stays relative, another one is a length
     scan.segment(threshold=100.0, separation=told["separation"], dark=False)
+    assert "separation" not in scan.given
     assert np.array_equal(scan.found.labels, vg.segment(vg.load_image(place), threshold=100.0).labels)
     scan.segment(threshold=100.0, separation=2.0, min_size=30)
     one = vg.segment(vg.load_image(place, voxel_size=0.5), threshold=100.0, separation=2.0, min_size=30)
@@ -102,6 +103,11 @@ def test_errors_name_their_field_and_leave_no_folder(place, tmp_path):
     scan = Scan()
     scan.open(path=place)
     (tmp_path / "run_1").mkdir()
+    np.save(tmp_path / "flat.npy", np.zeros((4, 4)))
+    with pytest.raises(InputError, match="three axes"):
+        scan.open(path=tmp_path / "flat.npy")
+    assert scan.image.values.shape == scan.found.labels.shape
+    assert scan.path == place
     with pytest.raises(InputError, match="voxel_size"):
         scan.finish(folder=tmp_path / "run_1", mapping=FILES, base=tmp_path)
     assert not (tmp_path / "run_1").exists()
