@@ -13,6 +13,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from scipy import ndimage
 from scipy.spatial import ConvexHull
 
 from voxgran._base import guarded
@@ -101,6 +102,14 @@ def lattice(*counts):
     """Return the centers of unit cells, the last axis fastest: (n, 3) for three counts."""
     axes = [np.arange(count) + 0.5 for count in counts]
     return np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1).reshape(-1, len(counts))
+
+
+def grey_beads(centers, radius, side):
+    """Return a grey image (side, side, side) of spheres with centers in voxels, blurred and with noise."""
+    places = np.stack(np.meshgrid(*[np.arange(side) + 0.5] * 3, indexing="ij"), axis=-1)
+    solid = np.any([((places - center) ** 2).sum(axis=-1) < radius**2 for center in centers], axis=0)
+    noise = np.random.default_rng(1).normal(0, 6, solid.shape)
+    return (ndimage.gaussian_filter(60 + 120.0 * solid, 0.8) + noise).clip(0, 255).astype(np.uint8)
 
 
 def mesh_box(lengths):

@@ -14,7 +14,7 @@ import voxgran as vg
 from voxgran._base.seeds import stream
 from voxgran.bench.model import write_rows
 from voxgran.report import view
-from voxgran.report.colors import COLOR_BY, coloring
+from voxgran.report.colors import coloring, colors_of
 from voxgran.shapes.tessellate import sphere
 
 
@@ -38,9 +38,8 @@ def rough(count: int) -> list[vg.Shape]:
 
 def measured(name: str, packing: vg.Packing) -> dict[str, object]:
     """Return seconds and megabytes of the view, without what the measures of a page have found before."""
-    for color in COLOR_BY:
-        if color != "force" or packing.forces is not None:
-            coloring(packing, color)
+    for color in colors_of(packing):
+        coloring(packing, color)
     seconds = []
     for _ in range(3):
         view.viewer.cache_clear()

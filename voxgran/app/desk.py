@@ -1,42 +1,42 @@
 """What lies behind the page: the scene that is put together, its plan, the runs, and the packing that is looked at."""
 
-import base64
-import io
 import pprint
+import re
 import shutil
 import tempfile
-from dataclasses import fields
+from dataclasses import asdict
 from pathlib import Path
 from typing import Any, ClassVar
 
 import numpy as np
 
 from voxgran._base.errors import InputError, VoxgranError
-from voxgran._base.lazy import load as library
 from voxgran.app.forms import Form, blank_shape, forms_of, mapping_of, rest_of
 from voxgran.app.look import Look
-from voxgran.app.runs import Queue, Run, heard, toml_of
-from voxgran.contacts.verify import verify
+from voxgran.app.runs import Queue, Run, heard
+from voxgran.contacts.verify import Verification, verify
 from voxgran.io.files import load
+from voxgran.io.netcdf import load_statistics, save_statistics
 from voxgran.measures.model import measure
-from voxgran.report.plots import set_log_scale, unit_text
-from voxgran.report.stage import png_of, shot
+from voxgran.packing.model import Packing
+from voxgran.report.facts import headline
+from voxgran.report.figures import figures_of
+from voxgran.report.page import save_report
+from voxgran.report.plots import planned_svg
+from voxgran.report.stage import SMOOTHING, png_of, shot
+from voxgran.scene.checked_sections import located
+from voxgran.scene.description import read_toml
 from voxgran.scene.run import deck_of
 from voxgran.scene.scene import Scene
-from voxgran.shapes.formats.mesh_files import read_surface
-from voxgran.shapes.learning.model import ShapeModel
+from voxgran.scene.shape_files import entry_of_file
 from voxgran.shapes.model import Shape
-from voxgran.shapes.repairing.diagnose import diagnose
-from voxgran.shapes.repairing.repair import repaired
 
 #: shapes of a preview
 PREVIEW = 5
-#: shapes that are drawn of a learned distribution
-LEARNED = 50
 #: lines of a plan that are shown first
 HEADLINES = ("grains", "bed", "memory", "note")
-#: headline numbers, where the measures have them
-NUMBERS = ("bulk_solid_fraction", "bed_solid_fraction", "solid_fraction", "mean_coordination_number")
+#: files of a run
+REPORT, STATISTICS = "report.html", "statistics.nc"
 
 
 class Desk:
@@ -46,9 +46,10 @@ class Desk:
     FILES: ClassVar[dict[str, str]] = {
         "Packing": "packing.vtp",
         "Scene": "scene.toml",
-        "Report": "report.html",
-        "Statistics": "statistics.nc",
+        "Report": REPORT,
+        "Statistics": STATISTICS,
         "Picture": "picture.png",
+        "Python": "scene.py",
     }
 
     def __init__(self, mapping: dict[str, Any], folder: Path, base: Path) -> None:
@@ -57,9 +58,14 @@ class Desk:
         self.base = base
         self.queue = Queue(folder, base)
         self.look = Look()
-        self.plan = self.details = self.error = self.curve = ""
+        self.plan = self.details = self.error = self.curve = self.held = ""
+        self.drawn: dict[str, Any] = {}
+        self.empty: Packing | None = None  # the container where it has changed, which is to be drawn
         self.errors: dict[str, str] = {}
         self.shown: Run | None = None
+        self.proof: Verification | None = None
+        self.statistics: Any = None
+        self.packing: Packing | None = None
         self.results: list[dict[str, str]] = []
         self.warnings: list[str] = []
         self.lamps: list[dict[str, Any]] = []
@@ -80,17 +86,20 @@ class Desk:
 
     def examine(self) -> None:
         """Plan the scene; the sentence of an error goes to the section that it names."""
-        self.error, self.plan, self.details, self.errors, self.curve = "", "", "", {}, ""
+        self.error, self.plan, self.details, self.errors, self.curve, self.held = "", "", "", {}, "", ""
         said: list[str] = []
         try:
             with heard(said.append):
                 scene = Scene.from_mapping(self.mapping, folder=self.base)
+                if scene.container.to_mapping() != self.drawn:
+                    self.drawn, none = scene.container.to_mapping(), np.empty((0, 3))
+                    self.empty = Packing.of((), scene.container, position=none, unit=scene.general.unit)
                 made = scene.plan()
-                self.curve = _curve(scene)
+                how: dict[str, Any] = {"dimension": scene.container.dimension, "unit": scene.general.unit}
+                self.curve, self.held = planned_svg(scene.sizes, made.sizes, **how), str(made.sizes or "")
         except VoxgranError as error:
             self.error = str(error)
-            named = (k for k, form in enumerate(self.forms) if f"[{form['name']}]" in self.error)
-            self.errors = {str(k): self.error for k in named}
+            self.errors = _errors_of(self.forms, self.error)
             return
         self.details = str(made)
         lines = [line for line in self.details.splitlines() if line.startswith(HEADLINES)]
@@ -124,21 +133,26 @@ class Desk:
         VoxgranError
             If it is neither, or a mesh that cannot be mended.
         """
-        place = self.queue.folder / "uploads" / Path(name).name
+        place = self.kept(name, content)
+        try:
+            with heard(lambda _: None):
+                entry, told = entry_of_file(place)
+        except VoxgranError:
+            place.unlink()
+            raise
+        self.forms = forms_of(self.mapping | {"shape": [*self.mapping["shape"], entry]})
+        return told
+
+    def kept(self, name: str, content: bytes) -> Path:
+        """Keep an upload, and return its file."""
+        place = self.queue.folder.resolve() / "uploads" / Path(name).name
         place.parent.mkdir(parents=True, exist_ok=True)
         named, number = place, 1
         while place.exists():  # an upload of that name may be a shape of a run
             number += 1
             place = named.with_stem(f"{named.stem}_{number}")
         place.write_bytes(content)
-        try:
-            with heard(lambda _: None):
-                entry, told = _shape_of_upload(place)
-        except VoxgranError:
-            place.unlink()
-            raise
-        self.forms = forms_of(self.mapping | {"shape": [*self.mapping["shape"], entry]})
-        return told
+        return place
 
     def preview(self) -> list[Shape]:
         """Return some of the shapes of the scene."""
@@ -165,27 +179,34 @@ class Desk:
             )
         return found
 
-    def open(self, number: int) -> None:
-        """Show the packing of a run, with its numbers."""
+    def open(self, number: int) -> Packing:
+        """Return the packing of a run, which is shown with its numbers."""
         run = self.run_of(number)
-        packing, self.shown = load(run.packing), run
-        self.look.show(packing)
-        self.warnings = []
-        with heard(self.warnings.append):
-            proof, numbers = verify(packing), measure(packing, which=["density", "coordination"])
-        told = {name: float(numbers[name]) for name in NUMBERS if name in numbers}
-        self.results = [
-            {"name": name.replace("_", " "), "text": f"{value:.4f}"} for name, value in told.items() if value == value
-        ]
+        packing = self.packing = load(run.packing)
+        self.shown = run
+        said: list[str] = []
+        left, which = run.folder / STATISTICS, ["density", "coordination"]
+        with heard(said.append):
+            proof = self.proof = verify(packing)
+            kept = self.statistics = load_statistics(left) if left.exists() else measure(packing, which=which)
+            self.results = list(map(asdict, headline(packing, kept, proof)))
+        self.warnings = [text for text in said if text not in run.warnings]
         rest = packing.forces
         self.lamps = [{"name": "verify", "ok": proof.ok, "text": proof.summary().splitlines()[0]}]
         if rest is not None:
             text = f"{100 * rest.share_at_rest:.1f} % of the grains rest"
-            self.lamps.append({"name": "equilibrium", "ok": packing.stop_reason == "settled", "text": text})
+            balanced = packing.stop_reason in ("settled", "compressed")
+            self.lamps.append({"name": "equilibrium", "ok": balanced, "text": text})
+        return packing
 
-    def python(self) -> str:
-        """Return the Python that makes the same packing."""
-        text = pprint.pformat(self.mapping, sort_dicts=False, width=44)
+    def figures(self) -> list[dict[str, str]]:
+        """Return the figures of the report of the run that is shown."""
+        made = [] if self.packing is None else figures_of(self.packing, self.statistics)
+        return [{"alt": one.alt, "caption": one.caption, "svg": one.svg} for one in made]
+
+    def python(self, mapping: dict[str, Any] | None = None) -> str:
+        """Return the Python that makes the same packing, of a scene or of that in the forms."""
+        text = pprint.pformat(mapping or located(self.mapping, self.base), sort_dicts=False, width=44)
         return f"import voxgran as vg\n\nscene = vg.Scene.from_mapping({text})\nresult = scene.run('out')\n"
 
     def file(self, name: str) -> bytes:
@@ -194,58 +215,41 @@ class Desk:
         Raises
         ------
         InputError
-            If the run that is shown has no such file.
+            If no run is shown, or an engine cannot hold its grains.
         """
-        if name == "scene.toml" and self.shown is None:
-            return toml_of(self.mapping).encode()
-        if self.shown is None:
+        if self.shown is None or self.packing is None:
             raise InputError("no run is shown: show one first")
+        scene = self.shown.folder.with_suffix(".toml")
+        if name == "scene.py":
+            return self.python(read_toml(scene)).encode()
         if name == "picture.png":
+            if SMOOTHING:
+                self.look.stage.enable_anti_aliasing(SMOOTHING)
             return png_of(shot(self.look.stage))
-        if name.endswith(".zip"):
-            return self._deck(name.removesuffix(".zip"))
-        path = self.shown.folder.with_suffix(".toml") if name == "scene.toml" else self.shown.folder / name
-        if not path.exists():
-            raise InputError(f"run {self.shown.number} has no {name}: switch it on under Files, and run again")
-        return path.read_bytes()
+        path = scene if name == "scene.toml" else self.shown.folder / name
+        return path.read_bytes() if path.exists() else self._made(name, read_toml(scene))
 
-    def _deck(self, engine: str) -> bytes:
-        """Return the input of an engine for the run that is shown, as a zip archive."""
-        assert self.shown is not None
-        scene = Scene.from_toml(self.shown.folder.with_suffix(".toml"))
+    def _made(self, name: str, mapping: dict[str, Any]) -> bytes:
+        """Make a file that the run of a scene has not left; that of an engine has material and clumps of the forms."""
+        assert self.packing is not None
         with tempfile.TemporaryDirectory() as folder:
-            deck_of(load(self.shown.packing), Path(folder) / engine, scene, engine)
-            return Path(shutil.make_archive(f"{folder}/{engine}", "zip", folder, engine)).read_bytes()
+            place = Path(folder) / name
+            if name == REPORT:
+                save_report(self.packing, place, statistics=self.statistics, verification=self.proof)
+            elif name == STATISTICS:
+                save_statistics(self.statistics, place)
+            else:
+                asked = {key: self.mapping.get(key, {}) for key in ("material", "output")}
+                deck_of(self.packing, place.with_suffix(""), Scene.from_mapping(mapping | asked), place.stem)
+                shutil.make_archive(str(place.with_suffix("")), "zip", folder, place.stem)
+            return place.read_bytes()
 
 
-def _shape_of_upload(place: Path) -> tuple[dict[str, Any], str]:
-    """Return the keys of a shape that is read from a file, and what was found in it."""
-    if place.suffix.lower() == ".nc":
-        model = ShapeModel.load(place)
-        return {"family": "learned", "model": str(place), "count": LEARNED}, f"{place.name}: {model}"
-    points, faces = read_surface(place)
-    found = diagnose(points, faces)
-    made = repaired(points, faces, name=place.stem)
-    counts = ", ".join(f"{one.name.replace('_', ' ')} {getattr(found, one.name)}" for one in fields(found))
-    done = "; ".join(made.sentences) or "nothing has to be mended"
-    mended = {"repair": True} if made.sentences else {}
-    return {"file": str(place), **mended}, f"{place.name}: {counts}\n{done}"
-
-
-def _curve(scene: Scene) -> str:
-    """Return a drawing of the sizes by volume as the address of a picture, empty where there are none."""
-    law = scene.sizes
-    if law is None or not hasattr(law, "quantile"):
-        return ""
-    # laws without a smallest or largest size have long tails
-    shares = np.linspace(0.001, 0.999, 101)
-    sizes = law.quantile(shares, basis="volume", dimension=scene.container.dimension)
-    figure = library("matplotlib.figure").Figure(figsize=(3.2, 1.9), dpi=100, layout="constrained")
-    axes = figure.add_subplot()
-    axes.plot(sizes, 100 * shares, color="#1867c0")
-    axes.set(xlabel=f"size{unit_text(scene.general.unit)}", ylabel="finer by volume (%)", ylim=(0, 100))
-    axes.grid(alpha=0.3)
-    set_log_scale(axes)
-    buffer = io.BytesIO()
-    figure.savefig(buffer, format="png")
-    return f"data:image/png;base64,{base64.b64encode(buffer.getvalue()).decode()}"
+def _errors_of(forms: list[Form], text: str) -> dict[str, str]:
+    """Return the sentence of an error by the numbers of the sections that it names, and of their fields."""
+    words = re.findall(r"\w+", text.partition(":")[0])
+    found: dict[str, str] = {}
+    for k, form in enumerate(forms):
+        if form["on"] and (f"[{form['name']}]" in text or words[:1] in ([form["name"]], [form["kind"]])):
+            found |= {str(k): text} | {f"{k}.{one['name']}": text for one in form["fields"] if one["name"] in words}
+    return found

@@ -21,12 +21,15 @@ from voxgran.settling.compression_parameters import Compression
 from voxgran.settling.material import Material
 from voxgran.settling.parameters import Settling
 from voxgran.shapes.family import families
+from voxgran.shapes.formats.tables import rows_in
 from voxgran.shapes.sizes import KINDS
 
 Form = dict[str, Any]
 
 #: the family under which a shape is read from a file
 FROM_FILE = "file"
+#: type of the fields that a column of a table is pasted into
+COLUMN = "a list, each entry a number"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -172,26 +175,27 @@ def value_of(field: Form) -> Any:
     text = str(field["text"]).strip()
     if field["word"] and not text.startswith(("[", "{")):
         return text
-    table = _pasted(text)
+    table = rows_in(text)
     if table is not None:
-        return table
+        return table[0] if len(table) == 1 else table
     try:
         return tomllib.loads(f"v = {text}")["v"]
     except tomllib.TOMLDecodeError:
         return text
 
 
-def _pasted(text: str) -> list[Any] | None:
-    """Return the numbers of a column, or the rows of several, that were copied from a spreadsheet."""
-    rows = [row.replace(";", " ").split() for row in text.splitlines() if row.strip()]
-    try:
-        numbers = [[float(word.replace(",", ".")) for word in row] for row in rows]
-    except ValueError:
-        return None
-    if sum(map(len, numbers)) < 2:
-        return None
-    single = len(numbers) == 1 or all(len(row) == 1 for row in numbers)
-    return [value for row in numbers for value in row] if single else numbers
+def spread(form: Form) -> bool:
+    """Give each column of a pasted table to a field of its own, from the one that holds it; return whether one did."""
+    lists = [field for field in form["fields"] if field["type"] == COLUMN]
+    for k, field in enumerate(lists):
+        table = rows_in(str(field["text"])) or [0.0]
+        rows = isinstance(table[0], list) and len({*map(len, table)}) == 1
+        columns = list(zip(*table, strict=True)) if rows else []
+        if columns and len(columns) <= len(lists) - k:
+            for other, column in zip(lists[k:], columns, strict=False):
+                other["text"] = "\n".join(map(str, column))
+            return True
+    return False
 
 
 def mapping_of(forms: Iterable[Form]) -> dict[str, Any]:

@@ -5,27 +5,37 @@ from typing import Any
 
 import numpy as np
 
-from voxgran._base.arrays import Floats
 from voxgran._base.lazy import load
+from voxgran.containers.model import Container
 from voxgran.packing.model import Packing
-from voxgran.report.colors import COLOR_BY, coloring
+from voxgran.report.closeup import add_grain, closeups_of
+from voxgran.report.colors import COLORS, Coloring, coloring
 from voxgran.report.creases import surface_of
-from voxgran.report.force_chains import TUBES, force_tubes
+from voxgran.report.force_chains import COLORS as SHADES
+from voxgran.report.force_chains import add_chains, add_contacts
 from voxgran.report.legend import legend_of
 from voxgran.report.scenes import GRAIN_COLOR, SMOOTH, add_grains
-from voxgran.report.stage import add_container, add_scale_bar, add_spheres, look_at, open_stage
+from voxgran.report.stage import (
+    add_container,
+    add_scale_bar,
+    add_spheres,
+    cut_beyond,
+    keep_written,
+    look_at,
+    open_stage,
+)
 from voxgran.shapes.model import Shape
 
 #: size of the scene before a browser says its own
 WINDOW = (900, 700)
-#: grains above which a bed that grows is drawn as points
+#: grains above which a bed that grows is drawn as spheres of their size, which are points
 MANY = 300
-
-
-def colors_of(packing: Packing | None) -> list[str]:
-    """Return what the grains of a packing can be coloured by."""
-    known = packing is not None and packing.forces is not None
-    return [name for name in COLOR_BY if known or name != "force"]
+#: about the largest number of triangles of a bed, which turns smoothly
+TRIANGLES = 150_000
+#: ways to draw a packing, and the beginning of those to draw the picked grain alone
+GRAINS, CONTACTS, CHAINS, SPHERES, ALONE = "grains", "contacts", "force chains", "spheres", "picked grain: "
+#: share of the height that is left free for a legend, and colour of the picked grain among the others
+BELOW, PICKED = 0.16, "#d1495b"
 
 
 @dataclass(slots=True, eq=False)
@@ -38,46 +48,93 @@ class Look:
         The scene.
     packing : Packing or None
         What it shows.
+    picked : int or None
+        The grain that was picked.
     """
 
     stage: Any = field(default_factory=lambda: open_stage(WINDOW))
     packing: Packing | None = None
+    picked: int | None = None
+    #: the camera of the packing while a grain is alone
+    camera: Any = None
+    #: the camera when it had framed the container
+    framed: Any = None
+    #: what the colours mean, with their map
+    colors: tuple[Coloring, str] | None = None
 
-    def show(self, packing: Packing, *, color_by: str = "diameter", forces: bool = False) -> None:
-        """Show a packing in its container, or in place of its grains the forces between them."""
-        fresh = self.packing is None or self.packing.container is not packing.container
-        self.packing = packing
+    def __post_init__(self) -> None:
+        keep_written(self.stage, self._write)
+
+    def ways(self) -> list[str]:
+        """Return in which ways the packing, and the grain that is picked, can be drawn."""
+        packing, made = self.packing, [GRAINS]
+        if packing is not None:
+            made += [CONTACTS, CHAINS] if packing.forces is not None else [CONTACTS]
+            if self.picked is not None:
+                made += [ALONE + name for name in closeups_of(packing, self.picked)]
+        return made
+
+    def show(self, packing: Packing, *, color_by: str = "diameter", way: str = GRAINS) -> None:
+        """Show a packing in its container in one of :meth:`ways`, or the picked grain alone, as it lies in it."""
+        bounds, flat = packing.container.bounds, packing.dimension == 2
+        fresh = self.packing is None or not np.array_equal(self.packing.container.bounds, bounds)
+        if packing is not self.packing:
+            self.packing, self.picked = packing, None
+        # the page renders
+        self.stage.suppress_rendering, self.colors = True, None
         self.stage.clear_actors()
-        colors = coloring(packing, color_by)
-        tubes = force_tubes(packing) if forces else None
-        if tubes is not None:
-            self.stage.add_mesh(tubes[0], **TUBES)
-        elif packing.count:
-            add_grains(self.stage, packing, np.arange(packing.count), colors)
-        add_container(self.stage, packing.container)
-        add_scale_bar(self.stage, packing.unit)
-        strip = legend_of(colors, tuple(self.stage.window_size)) if packing.count else None
-        if strip is not None and tubes is None:
-            strip.add_to(self.stage)
-        if fresh:
-            look_at(self.stage, packing.container.mesh()[0], flat=packing.dimension == 2)
-
-    def show_growing(self, packing: Packing) -> None:
-        """Show a packing that is computed: many grains as spheres of their size, which are drawn as points."""
-        if packing.count <= MANY:
-            self.show(packing)
+        if way.startswith(ALONE) and self.picked is not None:
+            self.camera = self.camera or self.stage.camera.copy()
+            look_at(self.stage, closeups_of(packing, self.picked)[way.removeprefix(ALONE)](self.stage), flat=flat)
             return
-        fresh, self.packing = self.packing is None, packing
-        self.stage.clear_actors()
-        shades = np.full((packing.count, 3), 0.6)
-        add_spheres(self.stage, np.asarray(packing.position), 0.5 * packing.diameters, shades)
+        if way == CHAINS:
+            force = add_chains(self.stage, packing)
+            self.colors = None if force is None else (force, SHADES)
+        elif way == CONTACTS:
+            add_contacts(self.stage, packing)
+        elif way == SPHERES:
+            shades = np.full((packing.count, 3), 0.6)
+            add_spheres(self.stage, np.asarray(packing.position), 0.5 * packing.diameters, shades)
+        elif packing.count:
+            self.colors = coloring(packing, color_by), COLORS
+            add_grains(self.stage, packing, np.arange(packing.count), self.colors[0], TRIANGLES)
+            if self.picked is not None:
+                add_grain(self.stage, packing, self.picked, color=PICKED, larger=1.01)
         add_container(self.stage, packing.container)
         if fresh:
-            look_at(self.stage, packing.container.mesh()[0], flat=packing.dimension == 2)
+            self._frame(packing.container)
+        elif self.camera is not None:
+            self.stage.camera = self.camera
+        self.camera = None
+
+    def _frame(self, container: Container) -> None:
+        """Frame a container with the camera."""
+        look_at(self.stage, container.mesh()[0], flat=container.dimension == 2, below=BELOW)
+        self.framed = self._seen()
+
+    def _seen(self) -> Any:
+        """Return place and scale of the camera."""
+        return self.stage.camera.position, self.stage.camera.parallel_scale
+
+    def fit(self, share: float) -> None:
+        """Keep in sight what was, in a window that is narrower by a factor; what nobody has turned is framed anew."""
+        if self.packing is not None and self._seen() == self.framed:
+            self._frame(self.packing.container)
+        else:
+            self.stage.camera.parallel_scale *= share
+
+    def _write(self) -> None:
+        """Write the scale, and what the colours mean."""
+        if self.packing is not None:
+            add_scale_bar(self.stage, self.packing.unit)
+        if self.colors is not None:
+            strip = legend_of(self.colors[0], tuple(self.stage.window_size), shades=self.colors[1])
+            if strip is not None:
+                strip.add_to(self.stage)
 
     def show_shapes(self, shapes: list[Shape]) -> None:
         """Show shapes in a row."""
-        self.packing = None
+        self.packing = self.picked = self.camera = self.colors = None
         self.stage.clear_actors()
         at, corners = 0.0, []
         for shape in shapes:
@@ -114,39 +171,5 @@ class Look:
 
     def cut(self, shares: tuple[float, float, float]) -> None:
         """Cut what lies beyond planes across the axes, at shares of the container."""
-        if self.packing is None:
-            return
-        low, high = self.packing.container.bounds
-        planes = load("vtkmodules.vtkCommonDataModel").vtkPlaneCollection()
-        for axis, share in enumerate(shares[: len(low)]):
-            if share < 1:
-                plane = load("vtkmodules.vtkCommonDataModel").vtkPlane()
-                origin = np.zeros(3)
-                origin[axis] = low[axis] + share * (high[axis] - low[axis])
-                plane.SetOrigin(*origin)
-                plane.SetNormal(*(-1.0 if k == axis else 0.0 for k in range(3)))
-                planes.AddItem(plane)
-        for actor in self.stage.renderer.actors.values():
-            mapper = getattr(actor, "mapper", None)
-            if mapper is not None and hasattr(mapper, "SetClippingPlanes"):
-                mapper.SetClippingPlanes(planes)
-
-
-def numbers_of(packing: Packing, grain: int) -> dict[str, str]:
-    """Return the numbers of a grain, as a page shows them."""
-    told = {
-        "grain": str(grain),
-        "shape": str(packing.shapes[packing.shape_id[grain]].name),
-        "equivalent diameter": f"{packing.diameters[grain]:.5g}",
-        "centroid": _point(packing.position[grain]),
-        "neighbours": str(int((packing.contacts().i == grain).sum() + (packing.contacts().j == grain).sum())),
-    }
-    if packing.forces is not None:
-        told["largest force"] = f"{packing.forces.largest_force()[grain]:.4g} {packing.forces.unit}"
-        told["residual"] = f"{packing.forces.residual[grain]:.2g}"
-    return told
-
-
-def _point(point: Floats) -> str:
-    """Return coordinates as text."""
-    return ", ".join(f"{value:.4g}" for value in point)
+        if self.packing is not None:
+            cut_beyond(self.stage, self.packing.container.bounds, shares)

@@ -2,19 +2,31 @@
 
 import asyncio
 import contextlib
+import time
+from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import asdict
+from pathlib import Path
 from typing import Any
 
 from voxgran._base.errors import VoxgranError
 from voxgran._base.lazy import load
 from voxgran.app.desk import Desk
-from voxgran.app.look import colors_of, numbers_of
+from voxgran.app.forms import spread
+from voxgran.app.look import ALONE, GRAINS, MANY, SPHERES, WINDOW
+from voxgran.app.runs import REST
+from voxgran.app.scan import ScanPane
 from voxgran.decks.engine import engines
 from voxgran.io.vtk_files import load_packing
+from voxgran.packing.model import Packing
+from voxgran.report.closeup import numbers_of_grain
+from voxgran.report.colors import colors_of
+from voxgran.shapes.images.image_files import READERS
 
 #: seconds between two looks at the runs
-TICK = 0.5
-#: how often a picture is sent again: images are encoded in a thread, and the first that is sent may be the one before
-PUSHES = 3
+TICK = 0.1
+#: seconds that a picture may take while the view is turned
+FRAME = 0.1
 
 
 #: what all fields of forms have
@@ -25,6 +37,7 @@ FIELD: dict[str, Any] = {
     "persistent_placeholder": True,
     "hint": ("[field.meaning, field.type, field.pasted ? 'a column can be pasted' : ''].filter((s) => s).join('; ')",),
     "persistent_hint": True,
+    "error_messages": ("errors[index + '.' + field.name]",),
     "density": "compact",
     "id": ("form.name + '-' + field.name",),
     "update_modelValue": "flushState('forms')",
@@ -45,41 +58,41 @@ class Page:
 
     def __init__(self, desk: Desk, server: Any) -> None:
         self.desk, self.server, self.state = desk, server, server.state
+        texts = ("plan", "details", "error", "python", "curve", "held", "uploaded", "large")
+        lists = ("runs", "results", "lamps", "warnings", "grain", "figures")
         self.state.update(
             {
+                **dict.fromkeys(texts, ""),
+                **{name: [] for name in lists},
+                **dict.fromkeys(("cut_x", "cut_y", "cut_z"), 1),
                 "trame__title": "voxgran",
                 "forms": desk.forms,
-                "plan": "",
-                "details": "",
                 "errors": {},
-                "error": "",
-                "runs": [],
                 "shown": 0,
-                "colors": colors_of(None),
+                "colors": ["diameter"],
                 "color_by": "diameter",
-                "forces": False,
-                "cut_x": 1,
-                "cut_y": 1,
-                "cut_z": 1,
-                "results": [],
-                "lamps": [],
-                "python": "",
-                "curve": "",
-                "warnings": [],
-                "grain": [],
+                "ways": [GRAINS],
+                "way": GRAINS,
                 "upload": None,
-                "uploaded": "",
                 "engines": list(engines()),
+                "ratio": 1.0,
             }
         )
         self.state.change("forms")(self.edited)
         self.state.change("upload")(self.take)
-        self.state.change("color_by", "forces")(self.redraw)
+        self.state.change("color_by", "way")(self.redraw)
         self.state.change("cut_x", "cut_y", "cut_z")(self.cut)
+        self.scan = ScanPane(desk, self.state, self.show)
         self.view: Any = None
-        self.grown, self.pushes = (0, 0), 0
+        self.grown, self.due, self.wanted, self.edits, self.follows = (0, 0), 0.0, False, 0, True
+        self.shares = WINDOW[0] / WINDOW[1]
+        #: browsers that are connected: nothing is drawn for none
+        self.lookers = 0
+        #: computes what may take long, so that the page answers meanwhile
+        self.thread = ThreadPoolExecutor(1)
         self._build()
-        self._examine()
+        self.desk.examine()
+        self._tell_plan()
 
     def edited(self, **_: Any) -> None:
         """Take the forms as they stand in the browser; a section of another kind gets its own fields.
@@ -88,65 +101,79 @@ class Page:
         """
         before = [form["kind"] for form in self.desk.forms]
         self.desk.forms = [dict(form) for form in self.state.forms]
-        if [form["kind"] for form in self.desk.forms] != before:
+        changed = [*map(spread, self.desk.forms), [form["kind"] for form in self.desk.forms] != before]
+        if changed[-1]:
             self.desk.refresh()
+        if any(changed):
             self._send_forms()
         self._examine()
 
     def _send_forms(self) -> None:
-        """Send the forms to the browser."""
+        """Send the forms to the browser; as where they are edited there, their scene is planned."""
         self.state.forms = self.desk.forms
         self.state.dirty("forms")
 
     def _examine(self) -> None:
-        """Plan the scene of the forms."""
-        self.desk.examine()
+        """Plan the scene of the forms, the last one where they change quickly."""
+        self.edits = edit = self.edits + 1
+        self._worked(lambda: self.desk.examine() if edit == self.edits else None, self._tell_plan)
+
+    def _tell_plan(self, _: Any = None) -> None:
+        """Show the plan, and the container where it has changed."""
         state = self.state
         state.plan, state.details, state.errors = self.desk.plan, self.desk.details, self.desk.errors
         state.error, state.python, state.curve = self.desk.error, self.desk.python(), self.desk.curve
+        state.held, empty, self.desk.empty = self.desk.held, self.desk.empty, None
+        if empty is not None:
+            self.desk.look.show(empty)
+            self._update()
 
     def add_shape(self) -> None:
         """Add a shape."""
         self.desk.add_shape()
         self._send_forms()
-        self._examine()
 
     def remove(self, index: int) -> None:
         """Remove a shape, but the only one."""
         self._guarded(lambda: self.desk.remove(index))
         self._send_forms()
-        self._examine()
 
     def take(self, **_: Any) -> None:
-        """Take an uploaded file as one more shape."""
+        """Take an uploaded file as one more shape, or as the image of a scan."""
         given = self.state.upload
         file = given[0] if isinstance(given, list) and given else given
         if not file:
             return
         self.state.uploaded, self.state.upload = "", None
+        content = bytes(file["content"])
+        if Path(file["name"]).suffix.lower() in READERS:
+            self._guarded(lambda: self.scan.open(self.desk.kept(file["name"], content)))
+            return
 
-        def read() -> None:
-            self.state.uploaded = self.desk.upload(file["name"], bytes(file["content"]))
+        def taken(told: str) -> None:
+            self.state.uploaded = told
             self._send_forms()
-            self._examine()
 
-        self._guarded(read)
+        self._worked(lambda: self.desk.upload(file["name"], content), taken)
 
     def pick(self, across: float, down: float) -> None:
         """Show the numbers of the grain at a place of the picture, in shares of its width and height."""
         look = self.desk.look
-        grain = look.grain_at(across, down)
-        told = {} if grain is None or look.packing is None else numbers_of(look.packing, grain)
-        self.state.grain = [f"{name}: {text}" for name, text in told.items()]
+        if look.packing is not None and self.state.way == GRAINS:
+            self.follows, grain = False, look.grain_at(across, down)
+            look.picked = grain
+            told = [] if grain is None else numbers_of_grain(look.packing, grain)
+            self.state.grain, self.state.ways = list(map(asdict, told)), look.ways()
+            self.redraw()
 
     def preview(self) -> None:
         """Show shapes of the scene."""
-        self._guarded(lambda: self.desk.look.show_shapes(self.desk.preview()))
+        self._worked(self.desk.preview, self.desk.look.show_shapes)
 
     def run(self) -> None:
         """Queue the scene."""
         self._guarded(self.desk.run)
-        self._tell_runs()
+        self.follows = True
 
     def stop(self, number: int) -> None:
         """Stop a run."""
@@ -156,57 +183,116 @@ class Page:
         """Let a run go on from its checkpoint."""
         self._guarded(lambda: self.desk.queue.go_on(self.desk.run_of(number)))
 
-    def show(self, number: int) -> None:
-        """Show the packing of a run."""
-        self._guarded(lambda: self.desk.open(number))
-        self.state.shown, self.state.colors = number, colors_of(self.desk.look.packing)
-        if self.state.color_by not in self.state.colors:
-            self.state.color_by = "diameter"
-        self.state.results, self.state.lamps = self.desk.results, self.desk.lamps
-        self.state.warnings, self.state.grain = self.desk.warnings, []
-        self.redraw()
+    def show(self, number: int, *, follows: bool = False) -> None:
+        """Show the packing of a run; whether the view goes on to follow the runs as they are computed."""
+        self.follows = follows
+
+        def opened(packing: Packing) -> None:
+            state = self.state
+            state.shown, state.figures, state.colors = number, [], colors_of(packing)
+            state.color_by = state.color_by if state.color_by in state.colors else "diameter"
+            state.way = GRAINS if state.way.startswith(ALONE) or packing.forces is None else state.way
+            state.results, state.lamps = self.desk.results, self.desk.lamps
+            state.warnings, state.grain = self.desk.warnings, []
+            self._draw(packing)
+            state.ways = self.desk.look.ways()
+
+        self._worked(lambda: self.desk.open(number), opened)
 
     def redraw(self, **_: Any) -> None:
         """Draw the packing again."""
-        look = self.desk.look
-        if look.packing is not None:
-            self._guarded(lambda: look.show(look.packing, color_by=self.state.color_by, forces=self.state.forces))
-            self.cut()
+        if self.desk.look.packing is not None:
+            self._draw(self.desk.look.packing)
+
+    def _draw(self, packing: Packing) -> None:
+        """Draw a packing as the page says."""
+        look, state = self.desk.look, self.state
+        self._guarded(lambda: look.show(packing, color_by=state.color_by, way=state.way))
+        self.cut()
+
+    def draw_figures(self) -> None:
+        """Show the figures of the report."""
+        self._worked(self.desk.figures, lambda figures: self.state.update({"figures": figures}))
 
     def cut(self, **_: Any) -> None:
         """Cut the packing."""
         self.desk.look.cut((float(self.state.cut_x), float(self.state.cut_y), float(self.state.cut_z)))
         self._update()
 
-    def download(self, what: str) -> bytes | None:
+    async def download(self, what: str) -> bytes | None:
         """Return a file of the run that is shown, or of the scene; None where there is none, which the page says."""
-        made: list[bytes] = []
-        self._guarded(lambda: made.append(self.desk.file(what)))
-        return made[0] if made else None
+        self.state.error = ""
+        try:
+            if what == "picture.png":
+                return self.desk.file(what)
+            return await asyncio.get_running_loop().run_in_executor(self.thread, self.desk.file, what)
+        except VoxgranError as error:
+            self.state.error = str(error)
+            return None
 
     async def watch(self) -> None:
-        """Follow the runs as long as the app is there."""
+        """Follow the runs, and send pictures, as long as the app is there."""
         while True:
             for run in self.desk.queue.poll():
-                if run.state == "done":
-                    self.show(run.number)
-            self._grow()
-            if self.pushes and self.view is not None:
-                self.pushes -= 1
-                self.view.update()
-            self._tell_runs()
+                if run.state == "done" and self.follows:
+                    self.show(run.number, follows=True)
+            began = time.monotonic()
+            self._fit()
+            self.scan.follow()
+            grown = self.lookers and began > self.due and self._grow()
+            if self.wanted and self.lookers:
+                self._push()
+            took = time.monotonic() - began
+            if grown:
+                self.due = began + REST * took
+            self.state.runs = [run.told() for run in self.desk.queue.runs]
             self.state.flush()
-            await asyncio.sleep(TICK)
+            await asyncio.sleep(max(TICK, took))
 
-    def _grow(self) -> None:
-        """Show the grains of the run that is computed, where they were written since."""
+    def _grow(self) -> bool:
+        """Show the grains of the run that is computed, where they were written since; return whether they were."""
         run = self.desk.queue.current
-        if run is None or (run.number, run.grown) == self.grown or not run.grown:
-            return
+        if run is None or (run.number, run.grown) == self.grown or not (run.grown and self.follows):
+            return False
         self.grown = (run.number, run.grown)
         with contextlib.suppress(VoxgranError):
-            self.desk.look.show_growing(load_packing(run.growing))
+            grown = load_packing(run.growing)
+            self.desk.look.show(grown, way=SPHERES if grown.count > MANY else GRAINS)
             self._update()
+        return True
+
+    def _fit(self) -> None:
+        """Keep what is seen where the proportions of the window change."""
+        wide, high = self.desk.look.stage.window_size
+        # while the view is turned its pictures are smaller
+        share = self.shares * high / wide
+        if abs(share - 1) > 0.05:
+            self.shares = wide / high
+            self.desk.look.fit(share)
+            self._update()
+
+    def _push(self) -> None:
+        """Send the picture; where that takes long, it is drawn without smoothing, and smaller while it is turned."""
+        began, self.wanted = time.monotonic(), False
+        self.view.update()
+        took = time.monotonic() - began
+        self.state.ratio = round(min(1.0, max(0.25, (FRAME / max(took, 1e-9)) ** 0.5)), 2)
+        if took > FRAME:
+            self.desk.look.stage.disable_anti_aliasing()
+
+    def _worked(self, call: Callable[[], Any], then: Callable[[Any], None]) -> None:
+        """Call a function in the thread, and another one with what it returns; the sentence of an error is shown."""
+
+        async def wait() -> None:
+            try:
+                then(await asyncio.get_running_loop().run_in_executor(self.thread, call))
+            except VoxgranError as error:
+                self.state.error = str(error)
+            self._update()
+            self.state.flush()
+
+        self.state.error = ""
+        asyncio.get_running_loop().create_task(wait())
 
     def _guarded(self, call: Any) -> None:
         """Call a function; the sentence of an error goes to the page."""
@@ -218,34 +304,38 @@ class Page:
         self._update()
 
     def _update(self) -> None:
-        """Send the picture anew."""
-        if self.view is not None:
-            self.view.update()
-            self.pushes = PUSHES
-
-    def _tell_runs(self) -> None:
-        """Say how the runs are."""
-        told = [run.told() for run in self.desk.queue.runs]
-        if told != self.state.runs:
-            self.state.runs = told
+        """Have the picture sent, once for all that ask for it meanwhile."""
+        self.wanted = True
 
     def _build(self) -> None:
         """Lay out the page."""
         v3, html = load("trame.widgets.vuetify3"), load("trame.widgets.html")
         with load("trame.ui.vuetify3").VAppLayout(self.server, theme="light") as layout:
             with v3.VAppBar(density="compact", elevation=1):
-                v3.VAppBarTitle("voxgran")
+                v3.VAppBarNavIcon(click="left = !left", id="left")
+                v3.VAppBarTitle("voxgran", style="flex: none")
+                v3.VSpacer()
                 html.Span("{{ error }}", classes="text-error mx-4", id="error")
+                v3.VBtn("CT", click="scanning = !scanning", id="ct")
                 v3.VBtn("Preview shapes", click=self.preview, id="preview")
                 v3.VBtn("Run", click=self.run, id="run", color="primary", variant="flat", classes="mx-2")
-            with v3.VNavigationDrawer(model_value=True, width=340, permanent=True):
+                v3.VAppBarNavIcon(click="right = !right", id="right")
+            drawer = {"width": ("$vuetify.display.width < 1200 ? 250 : 320",), "permanent": True}
+            with v3.VNavigationDrawer(v_model=("left", True), **drawer):
                 self._forms(v3, html)
-            with v3.VNavigationDrawer(model_value=True, width=300, permanent=True, location="right"):
+            with v3.VNavigationDrawer(v_model=("right", True), location="right", **drawer):
                 self._results(v3, html)
             with v3.VMain(), v3.VContainer(fluid=True, classes="pa-0 d-flex flex-column", style="height: 100%"):
+                self.scan.build(v3, html)
                 self._tools(v3)
+                with html.Div(style="position: relative; height: 0; z-index: 1; pointer-events: none"):
+                    with html.Div(style="position: absolute; top: 4px; left: 4px; max-width: 75%; opacity: 0.85"):
+                        self._table(v3, html, "grain")
                 with html.Div(style="flex: 1; min-height: 0", id="view", dblclick=(self.pick, PLACE)):
-                    self.view = load("trame_pyvista.widgets").PyVistaRemoteView(self.desk.look.stage)
+                    stage, views = self.desk.look.stage, load("trame_pyvista.widgets")
+                    self.view = views.PyVistaRemoteView(stage, interactive_ratio=("ratio",))
+                    # it would send a picture for each part of the scene
+                    stage.clear_on_render_callbacks()
         layout.root.style = "overflow: hidden"
 
     def _forms(self, v3: Any, html: Any) -> None:
@@ -277,11 +367,15 @@ class Page:
                         v3.VSelect(v_if="field.choices.length", items=("['', ...field.choices]",), **FIELD)
                         v3.VTextarea(v_else_if="field.long", rows=1, auto_grow=True, **FIELD)
                         v3.VTextField(v_else=True, **FIELD)
+                    narrow = "font: clamp(9px, .8vw, 11px) monospace"
+                    with html.Div(v_if="form.name == 'sizes' && curve", style=narrow):
+                        html.Div(v_html="curve", id="curve")
+                        html.Pre("{{ held }}", style="font: inherit; white-space: pre-wrap", id="held")
                     v3.VBtn("Remove", v_if="form.number > 0", click=(self.remove, "[index]"), size="small")
         v3.VBtn("Add a shape", click=self.add_shape, variant="text", id="add-shape")
         v3.VFileInput(
             v_model=("upload",),
-            label="mesh file or learned shapes (.nc)",
+            label="mesh file, learned shapes (.nc), or scan",
             density="compact",
             classes="mx-4",
             id="upload",
@@ -290,64 +384,67 @@ class Page:
 
     def _results(self, v3: Any, html: Any) -> None:
         """Lay out plan, runs, numbers and files."""
+        drawn = "'data:image/svg+xml,' + encodeURIComponent({})"
         with v3.VCard(title="Plan", variant="flat", density="compact"):
             html.Pre("{{ plan }}", classes="text-caption px-4", style="white-space: pre-wrap", id="plan")
-            html.Img(v_if="curve", src=("curve",), id="curve", classes="px-4", style="max-width: 100%")
             with v3.VExpansionPanels(variant="accordion"), v3.VExpansionPanel(title="All of the plan"):
                 with v3.VExpansionPanelText():
                     html.Pre("{{ details }}", classes="text-caption", style="white-space: pre-wrap", id="details")
-        with v3.VCard(title="Runs", variant="flat", density="compact"):
-            with html.Div(v_for="run in runs", key="run.number", classes="px-4 py-1 run"):
+        with v3.VCard(title="Runs", variant="flat", density="compact", style="max-height: 50vh; overflow-y: auto"):
+            with html.Div(v_for="run in [...runs].reverse()", key="run.number", classes="px-4 py-1 run"):
                 html.Span("{{ run.number }}: {{ run.state }} {{ run.error }}")
                 html.Span("{{ run.stage }} {{ run.text }}", v_if="run.state == 'running'")
                 html.Div("{{ text }}", v_for="text in run.warnings", classes="text-caption text-warning")
                 html.Span("{{ run.left === null ? '' : ', about ' + run.left + ' s left' }}")
                 v3.VProgressLinear(v_if="run.state == 'running'", model_value=("run.percent",), color="primary")
-                v3.VBtn(
-                    "Stop",
-                    v_if="run.state == 'running' || run.state == 'waiting'",
-                    size="x-small",
-                    click=(self.stop, "[run.number]"),
-                    classes="stop",
-                )
-                v3.VBtn(
-                    "Go on",
-                    v_if="run.state == 'stopped' || run.state == 'failed'",
-                    size="x-small",
-                    click=(self.go_on, "[run.number]"),
-                    classes="go-on",
-                )
-                v3.VBtn("Show", v_if="run.state == 'done'", size="x-small", click=(self.show, "[run.number]"))
+                for word, act, states in (
+                    ("Stop", self.stop, ["running", "waiting"]),
+                    ("Go on", self.go_on, ["stopped", "failed"]),
+                    ("Show", self.show, ["done"]),
+                ):
+                    does = {"click": (act, "[run.number]"), "classes": word.lower().replace(" ", "-")}
+                    v3.VBtn(word, v_if=f"{states}.includes(run.state)", size="x-small", **does)
         with v3.VCard(title="Results", variant="flat", density="compact", v_if="shown"):
             with html.Div(v_for="lamp in lamps", key="lamp.name", classes="px-4 lamp"):
                 v3.VIcon("mdi-circle", color=("lamp.ok ? 'success' : 'error'",), size="small")
                 html.Span(" {{ lamp.name }}: {{ lamp.text }}", classes="text-caption")
-            with html.Div(v_for="result in results", key="result.name", classes="px-4 text-caption"):
-                html.Span("{{ result.name }}: {{ result.text }}")
+            self._table(v3, html, "results")
             html.Div("{{ text }}", v_for="text in warnings", classes="px-4 text-caption text-warning")
-            html.Div("{{ text }}", v_for="text in grain", classes="px-4 text-caption grain")
             for name, file in Desk.FILES.items():
                 take = TAKE.format(file=f"'{file}'")
                 v3.VBtn(name, size="small", variant="outlined", classes="ma-1", click=take, id=f"take-{file}")
-            html.Div("Input of engines, with the material of the scene", classes="px-4 text-caption")
+            html.Div("Input of engines, with material and clumps as in the forms", classes="px-4 text-caption")
             v3.VBtn(
                 "{{ engine }}",
                 v_for="engine in engines",
                 size="x-small",
                 variant="text",
                 click=TAKE.format(file="engine + '.zip'"),
-                id=("'take-' + engine",),
+                id=("'take-' + engine + '.zip'",),
             )
+            v3.VBtn("Figures of the report", click=self.draw_figures, size="small", classes="ma-1", id="figures")
+            with html.Div(v_for="figure in figures", key="figure.alt", classes="px-4 figure", title=("figure.alt",)):
+                html.Img(src=(drawn.format("figure.svg"),), style="width: 100%", click="large = figure.svg")
+                html.Div("{{ figure.caption }}", classes="text-caption")
+            with v3.VDialog(model_value=("!!large",), update_modelValue="large = ''", max_width=900):
+                html.Img(src=(drawn.format("large"),), style="width: 100%; background: white", id="large")
         with v3.VCard(title="The same in Python", variant="flat", density="compact"):
             html.Pre("{{ python }}", classes="text-caption px-4", style="white-space: pre-wrap", id="python")
         self.server.controller.trigger("download")(self.download)
 
+    def _table(self, v3: Any, html: Any, name: str) -> None:
+        """Lay out facts as a table, whose notes are seen where the pointer rests."""
+        with v3.VTable(density="compact", v_if=f"{name}.length", classes="text-caption mx-2", id=name), html.Tbody():
+            with html.Tr(v_for=f"row in {name}", key="row.label", title=("row.note",), style="line-height: 1.2"):
+                html.Td("{{ row.label }}", style="height: auto")
+                html.Td("{{ row.value }}", style="height: auto", classes=("({bad: 'text-error'})[row.tone]",))
+
     def _tools(self, v3: Any) -> None:
-        """Lay out what turns the view: colours, forces, cuts."""
-        bare = {"density": "compact", "hide_details": True}
+        """Lay out what changes the view: what is drawn, colours, cuts."""
+        bare = {"density": "compact", "hide_details": True, "style": "min-width: 100px; max-width: 240px"}
         share = {"min": 0, "max": 1, "step": 0.01, "classes": "mx-2"}
         with v3.VRow(dense=True, no_gutters=True, classes="px-2 align-center", style="flex: 0"):
+            v3.VSelect(v_model=("way",), items=("ways",), label="show", id="way", **bare)
             v3.VSelect(v_model=("color_by",), items=("colors",), label="colour by", id="color-by", **bare)
-            v3.VCheckbox(v_model=("forces",), label="forces", **bare)
             for axis in "xyz":
                 v3.VSlider(v_model=(f"cut_{axis}",), label=axis, id=f"cut-{axis}", **share, **bare)

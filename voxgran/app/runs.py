@@ -9,6 +9,7 @@ import warnings
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
 from pathlib import Path
+from subprocess import TimeoutExpired
 from typing import Any
 
 from voxgran._base.errors import DirtyMeshWarning, InputError, Interrupted, PackingWarning, VoxgranError
@@ -17,6 +18,7 @@ from voxgran._base.lazy import load
 from voxgran._base.progress import Step
 from voxgran.io.files import save
 from voxgran.packing.model import Packing
+from voxgran.scene.checked_sections import located
 from voxgran.scene.description import read_toml
 from voxgran.scene.processes import Channel, Process, ending_of, start
 from voxgran.scene.run import PACKING
@@ -26,6 +28,8 @@ from voxgran.scene.scene import Scene
 SCENE = "scene.toml"
 #: seconds between two looks at a bed that grows, and how many times as long as one takes
 PAUSE, REST = 1.0, 10.0
+#: seconds that a run has for its checkpoint when the app ends
+LAST = 10.0
 
 
 @contextlib.contextmanager
@@ -165,7 +169,7 @@ class Run:
             "stage": self.stage,
             "text": self.text,
             "error": self.error,
-            "warnings": self.warnings,
+            "warnings": list(self.warnings),
             "percent": round(100 * self.share) if self.share >= 0 else None,
             "seconds": round(self.seconds),
             "left": None if left != left else round(left),
@@ -189,11 +193,19 @@ class Queue:
             If the scene breaks a rule.
         """
         Scene.from_mapping(mapping, folder=self.base)
+        return self.take(self.next_folder(), mapping, "waiting")
+
+    def next_folder(self) -> Path:
+        """Return the folder of one more run, `run_1` or the next number that is not taken."""
         number = 1 + len(self.runs)
         while (self.folder / f"run_{number}").exists() or (self.folder / f"run_{number}.toml").exists():
             number += 1
-        run = Run(number=number, folder=self.folder / f"run_{number}")
-        write_text(run.folder.with_suffix(".toml"), toml_of(mapping))
+        return self.folder / f"run_{number}"
+
+    def take(self, folder: Path, mapping: dict[str, Any], state: str = "done") -> Run:
+        """Take a folder, in which there may be results, and its scene as a run."""
+        run = Run(number=int(folder.name.removeprefix("run_")), folder=folder, state=state)
+        write_text(folder.with_suffix(".toml"), toml_of(located(mapping, self.base)))
         self.runs.append(run)
         return run
 
@@ -211,7 +223,10 @@ class Queue:
         if self.current is None:
             waiting = next((run for run in self.runs if run.state == "waiting"), None)
             if waiting is not None:
-                _begin(waiting, self.base)
+                try:
+                    _begin(waiting, self.base)
+                except VoxgranError as error:
+                    waiting.state, waiting.error = "failed", str(error)
         return ended
 
     def stop(self, run: Run) -> None:
@@ -246,12 +261,9 @@ class Queue:
         run = self.current
         if run is not None and run.process is not None:
             self.stop(run)
-            try:
-                run.process.process.wait(10)
-            finally:
-                run.process.end()
-                run.process = None
-                run.growing.unlink(missing_ok=True)
+            with contextlib.suppress(TimeoutExpired):
+                run.process.process.wait(LAST)
+            self._ended(run)
 
     def _listen(self, run: Run) -> bool:
         """Take what the process of a run has sent; return whether it has ended."""
@@ -273,10 +285,15 @@ class Queue:
             run.error = "" if stopped else f"its process {ending_of(code)}: memory may have run out"
         if run.state == "running":
             return False
-        process.end()
+        self._ended(run)
+        return True
+
+    def _ended(self, run: Run) -> None:
+        """Put away what a run has had while it was computed."""
+        if run.process is not None:
+            run.process.end()
         run.process = None
         run.growing.unlink(missing_ok=True)
-        return True
 
 
 def toml_of(mapping: dict[str, Any]) -> str:

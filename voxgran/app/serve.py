@@ -6,6 +6,7 @@ import webbrowser
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
+from urllib.parse import urlsplit
 
 from voxgran._base.errors import MissingLibraryError
 from voxgran._base.lazy import load
@@ -71,11 +72,44 @@ def serve(
             webbrowser.open(address)
         asyncio.get_event_loop().create_task(page.watch())
 
+    server.controller.on_server_bind.add(lambda bound: bound.app.middlewares.append(guard_of(page, token)))
     server.controller.on_server_ready.once(ready)
     load("trame_server.protocol").CoreServer.authentication_token = token
     server.cli.set_defaults(authKey=token)
     try:
         server.start(port=port, host=HOST, open_browser=False, show_connection_info=False, timeout=0)
     finally:
+        page.thread.shutdown(wait=False, cancel_futures=True)
         desk.queue.close()
         desk.look.stage.close()
+
+
+def guard_of(page: Page, token: str) -> Any:
+    """Return what refuses other hosts and pages without the token, and counts those who look at a page.
+
+    The page is asked for without the token where it is loaded again; then its cookie has it.
+    """
+    web = load("aiohttp.web")
+
+    async def guard(request: Any, handler: Callable[[Any], Any]) -> Any:
+        if urlsplit(f"//{request.host}").hostname not in (HOST, "localhost"):
+            return web.Response(status=403, text=f"the host is {request.host}: the app is at {HOST} only")
+        cookie = f"voxgran-{request.url.port}"
+        if request.path in ("/", "/index.html"):
+            if "secret" not in request.query and request.cookies.get(cookie) == token:
+                return web.Response(status=302, headers={"Location": f"/?secret={token}"})
+            if request.query.get("secret") != token:
+                return web.Response(
+                    status=403, text="the token is missing or wrong: open the address that voxgran prints"
+                )
+        looks = request.headers.get("Upgrade", "").lower() == "websocket"
+        page.lookers += looks
+        try:
+            answer = await handler(request)
+        finally:
+            page.lookers -= looks
+        if request.query.get("secret") == token:
+            answer.set_cookie(cookie, token, httponly=True, samesite="Strict")
+        return answer
+
+    return web.middleware(guard)

@@ -36,7 +36,7 @@ STOP_REASONS = (
     *("settled", "count", "solid_fraction", "saturated", "full", "steps", "interrupted", "compressed", "yielded"),
 )
 #: what the colours of grains show in pictures
-ColorBy: TypeAlias = Literal["diameter", "height", "shape", "density", "coordination", "distance", "force"]
+ColorBy: TypeAlias = Literal["diameter", "height", "shape", "density", "coordination", "distance", "force", "residual"]
 
 
 @dataclass(frozen=True, eq=False, slots=True, kw_only=True)

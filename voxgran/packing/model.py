@@ -398,8 +398,9 @@ class Packing(GrainSequence):
 
         Parameters
         ----------
-        color_by : {"diameter", "height", "shape", "density", "coordination", "distance", "force"}
-            What the colours show; "force", the largest force on each grain, where forces are known.
+        color_by : {"diameter", "height", "shape", "density", "coordination", "distance", "force", "residual"}
+            What the colours show; "force", the largest force on each grain, and "residual", what its forces fail to
+            balance, where forces are known.
         legend : bool
             Whether a legend or a colour bar says what they mean.
 

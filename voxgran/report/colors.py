@@ -17,6 +17,8 @@ from voxgran.packing.model import Packing
 from voxgran.report.facts import shape_names
 
 COLOR_BY: tuple[ColorBy, ...] = get_args(ColorBy)
+#: those that need the forces of the packing
+OF_FORCES: tuple[ColorBy, ...] = ("force", "residual")
 #: map of the colours, whose lightness increases evenly
 COLORS = "viridis"
 #: largest number of values that a legend lists
@@ -67,23 +69,32 @@ class Coloring:
         return {value: self.names.get(value, f"{value:.4g}") for value in different.tolist()}
 
 
+def colors_of(packing: Packing) -> list[ColorBy]:
+    """Return what the grains of a packing can be coloured by: forces where they are known, densities that differ."""
+    known = {"density": isinstance(packing.density, tuple), **dict.fromkeys(OF_FORCES, packing.forces is not None)}
+    return [name for name in COLOR_BY if known.get(name, True)]
+
+
 def coloring(packing: Packing, color_by: str) -> Coloring:
     """Return the colouring of the grains by one of :data:`COLOR_BY`: equivalent diameter, height of the centroid above
     the lowest point of the container, index of the shape, density of its material, number of neighbours within the
-    contact gap, distance of the centroid from the nearest other one, or largest contact force.
+    contact gap, distance of the centroid from the nearest other one, largest contact force, or what its forces fail to
+    balance.
 
     Raises
     ------
     InputError
-        If `color_by` is unknown, or it is "force" and the forces of the packing are not known.
+        If `color_by` is unknown, or it is "force" or "residual" and the forces of the packing are not known.
     """
     as_choice(color_by, "color_by", COLOR_BY)
     if packing.fixed is not None:
         shown = coloring(replace(packing, fixed=None), color_by)
         return replace(shown, values=np.where(packing.fixed, np.nan, shown.values))
     unit = "" if packing.unit == "1" else packing.unit
-    if color_by == "force":
+    if color_by in OF_FORCES:
         forces = known_forces(packing)
+        if color_by == "residual":
+            return Coloring(forces.residual, "residual", forces.unit_of_residual)
         return Coloring(forces.largest_force(), "largest contact force", forces.unit)
     if color_by == "diameter" or not packing.count:
         return Coloring(packing.diameters, "equivalent diameter", unit)

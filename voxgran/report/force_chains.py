@@ -1,4 +1,4 @@
-"""Picture of the force chains: contacts as tubes from centroid to centroid, as thick as their forces."""
+"""Contacts as tubes from centroid to centroid: force chains, as thick as the forces, and rods between neighbours."""
 
 from typing import Any
 
@@ -7,6 +7,8 @@ import numpy as np
 from voxgran._base.arrays import Floats, Integers
 from voxgran._base.lazy import load
 from voxgran.contacts.forces import chain_ends
+from voxgran.containers.model import periods_of
+from voxgran.measures.registered.coordination import touching_contacts
 from voxgran.packing.model import Packing
 from voxgran.report.colors import Coloring
 from voxgran.report.legend import legend_of
@@ -22,11 +24,10 @@ LARGEST = 0.99
 THINNEST = 0.03
 #: sides of a tube, and largest number of tubes: the weakest are left out
 SIDES, MOST = 10, 60_000
+#: radius of a rod, in median diameters, and sides of rods of which there are more
+ROD, FEWEST_SIDES = 0.06, 3
 
-#: how tubes are drawn
-TUBES = {"scalars": "strength", "cmap": COLORS, "clim": (0.0, 1.0), "show_scalar_bar": False, **MATERIAL}
-
-_GRAIN, _OUTLINE = "#d3dae0", "#aab5be"
+_GRAIN, _OUTLINE, _ROD = "#d3dae0", "#aab5be", "#2f6f8f"
 
 
 def picture_forces(packing: Packing, *, window: tuple[int, int] = (900, 900)) -> Picture | None:
@@ -36,25 +37,53 @@ def picture_forces(packing: Packing, *, window: tuple[int, int] = (900, 900)) ->
     contact point; at periodic sides it leaves the container. The largest hundredth have the colour of the end of the
     colour bar. Return None where no forces are known or none is carried.
     """
-    found = force_tubes(packing)
-    if found is None or packing.forces is None:
-        return None
-    mesh, limit = found
-    strip = legend_of(Coloring(np.array([0.0, limit]), "contact force", packing.forces.unit), window, shades=COLORS)
     flat = packing.dimension == 2
     with stage_of(window) as stage:
-        if flat:
-            # behind the tubes, which lie in the plane
-            grains = packing.to_pyvista().translate((0.0, 0.0, -float(packing.diameters.max())))
-            stage.add_mesh(grains, color=_GRAIN, lighting=False)
-            add_outlines(stage, grains, color=_OUTLINE)
-        stage.add_mesh(mesh, **TUBES)
+        colors = add_chains(stage, packing)
+        if colors is None:
+            return None
+        strip = legend_of(colors, window, shades=COLORS)
         add_container(stage, packing.container)
         look_at(stage, packing.container.mesh()[0], flat=flat, below=0.0 if strip is None else strip.height)
         add_scale_bar(stage, packing.unit)
         if strip is not None:
             strip.add_to(stage)
         return shot(stage)
+
+
+def add_chains(stage: Any, packing: Packing) -> Coloring | None:
+    """Draw the contacts that carry a force as tubes, in 2D in front of the grains; return what the colours of
+    :data:`COLORS` mean, None where no forces are known or none is carried.
+    """
+    found, forces = force_tubes(packing), packing.forces
+    if found is None or forces is None:
+        return None
+    mesh, limit = found
+    _add_behind(stage, packing)
+    stage.add_mesh(mesh, scalars="strength", cmap=COLORS, clim=(0.0, 1.0), show_scalar_bar=False, **MATERIAL)
+    return Coloring(np.array([0.0, limit]), "contact force", forces.unit)
+
+
+def add_contacts(stage: Any, packing: Packing) -> None:
+    """Draw rods between the centroids of grains that touch, in 2D in front of the grains.
+
+    At periodic sides a rod leaves the container.
+    """
+    found = touching_contacts(packing)
+    _add_behind(stage, packing)
+    if found.count:
+        start, end = packing.position[found.i], packing.position[found.j] + found.image @ periods_of(packing.container)
+        radius = np.full(found.count, ROD * float(np.median(packing.diameters)))
+        body = tubes(start, end, radius, sides=SIDES if found.count <= MOST else FEWEST_SIDES)
+        stage.add_mesh(load("pyvista").PolyData.from_regular_faces(*body), color=_ROD, **MATERIAL)
+
+
+def _add_behind(stage: Any, packing: Packing) -> None:
+    """Draw the grains of a packing in 2D behind the rods, which lie in the plane."""
+    if packing.dimension == 2 and packing.count:
+        grains = packing.to_pyvista().translate((0.0, 0.0, -float(packing.diameters.max())))
+        stage.add_mesh(grains, color=_GRAIN, lighting=False)
+        add_outlines(stage, grains, color=_OUTLINE)
 
 
 def force_tubes(packing: Packing) -> tuple[Any, float] | None:
@@ -77,7 +106,7 @@ def force_tubes(packing: Packing) -> tuple[Any, float] | None:
     return mesh, limit
 
 
-def tubes(start: Floats, end: Floats, radius: Floats) -> tuple[Floats, Integers]:
+def tubes(start: Floats, end: Floats, radius: Floats, *, sides: int = SIDES) -> tuple[Floats, Integers]:
     """Return closed prisms from start (m, 3) to end (m, 3) with radii (m,) as vertices and triangles, all with the same
     number of triangles.
     """
@@ -88,20 +117,20 @@ def tubes(start: Floats, end: Floats, radius: Floats) -> tuple[Floats, Integers]
     first = np.cross(along, least)
     first /= np.maximum(np.linalg.norm(first, axis=1, keepdims=True), 1e-300)
     second = np.cross(along, first)
-    angle = 2 * np.pi * np.arange(SIDES) / SIDES
+    angle = 2 * np.pi * np.arange(sides) / sides
     ring = np.cos(angle)[:, None] * first[:, None] + np.sin(angle)[:, None] * second[:, None]
     ring *= radius[:, None, None]
     vertices = np.concatenate([start[:, None] + ring, end[:, None] + ring], axis=1)
-    k = np.arange(SIDES)
-    after = (k + 1) % SIDES
-    fan = np.arange(1, SIDES - 1)
+    k = np.arange(sides)
+    after = (k + 1) % sides
+    fan = np.arange(1, sides - 1)
     faces = np.concatenate(
         [
-            np.column_stack([k, after, after + SIDES]),
-            np.column_stack([k, after + SIDES, k + SIDES]),
+            np.column_stack([k, after, after + sides]),
+            np.column_stack([k, after + sides, k + sides]),
             np.column_stack([np.zeros_like(fan), fan + 1, fan]),
-            SIDES + np.column_stack([np.zeros_like(fan), fan, fan + 1]),
+            sides + np.column_stack([np.zeros_like(fan), fan, fan + 1]),
         ]
     )
-    shifts = 2 * SIDES * np.arange(len(start))
+    shifts = 2 * sides * np.arange(len(start))
     return vertices.reshape(-1, 3), (faces[None] + shifts[:, None, None]).reshape(-1, 3)

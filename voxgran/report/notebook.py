@@ -98,7 +98,7 @@ def view(packing: Packing, *, color_by: ColorBy = "diameter", most: float = MOST
     ----------
     packing : Packing
         The packing.
-    color_by : {"diameter", "height", "shape", "density", "coordination", "distance", "force"}
+    color_by : {"diameter", "height", "shape", "density", "coordination", "distance", "force", "residual"}
         What the colours show first.
     most : float
         Largest size of the view, which the notebook keeps, in megabytes; above it only a card is shown, with the
@@ -114,7 +114,7 @@ def view(packing: Packing, *, color_by: ColorBy = "diameter", most: float = MOST
     Raises
     ------
     InputError
-        If `color_by` is unknown, it is "force" and no forces are known, or `most` is not above 0.
+        If `color_by` is unknown, it is "force" or "residual" and no forces are known, or `most` is not above 0.
 
     Examples
     --------

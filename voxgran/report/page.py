@@ -23,7 +23,7 @@ from voxgran._base.lazy import load
 from voxgran.packing.model import Packing, check_packing
 from voxgran.report import facts, scenes
 from voxgran.report.closeup import picture_contacts
-from voxgran.report.colors import Coloring, coloring, gradient, swatches
+from voxgran.report.colors import OF_FORCES, Coloring, coloring, gradient, swatches
 from voxgran.report.figures import figures_of
 from voxgran.report.force_chains import picture_forces
 from voxgran.report.numbers import json_text, page_numbers, table_files
@@ -102,7 +102,7 @@ def save_report(
         Title of the page.
     comparisons : mapping of str to mapping, optional
         Rows of a table of packings: name of each packing to a mapping from column names to values.
-    color_by : {"diameter", "height", "shape", "density", "coordination", "distance", "force"}
+    color_by : {"diameter", "height", "shape", "density", "coordination", "distance", "force", "residual"}
         Quantity shown by the colours of the grains.
     turntable : bool
         Whether an animated picture of the rotating packing is added.
@@ -114,7 +114,7 @@ def save_report(
     Raises
     ------
     InputError
-        If `color_by` is unknown, or it is "force" and no forces are known.
+        If `color_by` is unknown, or it is "force" or "residual" and no forces are known.
     FileFormatError
         If the suffix is not ``.html``.
     OutputExistsError
@@ -235,7 +235,7 @@ def _draw(packing: Packing, color_by: str) -> Drawn:
         )
     many = packing.dimension == 3 and packing.count > scenes.MOST_SPHERES
     middle = scenes.middle_of(packing) if many else packing
-    if many and color_by != "force":
+    if many and color_by not in OF_FORCES:
         caption = f"The {middle.count} grains of a cube in the middle, with their surfaces."
         whole["middle"] = (scenes.picture_packing(middle, color_by=color_by), f"the middle of {what}", caption)
     large = packing.count > MOST_FOR_CONTACTS

@@ -35,7 +35,7 @@ def plot(
     ----------
     what : Packing or Shape
         What is shown.
-    color_by : {"diameter", "height", "shape", "density", "coordination", "distance", "force"}
+    color_by : {"diameter", "height", "shape", "density", "coordination", "distance", "force", "residual"}
         What the colours of grains show, "force" the largest contact force on each where forces are known; not used for
         a shape.
     window : tuple of int
@@ -53,8 +53,8 @@ def plot(
     Raises
     ------
     InputError
-        If it is neither a packing nor a shape, `color_by` is unknown, or it is "force" and no forces are known, or
-        `window` is not two whole numbers above 0.
+        If it is neither a packing nor a shape, `color_by` is unknown, or it is "force" or "residual" and no forces are
+        known, or `window` is not two whole numbers above 0.
 
     Examples
     --------
@@ -94,7 +94,7 @@ def save_picture(
         What is drawn.
     path : path-like
         File to write, ``.png``.
-    color_by : {"diameter", "height", "shape", "density", "coordination", "distance", "force"}
+    color_by : {"diameter", "height", "shape", "density", "coordination", "distance", "force", "residual"}
         What the colours of grains show, from dark to bright, as in :func:`plot`; not used for a shape.
     cut : bool
         Whether the grains with centroids in the quarter of the container that faces the viewer are left out; not used
@@ -109,8 +109,8 @@ def save_picture(
     Raises
     ------
     InputError
-        If it is neither a packing nor a shape, `color_by` is unknown, or it is "force" and no forces are known, or
-        `window` is not two whole numbers above 0.
+        If it is neither a packing nor a shape, `color_by` is unknown, or it is "force" or "residual" and no forces are
+        known, or `window` is not two whole numbers above 0.
     FileFormatError
         If the suffix is not ``.png``.
     OutputExistsError

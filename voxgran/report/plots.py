@@ -17,6 +17,8 @@ from voxgran._base.lazy import load
 from voxgran.measures.registered.gradation import size_range
 from voxgran.packing.model import Packing
 from voxgran.shapes.describing.extents import principal_extents
+from voxgran.shapes.size_laws.distribution import SizeDistribution
+from voxgran.shapes.size_laws.plan import SHARES, SizePlan
 
 #: placeholder for the text colour of the page
 INK = "#0a0b0c"
@@ -106,6 +108,26 @@ def plot_gradation(axes: Any, packing: Packing) -> Any:
     axes.set(ylim=(0, 101), xlabel=f"size{unit_text(packing.unit)}", ylabel="passing by volume (%)")
     axes.legend(loc="best")
     return axes
+
+
+def planned_svg(sizes: SizeDistribution | None, plan: SizePlan | None, *, dimension: int, unit: str) -> str:
+    """Return a drawing of a distribution by volume with D10 to D60 of the planned grains; empty without one."""
+    if sizes is None:
+        return ""
+    # laws without a smallest or largest size have long tails
+    shares = np.linspace(0.001, 0.999, 101)
+    curve = sizes.quantile(shares, basis="volume", dimension=dimension)
+
+    def draw(axes: Any) -> None:
+        axes.plot(curve, 100 * shares, color=ASKED, label=None if plan is None else "asked")
+        if plan is not None:
+            held = [plan.held[name] for name in SHARES]
+            axes.plot(held, [100 * share for share in SHARES.values()], "o", color=PLACED, label=f"{plan.count} grains")
+            axes.legend(loc="best")
+        axes.set(ylim=(0, 101), xlabel=f"size{unit_text(unit)}", ylabel="passing by volume (%)")
+        set_log_scale(axes)
+
+    return svg_of(draw, "sizes", size=(4.2, 3.0))
 
 
 def plot_profile(

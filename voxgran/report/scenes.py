@@ -4,7 +4,9 @@ The lightness of the colours increases evenly (viridis). Each function returns t
 bytes. Grains of many triangles are simplified, see :func:`picture_faces`.
 """
 
+from collections.abc import Callable
 from dataclasses import replace
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -53,9 +55,9 @@ SMOOTH = {"smooth_shading": True, **MATERIAL}
 OUTLINES = ("#dfe5ea", "#22303a")
 
 
-def picture_faces(packing: Packing) -> int:
-    """Return the largest number of triangles of a grain in a picture."""
-    return max(FEWEST_FACES, TRIANGLE_BUDGET // max(packing.count, 1))
+def picture_faces(packing: Packing, triangles: int | None = None) -> int:
+    """Return the largest number of triangles of a grain in a picture of about so many, usually the budget."""
+    return max(FEWEST_FACES, (triangles or TRIANGLE_BUDGET) // max(packing.count, 1))
 
 
 def picture_packing(
@@ -72,7 +74,7 @@ def picture_packing(
     Raises
     ------
     InputError
-        If `color_by` is unknown, or it is "force" and no forces are known.
+        If `color_by` is unknown, or it is "force" or "residual" and no forces are known.
     """
     return _picture(packing, np.arange(packing.count), coloring(packing, color_by), window, turn=turn, legend=legend)
 
@@ -85,7 +87,7 @@ def picture_cut(
     Raises
     ------
     InputError
-        If `color_by` is unknown, or it is "force" and no forces are known.
+        If `color_by` is unknown, or it is "force" or "residual" and no forces are known.
     """
     middle = packing.container.bounds.mean(axis=0)
     near = (packing.position[:, 0] > middle[0]) & (packing.position[:, 1] < middle[1])
@@ -110,22 +112,25 @@ def picture_grain(shape: Shape, *, window: tuple[int, int] = (400, 300), spheres
     surface neither voxels nor a clump. The window of each is in pixels; `spheres` is the largest number of spheres of
     the clump.
     """
-    flat = shape.dimension == 2
     pictures = {}
-    names = ["surface", "points"] if shape.is_open else ["surface", "voxels", "points", "clump"]
-    for name in names[: 3 if flat else None]:
+    for name, draw in drawings_of(shape, spheres).items():
         with stage_of(window) as stage:
-            if name == "surface":
-                stage.add_mesh(surface_of(shape), color=GRAIN_COLOR, **SMOOTH)
-            elif name == "voxels":
-                _add_voxels(stage, shape)
-            elif name == "points":
-                _add_points(stage, shape)
-            else:
-                _add_clump(stage, shape, spheres)
-            look_at(stage, 1.06 * shape.vertices, flat=flat)
+            draw(stage)
+            look_at(stage, 1.06 * shape.vertices, flat=shape.dimension == 2)
             pictures[name] = shot(stage)
     return pictures
+
+
+def drawings_of(shape: Shape, spheres: int = 30) -> dict[str, Callable[[Any], Any]]:
+    """Return the functions that draw a shape on a stage, by what they draw, as :func:`picture_grain` says."""
+    made: dict[str, Callable[[Any], Any]] = {
+        "surface": lambda stage: stage.add_mesh(surface_of(shape), color=GRAIN_COLOR, **SMOOTH),
+        "voxels": partial(_add_voxels, shape=shape),
+        "points": partial(_add_points, shape=shape),
+        "clump": partial(_add_clump, shape=shape, spheres=spheres),
+    }
+    absent = {"voxels", "clump"} if shape.is_open else {"clump"} if shape.dimension == 2 else set()
+    return {name: draw for name, draw in made.items() if name not in absent}
 
 
 def _picture(
@@ -150,7 +155,7 @@ def _picture(
         return shot(stage)
 
 
-def add_grains(stage: Any, packing: Packing, grains: Integers, colors: Coloring) -> None:
+def add_grains(stage: Any, packing: Packing, grains: Integers, colors: Coloring, triangles: int | None = None) -> None:
     """Draw some grains of a packing: as surfaces, or as shaded points where there are very many spheres."""
     low, high = colors.limits
     round_ones = np.array([*(shape.is_sphere and shape.dimension == 3 for shape in packing.shapes), False])
@@ -158,15 +163,15 @@ def add_grains(stage: Any, packing: Packing, grains: Integers, colors: Coloring)
     as_points = grains[spheres] if spheres.sum() > MOST_SPHERES else grains[:0]
     as_meshes = np.setdiff1d(grains, as_points)
     if len(as_meshes):
-        _add_meshes(stage, packing, as_meshes, colors)
+        _add_meshes(stage, packing, as_meshes, colors, picture_faces(packing, triangles))
     if len(as_points):
         shades = load("matplotlib").colormaps[COLORS]((colors.values[as_points] - low) / (high - low))[:, :3]
         add_spheres(stage, packing.position[as_points], packing.bounding_radii[as_points], shades)
 
 
-def _add_meshes(stage: Any, packing: Packing, grains: Integers, colors: Coloring) -> None:
+def _add_meshes(stage: Any, packing: Packing, grains: Integers, colors: Coloring, most: int) -> None:
     """Draw grains as surfaces, flat ones with outlines."""
-    most, many, flat = picture_faces(packing), len(grains) > FLAT_LIMIT, packing.dimension == 2
+    many, flat = len(grains) > FLAT_LIMIT, packing.dimension == 2
     bodies = [drawn_surface(shape, most) for shape in packing.shapes]
     if not many:
         bodies = [creased(shape, *body) for shape, body in zip(packing.shapes, bodies, strict=True)]

@@ -20,6 +20,7 @@ from voxgran.report.stage import check_picture_path
 SLICES = 6
 #: colours of outlines: of grains, of pairs that may be one, of grains that may be several
 GRAIN, ONE, SEVERAL = DISTINCT[5], DISTINCT[3], DISTINCT[1]
+WORDS = {GRAIN: "grain", ONE: "perhaps one grain with a neighbour", SEVERAL: "perhaps several grains"}
 
 
 @explained(hint='save_slices(segment(image), "slices.png", image=image)')
@@ -73,11 +74,7 @@ def save_slices(
             f"image has shape {grey.shape} and type {grey.dtype}: it must have the shape {labels.shape} of the labels "
             "and hold grey values"
         )
-    grain, other = (segmentation.suspects[name].values for name in ("grain", "other"))
-    kinds = np.zeros(segmentation.grains + 1, dtype=np.int64)
-    kinds[1:] = 1
-    kinds[np.concatenate([grain[grain != other], other[grain != other]])] = 2
-    kinds[grain[grain == other]] = 3
+    kinds = kinds_of(segmentation)
     low, high = float(grey.min()), float(grey.max())
     figure = load("matplotlib.figure").Figure(figsize=(13.5, 9.6), layout="constrained")
     edges = segmentation.voxel_size or (1.0, 1.0, 1.0)
@@ -89,15 +86,24 @@ def save_slices(
     chosen = _slices(np.asarray(suspect.sum(axis=(0, 1))))
     for panel, k in zip(figure.subplots(2, SLICES // 2).ravel(), chosen, strict=True):
         shades = (np.asarray(grey[:, :, k], dtype=np.float64) - low) / (high - low or 1.0)
-        picture = _outlined(shades, np.asarray(labels[:, :, k]), kinds)
+        picture = outlined(shades, np.asarray(labels[:, :, k]), kinds)
         panel.imshow(picture.transpose(1, 0, 2), origin="lower", extent=extent, interpolation="nearest")
         panel.set(title=f"z = {(k + 0.5) * edges[2]:.4g}", xlabel=f"x, {unit}")
-    words = {GRAIN: "grain", ONE: "perhaps one grain with a neighbour", SEVERAL: "perhaps several grains"}
     lines = load("matplotlib.lines")
-    keys: list[Any] = [lines.Line2D([], [], color=color, linewidth=3, label=word) for color, word in words.items()]
+    keys: list[Any] = [lines.Line2D([], [], color=color, linewidth=3, label=word) for color, word in WORDS.items()]
     figure.legend(handles=keys, loc="outside lower center", ncols=3, frameon=False)
     with written_whole(path, overwrite=overwrite) as draft:
         figure.savefig(draft, format="png", dpi=110)
+
+
+def kinds_of(segmentation: Segmentation) -> Integers:
+    """Return what each label is, (n + 1,): 0 void, 1 a grain, 2 one of a pair that may be one, 3 perhaps several."""
+    grain, other = (segmentation.suspects[name].values for name in ("grain", "other"))
+    kinds = np.zeros(segmentation.grains + 1, dtype=np.int64)
+    kinds[1:] = 1
+    kinds[np.concatenate([grain[grain != other], other[grain != other]])] = 2
+    kinds[grain[grain == other]] = 3
+    return kinds
 
 
 def _slices(suspect: Integers) -> list[int]:
@@ -110,8 +116,10 @@ def _slices(suspect: Integers) -> list[int]:
     return found
 
 
-def _outlined(shades: Floats, labels: Integers, kinds: Integers) -> Floats:
-    """Return a slice (nx, ny, 3) with the outermost voxels of each grain in the colour of its kind."""
+def outlined(shades: Floats, labels: Integers, kinds: Integers) -> Floats:
+    """Return a slice (nx, ny, 3) of shades from 0 to 1 with the outermost voxels of each grain in the colour of its
+    kind.
+    """
     colors = load("matplotlib.colors").to_rgb
     edge = np.zeros(labels.shape, dtype=bool)
     for axis in (0, 1):

@@ -3,7 +3,7 @@
 import contextlib
 import io
 import os
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator, Sequence
 from typing import Any, TypeAlias
 
 import numpy as np
@@ -97,6 +97,44 @@ def look_at(stage: Any, points: Floats, *, flat: bool = False, turn: float = 0.0
     stage.camera_set = True
 
 
+def keep_written(stage: Any, write: Callable[[], None]) -> None:
+    """Have labels written before a rendering where the window, the camera or what is drawn are others than before."""
+    seen: tuple[Any, ...] = ()
+    labels: list[str] = []
+
+    def renew(*_: Any) -> None:
+        nonlocal seen, labels
+        others = set(stage.actors) - set(labels)
+        now = (*stage.window_size, stage.camera.parallel_scale, others)
+        if now == seen and set(labels) <= set(stage.actors):
+            return
+        # what is added is not rendered by itself
+        seen, stage.suppress_rendering, before = now, True, stage.suppress_rendering
+        stage.remove_actor(labels, render=False)
+        write()
+        labels = [name for name in stage.actors if name not in others]
+        stage.suppress_rendering = before
+
+    stage.render_window.AddObserver("StartEvent", renew)
+
+
+def cut_beyond(stage: Any, bounds: Floats, shares: Sequence[float]) -> None:
+    """Cut what lies beyond planes across the axes, at shares of a box with bounds (2, 3); none is drawn at share 1."""
+    low, high = bounds
+    kinds = load("vtkmodules.vtkCommonDataModel")
+    planes = kinds.vtkPlaneCollection()
+    for axis, share in enumerate(shares[: len(low)]):
+        if share < 1:
+            plane = kinds.vtkPlane()
+            plane.SetOrigin(*((low + share * (high - low)) * np.eye(3)[axis]))
+            plane.SetNormal(*-np.eye(3)[axis])
+            planes.AddItem(plane)
+    for actor in stage.renderer.actors.values():
+        mapper: Any = getattr(actor, "mapper", None)
+        if hasattr(mapper, "SetClippingPlanes"):
+            mapper.SetClippingPlanes(planes)
+
+
 def view_axes(*, flat: bool = False, turn: float = 0.0) -> Floats:
     """Return the directions to the right, upward and to the camera as rows, (3, 3); the angle is in degrees."""
     toward = np.array((0.0, 0.0, 1.0) if flat else _VIEW)
@@ -111,6 +149,7 @@ def view_axes(*, flat: bool = False, turn: float = 0.0) -> Floats:
 
 def shot(stage: Any) -> Picture:
     """Return the rendered picture, (height, width, 3)."""
+    stage.suppress_rendering = False
     stage.renderer.reset_camera_clipping_range()
     stage.render()
     image: Picture = np.ascontiguousarray(stage.screenshot(None, return_img=True)[:, :, :3])

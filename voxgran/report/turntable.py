@@ -44,7 +44,7 @@ def save_turntable(
         File to write, ``.gif``.
     frames : int
         Number of frames per turn.
-    color_by : {"diameter", "height", "shape", "density", "coordination", "distance", "force"}
+    color_by : {"diameter", "height", "shape", "density", "coordination", "distance", "force", "residual"}
         Quantity shown by the colours.
     window : tuple of int
         Width and height, in pixels.
@@ -58,7 +58,8 @@ def save_turntable(
     Raises
     ------
     InputError
-        If the number of frames is below 1, `color_by` is unknown, or it is "force" and no forces are known.
+        If the number of frames is below 1, `color_by` is unknown, or it is "force" or "residual" and no forces
+        are known.
     FileFormatError
         If the suffix is not ``.gif``.
     OutputExistsError

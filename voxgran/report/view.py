@@ -23,7 +23,7 @@ from voxgran._base.lazy import load
 from voxgran.containers.model import Container
 from voxgran.measures.registered.coordination import touching_contacts
 from voxgran.packing.model import Packing
-from voxgran.report.colors import COLOR_BY, coloring, gradient
+from voxgran.report.colors import coloring, colors_of, gradient
 from voxgran.report.creases import creased
 from voxgran.report.facts import shape_names
 from voxgran.report.scenes import drawn_surface
@@ -125,8 +125,7 @@ def view_data(packing: Packing, shown: Integers, most: int) -> tuple[dict[str, A
     bodies = [creased(packing.shapes[s], *drawn_surface(packing.shapes[s], most)) for s in used]
     reach = np.array([np.abs(vertices).max() for vertices, _ in bodies])
     whole = [np.round(vertices / r * WHOLE) for (vertices, _), r in zip(bodies, reach, strict=True)]
-    known = {"force": packing.forces is not None, "density": isinstance(packing.density, tuple)}
-    shades = [name for name in COLOR_BY if known.get(name, True)]
+    shades = colors_of(packing)
     # fixed grains have values like all others here: it has no colour for grains without one; a copy finds contacts anew
     free = packing if packing.fixed is None else replace(packing, fixed=None)
     colors = [coloring(free, name) for name in shades]

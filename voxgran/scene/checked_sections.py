@@ -49,3 +49,13 @@ def with_file(mapping: Mapping[str, Any], folder: Path) -> dict[str, Any]:
     if "file" in made:
         made["file"] = str(folder / str(made["file"]))
     return made
+
+
+def located(value: Any, folder: Path) -> Any:
+    """Return a scene, or a value in it, with whole paths of the files that it names, so that it holds in any folder."""
+    if isinstance(value, Mapping):
+        return {name: located(inner, folder) for name, inner in value.items()}
+    if isinstance(value, list | tuple):
+        return [located(inner, folder) for inner in value]
+    named = isinstance(value, str) and Path(value).suffix and (folder / value).is_file()
+    return str((folder / value).resolve()) if named else value

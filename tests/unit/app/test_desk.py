@@ -1,5 +1,6 @@
 """The desk of the app: errors stand at their section, runs are a queue, and give the bits of the prompt."""
 
+import dataclasses
 import io
 import time
 import zipfile
@@ -11,9 +12,10 @@ import pyvista as pv
 import voxgran as vg
 from voxgran._base.errors import InputError, VoxgranError
 from voxgran.app.desk import Desk
-from voxgran.app.look import Look, colors_of, numbers_of
 from voxgran.app.runs import Queue, Watcher, toml_of
 from voxgran.cli import main
+from voxgran.report.colors import colors_of
+from voxgran.report.figures import figures_of
 from voxgran.scene.description import read_toml
 
 pytest.importorskip("tomli_w")
@@ -67,8 +69,32 @@ def test_the_plan_or_the_sentence_of_an_error_beside_its_section(desk):
     desk.examine()
     assert "[packing]" in desk.error
     assert "count" in desk.error
-    assert {desk.forms[int(k)]["name"] for k in desk.errors} == {"packing"}
+    (at,) = (k for k, form in enumerate(desk.forms) if form["name"] == "packing")
+    assert desk.errors == {str(at): desk.error, f"{at}.count": desk.error}
     assert not desk.plan
+    assert field(desk, "packing", "count")["text"] == "sixty"
+
+
+@pytest.mark.parametrize(
+    ("section", "kind", "name", "text"),
+    [
+        ("packing", "rsa", "solid_fraction", "2"),
+        ("container", "box", "lengths", "[4, 4]"),
+        ("material", "", "friction", "-1"),
+        ("shape", "ellipsoid", "", ""),
+    ],
+)
+def test_each_sentence_stands_beside_what_it_is_about(desk, section, kind, name, text):
+    (at,) = (k for k, form in enumerate(desk.forms) if form["name"] == section)
+    desk.forms[at]["on"], desk.forms[at]["kind"] = True, kind
+    desk.refresh()
+    if name:
+        field(desk, section, name)["text"] = text
+    else:
+        field(desk, section, desk.forms[at]["fields"][0]["name"])["text"] = "-1"
+    desk.examine()
+    assert desk.errors[str(at)] == desk.error
+    assert not name or desk.errors[f"{at}.{name}"] == desk.error
 
 
 def test_a_kind_brings_its_fields_and_keeps_what_they_share(desk):
@@ -86,26 +112,70 @@ def test_a_kind_brings_its_fields_and_keeps_what_they_share(desk):
 def test_a_run_has_the_bits_of_the_prompt_with_the_scene_that_is_taken_away(desk, tmp_path):
     run = waited(desk.queue, desk.run(), {"done", "failed"})
     assert run.state == "done", run.error
-    desk.open(run.number)
+    desk.look.show(desk.open(run.number))
     (tmp_path / "scene.toml").write_bytes(desk.file("scene.toml"))
     assert main(["run", str(tmp_path / "scene.toml"), "-o", str(tmp_path / "out"), "--quiet"]) in (0, None)
     assert same(run.packing, tmp_path / "out" / "packing.vtp")
     assert (tmp_path / "out" / "packing.vtp").exists()
     assert desk.file("packing.vtp")
     assert [lamp["ok"] for lamp in desk.lamps] == [True]
-    with pytest.raises(InputError, match=r"report\.html"):
-        desk.file("report.html")
-    exec(desk.python().replace("'out'", repr(str(tmp_path / "python"))), {})
+    # what the run has not left is made of it
+    assert b"<html" in desk.file("report.html")
+    (tmp_path / "taken.nc").write_bytes(desk.file("statistics.nc"))
+    assert "mean_coordination_number" in vg.load_statistics(tmp_path / "taken.nc")
+    assert desk.file("picture.png").startswith(b"\x89PNG")
+    assert {fact["label"] for fact in desk.results} >= {"grains", "solid fraction", "coordination number"}
+    found = figures_of(desk.look.packing, desk.statistics)
+    assert [figure["svg"] for figure in desk.figures()] == [figure.svg for figure in found]
+    exec(desk.file("scene.py").decode().replace("'out'", repr(str(tmp_path / "python"))), {})
     assert same(run.packing, tmp_path / "python" / "packing.vtp")
     # the view
-    assert "force" not in colors_of(desk.look.packing)
     for name in colors_of(desk.look.packing):
         desk.look.show(desk.look.packing, color_by=name)
     desk.look.cut((0.5, 1, 1))
-    assert numbers_of(desk.look.packing, 0)["shape"] == "sphere"
-    # input of an engine
-    names = zipfile.ZipFile(io.BytesIO(desk.file("lammps.zip"))).namelist()
-    assert any(name.startswith("in.") or name.endswith(".in") for name in names)
+
+
+def opened(desk, packing):
+    """Show a packing as that of a run, which is not computed."""
+    run = desk.run()
+    run.folder.mkdir()
+    vg.save(packing, run.packing)
+    desk.open(run.number)
+    return run
+
+
+def test_input_of_an_engine_has_the_material_that_the_forms_have_now(desk, bed):
+    opened(desk, bed)
+
+    def taken():
+        with zipfile.ZipFile(io.BytesIO(desk.file("lammps.zip"))) as archive:
+            return b"".join(archive.read(name) for name in sorted(archive.namelist()) if name.endswith(".in"))
+
+    before = taken()
+    next(form for form in desk.forms if form["name"] == "material")["on"] = True
+    desk.refresh()
+    field(desk, "material", "law")["text"], field(desk, "material", "young_modulus")["text"] = "hertz", "1e9"
+    assert b"hertz" not in before
+    assert b"hertz" in taken()
+
+
+def test_a_scene_names_its_files_wherever_it_lies(tmp_path, bed):
+    rock = vg.shapes.sphere()
+    pv.PolyData.from_regular_faces(rock.vertices, rock.faces).save(tmp_path / "rock.stl")
+    desk = Desk({**SPHERES, "shape": [{"file": "rock.stl"}]}, tmp_path / "runs", tmp_path)
+    run = opened(desk, bed)
+    # a scene in the folder of the runs, and Python in any
+    for text in (read_toml(run.folder.with_suffix(".toml")), desk.file("scene.py").decode()):
+        assert str((tmp_path / "rock.stl").resolve()) in str(text)
+    assert vg.Scene.from_toml(run.folder.with_suffix(".toml")).plan().grains == 12
+    desk.look.stage.close()
+
+
+def test_the_lamp_of_a_specimen_under_a_stress_is_lit(desk, bed):
+    for reason, lit in (("compressed", True), ("settled", True), ("steps", False)):
+        opened(desk, dataclasses.replace(bed, stop_reason=reason))
+        assert [lamp["ok"] for lamp in desk.lamps] == [True, lit]
+    assert "rest" in desk.lamps[1]["text"]
 
 
 def test_runs_wait_for_each_other_fail_alone_and_leave_the_forms(desk):
@@ -193,7 +263,9 @@ def test_the_curve_of_sizes_is_drawn(desk):
     field(desk, "sizes", "passing")["text"] = "0\n0.5\n1"
     desk.examine()
     assert not desk.error
-    assert desk.curve.startswith("data:image/png;base64,")
+    assert desk.curve.startswith("<svg")
+    assert "D50" in desk.held
+    assert "grains follow the curve to 0.05" in desk.held
 
 
 def test_a_watcher_writes_grains_once_in_a_while(tmp_path):
@@ -206,26 +278,3 @@ def test_a_watcher_writes_grains_once_in_a_while(tmp_path):
     assert vg.load(watcher.path).count <= 60
     # the next is due a second later
     assert watcher.due(5) > 1e9
-
-
-def test_a_grain_is_picked_in_the_picture():
-    look = Look()
-    shapes, place = [vg.make_shape("box"), vg.make_shape("sphere")], [[0.5, 0.5, 0.5], [2.5, 0.5, 0.5]]
-    packing = vg.Packing.of(shapes, vg.Box((3, 1, 1)), position=place, shape_id=[0, 1])
-    look.show(packing)
-    look.stage.render()
-    wide, high = look.stage.window_size
-    for grain, point in enumerate(place):
-        look.stage.renderer.SetWorldPoint(*point, 1)
-        look.stage.renderer.WorldToDisplay()
-        x, y, _ = look.stage.renderer.GetDisplayPoint()
-        assert look.grain_at(x / wide, 1 - y / high) == grain
-    assert look.grain_at(0.001, 0.001) is None
-    look.stage.close()
-
-
-def test_shapes_are_shown_in_a_row():
-    look = Look()
-    look.show_shapes([vg.shapes.sphere(), vg.shapes.box()])
-    assert len(look.stage.renderer.actors) == 2
-    look.stage.close()

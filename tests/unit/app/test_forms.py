@@ -55,11 +55,32 @@ def test_a_text_that_is_no_toml_is_a_word():
         ("0.1\t0.2\t0.4", [0.1, 0.2, 0.4]),
         ("1\t2\n3\t4", [[1, 2], [3, 4]]),
         ("0.5", 0.5),
+        ("0,5", 0.5),
         ("[1, 2]", [1, 2]),
+        ("1,2,3", [1, 2, 3]),
+        ("0.063,12.5\n2,100", [[0.063, 12.5], [2, 100]]),
+        ("opening\tpassing\n0,063\t12,5 %\n2\t100 %", [[0.063, 12.5], [2, 100]]),
+        ("opening;passing\n0,063;12,5\n2;100", [[0.063, 12.5], [2, 100]]),
+        ("one\ntwo", "one\ntwo"),
     ],
 )
 def test_columns_of_a_spreadsheet_are_pasted(text, value):
     assert forms.value_of({"text": text, "word": False}) == value
+
+
+def test_the_columns_of_a_pasted_table_go_to_fields_of_their_own():
+    form = next(form for form in forms.forms_of({"sizes": {"kind": "sieve"}}) if form["name"] == "sizes")
+    fields = {field["name"]: field for field in form["fields"]}
+    fields["openings"]["text"] = "opening\tpassing\n0,063\t12,5\n2\t100"
+    assert forms.spread(form)
+    assert forms.mapping_of([form])["sizes"] == {"kind": "sieve", "openings": [0.063, 2], "passing": [12.5, 100]}
+    assert not forms.spread(form)
+    # three columns have no room from the second field on, and the rows of other lists stay rows
+    fields["retained"]["text"] = "1\t2\n3\t4"
+    assert not forms.spread(form)
+    assert fields["openings"]["text"] == "0.063\n2.0"
+    fields["openings"]["text"] = "0,063\t12,5\n2"
+    assert not forms.spread(form)
 
 
 def kinds():

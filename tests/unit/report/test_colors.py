@@ -8,11 +8,11 @@ from PIL import Image
 
 import voxgran as vg
 from voxgran._base.errors import InputError, OutputExistsError
-from voxgran.report.closeup import picture_contacts
+from voxgran.report.closeup import closeups_of, numbers_of_grain, picture_contacts
 from voxgran.report.colors import coloring
 from voxgran.report.facts import shape_rows
 from voxgran.report.scenes import picture_packing
-from voxgran.report.stage import round_length
+from voxgran.report.stage import round_length, stage_of
 from voxgran.report.turntable import animated, save_turntable
 from voxgran.report.view import view_data
 
@@ -99,3 +99,26 @@ def test_a_turn_is_an_animated_picture(row, tmp_path):
     with Image.open(io.BytesIO(plain)) as picture:
         picture.seek(1)
         assert np.asarray(picture.convert("RGB")).min() > 250
+
+
+def test_a_grain_alone_is_turned_as_it_lies():
+    turn = (np.sqrt(0.5), 0.0, 0.0, np.sqrt(0.5))
+    rod = vg.make_shape("box", lengths=(3, 1, 1))
+    packing = vg.Packing.of([rod], vg.Box((9, 9, 9)), position=[(4, 5, 6)], orientation=[turn], scale=[2.0])
+    for name, draw in closeups_of(packing, 0).items():
+        with stage_of(WINDOW) as stage:
+            corners = draw(stage)
+            low, high = np.reshape(stage.bounds, (3, 2)).T
+        # a body of 6 x 2 x 2, along y
+        size = 2 * np.ptp(rod.vertices, axis=0)[[1, 0, 2]]
+        assert np.ptp(corners, axis=0) == pytest.approx(size), name
+        assert high - low == pytest.approx(size, abs=0.25 * size.min()), name
+        assert (low + high) / 2 == pytest.approx([4, 5, 6], abs=0.1), name
+
+
+def test_the_numbers_of_a_grain_are_those_of_its_colours(row):
+    told = {fact.label: fact.value for fact in numbers_of_grain(row, 1)}
+    assert told["grain"] == "1"
+    assert told["coordination number"] == f"{coloring(row, 'coordination').values[1]:g}"
+    assert told["number of the shape"].endswith("sphere")
+    assert told["sphericity"] == "1"

@@ -13,12 +13,13 @@ from voxgran._base.errors import InputError
 from voxgran._base.seeds import stream
 from voxgran.contacts.forces import ContactForces
 from voxgran.report import facts
-from voxgran.report.colors import coloring
+from voxgran.report.colors import coloring, colors_of
 from voxgran.report.figures import figures_of
-from voxgran.report.force_chains import picture_forces, tubes
+from voxgran.report.force_chains import ROD, add_contacts, picture_forces, tubes
 from voxgran.report.page import save_report
 from voxgran.report.plots import plot_forces
 from voxgran.report.scenes import picture_packing
+from voxgran.report.stage import stage_of
 from voxgran.shapes.mesh import Mesh
 
 WINDOW = (240, 240)
@@ -89,6 +90,25 @@ def test_grains_are_coloured_by_their_largest_force(pair):
     for packing in (replace(pair, forces=None), pair[:0]):
         with pytest.raises(InputError, match="forces of the packing are None"):
             coloring(packing, "force")
+
+
+def test_grains_are_coloured_by_their_residual(pair):
+    found = coloring(pair, "residual")
+    assert found.values.tolist() == [0.0, 0.6]
+    assert found.title == "residual (weights of the grain)"
+    assert colors_of(pair)[-2:] == ["force", "residual"]
+    assert not {"force", "residual", "density"} & set(colors_of(replace(pair, forces=None)))
+
+
+def test_rods_join_the_centroids_of_grains_that_touch():
+    cell = vg.Packing.of([vg.shapes.sphere()], vg.Box((2, 5, 5), periodic="x"), position=[(0.5, 2, 2), (1.5, 2, 2)])
+    with stage_of(WINDOW) as stage:
+        add_contacts(stage, cell)
+        (rods,) = (actor.mapper.dataset for actor in stage.actors.values())
+    # one between the two, and one through the periodic side
+    assert rods.split_bodies().n_blocks == 2
+    assert np.ptp(np.reshape(rods.bounds, (3, 2))[0]) == pytest.approx(2.0)
+    assert np.ptp(np.reshape(rods.bounds, (3, 2))[1:], axis=1) == pytest.approx(2 * ROD, rel=0.06)
 
 
 def test_a_page_shows_the_chains(pair, tmp_path):

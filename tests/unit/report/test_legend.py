@@ -12,7 +12,7 @@ from voxgran.report.facts import headline
 from voxgran.report.figures import curves_of, figures_of
 from voxgran.report.legend import LEFT, RIGHT, TICKS, legend_of
 from voxgran.report.scenes import picture_cut, picture_packing
-from voxgran.report.stage import text_size, text_width
+from voxgran.report.stage import add_container, add_scale_bar, keep_written, shot, stage_of, text_size, text_width
 
 WINDOW = (320, 300)
 ENDS = [np.round(255 * np.array(colormaps["viridis"](end)[:3])) for end in (0.0, 1.0)]
@@ -138,3 +138,22 @@ def test_the_page_of_two_densities_has_their_segregation_and_the_mass_density_al
     tree = vg.measure(same, ["segregation", "profile"])
     assert "density segregation" not in [fact.label for fact in headline(same, tree, None)]
     assert not any("mass" in name for _, name in curves_of(same, tree))
+
+
+def test_labels_are_written_anew_where_the_scene_is_another_one(two):
+    written = []
+    with stage_of(WINDOW) as stage:
+        add_container(stage, two.container)
+        keep_written(stage, lambda: (written.append(1), add_scale_bar(stage, "mm")))
+        for change, anew in (
+            (lambda: None, True),
+            (lambda: None, False),
+            (lambda: stage.add_mesh(two.to_pyvista()), True),
+            (lambda: setattr(stage.camera, "parallel_scale", 2.0), True),
+            (lambda: stage.clear_actors(), True),
+        ):
+            before = len(written)
+            change()
+            shot(stage)
+            assert (len(written) > before) == anew
+        assert sum(hasattr(actor, "GetInput") for actor in stage.actors.values()) == 1

@@ -7,7 +7,7 @@ from PIL import Image
 
 import voxgran as vg
 from voxgran._base.errors import FileFormatError, InputError, OutputExistsError
-from voxgran.report.slices import GRAIN, ONE, SEVERAL, _outlined, _slices
+from voxgran.report.slices import GRAIN, ONE, SEVERAL, _slices, outlined
 
 pytest.importorskip("skimage")
 
@@ -15,7 +15,7 @@ pytest.importorskip("skimage")
 def test_outlines_lie_on_the_outermost_voxels_in_the_colour_of_the_grain():
     labels = np.zeros((7, 5), dtype=np.int64)
     labels[1:4, 1:4], labels[4:6, 1:4] = 1, 2
-    picture = _outlined(np.zeros((7, 5)), labels, np.array([0, 1, 3]))
+    picture = outlined(np.zeros((7, 5)), labels, np.array([0, 1, 3]))
     first = (np.abs(picture - to_rgb(GRAIN)).max(axis=2) == 0) & (labels == 1)
     assert first.sum() == 8
     assert not first[2, 2]

@@ -130,8 +130,8 @@ def test_force_is_a_colour_where_it_is_known(flat):
         rattler=[False] * 3,
     )  # fmt: skip
     head, arrays = unpacked(view.views_of({"": dataclasses.replace(flat, forces=forces)})["packings"][0].data)
-    assert head["colors"][-1]["name"] == "force"
-    assert arrays["values"][-1].tolist() == [2, 0, 0]
+    assert [color["name"] for color in head["colors"][-2:]] == ["force", "residual"]
+    assert arrays["values"][-2:].tolist() == [[2, 0, 0], [0, 0, 0]]
 
 
 def test_flat_packings_lie_in_the_plane(flat):

@@ -62,6 +62,33 @@ def read_table(path: str) -> Any:
         return table
 
 
+def rows_in(text: str) -> list[Any] | None:
+    """Return the numbers of a column or a row, or the rows of several columns, that were copied from a spreadsheet.
+
+    Columns are separated by tabs, blanks or semicolons. Commas are decimal signs, but where there are points, or
+    several of them in a word: there they separate numbers. The first row may name the columns, and percent signs are
+    left out. None where something is no number, and of one number that is written as everywhere.
+    """
+    rows = [_numbers(row.replace(",", " ") if "." in text else row) for row in text.splitlines() if row.strip()]
+    if len(rows) > 1 and rows[0] is None:
+        del rows[0]
+    numbers = [row for row in rows if row is not None]
+    if len(numbers) < len(rows) or sum(map(len, numbers)) < (1 if "," in text else 2):
+        return None
+    single = len(numbers) == 1 or all(len(row) == 1 for row in numbers)
+    return [value for row in numbers for value in row] if single else numbers
+
+
+def _numbers(row: str) -> list[float] | None:
+    """Return the numbers of a row, with points or commas as decimal signs; None where a word is no number."""
+    words = row.replace(";", " ").replace("%", " ").split()
+    words = words[0].split(",") if len(words) == 1 and words[0].count(",") > 1 else words
+    try:
+        return [float(word.replace(",", ".")) for word in words]
+    except ValueError:
+        return None
+
+
 def told_columns(table: Any) -> str:
     """Return the names of the first columns of a table as a message lists them."""
     names = [shown(name) for name in table.keys()]  # noqa: SIM118  (a DataFrame has keys, too)
