@@ -73,6 +73,8 @@ bench: demo $(STAMP) $(ENGINES)/.ok   ## run time against error of voxelization,
 	$(BIN)/voxgran bench labels -o docs/figures
 	$(BIN)/voxgran bench rsa_shapes -o docs/figures
 	$(BIN)/voxgran bench front -o docs/figures
+	$(BIN)/voxgran bench scale -o docs/figures
+	$(BIN)/voxgran bench twins -o docs/figures
 	$(BIN)/voxgran bench spheres -o docs/figures
 	$(BIN)/voxgran bench jamming -o docs/figures
 	$(BIN)/voxgran bench exponents -o docs/figures
@@ -130,6 +132,11 @@ figures: demo bench   ## the pictures of README and docs
 	cp out/clump_methods/clump_methods.png docs/figures/clump_methods.png
 	$(BIN)/python examples/settled_bed.py out/settled_bed
 	cp out/settled_bed/settled_bed.png docs/figures/settled_bed.png
+	$(BIN)/voxgran report out/settled_bed/poured.vtp -o out/settled_bed/report.html --overwrite
+	chromium --headless=new --no-sandbox --hide-scrollbars --window-size=1200,1140 \
+	  --screenshot=docs/figures/report.png "file://$(CURDIR)/out/settled_bed/report.html"
+	$(BIN)/python examples/scan_to_shape.py out/scan_to_shape
+	cp out/scan_to_shape/scan_to_shape.png docs/figures/scan_to_shape.png
 	$(BIN)/python examples/checked_beds.py out/checked_beds
 	cp out/checked_beds/checked_beds.png docs/figures/checked_beds.png
 	$(BIN)/python examples/fall_height.py out/fall_height
@@ -138,6 +145,8 @@ figures: demo bench   ## the pictures of README and docs
 	cp out/compressed_specimen/compressed_specimen.png docs/figures/compressed_specimen.png
 	$(BIN)/python examples/initial_states.py out/initial_states
 	cp out/initial_states/initial_states.png docs/figures/initial_states.png
+	$(BIN)/python examples/containers.py out/containers
+	cp out/containers/containers.png docs/figures/containers.png
 	$(BIN)/python examples/shapes_polyhedra.py out/shapes_polyhedra
 	cp out/shapes_polyhedra/shapes_polyhedra.png docs/figures/shapes_polyhedra.png
 	$(BIN)/python examples/scan_to_packing.py out/scan_to_packing

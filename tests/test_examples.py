@@ -462,6 +462,13 @@ def test_initial_states(tmp_path, capsys, monkeypatch):
 
 
 @pytest.mark.slow
+def test_containers(tmp_path, capsys, monkeypatch):
+    text = printed("containers.py", capsys, monkeypatch, str(tmp_path), "20")
+    assert text.count(" 20 grains  verified True") == 8
+    assert (tmp_path / "containers.png").exists()
+
+
+@pytest.mark.slow
 def test_fit_clump(tmp_path, capsys, monkeypatch):
     text = printed("fit_clump.py", capsys, monkeypatch, str(tmp_path))
     overlaps = [float(value) for value in re.findall(r"overlap ([\d.]+)", text)]

@@ -137,11 +137,36 @@ if ! is_whole; then
     fi
 fi
 
-say "installing voxgran and what it needs into $venv (about 2 GB, some minutes)"
-if [ -n "$uv" ]; then
-    "$uv" pip install --quiet --python "$venv/bin/python" --editable '.[dev]'
-else
-    "$venv/bin/python" -m pip install --quiet --no-compile --disable-pip-version-check --editable '.[dev]'
-fi
+# Install into the environment.
+install() {
+    if [ -n "$uv" ]; then
+        "$uv" pip install --quiet --python "$venv/bin/python" "$@"
+    else
+        "$venv/bin/python" -m pip install --quiet --no-compile --disable-pip-version-check "$@"
+    fi
+}
+
+# The requirements of pyproject.toml that kernels are compiled with, one a line: all but the large ones.
+light_requirements() {
+    "$python" - <<'PYTHON'
+import re
+import tomllib
+
+LARGE = {"open3d", "pyvista", "vtk", "meshio", "plotly", "matplotlib", "contourpy"}
+with open("pyproject.toml", "rb") as file:
+    needed = tomllib.load(file)["project"]["dependencies"]
+print(*(line for line in needed if re.split(r"[^\w-]", line)[0] not in LARGE), sep="\n")
+PYTHON
+}
+
+say "installing voxgran and what it needs into $venv (about 2 GB, some minutes); kernels are compiled meanwhile"
+mapfile -t light < <(light_requirements)
+install "${light[@]}"
+install --no-deps --editable .
+"$venv/bin/voxgran" doctor --warm &
+compiling=$!
+trap 'kill "$compiling" 2>/dev/null || true' EXIT
+install --editable '.[dev]'
+wait "$compiling" || say "kernels are compiled when they are first called"
 touch "$venv/.ok"
 say "ready"

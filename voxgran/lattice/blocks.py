@@ -259,7 +259,7 @@ def in_parts(function: Callable[..., Any], shape: Sequence[int], block: Sequence
 
 
 def window(values: Any, lower: NDArray[Any], upper: NDArray[Any], purpose: str) -> NDArray[Any]:
-    """Return the part of an image in a box, in memory.
+    """Return the part of an image in a box, in memory; across the ends of an axis the image repeats.
 
     Raises
     ------
@@ -271,5 +271,10 @@ def window(values: Any, lower: NDArray[Any], upper: NDArray[Any], purpose: str) 
             f"{purpose} spans {' x '.join(map(str, (upper - lower).tolist()))} voxels: they are more than the memory; "
             "take larger voxels"
         )
-    box = tuple(slice(int(low), int(high)) for low, high in zip(lower, upper, strict=True))
-    return np.asarray(values[box])
+    for axis, (low, high) in enumerate(zip(lower.tolist(), upper.tolist(), strict=True)):
+        n = values.shape[axis]
+        start, stop = low % n, low % n + high - low
+        ends = [(start, min(stop, n))] + ([(0, stop - n)] if stop > n else [])
+        parts = [values[(slice(None),) * axis + (slice(*end),)] for end in ends]
+        values = parts[0] if len(parts) == 1 else np.concatenate(parts, axis=axis)
+    return np.asarray(values)

@@ -6,7 +6,8 @@ doi:10.1007/BFb0056277) before it is smoothed. Beyond the border of the image li
 axes the other side of the image.
 
 A label may meet itself along an edge or in a corner. There its triangles get several vertices at the same point, one
-for each fan of triangles that go around it, so that the surface of each label is a closed manifold.
+for each fan of triangles that go around it, so that the surface of each label is a closed manifold. Voxels of a label
+that lie in different tiles (:mod:`voxgran.lattice.label_pieces`) are apart, with faces between them.
 """
 
 from collections.abc import Iterator
@@ -17,6 +18,7 @@ from numpy.typing import NDArray
 
 from voxgran._base.arrays import Booleans, Integers
 from voxgran._base.kernels import bare_kernel, inlined_kernel, kernel
+from voxgran.lattice.label_pieces import Tiles
 
 #: what lies beyond a border of the image that does not repeat
 BEYOND = -1
@@ -29,10 +31,10 @@ class Net(NamedTuple):
     """
 
     at: NDArray[np.int32]  # (n, 3) the corner of voxels that each point is; 1 to m along a periodic axis of m voxels
-    near: NDArray[np.int32]  # (n, 6) the next point along each half edge that lies in the net, else -1
+    near: NDArray[np.int32]  # (n, 6) the next point along each half edge between labels, else -1
     triple: NDArray[np.uint8]  # (n,) bits of the half edges where at least three labels meet
-    special: NDArray[np.int32]  # (n,) row in `blocks` where a label needs several vertices, else -1
-    blocks: NDArray[np.int32]  # (b, 8) labels of the eight voxels around these points
+    special: NDArray[np.int32]  # (n,) row in `blocks` where a label needs several vertices or has tiles, else -1
+    blocks: NDArray[np.int32]  # (b, 8) labels, or numbers of tiles, of the eight voxels around these points
     quad: NDArray[np.int32]  # (q, 4) points of each quadrangle
     axis: NDArray[np.uint8]  # (q,) axis that it is normal to
     side: NDArray[np.int32]  # (q, 2) labels below and above it
@@ -44,17 +46,19 @@ class Split(NamedTuple):
     sides: NDArray[np.uint32]  # (m,) 2 q + 0 for the lower or 1 for the upper side of quadrangle q
     first: Integers  # (labels + 2,) label k has the rows first[k] to first[k + 1] of them
     joined: Integers  # (b, 2) half edges, as bits, at which voxels of a label are joined, of each block
-    # (1 + points + 4 b, 2) the number of calls; the last call in which a point or fan had a vertex, and which
+    # (1 + points + 8 b, 2) the number of calls; the last call in which a point or fan had a vertex, and which
     stamp: NDArray[np.int32]
 
 
-def net_of(labels: NDArray[np.int32], wraps: Booleans) -> Net:
-    """Return the net of an (nx, ny, nz) image of labels above 0, 0 for void, which repeats along some axes."""
+def net_of(labels: NDArray[np.int32], tiles: Tiles) -> Net:
+    """Return the net of an (nx, ny, nz) image of labels above 0, or numbers of tiles, 0 for void."""
     crowded = np.array([_is_crowded(mask) for mask in range(256)])
-    quads = _count_quads(labels, wraps)
+    quads = _count_quads(labels, tiles.wraps, tiles.across)
     # at least three faces meet in each point; what is not written takes no memory
     net = Net(*_empty(4 * quads // 3, quads))
-    points, blocks = _fill_net(labels, wraps, crowded, net)
+    points, blocks = _fill_net(labels, tiles.wraps, tiles.across, tiles.label, tiles.labels, crowded, net)
+    if len(tiles.label) > tiles.labels + 1:
+        net.side[...] = np.where(net.side > 0, tiles.label[net.side], net.side)
     kept = {name: getattr(net, name)[:points] for name in ("at", "near", "triple", "special")}
     return net._replace(**kept, blocks=blocks)
 
@@ -62,17 +66,20 @@ def net_of(labels: NDArray[np.int32], wraps: Booleans) -> Net:
 def split_of(net: Net, labels: int) -> Split:
     """Return the sides of quadrangles of labels 1 ... `labels`."""
     joined = _joined_edges(net.special, net.blocks, net.near)
-    stamp = np.zeros((1 + len(net.at) + 4 * len(net.blocks), 2), dtype=np.int32)
+    stamp = np.zeros((1 + len(net.at) + 8 * len(net.blocks), 2), dtype=np.int32)
     sides, first = _sort_sides(net.side, labels)
     return Split(sides, first, joined, stamp)
 
 
-def triangles_of(net: Net, split: Split, label: int, crossed: Booleans) -> tuple[NDArray[np.int32], NDArray[np.int32]]:
-    """Return the triangles (m, 3) of a label, counterclockwise, and the points of the net of its vertices, (v,).
+def triangles_of(
+    net: Net, split: Split, label: int, crossed: Booleans
+) -> tuple[NDArray[np.int32], NDArray[np.int32], NDArray[np.int32]]:
+    """Return the triangles (m, 3) of a label, counterclockwise, the points of the net of its vertices, (v,), and the
+    label or tile that each vertex belongs to, (v,).
 
     `crossed`, (q,): quadrangles that are cut from point 1 to 3.
     """
-    made: tuple[NDArray[np.int32], NDArray[np.int32]] = _triangles(net, *split, label, crossed)
+    made: tuple[NDArray[np.int32], NDArray[np.int32], NDArray[np.int32]] = _triangles(net, *split, label, crossed)
     return made
 
 
@@ -173,34 +180,44 @@ def _is_crowded(mask):  # type: ignore[no-untyped-def]
 
 
 @bare_kernel
-def _fill_plane(labels, wraps, i, plane):  # type: ignore[no-untyped-def]
-    """Write plane i - 1 of the image with a layer of what lies around it."""
+def _beyond(wraps, across, axis, number):  # type: ignore[no-untyped-def]
+    """Return what lies beyond the end of an axis, of which the first voxel has a number."""
+    if not wraps[axis]:
+        return BEYOND
+    return across[axis, number] if number > 0 else number
+
+
+@bare_kernel
+def _fill_plane(labels, wraps, across, i, plane):  # type: ignore[no-untyped-def]
+    """Write plane i - 1 of the image with a layer of what lies around it; before the first voxel of a periodic axis,
+    where nothing is asked for, with what lies beyond others.
+    """
     nx, ny, nz = labels.shape
-    if not wraps[0] and (i == 0 or i == nx + 1):
+    if i == 0 or (i == nx + 1 and not wraps[0]):
         plane[:, :] = BEYOND
         return
-    image = labels[(i - 1 + nx) % nx]
+    image = labels[(i - 1) % nx]
     for j in range(1, ny + 1):
         for k in range(nz):
-            plane[j, k + 1] = image[j - 1, k]
-        plane[j, 0] = image[j - 1, nz - 1] if wraps[2] else BEYOND
-        plane[j, nz + 1] = image[j - 1, 0] if wraps[2] else BEYOND
+            plane[j, k + 1] = image[j - 1, k] if i <= nx else _beyond(wraps, across, 0, image[j - 1, k])
+        plane[j, 0] = BEYOND
+        plane[j, nz + 1] = _beyond(wraps, across, 2, plane[j, 1])
     for k in range(nz + 2):
-        plane[0, k] = plane[ny, k] if wraps[1] else BEYOND
-        plane[ny + 1, k] = plane[1, k] if wraps[1] else BEYOND
+        plane[0, k] = BEYOND
+        plane[ny + 1, k] = _beyond(wraps, across, 1, plane[1, k])
 
 
 @kernel
-def _count_quads(labels, wraps):  # type: ignore[no-untyped-def]
+def _count_quads(labels, wraps, across):  # type: ignore[no-untyped-def]
     """Return the number of faces between voxels of different labels, of which one at least is no void."""
     nx, ny, nz = labels.shape
     planes = np.empty((2, ny + 2, nz + 2), dtype=np.int32)
     count = 0
     # a face along a periodic axis lies at the first or at the last corner, and counts once
-    _fill_plane(labels, wraps, int(wraps[0]), planes[int(wraps[0]) & 1])
+    _fill_plane(labels, wraps, across, int(wraps[0]), planes[int(wraps[0]) & 1])
     for i in range(int(wraps[0]), nx + 1):
         below, above = planes[i & 1], planes[i + 1 & 1]
-        _fill_plane(labels, wraps, i + 1, above)
+        _fill_plane(labels, wraps, across, i + 1, above)
         for j in range(int(wraps[1]), ny + 1):
             for k in range(int(wraps[2]), nz + 1):
                 here = below[j, k]
@@ -243,8 +260,10 @@ def _number_plane(below, above, wraps, net, even, ids, n):  # type: ignore[no-un
 
 
 @kernel
-def _fill_net(labels, wraps, crowded, net):  # type: ignore[no-untyped-def]
-    """Write the net plane by plane; return the number of points, and the blocks."""
+def _fill_net(labels, wraps, across, owner, most, crowded, net):  # type: ignore[no-untyped-def]
+    """Write the net plane by plane; return the number of points, and the blocks. Numbers above `most` are tiles, whose
+    labels are `owner`.
+    """
     nx, ny, nz = labels.shape
     planes = np.empty((2, ny + 2, nz + 2), dtype=np.int32)
     ids = np.full((3, ny + 1, nz + 1), -1, dtype=np.int32)
@@ -253,14 +272,14 @@ def _fill_net(labels, wraps, crowded, net):  # type: ignore[no-untyped-def]
     n = q = b = 0
     if wraps[0]:
         # the last plane of corners is also the first one
-        _fill_plane(labels, wraps, nx, planes[0])
-        _fill_plane(labels, wraps, nx + 1, planes[1])
+        _fill_plane(labels, wraps, across, nx, planes[0])
+        _fill_plane(labels, wraps, across, nx + 1, planes[1])
         n = _number_plane(planes[0], planes[1], wraps, net, even, ids[2], n)
     start = int(wraps[0])
-    _fill_plane(labels, wraps, start, planes[start & 1])
+    _fill_plane(labels, wraps, across, start, planes[start & 1])
     for i in range(start, nx + 1):
         below, above = planes[i & 1], planes[i + 1 & 1]
-        _fill_plane(labels, wraps, i + 1, above)
+        _fill_plane(labels, wraps, across, i + 1, above)
         before, here = ids[i + 1 & 1], ids[i & 1]
         if i == start and wraps[0]:
             before[:, :] = ids[2]
@@ -277,8 +296,7 @@ def _fill_net(labels, wraps, crowded, net):  # type: ignore[no-untyped-def]
                     block[0, e] = below[j + (e >> 1), k + (e & 1)]
                     block[0, e + 4] = above[j + (e >> 1), k + (e & 1)]
                 net.at[v, 0], net.at[v, 1], net.at[v, 2] = i, j, k
-                _link(block, net, v, before[j, k], here[j - 1, k], here[j, k - 1])
-                if _needs_fans(block, crowded):
+                if _needs_fans(block, crowded, most):
                     if b == len(blocks):
                         blocks = np.concatenate((blocks, np.empty_like(blocks)))
                     net.special[v] = b
@@ -298,21 +316,32 @@ def _fill_net(labels, wraps, crowded, net):  # type: ignore[no-untyped-def]
                         net.quad[q, p] = before[j - y, k - z] if x else here[j - y, k - z]
                     net.axis[q], net.side[q, 0], net.side[q, 1] = axis, low, high
                     q += 1
+                for e in range(8 if len(owner) > most + 1 else 0):
+                    if block[0, e] > most:
+                        block[0, e] = owner[block[0, e]]
+                _link(block, net, v, before[j, k], here[j - 1, k], here[j, k - 1])
     return n, blocks[:b].copy()
 
 
 @bare_kernel
-def _needs_fans(block, crowded):  # type: ignore[no-untyped-def]
-    """Return whether one of the labels around a corner needs several vertices there."""
-    some = False
+def _needs_fans(block, crowded, most):  # type: ignore[no-untyped-def]
+    """Return whether one of the labels around a corner needs several vertices there, or has tiles."""
+    seen = 0
     for e in range(8):
-        some |= block[0, e] > 0 and crowded[_mask_of(block, 0, block[0, e])]
-    return some
+        if seen >> e & 1:
+            continue
+        label, mask = block[0, e], _mask_of(block, 0, block[0, e])
+        if label > most or (label > 0 and crowded[mask]):
+            return True
+        seen |= mask
+    return False
 
 
 @bare_kernel
 def _link(block, net, v, x, y, z):  # type: ignore[no-untyped-def]
-    """Link a point with those before it along the axes, where the edge between them lies in the net."""
+    """Link a point with those before it along the axes, where the edge between them bounds different labels: a label
+    that is cut between tiles is smoothed as if it were not.
+    """
     for axis in range(3):
         w = (x, y, z)[axis]
         a, b = block[0, _ring(2 * axis, 0)], block[0, _ring(2 * axis, 1)]
@@ -343,7 +372,8 @@ def _joined_edges(special, blocks, near):  # type: ignore[no-untyped-def]
             a, s, r = half >> 1, special[v], special[w]
             for g in range(2):
                 label = blocks[s, _ring(half, g)]
-                mask, other = _mask_of(blocks, s, label), _mask_of(blocks, r, label)
+                # beyond the end of an axis a label may be another tile
+                mask, other = _mask_of(blocks, s, label), _mask_of(blocks, r, blocks[r, _ring(half - 1, g)])
                 if label <= 0 or _diagonal(mask, half) != g:
                     continue
                 x = 4 * ((a + 1) % 3)
@@ -383,6 +413,7 @@ def _triangles(net, sides, first, joined, stamp, label, crossed):  # type: ignor
     triangles = np.empty((2 * rows, 3), dtype=np.int32)
     # a label has at most half a vertex more than faces, and each fan has three or more of them
     point = np.empty(4 * rows // 3 + 1, dtype=np.int32)
+    number = np.empty(4 * rows // 3 + 1, dtype=np.int32)
     own = np.zeros(4, dtype=np.int32)
     n = 0
     for t in range(rows):
@@ -390,13 +421,16 @@ def _triangles(net, sides, first, joined, stamp, label, crossed):  # type: ignor
         q, s = side >> 1, side & 1
         for p in range(4):
             v = net.quad[q, p]
-            key, b = v, net.special[v]
+            key, b, tile = v, net.special[v], label
             if b >= 0:
                 # the face lies above its lower corners
-                face = 4 * net.axis[q] + 2 * (1, 0, 0, 1)[p] + (1, 1, 0, 0)[p]
-                key = points + 4 * b + _fan_of(_mask_of(net.blocks, b, label), joined, b, face)
+                one, two = (1, 0, 0, 1)[p], (1, 1, 0, 0)[p]
+                tile = net.blocks[b, _voxel(net.axis[q], s, one, two)]
+                mask = _mask_of(net.blocks, b, tile)
+                fan = _fan_of(mask, joined, b, 4 * net.axis[q] + 2 * one + two)
+                key = points + 8 * b + _nth(mask, fan)
             if stamp[key + 1, 0] != call:
-                stamp[key + 1, 0], stamp[key + 1, 1], point[n] = call, n, v
+                stamp[key + 1, 0], stamp[key + 1, 1], point[n], number[n] = call, n, v, tile
                 n += 1
             own[p] = stamp[key + 1, 1]
         c = int(crossed[q])
@@ -405,4 +439,14 @@ def _triangles(net, sides, first, joined, stamp, label, crossed):  # type: ignor
             j, m = m, j
         triangles[2 * t, 0], triangles[2 * t, 1], triangles[2 * t, 2] = i, j, k
         triangles[2 * t + 1, 0], triangles[2 * t + 1, 1], triangles[2 * t + 1, 2] = i, k, m
-    return triangles, point[:n].copy()
+    return triangles, point[:n].copy(), number[:n].copy()
+
+
+@bare_kernel
+def _nth(mask, n):  # type: ignore[no-untyped-def]
+    """Return the place of bit n of those that are set, of which there are not fewer than fans."""
+    place = 0
+    while n > 0 or not mask >> place & 1:
+        n -= mask >> place & 1
+        place += 1
+    return place

@@ -1,10 +1,29 @@
-"""Pieces of labels: of several pieces of a label the largest is kept."""
+"""Pieces of labels: of several pieces of a label the largest is kept, and pieces that meet across periodic faces are
+laid out in tiles, copies of the image beside each other, so that they lie side by side.
+"""
+
+from collections.abc import Sequence
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from voxgran._base.arrays import Booleans
+from voxgran._base.arrays import Booleans, Integers
 from voxgran._base.kernels import bare_kernel, inlined_kernel, kernel
+from voxgran.lattice.label import connected_components
+
+
+class Tiles(NamedTuple):
+    """Numbers of the voxels of an image: 1 ... n for those in the image of labels 1 ... n, and others in other tiles.
+
+    A voxel that is seen from beyond the end of an axis has the number of the tile before its own.
+    """
+
+    wraps: Booleans  # (3,) which axes are periodic
+    labels: int  # n
+    label: Integers  # (numbers,) label of each
+    tile: Integers  # (numbers, 3) of each; the image is tile 0
+    across: NDArray[np.int32]  # (3, numbers) number of a voxel as it is seen from beyond the end of each axis
 
 
 def keep_largest_pieces(labels: NDArray[np.int32], among: Booleans, wraps: Booleans) -> list[int]:
@@ -15,6 +34,53 @@ def keep_largest_pieces(labels: NDArray[np.int32], among: Booleans, wraps: Boole
     large pieces the first one stays. The image, (nx, ny, nz), is changed.
     """
     return np.flatnonzero((_remove_pieces(labels, among, wraps) > 1) & among).tolist()
+
+
+def tiles_of(labels: NDArray[np.int32], count: int, wraps: Booleans, some: Sequence[int] = ()) -> Tiles:
+    """Lay out some of the labels 1 ... `count`, each of one piece on a torus, in tiles; the others lie in the image.
+
+    Where a label meets itself across a face in a way in which it cannot be laid out, as one that winds around the
+    torus, it is cut in this face.  The image, (nx, ny, nz), is changed to the numbers of the tiles.
+    """
+    number: dict[tuple[int, ...], int] = {(label, 0, 0, 0): label for label in some}
+    for label in some:
+        pieces, many = connected_components(labels == label)
+        tile = _laid_out(pieces, many, wraps)
+        # voxels are seen from beyond the ends of up to three axes
+        for seen in (tile[1:, None] - list(np.ndindex(*(1 + wraps)))).reshape(-1, 3).tolist():
+            number.setdefault((label, *seen), count + 1 + len(number) - len(some))
+        table = np.array([number[label, *place] for place in tile.tolist()], dtype=np.int32)
+        np.copyto(labels, table[pieces], where=pieces > 0)
+    total = count + 1 + len(number) - len(some)
+    owner, places, across = np.arange(total), np.zeros((total, 3), dtype=np.int64), np.empty((3, total), dtype=np.int32)
+    across[:] = owner
+    for (label, *place), own in number.items():
+        owner[own], places[own] = label, place
+        for axis, step in enumerate(np.eye(3, dtype=np.int64)):
+            across[axis, own] = number.get((label, *(np.array(place) - step).tolist()), own)
+    return Tiles(wraps, count, owner, places, across)
+
+
+def _laid_out(pieces: NDArray[np.int32], many: int, wraps: Booleans) -> Integers:
+    """Return tiles, (many + 1, 3), in which pieces 1 ... `many` of an image lie side by side: a tree from the largest
+    piece in the image, over faces of voxels across periodic faces.
+    """
+    tile = np.zeros((many + 1, 3), dtype=np.int64)
+    beside: list[dict[int, Integers]] = [{} for _ in tile]
+    for axis in np.flatnonzero(wraps).tolist():
+        planes = np.moveaxis(pieces, axis, 0)
+        last, first = planes[-1], planes[0]
+        both, step = (last > 0) & (first > 0), np.eye(3, dtype=np.int64)[axis]
+        for one, two in np.unique(np.stack([last[both], first[both]]), axis=1).T.tolist():
+            beside[one][two], beside[two][one] = step, -step
+    order = [int(np.bincount(pieces.ravel())[1:].argmax()) + 1]
+    laid = set(order)
+    for one in order:
+        for two in beside[one].keys() - laid:
+            tile[two] = tile[one] + beside[one][two]
+        order += sorted(beside[one].keys() - laid)
+        laid |= beside[one].keys()
+    return tile
 
 
 @inlined_kernel

@@ -14,7 +14,7 @@ from voxgran.lattice.label_net import Net
 class Seams:
     """Points and quadrangles between labels that are done and others."""
 
-    shape: Integers  # (3,) corners of voxels of the image
+    shape: Integers  # (3,) corners of voxels of the image; along a periodic axis the last one is the first one
     corner: Integers  # (3,) first corner of the window
     whole: Booleans  # (labels + 1,) labels that lie within the window
     own: Booleans  # (labels + 1,) labels whose surfaces are wanted
@@ -59,8 +59,7 @@ class Seams:
         # axis by axis, as there are many points
         for axis in range(3):
             number *= self.shape[axis]
-            number += net.at[:, axis]
-            number += self.corner[axis]
+            number += (net.at[:, axis] + self.corner[axis]) % self.shape[axis]
         return number
 
     @staticmethod

@@ -17,7 +17,7 @@ from voxgran._base.arrays import Booleans, Floats, Integers
 from voxgran._base.kernels import kernel
 from voxgran._base.lazy import load
 from voxgran.lattice.label_net import Net, Split, net_of, split_of, triangles_of
-from voxgran.lattice.label_pieces import keep_largest_pieces
+from voxgran.lattice.label_pieces import Tiles, keep_largest_pieces, tiles_of
 from voxgran.lattice.label_seams import Seams
 from voxgran.lattice.label_volumes import BOX, PARTS, Findings, examine, push
 
@@ -42,27 +42,25 @@ class LabelSurfaces:
     net: Net
     split: Split
     moved: NDArray[np.float32]  # (points, 3) displacement of each point of the net, in voxels: whole steps
-    turn: Integers  # (n + parts + 1, 3) corners before this one follow after the end of a periodic axis
+    turn: Integers  # (n + 1, 3) corners before this one follow after the end of a periodic axis
+    tiles: Tiles  # of labels that fill every plane of a periodic axis
     shape: Integers  # (3,) of the image
     crossed: Booleans  # (quadrangles,) which are cut from point 1 to 3
     corner: Integers  # (3,) where the image begins, in voxels
     several: list[int]  # labels of several pieces, of which the largest is left
-    parts: dict[int, list[int]]  # numbers of the parts of labels that fill every plane of a periodic axis
 
-    def of(self, label: int) -> list[tuple[Floats, NDArray[np.int32]]]:
-        """Return the vertices (v, 3) in voxels, and the outward triangles (m, 3), of a label, or of each of its parts.
+    def of(self, label: int) -> tuple[Floats, NDArray[np.int32]]:
+        """Return the vertices (v, 3) in voxels, and the outward triangles (m, 3), of a label.
 
         Voxel (i, j, k) is the cube from (i, j, k) to (i + 1, j + 1, k + 1). Across a periodic face a label goes on
-        beyond the end of the image. Parts share the triangles between them.
+        beyond the end of the image; one that winds around the torus is cut in this face.
         """
-        return [self._of(part) for part in self.parts.get(label, [label])]
-
-    def _of(self, label: int) -> tuple[Floats, NDArray[np.int32]]:
-        """Return vertices and triangles of a label or part."""
-        triangles, point = triangles_of(self.net, self.split, label, self.crossed)
+        triangles, point, number = triangles_of(self.net, self.split, label, self.crossed)
         at = self.net.at[point]
         if self.turn[label].any():
             at = at + self.shape * (at < self.turn[label])
+        if len(self.tiles.label) > len(self.turn):
+            at = at + self.shape * self.tiles.tile[number]
         if self.corner.any():
             at = at + self.corner
         return np.asarray(at + self.moved[point].astype(np.float64), dtype=np.float64), triangles
@@ -89,12 +87,13 @@ def label_surfaces(
     # the others may be in pieces because the image cuts them
     among = np.ones(count + 1, dtype=np.bool_) if seams is None else seams.whole
     several = keep_largest_pieces(labels, among, wraps)
-    turn, parts = _unrolled(labels, count, wraps)
-    net = net_of(labels, wraps)
-    split = split_of(net, len(turn) - 1)
     wanted = np.maximum(
-        sum(np.bincount(plane.ravel(), minlength=len(turn)) for plane in labels) * spacing.prod(), 1e-300
+        sum(np.bincount(plane.ravel(), minlength=count + 1) for plane in labels) * spacing.prod(), 1e-300
     )
+    turn, endless = _unrolled(labels, count, wraps)
+    tiles = tiles_of(labels, count, wraps, endless)
+    net = net_of(labels, tiles)
+    split = split_of(net, count)
     del labels
     held = ((net.at == 0) | (net.at == shape)) & ~wraps
     moved = np.zeros((len(net.at), 3), dtype=np.float32)
@@ -109,42 +108,27 @@ def label_surfaces(
         if seams is not None:
             seams.put(net, moved, held, crossed)
     corner = np.zeros(3, dtype=np.int64) if seams is None else seams.corner
-    made = LabelSurfaces(net, split, moved, turn, shape, crossed, corner, several, parts)
+    made = LabelSurfaces(net, split, moved, turn, tiles, shape, crossed, corner, several)
     if smoothing > 0:
         _restore_volumes(made, held, wanted, spacing, seams)
     return made
 
 
-def _unrolled(labels: NDArray[np.int32], count: int, wraps: Booleans) -> tuple[Integers, dict[int, list[int]]]:
-    """Return where each label begins along periodic axes, as `LabelSurfaces.turn`, and divide those without an end.
-
-    Those that fill every plane of an axis are cut in the first plane of corners and in a middle one: the upper half
-    becomes a part of its own, and begins at the cut in the middle.
+def _unrolled(labels: NDArray[np.int32], count: int, wraps: Booleans) -> tuple[Integers, list[int]]:
+    """Return where each label begins along periodic axes, as `LabelSurfaces.turn`, and which ones fill every plane of
+    an axis, so that they begin nowhere.
     """
-    turn = np.zeros((count + 1, 3), dtype=np.int64)
-    parts: dict[int, list[int]] = {}
-    filled = []
+    turn, endless = np.zeros((count + 1, 3), dtype=np.int64), np.zeros(count + 1, dtype=np.bool_)
     for axis in np.flatnonzero(wraps).tolist():
         planes = np.moveaxis(labels, axis, 0)
         full = np.zeros((len(planes), count + 1), dtype=np.bool_)
         for plane, row in zip(planes, full, strict=True):
             row[plane.ravel()] = True
-        turn[:, axis] = np.where(full[0] & ~full.all(axis=0), full.argmin(axis=0) + 1, 0)
-        turn[0] = 0
-        filled += [(axis, label) for label in np.flatnonzero(full.all(axis=0)).tolist() if label]
-    for axis, label in filled:
-        half = labels.shape[axis] // 2
-        lower, upper = np.split(np.moveaxis(labels, axis, 0), [half])
-        for part in list(parts.setdefault(label, [label])):
-            taken = upper == part
-            if not (lower == part).any():
-                continue
-            if taken.any():
-                upper[taken] = len(turn)
-                parts[label].append(len(turn))
-                turn = np.concatenate([turn, turn[part : part + 1]])
-            turn[part, axis] = half + 1
-    return turn, parts
+        turn[:, axis] = np.where(full[0], full.argmin(axis=0) + 1, 0)
+        endless |= full.all(axis=0)
+    endless[0] = False
+    turn[endless], turn[0] = 0, 0
+    return turn, np.flatnonzero(endless).tolist()
 
 
 def _restore_volumes(made: LabelSurfaces, held: Booleans, wanted: Floats, spacing: Floats, seams: Seams | None) -> None:
@@ -202,7 +186,8 @@ def _pressures(found: Findings, missing: Floats) -> Floats:
 
 @kernel
 def _smoothed(near, triple, held, factors, box):  # type: ignore[no-untyped-def]
-    """Return the displacements after steps towards the mean of the neighbours, each by one of the factors.
+    """Return the displacements after steps towards the mean of the neighbours, each by one of the factors; in `near`
+    what is not followed becomes n.
 
     A point on a line where three labels meet, which has two or more of its edges, follows its neighbours on them only.
     """
@@ -224,17 +209,19 @@ def _smoothed(near, triple, held, factors, box):  # type: ignore[no-untyped-def]
         for half in range(6):
             if near[v, half] >= 0 and (not line or triple[v] >> half & 1):
                 uses[v] |= 1 << half
+            else:
+                near[v, half] = n
         if held[v, 0] or held[v, 1] or held[v, 2]:
             stuck[many] = v
             many += 1
-    # what is no neighbour is row n, which stays 0; four numbers a row are moved together
+    # row n stays 0; four numbers a row are moved together
     now, new = np.zeros((n + 1, 4), dtype=np.float32), np.zeros((n + 1, 4), dtype=np.float32)
     for factor in factors:
         for v in range(n):
             some = uses[v]
-            a, b = near[v, 0] if some & 1 else n, near[v, 1] if some & 2 else n
-            c, d = near[v, 2] if some & 4 else n, near[v, 3] if some & 8 else n
-            e, f = near[v, 4] if some & 16 else n, near[v, 5] if some & 32 else n
+            # numbers without a sign are not tested for it
+            a, b, c = np.uint32(near[v, 0]), np.uint32(near[v, 1]), np.uint32(near[v, 2])
+            d, e, f = np.uint32(near[v, 3]), np.uint32(near[v, 4]), np.uint32(near[v, 5])
             share = table[some, 3]
             for axis in range(4):
                 total = (now[a, axis] + now[b, axis]) + (now[c, axis] + now[d, axis]) + (now[e, axis] + now[f, axis])

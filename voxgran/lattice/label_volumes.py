@@ -230,6 +230,9 @@ def _gather(net, crossed, moved, spacing, low, high, first, stop, chunk, change)
             for a in range(3):
                 chunk.normals[n - 1, 0, a], chunk.normals[n - 1, 1, a] = one[a], two[a]
             below, above, c = net.side[q, 0], net.side[q, 1], int(crossed[q])
+            if below == above:
+                # a face in which a label is cut is no surface
+                continue
             # each quadrangle belongs to the chunk of one of its points
             if first <= net.quad[q, 2] < stop:
                 change[max(below, 0)] += volume

@@ -410,20 +410,20 @@ class Packing(GrainSequence):
         """
         return public("plot")(self, color_by=color_by, legend=legend)
 
-    def view(self, *, color_by: ColorBy = "diameter") -> Any:
+    def view(self, *, color_by: ColorBy = "diameter", most: float = 5.0, widget: bool = True) -> Any:
         """Show the packing in a notebook, in a view that turns, as :func:`voxgran.view`.
 
         Parameters
         ----------
-        color_by : {"diameter", "height", "shape", "density", "coordination", "distance", "force"}
-            What the colours show first.
+        color_by, most, widget : str, float, bool
+            What the colours show first, most megabytes, and whether it may be the widget of PyVista.
 
         Examples
         --------
         >>> import voxgran as vg
         >>> vg.pack(vg.shapes.sphere(), vg.Box((4, 4, 4)), "rsa", count=5).view().save("view.html")
         """
-        return public("view")(self, color_by=color_by)
+        return public("view")(self, color_by=color_by, most=most, widget=widget)
 
     def _repr_html_(self) -> str:
         """Card and interactive view, for notebooks."""

@@ -16,6 +16,11 @@ PAGES = sorted(
 )
 GUIDE = [path for path in PAGES if path.parent.name == "guide" and path.name != "index.md"]
 NEW_GUIDE = ("containers", "packing", "files", "checkpoints")
+#: lists of files and their members
+WITHOUT_PICTURE = ("checkpoints", "decks_blocks", "files")
+#: what makes pictures: the targets of make, examples, tests with a browser
+MAKERS = "".join(path.read_text() for path in [*ROOT.glob("examples/*.py"), *ROOT.glob("tests/browser/*.py")])
+MAKERS += (ROOT / "Makefile").read_text()
 #: two screens
 LONGEST_TEXT = 70
 
@@ -59,11 +64,28 @@ def test_a_page_of_the_guide_begins_with_what_it_is_for_and_an_example(path):
     assert not any(line.startswith(("|", "#", "    ")) for line in text)
 
 
+@pytest.mark.parametrize("path", GUIDE, ids=name_of)
+def test_a_page_of_the_guide_shows_a_picture_that_a_command_makes(path):
+    shown = set(re.findall(r"!\[.+?\]\(\.\./figures/(\w+)\.(?:svg|png)\)", path.read_text()))
+    assert shown or path.stem in WITHOUT_PICTURE
+    for name in shown:
+        made = rf"\b{name}\.(?:svg|png)|bench {name}\b|for study.* {name.removeprefix('study_')}\."
+        assert re.search(made, MAKERS), name
+
+
 @pytest.mark.parametrize("part", ["start", "guide", "validation", "contribute"])
 def test_every_page_is_in_the_contents_of_its_part(part):
     text = (DOCS / part / "index.md").read_text()
     entries = re.search(r"```\{toctree\}\n(.*?)```", text, re.DOTALL).group(1).split()
     assert {path.stem for path in PAGES if path.parent.name == part} - {"index"} <= set(entries)
+    assert len(entries) == len(set(entries))
+
+
+@pytest.mark.parametrize("path", PAGES, ids=name_of)
+def test_a_page_says_nothing_twice(path):
+    shown = re.sub(r"^```.*?^```", "", path.read_text(), flags=re.DOTALL | re.MULTILINE)
+    paragraphs = [text for text in shown.split("\n\n") if len(text) > 60]
+    assert len(paragraphs) == len(set(paragraphs))
 
 
 @pytest.mark.parametrize("path", [*PAGES, ROOT / "README.md"], ids=lambda path: path.name)

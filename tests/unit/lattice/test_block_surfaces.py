@@ -4,6 +4,7 @@ import warnings
 
 import numpy as np
 import pytest
+from scipy.spatial import cKDTree
 
 import voxgran as vg
 from voxgran._base.errors import InputError, PackingWarning, TooLargeError
@@ -76,6 +77,32 @@ def test_smooth_surfaces_have_the_same_triangles_and_volumes_and_share_them(labe
     assert area == pytest.approx(expected, rel=1e-3)
 
 
+@pytest.mark.parametrize(("periodic", "surface"), [("x", "smooth"), ("yz", "voxel"), ("xyz", "smooth")])
+def test_grains_go_on_across_periodic_faces_in_groups_too(labels, monkeypatch, periodic, surface):
+    image = np.roll(labels, (11, 7, 5), (0, 1, 2))
+    # one that fills an axis
+    image[:, 20:24, 30:34], image[20:24, :, 30:34], image[30:34, 20:24] = 99, 100, 101
+    # narrow windows, so that some do not take whole axes
+    monkeypatch.setattr(block_surfaces, "MARGIN", 5)
+    whole, grouped = in_groups(image, monkeypatch, surface=surface, periodic=periodic)
+    assert grouped.provenance["labels"] == whole.provenance["labels"]
+    far = []
+    for one, other, here, there in zip(whole.shapes, grouped.shapes, whole.position, grouped.position, strict=True):
+        assert len(one.faces) == len(other.faces)
+        assert other.volume == pytest.approx(one.volume, rel=2e-6)
+        # one of several pieces may lie a period further on
+        period = np.round((here - there) / whole.container.lengths) * whole.container.lengths
+        assert one.name == "label 2" or not period.any()
+        away, _ = cKDTree(one.vertices + here).query(other.vertices + there + period)
+        far.append(away / min(EDGES))
+    far = np.concatenate(far)
+    # bars that cut grains make many crossings that are repaired
+    assert np.quantile(far, 0.95) < (0.02 if surface == "smooth" else 1e-9)
+    assert far.max() < (1 if surface == "smooth" else 1e-9)
+    assert vg.verify(grouped).ok
+    assert vg.verify(grouped).deepest == 0.0
+
+
 def test_a_label_that_a_window_cuts_in_two_is_whole(monkeypatch):
     image = np.zeros((64, 24, 8), dtype=np.int32)
     # two legs, with a grain between them
@@ -98,8 +125,6 @@ def test_pieces_are_left_out_and_grains_at_the_border_too(labels, monkeypatch):
 
 def test_what_cannot_be_done_in_blocks_is_said(labels, monkeypatch):
     lazy = da.from_array(labels, chunks=20)
-    with pytest.raises(InputError, match="periodic is given for an image in blocks"):
-        vg.load_labels(lazy, voxel_size=1.0, periodic="x")
     with pytest.raises(InputError, match="grey values"):
         vg.load_labels(lazy + 0.5, voxel_size=1.0)
     monkeypatch.setattr(blocks, "memory_limit", lambda: 1000)

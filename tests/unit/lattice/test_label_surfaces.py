@@ -12,6 +12,7 @@ from voxgran._base.seeds import stream
 from voxgran.geometry.crossing import count_crossings
 from voxgran.geometry.triangles import areas_of, enclosed_volume
 from voxgran.lattice.label_net import BEYOND, net_of, split_of, triangles_of
+from voxgran.lattice.label_pieces import tiles_of
 from voxgran.lattice.label_surfaces import STEPS, _smoothed, label_surfaces
 from voxgran.shapes.shells import edge_faults
 
@@ -22,8 +23,9 @@ def surfaces_of(image, *, periodic="", smoothing=1.0, spacing=EVEN):
     """Return the surfaces, and vertices in lengths and triangles of each label."""
     labels = np.array(image, dtype=np.int32)
     wraps = np.array([axis in periodic for axis in "xyz"])
-    made = label_surfaces(labels, int(labels.max()), wraps=wraps, smoothing=smoothing, spacing=spacing)
-    return made, {k: [(v * spacing, f) for v, f in made.of(k)] for k in range(1, int(labels.max()) + 1)}
+    count = int(labels.max())
+    made = label_surfaces(labels, count, wraps=wraps, smoothing=smoothing, spacing=spacing)
+    return made, {k: (made.of(k)[0] * spacing, made.of(k)[1]) for k in range(1, count + 1)}
 
 
 def noise(seed, shape=(6, 7, 5), labels=3):
@@ -46,7 +48,7 @@ def test_surfaces_of_any_image_are_closed_and_do_not_cross(seed, labels, smoothi
     image = noise(seed, labels=labels)
     _, found = surfaces_of(image, smoothing=smoothing)
     vertices, faces = [], []
-    for ((points, triangles),) in found.values():
+    for points, triangles in found.values():
         assert edge_faults(triangles, len(points)).tolist() == [0, 0, 0]
         faces.append(triangles + sum(map(len, vertices)))
         vertices.append(points)
@@ -61,7 +63,7 @@ def test_neighbours_share_their_triangles_and_leave_nothing_between_them(smoothi
     image, _ = cells(14, 5, torus=False)
     _, found = surfaces_of(image, smoothing=smoothing)
     count = {}
-    for ((points, triangles),) in found.values():
+    for points, triangles in found.values():
         for face in points[triangles].tolist():
             key = tuple(sorted(map(tuple, face)))
             count[key] = count.get(key, 0) + 1
@@ -71,20 +73,20 @@ def test_neighbours_share_their_triangles_and_leave_nothing_between_them(smoothi
     flat = (outside == outside[:, :1]).all(axis=1) & ((outside[:, 0] == 0) | (outside[:, 0] == 14))
     assert flat.any(axis=1).all()
     assert areas_of(outside).sum() == pytest.approx(6 * 14**2)
-    assert sum(enclosed_volume(*part) for (part,) in found.values()) == pytest.approx(14**3)
+    assert sum(enclosed_volume(*part) for part in found.values()) == pytest.approx(14**3)
 
 
 @pytest.mark.parametrize("spacing", [EVEN, np.array([1.0, 1.0, 2.0])])
 def test_each_label_has_the_volume_of_its_voxels(spacing):
     image, _ = cells(30, 14, reach=8.0)
     _, found = surfaces_of(image, periodic="xyz", spacing=spacing)
-    for label, (part,) in found.items():
+    for label, part in found.items():
         assert enclosed_volume(*part) == pytest.approx((image == label).sum() * spacing.prod(), rel=2e-6)
 
 
 def test_faces_between_labels_are_those_that_plain_numpy_counts():
     image = noise(5, (7, 6, 8))
-    net = net_of(image.astype(np.int32), np.array([False, True, False]))
+    net = net_of(image.astype(np.int32), tiles_of(image, 3, np.array([False, True, False])))
     pairs = []
     for axis in range(3):
         mode = {"mode": "wrap"} if axis == 1 else {"constant_values": BEYOND}
@@ -98,7 +100,7 @@ def test_faces_between_labels_are_those_that_plain_numpy_counts():
 
 def test_smoothing_is_that_of_plain_numpy():
     image, _ = cells(14, 5, reach=6.0)
-    net = net_of(image.astype(np.int32), np.zeros(3, dtype=bool))
+    net = net_of(image.astype(np.int32), tiles_of(image, 5, np.zeros(3, dtype=bool)))
     held = (net.at == 0) | (net.at == 14)
     factors = np.array(STEPS * 4, dtype=np.float32)
     moved = np.zeros((len(net.at), 3))
@@ -120,25 +122,44 @@ def test_a_shift_along_periodic_axes_changes_nothing(periodic):
     _, one = surfaces_of(image, periodic=periodic)
     _, two = surfaces_of(np.roll(image, shift, axis=(0, 1, 2)), periodic=periodic)
     for label in one:
-        (a, f), (b, g) = *one[label], *two[label]
+        (a, f), (b, g) = one[label], two[label]
         step = (b.mean(axis=0) - a.mean(axis=0) - shift) / 18
         np.testing.assert_allclose(step, np.round(step), atol=1e-6)
         assert areas_of(a[f]).sum() == pytest.approx(areas_of(b[g]).sum(), rel=1e-4)
         assert len(f) == len(g)
 
 
-def test_a_label_without_an_end_has_parts_that_share_a_cut():
+@pytest.mark.parametrize("smoothing", [0.0, 1.0])
+def test_a_bar_that_winds_around_the_torus_is_cut_in_the_periodic_face(smoothing):
     image = np.zeros((8, 6, 6), int)
     image[:, 2:4, 2:4] = 1
-    made, found = surfaces_of(image, periodic="x")
-    assert made.parts == {1: [1, 2]}
-    assert sum(enclosed_volume(*part) for part in found[1]) == pytest.approx(32, rel=2e-6)
-    low, high = (
-        sorted(float(points[:, 0].min()) for points, _ in found[1]),
-        [points[:, 0].max() for points, _ in found[1]],
+    points, triangles = surfaces_of(np.roll(image, 3, axis=0), periodic="x", smoothing=smoothing)[1][1]
+    assert enclosed_volume(points, triangles) == pytest.approx(32, rel=2e-6)
+    # lattice lines are straight up to the ends, of which the upper one repeats the lower one
+    rings = [points[np.abs(points[:, 0] - x) < 1e-4, 1:] for x in range(9)]
+    rings = [ring[np.lexsort(ring.T.round(3))] for ring in rings]
+    assert [len(ring) for ring in rings] == [9, *[8] * 7, 9]
+    assert np.array_equal(rings[0], rings[8])
+    middle = np.delete(rings[0], 4, axis=0)
+    assert rings[0][4].tolist() == [3, 3]
+    assert np.abs(np.array(rings[1:8]) - middle).max() < 1e-4
+
+
+@pytest.mark.parametrize("smoothing", [0.0, 1.0])
+@pytest.mark.parametrize("shift", range(0, 8, 3))
+def test_a_bar_that_is_longer_than_the_image_but_does_not_meet_itself_is_whole(smoothing, shift):
+    tall = np.zeros((16, 9, 5), int)
+    tall[1:8, 1:3, 1:4], tall[6:8, 1:8, 1:4], tall[6:13, 6:8, 1:4] = 1, 1, 1
+    wound = np.roll(tall[:8] + tall[8:], shift, axis=0)
+    (_, expected), (_, found) = (
+        surfaces_of(image, periodic=axes, smoothing=smoothing) for image, axes in ((tall, ""), (wound, "x"))
     )
-    assert low == pytest.approx([4.0, 8.0], abs=1e-6)
-    assert sorted(high) == pytest.approx([8.0, 12.0], abs=1e-6)
+    (points, triangles), (others, faces) = expected[1], found[1]
+    assert len(others) == len(points)
+    step = others.mean(axis=0) - points.mean(axis=0)
+    assert step == pytest.approx(np.round(step), abs=1e-5)
+    assert cKDTree(others).query(points + np.round(step))[0].max() < 1e-4
+    assert areas_of(others[faces]).sum() == pytest.approx(areas_of(points[triangles]).sum(), rel=1e-5)
 
 
 @pytest.mark.parametrize(("across", "bound"), [(10, 0.02), (20, 0.01)])
@@ -149,14 +170,14 @@ def test_areas_of_spheres_and_voronoi_cells_are_near_the_true_ones(across, bound
         away = np.stack(np.indices((n, n, n)), axis=-1) + 0.5 - n / 2 - stream(across, "middle", first).random(3)
         image[first : first + n][np.linalg.norm(away, axis=-1) < across / 2] = next(gap)
     _, found = surfaces_of(image)
-    areas = [areas_of(points[faces]).sum() / (np.pi * across**2) for ((points, faces),) in found.values()]
+    areas = [areas_of(points[faces]).sum() / (np.pi * across**2) for points, faces in found.values()]
     assert np.mean(areas) == pytest.approx(1.0, abs=bound)
     image, points = cells(round(2 * across), 12)
     tiled = np.concatenate([points + 2 * across * np.array(step) for step in itertools.product((-1, 0, 1), repeat=3)])
     diagram = Voronoi(tiled)
     true = [ConvexHull(diagram.vertices[diagram.regions[diagram.point_region[13 * 12 + k]]]).area for k in range(12)]
     _, found = surfaces_of(image, periodic="xyz")
-    areas = [sum(areas_of(points[faces]).sum() for points, faces in parts) for parts in found.values()]
+    areas = [areas_of(points[faces]).sum() for points, faces in found.values()]
     assert np.sum(areas) / np.sum(true) == pytest.approx(1.0, abs=bound)
 
 
@@ -164,8 +185,8 @@ def test_a_pinched_label_gets_a_vertex_for_each_fan():
     # two voxels that share an edge, of which each keeps its own faces
     image = np.zeros((4, 4, 3), np.int32)
     image[1, 1, 1] = image[2, 2, 1] = 1
-    net = net_of(image, np.zeros(3, dtype=bool))
-    _, point = triangles_of(net, split_of(net, 1), 1, np.zeros(len(net.quad), dtype=bool))
+    net = net_of(image, tiles_of(image, 1, np.zeros(3, dtype=bool)))
+    _, point, _ = triangles_of(net, split_of(net, 1), 1, np.zeros(len(net.quad), dtype=bool))
     assert len(net.blocks) == 2
     assert len(point) == 16
     assert len(np.unique(point)) == 14

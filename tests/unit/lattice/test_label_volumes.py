@@ -10,6 +10,7 @@ from voxgran.geometry.crossing import count_crossings
 from voxgran.geometry.triangles import enclosed_volume
 from voxgran.lattice import label_volumes
 from voxgran.lattice.label_net import net_of, split_of, triangles_of
+from voxgran.lattice.label_pieces import tiles_of
 from voxgran.lattice.label_volumes import BOX, PARTS, examine, push
 
 SPACING = np.array([1.0, 0.7, 1.9])
@@ -24,7 +25,7 @@ def shaken(request, monkeypatch):
     def make(reach):
         draw = stream(request.param, "shaken")
         image = draw.integers(0, LABELS + 1, (6, 5, 4)).astype(np.int32)
-        net = net_of(image, np.zeros(3, dtype=bool))
+        net = net_of(image, tiles_of(image, LABELS, np.zeros(3, dtype=bool)))
         moved = np.rint(draw.uniform(-reach, reach, net.at.shape) * PARTS).astype(np.float32) / np.float32(PARTS)
         crossed = draw.random(len(net.quad)) < 0.5
         return image, net, moved, crossed
@@ -35,7 +36,7 @@ def shaken(request, monkeypatch):
 def surfaces(net, moved, crossed):
     split = split_of(net, LABELS)
     for label in range(1, LABELS + 1):
-        triangles, point = triangles_of(net, split, label, crossed)
+        triangles, point, _ = triangles_of(net, split, label, crossed)
         yield (net.at[point] + moved[point].astype(float)) * SPACING, triangles
 
 
@@ -92,7 +93,7 @@ def test_crossings_are_found_where_the_surfaces_cross(shaken, reach):
 
 def test_pairs_of_many_labels_are_all_told():
     image = np.arange(1, 6**3 + 1, dtype=np.int32).reshape(6, 6, 6)
-    net = net_of(image, np.zeros(3, dtype=bool))
+    net = net_of(image, tiles_of(image, image.max(), np.zeros(3, dtype=bool)))
     moved = np.zeros(net.at.shape, dtype=np.float32)
     crossed, held = np.zeros(len(net.quad), dtype=bool), np.zeros(moved.shape, dtype=bool)
     found = examine(net, crossed, moved, held, spacing=np.ones(3), labels=image.max())

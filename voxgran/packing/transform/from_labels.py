@@ -81,8 +81,7 @@ def packing_of_labels(
     TooLargeError
         If a label of a dask array spans more voxels than fit in memory.
     InputError
-        If the image holds no label or what is no label, no grain is left, an option is out of range, or a dask array is
-        periodic.
+        If the image holds no label or what is no label, no grain is left, or an option is out of range.
 
     Warns
     -----
