@@ -13,8 +13,8 @@ pytest.importorskip("zarr")
 pytest.importorskip("skimage")
 
 ROOT = Path(__file__).parents[2]
-#: most mebibytes of each step, without what lies in files; measured are 168, 275, 456, 920, 721 and 527
-MOST = {"image": 250, "components": 400, "distance": 600, "thickness": 1200, "segment": 950, "labels": 700}
+#: most mebibytes of each step, without what lies in files; measured are 168, 287, 464, 619, 645 and 528
+MOST = {"image": 250, "components": 400, "distance": 600, "thickness": 800, "segment": 850, "labels": 700}
 #: most of them in GiB, beyond which a step fails
 LIMIT = 2
 

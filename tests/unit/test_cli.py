@@ -562,6 +562,10 @@ def test_a_label_image_becomes_a_packing_and_two_are_compared(tmp_path, capsys):
     assert "other" in out.read_text()
     capsys.readouterr()
     assert complaint(capsys, "labels", str(tmp_path / "scan.npy"))[0] == 2
+    for command in ("labels", "segment"):
+        status, line = complaint(capsys, command, str(tmp_path / "scan.npy"), "--dask", "nowhere")
+        assert status == 1
+        assert re.search("no Dask scheduler at nowhere|distributed cannot be loaded", line)
 
 
 def test_an_image_is_described_and_its_voxels_may_have_three_edges(tmp_path, capsys):

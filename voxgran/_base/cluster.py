@@ -19,7 +19,7 @@ def address_of(dask: Any) -> str:
     """
     scheduler = getattr(dask, "scheduler", None)
     address = getattr(dask, "scheduler_address", getattr(scheduler, "address", dask))
-    if not isinstance(address, str):
+    if not isinstance(address, str) or not address:
         raise InputError(f"dask is {shown(dask)}: it must be the address of a scheduler, as tcp://HOST:8786")
     return address
 

@@ -32,7 +32,7 @@ def labels(options: argparse.Namespace) -> None:
         name: getattr(options, name)
         for name in ("voxel_size", "border", "surface", "smoothing", "periodic", "gravity", "unit", "key")
     }
-    source: Any = opened(options) if options.segment or options.dask else options.file
+    source: Any = opened(options) if options.segment or options.dask is not None else options.file
     if options.segment:
         source = voxgran.segment(source, voxel_size=options.voxel_size)
     with progress(options) as on_step:

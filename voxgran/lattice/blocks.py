@@ -271,10 +271,4 @@ def window(values: Any, lower: NDArray[Any], upper: NDArray[Any], purpose: str) 
             f"{purpose} spans {' x '.join(map(str, (upper - lower).tolist()))} voxels: they are more than the memory; "
             "take larger voxels"
         )
-    for axis, (low, high) in enumerate(zip(lower.tolist(), upper.tolist(), strict=True)):
-        n = values.shape[axis]
-        start, stop = low % n, low % n + high - low
-        ends = [(start, min(stop, n))] + ([(0, stop - n)] if stop > n else [])
-        parts = [values[(slice(None),) * axis + (slice(*end),)] for end in ends]
-        values = parts[0] if len(parts) == 1 else np.concatenate(parts, axis=axis)
-    return np.asarray(values)
+    return np.asarray(_box(values, lower, upper))

@@ -132,6 +132,7 @@ def test_a_molecule_of_another_program_has_its_center_of_mass_and_its_inertia_ov
         ("a.csv", "x,y,z,r,d\n1,1,1,1,1\n", "does not name the columns"),
         ("a.csv", ROWS + "1,2,3\n", "line 3: .* has 3 values, the first line 4"),
         ("a.csv", "1,2,3,4,5,6\n", "line 1: .* has 6 values"),
+        ("a.csv", '"\n', "does not name the columns"),
         ("a.csv", ROWS + "1,2,a,1\n", "line 3: .* is no x y z r"),
         ("a.csv", ROWS + "1,2,nan,1\n", "line 3: .* all finite"),
         ("a.csv", ROWS + "1,2,0,-1\n", "line 3: .* radii from 1e-60"),

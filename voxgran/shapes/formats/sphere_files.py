@@ -216,7 +216,7 @@ def _read_table(found: _Found, lines: list[str]) -> dict[str, list[float]]:
             continue
         # lines of YADE may hold tabs and blanks
         words = cells_in(text.replace("\t", " "))
-        words = words[:-1] if words and not words[-1] else words
+        words = words[:-1] if len(words) > 1 and not words[-1] else words
         if columns is None:
             columns = _columns(found, words, number)
             if not _NUMBER.match(words[0]):
