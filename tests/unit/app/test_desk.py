@@ -14,7 +14,7 @@ from voxgran.app.desk import Desk
 from voxgran.app.look import Look, colors_of, numbers_of
 from voxgran.app.runs import Queue, Watcher, toml_of
 from voxgran.cli import main
-from voxgran.scene.description import read_toml
+from voxgran.scene.checked_sections import read_toml
 
 pytest.importorskip("tomli_w")
 
