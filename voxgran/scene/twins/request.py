@@ -1,7 +1,7 @@
 """What a twin is to be, checked once, and how one is packed with a seed."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cached_property
 from typing import Any, Self
 
@@ -16,12 +16,11 @@ from voxgran.containers.model import Container
 from voxgran.packing.draw import Request
 from voxgran.packing.model import Packing
 from voxgran.packing.pack import pack
-from voxgran.scene.twins.sample import Sample, sample_of, smooth_solids
+from voxgran.scene.twins.sample import Sample, resolved, sample_of
 from voxgran.shapes.learning.learn import learn_shapes
 from voxgran.shapes.learning.model import ShapeModel
 from voxgran.shapes.mesh import Mesh
 from voxgran.shapes.model import Shape
-from voxgran.shapes.repairing.simplify import simplify
 from voxgran.shapes.size_laws.listed import refuse_too_many
 from voxgran.shapes.sizes import discrete
 
@@ -92,14 +91,11 @@ class TwinRequest:
         """Sample at the resolution of the twin, and the model of its shapes; None where they are drawn themselves."""
         if self.known is not None:
             return self.sample, self.known
-        smooth = smooth_solids(self.sample)
-        if smooth is not None:
-            return replace(self.sample, shapes=smooth), None
-        if not all(isinstance(shape.geometry, Mesh) for shape in self.sample.shapes):
-            return self.sample, None
         # both are then described at the same resolution
-        reduced = tuple(simplify(shape, faces=self.faces).shape for shape in self.sample.shapes)
-        return replace(self.sample, shapes=reduced), learn_shapes(reduced, weights=self.sample.weights, seed=self.seed)
+        found = resolved(self.sample, self.faces)
+        if not all(isinstance(shape.geometry, Mesh) for shape in found.shapes):
+            return found, None
+        return found, learn_shapes(found.shapes, weights=found.weights, seed=self.seed)
 
     def packed(self, seed: int, **run: Any) -> Packing:
         """Return a twin with a seed, with options of the run of :func:`voxgran.pack`."""

@@ -1,7 +1,7 @@
 """What a twin is made after: the grains of a sample, for how many each stands, and how dense they lie."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -17,6 +17,7 @@ from voxgran.shapes.learning.warp import frame_of
 from voxgran.shapes.mesh import Mesh
 from voxgran.shapes.model import Shape, check_shapes
 from voxgran.shapes.primitive import Primitive
+from voxgran.shapes.repairing.simplify import simplify
 
 #: fewest grains that make a sample, the least solid fraction that rigid grains at rest bear, and how much denser than
 #: spheres of their sizes at random others become
@@ -82,6 +83,14 @@ def _of_packing(packing: Packing) -> Sample:
     own = [packing.shapes[k] for k in packing.shape_id[kept]]
     shapes = tuple(one.scaled(factor) for one, factor in zip(own, packing.scale[kept].tolist(), strict=True))
     return Sample(shapes, weights[kept], share, packing.unit, packing, scanned)
+
+
+def resolved(sample: Sample, faces: int) -> Sample:
+    """Return a sample at the resolution of twins: smooth grains as such, other meshes with at most so many faces."""
+    smooth = smooth_solids(sample)
+    if smooth is None and all(isinstance(shape.geometry, Mesh) for shape in sample.shapes):
+        smooth = tuple(simplify(shape, faces=faces).shape for shape in sample.shapes)
+    return sample if smooth is None else replace(sample, shapes=smooth)
 
 
 def smooth_solids(sample: Sample) -> tuple[Shape, ...] | None:

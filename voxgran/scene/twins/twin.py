@@ -14,7 +14,7 @@ from voxgran.packing.model import Packing, check_packing
 from voxgran.scene.twins.compared import comparison_of
 from voxgran.scene.twins.page import write_page
 from voxgran.scene.twins.request import TwinRequest
-from voxgran.scene.twins.sample import Sample, sample_of
+from voxgran.scene.twins.sample import Sample, resolved, sample_of
 from voxgran.shapes.learning.model import ShapeModel
 from voxgran.shapes.model import Shape
 
@@ -38,6 +38,10 @@ class Twin(ExplainedAttributes):
         One for each seed.
     model : ShapeModel or None
         Distribution of shapes from which the grains were drawn; None where they are those of the sample.
+    voxel_size : float or None
+        Edge of the voxels on which both are compared; None for that of the scan.
+    faces : int
+        Most triangles of a grain, at which the forms of both are described.
 
     Examples
     --------
@@ -52,6 +56,7 @@ class Twin(ExplainedAttributes):
     packings: tuple[Packing, ...]
     model: ShapeModel | None = None
     voxel_size: float | None = None
+    faces: int = 200
 
     @property
     def packing(self) -> Packing:
@@ -88,7 +93,8 @@ class Twin(ExplainedAttributes):
             If it has fewer than 10 whole grains, or open surfaces.
         """
         check_packing(packing, "packing")
-        return comparison_of(sample_of(packing, self.sample.solid_fraction), self.packings, self.voxel_size)
+        other = resolved(sample_of(packing, self.sample.solid_fraction), self.faces)
+        return comparison_of(other, self.packings, self.voxel_size)
 
     def report(self, path: str | os.PathLike[str], *, overwrite: bool = False) -> None:
         """Write a page of the sample beside the twin, with the table of differences, the largest first.
@@ -206,4 +212,4 @@ def twin(
 def twin_of(asked: TwinRequest, packings: Sequence[Packing], voxel_size: float | None) -> Twin:
     """Return the twin that packings of a request are."""
     found, model = asked.learned
-    return Twin(sample=found, packings=tuple(packings), model=model, voxel_size=voxel_size)
+    return Twin(sample=found, packings=tuple(packings), model=model, voxel_size=voxel_size, faces=asked.faces)
