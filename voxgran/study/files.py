@@ -31,10 +31,10 @@ def with_files(scene: Mapping[str, Any], made: Callable[[str], str]) -> dict[str
             found[name] = [_with(entry, made, *keys) if isinstance(entry, Mapping) else entry for entry in found[name]]
     if isinstance(found.get("layer"), list):
         found["layer"] = [with_files(entry, made) if isinstance(entry, Mapping) else entry for entry in found["layer"]]
-    keyed = {"container": ("file",), "sizes": ("file",), "grains": ("file",), "packing": ("start",)}
-    for section, keys in {**keyed, "twin": ("sample", "model")}.items():
+    for section in ("container", "sizes", "grains", "packing", "twin"):
         if isinstance(found.get(section), Mapping):
-            found[section] = _with(found[section], made, *keys)
+            named = {"packing": ("start",), "twin": ("sample", "model")}.get(section, ("file",))
+            found[section] = _with(found[section], made, *named)
     return found
 
 

@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from typing import Literal
 
 import numpy as np
 
@@ -101,7 +102,8 @@ def smooth_solids(sample: Sample) -> tuple[Shape, ...] | None:
     """
     if sample.packing is None or not all(isinstance(shape.geometry, Mesh) for shape in sample.shapes):
         return None
-    for kind in ("sphere", "ellipsoid"):
+    kinds: tuple[Literal["sphere", "ellipsoid"], ...] = ("sphere", "ellipsoid")
+    for kind in kinds:
         found = [_smooth(shape, kind) for shape in sample.shapes]
         near = np.array([distance for _, distance in found]) <= STEPS * sample.packing.contact_gap
         if np.average(near, weights=sample.weights) >= MOST:
@@ -109,7 +111,7 @@ def smooth_solids(sample: Sample) -> tuple[Shape, ...] | None:
     return None
 
 
-def _smooth(shape: Shape, kind: str) -> tuple[Shape, float]:
+def _smooth(shape: Shape, kind: Literal["sphere", "ellipsoid"]) -> tuple[Shape, float]:
     """Return the sphere, or the ellipsoid of the second moments, of a mesh with its volume, and the root mean square of
     the distances of vertices from it, to first order.
     """

@@ -91,7 +91,7 @@ def _twin_entry(section: Mapping[str, Any], folder: Path, container: Container |
     """Return the checked section [twin]; files are relative to the folder."""
     own = {key: section[key] for key in names_of(Twinned) if key in section}
     checked = from_mapping(Twinned, own, "[twin]")
-    files = {key: str(existing_file(folder / str(own[key]))) for key in ("sample", "model") if key in own}
+    files = {key: str(existing_file(folder / str(own[key]))) for key in own if key in ("sample", "model")}
     sample = load(files["sample"])
     usual = "gravity" if checked.protocol is None and sample.gravity is not None else "compress"
     method = method_registry().get(checked.protocol or usual).parameters
