@@ -33,8 +33,8 @@ def with_files(scene: Mapping[str, Any], made: Callable[[str], str]) -> dict[str
         found["layer"] = [with_files(entry, made) if isinstance(entry, Mapping) else entry for entry in found["layer"]]
     for section in ("container", "sizes", "grains", "packing", "twin"):
         if isinstance(found.get(section), Mapping):
-            named = {"packing": ("start",), "twin": ("sample", "model")}.get(section, ("file",))
-            found[section] = _with(found[section], made, *named)
+            its = {"packing": ("start",), "twin": ("sample", "model")}.get(section, ("file",))
+            found[section] = _with(found[section], made, *its)
     return found
 
 
