@@ -36,6 +36,7 @@ def test_rows_and_figure_are_written(tmp_path, monkeypatch):
     assert "<svg" in figure.read_text()
 
 
+@pytest.mark.filterwarnings("ignore::voxgran._base.errors.PackingWarning")
 def test_the_specimen_of_a_case_becomes_labels(monkeypatch):
     monkeypatch.setattr(twin_loops, "GRAINS", 30)
     specimen, scan = twin_loops.specimen_and_scan("ellipsoids")

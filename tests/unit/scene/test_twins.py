@@ -312,6 +312,20 @@ def test_several_seeds_give_the_scatter_between_twins(spheres):
 
 
 @pytest.mark.slow
+def test_the_command_writes_all_packings_and_their_bands(spheres, tmp_path, capsys):
+    vg.save(spheres, tmp_path / "scan.vtp")
+    asked = ["--count", "12", "--protocol", "expand", "--seed", "4", "--seeds", "2", "--voxel-size", "0.25"]
+    assert main(["twin", str(tmp_path / "scan.vtp"), *asked, "-o", str(tmp_path / "out"), "--json"]) == 0
+    assert json.loads(capsys.readouterr().out)["grains"] == 12
+    seeds = [vg.load(tmp_path / "out" / name).provenance["seed"] for name in ("twin.vtp", "twin_5.vtp")]
+    assert seeds == [4, 5]
+    assert "2 packings of 12 grains" in (tmp_path / "out/twin.html").read_text()
+    rows = {row["measure"]: row for row in json.loads((tmp_path / "out/twin.json").read_text())["numbers"]}
+    assert rows["tortuosity"]["twin_scatter"] > 0
+    assert main(["twin", str(tmp_path / "scan.vtp"), *asked, "-o", str(tmp_path / "out")]) != 0
+
+
+@pytest.mark.slow
 def test_whole_grains_of_a_window_give_the_sizes_without_bias():
     """The D50 of 96 whole grains scatters by 3 %, that of 240 by less than 2 %; the mean of both is right."""
     rng = np.random.default_rng(0)
