@@ -4,10 +4,12 @@ import argparse
 from pathlib import Path
 
 import voxgran
+from voxgran._base.arrays import as_count
 from voxgran._base.files import refuse_to_replace
 from voxgran.cli.terminal import show
 from voxgran.packing.model import Packing
 from voxgran.scene.twins.page import written
+from voxgran.scene.twins.twin import MOST_SEEDS
 
 #: files of the directory, beside one packing more for each further seed
 FILES = ("twin.vtp", "shapes.nc", "comparison.nc", "twin.html", "twin.json")
@@ -21,8 +23,9 @@ def twin(options: argparse.Namespace, sample: Packing) -> None:
     OutputExistsError
         If a file is there and is not to be replaced.
     """
-    out, several = Path(options.output), range(1, options.seeds or 1)
-    further = [f"twin_{options.seed + k}.vtp" for k in several]
+    out, seeds = Path(options.output), 1 if options.seeds is None else options.seeds
+    many = as_count(seeds, "seeds", at_least=1, at_most=MOST_SEEDS)
+    further = [f"twin_{options.seed + k}.vtp" for k in range(1, many)]
     if not options.overwrite:
         refuse_to_replace(*(out / name for name in (*FILES, *further)))
     names = ("count", "solid_fraction", "protocol", "faces", "forms", "voxel_size", "seed", "seeds")
