@@ -231,7 +231,7 @@ def _image_values(part: Integers, known: _Known, lags: Floats) -> Values:
         one, other = (np.delete(part, end, axis=axis) for end in (-1, 0))
         both = (one > 0) & (other > 0)
         # what lies in the border is not seen: of n voxels in a line n - 1 faces are
-        seen = 1.0 - 1.0 / part.shape[axis]
+        seen = max(1.0 - 1.0 / part.shape[axis], 0.5)
         faces += int(((one > 0) != (other > 0)).sum()) / seen
         touching += int((both & (one != other)).sum()) / seen
         runs += int(((one > 0) & (other == 0)).sum()) / seen
