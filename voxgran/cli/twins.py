@@ -1,11 +1,10 @@
 """Command that makes a twin of a sample."""
 
 import argparse
-from pathlib import Path
 
 import voxgran
 from voxgran._base.arrays import as_count
-from voxgran._base.files import refuse_to_replace
+from voxgran._base.files import as_path, made_folder, refuse_to_replace
 from voxgran.cli.terminal import show
 from voxgran.packing.model import Packing
 from voxgran.scene.twins.page import written
@@ -23,7 +22,7 @@ def twin(options: argparse.Namespace, sample: Packing) -> None:
     OutputExistsError
         If a file is there and is not to be replaced.
     """
-    out, seeds = Path(options.output), 1 if options.seeds is None else options.seeds
+    out, seeds = as_path(options.output), 1 if options.seeds is None else options.seeds
     many = as_count(seeds, "seeds", at_least=1, at_most=MOST_SEEDS)
     further = [f"twin_{options.seed + k}.vtp" for k in range(1, many)]
     if not options.overwrite:
@@ -31,7 +30,7 @@ def twin(options: argparse.Namespace, sample: Packing) -> None:
     names = ("count", "solid_fraction", "protocol", "faces", "forms", "voxel_size", "seed", "seeds")
     given = {name: getattr(options, name) for name in names if getattr(options, name) is not None}
     found = voxgran.twin(sample, **given)
-    out.mkdir(parents=True, exist_ok=True)
+    made_folder(out)
     for name, packing in zip(("twin.vtp", *further), found.packings, strict=True):
         voxgran.save(packing, out / name, overwrite=True)
     numbers = written(found, out)
