@@ -77,6 +77,8 @@ bench: demo $(STAMP) $(ENGINES)/.ok   ## run time against error of voxelization,
 	$(BIN)/voxgran bench twins -o docs/figures
 	$(BIN)/voxgran bench spheres -o docs/figures
 	$(BIN)/voxgran bench jamming -o docs/figures
+	$(BIN)/voxgran bench twins -o docs/figures
+	$(BIN)/voxgran bench twin_loops -o docs/figures
 	$(BIN)/voxgran bench exponents -o docs/figures
 	$(BIN)/voxgran bench shapes -o docs/figures
 	$(BIN)/voxgran bench deposits -o docs/figures
@@ -152,7 +154,7 @@ figures: demo bench   ## the pictures of README and docs
 	$(BIN)/python examples/scan_to_packing.py out/scan_to_packing
 	cp out/scan_to_packing/scan_to_packing.png docs/figures
 	$(BIN)/python examples/twin_of_scan.py out/twin_of_scan
-	cp out/twin_of_scan/twin_of_scan.png docs/figures
+	cp out/twin_of_scan/twin_of_scan.png out/twin_of_scan/twin_mixes.png docs/figures
 	$(BIN)/python examples/tutorial.py out/tutorial
 	cp out/tutorial/tutorial_*.png docs/figures
 

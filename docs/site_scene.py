@@ -65,6 +65,10 @@ SECTIONS = {
         (Compression,),
         "How grains are compressed, without gravity, after they are packed. Without the section they are not.",
     ),
+    "[twin]": (
+        (keys.Twinned,),
+        "A twin of a sample, in place of [[shape]] and [packing]; also parameters of the method of its protocol.",
+    ),
     "[material]": ((Material,), "The contact law in the input of engines. The section may be left out."),
     "[[material]]": (
         (keys.NamedMaterial,),

@@ -42,14 +42,36 @@ for name in true.measure.values:
         f"{name}  specimen {float(row['sample']):.4g}  twin {float(row['twin']):.4g}  ratio {float(row['ratio']):.1f}"
     )
 
+
+def drawn(pictures, name):
+    """Write packings side by side, cut, into a file."""
+    figure = Figure(figsize=(9, 4.6), layout="constrained")
+    for panel, (title, packing) in zip(figure.subplots(1, 2), pictures.items(), strict=True):
+        panel.imshow(picture_cut(packing))
+        panel.set_title(title)
+        panel.axis("off")
+    figure.savefig(folder / name, dpi=110)
+
+
 # %%
 # **Scan and twin**
-figure = Figure(figsize=(9, 4.6), layout="constrained")
-pictures = {"labels of the scan": picture_cut(scan), "twin": picture_cut(twin.packing)}
-for panel, (title, picture) in zip(figure.subplots(1, 2), pictures.items(), strict=True):
-    panel.imshow(picture)
-    panel.set_title(title)
-    panel.axis("off")
+#
 # Picture: On the left the labels of a scanned box, cut flat by its border; on the right as many whole grains in a
 #   periodic box.
-figure.savefig(folder / "twin_of_scan.png", dpi=110)
+drawn({"labels of the scan": scan, "twin": twin.packing}, "twin_of_scan.png")
+
+# %%
+# **What a twin does not keep**
+#
+# A bed of two layers becomes a bed with the same spheres and the same solid fraction, in which they are mixed.
+layers = [
+    {"shapes": vg.shapes.sphere(diameter=diameter), "count": many}
+    for diameter, many in ((0.7, count), (1.3, count // 5))
+]
+bed = vg.pack_layers(layers, vg.Box((5, 5, 20), periodic="xy"), friction=0.1)
+mixed = vg.twin(bed)
+for name, packing in (("bed", bed), ("twin", mixed.packing)):
+    related = np.corrcoef(packing.position[:, 2], packing.diameters)[0, 1]
+    print(f"correlation of height and diameter in the {name} {related:.2f}")
+# Picture: On the left small spheres below large ones; on the right both sizes at all heights.
+drawn({"bed of two layers": bed, "twin": mixed.packing}, "twin_mixes.png")

@@ -438,6 +438,9 @@ def test_twin_of_scan(tmp_path, capsys, monkeypatch):
     assert found["radial_peak"][1] == pytest.approx(found["radial_peak"][0], rel=0.05)
     assert found["tortuosity"][1] == pytest.approx(found["tortuosity"][0], rel=0.05)
     assert (tmp_path / "twin.html").exists()
+    layered, mixed = map(float, re.findall(r"diameter in the \w+ (\S+)", text))
+    assert layered > 0.7
+    assert abs(mixed) < 0.2
 
 
 @pytest.mark.slow

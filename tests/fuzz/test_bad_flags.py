@@ -48,10 +48,10 @@ GOOD = {
     "measure": ["bed.vtp", "--which", "contacts"],
     "picture": ["bed.vtp", "-o", "bed.png", "--window", "60,60"],
     "image": ["info", "labels.npy"],
-    "twin": ["bed.vtp", "-o", "twins"],
+    "twin": ["many.vtp", "--protocol", "expand", "--voxel-size", "0.4", "-o", "twins"],
     "labels": ["labels.npy", "--voxel-size", "1"],
     "segment": ["labels.npy", "--threshold", "0", "--min-size", "1", "--voxel-size", "1"],
-    "learn": ["bed.vtp", "-o", "shapes.nc"],
+    "learn": ["many.vtp", "-o", "shapes.nc"],
     "shape": ["solid_union"],
     "repair": ["mesh.stl"],
     "tile": ["bed.vtp", "--repeats", "1", "-o", "tiled.vtp"],
@@ -78,6 +78,8 @@ def place(tmp_path, monkeypatch):
     vg.Packing.of(
         [vg.make_shape("sphere")], vg.Box((4, 4, 4)), position=[(1, 1, 0.5), (3, 3, 0.5)], gravity=(0.0, 0.0, -1.0)
     ).save("bed.vtp")
+    rocks = vg.make_shapes("convex_polyhedron", count=12)
+    vg.pack(rocks, vg.Box((3, 3, 3), periodic="xyz"), "expand", count=12, solid_fraction=0.3).save("many.vtp")
     vg.save_cloud(vg.Cloud.of(vg.sample_surface(box, spacing=0.1)), "cloud.ply")
     labels = np.zeros((6, 6, 6), dtype=int)
     labels[1:4, 2:5, 2:4] = 1

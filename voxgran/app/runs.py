@@ -18,8 +18,7 @@ from voxgran._base.lazy import load
 from voxgran._base.progress import Step
 from voxgran.io.files import save
 from voxgran.packing.model import Packing
-from voxgran.scene.checked_sections import located
-from voxgran.scene.description import read_toml
+from voxgran.scene.checked_sections import located, read_toml
 from voxgran.scene.processes import Channel, Process, ending_of, start
 from voxgran.scene.run import PACKING
 from voxgran.scene.scene import Scene

@@ -305,7 +305,7 @@ def bench(options: argparse.Namespace) -> None:
 def app(options: argparse.Namespace) -> None:
     """Put scenes together, run them and look at them in a browser."""
     from voxgran.app.serve import serve
-    from voxgran.scene.description import read_toml
+    from voxgran.scene.checked_sections import read_toml
 
     scene = Path(options.file) if options.file else Path(__file__).with_name("scene.toml")
     given = read_toml(scene)

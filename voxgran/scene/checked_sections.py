@@ -1,5 +1,7 @@
-"""Sections of a scene, checked."""
+"""Sections of a scene, checked, and the file that has them."""
 
+import os
+import tomllib
 from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
@@ -7,10 +9,17 @@ from typing import Any, TypeVar
 
 from voxgran._base.arrays import as_count, as_positive
 from voxgran._base.config import from_mapping
-from voxgran._base.errors import InputError, shown
+from voxgran._base.errors import FileFormatError, InputError, shown
+from voxgran._base.files import existing_file
+from voxgran._base.guarded import reason_of
 from voxgran._base.units import as_unit
+from voxgran.containers.model import Container
+from voxgran.decks.engine import engine_registry
+from voxgran.decks.write import refuse_unheld
 from voxgran.scene.keys import refuse_unknown
-from voxgran.scene.sections import General
+from voxgran.scene.sections import General, Output
+from voxgran.settling.material import Material
+from voxgran.settling.materials import Materials
 
 T = TypeVar("T")
 
@@ -59,3 +68,36 @@ def located(value: Any, folder: Path) -> Any:
         return [located(inner, folder) for inner in value]
     named = isinstance(value, str) and Path(value).suffix and (folder / value).is_file()
     return str((folder / value).resolve()) if named else value
+
+
+def refuse_engines(output: Output, material: Material | Materials, container: Container) -> None:
+    """Refuse a material or a container that an engine does not have for which input is to be written.
+
+    Raises
+    ------
+    InputError
+        If there is one.
+    """
+    for engine in output.dem:
+        refuse_unheld(engine_registry().get(engine), material, container)
+
+
+def read_toml(path: str | os.PathLike[str]) -> dict[str, Any]:
+    """Return what a TOML file holds, as nested mappings.
+
+    Raises
+    ------
+    MissingFileError
+        If there is no such file.
+    FileFormatError
+        If it is not TOML.
+    """
+    found = existing_file(path)
+    if found.suffix.lower() == ".vtp":
+        raise FileFormatError(f"{found} is a packing and no scene: give the .toml file, or 'voxgran measure' it")
+    try:
+        return tomllib.loads(found.read_text(encoding="utf-8"))
+    except (ValueError, RecursionError) as error:
+        # a number of too many digits is a bare ValueError, values in too many brackets are a RecursionError
+        mend = "mend that line; text is written in quotes, flags are true and false"
+        raise FileFormatError(f"{found} is not TOML ({reason_of(error)}): {mend}") from error

@@ -1,7 +1,6 @@
 """Description of a granular scene, read from a TOML file and checked; nothing is planned or packed here."""
 
 import os
-import tomllib
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -10,22 +9,26 @@ from typing import Any, Literal, Self
 from voxgran._base import ExplainedAttributes
 from voxgran._base.arrays import as_count, as_share, check_type
 from voxgran._base.config import to_mapping
-from voxgran._base.errors import FileFormatError, InputError, UnknownNameError
+from voxgran._base.errors import InputError, UnknownNameError
 from voxgran._base.files import existing_file
-from voxgran._base.guarded import reason_of
 from voxgran._base.names import unknown
 from voxgran.contacts.assembly import NOT_STATED
 from voxgran.containers.make import make_container
 from voxgran.containers.model import Container
-from voxgran.decks.engine import engine_registry
-from voxgran.decks.write import refuse_unheld
 from voxgran.geometry.orientation_laws.law import OrientationLaw
 from voxgran.geometry.orientations import make_orientations
 from voxgran.io.files import load
 from voxgran.packing.method import method_registry
 from voxgran.packing.model import Packing
 from voxgran.scene.afterwards import compress_section, measure_section, settle_section
-from voxgran.scene.checked_sections import general_section, section_of, share_by_of, with_file
+from voxgran.scene.checked_sections import (
+    general_section,
+    read_toml,
+    refuse_engines,
+    section_of,
+    share_by_of,
+    with_file,
+)
 from voxgran.scene.entries import (
     ALONE_IN_PACKING,
     LayerEntry,
@@ -43,6 +46,7 @@ from voxgran.scene.entries import (
 from voxgran.scene.keys import Listed, Mistakes, Packed, names_of, refuse_unknown
 from voxgran.scene.obstacles import ObstacleEntry, obstacle_entries, standing_of
 from voxgran.scene.sections import General, Output
+from voxgran.scene.twins.section import TwinEntry, twin_scene
 from voxgran.settling.compression_parameters import Compression
 from voxgran.settling.material import Material
 from voxgran.settling.materials import Materials
@@ -51,7 +55,7 @@ from voxgran.shapes.sizes import SizeDistribution, make_sizes
 
 SECTIONS = (
     *("scene", "shape", "sizes", "orientations", "grains", "layer", "container", "obstacle"),
-    *("packing", "settle", "compress", "material", "measure", "output"),
+    *("packing", "settle", "compress", "twin", "material", "measure", "output"),
 )
 #: where a scene says whether and how its grains settle
 SETTLE_KEYS = "a section [settle] says how grains settle; with enabled = false in it they do not"
@@ -93,6 +97,8 @@ class SceneDescription(ExplainedAttributes):
         How the grains settle afterwards; False if they do not, None as the method does by default.
     compress : Compression or None
         How the grains are compressed then; None if they are not.
+    twin : TwinEntry or None
+        What the grains are a twin of, which says the method, count and solid fraction.
     material : Material or Materials
         Contact law of the grains in the input of engines; several also give the friction of grains that settle.
     which : tuple of str or None
@@ -117,6 +123,7 @@ class SceneDescription(ExplainedAttributes):
     parameters: Mapping[str, Any]
     settle: Settling | Literal[False] | None = None
     compress: Compression | None = None
+    twin: TwinEntry | None = None
     material: Material | Materials = Material()  # noqa: RUF009
     which: tuple[str, ...] | None
     output: Output
@@ -190,6 +197,8 @@ class SceneDescription(ExplainedAttributes):
         64.0
         """
         _check_sections(mapping)
+        if "twin" in mapping:
+            return cls(**twin_scene(mapping, Path(folder)))
         place, mistakes, shapes, walls = Path(folder), Mistakes(), tuple[ShapeEntry, ...](), None
         with mistakes.part():
             general = general_section(mapping.get("scene", {}))
@@ -217,9 +226,8 @@ class SceneDescription(ExplainedAttributes):
             if layers:
                 shapes, packed["count"], given = together(layers, given)
         with mistakes.part():
-            section = mapping.get("material", {})
             # names of materials are told where all else can be read
-            if isinstance(section, Mapping) or not mistakes.found:
+            if not isinstance(section := mapping.get("material", {}), list) or not mistakes.found:
                 material = material_section(section, shapes, walls)
         with mistakes.part():
             which = measure_section(mapping.get("measure", {}))
@@ -227,8 +235,7 @@ class SceneDescription(ExplainedAttributes):
             output: Output = section_of(Output, mapping.get("output", {}), "[output]")
         mistakes.refuse()
         friction = {} if isinstance(material, Material) else {"friction": material}
-        for engine in output.dem:
-            refuse_unheld(engine_registry().get(engine), material, container)
+        refuse_engines(output, material, container)
         return cls(
             general=general,
             shapes=with_densities(with_material_densities(shapes, material), general.density),
@@ -269,6 +276,10 @@ class SceneDescription(ExplainedAttributes):
             "packing": packing | given_parameters(self.parameters),
             "output": to_mapping(self.output),
         }
+        if self.twin is not None:
+            made["twin"] = dict(self.twin.given)
+            for name in ("packing", *(() if self.twin.held else ("container",))):
+                del made[name]
         if self.obstacles:
             made["obstacle"] = [entry.to_mapping() for entry in self.obstacles]
         if self.layers:
@@ -365,27 +376,6 @@ class SceneDescription(ExplainedAttributes):
         return None if self.start is None else load(self.start)
 
 
-def read_toml(path: str | os.PathLike[str]) -> dict[str, Any]:
-    """Return what a TOML file holds, as nested mappings.
-
-    Raises
-    ------
-    MissingFileError
-        If there is no such file.
-    FileFormatError
-        If it is not TOML.
-    """
-    found = existing_file(path)
-    if found.suffix.lower() == ".vtp":
-        raise FileFormatError(f"{found} is a packing and no scene: give the .toml file, or 'voxgran measure' it")
-    try:
-        return tomllib.loads(found.read_text(encoding="utf-8"))
-    except (ValueError, RecursionError) as error:
-        # a number of too many digits is a bare ValueError, values in too many brackets are a RecursionError
-        mend = "mend that line; text is written in quotes, flags are true and false"
-        raise FileFormatError(f"{found} is not TOML ({reason_of(error)}): {mend}") from error
-
-
 def _check_sections(mapping: Mapping[str, Any]) -> None:
     """Refuse sections that are unknown, missing or no sections."""
     check_type(mapping, Mapping, "scene", "a mapping of sections; for a file use Scene.from_toml")
@@ -400,7 +390,8 @@ def _check_sections(mapping: Mapping[str, Any]) -> None:
                 check_type(mapping[name], Mapping, f"[{name}]", f"a section; write [{name}] above its keys")
     mistakes.refuse()  # a section that is missing may be there under a wrong name
     # grains of a list are spheres, or disks, where there is no shape
-    for name in (*(() if "grains" in mapping or "layer" in mapping else ("shape",)), "container", "packing"):
+    needed = (*(() if "grains" in mapping or "layer" in mapping else ("shape",)), "container", "packing")
+    for name in needed if "twin" not in mapping else ():
         with mistakes.part():
             if name not in mapping:
                 told = "[[shape]]" if name == "shape" else f"[{name}]"

@@ -223,6 +223,40 @@ class Listed:
 
 
 @parameter_class
+class Twinned:
+    """Keys of [twin], beside the parameters of the method that its protocol is.
+
+    Parameters
+    ----------
+    sample
+        file of the packing that the twin equals, relative to the scene file.
+    count
+        number of grains; default: as many as fill [container], without it as many as the sample has whole.
+    solid_fraction
+        solid fraction of the twin; default: that of the sample.
+    protocol
+        how the grains come together; default: gravity where the sample has it, otherwise compress.
+    model
+        file of a learned distribution of shapes; default: it is learned from the sample.
+    faces
+        most triangles of a grain.
+    forms
+        most different shapes.
+    voxel_size
+        edge of the voxels on which both are compared; default: as vg.twin chooses it.
+    """
+
+    sample: str = parameter()
+    count: int | None = parameter(None, at_least=1)
+    solid_fraction: float | None = parameter(None, above=0, at_most=1)
+    protocol: Literal["gravity", "compress", "expand"] | None = parameter(None)
+    model: str | None = parameter(None)
+    faces: int = parameter(200, at_least=4)
+    forms: int = parameter(100, at_least=1)
+    voxel_size: float | None = parameter(None, unit="length", above=0.0)
+
+
+@parameter_class
 class Settled:
     """Keys of [settle], beside the parameters of settling.
 
@@ -297,6 +331,7 @@ _PLACES = {
     "[sizes]": names_of(Shares),
     "[orientations]": names_of(Oriented),
     "[grains]": names_of(Listed),
+    "[twin]": names_of(Twinned),
     "[[shape]]": names_of(ShapeOfFamily, ShapeOfFile, AnyShape),
 }
 

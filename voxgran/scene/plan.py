@@ -175,7 +175,7 @@ def _size_plan(scene: SceneDescription, task: Task) -> SizePlan | None:
         return None
     found = plan_sizes(task.sizes, task.problem.count, dimension=task.problem.dimension, seed=task.problem.seed)
     # other numbers of grains than those of a list are not asked for
-    return found if scene.grains is None else replace(found, counts={}, fines=())
+    return found if scene.grains is None and scene.twin is None else replace(found, counts={}, fines=())
 
 
 def _amount_asked(scene: SceneDescription) -> bool:
@@ -191,6 +191,8 @@ def task_of(scene: SceneDescription, shapes: tuple[Shape, ...]) -> Task:
     InputError
         If a value breaks a rule.
     """
+    if scene.twin is not None:
+        return prepare_task(scene.twin.request.stand_in(scene.general.seed))
     return prepare_task(Request(shapes, scene.container, **scene.asked(), parameters=dict(scene.parameters)))
 
 
@@ -322,6 +324,8 @@ def _steps(scene: SceneDescription, task: Task) -> dict[str, tuple[str, ...]]:
     computed = [f"reduce {len(limits)} of the shapes to at most {max(limits)} triangles"] if limits else []
     computed += [f"give {rough} of the shapes a rough skin"] if rough else []
     computed += [f"fit clumps of up to {most} spheres to {len(clumps)} of the shapes"] if clumps else []
+    if scene.twin is not None:
+        computed.append(f"learn the shapes of {len(scene.twin.request.sample.shapes)} grains of the sample")
     bound = "at most " if task.method.sizing == "made" else ""
     computed += [f"pack {bound}{task.problem.count} grains by {scene.method}"]
     if (settling := _settling_of(task)) is not None:

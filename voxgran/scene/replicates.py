@@ -68,6 +68,9 @@ def _run_in(
         trees.append(result.statistics)
     assert first is not None
     summary = averaged(runs)
+    if scene.twin is not None:
+        made = [load_packing(target / f"seed_{run['seed']}" / PACKING) for run in runs]
+        summary |= scene.twin.told(made, target, scene.output)
     save_statistics(_joined(trees, [run["seed"] for run in runs]), target / "statistics.nc", overwrite=True)
     write_text(target / SUMMARY, json.dumps(summary, indent=2) + "\n")
     return replace(first, summary=summary, folder=target)
@@ -145,7 +148,10 @@ def averaged(runs: Sequence[dict[str, Any]]) -> dict[str, Any]:
 def _with_seed(scene: SceneDescription, number: int) -> SceneDescription:
     """Return the scene of one seed; only the first one is drawn and shown."""
     output = scene.output if number == 0 else replace(scene.output, vtk=False, report=False, snapshots=0)
-    return replace(scene, general=replace(scene.general, seed=scene.general.seed + number, seeds=1), output=output)
+    # all seeds are compared with the sample together
+    twin = None if scene.twin is None else replace(scene.twin, compares=False)
+    general = replace(scene.general, seed=scene.general.seed + number, seeds=1)
+    return replace(scene, general=general, output=output, twin=twin)
 
 
 def _numbered(on_step: OnStep | None, number: int, scene: SceneDescription) -> OnStep | None:

@@ -131,6 +131,8 @@ def _run_in(
     packing = replace(packing, provenance={**packing.provenance, **told})
     result = finish_folder(packing, target, scene=scene, on_step=on_step)
     result.summary["plan"] = plan.to_mapping()
+    if scene.twin is not None:
+        result.summary.update(scene.twin.told([packing], target, scene.output))
     write_text(target / SUMMARY, json.dumps(result.summary, indent=2) + "\n")
     for path in kept:
         remove_checkpoint(path)
@@ -144,6 +146,8 @@ def pack_scene(
 
     Each layer has a checkpoint of its own.
     """
+    if scene.twin is not None:
+        return scene.twin.request.packed(scene.general.seed, checkpoint=checkpoint, **run)
     if not scene.layers:
         return pack(shapes, scene.container, **scene.asked(), checkpoint=checkpoint, **run, **scene.parameters)
     density, given, at = scene.density(), [], 0

@@ -13,7 +13,7 @@ from voxgran.clumps.method import clump_registry
 from voxgran.containers.model import UNKNOWN, boundary_of
 from voxgran.packing.method import method_registry
 from voxgran.scene.description import SceneDescription
-from voxgran.scene.keys import AnyShape, ClumpOfShape, ShapeOfFamily, ShapeOfFile
+from voxgran.scene.keys import AnyShape, ClumpOfShape, ShapeOfFamily, ShapeOfFile, Twinned
 from voxgran.settling.parameters import Settling
 from voxgran.shapes.family import families
 from voxgran.shapes.roughness.parameters import Roughness
@@ -35,7 +35,12 @@ def canonical_scene(scene: SceneDescription) -> dict[str, Any]:
     made = {key: value for key, value in scene.to_mapping().items() if key not in UNUSED}
     made["scene"] = {key: value for key, value in made["scene"].items() if key not in SEEDS}
     for table in made.get("layer", [made]):
-        table["shape"] = [_shape(entry) for entry in table["shape"]]
+        table["shape"] = [_shape(entry) for entry in table.get("shape", ())]
+    if scene.twin is not None:
+        # by the voxel a run is compared with its sample, and a study compares none
+        kept = {key: value for key, value in made["twin"].items() if key != "voxel_size"}
+        made["twin"] = _without_defaults(kept, Twinned)
+        return dict(_plain(made))
     parameters = method_registry().get(scene.method).parameters
     given = to_mapping(from_mapping(parameters, scene.parameters, "[packing]"))
     beside = {key: value for key, value in made["packing"].items() if key not in scene.parameters}

@@ -33,7 +33,8 @@ UNKNOWN = (0.0, math.inf)
 
 def kind_of(mapping: Mapping[str, Any]) -> Kind:
     """Return the kind of the runs of a scene, given as nested values."""
-    return str(mapping["packing"]["method"]), json.dumps(_without_numbers(mapping), sort_keys=True, default=str)
+    method = str(mapping.get("packing", {}).get("method", "twin"))
+    return method, json.dumps(_without_numbers(mapping), sort_keys=True, default=str)
 
 
 def _without_numbers(value: Any) -> Any:

@@ -21,7 +21,8 @@ def with_absolute_files(scene: Mapping[str, Any], folder: str | Path) -> dict[st
 
 def with_files(scene: Mapping[str, Any], made: Callable[[str], str]) -> dict[str, Any]:
     """Return the mapping of a scene with a function applied to the files that it names: those of shapes, those that
-    shapes are like, of obstacles, that of the container, of the sieve curve, of the list of grains and of the start.
+    shapes are like, of obstacles, that of the container, of the sieve curve, of the list of grains, of the start, and
+    of the sample of a twin with its model.
     """
     found = dict(scene)
     for name in ("shape", "obstacle"):
@@ -30,9 +31,10 @@ def with_files(scene: Mapping[str, Any], made: Callable[[str], str]) -> dict[str
             found[name] = [_with(entry, made, *keys) if isinstance(entry, Mapping) else entry for entry in found[name]]
     if isinstance(found.get("layer"), list):
         found["layer"] = [with_files(entry, made) if isinstance(entry, Mapping) else entry for entry in found["layer"]]
-    for section, key in (("container", "file"), ("sizes", "file"), ("grains", "file"), ("packing", "start")):
+    for section in ("container", "sizes", "grains", "packing", "twin"):
         if isinstance(found.get(section), Mapping):
-            found[section] = _with(found[section], made, key)
+            its = {"packing": ("start",), "twin": ("sample", "model")}.get(section, ("file",))
+            found[section] = _with(found[section], made, *its)
     return found
 
 

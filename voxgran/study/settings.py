@@ -10,7 +10,8 @@ from voxgran._base.arrays import as_count, check_type
 from voxgran._base.errors import InputError, UnknownNameError, shown
 from voxgran._base.files import existing_file
 from voxgran._base.names import unknown
-from voxgran.scene.description import SECTIONS, SceneDescription, read_toml
+from voxgran.scene.checked_sections import read_toml
+from voxgran.scene.description import SECTIONS, SceneDescription
 from voxgran.study.axes import LISTS, plain
 from voxgran.study.cell_values import text_of
 from voxgran.study.cells import Cell, Dimension, cells_of, dimensions_of

@@ -16,7 +16,7 @@ from voxgran.app.runs import Queue, Watcher, toml_of
 from voxgran.cli import main
 from voxgran.report.colors import colors_of
 from voxgran.report.figures import figures_of
-from voxgran.scene.description import read_toml
+from voxgran.scene.checked_sections import read_toml
 
 pytest.importorskip("tomli_w")
 

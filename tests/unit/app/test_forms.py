@@ -10,7 +10,7 @@ import voxgran as vg
 from voxgran.app import forms
 from voxgran.containers.make import container_registry
 from voxgran.packing.method import method_registry
-from voxgran.scene.description import read_toml
+from voxgran.scene.checked_sections import read_toml
 from voxgran.shapes.family import families
 
 pytest.importorskip("tomli_w")

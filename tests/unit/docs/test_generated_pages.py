@@ -100,6 +100,7 @@ def test_every_key_of_the_table_is_taken_by_a_scene(tmp_path):
         keys.Listed: {"file": "list.csv"},
         keys.Layered: {"count": 2, "height": 2.0, "sizes": {"kind": "fixed"}, "orientations": {"kind": "random"}},
         keys.Oriented: {"kind": "random"},
+        keys.Twinned: dict.fromkeys(keys.names_of(keys.Twinned)),
         keys.Settled: {"enabled": True},
         keys.NamedMaterial: {"name": "steel", "pair": {"steel": {"friction": 0.2}}},
         keys.OfContainer: {"material": {"others": "steel"}},

@@ -100,6 +100,16 @@ def test_spheres_on_a_cubic_lattice():
     assert by_poles(0.4) / stepped == pytest.approx([1.03] * 3, abs=0.01)
 
 
+def test_a_periodic_image_may_begin_anywhere():
+    # moved by whole cells, so that what is near a face lies across the border
+    pores = np.random.default_rng(2).random((12, 12, 12)) < 0.7
+    for block in (1, 2, 3):
+        found = vg.effective_diffusivity(pores, periodic="xyz", block=block).relative[0]
+        moved = np.roll(pores, (6, 6), axis=(1, 2))
+        again = vg.effective_diffusivity(moved, periodic="xyz", block=block).relative[0]
+        assert again == pytest.approx(found, rel=1e-4)
+
+
 def test_a_wall_with_a_hole_leaks_only_there():
     # a wall of one voxel on either side of the faces between cells
     for place in (4, 5):

@@ -226,13 +226,15 @@ def _grain_values(grains: Mapping[str, Floats], chosen: Booleans) -> Values:
 def _image_values(part: Integers, known: _Known, lags: Floats) -> Values:
     """Return what an image of labels shows: areas, correlations, chords and transport."""
     solid, voxel = part > 0, known.voxel
-    faces, touching, runs = 0, 0, 0
+    faces, touching, runs = 0.0, 0.0, 0.0
     for axis in range(3):
         one, other = (np.delete(part, end, axis=axis) for end in (-1, 0))
         both = (one > 0) & (other > 0)
-        faces += int(((one > 0) != (other > 0)).sum())
-        touching += int((both & (one != other)).sum())
-        runs += int((~solid).take(0, axis=axis).sum()) + int(((one > 0) & (other == 0)).sum())
+        # what lies in the border is not seen: of n voxels in a line n - 1 faces are
+        seen = max(1.0 - 1.0 / part.shape[axis], 0.5)
+        faces += int(((one > 0) != (other > 0)).sum()) / seen
+        touching += int((both & (one != other)).sum()) / seen
+        runs += int(((one > 0) & (other == 0)).sum()) / seen
     # the faces of voxels have 3/2 of the area of a surface of any direction
     area = 2.0 / 3.0 / (part.size * voxel)
     pores = ~solid
@@ -247,7 +249,7 @@ def _image_values(part: Integers, known: _Known, lags: Floats) -> Values:
         "profile_deviation": float(np.std(slabs)) if len(slabs) > 1 else math.nan,
         "wetted_surface": faces * area,
         "contact_area": touching * area,
-        "pore_chord": 3.0 * int(pores.sum()) * voxel / max(runs, 1),
+        "pore_chord": 3.0 * int(pores.sum()) * voxel / max(runs, 1.0),
         "two_point_correlation": np.mean(pairs, axis=0),
         "pore_chords": 1.0 - np.searchsorted(chords, lags, side="right") / max(len(chords), 1),
         **{f"diffusivity_{'xyz'[k]}": float(transport.relative[k]) for k in range(3)},

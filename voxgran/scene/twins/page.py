@@ -2,13 +2,16 @@
 
 import os
 from functools import partial
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from voxgran import __version__
 from voxgran._base.files import as_path, write_files
+from voxgran._base.lazy import load
 from voxgran._base.units import NO_UNIT
+from voxgran.io.netcdf import save_statistics
 from voxgran.packing.model import Packing
 from voxgran.report import facts, plots, scenes
 from voxgran.report.colors import gradient
@@ -55,6 +58,24 @@ def write_page(twin: Any, path: str | os.PathLike[str], *, overwrite: bool) -> N
     table = [{"measure": str(m), **{n: float(data[n][k]) for n in names}} for k, m in enumerate(data["measure"].values)]
     record = {"voxgran": __version__, "numbers": table}
     write_files({as_path(path): text, numbers: json_text(record)}, overwrite=overwrite)
+
+
+def written(twin: Any, folder: Path, *, page: bool = True) -> dict[str, Any]:
+    """Write the learned shapes, the comparison and the page of a twin into a folder, and return the main numbers."""
+    data = twin.comparison
+    if twin.model is not None:
+        twin.model.save(folder / "shapes.nc", overwrite=True)
+    save_statistics(load("xarray").DataTree(dataset=data), folder / "comparison.nc", overwrite=True)
+    if page:
+        write_page(twin, folder / "twin.html", overwrite=True)
+    ratios = np.nan_to_num(np.abs(data["ratio"].values))
+    return {
+        "grains": twin.packing.count,
+        "sample_solid_fraction": twin.sample.solid_fraction,
+        "solid_fraction": float(data["twin"].sel(measure="solid_fraction")),
+        "largest_ratio": float(ratios.max()),
+        "largest_difference": str(data["text"].values[int(ratios.argmax())]),
+    }
 
 
 def _headline(name: str, packing: Packing | None, twin: Any) -> dict[str, str]:

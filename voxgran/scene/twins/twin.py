@@ -2,37 +2,25 @@
 
 import os
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cached_property
 from typing import TYPE_CHECKING, Any, Literal
 
-import numpy as np
-
 from voxgran._base import ExplainedAttributes
-from voxgran._base.arrays import Floats, Integers, as_choice, as_count, as_length, as_share, check_type
+from voxgran._base.arrays import as_count, as_length
 from voxgran._base.calls import explained, explained_methods
-from voxgran._base.seeds import stream
-from voxgran.containers.gravity import as_down, main_axis
-from voxgran.containers.kinds.box import Box
 from voxgran.containers.model import Container
 from voxgran.packing.model import Packing, check_packing
-from voxgran.packing.pack import pack
 from voxgran.scene.twins.compared import comparison_of
 from voxgran.scene.twins.page import write_page
-from voxgran.scene.twins.sample import Sample, sample_of
-from voxgran.shapes.learning.learn import learn_shapes
+from voxgran.scene.twins.request import TwinRequest
+from voxgran.scene.twins.sample import Sample, resolved, sample_of
 from voxgran.shapes.learning.model import ShapeModel
-from voxgran.shapes.mesh import Mesh
 from voxgran.shapes.model import Shape
-from voxgran.shapes.repairing.simplify import simplify
-from voxgran.shapes.size_laws.listed import refuse_too_many
-from voxgran.shapes.sizes import discrete
 
 if TYPE_CHECKING:
     from xarray import Dataset
 
-#: depth of a bed over its width, height of its container over that depth, and share of a container that beds fill
-DEEP, ROOM, FILLED = 1.5, 3.0, 0.8
 #: most packings of one call
 MOST_SEEDS = 1000
 
@@ -50,6 +38,10 @@ class Twin(ExplainedAttributes):
         One for each seed.
     model : ShapeModel or None
         Distribution of shapes from which the grains were drawn; None where they are those of the sample.
+    voxel_size : float or None
+        Edge of the voxels on which both are compared; None for that of the scan.
+    faces : int
+        Most triangles of a grain, at which the forms of both are described.
 
     Examples
     --------
@@ -64,6 +56,7 @@ class Twin(ExplainedAttributes):
     packings: tuple[Packing, ...]
     model: ShapeModel | None = None
     voxel_size: float | None = None
+    faces: int = 200
 
     @property
     def packing(self) -> Packing:
@@ -100,7 +93,8 @@ class Twin(ExplainedAttributes):
             If it has fewer than 10 whole grains, or open surfaces.
         """
         check_packing(packing, "packing")
-        return comparison_of(sample_of(packing, self.sample.solid_fraction), self.packings, self.voxel_size)
+        other = resolved(sample_of(packing, self.sample.solid_fraction), self.faces)
+        return comparison_of(other, self.packings, self.voxel_size)
 
     def report(self, path: str | os.PathLike[str], *, overwrite: bool = False) -> None:
         """Write a page of the sample beside the twin, with the table of differences, the largest first.
@@ -161,7 +155,8 @@ def twin(
         fraction.
     model : ShapeModel, optional
         Distribution of shapes, as of :func:`voxgran.learn_shapes`. Default: learnt from the sample where its grains are
-        meshes; other shapes are those of the sample, drawn by their weights.
+        meshes; other shapes are those of the sample, drawn by their weights. Labels of spheres and ellipsoids, from
+        which nine surfaces in ten differ by a quarter of a voxel at most, become these.
     faces : int
         Most triangles of a grain: surfaces of labels have thousands, which settling does not need.
     forms : int
@@ -205,66 +200,16 @@ def twin(
     >>> twin.packing.count, round(twin.packing.solid_fraction, 3)
     (30, 0.5)
     """
-    if model is not None:
-        check_type(model, ShapeModel, "model", "a ShapeModel; learn_shapes and ShapeModel.load make one")
-    found = sample_of(sample, solid_fraction)
-    wanted = found.solid_fraction if solid_fraction is None else as_share(solid_fraction, "solid_fraction")
-    gravity = None if found.packing is None else found.packing.gravity
-    usual = "compress" if gravity is None else "gravity"
-    how = as_choice(usual if protocol is None else protocol, "protocol", ("gravity", "compress", "expand"))
-    mean = float((np.pi / 6 * found.laid_sizes(1000) ** 3).mean())
-    if count is None and container is not None:
-        count = int(wanted * container.volume * (FILLED if how == "gravity" else 1.0) / mean)
-    many = as_count(len(found.shapes) if count is None else count, "count", at_least=1)
-    refuse_too_many(many)
-    different = min(as_count(forms, "forms", at_least=1), many)
     voxel = None if voxel_size is None else as_length(voxel_size, "voxel_size")
-    if model is None and all(isinstance(shape.geometry, Mesh) for shape in found.shapes):
-        # both are then described at the same resolution
-        found = replace(found, shapes=tuple(simplify(shape, faces=faces).shape for shape in found.shapes))
-        model = learn_shapes(found.shapes, weights=found.weights, seed=seed)
-    if how == "gravity" and gravity is not None:
-        parameters.setdefault("gravity", tuple(gravity))
-    packings, first = [], as_count(seed, "seed")
-    for one in range(first, first + as_count(seeds, "seeds", at_least=1, at_most=MOST_SEEDS)):
-        shapes, shape_id, sizes = drawn(found, many, model, different, one)
-        volume = float((np.pi / 6 * sizes**3).sum()) / wanted
-        box = _box(volume, how, parameters.get("gravity")) if container is None else container
-        listed = {"shape": shape_id, "diameter": sizes}
-        asked = {"seed": one, "solid_fraction": wanted, **parameters}
-        if how == "expand":
-            # it scales sizes and takes no list
-            law = discrete(sizes, np.ones(many))
-            packings.append(pack(shapes, box, how, count=many, sizes=law, **asked))
-        else:
-            packings.append(pack(shapes, box, how, grains=listed, **asked))
-    return Twin(sample=found, packings=tuple(packings), model=model, voxel_size=voxel)
+    asked = TwinRequest.of(
+        sample, container, count=count, solid_fraction=solid_fraction, protocol=protocol, model=model, faces=faces,
+        forms=forms, seed=seed, **parameters,
+    )  # fmt: skip
+    many = as_count(seeds, "seeds", at_least=1, at_most=MOST_SEEDS)
+    return twin_of(asked, [asked.packed(asked.seed + k) for k in range(many)], voxel)
 
 
-def drawn(
-    sample: Sample, count: int, model: ShapeModel | None, forms: int, seed: int
-) -> tuple[list[Shape], Integers, Floats]:
-    """Return shapes of a model, or of the sample, and shape and diameter of each grain (count,), from small to large.
-
-    The diameters are laid over the distribution of the sample. A shape is that of grains whose sizes follow each other,
-    in the order of the sizes that the model has drawn, so that form and size stay related as they are.
-    """
-    if model is None:
-        share = np.cumsum(sample.weights) / sample.weights.sum()
-        at = (stream(seed, "twin shapes").random() + np.arange(forms)) / forms % 1.0
-        shapes = [sample.shapes[k] for k in np.searchsorted(share, at, side="right")]
-    else:
-        shapes = list(model.sample(forms, seed=seed))
-    shapes.sort(key=lambda shape: shape.diameter)
-    return shapes, np.arange(count) * len(shapes) // count, sample.laid_sizes(count)
-
-
-def _box(volume: float, protocol: str, gravity: Any) -> Box:
-    """Return a periodic box that grains fill at rest, or one with a floor in which they come to rest as a bed."""
-    if protocol != "gravity":
-        return Box((volume ** (1 / 3),) * 3, "xyz")
-    asked = as_down(gravity, Box((1.0, 1.0, 1.0)))
-    down = np.abs(main_axis(np.array((0.0, 0.0, -1.0) if asked is None else asked, dtype=np.float64)))
-    width = (volume / DEEP) ** (1 / 3)
-    lengths = np.where(down > 0, DEEP * ROOM * width, width)
-    return Box(lengths, tuple(bool(one) for one in down == 0))
+def twin_of(asked: TwinRequest, packings: Sequence[Packing], voxel_size: float | None) -> Twin:
+    """Return the twin that packings of a request are."""
+    found, model = asked.learned
+    return Twin(sample=found, packings=tuple(packings), model=model, voxel_size=voxel_size, faces=asked.faces)

@@ -64,7 +64,8 @@ def write_model(
     with written_whole(path, overwrite=overwrite) as draft:
         try:
             table.to_netcdf(draft, engine="netcdf4", encoding=packed)
-        except RuntimeError as error:
+        # a name that is not UTF-8 is refused by the library
+        except (RuntimeError, UnicodeEncodeError) as error:
             raise OutputError(f"{path} cannot be written ({error}): free space or choose another place") from error
 
 

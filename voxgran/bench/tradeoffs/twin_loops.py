@@ -1,0 +1,123 @@
+"""Twins in closed loops: a specimen becomes an image, labels and a twin, which is compared with the specimen.
+
+Specimens are graded grains, compressed with friction in a periodic cell. Their images are cut on all sides, segmented
+as scans are, and the twins are made of the labels alone. The scatter is that of specimen and twin together: what two
+parts of one material would differ by. Seconds are processor time of the twin, with the search of its friction.
+"""
+
+import warnings
+from collections.abc import Callable
+from dataclasses import astuple, dataclass
+from pathlib import Path
+
+import numpy as np
+
+from voxgran._base.errors import PackingWarning
+from voxgran._base.seeds import stream
+from voxgran.bench.model import TradeOff, panels_of, timed, write_rows
+from voxgran.containers.kinds.box import Box
+from voxgran.io.image import to_image
+from voxgran.lattice.segment import segment
+from voxgran.packing.model import Packing
+from voxgran.packing.pack import pack
+from voxgran.packing.transform.from_labels import packing_of_labels
+from voxgran.scene.twins.twin import Twin, twin
+from voxgran.shapes.family import make_shape, make_shapes
+from voxgran.shapes.model import Shape
+from voxgran.shapes.repairing.simplify import simplify
+from voxgran.shapes.sizes import lognormal
+
+#: grains of a specimen and of its twin, different shapes of the specimen, and most triangles of one
+GRAINS, SHAPES, FACES = 500, 40, 300
+#: edge of the voxels of an image in median diameters, voxels that are cut from each side, and friction of specimens
+VOXEL, CUT, FRICTION = 0.06, 6, 0.2
+#: measures of the table, with the largest difference that is sought, and whether it is one of the value itself
+LIMITS: dict[str, tuple[float | None, bool]] = {
+    "solid_fraction": (0.005, False),
+    "coordination_number": (0.3, False),
+    "D50": (0.02, True),
+    "radial_peak": (0.05, True),
+    "tortuosity": (0.05, True),
+    **dict.fromkeys(("local_solid_fraction", "sphericity", "flatness", "convexity"), (None, False)),
+    **dict.fromkeys(("pore_chord", "wetted_surface", "contact_area"), (None, True)),
+}
+
+
+@dataclass(frozen=True, slots=True)
+class Row:
+    """A measure of a specimen and of its twin."""
+
+    case: str
+    measure: str
+    specimen: float
+    twin: float
+    difference: float  # over the value of the specimen where the limit is
+    ratio: float  # difference over the scatter of both
+    limit: float | None
+    whole_grains: int  # of the labels, those that the border does not cut
+    twin_seconds: float
+
+
+def ellipsoids() -> list[Shape]:
+    """Return ellipsoids of random ratios."""
+    draw = stream(1, "twin loops")
+    ratios = np.column_stack([np.ones(SHAPES), draw.uniform(0.7, 1.0, SHAPES), draw.uniform(0.5, 0.7, SHAPES)])
+    return [make_shape("ellipsoid", semi_axes=tuple(row)) for row in ratios.tolist()]
+
+
+def polyhedra() -> list[Shape]:
+    """Return convex polyhedra."""
+    return make_shapes("convex_polyhedron", count=SHAPES, seed=1)
+
+
+def rocks() -> list[Shape]:
+    """Return unions of solids, which are not convex."""
+    return [simplify(shape, faces=FACES).shape for shape in make_shapes("solid_union", count=SHAPES, seed=1)]
+
+
+CASES: dict[str, Callable[[], list[Shape]]] = {"ellipsoids": ellipsoids, "polyhedra": polyhedra, "rocks": rocks}
+
+
+def run(folder: Path) -> tuple[Path, ...]:
+    """Write twin_loops.csv and twin_loops.svg into a folder and return both."""
+    rows = [row for case in CASES for row in rows_of(case)]
+    head = "case,measure,specimen:.4g,twin:.4g,difference:.4f,ratio:.1f,limit,whole_grains,twin_seconds:.0f"
+    table = write_rows(folder / "twin_loops.csv", head, map(astuple, rows))
+    limited = [name for name, (limit, _) in LIMITS.items() if limit is not None]
+    with panels_of(folder / "twin_loops.svg", 1, width=7.0) as panels:
+        for case in CASES:
+            share = [row.difference / row.limit for row in rows if row.case == case and row.limit is not None]
+            panels[0].plot(limited, share, "o", label=case)
+        for edge in (-1, 1):
+            panels[0].axhline(edge, color="k", linestyle=":")
+        panels[0].set(ylabel="twin less specimen, over the limit")
+    return table, folder / "twin_loops.svg"
+
+
+def rows_of(case: str) -> list[Row]:
+    """Return the rows of a case."""
+    with warnings.catch_warnings(action="ignore", category=PackingWarning):
+        specimen, scan = specimen_and_scan(case)
+        made: Twin
+        made, seconds = timed(twin, scan, count=GRAINS, seed=5)
+        found = made.compared_with(specimen)
+    rows = []
+    for name, (limit, relative) in LIMITS.items():
+        one = found.sel(measure=name)
+        true, other, ratio = (float(one[of]) for of in ("sample", "twin", "ratio"))
+        difference = other / true - 1.0 if relative else other - true
+        rows.append(Row(case, name, true, other, difference, ratio, limit, len(made.sample.shapes), seconds))
+    return rows
+
+
+def specimen_and_scan(case: str) -> tuple[Packing, Packing]:
+    """Return a specimen, and the labels of its cut image."""
+    edge = 1.35 * np.cbrt(GRAINS)
+    box, sizes = Box((edge, edge, edge), "xyz"), lognormal(median=1.0, sigma=0.2)
+    specimen = pack(CASES[case](), box, "compress", count=GRAINS, sizes=sizes, friction=FRICTION, seed=3)
+    image = to_image(specimen, VOXEL, labels=False)[CUT:-CUT, CUT:-CUT, CUT:-CUT]
+    labels = segment(image.astype(float), threshold=0.5, voxel_size=VOXEL).labels
+    return specimen, packing_of_labels(np.asarray(labels), voxel_size=VOXEL, gravity="none")
+
+
+registration = TradeOff(name="twin_loops", summary="specimens, their images and the twins of these", run=run)
