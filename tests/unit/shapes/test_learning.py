@@ -261,6 +261,34 @@ def test_labels_without_a_whole_grain_are_refused():
         vg.learn_shapes(vg.packing_of_labels(image, voxel_size=1.0, gravity="none"))
 
 
+def test_the_prompt_and_scenes_refuse_bad_samples_in_one_sentence(tmp_path, capsys, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    for k, shape in enumerate([*POLYHEDRA[:9], vg.shapes.shell()]):
+        vg.save_shape(shape, f"{k}.stl")
+    one = vg.pack(POLYHEDRA[:1], vg.Box((20, 20, 20)), "rsa", count=12)
+    vg.save(one, "one.vtp")
+    image = np.zeros((20, 20, 20), dtype=int)
+    image[:, :9], image[:, 11:] = 1, 2
+    vg.save(vg.packing_of_labels(image, voxel_size=1.0, gravity="none"), "cut.vtp")
+    bad = {
+        ("cut.vtp",): "the packing has 2 grains, all of which the border of the image cuts",
+        tuple(f"{k}.stl" for k in range(9)): "shapes has 9 whole grains: at least 10 are needed; give more",
+        ("one.vtp",): "shapes is 12 times one shape",
+        ("0.stl", "9.stl"): "a grain must be a closed surface; run voxgran repair on it",
+    }
+    for files, message in bad.items():
+        assert main(["learn", *files, "-o", "shapes.nc"]) == 2
+        told = capsys.readouterr().err
+        assert message in told
+        assert told.count("\n") == 1
+    container = {"kind": "box", "lengths": [12, 12, 12]}
+    scene = {"container": container, "shape": [{"model": "one.vtp"}], "packing": {"method": "rsa", "count": 5}}
+    with pytest.raises(
+        FileFormatError, match=r"one\.vtp has the suffix '\.vtp': distributions of shapes are kept as \.nc"
+    ):
+        vg.Scene.from_mapping(scene).shapes[0].make()
+
+
 NUMBERS = ["energy_distance", "sample_error", "novelty"]
 
 
@@ -288,7 +316,7 @@ def test_the_strength_is_chosen_within_its_range():
 
 @pytest.mark.slow
 def test_rows_of_the_bench_are_written(tmp_path, monkeypatch):
-    monkeypatch.setattr(twins, "CASES", {name: twins.CASES[name] for name in ("ellipsoids", twins.LARGE)})
+    monkeypatch.setattr(twins, "CASES", {name: twins.CASES[name] for name in ("ellipsoids", twins.GROWING)})
     for name, value in (
         ("LEARNED", 20),
         ("DRAWN", 20),
@@ -296,6 +324,7 @@ def test_rows_of_the_bench_are_written(tmp_path, monkeypatch):
         ("NUMBERS", (12,)),
         ("SAMPLES", 2),
         ("MANY", (12, 20)),
+        ("LARGE", twins.GROWING),
     ):
         monkeypatch.setattr(twins, name, value)
     table, figure = twins.run(tmp_path)
