@@ -112,7 +112,15 @@ def test_no_part_of_a_grain_grows_without_bound():
 
 @pytest.mark.parametrize(
     ("worst", "newest", "chosen"),
-    [(1.0, 0.065, 0.065), (0.04, 1.0, 0.04), (0.05, 0.05, 0.05), (0.0, 1.0, 0.005), (1.0, 1.0, 0.12)],
+    [
+        (1, 0.065, 0.065),
+        (0.04, 1, 0.04),
+        (0.05, 0.05, 0.05),
+        (0.005, 1, 0.005),
+        (0.012, 0, 0.01),
+        (1, 0, 0.02),
+        (1, 1, 0.12),
+    ],
 )
 def test_the_least_strength_is_chosen_that_makes_new_grains_or_the_largest_without_error(
     monkeypatch, worst, newest, chosen

@@ -3,6 +3,7 @@
 from bisect import bisect_left
 from collections.abc import Sequence
 from dataclasses import replace
+from functools import cache
 from typing import Any
 
 import numpy as np
@@ -15,6 +16,7 @@ from voxgran._base.seeds import stream
 from voxgran.shapes.learning.likeness import distances, energy_distance, quick_descriptors, signatures, spread_of
 from voxgran.shapes.learning.model import ShapeModel
 from voxgran.shapes.learning.sample import checked_sample
+from voxgran.shapes.learning.warp import WIDE
 from voxgran.shapes.model import Shape
 
 #: how grains are made
@@ -23,8 +25,9 @@ METHODS = ("warp",)
 STRENGTHS, SMALL, LARGE = (0.005, 0.01, 0.02, 0.03, 0.04, 0.05, 0.065, 0.08, 0.12), 0.05, 40
 #: grains that are drawn to find the mean change of descriptors, and what holds the weights of donors near the others
 BALANCED, RIDGE, STEEPEST = 100, 0.02, 1.0
-#: novelty that is enough, error in that of random halves of the sample that is too much, and pairs of such halves
-ENOUGH, WORSE, FOLDS = 0.9, 0.2, 10
+#: novelty that is enough, growth of the error in that of random halves of the sample that is too much, and pairs of
+#: such halves
+ENOUGH, WORSE, FOLDS = 0.95, 0.2, 10
 
 
 @explained(hint="learn_shapes(shapes)")
@@ -110,8 +113,9 @@ def _balancing(even: ShapeModel, rows: Floats, seed: int) -> tuple[Floats, list[
 
 
 def _chosen(even: ShapeModel, rows: Floats, seed: int) -> float:
-    """Return the smallest strength with which drawn grains are as far from the nearest one of the sample as those are
-    from each other, or the largest one with which their descriptors are those of the sample.
+    """Return the smallest strength, not below that of a narrower kernel, with which drawn grains are as far from the
+    nearest one of the sample as those are from each other, or the largest one with which their descriptors are those of
+    the sample.
     """
     generator, marks = stream(seed, "strength of learned grains"), signatures(even.shapes)
     # halves of as many grains as are drawn, since the error of a sample falls with its number of grains
@@ -120,16 +124,23 @@ def _chosen(even: ShapeModel, rows: Floats, seed: int) -> float:
     own = np.mean([energy_distance(rows[a], rows[b], spread, w[a], w[b]) for a, b in mixed])
     far = distances(marks, marks)
     np.fill_diagonal(far, np.inf)
-    errors = {}
+    enough = ENOUGH * np.median(far.min(axis=1))
+
+    @cache
+    def tried(strength: float) -> tuple[float, float]:
+        _, drawn, error = _balancing(replace(even, strength=strength), rows, seed)
+        return error, float(np.median(distances(signatures(drawn), marks).min(axis=1)))
+
+    # fewer grains than the sample has differ from it anyway, as those of the least strength do
+    worst = tried(STRENGTHS[0])[0] + WORSE * own
 
     def is_end(strength: float) -> bool:
-        _, drawn, errors[strength] = _balancing(replace(even, strength=strength), rows, seed)
-        new = np.median(distances(signatures(drawn), marks).min(axis=1)) >= ENOUGH * np.median(far.min(axis=1))
-        return bool(new) or errors[strength] > WORSE * own
+        error, new = tried(strength)
+        return error > worst or new >= enough
 
-    # novelty and error both grow with the strength
-    end = bisect_left(STRENGTHS, True, key=is_end)
-    if end == len(STRENGTHS) or (end and errors[STRENGTHS[end]] > WORSE * own):
+    # novelty and error both grow with the strength; the kernel is narrow only where a wide one errs
+    end = min(bisect_left(STRENGTHS, True, lo=STRENGTHS.index(WIDE[0]), key=is_end), len(STRENGTHS) - 1)
+    while tried(STRENGTHS[end])[0] > worst:
         end -= 1
     return STRENGTHS[end]
 
