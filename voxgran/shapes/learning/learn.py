@@ -136,7 +136,7 @@ def _chosen(even: ShapeModel, rows: Floats, seed: int) -> float:
 
     def is_end(strength: float) -> bool:
         error, new = tried(strength)
-        return error > worst or new >= enough
+        return bool(error > worst or new >= enough)
 
     # novelty and error both grow with the strength; the kernel is narrow only where a wide one errs
     end = min(bisect_left(STRENGTHS, True, lo=STRENGTHS.index(WIDE[0]), key=is_end), len(STRENGTHS) - 1)
