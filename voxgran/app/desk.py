@@ -24,8 +24,7 @@ from voxgran.report.figures import figures_of
 from voxgran.report.page import save_report
 from voxgran.report.plots import planned_svg
 from voxgran.report.stage import SMOOTHING, png_of, shot
-from voxgran.scene.checked_sections import located
-from voxgran.scene.description import read_toml
+from voxgran.scene.checked_sections import located, read_toml
 from voxgran.scene.run import deck_of
 from voxgran.scene.scene import Scene
 from voxgran.scene.shape_files import entry_of_file

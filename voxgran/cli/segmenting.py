@@ -12,7 +12,9 @@ from voxgran._base.files import output_suffix, written_whole
 from voxgran.cli.images import opened
 from voxgran.cli.terminal import show
 from voxgran.report.stage import check_picture_path
+from voxgran.shapes.files import shape_of_file
 from voxgran.shapes.formats.mesh_files import WRITERS
+from voxgran.shapes.repairing.diagnose import Remedies
 
 #: suspects that are named
 NAMED = 10
@@ -24,7 +26,8 @@ def learn(options: argparse.Namespace) -> None:
     if options.picture:
         check_picture_path(options.picture, overwrite=options.overwrite)
     meshes = [path for path in options.files if Path(path).suffix.lower() in WRITERS and len(options.files) > 1]
-    shapes = [voxgran.load_shape(path) for path in meshes] if meshes else voxgran.load(options.files[0])
+    remedies = Remedies(mend="run voxgran repair on it", keep_open="", choose="run voxgran repair on it")
+    shapes = [shape_of_file(path, remedies=remedies) for path in meshes] if meshes else voxgran.load(options.files[0])
     model = voxgran.learn_shapes(shapes, strength=options.strength, seed=options.seed)
     report = model.report(descriptors=options.descriptors, seed=options.seed)
     if options.picture:

@@ -9,7 +9,7 @@ import math
 from collections.abc import Callable
 from dataclasses import astuple, dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -41,17 +41,17 @@ from voxgran.shapes.tessellate import sphere
 from voxgran.voxels.occupy import voxelize
 
 #: samples, grains that are learned from, drawn and tested on, and the numbers that are learned from of one family
-SAMPLES, LEARNED, DRAWN, TESTED, NUMBERS = 2, 100, 200, 150, (20, 40, 80, 160)
+SAMPLES, LEARNED, DRAWN, TESTED, NUMBERS = 3, 100, 100, 100, (20, 40, 80, 160)
 #: grains that are learned from and drawn to take the time
 MANY = (500, 1000)
 #: seed of the test grains; the samples have the seeds that follow
-SEED = 1000
+SEED = 5000
 #: cases of few parameters of which harmonics are compared, degrees of these, and share that the components explain
-SMOOTH, DEGREES, EXPLAINED = ("mollon_zhao", "ellipsoids"), 16, 0.95
+SMOOTH, DEGREES, EXPLAINED = ("mollon_zhao", "ellipsoids", "spherical_harmonics"), 16, 0.95
 #: tolerance of the surfaces of tori and rods, by which strained meshes have no sharp edges either
 FINE = 0.005
 #: voxels of a diameter of the images, and standard deviations of their noise and of the filter
-VOXELS, NOISE, FILTER = 14, 0.3, 1.0
+VOXELS, NOISE, FILTER = 16, 0.3, 1.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -103,11 +103,11 @@ def rings_with_rods(count: int, seed: int) -> list[Shape]:
     return made
 
 
-def labels(count: int, seed: int) -> list[Shape]:
-    """Return unions of solids as the labels of a filtered image with noise."""
+def labels(grains: list[Shape], seed: int) -> list[Shape]:
+    """Return grains as the labels of filtered images with noise."""
     made, noise, images = [], stream(seed, "noise"), load("scipy.ndimage")
-    for shape in make_shapes("solid_union", count=count, seed=seed):
-        mask = np.pad(voxelize(shape, voxel_size=1 / VOXELS).mask, 4).astype(np.float64)
+    for shape in grains:
+        mask = np.pad(voxelize(shape, voxel_size=shape.diameter / VOXELS).mask, 4).astype(np.float64)
         grey = images.gaussian_filter(mask + noise.normal(0.0, NOISE, mask.shape), FILTER)
         bodies, number = images.label(grey > 0.5)
         largest = 1 + int(np.argmax(images.sum_labels(mask >= 0, bodies, range(1, number + 1))))
@@ -122,8 +122,10 @@ CASES: dict[str, Callable[[int, int], list[Shape]]] = {
     "mollon_zhao": of_family("mollon_zhao", subdivisions=3),
     "ellipsoids": ellipsoids,
     "two_families": two_families,
+    "spherical_harmonics": of_family("spherical_harmonics", degree=6, subdivisions=3, aspect=(1.2, 1.0, 0.8)),
     "rings_with_rods": rings_with_rods,
-    "labels_with_noise": labels,
+    "labels_of_rings_with_rods": lambda count, seed: labels(rings_with_rods(count, seed), seed),
+    "labels_of_solid_unions": lambda count, seed: labels(make_shapes("solid_union", count=count, seed=seed), seed),
 }
 #: cases of which several numbers of grains, and many, are learned
 GROWING, LARGE = "voronoi_fragment", "solid_union"
@@ -154,32 +156,48 @@ def written(rows: list[Row], folder: Path) -> tuple[Path, ...]:
     return table, folder / "twins.svg"
 
 
+class Known(NamedTuple):
+    """Grains, and their descriptors and signatures."""
+
+    shapes: list[Shape]
+    rows: Floats
+    marks: Floats
+
+
+def known(shapes: list[Shape]) -> Known:
+    """Return grains with what is compared of them."""
+    return Known(shapes, descriptors(shapes), signatures(shapes))
+
+
 def rows_of(case: str, *numbers: int) -> list[Row]:
     """Return the rows of a case with numbers of grains in the samples, and that of harmonics where it is compared."""
-    unseen = checked_sample(CASES[case](TESTED, SEED), None, None).shapes
-    test, marks = descriptors(unseen), signatures(unseen)
-    plans: list[tuple[str, int, Any]] = [(case, grains, learn_shapes) for grains in numbers]
-    if case in SMOOTH:
-        plans.append((f"{case} by harmonics", LEARNED, Harmonics.of))
-    found = []
-    for name, grains, learn in plans:
-        each = [measured(learn, CASES[case](grains, SEED + 1 + k), test, marks) for k in range(SAMPLES)]
-        strength, error, own, *others = np.mean(each, axis=0).tolist()
-        found.append(Row(name, grains, strength, error, own, error / own, *others))
+
+    def grains(count: int, seed: int) -> Known:
+        return known(checked_sample(CASES[case](count, seed), None, None).shapes)
+
+    unseen, found = grains(TESTED, SEED), []
+    for count in numbers:
+        samples = [grains(count, SEED + 1 + k) for k in range(SAMPLES)]
+        plans: list[tuple[str, Callable[..., Any]]] = [(case, learn_shapes)]
+        if case in SMOOTH and count == LEARNED:
+            plans.append((f"{case} by harmonics", Harmonics.of))
+        for name, learn in plans:
+            each = np.mean([measured(learn, sample, unseen) for sample in samples], axis=0)
+            strength, error, own, *others = each.tolist()
+            found.append(Row(name, count, strength, error, own, error / own, *others))
     return found
 
 
-def measured(learn: Callable[..., Any], sample: list[Shape], test: Floats, marks: Floats) -> tuple[float, ...]:
+def measured(learn: Callable[..., Any], given: Known, unseen: Known) -> tuple[float, ...]:
     """Return strength, errors, novelty, nearest neighbours and seconds of one sample."""
-    given = checked_sample(sample, None, None).shapes
-    model, learning = timed(learn, given)
-    drawn, drawing = timed(model.sample, DRAWN)
-    (rows, own, other), _ = comparable(descriptors(drawn), descriptors(given), test)
-    spread = spread_of(other)
-    found, fewer = signatures(drawn), min(DRAWN, TESTED)
-    share, _ = nearest_neighbour_test(found[:fewer], marks[:fewer], stream(SEED, "neighbours"))
+    model, learning = timed(learn, given.shapes)
+    made, drawing = timed(model.sample, DRAWN)
+    drawn = known(made)
+    (rows, own, other), _ = comparable(drawn.rows, given.rows, unseen.rows)
+    spread, fewer = spread_of(other), min(DRAWN, TESTED)
+    share, _ = nearest_neighbour_test(drawn.marks[:fewer], unseen.marks[:fewer], stream(SEED, "neighbours"))
     errors = (energy_distance(other, rows, spread), energy_distance(own, other, spread))
-    return (model.strength, *errors, novelty(found, signatures(given), marks), share, learning, drawing)
+    return (model.strength, *errors, novelty(drawn.marks, given.marks, unseen.marks), share, learning, drawing)
 
 
 @dataclass(frozen=True)

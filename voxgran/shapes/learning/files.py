@@ -80,6 +80,7 @@ def read_model(path: str | os.PathLike[str]) -> tuple[tuple[Shape, ...], dict[st
         If it is damaged, or holds something else.
     """
     found = existing_file(path)
+    output_suffix(found, [".nc"], "distributions of shapes are kept")
     facts, arrays = read_guarded(model_values, found)
     unit = facts.pop("unit")
     meshes, vertex, face = [], 0, 0

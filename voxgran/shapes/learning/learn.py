@@ -1,7 +1,9 @@
 """`learn_shapes`: the distribution of shapes and sizes of a sample of grains."""
 
+from bisect import bisect_left
 from collections.abc import Sequence
 from dataclasses import replace
+from functools import cache
 from typing import Any
 
 import numpy as np
@@ -14,16 +16,18 @@ from voxgran._base.seeds import stream
 from voxgran.shapes.learning.likeness import distances, energy_distance, quick_descriptors, signatures, spread_of
 from voxgran.shapes.learning.model import ShapeModel
 from voxgran.shapes.learning.sample import checked_sample
+from voxgran.shapes.learning.warp import WIDE
 from voxgran.shapes.model import Shape
 
 #: how grains are made
 METHODS = ("warp",)
 #: strengths that are tried, that of small samples, and the number of grains that is not small
-STRENGTHS, SMALL, LARGE = (0.02, 0.03, 0.04, 0.05, 0.065, 0.08), 0.05, 40
+STRENGTHS, SMALL, LARGE = (0.005, 0.01, 0.02, 0.03, 0.04, 0.05, 0.065, 0.08, 0.12), 0.05, 40
 #: grains that are drawn to find the mean change of descriptors, and what holds the weights of donors near the others
 BALANCED, RIDGE, STEEPEST = 100, 0.02, 1.0
-#: novelty that is enough, error in that of random halves of the sample that is too much, and pairs of such halves
-ENOUGH, WORSE, FOLDS = 0.9, 0.3, 10
+#: novelty that is enough, growth of the error in that of random halves of the sample that is too much, and pairs of
+#: such halves
+ENOUGH, WORSE, FOLDS = 0.95, 0.2, 10
 
 
 @explained(hint="learn_shapes(shapes)")
@@ -54,8 +58,9 @@ def learn_shapes(
     method : {"warp"}
         How grains are made.
     strength : float, optional
-        Standard deviation of the shears and of the taper, at most 0.3. Default: chosen between 0.02 and 0.08, so that
-        drawn grains are new and the descriptors are those of the sample; 0.05 where there are fewer than 40 grains.
+        Standard deviation of the shears and of the taper, at most 0.3; the kernel density is narrower in proportion
+        below 0.02, and wider above 0.08. Default: chosen between 0.005 and 0.12, so that drawn grains are new and the
+        descriptors are those of the sample; 0.05 where there are fewer than 40 grains.
     weights : (n,) array_like of float, optional
         How often each grain is the donor, relative to the others; default: equally often, and of a packing of labels as
         said above.
@@ -108,24 +113,36 @@ def _balancing(even: ShapeModel, rows: Floats, seed: int) -> tuple[Floats, list[
 
 
 def _chosen(even: ShapeModel, rows: Floats, seed: int) -> float:
-    """Return the smallest strength with which drawn grains are as far from the nearest one of the sample as those are
-    from each other, or the largest one with which their descriptors are those of the sample.
+    """Return the smallest strength, not below that of a narrower kernel, with which drawn grains are as far from the
+    nearest one of the sample as those are from each other, or the largest one with which their descriptors are those of
+    the sample.
     """
-    generator, marks, least = stream(seed, "strength of learned grains"), signatures(even.shapes), STRENGTHS[0]
+    generator, marks = stream(seed, "strength of learned grains"), signatures(even.shapes)
     # halves of as many grains as are drawn, since the error of a sample falls with its number of grains
     mixed = [np.array_split(generator.permutation(len(rows))[:BALANCED], 2) for _ in range(FOLDS)]
     w, spread = even.weights, spread_of(rows)
     own = np.mean([energy_distance(rows[a], rows[b], spread, w[a], w[b]) for a, b in mixed])
     far = distances(marks, marks)
     np.fill_diagonal(far, np.inf)
-    for strength in STRENGTHS:
+    enough = ENOUGH * np.median(far.min(axis=1))
+
+    @cache
+    def tried(strength: float) -> tuple[float, float]:
         _, drawn, error = _balancing(replace(even, strength=strength), rows, seed)
-        if error > WORSE * own:
-            break
-        least = strength
-        if np.median(distances(signatures(drawn), marks).min(axis=1)) >= ENOUGH * np.median(far.min(axis=1)):
-            break
-    return least
+        return error, float(np.median(distances(signatures(drawn), marks).min(axis=1)))
+
+    # fewer grains than the sample has differ from it anyway, as those of the least strength do
+    worst = tried(STRENGTHS[0])[0] + WORSE * own
+
+    def is_end(strength: float) -> bool:
+        error, new = tried(strength)
+        return bool(error > worst or new >= enough)
+
+    # novelty and error both grow with the strength; the kernel is narrow only where a wide one errs
+    end = min(bisect_left(STRENGTHS, True, lo=STRENGTHS.index(WIDE[0]), key=is_end), len(STRENGTHS) - 1)
+    while tried(STRENGTHS[end])[0] > worst:
+        end -= 1
+    return STRENGTHS[end]
 
 
 def balanced(given: Floats, weights: Floats, drawn: Floats, donors: Integers) -> Floats:

@@ -15,7 +15,7 @@ from voxgran._base.seeds import stream
 from voxgran.shapes.describing.thumbnail import card
 from voxgran.shapes.learning.files import read_model, write_model
 from voxgran.shapes.learning.report import ShapeReport, compared
-from voxgran.shapes.learning.warp import Kernel, frame_of, warped
+from voxgran.shapes.learning.warp import Kernel, frame_of, warped, width_of
 from voxgran.shapes.model import Shape
 
 
@@ -34,7 +34,8 @@ class ShapeModel(ExplainedAttributes):
         How often each is the donor of a grain, of sum 1: as its weight says, but for what makes up for the mean change
         of descriptors by the maps.
     strength : float
-        Standard deviation of the shears and of the taper by which a new grain differs from one of the sample.
+        Standard deviation of the shears and of the taper by which a new grain differs from one of the sample; the
+        kernel density of ratios and sizes is narrower in proportion below 0.02, and wider above 0.08.
     method : str
         How grains are made: ``"warp"``.
 
@@ -64,7 +65,7 @@ class ShapeModel(ExplainedAttributes):
         for shape in self.shapes:
             radius, _, roots, _ = frame_of(shape.geometry)  # type: ignore[arg-type]
             rows.append([np.log(roots[1] / roots[0]), np.log(roots[2] / roots[1]), np.log(2 * radius)])
-        return Kernel(np.array(rows), self.weights, self.donors)
+        return Kernel(np.array(rows), self.weights, self.donors, width_of(self.strength))
 
     def __repr__(self) -> str:
         """Show method, number of grains and strength."""

@@ -15,6 +15,8 @@ from voxgran.shapes.mesh import Mesh
 
 #: neighbours of a grain among which the kernel takes two, and how many rows of it give the marginals
 NEIGHBOURS, TABLE = 10, 4000
+#: strengths between which the kernel is as wide as the differences of neighbours
+WIDE = (0.02, 0.08)
 #: least denominator of a projective map, so that no part of a grain becomes many times as large as another
 LEAST = 0.4
 
@@ -43,17 +45,28 @@ def mapped(points: Floats, matrix: Floats) -> Floats:
     return np.asarray((points @ matrix[:3, :3].T + matrix[:3, 3]) / (points @ matrix[3, :3] + matrix[3, 3])[:, None])
 
 
+def width_of(strength: float) -> float:
+    """Return the width of the kernel for a strength, in that of the neighbours: in proportion to it below the first and
+    above the second of `WIDE`.
+
+    Each stretch of a round bar makes it oval, which only a narrow kernel avoids; grains that the maps take to their own
+    kind, as ellipsoids, are new by their ratios alone, for which the kernel must be wide.
+    """
+    return min(1.0, strength / WIDE[0]) * max(1.0, strength / WIDE[1])
+
+
 @dataclass(frozen=True, eq=False)
 class Kernel:
     """Kernel density of rows (n, k) with weights (n,) of sum 1, whose marginals are mapped onto those of the rows.
 
     A row is that of one grain, drawn by the weights of donors (n,), plus the difference of two of its nearest
-    neighbours times the square root of 2: as the rows lie along lines or in groups, so do the new ones.
+    neighbours times the square root of 2 and a width: as the rows lie along lines or in groups, so do the new ones.
     """
 
     rows: Floats
     weights: Floats
     donors: Floats
+    width: float = 1.0
 
     @cached_property
     def _near(self) -> Integers:
@@ -70,7 +83,7 @@ class Kernel:
         # the two least of exponential times are two draws by weight without replacement (Efraimidis & Spirakis 2006)
         times = generator.exponential(size=near.shape) / self.weights[near]
         two = np.take_along_axis(near, np.argsort(times, axis=1, kind="stable")[:, :2], axis=1)
-        return np.asarray(self.rows[grains] + np.sqrt(2) * (self.rows[two[:, 0]] - self.rows[two[:, 1]]))
+        return np.asarray(self.rows[grains] + self.width * np.sqrt(2) * (self.rows[two[:, 0]] - self.rows[two[:, 1]]))
 
     @cached_property
     def _table(self) -> Floats:
