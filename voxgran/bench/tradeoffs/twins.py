@@ -41,11 +41,11 @@ from voxgran.shapes.tessellate import sphere
 from voxgran.voxels.occupy import voxelize
 
 #: samples, grains that are learned from, drawn and tested on, and the numbers that are learned from of one family
-SAMPLES, LEARNED, DRAWN, TESTED, NUMBERS = 3, 100, 100, 100, (20, 40, 80, 160)
+SAMPLES, LEARNED, DRAWN, TESTED, NUMBERS = 2, 100, 200, 150, (20, 40, 80, 160)
 #: grains that are learned from and drawn to take the time
 MANY = (500, 1000)
 #: seed of the test grains; the samples have the seeds that follow
-SEED = 5000
+SEED = 8000
 #: cases of few parameters of which harmonics are compared, degrees of these, and share that the components explain
 SMOOTH, DEGREES, EXPLAINED = ("mollon_zhao", "ellipsoids", "spherical_harmonics"), 16, 0.95
 #: tolerance of the surfaces of tori and rods, by which strained meshes have no sharp edges either
