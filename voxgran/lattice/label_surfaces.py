@@ -139,6 +139,8 @@ def _restore_volumes(made: LabelSurfaces, held: Booleans, wanted: Floats, spacin
     net, crossed, moved, count, repairs = made.net, made.crossed, made.moved, len(wanted), 0
     own = np.ones(count, dtype=np.bool_) if seams is None else seams.own
     mine = np.ones(len(moved), dtype=np.bool_) if seams is None else seams.touched(net, own)
+    # a later label gets points from this window: they must leave it its volume
+    due = own if seams is None else seams.due & seams.beside(net, mine, count)
     for attempt in range(MOST_SOLUTIONS):
         found = examine(net, crossed, moved, held, spacing=spacing, labels=count - 1)
         missing = -found.change
@@ -146,12 +148,12 @@ def _restore_volumes(made: LabelSurfaces, held: Booleans, wanted: Floats, spacin
         # where all is held nothing can be done any more
         wrong = np.flatnonzero(found.wrong & ~held.all(axis=1))
         wrong = wrong if mine[wrong].any() else wrong[:0]
-        if (error <= least)[own].all() and not len(wrong):
+        if (error <= least)[due].all() and not len(wrong):
             return
         lost = (error > LOST * wanted) | ((error > least) & (found.diagonal <= 0))
-        if (lost & own).any():
+        if (lost & due).any():
             # labels of few voxels, which the filter all but ends, or whose points all lie at the ends of their boxes
-            some = np.unique(net.quad[(lost & own)[np.maximum(net.side, 0)].any(axis=1)])
+            some = np.unique(net.quad[(lost & due)[np.maximum(net.side, 0)].any(axis=1)])
             some = some[~held[some].all(axis=1) & moved[some].any(axis=1)]
             if len(some):
                 _take_back(moved, some, attempt < MOST_SOLUTIONS // 3)
