@@ -31,6 +31,8 @@ ACCURACY, LOST = 1e-6, 0.2
 ROUNDED = 8 / PARTS
 #: rounding of the missing volumes, relative to the largest one
 ROUNDING = 1e-9
+#: by how much volumes resist pressures more than they do
+SLACK = 1e-7
 #: solutions for the volumes, and times that what is moved is halved where triangles cross
 MOST_SOLUTIONS, MOST_REPAIRS = 36, 4
 
@@ -178,7 +180,9 @@ def _pressures(found: Findings, missing: Floats) -> Floats:
     """Return the pressures that bring the missing volumes back, both (n + 1,)."""
     sparse, size = load("scipy.sparse"), len(missing)
     half = sparse.coo_array((found.shared, np.divmod(found.pairs, size)), shape=(size, size)).tocsr()
-    diagonal = np.maximum(found.diagonal, 1e-30)
+    # labels that fill what is left between points which are held have a sum of volumes that no pressures change: a
+    # little more than the coupling on the diagonal leaves them the pressure that is equal, and moves nothing
+    diagonal = np.maximum(found.diagonal, 1e-30) * (1 + SLACK)
     system = half + half.T + sparse.diags_array(diagonal)
     # pressures that are all equal move nothing: what rounding leaves of the volumes cannot be solved for
     rounding, scale = ROUNDING * float(np.abs(missing).max()), sparse.diags_array(1 / diagonal)

@@ -199,6 +199,18 @@ def test_labels_of_few_voxels_beside_an_earlier_group_keep_their_volume(monkeypa
     assert [shape.volume for shape in shapes] == pytest.approx([882, 1, 2], rel=1e-5)
 
 
+def test_labels_that_fill_an_image_keep_their_volume_to_the_last_group(monkeypatch):
+    # the last groups have nothing but each other's faces to move
+    shape = np.array([12, 29, 26])
+    apart = (np.indices(shape).T + 0.5)[..., None, :] - stream(0, "places").uniform(0, 1, (8, 3)) * shape
+    image = np.linalg.norm(apart - np.round(apart / shape) * shape, axis=-1).argmin(axis=-1).T + 1
+    monkeypatch.setattr(block_surfaces, "LEAST", 6)
+    monkeypatch.setattr(block_surfaces, "BUDGET", 1)
+    packing = vg.packing_of_labels(da.from_array(image, chunks=15), voxel_size=1.0, periodic="xyz", gravity="none")
+    assert packing.volumes == pytest.approx(np.bincount(image.ravel())[1:], rel=1e-5)
+    assert vg.verify(packing).ok
+
+
 def test_a_diagonal_between_later_labels_stays_where_all_its_points_do():
     # labels 2 and 3 beside each other in a flat hole of label 1, which touches all points between them
     image = np.zeros((8, 8, 8), dtype=np.int32)
