@@ -64,8 +64,8 @@ def vtk_triangles(path: Path) -> Content:
 def vtk_image(path: Path, *, key: str | None) -> Content:
     """Return one array of the cells, or else of the points, of a ``.vti`` file; a point stands for the voxel about it.
 
-    `key` is the name of the array, None for the only one. Facts: ``shape``, ``spacing`` and ``origin`` of the voxels.
-    Arrays: ``values``, flat, x running fastest.
+    `key` is the name of the array, None for the only one. Facts: ``shape``, ``spacing`` and ``origin`` of the voxels,
+    and ``texts`` of the field data by name. Arrays: ``values``, flat, x running fastest.
 
     Raises
     ------
@@ -86,7 +86,8 @@ def vtk_image(path: Path, *, key: str | None) -> Content:
             "write it again"
         )
     origin = np.array(image.GetOrigin()) - (0.0 if cells else spacing / 2)
-    facts = {"shape": shape.tolist(), "spacing": spacing.tolist(), "origin": origin.tolist()}
+    _, texts = _detached(image.GetFieldData(), "field/")
+    facts = {"shape": shape.tolist(), "spacing": spacing.tolist(), "origin": origin.tolist(), "texts": texts}
     return facts, {"values": values}
 
 

@@ -13,7 +13,7 @@ from voxgran._base.calls import explained
 from voxgran._base.errors import InputError, PackingWarning, TooLargeError, shown
 from voxgran._base.files import output_suffix, written_whole
 from voxgran._base.units import stated_unit
-from voxgran._base.vtk_data import image_data, write_data
+from voxgran._base.vtk_data import attach_texts, image_data, write_data
 from voxgran._base.warning import warn
 from voxgran.containers.model import tilt_of
 from voxgran.lattice.blocks import as_block, in_parts, lazy_of, stored
@@ -180,7 +180,7 @@ def save_image(
     origin : (3,) array_like of float
         Corner of voxel (0, 0, 0).
     unit : str, optional
-        Unit of lengths, which ``.tif`` keeps.
+        Unit of lengths, which the file keeps.
     overwrite : bool
         Whether a file that is there may be replaced.
 
@@ -218,10 +218,12 @@ def save_image(
         with written_whole(path, overwrite=overwrite, is_own=_is_of_zarr) as draft:
             stored(array, draft, {name: value for name, value in told.items() if value is not None})
         return
-    data = image_data(array, "image", voxel_size=edges, origin=(x, y, z)) if suffix == ".vti" else _pages(array)
-    lattice = _imagej_lattice(edges, stated_unit(unit))
+    name = stated_unit(unit)
+    data: Any = image_data(array, "image", voxel_size=edges, origin=(x, y, z)) if suffix == ".vti" else _pages(array)
+    lattice = _imagej_lattice(edges, name)
     with written_whole(path, overwrite=overwrite) as draft:
         if suffix == ".vti":
+            attach_texts(data.GetFieldData(), {"unit": name} if name else {})
             write_data("vtkXMLImageDataWriter", data, draft)
         else:
             image_library("tifffile").imwrite(draft, data, photometric="minisblack", metadata=None, **lattice)

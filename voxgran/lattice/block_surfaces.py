@@ -60,7 +60,7 @@ def block_surfaces(
     later = np.zeros(len(found.label) + 1, dtype=np.bool_)
     later[some + 1] = True
     none = np.zeros(0, dtype=np.bool_)
-    seams = Seams(shape + ~wraps, np.zeros(3, dtype=np.int64), whole=none, own=none)
+    seams = Seams(shape + ~wraps, np.zeros(3, dtype=np.int64), whole=none, own=none, due=none)
     how: dict[str, Any] = {"smoothing": smoothing, "spacing": spacing, "seams": seams}
     for number in range(int(group.max(initial=-1)) + 1):
         # what a group takes ends before the next one is read
@@ -129,6 +129,7 @@ def _group(
     inside = (around | ((first >= 0) & (first + found.upper - found.lower <= upper - lower))).all(axis=1)
     seams.corner, seams.own = lower, np.isin(rows, own + 1)
     seams.whole = np.concatenate([[False], inside])[rows]
+    seams.due = seams.whole & later[rows]
     made = label_surfaces(part.pop(), len(rows) - 1, wraps=around, **how)
     later[own + 1] = False
     # the first and the last planes of a periodic axis are beside each other

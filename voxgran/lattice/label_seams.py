@@ -18,6 +18,7 @@ class Seams:
     corner: Integers  # (3,) first corner of the window
     whole: Booleans  # (labels + 1,) labels that lie within the window
     own: Booleans  # (labels + 1,) labels whose surfaces are wanted
+    due: Booleans  # (labels + 1,) these, and later ones that lie within the window, whose volumes must be right as well
     points: Integers = field(default_factory=lambda: np.zeros(0, dtype=np.int64))  # (n,) rising
     moved: NDArray[np.float32] = field(default_factory=lambda: np.zeros((0, 3), dtype=np.float32))
     quads: Integers = field(default_factory=lambda: np.zeros(0, dtype=np.int64))  # (m,) rising
@@ -52,6 +53,13 @@ class Seams:
         touched = np.zeros(len(net.at), dtype=np.bool_)
         touched[net.quad[some[np.maximum(net.side, 0)].any(axis=1)]] = True
         return touched
+
+    @staticmethod
+    def beside(net: Net, points: Booleans, labels: int) -> Booleans:
+        """Return which of some labels, (labels + 1,), have faces at some points of a net."""
+        beside = np.zeros(labels, dtype=np.bool_)
+        beside[np.maximum(net.side[points[net.quad].any(axis=1)], 0)] = True
+        return beside
 
     def _points(self, net: Net) -> Integers:
         """Return a number of each point of a net in the whole image."""

@@ -31,6 +31,8 @@ ACCURACY, LOST = 1e-6, 0.2
 ROUNDED = 8 / PARTS
 #: rounding of the missing volumes, relative to the largest one
 ROUNDING = 1e-9
+#: by how much volumes resist pressures more than they do
+SLACK = 1e-7
 #: solutions for the volumes, and times that what is moved is halved where triangles cross
 MOST_SOLUTIONS, MOST_REPAIRS = 36, 4
 
@@ -139,6 +141,8 @@ def _restore_volumes(made: LabelSurfaces, held: Booleans, wanted: Floats, spacin
     net, crossed, moved, count, repairs = made.net, made.crossed, made.moved, len(wanted), 0
     own = np.ones(count, dtype=np.bool_) if seams is None else seams.own
     mine = np.ones(len(moved), dtype=np.bool_) if seams is None else seams.touched(net, own)
+    # a later label gets points from this window: they must leave it its volume
+    due = own if seams is None else seams.due & seams.beside(net, mine, count)
     for attempt in range(MOST_SOLUTIONS):
         found = examine(net, crossed, moved, held, spacing=spacing, labels=count - 1)
         missing = -found.change
@@ -146,12 +150,12 @@ def _restore_volumes(made: LabelSurfaces, held: Booleans, wanted: Floats, spacin
         # where all is held nothing can be done any more
         wrong = np.flatnonzero(found.wrong & ~held.all(axis=1))
         wrong = wrong if mine[wrong].any() else wrong[:0]
-        if (error <= least)[own].all() and not len(wrong):
+        if (error <= least)[due].all() and not len(wrong):
             return
         lost = (error > LOST * wanted) | ((error > least) & (found.diagonal <= 0))
-        if (lost & own).any():
+        if (lost & due).any():
             # labels of few voxels, which the filter all but ends, or whose points all lie at the ends of their boxes
-            some = np.unique(net.quad[(lost & own)[np.maximum(net.side, 0)].any(axis=1)])
+            some = np.unique(net.quad[(lost & due)[np.maximum(net.side, 0)].any(axis=1)])
             some = some[~held[some].all(axis=1) & moved[some].any(axis=1)]
             if len(some):
                 _take_back(moved, some, attempt < MOST_SOLUTIONS // 3)
@@ -176,7 +180,9 @@ def _pressures(found: Findings, missing: Floats) -> Floats:
     """Return the pressures that bring the missing volumes back, both (n + 1,)."""
     sparse, size = load("scipy.sparse"), len(missing)
     half = sparse.coo_array((found.shared, np.divmod(found.pairs, size)), shape=(size, size)).tocsr()
-    diagonal = np.maximum(found.diagonal, 1e-30)
+    # labels that fill what is left between points which are held have a sum of volumes that no pressures change: a
+    # little more than the coupling on the diagonal leaves them the pressure that is equal, and moves nothing
+    diagonal = np.maximum(found.diagonal, 1e-30) * (1 + SLACK)
     system = half + half.T + sparse.diags_array(diagonal)
     # pressures that are all equal move nothing: what rounding leaves of the volumes cannot be solved for
     rounding, scale = ROUNDING * float(np.abs(missing).max()), sparse.diags_array(1 / diagonal)

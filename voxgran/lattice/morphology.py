@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from voxgran._base.arrays import Booleans, as_array, as_count, as_number
+from voxgran._base.arrays import Booleans, Floats, as_array, as_count, as_number
 from voxgran._base.axes import Periodic, as_periodic
 from voxgran._base.calls import explained
 from voxgran._base.errors import InputError, shown
@@ -219,7 +219,8 @@ def filter_image(
         as `scipy.ndimage.median_filter` does.
     depth : int or (3,) sequence of int, optional
         How many voxels around a voxel its result depends on, along each axis. Default: as the options say, half of
-        `size`, and `truncate`, which is 4, times `sigma`.
+        `size`, `footprint`, `structure` or `weights` and `origin`; or `radius`, or `truncate`, which is 4, times
+        `sigma`.
     **options
         What the function is given.
 
@@ -270,15 +271,42 @@ def filter_image(
 
     if lazy is None:
         return replace(given, values=filtered(np.asarray(given.values)))
-    if depth is None and not {"sigma", "size"} & options.keys():
-        raise InputError("depth is missing: neither sigma nor size tells how far the filter reaches; give voxels")
-    if depth is None:
-        reach = np.multiply(options.get("sigma", 0), options.get("truncate", 4.0)) + 0.5
-        depth = np.maximum(reach.astype(int), np.array(options.get("size", 1)) // 2).tolist()
+    depth = _reach(options) if depth is None else depth
     wide = [as_count(n, "depth") for n in np.broadcast_to(np.array(depth), 3).tolist()]
-    turns = np.broadcast_to(np.array(options.get("mode", "")), 3) == "wrap"
+    turns = _each_axis(options, np.isin(options.get("mode", ""), ("wrap", "grid-wrap")))
     kind = filtered(np.ones((1, 1, 1), dtype=lazy.dtype)).dtype
-    return replace(given, values=kept(windowed([lazy], filtered, wide, kind, turns.tolist())))
+    return replace(given, values=kept(windowed([lazy], filtered, wide, kind, turns.astype(bool).tolist())))
+
+
+def _reach(options: dict[str, Any]) -> list[int]:
+    """Return how far a filter of `scipy.ndimage` reaches along each axis.
+
+    Raises
+    ------
+    InputError
+        If its options do not tell.
+    """
+    kernels = [np.shape(options[name]) for name in ("footprint", "structure", "weights") if name in options]
+    sizes = kernels + [options[name] for name in ("size",) if options.get(name) is not None]
+    radius = options.get("radius")
+    if not sizes and radius is None and "sigma" not in options:
+        raise InputError(
+            "depth is missing: none of sigma, size, footprint, structure and weights tells how far the filter reaches; "
+            "give voxels"
+        )
+    if radius is None:
+        radius = np.multiply(options.get("sigma", 0), options.get("truncate", 4.0)) + 0.5
+    shifted = np.abs(_each_axis(options, options.get("origin", 0)))
+    reach = [_each_axis(options, radius), *(_each_axis(options, size) // 2 + shifted for size in sizes)]
+    return np.max(reach, axis=0).astype(int).tolist()
+
+
+def _each_axis(options: dict[str, Any], value: Any) -> Floats:
+    """Return an option along each of the three axes; 0 along those that the filter leaves out."""
+    along = np.zeros(3)
+    axes = options.get("axes")
+    along[slice(None) if axes is None else np.atleast_1d(axes)] = value
+    return along
 
 
 def _as_mask(mask: "ArrayLike") -> Any:

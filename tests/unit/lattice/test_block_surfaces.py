@@ -168,7 +168,11 @@ def test_what_two_labels_share_stays_as_it_was():
     image = np.zeros((12, 8, 8), dtype=np.int32)
     image[2:6, 2:6, 1:7], image[6:10, 1:7, 2:6] = 1, 2
     seams = Seams(
-        np.array(image.shape) + 1, np.zeros(3, dtype=np.int64), np.ones(3, dtype=bool), np.array([False, True, False])
+        np.array(image.shape) + 1,
+        np.zeros(3, dtype=np.int64),
+        whole=np.ones(3, dtype=bool),
+        own=np.array([False, True, False]),
+        due=np.array([False, True, True]),
     )
     how = {"wraps": np.zeros(3, dtype=bool), "smoothing": 1.0, "spacing": np.ones(3), "seams": seams}
     first = label_surfaces(image.copy(), 2, **how)
@@ -185,12 +189,34 @@ def test_what_two_labels_share_stays_as_it_was():
     assert not len(seams.quads)
 
 
+def test_labels_of_few_voxels_beside_an_earlier_group_keep_their_volume(monkeypatch):
+    # two labels of one and two voxels at the last one of the first group, which would move their points
+    image = np.zeros((40, 12, 12), dtype=np.int32)
+    image[2:20, 2:9, 2:9], image[20, 4, 4], image[20:22, 8, 9] = 1, 2, 3
+    monkeypatch.setattr(block_surfaces, "LEAST", 4)
+    monkeypatch.setattr(block_surfaces, "BUDGET", 1)
+    shapes = vg.load_labels(da.from_array(image, chunks=9), voxel_size=1.0)
+    assert [shape.volume for shape in shapes] == pytest.approx([882, 1, 2], rel=1e-5)
+
+
+def test_labels_that_fill_an_image_keep_their_volume_to_the_last_group(monkeypatch):
+    # the last groups have nothing but each other's faces to move
+    shape = np.array([12, 29, 26])
+    apart = (np.indices(shape).T + 0.5)[..., None, :] - stream(0, "places").uniform(0, 1, (8, 3)) * shape
+    image = np.linalg.norm(apart - np.round(apart / shape) * shape, axis=-1).argmin(axis=-1).T + 1
+    monkeypatch.setattr(block_surfaces, "LEAST", 6)
+    monkeypatch.setattr(block_surfaces, "BUDGET", 1)
+    packing = vg.packing_of_labels(da.from_array(image, chunks=15), voxel_size=1.0, periodic="xyz", gravity="none")
+    assert packing.volumes == pytest.approx(np.bincount(image.ravel())[1:], rel=1e-5)
+    assert vg.verify(packing).ok
+
+
 def test_a_diagonal_between_later_labels_stays_where_all_its_points_do():
     # labels 2 and 3 beside each other in a flat hole of label 1, which touches all points between them
     image = np.zeros((8, 8, 8), dtype=np.int32)
     image[1:7, 1:7, 1:7], image[2:4, 2:6, 4], image[4:6, 2:6, 4] = 1, 2, 3
     none = np.zeros(3, dtype=np.int64)
-    seams = Seams(np.array(image.shape) + 1, none, np.ones(4, dtype=bool), np.arange(4) == 1)
+    seams = Seams(np.array(image.shape) + 1, none, np.ones(4, dtype=bool), np.arange(4) == 1, np.arange(4) > 0)
     how = {"wraps": np.zeros(3, dtype=bool), "smoothing": 1.0, "spacing": np.ones(3), "seams": seams}
     first = label_surfaces(image.copy(), 3, **how)
     seams.keep(first.net, first.moved, ~first.crossed, np.arange(4) > 1, 0)

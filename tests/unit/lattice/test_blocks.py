@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 from kit import slow
-from scipy.ndimage import gaussian_filter, median_filter, uniform_filter
+from scipy.ndimage import gaussian_filter, laplace, median_filter, uniform_filter
 from scipy.spatial import cKDTree
 
 import voxgran as vg
@@ -42,6 +42,10 @@ def same(found, expected):
         (median_filter, {"size": (2, 5, 4), "mode": "wrap"}),
         (uniform_filter, {"size": 5}),
         (median_filter, {"footprint": np.ones((3, 1, 3)), "depth": (1, 0, 1)}),
+        (median_filter, {"footprint": np.ones((3, 1, 7)), "origin": (1, 0, -2)}),
+        (median_filter, {"size": 4, "origin": -2, "mode": "grid-wrap"}),
+        (gaussian_filter, {"sigma": 1.0, "radius": 9}),
+        (gaussian_filter, {"sigma": (0.5, 2.0), "mode": ("grid-wrap", "nearest"), "axes": (2, 0)}),
     ],
 )
 def test_filters_are_those_of_scipy(function, options):
@@ -56,7 +60,7 @@ def test_filters_are_those_of_scipy(function, options):
 
 def test_a_filter_whose_reach_is_unknown_is_refused():
     for function, image, options, words in (
-        (median_filter, blocks(GREY), {"footprint": np.ones((3, 3, 3))}, "depth is missing"),
+        (laplace, blocks(GREY), {}, "depth is missing"),
         (median_filter, blocks(GREY), {"size": 3, "depth": -1}, "depth is -1"),
         (median_filter, GREY[0], {"size": 3}, "three axes"),
         ("median", GREY, {}, "function is 'median'"),

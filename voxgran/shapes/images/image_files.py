@@ -336,7 +336,9 @@ def _is_dicom(path: Path) -> bool:
 def _read_vti(path: Path, key: str | None) -> Image:
     """Read a VTK image."""
     facts, found = read_guarded(vtk_image, path, key=key)
-    return Image(found["values"].reshape(facts["shape"], order="F"), tuple(facts["spacing"]), tuple(facts["origin"]))
+    unit = known_unit(facts["texts"].get("unit", ""))
+    values = found["values"].reshape(facts["shape"], order="F")
+    return Image(values, tuple(facts["spacing"]), tuple(facts["origin"]), unit)
 
 
 def image_library(name: str) -> Any:
