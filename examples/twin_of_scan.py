@@ -43,14 +43,14 @@ for name in true.measure.values:
     )
 
 
-def drawn(pictures, name):
-    """Write packings side by side, cut, into a file."""
+def side_by_side(pictures):
+    """Return a figure of packings side by side, cut."""
     figure = Figure(figsize=(9, 4.6), layout="constrained")
     for panel, (title, packing) in zip(figure.subplots(1, 2), pictures.items(), strict=True):
         panel.imshow(picture_cut(packing))
         panel.set_title(title)
         panel.axis("off")
-    figure.savefig(folder / name, dpi=110)
+    return figure
 
 
 # %%
@@ -58,7 +58,7 @@ def drawn(pictures, name):
 #
 # Picture: On the left the labels of a scanned box, cut flat by its border; on the right as many whole grains in a
 #   periodic box.
-drawn({"labels of the scan": scan, "twin": twin.packing}, "twin_of_scan.png")
+side_by_side({"labels of the scan": scan, "twin": twin.packing}).savefig(folder / "twin_of_scan.png", dpi=110)
 
 # %%
 # **What a twin does not keep**
@@ -74,4 +74,4 @@ for name, packing in (("bed", bed), ("twin", mixed.packing)):
     related = np.corrcoef(packing.position[:, 2], packing.diameters)[0, 1]
     print(f"correlation of height and diameter in the {name} {related:.2f}")
 # Picture: On the left small spheres below large ones; on the right both sizes at all heights.
-drawn({"bed of two layers": bed, "twin": mixed.packing}, "twin_mixes.png")
+side_by_side({"bed of two layers": bed, "twin": mixed.packing}).savefig(folder / "twin_mixes.png", dpi=110)
