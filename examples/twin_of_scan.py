@@ -55,10 +55,10 @@ def side_by_side(pictures):
 
 # %%
 # **Scan and twin**
-#
+pair = side_by_side({"labels of the scan": scan, "twin": twin.packing})
 # Picture: On the left the labels of a scanned box, cut flat by its border; on the right as many whole grains in a
 #   periodic box.
-side_by_side({"labels of the scan": scan, "twin": twin.packing}).savefig(folder / "twin_of_scan.png", dpi=110)
+pair.savefig(folder / "twin_of_scan.png", dpi=110)
 
 # %%
 # **What a twin does not keep**
@@ -73,5 +73,6 @@ mixed = vg.twin(bed)
 for name, packing in (("bed", bed), ("twin", mixed.packing)):
     related = np.corrcoef(packing.position[:, 2], packing.diameters)[0, 1]
     print(f"correlation of height and diameter in the {name} {related:.2f}")
+pair = side_by_side({"bed of two layers": bed, "twin": mixed.packing})
 # Picture: On the left small spheres below large ones; on the right both sizes at all heights.
-side_by_side({"bed of two layers": bed, "twin": mixed.packing}).savefig(folder / "twin_mixes.png", dpi=110)
+pair.savefig(folder / "twin_mixes.png", dpi=110)
