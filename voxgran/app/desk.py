@@ -23,7 +23,7 @@ from voxgran.report.facts import headline
 from voxgran.report.figures import figures_of
 from voxgran.report.page import save_report
 from voxgran.report.plots import planned_svg
-from voxgran.report.stage import SMOOTHING, png_of, shot
+from voxgran.report.stage import png_of, shot
 from voxgran.scene.checked_sections import located, read_toml
 from voxgran.scene.run import deck_of
 from voxgran.scene.scene import Scene
@@ -222,9 +222,8 @@ class Desk:
         if name == "scene.py":
             return self.python(read_toml(scene)).encode()
         if name == "picture.png":
-            if SMOOTHING:
-                self.look.stage.enable_anti_aliasing(SMOOTHING)
-            return png_of(shot(self.look.stage))
+            with self.look.smooth():
+                return png_of(shot(self.look.stage))
         path = scene if name == "scene.toml" else self.shown.folder / name
         return path.read_bytes() if path.exists() else self._made(name, read_toml(scene))
 

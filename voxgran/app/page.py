@@ -2,6 +2,7 @@
 
 import asyncio
 import contextlib
+import math
 import time
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
@@ -21,12 +22,13 @@ from voxgran.io.vtk_files import load_packing
 from voxgran.packing.model import Packing
 from voxgran.report.closeup import numbers_of_grain
 from voxgran.report.colors import colors_of
+from voxgran.report.facts import Fact
 from voxgran.shapes.images.image_files import READERS
 
 #: seconds between two looks at the runs
 TICK = 0.1
-#: seconds that a picture may take while the view is turned
-FRAME = 0.1
+#: seconds that a picture may take while the view is turned; of rest after which it is smoothed, if it takes fewer than
+FRAME, STILL, SLOW = 0.1, 0.4, 0.5
 
 
 #: what all fields of forms have
@@ -85,7 +87,7 @@ class Page:
         self.scan = ScanPane(desk, self.state, self.show)
         self.view: Any = None
         self.grown, self.due, self.wanted, self.edits, self.follows = (0, 0), 0.0, False, 0, True
-        self.shares = WINDOW[0] / WINDOW[1]
+        self.shares, self.seen, self.still_at, self.took = WINDOW[0] / WINDOW[1], (), math.inf, 0.0
         #: browsers that are connected: nothing is drawn for none
         self.lookers = 0
         #: computes what may take long, so that the page answers meanwhile
@@ -158,13 +160,17 @@ class Page:
 
     def pick(self, across: float, down: float) -> None:
         """Show the numbers of the grain at a place of the picture, in shares of its width and height."""
-        look = self.desk.look
-        if look.packing is not None and self.state.way == GRAINS:
-            self.follows, grain = False, look.grain_at(across, down)
-            look.picked = grain
-            told = [] if grain is None else numbers_of_grain(look.packing, grain)
-            self.state.grain, self.state.ways = list(map(asdict, told)), look.ways()
-            self.redraw()
+        look, packing = self.desk.look, self.desk.look.packing
+
+        def told(numbers: list[Fact]) -> None:
+            if look.packing is packing and look.picked == grain:
+                self.state.grain, self.state.ways = list(map(asdict, numbers)), look.ways()
+                self.redraw()
+
+        if packing is not None and self.state.way == GRAINS:
+            self.follows, look.picked = False, look.grain_at(across, down)
+            grain = look.picked
+            self._worked(lambda: [] if grain is None else numbers_of_grain(packing, grain), told)
 
     def preview(self) -> None:
         """Show shapes of the scene."""
@@ -201,14 +207,19 @@ class Page:
 
     def redraw(self, **_: Any) -> None:
         """Draw the packing again."""
-        if self.desk.look.packing is not None:
-            self._draw(self.desk.look.packing)
+        look, packing, way = self.desk.look, self.desk.look.packing, self.state.way
+        if packing is not None and way.startswith(ALONE):
+            # a clump takes a while
+            self._worked(lambda: look.alone(way), lambda made: look.packing is packing and self._draw(packing, made))
+        elif packing is not None:
+            self._draw(packing)
 
-    def _draw(self, packing: Packing) -> None:
-        """Draw a packing as the page says."""
+    def _draw(self, packing: Packing, alone: Any = None) -> None:
+        """Draw a packing as the page says, or what is made of its picked grain alone."""
         look, state = self.desk.look, self.state
-        self._guarded(lambda: look.show(packing, color_by=state.color_by, way=state.way))
-        self.cut()
+        if (alone is None) != state.way.startswith(ALONE):
+            self._guarded(lambda: look.show(packing, color_by=state.color_by, way=state.way, alone=alone))
+            self.cut()
 
     def draw_figures(self) -> None:
         """Show the figures of the report."""
@@ -240,7 +251,7 @@ class Page:
             self._fit()
             self.scan.follow()
             grown = self.lookers and began > self.due and self._grow()
-            if self.wanted and self.lookers:
+            if self.lookers:
                 self._push()
             took = time.monotonic() - began
             if grown:
@@ -272,13 +283,20 @@ class Page:
             self._update()
 
     def _push(self) -> None:
-        """Send the picture; where that takes long, it is drawn without smoothing, and smaller while it is turned."""
-        began, self.wanted = time.monotonic(), False
-        self.view.update()
-        took = time.monotonic() - began
-        self.state.ratio = round(min(1.0, max(0.25, (FRAME / max(took, 1e-9)) ** 0.5)), 2)
-        if took > FRAME:
-            self.desk.look.stage.disable_anti_aliasing()
+        """Send the picture; while it is turned it is smaller where it takes long, and smooth once it has rested."""
+        began, look, queue = time.monotonic(), self.desk.look, self.desk.queue
+        before, self.seen = self.seen, (*look.seen(), *look.stage.window_size, self.lookers)
+        if self.wanted or self.seen != before:
+            self.still_at = began + STILL
+        if self.wanted:
+            self.wanted = False
+            self.view.update()
+            self.took = time.monotonic() - began
+            self.state.ratio = round(min(1.0, max(0.25, (FRAME / max(self.took, 1e-9)) ** 0.5)), 2)
+        elif began > self.still_at and self.took < SLOW and not (self.follows and queue.current):
+            self.still_at = math.inf
+            with look.smooth():
+                self.view.update()
 
     def _worked(self, call: Callable[[], Any], then: Callable[[Any], None]) -> None:
         """Call a function in the thread, and another one with what it returns; the sentence of an error is shown."""
