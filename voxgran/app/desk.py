@@ -81,17 +81,16 @@ class Desk:
 
     def refresh(self) -> None:
         """Give each section the fields of its kind, with the values that it has."""
-        kept = {(form["name"], form["number"]): form for form in self.forms}
+        kinds = {(form["name"], form["number"]): form["kind"] for form in self.forms}
         self.forms = forms_of(self.mapping)
         for form in self.forms:
-            before = kept.get((form["name"], form["number"]))
-            if before is not None and not form["on"]:
-                form["kind"] = before["kind"]
+            if not form["on"]:
+                form["kind"] = kinds.get((form["name"], form["number"]), form["kind"])
 
     def examine(self) -> None:
         """Plan the scene; the sentence of an error goes to the section that it names."""
-        self.error, self.plan, self.details, self.errors, self.curve, self.held = "", "", "", {}, "", ""
-        said: list[str] = []
+        self.error = self.plan = self.details = self.curve = self.held = ""
+        self.errors, said = {}, list[str]()
         try:
             with heard(said.append):
                 scene = Scene.from_mapping(self.mapping, folder=self.base)
@@ -99,7 +98,7 @@ class Desk:
                     self.drawn, none = scene.container.to_mapping(), np.empty((0, 3))
                     self.empty = Packing.of((), scene.container, position=none, unit=scene.general.unit)
                 if scene.shapes != self.made:
-                    self._first_shapes(scene)
+                    self.preview(scene)
                 made = scene.plan()
                 how: dict[str, Any] = {"dimension": scene.container.dimension, "unit": scene.general.unit}
                 self.curve, self.held = planned_svg(scene.sizes, made.sizes, **how), str(made.sizes or "")
@@ -160,16 +159,20 @@ class Desk:
         place.write_bytes(content)
         return place
 
-    def preview(self) -> list[Shape]:
-        """Return some of the shapes of the scene."""
-        return self._first_shapes(Scene.from_mapping(self.mapping, folder=self.base))
+    def preview(self, scene: Scene | None = None) -> list[Shape]:
+        """Return the first shapes of a scene, by default that of the forms.
 
-    def _first_shapes(self, scene: Scene) -> list[Shape]:
-        """Return the first shapes of a scene; some parameters of families are checked only as shapes are made."""
+        Raises
+        ------
+        InputError
+            If a shape cannot be made; some parameters are checked only then.
+        """
+        scene = scene or Scene.from_mapping(self.mapping, folder=self.base)
         made: list[Shape] = []
         for entry in scene.shapes:
+            few = None if entry.count is None else min(entry.count, PREVIEW)
             try:
-                made += few_of(entry).make()
+                made += replace(entry, count=few).make()
             except VoxgranError as error:
                 raise InputError(f"[[shape]] {entry.name} {error}") from error
         self.made = scene.shapes
@@ -255,11 +258,6 @@ class Desk:
                 deck_of(self.packing, place.with_suffix(""), Scene.from_mapping(mapping | asked), place.stem)
                 shutil.make_archive(str(place.with_suffix("")), "zip", folder, place.stem)
             return place.read_bytes()
-
-
-def few_of(entry: ShapeEntry) -> ShapeEntry:
-    """Return an entry that stands for no more shapes than a preview has; those are its first ones."""
-    return entry if entry.count is None else replace(entry, count=min(entry.count, PREVIEW))
 
 
 def rest_of_grains(packing: Packing) -> dict[str, Any]:

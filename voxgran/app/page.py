@@ -29,8 +29,10 @@ from voxgran.shapes.images.image_files import READERS
 #: seconds between two looks at the runs
 TICK = 0.1
 #: seconds that a picture may take while the view is turned; of rest after which it is smoothed, if it takes fewer than
-FRAME, STILL, SLOW = 0.1, 0.4, 0.5
+FRAME, STILL, SLOW = 0.1, 0.4, 1.0
 
+#: texts of a plan
+PLANNED = ("plan", "details", "error", "curve", "held")
 #: what all of a form have, and its fields
 OF_FORM: dict[str, Any] = {"density": "compact", "update_modelValue": "flushState('forms')"}
 FIELD: dict[str, Any] = OF_FORM | {
@@ -62,7 +64,7 @@ class Page:
 
     def __init__(self, desk: Desk, server: Any) -> None:
         self.desk, self.server, self.state = desk, server, server.state
-        texts = ("plan", "details", "error", "python", "curve", "held", "uploaded", "large")
+        texts = (*PLANNED, "python", "uploaded", "large")
         lists = ("runs", "results", "lamps", "warnings", "grain", "figures")
         begin: dict[str, Any] = dict.fromkeys(texts, "") | {name: [] for name in lists}
         begin |= dict.fromkeys(("cut_x", "cut_y", "cut_z", "ratio"), 1.0) | {"trame__title": "voxgran", "shown": 0}
@@ -111,9 +113,8 @@ class Page:
     def _tell_plan(self, _: Any = None) -> None:
         """Show the plan, and the container where it has changed."""
         state = self.state
-        state.plan, state.details, state.errors = self.desk.plan, self.desk.details, self.desk.errors
-        state.error, state.python, state.curve = self.desk.error, self.desk.python(), self.desk.curve
-        state.held, empty, self.desk.empty = self.desk.held, self.desk.empty, None
+        state.update({name: getattr(self.desk, name) for name in (*PLANNED, "errors")} | {"python": self.desk.python()})
+        empty, self.desk.empty = self.desk.empty, None
         if empty is not None:
             self.desk.look.show(empty)
             self._update()
@@ -154,10 +155,6 @@ class Page:
             self.follows, look.picked = False, look.grain_at(across, down)
             grain = look.picked
             self._worked(lambda: [] if grain is None else numbers_of_grain(packing, grain), told)
-
-    def preview(self) -> None:
-        """Show shapes of the scene."""
-        self._worked(self.desk.preview, self.desk.look.show_shapes)
 
     def run(self) -> None:
         """Queue the scene."""
@@ -315,7 +312,8 @@ class Page:
                 v3.VSpacer()
                 html.Span("{{ error }}", classes="text-error mx-4", id="error")
                 v3.VBtn("CT", click="scanning = !scanning", id="ct")
-                v3.VBtn("Preview shapes", click=self.preview, id="preview")
+                preview = partial(self._worked, self.desk.preview, self.desk.look.show_shapes)
+                v3.VBtn("Preview shapes", click=preview, id="preview")
                 v3.VBtn("Run", click=self.run, id="run", color="primary", variant="flat", classes="mx-2")
                 v3.VAppBarNavIcon(click="right = !right", id="right")
             drawer = {"width": ("$vuetify.display.width < 1200 ? 250 : 320",), "permanent": True}

@@ -131,4 +131,4 @@ class ScanPane:
                             v3.VSlider(v_model=(f"scan_{axis}",), id=f"scan-{axis}", **place, **bare)
                 for color, words in WORDS.items():
                     html.Span(f"■ {words} ", style=f"color: {color}", classes="text-caption")
-                html.Pre("{{ scan_python }}", classes="text-caption", style="white-space: pre-wrap", id="scan-python")
+                html.Pre("{{ scan_python }}", style="font: 11px monospace; white-space: pre-wrap", id="scan-python")
