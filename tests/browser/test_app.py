@@ -309,7 +309,9 @@ def test_contacts_a_picked_grain_figures_and_all_files(tab, tmp_path):
             assert taken(tab, tmp_path / "taken", name).stat().st_size > 0, name
 
 
-def test_a_scan_is_opened_segmented_by_sliders_and_becomes_a_packing(tab, tmp_path):
+def test_a_scan_is_opened_segmented_by_sliders_and_becomes_a_packing(tab, tmp_path, monkeypatch):
+    # lines of Python are for who starts where the app was started
+    monkeypatch.chdir(tmp_path)
     rows = 8 + 16 * np.stack(np.meshgrid(*[np.arange(3)] * 3, indexing="ij"), axis=-1).reshape(-1, 3)
     centers = rows + np.random.default_rng(1).uniform(-1, 1, rows.shape)
     # two of the spheres are nearly one
@@ -339,6 +341,7 @@ def test_a_scan_is_opened_segmented_by_sliders_and_becomes_a_packing(tab, tmp_pa
         time.sleep(2)
         kept(tab, tmp_path, "app_scan.png")
         python = text_of(tab, "#scan-python")
+        assert "load_image('scan.npy'" in python
         click(tab, "#scan-finish")
         tab.wait("!!document.querySelector('.lamp')", 240)
         assert not tab.run("document.querySelector('#scan').offsetHeight")

@@ -4,7 +4,7 @@ import pprint
 import re
 import shutil
 import tempfile
-from dataclasses import asdict
+from dataclasses import asdict, replace
 from pathlib import Path
 from typing import Any, ClassVar
 
@@ -19,21 +19,25 @@ from voxgran.io.files import load
 from voxgran.io.netcdf import load_statistics, save_statistics
 from voxgran.measures.model import measure
 from voxgran.packing.model import Packing
-from voxgran.report.facts import headline
+from voxgran.report.facts import MOSTLY, headline
 from voxgran.report.figures import figures_of
 from voxgran.report.page import save_report
 from voxgran.report.plots import planned_svg
-from voxgran.report.stage import SMOOTHING, png_of, shot
+from voxgran.report.stage import png_of, shot
 from voxgran.scene.checked_sections import located, read_toml
+from voxgran.scene.entries import ShapeEntry
 from voxgran.scene.run import deck_of
 from voxgran.scene.scene import Scene
 from voxgran.scene.shape_files import entry_of_file
+from voxgran.settling.equilibrium import equilibrium
 from voxgran.shapes.model import Shape
 
 #: shapes of a preview
 PREVIEW = 5
 #: lines of a plan that are shown first
 HEADLINES = ("grains", "bed", "memory", "note")
+#: largest number of grains whose forces are computed where a packing stores none
+JUDGED = 2000
 #: files of a run
 REPORT, STATISTICS = "report.html", "statistics.nc"
 
@@ -59,6 +63,7 @@ class Desk:
         self.look = Look()
         self.plan = self.details = self.error = self.curve = self.held = ""
         self.drawn: dict[str, Any] = {}
+        self.made: tuple[ShapeEntry, ...] = ()  # entries of which shapes can be made
         self.empty: Packing | None = None  # the container where it has changed, which is to be drawn
         self.errors: dict[str, str] = {}
         self.shown: Run | None = None
@@ -76,23 +81,24 @@ class Desk:
 
     def refresh(self) -> None:
         """Give each section the fields of its kind, with the values that it has."""
-        kept = {(form["name"], form["number"]): form for form in self.forms}
+        kinds = {(form["name"], form["number"]): form["kind"] for form in self.forms}
         self.forms = forms_of(self.mapping)
         for form in self.forms:
-            before = kept.get((form["name"], form["number"]))
-            if before is not None and not form["on"]:
-                form["kind"] = before["kind"]
+            if not form["on"]:
+                form["kind"] = kinds.get((form["name"], form["number"]), form["kind"])
 
     def examine(self) -> None:
         """Plan the scene; the sentence of an error goes to the section that it names."""
-        self.error, self.plan, self.details, self.errors, self.curve, self.held = "", "", "", {}, "", ""
-        said: list[str] = []
+        self.error = self.plan = self.details = self.curve = self.held = ""
+        self.errors, said = {}, list[str]()
         try:
             with heard(said.append):
                 scene = Scene.from_mapping(self.mapping, folder=self.base)
                 if scene.container.to_mapping() != self.drawn:
                     self.drawn, none = scene.container.to_mapping(), np.empty((0, 3))
                     self.empty = Packing.of((), scene.container, position=none, unit=scene.general.unit)
+                if scene.shapes != self.made:
+                    self.preview(scene)
                 made = scene.plan()
                 how: dict[str, Any] = {"dimension": scene.container.dimension, "unit": scene.general.unit}
                 self.curve, self.held = planned_svg(scene.sizes, made.sizes, **how), str(made.sizes or "")
@@ -153,10 +159,23 @@ class Desk:
         place.write_bytes(content)
         return place
 
-    def preview(self) -> list[Shape]:
-        """Return some of the shapes of the scene."""
-        scene = Scene.from_mapping(self.mapping, folder=self.base)
-        made = [shape for entry in scene.shapes for shape in entry.make()]
+    def preview(self, scene: Scene | None = None) -> list[Shape]:
+        """Return the first shapes of a scene, by default that of the forms.
+
+        Raises
+        ------
+        InputError
+            If a shape cannot be made; some parameters are checked only then.
+        """
+        scene = scene or Scene.from_mapping(self.mapping, folder=self.base)
+        made: list[Shape] = []
+        for entry in scene.shapes:
+            few = None if entry.count is None else min(entry.count, PREVIEW)
+            try:
+                made += replace(entry, count=few).make()
+            except VoxgranError as error:
+                raise InputError(f"[[shape]] {entry.name} {error}") from error
+        self.made = scene.shapes
         return made[:PREVIEW]
 
     def run(self) -> Run:
@@ -190,12 +209,10 @@ class Desk:
             kept = self.statistics = load_statistics(left) if left.exists() else measure(packing, which=which)
             self.results = list(map(asdict, headline(packing, kept, proof)))
         self.warnings = [text for text in said if text not in run.warnings]
-        rest = packing.forces
-        self.lamps = [{"name": "verify", "ok": proof.ok, "text": proof.summary().splitlines()[0]}]
-        if rest is not None:
-            text = f"{100 * rest.share_at_rest:.1f} % of the grains rest"
-            balanced = packing.stop_reason in ("settled", "compressed")
-            self.lamps.append({"name": "equilibrium", "ok": balanced, "text": text})
+        self.lamps = [
+            {"name": "verify", "ok": proof.ok, "text": proof.summary().splitlines()[0]},
+            rest_of_grains(packing),
+        ]
         return packing
 
     def figures(self) -> list[dict[str, str]]:
@@ -222,9 +239,8 @@ class Desk:
         if name == "scene.py":
             return self.python(read_toml(scene)).encode()
         if name == "picture.png":
-            if SMOOTHING:
-                self.look.stage.enable_anti_aliasing(SMOOTHING)
-            return png_of(shot(self.look.stage))
+            with self.look.smooth():
+                return png_of(shot(self.look.stage))
         path = scene if name == "scene.toml" else self.shown.folder / name
         return path.read_bytes() if path.exists() else self._made(name, read_toml(scene))
 
@@ -242,6 +258,24 @@ class Desk:
                 deck_of(self.packing, place.with_suffix(""), Scene.from_mapping(mapping | asked), place.stem)
                 shutil.make_archive(str(place.with_suffix("")), "zip", folder, place.stem)
             return place.read_bytes()
+
+
+def rest_of_grains(packing: Packing) -> dict[str, Any]:
+    """Return whether the grains rest, as a lamp, None where it is not known; forces that are not stored are computed
+    for packings that are not large.
+    """
+    balanced: bool | None = packing.stop_reason in ("settled", "compressed")
+    if packing.forces is not None:
+        share = packing.forces.share_at_rest
+    elif packing.gravity is None or not packing.count:
+        return {"name": "equilibrium", "ok": None, "text": "not judged: without gravity and stored forces"}
+    elif packing.count > JUDGED:
+        text = f"not judged: no forces are stored of {packing.count} grains; voxgran equilibrium says"
+        return {"name": "equilibrium", "ok": None, "text": text}
+    else:
+        share = equilibrium(packing).attrs["share_at_rest"]
+        balanced = share >= MOSTLY
+    return {"name": "equilibrium", "ok": balanced, "text": f"{100 * share:.1f} % of the grains rest"}
 
 
 def _errors_of(forms: list[Form], text: str) -> dict[str, str]:

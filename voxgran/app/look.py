@@ -1,10 +1,13 @@
 """What the app shows of a packing: a scene of PyVista that is turned, cut and coloured, and the numbers of a grain."""
 
+import contextlib
+from collections.abc import Iterator
 from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
 
+from voxgran._base.arrays import Floats
 from voxgran._base.lazy import load
 from voxgran.containers.model import Container
 from voxgran.packing.model import Packing
@@ -16,6 +19,7 @@ from voxgran.report.force_chains import add_chains, add_contacts
 from voxgran.report.legend import legend_of
 from voxgran.report.scenes import GRAIN_COLOR, SMOOTH, add_grains
 from voxgran.report.stage import (
+    SMOOTHING,
     add_container,
     add_scale_bar,
     add_spheres,
@@ -23,6 +27,7 @@ from voxgran.report.stage import (
     keep_written,
     look_at,
     open_stage,
+    stage_of,
 )
 from voxgran.shapes.model import Shape
 
@@ -34,8 +39,8 @@ MANY = 300
 TRIANGLES = 150_000
 #: ways to draw a packing, and the beginning of those to draw the picked grain alone
 GRAINS, CONTACTS, CHAINS, SPHERES, ALONE = "grains", "contacts", "force chains", "spheres", "picked grain: "
-#: share of the height that is left free for a legend, and colour of the picked grain among the others
-BELOW, PICKED = 0.16, "#d1495b"
+#: share of the height that is left free for a legend, above it for numbers of a grain, and colour of the picked grain
+BELOW, ABOVE, PICKED = 0.16, 0.28, "#d1495b"
 
 
 @dataclass(slots=True, eq=False)
@@ -63,7 +68,18 @@ class Look:
     colors: tuple[Coloring, str] | None = None
 
     def __post_init__(self) -> None:
+        self.stage.disable_anti_aliasing()
         keep_written(self.stage, self._write)
+
+    @contextlib.contextmanager
+    def smooth(self) -> Iterator[None]:
+        """Smooth the edges of what is drawn (context manager)."""
+        if SMOOTHING:
+            self.stage.enable_anti_aliasing(SMOOTHING)
+        try:
+            yield
+        finally:
+            self.stage.disable_anti_aliasing()
 
     def ways(self) -> list[str]:
         """Return in which ways the packing, and the grain that is picked, can be drawn."""
@@ -74,8 +90,16 @@ class Look:
                 made += [ALONE + name for name in closeups_of(packing, self.picked)]
         return made
 
-    def show(self, packing: Packing, *, color_by: str = "diameter", way: str = GRAINS) -> None:
-        """Show a packing in its container in one of :meth:`ways`, or the picked grain alone, as it lies in it."""
+    def alone(self, way: str) -> tuple[list[Any], Floats] | None:
+        """Return actors and vertices of the picked grain in one of :meth:`ways`, made in any thread; None in others."""
+        if self.packing is None or self.picked is None or not way.startswith(ALONE):
+            return None
+        with stage_of((8, 8)) as stage:
+            corners = closeups_of(self.packing, self.picked)[way.removeprefix(ALONE)](stage)
+            return list(stage.actors.values()), corners
+
+    def show(self, packing: Packing, *, color_by: str = "diameter", way: str = GRAINS, alone: Any = None) -> None:
+        """Show a packing in its container in one of :meth:`ways`, or what :meth:`alone` has made, as it lies in it."""
         bounds, flat = packing.container.bounds, packing.dimension == 2
         fresh = self.packing is None or not np.array_equal(self.packing.container.bounds, bounds)
         if packing is not self.packing:
@@ -83,9 +107,11 @@ class Look:
         # the page renders
         self.stage.suppress_rendering, self.colors = True, None
         self.stage.clear_actors()
-        if way.startswith(ALONE) and self.picked is not None:
+        if alone is not None:
             self.camera = self.camera or self.stage.camera.copy()
-            look_at(self.stage, closeups_of(packing, self.picked)[way.removeprefix(ALONE)](self.stage), flat=flat)
+            for actor in alone[0]:
+                self.stage.add_actor(actor, reset_camera=False)
+            look_at(self.stage, alone[1], flat=flat, below=-ABOVE)
             return
         if way == CHAINS:
             force = add_chains(self.stage, packing)
@@ -110,15 +136,15 @@ class Look:
     def _frame(self, container: Container) -> None:
         """Frame a container with the camera."""
         look_at(self.stage, container.mesh()[0], flat=container.dimension == 2, below=BELOW)
-        self.framed = self._seen()
+        self.framed = self.seen()
 
-    def _seen(self) -> Any:
+    def seen(self) -> Any:
         """Return place and scale of the camera."""
         return self.stage.camera.position, self.stage.camera.parallel_scale
 
     def fit(self, share: float) -> None:
         """Keep in sight what was, in a window that is narrower by a factor; what nobody has turned is framed anew."""
-        if self.packing is not None and self._seen() == self.framed:
+        if self.packing is not None and self.seen() == self.framed:
             self._frame(self.packing.container)
         else:
             self.stage.camera.parallel_scale *= share

@@ -2,10 +2,12 @@
 
 import asyncio
 import contextlib
+import math
 import time
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import asdict
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -14,23 +16,26 @@ from voxgran._base.lazy import load
 from voxgran.app.desk import Desk
 from voxgran.app.forms import spread
 from voxgran.app.look import ALONE, GRAINS, MANY, SPHERES, WINDOW
-from voxgran.app.runs import REST
+from voxgran.app.runs import REST, Run
 from voxgran.app.scan import ScanPane
 from voxgran.decks.engine import engines
 from voxgran.io.vtk_files import load_packing
 from voxgran.packing.model import Packing
 from voxgran.report.closeup import numbers_of_grain
 from voxgran.report.colors import colors_of
+from voxgran.report.facts import Fact
 from voxgran.shapes.images.image_files import READERS
 
 #: seconds between two looks at the runs
 TICK = 0.1
-#: seconds that a picture may take while the view is turned
-FRAME = 0.1
+#: seconds that a picture may take while the view is turned; of rest after which it is smoothed, if it takes fewer than
+FRAME, STILL, SLOW = 0.1, 0.4, 1.0
 
-
-#: what all fields of forms have
-FIELD: dict[str, Any] = {
+#: texts of a plan
+PLANNED = ("plan", "details", "error", "curve", "held")
+#: what all of a form have, and its fields
+OF_FORM: dict[str, Any] = {"density": "compact", "update_modelValue": "flushState('forms')"}
+FIELD: dict[str, Any] = OF_FORM | {
     "v_model": "field.text",
     "label": ("field.name + (field.unit ? ' (' + field.unit + ')' : '')",),
     "placeholder": ("field.default",),
@@ -38,14 +43,15 @@ FIELD: dict[str, Any] = {
     "hint": ("[field.meaning, field.type, field.pasted ? 'a column can be pasted' : ''].filter((s) => s).join('; ')",),
     "persistent_hint": True,
     "error_messages": ("errors[index + '.' + field.name]",),
-    "density": "compact",
     "id": ("form.name + '-' + field.name",),
-    "update_modelValue": "flushState('forms')",
+    "classes": "mb-2",
 }
+UPLOAD = {"density": "compact", "classes": "mx-4", "id": "upload"}
 #: place of an event of the mouse, in shares of the element that it belongs to
 PLACE = "[$event.offsetX / $event.target.clientWidth, $event.offsetY / $event.target.clientHeight]"
 
-
+#: how lines of Python are written
+CODE = "font: 11px monospace; white-space: pre-wrap"
 #: takes a file away, if there is one
 TAKE = (
     "trigger('download', [{file}]).then("
@@ -58,26 +64,12 @@ class Page:
 
     def __init__(self, desk: Desk, server: Any) -> None:
         self.desk, self.server, self.state = desk, server, server.state
-        texts = ("plan", "details", "error", "python", "curve", "held", "uploaded", "large")
+        texts = (*PLANNED, "python", "uploaded", "large")
         lists = ("runs", "results", "lamps", "warnings", "grain", "figures")
-        self.state.update(
-            {
-                **dict.fromkeys(texts, ""),
-                **{name: [] for name in lists},
-                **dict.fromkeys(("cut_x", "cut_y", "cut_z"), 1),
-                "trame__title": "voxgran",
-                "forms": desk.forms,
-                "errors": {},
-                "shown": 0,
-                "colors": ["diameter"],
-                "color_by": "diameter",
-                "ways": [GRAINS],
-                "way": GRAINS,
-                "upload": None,
-                "engines": list(engines()),
-                "ratio": 1.0,
-            }
-        )
+        begin: dict[str, Any] = dict.fromkeys(texts, "") | {name: [] for name in lists}
+        begin |= dict.fromkeys(("cut_x", "cut_y", "cut_z", "ratio"), 1.0) | {"trame__title": "voxgran", "shown": 0}
+        begin |= {"colors": ["diameter"], "color_by": "diameter", "ways": [GRAINS], "way": GRAINS}
+        self.state.update({**begin, "forms": desk.forms, "errors": {}, "upload": None, "engines": list(engines())})
         self.state.change("forms")(self.edited)
         self.state.change("upload")(self.take)
         self.state.change("color_by", "way")(self.redraw)
@@ -85,7 +77,7 @@ class Page:
         self.scan = ScanPane(desk, self.state, self.show)
         self.view: Any = None
         self.grown, self.due, self.wanted, self.edits, self.follows = (0, 0), 0.0, False, 0, True
-        self.shares = WINDOW[0] / WINDOW[1]
+        self.shares, self.seen, self.still_at, self.took = WINDOW[0] / WINDOW[1], (), math.inf, 0.0
         #: browsers that are connected: nothing is drawn for none
         self.lookers = 0
         #: computes what may take long, so that the page answers meanwhile
@@ -121,21 +113,15 @@ class Page:
     def _tell_plan(self, _: Any = None) -> None:
         """Show the plan, and the container where it has changed."""
         state = self.state
-        state.plan, state.details, state.errors = self.desk.plan, self.desk.details, self.desk.errors
-        state.error, state.python, state.curve = self.desk.error, self.desk.python(), self.desk.curve
-        state.held, empty, self.desk.empty = self.desk.held, self.desk.empty, None
+        state.update({name: getattr(self.desk, name) for name in (*PLANNED, "errors")} | {"python": self.desk.python()})
+        empty, self.desk.empty = self.desk.empty, None
         if empty is not None:
             self.desk.look.show(empty)
             self._update()
 
-    def add_shape(self) -> None:
-        """Add a shape."""
-        self.desk.add_shape()
-        self._send_forms()
-
-    def remove(self, index: int) -> None:
-        """Remove a shape, but the only one."""
-        self._guarded(lambda: self.desk.remove(index))
+    def changed(self, change: Callable[..., None], *given: Any) -> None:
+        """Change the forms, by a function of the desk."""
+        self._guarded(lambda: change(*given))
         self._send_forms()
 
     def take(self, **_: Any) -> None:
@@ -158,30 +144,26 @@ class Page:
 
     def pick(self, across: float, down: float) -> None:
         """Show the numbers of the grain at a place of the picture, in shares of its width and height."""
-        look = self.desk.look
-        if look.packing is not None and self.state.way == GRAINS:
-            self.follows, grain = False, look.grain_at(across, down)
-            look.picked = grain
-            told = [] if grain is None else numbers_of_grain(look.packing, grain)
-            self.state.grain, self.state.ways = list(map(asdict, told)), look.ways()
-            self.redraw()
+        look, packing = self.desk.look, self.desk.look.packing
 
-    def preview(self) -> None:
-        """Show shapes of the scene."""
-        self._worked(self.desk.preview, self.desk.look.show_shapes)
+        def told(numbers: list[Fact]) -> None:
+            if look.packing is packing and look.picked == grain:
+                self.state.grain, self.state.ways = list(map(asdict, numbers)), look.ways()
+                self.redraw()
+
+        if packing is not None and self.state.way == GRAINS:
+            self.follows, look.picked = False, look.grain_at(across, down)
+            grain = look.picked
+            self._worked(lambda: [] if grain is None else numbers_of_grain(packing, grain), told)
 
     def run(self) -> None:
         """Queue the scene."""
         self._guarded(self.desk.run)
         self.follows = True
 
-    def stop(self, number: int) -> None:
-        """Stop a run."""
-        self._guarded(lambda: self.desk.queue.stop(self.desk.run_of(number)))
-
-    def go_on(self, number: int) -> None:
-        """Let a run go on from its checkpoint."""
-        self._guarded(lambda: self.desk.queue.go_on(self.desk.run_of(number)))
+    def act(self, change: Callable[[Run], None], number: int) -> None:
+        """Stop a run, or let it go on from its checkpoint, by a function of the queue."""
+        self._guarded(lambda: change(self.desk.run_of(number)))
 
     def show(self, number: int, *, follows: bool = False) -> None:
         """Show the packing of a run; whether the view goes on to follow the runs as they are computed."""
@@ -201,14 +183,20 @@ class Page:
 
     def redraw(self, **_: Any) -> None:
         """Draw the packing again."""
-        if self.desk.look.packing is not None:
-            self._draw(self.desk.look.packing)
+        look, packing, way = self.desk.look, self.desk.look.packing, self.state.way
+        if packing is not None and way.startswith(ALONE):
+            # a clump takes a while
+            self._worked(lambda: look.alone(way), lambda made: self._draw(packing, made))
+        elif packing is not None:
+            self._draw(packing)
 
-    def _draw(self, packing: Packing) -> None:
-        """Draw a packing as the page says."""
+    def _draw(self, packing: Packing, alone: Any = None) -> None:
+        """Draw a packing as the page says, or what is made of its picked grain alone."""
         look, state = self.desk.look, self.state
-        self._guarded(lambda: look.show(packing, color_by=state.color_by, way=state.way))
-        self.cut()
+        # another may be shown since
+        if alone is None or (look.packing is packing and state.way.startswith(ALONE)):
+            self._guarded(lambda: look.show(packing, color_by=state.color_by, way=state.way, alone=alone))
+            self.cut()
 
     def draw_figures(self) -> None:
         """Show the figures of the report."""
@@ -240,7 +228,7 @@ class Page:
             self._fit()
             self.scan.follow()
             grown = self.lookers and began > self.due and self._grow()
-            if self.wanted and self.lookers:
+            if self.lookers:
                 self._push()
             took = time.monotonic() - began
             if grown:
@@ -272,13 +260,20 @@ class Page:
             self._update()
 
     def _push(self) -> None:
-        """Send the picture; where that takes long, it is drawn without smoothing, and smaller while it is turned."""
-        began, self.wanted = time.monotonic(), False
-        self.view.update()
-        took = time.monotonic() - began
-        self.state.ratio = round(min(1.0, max(0.25, (FRAME / max(took, 1e-9)) ** 0.5)), 2)
-        if took > FRAME:
-            self.desk.look.stage.disable_anti_aliasing()
+        """Send the picture; while it is turned it is smaller where it takes long, and smooth once it has rested."""
+        began, look, queue = time.monotonic(), self.desk.look, self.desk.queue
+        before, self.seen = self.seen, (*look.seen(), *look.stage.window_size, self.lookers)
+        if self.wanted or self.seen != before:
+            self.still_at = began + STILL
+        if self.wanted:
+            self.wanted = False
+            self.view.update()
+            self.took = time.monotonic() - began
+            self.state.ratio = round(min(1.0, max(0.25, (FRAME / max(self.took, 1e-9)) ** 0.5)), 2)
+        elif began > self.still_at and self.took < SLOW and not (self.follows and queue.current):
+            self.still_at = math.inf
+            with look.smooth():
+                self.view.update()
 
     def _worked(self, call: Callable[[], Any], then: Callable[[Any], None]) -> None:
         """Call a function in the thread, and another one with what it returns; the sentence of an error is shown."""
@@ -317,7 +312,8 @@ class Page:
                 v3.VSpacer()
                 html.Span("{{ error }}", classes="text-error mx-4", id="error")
                 v3.VBtn("CT", click="scanning = !scanning", id="ct")
-                v3.VBtn("Preview shapes", click=self.preview, id="preview")
+                preview = partial(self._worked, self.desk.preview, self.desk.look.show_shapes)
+                v3.VBtn("Preview shapes", click=preview, id="preview")
                 v3.VBtn("Run", click=self.run, id="run", color="primary", variant="flat", classes="mx-2")
                 v3.VAppBarNavIcon(click="right = !right", id="right")
             drawer = {"width": ("$vuetify.display.width < 1200 ? 250 : 320",), "permanent": True}
@@ -336,6 +332,7 @@ class Page:
                     self.view = views.PyVistaRemoteView(stage, interactive_ratio=("ratio",))
                     # it would send a picture for each part of the scene
                     stage.clear_on_render_callbacks()
+            load("trame.widgets.client").Style("html { overflow-y: hidden }")
         layout.root.style = "overflow: hidden"
 
     def _forms(self, v3: Any, html: Any) -> None:
@@ -347,22 +344,10 @@ class Page:
                     html.Span("{{ form.on ? form.kind : 'off' }}", classes="text-medium-emphasis mx-2")
                     html.Span("{{ errors[index] }}", classes="text-error text-caption section-error")
                 with v3.VExpansionPanelText():
-                    v3.VSwitch(
-                        v_if="!form.needed && form.name != 'shape'",
-                        v_model="form.on",
-                        label="used",
-                        density="compact",
-                        color="primary",
-                        update_modelValue="flushState('forms')",
-                    )
-                    v3.VSelect(
-                        v_if="form.kinds.length",
-                        v_model="form.kind",
-                        items=("form.kinds",),
-                        density="compact",
-                        label=("form.title",),
-                        update_modelValue="flushState('forms')",
-                    )
+                    used = {"v_if": "!form.needed && form.name != 'shape'", "label": "used", "color": "primary"}
+                    v3.VSwitch(v_model="form.on", **used, **OF_FORM)
+                    kinds = {"v_if": "form.kinds.length", "items": ("form.kinds",), "label": ("form.title",)}
+                    v3.VSelect(v_model="form.kind", **kinds, **OF_FORM)
                     with html.Template(v_for="(field, k) in form.fields", key="k"):
                         v3.VSelect(v_if="field.choices.length", items=("['', ...field.choices]",), **FIELD)
                         v3.VTextarea(v_else_if="field.long", rows=1, auto_grow=True, **FIELD)
@@ -371,42 +356,39 @@ class Page:
                     with html.Div(v_if="form.name == 'sizes' && curve", style=narrow):
                         html.Div(v_html="curve", id="curve")
                         html.Pre("{{ held }}", style="font: inherit; white-space: pre-wrap", id="held")
-                    v3.VBtn("Remove", v_if="form.number > 0", click=(self.remove, "[index]"), size="small")
-        v3.VBtn("Add a shape", click=self.add_shape, variant="text", id="add-shape")
-        v3.VFileInput(
-            v_model=("upload",),
-            label="mesh file, learned shapes (.nc), or scan",
-            density="compact",
-            classes="mx-4",
-            id="upload",
-        )
+                    removed = (partial(self.changed, self.desk.remove), "[index]")
+                    v3.VBtn("Remove", v_if="form.number > 0", click=removed, size="small")
+        v3.VBtn("Add a shape", click=partial(self.changed, self.desk.add_shape), variant="text", id="add-shape")
+        told = "mesh file, learned shapes (.nc), or scan"
+        v3.VFileInput(v_model=("upload",), label="file", hint=told, persistent_hint=True, **UPLOAD)
         html.Pre("{{ uploaded }}", classes="text-caption px-4", style="white-space: pre-wrap", id="uploaded")
 
     def _results(self, v3: Any, html: Any) -> None:
         """Lay out plan, runs, numbers and files."""
         drawn = "'data:image/svg+xml,' + encodeURIComponent({})"
         with v3.VCard(title="Plan", variant="flat", density="compact"):
-            html.Pre("{{ plan }}", classes="text-caption px-4", style="white-space: pre-wrap", id="plan")
+            html.Pre("{{ plan }}", classes="text-caption px-4 pb-2", style="white-space: pre-wrap", id="plan")
             with v3.VExpansionPanels(variant="accordion"), v3.VExpansionPanel(title="All of the plan"):
                 with v3.VExpansionPanelText():
                     html.Pre("{{ details }}", classes="text-caption", style="white-space: pre-wrap", id="details")
         with v3.VCard(title="Runs", variant="flat", density="compact", style="max-height: 50vh; overflow-y: auto"):
             with html.Div(v_for="run in [...runs].reverse()", key="run.number", classes="px-4 py-1 run"):
                 html.Span("{{ run.number }}: {{ run.state }} {{ run.error }}")
-                html.Span("{{ run.stage }} {{ run.text }}", v_if="run.state == 'running'")
+                left = "{{ run.left === null ? '' : ', about ' + run.left + ' s left' }}"
+                html.Span(f"{{{{ run.stage }}}} {{{{ run.text }}}}{left}", v_if="run.state == 'running'")
                 html.Div("{{ text }}", v_for="text in run.warnings", classes="text-caption text-warning")
-                html.Span("{{ run.left === null ? '' : ', about ' + run.left + ' s left' }}")
                 v3.VProgressLinear(v_if="run.state == 'running'", model_value=("run.percent",), color="primary")
                 for word, act, states in (
-                    ("Stop", self.stop, ["running", "waiting"]),
-                    ("Go on", self.go_on, ["stopped", "failed"]),
+                    ("Stop", partial(self.act, self.desk.queue.stop), ["running", "waiting"]),
+                    ("Go on", partial(self.act, self.desk.queue.go_on), ["stopped", "failed"]),
                     ("Show", self.show, ["done"]),
                 ):
                     does = {"click": (act, "[run.number]"), "classes": word.lower().replace(" ", "-")}
                     v3.VBtn(word, v_if=f"{states}.includes(run.state)", size="x-small", **does)
         with v3.VCard(title="Results", variant="flat", density="compact", v_if="shown"):
             with html.Div(v_for="lamp in lamps", key="lamp.name", classes="px-4 lamp"):
-                v3.VIcon("mdi-circle", color=("lamp.ok ? 'success' : 'error'",), size="small")
+                color = ("lamp.ok ? 'success' : lamp.ok === null ? 'grey' : 'error'",)
+                v3.VIcon("mdi-circle", color=color, size="small")
                 html.Span(" {{ lamp.name }}: {{ lamp.text }}", classes="text-caption")
             self._table(v3, html, "results")
             html.Div("{{ text }}", v_for="text in warnings", classes="px-4 text-caption text-warning")
@@ -414,14 +396,11 @@ class Page:
                 take = TAKE.format(file=f"'{file}'")
                 v3.VBtn(name, size="small", variant="outlined", classes="ma-1", click=take, id=f"take-{file}")
             html.Div("Input of engines, with material and clumps as in the forms", classes="px-4 text-caption")
-            v3.VBtn(
-                "{{ engine }}",
-                v_for="engine in engines",
-                size="x-small",
-                variant="text",
-                click=TAKE.format(file="engine + '.zip'"),
-                id=("'take-' + engine + '.zip'",),
-            )
+            taking: dict[str, Any] = {
+                "click": TAKE.format(file="engine + '.zip'"),
+                "id": ("'take-' + engine + '.zip'",),
+            }
+            v3.VBtn("{{ engine }}", v_for="engine in engines", size="x-small", variant="text", **taking)
             v3.VBtn("Figures of the report", click=self.draw_figures, size="small", classes="ma-1", id="figures")
             with html.Div(v_for="figure in figures", key="figure.alt", classes="px-4 figure", title=("figure.alt",)):
                 html.Img(src=(drawn.format("figure.svg"),), style="width: 100%", click="large = figure.svg")
@@ -429,7 +408,7 @@ class Page:
             with v3.VDialog(model_value=("!!large",), update_modelValue="large = ''", max_width=900):
                 html.Img(src=(drawn.format("large"),), style="width: 100%; background: white", id="large")
         with v3.VCard(title="The same in Python", variant="flat", density="compact"):
-            html.Pre("{{ python }}", classes="text-caption px-4", style="white-space: pre-wrap", id="python")
+            html.Pre("{{ python }}", classes="px-4", style=CODE, id="python")
         self.server.controller.trigger("download")(self.download)
 
     def _table(self, v3: Any, html: Any, name: str) -> None:

@@ -122,8 +122,6 @@ class Run:
         Its warnings.
     share : float
         Done of the stage, from 0 to 1; below 0 where it is not known.
-    seconds : float
-        How long it has run.
     grown : int
         How often its grains were written while it is computed.
     """
@@ -136,9 +134,7 @@ class Run:
     error: str = ""
     warnings: list[str] = field(default_factory=list)
     share: float = -1.0
-    seconds: float = 0.0
     grown: int = 0
-    began: float = 0.0
     staged: float = 0.0
     process: Process | None = None
 
@@ -161,18 +157,10 @@ class Run:
     def told(self) -> dict[str, Any]:
         """Return what a page shows of it."""
         left = self.left
-        return {
-            "number": self.number,
-            "folder": str(self.folder),
-            "state": self.state,
-            "stage": self.stage,
-            "text": self.text,
-            "error": self.error,
-            "warnings": list(self.warnings),
-            "percent": round(100 * self.share) if self.share >= 0 else None,
-            "seconds": round(self.seconds),
-            "left": None if left != left else round(left),
-        }
+        percent = round(100 * self.share) if self.share >= 0 else None
+        known = {name: getattr(self, name) for name in ("number", "state", "stage", "text", "error")}
+        rest = {"percent": percent, "left": None if left != left else round(left)}
+        return {**known, **rest, "warnings": list(self.warnings)}
 
 
 @dataclass(slots=True, eq=False)
@@ -269,7 +257,6 @@ class Queue:
         process = run.process
         if process is None:
             return True
-        run.seconds = time.monotonic() - run.began
         try:
             while process.connection.poll():
                 told = process.connection.recv()
@@ -310,8 +297,7 @@ def _begin(run: Run, base: Path) -> None:
     """Start the process of a run."""
     run.process = start(serve, Process)
     run.process.connection.send((run.folder, base, run.folder.exists()))
-    run.state, run.began, run.staged, run.stage, run.share = "running", time.monotonic(), time.monotonic(), "", -1.0
-    run.warnings = []
+    run.state, run.staged, run.stage, run.share, run.warnings = "running", time.monotonic(), "", -1.0, []
 
 
 def _note(run: Run, kind: str, *told: Any) -> None:

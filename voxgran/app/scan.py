@@ -1,5 +1,6 @@
 """The pane of a scan: an image is opened, segmented by sliders on three slices, and becomes a packing, as of a run."""
 
+import shutil
 import time
 from collections.abc import Callable
 from pathlib import Path
@@ -23,6 +24,7 @@ class ScanPane:
         self.desk, self.state, self.shown = desk, state, shown
         self.process, self.moved_at = ScanProcess(), 0.0
         self.asked: list[str] = []
+        self.folder: Path | None = None  # of a packing that is made
         self.taken: list[Any] = []
         begin: dict[str, Any] = dict.fromkeys((*FIELDS, "about", "found", "busy", "python"), "") | dict.fromkeys(
             "xyz", 0.5
@@ -48,11 +50,20 @@ class ScanPane:
         """Let the process do something, once."""
         self.asked = [*(other for other in self.asked if other != name), name]
 
+    def stop(self) -> None:
+        """Stop what is computed; the image is to be opened again."""
+        self.process.stop()
+        self.asked.clear()
+        self.state.scan_about = ""
+        if self.folder is not None:
+            shutil.rmtree(self.folder, ignore_errors=True)
+
     def follow(self) -> None:
         """Show what the process has answered, and let it do what is asked for since."""
         name, state = self.process.doing, self.state
         answer = self.process.answer()
         if answer is not None:
+            self.folder = None
             self._show(answer)
         now = [state[f"scan_{name}"] for name in ("dark", *SLIDERS)]
         if answer is not None and name in ("open", "segment"):
@@ -78,11 +89,12 @@ class ScanPane:
         texts = {key: state[f"scan_{key}"].strip() for key in FIELDS}
         given = {key: value_of({"text": text, "word": key in ("path", "unit")}) for key, text in texts.items() if text}
         given |= {key: state[f"scan_{key}"] for key in ("dark", *SLIDERS)}
-        given |= {"path": desk.base / given.get("path", ""), "at": [state[f"scan_{axis}"] for axis in "xyz"]}
+        base = Path() if desk.base == Path.cwd() else desk.base  # the lines of Python are for who starts here
+        given |= {"path": base / given.get("path", ""), "at": [state[f"scan_{axis}"] for axis in "xyz"]}
         if name == "finish":
-            folder = desk.queue.next_folder()
-            folder.mkdir(parents=True)
-            given |= {"folder": folder, "mapping": desk.mapping, "base": desk.base}
+            self.folder = desk.queue.next_folder()
+            self.folder.mkdir(parents=True)
+            given |= {"folder": self.folder, "mapping": desk.mapping, "base": desk.base}
         return given
 
     def build(self, v3: Any, html: Any) -> None:
@@ -98,6 +110,7 @@ class ScanPane:
                         v3.VTextField(v_model=(f"scan_{name}",), label=name, id=f"scan-{name}", **beside)
             v3.VBtn("Open", click=self.open, id="scan-open", classes="my-2", **main)
             html.Span("{{ scan_about }} {{ scan_busy }}", classes="text-caption mx-4", id="scan-about")
+            v3.VBtn("Stop", v_if="scan_busy", click=self.stop, id="scan-stop", size="x-small")
             v3.VProgressLinear(v_if="scan_busy", indeterminate=True)
             with html.Div(v_if="scan_about"):
                 for name, (low, high) in SLIDERS.items():
@@ -118,4 +131,4 @@ class ScanPane:
                             v3.VSlider(v_model=(f"scan_{axis}",), id=f"scan-{axis}", **place, **bare)
                 for color, words in WORDS.items():
                     html.Span(f"■ {words} ", style=f"color: {color}", classes="text-caption")
-                html.Pre("{{ scan_python }}", classes="text-caption", style="white-space: pre-wrap", id="scan-python")
+                html.Pre("{{ scan_python }}", style="font: 11px monospace; white-space: pre-wrap", id="scan-python")

@@ -79,7 +79,7 @@ def look_at(stage: Any, points: Floats, *, flat: bool = False, turn: float = 0.0
     """Frame points (n, 3) with the camera; flat scenes are viewed from above.
 
     The camera is turned around the vertical axis by an angle in degrees, of which its distance is independent. The
-    share `below` of the height at the lower edge is left free.
+    share `below` of the height at the lower edge is left free, at the upper one where it is below 0.
     """
     axes = view_axes(flat=flat, turn=turn)
     toward = axes[2]
@@ -87,7 +87,7 @@ def look_at(stage: Any, points: Floats, *, flat: bool = False, turn: float = 0.0
     middle, (wide, tall, deep) = (low + high) / 2 @ axes, (high - low) / 2
     width, height = stage.window_size
     free = 1 - 2 * _MARGIN
-    scale = max(tall / (free - below), wide * height / width / free, 1e-300)
+    scale = max(tall / (free - abs(below)), wide * height / width / free, 1e-300)
     middle = middle - below * scale * axes[1]
     stage.camera.parallel_projection = True
     stage.camera.focal_point = tuple(middle)

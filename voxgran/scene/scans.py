@@ -266,6 +266,12 @@ class ScanProcess:
         except (OSError, VoxgranError) as error:
             self.failed = str(error)
 
+    def stop(self) -> None:
+        """End the process, and with it what it computes; its image is no longer open."""
+        if self.process is not None:
+            self.process.end()
+        self.process, self.doing = None, ""
+
     def answer(self) -> dict[str, Any] | None:
         """Return what the method returned, or the sentence of its error as ``errors``; None while it computes."""
         name = self.doing

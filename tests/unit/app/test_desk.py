@@ -118,7 +118,7 @@ def test_a_run_has_the_bits_of_the_prompt_with_the_scene_that_is_taken_away(desk
     assert same(run.packing, tmp_path / "out" / "packing.vtp")
     assert (tmp_path / "out" / "packing.vtp").exists()
     assert desk.file("packing.vtp")
-    assert [lamp["ok"] for lamp in desk.lamps] == [True]
+    assert [lamp["ok"] for lamp in desk.lamps] == [True, None]
     # what the run has not left is made of it
     assert b"<html" in desk.file("report.html")
     (tmp_path / "taken.nc").write_bytes(desk.file("statistics.nc"))
@@ -176,6 +176,41 @@ def test_the_lamp_of_a_specimen_under_a_stress_is_lit(desk, bed):
         opened(desk, dataclasses.replace(bed, stop_reason=reason))
         assert [lamp["ok"] for lamp in desk.lamps] == [True, lit]
     assert "rest" in desk.lamps[1]["text"]
+
+
+def test_rest_is_judged_where_no_forces_are_stored(desk, bed, monkeypatch):
+    bare = dataclasses.replace(bed, forces=None)
+    for packing, lit, text in (
+        (bare, True, "100.0 % of the grains rest"),
+        (dataclasses.replace(bare, position=bed.position + np.array([0, 0, 0.05])), False, "% of the grains rest"),
+        (dataclasses.replace(bare, gravity=None), None, "without gravity"),
+    ):
+        opened(desk, packing)
+        assert desk.lamps[1]["ok"] is lit, desk.lamps
+        assert text in desk.lamps[1]["text"]
+    monkeypatch.setattr("voxgran.app.desk.JUDGED", bed.count - 1)
+    opened(desk, bare)
+    assert desk.lamps[1]["ok"] is None
+    assert "voxgran equilibrium" in desk.lamps[1]["text"]
+
+
+def test_a_shape_that_cannot_be_made_is_said_beside_its_field(desk, monkeypatch):
+    form = next(form for form in desk.forms if form["name"] == "shape")
+    form["kind"] = "convex_polyhedron"
+    desk.refresh()
+    field(desk, "shape", "points")["text"] = "2"
+    desk.examine()
+    assert "points is 2" in desk.error
+    assert desk.errors["0.points"] == desk.error
+    field(desk, "shape", "points")["text"] = "20"
+    field(desk, "shape", "count")["text"] = "900"
+    desk.examine()
+    assert not desk.error
+    made = []
+    monkeypatch.setattr("voxgran.scene.entries.ShapeEntry.make", lambda entry: made.append(entry) or [])
+    field(desk, "packing", "count")["text"] = "9"
+    desk.examine()
+    assert not made
 
 
 def test_runs_wait_for_each_other_fail_alone_and_leave_the_forms(desk):

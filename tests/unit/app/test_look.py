@@ -71,7 +71,7 @@ def test_a_picked_grain_is_marked_and_drawn_alone_where_it_lies(look, bed):
     marked = meshes(look)[1]
     assert marked.center == pytest.approx(bed.position[grain], abs=0.05)
     for way in look.ways()[3:]:
-        look.show(bed, way=way)
+        look.show(bed, way=way, alone=look.alone(way))
         low, high = np.reshape(look.stage.bounds, (3, 2)).T
         assert ((low < bed.position[grain]) & (bed.position[grain] < high)).all()
         assert (high - low).max() < (3.5 if "neighbours" in way else 2.2) * bed.diameters[grain]

@@ -3,6 +3,7 @@
 import asyncio
 import gc
 import os
+import sys
 import threading
 import time
 from pathlib import Path
@@ -13,7 +14,7 @@ import pyvista as pv
 
 import voxgran as vg
 from voxgran._base.errors import InputError
-from voxgran.app import runs
+from voxgran.app import look, runs
 from voxgran.app.desk import Desk
 from voxgran.app.look import Look
 
@@ -43,13 +44,13 @@ def serve(channel):
 
 
 class View:
-    """A view that draws, and counts its pictures."""
+    """A view that draws, and notes of each picture whether it is smooth."""
 
     def __init__(self, stage):
-        self.stage, self.pictures = stage, 0
+        self.stage, self.pictures = stage, []
 
     def update(self):
-        self.pictures += 1
+        self.pictures.append(self.stage.renderer.GetPass() is not None)
         self.stage.render_window.Render()
 
 
@@ -97,7 +98,10 @@ def test_the_page_answers_while_it_computes_and_says_what_went_wrong(page):
     asyncio.run(act())
 
 
-def test_nothing_is_drawn_for_nobody_and_one_picture_for_many_changes(page):
+def test_nothing_is_drawn_for_nobody_and_of_many_changes_one_picture_and_a_smooth_one(page, monkeypatch):
+    monkeypatch.setattr(look, "SMOOTHING", "ssaa")
+    monkeypatch.setattr("voxgran.app.page.STILL", 0.0)
+    monkeypatch.setattr("voxgran.app.page.SLOW", 60.0)
     page.desk.look.show(vg.pack(vg.shapes.sphere(), vg.Box((4, 4, 4)), "rsa", count=3, seed=1))
 
     async def act():
@@ -105,12 +109,46 @@ def test_nothing_is_drawn_for_nobody_and_one_picture_for_many_changes(page):
             page.state.cut_x = share
             page.cut()
         await settled(page)
-        assert page.view.pictures == 0
+        assert page.view.pictures == []
         page.lookers = 1
-        await settled(page)
-        assert page.view.pictures == 1
+        await settled(page, lambda: len(page.view.pictures) > 1)
+        assert page.view.pictures == [False, True]
+        # as when it is turned in the browser
+        page.desk.look.stage.camera.Azimuth(20)
+        await settled(page, lambda: len(page.view.pictures) > 2)
+        assert page.view.pictures == [False, True, True]
+        page.desk.shown, page.desk.packing = page.desk.run(), page.desk.look.packing
+        assert page.desk.file("picture.png").startswith(b"\x89PNG")
+        assert page.desk.look.stage.renderer.GetPass() is None
 
     asyncio.run(act())
+
+
+def test_a_picked_grain_is_measured_and_drawn_alone_in_the_thread(page, monkeypatch):
+    where, bed = [], vg.pack(vg.shapes.box(), vg.Box((4, 4, 4)), "rsa", count=3, seed=1)
+    page.desk.look.show(bed)
+    monkeypatch.setattr(Look, "grain_at", lambda *_: 1)
+    for name in ("numbers_of_grain", "fit_clump"):
+        module = "voxgran.app.page" if name == "numbers_of_grain" else "voxgran.report.scenes"
+        call = getattr(sys.modules[module], name)
+        noted = lambda *a, call=call, **k: (where.append(threading.current_thread()), call(*a, **k))[1]  # noqa: E731
+        monkeypatch.setattr(f"{module}.{name}", noted)
+
+    async def act():
+        page.pick(0.5, 0.5)
+        await settled(page, lambda: page.state.grain)
+        page.state.way = "picked grain: clump"
+        page.redraw()
+        await settled(page, lambda: len(page.desk.look.stage.actors) and len(where) > 1)
+
+    asyncio.run(act())
+    assert page.state.grain[0]["value"] == "1"
+    assert "picked grain: clump" in page.state.ways
+    assert len(where) == 2
+    assert threading.main_thread() not in where
+    low, high = np.reshape(page.desk.look.stage.bounds, (3, 2)).T
+    assert ((low < bed.position[1]) & (bed.position[1] < high)).all()
+    assert (high - low).max() < 3
 
 
 def test_of_edits_in_a_row_the_last_is_planned(page, monkeypatch):

@@ -101,6 +101,24 @@ def test_an_image_is_opened_segmented_again_and_becomes_a_run(pane, tmp_path, mo
     assert desk.run().number == 2
 
 
+def test_a_scan_is_stopped_and_opened_again(pane, tmp_path):
+    state, desk = pane.state, pane.test.desk
+    state.scan_path, state.scan_voxel_size, state.scan_unit = "scan.npy", "0,5", "mm"
+    for ask in (pane.open, lambda: pane.ask("finish")):
+        ask()
+        pane.follow()
+        assert state.scan_busy
+        process = pane.process.process.process
+        pane.stop()
+        assert process.poll() is not None
+        pane.follow()
+        assert (state.scan_busy, state.scan_about, pane.asked) == ("", "", [])
+        assert not list((tmp_path / "runs").glob("run_*"))
+        pane.open()
+        followed(pane, lambda: state.scan_about and not pane.process.doing and not pane.asked)
+    assert not desk.queue.runs
+
+
 def test_an_upload_fills_the_path(pane, tmp_path):
     kept = pane.test.desk.kept("../scan.npy", (tmp_path / "scan.npy").read_bytes())
     pane.open(kept)
