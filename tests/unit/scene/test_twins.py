@@ -202,6 +202,13 @@ def test_a_difference_is_told_in_units_of_the_scatter(spheres):
     assert float(data["ratio"].sel(measure="tortuosity")) < -EQUAL
 
 
+def test_a_model_that_is_given_has_the_resolution_of_the_sample():
+    sample = [vg.shapes.ellipsoid(aspect=(1.5, 1, 1 - k / 40)) for k in range(10)]
+    meshes = [vg.Shape.from_mesh(shape.vertices, shape.faces) for shape in sample]
+    twin = vg.twin(meshes, solid_fraction=0.4, protocol="expand", model=vg.learn_shapes(meshes), faces=60)
+    assert {len(shape.faces) for shape in (*twin.sample.shapes, *twin.model.shapes, *twin.packing.shapes)} == {60}
+
+
 def test_the_page_lists_the_largest_difference_first(copy, tmp_path):
     copy.report(tmp_path / "twin.html")
     text = (tmp_path / "twin.html").read_text()
@@ -225,6 +232,10 @@ def test_the_page_lists_the_largest_difference_first(copy, tmp_path):
         (lambda: vg.twin([sheet()] * 12, solid_fraction=0.6), "open surfaces"),
         (lambda: vg.twin(scan_of([((0, 0, 0), (3, 3, 3)), ((5, 5, 5), (10, 9, 9))])), "no whole grain"),
         (lambda: vg.twin([vg.shapes.sphere()] * 12, solid_fraction=0.6, protocol="poured"), "protocol"),
+        (lambda: vg.twin("scan.vtp"), r"sample is 'scan.vtp': .* vg.load reads"),
+        (lambda: vg.twin([vg.shapes.sphere()] * 12, "box", solid_fraction=0.6), "container is 'box'"),
+        (lambda: vg.twin([vg.shapes.sphere()] * 12, vg.Box((0.5,) * 3), solid_fraction=0.6), "volume 0.125: .* larger"),
+        (lambda: vg.twin([vg.shapes.sphere()] * 12, solid_fraction=0.6, method="rsa"), "method is given: .* leave it"),
     ],
 )
 def test_bad_samples_are_refused_in_one_sentence(given, told):
