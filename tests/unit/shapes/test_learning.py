@@ -358,6 +358,13 @@ def test_the_prompt_and_scenes_refuse_bad_samples_in_one_sentence(tmp_path, caps
         vg.Scene.from_mapping(scene).shapes[0].make()
 
 
+def test_the_error_of_the_sample_is_that_of_its_weights():
+    model = vg.learn_shapes(POLYHEDRA[:20])
+    heavy = replace(model, weights=np.array([0.9] + [0.1 / 19] * 19))
+    even, uneven = (float(one.report(count=10, descriptors=False).table.sample_error) for one in (model, heavy))
+    assert uneven > 2 * even
+
+
 NUMBERS = ["energy_distance", "sample_error", "novelty"]
 
 
