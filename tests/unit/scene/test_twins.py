@@ -12,7 +12,7 @@ import voxgran as vg
 from voxgran._base.errors import InputError, TooLargeError
 from voxgran.cli import main
 from voxgran.scene.twins.compared import _in, _known_of, _passing, _Scale, _scatter, _values
-from voxgran.scene.twins.differences import TEXTS
+from voxgran.scene.twins.differences import TEXTS, dataset_of
 from voxgran.scene.twins.request import drawn
 from voxgran.scene.twins.sample import Sample, sample_of, smooth_solids
 from voxgran.shapes.learning.border import border_weights, is_scan
@@ -195,6 +195,15 @@ def test_grains_of_one_shape_follow_each_other_in_size():
 
 
 @pytest.mark.slow
+def test_a_ratio_with_a_scatter_that_is_not_known_is_not_known():
+    places = {"distance": np.zeros(1), "lag": np.zeros(1)}
+    one = {"D50": 1.0, "tortuosity": 1.0} | places, {"D50": np.nan, "tortuosity": 3.0}
+    two = {"D50": 2.0, "tortuosity": 6.0} | places, {"D50": 0.1, "tortuosity": 4.0}
+    ratio = dataset_of(one, [two], "mm", np.zeros(1))["ratio"]
+    assert np.isnan(ratio.sel(measure="D50"))
+    assert float(ratio.sel(measure="tortuosity")) == 1.0
+
+
 def test_a_difference_is_told_in_units_of_the_scatter(spheres):
     data = vg.twin(spheres, count=50, protocol="expand", solid_fraction=0.35).comparison
     assert float(data["sample"].sel(measure="solid_fraction")) == pytest.approx(0.5, abs=0.002)

@@ -69,8 +69,8 @@ class Twin(ExplainedAttributes):
 
         The variables are `sample` and `twin`, the `difference`, the standard errors `sample_scatter` and
         `twin_scatter`, and the `ratio` of the difference to both together. The scatter is that between eight blocks of
-        each packing; with several seeds that of the twin is between packings. Curves stand beside them, with the
-        scatter of each value.
+        each packing; with several seeds that of the twin is between packings. A ratio is NaN where one is unknown.
+        Curves stand beside them, with the scatter of each value.
         """
         return comparison_of(self.sample, self.packings, self.voxel_size)
 
