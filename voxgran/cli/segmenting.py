@@ -8,12 +8,12 @@ import numpy as np
 
 import voxgran
 from voxgran._base.errors import InputError
-from voxgran._base.files import output_suffix, written_whole
+from voxgran._base.files import existing_file, output_suffix, written_whole
 from voxgran.cli.images import opened
 from voxgran.cli.terminal import show
+from voxgran.io.vtk_files import is_own
 from voxgran.report.stage import check_picture_path
 from voxgran.shapes.files import shape_of_file
-from voxgran.shapes.formats.mesh_files import WRITERS
 from voxgran.shapes.repairing.diagnose import Remedies
 
 #: suspects that are named
@@ -21,13 +21,25 @@ NAMED = 10
 
 
 def learn(options: argparse.Namespace) -> None:
-    """Learn the distribution of the shapes of a packing, or of mesh files, and write it."""
+    """Learn the distribution of the shapes of a packing, or of mesh files, and write it.
+
+    Raises
+    ------
+    InputError
+        If there is a packing among several files.
+    """
     output_suffix(options.output, [".nc"], "distributions of shapes are kept", overwrite=options.overwrite)
     if options.picture:
         check_picture_path(options.picture, overwrite=options.overwrite)
-    meshes = [path for path in options.files if Path(path).suffix.lower() in WRITERS and len(options.files) > 1]
+    first, *others = options.files
+    packings = [path for path in options.files if Path(path).suffix.lower() == ".vtp" and is_own(existing_file(path))]
+    if others and packings:
+        raise InputError(
+            f"{packings[0]} is a packing, one of {len(options.files)} files: shapes are learned from one packing, or "
+            "from mesh files alone; give it alone"
+        )
     remedies = Remedies(mend="run voxgran repair on it", keep_open="", choose="run voxgran repair on it")
-    shapes = [shape_of_file(path, remedies=remedies) for path in meshes] if meshes else voxgran.load(options.files[0])
+    shapes = [shape_of_file(path, remedies=remedies) for path in options.files] if others else voxgran.load(first)
     model = voxgran.learn_shapes(shapes, strength=options.strength, seed=options.seed)
     report = model.report(descriptors=options.descriptors, seed=options.seed)
     if options.picture:

@@ -15,7 +15,7 @@ FILES = ("twin.vtp", "shapes.nc", "comparison.nc", "twin.html", "twin.json")
 
 
 def twin(options: argparse.Namespace, sample: Packing) -> None:
-    """Make a twin of a sample, and write its packings, the learnt shapes, the comparison and the page.
+    """Make a twin of a sample, and write its packings, the learned shapes, the comparison and the page.
 
     Raises
     ------

@@ -36,7 +36,7 @@ _IMAGE = ("an image", "vg.load_image reads it, vg.packing_of_labels makes a pack
 #: what files with these suffixes hold, and what to do with them
 _OTHERS = {
     ".toml": ("a scene", "'voxgran run' packs it; give the packing.vtp that it writes"),
-    ".nc": ("statistics", "vg.load_statistics reads them; give the packing.vtp beside it"),
+    ".nc": ("numbers", "vg.load_statistics or vg.ShapeModel.load reads them; give the packing.vtp beside it"),
     **dict.fromkeys((".stl", ".obj", ".off", ".ply", ".msh"), _SHAPE),
     **dict.fromkeys((".tif", ".tiff", ".png", ".npy", ".npz", ".nrrd", ".vti"), _IMAGE),
 }

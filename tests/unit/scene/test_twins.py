@@ -12,7 +12,7 @@ import voxgran as vg
 from voxgran._base.errors import InputError, TooLargeError
 from voxgran.cli import main
 from voxgran.scene.twins.compared import _in, _known_of, _passing, _Scale, _scatter, _values
-from voxgran.scene.twins.differences import TEXTS
+from voxgran.scene.twins.differences import TEXTS, dataset_of
 from voxgran.scene.twins.request import drawn
 from voxgran.scene.twins.sample import Sample, sample_of, smooth_solids
 from voxgran.shapes.learning.border import border_weights, is_scan
@@ -195,11 +195,27 @@ def test_grains_of_one_shape_follow_each_other_in_size():
 
 
 @pytest.mark.slow
+def test_a_ratio_with_a_scatter_that_is_not_known_is_not_known():
+    places = {"distance": np.zeros(1), "lag": np.zeros(1)}
+    one = {"D50": 1.0, "tortuosity": 1.0} | places, {"D50": np.nan, "tortuosity": 3.0}
+    two = {"D50": 2.0, "tortuosity": 6.0} | places, {"D50": 0.1, "tortuosity": 4.0}
+    ratio = dataset_of(one, [two], "mm", np.zeros(1))["ratio"]
+    assert np.isnan(ratio.sel(measure="D50"))
+    assert float(ratio.sel(measure="tortuosity")) == 1.0
+
+
 def test_a_difference_is_told_in_units_of_the_scatter(spheres):
     data = vg.twin(spheres, count=50, protocol="expand", solid_fraction=0.35).comparison
     assert float(data["sample"].sel(measure="solid_fraction")) == pytest.approx(0.5, abs=0.002)
     assert float(data["ratio"].sel(measure="solid_fraction")) < -EQUAL
     assert float(data["ratio"].sel(measure="tortuosity")) < -EQUAL
+
+
+def test_a_model_that_is_given_has_the_resolution_of_the_sample():
+    sample = [vg.shapes.ellipsoid(aspect=(1.5, 1, 1 - k / 40)) for k in range(10)]
+    meshes = [vg.Shape.from_mesh(shape.vertices, shape.faces) for shape in sample]
+    twin = vg.twin(meshes, solid_fraction=0.4, protocol="expand", model=vg.learn_shapes(meshes), faces=60)
+    assert {len(shape.faces) for shape in (*twin.sample.shapes, *twin.model.shapes, *twin.packing.shapes)} == {60}
 
 
 def test_the_page_lists_the_largest_difference_first(copy, tmp_path):
@@ -225,6 +241,10 @@ def test_the_page_lists_the_largest_difference_first(copy, tmp_path):
         (lambda: vg.twin([sheet()] * 12, solid_fraction=0.6), "open surfaces"),
         (lambda: vg.twin(scan_of([((0, 0, 0), (3, 3, 3)), ((5, 5, 5), (10, 9, 9))])), "no whole grain"),
         (lambda: vg.twin([vg.shapes.sphere()] * 12, solid_fraction=0.6, protocol="poured"), "protocol"),
+        (lambda: vg.twin("scan.vtp"), r"sample is 'scan.vtp': .* vg.load reads"),
+        (lambda: vg.twin([vg.shapes.sphere()] * 12, "box", solid_fraction=0.6), "container is 'box'"),
+        (lambda: vg.twin([vg.shapes.sphere()] * 12, vg.Box((0.5,) * 3), solid_fraction=0.6), "volume 0.125: .* larger"),
+        (lambda: vg.twin([vg.shapes.sphere()] * 12, solid_fraction=0.6, method="rsa"), "method is given: .* leave it"),
     ],
 )
 def test_bad_samples_are_refused_in_one_sentence(given, told):

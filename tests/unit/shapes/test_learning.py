@@ -329,6 +329,8 @@ def test_the_prompt_and_scenes_refuse_bad_samples_in_one_sentence(tmp_path, caps
         vg.save_shape(shape, f"{k}.stl")
     one = vg.pack(POLYHEDRA[:1], vg.Box((20, 20, 20)), "rsa", count=12)
     vg.save(one, "one.vtp")
+    vg.learn_shapes(POLYHEDRA[:10]).save("bad.nc")
+    (tmp_path / "one.csv").write_text("x,y,z")
     image = np.zeros((20, 20, 20), dtype=int)
     image[:, :9], image[:, 11:] = 1, 2
     vg.save(vg.packing_of_labels(image, voxel_size=1.0, gravity="none"), "cut.vtp")
@@ -337,6 +339,11 @@ def test_the_prompt_and_scenes_refuse_bad_samples_in_one_sentence(tmp_path, caps
         tuple(f"{k}.stl" for k in range(9)): "shapes has 9 whole grains: at least 10 are needed; give more",
         ("one.vtp",): "shapes is 12 times one shape",
         ("0.stl", "9.stl"): "a grain must be a closed surface; run voxgran repair on it",
+        ("cut.vtp", "one.vtp"): "cut.vtp is a packing, one of 2 files",
+        ("0.stl", "none.txt"): "none.txt is not there",
+        ("0.stl", "1.stl", "one.csv"): "one.csv, line 1: 'x y z' does not name the columns",
+        ("none.vtp", "one.vtp"): "none.vtp is not there",
+        ("bad.nc",): "bad.nc holds numbers and no packing: vg.load_statistics or vg.ShapeModel.load reads them",
     }
     for files, message in bad.items():
         assert main(["learn", *files, "-o", "shapes.nc"]) == 2
@@ -349,6 +356,13 @@ def test_the_prompt_and_scenes_refuse_bad_samples_in_one_sentence(tmp_path, caps
         FileFormatError, match=r"one\.vtp has the suffix '\.vtp': distributions of shapes are kept as \.nc"
     ):
         vg.Scene.from_mapping(scene).shapes[0].make()
+
+
+def test_the_error_of_the_sample_is_that_of_its_weights():
+    model = vg.learn_shapes(POLYHEDRA[:20])
+    heavy = replace(model, weights=np.array([0.9] + [0.1 / 19] * 19))
+    even, uneven = (float(one.report(count=10, descriptors=False).table.sample_error) for one in (model, heavy))
+    assert uneven > 2 * even
 
 
 NUMBERS = ["energy_distance", "sample_error", "novelty"]

@@ -107,7 +107,7 @@ def _of_shapes(sample: Sample) -> tuple[Values, Values]:
     parts = [_grain_values(grains, turn == k) for k in range(BLOCKS)]
     whole = _grain_values(grains, turn >= 0)
     scatter = {name: _scatter([part[name] for part in parts]) for name in whole}
-    return whole | {"solid_fraction": sample.solid_fraction}, scatter | {"solid_fraction": math.nan}
+    return whole | {"solid_fraction": sample.solid_fraction}, scatter | {"solid_fraction": 0.0}
 
 
 def _bulk(packing: Packing) -> tuple[Floats, Floats]:

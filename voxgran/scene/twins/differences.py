@@ -56,7 +56,8 @@ def dataset_of(
         [[known.get(n, math.nan), scatter.get(n, math.nan), values[n], spread[n]] for n in names], dtype=np.float64
     )
     difference = table[:, 2] - table[:, 0]
-    both = np.sqrt(np.nan_to_num(table[:, 1]) ** 2 + np.nan_to_num(table[:, 3]) ** 2)
+    # where one scatter is not known, neither is the ratio: the other alone would tell too large a one
+    both = np.hypot(table[:, 1], table[:, 3])
     # what has no scatter and differs by rounding only is equal
     least = 1e-9 * np.abs(table[:, 0])
     ratio = np.divide(difference, both, out=np.where(np.abs(difference) <= least, 0.0, np.nan), where=both > least)

@@ -1,18 +1,19 @@
 """What a twin is to be, checked once, and how one is packed with a seed."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any, Self
 
 import numpy as np
 
 from voxgran._base.arrays import Floats, Integers, as_choice, as_count, as_share, check_type
+from voxgran._base.errors import InputError
 from voxgran._base.seeds import stream
 from voxgran._base.units import NO_UNIT
 from voxgran.containers.gravity import as_down, main_axis
 from voxgran.containers.kinds.box import Box
-from voxgran.containers.model import Container
+from voxgran.containers.model import Container, check_container
 from voxgran.packing.draw import Request
 from voxgran.packing.model import Packing
 from voxgran.packing.pack import pack
@@ -21,12 +22,15 @@ from voxgran.shapes.learning.learn import learn_shapes
 from voxgran.shapes.learning.model import ShapeModel
 from voxgran.shapes.mesh import Mesh
 from voxgran.shapes.model import Shape
+from voxgran.shapes.repairing.simplify import simplify
 from voxgran.shapes.size_laws.listed import refuse_too_many
 from voxgran.shapes.sizes import discrete
 
 #: depth of a bed over its width, height of its container over that depth, and share of a container that beds fill
 DEEP, ROOM, FILLED = 1.5, 3.0, 0.8
 PROTOCOLS = ("gravity", "compress", "expand")
+#: arguments of `pack` that a twin gives itself
+GIVEN = frozenset(("shapes", "sizes", "grains", "weights", "weights_by", "method", "unit", "start"))
 
 
 @dataclass(frozen=True, eq=False)
@@ -66,6 +70,10 @@ class TwinRequest:
         InputError
             If no twin can be made of the sample, or an option is out of range.
         """
+        for name in sorted(GIVEN & parameters.keys()):
+            raise InputError(f"{name} is given: a twin has the grains of its sample, and its protocol; leave it out")
+        if container is not None:
+            check_container(container)
         if model is not None:
             check_type(model, ShapeModel, "model", "a ShapeModel; learn_shapes and ShapeModel.load make one")
         sample = sample_of(given, solid_fraction)
@@ -76,6 +84,11 @@ class TwinRequest:
         mean = float((np.pi / 6 * sample.laid_sizes(1000) ** 3).mean())
         if count is None and container is not None:
             count = int(wanted * container.volume * (FILLED if how == "gravity" else 1.0) / mean)
+            if count < 1:
+                raise InputError(
+                    f"the container has the volume {container.volume:.3g}: at a solid fraction of {wanted:.3g} no "
+                    f"grain of the mean volume {mean:.3g} has room in it; take a larger one"
+                )
         many = as_count(len(sample.shapes) if count is None else count, "count", at_least=1)
         refuse_too_many(many)
         different = min(as_count(forms, "forms", at_least=1), many)
@@ -89,9 +102,10 @@ class TwinRequest:
     @cached_property
     def learned(self) -> tuple[Sample, ShapeModel | None]:
         """Sample at the resolution of the twin, and the model of its shapes; None where they are drawn themselves."""
-        if self.known is not None:
-            return self.sample, self.known
         # both are then described at the same resolution
+        if self.known is not None:
+            coarse = tuple(simplify(shape, faces=self.faces).shape for shape in self.known.shapes)
+            return resolved(self.sample, self.faces, smooth=False), replace(self.known, shapes=coarse)
         found = resolved(self.sample, self.faces)
         if not all(isinstance(shape.geometry, Mesh) for shape in found.shapes):
             return found, None

@@ -1,5 +1,6 @@
 """What a twin is made after: the grains of a sample, for how many each stands, and how dense they lie."""
 
+import os
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Literal
@@ -61,6 +62,8 @@ def sample_of(given: Packing | Sequence[Shape], solid_fraction: float | None) ->
     if isinstance(given, Packing):
         found = _of_packing(given)
     else:
+        if isinstance(given, str | os.PathLike):
+            raise InputError(f"sample is {str(given)!r}: a packing or shapes are needed; vg.load reads a packing")
         shapes = tuple(check_shapes(given))
         if solid_fraction is None:
             raise InputError("solid_fraction is None and the sample is shapes only: give that of the twin")
@@ -86,12 +89,14 @@ def _of_packing(packing: Packing) -> Sample:
     return Sample(shapes, weights[kept], share, packing.unit, packing, scanned)
 
 
-def resolved(sample: Sample, faces: int) -> Sample:
-    """Return a sample at the resolution of twins: smooth grains as such, other meshes with at most so many faces."""
-    smooth = smooth_solids(sample)
-    if smooth is None and all(isinstance(shape.geometry, Mesh) for shape in sample.shapes):
-        smooth = tuple(simplify(shape, faces=faces).shape for shape in sample.shapes)
-    return sample if smooth is None else replace(sample, shapes=smooth)
+def resolved(sample: Sample, faces: int, *, smooth: bool = True) -> Sample:
+    """Return a sample at the resolution of twins: smooth grains as such, unless these are drawn as meshes too, and
+    other meshes with at most so many faces.
+    """
+    shapes = smooth_solids(sample) if smooth else None
+    if shapes is None and all(isinstance(shape.geometry, Mesh) for shape in sample.shapes):
+        shapes = tuple(simplify(shape, faces=faces).shape for shape in sample.shapes)
+    return sample if shapes is None else replace(sample, shapes=shapes)
 
 
 def smooth_solids(sample: Sample) -> tuple[Shape, ...] | None:

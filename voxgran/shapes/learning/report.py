@@ -77,8 +77,9 @@ def compared(
     values: dict[str, Any] = {"energy_distance": energy_distance(other, rows, spread, of_real)}
     if others is None:
         mixed = [generator.permutation(len(own)) for _ in range(HALVES)]
-        parts = [(own[order[: len(own) // 2]], own[order[len(own) // 2 :]]) for order in mixed]
-        values["sample_error"] = float(np.mean([energy_distance(*part, spread) for part in parts]))
+        halves = [np.array_split(order, 2) for order in mixed]
+        errors = [energy_distance(own[a], own[b], spread, weights[a], weights[b]) for a, b in halves]
+        values["sample_error"] = float(np.mean(errors))
     else:
         values["sample_error"] = energy_distance(own, other, spread, weights)
     marks, kept, known = map(signatures, (drawn, given, real))

@@ -1,5 +1,6 @@
 """What is learned from: solid grains of true size, and how often each stands for grains that the border has cut."""
 
+import os
 from collections.abc import Iterable
 from dataclasses import replace
 from typing import Any, NamedTuple
@@ -52,6 +53,8 @@ def checked_sample(shapes: Any, sizes: "ArrayLike | None", weights: "ArrayLike |
             )
         every = [shapes.shapes[shapes.shape_id[k]].scaled(float(shapes.scale[k])) for k in whole]
     else:
+        if isinstance(shapes, str | os.PathLike):
+            raise InputError(f"shapes is {str(shapes)!r}: a list or a packing is needed; vg.load reads a packing")
         check_type(shapes, Iterable, "shapes", "a list of shapes or a packing; make_shapes makes a list")
         every = list(shapes)
     for shape in every:
