@@ -119,7 +119,7 @@ def around_obstacles(
         registry = method_registry()
         others = [name for name in registry.names() if registry.get(name).obstacles != "refused"]
         raise InputError(
-            f"{many} grains are fixed, and method {method.name!r} moves all grains: give a method that packs around "
+            f"{many} grains are fixed, and method {method.name!r} has no place for obstacles: give a method that packs around "
             f"obstacles, one of {', '.join(others)}"
         )
     if method.obstacles == "placed":

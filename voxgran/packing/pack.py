@@ -126,7 +126,8 @@ def pack(
         Grains that stand in the container and never move, whatever the container and the density that they have: one
         shape, as of ``Packing.of(shape, container, position=[...])``, or a whole bed. They are the first grains of the
         result, ``packing.fixed`` marks them, and their volume is taken off that of the container. Methods: ``gravity``,
-        ``digital``, ``digital_fill``, ``digital_rsa``, ``rsa`` and, around spheres, ``advancing_front``.
+        ``digital``, ``digital_fill``, ``digital_rsa``, ``rsa``, ``expand``, ``jam``, ``compress`` and, around spheres,
+        ``advancing_front`` and ``deposition``.
     unit : str, optional
         Unit of all lengths that have none of their own: container, sizes, parameters, regular shapes. Shapes of other
         units are converted to it. Left out: that of the start, or else the one of the shapes, where it is known.
