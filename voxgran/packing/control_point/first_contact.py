@@ -88,6 +88,25 @@ class Encounter:
             return self._unit * float(extent[:, HALF_SPACING].sum())
         return self._unit * float(min(threshold(extent, 0, 1, 0.0), threshold(extent, 1, 0, 0.0)))
 
+    def is_refused(self, offset: "ArrayLike", turns: "ArrayLike") -> bool:
+        """Return whether the test refuses a pose.
+
+        Parameters
+        ----------
+        offset : (3,) array_like of float
+            From the centroid of the standing grain to that of the other, in the unit of lengths.
+        turns : (2, 4) array_like of float
+            Orientations of the two, unit quaternions (w, x, y, z).
+
+        Raises
+        ------
+        InputError
+            If an array has another shape or is not finite.
+        """
+        self._turn(turns)
+        where = as_floats(offset, "offset", shape=(3,)) / self._unit
+        return bool(_is_refused_at(self._pairs, np.zeros(3), where, 0.0))
+
     def _turn(self, turns: "ArrayLike") -> None:
         """Take over orientations."""
         quaternions = normalized(as_floats(turns, "turns", shape=(2, 4)))
