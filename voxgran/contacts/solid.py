@@ -6,7 +6,7 @@ from typing import Any, Literal
 
 import numpy as np
 
-from voxgran._base.arrays import Floats
+from voxgran._base.arrays import Floats, read_only
 from voxgran._base.errors import DirtyMeshError
 from voxgran._base.lazy import load
 from voxgran.geometry.tree import TriangleTree
@@ -27,7 +27,7 @@ class Solid:
     def tree(self) -> TriangleTree:
         """Box tree of the triangles."""
         tree = self.mesh.tree
-        return replace(tree, normals=-tree.normals) if self.inside_out else tree
+        return replace(tree, normals=read_only(-tree.normals)) if self.inside_out else tree
 
     def inner_distance(self, points: Floats) -> Floats:
         """Return the distance of (n, 3) points to the surface, positive inside."""

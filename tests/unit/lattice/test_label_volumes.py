@@ -96,7 +96,7 @@ def test_pairs_of_many_labels_are_all_told():
     net = net_of(image, tiles_of(image, image.max(), np.zeros(3, dtype=bool)))
     moved = np.zeros(net.at.shape, dtype=np.float32)
     crossed, held = np.zeros(len(net.quad), dtype=bool), np.zeros(moved.shape, dtype=bool)
-    found = examine(net, crossed, moved, held, spacing=np.ones(3), labels=image.max())
+    found = examine(net, crossed, moved, held, spacing=np.ones(3), labels=int(image.max()))
     seen = {tuple(pair) for pair in np.transpose(np.divmod(found.pairs, image.max() + 1)).tolist()}
     steps = [step for step in itertools.product((-1, 0, 1), repeat=3) if step > (0, 0, 0)]
     near = {
