@@ -43,6 +43,7 @@ def jagged_pictures(monkeypatch):
     Both take half the time of a report.
     """
     monkeypatch.setattr("voxgran.report.stage.SMOOTHING", None)
+    monkeypatch.setattr("voxgran.report.plots.fit", lambda axes: None)
     monkeypatch.setattr("matplotlib.layout_engine.ConstrainedLayoutEngine.execute", lambda self, figure: None)
 
 

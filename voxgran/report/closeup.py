@@ -17,7 +17,7 @@ from voxgran.report.creases import creased, shaded
 from voxgran.report.facts import Fact, number
 from voxgran.report.figures import FORM
 from voxgran.report.scenes import drawings_of
-from voxgran.report.stage import MATERIAL, Picture, add_scale_bar, beads, look_at, shot, stage_of
+from voxgran.report.stage import MATERIAL, Picture, add_scale_bar, beads, look_at, shot, stage_of, view_axes
 
 _MIDDLE, _NEIGHBOUR, _POINT = "#2a9d8f", "#b9c3ca", "#d1495b"
 
@@ -31,7 +31,6 @@ def picture_contacts(packing: Packing, *, window: tuple[int, int] = (900, 900)) 
         return None
     with stage_of(window) as stage:
         corners = add_neighbours(stage, packing, _busiest(packing, found.i, found.j), found)
-        stage.enable_depth_peeling(8)
         look_at(stage, corners, flat=packing.dimension == 2)
         add_scale_bar(stage, packing.unit)
         return shot(stage)
@@ -43,9 +42,11 @@ def add_neighbours(stage: Any, packing: Packing, grain: int, found: Contacts) ->
     periods = periods_of(packing.container)
     others = np.concatenate([found.j[first], found.i[second]])
     shift = np.concatenate([found.image[first], -found.image[second]]) @ periods
+    # those behind first: what is translucent is mixed with what is drawn already
+    order = np.argsort((packing.position[others] + shift) @ view_axes(flat=packing.dimension == 2)[2])
     points = np.concatenate([found.point[first], found.point[second] - found.image[second] @ periods])
     extent = [add_grain(stage, packing, grain, color=_MIDDLE)]
-    for other, way in zip(others.tolist(), shift, strict=True):
+    for other, way in zip(others[order].tolist(), shift[order], strict=True):
         extent.append(add_grain(stage, packing, other, color=_NEIGHBOUR, opacity=0.45, shift=way))
     if len(points):
         # visible through objects in front of them
@@ -70,7 +71,10 @@ def add_grain(
     turned = corners @ packing.matrices[grain].T * (larger * packing.scale[grain])
     vertices: Floats = turned + packing.position[grain] + shift
     vertices[:, 2] += (larger - 1.0) * shape.diameter * packing.scale[grain]
-    stage.add_mesh(shaded(vertices, faces), color=color, opacity=opacity, smooth_shading=True, **MATERIAL)
+    # triangles of the far side would be mixed in before and after those of the near side
+    culling = "back" if opacity < 1 and shape.dimension == 3 and not shape.is_open else None
+    look = {"opacity": opacity, "culling": culling, "smooth_shading": True, **MATERIAL}
+    stage.add_mesh(shaded(vertices, faces), color=color, **look)
     return vertices
 
 

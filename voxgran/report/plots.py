@@ -27,6 +27,11 @@ PLACED, ASKED, OTHER = "#2a9d8f", "#e07a3f", "#7a86c8"
 #: & Ito 2008 without black and yellow
 DISTINCT = ("#0072b2", "#e69f00", "#009e73", "#d55e00", "#cc79a7", "#56b4e9")
 
+#: digits as they are raised
+RAISED = str.maketrans("-0123456789", "\u207b\u2070\u00b9\u00b2\u00b3\u2074\u2075\u2076\u2077\u2078\u2079")
+#: free room around a plot, in inches: that of matplotlib's constrained layout
+PAD = 3.0 / 72.0
+
 _STYLE = {
     "axes.edgecolor": INK,
     "axes.facecolor": "none",
@@ -66,10 +71,14 @@ def svg_of(
     canvas = load("matplotlib.backends.backend_svg").FigureCanvasSVG
     with matplotlib.rc_context({**_STYLE, "svg.hashsalt": name}):
         figure = load("matplotlib.figure").Figure(figsize=size)
-        draw(figure.add_subplot(projection=projection))
+        axes = figure.add_subplot(projection=projection)
+        draw(axes)
         # what `savefig` does, but for a first drawing that is thrown away and only serves to place the axes
         page, buffer, resolution = canvas(figure), io.StringIO(), figure.dpi
-        figure.get_layout_engine().execute(figure)
+        if projection is None and figure.axes == [axes]:
+            fit(axes)
+        else:
+            figure.get_layout_engine().execute(figure)
         figure.set_layout_engine("none")
         figure.dpi = resolution
         page.print_svg(buffer, metadata={"Date": None, "Creator": None})
@@ -81,6 +90,19 @@ def svg_of(
     text = re.sub(r' (width|height)="[\d.]+pt"', "", text, count=2)
     text = re.sub(r'(id="|href="#|url\(#)', rf"\g<1>{name}-", text)
     return text.replace("<svg", '<svg style="stroke-linejoin: round; stroke-linecap: butt"', 1)
+
+
+def fit(axes: Any) -> None:
+    """Place axes that are alone so that their labels end where the constrained layout has them end.
+
+    That layout measures them twice, which takes longer than drawing; from a first place near the last one, once does.
+    """
+    axes.set_position((0.14, 0.15, 0.84, 0.83))
+    figure, held = axes.figure, axes.get_position(original=True)
+    box = axes.get_tightbbox(for_layout_only=True).transformed(figure.transFigure.inverted())
+    pad = PAD / figure.get_size_inches()
+    low, high = held.min - box.min + pad, 1.0 + held.max - box.max - pad
+    axes.set_position((*low, *(high - low)))
 
 
 def plot_gradation(axes: Any, packing: Packing) -> Any:
@@ -185,6 +207,7 @@ def plot_coordination(
     if len(x) and x.max() > 0:
         # gaps span decades and start at 0
         axes.set_xscale("symlog", linthresh=float(x[x > 0].min()), linscale=0.4)
+        axes.xaxis.set_major_formatter(mark_of)
     axes.set(xlabel=f"{name}{unit_text(unit)}", ylabel="mean coordination number")
     axes.set_ylim(0, max(1.08 * float(y.max(initial=0.0)), 1.0))
     return axes
@@ -217,6 +240,7 @@ def plot_estimate(
     if logarithmic:
         y = np.where(y > 0, y, np.nan)
         low = np.where(low > 0, low, 0.5 * y)
+        # limits follow from the scale
         axes.set(xscale="log", yscale="log")
     if level is not None:
         axes.axhline(level, color=INK, linewidth=1.0, linestyle=(0, (2, 2)))
@@ -224,7 +248,10 @@ def plot_estimate(
         axes.fill_between(x, low, y + band, color=PLACED, alpha=0.25, linewidth=0)
     axes.plot(x, y, color=PLACED, marker=marker, markersize=4)
     axes.set(xlabel=label, ylabel=name)
-    if not logarithmic:
+    if logarithmic:
+        set_log_scale(axes, "x")
+        set_log_scale(axes, "y")
+    else:
         axes.set(xlim=(float(x.min(initial=0.0)), None), ylim=(0, None))
     return axes
 
@@ -263,9 +290,9 @@ def plot_forces(axes: Any, relative: "ArrayLike", density: "ArrayLike", *, decay
     label = f"decay of the tail {decay:.2f}" if np.isfinite(decay) else "here"
     seen = y > 0
     axes.plot(x[seen], y[seen], color=PLACED, marker="o", markersize=4, label=label)
-    axes.set_yscale("log")
     low = min(float(y[seen].min(initial=1.0)), 0.01)
     axes.set(xlabel="normal force / mean", ylabel="probability density", ylim=(0.5 * low, 2.0), xlim=(0, None))
+    set_log_scale(axes, "y")
     axes.legend(loc="best")
     return axes
 
@@ -308,14 +335,24 @@ def plot_passing(axes: Any, sizes: Floats, volumes: Floats, *, color: str, label
     )
 
 
-def set_log_scale(axes: Any) -> None:
-    """Make the horizontal axis, whose limits are final, logarithmic, with plain numbers at its marks."""
-    axes.set_xscale("log")
-    ticker, (low, high) = load("matplotlib.ticker"), axes.get_xlim()
+def set_log_scale(axes: Any, along: str = "x") -> None:
+    """Make an axis, whose limits are final, logarithmic, with plain numbers at its marks: formulas take far longer."""
+    axes.set(**{f"{along}scale": "log"})
+    axis, (low, high) = getattr(axes, f"{along}axis"), getattr(axes, f"get_{along}lim")()
+    ticker = load("matplotlib.ticker")
     # in few decades numbers at 2 and 5 find room
-    axes.xaxis.set_major_locator(ticker.LogLocator(subs=(1.0, 2.0, 5.0) if high < 100.0 * low else (1.0,)))
-    axes.xaxis.set_major_formatter(ticker.FuncFormatter(lambda value, _: f"{value:g}"))
-    axes.xaxis.set_minor_formatter(ticker.NullFormatter())
+    axis.set_major_locator(ticker.LogLocator(subs=(1.0, 2.0, 5.0) if high < 100.0 * low else (1.0,)))
+    axis.set_major_formatter(mark_of)
+    axis.set_minor_formatter(ticker.NullFormatter())
+
+
+def mark_of(value: float, place: int | None = None) -> str:
+    """Return a number at a mark of an axis: digits, or a power of ten where they are many."""
+    del place
+    if value == 0 or 1e-3 <= abs(value) < 1e4:
+        return f"{value:g}"
+    digit, power = f"{value:.0e}".split("e")
+    return f"{digit}\u00b7".removeprefix("1\u00b7") + "10" + str(int(power)).translate(RAISED)
 
 
 def unit_text(unit: str) -> str:

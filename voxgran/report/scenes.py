@@ -145,7 +145,7 @@ def _picture(
     """Draw some grains, the container, a scale bar and a legend."""
     strip = legend_of(colors, window) if legend else None
     with stage_of(window) as stage:
-        add_grains(stage, packing, grains, colors)
+        add_grains(stage, packing, grains, colors, uncut=True)
         add_container(stage, packing.container)
         below, flat = 0.0 if strip is None else strip.height, packing.dimension == 2
         look_at(stage, packing.container.mesh()[0], flat=flat, turn=turn, below=below)
@@ -155,21 +155,32 @@ def _picture(
         return shot(stage)
 
 
-def add_grains(stage: Any, packing: Packing, grains: Integers, colors: Coloring, triangles: int | None = None) -> None:
-    """Draw some grains of a packing: as surfaces, or as shaded points where there are very many spheres."""
+def add_grains(
+    stage: Any,
+    packing: Packing,
+    grains: Integers,
+    colors: Coloring,
+    triangles: int | None = None,
+    *,
+    uncut: bool = False,
+) -> None:
+    """Draw some grains of a packing: as surfaces, or as shaded points where there are very many spheres.
+
+    Where no plane will cut them (`uncut`), the insides of surfaces are left out, which takes a quarter less time.
+    """
     low, high = colors.limits
     round_ones = np.array([*(shape.is_sphere and shape.dimension == 3 for shape in packing.shapes), False])
     spheres = round_ones[packing.shape_id[grains]]
     as_points = grains[spheres] if spheres.sum() > MOST_SPHERES else grains[:0]
     as_meshes = np.setdiff1d(grains, as_points)
     if len(as_meshes):
-        _add_meshes(stage, packing, as_meshes, colors, picture_faces(packing, triangles))
+        _add_meshes(stage, packing, as_meshes, colors, picture_faces(packing, triangles), uncut=uncut)
     if len(as_points):
         shades = load("matplotlib").colormaps[COLORS]((colors.values[as_points] - low) / (high - low))[:, :3]
         add_spheres(stage, packing.position[as_points], packing.bounding_radii[as_points], shades)
 
 
-def _add_meshes(stage: Any, packing: Packing, grains: Integers, colors: Coloring, most: int) -> None:
+def _add_meshes(stage: Any, packing: Packing, grains: Integers, colors: Coloring, most: int, *, uncut: bool) -> None:
     """Draw grains as surfaces, flat ones with outlines."""
     many, flat = len(grains) > FLAT_LIMIT, packing.dimension == 2
     bodies = [drawn_surface(shape, most) for shape in packing.shapes]
@@ -184,7 +195,8 @@ def _add_meshes(stage: Any, packing: Packing, grains: Integers, colors: Coloring
     # more than a few pixels
     closed = not flat and not any(shape.is_open for shape in packing.shapes)
     look = {"scalars": "value", "clim": colors.limits, "show_scalar_bar": False}
-    culling = "back" if many and closed else None
+    whole = uncut and all(shape.is_sphere or len(shape.faces) <= most for shape in packing.shapes)
+    culling = "back" if closed and (many or whole) else None
     stage.add_mesh(mesh, cmap=COLORS, culling=culling, **look, **(MATERIAL if many or flat else SMOOTH))
     if flat and not many:
         # grains of one colour that touch would be one

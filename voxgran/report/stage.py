@@ -18,6 +18,9 @@ from voxgran.shapes.tessellate import sphere
 
 Picture: TypeAlias = NDArray[np.uint8]
 
+#: how hard pictures are packed: level 6 saves 2 % and takes two thirds longer
+LEVEL = 4
+
 BACKGROUND = "#eef1f4"
 #: longest side of a picture, in pixels: drawing needs some tens of bytes for each of them
 MOST_PIXELS = 8192
@@ -193,7 +196,7 @@ def png_of(picture: Picture, *, colors: int | None = None) -> bytes:
     """
     buffer = io.BytesIO()
     if colors is None:
-        load("matplotlib.image").imsave(buffer, picture, format="png", pil_kwargs={"compress_level": 6})
+        load("matplotlib.image").imsave(buffer, picture, format="png", pil_kwargs={"compress_level": LEVEL})
     else:
         # Pillow, a dependency of Matplotlib
         image = load("PIL.Image").fromarray(picture)

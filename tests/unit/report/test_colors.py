@@ -74,6 +74,9 @@ def test_a_close_up_shows_the_grain_with_the_most_neighbours(row, packing):
     apart = vg.Packing.of([vg.make_shape("sphere")], vg.Box((9, 9, 9)), position=[(1, 1, 1), (7, 7, 7)])
     assert picture_contacts(apart) is None
     assert picture_contacts(packing, window=WINDOW).shape == (240, 240, 3)
+    # translucent surfaces are smooth: of neighbouring pixels few differ by more than shading does
+    steps = np.abs(np.diff(picture[..., 2].astype(int), axis=1))
+    assert ((steps > 5) & (steps < 30)).mean() < 0.02
 
 
 @pytest.mark.parametrize(

@@ -9,6 +9,7 @@ from matplotlib.figure import Figure
 from voxgran._base.errors import InputError
 from voxgran.measures.directions import rose_of
 from voxgran.packing.model import Packing
+from voxgran.report import plots
 from voxgran.report.direction_maps import plot_direction_map
 from voxgran.report.plots import plot_contact_numbers, plot_coordination, plot_gradation, plot_profile, svg_of
 from voxgran.report.shape_plots import plot_rose
@@ -91,6 +92,31 @@ def test_an_svg_stands_alone_repeats_and_takes_the_colour_of_the_text(packing):
     assert set(re.findall(r'href="#([^"]+)"', first)) <= names
     assert set(re.findall(r"url\(#([^)]+)\)", first)) <= names
     assert "equivalent diameter" in first  # texts stay texts
+
+
+def test_axes_that_are_alone_are_placed_where_the_constrained_layout_has_them():
+    places = []
+    for way in ("constrained", None):
+        figure = Figure(figsize=(5.2, 3.7), layout=way)
+        axes = plot_profile(figure.add_subplot(), [0.0, 9.0], [0.0, 0.61], name="height", unit="mm")
+        plots.fit(axes) if way is None else figure.get_layout_engine().execute(figure)
+        places.append(axes.get_position().bounds)
+    np.testing.assert_allclose(places[1], places[0], atol=2e-3)
+
+
+@pytest.mark.parametrize(
+    ("value", "text"),
+    [
+        (0.0, "0"),
+        (0.05, "0.05"),
+        (2000.0, "2000"),
+        (1e-6, "10\u207b\u2076"),
+        (2e4, "2\u00b710\u2074"),
+        (1e10, "10\u00b9\u2070"),
+    ],
+)
+def test_marks_of_axes(value, text):
+    assert plots.mark_of(value) == text
 
 
 def test_names_cannot_break_out_of_the_svg():

@@ -54,6 +54,21 @@ def test_the_whole_packing_is_seen(packing):
     assert len(np.unique(rim, axis=0)) == 1
 
 
+def test_insides_that_are_left_out_are_not_seen(packing, monkeypatch):
+    drawn, uncut = picture_packing(packing, window=WINDOW), []
+
+    def add_all(*arguments, **options):
+        uncut.append(options.pop("uncut"))
+        add_grains(*arguments, **options)
+
+    add_grains = scenes.add_grains
+    monkeypatch.setattr(scenes, "add_grains", add_all)
+    with_insides = picture_packing(packing, window=WINDOW)
+    assert uncut == [True]
+    differ = np.abs(drawn.astype(int) - with_insides).max(axis=2)
+    assert (differ > 16).mean() < 1e-3
+
+
 def test_the_same_packing_gives_the_same_picture(packing):
     np.testing.assert_array_equal(picture_packing(packing, window=WINDOW), picture_packing(packing, window=WINDOW))
 
