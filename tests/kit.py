@@ -16,11 +16,13 @@ import pytest
 from scipy import ndimage
 from scipy.spatial import ConvexHull
 
+import voxgran as vg
 from voxgran._base import guarded
 from voxgran.contacts.forces import ContactForces
 from voxgran.containers.kinds.box import Box
 from voxgran.packing.draw import Request
 from voxgran.packing.driver import Drive, drive
+from voxgran.packing.method import method_registry
 from voxgran.packing.model import Packing
 from voxgran.packing.pack import prepare_task
 from voxgran.scene import processes
@@ -40,6 +42,26 @@ def references(table):
 def slow(*values):
     """Return the values of a case that is run by `make test-slow` only."""
     return pytest.param(*values, marks=pytest.mark.slow)
+
+
+#: what methods of the plane need to be asked, or what makes them quick
+ASKED_IN_PLANE = {
+    "advancing_front": {"mode": "dense"},
+    "control_point": {"sweeps": 40, "settle": False},
+    "deposition": {"toward": "center"},
+    "digital": {"sweeps": 40, "settle": False},
+    "expand": {"solid_fraction": 0.7},
+}
+
+
+def methods_of_the_plane():
+    """Return the methods that fill a region of the plane with given sizes, as cases; the longest one is slow.
+
+    Layers lie on a flat floor, and specimens take another size.
+    """
+    known = map(method_registry().get, vg.packing_methods())
+    fill = [one.name for one in known if 2 in one.dimensions and one.sizing != "made"]
+    return [slow(name) if name == "digital_fill" else name for name in fill if name not in ("multilayer", "compress")]
 
 
 @contextlib.contextmanager

@@ -83,6 +83,8 @@ FLAT = {
     "own, flat": Ward(),
 }
 
+#: cases that take seconds
+LONG = [("control_point", "mesh"), ("jam", "picture"), ("compress", "box"), ("growth", "box")]
 #: containers whose walls a compression moves
 COMPRESSIBLE = ("box", "cylinder", "sphere", "rectangle", "disk")
 
@@ -91,7 +93,9 @@ COMPRESSIBLE = ("box", "cylinder", "sphere", "rectangle", "disk")
     ("method", "container"),
     [
         # distances that a class computes in Python, asked for of grains that jam
-        slow(method, container) if method == "jam" and container.startswith("own") else (method, container)
+        slow(method, container)
+        if (method == "jam" and container.startswith("own")) or (method, container) in LONG
+        else (method, container)
         for method, container in itertools.product(vg.packing_methods(), [*SOLID, *FLAT])
     ],
 )

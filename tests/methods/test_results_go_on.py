@@ -4,6 +4,7 @@ import warnings
 
 import numpy as np
 import pytest
+from kit import slow
 
 import voxgran as vg
 from voxgran._base.errors import PackingWarning
@@ -32,7 +33,7 @@ def packed():
     return make
 
 
-@pytest.mark.parametrize("method", vg.packing_methods())
+@pytest.mark.parametrize("method", [slow(name) if name == "multilayer" else name for name in vg.packing_methods()])
 def test_it_comes_to_rest(method, packed):
     bed = vg.settle(packed(method), gravity="-z")
     assert bed.count == packed(method).count

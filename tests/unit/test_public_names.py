@@ -168,6 +168,8 @@ MISTAKES = {
 }
 
 
+# the types of the parameters are those of the stubs, which the next tests compare
+@pytest.mark.slow
 def test_mypy_finds_mistakes_and_passes_what_is_right(tmp_path):
     pytest.importorskip("mypy")
     assert (PACKAGE / "py.typed").is_file()

@@ -12,6 +12,7 @@ from fractions import Fraction
 
 import numpy as np
 import pytest
+from kit import slow
 
 import voxgran as vg
 from voxgran._base.config import from_mapping, parameters_of
@@ -275,7 +276,9 @@ def forms(item):
                 yield lambda v, k=k, many=many: [*[1] * k, v, *[1] * (many - k - 1)]
 
 
-FAMILIES = [(name, item) for name, _, item in entries(families())]
+#: of solids that take long to make, one parameter of several is quick enough
+LONG = [("superspherize", "radii"), ("superspherize", "amounts"), ("sphere_assembly", "radii")]
+FAMILIES = [slow(name, item) if (name, item.name) in LONG else (name, item) for name, _, item in entries(families())]
 
 
 @pytest.mark.parametrize(("family", "item"), FAMILIES, ids=lambda one: getattr(one, "name", one))
@@ -397,7 +400,7 @@ def test_what_lies_below_a_mask_is_no_number():
     ("name", "value", "told"),
     [
         ("NUMBA_NUM_THREADS", "0", "cannot be loaded"),
-        ("PYTHONWARNINGS", "error::UserWarning", "it ends the command, as PYTHONWARNINGS"),
+        slow("PYTHONWARNINGS", "error::UserWarning", "it ends the command, as PYTHONWARNINGS"),
     ],
 )
 def test_odd_environments_are_one_line(tmp_path, name, value, told):

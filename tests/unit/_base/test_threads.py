@@ -124,8 +124,14 @@ def poses(packing):
     return packing.position, packing.orientation
 
 
+@cache
+def settled(threads=1):
+    """Return the solids at rest, by so many threads."""
+    return vg.settle(loose(), gravity="-z", threads=threads)
+
+
 CALLS = {
-    "voxelize": lambda threads: vg.voxelize(rotated(vg.shapes.torus()), voxel_size=0.003, threads=threads).mask,
+    "voxelize": lambda threads: vg.voxelize(rotated(vg.shapes.torus()), voxel_size=0.005, threads=threads).mask,
     "distance_transform": lambda threads: vg.distance_transform(BLOB, periodic="x", threads=threads),
     "local_thickness": lambda threads: vg.local_thickness(BLOB, threads=threads),
     "local_thickness, periodic": lambda threads: vg.local_thickness(BLOB, periodic="xyz", threads=threads),
@@ -135,8 +141,8 @@ CALLS = {
     "pack, meshes at rest": lambda threads: np.hstack(
         poses(vg.pack(vg.shapes.torus(), vg.Box((3, 3, 6)), "gravity", count=25, rest=0.5, threads=threads))
     ),
-    "settle, convex solids": lambda threads: np.hstack(poses(vg.settle(loose(), gravity="-z", threads=threads))),
-    "equilibrium": lambda threads: vg.equilibrium(vg.settle(loose(), gravity="-z"), threads=threads).force.values,
+    "settle, convex solids": lambda threads: np.hstack(poses(settled(threads))),
+    "equilibrium": lambda threads: vg.equilibrium(settled(), threads=threads).force.values,
     "measure": lambda threads: vg.measure(polyhedra(), ["contacts"], threads=threads)["/contacts"].gap.values,
 }
 

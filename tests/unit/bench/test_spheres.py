@@ -2,6 +2,7 @@ import csv
 
 import numpy as np
 import pytest
+from kit import slow
 
 import voxgran as vg
 from voxgran.bench.tradeoffs import spheres
@@ -14,7 +15,15 @@ def test_every_method_that_packs_spheres_has_a_case():
     assert {case.method for case in CASES} == set(vg.packing_methods()) - others
 
 
-@pytest.mark.parametrize("case", [case for case in CASES if not case.bed and case.method != "rsa"], ids=str)
+@pytest.mark.parametrize(
+    "case",
+    [
+        slow(case) if case.method == "multilayer" and case.dimension == 3 else case
+        for case in CASES
+        if not case.bed and case.method != "rsa"
+    ],
+    ids=str,
+)
 def test_every_case_packs_about_as_many_spheres_as_are_asked_for(case):
     row = measure(case, 60, repeats=1)
     assert row.apart

@@ -202,7 +202,7 @@ def test_thin_solids_are_refused_where_nothing_fits(parameters, text):
 
 @pytest.mark.filterwarnings("ignore::voxgran._base.errors.PackingWarning")
 @pytest.mark.parametrize(
-    "shape", [vg.make_shape("box", aspect=(100, 100, 1)), thin_shell(0.97)], ids=["plate", "shell"]
+    "shape", [vg.make_shape("box", aspect=(100, 100, 1)), slow(thin_shell(0.97))], ids=["plate", "shell"]
 )
 def test_centers_stay_inside_thin_solids(shape):
     clump = fit_clump(shape)

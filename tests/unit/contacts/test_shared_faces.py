@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from kit import slow
 from scipy.spatial.transform import Rotation
 
 import voxgran as vg
@@ -120,7 +121,7 @@ def test_a_proof_stands_in_any_pose():
 
 @pytest.mark.filterwarnings("ignore:.*several pieces", "ignore:.*cut by the border")
 @pytest.mark.parametrize("surface", ["smooth", "voxel"])
-@pytest.mark.parametrize("periodic", ["", "xy"])
+@pytest.mark.parametrize("periodic", [slow(""), "xy"])
 def test_packings_of_labels_are_proven_without_booleans(surface, periodic, monkeypatch):
     centers = stream(3, "cells").random((12, 3)) * 14
     cells = np.stack(np.meshgrid(*[np.arange(14.0)] * 3, indexing="ij"), axis=-1)[..., None, :] - centers

@@ -6,6 +6,7 @@ import warnings
 
 import numpy as np
 import pytest
+from kit import ASKED_IN_PLANE, methods_of_the_plane
 
 import voxgran as vg
 from voxgran._base.errors import CallError, InputError, PackingWarning
@@ -16,7 +17,6 @@ from voxgran.containers.model import Container
 from voxgran.measures.region import Regions
 from voxgran.measures.registered.density import bulk_solid_fraction
 from voxgran.measures.registered.profile import axis_profile, wall_profile
-from voxgran.packing.method import method_registry
 
 GRAIN = vg.make_shape("disk")
 ROUND = Disk(1.5, origin=(3, -1))
@@ -153,30 +153,16 @@ LEAST = {
     "jam": 0.76,
     "rsa": 0.52,
 }
-#: what each method needs to be asked, or what makes it quick
-ASKED = {
-    "advancing_front": {"mode": "dense"},
-    "control_point": {"sweeps": 40, "settle": False},
-    "deposition": {"toward": "center"},
-    "digital": {"sweeps": 40, "settle": False},
-    "expand": {"solid_fraction": 0.7},
-}
-#: methods that do not fill it: layers lie on a flat floor, and specimens take another size
-OTHERS = ("multilayer", "compress")
-KNOWN = [method_registry().get(name) for name in vg.packing_methods()]
 
 
 def packed(method, seed=2):
     with warnings.catch_warnings(action="ignore", category=PackingWarning):
         return vg.pack(
-            GRAIN, ROUND, method=method, sizes=vg.sizes.uniform(0.3, 0.5), seed=seed, **ASKED.get(method, {})
+            GRAIN, ROUND, method=method, sizes=vg.sizes.uniform(0.3, 0.5), seed=seed, **ASKED_IN_PLANE.get(method, {})
         )
 
 
-@pytest.mark.parametrize(
-    "method",
-    [known.name for known in KNOWN if 2 in known.dimensions and known.sizing != "made" and known.name not in OTHERS],
-)
+@pytest.mark.parametrize("method", methods_of_the_plane())
 def test_every_method_of_the_plane_fills_a_disk(method):
     packing = packed(method)
     assert vg.verify(packing).ok

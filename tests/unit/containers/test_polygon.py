@@ -6,6 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from kit import ASKED_IN_PLANE, methods_of_the_plane
 
 import voxgran as vg
 from voxgran._base.errors import CallError, InputError, PackingWarning
@@ -17,7 +18,6 @@ from voxgran.containers.plane import area_of
 from voxgran.measures.region import Regions
 from voxgran.measures.registered.density import bulk_solid_fraction
 from voxgran.measures.registered.profile import axis_profile, wall_profile
-from voxgran.packing.method import method_registry
 from voxgran.shapes.images.outline_images import _loops as loops_of
 
 SQUARE = [(0, 0), (6, 0), (6, 4), (0, 4)]
@@ -409,31 +409,17 @@ LEAST = {
     "jam": 0.74,
     "rsa": 0.48,
 }
-#: what each method needs to be asked, or what makes it quick
-ASKED = {
-    "advancing_front": {"mode": "dense"},
-    "control_point": {"sweeps": 40, "settle": False},
-    "deposition": {"toward": "center"},
-    "digital": {"sweeps": 40, "settle": False},
-    "expand": {"solid_fraction": 0.7},
-}
 SMALL = Polygon([(0, 0), (4, 0), (4, 3), (2, 2), (0, 3)], holes=[[(0.9, 0.9), (1.5, 0.9), (1.5, 1.5), (0.9, 1.5)]])
-
-
-#: methods that do not fill it: layers lie on a flat floor, and specimens take another size
-OTHERS = ("multilayer", "compress")
-KNOWN = [method_registry().get(name) for name in vg.packing_methods()]
 
 
 def packed(method):
     with warnings.catch_warnings(action="ignore", category=PackingWarning):
-        return vg.pack(DISK, SMALL, method=method, sizes=vg.sizes.uniform(0.3, 0.5), seed=2, **ASKED.get(method, {}))
+        return vg.pack(
+            DISK, SMALL, method=method, sizes=vg.sizes.uniform(0.3, 0.5), seed=2, **ASKED_IN_PLANE.get(method, {})
+        )
 
 
-@pytest.mark.parametrize(
-    "method",
-    [known.name for known in KNOWN if 2 in known.dimensions and known.sizing != "made" and known.name not in OTHERS],
-)
+@pytest.mark.parametrize("method", methods_of_the_plane())
 def test_every_method_of_the_plane_fills_a_region_with_a_hole_and_a_reentrant_corner(method):
     packing = packed(method)
     assert vg.verify(packing).ok

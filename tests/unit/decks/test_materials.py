@@ -9,6 +9,7 @@ import subprocess
 import engine_cases as cases
 import numpy as np
 import pytest
+from kit import slow
 
 import voxgran as vg
 from voxgran._base.errors import InputError
@@ -238,7 +239,7 @@ def test_clumps_on_an_incline_of_lammps_slide_by_the_friction_of_their_pair(lamm
 
 @pytest.mark.engine
 @pytest.mark.parametrize(("engine", "script"), [("kratos", "kratos_run.py"), ("yade", "yade_run.py")])
-@pytest.mark.parametrize("rolling", [0.05, 0.3])
+@pytest.mark.parametrize("rolling", [0.05, slow(0.3)])
 def test_spheres_on_an_incline_roll_by_the_rolling_friction_of_the_floor(engine, script, rolling, tmp_path):
     """A sphere on a slope rolls with 5/7 g sin a less 5/7 of the rolling friction, or stays."""
     slope = math.radians(10)

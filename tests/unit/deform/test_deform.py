@@ -158,7 +158,13 @@ def overlapping(one, other, depth, seed):
 
 @pytest.mark.parametrize(
     ("one", "other"),
-    [slow("rock", "clump"), ("box", "ellipsoid"), slow("cylinder", "cone"), ("rock", "box"), ("clump", "ellipsoid")],
+    [
+        slow("rock", "clump"),
+        ("box", "ellipsoid"),
+        slow("cylinder", "cone"),
+        slow("rock", "box"),
+        ("clump", "ellipsoid"),
+    ],
 )
 def test_any_shapes_give_way_to_each_other(one, other):
     shapes = shapes_that_touch()

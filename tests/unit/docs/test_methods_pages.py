@@ -9,6 +9,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from kit import slow
 
 import voxgran as vg
 from voxgran._base.config import parameters_of
@@ -95,7 +96,7 @@ def test_scenes_of_the_examples_are_those_of_the_calls(name, tmp_path):
 
 
 @pytest.mark.filterwarnings("ignore:the bulk holds")
-@pytest.mark.parametrize("name", ["digital_fill", "expand", "rsa"])
+@pytest.mark.parametrize("name", [slow("digital_fill"), slow("expand"), "rsa"])
 def test_calls_of_the_examples_give_the_packings_of_their_scenes(name, tmp_path):
     scene = PAGES.packing_scene(name, CASES.PACKING[name])
     (tmp_path / "scene.toml").write_text(f"{scene}\n[output]\nreport = false\nstatistics = false\n")

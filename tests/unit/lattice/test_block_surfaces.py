@@ -4,6 +4,7 @@ import warnings
 
 import numpy as np
 import pytest
+from kit import slow
 from scipy.spatial import cKDTree
 
 import voxgran as vg
@@ -132,7 +133,7 @@ def test_what_cannot_be_done_in_blocks_is_said(labels, monkeypatch):
         vg.load_labels(lazy, voxel_size=1.0)
 
 
-@pytest.mark.parametrize("labelled", [True, False, "known"])
+@pytest.mark.parametrize("labelled", [slow(True), False, "known"])
 def test_a_packing_is_painted_by_blocks(bed, labelled):
     for packing in (bed, vg.pack(vg.shapes.sphere(), vg.Box((3, 3, 3), periodic="xy"), "rsa", count=12, seed=1)):
         how = {"labels": np.arange(packing.count) + 7 if labelled == "known" else labelled}

@@ -266,7 +266,7 @@ def test_the_fit():
     assert math.isnan(_fit(np.zeros(5), volume, np.ones(5), 0.0, 0.5)[0])
 
 
-@pytest.mark.parametrize("scale", [1e-50, 1e50])
+@pytest.mark.parametrize("scale", [1e-50, slow(1e50)])
 def test_tiny_and_huge_lengths(scale):
     for container in (Box((8, 9, 10)), Box((8, 9, 10), periodic="xyz"), Cylinder(4, 9), Rectangle((8, 9))):
         low, high = container.bounds

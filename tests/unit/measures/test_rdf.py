@@ -63,7 +63,7 @@ def gas(container, count, seed):
 
 
 @pytest.mark.parametrize(
-    "name", [slow(name) if name in ("mesh", "cylinder", "polygon") else name for name in CONTAINERS]
+    "name", [slow(name) if name in ("mesh", "cylinder", "polygon", "sphere") else name for name in CONTAINERS]
 )
 def test_independent_points_have_one_up_to_every_wall(name):
     container = CONTAINERS[name]

@@ -5,6 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from kit import slow
 
 import voxgran as vg
 from voxgran._base.errors import InputError, PackingWarning
@@ -116,7 +117,7 @@ def test_the_error_holds():
     assert tree.pore_size_mean.attrs["error"] > 0
 
 
-@pytest.mark.parametrize(("spacing", "periodic"), [(1.2046, ""), (1.0740, "xyz")])
+@pytest.mark.parametrize(("spacing", "periodic"), [slow(1.2046, ""), (1.0740, "xyz")])
 def test_the_error_of_the_porosity_holds_for_lattices(spacing, periodic):
     """All spheres lie alike on the voxels, also on those of twice the size, so that both images may miss by as much."""
     place = np.stack(np.meshgrid(*[np.arange(3)] * 3, indexing="ij"), axis=-1).reshape(-1, 3) * spacing + spacing / 2

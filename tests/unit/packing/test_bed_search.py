@@ -87,7 +87,7 @@ def test_less_friction_makes_denser_beds():
     assert fractions[0] + 0.015 < fractions[1] < fractions[2] - 0.015
 
 
-@pytest.mark.parametrize(("target", "near"), [(0.3, "loosest"), (0.74, "densest")])
+@pytest.mark.parametrize(("target", "near"), [(0.3, "loosest"), slow(0.74, "densest")])
 def test_beyond_the_range_one_sentence_says_what_is_reached(target, near, monkeypatch):
     monkeypatch.setattr("voxgran.settling.search.LASTING", 2.0)
     with pytest.warns(PackingWarning) as found:

@@ -6,6 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from kit import slow
 
 import voxgran as vg
 from voxgran._base.errors import InputError, Interrupted, PackingWarning
@@ -63,7 +64,7 @@ SCENES = {
 }
 
 
-@pytest.mark.parametrize("name", SCENES)
+@pytest.mark.parametrize("name", [slow(name) if name == "clumps" else name for name in SCENES])
 def test_forces_balance_each_grain_and_the_stress_in_each_container(name):
     shape, container, more = SCENES[name]
     loose = loose_grains(shape.scaled(1 / shape.diameter), container, **more)

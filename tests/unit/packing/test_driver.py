@@ -8,6 +8,7 @@ from dataclasses import replace
 import kit
 import numpy as np
 import pytest
+from kit import slow
 
 import voxgran as vg
 from voxgran._base.checkpoint import load_checkpoint, remove_checkpoint
@@ -29,7 +30,7 @@ def task_of(method="digital", count=20, shape=None, **more):
     return kit.task_of(method, shapes, container, count=count, seed=1, **parameters)
 
 
-@pytest.mark.parametrize("method", METHODS)
+@pytest.mark.parametrize("method", [slow(name) if name == "multilayer" else name for name in METHODS])
 def test_a_checkpoint_takes_some_hundred_bytes_a_grain(method, tmp_path):
     sizes = []
     for count in (20, 60):

@@ -5,6 +5,7 @@ import math
 
 import numpy as np
 import pytest
+from kit import slow
 
 import voxgran as vg
 from voxgran._base.errors import InputError
@@ -69,7 +70,7 @@ def test_grains_expand_to_a_solid_fraction_of_the_room_around_obstacles(shape):
     assert listed.diameters[1:].tolist() == pytest.approx([1.0, 0.8])
 
 
-@pytest.mark.parametrize("shape", [SPHERE, vg.shapes.box(lengths=(1, 1, 1))], ids=["spheres", "cubes"])
+@pytest.mark.parametrize("shape", [slow(SPHERE), vg.shapes.box(lengths=(1, 1, 1))], ids=["spheres", "cubes"])
 def test_a_bed_settles_on_a_bar_and_rests_by_the_proof(shape):
     bed = vg.pack(shape, BOX, "gravity", count=60, obstacles=BAR)
     assert bed.stop_reason == "settled"

@@ -205,7 +205,12 @@ CHAOTIC = ("gravity", "compress", "jam", "expand", "control_point", "digital")
 
 
 @pytest.mark.parametrize(
-    "method", [slow(name) if name == "multilayer" else name for name in vg.packing_methods() if name != "apollonian"]
+    "method",
+    [
+        slow(name) if name in ("digital", "jam", "multilayer") else name
+        for name in vg.packing_methods()
+        if name != "apollonian"
+    ],
 )
 def test_a_scene_of_another_scale_is_the_same_packing(method):
     """Its bits for a power of two; otherwise to rounding, but for methods that enlarge it."""

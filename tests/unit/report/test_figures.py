@@ -162,6 +162,7 @@ def test_the_page_has_a_twin_of_all_numbers(tmp_path):
         vg.save_report(packing, tmp_path / "page.html", pictures=False)
 
 
+@pytest.mark.browser
 @pytest.mark.skipif(shutil.which("chromium") is None, reason="no browser here")
 def test_a_browser_finds_nothing_wrong_and_nothing_too_wide(tmp_path):
     packing = lattice()

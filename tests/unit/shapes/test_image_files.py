@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 import pyvista
-from kit import dicom_slice
+from kit import dicom_slice, slow
 
 import voxgran as vg
 from voxgran._base.errors import FileFormatError, InputError, MissingLibraryError
@@ -106,7 +106,7 @@ def test_a_real_voxel_image_becomes_a_grain(data_dir):
 @pytest.mark.parametrize(
     "head",
     [
-        {"spacings": [1.0, 2.0, 1500.0], "units": ["mm", "mm", "um"]},
+        slow({"spacings": [1.0, 2.0, 1500.0], "units": ["mm", "mm", "um"]}),
         {"space dimension": 3, "space directions": np.diag([1.0, 2.0, 1500.0]), "space units": ["mm", "mm", "um"]},
     ],
 )

@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from kit import slow
 
 import voxgran as vg
 from voxgran._base.errors import FileFormatError, InputError, MissingFileError, TooLargeError
@@ -151,7 +152,7 @@ def test_hdf5(tmp_path):
         vg.open_image(tmp_path / "b.h5")
 
 
-@pytest.mark.parametrize("compression", [None, "zlib"])
+@pytest.mark.parametrize("compression", [slow(None), "zlib"])
 def test_tiff_stacks_and_folders_of_slices(tmp_path, compression):
     how = {"compression": compression, "photometric": "minisblack"}
     tifffile.imwrite(tmp_path / "a.tif", VALUES.T, **how)

@@ -15,7 +15,7 @@ from voxgran.shapes.families.surfaces.sheet import lattice_faces
 from voxgran.shapes.finer import edges_of
 
 
-@pytest.mark.parametrize("method", ["spectral", "patir", "whitehouse", "midpoint"])
+@pytest.mark.parametrize("method", ["spectral", slow("patir"), slow("whitehouse"), "midpoint"])
 def test_heights_of_a_rough_sheet(method):
     sheet = vg.make_shape("rough_sheet", method=method, lengths=(4, 3), rms=0.05, correlation_length=0.2)
     heights = sheet.vertices[:, 2] - sheet.vertices[:, 2].mean()

@@ -85,11 +85,11 @@ def test_more_grains_than_fit_are_left_out():
 @pytest.mark.parametrize(
     ("shape", "container", "parameters"),
     [
-        (SPHERE, vg.Box((10, 10, 8.2)), {}),
+        slow(SPHERE, vg.Box((10, 10, 8.2)), {}),
         (SPHERE, vg.Box((8, 8, 8)), {"sizes": vg.sizes.lognormal(1.0, 0.4)}),
         (SPHERE, vg.Cylinder(2.0, 6.0), {}),
-        (SPHERE, vg.Sphere(4.0), {}),
-        (vg.make_shape("platonic", solid="tetrahedron"), vg.Box((6, 6, 6)), {}),
+        slow(SPHERE, vg.Sphere(4.0), {}),
+        slow(vg.make_shape("platonic", solid="tetrahedron"), vg.Box((6, 6, 6)), {}),
         slow(vg.make_shape("box", aspect=(1, 1, 8)), vg.Box((8, 8, 8)), {}),
         (vg.make_shape("disk"), vg.Rectangle((12, 12)), {}),
         (vg.make_shape("polygon", corners=3), vg.Rectangle((12, 12)), {}),
@@ -178,7 +178,7 @@ def test_narrow_columns_hold_no_more_than_a_zigzag(container, least, most):
 @pytest.mark.parametrize(
     ("container", "count"),
     [(vg.Box((6, 6, 12), periodic="xy"), 250), (vg.Box((8, 8, 12)), 400), (vg.Cylinder(4, 12), 350),
-     (vg.Sphere(4.5), 250)],
+     slow(vg.Sphere(4.5), 250)],
     ids=["periodic", "walls", "cylinder", "sphere"],
 )  # fmt: skip
 def test_the_expected_bed_is_the_one_that_comes(container, count):
@@ -228,10 +228,10 @@ OPEN = vg.Box((7, 7, 30), periodic="xy")
         slow(SPHERE, OPEN, 8.0, {"friction": 0.0}),
         (SPHERE, OPEN, 8.0, {"sizes": vg.sizes.lognormal(median=1.0, sigma=0.3)}),
         (SPHERE, vg.Box((10, 10, 20), periodic="xy"), 4.0, {}),
-        (SPHERE, WALLED, 8.0, {}),
+        slow(SPHERE, WALLED, 8.0, {}),
         slow(SPHERE, vg.Box((5, 5, 30)), 20.0, {}),
         (SPHERE, vg.Cylinder(2.0, 6.0), 5.0, {}),
-        (SPHERE, vg.Sphere(5.0), 6.0, {}),
+        slow(SPHERE, vg.Sphere(5.0), 6.0, {}),
         (vg.make_shape("disk"), vg.Rectangle((15, 40)), 10.0, {}),
         (vg.make_shape("disk"), vg.Rectangle((20, 40), periodic="x"), 6.0, {}),
         slow([vg.make_shape("convex_polyhedron", seed=seed) for seed in range(3)], vg.Box((7, 7, 20)), 8.0, {}),

@@ -176,7 +176,7 @@ def test_walk_is_that_of_a_plain_program(contact, points):
 @pytest.mark.parametrize(
     "options",
     [
-        slow({"contact": "sdf"}), {"contact": "sdf", "tested_points": "one", "spacing": 0.4},
+        slow({"contact": "sdf"}), slow({"contact": "sdf", "tested_points": "one", "spacing": 0.4}),
         slow({"contact": "sdf", "overlap": 0.1}), {"contact": "sdf", "distance": 0.05}, {"contact": "kdtree"},
     ],
     ids=str,
@@ -498,7 +498,7 @@ def test_overlaps_between_control_points_are_told():
     assert vg.verify(vg.pack(cube, box, "control_point", **told)).ok
 
 
-@pytest.mark.parametrize("sigma", [0.0, 0.3])
+@pytest.mark.parametrize("sigma", [slow(0.0), 0.3])
 def test_the_wall_of_a_mesh_is_sampled_once_for_all_seeds(monkeypatch, sigma):
     """Its points cover it as finely as asked, whatever the median of the sizes that are drawn."""
     wall = vg.make_shape("sphere").scaled(7.0)

@@ -6,6 +6,7 @@ from functools import partial
 import kit
 import numpy as np
 import pytest
+from kit import slow
 from scipy.spatial import cKDTree
 
 import voxgran as vg
@@ -554,7 +555,7 @@ def test_a_target_without_room_is_proven_to_have_none_and_no_target_is_not_searc
         assert np.array_equal(one.position, two.position)
 
 
-@pytest.mark.parametrize("chunk", [1, 7, 100_000])
+@pytest.mark.parametrize("chunk", [slow(1), 7, 100_000])
 @pytest.mark.parametrize("options", [{}, {"aligned": True}])
 def test_the_search_depends_neither_on_chunks_nor_on_what_is_made_again(chunk, options):
     shape, sizes = vg.make_shape("box", lengths=(1, 1, 1)), vg.sizes.lognormal(0.9, 0.2)

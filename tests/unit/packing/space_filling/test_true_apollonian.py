@@ -102,7 +102,10 @@ def test_polygons_of_many_corners_are_packed_as_disks():
 
 @pytest.mark.parametrize(
     ("shape", "container"),
-    [(SQUARE, vg.Rectangle((6, 6), periodic="xy")), (vg.make_shape("ellipsoid"), vg.Box((5, 5, 5), periodic="xyz"))],
+    [
+        (SQUARE, vg.Rectangle((6, 6), periodic="xy")),
+        slow(vg.make_shape("ellipsoid"), vg.Box((5, 5, 5), periodic="xyz")),
+    ],
     ids=["squares", "ellipsoids"],
 )
 def test_grains_that_are_rotated_or_move_fill_more(shape, container):

@@ -254,7 +254,9 @@ def test_cells_of_exact_lattices():
     assert packing.solid_fraction == pytest.approx(TRIANGULAR)
 
 
-@pytest.mark.parametrize("container", [vg.Box((6, 6, 6)), vg.Box((6, 6, 6), "xy"), vg.Cylinder(3, 6), vg.Sphere(3.5)])
+@pytest.mark.parametrize(
+    "container", [vg.Box((6, 6, 6)), slow(vg.Box((6, 6, 6), "xy")), vg.Cylinder(3, 6), slow(vg.Sphere(3.5))]
+)
 def test_what_is_full_has_no_hole(container):
     packing = vg.pack(SPHERE, container, "tetrahedral", edge=1.5, smallest=0.25, seed=3)
     assert packing.stop_reason == "full"
@@ -437,10 +439,10 @@ def test_thicknesses():
         slow(vg.Box((5, 5, 0.2)), 0.55),
         slow(vg.Box((2, 2, 0.2), "xyz"), 0.6),
         (vg.Box((0.1, 0.1, 5)), 0.6),
-        (vg.Cylinder(0.05, 3), 0.6),
+        slow(vg.Cylinder(0.05, 3), 0.6),
         slow(vg.Cylinder(2, 0.15), 0.55),
         slow(shell(0.2), 0.55),
-        (tilted((3, 3, 0.2)), 0.6),
+        slow(tilted((3, 3, 0.2)), 0.6),
         slow(tilted((0.05, 0.05, 4)), 0.6),
         (vg.Rectangle((20, 0.02)), 0.74),
         (vg.Polygon([(0, 0), (10, 7), (10, 7.01), (0, 0.01)]), 0.75),
