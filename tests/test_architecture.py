@@ -117,8 +117,16 @@ def dotted(node: ast.AST) -> str:
     return f"{dotted(node.value)}.{node.attr}" if isinstance(node, ast.Attribute) else getattr(node, "id", "")
 
 
-def imported(tree: ast.AST, package: str) -> Iterator[tuple[int, str]]:
-    """Yield line and name of what is imported, by statement or as the text of a lazy import."""
+def imported(tree: ast.AST, package: str) -> list[tuple[int, str]]:
+    """Return line and name of what is imported, by statement or as the text of a lazy import, which are listed once."""
+    known = tree.__dict__.setdefault("imported", {})
+    if package not in known:
+        known[package] = [*_imported(tree, package)]
+    return known[package]
+
+
+def _imported(tree: ast.AST, package: str) -> Iterator[tuple[int, str]]:
+    """Yield what :func:`imported` returns."""
     documents = {id(node.value) for node in nodes_of(tree) if isinstance(node, ast.Expr)}
     for node in nodes_of(tree):
         if isinstance(node, ast.Import):
@@ -345,7 +353,9 @@ def forbidden_calls(tree, name):
             found.append(f"line {node.lineno}: print")
         if text in {"sys.exit", "exit", "quit", "os._exit"} and name not in {"__main__.py", "cli/ending.py"}:
             found.append(f"line {node.lineno}: {text}")
-        drawn = any(re.search(rf"\brandom\.{maker}$", word) for word in text.split() for maker in RANDOM)
+        drawn = "random" in text and any(
+            re.search(rf"\brandom\.{maker}$", word) for word in text.split() for maker in RANDOM
+        )
         # Open3D's sampler draws from a generator of its own, which one adapter seeds
         adapter = name == "points/backend_open3d.py" and text == "open3d.utility.random.seed"
         if (drawn or re.match(r"random\b", text)) and name != "_base/seeds.py" and not adapter:
@@ -385,7 +395,7 @@ def container_classes(tree, name):
                 found.append(f"line {node.lineno}: compares the kind of a container")
             if any(isinstance(side, ast.Call) and dotted(side.func) == "type" for side in sides):
                 classes = [part for side in sides for part in ast.walk(side)]
-        named = {ast.unparse(part).split(".")[-1] for part in classes if isinstance(part, ast.Name | ast.Attribute)}
+        named = {dotted(part).split(".")[-1] for part in classes if isinstance(part, ast.Name | ast.Attribute)}
         found += [f"line {node.lineno}: asks for class {one}; ask for its boundary" for one in named & CONTAINERS]
     return found
 

@@ -59,8 +59,8 @@ print(json.dumps([plan, loaded(), result.packing.provenance["counters"]]))
 """
 
 
-#: cases whose loads those of others contain
-SLOW = ("spheres", "spheres as points", "disks with statistics", "disks in a polygon", "disks with surfaces", "unions")
+#: cases that load most: a report takes seconds
+SLOW = ("spheres", "spheres as points", "disks with statistics", "disks in a polygon", "unions", "unions with a report")
 
 
 @pytest.mark.parametrize("name", [slow(name) if name in SLOW else name for name in CASES])

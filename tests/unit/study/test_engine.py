@@ -50,6 +50,7 @@ def alive(number):
         return False
 
 
+@pytest.mark.usefixtures("forked_workers")
 def test_results_are_those_of_single_scenes(base, tmp_path):
     base |= {"measure": {"which": ["density", "coordination"]}}
     axes = {"method": ["rsa", {"method": "expand", "solid_fraction": 0.2}], "packing.count": [5, 8, 60]}
