@@ -1,6 +1,7 @@
 """What every measure must keep, as a class of tests to derive from."""
 
 import warnings
+from functools import cache
 from pathlib import Path
 from typing import Any, ClassVar
 
@@ -56,28 +57,33 @@ class MeasureSuite:
         with warnings.catch_warnings(action="ignore", category=PackingWarning):
             return measure(packing, [cls.name])
 
+    @classmethod
+    @cache
+    def _found(cls) -> tuple[Packing, Any, Any]:
+        """Return the packing, what the measure alone computes, and the tree: once for all tests."""
+        packing = cls.packing()
+        return packing, cls.entry().compute(packing), cls.measured(packing)
+
     def test_it_fills_the_groups_that_it_names(self) -> None:
         """Each group that it computes is named in the registration, and has variables in the tree."""
-        entry, packing = self.entry(), self.packing()
+        entry, (packing, found, tree) = self.entry(), self._found()
         assert entry.name == self.name
         assert entry.summary
         assert entry.applies(packing)
-        found = entry.compute(packing)
         assert set(found) <= set(entry.groups)
         assert found
-        tree = self.measured(packing)
         assert all(tree[group].data_vars for group in found)
 
     def test_units_and_names_everywhere(self) -> None:
         """Each variable has a unit and a long name."""
-        for group, dataset in self.entry().compute(self.packing()).items():
+        for group, dataset in self._found()[1].items():
             for name, values in dataset.variables.items():
                 assert {"units", "long_name"} <= set(values.attrs), (group, name)
 
     def test_it_does_not_change_the_packing(self) -> None:
         """The same packing gives the same numbers again."""
-        packing = self.packing()
-        assert self.measured(packing).identical(self.measured(packing))
+        packing, _, tree = self._found()
+        assert self.measured(packing).identical(tree)
         assert packing == self.packing()
 
     def test_no_grains_are_measured_or_left_out(self) -> None:
@@ -88,7 +94,7 @@ class MeasureSuite:
 
     def test_it_survives_a_file(self, tmp_path: Path) -> None:
         """A statistics file gives back the same tree."""
-        tree = self.measured(self.packing())
+        tree = self._found()[2]
         save_statistics(tree, tmp_path / "statistics.nc")
         back = load_statistics(tmp_path / "statistics.nc")
         for node in tree.subtree:
