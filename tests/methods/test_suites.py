@@ -1,8 +1,12 @@
 """The suites of `voxgran.testing` hold for what voxgran registers itself: families, measures, containers, engines."""
 
+import pytest
+
 import voxgran as vg
 from voxgran.measures.model import measure_registry, measures
 from voxgran.testing import ContainerSuite, EngineSuite, MeasureSuite, ShapeFamilySuite
+
+pytestmark = pytest.mark.usefixtures("forked_readers")
 
 CONTAINERS = {
     "Box": vg.Box((3, 4, 5), "x", origin=(1, 0, 0)),

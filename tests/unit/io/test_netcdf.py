@@ -7,6 +7,8 @@ import xarray as xr
 from voxgran._base.errors import FileFormatError, OutputExistsError
 from voxgran.io.netcdf import load_statistics, save_statistics
 
+pytestmark = pytest.mark.usefixtures("forked_readers")
+
 
 @pytest.fixture
 def tree():

@@ -9,6 +9,8 @@ from voxgran._base.errors import FileFormatError, InputError, MissingFileError, 
 from voxgran.lattice import blocks
 from voxgran.shapes.images.image_files import Image
 
+pytestmark = pytest.mark.usefixtures("forked_readers")
+
 da = pytest.importorskip("dask.array")
 h5py = pytest.importorskip("h5py")
 nrrd = pytest.importorskip("nrrd")
