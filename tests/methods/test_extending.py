@@ -44,27 +44,59 @@ def run(folder, *command):
     return done.stdout
 
 
-def check_plugin(folder):
-    """Use the method of the plugin at the prompt and run its tests."""
-    page = (PLUGIN / "about.md").read_text()
-    example = re.search(r"```python\n(.*?)```", page, flags=re.DOTALL)[1]
+def try_plugin(folder, more=""):
+    """Use the method of the plugin at the prompt, and more in the same process."""
+    example = re.search(r"```python\n(.*?)```", (PLUGIN / "about.md").read_text(), flags=re.DOTALL)[1]
     proof = 'assert packing.count == 20\nassert vg.verify(packing).ok\nassert packing.stop_reason == "count"\n'
     proof += "assert bed.count == 40\nassert vg.verify(bed).ok\n"
     asked = 'from voxgran.cli import main\nmain(["methods"]), main(["methods", "cubic"])\n'
-    (folder / "try_it.py").write_text(example + proof + asked)
+    (folder / "try_it.py").write_text(example + proof + asked + more)
     told = run(folder, "try_it")
     assert "grains on the sites of a simple cubic lattice" in told
     assert "at least 0" in told
-    found = run(folder, "pytest", "-q", "-p", "no:dash", "-p", "no:cacheprovider", *TESTS)
-    assert re.search(r"^24 passed", found, flags=re.MULTILINE), found
-    assert "the suites: 22 tests" in page
 
 
-def test_the_plugin_works_by_its_entry_point(tmp_path):
+def suites_of(folder):
+    """Run the tests of a folder, and return what pytest tells of each."""
+    return run(folder, "pytest", "-v", "-p", "no:dash", "-p", "no:cacheprovider")
+
+
+def check_plugin(found):
+    """Look at what the tests of the plugin have given."""
+    assert len(re.findall(rf"^({'|'.join(TESTS)})::.* PASSED", found, re.MULTILINE)) == 24, found
+    assert "the suites: 22 tests" in (PLUGIN / "about.md").read_text()
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory):
+    """Return a folder with the plugin and the examples of the page, as if installed."""
+    made = tmp_path_factory.mktemp("installed")
     for path in PLUGIN.glob("*.py"):
-        (tmp_path / path.name).write_text(path.read_text())
-    install(tmp_path, "voxgran_example", PROJECT["entry-points"])
-    check_plugin(tmp_path)
+        (made / path.name).write_text(path.read_text())
+    install(made, "voxgran_example", PROJECT["entry-points"])
+    blocks = re.findall(r"```python\n(.*?)```", PAGE, flags=re.DOTALL)
+    groups = dict(re.findall(r"`voxgran\.[a-z.]+\.(\w+)` \| `(voxgran\.\w+)`", PAGE))
+    for name in KINDS:
+        at = next(k for k, block in enumerate(blocks) if f'name="{name}"' in block or f'= "{name}", 3' in block)
+        (made / f"{name}.py").write_text(blocks[at])
+        (made / f"test_{name}.py").write_text(blocks[at + 1])
+        entry = next(group for kind, group in groups.items() if f"registration = {kind}(" in blocks[at])
+        install(made, "voxgran-ring" if name == "ring" else name, {entry: {name: f"{name}:registration"}})
+    return made
+
+
+@pytest.fixture(scope="module")
+def found(folder):
+    """Return what pytest tells of all tests of that folder, which one process runs."""
+    return suites_of(folder)
+
+
+def test_the_plugin_works_by_its_entry_point(folder, found):
+    check_plugin(found)
+    try_plugin(folder, USE_OF_RING)
+    for name in ("bed.vtp", "bed.txt"):
+        with pytest.raises(vg.VoxgranError, match="is of the package 'voxgran-ring', which is not installed: install"):
+            vg.load(folder / name)
 
 
 @pytest.mark.dist
@@ -79,33 +111,14 @@ def test_the_plugin_works_after_pip_has_installed_it(tmp_path):
     }
     for path in PLUGIN.glob("test_*.py"):
         (tmp_path / path.name).write_text(path.read_text())
-    check_plugin(tmp_path)
+    try_plugin(tmp_path)
+    check_plugin(suites_of(tmp_path))
 
 
-def test_the_examples_of_the_page_pass_their_suites(tmp_path):
-    blocks = re.findall(r"```python\n(.*?)```", PAGE, flags=re.DOTALL)
-    groups = dict(re.findall(r"`voxgran\.[a-z.]+\.(\w+)` \| `(voxgran\.\w+)`", PAGE))
-    for name in KINDS:
-        at = next(k for k, block in enumerate(blocks) if f'name="{name}"' in block or f'= "{name}", 3' in block)
-        (tmp_path / f"{name}.py").write_text(blocks[at])
-        (tmp_path / f"test_{name}.py").write_text(blocks[at + 1])
-        entry = next(group for kind, group in groups.items() if f"registration = {kind}(" in blocks[at])
-        install(tmp_path, name, {entry: {name: f"{name}:registration"}})
-    found = run(tmp_path, "pytest", "-v", "-p", "no:dash", "-p", "no:cacheprovider")
+def test_the_examples_of_the_page_pass_their_suites(found):
     for name, counts in KINDS.items():
         told = (len(re.findall(rf"^test_{name}\.py::.* {word}", found, re.MULTILINE)) for word in ("PASSED", "SKIPPED"))
         assert tuple(told) == counts, found
-
-
-def test_a_container_is_saved_with_the_name_of_its_package(tmp_path):
-    blocks = re.findall(r"```python\n(.*?)```", PAGE, flags=re.DOTALL)
-    (tmp_path / "ring.py").write_text(next(block for block in blocks if "class Ring" in block))
-    install(tmp_path, "voxgran-ring", {"voxgran.containers": {"ring": "ring:registration"}})
-    (tmp_path / "try_it.py").write_text(USE_OF_RING)
-    run(tmp_path, "try_it")
-    for name in ("bed.vtp", "bed.txt"):
-        with pytest.raises(vg.VoxgranError, match="is of the package 'voxgran-ring', which is not installed: install"):
-            vg.load(tmp_path / name)
 
 
 def test_the_table_of_the_page_names_the_groups_that_the_registries_read():
