@@ -5,6 +5,7 @@ import math
 
 import numpy as np
 import pytest
+from kit import slow
 
 import voxgran as vg
 from voxgran._base.errors import InputError
@@ -139,7 +140,7 @@ def test_lines_through_it_are_inside_over_its_volume(axis):
     assert length.sum() * lines.step.prod() == pytest.approx(HOPPER.volume, rel=2e-3)
 
 
-@pytest.mark.parametrize("engine", ["lammps", "yade"])
+@pytest.mark.parametrize("engine", ["lammps", slow("yade")])
 def test_engines_get_its_walls_as_they_are_or_as_triangles_outside_of_it(bed, engine, tmp_path):
     deck = vg.write_deck(bed, tmp_path, engine)
     files = {path.name: path.read_text() for path in tmp_path.iterdir()}

@@ -6,6 +6,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from kit import slow
 
 import voxgran as vg
 from voxgran.lattice.grid import Grid
@@ -43,7 +44,7 @@ def inputs():
     return vg.make_shape("solid_union", seed=2), mask, mask.astype(float)
 
 
-@pytest.mark.parametrize("name", CALLS)
+@pytest.mark.parametrize("name", [slow(name) if name == "iso_surface" else name for name in CALLS])
 def test_no_more_than_stated(name, inputs):
     CALLS[name](*inputs)
     tracemalloc.start()

@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from kit import slow
 from scipy.ndimage import distance_transform_edt
 
 from voxgran._base.errors import InputError, TooLargeError
@@ -42,7 +43,7 @@ def test_squares_are_those_of_a_search(shape, share, periodic):
 
 
 @pytest.mark.usefixtures("far")
-@pytest.mark.parametrize("threads", [1, 2, 7])
+@pytest.mark.parametrize("threads", [1, slow(2), 7])
 def test_large_images_are_bit_identical_to_scipy(threads):
     x, y, z = np.indices((120, 90, 150))
     sphere = (x - 60) ** 2 + (y - 40) ** 2 + (z - 80) ** 2 < 38**2

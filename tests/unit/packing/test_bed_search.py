@@ -166,7 +166,7 @@ def whole():
     return ended, task.method.finish(task.problem, ended)
 
 
-@pytest.mark.parametrize("share", [slow(0.3), 0.95, slow(1.0)])
+@pytest.mark.parametrize("share", [slow(0.3), slow(0.95), slow(1.0)])
 def test_a_checkpoint_in_the_midst_of_the_tries_gives_the_same_bits(share, whole, tmp_path):
     (ended, bed), first, again, path = whole, search_task(), search_task(), tmp_path / "run.voxgran"
     state = first.method.prepare(first.problem)

@@ -316,6 +316,8 @@ def test_obstacles_that_leave_no_room(method):
         vg.pack(SPHERE, BOX, method, count=20, obstacles=filling)
 
 
+# test_compress.py has quick ones of heights, and of grains around a fixed one
+@pytest.mark.slow
 def test_grains_around_a_fixed_one_are_compressed_to_a_height():
     cell = vg.Box((5, 5, 8), periodic="xyz")
     insert = vg.Packing.of(vg.shapes.sphere(diameter=2.5), cell, position=[(2.5, 2.5, 4)])

@@ -141,7 +141,7 @@ class PlainWalk:
         return True
 
 
-@pytest.mark.parametrize(("contact", "points"), [("sdf", "surface"), slow("kdtree", "all"), ("kdtree", "surface")])
+@pytest.mark.parametrize(("contact", "points"), [("sdf", "surface"), slow("kdtree", "all"), slow("kdtree", "surface")])
 def test_walk_is_that_of_a_plain_program(contact, points):
     """The same trajectory: 800 attempts of 7 grains without gravity, with trees, planes and memory and without."""
     shapes = [vg.make_shape("ellipsoid", aspect=(1.2, 1.0, 0.8)), vg.make_shape("box", lengths=(1.0, 0.8, 0.6))]

@@ -139,7 +139,7 @@ def test_what_is_in_a_shell_with_a_small_hole_stays_there(prisoner):
 CONTAINERS = [
     (vg.Box((3, 3, 5), periodic="xy"), {}),
     slow(vg.Box((4, 4, 4)), {"gravity": (1.0, 0.0, -1.0), "feed": "layers"}),
-    (vg.Cylinder(radius=2.0, height=4.0), {"lid": True}),
+    slow(vg.Cylinder(radius=2.0, height=4.0), {"lid": True}),
     (vg.Sphere(radius=2.2), {}),
     (vg.ClosedMesh(vg.make_shape("solid_union", seed=3, diameter=5.0)), {}),
 ]

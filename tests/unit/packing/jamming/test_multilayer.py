@@ -45,7 +45,7 @@ def test_the_profile_is_level_with_undercompaction_and_not_without(wanted):
     ("container", "options"),
     [
         slow(COLUMN, {"solid_fraction": 0.55, "sizes": vg.sizes.uniform(0.7, 1.3)}),
-        (vg.Box((6, 6, 6)), {"solid_fraction": 0.5, "count": 200}),
+        slow(vg.Box((6, 6, 6)), {"solid_fraction": 0.5, "count": 200}),
         (vg.Rectangle((12, 12)), {"solid_fraction": 0.75, "sizes": vg.sizes.uniform(0.7, 1.3)}),
         (vg.Box((5, 5, 5)), {"solid_fraction": 0.4, "layers": 1}),
     ],

@@ -99,7 +99,7 @@ def test_smoothing_and_rounds_make_packings_denser():
         slow(vg.Box((6, 6, 6), "xy"), 0.7),
         slow(vg.Box((6, 6, 6)), 0.999),
         (vg.Rectangle((15, 15), "xy"), 0.9),
-        (vg.Cylinder(3, 6), 0.9),
+        slow(vg.Cylinder(3, 6), 0.9),
         (vg.Disk(7), 0.9),
     ],
 )
