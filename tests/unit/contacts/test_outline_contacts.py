@@ -53,7 +53,7 @@ class Found:
         )
         kind = np.array([SPHERE if shape.is_sphere or shape.geometry.kind == "disk" else OUTLINE for shape in shapes])
         self.grains = Grains(
-            *(position.copy(), self.assembly.matrices.copy(), scale, self.assembly.bounding_radii.copy()),
+            *(position.copy(), self.assembly.matrices.copy(), scale.copy(), self.assembly.bounding_radii.copy()),
             *(np.arange(n), kind.astype(np.int64), np.zeros(n)),
         )
         i, j = np.array(pairs, dtype=np.int64).T.copy()

@@ -57,6 +57,7 @@ def test_a_twin_fills_the_container_of_the_scene(folder):
     assert scene.to_mapping()["container"]["lengths"] == [5, 5, 5]
 
 
+@pytest.mark.usefixtures("forked_workers")
 def test_twins_and_models_are_axes_of_studies(folder, tmp_path):
     axes = {"twin.protocol": ["expand", "compress"], "twin.count": [15, 20]}
     study = vg.Study(base=scene_of(folder), axes=axes, seeds=2)
@@ -70,6 +71,7 @@ def test_twins_and_models_are_axes_of_studies(folder, tmp_path):
         vg.Study(base=scene_of(folder), axes={"twin.voxel_size": [0.2, 0.3]}).cells()
 
 
+@pytest.mark.usefixtures("forked_workers")
 def test_learned_shapes_are_an_axis_of_a_study(tmp_path):
     for name, aspect in (("long", (2.0, 1.0, 0.8)), ("round", (1.0, 1.0, 0.9))):
         vg.learn_shapes(vg.make_shapes("convex_polyhedron", count=12, aspect=aspect)).save(tmp_path / f"{name}.nc")
