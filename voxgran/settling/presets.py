@@ -27,8 +27,8 @@ FRICTIONAL = (
 )
 #: of the same without friction, on soft contacts, whose lengths are compressions; and of polygons without friction
 SOFT = (
-    SolverPreset(KEPT, 0.1, 0.1, first=1e-3, last=0.0, steps=150, examined=4),
-    SolverPreset(KEPT, 0.1, 0.1, first=3e-4, last=0.0, steps=150, examined=1),
+    SolverPreset(KEPT, 0.1, 0.1, first=3e-4, last=0.0, steps=200, examined=4),
+    SolverPreset(KEPT, 0.1, 0.1, first=2e-4, last=0.0, steps=150, examined=1),
 )
 FRICTIONLESS = SolverPreset(KEPT, 0.1, 0.03, first=0.2, last=0.05, steps=60)
 #: of meshes that are not convex: by grids of distances, then by triangles

@@ -32,7 +32,7 @@ DELAY, FASTER, SLOWER, LESS_MIXING, MIXING = 5, 1.1, 0.5, 0.99, 0.02
 #: rounds between two looks at the grains that do not rest
 LOOK = 10
 #: motion after which contacts are found again, of spheres and of others, and gap up to which they are found, over that
-FAR, NEAR, AHEAD = 0.05, 2e-3, 2.0
+FAR, NEAR, AHEAD = 0.05, 5e-3, 2.0
 #: gap, over the motion, of contacts that count for the mass of a grain, least number of them, and the moment of inertia
 #: over the mass and the square of the radius
 BESIDE, FEWEST, MOMENT = 0.2, 4.0, 0.4
