@@ -125,11 +125,10 @@ def _springs_of(bed: Bed, size: float, rest: float, beside: float) -> tuple[Spri
     contacts, n = bed.contacts, bed.count
     row, i, j = contacts.row, contacts.i, contacts.j
     other = np.where((j >= 0) & (j < n), j, i)
-    normal, arms = row[:, NORMAL : NORMAL + 3], [row[:, at : at + 3].copy() for at in (ARM_I, ARM_J)]
+    normal, one, two = (row[:, at : at + 3].copy() for at in (NORMAL, ARM_I, ARM_J))
     spheres = (j >= 0) & (j < n) & (bed.grains.kind[i] == SPHERE) & (bed.grains.kind[other] == SPHERE)
-    reach = np.where(spheres, ((arms[0] - arms[1]) * normal).sum(axis=1) + rest, FLAT)
-    for arm in arms:
-        arm[spheres] = 0.0
+    reach = np.where(spheres, ((one - two) * normal).sum(axis=1) + rest, FLAT)
+    one[spheres], two[spheres] = 0.0, 0.0
     force, power = _mean_force(bed), bed.assembly.dimension - 1
     smaller = np.minimum(bed.diameter[i], bed.diameter[other])
     stiffness = 0.5 * (force[i] + force[other]) * smaller**power / size
@@ -141,7 +140,7 @@ def _springs_of(bed: Bed, size: float, rest: float, beside: float) -> tuple[Spri
     lightness = np.zeros((n + 1, 2))
     lightness[:, 0] = np.where(bed.bodies[:, 6] > 0.0, FEWEST / np.maximum(mass, least), 0.0)
     lightness[:n, 1] = lightness[:n, 0] / (MOMENT * bed.grains.radius**2)
-    return Springs(i.copy(), j.copy(), line, *arms, reach, stiffness), lightness
+    return Springs(i.copy(), j.copy(), line, one, two, reach, stiffness), lightness
 
 
 def _mean_force(bed: Bed) -> Floats:

@@ -63,8 +63,9 @@ SLOW = 0.03
 #: share of grains that do not rest with which steps end that are examined every few ones: their contact points change
 ENOUGH = 0.025
 #: soft contacts: rounds of a step, share of grains that need not rest, steps after which contacts become harder at the
-#: latest, how much at most, and the share of the distance that surfaces keep by which they may be compressed
-SINKING_ROUNDS, UNPROVEN, LONGEST, HARDER, COMPRESSED = 2000, 0.005, 20, 0.25, 0.9
+#: latest, how much at most, and the share of the distance that surfaces keep by which they may be compressed; compression,
+#: over the first one, below which contacts that are still compressed by more are not so by gravity
+SINKING_ROUNDS, UNPROVEN, LONGEST, HARDER, COMPRESSED, WEDGED = 2000, 0.005, 20, 0.25, 0.9, 0.02
 
 
 class Settler(Examined):
@@ -339,15 +340,18 @@ class Settler(Examined):
         )  # fmt: skip
         progress.still_steps += 1
         last, calm = progress.still_steps >= self._more_steps * preset.steps, progress.moved <= UNPROVEN
-        if deepest <= preset.kept and (calm or last or progress.still_steps % preset.examined == 0):
+        overlap = deepest > preset.kept
+        if overlap and (last or (calm and progress.length < WEDGED * preset.first)):
+            # a row that fits between walls without the distance that surfaces keep
+            part_grains(bed, PARTED, ROUNDS)
+            overlap = False
+        if not overlap and (calm or last or progress.still_steps % preset.examined == 0):
             self._examine(USUAL)
             last = last or (progress.moving < min(ENOUGH, 1.0 - self.how.rest) and progress.smallest >= 0.0)
         elif calm or progress.still_steps % LONGEST == 0:
             progress.length *= max(min(1.0, COMPRESSED * preset.kept / deepest), HARDER)
             progress.velocity = np.zeros((0, 6))
         if last:
-            if deepest > preset.kept:
-                part_grains(bed, PARTED, ROUNDS)
             self._end()
 
     def _look_closer(self) -> None:
