@@ -63,7 +63,7 @@ SLOW = 0.03
 #: share of grains that do not rest with which steps end that are examined every few ones: their contact points change
 ENOUGH = 0.025
 #: soft contacts: rounds of a step, share of grains that need not rest, steps after which contacts become harder at the
-#: latest, how much at most, and the share of the distance that surfaces keep by which they may be compressed; compression,
+#: latest, how much at most, and the share of the distance that surfaces keep by which they may be compressed; the size,
 #: over the first one, below which contacts that are still compressed by more are not so by gravity
 SINKING_ROUNDS, UNPROVEN, LONGEST, HARDER, COMPRESSED, WEDGED = 2000, 0.005, 20, 0.25, 0.9, 0.02
 
