@@ -1,5 +1,7 @@
 """Frictionless beds: their descent against plain NumPy, and rest against linear programs of HiGHS."""
 
+import dataclasses
+
 import numpy as np
 import pytest
 from kit import slow
@@ -7,6 +9,7 @@ from scipy.optimize import linprog
 
 import voxgran as vg
 from tests.unit.settling.test_interior_point import DOWN
+from voxgran.settling import equilibrium
 from voxgran.settling.equilibrium import normalized_bed
 from voxgran.settling.soft_contacts import Descent, Springs, descend, spring_forces
 
@@ -112,6 +115,26 @@ def test_beds_rest_and_no_small_motion_lets_them_sink(kind):
     assert least_descent(bed) < 0.03
     rough = vg.pack(SHAPES[kind](), box, "gravity", count=40, seed=2)
     assert least_descent(rough) > 0.2
+
+
+def test_large_beds_are_proven_from_the_forces_of_their_springs(monkeypatch):
+    """As beds are for which an interior point would take too long; without these forces a gradient needs many rounds."""
+    monkeypatch.setattr(equilibrium, "is_direct", lambda bed: False)
+    box = vg.Box((6, 6, 20), periodic="xy")
+    bed = vg.pack(SHAPES["spheres"](), box, "gravity", count=300, friction=0.0, seed=1)
+    assert bed.stop_reason == "settled"
+    assert bed.verify().ok
+    few = {**equilibrium.balance_bed.__kwdefaults__, "iterations": 32}
+    monkeypatch.setattr(equilibrium.balance_bed, "__kwdefaults__", few)
+    assert vg.equilibrium(bed, 0.0).attrs["share_at_rest"] >= 0.98
+    assert vg.equilibrium(dataclasses.replace(bed, forces=None), 0.0).attrs["share_at_rest"] < 0.5
+
+
+def test_a_row_that_fits_between_walls_rests_without_overlap():
+    # twelve disks between walls at the distance of twelve diameters keep no distance from each other
+    bed = vg.pack(vg.make_shape("disk"), vg.Rectangle((12, 25)), "gravity", count=150, friction=0.0, seed=1)
+    assert bed.stop_reason == "settled"
+    assert bed.verify().ok
 
 
 @pytest.mark.slow
