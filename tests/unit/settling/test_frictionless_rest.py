@@ -118,7 +118,7 @@ def test_beds_rest_and_no_small_motion_lets_them_sink(kind):
 
 
 def test_large_beds_are_proven_from_the_forces_of_their_springs(monkeypatch):
-    """As beds are for which an interior point would take too long; without these forces a gradient needs many rounds."""
+    """As beds are for which an interior point takes too long; without these forces a gradient needs many rounds."""
     monkeypatch.setattr(equilibrium, "is_direct", lambda bed: False)
     box = vg.Box((6, 6, 20), periodic="xy")
     bed = vg.pack(SHAPES["spheres"](), box, "gravity", count=300, friction=0.0, seed=1)
