@@ -112,8 +112,6 @@ class Settler(Examined):
         # some grains slip without friction, or all of them
         self._slips, self._frictionless = least == 0.0, largest == 0.0
         self._fall = Fall(self.friction, how.restitution, **(SURFACE_FALL if surfaces else {}))
-        if self._frictionless and not surfaces:
-            self._fall = self._fall._replace(rest=self._preset.kept)
         if how.fall_time is None and assembly.count and self._height() > HIGHEST:
             raise InputError(
                 f"the container is {self._height():.3g} median diameters high along gravity: grains fall through at "
