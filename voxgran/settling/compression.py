@@ -130,7 +130,7 @@ class Compressor(Resumable):
     """
 
     #: whether grains come to rest without friction
-    direct = True
+    slides = True
 
     def __init__(self, assembly: Assembly, how: Compression, start: ContactForces | None = None) -> None:
         self.how, self.container, self._start = how, assembly.container, start

@@ -27,7 +27,7 @@ from voxgran.settling.bed import Bed, normalized_bed
 from voxgran.settling.interior_point import frictionless_forces, is_direct
 from voxgran.settling.materials import FrictionTable, Materials, as_friction, friction_of, friction_range
 from voxgran.settling.parameters import MOST_FRICTION
-from voxgran.settling.stress_balance import Balanced, as_stress, balance_stress
+from voxgran.settling.stress_balance import Balanced, as_stress, balance_stress, keep_known_forces
 
 if TYPE_CHECKING:
     from xarray import Dataset
@@ -183,6 +183,9 @@ def equilibrium(
     with using_threads(threads):
         if given["friction"] > 0.0:
             _guess_forces(bed, rub, gap)
+        elif forces is not None and not is_direct(bed):
+            bed.find(gap, 0.0)
+            keep_known_forces(bed, forces.scaled(1.0 / packing.median_diameter), rub, 1.0)
         found = balance_bed(bed, rub, reach=gap, tolerance=tolerance, decide=True)
     return _dataset(packing, bed, found, given)
 
@@ -254,9 +257,7 @@ def balance_bed(
         )  # fmt: skip
     else:
         distance, height = ACCURACY * tolerance, -(bed.grains.position @ bed.gravity)
-        push, accelerations, made = frictionless_forces(
-            contacts, openness=np.zeros(bed.m), skin=0.0, accuracy=distance, height=height
-        )
+        push, accelerations, made = frictionless_forces(contacts, accuracy=distance, height=height)
         forces = push[:, None] * row[:, NORMAL : NORMAL + 3]
     bed.keep_forces(forces)
     return Balance(forces, *_rests(bed, accelerations, tolerance), made, distance)

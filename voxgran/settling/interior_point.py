@@ -1,9 +1,9 @@
-"""Forces at contacts without friction, by an interior point: a quasi-static step, or the question whether grains rest.
+"""Forces at contacts without friction, by an interior point: the question whether grains rest.
 
-Without friction a step is a quadratic program: of all accelerations a with ``a_n + gap / dt^2 + skin f >= 0`` at the
-contacts those nearest to gravity, weighted by mass and moment of inertia; the forces f are its multipliers. An
-iteration solves linear equations of the matrix ``1 + J^T diag(w) J``, where J holds the normals and the moments of
-their arms. Its factors are most of the work, so that each serves several corrections of a step.
+It is a quadratic program: of all accelerations a with ``a_n >= 0`` at the contacts those nearest to gravity, weighted
+by mass and moment of inertia; the forces f are its multipliers. An iteration solves linear equations of the matrix
+``1 + J^T diag(w) J``, where J holds the normals and the moments of their arms. Its factors are most of the work, so
+that each serves several corrections of a step.
 
 The factors are those of Cholesky, by the frontal method: bodies are eliminated in a given order, in groups, each in a
 dense matrix, its front, of the group and of the later bodies that are coupled to it or, through eliminated ones, will
@@ -181,47 +181,32 @@ ITERATIONS = 80
 SHORT_OF_BOUND = 0.99
 #: most corrections of a step, by how much each is to lengthen it, and the part of that from which on it is kept
 CORRECTIONS, LONGER, KEPT = 3, 0.3, 0.1
-#: least force at a contact at the beginning, without an earlier step and with one; least slack is as large
-FIRST, WARM = 1.0, 0.3
+#: force at a contact, and slack, at the beginning
+FIRST = 1.0
 #: grains in a layer of unit area, and the largest product of unknowns and the square of those of a layer
 LAYER, MOST_WORK = 1.2, 1e10
-#: least second derivative, over mass or moment of inertia, that counts
-LEAST_BEND = 1e-2
 #: range of the products of slack and force, in means, into which a correction brings them
 LEAST, MOST = 0.1, 10.0
 
 
 def frictionless_forces(
-    contacts: LoadedContacts, *, openness: Floats, skin: float, accuracy: float, start: Floats | None = None,
-    height: Floats | None = None, bend: tuple[Integers, Floats] | None = None,
-) -> tuple[Floats, Floats, int]:  # fmt: skip
+    contacts: LoadedContacts, *, accuracy: float, height: Floats | None = None
+) -> tuple[Floats, Floats, int]:
     """Return normal forces (m,), accelerations (n + 1, 6) and the number of factorizations.
 
-    openness: (m,) gaps divided by the square of the length of the step.  skin: acceleration by which a contact may
-    approach for a unit of its force.  accuracy: to which all conditions hold at the end, in units of gravity.  start:
-    (m,) forces of an earlier step.  height: (n,) by which the grains are sorted before the equations are solved, layer
-    by layer; left out, they are numbered by height.  bend: contacts (k,), and symmetric matrices (k, 12, 12) of
-    quadratic forms of the accelerations of their two bodies, half of which are added to the potential; of each only
-    the part that is not negative counts.
+    accuracy: to which all conditions hold at the end, in units of gravity.  height: (n,) by which the grains are sorted
+    before the equations are solved, layer by layer; left out, they are numbered by height.
     """
     m, bodies = len(contacts.i), contacts.bodies
     jacobian, freedoms, weight = _program(contacts)
     # the lid, which may be coupled to all, is the last
     order = np.arange(len(bodies)) if height is None else np.append(np.argsort(height, kind="stable"), len(height))
-    i, j, values = contacts.i, contacts.j, jacobian.data.reshape(m, 2, len(freedoms))
-    stiff = _sparse(i[:0], j[:0], values[:0], len(bodies))
-    if bend is not None and len(bend[0]):
-        more = _bent(contacts, bend, freedoms)
-        stiff = _sparse(*more, len(bodies))
-        i, j, values = (np.concatenate(pair) for pair in zip((i, j, values), more, strict=True))
-    matrix = FrontalMatrix(i, j, values, order)
-    force, made = np.full(m, FIRST) if start is None else np.maximum(start, WARM), 0
+    x, force, made = weight, np.zeros(0), 0
     if m:
+        matrix = FrontalMatrix(contacts.i, contacts.j, jacobian.data.reshape(m, 2, len(freedoms)), order)
         # threads of small products wait for each other longer than they work, and give other bits
         with load("threadpoolctl").threadpool_limits(1, user_api="blas"):
-            x, force, made = _solved((jacobian, stiff), matrix, weight, openness, skin, force, accuracy)
-    else:
-        x = weight
+            x, force, made = _solved(jacobian, matrix, weight, accuracy)
     accelerations = np.zeros((len(bodies), 6))
     accelerations[:-1, :3] = np.where(bodies[:-1, 6:7] > 0.0, contacts.gravity, 0.0)
     accelerations[:, freedoms] = x.reshape(len(bodies), -1) * np.sqrt(_inverse_masses(bodies)[:, freedoms])
@@ -265,56 +250,28 @@ def _program(contacts: LoadedContacts) -> tuple[Any, Integers, Floats]:
     # arms of spheres have no moments, and nothing leaves a plane
     used = [np.abs(part).max(axis=0, initial=0.0) for part in (one, other)]
     freedoms = np.flatnonzero((np.maximum(*used) > 1e-9) | (np.arange(6) == np.argmax(np.abs(gravity))))
-    values = np.stack([one[:, freedoms], other[:, freedoms]], axis=1)
-    return _sparse(i, j, values, lid + 1), freedoms, pull[:, freedoms].ravel()
-
-
-def _sparse(i: Integers, j: Integers, values: Floats, count: int) -> Any:
-    """Return rows that couple bodies i and j, (k,), by values (k, 2, d) as a sparse matrix (k, count d)."""
-    k, _, d = values.shape
+    values, d = np.stack([one[:, freedoms], other[:, freedoms]], axis=1), len(freedoms)
     column = np.stack([i, np.where(j < 0, 0, j)], axis=1)[:, :, None] * d + np.arange(d)
-    arrays = (values.ravel(), column.ravel(), np.arange(k + 1) * 2 * d)
-    return load("scipy.sparse").csr_array(arrays, shape=(k, count * d))
+    arrays = (values.ravel(), column.ravel(), np.arange(len(i) + 1) * 2 * d)
+    jacobian = load("scipy.sparse").csr_array(arrays, shape=(len(i), (lid + 1) * d))
+    return jacobian, freedoms, pull[:, freedoms].ravel()
 
 
-def _bent(
-    contacts: LoadedContacts, bend: tuple[Integers, Floats], freedoms: Integers
-) -> tuple[Integers, Integers, Floats]:
-    """Return rows of which the sum of squares is the part of quadratic forms that is not negative: i, j and values."""
-    some, forms = bend
-    i, j, lid = contacts.i[some], contacts.j[some], len(contacts.bodies) - 1
-    root = np.sqrt(_inverse_masses(contacts.bodies))
-    scale = np.hstack([root[i], root[np.where(j < 0, lid, j)]])
-    used = np.concatenate([freedoms, freedoms + 6])
-    size, way = np.linalg.eigh((forms * scale[:, :, None] * scale[:, None, :])[:, used[:, None], used])
-    which, one = np.nonzero(size > LEAST_BEND)
-    values = np.sqrt(size[which, one])[:, None] * way[which, :, one]
-    return i[which], np.where(j < lid, j, -1)[which], values.reshape(len(which), 2, len(freedoms))
-
-
-def _solved(
-    matrices: tuple[Any, Any], matrix: FrontalMatrix, weight: Floats, openness: Floats, skin: float, force: Floats,
-    accuracy: float,
-) -> tuple[Floats, Floats, int]:  # fmt: skip
-    """Return the scaled accelerations, the forces, and the number of factorizations.
-
-    matrices: the Jacobian of the gaps, and rows of which the squares are added to the potential.
-    """
-    jacobian, stiff = matrices
-    transposed, back, always = jacobian.T.tocsr(), stiff.T.tocsr(), np.ones(stiff.shape[0])
+def _solved(jacobian: Any, matrix: FrontalMatrix, weight: Floats, accuracy: float) -> tuple[Floats, Floats, int]:
+    """Return the scaled accelerations, the forces, and the number of factorizations."""
+    transposed, force = jacobian.T.tocsr(), np.full(jacobian.shape[0], FIRST)
     x = weight + transposed @ force
-    slack = np.maximum(jacobian @ x + openness + skin * force, min(FIRST, float(force.min())))
+    slack = np.maximum(jacobian @ x, FIRST)
     made = 0
     while made < ITERATIONS:
         stop_if_asked()
-        rest = x + back @ (stiff @ x) - weight - transposed @ force
-        short = jacobian @ x + openness + skin * force - slack
+        rest, short = x - weight - transposed @ force, jacobian @ x - slack
         mean = float(slack @ force) / len(force)
         worst = max(float(np.abs(one).max()) for one in (rest, short))
         if mean < accuracy**2 and worst < accuracy:
             break
-        step = _Step(jacobian, transposed, matrix, slack, force, rest, short, skin)
-        if not matrix.factorize(np.concatenate([step.weights, always])):
+        step = _Step(jacobian, transposed, matrix, slack, force, rest, short)
+        if not matrix.factorize(force / slack):
             # as accurate as numbers allow
             break
         made += 1
@@ -334,21 +291,13 @@ class _Step(NamedTuple):
     force: Floats
     rest: Floats  # what the forces miss of the accelerations
     short: Floats  # what the slacks miss
-    skin: float
-
-    @property
-    def weights(self) -> Floats:
-        """Diagonal of the matrix."""
-        return self.force / (self.slack + self.skin * self.force)
 
     def towards(self, excess: Floats) -> tuple[Floats, Floats, Floats]:
         """Return the changes of x, slack and force that lessen the products of the last two by an excess."""
-        width = self.slack + self.skin * self.force
-        pull = -(excess + self.force * self.short) / width
+        pull = -(excess + self.force * self.short) / self.slack
         dx = self.matrix.solve(self.transposed @ pull - self.rest)
         change = self.jacobian @ dx
-        df = pull - self.force * change / width
-        return dx, change + self.skin * df + self.short, df
+        return dx, change + self.short, pull - self.force * change / self.slack
 
     def length(self, ds: Floats, df: Floats) -> float:
         """Return the part of a change, at most 1, up to which slacks and forces stay above 0."""

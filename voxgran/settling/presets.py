@@ -25,13 +25,12 @@ FRICTIONAL = (
     SolverPreset(KEPT, 0.1, 0.1, first=0.3, last=0.1, steps=150),
     SolverPreset(KEPT, 0.1, 0.1, first=0.2, last=0.1, steps=150),
 )
-#: of the same without friction: of spheres and of convex grains, solved to the end with steps that become longer, of
-#: which steps of spheres move no two grains into each other; and where that would take too long
-FRICTIONLESS = (
-    SolverPreset(2e-4, 0.1, 0.1, first=1.0, last=2.0, steps=120, examined=4),
-    SolverPreset(KEPT, 0.1, 0.1, first=0.5, last=1.0, steps=100, examined=5),
-    SolverPreset(KEPT, 0.1, 0.03, first=0.2, last=0.05, steps=60),
+#: of the same without friction, on soft contacts, whose lengths are compressions; and of polygons without friction
+SOFT = (
+    SolverPreset(KEPT, 0.1, 0.1, first=3e-4, last=0.0, steps=200, examined=4),
+    SolverPreset(KEPT, 0.1, 0.1, first=2e-4, last=0.0, steps=150, examined=1),
 )
+FRICTIONLESS = SolverPreset(KEPT, 0.1, 0.03, first=0.2, last=0.05, steps=60)
 #: of meshes that are not convex: by grids of distances, then by triangles
 GRIDS = SolverPreset(4e-3, 0.024, 0.02, first=0.15, last=0.1, steps=50)
 TRIANGLES = SolverPreset(KEPT, 5e-3, 2e-3, first=0.1, last=0.05, steps=160, examined=10, reuse=5e-4)

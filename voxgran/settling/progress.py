@@ -38,8 +38,7 @@ class Progress:
     smallest: float = 0.0  # gap, when last examined
     proven: int = 0  # whether the bed is known to rest
     heights: Floats = field(default_factory=lambda: np.zeros(0))  # of the last unit of time of the fall
-    momentum: float = 1.0  # of the last step without friction
-    velocity: Floats = field(default_factory=lambda: np.zeros((0, 6)))
+    velocity: Floats = field(default_factory=lambda: np.zeros((0, 6)))  # of grains that sink on soft contacts
     residual: Floats = field(default_factory=lambda: np.zeros(0))  # when last examined, in the order of the bed
     first: float = -math.inf  # smallest gap at the beginning, where the grains were examined then
     best: float = 1.0  # least share of the grains that did not rest in an examined bed without overlap

@@ -13,7 +13,7 @@ from voxgran._base.arrays import Floats
 from voxgran._base.errors import InputError
 from voxgran._base.stopping import Stopped
 from voxgran.contacts.assembly import Assembly
-from voxgran.contacts.manifolds.rows import SURFACE
+from voxgran.contacts.manifolds.rows import OUTLINE, SURFACE
 from voxgran.settling.bed import Bed
 from voxgran.settling.closing import close_round
 from voxgran.settling.examination import (
@@ -22,6 +22,7 @@ from voxgran.settling.examination import (
     EARLY,
     EVERY,
     PARTED,
+    RESIDUAL,
     ROUNDS,
     THOROUGH,
     TRIALS,
@@ -30,14 +31,14 @@ from voxgran.settling.examination import (
 )
 from voxgran.settling.fall import fall_step, is_slow, random_pull, stop_falling
 from voxgran.settling.impulses import Fall
-from voxgran.settling.interior_point import is_direct
 from voxgran.settling.materials import friction_of, friction_range
 from voxgran.settling.parameters import Settling
 from voxgran.settling.parting import part_grains
-from voxgran.settling.presets import FRICTIONAL, FRICTIONLESS, GRIDS, TRIANGLES, SolverPreset
+from voxgran.settling.presets import FRICTIONAL, FRICTIONLESS, GRIDS, SOFT, TRIANGLES, SolverPreset
 from voxgran.settling.progress import AGAIN, CLOSING, ENDED, FALL, GROWTH, RAIN, SHAKING, STAGES, START, STILL, Progress
-from voxgran.settling.quasi_static import frictionless_step, quasi_static_step
+from voxgran.settling.quasi_static import quasi_static_step
 from voxgran.settling.rain import Rain, let_arrive, steps_of_rain
+from voxgran.settling.soft_contacts import soft_step
 
 #: sinking in a unit of time below which the fall ends; units of time that it lasts at least
 SINKING, SHORTEST = 0.05, 4.0
@@ -61,6 +62,10 @@ UNIT = {2: math.pi / 4, 3: math.pi / 6}
 SLOW = 0.03
 #: share of grains that do not rest with which steps end that are examined every few ones: their contact points change
 ENOUGH = 0.025
+#: soft contacts: rounds of a step, share of grains that need not rest, steps after which contacts become harder at the
+#: latest, how much at most, and the share of the distance that surfaces keep by which they may be compressed; the size,
+#: over the first one, below which contacts that are still compressed by more are not so by gravity
+SINKING_ROUNDS, UNPROVEN, LONGEST, HARDER, COMPRESSED, WEDGED = 2000, 0.005, 20, 0.25, 0.9, 0.02
 
 
 class Settler(Examined):
@@ -107,8 +112,6 @@ class Settler(Examined):
         # some grains slip without friction, or all of them
         self._slips, self._frictionless = least == 0.0, largest == 0.0
         self._fall = Fall(self.friction, how.restitution, **(SURFACE_FALL if surfaces else {}))
-        if self._frictionless and not surfaces:
-            self._fall = self._fall._replace(rest=self._preset.kept)
         if how.fall_time is None and assembly.count and self._height() > HIGHEST:
             raise InputError(
                 f"the container is {self._height():.3g} median diameters high along gravity: grains fall through at "
@@ -264,7 +267,13 @@ class Settler(Examined):
     def _rest(self) -> None:
         """Make a quasi-static step, and examine the bed when it hardly moves."""
         progress, bed, preset = self.progress, self.bed, self._preset
-        moving = self._quasi_static(preset)
+        if preset in SOFT:
+            self._sink(preset)
+            return
+        progress.moved = moving = quasi_static_step(
+            bed, self.friction, progress.length, rest=preset.kept, iterations=progress.iterations,
+            margin=preset.margin, most=preset.most, reuse=preset.reuse,
+        )  # fmt: skip
         if preset.last > preset.first:
             progress.length = min(preset.last, LENGTHEN * progress.length)
         elif moving < SLOW:
@@ -320,20 +329,28 @@ class Settler(Examined):
             self._rests()
         progress.stage, progress.best_position, progress.best_orientation = ENDED, np.zeros((0, 3)), np.zeros((0, 4))
 
-    def _quasi_static(self, preset: SolverPreset) -> float:
-        """Make a quasi-static step, and return the share of the grains that moved."""
+    def _sink(self, preset: SolverPreset) -> None:
+        """Let grains sink on soft contacts, which become harder as they rest, and examine them once none overlap."""
         progress, bed = self.progress, self.bed
-        if self._frictionless and self.direct:
-            progress.moved, progress.velocity, progress.momentum = frictionless_step(
-                bed, progress.length, rest=preset.kept, before=(progress.velocity, progress.momentum),
-                ahead=(progress.still_steps + 1) % preset.examined > 0, margin=preset.margin, most=preset.most,
-            )  # fmt: skip
-        else:
-            progress.moved = quasi_static_step(
-                bed, self.friction, progress.length, rest=preset.kept, iterations=progress.iterations,
-                margin=preset.margin, most=preset.most, reuse=preset.reuse,
-            )  # fmt: skip
-        return progress.moved
+        progress.moved, progress.velocity, deepest = soft_step(
+            bed, progress.length, progress.velocity, rest=preset.kept, tolerance=RESIDUAL, enough=UNPROVEN,
+            iterations=SINKING_ROUNDS,
+        )  # fmt: skip
+        progress.still_steps += 1
+        last, calm = progress.still_steps >= self._more_steps * preset.steps, progress.moved <= UNPROVEN
+        overlap = deepest > preset.kept
+        if overlap and (last or (calm and progress.length < WEDGED * preset.first)):
+            # a row that fits between walls without the distance that surfaces keep
+            part_grains(bed, PARTED, ROUNDS)
+            overlap = False
+        if not overlap and (calm or last or progress.still_steps % preset.examined == 0):
+            self._examine(USUAL)
+            last = last or (progress.moving < min(ENOUGH, 1.0 - self.how.rest) and progress.smallest >= 0.0)
+        elif calm or progress.still_steps % LONGEST == 0:
+            progress.length *= max(min(1.0, COMPRESSED * preset.kept / deepest), HARDER)
+            progress.velocity = np.zeros((0, 6))
+        if last:
+            self._end()
 
     def _look_closer(self) -> None:
         """Part the true surfaces, once contacts by grids of distances are in balance."""
@@ -353,14 +370,14 @@ class Settler(Examined):
         progress.stage, progress.length = STILL, TRIANGLES.first
 
     @property
-    def direct(self) -> bool:
-        """Whether steps without friction are solved to the end."""
-        return is_direct(self.bed)
+    def slides(self) -> bool:
+        """Whether beds without friction come to rest: contacts of triangles and of edges change too much for that."""
+        return not {SURFACE, OUTLINE} & self.bed.finders.kinds
 
     @property
     def _more_steps(self) -> int:
         """How many times more steps are made than in a large bed: in a small one they take little time."""
-        if self._frictionless and not self.direct:
+        if self._frictionless and not self.slides:
             # such beds go on creeping
             return 1
         return min(max(FEW_GRAINS // max(self.bed.count, 1), 1), MORE_STEPS)
@@ -375,7 +392,7 @@ class Settler(Examined):
         """The solver preset of quasi-static steps."""
         if SURFACE not in self.bed.grains.kind:
             if self._frictionless:
-                return FRICTIONLESS[int(self.bed.grains.kind.any()) if self.direct else 2]
+                return SOFT[int(self.bed.grains.kind.any())] if self.slides else FRICTIONLESS
             return FRICTIONAL[int(self.bed.grains.kind.any())]
         return TRIANGLES if self.progress.exact else GRIDS
 

@@ -1,4 +1,6 @@
-"""Frictionless beds: steps with curvature against their conditions, and rest against linear programs of HiGHS."""
+"""Frictionless beds: their descent against plain NumPy, and rest against linear programs of HiGHS."""
+
+import dataclasses
 
 import numpy as np
 import pytest
@@ -6,10 +8,10 @@ from kit import slow
 from scipy.optimize import linprog
 
 import voxgran as vg
-from tests.unit.settling.test_interior_point import DOWN, heap, normal_jacobian
-from voxgran.settling.balance import LoadedContacts
+from tests.unit.settling.test_interior_point import DOWN
+from voxgran.settling import equilibrium
 from voxgran.settling.equilibrium import normalized_bed
-from voxgran.settling.interior_point import frictionless_forces
+from voxgran.settling.soft_contacts import Descent, Springs, descend, spring_forces
 
 SHAPES = {
     "spheres": lambda: vg.shapes.sphere(),
@@ -19,33 +21,67 @@ SHAPES = {
 }
 
 
-def test_steps_with_curvature_meet_the_conditions_of_the_optimum():
-    """The part of the forms that is not negative acts as springs do."""
-    row, i, j, bodies = heap(7, round_grains=False)
-    generator = np.random.default_rng(0)
-    some = np.arange(0, len(i), 3)
-    roots = generator.normal(size=(len(some), 12, 4))
-    inner = (j[some] >= 0) & (j[some] < len(bodies) - 1)
-    roots[~inner, 6:] = 0.0
-    forms = roots @ roots.transpose(0, 2, 1)
-    openness = 0.2 * generator.normal(size=len(i))
-    force, found, _ = frictionless_forces(
-        LoadedContacts(row, i, j, bodies, DOWN), openness=openness, skin=0.0, accuracy=1e-7, bend=(some, forms)
-    )
-    stiff = np.zeros((len(bodies), 6, len(bodies), 6))
-    for k, form in zip(some, forms, strict=True):
-        both = (i[k], j[k]) if 0 <= j[k] < len(bodies) - 1 else (i[k],)
-        for a, one in enumerate(both):
-            for b, other in enumerate(both):
-                stiff[one, :, other] += form[6 * a : 6 * a + 6, 6 * b : 6 * b + 6]
-    matrix, inverse = normal_jacobian(row, i, j, bodies), np.repeat(bodies[:, 6:8], 3, axis=1).ravel()
-    springs = stiff.reshape(len(inverse), -1) @ found.ravel()
-    free = np.hstack([np.where(bodies[:, 6:7] > 0, DOWN, 0), np.zeros((len(bodies), 3))]).ravel()
-    np.testing.assert_allclose(found.ravel(), free + inverse * (matrix.T @ force - springs), atol=1e-4)
-    room = matrix @ found.ravel() + openness
-    assert force.min() >= 0.0
-    assert room.min() >= -1e-6
-    assert np.abs(force * room).max() < 1e-5
+def random_springs(seed, count=12, many=30):
+    """Return springs between random points of bodies, a fifth of them at walls, with motions of the bodies."""
+    generator = np.random.default_rng(seed)
+    i, j = generator.integers(0, count, many), generator.integers(0, count + 1, many)
+    j[::5], j[i == j] = -1, -1
+    line, arms = generator.normal(size=(many, 3)), 0.5 * generator.normal(size=(2, many, 3))
+    reach = np.linalg.norm(line, axis=1) + 0.1 * generator.normal(size=many)
+    springs = Springs(i, j, line, *arms, reach, generator.uniform(1.0, 3.0, many))
+    return springs, 0.1 * generator.normal(size=(count + 1, 6))
+
+
+def depths(springs, motion):
+    """Return by how much springs are compressed, (m,), by plain NumPy."""
+    lines = springs.line - motion[springs.i, :3] - np.cross(motion[springs.i, 3:], springs.arm_i)
+    inner = (springs.j >= 0)[:, None]
+    lines = lines + inner * (motion[springs.j, :3] + np.cross(motion[springs.j, 3:], springs.arm_j))
+    return np.maximum(springs.reach - np.linalg.norm(lines, axis=1), 0.0)
+
+
+def still(springs, motion):
+    """Return bodies without gravity that make no step: the descent only writes their forces."""
+    zeros, size = np.zeros_like(motion), (len(motion), 2)
+    return Descent(motion, zeros.copy(), zeros.copy(), zeros[:, :3], np.zeros(size), np.ones(size), zeros[:, 0], DOWN)
+
+
+def test_springs_push_as_their_energy_says():
+    springs, motion = random_springs(1)
+    push = spring_forces(springs, motion)
+    np.testing.assert_allclose(push, springs.stiffness * depths(springs, motion), atol=1e-12)
+    assert 5 < np.count_nonzero(push) < len(push)
+    bodies = still(springs, motion)
+    _, _, deepest = descend(springs, bodies, np.array([0.1, 0.1, 0.0]), 0, 0.0, 1.0, False)
+    assert deepest == pytest.approx(depths(springs, motion).max())
+
+    def energy(moved):
+        return 0.5 * springs.stiffness @ depths(springs, moved) ** 2
+
+    slope = np.zeros_like(motion)
+    for body in range(len(motion)):
+        for part in range(6):
+            change = np.zeros_like(motion)
+            change[body, part] = 1e-6
+            slope[body, part] = (energy(motion + change) - energy(motion - change)) / 2e-6
+    np.testing.assert_allclose(bodies.force[:-1], -slope[:-1], atol=1e-6)
+    # the lid moves along gravity only
+    np.testing.assert_allclose(bodies.force[-1], [0.0, 0.0, -slope[-1, 2], 0.0, 0.0, 0.0], atol=1e-6)
+
+
+def test_springs_descend_to_the_compression_by_a_weight():
+    """A column of three grains: each spring bears what lies above it, to the accuracy that is asked for."""
+    zeros, down = np.zeros((3, 3)), np.tile(DOWN, (3, 1))
+    springs = Springs(np.arange(3), np.arange(-1, 2), down, zeros, zeros, np.ones(3), np.array([30.0, 20.0, 10.0]))
+    motion, lightness = np.zeros((4, 6)), np.zeros((4, 2))
+    lightness[:3] = 4.0 / 60.0
+    load = np.vstack([down, np.zeros(3)])
+    bodies = Descent(motion, 0 * motion, 0 * motion, load, lightness, np.full((4, 2), 1e-6), np.zeros(4), DOWN)
+    made, restless, deepest = descend(springs, bodies, np.array([0.05, 0.02, 0.0]), 20_000, 0.0, 9.0, True)
+    assert restless == 0
+    assert made < 5000
+    np.testing.assert_allclose(spring_forces(springs, motion), [3.0, 2.0, 1.0], atol=1e-5)
+    assert deepest == pytest.approx(0.1, abs=1e-6)
 
 
 def least_descent(packing, far=0.01):
@@ -81,10 +117,36 @@ def test_beds_rest_and_no_small_motion_lets_them_sink(kind):
     assert least_descent(rough) > 0.2
 
 
+def test_large_beds_are_proven_from_the_forces_of_their_springs(monkeypatch):
+    """As beds are for which an interior point takes too long; without these forces a gradient needs many rounds."""
+    monkeypatch.setattr(equilibrium, "is_direct", lambda bed: False)
+    box = vg.Box((6, 6, 20), periodic="xy")
+    bed = vg.pack(SHAPES["spheres"](), box, "gravity", count=300, friction=0.0, seed=1)
+    assert bed.stop_reason == "settled"
+    assert bed.verify().ok
+    few = {**equilibrium.balance_bed.__kwdefaults__, "iterations": 32}
+    monkeypatch.setattr(equilibrium.balance_bed, "__kwdefaults__", few)
+    assert vg.equilibrium(bed, 0.0).attrs["share_at_rest"] >= 0.98
+    assert vg.equilibrium(dataclasses.replace(bed, forces=None), 0.0).attrs["share_at_rest"] < 0.5
+
+
+def test_a_row_that_fits_between_walls_rests_without_overlap():
+    # twelve disks between walls at the distance of twelve diameters keep no distance from each other
+    bed = vg.pack(vg.make_shape("disk"), vg.Rectangle((12, 25)), "gravity", count=150, friction=0.0, seed=1)
+    assert bed.stop_reason == "settled"
+    assert bed.verify().ok
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize(
     ("kind", "count", "width"),
-    [("hulls", 300, 6.0), ("ellipsoids", 300, 6.0), ("clumps", 150, 5.0), ("spheres", 3000, 13.0)],
+    [
+        ("hulls", 300, 6.0),
+        ("ellipsoids", 300, 6.0),
+        ("clumps", 150, 5.0),
+        ("spheres", 3000, 13.0),
+        ("spheres", 10_000, 17.0),
+    ],
 )
 def test_large_beds_rest(kind, count, width):
     box = vg.Box((width, width, 3.0 + 2.0 * count / width**2), periodic="xy")

@@ -49,11 +49,8 @@ def normal_jacobian(row, i, j, bodies):
     return matrix.reshape(many, -1)
 
 
-def solve(heap_of, openness=None, skin=0.0, accuracy=1e-7):
-    row, i, j, bodies = heap_of
-    openness = np.zeros(len(i)) if openness is None else openness
-    contacts = LoadedContacts(row, i, j, bodies, DOWN)
-    return frictionless_forces(contacts, openness=openness, skin=skin, accuracy=accuracy)
+def solve(heap_of, accuracy=1e-7):
+    return frictionless_forces(LoadedContacts(*heap_of, DOWN), accuracy=accuracy)
 
 
 @pytest.mark.parametrize("lid", [0.0, 0.2])
@@ -73,21 +70,14 @@ def test_residuals_are_those_of_non_negative_least_squares(round_grains, lid):
     assert np.abs(expected).max() > 0.05
 
 
-@pytest.mark.parametrize("skin", [0.0, 1e-2])
 @pytest.mark.parametrize("round_grains", [True, False])
-def test_a_step_closes_no_gap_and_pulls_at_no_contact(round_grains, skin):
+def test_no_contact_approaches_or_pulls(round_grains):
     one = heap(2, round_grains=round_grains, lid=0.5)
-    _, i, _, bodies = one
-    openness = 0.2 * np.random.default_rng(3).normal(size=len(i))
-    force, found, _ = solve(one, openness, skin)
-    room = normal_jacobian(*one) @ found.ravel() + openness + skin * force
+    force, found, _ = solve(one)
+    room = normal_jacobian(*one) @ found.ravel()
     assert force.min() >= 0.0
     assert room.min() >= -1e-6
     assert (force * room).max() <= 1e-6
-    inverse = np.repeat(bodies[:, 6:8], 3, axis=1).ravel()
-    free = np.hstack([np.where(bodies[:, 6:7] > 0, DOWN, 0), np.zeros((len(bodies), 3))]).ravel()
-    expected = free + inverse * (normal_jacobian(*one).T @ force)
-    np.testing.assert_allclose(found.ravel(), expected, atol=1e-6)
     assert (force > 1e-3).any()
     assert (room > 1e-3).any()
 
@@ -114,13 +104,3 @@ def test_without_contacts_all_falls():
     assert force.shape == (0,)
     np.testing.assert_array_equal(found[:, :3], [DOWN, DOWN, 0 * DOWN])
     assert made == 0
-
-
-def test_a_start_saves_no_accuracy():
-    one = heap(5)
-    row, i, j, bodies = one
-    cold, found, _ = solve(one)
-    again = frictionless_forces(
-        LoadedContacts(row, i, j, bodies, DOWN), openness=np.zeros(len(i)), skin=0.0, accuracy=1e-7, start=cold
-    )
-    np.testing.assert_allclose(again[1], found, atol=1e-5)

@@ -126,6 +126,7 @@ CASES = (
     Case("1,000 spheres", spheres, 1000, 10.0, friction=0.0),
     Case("1,000 lognormal spheres", spheres, 1000, 10.0, sigma=0.3),
     Case("10,000 spheres", spheres, 10_000, 17.0),
+    Case("10,000 spheres", spheres, 10_000, 17.0, friction=0.0),
     Case("300 polyhedra", polyhedra, 300, 6.0),
     Case("300 polyhedra", polyhedra, 300, 6.0, friction=0.0),
     Case("300 polyhedra", polyhedra, 300, 6.0, walls=True),

@@ -12,7 +12,6 @@ from voxgran.contacts.manifolds.blocks import pairs_of_kind
 from voxgran.contacts.manifolds.convex_bodies import convex_bodies, convex_work, has_convex_parts
 from voxgran.contacts.manifolds.convex_contacts import find_convex_contacts
 from voxgran.contacts.manifolds.distance_grids import surface_bodies
-from voxgran.contacts.manifolds.gap_curvature import gap_curvature
 from voxgran.contacts.manifolds.outline_contacts import find_outline_contacts, outline_bodies
 from voxgran.contacts.manifolds.rows import CONVEX, OUTLINE, SPHERE, SURFACE, ContactRows, Grains, PairList, Search
 from voxgran.contacts.manifolds.sphere_contacts import find_sphere_contacts
@@ -116,15 +115,6 @@ class ContactFinders:
     def move_walls(self, container: Container) -> None:
         """Take over a container of the same kind, whose walls have moved."""
         self._walls = kernel_container(container)
-
-    def curvature(self, grains: Grains, rows: ContactRows, some: Integers) -> Floats:
-        """Return the second derivatives (k, 12, 12) of the gaps of some contacts of spheres and convex parts.
-
-        They are zeros in a bed of spheres: rotations change no gap, and translations open it to second order.
-        """
-        if CONVEX not in self.kinds:
-            return np.zeros((len(some), 12, 12))
-        return gap_curvature(grains, self._convex_work.arrays, rows, some)
 
     def forget(self) -> None:
         """Forget all that a search has remembered of pairs of meshes."""

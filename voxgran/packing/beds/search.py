@@ -60,7 +60,7 @@ class SoughtBed:
     ) -> None:
         self._begin, self._packing_of = begin, packing_of
         self.settler = begin(how)
-        self.search = Search(how, 0.0 if self.settler.direct else SLIPPERY, np.zeros((0, 3)), shakes)
+        self.search = Search(how, 0.0 if self.settler.slides else SLIPPERY, np.zeros((0, 3)), shakes)
         self.by_bulk, self.former_steps, self._over = WHOLE if whole else -1, 0, False
         # arrays and counters of the best bed
         self._best: tuple[dict[str, Any], dict[str, int]] = {}, {}
