@@ -66,8 +66,8 @@ def list_pairs(
     other: NDArray[np.int32],
     image: NDArray[np.uint8],
 ) -> int:
-    """Write the pairs with ``distance < reach * (r_i + r_j)`` and return how many there are; those beyond the end of
-    the arrays are only counted.
+    """Write the pairs with ``distance < reach * (r_i + r_j)`` and return how many there are; the arrays need one place
+    more, and pairs for which there is none are only counted.
 
     A sphere is paired with larger ones, and with those before it on its own level: on the only one, the others need not
     be linked yet.
@@ -95,9 +95,10 @@ def _list_level(cells, other_level, own, spheres, lower, reach, i, found, other,
         for cj in range(low[1], high[1]):
             for ck in range(low[2], high[2]):
                 j, ti, tj, tk = first_in_cell(cells, other_level, ci, cj, ck)
-                if max(abs(ti), abs(tj), abs(tk)) > MOST_IMAGES:
+                if j < 0 or max(abs(ti), abs(tj), abs(tk)) > MOST_IMAGES:
                     continue
                 sx, sy, sz = image_shift(cells, ti, tj, tk)
+                turned = ((ti + MOST_IMAGES) * IMAGES + tj + MOST_IMAGES) * IMAGES + tk + MOST_IMAGES
                 ahead = ti > 0 or (ti == 0 and (tj > 0 or (tj == 0 and tk > 0)))
                 while j >= 0:
                     if other_level < own or j < i or (j == i and ahead):
@@ -105,13 +106,10 @@ def _list_level(cells, other_level, own, spheres, lower, reach, i, found, other,
                         dy = spheres[j, 1] - lower[1] + sy - y
                         dz = spheres[j, 2] - lower[2] + sz - z
                         limit = reach * (r + spheres[j, 3])
-                        if dx * dx + dy * dy + dz * dz < limit * limit:
-                            if found < len(other):
-                                other[found] = j
-                                image[found] = ((ti + MOST_IMAGES) * IMAGES + tj + MOST_IMAGES) * IMAGES + (
-                                    tk + MOST_IMAGES
-                                )
-                            found += 1
+                        # written in any case, and kept if near: a branch that is guessed wrong takes longer
+                        at = min(found, len(other) - 1)
+                        other[at], image[at] = j, turned
+                        found += 1 if dx * dx + dy * dy + dz * dz < limit * limit else 0
                     j = cells.after[j]
     return found
 
