@@ -7,6 +7,7 @@ from contextlib import ExitStack
 from dataclasses import dataclass
 from functools import partial
 from multiprocessing.connection import wait
+from tempfile import TemporaryDirectory
 from typing import Any
 
 from voxgran._base.errors import InputError, PackingWarning
@@ -29,6 +30,7 @@ from voxgran.packing.settle import settle
 from voxgran.scene.processes import TICK, Process, compute, start
 from voxgran.settling.equilibrium import equilibrium
 from voxgran.shapes.family import default_families, make_shape
+from voxgran.shapes.files import load_shape, save_shape
 from voxgran.shapes.repairing.repair import repair
 from voxgran.shapes.roughness.roughen import roughen
 from voxgran.shapes.sizes import lognormal
@@ -41,7 +43,7 @@ FAMILIES = ("solid_union", "convex_polyhedron", "sphere")
 #: faces, a mesh that is not convex, and outlines
 SETTLED = ("solid_union", "convex_polyhedron", "ellipsoid", "sphere", "polygon", "disk")
 #: number of kernels that the scenes use, of which a package that was built by `make dist` brings all
-KERNELS = 86
+KERNELS = 87
 #: processes at the most: of more, most wait for the largest kernels
 PROCESSES = 8
 
@@ -126,8 +128,11 @@ def deform_few() -> None:
 
 
 def use_solids() -> None:
-    """Voxelize, repair and fit one solid."""
+    """Keep, load, voxelize, repair and fit one solid."""
     solid = make_shape("solid_union")
+    with TemporaryDirectory() as folder:
+        save_shape(solid, f"{folder}/solid.obj")
+        load_shape(f"{folder}/solid.obj")
     voxelize(solid, voxel_size=0.1)
     signed_distance(solid, voxel_size=0.1)
     repair(solid.vertices, solid.faces)

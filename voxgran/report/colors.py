@@ -23,6 +23,8 @@ OF_FORCES: tuple[ColorBy, ...] = ("force", "residual")
 COLORS = "viridis"
 #: largest number of values that a legend lists
 ENTRIES = 10
+#: grains whose neighbours are listed at once
+GROUP = 100_000
 #: relative difference up to which all values are equal
 SAME = 1e-9
 
@@ -141,13 +143,15 @@ def _nearest(packing: Packing) -> Floats:
     lower, place = packing.container.bounds[0], packing.position
     distance = np.full(packing.count, np.inf)
     d, half = packing.dimension, np.full(packing.count, 0.5)
-    alone, reach = np.arange(packing.count), float((extent[:d].prod() / max(packing.count, 1)) ** (1 / d))
+    # wide enough for most grains of all packings, each of which then has about nine others within reach
+    alone, reach = np.arange(packing.count), 1.3 * float((extent[:d].prod() / max(packing.count, 1)) ** (1 / d))
     while len(alone) and reach < 4.0 * float(np.linalg.norm(extent)):
         radii = reach * half
-        one, j, image = spheres_near(place[alone], radii[alone], place, radii, lower=lower, periods=periods)
-        i = alone[one]
-        away = np.linalg.norm(place[j] + image @ periods - place[i], axis=1)
-        other = i != j
-        np.minimum.at(distance, i[other], away[other])
+        for some in np.split(alone, range(GROUP, len(alone), GROUP)):
+            one, j, image = spheres_near(place[some], radii[some], place, radii, lower=lower, periods=periods)
+            i = some[one]
+            away = np.linalg.norm(place[j] + image @ periods - place[i], axis=1)
+            other = i != j
+            np.minimum.at(distance, i[other], away[other])
         alone, reach = alone[np.isinf(distance[alone])], 2.0 * reach
     return np.where(np.isfinite(distance), distance, 0.0)

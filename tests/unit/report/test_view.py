@@ -124,6 +124,17 @@ def test_heights_in_the_plane_are_along_y(flat):
     assert coloring(flat, "height").values.tolist() == [1, 1, 2]
 
 
+@pytest.mark.parametrize("group", [7, 1000])
+def test_the_nearest_centroids_are_those_of_all_distances(group, monkeypatch):
+    monkeypatch.setattr("voxgran.report.colors.GROUP", group)
+    packing = vg.pack(vg.shapes.sphere(), vg.Box((4, 4, 6), periodic="xy"), "rsa", count=40, seed=1)
+    packing = packing[packing.position[:, 2] < 3] + packing[packing.position[:, 2] > 5.3]
+    steps = packing.position[:, None] - packing.position
+    steps[..., :2] -= 4 * np.round(steps[..., :2] / 4)
+    away = np.linalg.norm(steps, axis=2) + np.diag(np.full(packing.count, np.inf))
+    assert coloring(packing, "distance").values == pytest.approx(away.min(axis=1), rel=1e-12)
+
+
 def test_force_is_a_colour_where_it_is_known(flat):
     forces = ContactForces(
         i=[0], j=[-1], point=[[1, 0, 0]], normal=[[0, -1, 0]], force=[[0, -2, 0]], gap=[0], residual=[0.0] * 3,

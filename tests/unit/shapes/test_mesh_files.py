@@ -111,7 +111,13 @@ GOOD = {
         for line in obj_text(QUADS).splitlines()
     ),
     "continued.obj": obj_text(QUADS).replace("f 1 ", "f 1 \\\n  "),
+    "windows.obj": obj_text(QUADS).replace("f 1 ", "f 1 \\\n  ").replace("\n", "\r\n"),
+    "old_mac.obj": obj_text(QUADS).replace("\n", "\r"),
+    "marked.obj": "\ufeff" + obj_text(QUADS).replace("v ", "  v\t"),
+    "some_slashes.obj": obj_text(FACES).replace("f 1 ", "f 1/7 ").replace("f 2 ", "f 2//9 "),
     "mixed.off": off_text(MIXED),
+    "edges.off": off_text(MIXED) + "edges of no interest\n",
+    "windows.off": off_text(MIXED).replace("\n", "\r\n# why\r\n"),
     "one_line.off": off_text(QUADS).replace("OFF\n", "OFF ").replace("0\n", "0 # counts\n", 1),
     "mixed.ply": ply_text(MIXED),
     "little.ply": ply_binary(MIXED),
@@ -124,6 +130,7 @@ GOOD = {
     "other_name.ply": ply_text(QUADS).replace("vertex_indices", "vertex_index"),
     "binary.stl": stl_binary(FACES),
     "text.stl": stl_text(FACES),
+    "one_line.stl": stl_text(FACES).replace("\nvertex", " vertex").replace("\nend", " end"),
     "named.stl": stl_text(FACES).replace("solid box", "solid vertex of a vertex"),
     "colors.off": off_text(MIXED).replace("\n3 ", " 0.5 1\n3 ").replace("\n4 ", " 0.5 1\n4 "),
     "shouting.STL": stl_text(FACES).upper(),
@@ -175,6 +182,12 @@ def test_what_is_written_is_read_again(suffix, tmp_path):
         assert (again.faces == grain.faces).all()
         back = again.vertices + np.array(again.offset)
         assert np.abs(back - grain.vertices).max() < 1e-16
+
+
+def test_vertices_are_counted_from_those_before_the_face(tmp_path):
+    (tmp_path / "two.obj").write_text("v 0 0 0\nv 1 0 0\nv 0 1 0\nf -3 -2 -1\nv 0 0 1\nf -1/2 1/1 -4//3\nf 2 3 4\n")
+    points, corners, counts = READERS[".obj"](tmp_path / "two.obj")
+    assert (points.shape, corners.tolist(), counts.tolist()) == ((4, 3), [0, 1, 2, 3, 0, 0, 1, 2, 3], [3, 3, 3])
 
 
 def test_coordinates_keep_their_last_digit(data_dir, tmp_path):
@@ -246,6 +259,7 @@ BAD = {
     "other.off": (b"NOT A MESH\n", "OFF"),
     "only_name.off": (b"OFF\n", "OFF"),
     "beyond.off": (off_text([*FACES[1:], (0, 1, 99)]), "vertex 99 of 8"),
+    "rows.off": (off_text(FACES).replace(" 0.5\n", "\n", 1), "7 of 8 vertices and 12 of 12"),
     "fraction.off": (off_text([*FACES[1:], (0, 1, 2.5)]), "2.5"),
     "count.off": (off_text(FACES).replace("\n3 ", "\nnan ", 1), "nan"),
     "cut_list.ply": (cut(ply_rich(MIXED), 0.95), "cut"),

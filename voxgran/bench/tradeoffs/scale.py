@@ -122,7 +122,7 @@ METHODS: dict[str, tuple[Callable[[int], object], int]] = {
     "deposition": (partial(packed, "deposition", fraction=LOOSE, tall=True), 1_000_000),
     "rsa": (partial(packed, "rsa", fraction=LOOSE), 1_000_000),
     "expand, 0.60": (partial(packed, "expand", solid_fraction=DENSE), 1_000_000),
-    "jam": (partial(packed, "jam"), 10_000),
+    "jam": (partial(packed, "jam"), 100_000),
     "gravity": (partial(packed, "gravity", fraction=LOOSE, tall=True, threads=1), 10_000),
     "gravity, polyhedra": (hulls, 1_000),
 }

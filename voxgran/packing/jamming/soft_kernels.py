@@ -66,16 +66,19 @@ def list_pairs(
     other: NDArray[np.int32],
     image: NDArray[np.uint8],
 ) -> int:
-    """Write the pairs with ``distance < reach * (r_i + r_j)`` and return how many there are; those beyond the end of
-    the arrays are only counted.
+    """Write the pairs with ``distance < reach * (r_i + r_j)`` and return how many there are; the arrays need one place
+    more, and pairs for which there is none are only counted.
 
-    A sphere is paired with larger ones, and with those before it on its own level.
+    A sphere is paired with larger ones, and with those before it on its own level: on the only one, the others need not
+    be linked yet.
     """
-    for i in range(len(spheres)):
+    found, alone = 0, len(cells.first) == 1
+    for i in range(0 if alone else len(spheres)):
         link_at(cells, i, level[i], spheres[i, 0] - lower[0], spheres[i, 1] - lower[1], spheres[i, 2] - lower[2])
-    found = 0
     for i in range(len(spheres)):
         first[i] = found
+        if alone:
+            link_at(cells, i, 0, spheres[i, 0] - lower[0], spheres[i, 1] - lower[1], spheres[i, 2] - lower[2])
         for other_level in range(level[i] + 1):
             found = _list_level(cells, other_level, level[i], spheres, lower, reach, i, found, other, image)
     first[len(spheres)] = found
@@ -92,9 +95,10 @@ def _list_level(cells, other_level, own, spheres, lower, reach, i, found, other,
         for cj in range(low[1], high[1]):
             for ck in range(low[2], high[2]):
                 j, ti, tj, tk = first_in_cell(cells, other_level, ci, cj, ck)
-                if max(abs(ti), abs(tj), abs(tk)) > MOST_IMAGES:
+                if j < 0 or max(abs(ti), abs(tj), abs(tk)) > MOST_IMAGES:
                     continue
                 sx, sy, sz = image_shift(cells, ti, tj, tk)
+                turned = ((ti + MOST_IMAGES) * IMAGES + tj + MOST_IMAGES) * IMAGES + tk + MOST_IMAGES
                 ahead = ti > 0 or (ti == 0 and (tj > 0 or (tj == 0 and tk > 0)))
                 while j >= 0:
                     if other_level < own or j < i or (j == i and ahead):
@@ -102,13 +106,10 @@ def _list_level(cells, other_level, own, spheres, lower, reach, i, found, other,
                         dy = spheres[j, 1] - lower[1] + sy - y
                         dz = spheres[j, 2] - lower[2] + sz - z
                         limit = reach * (r + spheres[j, 3])
-                        if dx * dx + dy * dy + dz * dz < limit * limit:
-                            if found < len(other):
-                                other[found] = j
-                                image[found] = ((ti + MOST_IMAGES) * IMAGES + tj + MOST_IMAGES) * IMAGES + (
-                                    tk + MOST_IMAGES
-                                )
-                            found += 1
+                        # written in any case, and kept if near: a branch that is guessed wrong takes longer
+                        at = min(found, len(other) - 1)
+                        other[at], image[at] = j, turned
+                        found += 1 if dx * dx + dy * dy + dz * dz < limit * limit else 0
                     j = cells.after[j]
     return found
 
@@ -133,25 +134,24 @@ def push_spheres(
             dy = spheres[j, 1] + pairs.shift[image, 1] - y
             dz = spheres[j, 2] + pairs.shift[image, 2] - z
             both = r + spheres[j, 3]
-            square = dx * dx + dy * dy + dz * dz
-            if square < both * both:
-                distance = math.sqrt(square)
-                deep = both - distance
-                if distance > 0.0:
-                    pull = deep / distance
-                else:
-                    # centers that coincide are parted along x
-                    dx, pull = 1.0, deep
-                fx -= pull * dx
-                fy -= pull * dy
-                fz -= pull * dz
-                force[j, 0] += pull * dx
-                force[j, 1] += pull * dy
-                force[j, 2] += pull * dz
-                energy += deep * deep
-                push += deep
-                touching += 1
-                depth = max(depth, deep / both)
+            distance = math.sqrt(dx * dx + dy * dy + dz * dz)
+            # pairs apart push by nothing: a branch that is guessed wrong takes longer than the sums
+            deep = max(both - distance, 0.0)
+            if distance == 0.0:
+                # centers that coincide are parted along x
+                dx, distance = 1.0, 1.0
+            pull = deep / distance
+            fx -= pull * dx
+            fy -= pull * dy
+            fz -= pull * dz
+            force[j, 0] += pull * dx
+            force[j, 1] += pull * dy
+            force[j, 2] += pull * dz
+            energy += deep * deep
+            push += deep
+            touching += 1 if deep > 0.0 else 0
+            if deep > depth * both:
+                depth = deep / both
         force[i, 0] += fx
         force[i, 1] += fy
         force[i, 2] += fz

@@ -283,9 +283,9 @@ class SoftSpheres:
         while True:
             other, image = np.zeros(many, dtype=np.int32), np.zeros(many, dtype=np.uint8)
             found = int(list_pairs(cells, level, self.listed, walls.lower, reach, first, other, image))
-            if found <= many:
+            if found < many:
                 break
-            many = found
+            many = found + 1
             cells.head[:] = -1
         depth = -np.asarray(self.container.signed_distance(self.listed[:, :3]))
         near = np.flatnonzero(depth < reach * self.listed[:, 3]).astype(np.int64)

@@ -5,9 +5,9 @@ mixed polygons or additional properties, or silently return a part of a truncate
 """
 
 import re
+from codecs import BOM_UTF8
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
-from itertools import chain
 from pathlib import Path
 from struct import Struct, calcsize
 from struct import error as struct_error
@@ -20,6 +20,7 @@ from voxgran._base.arrays import Floats, Integers
 from voxgran._base.errors import FileFormatError
 from voxgran._base.guarded import Content, reason_of
 from voxgran._base.lazy import load
+from voxgran.shapes.formats.number_text import line_at, numbers_of
 
 #: vertices (n, 3), the vertex indices of all polygons one after the other, and the number of those of each
 Polygons = tuple[Floats, Integers, Integers]
@@ -75,17 +76,18 @@ def _read_text_stl(raw: bytes, name: str) -> Polygons:
     """Return the triangles of a text STL file."""
     text = raw.lower()
     ends = text.count(b"endfacet"), text.count(b"endsolid")
-    # the names of solids lie before and behind
-    corners = text[text.find(b"facet") : text.rfind(b"endfacet")].split(b"vertex")[1:]
     try:
-        numbers = np.fromiter(
-            map(float, chain.from_iterable(words.split(None, 3)[:3] for words in corners)), np.float64
-        )
+        numbers, first, _ = numbers_of(text, b"vertex", most=3)
+        if len(first) <= 3 * ends[0]:
+            # several corners stand in one line; the names of solids lie before and behind
+            body = text[text.find(b"facet") : text.rfind(b"endfacet")].replace(b"vertex", b"\nvertex")
+            numbers, first, _ = numbers_of(body, b"vertex", most=3)
     except ValueError as error:
         raise FileFormatError(f"{name} is no STL file ({reason_of(error)}): write it again") from None
-    if len(corners) != 3 * ends[0] or not ends[1] or len(numbers) != 3 * len(corners):
+    many = len(first) - 1
+    if many != 3 * ends[0] or not ends[1] or len(numbers) != 3 * many:
         raise FileFormatError(
-            f"{name} holds {len(corners)} vertices for {ends[0]} complete triangles: it is cut; write it again"
+            f"{name} holds {many} vertices for {ends[0]} complete triangles: it is cut; write it again"
         )
     return _loose(numbers.reshape(-1, 3))
 
@@ -98,41 +100,24 @@ def read_obj(raw: bytes, name: str) -> Polygons:
     FileFormatError
         If a line cannot be read or a polygon refers to a missing vertex.
     """
-    points: list[float] = []
-    corners: list[int] = []
-    counts: list[int] = []
-    text = raw.decode("utf-8", errors="replace").replace("\\\r\n", " ").replace("\\\n", " ")
-    number, line = 0, ""
+    text = raw.removeprefix(BOM_UTF8)
+    if b"\\" in text:
+        # lines that go on
+        text = re.sub(rb"\\\r?\n", b" ", text)
     try:
-        for number, line in enumerate(text.splitlines(), 1):  # noqa: B007
-            words = (line.partition("#")[0] if "#" in line else line).split()
-            if not words:
-                continue
-            if words[0] == "v":
-                points += map(float, (words[1], words[2], words[3]))
-            elif words[0] == "f":
-                places = list(map(int, [word.partition("/")[0] for word in words[1:]] if "/" in line else words[1:]))
-                counts.append(len(places))
-                corners += places if min(places, default=1) > 0 else [_from_end(k, len(points) // 3) for k in places]
-    except (ValueError, IndexError):
-        raise FileFormatError(
-            f"{name} has {line.strip()[:40]!r} in line {number}: that is no vertex or face of an OBJ file; "
-            "it is cut or damaged, write it again"
-        ) from None
-    if max(corners, default=0) >= 2**63:
-        raise FileFormatError(f"{name} has a face with a vertex beyond 2^63: it is cut or damaged; write it again")
-    return (
-        np.array(points, dtype=np.float64).reshape(-1, 3),
-        np.array(corners, dtype=np.int64) - 1,
-        np.array(counts, dtype=np.int64),
-    )
-
-
-def _from_end(place: int, count: int) -> int:
-    """Return an OBJ index, of which -1 is the last vertex, counted from 1."""
-    if place == 0 or -place > count:
-        raise IndexError
-    return place if place > 0 else count + place + 1
+        points, first, begin = numbers_of(text, b"v", most=3)
+        numbers, start, at = numbers_of(text, b"f")
+        places, counts = _whole(numbers), np.diff(start)
+        # -1 is the last vertex before the face
+        last = np.repeat(np.searchsorted(begin, at), counts)
+        corners = np.where(places < 0, places + last, places - 1)
+        wrong = np.concatenate([begin[np.diff(first) < 3], np.repeat(at, counts)[corners < 0]])
+        reason = f"{line_at(text, int(wrong.min()))} is no vertex or face" if len(wrong) else ""
+    except ValueError as error:
+        reason = reason_of(error)
+    if reason:
+        raise FileFormatError(f"{name} cannot be read as OBJ ({reason}): it is cut or damaged; write it again")
+    return points.reshape(-1, 3), corners, counts
 
 
 def read_off(raw: bytes, name: str) -> Polygons:
@@ -143,35 +128,29 @@ def read_off(raw: bytes, name: str) -> Polygons:
     FileFormatError
         If the file is truncated or not an OFF file.
     """
-    rows = list(
-        filter(None, (line.split() for line in (re.sub(b"#.*", b"", raw) if b"#" in raw else raw).splitlines()))
-    )
-    if not rows or not rows[0][0].upper().endswith(b"OFF"):
+    text = raw.removeprefix(BOM_UTF8)
+    head = re.match(rb"(?:\s|#.*)*([^\s#]+)", text)
+    if head is None or not head[1].upper().endswith(b"OFF"):
         raise FileFormatError(f"{name} does not begin with OFF: it is no OFF file; check its format")
-    head, rows = (rows[0][1:], rows[1:]) if len(rows[0]) > 1 else (rows[1] if len(rows) > 1 else [], rows[2:])
     try:
-        vertex_count, face_count = _count(head[0]), _count(head[1])
-        places, first, _ = _numbers(rows[:vertex_count])
-        points = places[first[:, None] + np.arange(3)]
-        faces, first, many = _numbers(rows[vertex_count : vertex_count + face_count])
-        counts = _whole(faces[first])
-        whole = bool(((counts >= 0) & (counts < many)).all())
-        skipped = np.repeat(first + 1 - np.cumsum(counts) + counts, counts) if whole else first[:0]
-        corners = _whole(faces[skipped + np.arange(len(skipped))])
+        vertex_count, face_count = map(_count, numbers_of(text, start=head.end(), lines=1, most=2)[0])
+        numbers, first, _ = numbers_of(text, start=head.end(), lines=1 + vertex_count + face_count)
+        many = np.diff(first)[1:]
+        rows, faces = first[1 : 1 + vertex_count], first[1 + vertex_count : -1]
+        counts = _whole(numbers[faces])
+        points_whole = many[:vertex_count] >= 3
+        faces_whole = (counts >= 0) & (counts < many[vertex_count:])
+        whole = bool(points_whole.all() and faces_whole.all())
+        skipped = np.repeat(faces + 1 - np.cumsum(counts) + counts, counts) if whole else faces[:0]
+        corners = _whole(numbers[skipped + np.arange(len(skipped))])
     except (ValueError, IndexError, OverflowError) as error:
         raise FileFormatError(f"{name} cannot be read as OFF ({reason_of(error)}): write it again") from None
-    if len(points) < vertex_count or len(counts) < face_count or not whole:
+    if points_whole.sum() < vertex_count or faces_whole.sum() < face_count:
         raise FileFormatError(
-            f"{name} holds {len(points)} of {vertex_count} vertices and {len(counts)} of {face_count} faces: it is "
-            "cut; write it again"
+            f"{name} holds {points_whole.sum()} of {vertex_count} vertices and {faces_whole.sum()} of {face_count} "
+            "faces: it is cut; write it again"
         )
-    return points, corners, counts
-
-
-def _numbers(rows: list[list[bytes]]) -> tuple[Floats, Integers, Integers]:
-    """Return the numbers of all rows, which of them is the first of each row, and how many it has."""
-    many = np.fromiter(map(len, rows), np.int64, len(rows))
-    return np.fromiter(map(float, chain.from_iterable(rows)), np.float64), np.cumsum(many) - many, many
+    return numbers[rows[:, None] + np.arange(3)], corners, counts
 
 
 def _whole(corners: NDArray[Any]) -> Integers:
@@ -189,11 +168,11 @@ def _whole(corners: NDArray[Any]) -> Integers:
     return corners.astype(np.int64)
 
 
-def _count(word: bytes) -> int:
+def _count(number: float) -> int:
     """Return a count; negative numbers are invalid."""
-    if (count := int(word)) < 0:
-        raise ValueError(f"it counts {count} of something")
-    return count
+    if not (number >= 0.0 and number.is_integer()):
+        raise ValueError(f"it counts {number:g} of something")
+    return int(number)
 
 
 @dataclass(slots=True)
@@ -237,7 +216,7 @@ def ply_elements(raw: bytes, name: str) -> dict[str, dict[str, Column]]:
         order, elements, body = _ply_header(raw)
         if not order:
             # words of a text are records of float64
-            body, order = np.array(list(map(float, body.split()))).tobytes(), "="
+            body, order = numbers_of(raw, start=len(raw) - len(body))[0].tobytes(), "="
             for element in elements:
                 element.properties = [(key, ("f8",) * len(types)) for key, types in element.properties]
         walk = _ply_records(body, elements, order)

@@ -189,15 +189,25 @@ def energy_and_force(spheres, lengths):
     return energy, force, depth
 
 
-def test_forces_are_those_of_a_plain_program():
+@pytest.mark.parametrize("least", [0.2, 0.5, 1.2])
+def test_forces_are_those_of_a_plain_program(least):
     box = vg.Box((4, 4, 4), "xyz")
     generator = np.random.default_rng(0)
-    position, scale = generator.random((60, 3)) * 4, generator.uniform(0.5, 1.2, 60)
+    position, scale = generator.random((60, 3)) * 4, generator.uniform(least, 1.2, 60)
     soft = SoftSpheres(Assembly.of([SPHERE], box, position=position, scale=scale), jam=False, seed=0)
     energy, force, depth = energy_and_force(soft.spheres, np.full(3, 4.0))
     assert soft.numbers[ENERGY] == pytest.approx(energy, rel=1e-12)
     assert soft.numbers[DEPTH] == pytest.approx(depth, rel=1e-12)
     assert np.allclose(soft.force, force, atol=1e-12)
+
+
+def test_centers_that_coincide_are_parted_along_x():
+    assembly = Assembly.of([SPHERE], CUBE, position=np.full((2, 3), 1.0))
+    soft = SoftSpheres(assembly, jam=False, seed=0)
+    deep = 2.0 * soft.radii[0] * soft.size
+    assert np.abs(soft.force).tolist() == [[deep, 0, 0]] * 2
+    assert soft.force.sum() == 0.0
+    assert soft.numbers[DEPTH] == 1.0
 
 
 def test_walls_push_inward_by_the_depth():
