@@ -164,11 +164,23 @@ def test_numbers_of_the_comparison_are_those_of_the_packing(copy):
 def test_the_area_between_grains_is_that_of_shared_faces():
     """Two cubes share a square of 16; areas of faces count 2/3, as of surfaces of any direction."""
     scan = scan_of([((1, 1, 1), (5, 5, 5)), ((5, 1, 1), (9, 5, 5))])
-    known = _known_of(scan, sample_of(row_of(12), 0.6), _Scale(1.0, 1.0, 2.0, 1.0, 2.0, 0.5))
+    known = _known_of(scan, sample_of(row_of(12), 0.6), _Scale(1.0, 1.0, True, 2.0, 1.0, 2.0, 0.5))
     found = _values(known, (known.lower, known.upper), np.arange(2.0))
     assert found["contact_area"] == pytest.approx(2 / 3 * 16 / 1000 / 0.9)
     assert found["wetted_surface"] == pytest.approx(2 / 3 * 160 / 1000 / 0.9)
     assert found["solid_fraction"] == pytest.approx(0.128)
+
+
+def test_contacts_of_a_scan_are_pairs_of_labels_and_those_of_a_twin_are_counted_alike():
+    """Cubes that share 16 faces touch, those that are apart by less than a voxel's edge or share one face do not."""
+    boxes = [((1, 1, 1), (5, 5, 5)), ((5, 1, 1), (9, 5, 5)), ((1, 4, 5), (2, 9, 9))]
+    boxes += [((3, 3, 6), (4, 4, 7)), ((5, 5, 6), (7, 7, 8))]
+    scan, scale = scan_of(boxes), _Scale(1.0, 1.0, True, 2.0, 1.0, 2.0, 0.5)
+    # the third lies on one voxel of the first, the others apart
+    assert _known_of(scan, sample_of(row_of(12), 0.6), scale).grains["coordination_number"].tolist() == [1, 1, 0, 0, 0]
+    assert len(scan.contacts(1.0).i) > 1
+    exact = replace(scale, by_faces=False)
+    assert _known_of(scan, sample_of(row_of(12), 0.6), exact).grains["coordination_number"].tolist() != [1, 1, 0, 0, 0]
 
 
 def test_the_scatter_is_the_standard_error_of_blocks():
