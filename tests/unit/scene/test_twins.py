@@ -230,6 +230,18 @@ def test_a_model_that_is_given_has_the_resolution_of_the_sample():
     assert {len(shape.faces) for shape in (*twin.sample.shapes, *twin.model.shapes, *twin.packing.shapes)} == {60}
 
 
+@pytest.mark.parametrize(("own", "of_model"), [(None, "mm"), ("m", "mm"), ("mm", None)])
+def test_a_twin_has_the_unit_of_its_sample_whatever_that_of_the_model_is(own, of_model):
+    """Of the sizes of a model only the order counts."""
+    rocks = [replace(mesh_of(seed), unit=of_model) for seed in range(10)]
+    sample = [replace(shape, unit=own) for shape in rocks]
+    model = vg.learn_shapes(rocks, strength=0.05)
+    shapes, _, sizes = drawn(sample_of(sample, 0.4), 10, model, 5, 0)
+    assert {shape.unit for shape in shapes} == {own}
+    assert sizes == pytest.approx(sorted(shape.diameter for shape in sample))
+    assert model.unit == of_model
+
+
 def test_the_page_lists_the_largest_difference_first(copy, tmp_path):
     copy.report(tmp_path / "twin.html")
     text = (tmp_path / "twin.html").read_text()
@@ -250,6 +262,7 @@ def test_the_page_lists_the_largest_difference_first(copy, tmp_path):
         (lambda: vg.twin([vg.shapes.sphere()] * 12, solid_fraction=0.6, count=10**9), "ask for fewer"),
         (lambda: vg.twin([vg.shapes.sphere()] * 12, solid_fraction=0.6, model="shapes.nc"), "ShapeModel.load"),
         (lambda: vg.twin([mesh_of(0)] * 12, solid_fraction=0.6), "one shape"),
+        (lambda: vg.twin([mesh_of(0).scaled(1 + k / 9) for k in range(12)], solid_fraction=0.6), "one shape, of what"),
         (lambda: vg.twin([sheet()] * 12, solid_fraction=0.6), "open surfaces"),
         (lambda: vg.twin(scan_of([((0, 0, 0), (3, 3, 3)), ((5, 5, 5), (10, 9, 9))])), "no whole grain"),
         (lambda: vg.twin([vg.shapes.sphere()] * 12, solid_fraction=0.6, protocol="poured"), "protocol"),
