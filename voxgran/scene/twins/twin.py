@@ -156,7 +156,8 @@ def twin(
         fraction.
     model : ShapeModel, optional
         Distribution of shapes, as of :func:`voxgran.learn_shapes`, in any unit: sizes are those of the sample. Default:
-        learned from the sample where its grains are meshes; other shapes are those of the sample, drawn by their weights. Labels of spheres and ellipsoids, from
+        learned from the sample where its grains are meshes; other shapes are those of the sample, drawn by their
+        weights. Labels of spheres and ellipsoids, from
         which nine surfaces in ten differ by a quarter of a voxel at most, become these.
     faces : int
         Most triangles of a grain: surfaces of labels have thousands, which settling does not need.
