@@ -4,6 +4,7 @@ import pprint
 import re
 import shutil
 import tempfile
+from collections.abc import Mapping
 from dataclasses import asdict, replace
 from pathlib import Path
 from typing import Any, ClassVar
@@ -11,7 +12,7 @@ from typing import Any, ClassVar
 import numpy as np
 
 from voxgran._base.errors import InputError, VoxgranError
-from voxgran.app.forms import Form, blank_shape, forms_of, mapping_of, rest_of
+from voxgran.app.forms import Form, forms_of, mapping_of, rest_of, scene_of
 from voxgran.app.look import Look
 from voxgran.app.runs import Queue, Run, heard
 from voxgran.contacts.verify import Verification, verify
@@ -38,6 +39,8 @@ PREVIEW = 5
 HEADLINES = ("grains", "bed", "memory", "note")
 #: largest number of grains whose forces are computed where a packing stores none
 JUDGED = 2000
+#: a shape that is added
+SPHERE = {"family": "sphere"}
 #: files of a run
 REPORT, STATISTICS = "report.html", "statistics.nc"
 
@@ -77,12 +80,12 @@ class Desk:
     @property
     def mapping(self) -> dict[str, Any]:
         """The scene as it stands in the forms."""
-        return self.rest | mapping_of(self.forms)
+        return scene_of(self.rest | mapping_of(self.forms))
 
-    def refresh(self) -> None:
-        """Give each section the fields of its kind, with the values that it has."""
+    def refresh(self, **more: Any) -> None:
+        """Give each section the fields of its kind, with the values that it has or that are given."""
         kinds = {(form["name"], form["number"]): form["kind"] for form in self.forms}
-        self.forms = forms_of(self.mapping)
+        self.forms = forms_of(mapping_of(self.forms) | more)
         for form in self.forms:
             if not form["on"]:
                 form["kind"] = kinds.get((form["name"], form["number"]), form["kind"])
@@ -111,11 +114,9 @@ class Desk:
         seconds = f"time            about {made.seconds:.0f} s" if made.seconds >= 1 else ""
         self.plan = "\n".join(" ".join(line.split()) for line in [*lines, seconds, *said] if line)
 
-    def add_shape(self) -> None:
+    def add_shape(self, entry: Mapping[str, Any] = SPHERE) -> None:
         """Add a shape after the others."""
-        last = max(k for k, form in enumerate(self.forms) if form["name"] == "shape")
-        number = sum(form["name"] == "shape" for form in self.forms)
-        self.forms.insert(last + 1, blank_shape(number))
+        self.refresh(shape=[*mapping_of(self.forms).get("shape", ()), entry])
 
     def remove(self, index: int) -> None:
         """Remove a shape.
@@ -145,7 +146,7 @@ class Desk:
         except VoxgranError:
             place.unlink()
             raise
-        self.forms = forms_of(self.mapping | {"shape": [*self.mapping["shape"], entry]})
+        self.add_shape(entry)
         return told
 
     def kept(self, name: str, content: bytes) -> Path:

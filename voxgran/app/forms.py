@@ -15,8 +15,10 @@ from voxgran._base.lazy import load
 from voxgran.containers.make import container_registry
 from voxgran.geometry.orientations import KINDS as TURNS
 from voxgran.packing.method import method_registry
-from voxgran.scene.keys import AnyShape, Listed, Packed, Settled, ShapeOfFamily, ShapeOfFile
+from voxgran.scene.keys import AnyShape, Listed, Packed, Settled, ShapeOfFamily, ShapeOfFile, Twinned
 from voxgran.scene.sections import General, Output
+from voxgran.scene.twins.request import PROTOCOLS
+from voxgran.scene.twins.section import ALONE
 from voxgran.settling.compression_parameters import Compression
 from voxgran.settling.material import Material
 from voxgran.settling.parameters import Settling
@@ -62,6 +64,16 @@ def _container(kind: str) -> list[Parameter]:
     return [Parameter(name=name, type=Any, default=MISSING if must else None) for name, must in keys.items()]
 
 
+def _packed(cls: type, key: str) -> Callable[[str], list[Parameter]]:
+    """Return a function that gives the parameters of a class without the key of the kind, and those of the method of
+    this kind.
+    """
+    return lambda kind: [
+        *_without(parameters_of(cls), key),
+        *(parameters_of(method_registry().get(kind).parameters) if kind else ()),
+    ]
+
+
 def _without(items: Iterable[Parameter], *names: str) -> list[Parameter]:
     """Return the parameters but those of some names."""
     return [item for item in items if item.name not in names]
@@ -83,10 +95,14 @@ SECTIONS: dict[str, Section] = {
         title="Packing",
         key="method",
         kinds=lambda: method_registry().names(),
-        parameters=lambda kind: _without(
-            [*parameters_of(Packed), *parameters_of(method_registry().get(kind).parameters)], "method"
-        ),
+        parameters=_packed(Packed, "method"),
         needed=True,
+    ),
+    "twin": Section(
+        title="Twin of a sample",
+        key="protocol",
+        kinds=lambda: ("", *PROTOCOLS),
+        parameters=_packed(Twinned, "protocol"),
     ),
     "orientations": Section(
         title="Orientations",
@@ -120,6 +136,7 @@ def _form(name: str, section: Section, given: Mapping[str, Any] | None, number: 
     if name == "shape" and FROM_FILE in values:
         kind = FROM_FILE
     kind = kind if kind in kinds else (kinds or [""])[0]
+    own = {item.name: item for item in section.parameters(kind)}
     return {
         "name": name,
         "number": number,
@@ -129,13 +146,8 @@ def _form(name: str, section: Section, given: Mapping[str, Any] | None, number: 
         "needed": section.needed,
         "on": section.needed or given is not None,
         # a method may have a key of the section as a parameter of its own, which it explains itself
-        "fields": [_field(*pair) for pair in _with_values(section.parameters(kind), values)],
+        "fields": [_field(item, values.get(name)) for name, item in own.items()],
     }
-
-
-def _with_values(items: Iterable[Parameter], values: Mapping[str, Any]) -> list[tuple[Parameter, Any]]:
-    """Return parameters, the last of each name, and their values."""
-    return [(item, values.get(name)) for name, item in {item.name: item for item in items}.items()]
 
 
 def _field(item: Parameter, value: Any) -> Form:
@@ -206,7 +218,7 @@ def mapping_of(forms: Iterable[Form]) -> dict[str, Any]:
         if not form["on"]:
             continue
         values = {field["name"]: value_of(field) for field in form["fields"] if str(field["text"]).strip()}
-        if section.key and form["kind"] != FROM_FILE:
+        if section.key and form["kind"] not in ("", FROM_FILE):
             values = {section.key: form["kind"], **values}
         if section.many:
             made.setdefault(form["name"], []).append(values)
@@ -215,9 +227,12 @@ def mapping_of(forms: Iterable[Form]) -> dict[str, Any]:
     return made
 
 
-def blank_shape(number: int) -> Form:
-    """Return the form of one more shape, a sphere."""
-    return _form("shape", SECTIONS["shape"], {"family": "sphere"}, number)
+def scene_of(mapping: dict[str, Any]) -> dict[str, Any]:
+    """Return a scene of forms, without what a twin has itself: the grains, and a container of no size."""
+    if "twin" not in mapping:
+        return mapping
+    bare = () if len(mapping["container"]) > 1 else ("container",)
+    return {name: value for name, value in mapping.items() if name not in (*ALONE, *bare)}
 
 
 def rest_of(mapping: Mapping[str, Any]) -> dict[str, Any]:

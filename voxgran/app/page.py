@@ -344,7 +344,7 @@ class Page:
                     html.Span("{{ form.on ? form.kind : 'off' }}", classes="text-medium-emphasis mx-2")
                     html.Span("{{ errors[index] }}", classes="text-error text-caption section-error")
                 with v3.VExpansionPanelText():
-                    used = {"v_if": "!form.needed && form.name != 'shape'", "label": "used", "color": "primary"}
+                    used = {"v_if": "!form.needed && form.number < 1", "label": "used", "color": "primary"}
                     v3.VSwitch(v_model="form.on", **used, **OF_FORM)
                     kinds = {"v_if": "form.kinds.length", "items": ("form.kinds",), "label": ("form.title",)}
                     v3.VSelect(v_model="form.kind", **kinds, **OF_FORM)

@@ -8,7 +8,7 @@ which the ellipsoid with the moments of the union is larger than the ellipsoids 
 the end.
 """
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -159,6 +159,19 @@ def pairs_of(labels: NDArray[np.int32], distance: NDArray[np.float32]) -> Pairs:
         necks.append(np.minimum(near[apart], far[apart]))
     one, other = np.concatenate(ones).astype(np.int64), np.concatenate(others).astype(np.int64)
     return widest(one, other, np.concatenate(necks).astype(np.float64))
+
+
+def touching(labels: NDArray[np.integer[Any]], periodic: Sequence[bool], *, faces: int) -> Integers:
+    """Return with how many others each label 0 ... n of an image has so many faces of voxels in common or more."""
+    n, keys = int(labels.max(initial=0)) + 1, []
+    for axis in range(3):
+        lines = np.moveaxis(labels, axis, 0)
+        ahead, behind = (np.roll(lines, -1, axis=0), lines) if periodic[axis] else (lines[1:], lines[:-1])
+        apart = (ahead != behind) & (ahead > 0) & (behind > 0)
+        pair = np.sort(np.stack([ahead[apart], behind[apart]]).astype(np.int64), axis=0)
+        keys.append(pair[0] * n + pair[1])
+    found, shared = np.unique(np.concatenate(keys), return_counts=True)
+    return np.bincount(np.concatenate(np.divmod(found[shared >= faces], n)), minlength=n)
 
 
 def widest(one: Integers, other: Integers, neck: Floats) -> Pairs:

@@ -109,6 +109,26 @@ def test_a_kind_brings_its_fields_and_keeps_what_they_share(desk):
     assert desk.mapping["shape"] == [{"family": "sphere"}]
 
 
+def test_a_twin_is_planned_by_the_file_of_its_sample(desk, tmp_path):
+    box = vg.Box((4, 4, 4), periodic="xyz")
+    vg.save(vg.pack(vg.shapes.sphere(), box, "expand", count=30, solid_fraction=0.3), tmp_path / "scan.vtp")
+    twin = next(form for form in desk.forms if form["name"] == "twin")
+    twin["on"], twin["kind"] = True, "expand"
+    desk.refresh()
+    field(desk, "twin", "sample")["text"], field(desk, "twin", "count")["text"] = "scan.vtp", "8"
+    field(desk, "container", "lengths")["text"] = ""
+    desk.examine()
+    assert not desk.error
+    assert "learn the shapes of 30 grains" in desk.details
+    assert "shape" not in desk.mapping
+    field(desk, "twin", "sample")["text"] = "none.vtp"
+    desk.examine()
+    assert "none.vtp" in desk.error
+    # the sections of the scene are still there
+    next(form for form in desk.forms if form["name"] == "twin")["on"] = False
+    assert desk.mapping["packing"]["count"] == 12
+
+
 def test_a_run_has_the_bits_of_the_prompt_with_the_scene_that_is_taken_away(desk, tmp_path):
     run = waited(desk.queue, desk.run(), {"done", "failed"})
     assert run.state == "done", run.error

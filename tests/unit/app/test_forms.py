@@ -112,9 +112,27 @@ def test_fields_say_meaning_unit_choices_and_default():
     assert tomllib.loads(f"v = {fields['friction']['default']}")["v"] > 0
 
 
+@pytest.mark.parametrize("container", [{}, {"container": {"kind": "box", "lengths": [9, 9, 9]}}])
+@pytest.mark.parametrize("protocol", [{}, {"protocol": "compress", "friction": 0.2}])
+def test_a_twin_survives_its_form_alone(container, protocol):
+    given = {"twin": {"sample": "scan.vtp", "count": 9} | protocol, "output": {"report": False}} | container
+    made = forms.forms_of(given)
+    form = next(form for form in made if form["name"] == "twin")
+    assert form["on"]
+    names = {field["name"] for field in form["fields"]}
+    assert {"sample", "voxel_size"} <= names
+    assert ("friction" in names) == bool(protocol)
+    assert forms.scene_of(forms.rest_of(given) | forms.mapping_of(made)) == given
+    # what was in the other sections is there again without the twin
+    next(form for form in made if form["name"] == "shape")["on"] = True
+    assert "shape" not in forms.scene_of(forms.mapping_of(made))
+    form["on"] = False
+    assert {"shape", "packing", "container"} <= forms.scene_of(forms.mapping_of(made)).keys()
+
+
 def test_shapes_are_added_and_sections_switched_off():
-    made = forms.forms_of({"shape": [{"family": "sphere"}], "container": {"kind": "box"}, "sizes": {"kind": "uniform"}})
-    made.insert(1, forms.blank_shape(1))
+    spheres = [{"family": "sphere"}] * 2
+    made = forms.forms_of({"shape": spheres, "container": {"kind": "box"}, "sizes": {"kind": "uniform"}})
     next(form for form in made if form["name"] == "sizes")["on"] = False
     told = forms.mapping_of(made)
     assert told["shape"] == [{"family": "sphere"}, {"family": "sphere"}]

@@ -1,8 +1,12 @@
 import csv
 
+import numpy as np
 import pytest
 
+import voxgran as vg
 from voxgran.bench.tradeoffs import twin_loops
+from voxgran.lattice.necks import touching
+from voxgran.scene.twins.compared import SHARED
 
 
 @pytest.mark.slow
@@ -13,13 +17,12 @@ def test_a_closed_loop_ends_where_it_began(case):
         "solid_fraction",
         "coordination_number",
         "D50",
-        "radial_peak",
+        "mean_radial_peak",
         "tortuosity",
     }
-    # a peak of g(r) of 500 grains scatters by more than its limit
+    # the mean of four peaks of g(r) has a standard error of 3 %
     wide = [row for row in rows if row.limit is not None and abs(row.difference) > row.limit]
-    missed = [row for row in wide if row.measure != "radial_peak" or abs(row.ratio) > 2]
-    assert not missed
+    assert not [row for row in wide if row.measure != "mean_radial_peak" or abs(row.ratio) > 2]
 
 
 def test_rows_and_figure_are_written(tmp_path, monkeypatch):
@@ -45,3 +48,31 @@ def test_the_specimen_of_a_case_becomes_labels(monkeypatch):
     assert specimen.count == 30
     assert scan.gravity is None
     assert scan.solid_fraction == pytest.approx(specimen.solid_fraction, abs=0.05)
+
+
+@pytest.mark.slow
+@pytest.mark.filterwarnings("ignore::voxgran._base.errors.PackingWarning")
+@pytest.mark.parametrize("case", ["spheres", *twin_loops.CASES])
+def test_labels_that_share_faces_are_counted_alike_by_segmentation_and_by_truth(case, monkeypatch):
+    """Mean contacts of whole grains: known, within a voxel, and of labels that share faces, true ones and segmented."""
+    monkeypatch.setitem(twin_loops.CASES, "spheres", lambda: [vg.shapes.sphere()])
+    specimen = twin_loops.specimen_of(case, 3)
+    for across in (10, 17, 30):
+        cut = across // 3
+        image = vg.to_image(specimen, 1 / across)[cut:-cut, cut:-cut, cut:-cut][:240, :240, :240]
+        solid, told = (image > 0).astype(float), []
+        for labels in (image, np.asarray(vg.segment(solid, threshold=0.5, voxel_size=1 / across).labels)):
+            border = [labels.take(end, axis=axis) for axis in range(3) for end in (0, -1)]
+            whole = np.setdiff1d(labels, np.concatenate([side.ravel() for side in border]))
+            whole = whole[whole > 0]
+            told += [touching(labels, (False,) * 3, faces=many)[whole].mean() for many in (1, SHARED, 4)]
+            if labels is image:
+                known = whole - 1
+        exact = []
+        for gap in (1e-3, 1 / across):
+            pairs = specimen.contacts(gap)
+            number = np.bincount(np.concatenate([pairs.i, pairs.j]), minlength=specimen.count)
+            exact.append(number[known].mean())
+        print(case, across, *(f"{one:.2f}" for one in exact), "less known:", *(f"{one - exact[0]:.2f}" for one in told))  # noqa: T201
+        assert told[4] == pytest.approx(told[1], abs=0.15)
+        assert exact[0] < told[4] < min(exact[0] + 1.8, exact[1])

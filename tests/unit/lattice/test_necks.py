@@ -9,7 +9,7 @@ from voxgran._base.seeds import stream
 from voxgran.lattice import segment as segmenting
 from voxgran.lattice.distance import distance_transform
 from voxgran.lattice.image import Image
-from voxgran.lattice.necks import Basins, Pairs, basins_from, merged, pairs_of, tally
+from voxgran.lattice.necks import Basins, Pairs, basins_from, merged, pairs_of, tally, touching
 
 morphology = pytest.importorskip("skimage.morphology")
 
@@ -34,6 +34,31 @@ def test_the_neck_of_two_spheres_has_the_diameter_of_their_circle():
         assert float(found.necks["diameter"][0]) == pytest.approx(circle * edge, abs=1.5 * edge)
         assert float(found.necks["ratio"][0]) == pytest.approx(circle / 20, abs=0.08)
         assert not found.suspects.sizes["neck"]
+
+
+@pytest.mark.parametrize("periodic", [(False, False, False), (True, False, True)])
+@pytest.mark.parametrize("faces", [1, 2, 5])
+def test_labels_touch_that_share_faces_enough(periodic, faces):
+    image = np.random.default_rng(0).integers(0, 9, (4, 5, 6)).astype(np.int32)
+    shared = np.zeros((9, 9), dtype=int)
+    for place in np.ndindex(image.shape):
+        for axis in range(3):
+            ahead = list(place)
+            ahead[axis] += 1
+            if ahead[axis] == image.shape[axis]:
+                if not periodic[axis]:
+                    continue
+                ahead[axis] = 0
+            pair = image[place], image[tuple(ahead)]
+            if 0 < pair[0] != pair[1] > 0:
+                shared[pair] += 1
+    expected = (shared + shared.T >= faces).sum(axis=0)
+    assert 0 < expected.sum() < 9 * 8
+    assert touching(image, periodic, faces=faces).tolist() == expected.tolist()
+
+
+def test_of_a_void_image_nothing_touches():
+    assert touching(np.zeros((3, 3, 3), dtype=np.int32), (False,) * 3, faces=1).tolist() == [0]
 
 
 def test_a_waist_is_suspect_and_so_is_what_was_merged():

@@ -164,11 +164,23 @@ def test_numbers_of_the_comparison_are_those_of_the_packing(copy):
 def test_the_area_between_grains_is_that_of_shared_faces():
     """Two cubes share a square of 16; areas of faces count 2/3, as of surfaces of any direction."""
     scan = scan_of([((1, 1, 1), (5, 5, 5)), ((5, 1, 1), (9, 5, 5))])
-    known = _known_of(scan, sample_of(row_of(12), 0.6), _Scale(1.0, 1.0, 2.0, 1.0, 2.0, 0.5))
+    known = _known_of(scan, sample_of(row_of(12), 0.6), _Scale(1.0, 1.0, True, 2.0, 1.0, 2.0, 0.5))
     found = _values(known, (known.lower, known.upper), np.arange(2.0))
     assert found["contact_area"] == pytest.approx(2 / 3 * 16 / 1000 / 0.9)
     assert found["wetted_surface"] == pytest.approx(2 / 3 * 160 / 1000 / 0.9)
     assert found["solid_fraction"] == pytest.approx(0.128)
+
+
+def test_contacts_of_a_scan_are_pairs_of_labels_and_those_of_a_twin_are_counted_alike():
+    """Cubes that share 16 faces touch, those that are apart by less than a voxel's edge or share one face do not."""
+    boxes = [((1, 1, 1), (5, 5, 5)), ((5, 1, 1), (9, 5, 5)), ((1, 4, 5), (2, 9, 9))]
+    boxes += [((3, 3, 6), (4, 4, 7)), ((5, 5, 6), (7, 7, 8))]
+    scan, scale = scan_of(boxes), _Scale(1.0, 1.0, True, 2.0, 1.0, 2.0, 0.5)
+    # the third lies on one voxel of the first, the others apart
+    assert _known_of(scan, sample_of(row_of(12), 0.6), scale).grains["coordination_number"].tolist() == [1, 1, 0, 0, 0]
+    assert len(scan.contacts(1.0).i) > 1
+    exact = replace(scale, by_faces=False)
+    assert _known_of(scan, sample_of(row_of(12), 0.6), exact).grains["coordination_number"].tolist() != [1, 1, 0, 0, 0]
 
 
 def test_the_scatter_is_the_standard_error_of_blocks():
@@ -218,6 +230,18 @@ def test_a_model_that_is_given_has_the_resolution_of_the_sample():
     assert {len(shape.faces) for shape in (*twin.sample.shapes, *twin.model.shapes, *twin.packing.shapes)} == {60}
 
 
+@pytest.mark.parametrize(("own", "of_model"), [(None, "mm"), ("m", "mm"), ("mm", None)])
+def test_a_twin_has_the_unit_of_its_sample_whatever_that_of_the_model_is(own, of_model):
+    """Of the sizes of a model only the order counts."""
+    rocks = [replace(mesh_of(seed), unit=of_model) for seed in range(10)]
+    sample = [replace(shape, unit=own) for shape in rocks]
+    model = vg.learn_shapes(rocks, strength=0.05)
+    shapes, _, sizes = drawn(sample_of(sample, 0.4), 10, model, 5, 0)
+    assert {shape.unit for shape in shapes} == {own}
+    assert sizes == pytest.approx(sorted(shape.diameter for shape in sample))
+    assert model.unit == of_model
+
+
 def test_the_page_lists_the_largest_difference_first(copy, tmp_path):
     copy.report(tmp_path / "twin.html")
     text = (tmp_path / "twin.html").read_text()
@@ -238,6 +262,7 @@ def test_the_page_lists_the_largest_difference_first(copy, tmp_path):
         (lambda: vg.twin([vg.shapes.sphere()] * 12, solid_fraction=0.6, count=10**9), "ask for fewer"),
         (lambda: vg.twin([vg.shapes.sphere()] * 12, solid_fraction=0.6, model="shapes.nc"), "ShapeModel.load"),
         (lambda: vg.twin([mesh_of(0)] * 12, solid_fraction=0.6), "one shape"),
+        (lambda: vg.twin([mesh_of(0).scaled(1 + k / 9) for k in range(12)], solid_fraction=0.6), "one shape, of what"),
         (lambda: vg.twin([sheet()] * 12, solid_fraction=0.6), "open surfaces"),
         (lambda: vg.twin(scan_of([((0, 0, 0), (3, 3, 3)), ((5, 5, 5), (10, 9, 9))])), "no whole grain"),
         (lambda: vg.twin([vg.shapes.sphere()] * 12, solid_fraction=0.6, protocol="poured"), "protocol"),

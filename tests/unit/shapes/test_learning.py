@@ -264,7 +264,20 @@ def test_damaged_files_are_refused(tmp_path):
         vg.make_shape("learned", model=str(tmp_path / "none.nc"))
 
 
+def copies(shape, count=12):
+    """Return a solid in several sizes, turned, and every other one mirrored."""
+    turns, made = stream(0, "turns").normal(size=(count, 3, 3)), []
+    for k in range(count):
+        matrix = np.linalg.qr(turns[k])[0] * (1 + k / 7)
+        faces = shape.faces if np.linalg.det(matrix) > 0 else np.array(shape.faces)[:, ::-1]
+        made.append(vg.Shape.from_mesh(shape.vertices @ matrix.T, faces))
+    return made
+
+
 BAD = [
+    (copies(POLYHEDRA[0]), {}, "12 times one shape, of whatever size, turned or mirrored"),
+    (copies(vg.make_shape("solid_union")), {}, "12 times one shape"),
+    ([vg.shapes.ellipsoid(diameter=1 + k / 9) for k in range(12)], {}, "12 times one shape"),
     (POLYHEDRA[:9], {}, "shapes has 9 whole grains: at least 10 are needed"),
     ([POLYHEDRA[0]] * 12, {}, "12 times one shape"),
     ([*POLYHEDRA[:10], vg.shapes.shell()], {}, "open surface"),
@@ -282,6 +295,10 @@ BAD = [
 def test_bad_samples_are_refused_in_one_sentence(shapes, given, message):
     with pytest.raises(InputError, match=message):
         vg.learn_shapes(shapes, **given)
+
+
+def test_one_other_shape_makes_a_distribution():
+    assert len(vg.learn_shapes([*copies(POLYHEDRA[0]), POLYHEDRA[1]], strength=0.05).shapes) == 13
 
 
 def scan(count: int, seed: int, size: int = 64) -> tuple[np.ndarray, np.ndarray]:

@@ -140,7 +140,8 @@ def drawn(
     """Return shapes of a model, or of the sample, and shape and diameter of each grain (count,), from small to large.
 
     The diameters are laid over the distribution of the sample. A shape is that of grains whose sizes follow each other,
-    in the order of the sizes that the model has drawn, so that form and size stay related as they are.
+    in the order of the sizes that the model has drawn, so that form and size stay related as they are. Of sizes of the
+    model only this order counts, so that its unit is none of the twin.
     """
     if model is None:
         share = np.cumsum(sample.weights) / sample.weights.sum()
@@ -149,6 +150,8 @@ def drawn(
     else:
         shapes = list(model.sample(forms, seed=seed))
     shapes.sort(key=lambda shape: shape.diameter)
+    if model is not None and sample.unit != (model.unit or NO_UNIT):
+        shapes = [replace(shape, unit=sample.unit) for shape in shapes]
     return shapes, np.arange(count) * len(shapes) // count, sample.laid_sizes(count)
 
 

@@ -70,7 +70,8 @@ class Twin(ExplainedAttributes):
         The variables are `sample` and `twin`, the `difference`, the standard errors `sample_scatter` and
         `twin_scatter`, and the `ratio` of the difference to both together. The scatter is that between eight blocks of
         each packing; with several seeds that of the twin is between packings. A ratio is NaN where one is unknown.
-        Curves stand beside them, with the scatter of each value.
+        Curves stand beside them, with the scatter of each value. Contacts of a scan are pairs of labels with two faces
+        of voxels in common, and those of the twin are counted in its image alike.
         """
         return comparison_of(self.sample, self.packings, self.voxel_size)
 
@@ -154,8 +155,9 @@ def twin(
         gravity, otherwise ``"compress"``. The friction, and in beds the shaking, are searched that give the solid
         fraction.
     model : ShapeModel, optional
-        Distribution of shapes, as of :func:`voxgran.learn_shapes`. Default: learned from the sample where its grains
-        are meshes; other shapes are those of the sample, drawn by their weights. Labels of spheres and ellipsoids, from
+        Distribution of shapes, as of :func:`voxgran.learn_shapes`, in any unit: sizes are those of the sample. Default:
+        learned from the sample where its grains are meshes; other shapes are those of the sample, drawn by their
+        weights. Labels of spheres and ellipsoids, from
         which nine surfaces in ten differ by a quarter of a voxel at most, become these.
     faces : int
         Most triangles of a grain: surfaces of labels have thousands, which settling does not need.
@@ -179,8 +181,8 @@ def twin(
     Raises
     ------
     InputError
-        If the sample has fewer than 10 whole grains, open surfaces, or a solid fraction that rigid grains at rest
-        cannot have; or if an option is out of range.
+        If the sample has fewer than 10 whole grains, open surfaces, meshes of one shape only, in whatever sizes, or a
+        solid fraction that rigid grains at rest cannot have; or if an option is out of range.
 
     Warns
     -----

@@ -41,7 +41,7 @@ def checked_sample(shapes: Any, sizes: "ArrayLike | None", weights: "ArrayLike |
     Raises
     ------
     InputError
-        If there are fewer than 10, they are equal, open or plane, or a size or a weight is out of range.
+        If there are fewer than 10, they are open or plane, or a size or a weight is out of range.
     """
     own = None
     if isinstance(shapes, Grains):
@@ -64,8 +64,6 @@ def checked_sample(shapes: Any, sizes: "ArrayLike | None", weights: "ArrayLike |
             raise InputError(f"shape {shape.name!r} is plane: distributions are learned from solids; take solids")
     if len(every) < FEWEST:
         raise InputError(f"shapes has {len(every)} whole grains: at least {FEWEST} are needed; give more")
-    if len({shape.key for shape in every}) == 1:
-        raise InputError(f"shapes is {len(every)} times one shape: there is no distribution; pack that shape itself")
     units = sorted({shape.unit for shape in every if shape.unit})
     if len(units) > 1:
         raise InputError(f"the shapes have the units {', '.join(units)}: they must have one; convert them with to_unit")
