@@ -267,11 +267,11 @@ class Settler(Examined):
         moving = self._quasi_static(preset)
         if preset.last > preset.first:
             progress.length = min(preset.last, LENGTHEN * progress.length)
-        elif moving < SLOW:
+        elif moving < SLOW and progress.still_steps >= preset.late:
             progress.length = max(preset.last, SHRINK * progress.length)
         progress.still_steps += 1
         last = progress.still_steps >= self._more_steps * preset.steps
-        if preset in FRICTIONAL and not last:
+        if preset is FRICTIONAL and not last:
             if moving < EARLY and progress.still_steps % EVERY == 0 and self._rests_as_copy(preset):
                 self._end()
             return
@@ -376,7 +376,7 @@ class Settler(Examined):
         if SURFACE not in self.bed.grains.kind:
             if self._frictionless:
                 return FRICTIONLESS[int(self.bed.grains.kind.any()) if self.direct else 2]
-            return FRICTIONAL[int(self.bed.grains.kind.any())]
+            return FRICTIONAL
         return TRIANGLES if self.progress.exact else GRIDS
 
 
