@@ -21,8 +21,12 @@ class SolverPreset:
     reuse: float = 0.0  # motion of a pair up to which its contacts are not found again
 
 
-#: of spheres, convex grains and polygons: steps become shorter only where a bed has not come to rest for long
-FRICTIONAL = SolverPreset(KEPT, 0.1, 0.1, first=0.3, last=0.1, steps=150, late=75)
+#: of spheres, disks and polygons, whose steps become shorter only where a bed has not come to rest for long, and of
+#: convex grains, which take more of the long steps
+FRICTIONAL = (
+    SolverPreset(KEPT, 0.1, 0.1, first=0.3, last=0.1, steps=150, late=75),
+    SolverPreset(KEPT, 0.1, 0.1, first=0.2, last=0.1, steps=150),
+)
 #: of the same without friction: of spheres and of convex grains, solved to the end with steps that become longer, of
 #: which steps of spheres move no two grains into each other; and where that would take too long
 FRICTIONLESS = (

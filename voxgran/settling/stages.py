@@ -13,7 +13,7 @@ from voxgran._base.arrays import Floats
 from voxgran._base.errors import InputError
 from voxgran._base.stopping import Stopped
 from voxgran.contacts.assembly import Assembly
-from voxgran.contacts.manifolds.rows import SURFACE
+from voxgran.contacts.manifolds.rows import CONVEX, SURFACE
 from voxgran.settling.bed import Bed
 from voxgran.settling.closing import close_round
 from voxgran.settling.examination import (
@@ -271,7 +271,7 @@ class Settler(Examined):
             progress.length = max(preset.last, SHRINK * progress.length)
         progress.still_steps += 1
         last = progress.still_steps >= self._more_steps * preset.steps
-        if preset is FRICTIONAL and not last:
+        if preset in FRICTIONAL and not last:
             if moving < EARLY and progress.still_steps % EVERY == 0 and self._rests_as_copy(preset):
                 self._end()
             return
@@ -376,7 +376,7 @@ class Settler(Examined):
         if SURFACE not in self.bed.grains.kind:
             if self._frictionless:
                 return FRICTIONLESS[int(self.bed.grains.kind.any()) if self.direct else 2]
-            return FRICTIONAL
+            return FRICTIONAL[int(CONVEX in self.bed.grains.kind)]
         return TRIANGLES if self.progress.exact else GRIDS
 
 

@@ -133,14 +133,14 @@ def test_steps_stay_long_while_few_grains_fall():
 
 def test_steps_become_shorter_where_a_bed_does_not_come_to_rest(resting):
     settler, _ = examined(resting)
-    progress = settler.progress
-    progress.length, progress.still_steps = FRICTIONAL.first, 0
+    progress, preset = settler.progress, FRICTIONAL[0]
+    progress.length, progress.still_steps = preset.first, 0
     settler._rest()
     assert progress.moved < 0.03
-    assert progress.length == FRICTIONAL.first
-    progress.still_steps = FRICTIONAL.late
+    assert progress.length == preset.first
+    progress.still_steps = preset.late
     settler._rest()
-    assert FRICTIONAL.last <= progress.length < FRICTIONAL.first
+    assert preset.last <= progress.length < preset.first
 
 
 def test_only_small_beds_fall_once_more(resting):
