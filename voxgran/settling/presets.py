@@ -17,12 +17,14 @@ class SolverPreset:
     last: float  # of the last ones
     steps: int  # largest number of steps
     examined: int = 0  # steps between two examinations; 0: when hardly any grain moves
+    late: int = 0  # steps from which on steps become shorter
     reuse: float = 0.0  # motion of a pair up to which its contacts are not found again
 
 
-#: of spheres and disks, and of convex grains and polygons
+#: of spheres, disks and polygons, whose steps become shorter only where a bed has not come to rest for long, and of
+#: convex grains, which take more of the long steps
 FRICTIONAL = (
-    SolverPreset(KEPT, 0.1, 0.1, first=0.3, last=0.1, steps=150),
+    SolverPreset(KEPT, 0.1, 0.1, first=0.3, last=0.1, steps=150, late=75),
     SolverPreset(KEPT, 0.1, 0.1, first=0.2, last=0.1, steps=150),
 )
 #: of the same without friction, on soft contacts, whose lengths are compressions; and of polygons without friction

@@ -13,7 +13,7 @@ from voxgran._base.arrays import Floats
 from voxgran._base.errors import InputError
 from voxgran._base.stopping import Stopped
 from voxgran.contacts.assembly import Assembly
-from voxgran.contacts.manifolds.rows import OUTLINE, SURFACE
+from voxgran.contacts.manifolds.rows import CONVEX, OUTLINE, SURFACE
 from voxgran.settling.bed import Bed
 from voxgran.settling.closing import close_round
 from voxgran.settling.examination import (
@@ -276,7 +276,7 @@ class Settler(Examined):
         )  # fmt: skip
         if preset.last > preset.first:
             progress.length = min(preset.last, LENGTHEN * progress.length)
-        elif moving < SLOW:
+        elif moving < SLOW and progress.still_steps >= preset.late:
             progress.length = max(preset.last, SHRINK * progress.length)
         progress.still_steps += 1
         last = progress.still_steps >= self._more_steps * preset.steps
@@ -393,7 +393,7 @@ class Settler(Examined):
         if SURFACE not in self.bed.grains.kind:
             if self._frictionless:
                 return SOFT[int(self.bed.grains.kind.any())] if self.slides else FRICTIONLESS
-            return FRICTIONAL[int(self.bed.grains.kind.any())]
+            return FRICTIONAL[int(CONVEX in self.bed.grains.kind)]
         return TRIANGLES if self.progress.exact else GRIDS
 
 

@@ -7,6 +7,7 @@ import voxgran as vg
 from voxgran._base.errors import InputError
 from voxgran.packing.settling_run import normalized_assembly
 from voxgran.settling.parameters import Settling
+from voxgran.settling.presets import FRICTIONAL
 from voxgran.settling.progress import AGAIN, ENDED, STILL
 from voxgran.settling.stages import Settler
 
@@ -116,6 +117,30 @@ def test_a_bed_that_moves_a_little_is_known_to_rest(resting):
     assert not settler._rests_as_copy(preset)
     assert settler.bed is bed
     assert progress.moving > 0.5
+
+
+def test_steps_stay_long_while_few_grains_fall():
+    """Steps that became shorter at once were 300 for the pentagons and 88 for the spheres: grains still fell freely."""
+    pentagons, spheres = vg.make_shape("polygon"), vg.make_shape("sphere")
+    flat = vg.pack(pentagons, vg.Rectangle((20, 45), periodic="x"), "gravity", count=300, seed=2)
+    graded, box = vg.sizes.lognormal(1.0, 0.3), vg.Box((8, 8, 20), periodic="xy")
+    beds = flat, vg.pack(spheres, box, "gravity", count=300, sizes=graded, seed=1)
+    assert [bed.stop_reason for bed in beds] == ["settled", "settled"]
+    # all steps: of growth and of the fall about 180 and 137
+    assert beds[0].provenance["settling"]["steps"] < 300
+    assert beds[1].provenance["settling"]["steps"] < 210
+
+
+def test_steps_become_shorter_where_a_bed_does_not_come_to_rest(resting):
+    settler, _ = examined(resting)
+    progress, preset = settler.progress, FRICTIONAL[0]
+    progress.length, progress.still_steps = preset.first, 0
+    settler._rest()
+    assert progress.moved < 0.03
+    assert progress.length == preset.first
+    progress.still_steps = preset.late
+    settler._rest()
+    assert preset.last <= progress.length < preset.first
 
 
 def test_only_small_beds_fall_once_more(resting):
