@@ -19,8 +19,8 @@ from voxgran.shapes.mesh import Mesh
 
 #: powers of the monomials of degree 3 at most
 POWERS = np.array([powers for powers in product(range(4), repeat=3) if sum(powers) <= 3])
-#: weight of the changes of angles beside strains, fields that are kept, power of the energies by which stiff ones shrink
-ANGLES, KEPT, STIFF = 30.0, 16, 1.5
+#: weight of the changes of angles beside strains, fields that are kept, power of the energies by which they shrink
+ANGLES, KEPT, STIFF = 30.0, 16, 2.5
 #: edges flatter than this, in degrees, may not become sharp; rounds in which they are turned
 FLAT, ROUNDS = 25.0, 4
 
@@ -37,9 +37,7 @@ def monomials(points: Floats) -> tuple[Floats, Floats]:
     raised = np.stack([np.ones_like(points), points, points**2, points**3], axis=1)
     values = [raised[:, POWERS[:, k], k] for k in range(3)]
     slopes = [POWERS[:, k] * raised[:, np.maximum(POWERS[:, k] - 1, 0), k] for k in range(3)]
-    along = [
-        np.prod([slopes[k] if k == axis else values[k] for k in range(3)], axis=0) for axis in range(3)
-    ]
+    along = [np.prod([slopes[k] if k == axis else values[k] for k in range(3)], axis=0) for axis in range(3)]
     return np.prod(values, axis=0), np.array(along)
 
 
@@ -50,11 +48,13 @@ def soft_fields(mesh: Mesh) -> Soft:
     """
     radius, center, _, _ = frame_of(mesh)
     body = (mesh.vertices - center) / radius
-    corners = body[mesh.corners]
+    # the corners of small meshes are numbers of a byte, products of which would not fit
+    faces = mesh.corners.astype(np.int64)
+    corners = body[faces]
     area = np.linalg.norm(np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]), axis=1)
     # a rule of degree 2: a twelfth of each triangle at its corners and the rest at its middle
     at = np.concatenate([body, corners.mean(axis=1)])
-    share = np.bincount(mesh.corners.ravel(), np.repeat(area, 3), len(body))
+    share = np.bincount(faces.ravel(), np.repeat(area, 3), len(body))
     share = np.concatenate([share / 12, 0.75 * area]) / area.sum()
     values, slopes = monomials(at)
     mass = values.T @ (share[:, None] * values)
@@ -62,7 +62,7 @@ def soft_fields(mesh: Mesh) -> Soft:
     mass += 1e-9 * np.diag(np.diag(mass))
     even = np.linalg.inv(np.linalg.cholesky(mass)).T
     slopes = slopes @ even
-    energy = _strains(slopes, share) + ANGLES * _turned(body, mesh.corners, values[: len(body)] @ even)
+    energy = _strains(slopes, share) + ANGLES * _turned(body, faces, values[: len(body)] @ even)
     found, fields = np.linalg.eigh(energy)
     kept = slice(6, 6 + KEPT)
     return Soft((even @ fields.T[kept].reshape(-1, 3, len(POWERS)).transpose(0, 2, 1)), found[kept])
@@ -117,26 +117,30 @@ def unfolded(points: Floats, faces: Integers, before: Floats) -> Integers:
     """Return triangles (n, 3) whose edges are turned to the other diagonal where flat ones have become sharp: narrow
     triangles, as booleans leave them, fold when what lies about them bends.
     """
-    faces = np.array(faces)
+    faces = faces.astype(np.int64)
     for _ in range(ROUNDS):
         edges = edges_of_mesh(points, faces)
-        flat = np.abs(edges_of_mesh(before, faces).angle) < np.radians(FLAT)
-        folded = np.flatnonzero(flat & (np.abs(edges.angle) > np.radians(SHARP)))
-        least, found, taken = _fold(edges), False, set()
-        known = {frozenset(pair) for pair in zip(edges.begin.tolist(), edges.end.tolist(), strict=True)} if len(folded) else set()
-        for edge in folded[np.argsort(-np.abs(edges.angle * edges.length)[folded], kind="stable")]:
-            one, two = edges.one[edge] // 3, edges.two[edge] // 3
-            a, b, c = np.roll(faces[one], -(edges.one[edge] % 3))
-            d = np.roll(faces[two], -(edges.two[edge] % 3))[2]
-            if taken & {one, two} or frozenset((int(c), int(d))) in known:
+        sharp = np.flatnonzero(np.abs(edges.angle) > np.radians(SHARP))
+        if not len(sharp):
+            break
+        angle = edges_of_mesh(before, faces).angle
+        sharp = sharp[np.abs(angle[sharp]) < np.radians(FLAT)]
+        sharp = sharp[np.argsort(-np.abs(edges.angle * edges.length)[sharp], kind="stable")]
+        known = set(zip(edges.begin.tolist(), edges.end.tolist(), strict=True)) if len(sharp) else set()
+        least, taken = _fold(edges), set[int]()
+        for one, two in zip(edges.one[sharp].tolist(), edges.two[sharp].tolist(), strict=True):
+            pair = {one // 3, two // 3}
+            a, b, c = np.roll(faces[one // 3], -(one % 3)).tolist()
+            d = int(np.roll(faces[two // 3], -(two % 3))[2])
+            # triangles about an edge that is turned have other edges now
+            if taken & pair or (c, d) in known:
                 continue
             turned = faces.copy()
-            turned[one], turned[two] = (c, a, d), (d, b, c)
+            turned[one // 3], turned[two // 3] = (c, a, d), (d, b, c)
             fold = _fold(edges_of_mesh(points, turned))
             if fold < least:
-                faces, least, found = turned, fold, True
-                taken |= {one, two}
-        if not found:
+                faces, least, taken = turned, fold, taken | pair
+        if not taken:
             break
     return faces
 
