@@ -1,5 +1,7 @@
 """Grains that bend: the energies of fields, the bars that stay round, and triangles that fold."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -9,22 +11,24 @@ from voxgran.bench.tradeoffs import twins
 from voxgran.shapes.describing.curvature import edges_of_mesh
 from voxgran.shapes.learning import bend
 from voxgran.shapes.learning.bend import bent, displaced, monomials, soft_fields, unfolded
-from voxgran.shapes.learning.likeness import bar_roundness, distances, signature
+from voxgran.shapes.learning.learn import _made_oval
 from voxgran.shapes.learning.sample import meshed
-from voxgran.shapes.learning.warp import frame_of, mapped
+from voxgran.shapes.learning.warp import mapped
 from voxgran.shapes.mesh import Mesh
-from voxgran.shapes.model import Shape
 from voxgran.shapes.repairing.diagnose import refuse_dirty
 
 #: fine enough that strained meshes have no sharp edges
 RINGS = [vg.make_shape("torus", aspect=0.25 + k / 60, tolerance=0.005) for k in range(12)]
 
 
+GRAINS = twins.rings_with_rods(12, 3)
+
+
 def field_of(*rows: tuple[tuple[int, int, int], int, float]) -> np.ndarray:
     """Return the coefficients (20, 3) of a displacement from powers, axis and value."""
     field = np.zeros((20, 3))
     for powers, axis, value in rows:
-        field[(bend.POWERS == powers).all(axis=1).argmax(), axis] = value
+        field[(powers == bend.POWERS).all(axis=1).argmax(), axis] = value
     return field
 
 
@@ -39,7 +43,7 @@ def test_slopes_of_monomials_are_their_differences():
 
 def test_energies_are_those_of_strains_and_of_angles():
     mesh, draw = meshed(RINGS[3]).geometry, stream(1, "energies")
-    points, faces, field = mesh.vertices, mesh.corners, 1e-5 * draw.normal(0, 1, (20, 3))
+    points, faces, field = mesh.vertices, mesh.corners.astype(np.int64), 1e-5 * draw.normal(0, 1, (20, 3))
     values, slopes = monomials(points)
     share = draw.random(len(points))
     # the gradient (n, 3, 3) of the displacement, axis first
@@ -58,37 +62,25 @@ def test_energies_are_those_of_strains_and_of_angles():
 
 
 def test_bars_that_bend_stay_round_and_stretched_ones_do_not():
-    lost, moved = [], []
-    for k, ring in enumerate(RINGS[::3]):
-        mesh = meshed(ring).geometry
-        made, field = bent(mesh, soft_fields(mesh), 0.05, stream(k, "bend"))
-        assert field.shape == (20, 3)
-        radius, center, roots, axes = frame_of(mesh)
-        root = np.sqrt(((made.vertices - mesh.vertices) ** 2).sum(axis=1).mean())
-        assert root == pytest.approx(0.05 * 2 * radius, rel=0.1)
-        # a stretch that is as far from the donor
-        far = distances(signature(mesh)[None], signature(made)[None])[0, 0]
-        stretched, step = mesh, 0.0
-        while distances(signature(mesh)[None], signature(stretched)[None])[0, 0] < far:
-            step += 0.01
-            factors = np.exp([step, -step, 0.0])
-            stretched = Mesh((mesh.vertices - center) @ axes * factors, mesh.corners)
-        bodies = [Shape(one, "ring") for one in (mesh, made, stretched)]
-        before, *after = bar_roundness(bodies)
-        lost.append(before - np.array(after))
-        moved.append(far)
-    assert np.median(moved) > 0.02
-    bending, stretching = np.mean(lost, axis=0)
-    assert bending < 0.01
-    assert stretching > 5 * abs(bending)
+    bending = vg.learn_shapes(GRAINS, method="bend")
+    # in standard deviations of the sample
+    assert abs(_made_oval(bending, 1)) < 1.5
+    assert _made_oval(replace(bending, method="warp"), 1) > 4
+    for grain in bending.sample(4):
+        donor = bending.shapes[grain.record["donor"]]
+        moved = displaced(donor.geometry, grain.record["bend"]) - donor.vertices
+        # the mean square is that over the surface
+        corners = (moved**2).sum(axis=1)[donor.faces].mean(axis=1)
+        area = np.linalg.norm(np.cross(*np.diff(donor.vertices[donor.faces], axis=1).transpose(1, 0, 2)), axis=1)
+        assert np.sqrt(corners @ area / area.sum()) == pytest.approx(0.05 * donor.diameter, rel=0.15)
 
 
 def test_round_bars_bend_and_other_grains_are_warped():
-    model = vg.learn_shapes(RINGS)
+    model = vg.learn_shapes(GRAINS)
     assert repr(model) == "ShapeModel('bend', grains=12, strength=0.05)"
     assert vg.learn_shapes(vg.make_shapes("solid_union", count=12)).method == "warp"
-    grains = model.sample(20, seed=2)
-    assert grains == model.sample(20, seed=2)
+    grains = model.sample(12, seed=2)
+    assert grains == model.sample(12, seed=2)
     mirrored = 0
     for grain in grains:
         donor = model.shapes[grain.record["donor"]].geometry
@@ -98,8 +90,7 @@ def test_round_bars_bend_and_other_grains_are_warped():
         moments = np.diag(grain.inertia)
         assert grain.inertia == pytest.approx(np.diag(moments), abs=1e-9 * moments.max())
         assert grain.geometry.centroid == pytest.approx(np.zeros(3), abs=1e-12)
-        assert grain.diameter == pytest.approx(1.0)
-    assert 3 < mirrored < 17
+    assert 1 < mirrored < 11
 
 
 def test_files_keep_that_grains_bend(tmp_path):
@@ -111,8 +102,8 @@ def test_files_keep_that_grains_bend(tmp_path):
 
 
 def test_bent_grains_are_closed_and_do_not_cross_themselves():
-    model = vg.learn_shapes(twins.rings_with_rods(10, 3), method="bend")
-    for grain in model.sample(10):
+    model = vg.learn_shapes(GRAINS, method="bend")
+    for grain in model.sample(6):
         refuse_dirty(grain.vertices, grain.faces, grain.name)
         assert grain.volume > 0
 
@@ -121,7 +112,7 @@ def test_few_vertices_bend_too():
     mesh = vg.make_shape("box", lengths=(3, 1, 1))
     mesh = Mesh(mesh.vertices, mesh.faces)
     made, _ = bent(mesh, soft_fields(mesh), 0.05, stream(0, "box"))
-    refuse_dirty(made.vertices, made.corners, "box")
+    refuse_dirty(made.vertices, made.corners.astype(np.int64), "box")
 
 
 def test_narrow_triangles_are_turned_where_they_fold():
