@@ -83,7 +83,7 @@ def _turned(points: Floats, faces: Integers, values: Floats) -> Floats:
     """
     edges = edges_of_mesh(points, faces)
     opposite = np.roll(faces, -2, axis=1).ravel()
-    turned = 0.0
+    turned: Floats = np.zeros(1)
     for side, normal in ((edges.one, edges.first), (edges.two, edges.second)):
         begin, end, apex = edges.begin[side], edges.end[side], opposite[side]
         along, away = points[end] - points[begin], points[apex] - points[begin]
