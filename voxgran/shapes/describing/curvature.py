@@ -150,12 +150,23 @@ def _bends_of_outline(corners: Floats) -> Bends:
     return Bends(np.where(sharp, 0.0, length), np.maximum(angle, 0.0), curvature, coarse.astype(np.float64))
 
 
-def bends_of_mesh(vertices: Floats, faces: Integers) -> Bends:
-    """Return the parts of a closed mesh.
+class Edges(NamedTuple):
+    """Edges (m,) of a closed mesh of f triangles, each once."""
 
-    They are the sharp edges, which have no area and infinite curvature, and the surroundings of the vertices with their
-    larger principal curvature.
-    """
+    begin: Integers  # vertices (3 f,) at which the edges of the triangles begin, three for each
+    end: Integers  # and end
+    one: Integers  # of those, the place of each edge in one of its triangles
+    two: Integers  # and in the other, of the opposite direction
+    along: Floats  # unit vectors (m, 3)
+    length: Floats
+    angle: Floats  # by which the surface turns, positive where it bulges
+    first: Floats  # normals (m, 3) of the one triangle
+    second: Floats  # and of the other
+    doubled: Floats  # twice the areas (f,) of the triangles
+
+
+def edges_of_mesh(vertices: Floats, faces: Integers) -> Edges:
+    """Return the edges of a closed mesh, and the angles between its triangles."""
     triangles = vertices[faces]
     normals = np.cross(triangles[:, 1] - triangles[:, 0], triangles[:, 2] - triangles[:, 0])
     doubled = np.linalg.norm(normals, axis=1)
@@ -170,10 +181,21 @@ def bends_of_mesh(vertices: Floats, faces: Integers) -> Bends:
     first, second = normals[one // 3], normals[two // 3]
     # an edge bulges where the normals turn away from each other along it
     angle = np.arctan2((np.cross(first, second) * along).sum(axis=1), (first * second).sum(axis=1))
+    return Edges(begin, end, one, two, along, length, angle, first, second, doubled)
+
+
+def bends_of_mesh(vertices: Floats, faces: Integers) -> Bends:
+    """Return the parts of a closed mesh.
+
+    They are the sharp edges, which have no area and infinite curvature, and the surroundings of the vertices with their
+    larger principal curvature.
+    """
+    edges = edges_of_mesh(vertices, faces)
+    begin, end, one, along, length, angle = edges.begin, edges.end, edges.one, edges.along, edges.length, edges.angle
     sharp = angle > np.radians(SHARP)
     smooth = np.abs(angle) <= np.radians(SHARP)
     area = np.zeros(len(vertices))
-    np.add.at(area, faces, doubled[:, None] / 6)
+    np.add.at(area, faces, edges.doubled[:, None] / 6)
     tensor = np.zeros((len(vertices), 3, 3))
     part = (angle * length)[smooth, None, None] / 2 * along[smooth, :, None] * along[smooth, None, :]
     for ends in (begin[one[smooth]], end[one[smooth]]):
@@ -187,12 +209,12 @@ def bends_of_mesh(vertices: Floats, faces: Integers) -> Bends:
     coarse = _coarse(np.stack([begin[one], end[one]], axis=1), angle, length, len(vertices))
     if len(faces) <= POLYHEDRON:
         coarse[:] = 0.0
-    edges = np.flatnonzero(sharp)
+    kept = np.flatnonzero(sharp)
     return Bends(
-        size=np.concatenate([area, np.zeros(len(edges))]),
-        angle=np.concatenate([area * np.maximum(curvature, 0.0), (angle * length)[edges]]),
-        curvature=np.concatenate([curvature, np.full(len(edges), np.inf)]),
-        coarse=np.concatenate([coarse, coarse[np.stack([begin[one], end[one]])[:, edges]].mean(axis=0)]),
+        size=np.concatenate([area, np.zeros(len(kept))]),
+        angle=np.concatenate([area * np.maximum(curvature, 0.0), (angle * length)[kept]]),
+        curvature=np.concatenate([curvature, np.full(len(kept), np.inf)]),
+        coarse=np.concatenate([coarse, coarse[np.stack([begin[one], end[one]])[:, kept]].mean(axis=0)]),
     )
 
 

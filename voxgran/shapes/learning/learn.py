@@ -14,14 +14,21 @@ from voxgran._base.calls import explained
 from voxgran._base.errors import InputError
 from voxgran._base.lazy import load
 from voxgran._base.seeds import stream
-from voxgran.shapes.learning.likeness import distances, energy_distance, quick_descriptors, signatures, spread_of
+from voxgran.shapes.learning.likeness import (
+    LEAST_SPREAD,
+    distances,
+    energy_distance,
+    quick_descriptors,
+    signatures,
+    spread_of,
+)
 from voxgran.shapes.learning.model import ShapeModel
 from voxgran.shapes.learning.sample import checked_sample
 from voxgran.shapes.learning.warp import WIDE
 from voxgran.shapes.model import Shape
 
 #: how grains are made
-METHODS = ("warp",)
+METHODS = ("warp", "bend")
 #: strengths that are tried, that of small samples, and the number of grains that is not small
 STRENGTHS, SMALL, LARGE = (0.005, 0.01, 0.02, 0.03, 0.04, 0.05, 0.065, 0.08, 0.12), 0.05, 40
 #: difference of descriptors up to which grains are one shape, turned, mirrored or scaled: rounding gives 1e-14, after
@@ -32,6 +39,8 @@ BALANCED, RIDGE, STEEPEST = 100, 0.02, 1.0
 #: novelty that is enough, growth of the error in that of random halves of the sample that is too much, and pairs of
 #: such halves
 ENOUGH, WORSE, FOLDS = 0.95, 0.2, 10
+#: grains that are drawn to see whether bars stay round, and standard deviations by which they may not become oval
+FEW, OVAL = 40, 1.0
 
 
 @explained(hint="learn_shapes(shapes)")
@@ -39,17 +48,19 @@ def learn_shapes(
     shapes: Sequence[Shape] | Any,
     sizes: "ArrayLike | None" = None,
     *,
-    method: str = "warp",
+    method: str | None = None,
     strength: float | None = None,
     weights: "ArrayLike | None" = None,
     seed: int = 0,
 ) -> ShapeModel:
     """Learn the distribution of shapes and sizes of a sample of grains, such as those of a scan.
 
-    A grain that is drawn is made of one grain of the sample, its donor: mirrored at random, mapped by a small shear and
-    taper, by which planes stay planes and convex solids convex, and stretched to principal ratios and a size that a
-    kernel density of the sample gives. So texture, edges and holes stay those of real grains, and shape and size as
-    correlated as they are.
+    A grain that is drawn is made of one grain of the sample, its donor, mirrored at random, and of a size that a kernel
+    density of the sample gives. By "warp" it is mapped by a small shear and taper, by which planes stay planes and
+    convex solids convex, and stretched to principal ratios that the kernel density gives too. By "bend" it is bent so
+    that it is strained, and its surface is curved, as little as possible: bars stay as round as they are, which a
+    stretch makes oval. So texture, edges and holes stay those of real grains, and shape and size as correlated as they
+    are.
 
     Parameters
     ----------
@@ -59,17 +70,18 @@ def learn_shapes(
         more often, are as frequent as they are.
     sizes : (n,) array_like of float, optional
         Equivalent diameters in place of those of the shapes.
-    method : {"warp"}
-        How grains are made.
+    method : {"warp", "bend"}, optional
+        How grains are made. Default: "warp", or "bend" where grains are of round bars, which "warp" would make oval.
     strength : float, optional
-        Standard deviation of the shears and of the taper, at most 0.3; the kernel density is narrower in proportion
-        below 0.02, and wider above 0.08. Default: chosen between 0.005 and 0.12, so that drawn grains are new and the
+        Standard deviation of the shears and of the taper, or root mean square of the displacement by bending, in
+        equivalent diameters; at most 0.3. The kernel density is narrower in proportion below 0.02, and wider above
+        0.08. Default: chosen between 0.005 and 0.12, so that drawn grains are new and the
         descriptors are those of the sample; 0.05 where there are fewer than 40 grains.
     weights : (n,) array_like of float, optional
         How often each grain is the donor, relative to the others; default: equally often, and of a packing of labels as
         said above.
     seed : int
-        Seed of the grains that are drawn to choose the strength and to balance the donors.
+        Seed of the grains that are drawn to choose the method and the strength, and to balance the donors.
 
     Returns
     -------
@@ -92,22 +104,40 @@ def learn_shapes(
     >>> len(model.sample(30, seed=1))
     30
     """
-    as_choice(method, "method", METHODS)
+    if method is not None:
+        as_choice(method, "method", METHODS)
     sample = checked_sample(shapes, sizes, weights)
     strength = None if strength is None else as_number(strength, "strength", at_least=0.0, at_most=0.3)
     start = SMALL if strength is None else strength
-    even = ShapeModel(
-        shapes=tuple(sample.shapes), weights=sample.weights, donors=sample.weights, strength=start, method=method
-    )
+    w = sample.weights
+    even = ShapeModel(shapes=tuple(sample.shapes), weights=w, donors=w, strength=start, method=method or METHODS[0])
     rows = quick_descriptors(even.shapes)
     if np.isclose(rows, rows[0], rtol=0.0, atol=SAME, equal_nan=True).all():
         raise InputError(
             f"shapes is {len(rows)} times one shape, of whatever size, turned or mirrored: there is no distribution; "
             "pack that shape itself with sizes="
         )
+    if method is None:
+        oval, bending = _made_oval(even, seed), replace(even, method=METHODS[1])
+        if oval > OVAL and _made_oval(bending, seed) < oval / 2:
+            even = bending
+    rows = _described(even, even.shapes)
     if strength is None and len(rows) >= LARGE:
         even = replace(even, strength=_chosen(even, rows, seed))
     return replace(even, donors=_balancing(even, rows, seed)[0])
+
+
+def _made_oval(even: ShapeModel, seed: int) -> float:
+    """Return by how many standard deviations the roundness of bars falls, on the average over a few drawn grains."""
+    drawn = even.sample(min(len(even.shapes), FEW), seed=seed)
+    donors = [even.shapes[shape.record["donor"]] for shape in drawn]
+    before, after = (quick_descriptors(grains, bars=True)[:, -1] for grains in (donors, drawn))
+    return float((before - after).mean() / max(before.std(), LEAST_SPREAD))
+
+
+def _described(even: ShapeModel, shapes: Sequence[Shape]) -> Floats:
+    """Return the descriptors (n, 5) by which the grains of a model are chosen: those of bars where grains bend."""
+    return quick_descriptors(shapes, bars=even.method == "bend")
 
 
 def _balancing(even: ShapeModel, rows: Floats, seed: int) -> tuple[Floats, list[Shape], float]:
@@ -115,7 +145,7 @@ def _balancing(even: ShapeModel, rows: Floats, seed: int) -> tuple[Floats, list[
     with the descriptors (n, k) then.
     """
     drawn = even.sample(min(len(rows), BALANCED), seed=seed)
-    made, donors = quick_descriptors(drawn), np.array([shape.record["donor"] for shape in drawn])
+    made, donors = _described(even, drawn), np.array([shape.record["donor"] for shape in drawn])
     found = balanced(rows, even.weights, made, donors)
     again = found[donors] / even.weights[donors]
     return found, drawn, energy_distance(rows, made, spread_of(rows), even.weights, again)

@@ -2,7 +2,7 @@
 
 import os
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property
 from typing import Any
 
@@ -13,9 +13,11 @@ from voxgran._base.arrays import Floats, as_count
 from voxgran._base.calls import explained_methods
 from voxgran._base.seeds import stream
 from voxgran.shapes.describing.thumbnail import card
+from voxgran.shapes.learning.bend import Soft, bent, soft_fields
 from voxgran.shapes.learning.files import read_model, write_model
 from voxgran.shapes.learning.report import ShapeReport, compared
-from voxgran.shapes.learning.warp import Kernel, frame_of, warped, width_of
+from voxgran.shapes.learning.warp import Kernel, frame_of, placed, warped, width_of
+from voxgran.shapes.mesh import Mesh
 from voxgran.shapes.model import Shape
 
 
@@ -34,10 +36,13 @@ class ShapeModel(ExplainedAttributes):
         How often each is the donor of a grain, of sum 1: as its weight says, but for what makes up for the mean change
         of descriptors by the maps.
     strength : float
-        Standard deviation of the shears and of the taper by which a new grain differs from one of the sample; the
-        kernel density of ratios and sizes is narrower in proportion below 0.02, and wider above 0.08.
+        Standard deviation of the shears and of the taper by which a new grain differs from one of the sample, or root
+        mean square of the displacement of its surface, in equivalent diameters; the kernel density of ratios and sizes
+        is narrower in proportion below 0.02, and wider above 0.08.
     method : str
-        How grains are made: ``"warp"``.
+        How grains are made: ``"warp"`` or ``"bend"``.
+    softest : dict
+        Fields in which donors bend most easily, by their number: found as they are needed, and not saved.
 
     Examples
     --------
@@ -52,6 +57,7 @@ class ShapeModel(ExplainedAttributes):
     donors: Floats
     strength: float
     method: str = "warp"
+    softest: dict[int, Soft] = field(default_factory=dict)
 
     @property
     def unit(self) -> str | None:
@@ -89,7 +95,8 @@ class ShapeModel(ExplainedAttributes):
         list of Shape
             Meshes of true size about their centroids. The `record` of each has the ``donor``, the number of a grain of
             the sample, and the ``map`` (4, 4), the homogeneous matrix that takes the donor's vertices to those of the
-            grain: a determinant below 0 is that of a mirrored grain.
+            grain: a determinant below 0 is that of a mirrored grain. Where grains bend, ``bend`` has the coefficients
+            (20, 3) of the displacement before the map, of the monomials of degree 3 at most.
 
         Raises
         ------
@@ -114,9 +121,17 @@ class ShapeModel(ExplainedAttributes):
 
     def _made(self, donor: int, generator: np.random.Generator) -> Shape:
         """Return a grain made of one of the sample."""
-        wanted = self._kernel.draw(donor, generator)
-        mesh, matrix = warped(self.shapes[donor].geometry, wanted, self.strength, generator)  # type: ignore[arg-type]
-        return Shape(mesh, "learned", unit=self.unit, record={"donor": donor, "map": matrix})
+        wanted, given = self._kernel.draw(donor, generator), self.shapes[donor].geometry
+        assert isinstance(given, Mesh)
+        record: dict[str, Any] = {"donor": donor}
+        if self.method == "bend":
+            if donor not in self.softest:
+                self.softest[donor] = soft_fields(given)
+            given, record["bend"] = bent(given, self.softest[donor], self.strength, generator)
+            mesh, record["map"] = placed(given, float(wanted[2]), generator)
+        else:
+            mesh, record["map"] = warped(given, wanted, self.strength, generator)
+        return Shape(mesh, "learned", unit=self.unit, record=record)
 
     def report(
         self, test: Sequence[Shape] | None = None, *, count: int = 200, descriptors: bool = True, seed: int = 0

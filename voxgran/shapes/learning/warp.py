@@ -129,10 +129,26 @@ def warped(mesh: Mesh, wanted: Floats, strength: float, generator: np.random.Gen
     matrix = affine(np.eye(3), taper=taper * min(1.0, (1 - LEAST) / max(deepest, 1e-300))) @ matrix
     faces = mesh.corners[:, ::-1] if np.linalg.det(matrix[:3, :3]) < 0 else mesh.corners
     body = Mesh(mapped(mesh.vertices, matrix), faces)
-    radius, center, roots, axes = frame_of(body)
+    roots = frame_of(body)[2]
+    ratios = np.exp([0.0, wanted[0], wanted[0] + wanted[1]]) / roots
+    matrix = _upright(body, ratios / ratios.prod() ** (1 / 3), float(wanted[2])) @ matrix
+    return Mesh(mapped(mesh.vertices, matrix), faces), matrix
+
+
+def placed(mesh: Mesh, size: float, generator: np.random.Generator) -> tuple[Mesh, Floats]:
+    """Return a grain in its principal axes, mirrored at random, with the logarithm of its equivalent diameter, and the
+    map (4, 4) of its points.
+    """
+    sides = np.where(generator.random(3) < 0.5, -1.0, 1.0)
+    matrix = affine(np.diag(sides)) @ _upright(mesh, np.ones(3), size)
+    faces = mesh.corners[:, ::-1] if sides.prod() < 0 else mesh.corners
+    return Mesh(mapped(mesh.vertices, matrix), faces), matrix
+
+
+def _upright(mesh: Mesh, stretch: Floats, size: float) -> Floats:
+    """Return the map (4, 4) into the principal axes of a grain, stretched along them to the logarithm of a diameter."""
+    radius, center, _, axes = frame_of(mesh)
     if np.linalg.det(axes) < 0:
         axes[:, 2] *= -1
-    ratios = np.exp([0.0, wanted[0], wanted[0] + wanted[1]]) / roots
-    stretch = ratios / ratios.prod() ** (1 / 3) * np.exp(wanted[2]) / (2 * radius)
-    matrix = affine(stretch[:, None] * axes.T, -stretch * (axes.T @ center)) @ matrix
-    return Mesh(mapped(mesh.vertices, matrix), faces), matrix
+    factors = stretch * np.exp(size) / (2 * radius)
+    return affine(factors[:, None] * axes.T, -factors * (axes.T @ center))
