@@ -72,7 +72,7 @@ class Cost:
     # number of solids that are voxelized and sampled: exactly what the run counts
     voxelized_shapes: int = 0
     sampled_shapes: int = 0
-    # expected processor time on a usual core; 0 where it is not known
+    # expected CPU time on a usual core; 0 where it is not known
     seconds: float = 0.0
 
 

@@ -2,7 +2,7 @@
 
 Specimens are graded grains, compressed with friction in a periodic cell. Their images are cut on all sides, segmented
 as scans are, and the twins are made of the labels alone. The scatter is that of specimen and twin together: what two
-parts of one material would differ by. Seconds are processor time of the twin, with the search of its friction.
+parts of one material would differ by. Seconds are CPU seconds of the twin, with the search of its friction.
 """
 
 import warnings
