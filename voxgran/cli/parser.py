@@ -155,6 +155,7 @@ def name_flags(sentence: str, options: argparse.Namespace) -> str:
         flag = f"--{name.replace('_', '-')}"
         sentence = re.sub(rf"(?<![\w\[-]){name}=True\b", flag, sentence)
         sentence = re.sub(rf"(?<![\w\[-]){name}='([^']*)'", rf"{flag} \1", sentence)
+        sentence = re.sub(rf"(?<![\w\[-]){name}=(-?[\d.]+(?:e[+-]?\d+)?)(?![\w'])", rf"{flag} \1", sentence)
         sentence = sentence.replace(f"{flag}, at the prompt {flag}", flag)
         if "_" in name:
             sentence = re.sub(rf"(?<![\w-]){name}\b", flag, sentence).replace(f"{flag} is None", f"{flag} is missing")

@@ -213,6 +213,8 @@ class PackingMethod:
     obstacles : {"refused", "placed", "apart"}
         How it packs around fixed grains: not at all; as the first grains of the start, which it leaves in place; or as
         a part of the container, which :func:`voxgran.packing.obstacles.around_obstacles` makes of them.
+    no_obstacles : str
+        What the message says of a method that does not pack around fixed grains: why.
     no_room : str
         What a warning says where the method stops since no other grain has room: why, and what helps.
 
@@ -243,6 +245,7 @@ class PackingMethod:
     sizing: Literal["drawn", "scaled", "made"] = "drawn"
     keeps_sizes: bool = False
     obstacles: Literal["refused", "placed", "apart"] = "refused"
+    no_obstacles: str = "has no place for them"
     no_room: str = NO_ROOM
 
 
