@@ -380,6 +380,8 @@ def test_messages_name_the_flags_of_the_prompt(tmp_path, capsys):
     told = "give stress=1e5, clump=20 or law='linear', not method='jam'; stress is (1, 2)"
     right = "give --stress 1e5, --clump 20 or --law linear, not method='jam'; stress is (1, 2)"
     assert name_flags(told, given) == right
+    told = "packing.gravity is None, and packing.unit is 'm': give stress=-1.5"
+    assert name_flags(told, given) == "the packing has no gravity, and unit of the packing is 'm': give --stress -1.5"
 
 
 def test_bad_files_are_one_line_and_status_2(tmp_path, capsys):
