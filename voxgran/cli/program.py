@@ -49,7 +49,7 @@ def _run(words: list[str], signals: Signals) -> int:
         try:
             options = parse(words, COMMANDS)
             _set_logging(options)
-            warnings.showwarning = lambda message, *_: warn(name_flags(str(message), options))  # type: ignore[assignment]
+            warnings.showwarning = lambda message, *_: warn(name_flags(str(message), options))
             heed()
             return int(COMMANDS[options.command][1](options) or 0)
         finally:
