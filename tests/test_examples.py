@@ -438,7 +438,7 @@ def test_twin_of_scan(tmp_path, capsys, monkeypatch):
     assert found["coordination_number"][1] == pytest.approx(found["coordination_number"][0], abs=0.3)
     # the standard error of the D50 of 89 whole grains is 4 %
     assert found["D50"][1] == pytest.approx(found["D50"][0], rel=0.08)
-    # the place of the peak of so few grains has a standard error of about a bin, 0.05 diameters and more
+    # the place of the peak of so few grains has a standard error of about 0.1 diameters
     assert abs(found["radial_peak"][2]) < 3
     assert found["tortuosity"][1] == pytest.approx(found["tortuosity"][0], rel=0.05)
     assert (tmp_path / "twin.html").exists()
