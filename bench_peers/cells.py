@@ -46,7 +46,7 @@ def inverse_monte_carlo(
     volume : (n,) ndarray of float
         Volumes of their cells.
     seconds : float
-        Processor time of the moves, without that of the first diagram.
+        CPU time of the moves, without that of the first diagram.
     kept : int
         Moves that were kept.
     """

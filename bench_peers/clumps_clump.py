@@ -1,7 +1,7 @@
 """Clump by CLUMP (clump-python): python clumps_clump.py MESH.stl COUNT SPHERES.npz.
 
 The greedy choice on the Euclidean distance transform, with 50 voxels along the shortest side and an overlap of 0.6.
-Prints the seconds of the processor, without those of loading the program.
+Prints the CPU seconds, without those of loading the program.
 """
 
 import sys

@@ -1,7 +1,7 @@
 """Clump by multisphere: python clumps_multisphere.py MESH.stl COUNT SPHERES.npz.
 
 The program voxelizes the mesh, with 100 voxels along its longest side, and takes spheres from the distance transform
-of what is left. Prints the seconds of the processor, without those of loading the program.
+of what is left. Prints the CPU seconds, without those of loading the program.
 """
 
 import sys

@@ -1,7 +1,7 @@
 """Spheres that LAMMPS compresses to a pressure (granular package): python compress_lammps.py GRAINS.npz POSES.npz.
 
 The input has position (n, 3), diameter (n,), lengths (3,) of a periodic box with a corner at the origin, and friction.
-Pressure, diameter and mass of a grain of diameter 1 are 1. Prints the seconds of the processor.
+Pressure, diameter and mass of a grain of diameter 1 are 1. Prints the CPU seconds.
 """
 
 import ctypes

@@ -13,7 +13,7 @@ GROVE = 200
 
 
 def plain_front(count: int) -> tuple[float, Floats]:
-    """Advance the front of equal spheres of unit diameter with NumPy and SciPy; return the seconds of the processor and
+    """Advance the front of equal spheres of unit diameter with NumPy and SciPy; return the CPU seconds and
     the centers.
 
     Parameters

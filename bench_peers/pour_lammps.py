@@ -1,8 +1,8 @@
 """Spheres that are poured in LAMMPS (granular package, damped springs): python pour_lammps.py ASKED.npz POSES.npz.
 
 The input has count, lengths (3,) of a box that is periodic across gravity with a corner at the origin, friction, speed
-with which grains arrive at the surface of the bed below them, and rate, in grains per sqrt(d / g). Prints the seconds
-of the processor.
+with which grains arrive at the surface of the bed below them, and rate, in grains per sqrt(d / g). Prints the CPU
+seconds.
 """
 
 import ctypes

@@ -1,7 +1,7 @@
 """Grains of a binary image by the SNOW algorithm of porespy: python segmentation_snow.py SOLID.npz LABELS.npz.
 
 The input has the solid voxels and their distance to the void, which knows the edges of voxels; the output has labels.
-Prints the seconds of the processor.
+Prints the CPU seconds.
 """
 
 import sys

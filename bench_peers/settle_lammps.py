@@ -1,7 +1,7 @@
 """Spheres that settle in LAMMPS (granular package, damped springs): python settle_lammps.py GRAINS.npz POSES.npz.
 
 The input has position (n, 3), diameter (n,), lengths (3,), periodic (3,) and friction, with the corner of the box at
-the origin; the unit of time is sqrt(d / g). Prints the seconds of the processor.
+the origin; the unit of time is sqrt(d / g). Prints the CPU seconds.
 """
 
 import ctypes

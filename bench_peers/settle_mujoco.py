@@ -1,6 +1,6 @@
 """Convex grains that settle in MuJoCo: python settle_mujoco.py GRAINS.npz POSES.npz.
 
-Input and output are those of settle_pybullet.py. Prints the seconds of the processor.
+Input and output are those of settle_pybullet.py. Prints the CPU seconds.
 """
 
 import sys

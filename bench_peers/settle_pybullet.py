@@ -2,7 +2,7 @@
 
 The input has position (n, 3), orientation (n, 4) as (w, x, y, z), shape (n,), vertices (k, v, 3), lengths (3,) and
 friction, with the corner of the box at the origin, and walls on all sides. Gravity is 9.81, the median diameter is 1.
-Prints the seconds of the processor.
+Prints the CPU seconds.
 """
 
 import sys

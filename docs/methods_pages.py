@@ -171,7 +171,7 @@ def _told(kind: Kind, name: str, case: Case) -> tuple[str, str]:
             line for line in (DOCS / "guide/clumps.md").read_text().splitlines() if line.startswith(f"| `{name}` |")
         ]
         shares = [cell.strip() for cell in rows[-1].strip("| ").split("|")] if rows else []
-        told = f"Intersection over union with 50 spheres (processor seconds): {shares[1]} for a cube, {shares[2]} for "
+        told = f"Intersection over union with 50 spheres (CPU seconds): {shares[1]} for a cube, {shares[2]} for "
         return case.when, f"{told}Eros, {shares[3]} for Itokawa and {shares[4]} for Bennu." if shares else ""
     row = table_row(DOCS / "guide/shapes.md", name)
     law = f"Tests hold it to a law: {row['law that its tests hold it to']}. " if row else ""

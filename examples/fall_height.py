@@ -38,7 +38,7 @@ def bulk(bed):
 
 
 def poured(friction, height, seed):
-    """Return the solid fraction of a bed that voxgran pours, and the seconds of the processor."""
+    """Return the solid fraction of a bed that voxgran pours, and the CPU seconds."""
     box, began = vg.Box((width, width, layers + 14), periodic="xy"), time.process_time()
     asked = {"friction": friction, "restitution": restitution, "fall_height": height, "inlet": inlet}
     bed = vg.pack(vg.shapes.sphere(), box, "gravity", count=count, seed=seed, **asked)

@@ -69,14 +69,14 @@ for name, bodies in (("solids", solids), ("clumps", clumps)):
         offset, orientations = walk(
             pair, np.random.Generator(np.random.PCG64(run)), 1.2 * sum(b.bounding_radius for b in bodies)
         )
-        wide = 2.1 * (np.linalg.norm(offset) + max(body.bounding_radius for body in bodies))
-        center = np.full(3, wide / 2)
+        wide = 1.05 * (np.linalg.norm(offset) + 2 * max(body.bounding_radius for body in bodies))
+        centers = wide / 2 + np.outer([-0.5, 0.5], offset)
         packing = vg.Packing.of(
-            bodies, vg.Box((wide,) * 3), position=[center, center + offset], shape_id=[0, 1], orientation=orientations
+            bodies, vg.Box((wide,) * 3), position=centers, shape_id=[0, 1], orientation=orientations
         )
         contacts = packing.contacts(0.2)
         gap = float(contacts.gap[0]) / bodies[0].diameter
-        site = rotation_matrices(orientations[:1])[0].T @ (contacts.point[0] - center)
+        site = rotation_matrices(orientations[:1])[0].T @ (contacts.point[0] - centers[0])
         sites.append(unit(site))
         print(f"{name} run {run}: gap at contact {gap:+.5f} diameters, touches towards {np.round(sites[-1], 2)}")
         vg.save(packing, folder / f"{name}_{run}.vtp", overwrite=True)

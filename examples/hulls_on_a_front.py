@@ -2,7 +2,7 @@
 Many polyhedra, each of its own shape
 =====================================
 
-Each sphere of a dense advancing front gets a convex hull of its own. The script prints and writes the processor seconds
+Each sphere of a dense advancing front gets a convex hull of its own. The script prints and writes the CPU seconds
 after each stage, and the solid fractions. All stages are run on a few grains beforehand, so that kernels are compiled
 and libraries loaded.
 

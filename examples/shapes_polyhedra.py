@@ -3,7 +3,7 @@ Polyhedra, superquadrics, fragments and Fourier grains
 ======================================================
 
 Polyhedra, smooth solids, fragments and grains from Fourier descriptors: numbers and a picture. The script prints, for
-solids with a closed formula, the triangles, the milliseconds of the processor and how far the volume of the mesh is
+solids with a closed formula, the triangles, the CPU milliseconds and how far the volume of the mesh is
 from that of the true solid, and the sum of the cells of a box.
 """
 

@@ -3,7 +3,7 @@ Rough grains, rough sheets and crumpled paper
 =============================================
 
 What is measured on rough surfaces is compared with what was asked for. For each random field the script prints the
-mean, over seeds, of what is measured on sheets of 15 by 15 correlation lengths, the milliseconds of the processor for
+mean, over seeds, of what is measured on sheets of 15 by 15 correlation lengths, the CPU milliseconds for
 one of them, and the same for the volume of rough spheres against its second-order formula; for crumpled sheets the
 largest relative change of a length.
 

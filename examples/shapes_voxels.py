@@ -3,7 +3,7 @@ Rains of cubes, random growth and sponges
 =========================================
 
 Volumes that are born from voxels, with numbers and a picture. The script prints, for each family, the cubes, the
-triangles, the milliseconds of the processor, how far the volume is from that of the cubes (for turned cubes, how many
+triangles, the CPU milliseconds, how far the volume is from that of the cubes (for turned cubes, how many
 standard errors from that of random points), and the dimension of a sponge.
 """
 

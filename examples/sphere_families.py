@@ -4,7 +4,7 @@ One packing of each family of sphere methods
 
 Spheres and disks are packed by ten methods, from random growth to exact gaskets. Each packing is checked against the
 true shapes. The script prints the number of grains, the solid fraction of the container, the mean number of contacts
-within a thousandth of a mean diameter, and the seconds of the processor.
+within a thousandth of a mean diameter, and the CPU seconds.
 
 Arguments: folder, number of grains (1500 in the documentation).
 """

@@ -432,14 +432,14 @@ def test_compressed_specimen(tmp_path, capsys, monkeypatch):
 @pytest.mark.filterwarnings("ignore:voxel_size is 0.06")
 def test_twin_of_scan(tmp_path, capsys, monkeypatch):
     text = printed("twin_of_scan.py", capsys, monkeypatch, str(tmp_path))
-    found = {
-        name: (float(one), float(other)) for name, one, other in re.findall(r"(\w+)  specimen (\S+)  twin (\S+)", text)
-    }
+    rows = re.findall(r"(\w+)  specimen (\S+)  twin (\S+)  ratio (\S+)", text)
+    found = {name: tuple(map(float, numbers)) for name, *numbers in rows}
     assert found["solid_fraction"][1] == pytest.approx(found["solid_fraction"][0], abs=0.005)
     assert found["coordination_number"][1] == pytest.approx(found["coordination_number"][0], abs=0.3)
     # the standard error of the D50 of 89 whole grains is 4 %
     assert found["D50"][1] == pytest.approx(found["D50"][0], rel=0.08)
-    assert found["radial_peak"][1] == pytest.approx(found["radial_peak"][0], rel=0.05)
+    # the place of the peak of so few grains has a standard error of about 0.1 diameters
+    assert abs(found["radial_peak"][2]) < 3
     assert found["tortuosity"][1] == pytest.approx(found["tortuosity"][0], rel=0.05)
     assert (tmp_path / "twin.html").exists()
     layered, mixed = map(float, re.findall(r"diameter in the \w+ (\S+)", text))

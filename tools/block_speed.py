@@ -1,7 +1,7 @@
 """Measure time and memory of images in blocks: block_speed.py FOLDER EDGE [STEP ...] [--limit GIB]
 
 The image has EDGE voxels along each axis and shows a packing of spheres of about 30 voxels, which touch. It is painted
-by blocks and kept in FOLDER as zarr, where each step opens it in a process of its own. A line for each step: processor
+by blocks and kept in FOLDER as zarr, where each step opens it in a process of its own. A line for each step: CPU
 seconds, nanoseconds of them for each voxel, the largest memory of the process (without what lies in files), and what
 was found. Steps: image, components, distance, thickness, segment, labels; default: all of them, in this order. With a
 limit a step that takes more memory fails.

@@ -45,7 +45,7 @@ print(len(compiled))
 
 
 def seconds_of(call: str, folder: str, cache: str, **environment: str) -> tuple[float, int]:
-    """Return the seconds of the processor that a call takes in a new process, and the number of kernels compiled."""
+    """Return the CPU seconds that a call takes in a new process, and the number of kernels compiled."""
     kept = {**os.environ, "VOXGRAN_CACHE": cache, "OMP_NUM_THREADS": "1", "NUMBA_NUM_THREADS": "1", **environment}
     before = resource.getrusage(resource.RUSAGE_CHILDREN)
     words = [sys.executable, "-c", COUNTED.format(box=BOX, call=call)]

@@ -1,7 +1,7 @@
 """Measure what fewer triangles cost and save: simplify_cost.py FILE.csv
 
 Each line is a scan with so many triangles: seconds and errors of the simplification, and seconds, solid fraction and
-share at rest of a bed of 100 such grains by ``gravity``. Seconds are of the processor, after a first call.
+share at rest of a bed of 100 such grains by ``gravity``. Seconds are CPU seconds, after a first call.
 """
 
 import sys

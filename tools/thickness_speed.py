@@ -2,7 +2,7 @@
 
 Each line is an image of spheres in the lower part of a box, above which a pore as wide as the box is empty. The twin
 takes SIZES radii between the smallest and the largest, as users of distance transforms do: for each it finds the voxels
-within that radius of a voxel that is as far from the solid. Seconds are of the processor, after a first call.
+within that radius of a voxel that is as far from the solid. Seconds are CPU seconds, after a first call.
 """
 
 import sys

@@ -1,7 +1,7 @@
 """Measure what the vector instructions of digital packing gain over plain loops: vector_speed.py FILE.csv
 
 Scenes are packed twice, each time in a process of its own: with `voxgran.packing.digital.simd`, and with plain loops in
-its place, which numba compiles. Both give the same packing. Seconds are of the processor, after a first call, the
+its place, which numba compiles. Both give the same packing. Seconds are CPU seconds, after a first call, the
 smallest of three.
 """
 

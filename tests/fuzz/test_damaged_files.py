@@ -26,7 +26,7 @@ from voxgran.io.series import listed_times
 from voxgran.packing.tessellation.mesh_files import read_cells
 from voxgran.shapes.tessellate import unit_box
 
-#: processor time in seconds within which a file of a few kilobytes must be read or refused
+#: CPU seconds within which a file of a few kilobytes must be read or refused
 SOON = 5.0
 #: most bytes of a damaged file
 LARGEST = 300_000
@@ -592,7 +592,7 @@ def mutated(name, seed, k, raw):
 
 
 def used():
-    """Return the processor time of this process and of its children that have ended."""
+    """Return the CPU time of this process and of its children that have ended."""
     ended = resource.getrusage(resource.RUSAGE_CHILDREN)
     return time.process_time() + ended.ru_utime + ended.ru_stime
 

@@ -11,7 +11,7 @@ import voxgran as vg
 from voxgran._base.errors import DirtyMeshError, InputError, LongRunWarning, PackingWarning
 from voxgran._base.seeds import stream
 
-#: scenes that are run, and the processor time that one may take; one that is told to take long may take more
+#: scenes that are run, and the CPU time that one may take; one that is told to take long may take more
 SCENES, SECONDS = 200, 180.0
 METHODS = vg.packing_methods()
 #: depth in diameters by which edges may overlap between control points: half of their spacing
@@ -94,7 +94,7 @@ def test_a_random_scene_is_packed_or_refused(seed, record_property):
             packing = None
     spent = time.process_time() - began
     record_property("cpu_seconds", spent)
-    assert told or spent <= SECONDS, f"{spent:.0f} s of processor time and no word of it before: {scene}"
+    assert told or spent <= SECONDS, f"{spent:.0f} CPU seconds and no word of it before: {scene}"
     if packing is None:
         return
     proof = vg.verify(packing, tolerance=1e-9)

@@ -12,6 +12,7 @@ import time
 import warnings
 from dataclasses import replace
 from functools import partial
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -24,6 +25,7 @@ from voxgran._base.config import parameters_of
 from voxgran._base.seeds import stream
 from voxgran.cli import main
 from voxgran.cli.commands import COMMANDS
+from voxgran.cli.parser import name_flags
 from voxgran.clumps.method import clump_registry
 from voxgran.contacts.manifolds.finders import kinds_of
 from voxgran.contacts.manifolds.rows import CONVEX, OUTLINE, SPHERE, SURFACE
@@ -374,6 +376,12 @@ def test_messages_name_the_flags_of_the_prompt(tmp_path, capsys):
     words = ["labels", str(tmp_path / "image.npy")]
     assert "--voxel-size is missing" in complaint(capsys, *words)[1]
     assert "--voxel-size is -1:" in complaint(capsys, *words, "--voxel-size", "-1")[1]
+    given = SimpleNamespace(stress=None, clump=None, law=None)
+    told = "give stress=1e5, clump=20 or law='linear', not method='jam'; stress is (1, 2)"
+    right = "give --stress 1e5, --clump 20 or --law linear, not method='jam'; stress is (1, 2)"
+    assert name_flags(told, given) == right
+    told = "packing.gravity is None, and packing.unit is 'm': give stress=-1.5"
+    assert name_flags(told, given) == "the packing has no gravity, and unit of the packing is 'm': give --stress -1.5"
 
 
 def test_bad_files_are_one_line_and_status_2(tmp_path, capsys):

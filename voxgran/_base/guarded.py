@@ -3,7 +3,7 @@
 On a damaged file a library may crash, compute without end, ask for more memory than there is, or print. In a process of
 its own that costs the caller one exception. The process is started as a plain Python program, and not by
 `multiprocessing`, so that scripts need no ``__main__`` guard; it imports only the reader, has limits of memory and of
-processor time that grow with the file, and sends numbers and arrays through a pipe.
+CPU time that grow with the file, and sends numbers and arrays through a pipe.
 """
 
 import contextlib
@@ -32,11 +32,11 @@ from voxgran._base.stopping import undone_at_end
 #: what a reader returns: JSON-able facts, and arrays of numbers
 Content: TypeAlias = tuple[dict[str, Any], dict[str, NDArray[Any]]]
 
-#: processor time in seconds that a reader may take: for any file, and for each byte of it
+#: CPU seconds that a reader may take: for any file, and for each byte of it
 SECONDS, SECONDS_PER_BYTE = 2.5, 5e-6
 #: memory in bytes that a reader may take: for any file, and for each byte of it (DEFLATE makes at most 1032 of one)
 MEMORY, MEMORY_PER_BYTE = 2**31, 4000
-#: how many times its processor time a reader may take on a clock, since other processes run too
+#: how many times its CPU time a reader may take on a clock, since other processes run too
 PATIENCE = 20.0
 
 _START = (

@@ -50,7 +50,7 @@ _DEBIAN_PACKAGES = {
 
 @dataclass(slots=True)
 class Preparation:
-    """Processor time of this process that preparation has taken, in seconds."""
+    """CPU time of this process that preparation has taken, in seconds."""
 
     seconds: float = 0.0
     depth: int = 0

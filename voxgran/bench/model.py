@@ -90,14 +90,14 @@ def peer_arrays(
 
 
 def timed(work: Callable[P, T], *arguments: P.args, **keywords: P.kwargs) -> tuple[T, float]:
-    """Return what a call returns, and its processor seconds, summed over threads."""
+    """Return what a call returns, and its CPU seconds, summed over threads."""
     began = time.process_time()
     found = work(*arguments, **keywords)
     return found, time.process_time() - began
 
 
 def least_seconds(work: Callable[[], object], *, repeats: int = 3, processor: bool = False) -> float:
-    """Return the least wall time, or processor time summed over threads, of some calls after one that is not counted
+    """Return the least wall time, or CPU time summed over threads, of some calls after one that is not counted
     (it compiles and loads).
     """
     clock = time.process_time if processor else time.perf_counter
@@ -111,7 +111,7 @@ def least_seconds(work: Callable[[], object], *, repeats: int = 3, processor: bo
 
 
 def calibration() -> float:
-    """Return the yardstick by which rows from different machines compare: the least processor time of
+    """Return the yardstick by which rows from different machines compare: the least CPU time of
     `scipy.ndimage.distance_transform_edt` of 128^3 voxels, half of them solid at random.
     """
     solid = stream(0, "yardstick").random((128, 128, 128)) < 0.5
@@ -121,7 +121,7 @@ def calibration() -> float:
 def best_rate(
     work: Callable[..., Any], attempts: int, *, least_time: float, draw: Callable[[], Iterable[Any]] = tuple
 ) -> tuple[float, list[Any]]:
-    """Return the highest number of attempts per processor second of two or more calls, and what the calls returned.
+    """Return the highest number of attempts per CPU second of two or more calls, and what the calls returned.
 
     Each call makes the same number of attempts, with arguments that are drawn before its time is taken; calls are
     repeated for at least `least_time` seconds.

@@ -151,10 +151,13 @@ def _joined(words: Sequence[str]) -> list[str]:
 
 def name_flags(sentence: str, options: argparse.Namespace) -> str:
     """Return a sentence with the names of arguments, as Python has them, replaced by the flags of the command."""
+    sentence = re.sub(r"\bpacking\.(\w+) is None", r"the packing has no \1", sentence)
+    sentence = re.sub(r"\bpacking\.(\w+) is\b", r"\1 of the packing is", sentence)
     for name in vars(options):
         flag = f"--{name.replace('_', '-')}"
         sentence = re.sub(rf"(?<![\w\[-]){name}=True\b", flag, sentence)
         sentence = re.sub(rf"(?<![\w\[-]){name}='([^']*)'", rf"{flag} \1", sentence)
+        sentence = re.sub(rf"(?<![\w\[-]){name}=(-?[\d.]+(?:e[+-]?\d+)?)(?![\w'])", rf"{flag} \1", sentence)
         sentence = sentence.replace(f"{flag}, at the prompt {flag}", flag)
         if "_" in name:
             sentence = re.sub(rf"(?<![\w-]){name}\b", flag, sentence).replace(f"{flag} is None", f"{flag} is missing")

@@ -49,6 +49,7 @@ def _run(words: list[str], signals: Signals) -> int:
         try:
             options = parse(words, COMMANDS)
             _set_logging(options)
+            warnings.showwarning = lambda message, *_: warn(name_flags(str(message), options))
             heed()
             return int(COMMANDS[options.command][1](options) or 0)
         finally:
@@ -70,7 +71,7 @@ def _run(words: list[str], signals: Signals) -> int:
             _say_how_to_go_on(options, words)
         return error.exit_code
     except Warning as warning:
-        complain(f"warning: {warning}; it ends the command, as PYTHONWARNINGS or -W asks")
+        complain(f"warning: {name_flags(str(warning), options)}; it ends the command, as PYTHONWARNINGS or -W asks")
         return 1
     except BrokenPipeError:
         # whoever read the output has gone: there is nobody to tell

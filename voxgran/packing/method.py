@@ -72,7 +72,7 @@ class Cost:
     # number of solids that are voxelized and sampled: exactly what the run counts
     voxelized_shapes: int = 0
     sampled_shapes: int = 0
-    # expected processor time on a usual core; 0 where it is not known
+    # expected CPU time on a usual core; 0 where it is not known
     seconds: float = 0.0
 
 
@@ -213,6 +213,8 @@ class PackingMethod:
     obstacles : {"refused", "placed", "apart"}
         How it packs around fixed grains: not at all; as the first grains of the start, which it leaves in place; or as
         a part of the container, which :func:`voxgran.packing.obstacles.around_obstacles` makes of them.
+    no_obstacles : str
+        What the message says of a method that does not pack around fixed grains: why.
     no_room : str
         What a warning says where the method stops since no other grain has room: why, and what helps.
 
@@ -243,6 +245,7 @@ class PackingMethod:
     sizing: Literal["drawn", "scaled", "made"] = "drawn"
     keeps_sizes: bool = False
     obstacles: Literal["refused", "placed", "apart"] = "refused"
+    no_obstacles: str = "has no place for them"
     no_room: str = NO_ROOM
 
 

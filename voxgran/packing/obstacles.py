@@ -119,7 +119,7 @@ def around_obstacles(
         registry = method_registry()
         others = [name for name in registry.names() if registry.get(name).obstacles != "refused"]
         raise InputError(
-            f"{many} grains are fixed, and method {method.name!r} has no place for them: give a method that "
+            f"{many} grains are fixed, and method {method.name!r} {method.no_obstacles}: give a method that "
             f"packs around obstacles, one of {', '.join(others)}"
         )
     if method.obstacles == "placed":

@@ -79,7 +79,7 @@ class Plan(ExplainedAttributes):
     notes : tuple of str
         What in the scene may be meant otherwise, in sentences.
     seconds : float
-        Expected processor time of the packing on a usual core; 0 where it is not known.
+        Expected CPU time of the packing on a usual core; 0 where it is not known.
     slow : str
         Why the packing takes long, in a sentence; empty where it does not.
     sizes : SizePlan or None

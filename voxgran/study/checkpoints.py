@@ -50,7 +50,7 @@ def is_seen(checkpoint: str, mark: str) -> bool:
 
 
 def seconds_before(checkpoint: str) -> float:
-    """Return the processor time that led to a checkpoint, 0 where there is none."""
+    """Return the CPU time that led to a checkpoint, 0 where there is none."""
     if os.path.exists(checkpoint):
         with contextlib.suppress(OSError, ValueError):
             return float(_clock(checkpoint).read_text(encoding="ascii"))
@@ -58,25 +58,25 @@ def seconds_before(checkpoint: str) -> float:
 
 
 def _clock(checkpoint: str) -> Path:
-    """Return the file beside a checkpoint that holds the processor time."""
+    """Return the file beside a checkpoint that holds the CPU time."""
     return Path(f"{checkpoint}.seconds")
 
 
 class Checkpoint:
-    """The checkpoint of a run, and beside it the processor time that led to it.
+    """The checkpoint of a run, and beside it the CPU time that led to it.
 
     Parameters
     ----------
     file : str
         Path of the checkpoint; empty where the run is always begun anew.
     seconds : callable
-        Returns the processor time of the run so far, without that before the checkpoint.
+        Returns the CPU time of the run so far, without that before the checkpoint.
     """
 
     def __init__(self, file: str, seconds: Callable[[], float]) -> None:
         self._file, self._seconds = file, seconds
         self._stamp = self._written()
-        #: processor time that led to the checkpoint from which the run goes on
+        #: CPU time that led to the checkpoint from which the run goes on
         self.before = seconds_before(file)
 
     def pack(self, scene: SceneDescription, shapes: tuple[Shape, ...]) -> Packing:
@@ -115,7 +115,7 @@ class Checkpoint:
                 _clock(self._file).unlink()
 
     def _note(self, step: Step) -> None:
-        """Write the processor time when a checkpoint has been written since the last step."""
+        """Write the CPU time when a checkpoint has been written since the last step."""
         del step
         stamp = self._written()
         if stamp != self._stamp:

@@ -167,7 +167,7 @@ class _Work:
     left: dict[str, tuple[Place, Run]] = field(default_factory=dict)
     durations: Durations = field(default_factory=Durations)
     elapsed: float = 0.0  # seconds that runs have taken now, by the clock
-    used: float = 0.0  # processor seconds of them
+    used: float = 0.0  # CPU seconds of them
     told: float = 0.0
     mark: str = ""
 
@@ -310,7 +310,7 @@ class _Work:
         """Return in words how long the runs that are left will take, by those that are finished; empty if not known."""
         if not self.left:
             return ""
-        # processor seconds in a second of a run: fewer where others use the processors too
+        # CPU seconds in a second of a run: fewer where others use the processors too
         pace = max(0.01, min(1.0, self.used / self.elapsed)) if self.elapsed else 1.0
         computed = [(run.cell, run.before + seconds * pace) for run, seconds in under_way]
         before = sum(run.before for _, run in self.left.values()) - sum(run.before for run, _ in under_way)

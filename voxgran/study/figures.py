@@ -1,4 +1,4 @@
-"""Figures of a study: density against processor time, and density by shape and method beside experiments."""
+"""Figures of a study: density against CPU seconds, and density by shape and method beside experiments."""
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
@@ -172,7 +172,7 @@ def figures_of(
         seconds = _values(dataset, "seconds", confidence, interval)
         draw = partial(_draw_against_seconds, points=points, density=density, seconds=seconds)
         svg = plots.svg_of(draw, f"{name}-against-seconds", size=size)
-        title = f"{what} against processor time"
+        title = f"{what} against CPU seconds"
         _, beyond, _ = _shown(density, seconds)
         arrows = " An arrow at the left border is an interval that goes on beyond it." * bool(len(beyond))
         caption = f"{_capital(title)}, one marker a cell. {bars}{arrows}{_alike(dataset, points)}"
@@ -226,7 +226,7 @@ def _shown(density: _Values, seconds: _Values) -> tuple[Integers, Integers, floa
 
 
 def _draw_against_seconds(axes: Any, *, points: Points, density: _Values, seconds: _Values) -> None:
-    """Draw the density of each cell against its processor time."""
+    """Draw the density of each cell against its CPU time."""
     shown, beyond, least = _shown(density, seconds)
     for places, style in points.by_style(shown):
         axes.errorbar(
@@ -248,7 +248,7 @@ def _draw_against_seconds(axes: Any, *, points: Points, density: _Values, second
             look = {**points.style(at), "marker": "<", "markersize": 5}
             axes.plot(left, density.mean[at], linestyle="none", clip_on=False, **look)
     plots.set_log_scale(axes)
-    axes.set(xlabel="processor time (s)", ylabel=density.label)
+    axes.set(xlabel="CPU seconds", ylabel=density.label)
     _legend(axes, points, markers=True)
 
 

@@ -209,7 +209,7 @@ def _headline(dataset: "Dataset", rows: Sequence[Mapping[str, Any]]) -> list[Fac
     if warned := sum(row[WARNED] for row in rows):
         found.append(Fact("warned", facts.number(warned), "see the table of warnings"))
     if is_own(dataset, "seconds"):
-        found.append(Fact("processor time", _time_text(float(np.nansum(values_of(dataset, "seconds"))))))
+        found.append(Fact("CPU time", _time_text(float(np.nansum(values_of(dataset, "seconds"))))))
     if is_own(dataset, "memory"):
         largest = float(np.nanmax(values_of(dataset, "memory"))) / MEBIBYTE
         found.append(Fact("memory", f"{facts.number(largest)} MiB", "largest of all runs"))
@@ -227,7 +227,7 @@ def _cells(dataset: "Dataset", rows: Sequence[Mapping[str, Any]], level: float) 
     """Return the table of the cells."""
     axes = varied_axes(dataset) or tuple(axes_of(dataset))[:1]
     shown = [name for name in LISTED_NUMBERS if is_own(dataset, name)]
-    heads = {"seconds": "processor time (s)", "memory": "memory (MiB)"}
+    heads = {"seconds": "CPU seconds", "memory": "memory (MiB)"}
     units = {name: str(dataset[name].attrs.get("units", "1")) for name in shown}
     names = [
         heads.get(name, title_of(dataset, name) + ("" if units[name] in ("", "1") else f" ({units[name]})"))

@@ -30,7 +30,7 @@ if TYPE_CHECKING:
 
 DATASET, TABLE, ZARR = "study.nc", "table.csv", "study.zarr"
 #: variables that say what the machine did, and differ each time
-MACHINE = {"seconds": ("s", "processor time"), "memory": ("byte", "memory of the process at the peak")}
+MACHINE = {"seconds": ("s", "CPU time"), "memory": ("byte", "memory of the process at the peak")}
 #: variables that are texts
 TEXTS = {
     "stop_reason": "why the packing ended",
@@ -48,7 +48,7 @@ class StudyResult(ExplainedAttributes):
     ----------
     dataset : xarray.Dataset
         All numbers over the dimensions of the study and ``seed``: those of the verification and of the measures, NaN
-        where a run failed; `seconds` of processor time and `memory` in bytes, which differ each time; the texts
+        where a run failed; `seconds` of CPU time and `memory` in bytes, which differ each time; the texts
         `stop_reason`, `warnings` and `failure`.
     rows : list of dict
         The same, one row for each run.

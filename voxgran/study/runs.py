@@ -60,7 +60,7 @@ class Run:
     memory, attempts, grains : int
         Bytes at the peak, attempts and grains, as planned.
     before : float
-        Processor seconds that have led to its checkpoint.
+        CPU seconds that have led to its checkpoint.
     version : str
         Version of voxgran that the results are to be of.
     files : dict
@@ -95,7 +95,7 @@ class Record:
     numbers : dict
         Value, unit and meaning of each number, by name.
     seconds : float
-        Processor time, without that in which libraries were imported and kernels compiled.
+        CPU time, without that in which libraries were imported and kernels compiled.
     memory : int
         Bytes of memory at the peak of the process during the run.
     warnings : list of str
@@ -224,7 +224,7 @@ def from_text(text: str) -> Record:
 
 
 def _seconds() -> float:
-    """Return the processor time of this process and of those that it has waited for; of a thread beside others, its
+    """Return the CPU time of this process and of those that it has waited for; of a thread beside others, its
     own.
     """
     if threading.current_thread() is not threading.main_thread():

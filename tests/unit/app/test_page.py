@@ -234,7 +234,7 @@ def test_a_picture_of_100000_spheres_takes_about_twice_as_long_as_one_of_a_few_h
         return (time.process_time() - began) / 5
 
     few, many = frame(7), frame(47)
-    assert many < 4 * few, f"343 spheres take {few:.3f} s, 103,823 spheres {many:.3f} s of the processor"
+    assert many < 4 * few, f"343 spheres take {few:.3f} CPU seconds, 103,823 spheres {many:.3f} CPU seconds"
 
 
 def test_other_hosts_and_pages_without_the_token_are_refused(page):

@@ -304,7 +304,7 @@ def test_steps_count_the_runs(base, marks, tmp_path):
 class Clocked(Noting):
     """Computes runs by a clock of its own, so many at a time, and looks each five seconds; some are killed."""
 
-    #: processor seconds in a second of a run
+    #: CPU seconds in a second of a run
     speed = 1.0
 
     def __init__(self, seconds, workers=1, killed=()):

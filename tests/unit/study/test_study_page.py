@@ -143,7 +143,7 @@ def test_what_is_equal_by_construction_is_not_drawn_and_what_varies_comes_first(
     assert heads.index("bulk solid fraction") < heads.index("container solid fraction")
     assert "solid fraction" not in heads
     figure, _ = figures_of(made, "solid_fraction", over="method")
-    assert figure.caption.startswith("Container solid fraction against processor time")
+    assert figure.caption.startswith("Container solid fraction against CPU seconds")
     assert ">container solid fraction<" in figure.svg
 
 
@@ -207,7 +207,7 @@ def test_figures_are_files_of_their_own(written):
     text = (folder / "solid_fraction_by_cell.svg").read_text()
     for words in (*METHODS, "sphere", "experiments", "solid fraction"):
         assert f">{words}<" in text, words
-    assert ">processor time (s)<" in (folder / "solid_fraction_against_seconds.svg").read_text()
+    assert ">CPU seconds<" in (folder / "solid_fraction_against_seconds.svg").read_text()
 
 
 def test_points_of_the_figures_are_the_means(data, monkeypatch):

@@ -2,7 +2,7 @@
 
 Where the interpreter named by the environment variable ``VOXGRAN_PEERS`` has multisphere or clump-python (CLUMP), they
 fit the same bodies, as programs of their own. A second row of each is made fair by one change of all radii that gives
-the union the volume of the body. Seconds are those of the processor, without compilation and loading; those of voxgran
+the union the volume of the body. Seconds are CPU seconds, without compilation and loading; those of voxgran
 include the measurement of the errors.
 """
 
@@ -143,5 +143,5 @@ def _draw(rows: list[Row], path: Path) -> None:
             panel.yaxis.set_major_formatter(ticks)
             panel.set(ylabel="1 - intersection over union")
         left.set(xlabel="spheres")
-        right.set(xlabel="seconds of the processor")
+        right.set(xlabel="CPU seconds")
         left.legend(frameon=False, fontsize=7)

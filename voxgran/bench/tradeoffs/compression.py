@@ -1,6 +1,6 @@
 """Compression: time, density and proof of balance of specimens under a stress, beside LAMMPS and published values.
 
-Grains that `rsa` has placed loosely are compressed. Times are seconds of the processor on one thread, without
+Grains that `rsa` has placed loosely are compressed. Times are CPU seconds on one thread, without
 compilation. Where the interpreter named by the environment variable ``VOXGRAN_PEERS`` has LAMMPS, its barostat
 compresses the same grains from the same places. All specimens are judged by the same ruler: `equilibrium` under the
 axial stresses that were asked for.
@@ -104,7 +104,7 @@ def loose_grains(case: Case, count: int) -> Packing:
 
 
 def compressed(case: Case, start: Packing) -> tuple[Packing, float]:
-    """Return a specimen and the seconds of the processor that it took."""
+    """Return a specimen and the CPU seconds that it took."""
     began = time.process_time()
     with warnings.catch_warnings():
         # how many are in balance is a column of the table

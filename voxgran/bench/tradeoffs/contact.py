@@ -2,7 +2,7 @@
 
 Speed: equal grains at a solid fraction of 0.3 in a box move and turn without gravity, by steps that adapt; shares of
 accepted attempts are written beside the rates. The peers go on from where the grains are, with the same steps. All run
-on one thread, and seconds are those of the processor. Accuracy: two grains in random turns come towards each other
+on one thread, and seconds are CPU seconds. Accuracy: two grains in random turns come towards each other
 along a line until the test refuses; where the true surfaces touch is known in closed form for spheres, from the
 Minkowski difference for boxes, and from the least gap that manifold3d finds for scanned bodies. Density: beds of equal
 spheres after the walk, and after settling.
@@ -212,7 +212,7 @@ def _least_gap(shape: Shape, standing: Floats, coming: Floats, offset: Floats, w
 
 
 def measure_beds(count: int = BED) -> list[tuple[str, float, float]]:
-    """Pack beds of equal spheres; return what was done, processor seconds, and bulk solid fraction of each."""
+    """Pack beds of equal spheres; return what was done, CPU seconds, and bulk solid fraction of each."""
     rows, box, sphere = [], Box((7, 7, 5 + count / 35)), make_shape("sphere")
     for name, parameters in BEDS.items():
         packing, seconds = timed(pack, sphere, box, method="control_point", count=count, seed=1, **parameters)

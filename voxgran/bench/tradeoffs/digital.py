@@ -194,7 +194,7 @@ def _draw(moves: list[MoveRow], beds: list[BedRow], path: Path) -> None:
                 found = [(row[3], row[4]) for row in beds if row[0] == cells and row[2] == stage]
                 label = f"{cells} voxels per diameter, {stage}"
                 middle.semilogx(*zip(*found, strict=True), f"C{k}{style}", marker="o", label=label)
-        middle.set(xlabel="seconds of the processor", ylabel="bulk solid fraction, true spheres")
+        middle.set(xlabel="CPU seconds", ylabel="bulk solid fraction, true spheres")
         longest = max(row[1] for row in beds)
         for stage, style in stages.items():
             ends = [(row[0], row[4]) for row in beds if row[1] == longest and row[2] == stage]

@@ -2,7 +2,7 @@
 
 The plain program advances the same front, a sphere a face, with arrays of NumPy and near spheres found by SciPy's
 trees: what a user would write in an afternoon. The paper gives 86 seconds for 50,000 particles on a PC of 2.8 GHz;
-machines, years and compilers differ. Seconds are those of the processor, of one thread.
+machines, years and compilers differ. Seconds are CPU seconds, of one thread.
 """
 
 import math
@@ -34,7 +34,7 @@ PLAIN = 2000
 def seconds_of(
     count: int, *, disks: bool = False, fill: float = 0.0, sizes: SizeDistribution | None = None, **options: Any
 ) -> tuple[float, Packing]:
-    """Return the least processor time for packing so many equal grains, or grains of these sizes, and the packing.
+    """Return the least CPU time for packing so many equal grains, or grains of these sizes, and the packing.
 
     `fill` is the mean volume of the grains where they shall fill a box, about as many as asked; 0 where the box is
     wide. Options are parameters of the method.
@@ -140,6 +140,6 @@ def _draw(rows: list[Row], path: Path) -> None:
             found = [row for row in rows if row[0] == name]
             left.loglog([row[1] for row in found], [row[2] for row in found], f"C{k}-", marker="o", label=name)
             right.semilogx([row[3] for row in found], [row[4] for row in found], f"C{k}-", marker="o", label=name)
-        left.set(xlabel="grains", ylabel="seconds of the processor")
+        left.set(xlabel="grains", ylabel="CPU seconds")
         right.set(xlabel="seconds for 50,000 grains", ylabel="solid fraction inside")
         left.legend(frameon=False, fontsize=7)

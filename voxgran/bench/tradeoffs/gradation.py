@@ -16,7 +16,7 @@ COUNTS, SEEDS = (100, 500, 2_000, 10_000, 100_000, 1_000_000), 20
 #: grains above which one seed is enough
 MANY = 100_000
 
-#: distribution, way, grains, processor seconds, mean and standard deviation of the distance by volume, of D60 over that
+#: distribution, way, grains, CPU seconds, mean and standard deviation of the distance by volume, of D60 over that
 #: of the distribution
 Row = tuple[str, str, int, float, float, float, float, float]
 

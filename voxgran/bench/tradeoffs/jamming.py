@@ -1,7 +1,7 @@
 """Jamming of true shapes: solid fraction against seconds, by the rate at which the grains grow.
 
 Equal grains in a periodic cube. Published values are those of slow compression: of very many grains, and for solids
-with faces of states that have begun to order. Seconds are those of the processor, after a run that compiles.
+with faces of states that have begun to order. Seconds are CPU seconds, after a run that compiles.
 """
 
 import warnings
@@ -84,7 +84,7 @@ def _draw(rows: list[Row], path: Path) -> None:
         for name in dict.fromkeys(row.shape for row in rows):
             here = [row for row in rows if row.shape == name]
             panels[0].semilogx([row.seconds for row in here], [row.solid_fraction for row in here], "o-", label=name)
-        panels[0].set(xlabel="processor time [s]", ylabel="solid fraction", title="jamming: faster and slower growth")
+        panels[0].set(xlabel="CPU seconds", ylabel="solid fraction", title="jamming: faster and slower growth")
 
 
 registration = TradeOff(

@@ -125,7 +125,7 @@ def counted(packing: Packing, edges: Floats, points: int) -> Floats:
 
 
 def _seconds(compute: Callable[[Packing], object], packing: Packing) -> float:
-    """Return the least processor time of three calls after one that is not counted, each on a packing not yet known."""
+    """Return the least CPU time of three calls after one that is not counted, each on a packing not yet known."""
     return min([timed(compute, replace(packing))[1] for _ in range(4)][1:])
 
 

@@ -3,7 +3,7 @@
 The first table compares two ways to a bed at rest: the method ``gravity`` with :func:`voxgran.relax` after it, and the
 same grains that fall from a loose random packing in the engine alone. Both end by the same rest criterion. The second
 compares the share of grains that :func:`voxgran.equilibrium` proves to rest with the sinking that the engine then
-finds, for beds at rest, beds of a voxel walk, and random additions. Seconds are those of the processor, without
+finds, for beds at rest, beds of a voxel walk, and random additions. Seconds are CPU seconds, without
 compilation. LAMMPS must be installed.
 """
 
@@ -134,7 +134,7 @@ def _rows_of(path: Path) -> list[Way]:
 
 
 def _processor() -> float:
-    """Return the seconds of the processor of this process and those that it has started."""
+    """Return the CPU seconds of this process and those that it has started."""
     used = (resource.getrusage(who) for who in (resource.RUSAGE_SELF, resource.RUSAGE_CHILDREN))
     return sum(one.ru_utime + one.ru_stime for one in used)
 
@@ -212,7 +212,7 @@ def _draw(ways: list[Way], proofs: list[Proof], path: Path) -> None:
         packing, engine = [way.seconds_packing for way in ways], [way.seconds_engine for way in ways]
         left.barh(names, packing, color="C0", label="packing")
         left.barh(names, engine, left=packing, color="C1", label="engine")
-        left.set(xlabel="seconds of the processor", xscale="log", xlim=(1, None))
+        left.set(xlabel="CPU seconds", xscale="log", xlim=(1, None))
         left.tick_params(axis="y", labelsize=6)
         for start, mark in (("gravity", "o"), ("poured", "s")):
             some = [way for way in ways if way.start == start]

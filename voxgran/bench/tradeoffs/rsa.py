@@ -1,6 +1,6 @@
 """Random sequential addition: seconds against what is missing to saturation, and seconds of a proof against grains.
 
-Seconds are those of the processor. Equal spheres in periodic boxes. Candidates: by the classic scheme with more and
+Seconds are CPU seconds. Equal spheres in periodic boxes. Candidates: by the classic scheme with more and
 more tries, beside a plain program with NumPy and the trees of SciPy that tries as often; what both miss is the
 difference to the published solid fraction at saturation. To saturation: disks, spheres, aligned squares and cubes, with
 the proof.
@@ -127,11 +127,11 @@ def _draw(rows: list[Row], path: Path) -> None:
                     left.loglog(*zip(*found, strict=True), f"C{k}{style}", marker="o", label=label)
             proof = [row[4] for row in rows if row[0] == name and not row[2] and abs(row[3] / GRAINS - 1) < 0.1]
             left.axvline(proof[0], color=f"C{k}", linestyle="--", label=f"{GRAINS} {name}s, saturated, proven")
-        left.set(xlabel="seconds of the processor", ylabel="solid fraction missing to saturation")
+        left.set(xlabel="CPU seconds", ylabel="solid fraction missing to saturation")
         for k, name in enumerate(PROVEN):
             proofs = [(row[3], row[4]) for row in rows if row[0] == name and not row[2]]
             right.loglog(*zip(*proofs, strict=True), f"C{k}-", marker="o", label=f"{name}s")
-        right.set(xlabel="grains at proven saturation", ylabel="seconds of the processor")
+        right.set(xlabel="grains at proven saturation", ylabel="CPU seconds")
 
 
 registration = TradeOff(name="rsa", summary="random sequential addition: seconds, saturation and its proof", run=run)

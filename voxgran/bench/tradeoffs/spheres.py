@@ -3,7 +3,7 @@
 Each method packs spheres or, in two dimensions, disks, of equal size, of the sizes that its case gives or of those that
 it makes, as many as are asked for. Where a value is published or asked for, `error` is the difference to it: of the
 whole periodic container, or of the bulk of beds. Coordination numbers are means over all grains up to three gaps, in
-mean diameters. Seconds are those of the processor, the least of several runs after one that compiles. A second table
+mean diameters. Seconds are CPU seconds, the least of several runs after one that compiles. A second table
 has the slopes of the solid fraction of columns in layers.
 """
 
@@ -214,7 +214,7 @@ def _draw(rows: list[Row], path: Path) -> None:
                 spots = [(1e6 * row.seconds / row.grains, row.solid_fraction) for row in found]
                 marker = "os^Dv<>pP*X"[k % 11]
                 panel.semilogx(*zip(*spots, strict=True), f"C{k % 10}-", marker=marker, label=name)
-            panel.set(xlabel="processor time per grain [us]", ylabel="solid fraction")
+            panel.set(xlabel="CPU microseconds per grain", ylabel="solid fraction")
             panel.set_title(f"{'spheres' if dimension == 3 else 'disks'}, up to {most:,}")
 
 

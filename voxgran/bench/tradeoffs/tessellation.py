@@ -6,7 +6,7 @@ wanted; that is a peer here, with the same geometry and the same first seeds. Er
 which is all that the peer aims at: the largest difference of the cumulative shares (Kolmogorov & Smirnov), and the
 largest relative difference of the k-th smallest volumes. Cells by weights have their volumes each by itself besides.
 
-A second table has thin containers that `tetrahedral` fills by its defaults. Seconds are those of the processor.
+A second table has thin containers that `tetrahedral` fills by its defaults. Seconds are CPU seconds.
 """
 
 import warnings

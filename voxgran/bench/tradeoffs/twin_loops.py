@@ -3,7 +3,7 @@
 Specimens are graded grains, compressed with friction in a periodic cell. Their images are cut on all sides, segmented
 as scans are, and the twins are made of the labels alone. The scatter is that of specimen and twin together: what two
 parts of one material would differ by. The peak of g(r) of one packing scatters by as much as the difference that is
-sought, so that its mean over several specimens and twins stands beside it. Seconds are processor time of the twin, with
+sought, so that its mean over several specimens and twins stands beside it. Seconds are CPU seconds of the twin, with
 the search of its friction.
 """
 

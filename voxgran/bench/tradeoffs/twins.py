@@ -2,7 +2,7 @@
 
 The error is the energy distance of sphericity, elongation, flatness, convexity and roundness of drawn grains from the
 test grains; beside it that of the learned grains themselves, below which none can be expected. One sample scatters:
-the numbers are means over samples. Seconds are processor time, without descriptors.
+the numbers are means over samples. Seconds are CPU seconds, without descriptors.
 """
 
 import math

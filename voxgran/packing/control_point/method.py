@@ -50,7 +50,7 @@ from voxgran.packing.walking.feeding import SETTLE_SWEEPS, entry_of, feed_share,
 from voxgran.packing.walking.vibration import vibration_schedule
 from voxgran.packing.walking.walk import advance, begin, finished
 
-#: processor time of an attempt on a usual core, in seconds, and of one in a container that is nearly full (measured)
+#: CPU time of an attempt on a usual core, in seconds, and of one in a container that is nearly full (measured)
 ATTEMPT = 4e-5, 1e-5
 #: mean sinking per grain between two examinations, in median diameters, below which the bed is settled
 SETTLE_DEPTH = 0.001

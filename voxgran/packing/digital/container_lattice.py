@@ -14,7 +14,7 @@ from voxgran.voxels.occupy import occupy
 
 #: voxels of a container at the most, one bit each
 MOST_VOXELS = 2**40
-#: expected processor time of a search, in seconds, beyond which voxels are larger by default
+#: expected CPU time of a search, in seconds, beyond which voxels are larger by default
 LONG = 10.0
 #: orientations in the bank of a grain at the most
 MOST_ORIENTATIONS = 10**6

@@ -23,7 +23,7 @@ NEARLY_FULL = 0.2
 
 
 def filling_seconds(problem: Problem, voxel_size: float) -> float:
-    """Return the expected processor time of digital filling with voxels of a size in median diameters."""
+    """Return the expected CPU time of digital filling with voxels of a size in median diameters."""
     wide, poses, share = _kinds(problem, voxel_size)
     x, y, z = _voxels(problem, voxel_size)
     every = float(poses.sum())
@@ -40,7 +40,7 @@ def filling_seconds(problem: Problem, voxel_size: float) -> float:
 
 
 def addition_seconds(problem: Problem, voxel_size: float) -> float:
-    """Return the expected processor time of random sequential addition on a lattice, as :func:`filling_seconds`."""
+    """Return the expected CPU time of random sequential addition on a lattice, as :func:`filling_seconds`."""
     poses = _kinds(problem, voxel_size)[1]
     candidates = math.prod(_voxels(problem, voxel_size)) * float(poses.sum())
     full = float(problem.volumes.sum() / problem.container.volume) / NEARLY_FULL if problem.target else 1.0

@@ -61,7 +61,7 @@ from voxgran.packing.walking.feeding import SETTLE_SWEEPS, entry_of, feed_share,
 from voxgran.packing.walking.vibration import vibration_schedule
 from voxgran.packing.walking.walk import advance, begin, finished
 
-#: processor time of an attempt on a usual core, in seconds, and of one in a container that is nearly full (measured)
+#: CPU time of an attempt on a usual core, in seconds, and of one in a container that is nearly full (measured)
 ATTEMPT = 4e-6, 1e-6
 
 

@@ -152,6 +152,7 @@ registration = PackingMethod(
     dimensions=(2, 3),
     sizing="scaled",
     keeps_sizes=True,
+    no_obstacles="finds the heights of its layers from the volumes of their own grains",
 )
 
 

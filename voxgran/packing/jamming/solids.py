@@ -77,6 +77,8 @@ MOST_STEPS, MOST_MOTION = 1000, 14.0
 LOOKS, FARTHER = 6, 4.0
 #: gaps, in mean diameters, at which coordination numbers are reported
 GAPS = (1e-4, 1e-3, 1e-2, 1e-1)
+#: gap up to which jammed grains touch, in median diameters
+CONTACT = 1e-3
 #: number of forces without friction that hold a grain rigidly, on average, by dimension: twice its ways to move
 ISOSTATIC = {2: 6, 3: 12}
 #: numbers of the state
@@ -213,19 +215,20 @@ class GrowingSolids:
     @property
     def report(self) -> dict[str, Any]:
         """Numbers of the run, and contacts of the grains that are jammed."""
+        all_spheres = all(shape.is_sphere for shape in self.assembly.shapes)
         found: dict[str, Any] = {
             "iterations": (self.done_steps - -(-self.moves // AT_ONCE)) * ROUNDS,
             "thermal_steps": self.moves,
             "overlap": 0.0,
             "jammed": float(self.jams),
-            "isostatic": ISOSTATIC[self.dimension],
+            "isostatic": 2 * self.dimension if all_spheres else ISOSTATIC[self.dimension],
         }
         if not self.jams:
             return found
         near, mean = self._near(), float(np.median(self.bed.diameter)) * float(self.numbers[SIZE])
-        # surfaces that touch keep a distance, and miss parts of it
-        # meshes that are not convex keep more, where grids of distances are wrong
-        own = (GAPS[2] if self.uneven else 2.0 * (self._preset.last + self._preset.kept)) * mean
+        # where the last growth fails, gaps of contacts are several times as long as it: spheres, which few forces hold,
+        # are parted slowly; and grids of distances are wrong by as much
+        own = CONTACT * mean
         held, rattlers = near.held(own)
         return {
             **found,

@@ -74,7 +74,7 @@ def most_attempts(problem: Problem, grains: int) -> int:
 
 
 def usual_seconds(problem: Problem, moved: float, refused: float) -> float:
-    """Return the expected processor time of a walk, without examinations of the bed, by those of two attempts.
+    """Return the expected CPU time of a walk, without examinations of the bed, by those of two attempts.
 
     moved, refused: seconds of an attempt while grains find room at their first tries, and in a container that they
     fill, where feeding waits again and again for grains that sink.

@@ -83,6 +83,11 @@ def test_without_a_target_the_bed_is_a_little_looser_than_jammed():
         (vg.Box((4, 4, 4), periodic="z"), {"solid_fraction": 0.5}, "not periodic along z"),
         (COLUMN, {"solid_fraction": 0.7, "sizes": vg.sizes.uniform(0.9, 1.1)}, "jam at about 0.6"),
         (COLUMN, {"solid_fraction": 0.5, "layers": 0}, "layers"),
+        (
+            COLUMN,
+            {"count": 9, "obstacles": vg.Packing.of(SPHERE, COLUMN, position=[(4, 4, 4)])},
+            "finds the heights of its layers",
+        ),
     ],
 )
 def test_what_cannot_be_is_refused(container, options, words):

@@ -53,7 +53,7 @@ Labels: TypeAlias = NDArray[np.int32]
 Surface: TypeAlias = tuple[Floats, Integers]
 #: what is timed, and what makes surfaces of the labels 1, 2, ... of its result
 Program: TypeAlias = tuple[Callable[[], Any], Callable[[Any], list[Surface]]]
-#: body, voxels across, program, processor seconds, mean error of the volume without and of the area with its sign
+#: body, voxels across, program, CPU seconds, mean error of the volume without and of the area with its sign
 Row: TypeAlias = tuple[str, int, str, float, float, float]
 
 
@@ -153,7 +153,7 @@ def measured(across: tuple[int, ...] = ACROSS) -> list[Row]:
 
 
 def measured_crowd(n: int = CROWDED[0], points: int = CROWDED[1]) -> list[tuple[str, float, int, int, int, int]]:
-    """Return program, processor seconds, labels, triangles, closed manifolds and crossing pairs for a crowded image."""
+    """Return program, CPU seconds, labels, triangles, closed manifolds and crossing pairs for a crowded image."""
     image, rows = crowded(n, points), []
     for name, (work, surfaces_of) in programs(image).items():
         seconds = least_seconds(work, repeats=REPEATS, processor=True)
@@ -171,7 +171,7 @@ def measured_crowd(n: int = CROWDED[0], points: int = CROWDED[1]) -> list[tuple[
 def measured_large(
     part: tuple[int, int] = PART, parts: tuple[int, ...] = PARTS
 ) -> list[tuple[int, int, int, float, float, float, float]]:
-    """Return voxels along the edge, labels, triangles, processor seconds and largest memory in MiB of packings of large
+    """Return voxels along the edge, labels, triangles, CPU seconds and largest memory in MiB of packings of large
     images, their bytes for each triangle, and the size of their files over the size of an image of 16 bits a voxel.
     """
     one, rows = crowded(*part), []
@@ -251,7 +251,7 @@ def _draw(rows: list[Row], path: Path) -> None:
             for name in dict.fromkeys(row[2] for row in rows):
                 mine = [row for row in rows if (row[0], row[2]) == (kind, name)]
                 panel.loglog([row[3] for row in mine], [100 * abs(row[5]) for row in mine], "o-", label=name)
-            panel.set(xlabel="processor time (s)", title=kind)
+            panel.set(xlabel="CPU seconds", title=kind)
         panels[0].set(ylabel="error of the area (%)")
         panels[0].legend(frameon=False, fontsize=8)
 

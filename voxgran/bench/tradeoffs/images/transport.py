@@ -80,7 +80,7 @@ def draw(rows: list[Row], path: Path) -> None:
             label = f"{name}, cells of {block} voxel{'s' if block > 1 else ''}"
             panel.loglog([row[4] for row in mine], [abs(row[5]) for row in mine], "o-", label=label)
         # room for the legend above the lines
-        panel.set(xlabel="processor time (s)", ylabel="relative error of the diffusivity", ylim=(5e-4, 10))
+        panel.set(xlabel="CPU seconds", ylabel="relative error of the diffusivity", ylim=(5e-4, 10))
 
 
 registration = TradeOff(

@@ -95,7 +95,7 @@ def _draw(rows: list[Row], path: Path) -> None:
             if mine[0][5] is not None:
                 panel.loglog(seconds, [row[5] for row in mine], "s--", label=f"{name}: largest pore")
         panel.xaxis.set_minor_formatter("")
-        panel.set(xlabel="processor time (s)", ylabel="relative error")
+        panel.set(xlabel="CPU seconds", ylabel="relative error")
 
 
 registration = TradeOff(

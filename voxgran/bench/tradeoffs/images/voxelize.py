@@ -75,7 +75,7 @@ def measure_rows(shapes: list[Shape], resolutions: tuple[int, ...] = RESOLUTIONS
     dims = ("shape", "backend", "resolution")
     return load("xarray").Dataset(
         {
-            "seconds": (dims, seconds, {"units": "s", "long_name": "processor time of one voxelization"}),
+            "seconds": (dims, seconds, {"units": "s", "long_name": "CPU time of one voxelization"}),
             "volume_error": (dims, errors, {"units": "1", "long_name": "rms relative volume error"}),
         },
         coords={"shape": [shape.name for shape in shapes], "backend": list(names), "resolution": list(resolutions)},
@@ -90,7 +90,7 @@ def _volume(shape: Shape, size: float, name: str) -> float:
 
 
 def measure_peers(sizes: tuple[int, ...] = PEER_SIZES) -> list[tuple[int, str, float, int]]:
-    """Time voxgran and its peers on a sphere of 20,480 triangles; processor time of one thread, the least of some
+    """Time voxgran and its peers on a sphere of 20,480 triangles; CPU time of one thread, the least of some
     calls.
 
     Return voxels along an edge, program, seconds, and voxels that differ from voxgran's.
@@ -120,7 +120,7 @@ def measure_files(divisions: int = 2) -> list[tuple[str, int, str, float, float]
     """Time reading a scanned body, whose triangles are divided into four again and again, from files that are parsed
     here, with all checks, and by PyVista, without.
 
-    Return format, triangles, program, seconds of the processor, and the largest error of a coordinate over the size.
+    Return format, triangles, program, CPU seconds, and the largest error of a coordinate over the size.
     """
     pyvista, rows = load("pyvista"), []
     (body,) = scans("eros.obj").values()
