@@ -34,7 +34,7 @@ from voxgran.settling.interior_point import is_direct
 from voxgran.settling.materials import friction_of, friction_range
 from voxgran.settling.parameters import Settling
 from voxgran.settling.parting import part_grains
-from voxgran.settling.presets import FRICTIONAL, FRICTIONLESS, GRIDS, TRIANGLES, SolverPreset
+from voxgran.settling.presets import FRICTIONAL, FRICTIONLESS, GRIDS, ROOMED, TRIANGLES, SolverPreset
 from voxgran.settling.progress import AGAIN, CLOSING, ENDED, FALL, GROWTH, RAIN, SHAKING, STAGES, START, STILL, Progress
 from voxgran.settling.quasi_static import frictionless_step, quasi_static_step
 from voxgran.settling.rain import Rain, let_arrive, steps_of_rain
@@ -55,6 +55,8 @@ STILL_STEPS, FEW_GRAINS, MORE_STEPS = 300, 1500, 5
 SURFACE_FALL: dict[str, Any] = {"rest": 2e-3, "most": 0.03, "margin": 0.05}
 #: most rounds in which surfaces are parted
 CLOSING_ROUNDS = 12
+ROOM_ROUNDS = 3
+NEARLY = 0.2
 #: volume of a grain of unit diameter by dimension, whose mass is 1
 UNIT = {2: math.pi / 4, 3: math.pi / 6}
 #: share of moving grains below which steps become shorter
@@ -270,15 +272,15 @@ class Settler(Examined):
         elif moving < SLOW:
             progress.length = max(preset.last, SHRINK * progress.length)
         progress.still_steps += 1
-        last = progress.still_steps >= self._more_steps * preset.steps
+        last = progress.still_steps >= (1 if preset is ROOMED else self._more_steps) * preset.steps
         if preset in FRICTIONAL and not last:
             if moving < EARLY and progress.still_steps % EVERY == 0 and self._rests_as_copy(preset):
                 self._end()
             return
-        calm = moving < CALM and preset.last <= preset.first
+        calm = moving < (NEARLY if preset is GRIDS else CALM) and preset.last <= preset.first
         if not last and not calm and (not preset.examined or progress.still_steps % preset.examined):
             return
-        if preset is GRIDS:
+        if preset in (GRIDS, ROOMED):
             self._look_closer()
             return
         self._examine(USUAL)
@@ -343,6 +345,11 @@ class Settler(Examined):
         """Part surfaces that are not proven to be separate; then go on with the contacts of their triangles."""
         progress = self.progress
         wrong = close_round(self.bed, first=progress.stage_step == 0 and not progress.trials)
+        if progress.roomed < ROOM_ROUNDS and not progress.trials:
+            # what grids miss is known now: the bed sinks by it before contacts are found that take longer
+            progress.roomed, progress.stage, progress.still_steps = progress.roomed + 1, STILL, 0
+            progress.length = ROOMED.first
+            return
         if wrong and progress.stage_step + 1 < CLOSING_ROUNDS:
             return
         progress.still_steps = progress.still_steps if progress.trials else 0
@@ -377,7 +384,9 @@ class Settler(Examined):
             if self._frictionless:
                 return FRICTIONLESS[int(self.bed.grains.kind.any()) if self.direct else 2]
             return FRICTIONAL[int(self.bed.grains.kind.any())]
-        return TRIANGLES if self.progress.exact else GRIDS
+        if self.progress.exact:
+            return TRIANGLES
+        return ROOMED if self.progress.roomed else GRIDS
 
 
 _STEPS = {
