@@ -119,7 +119,7 @@ def surface_work(bodies: SurfaceBodies, cap: int) -> Blocks[SurfaceWork]:
 
 
 def tidy(work: Blocks[SurfaceWork], size: int) -> None:
-    """Move the lists of triangles of the first pairs to the front of the pool, once half of it is in use.
+    """Move the lists of triangles of the first pairs to the front of the pool, once most of it is in use.
 
     The pool grows where lists found no room in it, which are made again when their pairs are next looked at.
     """
@@ -130,7 +130,7 @@ def tidy(work: Blocks[SurfaceWork], size: int) -> None:
     wanted = int(key[lost, 3].sum())
     key[lost, 2:4] = -1, 0
     arrays.used[0] = (key[:, 3] + key[:, 4]).max(initial=0)
-    if not wanted and 2 * arrays.used[0] <= cap:
+    if not wanted and 4 * arrays.used[0] <= 3 * cap:
         return
     count = np.maximum(key[:, 2], 0)
     first = np.cumsum(count) - count
