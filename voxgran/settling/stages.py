@@ -283,9 +283,13 @@ class Settler(Examined):
         if preset in (GRIDS, ROOMED):
             self._look_closer()
             return
+        if preset is TRIANGLES:
+            # the forces of an examination, which has no contacts beyond its reach, would move the bed
+            self.bed = bed.copy()
         self._examine(USUAL)
         enough = ENOUGH if preset.examined else CALM
         if preset.examined and progress.moving >= enough and not last:
+            self.bed = bed
             return
         if progress.smallest < 0.0 and (progress.trials < TRIALS or (last and progress.exact)):
             progress.trials += 1
@@ -297,7 +301,7 @@ class Settler(Examined):
             self._examine(USUAL)
         if last or (progress.moving < enough and progress.smallest >= 0.0):
             if progress.smallest < 0.0 and not progress.exact:
-                part_grains(bed, PARTED, ROUNDS)
+                part_grains(self.bed, PARTED, ROUNDS)
             self._end()
 
     def _end(self) -> None:
