@@ -55,8 +55,11 @@ STILL_STEPS, FEW_GRAINS, MORE_STEPS = 300, 1500, 5
 SURFACE_FALL: dict[str, Any] = {"rest": 2e-3, "most": 0.03, "margin": 0.05}
 #: most rounds in which surfaces are parted
 CLOSING_ROUNDS = 12
-ROOM_ROUNDS = 3
-NEARLY = 0.2
+#: pairs that are not proven to be separate, for each grain, with which parting may end: exact contacts part them
+LEFT_OPEN = 0.05
+#: share of moving grains with which steps by grids end, and how often it is measured by how much their gaps are wrong,
+#: with steps after it: the bed sinks by that before its exact contacts, which take longer, are found
+NEARLY, ROOM_ROUNDS = 0.2, 2
 #: volume of a grain of unit diameter by dimension, whose mass is 1
 UNIT = {2: math.pi / 4, 3: math.pi / 6}
 #: share of moving grains below which steps become shorter
@@ -350,11 +353,10 @@ class Settler(Examined):
         progress = self.progress
         wrong = close_round(self.bed, first=progress.stage_step == 0 and not progress.trials)
         if progress.roomed < ROOM_ROUNDS and not progress.trials:
-            # what grids miss is known now: the bed sinks by it before contacts are found that take longer
             progress.roomed, progress.stage, progress.still_steps = progress.roomed + 1, STILL, 0
             progress.length = ROOMED.first
             return
-        if wrong and progress.stage_step + 1 < CLOSING_ROUNDS:
+        if wrong > LEFT_OPEN * self.bed.count and progress.stage_step + 1 < CLOSING_ROUNDS:
             return
         progress.still_steps = progress.still_steps if progress.trials else 0
         progress.exact, self.bed.finders.exact = 1, True

@@ -45,8 +45,8 @@ class SurfaceWork(NamedTuple):
     -1 without a list, its first entry in the pool and the number of entries that it has there, 0 for a `LOST` one,
     whose first entry is the number that it wants.  leaf: (cap, POINTS)
     points of j, then of i.  near: (pool, 2) triangles of i and of j, and apart: (pool,) lower bounds of their
-    distances plus the way that their grains had gone then, the lists of all pairs.  used: (1,) entries in use, from the first one on.  saved: (cap, 2) first and
-    count of pairs that overlap, before a call.
+    distances plus the way that their grains had gone then, the lists of all pairs.  used: (1,) entries in use, from the
+    first one on.  saved: (cap, 2) first and count of pairs that overlap, before a call.
     candidate: (LISTED, 8) contact points: place on i from its centroid (3), normal (3), gap.  now: (28,) a pose and an
     offset.  turn: (2, 12) maps to the cells of grids.  listed: (2, c) points or leaves.  found: (LISTED, 3) pairs of
     triangles.  found_apart: (LISTED,) bounds of their distances, or distances of points.  stack: (256,), points: (16,):

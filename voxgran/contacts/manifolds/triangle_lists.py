@@ -12,7 +12,15 @@ import math
 from voxgran._base.kernels import bare_kernel, inlined_kernel
 from voxgran.contacts.manifolds.rows import Grains
 from voxgran.contacts.manifolds.surface_contacts import grid_bound, to_cells, write_turn
-from voxgran.contacts.manifolds.surface_memory import LOST, NEAR, SurfaceWork, copy_numbers, is_kept, motion_since, way_gone
+from voxgran.contacts.manifolds.surface_memory import (
+    LOST,
+    NEAR,
+    SurfaceWork,
+    copy_numbers,
+    is_kept,
+    motion_since,
+    way_gone,
+)
 
 #: distance beyond the margin within which triangles are listed, in median diameters and in radii of the smaller grain
 SLACK, SLACK_OF_RADIUS = 8e-3, 0.02
