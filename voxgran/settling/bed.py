@@ -17,7 +17,7 @@ from voxgran._base.arrays import Booleans, Floats, Integers
 from voxgran.contacts.assembly import Assembly, Lid
 from voxgran.contacts.forces import LID, WALL
 from voxgran.contacts.manifolds.finders import ContactFinders, kinds_of
-from voxgran.contacts.manifolds.pair_list import no_pairs, renewed
+from voxgran.contacts.manifolds.pair_list import count_relative_ways, no_pairs, renewed
 from voxgran.contacts.manifolds.rows import (
     ARM_I,
     ARM_J,
@@ -296,8 +296,12 @@ class Bed:
         carry: whether the contacts are carried along, so that they need not all be found again.
         """
         grains, n = self.grains, self.count
-        if carry:
+        surfaces = SURFACE in self.finders.kinds
+        if carry or surfaces:
             motion = self.clipped(motion, most)
+        if surfaces:
+            count_relative_ways(self.pairs, grains, motion)
+        if carry:
             carry_rows(self.rows, self.m, motion[:n])
         else:
             self.carried = np.full(2, np.nan)

@@ -33,6 +33,8 @@ SOFT = (
     SolverPreset(KEPT, 0.1, 0.1, first=2e-4, last=0.0, steps=150, examined=1),
 )
 FRICTIONLESS = SolverPreset(KEPT, 0.1, 0.03, first=0.2, last=0.05, steps=60)
-#: of meshes that are not convex: by grids of distances, then by triangles
+#: of meshes that are not convex: by grids of distances, the same where it is known by how much these are wrong, then by
+#: triangles
 GRIDS = SolverPreset(4e-3, 0.024, 0.02, first=0.15, last=0.1, steps=50)
-TRIANGLES = SolverPreset(KEPT, 5e-3, 2e-3, first=0.1, last=0.05, steps=160, examined=10, reuse=5e-4)
+ROOMED = SolverPreset(KEPT, 0.024, 5e-3, first=0.1, last=0.1, steps=8)
+TRIANGLES = SolverPreset(KEPT, 5e-3, 2e-3, first=0.1, last=0.05, steps=160, examined=10, reuse=1e-3)

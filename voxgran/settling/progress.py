@@ -26,6 +26,7 @@ class Progress:
     stage_step: int = 0  # steps of the stage
     still_steps: int = 0  # quasi-static steps by the present preset
     exact: int = 0  # whether contacts of meshes that are not convex are those of their triangles
+    roomed: int = 0  # whether it is known by how much the gaps by grids are wrong
     length: float = 0.0  # of the next quasi-static step
     substep: float = 0.0  # duration to which the impulses of the rows belong; 0 where they are forces or none
     trials: int = 0  # times that overlapping grains were parted

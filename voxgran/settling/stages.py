@@ -34,7 +34,7 @@ from voxgran.settling.impulses import Fall
 from voxgran.settling.materials import friction_of, friction_range
 from voxgran.settling.parameters import Settling
 from voxgran.settling.parting import part_grains
-from voxgran.settling.presets import FRICTIONAL, FRICTIONLESS, GRIDS, SOFT, TRIANGLES, SolverPreset
+from voxgran.settling.presets import FRICTIONAL, FRICTIONLESS, GRIDS, ROOMED, SOFT, TRIANGLES, SolverPreset
 from voxgran.settling.progress import AGAIN, CLOSING, ENDED, FALL, GROWTH, RAIN, SHAKING, STAGES, START, STILL, Progress
 from voxgran.settling.quasi_static import quasi_static_step
 from voxgran.settling.rain import Rain, let_arrive, steps_of_rain
@@ -56,6 +56,11 @@ STILL_STEPS, FEW_GRAINS, MORE_STEPS = 300, 1500, 5
 SURFACE_FALL: dict[str, Any] = {"rest": 2e-3, "most": 0.03, "margin": 0.05}
 #: most rounds in which surfaces are parted
 CLOSING_ROUNDS = 12
+#: pairs that are not proven to be separate, for each grain, with which parting may end: exact contacts part them
+LEFT_OPEN = 0.05
+#: share of moving grains with which steps by grids end, and how often it is measured by how much their gaps are wrong,
+#: with steps after it: the bed sinks by that before its exact contacts, which take longer, are found
+NEARLY, ROOM_ROUNDS = 0.2, 2
 #: volume of a grain of unit diameter by dimension, whose mass is 1
 UNIT = {2: math.pi / 4, 3: math.pi / 6}
 #: share of moving grains below which steps become shorter
@@ -279,20 +284,24 @@ class Settler(Examined):
         elif moving < SLOW and progress.still_steps >= preset.late:
             progress.length = max(preset.last, SHRINK * progress.length)
         progress.still_steps += 1
-        last = progress.still_steps >= self._more_steps * preset.steps
+        last = progress.still_steps >= (1 if preset is ROOMED else self._more_steps) * preset.steps
         if preset in FRICTIONAL and not last:
             if moving < EARLY and progress.still_steps % EVERY == 0 and self._rests_as_copy(preset):
                 self._end()
             return
-        calm = moving < CALM and preset.last <= preset.first
+        calm = moving < (NEARLY if preset is GRIDS else CALM) and preset.last <= preset.first
         if not last and not calm and (not preset.examined or progress.still_steps % preset.examined):
             return
-        if preset is GRIDS:
+        if preset in (GRIDS, ROOMED):
             self._look_closer()
             return
+        if preset is TRIANGLES:
+            # the forces of an examination, which has no contacts beyond its reach, would move the bed
+            self.bed = bed.copy()
         self._examine(USUAL)
         enough = ENOUGH if preset.examined else CALM
         if preset.examined and progress.moving >= enough and not last:
+            self.bed = bed
             return
         if progress.smallest < 0.0 and (progress.trials < TRIALS or (last and progress.exact)):
             progress.trials += 1
@@ -304,7 +313,7 @@ class Settler(Examined):
             self._examine(USUAL)
         if last or (progress.moving < enough and progress.smallest >= 0.0):
             if progress.smallest < 0.0 and not progress.exact:
-                part_grains(bed, PARTED, ROUNDS)
+                part_grains(self.bed, PARTED, ROUNDS)
             self._end()
 
     def _end(self) -> None:
@@ -360,7 +369,11 @@ class Settler(Examined):
         """Part surfaces that are not proven to be separate; then go on with the contacts of their triangles."""
         progress = self.progress
         wrong = close_round(self.bed, first=progress.stage_step == 0 and not progress.trials)
-        if wrong and progress.stage_step + 1 < CLOSING_ROUNDS:
+        if progress.roomed < ROOM_ROUNDS and not progress.trials:
+            progress.roomed, progress.stage, progress.still_steps = progress.roomed + 1, STILL, 0
+            progress.length = ROOMED.first
+            return
+        if wrong > LEFT_OPEN * self.bed.count and progress.stage_step + 1 < CLOSING_ROUNDS:
             return
         progress.still_steps = progress.still_steps if progress.trials else 0
         progress.exact, self.bed.finders.exact = 1, True
@@ -394,7 +407,9 @@ class Settler(Examined):
             if self._frictionless:
                 return SOFT[int(self.bed.grains.kind.any())] if self.slides else FRICTIONLESS
             return FRICTIONAL[int(CONVEX in self.bed.grains.kind)]
-        return TRIANGLES if self.progress.exact else GRIDS
+        if self.progress.exact:
+            return TRIANGLES
+        return ROOMED if self.progress.roomed else GRIDS
 
 
 _STEPS = {

@@ -5,6 +5,7 @@ import pytest
 
 import voxgran as vg
 from voxgran.contacts.manifolds.rows import ARM_I, ARM_J
+from voxgran.geometry.rotation import normalized
 from voxgran.packing.settling_run import normalized_assembly
 from voxgran.settling.bed import Bed
 from voxgran.settling.parting import part_grains
@@ -33,6 +34,35 @@ def least_gaps(bed):
     """Return the least gaps of the pairs that have contacts, by pair."""
     many = np.flatnonzero(bed.pairs.count)
     return {(bed.pairs.i[p], bed.pairs.j[p]): bed.gap[bed.pairs.first[p] :][: bed.pairs.count[p]].min() for p in many}
+
+
+def test_ways_of_pairs_bound_how_far_surfaces_move_relative_to_each_other(assembly):
+    bed, generator = Bed(assembly, DOWN, exact=True), np.random.Generator(np.random.Philox(4))
+    bed.find(MARGIN, REST)
+    grains, (i, j) = bed.grains, (bed.pairs.i, bed.pairs.j)
+    directions = normalized(generator.normal(size=(20, 3)))
+    swapped = grains.radius[j] > grains.radius[i]
+    one, other, sign = np.where(swapped, j, i), np.where(swapped, i, j), np.where(swapped, -1.0, 1.0)[:, None]
+
+    def surface():
+        """Points of the smaller bounding sphere of each pair in the frame of the other, (pairs, points, 3)."""
+        points = np.einsum("pab,kb->pka", grains.matrix[other], directions) * grains.radius[other, None, None]
+        points += (sign * (grains.position[j] + bed.pairs.shift - grains.position[i]))[:, None]
+        return np.einsum("pab,pka->pkb", grains.matrix[one], points)
+
+    for far in (1e-3, 2e-2):
+        motion, common = far * generator.normal(size=(2, bed.count + 1, 6))
+        motion[:, :3] += common[0, :3]
+        for part, ratio in ((motion, 0.95), (np.tile(common[0] * [1, 1, 1, 0, 0, 0], (len(motion), 1)), 0.0)):
+            before, gone = surface(), (grains.way[i] + grains.way[j] - bed.pairs.way).copy()
+            absolute = grains.way[i] + grains.way[j]
+            bed.move(part, 1.0)
+            gone = grains.way[i] + grains.way[j] - bed.pairs.way - gone
+            moved = np.linalg.norm(surface() - before, axis=2).max(axis=1)
+            absolute = grains.way[i] + grains.way[j] - absolute
+            # distances change by no more than the ways of both grains either
+            assert (gone >= np.minimum(moved, absolute) - 1e-12).all()
+            assert gone.sum() <= ratio * absolute.sum() + 1e-9
 
 
 @pytest.mark.slow

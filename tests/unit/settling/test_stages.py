@@ -7,9 +7,9 @@ import voxgran as vg
 from voxgran._base.errors import InputError
 from voxgran.packing.settling_run import normalized_assembly
 from voxgran.settling.parameters import Settling
-from voxgran.settling.presets import FRICTIONAL
+from voxgran.settling.presets import FRICTIONAL, GRIDS, TRIANGLES
 from voxgran.settling.progress import AGAIN, ENDED, STILL
-from voxgran.settling.stages import Settler
+from voxgran.settling.stages import ROOM_ROUNDS, Settler
 
 DOWN = np.array([0.0, 0.0, -1.0])
 
@@ -79,10 +79,27 @@ def test_meshes_go_on_with_the_same_bits():
         settler.step()
         again.step()
         np.testing.assert_array_equal(again.bed.grains.position, settler.bed.grains.position)
+        # an examination, also one that fails, leaves the contacts of the bed as they are
+        assert settler.ended or settler.bed.carried[0] == TRIANGLES.margin
     assert np.isfinite(settler.bed.carried).all()
     # bounds of the gaps of pairs beyond the margin may differ
     for name in ("position", "orientation", "row", "row_i", "row_j", "pair_first", "pair_count", "pair_way"):
         np.testing.assert_array_equal(again.arrays[name], settler.arrays[name])
+
+
+def test_rocks_have_sunk_by_what_grids_miss_when_exact_contacts_are_found_first():
+    rocks = [vg.make_shape("solid_union", seed=seed) for seed in (1, 2)]
+    loose = vg.pack(rocks, vg.Box((3, 3, 6), periodic="xy"), "gravity", count=12, rest=0.01)
+    settler = Settler(normalized_assembly(loose)[0], Settling(), DOWN)
+    progress, bed = settler.progress, settler.bed
+    progress.stage, progress.length, bed.finders.exact = STILL, GRIDS.first, False
+    while not progress.exact:
+        settler.step()
+    assert progress.roomed == ROOM_ROUNDS
+    bed.find(0.01, 0.0)
+    touching = np.flatnonzero(bed.pairs.count)
+    gaps = [bed.gap[bed.pairs.first[p] :][: bed.pairs.count[p]].min() for p in touching]
+    assert np.median(gaps) < 2e-3
 
 
 def test_a_small_bed_that_is_wedged_comes_free():

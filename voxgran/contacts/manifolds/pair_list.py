@@ -3,6 +3,8 @@
 Verlet 1967, doi:10.1103/PhysRev.159.98.
 """
 
+import math
+
 import numpy as np
 
 from voxgran._base.arrays import Booleans, Floats, Integers
@@ -10,6 +12,7 @@ from voxgran._base.kernels import kernel
 from voxgran.contacts.manifolds.rows import Grains, PairList
 from voxgran.containers.model import Container, periods_of
 from voxgran.geometry.sphere_pairs import near_pairs
+from voxgran.geometry.vectors import add, cross, dot, row_of, sub, vector_at
 
 #: `bound` of pairs that were never looked at, and first number of a normal that is not known
 NEVER, UNKNOWN = -1e9, 2.0
@@ -74,3 +77,32 @@ def _hand_on(old, new, way):  # type: ignore[no-untyped-def]
                     new.normal[p, c] = old.normal[b, c]
                 break
             b += 1
+
+
+@kernel
+def count_relative_ways(pairs: PairList, grains: Grains, motion: Floats) -> None:
+    """Let the ways of pairs count how far surfaces are about to move relative to each other, where that is less.
+
+    Grains that sink together hardly move relative to each other, although each of them goes a long way.
+
+    motion: (n, 6) translations and rotations that the grains are about to make.
+    """
+    position, radius = grains.position, grains.radius
+    for p in range(len(pairs.i)):
+        i, j = pairs.i[p], pairs.j[p]
+        if radius[j] > radius[i]:
+            i, j = j, i
+        one, other = vector_at(motion[i], 3), vector_at(motion[j], 3)
+        turn, their_turn = math.sqrt(dot(one, one)), math.sqrt(dot(other, other))
+        a, b = row_of(motion, i), row_of(motion, j)
+        apart = math.sqrt(dot(a, a)) + math.sqrt(dot(b, b)) + turn * radius[i] + their_turn * radius[j]
+        offset = add(sub(row_of(position, pairs.j[p]), row_of(position, pairs.i[p])), row_of(pairs.shift, p))
+        far = math.sqrt(dot(offset, offset))
+        if i != pairs.i[p]:
+            offset = -offset[0], -offset[1], -offset[2]
+        # in the frame of i, whose rotation moves the centroid of j too; j turns about its own
+        slip, spin = sub(sub(b, a), cross(one, offset)), sub(other, one)
+        relative = math.sqrt(dot(slip, slip)) + math.sqrt(dot(spin, spin)) * radius[j]
+        # what rotations do to the second order
+        relative += (turn + their_turn) ** 2 * (far + radius[j])
+        pairs.way[p] += max(apart - relative, 0.0)

@@ -39,13 +39,14 @@ class SurfaceWork(NamedTuple):
     grains overlap.  proven: (cap,) whether the grains were proven to be separate.
     pose: (cap, 2, 20) poses when the pair was listed, by points and by triangles: offset (3) and rotation (9) of j in
     the frame of i, both scales, the distance beyond which nothing was listed; of triangles a distance that the
-    surfaces, neither of which was in the other, had then at least, -1 if unknown, and the direction in which they were
-    nearest.  key: (cap, 2, 5): i, j, and the lengths of both lists of points, or the length of the list of triangles,
+    surfaces, neither of which was in the other, had then at least, -1 if unknown, the direction in which they were
+    nearest, and the way that they have gone since, relative to each other.  last: (cap, 14) pose at the last exact
+    look.  key: (cap, 2, 5): i, j, and the lengths of both lists of points, or the length of the list of triangles,
     -1 without a list, its first entry in the pool and the number of entries that it has there, 0 for a `LOST` one,
     whose first entry is the number that it wants.  leaf: (cap, POINTS)
     points of j, then of i.  near: (pool, 2) triangles of i and of j, and apart: (pool,) lower bounds of their
-    distances, the lists of all pairs.  used: (1,) entries in use, from the first one on.  saved: (cap, 2) first and
-    count of pairs that overlap, before a call.
+    distances plus the way that their grains had gone then, the lists of all pairs.  used: (1,) entries in use, from the
+    first one on.  saved: (cap, 2) first and count of pairs that overlap, before a call.
     candidate: (LISTED, 8) contact points: place on i from its centroid (3), normal (3), gap.  now: (28,) a pose and an
     offset.  turn: (2, 12) maps to the cells of grids.  listed: (2, c) points or leaves.  found: (LISTED, 3) pairs of
     triangles.  found_apart: (LISTED,) bounds of their distances, or distances of points.  stack: (256,), points: (16,):
@@ -57,6 +58,7 @@ class SurfaceWork(NamedTuple):
     gap: Floats
     proven: NDArray[np.bool_]
     pose: Floats
+    last: Floats
     key: Integers
     leaf: NDArray[np.int32]
     near: NDArray[np.int32]
@@ -93,6 +95,7 @@ def surface_work(bodies: SurfaceBodies, cap: int) -> Blocks[SurfaceWork]:
         gap=np.full(cap, np.inf),
         proven=np.zeros(cap, dtype=np.bool_),
         pose=np.zeros((cap, 2, 20)),
+        last=np.zeros((cap, 14)),
         key=np.tile(np.array([-1, -1, -1, 0, 0]), (cap, 2, 1)),
         leaf=np.zeros((cap, POINTS), dtype=np.int32),
         near=np.zeros((FIRST * cap, 2), dtype=np.int32),
@@ -116,7 +119,7 @@ def surface_work(bodies: SurfaceBodies, cap: int) -> Blocks[SurfaceWork]:
 
 
 def tidy(work: Blocks[SurfaceWork], size: int) -> None:
-    """Move the lists of triangles of the first pairs to the front of the pool, once half of it is in use.
+    """Move the lists of triangles of the first pairs to the front of the pool, once most of it is in use.
 
     The pool grows where lists found no room in it, which are made again when their pairs are next looked at.
     """
@@ -127,7 +130,7 @@ def tidy(work: Blocks[SurfaceWork], size: int) -> None:
     wanted = int(key[lost, 3].sum())
     key[lost, 2:4] = -1, 0
     arrays.used[0] = (key[:, 3] + key[:, 4]).max(initial=0)
-    if not wanted and 2 * arrays.used[0] <= cap:
+    if not wanted and 4 * arrays.used[0] <= 3 * cap:
         return
     count = np.maximum(key[:, 2], 0)
     first = np.cumsum(count) - count
@@ -164,6 +167,15 @@ def motion_since(pose: Floats, old: Floats, radius_i: float, radius_j: float) ->
     # a rotation by t has the Frobenius norm 2 sqrt(2) sin(t / 2) and moves points by 2 sin(t / 2) of their distance
     grown = abs(1.0 - old[12] / pose[12]) * radius_i + abs(1.0 - old[13] / pose[13]) * radius_j
     return 1.000001 * (math.sqrt(way) + math.sqrt(0.5 * turn) * radius_j + grown)
+
+
+@bare_kernel
+def way_gone(work: SurfaceWork, p: int, radius_i: float, radius_j: float) -> float:
+    """Return the way that a pair has gone to the pose in `work.now` since its list of triangles was made."""
+    old = work.pose[p, 1]
+    old[19] += motion_since(work.now, work.last[p], radius_i, radius_j)
+    copy_numbers(work.last[p], work.now, 14)
+    return old[19]
 
 
 @bare_kernel

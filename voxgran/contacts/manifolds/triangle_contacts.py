@@ -20,9 +20,9 @@ from voxgran.contacts.manifolds.surface_memory import (
     SurfaceWork,
     copy_numbers,
     is_kept,
-    motion_since,
     spacing_of,
     tidy,
+    way_gone,
     write_pose,
     write_spread,
 )
@@ -36,6 +36,8 @@ from voxgran.geometry.vectors import along, corner_of, dot, rotate, sub, times, 
 MOST = 8
 #: distance, by the grids, within which points of surfaces that cross are found
 OVERSIGHT = 0.02
+#: distance beyond the margin to which distances of triangles are found: they are not looked at again so soon
+FARTHER = 3e-3
 #: gap from which on a pair counts as separate while its rows are kept
 SEPARATE = 1e-6
 #: distance, in radii of the pair, below which rounding could hide an overlap
@@ -55,18 +57,19 @@ def exact_candidates(
     stretch, unit, turn = pose[13] / pose[12], pose[12], grains.matrix[i]
     solid_i, solid_j = bodies.frame[grains.shape[i], 7], bodies.frame[grains.shape[j], 7]
     pierce = solid_i != 0 and solid_j != 0
+    wide = (margin + FARTHER) / unit
     spare, k, low, best = work.candidate[len(work.candidate) - 1], 0, 1e9, 1e9
     for q in range(count):
         s, t = work.found[q, 0], work.found[q, 1]
         place_triangle(bodies.corner, t, pose, stretch, placed, 0)
         skin = bodies.skin[s, 0] + bodies.skin[t, 0] * stretch
-        square, mine, theirs = nearest_features(bodies.corner, s, placed, 0, points, margin / unit + skin, pierce)
+        square, mine, theirs = nearest_features(bodies.corner, s, placed, 0, points, wide + skin, pierce)
         length = math.sqrt(square)
         gap = (length - skin) * unit
         if work.found[q, 2] >= 0:
-            # when the list was made the distance was at least this
-            apart[work.found[q, 2]] = max(apart[work.found[q, 2]], gap - way)
-        if mine < 0:
+            # not before the pair has gone farther than this can the triangles be nearer than the margin
+            apart[work.found[q, 2]] = max(apart[work.found[q, 2]], gap + way)
+        if mine < 0 or gap >= margin:
             continue
         if length == 0.0:
             return 0, -1e9
@@ -135,7 +138,7 @@ def _exact_pair(grains, work, p, i, j, margin):  # type: ignore[no-untyped-def]
     """
     old = work.pose[p, 1]
     if is_kept(work.key[p, 1], i, j):
-        apart = old[15] - motion_since(work.now, old, grains.radius[i], grains.radius[j])
+        apart = old[15] - way_gone(work, p, grains.radius[i], grains.radius[j])
         if apart > margin:
             return 0, apart
     count, clear, way = near_triangles(grains, work, p, i, j, margin)

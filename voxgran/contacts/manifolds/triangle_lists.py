@@ -12,7 +12,15 @@ import math
 from voxgran._base.kernels import bare_kernel, inlined_kernel
 from voxgran.contacts.manifolds.rows import Grains
 from voxgran.contacts.manifolds.surface_contacts import grid_bound, to_cells, write_turn
-from voxgran.contacts.manifolds.surface_memory import LOST, NEAR, SurfaceWork, copy_numbers, is_kept, motion_since
+from voxgran.contacts.manifolds.surface_memory import (
+    LOST,
+    NEAR,
+    SurfaceWork,
+    copy_numbers,
+    is_kept,
+    motion_since,
+    way_gone,
+)
 
 #: distance beyond the margin within which triangles are listed, in median diameters and in radii of the smaller grain
 SLACK, SLACK_OF_RADIUS = 8e-3, 0.02
@@ -260,7 +268,8 @@ def _renew(grains, work, p, i, j, margin):  # type: ignore[no-untyped-def]
     count, clear = _list_triangles(grains, work, i, j, margin + slack, slack, old[16:19])
     key[0], key[1], key[2] = i, j, -1
     copy_numbers(old, work.now, 14)
-    old[15] = -1.0
+    copy_numbers(work.last[p], work.now, 14)
+    old[15], old[19] = -1.0, 0.0
     # of more triangles than can be kept the nearer ones are
     kept = 0
     for _ in range(6):
@@ -294,7 +303,7 @@ def _renew(grains, work, p, i, j, margin):  # type: ignore[no-untyped-def]
 
 @bare_kernel
 def least_distance(work: SurfaceWork, p: int) -> float:
-    """Return a lower bound of the distance of the surfaces of a pair when its list was made, -1 without a list."""
+    """Return a lower bound of the distance of the surfaces of a pair plus its way until now, -1 without a list."""
     key, least = work.key[p, 1], work.pose[p, 1, 14]
     for q in range(key[3], key[3] + key[2]):
         least = min(least, work.apart[q])
@@ -308,23 +317,24 @@ def near_triangles(
     """List in `work.found` the pairs of triangles that may be within a margin; return their number, -1 if too many.
 
     The pose is in `work.now`. The third number is the entry in the pool, -1 without one. Returns too the
-    distance that all others have at least, and the motion since the list was made.
+    distance that all others have at least, and the way that the pair has gone since the list was made.
     """
-    key, old, way = work.key[p, 1], work.pose[p, 1], 0.0
+    key, old = work.key[p, 1], work.pose[p, 1]
+    moved = 0.0
     kept = is_kept(key, i, j)
     if kept:
-        way = motion_since(work.now, old, grains.radius[i], grains.radius[j])
-        kept = old[14] - way > margin
+        moved = motion_since(work.now, old, grains.radius[i], grains.radius[j])
+        kept = old[14] - moved > margin
     if not kept:
-        way = 0.0
         count, clear = _renew(grains, work, p, i, j, margin)
         if key[2] < 0:
             for q in range(count):
                 work.found[q, 2] = -1
-            return count, clear, way
-    count = 0
+            return count, clear, 0.0
+        moved = 0.0
+    count, way = 0, way_gone(work, p, grains.radius[i], grains.radius[j])
     for q in range(key[3], key[3] + key[2]):
         if work.apart[q] - way <= margin:
             work.found[count, 0], work.found[count, 1], work.found[count, 2] = work.near[q, 0], work.near[q, 1], q
             count += 1
-    return count, old[14] - way, way
+    return count, old[14] - moved, way
