@@ -104,7 +104,7 @@ def bent(mesh: Mesh, soft: Soft, strength: float, generator: np.random.Generator
     parts = generator.normal(size=len(soft.energies)) * (soft.energies[0] / soft.energies) ** STIFF
     field = np.tensordot(2 * strength * parts / np.linalg.norm(parts), soft.fields, axes=1)
     points = displaced(mesh, field)
-    return Mesh(points, unfolded(points, mesh.corners, mesh.vertices)), field
+    return Mesh(points, unfolded(points, mesh.corners.astype(np.int64), mesh.vertices)), field
 
 
 def displaced(mesh: Mesh, field: Floats) -> Floats:
