@@ -43,7 +43,7 @@ FAMILIES = ("solid_union", "convex_polyhedron", "sphere")
 #: faces, a mesh that is not convex, and outlines
 SETTLED = ("solid_union", "convex_polyhedron", "ellipsoid", "sphere", "polygon", "disk")
 #: number of kernels that the scenes use, of which a package that was built by `make dist` brings all
-KERNELS = 87
+KERNELS = 89
 #: processes at the most: of more, most wait for the largest kernels
 PROCESSES = 8
 

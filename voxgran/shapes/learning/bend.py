@@ -117,7 +117,6 @@ def unfolded(points: Floats, faces: Integers, before: Floats) -> Integers:
     """Return triangles (n, 3) whose edges are turned to the other diagonal where flat ones have become sharp: narrow
     triangles, as booleans leave them, fold when what lies about them bends.
     """
-    faces = faces.astype(np.int64)
     for _ in range(ROUNDS):
         edges = edges_of_mesh(points, faces)
         sharp = np.flatnonzero(np.abs(edges.angle) > np.radians(SHARP))
