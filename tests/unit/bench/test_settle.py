@@ -20,7 +20,7 @@ print("seconds", 1.5)
 
 @pytest.fixture(scope="module")
 def rows():
-    cases = tuple(replace(settle.CASES[k], width=4.0) for k in (0, 6))
+    cases = tuple(replace(settle.CASES[k], width=4.0) for k in (0, 7))
     return settle.measure_beds(cases, size=0.06)
 
 

@@ -38,7 +38,9 @@ SAME = 1e-6
 BALANCED, RIDGE, STEEPEST = 100, 0.02, 1.0
 #: novelty that is enough, growth of the error in that of random halves of the sample that is too much, and pairs of
 #: such halves
-ENOUGH, WORSE, FOLDS = 0.95, 0.2, 10
+ENOUGH, WORSE, FOLDS = 0.95, 0.25, 10
+#: halvings of the last step where the error is what ends the search
+FINER = 2
 #: grains that are drawn to see whether bars stay round, and standard deviations by which they may not become oval
 FEW, OVAL = 40, 1.0
 
@@ -181,7 +183,16 @@ def _chosen(even: ShapeModel, rows: Floats, seed: int) -> float:
     end = min(bisect_left(STRENGTHS, True, lo=STRENGTHS.index(WIDE[0]), key=is_end), len(STRENGTHS) - 1)
     while tried(STRENGTHS[end])[0] > worst:
         end -= 1
-    return STRENGTHS[end]
+    chosen, next_one = STRENGTHS[end], STRENGTHS[min(end + 1, len(STRENGTHS) - 1)]
+    for _ in range(FINER):
+        if tried(chosen)[1] >= enough:
+            break
+        middle = (chosen + next_one) / 2
+        if tried(middle)[0] > worst:
+            next_one = middle
+        else:
+            chosen = middle
+    return chosen
 
 
 def balanced(given: Floats, weights: Floats, drawn: Floats, donors: Integers) -> Floats:
