@@ -411,6 +411,27 @@ def test_the_strength_is_chosen_within_its_range():
     assert 0.02 < float(again.table.sample_error) < 1
 
 
+def test_the_strength_is_refined_where_the_error_ends_the_search(monkeypatch):
+    def balancing(even, rows, seed):
+        return even.donors, [even.strength], even.strength
+
+    monkeypatch.setattr(learn, "_balancing", balancing)
+    monkeypatch.setattr(learn, "signatures", lambda grains: np.array([g if type(g) is float else 1.0 for g in grains]))
+    monkeypatch.setattr(learn, "distances", lambda one, two: np.broadcast_to(one[:, None], (len(one), len(two))).copy())
+    rows = stream(0, "rows").normal(size=(60, 5))
+    chosen = learn._chosen(MODEL, rows, 0)
+    # the error is the strength here: it may be larger than the least by a quarter of that of halves of the sample
+    halves = stream(0, "strength of learned grains")
+    mixed = [np.array_split(halves.permutation(60), 2) for _ in range(learn.FOLDS)]
+    own = np.mean(
+        [energy_distance(rows[a], rows[b], learn.spread_of(rows), MODEL.weights[a], MODEL.weights[b]) for a, b in mixed]
+    )
+    largest = learn.STRENGTHS[0] + learn.WORSE * own
+    assert chosen <= largest < learn.STRENGTHS[-1]
+    below, above = (max(k for k in learn.STRENGTHS if k <= chosen), min(k for k in learn.STRENGTHS if k > largest))
+    assert largest < chosen + (above - below) / 2**learn.FINER
+
+
 @pytest.mark.slow
 def test_rows_of_the_bench_are_written(tmp_path, monkeypatch):
     monkeypatch.setattr(twins, "CASES", {name: twins.CASES[name] for name in ("ellipsoids", twins.GROWING)})
