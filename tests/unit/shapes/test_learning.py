@@ -423,13 +423,12 @@ def test_the_strength_is_refined_where_the_error_ends_the_search(monkeypatch):
     # the error is the strength here: it may be larger than the least by a quarter of that of halves of the sample
     halves = stream(0, "strength of learned grains")
     mixed = [np.array_split(halves.permutation(60), 2) for _ in range(learn.FOLDS)]
-    own = np.mean(
-        [energy_distance(rows[a], rows[b], learn.spread_of(rows), MODEL.weights[a], MODEL.weights[b]) for a, b in mixed]
-    )
+    spread, w = learn.spread_of(rows), MODEL.weights
+    own = np.mean([energy_distance(rows[a], rows[b], spread, w[a], w[b]) for a, b in mixed])
     largest = learn.STRENGTHS[0] + learn.WORSE * own
     assert chosen <= largest < learn.STRENGTHS[-1]
     below, above = (max(k for k in learn.STRENGTHS if k <= chosen), min(k for k in learn.STRENGTHS if k > largest))
-    assert largest < chosen + (above - below) / 2**learn.FINER
+    assert largest < chosen + (above - below) / 4
 
 
 @pytest.mark.slow
