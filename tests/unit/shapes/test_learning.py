@@ -418,17 +418,9 @@ def test_the_strength_is_refined_where_the_error_ends_the_search(monkeypatch):
     monkeypatch.setattr(learn, "_balancing", balancing)
     monkeypatch.setattr(learn, "signatures", lambda grains: np.array([g if type(g) is float else 1.0 for g in grains]))
     monkeypatch.setattr(learn, "distances", lambda one, two: np.broadcast_to(one[:, None], (len(one), len(two))).copy())
-    rows = stream(0, "rows").normal(size=(60, 5))
-    chosen = learn._chosen(MODEL, rows, 0)
-    # the error is the strength here: it may be larger than the least by a quarter of that of halves of the sample
-    halves = stream(0, "strength of learned grains")
-    mixed = [np.array_split(halves.permutation(60), 2) for _ in range(learn.FOLDS)]
-    spread, w = learn.spread_of(rows), MODEL.weights
-    own = np.mean([energy_distance(rows[a], rows[b], spread, w[a], w[b]) for a, b in mixed])
-    largest = learn.STRENGTHS[0] + learn.WORSE * own
-    assert chosen <= largest < learn.STRENGTHS[-1]
-    below, above = (max(k for k in learn.STRENGTHS if k <= chosen), min(k for k in learn.STRENGTHS if k > largest))
-    assert largest < chosen + (above - below) / 4
+    # the error is the strength, and may exceed the least one by a quarter of that of halves of the sample: up to 0.048
+    monkeypatch.setattr(learn, "energy_distance", lambda *given: 4 * 0.043)
+    assert learn._chosen(MODEL, np.zeros((60, 5)), 0) == pytest.approx(0.0475)
 
 
 @pytest.mark.slow
