@@ -223,6 +223,7 @@ FLAGS: dict[str, tuple[Flag, ...]] = {
     ),
     "learn": (
         _flag("files", nargs="+", help="packing, such as that of labels (.vtp), or mesh files, one a grain"),
+        _flag("--method", choices=("warp", "bend"), help="how grains are made; default: chosen from the sample"),
         _flag("--strength", type=float, help="by how much new grains differ from their donors; default: chosen"),
         _flag("--seed", type=int, default=0, help="seed of the choice and of the comparison"),
         _flag("--descriptors", action="store_true", help="compare roundness and smallest boxes too, which take longer"),

@@ -40,14 +40,14 @@ def learn(options: argparse.Namespace) -> None:
         )
     remedies = Remedies(mend="run voxgran repair on it", keep_open="", choose="run voxgran repair on it")
     shapes = [shape_of_file(path, remedies=remedies) for path in options.files] if others else voxgran.load(first)
-    model = voxgran.learn_shapes(shapes, strength=options.strength, seed=options.seed)
+    model = voxgran.learn_shapes(shapes, method=options.method, strength=options.strength, seed=options.seed)
     report = model.report(descriptors=options.descriptors, seed=options.seed)
     if options.picture:
         voxgran.save_gallery(report.pairs, options.picture, columns=4, overwrite=options.overwrite)
     model.save(options.output, overwrite=options.overwrite)
     numbers = {str(name): float(value) for name, value in report.table.data_vars.items() if not value.dims}
     written = ", ".join(str(path) for path in (options.output, options.picture) if path)
-    show({"grains": len(model.shapes), "strength": model.strength, **numbers}, options, written)
+    show({"grains": len(model.shapes), "method": model.method, "strength": model.strength, **numbers}, options, written)
 
 
 def segment(options: argparse.Namespace) -> None:
