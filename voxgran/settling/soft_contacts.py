@@ -33,8 +33,8 @@ DELAY, FASTER, SLOWER, LESS_MIXING, MIXING = 5, 1.1, 0.5, 0.99, 0.02
 LOOK = 10
 #: motion after which contacts are found again, of spheres and of others, and gap up to which they are found, over that
 FAR, NEAR, AHEAD = 0.05, 5e-3, 2.0
-#: factors on that motion where grains go back, and where they do not
-BACK, ONWARD = 0.5, 1.5
+#: factors on that motion where grains go back, and where they do not, and the least one
+BACK, ONWARD, LEAST_FAR = 0.5, 1.5, 0.02
 #: gap, over the motion, of contacts that count for the mass of a grain, least number of them, and the moment of inertia
 #: over the mass and the square of the radius
 BESIDE, FEWEST, MOMENT = 0.2, 4.0, 0.4
@@ -116,7 +116,7 @@ def soft_step(
         if not round_grains:
             # a grain that goes to and fro turns each time farther than linearized contacts say
             back = float((descent.motion * before).sum()) < 0.0
-            near, before = near * BACK if back else min(near * ONWARD, far), descent.motion
+            near, before = max(near * BACK, LEAST_FAR * far) if back else min(near * ONWARD, far), descent.motion
         # where grains rest by linearized contacts, they are to rest by those that are found anew
         calm = restless <= enough * movable and (round_grains or done <= LOOK)
         if calm or made >= iterations:

@@ -137,6 +137,23 @@ def test_a_row_that_fits_between_walls_rests_without_overlap():
     assert bed.verify().ok
 
 
+def test_a_tight_row_between_grains_and_walls_rests():
+    # spheres whose rows fit exactly, between two walls that both touch them: no distance can be kept
+    bed = vg.pack(SHAPES["spheres"](), vg.Box((4, 1, 8)), "gravity", count=16, friction=0.0, seed=1)
+    assert bed.stop_reason == "settled"
+    assert bed.verify().ok
+    assert bed.provenance["settling"]["steps"] < 1000
+
+
+def test_grains_below_a_heavy_lid_do_not_go_to_and_fro():
+    # large forces at contacts that are linearized turned one ellipsoid by as much to each side, for thousands of steps
+    bed = vg.pack(
+        SHAPES["ellipsoids"](), vg.Box((4, 4, 14)), "gravity", count=50, lid={"weight": 100}, friction=0.0, seed=1
+    )
+    assert bed.stop_reason == "settled"
+    assert bed.provenance["settling"]["steps"] < 1000
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize(
     ("kind", "count", "width"),
