@@ -145,6 +145,15 @@ def test_a_tight_row_between_grains_and_walls_rests():
     assert bed.provenance["settling"]["steps"] < 1000
 
 
+def test_springs_prove_the_rest_of_grains_that_weigh_little():
+    # the smallest of these spheres weigh a thousandth of the largest: the optimum of forces is too coarse for them
+    sizes = vg.sizes.uniform(0.1, 2.0)
+    bed = vg.pack(SHAPES["spheres"](), vg.Box((4, 4, 12)), "gravity", count=80, sizes=sizes, friction=0.0, seed=1)
+    assert bed.stop_reason == "settled"
+    assert vg.equilibrium(bed, 0.0).attrs["share_at_rest"] == 1.0
+    assert bed.provenance["settling"]["steps"] < 1000
+
+
 def test_grains_below_a_heavy_lid_do_not_go_to_and_fro():
     # large forces at contacts that are linearized turned one ellipsoid by as much to each side, for thousands of steps
     bed = vg.pack(
