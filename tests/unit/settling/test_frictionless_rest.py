@@ -154,6 +154,15 @@ def test_springs_prove_the_rest_of_grains_that_weigh_little():
     assert bed.provenance["settling"]["steps"] < 1000
 
 
+def test_forces_of_a_bed_with_fewer_grains_than_asked_for_are_in_weights_of_its_median_grain():
+    sizes = vg.sizes.uniform(0.2, 4.0)
+    with pytest.warns(vg.PackingWarning, match="8 of 20 grains"):
+        bed = vg.pack(SHAPES["spheres"](), vg.Box((5, 5, 9)), "gravity", count=20, sizes=sizes, friction=0.0, seed=1)
+    weight = ((bed.diameter / bed.median_diameter) ** 3).sum()
+    assert -bed.forces.force[bed.forces.j < 0, 2].sum() == pytest.approx(weight, rel=1e-3)
+    assert vg.equilibrium(bed, 0.0).attrs["share_at_rest"] == 1.0
+
+
 def test_grains_below_a_heavy_lid_do_not_go_to_and_fro():
     # large forces at contacts that are linearized turned one ellipsoid by as much to each side, for thousands of steps
     bed = vg.pack(
