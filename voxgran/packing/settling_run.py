@@ -334,7 +334,9 @@ def contact_forces(packing: Packing, settler: Moving) -> Packing:
         return replace(packing, forces=no_forces(settler.how.friction))
     if not settler.ended:
         return packing
-    unit, forces, row = packing.median_diameter, bed.forces(), bed.rows.row[: bed.m]
+    # the bed has the unit of the grains that were asked for, of which some may be left out
+    median, row = float(np.median(bed.diameter)), bed.rows.row[: bed.m]
+    unit, forces = packing.median_diameter / median, bed.forces() / median**packing.dimension
     i, j = bed.contact_grains(wall=WALL, lid=LID)
     residual = bed.in_order(settler.progress.residual)
     known = ContactForces(
@@ -345,7 +347,7 @@ def contact_forces(packing: Packing, settler: Moving) -> Packing:
         force=forces,
         gap=row[:, GAP] * unit,
         residual=residual,
-        rattler=(residual <= RESIDUAL) & (bed.in_order(carried_by(bed, forces)) <= RESIDUAL) & packing.movable,
+        rattler=(residual <= RESIDUAL) & (bed.in_order(carried_by(bed, bed.forces())) <= RESIDUAL) & packing.movable,
         friction=bed.friction_at(friction_of(settler.how.friction, bed.assembly)),
     )
     return replace(packing, forces=known)

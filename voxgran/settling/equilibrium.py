@@ -22,7 +22,7 @@ from voxgran._base.errors import InputError
 from voxgran._base.lazy import load
 from voxgran.contacts.assembly import Assembly
 from voxgran.contacts.manifolds.rows import ARM_I, GAP, NORMAL
-from voxgran.settling.balance import accelerated_projected_gradient, gauss_seidel_forces
+from voxgran.settling.balance import accelerated_projected_gradient, gauss_seidel_forces, net_accelerations
 from voxgran.settling.bed import Bed, normalized_bed
 from voxgran.settling.interior_point import frictionless_forces, is_direct
 from voxgran.settling.materials import FrictionTable, Materials, as_friction, friction_of, friction_range
@@ -183,7 +183,7 @@ def equilibrium(
     with using_threads(threads):
         if given["friction"] > 0.0:
             _guess_forces(bed, rub, gap)
-        elif forces is not None and not is_direct(bed):
+        elif forces is not None:
             bed.find(gap, 0.0)
             keep_known_forces(bed, forces.scaled(1.0 / packing.median_diameter), rub, 1.0)
         found = balance_bed(bed, rub, reach=gap, tolerance=tolerance, decide=True)
@@ -257,8 +257,15 @@ def balance_bed(
         )  # fmt: skip
     else:
         distance, height = ACCURACY * tolerance, -(bed.grains.position @ bed.gravity)
+        normal = row[:, NORMAL : NORMAL + 3]
+        known = np.maximum((forces * normal).sum(axis=1), 0.0)[:, None] * normal
         push, accelerations, made = frictionless_forces(contacts, accuracy=distance, height=height)
-        forces = push[:, None] * row[:, NORMAL : NORMAL + 3]
+        forces = push[:, None] * normal
+        if not (found := _rests(bed, accelerations, tolerance)[2]).all():
+            # the optimum is too coarse for grains that weigh far less than others: forces of springs may be a proof
+            other = net_accelerations(contacts, known)
+            if _rests(bed, other, tolerance)[2].sum() > found.sum():
+                forces, accelerations, distance = known, other, math.inf
     bed.keep_forces(forces)
     return Balance(forces, *_rests(bed, accelerations, tolerance), made, distance)
 

@@ -33,6 +33,8 @@ DELAY, FASTER, SLOWER, LESS_MIXING, MIXING = 5, 1.1, 0.5, 0.99, 0.02
 LOOK = 10
 #: motion after which contacts are found again, of spheres and of others, and gap up to which they are found, over that
 FAR, NEAR, AHEAD = 0.05, 5e-3, 2.0
+#: factors on that motion where grains go back, and where they do not, and the least one
+BACK, ONWARD, LEAST_FAR = 0.5, 1.5, 0.02
 #: gap, over the motion, of contacts that count for the mass of a grain, least number of them, and the moment of inertia
 #: over the mass and the square of the radius
 BESIDE, FEWEST, MOMENT = 0.2, 4.0, 0.4
@@ -95,6 +97,7 @@ def soft_step(
     limit = tolerance * weight[:, None] * np.stack([np.ones(n + 1), radius], axis=1)
     velocity = velocity if len(velocity) else np.zeros((n + 1, 6))
     state, made, movable = np.array([FIRST_STEP, MIXING, 0.0]), 0, max(int(free[:n].sum()), 1)
+    near, before = far, np.zeros((n + 1, 6))
     while True:
         stop_if_asked()
         bed.find(AHEAD * far, rest)
@@ -104,12 +107,16 @@ def soft_step(
             np.append(bed.grains.radius, 0.0), bed.gravity,
         )  # fmt: skip
         done, restless, deepest = descend(
-            springs, descent, state, iterations - made, enough * movable, far, round_grains
+            springs, descent, state, iterations - made, enough * movable, near, round_grains
         )
         made += done
         push = spring_forces(springs, descent.motion)
         bed.keep_forces(push[:, None] * bed.contacts.row[:, NORMAL : NORMAL + 3])
         bed.move(descent.motion, math.inf)
+        if not round_grains:
+            # a grain that goes to and fro turns each time farther than linearized contacts say
+            back = float((descent.motion * before).sum()) < 0.0
+            near, before = max(near * BACK, LEAST_FAR * far) if back else min(near * ONWARD, far), descent.motion
         # where grains rest by linearized contacts, they are to rest by those that are found anew
         calm = restless <= enough * movable and (round_grains or done <= LOOK)
         if calm or made >= iterations:

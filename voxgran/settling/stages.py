@@ -23,6 +23,7 @@ from voxgran.settling.examination import (
     EVERY,
     PARTED,
     RESIDUAL,
+    ROUND_OFF,
     ROUNDS,
     THOROUGH,
     TRIALS,
@@ -350,7 +351,9 @@ class Settler(Examined):
         overlap = deepest > preset.kept
         if overlap and (last or (calm and progress.length < WEDGED * preset.first)):
             # a row that fits between walls without the distance that surfaces keep
-            part_grains(bed, PARTED, ROUNDS)
+            if part_grains(bed, PARTED, ROUNDS) < 0.0:
+                # nor with any other distance
+                part_grains(bed, 0.5 * ROUND_OFF, ROUNDS)
             overlap = False
         if not overlap and (calm or last or progress.still_steps % preset.examined == 0):
             self._examine(USUAL)

@@ -137,6 +137,41 @@ def test_a_row_that_fits_between_walls_rests_without_overlap():
     assert bed.verify().ok
 
 
+def test_a_tight_row_between_grains_and_walls_rests():
+    # spheres whose rows fit exactly, between two walls that both touch them: no distance can be kept
+    bed = vg.pack(SHAPES["spheres"](), vg.Box((4, 1, 8)), "gravity", count=16, friction=0.0, seed=1)
+    assert bed.stop_reason == "settled"
+    assert bed.verify().ok
+    assert bed.provenance["settling"]["steps"] < 1000
+
+
+def test_springs_prove_the_rest_of_grains_that_weigh_little():
+    # the smallest of these spheres weigh a thousandth of the largest: the optimum of forces is too coarse for them
+    sizes = vg.sizes.uniform(0.1, 2.0)
+    bed = vg.pack(SHAPES["spheres"](), vg.Box((4, 4, 12)), "gravity", count=80, sizes=sizes, friction=0.0, seed=1)
+    assert bed.stop_reason == "settled"
+    assert vg.equilibrium(bed, 0.0).attrs["share_at_rest"] == 1.0
+    assert bed.provenance["settling"]["steps"] < 1000
+
+
+def test_forces_of_a_bed_with_fewer_grains_than_asked_for_are_in_weights_of_its_median_grain():
+    sizes = vg.sizes.uniform(0.2, 4.0)
+    with pytest.warns(vg.PackingWarning, match="8 of 20 grains"):
+        bed = vg.pack(SHAPES["spheres"](), vg.Box((5, 5, 9)), "gravity", count=20, sizes=sizes, friction=0.0, seed=1)
+    weight = ((bed.diameter / bed.median_diameter) ** 3).sum()
+    assert -bed.forces.force[bed.forces.j < 0, 2].sum() == pytest.approx(weight, rel=1e-3)
+    assert vg.equilibrium(bed, 0.0).attrs["share_at_rest"] == 1.0
+
+
+def test_grains_below_a_heavy_lid_do_not_go_to_and_fro():
+    # large forces at contacts that are linearized turned one ellipsoid by as much to each side, for thousands of steps
+    bed = vg.pack(
+        SHAPES["ellipsoids"](), vg.Box((4, 4, 14)), "gravity", count=50, lid={"weight": 100}, friction=0.0, seed=1
+    )
+    assert bed.stop_reason == "settled"
+    assert bed.provenance["settling"]["steps"] < 1000
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize(
     ("kind", "count", "width"),
