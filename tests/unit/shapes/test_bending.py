@@ -108,6 +108,22 @@ def test_bent_grains_are_closed_and_do_not_cross_themselves():
         assert grain.volume > 0
 
 
+def test_displacements_are_halved_until_no_surface_crosses_itself():
+    # thin necks, and a strength at which a third of the grains would cross themselves
+    mesh = meshed(vg.make_shape("solid_union")).geometry
+    soft, halved = soft_fields(mesh), 0
+    for k in range(10):
+        made, field = bent(mesh, soft, 0.15, stream(k, "necks"))
+        refuse_dirty(made.vertices, made.corners.astype(np.int64), "necks")
+        parts = stream(k, "necks").normal(size=len(soft.energies)) * (soft.energies[0] / soft.energies) ** bend.STIFF
+        share = (
+            np.linalg.norm(field) / np.linalg.norm(np.tensordot(parts, soft.fields, 1)) * np.linalg.norm(parts) / 0.3
+        )
+        assert np.log2(share) == pytest.approx(round(np.log2(share)))
+        halved += share < 0.6
+    assert 0 < halved < 10
+
+
 def test_few_vertices_bend_too():
     mesh = vg.make_shape("box", lengths=(3, 1, 1))
     mesh = Mesh(mesh.vertices, mesh.faces)
