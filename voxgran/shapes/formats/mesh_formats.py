@@ -5,7 +5,6 @@ mixed polygons or additional properties, or silently return a part of a truncate
 """
 
 import re
-from codecs import BOM_UTF8
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -100,10 +99,8 @@ def read_obj(raw: bytes, name: str) -> Polygons:
     FileFormatError
         If a line cannot be read or a polygon refers to a missing vertex.
     """
-    text = raw.removeprefix(BOM_UTF8)
-    if b"\\" in text:
-        # lines that go on
-        text = re.sub(rb"\\\r?\n", b" ", text)
+    # lines that go on
+    text = re.sub(rb"\\(?:\r\n|\r|\n)", b" ", raw) if b"\\" in raw else raw
     try:
         points, first, begin = numbers_of(text, b"v", most=3)
         numbers, start, at = numbers_of(text, b"f")
@@ -128,13 +125,15 @@ def read_off(raw: bytes, name: str) -> Polygons:
     FileFormatError
         If the file is truncated or not an OFF file.
     """
-    text = raw.removeprefix(BOM_UTF8)
-    head = re.match(rb"(?:\s|#.*)*([^\s#]+)", text)
+    head = re.match(rb"(?:\s|#.*)*([^\s#]+)", raw)
     if head is None or not head[1].upper().endswith(b"OFF"):
         raise FileFormatError(f"{name} does not begin with OFF: it is no OFF file; check its format")
     try:
-        vertex_count, face_count = map(_count, numbers_of(text, start=head.end(), lines=1, most=2)[0])
-        numbers, first, _ = numbers_of(text, start=head.end(), lines=1 + vertex_count + face_count)
+        counted = numbers_of(raw, start=head.end(), lines=1, most=2)[0]
+        if len(counted) < 2:
+            raise ValueError("it lacks the numbers of vertices and faces")
+        vertex_count, face_count = map(_count, counted)
+        numbers, first, _ = numbers_of(raw, start=head.end(), lines=1 + vertex_count + face_count)
         many = np.diff(first)[1:]
         rows, faces = first[1 : 1 + vertex_count], first[1 + vertex_count : -1]
         counts = _whole(numbers[faces])

@@ -61,8 +61,8 @@ def learn_shapes(
     density of the sample gives. By "warp" it is mapped by a small shear and taper, by which planes stay planes and
     convex solids convex, and stretched to principal ratios that the kernel density gives too. By "bend" it is bent so
     that it is strained, and its surface is curved, as little as possible: bars stay as round as they are, which a
-    stretch makes oval, and less where its surface would cross itself. So texture, edges and holes stay those of real grains, and shape and size as correlated as they
-    are.
+    stretch makes oval, and less where its surface would cross itself. So texture, edges and holes stay those of real
+    grains, and shape and size as correlated as they are.
 
     Parameters
     ----------
