@@ -129,10 +129,7 @@ def read_off(raw: bytes, name: str) -> Polygons:
     if head is None or not head[1].upper().endswith(b"OFF"):
         raise FileFormatError(f"{name} does not begin with OFF: it is no OFF file; check its format")
     try:
-        counted = numbers_of(raw, start=head.end(), lines=1, most=2)[0]
-        if len(counted) < 2:
-            raise ValueError("it lacks the numbers of vertices and faces")
-        vertex_count, face_count = map(_count, counted)
+        vertex_count, face_count = _counts(numbers_of(raw, start=head.end(), lines=1, most=2)[0])
         numbers, first, _ = numbers_of(raw, start=head.end(), lines=1 + vertex_count + face_count)
         many = np.diff(first)[1:]
         rows, faces = first[1 : 1 + vertex_count], first[1 + vertex_count : -1]
@@ -167,11 +164,14 @@ def _whole(corners: NDArray[Any]) -> Integers:
     return corners.astype(np.int64)
 
 
-def _count(number: float) -> int:
-    """Return a count; negative numbers are invalid."""
-    if not (number >= 0.0 and number.is_integer()):
-        raise ValueError(f"it counts {number:g} of something")
-    return int(number)
+def _counts(numbers: Floats) -> list[int]:
+    """Return the numbers of vertices and faces; negative ones are invalid."""
+    if len(numbers) < 2:
+        raise ValueError("it lacks the numbers of vertices and faces")
+    for number in numbers:
+        if not (number >= 0.0 and number.is_integer()):
+            raise ValueError(f"it counts {number:g} of something")
+    return [int(number) for number in numbers]
 
 
 @dataclass(slots=True)
