@@ -93,6 +93,21 @@ def test_round_bars_bend_and_other_grains_are_warped():
     assert 1 < mirrored < 11
 
 
+def test_bars_with_cut_ends_bend_too():
+    rods = []
+    for k in range(12):
+        # rims are sharp, and vertices lie along the bar
+        angle, along = np.meshgrid(np.arange(20) * np.pi / 10, np.linspace(-1, 1, 20))
+        side = np.stack([np.cos(angle), np.sin(angle), (8 + k) * along], axis=-1).reshape(-1, 3)
+        a = np.arange(380)
+        b = a // 20 * 20 + (a + 1) % 20
+        caps = [(400, (j + 1) % 20, j) for j in range(20)] + [(401, 380 + j, 380 + (j + 1) % 20) for j in range(20)]
+        faces = np.concatenate([np.stack([a, b, b + 20], axis=1), np.stack([a, b + 20, a + 20], axis=1), caps])
+        points = np.concatenate([side, side.reshape(20, 20, 3)[[0, -1]].mean(axis=1)])
+        rods.append(vg.Shape.of(Mesh(points, faces), name="rod"))
+    assert vg.learn_shapes(rods).method == "bend"
+
+
 def test_files_keep_that_grains_bend(tmp_path):
     model = vg.learn_shapes(RINGS, np.linspace(1, 2, 12), method="bend", strength=0.03)
     model.save(tmp_path / "rings.nc")
