@@ -2,10 +2,12 @@
 
 from dataclasses import replace
 
+import netCDF4
 import numpy as np
 import pytest
 
 import voxgran as vg
+from voxgran._base.errors import FileFormatError
 from voxgran._base.seeds import stream
 from voxgran.bench.tradeoffs import twins
 from voxgran.shapes.describing.curvature import edges_of_mesh
@@ -114,6 +116,10 @@ def test_files_keep_that_grains_bend(tmp_path):
     read = vg.ShapeModel.load(tmp_path / "rings.nc")
     assert (read.method, read.strength) == ("bend", 0.03)
     assert read.sample(4, seed=1) == model.sample(4, seed=1)
+    with netCDF4.Dataset(tmp_path / "rings.nc", "a") as file:
+        file.method = "twist"
+    with pytest.raises(FileFormatError, match=r"makes grains by 'twist': known are warp, bend; learn it again"):
+        vg.ShapeModel.load(tmp_path / "rings.nc")
 
 
 def test_bent_grains_are_closed_and_do_not_cross_themselves():

@@ -14,6 +14,7 @@ from voxgran._base.calls import explained
 from voxgran._base.errors import InputError
 from voxgran._base.lazy import load
 from voxgran._base.seeds import stream
+from voxgran.shapes.learning.files import METHODS
 from voxgran.shapes.learning.likeness import (
     LEAST_SPREAD,
     distances,
@@ -27,8 +28,6 @@ from voxgran.shapes.learning.sample import checked_sample
 from voxgran.shapes.learning.warp import WIDE
 from voxgran.shapes.model import Shape
 
-#: how grains are made
-METHODS = ("warp", "bend")
 #: strengths that are tried, that of small samples, and the number of grains that is not small
 STRENGTHS, SMALL, LARGE = (0.005, 0.01, 0.02, 0.03, 0.04, 0.05, 0.065, 0.08, 0.12), 0.05, 40
 #: difference of descriptors up to which grains are one shape, turned, mirrored or scaled: rounding gives 1e-14, after
