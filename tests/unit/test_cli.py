@@ -382,6 +382,14 @@ def test_messages_name_the_flags_of_the_prompt(tmp_path, capsys):
     assert name_flags(told, given) == right
     told = "packing.gravity is None, and packing.unit is 'm': give stress=-1.5"
     assert name_flags(told, given) == "the packing has no gravity, and unit of the packing is 'm': give --stress -1.5"
+    given = SimpleNamespace(seed=0, x=1, max_hole=2)
+    for told in (
+        "packing.nc is not there",
+        "/max_hole/seed=3/a.nc",
+        "seed=3.png, a max_hole.nc",
+        "'x=2*y+1' and 'x=3'",
+    ):
+        assert name_flags(told, given) == told
 
 
 def test_bad_files_are_one_line_and_status_2(tmp_path, capsys):

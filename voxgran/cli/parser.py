@@ -150,17 +150,23 @@ def _joined(words: Sequence[str]) -> list[str]:
 
 
 def name_flags(sentence: str, options: argparse.Namespace) -> str:
-    """Return a sentence with the names of arguments, as Python has them, replaced by the flags of the command."""
-    sentence = re.sub(r"\bpacking\.(\w+) is None", r"the packing has no \1", sentence)
-    sentence = re.sub(r"\bpacking\.(\w+) is\b", r"\1 of the packing is", sentence)
+    """Return a sentence with the names of arguments, as Python has them, replaced by the flags of the command.
+
+    Names and numbers that are parts of a path, a file name or an equation stay as they are.
+    """
+    before, after = r"(?<![\w\[/\\.-])", r"(?![\w/\\*+^-]|\.\w)"
+    sentence = re.sub(rf"{before}packing\.(gravity|unit) is None", r"the packing has no \1", sentence)
+    sentence = re.sub(rf"{before}packing\.(gravity|unit) is\b", r"\1 of the packing is", sentence)
     for name in vars(options):
         flag = f"--{name.replace('_', '-')}"
-        sentence = re.sub(rf"(?<![\w\[-]){name}=True\b", flag, sentence)
-        sentence = re.sub(rf"(?<![\w\[-]){name}='([^']*)'", rf"{flag} \1", sentence)
-        sentence = re.sub(rf"(?<![\w\[-]){name}=(-?[\d.]+(?:e[+-]?\d+)?)(?![\w'])", rf"{flag} \1", sentence)
+        sentence = re.sub(rf"{before}{name}=True{after}", flag, sentence)
+        sentence = re.sub(rf"{before}{name}='([^']*)'", rf"{flag} \1", sentence)
+        sentence = re.sub(rf"{before}{name}=(-?[\d.]+(?:e[+-]?\d+)?)(?!'){after}", rf"{flag} \1", sentence)
         sentence = sentence.replace(f"{flag}, at the prompt {flag}", flag)
         if "_" in name:
-            sentence = re.sub(rf"(?<![\w-]){name}\b", flag, sentence).replace(f"{flag} is None", f"{flag} is missing")
+            sentence = re.sub(rf"{before}{name}{after}", flag, sentence).replace(
+                f"{flag} is None", f"{flag} is missing"
+            )
     return sentence
 
 

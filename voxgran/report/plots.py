@@ -351,8 +351,10 @@ def mark_of(value: float, place: int | None = None) -> str:
     del place
     if value == 0 or 1e-3 <= abs(value) < 1e4:
         return f"{value:g}"
-    digit, power = f"{value:.0e}".split("e")
-    return f"{digit}\u00b7".removeprefix("1\u00b7") + "10" + str(int(power)).translate(RAISED)
+    # ranges of less than a decade have marks of several digits
+    digits, power = f"{value:.5e}".split("e")
+    head = {1.0: "", -1.0: "-"}.get(float(digits), f"{float(digits):g}\u00b7")
+    return f"{head}10{str(int(power)).translate(RAISED)}"
 
 
 def unit_text(unit: str) -> str:

@@ -113,6 +113,8 @@ def test_axes_that_are_alone_are_placed_where_the_constrained_layout_has_them():
         (1e-6, "10\u207b\u2076"),
         (2e4, "2\u00b710\u2074"),
         (1e10, "10\u00b9\u2070"),
+        (1.25e5, "1.25\u00b710\u2075"),
+        (-1e-6, "-10\u207b\u2076"),
     ],
 )
 def test_marks_of_axes(value, text):

@@ -2,10 +2,12 @@
 
 from dataclasses import replace
 
+import netCDF4
 import numpy as np
 import pytest
 
 import voxgran as vg
+from voxgran._base.errors import FileFormatError
 from voxgran._base.seeds import stream
 from voxgran.bench.tradeoffs import twins
 from voxgran.shapes.describing.curvature import edges_of_mesh
@@ -93,12 +95,31 @@ def test_round_bars_bend_and_other_grains_are_warped():
     assert 1 < mirrored < 11
 
 
+def test_bars_with_cut_ends_bend_too():
+    rods = []
+    for k in range(12):
+        # rims are sharp, and vertices lie along the bar
+        angle, along = np.meshgrid(np.arange(20) * np.pi / 10, np.linspace(-1, 1, 20))
+        side = np.stack([np.cos(angle), np.sin(angle), (8 + k) * along], axis=-1).reshape(-1, 3)
+        a = np.arange(380)
+        b = a // 20 * 20 + (a + 1) % 20
+        caps = [(400, (j + 1) % 20, j) for j in range(20)] + [(401, 380 + j, 380 + (j + 1) % 20) for j in range(20)]
+        faces = np.concatenate([np.stack([a, b, b + 20], axis=1), np.stack([a, b + 20, a + 20], axis=1), caps])
+        points = np.concatenate([side, side.reshape(20, 20, 3)[[0, -1]].mean(axis=1)])
+        rods.append(vg.Shape.of(Mesh(points, faces), name="rod"))
+    assert vg.learn_shapes(rods).method == "bend"
+
+
 def test_files_keep_that_grains_bend(tmp_path):
     model = vg.learn_shapes(RINGS, np.linspace(1, 2, 12), method="bend", strength=0.03)
     model.save(tmp_path / "rings.nc")
     read = vg.ShapeModel.load(tmp_path / "rings.nc")
     assert (read.method, read.strength) == ("bend", 0.03)
     assert read.sample(4, seed=1) == model.sample(4, seed=1)
+    with netCDF4.Dataset(tmp_path / "rings.nc", "a") as file:
+        file.method = "twist"
+    with pytest.raises(FileFormatError, match=r"makes grains by 'twist': known are warp, bend; learn it again"):
+        vg.ShapeModel.load(tmp_path / "rings.nc")
 
 
 def test_bent_grains_are_closed_and_do_not_cross_themselves():
@@ -106,6 +127,21 @@ def test_bent_grains_are_closed_and_do_not_cross_themselves():
     for grain in model.sample(6):
         refuse_dirty(grain.vertices, grain.faces, grain.name)
         assert grain.volume > 0
+
+
+def test_displacements_are_halved_until_no_surface_crosses_itself():
+    # thin necks, and a strength at which a third of the grains would cross themselves
+    mesh = meshed(vg.make_shape("solid_union")).geometry
+    soft, halved = soft_fields(mesh), 0
+    for k in range(10):
+        made, field = bent(mesh, soft, 0.15, stream(k, "necks"))
+        refuse_dirty(made.vertices, made.corners.astype(np.int64), "necks")
+        parts = stream(k, "necks").normal(size=len(soft.energies)) * (soft.energies[0] / soft.energies) ** bend.STIFF
+        whole = np.tensordot(0.3 * parts / np.linalg.norm(parts), soft.fields, axes=1)
+        times = np.log2(np.linalg.norm(whole) / np.linalg.norm(field))
+        assert times == pytest.approx(round(times), abs=1e-9)
+        halved += times > 0.5
+    assert 0 < halved < 10
 
 
 def test_few_vertices_bend_too():

@@ -392,7 +392,8 @@ def test_drawn_grains_are_as_near_to_others_as_the_sample_is(case):
     reports = [model.report(twins.CASES[case](60, 8), count=60, descriptors=False) for model in models]
     error, own, new = np.mean([list(map(float, report.table[NUMBERS].values())) for report in reports], axis=0)
     assert error < 1.5 * own
-    assert new > 0.8
+    # grains that bend keep the ratios of their donors
+    assert new > (0.8 if models[0].method == "warp" else 0.7)
     # the picture shows each donor, then what was made of it
     assert len(reports[0].pairs) == 12
     for donor, grain in zip(reports[0].pairs[::2], reports[0].pairs[1::2], strict=True):

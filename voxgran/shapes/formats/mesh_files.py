@@ -6,6 +6,7 @@ in a process of its own.
 
 import os
 import struct
+from codecs import BOM_UTF8
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -131,7 +132,7 @@ def _clipped(ring: Floats) -> Integers:
 
 def _from_bytes(parse: Callable[[bytes, str], Polygons]) -> Callable[[Path], Polygons]:
     """Return the reader of a file that is parsed as a whole."""
-    return lambda path: parse(path.read_bytes(), str(path))
+    return lambda path: parse(path.read_bytes().removeprefix(BOM_UTF8), str(path))
 
 
 def _guarded(read: Callable[[Path], Content]) -> Callable[[Path], Polygons]:

@@ -5,7 +5,6 @@ mixed polygons or additional properties, or silently return a part of a truncate
 """
 
 import re
-from codecs import BOM_UTF8
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -100,10 +99,8 @@ def read_obj(raw: bytes, name: str) -> Polygons:
     FileFormatError
         If a line cannot be read or a polygon refers to a missing vertex.
     """
-    text = raw.removeprefix(BOM_UTF8)
-    if b"\\" in text:
-        # lines that go on
-        text = re.sub(rb"\\\r?\n", b" ", text)
+    # lines that go on
+    text = re.sub(rb"\\(?:\r\n|\r|\n)", b" ", raw) if b"\\" in raw else raw
     try:
         points, first, begin = numbers_of(text, b"v", most=3)
         numbers, start, at = numbers_of(text, b"f")
@@ -128,13 +125,12 @@ def read_off(raw: bytes, name: str) -> Polygons:
     FileFormatError
         If the file is truncated or not an OFF file.
     """
-    text = raw.removeprefix(BOM_UTF8)
-    head = re.match(rb"(?:\s|#.*)*([^\s#]+)", text)
+    head = re.match(rb"(?:\s|#.*)*([^\s#]+)", raw)
     if head is None or not head[1].upper().endswith(b"OFF"):
         raise FileFormatError(f"{name} does not begin with OFF: it is no OFF file; check its format")
     try:
-        vertex_count, face_count = map(_count, numbers_of(text, start=head.end(), lines=1, most=2)[0])
-        numbers, first, _ = numbers_of(text, start=head.end(), lines=1 + vertex_count + face_count)
+        vertex_count, face_count = _counts(numbers_of(raw, start=head.end(), lines=1, most=2)[0])
+        numbers, first, _ = numbers_of(raw, start=head.end(), lines=1 + vertex_count + face_count)
         many = np.diff(first)[1:]
         rows, faces = first[1 : 1 + vertex_count], first[1 + vertex_count : -1]
         counts = _whole(numbers[faces])
@@ -168,11 +164,14 @@ def _whole(corners: NDArray[Any]) -> Integers:
     return corners.astype(np.int64)
 
 
-def _count(number: float) -> int:
-    """Return a count; negative numbers are invalid."""
-    if not (number >= 0.0 and number.is_integer()):
-        raise ValueError(f"it counts {number:g} of something")
-    return int(number)
+def _counts(numbers: Floats) -> list[int]:
+    """Return the numbers of vertices and faces; negative ones are invalid."""
+    if len(numbers) < 2:
+        raise ValueError("it lacks the numbers of vertices and faces")
+    for number in numbers:
+        if not (number >= 0.0 and number.is_integer()):
+            raise ValueError(f"it counts {number:g} of something")
+    return [int(number) for number in numbers]
 
 
 @dataclass(slots=True)

@@ -18,8 +18,8 @@ SPLIT = 2.0**27 + 1.0
 #: most digits of a whole number of 64 bits, and the share of a result that bounds the errors of its second half
 DIGITS, DOUBT = 18, 1e-30
 #: characters
-BLANK, FEED, RETURN, HASH, PLUS, MINUS, POINT, SLASH, ZERO, NINE, E = (*b" \n\r#+-./09e",)
-_WORD = re.compile(rb"[^\s/#]*")
+BLANK, FEED, RETURN, HASH, PLUS, MINUS, POINT, SLASH, ZERO, NINE, E, FACE = (*b" \n\r#+-./09ef",)
+_WORD = re.compile(rb"[^\s#]*")
 
 
 def numbers_of(
@@ -27,7 +27,7 @@ def numbers_of(
 ) -> tuple[Floats, Integers, Integers]:
     """Return the numbers of all lines that begin with a word, which of them is the first of each, and where it begins.
 
-    Empty lines are left out, and so is what follows a hash, and a slash up to the next blank.
+    Empty lines are left out, and so is what follows a hash and, in lines that begin with f, a slash.
 
     Parameters
     ----------
@@ -51,8 +51,11 @@ def numbers_of(
     Raises
     ------
     ValueError
-        If a word is no number.
+        If a word is no number, or the text has two bytes a character.
     """
+    if (byte := raw.find(0, start)) >= 0:
+        line = raw[:byte].count(b"\n") + 1
+        raise ValueError(f"line {line} has a byte 0, as UTF-16 has, and texts are in UTF-8")
     text = np.frombuffer(raw, np.uint8)[start:]
     # each word ends with a blank, but for the last, and each line has one
     many = int(np.count_nonzero((text[:-1] > BLANK) & (text[1:] <= BLANK))) + 1
@@ -62,7 +65,7 @@ def numbers_of(
         byte = start + int(places[k])
         word = _WORD.match(raw, byte)
         try:
-            numbers[k] = float(word[0] if word else b"")
+            numbers[k] = float((word[0].partition(b"/")[0] if head == b"f" else word[0]) if word else b"")
         except ValueError:
             raise ValueError(f"{line_at(raw, byte)} has a word that is no number") from None
     return numbers[:words].copy(), rows[: found + 1, 0].copy(), rows[:found, 1] + start
@@ -89,6 +92,7 @@ def list_numbers(
     A word that has to be looked at again is NaN. most: words of a line, and lines.
     """
     n, at, words, lines = len(text), 0, 0, 0
+    faces = len(head) == 1 and head[0] == FACE
     while at < n and lines < most[1]:
         if text[at] <= BLANK:
             at += 1
@@ -107,6 +111,8 @@ def list_numbers(
                 continue
             places[words] = at
             numbers[words], at = _number(text, at)
+            if at < n and text[at] == SLASH and not faces:
+                numbers[words] = np.nan
             words, left = words + 1, left - 1
             while at < n and text[at] > BLANK:
                 at += 1

@@ -13,6 +13,7 @@ from typing import NamedTuple
 import numpy as np
 
 from voxgran._base.arrays import Floats, Integers
+from voxgran.geometry.crossing import count_crossings
 from voxgran.shapes.describing.curvature import SHARP, Edges, edges_of_mesh
 from voxgran.shapes.learning.warp import frame_of
 from voxgran.shapes.mesh import Mesh
@@ -23,6 +24,8 @@ POWERS = np.array([powers for powers in product(range(4), repeat=3) if sum(power
 ANGLES, KEPT, STIFF = 30.0, 16, 2.5
 #: edges flatter than this, in degrees, may not become sharp; rounds in which they are turned
 FLAT, ROUNDS = 25.0, 4
+#: displacements that are tried, each half of the one before
+HALVES = 6
 
 
 class Soft(NamedTuple):
@@ -100,11 +103,19 @@ def _turned(points: Floats, faces: Integers, values: Floats) -> Floats:
 def bent(mesh: Mesh, soft: Soft, strength: float, generator: np.random.Generator) -> tuple[Mesh, Floats]:
     """Return a grain, bent by a root mean square of `strength` equivalent diameters, and the coefficients (20, 3) of
     the displacement, in equivalent radii from the centroid.
+
+    Where the surface crosses itself, as of thin necks and of parts that move into each other, the displacement is
+    halved, and 0 in the end.
     """
     parts = generator.normal(size=len(soft.energies)) * (soft.energies[0] / soft.energies) ** STIFF
     field = np.tensordot(2 * strength * parts / np.linalg.norm(parts), soft.fields, axes=1)
-    points = displaced(mesh, field)
-    return Mesh(points, unfolded(points, mesh.corners.astype(np.int64), mesh.vertices)), field
+    for _ in range(HALVES):
+        points = displaced(mesh, field)
+        faces = unfolded(points, mesh.corners.astype(np.int64), mesh.vertices)
+        if not count_crossings(points, faces):
+            return Mesh(points, faces), field
+        field = field / 2
+    return mesh, 0 * field
 
 
 def displaced(mesh: Mesh, field: Floats) -> Floats:

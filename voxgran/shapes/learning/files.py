@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from voxgran._base.arrays import Floats
-from voxgran._base.errors import FileFormatError, OutputError
+from voxgran._base.errors import FileFormatError, OutputError, shown
 from voxgran._base.files import existing_file, output_suffix, written_whole
 from voxgran._base.guarded import Content, read_guarded
 from voxgran._base.lazy import load
@@ -28,6 +28,8 @@ ARRAYS = {
 WEIGHTS = ("weights", "donors")
 #: content of a file, which says that it is one of these
 KIND = "voxgran shape model 1"
+#: how grains are made
+METHODS = ("warp", "bend")
 
 
 def write_model(
@@ -108,6 +110,10 @@ def model_values(path: Path) -> Content:
         strength = float(file.strength)
         facts = {"unit": str(file.unit), "method": str(file.method), "strength": strength}
         arrays = {name: np.ma.getdata(file[name][...]) for name in ARRAYS}
+    if facts["method"] not in METHODS:
+        raise FileFormatError(
+            f"{path} makes grains by {shown(facts['method'])}: known are {', '.join(METHODS)}; learn it again"
+        )
     points, corners = arrays["vertex_count"], arrays["face_count"]
     inner = np.repeat(points, corners) if (points > 0).all() and (corners > 0).all() else np.zeros(0)
     right = (

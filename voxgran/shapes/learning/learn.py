@@ -14,6 +14,7 @@ from voxgran._base.calls import explained
 from voxgran._base.errors import InputError
 from voxgran._base.lazy import load
 from voxgran._base.seeds import stream
+from voxgran.shapes.learning.files import METHODS
 from voxgran.shapes.learning.likeness import (
     LEAST_SPREAD,
     distances,
@@ -27,8 +28,6 @@ from voxgran.shapes.learning.sample import checked_sample
 from voxgran.shapes.learning.warp import WIDE
 from voxgran.shapes.model import Shape
 
-#: how grains are made
-METHODS = ("warp", "bend")
 #: strengths that are tried, that of small samples, and the number of grains that is not small
 STRENGTHS, SMALL, LARGE = (0.005, 0.01, 0.02, 0.03, 0.04, 0.05, 0.065, 0.08, 0.12), 0.05, 40
 #: difference of descriptors up to which grains are one shape, turned, mirrored or scaled: rounding gives 1e-14, after
@@ -61,8 +60,8 @@ def learn_shapes(
     density of the sample gives. By "warp" it is mapped by a small shear and taper, by which planes stay planes and
     convex solids convex, and stretched to principal ratios that the kernel density gives too. By "bend" it is bent so
     that it is strained, and its surface is curved, as little as possible: bars stay as round as they are, which a
-    stretch makes oval. So texture, edges and holes stay those of real grains, and shape and size as correlated as they
-    are.
+    stretch makes oval, and less where its surface would cross itself. So texture, edges and holes stay those of real
+    grains, and shape and size as correlated as they are.
 
     Parameters
     ----------

@@ -7,7 +7,7 @@ import numpy as np
 
 from voxgran._base.arrays import Booleans, Floats
 from voxgran.geometry.tree import grow_tree
-from voxgran.shapes.describing.curvature import bends_of_mesh, mean_of_corners
+from voxgran.shapes.describing.curvature import Bends, bends_of_mesh, mean_of_corners
 from voxgran.shapes.describing.ratios import DESCRIPTORS, Form
 from voxgran.shapes.learning.warp import frame_of
 from voxgran.shapes.mesh import Mesh
@@ -80,8 +80,8 @@ def quick_descriptors(shapes: Sequence[Shape], *, bars: bool = False) -> Floats:
 
     The ratios are those of the second moments, and the roundness is relative to the shortest axis of the ellipsoid that
     has them: the smallest box and the largest sphere inside take ten times as long. With `bars` it is relative to the
-    radius of a bar of the same volume and surface: bars, straight or in rings, have 1 if they are round, and less the
-    more oval they are.
+    radius of a bar of the same volume and surface, without sharp edges such as those of cut ends: bars, straight or in
+    rings, have 1 if they are round, and less the more oval they are.
     """
     rows = []
     for shape in shapes:
@@ -89,7 +89,10 @@ def quick_descriptors(shapes: Sequence[Shape], *, bars: bool = False) -> Floats:
         form, roots = Form(shape), frame_of(shape.geometry)[2]
         ratios = [roots[1] / roots[0], roots[2] / roots[1]]
         inside = 2 * shape.volume / shape.surface_area if bars else float(np.sqrt(5) * roots[2])
-        round_ = mean_of_corners(bends_of_mesh(shape.vertices, shape.faces), inside)
+        bends = bends_of_mesh(shape.vertices, shape.faces)
+        if bars:
+            bends = Bends(*(part[np.isfinite(bends.curvature)] for part in bends))
+        round_ = mean_of_corners(bends, inside)
         rows.append([DESCRIPTORS["sphericity"].compute(form), *ratios, DESCRIPTORS["convexity"].compute(form), round_])
     return np.array(rows)
 
