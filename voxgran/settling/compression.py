@@ -37,8 +37,8 @@ from voxgran.settling.compression_parameters import Compression
 from voxgran.settling.material import Material
 from voxgran.settling.materials import Materials, friction_of, friction_range
 from voxgran.settling.parting import part_grains
-from voxgran.settling.presets import KEPT, TRIANGLES
 from voxgran.settling.progress import Resumable
+from voxgran.settling.quasi_static import KEPT, TRIANGLES
 from voxgran.settling.stress_balance import (
     balance_grains,
     evenly,

@@ -10,8 +10,8 @@ from voxgran.settling.equilibrium import balance_bed
 from voxgran.settling.materials import FrictionTable
 from voxgran.settling.parameters import Settling
 from voxgran.settling.parting import part_grains
-from voxgran.settling.presets import TRIANGLES, SolverPreset
 from voxgran.settling.progress import STILL, Progress, Resumable
+from voxgran.settling.quasi_static import TRIANGLES, SolverPreset
 
 #: distance up to which surfaces touch
 TOUCHING = 1e-3

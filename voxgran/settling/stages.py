@@ -35,9 +35,17 @@ from voxgran.settling.impulses import Fall
 from voxgran.settling.materials import friction_of, friction_range
 from voxgran.settling.parameters import Settling
 from voxgran.settling.parting import part_grains
-from voxgran.settling.presets import FRICTIONAL, FRICTIONLESS, GRIDS, ROOMED, SOFT, TRIANGLES, SolverPreset
 from voxgran.settling.progress import AGAIN, CLOSING, ENDED, FALL, GROWTH, RAIN, SHAKING, STAGES, START, STILL, Progress
-from voxgran.settling.quasi_static import quasi_static_step
+from voxgran.settling.quasi_static import (
+    FRICTIONAL,
+    FRICTIONLESS,
+    GRIDS,
+    ROOMED,
+    SOFT,
+    TRIANGLES,
+    SolverPreset,
+    quasi_static_step,
+)
 from voxgran.settling.rain import Rain, let_arrive, steps_of_rain
 from voxgran.settling.soft_contacts import soft_step
 

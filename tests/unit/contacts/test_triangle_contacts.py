@@ -56,16 +56,22 @@ def test_gaps_and_normals_are_those_of_the_general_tests(rocks):
         np.testing.assert_allclose(apart, (row[GAP] + 1e-3) * row[:3], atol=1e-12)
 
 
-@pytest.mark.parametrize(("room", "reach"), [(1, 0.02), (800, 0.02), (800, 0.004)])
-def test_what_is_remembered_does_not_change_the_gaps(rocks, room, reach, monkeypatch):
-    """Grains of near couples move in small steps; each time the gaps are those of a look without memory."""
-    monkeypatch.setattr(surface_memory, "FIRST", room)
-    shapes, bodies = rocks
-    generator = np.random.Generator(np.random.Philox(5))
+def near_couples(shapes, seed):
+    """Return a generator, and the grains, rotations and pairs of sixty couples that nearly touch."""
+    generator = np.random.Generator(np.random.Philox(seed))
     grains, turns, pairs = couples(60, shapes, 4)
     box = vg.Box((3000.0, 40.0, 40.0))
     for _ in range(3):
         bring_near(shapes, grains, turns, pairs, box, generator)
+    return generator, grains, turns, pairs
+
+
+@pytest.mark.parametrize(("room", "reach"), [(1, 0.02), (800, 0.02), (800, 0.004)])
+def test_what_is_remembered_does_not_change_the_gaps(rocks, room, reach, monkeypatch):
+    """Grains of near couples move in small steps; each time the gaps are those of a look without memory."""
+    monkeypatch.setattr(surface_memory, "FIRST", room)
+    bodies = rocks[1]
+    generator, grains, _, pairs = near_couples(rocks[0], 5)
     work, rows = surface_work(bodies, 60), rows_of(MOST * 60)
     kept = []
     for step in range(8):
@@ -88,12 +94,8 @@ def test_what_is_remembered_does_not_change_the_gaps(rocks, room, reach, monkeyp
 
 def test_triangles_that_sleep_do_not_change_the_rows(rocks):
     """Grains of near couples move and turn in small steps; each time the rows are those of a look without memory."""
-    shapes, bodies = rocks
-    generator = np.random.Generator(np.random.Philox(9))
-    grains, turns, pairs = couples(60, shapes, 4)
-    box = vg.Box((3000.0, 40.0, 40.0))
-    for _ in range(3):
-        bring_near(shapes, grains, turns, pairs, box, generator)
+    bodies = rocks[1]
+    generator, grains, turns, pairs = near_couples(rocks[0], 9)
     work, rows, many = surface_work(bodies, 60), rows_of(MOST * 60), 0
     for _ in range(12):
         m = find_triangle_contacts(Search(grains, pairs, 5e-3, 0.0), work, rows, 0)

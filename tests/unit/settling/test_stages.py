@@ -7,8 +7,8 @@ import voxgran as vg
 from voxgran._base.errors import InputError
 from voxgran.packing.settling_run import normalized_assembly
 from voxgran.settling.parameters import Settling
-from voxgran.settling.presets import FRICTIONAL, GRIDS, TRIANGLES
 from voxgran.settling.progress import AGAIN, ENDED, STILL
+from voxgran.settling.quasi_static import FRICTIONAL, GRIDS, TRIANGLES
 from voxgran.settling.stages import ROOM_ROUNDS, Settler
 
 DOWN = np.array([0.0, 0.0, -1.0])

@@ -40,7 +40,7 @@ ACROSS, MOST_VOXELS = 20, 1_000_000
 INSET, REACH, STEP = 1.5, 2.5, 0.1
 #: shares of the curve of the gradation and of its numbers
 SHARES, PASSING = np.linspace(0.02, 0.98, 49), (0.1, 0.5, 0.9)
-#: contact gap, in mean diameters, above which contacts are those of an image, and how many faces of voxels these share.
+#: contact gap, in mean diameters, above which contacts are counted in an image, and faces of voxels that make one.
 #: Of known packings as images of 10 to 30 voxels per diameter, segmented, one face gives 0.7 to 1.9 contacts too many,
 #: two 0.1 to 1.7, and images of the true labels the same within 0.06 on average. More than two faces depend more on the
 #: voxel and on the segmentation, and lose contacts of corners.

@@ -71,7 +71,7 @@ class Twin(ExplainedAttributes):
         `twin_scatter`, and the `ratio` of the difference to both together. The scatter is that between eight blocks of
         each packing; with several seeds that of the twin is between packings. A ratio is NaN where one is unknown.
         Curves stand beside them, with the scatter of each value. Contacts of a scan are pairs of labels with two faces
-        of voxels in common, and those of the twin are counted in its image alike.
+        of voxels in common, and contacts of the twin are counted in its image alike.
         """
         return comparison_of(self.sample, self.packings, self.voxel_size)
 
@@ -155,8 +155,8 @@ def twin(
         gravity, otherwise ``"compress"``. The friction, and in beds the shaking, are searched that give the solid
         fraction.
     model : ShapeModel, optional
-        Distribution of shapes, as of :func:`voxgran.learn_shapes`, in any unit: sizes are those of the sample. Default:
-        learned from the sample where its grains are meshes; other shapes are those of the sample, drawn by their
+        Distribution of shapes, as of :func:`voxgran.learn_shapes`, in any unit: the sample gives the sizes. Default:
+        learned from the sample where its grains are meshes; other shapes are drawn from the sample by their
         weights. Labels of spheres and ellipsoids, from
         which nine surfaces in ten differ by a quarter of a voxel at most, become these.
     faces : int

@@ -137,7 +137,7 @@ def _made_oval(even: ShapeModel, seed: int) -> float:
 
 
 def _described(even: ShapeModel, shapes: Sequence[Shape]) -> Floats:
-    """Return the descriptors (n, 5) by which the grains of a model are chosen: those of bars where grains bend."""
+    """Return the descriptors (n, 5) by which a model is chosen; where grains bend, with the roundness of bars."""
     return quick_descriptors(shapes, bars=even.method == "bend")
 
 
