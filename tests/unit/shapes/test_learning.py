@@ -23,6 +23,7 @@ from voxgran.shapes.learning.likeness import (
     nearest_neighbour_test,
     quick_descriptors,
     signature,
+    spacing,
 )
 from voxgran.shapes.learning.report import novelty
 from voxgran.shapes.learning.sample import closed_grains, meshed
@@ -412,12 +413,21 @@ def test_the_strength_is_chosen_within_its_range():
     assert 0.02 < float(again.table.sample_error) < 1
 
 
+def test_copies_of_grains_are_no_neighbours():
+    once, copied = POLYHEDRA[:20], [*POLYHEDRA[:20], *(grain.rotated((0.6, 0.8, 0, 0)) for grain in POLYHEDRA[:20])]
+    marks, twice = learn.signatures(once), learn.signatures(copied)
+    assert spacing(marks) > 0.01
+    assert spacing(twice) == pytest.approx(spacing(marks), rel=1e-3)
+    assert novelty(marks + 0.1, twice, None) == pytest.approx(novelty(marks + 0.1, marks, None), rel=1e-3)
+
+
 def test_the_strength_is_refined_where_the_error_ends_the_search(monkeypatch):
     def balancing(even, rows, seed):
         return even.donors, [even.strength], even.strength
 
     monkeypatch.setattr(learn, "_balancing", balancing)
     monkeypatch.setattr(learn, "signatures", lambda grains: np.array([g if type(g) is float else 1.0 for g in grains]))
+    monkeypatch.setattr(learn, "spacing", np.max)
     monkeypatch.setattr(learn, "distances", lambda one, two: np.broadcast_to(one[:, None], (len(one), len(two))).copy())
     # the error is the strength, and may exceed the least one by a quarter of that of halves of the sample: up to 0.048
     monkeypatch.setattr(learn, "energy_distance", lambda *given: 4 * 0.043)

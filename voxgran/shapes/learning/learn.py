@@ -21,6 +21,7 @@ from voxgran.shapes.learning.likeness import (
     energy_distance,
     quick_descriptors,
     signatures,
+    spacing,
     spread_of,
 )
 from voxgran.shapes.learning.model import ShapeModel
@@ -162,9 +163,7 @@ def _chosen(even: ShapeModel, rows: Floats, seed: int) -> float:
     mixed = [np.array_split(generator.permutation(len(rows))[:BALANCED], 2) for _ in range(FOLDS)]
     w, spread = even.weights, spread_of(rows)
     own = np.mean([energy_distance(rows[a], rows[b], spread, w[a], w[b]) for a, b in mixed])
-    far = distances(marks, marks)
-    np.fill_diagonal(far, np.inf)
-    enough = ENOUGH * np.median(far.min(axis=1))
+    enough = ENOUGH * spacing(marks)
 
     @cache
     def tried(strength: float) -> tuple[float, float]:

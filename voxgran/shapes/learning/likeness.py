@@ -13,6 +13,8 @@ from voxgran.shapes.learning.warp import frame_of
 from voxgran.shapes.mesh import Mesh
 from voxgran.shapes.model import Shape
 
+#: distance of signatures up to which one grain is a copy of another: rounding gives less than 1e-6
+COPY = 1e-4
 #: points along each axis of the grid of signed distances, half of its length in radii, and the largest distance
 FINE, HALF, FAR = 8, 1.4, 0.3
 #: descriptors that are compared
@@ -58,6 +60,15 @@ def distances(one: Floats, two: Floats) -> Floats:
             squares = (field**2).sum(axis=1)[:, None] + (turned**2).sum(axis=1) - 2 * field @ turned.T
             least = np.minimum(least, np.maximum(squares, 0.0) / number + lengths)
     return np.asarray(np.sqrt(least))
+
+
+def spacing(given: Floats) -> float:
+    """Return the median distance of signatures to the nearest other one of the same grains; copies of a grain, of which
+    a packing of few shapes has many, are not others.
+    """
+    far = distances(given, given)
+    far[far < COPY] = np.inf
+    return float(np.median(far.min(axis=1)))
 
 
 def descriptors(shapes: Sequence[Shape]) -> Floats:

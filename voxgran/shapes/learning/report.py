@@ -18,6 +18,7 @@ from voxgran.shapes.learning.likeness import (
     nearest_neighbour_test,
     quick_descriptors,
     signatures,
+    spacing,
     spread_of,
 )
 from voxgran.shapes.learning.sample import checked_sample
@@ -109,9 +110,5 @@ def novelty(drawn: Floats, given: Floats, new: Floats | None) -> float:
     """Return the median distance of drawn signatures to the nearest given one over that of new ones; without new ones,
     over that of the given ones from each other.
     """
-    if new is None:
-        far = distances(given, given)
-        np.fill_diagonal(far, np.inf)
-    else:
-        far = distances(new, given)
-    return float(np.median(distances(drawn, given).min(axis=1)) / max(float(np.median(far.min(axis=1))), 1e-300))
+    far = spacing(given) if new is None else float(np.median(distances(new, given).min(axis=1)))
+    return float(np.median(distances(drawn, given).min(axis=1)) / max(far, 1e-300))
