@@ -144,15 +144,18 @@ def written(rows: list[Row], folder: Path) -> tuple[Path, ...]:
     table = write_rows(folder / "twins.csv", f"{head},learn_seconds:.2f,draw_seconds:.2f", map(astuple, rows))
     growing = sorted((row for row in rows if row.case == GROWING and row.ratio), key=lambda row: row.grains)
     with panels_of(folder / "twins.svg", 2, width=10.0, height=4.0) as panels:
-        panels[0].plot([0, 0.2], [0, 0.3], ":", color="k", label="1.5 times that of the sample")
+        panels[0].plot([0, 0.08], [0, 0.12], ":", color="k", label="1.5 times that of the sample")
         for row in rows:
-            if row.grains == LEARNED and not row.case.endswith("harmonics"):
-                panels[0].plot(row.sample_error, row.energy_distance, "o", label=row.case)
+            if row.grains == LEARNED and not row.case.endswith(" by harmonics"):
+                panels[0].plot(row.sample_error, row.energy_distance, "o", label=row.case.replace("_", " "))
         panels[0].set(xlabel="energy distance of the sample", ylabel="energy distance of drawn grains")
         for name in ("energy_distance", "sample_error"):
             xs, ys = [row.grains for row in growing], [getattr(row, name) for row in growing]
             panels[1].plot(xs, ys, "o-", label=name.replace("_", " "))
-        panels[1].set(xscale="log", yscale="log", xlabel="grains that are learned from", title=GROWING)
+        panels[1].set(xscale="log", xlabel="grains that are learned from", title=GROWING.replace("_", " "))
+        panels[1].set_ylim(bottom=0.0)
+        panels[1].set_xticks(xs, [str(count) for count in xs], minor=False)
+        panels[1].minorticks_off()
     return table, folder / "twins.svg"
 
 
