@@ -14,7 +14,7 @@ from voxgran.cli import main
 from voxgran.scene.twins.compared import _in, _known_of, _passing, _Scale, _scatter, _values
 from voxgran.scene.twins.differences import TEXTS, dataset_of
 from voxgran.scene.twins.request import drawn
-from voxgran.scene.twins.sample import Sample, sample_of, smooth_solids
+from voxgran.scene.twins.sample import Sample, resolved, sample_of
 from voxgran.shapes.learning.border import border_weights, is_scan
 
 EQUAL = 2.0
@@ -96,29 +96,9 @@ def test_a_cut_sample_gives_the_sizes_that_were_cut():
     assert weighted == pytest.approx(true, rel=0.03)
 
 
-@pytest.mark.parametrize(("semi_axes", "kind"), [((0.5, 0.5, 0.5), "sphere"), ((0.6, 0.5, 0.4), "ellipsoid")])
-def test_labels_of_smooth_grains_are_these_again(semi_axes, kind):
-    grain, side = vg.make_shape("ellipsoid", semi_axes=semi_axes), np.linspace(0.8, 4.4, 3)
-    turn = np.random.default_rng(1).normal(size=(27, 4))
-    place = np.stack(np.meshgrid(side, side, side), axis=-1).reshape(-1, 3)
-    box = vg.Box((5.2, 5.2, 5.2))
-    turn /= np.linalg.norm(turn, axis=1)[:, None]
-    image = vg.to_image(vg.Packing.of([grain], box, position=place, orientation=turn), 0.08)
-    found = sample_of(vg.packing_of_labels(image, voxel_size=0.08, gravity="none"), 0.6)
-    smooth = smooth_solids(found)
-    assert {shape.geometry.kind for shape in smooth} == {kind}
-    got = np.array([sorted(np.ptp(shape.bounds, axis=0)) for shape in smooth])
-    assert got == pytest.approx(np.tile(sorted(2 * np.array(semi_axes)), (len(got), 1)), rel=0.03)
-    volumes = [shape.volume for shape in found.shapes]
-    assert [shape.volume for shape in smooth] == pytest.approx(volumes, rel=1e-6)
-
-
-def test_labels_of_other_grains_stay_meshes():
+def test_shapes_that_are_of_no_image_stay_as_they_are():
     rocks = tuple(mesh_of(seed) for seed in range(12))
-    found = Sample(rocks, np.ones(12), 0.6, "1")
-    assert smooth_solids(found) is None  # of shapes no voxel is known
-    coarse = replace(row_of(12), shapes=(mesh_of(0),), contact_gap=0.06)
-    assert smooth_solids(replace(found, packing=coarse)) is None
+    assert resolved(Sample(rocks, np.ones(12), 0.6, "1"), 400).shapes == rocks
 
 
 def test_sizes_are_laid_over_the_weighted_distribution():

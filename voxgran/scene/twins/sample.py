@@ -3,7 +3,6 @@
 import os
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import Literal
 
 import numpy as np
 
@@ -14,11 +13,10 @@ from voxgran.measures.region import gravity_of
 from voxgran.measures.registered.density import main_fraction
 from voxgran.packing.jamming.expected import reachable
 from voxgran.packing.model import Packing
+from voxgran.scene.twins.steps import without_steps
 from voxgran.shapes.learning.border import border_weights, is_scan
-from voxgran.shapes.learning.warp import frame_of
 from voxgran.shapes.mesh import Mesh
 from voxgran.shapes.model import Shape, check_shapes
-from voxgran.shapes.primitive import Primitive
 from voxgran.shapes.repairing.simplify import simplify
 
 #: fewest grains that make a sample, the least solid fraction that rigid grains at rest bear, and how much denser than
@@ -26,9 +24,6 @@ from voxgran.shapes.repairing.simplify import simplify
 FEWEST, LOOSEST, DENSER = 10, 0.25, 0.13
 #: number of sizes by which it is expected how dense they become
 LAID = 1000
-#: root mean square distance, in voxels, up to which a surface of labels is a sphere or an ellipsoid with the steps of
-#: an image (these alone give 0.14 to 0.2), and how many of the grains must be, by their weights
-STEPS, MOST = 0.25, 0.9
 
 
 @dataclass(frozen=True, eq=False)
@@ -90,44 +85,15 @@ def _of_packing(packing: Packing) -> Sample:
 
 
 def resolved(sample: Sample, faces: int, *, smooth: bool = True) -> Sample:
-    """Return a sample at the resolution of twins: smooth grains as such, unless these are drawn as meshes too, and
-    other meshes with at most so many faces.
+    """Return a sample at the resolution of twins, with meshes of at most so many faces: grains of an image without its
+    steps, unless the shapes of the twin are drawn from a model that has them.
     """
-    shapes = smooth_solids(sample) if smooth else None
-    if shapes is None and all(isinstance(shape.geometry, Mesh) for shape in sample.shapes):
-        shapes = tuple(simplify(shape, faces=faces).shape for shape in sample.shapes)
-    return sample if shapes is None else replace(sample, shapes=shapes)
-
-
-def smooth_solids(sample: Sample) -> tuple[Shape, ...] | None:
-    """Return the spheres or ellipsoids that the grains of an image are; None where they are other solids.
-
-    An image gives smooth grains steps, which no smoothing of surfaces takes away whole. Packed with them the grains
-    need less friction to become as dense, and then have more contacts.
-    """
-    if sample.packing is None or not all(isinstance(shape.geometry, Mesh) for shape in sample.shapes):
-        return None
-    kinds: tuple[Literal["sphere", "ellipsoid"], ...] = ("sphere", "ellipsoid")
-    for kind in kinds:
-        found = [_smooth(shape, kind) for shape in sample.shapes]
-        near = np.array([distance for _, distance in found]) <= STEPS * sample.packing.contact_gap
-        if np.average(near, weights=sample.weights) >= MOST:
-            return tuple(shape for shape, _ in found)
-    return None
-
-
-def _smooth(shape: Shape, kind: Literal["sphere", "ellipsoid"]) -> tuple[Shape, float]:
-    """Return the sphere, or the ellipsoid of the second moments, of a mesh with its volume, and the root mean square of
-    the distances of vertices from it, to first order.
-    """
-    radius, centre, moments, axes = frame_of(Mesh(shape.vertices, shape.faces))
-    half = np.full(3, radius) if kind == "sphere" else radius * moments / np.cbrt(moments.prod())
-    place = (shape.vertices - centre) @ axes / half
-    length = np.linalg.norm(place, axis=1)
-    distance = (length - 1.0) * length / np.linalg.norm(place / half, axis=1)
-    sizes = (radius,) if kind == "sphere" else tuple(half.tolist())
-    made = Shape.of(Primitive(kind, sizes), name=shape.name, unit=shape.unit)
-    return made, float(np.sqrt((distance**2).mean()))
+    if not all(isinstance(shape.geometry, Mesh) for shape in sample.shapes):
+        return sample
+    found = None
+    if smooth and sample.packing is not None:
+        found = without_steps(sample.shapes, sample.weights, sample.packing.contact_gap, faces)
+    return replace(sample, shapes=found or tuple(simplify(shape, faces=faces).shape for shape in sample.shapes))
 
 
 def solid_fraction_of(packing: Packing) -> float:

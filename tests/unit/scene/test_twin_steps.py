@@ -1,0 +1,63 @@
+import numpy as np
+import pytest
+from scipy.spatial import ConvexHull
+
+import voxgran as vg
+from voxgran.scene.twins.sample import resolved, sample_of
+from voxgran.scene.twins.steps import without_steps
+
+VOXEL = 0.07
+
+
+def sample_of_labels(shapes):
+    """Return the sample of the labels of 12 grains that do not touch, turned at random."""
+    turn = np.random.default_rng(1).normal(size=(12, 4))
+    place = 0.9 + 2.1 * np.argwhere(np.ones((3, 2, 2)))
+    turn /= np.linalg.norm(turn, axis=1)[:, None]
+    which = np.arange(12) % len(shapes)
+    grains = vg.Packing.of(shapes, vg.Box((6.0, 3.9, 3.9)), position=place, orientation=turn, shape_id=which)
+    return sample_of(vg.packing_of_labels(vg.to_image(grains, VOXEL), voxel_size=VOXEL, gravity="none"), 0.6)
+
+
+def sphericity(shape):
+    """Return the surface of the sphere of a solid's volume over its surface (Wadell 1932)."""
+    return np.cbrt(np.pi) * (6 * shape.volume) ** (2 / 3) / shape.surface_area
+
+
+def without(sample, faces=200):
+    return without_steps(sample.shapes, sample.weights, sample.packing.contact_gap, faces)
+
+
+@pytest.mark.parametrize(("semi_axes", "kind"), [((0.5, 0.5, 0.5), "sphere"), ((0.6, 0.5, 0.4), "ellipsoid")])
+def test_labels_of_smooth_grains_are_these_again(semi_axes, kind):
+    found = sample_of_labels([vg.make_shape("ellipsoid", semi_axes=semi_axes)])
+    smooth = without(found)
+    assert {shape.geometry.kind for shape in smooth} == {kind}
+    got = np.array([sorted(np.ptp(shape.bounds, axis=0)) for shape in smooth])
+    assert got == pytest.approx(np.tile(sorted(2 * np.array(semi_axes)), (len(got), 1)), rel=0.03)
+    volumes = [shape.volume for shape in found.shapes]
+    assert [shape.volume for shape in smooth] == pytest.approx(volumes, rel=1e-6)
+
+
+@pytest.mark.parametrize("kind", ["box", "convex_polyhedron"])
+def test_labels_of_convex_grains_are_convex_with_few_faces(kind):
+    """The sphericity of labels, of polyhedra 0.02 too low by their steps, is right within 0.01, and so are volumes."""
+    shapes = [vg.make_shape(kind)] if kind == "box" else vg.make_shapes(kind, count=12, seed=2)
+    found = sample_of_labels(shapes)
+    made = without(found)
+    true, labels, got = (np.mean([sphericity(one) for one in group]) for group in (shapes, found.shapes, made))
+    assert abs(got - true) < 0.013 < abs(labels - true) + 0.005
+    for shape, label in zip(made, found.shapes, strict=True):
+        assert shape.volume == pytest.approx(label.volume, rel=1e-9)
+        assert ConvexHull(shape.vertices).volume == pytest.approx(shape.volume, rel=1e-9)
+        assert len(shape.faces) <= 64
+    assert [len(shape.faces) for shape in resolved(found, 200).shapes] == [len(shape.faces) for shape in made]
+    # the model of the shapes that are given has their steps
+    assert max(len(shape.faces) for shape in resolved(found, 200, smooth=False).shapes) > 150
+    assert max(len(shape.faces) for shape in without(found, 20)) <= 20
+
+
+def test_labels_of_grains_that_are_not_convex_stay_meshes():
+    found = sample_of_labels([vg.make_shape("torus"), *vg.make_shapes("convex_polyhedron", count=4, seed=2)])
+    assert without(found) is None
+    assert len(resolved(found, 200).shapes) == len(found.shapes)
