@@ -23,7 +23,9 @@ AFTER_PARTING = 0.5
 RESIDUAL = 0.01
 #: share of moving grains below which copies of a bed with friction are examined, and steps from one to the next; depth
 #: to which overlaps of a copy whose grains rest otherwise are parted
-EARLY, EVERY, SHALLOW = 0.3, 4, 1e-2
+EARLY, EVERY, SHALLOW = 0.5, 4, 1e-2
+#: largest gap that contacts which bear forces have when a copy is examined, and rounds in which they get it
+CLOSED, CLOSING = 8e-4, 4
 #: iterations of an examination of a copy, of others, and most of the last one; those by sweeps it begins with where
 #: grains rub, those after which it ends where no more rest, and more for all grains, and what moves of a hopeless copy
 QUICK, USUAL, THOROUGH, SWEPT, PATIENCE, MANY, HOPELESS = 100, 300, 3000, 50, 64, 60_000, 0.5
@@ -70,11 +72,13 @@ class Examined(Resumable):
     def _rests_as_copy(self, preset: SolverPreset) -> bool:
         """Return whether a copy of the bed rests, once small overlaps are parted; then it takes the place of the bed.
 
-        Where some grains move since a step is not solved to the end, the bed may rest long since. The forces of an
-        examination, which has no contacts beyond its reach, would move it.
+        Where some grains move since a step is not solved to the end, the bed may rest long since. Turning grains open
+        some of the contacts that bear them, by more than an examination reaches: these are closed. The forces of an
+        examination would move the bed.
         """
         progress, own, enough = self.progress, self.bed, min(CALM, 1.0 - self.how.rest)
         self.bed = own.copy()
+        part_grains(self.bed, PARTED, CLOSING, closed=CLOSED)
         self._examine(QUICK)
         parted = progress.moving < enough and -SHALLOW < progress.smallest < 0.0
         if parted:
