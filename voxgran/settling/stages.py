@@ -237,7 +237,8 @@ class Settler(Examined):
         progress, unit = self.progress, round(1.0 / self._fall.step)
         self._advance(None)
         progress.heights = np.append(progress.heights, self.bed.height)[-unit - 1 :]
-        sunk = abs(progress.heights[0] - progress.heights[-1])
+        # deep beds bounce: their height is that of before where they turn, too
+        sunk = np.ptp(progress.heights)
         shortest = CREEPING if self._slips else SHORTEST
         lasted = progress.stage_step + 1 >= shortest * unit
         # without friction grains go on trembling
