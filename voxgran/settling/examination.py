@@ -24,9 +24,9 @@ RESIDUAL = 0.01
 #: share of moving grains below which copies of a bed with friction are examined, and steps from one to the next; depth
 #: to which overlaps of a copy whose grains rest otherwise are parted
 EARLY, EVERY, SHALLOW = 0.5, 4, 1e-2
-#: largest gap that contacts which bear forces have when a copy is examined, rounds in which they get it, and how far
+#: largest gap that contacts which bear forces have when a copy is examined, rounds of parting then, and how far
 #: grains move in one
-CLOSED, CLOSING, CLOSER = 8e-4, 4, 5e-3
+CLOSED, CLOSER_ROUNDS, CLOSER = 8e-4, 8, 5e-3
 #: iterations of an examination of a copy, of others, and most of the last one; those by sweeps it begins with where
 #: grains rub, those after which it ends where no more rest, and more for all grains, and what moves of a hopeless copy
 QUICK, USUAL, THOROUGH, SWEPT, PATIENCE, MANY, HOPELESS = 100, 300, 3000, 50, 64, 60_000, 0.5
@@ -79,7 +79,7 @@ class Examined(Resumable):
         """
         progress, own, enough = self.progress, self.bed, min(CALM, 1.0 - self.how.rest)
         self.bed = own.copy()
-        part_grains(self.bed, PARTED, CLOSING, most=CLOSER, margin=CLOSER, closed=CLOSED)
+        part_grains(self.bed, PARTED, CLOSER_ROUNDS, most=CLOSER, margin=CLOSER, closed=CLOSED)
         self._examine(QUICK)
         parted = progress.moving < enough and -SHALLOW < progress.smallest < 0.0
         if parted:

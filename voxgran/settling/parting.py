@@ -20,8 +20,8 @@ ITERATIONS, MOST = 60, 0.02
 MARGIN = 0.03
 #: square of the length of a step, in which gravity moves nothing; its direction is that of the lid
 MOMENT = 1e-12
-#: share of the distance that may be missed
-MISSED = 0.2
+#: share of the distance that may be missed, and first rounds in which contacts that bear forces are closed
+MISSED, CLOSING = 0.2, 2
 #: most rounds in which grains are spread, and the share of the gap that may be missed then
 SPREADING, CLOSE = 40, 0.02
 
@@ -37,7 +37,7 @@ def part_grains(
 
     missed: share of the distance that may be missed.  most: farthest that a grain moves in one round.
     margin: gap up to which contacts are looked at.  iterations: of the solution in the first rounds.
-    closed: contacts that bear forces end with no larger gap, where they can.
+    closed: in the first rounds contacts that bear forces get no larger gap.
     """
     bodies = bed.bodies.copy()
     # a lid that moves has the mass of a grain here: sweeps converge slowly where masses differ much
@@ -47,7 +47,7 @@ def part_grains(
         smallest = float(bed.gap.min(initial=np.inf))
         contacts, gap = bed.contacts._replace(bodies=bodies), bed.gap
         bears = bed.rows.row[: bed.m, PUSH] > 0.0
-        opened = bool((gap[bears] > closed - (1.0 - missed) * distance).any())
+        opened = turn < CLOSING and bool((gap[bears] > closed - (1.0 - missed) * distance).any())
         if (smallest > -missed * distance and not opened) or turn == rounds:
             break
         if opened:

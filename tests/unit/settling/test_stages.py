@@ -150,7 +150,7 @@ def test_steps_stay_long_while_few_grains_fall():
 
 def test_steps_become_shorter_where_a_bed_does_not_come_to_rest(resting):
     settler, _ = examined(resting)
-    progress, preset = settler.progress, FRICTIONAL[0]
+    progress, preset = settler.progress, FRICTIONAL
     progress.length, progress.still_steps = preset.first, 0
     settler._rest()
     assert progress.moved < 0.03
