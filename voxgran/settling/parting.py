@@ -66,10 +66,8 @@ def _both_ways(
     """Return contacts and gaps with, of some, those that bound the gap from above: they push the other way."""
     back = contacts.row[some]
     back[:, NORMAL : NORMAL + 3] *= -1.0
-    row, i, j = (
-        np.concatenate(two)
-        for two in ((contacts.row, back), (contacts.i, contacts.i[some]), (contacts.j, contacts.j[some]))
-    )
+    i, j = (np.concatenate([bodies, bodies[some]]) for bodies in (contacts.i, contacts.j))
+    row = np.concatenate([contacts.row, back])
     return contacts._replace(row=row, i=i, j=j), np.concatenate([gap, widest - gap[some]])
 
 

@@ -51,7 +51,7 @@ from voxgran.settling.soft_contacts import soft_step
 
 #: change of the height in a unit of time below which the fall ends, without friction, and for each layer with friction,
 #: for so many at least; units of time that it lasts at least
-SINKING, BOUNCE, FEW_LAYERS, SHORTEST = 0.05, 0.003, 10.0, 4.0
+SINKING, BOUNCE, FEW_LAYERS, SHORTEST = 0.05, 0.0035, 10.0, 4.0
 #: units of time that the fall lasts at least without friction, where beds creep; greatest height of a container in
 #: which grains fall until they rest, in median diameters
 CREEPING, HIGHEST = 30.0, 10_000.0

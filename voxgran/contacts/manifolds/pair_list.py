@@ -49,7 +49,8 @@ def _blank(i: Integers, j: Integers, shift: Floats) -> PairList:
     return PairList(
         *(np.ascontiguousarray(i), np.ascontiguousarray(j), shift),
         *(np.zeros(m, dtype=np.int64), np.zeros(m, dtype=np.int64)),
-        *(np.full(m, NEVER), np.zeros(m), normal, np.zeros(m), np.full((m, 6), -1)),
+        *(np.full(m, NEVER), np.zeros(m), normal, np.zeros(m)),
+        np.full((m, 6), -1),
     )
 
 
