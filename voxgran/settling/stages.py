@@ -51,7 +51,7 @@ from voxgran.settling.soft_contacts import soft_step
 
 #: change of the height in a unit of time below which the fall ends, without friction, and for each layer with friction,
 #: for so many at least; units of time that it lasts at least
-SINKING, BOUNCE, FEW_LAYERS, SHORTEST = 0.05, 0.0035, 10.0, 4.0
+SINKING, BOUNCE, FEW_LAYERS, SHORTEST = 0.05, 0.004, 10.0, 4.0
 #: units of time that the fall lasts at least without friction, where beds creep; greatest height of a container in
 #: which grains fall until they rest, in median diameters
 CREEPING, HIGHEST = 30.0, 10_000.0
@@ -241,14 +241,15 @@ class Settler(Examined):
         progress, unit = self.progress, round(1.0 / self._fall.step)
         self._advance(None)
         progress.heights = np.append(progress.heights, self.bed.height)[-unit - 1 :]
-        # deep beds bounce: their height is that of before where they turn, too
-        sunk = np.ptp(progress.heights)
         shortest = CREEPING if self._slips else SHORTEST
         lasted = progress.stage_step + 1 >= shortest * unit
-        # without friction grains go on trembling
-        least = SINKING if self._slips else BOUNCE * max(self._layers(), FEW_LAYERS)
-        calm = lasted and sunk < least and (self._slips or is_slow(self.bed))
-        if not calm and progress.stage_step + 1 < self._fall_steps():
+        if self._slips:
+            # without friction grains go on trembling
+            calm = abs(progress.heights[0] - progress.heights[-1]) < SINKING
+        else:
+            # where deep beds that bounce turn, their height is that of before, too
+            calm = np.ptp(progress.heights) < BOUNCE * max(self._layers(), FEW_LAYERS) and is_slow(self.bed)
+        if not (lasted and calm) and progress.stage_step + 1 < self._fall_steps():
             return
         if progress.stage == FALL and self.how.shaking is not None:
             progress.stage = SHAKING
