@@ -28,7 +28,9 @@ def pairs_of(i, j, shift=None):
     ints, reals = (lambda: np.zeros(n, dtype=np.int64)), (lambda: np.zeros(n))
     moved = np.zeros((n, 3)) if shift is None else np.array(shift, dtype=float)
     bound, normal = np.full(n, -1e9), np.full((n, 3), 2.0)
-    return PairList(np.array(i), np.array(j), moved, ints(), ints(), bound, reals(), normal, reals())
+    return PairList(
+        np.array(i), np.array(j), moved, ints(), ints(), bound, reals(), normal, reals(), np.full((n, 6), -1)
+    )
 
 
 def rows_of(cap):

@@ -33,7 +33,9 @@ STEADY = 1e-6
 def _core_distance(one, other, erosion, offset, simplex):  # type: ignore[no-untyped-def]
     """Return the distance of `one`, eroded, from `other`, whose center lies at `offset`; 0 if the solids intersect."""
     start = offset if offset != (0.0, 0.0, 0.0) else (-1.0, 0.0, 0.0)
-    distance = search_distance(_support_eroded, (one, erosion), (other, 0.0), offset, start, 1e150, EXACT, 1, simplex)
+    distance = search_distance(
+        _support_eroded, (one, erosion), (other, 0.0), offset, start, 1e150, EXACT, 1, simplex, 0
+    )
     size = 0.0
     for k in range(4):
         corner = row_of(simplex.corner, k)
@@ -57,7 +59,7 @@ def separation(one: Floats, other: Floats, erosion: float, offset: Floats, found
     0. The nearest points and the normal from one to the other are written to the nine numbers of `found`; the normal
     is 0 if it is undefined. Margins are ignored.
     """
-    simplex = Simplex(np.zeros((4, 3)), np.zeros((4, 3)), np.zeros(4), np.zeros(6))
+    simplex = Simplex(np.zeros((4, 3)), np.zeros((4, 3)), np.zeros(4), np.zeros(6), np.zeros((4, 2), dtype=np.int64))
     place = (offset[0], offset[1], offset[2])
     distance = start = _core_distance(one, other, erosion, place, simplex)
     _write_points(simplex.near, 0.0, (0.0, 0.0, 0.0), distance, found)

@@ -10,7 +10,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from voxgran._base.arrays import Floats
+from voxgran._base.arrays import Floats, Integers
 from voxgran._base.kernels import Kernel, bare_kernel, inlined_kernel
 from voxgran.geometry.vectors import Vector, cross, dot, row_of, sub
 
@@ -36,24 +36,26 @@ class Simplex(NamedTuple):
 
     corner: (4, 3) points of the Minkowski difference.  mine: (4, 3) points of the first body.  weight: (4,) of the
     corners, -1 of those that are left out.  near: (6,) vector from the nearest point of the first body to that of the
-    second, and the nearest point of the first body.
+    second, and the nearest point of the first body.  which: (4, 2) numbers of the corners of both bodies that the
+    corners come from, -1 behind the last.
     """
 
     corner: Floats
     mine: Floats
     weight: Floats
     near: Floats
+    which: Integers
 
 
 def new_simplex() -> Simplex:
     """Return the arrays of a search."""
-    return Simplex(np.zeros((4, 3)), np.zeros((4, 3)), np.zeros(4), np.zeros(6))
+    return Simplex(np.zeros((4, 3)), np.zeros((4, 3)), np.zeros(4), np.zeros(6), np.zeros((4, 2), dtype=np.int64))
 
 
 @inlined_kernel
 def search_distance(
     support: Kernel, one: Any, two: Any, offset: Vector, start: Vector, limit: float,
-    accuracy: Accuracy, closely: object, simplex: Simplex,
+    accuracy: Accuracy, closely: object, simplex: Simplex, known: int,
 ) -> float:  # fmt: skip
     """Return the distance of two convex bodies, of which the second lies at an offset; the search begins along `start`.
 
@@ -62,31 +64,37 @@ def search_distance(
 
     support: function of a body, the number of a corner of it and a direction; it returns the point of the
     body that is farthest along the direction, and the number of a corner near it.
+    known: number of corners of the simplex, 0 to 3, with which the search begins.
     """
-    corner, mine, near = simplex.corner, simplex.mine, simplex.near
-    at, other, count, best, now, restarts = 0, 0, 0, 1e300, 1e300, 0
+    corner, mine, near, which = simplex.corner, simplex.mine, simplex.near, simplex.which
+    at, other, count, best, now, restarts = 0, 0, known, 1e300, 1e300, 0
     vx, vy, vz = start
-    for _ in range(accuracy.steps):
-        ax, ay, az, at = support(one, at, vx, vy, vz)
-        bx, by, bz, other = support(two, other, -vx, -vy, -vz)
-        wx, wy, wz = bx + offset[0] - ax, by + offset[1] - ay, bz + offset[2] - az
-        along, square = vx * wx + vy * wy + vz * wz, vx * vx + vy * vy + vz * vz
-        if along > 0.0 and along * along > limit * limit * square:
-            near[0], near[1], near[2] = vx, vy, vz
-            return along / math.sqrt(square)
-        if now < 1e300 and now - along <= accuracy.close * math.sqrt(now) + accuracy.relative * now:
-            break
-        stalled = False
-        if closely is None:
-            for q in range(count):
-                stalled |= corner[q, 0] == wx and corner[q, 1] == wy and corner[q, 2] == wz
+    which[count, 0] = -1
+    for step in range(accuracy.steps):
+        stalled, more = False, step > 0 or known == 0
+        if more:
+            ax, ay, az, at = support(one, at, vx, vy, vz)
+            bx, by, bz, other = support(two, other, -vx, -vy, -vz)
+            wx, wy, wz = bx + offset[0] - ax, by + offset[1] - ay, bz + offset[2] - az
+            along, square = vx * wx + vy * wy + vz * wz, vx * vx + vy * vy + vz * vz
+            if along > 0.0 and along * along > limit * limit * square:
+                near[0], near[1], near[2] = vx, vy, vz
+                return along / math.sqrt(square)
+            if now < 1e300 and now - along <= accuracy.close * math.sqrt(now) + accuracy.relative * now:
+                break
+            if closely is None:
+                for q in range(count):
+                    stalled |= corner[q, 0] == wx and corner[q, 1] == wy and corner[q, 2] == wz
+            if not stalled:
+                corner[count, 0], corner[count, 1], corner[count, 2] = wx, wy, wz
+                mine[count, 0], mine[count, 1], mine[count, 2] = ax, ay, az
+                which[count, 0], which[count, 1] = at, other
+                count += 1
         if not stalled:
-            corner[count, 0], corner[count, 1], corner[count, 2] = wx, wy, wz
-            mine[count, 0], mine[count, 1], mine[count, 2] = ax, ay, az
-            if not _weigh(corner, simplex.weight, count + 1, closely):
+            if not _weigh(corner, simplex.weight, count, closely):
                 return -1.0
             px, py, pz, square = _nearest(corner, simplex.weight, 0)
-            count = _compress(simplex, count + 1)
+            count = _compress(simplex, count)
             if square < best:
                 near[0], near[1], near[2] = px, py, pz
                 for c in range(3):
@@ -126,9 +134,12 @@ def _compress(simplex, count):  # type: ignore[no-untyped-def]
     for k in range(count):
         if simplex.weight[k] >= 0.0:
             simplex.weight[kept] = simplex.weight[k]
+            simplex.which[kept, 0], simplex.which[kept, 1] = simplex.which[k, 0], simplex.which[k, 1]
             for c in range(3):
                 simplex.corner[kept, c], simplex.mine[kept, c] = simplex.corner[k, c], simplex.mine[k, c]
             kept += 1
+    if kept < 4:
+        simplex.which[kept, 0] = -1
     return kept
 
 

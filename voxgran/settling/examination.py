@@ -23,7 +23,10 @@ AFTER_PARTING = 0.5
 RESIDUAL = 0.01
 #: share of moving grains below which copies of a bed with friction are examined, and steps from one to the next; depth
 #: to which overlaps of a copy whose grains rest otherwise are parted
-EARLY, EVERY, SHALLOW = 0.3, 4, 1e-2
+EARLY, EVERY, SHALLOW = 0.5, 4, 1e-2
+#: largest gap that contacts which bear forces have when a copy is examined, rounds of parting then, and how far
+#: grains move in one
+CLOSED, CLOSER_ROUNDS, CLOSER = 8e-4, 8, 5e-3
 #: iterations of an examination of a copy, of others, and most of the last one; those by sweeps it begins with where
 #: grains rub, those after which it ends where no more rest, and more for all grains, and what moves of a hopeless copy
 QUICK, USUAL, THOROUGH, SWEPT, PATIENCE, MANY, HOPELESS = 100, 300, 3000, 50, 64, 60_000, 0.5
@@ -70,11 +73,13 @@ class Examined(Resumable):
     def _rests_as_copy(self, preset: SolverPreset) -> bool:
         """Return whether a copy of the bed rests, once small overlaps are parted; then it takes the place of the bed.
 
-        Where some grains move since a step is not solved to the end, the bed may rest long since. The forces of an
-        examination, which has no contacts beyond its reach, would move it.
+        Where some grains move since a step is not solved to the end, the bed may rest long since. Turning grains open
+        some of the contacts that bear them, by more than an examination reaches: these are closed. The forces of an
+        examination would move the bed.
         """
         progress, own, enough = self.progress, self.bed, min(CALM, 1.0 - self.how.rest)
         self.bed = own.copy()
+        part_grains(self.bed, PARTED, CLOSER_ROUNDS, most=CLOSER, margin=CLOSER, closed=CLOSED)
         self._examine(QUICK)
         parted = progress.moving < enough and -SHALLOW < progress.smallest < 0.0
         if parted:

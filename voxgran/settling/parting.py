@@ -1,13 +1,15 @@
 """Parting: the least motions that leave a small gap between all grains that overlap or are too near."""
 
+import math
 from dataclasses import replace
 
 import numpy as np
 
-from voxgran._base.arrays import Floats
+from voxgran._base.arrays import Booleans, Floats
 from voxgran.contacts.assembly import Assembly
+from voxgran.contacts.manifolds.rows import NORMAL, PUSH
 from voxgran.containers.model import UNKNOWN, boundary_of
-from voxgran.settling.balance import gauss_seidel_forces
+from voxgran.settling.balance import LoadedContacts, gauss_seidel_forces
 from voxgran.settling.bed import Bed
 
 #: rounds after which a solution gets more iterations: in beds of many layers under load
@@ -18,15 +20,15 @@ ITERATIONS, MOST = 60, 0.02
 MARGIN = 0.03
 #: square of the length of a step, in which gravity moves nothing; its direction is that of the lid
 MOMENT = 1e-12
-#: share of the distance that may be missed
-MISSED = 0.2
+#: share of the distance that may be missed, and first rounds in which contacts that bear forces are closed
+MISSED, CLOSING = 0.2, 2
 #: most rounds in which grains are spread, and the share of the gap that may be missed then
 SPREADING, CLOSE = 40, 0.02
 
 
 def part_grains(
     bed: Bed, distance: float, rounds: int, *, missed: float = MISSED, most: float = MOST, margin: float = MARGIN,
-    iterations: int = ITERATIONS,
+    iterations: int = ITERATIONS, closed: float = math.inf,
 ) -> float:  # fmt: skip
     """Part grains until all surfaces are nearly `distance` apart, in at most `rounds` rounds; return the smallest gap.
 
@@ -35,6 +37,7 @@ def part_grains(
 
     missed: share of the distance that may be missed.  most: farthest that a grain moves in one round.
     margin: gap up to which contacts are looked at.  iterations: of the solution in the first rounds.
+    closed: in the first rounds contacts that bear forces get no larger gap.
     """
     bodies = bed.bodies.copy()
     # a lid that moves has the mass of a grain here: sweeps converge slowly where masses differ much
@@ -42,14 +45,30 @@ def part_grains(
     for turn in range(rounds + 1):
         bed.find(distance + max(margin, most), distance)
         smallest = float(bed.gap.min(initial=np.inf))
-        if smallest > -missed * distance or turn == rounds:
+        contacts, gap = bed.contacts._replace(bodies=bodies), bed.gap
+        bears = bed.rows.row[: bed.m, PUSH] > 0.0
+        opened = turn < CLOSING and bool((gap[bears] > closed - (1.0 - missed) * distance).any())
+        if (smallest > -missed * distance and not opened) or turn == rounds:
             break
+        if opened:
+            contacts, gap = _both_ways(contacts, gap, bears, closed - distance)
         accelerations, _ = gauss_seidel_forces(
-            bed.contacts._replace(bodies=bodies), np.zeros((bed.m, 3)), bed.gap / MOMENT,
+            contacts, np.zeros((len(gap), 3)), gap / MOMENT,
             friction=0.0, skin=0.0, iterations=iterations * (1 + turn // PATIENCE),
         )  # fmt: skip
         bed.move(MOMENT * accelerations, most)
     return smallest + distance
+
+
+def _both_ways(
+    contacts: LoadedContacts, gap: Floats, some: Booleans, widest: float
+) -> tuple[LoadedContacts, Floats]:  # fmt: skip
+    """Return contacts and gaps with, of some, those that bound the gap from above: they push the other way."""
+    back = contacts.row[some]
+    back[:, NORMAL : NORMAL + 3] *= -1.0
+    i, j = (np.concatenate([bodies, bodies[some]]) for bodies in (contacts.i, contacts.j))
+    row = np.concatenate([contacts.row, back])
+    return contacts._replace(row=row, i=i, j=j), np.concatenate([gap, widest - gap[some]])
 
 
 def spread(assembly: Assembly, room: float, up: Floats) -> Assembly:

@@ -40,12 +40,9 @@ class SolverPreset:
     reuse: float = 0.0  # motion of a pair up to which its contacts are not found again
 
 
-#: of spheres, disks and polygons, whose steps become shorter only where a bed has not come to rest for long, and of
-#: convex grains, which take more of the long steps
-FRICTIONAL = (
-    SolverPreset(KEPT, 0.1, 0.1, first=0.3, last=0.1, steps=150, late=75),
-    SolverPreset(KEPT, 0.1, 0.1, first=0.2, last=0.1, steps=150),
-)
+#: of spheres, disks, polygons and convex grains, whose steps become shorter only where a bed has not come to rest for
+#: long
+FRICTIONAL = SolverPreset(KEPT, 0.1, 0.1, first=0.3, last=0.1, steps=150, late=75)
 #: of the same without friction, on soft contacts, whose lengths are compressions; and of polygons without friction
 SOFT = (
     SolverPreset(KEPT, 0.1, 0.1, first=3e-4, last=0.0, steps=200, examined=4),

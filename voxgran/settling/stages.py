@@ -13,7 +13,7 @@ from voxgran._base.arrays import Floats
 from voxgran._base.errors import InputError
 from voxgran._base.stopping import Stopped
 from voxgran.contacts.assembly import Assembly
-from voxgran.contacts.manifolds.rows import CONVEX, OUTLINE, SURFACE
+from voxgran.contacts.manifolds.rows import OUTLINE, SURFACE
 from voxgran.settling.bed import Bed
 from voxgran.settling.closing import close_round
 from voxgran.settling.examination import (
@@ -49,8 +49,9 @@ from voxgran.settling.quasi_static import (
 from voxgran.settling.rain import Rain, let_arrive, steps_of_rain
 from voxgran.settling.soft_contacts import soft_step
 
-#: sinking in a unit of time below which the fall ends; units of time that it lasts at least
-SINKING, SHORTEST = 0.05, 4.0
+#: change of the height in a unit of time below which the fall ends, without friction, and for each layer with friction,
+#: for so many at least; units of time that it lasts at least
+SINKING, BOUNCE, FEW_LAYERS, SHORTEST = 0.05, 0.004, 10.0, 4.0
 #: units of time that the fall lasts at least without friction, where beds creep; greatest height of a container in
 #: which grains fall until they rest, in median diameters
 CREEPING, HIGHEST = 30.0, 10_000.0
@@ -229,20 +230,26 @@ class Settler(Examined):
 
     def _sweeps(self) -> int:
         """Return the number of iterations of a quasi-static step, by the layers of the bed."""
-        layers = np.ptp(self.bed.grains.position @ self.bed.gravity) if self.bed.count else 0.0
-        return ITERATIONS if layers <= DEEP else 2 * ITERATIONS
+        return ITERATIONS if self._layers() <= DEEP else 2 * ITERATIONS
+
+    def _layers(self) -> float:
+        """Return the height of the bed, in median diameters."""
+        return float(np.ptp(self.bed.grains.position @ self.bed.gravity)) if self.bed.count else 0.0
 
     def _drop(self) -> None:
         """Make a step of the fall."""
         progress, unit = self.progress, round(1.0 / self._fall.step)
         self._advance(None)
         progress.heights = np.append(progress.heights, self.bed.height)[-unit - 1 :]
-        sunk = abs(progress.heights[0] - progress.heights[-1])
         shortest = CREEPING if self._slips else SHORTEST
         lasted = progress.stage_step + 1 >= shortest * unit
-        # without friction grains go on trembling
-        calm = lasted and sunk < SINKING and (self._slips or is_slow(self.bed))
-        if not calm and progress.stage_step + 1 < self._fall_steps():
+        if self._slips:
+            # without friction grains go on trembling
+            calm = abs(progress.heights[0] - progress.heights[-1]) < SINKING
+        else:
+            # where deep beds that bounce turn, their height is that of before, too
+            calm = np.ptp(progress.heights) < BOUNCE * max(self._layers(), FEW_LAYERS) and is_slow(self.bed)
+        if not (lasted and calm) and progress.stage_step + 1 < self._fall_steps():
             return
         if progress.stage == FALL and self.how.shaking is not None:
             progress.stage = SHAKING
@@ -294,7 +301,7 @@ class Settler(Examined):
             progress.length = max(preset.last, SHRINK * progress.length)
         progress.still_steps += 1
         last = progress.still_steps >= (1 if preset is ROOMED else self._more_steps) * preset.steps
-        if preset in FRICTIONAL and not last:
+        if preset is FRICTIONAL and not last:
             if moving < EARLY and progress.still_steps % EVERY == 0 and self._rests_as_copy(preset):
                 self._end()
             return
@@ -417,7 +424,7 @@ class Settler(Examined):
         if SURFACE not in self.bed.grains.kind:
             if self._frictionless:
                 return SOFT[int(self.bed.grains.kind.any())] if self.slides else FRICTIONLESS
-            return FRICTIONAL[int(CONVEX in self.bed.grains.kind)]
+            return FRICTIONAL
         if self.progress.exact:
             return TRIANGLES
         return ROOMED if self.progress.roomed else GRIDS

@@ -57,6 +57,7 @@ class Bed:
         self.pairs = PairList(
             np.ascontiguousarray(i), np.ascontiguousarray(j), np.zeros((m, 3)), np.zeros(m, dtype=np.int64),
             np.zeros(m, dtype=np.int64), np.full(m, -1e9), np.zeros(m), np.full((m, 3), 2.0), np.zeros(m),
+            np.full((m, 6), -1),
         )  # fmt: skip
         self.work = convex_work(convex_bodies(shapes), self.grains)
         self.rows = make_rows(space)
@@ -301,6 +302,32 @@ def test_a_known_normal_does_not_change_the_gap():
             wrong = normal + 0.3 * generator.normal(size=3)
             bed.pairs.normal[0] = wrong / np.linalg.norm(wrong)
             assert np.isclose(bed.touch()[0], found, rtol=0, atol=1e-10)
+
+
+@pytest.mark.parametrize("apart", [1.02, 0.95, 1.3])
+def test_hulls_whose_nearest_corners_are_known_have_the_same_gap(apart):
+    """The corners are those of a place nearby, of another one, and any."""
+    generator = np.random.default_rng(8)
+    hulls = [random_hull(generator), random_hull(generator, count=60)]
+    turns = [random_turn(generator), random_turn(generator)]
+    reach = sum(hull.geometry.bounding_radius for hull in hulls)
+    for _ in range(30):
+        way = generator.normal(size=3)
+        way *= apart * 0.8 * reach / np.linalg.norm(way)
+        moved = way + 0.02 * generator.normal(size=3)
+        known, new = (Bed(hulls, [(0, 0, 0), place], turns) for place in (way, moved))
+        known.touch()
+        assert known.pairs.corners[0, 0] >= 0
+        expected, normal, rows = new.touch()
+        for corners in (known.pairs.corners[0], new.pairs.corners[0, ::-1], [3, 5, 3, 5, 0, 0], [1, 2, 7, 7, -1, 0]):
+            known.grains.position[1] = moved
+            # the depth of an overlap is that along the directions near the first one
+            known.pairs.corners[0], known.pairs.normal[0] = corners if min(corners[:2]) >= 0 else -1, 2.0
+            gap, along, found = known.touch()
+            assert gap == pytest.approx(expected, abs=1e-9)
+            if gap > 1e-3:
+                np.testing.assert_allclose(along, normal, atol=1e-6)
+                assert len(found) == len(rows)
 
 
 def test_unions_touch_at_each_pair_of_spheres_within_the_margin():

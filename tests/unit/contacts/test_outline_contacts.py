@@ -60,7 +60,7 @@ class Found:
         shift = np.zeros((k, 3)) if shifts is None else np.array(shifts, dtype=float)
         self.pairs = PairList(
             *(i, j, shift, np.zeros(k, dtype=np.int64), np.zeros(k, dtype=np.int64), np.full(k, -1e9)),
-            *(np.zeros(k), np.full((k, 3), 2.0), np.zeros(k)),
+            *(np.zeros(k), np.full((k, 3), 2.0), np.zeros(k), np.full((k, 6), -1)),
         )
         self.rows = ContactRows(
             np.zeros((room, ROW)), np.zeros(room, dtype=np.int64), np.zeros(room, dtype=np.int64), np.zeros((room, ROW))

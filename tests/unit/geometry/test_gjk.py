@@ -24,14 +24,14 @@ def support_of_row(row, at, x, y, z):
 def fast_distance(one, two, x, y, z, limit, simplex):
     """Return the distance of two rows, as beds are searched."""
     start = (x, y, z)
-    return search_distance(support_of_row, one, two, start, start, limit, FAST, None, simplex)
+    return search_distance(support_of_row, one, two, start, start, limit, FAST, None, simplex, 0)
 
 
 @kernel
 def exact_distance(one, two, x, y, z, limit, simplex):
     """Return the distance of two rows, as packings are verified."""
     start = (x, y, z)
-    return search_distance(support_of_row, one, two, start, start, limit, EXACT, 1, simplex)
+    return search_distance(support_of_row, one, two, start, start, limit, EXACT, 1, simplex, 0)
 
 
 def rows(kinds, rng):

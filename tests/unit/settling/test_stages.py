@@ -128,6 +128,15 @@ def test_a_bed_that_moves_a_little_is_known_to_rest(resting):
     bed.move(lowered, 1.0)
     assert settler._rests_as_copy(preset)
     assert progress.smallest >= 0.0
+    # it floats, farther than contacts are examined: those that bear it are closed
+    settler.bed = bed
+    bed.move(-1.8 * lowered, 1.0)
+    assert settler._rests_as_copy(preset)
+    assert progress.moving == 0.0
+    bed.find(0.1, 0.0)
+    settler.bed.find(0.1, 0.0)
+    bears = [b.gap[b.rows.row[: b.m, 10] > 0.0].max() for b in (bed, settler.bed)]
+    assert bears[0] > 1e-3 > bears[1]
     # all of them float
     settler.bed = bed
     bed.move(np.tile([0, 0, 0.05, 0, 0, 0.0], (bed.count + 1, 1)), 1.0)
@@ -150,7 +159,7 @@ def test_steps_stay_long_while_few_grains_fall():
 
 def test_steps_become_shorter_where_a_bed_does_not_come_to_rest(resting):
     settler, _ = examined(resting)
-    progress, preset = settler.progress, FRICTIONAL[0]
+    progress, preset = settler.progress, FRICTIONAL
     progress.length, progress.still_steps = preset.first, 0
     settler._rest()
     assert progress.moved < 0.03

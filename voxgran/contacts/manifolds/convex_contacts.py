@@ -93,11 +93,11 @@ def _find(search, work, rows, m, begin, end):  # type: ignore[no-untyped-def]
         if kind_i > 0 and kind_j > 0:
             one, two = _solid(grains, work, pair.i), _solid(grains, work, pair.j)
             start = _first_direction(normal, pair.offset, True)
-            m, gap = _touch_two(search, work, rows, m, pair, one, two, start, normal)
+            m, gap = _touch_two(search, work, rows, m, pair, one, two, start, normal, pairs.corners[p])
         elif kind_i == 0 and kind_j == 0:
             m, gap = _touch_spheres(search, work, rows, m, pair, normal)
         elif kind_i >= 0 and kind_j >= 0:
-            m, gap = _touch_union(search, work, rows, m, pair, normal)
+            m, gap = _touch_union(search, work, rows, m, pair, normal, pairs.corners[p])
         if m < 0:
             return -1
         pairs.bound[p], pairs.count[p] = gap, m - pairs.first[p]
@@ -159,7 +159,7 @@ def _touch_spheres(search, work, rows, m, pair, normal):  # type: ignore[no-unty
 
 
 @bare_kernel
-def _touch_union(search, work, rows, m, pair, normal):  # type: ignore[no-untyped-def]
+def _touch_union(search, work, rows, m, pair, normal, corners):  # type: ignore[no-untyped-def]
     """Write the contacts of a union of spheres and a solid; return the next row and the gap."""
     grains, look = search.grains, _look_of(search, pair)
     first = work.bodies.kind[grains.shape[pair.i]] == 0
@@ -175,7 +175,7 @@ def _touch_union(search, work, rows, m, pair, normal):  # type: ignore[no-untype
         start = _first_direction(normal, along(pair.offset, -sign, row_of(work.corner, q)), single)
         one, two = (sphere, solid) if first else (solid, sphere)
         before = vector_at(normal, 0)
-        m, gap = _touch_two(search, work, rows, m, pair, one, two, start, normal)
+        m, gap = _touch_two(search, work, rows, m, pair, one, two, start, normal, corners)
         if m < 0:
             return -1, best
         if gap < best:
@@ -204,7 +204,7 @@ def _first_direction(normal, way, remembered):  # type: ignore[no-untyped-def]
 
 
 @bare_kernel
-def _touch_two(search, work, rows, m, pair, one, two, start, normal):  # type: ignore[no-untyped-def]
+def _touch_two(search, work, rows, m, pair, one, two, start, normal, corners):  # type: ignore[no-untyped-def]
     """Write the contacts of two parts, and their normal; return the next row and the gap."""
     grains, look, near, offset = search.grains, _look_of(search, pair), work.simplex.near, pair.offset
     kind_i, i, lo_i, _, _, radius_i = one
@@ -223,7 +223,7 @@ def _touch_two(search, work, rows, m, pair, one, two, start, normal):  # type: i
         gap, n = ellipsoid_gap(work.form[i], radius_i, work.form[j], radius_j, place, start, look, near)
         near[3], near[4], near[5] = add(center, vector_at(near, 3))
     else:
-        gap, n = part_gap(work, one, two, offset, start, thick, look)
+        gap, n = part_gap(work, one, two, offset, start, thick, look, corners)
     normal[0], normal[1], normal[2] = n
     if gap >= pair.reach:
         return m, gap

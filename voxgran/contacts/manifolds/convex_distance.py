@@ -101,17 +101,19 @@ def distance_along(
 ) -> float:  # fmt: skip
     """Return the distance of the cores of two parts, as :func:`voxgran.geometry.gjk.search_distance` does."""
     accuracy = Accuracy(close, ROUNDING, MOST_STEPS, RESTARTS)
-    return search_distance(core_support, (tables, one), (tables, two), offset, start, limit, accuracy, None, simplex)
+    return search_distance(core_support, (tables, one), (tables, two), offset, start, limit, accuracy, None, simplex, 0)
 
 
 @bare_kernel
 def part_gap(
-    work: ConvexWork, one: Part, two: Part, offset: Vector, start: Vector, thick: float, limit: float
-) -> tuple[float, Vector]:
+    work: ConvexWork, one: Part, two: Part, offset: Vector, start: Vector, thick: float, limit: float,
+    corners: Integers,
+) -> tuple[float, Vector]:  # fmt: skip
     """Return the signed gap of two parts and the direction of it, which is first looked for along `start`.
 
     The nearest point on the core of the first part is written to `near` of the simplex, 3 to 5. A gap above the limit
-    is a lower bound.
+    is a lower bound. The search for the distance of two hulls begins with their `corners` (6,), those of the nearest
+    points when the pair was last looked at, and writes the new ones.
     """
     normal, radii = start, one[5] + two[5]
     tables, near = tables_of(work.bodies, work), work.simplex.near
@@ -125,7 +127,12 @@ def part_gap(
         direct = exact and core > DIRECT * thick
         h = 0.0 if direct else DISPLACED * thick - min(core, 0.0)
         place, keep, far = along(offset, h, normal), vector_at(near, 3), limit + h + radii
-        distance = distance_along(tables, one, two, place, normal, far, CLOSE * thick, work.simplex)
+        known = _recall(tables[0], one, two, place, corners, work.simplex)
+        accuracy = Accuracy(CLOSE * thick, ROUNDING, MOST_STEPS, RESTARTS)
+        distance = search_distance(
+            core_support, (tables, one), (tables, two), place, normal, far, accuracy, None, work.simplex, known
+        )
+        _remember(work.simplex.which, one, two, corners)
         length = math.sqrt(near[0] ** 2 + near[1] ** 2 + near[2] ** 2)
         if distance <= 0.0 or length == 0.0:
             near[3], near[4], near[5] = keep
@@ -153,6 +160,32 @@ def part_gap(
         elif won <= STEADY * thick:
             break
     return gap, normal
+
+
+@inlined_kernel
+def _recall(corner, one, two, place, corners, simplex):  # type: ignore[no-untyped-def]
+    """Let a simplex have the corners of two hulls that are remembered; return how many."""
+    known = 0
+    while known < 3 and corners[2 * known] >= 0:
+        mine, other = corners[2 * known], corners[2 * known + 1]
+        simplex.which[known, 0], simplex.which[known, 1] = mine, other
+        for c in range(3):
+            simplex.mine[known, c] = corner[one[2] + mine, c]
+            simplex.corner[known, c] = corner[two[2] + other, c] + place[c] - simplex.mine[known, c]
+        known += 1
+    return known
+
+
+@inlined_kernel
+def _remember(which, one, two, corners):  # type: ignore[no-untyped-def]
+    """Write the corners of a simplex, if they are those of two hulls."""
+    corners[0] = -1
+    if one[0] != 2 or two[0] != 2 or (which[0, 0] >= 0 and which[1, 0] >= 0 and which[2, 0] >= 0 and which[3, 0] >= 0):
+        return
+    for k in range(3):
+        corners[2 * k], corners[2 * k + 1] = which[k, 0], which[k, 1]
+        if which[k, 0] < 0:
+            break
 
 
 @bare_kernel

@@ -50,6 +50,7 @@ def _blank(i: Integers, j: Integers, shift: Floats) -> PairList:
         *(np.ascontiguousarray(i), np.ascontiguousarray(j), shift),
         *(np.zeros(m, dtype=np.int64), np.zeros(m, dtype=np.int64)),
         *(np.full(m, NEVER), np.zeros(m), normal, np.zeros(m)),
+        np.full((m, 6), -1),
     )
 
 
@@ -75,6 +76,8 @@ def _hand_on(old, new, way):  # type: ignore[no-untyped-def]
                 new.room[p] = old.room[b]
                 for c in range(3):
                     new.normal[p, c] = old.normal[b, c]
+                for c in range(6):
+                    new.corners[p, c] = old.corners[b, c]
                 break
             b += 1
 

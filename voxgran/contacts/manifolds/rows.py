@@ -50,6 +50,8 @@ class PairList(NamedTuple):
     bound: (cap,) gap when the pair was last looked at (-1e9: never), and way: (cap,) the sum of the ways of the two
     grains then: the pair is farther apart than ``bound - (way_i + way_j - way)``.
     normal: (cap, 3) normal of convex parts when last looked at; its first number is above 1.5 where none is known.
+    corners: (cap, 6) of hulls the corners of both, in turn, between which the nearest points lay then; -1 behind the
+    last, of three at most.
     room: (cap,) distance beyond the usual one that the surfaces keep, where their gap is known to be inexact.
     """
 
@@ -62,6 +64,7 @@ class PairList(NamedTuple):
     way: Floats
     normal: Floats
     room: Floats
+    corners: Integers
 
 
 class ContactRows(NamedTuple):
