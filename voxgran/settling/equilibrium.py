@@ -231,14 +231,14 @@ def _guess_forces(bed: Bed, friction: float | FrictionTable, reach: float) -> No
 
 def balance_bed(
     bed: Bed, friction: float | FrictionTable, *, reach: float, tolerance: float, iterations: int = ITERATIONS,
-    decide: bool = False, sweeps: int = 0, hopeless: float = 1.0, patience: int | None = None,
+    decide: bool = False, sweeps: int = 0, hopeless: float = math.inf, patience: int | None = None,
 ) -> Balance:  # fmt: skip
     """Return the forces at the contacts of a bed within reach that balance its grains best; grains as the bed has them.
 
     The search begins with the forces that the bed keeps, and the bed keeps those that are found. With `decide` it goes
     on near the optimum while grains that do not rest may rest at the optimum. sweeps: iterations of Gauss-Seidel with
-    which it begins, which spread forces fast; it ends with them where a larger share of the grains than `hopeless` does
-    not rest.  patience: iterations after which it ends where no more grains rest.
+    which it begins, which spread forces fast; it ends with them where the median residual is still `hopeless`
+    tolerances.  patience: iterations after which it ends where no more grains rest.
     """
     bed.find(reach, 0.0)
     contacts, forces = bed.contacts, bed.forces()
@@ -249,7 +249,8 @@ def balance_bed(
             accelerations, made = gauss_seidel_forces(
                 contacts, forces, np.zeros(bed.m), friction=rub, skin=0.0, iterations=sweeps
             )
-            if bed.mean(~_rests(bed, accelerations, tolerance)[2]) > hopeless:
+            residual, torque, _ = _rests(bed, accelerations, tolerance)
+            if bed.count and float(np.median(np.maximum(residual, torque)[bed.movable])) > hopeless * tolerance:
                 iterations = 0
         accelerations, made, distance = accelerated_projected_gradient(
             contacts, forces, friction=rub, iterations=iterations, tolerance=tolerance,

@@ -4,6 +4,8 @@ Where some grains move since a step is not solved to the end, a bed may rest lon
 still move.
 """
 
+import math
+
 import numpy as np
 
 from voxgran.settling.equilibrium import balance_bed
@@ -27,9 +29,10 @@ EARLY, EVERY, SHALLOW = 0.5, 4, 1e-2
 #: largest gap that contacts which bear forces have when a copy is examined, rounds of parting then, and how far
 #: grains move in one
 CLOSED, CLOSER_ROUNDS, CLOSER = 8e-4, 8, 5e-3
-#: iterations of an examination of a copy, of others, and most of the last one; those by sweeps it begins with where
-#: grains rub, those after which it ends where no more rest, and more for all grains, and what moves of a hopeless copy
-QUICK, USUAL, THOROUGH, SWEPT, PATIENCE, MANY, HOPELESS = 100, 300, 3000, 50, 64, 60_000, 0.5
+#: most iterations of an examination of a copy, of others, and of the last one; those by sweeps it begins with where
+#: grains rub, those after which it ends where no more rest, and more for all grains; median residual of a hopeless copy
+#: after the sweeps, in that of rest
+QUICK, USUAL, THOROUGH, SWEPT, PATIENCE, MANY, HOPELESS = 600, 300, 3000, 50, 64, 60_000, 5.0
 #: distance to which overlapping grains are parted, rounds for it, by triangles and by other contacts, how often it is
 #: tried, and depth that is rounding
 PARTED, FEW_ROUNDS, ROUNDS, TRIALS, ROUND_OFF = 1e-4, 20, 60, 3, 1e-13
@@ -46,12 +49,12 @@ class Examined(Resumable):
     progress: Progress
     _frictionless: bool
 
-    def _examine(self, iterations: int) -> None:
-        """Note how well forces at the contacts balance the grains."""
+    def _examine(self, iterations: int, *, begun: bool = False) -> None:
+        """Note how well forces at the contacts balance the grains; `begun` says that those of before nearly do."""
         bed, progress = self.bed, self.progress
         found = balance_bed(
             bed, self.friction, reach=TOUCHING, tolerance=RESIDUAL, iterations=iterations,
-            sweeps=0 if self._frictionless else SWEPT, hopeless=HOPELESS if iterations == QUICK else 1.0,
+            sweeps=0 if self._frictionless or begun else SWEPT, hopeless=HOPELESS if iterations == QUICK else math.inf,
             patience=PATIENCE + MANY // max(bed.count, 1),
         )  # fmt: skip
         progress.residual = np.maximum(found.residual, found.residual_torque)
@@ -85,7 +88,7 @@ class Examined(Resumable):
         if parted:
             progress.trials += 1
             part_grains(self.bed, PARTED, ROUNDS)
-            self._examine(QUICK)
+            self._examine(QUICK, begun=True)
         if progress.moving < enough and progress.smallest >= 0.0:
             return True
         if parted and progress.trials % TRIALS == 0:

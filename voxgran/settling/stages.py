@@ -303,7 +303,7 @@ class Settler(Examined):
         last = progress.still_steps >= (1 if preset is ROOMED else self._more_steps) * preset.steps
         if preset is FRICTIONAL and not last:
             if moving < EARLY and progress.still_steps % EVERY == 0 and self._rests_as_copy(preset):
-                self._end()
+                self._end(begun=True)
             return
         calm = moving < (NEARLY if preset is GRIDS else CALM) and preset.last <= preset.first
         if not last and not calm and (not preset.examined or progress.still_steps % preset.examined):
@@ -332,10 +332,10 @@ class Settler(Examined):
                 part_grains(self.bed, PARTED, ROUNDS)
             self._end()
 
-    def _end(self) -> None:
+    def _end(self, *, begun: bool = False) -> None:
         """Examine the bed for the last time; let it fall again, or go back to a former one that was better."""
         progress, bed = self.progress, self.bed
-        self._examine(THOROUGH)
+        self._examine(THOROUGH, begun=begun)
         if not self._rests() and progress.best > 1.0 - self.how.rest and progress.falls < self._more_falls:
             progress.stage, progress.heights, progress.substep = AGAIN, np.zeros(0), 0.0
             progress.falls, progress.still_steps, progress.trials = progress.falls + 1, 0, 0
