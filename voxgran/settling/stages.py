@@ -79,7 +79,7 @@ ENOUGH = 0.025
 #: soft contacts: rounds of a step, share of grains that need not rest, steps after which contacts become harder at the
 #: latest, how much at most, and the share of the distance that surfaces keep by which they may be compressed; the size,
 #: over the first one, below which contacts that are still compressed by more are not so by gravity
-SINKING_ROUNDS, UNPROVEN, LONGEST, HARDER, COMPRESSED, WEDGED = 2000, 0.005, 20, 0.25, 0.9, 0.02
+SINKING_ROUNDS, UNPROVEN, LONGEST, HARDER, COMPRESSED, WEDGED = 2000, 0.005, 20, 0.25, 0.9, 100.0
 
 
 class Settler(Examined):
@@ -357,7 +357,7 @@ class Settler(Examined):
         progress.still_steps += 1
         last, calm = progress.still_steps >= self._more_steps * preset.steps, progress.moved <= UNPROVEN
         overlap = deepest > preset.kept
-        if overlap and (last or (calm and progress.length < WEDGED * preset.first)):
+        if overlap and (last or (calm and deepest > WEDGED * progress.length)):
             # a row that fits between walls without the distance that surfaces keep
             if part_grains(bed, PARTED, ROUNDS) < 0.0:
                 # nor with any other distance
