@@ -357,20 +357,27 @@ class Settler(Examined):
         progress.still_steps += 1
         last, calm = progress.still_steps >= self._more_steps * preset.steps, progress.moved <= UNPROVEN
         overlap, long = deepest > preset.kept, progress.still_steps % LONGEST == 0
-        if overlap and (last or ((calm or long) and deepest > WEDGED * progress.length)):
-            # a row that fits between walls without the distance that surfaces keep
-            if part_grains(bed, PARTED, ROUNDS) < 0.0:
-                # nor with any other distance
-                part_grains(bed, 0.5 * ROUND_OFF, ROUNDS)
-            overlap = False
-        if not overlap and (calm or last or progress.still_steps % preset.examined == 0):
+        enough = min(ENOUGH, 1.0 - self.how.rest)
+        wedged = overlap and (last or ((calm or long) and deepest > WEDGED * progress.length))
+        if wedged:
+            self._part_tightly()
+        if wedged or (not overlap and (calm or last or progress.still_steps % preset.examined == 0)):
             self._examine(USUAL)
-            last = last or (progress.moving < min(ENOUGH, 1.0 - self.how.rest) and progress.smallest >= 0.0)
+            if progress.smallest < 0.0 and progress.moving < enough and not wedged:
+                # a wall that is as round as the grains
+                self._part_tightly()
+                self._examine(USUAL)
+            last = last or (progress.moving < enough and progress.smallest >= 0.0)
         elif calm or long:
             progress.length *= max(min(1.0, COMPRESSED * preset.kept / deepest), HARDER)
             progress.velocity = np.zeros((0, 6))
         if last:
             self._end()
+
+    def _part_tightly(self) -> None:
+        """Part grains that fit between walls, or in a tube, without the distance that surfaces keep, or with none."""
+        if part_grains(self.bed, PARTED, ROUNDS) < 0.0:
+            part_grains(self.bed, 0.5 * ROUND_OFF, ROUNDS)
 
     def _look_closer(self) -> None:
         """Part the true surfaces, once contacts by grids of distances are in balance."""
