@@ -29,8 +29,8 @@ from voxgran.settling.bed import Bed
 #: FIRE: first and largest time step over the shortest time of a contact; its other constants
 FIRST_STEP, LARGEST_STEP, LEAST_STEP = 0.05, 0.5, 0.01
 DELAY, FASTER, SLOWER, LESS_MIXING, MIXING = 5, 1.1, 0.5, 0.99, 0.02
-#: rounds between two looks at the grains that do not rest
-LOOK = 10
+#: rounds between two looks at the grains that do not rest, and forces of contacts between two looks for signals
+LOOK, STOPPED_EVERY = 10, 2_000_000
 #: motion after which contacts are found again, of spheres and of others, and gap up to which they are found, over that
 FAR, NEAR, AHEAD = 0.05, 5e-3, 2.0
 #: factors on that motion where grains go back, and where they do not, and the least one
@@ -99,21 +99,25 @@ def soft_step(
     far, radius = FAR if round_grains else NEAR, np.append(0.5 * bed.diameter, 1.0)
     weight = np.where(free, 1.0 / np.where(free, bed.bodies[:, 6], 1.0), 0.0)
     limit = tolerance * weight[:, None] * np.stack([np.ones(n + 1), radius], axis=1)
-    velocity = velocity if len(velocity) else np.zeros((n + 1, 6))
+    velocity = velocity if velocity.shape == (n + 1, 6) else np.zeros((n + 1, 6))
     state, made, movable = np.array([FIRST_STEP, MIXING, 0.0]), 0, max(int(free[:n].sum()), 1)
     near, before = far, np.zeros((n + 1, 6))
     while True:
-        stop_if_asked()
         bed.find(AHEAD * far, rest)
         springs, lightness = _springs_of(bed, size, rest, BESIDE * far)
         descent = Descent(
             np.zeros((n + 1, 6)), velocity, np.zeros((n + 1, 6)), weight[:, None] * bed.gravity, lightness, limit,
             np.append(bed.grains.radius, 0.0), bed.gravity,
         )  # fmt: skip
-        done, restless, deepest = descend(
-            springs, descent, state, iterations - made, enough * movable, near, round_grains
-        )
-        made += done
+        done, ended = 0, False
+        # a descent is asked from time to time whether to stop
+        part = LOOK * max(1, STOPPED_EVERY // (LOOK * max(len(springs.i), 1)))
+        while not ended:
+            stop_if_asked()
+            part = min(part, iterations - made)
+            more, restless, deepest = descend(springs, descent, state, part, enough * movable, near, round_grains)
+            done, made = done + more, made + more
+            ended = more < part or made >= iterations or restless <= enough * movable
         push = spring_forces(springs, descent.motion)
         bed.keep_forces(push[:, None] * bed.contacts.row[:, NORMAL : NORMAL + 3])
         bed.move(descent.motion, math.inf)
