@@ -76,10 +76,10 @@ UNIT = {2: math.pi / 4, 3: math.pi / 6}
 SLOW = 0.03
 #: share of grains that do not rest with which steps end that are examined every few ones: their contact points change
 ENOUGH = 0.025
-#: soft contacts: rounds of a step, share of grains that need not rest, steps after which contacts become harder at the
-#: latest, how much at most, and the share of the distance that surfaces keep by which they may be compressed; the size,
-#: over the first one, below which contacts that are still compressed by more are not so by gravity
-SINKING_ROUNDS, UNPROVEN, LONGEST, HARDER, COMPRESSED, WEDGED = 2000, 0.005, 10, 0.25, 0.9, 100.0
+#: soft contacts: rounds of a step, share of grains that need not rest, how much contacts become harder at most, and the
+#: share of the distance that surfaces keep by which they may be compressed; the ratio of the largest force to the mean
+#: one from which on contacts are not compressed by gravity
+SINKING_ROUNDS, UNPROVEN, HARDER, COMPRESSED, WEDGED = 2000, 0.005, 0.25, 0.9, 100.0
 
 
 class Settler(Examined):
@@ -356,7 +356,7 @@ class Settler(Examined):
         )  # fmt: skip
         progress.still_steps += 1
         last, calm = progress.still_steps >= self._more_steps * preset.steps, progress.moved <= UNPROVEN
-        overlap, long = deepest > preset.kept, progress.still_steps % LONGEST == 0
+        overlap, long = deepest > preset.kept, progress.still_steps % preset.late == 0
         enough = min(ENOUGH, 1.0 - self.how.rest)
         wedged = overlap and (last or ((calm or long) and deepest > WEDGED * progress.length))
         if wedged:
