@@ -212,8 +212,8 @@ def _restore(problem: Problem, state: RunState, path: str | os.PathLike[str], ma
         state.stop_reason = str(header["stop_reason"])
     except KeyError as error:
         raise CheckpointError(
-            f"{path} has no {error}, which this version of voxgran keeps: resume with the version that wrote it, or start "
-            "anew: without it, or at the prompt with --overwrite"
+            f"{path} has no {error}, which this version of voxgran keeps: resume with the version that wrote it, or "
+            "start anew: without it, or at the prompt with --overwrite"
         ) from error
     except (TypeError, ValueError, OverflowError, AttributeError) as error:
         raise CheckpointError(

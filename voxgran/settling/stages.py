@@ -402,7 +402,7 @@ class Settler(Examined):
 
     @property
     def slides(self) -> bool:
-        """Whether beds without friction come to rest: contacts of shapes that are not convex change too much for that."""
+        """Whether beds without friction come to rest: contacts of shapes that are not convex change too much."""
         return SURFACE not in self.bed.finders.kinds and not self.bed.finders.notched
 
     @property
