@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 import voxgran as vg
+from voxgran._base.checkpoint import load_checkpoint, save_checkpoint
 from voxgran._base.config import parameters_of
 from voxgran._base.seeds import stream
 from voxgran.cli import main
@@ -173,6 +174,13 @@ def test_the_checkpoint_of_another_run_is_told(file, tmp_path, capsys, monkeypat
     assert status == 2
     assert "belongs to another run" in line
     assert "the options that wrote it, or start anew: without it, or at the prompt with --overwrite" in line
+    (kept,) = tmp_path.glob("*.checkpoint.voxgran")
+    header, arrays = load_checkpoint(kept)
+    arrays.pop("velocity")
+    save_checkpoint(kept, header, arrays)
+    status, line = complaint(capsys, *words, "--resume")
+    assert status == 2
+    assert "has no 'velocity', which this version of voxgran keeps: resume with the version that wrote it" in line
 
 
 def test_a_packing_without_gravity_needs_a_direction(tmp_path, capsys):

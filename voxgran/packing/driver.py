@@ -210,7 +210,12 @@ def _restore(problem: Problem, state: RunState, path: str | os.PathLike[str], ma
         state.restore(arrays, _counters(header["counters"]))
         state.done, state.total = int(header["done"]), int(header["total"])
         state.stop_reason = str(header["stop_reason"])
-    except (KeyError, TypeError, ValueError, OverflowError, AttributeError) as error:
+    except KeyError as error:
+        raise CheckpointError(
+            f"{path} has no {error}, which this version of voxgran keeps: resume with the version that wrote it, or "
+            "start anew: without it, or at the prompt with --overwrite"
+        ) from error
+    except (TypeError, ValueError, OverflowError, AttributeError) as error:
         raise CheckpointError(
             f"{path} is not as a run leaves it ({reason_of(error)}): start anew without it"
         ) from error

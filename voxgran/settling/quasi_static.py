@@ -43,10 +43,11 @@ class SolverPreset:
 #: of spheres, disks, polygons and convex grains, whose steps become shorter only where a bed has not come to rest for
 #: long
 FRICTIONAL = SolverPreset(KEPT, 0.1, 0.1, first=0.3, last=0.1, steps=150, late=75)
-#: of the same without friction, on soft contacts, whose lengths are compressions; and of polygons without friction
+#: of the same without friction, on soft contacts, whose lengths are compressions, which become less after so many steps
+#: at the latest; and of shapes that are not convex without friction
 SOFT = (
-    SolverPreset(KEPT, 0.1, 0.1, first=3e-4, last=0.0, steps=200, examined=4),
-    SolverPreset(KEPT, 0.1, 0.1, first=2e-4, last=0.0, steps=150, examined=1),
+    SolverPreset(KEPT, 0.1, 0.1, first=3e-4, last=0.0, steps=200, examined=4, late=20),
+    SolverPreset(KEPT, 0.1, 0.1, first=1e-4, last=0.0, steps=150, examined=1, late=2),
 )
 FRICTIONLESS = SolverPreset(KEPT, 0.1, 0.03, first=0.2, last=0.05, steps=60)
 #: of meshes that are not convex: by grids of distances, the same where it is known by how much these are wrong, then by

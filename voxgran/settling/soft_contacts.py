@@ -29,8 +29,8 @@ from voxgran.settling.bed import Bed
 #: FIRE: first and largest time step over the shortest time of a contact; its other constants
 FIRST_STEP, LARGEST_STEP, LEAST_STEP = 0.05, 0.5, 0.01
 DELAY, FASTER, SLOWER, LESS_MIXING, MIXING = 5, 1.1, 0.5, 0.99, 0.02
-#: rounds between two looks at the grains that do not rest
-LOOK = 10
+#: rounds between two looks at the grains that do not rest, and forces of contacts between two looks for signals
+LOOK, STOPPED_EVERY = 10, 2_000_000
 #: motion after which contacts are found again, of spheres and of others, and gap up to which they are found, over that
 FAR, NEAR, AHEAD = 0.05, 5e-3, 2.0
 #: factors on that motion where grains go back, and where they do not, and the least one
@@ -42,6 +42,10 @@ BESIDE, FEWEST, MOMENT = 0.2, 4.0, 0.4
 TOP = 0.02
 #: radius of curvature of contacts that are linearized
 FLAT = 1e3
+#: cosine from which on normals are one, square of a distance at which points are one, and angle that counts as none
+ONE_NORMAL, SAME_POINT, STRAIGHT = 1.0 - 1e-12, 1e-18, 1e-9
+#: gap from which on a contact point does not count for the shares of the others
+WIDE = 1e-3
 
 
 class Springs(NamedTuple):
@@ -95,21 +99,25 @@ def soft_step(
     far, radius = FAR if round_grains else NEAR, np.append(0.5 * bed.diameter, 1.0)
     weight = np.where(free, 1.0 / np.where(free, bed.bodies[:, 6], 1.0), 0.0)
     limit = tolerance * weight[:, None] * np.stack([np.ones(n + 1), radius], axis=1)
-    velocity = velocity if len(velocity) else np.zeros((n + 1, 6))
+    velocity = velocity if velocity.shape == (n + 1, 6) else np.zeros((n + 1, 6))
     state, made, movable = np.array([FIRST_STEP, MIXING, 0.0]), 0, max(int(free[:n].sum()), 1)
     near, before = far, np.zeros((n + 1, 6))
     while True:
-        stop_if_asked()
         bed.find(AHEAD * far, rest)
         springs, lightness = _springs_of(bed, size, rest, BESIDE * far)
         descent = Descent(
             np.zeros((n + 1, 6)), velocity, np.zeros((n + 1, 6)), weight[:, None] * bed.gravity, lightness, limit,
             np.append(bed.grains.radius, 0.0), bed.gravity,
         )  # fmt: skip
-        done, restless, deepest = descend(
-            springs, descent, state, iterations - made, enough * movable, near, round_grains
-        )
-        made += done
+        done, ended = 0, False
+        # a descent is asked from time to time whether to stop
+        part = LOOK * max(1, STOPPED_EVERY // (LOOK * max(len(springs.i), 1)))
+        while not ended:
+            stop_if_asked()
+            part = min(part, iterations - made)
+            more, restless, deepest = descend(springs, descent, state, part, enough * movable, near, round_grains)
+            done, made = done + more, made + more
+            ended = more < part or made >= iterations or restless <= enough * movable
         push = spring_forces(springs, descent.motion)
         bed.keep_forces(push[:, None] * bed.contacts.row[:, NORMAL : NORMAL + 3])
         bed.move(descent.motion, math.inf)
@@ -138,7 +146,7 @@ def _springs_of(bed: Bed, size: float, rest: float, beside: float) -> tuple[Spri
     one[spheres], two[spheres] = 0.0, 0.0
     force, power = _mean_force(bed), bed.assembly.dimension - 1
     smaller = np.minimum(bed.diameter[i], bed.diameter[other])
-    stiffness = 0.5 * (force[i] + force[other]) * smaller**power / size
+    stiffness = 0.5 * (force[i] + force[other]) * smaller**power / size * shares_of_corners(row, i, j)
     line = normal * (reach + row[:, GAP])[:, None]
     near = row[:, GAP] < beside
     inner = near & (j >= 0)
@@ -155,6 +163,63 @@ def _mean_force(bed: Bed) -> Floats:
     height = -(bed.grains.position @ bed.gravity)
     depth = np.maximum(np.quantile(height, 1.0 - TOP) - height, 0.0)
     return 1.0 + depth + (bed.load - 1.0) * depth.max(initial=1.0)
+
+
+@kernel
+def shares_of_corners(row: Floats, i: Integers, j: Integers) -> Floats:
+    """Return the shares (m,) of contact points in the contacts of which they are corners.
+
+    The points of two bodies with one normal are the corners of a polygon. The share of a corner is the angle there by
+    which its boundary turns, over a full turn: it changes continuously where corners come, go, or become others.
+    Corners with wide gaps count less: the shares are the mean of those of the polygons of all corners with less than
+    some gap.
+    """
+    shares, first, m = np.ones(len(i)), 0, len(i)
+    while first < m:
+        last = first + 1
+        n = row_of(row, first)
+        while last < m and i[last] == i[first] and j[last] == j[first] and dot(n, row_of(row, last)) > ONE_NORMAL:
+            last += 1
+        if last - first > 1:
+            order = first + np.argsort(row[first:last, GAP])
+            shares[first:last], low = 0.0, 0.0
+            for k in range(len(order)):
+                next_one = min(row[order[k + 1], GAP] / WIDE, 1.0) if k + 1 < len(order) else 1.0
+                if next_one > low:
+                    _share(row, order[: k + 1], shares, next_one - low)
+                    low = next_one
+        first = last
+    return shares
+
+
+@bare_kernel
+def _share(row, corners, shares, whole):  # type: ignore[no-untyped-def]
+    """Add the shares of the corners of one polygon in a whole, by going around it; points within it have none."""
+    n = row_of(row, corners[0])
+    across = cross(n, (1.0, 0.0, 0.0) if abs(n[0]) < 0.6 else (0.0, 1.0, 0.0))
+    along = cross(n, across)
+    start, part = corners[0], whole / (2.0 * math.pi)
+    for k in corners:
+        if dot(sub(vector_at(row[k], ARM_I), vector_at(row[start], ARM_I)), along) < 0.0:
+            start = k
+    at, x, y, turned = start, 1.0, 0.0, 0.0
+    for _ in range(len(corners)):
+        least, far, to, tx, ty = 2.0 * math.pi, 0.0, -1, 0.0, 0.0
+        for k in corners:
+            way = sub(vector_at(row[k], ARM_I), vector_at(row[at], ARM_I))
+            p, q = dot(way, across), dot(way, along)
+            square = p * p + q * q
+            if square > SAME_POINT:
+                angle = math.atan2(x * q - y * p, x * p + y * q)
+                angle = 0.0 if abs(angle) < STRAIGHT else angle + 2.0 * math.pi if angle < 0.0 else angle
+                if angle < least - STRAIGHT or (angle < least + STRAIGHT and square > far):
+                    least, far, to, tx, ty = angle, square, k, p, q
+        if to < 0 or turned + least >= 2.0 * math.pi - STRAIGHT:
+            break
+        shares[at] += least * part
+        turned += least
+        at, x, y = to, tx, ty
+    shares[start] += (2.0 * math.pi - turned) * part
 
 
 @kernel

@@ -13,7 +13,7 @@ from voxgran._base.arrays import Floats
 from voxgran._base.errors import InputError
 from voxgran._base.stopping import Stopped
 from voxgran.contacts.assembly import Assembly
-from voxgran.contacts.manifolds.rows import OUTLINE, SURFACE
+from voxgran.contacts.manifolds.rows import CONVEX, OUTLINE, SURFACE
 from voxgran.settling.bed import Bed
 from voxgran.settling.closing import close_round
 from voxgran.settling.examination import (
@@ -77,10 +77,10 @@ UNIT = {2: math.pi / 4, 3: math.pi / 6}
 SLOW = 0.03
 #: share of grains that do not rest with which steps end that are examined every few ones: their contact points change
 ENOUGH = 0.025
-#: soft contacts: rounds of a step, share of grains that need not rest, steps after which contacts become harder at the
-#: latest, how much at most, and the share of the distance that surfaces keep by which they may be compressed; the size,
-#: over the first one, below which contacts that are still compressed by more are not so by gravity
-SINKING_ROUNDS, UNPROVEN, LONGEST, HARDER, COMPRESSED, WEDGED = 2000, 0.005, 20, 0.25, 0.9, 0.02
+#: soft contacts: rounds of a step, share of grains that need not rest, how much contacts become harder at most, and the
+#: share of the distance that surfaces keep by which they may be compressed; the ratio of the largest force to the mean
+#: one from which on contacts are not compressed by gravity
+SINKING_ROUNDS, UNPROVEN, HARDER, COMPRESSED, WEDGED = 2000, 0.005, 0.25, 0.9, 100.0
 
 
 class Settler(Examined):
@@ -363,21 +363,28 @@ class Settler(Examined):
         )  # fmt: skip
         progress.still_steps += 1
         last, calm = progress.still_steps >= self._more_steps * preset.steps, progress.moved <= UNPROVEN
-        overlap = deepest > preset.kept
-        if overlap and (last or (calm and progress.length < WEDGED * preset.first)):
-            # a row that fits between walls without the distance that surfaces keep
-            if part_grains(bed, PARTED, ROUNDS) < 0.0:
-                # nor with any other distance
-                part_grains(bed, 0.5 * ROUND_OFF, ROUNDS)
-            overlap = False
-        if not overlap and (calm or last or progress.still_steps % preset.examined == 0):
+        overlap, long = deepest > preset.kept, progress.still_steps % preset.late == 0
+        enough = min(ENOUGH, 1.0 - self.how.rest)
+        wedged = overlap and (last or ((calm or long) and deepest > WEDGED * progress.length))
+        if wedged:
+            self._part_tightly()
+        if wedged or (not overlap and (calm or last or progress.still_steps % preset.examined == 0)):
             self._examine(USUAL)
-            last = last or (progress.moving < min(ENOUGH, 1.0 - self.how.rest) and progress.smallest >= 0.0)
-        elif calm or progress.still_steps % LONGEST == 0:
+            if progress.smallest < 0.0 and progress.moving < enough and not wedged:
+                # a wall that is as round as the grains
+                self._part_tightly()
+                self._examine(USUAL)
+            last = last or (progress.moving < enough and progress.smallest >= 0.0)
+        elif calm or long:
             progress.length *= max(min(1.0, COMPRESSED * preset.kept / deepest), HARDER)
             progress.velocity = np.zeros((0, 6))
         if last:
             self._end()
+
+    def _part_tightly(self) -> None:
+        """Part grains that fit between walls, or in a tube, without the distance that surfaces keep, or with none."""
+        if part_grains(self.bed, PARTED, ROUNDS) < 0.0:
+            part_grains(self.bed, 0.5 * ROUND_OFF, ROUNDS)
 
     def _look_closer(self) -> None:
         """Part the true surfaces, once contacts by grids of distances are in balance."""
@@ -402,8 +409,8 @@ class Settler(Examined):
 
     @property
     def slides(self) -> bool:
-        """Whether beds without friction come to rest: contacts of triangles and of edges change too much for that."""
-        return not {SURFACE, OUTLINE} & self.bed.finders.kinds
+        """Whether beds without friction come to rest: contacts of shapes that are not convex change too much."""
+        return SURFACE not in self.bed.finders.kinds and not self.bed.finders.notched
 
     @property
     def _more_steps(self) -> int:

@@ -413,6 +413,23 @@ def test_a_box_on_its_edge_touches_at_both_ends():
     assert np.ptp(rows[:, 6]) > 0.9
 
 
+@pytest.mark.parametrize(
+    "beside",
+    [
+        [(0.5, 0.01, 0.004), (0.5, -0.01, 0.004)],  # the faces at the edge are thin
+        [(-1.0, 0.3, 0.5), (-1.0, -0.3, 0.5)],  # a face at its end is nearer to the normal than those at its sides
+    ],
+)
+def test_a_hull_on_its_edge_touches_at_both_ends(beside):
+    top = [(x, y, 1.0) for x in (0.0, 1.0) for y in (-0.6, 0.6)]
+    hull = Shape.of(hull_of(np.array([(0.0, 0.0, 0.0), (1.0, 0.0, 0.0), *beside, *top])), name="hull")
+    bed = Bed([solid("box", 4, 4, 1), hull], [[0, 0, 0], [0, 0, 5]])
+    _, _, rows = separate(bed, 1e-3)
+    rows = rows[rows[:, 9] < 2e-3]
+    np.testing.assert_allclose(rows[:, 9], 1e-3, atol=1e-9)
+    assert np.isclose(np.ptp(rows[:, 6]), 1.0, rtol=0, atol=1e-6)
+
+
 @pytest.mark.parametrize("pair", [("hull", "hull"), ("hull", "box"), ("cylinder", "hull"), ("cone", "cylinder")])
 def test_no_further_point_has_a_gap_above_the_distance_there(pair):
     """The segment from the point of one grain to that of the other is outside of both."""

@@ -25,6 +25,14 @@ def test_each_axial_stress_is_met_to_its_own_hundredth(seed):
     assert met == (seed >= 2)
 
 
+def test_a_cell_of_few_grains_that_are_a_crystal_does_not_change_its_shape_for_ever():
+    grains = vg.pack(vg.shapes.sphere(), vg.Box((4, 4, 4), periodic=True), "rsa", count=30, seed=1)
+    specimen = vg.compress(grains, friction=0.0)
+    assert specimen.solid_fraction > 0.69
+    assert specimen.stop_reason == "compressed"
+    assert specimen.verify().ok
+
+
 def test_small_stresses_strain_a_container_as_much_as_large_ones():
     load, modes = np.array([1.0, 4.0, 100.0, 0.0, 0.0, 0.0]), np.diag([1.0, 1.0, 1.0, 0.0, 0.0, 0.0])
     assert evenly(modes, load) @ load == pytest.approx([100.0, 100.0, 100.0, 0.0, 0.0, 0.0])

@@ -6,12 +6,13 @@ import numpy as np
 import pytest
 from kit import slow
 from scipy.optimize import linprog
+from scipy.spatial import ConvexHull
 
 import voxgran as vg
 from tests.unit.settling.test_interior_point import DOWN
 from voxgran.settling import equilibrium
 from voxgran.settling.equilibrium import normalized_bed
-from voxgran.settling.soft_contacts import Descent, Springs, descend, spring_forces
+from voxgran.settling.soft_contacts import WIDE, Descent, Springs, descend, shares_of_corners, spring_forces
 
 SHAPES = {
     "spheres": lambda: vg.shapes.sphere(),
@@ -67,6 +68,39 @@ def test_springs_push_as_their_energy_says():
     np.testing.assert_allclose(bodies.force[:-1], -slope[:-1], atol=1e-6)
     # the lid moves along gravity only
     np.testing.assert_allclose(bodies.force[-1], [0.0, 0.0, -slope[-1, 2], 0.0, 0.0, 0.0], atol=1e-6)
+
+
+def shares(points, gaps):
+    """Return the shares of contact points (k, 2) of one pair, with the gaps (k,)."""
+    row = np.zeros((len(points), 16))
+    row[:, 2], row[:, 3:5], row[:, 9] = 1.0, points, gaps
+    return shares_of_corners(row, np.zeros(len(points), dtype=np.int64), np.ones(len(points), dtype=np.int64))
+
+
+def turns(points):
+    """Return the share of a full turn by which the boundary of the hull of points (k, 2) turns at each of them."""
+    ring, found = ConvexHull(points).vertices, np.zeros(len(points))
+    before, after = points[ring] - points[np.roll(ring, 1)], points[np.roll(ring, -1)] - points[ring]
+    cross = before[:, 0] * after[:, 1] - before[:, 1] * after[:, 0]
+    found[ring] = np.arctan2(cross, (before * after).sum(axis=1)) / (2 * np.pi)
+    return found
+
+
+def test_shares_of_contact_points_are_the_turns_at_the_corners_of_their_polygon():
+    generator = np.random.default_rng(0)
+    for many in range(3, 10):
+        points = generator.normal(size=(many, 2))
+        np.testing.assert_allclose(shares(points, np.full(many, -1e-4)), turns(points), atol=1e-7)
+    corners = np.array([[0.0, 0.0], [1.0, 0.0], [1.0, 1.0], [0.0, 1.0]])
+    inner = [[0.5, 0.0], [0.5, 0.5], [0.0, 0.0]]
+    np.testing.assert_allclose(shares(np.vstack([corners, inner]), np.zeros(7)), [0.25] * 4 + [0.0] * 3, atol=1e-9)
+    np.testing.assert_allclose(shares(corners[:2], np.zeros(2)), [0.5, 0.5])
+    np.testing.assert_allclose(shares(corners[:1], np.zeros(1)), [1.0])
+    # a corner with a wide gap counts by the share of the gaps at which it is there, and one that comes begins with none
+    three = np.array([0.0, 0.0, 0.25 * WIDE])
+    mean = 0.25 * np.array([0.5, 0.5, 0.0]) + 0.75 * turns(corners[:3])
+    np.testing.assert_allclose(shares(corners[:3], three), mean, atol=1e-7)
+    np.testing.assert_allclose(shares(corners[:3], [0.0, 0.0, WIDE * (1 - 1e-9)])[2], 0.0, atol=1e-8)
 
 
 def test_springs_descend_to_the_compression_by_a_weight():
@@ -170,6 +204,38 @@ def test_grains_below_a_heavy_lid_do_not_go_to_and_fro():
     )
     assert bed.stop_reason == "settled"
     assert bed.provenance["settling"]["steps"] < 1000
+
+
+def test_spheres_in_a_cylinder_of_their_radius_rest_without_overlap():
+    bed = vg.pack(SHAPES["spheres"](), vg.Cylinder(0.5, 10), "gravity", count=3, friction=0.0, seed=1)
+    assert bed.stop_reason == "settled"
+    assert bed.verify().ok
+    assert bed.provenance["settling"]["steps"] < 700
+
+
+def test_cubes_that_the_fall_wedged_between_walls_come_free():
+    # five cubes side by side are wider than the box: the fall ends with a row that overlaps by a hundredth
+    bed = vg.pack(vg.make_shape("box"), vg.Box((4, 4, 14)), "gravity", count=40, friction=0.0, seed=1)
+    assert bed.stop_reason == "settled"
+    assert bed.verify().ok
+    assert bed.provenance["settling"]["steps"] < 700
+
+
+def test_polyhedra_below_a_lid_do_not_jump_between_contact_points():
+    # edges of thin faces, and edges beside faces that are nearer to the normal, had one contact point of two
+    bed = vg.pack(SHAPES["hulls"](), vg.Box((4, 4, 14)), "gravity", count=50, lid={"weight": 5}, friction=0.0, seed=1)
+    assert bed.stop_reason == "settled"
+    assert bed.provenance["settling"]["steps"] < 700
+
+
+@pytest.mark.parametrize("corners", [3, 5])
+def test_polygons_rest(corners):
+    shape = vg.make_shape("polygon", corners=corners)
+    bed = vg.pack(shape, vg.Rectangle((7.3, 25)), "gravity", count=60, friction=0.0, seed=1)
+    assert bed.stop_reason == "settled"
+    assert bed.verify().ok
+    assert vg.equilibrium(bed, 0.0).attrs["share_at_rest"] >= 0.98
+    assert bed.provenance["settling"]["steps"] < 660
 
 
 @pytest.mark.slow

@@ -30,8 +30,8 @@ SPHERES, HULL, NONE = 0, BOX, -1
 DENT = 1e-6
 #: 1 minus the cosine of the angle at which neighboring triangles are one face
 COPLANAR = 1e-9
-#: smallest share of the surface that a face has which touches others at several points
-LEAST_FACE = 2e-3
+#: smallest share of the surface that the square of the length of a face has which touches others at several points
+LEAST_FACE = 4e-3
 #: corners of the intersection of two faces
 MOST_CORNERS = 64
 
@@ -278,13 +278,14 @@ def _faces_of(
         corners[triangles[:, 1]] - corners[triangles[:, 0]], corners[triangles[:, 2]] - corners[triangles[:, 0]]
     )
     areas = np.linalg.norm(sides, axis=1) / 2
+    least = LEAST_FACE * areas.sum()
     faces, rings = [], []
     order = np.argsort(group, kind="stable")
     for members in np.split(order, np.flatnonzero(np.diff(group[order])) + 1):
-        if areas[members].sum() < LEAST_FACE * areas.sum():
+        some = np.unique(triangles[members])
+        if (np.ptp(corners[some], axis=0) ** 2).sum() < least:
             continue
         normal = normals[members[np.argmax(areas[members])]]
-        some = np.unique(triangles[members])
         across = np.linalg.svd(normal[None])[2][1:]
         if np.dot(np.cross(across[0], across[1]), normal) < 0:
             across = across[::-1]

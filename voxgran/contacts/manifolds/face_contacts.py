@@ -17,6 +17,8 @@ from voxgran.geometry.vectors import Vector, along, dot, rotate, rotate_back, ro
 
 #: cosine of the largest angle between a face and the plane of contact
 FLAT = 0.5
+#: change of that cosine that counts as much as the height of the second corner of a face, in inner radii
+DEEP = 30.0
 #: corners of the polygon that stands for a rim
 RIM = 8
 #: most contact points of a pair, beside that of the smallest gap
@@ -121,14 +123,20 @@ def _write_face(grains, work, i, nx, ny, nz, ring):  # type: ignore[no-untyped-d
 
 @bare_kernel
 def _write_flat_face(grains, work, i, normal, ring):  # type: ignore[no-untyped-def]
-    """Write the face of a hull."""
+    """Write the face of a hull, one with the edge that is most nearly perpendicular to the normal."""
     bodies, s, turn = work.bodies, grains.shape[i], grains.matrix[i]
     x, y, z = rotate_back(turn, normal)
-    most, at = FLAT, -1
+    most, at, deep = -math.inf, -1, DEEP / (bodies.thick[s] * grains.scale[i])
     for f in range(bodies.face_first[s], bodies.face_first[s + 1]):
         cosine = bodies.face[f, 0] * x + bodies.face[f, 1] * y + bodies.face[f, 2] * z
-        if cosine > most:
-            most, at = cosine, f
+        if cosine > FLAT:
+            high, second = -math.inf, -math.inf
+            for k in range(bodies.ring_first[f], bodies.ring_first[f + 1]):
+                height = dot(row_of(work.corner, work.first[i] + bodies.ring[k]), normal)
+                high, second = max(high, height), max(second, min(high, height))
+            score = cosine + deep * second
+            if score > most:
+                most, at = score, f
     if at < 0:
         return 0, 0.0, 0.0, 0.0, 0.0, 0.0
     x, y, z = rotate(turn, row_of(bodies.face, at))

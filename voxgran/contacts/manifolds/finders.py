@@ -107,6 +107,14 @@ class ContactFinders:
         proven = self._surface_work.arrays.proven[: len(pairs.i)]
         return int((pairs_of_kind(grains, pairs, SURFACE) & ~proven).sum())
 
+    @property
+    def notched(self) -> bool:
+        """Whether some grains are polygons that are not convex."""
+        if OUTLINE not in self.kinds:
+            return False
+        bodies = self._outlines.arrays
+        return bool(((np.diff(bodies.start) > 0) & (bodies.convex == 0)).any())
+
     def _make_room(self, size: int) -> None:
         """Make room for the memory of pairs."""
         if size > len(self._surface_work.arrays.key):
