@@ -13,7 +13,7 @@ from voxgran._base.arrays import Floats
 from voxgran._base.errors import InputError
 from voxgran._base.stopping import Stopped
 from voxgran.contacts.assembly import Assembly
-from voxgran.contacts.manifolds.rows import CONVEX, OUTLINE, SURFACE
+from voxgran.contacts.manifolds.rows import SURFACE
 from voxgran.settling.bed import Bed
 from voxgran.settling.closing import close_round
 from voxgran.settling.examination import (

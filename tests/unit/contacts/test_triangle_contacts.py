@@ -222,6 +222,27 @@ def test_a_grain_in_a_cavity_is_separate_and_one_in_the_solid_is_not():
     assert rows.row[:m, GAP].min() < -0.2
 
 
+@pytest.mark.parametrize("family", ["solid_union", "sphere"])
+def test_small_grains_just_below_the_surface_of_a_large_one_are_in_it(family):
+    rock, other = vg.make_shape("solid_union", seed=1), vg.make_shape(family, seed=1)
+    generator, n, depth, small = np.random.Generator(np.random.Philox(4)), 400, 1e-3, 0.02
+    corners = rock.vertices[rock.faces[generator.integers(len(rock.faces), size=n)]]
+    out = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    out /= np.linalg.norm(out, axis=1)[:, None]
+    at = np.einsum("kc,kcx->kx", generator.dirichlet(np.ones(3), size=n), corners)
+    at -= (depth + small * other.bounding_radius) * out
+    place = np.zeros((2 * n, 3))
+    place[:, 0] = 10.0 * np.repeat(np.arange(n), 2)
+    place[1::2] += at
+    grains = grains_of([rock, other], [0, 1] * n, place, np.repeat(STRAIGHT, 2 * n, axis=0))
+    grains.scale[1::2], grains.radius[1::2] = small, small * other.bounding_radius
+    pairs = pairs_of(np.arange(0, 2 * n, 2), np.arange(1, 2 * n, 2))
+    _, work, _ = contacts(grains, surface_bodies([rock, other]), pairs, 3e-3)
+    inside = rock.signed_distance(at) < -small * other.bounding_radius
+    assert inside.sum() > 300
+    assert not work.arrays.proven[inside].any()
+
+
 def test_spheres_and_clumps_are_as_far_as_their_centers_less_the_radius(rocks):
     rock = rocks[0][0]
     sphere = vg.make_shape("sphere")

@@ -147,3 +147,17 @@ def test_two_meshes_that_cross_each_other_deeply_are_parted(seed, apart):
     assert part_grains(bed, 1e-3, 60) > 0.0
     bed.find(0.1, 0.0)
     assert 0.0 < bed.gap.min() < 3e-3
+
+
+def test_grains_are_parted_as_far_as_contacts_that_are_found_anew_say(assembly):
+    """Contacts of triangles that hardly move are carried along while others are parted."""
+    bed, generator = Bed(assembly, DOWN, exact=True), np.random.Generator(np.random.Philox(5))
+    bed.move(3e-3 * generator.normal(size=(bed.count + 1, 6)), 1.0)
+    before = bed.copy()
+    before.find(MARGIN, 0.0)
+    smallest = part_grains(bed, 1e-4, 40, most=5e-4, margin=MARGIN)
+    bed.finders.forget()
+    bed.find(MARGIN, 0.0)
+    assert before.gap.min() < -1e-4
+    assert 8e-5 < smallest < 1e-4
+    assert abs(bed.gap.min() - smallest) < 1e-6

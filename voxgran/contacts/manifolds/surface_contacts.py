@@ -127,27 +127,35 @@ def _list_points(work, way, body, guest, reach):  # type: ignore[no-untyped-def]
 
     way: 0 where the body is that of grain i, 1 where it is that of j.  Their distances are written to `found_apart`.
     """
-    bodies, turn, listed = work.bodies, work.turn[way], work.listed[way]
+    bodies, turn, listed, some = work.bodies, work.turn[way], work.listed[way], work.listed[1 - way]
     mine, theirs, cluster, rows = work.now[12 + way], work.now[13 - way], bodies.cluster, bodies.cluster_rows
     grid, at, frame, point = bodies.grid, bodies.first[body, 2], bodies.frame[body], bodies.point
     nx, ny, nz, cell = int(frame[0]), int(frame[1]), int(frame[2]), frame[6]
-    q, last, count, low = bodies.first[guest, 1], bodies.first[guest + 1, 1], 0, 1e9
+    # whatever is looked at is written, and counts if it is near, so that no branch waits for a distance
+    q, last, heads, low = bodies.first[guest, 1], bodies.first[guest + 1, 1], 0, 1e9
     while q < last:
         x, y, z = to_cells(turn, cluster[q, 0], cluster[q, 1], cluster[q, 2])
         distance = _grid_distance(grid, at, nx, ny, nz, cell, x, y, z) * mine - cluster[q, 3] * theirs
-        if distance > reach:
-            low = min(low, distance)
-            q = rows[q, 2]
-            continue
-        for s in range(rows[q, 0], rows[q, 1]):
+        some[heads] = q
+        heads += 1 if distance <= reach else 0
+        low = min(low, distance if distance > reach else 1e9)
+        q = rows[q, 2]
+    end = heads
+    for n in range(heads):
+        for q in range(some[n] + 1, rows[some[n], 2]):
+            x, y, z = to_cells(turn, cluster[q, 0], cluster[q, 1], cluster[q, 2])
+            distance = _grid_distance(grid, at, nx, ny, nz, cell, x, y, z) * mine - cluster[q, 3] * theirs
+            some[end] = q
+            end += 1 if distance <= reach else 0
+            low = min(low, distance if distance > reach else 1e9)
+    count = 0
+    for n in range(heads, end):
+        for s in range(rows[some[n], 0], rows[some[n], 1]):
             x, y, z = to_cells(turn, point[s, 0], point[s, 1], point[s, 2])
             distance = _grid_distance(grid, at, nx, ny, nz, cell, x, y, z) * mine - point[s, 3] * theirs
-            if distance > reach:
-                low = min(low, distance)
-            else:
-                listed[count], work.found_apart[count] = s, distance
-                count += 1
-        q += 1
+            listed[count], work.found_apart[count] = s, distance
+            count += 1 if distance <= reach else 0
+            low = min(low, distance if distance > reach else 1e9)
     return count, low
 
 
@@ -162,26 +170,30 @@ def _look(work, way, body, count, near, known, k):  # type: ignore[no-untyped-de
     mine, theirs, point, low = work.now[12 + way], work.now[13 - way], bodies.point, 1e9
     grid, at, frame = bodies.grid, bodies.first[body, 2], bodies.frame[body]
     nx, ny, nz, cell = int(frame[0]), int(frame[1]), int(frame[2]), frame[6]
-    for n in range(count):
-        s = listed[n]
-        distance = work.found_apart[n]
-        if known and distance >= near:
-            low = min(low, distance)
-            continue
-        x, y, z = to_cells(turn, point[s, 0], point[s, 1], point[s, 2])
-        if not known:
+    if not known:
+        for n in range(count):
+            s = listed[n]
+            x, y, z = to_cells(turn, point[s, 0], point[s, 1], point[s, 2])
             distance = _grid_distance(grid, at, nx, ny, nz, cell, x, y, z) * mine - point[s, 3] * theirs
+            work.found_apart[n] = distance
+    kept = 0
+    for n in range(count):
+        distance = work.found_apart[n]
         low = min(low, distance)
-        if distance < near:
-            gx, gy, gz = _grid_slope(grid, at, nx, ny, nz, cell, x, y, z)
-            length = math.sqrt(gx * gx + gy * gy + gz * gz)
-            if length < FLAT:
-                continue
-            row = work.candidate[k]
-            row[0], row[1], row[2] = x, y, z
-            row[3], row[4], row[5], row[6] = gx / length, gy / length, gz / length, distance
-            row[7] = point[s, 3] * theirs
-            k += 1
+        listed[kept], work.found_apart[kept] = listed[n], distance
+        kept += 1 if distance < near else 0
+    for n in range(kept):
+        s = listed[n]
+        x, y, z = to_cells(turn, point[s, 0], point[s, 1], point[s, 2])
+        gx, gy, gz = _grid_slope(grid, at, nx, ny, nz, cell, x, y, z)
+        length = math.sqrt(gx * gx + gy * gy + gz * gz)
+        if length < FLAT:
+            continue
+        row = work.candidate[k]
+        row[0], row[1], row[2] = x, y, z
+        row[3], row[4], row[5], row[6] = gx / length, gy / length, gz / length, work.found_apart[n]
+        row[7] = point[s, 3] * theirs
+        k += 1
     return k, low
 
 

@@ -91,7 +91,9 @@ def exact_candidates(
         row[6] = gap
         k += 1 if good else 0
     if low < best:
-        # rounding may leave the nearest points out of their cones
+        # the nearest points are out of their cones: by rounding, or as seen from within a solid
+        if _is_inside(grains, work, i, j):
+            return 0, -1e9
         copy_numbers(work.candidate[k], spare, 8)
         k += 1
     return k, low

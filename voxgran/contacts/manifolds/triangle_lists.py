@@ -32,26 +32,26 @@ def _list_leaves(work, way, body, guest, reach):  # type: ignore[no-untyped-def]
 
     way: 0 where the body is that of grain i, 1 where it is that of j.  Returns their number and a bound of the others.
     """
-    bodies, turn, stack, listed = work.bodies, work.turn[way], work.stack, work.listed[way]
+    bodies, turn, nodes, listed = work.bodies, work.turn[way], work.listed[1 - way], work.listed[way]
     sphere, mine, theirs = bodies.sphere, work.now[12 + way], work.now[13 - way]
     root = bodies.first[guest, 4]
     leaves = (bodies.first[guest + 1, 4] - root) // 2
-    clear, count, depth = 1e9, 0, 1
-    stack[0] = 0
-    while depth > 0:
-        depth -= 1
-        node = stack[depth]
+    clear, count, done, end = 1e9, 0, 0, 1
+    nodes[0] = 0
+    # level by level; whatever is looked at is written, and counts if it is near: no branch waits for a distance
+    while done < end:
+        node = nodes[done]
+        done += 1
         k = root + node
         x, y, z = to_cells(turn, sphere[k, 0], sphere[k, 1], sphere[k, 2])
         apart = grid_bound(bodies, body, x, y, z) * mine - sphere[k, 3] * theirs
-        if apart > reach:
-            clear = min(clear, apart)
-        elif node < leaves:
-            stack[depth], stack[depth + 1] = 2 * node + 2, 2 * node + 1
-            depth += 2
+        clear = min(clear, apart if apart > reach else 1e9)
+        if node < leaves:
+            nodes[end], nodes[end + 1] = 2 * node + 1, 2 * node + 2
+            end += 0 if apart > reach else 2
         else:
             listed[count] = k
-            count += 1
+            count += 0 if apart > reach else 1
     return count, clear
 
 
