@@ -102,7 +102,7 @@ def ellipsoids():
 
 
 def polyhedra():
-    return random_bed("polyhedron", 150, 7, solid="cube", seed=1)
+    return random_bed("polyhedron", 80, 5.7, solid="cube", seed=1)
 
 
 def findings(verification):
