@@ -22,8 +22,7 @@ demo: $(STAMP)   ## pack a small scene, check it, and write files and a report t
 	$(BIN)/voxgran demo -o out/demo --overwrite
 
 test: $(STAMP)   ## the tests, without those marked slow or browser, file by file in WORKERS processes
-	# hundreds of processes import the package, which takes a third longer where no bytecode is written
-	PYTHONDONTWRITEBYTECODE= OMP_NUM_THREADS=1 $(BIN)/python -m pytest -m "not slow and not browser" --numprocesses=$(WORKERS) --dist=loadfile --durations=25
+	OMP_NUM_THREADS=1 $(BIN)/python -m pytest -m "not slow and not browser" --numprocesses=$(WORKERS) --dist=loadfile --durations=25
 
 test-slow: $(STAMP)   ## the tests marked slow, with many more random examples
 	$(BIN)/python -m pytest -m slow --hypothesis-profile=thorough
