@@ -381,7 +381,7 @@ def test_a_free_clump_keeps_its_angular_momentum_and_a_state_goes_on(tmp_path):
 @pytest.mark.engine
 @pytest.mark.parametrize(
     "container",
-    [vg.Box((3, 3, 4)), slow(vg.Cylinder(1.8, 4)), slow(vg.Sphere(2.0)), None],
+    [slow(vg.Box((3, 3, 4))), slow(vg.Cylinder(1.8, 4)), slow(vg.Sphere(2.0)), None],
     ids=["box", "cylinder", "sphere", "mesh"],
 )
 def test_walls_stop_grains_and_the_run_ends_at_rest(container, tmp_path):
@@ -408,6 +408,7 @@ def test_walls_stop_grains_and_the_run_ends_at_rest(container, tmp_path):
 
 
 @pytest.mark.engine
+@pytest.mark.slow
 def test_clumps_on_an_incline_slide_by_the_friction_of_their_pair_in_kratos(tmp_path):
     """They stand on three spheres; where the slope is steeper than the friction, g (sin a - mu cos a) is left."""
     angle, slope = 2 * np.pi * np.arange(3) / 3, math.radians(20)

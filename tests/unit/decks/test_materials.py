@@ -238,7 +238,7 @@ def test_clumps_on_an_incline_of_lammps_slide_by_the_friction_of_their_pair(lamm
 
 
 @pytest.mark.engine
-@pytest.mark.parametrize(("engine", "script"), [("kratos", "kratos_run.py"), ("yade", "yade_run.py")])
+@pytest.mark.parametrize(("engine", "script"), [("kratos", "kratos_run.py"), slow("yade", "yade_run.py")])
 @pytest.mark.parametrize("rolling", [0.05, slow(0.3)])
 def test_spheres_on_an_incline_roll_by_the_rolling_friction_of_the_floor(engine, script, rolling, tmp_path):
     """A sphere on a slope rolls with 5/7 g sin a less 5/7 of the rolling friction, or stays."""

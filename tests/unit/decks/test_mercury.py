@@ -458,6 +458,7 @@ def test_contacts_of_two_materials_have_the_law_of_their_pair(tmp_path):
     assert f'MATERIALS = {{{{"{names[0]}", 0}}, {{"{names[1]}", 1}}}};' in text
 
 
+@pytest.mark.slow
 def test_fixed_grains_have_no_inverse_mass(tmp_path):
     packing = dataclasses.replace(mixed(8), fixed=np.array([1, 1, 0, 0, 0, 1, 0, 0], dtype=bool))
     made, _ = deck(tmp_path, packing)

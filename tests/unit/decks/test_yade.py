@@ -297,7 +297,8 @@ def test_walls_hold_the_grains(tmp_path, name, law):
 
 
 @pytest.mark.engine
-@pytest.mark.parametrize("material", ["linear", slow("hertz")])
+@pytest.mark.slow
+@pytest.mark.parametrize("material", ["linear", "hertz"])
 def test_a_sphere_slides_and_then_rolls(tmp_path, material):
     deck = write_deck(sphere_on_the_ground(), tmp_path, ENGINE, material={**MATERIALS[material], "friction": 0.3})
     sliding, rolling = (round(time / deck.simulation.time_step) for time in (4e-3, 20e-3))

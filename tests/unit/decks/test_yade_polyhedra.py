@@ -237,6 +237,7 @@ def test_two_grains_rebound_as_asked(tmp_path, case, restitution):
 
 
 @pytest.mark.engine
+@pytest.mark.slow
 def test_a_polyhedron_rests_on_the_ground_and_goes_on_from_a_checkpoint(tmp_path):
     box = vg.make_shape("box", aspect=(1, 1, 1))
     packing = engine_cases.falling(vg.Packing.of(box, vg.Box((4, 4, 4)), position=[[2, 2, 0.7]], unit="mm"))

@@ -300,6 +300,7 @@ def test_stresses_so_unequal_that_grains_become_wider_than_their_cell_are_refuse
         vg.compress(loose, stress=(1e-9, 1, 1))
 
 
+@pytest.mark.slow
 def test_a_solid_fraction_out_of_reach_is_told():
     with pytest.warns(PackingWarning, match="0.75"):
         vg.compress(loose_grains(), solid_fraction=0.75)

@@ -327,7 +327,7 @@ def test_grains_around_a_fixed_one_are_compressed_to_a_height():
 
 
 def test_a_run_with_obstacles_goes_on_from_its_checkpoint(tmp_path):
-    keywords = {"count": 40, "obstacles": BAR, "seed": 3}
+    keywords = {"count": 20, "obstacles": BAR, "seed": 3}
     whole = vg.pack(SPHERE, BOX, "gravity", **keywords)
     part = vg.pack(SPHERE, BOX, "gravity", checkpoint=tmp_path / "run", time_limit=0.0, **keywords)
     assert part.stop_reason == "interrupted"
