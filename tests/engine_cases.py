@@ -1,6 +1,7 @@
 """Packings, programs and checks that the tests of all engines share."""
 
 import dataclasses
+import functools
 import os
 import shutil
 import subprocess
@@ -100,12 +101,18 @@ def program(name, remedy):
     return found
 
 
+@functools.cache
+def has_kratos(python):
+    """Return whether a Python has Kratos, which takes half a second to load."""
+    asked = [python, "-c", "import KratosMultiphysics.DEMApplication"]
+    return not subprocess.run(asked, capture_output=True, check=False, timeout=120).returncode
+
+
 def python_of_kratos():
     """Return the path of a Python that has Kratos; skip the test where there is none."""
     told = os.environ.get("VOXGRAN_ENGINES") or str(ENGINES_VENV / "bin" / "python")
     if not Path(told).is_file():
         pytest.skip("Kratos is not installed: set VOXGRAN_ENGINES to a Python that has it, or run make test-engines")
-    asked = "import KratosMultiphysics.DEMApplication"
-    if subprocess.run([told, "-c", asked], capture_output=True, check=False, timeout=120).returncode:
+    if not has_kratos(told):
         pytest.skip(f"Kratos is not installed in {told}: {kratos.INSTALL}")
     return told

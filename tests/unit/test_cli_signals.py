@@ -10,6 +10,7 @@ import time
 from functools import partial
 
 import pytest
+from kit import slow
 
 from voxgran._base.errors import Interrupted, TooLargeError
 from voxgran.scene.processes import Process, compute, start
@@ -95,8 +96,14 @@ def is_alive(pid):
         return False
 
 
-@pytest.mark.parametrize(("number", "status"), [(signal.SIGINT, 130), (signal.SIGTERM, 143)])
-@pytest.mark.parametrize("body", [COMPUTES, LOOKS, SWALLOWS], ids=["computes", "looks", "swallows"])
+@pytest.mark.parametrize(
+    ("body", "number", "status"),
+    [
+        (COMPUTES, signal.SIGTERM, 143), (LOOKS, signal.SIGINT, 130), (SWALLOWS, signal.SIGINT, 130),
+        slow(COMPUTES, signal.SIGINT, 130), slow(LOOKS, signal.SIGTERM, 143), slow(SWALLOWS, signal.SIGTERM, 143),
+    ],
+    ids=["computes-15", "looks-2", "swallows-2", "computes-2", "looks-15", "swallows-15"],
+)  # fmt: skip
 def test_a_program_ends_with_one_line(body, number, status, tmp_path):
     program, line = begun(body, tmp_path)
     assert line == "begun"

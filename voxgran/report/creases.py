@@ -48,9 +48,16 @@ def creased(shape: Shape, vertices: Floats, faces: Integers) -> tuple[Floats, In
     return split, vertex.reshape(-1, 3)
 
 
-def shaded(vertices: Floats, faces: Integers) -> Any:
-    """Return a surface for PyVista with the normals by which it is shaded: means over the triangles around a vertex,
-    weighted by their areas and by their angles there, so that small and narrow triangles count little.
+def shaded(vertices: Floats, faces: Integers, normals: Floats | None = None) -> Any:
+    """Return a surface for PyVista with the normals (n, 3) by which it is shaded, by default those at its vertices."""
+    mesh = load("pyvista").PolyData.from_regular_faces(vertices, faces)
+    mesh.point_data.active_normals = vertex_normals(vertices, faces) if normals is None else normals
+    return mesh
+
+
+def vertex_normals(vertices: Floats, faces: Integers) -> Floats:
+    """Return the normals (n, 3) at vertices: means over the triangles around them, weighted by their areas and by their
+    angles there, so that small and narrow triangles count little.
     """
     sides = [_units(vertices[faces[:, (k + 1) % 3]] - vertices[faces[:, k]]) for k in range(3)]
     normal, around = _normals(vertices, faces), np.zeros((3, len(vertices)))
@@ -58,9 +65,7 @@ def shaded(vertices: Floats, faces: Integers) -> Any:
         angle = np.arccos(np.clip(-(sides[k] * sides[k - 1]).sum(axis=1), -1.0, 1.0))
         for axis in range(3):
             around[axis] += np.bincount(faces[:, k], weights=angle * normal[:, axis], minlength=len(vertices))
-    mesh = load("pyvista").PolyData.from_regular_faces(vertices, faces)
-    mesh.point_data.active_normals = _units(around.T)
-    return mesh
+    return _units(around.T)
 
 
 def surface_of(shape: Shape) -> Any:

@@ -19,7 +19,7 @@ from voxgran.containers.kinds.box import Box
 from voxgran.packing.model import Packing
 from voxgran.points.sample import sample_surface
 from voxgran.report.colors import COLORS, Coloring, coloring
-from voxgran.report.creases import creased, shaded, surface_of
+from voxgran.report.creases import creased, shaded, surface_of, vertex_normals
 from voxgran.report.legend import legend_of
 from voxgran.report.stage import (
     MATERIAL,
@@ -113,10 +113,13 @@ def picture_grain(shape: Shape, *, window: tuple[int, int] = (400, 300), spheres
     the clump.
     """
     pictures = {}
-    for name, draw in drawings_of(shape, spheres).items():
-        with stage_of(window) as stage:
+    with stage_of(window) as stage:
+        look_at(stage, 1.06 * shape.vertices, flat=shape.dimension == 2)
+        for name, draw in drawings_of(shape, spheres).items():
+            # what is added to a stage that was shown is rendered otherwise
+            stage.suppress_rendering = True
+            stage.clear_actors()
             draw(stage)
-            look_at(stage, 1.06 * shape.vertices, flat=shape.dimension == 2)
             pictures[name] = shot(stage)
     return pictures
 
@@ -187,8 +190,14 @@ def _add_meshes(stage: Any, packing: Packing, grains: Integers, colors: Coloring
     if not many:
         bodies = [creased(shape, *body) for shape, body in zip(packing.shapes, bodies, strict=True)]
     merged = merged_surfaces(packing, grains=grains, bodies=bodies)
-    plain = load("pyvista").PolyData.from_regular_faces
-    mesh = (plain if many or flat else shaded)(merged.vertices, merged.faces)
+    if many or flat:
+        mesh = load("pyvista").PolyData.from_regular_faces(merged.vertices, merged.faces)
+    else:
+        # those of each shape, turned: grains share few shapes
+        kind = packing.shape_id[grains]
+        turns = {int(s): packing.matrices[grains[kind == s]] for s in np.unique(kind)}
+        turned = [np.einsum("gij,vj->gvi", turn, vertex_normals(*bodies[s])) for s, turn in turns.items()]
+        mesh = shaded(merged.vertices, merged.faces, np.concatenate([part.reshape(-1, 3) for part in turned]))
     mesh.cell_data["value"] = colors.values[merged.grain]
     mesh.cell_data["grain"] = merged.grain
     # the insides of closed surfaces are not seen; some triangles of reduced ones are turned, which shows on grains of
@@ -244,7 +253,7 @@ def _add_points(stage: Any, shape: Shape) -> None:
     """Draw control points with a spacing of a tenth of the diameter, on the translucent surface."""
     points = np.asarray(sample_surface(shape, spacing=shape.diameter / 10))
     stage.add_mesh(surface_of(shape), color="#d7dee3", **SMOOTH)
-    stage.add_mesh(beads(points, 0.018 * shape.diameter, 2), color="#2f4b7c", **MATERIAL)
+    stage.add_mesh(beads(points, 0.018 * shape.diameter, 1), color="#2f4b7c", **MATERIAL)
 
 
 def _add_clump(stage: Any, shape: Shape, spheres: int) -> None:

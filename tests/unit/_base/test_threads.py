@@ -102,7 +102,7 @@ def ellipsoids():
 
 
 def polyhedra():
-    return random_bed("polyhedron", 150, 7, solid="cube", seed=1)
+    return random_bed("polyhedron", 80, 5.7, solid="cube", seed=1)
 
 
 def findings(verification):
@@ -139,7 +139,7 @@ CALLS = {
     "verify, convex": lambda threads: findings(vg.verify(ellipsoids(), threads=threads)),
     "verify, meshes": lambda threads: findings(vg.verify(polyhedra(), threads=threads)),
     "pack, meshes at rest": lambda threads: np.hstack(
-        poses(vg.pack(vg.shapes.torus(), vg.Box((3, 3, 6)), "gravity", count=25, rest=0.5, threads=threads))
+        poses(vg.pack(vg.shapes.torus(), vg.Box((3, 3, 6)), "gravity", count=15, rest=0.5, threads=threads))
     ),
     "settle, convex solids": lambda threads: np.hstack(poses(settled(threads))),
     "equilibrium": lambda threads: vg.equilibrium(settled(), threads=threads).force.values,

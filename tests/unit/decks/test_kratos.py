@@ -8,6 +8,7 @@ import subprocess
 import engine_cases as cases
 import numpy as np
 import pytest
+from kit import slow
 
 import voxgran as vg
 from voxgran._base.errors import FileFormatError, InputError
@@ -320,8 +321,12 @@ def test_forces_of_kratos_are_those_of_the_law(law, tmp_path):
 
 
 @pytest.mark.engine
-@pytest.mark.parametrize("law", [LINEAR, HERTZ], ids=["linear", "hertz"])
-@pytest.mark.parametrize("grains", ["equal", "unequal", "clumps", "wall"])
+@pytest.mark.parametrize(
+    ("law", "grains"),
+    [(LINEAR, "clumps"), (HERTZ, "unequal"), (HERTZ, "wall")]
+    + [slow(LINEAR, grains) for grains in ("equal", "unequal", "wall")]
+    + [slow(HERTZ, grains) for grains in ("equal", "clumps")],
+)
 def test_restitution(law, grains, tmp_path):
     """Grains rebound from each other, and from a wall, with the restitution asked for."""
     speed, gap = 0.1, 0.01
@@ -376,7 +381,7 @@ def test_a_free_clump_keeps_its_angular_momentum_and_a_state_goes_on(tmp_path):
 @pytest.mark.engine
 @pytest.mark.parametrize(
     "container",
-    [vg.Box((3, 3, 4)), vg.Cylinder(1.8, 4), vg.Sphere(2.0), None],
+    [slow(vg.Box((3, 3, 4))), slow(vg.Cylinder(1.8, 4)), slow(vg.Sphere(2.0)), None],
     ids=["box", "cylinder", "sphere", "mesh"],
 )
 def test_walls_stop_grains_and_the_run_ends_at_rest(container, tmp_path):
@@ -403,6 +408,7 @@ def test_walls_stop_grains_and_the_run_ends_at_rest(container, tmp_path):
 
 
 @pytest.mark.engine
+@pytest.mark.slow
 def test_clumps_on_an_incline_slide_by_the_friction_of_their_pair_in_kratos(tmp_path):
     """They stand on three spheres; where the slope is steeper than the friction, g (sin a - mu cos a) is left."""
     angle, slope = 2 * np.pi * np.arange(3) / 3, math.radians(20)

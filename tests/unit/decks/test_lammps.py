@@ -7,6 +7,7 @@ import subprocess
 import engine_cases as cases
 import numpy as np
 import pytest
+from kit import slow
 
 import voxgran as vg
 from voxgran._base.errors import EngineError, FileFormatError, InputError
@@ -211,7 +212,7 @@ def rebound(lammps, folder, packing, law):
 
 
 @pytest.mark.engine
-@pytest.mark.parametrize("radii", [(0.5, 0.5), (0.3, 0.7)])
+@pytest.mark.parametrize("radii", [slow((0.5, 0.5)), (0.3, 0.7)])
 @pytest.mark.parametrize(
     "law",
     [

@@ -247,14 +247,14 @@ def test_a_bed_at_rest_hardly_sinks_and_a_loose_one_does(lammps):
 def test_fixed_grains_stay_or_move_with_the_mean_strain(lammps):
     sphere, box = vg.make_shape("sphere"), vg.Box((5, 5, 7))
     bar = vg.Packing.of(vg.shapes.box(lengths=(1.5, 1.5, 5)), box, position=[(2.5, 2.5, 2.5)])
-    rested, history = vg.relax(vg.pack(sphere, box, "gravity", count=40, obstacles=bar, seed=4), clump=20)
+    rested, history = vg.relax(vg.pack(sphere, box, "gravity", count=20, obstacles=bar, seed=4), clump=20)
     assert history.attrs["rests"] == 1
     assert rested.fixed.sum() == 1
     assert rested.position[0] == pytest.approx(bar.position[0], abs=1e-12)
     assert abs(history.attrs["sinking"]) < 0.1
-    cell = vg.Box((6, 6, 6), periodic="xyz")
+    cell = vg.Box((5, 5, 5), periodic="xyz")
     insert = vg.Packing.of(vg.shapes.sphere(diameter=2.5), cell, position=[(1, 1, 1)])
-    specimen = vg.compress(vg.pack(sphere, cell, "rsa", count=80, obstacles=insert), friction=0.3)
+    specimen = vg.compress(vg.pack(sphere, cell, "rsa", count=40, obstacles=insert), friction=0.3)
     rested, history = vg.relax(specimen, stress=1e5)
     assert history["mean_displacement"].values[-1] < 0.005
     strained = specimen.position[0] * np.array(rested.container.lengths) / np.array(specimen.container.lengths)
@@ -264,7 +264,7 @@ def test_fixed_grains_stay_or_move_with_the_mean_strain(lammps):
 @pytest.mark.engine
 def test_clumps_of_rocks_come_to_rest(lammps, tmp_path):
     rocks = [vg.make_shape("convex_polyhedron", seed=seed) for seed in range(3)]
-    bed = vg.pack(rocks, vg.Box((4, 4, 8), periodic="xy"), "gravity", count=50, seed=1, unit="mm")
+    bed = vg.pack(rocks, vg.Box((4, 4, 5), periodic="xy"), "gravity", count=20, seed=1, unit="mm")
     rested, history = vg.relax(bed, clump=6, folder=tmp_path)
     assert history.attrs["rests"] == 1
     assert rested.unit == "mm"

@@ -192,7 +192,7 @@ def test_a_damaged_table_is_refused(tmp_path):
 
 
 @pytest.mark.engine
-@pytest.mark.parametrize("name", ["mixed", "rocks", "periodic", "level sets"])
+@pytest.mark.parametrize("name", [slow("mixed"), slow("rocks"), "periodic", "level sets"])
 def test_bodies_are_loaded_as_they_are(tmp_path, name):
     make, asked = PACKINGS[name]
     deck = write_deck(make(), tmp_path, ENGINE, **asked)
@@ -216,7 +216,7 @@ def test_bodies_are_loaded_as_they_are(tmp_path, name):
 
 
 @pytest.mark.engine
-@pytest.mark.parametrize("asked", [{}, {"grains": "level_set"}], ids=["clumps", "level sets"])
+@pytest.mark.parametrize("asked", [{}, slow({"grains": "level_set"})], ids=["clumps", "level sets"])
 def test_grains_fall_freely(tmp_path, asked):
     packing = engine_cases.rocks() if asked else engine_cases.mixed(container=vg.Box((5, 5, 500)))
     deck = write_deck(packing, tmp_path, ENGINE, **asked)
@@ -240,8 +240,13 @@ CASES = {
 
 
 @pytest.mark.engine
-@pytest.mark.parametrize("material", ["linear", slow("elastic"), "hertz"])
-@pytest.mark.parametrize("name", ["spheres", slow("sizes"), slow("clumps"), "clumps of sizes"])
+@pytest.mark.parametrize(
+    ("name", "material"),
+    [("spheres", "hertz"), ("clumps of sizes", "linear")]
+    + [slow(name, "elastic") for name in CASES]
+    + [slow(name, "linear") for name in ("spheres", "sizes", "clumps")]
+    + [slow(name, "hertz") for name in ("sizes", "clumps", "clumps of sizes")],
+)
 def test_two_grains_rebound_as_asked(tmp_path, material, name):
     make, asked = CASES[name]
     deck = write_deck(make(), tmp_path, ENGINE, material=MATERIALS[material], **asked)
@@ -271,7 +276,7 @@ def test_a_level_set_rebounds_from_the_ground_as_asked(tmp_path, material):
 @pytest.mark.parametrize("law", ["linear", slow("hertz")])
 # thousands of triangles take their time
 @pytest.mark.parametrize(
-    "name", ["mixed", "cylinder", "mesh", "periodic", "level sets", slow("sphere"), slow("hopper")]
+    "name", ["cylinder", "periodic", *map(slow, ("mixed", "mesh", "level sets", "sphere", "hopper"))]
 )
 def test_walls_hold_the_grains(tmp_path, name, law):
     make, asked = PACKINGS[name]
@@ -292,7 +297,8 @@ def test_walls_hold_the_grains(tmp_path, name, law):
 
 
 @pytest.mark.engine
-@pytest.mark.parametrize("material", ["linear", slow("hertz")])
+@pytest.mark.slow
+@pytest.mark.parametrize("material", ["linear", "hertz"])
 def test_a_sphere_slides_and_then_rolls(tmp_path, material):
     deck = write_deck(sphere_on_the_ground(), tmp_path, ENGINE, material={**MATERIALS[material], "friction": 0.3})
     sliding, rolling = (round(time / deck.simulation.time_step) for time in (4e-3, 20e-3))

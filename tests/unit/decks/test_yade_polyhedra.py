@@ -193,7 +193,7 @@ def test_level_sets_do_not_meet_polyhedra():
 
 
 @pytest.mark.engine
-@pytest.mark.parametrize("unit", ["mm", "m"])
+@pytest.mark.parametrize("unit", ["mm", slow("m")])
 def test_bodies_are_loaded_as_they_are(tmp_path, unit):
     deck = polyhedra(stones(12, unit=unit), tmp_path)
     # a step of no length, after which YADE has made its polyhedra
@@ -212,7 +212,7 @@ def test_bodies_are_loaded_as_they_are(tmp_path, unit):
 
 
 @pytest.mark.engine
-@pytest.mark.parametrize("unit", ["mm", "m"])
+@pytest.mark.parametrize("unit", ["mm", slow("m")])
 def test_grains_fall_freely(tmp_path, unit):
     deck = polyhedra(stones(container=vg.Box((4, 4, 500)), unit=unit), tmp_path)
     steps = deck.simulation.steps_per_output
@@ -222,7 +222,7 @@ def test_grains_fall_freely(tmp_path, unit):
 
 
 @pytest.mark.engine
-@pytest.mark.parametrize("case", [(0, 0), (0, 1), (1, 1)], ids=["faces", "face and sphere", "spheres"])
+@pytest.mark.parametrize("case", [slow((0, 0)), (0, 1), slow((1, 1))], ids=["faces", "face and sphere", "spheres"])
 @pytest.mark.parametrize("restitution", [0.4, slow(1.0)])
 def test_two_grains_rebound_as_asked(tmp_path, case, restitution):
     packing = pair(*case)
@@ -237,6 +237,7 @@ def test_two_grains_rebound_as_asked(tmp_path, case, restitution):
 
 
 @pytest.mark.engine
+@pytest.mark.slow
 def test_a_polyhedron_rests_on_the_ground_and_goes_on_from_a_checkpoint(tmp_path):
     box = vg.make_shape("box", aspect=(1, 1, 1))
     packing = engine_cases.falling(vg.Packing.of(box, vg.Box((4, 4, 4)), position=[[2, 2, 0.7]], unit="mm"))

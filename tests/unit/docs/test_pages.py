@@ -100,7 +100,7 @@ def test_links_lead_to_files_that_exist(path):
 
 
 @pytest.mark.filterwarnings("ignore:the bulk holds")
-@pytest.mark.parametrize("page", [slow(page) if page == "packing" else page for page in NEW_GUIDE])
+@pytest.mark.parametrize("page", [slow(page) if page in ("containers", "packing") else page for page in NEW_GUIDE])
 def test_examples_run(page, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     for example in re.findall(r"```python\n(.*?)```", (DOCS / "guide" / f"{page}.md").read_text(), re.DOTALL):

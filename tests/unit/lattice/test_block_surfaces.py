@@ -78,7 +78,7 @@ def test_smooth_surfaces_have_the_same_triangles_and_volumes_and_share_them(labe
     assert area == pytest.approx(expected, rel=1e-3)
 
 
-@pytest.mark.parametrize(("periodic", "surface"), [("x", "smooth"), ("yz", "voxel"), ("xyz", "smooth")])
+@pytest.mark.parametrize(("periodic", "surface"), [("x", "smooth"), ("yz", "voxel"), slow("xyz", "smooth")])
 def test_grains_go_on_across_periodic_faces_in_groups_too(labels, monkeypatch, periodic, surface):
     image = np.roll(labels, (11, 7, 5), (0, 1, 2))
     # one that fills an axis

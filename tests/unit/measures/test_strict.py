@@ -4,6 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from kit import slow
 
 from voxgran._base.errors import PackingWarning
 from voxgran._base.seeds import stream
@@ -61,7 +62,7 @@ def test_no_grains():
     assert strict_solid_fraction(empty) == 0.0
 
 
-@pytest.mark.parametrize("family", ["sphere", "polyhedron"])
+@pytest.mark.parametrize("family", ["sphere", slow("polyhedron")])
 def test_it_is_that_of_verifying_the_shrunk_packing(family):
     box = Box((3, 3, 3), periodic=(True, False, True))
     place = stream(2, "places").uniform(0.7, 2.3, (14, 3))

@@ -210,7 +210,7 @@ def test_no_grains_are_a_bed_of_any_solid_fraction():
     assert not len(vg.settle(empty, solid_fraction=0.6))
 
 
-@pytest.mark.parametrize("name", ["plan", "run"])
+@pytest.mark.parametrize("name", ["plan", slow("run")])
 def test_scenes_and_their_plans(name, tmp_path):
     scene = vg.Scene.from_mapping(
         {

@@ -300,12 +300,13 @@ def test_stresses_so_unequal_that_grains_become_wider_than_their_cell_are_refuse
         vg.compress(loose, stress=(1e-9, 1, 1))
 
 
+@pytest.mark.slow
 def test_a_solid_fraction_out_of_reach_is_told():
     with pytest.warns(PackingWarning, match="0.75"):
         vg.compress(loose_grains(), solid_fraction=0.75)
 
 
-@pytest.mark.parametrize("name", ["cell", "walls", "polyhedra", "meshes", "disks"])
+@pytest.mark.parametrize("name", ["cell", "walls", slow("polyhedra"), slow("meshes"), "disks"])
 def test_a_packing_that_bears_the_stress_stays_as_it_is(name):
     shape, container, more = SCENES[name]
     once = vg.compress(loose_grains(shape.scaled(1 / shape.diameter), container, **more), friction=0.4)

@@ -273,7 +273,7 @@ def test_scenes_state_densities_beside_their_shapes():
 def test_heavy_grains_sink_when_a_settled_bed_is_shaken(seed):
     """Grains of steel among foam come lower; the same bed of one density hardly sorts itself."""
     start = vg.pack(
-        [SPHERE, SPHERE], vg.Cylinder(2.5, 14), "gravity", count=150, density=[20, 1], friction=0.2, seed=seed
+        [SPHERE, SPHERE], vg.Cylinder(2.0, 14), "gravity", count=80, density=[20, 1], friction=0.2, seed=seed
     )
     heavy = start.densities == 20
 

@@ -246,7 +246,7 @@ def test_bad_obstacles_are_refused():
 @pytest.mark.parametrize(
     ("shape", "container", "insert", "more"),
     [
-        (SPHERE, vg.Box((6, 6, 6), periodic="xyz"), vg.shapes.sphere(diameter=3), {}),
+        slow(SPHERE, vg.Box((6, 6, 6), periodic="xyz"), vg.shapes.sphere(diameter=3), {}),
         (SPHERE, vg.Box((6, 6, 8)), vg.shapes.cylinder(radius=0.8, height=3), {"count": 150}),
         (vg.make_shape("convex_polyhedron"), vg.Cylinder(3, 7), vg.shapes.sphere(diameter=2), {"count": 60}),
         (DISK, vg.Rectangle((12, 12), "xy"), DISK, {"sizes": vg.sizes.uniform(0.8, 1.2)}),
@@ -327,7 +327,7 @@ def test_grains_around_a_fixed_one_are_compressed_to_a_height():
 
 
 def test_a_run_with_obstacles_goes_on_from_its_checkpoint(tmp_path):
-    keywords = {"count": 40, "obstacles": BAR, "seed": 3}
+    keywords = {"count": 20, "obstacles": BAR, "seed": 3}
     whole = vg.pack(SPHERE, BOX, "gravity", **keywords)
     part = vg.pack(SPHERE, BOX, "gravity", checkpoint=tmp_path / "run", time_limit=0.0, **keywords)
     assert part.stop_reason == "interrupted"

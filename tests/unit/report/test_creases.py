@@ -4,8 +4,10 @@ import numpy as np
 import pytest
 
 import voxgran as vg
-from voxgran.report.creases import creased, shaded
-from voxgran.report.scenes import picture_packing
+from voxgran.report.colors import coloring
+from voxgran.report.creases import creased, shaded, vertex_normals
+from voxgran.report.scenes import add_grains, picture_packing
+from voxgran.report.stage import stage_of
 from voxgran.shapes.tessellate import unit_box
 
 
@@ -48,6 +50,16 @@ def test_triangles_that_are_turned_over_keep_their_corners():
     for faces in ([[0, 1, 2], [0, 2, 3]], [[0, 1, 2], [0, 3, 2]]):
         corners, triangles = creased(box, vertices, np.array(faces))
         np.testing.assert_array_equal(corners[triangles], vertices[faces])
+
+
+def test_grains_have_the_normals_of_their_shapes_where_they_lie():
+    shapes = [vg.make_shape("cylinder"), vg.make_shape("convex_polyhedron", seed=3), vg.make_shape("sphere")]
+    bed = vg.pack(shapes, vg.Box((6, 6, 6)), "rsa", count=9, sizes=vg.sizes.uniform(0.5, 1.0), seed=1)
+    with stage_of((80, 60)) as stage:
+        add_grains(stage, bed, np.array([7, 2, 5, 0, 8]), coloring(bed, "diameter"))
+        mesh = stage.mesh
+    twin = vertex_normals(np.asarray(mesh.points), mesh.regular_faces)
+    np.testing.assert_allclose(mesh.point_data.active_normals, twin, atol=1e-5)
 
 
 @pytest.mark.parametrize("color_by", ["diameter", "height"])

@@ -190,6 +190,11 @@ def test_a_grain_is_shown_as_surface_voxels_points_and_clump(packing):
     assert 0.5 * shares["surface"] < shares["clump"] < 1.2 * shares["surface"]
     different = [(pictures["surface"] != pictures[name]).any(axis=2).mean() for name in ("voxels", "points", "clump")]
     assert min(different) > 0.1
+    # nothing of one picture is in the next
+    with stage_of((160, 120)) as stage:
+        look_at(stage, 1.06 * packing.shapes[1].vertices)
+        scenes.drawings_of(packing.shapes[1], 8)["clump"](stage)
+        np.testing.assert_array_equal(shot(stage), pictures["clump"])
 
 
 def test_a_flat_grain_has_no_clump(flat):

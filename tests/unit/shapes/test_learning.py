@@ -162,7 +162,7 @@ def test_weights_of_donors_make_up_for_the_mean_change():
 
 def test_rounded_grains_stay_as_round_as_those_of_the_sample():
     # shears alone make bumps sharper: by half the standard deviation of roundness at this strength
-    model = vg.learn_shapes(vg.make_shapes("mollon_zhao", count=40, subdivisions=3), strength=0.05)
+    model = vg.learn_shapes(vg.make_shapes("mollon_zhao", count=24, subdivisions=3), strength=0.05)
     own, even = quick_descriptors(model.shapes)[:, 4], replace(model, donors=model.weights)
     found = [quick_descriptors(one.sample(60, seed=4))[:, 4].mean() for one in (model, even)]
     assert abs(found[0] - own.mean()) < 0.5 * abs(found[1] - own.mean())

@@ -47,6 +47,7 @@ def test_compilation_is_told_and_not_extrapolated(base, marks, tmp_path, monkeyp
     assert "compiling" not in texts[-1]
 
 
+@pytest.mark.slow
 def test_a_worker_tells_that_it_compiles(base, marks, monkeypatch):
     heard = []
 

@@ -100,6 +100,9 @@ KINDS: tuple[tuple[str, Callable[[], list[Shape]], tuple[tuple[int, float], ...]
     ("rock clumps", rocks, (FEW,)),
 )
 
+#: grains of which the proof of rest is compared with their sinking
+PROVEN: tuple[tuple[str, Callable[[], list[Shape]]], ...] = (("spheres", spheres), ("hull clumps", hulls))
+
 
 def compare_ways(path: Path) -> list[Way]:
     """Return beds that were packed and relaxed, and beds that were poured, for each kind and number of grains.
@@ -169,7 +172,7 @@ def _share_of_sinking(sinking: Floats) -> float:
 def compare_proofs(count: int = 500) -> list[Proof]:
     """Return packings of several methods, with the share of grains proven to rest and the sinking in the engine."""
     rows = []
-    for name, shapes in (("spheres", spheres), ("hull clumps", hulls)):
+    for name, shapes in PROVEN:
         case = Case(name, shapes, count, 8.0)
         box = box_of(case, count)
         # what rests is a column of the table

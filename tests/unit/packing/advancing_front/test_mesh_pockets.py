@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from kit import slow
 
 import voxgran as vg
 
@@ -35,7 +36,7 @@ def test_a_box_of_triangles_is_filled_as_a_box_is():
     assert vg.verify(mesh).ok
 
 
-@pytest.mark.parametrize("order", ["nearest", "lowest"])
+@pytest.mark.parametrize("order", [slow("nearest"), "lowest"])
 def test_pockets_at_a_rough_wall_are_filled(order):
     rock = vg.ClosedMesh(ROCK.scaled(11.0))
     packing = vg.pack(

@@ -32,7 +32,6 @@ def test_a_heap_stands_below_the_inlet(heap):
     assert np.median(np.abs(heap.position[:, 0] - 15.0)) < 5.0
     # over seeds the median scatters by a standard deviation of 0.5
     assert np.median(heap.position[:, 0]) == pytest.approx(15.0, abs=1.5)
-    assert pour_disks(0.5, seed=1).position.tobytes() == heap.position.tobytes()
 
 
 @pytest.mark.slow
@@ -65,13 +64,13 @@ def test_seeds_lie_in_the_column_above_the_height(inlet, within):
 
 
 def test_later_batches_begin_above_the_bed_and_upon_a_start():
-    below = vg.pack(BALL, vg.Box((5, 5, 12)), "gravity", count=40, density=2.0)
+    below = vg.pack(BALL, vg.Box((5, 5, 12)), "gravity", count=20, density=2.0)
     small = vg.shapes.sphere(diameter=0.6)
-    bed = vg.pour(small, below.container, 20, batch=10, start=below, obstacles=bar(), density=3.0)
-    assert bed.provenance["batches"] == [10, 10]
-    assert bed.count == 61
-    assert bed.diameters[-20:] == pytest.approx(0.6)
-    assert bed.densities[-20:] == pytest.approx(3.0)
+    bed = vg.pour(small, below.container, 12, batch=6, start=below, obstacles=bar(), density=3.0)
+    assert bed.provenance["batches"] == [6, 6]
+    assert bed.count == 33
+    assert bed.diameters[-12:] == pytest.approx(0.6)
+    assert bed.densities[-12:] == pytest.approx(3.0)
     assert bed.fixed.sum() == 1
     assert vg.verify(bed).ok
 

@@ -128,11 +128,11 @@ def test_without_a_fall_height_nothing_is_different():
 
 def test_grains_upon_a_start_around_an_obstacle_and_of_any_shape():
     box = vg.Box((5, 5, 12))
-    below = vg.pack(BALL, box, "gravity", count=30)
+    below = vg.pack(BALL, box, "gravity", count=15)
     bar = vg.Packing.of(BALL, box, position=[(2.5, 2.5, 5.0)])
     rocks = [vg.make_shape("polyhedron", seed=k) for k in range(2)]
-    bed = vg.pack(rocks, box, "gravity", count=30, fall_height=3.0, start=below, obstacles=bar)
-    assert bed.count == 61
+    bed = vg.pack(rocks, box, "gravity", count=15, fall_height=3.0, start=below, obstacles=bar)
+    assert bed.count == 31
     assert bed.fixed.sum() == 1
     assert bed.position[bed.fixed][0] == pytest.approx((2.5, 2.5, 5.0))
     assert vg.verify(bed).ok
@@ -175,10 +175,10 @@ def test_what_cannot_be():
 
 def test_a_pour_in_batches_goes_on_from_its_checkpoints(tmp_path):
     box, path = vg.Box((6, 6, 12)), tmp_path / "heap.ckpt"
-    whole = vg.pour(BALL, box, 30, batch=10, seed=2)
-    vg.pour(BALL, box, 20, batch=10, seed=2, checkpoint=path)
+    whole = vg.pour(BALL, box, 15, batch=5, seed=2)
+    vg.pour(BALL, box, 10, batch=5, seed=2, checkpoint=path)
     assert sorted(one.name for one in tmp_path.iterdir()) == ["heap.ckpt", "heap.ckpt.1"]
-    again = vg.pour(BALL, box, 30, batch=10, seed=2, checkpoint=path, resume=True)
+    again = vg.pour(BALL, box, 15, batch=5, seed=2, checkpoint=path, resume=True)
     assert again.position.tobytes() == whole.position.tobytes()
 
 

@@ -63,9 +63,13 @@ def test_every_way_keeps_its_promises(way):
 
 
 @pytest.mark.parametrize(
-    "container", [slow(vg.Box((5, 5, 6), "xy")), vg.Cylinder(2.2, 6), vg.Box((5, 5, 6), "y")], ids=str
-)
-@pytest.mark.parametrize("way", [{"feed": "layers"}, {"lid": True}], ids=str)
+    ("container", "way"),
+    [
+        (vg.Cylinder(2.2, 6), {"feed": "layers"}), (vg.Box((5, 5, 6), "y"), {"lid": True}),
+        slow(vg.Cylinder(2.2, 6), {"lid": True}), slow(vg.Box((5, 5, 6), "xy"), {"feed": "layers"}),
+    ],
+    ids=str,
+)  # fmt: skip
 def test_periodic_and_round_containers_take_every_way(container, way):
     _, packing = run(task_of(vg.make_shape("cone"), container, count=12, **way))
     assert packing.count == 12

@@ -72,7 +72,7 @@ def moves(seed, length, count):
             yield (SHEETS[a], SHEETS[b]), begin, end
 
 
-@pytest.mark.parametrize("count", [80, slow(250)])
+@pytest.mark.parametrize("count", [50, slow(250)])
 def test_no_step_leads_through_a_surface(count):
     """Whatever the two poses, if both are allowed and no farther apart than a step, nothing crosses between them."""
     assert pytest.approx(2 * math.sqrt(KEPT**2 - 1)) == WAY
@@ -97,7 +97,7 @@ def test_no_move_of_a_walk_leads_through_a_surface():
     method, problem, moved = task.method, task.problem, 0
     state = method.advance(problem, method.prepare(problem), 3000)
     assert state.counters["placed"] == 6
-    for _ in range(2000):
+    for _ in range(1000):
         before = [state.arrays[name].copy() for name in ("position", "orientation")]
         state = method.advance(problem, state, 1)
         after = [state.arrays[name] for name in ("position", "orientation")]
@@ -113,10 +113,10 @@ def test_no_move_of_a_walk_leads_through_a_surface():
                 pair = tuple(problem.shapes[problem.shape_id[k]] for k in (g, j))
                 assert j == g or not crosses_on_the_way(pair, begin, end, 6)
             moved += 1
-    assert moved > 50
+    assert moved > 25
 
 
-@pytest.mark.parametrize("prisoner", ["sphere", "sheet"])
+@pytest.mark.parametrize("prisoner", [slow("sphere"), "sheet"])
 def test_what_is_in_a_shell_with_a_small_hole_stays_there(prisoner):
     """The longest steps that are allowed, 4000 sweeps without gravity, and no way out but through the shell."""
     shell = vg.make_shape("shell", opening=300, diameter=6.0)
@@ -198,6 +198,7 @@ def test_a_border_is_covered_by_points():
         assert (np.linalg.norm(crease[:, [0, 2]], axis=1) < 1e-9).sum() == 5
 
 
+@pytest.mark.usefixtures("jagged_pictures")
 def test_files_measures_and_reports_of_surfaces_alone(tmp_path):
     found = vg.pack(SHEETS, vg.Box((3, 3, 4)), count=9, seed=3, **QUICK)
     assert found.solid_fraction == 0.0

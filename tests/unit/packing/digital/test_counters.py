@@ -97,14 +97,14 @@ def test_a_move_hangs_on_nothing_but_the_shell_of_its_grain():
         assert core.sum() > 50
         parts.append([np.argwhere(part) - mask.shape[0] // 2 for part in (near & ~mask, core, mask)])
     before, words = state.counters["moves_accepted"], state.derived["words"]
-    for _ in range(600):
+    for _ in range(300):
         others = far_from(problem, state, next_grain(problem, state), setting.canvas, parts)
         noise = others & random.integers(0, 2**64, len(others), dtype=np.uint64)
         words[: len(noise)] ^= noise
         state = digital.advance(problem, state, 1)
         words[: len(noise)] ^= noise
-    twin = digital.advance(problem, twin, 600)
-    assert 30 < state.counters["moves_accepted"] - before < 570
+    twin = digital.advance(problem, twin, 300)
+    assert 15 < state.counters["moves_accepted"] - before < 285
     assert state.counters == twin.counters
     assert np.array_equal(state.arrays["site"], twin.arrays["site"])
     assert np.array_equal(words, twin.derived["words"])
@@ -119,7 +119,7 @@ def test_tables_are_asked_of_no_pair_that_is_far_apart(monkeypatch):
     cells, random = state.derived["pairs"].cells, np.random.default_rng(0)
     turn, site = state.arrays["turn"], state.arrays["site"]
     far_turns = far_sites = 0
-    for _ in range(600):
+    for _ in range(300):
         grain = next_grain(problem, state)
         apart = np.abs(site - site[grain]).max(axis=1)
         # after the step
@@ -131,9 +131,9 @@ def test_tables_are_asked_of_no_pair_that_is_far_apart(monkeypatch):
         state = digital.advance(problem, state, 1)
         turn[turned], site[shifted] = kept
         far_turns, far_sites = far_turns + len(turned), far_sites + len(shifted)
-    twin = digital.advance(problem, twin, 600)
-    assert far_turns > 6_000
-    assert far_sites > 1_500
+    twin = digital.advance(problem, twin, 300)
+    assert far_turns > 3_000
+    assert far_sites > 750
     assert state.counters == twin.counters
     assert np.array_equal(site, twin.arrays["site"])
     assert np.array_equal(turn, twin.arrays["turn"])

@@ -36,7 +36,7 @@ def places_of(taken, setting, member):
     return places
 
 
-@pytest.mark.parametrize("gravity", ["-z", slow("+z"), slow("-x"), "+y"])
+@pytest.mark.parametrize("gravity", [slow("-z"), slow("+z"), slow("-x"), "+y"])
 def test_each_grain_takes_the_lowest_place_there_is(gravity):
     shapes = [vg.make_shape("solid_union", seed=2), vg.make_shape("cone")]
     task = task_of(shapes, vg.Box((3, 3, 4)), count=14, voxel_size=0.2, gravity=gravity)

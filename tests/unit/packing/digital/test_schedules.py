@@ -208,7 +208,7 @@ def test_sleeping_grains_are_passed_over_and_the_bed_is_as_dense():
 
 @pytest.mark.parametrize(
     "way",
-    [slow({"lid": True}), {"schedule": "sleeping", "guided": 0.3}, {"feed": "layers"}, slow({"schedule": "sorted"})],
+    [{"schedule": "sleeping", "guided": 0.3}, *map(slow, ({"lid": True}, {"feed": "layers"}, {"schedule": "sorted"}))],
     ids=str,
 )
 def test_every_way_goes_on_after_a_stop_to_the_same_bits(way, tmp_path, monkeypatch):

@@ -126,7 +126,7 @@ def test_gradations_jam_where_the_theory_says(sizes):
 
 
 def test_a_gradation_jams_where_the_theory_says():
-    assert jammed(1500, sizes=TWO).solid_fraction == pytest.approx(vg.expected_solid_fraction(TWO), abs=0.005)
+    assert jammed(800, sizes=TWO).solid_fraction == pytest.approx(vg.expected_solid_fraction(TWO), abs=0.005)
 
 
 def test_sizes_are_kept_and_the_container_is_not():
