@@ -8,9 +8,10 @@ import time
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from voxgran._base.files import write_text
+from voxgran._base.lazy import DataTree
 from voxgran._base.progress import OnStep
 from voxgran.contacts.verify import Verification, verify
 from voxgran.containers.kinds.box import Box
@@ -28,9 +29,6 @@ from voxgran.shapes.family import make_shape
 from voxgran.shapes.files import load_shape
 from voxgran.shapes.model import Shape
 from voxgran.shapes.sizes import lognormal
-
-if TYPE_CHECKING:
-    from xarray import DataTree
 
 #: scanned bodies, with their share by number; each of the four random solids has the share 1
 SCANS = {"eros.obj": 1.0, "itokawa_lp.obj": 1.0, "bennu_lp.obj": 1.0}

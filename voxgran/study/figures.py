@@ -3,12 +3,12 @@
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
 from voxgran._base.arrays import Floats, Integers
-from voxgran._base.lazy import load
+from voxgran._base.lazy import Dataset, load
 from voxgran.report import plots
 from voxgran.report.figures import Figure
 from voxgran.study.axes import Label
@@ -16,9 +16,6 @@ from voxgran.study.cell_values import axes_of, labels_of, text_of, title_of, var
 from voxgran.study.cells import LISTED
 from voxgran.study.experiments import Band, check_labels
 from voxgran.study.statistics import Interval, summary
-
-if TYPE_CHECKING:
-    from xarray import Dataset
 
 MARKERS = ("o", "s", "^", "D", "v", "P", "X", "<", ">", "p", "*", "d", (4, 1, 0), "h", (8, 1, 0))
 #: inches of a figure, and of a legend column beside it

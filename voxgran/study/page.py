@@ -5,7 +5,7 @@ import os
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, get_args
+from typing import Any, get_args
 
 import numpy as np
 
@@ -13,6 +13,7 @@ from voxgran import __version__
 from voxgran._base.arrays import as_choice, as_number
 from voxgran._base.errors import UnknownNameError
 from voxgran._base.files import as_path, write_files
+from voxgran._base.lazy import Dataset
 from voxgran._base.names import unknown
 from voxgran.report import facts
 from voxgran.report.facts import Fact
@@ -44,9 +45,6 @@ from voxgran.study.comparisons import compare, compared_axis
 from voxgran.study.experiments import bands_of
 from voxgran.study.figures import figures_of
 from voxgran.study.statistics import LEAST_FOR_BOOTSTRAP, Interval
-
-if TYPE_CHECKING:
-    from xarray import Dataset
 
 PAGE, CELLS_TABLE, COMPARISONS_TABLE = "study.html", "cells.csv", "comparisons.csv"
 #: numbers that are compared and listed, where a study has them; of the densities there are figures
