@@ -139,8 +139,9 @@ def _anisotropy(
     if m < 2:
         return Anisotropy(FACTOR[key] * part, factor * norm, math.nan, math.nan)
     more = m / (m - 1.0)
-    independent = more * float(np.square(share) @ (SINGLE[key] - 2.0 * each + squared))
-    variance = more * float(np.square(share) @ np.square(each - squared))
+    # not products of vectors, which BLAS spreads over threads
+    independent = more * float((np.square(share) * (SINGLE[key] - 2.0 * each + squared)).sum())
+    variance = more * float((np.square(share) * np.square(each - squared)).sum())
     if scatter is None or not independent > 0.0:
         scatter = max(independent, 0.0)
     else:
@@ -271,7 +272,8 @@ def unit_vectors(vectors: Floats) -> tuple[Floats, Booleans]:
 
 def mean_products(way: Floats, share: Floats) -> Floats:
     """Return the sum (k,) of the products of four components of directions (m, d), each with its share (m,)."""
-    return np.asarray(sum(_products(way[some]) @ share[some] for some in _blocks(way)))
+    # not a product of a vector, which BLAS spreads over threads
+    return np.asarray(sum(np.einsum("km,m->k", _products(way[some]), share[some]) for some in _blocks(way)))
 
 
 def wave_products(way: Floats, share: Floats, turns: Floats) -> Floats:
@@ -296,7 +298,8 @@ def values_along(way: Floats, second: Floats, fourth: Floats) -> tuple[Floats, F
 
     The tensor of fourth order is given by the sums (k,) of its equal components for each product of four components.
     """
-    return ((way @ second) * way).sum(axis=1), np.concatenate([fourth @ _products(way[some]) for some in _blocks(way)])
+    fourths = [np.einsum("k,km->m", fourth, _products(way[some])) for some in _blocks(way)]
+    return np.einsum("mi,ij,mj->m", way, second, way, optimize=True), np.concatenate(fourths)
 
 
 def shares_of_map(way: Floats, weight: Floats, pole: int) -> tuple[Floats, Floats]:
