@@ -165,15 +165,11 @@ def save_report(
         provenance=json.dumps(packing.provenance, indent=2, default=str, ensure_ascii=False),
     )
     numbers = json_text(page_numbers(packing, statistics, verification, figures=figures))
-    tables = {**_fact_tables(told), "sizes": [SIZES, *sieves] if sieves else [], "comparison": compared}
+    tables = {name: [(fact.label, fact.value, fact.note) for fact in rows] for name, rows in told.items()}
+    tables |= {"sizes": [SIZES, *sieves] if sieves else [], "comparison": compared}
     tables["shapes"] = [SHAPES, *shapes] if shapes else []
     files |= table_files(as_path(path), tables)
     write_files({**files, as_path(path): text, twin: numbers}, overwrite=overwrite)
-
-
-def _fact_tables(told: Mapping[str, list[facts.Fact]]) -> dict[str, list[Any]]:
-    """Return label, value and note of each fact, by table."""
-    return {name: [(fact.label, fact.value, fact.note) for fact in rows] for name, rows in told.items()}
 
 
 def check_page_path(path: str | os.PathLike[str], *, overwrite: bool) -> Path:

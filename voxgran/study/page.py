@@ -299,7 +299,8 @@ def _comparisons(dataset: "Dataset", tests: Sequence[Mapping[str, Any]]) -> list
     """Return a table of comparisons for each variable."""
     tables = []
     for variable in dict.fromkeys(row["variable"] for row in tests):
-        of_it = sorted((row for row in tests if row["variable"] == variable), key=_pooled_first)
+        # first those that are pooled over several combinations
+        of_it = sorted((row for row in tests if row["variable"] == variable), key=lambda row: row["blocks"] < 2)
         over = of_it[0]["over"]
         others = [name for name in axes_of(dataset) if name in of_it[0] and name != over]
         what = (
@@ -319,11 +320,6 @@ def _comparisons(dataset: "Dataset", tests: Sequence[Mapping[str, Any]]) -> list
         name = f"comparison-{variable.replace('_', '-')}"
         tables.append(Table(name, title, head, _short(texts, notes, COMPARISONS_TABLE), notes))
     return tables
-
-
-def _pooled_first(row: Mapping[str, Any]) -> bool:
-    """Return False for rows that are pooled over several combinations."""
-    return row["blocks"] < 2
 
 
 def _test_texts(row: Mapping[str, Any]) -> list[str]:
