@@ -165,11 +165,9 @@ def save_report(
         provenance=json.dumps(packing.provenance, indent=2, default=str, ensure_ascii=False),
     )
     numbers = json_text(page_numbers(packing, statistics, verification, figures=figures))
-    tables: dict[str, list[Any]] = {
-        name: [(fact.label, fact.value, fact.note) for fact in rows] for name, rows in told.items()
-    }
-    tables |= {"sizes": [SIZES, *sieves] if sieves else [], "comparison": compared}
-    tables["shapes"] = [SHAPES, *shapes] if shapes else []
+    tables: dict[str, Any] = {name: [(one.label, one.value, one.note) for one in rows] for name, rows in told.items()}
+    told_of = {"sizes": [SIZES, *sieves] if sieves else [], "shapes": [SHAPES, *shapes] if shapes else []}
+    tables |= {**told_of, "comparison": compared}
     files |= table_files(as_path(path), tables)
     write_files({**files, as_path(path): text, twin: numbers}, overwrite=overwrite)
 
