@@ -9,11 +9,11 @@ its own method is the way to the volumes, not the geometry.
 import time
 
 import numpy as np
-from voxgran.packing.tessellation.voronoi_polyhedron import volume_and_center
 
 from voxgran._base.arrays import Floats
 from voxgran._base.kernels import kernel
 from voxgran._base.seeds import stream
+from voxgran.geometry.polyhedron import volume_and_center
 from voxgran.packing.tessellation.voronoi_cells import Cells, build_cell, seeds_of
 
 #: moves between two looks at the clock, cells that are computed again at most, and first and last length of a step, in

@@ -106,7 +106,7 @@ def as_vector(value: "ArrayLike", name: str, *, length: int = 3) -> Floats:
     return as_floats(value, name, shape=(length,))
 
 
-def as_faces(value: "ArrayLike", vertex_count: int, name: str = "faces") -> Integers:
+def as_faces(value: "ArrayLike", vertex_count: int) -> Integers:
     """Return `value` as (m, 3) int64 vertex indices below `vertex_count`.
 
     Raises
@@ -117,18 +117,18 @@ def as_faces(value: "ArrayLike", vertex_count: int, name: str = "faces") -> Inte
     try:
         array = np.asarray(value)
     except (TypeError, ValueError):
-        raise InputError(f"{name} is {shown(value)}: it must be an (m, 3) array of whole numbers; give one") from None
+        raise InputError(f"faces is {shown(value)}: it must be an (m, 3) array of whole numbers; give one") from None
     if array.size == 0:
         return np.zeros((0, 3), dtype=np.int64)
     if array.ndim != 2 or array.shape[1] != 3 or not np.issubdtype(array.dtype, np.integer):
         raise InputError(
-            f"{name} has shape {array.shape} and type {array.dtype}: it must be an (m, 3) array of "
+            f"faces has shape {array.shape} and type {array.dtype}: it must be an (m, 3) array of "
             "whole numbers; triangulate the surface first"
         )
     faces = np.ascontiguousarray(array, dtype=np.int64)
     if faces.min() < 0 or faces.max() >= vertex_count:
         raise InputError(
-            f"{name} names vertex {int(faces.max() if faces.min() >= 0 else faces.min())}: indices must "
+            f"faces names vertex {int(faces.max() if faces.min() >= 0 else faces.min())}: indices must "
             f"lie in 0 ... {vertex_count - 1}"
         )
     return faces

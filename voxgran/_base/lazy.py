@@ -16,10 +16,18 @@ from collections.abc import Iterator
 from contextvars import ContextVar
 from dataclasses import dataclass
 from types import ModuleType
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from voxgran._base.errors import MissingLibraryError
 from voxgran._base.stopping import heed
+
+if TYPE_CHECKING:
+    from xarray import DataArray as DataArray
+    from xarray import Dataset as Dataset
+    from xarray import DataTree as DataTree
+else:
+    # names in annotations, for which the library need not be there
+    DataArray = Dataset = DataTree = Any
 
 #: the libraries that a run may load: `plan` predicts them, `run` records them
 LIBRARIES = (

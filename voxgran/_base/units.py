@@ -58,9 +58,9 @@ def as_unit(value: object, name: str = "unit") -> str:
     return found or NO_UNIT
 
 
-def stated_unit(value: object, name: str = "unit") -> str | None:
+def stated_unit(value: object) -> str | None:
     """Return a unit of length as :func:`as_unit` does, but None if none is given."""
-    unit = as_unit(value, name)
+    unit = as_unit(value, "unit")
     return None if unit == NO_UNIT else unit
 
 

@@ -48,7 +48,8 @@ def _run(words: list[str], signals: Signals) -> int:
     try:
         try:
             options = parse(words, COMMANDS)
-            _set_logging(options)
+            if options.verbose:
+                logging.basicConfig(stream=sys.stderr, level=logging.INFO, format="%(name)s: %(message)s")
             warnings.showwarning = lambda message, *_: warn(name_flags(str(message), options))
             heed()
             return int(COMMANDS[options.command][1](options) or 0)
@@ -122,9 +123,3 @@ def _resumed(words: Sequence[str]) -> str:
     """Return the command that goes on."""
     kept = [word for word in words if word != "--overwrite"]
     return shlex.join(kept if "--resume" in kept else [*kept, "--resume"])
-
-
-def _set_logging(options: argparse.Namespace) -> None:
-    """Let the libraries' logs reach the error stream where asked."""
-    if options.verbose:
-        logging.basicConfig(stream=sys.stderr, level=logging.INFO, format="%(name)s: %(message)s")

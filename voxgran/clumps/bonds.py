@@ -8,18 +8,15 @@ beyond that circle or all of it is within the other. The area of a bond is thus 
 
 import math
 from collections.abc import Sequence
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from voxgran._base.arrays import Floats, Integers, as_number, as_share
 from voxgran._base.errors import PackingWarning
-from voxgran._base.lazy import load
+from voxgran._base.lazy import Dataset, load
 from voxgran._base.warning import warn
 from voxgran.geometry.sphere_pairs import near_pairs
-
-if TYPE_CHECKING:
-    from xarray import Dataset
 
 #: least area of a bond, as share of the great circle of the smaller sphere
 LEAST_AREA = 0.1

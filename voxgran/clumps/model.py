@@ -3,21 +3,19 @@
 import os
 from dataclasses import dataclass, fields
 from functools import cached_property
-from typing import TYPE_CHECKING, Literal
+from typing import Literal
 
 import numpy as np
 
 from voxgran._base import ExplainedAttributes
 from voxgran._base.arrays import Floats, as_choice
 from voxgran._base.calls import explained_methods
+from voxgran._base.lazy import Dataset
 from voxgran.clumps.bonds import LEAST_AREA, TOUCHING, Strengths, bonds_of_bodies
 from voxgran.shapes.describing.thumbnail import card, portrait
 from voxgran.shapes.formats.sphere_files import write_spheres
 from voxgran.shapes.model import Shape
 from voxgran.shapes.spheres import MassProperties, Spheres
-
-if TYPE_CHECKING:
-    from xarray import Dataset
 
 #: whose mass properties a clump may have
 OF = ("true", "spheres")

@@ -123,7 +123,7 @@ class Rules:
 def union_gaps(places: Floats, centers: Floats, radii: Floats) -> tuple[Floats, Integers]:
     """Return the distance of (n, 3) points from the nearest of the spheres, negative inside, and that sphere."""
     gap, owner = np.full(len(places), np.inf), np.zeros(len(places), dtype=np.int64)
-    _find_gaps(*_contiguous(places, centers, radii), gap, owner)
+    _find_gaps(*_contiguous(places, centers, radii), np.full(len(places), -1), gap, owner)
     return gap, owner
 
 
@@ -181,7 +181,7 @@ def without_cheapest(points: Points, spheres: SphereSet, count: int) -> SphereSe
     """Return the spheres without so many whose points are nearly as near to others."""
     gap, owner = points.gaps(spheres)
     second = np.full(len(gap), np.inf)
-    _find_second_gaps(points.places, spheres.centers, spheres.radii, owner, second)
+    _find_gaps(points.places, spheres.centers, spheres.radii, owner, second, np.zeros_like(owner))
     rules = Rules()
     loss = points.weight * (np.abs(_residuals(points, second, rules)[0]) - np.abs(_residuals(points, gap, rules)[0]))
     total = np.bincount(owner, loss, len(spheres))
@@ -230,14 +230,14 @@ def _stepped(
 
 
 @kernel
-def _find_gaps(places, centers, radii, gap, owner):  # type: ignore[no-untyped-def]
-    """Fill `gap` with the smallest signed distance from a sphere and `owner` with the sphere's index."""
+def _find_gaps(places, centers, radii, other, gap, owner):  # type: ignore[no-untyped-def]
+    """Fill `gap` with the smallest signed distance from a sphere but `other`, and `owner` with the sphere's index."""
     for p in range(len(places)):
         for s in range(len(radii)):
             dx, dy, dz = places[p, 0] - centers[s, 0], places[p, 1] - centers[s, 1], places[p, 2] - centers[s, 2]
             square, reach = dx * dx + dy * dy + dz * dz, gap[p] + radii[s]
             # the root is taken only where the sphere is nearer than all before
-            if reach > 0.0 and square < reach * reach:
+            if s != other[p] and reach > 0.0 and square < reach * reach:
                 gap[p], owner[p] = np.sqrt(square) - radii[s], s
 
 
@@ -270,19 +270,6 @@ def _find_gaps_of_groups(groups, centers, radii, gap, owner):  # type: ignore[no
                 if reach > 0.0 and square < reach * reach:
                     best, nearest = np.sqrt(square) - radii[s], s
             gap[groups.order[p]], owner[groups.order[p]] = best, nearest
-
-
-@kernel
-def _find_second_gaps(places, centers, radii, owner, gap):  # type: ignore[no-untyped-def]
-    """Fill `gap` with the smallest signed distance from a sphere other than the owner."""
-    for p in range(len(places)):
-        for s in range(len(radii)):
-            if s == owner[p]:
-                continue
-            dx, dy, dz = places[p, 0] - centers[s, 0], places[p, 1] - centers[s, 1], places[p, 2] - centers[s, 2]
-            square, reach = dx * dx + dy * dy + dz * dz, gap[p] + radii[s]
-            if reach > 0.0 and square < reach * reach:
-                gap[p] = np.sqrt(square) - radii[s]
 
 
 @kernel

@@ -10,15 +10,13 @@ Formats and commands: docs.lammps.org, pages `bond_bpm_rotational`, `fix_nve_bpm
 """
 
 import math
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
 from voxgran._base.arrays import Floats, Integers
+from voxgran._base.lazy import Dataset
 from voxgran.decks.contact_law import SHEAR_RATIO, ContactLaw
-
-if TYPE_CHECKING:
-    from xarray import Dataset
 
 #: digits by which the coefficients of bonds are the same
 DIGITS = 12

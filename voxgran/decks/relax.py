@@ -8,7 +8,7 @@ import tempfile
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
@@ -16,7 +16,7 @@ from voxgran._base.arrays import Floats, Integers, as_positive
 from voxgran._base.calls import explained
 from voxgran._base.errors import EngineError, FileFormatError, InputError, OutputError, VoxgranError
 from voxgran._base.files import as_path, output_suffix, refuse_to_replace, write_files
-from voxgran._base.lazy import load
+from voxgran._base.lazy import Dataset, load
 from voxgran._base.progress import OnStep, Step
 from voxgran._base.units import NO_UNIT, unit_factor
 from voxgran.clumps.model import Clump
@@ -37,9 +37,6 @@ from voxgran.packing.model import Packing
 from voxgran.settling.material import Material
 from voxgran.settling.materials import Materials
 from voxgran.settling.relaxation import Relaxation
-
-if TYPE_CHECKING:
-    from xarray import Dataset
 
 log = logging.getLogger(__name__)
 

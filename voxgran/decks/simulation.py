@@ -7,13 +7,14 @@ import math
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
 from voxgran import __version__
 from voxgran._base.arrays import Booleans, Floats, as_positive
 from voxgran._base.errors import InputError
+from voxgran._base.lazy import Dataset
 from voxgran._base.units import NO_UNIT
 from voxgran.clumps.bonds import LEAST_AREA, TOUCHING, Strengths, bonds_of_bodies
 from voxgran.contacts.assembly import NOT_STATED, Density, by_shape, density_text
@@ -33,9 +34,6 @@ from voxgran.geometry.sphere_pairs import near_pairs
 from voxgran.packing.model import Packing
 from voxgran.settling.material import Material
 from voxgran.settling.materials import Materials
-
-if TYPE_CHECKING:
-    from xarray import Dataset
 
 #: time step where none is given, in stable ones: collisions then have the restitution asked for to 0.01
 USUAL_STEP = 0.5

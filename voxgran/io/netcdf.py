@@ -6,7 +6,7 @@ The engine is always named: without it xarray may fall back on one that turns in
 import json
 import os
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
@@ -15,12 +15,9 @@ from voxgran._base.calls import explained
 from voxgran._base.errors import OutputError
 from voxgran._base.files import as_path, existing_file, output_suffix, write_files, written_whole
 from voxgran._base.guarded import Content, read_guarded, refused
-from voxgran._base.lazy import load
+from voxgran._base.lazy import Dataset, DataTree, load
 from voxgran.io.statistics_table import statistics_text
 from voxgran.measures.accessor import register_accessor
-
-if TYPE_CHECKING:
-    from xarray import Dataset, DataTree
 
 #: variables longer than this are compressed
 _COMPRESS_ABOVE = 1000

@@ -3,12 +3,11 @@
 import csv
 import io
 from collections.abc import Iterator
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
-if TYPE_CHECKING:
-    from xarray import DataArray, DataTree
+from voxgran._base.lazy import DataArray, DataTree
 
 #: columns of the table
 COLUMNS = ("group", "variable", "place", "value", "units", "long_name")

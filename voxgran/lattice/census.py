@@ -45,7 +45,7 @@ class Census:
         return numbers
 
 
-def census(image: NDArray[Any], name: str = "the image") -> Census:
+def census(image: NDArray[Any]) -> Census:
     """Return the census of an (nx, ny, nz) image of labels, 0 for void; it may be a memory map larger than the memory,
     or a dask array.
 
@@ -56,18 +56,18 @@ def census(image: NDArray[Any], name: str = "the image") -> Census:
     """
     if image.ndim != 3:
         raise InputError(
-            f"{name} has the shape {image.shape}: labels need three axes; stack slices, or choose a channel"
+            f"the image has the shape {image.shape}: labels need three axes; stack slices, or choose a channel"
         )
     if not image.size:
-        raise InputError(f"{name} has the shape {image.shape}: it holds no voxel; check the file")
+        raise InputError(f"the image has the shape {image.shape}: it holds no voxel; check the file")
     if image.dtype.kind not in "buif":
-        raise InputError(f"{name} holds {image.dtype}: labels are whole numbers of at least 0; convert it")
+        raise InputError(f"the image holds {image.dtype}: labels are whole numbers of at least 0; convert it")
     thick = max(1, SLAB // (image.shape[1] * image.shape[2]))
     if lazy_of(image) is not None:
-        parts = of_blocks(image, _count_slab, name)
+        parts = of_blocks(image, _count_slab)
     else:
         starts = [np.array([start, 0, 0]) for start in range(0, image.shape[0], thick)]
-        parts = [_count_slab(np.asarray(image[start[0] : start[0] + thick]), start, name) for start in starts]
+        parts = [_count_slab(np.asarray(image[start[0] : start[0] + thick]), start) for start in starts]
     found, index = np.unique(np.concatenate([part.label for part in parts]), return_inverse=True)
     n = len(found)
     count, total = np.zeros(n, dtype=np.int64), np.zeros((n, 3))
@@ -81,7 +81,7 @@ def census(image: NDArray[Any], name: str = "the image") -> Census:
     return Census(found, count, lower, upper, total / np.maximum(count, 1)[:, None] + 0.5, border)
 
 
-def _count_slab(slab: NDArray[Any], start: Integers, name: str) -> Census:
+def _count_slab(slab: NDArray[Any], start: Integers) -> Census:
     """Count the labels of a part of an image that begins at some voxel; instead of the middle it has the sum of the
     indices of the voxels, whole numbers, so that the parts make no difference.
     """
@@ -93,16 +93,16 @@ def _count_slab(slab: NDArray[Any], start: Integers, name: str) -> Census:
             at = np.unravel_index(bad.argmax(), slab.shape)
             place = tuple((np.array(at) + start).tolist())
             raise InputError(
-                f"{name} is {slab[at]:g} at voxel {place}: labels are whole numbers, and these are grey values; "
+                f"the image is {slab[at]:g} at voxel {place}: labels are whole numbers, and these are grey values; "
                 "segment it first"
             )
         slab = slab.astype(np.int64)
     if slab.dtype.kind == "i" and slab.min() < 0:
-        raise InputError(f"{name} holds the label {slab.min()}: labels are at least 0, 0 being void; renumber them")
+        raise InputError(f"the image holds the label {slab.min()}: labels are at least 0, 0 being void; renumber them")
     if slab.dtype == np.uint64:
         # together with whole numbers of 64 bits these become floating-point numbers, in which large labels are alike
         if slab.max() >= 2**63:
-            raise InputError(f"{name} holds the label {slab.max()}: labels are below 2**63; renumber them")
+            raise InputError(f"the image holds the label {slab.max()}: labels are below 2**63; renumber them")
         slab = slab.astype(np.int64)
     label = np.arange(int(slab.max()) + 1) if slab.max() <= LARGEST else np.append(0, np.unique(slab[slab > 0]))
     if slab.max() > LARGEST:

@@ -211,7 +211,7 @@ def as_mask(image: "ArrayLike", name: str = "mask") -> Booleans:
     return np.ascontiguousarray(array)
 
 
-def lazy_mask(image: Any, name: str = "mask") -> Any:
+def lazy_mask(image: Any) -> Any:
     """Return a dask array as one of bool; values other than bool, 0 and 1 are refused when they are computed.
 
     Raises
@@ -220,8 +220,8 @@ def lazy_mask(image: Any, name: str = "mask") -> Any:
         If the image does not have three axes, or no whole numbers.
     """
     if image.dtype.kind not in "biu" or image.ndim != 3:
-        return as_mask(np.empty((0,) * image.ndim, dtype=image.dtype), name)
-    return image if image.dtype == np.bool_ else image.map_blocks(as_mask, name, dtype=np.bool_)
+        return as_mask(np.empty((0,) * image.ndim, dtype=image.dtype), "mask")
+    return image if image.dtype == np.bool_ else image.map_blocks(as_mask, "mask", dtype=np.bool_)
 
 
 @kernel

@@ -3,15 +3,12 @@
 import json
 import math
 from collections.abc import Mapping
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from voxgran._base import ExplainedAttributes
 from voxgran._base.errors import UnknownNameError
-from voxgran._base.lazy import load
+from voxgran._base.lazy import Dataset, DataTree, load
 from voxgran._base.names import unknown
-
-if TYPE_CHECKING:
-    from xarray import Dataset, DataTree
 
 NAME = "voxgran"
 

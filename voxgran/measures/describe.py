@@ -1,22 +1,19 @@
 """`describe`: the form of shapes, or of all grains of a packing, in numbers."""
 
 from collections.abc import Iterable, Mapping, Sequence
-from typing import TYPE_CHECKING
 
 import numpy as np
 
 from voxgran._base.arrays import Floats, check_type
 from voxgran._base.calls import explained
 from voxgran._base.errors import InputError, PackingWarning, UnknownNameError
+from voxgran._base.lazy import Dataset
 from voxgran._base.names import unknown
 from voxgran._base.warning import warn
 from voxgran.measures.model import dataset, variable
 from voxgran.packing.model import Packing
 from voxgran.shapes.describing.ratios import DESCRIPTORS, Form
 from voxgran.shapes.model import Shape
-
-if TYPE_CHECKING:
-    from xarray import Dataset
 
 
 @explained(hint="describe(packing)")

@@ -6,7 +6,7 @@ Each measure is one file of the folder ``registered`` with a line ``registration
 import json
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, TypeAlias
+from typing import Any, TypeAlias
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -14,15 +14,12 @@ from numpy.typing import ArrayLike
 from voxgran._base.arrays import check_type
 from voxgran._base.calls import explained
 from voxgran._base.compiling.threads import using_threads
-from voxgran._base.lazy import load
+from voxgran._base.lazy import Dataset, DataTree, load
 from voxgran._base.registry import Registry
 from voxgran.containers.model import refuse_tilt, tilt_of
 from voxgran.measures.accessor import register_accessor
 from voxgran.packing.model import Packing, check_packing
 from voxgran.packing.start import around_fixed
-
-if TYPE_CHECKING:
-    from xarray import Dataset, DataTree
 
 #: datasets by group of the tree
 Groups: TypeAlias = "Mapping[str, Dataset]"

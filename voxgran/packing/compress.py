@@ -16,27 +16,24 @@ from voxgran._base.config import from_mapping, to_mapping
 from voxgran._base.errors import GrainTooLargeError, InputError, PackingWarning, shown
 from voxgran._base.progress import OnStep
 from voxgran._base.warning import warn
-from voxgran.contacts.forces import LID, WALL, ContactForces
-from voxgran.contacts.manifolds.rows import ARM_I, GAP, NORMAL
 from voxgran.contacts.verify import verify
 from voxgran.packing.beds.search import REGIONS, WHOLE, SoughtBed, sentence_of
-from voxgran.packing.driver import Drive, check_drive, drive
-from voxgran.packing.method import Cost, PackingMethod
+from voxgran.packing.driver import Drive, check_drive
 from voxgran.packing.model import Packing, check_packing
-from voxgran.packing.problem import Problem
 from voxgran.packing.settling_run import (
-    GRAIN_BYTES,
     Moving,
     SettleState,
-    advance_settling,
+    moved_alone,
     no_forces,
     normalized_assembly,
+    problem_alone,
     refuse_deep,
+    with_known_forces,
 )
-from voxgran.packing.start import Start, around_fixed, free_volume
+from voxgran.packing.start import around_fixed, free_volume
 from voxgran.settling.compression import TOUCHING, Compressor
 from voxgran.settling.compression_parameters import Compression
-from voxgran.settling.materials import Materials, friction_of
+from voxgran.settling.materials import Materials
 from voxgran.settling.stress_balance import stress_of
 
 #: largest share of grains that bear no forces in a specimen, and least width of one that changes its form, in mean
@@ -173,41 +170,13 @@ def compress(
         )
     if not packing.count:
         return replace(packing, stop_reason="compressed", forces=no_forces(how.friction))
-    method = PackingMethod(
-        name="compress",
-        summary="",
-        source="",
-        parameters=Compression,
-        prepare=lambda _: begun_compression(packing, how),
-        advance=advance_settling,
-        finish=lambda _, state: finished_compression(packing, state),
-        cost=lambda _: Cost(memory=GRAIN_BYTES * packing.count, attempts=0),
-    )
-    problem = _problem_of(packing, how)
-    state = drive(method, problem, Drive(checkpoint, resume, on_step, threads=threads))
-    compressed = method.finish(problem, state)
+    run = Drive(checkpoint, resume, on_step, threads=threads)
+    compressed = moved_alone(
+        "compress", packing, problem_alone(packing, how), lambda given: begun_compression(given, how),
+        finished_compression, run,
+    )  # fmt: skip
     warn_of_imbalance(compressed)
     return compressed
-
-
-def _problem_of(packing: Packing, how: Compression) -> Problem:
-    """Return the task of compressing a packing, from which the fingerprint of its checkpoints is made."""
-    assembly, unit = normalized_assembly(packing)
-    fixed = assembly.position[~assembly.movable]
-    return Problem(
-        shapes=packing.shapes,
-        shape_id=packing.shape_id,
-        diameter=assembly.diameters,
-        container=assembly.container,
-        parameters=how,
-        seed=0,
-        unit_length=unit,
-        original=packing.shapes,
-        # which grains are fixed is a part of the task
-        start=Start(np.vstack([assembly.position, fixed]), assembly.orientation),
-        unit=packing.unit,
-        density=packing.density,
-    )
 
 
 def begun_compression(packing: Packing, how: Compression) -> SettleState:
@@ -308,22 +277,16 @@ def finished_compression(packing: Packing, state: SettleState) -> Packing:
     moved = replace(_moved(packing, settler), stop_reason=state.stop_reason or "interrupted", provenance=record)
     if not settler.ended:
         return moved
-    bed, unit, forces = settler.bed, packing.median_diameter, settler.bed.forces()
-    row = bed.rows.row[: bed.m]
-    i, j = bed.contact_grains(wall=WALL, lid=LID)
-    known = ContactForces(
-        i=i,
-        j=j,
-        point=moved.position[i] + row[:, ARM_I : ARM_I + 3] * unit,
-        normal=row[:, NORMAL : NORMAL + 3],
-        force=forces * settler.unit,
-        gap=row[:, GAP] * unit,
+    bed, forces = settler.bed, settler.bed.forces()
+    return with_known_forces(
+        moved,
+        settler,
+        forces * settler.unit,
+        packing.median_diameter,
         residual=bed.in_order(settler.progress.residual),
         rattler=(bed.in_order(settler.progress.bearing) == 0.0) & packing.movable,
-        friction=bed.friction_at(friction_of(settler.how.friction, bed.assembly)),
         stress=stress_of(bed, forces) * settler.unit,
     )
-    return replace(moved, forces=known)
 
 
 def warn_of_imbalance(packing: Packing) -> None:

@@ -5,7 +5,7 @@ meshes and a card for notebooks.
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, fields, replace
 from functools import cached_property, partial
-from typing import TYPE_CHECKING, Any, ClassVar, Literal, Self, TypeAlias, overload
+from typing import Any, ClassVar, Literal, Self, TypeAlias, overload
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -13,7 +13,7 @@ from numpy.typing import ArrayLike
 from voxgran._base import ExplainedAttributes
 from voxgran._base.arrays import Floats, Integers, as_choice, as_indices, as_number, check_type, read_only
 from voxgran._base.errors import GrainIndexError, InputError, shown
-from voxgran._base.lazy import load
+from voxgran._base.lazy import Dataset, load
 from voxgran._base.units import NO_UNIT, as_unit
 from voxgran.clumps.bonds import LEAST_AREA, TOUCHING, Strengths, bonds_of_bodies
 from voxgran.contacts.assembly import Assembly, Lid, checked_arrays
@@ -26,10 +26,6 @@ from voxgran.settling.relaxation import Relaxation
 from voxgran.shapes.model import Shape
 from voxgran.shapes.size_laws.distribution import SizeDistribution
 from voxgran.shapes.spheres import Spheres
-
-if TYPE_CHECKING:
-    from xarray import Dataset
-
 
 #: why a method stopped
 STOP_REASONS = (

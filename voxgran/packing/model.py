@@ -4,7 +4,7 @@ import os
 from collections.abc import Mapping, Sequence
 from copy import deepcopy
 from dataclasses import dataclass, field, replace
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -12,6 +12,7 @@ from numpy.typing import ArrayLike
 from voxgran._base import public
 from voxgran._base.arrays import Integers, as_number, check_type
 from voxgran._base.calls import explained_methods
+from voxgran._base.lazy import DataTree
 from voxgran._base.units import as_unit, unit_factor
 from voxgran.clumps.fit import as_clumps
 from voxgran.clumps.model import Clump
@@ -28,9 +29,6 @@ from voxgran.packing.start import around_fixed, frame_of, joined_fixed, joined_i
 from voxgran.settling.relaxation import Relaxation
 from voxgran.shapes.model import Shape, check_shapes
 from voxgran.shapes.size_laws.distribution import SizeDistribution
-
-if TYPE_CHECKING:
-    from xarray import DataTree
 
 #: reasons that hold for all grains of a packing together
 _OF_THE_WHOLE = ("saturated", "full")

@@ -25,12 +25,12 @@ from voxgran.containers.one_unit import in_one_unit
 from voxgran.packing.beds.expected import tell_of_bed
 from voxgran.packing.beds.search import sentence_of
 from voxgran.packing.draw import DENSEST
-from voxgran.packing.driver import Drive, check_drive, drive
-from voxgran.packing.method import Cost, PackingMethod
+from voxgran.packing.driver import Drive, check_drive
+from voxgran.packing.method import PackingMethod
 from voxgran.packing.model import Packing, check_packing
 from voxgran.packing.problem import Problem
-from voxgran.packing.settling_run import GRAIN_BYTES, advance_settling, begun, finished, no_forces, normalized_assembly
-from voxgran.packing.start import Start, around_fixed, free_volume
+from voxgran.packing.settling_run import begun, finished, moved_alone, no_forces, problem_alone
+from voxgran.packing.start import around_fixed, free_volume
 from voxgran.settling.compression_parameters import Compression
 from voxgran.settling.materials import Materials
 from voxgran.settling.parameters import Lid, Settling, Shaking
@@ -171,22 +171,12 @@ def settle(
     if not packing.movable.any():
         forces = None if packing.count else no_forces(how.friction)
         return replace(packing, stop_reason="settled", forces=forces)
-    problem = _problem_of(packing, how, seed)
-    method = PackingMethod(
-        name="settle",
-        summary="",
-        source="",
-        parameters=Settling,
-        prepare=lambda _: begun(packing, how, problem.seed),
-        advance=advance_settling,
-        finish=lambda _, state: finished(packing, state),
-        cost=lambda _: Cost(memory=GRAIN_BYTES * packing.count, attempts=0),
-    )
+    problem = problem_alone(packing, how, seed)
     if how.solid_fraction is not None:
         units = tuple(shape.scaled(1 / shape.diameter) for shape in problem.shapes)
         tell_of_bed(replace(problem, shapes=units), on_step, np.array(packing.gravity))
-    state = drive(method, problem, Drive(checkpoint, resume, on_step, threads=threads))
-    settled = method.finish(problem, state)
+    run = Drive(checkpoint, resume, on_step, threads=threads)
+    settled = moved_alone("settle", packing, problem, lambda given: begun(given, how, seed), finished, run)
     warn_of_unrest(settled)
     return settled
 
@@ -241,26 +231,6 @@ def _refuse_too_full(packing: Packing) -> None:
             f"the solid fraction is {filled:.4g}: without overlap these grains fill at most {most:.4g} "
             "of the container; give a larger container or fewer grains"
         )
-
-
-def _problem_of(packing: Packing, how: Settling, seed: int) -> Problem:
-    """Return the task of settling a packing, from which the fingerprint of its checkpoints is made."""
-    assembly, unit = normalized_assembly(packing)
-    fixed = assembly.position[~assembly.movable]
-    return Problem(
-        shapes=packing.shapes,
-        shape_id=packing.shape_id,
-        diameter=assembly.diameters,
-        container=assembly.container,
-        parameters=how,
-        seed=seed,
-        unit_length=unit,
-        original=packing.shapes,
-        # gravity is a part of the task, and so is which grains are fixed
-        start=Start(np.vstack([assembly.position, np.array(packing.gravity), fixed]), assembly.orientation),
-        unit=packing.unit,
-        density=packing.density,
-    )
 
 
 def warn_of_unrest(packing: Packing) -> None:

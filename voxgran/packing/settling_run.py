@@ -15,11 +15,14 @@ from voxgran.contacts.forces import LID, WALL, ContactForces
 from voxgran.contacts.manifolds.rows import ARM_I, GAP, NORMAL
 from voxgran.containers.gravity import main_axis
 from voxgran.packing.beds.search import SoughtBed
+from voxgran.packing.driver import Drive, drive
 from voxgran.packing.grains import STOP_REASONS
 from voxgran.packing.method import Array, Cost, PackingMethod, RunState
 from voxgran.packing.model import Packing
 from voxgran.packing.problem import Problem
+from voxgran.packing.start import Start
 from voxgran.settling.compression import Compressor
+from voxgran.settling.compression_parameters import Compression
 from voxgran.settling.equilibrium import carried_by
 from voxgran.settling.examination import RESIDUAL, TOUCHING
 from voxgran.settling.materials import Materials, friction_of
@@ -88,6 +91,48 @@ def followed(
         return replace(inner, memory=max(inner.memory, GRAIN_BYTES * problem.count))
 
     return replace(method, prepare=prepare, advance=advance, finish=finish, cost=cost)
+
+
+def moved_alone(
+    name: str,
+    packing: Packing,
+    problem: Problem,
+    begin: Callable[[Packing], "SettleState"],
+    end: Callable[[Packing, "SettleState"], Packing],
+    how: Drive,
+) -> Packing:
+    """Return a packing whose grains have moved in a run of their own, called by a name; all else as `followed` says."""
+    method = PackingMethod(
+        name=name,
+        summary="",
+        source="",
+        parameters=type(problem.parameters),
+        prepare=lambda _: begin(packing),
+        advance=advance_settling,
+        finish=lambda _, state: end(packing, state),
+        cost=lambda _: Cost(memory=GRAIN_BYTES * packing.count, attempts=0),
+    )
+    return method.finish(problem, drive(method, problem, how))
+
+
+def problem_alone(packing: Packing, how: Settling | Compression, seed: int = 0) -> Problem:
+    """Return the task of moving the grains of a packing, from which the fingerprint of its checkpoints is made."""
+    assembly, unit = normalized_assembly(packing)
+    # gravity is a part of the task, and so is which grains are fixed
+    pull = () if packing.gravity is None else (np.array(packing.gravity),)
+    return Problem(
+        shapes=packing.shapes,
+        shape_id=packing.shape_id,
+        diameter=assembly.diameters,
+        container=assembly.container,
+        parameters=how,
+        seed=seed,
+        unit_length=unit,
+        original=packing.shapes,
+        start=Start(np.vstack([assembly.position, *pull, assembly.position[~assembly.movable]]), assembly.orientation),
+        unit=packing.unit,
+        density=packing.density,
+    )
 
 
 @dataclass(slots=True)
@@ -335,19 +380,28 @@ def contact_forces(packing: Packing, settler: Moving) -> Packing:
     if not settler.ended:
         return packing
     # the bed has the unit of the grains that were asked for, of which some may be left out
-    median, row = float(np.median(bed.diameter)), bed.rows.row[: bed.m]
+    median = float(np.median(bed.diameter))
     unit, forces = packing.median_diameter / median, bed.forces() / median**packing.dimension
-    i, j = bed.contact_grains(wall=WALL, lid=LID)
     residual = bed.in_order(settler.progress.residual)
-    known = ContactForces(
+    rattler = (residual <= RESIDUAL) & (bed.in_order(carried_by(bed, bed.forces())) <= RESIDUAL) & packing.movable
+    return with_known_forces(packing, settler, forces, unit, residual=residual, rattler=rattler)
+
+
+def with_known_forces(packing: Packing, settler: Any, forces: Floats, unit: float, **known: Any) -> Packing:
+    """Return the packing, whose grains are those of a settler that has ended, with forces (m, 3) at its contacts.
+
+    unit: that of the lengths of the bed in those of the packing.  known: residuals, rattlers and stress.
+    """
+    bed, row = settler.bed, settler.bed.rows.row[: settler.bed.m]
+    i, j = bed.contact_grains(wall=WALL, lid=LID)
+    made = ContactForces(
         i=i,
         j=j,
         point=packing.position[i] + row[:, ARM_I : ARM_I + 3] * unit,
         normal=row[:, NORMAL : NORMAL + 3],
         force=forces,
         gap=row[:, GAP] * unit,
-        residual=residual,
-        rattler=(residual <= RESIDUAL) & (bed.in_order(carried_by(bed, bed.forces())) <= RESIDUAL) & packing.movable,
         friction=bed.friction_at(friction_of(settler.how.friction, bed.assembly)),
+        **known,
     )
-    return replace(packing, forces=known)
+    return replace(packing, forces=made)

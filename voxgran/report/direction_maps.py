@@ -41,7 +41,8 @@ def plot_direction_map(
     most = max(float(np.abs(values - 1.0).max(initial=0.0)), 0.1)
     scale = load("matplotlib.colors").TwoSlopeNorm(1.0, max(1.0 - most, 0.0), 1.0 + most)
     colors = load("matplotlib").colormaps["PuOr_r"]
-    inner, outer = (_radius(colatitude[:, k]) for k in (0, 1))
+    # of the projection, 1 at the equator
+    inner, outer = np.sqrt(np.maximum(1.0 - np.cos(colatitude.T), 0.0))
     width = turn[:, 1] - turn[:, 0]
     axes.bar(
         turn[:, 0], outer - inner, width=width, bottom=inner, align="edge", color=colors(scale(values)), linewidth=0
@@ -55,11 +56,6 @@ def plot_direction_map(
     map_of = load("matplotlib.cm").ScalarMappable(scale, colors)
     axes.figure.colorbar(map_of, ax=axes, shrink=0.7, pad=0.12, label="density / isotropic")
     return axes
-
-
-def _radius(colatitude: Floats) -> Floats:
-    """Return the radius of the projection, 1 at the equator."""
-    return np.asarray(np.sqrt(np.maximum(1.0 - np.cos(colatitude), 0.0)))
 
 
 def _draw_fitted(axes: Any, deviator: Floats, pole: int) -> None:

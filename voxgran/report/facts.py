@@ -4,22 +4,18 @@ import dataclasses
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
+from voxgran._base.lazy import DataTree
 from voxgran.contacts.assembly import density_text
 from voxgran.contacts.forces import AT_REST
+from voxgran.contacts.verify import Verification
 from voxgran.measures.registered.density import main_fraction
 from voxgran.measures.registered.gradation import size_classes
 from voxgran.measures.registered.segregation import warning_of
 from voxgran.packing.model import Packing
-
-if TYPE_CHECKING:
-    from xarray import DataTree
-
-    from voxgran.contacts.verify import Verification
-
 
 #: name of the mean coordination number at the contact gap, and share of grains at rest of a bed that is
 MEAN_NUMBER, MOSTLY = "mean_coordination_number", 0.95

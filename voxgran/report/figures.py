@@ -3,10 +3,11 @@
 from collections.abc import Iterator
 from dataclasses import dataclass, field
 from functools import partial
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
+from voxgran._base.lazy import Dataset, DataTree
 from voxgran._base.seeds import stream
 from voxgran.measures.describe import describe
 from voxgran.measures.directions import FACTOR, traceless_2
@@ -18,9 +19,6 @@ from voxgran.packing.model import Packing
 from voxgran.report import facts, plots, shape_plots
 from voxgran.report.direction_maps import plot_direction_map
 from voxgran.report.wall_law import law_applies, wall_law
-
-if TYPE_CHECKING:
-    from xarray import Dataset, DataTree
 
 #: descriptors of the form of grains that are drawn
 FORM = ("elongation", "flatness", "sphericity", "roundness")

@@ -3,12 +3,13 @@
 import warnings
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
 from voxgran._base.arrays import Floats, check_type
 from voxgran._base.errors import InputError
+from voxgran._base.lazy import DataTree
 from voxgran._base.units import NO_UNIT
 from voxgran._base.warning import warn
 from voxgran.measures.model import measure
@@ -23,9 +24,6 @@ from voxgran.report.significance import (
     verdict_of,
     welch_p_value,
 )
-
-if TYPE_CHECKING:
-    from xarray import DataTree
 
 
 @dataclass(frozen=True, slots=True)

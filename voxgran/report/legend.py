@@ -40,16 +40,15 @@ class Legend:
             add_label(stage, text, (x, y), side=side, color=color, size=self.size)
 
 
-def legend_of(colors: Coloring, window: tuple[int, int], *, shades: str = COLORS, left: float = LEFT) -> Legend | None:
+def legend_of(colors: Coloring, window: tuple[int, int], *, shades: str = COLORS) -> Legend | None:
     """Return the legend of a colouring for a picture of this size in pixels: an entry for each of a few values that
     have names, or for a single value; else a colour bar.
 
-    `shades` is the map of the colours; the legend begins at the share `left` of the width. None without values, and for
-    a picture in which it would take too much room.
+    `shades` is the map of the colours. None without values, and for a picture in which it would take too much room.
     """
     if not len(colors.values):
         return None
-    size, begin, end = text_size(window), left * window[0], RIGHT * window[0]
+    size, begin, end = text_size(window), LEFT * window[0], RIGHT * window[0]
     low = LOWEST * window[1] + MARK * size
     made = _entries if colors.entries else _bar
     labels, tiles, values, top = made(colors, size, (begin, end, low))

@@ -6,21 +6,18 @@ import io
 import json
 from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
 from voxgran import __version__
+from voxgran._base.lazy import DataTree
 from voxgran._base.scalars import finite
+from voxgran.contacts.verify import Verification
 from voxgran.measures.registered.density import main_numbers
 from voxgran.packing.model import Packing
 from voxgran.report import facts
 from voxgran.report.figures import Figure
-
-if TYPE_CHECKING:
-    from xarray import DataTree
-
-    from voxgran.contacts.verify import Verification
 
 
 def page_numbers(

@@ -10,7 +10,7 @@ import os
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
@@ -19,7 +19,8 @@ from voxgran._base.arrays import as_flag
 from voxgran._base.calls import explained
 from voxgran._base.errors import with_article
 from voxgran._base.files import as_path, output_suffix, refuse_to_replace, write_files
-from voxgran._base.lazy import load
+from voxgran._base.lazy import DataTree, load
+from voxgran.contacts.verify import Verification
 from voxgran.packing.model import Packing, check_packing
 from voxgran.report import facts, scenes
 from voxgran.report.closeup import picture_contacts
@@ -31,11 +32,6 @@ from voxgran.report.stage import Picture, png_of
 from voxgran.report.turntable import animated
 from voxgran.report.view import views_of
 from voxgran.shapes.model import Shape
-
-if TYPE_CHECKING:
-    from xarray import DataTree
-
-    from voxgran.contacts.verify import Verification
 
 #: number of shapes that are drawn, and that are listed
 SHAPES_DRAWN, SHAPES_LISTED = 3, 20
@@ -169,15 +165,11 @@ def save_report(
         provenance=json.dumps(packing.provenance, indent=2, default=str, ensure_ascii=False),
     )
     numbers = json_text(page_numbers(packing, statistics, verification, figures=figures))
-    tables = {**_fact_tables(told), "sizes": [SIZES, *sieves] if sieves else [], "comparison": compared}
-    tables["shapes"] = [SHAPES, *shapes] if shapes else []
+    tables: dict[str, Any] = {name: [(one.label, one.value, one.note) for one in rows] for name, rows in told.items()}
+    told_of = {"sizes": [SIZES, *sieves] if sieves else [], "shapes": [SHAPES, *shapes] if shapes else []}
+    tables |= {**told_of, "comparison": compared}
     files |= table_files(as_path(path), tables)
     write_files({**files, as_path(path): text, twin: numbers}, overwrite=overwrite)
-
-
-def _fact_tables(told: Mapping[str, list[facts.Fact]]) -> dict[str, list[Any]]:
-    """Return label, value and note of each fact, by table."""
-    return {name: [(fact.label, fact.value, fact.note) for fact in rows] for name, rows in told.items()}
 
 
 def check_page_path(path: str | os.PathLike[str], *, overwrite: bool) -> Path:

@@ -12,14 +12,13 @@ Holm 1979, Scand. J. Statist. 6, 65-70: probabilities of several tests
 Phipson & Smyth 2010, Stat. Appl. Genet. Mol. Biol. 9(1) 39, doi:10.2202/1544-6115.1585: probabilities by permutation
 """
 
-import itertools
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
-from voxgran._base.arrays import Floats
+from voxgran._base.arrays import Floats, Integers
 from voxgran._base.lazy import load
 from voxgran._base.seeds import stream
 
@@ -163,40 +162,29 @@ def permutation_p_value(one: Sequence[Floats], other: Sequence[Floats]) -> float
     All permutations are tried if there are at most 10,000, otherwise as many are drawn with a fixed seed.
     """
     first, count = len(one), len(one) + len(other)
-    regroupings = math.comb(count, first)
-    if min(first, count - first) < 2 or 1 / regroupings >= LEVEL:
+    if min(first, count - first) < 2 or 1 / math.comb(count, first) >= LEVEL:
         return None
     points = np.unique(np.concatenate([*one, *other]))
     points = points[np.unique(np.linspace(0, len(points) - 1, MOST_POINTS).astype(np.int64))]
     shares = np.stack([_share_up_to(values, points) for values in (*one, *other)])
-    drawn = regroupings > MOST_REGROUPINGS
-    found = np.concatenate([_distances(shares, chosen, first) for chosen in _regrouped(count, first, drawn=drawn)])
-    # the first one is the actual grouping, which counts as one of the permutations
-    return float((found >= found[0] * (1 - EQUAL)).mean())
+
+    def distances(chosen: Integers, others: Integers, axis: int) -> Floats:
+        """Return the distance of two groups of packings, by their numbers along the last axis."""
+        del axis
+        apart = shares[chosen].mean(axis=-2) - shares[others].mean(axis=-2)
+        return np.asarray(np.abs(apart).max(axis=-1))
+
+    found = load("scipy.stats").permutation_test(
+        (np.arange(first), np.arange(first, count)),
+        distances,
+        n_resamples=MOST_REGROUPINGS,
+        batch=_BATCH,
+        alternative="greater",
+        random_state=stream(0, "regroupings"),
+    )
+    return float(found.pvalue)
 
 
 def _share_up_to(values: Floats, points: Floats) -> Floats:
     """Return the share of values up to each point; values that differ by rounding count as equal."""
     return np.searchsorted(np.sort(values), points * (1 + EQUAL), side="right") / len(values)
-
-
-def _regrouped(count: int, first: int, *, drawn: bool) -> Iterator[np.ndarray[tuple[int, int], np.dtype[np.int64]]]:
-    """Yield batches of choices of the packings of the first group, starting with the actual grouping."""
-    if not drawn:
-        every = itertools.combinations(range(count), first)
-        while batch := list(itertools.islice(every, _BATCH)):
-            yield np.array(batch, dtype=np.int64)
-        return
-    generator = stream(0, "regroupings")
-    yield np.arange(first, dtype=np.int64)[None]
-    for _ in range(MOST_REGROUPINGS // _BATCH):
-        yield generator.random((_BATCH, count)).argsort(axis=1)[:, :first]
-
-
-def _distances(shares: Floats, chosen: np.ndarray[tuple[int, int], np.dtype[np.int64]], first: int) -> Floats:
-    """Return the distance for each choice of the packings of the first group."""
-    count = len(shares)
-    weights = np.full((len(chosen), count), -1.0 / (count - first))
-    np.put_along_axis(weights, chosen, 1.0 / first, axis=1)
-    distances: Floats = np.abs(weights @ shares).max(axis=1)
-    return distances

@@ -8,9 +8,10 @@ import time
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from voxgran._base.files import write_text
+from voxgran._base.lazy import DataTree
 from voxgran._base.progress import OnStep
 from voxgran.contacts.verify import Verification, verify
 from voxgran.containers.kinds.box import Box
@@ -26,11 +27,7 @@ from voxgran.scene.processes import Process, compute, start
 from voxgran.scene.run import opened_folder, summary_of
 from voxgran.shapes.family import make_shape
 from voxgran.shapes.files import load_shape
-from voxgran.shapes.model import Shape
 from voxgran.shapes.sizes import lognormal
-
-if TYPE_CHECKING:
-    from xarray import DataTree
 
 #: scanned bodies, with their share by number; each of the four random solids has the share 1
 SCANS = {"eros.obj": 1.0, "itokawa_lp.obj": 1.0, "bennu_lp.obj": 1.0}
@@ -108,23 +105,16 @@ class _Result:
 
 def _packed(method: str, grains: int, on_step: OnStep | None = None) -> _Result:
     """Pack the grains by one method, let them settle, prove and measure."""
-    shapes, box = demo_shapes(), Box((8, 8, 14), periodic=(True, True, False))
+    shapes = [
+        *(load_shape(data_file(name)) for name in SCANS),
+        *(make_shape("solid_union", seed=seed) for seed in SEEDS),
+    ]
+    box = Box((8, 8, 14), periodic=(True, True, False))
     began = time.monotonic()
     asked: dict[str, Any] = {"count": grains, "sizes": lognormal(1.0, 0.2), "seed": 1, "settle": {"friction": FRICTION}}
     packing = pack(shapes, box, method=method, on_step=on_step, **asked, **PARAMETERS[method])
     seconds = time.monotonic() - began
     return _Result(packing, verify(packing), measure(packing), seconds)
-
-
-def demo_shapes() -> list[Shape]:
-    """Return the scanned bodies and the random solids.
-
-    Raises
-    ------
-    MissingFileError
-        If the scans are not installed.
-    """
-    return [load_shape(data_file(name)) for name in SCANS] + [make_shape("solid_union", seed=seed) for seed in SEEDS]
 
 
 def _row(result: _Result, numbers: dict[str, Any]) -> dict[str, Any]:

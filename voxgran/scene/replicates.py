@@ -5,13 +5,13 @@ import os
 from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
 from voxgran._base.errors import FileFormatError, InputError, MissingFileError, PackingWarning
 from voxgran._base.files import as_path, write_text
-from voxgran._base.lazy import load
+from voxgran._base.lazy import DataTree, load
 from voxgran._base.progress import OnStep, Step
 from voxgran._base.warning import warn
 from voxgran.io.netcdf import save_statistics
@@ -21,9 +21,6 @@ from voxgran.packing.model import Packing
 from voxgran.report.significance import standard_error
 from voxgran.scene.description import SceneDescription
 from voxgran.scene.run import PACKING, SUMMARY, SceneResult, opened_folder, run_one
-
-if TYPE_CHECKING:
-    from xarray import DataTree
 
 
 def run_seeds(

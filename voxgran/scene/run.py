@@ -8,13 +8,13 @@ import time
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from voxgran._base.checkpoint import remove_checkpoint
 from voxgran._base.errors import CheckpointError, InputError, OutputExistsError, PackingWarning
 from voxgran._base.files import as_path, remove_drafts_in, write_text
 from voxgran._base.guarded import refused
-from voxgran._base.lazy import loaded
+from voxgran._base.lazy import DataTree, loaded
 from voxgran._base.lock import FOLDER_LOCK, locked_folder
 from voxgran._base.progress import OnStep, Step, repeated
 from voxgran._base.warning import warn
@@ -36,9 +36,6 @@ from voxgran.scene.afterwards import compressed
 from voxgran.scene.description import SceneDescription
 from voxgran.scene.plan import DECKS, Plan, make_plan
 from voxgran.shapes.model import Shape
-
-if TYPE_CHECKING:
-    from xarray import DataTree
 
 CHECKPOINT, COMPRESSING = "checkpoint.voxgran", "compression.voxgran"
 SUMMARY = "summary.json"

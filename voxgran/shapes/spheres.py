@@ -20,6 +20,7 @@ from voxgran._base.arrays import (
 from voxgran._base.calls import explained_methods
 from voxgran._base.errors import InputError
 from voxgran._base.kernels import kernel
+from voxgran.geometry.sphere_pairs import spheres_near
 from voxgran.shapes.boolean import united
 from voxgran.shapes.sphere_union import contained, union_moments
 from voxgran.shapes.tessellate import sphere
@@ -196,7 +197,7 @@ class Spheres(Moments):
         """Return the mask of the (n, 3) points in the closed union."""
         queries = as_points(points)
         inside = np.zeros(len(queries), dtype=np.bool_)
-        _mark_inside(queries, self.centers, self.radii, inside)
+        inside[spheres_near(queries, np.zeros(len(queries)), self.centers, self.radii)[0]] = True
         return inside
 
     def content(self) -> bytes:
@@ -231,19 +232,6 @@ class Spheres(Moments):
         paths = np.zeros(len(vertices))
         _measure_way_out(vertices, centers, radii, paths)
         return vertices, triangles, max(error * float(radii.max()), float(paths.max()))
-
-
-@kernel
-def _mark_inside(points, centers, radii, inside):  # type: ignore[no-untyped-def]
-    """Mark the points inside a sphere."""
-    for p in range(len(points)):
-        for b in range(len(radii)):
-            square = 0.0
-            for axis in range(3):
-                square += (points[p, axis] - centers[b, axis]) ** 2
-            if square <= radii[b] * radii[b]:
-                inside[p] = True
-                break
 
 
 @kernel

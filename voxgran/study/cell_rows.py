@@ -5,13 +5,11 @@ import io
 import math
 from collections import Counter
 from collections.abc import Mapping, Sequence
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
+from voxgran._base.lazy import Dataset
 from voxgran.study.cell_values import FAILURE, FULL, WARNED, WARNINGS, is_full, labels_of, numbers_of, texts_of
 from voxgran.study.statistics import Interval, summary
-
-if TYPE_CHECKING:
-    from xarray import Dataset
 
 
 def cell_rows(dataset: "Dataset", *, confidence: float = 0.95, interval: Interval = "auto") -> list[dict[str, Any]]:

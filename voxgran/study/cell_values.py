@@ -3,21 +3,19 @@
 import re
 from collections.abc import Iterable
 from functools import partial
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
 from voxgran._base.arrays import Floats
 from voxgran._base.errors import InputError, UnknownNameError, shown
+from voxgran._base.lazy import Dataset
 from voxgran._base.names import unknown
 from voxgran._base.scalars import unwrapped
 from voxgran.packing.missed import STOPPED
 from voxgran.report.significance import EQUAL, all_equal
 from voxgran.study.axes import Label
 from voxgran.study.cells import LISTED
-
-if TYPE_CHECKING:
-    from xarray import Dataset
 
 #: dimension of the repetitions, and variable of the sentences on failures
 SEED, FAILURE = "seed", "failure"

@@ -9,21 +9,19 @@ import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from itertools import combinations
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
 from voxgran._base.arrays import Floats, as_number
 from voxgran._base.errors import InputError, UnknownNameError
+from voxgran._base.lazy import Dataset
 from voxgran._base.names import unknown
 from voxgran.report.significance import all_equal, difference_of, holm, verdict_of
 from voxgran.study.axes import Label
 from voxgran.study.cell_values import axes_of, labels_of, main_variable, text_of, values_of, varied_axes
 from voxgran.study.cells import LISTED
 from voxgran.study.group_tests import hedges_g, rank_test
-
-if TYPE_CHECKING:
-    from xarray import Dataset
 
 #: what the columns of the other axes say in rows that are pooled over them
 POOLED = "all"

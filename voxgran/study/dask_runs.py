@@ -114,7 +114,7 @@ class DaskRuns(Executor):
         future = self._client.submit(compute_with_file, run, pure=False, priority=priority)
         self._left[run.key] = run, future
         self._begun.pop(run.key, None)
-        future.add_done_callback(_noting(finished, run))
+        future.add_done_callback(lambda ended: finished.put((run, ended)))
 
     def _goes_on(self, run: Run) -> bool:
         """Return whether a run whose workers were killed is given to others: as long as its checkpoint gets further,
@@ -135,11 +135,6 @@ class DaskRuns(Executor):
                 f"the Dask scheduler at {self._address} is gone: what is finished is kept; start a scheduler and give "
                 "the same command again, which computes the rest"
             )
-
-
-def _noting(finished: "queue.SimpleQueue[tuple[Run, Any]]", run: Run) -> Any:
-    """Return what notes that a run is finished."""
-    return lambda future: finished.put((run, future))
 
 
 def _outcome(future: Any) -> tuple[Record, bytes]:

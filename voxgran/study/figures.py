@@ -3,12 +3,12 @@
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
 from voxgran._base.arrays import Floats, Integers
-from voxgran._base.lazy import load
+from voxgran._base.lazy import Dataset, load
 from voxgran.report import plots
 from voxgran.report.figures import Figure
 from voxgran.study.axes import Label
@@ -16,9 +16,6 @@ from voxgran.study.cell_values import axes_of, labels_of, text_of, title_of, var
 from voxgran.study.cells import LISTED
 from voxgran.study.experiments import Band, check_labels
 from voxgran.study.statistics import Interval, summary
-
-if TYPE_CHECKING:
-    from xarray import Dataset
 
 MARKERS = ("o", "s", "^", "D", "v", "P", "X", "<", ">", "p", "*", "d", (4, 1, 0), "h", (8, 1, 0))
 #: inches of a figure, and of a legend column beside it
@@ -164,7 +161,8 @@ def figures_of(
     if category == "shape":
         check_labels(bands, labels)
     density = _values(dataset, variable, confidence, interval)
-    size = (WIDTH, max(HEIGHT, 0.28 * _legend_rows(points) + 1.0))
+    rows = len(points.values(points.color_axis)) + len(points.values(points.marker_axis)) + 3
+    size = (WIDTH, max(HEIGHT, 0.28 * rows + 1.0))
     name, what = variable.replace("_", "-"), title_of(dataset, variable)
     bars = f"Bars are {100 * confidence:g} % confidence intervals of the means over the seeds."
     found = []
@@ -202,18 +200,10 @@ def _sources(bands: Sequence[Band]) -> str:
     """Return what grey bands are, with their sources, as part of a caption."""
     if not bands:
         return ""
-    told = [f"{band.label} {band.low:g}\u2013{band.high:g}{_brackets(band.source)}" for band in bands]
+    told = [
+        f"{band.label} {band.low:g}\u2013{band.high:g}{f' ({band.source})' if band.source else ''}" for band in bands
+    ]
     return f" Grey bands are experiments: {'; '.join(told)}."
-
-
-def _brackets(source: str) -> str:
-    """Return a source in brackets."""
-    return f" ({source})" if source else ""
-
-
-def _legend_rows(points: Points) -> int:
-    """Return the rows of the legend."""
-    return len(points.values(points.color_axis)) + len(points.values(points.marker_axis)) + 3
 
 
 def _shown(density: _Values, seconds: _Values) -> tuple[Integers, Integers, float]:

@@ -5,7 +5,7 @@ import os
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, get_args
+from typing import Any, get_args
 
 import numpy as np
 
@@ -13,6 +13,7 @@ from voxgran import __version__
 from voxgran._base.arrays import as_choice, as_number
 from voxgran._base.errors import UnknownNameError
 from voxgran._base.files import as_path, write_files
+from voxgran._base.lazy import Dataset
 from voxgran._base.names import unknown
 from voxgran.report import facts
 from voxgran.report.facts import Fact
@@ -44,9 +45,6 @@ from voxgran.study.comparisons import compare, compared_axis
 from voxgran.study.experiments import bands_of
 from voxgran.study.figures import figures_of
 from voxgran.study.statistics import LEAST_FOR_BOOTSTRAP, Interval
-
-if TYPE_CHECKING:
-    from xarray import Dataset
 
 PAGE, CELLS_TABLE, COMPARISONS_TABLE = "study.html", "cells.csv", "comparisons.csv"
 #: numbers that are compared and listed, where a study has them; of the densities there are figures
@@ -301,7 +299,8 @@ def _comparisons(dataset: "Dataset", tests: Sequence[Mapping[str, Any]]) -> list
     """Return a table of comparisons for each variable."""
     tables = []
     for variable in dict.fromkeys(row["variable"] for row in tests):
-        of_it = sorted((row for row in tests if row["variable"] == variable), key=_pooled_first)
+        # first those that are pooled over several combinations
+        of_it = sorted((row for row in tests if row["variable"] == variable), key=lambda row: row["blocks"] < 2)
         over = of_it[0]["over"]
         others = [name for name in axes_of(dataset) if name in of_it[0] and name != over]
         what = (
@@ -321,11 +320,6 @@ def _comparisons(dataset: "Dataset", tests: Sequence[Mapping[str, Any]]) -> list
         name = f"comparison-{variable.replace('_', '-')}"
         tables.append(Table(name, title, head, _short(texts, notes, COMPARISONS_TABLE), notes))
     return tables
-
-
-def _pooled_first(row: Mapping[str, Any]) -> bool:
-    """Return False for rows that are pooled over several combinations."""
-    return row["blocks"] < 2
 
 
 def _test_texts(row: Mapping[str, Any]) -> list[str]:

@@ -9,7 +9,7 @@ import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
@@ -17,16 +17,13 @@ from voxgran import __version__
 from voxgran._base import ExplainedAttributes
 from voxgran._base.calls import explained_methods
 from voxgran._base.files import written_whole
-from voxgran._base.lazy import load
+from voxgran._base.lazy import Dataset, load
 from voxgran.io.netcdf import save_statistics
 from voxgran.study.cells import Cell, Dimension
 from voxgran.study.comparisons import compare
 from voxgran.study.page import write_study_page
 from voxgran.study.runs import Record
 from voxgran.study.statistics import Interval, summary
-
-if TYPE_CHECKING:
-    from xarray import Dataset
 
 DATASET, TABLE, ZARR = "study.nc", "table.csv", "study.zarr"
 #: variables that say what the machine did, and differ each time

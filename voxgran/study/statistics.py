@@ -11,18 +11,15 @@ Hesterberg 2015, Am. Stat. 69, 371-386, doi:10.1080/00031305.2015.1089789: boots
 """
 
 import math
-from typing import TYPE_CHECKING, Any, Literal, TypeAlias, get_args
+from typing import Any, Literal, TypeAlias, get_args
 
 import numpy as np
 
 from voxgran._base.arrays import Floats, as_choice, as_number
-from voxgran._base.lazy import load
+from voxgran._base.lazy import Dataset, load
 from voxgran._base.seeds import stream
 from voxgran.report.significance import all_equal, standard_error
 from voxgran.study.cell_values import FAILURE, dimensions_of_cells, main_variable, texts_of, values_of
-
-if TYPE_CHECKING:
-    from xarray import Dataset
 
 Interval: TypeAlias = Literal["auto", "bca", "percentile", "student"]
 #: fewest values of which ``"auto"`` takes the bootstrap

@@ -4,7 +4,7 @@ import pytest
 import voxgran as vg
 from voxgran._base.errors import InputError
 from voxgran.clumps.body import Body
-from voxgran.clumps.methods.inscribed import Inscribed, _choose, _maximal, _refined, fit
+from voxgran.clumps.methods.inscribed import SLACK, Inscribed, _choose, _maximal, _refined, fit
 from voxgran.lattice.distance import inside_distance
 from voxgran.shapes.model import Shape
 from voxgran.shapes.spheres import Spheres
@@ -49,7 +49,7 @@ def test_refinement_climbs_to_the_middle_along_the_medial_surface():
 def test_the_greedy_choice_is_that_of_a_plain_search(three):
     voxels = Body(three).voxels(12.0)
     room = inside_distance(voxels.mask, 1.0)
-    places = np.argwhere(_maximal.plain(np.pad(room, 1))) + 0.1
+    places = np.argwhere(_maximal(room)) + 0.1
     radii = np.random.default_rng(1).uniform(0.9, 1.1, len(places)) * room[tuple(places.astype(int).T)]
     taken = np.full(6, -1)
     _choose(places, radii, voxels.mask.copy(), taken)
@@ -67,8 +67,11 @@ def test_kernels_agree_with_plain_python():
     mask[1:8, 1:7, 1:6] = True
     mask[6:, 4:, :] = False
     room = inside_distance(mask, 1.0)
-    keep = _maximal(np.pad(room, 1))
-    assert np.array_equal(keep, _maximal.plain(np.pad(room, 1)))
+    keep, padded = _maximal(room), np.pad(room, 1)
+    for place in np.argwhere(room > 0):
+        around = padded[tuple(slice(k, k + 3) for k in place)] - np.linalg.norm(np.indices((3, 3, 3)) - 1.0, axis=0)
+        assert keep[tuple(place)] == (np.delete(around.ravel(), 13) < room[tuple(place)] - SLACK).all()
+    assert not keep[room == 0].any()
     places, radii = np.argwhere(keep) + 0.25, room[keep]
     fast, plain = np.full(5, -1), np.full(5, -1)
     _choose(places, radii, mask.copy(), fast)

@@ -18,7 +18,6 @@ from voxgran.clumps.sphere_sets import (
     _add_normal_equations,
     _choose_inserts,
     _find_gaps,
-    _find_second_gaps,
     best_inserts,
     refined,
     union_gaps,
@@ -166,7 +165,7 @@ def test_kernels_agree_with_plain_python():
     np.testing.assert_allclose(gap, apart.min(axis=1), atol=1e-14)
     np.testing.assert_array_equal(owner, apart.argmin(axis=1))
     second = np.full(60, np.inf)
-    _find_second_gaps(places, centers, radii, owner, second)
+    _find_gaps(places, centers, radii, owner, second, np.zeros(60, np.int64))
     np.testing.assert_allclose(second, np.sort(apart, axis=1)[:, 1], atol=1e-14)
     results = []
     kind, weight = np.where(np.arange(60) % 3 == 0, INSIDE, SURFACE), generator.random(60)
@@ -175,7 +174,7 @@ def test_kernels_agree_with_plain_python():
             kernel.plain if plain else kernel for kernel in (_find_gaps, _add_normal_equations, _choose_inserts)
         )
         made, index = np.full(60, np.inf), np.zeros(60, np.int64)
-        find(places, centers, radii, made, index)
+        find(places, centers, radii, np.full(60, -1), made, index)
         matrix, slope, chosen = np.zeros((7, 4, 4)), np.zeros((7, 4)), np.full(3, -1)
         add(places, made, weight, index, centers, matrix, slope)
         choose(places, kind, weight, np.minimum(made, 1.0), centers + 0.1, radii, chosen)

@@ -65,7 +65,7 @@ def test_one_direction_has_the_amplitudes_of_a_delta_function(dimension, second,
     # 2 in the plane; 2 l + 1 for the Legendre polynomial P_l in space
     way = np.tile(isotropic(1, dimension), (7, 1)) * np.array([1, -1, 1, 1, -1, 3, 1e-200])[:, None]
     found = fabric_of(way, dimension=dimension)
-    assert found.second_order.plain == found.second_order.unbiased == pytest.approx(second)
+    assert [found.second_order.plain, found.second_order.unbiased] == pytest.approx([second] * 2)
     assert found.fourth_order.plain == pytest.approx(fourth)
     assert found.second_order.error == pytest.approx(0.0, abs=1e-7)
 
@@ -229,3 +229,14 @@ def test_the_rose_of_isotropic_directions_scatters_as_it_says(dimension):
     assert found.error[0] == pytest.approx(
         len(score) * math.sqrt(found.density[0] * share * (1 - found.density[0] * share) / 20_000)
     )
+
+
+def test_threads_of_blas_change_no_bit():
+    way, limits = isotropic(50_003, 3), pytest.importorskip("threadpoolctl").threadpool_limits
+    turns = stream(3, "places").random(way.shape)
+    found = []
+    for threads in (1, 2):
+        with limits(threads, user_api="blas"):
+            fabric = fabric_of(way, dimension=3, turns=turns)
+        found.append([fabric.second_order.error, fabric.fourth_order.error, fabric.fourth_order.unbiased])
+    assert found[0] == found[1]

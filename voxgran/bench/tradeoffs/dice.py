@@ -19,7 +19,6 @@ from voxgran.bench.model import TradeOff, panels_of, write_rows
 from voxgran.contacts.verify import verify
 from voxgran.containers.kinds.box import Box
 from voxgran.measures.registered.density import bulk_solid_fraction
-from voxgran.packing.model import Packing
 from voxgran.packing.pack import pack
 from voxgran.packing.settle import settle
 from voxgran.settling.parameters import Shaking
@@ -57,22 +56,15 @@ def measure_beds(method: str, solid: str, count: int = 120) -> list[Bed]:
     """Pour a bed of dice by a method, one of :data:`METHODS`, and then shake it; return both beds."""
     shape, box = make_shape("platonic", solid=solid), Box((4, 4, 6 + count / 9), periodic=(True, True, False))
     began, beds = time.process_time(), []
-    poured = pack(shape, box, method=method, count=count, seed=1, **in_method(method))
+    # parameters of a method that settles itself, or of the settling after it
+    how: dict[str, Any] = {"friction": FRICTION}
+    poured = pack(shape, box, method=method, count=count, seed=1, **(how if method == "gravity" else {"settle": how}))
     for shaken in (False, True):
         packing = settle(poured, friction=FRICTION, shaking=SHAKING, seed=1) if shaken else poured
         seconds, bulk = time.process_time() - began, float(bulk_solid_fraction(packing))
-        beds.append(Bed(method, solid, shaken, seconds, bulk, verify(packing).ok, resting_of(packing)))
+        resting = float(packing.provenance["settling"]["resting"])
+        beds.append(Bed(method, solid, shaken, seconds, bulk, verify(packing).ok, resting))
     return beds
-
-
-def in_method(method: str) -> dict[str, Any]:
-    """Return the friction as parameters of a method that settles itself, or as those of the settling after it."""
-    return {"friction": FRICTION} if method == "gravity" else {"settle": {"friction": FRICTION}}
-
-
-def resting_of(packing: Packing) -> float:
-    """Return the share of grains that are proven to rest."""
-    return float(packing.provenance["settling"]["resting"])
 
 
 def write_beds(beds: Sequence[Bed], folder: Path) -> tuple[Path, ...]:

@@ -20,6 +20,7 @@ import numpy as np
 from voxgran._base.arrays import Booleans, Floats, Integers
 from voxgran._base.config import parameter, parameter_class
 from voxgran._base.kernels import kernel
+from voxgran._base.lazy import load
 from voxgran.clumps.body import Body
 from voxgran.clumps.method import ClumpMethod, Fitted
 from voxgran.lattice.distance import inside_distance
@@ -67,7 +68,7 @@ def fit(body: Body, count: int, settings: Inscribed, seed: int) -> Fitted:
     room = inside_distance(voxels.mask, 1.0)
     # the distance from voxels is known within a voxel
     deep = room >= settings.min_radius * settings.resolution - 1.0
-    places = np.argwhere(_maximal(np.pad(room, 1)) & deep)
+    places = np.argwhere(_maximal(room) & deep)
     centers = voxels.grid.coordinates(places)
     radii = body.depth(centers)
     # largest first; ties up to rounding in the order of the lattice, so that the result repeats
@@ -118,22 +119,12 @@ def _refined(body: Body, centers: Floats, radii: Floats, voxel: float) -> tuple[
     return centers, radii
 
 
-@kernel
-def _maximal(room):  # type: ignore[no-untyped-def]
-    """Return the mask of the voxels whose sphere lies in no neighbour's sphere; `room` has a border of zeros."""
-    nx, ny, nz = room.shape
-    keep = np.zeros((nx - 2, ny - 2, nz - 2), dtype=np.bool_)
-    for i in range(1, nx - 1):
-        for j in range(1, ny - 1):
-            for k in range(1, nz - 1):
-                good = room[i, j, k] > 0.0
-                for n in range(27):
-                    a, b, c = n // 9 - 1, n // 3 % 3 - 1, n % 3 - 1
-                    apart = np.sqrt(float(a * a + b * b + c * c))
-                    if n != 13 and room[i + a, j + b, k + c] >= room[i, j, k] + apart - SLACK:
-                        good = False
-                keep[i - 1, j - 1, k - 1] = good
-    return keep
+def _maximal(room: Floats) -> Booleans:
+    """Return the mask of the voxels whose sphere lies in no neighbour's sphere; 0 lies around the image."""
+    apart = np.linalg.norm(np.indices((3, 3, 3)) - 1.0, axis=0)
+    apart[1, 1, 1] = np.inf
+    reached = load("scipy.ndimage").grey_dilation(room, structure=-apart, mode="constant")
+    return np.asarray((room > 0.0) & (reached < room - SLACK))
 
 
 @kernel

@@ -333,7 +333,8 @@ def _read(folder: Path) -> Held:
         text = (folder / GRAINS).read_text(encoding="utf-8")
         grains = {int(atom): int(grain) for atom, grain in _FROZEN.findall(text)}
         tables: dict[int, list[list[float]]] = {}
-        for number, *row in _atoms(text):
+        for line in filter(str.strip, text.split("Atoms", 1)[-1].splitlines()):
+            number, *row = map(float, line.split())
             tables.setdefault(grains.get(int(number), int(number)), []).append(row)
         found = {number: _held_spheres(np.array(table)) for number, table in tables.items()}
     if (folder / CLUMPS).is_file():
@@ -344,11 +345,6 @@ def _read(folder: Path) -> Held:
     masses, places, tensors, spheres = zip(*(found[number] for number in sorted(found)), strict=True)
     rows = np.concatenate(spheres)
     return Held(np.array(masses), np.array(places), np.array(tensors), rows[:, :3], rows[:, 3])
-
-
-def _atoms(text: str) -> list[list[float]]:
-    """Return the rows of the atoms of a data file."""
-    return [list(map(float, line.split())) for line in text.split("Atoms", 1)[-1].splitlines() if line.strip()]
 
 
 def _held_spheres(table: Floats) -> tuple[float, Floats, Floats, Floats]:

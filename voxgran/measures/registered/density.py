@@ -2,13 +2,14 @@
 
 import math
 import warnings
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from voxgran._base.calls import explained
 from voxgran._base.errors import InputError, PackingWarning
+from voxgran._base.lazy import DataTree
 from voxgran._base.warning import warn
 from voxgran.measures.model import Groups, Measure, dataset, length_unit, variable
 from voxgran.measures.region import Regions
@@ -17,9 +18,6 @@ from voxgran.measures.wetted import specific_surfaces
 from voxgran.measures.window import Estimate, Solids
 from voxgran.packing.model import Packing, check_packing
 from voxgran.packing.start import around_fixed, free_volume
-
-if TYPE_CHECKING:
-    from xarray import DataTree
 
 #: distance of the bulk from the walls, in median diameters, and smallest number of grains in it
 INSET = 1.5

@@ -10,20 +10,16 @@ of density and height is given likewise.
 
 import math
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import numpy as np
 
 from voxgran._base.arrays import Booleans, Floats, Integers
-from voxgran._base.lazy import load
+from voxgran._base.lazy import Dataset, load
 from voxgran.measures.layers import QUANTILES, Layers, size_layers
 from voxgran.measures.model import Groups, Measure, dataset, length_unit, variable
 from voxgran.measures.region import Regions
 from voxgran.measures.registered.density import INSET
 from voxgran.packing.model import Packing
-
-if TYPE_CHECKING:
-    from xarray import Dataset
 
 #: relative difference up to which two diameters or densities are equal
 SAME = 1e-9

@@ -15,7 +15,7 @@ from voxgran.containers.model import Container
 from voxgran.packing.beds.seeds import container_levels, points_inside
 from voxgran.packing.problem import Problem
 from voxgran.settling.materials import Materials, mean_friction
-from voxgran.shapes.model import Shape
+from voxgran.shapes.describing.ratios import Form, sphericity
 
 #: solid fractions of round grains of one size far from walls, by dimension: with much friction, and without
 RUBBING, FREE = {2: 0.78, 3: 0.575}, {2: 0.89, 3: 0.63}
@@ -48,7 +48,7 @@ def usual_solid_fraction(problem: Problem, friction: float | Materials | None = 
     dimension, friction = problem.dimension, problem.parameters.friction if friction is None else friction
     friction = mean_friction(friction, problem.shape_id, len(problem.shapes))
     found = RUBBING[dimension] + (FREE[dimension] - RUBBING[dimension]) * math.exp(-friction / USUAL)
-    roundness = np.array([_roundness(shape) for shape in problem.shapes])[problem.shape_id]
+    roundness = np.array([min(sphericity(Form(shape)), 1.0) for shape in problem.shapes])[problem.shape_id]
     looser = np.minimum(roundness / ROUND, 1.0) ** POWER[dimension]
     graded = 1.0 + GRADED * math.log(max(mean_diameter(problem), 1.0))
     return min(found * graded * float(np.average(looser, weights=problem.volumes)), 1.0)
@@ -170,8 +170,3 @@ def _room(problem: Problem, up: Floats) -> float:
     """Return the room that is left above a bed; little in a low container, which would be empty otherwise."""
     floor, top = container_levels(problem.container, up)
     return min(ROOM * mean_diameter(problem), SHARE * (top - floor))
-
-
-def _roundness(shape: Shape) -> float:
-    """Return the surface of a sphere (disk) of the same volume over that of the shape: its sphericity (circularity)."""
-    return min(math.pi * shape.diameter ** (shape.dimension - 1) / shape.surface_area, 1.0)

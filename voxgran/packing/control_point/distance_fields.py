@@ -79,8 +79,9 @@ def make_fields(
     heads, rows, values, row, value = [], [], [], 0, 0
     for shape in shapes:
         kind, own = _rows_of(shape.geometry, exact=reach > 0.0)
-        first, edge, nodes = _sampled(shape, cell, reach, margin) if kind == GRID else _no_grid()
+        first, edge, nodes = np.zeros(3), 1.0, np.zeros((0, 0, 0), dtype=np.float32)
         if kind == GRID:
+            first, edge, nodes = _sampled(shape, cell, reach, margin)
             own = np.array([[value, 0.0, 0.0, 0.0]])
         steep = _steepest(nodes, edge, -depth) if kind == GRID else 1.0
         rough = _roughness(shape.geometry, edge) if kind == GRID else 0.0
@@ -197,11 +198,6 @@ def _roughness(geometry: Geometry, edge: float) -> float:
     nodes distances differ by no more than these are apart. It is infinite where nodes do not hold distances.
     """
     return 0.75 * edge**2 if isinstance(geometry, Mesh) else np.inf
-
-
-def _no_grid() -> tuple[Floats, float, NDArray[np.float32]]:
-    """Return a lattice without nodes."""
-    return np.zeros(3), 1.0, np.zeros((0, 0, 0), dtype=np.float32)
 
 
 @bare_kernel

@@ -16,14 +16,12 @@ Bourne, Kok, Roper & Spanjer 2020, Laguerre tessellations and polycrystalline mi
 generating grains of given volumes, Philosophical Magazine 100, 2677-2707, doi:10.1080/14786435.2020.1790053.
 """
 
-import math
 from collections.abc import Callable
 from typing import NamedTuple
 
 import numpy as np
 
 from voxgran._base.arrays import Floats
-from voxgran._base.kernels import kernel
 from voxgran._base.lazy import load
 from voxgran.packing.method import State
 from voxgran.packing.tessellation.voronoi_cells import Cells, Diagram, seeds_of
@@ -125,51 +123,15 @@ RESIDUAL, ITERATIONS = 1e-6, 1000
 
 def weight_steps(diagram: Diagram, volumes: Floats) -> Floats:
     """Return what to add to the weights, (n,), so that the cells get the volumes, to first order; their mean is 0."""
-    n = len(volumes)
-    steps = np.zeros(n)
-    one_way = load("scipy.sparse").csr_array((diagram.slope, diagram.beyond, diagram.start), shape=(n, n))
+    n, sparse = len(volumes), load("scipy.sparse")
+    one_way = sparse.csr_array((diagram.slope, diagram.beyond, diagram.start), shape=(n, n))
     # at round walls and at corners of the container, the two sides of a face differ a little
-    both = (one_way + one_way.T).tocsr() / 2.0
-    both.sort_indices()
-    start, beyond = both.indptr.astype(np.int64), both.indices.astype(np.int64)
-    _conjugate_gradients(start, beyond, both.data, volumes - diagram.volume, steps)
+    matrix = load("scipy.sparse.csgraph").laplacian((one_way + one_way.T) / 2.0).tocsr()
+    diagonal, lacking = matrix.diagonal(), volumes - diagram.volume
+    scaled = sparse.diags_array(1.0 / np.where(diagonal > 0.0, diagonal, 1.0))
+    # the same bits whatever the number of threads of BLAS
+    with load("threadpoolctl").threadpool_limits(1, user_api="blas"):
+        steps, _ = load("scipy.sparse.linalg").cg(
+            matrix, lacking - lacking.mean(), rtol=RESIDUAL, maxiter=ITERATIONS, M=scaled
+        )
     return np.asarray(steps - steps.mean())
-
-
-@kernel
-def _conjugate_gradients(start, beyond, slope, wanted, steps):  # type: ignore[no-untyped-def]
-    """Solve ``sum over neighbours of slope * (step - step beyond) = wanted`` with the diagonal as preconditioner."""
-    n = len(wanted)
-    diagonal, rest, way, image = np.zeros(n), np.zeros(n), np.zeros(n), np.zeros(n)
-    shift = 0.0
-    for i in range(n):
-        shift += wanted[i] / n
-        for k in range(start[i], start[i + 1]):
-            if beyond[k] != i:
-                diagonal[i] += slope[k]
-    square = 0.0
-    for i in range(n):
-        rest[i] = wanted[i] - shift
-        diagonal[i] = diagonal[i] if diagonal[i] > 0.0 else 1.0
-        way[i] = rest[i] / diagonal[i]
-        square += rest[i] * way[i]
-    end = square * RESIDUAL * RESIDUAL
-    for _ in range(ITERATIONS):
-        if not square > end:
-            return
-        along = 0.0
-        for i in range(n):
-            total = 0.0
-            for k in range(start[i], start[i + 1]):
-                total += slope[k] * (way[i] - way[beyond[k]])
-            image[i] = total
-            along += way[i] * total
-        if not (along > 0.0 and math.isfinite(along)):
-            return
-        length, before, square = square / along, square, 0.0
-        for i in range(n):
-            steps[i] += length * way[i]
-            rest[i] -= length * image[i]
-            square += rest[i] * rest[i] / diagonal[i]
-        for i in range(n):
-            way[i] = rest[i] / diagonal[i] + square / before * way[i]

@@ -183,11 +183,6 @@ def _write_ply(vertices: Floats, faces: Integers, path: Path) -> None:
     path.write_bytes(text + vertices.astype("<f8").tobytes() + records.tobytes())
 
 
-def _write_vtp(vertices: Floats, faces: Integers, path: Path) -> None:
-    """Write VTK XML PolyData in double precision."""
-    write_data("vtkXMLPolyDataWriter", poly_data(vertices, "Polys", faces), path)
-
-
 READERS: dict[str, Callable[[Path], Polygons]] = {
     ".stl": _from_bytes(read_stl),
     ".obj": _from_bytes(read_obj),
@@ -203,5 +198,5 @@ WRITERS: dict[str, Callable[[Floats, Integers, Path], None]] = {
     ".obj": _write_obj,
     ".off": _write_off,
     ".ply": _write_ply,
-    ".vtp": _write_vtp,
+    ".vtp": lambda vertices, faces, path: write_data("vtkXMLPolyDataWriter", poly_data(vertices, "Polys", faces), path),
 }

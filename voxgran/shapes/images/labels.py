@@ -6,7 +6,7 @@ The surfaces of all labels are made at once (:mod:`voxgran.lattice.label_surface
 import os
 from collections.abc import Iterator
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,7 +17,7 @@ from voxgran._base.axes import Periodic, as_periodic
 from voxgran._base.calls import explained
 from voxgran._base.errors import InputError, PackingWarning
 from voxgran._base.files import as_path
-from voxgran._base.lazy import load
+from voxgran._base.lazy import Dataset, load
 from voxgran._base.progress import OnStep, Step, reported, silent
 from voxgran._base.warning import warn
 from voxgran.lattice.block_surfaces import block_surfaces
@@ -30,9 +30,6 @@ from voxgran.shapes.images.open_image import is_opened, open_image
 from voxgran.shapes.mesh import Mesh
 from voxgran.shapes.model import Shape
 from voxgran.shapes.triangles import LatticePoints, corner_type
-
-if TYPE_CHECKING:
-    from xarray import Dataset
 
 BORDER, SURFACES = ("drop", "keep"), ("smooth", "voxel")
 #: widest smoothing, in voxels: its time grows with the square

@@ -166,20 +166,19 @@ def diagnose(vertices: "ArrayLike | Any", faces: "ArrayLike | None" = None) -> D
 
 
 def as_solid(
-    vertices: Floats, faces: Integers, name: str, *, remedies: Remedies = IN_PYTHON, uncrossed: bool = False
+    vertices: Floats, faces: Integers, name: str, *, remedies: Remedies = IN_PYTHON
 ) -> tuple[Floats, Integers]:
     """Return a triangle mesh that bounds one solid, with coincident vertices merged.
 
     A surface that touches itself, so that edges would have more than two faces, keeps its vertices as they are if it
-    bounds one solid with them. One that is `uncrossed` by its construction is not searched for triangles that cross,
-    which takes longer than all else.
+    bounds one solid with them.
 
     Raises
     ------
     DirtyMeshError
         If it does not; the message names the gravest reason.
     """
-    found, points, triangles = _examined(vertices, faces, whole=False, uncrossed=uncrossed)
+    found, points, triangles = _examined(vertices, faces, whole=False)
     wrong = found.sentences(name, remedies=remedies)
     if wrong:
         raise DirtyMeshError(wrong[0])
@@ -286,21 +285,19 @@ def _near(points: Floats, weld: float) -> tuple[Integers, Integers] | None:
     return first[order], place[label]
 
 
-def _examined(
-    vertices: Floats, faces: Integers, *, whole: bool, uncrossed: bool = False
-) -> tuple[Diagnosis, Floats, Integers]:
+def _examined(vertices: Floats, faces: Integers, *, whole: bool) -> tuple[Diagnosis, Floats, Integers]:
     """Diagnose a mesh of finite coordinates, merged or, where only that bounds one solid, as it is; return the mesh."""
     points, triangles = merged(vertices, faces)
-    found = _examine(points, triangles, whole=whole, uncrossed=uncrossed)
+    found = _examine(points, triangles, whole=whole)
     if found.non_manifold_edges and not found.open_edges:
         corners, given = without_unused(vertices + 0.0, faces)
-        as_given = _examine(corners, given, whole=False, uncrossed=uncrossed) if len(corners) > len(points) else found
+        as_given = _examine(corners, given, whole=False) if len(corners) > len(points) else found
         if as_given.ok:
             return as_given, corners, given
     return found, points, triangles
 
 
-def _examine(vertices: Floats, faces: Integers, *, whole: bool, uncrossed: bool = False) -> Diagnosis:
+def _examine(vertices: Floats, faces: Integers, *, whole: bool) -> Diagnosis:
     """Diagnose a merged mesh of finite coordinates; where it is not to be whole, no further than to wrong edges.
 
     Triangles that lie on each other, as in damaged files, take time with the square of their number.
@@ -321,6 +318,6 @@ def _examine(vertices: Floats, faces: Integers, *, whole: bool, uncrossed: bool 
         open_edges=open_edges,
         non_manifold_edges=crowded,
         flipped_faces=count_flipped(faces, len(points)) if unlike else 0,
-        self_intersections=0 if uncrossed else count_crossings(points, faces),
+        self_intersections=count_crossings(points, faces),
         **shells,
     )

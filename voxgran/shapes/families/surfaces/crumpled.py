@@ -169,14 +169,9 @@ def folded(sheet: Folded, point: Floats, direction: Floats) -> Folded | None:
     old = sheet.creases[halved]
     pieces = np.concatenate([np.column_stack([old[:, 0], middle]), np.column_stack([middle, old[:, 1]])])
     creases = np.concatenate([sheet.creases[~halved], pieces, added])
-    faces = cut_edges(flat_in_space(flat), sheet.faces, index, new)
+    faces = cut_edges(np.column_stack([flat, np.zeros(len(flat))]), sheet.faces, index, new)
     vertices = vertices - 2 * np.maximum(height, 0.0)[:, None] * direction
     return Folded(vertices, flat, faces, creases)
-
-
-def flat_in_space(flat: Floats) -> Floats:
-    """Return points of the flat sheet in space."""
-    return np.column_stack([flat, np.zeros(len(flat))])
 
 
 registration = ShapeFamily(
