@@ -13,11 +13,14 @@ from typing import Any
 import numpy as np
 
 import voxgran as vg
+from voxgran._base.compiling.threads import using_threads
 from voxgran._base.machine import processor_count
 from voxgran._base.seeds import stream
 from voxgran.bench.model import write_rows
+from voxgran.settling.balance import accelerated_projected_gradient
+from voxgran.settling.equilibrium import normalized_bed
 
-CHECKED = 20_000
+CHECKED, POURED = 20_000, 100_000
 
 
 def neighbours(shapes: list[vg.Shape], count: int) -> vg.Packing:
@@ -39,6 +42,22 @@ def bed_of(shapes: vg.Shape | list[vg.Shape], count: int, threads: int) -> float
     return float(bed.position[:, 2].mean())
 
 
+def proof() -> Callable[[int], float]:
+    """Return 100 iterations of the proof that spheres rest, which are poured."""
+    edge = (POURED / 3.0) ** (1 / 3)
+    grains = vg.pack(vg.shapes.sphere(), vg.Box((edge, edge, 4 * edge), periodic="xy"), "deposition", count=POURED)
+    bed = normalized_bed(grains, np.array([0.0, 0.0, -1.0]))
+    bed.find(0.02, 0.0)
+
+    def balance(threads: int) -> float:
+        forces = np.zeros((bed.m, 3))
+        with using_threads(threads):
+            accelerated_projected_gradient(bed.contacts, forces, friction=0.5, iterations=100, tolerance=0, near=0)
+        return float(forces.sum())
+
+    return balance
+
+
 def cases() -> dict[str, Callable[[int], Any]]:
     """Return the calls that are measured."""
     rock = vg.load_shape(vg.data_file("eros.obj"))
@@ -56,6 +75,7 @@ def cases() -> dict[str, Callable[[int], Any]]:
         "verify, 20,000 ellipsoids": lambda threads: vg.verify(convex, threads=threads).deepest,
         "verify, 20,000 polyhedra": lambda threads: vg.verify(meshes, threads=threads).deepest,
         "pack by gravity, 1,000 convex polyhedra": lambda threads: bed_of(vg.shapes.convex_polyhedron(), 1000, threads),
+        f"proof of {POURED:,} spheres, 100 iterations": proof(),
         "pack by gravity, 300 random solids": lambda threads: bed_of(solids, 300, threads),
     }
 

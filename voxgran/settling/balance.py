@@ -25,22 +25,35 @@ from typing import NamedTuple
 import numpy as np
 
 from voxgran._base.arrays import Floats, Integers
+from voxgran._base.compiling.threads import in_blocks
 from voxgran._base.kernels import bare_kernel, inlined_kernel
 from voxgran._base.stopping import stop_if_asked
-from voxgran.geometry.vectors import add, along, cross, dot, row_of, sub, times, vector_at
-from voxgran.settling.cell import RIGID, Cell, add_to_cell, branch_of, effective_cell, strained
+from voxgran.geometry.vectors import add, along, cross, dot, sub, times, vector_at
+from voxgran.settling.cell import (
+    INVERSE_MASS,
+    INVERSE_MOMENT,
+    NONE,
+    RIGID,
+    Cell,
+    add_forces,
+    add_to_both,
+    add_to_cell,
+    approach_of,
+    branch_of,
+    effective_at,
+    effective_cell,
+    strained,
+)
 
 #: numbers in a row of work: normal (3), arms (6), openness, steps along the normal and across it; then two forces (3):
 #: that of now, and that of the iteration before
 WORK = 18
-#: columns of bodies, and of accelerations in the work: inverse mass and inverse moment of inertia
-INVERSE_MASS, INVERSE_MOMENT = 6, 7
 #: iterations of the projected gradient between two looks at its distance from the optimum
 AT_ONCE = 16
 #: share of the bodies that is few
 FEW = 0.1
-#: no force
-NONE = (0.0, 0.0, 0.0)
+#: rows from which on forces are found by all threads, and rows of which the turning back is summed on its own
+MANY, BLOCK = 100_000, 8192
 
 
 class LoadedContacts(NamedTuple):
@@ -66,7 +79,7 @@ def net_accelerations(contacts: LoadedContacts, forces: Floats) -> Floats:
     are fixed.
     """
     accelerations = np.zeros((len(contacts.bodies), 6))
-    _add_forces(contacts, forces, accelerations)
+    add_forces(contacts, forces, accelerations)
     return accelerations
 
 
@@ -116,11 +129,15 @@ def accelerated_projected_gradient(
     new, extrapolated, state = accelerations.copy(), accelerations.copy(), np.array([1.0, 0.0])
     inverse = contacts.bodies[:, INVERSE_MASS : INVERSE_MOMENT + 1]
     masses = np.where(inverse > 0.0, 1.0 / np.where(inverse > 0.0, inverse, 1.0), 0.0)
+    lists = _rows_of_bodies(contacts) if m >= MANY else None
     made, distance, least, improved = 0, math.inf, FEW * last, 0
     while made < iterations:
         stop_if_asked()
         for _ in range(min(AT_ONCE, iterations - made)):
-            _descend(contacts, work, rub, accelerations, new, extrapolated, state)
+            if lists is None:
+                _descend(contacts, work, rub, accelerations, new, extrapolated, state)
+            else:
+                _descend_at_once(contacts, work, rub, accelerations, extrapolated, state, lists)
             made += 1
         # squares of the motions, by mass; the optimum, which has the least sum, is no farther than they are large
         squares = (accelerations.reshape(-1, 2, 3) ** 2).sum(axis=2) * masses
@@ -139,67 +156,6 @@ def accelerated_projected_gradient(
     return net_accelerations(contacts, forces), made, distance
 
 
-@inlined_kernel
-def _add(body, inverse_mass, inverse_moment, arm, force):  # type: ignore[no-untyped-def]
-    """Add to an acceleration what a force does at an arm."""
-    body[0], body[1], body[2] = along(vector_at(body, 0), inverse_mass, force)
-    body[3], body[4], body[5] = along(vector_at(body, 3), inverse_moment, cross(arm, force))
-
-
-@inlined_kernel
-def _add_to_both(accelerations, bodies, gravity, c, one, other, force):  # type: ignore[no-untyped-def]
-    """Add to the accelerations of both bodies of a contact what a force does; a lid moves along gravity only."""
-    b, last = bodies[one], len(bodies) - 1
-    _add(accelerations[one], -b[6], -b[7], vector_at(c, 3), force)
-    if other == last:
-        axis, lid = vector_at(gravity, 0), accelerations[last]
-        lid[0], lid[1], lid[2] = along(vector_at(lid, 0), bodies[last, 6] * dot(force, axis), axis)
-    elif other >= 0:
-        b = bodies[other]
-        _add(accelerations[other], b[6], b[7], vector_at(c, 6), force)
-
-
-@bare_kernel
-def _add_forces(contacts, forces, accelerations):  # type: ignore[no-untyped-def]
-    """Write the accelerations (n + 1, 6) of bodies under gravity and under forces (m, 3)."""
-    bodies, gravity, last = contacts.bodies, contacts.gravity, len(contacts.bodies) - 1
-    cell, deforms = contacts.cell, len(contacts.cell.mobility) > 0
-    for k in range(last + 1):
-        free = 1.0 if bodies[k, INVERSE_MASS] > 0.0 else 0.0
-        for c in range(3):
-            accelerations[k, c] = free * gravity[c]
-            accelerations[k, 3 + c] = 0.0
-    if deforms:
-        for k in range(6):
-            accelerations[last, k] = 0.0
-            for c in range(6):
-                accelerations[last, k] -= cell.mobility[k, c] * cell.load[c]
-    for k in range(len(contacts.i)):
-        force = row_of(forces, k)
-        if force == NONE:
-            continue
-        c, one, other = contacts.row[k], contacts.i[k], contacts.j[k]
-        _add_to_both(accelerations, bodies, gravity, c, one, other, force)
-        if deforms:
-            add_to_cell(accelerations[last], cell.mobility, force, branch_of(c))
-
-
-@bare_kernel
-def _effective(c, first, mass, moment, coupled):  # type: ignore[no-untyped-def]
-    """Return the inverse effective masses, along the normal and at most across it, that a body has at an arm.
-
-    coupled: whether they shall bound the whole matrix from above, whose two directions are coupled.
-    """
-    x, y, z = c[first], c[first + 1], c[first + 2]
-    along = x * c[0] + y * c[1] + z * c[2]
-    square = x * x + y * y + z * z
-    across = max(square - along * along, 0.0)
-    if coupled:
-        both = abs(along) * math.sqrt(across)
-        return mass + moment * (across + both), mass + moment * max(square, along * along + both)
-    return mass + moment * across, mass + moment * square
-
-
 @bare_kernel
 def _fill_work(contacts, forces, openness, skin, share, work):  # type: ignore[no-untyped-def]
     """Write rows of `WORK` numbers of the contacts.
@@ -211,14 +167,14 @@ def _fill_work(contacts, forces, openness, skin, share, work):  # type: ignore[n
     for k in range(len(work)):
         c, w, one, other = contacts.row[k], work[k], contacts.i[k], contacts.j[k]
         coupled = share[one] > 1.0
-        normal, across = _effective(c, 3, share[one] * bodies[one, 6], share[one] * bodies[one, 7], coupled)
+        normal, across = effective_at(c, 3, share[one] * bodies[one, 6], share[one] * bodies[one, 7], coupled)
         if other == last:
             cosine = c[0] * gravity[0] + c[1] * gravity[1] + c[2] * gravity[2]
             normal += share[last] * bodies[last, 6] * (abs(cosine) if coupled else cosine * cosine)
             across += share[last] * bodies[last, 6] * math.sqrt(max(1.0 - cosine * cosine, 0.0))
         elif other >= 0:
             coupled = share[other] > 1.0
-            more = _effective(c, 6, share[other] * bodies[other, 6], share[other] * bodies[other, 7], coupled)
+            more = effective_at(c, 6, share[other] * bodies[other, 6], share[other] * bodies[other, 7], coupled)
             normal, across = normal + more[0], across + more[1]
             if other == one:
                 # of a grain and its own image, whose arms point opposite ways
@@ -301,7 +257,7 @@ def _sweep(contacts, work, state, friction, skin, momentum, backwards):  # type:
             ahead = along(force, momentum, sub(force, vector_at(c, 15)))
             c[15], c[16], c[17] = force
             force = ahead
-        apart = _approach(c, state, one, other)
+        apart = approach_of(c, state, one, other)
         if deforms:
             apart = add(apart, strained(state[last], branch_of(contacts.row[k])))
         un, fn = dot(apart, normal), dot(force, normal)
@@ -322,10 +278,32 @@ def _sweep(contacts, work, state, friction, skin, momentum, backwards):  # type:
         more = sub(pressed, force)
         if more == NONE:
             continue
-        _add_to_both(state, state, contacts.gravity, c, one, other, more)
+        add_to_both(state, state, contacts.gravity, c, one, other, more)
         if deforms:
             add_to_cell(state[last], mobility, more, branch_of(contacts.row[k]))
     return change, size
+
+
+def _rows_of_bodies(contacts: LoadedContacts) -> tuple[Integers, Integers]:
+    """Return where the rows of each body begin in a list, (n + 2,), and the list: twice the row, and 1 more for j."""
+    bodies = np.stack([contacts.i, contacts.j], axis=1).ravel()
+    ends = np.argsort(bodies, kind="stable")
+    return np.searchsorted(bodies[ends], np.arange(len(contacts.bodies) + 1)), ends
+
+
+def _descend_at_once(
+    contacts: LoadedContacts, work: Floats, friction: Floats, accelerations: Floats, extrapolated: Floats,
+    state: Floats, lists: tuple[Integers, Integers],
+) -> None:  # fmt: skip
+    """Do what `_descend` does on all threads: first forces, by row, then what they do, by body.
+
+    The forces on a body are added in the order of the rows, as there: results have the same bits for any number of
+    threads. lists: the rows of each body.
+    """
+    turned = np.empty(-(-len(work) // BLOCK))
+    in_blocks(_project_blocks, len(turned), contacts, work, friction, extrapolated, state, turned)
+    _set_momentum(state, float(turned.sum()))
+    in_blocks(_add_up, len(accelerations), contacts, work, *lists, accelerations, extrapolated, state)
 
 
 @bare_kernel
@@ -335,53 +313,87 @@ def _descend(contacts, work, friction, accelerations, new, extrapolated, state):
     accelerations: under the forces, new: to be written, extrapolated: under the extrapolated forces.  state: the two
     numbers t and momentum.
     """
-    bodies, gravity = contacts.bodies, contacts.gravity
-    last, momentum, turned, own = len(bodies) - 1, state[1], 0.0, len(friction) - 1
-    for k in range(last + 1):
+    bodies, gravity, turned, own = contacts.bodies, contacts.gravity, 0.0, len(friction) - 1
+    for k in range(len(bodies)):
         free = 1.0 if bodies[k, 6] > 0.0 else 0.0
         for s in range(3):
             new[k, s], new[k, 3 + s] = free * gravity[s], 0.0
     for k in range(len(work)):
         c, one, other = work[k], contacts.i[k], contacts.j[k]
-        before, normal = vector_at(c, 12), vector_at(c, 0)
-        ahead = along(before, momentum, sub(before, vector_at(c, 15)))
-        c[15], c[16], c[17] = before
-        apart = _approach(c, extrapolated, one, other)
-        un, fn = dot(apart, normal), dot(ahead, normal)
-        sn, st = c[10], c[11]
-        across = along(along(ahead, -fn, normal), -st, along(apart, -un, normal))
-        push, part = _onto_cone(fn - sn * un, math.sqrt(dot(across, across)), friction[min(k, own)], sn, st)
-        force = along(times(normal, push), part, across)
-        c[12], c[13], c[14] = force
-        step, back = sub(force, before), sub(ahead, force)
-        if sn > 0.0 and st > 0.0:
-            product = dot(step, normal) * dot(back, normal)
-            turned += product / sn + (dot(back, step) - product) / st
+        force, back = _projected(c, approach_of(c, extrapolated, one, other), state[1], friction[min(k, own)])
+        turned += back
         if force != NONE:
-            _add_to_both(new, bodies, gravity, c, one, other, force)
-    t = 1.0 if turned > 0.0 else state[0]
-    state[0] = (1.0 + math.sqrt(1.0 + 4.0 * t * t)) / 2.0
-    state[1] = momentum = (t - 1.0) / state[0]
-    for k in range(last + 1):
+            add_to_both(new, bodies, gravity, c, one, other, force)
+    _set_momentum(state, turned)
+    for k in range(len(bodies)):
         for s in range(6):
             here = new[k, s]
-            extrapolated[k, s] = here + momentum * (here - accelerations[k, s])
+            extrapolated[k, s] = here + state[1] * (here - accelerations[k, s])
             accelerations[k, s] = here
 
 
 @inlined_kernel
-def _approach(c, accelerations, one, other):  # type: ignore[no-untyped-def]
-    """Return the acceleration of a contact point of body j relative to that of body i."""
-    a = accelerations[one]
-    u0 = -(a[0] + a[4] * c[5] - a[5] * c[4])
-    u1 = -(a[1] + a[5] * c[3] - a[3] * c[5])
-    u2 = -(a[2] + a[3] * c[4] - a[4] * c[3])
-    if other >= 0:
-        b = accelerations[other]
-        u0 += b[0] + b[4] * c[8] - b[5] * c[7]
-        u1 += b[1] + b[5] * c[6] - b[3] * c[8]
-        u2 += b[2] + b[3] * c[7] - b[4] * c[6]
-    return u0, u1, u2
+def _projected(c, apart, momentum, friction):  # type: ignore[no-untyped-def]
+    """Make a step of the force of a contact within its cone; return the force, and by how much it turns back."""
+    before, normal = vector_at(c, 12), vector_at(c, 0)
+    ahead = along(before, momentum, sub(before, vector_at(c, 15)))
+    c[15], c[16], c[17] = before
+    un, fn = dot(apart, normal), dot(ahead, normal)
+    sn, st, turned = c[10], c[11], 0.0
+    across = along(along(ahead, -fn, normal), -st, along(apart, -un, normal))
+    push, part = _onto_cone(fn - sn * un, math.sqrt(dot(across, across)), friction, sn, st)
+    force = along(times(normal, push), part, across)
+    c[12], c[13], c[14] = force
+    step, back = sub(force, before), sub(ahead, force)
+    if sn > 0.0 and st > 0.0:
+        product = dot(step, normal) * dot(back, normal)
+        turned = product / sn + (dot(back, step) - product) / st
+    return force, turned
+
+
+@bare_kernel
+def _set_momentum(state, turned):  # type: ignore[no-untyped-def]
+    """Write the next t and momentum, anew where the forces have turned back."""
+    t = 1.0 if turned > 0.0 else state[0]
+    state[0] = (1.0 + math.sqrt(1.0 + 4.0 * t * t)) / 2.0
+    state[1] = (t - 1.0) / state[0]
+
+
+@bare_kernel
+def _project_blocks(contacts, work, friction, extrapolated, state, turned, first, end):  # type: ignore[no-untyped-def]
+    """Make a step of the forces in blocks of rows, and write by how much those of each block turn back."""
+    own = len(friction) - 1
+    for block in range(first, end):
+        total = 0.0
+        for k in range(block * BLOCK, min((block + 1) * BLOCK, len(work))):
+            c = work[k]
+            apart = approach_of(c, extrapolated, contacts.i[k], contacts.j[k])
+            total += _projected(c, apart, state[1], friction[min(k, own)])[1]
+        turned[block] = total
+
+
+@bare_kernel
+def _add_up(contacts, work, begin, ends, accelerations, extrapolated, state, first, end):  # type: ignore[no-untyped-def]
+    """Write the accelerations of bodies under the forces in their rows, and extrapolate them."""
+    bodies, gravity, momentum = contacts.bodies, vector_at(contacts.gravity, 0), state[1]
+    for k in range(first, end):
+        mass, moment = bodies[k, 6], bodies[k, 7]
+        moved, turned = times(gravity, 1.0 if mass > 0.0 else 0.0), NONE
+        for e in range(begin[k], begin[k + 1]):
+            c = work[ends[e] // 2]
+            force = vector_at(c, 12)
+            if force == NONE:
+                continue
+            if k == len(bodies) - 1:
+                # a lid moves along gravity only
+                moved = along(moved, mass * dot(force, gravity), gravity)
+            elif ends[e] % 2:
+                moved, turned = along(moved, mass, force), along(turned, moment, cross(vector_at(c, 6), force))
+            else:
+                moved, turned = along(moved, -mass, force), along(turned, -moment, cross(vector_at(c, 3), force))
+        for s, here in enumerate((*moved, *turned)):
+            extrapolated[k, s] = here + momentum * (here - accelerations[k, s])
+            accelerations[k, s] = here
 
 
 @bare_kernel
@@ -411,7 +423,7 @@ def _excess(contacts, work, friction, accelerations):  # type: ignore[no-untyped
     power, short, weighted, mean, own = 0.0, 0.0, 0.0, 0.0, len(friction) - 1
     for k in range(len(work)):
         c = work[k]
-        u0, u1, u2 = _approach(c, accelerations, contacts.i[k], contacts.j[k])
+        u0, u1, u2 = approach_of(c, accelerations, contacts.i[k], contacts.j[k])
         un = u0 * c[0] + u1 * c[1] + u2 * c[2]
         fn = c[12] * c[0] + c[13] * c[1] + c[14] * c[2]
         across = math.sqrt(max(u0 * u0 + u1 * u1 + u2 * u2 - un * un, 0.0))

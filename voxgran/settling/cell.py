@@ -1,15 +1,17 @@
-"""A container that deforms under the forces at its contacts, in kernels.
+"""What forces at contacts do to bodies, and to a container that deforms under them, in kernels.
 
-Its strain is one more body of the quasi-static problem (:mod:`voxgran.settling.balance`), which all contacts share.
+The strain of a container is one more body of the quasi-static problem (:mod:`voxgran.settling.balance`), which all
+contacts share.
 """
 
-from typing import NamedTuple
+import math
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from voxgran._base.arrays import Floats
 from voxgran._base.kernels import bare_kernel, inlined_kernel
-from voxgran.geometry.vectors import Vector, along, dot, sub, vector_at
+from voxgran.geometry.vectors import Vector, along, cross, dot, row_of, sub, vector_at
 
 
 class Cell(NamedTuple):
@@ -26,6 +28,10 @@ class Cell(NamedTuple):
     load: Floats
 
 
+#: columns of bodies, and of accelerations in the work: inverse mass and inverse moment of inertia
+INVERSE_MASS, INVERSE_MOMENT = 6, 7
+#: no force
+NONE = (0.0, 0.0, 0.0)
 #: a container that does not deform
 RIGID = Cell(np.zeros((0, 6)), np.zeros(6))
 
@@ -81,3 +87,81 @@ def effective_cell(mobility: Floats, normal: Vector, branch: Vector) -> tuple[fl
             row += abs(mobility[a, b])
         most = max(most, row)
     return along_it, most * dot(branch, branch)
+
+
+@inlined_kernel
+def _add(body, inverse_mass, inverse_moment, arm, force):  # type: ignore[no-untyped-def]
+    """Add to an acceleration what a force does at an arm."""
+    body[0], body[1], body[2] = along(vector_at(body, 0), inverse_mass, force)
+    body[3], body[4], body[5] = along(vector_at(body, 3), inverse_moment, cross(arm, force))
+
+
+@inlined_kernel
+def add_to_both(
+    accelerations: Floats, bodies: Floats, gravity: Floats, c: Floats, one: int, other: int, force: Vector
+) -> None:
+    """Add to the accelerations of both bodies of a contact what a force does; a lid moves along gravity only."""
+    b, last = bodies[one], len(bodies) - 1
+    _add(accelerations[one], -b[6], -b[7], vector_at(c, 3), force)
+    if other == last:
+        axis, lid = vector_at(gravity, 0), accelerations[last]
+        lid[0], lid[1], lid[2] = along(vector_at(lid, 0), bodies[last, 6] * dot(force, axis), axis)
+    elif other >= 0:
+        b = bodies[other]
+        _add(accelerations[other], b[6], b[7], vector_at(c, 6), force)
+
+
+@bare_kernel
+def add_forces(contacts: Any, forces: Floats, accelerations: Floats) -> None:
+    """Write the accelerations (n + 1, 6) of bodies under gravity and under forces (m, 3)."""
+    bodies, gravity, last = contacts.bodies, contacts.gravity, len(contacts.bodies) - 1
+    cell, deforms = contacts.cell, len(contacts.cell.mobility) > 0
+    for k in range(last + 1):
+        free = 1.0 if bodies[k, INVERSE_MASS] > 0.0 else 0.0
+        for c in range(3):
+            accelerations[k, c] = free * gravity[c]
+            accelerations[k, 3 + c] = 0.0
+    if deforms:
+        for k in range(6):
+            accelerations[last, k] = 0.0
+            for c in range(6):
+                accelerations[last, k] -= cell.mobility[k, c] * cell.load[c]
+    for k in range(len(contacts.i)):
+        force = row_of(forces, k)
+        if force == NONE:
+            continue
+        c, one, other = contacts.row[k], contacts.i[k], contacts.j[k]
+        add_to_both(accelerations, bodies, gravity, c, one, other, force)
+        if deforms:
+            add_to_cell(accelerations[last], cell.mobility, force, branch_of(c))
+
+
+@bare_kernel
+def effective_at(c: Floats, first: int, mass: float, moment: float, coupled: bool) -> tuple[float, float]:
+    """Return the inverse effective masses, along the normal and at most across it, that a body has at an arm.
+
+    coupled: whether they shall bound the whole matrix from above, whose two directions are coupled.
+    """
+    x, y, z = c[first], c[first + 1], c[first + 2]
+    along = x * c[0] + y * c[1] + z * c[2]
+    square = x * x + y * y + z * z
+    across = max(square - along * along, 0.0)
+    if coupled:
+        both = abs(along) * math.sqrt(across)
+        return mass + moment * (across + both), mass + moment * max(square, along * along + both)
+    return mass + moment * across, mass + moment * square
+
+
+@inlined_kernel
+def approach_of(c: Floats, accelerations: Floats, one: int, other: int) -> Vector:
+    """Return the acceleration of a contact point of body j relative to that of body i."""
+    a = accelerations[one]
+    u0 = -(a[0] + a[4] * c[5] - a[5] * c[4])
+    u1 = -(a[1] + a[5] * c[3] - a[3] * c[5])
+    u2 = -(a[2] + a[3] * c[4] - a[4] * c[3])
+    if other >= 0:
+        b = accelerations[other]
+        u0 += b[0] + b[4] * c[8] - b[5] * c[7]
+        u1 += b[1] + b[5] * c[6] - b[3] * c[8]
+        u2 += b[2] + b[3] * c[7] - b[4] * c[6]
+    return u0, u1, u2

@@ -4,6 +4,8 @@ import numpy as np
 import pytest
 from scipy.optimize import nnls
 
+from voxgran._base.compiling.threads import using_threads
+from voxgran.settling import balance
 from voxgran.settling.balance import (
     LoadedContacts,
     accelerated_projected_gradient,
@@ -104,9 +106,10 @@ def solve(heap_of, friction, near=0.0, iterations=20_000):
 
 
 @pytest.mark.parametrize("friction", [0.0, 0.3])
-@pytest.mark.parametrize("round_grains", [True, False])
-def test_forces_in_a_plane_are_those_of_least_squares(friction, round_grains):
+@pytest.mark.parametrize(("round_grains", "many"), [(True, 1), (False, 1), (False, balance.MANY)])
+def test_forces_in_a_plane_are_those_of_least_squares(monkeypatch, friction, round_grains, many):
     """In a plane a friction cone is all sums of two vectors: a problem for non-negative least squares."""
+    monkeypatch.setattr(balance, "MANY", many)
     row, i, j, bodies = heap(3, flat=True, round_grains=round_grains)
     _, found, _, distance = solve((row, i, j, bodies), friction, near=1e-7)
     across = np.cross(row[:, :3], [0.0, 1.0, 0.0])
@@ -297,3 +300,31 @@ def test_a_grain_may_touch_its_own_image():
     )  # fmt: skip
     assert np.abs(found[0]).max() < 1e-6
     np.testing.assert_allclose(forces[1, 2], -1.0, atol=1e-6)
+
+
+@pytest.mark.parametrize("own", [False, True])
+def test_many_rows_are_balanced_with_the_same_bits_by_any_number_of_threads(monkeypatch, own):
+    """Three blocks of rows of which the last is not full, with a lid, walls, a fixed grain and a grain beside itself."""
+    row, i, j, bodies = heap(7, round_grains=False)
+    j[4] = i[4]
+    copies, count = 2 * balance.BLOCK // len(i) + 20, len(bodies) - 1
+    bodies = np.vstack([np.tile(bodies[:-1], (copies, 1)), bodies[-1:]])
+    bodies[5, 6:] = 0.0
+    begin = count * np.repeat(np.arange(copies), len(i))
+    i, j = np.tile(i, copies), np.tile(j, copies)
+    j = np.where(j == count, len(bodies) - 1, np.where(j < 0, j, j + begin))
+    contacts = LoadedContacts(np.tile(row, (copies, 1)), i + begin, j, bodies, DOWN)
+    friction = np.random.default_rng(1).uniform(0.2, 0.6, len(i)) if own else 0.5
+
+    def balanced(many, threads):
+        monkeypatch.setattr(balance, "MANY", many)
+        forces = 0.1 * contacts.row[:, :3]
+        with using_threads(threads):
+            found = accelerated_projected_gradient(
+                contacts, forces, friction=friction, iterations=40, tolerance=1e-9, near=-1.0
+            )
+        return forces, *found
+
+    for other in [(1, 1), (1, 2), (1, 3)]:
+        for found, expected in zip(balanced(*other), balanced(len(i) + 1, 1), strict=True):
+            np.testing.assert_array_equal(found, expected)
