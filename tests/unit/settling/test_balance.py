@@ -304,7 +304,7 @@ def test_a_grain_may_touch_its_own_image():
 
 @pytest.mark.parametrize("own", [False, True])
 def test_many_rows_are_balanced_with_the_same_bits_by_any_number_of_threads(monkeypatch, own):
-    """Three blocks of rows of which the last is not full, with a lid, walls, a fixed grain and a grain beside itself."""
+    """Three blocks of rows of which the last is not full, with a lid, walls, a fixed grain and one beside itself."""
     row, i, j, bodies = heap(7, round_grains=False)
     j[4] = i[4]
     copies, count = 2 * balance.BLOCK // len(i) + 20, len(bodies) - 1
