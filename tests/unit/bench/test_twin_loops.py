@@ -15,6 +15,7 @@ def test_a_closed_loop_ends_where_it_began(case):
     rows = twin_loops.rows_of(case)
     assert {row.measure for row in rows if row.limit is not None} == {
         "solid_fraction",
+        "coordination_number",
         "mean_coordination_number",
         "D50",
         "mean_radial_peak",

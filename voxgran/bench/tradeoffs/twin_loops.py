@@ -42,7 +42,7 @@ VOXEL, CUT, FRICTION = 0.06, 6, 0.2
 #: measures of the table, with the largest difference that is sought, and whether it is one of the value itself
 LIMITS: dict[str, tuple[float | None, bool]] = {
     "solid_fraction": (0.005, False),
-    "coordination_number": (None, False),
+    "coordination_number": (0.3, False),
     "mean_coordination_number": (0.3, False),
     "D50": (0.02, True),
     "radial_peak": (None, True),
