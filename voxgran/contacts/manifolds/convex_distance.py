@@ -179,13 +179,14 @@ def _recall(corner, one, two, place, corners, simplex):  # type: ignore[no-untyp
 @inlined_kernel
 def _remember(which, one, two, corners):  # type: ignore[no-untyped-def]
     """Write the corners of a simplex, if they are those of two hulls."""
-    corners[0] = -1
+    for k in range(6):
+        corners[k] = -1
     if one[0] != 2 or two[0] != 2 or (which[0, 0] >= 0 and which[1, 0] >= 0 and which[2, 0] >= 0 and which[3, 0] >= 0):
         return
-    for k in range(3):
+    k = 0
+    while k < 3 and which[k, 0] >= 0:
         corners[2 * k], corners[2 * k + 1] = which[k, 0], which[k, 1]
-        if which[k, 0] < 0:
-            break
+        k += 1
 
 
 @bare_kernel
