@@ -86,6 +86,8 @@ def _convex(shape: Shape, faces: int, added: float) -> tuple[Shape, float]:
     hull = _sunk_hull(shape)
     if hull is None:
         return shape, np.inf
+    # each collapse of the whole hull costs more than all that follow
+    hull = _reduced(shape, hull, max(faces, MANY))[0]
     made, least = _reduced(shape, hull, faces)
     if _reduced(shape, hull, FEW)[1] <= CURVED * _reduced(shape, hull, MANY)[1]:
         rows = [many for many in TRIANGLES if many < faces]
