@@ -66,8 +66,7 @@ def quasi_static_step(
     rest: distance that surfaces keep.  reuse: motion up to which exact contacts of meshes are not found again.
     """
     bed.find(margin, rest, reuse=reuse)
-    # below a lid steps are shorter, or it would overlap grains anew each time; not by all its load: some bear none of it
-    forces, square = bed.forces(), step * step / np.sqrt(bed.load)
+    forces, square = bed.forces(), step * step
     skin = SOFTNESS / (bed.load * square)
     accelerations, _ = gauss_seidel_forces(
         bed.contacts, forces, bed.gap / square, friction=bed.friction_at(friction), skin=skin, iterations=iterations
