@@ -149,6 +149,15 @@ def test_a_lid_presses_on_the_bed():
     assert -down[at_walls].sum() == pytest.approx(3.0 * 60, rel=0.02)
 
 
+def test_clumps_come_to_rest_below_a_heavy_lid():
+    """Steps as long as without a lid let it overlap the grains anew each time: a fifth of them rested, or none."""
+    clump = vg.make_shape("sphere_assembly", seed=1)
+    for count in (12, 16):
+        bed = vg.pack(clump, vg.Box((3, 3, 10)), "gravity", count=count, seed=1, lid={"weight": 30.0})
+        assert bed.stop_reason == "settled"
+        assert bed.provenance["settling"]["steps"] < 1000
+
+
 @pytest.mark.parametrize("width", [1.05, 1.5, 1.9])
 def test_a_periodic_box_narrower_than_two_diameters(width):
     """Spheres touch images of others on both sides."""
