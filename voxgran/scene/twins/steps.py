@@ -23,7 +23,7 @@ from voxgran.shapes.repairing.simplify import decimated, simplify
 
 #: root mean square distances, in voxels, up to which a surface of labels is that of a smooth or of a convex solid with
 #: the steps of an image: these give 0.14 to 0.2, and edges and the seams between neighbours, which are rounded, more
-SMOOTH, CONVEX = 0.25, 0.35
+SMOOTH, CONVEX = 0.25, 0.32
 #: how many of the grains must be, by their weights, and how many times as far others are that stay as they are
 MOST, OTHER = 0.9, 2.0
 #: least share of its convex hull that a convex solid fills, as labels of needles of two voxels do
