@@ -63,9 +63,7 @@ def part_grains(
     return smallest + distance
 
 
-def _both_ways(
-    contacts: LoadedContacts, gap: Floats, some: Booleans, widest: float
-) -> tuple[LoadedContacts, Floats]:  # fmt: skip
+def _both_ways(contacts: LoadedContacts, gap: Floats, some: Booleans, widest: float) -> tuple[LoadedContacts, Floats]:
     """Return contacts and gaps with, of some, those that bound the gap from above: they push the other way."""
     back = contacts.row[some]
     back[:, NORMAL : NORMAL + 3] *= -1.0

@@ -159,7 +159,7 @@ def twin(
         learned from the sample where its grains are meshes; other shapes are drawn from the sample by their
         weights. Labels of spheres and ellipsoids, from
         which nine surfaces in ten differ by a quarter of a voxel at most, become these, and labels of convex solids,
-        within 0.35 voxels, convex polyhedra; the tenth stays meshes where it differs by twice as much.
+        within 0.32 voxels, convex polyhedra; the tenth stays meshes where it differs by twice as much.
     faces : int
         Most triangles of a grain: surfaces of labels have thousands, which settling does not need.
     forms : int
