@@ -42,8 +42,8 @@ def bed_of(shapes: vg.Shape | list[vg.Shape], count: int, threads: int) -> float
     return float(bed.position[:, 2].mean())
 
 
-def proof() -> Callable[[int], float]:
-    """Return 100 iterations of the proof that spheres rest, which are poured."""
+def gradient() -> Callable[[int], float]:
+    """Return 100 iterations of the projected gradient that proves whether poured spheres rest; 312,065 contacts."""
     edge = (POURED / 3.0) ** (1 / 3)
     grains = vg.pack(vg.shapes.sphere(), vg.Box((edge, edge, 4 * edge), periodic="xy"), "deposition", count=POURED)
     bed = normalized_bed(grains, np.array([0.0, 0.0, -1.0]))
@@ -75,7 +75,7 @@ def cases() -> dict[str, Callable[[int], Any]]:
         "verify, 20,000 ellipsoids": lambda threads: vg.verify(convex, threads=threads).deepest,
         "verify, 20,000 polyhedra": lambda threads: vg.verify(meshes, threads=threads).deepest,
         "pack by gravity, 1,000 convex polyhedra": lambda threads: bed_of(vg.shapes.convex_polyhedron(), 1000, threads),
-        f"proof of {POURED:,} spheres, 100 iterations": proof(),
+        f"projected gradient, {POURED:,} spheres, 100 iterations": gradient(),
         "pack by gravity, 300 random solids": lambda threads: bed_of(solids, 300, threads),
     }
 

@@ -390,7 +390,7 @@ def contact_forces(packing: Packing, settler: Moving) -> Packing:
 def with_known_forces(packing: Packing, settler: Any, forces: Floats, unit: float, **known: Any) -> Packing:
     """Return the packing, whose grains are those of a settler that has ended, with forces (m, 3) at its contacts.
 
-    unit: that of the lengths of the bed in those of the packing.  known: residuals, rattlers and stress.
+    unit: unit of length of the bed, in the unit of the packing.  known: residuals, rattlers and stress.
     """
     bed, row = settler.bed, settler.bed.rows.row[: settler.bed.m]
     i, j = bed.contact_grains(wall=WALL, lid=LID)

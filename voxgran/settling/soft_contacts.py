@@ -171,8 +171,8 @@ def shares_of_corners(row: Floats, i: Integers, j: Integers) -> Floats:
 
     The points of two bodies with one normal are the corners of a polygon. The share of a corner is the angle there by
     which its boundary turns, over a full turn: it changes continuously where corners come, go, or become others.
-    Corners with wide gaps count less: the shares are the mean of those of the polygons of all corners with less than
-    some gap.
+    Corners with wide gaps count less: for each gap there is a polygon of the corners whose gaps are smaller, and the
+    shares are a mean over these polygons.
     """
     shares, first, m = np.ones(len(i)), 0, len(i)
     while first < m:

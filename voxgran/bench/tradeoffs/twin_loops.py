@@ -93,14 +93,15 @@ def run(folder: Path) -> tuple[Path, ...]:
     rows = [row for case in CASES for row in rows_of(case)]
     head = "case,measure,specimen:.4g,twin:.4g,difference:.4f,ratio:.1f,limit,whole_grains,twin_seconds:.0f"
     table = write_rows(folder / "twin_loops.csv", head, map(astuple, rows))
-    limited = [name for name, (limit, _) in LIMITS.items() if limit is not None]
+    limited = [name.replace("_", " ") for name, (limit, _) in LIMITS.items() if limit is not None]
     with panels_of(folder / "twin_loops.svg", 1, width=7.0) as panels:
         for case in CASES:
             share = [row.difference / row.limit for row in rows if row.case == case and row.limit is not None]
-            panels[0].plot(limited, share, "o", label=case)
+            panels[0].plot(share, limited, "o", label=case)
         for edge in (-1, 1):
-            panels[0].axhline(edge, color="k", linestyle=":")
-        panels[0].set(ylabel="twin less specimen, over the limit")
+            panels[0].axvline(edge, color="k", linestyle=":")
+        # room for the legend beyond the limit
+        panels[0].set(xlabel="twin less specimen, over the limit", xlim=(-1.1, 1.7))
     return table, folder / "twin_loops.svg"
 
 

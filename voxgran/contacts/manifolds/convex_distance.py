@@ -112,8 +112,8 @@ def part_gap(
     """Return the signed gap of two parts and the direction of it, which is first looked for along `start`.
 
     The nearest point on the core of the first part is written to `near` of the simplex, 3 to 5. A gap above the limit
-    is a lower bound. The search for the distance of two hulls begins with their `corners` (6,), those of the nearest
-    points when the pair was last looked at, and writes the new ones.
+    is a lower bound. The search for the distance of two hulls begins with the `corners` (6,) between which the nearest
+    points lay when the pair was last looked at, and writes the new ones.
     """
     normal, radii = start, one[5] + two[5]
     tables, near = tables_of(work.bodies, work), work.simplex.near
