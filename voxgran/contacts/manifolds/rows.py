@@ -53,6 +53,7 @@ class PairList(NamedTuple):
     corners: (cap, 6) of hulls the corners of both, in turn, between which the nearest points lay then; -1 behind the
     last, of three at most.
     room: (cap,) distance beyond the usual one that the surfaces keep, where their gap is known to be inexact.
+    Where all grains are single spheres, the arrays from `bound` on are empty.
     """
 
     i: Integers
