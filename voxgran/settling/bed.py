@@ -2,7 +2,8 @@
 
 Lengths are in median diameters and times in sqrt(d / g); the inverse mass of a grain of the median diameter is 1, where
 densities differ of one of their mean by volume.
-Grains are kept in the order of their heights at the beginning, so that neighbours lie close in memory.
+Grains are kept in the order of their heights at the beginning, so that neighbours lie close in memory; many of them
+layer by layer, along a curve across each one (Morton).
 """
 
 import copy
@@ -32,6 +33,7 @@ from voxgran.contacts.manifolds.rows import (
     carry_rows,
 )
 from voxgran.containers.model import Container, boundary_of, within_periods
+from voxgran.geometry.morton import morton_order
 from voxgran.geometry.rotation import normalized
 from voxgran.geometry.walls import Plane, Round
 from voxgran.settling.balance import LoadedContacts
@@ -42,6 +44,8 @@ Array = TypeVar("Array", bound="np.ndarray[Any, Any]")
 
 #: distance up to which pairs are listed, in median diameters
 SKIN = 0.5
+#: grains from which on a bed and its contacts are larger than the caches of a processor
+MANY = 20_000
 #: share of the smaller diameter from which on an overlap of meshes that are not convex is deep
 DEEP = 0.1
 
@@ -79,7 +83,7 @@ class Bed:
         # without gravity neighbours are near each other in memory too
         down = gravity if gravity.any() else -np.eye(3)[assembly.dimension - 1]
         n = assembly.count
-        first = np.argsort(-(assembly.position[: n - held] @ down), kind="stable")
+        first = _near_each_other(assembly.position[: n - held], down)
         self.order: Integers = np.concatenate([first, np.arange(n - held, n)])
         order = self.order
         self.orientation: Floats = assembly.orientation[order].copy()
@@ -445,6 +449,17 @@ def normalized_bed(assembly: Assembly, gravity: Floats) -> Bed:
     container = assembly.container.scaled(1.0 / unit)
     normalized = Assembly(*arrays, container, assembly.density, lid=lid, fixed=assembly.fixed)
     return Bed(normalized, gravity, lid_weight=math.inf, exact=True)
+
+
+def _near_each_other(position: Floats, down: Floats) -> Integers:
+    """Return the order in which grains at positions (n, 3) are kept."""
+    height = -(position @ down)
+    if len(position) < MANY:
+        return np.argsort(height, kind="stable")
+    sites = np.floor(position).astype(np.int64)
+    sites[:, np.abs(down).argmax()] = 0
+    across = morton_order(sites)
+    return np.asarray(across[np.argsort(np.floor(height[across]), kind="stable")])
 
 
 def _no_rows(size: int, old: Floats | None = None) -> ContactRows:
