@@ -25,15 +25,15 @@ from voxgran.contacts.manifolds.rows import (
     GAP,
     MASS_ACROSS,
     NORMAL,
-    ROW,
     SURFACE,
-    ContactRows,
     Grains,
     PairList,
     carry_rows,
+    doubled_rows,
+    no_rows,
 )
 from voxgran.containers.model import Container, boundary_of, within_periods
-from voxgran.geometry.morton import morton_order
+from voxgran.geometry.morton import layered_order
 from voxgran.geometry.rotation import normalized
 from voxgran.geometry.walls import Plane, Round
 from voxgran.settling.balance import LoadedContacts
@@ -44,8 +44,6 @@ Array = TypeVar("Array", bound="np.ndarray[Any, Any]")
 
 #: distance up to which pairs are listed, in median diameters
 SKIN = 0.5
-#: grains from which on a bed and its contacts are larger than the caches of a processor
-MANY = 20_000
 #: share of the smaller diameter from which on an overlap of meshes that are not convex is deep
 DEEP = 0.1
 
@@ -83,7 +81,7 @@ class Bed:
         # without gravity neighbours are near each other in memory too
         down = gravity if gravity.any() else -np.eye(3)[assembly.dimension - 1]
         n = assembly.count
-        first = _near_each_other(assembly.position[: n - held], down)
+        first = layered_order(assembly.position[: n - held], down)
         self.order: Integers = np.concatenate([first, np.arange(n - held, n)])
         order = self.order
         self.orientation: Floats = assembly.orientation[order].copy()
@@ -104,7 +102,7 @@ class Bed:
         self.bodies, self.motion = bodies_of(assembly, order, lid_weight), np.zeros((n + 1, 6))
         self.lid_level = math.inf if assembly.lid is None else float(assembly.lid.level)
         self.pairs: PairList = no_pairs()
-        self.rows = _no_rows(8 * n + 64)
+        self.rows = no_rows(8 * n + 64)
         self.m = 0
         # margin and rest distance of the contacts that were found, while they are carried along with the grains
         self.carried: Floats = np.full(2, np.nan)
@@ -204,7 +202,7 @@ class Bed:
         places = (*self.pairs[3:], self.wall_first, self.wall_count)
         before = [place.copy() for place in places]
         while (found := self._found(margin, rest, reuse)) < 0:
-            self.rows = _doubled(self.rows)
+            self.rows = doubled_rows(self.rows)
             for place, old in zip(places, before, strict=True):
                 place[:] = old
             # where a search has ended depends on the number of threads: the next one begins without it
@@ -385,7 +383,7 @@ class Bed:
         for name in ("orientation", "bodies", "motion", "wall_first", "wall_count"):
             setattr(made, name, getattr(self, name).copy())
         # old rows are room for those that are found next
-        made.rows = _no_rows(len(rows.row), old=rows.old)
+        made.rows = no_rows(len(rows.row), old=rows.old)
         made.rows.row[:m], made.rows.i[:m], made.rows.j[:m] = rows.row[:m], rows.i[:m], rows.j[:m]
         return made
 
@@ -434,7 +432,7 @@ class Bed:
         # spheres are listed anew: it is not known where they were
         self.listed, self._listed_at = bool(held["listed"]) and bool(self.grains.kind.any()), np.zeros((0, 4))
         m = self.m = len(row)
-        self.rows = _no_rows(int(held["row_room"]))
+        self.rows = no_rows(int(held["row_room"]))
         self.rows.row[:m], self.rows.i[:m], self.rows.j[:m] = row, held["row_i"], held["row_j"]
         self.wall_first, self.wall_count = held["wall_first"], held["wall_count"]
         self.lid_level, self.carried = float(held["lid_level"]), held["carried"]
@@ -449,29 +447,3 @@ def normalized_bed(assembly: Assembly, gravity: Floats) -> Bed:
     container = assembly.container.scaled(1.0 / unit)
     normalized = Assembly(*arrays, container, assembly.density, lid=lid, fixed=assembly.fixed)
     return Bed(normalized, gravity, lid_weight=math.inf, exact=True)
-
-
-def _near_each_other(position: Floats, down: Floats) -> Integers:
-    """Return the order in which grains at positions (n, 3) are kept."""
-    height = -(position @ down)
-    if len(position) < MANY:
-        return np.argsort(height, kind="stable")
-    sites = np.floor(position).astype(np.int64)
-    sites[:, np.abs(down).argmax()] = 0
-    across = morton_order(sites)
-    return np.asarray(across[np.argsort(np.floor(height[across]), kind="stable")])
-
-
-def _no_rows(size: int, old: Floats | None = None) -> ContactRows:
-    """Return room for rows of contacts, with old ones."""
-    old = np.zeros((size, ROW)) if old is None else old
-    return ContactRows(np.zeros((size, ROW)), np.zeros(size, dtype=np.int64), np.zeros(size, dtype=np.int64), old)
-
-
-def _doubled(rows: ContactRows) -> ContactRows:
-    """Return rows with twice the room; the old ones are kept."""
-    made = _no_rows(2 * len(rows.row))
-    made.old[: len(rows.old)] = rows.old
-    # the search begins again: no old row is taken
-    made.old[:, 14] = 0.0
-    return made

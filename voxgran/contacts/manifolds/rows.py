@@ -111,6 +111,21 @@ class Pair(NamedTuple):
     rest: float
 
 
+def no_rows(size: int, old: Floats | None = None) -> ContactRows:
+    """Return room for rows of contacts, with old ones."""
+    old = np.zeros((size, ROW)) if old is None else old
+    return ContactRows(np.zeros((size, ROW)), np.zeros(size, dtype=np.int64), np.zeros(size, dtype=np.int64), old)
+
+
+def doubled_rows(rows: ContactRows) -> ContactRows:
+    """Return rows with twice the room; the old ones are kept."""
+    made = no_rows(2 * len(rows.row))
+    made.old[: len(rows.old)] = rows.old
+    # the search begins again: no old row is taken
+    made.old[:, 14] = 0.0
+    return made
+
+
 def carry_rows(rows: ContactRows, m: int, motion: Floats) -> None:
     """Carry m rows along with small motions (n, 6) of the grains: gaps change to first order, and arms turn.
 
