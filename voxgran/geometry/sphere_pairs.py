@@ -133,7 +133,8 @@ def _pairs_with(place: Placed, queries: Integers, members: Integers, gap: float)
     across = np.where(wraps, face_distances(periods), span)
     cells = np.clip(np.floor(across / max(reach, 1e-300)), 1, most).astype(np.int64)
     index = np.clip((along_edges(place.centers - low, periods) / span * cells).astype(np.int64), 0, cells - 1)
-    flat = ((index[:, 0] * cells[1] + index[:, 1]) * cells[2] + index[:, 2])[members]
+    # layer by layer along z, as grains of a bed are numbered, which are then near each other in memory
+    flat = ((index[:, 2] * cells[1] + index[:, 1]) * cells[0] + index[:, 0])[members]
     order = np.argsort(flat, kind="stable")
     start = np.searchsorted(flat[order], np.arange(int(np.prod(cells)) + 1))
     # an open axis along which all centers agree has no width to divide by
@@ -186,7 +187,7 @@ def _visit_pairs(queries, index, cells, gap, one_set, pairs):  # type: ignore[no
                         continue
                     own = ix == 0 and iy == 0 and iz == 0
                     ahead = ix > 0 or (ix == 0 and (iy > 0 or (iy == 0 and iz > 0)))
-                    cell = ((cx - ix * many[0]) * many[1] + cy - iy * many[1]) * many[2] + cz - iz * many[2]
+                    cell = ((cz - iz * many[2]) * many[1] + cy - iy * many[1]) * many[0] + cx - ix * many[0]
                     px = x - (ix * p[0, 0] + iy * p[1, 0] + iz * p[2, 0])
                     py, pz = y - (iy * p[1, 1] + iz * p[2, 1]), z - iz * p[2, 2]
                     for k in range(cells.start[cell], cells.start[cell + 1]):

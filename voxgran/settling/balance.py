@@ -50,8 +50,8 @@ from voxgran.settling.cell import (
 WORK = 18
 #: iterations of the projected gradient between two looks at its distance from the optimum
 AT_ONCE = 16
-#: share of the bodies that is few
-FEW = 0.1
+#: share of the bodies that is few, and share of those that accelerate to which they become fewer but slowly
+FEW, SLOWLY = 0.1, 0.97
 #: rows from which on forces are found by all threads, and rows of which the turning back is summed on its own
 MANY, BLOCK = 100_000, 8192
 
@@ -119,7 +119,7 @@ def accelerated_projected_gradient(
     forces: the first guess, changed in place.  tolerance: the iterations end where no body accelerates by more, nor its
     points at the radius of gyration.  near: they also end at this distance from the optimum.  decide: then they go on
     as long as a body that accelerates by more might not do so at the optimum.  patience: iterations after which they
-    also end where few bodies accelerate by more than the tolerance, and these do not become fewer.
+    also end where few bodies accelerate by more than the tolerance, and these hardly become fewer.
     """
     m, j, last = len(contacts.i), contacts.j, len(contacts.bodies) - 1
     work, rub = np.empty((m, WORK)), np.array(friction, dtype=np.float64, ndmin=1)
@@ -149,7 +149,8 @@ def accelerated_projected_gradient(
         if not moving.any() or (distance <= near and not (decide and (beyond[moving] <= reach).any())):
             break
         left = int(moving.any(axis=1).sum())
-        least, improved = (left, made) if left < least else (least, improved if left <= FEW * last else made)
+        if left > FEW * last or left < SLOWLY * least:
+            least, improved = min(left, least), made
         if patience is not None and made - improved >= patience:
             break
     forces[:m] = work[:, 12:15]

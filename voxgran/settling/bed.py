@@ -2,7 +2,8 @@
 
 Lengths are in median diameters and times in sqrt(d / g); the inverse mass of a grain of the median diameter is 1, where
 densities differ of one of their mean by volume.
-Grains are kept in the order of their heights at the beginning, so that neighbours lie close in memory.
+Grains are kept in the order of their heights at the beginning, so that neighbours lie close in memory; many of them
+layer by layer, along a curve across each one (Morton).
 """
 
 import copy
@@ -24,14 +25,15 @@ from voxgran.contacts.manifolds.rows import (
     GAP,
     MASS_ACROSS,
     NORMAL,
-    ROW,
     SURFACE,
-    ContactRows,
     Grains,
     PairList,
     carry_rows,
+    doubled_rows,
+    no_rows,
 )
 from voxgran.containers.model import Container, boundary_of, within_periods
+from voxgran.geometry.morton import layered_order
 from voxgran.geometry.rotation import normalized
 from voxgran.geometry.walls import Plane, Round
 from voxgran.settling.balance import LoadedContacts
@@ -79,7 +81,7 @@ class Bed:
         # without gravity neighbours are near each other in memory too
         down = gravity if gravity.any() else -np.eye(3)[assembly.dimension - 1]
         n = assembly.count
-        first = np.argsort(-(assembly.position[: n - held] @ down), kind="stable")
+        first = layered_order(assembly.position[: n - held], down)
         self.order: Integers = np.concatenate([first, np.arange(n - held, n)])
         order = self.order
         self.orientation: Floats = assembly.orientation[order].copy()
@@ -100,12 +102,14 @@ class Bed:
         self.bodies, self.motion = bodies_of(assembly, order, lid_weight), np.zeros((n + 1, 6))
         self.lid_level = math.inf if assembly.lid is None else float(assembly.lid.level)
         self.pairs: PairList = no_pairs()
-        self.rows = _no_rows(8 * n + 64)
+        self.rows = no_rows(8 * n + 64)
         self.m = 0
         # margin and rest distance of the contacts that were found, while they are carried along with the grains
         self.carried: Floats = np.full(2, np.nan)
         self.wall_first, self.wall_count = np.zeros(n, dtype=np.int64), np.zeros(n, dtype=np.int64)
         self.listed = False
+        # of beds of single spheres only, which rolling brings no nearer to others, where they were listed, and radii
+        self._listed_at: Floats = np.zeros((0, 4))
         self.finders = ContactFinders(assembly, self.grains, exact=exact, hulls=hulls)
         self._coming = self.bodies[n - held : n].copy()
         if held:
@@ -124,11 +128,11 @@ class Bed:
         first = n - (assembly.count - len(self._coming))
         bodies, new = self._coming[first : first + k].copy(), slice(n, n + k)
         bodies[:, :3] = velocity
-        zero, none = np.zeros(k), np.zeros(k, dtype=np.int64)
+        none = np.zeros(k, dtype=np.int64)
         added = {
             "position": position, "orientation": assembly.orientation[new], "scale": assembly.scale[new],
-            "radius": assembly.bounding_radii[new], "way": zero, "order": np.arange(n, n + k), "wall_first": none,
-            "wall_count": none,
+            "radius": assembly.bounding_radii[new], "way": np.zeros(k), "order": np.arange(n, n + k),
+            "wall_first": none, "wall_count": none,
         }  # fmt: skip
         both = {name: np.concatenate([held[name], values]) for name, values in added.items()}
         self.restore({**held, **both, "bodies": np.insert(self.bodies, n, bodies, axis=0), "listed": np.array(False)})
@@ -184,22 +188,27 @@ class Bed:
         asked = np.array([margin, rest])
         reuse = reuse if np.array_equal(asked, self.carried) else 0.0
         self.carried = asked
-        way = self.grains.way
+        grains, way = self.grains, self.grains.way
+        if len(self._listed_at):
+            gone, grown = grains.position - self._listed_at[:, :3], grains.radius - self._listed_at[:, 3]
+            way[:] = np.sqrt((gone * gone).sum(axis=1)) + np.maximum(grown, 0.0)
         two = np.partition(way, -2)[-2:].sum() if len(way) > 1 else 2.0 * float(way.max(initial=0.0))
         if not self.listed or two + margin > SKIN:
-            self.pairs = renewed(self.pairs, self.grains, self.assembly.container, SKIN, self.fixed)
+            self.pairs = renewed(self.pairs, grains, self.assembly.container, SKIN, self.fixed)
             self.listed, reuse = True, 0.0
+            if not grains.kind.any():
+                self._listed_at = np.column_stack([grains.position, grains.radius])
         self.rows = self.rows._replace(row=self.rows.old, old=self.rows.row)
         places = (*self.pairs[3:], self.wall_first, self.wall_count)
         before = [place.copy() for place in places]
         while (found := self._found(margin, rest, reuse)) < 0:
-            self.rows = _doubled(self.rows)
+            self.rows = doubled_rows(self.rows)
             for place, old in zip(places, before, strict=True):
                 place[:] = old
             # where a search has ended depends on the number of threads: the next one begins without it
             self.finders.forget()
         self.m = found
-        if SURFACE in self.grains.kind and not self.finders.exact:
+        if SURFACE in grains.kind and not self.finders.exact:
             self._unlock()
         # nothing of former steps is left in what solvers write
         self.rows.row[:found, MASS_ACROSS] = 0.0
@@ -334,7 +343,11 @@ class Bed:
         grains.position[:] *= factors
         self.pairs.shift[:] *= factors
         # pairs of the list approach each other by no more than their distance times the strain
-        grains.way[:] += float(np.abs(factors - 1.0).max()) * (grains.radius + 0.5 * SKIN)
+        way = float(np.abs(factors - 1.0).max()) * (grains.radius + 0.5 * SKIN)
+        grains.way[:] += way
+        if len(self._listed_at):
+            self._listed_at = self._listed_at * np.append(factors, 1.0)
+            self._listed_at[:, 3] -= way
         self.move_walls(container)
         self.carried = np.full(2, np.nan)
 
@@ -358,16 +371,20 @@ class Bed:
 
     def moved_assembly(self) -> Assembly:
         """Return the grains in their present poses, with the lid where it is."""
-        position, orientation = self.poses()
-        lid = self.assembly.lid
-        if lid is not None:
-            lid = Lid(lid.normal, self.lid_level)
+        (position, orientation), lid = self.poses(), self.assembly.lid
+        lid = lid and Lid(lid.normal, self.lid_level)
         return replace(self.assembly, position=position, orientation=orientation, lid=lid)
 
     def copy(self) -> "Bed":
-        """Return a copy that moves on its own; memory of searches is shared."""
-        made = copy.copy(self)
-        made.restore(self.arrays)
+        """Return a copy that moves on its own while this one does not; memory of searches and sizes are shared."""
+        made, m, rows, grains = copy.copy(self), self.m, self.rows, self.grains
+        made.grains = grains._replace(**{name: getattr(grains, name).copy() for name in ("position", "matrix", "way")})
+        made.pairs = PairList(*self.pairs[:3], *(known.copy() for known in self.pairs[3:]))
+        for name in ("orientation", "bodies", "motion", "wall_first", "wall_count"):
+            setattr(made, name, getattr(self, name).copy())
+        # old rows are room for those that are found next
+        made.rows = no_rows(len(rows.row), old=rows.old)
+        made.rows.row[:m], made.rows.i[:m], made.rows.j[:m] = rows.row[:m], rows.i[:m], rows.j[:m]
         return made
 
     @property
@@ -397,7 +414,8 @@ class Bed:
 
     def restore(self, arrays: Mapping[str, Any]) -> None:
         """Take over the arrays of a checkpoint."""
-        held: dict[str, Any] = {name: np.array(array) for name, array in arrays.items()}
+        row = arrays["row"]
+        held: dict[str, Any] = {name: np.array(array) for name, array in arrays.items() if name != "row"}
         self.order = held["order"]
         self.orientation, self.bodies = held["orientation"], held["bodies"]
         matrix = np.zeros((len(self.orientation), 3, 3))
@@ -411,14 +429,11 @@ class Bed:
         self.density = self.assembly.relative_densities[self.order]
         self.fixed = None if self.assembly.fixed is None else self.assembly.fixed[self.order]
         self.pairs = PairList(*(held[f"pair_{name}"] for name in PairList._fields))
-        self.listed = bool(held["listed"])
-        self.m = len(held["row"])
-        self.rows = _no_rows(int(held["row_room"]))
-        self.rows.row[: self.m], self.rows.i[: self.m], self.rows.j[: self.m] = (
-            held["row"],
-            held["row_i"],
-            held["row_j"],
-        )
+        # spheres are listed anew: it is not known where they were
+        self.listed, self._listed_at = bool(held["listed"]) and bool(self.grains.kind.any()), np.zeros((0, 4))
+        m = self.m = len(row)
+        self.rows = no_rows(int(held["row_room"]))
+        self.rows.row[:m], self.rows.i[:m], self.rows.j[:m] = row, held["row_i"], held["row_j"]
         self.wall_first, self.wall_count = held["wall_first"], held["wall_count"]
         self.lid_level, self.carried = float(held["lid_level"]), held["carried"]
         self.motion = np.zeros((len(self.orientation) + 1, 6))
@@ -432,19 +447,3 @@ def normalized_bed(assembly: Assembly, gravity: Floats) -> Bed:
     container = assembly.container.scaled(1.0 / unit)
     normalized = Assembly(*arrays, container, assembly.density, lid=lid, fixed=assembly.fixed)
     return Bed(normalized, gravity, lid_weight=math.inf, exact=True)
-
-
-def _no_rows(size: int) -> ContactRows:
-    """Return room for rows of contacts."""
-    return ContactRows(
-        np.zeros((size, ROW)), np.zeros(size, dtype=np.int64), np.zeros(size, dtype=np.int64), np.zeros((size, ROW))
-    )
-
-
-def _doubled(rows: ContactRows) -> ContactRows:
-    """Return rows with twice the room; the old ones are kept."""
-    made = _no_rows(2 * len(rows.row))
-    made.old[: len(rows.old)] = rows.old
-    # the search begins again: no old row is taken
-    made.old[:, 14] = 0.0
-    return made

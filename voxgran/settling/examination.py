@@ -8,11 +8,12 @@ import math
 
 import numpy as np
 
+from voxgran.contacts.manifolds.rows import SURFACE
 from voxgran.settling.equilibrium import balance_bed
 from voxgran.settling.materials import FrictionTable
 from voxgran.settling.parameters import Settling
 from voxgran.settling.parting import part_grains
-from voxgran.settling.progress import STILL, Progress, Resumable
+from voxgran.settling.progress import CLOSING, STILL, Progress, Resumable
 from voxgran.settling.quasi_static import TRIANGLES, SolverPreset
 
 #: distance up to which surfaces touch
@@ -37,6 +38,9 @@ QUICK, USUAL, THOROUGH, SWEPT, PATIENCE, MANY, HOPELESS = 600, 300, 3000, 50, 64
 #: tried, and depth that is rounding
 PARTED, FEW_ROUNDS, ROUNDS, TRIALS, ROUND_OFF = 1e-4, 20, 60, 3, 1e-13
 
+#: how many times more quasi-static steps are made in a bed of fewer grains than these
+MORE_STEPS, FEW_GRAINS = 5, 1500
+
 
 class Examined(Resumable):
     """A bed that is examined while it settles.
@@ -48,6 +52,24 @@ class Examined(Resumable):
     friction: float | FrictionTable
     progress: Progress
     _frictionless: bool
+
+    @property
+    def slides(self) -> bool:
+        """Whether beds without friction come to rest: contacts of shapes that are not convex change too much."""
+        return SURFACE not in self.bed.finders.kinds and not self.bed.finders.notched
+
+    @property
+    def _more_steps(self) -> int:
+        """How many times more steps are made than in a large bed: in a small one they take little time."""
+        if self._frictionless and not self.slides:
+            # such beds go on creeping
+            return 1
+        return min(max(FEW_GRAINS // max(self.bed.count, 1), 1), MORE_STEPS)
+
+    @property
+    def _more_falls(self) -> int:
+        """How often a bed that does not come to rest falls again: once, where steps take little time."""
+        return int(self._more_steps > 1 and SURFACE not in self.bed.grains.kind)
 
     def _examine(self, iterations: int, *, begun: bool = False) -> None:
         """Note how well forces at the contacts balance the grains; `begun` says that those of before nearly do."""
@@ -106,3 +128,12 @@ class Examined(Resumable):
             return True
         smallest = part_grains(bed, PARTED, FEW_ROUNDS, most=TRIANGLES.most, margin=TRIANGLES.margin)
         return smallest >= 0.0 and not bed.finders.crossing(bed.pairs, bed.grains)
+
+    def _part_tightly(self) -> None:
+        """Part grains that fit between walls, or in a tube, without the distance that surfaces keep, or with none."""
+        if part_grains(self.bed, PARTED, ROUNDS) < 0.0:
+            part_grains(self.bed, 0.5 * ROUND_OFF, ROUNDS)
+
+    def _look_closer(self) -> None:
+        """Part the true surfaces, once contacts by grids of distances are in balance."""
+        self.progress.stage, self.progress.exact, self.bed.finders.exact = CLOSING, 0, False

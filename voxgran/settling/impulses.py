@@ -123,7 +123,7 @@ def _prepare(rows, bodies, m, part):  # type: ignore[no-untyped-def]
 
 @bare_kernel
 def _apply_old(rows, bodies, m, axis):  # type: ignore[no-untyped-def]
-    """Apply the impulses of the last substep."""
+    """Apply the impulses of the last substep of the step before."""
     for k in range(m):
         row = rows.row[k]
         push = row[10]
@@ -259,11 +259,15 @@ def advance_bodies(
     size = math.sqrt(gravity[0] ** 2 + gravity[1] ** 2 + gravity[2] ** 2)
     unit = size if size > 0.0 else 1.0
     axis = gravity[0] / unit, gravity[1] / unit, gravity[2] / unit
-    for _ in range(fall.substeps):
+    # velocities of free motion in a substep, and then what the impulses of its contacts have changed in them
+    held = np.zeros((len(bodies), 6))
+    for substep in range(fall.substeps):
         for i in range(len(bodies)):
             b = bodies[i]
+            for c in range(6):
+                held[i, c] = b[c] - held[i, c]
             if b[6] == 0.0:
-                b[:6] = 0.0
+                b[:6] = held[i] = 0.0
                 continue
             square = b[0] * b[0] + b[1] * b[1] + b[2] * b[2]
             slower = most / math.sqrt(square) if square > most * most else 1.0
@@ -271,7 +275,13 @@ def advance_bodies(
                 b[c] = b[c] * slower + gravity[c] * h
         if fall.restitution > 0.0:
             _note_approach(rows, bodies, m, approach)
-        _apply_old(rows, bodies, m, axis)
+        free = bodies[:, :6].copy()
+        if substep == 0:
+            _apply_old(rows, bodies, m, axis)
+        else:
+            # the impulses of the contacts are still those of before
+            bodies[:, :6] += held
+        held[:] = free
         _sweep(rows, m, bodies, motion, axis, 1.0 / h, fall, approach, True)
         for i in range(len(bodies)):
             for c in range(6):

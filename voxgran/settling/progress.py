@@ -11,10 +11,11 @@ from voxgran._base.arrays import Floats
 from voxgran.settling.bed import Bed
 
 #: stages: growth to full size, an examination of grains that may rest already, fall, shaking, the fall after it,
-#: quasi-static steps, rounds in which surfaces are parted, and the end; and, before the fall, grains that arrive fast
-GROWTH, START, FALL, SHAKING, AGAIN, STILL, CLOSING, ENDED, RAIN = range(9)
+#: quasi-static steps, rounds in which surfaces are parted, and the end; before the fall, grains that arrive fast; and
+#: between quasi-static steps examinations
+GROWTH, START, FALL, SHAKING, AGAIN, STILL, CLOSING, ENDED, RAIN, LOOK = range(10)
 #: what they are called
-STAGES = ("growth", "examination", "fall", "shaking", "fall", "quasi-static", "parting", "end", "rain")
+STAGES = ("growth", "examination", "fall", "shaking", "fall", "quasi-static", "parting", "end", "rain", "examination")
 
 
 @dataclass(slots=True)

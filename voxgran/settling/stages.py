@@ -4,6 +4,7 @@ Each stage is made of steps; all that a step depends on is in the bed and in its
 between any two steps and go on with the same bits. Lengths are in median diameters, times in sqrt(d / g).
 """
 
+import copy
 import math
 from typing import Any
 
@@ -23,7 +24,6 @@ from voxgran.settling.examination import (
     EVERY,
     PARTED,
     RESIDUAL,
-    ROUND_OFF,
     ROUNDS,
     THOROUGH,
     TRIALS,
@@ -35,7 +35,20 @@ from voxgran.settling.impulses import Fall
 from voxgran.settling.materials import friction_of, friction_range
 from voxgran.settling.parameters import Settling
 from voxgran.settling.parting import part_grains
-from voxgran.settling.progress import AGAIN, CLOSING, ENDED, FALL, GROWTH, RAIN, SHAKING, STAGES, START, STILL, Progress
+from voxgran.settling.progress import (
+    AGAIN,
+    CLOSING,
+    ENDED,
+    FALL,
+    GROWTH,
+    LOOK,
+    RAIN,
+    SHAKING,
+    STAGES,
+    START,
+    STILL,
+    Progress,
+)
 from voxgran.settling.quasi_static import (
     FRICTIONAL,
     FRICTIONLESS,
@@ -60,8 +73,8 @@ GROWTH_STEP, GROWTH_STEPS = 0.03, 40
 #: iterations in a quasi-static step, twice as many in beds of more layers than these, and how steps shrink and grow
 #: (with some hundred iterations forces at sliding contacts drift, and beds that could rest go on moving)
 ITERATIONS, DEEP, SHRINK, LENGTHEN = 30, 40.0, 0.9, 1.3
-#: largest number of quasi-static steps in all, and how many times more are made in a bed of fewer grains than these
-STILL_STEPS, FEW_GRAINS, MORE_STEPS = 300, 1500, 5
+#: largest number of quasi-static steps in all, with the examinations between them
+STILL_STEPS = 300
 #: what is different in the fall of meshes that are not convex: their distances are known less well
 SURFACE_FALL: dict[str, Any] = {"rest": 2e-3, "most": 0.03, "margin": 0.05}
 #: most rounds in which surfaces are parted
@@ -166,13 +179,14 @@ class Settler(Examined):
         """Make the next step."""
         progress = self.progress
         stage = progress.stage
-        kept = self.kept() if stage in _LONG else None
+        bed, before = self.bed, copy.copy(progress)
+        if stage in _LONG and not (stage == STILL and self._preset is FRICTIONAL):
+            self.bed = bed.copy()
         try:
             _STEPS[stage](self)
         except Stopped:
             # what the step has done is lost: the next one begins where it began
-            if kept is not None:
-                self.restore(*kept)
+            self.bed, self.progress, bed.finders.exact = bed, before, bool(before.exact)
             raise
         progress.step += 1
         progress.stage_step = progress.stage_step + 1 if progress.stage == stage else 0
@@ -304,9 +318,9 @@ class Settler(Examined):
             progress.length = max(preset.last, SHRINK * progress.length)
         progress.still_steps += 1
         last = progress.still_steps >= (1 if preset is ROOMED else self._more_steps) * preset.steps
-        if preset is FRICTIONAL and not last:
-            if moving < EARLY and progress.still_steps % EVERY == 0 and self._rests_as_copy(preset):
-                self._end(begun=True)
+        if preset is FRICTIONAL:
+            if last or (moving < EARLY and progress.still_steps % EVERY == 0):
+                progress.stage = LOOK
             return
         calm = moving < (NEARLY if preset is GRIDS else CALM) and preset.last <= preset.first
         if not last and not calm and (not preset.examined or progress.still_steps % preset.examined):
@@ -314,6 +328,21 @@ class Settler(Examined):
         if preset in (GRIDS, ROOMED):
             self._look_closer()
             return
+        self._judge(preset, last)
+
+    def _look(self) -> None:
+        """Examine a copy of a bed with friction, which moves on if that does not rest; the bed after its last step."""
+        progress, preset = self.progress, self._preset
+        progress.stage = STILL
+        if progress.still_steps >= self._more_steps * preset.steps:
+            self.bed = self.bed.copy()
+            self._judge(preset, last=True)
+        elif self._rests_as_copy(preset):
+            self._end(begun=True)
+
+    def _judge(self, preset: SolverPreset, last: bool) -> None:
+        """Examine the bed and part its grains; end where it rests, or after the last step."""
+        progress, bed = self.progress, self.bed
         if preset is TRIANGLES:
             # the forces of an examination, which has no contacts beyond its reach, would move the bed
             self.bed = bed.copy()
@@ -384,15 +413,6 @@ class Settler(Examined):
         if last:
             self._end()
 
-    def _part_tightly(self) -> None:
-        """Part grains that fit between walls, or in a tube, without the distance that surfaces keep, or with none."""
-        if part_grains(self.bed, PARTED, ROUNDS) < 0.0:
-            part_grains(self.bed, 0.5 * ROUND_OFF, ROUNDS)
-
-    def _look_closer(self) -> None:
-        """Part the true surfaces, once contacts by grids of distances are in balance."""
-        self.progress.stage, self.progress.exact, self.bed.finders.exact = CLOSING, 0, False
-
     def _close(self) -> None:
         """Part surfaces that are not proven to be separate; then go on with the contacts of their triangles."""
         progress = self.progress
@@ -411,24 +431,6 @@ class Settler(Examined):
         progress.stage, progress.length = STILL, TRIANGLES.first
 
     @property
-    def slides(self) -> bool:
-        """Whether beds without friction come to rest: contacts of shapes that are not convex change too much."""
-        return SURFACE not in self.bed.finders.kinds and not self.bed.finders.notched
-
-    @property
-    def _more_steps(self) -> int:
-        """How many times more steps are made than in a large bed: in a small one they take little time."""
-        if self._frictionless and not self.slides:
-            # such beds go on creeping
-            return 1
-        return min(max(FEW_GRAINS // max(self.bed.count, 1), 1), MORE_STEPS)
-
-    @property
-    def _more_falls(self) -> int:
-        """How often a bed that does not come to rest falls again: once, where steps take little time."""
-        return int(self._more_steps > 1 and SURFACE not in self.bed.grains.kind)
-
-    @property
     def _preset(self) -> SolverPreset:
         """The solver preset of quasi-static steps."""
         if SURFACE not in self.bed.grains.kind:
@@ -442,7 +444,7 @@ class Settler(Examined):
 
 _STEPS = {
     GROWTH: Settler._grow, START: Settler._begin, FALL: Settler._drop, SHAKING: Settler._shake, AGAIN: Settler._drop,
-    STILL: Settler._rest, CLOSING: Settler._close, RAIN: Settler._rain,
+    STILL: Settler._rest, CLOSING: Settler._close, RAIN: Settler._rain, LOOK: Settler._look,
 }  # fmt: skip
 #: stages whose steps may be stopped in their midst
 _LONG = (START, STILL, CLOSING)

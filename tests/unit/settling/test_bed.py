@@ -155,9 +155,71 @@ def test_grains_are_parted_as_far_as_contacts_that_are_found_anew_say(assembly):
     bed.move(3e-3 * generator.normal(size=(bed.count + 1, 6)), 1.0)
     before = bed.copy()
     before.find(MARGIN, 0.0)
+    assert before.gap.min() < -1e-4
     smallest = part_grains(bed, 1e-4, 40, most=5e-4, margin=MARGIN)
     bed.finders.forget()
     bed.find(MARGIN, 0.0)
-    assert before.gap.min() < -1e-4
     assert 8e-5 < smallest < 1e-4
     assert abs(bed.gap.min() - smallest) < 1e-6
+
+
+def touching(bed, sides, margin):
+    """Return the pairs (k, 2) of spheres nearer than a margin, in a box that is periodic across z, by all pairs."""
+    i, j = np.triu_indices(bed.count, 1)
+    away = bed.grains.position[j] - bed.grains.position[i]
+    away[:, :2] -= np.round(away[:, :2] / sides) * sides
+    near = np.linalg.norm(away, axis=1) - bed.grains.radius[i] - bed.grains.radius[j] < margin
+    return np.column_stack([i, j])[near]
+
+
+def test_spheres_are_listed_by_how_far_they_are_from_where_they_were():
+    """Rolling and ways back count nothing, growth and a container that is stretched do; no contact is missed."""
+    generator, box, n = np.random.Generator(np.random.Philox(6)), vg.Box((5, 5, 9), periodic="xy"), 150
+    place = generator.random((n, 3)) * [5.0, 5.0, 7.0] + [0.0, 0.0, 1.0]
+    spheres = vg.Packing.of(vg.shapes.sphere(), box, position=place)
+    bed, listed, margin = Bed(normalized_assembly(spheres)[0], DOWN), [], 0.1
+    bed.resize(np.full(n, 0.5))
+    bed.find(margin, 0.0)
+    assert [len(known) for known in bed.pairs[5:]] == [0] * 5
+    rolls = np.zeros((n + 1, 6))
+    rolls[:, 3:] = 1.0
+    there = np.where(np.arange(6) == 0, 0.15, 0.0) * np.ones((n + 1, 1))
+    for motion in (rolls, rolls, rolls, there, -there, there, -there, there, -there):
+        before = bed.pairs
+        bed.move(motion, 1.0)
+        bed.find(margin, 0.0)
+        assert bed.pairs is before
+    for k in range(40):
+        before = bed.pairs
+        motion = 0.04 * generator.normal(size=(n + 1, 6))
+        if k < 20:
+            bed.resize(np.full(n, 0.5 + 0.025 * (k + 1)))
+        if k == 25:
+            bed.stretch(np.array([1.05, 1.05, 1.0]), vg.Box((5.25, 5.25, 9), periodic="xy"))
+        if k == 30:
+            bed.restore(bed.arrays)
+        bed.move(motion, 1.0)
+        bed.find(margin, 0.0)
+        inner = bed.rows.j[: bed.m] >= 0
+        found = np.column_stack([bed.rows.i[: bed.m], bed.rows.j[: bed.m]])[inner]
+        np.testing.assert_array_equal(found, touching(bed, 5.0 if k < 25 else 5.25, margin))
+        listed.append(bed.pairs is not before)
+    assert 5 < sum(listed) < 35
+
+
+def test_a_copy_moves_alone_and_leaves_the_next_step_as_it_was(assembly):
+    """A bed of which a copy has moved and has found contacts goes on with the same bits."""
+    beds = [Bed(assembly, DOWN, exact=True) for _ in range(2)]
+    for bed in beds:
+        bed.find(MARGIN, REST)
+        bed.rows.row[: bed.m, 10] = 1.0 + np.arange(bed.m)
+    made = beds[0].copy()
+    for _ in range(3):
+        made.move(np.full((made.count + 1, 6), 1e-3), 1.0)
+        made.find(MARGIN, REST)
+    for bed in beds:
+        bed.finders.forget()
+        bed.move(np.full((bed.count + 1, 6), -1e-3), 1.0)
+        bed.find(MARGIN, REST)
+    for name, array in beds[0].arrays.items():
+        np.testing.assert_array_equal(array, beds[1].arrays[name], err_msg=name)

@@ -62,10 +62,10 @@ class Row:
     exponent: float | None = None
 
 
-def packed(method: str, count: int, *, fraction: float = DENSE, tall: bool = False, **given: Any) -> Packing:
-    """Return equal spheres in a cube, or in a column that is periodic across gravity."""
-    edge = (count * math.pi / 6.0 / fraction / (2.0 if tall else 1.0)) ** (1.0 / 3.0)
-    lengths = (edge, edge, 2.0 * edge + 2.0) if tall else (edge,) * 3
+def packed(method: str, count: int, *, fraction: float = DENSE, tall: float = 0.0, **given: Any) -> Packing:
+    """Return equal spheres in a cube, or in a column that is periodic across gravity and `tall` times as high."""
+    edge = (count * math.pi / 6.0 / fraction / (tall or 1.0)) ** (1.0 / 3.0)
+    lengths = (edge, edge, tall * edge + 2.0) if tall else (edge,) * 3
     return pack(spheres(), Box(lengths, periodic="xy" if tall else "xyz"), method, count=count, **given)
 
 
@@ -119,11 +119,11 @@ def clump(count: int) -> int:
 #: packing methods, and the largest number of grains of each case in the table
 METHODS: dict[str, tuple[Callable[[int], object], int]] = {
     "advancing_front": (front, 1_000_000),
-    "deposition": (partial(packed, "deposition", fraction=LOOSE, tall=True), 1_000_000),
+    "deposition": (partial(packed, "deposition", fraction=LOOSE, tall=2.0), 1_000_000),
     "rsa": (partial(packed, "rsa", fraction=LOOSE), 1_000_000),
     "expand, 0.60": (partial(packed, "expand", solid_fraction=DENSE), 1_000_000),
     "jam": (partial(packed, "jam"), 100_000),
-    "gravity": (partial(packed, "gravity", fraction=LOOSE, tall=True, threads=1), 10_000),
+    "gravity": (partial(packed, "gravity", fraction=LOOSE, tall=2.0, threads=1), 10_000),
     "gravity, polyhedra": (hulls, 1_000),
 }
 CASES: dict[str, int] = {

@@ -20,7 +20,7 @@ NEVER, UNKNOWN = -1e9, 2.0
 
 def no_pairs() -> PairList:
     """Return an empty list."""
-    return _blank(np.zeros(0, dtype=np.int64), np.zeros(0, dtype=np.int64), np.zeros((0, 3)))
+    return _blank(np.zeros(0, dtype=np.int64), np.zeros(0, dtype=np.int64), np.zeros((0, 3)), known=0)
 
 
 def renewed(
@@ -35,22 +35,22 @@ def renewed(
     if fixed is not None:
         kept = ~(fixed[i] & fixed[j])
         i, j, image = i[kept], j[kept], image[kept]
-    made = _blank(i, j, np.ascontiguousarray(image @ periods))
+    made = _blank(i, j, np.ascontiguousarray(image @ periods), known=len(i) if grains.kind.any() else 0)
     _hand_on(pairs, made, grains.way)
     grains.way[:] = 0.0
     return made
 
 
-def _blank(i: Integers, j: Integers, shift: Floats) -> PairList:
-    """Return a list of pairs of which nothing is known."""
+def _blank(i: Integers, j: Integers, shift: Floats, *, known: int) -> PairList:
+    """Return a list of pairs of which nothing is known; `known`: how many of them searches remember."""
     m = len(i)
-    normal = np.zeros((m, 3))
+    normal = np.zeros((known, 3))
     normal[:, 0] = UNKNOWN
     return PairList(
         *(np.ascontiguousarray(i), np.ascontiguousarray(j), shift),
         *(np.zeros(m, dtype=np.int64), np.zeros(m, dtype=np.int64)),
-        *(np.full(m, NEVER), np.zeros(m), normal, np.zeros(m)),
-        np.full((m, 6), -1),
+        *(np.full(known, NEVER), np.zeros(known), normal, np.zeros(known)),
+        np.full((known, 6), -1),
     )
 
 
@@ -72,6 +72,8 @@ def _hand_on(old, new, way):  # type: ignore[no-untyped-def]
                 < 1e-9
             ):
                 new.first[p], new.count[p] = old.first[b], old.count[b]
+                if len(new.bound) == 0:
+                    break
                 new.bound[p] = old.bound[b] - (way[i] + way[j] - old.way[b])
                 new.room[p] = old.room[b]
                 for c in range(3):

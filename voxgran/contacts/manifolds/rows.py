@@ -53,6 +53,7 @@ class PairList(NamedTuple):
     corners: (cap, 6) of hulls the corners of both, in turn, between which the nearest points lay then; -1 behind the
     last, of three at most.
     room: (cap,) distance beyond the usual one that the surfaces keep, where their gap is known to be inexact.
+    Where all grains are single spheres, the arrays from `bound` on are empty.
     """
 
     i: Integers
@@ -108,6 +109,21 @@ class Pair(NamedTuple):
     count: int  # type: ignore[assignment]
     reach: float
     rest: float
+
+
+def no_rows(size: int, old: Floats | None = None) -> ContactRows:
+    """Return room for rows of contacts, with old ones."""
+    old = np.zeros((size, ROW)) if old is None else old
+    return ContactRows(np.zeros((size, ROW)), np.zeros(size, dtype=np.int64), np.zeros(size, dtype=np.int64), old)
+
+
+def doubled_rows(rows: ContactRows) -> ContactRows:
+    """Return rows with twice the room; the old ones are kept."""
+    made = no_rows(2 * len(rows.row))
+    made.old[: len(rows.old)] = rows.old
+    # the search begins again: no old row is taken
+    made.old[:, 14] = 0.0
+    return made
 
 
 def carry_rows(rows: ContactRows, m: int, motion: Floats) -> None:

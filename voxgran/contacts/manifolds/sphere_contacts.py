@@ -33,8 +33,7 @@ def find_sphere_contacts(search: Search, rows: ContactRows, m: int) -> int:
         if distance > 0.0:
             normal = offset[0] / distance, offset[1] / distance, offset[2] / distance
         pair = Pair(i, j, offset, first, count, margin, rest)
-        gap = distance - a - b - rest - pairs.room[p]
-        write_contact(rows, m, pair, normal, times(normal, a), times(normal, -b), gap, 1e9)
+        write_contact(rows, m, pair, normal, times(normal, a), times(normal, -b), distance - a - b - rest, 1e9)
         pairs.count[p] = 1
         m += 1
     return m
