@@ -18,7 +18,7 @@ SQUARE = {"vertices": ((0, 0), (1, 0), (1, 1), (0, 1))}
 @pytest.mark.parametrize(
     ("name", "shape", "room", "runs", "aligned"),
     [
-        ("spheres_3d", vg.make_shape("sphere"), vg.Box((18, 18, 18), "xyz"), 16, False),
+        ("spheres_3d", vg.make_shape("sphere"), vg.Box((18, 18, 18), "xyz"), 8, False),
         slow("disks_2d", vg.make_shape("disk"), vg.Rectangle((90, 90), "xy"), 24, False),
         slow("aligned_squares", vg.make_shape("polygon", **SQUARE), vg.Rectangle((90, 90), "xy"), 24, True),
         slow("aligned_cubes", vg.make_shape("box", lengths=(1, 1, 1)), vg.Box((20, 20, 20), "xyz"), 16, True),

@@ -17,6 +17,8 @@ from voxgran.scene.twins.request import drawn
 from voxgran.scene.twins.sample import Sample, resolved, sample_of
 from voxgran.shapes.learning.border import border_weights, is_scan
 
+pytestmark = pytest.mark.usefixtures("jagged_pictures")
+
 EQUAL = 2.0
 
 
