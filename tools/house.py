@@ -6,7 +6,6 @@ left out (transitive reduction; Aho, Garey & Ullman 1972, doi:10.1137/0201008). 
 The question of each room is that of the table in docs/contribute/design.md.
 """
 
-import ast
 import re
 import sys
 from pathlib import Path
@@ -25,6 +24,8 @@ TIP = (
 )
 
 Graph = dict[str, set[str]]
+#: an import of a room, also within a function
+IMPORT = re.compile(r"^ *(?:from|import) voxgran\.(\w+)", re.MULTILINE)
 
 
 def imports() -> Graph:
@@ -32,12 +33,7 @@ def imports() -> Graph:
     rooms = {path.parent.name for path in PACKAGE.glob("*/*.py")}
     found: Graph = {room: set() for room in rooms}
     for path in PACKAGE.glob("*/**/*.py"):
-        room = path.relative_to(PACKAGE).parts[0]
-        for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
-            names = [node.module or ""] if isinstance(node, ast.ImportFrom) else []
-            names += [alias.name for alias in node.names] if isinstance(node, ast.Import) else []
-            words = [name.split(".") for name in names]
-            found[room] |= {parts[1] for parts in words if parts[0] == "voxgran" and parts[1:2] and parts[1] in rooms}
+        found[path.relative_to(PACKAGE).parts[0]] |= rooms & {*IMPORT.findall(path.read_text(encoding="utf-8"))}
     return {room: others - {room} for room, others in found.items()}
 
 

@@ -227,7 +227,7 @@ def finish(problem: Problem, state: State) -> Packing:
     tally = state.arrays["tally"]
     many, down = int(tally[PLACED]), problem.parameters.toward == "floor"
     gravity = as_down(usual_axis(problem.container), problem.container) if down else None
-    told = {"provenance": {"lost": int(tally[LOST])}, "gravity": gravity}
+    told: dict[str, Any] = {"provenance": {"lost": int(tally[LOST])}, "gravity": gravity}
     return packing_of_spheres(problem, np.arange(many), state.arrays["spheres"][:many], state.stop_reason, **told)
 
 

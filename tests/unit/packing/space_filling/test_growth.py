@@ -99,8 +99,8 @@ def test_the_solid_fraction_is_met_exactly(options):
 
 
 def test_a_solid_fraction_beyond_reach_is_missed_with_a_warning():
-    with pytest.warns(UserWarning, match=r"the solid fraction is 0\.1\d* instead of 0\.5"):
-        packing = grown(vg.Box((4, 4, 4)), solid_fraction=0.5)
+    with pytest.warns(UserWarning, match=r"the solid fraction is 0\.3\d* instead of 0\.9"):
+        packing = grown(vg.Rectangle((4, 4)), solid_fraction=0.9)
     assert packing.stop_reason == "full"
 
 

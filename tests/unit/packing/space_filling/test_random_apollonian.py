@@ -103,7 +103,7 @@ def test_diameters_stay_in_their_limits():
 
 
 def test_a_largest_diameter_alone_packs_smaller_ones_too():
-    packing = filled(vg.Box((0.3, 0.3, 0.3)), largest=0.06)
+    packing = filled(vg.Rectangle((0.3, 0.3)), largest=0.06)
     assert packing.count > 100
     assert 0.006 <= packing.diameter.min() < packing.diameter.max() <= 0.06
 
