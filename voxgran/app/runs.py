@@ -23,8 +23,6 @@ from voxgran.scene.processes import Channel, Process, ending_of, start
 from voxgran.scene.run import PACKING
 from voxgran.scene.scene import Scene
 
-#: file of the scene in the folder of a run
-SCENE = "scene.toml"
 #: seconds between two looks at a bed that grows, and how many times as long as one takes
 PAUSE, REST = 1.0, 10.0
 #: seconds that a run has for its checkpoint when the app ends
