@@ -83,7 +83,7 @@ CLOSING_ROUNDS = 12
 LEFT_OPEN = 0.05
 #: share of moving grains with which steps by grids end, and how often it is measured by how much their gaps are wrong,
 #: with steps after it: the bed sinks by that before its exact contacts, which take longer, are found
-NEARLY, ROOM_ROUNDS = 0.2, 2
+NEARLY, ROOM_ROUNDS = 0.2, 3
 #: volume of a grain of unit diameter by dimension, whose mass is 1
 UNIT = {2: math.pi / 4, 3: math.pi / 6}
 #: share of moving grains below which steps become shorter
