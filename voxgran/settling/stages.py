@@ -194,8 +194,10 @@ class Settler(Examined):
         steps, small = self._growth_steps(), self.small[self.bed.order]
         part = (self.progress.stage_step + 1) / steps
         self.bed.resize(small + (1.0 - small) * part)
-        # with friction grains that grow would be wedged between fixed ones, or these and walls, and overlap
+        # with friction grains would be wedged between fixed ones and walls, and a lid would sink to where they overlap
+        lid, self.bed.bodies[-1, 6] = self.bed.bodies[-1, 6], 0.0
         self._advance(None, self._fall if self.bed.fixed is None else self._fall._replace(friction=0.0))
+        self.bed.bodies[-1, 6] = lid
         if self.progress.stage_step + 1 >= steps:
             self.progress.stage = FALL
 
@@ -291,9 +293,9 @@ class Settler(Examined):
         if preset in SOFT:
             self._sink(preset)
             return
-        # a heavy lid would overlap grains that turn anew in each step; those that bear none of it still fall
+        # a heavy lid would overlap grains that turn anew in each step: they move no farther than without it
         turning = preset is FRICTIONAL and bed.grains.kind.any()
-        length = progress.length / bed.load**0.25 if turning else progress.length
+        length = progress.length / math.sqrt(bed.load) if turning else progress.length
         progress.moved = moving = quasi_static_step(
             bed, self.friction, length, rest=preset.kept, iterations=progress.iterations,
             margin=preset.margin, most=preset.most, reuse=preset.reuse,
