@@ -57,9 +57,9 @@ SINKING, BOUNCE, FEW_LAYERS, SHORTEST = 0.05, 0.004, 10.0, 4.0
 CREEPING, HIGHEST = 30.0, 10_000.0
 #: surfaces move at most so far in a step of growth, which lasts at least so many steps
 GROWTH_STEP, GROWTH_STEPS = 0.03, 40
-#: iterations in a quasi-static step, twice as many in beds of more layers than these, and how steps shrink and grow
-#: (with some hundred iterations forces at sliding contacts drift, and beds that could rest go on moving)
-ITERATIONS, DEEP, SHRINK, LENGTHEN = 30, 40.0, 0.9, 1.3
+#: iterations in a quasi-static step, twice as many in beds of more layers, four times with more load, and how steps
+#: shrink and grow (with some hundred iterations forces at sliding contacts drift, and beds that could rest go on moving)
+ITERATIONS, DEEP, HEAVY, SHRINK, LENGTHEN = 30, 40.0, 3.0, 0.9, 1.3
 #: largest number of quasi-static steps in all, and how many times more are made in a bed of fewer grains than these
 STILL_STEPS, FEW_GRAINS, MORE_STEPS = 300, 1500, 5
 #: what is different in the fall of meshes that are not convex: their distances are known less well
@@ -231,8 +231,8 @@ class Settler(Examined):
             progress.stage, progress.iterations = FALL if bed.count else ENDED, self._sweeps()
 
     def _sweeps(self) -> int:
-        """Return the number of iterations of a quasi-static step, by the layers of the bed."""
-        return ITERATIONS if self._layers() <= DEEP else 2 * ITERATIONS
+        """Return the number of iterations of a quasi-static step, by the layers of the bed and its load."""
+        return ITERATIONS * (1 if self._layers() <= DEEP else 2) * (1 if self.bed.load <= HEAVY else 4)
 
     def _layers(self) -> float:
         """Return the height of the bed, in median diameters."""
