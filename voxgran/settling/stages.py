@@ -58,7 +58,7 @@ CREEPING, HIGHEST = 30.0, 10_000.0
 #: surfaces move at most so far in a step of growth, which lasts at least so many steps
 GROWTH_STEP, GROWTH_STEPS = 0.03, 40
 #: iterations in a quasi-static step, twice as many in beds of more layers, four times with more load, and how steps
-#: shrink and grow (with some hundred iterations forces at sliding contacts drift, and beds that could rest go on moving)
+#: shrink and grow (with some hundred iterations forces at sliding contacts drift, and beds that could rest go on so)
 ITERATIONS, DEEP, HEAVY, SHRINK, LENGTHEN = 30, 40.0, 3.0, 0.9, 1.3
 #: largest number of quasi-static steps in all, and how many times more are made in a bed of fewer grains than these
 STILL_STEPS, FEW_GRAINS, MORE_STEPS = 300, 1500, 5
