@@ -11,6 +11,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from voxgran.contacts.manifolds.rows import ARM_I, ARM_J, NORMAL, SURFACE
 from voxgran.settling.balance import gauss_seidel_forces
 from voxgran.settling.bed import Bed
 from voxgran.settling.materials import FrictionTable
@@ -23,6 +24,8 @@ MOVING = 0.01
 MARGIN, MOST = 0.1, 0.1
 #: distance that surfaces keep
 KEPT = 5e-4
+#: share of the smaller diameter from which on an overlap is opened without rotations
+DEEP = 0.02
 
 
 @dataclass(frozen=True, slots=True)
@@ -66,6 +69,8 @@ def quasi_static_step(
     rest: distance that surfaces keep.  reuse: motion up to which exact contacts of meshes are not found again.
     """
     bed.find(margin, rest, reuse=reuse)
+    if bed.grains.kind.any() and SURFACE not in bed.grains.kind:
+        _do_not_turn(bed)
     forces, square = bed.forces(), step * step
     skin = SOFTNESS / (bed.load * square)
     accelerations, _ = gauss_seidel_forces(
@@ -74,3 +79,17 @@ def quasi_static_step(
     bed.keep_forces(forces)
     bed.move(accelerations * square, most, carry=reuse > 0.0)
     return bed.mean(np.linalg.norm(accelerations[: bed.count, :3], axis=1) > MOVING)
+
+
+def _do_not_turn(bed: Bed) -> None:
+    """Let contacts that overlap deeply act at the centroids of their grains.
+
+    The depth is that of a translation. A rotation opens it to first order only: convex grains deep in each other meet
+    at other points then, and overlap as deep.
+    """
+    i, j, row = bed.contacts.i, bed.contacts.j, bed.rows.row[: bed.m]
+    other = np.where((j >= 0) & (j < bed.count), j, i)
+    deep = np.flatnonzero(bed.gap < -DEEP * np.minimum(bed.diameter[i], bed.diameter[other]))
+    normal = row[deep, NORMAL : NORMAL + 3]
+    for arm in (ARM_I, ARM_J):
+        row[deep, arm : arm + 3] = (row[deep, arm : arm + 3] * normal).sum(axis=1)[:, None] * normal

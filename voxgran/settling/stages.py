@@ -70,9 +70,9 @@ SINKING, BOUNCE, FEW_LAYERS, SHORTEST = 0.05, 0.004, 10.0, 4.0
 CREEPING, HIGHEST = 30.0, 10_000.0
 #: surfaces move at most so far in a step of growth, which lasts at least so many steps
 GROWTH_STEP, GROWTH_STEPS = 0.03, 40
-#: iterations in a quasi-static step, twice as many in beds of more layers than these, and how steps shrink and grow
-#: (with some hundred iterations forces at sliding contacts drift, and beds that could rest go on moving)
-ITERATIONS, DEEP, SHRINK, LENGTHEN = 30, 40.0, 0.9, 1.3
+#: iterations in a quasi-static step, twice as many in beds of more layers, four times with more load, and how steps
+#: shrink and grow (with some hundred iterations forces at sliding contacts drift, and beds that could rest go on so)
+ITERATIONS, DEEP, HEAVY, SHRINK, LENGTHEN = 30, 40.0, 3.0, 0.9, 1.3
 #: largest number of quasi-static steps in all, with the examinations between them
 STILL_STEPS = 300
 #: what is different in the fall of meshes that are not convex: their distances are known less well
@@ -208,8 +208,10 @@ class Settler(Examined):
         steps, small = self._growth_steps(), self.small[self.bed.order]
         part = (self.progress.stage_step + 1) / steps
         self.bed.resize(small + (1.0 - small) * part)
-        # with friction grains that grow would be wedged between fixed ones, or these and walls, and overlap
+        # with friction grains would be wedged between fixed ones and walls, and a lid would sink to where they overlap
+        lid, self.bed.bodies[-1, 6] = self.bed.bodies[-1, 6], 0.0
         self._advance(None, self._fall if self.bed.fixed is None else self._fall._replace(friction=0.0))
+        self.bed.bodies[-1, 6] = lid
         if self.progress.stage_step + 1 >= steps:
             self.progress.stage = FALL
 
@@ -243,8 +245,8 @@ class Settler(Examined):
             progress.stage, progress.iterations = FALL if bed.count else ENDED, self._sweeps()
 
     def _sweeps(self) -> int:
-        """Return the number of iterations of a quasi-static step, by the layers of the bed."""
-        return ITERATIONS if self._layers() <= DEEP else 2 * ITERATIONS
+        """Return the number of iterations of a quasi-static step, by the layers of the bed and its load."""
+        return ITERATIONS * (1 if self._layers() <= DEEP else 2) * (1 if self.bed.load <= HEAVY else 4)
 
     def _layers(self) -> float:
         """Return the height of the bed, in median diameters."""
@@ -305,9 +307,9 @@ class Settler(Examined):
         if preset in SOFT:
             self._sink(preset)
             return
-        # a heavy lid would overlap grains that turn anew in each step; those that bear none of it still fall
+        # a heavy lid would overlap grains that turn anew in each step: they move no farther than without it
         turning = preset is FRICTIONAL and bed.grains.kind.any()
-        length = progress.length / bed.load**0.25 if turning else progress.length
+        length = progress.length / math.sqrt(bed.load) if turning else progress.length
         progress.moved = moving = quasi_static_step(
             bed, self.friction, length, rest=preset.kept, iterations=progress.iterations,
             margin=preset.margin, most=preset.most, reuse=preset.reuse,
