@@ -256,6 +256,8 @@ def test_the_page_lists_the_largest_difference_first(copy, tmp_path):
         (lambda: vg.twin(scan_of([((0, 0, 0), (3, 3, 3)), ((5, 5, 5), (10, 9, 9))])), "no whole grain"),
         (lambda: vg.twin([vg.shapes.sphere()] * 12, solid_fraction=0.6, protocol="poured"), "protocol"),
         (lambda: vg.twin("scan.vtp"), r"sample is 'scan.vtp': .* vg.load reads"),
+        (lambda: vg.twin(np.ones((9, 9, 9), dtype=int)), "sample is an image: .* vg.packing_of_labels"),
+        (lambda: vg.twin([vg.shapes.sphere()] * 12, solid_fraction=0.6, faces="a"), "faces is 'a'"),
         (lambda: vg.twin([vg.shapes.sphere()] * 12, "box", solid_fraction=0.6), "container is 'box'"),
         (lambda: vg.twin([vg.shapes.sphere()] * 12, vg.Box((0.5,) * 3), solid_fraction=0.6), "volume 0.125: .* larger"),
         (lambda: vg.twin([vg.shapes.sphere()] * 12, solid_fraction=0.6, method="rsa"), "method is given: .* leave it"),
