@@ -68,7 +68,7 @@ def test_weights_are_the_inverse_of_the_room_that_whole_grains_have():
 def test_a_part_of_a_scan_is_one():
     """Labels that were chosen counted as whole where the border cuts them, since shapes of the others were kept."""
     boxes = [((0, 0, 0), (3, 3, 3)), ((4, 4, 4), (6, 7, 9)), ((7, 0, 7), (10, 2, 10))]
-    scan = scan_of([*boxes, ((0, 9, 9), (1, 10, 10))])
+    scan = scan_of([*boxes, ((0, 8, 8), (1, 10, 10))])
     some = scan[scan.diameter > 2.0]
     assert (is_scan(some), some.count) == (True, 3)
     assert border_weights(some) == pytest.approx(border_weights(scan_of(boxes)))
