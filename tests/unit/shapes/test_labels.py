@@ -372,7 +372,7 @@ def test_specks_are_told_and_left_out_by_their_size():
 
 
 def test_the_gap_of_long_voxels_is_that_of_cubes_of_their_volume():
-    """The longest edge counted 1.5 pairs a grain that are open; cubes count none, and others 0.3 with their volume."""
+    """Open pairs add 0.2 to the coordination number, as in cubes of that volume; by the longest edge they added 1.9."""
     shape, box = vg.shapes.ellipsoid(aspect=(1.5, 1.2, 1)), vg.Box((2.85,) * 3, "xyz")
     grains = vg.pack(shape, box, "expand", solid_fraction=0.62, count=30, seed=1)
     edges = (2.85 / 52, 2.85 / 52, 2.85 / 17)
