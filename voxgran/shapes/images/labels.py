@@ -248,7 +248,9 @@ def labelled_grains(
     cut = ((found.lower == 0) | (found.upper == np.array(image.values.shape)))[:, ~wraps].any(axis=1)
     large = found.count >= as_count(min_size, "min_size", at_least=1)
     if not large.any():
-        raise InputError(f"min_size is {min_size} and the largest label has {found.count.max()} voxels: give fewer")
+        raise InputError(
+            f"min_size is {min_size} and the largest label has {found.count.max()} voxels: take a smaller one"
+        )
     kept = np.flatnonzero(large & ~cut if border == "drop" else large)
     if not len(kept):
         raise InputError(
