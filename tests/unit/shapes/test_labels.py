@@ -348,9 +348,10 @@ def test_a_full_image_is_not_taken_for_a_bed():
 
 
 def image_with_specks():
-    """Return two cubes of 512 voxels, one with a second piece of a voxel, and two specks."""
+    """Return two cubes of 512 voxels, one with a second piece of a voxel, two specks, and the tip of a grain."""
     image = np.zeros((12, 12, 22), dtype=np.int32)
-    image[1:9, 1:9, 1:9], image[1:9, 1:9, 11:19], image[11, 11, 11], image[5, 10, 5:7], image[11, 1, 1] = 1, 2, 2, 3, 4
+    image[1:9, 1:9, 1:9], image[1:9, 1:9, 11:19], image[10, 10, 10], image[5, 10, 5:7], image[10, 1, 1] = 1, 2, 2, 3, 4
+    image[11, 11, 21] = 5
     return image
 
 
@@ -360,12 +361,12 @@ def test_specks_are_told_and_left_out_by_their_size():
     with pytest.warns(PackingWarning) as told:
         every = vg.packing_of_labels(image, voxel_size=0.1, gravity="none")
     assert any(
-        "2 of 4 labels have fewer than 27 voxels (label 3 first), others 512" in str(one.message) for one in told
+        "2 of 5 labels have fewer than 27 voxels (label 3 first), others 512" in str(one.message) for one in told
     )
     assert any("without 0.097 % of the volume of all" in str(one.message) for one in told)
     with pytest.warns(PackingWarning, match="1 of 2 labels have several pieces"):
         large = vg.packing_of_labels(image, voxel_size=0.1, gravity="none", min_size=27)
-    assert (every.count, large.provenance["labels"]) == (4, [1, 2])
+    assert (every.count, large.provenance["labels"]) == (5, [1, 2])
     assert large.container == every.container
     with pytest.raises(InputError, match="min_size is 600 and the largest label has 513 voxels"):
         vg.load_labels(image, voxel_size=0.1, min_size=600)

@@ -118,8 +118,8 @@ def load_labels(
     Warns
     -----
     PackingWarning
-        If labels have several pieces, grains that are kept are cut by the border of the image, or labels are specks:
-        fewer than 27 voxels, and a tenth of those of the grains that hold half the volume.
+        If labels have several pieces, grains that are kept are cut by the border of the image, or labels are specks
+        that no border cuts: fewer than 27 voxels, and a tenth of those of the grains that hold half the volume.
 
     Examples
     --------
@@ -256,7 +256,7 @@ def labelled_grains(
         raise InputError(
             f"all {large.sum()} labels touch the border of the image: they are left out unless border is 'keep'"
         )
-    _warn_of_specks(found, kept)
+    _warn_of_specks(found, kept, cut)
     told = reported(on_step) or silent
     told(Step(stage="grains", done=0, total=len(kept), text=f"surfaces of {len(found.label)} labels"))
     several: list[int] = []
@@ -281,11 +281,13 @@ def labelled_grains(
     return sorted(grains, key=lambda grain: grain.label)
 
 
-def _warn_of_specks(found: Census, kept: Integers) -> None:
-    """Warn if labels are so small beside the others that they are noise: each would be a grain of a twin."""
+def _warn_of_specks(found: Census, kept: Integers, cut: Booleans) -> None:
+    """Warn if labels that no border cuts are so small beside the others that they are noise: each would be a grain of a
+    twin.
+    """
     size = np.sort(found.count[kept])
     half = size[np.searchsorted(size.cumsum(), size.sum() / 2)]
-    specks = kept[found.count[kept] < min(SPECK, half / 10)]
+    specks = kept[(found.count[kept] < min(SPECK, half / 10)) & ~cut[kept]]
     if len(specks):
         warn(
             f"{len(specks)} of {len(kept)} labels have fewer than {SPECK} voxels (label {found.label[specks[0]]} "
