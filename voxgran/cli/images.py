@@ -30,7 +30,7 @@ def labels(options: argparse.Namespace) -> None:
         check_output(options.output, overwrite=options.overwrite)
     given = {
         name: getattr(options, name)
-        for name in ("voxel_size", "border", "surface", "smoothing", "periodic", "gravity", "unit", "key")
+        for name in ("voxel_size", "border", "surface", "smoothing", "periodic", "gravity", "min_size", "unit", "key")
     }
     source: Any = opened(options) if options.segment or options.dask is not None else options.file
     if options.segment:

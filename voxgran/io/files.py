@@ -32,7 +32,7 @@ _WRITERS: dict[str, Callable[..., None]] = {
     ".csv": save_spheres,
 }
 _SHAPE = ("one shape", "vg.load_shape reads it, vg.load_cloud if it has points only")
-_IMAGE = ("an image", "vg.load_image reads it, vg.packing_of_labels makes a packing of its grains")
+_IMAGE = ("an image", "vg.packing_of_labels, at the prompt voxgran labels, makes a packing of its grains")
 #: what files with these suffixes hold, and what to do with them
 _OTHERS = {
     ".toml": ("a scene", "'voxgran run' packs it; give the packing.vtp that it writes"),

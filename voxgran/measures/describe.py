@@ -70,7 +70,7 @@ def describe(what: Packing | Shape | Sequence[Shape], which: str | Sequence[str]
         shapes, row = list(what.shapes), "grain"
     else:
         check_type(what, (Shape, Iterable), "what", "a packing, a shape or a list of shapes; make_shapes makes one")
-        shapes, row = [what] if isinstance(what, Shape) else list(what), "shape"
+        shapes, row = [what] if isinstance(what, Shape | str) else list(what), "shape"
         for shape in shapes:
             check_type(shape, Shape, "what", "a packing, a shape or a list of shapes; make_shapes makes one")
     names = _checked(which)

@@ -96,7 +96,9 @@ USES = {
 }
 
 
-@pytest.mark.filterwarnings("ignore:.*several pieces", "ignore:.*cut by the border", "ignore:.*leave")
+@pytest.mark.filterwarnings(
+    "ignore:.*several pieces", "ignore:.*fewer than 27", "ignore:.*cut by the border", "ignore:.*leave"
+)
 @pytest.mark.parametrize("use", USES)
 def test_all_that_take_axes_take_the_same(use, tmp_path):
     call = USES[use]

@@ -1,3 +1,5 @@
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from scipy.spatial import ConvexHull
@@ -6,6 +8,7 @@ import voxgran as vg
 from voxgran._base.errors import PackingWarning
 from voxgran.contacts.manifolds.convex_bodies import is_convex
 from voxgran.scene.twins.sample import resolved, sample_of
+from voxgran.scene.twins.twin import Twin
 from voxgran.shapes.learning.sample import checked_sample
 from voxgran.shapes.learning.steps import LABELS, without_steps
 from voxgran.shapes.primitive import Primitive
@@ -148,11 +151,14 @@ def test_labels_of_few_voxels_do_not_say_what_the_others_are():
     assert without(labels_of(*[speck] * 10)) is not None
 
 
-def test_another_sample_is_of_the_kind_that_was_found():
+def test_another_sample_is_of_the_kind_that_was_found(monkeypatch):
     """A twin is compared with other labels by `compared_with`, which chose for themselves."""
     found = sample_of_labels([vg.make_shape("ellipsoid", semi_axes=(0.5, 0.5, 0.5))])
     assert (resolved(found, 200).kind, resolved(found, 200, "convex").kind) == ("sphere", "convex")
     assert resolved(found, 200, "labels").kind == "labels"
+    monkeypatch.setattr("voxgran.scene.twins.twin.comparison_of", lambda sample, *_: sample)
+    twin = Twin(sample=replace(resolved(found, 200, "convex"), solid_fraction=0.6), packings=())
+    assert twin.compared_with(found.packing).kind == "convex"
     whole = [vg.Shape.from_mesh(one.vertices, one.faces) for one in vg.make_shapes("convex_polyhedron", count=12)]
     assert resolved(sample_of(whole, 0.6), 200, "sphere").kind is None
 

@@ -70,7 +70,7 @@ def test_weights_are_the_inverse_of_the_room_that_whole_grains_have():
 def test_a_part_of_a_scan_is_one():
     """Labels that were chosen counted as whole where the border cuts them, since shapes of the others were kept."""
     boxes = [((0, 0, 0), (3, 3, 3)), ((4, 4, 4), (6, 7, 9)), ((7, 0, 7), (10, 2, 10))]
-    scan = scan_of([*boxes, ((0, 9, 9), (1, 10, 10))])
+    scan = scan_of([*boxes, ((0, 8, 8), (1, 10, 10))])
     some = scan[scan.diameter > 2.0]
     assert (is_scan(some), some.count) == (True, 3)
     assert border_weights(some) == pytest.approx(border_weights(scan_of(boxes)))
@@ -258,6 +258,8 @@ def test_the_page_lists_the_largest_difference_first(copy, tmp_path):
         (lambda: vg.twin(scan_of([((0, 0, 0), (3, 3, 3)), ((5, 5, 5), (10, 9, 9))])), "no whole grain"),
         (lambda: vg.twin([vg.shapes.sphere()] * 12, solid_fraction=0.6, protocol="poured"), "protocol"),
         (lambda: vg.twin("scan.vtp"), r"sample is 'scan.vtp': .* vg.load reads"),
+        (lambda: vg.twin(np.ones((9, 9, 9), dtype=int)), "sample is an image: .* vg.packing_of_labels"),
+        (lambda: vg.twin([vg.shapes.sphere()] * 12, solid_fraction=0.6, faces="a"), "faces is 'a'"),
         (lambda: vg.twin([vg.shapes.sphere()] * 12, "box", solid_fraction=0.6), "container is 'box'"),
         (lambda: vg.twin([vg.shapes.sphere()] * 12, vg.Box((0.5,) * 3), solid_fraction=0.6), "volume 0.125: .* larger"),
         (lambda: vg.twin([vg.shapes.sphere()] * 12, solid_fraction=0.6, method="rsa"), "method is given: .* leave it"),

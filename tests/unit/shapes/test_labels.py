@@ -345,3 +345,39 @@ def test_a_full_image_is_not_taken_for_a_bed():
     with warnings.catch_warnings(action="error"):
         vg.packing_of_labels(three(), voxel_size=0.1)
         vg.packing_of_labels(bed(2, True), voxel_size=0.1, gravity="none")
+
+
+def image_with_specks():
+    """Return two cubes of 512 voxels, one with a second piece of a voxel, two specks, and the tip of a grain."""
+    image = np.zeros((12, 12, 22), dtype=np.int32)
+    image[1:9, 1:9, 1:9], image[1:9, 1:9, 11:19], image[10, 10, 10], image[5, 10, 5:7], image[10, 1, 1] = 1, 2, 2, 3, 4
+    image[11, 11, 21] = 5
+    return image
+
+
+def test_specks_are_told_and_left_out_by_their_size():
+    """Each was a grain as any other, of which twins drew as many as of the true ones."""
+    image = image_with_specks()
+    with pytest.warns(PackingWarning) as told:
+        every = vg.packing_of_labels(image, voxel_size=0.1, gravity="none")
+    assert any(
+        "2 of 5 labels have fewer than 27 voxels (label 3 first), others 512" in str(one.message) for one in told
+    )
+    assert any("without 0.097 % of the volume of all" in str(one.message) for one in told)
+    with pytest.warns(PackingWarning, match="1 of 2 labels have several pieces"):
+        large = vg.packing_of_labels(image, voxel_size=0.1, gravity="none", min_size=27)
+    assert (every.count, large.provenance["labels"]) == (5, [1, 2])
+    assert large.container == every.container
+    with pytest.raises(InputError, match="min_size is 600 and the largest label has 513 voxels"):
+        vg.load_labels(image, voxel_size=0.1, min_size=600)
+
+
+def test_the_gap_of_long_voxels_is_that_of_cubes_of_their_volume():
+    """Open pairs add 0.2 to the coordination number, as in cubes of that volume; by the longest edge they added 1.9."""
+    shape, box = vg.shapes.ellipsoid(aspect=(1.5, 1.2, 1)), vg.Box((2.85,) * 3, "xyz")
+    grains = vg.pack(shape, box, "expand", solid_fraction=0.62, count=30, seed=1)
+    edges = (2.85 / 52, 2.85 / 52, 2.85 / 17)
+    scan = vg.packing_of_labels(vg.to_image(grains, edges), voxel_size=edges, periodic="xyz", gravity="none")
+    assert scan.contact_gap == pytest.approx(np.cbrt(np.prod(edges)))
+    open_, longest = (2 * (scan.contacts(gap).count - scan.contacts(1e-6).count) / 30 for gap in (None, edges[2]))
+    assert open_ < 0.5 < 1.0 < longest

@@ -29,6 +29,7 @@ def packing_of_labels(
     smoothing: float = 1.0,
     periodic: Periodic = False,
     gravity: "ArrayLike | None" = None,
+    min_size: int = 1,
     unit: str | None = None,
     key: str | None = None,
     on_step: OnStep | None = None,
@@ -56,6 +57,8 @@ def packing_of_labels(
     gravity : str or (3,) array_like of float, optional
         Where gravity acts in the sample, an axis such as ``"-z"`` or any vector; default: nowhere. With it measures
         leave out the room above the grains, as of any bed.
+    min_size : int
+        Voxels of the smallest labels; smaller ones, such as specks of noise, are left out and count as void.
     unit : str, optional
         Unit of the voxel size; default: as the file says, where its voxel size is taken.
     key : str, optional
@@ -66,7 +69,8 @@ def packing_of_labels(
     Returns
     -------
     Packing
-        In the box of the image; each grain has a shape of its own. Where grains were left out the container is the box
+        In the box of the image; each grain has a shape of its own. The contact gap is the edge of a voxel, or of the
+        cube of its volume. Where grains were left out the container is the box
         around the others, along axes that do not repeat: beyond it the sample is not known. What those left out took
         within it counts as void, so that solid fractions are those of the sample with ``"keep"`` only.
 
@@ -86,7 +90,8 @@ def packing_of_labels(
     Warns
     -----
     PackingWarning
-        If no gravity is given and the grains leave just one side of the image empty by more than their mean diameter.
+        If no gravity is given and the grains leave just one side of the image empty by more than their mean diameter,
+        or labels have several pieces or are specks, as of :func:`voxgran.load_labels`.
 
     Examples
     --------
@@ -101,7 +106,7 @@ def packing_of_labels(
     turns = as_periodic(periodic)
     image = image_of(source, key)
     unit = voxel_unit(unit, voxel_size, image)
-    how: dict[str, Any] = {"border": border, "surface": surface, "periodic": turns}
+    how: dict[str, Any] = {"border": border, "surface": surface, "periodic": turns, "min_size": min_size}
     how["smoothing"] = as_number(smoothing, "smoothing")
     grains = labelled_grains(image, voxel_size=voxel_size, unit=unit, on_step=on_step, **how)
     size = np.array(voxel_sizes(voxel_size, image))
@@ -128,7 +133,8 @@ def packing_of_labels(
         provenance=record,
         unit=unit,
         gravity=gravity,
-        contact_gap=float(size.max()),
+        # a larger gap, as by the longest edge, would count pairs that are open across the shorter ones
+        contact_gap=float(np.cbrt(size.prod())),
     )
     if packing.gravity is None and gravity is None:
         _warn_of_room(packing)

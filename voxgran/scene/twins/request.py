@@ -22,7 +22,7 @@ from voxgran.shapes.learning.learn import learn_shapes
 from voxgran.shapes.learning.model import ShapeModel
 from voxgran.shapes.mesh import Mesh
 from voxgran.shapes.model import Shape
-from voxgran.shapes.repairing.simplify import simplified
+from voxgran.shapes.repairing.simplify import FEWEST, simplified
 from voxgran.shapes.size_laws.listed import refuse_too_many
 from voxgran.shapes.sizes import discrete
 
@@ -97,7 +97,8 @@ class TwinRequest:
         volume = float((np.pi / 6 * sample.laid_sizes(many) ** 3).sum()) / wanted
         box = _box(volume, how, parameters.get("gravity")) if container is None else container
         first = as_count(seed, "seed")
-        return cls(sample, box, many, wanted, how, different, faces, first, model, parameters)
+        most = as_count(faces, "faces", at_least=FEWEST)
+        return cls(sample, box, many, wanted, how, different, most, first, model, parameters)
 
     @cached_property
     def learned(self) -> tuple[Sample, ShapeModel | None]:

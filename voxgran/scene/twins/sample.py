@@ -1,6 +1,5 @@
 """What a twin is made after: the grains of a sample, for how many each stands, and how dense they lie."""
 
-import os
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
@@ -14,6 +13,7 @@ from voxgran.measures.registered.density import main_fraction
 from voxgran.packing.jamming.expected import reachable
 from voxgran.packing.model import Packing
 from voxgran.shapes.learning.border import border_weights, is_scan
+from voxgran.shapes.learning.sample import refuse_unread
 from voxgran.shapes.learning.steps import KINDS, without_steps
 from voxgran.shapes.mesh import Mesh
 from voxgran.shapes.model import Shape, check_shapes
@@ -58,8 +58,7 @@ def sample_of(given: Packing | Sequence[Shape], solid_fraction: float | None) ->
     if isinstance(given, Packing):
         found = _of_packing(given)
     else:
-        if isinstance(given, str | os.PathLike):
-            raise InputError(f"sample is {str(given)!r}: a packing or shapes are needed; vg.load reads a packing")
+        refuse_unread(given, "sample")
         shapes = tuple(check_shapes(given))
         if solid_fraction is None:
             raise InputError("solid_fraction is None and the sample is shapes only: give that of the twin")

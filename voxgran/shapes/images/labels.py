@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from voxgran._base import ExplainedAttributes
-from voxgran._base.arrays import Booleans, Floats, Integers, as_array, as_choice, as_number
+from voxgran._base.arrays import Booleans, Floats, Integers, as_array, as_choice, as_count, as_number
 from voxgran._base.axes import Periodic, as_periodic
 from voxgran._base.calls import explained
 from voxgran._base.errors import InputError, PackingWarning
@@ -34,6 +34,8 @@ from voxgran.shapes.triangles import LatticePoints, corner_type
 BORDER, SURFACES = ("drop", "keep"), ("smooth", "voxel")
 #: widest smoothing, in voxels: its time grows with the square
 WIDEST = 5.0
+#: voxels of labels that are told to be specks, where the others have ten times as many
+SPECK = 27
 #: least number of values of a grey image, and how many planes are looked at to recognize one
 LEAST_GREY, GREY_PLANES = 100, 16
 
@@ -58,6 +60,7 @@ def load_labels(
     surface: str = "smooth",
     smoothing: float = 1.0,
     periodic: Periodic = False,
+    min_size: int = 1,
     unit: str | None = None,
     key: str | None = None,
     on_step: OnStep | None = None,
@@ -81,6 +84,8 @@ def load_labels(
     periodic : str, bool or sequence
         Axes along which the image repeats, such as ``"xy"``, as of :class:`voxgran.Box`:
         grains go on across these faces, which cut none.
+    min_size : int
+        Voxels of the smallest labels; smaller ones, such as specks of noise, are left out.
     unit : str, optional
         Unit of the voxel size; recorded. Default: as the file says, where its voxel size is taken.
     key : str, optional
@@ -113,7 +118,8 @@ def load_labels(
     Warns
     -----
     PackingWarning
-        If labels have several pieces, or grains that are kept are cut by the border of the image.
+        If labels have several pieces, grains that are kept are cut by the border of the image, or labels are specks
+        that no border cuts: fewer than 27 voxels, and a tenth of those of the grains that hold half the volume.
 
     Examples
     --------
@@ -127,6 +133,7 @@ def load_labels(
     image = image_of(source, key)
     unit = voxel_unit(unit, voxel_size, image)
     how: dict[str, Any] = {"border": border, "surface": surface, "smoothing": smoothing, "periodic": periodic}
+    how["min_size"] = min_size
     grains = labelled_grains(image, voxel_size=voxel_size, unit=unit, on_step=on_step, **how)
     cut = [grain.label for grain in grains if grain.cut]
     if cut:
@@ -223,6 +230,7 @@ def labelled_grains(
     surface: str,
     smoothing: float,
     periodic: Periodic,
+    min_size: int,
     unit: str | None,
     on_step: OnStep | None = None,
 ) -> list[LabelledGrain]:
@@ -238,11 +246,17 @@ def labelled_grains(
     width = 0.0 if as_choice(surface, "surface", SURFACES) == "voxel" else width
     size, wraps, found = np.array(voxel_sizes(voxel_size, image)), np.array(as_periodic(periodic)), _counted(image)
     cut = ((found.lower == 0) | (found.upper == np.array(image.values.shape)))[:, ~wraps].any(axis=1)
-    kept = np.flatnonzero(~cut) if border == "drop" else np.arange(len(found.label))
+    large = found.count >= as_count(min_size, "min_size", at_least=1)
+    if not large.any():
+        raise InputError(
+            f"min_size is {min_size} and the largest label has {found.count.max()} voxels: take a smaller one"
+        )
+    kept = np.flatnonzero(large & ~cut if border == "drop" else large)
     if not len(kept):
         raise InputError(
-            f"all {len(found.label)} labels touch the border of the image: they are left out unless border is 'keep'"
+            f"all {large.sum()} labels touch the border of the image: they are left out unless border is 'keep'"
         )
+    _warn_of_specks(found, kept, cut)
     told = reported(on_step) or silent
     told(Step(stage="grains", done=0, total=len(kept), text=f"surfaces of {len(found.label)} labels"))
     several: list[int] = []
@@ -257,12 +271,29 @@ def labelled_grains(
         position = np.array(shape.offset) + np.array(image.origin)
         grains.append(LabelledGrain(label, shape, position, float(found.count[k] * size.prod()), bool(cut[k])))
     if several:
+        lost = 1.0 - sum(grain.shape.volume for grain in grains) / sum(grain.volume for grain in grains)
         warn(
             f"{len(several)} of {len(kept)} labels have several pieces (label {found.label[min(several)]} first): "
-            "the largest piece of each is kept; label connected bodies, or clean the image",
+            f"the largest piece of each is kept, without {100 * lost:.2g} % of the volume of all; label connected "
+            "bodies, or clean the image",
             PackingWarning,
         )
     return sorted(grains, key=lambda grain: grain.label)
+
+
+def _warn_of_specks(found: Census, kept: Integers, cut: Booleans) -> None:
+    """Warn if labels that no border cuts are so small beside the others that they are noise: each would be a grain of a
+    twin.
+    """
+    size = np.sort(found.count[kept])
+    half = size[np.searchsorted(size.cumsum(), size.sum() / 2)]
+    specks = kept[(found.count[kept] < min(SPECK, half / 10)) & ~cut[kept]]
+    if len(specks):
+        warn(
+            f"{len(specks)} of {len(kept)} labels have fewer than {SPECK} voxels (label {found.label[specks[0]]} "
+            f"first), others {half}: their form is not known; leave them out with min_size={SPECK}",
+            PackingWarning,
+        )
 
 
 def _surfaces(

@@ -10,6 +10,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from voxgran._base.arrays import Floats, as_floats, check_type
 from voxgran._base.errors import InputError
+from voxgran.lattice.image import Image
 from voxgran.shapes.learning.border import Grains, border_weights
 from voxgran.shapes.learning.steps import CONVEX, ELLIPSOID, KINDS, without_steps
 from voxgran.shapes.mesh import Mesh
@@ -56,8 +57,7 @@ def checked_sample(shapes: Any, sizes: "ArrayLike | None", weights: "ArrayLike |
             )
         every = [shapes.shapes[shapes.shape_id[k]].scaled(float(shapes.scale[k])) for k in whole]
     else:
-        if isinstance(shapes, str | os.PathLike):
-            raise InputError(f"shapes is {str(shapes)!r}: a list or a packing is needed; vg.load reads a packing")
+        refuse_unread(shapes, "shapes")
         check_type(shapes, Iterable, "shapes", "a list of shapes or a packing; make_shapes makes a list")
         every = list(shapes)
     for shape in every:
@@ -80,6 +80,23 @@ def checked_sample(shapes: Any, sizes: "ArrayLike | None", weights: "ArrayLike |
         own = _positive(weights, "weights", len(every))
     own = np.ones(len(every)) if own is None else own
     return Sample(solids, own / own.sum())
+
+
+def refuse_unread(given: Any, name: str) -> None:
+    """Refuse a file and an image, whose grains are not yet known.
+
+    Raises
+    ------
+    InputError
+        If it is one.
+    """
+    image = isinstance(given, Image) or (isinstance(given, np.ndarray) and given.dtype != object)
+    if image or isinstance(given, str | os.PathLike):
+        told = "an image" if image else repr(str(given))
+        raise InputError(
+            f"{name} is {told}: a packing or shapes are needed; vg.load reads a packing, and "
+            "vg.packing_of_labels makes one of a label image"
+        )
 
 
 def meshed(shape: Shape, unit: str | None = None) -> Shape:
