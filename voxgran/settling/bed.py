@@ -379,7 +379,7 @@ class Bed:
         """Return a copy that moves on its own while this one does not; memory of searches and sizes are shared."""
         made, m, rows, grains = copy.copy(self), self.m, self.rows, self.grains
         made.grains = grains._replace(**{name: getattr(grains, name).copy() for name in ("position", "matrix", "way")})
-        made.pairs = PairList(*self.pairs[:3], *(known.copy() for known in self.pairs[3:]))
+        made.pairs = self.pairs._replace(**{name: getattr(self.pairs, name).copy() for name in PairList._fields[3:]})
         for name in ("orientation", "bodies", "motion", "wall_first", "wall_count"):
             setattr(made, name, getattr(self, name).copy())
         # old rows are room for those that are found next
