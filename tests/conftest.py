@@ -38,11 +38,18 @@ def data_dir():
 
 @pytest.fixture
 def jagged_pictures(monkeypatch):
-    """Draw pictures without smoothing, and figures without room for their labels, where nothing looks at them.
+    """Draw pictures of pages small and without smoothing, and figures without ticks and room for labels.
 
-    Both take half the time of a report.
+    Nothing looks at them, and all this takes half the time of a report.
     """
-    monkeypatch.setattr("voxgran.report.stage.SMOOTHING", None)
+    from voxgran.report import stage
+
+    def opened(window, opened=stage.open_stage, **how):
+        return opened((300, 300) if tuple(window) in ((900, 900), (600, 600)) else window, **how)
+
+    monkeypatch.setattr(stage, "open_stage", opened)
+    monkeypatch.setattr(stage, "SMOOTHING", None)
+    monkeypatch.setattr("matplotlib.axis.Axis._update_ticks", lambda self: [])
     monkeypatch.setattr("voxgran.report.plots.fit", lambda axes: None)
     monkeypatch.setattr("matplotlib.layout_engine.ConstrainedLayoutEngine.execute", lambda self, figure: None)
 

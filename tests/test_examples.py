@@ -500,7 +500,7 @@ def test_fit_clump(tmp_path, capsys, monkeypatch):
         slow("isotropic_specimen", 387, 0.585, 0.590),
         slow("tilted_cell", 600, 0.63, 0.645),
         slow("oedometer", 250, 0.513, 0.518),
-        ("rebar_in_bed", 221, 0.29, 0.31),
+        slow("rebar_in_bed", 221, 0.29, 0.31),
         ("gaps_in_rectangle", 1029, 0.91, 0.93),
         slow("fragments_in_rectangle", 671, 0.87, 0.89),
         slow("spheres_in_rock", 3000, 0.57, 0.60),
@@ -587,6 +587,7 @@ def examples_of(path):
             yield doctest.DocTestParser().get_doctest(text, {}, name, str(path), node.body[0].lineno - 1)
 
 
+@pytest.mark.usefixtures("jagged_pictures")
 @pytest.mark.parametrize("folder", DOCUMENTED)
 def test_examples_in_docstrings_give_what_they_say(folder, tmp_path, monkeypatch):
     """Each example runs with no names but those that it makes, in an empty folder."""

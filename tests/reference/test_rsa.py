@@ -18,7 +18,7 @@ SQUARE = {"vertices": ((0, 0), (1, 0), (1, 1), (0, 1))}
 @pytest.mark.parametrize(
     ("name", "shape", "room", "runs", "aligned"),
     [
-        ("spheres_3d", vg.make_shape("sphere"), vg.Box((18, 18, 18), "xyz"), 16, False),
+        ("spheres_3d", vg.make_shape("sphere"), vg.Box((18, 18, 18), "xyz"), 8, False),
         slow("disks_2d", vg.make_shape("disk"), vg.Rectangle((90, 90), "xy"), 24, False),
         slow("aligned_squares", vg.make_shape("polygon", **SQUARE), vg.Rectangle((90, 90), "xy"), 24, True),
         slow("aligned_cubes", vg.make_shape("box", lengths=(1, 1, 1)), vg.Box((20, 20, 20), "xyz"), 16, True),
@@ -66,10 +66,7 @@ def test_the_last_places_fill_slowly():
 @pytest.mark.parametrize(
     ("name", "shape", "room", "attempts", "within", "powers"),
     [
-        # of three runs the limit varies by 0.006, 0.003 and 0.002
-        slow(
-            "random_cubes", vg.make_shape("box", lengths=(1, 1, 1)), vg.Box((13.95,) * 3, "xyz"), 800_000, 0.02, (5, 9)
-        ),
+        # of three runs the limit of cubes varies by 0.003, that of squares by 0.002
         slow(
             "random_cubes", vg.make_shape("box", lengths=(1, 1, 1)), vg.Box((20,) * 3, "xyz"), 4_000_000, 0.008, (6, 8)
         ),

@@ -20,8 +20,8 @@ LIMIT = 2
 
 
 @pytest.mark.slow
-def test_an_image_of_64_million_voxels_becomes_a_packing(tmp_path):
-    command = [sys.executable, ROOT / "tools" / "block_speed.py", tmp_path, "400", *MOST, f"--limit={LIMIT}"]
+def test_an_image_of_27_million_voxels_becomes_a_packing(tmp_path):
+    command = [sys.executable, ROOT / "tools" / "block_speed.py", tmp_path, "300", *MOST, f"--limit={LIMIT}"]
     environment = {"DASK_NUM_WORKERS": "1", "OPENBLAS_NUM_THREADS": "1"}
     ended = subprocess.run(command, capture_output=True, text=True, check=True, env={**os.environ, **environment})
     sys.stdout.write(ended.stdout)

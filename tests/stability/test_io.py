@@ -7,7 +7,7 @@ import os
 import resource
 import subprocess
 import tempfile
-from functools import partial
+from functools import cache, partial
 from pathlib import Path
 
 import numpy as np
@@ -180,16 +180,22 @@ def contents(folder):
     return {str(path.relative_to(folder)): path.read_bytes() for path in folder.rglob("*") if path.is_file()}
 
 
+@cache
+def written(name):
+    """Return what a writer writes where there is room: the bytes of all files."""
+    with tempfile.TemporaryDirectory() as folder:
+        WRITERS[name](Path(folder) / name)
+        return contents(Path(folder))
+
+
 @pytest.mark.parametrize("new", [False, True])
 @pytest.mark.parametrize("full", ["disk", "limit"])
 @pytest.mark.parametrize("name", WRITERS)
 @pytest.mark.filterwarnings("ignore")
 def test_a_full_disk_leaves_what_was_there(name, full, new, request, tmp_path, capfd):
-    whole, place = tmp_path / "whole", tmp_path / "place"
+    place, files = tmp_path / "place", written(name)
     if full == "disk":
         place = Path(tempfile.mkdtemp(dir=request.getfixturevalue("small_disk"))) / "inner"
-    WRITERS[name](whole / name)
-    files = contents(whole)
     for file in () if new else files:
         (place / file).parent.mkdir(parents=True, exist_ok=True)
         # what is cut is still known as what voxgran wrote

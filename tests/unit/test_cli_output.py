@@ -50,7 +50,7 @@ def test_names_that_are_no_text_are_printed(tmp_path, monkeypatch, capsys):
 
 @pytest.mark.skipif(not FULL.exists(), reason="there is no device that is always full")
 @pytest.mark.parametrize(
-    ("words", "unbuffered"), [(["methods"], ""), slow(["--help"], "1"), slow(["--version"], ""), slow(["methods"], "1")]
+    ("words", "unbuffered"), [(["--version"], ""), slow(["--help"], "1"), slow(["methods"], ""), slow(["methods"], "1")]
 )
 def test_a_full_disk_is_one_sentence(words, unbuffered):
     with FULL.open("w") as full:

@@ -5,9 +5,9 @@ import warnings
 
 
 def warn(text: str, category: type[Warning]) -> None:
-    """Issue a warning of one sentence that points at the first caller outside of voxgran."""
+    """Issue a warning of one sentence that points at the first caller outside of voxgran, and of properties kept."""
     level, frame = 1, sys._getframe()
-    while frame.f_back is not None and frame.f_globals.get("__name__", "").split(".")[0] == "voxgran":
+    while frame.f_back is not None and frame.f_globals.get("__name__", "").split(".")[0] in ("voxgran", "functools"):
         level, frame = level + 1, frame.f_back
     warnings.warn(text, category, stacklevel=level)
 

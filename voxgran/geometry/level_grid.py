@@ -66,16 +66,23 @@ def level_cells(lengths: Floats, periods: Floats, reach: Floats, dimension: int)
     level = np.floor(np.log2(reach.max() / reach)).astype(np.int64)
     used, level, number = np.unique(level, return_inverse=True, return_counts=True)
     largest = np.array([reach[level == k].max() for k in range(len(used))])
-    axes = np.arange(3) < dimension
-    span = np.where(axes, lengths, 1.0)
-    full = np.maximum(np.floor(span / (2 * largest[:, None])), 1)
-    # as many cells as spheres at most, of one shape
-    share = np.minimum(1.0, (SPARE * number / full[:, axes].prod(axis=1)) ** (1.0 / dimension))
-    count = np.where(axes, np.maximum(np.floor(full * share[:, None]), 1), 1).astype(np.int64)
-    wraps = np.tile(periods.diagonal() > 0.0, (len(used), 1)).astype(np.int64)
-    width = np.ascontiguousarray(span / count)
     rows = np.ascontiguousarray(np.tile(largest[:, None], (1, 3)))
-    return empty_grid(periods, rows, width, count, wraps, len(reach)), level.astype(np.int64)
+    return cells_of(lengths, periods, rows, number, dimension), level.astype(np.int64)
+
+
+def cells_of(lengths: Floats, periods: Floats, reach: Floats, number: Integers, dimension: int) -> LevelGrid:
+    """Return empty cells of levels of the largest half ranges `reach`, (k, 3), and of so many grains each, (k,).
+
+    lengths: of the bounds of the container.  periods: (3, 3) vectors by which it repeats.
+    """
+    axes = np.arange(3) < dimension
+    span, wide = np.where(axes, lengths, 1.0), np.where(axes & (reach > 0.0), reach, np.inf)
+    full = np.maximum(np.floor(span / (2 * wide)), 1)
+    # about as many cells as grains, of one shape
+    share = np.minimum(1.0, (SPARE * number / full.prod(axis=1)) ** (1.0 / dimension))
+    count = np.where(axes, np.maximum(np.floor(full * share[:, None]), 1), 1).astype(np.int64)
+    wraps = np.tile(periods.diagonal() > 0.0, (len(number), 1)).astype(np.int64)
+    return empty_grid(periods, reach, np.ascontiguousarray(span / count), count, wraps, int(number.sum()))
 
 
 @inlined_kernel

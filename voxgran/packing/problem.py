@@ -157,6 +157,18 @@ class Problem:
         shapes = np.array([shape.volume for shape in self.shapes])
         return shapes[self.shape_id] * self.diameter**self.dimension
 
+    @property
+    def bounding_radii(self) -> Floats:
+        """Radii of the bounding spheres of the grains about their centroids, (n,)."""
+        return np.asarray(np.array([shape.bounding_radius for shape in self.shapes])[self.shape_id] * self.diameter)
+
+    @property
+    def unit_volumes(self) -> Floats:
+        """Volumes of the grains at the size at which their bounding spheres have radius 1, (n,)."""
+        bounding = np.array([shape.bounding_radius for shape in self.shapes])
+        volumes = np.array([shape.volume for shape in self.shapes]) / bounding**self.dimension
+        return np.asarray(volumes[self.shape_id])
+
     def largest_first(self, grains: NDArray[Any]) -> NDArray[Any]:
         """Return grains, the largest first; those that differ by rounding only, as of several shapes, stay in order."""
         return grains[np.argsort(-np.round(self.diameter[grains], DECIMALS), kind="stable")]
@@ -358,6 +370,25 @@ def spheres_of_start(problem: Problem) -> Floats:
     return np.column_stack([place, grains.bounding_radii])
 
 
+def packing_of_spheres(
+    problem: Problem, grains: Integers, spheres: Floats, stop_reason: str, *, sized: bool = False, **told: Any
+) -> Packing:
+    """Return the packing of grains, (m,), by their bounding spheres, (m, 4): centers from the lower corner, and radii.
+
+    The radii are the sizes of grains that are `sized` by the method, but for those of a start. Orientations are random.
+    """
+    diameter = orientation = None
+    if sized:
+        bounding = np.array([shape.bounding_radius for shape in problem.shapes])[problem.shape_id[grains]]
+        diameter = np.where(grains < problem.started, problem.diameter[grains], spheres[:, 3] / bounding)
+    if problem.started or not all(shape.is_sphere for shape in problem.shapes):
+        orientation = turns_of(problem, problem.count, stream(problem.seed, "turns"))[grains]
+    return problem.packing(
+        grains, position=spheres[:, :3] + problem.container.bounds[0], orientation=orientation, diameter=diameter,
+        stop_reason=stop_reason, **told,
+    )  # fmt: skip
+
+
 def random_points(container: Container, count: int, generator: np.random.Generator) -> Floats:
     """Return random points (count, 3) in a container."""
     lower, upper = container.bounds
@@ -368,13 +399,6 @@ def random_points(container: Container, count: int, generator: np.random.Generat
         found.append(inside)
         many += len(inside)
     return within_periods(np.concatenate(found)[:count], container)
-
-
-def random_turns(problem: Problem, grains: Integers) -> Floats | None:
-    """Return orientations of grains, (m, 4): those of the start, and random ones of all others; None for spheres."""
-    if all(shape.is_sphere for shape in problem.shapes) and not problem.started:
-        return None
-    return turns_of(problem, problem.count, stream(problem.seed, "turns"))[grains]
 
 
 def turns_of(problem: Problem, count: int, generator: np.random.Generator) -> Floats:

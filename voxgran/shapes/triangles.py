@@ -130,6 +130,9 @@ class Triangles:
 
     def scaled(self, factor: float) -> Self:
         """Return the triangles scaled about the origin."""
+        if isinstance(self.points, LatticePoints):
+            steps, step, first = self.points
+            return type(self)(LatticePoints(steps, step * factor, first * factor), self.corners)
         return type(self)(self.vertices * factor, self.corners)
 
     def tessellation(self) -> tuple[Floats, Integers, float]:

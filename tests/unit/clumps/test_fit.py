@@ -135,8 +135,8 @@ def test_a_cavity_stays_a_cavity():
     vertices, faces, _ = unit_box()
     both = np.concatenate([vertices * 2, vertices])
     shell = Shape.of(Mesh(both, np.concatenate([faces, faces[:, ::-1] + 8])), name="shell")
-    for solid in (shell, voxelize(shell, voxel_size=0.1)):
-        clump = fit_clump(solid, max_spheres=60)
+    for solid in (shell, voxelize(shell, voxel_size=0.125)):
+        clump = fit_clump(solid, max_spheres=40)
         assert clump.shape.volume == pytest.approx(7.0, rel=0.02)
         assert (np.abs(clump.centers).max(axis=1) > 0.5).all()
 

@@ -176,7 +176,7 @@ def test_other_solids_have_contacts_with_meshes():
         look(grains, bodies, pairs)
         high, low = np.where(pairs.bound > 0, middle, high), np.where(pairs.bound > 0, low, middle)
     # edges may touch each other between their ends
-    dense = [np.concatenate([shape.vertices, vg.sample_surface(shape, spacing=0.03)]) for shape in shapes]
+    dense = [np.concatenate([shape.vertices, vg.sample_surface(shape, spacing=0.06)]) for shape in shapes]
     for p in range(4):
         one, other = shapes[0], shapes[p + 1]
         offset = grains.position[2 * p + 1] - grains.position[2 * p]

@@ -219,7 +219,7 @@ def moved(engine, folder, deck, columns):
 
 
 @pytest.mark.engine
-@pytest.mark.parametrize(("engine", "first"), [("liggghts", 1), ("yade", 0)])
+@pytest.mark.parametrize(("engine", "first"), [("liggghts", 1), slow("yade", 0)])
 @pytest.mark.parametrize("container", [None, slow(vg.Cylinder(2.2, 5))], ids=["box", "cylinder"])
 def test_a_specimen_between_walls_hardly_moves_when_an_engine_gives_it_a_stiffness(engine, first, container, tmp_path):
     flat = container is None

@@ -42,13 +42,19 @@ def test_squares_are_those_of_a_search(shape, share, periodic):
     assert np.array_equal(found, brute(mask, periodic))
 
 
-@pytest.mark.usefixtures("far")
-@pytest.mark.parametrize("threads", [1, slow(2), 7])
-def test_large_images_are_bit_identical_to_scipy(threads):
+@pytest.fixture(scope="module")
+def large():
+    """Return masks of large images, each with its squared distances by SciPy."""
     x, y, z = np.indices((120, 90, 150))
     sphere = (x - 60) ** 2 + (y - 40) ** 2 + (z - 80) ** 2 < 38**2
-    for mask in (sphere, ~sphere, stream(2, "noise").random(sphere.shape) < 0.999):
-        expected = np.round(distance_transform_edt(mask) ** 2).astype(np.int32)
+    masks = sphere, ~sphere, stream(2, "noise").random(sphere.shape) < 0.999
+    return [(mask, np.round(distance_transform_edt(mask) ** 2).astype(np.int32)) for mask in masks]
+
+
+@pytest.mark.usefixtures("far")
+@pytest.mark.parametrize("threads", [1, slow(2), 7])
+def test_large_images_are_bit_identical_to_scipy(large, threads):
+    for mask, expected in large:
         assert np.array_equal(distance_transform(mask, squared=True, threads=threads), expected)
 
 

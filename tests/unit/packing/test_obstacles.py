@@ -368,7 +368,7 @@ def test_obstacles_of_a_scene(tmp_path):
         "container": {"kind": "box", "lengths": [6, 6, 8]},
         "obstacle": [{"packing": "below.vtp"}, {**bar, "scale": 1.5}],
         "packing": {"method": "rsa", "count": 5},
-        "output": {"vtk": False, "report": False},
+        "output": {"vtk": False, "report": False, "statistics": False},
     }
     made = vg.Scene.from_mapping(scene, folder=tmp_path)
     assert vg.Scene.from_mapping(made.to_mapping()) == made

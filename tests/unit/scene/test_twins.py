@@ -17,6 +17,8 @@ from voxgran.scene.twins.request import drawn
 from voxgran.scene.twins.sample import Sample, resolved, sample_of
 from voxgran.shapes.learning.border import border_weights, is_scan
 
+pytestmark = pytest.mark.usefixtures("jagged_pictures")
+
 EQUAL = 2.0
 
 
@@ -63,6 +65,15 @@ def test_weights_are_the_inverse_of_the_room_that_whole_grains_have():
     scan = scan_of([((0, 0, 0), (3, 3, 3)), ((4, 4, 3), (6, 7, 8)), ((8, 8, 8), (10, 10, 10))])
     assert is_scan(scan)
     assert border_weights(scan) == pytest.approx([0.0, 1 / (0.8 * 0.7 * 0.5), 0.0])
+
+
+def test_a_part_of_a_scan_is_one():
+    """Labels that were chosen counted as whole where the border cuts them, since shapes of the others were kept."""
+    boxes = [((0, 0, 0), (3, 3, 3)), ((4, 4, 4), (6, 7, 9)), ((7, 0, 7), (10, 2, 10))]
+    scan = scan_of([*boxes, ((0, 9, 9), (1, 10, 10))])
+    some = scan[scan.diameter > 2.0]
+    assert (is_scan(some), some.count) == (True, 3)
+    assert border_weights(some) == pytest.approx(border_weights(scan_of(boxes)))
 
 
 def test_along_a_periodic_axis_nothing_is_cut():

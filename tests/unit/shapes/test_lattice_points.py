@@ -41,6 +41,8 @@ def test_motion_keeps_the_lattice_and_turns_leave_it(pair):
     turn = np.array([[0.0, -1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, 1.0]])
     assert np.array_equal(own.rotated(turn).vertices, plain.rotated(turn).vertices)
     assert np.array_equal(own.scaled(2.0).vertices, plain.scaled(2.0).vertices)
+    assert own.scaled(3.0).points.steps is own.points.steps
+    np.testing.assert_allclose(own.scaled(3.0).vertices, plain.scaled(3.0).vertices, rtol=1e-14)
 
 
 def test_shapes_have_their_centroid_at_the_origin_and_can_be_sent(pair):

@@ -50,7 +50,7 @@ class SurfaceWork(NamedTuple):
     candidate: (LISTED, 8) contact points: place on i from its centroid (3), normal (3), gap.  now: (28,) a pose and an
     offset.  turn: (2, 12) maps to the cells of grids.  listed: (2, c) points or leaves.  found: (LISTED, 3) pairs of
     triangles.  found_apart: (LISTED,) bounds of their distances, or distances of points.  stack: (256,), points: (16,):
-    of searches.  placed: (2, t, 3, 3), plane: (2, t, 9) and number: (2, t): triangles of j and of i in the frame of i.
+    of searches.  placed: (2, t, 3, 3), plane: (2, t, 21) and number: (2, t): triangles of j and of i in the frame of i.
     span: (2,) first entry of the pool that is free for a block of pairs, and the one after its last.
     """
 
@@ -111,7 +111,7 @@ def surface_work(bodies: SurfaceBodies, cap: int) -> Blocks[SurfaceWork]:
         stack=np.zeros(256, dtype=np.int64),
         points=np.zeros(16),
         placed=np.zeros((2, int(counts[3]), 3, 3)),
-        plane=np.zeros((2, int(counts[3]), 9)),
+        plane=np.zeros((2, int(counts[3]), 21)),
         number=np.zeros((2, int(counts[3])), dtype=np.int64),
         span=np.zeros(2, dtype=np.int64),
     )

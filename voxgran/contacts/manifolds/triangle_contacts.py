@@ -27,7 +27,7 @@ from voxgran.contacts.manifolds.surface_memory import (
     write_spread,
 )
 from voxgran.contacts.manifolds.triangle_depths import crossing_depths
-from voxgran.contacts.manifolds.triangle_features import is_minimum, nearest_features, place_triangle
+from voxgran.contacts.manifolds.triangle_features import is_minimum, nearest_features, place_triangle, turned
 from voxgran.contacts.manifolds.triangle_lists import least_distance, near_triangles
 from voxgran.geometry.tree import encloses
 from voxgran.geometry.vectors import along, corner_of, dot, rotate, sub, times, vector_at
@@ -38,7 +38,7 @@ MOST = 8
 OVERSIGHT = 0.02
 #: distance beyond the margin to which distances of triangles are found: they are not looked at again so soon
 FARTHER = 3e-3
-#: gap from which on a pair counts as separate while its rows are kept
+#: gap from which on a pair counts as separate while it moves by less
 SEPARATE = 1e-6
 #: distance, in radii of the pair, below which rounding could hide an overlap
 ROUNDING = 1e-12
@@ -46,9 +46,11 @@ ROUNDING = 1e-12
 
 @bare_kernel
 def exact_candidates(
-    grains: Grains, work: SurfaceWork, p: int, count: int, way: float, i: int, j: int, margin: float
+    grains: Grains, work: SurfaceWork, p: int, count: int, way: float, i: int, j: int, margin: float, separate: bool
 ) -> tuple[int, float]:
     """Write the contact points of listed pairs of triangles; return their number and the exact gap.
+
+    separate: whether the grains are known to be, as they have moved by less than their last gap.
 
     The gap is -1e9 where triangles cross or the center of a sphere lies in a mesh, and 1e9 where none are within the
     margin.
@@ -58,12 +60,25 @@ def exact_candidates(
     solid_i, solid_j = bodies.frame[grains.shape[i], 7], bodies.frame[grains.shape[j], 7]
     pierce = solid_i != 0 and solid_j != 0
     wide = (margin + FARTHER) / unit
-    spare, k, low, best = work.candidate[len(work.candidate) - 1], 0, 1e9, 1e9
+    spare, k, low, best, last = work.candidate[len(work.candidate) - 1], 0, 1e9, 1e9, -1
+    normal = 0.0, 0.0, 0.0
     for q in range(count):
         s, t = work.found[q, 0], work.found[q, 1]
-        place_triangle(bodies.corner, t, pose, stretch, placed, 0)
+        if t != last:
+            place_triangle(bodies.corner, t, pose, stretch, placed, 0)
+            normal, last = turned(pose, corner_of(bodies.pseudo, t, 0)), t
         skin = bodies.skin[s, 0] + bodies.skin[t, 0] * stretch
-        square, mine, theirs = nearest_features(bodies.corner, s, placed, 0, points, wide + skin, pierce)
+        square, mine, theirs = nearest_features(
+            bodies.corner,
+            s,
+            placed,
+            0,
+            points,
+            wide + skin,
+            pierce and not separate,
+            corner_of(bodies.pseudo, s, 0),
+            normal,
+        )
         length = math.sqrt(square)
         gap = (length - skin) * unit
         if work.found[q, 2] >= 0:
@@ -92,7 +107,7 @@ def exact_candidates(
         k += 1 if good else 0
     if low < best:
         # the nearest points are out of their cones: by rounding, or as seen from within a solid
-        if _is_inside(grains, work, i, j):
+        if not separate and _is_inside(grains, work, i, j):
             return 0, -1e9
         copy_numbers(work.candidate[k], spare, 8)
         k += 1
@@ -138,7 +153,7 @@ def _exact_pair(grains, work, p, i, j, margin):  # type: ignore[no-untyped-def]
 
     The gap is -1e9 where the grains overlap, or a bound of it beyond the margin.
     """
-    old = work.pose[p, 1]
+    old, apart = work.pose[p, 1], -1.0
     if is_kept(work.key[p, 1], i, j):
         apart = old[15] - way_gone(work, p, grains.radius[i], grains.radius[j])
         if apart > margin:
@@ -147,9 +162,10 @@ def _exact_pair(grains, work, p, i, j, margin):  # type: ignore[no-untyped-def]
     if count < 0:
         # more triangles than are listed are near each other only where grains lie deep in each other
         return 0, -1e9
-    k, low = exact_candidates(grains, work, p, count, way, i, j, margin)
+    k, low = exact_candidates(grains, work, p, count, way, i, j, margin, apart > SEPARATE)
+    old[15] = low + way if low > 0.0 else -1.0
     if k == 0 and low > 0.0:
-        if _is_inside(grains, work, i, j):
+        if apart <= SEPARATE and _is_inside(grains, work, i, j):
             return 0, -1e9
         # listed pairs are all beyond the margin now
         old[15] = least_distance(work, p)

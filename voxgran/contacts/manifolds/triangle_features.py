@@ -21,44 +21,55 @@ ROUND_OFF = 1e-9
 @inlined_kernel
 def place_triangle(corner: Floats, t: int, pose: Floats, stretch: float, placed: Floats, k: int) -> None:
     """Write triangle t of j in the frame and unit of i."""
-    for c in range(3):
-        x, y, z = corner[t, c, 0] * stretch, corner[t, c, 1] * stretch, corner[t, c, 2] * stretch
-        for r in range(3):
-            placed[k, c, r] = pose[r] / pose[12] + pose[3 + 3 * r] * x + pose[4 + 3 * r] * y + pose[5 + 3 * r] * z
+    for r in range(3):
+        at, a, b, c = (
+            pose[r] / pose[12],
+            pose[3 + 3 * r] * stretch,
+            pose[4 + 3 * r] * stretch,
+            pose[5 + 3 * r] * stretch,
+        )
+        for q in range(3):
+            placed[k, q, r] = at + a * corner[t, q, 0] + b * corner[t, q, 1] + c * corner[t, q, 2]
 
 
-@bare_kernel
-def _side_of(one, a, other, b, points):  # type: ignore[no-untyped-def]
+@inlined_kernel
+def turned(pose: Floats, direction: Vector) -> Vector:
+    """Return a direction of j in the frame of i."""
+    x, y, z = direction
+    return (
+        pose[3] * x + pose[4] * y + pose[5] * z,
+        pose[6] * x + pose[7] * y + pose[8] * z,
+        pose[9] * x + pose[10] * y + pose[11] * z,
+    )
+
+
+@inlined_kernel
+def _side_of(normal, one, a, other, b, points):  # type: ignore[no-untyped-def]
     """Write the heights of the corners of other[b] over the plane of one[a] to points[6:9]; return their bound.
 
-    The bound is the distance of a triangle from the plane, 0 if it crosses it and below 0 for a plane that is none.
+    The bound is the distance of a triangle from the plane, 0 if it crosses it.
     """
-    origin = corner_of(one, a, 0)
-    normal = cross(sub(corner_of(one, a, 1), origin), sub(corner_of(one, a, 2), origin))
-    length = math.sqrt(dot(normal, normal))
-    low, high = 1e300, -1e300
+    origin, low, high = corner_of(one, a, 0), 1e300, -1e300
     for c in range(3):
-        height = 0.0
-        if length > 0.0:
-            height = dot(normal, sub(corner_of(other, b, c), origin)) / length
+        height = dot(normal, sub(corner_of(other, b, c), origin))
         points[6 + c] = abs(height)
         low, high = min(low, height), max(high, height)
-    if length == 0.0:
-        return -1.0
     return max(low, -high, 0.0)
 
 
 @bare_kernel
 def nearest_features(
-    one: Floats, a: int, other: Floats, b: int, points: Floats, limit: float, pierce: bool,
+    one: Floats, a: int, other: Floats, b: int, points: Floats, limit: float, pierce: bool, normal: Vector,
+    other_normal: Vector,
 ) -> tuple[float, int, int]:  # fmt: skip
     """Return squared distance and features of the nearest points of triangles one[a] and other[b], written to points.
 
     limit: distance beyond which the points are not wanted: the features are then -1 and the square is a lower bound, at
-    least that of the limit.  pierce: whether the triangles may cross, which has the distance 0.
+    least that of the limit.  pierce: whether the triangles may cross, which has the distance 0.  normal, other_normal:
+    unit normals of both, or zeros.
     """
     best, mine, theirs = limit * limit, -1, -1
-    bound = _side_of(other, b, one, a, points)
+    bound = _side_of(other_normal, other, b, one, a, points)
     if bound > limit:
         return bound * bound, -1, -1
     pierce, least = pierce and bound == 0.0, bound
@@ -69,7 +80,7 @@ def nearest_features(
             square = keep_nearer(points, best, (x, y, z), (px, py, pz))
             if square < best:
                 best, mine, theirs = square, 4 + c, feature
-    bound = _side_of(one, a, other, b, points)
+    bound = _side_of(normal, one, a, other, b, points)
     if bound > limit:
         return bound * bound, -1, -1
     pierce = pierce and bound == 0.0

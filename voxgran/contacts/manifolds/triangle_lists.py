@@ -24,6 +24,8 @@ from voxgran.contacts.manifolds.surface_memory import (
 
 #: distance beyond the margin within which triangles are listed, in median diameters and in radii of the smaller grain
 SLACK, SLACK_OF_RADIUS = 8e-3, 0.02
+#: triangles of one grain that are looked at together
+GROUP = 8
 
 
 @bare_kernel
@@ -59,8 +61,8 @@ def _list_leaves(work, way, body, guest, reach):  # type: ignore[no-untyped-def]
 def _place_leaves(work, way, count):  # type: ignore[no-untyped-def]
     """Write the triangles of listed leaves: corners, bounding spheres, normals and skins; return how many they are.
 
-    way: 0 for those of j, whose corners are turned to the frame and unit of i.  plane: (t, 9) center (3) and radius of
-    the bounding sphere, unit normal (3), skin, height of the plane.  number: (t,) triangles.
+    way: 0 for those of j, whose corners are turned to the frame and unit of i.  plane: (t, 21) center (3) and radius of
+    the bounding sphere, unit normal (3), skin, height of the plane; room for `_write_sides`.  number: (t,) triangles.
     """
     bodies, listed, pose, move = work.bodies, work.listed[way], work.now, way == 0
     placed, plane, number = work.placed[way], work.plane[way], work.number[way]
@@ -125,28 +127,41 @@ def _extreme(placed, plane, many, x, y, z, sign):  # type: ignore[no-untyped-def
 
 
 @inlined_kernel
-def _least_height(placed, n, x, y, z, at, other):  # type: ignore[no-untyped-def]
-    """Return the least and the largest height of a triangle above the plane through corner `at` of another."""
-    ox, oy, oz = other[at, 0], other[at, 1], other[at, 2]
-    a = x * (placed[n, 0, 0] - ox) + y * (placed[n, 0, 1] - oy) + z * (placed[n, 0, 2] - oz)
-    b = x * (placed[n, 1, 0] - ox) + y * (placed[n, 1, 1] - oy) + z * (placed[n, 1, 2] - oz)
-    c = x * (placed[n, 2, 0] - ox) + y * (placed[n, 2, 1] - oy) + z * (placed[n, 2, 2] - oz)
+def _least_height(placed, n, x, y, z):  # type: ignore[no-untyped-def]
+    """Return the least and the largest height of a triangle along a direction."""
+    a = x * placed[n, 0, 0] + y * placed[n, 0, 1] + z * placed[n, 0, 2]
+    b = x * placed[n, 1, 0] + y * placed[n, 1, 1] + z * placed[n, 1, 2]
+    c = x * placed[n, 2, 0] + y * placed[n, 2, 1] + z * placed[n, 2, 2]
     return min(a, b, c), max(a, b, c)
 
 
+@bare_kernel
+def _write_sides(placed, plane, many):  # type: ignore[no-untyped-def]
+    """Write the planes through the edges of triangles, at right angles to them: unit normal outwards (3), height."""
+    for n in range(many):
+        row = plane[n]
+        for c in range(3):
+            at, d = 9 + 4 * c, (c + 1) % 3
+            px, py, pz = placed[n, c, 0], placed[n, c, 1], placed[n, c, 2]
+            ux, uy, uz = placed[n, d, 0] - px, placed[n, d, 1] - py, placed[n, d, 2] - pz
+            x, y, z = uy * row[6] - uz * row[5], uz * row[4] - ux * row[6], ux * row[5] - uy * row[4]
+            length = math.sqrt(x * x + y * y + z * z)
+            part = 1.0 / length if length > 0.0 else 0.0
+            row[at], row[at + 1], row[at + 2] = x * part, y * part, z * part
+            row[at + 3] = row[at] * px + row[at + 1] * py + row[at + 2] * pz
+
+
 @inlined_kernel
-def _beside(one, n, normal, other, m, limit):  # type: ignore[no-untyped-def]
-    """Return a lower bound of the distance of triangle m of others from n, by the planes through the edges of n."""
-    bound = 0.0
-    for c in range(3):
-        d = (c + 1) % 3
-        ux, uy, uz = one[n, d, 0] - one[n, c, 0], one[n, d, 1] - one[n, c, 1], one[n, d, 2] - one[n, c, 2]
-        x, y, z = uy * normal[6] - uz * normal[5], uz * normal[4] - ux * normal[6], ux * normal[5] - uy * normal[4]
-        low, _ = _least_height(other, m, x, y, z, c, one[n])
-        if low > 0.0:
-            bound = max(bound, low / math.sqrt(x * x + y * y + z * z))
-            if bound > limit:
-                return bound
+def _beside(plane, other, m, bound, limit):  # type: ignore[no-untyped-def]
+    """Return a lower bound of the distance of triangle m of others from one, by the planes through the edges of it.
+
+    It is at least `bound`, and no more than the first one above the limit.
+    """
+    for at in (9, 13, 17):
+        low, _ = _least_height(other, m, plane[at], plane[at + 1], plane[at + 2])
+        bound = max(bound, low - plane[at + 3])
+        if bound > limit:
+            break
     return bound
 
 
@@ -158,18 +173,18 @@ def _bound_of(mine, my_plane, n, theirs, their_plane, m, reach, slack):  # type:
     plane of the other by more than the slack are not among them.
     """
     one, other = my_plane[n], their_plane[m]
-    limit, bound = reach + one[7] + other[7], 0.0
-    low, high = _least_height(theirs, m, one[4], one[5], one[6], 0, mine[n])
-    bound = max(bound, low)
-    if high < -slack or bound > limit:
+    limit = reach + one[7] + other[7]
+    low, high = _least_height(theirs, m, one[4], one[5], one[6])
+    bound = max(low - one[8], 0.0)
+    if high < one[8] - slack or bound > limit:
         return 1e9
-    low, high = _least_height(mine, n, other[4], other[5], other[6], 0, theirs[m])
-    bound = max(bound, low)
-    if high < -slack or bound > limit:
+    low, high = _least_height(mine, n, other[4], other[5], other[6])
+    bound = max(bound, low - other[8])
+    if high < other[8] - slack or bound > limit:
         return 1e9
-    bound = max(bound, _beside(mine, n, one, theirs, m, limit))
+    bound = _beside(one, theirs, m, bound, limit)
     if bound <= limit:
-        bound = max(bound, _beside(theirs, m, other, mine, n, limit))
+        bound = _beside(other, mine, n, bound, limit)
     return bound - one[7] - other[7] if bound <= limit else 1e9
 
 
@@ -185,35 +200,64 @@ def _mean_normal(plane, many, others):  # type: ignore[no-untyped-def]
 
 
 @bare_kernel
+def _enclose_groups(plane, many, groups):  # type: ignore[no-untyped-def]
+    """Write spheres around groups of `GROUP` triangles, which follow each other in a tree: center (3) and radius."""
+    for first in range(0, many, GROUP):
+        last, sphere = min(first + GROUP, many), groups[first // GROUP]
+        for r in range(3):
+            low, high = 1e300, -1e300
+            for n in range(first, last):
+                low, high = min(low, plane[n, r]), max(high, plane[n, r])
+            sphere[r] = 0.5 * (low + high)
+        sphere[3] = 0.0
+        for n in range(first, last):
+            square = (plane[n, 0] - sphere[0]) ** 2 + (plane[n, 1] - sphere[1]) ** 2 + (plane[n, 2] - sphere[2]) ** 2
+            sphere[3] = max(sphere[3], math.sqrt(square) + plane[n, 3])
+
+
+@inlined_kernel
+def _is_near(sphere, other, wide, behind):  # type: ignore[no-untyped-def]
+    """Return whether a sphere reaches another triangle, before its plane and near it, up to `wide` or `behind` it.
+
+    sphere: center (3) and radius, which holds the skin.  other: a row of `plane`.
+    """
+    x, y, z, radius = sphere[0], sphere[1], sphere[2], sphere[3]
+    square = (other[0] - x) ** 2 + (other[1] - y) ** 2 + (other[2] - z) ** 2
+    height = other[4] * x + other[5] * y + other[6] * z - other[8]
+    return (
+        square <= (other[3] + wide + radius) ** 2 and height >= -radius - behind and height <= radius + other[7] + wide
+    )
+
+
+@bare_kernel
 def _pair_triangles(work, others, many, unit, reach, slack):  # type: ignore[no-untyped-def]
     """List the pairs of placed triangles that may be within reach; return their number, -1 if they are too many."""
     count = 0
     mine, my_plane, theirs, their_plane = work.placed[1], work.plane[1], work.placed[0], work.plane[0]
-    wide, behind = reach / unit, slack / unit
-    for n in range(many):
-        one = my_plane[n]
-        x, y, z, radius = one[0], one[1], one[2], one[3] + wide
-        nx, ny, nz, level = one[4], one[5], one[6], one[8]
-        for m in range(others):
-            other = their_plane[m]
-            u, v, w, far = other[0], other[1], other[2], other[3]
-            if (u - x) ** 2 + (v - y) ** 2 + (w - z) ** 2 > (radius + far) ** 2:
+    wide, behind, groups = reach / unit, slack / unit, work.candidate
+    _enclose_groups(my_plane, many, groups)
+    _write_sides(mine, my_plane, many)
+    _write_sides(theirs, their_plane, others)
+    for m in range(others):
+        other = their_plane[m]
+        for group in range((many + GROUP - 1) // GROUP):
+            if not _is_near(groups[group], other, wide, behind):
                 continue
-            # the sphere around each triangle must reach before the plane of the other, and near it
-            height = nx * u + ny * v + nz * w - level
-            if height < -far - behind or height > far + one[7] + wide:
-                continue
-            height = other[4] * x + other[5] * y + other[6] * z - other[8]
-            if height < -one[3] - behind or height > radius + other[7]:
-                continue
-            bound = _bound_of(mine, my_plane, n, theirs, their_plane, m, wide, behind)
-            if bound > 1e8:
-                continue
-            if count >= len(work.found):
-                return -1
-            work.found[count, 0], work.found[count, 1] = work.number[1, n], work.number[0, m]
-            work.found_apart[count] = bound * unit
-            count += 1
+            for n in range(GROUP * group, min(GROUP * group + GROUP, many)):
+                one = my_plane[n]
+                if not _is_near(one, other, wide, behind):
+                    continue
+                height = one[4] * other[0] + one[5] * other[1] + one[6] * other[2] - one[8]
+                if height < -other[3] - behind or height > other[3] + one[7] + wide:
+                    continue
+                bound = _bound_of(mine, my_plane, n, theirs, their_plane, m, wide, behind)
+                if bound > 1e8:
+                    continue
+                if count >= len(work.found):
+                    return -1
+                work.found[count, 0], work.found[count, 1] = work.number[1, n], work.number[0, m]
+                work.found_apart[count] = bound * unit
+                count += 1
     return count
 
 

@@ -35,7 +35,7 @@ from voxgran.packing.advancing_front.sphere_cells import BITS, lay_cells, link_a
 from voxgran.packing.method import Cost, PackingMethod, State
 from voxgran.packing.model import Packing
 from voxgran.packing.obstacles import refuse_no_spheres
-from voxgran.packing.problem import Problem, random_turns, spheres_of_start
+from voxgran.packing.problem import Problem, packing_of_spheres, spheres_of_start
 from voxgran.packing.transform.grow import grow
 from voxgran.shapes.sizes import size_distance
 
@@ -162,14 +162,9 @@ def finish(problem: Problem, state: State) -> Packing:
     """Return the packing of the spheres, in the order of their placement."""
     placed = state.counters["placed"]
     grains, spheres = state.arrays["order"][:placed], state.arrays["spheres"][:placed]
-    packing = problem.packing(
-        grains,
-        position=spheres[:, :3] + problem.container.bounds[0],
-        orientation=random_turns(problem, grains),
-        stop_reason=state.stop_reason,
-        # if the lowest position is next, the spheres on top are a free surface
-        gravity=as_down("down", problem.container) if _order(problem, state) == LOWEST else None,
-    )
+    # if the lowest position is next, the spheres on top are a free surface
+    gravity = as_down("down", problem.container) if _order(problem, state) == LOWEST else None
+    packing = packing_of_spheres(problem, grains, spheres, state.stop_reason, gravity=gravity)
     # a run that was interrupted is resumed with the requested sizes
     return packing if state.stop_reason in ("", "interrupted") else _grown(problem, packing)
 
@@ -204,7 +199,7 @@ class Precomputed:
 def _precomputed(problem: Problem, state: State) -> Precomputed:
     """Return the precomputed data with all spheres linked, computed again after a checkpoint was read."""
     if "precomputed" not in state.derived:
-        radius = np.array([shape.bounding_radius for shape in problem.shapes])[problem.shape_id] * problem.diameter
+        radius = problem.bounding_radii
         walls, widest = front_container(problem.container, float(radius.min(initial=np.inf)))
         cells = lay_cells(walls.lengths, walls.periods, radius, problem.dimension)
         link_all(cells, state.arrays["spheres"], state.counters["placed"])

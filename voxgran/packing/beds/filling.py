@@ -91,7 +91,7 @@ def in_column(problem: Problem, up: Floats, count: int, height: float | None, ge
     points = with_middles(points_inside(container, generator), container)
     room = -np.asarray(container.signed_distance(points))
     least = float(problem.diameter.min())
-    bounding = np.array([shape.bounding_radius for shape in problem.shapes])[problem.shape_id] * problem.diameter
+    bounding = problem.bounding_radii
     largest = (1.0 + APART) * 2.0 * float(bounding.max())
     spheres, lowest = all(shape.is_sphere for shape in problem.shapes), container_levels(container, up)[0]
 

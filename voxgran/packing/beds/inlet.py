@@ -157,7 +157,7 @@ def column_below(inlet: Inlet, problem: Problem, up: Floats, bed: Floats) -> tup
         )
     else:
         half = 0.5 * np.array([problem.length(edge) for edge in inlet.lengths])
-    radii = np.array([shape.bounding_radius for shape in problem.shapes])[problem.shape_id] * problem.diameter
+    radii = problem.bounding_radii
     widest = 2.0 * float(radii[problem.started :].max(initial=0.0))
     if 2.0 * half.min() < widest:
         raise InputError(

@@ -35,7 +35,7 @@ from voxgran.packing.deposition.rain import LOST, MISSED, PATIENCE, PLACED, TALL
 from voxgran.packing.method import Cost, PackingMethod, State
 from voxgran.packing.model import Packing
 from voxgran.packing.obstacles import refuse_no_spheres
-from voxgran.packing.problem import Problem, random_turns, spheres_of_start
+from voxgran.packing.problem import Problem, packing_of_spheres, spheres_of_start
 
 #: bytes of a grain (measured), and attempts per grain, of which most find a place
 GRAIN_BYTES, ATTEMPTS = 200, 20
@@ -148,7 +148,7 @@ def advance(problem: Problem, state: State, attempts: int) -> State:
 def _precomputed(problem: Problem, state: State) -> Precomputed:
     """Return cells, columns and work space, with the placed spheres in them."""
     walls = _walls(problem)
-    radius = np.array([shape.bounding_radius for shape in problem.shapes])[problem.shape_id] * problem.diameter
+    radius = problem.bounding_radii
     reach = radius if len(radius) else np.ones(1)
     cells, level = level_cells(walls.lengths, walls.periods, reach, problem.dimension)
     up, lengths = problem.dimension - 1, np.where(np.arange(3) < problem.dimension, walls.lengths, 0.0)
@@ -224,17 +224,11 @@ def _look(problem: Problem, state: State) -> None:
 
 def finish(problem: Problem, state: State) -> Packing:
     """Return the packing of the grains that were placed."""
-    many = int(state.arrays["tally"][PLACED])
-    grains = np.arange(many)
-    down = problem.parameters.toward == "floor"
-    return problem.packing(
-        grains,
-        position=state.arrays["spheres"][:many, :3] + problem.container.bounds[0],
-        orientation=random_turns(problem, grains),
-        stop_reason=state.stop_reason,
-        provenance={"lost": int(state.arrays["tally"][LOST])},
-        gravity=as_down(usual_axis(problem.container), problem.container) if down else None,
-    )
+    tally = state.arrays["tally"]
+    many, down = int(tally[PLACED]), problem.parameters.toward == "floor"
+    gravity = as_down(usual_axis(problem.container), problem.container) if down else None
+    told = {"provenance": {"lost": int(tally[LOST])}, "gravity": gravity}
+    return packing_of_spheres(problem, np.arange(many), state.arrays["spheres"][:many], state.stop_reason, **told)
 
 
 def cost(problem: Problem) -> Cost:

@@ -219,7 +219,7 @@ def _make(problem: Problem) -> Precomputed:
 
 def _largest_sizes(problem: Problem, grains: Integers, voxel_size: float) -> Integers:
     """Return extents (k, 3) that no orientation of a grain goes beyond."""
-    radius = np.array([shape.bounding_radius for shape in problem.shapes])[problem.shape_id] * problem.diameter
+    radius = problem.bounding_radii
     wide = 2 * np.ceil(radius[grains] / voxel_size).astype(np.int64) + 2
     tall = wide if problem.dimension == 3 else np.ones_like(wide)
     return np.column_stack([wide, wide, tall])

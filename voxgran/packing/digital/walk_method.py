@@ -70,7 +70,7 @@ def digital_cost(problem: Problem) -> Cost:
     settings = problem.parameters
     lattice = container_lattice(problem)
     width = np.array([mean_width(shape) for shape in problem.shapes])[problem.shape_id] * problem.diameter
-    radius = np.array([shape.bounding_radius for shape in problem.shapes])[problem.shape_id] * problem.diameter
+    radius = problem.bounding_radii
     wide, half = width / lattice.voxel_size + 2, np.ceil(radius / lattice.voxel_size) + 1
     tall = wide if problem.dimension == 3 else np.ones_like(wide)
     members = bases_of(problem)

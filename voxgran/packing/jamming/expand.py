@@ -19,13 +19,11 @@ O'Hern, Silbert, Liu & Nagel 2003, Jamming at zero temperature and zero applied 
 Physical Review E 68, 011306, doi:10.1103/PhysRevE.68.011306.
 """
 
-import numpy as np
-
 from voxgran._base.config import parameter_class
 from voxgran._base.errors import PackingWarning
 from voxgran._base.warning import warn
 from voxgran.containers.gravity import Down
-from voxgran.packing.jamming.method import CompressState, GrowthRate, advance, cost, first_state, told
+from voxgran.packing.jamming.method import CompressState, GrowthRate, advance, cost, first_state, packing_of_run
 from voxgran.packing.method import PackingMethod
 from voxgran.packing.model import Packing
 from voxgran.packing.problem import Problem
@@ -58,25 +56,14 @@ def prepare(problem: Problem) -> CompressState:
 
 def finish(problem: Problem, state: CompressState, gravity: Down | None = None) -> Packing:
     """Return the packing; where only a count is asked for and the sizes cannot be kept, a warning says so."""
-    compressor = state.compressor
-    position, orientation = compressor.poses()
-    n, factor = len(position), compressor.factor
+    factor = state.compressor.factor
     if state.stop_reason == "count" and factor < 1.0:
         warn(
             f"the grains have {factor:.4g} times the sizes that were drawn: more do not fit; ask for fewer or smaller "
             "grains, or make the container larger",
             PackingWarning,
         )
-    return problem.packing(
-        np.arange(n),
-        position=position,
-        orientation=orientation,
-        diameter=problem.diameter[:n] * factor,
-        stop_reason=state.stop_reason,
-        contact_gap=compressor.report.get("contact_gap", 0.0),
-        provenance=told(problem, state),
-        gravity=gravity,
-    )
+    return packing_of_run(problem, state, factor, gravity=gravity)
 
 
 registration = PackingMethod(

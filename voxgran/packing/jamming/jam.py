@@ -18,12 +18,10 @@ Physical Review E 68, 011306, doi:10.1103/PhysRevE.68.011306.
 from dataclasses import replace
 from typing import Literal
 
-import numpy as np
-
 from voxgran._base.config import parameter, parameter_class
 from voxgran._base.errors import InputError
 from voxgran.contacts.inside import Occupied
-from voxgran.packing.jamming.method import CompressState, GrowthRate, advance, cost, first_state, told
+from voxgran.packing.jamming.method import CompressState, GrowthRate, advance, cost, first_state, packing_of_run
 from voxgran.packing.method import PackingMethod
 from voxgran.packing.model import Packing
 from voxgran.packing.problem import Problem
@@ -79,22 +77,11 @@ def prepare(problem: Problem) -> CompressState:
 
 def finish(problem: Problem, state: CompressState) -> Packing:
     """Return the packing, in the container as given or in one around grains of the sizes as drawn."""
-    compressor = state.compressor
-    position, orientation = compressor.poses()
-    n, factor = len(position), compressor.factor
-    container = 1.0
-    if problem.parameters.keep == "sizes" and n:
-        container, factor = 1.0 / factor, 1.0
-        problem = replace(problem, container=problem.container.scaled(container))
-    return problem.packing(
-        np.arange(n),
-        position=position * container,
-        orientation=orientation,
-        diameter=problem.diameter[:n] * factor,
-        stop_reason=state.stop_reason,
-        contact_gap=compressor.report.get("contact_gap", 0.0) * container,
-        provenance=told(problem, state),
-    )
+    factor = state.compressor.factor
+    if problem.parameters.keep == "container" or not problem.count:
+        return packing_of_run(problem, state, factor)
+    around = replace(problem, container=problem.container.scaled(1.0 / factor))
+    return packing_of_run(around, state, 1.0, stretch=1.0 / factor)
 
 
 registration = PackingMethod(

@@ -19,10 +19,12 @@ from voxgran._base.seeds import stream
 from voxgran._base.stopping import stop_if_asked
 from voxgran.contacts.assembly import Assembly
 from voxgran.contacts.inside import Occupied
+from voxgran.containers.gravity import Down
 from voxgran.packing.jamming.expected import reachable
 from voxgran.packing.jamming.solids import GrowingSolids
 from voxgran.packing.jamming.spheres import SoftSpheres
 from voxgran.packing.method import Array, Cost
+from voxgran.packing.model import Packing
 from voxgran.packing.problem import Problem, random_points, turns_of
 
 
@@ -223,10 +225,23 @@ def _reason(problem: Problem, compressor: Compressor) -> str:
     return "count" if met else "full"
 
 
-def told(problem: Problem, state: CompressState) -> dict[str, Any]:
-    """Return what the provenance says of the compression."""
+def packing_of_run(
+    problem: Problem, state: CompressState, factor: float, *, stretch: float = 1.0, gravity: Down | None = None
+) -> Packing:
+    """Return the packing of a run, with a factor on the drawn sizes and another on all places and gaps."""
     compressor = state.compressor
-    return {"compression": {"factor": compressor.factor, "isostatic": 2 * problem.dimension, **compressor.report}}
+    position, orientation = compressor.poses()
+    n, report = len(position), compressor.report
+    return problem.packing(
+        np.arange(n),
+        position=position * stretch,
+        orientation=orientation,
+        diameter=problem.diameter[:n] * factor,
+        stop_reason=state.stop_reason,
+        contact_gap=report.get("contact_gap", 0.0) * stretch,
+        provenance={"compression": {"factor": compressor.factor, "isostatic": 2 * problem.dimension, **report}},
+        gravity=gravity,
+    )
 
 
 def cost(problem: Problem) -> Cost:

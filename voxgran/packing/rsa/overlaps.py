@@ -13,11 +13,9 @@ from numpy.typing import NDArray
 from voxgran._base.arrays import WHOLE, Floats
 from voxgran._base.kernels import bare_kernel, inlined_kernel
 from voxgran.containers.kernel_container import KernelContainer
-from voxgran.geometry.level_grid import LevelGrid, cells_near, empty_grid, first_in_cell, image_shift, link_at, turns_at
+from voxgran.geometry.level_grid import LevelGrid, cells_near, cells_of, first_in_cell, image_shift, link_at, turns_at
 from voxgran.geometry.vectors import Vector, add, along, dot, row_of, sub
 
-#: largest number of cells of a level, per grain
-CELLS_PER_GRAIN = 2
 #: largest number of levels; all smaller grains are in the last one
 LEVELS = 40
 
@@ -54,20 +52,10 @@ def sort_into_levels(half: Floats) -> NDArray[np.int8]:
 
 def lay_out(half: Floats, level: NDArray[np.int8], walls: KernelContainer, dimension: int) -> LevelGrid:
     """Return empty cells for grains of half extents `half`, (n, 1 or 3), and their levels."""
-    levels = int(level.max(initial=0)) + 1
-    many = np.bincount(level, minlength=levels)
-    reach = np.zeros((levels, 3))
+    number = np.bincount(level, minlength=1)
+    reach = np.zeros((len(number), 3))
     np.maximum.at(reach, level, half)
-    count = np.ones((levels, 3), dtype=np.int64)
-    for k in range(levels):
-        if many[k]:
-            span = walls.lengths[:dimension]
-            wanted = np.maximum(span / (2 * reach[k, :dimension]), 1.0)
-            most = max(CELLS_PER_GRAIN * many[k], 1)
-            wanted *= min(1.0, (most / np.prod(wanted)) ** (1 / dimension))
-            count[k, :dimension] = np.maximum(np.floor(wanted + WHOLE), 1)
-    wraps = np.tile(walls.periodic, (levels, 1))
-    return empty_grid(walls.periods, reach, walls.lengths / count, count, wraps, len(half))
+    return cells_of(walls.lengths, walls.periods, reach, number, dimension)
 
 
 @bare_kernel

@@ -30,9 +30,8 @@ from voxgran.containers.model import boundary_of
 from voxgran.geometry.walls import Round
 from voxgran.packing.method import Cost, PackingMethod, State
 from voxgran.packing.model import Packing
-from voxgran.packing.problem import Problem
+from voxgran.packing.problem import Problem, packing_of_spheres
 from voxgran.packing.space_filling.gaskets import in_sphere, in_strip, in_triangle
-from voxgran.packing.space_filling.random_apollonian import spheres_packing
 
 #: number of grains if nothing is asked for
 USUAL = 10_000
@@ -199,10 +198,8 @@ def _up_to(gasket: Gasket, most: float) -> Floats:
 
 def _volumes(problem: Problem, gasket: Gasket, rows: Floats) -> Floats:
     """Return the volumes of the grains in the spheres, of which the largest are the first grains."""
-    bounding = np.array([shape.bounding_radius for shape in problem.shapes])
-    unit = np.array([shape.volume for shape in problem.shapes]) / bounding**problem.dimension
     radius = gasket.size / rows[: problem.count, 0]
-    return np.asarray(unit[problem.shape_id[: len(radius)]] * radius**problem.dimension)
+    return np.asarray(problem.unit_volumes[: len(radius)] * radius**problem.dimension)
 
 
 def _fraction(problem: Problem, gasket: Gasket, rows: Floats) -> float:
@@ -232,7 +229,7 @@ def _chosen(problem: Problem, gasket: Gasket, rows: Floats) -> tuple[Floats, str
 def finish(problem: Problem, state: State) -> Packing:
     """Return the packing of the gasket."""
     spheres = state.arrays["spheres"]
-    return spheres_packing(problem, np.arange(len(spheres)), spheres, state.stop_reason)
+    return packing_of_spheres(problem, np.arange(len(spheres)), spheres, state.stop_reason, sized=True)
 
 
 def cost(problem: Problem) -> Cost:

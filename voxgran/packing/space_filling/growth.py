@@ -26,7 +26,7 @@ from voxgran._base.seeds import philox_key
 from voxgran.containers.kernel_container import KernelContainer, kernel_container
 from voxgran.packing.method import Cost, PackingMethod, State
 from voxgran.packing.model import Packing
-from voxgran.packing.problem import Problem, spheres_of_start
+from voxgran.packing.problem import Problem, packing_of_spheres, spheres_of_start
 from voxgran.packing.space_filling.growing import (
     GROWING,
     LOST,
@@ -40,7 +40,6 @@ from voxgran.packing.space_filling.growing import (
     enter_all,
     run_events,
 )
-from voxgran.packing.space_filling.random_apollonian import spheres_packing
 from voxgran.packing.space_filling.reach_cells import ReachCells, list_sphere, reach_cells, with_room
 
 #: bytes of a grain (measured), and estimate of the largest number of events per grain
@@ -137,11 +136,9 @@ def _precomputed(problem: Problem, state: State) -> Precomputed:
     """Return cells and a heap with the spheres in them, and how nuclei arrive."""
     settings: Growth = problem.parameters
     walls = kernel_container(problem.container, from_corner=True)
-    bounding = np.array([shape.bounding_radius for shape in problem.shapes])
-    volume = np.array([shape.volume for shape in problem.shapes]) / bounding**problem.dimension
     arrays, n = state.arrays, problem.count
     rows = {name: arrays[name] for name in (*GROWN, "powers", "tally", "clock")}
-    growth = Spheres(**rows, volume=volume[problem.shape_id])
+    growth = Spheres(**rows, volume=problem.unit_volumes)
     cells = reach_cells(walls, n, CELLS)
     for sphere in range(int(growth.tally[NUCLEI])):
         place = growth.spheres[sphere, :3].tolist()
@@ -209,7 +206,7 @@ def finish(problem: Problem, state: State) -> Packing:
     spheres[:, 3] = _radii(state, float(state.arrays["clock"][0]))
     many = int(state.arrays["tally"][NUCLEI])
     grown = np.flatnonzero(spheres[:many, 3] > 0.0)
-    return spheres_packing(problem, grown, spheres[grown], state.stop_reason)
+    return packing_of_spheres(problem, grown, spheres[grown], state.stop_reason, sized=True)
 
 
 def cost(problem: Problem) -> Cost:

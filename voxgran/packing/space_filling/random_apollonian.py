@@ -30,7 +30,7 @@ from voxgran._base.seeds import philox_block, philox_key, unit_float
 from voxgran.containers.kernel_container import KernelContainer, clearance, kernel_container
 from voxgran.packing.method import Cost, PackingMethod, State
 from voxgran.packing.model import Packing
-from voxgran.packing.problem import Problem, random_turns, spheres_of_start
+from voxgran.packing.problem import Problem, packing_of_spheres, spheres_of_start
 from voxgran.packing.space_filling.reach_cells import (
     ReachCells,
     cells_with,
@@ -216,11 +216,9 @@ def _precomputed(problem: Problem, state: State, limits: Floats) -> Precomputed:
     """Return cells with the placed spheres in them, volumes and limits."""
     walls = kernel_container(problem.container, from_corner=True)
     cells = cells_with(walls, problem.count, state.arrays["spheres"][: state.arrays["tally"][PLACED]])
-    bounding = np.array([shape.bounding_radius for shape in problem.shapes])
-    volume = np.array([shape.volume for shape in problem.shapes]) / bounding**problem.dimension
     limits, shift = limits * np.array([0.5, 0.5, 1.0, 1.0]), problem.parameters.shift
     packed = PackedSpheres(walls, cells, state.arrays["spheres"])
-    return Precomputed(packed, GrowthRules(volume[problem.shape_id], limits, shift, 0))
+    return Precomputed(packed, GrowthRules(problem.unit_volumes, limits, shift, 0))
 
 
 def _look(problem: Problem, state: State, end: int) -> None:
@@ -235,28 +233,13 @@ def finish(problem: Problem, state: State) -> Packing:
     """Return the packing of the grains that were placed."""
     arrays, many = state.arrays, int(state.arrays["tally"][PLACED])
     if all_spheres(problem):
-        return spheres_packing(problem, np.arange(many), arrays["spheres"][:many], state.stop_reason)
+        return packing_of_spheres(problem, np.arange(many), arrays["spheres"][:many], state.stop_reason, sized=True)
     return problem.packing(
         np.arange(many),
         position=arrays["spheres"][:many, :3] + problem.container.bounds[0],
         orientation=arrays["orientation"][:many],
         diameter=arrays["diameter"][:many],
         stop_reason=state.stop_reason,
-    )
-
-
-def spheres_packing(problem: Problem, grains: Integers, spheres: Floats, stop_reason: str) -> Packing:
-    """Return the packing of grains whose bounding spheres, (m, 4), are counted from the lower corner."""
-    bounding = np.array([shape.bounding_radius for shape in problem.shapes])[problem.shape_id[grains]]
-    diameter = spheres[:, 3] / bounding
-    # those of a start keep their sizes to the last bit
-    diameter[grains < problem.started] = problem.diameter[: problem.started]
-    return problem.packing(
-        grains,
-        position=spheres[:, :3] + problem.container.bounds[0],
-        orientation=random_turns(problem, grains),
-        diameter=diameter,
-        stop_reason=stop_reason,
     )
 
 

@@ -19,7 +19,6 @@ Mechanics and Engineering, doi:10.1016/j.cma.2010.01.016.
 
 import math
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 
@@ -29,7 +28,7 @@ from voxgran._base.errors import InputError
 from voxgran._base.stopping import stop_if_asked
 from voxgran.packing.method import Cost, PackingMethod, State
 from voxgran.packing.model import Packing
-from voxgran.packing.problem import Problem, random_turns, spheres_of_start
+from voxgran.packing.problem import Problem, packing_of_spheres, spheres_of_start
 from voxgran.packing.tessellation.climb import HINT, MOST
 from voxgran.packing.tessellation.filling import COLUMNS, KIND, Walls, climbed, last_places, next_places, taken, wrapped
 from voxgran.packing.tessellation.mesh import CELL, CellMesh, lattice_mesh, lattice_points, places_of, thickness
@@ -286,20 +285,10 @@ def _look(problem: Problem, state: State) -> None:
 
 def finish(problem: Problem, state: State) -> Packing:
     """Return the packing of the spheres that were placed."""
-    spheres, limits = state.arrays["spheres"], limits_of(problem)
+    spheres, limits, unit = state.arrays["spheres"], limits_of(problem), problem.unit_length
+    told = {"parameters": {"edge": limits.edge * unit, "smallest": 2.0 * limits.smallest * unit}}
     grains = np.arange(len(spheres))
-    bounding = np.array([shape.bounding_radius for shape in problem.shapes])[problem.shape_id[grains]]
-    diameter, unit = spheres[:, 3] / bounding, problem.unit_length
-    diameter[: problem.started] = problem.diameter[: problem.started]
-    resolved: dict[str, Any] = {"edge": limits.edge * unit, "smallest": 2.0 * limits.smallest * unit}
-    return problem.packing(
-        grains,
-        position=spheres[:, :3] + problem.container.bounds[0],
-        diameter=diameter,
-        orientation=random_turns(problem, grains),
-        stop_reason=state.stop_reason,
-        provenance={"parameters": resolved},
-    )
+    return packing_of_spheres(problem, grains, spheres, state.stop_reason, sized=True, provenance=told)
 
 
 def cost(problem: Problem) -> Cost:

@@ -153,7 +153,7 @@ def _surface_height(problem: Problem, positions: Floats) -> tuple[float, int]:
     gravity = gravity_vector(problem)
     height, entry = -(positions @ main_axis(gravity)), entry_of(problem, gravity)
     if entry.any():
-        radius = np.array([shape.bounding_radius for shape in problem.shapes])[problem.shape_id] * problem.diameter
+        radius = problem.bounding_radii
         top = float(np.max(-(np.array(problem.container.bounds) @ entry)))
         height = np.maximum(height - (top - 4.0 * float(radius.max())), 0.0)
         return float(height.sum()), int(np.count_nonzero(height))

@@ -22,7 +22,7 @@ from voxgran.shapes.learning.learn import learn_shapes
 from voxgran.shapes.learning.model import ShapeModel
 from voxgran.shapes.mesh import Mesh
 from voxgran.shapes.model import Shape
-from voxgran.shapes.repairing.simplify import simplify
+from voxgran.shapes.repairing.simplify import simplified
 from voxgran.shapes.size_laws.listed import refuse_too_many
 from voxgran.shapes.sizes import discrete
 
@@ -102,11 +102,10 @@ class TwinRequest:
     @cached_property
     def learned(self) -> tuple[Sample, ShapeModel | None]:
         """Sample at the resolution of the twin, and the model of its shapes; None where they are drawn themselves."""
-        # both are then described at the same resolution
-        if self.known is not None:
-            coarse = tuple(simplify(shape, faces=self.faces).shape for shape in self.known.shapes)
-            return resolved(self.sample, self.faces, smooth=False), replace(self.known, shapes=coarse)
         found = resolved(self.sample, self.faces)
+        if self.known is not None:
+            # both are then described at the same resolution
+            return found, replace(self.known, shapes=simplified(self.known.shapes, self.faces))
         if not all(isinstance(shape.geometry, Mesh) for shape in found.shapes):
             return found, None
         return found, learn_shapes(found.shapes, weights=found.weights, seed=self.seed)

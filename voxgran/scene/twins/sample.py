@@ -13,11 +13,11 @@ from voxgran.measures.region import gravity_of
 from voxgran.measures.registered.density import main_fraction
 from voxgran.packing.jamming.expected import reachable
 from voxgran.packing.model import Packing
-from voxgran.scene.twins.steps import without_steps
 from voxgran.shapes.learning.border import border_weights, is_scan
+from voxgran.shapes.learning.steps import KINDS, without_steps
 from voxgran.shapes.mesh import Mesh
 from voxgran.shapes.model import Shape, check_shapes
-from voxgran.shapes.repairing.simplify import simplify
+from voxgran.shapes.repairing.simplify import simplified
 
 #: fewest grains that make a sample, the least solid fraction that rigid grains at rest bear, and how much denser than
 #: spheres of their sizes at random others become
@@ -36,6 +36,7 @@ class Sample:
     unit: str
     packing: Packing | None = None  # None of shapes alone
     scanned: bool = False  # whether the border of an image cuts grains
+    kind: str | None = None  # of the solids that labels are without their steps, as of `without_steps`
 
     def laid_sizes(self, count: int) -> Floats:
         """Return the diameters (count,), in order, at the middles of equal shares of the distribution by number."""
@@ -84,16 +85,14 @@ def _of_packing(packing: Packing) -> Sample:
     return Sample(shapes, weights[kept], share, packing.unit, packing, scanned)
 
 
-def resolved(sample: Sample, faces: int, *, smooth: bool = True) -> Sample:
+def resolved(sample: Sample, faces: int, kind: str | None = None) -> Sample:
     """Return a sample at the resolution of twins, with meshes of at most so many faces: grains of an image without its
-    steps, unless the shapes of the twin are drawn from a model that has them.
+    steps, as solids of a kind that was found before, if there is one.
     """
     if not all(isinstance(shape.geometry, Mesh) for shape in sample.shapes):
         return sample
-    found = None
-    if smooth and sample.packing is not None:
-        found = without_steps(sample.shapes, sample.weights, sample.packing.contact_gap, faces)
-    return replace(sample, shapes=found or tuple(simplify(shape, faces=faces).shape for shape in sample.shapes))
+    found, shapes = without_steps(sample.shapes, sample.weights, faces, tuple(KINDS) if kind is None else (kind,))
+    return replace(sample, shapes=simplified(shapes, faces), kind=found)
 
 
 def solid_fraction_of(packing: Packing) -> float:

@@ -81,7 +81,7 @@ class Twin(ExplainedAttributes):
         Parameters
         ----------
         packing : Packing
-            The other packing.
+            The other packing. Labels become the solids that those of the sample have become.
 
         Returns
         -------
@@ -94,7 +94,7 @@ class Twin(ExplainedAttributes):
             If it has fewer than 10 whole grains, or open surfaces.
         """
         check_packing(packing, "packing")
-        other = resolved(sample_of(packing, self.sample.solid_fraction), self.faces)
+        other = resolved(sample_of(packing, self.sample.solid_fraction), self.faces, self.sample.kind)
         return comparison_of(other, self.packings, self.voxel_size)
 
     def report(self, path: str | os.PathLike[str], *, overwrite: bool = False) -> None:
@@ -188,7 +188,8 @@ def twin(
     Warns
     -----
     PackingWarning
-        If no friction and shaking gives the solid fraction: the twin then has the nearest one.
+        If no friction and shaking gives the solid fraction: the twin then has the nearest one. If no closed surface of
+        at most `faces` triangles is found for some grains: these keep more.
 
     Notes
     -----

@@ -79,7 +79,7 @@ def is_scan(packing: Grains) -> bool:
     an image have, and the container is a box with a side that does not repeat, beyond which flat faces of them lie.
     """
     n = len(packing.shape_id)
-    own = len(packing.shapes) == n == len(np.unique(packing.shape_id)) and bool((packing.scale == 1.0).all())
+    own = n == len(np.unique(packing.shape_id)) and bool((packing.scale == 1.0).all())
     walls = not all(packing.container.periodic)
     return own and walls and bool(_flattened(packing).any())
 

@@ -11,11 +11,13 @@ from numpy.typing import ArrayLike, NDArray
 from voxgran._base.arrays import Floats, as_floats, check_type
 from voxgran._base.errors import InputError
 from voxgran.shapes.learning.border import Grains, border_weights
+from voxgran.shapes.learning.steps import CONVEX, ELLIPSOID, KINDS, without_steps
 from voxgran.shapes.mesh import Mesh
 from voxgran.shapes.model import Shape
+from voxgran.shapes.repairing.simplify import simplified
 
-#: fewest grains from which a distribution is learned
-FEWEST = 10
+#: fewest grains from which a distribution is learned, and most triangles of labels without their steps
+FEWEST, FACES = 10, 200
 
 
 class Sample(NamedTuple):
@@ -36,7 +38,8 @@ def closed_grains(packing: Grains) -> tuple[NDArray[np.int64], Floats]:
 
 
 def checked_sample(shapes: Any, sizes: "ArrayLike | None", weights: "ArrayLike | None") -> Sample:
-    """Return the checked grains of a list of shapes or of a packing, as meshes of true size about their centroids.
+    """Return the checked grains of a list of shapes or of a packing, as meshes of true size about their centroids, and
+    labels of an image without its steps; of spheres there is no distribution but that of ellipsoids that are nearly so.
 
     Raises
     ------
@@ -68,7 +71,8 @@ def checked_sample(shapes: Any, sizes: "ArrayLike | None", weights: "ArrayLike |
     if len(units) > 1:
         raise InputError(f"the shapes have the units {', '.join(units)}: they must have one; convert them with to_unit")
     unit = units[0] if units else None
-    solids = [meshed(shape, unit) for shape in every]
+    kind, found = without_steps(every, np.ones(len(every)) if own is None else own, FACES, (ELLIPSOID, CONVEX))
+    solids = [meshed(shape, unit) for shape in (simplified(found, FACES) if kind in KINDS else every)]
     if sizes is not None:
         asked = _positive(sizes, "sizes", len(every))
         solids = [shape.scaled(size / shape.diameter) for shape, size in zip(solids, asked, strict=True)]

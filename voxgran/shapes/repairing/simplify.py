@@ -8,6 +8,7 @@ scaled to the volume of the original.
 """
 
 import os
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -16,14 +17,16 @@ import numpy as np
 from voxgran._base import ExplainedAttributes
 from voxgran._base.arrays import Floats, Integers, as_count, check_type
 from voxgran._base.calls import explained
-from voxgran._base.errors import DirtyMeshError, InputError
+from voxgran._base.errors import DirtyMeshError, InputError, PackingWarning
 from voxgran._base.lazy import load
 from voxgran._base.scalars import cube_root
 from voxgran._base.seeds import stream
 from voxgran._base.vtk_data import numpy_support, poly_data
+from voxgran._base.warning import warn
 from voxgran.geometry.tree import grow_tree
 from voxgran.geometry.triangles import areas_of
 from voxgran.shapes.files import load_shape
+from voxgran.shapes.mesh import Mesh
 from voxgran.shapes.model import Shape
 from voxgran.shapes.repairing.repair import repaired
 
@@ -37,6 +40,8 @@ SAMPLED, MOST_VERTICES = 10_000, 100_000
 FLAT = 1e-12
 #: distance, in extents, up to which a vertex is one of the original: single precision is lost to it
 SAME = 1e-6
+#: grains without a surface of so few triangles that are named
+NAMED = 10
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -117,35 +122,70 @@ def simplify(shape: Shape | str | os.PathLike[str], *, faces: int) -> Simplifica
     solid.refuse_open("simplified shapes")
     if solid.dimension == 2:
         raise InputError(f"shape {solid.name!r} is flat: only solids have triangles to be reduced; take a solid")
+    found = _reduced(solid, most)
+    if found is None:
+        enough = _enough(solid, most)
+        remedy = "leave it as it is" if enough is None else f"give {enough}"
+        raise InputError(
+            f"faces is {most}: no closed surface of so few triangles is found for {solid.name!r}, which has "
+            f"{len(solid.faces)}; {remedy}"
+        )
+    return found
+
+
+def simplified(shapes: Sequence[Shape], faces: int) -> tuple[Shape, ...]:
+    """Return solids of which meshes have at most so many triangles; those without such a surface, as labels that noise
+    has torn, are as coarse as can be had, and named in one warning.
+    """
+    most, missed, made = as_count(faces, "faces", at_least=FEWEST), [], list(shapes)
+    for k, shape in enumerate(shapes):
+        if isinstance(shape.geometry, Mesh):
+            found = _reduced(shape, most)
+            if found is None:
+                enough = _enough(shape, most)
+                found = None if enough is None else _reduced(shape, enough)
+                missed.append(shape if found is None else found.shape)
+            made[k] = missed[-1] if found is None else found.shape
+    if missed:
+        names = ", ".join(one.name for one in missed[:NAMED]) + ", ..." * (len(missed) > NAMED)
+        warn(
+            f"{len(missed)} of {len(made)} grains ({names}) have no closed surface of at most {most} triangles and "
+            f"keep up to {max(len(one.faces) for one in missed)}: see whether each is one grain, or leave them out",
+            PackingWarning,
+        )
+    return tuple(made)
+
+
+def _reduced(solid: Shape, most: int) -> Simplification | None:
+    """Return a solid with at most so many triangles; None where no such surface is found."""
     before = len(solid.faces)
     if before <= most:
         nothing: dict[str, Any] = dict.fromkeys(
             ("volume_change", "collapse_volume_change", "area_change", "mean_distance", "largest_distance"), 0.0
         )
         return Simplification(shape=solid, faces_before=before, faces=before, sentences=(), **nothing)
-    size = float(np.ptp(solid.vertices, axis=0).max())
-    surface = without_flat_edges(solid.vertices / size, solid.faces)
+    size, surface = _unit_surface(solid)
     found = _closed(*surface, most)
-    if found is None:
-        enough = _enough(*surface, most, before)
-        remedy = "leave it as it is" if enough is None else f"give {enough}"
-        raise InputError(
-            f"faces is {most}: no closed surface of so few triangles is found for {solid.name!r}, which has {before}; "
-            f"{remedy}"
-        )
-    return _compared(solid, size, *found)
+    return None if found is None else _compared(solid, size, *found)
 
 
-def _enough(vertices: Floats, faces: Integers, most: int, before: int) -> int | None:
+def _unit_surface(solid: Shape) -> tuple[float, tuple[Floats, Integers]]:
+    """Return the largest extent of a solid, and its surface at unit size with few triangles on flat parts."""
+    size = float(np.ptp(solid.vertices, axis=0).max())
+    return size, without_flat_edges(solid.vertices / size, solid.faces)
+
+
+def _enough(solid: Shape, most: int) -> int | None:
     """Return a number of triangles, within a tenth of the least, for which a closed surface is found; None without."""
+    surface, before = _unit_surface(solid)[1], len(solid.faces)
     tries = (most * 2**k for k in range(1, 30) if most * 2**k < before)
-    enough = next((n for n in tries if _closed(vertices, faces, n) is not None), None)
+    enough = next((n for n in tries if _closed(*surface, n) is not None), None)
     if enough is None:
         return None
     few = enough // 2
     while enough - few > enough // 10 + 1:
         middle = (few + enough) // 2
-        few, enough = (few, middle) if _closed(vertices, faces, middle) is not None else (middle, enough)
+        few, enough = (few, middle) if _closed(*surface, middle) is not None else (middle, enough)
     return enough
 
 

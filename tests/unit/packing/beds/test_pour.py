@@ -147,7 +147,7 @@ def test_a_scene_has_an_inlet_in_a_table(tmp_path):
             "container": {"kind": "box", "lengths": [8, 8, 8]},
             "packing": {"method": "gravity", "count": 10, "inlet": {"radius": 1.5, "center": [2, 2, 0]}},
             "measure": {"which": ["density"]},
-            "output": {"vtk": False, "report": False},
+            "output": {"vtk": False, "report": False, "statistics": False},
         }
     )
     assert vg.Scene.from_mapping(scene.to_mapping()) == scene

@@ -191,7 +191,7 @@ def test_a_scene_has_a_fall_height_and_a_rate(tmp_path):
             "container": {"kind": "box", "lengths": [6, 6, 10]},
             "packing": {"method": "gravity", "count": 12, "fall_height": 3, "inlet": {"radius": 1.5, "rate": 4}},
             "measure": {"which": ["density"]},
-            "output": {"vtk": False, "report": False},
+            "output": {"vtk": False, "report": False, "statistics": False},
         }
     )
     assert vg.Scene.from_mapping(scene.to_mapping()) == scene

@@ -139,7 +139,8 @@ def test_studies_and_scenes_say_once_before_they_start_that_they_take_long(monke
         text = str(told[0].message)
         assert text.startswith("packing.count 3: method 'digital_fill'")
         assert "1 of the other cells" in text
-        vg.Scene.from_mapping(base).run(tmp_path / "run")
+        bare = {"output": {"vtk": False, "report": False, "statistics": False}}
+        vg.Scene.from_mapping(base | bare).run(tmp_path / "run")
     assert [one.category for one in told].count(LongRunWarning) == 2
     # which a run of the study does not say again
     assert result.computed == 4
