@@ -189,7 +189,7 @@ class Bed:
         reuse = reuse if np.array_equal(asked, self.carried) else 0.0
         self.carried = asked
         grains, way = self.grains, self.grains.way
-        if len(self._listed_at):
+        if self.listed and len(self._listed_at):
             gone, grown = grains.position - self._listed_at[:, :3], grains.radius - self._listed_at[:, 3]
             way[:] = np.sqrt((gone * gone).sum(axis=1)) + np.maximum(grown, 0.0)
         two = np.partition(way, -2)[-2:].sum() if len(way) > 1 else 2.0 * float(way.max(initial=0.0))
@@ -379,7 +379,7 @@ class Bed:
         """Return a copy that moves on its own while this one does not; memory of searches and sizes are shared."""
         made, m, rows, grains = copy.copy(self), self.m, self.rows, self.grains
         made.grains = grains._replace(**{name: getattr(grains, name).copy() for name in ("position", "matrix", "way")})
-        made.pairs = PairList(*self.pairs[:3], *(known.copy() for known in self.pairs[3:]))
+        made.pairs = self.pairs._replace(**{name: getattr(self.pairs, name).copy() for name in PairList._fields[3:]})
         for name in ("orientation", "bodies", "motion", "wall_first", "wall_count"):
             setattr(made, name, getattr(self, name).copy())
         # old rows are room for those that are found next
@@ -406,6 +406,7 @@ class Bed:
             # where rows are too few, the search begins again, and what it remembers of pairs changes
             "row_room": np.array(len(self.rows.row)),
             "listed": np.array(self.listed),
+            "listed_at": self._listed_at,
             "wall_first": self.wall_first,
             "wall_count": self.wall_count,
             "lid_level": np.array(self.lid_level),
@@ -429,8 +430,7 @@ class Bed:
         self.density = self.assembly.relative_densities[self.order]
         self.fixed = None if self.assembly.fixed is None else self.assembly.fixed[self.order]
         self.pairs = PairList(*(held[f"pair_{name}"] for name in PairList._fields))
-        # spheres are listed anew: it is not known where they were
-        self.listed, self._listed_at = bool(held["listed"]) and bool(self.grains.kind.any()), np.zeros((0, 4))
+        self.listed, self._listed_at = bool(held["listed"]), held["listed_at"]
         m = self.m = len(row)
         self.rows = no_rows(int(held["row_room"]))
         self.rows.row[:m], self.rows.i[:m], self.rows.j[:m] = row, held["row_i"], held["row_j"]

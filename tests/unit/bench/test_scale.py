@@ -80,6 +80,7 @@ def test_a_million_spheres_from_packing_to_the_report(name, tmp_path):
     assert step("verify", packing.verify).ok
     tree = step("measure", packing.measure)
     assert 0.2 < float(tree["solid_fraction"]) < 0.7
+    sys.stdout.write(f"{name}: bulk solid fraction {float(tree['bulk_solid_fraction']):.4f}\n")
     step("save", partial(packing.save, tmp_path / "bed.vtp"))
     assert step("load", partial(vg.load, tmp_path / "bed.vtp")) == packing
     assert step("deck", partial(vg.write_deck, packing, tmp_path / "run", "lammps", material=vg.Material())).files
