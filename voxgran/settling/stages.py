@@ -77,19 +77,17 @@ ITERATIONS, DEEP, HEAVY, SHRINK, LENGTHEN = 30, 40.0, 3.0, 0.9, 1.3
 STILL_STEPS = 300
 #: what is different in the fall of meshes that are not convex: their distances are known less well
 SURFACE_FALL: dict[str, Any] = {"rest": 2e-3, "most": 0.03, "margin": 0.05}
-#: most rounds in which surfaces are parted
-CLOSING_ROUNDS = 12
-#: pairs that are not proven to be separate, for each grain, with which parting may end: exact contacts part them
-LEFT_OPEN = 0.05
+#: most rounds in which surfaces are parted, and pairs that are not proven to be separate, for each grain, with which
+#: parting may end: exact contacts part them
+CLOSING_ROUNDS, LEFT_OPEN = 12, 0.05
 #: share of moving grains with which steps by grids end, and how often it is measured by how much their gaps are wrong,
 #: with steps after it: the bed sinks by that before its exact contacts, which take longer, are found
 NEARLY, ROOM_ROUNDS = 0.2, 3
 #: volume of a grain of unit diameter by dimension, whose mass is 1
 UNIT = {2: math.pi / 4, 3: math.pi / 6}
-#: share of moving grains below which steps become shorter
-SLOW = 0.03
-#: share of grains that do not rest with which steps end that are examined every few ones: their contact points change
-ENOUGH = 0.025
+#: shares of moving grains below which steps become shorter, and of grains that do not rest with which steps end that
+#: are examined every few ones: their contact points change
+SLOW, ENOUGH = 0.03, 0.025
 #: soft contacts: rounds of a step, share of grains that need not rest, how much contacts become harder at most, and the
 #: share of the distance that surfaces keep by which they may be compressed; the ratio of the largest force to the mean
 #: one from which on contacts are not compressed by gravity
