@@ -108,7 +108,7 @@ class Bed:
         self.carried: Floats = np.full(2, np.nan)
         self.wall_first, self.wall_count = np.zeros(n, dtype=np.int64), np.zeros(n, dtype=np.int64)
         self.listed = False
-        # of beds of single spheres only, which rolling brings no nearer to others, where they were listed, and radii
+        # where single spheres under gravity, which rolling brings no nearer to others, were listed, and their radii
         self._listed_at: Floats = np.zeros((0, 4))
         self.finders = ContactFinders(assembly, self.grains, exact=exact, hulls=hulls)
         self._coming = self.bodies[n - held : n].copy()
@@ -196,7 +196,7 @@ class Bed:
         if not self.listed or two + margin > SKIN:
             self.pairs = renewed(self.pairs, grains, self.assembly.container, SKIN, self.fixed)
             self.listed, reuse = True, 0.0
-            if not grains.kind.any():
+            if self.gravity.any() and not grains.kind.any():
                 self._listed_at = np.column_stack([grains.position, grains.radius])
         self.rows = self.rows._replace(row=self.rows.old, old=self.rows.row)
         places = (*self.pairs[3:], self.wall_first, self.wall_count)
@@ -343,11 +343,7 @@ class Bed:
         grains.position[:] *= factors
         self.pairs.shift[:] *= factors
         # pairs of the list approach each other by no more than their distance times the strain
-        way = float(np.abs(factors - 1.0).max()) * (grains.radius + 0.5 * SKIN)
-        grains.way[:] += way
-        if len(self._listed_at):
-            self._listed_at = self._listed_at * np.append(factors, 1.0)
-            self._listed_at[:, 3] -= way
+        grains.way[:] += float(np.abs(factors - 1.0).max()) * (grains.radius + 0.5 * SKIN)
         self.move_walls(container)
         self.carried = np.full(2, np.nan)
 

@@ -173,7 +173,7 @@ def touching(bed, sides, margin):
 
 
 def test_spheres_are_listed_by_how_far_they_are_from_where_they_were():
-    """Rolling and ways back count nothing, growth and a container that is stretched do; no contact is missed."""
+    """Rolling and ways back count nothing, growth does; no contact is missed."""
     generator, box, n = np.random.Generator(np.random.Philox(6)), vg.Box((5, 5, 9), periodic="xy"), 150
     place = generator.random((n, 3)) * [5.0, 5.0, 7.0] + [0.0, 0.0, 1.0]
     spheres = vg.Packing.of(vg.shapes.sphere(), box, position=place)
@@ -189,9 +189,6 @@ def test_spheres_are_listed_by_how_far_they_are_from_where_they_were():
         bed.move(motion, 1.0)
         bed.find(margin, 0.0)
         assert bed.pairs is before
-    bed.stretch(np.array([1.05, 1.05, 1.0]), vg.Box((5.25, 5.25, 9), periodic="xy"))
-    bed.find(margin, 0.0)
-    assert bed.pairs is before
     for k in range(40):
         before = bed.pairs
         motion = (0.04 if k >= 10 else 0.0) * generator.normal(size=(n + 1, 6))
@@ -202,7 +199,7 @@ def test_spheres_are_listed_by_how_far_they_are_from_where_they_were():
         bed.find(margin, 0.0)
         inner = bed.rows.j[: bed.m] >= 0
         found = np.column_stack([bed.rows.i[: bed.m], bed.rows.j[: bed.m]])[inner]
-        np.testing.assert_array_equal(found, touching(bed, 5.25, margin))
+        np.testing.assert_array_equal(found, touching(bed, 5.0, margin))
         listed.append(bed.pairs is not before)
     assert 5 < sum(listed) < 35
 
