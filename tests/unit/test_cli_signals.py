@@ -194,14 +194,13 @@ def test_a_process_that_a_signal_stops_ends_and_stops_the_one_that_started_it(wo
 def test_every_verb_ends_at_any_moment_with_all_its_processes(words, tmp_path):
     (tmp_path / "study.toml").write_text(
         textwrap.dedent("""
-            [study]
             seeds = 20
-            [[shape]]
+            [[base.shape]]
             family = "solid_union"
-            [container]
+            [base.container]
             kind = "box"
             lengths = [4, 4, 6]
-            [packing]
+            [base.packing]
             method = "digital"
             count = 20
             voxel_size = 0.1

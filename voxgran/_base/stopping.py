@@ -112,6 +112,9 @@ class Signals:
             self._around = _innermost.get()
             if self._around is not None:
                 self._around.within, self.undo = self, self._around.undo
+                if not (self._around.heeded or self._around.patient):
+                    # a signal that came before this block, with no look since
+                    self.number = self.number or self._around.number
             self._token = _innermost.set(self)
             for number in NUMBERS:
                 self._before[number] = signal.signal(number, self._note)

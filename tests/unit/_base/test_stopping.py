@@ -94,6 +94,16 @@ def test_a_signal_that_was_not_heeded_is_heeded_outside():
     heed()
 
 
+@pytest.mark.parametrize("patient", [False, True])
+def test_a_signal_that_came_before_is_known_within(patient):
+    with Signals() as outer:
+        outer.patient = patient
+        signal.raise_signal(signal.SIGTERM)
+        with Signals() as inner:
+            # who is patient sees it by itself
+            assert inner.number == (0 if patient else signal.SIGTERM)
+
+
 def test_what_is_to_be_undone_is_known_as_long_as_it_is_there(tmp_path):
     with Signals() as outer, Signals():
         with written_whole(tmp_path / "a") as draft:

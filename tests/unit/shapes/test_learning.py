@@ -298,6 +298,12 @@ def test_bad_samples_are_refused_in_one_sentence(shapes, given, message):
         vg.learn_shapes(shapes, **given)
 
 
+@pytest.mark.parametrize("draw", [MODEL.sample, lambda count: MODEL.report(count=count)])
+def test_more_grains_than_the_memory_holds_are_refused(draw):
+    with pytest.raises(InputError, match="count is 1000000000: it must be at most 1000000; give less"):
+        draw(10**9)
+
+
 def test_one_other_shape_makes_a_distribution():
     assert len(vg.learn_shapes([*copies(POLYHEDRA[0]), POLYHEDRA[1]], strength=0.05).shapes) == 13
 

@@ -13,6 +13,7 @@ from voxgran._base.arrays import Floats, as_count
 from voxgran._base.calls import explained_methods
 from voxgran._base.seeds import stream
 from voxgran.shapes.describing.thumbnail import card
+from voxgran.shapes.family import MOST_SHAPES
 from voxgran.shapes.learning.bend import Soft, bent, soft_fields
 from voxgran.shapes.learning.files import read_model, write_model
 from voxgran.shapes.learning.report import ShapeReport, compared
@@ -86,7 +87,7 @@ class ShapeModel(ExplainedAttributes):
         Parameters
         ----------
         count : int
-            Number of grains.
+            Number of grains, at most a million.
         seed : int
             Seed; the same seed and count give the same bits.
 
@@ -101,7 +102,7 @@ class ShapeModel(ExplainedAttributes):
         Raises
         ------
         InputError
-            If the count is not a whole number from 0 on.
+            If the count is not a whole number from 0 to a million.
 
         Examples
         --------
@@ -111,7 +112,7 @@ class ShapeModel(ExplainedAttributes):
         >>> grain.record["donor"] < 12, grain.record["map"].shape
         (True, (4, 4))
         """
-        count = as_count(count, "count")
+        count = as_count(count, "count", at_most=MOST_SHAPES)
         donors = self._kernel.grains(count, stream(seed, "donors of learned grains"))
         return [self._made(int(donor), stream(seed, "learned grains", k)) for k, donor in enumerate(donors)]
 
