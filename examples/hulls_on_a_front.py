@@ -51,7 +51,7 @@ print(f"{packing.count} polyhedra, each of its own shape")
 for name, seconds, fraction in rows:
     print(f"{name:22s} {seconds:7.2f} s  solid fraction {fraction:.4f}")
     lines.append((name, f"{seconds:.2f}", f"{fraction:.4f}"))
-head = "stage,processor_seconds_so_far,solid_fraction"
+head = "stage,cpu_seconds_so_far,solid_fraction"
 write_rows(folder / "hulls_on_a_front.csv", head, [*lines, (f"{packing.count} grains", "", "")])
 vg.save(packing, folder / "hulls.vtp", overwrite=True)
 

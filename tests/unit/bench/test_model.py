@@ -54,6 +54,6 @@ def test_the_yardstick_is_processor_time_of_a_distance_transform(monkeypatch):
     assert set(sizes) == {((128, 128, 128), np.dtype(bool))}
 
 
-def test_rates_are_of_processor_seconds(monkeypatch):
+def test_rates_are_of_cpu_seconds(monkeypatch):
     monkeypatch.setattr(time, "process_time", iter([0.0, 2.0, 10.0, 11.0]).__next__)
     assert model.best_rate(lambda: "made", 6, least_time=0.0) == (6.0, ["made", "made"])

@@ -60,7 +60,7 @@ def run(folder: Path) -> tuple[Path, ...]:
     rows: list[Row] = []
     for dimension in (2, 3):
         rows += [*layer_rows(dimension), *width_rows(dimension), *cluster_rows(dimension)]
-    head = "dimension,measure,from:g,to:g,value:.5f,standard_error:.5f,published:g,processor_seconds:.3f"
+    head = "dimension,measure,from:g,to:g,value:.5f,standard_error:.5f,published:g,cpu_seconds:.3f"
     table = write_rows(folder / "deposits.csv", head, map(astuple, rows))
     _draw(rows, folder / "deposits.svg")
     return table, folder / "deposits.svg"

@@ -63,7 +63,7 @@ def run(folder: Path) -> tuple[Path, ...]:
         for method in ("growth", "random_apollonian", *(SQUARES if dimension == 2 else ())):
             rows += random_rows(method, dimension)
         rows.append(gasket_row(dimension))
-    head = "dimension,method,spheres,exponent:.5f,standard_error:.5f,published:g,processor_seconds:.3f"
+    head = "dimension,method,spheres,exponent:.5f,standard_error:.5f,published:g,cpu_seconds:.3f"
     table = write_rows(folder / "exponents.csv", head, map(astuple, rows))
     _draw(rows, folder / "exponents.svg")
     return table, folder / "exponents.svg"

@@ -66,7 +66,7 @@ def run(folder: Path) -> tuple[Path, ...]:
     """Measure, and write rows as CSV and a figure as SVG."""
     rows = measured()
     head = (
-        "distribution,way,grains,processor_seconds:.4f,distance:.2g,distance_deviation:.2g,d60_over_asked:.3f,"
+        "distribution,way,grains,cpu_seconds:.4f,distance:.2g,distance_deviation:.2g,d60_over_asked:.3f,"
         "d60_deviation:.2g"
     )
     _draw(rows, folder / "gradation.svg")

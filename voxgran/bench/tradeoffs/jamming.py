@@ -52,7 +52,7 @@ def run(folder: Path) -> tuple[Path, ...]:
     rows = [row for name, shape in made.items() for row in rows_of(name, shape, COUNT)]
     for name, body in scans("eros.obj").items():
         rows += rows_of(name, body.scaled(1.0 / body.diameter), SCANNED)
-    head = "shape,growth_rate:g,grains,processor_seconds:.2f,solid_fraction:.4f,published:g,source,apart"
+    head = "shape,growth_rate:g,grains,cpu_seconds:.2f,solid_fraction:.4f,published:g,source,apart"
     table = write_rows(folder / "jamming.csv", head, map(_values, rows))
     _draw(rows, folder / "jamming.svg")
     return table, folder / "jamming.svg"

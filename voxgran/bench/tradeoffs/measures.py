@@ -133,7 +133,7 @@ def run(folder: Path) -> tuple[Path, ...]:
     """Measure, and write rows as CSV and a figure as SVG."""
     rows = [row for name, packing in packings().items() for row in measured(name, packing)]
     _draw(rows, folder / "measures.svg")
-    head = "packing,grains,computed,processor_seconds:.3g,largest_error:.2g"
+    head = "packing,grains,computed,cpu_seconds:.3g,largest_error:.2g"
     return write_rows(folder / "measures.csv", head, [*rows, *reported()]), folder / "measures.svg"
 
 

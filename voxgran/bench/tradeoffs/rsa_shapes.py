@@ -162,7 +162,7 @@ def run(folder: Path) -> tuple[Path, ...]:
         seconds = sum(took for _, took in timed_runs)
         rows.append((case.name, RUNS, case.grains, seconds, tries, last, limit, error, exponent, *known))
     head = (
-        "shape,runs,grains,processor_seconds:.1f,tries:.0f,solid_fraction:.4f,extrapolated:.4f,standard_error:.4f,"
+        "shape,runs,grains,cpu_seconds:.1f,tries:.0f,solid_fraction:.4f,extrapolated:.4f,standard_error:.4f,"
         "exponent:.3f,published:g,published_error,source"
     )
     _draw(found, folder / "rsa_shapes.svg")

@@ -69,7 +69,7 @@ def packed(wide: float = WIDE) -> list[Row]:
 def run(folder: Path) -> tuple[Path, ...]:
     """Measure, and write rows as CSV and a figure as SVG."""
     rows = measured()
-    head = "program,shape,points,processor_seconds:.4f,covering_radius:.3f,smallest_distance:.3f"
+    head = "program,shape,points,cpu_seconds:.4f,covering_radius:.3f,smallest_distance:.3f"
     _draw(rows, folder / "sampling.svg")
     return write_rows(folder / "sampling.csv", head, [*rows, *packed()]), folder / "sampling.svg"
 

@@ -161,7 +161,7 @@ def run(folder: Path) -> tuple[Path, ...]:
     """Measure all cases, and write rows as CSV and a figure as SVG."""
     rows = [measure(case, count) for case in CASES for count in COUNTS]
     head = (
-        "dimension,method,grains,processor_seconds:.4f,solid_fraction:.5f,expected:g,error:.5f,source,"
+        "dimension,method,grains,cpu_seconds:.4f,solid_fraction:.5f,expected:g,error:.5f,source,"
         + ",".join(f"coordination_{gap:g}:.3f" for gap in GAPS)
         + ",apart"
     )

@@ -102,9 +102,9 @@ def measure_thin(name: str) -> tuple[int, float, float]:
 def run(folder: Path) -> tuple[Path, ...]:
     """Measure, and write rows as CSV and a figure as SVG."""
     rows = [row for d in (2, 3) for sigma in SIGMAS for row in measure_cells(d, sigma)]
-    head = "dimension,sigma:g,program,moves,processor_seconds:.4f,share_error:.5f,volume_error:.3g"
+    head = "dimension,sigma:g,program,moves,cpu_seconds:.4f,share_error:.5f,volume_error:.3g"
     table = write_rows(folder / "tessellation.csv", head, rows)
-    head = "container,spheres,processor_seconds:.3f,solid_fraction:.4f"
+    head = "container,spheres,cpu_seconds:.3f,solid_fraction:.4f"
     other = write_rows(folder / "tessellation_thin.csv", head, [(name, *measure_thin(name)) for name in THIN])
     _draw(rows, folder / "tessellation.svg")
     return table, other, folder / "tessellation.svg"

@@ -221,7 +221,7 @@ def crossings(surfaces: list[Surface]) -> int:
 def run(folder: Path) -> tuple[Path, ...]:
     """Measure, and write rows as CSV and a figure as SVG."""
     head = (
-        "voxels_along_an_edge:d,labels:d,triangles:d,processor_seconds:.4g,largest_memory_mib:.0f,"
+        "voxels_along_an_edge:d,labels:d,triangles:d,cpu_seconds:.4g,largest_memory_mib:.0f,"
         "bytes_of_a_triangle:.4g,file_over_image:.3g"
     )
     # first, since memory that other jobs leave behind would count
@@ -231,13 +231,13 @@ def run(folder: Path) -> tuple[Path, ...]:
         f'{kind},{size},"{name}",{seconds:.4g},{volume:.2g},{area:.2g},{loop:.5f}'
         for kind, size, name, seconds, volume, area in rows
     ]
-    head = "body,voxels_across,program,processor_seconds,volume_error,area_error,calibration_seconds"
+    head = "body,voxels_across,program,cpu_seconds,volume_error,area_error,calibration_seconds"
     table = write_rows(folder / "labels.csv", head, lines)
     crowd = [
         f'"{name}",{seconds:.4g},{labels},{triangles},{closed},{crossed},{loop:.5f}'
         for name, seconds, labels, triangles, closed, crossed in measured_crowd()
     ]
-    head = "program,processor_seconds,labels,triangles,closed_manifolds,crossing_pairs,calibration_seconds"
+    head = "program,cpu_seconds,labels,triangles,closed_manifolds,crossing_pairs,calibration_seconds"
     _draw(rows, folder / "labels.svg")
     crowd_table = write_rows(folder / "labels_crowded.csv", head, crowd)
     return table, crowd_table, large, folder / "labels.svg"

@@ -63,7 +63,7 @@ class Row(NamedTuple):
     rand_error: float
     information_of_splitting: float
     information_of_merging: float
-    processor_seconds: float
+    cpu_seconds: float
     suspects: int | str
     wrong: int | str
     wrong_suspects: int | str
@@ -196,7 +196,7 @@ def run(folder: Path) -> tuple[Path, ...]:
     lines = [
         f"{row.grains},{row.packing},{row.solid_fraction_of_the_middle:.3f},{row.blur},{row.noise},{row.z_over_x},"
         f"{row.border},{row.way},{row.true},{row.found},{row.found / row.true:.3f},{row.rand_error:.4f},"
-        f"{row.information_of_splitting:.4f},{row.information_of_merging:.4f},{row.processor_seconds:.2f},"
+        f"{row.information_of_splitting:.4f},{row.information_of_merging:.4f},{row.cpu_seconds:.2f},"
         f"{row.suspects},{row.wrong},{row.wrong_suspects}"
         for row in rows
     ]

@@ -67,7 +67,7 @@ def run(folder: Path) -> tuple[Path, ...]:
     rows = measured("cubic lattice", cubic_lattice(), by_poles(FRACTION))
     finest = effective_diffusivity(pores_of(jammed, 1 / FINEST).mask, periodic="xyz", block=3)
     rows += measured("jammed spheres", jammed, float(finest.relative.mean()))
-    head = "packing,voxels_of_a_diameter,voxels,voxels_across_a_cell,processor_seconds:.3g,relative_error:.2g"
+    head = "packing,voxels_of_a_diameter,voxels,voxels_across_a_cell,cpu_seconds:.3g,relative_error:.2g"
     draw(rows, folder / "transport.svg")
     return write_rows(folder / "transport.csv", head, rows), folder / "transport.svg"
 

@@ -79,7 +79,7 @@ def run(folder: Path) -> tuple[Path, ...]:
     rows = [*measured("cubic lattice", cubic_lattice(), math.sqrt(3) - 1), *measured("polyhedra", polyhedra(), None)]
     _draw(rows, folder / "voids.svg")
     head = (
-        "packing,voxels_of_a_diameter,processor_seconds:.3g,mean_chord_error:.2g,stated_error:.2g,"
+        "packing,voxels_of_a_diameter,cpu_seconds:.3g,mean_chord_error:.2g,stated_error:.2g,"
         "largest_pore_error:.2g,share_not_connected:.2g"
     )
     return write_rows(folder / "voids.csv", head, rows), folder / "voids.svg"
