@@ -305,9 +305,9 @@ class Settler(Examined):
         if preset in SOFT:
             self._sink(preset)
             return
-        # a heavy lid would overlap grains that turn anew in each step: they move no farther than without it
+        # a heavy lid would overlap grains that turn anew in each step; those that bear none of it still fall
         turning = preset is FRICTIONAL and bed.grains.kind.any()
-        length = progress.length / math.sqrt(bed.load) if turning else progress.length
+        length = progress.length / bed.load**0.25 if turning else progress.length
         progress.moved = moving = quasi_static_step(
             bed, self.friction, length, rest=preset.kept, iterations=progress.iterations,
             margin=preset.margin, most=preset.most, reuse=preset.reuse,

@@ -220,3 +220,26 @@ def test_a_copy_moves_alone_and_leaves_the_next_step_as_it_was(assembly):
         bed.find(MARGIN, REST)
     for name, array in beds[0].arrays.items():
         np.testing.assert_array_equal(array, beds[1].arrays[name], err_msg=name)
+
+
+@pytest.mark.parametrize("other", ["box", "torus"])
+def test_spheres_may_arrive_before_grains_of_other_shapes(other):
+    """What searches remember of pairs is handed on from a list of spheres to one with another grain."""
+    shapes, box = (vg.shapes.sphere(), vg.make_shape(other)), vg.Box((5, 5, 9), periodic="xy")
+    place = np.array([[1.0, 1.0, 1.0], [2.1, 1.0, 1.0], [1.0, 2.1, 1.0], [2.1, 2.1, 1.0]])
+    mixed = vg.Packing.of(shapes, box, position=place, shape_id=[0, 0, 0, 1])
+    unit = normalized_assembly(mixed)[0]
+    coming, whole = Bed(unit, DOWN, held=2), Bed(unit, DOWN)
+    for bed in (coming, coming, whole):
+        while bed is coming and bed.count < unit.count:
+            bed.find(0.3, 0.0)
+            bed.move(np.full((bed.count + 1, 6), 1e-3), 1.0)
+            bed.admit(unit.position[bed.count : bed.count + 1], np.zeros(3))
+        bed.find(0.3, 0.0)
+        bed.put(unit.position[bed.order], unit.orientation[bed.order], np.inf)
+        bed.find(0.3, 0.0)
+    assert len({len(known) for known in coming.pairs}) == 1
+    found = [zip(*bed.contact_grains(wall=-1, lid=-2), strict=True) for bed in (coming, whole)]
+    pairs, asked = ({tuple(sorted(pair)) for pair in rows} for rows in found)
+    assert pairs == asked
+    assert len(pairs) >= 4

@@ -184,6 +184,15 @@ def test_cylinders_come_to_rest_below_a_lid():
     assert vg.verify(bed).ok
 
 
+def test_grains_that_bear_none_of_a_heavy_lid_still_fall():
+    """Steps shorter by the square root of the load moved them by 1e-4 each: beds of ellipsoids took 1,300 steps."""
+    shape, told = vg.make_shape("ellipsoid"), {"friction": 0.3, "lid": {"weight": 100.0}}
+    bed = vg.pack(shape, vg.Box((4, 4, 12), periodic="xy"), "gravity", count=40, seed=1, **told)
+    assert bed.stop_reason == "settled"
+    assert bed.provenance["settling"]["resting"] == 1.0
+    assert bed.provenance["settling"]["steps"] < 800
+
+
 @pytest.mark.parametrize("width", [1.05, 1.5, 1.9])
 def test_a_periodic_box_narrower_than_two_diameters(width):
     """Spheres touch images of others on both sides."""

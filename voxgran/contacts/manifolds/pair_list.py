@@ -24,18 +24,20 @@ def no_pairs() -> PairList:
 
 
 def renewed(
-    pairs: PairList, grains: Grains, container: Container, skin: float, fixed: Booleans | None = None
-) -> PairList:
+    pairs: PairList, grains: Grains, container: Container, skin: float, fixed: Booleans | None = None, *,
+    known: bool = True,
+) -> PairList:  # fmt: skip
     """Return the pairs of grains whose bounding spheres are nearer than `skin`, with what is known of those in a list.
 
-    Pairs of which both are fixed, (n,), are left out. The ways of the grains are set to 0.
+    Pairs of which both are fixed, (n,), are left out. The ways of the grains are set to 0. `known`: whether searches
+    remember anything of pairs, as they do unless all grains are single spheres; the same for all lists of a bed.
     """
     lower, periods = np.array(container.bounds[0]), periods_of(container)
     i, j, image = near_pairs(grains.position, grains.radius, skin, lower=lower, periods=periods)
     if fixed is not None:
         kept = ~(fixed[i] & fixed[j])
         i, j, image = i[kept], j[kept], image[kept]
-    made = _blank(i, j, np.ascontiguousarray(image @ periods), known=len(i) if grains.kind.any() else 0)
+    made = _blank(i, j, np.ascontiguousarray(image @ periods), known=len(i) if known else 0)
     _hand_on(pairs, made, grains.way)
     grains.way[:] = 0.0
     return made
