@@ -15,6 +15,7 @@ from voxgran.scene.twins.compared import _in, _known_of, _passing, _Scale, _scat
 from voxgran.scene.twins.differences import TEXTS, dataset_of
 from voxgran.scene.twins.request import drawn
 from voxgran.scene.twins.sample import Sample, resolved, sample_of
+from voxgran.scene.twins.twin import Twin
 from voxgran.shapes.learning.border import border_weights, is_scan
 
 pytestmark = pytest.mark.usefixtures("jagged_pictures")
@@ -174,14 +175,32 @@ def test_contacts_of_a_scan_are_pairs_of_labels_and_those_of_a_twin_are_counted_
     assert _known_of(scan, sample_of(row_of(12), 0.6), exact).grains["coordination_number"].tolist() != [1, 1, 0, 0, 0]
 
 
-@pytest.mark.parametrize(("edges", "voxel_size"), [((0.06, 0.06, 0.18), None), ((0.08,) * 3, 0.11)])
-def test_contacts_are_counted_in_the_voxels_of_the_scan(edges, voxel_size):
-    """In others the surfaces of labels, which have steps, gave one contact more for each grain of the same packing."""
+@pytest.mark.parametrize(
+    ("edges", "voxel_size", "measure"),
+    [
+        ((0.06, 0.06, 0.18), None, "coordination_number"),
+        ((0.08,) * 3, 0.11, "coordination_number"),
+        ((0.08,) * 3, None, "contact_area"),
+    ],
+)
+def test_contacts_are_counted_in_the_voxels_of_the_scan(edges, voxel_size, measure):
+    """In others the surfaces of labels, which have steps, gave one contact more for each grain of the same packing, and
+    three times the area between touching grains: labels that no border cuts were not taken for a scan.
+    """
     grains = vg.pack(vg.shapes.ellipsoid(), vg.Box((2.7,) * 3, "xyz"), "expand", solid_fraction=0.55, count=20, seed=1)
     edges = 2.7 / np.rint(2.7 / np.array(edges))
     scan = vg.packing_of_labels(vg.to_image(grains, edges), voxel_size=edges, periodic="xyz", gravity="none")
-    found = comparison_of(sample_of(scan, None), [grains], voxel_size).sel(measure="coordination_number")
-    assert float(found.difference) == pytest.approx(0.0, abs=0.1)
+    found = comparison_of(sample_of(scan, None), [grains], voxel_size).sel(measure=measure)
+    assert float(found.sample) == pytest.approx(float(found.twin), rel=0.02)
+
+
+def test_another_packing_is_compared_in_the_unit_of_the_twin(monkeypatch):
+    """Lengths in other units were compared as numbers."""
+    monkeypatch.setattr("voxgran.scene.twins.twin.comparison_of", lambda sample, *_: sample)
+    box = vg.Box((3, 3, 3), periodic="xyz")
+    bed = vg.pack(vg.shapes.sphere(), box, "expand", count=12, solid_fraction=0.4, unit="mm")
+    other = Twin(sample=sample_of(bed, None), packings=()).compared_with(bed.to_unit("um"))
+    assert (other.unit, other.shapes[0].diameter) == ("mm", pytest.approx(bed.diameters[0]))
 
 
 def test_the_scatter_is_the_standard_error_of_blocks():

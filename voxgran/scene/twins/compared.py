@@ -90,14 +90,14 @@ def comparison_of(sample: Sample, twins: Sequence[Packing], voxel_size: float | 
     given = sample.packing
     packings = [*(() if given is None else (given,)), *twins]
     diameter = float(np.average([shape.diameter for shape in sample.shapes], weights=sample.weights))
-    usual = given.contact_gap if given is not None and sample.scanned else diameter / ACROSS
+    label = None if given is None else voxel_of(given.shapes[0])
+    usual = given.contact_gap if given is not None and (sample.scanned or label is not None) else diameter / ACROSS
     bulks = [_bulk(packing) for packing in packings]
     room = max(float(np.prod(upper - lower)) for lower, upper in bulks)
     inner = max(mean_diameter(packing) for packing in packings)
     # of both the same gap is that up to which grains touch
     gap = max(packing.contact_gap for packing in packings) * (1 + 1e-9)
     voxel = max(usual, (room / MOST_VOXELS) ** (1 / 3)) if voxel_size is None else voxel_size
-    label = None if given is None else voxel_of(given.shapes[0])
     scale = _Scale(
         voxel=voxel,
         gap=gap,
