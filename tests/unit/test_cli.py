@@ -630,6 +630,17 @@ def test_an_image_in_blocks_is_described_segmented_and_becomes_a_packing(tmp_pat
     assert json.loads(capsys.readouterr().out)["values"] == "not read, since they are more than 1439"
 
 
+def test_small_grains_of_a_grey_image_are_kept_where_they_are_asked_for(tmp_path, capsys):
+    """Segmenting left grains of fewer than 64 voxels out, whatever --min-size said."""
+    image = np.zeros((12, 12, 22), np.float32)
+    image[1:9, 1:9, 1:9], image[1:4, 1:4, 12:15] = 1.0, 1.0
+    np.save(tmp_path / "grey.npy", image)
+    words = ["labels", str(tmp_path / "grey.npy"), "--voxel-size", "1", "--segment", "--gravity", "none", "--json"]
+    for more, grains in (([], 1), (["--min-size", "8"], 2), (["--min-size", "28"], 1)):
+        assert main([*words, *more]) == 0
+        assert json.loads(capsys.readouterr().out)["grains"] == grains
+
+
 def saved(path, *, seed):
     """Write a small packing of spheres and return its path."""
     generator, spheres = stream(seed, "cli"), vg.make_shape("sphere")

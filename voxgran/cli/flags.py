@@ -200,7 +200,7 @@ FLAGS: dict[str, tuple[Flag, ...]] = {
         _flag("--smoothing", type=float, default=1.0, help="over how many voxels their steps are rounded"),
         _flag("--periodic", default="", help="axes along which the image repeats, such as xy"),
         _flag("--gravity", type=as_value, help="where gravity acts in the sample: -z or x,y,z; default: nowhere"),
-        _flag("--min-size", type=int, default=1, help="voxels of the smallest labels: specks are left out"),
+        _flag("--min-size", type=int, help="voxels of the smallest labels; default: 1, with --segment 64"),
         _flag("--unit", help="unit of the voxel size"),
         _flag("--key", help="which array of an .npz or .vti file"),
         DASK,

@@ -30,13 +30,14 @@ def labels(options: argparse.Namespace) -> None:
         check_output(options.output, overwrite=options.overwrite)
     given = {
         name: getattr(options, name)
-        for name in ("voxel_size", "border", "surface", "smoothing", "periodic", "gravity", "min_size", "unit", "key")
+        for name in ("voxel_size", "border", "surface", "smoothing", "periodic", "gravity", "unit", "key")
     }
+    smallest: dict[str, Any] = {} if options.min_size is None else {"min_size": options.min_size}
     source: Any = opened(options) if options.segment or options.dask is not None else options.file
     if options.segment:
-        source = voxgran.segment(source, voxel_size=options.voxel_size)
+        source = voxgran.segment(source, voxel_size=options.voxel_size, **smallest)
     with progress(options) as on_step:
-        packing = voxgran.packing_of_labels(source, on_step=on_step, **given)
+        packing = voxgran.packing_of_labels(source, on_step=on_step, **given, **smallest)
     if options.output:
         voxgran.save(packing, options.output, overwrite=options.overwrite)
     numbers = {"grains": packing.count, **main_numbers(packing)}

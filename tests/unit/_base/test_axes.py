@@ -97,7 +97,7 @@ USES = {
 
 
 @pytest.mark.filterwarnings(
-    "ignore:.*several pieces", "ignore:.*fewer than 27", "ignore:.*cut by the border", "ignore:.*leave"
+    "ignore:.*several pieces", "ignore:.*labels have fewer than", "ignore:.*cut by the border", "ignore:.*leave"
 )
 @pytest.mark.parametrize("use", USES)
 def test_all_that_take_axes_take_the_same(use, tmp_path):

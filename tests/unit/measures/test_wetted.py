@@ -58,7 +58,7 @@ def blocks(seed):
     return np.where(distance < 3.4, nearest + 1, 0).reshape(12, 11, 10)
 
 
-@pytest.mark.filterwarnings("ignore:.*several pieces", "ignore:.*fewer than 27")
+@pytest.mark.filterwarnings("ignore:.*several pieces", "ignore:.*labels have fewer than")
 @pytest.mark.parametrize("seed", range(4))
 def test_faces_of_voxels_are_counted_as_they_lie(seed):
     image = blocks(seed)

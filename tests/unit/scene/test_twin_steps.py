@@ -142,6 +142,7 @@ def test_steps_are_those_of_the_lattice_where_voxels_are_long(kind, form):
     assert [one.volume for one in made.shapes] == pytest.approx([one.volume for one in found.shapes], rel=1e-6)
 
 
+@pytest.mark.filterwarnings("ignore:.*voxels .label 3 first")
 def test_labels_of_few_voxels_do_not_say_what_the_others_are():
     """Specks are as near to a sphere as any, so that two rings among thirty of them were too few to count."""
     ring = np.ones((2, 9, 9), dtype=bool)

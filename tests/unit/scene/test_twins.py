@@ -11,10 +11,11 @@ import pytest
 import voxgran as vg
 from voxgran._base.errors import InputError, TooLargeError
 from voxgran.cli import main
-from voxgran.scene.twins.compared import _in, _known_of, _passing, _Scale, _scatter, _values
+from voxgran.scene.twins.compared import _in, _known_of, _passing, _Scale, _scatter, _values, comparison_of
 from voxgran.scene.twins.differences import TEXTS, dataset_of
 from voxgran.scene.twins.request import drawn
 from voxgran.scene.twins.sample import Sample, resolved, sample_of
+from voxgran.scene.twins.twin import Twin
 from voxgran.shapes.learning.border import border_weights, is_scan
 
 pytestmark = pytest.mark.usefixtures("jagged_pictures")
@@ -155,7 +156,7 @@ def test_numbers_of_the_comparison_are_those_of_the_packing(copy):
 def test_the_area_between_grains_is_that_of_shared_faces():
     """Two cubes share a square of 16; areas of faces count 2/3, as of surfaces of any direction."""
     scan = scan_of([((1, 1, 1), (5, 5, 5)), ((5, 1, 1), (9, 5, 5))])
-    known = _known_of(scan, sample_of(row_of(12), 0.6), _Scale(1.0, 1.0, True, 2.0, 1.0, 2.0, 0.5))
+    known = _known_of(scan, sample_of(row_of(12), 0.6), _Scale(1.0, 1.0, True, 2.0, 1.0, 2.0, 0.5, np.ones(3)))
     found = _values(known, (known.lower, known.upper), np.arange(2.0))
     assert found["contact_area"] == pytest.approx(2 / 3 * 16 / 1000 / 0.9)
     assert found["wetted_surface"] == pytest.approx(2 / 3 * 160 / 1000 / 0.9)
@@ -166,12 +167,40 @@ def test_contacts_of_a_scan_are_pairs_of_labels_and_those_of_a_twin_are_counted_
     """Cubes that share 16 faces touch, those that are apart by less than a voxel's edge or share one face do not."""
     boxes = [((1, 1, 1), (5, 5, 5)), ((5, 1, 1), (9, 5, 5)), ((1, 4, 5), (2, 9, 9))]
     boxes += [((3, 3, 6), (4, 4, 7)), ((5, 5, 6), (7, 7, 8))]
-    scan, scale = scan_of(boxes), _Scale(1.0, 1.0, True, 2.0, 1.0, 2.0, 0.5)
+    scan, scale = scan_of(boxes), _Scale(1.0, 1.0, True, 2.0, 1.0, 2.0, 0.5, np.ones(3))
     # the third lies on one voxel of the first, the others apart
     assert _known_of(scan, sample_of(row_of(12), 0.6), scale).grains["coordination_number"].tolist() == [1, 1, 0, 0, 0]
     assert len(scan.contacts(1.0).i) > 1
     exact = replace(scale, by_faces=False)
     assert _known_of(scan, sample_of(row_of(12), 0.6), exact).grains["coordination_number"].tolist() != [1, 1, 0, 0, 0]
+
+
+@pytest.mark.parametrize(
+    ("edges", "voxel_size", "measure"),
+    [
+        ((0.06, 0.06, 0.18), None, "coordination_number"),
+        ((0.08,) * 3, 0.11, "coordination_number"),
+        ((0.08,) * 3, None, "contact_area"),
+    ],
+)
+def test_contacts_are_counted_in_the_voxels_of_the_scan(edges, voxel_size, measure):
+    """In others the surfaces of labels, which have steps, gave one contact more for each grain of the same packing, and
+    three times the area between touching grains: labels that no border cuts were not taken for a scan.
+    """
+    grains = vg.pack(vg.shapes.ellipsoid(), vg.Box((2.7,) * 3, "xyz"), "expand", solid_fraction=0.55, count=20, seed=1)
+    edges = 2.7 / np.rint(2.7 / np.array(edges))
+    scan = vg.packing_of_labels(vg.to_image(grains, edges), voxel_size=edges, periodic="xyz", gravity="none")
+    found = comparison_of(sample_of(scan, None), [grains], voxel_size).sel(measure=measure)
+    assert float(found.sample) == pytest.approx(float(found.twin), rel=0.02)
+
+
+def test_another_packing_is_compared_in_the_unit_of_the_twin(monkeypatch):
+    """Lengths in other units were compared as numbers."""
+    monkeypatch.setattr("voxgran.scene.twins.twin.comparison_of", lambda sample, *_: sample)
+    box = vg.Box((3, 3, 3), periodic="xyz")
+    bed = vg.pack(vg.shapes.sphere(), box, "expand", count=12, solid_fraction=0.4, unit="mm")
+    other = Twin(sample=sample_of(bed, None), packings=()).compared_with(bed.to_unit("um"))
+    assert (other.unit, other.shapes[0].diameter) == ("mm", pytest.approx(bed.diameters[0]))
 
 
 def test_the_scatter_is_the_standard_error_of_blocks():

@@ -10,6 +10,7 @@ from hypothesis import example, given
 from hypothesis import strategies as st
 from scipy import ndimage
 from scipy.spatial import KDTree
+from scipy.special import ndtri
 
 import voxgran as vg
 from voxgran._base.errors import FileFormatError, InputError, MissingFileError, PackingWarning
@@ -370,6 +371,36 @@ def test_specks_are_told_and_left_out_by_their_size():
     assert large.container == every.container
     with pytest.raises(InputError, match="min_size is 600 and the largest label has 513 voxels"):
         vg.load_labels(image, voxel_size=0.1, min_size=600)
+
+
+@pytest.mark.filterwarnings("ignore:.*several pieces")
+def test_specks_that_are_left_out_make_the_sample_no_smaller():
+    """With the border dropped, the container was that around the grains, though only specks had been left out."""
+    how = {"voxel_size": 0.1, "gravity": "none", "border": "drop", "min_size": 27}
+    image = image_with_specks()
+    assert vg.packing_of_labels(image, **how).container.lengths == pytest.approx((1.2, 1.2, 2.2))
+    image[:6, 11, :9] = 6
+    assert vg.packing_of_labels(image, **how).container.lengths[1] < 1.0
+
+
+def image_of_cubes(edges):
+    """Return an image of cubes that do not touch."""
+    cell = max(edges) + 2
+    image = np.zeros((cell, cell, cell * len(edges)), dtype=np.int32)
+    for k, edge in enumerate(edges):
+        image[1 : edge + 1, 1 : edge + 1, cell * k + 1 : cell * k + edge + 1] = k + 1
+    return image
+
+
+def test_small_grains_of_a_wide_distribution_are_no_specks():
+    """Of a powder whose sizes scatter by 0.6 (logarithms) they were told to be noise."""
+    share = (np.arange(60) + 0.5) / 60
+    edges = np.maximum(np.rint(5.0 * np.exp(0.6 * ndtri(share))), 1).astype(int)
+    assert 0.05 < (edges < 3).mean() < 0.2
+    with warnings.catch_warnings(action="error"):
+        vg.load_labels(image_of_cubes(edges), voxel_size=0.1)
+    with pytest.warns(PackingWarning, match=r"8 of 20 .* fewer than 22 voxels .* others 216: .* min_size=22"):
+        vg.load_labels(image_of_cubes([1] * 8 + [6] * 12), voxel_size=0.1)
 
 
 def test_the_gap_of_long_voxels_is_that_of_cubes_of_their_volume():

@@ -12,7 +12,7 @@ import voxgran as vg
 from voxgran._base.errors import InputError, PackingWarning
 from voxgran._base.seeds import stream
 
-pytestmark = pytest.mark.filterwarnings("ignore:.*several pieces", "ignore:.*fewer than 27")
+pytestmark = pytest.mark.filterwarnings("ignore:.*several pieces", "ignore:.*labels have fewer than")
 
 
 def cells(n, seeds, reach, *, seed=0, period=None):

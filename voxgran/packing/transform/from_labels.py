@@ -70,9 +70,10 @@ def packing_of_labels(
     -------
     Packing
         In the box of the image; each grain has a shape of its own. The contact gap is the edge of a voxel, or of the
-        cube of its volume. Where grains were left out the container is the box
-        around the others, along axes that do not repeat: beyond it the sample is not known. What those left out took
-        within it counts as void, so that solid fractions are those of the sample with ``"keep"`` only.
+        cube of its volume. Where grains that the border cuts were left out the
+        container is the box around the others, along axes that do not repeat: beyond it the sample is not known. What
+        those left out took within it counts as void, so that solid fractions are those of the sample with ``"keep"``
+        only.
 
     Raises
     ------
@@ -111,7 +112,7 @@ def packing_of_labels(
     grains = labelled_grains(image, voxel_size=voxel_size, unit=unit, on_step=on_step, **how)
     size = np.array(voxel_sizes(voxel_size, image))
     box = Box(np.array(image.values.shape) * size, turns, origin=image.origin)
-    if border == "drop" and len(grains) < len(census(image.values).label):
+    if border == "drop" and len(grains) < (census(image.values).count >= min_size).sum():
         box = _around(grains, box)
     errors = np.abs([grain.shape.volume / grain.volume - 1 for grain in grains])
     record = {

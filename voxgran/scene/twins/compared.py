@@ -30,12 +30,16 @@ from voxgran.packing.model import Packing
 from voxgran.scene.twins.differences import dataset_of
 from voxgran.scene.twins.sample import Sample, solid_fraction_of
 from voxgran.shapes.learning.border import border_weights, is_scan
+from voxgran.shapes.learning.steps import voxel_of
 
 if TYPE_CHECKING:
     from xarray import Dataset
 
 #: voxels of a mean diameter where no scan says it, and most voxels of an image
 ACROSS, MOST_VOXELS = 20, 1_000_000
+#: most voxels of the image in which labels touch: where it is coarser than the scan, of which the surfaces have the
+#: steps, grains of the scan have up to one contact more than the same without steps
+MOST_COUNTED = 30_000_000
 #: distance from walls, in mean diameters, at which the bulk begins; reach of curves and step of g(r) in mean diameters
 INSET, REACH, STEP = 1.5, 2.5, 0.1
 #: shares of the curve of the gradation and of its numbers
@@ -63,6 +67,7 @@ class _Scale:
     inner: float  # distance from walls of the centroids whose pairs count
     far: float  # of g(r), and its step
     step: float
+    edges: Floats  # (3,) of the voxels that may have faces in common
 
 
 @dataclass(frozen=True, eq=False)
@@ -85,20 +90,23 @@ def comparison_of(sample: Sample, twins: Sequence[Packing], voxel_size: float | 
     given = sample.packing
     packings = [*(() if given is None else (given,)), *twins]
     diameter = float(np.average([shape.diameter for shape in sample.shapes], weights=sample.weights))
-    usual = given.contact_gap if given is not None and sample.scanned else diameter / ACROSS
+    label = None if given is None else voxel_of(given.shapes[0])
+    usual = given.contact_gap if given is not None and (sample.scanned or label is not None) else diameter / ACROSS
     bulks = [_bulk(packing) for packing in packings]
     room = max(float(np.prod(upper - lower)) for lower, upper in bulks)
     inner = max(mean_diameter(packing) for packing in packings)
     # of both the same gap is that up to which grains touch
     gap = max(packing.contact_gap for packing in packings) * (1 + 1e-9)
+    voxel = max(usual, (room / MOST_VOXELS) ** (1 / 3)) if voxel_size is None else voxel_size
     scale = _Scale(
-        voxel=max(usual, (room / MOST_VOXELS) ** (1 / 3)) if voxel_size is None else voxel_size,
+        voxel=voxel,
         gap=gap,
         by_faces=gap > NEAR * diameter,
         reach=min(REACH * diameter, *(0.5 * float((upper - lower).min()) for lower, upper in bulks)),
         inner=inner,
         far=min(REACH * diameter, *(PairWindow.of(one, inner, rise=inner).reach for one in packings)),
         step=STEP * diameter,
+        edges=np.full(3, voxel) if label is None else label * max(room / label.prod() / MOST_COUNTED, 1.0) ** (1 / 3),
     )
     with warnings.catch_warnings(action="ignore"):
         made = [_measured(one, sample, scale) for one in twins]
@@ -169,7 +177,8 @@ def _known_of(packing: Packing, sample: Sample, scale: _Scale) -> _Known:
     if scale.by_faces:
         # a grain smaller than a voxel has none
         number = np.zeros(packing.count, dtype=np.int64)
-        seen = touching(image, packing.container.periodic, faces=SHARED)[1:]
+        labels = image if np.allclose(scale.edges, voxel) else to_image(packing, scale.edges)
+        seen = touching(labels, packing.container.periodic, faces=SHARED)[1:]
         number[: len(seen)] = seen
     forms = _forms(packing, sample, weights)
     axes, owner = long_axes(packing)

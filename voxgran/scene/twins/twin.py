@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any, Literal
 from voxgran._base import ExplainedAttributes
 from voxgran._base.arrays import as_count, as_length
 from voxgran._base.calls import explained, explained_methods
+from voxgran._base.units import NO_UNIT
 from voxgran.containers.model import Container
 from voxgran.packing.model import Packing, check_packing
 from voxgran.scene.twins.compared import comparison_of
@@ -81,7 +82,7 @@ class Twin(ExplainedAttributes):
         Parameters
         ----------
         packing : Packing
-            The other packing. Labels become the solids that those of the sample have become.
+            The other packing, in any unit. Labels become the solids that those of the sample have become.
 
         Returns
         -------
@@ -94,6 +95,8 @@ class Twin(ExplainedAttributes):
             If it has fewer than 10 whole grains, or open surfaces.
         """
         check_packing(packing, "packing")
+        if NO_UNIT not in (packing.unit, self.sample.unit):
+            packing = packing.to_unit(self.sample.unit)
         other = resolved(sample_of(packing, self.sample.solid_fraction), self.faces, self.sample.kind)
         return comparison_of(other, self.packings, self.voxel_size)
 
@@ -165,7 +168,7 @@ def twin(
     forms : int
         Most different shapes; each is then that of several grains of nearly the same size.
     voxel_size : float, optional
-        Edge of the voxels on which both are compared. Default: the contact gap of a scan, which is its voxel, or the
+        Edge of the voxels on which both are compared. Default: the contact gap of labels, which is their voxel, or the
         twentieth part of a mean diameter; larger where a packing had more than a million voxels.
     seed : int
         Seed of the grains and of the packing.
