@@ -32,6 +32,7 @@ from voxgran.settling.examination import (
 )
 from voxgran.settling.fall import fall_step, is_slow, random_pull, stop_falling
 from voxgran.settling.impulses import Fall
+from voxgran.settling.interior_point import is_direct
 from voxgran.settling.materials import friction_of, friction_range
 from voxgran.settling.parameters import Settling
 from voxgran.settling.parting import part_grains
@@ -367,13 +368,14 @@ class Settler(Examined):
     def _end(self, *, begun: bool = False) -> None:
         """Examine the bed for the last time; let it fall again, or go back to a former one that was better."""
         progress, bed = self.progress, self.bed
-        self._examine(THOROUGH, begun=begun)
+        if not (begun and self._frictionless):
+            self._examine(THOROUGH, begun=begun)
         if not self._rests() and progress.best > 1.0 - self.how.rest and progress.falls < self._more_falls:
             progress.stage, progress.heights, progress.substep = AGAIN, np.zeros(0), 0.0
             progress.falls, progress.still_steps, progress.trials = progress.falls + 1, 0, 0
             return
         back, better = None, progress.smallest < 0.0 or progress.best < progress.moving
-        if not self._rests() and better and len(progress.best_position):
+        if better and len(progress.best_position):
             back = progress.best_position, progress.best_orientation, progress.best_lid
         elif progress.smallest < min(progress.first, 0.0):
             # the grains cannot be parted: they overlapped less where they were
@@ -402,16 +404,18 @@ class Settler(Examined):
             self._part_tightly()
         if wedged or (not overlap and (calm or last or progress.still_steps % preset.examined == 0)):
             self._examine(USUAL)
-            if progress.smallest < 0.0 and progress.moving < enough and not wedged:
+            if progress.smallest < 0.0 and progress.moving <= enough and not wedged:
                 # a wall that is as round as the grains
                 self._part_tightly()
                 self._examine(USUAL)
-            last = last or (progress.moving < enough and progress.smallest >= 0.0)
+            # most of the grains that do not rest yet may do so soon
+            progress.trials += int(progress.moving <= enough and progress.smallest >= 0.0)
+            last = last or progress.trials > (0 if progress.moving <= UNPROVEN else TRIALS)
         elif calm or long:
             progress.length *= max(min(1.0, COMPRESSED * preset.kept / deepest), HARDER)
             progress.velocity = np.zeros((0, 6))
         if last:
-            self._end()
+            self._end(begun=is_direct(bed))
 
     def _close(self) -> None:
         """Part surfaces that are not proven to be separate; then go on with the contacts of their triangles."""
