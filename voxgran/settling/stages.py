@@ -32,7 +32,6 @@ from voxgran.settling.examination import (
 )
 from voxgran.settling.fall import fall_step, is_slow, random_pull, stop_falling
 from voxgran.settling.impulses import Fall
-from voxgran.settling.interior_point import is_direct
 from voxgran.settling.materials import friction_of, friction_range
 from voxgran.settling.parameters import Settling
 from voxgran.settling.parting import part_grains
@@ -204,14 +203,13 @@ class Settler(Examined):
     def _grow(self) -> None:
         """Make a step of growth."""
         assert self.small is not None
-        steps, small = self._growth_steps(), self.small[self.bed.order]
-        part = (self.progress.stage_step + 1) / steps
+        small, part = self.small[self.bed.order], (self.progress.stage_step + 1) / self._growth_steps()
         self.bed.resize(small + (1.0 - small) * part)
         # with friction grains would be wedged between fixed ones and walls, and a lid would sink to where they overlap
         lid, self.bed.bodies[-1, 6] = self.bed.bodies[-1, 6], 0.0
         self._advance(None, self._fall if self.bed.fixed is None else self._fall._replace(friction=0.0))
         self.bed.bodies[-1, 6] = lid
-        if self.progress.stage_step + 1 >= steps:
+        if part >= 1.0:
             self.progress.stage = FALL
 
     def _growth_steps(self) -> int:
@@ -256,8 +254,7 @@ class Settler(Examined):
         progress, unit = self.progress, round(1.0 / self._fall.step)
         self._advance(None)
         progress.heights = np.append(progress.heights, self.bed.height)[-unit - 1 :]
-        shortest = CREEPING if self._slips else SHORTEST
-        lasted = progress.stage_step + 1 >= shortest * unit
+        lasted = progress.stage_step + 1 >= (CREEPING if self._slips else SHORTEST) * unit
         if self._slips:
             # without friction grains go on trembling
             calm = abs(progress.heights[0] - progress.heights[-1]) < SINKING
@@ -368,8 +365,7 @@ class Settler(Examined):
     def _end(self, *, begun: bool = False) -> None:
         """Examine the bed for the last time; let it fall again, or go back to a former one that was better."""
         progress, bed = self.progress, self.bed
-        if not (begun and self._frictionless):
-            self._examine(THOROUGH, begun=begun)
+        self._examine(THOROUGH, begun=begun)
         if not self._rests() and progress.best > 1.0 - self.how.rest and progress.falls < self._more_falls:
             progress.stage, progress.heights, progress.substep = AGAIN, np.zeros(0), 0.0
             progress.falls, progress.still_steps, progress.trials = progress.falls + 1, 0, 0
@@ -408,14 +404,14 @@ class Settler(Examined):
                 # a wall that is as round as the grains
                 self._part_tightly()
                 self._examine(USUAL)
-            # most of the grains that do not rest yet may do so soon
+            # most of the last grains come to rest a little later
             progress.trials += int(progress.moving <= enough and progress.smallest >= 0.0)
             last = last or progress.trials > (0 if progress.moving <= UNPROVEN else TRIALS)
         elif calm or long:
             progress.length *= max(min(1.0, COMPRESSED * preset.kept / deepest), HARDER)
             progress.velocity = np.zeros((0, 6))
         if last:
-            self._end(begun=is_direct(bed))
+            self._end(begun=True)
 
     def _close(self) -> None:
         """Part surfaces that are not proven to be separate; then go on with the contacts of their triangles."""
