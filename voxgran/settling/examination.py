@@ -10,6 +10,7 @@ import numpy as np
 
 from voxgran.contacts.manifolds.rows import SURFACE
 from voxgran.settling.equilibrium import balance_bed
+from voxgran.settling.interior_point import is_direct
 from voxgran.settling.materials import FrictionTable
 from voxgran.settling.parameters import Settling
 from voxgran.settling.parting import part_grains
@@ -74,6 +75,9 @@ class Examined(Resumable):
     def _examine(self, iterations: int, *, begun: bool = False) -> None:
         """Note how well forces at the contacts balance the grains; `begun` says that those of before nearly do."""
         bed, progress = self.bed, self.progress
+        if begun and self._frictionless and is_direct(bed):
+            # the forces of before are the best ones
+            return
         found = balance_bed(
             bed, self.friction, reach=TOUCHING, tolerance=RESIDUAL, iterations=iterations,
             sweeps=0 if self._frictionless or begun else SWEPT, hopeless=HOPELESS if iterations == QUICK else math.inf,

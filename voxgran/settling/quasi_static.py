@@ -50,7 +50,7 @@ FRICTIONAL = SolverPreset(KEPT, 0.1, 0.1, first=0.3, last=0.1, steps=150, late=7
 #: at the latest; and of shapes that are not convex without friction
 SOFT = (
     SolverPreset(KEPT, 0.1, 0.1, first=3e-4, last=0.0, steps=200, examined=4, late=20),
-    SolverPreset(KEPT, 0.1, 0.1, first=1e-4, last=0.0, steps=150, examined=1, late=2),
+    SolverPreset(KEPT, 0.1, 0.1, first=1.6e-4, last=0.0, steps=150, examined=6, late=2),
 )
 FRICTIONLESS = SolverPreset(KEPT, 0.1, 0.03, first=0.2, last=0.05, steps=60)
 #: of meshes that are not convex: by grids of distances, the same where it is known by how much these are wrong, then by

@@ -203,14 +203,13 @@ class Settler(Examined):
     def _grow(self) -> None:
         """Make a step of growth."""
         assert self.small is not None
-        steps, small = self._growth_steps(), self.small[self.bed.order]
-        part = (self.progress.stage_step + 1) / steps
+        small, part = self.small[self.bed.order], (self.progress.stage_step + 1) / self._growth_steps()
         self.bed.resize(small + (1.0 - small) * part)
         # with friction grains would be wedged between fixed ones and walls, and a lid would sink to where they overlap
         lid, self.bed.bodies[-1, 6] = self.bed.bodies[-1, 6], 0.0
         self._advance(None, self._fall if self.bed.fixed is None else self._fall._replace(friction=0.0))
         self.bed.bodies[-1, 6] = lid
-        if self.progress.stage_step + 1 >= steps:
+        if part >= 1.0:
             self.progress.stage = FALL
 
     def _growth_steps(self) -> int:
@@ -255,8 +254,7 @@ class Settler(Examined):
         progress, unit = self.progress, round(1.0 / self._fall.step)
         self._advance(None)
         progress.heights = np.append(progress.heights, self.bed.height)[-unit - 1 :]
-        shortest = CREEPING if self._slips else SHORTEST
-        lasted = progress.stage_step + 1 >= shortest * unit
+        lasted = progress.stage_step + 1 >= (CREEPING if self._slips else SHORTEST) * unit
         if self._slips:
             # without friction grains go on trembling
             calm = abs(progress.heights[0] - progress.heights[-1]) < SINKING
@@ -373,7 +371,7 @@ class Settler(Examined):
             progress.falls, progress.still_steps, progress.trials = progress.falls + 1, 0, 0
             return
         back, better = None, progress.smallest < 0.0 or progress.best < progress.moving
-        if not self._rests() and better and len(progress.best_position):
+        if better and len(progress.best_position):
             back = progress.best_position, progress.best_orientation, progress.best_lid
         elif progress.smallest < min(progress.first, 0.0):
             # the grains cannot be parted: they overlapped less where they were
@@ -402,16 +400,18 @@ class Settler(Examined):
             self._part_tightly()
         if wedged or (not overlap and (calm or last or progress.still_steps % preset.examined == 0)):
             self._examine(USUAL)
-            if progress.smallest < 0.0 and progress.moving < enough and not wedged:
+            if progress.smallest < 0.0 and progress.moving <= enough and not wedged:
                 # a wall that is as round as the grains
                 self._part_tightly()
                 self._examine(USUAL)
-            last = last or (progress.moving < enough and progress.smallest >= 0.0)
+            # most of the last grains come to rest a little later
+            progress.trials += int(progress.moving <= enough and progress.smallest >= 0.0)
+            last = last or progress.trials > (0 if progress.moving <= UNPROVEN else TRIALS)
         elif calm or long:
             progress.length *= max(min(1.0, COMPRESSED * preset.kept / deepest), HARDER)
             progress.velocity = np.zeros((0, 6))
         if last:
-            self._end()
+            self._end(begun=True)
 
     def _close(self) -> None:
         """Part surfaces that are not proven to be separate; then go on with the contacts of their triangles."""
