@@ -237,11 +237,15 @@ def search_triangles(
     while depth > 0:
         depth -= 1
         node = stack[depth]
-        if square_to_box(low, high, node, x, y, z) > best:
-            continue
-        if node < leaves:
-            push_halves(low, high, node, x, y, z, stack, depth)
-            depth += 2
+        near = square_to_box(low, high, node, x, y, z)
+        while near <= best and node < leaves:
+            # the nearer half at once, the other one later
+            left = 2 * node + 1
+            one, two = square_to_box(low, high, left, x, y, z), square_to_box(low, high, left + 1, x, y, z)
+            node, stack[depth] = (left, left + 1) if one <= two else (left + 1, left)
+            near = min(one, two)
+            depth += 1 if max(one, two) <= best else 0
+        if near > best:
             continue
         for k in range(start[node, 0], start[node, 1]):
             px, py, pz, part = closest_on_triangle(corners, k, x, y, z)
@@ -274,9 +278,17 @@ def encloses(
 @kernel
 def _find_nearest(points, tree, reach, distance, nearest, triangle, first, stop):  # type: ignore[no-untyped-def]
     """Write signed distance, nearest point and triangle of each point of a block."""
+    stack, k = np.zeros(STACK, dtype=np.int64), -1
     for p in range(first, stop):
         x, y, z = points[p, 0], points[p, 1], points[p, 2]
-        square, k, feature, qx, qy, qz = nearest_triangle(tree, x, y, z, reach)
+        bound = reach
+        if k >= 0:
+            # points come in order, mostly: what was nearest to the one before is near to the next
+            qx, qy, qz, _ = closest_on_triangle(tree.corners, k, x, y, z)
+            bound = min(reach, 1.000001 * math.sqrt((qx - x) ** 2 + (qy - y) ** 2 + (qz - z) ** 2))
+        square, k, feature, qx, qy, qz = search_triangles(
+            tree.corners, tree.low, tree.high, tree.start, x, y, z, bound, stack
+        )
         if k < 0:
             continue
         inside = is_behind(tree.normals, k, feature, x - qx, y - qy, z - qz)

@@ -72,8 +72,8 @@ STEPS, ROUNDS, PARTED = 400, 12, 1e-4
 #: relative change of the volume that counts as none, and shear strain at constant volume from which on grains yield:
 #: the fabric follows the strain by then, and with it the stress that they bear; steps over which that is a mean
 SAME_VOLUME, SHEARED, WINDOW = 0.01, 0.4, 30
-#: distance up to which contacts are found in a step, and farthest that a grain moves in it
-MARGIN, FAR = 0.1, 0.1
+#: distance up to which contacts are found in a step, and farthest that a grain moves in it, and with exact contacts
+MARGIN, FAR, NEAR = 0.1, 0.1, 2e-3
 
 
 @dataclass(frozen=True, slots=True)
@@ -237,7 +237,7 @@ class Compressor(Resumable):
         )  # fmt: skip
         bed.keep_forces(forces)
         self._note(forces)
-        bed.move(accelerations * size, TRIANGLES.most if exact else FAR)
+        bed.move(accelerations * size, NEAR if exact else FAR)
         strain = accelerations[-1, :3] * size
         progress.factors *= 1.0 + strain
         bed.stretch(1.0 + strain, stretched(self.container, progress.factors.tolist()))

@@ -163,6 +163,26 @@ def test_grains_are_parted_as_far_as_contacts_that_are_found_anew_say(assembly):
     assert abs(bed.gap.min() - smallest) < 1e-6
 
 
+def test_what_is_known_of_pairs_follows_them_to_a_new_list(assembly):
+    """Lists of triangles stay as they were made where grains hardly move, and no contact is missed."""
+    bed, generator = Bed(assembly, DOWN, exact=True), np.random.Generator(np.random.Philox(3))
+    here, many, before = bed.grains.position.copy(), np.flatnonzero(np.arange(bed.count) % 3), {}
+    # a few pairs are listed, then more than there was room for, then all but those of one grain
+    for away, kept in ((many, 0), (many[:0], 20), (many[:1], 100)):
+        fresh = Bed(assembly, DOWN, exact=True)
+        bed.grains.position[:] = here + 1e-4 * generator.normal(size=here.shape)
+        bed.grains.position[away, 2] += 100.0 * (1 + np.arange(len(away)))
+        fresh.grains.position[:], bed.listed = bed.grains.position, False
+        for one in (bed, fresh):
+            one.find(MARGIN, REST)
+        np.testing.assert_allclose(bed.rows.row[: bed.m], fresh.rows.row[: fresh.m], rtol=0, atol=1e-12)
+        work = bed.finders._surface_work.arrays
+        some = work.key[:, 1, 2] >= 0
+        held = dict(zip(map(tuple, work.key[some, 1, :2].tolist()), work.pose[some, 1, :12].tolist(), strict=True))
+        assert sum(before[pair] == held[pair] for pair in held.keys() & before.keys()) >= kept
+        before = held
+
+
 def touching(bed, sides, margin):
     """Return the pairs (k, 2) of spheres nearer than a margin, in a box that is periodic across z, by all pairs."""
     i, j = np.triu_indices(bed.count, 1)

@@ -285,7 +285,8 @@ def _tree_of_spheres(centers: Floats, radii: Floats) -> tuple[TriangleTree, Floa
 def _fans(vertices: Floats, faces: Integers, order: Integers) -> tuple[Floats, Integers]:
     """Return the unit vectors along the edges that leave each vertex, and their rows for each corner of a triangle."""
     ends = np.concatenate([faces[:, [0, 1]], faces[:, [1, 2]], faces[:, [2, 0]]])
-    ends = np.unique(np.concatenate([ends, ends[:, ::-1]]), axis=0)
+    # numbers are sorted in a tenth of the time of rows
+    ends = np.column_stack(divmod(np.unique(np.concatenate([ends, ends[:, ::-1]]) @ [len(vertices), 1]), len(vertices)))
     along = vertices[ends[:, 1]] - vertices[ends[:, 0]]
     along = along / np.maximum(np.linalg.norm(along, axis=1), 1e-300)[:, None]
     edge = np.searchsorted(ends[:, 0], np.arange(len(vertices) + 1))

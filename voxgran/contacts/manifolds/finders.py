@@ -13,10 +13,11 @@ from voxgran.contacts.manifolds.convex_bodies import convex_bodies, convex_work,
 from voxgran.contacts.manifolds.convex_contacts import find_convex_contacts
 from voxgran.contacts.manifolds.distance_grids import surface_bodies
 from voxgran.contacts.manifolds.outline_contacts import find_outline_contacts, outline_bodies
+from voxgran.contacts.manifolds.pair_list import no_pairs
 from voxgran.contacts.manifolds.rows import CONVEX, OUTLINE, SPHERE, SURFACE, ContactRows, Grains, PairList, Search
 from voxgran.contacts.manifolds.sphere_contacts import find_sphere_contacts
 from voxgran.contacts.manifolds.surface_contacts import find_surface_contacts
-from voxgran.contacts.manifolds.surface_memory import surface_work
+from voxgran.contacts.manifolds.surface_memory import follow_pairs, surface_work
 from voxgran.contacts.manifolds.triangle_contacts import find_triangle_contacts, prove_separate
 from voxgran.contacts.manifolds.wall_bodies import Lid, wall_bodies
 from voxgran.contacts.manifolds.wall_contacts import find_wall_contacts
@@ -85,7 +86,7 @@ class ContactFinders:
             self._convex_work = convex_work(convex_bodies(assembly.shapes, hulls=hulls), grains)
         if SURFACE in self.kinds:
             self._surfaces = surface_bodies(assembly.shapes)
-            self._surface_work = surface_work(self._surfaces, 0)
+            self._surface_work, self._remembered = surface_work(self._surfaces, 0), no_pairs()
         if OUTLINE in self.kinds:
             self._outlines = outline_bodies(assembly.shapes)
 
@@ -96,7 +97,7 @@ class ContactFinders:
 
         All are (m,); gaps are infinite beyond reach.
         """
-        self._make_room(len(pairs.i))
+        self._remember(pairs)
         gap, proven = prove_separate(grains, pairs, self._surface_work, rows, reach)
         return gap, proven, pairs_of_kind(grains, pairs, SURFACE)
 
@@ -115,10 +116,11 @@ class ContactFinders:
         bodies = self._outlines.arrays
         return bool(((np.diff(bodies.start) > 0) & (bodies.convex == 0)).any())
 
-    def _make_room(self, size: int) -> None:
-        """Make room for the memory of pairs."""
-        if size > len(self._surface_work.arrays.key):
-            self._surface_work = surface_work(self._surfaces, size + size // 4)
+    def _remember(self, pairs: PairList) -> None:
+        """Let the memory of pairs follow them to their rows in a new list."""
+        if pairs.i is not self._remembered.i:
+            follow_pairs(self._surface_work, self._remembered, pairs)
+            self._remembered = pairs
 
     def move_walls(self, container: Container) -> None:
         """Take over a container of the same kind, whose walls have moved."""
@@ -144,7 +146,7 @@ class ContactFinders:
         if m >= 0 and CONVEX in self.kinds:
             m = find_convex_contacts(search, self._convex_work, rows, m)
         if m >= 0 and SURFACE in self.kinds:
-            self._make_room(len(pairs.i))
+            self._remember(pairs)
             find = find_triangle_contacts if self.exact else find_surface_contacts
             m = find(search, self._surface_work, rows, m)
         if m >= 0 and OUTLINE in self.kinds:

@@ -14,7 +14,7 @@ from voxgran._base.arrays import Floats, Integers
 from voxgran._base.kernels import bare_kernel
 from voxgran.contacts.manifolds.blocks import Blocks
 from voxgran.contacts.manifolds.distance_grids import SurfaceBodies
-from voxgran.contacts.manifolds.rows import ContactRows, Grains, Pair, write_contact
+from voxgran.contacts.manifolds.rows import ContactRows, Grains, Pair, PairList, write_contact
 from voxgran.geometry.vectors import Vector, along, dot, rotate_back, row_of, sub, vector_at
 
 #: points that are kept of a pair, and pairs of triangles
@@ -92,16 +92,10 @@ def surface_work(bodies: SurfaceBodies, cap: int) -> Blocks[SurfaceWork]:
     scratch = max(LISTED, int(2 * counts[0]), int(counts[4]))
     work = SurfaceWork(
         bodies=bodies,
-        gap=np.full(cap, np.inf),
-        proven=np.zeros(cap, dtype=np.bool_),
-        pose=np.zeros((cap, 2, 20)),
-        last=np.zeros((cap, 14)),
-        key=np.tile(np.array([-1, -1, -1, 0, 0]), (cap, 2, 1)),
-        leaf=np.zeros((cap, POINTS), dtype=np.int32),
+        **_rows_of_pairs(cap),
         near=np.zeros((FIRST * cap, 2), dtype=np.int32),
         apart=np.zeros(FIRST * cap),
         used=np.zeros(1, dtype=np.int64),
-        saved=np.zeros((cap, 2), dtype=np.int64),
         candidate=np.zeros((scratch, 8)),
         now=np.zeros(28),
         turn=np.zeros((2, 12)),
@@ -116,6 +110,36 @@ def surface_work(bodies: SurfaceBodies, cap: int) -> Blocks[SurfaceWork]:
         span=np.zeros(2, dtype=np.int64),
     )
     return Blocks(work, SCRATCH)
+
+
+def _rows_of_pairs(cap: int) -> dict[str, Any]:
+    """Return the arrays that have a row for each of `cap` pairs, of which nothing is known."""
+    return {
+        "gap": np.full(cap, np.inf),
+        "proven": np.zeros(cap, dtype=np.bool_),
+        "pose": np.zeros((cap, 2, 20)),
+        "last": np.zeros((cap, 14)),
+        "key": np.tile(np.array([-1, -1, -1, 0, 0]), (cap, 2, 1)),
+        "leaf": np.zeros((cap, POINTS), dtype=np.int32),
+        "saved": np.zeros((cap, 2), dtype=np.int64),
+    }
+
+
+def follow_pairs(work: Blocks[SurfaceWork], old: PairList, new: PairList) -> None:
+    """Move what is remembered of the pairs of a list to their rows in another one; both are in lexical order."""
+    arrays, size = work.arrays, len(new.i)
+    cap = len(arrays.key) if size <= len(arrays.key) else size + size // 4
+    made, many = _rows_of_pairs(cap), int(max(old.j.max(initial=0), new.j.max(initial=0))) + 1
+    before, now = many * old.i + old.j, many * new.i + new.j
+    # images of one pair keep their order; poses tell whether they are the same ones
+    row = np.searchsorted(before, now) + np.arange(size) - np.searchsorted(now, now)
+    some = np.flatnonzero(np.append(before, np.full(size, -1))[row] == now)
+    for name in ("pose", "last", "key", "leaf"):
+        made[name][some] = getattr(arrays, name)[row[some]]
+    if cap > len(arrays.key):
+        more = max(FIRST * cap - len(arrays.apart), 0)
+        made |= {"near": np.pad(arrays.near, ((0, more), (0, 0))), "apart": np.pad(arrays.apart, (0, more))}
+    work.replace(**made)
 
 
 def tidy(work: Blocks[SurfaceWork], size: int) -> None:
