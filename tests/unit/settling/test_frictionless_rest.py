@@ -144,7 +144,7 @@ def test_beds_rest_and_no_small_motion_lets_them_sink(kind):
     bed = vg.pack(SHAPES[kind](), box, "gravity", count=40, friction=0.0, seed=2)
     assert bed.stop_reason == "settled"
     assert bed.verify().ok
-    assert vg.equilibrium(bed, 0.0).attrs["share_at_rest"] >= 0.95
+    assert vg.equilibrium(bed, 0.0).attrs["share_at_rest"] >= (0.99 if kind == "hulls" else 0.95)
     # grains that rest may rise or sink by motions of which no part is larger than 1
     assert least_descent(bed) < 0.03
     rough = vg.pack(SHAPES[kind](), box, "gravity", count=40, seed=2)
