@@ -17,24 +17,11 @@ from voxgran.contacts.assembly import Assembly
 from voxgran.contacts.manifolds.rows import SURFACE
 from voxgran.settling.bed import Bed
 from voxgran.settling.closing import close_round
-from voxgran.settling.examination import (
-    AFTER_PARTING,
-    CALM,
-    EARLY,
-    EVERY,
-    PARTED,
-    RESIDUAL,
-    ROUNDS,
-    THOROUGH,
-    TRIALS,
-    USUAL,
-    Examined,
-)
+from voxgran.settling.examination import AFTER_PARTING, CALM, EARLY, EVERY, RESIDUAL, THOROUGH, TRIALS, USUAL, Examined
 from voxgran.settling.fall import fall_step, is_slow, random_pull, stop_falling
 from voxgran.settling.impulses import Fall
 from voxgran.settling.materials import friction_of, friction_range
 from voxgran.settling.parameters import Settling
-from voxgran.settling.parting import part_grains
 from voxgran.settling.progress import (
     AGAIN,
     CLOSING,
@@ -359,7 +346,7 @@ class Settler(Examined):
             self._examine(USUAL)
         if last or (progress.moving < enough and progress.smallest >= 0.0):
             if progress.smallest < 0.0 and not progress.exact:
-                part_grains(self.bed, PARTED, ROUNDS)
+                self._part_tightly()
             self._end()
 
     def _end(self, *, begun: bool = False) -> None:

@@ -7,6 +7,7 @@ import voxgran as vg
 from voxgran._base.errors import InputError
 from voxgran.packing.settling_run import normalized_assembly
 from voxgran.settling.parameters import Settling
+from voxgran.settling.parting import part_grains
 from voxgran.settling.progress import AGAIN, ENDED, STILL
 from voxgran.settling.quasi_static import FRICTIONAL, GRIDS, TRIANGLES
 from voxgran.settling.stages import ROOM_ROUNDS, Settler
@@ -224,3 +225,21 @@ def test_grains_that_would_fall_without_end_are_refused():
     grains = vg.Packing.of(vg.shapes.sphere(), vg.Box((4, 4, 8)), position=[(1, 1, 1), (2, 2, 5)], scale=[2e-6] * 2)
     with pytest.raises(InputError, match=r"4e\+06 median diameters high along gravity: grains fall through at most"):
         vg.settle(grains, gravity="-z")
+
+
+def test_a_bed_that_cannot_be_parted_far_is_parted_a_little_and_not_put_back(resting, monkeypatch):
+    """Where parting to the usual distance leaves overlaps after the last step, less distance is enough."""
+    settler, position = examined(resting)
+    least = settler.bed.gap.min()
+    settler.bed.resize(np.full(settler.bed.count, 1.0 + 2.0 * least))
+
+    def part(bed, distance, rounds, **more):
+        return -1e-5 if distance > 1e-9 else part_grains(bed, distance, rounds, **more)
+
+    monkeypatch.setattr("voxgran.settling.examination.part_grains", part)
+    monkeypatch.setattr("voxgran.settling.stages.part_grains", part, raising=False)
+    settler.progress.best, settler.progress.best_position = 1.0, np.zeros((0, 3))
+    settler.progress.falls = 1
+    settler._judge(settler._preset, last=True)
+    assert settler.progress.smallest >= 0.0
+    assert not np.array_equal(settler.bed.grains.position, position)
