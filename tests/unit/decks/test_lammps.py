@@ -234,7 +234,7 @@ def test_collisions_have_the_restitution_that_was_asked(lammps, radii, law, tmp_
         vg.Cylinder(2.5, 7, origin=(0, 0, 0)),
         vg.Sphere(3.5),
         vg.Hopper(3.5, 2.4, 65, bin_height=4),
-        # walls of the same kinds as those of the hopper and the cylinder
+        # the hopper and the cylinder have walls of the same kinds
         slow(vg.Funnel(1, 3, 5)),
         slow(vg.Drum(3, 4, "y")),
         vg.ClosedMesh(vg.make_shape("convex_polyhedron", seed=1).scaled(6.0)),

@@ -27,7 +27,7 @@ from voxgran.contacts.manifolds.surface_memory import (
     write_spread,
 )
 from voxgran.contacts.manifolds.triangle_depths import crossing_depths
-from voxgran.contacts.manifolds.triangle_features import is_minimum, nearest_features, place_triangle, turned
+from voxgran.contacts.manifolds.triangle_features import is_minimum, nearest_features, place_triangle
 from voxgran.contacts.manifolds.triangle_lists import least_distance, near_triangles
 from voxgran.geometry.tree import encloses
 from voxgran.geometry.vectors import along, corner_of, dot, rotate, sub, times, vector_at
@@ -61,12 +61,12 @@ def exact_candidates(
     pierce = solid_i != 0 and solid_j != 0
     wide = (margin + FARTHER) / unit
     spare, k, low, best, last = work.candidate[len(work.candidate) - 1], 0, 1e9, 1e9, -1
-    normal = 0.0, 0.0, 0.0
+    normal, relative = (0.0, 0.0, 0.0), pose[3:12].reshape((3, 3))
     for q in range(count):
         s, t = work.found[q, 0], work.found[q, 1]
         if t != last:
             place_triangle(bodies.corner, t, pose, stretch, placed, 0)
-            normal, last = turned(pose, corner_of(bodies.pseudo, t, 0)), t
+            normal, last = rotate(relative, corner_of(bodies.pseudo, t, 0)), t
         skin = bodies.skin[s, 0] + bodies.skin[t, 0] * stretch
         square, mine, theirs = nearest_features(
             bodies.corner,

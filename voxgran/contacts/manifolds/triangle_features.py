@@ -33,17 +33,6 @@ def place_triangle(corner: Floats, t: int, pose: Floats, stretch: float, placed:
 
 
 @inlined_kernel
-def turned(pose: Floats, direction: Vector) -> Vector:
-    """Return a direction of j in the frame of i."""
-    x, y, z = direction
-    return (
-        pose[3] * x + pose[4] * y + pose[5] * z,
-        pose[6] * x + pose[7] * y + pose[8] * z,
-        pose[9] * x + pose[10] * y + pose[11] * z,
-    )
-
-
-@inlined_kernel
 def _side_of(normal, one, a, other, b, points):  # type: ignore[no-untyped-def]
     """Write the heights of the corners of other[b] over the plane of one[a] to points[6:9]; return their bound.
 

@@ -70,10 +70,9 @@ def packing_of_labels(
     -------
     Packing
         In the box of the image; each grain has a shape of its own. The contact gap is the edge of a voxel, or of the
-        cube of its volume. Where grains that the border cuts were left out the
-        container is the box around the others, along axes that do not repeat: beyond it the sample is not known. What
-        those left out took within it counts as void, so that solid fractions are those of the sample with ``"keep"``
-        only.
+        cube of its volume. Where grains that the border cuts were left out, the container is the box around the
+        others, along axes that do not repeat: beyond it the sample is not known. Grains that were left out count as
+        void in this box, so that solid fractions are correct with ``"keep"`` only.
 
     Raises
     ------

@@ -82,7 +82,7 @@ class Twin(ExplainedAttributes):
         Parameters
         ----------
         packing : Packing
-            The other packing, in any unit. Labels become the solids that those of the sample have become.
+            The other packing, in any unit. Its labels become solids of the same kind as the labels of the sample.
 
         Returns
         -------

@@ -118,9 +118,10 @@ def load_labels(
     Warns
     -----
     PackingWarning
-        If labels have several pieces, grains that are kept are cut by the border of the image, or labels are specks
-        that no border cuts: fewer than 27 voxels, and a tenth of those of the grains that hold half the volume, and
-        more than there are labels of up to ten times as many voxels, which grains of wide distributions have not.
+        If labels have several pieces, the border of the image cuts grains that are kept, or labels are specks. Specks
+        are whole labels with fewer than 27 voxels and less than a tenth of the voxels of the median grain by volume.
+        They are reported only if they outnumber the labels with up to ten times as many voxels, as noise does and the
+        fine grains of a wide distribution do not.
 
     Examples
     --------
