@@ -117,8 +117,10 @@ def _spheres(shape: Shape) -> tuple[float, float]:
 
 
 def _sphere_of_primitive(geometry: Primitive) -> float:
-    """Return the diameter of the largest sphere in a box, ellipsoid, cylinder or cone."""
+    """Return the diameter of the largest sphere in a box, ellipsoid, cylinder, cone or spherocylinder."""
     first, *rest = geometry.dimensions
+    if geometry.kind == "spherocylinder":
+        return 2.0 * first
     if geometry.kind == "cylinder":
         return min(2.0 * first, rest[0])
     if geometry.kind == "cone":
