@@ -1,8 +1,8 @@
 """Grains as convex parts, in the rows of numbers that the kernels of the contact tests use.
 
 A sphere is a point with a margin, a spherocylinder a segment with a margin, a union of spheres consists of several
-spheres, and an ellipsoid, box, cylinder or cone is one part. The rows are those of :mod:`voxgran.geometry.support`, rotated and scaled to the poses of the grains,
-relative to their centroids.
+spheres, and an ellipsoid, box, cylinder or cone is one part. The rows are those of :mod:`voxgran.geometry.support`,
+rotated and scaled to the poses of the grains, relative to their centroids.
 """
 
 from typing import NamedTuple

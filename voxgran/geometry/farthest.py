@@ -11,7 +11,7 @@ HALVINGS = 200
 
 @bare_kernel
 def farthest_of_row(row: Floats, x: float, y: float, z: float) -> float:
-    """Return the largest distance from the origin of an ellipsoid, box, cylinder, cone or spherocylinder centered at (x, y, z).
+    """Return the largest distance from the origin of a solid, which is no point, centered at (x, y, z).
 
     row: of :mod:`voxgran.geometry.support`. The farthest point of a ring lies on the side away from the origin. On an
     ellipsoid with the semi-axes a it is p + a u with u = a p / (m - a ** 2), where the multiplier m is the root above

@@ -2,8 +2,8 @@
 
 A solid is a row of numbers: its kind, three dimensions and a rotation matrix; a triangle is its nine coordinates. A
 support function is also available for a solid *eroded* by a length r: the set of its points at a depth of at least r.
-The erosion of a box, cylinder, cone or spherocylinder is a smaller one; that of an ellipsoid has the support points s(n) - r n for r up
-to its smallest radius of curvature.
+The erosion of a box, cylinder, cone or spherocylinder is a smaller one; that of an ellipsoid has the support points
+s(n) - r n for r up to its smallest radius of curvature.
 """
 
 import math

@@ -249,5 +249,5 @@ class Primitive:
 
 
 def from_axis(points: Floats, length: float) -> Floats:
-    """Return the vectors (n, 3) to points (n, 3) from the nearest points of a segment of the z axis about the origin."""
+    """Return the vectors (n, 3) to points from the nearest points of a segment of the z axis about the origin."""
     return points - np.clip(points[:, 2:], -length / 2, length / 2) * [0.0, 0.0, 1.0]

@@ -1,7 +1,8 @@
 """Grains made of convex parts as tables of numbers: unions of spheres, primitives and convex meshes.
 
 Boxes and convex meshes are hulls of corners with flat faces, of which coplanar triangles make one. Spheres are corners
-with a radius, and spherocylinders hulls of two such corners. Ellipsoids, cylinders and cones are the rows of :mod:`voxgran.geometry.support`.
+with a radius, and spherocylinders hulls of two such corners. Ellipsoids, cylinders and cones are the rows of
+:mod:`voxgran.geometry.support`.
 """
 
 from collections.abc import Sequence

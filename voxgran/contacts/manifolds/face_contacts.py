@@ -110,8 +110,8 @@ def _shorten(rows, start, stop, point, known):  # type: ignore[no-untyped-def]
 def _write_face(grains, work, i, nx, ny, nz, ring):  # type: ignore[no-untyped-def]
     """Write the corners of the face of a grain that is most nearly perpendicular to n, relative to its centroid.
 
-    Return how many they are (0: no such face, 2: the side of a cylinder, cone or spherocylinder), the outward normal and the level of
-    the face, and half the width of a side.
+    Return how many they are (0: no such face, 2: the side of a cylinder, cone or spherocylinder), the outward normal
+    and the level of the face, and half the width of a side.
     """
     kind = work.bodies.kind[grains.shape[i]]
     if kind == 2 and work.radius[work.first[i]] > 0.0:

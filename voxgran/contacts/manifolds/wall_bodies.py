@@ -1,9 +1,9 @@
 """Tables of shapes by which contacts with walls are found.
 
 Against flat, cylindrical and spherical walls the extreme points of a grain decide: centers of spheres with their radii,
-corners of the convex hull, and of smooth solids rims, apices and support points. (Of a spherocylinder, its ends are.) In a closed mesh the walls may also
-protrude into faces of grains: its edges that are reentrant, seen from inside, are kept in a tree, with the surface of
-each shape in another.
+corners of the convex hull, and of smooth solids rims, apices and support points; a spherocylinder has the two spheres
+at its ends. In a closed mesh the walls may also protrude into faces of grains: its edges that are reentrant, seen from
+inside, are kept in a tree, with the surface of each shape in another.
 """
 
 import math

@@ -43,7 +43,7 @@ def support_of(kind: int, size: Floats, ring: int, vx: float, vy: float, vz: flo
 @bare_kernel
 def rings_of(kind: int) -> int:
     """Return how many smooth curves or surfaces of a kind have support points."""
-    return 0 if kind == POINTS or kind == SPHEROCYLINDER else (2 if kind == CYLINDER else 1)
+    return 0 if kind in (POINTS, SPHEROCYLINDER) else (2 if kind == CYLINDER else 1)
 
 
 @bare_kernel
