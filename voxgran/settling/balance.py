@@ -20,7 +20,8 @@ O'Donoghue & Candes 2015, Adaptive restart for accelerated gradient schemes, doi
 """
 
 import math
-from typing import NamedTuple
+from itertools import pairwise
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -28,6 +29,7 @@ from voxgran._base.arrays import Floats, Integers
 from voxgran._base.compiling.threads import in_blocks
 from voxgran._base.kernels import bare_kernel, inlined_kernel
 from voxgran._base.stopping import stop_if_asked
+from voxgran.contacts.manifolds.rounds import Rounds, rounds_of
 from voxgran.geometry.vectors import add, along, cross, dot, sub, times, vector_at
 from voxgran.settling.cell import (
     INVERSE_MASS,
@@ -97,12 +99,19 @@ def gauss_seidel_forces(
     forces in an iteration at which they end.
     """
     count = len(contacts.bodies)
-    work = np.empty((len(contacts.i), WORK))
-    _fill_work(contacts, forces, openness, skin, np.ones(count), work)
+    rounds = rounds_of(contacts.i, contacts.j, count, shared=len(contacts.cell.mobility) > 0)
+    rows, work = rounds.rows, np.empty((len(contacts.i), WORK))
+    _fill_work(contacts, forces, openness, skin, np.ones(count), rows, work)
     accelerations, state, ahead = net_accelerations(contacts, forces), np.empty((count, 8)), np.empty((count, 6))
+    state[:, :6], state[:, 6:] = accelerations, contacts.bodies[:, INVERSE_MASS : INVERSE_MOMENT + 1]
     rub = np.array(friction, dtype=np.float64, ndmin=1)
-    made = _gauss_seidel(contacts, work, state, rub, skin, iterations, tolerance, accelerations, ahead)
-    forces[:] = work[:, 12:15]
+    visited = contacts._replace(i=contacts.i[rows], j=contacts.j[rows])
+    solved = (visited, work, state, rub if len(rub) == 1 else rub[rows], skin, accelerations, ahead, rounds)
+    if len(rounds.bodies) == 2:
+        made = _gauss_seidel(*solved, np.empty((1, 3)), np.array([1.0, 0.0]), iterations, tolerance)
+    else:
+        made = _gauss_seidel_at_once(solved, iterations, tolerance)
+    forces[rows] = work[:, 12:15]
     return net_accelerations(contacts, forces), made
 
 
@@ -124,7 +133,7 @@ def accelerated_projected_gradient(
     m, j, last = len(contacts.i), contacts.j, len(contacts.bodies) - 1
     work, rub = np.empty((m, WORK)), np.array(friction, dtype=np.float64, ndmin=1)
     share = np.bincount(contacts.i, minlength=last + 1) + np.bincount(j[j >= 0], minlength=last + 1)
-    _fill_work(contacts, forces, np.zeros(m), 0.0, np.maximum(share, 1).astype(np.float64), work)
+    _fill_work(contacts, forces, np.zeros(m), 0.0, np.maximum(share, 1).astype(np.float64), np.arange(m), work)
     accelerations = net_accelerations(contacts, forces)
     new, extrapolated, state = accelerations.copy(), accelerations.copy(), np.array([1.0, 0.0])
     inverse = contacts.bodies[:, INVERSE_MASS : INVERSE_MOMENT + 1]
@@ -158,15 +167,16 @@ def accelerated_projected_gradient(
 
 
 @bare_kernel
-def _fill_work(contacts, forces, openness, skin, share, work):  # type: ignore[no-untyped-def]
-    """Write rows of `WORK` numbers of the contacts.
+def _fill_work(contacts, forces, openness, skin, share, rows, work):  # type: ignore[no-untyped-def]
+    """Write rows of `WORK` numbers of the contacts, in the order of `rows`.
 
     share: (n + 1,) in how many parts the mass of a body is split among its contacts; 1 where they are solved in turn.
     """
     bodies, gravity, last = contacts.bodies, contacts.gravity, len(contacts.bodies) - 1
     cell, deforms = contacts.cell, len(contacts.cell.mobility) > 0
-    for k in range(len(work)):
-        c, w, one, other = contacts.row[k], work[k], contacts.i[k], contacts.j[k]
+    for q in range(len(work)):
+        k = rows[q]
+        c, w, one, other = contacts.row[k], work[q], contacts.i[k], contacts.j[k]
         coupled = share[one] > 1.0
         normal, across = effective_at(c, 3, share[one] * bodies[one, 6], share[one] * bodies[one, 7], coupled)
         if other == last:
@@ -194,42 +204,73 @@ def _fill_work(contacts, forces, openness, skin, share, work):  # type: ignore[n
 
 
 @bare_kernel
-def _gauss_seidel(contacts, work, state, friction, skin, iterations, tolerance, accelerations, ahead):  # type: ignore[no-untyped-def]
-    """Solve for the forces in the rows, and return the number of iterations.
-
-    state: (n + 1, 8) and ahead: (n + 1, 6), to work with. The momentum begins anew where the accelerations move back
-    from the extrapolated ones.
-    """
-    bodies, last = contacts.bodies, len(contacts.bodies) - 1
-    for k in range(last + 1):
-        for c in range(6):
-            state[k, c] = accelerations[k, c]
-        state[k, 6], state[k, 7] = bodies[k, 6], bodies[k, 7]
-    t, momentum, made = 1.0, 0.0, 0
+def _gauss_seidel(  # type: ignore[no-untyped-def]
+    contacts, work, state, friction, skin, accelerations, ahead, rounds, sums, pace, iterations, tolerance
+):
+    """Solve for the forces in rows that are a single set, and return the number of iterations."""
+    made = 0
     while made < iterations:
-        for k in range(last + 1):
-            for c in range(6):
-                here = state[k, c]
-                state[k, c] = ahead[k, c] = here + momentum * (here - accelerations[k, c])
-                accelerations[k, c] = here
-        _sweep(contacts, work, state, friction, skin, momentum, False)
-        change, size = _sweep(contacts, work, state, friction, skin, momentum, True)
+        _visit(contacts, work, state, friction, skin, accelerations, ahead, rounds, sums, pace, True, True, 0, 1)
         made += 1
+        if sums[0, 0] <= tolerance * tolerance * sums[0, 1]:
+            break
+        _set_momentum(pace, sums[0, 2])
+    return made
+
+
+def _gauss_seidel_at_once(solved: tuple[Any, ...], iterations: int, tolerance: float) -> int:
+    """Do what `_gauss_seidel` does on all threads, round by round, the last one forwards and backwards in one."""
+    rounds: Rounds = solved[-1]
+    sums, pace, made = np.zeros((len(rounds.ends) - 1, 3)), np.array([1.0, 0.0]), 0
+    spans = list(pairwise(rounds.sets.tolist()))
+    turns = [*((span, True, False) for span in spans[:-1]), (spans[-1], True, True)]
+    turns += [(span, False, True) for span in spans[-2::-1]]
+    while made < iterations:
+        for (first, end), forth, back in turns:
+            in_blocks(_visit, end - first, *solved, sums, pace, forth, back, begin=first)
+        made += 1
+        change, size, turned = sums.sum(axis=0)
         if change <= tolerance * tolerance * size:
             break
-        if _turned(state, ahead, accelerations, contacts.cell.mobility) > 0.0:
-            t = 1.0
-        after = (1.0 + math.sqrt(1.0 + 4.0 * t * t)) / 2.0
-        momentum = (t - 1.0) / after
-        t = after
+        _set_momentum(pace, turned)
     return made
 
 
 @bare_kernel
-def _turned(state, ahead, before, mobility):  # type: ignore[no-untyped-def]
+def _visit(  # type: ignore[no-untyped-def]
+    contacts, work, state, friction, skin, accelerations, ahead, rounds, sums, pace, forth, back, first, end
+):
+    """Visit sets of contacts on the way forwards, backwards, or both; the first round also moves bodies ahead.
+
+    state: (n + 1, 8) accelerations, inverse masses and moments.  ahead: (n + 1, 6) extrapolated accelerations.  sums:
+    for each set, squares of the change since the iteration before and of the forces, and by how much bodies turn back.
+    pace: the numbers t and momentum.  The momentum begins anew where the accelerations move back from the extrapolated
+    ones.
+    """
+    blocks, momentum = len(rounds.bodies) - 1, pace[1]
+    for s in range(first, end):
+        begin, stop = rounds.ends[s], rounds.ends[s + 1]
+        if forth:
+            if s < blocks:
+                for k in range(rounds.bodies[s], rounds.bodies[s + 1]):
+                    for c in range(6):
+                        here = state[k, c]
+                        state[k, c] = ahead[k, c] = here + momentum * (here - accelerations[k, c])
+                        accelerations[k, c] = here
+            _sweep(contacts, work, state, friction, skin, momentum, False, begin, stop)
+        if back:
+            sums[s, 0], sums[s, 1] = _sweep(contacts, work, state, friction, skin, momentum, True, begin, stop)
+            sums[s, 2] = 0.0
+            if s < blocks:
+                span = rounds.bodies[s], rounds.bodies[s + 1]
+                sums[s, 2] = _turned(state, ahead, accelerations, contacts.cell.mobility, span[0], span[1])
+
+
+@bare_kernel
+def _turned(state, ahead, before, mobility, first, end):  # type: ignore[no-untyped-def]
     """Return the product, by mass, of the way back from extrapolated accelerations with the change since `before`."""
     turned = 0.0
-    for k in range(len(state)):
+    for k in range(first, end):
         for c in range(6):
             inverse = state[k, 6 + c // 3]
             if inverse > 0.0:
@@ -243,15 +284,15 @@ def _turned(state, ahead, before, mobility):  # type: ignore[no-untyped-def]
 
 
 @bare_kernel
-def _sweep(contacts, work, state, friction, skin, momentum, backwards):  # type: ignore[no-untyped-def]
-    """Visit all contacts once; extrapolate their forces on the way forwards, and compare them on the way backwards.
+def _sweep(contacts, work, state, friction, skin, momentum, backwards, begin, end):  # type: ignore[no-untyped-def]
+    """Visit contacts once; extrapolate their forces on the way forwards, and compare them on the way backwards.
 
     Return, of the way backwards, the square of the change since the iteration before, and that of the forces.
     """
-    m, last, own, change, size = len(work), len(state) - 1, len(friction) - 1, 0.0, 0.0
+    last, own, change, size = len(state) - 1, len(friction) - 1, 0.0, 0.0
     mobility, deforms = contacts.cell.mobility, len(contacts.cell.mobility) > 0
-    for q in range(m):
-        k = m - 1 - q if backwards else q
+    for q in range(begin, end):
+        k = begin + end - 1 - q if backwards else q
         c, one, other = work[k], contacts.i[k], contacts.j[k]
         normal, force = vector_at(c, 0), vector_at(c, 12)
         if not backwards:

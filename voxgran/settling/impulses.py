@@ -10,14 +10,17 @@ Moreau 1988, doi:10.1007/978-3-7091-2624-0_1. Macklin et al. 2019, doi:10.1145/3
 """
 
 import math
+from itertools import pairwise
 from typing import NamedTuple
 
 import numpy as np
 
 from voxgran._base.arrays import Floats, Integers
+from voxgran._base.compiling.threads import in_blocks
 from voxgran._base.kernels import bare_kernel, inlined_kernel, kernel
 from voxgran.contacts.assembly import Assembly
 from voxgran.contacts.manifolds.rows import ContactRows
+from voxgran.contacts.manifolds.rounds import rounds_of
 from voxgran.geometry.vectors import Vector, cross, dot
 from voxgran.settling.materials import FrictionTable
 
@@ -30,6 +33,8 @@ SLOW = 0.05
 #: overlap that is not opened, and how contacts yield while they open others: factors on the change of an impulse and on
 #: the impulse that is lost; those of a spring of angular frequency 1.57 / h with 5 times the critical damping
 LEFT, GAIN, LOSS = 2.5e-4, 0.9478, 0.0522
+#: phases of a step: free motion, at first and again, approach of bodies, impulses of before, and sweeps about the motion
+FREE, AGAIN, NOTE, TAKE_OVER, FORTH, MOVE, BACK, GIVE_BACK = range(8)
 #: numbers of a body: velocity (3), angular velocity (3), inverse mass and inverse moment of inertia
 BODY = 8
 
@@ -110,29 +115,24 @@ def effective_masses(row: Floats, a: Floats, b: Floats, paired: bool) -> tuple[f
 
 
 @bare_kernel
-def _prepare(rows, bodies, m, part):  # type: ignore[no-untyped-def]
-    """Write the effective masses, and scale the impulses of the last step."""
-    for k in range(m):
-        row, j = rows.row[k], rows.j[k]
-        normal, across = effective_masses(row, bodies[rows.i[k]], bodies[max(j, 0)], j >= 0)
+def _take_over(found, rows, bodies, part, axis, order, begin, end):  # type: ignore[no-untyped-def]
+    """Write the rows of found contacts in their order, with effective masses, and apply their impulses times `part`."""
+    for k in range(begin, end):
+        row, i, j = rows.row[k], rows.i[k], rows.j[k]
+        for column in range(14):
+            row[column] = found[order[k], column]
+        normal, across = effective_masses(row, bodies[i], bodies[max(j, 0)], j >= 0)
         row[14] = 1.0 / normal if normal > 0.0 else 0.0
         row[15] = 1.0 / across if across > 0.0 else 0.0
         for column in range(10, 14):
             row[column] *= part
-
-
-@bare_kernel
-def _apply_old(rows, bodies, m, axis):  # type: ignore[no-untyped-def]
-    """Apply the impulses of the last substep of the step before."""
-    for k in range(m):
-        row = rows.row[k]
         push = row[10]
         px, py, pz = push * row[0] + row[11], push * row[1] + row[12], push * row[2] + row[13]
         if px == 0.0 and py == 0.0 and pz == 0.0:
             continue
-        add_impulse(bodies[rows.i[k]], (row[3], row[4], row[5]), (-px, -py, -pz))
-        if rows.j[k] >= 0:
-            add_to_partner(bodies, rows.j[k], axis, (row[6], row[7], row[8]), (px, py, pz))
+        add_impulse(bodies[i], (row[3], row[4], row[5]), (-px, -py, -pz))
+        if j >= 0:
+            add_to_partner(bodies, j, axis, (row[6], row[7], row[8]), (px, py, pz))
 
 
 @inlined_kernel
@@ -157,16 +157,15 @@ def _held_back(row, ux, uy, uz, speed, limit):  # type: ignore[no-untyped-def]
 
 
 @bare_kernel
-def _sweep(rows, m, bodies, motion, axis, rate, fall, approach, moving):  # type: ignore[no-untyped-def]
-    """Make one projected Gauss-Seidel sweep over the impulses, backwards after the motion.
+def _sweep(rows, bodies, motion, axis, fall, approach, moving, begin, end):  # type: ignore[no-untyped-def]
+    """Make one projected Gauss-Seidel sweep over the impulses of contacts, backwards after the motion.
 
-    moving: whether gaps still close within this substep, at most by `rate` times themselves; overlaps are then opened
-    by a share of themselves. Otherwise bodies only stop, or rebound by the share `restitution` of their approach.
+    moving: whether gaps still close within this substep; overlaps are then opened by a share of themselves. Otherwise bodies only stop, or rebound by the share `restitution` of their approach.
     """
-    friction, restitution = fall.friction, fall.restitution
+    friction, restitution, rate = fall.friction, fall.restitution, fall.substeps / fall.step
     own = len(friction) - 1
-    for q in range(m):
-        k = q if moving else m - 1 - q
+    for q in range(begin, end):
+        k = q if moving else begin + end - 1 - q
         row, i, j = rows.row[k], rows.i[k], rows.j[k]
         a, da = bodies[i], motion[i]
         nx, ny, nz = row[0], row[1], row[2]
@@ -222,13 +221,13 @@ def _sweep(rows, m, bodies, motion, axis, rate, fall, approach, moving):  # type
 
 
 @bare_kernel
-def _note_approach(rows, bodies, m, approach):  # type: ignore[no-untyped-def]
+def _note_approach(rows, free, approach, begin, end):  # type: ignore[no-untyped-def]
     """Write the velocity with which the bodies of each contact approach each other; 0 where it is small."""
-    for k in range(m):
+    for k in range(begin, end):
         row, j = rows.row[k], rows.j[k]
-        speed = -normal_velocity(row, bodies[rows.i[k]], 3)
+        speed = -normal_velocity(row, free[rows.i[k]], 3)
         if j >= 0:
-            speed += normal_velocity(row, bodies[j], 6)
+            speed += normal_velocity(row, free[j], 6)
         approach[k] = speed if speed < -SLOW else 0.0
 
 
@@ -243,7 +242,61 @@ def normal_velocity(row: Floats, b: Floats, arm: int) -> float:
     )
 
 
+@bare_kernel
+def _move_freely(bodies, free, gravity, fall, again, first, end):  # type: ignore[no-untyped-def]
+    """Write velocities of free motion in a substep, and add what the impulses of contacts have changed in the last one.
+
+    The impulses of the contacts are still the same, if there was a substep before (`again`).
+    """
+    h, most = fall.step / fall.substeps, fall.most / fall.step
+    for i in range(first, end):
+        b = bodies[i]
+        square = b[0] * b[0] + b[1] * b[1] + b[2] * b[2]
+        slower = most / math.sqrt(square) if square > most * most else 1.0
+        for c in range(6):
+            changed = b[c] - free[i, c]
+            free[i, c] = b[c] * slower + gravity[c] * h if c < 3 else b[c]
+            if b[6] == 0.0:
+                changed = free[i, c] = 0.0
+            b[c] = free[i, c] + changed if again else free[i, c]
+
+
+@bare_kernel
+def _act(  # type: ignore[no-untyped-def]
+    found, rows, bodies, motion, gravity, fall, part, approach, free, rounds, phase, first, end
+):
+    """Do a phase of a step for sets of contacts, or for the blocks of bodies with these numbers."""
+    size = math.sqrt(gravity[0] ** 2 + gravity[1] ** 2 + gravity[2] ** 2)
+    unit = size if size > 0.0 else 1.0
+    axis, h = (gravity[0] / unit, gravity[1] / unit, gravity[2] / unit), fall.step / fall.substeps
+    for s in range(first, end):
+        order, begin, stop = rounds.rows, rounds.ends[s], rounds.ends[s + 1]
+        if phase == TAKE_OVER:
+            _take_over(found, rows, bodies, part, axis, order, begin, stop)
+        elif phase == GIVE_BACK:
+            for k in range(begin, stop):
+                for column in range(10, 14):
+                    found[order[k], column] = rows.row[k, column]
+        elif phase == NOTE:
+            _note_approach(rows, free, approach, begin, stop)
+        elif phase == FORTH or phase == BACK:
+            _sweep(rows, bodies, motion, axis, fall, approach, phase == FORTH, begin, stop)
+        elif phase == MOVE:
+            for i in range(rounds.bodies[s], rounds.bodies[s + 1]):
+                for c in range(6):
+                    motion[i, c] += h * bodies[i, c]
+        else:
+            _move_freely(bodies, free, gravity, fall, phase == AGAIN, rounds.bodies[s], rounds.bodies[s + 1])
+
+
 @kernel
+def _act_in_turn(found, rows, bodies, motion, gravity, fall, part, approach, free, rounds, plan):  # type: ignore[no-untyped-def]
+    """Do the phases of a step one after the other."""
+    for p in range(len(plan)):
+        phase, first, end = plan[p]
+        _act(found, rows, bodies, motion, gravity, fall, part, approach, free, rounds, phase, first, end)
+
+
 def advance_bodies(
     rows: ContactRows, m: int, bodies: Floats, motion: Floats, gravity: Floats, fall: Fall, part: float,
     approach: Floats,
@@ -253,40 +306,27 @@ def advance_bodies(
     gravity: (3,) acceleration.  part: factor on the impulses of the step before.  approach: (m,) to work with, where
     bodies rebound.
     """
-    h, most = fall.step / fall.substeps, fall.most / fall.step
+    rounds = rounds_of(rows.i[:m], rows.j[:m], len(bodies))
     motion[:] = 0.0
-    _prepare(rows, bodies, m, part)
-    size = math.sqrt(gravity[0] ** 2 + gravity[1] ** 2 + gravity[2] ** 2)
-    unit = size if size > 0.0 else 1.0
-    axis = gravity[0] / unit, gravity[1] / unit, gravity[2] / unit
-    # velocities of free motion in a substep, and then what the impulses of its contacts have changed in them
-    held = np.zeros((len(bodies), 6))
+    found, many = rows.row, len(rounds.bodies) > 2
+    if many:
+        own = fall.friction[rounds.rows] if len(fall.friction) > 1 else fall.friction
+        rows, fall = rows._replace(row=rows.old, i=rows.i[rounds.rows], j=rows.j[rounds.rows]), fall._replace(friction=own)
+    step = found, rows, bodies, motion, gravity, fall, part, approach, np.zeros((len(bodies), 6)), rounds
+    spans = list(pairwise(rounds.sets.tolist()))
+    first, plan = spans[0], []
     for substep in range(fall.substeps):
-        for i in range(len(bodies)):
-            b = bodies[i]
-            for c in range(6):
-                held[i, c] = b[c] - held[i, c]
-            if b[6] == 0.0:
-                b[:6] = held[i] = 0.0
-                continue
-            square = b[0] * b[0] + b[1] * b[1] + b[2] * b[2]
-            slower = most / math.sqrt(square) if square > most * most else 1.0
-            for c in range(3):
-                b[c] = b[c] * slower + gravity[c] * h
+        plan.append((AGAIN if substep else FREE, *first))
+        if not substep:
+            plan += [(TAKE_OVER, *span) for span in spans]
         if fall.restitution > 0.0:
-            _note_approach(rows, bodies, m, approach)
-        free = bodies[:, :6].copy()
-        if substep == 0:
-            _apply_old(rows, bodies, m, axis)
-        else:
-            # the impulses of the contacts are still those of before
-            bodies[:, :6] += held
-        held[:] = free
-        _sweep(rows, m, bodies, motion, axis, 1.0 / h, fall, approach, True)
-        for i in range(len(bodies)):
-            for c in range(6):
-                motion[i, c] += h * bodies[i, c]
-        _sweep(rows, m, bodies, motion, axis, 1.0 / h, fall, approach, False)
+            plan += [(NOTE, *span) for span in spans]
+        plan += [*((FORTH, *span) for span in spans), (MOVE, *first), *((BACK, *span) for span in reversed(spans))]
+    if not many:
+        _act_in_turn(*step, np.array(plan))
+        return
+    for phase, begin, end in [*plan, (GIVE_BACK, 0, len(rounds.ends) - 1)]:
+        in_blocks(_act, end - begin, *step, phase, begin=begin)
 
 
 @kernel

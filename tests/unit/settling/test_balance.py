@@ -5,6 +5,8 @@ import pytest
 from scipy.optimize import nnls
 
 from voxgran._base.compiling.threads import using_threads
+from voxgran.contacts.manifolds.rounds import rounds_of
+from voxgran.geometry import morton
 from voxgran.settling import balance
 from voxgran.settling.balance import (
     LoadedContacts,
@@ -160,8 +162,8 @@ def test_the_first_guess_does_not_matter():
     np.testing.assert_allclose(warm, cold, atol=1e-5)
 
 
-def plain_sweeps(row, i, j, bodies, forces, openness, friction, skin, iterations):
-    """Return the forces after sweeps there and back in the order of the rows, by dense matrices, and restarts.
+def plain_sweeps(row, i, j, bodies, forces, openness, friction, skin, iterations, order):
+    """Return the forces after sweeps there and back in an order of the rows, by dense matrices, and restarts.
 
     Between two iterations is the momentum of Nesterov, which begins anew where it points the wrong way.
     """
@@ -174,7 +176,7 @@ def plain_sweeps(row, i, j, bodies, forces, openness, friction, skin, iterations
         forces += momentum * (forces - old)
         velocity = velocity + momentum * (velocity - old_velocity)
         old, old_velocity, ahead = before_it, before_velocity, velocity.copy()
-        for k in [*range(len(row)), *reversed(range(len(row)))]:
+        for k in [*order, *reversed(order)]:
             n, own = row[k, :3], matrix[k]
             along = n @ own @ (inverse * (own.T @ n))
             # a bound of the effect across the normal: that of the whole arms
@@ -197,19 +199,35 @@ def plain_sweeps(row, i, j, bodies, forces, openness, friction, skin, iterations
     return forces, restarts
 
 
+@pytest.mark.parametrize("least", [100, 6])
 @pytest.mark.parametrize("iterations", [1, 30])
 @pytest.mark.parametrize("round_grains", [True, False])
-def test_an_iteration_is_two_sweeps_in_the_order_of_the_rows(round_grains, iterations):
+def test_an_iteration_is_two_sweeps_in_the_order_of_the_rows_or_of_rounds(
+    monkeypatch, round_grains, iterations, least
+):
+    """Of one set of contacts, or of those within four blocks of bodies and between them, by any number of threads."""
     row, i, j, bodies = heap(6, round_grains=round_grains)
     generator = np.random.default_rng(7)
     openness, start = 0.1 * generator.normal(size=len(i)), 0.1 * row[:, :3]
-    expected, restarts = plain_sweeps(row, i, j, bodies, start.copy(), openness, 0.5, 1e-3, iterations)
-    assert restarts > 1 or iterations == 1
-    forces = start.copy()
-    gauss_seidel_forces(
-        LoadedContacts(row, i, j, bodies, DOWN), forces, openness, friction=0.5, skin=1e-3, iterations=iterations
-    )
-    np.testing.assert_allclose(forces, expected, atol=1e-9)
+    monkeypatch.setattr(morton, "MANY", 1)
+    monkeypatch.setattr(morton, "LEAST", least)
+    rounds = rounds_of(i, j, len(bodies))
+    assert (len(rounds.sets) > 4) == (least == 6)
+    order = list(rounds.rows)
+    expected, restarts = plain_sweeps(row, i, j, bodies, start.copy(), openness, 0.5, 1e-3, iterations, order)
+    assert restarts or iterations == 1
+    found = []
+    for threads in (1, 2, 3):
+        forces = start.copy()
+        with using_threads(threads):
+            gauss_seidel_forces(
+                LoadedContacts(row, i, j, bodies, DOWN), forces, openness, friction=np.full(len(i), 0.5), skin=1e-3,
+                iterations=iterations,
+            )  # fmt: skip
+        np.testing.assert_allclose(forces, expected, atol=1e-9)
+        found.append(forces)
+    np.testing.assert_array_equal(found[0], found[1])
+    np.testing.assert_array_equal(found[0], found[2])
 
 
 def test_patience_ends_a_search_in_which_a_few_bodies_cannot_rest():

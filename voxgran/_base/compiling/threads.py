@@ -70,12 +70,12 @@ def thread_count() -> int:
     return 1 if team is None else team.count
 
 
-def in_blocks(work: Kernel, count: int, *arguments: object, least: int = 1) -> None:
-    """Call a kernel with these arguments and the first and last row + 1 of each block of `count` rows.
+def in_blocks(work: Kernel, count: int, *arguments: object, least: int = 1, begin: int = 0) -> None:
+    """Call a kernel with these arguments and the first and last row + 1 of each block of `count` rows from `begin` on.
 
     Blocks have at least `least` rows, of which the work is worth a thread; there are as many blocks as threads.
     """
-    at_once([partial(work, *arguments, first, last) for first, last in blocks_of(count, least)])
+    at_once([partial(work, *arguments, begin + first, begin + last) for first, last in blocks_of(count, least)])
 
 
 def blocks_of(count: int, least: int, parts: int = 1) -> list[tuple[int, int]]:
