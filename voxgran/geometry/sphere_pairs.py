@@ -1,7 +1,7 @@
 """Cell lists: all pairs of spheres whose surfaces are nearer than a gap, periodic axes included."""
 
 from functools import partial
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
@@ -147,18 +147,17 @@ def _pairs_with(place: Placed, queries: Integers, members: Integers, gap: float)
     rows = np.column_stack([place.centers, place.radii])
     filled = Cells(rows[members][order], order, start, cells, around, wraps.astype(np.int64), periods)
     arguments = rows[queries], index[queries], filled, float(gap), queries is members
-    blocks = at_once([partial(_pairs_of_block, arguments, *block) for block in blocks_of(len(queries), BLOCK)])
-    pairs = blocks[0] if len(blocks) == 1 else np.concatenate(blocks)
-    pairs[:, 0], pairs[:, 1] = queries[pairs[:, 0]], members[pairs[:, 1]]
-    return pairs
 
+    def of_block(begin: int, end: int) -> Integers:
+        pairs = np.zeros((16 * (end - begin), 5), dtype=np.int64)
+        while (found := _visit_pairs(*arguments, begin, end, pairs)) > len(pairs):
+            pairs = np.zeros((found, 5), dtype=np.int64)
+        pairs = pairs[:found]
+        pairs[:, 0], pairs[:, 1] = queries[pairs[:, 0]], members[pairs[:, 1]]
+        return pairs
 
-def _pairs_of_block(arguments: tuple[Any, ...], begin: int, end: int) -> Integers:
-    """Return the pairs (m, 5) of some of the queries."""
-    pairs = np.zeros((16 * (end - begin), 5), dtype=np.int64)
-    while (found := _visit_pairs(*arguments, begin, end, pairs)) > len(pairs):
-        pairs = np.zeros((found, 5), dtype=np.int64)
-    return pairs[:found]
+    blocks = at_once([partial(of_block, *block) for block in blocks_of(len(queries), BLOCK)])
+    return blocks[0] if len(blocks) == 1 else np.concatenate(blocks)
 
 
 def _in_order(pairs: Integers) -> Integers:
@@ -170,7 +169,7 @@ def _in_order(pairs: Integers) -> Integers:
 
 @kernel
 def _visit_pairs(queries, index, cells, gap, one_set, begin, end, pairs):  # type: ignore[no-untyped-def]
-    """Walk the cells around queries from `begin` to `end` - 1, write the pairs in lexical order, and return how many there are.
+    """Walk the cells around queries `begin` to `end` - 1, write the pairs in lexical order, and return their number.
 
     Where they are more than `pairs` has rows for, those that have no row are counted only. In one set, each pair comes
     once.

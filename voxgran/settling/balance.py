@@ -106,7 +106,7 @@ def gauss_seidel_forces(
     state[:, :6], state[:, 6:] = accelerations, contacts.bodies[:, INVERSE_MASS : INVERSE_MOMENT + 1]
     rub = np.array(friction, dtype=np.float64, ndmin=1)
     visited = contacts._replace(i=contacts.i[rows], j=contacts.j[rows])
-    solved = (visited, work, state, rub if len(rub) == 1 else rub[rows], skin, accelerations, ahead, rounds)
+    solved = (visited, work, state, rounds.of_each(rub), skin, accelerations, ahead, rounds)
     if len(rounds.bodies) == 2:
         made = _gauss_seidel(*solved, np.empty((1, 3)), np.array([1.0, 0.0]), iterations, tolerance)
     else:

@@ -19,8 +19,8 @@ from voxgran._base.arrays import Floats, Integers
 from voxgran._base.compiling.threads import in_blocks
 from voxgran._base.kernels import bare_kernel, inlined_kernel, kernel
 from voxgran.contacts.assembly import Assembly
-from voxgran.contacts.manifolds.rows import ContactRows
 from voxgran.contacts.manifolds.rounds import rounds_of
+from voxgran.contacts.manifolds.rows import ContactRows
 from voxgran.geometry.vectors import Vector, cross, dot
 from voxgran.settling.materials import FrictionTable
 
@@ -33,7 +33,7 @@ SLOW = 0.05
 #: overlap that is not opened, and how contacts yield while they open others: factors on the change of an impulse and on
 #: the impulse that is lost; those of a spring of angular frequency 1.57 / h with 5 times the critical damping
 LEFT, GAIN, LOSS = 2.5e-4, 0.9478, 0.0522
-#: phases of a step: free motion, at first and again, approach of bodies, impulses of before, and sweeps about the motion
+#: phases of a step: free motion, at first and again, approach of bodies, impulses of before, sweeps about the motion
 FREE, AGAIN, NOTE, TAKE_OVER, FORTH, MOVE, BACK, GIVE_BACK = range(8)
 #: numbers of a body: velocity (3), angular velocity (3), inverse mass and inverse moment of inertia
 BODY = 8
@@ -160,7 +160,8 @@ def _held_back(row, ux, uy, uz, speed, limit):  # type: ignore[no-untyped-def]
 def _sweep(rows, bodies, motion, axis, fall, approach, moving, begin, end):  # type: ignore[no-untyped-def]
     """Make one projected Gauss-Seidel sweep over the impulses of contacts, backwards after the motion.
 
-    moving: whether gaps still close within this substep; overlaps are then opened by a share of themselves. Otherwise bodies only stop, or rebound by the share `restitution` of their approach.
+    moving: whether gaps still close within this substep; overlaps are then opened by a share of themselves. Otherwise
+    bodies only stop, or rebound by the share `restitution` of their approach.
     """
     friction, restitution, rate = fall.friction, fall.restitution, fall.substeps / fall.step
     own = len(friction) - 1
@@ -279,7 +280,7 @@ def _act(  # type: ignore[no-untyped-def]
                     found[order[k], column] = rows.row[k, column]
         elif phase == NOTE:
             _note_approach(rows, free, approach, begin, stop)
-        elif phase == FORTH or phase == BACK:
+        elif phase in (FORTH, BACK):
             _sweep(rows, bodies, motion, axis, fall, approach, phase == FORTH, begin, stop)
         elif phase == MOVE:
             for i in range(rounds.bodies[s], rounds.bodies[s + 1]):
@@ -310,8 +311,9 @@ def advance_bodies(
     motion[:] = 0.0
     found, many = rows.row, len(rounds.bodies) > 2
     if many:
-        own = fall.friction[rounds.rows] if len(fall.friction) > 1 else fall.friction
-        rows, fall = rows._replace(row=rows.old, i=rows.i[rounds.rows], j=rows.j[rounds.rows]), fall._replace(friction=own)
+        # old rows are not needed after a search: there is room for rows in the order of the rounds
+        rows = rows._replace(row=rows.old, i=rows.i[rounds.rows], j=rows.j[rounds.rows])
+        fall = fall._replace(friction=rounds.of_each(np.asarray(fall.friction, dtype=np.float64)))
     step = found, rows, bodies, motion, gravity, fall, part, approach, np.zeros((len(bodies), 6)), rounds
     spans = list(pairwise(rounds.sets.tolist()))
     first, plan = spans[0], []

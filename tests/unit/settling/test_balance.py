@@ -202,9 +202,7 @@ def plain_sweeps(row, i, j, bodies, forces, openness, friction, skin, iterations
 @pytest.mark.parametrize("least", [100, 6])
 @pytest.mark.parametrize("iterations", [1, 30])
 @pytest.mark.parametrize("round_grains", [True, False])
-def test_an_iteration_is_two_sweeps_in_the_order_of_the_rows_or_of_rounds(
-    monkeypatch, round_grains, iterations, least
-):
+def test_an_iteration_is_two_sweeps_in_the_order_of_the_rows_or_of_rounds(monkeypatch, round_grains, iterations, least):
     """Of one set of contacts, or of those within four blocks of bodies and between them, by any number of threads."""
     row, i, j, bodies = heap(6, round_grains=round_grains)
     generator = np.random.default_rng(7)

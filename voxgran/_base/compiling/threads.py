@@ -6,7 +6,7 @@ between them passes a number on. Without a team, as in packing methods, one thre
 
 import os
 from collections.abc import Callable, Iterator, Sequence
-from concurrent.futures import ThreadPoolExecutor
+from concurrent.futures import ThreadPoolExecutor, wait
 from contextlib import contextmanager
 from contextvars import ContextVar, copy_context
 from dataclasses import dataclass, field
@@ -32,8 +32,13 @@ class _Team:
         """Call functions, at most `count`, at the same time, and return what they return."""
         if self.pool is None:
             self.pool = ThreadPoolExecutor(self.count)
-        begun = [self.pool.submit(copy_context().run, job) for job in jobs]
-        return [job.result() for job in begun]
+        begun = [self.pool.submit(copy_context().run, job) for job in jobs[1:]]
+        try:
+            first = jobs[0]()
+        finally:
+            # no thread goes on where a signal ends the call
+            wait(begun)
+        return [first, *(job.result() for job in begun)]
 
 
 _team: ContextVar[_Team | None] = ContextVar("team", default=None)

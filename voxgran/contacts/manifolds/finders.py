@@ -8,14 +8,14 @@ import numpy as np
 from voxgran._base.arrays import Booleans, Floats, Integers
 from voxgran._base.errors import InputError
 from voxgran.contacts.assembly import Assembly
-from voxgran.contacts.manifolds.blocks import Blocks, pairs_of_kind
+from voxgran.contacts.manifolds.blocks import pairs_of_kind
 from voxgran.contacts.manifolds.convex_bodies import convex_bodies, convex_work, has_convex_parts
 from voxgran.contacts.manifolds.convex_contacts import find_convex_contacts
 from voxgran.contacts.manifolds.distance_grids import surface_bodies
 from voxgran.contacts.manifolds.outline_contacts import find_outline_contacts, outline_bodies
 from voxgran.contacts.manifolds.pair_list import no_pairs
 from voxgran.contacts.manifolds.rows import CONVEX, OUTLINE, SPHERE, SURFACE, ContactRows, Grains, PairList, Search
-from voxgran.contacts.manifolds.sphere_contacts import SphereWork, find_sphere_contacts
+from voxgran.contacts.manifolds.sphere_contacts import find_sphere_contacts
 from voxgran.contacts.manifolds.surface_contacts import find_surface_contacts
 from voxgran.contacts.manifolds.surface_memory import follow_pairs, surface_work
 from voxgran.contacts.manifolds.triangle_contacts import find_triangle_contacts, prove_separate
@@ -82,7 +82,6 @@ class ContactFinders:
         self._walls = kernel_container(assembly.container)
         self._wall_bodies = wall_bodies(assembly.shapes, assembly.container)
         self._normal = np.zeros(3) if assembly.lid is None else np.array(assembly.lid.normal, dtype=np.float64)
-        self._sphere_work = Blocks(SphereWork(), ())
         if CONVEX in self.kinds:
             self._convex_work = convex_work(convex_bodies(assembly.shapes, hulls=hulls), grains)
         if SURFACE in self.kinds:
@@ -143,7 +142,7 @@ class ContactFinders:
         """
         m, search = 0, Search(grains, pairs, margin, rest, reuse)
         if SPHERE in self.kinds:
-            m = find_sphere_contacts(search, self._sphere_work, rows, m)
+            m = find_sphere_contacts(search, rows, m)
         if m >= 0 and CONVEX in self.kinds:
             m = find_convex_contacts(search, self._convex_work, rows, m)
         if m >= 0 and SURFACE in self.kinds:

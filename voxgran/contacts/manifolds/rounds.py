@@ -9,7 +9,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from voxgran._base.arrays import Integers
+from voxgran._base.arrays import Floats, Integers
 from voxgran.geometry.morton import block_count
 
 
@@ -24,6 +24,10 @@ class Rounds(NamedTuple):
     ends: Integers
     sets: Integers
     bodies: Integers
+
+    def of_each(self, values: Floats) -> Floats:
+        """Return values of the contacts, (m,), in the order of the visits; one value of all, (1,), stays."""
+        return values if len(values) == 1 else values[self.rows]
 
 
 def rounds_of(i: Integers, j: Integers, bodies: int, *, shared: bool = False) -> Rounds:

@@ -1,31 +1,20 @@
 """Contacts of single spheres, and of disks in two dimensions, in closed form."""
 
 import math
-from typing import NamedTuple
 
 from voxgran._base.kernels import kernel
-from voxgran.contacts.manifolds.blocks import Blocks, pairs_of_kind
 from voxgran.contacts.manifolds.rows import SPHERE, ContactRows, Pair, Search, offset_of, write_contact
 from voxgran.geometry.vectors import dot, times
 
 
-class SphereWork(NamedTuple):
-    """Single spheres need nothing to work with."""
-
-
-def find_sphere_contacts(search: Search, work: Blocks[SphereWork], rows: ContactRows, m: int) -> int:
+@kernel
+def find_sphere_contacts(search: Search, rows: ContactRows, m: int) -> int:
     """Write the contacts of all pairs of single spheres from row m on.
 
     Return the number of rows in use, or -1 where there is no room for more.
     """
-    return work.find(_find, search, rows, m, chosen=pairs_of_kind(search.grains, search.pairs, SPHERE))
-
-
-@kernel
-def _find(search, work, rows, m, begin, end):  # type: ignore[no-untyped-def]
-    """Write the contacts of the pairs from `begin` to `end` - 1; return the next row, or -1."""
     grains, pairs, margin, rest = search.grains, search.pairs, search.margin, search.rest
-    for p in range(begin, end):
+    for p in range(len(pairs.i)):
         i, j = pairs.i[p], pairs.j[p]
         if grains.kind[i] != SPHERE or grains.kind[j] != SPHERE:
             continue
