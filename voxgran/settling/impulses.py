@@ -156,6 +156,15 @@ def _held_back(row, ux, uy, uz, speed, limit):  # type: ignore[no-untyped-def]
     return tx, ty, tz
 
 
+@inlined_kernel
+def closing(row, motion, i, j):  # type: ignore[no-untyped-def]
+    """Return by how much the gap of a contact changes with small motions of its bodies."""
+    change = -normal_velocity(row, motion[i], 3)
+    if j >= 0:
+        change += normal_velocity(row, motion[j], 6)
+    return change
+
+
 @bare_kernel
 def _sweep(rows, m, bodies, motion, axis, rate, fall, approach, moving):  # type: ignore[no-untyped-def]
     """Make one projected Gauss-Seidel sweep over the impulses, backwards after the motion.
@@ -168,29 +177,22 @@ def _sweep(rows, m, bodies, motion, axis, rate, fall, approach, moving):  # type
     for q in range(m):
         k = q if moving else m - 1 - q
         row, i, j = rows.row[k], rows.i[k], rows.j[k]
-        a, da = bodies[i], motion[i]
+        a = bodies[i]
         nx, ny, nz = row[0], row[1], row[2]
         rx, ry, rz = row[3], row[4], row[5]
         sx, sy, sz = row[6], row[7], row[8]
         ux = -(a[0] + a[4] * rz - a[5] * ry)
         uy = -(a[1] + a[5] * rx - a[3] * rz)
         uz = -(a[2] + a[3] * ry - a[4] * rx)
-        gap = (
-            row[9]
-            - nx * (da[0] + da[4] * rz - da[5] * ry)
-            - ny * (da[1] + da[5] * rx - da[3] * rz)
-            - nz * (da[2] + da[3] * ry - da[4] * rx)
-        )
         if j >= 0:
-            b, db = bodies[j], motion[j]
+            b = bodies[j]
             ux += b[0] + b[4] * sz - b[5] * sy
             uy += b[1] + b[5] * sx - b[3] * sz
             uz += b[2] + b[3] * sy - b[4] * sx
-            gap += (
-                nx * (db[0] + db[4] * sz - db[5] * sy)
-                + ny * (db[1] + db[5] * sx - db[3] * sz)
-                + nz * (db[2] + db[3] * sy - db[4] * sx)
-            )
+        if not moving:
+            # by how much the gap changes within the substep
+            row[9] += closing(row, motion, i, j)
+        gap = row[9]
         speed = ux * nx + uy * ny + uz * nz
         excess = speed
         if gap > 0.0:
@@ -259,34 +261,31 @@ def advance_bodies(
     size = math.sqrt(gravity[0] ** 2 + gravity[1] ** 2 + gravity[2] ** 2)
     unit = size if size > 0.0 else 1.0
     axis = gravity[0] / unit, gravity[1] / unit, gravity[2] / unit
-    # velocities of free motion in a substep, and then what the impulses of its contacts have changed in them
-    held = np.zeros((len(bodies), 6))
+    # velocities before the contacts act: of free motion in a substep, or now
+    free, moved = bodies[:, :6].copy(), np.zeros((len(bodies), 6))
     for substep in range(fall.substeps):
         for i in range(len(bodies)):
             b = bodies[i]
-            for c in range(6):
-                held[i, c] = b[c] - held[i, c]
             if b[6] == 0.0:
-                b[:6] = held[i] = 0.0
+                b[:6] = free[i] = 0.0
                 continue
             square = b[0] * b[0] + b[1] * b[1] + b[2] * b[2]
             slower = most / math.sqrt(square) if square > most * most else 1.0
-            for c in range(3):
-                b[c] = b[c] * slower + gravity[c] * h
+            for c in range(6):
+                # the impulses of the contacts are still those of before
+                change = b[c] - free[i, c]
+                free[i, c] = b[c] * slower + gravity[c] * h if c < 3 else b[c]
+                b[c] = free[i, c] + change
         if fall.restitution > 0.0:
-            _note_approach(rows, bodies, m, approach)
-        free = bodies[:, :6].copy()
+            _note_approach(rows, free, m, approach)
         if substep == 0:
             _apply_old(rows, bodies, m, axis)
-        else:
-            # the impulses of the contacts are still those of before
-            bodies[:, :6] += held
-        held[:] = free
-        _sweep(rows, m, bodies, motion, axis, 1.0 / h, fall, approach, True)
+        _sweep(rows, m, bodies, moved, axis, 1.0 / h, fall, approach, True)
         for i in range(len(bodies)):
             for c in range(6):
-                motion[i, c] += h * bodies[i, c]
-        _sweep(rows, m, bodies, motion, axis, 1.0 / h, fall, approach, False)
+                moved[i, c] = h * bodies[i, c]
+                motion[i, c] += moved[i, c]
+        _sweep(rows, m, bodies, moved, axis, 1.0 / h, fall, approach, False)
 
 
 @kernel
