@@ -157,7 +157,7 @@ def _held_back(row, ux, uy, uz, speed, limit):  # type: ignore[no-untyped-def]
 
 
 @inlined_kernel
-def closing(row, motion, i, j):  # type: ignore[no-untyped-def]
+def _gap_change(row, motion, i, j):  # type: ignore[no-untyped-def]
     """Return by how much the gap of a contact changes with small motions of its bodies."""
     change = -normal_velocity(row, motion[i], 3)
     if j >= 0:
@@ -170,7 +170,8 @@ def _sweep(rows, m, bodies, motion, axis, rate, fall, approach, moving):  # type
     """Make one projected Gauss-Seidel sweep over the impulses, backwards after the motion.
 
     moving: whether gaps still close within this substep, at most by `rate` times themselves; overlaps are then opened
-    by a share of themselves. Otherwise bodies only stop, or rebound by the share `restitution` of their approach.
+    by a share of themselves. Otherwise bodies only stop, or rebound by the share `restitution` of their approach, and
+    gaps first change by the motions (n + 1, 6) of the bodies within the substep.
     """
     friction, restitution = fall.friction, fall.restitution
     own = len(friction) - 1
@@ -190,8 +191,7 @@ def _sweep(rows, m, bodies, motion, axis, rate, fall, approach, moving):  # type
             uy += b[1] + b[5] * sx - b[3] * sz
             uz += b[2] + b[3] * sy - b[4] * sx
         if not moving:
-            # by how much the gap changes within the substep
-            row[9] += closing(row, motion, i, j)
+            row[9] += _gap_change(row, motion, i, j)
         gap = row[9]
         speed = ux * nx + uy * ny + uz * nz
         excess = speed
@@ -250,7 +250,7 @@ def advance_bodies(
     rows: ContactRows, m: int, bodies: Floats, motion: Floats, gravity: Floats, fall: Fall, part: float,
     approach: Floats,
 ) -> None:  # fmt: skip
-    """Advance velocities and impulses by a step, and write the motions (n + 1, 6) of the bodies.
+    """Advance velocities, impulses and gaps by a step, and write the motions (n + 1, 6) of the bodies.
 
     gravity: (3,) acceleration.  part: factor on the impulses of the step before.  approach: (m,) to work with, where
     bodies rebound.
