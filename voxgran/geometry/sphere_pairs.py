@@ -199,13 +199,16 @@ def _visit_pairs(queries, index, cells, gap, one_set, begin, end, pairs):  # typ
                     cell = ((cz - iz * many[2]) * many[1] + cy - iy * many[1]) * many[0] + cx - ix * many[0]
                     px = x - (ix * p[0, 0] + iy * p[1, 0] + iz * p[2, 0])
                     py, pz = y - (iy * p[1, 1] + iz * p[2, 1]), z - iz * p[2, 2]
-                    for k in range(cells.start[cell], cells.start[cell + 1]):
+                    # backwards: in one set no pair is left once the numbers are smaller
+                    for k in range(cells.start[cell + 1] - 1, cells.start[cell] - 1, -1):
+                        j = cells.order[k]
+                        if one_set and j < i:
+                            break
                         dx, dy, dz = packed[k, 0] - px, packed[k, 1] - py, packed[k, 2] - pz
                         reach = packed[k, 3] + r
                         if dx * dx + dy * dy + dz * dz > reach * reach or reach < 0.0:
                             continue
-                        j = cells.order[k]
-                        if one_set and (j < i or (j == i and (own or not ahead))):
+                        if one_set and j == i and (own or not ahead):
                             continue
                         if count < len(pairs):
                             _insert(pairs, first, count, i, j, ix, iy, iz)
