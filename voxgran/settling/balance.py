@@ -24,9 +24,9 @@ from typing import NamedTuple
 
 import numpy as np
 
-from voxgran._base.arrays import Floats, Integers
+from voxgran._base.arrays import Booleans, Floats, Integers
 from voxgran._base.compiling.threads import in_blocks
-from voxgran._base.kernels import bare_kernel, inlined_kernel
+from voxgran._base.kernels import bare_kernel, inlined_kernel, kernel
 from voxgran._base.stopping import stop_if_asked
 from voxgran.geometry.vectors import add, along, cross, dot, sub, times, vector_at
 from voxgran.settling.cell import (
@@ -72,6 +72,12 @@ class LoadedContacts(NamedTuple):
     cell: Cell = RIGID
 
 
+def masses_of(contacts: LoadedContacts) -> Floats:
+    """Return the masses and moments of inertia (n + 1, 2) of bodies; of fixed ones they are 0."""
+    inverse = contacts.bodies[:, INVERSE_MASS : INVERSE_MOMENT + 1]
+    return np.where(inverse > 0.0, 1.0 / np.where(inverse > 0.0, inverse, 1.0), 0.0)
+
+
 def net_accelerations(contacts: LoadedContacts, forces: Floats) -> Floats:
     """Return the accelerations (n + 1, 6) of bodies under gravity and under the forces (m, 3) at contacts.
 
@@ -107,8 +113,8 @@ def gauss_seidel_forces(
 
 
 def accelerated_projected_gradient(
-    contacts: LoadedContacts, forces: Floats, *, friction: float | Floats, iterations: int, tolerance: float,
-    near: float, decide: bool = False, patience: int | None = None,
+    contacts: LoadedContacts, forces: Floats, *, friction: float | Floats, iterations: int, tolerance: float | Floats,
+    near: float, patience: int | None = None, held: Booleans | None = None,
 ) -> tuple[Floats, int, float]:  # fmt: skip
     """Change the forces (m, 3), within their friction cones, to those that balance all bodies best.
 
@@ -117,18 +123,19 @@ def accelerated_projected_gradient(
     mass.
 
     forces: the first guess, changed in place.  tolerance: the iterations end where no body accelerates by more, nor its
-    points at the radius of gyration.  near: they also end at this distance from the optimum.  decide: then they go on
-    as long as a body that accelerates by more might not do so at the optimum.  patience: iterations after which they
-    also end where few bodies accelerate by more than the tolerance, and these hardly become fewer.
+    points at the radius of gyration; one for all, or (n + 1, 2).  near: they also end at this distance from the
+    optimum.  patience: iterations after which they also end where few bodies accelerate by more than the tolerance, and
+    these hardly become fewer.  held: (m,) which forces do not change.
     """
     m, j, last = len(contacts.i), contacts.j, len(contacts.bodies) - 1
     work, rub = np.empty((m, WORK)), np.array(friction, dtype=np.float64, ndmin=1)
     share = np.bincount(contacts.i, minlength=last + 1) + np.bincount(j[j >= 0], minlength=last + 1)
     _fill_work(contacts, forces, np.zeros(m), 0.0, np.maximum(share, 1).astype(np.float64), work)
+    if held is not None:
+        work[held, 10:12] = 0.0
     accelerations = net_accelerations(contacts, forces)
     new, extrapolated, state = accelerations.copy(), accelerations.copy(), np.array([1.0, 0.0])
-    inverse = contacts.bodies[:, INVERSE_MASS : INVERSE_MOMENT + 1]
-    masses = np.where(inverse > 0.0, 1.0 / np.where(inverse > 0.0, inverse, 1.0), 0.0)
+    masses = masses_of(contacts)
     lists = _rows_of_bodies(contacts) if m >= MANY else None
     made, distance, least, improved = 0, math.inf, FEW * last, 0
     while made < iterations:
@@ -141,12 +148,10 @@ def accelerated_projected_gradient(
             made += 1
         # squares of the motions, by mass; the optimum, which has the least sum, is no farther than they are large
         squares = (accelerations.reshape(-1, 2, 3) ** 2).sum(axis=2) * masses
-        excess = max(_excess(contacts, work, rub, accelerations), 0.0)
-        reach, total = math.sqrt(min(excess, float(squares.sum()))), max(float(masses[:, 0].sum()), 1e-300)
-        distance = reach / math.sqrt(total)
-        beyond = np.sqrt(squares) - tolerance * np.sqrt(masses[:, :1])
-        moving = beyond > 0.0
-        if not moving.any() or (distance <= near and not (decide and (beyond[moving] <= reach).any())):
+        excess = float(excess_at(contacts, work[:, 12:15].copy(), rub, accelerations).sum())
+        distance = math.sqrt(min(max(excess, 0.0), float(squares.sum())) / max(float(masses[:, 0].sum()), 1e-300))
+        moving = np.sqrt(squares) > tolerance * np.sqrt(masses[:, :1])
+        if not moving.any() or distance <= near:
             break
         left = int(moving.any(axis=1).sum())
         if left > FEW * last or left < SLOWLY * least:
@@ -412,25 +417,23 @@ def _onto_cone(push, rub, friction, sn, st):  # type: ignore[no-untyped-def]
     return nearest, friction * nearest / rub if rub > 0.0 else 0.0
 
 
-@bare_kernel
-def _excess(contacts, work, friction, accelerations):  # type: ignore[no-untyped-def]
-    """Return a bound of the squared distance from the optimum in accelerations, weighted by mass.
+@kernel
+def excess_at(contacts: LoadedContacts, forces: Floats, friction: Floats, accelerations: Floats) -> Floats:
+    """Return parts (m,) of a bound of the squared distance from the optimum in accelerations, weighted by mass.
 
     The accelerations of the optimum are the least ones within a convex set. The square of the distance from them is
     therefore at most the product of these accelerations with the distance, which is the power of the forces less that
     of the forces of the optimum. Where contact points approach each other, that is at most the approach times the
-    normal force, which is taken to be at most that of now and a mean one.
+    normal force, which is taken to be at most that of now and a mean one. No part is below 0 but for rounding.
     """
-    power, short, weighted, mean, own = 0.0, 0.0, 0.0, 0.0, len(friction) - 1
-    for k in range(len(work)):
-        c = work[k]
-        u0, u1, u2 = approach_of(c, accelerations, contacts.i[k], contacts.j[k])
-        un = u0 * c[0] + u1 * c[1] + u2 * c[2]
-        fn = c[12] * c[0] + c[13] * c[1] + c[14] * c[2]
-        across = math.sqrt(max(u0 * u0 + u1 * u1 + u2 * u2 - un * un, 0.0))
+    parts, mean, own = np.empty(len(forces)), 0.0, len(friction) - 1
+    for k in range(len(forces)):
+        mean += dot(vector_at(contacts.row[k], 0), vector_at(forces[k], 0)) / len(forces)
+    for k in range(len(forces)):
+        normal, force = vector_at(contacts.row[k], 0), vector_at(forces[k], 0)
+        apart = approach_of(contacts.row[k], accelerations, contacts.i[k], contacts.j[k])
+        un = dot(apart, normal)
+        across = math.sqrt(max(dot(apart, apart) - un * un, 0.0))
         approach = max(friction[min(k, own)] * across - un, 0.0)
-        power += c[12] * u0 + c[13] * u1 + c[14] * u2
-        short += approach
-        weighted += approach * fn
-        mean += fn / len(work)
-    return power + weighted + short * mean
+        parts[k] = dot(force, apart) + approach * (dot(force, normal) + mean)
+    return parts
