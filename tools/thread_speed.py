@@ -17,9 +17,10 @@ from voxgran._base.compiling.threads import using_threads
 from voxgran._base.machine import processor_count
 from voxgran._base.seeds import stream
 from voxgran.bench.model import write_rows
-from voxgran.settling.balance import accelerated_projected_gradient, gauss_seidel_forces
+from voxgran.settling.balance import gauss_seidel_forces
 from voxgran.settling.bed import normalized_bed
 from voxgran.settling.impulses import Fall, advance_bodies
+from voxgran.settling.projected_gradient import accelerated_projected_gradient
 
 CHECKED, POURED = 20_000, 100_000
 

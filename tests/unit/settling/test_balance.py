@@ -7,13 +7,9 @@ from scipy.optimize import nnls
 from voxgran._base.compiling.threads import using_threads
 from voxgran.contacts.manifolds.rounds import rounds_of
 from voxgran.geometry import morton
-from voxgran.settling import balance
-from voxgran.settling.balance import (
-    LoadedContacts,
-    accelerated_projected_gradient,
-    gauss_seidel_forces,
-    net_accelerations,
-)
+from voxgran.settling import projected_gradient
+from voxgran.settling.balance import LoadedContacts, gauss_seidel_forces, net_accelerations
+from voxgran.settling.projected_gradient import accelerated_projected_gradient
 
 DOWN = np.array([0.0, 0.0, -1.0])
 
@@ -108,10 +104,10 @@ def solve(heap_of, friction, near=0.0, iterations=20_000):
 
 
 @pytest.mark.parametrize("friction", [0.0, 0.3])
-@pytest.mark.parametrize(("round_grains", "many"), [(True, 1), (False, 1), (False, balance.MANY)])
+@pytest.mark.parametrize(("round_grains", "many"), [(True, 1), (False, 1), (False, projected_gradient.MANY)])
 def test_forces_in_a_plane_are_those_of_least_squares(monkeypatch, friction, round_grains, many):
     """In a plane a friction cone is all sums of two vectors: a problem for non-negative least squares."""
-    monkeypatch.setattr(balance, "MANY", many)
+    monkeypatch.setattr(projected_gradient, "MANY", many)
     row, i, j, bodies = heap(3, flat=True, round_grains=round_grains)
     _, found, _, distance = solve((row, i, j, bodies), friction, near=1e-7)
     across = np.cross(row[:, :3], [0.0, 1.0, 0.0])
@@ -323,7 +319,7 @@ def test_many_rows_are_balanced_with_the_same_bits_by_any_number_of_threads(monk
     """Three blocks of rows of which the last is not full, with a lid, walls, a fixed grain and one beside itself."""
     row, i, j, bodies = heap(7, round_grains=False)
     j[4] = i[4]
-    copies, count = 2 * balance.BLOCK // len(i) + 20, len(bodies) - 1
+    copies, count = 2 * projected_gradient.BLOCK // len(i) + 20, len(bodies) - 1
     bodies = np.vstack([np.tile(bodies[:-1], (copies, 1)), bodies[-1:]])
     bodies[5, 6:] = 0.0
     begin = count * np.repeat(np.arange(copies), len(i))
@@ -333,7 +329,7 @@ def test_many_rows_are_balanced_with_the_same_bits_by_any_number_of_threads(monk
     friction = np.random.default_rng(1).uniform(0.2, 0.6, len(i)) if own else 0.5
 
     def balanced(many, threads):
-        monkeypatch.setattr(balance, "MANY", many)
+        monkeypatch.setattr(projected_gradient, "MANY", many)
         forces = 0.1 * contacts.row[:, :3]
         with using_threads(threads):
             found = accelerated_projected_gradient(
