@@ -15,8 +15,8 @@ FRICTION = np.array([0.45])
 
 @pytest.fixture(scope="module")
 def packing():
-    """Return spheres that came to rest with more friction: of 300, four do not rest with less."""
-    return vg.pack(vg.shapes.sphere(), vg.Box((6, 6, 16), periodic="xy"), "gravity", count=300, friction=0.5)
+    """Return spheres that came to rest with more friction: of 300, five do not rest with less."""
+    return vg.pack(vg.shapes.sphere(), vg.Box((6, 6, 16), periodic="xy"), "gravity", count=300, friction=0.5, seed=7)
 
 
 @pytest.fixture(scope="module")
