@@ -104,8 +104,9 @@ def test_few_iterations_decide_as_very_many(loaded):
 
 
 def test_the_proof_tells_what_it_did_not_decide(packing, monkeypatch):
-    assert vg.equilibrium(packing, friction=0.45).attrs["share_undecided"] == 0.0
+    least = vg.equilibrium(packing, friction=0.45).attrs["share_undecided"]
+    assert least <= 1 / 300
     few = {**equilibrium.balance_bed.__kwdefaults__, "iterations": 64}
     monkeypatch.setattr(equilibrium.balance_bed, "__kwdefaults__", few)
     found = vg.equilibrium(packing, friction=0.45)
-    assert 0.0 < found.attrs["share_undecided"] <= 1.0 - found.attrs["share_at_rest"]
+    assert least < found.attrs["share_undecided"] <= 1.0 - found.attrs["share_at_rest"]
