@@ -113,7 +113,7 @@ class Bed:
         self._listed_at: Floats = np.zeros((0, 4))
         self.finders = ContactFinders(assembly, self.grains, exact=exact, hulls=hulls)
         # of all grains, those included that come later: what is known of pairs is handed on from list to list
-        self._spheres = self.finders.kinds <= {SPHERE}
+        self.spheres = self.finders.kinds <= {SPHERE}
         self._coming = self.bodies[n - held : n].copy()
         if held:
             self._keep(n - held)
@@ -197,9 +197,9 @@ class Bed:
             way[:] = np.sqrt((gone * gone).sum(axis=1)) + np.maximum(grown, 0.0)
         two = np.partition(way, -2)[-2:].sum() if len(way) > 1 else 2.0 * float(way.max(initial=0.0))
         if not self.listed or two + margin > SKIN:
-            self.pairs = renewed(self.pairs, grains, self.assembly.container, SKIN, self.fixed, known=not self._spheres)
+            self.pairs = renewed(self.pairs, grains, self.assembly.container, SKIN, self.fixed, known=not self.spheres)
             self.listed, reuse = True, 0.0
-            if self.gravity.any() and self._spheres:
+            if self.gravity.any() and self.spheres:
                 self._listed_at = np.column_stack([grains.position, grains.radius])
         self.rows = self.rows._replace(row=self.rows.old, old=self.rows.row)
         places = (*self.pairs[3:], self.wall_first, self.wall_count)

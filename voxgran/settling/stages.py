@@ -16,12 +16,12 @@ from voxgran._base.stopping import Stopped
 from voxgran.contacts.assembly import Assembly
 from voxgran.contacts.manifolds.rows import SURFACE
 from voxgran.settling.bed import Bed
-from voxgran.settling.closing import close_round
 from voxgran.settling.examination import AFTER_PARTING, CALM, EARLY, EVERY, RESIDUAL, THOROUGH, TRIALS, USUAL, Examined
 from voxgran.settling.fall import fall_step, is_slow, random_pull, stop_falling
 from voxgran.settling.impulses import Fall
 from voxgran.settling.materials import friction_of, friction_range
 from voxgran.settling.parameters import Settling
+from voxgran.settling.parting import close_round
 from voxgran.settling.progress import (
     AGAIN,
     CLOSING,
@@ -62,6 +62,8 @@ GROWTH_STEP, GROWTH_STEPS = 0.03, 40
 ITERATIONS, DEEP, HEAVY, SHRINK, LENGTHEN = 30, 40.0, 3.0, 0.9, 1.3
 #: largest number of quasi-static steps in all, with the examinations between them
 STILL_STEPS = 300
+#: what is different in the fall of single spheres, whose contacts stay where they are while they turn
+SPHERE_FALL: dict[str, Any] = {"step": 0.0625, "most": 0.0625}
 #: what is different in the fall of meshes that are not convex: their distances are known less well
 SURFACE_FALL: dict[str, Any] = {"rest": 2e-3, "most": 0.03, "margin": 0.05}
 #: most rounds in which surfaces are parted, and pairs that are not proven to be separate, for each grain, with which
@@ -125,6 +127,8 @@ class Settler(Examined):
         # some grains slip without friction, or all of them
         self._slips, self._frictionless = least == 0.0, largest == 0.0
         self._fall = Fall(self.friction, how.restitution, **(SURFACE_FALL if surfaces else {}))
+        # once all grains have their sizes
+        self._falling = self._fall._replace(**SPHERE_FALL) if self.bed.spheres else self._fall
         if how.fall_time is None and assembly.count and self._height() > HIGHEST:
             raise InputError(
                 f"the container is {self._height():.3g} median diameters high along gravity: grains fall through at "
@@ -238,8 +242,9 @@ class Settler(Examined):
 
     def _drop(self) -> None:
         """Make a step of the fall."""
-        progress, unit = self.progress, round(1.0 / self._fall.step)
-        self._advance(None)
+        progress, fall = self.progress, self._falling
+        unit = round(1.0 / fall.step)
+        self._advance(None, fall)
         progress.heights = np.append(progress.heights, self.bed.height)[-unit - 1 :]
         lasted = progress.stage_step + 1 >= (CREEPING if self._slips else SHORTEST) * unit
         if self._slips:
@@ -253,15 +258,16 @@ class Settler(Examined):
         if progress.stage == FALL and self.how.shaking is not None:
             progress.stage = SHAKING
             return
-        stop_falling(self.bed, self._fall.step / self._fall.substeps)
+        stop_falling(self.bed, fall.step / fall.substeps)
         progress.stage, progress.length, progress.substep = STILL, self._preset.first, 0.0
 
     def _fall_steps(self) -> int:
         """Return the largest number of steps of a fall."""
+        fall = self._falling
         if self.how.fall_time is not None:
-            return max(1, round(self.how.fall_time / self._fall.step))
+            return max(1, round(self.how.fall_time / fall.step))
         # as fast as grains may fall, and then some time to come to rest
-        return round((Settling.usual_fall + self._height() / (self._fall.most / self._fall.step)) / self._fall.step)
+        return round((Settling.usual_fall + self._height() / (fall.most / fall.step)) / fall.step)
 
     def _height(self) -> float:
         """Return the height of the container along gravity, in median diameters."""

@@ -1,5 +1,7 @@
 """The end of settling: the best bed that was examined is remembered and replaces one that is worse."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -8,7 +10,7 @@ from voxgran._base.errors import InputError
 from voxgran.packing.settling_run import normalized_assembly
 from voxgran.settling.parameters import Settling
 from voxgran.settling.parting import part_grains
-from voxgran.settling.progress import AGAIN, ENDED, STILL
+from voxgran.settling.progress import AGAIN, ENDED, FALL, STILL
 from voxgran.settling.quasi_static import FRICTIONAL, GRIDS, TRIANGLES
 from voxgran.settling.stages import ROOM_ROUNDS, Settler
 
@@ -18,7 +20,7 @@ DOWN = np.array([0.0, 0.0, -1.0])
 @pytest.fixture(scope="module")
 def resting():
     """Return 40 spheres of which a further step moves none."""
-    bed = vg.pack(vg.make_shape("sphere"), vg.Box((3, 3, 12), periodic="xy"), "gravity", count=40, seed=2)
+    bed = vg.pack(vg.make_shape("sphere"), vg.Box((3, 3, 12), periodic="xy"), "gravity", count=40, seed=1)
     assert bed.stop_reason == "settled"
     return normalized_assembly(bed)[0]
 
@@ -45,6 +47,20 @@ def test_a_bed_that_became_worse_ends_as_the_best_one(resting, rise):
     assert settler.progress.proven
     assert settler.progress.smallest >= 0.0
     assert not settler.progress.best_position.size
+
+
+@pytest.mark.parametrize(("shape", "time"), [("sphere", 0.0625), ("box", 0.05)])
+def test_single_spheres_fall_in_longer_steps(shape, time):
+    """One grain falls by 1/2 t^2 within two steps, but for the substeps."""
+    high = vg.pack(vg.make_shape(shape), vg.Box((3, 3, 9)), "rsa", count=1, seed=1)
+    settler = Settler(
+        normalized_assembly(replace(high, position=high.position * 0 + [1.5, 1.5, 7]))[0], Settling(), DOWN
+    )
+    settler.progress.stage = FALL
+    settler.step()
+    settler.step()
+    fallen = 7.0 / high.median_diameter - settler.bed.grains.position[0, 2]
+    assert fallen == pytest.approx(0.5 * (2 * time) ** 2 * (1 + 1 / 8), rel=1e-9)
 
 
 def test_a_bed_that_rests_stays_where_it_is(resting):

@@ -261,7 +261,7 @@ def _settled(start: Packing, how: Fall) -> tuple[float, float, float, float]:
     """Return seconds, bulk solid fraction, deepest overlap after the fall, and share at rest of one bed."""
     assembly, _ = normalized_assembly(start)
     settler = Settler(assembly, Settling(friction=CASES[0].friction), np.array(start.gravity, dtype=np.float64))
-    settler._fall = how
+    settler._falling = how
     began = time.process_time()
     settler.step()
     while settler.progress.stage == FALL:
@@ -308,9 +308,9 @@ def _column(count: int, width: float, seed: int, how: tuple[int | None, int, flo
     settler, began = state.settler, time.process_time()
     while settler.progress.stage == GROWTH:
         settler.step()
-    settler._fall = settler._fall._replace(substeps=substeps)
-    for _ in range(round(longer / settler._fall.step)):
-        settler._advance(None)
+    settler._falling = fall = settler._falling._replace(substeps=substeps)
+    for _ in range(round(longer / fall.step)):
+        settler._advance(None, fall)
     while settler.progress.stage == FALL:
         settler.step()
     settler.progress.iterations = iterations or settler.progress.iterations
