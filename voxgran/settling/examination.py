@@ -35,6 +35,8 @@ CLOSED, CLOSER_ROUNDS, CLOSER = 8e-4, 8, 5e-3
 #: grains rub, those after which it ends where no more rest, and more for all grains; median residual of a hopeless copy
 #: after the sweeps, in that of rest
 QUICK, USUAL, THOROUGH, SWEPT, PATIENCE, MANY, HOPELESS = 600, 300, 3000, 50, 64, 60_000, 5.0
+#: how many times more patience where nothing rubs: forces change slowly then
+SLIPPERY = 3
 #: distance to which overlapping grains are parted, rounds for it, by triangles and by other contacts, how often it is
 #: tried, and depth that is rounding
 PARTED, FEW_ROUNDS, ROUNDS, TRIALS, ROUND_OFF = 1e-4, 20, 60, 3, 1e-13
@@ -81,7 +83,7 @@ class Examined(Resumable):
         found = balance_bed(
             bed, self.friction, reach=TOUCHING, tolerance=RESIDUAL, iterations=iterations,
             sweeps=0 if self._frictionless or begun else SWEPT, hopeless=HOPELESS if iterations == QUICK else math.inf,
-            patience=PATIENCE + MANY // max(bed.count, 1),
+            patience=(PATIENCE + MANY // max(bed.count, 1)) * (SLIPPERY if self._frictionless else 1),
         )  # fmt: skip
         progress.residual = np.maximum(found.residual, found.residual_torque)
         progress.moving = bed.mean(~found.rests)

@@ -81,6 +81,9 @@ SLOW, ENOUGH = 0.03, 0.025
 #: share of the distance that surfaces keep by which they may be compressed; the ratio of the largest force to the mean
 #: one from which on contacts are not compressed by gravity
 SINKING_ROUNDS, UNPROVEN, HARDER, COMPRESSED, WEDGED = 2000, 0.005, 0.25, 0.9, 100.0
+#: from how many grains on a bed is left at the first examination that proves enough of them to rest, and steps after
+#: which contacts become harder then: to sink on costs much time, and changes little
+NUMEROUS, SOON = 5000, 10
 
 
 class Settler(Examined):
@@ -386,20 +389,23 @@ class Settler(Examined):
         )  # fmt: skip
         progress.still_steps += 1
         last, calm = progress.still_steps >= self._more_steps * preset.steps, progress.moved <= UNPROVEN
-        overlap, long = deepest > preset.kept, progress.still_steps % preset.late == 0
+        many = bed.count >= NUMEROUS
+        late = min(SOON, preset.late) if many else preset.late
+        overlap, long = deepest > preset.kept, progress.still_steps % late == 0
         enough = min(ENOUGH, 1.0 - self.how.rest)
         wedged = overlap and (last or ((calm or long) and deepest > WEDGED * progress.length))
         if wedged:
             self._part_tightly()
         if wedged or (not overlap and (calm or last or progress.still_steps % preset.examined == 0)):
-            self._examine(USUAL)
+            # grains tremble on springs when the bed rests long since: an examination that ends early does not see it
+            self._examine(THOROUGH)
             if progress.smallest < 0.0 and progress.moving <= enough and not wedged:
                 # a wall that is as round as the grains
                 self._part_tightly()
-                self._examine(USUAL)
+                self._examine(THOROUGH)
             # most of the last grains come to rest a little later
             progress.trials += int(progress.moving <= enough and progress.smallest >= 0.0)
-            last = last or progress.trials > (0 if progress.moving <= UNPROVEN else TRIALS)
+            last = last or progress.trials > (0 if progress.moving <= UNPROVEN or many else TRIALS)
         elif calm or long:
             progress.length *= max(min(1.0, COMPRESSED * preset.kept / deepest), HARDER)
             progress.velocity = np.zeros((0, 6))

@@ -1,6 +1,7 @@
 """Frictionless beds: their descent against plain NumPy, and rest against linear programs of HiGHS."""
 
 import dataclasses
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -10,8 +11,9 @@ from scipy.spatial import ConvexHull
 
 import voxgran as vg
 from tests.unit.settling.test_interior_point import DOWN
-from voxgran.settling import equilibrium
+from voxgran.settling import equilibrium, stages
 from voxgran.settling.equilibrium import normalized_bed
+from voxgran.settling.progress import Progress
 from voxgran.settling.soft_contacts import WIDE, Descent, Springs, descend, shares_of_corners, spring_forces
 
 SHAPES = {
@@ -162,6 +164,24 @@ def test_large_beds_are_proven_from_the_forces_of_their_springs(monkeypatch):
     monkeypatch.setattr(equilibrium.balance_bed, "__kwdefaults__", few)
     assert vg.equilibrium(bed, 0.0).attrs["share_at_rest"] >= 0.98
     assert vg.equilibrium(dataclasses.replace(bed, forces=None), 0.0).attrs["share_at_rest"] < 0.5
+
+
+@pytest.mark.parametrize(("count", "moving", "ends"), [(4999, 0.04, False), (5000, 0.04, True), (5000, 0.06, False)])
+def test_a_bed_of_many_grains_is_left_once_as_many_as_asked_rest(monkeypatch, count, moving, ends):
+    """The last steps of a large bed take most of its time; trembling springs do not say that it rests."""
+    monkeypatch.setattr(stages, "soft_step", lambda bed, size, velocity, **how: (0.99, velocity, 4e-4))
+    progress, ended = Progress(stage=stages.STILL, still_steps=3, length=1e-4), []
+
+    def examine(iterations):
+        assert iterations == stages.THOROUGH
+        progress.moving, progress.smallest = moving, 0.0
+
+    settler = SimpleNamespace(
+        progress=progress, bed=SimpleNamespace(count=count), how=SimpleNamespace(rest=0.95), _more_steps=1,
+        _examine=examine, _end=lambda begun: ended.append(begun),
+    )  # fmt: skip
+    stages.Settler._sink(settler, stages.SOFT[0])
+    assert ended == ([True] if ends else [])
 
 
 def test_a_row_that_fits_between_walls_rests_without_overlap():
