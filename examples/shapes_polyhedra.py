@@ -17,7 +17,6 @@ from matplotlib.image import imsave
 
 import voxgran as vg
 from voxgran.report.gallery import picture_shapes
-from voxgran.shapes.families.regular.spherocylinder import volume_of as capsule_volume
 from voxgran.shapes.families.regular.superquadric import volume_of
 from voxgran.shapes.generating.regular_solids import corners_of
 from voxgran.shapes.generating.sphere_swept import sphere_swept, steiner_volume
@@ -46,7 +45,6 @@ show(
     volume_of(e, e, np.array(semi_axes)),
     lambda: vg.make_shape("superquadric", e1=e, e2=e, semi_axes=semi_axes),
 )
-show("spherocylinder", capsule_volume(1, 4), lambda: vg.make_shape("spherocylinder", radius=1, height=4))
 show("torus", 2 * math.pi**2 * 0.16, lambda: vg.make_shape("torus", major_radius=1, minor_radius=0.4))
 cells = [vg.make_shape("voronoi_fragment", seed=1, cell=k, lengths=(1, 1, 1)) for k in range(64)]
 print(f"voronoi_fragment   cells of one box, their sum: 1 {sum(cell.volume for cell in cells) - 1:+.0e}")

@@ -17,8 +17,10 @@ from voxgran._base.compiling.threads import using_threads
 from voxgran._base.machine import processor_count
 from voxgran._base.seeds import stream
 from voxgran.bench.model import write_rows
-from voxgran.settling.balance import accelerated_projected_gradient
-from voxgran.settling.equilibrium import normalized_bed
+from voxgran.settling.balance import gauss_seidel_forces
+from voxgran.settling.bed import normalized_bed
+from voxgran.settling.impulses import Fall, advance_bodies
+from voxgran.settling.projected_gradient import accelerated_projected_gradient
 
 CHECKED, POURED = 20_000, 100_000
 
@@ -42,20 +44,42 @@ def bed_of(shapes: vg.Shape | list[vg.Shape], count: int, threads: int) -> float
     return float(bed.position[:, 2].mean())
 
 
-def gradient() -> Callable[[int], float]:
-    """Return 100 iterations of the projected gradient that proves whether poured spheres rest; 312,065 contacts."""
+def poured() -> dict[str, Callable[[int], float]]:
+    """Return steps of solvers with poured spheres, which have 312,065 contacts: of the fall, the rest and the proof."""
     edge = (POURED / 3.0) ** (1 / 3)
     grains = vg.pack(vg.shapes.sphere(), vg.Box((edge, edge, 4 * edge), periodic="xy"), "deposition", count=POURED)
     bed = normalized_bed(grains, np.array([0.0, 0.0, -1.0]))
     bed.find(0.02, 0.0)
+    rows = bed.rows.row.copy()
 
-    def balance(threads: int) -> float:
+    def fall(threads: int) -> float:
+        bed.rows.row[:], bed.bodies[:, :6] = rows, 0.0
+        with using_threads(threads):
+            for _ in range(10):
+                how = Fall(np.array([0.5]))
+                advance_bodies(bed.rows, bed.m, bed.bodies, bed.motion, bed.gravity, how, 1.0, np.zeros(0))
+        return float(bed.motion.sum())
+
+    def sweeps(threads: int) -> float:
+        forces = np.zeros((bed.m, 3))
+        with using_threads(threads):
+            gauss_seidel_forces(
+                bed.contacts, forces, np.zeros(bed.m), friction=0.5, skin=1e-5, iterations=60, tolerance=0
+            )
+        return float(forces.sum())
+
+    def gradient(threads: int) -> float:
         forces = np.zeros((bed.m, 3))
         with using_threads(threads):
             accelerated_projected_gradient(bed.contacts, forces, friction=0.5, iterations=100, tolerance=0, near=0)
         return float(forces.sum())
 
-    return balance
+    of = f"{POURED:,} spheres"
+    return {
+        f"fall, {of}, 10 steps": fall,
+        f"sweeps of a quasi-static step, {of}, 60 iterations": sweeps,
+        f"projected gradient, {of}, 100 iterations": gradient,
+    }
 
 
 def cases() -> dict[str, Callable[[int], Any]]:
@@ -75,7 +99,8 @@ def cases() -> dict[str, Callable[[int], Any]]:
         "verify, 20,000 ellipsoids": lambda threads: vg.verify(convex, threads=threads).deepest,
         "verify, 20,000 polyhedra": lambda threads: vg.verify(meshes, threads=threads).deepest,
         "pack by gravity, 1,000 convex polyhedra": lambda threads: bed_of(vg.shapes.convex_polyhedron(), 1000, threads),
-        f"projected gradient, {POURED:,} spheres, 100 iterations": gradient(),
+        **poured(),
+        "pack by gravity, 30,000 spheres": lambda threads: bed_of(vg.shapes.sphere(), 30_000, threads),
         "pack by gravity, 300 random solids": lambda threads: bed_of(solids, 300, threads),
     }
 

@@ -389,7 +389,6 @@ class SpherocylinderKeywords(MakeShapeKeywords, total=False):
     diameter: NumberRange | None
     radius: NumberRange | None
     height: NumberRange | None
-    tolerance: NumberRange
 class SuperquadricKeywords(MakeShapeKeywords, total=False):
     e1: NumberRange
     e2: NumberRange

@@ -23,6 +23,7 @@ SHAPES = [
         [
             *(Primitive("sphere", (0.5,)), Primitive("ellipsoid", (0.6, 0.5, 0.3)), Primitive("box", (0.8, 0.9, 0.7))),
             *(Primitive("cylinder", (0.4, 0.8)), Primitive("cone", (0.5, 0.9)), CLUMP),
+            Primitive("spherocylinder", (0.3, 0.5)),
             Mesh(*revolved([(-0.4, 0.5), (0.3, 0.2)], sides=12)[:2]),
         ]
     )

@@ -36,7 +36,8 @@ def random_outline(seed, count):
 
 @st.composite
 def geometries(draw):
-    kind = draw(st.sampled_from(["spheres", "mesh", "outline", "disk", "ellipsoid", "box", "cylinder", "cone"]))
+    regular = ["ellipsoid", "box", "cylinder", "cone", "spherocylinder"]
+    kind = draw(st.sampled_from(["spheres", "mesh", "outline", "disk", *regular]))
     if kind == "spheres":
         return random_spheres(draw(seeds), draw(st.integers(1, 12)))
     if kind == "outline":
@@ -45,7 +46,7 @@ def geometries(draw):
         return make_shape("convex_polyhedron", seed=draw(seeds), points=draw(st.integers(4, 20))).geometry
     if kind == "disk":
         return Outline("disk", radius=draw(lengths))
-    count = 2 if kind in ("cylinder", "cone") else 3
+    count = 3 if kind in ("ellipsoid", "box") else 2
     return Primitive(kind, tuple(draw(lengths) for _ in range(count)))
 
 

@@ -24,7 +24,8 @@ def shapes():
     clump = Spheres(np.array([[0.0, 0, 0], [0.4, 0, 0]]), np.array([0.4, 0.3]))
     geometries = [
         *(Primitive("sphere", (0.5,)), Primitive("ellipsoid", (0.6, 0.5, 0.3)), Primitive("box", (0.8, 0.9, 0.7))),
-        *(Primitive("cylinder", (0.4, 0.8)), Primitive("cone", (0.5, 0.9)), clump, Mesh(0.5 * vertices, faces)),
+        *(Primitive("cylinder", (0.4, 0.8)), Primitive("cone", (0.5, 0.9)), Primitive("spherocylinder", (0.3, 0.5))),
+        *(clump, Mesh(0.5 * vertices, faces)),
     ]
     return [Shape.of(geometry, name=f"shape {k}") for k, geometry in enumerate(geometries)]
 

@@ -213,7 +213,7 @@ def equilibrium(options: argparse.Namespace, packing: Packing) -> int:
             **_fixed_count(packing),
             "contacts": found.sizes["contact"],
             "friction": found.attrs["friction"],
-            **{name: found.attrs[name] for name in (*SHARES, *(("stress_error",) if pressed else ()))},
+            **{name: found.attrs[name] for name in (*SHARES, "stress_error" if pressed else "share_undecided")},
             "rattlers": rattlers.tolist() if options.json else _listed(rattlers.tolist()),
             "largest_residuals": {f"grain_{grain}": float(residual[grain]) for grain in worst.tolist()},
         },

@@ -75,7 +75,7 @@ def progress(options: argparse.Namespace, *, timed: bool = True) -> Iterator[OnS
 #: units of the depths of a verification, and what shares are of
 UNITS = {
     **dict.fromkeys(("deepest", "tolerance"), "mean diameters"),
-    **dict.fromkeys(("share_at_rest", "share_of_rattlers"), "of all grains"),
+    **dict.fromkeys(("share_at_rest", "share_of_rattlers", "share_undecided"), "of all grains"),
     "share_at_rest_without_rattlers": "of the grains that are no rattlers",
 }
 

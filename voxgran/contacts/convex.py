@@ -1,4 +1,4 @@
-"""Contacts of grains made of convex parts: spheres, ellipsoids, boxes, cylinders, cones and unions of spheres.
+"""Contacts of grains made of convex parts: unions of spheres, and the other primitives.
 
 Two spheres with centers at the distance `d` have the gap ``d - r1 - r2``. If they overlap, the deepest point of one in
 the other is ``r1 + r2 - d`` below its surface, but no deeper than the center of the larger sphere.
@@ -176,11 +176,13 @@ def penetration(
 ) -> bool:
     """Write the depth of `other` in `one`, with outward normal and middle point.
 
-    Return whether the depth exceeds the range in which the erosion of an ellipsoid is exact; it is then a lower bound.
+    Return whether the depth exceeds the range in which the erosion of an ellipsoid or a spherocylinder is exact; it is
+    then a lower bound.
     """
     near = np.zeros(9)
     limit = erosion_limit(one)
-    if one[0] == 0.0:
+    if limit == 0.0:
+        # a point or a segment
         distance = separation(one, other, 0.0, offset, near)
         contact[0] = max(min(margin + other_margin - distance, margin), 0.0)
         _write_contact(near, margin, other_margin, contact)
@@ -197,7 +199,7 @@ def penetration(
             break
         erosion = nearer
     contact[0] = erosion
-    return one[0] == 1.0 and erosion >= limit and min(one[1], one[2], one[3]) > limit
+    return erosion >= limit and (one[0] == 6.0 or (one[0] == 1.0 and min(one[1], one[2], one[3]) > limit))
 
 
 @kernel

@@ -18,7 +18,7 @@ from voxgran.geometry.sphere_pairs import spheres_near
 from voxgran.shapes.describing.body import Geometry
 from voxgran.shapes.mesh import Mesh
 from voxgran.shapes.outline import Outline
-from voxgran.shapes.primitive import Primitive
+from voxgran.shapes.primitive import Primitive, from_axis
 from voxgran.shapes.spheres import Spheres
 
 #: largest number of Newton steps to the nearest point of an ellipsoid; far fewer reach the last digits
@@ -156,6 +156,8 @@ def _in_primitive(primitive: Primitive, points: Floats) -> Floats:
     p, d = points @ primitive.matrix, primitive.dimensions
     if primitive.kind == "sphere":
         return np.asarray(d[0] - np.linalg.norm(p, axis=1))
+    if primitive.kind == "spherocylinder":
+        return np.asarray(d[0] - np.linalg.norm(from_axis(p, d[1]), axis=1))
     if primitive.kind == "ellipsoid":
         return _in_ellipsoid(np.abs(p), np.array(d))
     if primitive.kind == "box":

@@ -1,10 +1,10 @@
-"""Contacts of closed triangle meshes with spheres, ellipsoids, cylinders and cones.
+"""Contacts of closed triangle meshes with spheres and other primitives.
 
 The partner of the mesh is not tessellated. The contact of a sphere is at the surface point nearest to its center. For
 the other solids each close triangle is one convex solid and the partner another. The depth of an overlap is that of the
 triangles in the partner; for a cylinder or cone, whose rims and tips can be deeper in the mesh than the mesh in them,
-it is the larger of this and the depth of its surface in the mesh. (The depth in a sphere or ellipsoid is never the
-smaller one, up to its smallest radius of curvature.) Boxes are meshes.
+it is the larger of this and the depth of its surface in the mesh. (The depth in a sphere, ellipsoid or spherocylinder
+is never the smaller one, up to its smallest radius of curvature.) Boxes are meshes.
 """
 
 import math
@@ -55,7 +55,7 @@ def touch_spheres(
 
 
 def touch_convex(solid: Solid, primitive: Primitive, *, matrix: Floats, offset: Floats, reach: float) -> Touch:
-    """Return the contact, from the mesh to its partner, of a mesh with an ellipsoid, cylinder or cone."""
+    """Return the contact, from the mesh to its partner, of a mesh with another primitive than a sphere."""
     row = placed_row(primitive, matrix)
     sphere = primitive.bounding_radius * stretch_of(matrix)
     near = np.zeros(9)
@@ -82,7 +82,7 @@ def touch_convex(solid: Solid, primitive: Primitive, *, matrix: Floats, offset: 
 
 
 def placed_row(primitive: Primitive, matrix: Floats) -> Floats:
-    """Return the (13,) row of an ellipsoid, box, cylinder or cone, rotated and scaled by a matrix."""
+    """Return the (13,) row of a primitive other than a sphere, rotated and scaled by a matrix."""
     factor = stretch_of(matrix)
     row = row_of(primitive)
     row[1:4] *= factor

@@ -86,9 +86,9 @@ def touch_spheres(surface: Surface, parts: Parts, *, matrix: Floats, offset: Flo
 
 
 def touch_round(surface: Surface, primitive: Primitive, *, matrix: Floats, offset: Floats, reach: float) -> Touch:
-    """Return the contact of an open surface with an ellipsoid, cylinder or cone.
+    """Return the contact of an open surface with another primitive than a sphere.
 
-    A depth in an ellipsoid that exceeds its smallest radius of curvature is a lower bound.
+    A depth in an ellipsoid or spherocylinder that exceeds its smallest radius of curvature is a lower bound.
     """
     row, sphere = placed_row(primitive, matrix), primitive.bounding_radius * stretch_of(matrix)
     near, contact = np.zeros(9), np.zeros(7)

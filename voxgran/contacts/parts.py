@@ -1,8 +1,8 @@
 """Grains as convex parts, in the rows of numbers that the kernels of the contact tests use.
 
-A sphere is a point with a margin, a union of spheres consists of several such parts, and an ellipsoid, box, cylinder or
-cone is one part. The rows are those of :mod:`voxgran.geometry.support`, rotated and scaled to the poses of the grains,
-relative to their centroids.
+A sphere is a point with a margin, a spherocylinder a segment with a margin, a union of spheres consists of several
+spheres, and an ellipsoid, box, cylinder or cone is one part. The rows are those of :mod:`voxgran.geometry.support`,
+rotated and scaled to the poses of the grains, relative to their centroids.
 """
 
 from typing import NamedTuple
@@ -10,13 +10,13 @@ from typing import NamedTuple
 import numpy as np
 
 from voxgran._base.arrays import Floats, Integers
-from voxgran.geometry.support import BOX, CONE, CYLINDER, ELLIPSOID, POINT, ROW
+from voxgran.geometry.support import BOX, CONE, CYLINDER, ELLIPSOID, POINT, ROW, SPHEROCYLINDER
 from voxgran.shapes.describing.body import Geometry, as_spheres
 from voxgran.shapes.outline import Outline
 from voxgran.shapes.primitive import Primitive
 from voxgran.shapes.spheres import Spheres
 
-CODES = {"ellipsoid": ELLIPSOID, "box": BOX, "cylinder": CYLINDER, "cone": CONE}
+CODES = {"ellipsoid": ELLIPSOID, "box": BOX, "cylinder": CYLINDER, "cone": CONE, "spherocylinder": SPHEROCYLINDER}
 
 
 class Parts(NamedTuple):
@@ -24,7 +24,7 @@ class Parts(NamedTuple):
 
     start: Integers  # first part of each body, (n + 1,)
     row: Floats  # kind, dimensions and rotation of each part, (p, 13)
-    margin: Floats  # distance of the surface from the core, (p,): the radius of a sphere
+    margin: Floats  # distance of the surface from the core, (p,): the radius of a sphere or spherocylinder
     center: Floats  # center of each part, relative to the centroid of the body, (p, 3)
     reach: Floats  # radius of the bounding sphere about the center, (p,)
 
@@ -57,11 +57,10 @@ def parts_of(geometries: list[Geometry]) -> Parts:
     rows, margins, centers, reaches, counts = [], [], [], [], []
     for geometry in geometries:
         row, margin, center = _parts_of_one(geometry)
-        inner = [0.0] * len(row) if len(row) != 1 or row[0, 0] == POINT else [geometry.bounding_radius]
         rows.append(row)
         margins.append(margin)
         centers.append(center)
-        reaches.append(margin + np.array(inner))
+        reaches.append(margin if len(row) != 1 or row[0, 0] == POINT else np.array([geometry.bounding_radius]))
         counts.append(len(row))
     start = np.concatenate([[0], np.cumsum(counts)]).astype(np.int64)
     return Parts(
@@ -74,7 +73,7 @@ def parts_of(geometries: list[Geometry]) -> Parts:
 
 
 def row_of(primitive: Primitive) -> Floats:
-    """Return the (13,) row of an ellipsoid, box, cylinder or cone in its own frame."""
+    """Return the (13,) row of a primitive other than a sphere in its own frame."""
     row = np.zeros(ROW)
     row[0] = CODES[primitive.kind]
     row[1 : 1 + len(primitive.dimensions)] = primitive.dimensions
@@ -85,6 +84,9 @@ def row_of(primitive: Primitive) -> Floats:
 def _parts_of_one(geometry: Geometry) -> tuple[Floats, Floats, Floats]:
     """Return rows, margins and centers of one geometry."""
     if isinstance(geometry, Primitive) and geometry.kind != "sphere":
-        return row_of(geometry)[None], np.zeros(1), np.zeros((1, 3))
+        row, margin = row_of(geometry), np.zeros(1)
+        if geometry.kind == "spherocylinder":
+            margin[0], row[1] = row[1], 0.0
+        return row[None], margin, np.zeros((1, 3))
     centers, margins = as_spheres(geometry) or (np.zeros((0, 3)), np.zeros(0))
     return np.zeros((len(margins), ROW)), margins, centers

@@ -233,11 +233,12 @@ def _reach_out(start, row, margin, center, position, wall, reach):  # type: igno
             x, y = position[grain, 0] + center[part, 0], position[grain, 1] + center[part, 1]
             z = position[grain, 2] + center[part, 2]
             if row[part, 0] == 0.0:
-                reach[grain] = max(reach[grain], reach_from(wall, x, y, z) + margin[part])
+                far = reach_from(wall, x, y, z)
             elif wall[3] == 1.0:
-                reach[grain] = max(reach[grain], farthest_of_row(row[part], x, y, z))
+                far = farthest_of_row(row[part], x, y, z)
             else:
-                reach[grain] = max(reach[grain], reach_from_line(row[part], x, y, z, wall))
+                far = reach_from_line(row[part], x, y, z, wall)
+            reach[grain] = max(reach[grain], far + margin[part])
 
 
 @kernel

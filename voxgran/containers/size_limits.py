@@ -12,6 +12,7 @@ from voxgran.containers.model import Container, boundary_of, periods_of
 from voxgran.geometry.periods import images_within, shortest_period
 from voxgran.geometry.sphere_pairs import MOST_IMAGES
 from voxgran.shapes.describing.extents import principal_extents
+from voxgran.shapes.describing.inscribed import inscribed_radius
 from voxgran.shapes.model import Shape
 from voxgran.shapes.primitive import Primitive
 from voxgran.shapes.spheres import Spheres
@@ -105,7 +106,7 @@ def _spheres(shape: Shape) -> tuple[float, float]:
     if shape.is_sphere:
         return shape.diameter, shape.diameter
     if isinstance(geometry, Primitive):
-        sphere = _sphere_of_primitive(geometry)
+        sphere = 2.0 * inscribed_radius(shape)
         return sphere, sphere
     # the nearest facet limits the sphere about the centroid
     hull = load("scipy.spatial").ConvexHull(shape.vertices[:, : shape.dimension])
@@ -114,13 +115,3 @@ def _spheres(shape: Shape) -> tuple[float, float]:
         core = 2.0 * float(geometry.radii.max())
         return core, max(core, around)
     return 0.0, around
-
-
-def _sphere_of_primitive(geometry: Primitive) -> float:
-    """Return the diameter of the largest sphere in a box, ellipsoid, cylinder or cone."""
-    first, *rest = geometry.dimensions
-    if geometry.kind == "cylinder":
-        return min(2.0 * first, rest[0])
-    if geometry.kind == "cone":
-        return 2.0 * first * rest[0] / (first + math.hypot(first, rest[0]))
-    return min(geometry.dimensions) * (2.0 if geometry.kind == "ellipsoid" else 1.0)

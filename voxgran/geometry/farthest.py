@@ -11,7 +11,7 @@ HALVINGS = 200
 
 @bare_kernel
 def farthest_of_row(row: Floats, x: float, y: float, z: float) -> float:
-    """Return the largest distance from the origin of an ellipsoid, box, cylinder or cone centered at (x, y, z).
+    """Return the largest distance from the origin of a solid, which is no point, centered at (x, y, z).
 
     row: of :mod:`voxgran.geometry.support`. The farthest point of a ring lies on the side away from the origin. On an
     ellipsoid with the semi-axes a it is p + a u with u = a p / (m - a ** 2), where the multiplier m is the root above
@@ -24,6 +24,8 @@ def farthest_of_row(row: Floats, x: float, y: float, z: float) -> float:
     if row[0] == 2.0:
         p, q, r = abs(u) + 0.5 * a, abs(v) + 0.5 * b, abs(w) + 0.5 * c
         return math.sqrt(p * p + q * q + r * r)
+    if row[0] == 6.0:
+        return math.sqrt(u * u + v * v + (abs(w) + 0.5 * b) ** 2) + a
     flat = math.sqrt(u * u + v * v) + a
     if row[0] == 3.0:
         tall = abs(w) + 0.5 * b

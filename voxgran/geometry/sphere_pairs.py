@@ -1,10 +1,12 @@
 """Cell lists: all pairs of spheres whose surfaces are nearer than a gap, periodic axes included."""
 
+from functools import partial
 from typing import NamedTuple
 
 import numpy as np
 
 from voxgran._base.arrays import Floats, Integers
+from voxgran._base.compiling.threads import at_once, blocks_of
 from voxgran._base.errors import InputError
 from voxgran._base.kernels import kernel
 from voxgran.geometry.periods import OPEN, along_edges, face_distances, images_within, turns_of
@@ -15,6 +17,8 @@ ORIGIN = np.zeros(3)
 CLASS = 2.0
 #: most periodic images that are compared with a sphere
 MOST_IMAGES = 10_000
+#: spheres of which a thread takes no fewer
+BLOCK = 4096
 
 
 def near_pairs(
@@ -143,12 +147,17 @@ def _pairs_with(place: Placed, queries: Integers, members: Integers, gap: float)
     rows = np.column_stack([place.centers, place.radii])
     filled = Cells(rows[members][order], order, start, cells, around, wraps.astype(np.int64), periods)
     arguments = rows[queries], index[queries], filled, float(gap), queries is members
-    pairs = np.zeros((16 * len(queries), 5), dtype=np.int64)
-    while (found := _visit_pairs(*arguments, pairs)) > len(pairs):
-        pairs = np.zeros((found, 5), dtype=np.int64)
-    pairs = pairs[:found]
-    pairs[:, 0], pairs[:, 1] = queries[pairs[:, 0]], members[pairs[:, 1]]
-    return pairs
+
+    def of_block(begin: int, end: int) -> Integers:
+        pairs = np.zeros((16 * (end - begin), 5), dtype=np.int64)
+        while (found := _visit_pairs(*arguments, begin, end, pairs)) > len(pairs):
+            pairs = np.zeros((found, 5), dtype=np.int64)
+        pairs = pairs[:found]
+        pairs[:, 0], pairs[:, 1] = queries[pairs[:, 0]], members[pairs[:, 1]]
+        return pairs
+
+    blocks = at_once([partial(of_block, *block) for block in blocks_of(len(queries), BLOCK)])
+    return blocks[0] if len(blocks) == 1 else np.concatenate(blocks)
 
 
 def _in_order(pairs: Integers) -> Integers:
@@ -159,15 +168,15 @@ def _in_order(pairs: Integers) -> Integers:
 
 
 @kernel
-def _visit_pairs(queries, index, cells, gap, one_set, pairs):  # type: ignore[no-untyped-def]
-    """Walk the cells around each query, write the pairs in lexical order, and return how many there are.
+def _visit_pairs(queries, index, cells, gap, one_set, begin, end, pairs):  # type: ignore[no-untyped-def]
+    """Walk the cells around queries `begin` to `end` - 1, write the pairs in lexical order, and return their number.
 
     Where they are more than `pairs` has rows for, those that have no row are counted only. In one set, each pair comes
     once.
     """
     many, around, wraps, p, packed = cells.many, cells.around, cells.wraps, cells.periods, cells.sphere
     count = 0
-    for i in range(len(queries)):
+    for i in range(begin, end):
         first = count
         x, y, z, r = queries[i, 0], queries[i, 1], queries[i, 2], queries[i, 3] + gap
         for ox in range(-around[0], around[0] + 1):

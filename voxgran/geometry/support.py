@@ -2,8 +2,8 @@
 
 A solid is a row of numbers: its kind, three dimensions and a rotation matrix; a triangle is its nine coordinates. A
 support function is also available for a solid *eroded* by a length r: the set of its points at a depth of at least r.
-The erosion of a box, cylinder or cone is a smaller one; that of an ellipsoid has the support points s(n) - r n for r up
-to its smallest radius of curvature.
+The erosion of a box, cylinder, cone or spherocylinder is a smaller one; that of an ellipsoid has the support points
+s(n) - r n for r up to its smallest radius of curvature.
 """
 
 import math
@@ -14,8 +14,8 @@ from voxgran._base.arrays import Floats
 from voxgran._base.kernels import kernel
 from voxgran.geometry.vectors import Vector
 
-#: kinds of rows; a sphere is a point with a margin
-POINT, ELLIPSOID, BOX, CYLINDER, CONE, TRIANGLE = 0, 1, 2, 3, 4, 5
+#: kinds of rows; a sphere is a point with a margin, and a segment a spherocylinder of radius 0
+POINT, ELLIPSOID, BOX, CYLINDER, CONE, TRIANGLE, SPHEROCYLINDER = 0, 1, 2, 3, 4, 5, 6
 #: numbers in a row
 ROW = 13
 
@@ -58,6 +58,9 @@ def _support_upright(kind, row, erosion, u, v, w):  # type: ignore[no-untyped-de
     if kind == 2:
         a, b, c = 0.5 * a - erosion, 0.5 * b - erosion, 0.5 * c - erosion
         return a if u >= 0.0 else -a, b if v >= 0.0 else -b, c if w >= 0.0 else -c
+    if kind == 6:
+        share = (a - erosion) / max(math.sqrt(u * u + v * v + w * w), 1e-300)
+        return share * u, share * v, share * w + (0.5 * b if w >= 0.0 else -0.5 * b)
     flat = math.sqrt(u * u + v * v)
     if kind == 3:
         ring = (a - erosion) / flat if flat > 0.0 else 0.0
@@ -85,4 +88,4 @@ def erosion_limit(row: Floats) -> float:
         return min(a, 0.5 * b)
     if row[0] == 4.0:
         return a * b / (a + math.sqrt(a * a + b * b))
-    return 0.0
+    return a if row[0] == 6.0 else 0.0

@@ -20,7 +20,7 @@ from voxgran.shapes.describing.body import as_spheres
 from voxgran.shapes.mesh import Mesh
 from voxgran.shapes.outline import Outline
 from voxgran.shapes.primitive import Primitive
-from voxgran.voxels.closed_form import _chord_in_round, body_frame, profile, upright_faces
+from voxgran.voxels.closed_form import chord_in_round, round_parts, upright_faces
 from voxgran.voxels.scanline import FINEST, _first_last, _ordered, _segment, _sides
 
 #: halvings of an interval that holds a wall known by its signed distance
@@ -211,8 +211,8 @@ def _in_spheres(centers: Floats, radii: Floats, lines: Lines) -> Intervals:
 
 
 def _in_round(solid: Primitive, middle: Floats, reach: float, lines: Lines) -> Intervals:
-    """Return the intervals in an ellipsoid, cylinder or cone."""
-    stretch, curve, ends = body_frame(solid, *profile(solid), 1.0)
+    """Return the intervals in a primitive other than a box."""
+    stretch, curves, ends = round_parts(solid, 1.0)
     start = middle - [*lines.first, lines.low]
     # a line is shifted by less than the distance of lines
     first = np.maximum(np.ceil((start[:2] - reach) / lines.step) - [0, 1], 0).astype(int)
@@ -221,7 +221,7 @@ def _in_round(solid: Primitive, middle: Floats, reach: float, lines: Lines) -> I
     line, low, high = np.empty(many, dtype=np.int64), np.empty(many), np.empty(many)
     frame = np.ascontiguousarray(stretch[:, list(lines.axes)])
     window = np.concatenate([first, last])
-    count = _cross_round(frame, start, curve, ends, lines.lattice, window, line, low, high)
+    count = _cross_round(frame, start, curves, ends, lines.lattice, window, line, low, high)
     return line[:count], low[:count], high[:count]
 
 
@@ -319,14 +319,14 @@ def _cross_spheres(centers, radii, lattice, line, low, high):  # type: ignore[no
 
 
 @kernel
-def _cross_round(stretch, middle, curve, ends, lattice, window, line, low, high):  # type: ignore[no-untyped-def]
+def _cross_round(stretch, middle, curves, ends, lattice, window, line, low, high):  # type: ignore[no-untyped-def]
     """Write the intervals of lines in a solid of revolution; return their number."""
     (step, counts, turn), count = lattice, 0
     for i in range(window[0], window[2] + 1):
         shift = _shift(i, turn)
         for j in range(window[1], window[3] + 1):
             x, y = i * step[0] - middle[0], (j + shift) * step[1] - middle[1]
-            begin, end = _chord_in_round(stretch, curve, ends, x, y)
+            begin, end = chord_in_round(stretch, curves, ends, x, y)
             if begin < end:
                 line[count], low[count], high[count] = i * counts[1] + j, begin + middle[2], end + middle[2]
                 count += 1

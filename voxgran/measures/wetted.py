@@ -135,9 +135,9 @@ def _partners(packing: Packing, contacts: Contacts, reach: float) -> dict[int, l
 
 
 def _is_bent(shape: Shape) -> bool:
-    """Return whether no part of a surface is plane, so that it touches others and walls in points."""
-    geometry = shape.geometry
-    return as_spheres(geometry) is not None or (isinstance(geometry, Primitive) and geometry.kind == "ellipsoid")
+    """Return whether no part of a surface is plane, so that it touches others and walls in points or lines."""
+    geometry, kinds = shape.geometry, ("ellipsoid", "spherocylinder")
+    return as_spheres(geometry) is not None or (isinstance(geometry, Primitive) and geometry.kind in kinds)
 
 
 def _parts_of(shape: Shape) -> Parts:

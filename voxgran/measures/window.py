@@ -319,9 +319,8 @@ def _cut_shape(shape: Shape, maps: Floats, centers: Floats, lower: Floats, upper
     if geometry.kind == "box":
         vertices, faces, _ = geometry.tessellation()
         return cut_mesh(vertices, faces, maps, centers, lower=lower, upper=upper), 0.0
-    ends = [(-size[1] / 2, size[0]), (size[1] / 2, size[0])]
-    tip = [(-size[1] / 4, size[0]), (0.75 * size[1], 0.0)]
-    vertices, faces, _ = revolved(ends if geometry.kind == "cylinder" else tip, sides=FINE)
+    sides = FINE // 6 if geometry.kind == "spherocylinder" else FINE
+    vertices, faces, _ = revolved(geometry.profile(sides), sides=sides)
     solid = Mesh(vertices @ geometry.matrix.T, faces)
     parts = cut_mesh(solid.vertices, solid.faces, maps, centers, lower=lower, upper=upper)
     return parts * (shape.volume / solid.volume), shape.volume - solid.volume

@@ -9,6 +9,7 @@ import numpy as np
 from voxgran._base.arrays import Floats, Integers, as_length
 from voxgran._base.errors import InputError
 from voxgran.points.sample import MOST_POINTS, SurfacePoints, sample_surface
+from voxgran.shapes.finer import onto_surface
 from voxgran.shapes.mesh import Mesh
 from voxgran.shapes.model import Shape
 from voxgran.shapes.primitive import Primitive
@@ -23,8 +24,8 @@ POINTED = 0.3
 def sample_controls(shape: Shape, *, spacing: float, seed: int = 0) -> SurfacePoints:
     """Return control points: those of :func:`voxgran.sample_surface`, and points along edges and at corners.
 
-    They have at most the given spacing on the surface and along edges. Points of a sphere, ellipsoid or disk lie on its
-    surface, those of other curved shapes on the tessellation.
+    They have at most the given spacing on the surface and along edges. Points of a sphere, ellipsoid, spherocylinder or
+    disk lie on its surface, those of other curved shapes on the tessellation.
     """
     wanted = as_length(spacing, "spacing")
     points = sample_surface(shape, spacing=wanted, seed=seed)
@@ -32,10 +33,9 @@ def sample_controls(shape: Shape, *, spacing: float, seed: int = 0) -> SurfacePo
         return points
     sharp = edge_points(shape.vertices, shape.faces, wanted)
     places = np.concatenate([sharp, np.asarray(points)])
-    if isinstance(shape.geometry, Primitive) and shape.geometry.kind == "ellipsoid":
-        # project from the tessellation onto the true surface; the displacement is within the error of the tessellation
-        level = np.linalg.norm(places @ shape.geometry.matrix / np.array(shape.geometry.dimensions), axis=1)
-        places /= level[:, None]
+    if isinstance(shape.geometry, Primitive) and shape.geometry.kind in ("ellipsoid", "spherocylinder"):
+        # from the tessellation onto the true surface; the displacement is within the error of the tessellation
+        places = onto_surface(shape.geometry, places)
     return SurfacePoints.from_points(places, points.spacing)
 
 

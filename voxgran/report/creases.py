@@ -27,8 +27,8 @@ def creased(shape: Shape, vertices: Floats, faces: Integers) -> tuple[Floats, In
 
     Surfaces are shaded by the normals at their vertices, which are means over the triangles that share them.
     """
-    ellipsoid = isinstance(shape.geometry, Primitive) and shape.geometry.kind == "ellipsoid"
-    if shape.dimension == 2 or shape.is_sphere or ellipsoid:
+    smooth = isinstance(shape.geometry, Primitive) and shape.geometry.kind in ("ellipsoid", "spherocylinder")
+    if shape.dimension == 2 or shape.is_sphere or smooth:
         return vertices, faces
     reduced = len(faces) < len(shape.faces)
     one, two, angle = _neighbours(vertices, faces)

@@ -1,4 +1,4 @@
-"""Forces at contacts, within their friction cones, that balance the weights of grains: two iterative solvers.
+"""Forces at contacts, within their friction cones, with which grains do what the law of Coulomb says.
 
 The unknowns are forces f, one for each contact, which act on its body j and with opposite sign on its body i. They
 give the bodies accelerations a = gravity + (sum of forces and of their moments) / (mass and moment of inertia). A
@@ -6,29 +6,22 @@ quasi-static step of length dt moves bodies by a dt^2 from rest, so that its con
 dt^2 + skin f_n``, and one of both is 0; across the normal a force of friction is at most `friction` times as large as
 f_n, a number for all contacts or one for each. Without the gaps it is the question whether the bodies rest.
 
-`accelerated_projected_gradient` minimises half the sum of squared accelerations, weighted by mass and moment of
-inertia, over the friction cones: a convex problem. `gauss_seidel_forces` solves for the law of Coulomb, with which
-sliding does not open contacts.
-
-References
-----------
-Anitescu & Tasora 2010, An iterative approach for cone complementarity problems for nonsmooth dynamics,
-doi:10.1007/s10589-008-9223-4
-Mazhar, Heyn, Negrut & Tasora 2015, Using Nesterov's method to accelerate multibody dynamics with friction and contact,
-doi:10.1145/2735627
-O'Donoghue & Candes 2015, Adaptive restart for accelerated gradient schemes, doi:10.1007/s10208-013-9150-3
+With the law of Coulomb sliding does not open contacts, so that it is no convex problem; the convex one that is next to
+it proves whether bodies rest (:mod:`voxgran.settling.projected_gradient`). The sweeps have the momentum of Nesterov
+with restarts (O'Donoghue & Candes 2015, doi:10.1007/s10208-013-9150-3).
 """
 
 import math
+from itertools import pairwise
 from typing import NamedTuple
 
 import numpy as np
 
 from voxgran._base.arrays import Floats, Integers
 from voxgran._base.compiling.threads import in_blocks
-from voxgran._base.kernels import bare_kernel, inlined_kernel
-from voxgran._base.stopping import stop_if_asked
-from voxgran.geometry.vectors import add, along, cross, dot, sub, times, vector_at
+from voxgran._base.kernels import bare_kernel
+from voxgran.contacts.manifolds.rounds import Rounds, rounds_of
+from voxgran.geometry.vectors import add, along, dot, sub, times, vector_at
 from voxgran.settling.cell import (
     INVERSE_MASS,
     INVERSE_MOMENT,
@@ -48,12 +41,6 @@ from voxgran.settling.cell import (
 #: numbers in a row of work: normal (3), arms (6), openness, steps along the normal and across it; then two forces (3):
 #: that of now, and that of the iteration before
 WORK = 18
-#: iterations of the projected gradient between two looks at its distance from the optimum
-AT_ONCE = 16
-#: share of the bodies that is few, and share of those that accelerate to which they become fewer but slowly
-FEW, SLOWLY = 0.1, 0.97
-#: rows from which on forces are found by all threads, and rows of which the turning back is summed on its own
-MANY, BLOCK = 100_000, 8192
 
 
 class LoadedContacts(NamedTuple):
@@ -70,6 +57,33 @@ class LoadedContacts(NamedTuple):
     bodies: Floats
     gravity: Floats
     cell: Cell = RIGID
+
+
+class Sweeps(NamedTuple):
+    """What sweeps work with.
+
+    contacts: with bodies in the order of the rounds.  work: (m, 18) rows of `fill_work` in that order.  state: (n + 1,
+    8) accelerations, inverse masses and moments.  friction: (m,) or (1,).  accelerations: (n + 1, 6) those of the
+    iteration before.  ahead: (n + 1, 6) extrapolated ones.  sums: for each set, squares of the change since the
+    iteration before and of the forces, and by how much bodies turn back.  pace: the numbers t and momentum.
+    """
+
+    contacts: LoadedContacts
+    work: Floats
+    state: Floats
+    friction: Floats
+    skin: float
+    accelerations: Floats
+    ahead: Floats
+    rounds: Rounds
+    sums: Floats
+    pace: Floats
+
+
+def masses_of(contacts: LoadedContacts) -> Floats:
+    """Return the masses and moments of inertia (n + 1, 2) of bodies; of fixed ones they are 0."""
+    inverse = contacts.bodies[:, INVERSE_MASS : INVERSE_MOMENT + 1]
+    return np.where(inverse > 0.0, 1.0 / np.where(inverse > 0.0, inverse, 1.0), 0.0)
 
 
 def net_accelerations(contacts: LoadedContacts, forces: Floats) -> Floats:
@@ -97,76 +111,31 @@ def gauss_seidel_forces(
     forces in an iteration at which they end.
     """
     count = len(contacts.bodies)
-    work = np.empty((len(contacts.i), WORK))
-    _fill_work(contacts, forces, openness, skin, np.ones(count), work)
+    rounds = rounds_of(contacts.i, contacts.j, count, shared=len(contacts.cell.mobility) > 0)
+    rows, work = rounds.rows, np.empty((len(contacts.i), WORK))
+    fill_work(contacts, forces, openness, skin, np.ones(count), rows, work)
     accelerations, state, ahead = net_accelerations(contacts, forces), np.empty((count, 8)), np.empty((count, 6))
+    state[:, :6], state[:, 6:] = accelerations, contacts.bodies[:, INVERSE_MASS : INVERSE_MOMENT + 1]
     rub = np.array(friction, dtype=np.float64, ndmin=1)
-    made = _gauss_seidel(contacts, work, state, rub, skin, iterations, tolerance, accelerations, ahead)
-    forces[:] = work[:, 12:15]
+    visited = contacts._replace(i=contacts.i[rows], j=contacts.j[rows])
+    sums, pace = np.zeros((len(rounds.ends) - 1, 3)), np.array([1.0, 0.0])
+    sweeps = Sweeps(visited, work, state, rounds.of_each(rub), skin, accelerations, ahead, rounds, sums, pace)
+    made = (_gauss_seidel if len(rounds.bodies) == 2 else _gauss_seidel_at_once)(sweeps, iterations, tolerance)
+    forces[rows] = work[:, 12:15]
     return net_accelerations(contacts, forces), made
 
 
-def accelerated_projected_gradient(
-    contacts: LoadedContacts, forces: Floats, *, friction: float | Floats, iterations: int, tolerance: float,
-    near: float, decide: bool = False, patience: int | None = None,
-) -> tuple[Floats, int, float]:  # fmt: skip
-    """Change the forces (m, 3), within their friction cones, to those that balance all bodies best.
-
-    Return the accelerations (n + 1, 6) that are left, the number of iterations made, and about how far the
-    accelerations are from those of the optimum, which are unique: the root mean square of the difference, weighted by
-    mass.
-
-    forces: the first guess, changed in place.  tolerance: the iterations end where no body accelerates by more, nor its
-    points at the radius of gyration.  near: they also end at this distance from the optimum.  decide: then they go on
-    as long as a body that accelerates by more might not do so at the optimum.  patience: iterations after which they
-    also end where few bodies accelerate by more than the tolerance, and these hardly become fewer.
-    """
-    m, j, last = len(contacts.i), contacts.j, len(contacts.bodies) - 1
-    work, rub = np.empty((m, WORK)), np.array(friction, dtype=np.float64, ndmin=1)
-    share = np.bincount(contacts.i, minlength=last + 1) + np.bincount(j[j >= 0], minlength=last + 1)
-    _fill_work(contacts, forces, np.zeros(m), 0.0, np.maximum(share, 1).astype(np.float64), work)
-    accelerations = net_accelerations(contacts, forces)
-    new, extrapolated, state = accelerations.copy(), accelerations.copy(), np.array([1.0, 0.0])
-    inverse = contacts.bodies[:, INVERSE_MASS : INVERSE_MOMENT + 1]
-    masses = np.where(inverse > 0.0, 1.0 / np.where(inverse > 0.0, inverse, 1.0), 0.0)
-    lists = _rows_of_bodies(contacts) if m >= MANY else None
-    made, distance, least, improved = 0, math.inf, FEW * last, 0
-    while made < iterations:
-        stop_if_asked()
-        for _ in range(min(AT_ONCE, iterations - made)):
-            if lists is None:
-                _descend(contacts, work, rub, accelerations, new, extrapolated, state)
-            else:
-                _descend_at_once(contacts, work, rub, accelerations, extrapolated, state, lists)
-            made += 1
-        # squares of the motions, by mass; the optimum, which has the least sum, is no farther than they are large
-        squares = (accelerations.reshape(-1, 2, 3) ** 2).sum(axis=2) * masses
-        excess = max(_excess(contacts, work, rub, accelerations), 0.0)
-        reach, total = math.sqrt(min(excess, float(squares.sum()))), max(float(masses[:, 0].sum()), 1e-300)
-        distance = reach / math.sqrt(total)
-        beyond = np.sqrt(squares) - tolerance * np.sqrt(masses[:, :1])
-        moving = beyond > 0.0
-        if not moving.any() or (distance <= near and not (decide and (beyond[moving] <= reach).any())):
-            break
-        left = int(moving.any(axis=1).sum())
-        if left > FEW * last or left < SLOWLY * least:
-            least, improved = min(left, least), made
-        if patience is not None and made - improved >= patience:
-            break
-    forces[:m] = work[:, 12:15]
-    return net_accelerations(contacts, forces), made, distance
-
-
 @bare_kernel
-def _fill_work(contacts, forces, openness, skin, share, work):  # type: ignore[no-untyped-def]
-    """Write rows of `WORK` numbers of the contacts.
+def fill_work(contacts, forces, openness, skin, share, rows, work):  # type: ignore[no-untyped-def]
+    """Write rows of `WORK` numbers of the contacts, in the order of `rows`.
 
     share: (n + 1,) in how many parts the mass of a body is split among its contacts; 1 where they are solved in turn.
     """
     bodies, gravity, last = contacts.bodies, contacts.gravity, len(contacts.bodies) - 1
     cell, deforms = contacts.cell, len(contacts.cell.mobility) > 0
-    for k in range(len(work)):
-        c, w, one, other = contacts.row[k], work[k], contacts.i[k], contacts.j[k]
+    for q in range(len(work)):
+        k = rows[q]
+        c, w, one, other = contacts.row[k], work[q], contacts.i[k], contacts.j[k]
         coupled = share[one] > 1.0
         normal, across = effective_at(c, 3, share[one] * bodies[one, 6], share[one] * bodies[one, 7], coupled)
         if other == last:
@@ -194,42 +163,63 @@ def _fill_work(contacts, forces, openness, skin, share, work):  # type: ignore[n
 
 
 @bare_kernel
-def _gauss_seidel(contacts, work, state, friction, skin, iterations, tolerance, accelerations, ahead):  # type: ignore[no-untyped-def]
-    """Solve for the forces in the rows, and return the number of iterations.
-
-    state: (n + 1, 8) and ahead: (n + 1, 6), to work with. The momentum begins anew where the accelerations move back
-    from the extrapolated ones.
-    """
-    bodies, last = contacts.bodies, len(contacts.bodies) - 1
-    for k in range(last + 1):
-        for c in range(6):
-            state[k, c] = accelerations[k, c]
-        state[k, 6], state[k, 7] = bodies[k, 6], bodies[k, 7]
-    t, momentum, made = 1.0, 0.0, 0
+def _gauss_seidel(sweeps, iterations, tolerance):  # type: ignore[no-untyped-def]
+    """Solve for the forces in rows that are a single set, and return the number of iterations."""
+    made, sums = 0, sweeps.sums
     while made < iterations:
-        for k in range(last + 1):
-            for c in range(6):
-                here = state[k, c]
-                state[k, c] = ahead[k, c] = here + momentum * (here - accelerations[k, c])
-                accelerations[k, c] = here
-        _sweep(contacts, work, state, friction, skin, momentum, False)
-        change, size = _sweep(contacts, work, state, friction, skin, momentum, True)
+        _visit(sweeps, True, True, 0, 1)
         made += 1
+        if sums[0, 0] <= tolerance * tolerance * sums[0, 1]:
+            break
+        set_momentum(sweeps.pace, sums[0, 2])
+    return made
+
+
+def _gauss_seidel_at_once(sweeps: Sweeps, iterations: int, tolerance: float) -> int:
+    """Do what `_gauss_seidel` does on all threads, round by round, the last one forwards and backwards in one."""
+    spans = list(pairwise(sweeps.rounds.sets.tolist()))
+    turns = [*((span, True, False) for span in spans[:-1]), (spans[-1], True, True)]
+    turns += [(span, False, True) for span in spans[-2::-1]]
+    made = 0
+    while made < iterations:
+        for (first, end), forth, back in turns:
+            in_blocks(_visit, end - first, sweeps, forth, back, begin=first)
+        made += 1
+        change, size, turned = sweeps.sums.sum(axis=0)
         if change <= tolerance * tolerance * size:
             break
-        if _turned(state, ahead, accelerations, contacts.cell.mobility) > 0.0:
-            t = 1.0
-        after = (1.0 + math.sqrt(1.0 + 4.0 * t * t)) / 2.0
-        momentum = (t - 1.0) / after
-        t = after
+        set_momentum(sweeps.pace, turned)
     return made
 
 
 @bare_kernel
-def _turned(state, ahead, before, mobility):  # type: ignore[no-untyped-def]
-    """Return the product, by mass, of the way back from extrapolated accelerations with the change since `before`."""
+def _visit(sweeps, forth, back, first, end):  # type: ignore[no-untyped-def]
+    """Visit sets of contacts on the way forwards, backwards, or both; the first round also moves bodies ahead.
+
+    The momentum begins anew where the accelerations move back from the extrapolated ones.
+    """
+    rounds, state, sums, momentum = sweeps.rounds, sweeps.state, sweeps.sums, sweeps.pace[1]
+    ahead, accelerations = sweeps.ahead, sweeps.accelerations
+    for s in range(first, end):
+        own = s < len(rounds.bodies) - 1
+        if forth:
+            for k in range(rounds.bodies[s] if own else 0, rounds.bodies[s + 1] if own else 0):
+                for c in range(6):
+                    here = state[k, c]
+                    state[k, c] = ahead[k, c] = here + momentum * (here - accelerations[k, c])
+                    accelerations[k, c] = here
+            _sweep(sweeps, False, rounds.ends[s], rounds.ends[s + 1])
+        if back:
+            sums[s, 0], sums[s, 1] = _sweep(sweeps, True, rounds.ends[s], rounds.ends[s + 1])
+            sums[s, 2] = _turned(sweeps, rounds.bodies[s], rounds.bodies[s + 1]) if own else 0.0
+
+
+@bare_kernel
+def _turned(sweeps, first, end):  # type: ignore[no-untyped-def]
+    """Return the product, by mass, of the way back from extrapolated accelerations with the change in an iteration."""
+    state, ahead, before, mobility = sweeps.state, sweeps.ahead, sweeps.accelerations, sweeps.contacts.cell.mobility
     turned = 0.0
-    for k in range(len(state)):
+    for k in range(first, end):
         for c in range(6):
             inverse = state[k, 6 + c // 3]
             if inverse > 0.0:
@@ -243,15 +233,16 @@ def _turned(state, ahead, before, mobility):  # type: ignore[no-untyped-def]
 
 
 @bare_kernel
-def _sweep(contacts, work, state, friction, skin, momentum, backwards):  # type: ignore[no-untyped-def]
-    """Visit all contacts once; extrapolate their forces on the way forwards, and compare them on the way backwards.
+def _sweep(sweeps, backwards, begin, end):  # type: ignore[no-untyped-def]
+    """Visit contacts once; extrapolate their forces on the way forwards, and compare them on the way backwards.
 
     Return, of the way backwards, the square of the change since the iteration before, and that of the forces.
     """
-    m, last, own, change, size = len(work), len(state) - 1, len(friction) - 1, 0.0, 0.0
+    contacts, work, state, friction, skin = sweeps.contacts, sweeps.work, sweeps.state, sweeps.friction, sweeps.skin
+    momentum, last, own, change, size = sweeps.pace[1], len(state) - 1, len(friction) - 1, 0.0, 0.0
     mobility, deforms = contacts.cell.mobility, len(contacts.cell.mobility) > 0
-    for q in range(m):
-        k = m - 1 - q if backwards else q
+    for q in range(begin, end):
+        k = begin + end - 1 - q if backwards else q
         c, one, other = work[k], contacts.i[k], contacts.j[k]
         normal, force = vector_at(c, 0), vector_at(c, 12)
         if not backwards:
@@ -285,152 +276,9 @@ def _sweep(contacts, work, state, friction, skin, momentum, backwards):  # type:
     return change, size
 
 
-def _rows_of_bodies(contacts: LoadedContacts) -> tuple[Integers, Integers]:
-    """Return where the rows of each body begin in a list, (n + 2,), and the list: twice the row, and 1 more for j."""
-    bodies = np.stack([contacts.i, contacts.j], axis=1).ravel()
-    ends = np.argsort(bodies, kind="stable")
-    return np.searchsorted(bodies[ends], np.arange(len(contacts.bodies) + 1)), ends
-
-
-def _descend_at_once(
-    contacts: LoadedContacts, work: Floats, friction: Floats, accelerations: Floats, extrapolated: Floats,
-    state: Floats, lists: tuple[Integers, Integers],
-) -> None:  # fmt: skip
-    """Do what `_descend` does on all threads: first forces, by row, then what they do, by body.
-
-    The forces on a body are added in the order of the rows, as there: results have the same bits for any number of
-    threads. lists: the rows of each body.
-    """
-    turned = np.empty(-(-len(work) // BLOCK))
-    in_blocks(_project_blocks, len(turned), contacts, work, friction, extrapolated, state, turned)
-    _set_momentum(state, float(turned.sum()))
-    in_blocks(_add_up, len(accelerations), contacts, work, *lists, accelerations, extrapolated, state)
-
-
 @bare_kernel
-def _descend(contacts, work, friction, accelerations, new, extrapolated, state):  # type: ignore[no-untyped-def]
-    """Make one iteration of the projected gradient: a step from the extrapolated forces, and the next momentum.
-
-    accelerations: under the forces, new: to be written, extrapolated: under the extrapolated forces.  state: the two
-    numbers t and momentum.
-    """
-    bodies, gravity, turned, own = contacts.bodies, contacts.gravity, 0.0, len(friction) - 1
-    for k in range(len(bodies)):
-        free = 1.0 if bodies[k, 6] > 0.0 else 0.0
-        for s in range(3):
-            new[k, s], new[k, 3 + s] = free * gravity[s], 0.0
-    for k in range(len(work)):
-        c, one, other = work[k], contacts.i[k], contacts.j[k]
-        force, back = _projected(c, approach_of(c, extrapolated, one, other), state[1], friction[min(k, own)])
-        turned += back
-        if force != NONE:
-            add_to_both(new, bodies, gravity, c, one, other, force)
-    _set_momentum(state, turned)
-    for k in range(len(bodies)):
-        for s in range(6):
-            here = new[k, s]
-            extrapolated[k, s] = here + state[1] * (here - accelerations[k, s])
-            accelerations[k, s] = here
-
-
-@inlined_kernel
-def _projected(c, apart, momentum, friction):  # type: ignore[no-untyped-def]
-    """Make a step of the force of a contact within its cone; return the force, and by how much it turns back."""
-    before, normal = vector_at(c, 12), vector_at(c, 0)
-    ahead = along(before, momentum, sub(before, vector_at(c, 15)))
-    c[15], c[16], c[17] = before
-    un, fn = dot(apart, normal), dot(ahead, normal)
-    sn, st, turned = c[10], c[11], 0.0
-    across = along(along(ahead, -fn, normal), -st, along(apart, -un, normal))
-    push, part = _onto_cone(fn - sn * un, math.sqrt(dot(across, across)), friction, sn, st)
-    force = along(times(normal, push), part, across)
-    c[12], c[13], c[14] = force
-    step, back = sub(force, before), sub(ahead, force)
-    if sn > 0.0 and st > 0.0:
-        product = dot(step, normal) * dot(back, normal)
-        turned = product / sn + (dot(back, step) - product) / st
-    return force, turned
-
-
-@bare_kernel
-def _set_momentum(state, turned):  # type: ignore[no-untyped-def]
+def set_momentum(state, turned):  # type: ignore[no-untyped-def]
     """Write the next t and momentum, anew where the forces have turned back."""
     t = 1.0 if turned > 0.0 else state[0]
     state[0] = (1.0 + math.sqrt(1.0 + 4.0 * t * t)) / 2.0
     state[1] = (t - 1.0) / state[0]
-
-
-@bare_kernel
-def _project_blocks(contacts, work, friction, extrapolated, state, turned, first, end):  # type: ignore[no-untyped-def]
-    """Make a step of the forces in blocks of rows, and write by how much those of each block turn back."""
-    own = len(friction) - 1
-    for block in range(first, end):
-        total = 0.0
-        for k in range(block * BLOCK, min((block + 1) * BLOCK, len(work))):
-            c = work[k]
-            apart = approach_of(c, extrapolated, contacts.i[k], contacts.j[k])
-            total += _projected(c, apart, state[1], friction[min(k, own)])[1]
-        turned[block] = total
-
-
-@bare_kernel
-def _add_up(contacts, work, begin, ends, accelerations, extrapolated, state, first, end):  # type: ignore[no-untyped-def]
-    """Write the accelerations of bodies under the forces in their rows, and extrapolate them."""
-    bodies, gravity, momentum = contacts.bodies, vector_at(contacts.gravity, 0), state[1]
-    for k in range(first, end):
-        mass, moment = bodies[k, 6], bodies[k, 7]
-        moved, turned = times(gravity, 1.0 if mass > 0.0 else 0.0), NONE
-        for e in range(begin[k], begin[k + 1]):
-            c = work[ends[e] // 2]
-            force = vector_at(c, 12)
-            if force == NONE:
-                continue
-            if k == len(bodies) - 1:
-                # a lid moves along gravity only
-                moved = along(moved, mass * dot(force, gravity), gravity)
-            elif ends[e] % 2:
-                moved, turned = along(moved, mass, force), along(turned, moment, cross(vector_at(c, 6), force))
-            else:
-                moved, turned = along(moved, -mass, force), along(turned, -moment, cross(vector_at(c, 3), force))
-        for s, here in enumerate((*moved, *turned)):
-            extrapolated[k, s] = here + momentum * (here - accelerations[k, s])
-            accelerations[k, s] = here
-
-
-@bare_kernel
-def _onto_cone(push, rub, friction, sn, st):  # type: ignore[no-untyped-def]
-    """Return the normal force, and the factor on the force across, of the nearest point of a friction cone.
-
-    It is the nearest one in the metric in which the steps sn along the normal and st across it are those of a gradient.
-    """
-    if push >= 0.0 and rub <= friction * push:
-        return push, 1.0
-    metric = sn / st if st > 0.0 else 0.0
-    nearest = (push + friction * rub * metric) / (1.0 + friction * friction * metric)
-    if nearest <= 0.0:
-        return 0.0, 0.0
-    return nearest, friction * nearest / rub if rub > 0.0 else 0.0
-
-
-@bare_kernel
-def _excess(contacts, work, friction, accelerations):  # type: ignore[no-untyped-def]
-    """Return a bound of the squared distance from the optimum in accelerations, weighted by mass.
-
-    The accelerations of the optimum are the least ones within a convex set. The square of the distance from them is
-    therefore at most the product of these accelerations with the distance, which is the power of the forces less that
-    of the forces of the optimum. Where contact points approach each other, that is at most the approach times the
-    normal force, which is taken to be at most that of now and a mean one.
-    """
-    power, short, weighted, mean, own = 0.0, 0.0, 0.0, 0.0, len(friction) - 1
-    for k in range(len(work)):
-        c = work[k]
-        u0, u1, u2 = approach_of(c, accelerations, contacts.i[k], contacts.j[k])
-        un = u0 * c[0] + u1 * c[1] + u2 * c[2]
-        fn = c[12] * c[0] + c[13] * c[1] + c[14] * c[2]
-        across = math.sqrt(max(u0 * u0 + u1 * u1 + u2 * u2 - un * un, 0.0))
-        approach = max(friction[min(k, own)] * across - un, 0.0)
-        power += c[12] * u0 + c[13] * u1 + c[14] * u2
-        short += approach
-        weighted += approach * fn
-        mean += fn / len(work)
-    return power + weighted + short * mean

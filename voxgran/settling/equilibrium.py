@@ -22,12 +22,14 @@ from voxgran._base.errors import InputError
 from voxgran._base.lazy import load
 from voxgran.contacts.assembly import Assembly
 from voxgran.contacts.manifolds.rows import ARM_I, GAP, NORMAL
-from voxgran.settling.balance import accelerated_projected_gradient, gauss_seidel_forces, net_accelerations
+from voxgran.settling.balance import gauss_seidel_forces, net_accelerations
 from voxgran.settling.bed import Bed, normalized_bed
 from voxgran.settling.interior_point import frictionless_forces, is_direct
 from voxgran.settling.materials import FrictionTable, Materials, as_friction, friction_of, friction_range
 from voxgran.settling.parameters import MOST_FRICTION
+from voxgran.settling.projected_gradient import accelerated_projected_gradient
 from voxgran.settling.stress_balance import Balanced, as_stress, balance_stress, keep_known_forces
+from voxgran.settling.undecided import decide_rest
 
 if TYPE_CHECKING:
     from xarray import Dataset
@@ -60,6 +62,8 @@ class Balance:
         Net torque on each grain, in its weight times its radius.
     rests : (n,) ndarray of bool
         Where both are within the tolerance.
+    undecided : (n,) ndarray of bool
+        Which of the other grains might rest under the best forces; none, where this was not asked.
     iterations : int
         Iterations that were made.
     distance : float
@@ -70,6 +74,7 @@ class Balance:
     residual: Floats
     residual_torque: Floats
     rests: Booleans
+    undecided: Booleans
     iterations: int
     distance: float
 
@@ -86,7 +91,11 @@ def equilibrium(
     Contacts are all places where grains are within a gap of each other, of walls and of the lid. A lid is a fixed wall
     here, since its weight is not known. A contact presses, it does not pull, and its force across the normal is at most
     `friction` times that along it. Where no such forces balance all grains, those are returned for which the sum of
-    squared residuals, weighted by mass, is least. Forces that balance are in general not unique.
+    squared residuals, weighted by mass, is least. Forces that balance are in general not unique; the least residuals
+    are. A grain that does not rest is one whose least residual is above the tolerance: no forces balance all grains,
+    and it is among those that the best ones leave over. Forces that are found come near to the best ones: grains that
+    rest do so under them, and of the others those are undecided whose residual is above the tolerance by less than its
+    estimated error.
 
     Parameters
     ----------
@@ -124,8 +133,9 @@ def equilibrium(
 
         Attributes: ``gap``, ``tolerance`` and ``friction`` as given, of a table the largest one; ``share_at_rest``, the
         share of all grains that rest, and ``share_at_rest_without_rattlers``, that of the grains that are no rattlers;
-        ``share_of_rattlers``, of all grains; and ``distance``, about how far the residuals are from the least ones
-        (root mean square, in weights).
+        ``share_of_rattlers``, of all grains; ``share_undecided``, the share of all grains that do not rest under the
+        forces which were found, and might do so under the best ones; and ``distance``, about how far the residuals are
+        from the least ones (root mean square, in weights).
 
         Under a stress residuals are in mean normal forces, forces in the unit of stress times the square of the median
         diameter (in 2D times the diameter), ``carried`` is half the sum of the normal forces on the grain in mean ones,
@@ -241,8 +251,8 @@ def balance_bed(
     tolerances.  patience: iterations after which it ends where no more grains rest.
     """
     bed.find(reach, 0.0)
-    contacts, forces = bed.contacts, bed.forces()
-    row = contacts.row
+    contacts, forces, limit = bed.contacts, bed.forces(), _limits(bed, tolerance)
+    row, undecided = contacts.row, np.zeros(bed.count, dtype=bool)
     if friction_range(friction)[1] > 0.0 or not is_direct(bed):
         rub = bed.friction_at(friction)
         if sweeps:
@@ -252,10 +262,17 @@ def balance_bed(
             residual, torque, _ = _rests(bed, accelerations, tolerance)
             if bed.count and float(np.median(np.maximum(residual, torque)[bed.movable])) > hopeless * tolerance:
                 iterations = 0
-        accelerations, made, distance = accelerated_projected_gradient(
-            contacts, forces, friction=rub, iterations=iterations, tolerance=tolerance,
-            near=NEAR * tolerance, decide=decide, patience=patience,
-        )  # fmt: skip
+        if decide:
+            own = np.array(rub, dtype=np.float64, ndmin=1)
+            undecided, made, distance = decide_rest(
+                contacts, forces, own, limit=limit, near=NEAR * tolerance, iterations=iterations
+            )
+            accelerations = net_accelerations(contacts, forces)
+        else:
+            accelerations, made, distance = accelerated_projected_gradient(
+                contacts, forces, friction=rub, iterations=iterations, tolerance=limit,
+                near=NEAR * tolerance, patience=patience,
+            )  # fmt: skip
     else:
         distance, height = ACCURACY * tolerance, -(bed.grains.position @ bed.gravity)
         normal = row[:, NORMAL : NORMAL + 3]
@@ -268,7 +285,15 @@ def balance_bed(
             if _rests(bed, other, tolerance)[2].sum() > found.sum():
                 forces, accelerations, distance = known, other, math.inf
     bed.keep_forces(forces)
-    return Balance(forces, *_rests(bed, accelerations, tolerance), made, distance)
+    return Balance(forces, *_rests(bed, accelerations, tolerance), undecided, made, distance)
+
+
+def _limits(bed: Bed, tolerance: float) -> Floats:
+    """Return the accelerations (n + 1, 2) up to which grains rest, and those of points at the radius of gyration."""
+    inverse = bed.bodies[:, 6:8]
+    gyration = np.sqrt(inverse[:-1, 0] / np.where(inverse[:-1, 1] > 0.0, inverse[:-1, 1], np.inf))
+    lever = 0.5 * bed.diameter / np.where(gyration > 0.0, gyration, 1.0)
+    return tolerance * np.stack([np.ones(bed.count + 1), np.append(lever, 1.0)], axis=1)
 
 
 def _rests(bed: Bed, accelerations: Floats, tolerance: float) -> tuple[Floats, Floats, Booleans]:
@@ -306,6 +331,8 @@ def _dataset(packing: Assembly, bed: Bed, found: Balance, parameters: dict[str, 
     )  # fmt: skip
     made.attrs.update(parameters)
     made.attrs.update(_shares(made, packing.movable))
+    undecided = bed.in_order(found.undecided)[packing.movable]
+    made.attrs["share_undecided"] = float(undecided.mean()) if len(undecided) else 0.0
     made.attrs["distance"] = found.distance if math.isfinite(found.distance) else -1.0
     return made
 

@@ -10,13 +10,16 @@ Moreau 1988, doi:10.1007/978-3-7091-2624-0_1. Macklin et al. 2019, doi:10.1145/3
 """
 
 import math
+from itertools import pairwise
 from typing import NamedTuple
 
 import numpy as np
 
 from voxgran._base.arrays import Floats, Integers
+from voxgran._base.compiling.threads import in_blocks
 from voxgran._base.kernels import bare_kernel, inlined_kernel, kernel
 from voxgran.contacts.assembly import Assembly
+from voxgran.contacts.manifolds.rounds import Rounds, rounds_of
 from voxgran.contacts.manifolds.rows import ContactRows
 from voxgran.geometry.vectors import Vector, cross, dot
 from voxgran.settling.materials import FrictionTable
@@ -30,6 +33,8 @@ SLOW = 0.05
 #: overlap that is not opened, and how contacts yield while they open others: factors on the change of an impulse and on
 #: the impulse that is lost; those of a spring of angular frequency 1.57 / h with 5 times the critical damping
 LEFT, GAIN, LOSS = 2.5e-4, 0.9478, 0.0522
+#: phases of a step: free motion, impulses of before, approach of bodies, and sweeps before and after the motion
+FREE, TAKE_OVER, NOTE, FORTH, MOVE, BACK, GIVE_BACK = range(7)
 #: numbers of a body: velocity (3), angular velocity (3), inverse mass and inverse moment of inertia
 BODY = 8
 
@@ -110,29 +115,25 @@ def effective_masses(row: Floats, a: Floats, b: Floats, paired: bool) -> tuple[f
 
 
 @bare_kernel
-def _prepare(rows, bodies, m, part):  # type: ignore[no-untyped-def]
-    """Write the effective masses, and scale the impulses of the last step."""
-    for k in range(m):
-        row, j = rows.row[k], rows.j[k]
-        normal, across = effective_masses(row, bodies[rows.i[k]], bodies[max(j, 0)], j >= 0)
+def _take_over(work, axis, begin, end):  # type: ignore[no-untyped-def]
+    """Write the found rows in the order of the rounds, with effective masses, and apply impulses of the step before."""
+    rows, bodies = work.rows, work.bodies
+    for k in range(begin, end):
+        row, i, j = rows.row[k], rows.i[k], rows.j[k]
+        for column in range(14):
+            row[column] = work.found[work.rounds.rows[k], column]
+        normal, across = effective_masses(row, bodies[i], bodies[max(j, 0)], j >= 0)
         row[14] = 1.0 / normal if normal > 0.0 else 0.0
         row[15] = 1.0 / across if across > 0.0 else 0.0
         for column in range(10, 14):
-            row[column] *= part
-
-
-@bare_kernel
-def _apply_old(rows, bodies, m, axis):  # type: ignore[no-untyped-def]
-    """Apply the impulses of the last substep of the step before."""
-    for k in range(m):
-        row = rows.row[k]
+            row[column] *= work.part
         push = row[10]
         px, py, pz = push * row[0] + row[11], push * row[1] + row[12], push * row[2] + row[13]
         if px == 0.0 and py == 0.0 and pz == 0.0:
             continue
-        add_impulse(bodies[rows.i[k]], (row[3], row[4], row[5]), (-px, -py, -pz))
-        if rows.j[k] >= 0:
-            add_to_partner(bodies, rows.j[k], axis, (row[6], row[7], row[8]), (px, py, pz))
+        add_impulse(bodies[i], (row[3], row[4], row[5]), (-px, -py, -pz))
+        if j >= 0:
+            add_to_partner(bodies, j, axis, (row[6], row[7], row[8]), (px, py, pz))
 
 
 @inlined_kernel
@@ -166,17 +167,17 @@ def _gap_change(row, motion, i, j):  # type: ignore[no-untyped-def]
 
 
 @bare_kernel
-def _sweep(rows, m, bodies, motion, axis, rate, fall, approach, moving):  # type: ignore[no-untyped-def]
-    """Make one projected Gauss-Seidel sweep over the impulses, backwards after the motion.
+def _sweep(rows, bodies, motion, axis, fall, approach, moving, begin, end):  # type: ignore[no-untyped-def]
+    """Make one projected Gauss-Seidel sweep over the impulses of contacts, backwards after the motion.
 
-    moving: whether gaps still close within this substep, at most by `rate` times themselves; overlaps are then opened
-    by a share of themselves. Otherwise bodies only stop, or rebound by the share `restitution` of their approach, and
-    gaps first change by the motions (n + 1, 6) of the bodies within the substep.
+    moving: whether gaps still close within this substep; overlaps are then opened by a share of themselves. Otherwise
+    bodies only stop, or rebound by the share `restitution` of their approach, and gaps first change by the motions (n +
+    1, 6) of the bodies within the substep.
     """
-    friction, restitution = fall.friction, fall.restitution
+    friction, restitution, rate = fall.friction, fall.restitution, fall.substeps / fall.step
     own = len(friction) - 1
-    for q in range(m):
-        k = q if moving else m - 1 - q
+    for q in range(begin, end):
+        k = q if moving else begin + end - 1 - q
         row, i, j = rows.row[k], rows.i[k], rows.j[k]
         a = bodies[i]
         nx, ny, nz = row[0], row[1], row[2]
@@ -224,13 +225,13 @@ def _sweep(rows, m, bodies, motion, axis, rate, fall, approach, moving):  # type
 
 
 @bare_kernel
-def _note_approach(rows, bodies, m, approach):  # type: ignore[no-untyped-def]
+def _note_approach(rows, free, approach, begin, end):  # type: ignore[no-untyped-def]
     """Write the velocity with which the bodies of each contact approach each other; 0 where it is small."""
-    for k in range(m):
+    for k in range(begin, end):
         row, j = rows.row[k], rows.j[k]
-        speed = -normal_velocity(row, bodies[rows.i[k]], 3)
+        speed = -normal_velocity(row, free[rows.i[k]], 3)
         if j >= 0:
-            speed += normal_velocity(row, bodies[j], 6)
+            speed += normal_velocity(row, free[j], 6)
         approach[k] = speed if speed < -SLOW else 0.0
 
 
@@ -245,7 +246,87 @@ def normal_velocity(row: Floats, b: Floats, arm: int) -> float:
     )
 
 
+class StepWork(NamedTuple):
+    """What the phases of a step work with.
+
+    found: (m, 16) rows as they were found, rows: the same in the order of the rounds.  part, approach: those of
+    `advance_bodies`.  free: (n + 1, 6) velocities before the contacts act, those of free motion in a substep.  moved:
+    (n + 1, 6) motions within a substep.
+    """
+
+    found: Floats
+    rows: ContactRows
+    bodies: Floats
+    motion: Floats
+    gravity: Floats
+    fall: Fall
+    part: float
+    approach: Floats
+    free: Floats
+    moved: Floats
+    rounds: Rounds
+
+
+@bare_kernel
+def _move_freely(work, first, end):  # type: ignore[no-untyped-def]
+    """Write velocities of free motion in a substep, with what contacts have changed in them, as they do it again."""
+    bodies, free, fall = work.bodies, work.free, work.fall
+    h, most = fall.step / fall.substeps, fall.most / fall.step
+    for i in range(first, end):
+        b = bodies[i]
+        if b[6] == 0.0:
+            b[:6] = free[i] = 0.0
+            continue
+        square = b[0] * b[0] + b[1] * b[1] + b[2] * b[2]
+        slower = most / math.sqrt(square) if square > most * most else 1.0
+        for c in range(6):
+            change = b[c] - free[i, c]
+            free[i, c] = b[c] * slower + work.gravity[c] * h if c < 3 else b[c]
+            b[c] = free[i, c] + change
+
+
+@bare_kernel
+def _act(work, phase, first, end):  # type: ignore[no-untyped-def]
+    """Do a phase of a step for sets of contacts, or for the blocks of bodies with these numbers."""
+    rows, bodies, moved, fall, gravity, rounds = (
+        work.rows,
+        work.bodies,
+        work.moved,
+        work.fall,
+        work.gravity,
+        work.rounds,
+    )
+    size = math.sqrt(gravity[0] ** 2 + gravity[1] ** 2 + gravity[2] ** 2)
+    unit = size if size > 0.0 else 1.0
+    axis, h = (gravity[0] / unit, gravity[1] / unit, gravity[2] / unit), fall.step / fall.substeps
+    for s in range(first, end):
+        begin, stop = rounds.ends[s], rounds.ends[s + 1]
+        if phase == FREE:
+            _move_freely(work, rounds.bodies[s], rounds.bodies[s + 1])
+        elif phase == TAKE_OVER:
+            _take_over(work, axis, begin, stop)
+        elif phase == NOTE:
+            _note_approach(rows, work.free, work.approach, begin, stop)
+        elif phase == MOVE:
+            for i in range(rounds.bodies[s], rounds.bodies[s + 1]):
+                for c in range(6):
+                    moved[i, c] = h * bodies[i, c]
+                    work.motion[i, c] += moved[i, c]
+        elif phase == GIVE_BACK:
+            for k in range(begin, stop):
+                for column in range(9, 14):
+                    work.found[rounds.rows[k], column] = rows.row[k, column]
+        else:
+            _sweep(rows, bodies, moved, axis, fall, work.approach, phase == FORTH, begin, stop)
+
+
 @kernel
+def _act_in_turn(work, plan):  # type: ignore[no-untyped-def]
+    """Do the phases of a step one after the other."""
+    for phase, first, end in plan:
+        _act(work, phase, first, end)
+
+
 def advance_bodies(
     rows: ContactRows, m: int, bodies: Floats, motion: Floats, gravity: Floats, fall: Fall, part: float,
     approach: Floats,
@@ -255,37 +336,29 @@ def advance_bodies(
     gravity: (3,) acceleration.  part: factor on the impulses of the step before.  approach: (m,) to work with, where
     bodies rebound.
     """
-    h, most = fall.step / fall.substeps, fall.most / fall.step
+    rounds = rounds_of(rows.i[:m], rows.j[:m], len(bodies))
     motion[:] = 0.0
-    _prepare(rows, bodies, m, part)
-    size = math.sqrt(gravity[0] ** 2 + gravity[1] ** 2 + gravity[2] ** 2)
-    unit = size if size > 0.0 else 1.0
-    axis = gravity[0] / unit, gravity[1] / unit, gravity[2] / unit
-    # velocities before the contacts act: of free motion in a substep, or now
+    found, many = rows.row, len(rounds.bodies) > 2
+    if many:
+        # old rows are not needed after a search: there is room for rows in the order of the rounds
+        rows = rows._replace(row=rows.old, i=rows.i[rounds.rows], j=rows.j[rounds.rows])
+        fall = fall._replace(friction=rounds.of_each(np.asarray(fall.friction, dtype=np.float64)))
     free, moved = bodies[:, :6].copy(), np.zeros((len(bodies), 6))
+    work = StepWork(found, rows, bodies, motion, gravity, fall, part, approach, free, moved, rounds)
+    spans = list(pairwise(rounds.sets.tolist()))
+    first, plan = spans[0], []
     for substep in range(fall.substeps):
-        for i in range(len(bodies)):
-            b = bodies[i]
-            if b[6] == 0.0:
-                b[:6] = free[i] = 0.0
-                continue
-            square = b[0] * b[0] + b[1] * b[1] + b[2] * b[2]
-            slower = most / math.sqrt(square) if square > most * most else 1.0
-            for c in range(6):
-                # the impulses of the contacts are still those of before
-                change = b[c] - free[i, c]
-                free[i, c] = b[c] * slower + gravity[c] * h if c < 3 else b[c]
-                b[c] = free[i, c] + change
+        plan.append((FREE, *first))
+        if not substep:
+            plan += [(TAKE_OVER, *span) for span in spans]
         if fall.restitution > 0.0:
-            _note_approach(rows, free, m, approach)
-        if substep == 0:
-            _apply_old(rows, bodies, m, axis)
-        _sweep(rows, m, bodies, moved, axis, 1.0 / h, fall, approach, True)
-        for i in range(len(bodies)):
-            for c in range(6):
-                moved[i, c] = h * bodies[i, c]
-                motion[i, c] += moved[i, c]
-        _sweep(rows, m, bodies, moved, axis, 1.0 / h, fall, approach, False)
+            plan += [(NOTE, *span) for span in spans]
+        plan += [*((FORTH, *span) for span in spans), (MOVE, *first), *((BACK, *span) for span in reversed(spans))]
+    if not many:
+        _act_in_turn(work, np.array(plan))
+        return
+    for phase, begin, end in [*plan, (GIVE_BACK, 0, len(rounds.ends) - 1)]:
+        in_blocks(_act, end - begin, work, phase, begin=begin)
 
 
 @kernel

@@ -16,12 +16,12 @@ from voxgran._base.stopping import Stopped
 from voxgran.contacts.assembly import Assembly
 from voxgran.contacts.manifolds.rows import SURFACE
 from voxgran.settling.bed import Bed
-from voxgran.settling.closing import close_round
 from voxgran.settling.examination import AFTER_PARTING, CALM, EARLY, EVERY, RESIDUAL, THOROUGH, TRIALS, USUAL, Examined
 from voxgran.settling.fall import fall_step, is_slow, random_pull, stop_falling
 from voxgran.settling.impulses import Fall
 from voxgran.settling.materials import friction_of, friction_range
 from voxgran.settling.parameters import Settling
+from voxgran.settling.parting import close_round
 from voxgran.settling.progress import (
     AGAIN,
     CLOSING,

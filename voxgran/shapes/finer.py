@@ -5,7 +5,7 @@ import numpy as np
 from voxgran._base.arrays import Booleans, Floats, Integers
 from voxgran.geometry.triangles import normals_of
 from voxgran.shapes.describing.body import Geometry
-from voxgran.shapes.primitive import Primitive
+from voxgran.shapes.primitive import Primitive, from_axis
 from voxgran.shapes.spheres import Spheres
 
 
@@ -52,8 +52,8 @@ def _from_corner(faces: Integers, on: Integers, chosen: Booleans, first: Boolean
 def onto_surface(geometry: Geometry, points: Floats) -> Floats:
     """Project (n, 3) points on triangles of the tessellation of a solid onto its true surface.
 
-    The points lie on spheres, ellipsoids, unions of spheres and the sides of cylinders and cones afterwards; points on
-    flat faces are unchanged.
+    The points lie on spheres, ellipsoids, spherocylinders, unions of spheres and the sides of cylinders and cones
+    afterwards; points on flat faces are unchanged.
     """
     if isinstance(geometry, Spheres):
         return _onto_spheres(points, geometry.centers, geometry.radii)
@@ -62,6 +62,9 @@ def onto_surface(geometry: Geometry, points: Floats) -> Floats:
     p, d = points @ geometry.matrix, geometry.dimensions
     if geometry.kind in ("sphere", "ellipsoid"):
         p = p / np.linalg.norm(p / np.array(d * 3 if geometry.kind == "sphere" else d), axis=1, keepdims=True)
+    elif geometry.kind == "spherocylinder":
+        way = from_axis(p, d[1])
+        p += way * (d[0] / np.linalg.norm(way, axis=1, keepdims=True) - 1)
     else:
         foot = -d[1] / (2 if geometry.kind == "cylinder" else 4)
         top = d[1] / 2 if geometry.kind == "cylinder" else 0.75 * d[1]

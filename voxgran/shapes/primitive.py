@@ -1,4 +1,4 @@
-"""Regular solids in closed form: sphere, ellipsoid, box, cylinder, cone."""
+"""Regular solids in closed form: sphere, ellipsoid, box, cylinder, cone, spherocylinder."""
 
 import math
 from dataclasses import dataclass
@@ -13,8 +13,10 @@ from voxgran._base.lazy import load
 from voxgran.geometry.rotation import product, quaternions_of, rotation_matrices
 from voxgran.shapes.tessellate import SIDES, revolved, sphere, unit_box
 
-Kind = Literal["sphere", "ellipsoid", "box", "cylinder", "cone"]
+Kind = Literal["sphere", "ellipsoid", "box", "cylinder", "cone", "spherocylinder"]
 
+#: sides of the polygons that stand for the circles of a spherocylinder
+ROUND_SIDES = 64
 #: names of the dimensions of each kind
 DIMENSIONS: dict[Kind, tuple[str, ...]] = {
     "sphere": ("radius",),
@@ -22,6 +24,7 @@ DIMENSIONS: dict[Kind, tuple[str, ...]] = {
     "box": ("length x", "length y", "length z"),
     "cylinder": ("radius", "height"),
     "cone": ("radius", "height"),
+    "spherocylinder": ("radius", "distance of the centers of its ends"),
 }
 
 
@@ -34,7 +37,8 @@ class Primitive:
     kind : str
         One of :data:`DIMENSIONS`.
     dimensions : tuple of float
-        Radius, semi-axes, edges or radius and height, in the unit of lengths.
+        Radius, semi-axes, edges, radius and height, or radius and distance of the centers of the ends, in the unit of
+        lengths.
     rotation : tuple of float
         Unit quaternion (w, x, y, z) of its rotation.
 
@@ -78,6 +82,8 @@ class Primitive:
             return 4 / 3 * math.pi * d[0] * d[1] * d[2]
         if self.kind == "box":
             return d[0] * d[1] * d[2]
+        if self.kind == "spherocylinder":
+            return math.pi * d[0] ** 2 * (d[1] + 4 / 3 * d[0])
         return math.pi * d[0] ** 2 * d[1] / (1 if self.kind == "cylinder" else 3)
 
     @cached_property
@@ -94,6 +100,8 @@ class Primitive:
             return 2 * (d[0] * d[1] + d[1] * d[2] + d[2] * d[0])
         if self.kind == "cylinder":
             return 2 * math.pi * d[0] * (d[0] + d[1])
+        if self.kind == "spherocylinder":
+            return 2 * math.pi * d[0] * (2 * d[0] + d[1])
         return math.pi * d[0] * (d[0] + math.hypot(d[0], d[1]))
 
     @cached_property
@@ -106,6 +114,11 @@ class Primitive:
             squares = np.array(d) ** 2 / 12
         elif self.kind == "cylinder":
             squares = np.array([d[0] ** 2 / 4, d[0] ** 2 / 4, d[1] ** 2 / 12])
+        elif self.kind == "spherocylinder":
+            r, h = d[0], d[1] / 2
+            # barrel and ends, per volume of the whole: their shares are as h to 2 / 3 r
+            wide, far = h * r**2 / 4 + 2 / 15 * r**3, h**3 / 3 + 2 / 3 * r * (h**2 + 3 / 4 * h * r + r**2 / 5)
+            squares = np.array([wide, wide, far]) / (h + 2 / 3 * r)
         else:
             squares = np.array([3 * d[0] ** 2 / 20, 3 * d[0] ** 2 / 20, 3 * d[1] ** 2 / 80])
         body = np.diag(v * (squares.sum() - squares))
@@ -121,6 +134,8 @@ class Primitive:
             return math.sqrt(sum(value**2 for value in d)) / 2
         if self.kind == "cylinder":
             return math.hypot(d[0], d[1] / 2)
+        if self.kind == "spherocylinder":
+            return d[0] + d[1] / 2
         return max(0.75 * d[1], math.hypot(d[0], d[1] / 4))
 
     @property
@@ -142,6 +157,9 @@ class Primitive:
             return stretched * axes / np.maximum(np.linalg.norm(stretched, axis=1, keepdims=True), 1e-300)
         if self.kind == "box":
             return np.where(u >= 0, 0.5, -0.5) * np.array(d)
+        if self.kind == "spherocylinder":
+            out = d[0] * u / np.maximum(np.linalg.norm(u, axis=1, keepdims=True), 1e-300)
+            return out + np.where(u[:, 2:] >= 0, 0.5, -0.5) * [0.0, 0.0, d[1]]
         flat = np.hypot(u[:, 0], u[:, 1])
         ring = d[0] * u[:, :2] / np.maximum(flat, 1e-300)[:, None]
         if self.kind == "cylinder":
@@ -159,6 +177,8 @@ class Primitive:
             inside = (np.abs(p) <= np.array(d) / 2).all(axis=1)
         elif self.kind == "cylinder":
             inside = (np.hypot(p[:, 0], p[:, 1]) <= d[0]) & (np.abs(p[:, 2]) <= d[1] / 2)
+        elif self.kind == "spherocylinder":
+            inside = np.linalg.norm(from_axis(p, d[1]), axis=1) <= d[0]
         else:
             share = 0.75 - p[:, 2] / d[1]
             inside = (share <= 1.0) & (np.hypot(p[:, 0], p[:, 1]) <= d[0] * share)
@@ -180,9 +200,13 @@ class Primitive:
 
     def circumscribed(self) -> tuple[Floats, Integers]:
         """Return vertices and faces of a tessellation that contains the true solid."""
-        vertices, faces, _ = Primitive(self.kind, self.dimensions).tessellation()
+        vertices, faces, error = Primitive(self.kind, self.dimensions).tessellation()
         if self.kind in ("sphere", "ellipsoid"):
             vertices = vertices / (1 - sphere()[2])
+        elif self.kind == "spherocylinder":
+            # the inscribed polyhedron holds the solid that is thinner by its error
+            radius = self.dimensions[0]
+            vertices = vertices * (radius / (radius - error))
         elif self.kind != "box":
             vertices = vertices / np.array([math.cos(math.pi / SIDES), math.cos(math.pi / SIDES), 1.0])
         return vertices @ self.matrix.T, faces
@@ -200,8 +224,30 @@ class Primitive:
         elif self.kind == "box":
             vertices, faces, error = unit_box()
             vertices = vertices * np.array(d)
-        elif self.kind == "cylinder":
-            vertices, faces, error = revolved([(-d[1] / 2, d[0]), (d[1] / 2, d[0])])
+        elif self.kind == "spherocylinder":
+            vertices, faces, error = revolved(self.profile(ROUND_SIDES), sides=ROUND_SIDES)
+            # chords of the circle and of the meridian
+            error *= 2
         else:
-            vertices, faces, error = revolved([(-d[1] / 4, d[0]), (0.75 * d[1], 0.0)])
+            vertices, faces, error = revolved(self.profile(SIDES))
         return vertices @ self.matrix.T, faces, error
+
+    def profile(self, sides: int) -> list[tuple[float, float]]:
+        """Return heights and radii of a cylinder, a cone or a spherocylinder of revolution, from bottom to top.
+
+        Of circles there are as many chords as `sides`, a multiple of 4.
+        """
+        radius, height = self.dimensions
+        if self.kind == "cylinder":
+            return [(-height / 2, radius), (height / 2, radius)]
+        if self.kind == "cone":
+            return [(-height / 4, radius), (0.75 * height, 0.0)]
+        angles = 2 * np.pi / sides * np.arange(1, sides // 4 + 1)
+        end = list(zip(height / 2 + radius * np.cos(angles), radius * np.sin(angles), strict=True))
+        bottom = [(-rise, flat) for rise, flat in end]
+        return [(-height / 2 - radius, 0.0), *bottom, *end[::-1], (height / 2 + radius, 0.0)]
+
+
+def from_axis(points: Floats, length: float) -> Floats:
+    """Return the vectors (n, 3) to points from the nearest points of a segment of the z axis about the origin."""
+    return points - np.clip(points[:, 2:], -length / 2, length / 2) * [0.0, 0.0, 1.0]

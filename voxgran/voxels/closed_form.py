@@ -33,47 +33,47 @@ def spheres_bits(centers: Floats, radii: Floats, grid: Grid, *, cover: str) -> P
 
 
 def round_bits(solid: Primitive, grid: Grid, offset: Floats) -> PackedMask:
-    """Return the voxels whose center lies in an ellipsoid, a cylinder or a cone whose centroid has an offset, (3,)."""
+    """Return the voxels whose center lies in a primitive other than a box, whose centroid has an offset, (3,)."""
     bits = PackedMask.empty(grid.shape)
     middle = (offset - np.array(grid.origin)) / grid.voxel_size - 0.5
-    curve, ends = profile(solid)
-    stretch, curve, ends = body_frame(solid, curve, ends, grid.voxel_size)
-    _fill_round(np.ascontiguousarray(stretch), middle, curve, ends, bits.words, grid.shape[2])
+    _fill_round(*round_parts(solid, grid.voxel_size), middle, bits.words, grid.shape[2])
     return bits
 
 
-def profile(solid: Primitive) -> tuple[Floats, Floats]:
-    """Return the profile of a round solid along its axis, (3,), and the lowest and highest height, (2,).
+def round_parts(solid: Primitive, voxel_size: float) -> tuple[Floats, Floats, Floats]:
+    """Return the k parts of a solid of revolution that lie one upon the other: matrix, profiles and ends.
 
-    The profile are the coefficients c of r^2 = c0 + c1 t + c2 t^2 at the height t; ellipsoids are unit spheres.
+    The (3, 3) matrix leads from voxels to the frame of the axis. The profiles, (k, 3), are the coefficients c of
+    r^2 = c0 + c1 t + c2 t^2 at the height t, between the ends, (k, 2). Lengths are voxels, but for ellipsoids, which
+    become unit spheres.
     """
     d = solid.dimensions
     if solid.kind in ("sphere", "ellipsoid"):
-        return np.array([1.0, 0.0, -1.0]), np.array([-1.0, 1.0])
-    if solid.kind == "cylinder":
-        return np.array([d[0] ** 2, 0.0, 0.0]), np.array([-d[1] / 2, d[1] / 2])
-    slope = d[0] / d[1]
-    top = 0.75 * d[1]
-    return slope**2 * np.array([top**2, -2 * top, 1.0]), np.array([-d[1] / 4, top])
-
-
-def body_frame(solid: Primitive, curve: Floats, ends: Floats, voxel_size: float) -> tuple[Floats, Floats, Floats]:
-    """Return the (3, 3) matrix from voxels to the frame of the axis, with profile and ends in it.
-
-    Lengths are voxels in it, but for ellipsoids, which become unit spheres.
-    """
-    if solid.kind in ("sphere", "ellipsoid"):
-        axes = np.array(solid.dimensions * 3 if solid.kind == "sphere" else solid.dimensions)
-        return solid.matrix.T * (voxel_size / axes)[:, None], curve, ends
-    scale = np.array([voxel_size**-2, voxel_size**-1, 1.0])
-    return solid.matrix.T.copy(), curve * scale, ends / voxel_size
+        axes = np.array(d * 3 if solid.kind == "sphere" else d)
+        stretch = np.ascontiguousarray(solid.matrix.T * (voxel_size / axes)[:, None])
+        return stretch, np.array([[1.0, 0.0, -1.0]]), np.array([[-1.0, 1.0]])
+    radius, half = d[0] / voxel_size, d[1] / 2 / voxel_size
+    curves, ends = [[radius**2, 0.0, 0.0]], [[-half, half]]
+    if solid.kind == "cone":
+        slope, top = radius / (2 * half), 1.5 * half
+        curves, ends = [[slope**2 * top**2, -2 * slope**2 * top, slope**2]], [[-half / 2, top]]
+    elif solid.kind == "spherocylinder":
+        curves += [[radius**2 - half**2, 2 * half, -1.0], [radius**2 - half**2, -2 * half, -1.0]]
+        ends += [[half, half + radius], [-half - radius, -half]]
+    return np.ascontiguousarray(solid.matrix.T), np.array(curves), np.array(ends)
 
 
 def touched_round(solid: Primitive, grid: Grid, offset: Floats) -> PackedMask:
-    """Return the voxels whose closed cube meets an ellipsoid, a cylinder or a cone.
+    """Return the voxels whose closed cube meets a primitive other than a box.
 
     Cubes that an outer tessellation touches and an inner one does not are asked one by one.
     """
+    if solid.kind == "spherocylinder":
+        radius, length = solid.dimensions
+        ends = offset + np.outer([-length / 2, length / 2], solid.matrix[:, 2])
+        touched = touched_round(Primitive("cylinder", solid.dimensions, solid.rotation), grid, offset)
+        touched.words[...] |= spheres_bits(ends, np.full(2, radius), grid, cover="touch").words
+        return touched
     inner, faces, _ = solid.tessellation()
     outer, _ = solid.circumscribed()
     sure = touched_voxels(inner + offset, faces, grid)
@@ -83,8 +83,7 @@ def touched_round(solid: Primitive, grid: Grid, offset: Floats) -> PackedMask:
     maybe.words[...] &= ~sure.words
     doubtful = np.argwhere(maybe.unpacked())
     if len(doubtful):
-        curve, ends = profile(solid)
-        stretch, curve, ends = body_frame(solid, curve, ends, grid.voxel_size)
+        stretch, (curve,), (ends,) = round_parts(solid, grid.voxel_size)
         middles = doubtful + 0.5 - (offset - np.array(grid.origin)) / grid.voxel_size
         meets = doubtful[meets_cubes(middles, stretch, curve, ends, solid.kind)]
         found = np.zeros(grid.shape, dtype=np.bool_)
@@ -177,8 +176,22 @@ def _fill_spheres(centers, radii, reach, words, nz):  # type: ignore[no-untyped-
 
 
 @kernel
-def _chord_in_round(stretch, curve, ends, u, v):  # type: ignore[no-untyped-def]
+def chord_in_round(stretch: Floats, curves: Floats, ends: Floats, u: float, v: float) -> tuple[float, float]:
     """Return where the line at (u, v) enters and leaves a solid of revolution; the first is larger where it does not.
+
+    The solid is convex; its parts are those of :func:`round_parts`.
+    """
+    low, high = np.inf, -np.inf
+    for k in range(len(curves)):
+        begin, end = _chord_in_part(stretch, curves[k], ends[k], u, v)
+        if begin <= end:
+            low, high = min(low, begin), max(high, end)
+    return low, high
+
+
+@kernel
+def _chord_in_part(stretch, curve, ends, u, v):  # type: ignore[no-untyped-def]
+    """Return where the line at (u, v) enters and leaves a part of a solid of revolution.
 
     Along the line the point is p + z d in the frame of the axis; inside, the squared distance from the axis is at most
     c0 + c1 t + c2 t^2, where t is the height.
@@ -200,11 +213,11 @@ def _chord_in_round(stretch, curve, ends, u, v):  # type: ignore[no-untyped-def]
 
 
 @kernel
-def _fill_round(stretch, middle, curve, ends, words, nz):  # type: ignore[no-untyped-def]
+def _fill_round(stretch, curves, ends, middle, words, nz):  # type: ignore[no-untyped-def]
     """Set the voxels of a solid of revolution; voxel centers at whole numbers."""
     for i in range(words.shape[0]):
         for j in range(words.shape[1]):
-            low, high = _chord_in_round(stretch, curve, ends, i - middle[0], j - middle[1])
+            low, high = chord_in_round(stretch, curves, ends, i - middle[0], j - middle[1])
             first, last = _range(low + middle[2], high + middle[2], nz)
             if first <= last:
                 _fill_run(words, i, j, first, last)

@@ -39,7 +39,7 @@ from voxgran.shapes.outline import Outline
 from voxgran.shapes.primitive import Primitive
 from voxgran.shapes.spheres import Spheres
 from voxgran.voxels.backend_open3d import ROUND_OFF, open3d_inside
-from voxgran.voxels.closed_form import body_frame, outline_mask, profile, round_bits, spheres_bits, touched_round
+from voxgran.voxels.closed_form import outline_mask, round_bits, round_parts, spheres_bits, touched_round
 from voxgran.voxels.model import Voxels
 from voxgran.voxels.round_shares import disk_shares, round_shares, union_shares
 from voxgran.voxels.scanline import scanline_inside
@@ -68,9 +68,10 @@ def voxel_shares(geometry: Geometry, grid: Grid, offset: Floats) -> Shares:
     touched = touched_round(geometry, grid, offset)
     inside = round_bits(geometry, grid, offset)
     cut = np.argwhere(PackedMask(touched.words & ~_whole(geometry, grid, offset).words, grid.shape).unpacked())
-    stretch, curve, ends = body_frame(geometry, *profile(geometry), grid.voxel_size)
     middles = cut + 0.5 - (offset - start) / grid.voxel_size
-    return Shares.joined(inside, cut, _settled(round_shares(middles, stretch, curve, ends)), ERROR)
+    stretch, curves, ends = round_parts(geometry, grid.voxel_size)
+    parts = [round_shares(middles, stretch, *part) for part in zip(curves, ends, strict=True)]
+    return Shares.joined(inside, cut, _settled(np.sum(parts, axis=0)), ERROR)
 
 
 def _whole(solid: Primitive, grid: Grid, offset: Floats) -> PackedMask:

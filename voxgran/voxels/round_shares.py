@@ -1,4 +1,4 @@
-"""Exact shares of voxels in round solids: ellipsoids, cylinders, cones, single spheres and disks.
+"""Exact shares of voxels in round solids: ellipsoids, cylinders, cones, ends of spherocylinders, spheres and disks.
 
 A slice across the axis of the solid is a disk, and the slice of a voxel is a convex polygon; their common area is a
 sum over the sides of the polygon in closed form. Along the axis the area is smooth but where the slice passes a corner
@@ -12,7 +12,7 @@ from voxgran._base.arrays import Floats, Integers
 from voxgran._base.kernels import kernel
 
 #: nodes of Gauss's rule between two heights: shares are right to some 1e-13
-NODES = 16
+NODES = 20
 #: columns along each edge of a voxel that several spheres touch
 COLUMNS = 32
 

@@ -195,6 +195,7 @@ SOLIDS = {
     "ellipsoid": (vg.make_shape("ellipsoid", semi_axes=(0.6, 0.7, 0.5)), 0.5),
     "cylinder": (vg.make_shape("cylinder", radius=0.4, height=1.0), 0.5),
     "cone": (vg.make_shape("cone", radius=0.5, height=1.0), 0.25),
+    "rod": (vg.make_shape("spherocylinder", radius=0.5, height=1.6).rotated((0.5**0.5, 0.5**0.5, 0, 0)), 0.5),
 }
 
 

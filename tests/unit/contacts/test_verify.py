@@ -53,6 +53,7 @@ def sets(data_dir):
         "box": Shape.of(Primitive("box", (0.9, 0.8, 0.7)), name="box"),
         "cylinder": Shape.of(Primitive("cylinder", (0.4, 0.9)), name="cylinder"),
         "cone": Shape.of(Primitive("cone", (0.5, 1.0)), name="cone"),
+        "rod": Shape.of(Primitive("spherocylinder", (0.35, 0.6)), name="rod"),
         "clump": Shape.of(clump, name="clump"),
         "mesh box": mesh_box(0.9, 0.8, 0.7),
     }
@@ -65,7 +66,7 @@ def sets(data_dir):
     return sets | {"scans": scans, "mixture": [*solids.values(), *scans], "mixture in 2D": list(plane.values())}
 
 
-NAMES = ["sphere", "ellipsoid", "box", "cylinder", "cone", "clump", "mesh box", "scans", "mixture"]
+NAMES = ["sphere", "ellipsoid", "box", "cylinder", "cone", "rod", "clump", "mesh box", "scans", "mixture"]
 PLANE = ["disk", "polygon", "mixture in 2D"]
 
 

@@ -13,7 +13,7 @@ from voxgran.contacts.assembly import Assembly, Lid
 from voxgran.contacts.manifolds.pair_list import no_pairs
 from voxgran.contacts.manifolds.rows import ROW, WALL, ContactRows, Grains, Search
 from voxgran.contacts.manifolds.smooth_distance import smooth_distance
-from voxgran.contacts.manifolds.wall_bodies import CONE, CYLINDER, ELLIPSOID, wall_bodies
+from voxgran.contacts.manifolds.wall_bodies import ELLIPSOID, SMOOTH, wall_bodies
 from voxgran.contacts.manifolds.wall_bodies import Lid as LidPlane
 from voxgran.contacts.manifolds.wall_contacts import find_wall_contacts
 from voxgran.contacts.walls import escape_depths
@@ -113,6 +113,7 @@ def solids():
         vg.make_shape("box", lengths=(1.2, 0.7, 0.5)),
         vg.make_shape("cylinder", radius=0.4, height=1.1),
         vg.make_shape("cone", radius=0.5, height=1.0),
+        vg.make_shape("spherocylinder", radius=0.3, height=1.4),
         hull_shape(generator.normal(size=(20, 3)) / 2.5),
     ]
 
@@ -149,7 +150,7 @@ def test_contacts_with_a_mesh_do_not_depend_on_the_reach():
 
 @pytest.mark.parametrize("name", CONTAINERS)
 def test_the_smallest_gap_is_that_of_the_exact_test(name):
-    """Of 400 grains of eight kinds, inside and through the walls, also with a lid."""
+    """Of 400 grains of nine kinds, inside and through the walls, also with a lid."""
     assembly = random_poses(solids(), CONTAINERS[name], 400)
     found = Found(assembly, 100.0)
     np.testing.assert_allclose(found.least(), -escape_depths(assembly), atol=1e-9)
@@ -272,7 +273,7 @@ def mesh_box(lengths):
 def test_a_mesh_of_a_box_is_a_box():
     """Each wall near a grain counts, with the same smallest gap as in the box itself."""
     lengths = (4.0, 5.0, 6.0)
-    assembly = random_poses(solids(), vg.Box(lengths), 200, seed=5, low=0.3, high=0.8)
+    assembly = random_poses(solids(), vg.Box(lengths), 250, seed=5, low=0.3, high=0.8)
     inside = escape_depths(assembly) < 0
     chosen = [getattr(assembly, key)[inside] for key in ("shape_id", "scale", "position", "orientation")]
     kept = Assembly(assembly.shapes, *chosen, vg.Box(lengths))
@@ -301,7 +302,7 @@ def step_container():
 
 
 @pytest.mark.parametrize("depth", [0.01, -0.03])
-@pytest.mark.parametrize("kind", ["box", "ellipsoid", "cylinder", "sphere"])
+@pytest.mark.parametrize("kind", ["box", "ellipsoid", "cylinder", "sphere", "spherocylinder"])
 def test_an_edge_of_the_wall_touches_faces_of_grains(kind, depth):
     """A grain over a step has its contact at the edge, between its corners."""
     kinds = {
@@ -309,6 +310,7 @@ def test_an_edge_of_the_wall_touches_faces_of_grains(kind, depth):
         "cylinder": (vg.make_shape("cylinder", radius=0.4, height=2.0), 1.0),
         "ellipsoid": (vg.make_shape("ellipsoid", semi_axes=(0.4, 0.5, 0.8)), 0.8),
         "sphere": (vg.make_shape("sphere"), 0.5),
+        "spherocylinder": (vg.make_shape("spherocylinder", radius=0.4, height=1.6), 0.8),
     }
     shape, half = kinds[kind]
     # its axis halves the angle of the edge
@@ -349,7 +351,7 @@ def test_meshes_in_a_mesh_touch_where_their_surfaces_are_nearest():
 
 def test_round_solids_in_a_mesh_touch_where_they_are_nearest():
     """Against the distance of the nearest of many points of the surfaces."""
-    shapes = [solids()[k] for k in (2, 3, 5, 6)]
+    shapes = [solids()[k] for k in (2, 3, 5, 6, 7)]
     container = step_container()
     assembly = random_poses(shapes, container, 60, seed=9, low=0.4, high=0.8)
     least = Found(assembly, 0.3).least()
@@ -368,11 +370,12 @@ def test_round_solids_in_a_mesh_touch_where_they_are_nearest():
     assert near > 10
 
 
-@pytest.mark.parametrize("kind", [1, 2, 3])
+@pytest.mark.parametrize("kind", [1, 2, 3, 4])
 def test_signed_distances_of_smooth_solids(kind):
     """The nearest point is on the solid, the way to it is along its normal, and no tessellation is nearer."""
     size = np.array([0.8, 0.5, 0.3]) if kind == ELLIPSOID else np.array([0.5, 1.2, 0.0])
-    solid = Primitive({ELLIPSOID: "ellipsoid", CYLINDER: "cylinder", CONE: "cone"}[kind], tuple(size[size > 0]))
+    names = {number: name for name, number in SMOOTH.items()}
+    solid = Primitive(names[kind], tuple(size[size > 0]))
     vertices, faces, error = solid.tessellation()
     points = np.random.Generator(np.random.Philox(2)).normal(size=(300, 3)) * 0.6
     expected = Mesh(vertices, faces).tree.signed_distance(points)

@@ -38,6 +38,8 @@ def box(*lengths):
         (box(0.9, 4.0, 9.5), SLAB, True),
         (vg.make_shape("ellipsoid", semi_axes=(0.46, 3.0, 5.0)), SLAB, False),
         (vg.make_shape("cone", radius=3.0, height=0.8), vg.Box((4, 4, 0.5)), False),
+        (vg.make_shape("spherocylinder", radius=0.25, height=4.4), vg.Box((4, 4, 0.5)), True),
+        (vg.make_shape("spherocylinder", radius=0.26, height=2.0), vg.Box((4, 4, 0.5)), False),
         (vg.make_shape("platonic", solid="cube"), vg.Box((9, 9, 0.8)), False),
         (vg.make_shape("platonic", solid="octahedron", diameter=9.0), vg.Box((9, 9, 8), "z"), True),
         (vg.make_shape("cylinder", radius=0.01, height=4.99), TUBE, True),

@@ -6,8 +6,10 @@ import numpy as np
 import pytest
 from kit import slow
 
+from voxgran._base.compiling.threads import using_threads
 from voxgran._base.errors import InputError
 from voxgran._base.seeds import stream
+from voxgran.geometry import sphere_pairs
 from voxgran.geometry.sphere_pairs import near_pairs, spheres_near
 
 LENGTHS = np.array([1.0, 1.3, 1.7])
@@ -39,6 +41,17 @@ def test_pairs_are_all_pairs(periodic, count, largest):
     found = [(int(a), int(b), *map(int, c)) for a, b, c in zip(i, j, image, strict=True)]
     assert len(found) == len(set(found))
     assert set(found) == all_pairs(centers, radii, 0.01, periods(periodic))
+
+
+@pytest.mark.parametrize("threads", [1, 2, 3])
+def test_threads_find_the_same_pairs(monkeypatch, threads):
+    random = stream(0, "pairs of threads")
+    spheres = random.random((200, 3)), np.where(np.arange(200) % 4, 0.05, 0.005)
+    alone = near_pairs(*spheres, 0.1)
+    monkeypatch.setattr(sphere_pairs, "BLOCK", 7)
+    with using_threads(threads):
+        for found, expected in zip(near_pairs(*spheres, 0.1), alone, strict=True):
+            np.testing.assert_array_equal(found, expected)
 
 
 @pytest.mark.parametrize("tilt", [(0.5, 0.3, -0.65), (-0.2, 0.0, 0.0), (0.0, 0.0, 0.4)])

@@ -49,10 +49,11 @@ def spheres():
 
 @pytest.fixture
 def mixed(block):
-    """Return a packing with a mesh, three primitives and a clump."""
+    """Return a packing with a mesh, four primitives and a clump."""
     shapes = [
         block,
         Shape.of(Primitive("sphere", (0.5,)), name="sphère µ <&>"),
+        Shape.of(Primitive("spherocylinder", (0.3, 0.9), (0.6, 0.0, 0.8, 0.0)), name="rod"),
         Shape.of(Primitive("cone", (0.3, 0.9), (0.6, 0.0, 0.8, 0.0)), name="cone"),
         Shape.of(Spheres(np.array([[0.0, 0, 0], [0.3, 0.1, 0]]), np.array([0.4, 0.3])), name="clump"),
     ]

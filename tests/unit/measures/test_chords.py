@@ -85,6 +85,7 @@ def test_disks():
         vg.make_shape("ellipsoid", semi_axes=(0.4, 0.6, 0.8)),
         vg.make_shape("cylinder", aspect=1.5),
         vg.make_shape("cone", aspect=1.2),
+        vg.make_shape("spherocylinder"),
         vg.make_shape("box", lengths=(1, 0.7, 0.8)),
         vg.make_shape("mollon_zhao_2d", seed=1),
     ],
@@ -114,6 +115,7 @@ def test_round_solids_are_met_as_their_triangles():
         vg.make_shape("ellipsoid", semi_axes=(0.4, 0.6, 0.8)),
         vg.make_shape("cylinder"),
         vg.make_shape("cone"),
+        vg.make_shape("spherocylinder"),
     ):
         mesh = vg.Shape.from_mesh(shape.vertices, shape.faces)
         for axis in range(3):

@@ -27,6 +27,7 @@ CUBE = Shape.of(Primitive("box", (1.0, 1.0, 1.0)), name="cube")
 ELLIPSOID = Shape.of(Primitive("ellipsoid", (0.9, 0.5, 0.3)), name="ellipsoid")
 CYLINDER = Shape.of(Primitive("cylinder", (0.4, 1.2)), name="cylinder")
 CONE = Shape.of(Primitive("cone", (0.6, 1.0)), name="cone")
+ROD = Shape.of(Primitive("spherocylinder", (0.4, 0.9)), name="rod")
 CLUMP = Shape.of(
     Spheres(np.array([[0.0, 0, 0], [0.5, 0, 0], [0.2, 0.4, 0.1]]), np.array([0.4, 0.3, 0.2])), name="clump"
 )
@@ -52,7 +53,7 @@ def sampled(packing, low, high, steps):
     return inside.mean()
 
 
-@pytest.mark.parametrize("shape", [BALL, CUBE, ELLIPSOID, CYLINDER, CONE, CLUMP], ids=lambda s: s.name)
+@pytest.mark.parametrize("shape", [BALL, CUBE, ELLIPSOID, CYLINDER, CONE, ROD, CLUMP], ids=lambda s: s.name)
 def test_turned_grains_in_windows_agree_with_points(shape):
     generator = stream(0, shape.name)
     for orientation in random_rotations(generator, 4):
@@ -68,7 +69,7 @@ def test_turned_grains_in_windows_agree_with_points(shape):
 
 
 @pytest.mark.parametrize(
-    "shape", [BALL, CUBE, ELLIPSOID, CYLINDER, CONE, CLUMP, MESH, DISK, SQUARE], ids=lambda s: s.name
+    "shape", [BALL, CUBE, ELLIPSOID, CYLINDER, CONE, ROD, CLUMP, MESH, DISK, SQUARE], ids=lambda s: s.name
 )
 def test_a_window_around_a_grain_holds_its_true_volume(shape):
     packing = one(shape)

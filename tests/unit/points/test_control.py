@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 import voxgran as vg
+from voxgran.contacts.inside import inner_distance
 from voxgran.points.control import edge_points, sample_controls
 from voxgran.points.sample import sample_surface
 
@@ -63,6 +64,12 @@ def test_an_ellipsoid_has_its_points_on_its_true_surface():
     points = np.asarray(sample_controls(body, spacing=0.2))
     level = (points @ body.geometry.matrix / np.array(body.geometry.dimensions)) ** 2
     assert np.allclose(level.sum(axis=1), 1.0, rtol=0, atol=1e-12)
+
+
+def test_a_spherocylinder_has_its_points_on_its_true_surface():
+    rod = vg.make_shape("spherocylinder", aspect=3)
+    points = np.asarray(sample_controls(rod, spacing=0.2))
+    assert np.abs(inner_distance(rod.geometry)(points)).max() < 1e-15
 
 
 def test_sampled_surface_is_part_of_the_control_points():

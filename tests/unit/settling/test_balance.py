@@ -5,13 +5,11 @@ import pytest
 from scipy.optimize import nnls
 
 from voxgran._base.compiling.threads import using_threads
-from voxgran.settling import balance
-from voxgran.settling.balance import (
-    LoadedContacts,
-    accelerated_projected_gradient,
-    gauss_seidel_forces,
-    net_accelerations,
-)
+from voxgran.contacts.manifolds.rounds import rounds_of
+from voxgran.geometry import morton
+from voxgran.settling import projected_gradient
+from voxgran.settling.balance import LoadedContacts, gauss_seidel_forces, net_accelerations
+from voxgran.settling.projected_gradient import accelerated_projected_gradient
 
 DOWN = np.array([0.0, 0.0, -1.0])
 
@@ -106,10 +104,10 @@ def solve(heap_of, friction, near=0.0, iterations=20_000):
 
 
 @pytest.mark.parametrize("friction", [0.0, 0.3])
-@pytest.mark.parametrize(("round_grains", "many"), [(True, 1), (False, 1), (False, balance.MANY)])
+@pytest.mark.parametrize(("round_grains", "many"), [(True, 1), (False, 1), (False, projected_gradient.MANY)])
 def test_forces_in_a_plane_are_those_of_least_squares(monkeypatch, friction, round_grains, many):
     """In a plane a friction cone is all sums of two vectors: a problem for non-negative least squares."""
-    monkeypatch.setattr(balance, "MANY", many)
+    monkeypatch.setattr(projected_gradient, "MANY", many)
     row, i, j, bodies = heap(3, flat=True, round_grains=round_grains)
     _, found, _, distance = solve((row, i, j, bodies), friction, near=1e-7)
     across = np.cross(row[:, :3], [0.0, 1.0, 0.0])
@@ -160,8 +158,8 @@ def test_the_first_guess_does_not_matter():
     np.testing.assert_allclose(warm, cold, atol=1e-5)
 
 
-def plain_sweeps(row, i, j, bodies, forces, openness, friction, skin, iterations):
-    """Return the forces after sweeps there and back in the order of the rows, by dense matrices, and restarts.
+def plain_sweeps(row, i, j, bodies, forces, openness, friction, skin, iterations, order):
+    """Return the forces after sweeps there and back in an order of the rows, by dense matrices, and restarts.
 
     Between two iterations is the momentum of Nesterov, which begins anew where it points the wrong way.
     """
@@ -174,7 +172,7 @@ def plain_sweeps(row, i, j, bodies, forces, openness, friction, skin, iterations
         forces += momentum * (forces - old)
         velocity = velocity + momentum * (velocity - old_velocity)
         old, old_velocity, ahead = before_it, before_velocity, velocity.copy()
-        for k in [*range(len(row)), *reversed(range(len(row)))]:
+        for k in [*order, *reversed(order)]:
             n, own = row[k, :3], matrix[k]
             along = n @ own @ (inverse * (own.T @ n))
             # a bound of the effect across the normal: that of the whole arms
@@ -197,19 +195,33 @@ def plain_sweeps(row, i, j, bodies, forces, openness, friction, skin, iterations
     return forces, restarts
 
 
+@pytest.mark.parametrize("least", [100, 6])
 @pytest.mark.parametrize("iterations", [1, 30])
 @pytest.mark.parametrize("round_grains", [True, False])
-def test_an_iteration_is_two_sweeps_in_the_order_of_the_rows(round_grains, iterations):
+def test_an_iteration_is_two_sweeps_in_the_order_of_the_rows_or_of_rounds(monkeypatch, round_grains, iterations, least):
+    """Of one set of contacts, or of those within four blocks of bodies and between them, by any number of threads."""
     row, i, j, bodies = heap(6, round_grains=round_grains)
     generator = np.random.default_rng(7)
     openness, start = 0.1 * generator.normal(size=len(i)), 0.1 * row[:, :3]
-    expected, restarts = plain_sweeps(row, i, j, bodies, start.copy(), openness, 0.5, 1e-3, iterations)
-    assert restarts > 1 or iterations == 1
-    forces = start.copy()
-    gauss_seidel_forces(
-        LoadedContacts(row, i, j, bodies, DOWN), forces, openness, friction=0.5, skin=1e-3, iterations=iterations
-    )
-    np.testing.assert_allclose(forces, expected, atol=1e-9)
+    monkeypatch.setattr(morton, "MANY", 1)
+    monkeypatch.setattr(morton, "LEAST", least)
+    rounds = rounds_of(i, j, len(bodies))
+    assert (len(rounds.sets) > 4) == (least == 6)
+    order = list(rounds.rows)
+    expected, restarts = plain_sweeps(row, i, j, bodies, start.copy(), openness, 0.5, 1e-3, iterations, order)
+    assert restarts or iterations == 1
+    found = []
+    for threads in (1, 2, 3):
+        forces = start.copy()
+        with using_threads(threads):
+            gauss_seidel_forces(
+                LoadedContacts(row, i, j, bodies, DOWN), forces, openness, friction=np.full(len(i), 0.5), skin=1e-3,
+                iterations=iterations,
+            )  # fmt: skip
+        np.testing.assert_allclose(forces, expected, atol=1e-9)
+        found.append(forces)
+    np.testing.assert_array_equal(found[0], found[1])
+    np.testing.assert_array_equal(found[0], found[2])
 
 
 def test_patience_ends_a_search_in_which_a_few_bodies_cannot_rest():
@@ -307,7 +319,7 @@ def test_many_rows_are_balanced_with_the_same_bits_by_any_number_of_threads(monk
     """Three blocks of rows of which the last is not full, with a lid, walls, a fixed grain and one beside itself."""
     row, i, j, bodies = heap(7, round_grains=False)
     j[4] = i[4]
-    copies, count = 2 * balance.BLOCK // len(i) + 20, len(bodies) - 1
+    copies, count = 2 * projected_gradient.BLOCK // len(i) + 20, len(bodies) - 1
     bodies = np.vstack([np.tile(bodies[:-1], (copies, 1)), bodies[-1:]])
     bodies[5, 6:] = 0.0
     begin = count * np.repeat(np.arange(copies), len(i))
@@ -317,7 +329,7 @@ def test_many_rows_are_balanced_with_the_same_bits_by_any_number_of_threads(monk
     friction = np.random.default_rng(1).uniform(0.2, 0.6, len(i)) if own else 0.5
 
     def balanced(many, threads):
-        monkeypatch.setattr(balance, "MANY", many)
+        monkeypatch.setattr(projected_gradient, "MANY", many)
         forces = 0.1 * contacts.row[:, :3]
         with using_threads(threads):
             found = accelerated_projected_gradient(

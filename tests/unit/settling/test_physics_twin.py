@@ -5,7 +5,10 @@ import pytest
 from kit import lattice
 
 import voxgran as vg
+from voxgran._base.compiling.threads import using_threads
 from voxgran.contacts.assembly import Assembly
+from voxgran.contacts.manifolds.rounds import rounds_of
+from voxgran.geometry import morton
 from voxgran.settling.bed import Bed
 from voxgran.settling.impulses import FASTEST, GAIN, LEFT, LOSS, OPENING, SLOW, Fall, advance_bodies
 
@@ -25,8 +28,8 @@ def heap():
     return bed
 
 
-def twin(bed, dt, substeps, *, friction, restitution, most):
-    """Return velocities, motions, impulses and gaps after a step, with a loop over contacts in plain NumPy."""
+def twin(bed, dt, substeps, order, *, friction, restitution, most):
+    """Return velocities, motions, impulses and gaps after a step, with a plain loop over contacts in an order."""
     m, n, h = bed.m, bed.count, dt / substeps
     row, i, j = bed.rows.row[:m], bed.rows.i[:m], bed.rows.j[:m]
     normal, arm_i, arm_j, gap_0 = row[:, :3], row[:, 3:6], row[:, 6:9], row[:, 9]
@@ -87,26 +90,33 @@ def twin(bed, dt, substeps, *, friction, restitution, most):
         approach[approach >= -SLOW] = 0.0
         for k in range(m):
             apply(k, push[k] * normal[k] + drag[k])
-        sweep(range(m), True, approach)
+        sweep(order, True, approach)
         motion += h * speed
-        sweep(reversed(range(m)), False, approach)
+        sweep(reversed(order), False, approach)
     return speed, motion, push, drag, [gap_0[k] + normal[k] @ of_point(motion, k) for k in range(m)]
 
 
+@pytest.mark.parametrize("least", [100, 2])
 @pytest.mark.parametrize("friction", [(0.0,), (0.4,), (0.1, 0.9)])
 @pytest.mark.parametrize("restitution", [0.0, 0.6])
-def test_a_step_is_that_of_a_plain_twin(friction, restitution):
+def test_a_step_is_that_of_a_plain_twin(monkeypatch, friction, restitution, least):
+    """With contacts in the order of their rows, or in rounds of those within four blocks of grains and between them."""
     bed = heap()
     assert bed.m > 12
     assert (bed.gap < 0).any()
     assert (bed.gap > 2e-3).any()
+    monkeypatch.setattr(morton, "MANY", 1)
+    monkeypatch.setattr(morton, "LEAST", least)
+    order = list(rounds_of(bed.rows.i[: bed.m], bed.rows.j[: bed.m], 9).rows)
+    assert (order == sorted(order)) == (least == 100)
     # one friction of all contacts, or one of each
     rub = np.array(friction) if len(friction) == 1 else np.linspace(*friction, bed.m)
     each = np.broadcast_to(rub, bed.m)
-    speed, motion, push, drag, gap = twin(bed, 0.05, 4, friction=each, restitution=restitution, most=0.5)
+    speed, motion, push, drag, gap = twin(bed, 0.05, 4, order, friction=each, restitution=restitution, most=0.5)
     fall = Fall(rub, restitution, step=0.05, substeps=4, most=0.025)
     approach = np.zeros(bed.m if restitution else 0)
-    advance_bodies(bed.rows, bed.m, bed.bodies, bed.motion, bed.gravity, fall, 1.0, approach)
+    with using_threads(2):
+        advance_bodies(bed.rows, bed.m, bed.bodies, bed.motion, bed.gravity, fall, 1.0, approach)
     row = bed.rows.row[: bed.m]
     np.testing.assert_allclose(bed.bodies[: bed.count, :6], speed, atol=1e-12)
     np.testing.assert_allclose(bed.motion[: bed.count], motion, atol=1e-13)

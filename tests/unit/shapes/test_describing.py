@@ -79,6 +79,7 @@ def test_no_box_of_many_is_smaller():
         ("box", {"lengths": (2, 1, 3)}, 0.5),
         ("cylinder", {"radius": 1.0, "height": 1.0}, 0.5),
         ("cone", {"radius": 3.0, "height": 4.0}, 1.5),
+        ("spherocylinder", {"radius": 0.7, "height": 4.0}, 0.7),
         ("ellipsoid", {"semi_axes": (1, 3, 2)}, 1.0),
     ],
 )

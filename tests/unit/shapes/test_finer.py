@@ -33,7 +33,7 @@ def test_any_edges_may_be_cut():
     assert vg.diagnose(vertices, faces).ok
 
 
-@pytest.mark.parametrize("kind", ["sphere", "ellipsoid", "box", "cylinder", "cone", "clump"])
+@pytest.mark.parametrize("kind", ["sphere", "ellipsoid", "box", "cylinder", "cone", "spherocylinder", "clump"])
 def test_new_vertices_lie_on_the_true_surface(kind):
     if kind == "clump":
         spheres = Spheres(np.array([[-0.3, 0, 0], [0.3, 0, 0]]), np.array([0.4, 0.4]))
@@ -49,6 +49,8 @@ def test_new_vertices_lie_on_the_true_surface(kind):
     if kind in ("sphere", "ellipsoid"):
         level = np.linalg.norm(moved @ shape.geometry.matrix / np.array(shape.geometry.dimensions), axis=1)
         assert np.abs(level - 1).max() < 1e-15
+    if kind == "spherocylinder":
+        assert np.abs(inner(moved)).max() < 1e-15
     if kind == "box":
         assert moved.tobytes() == middle.tobytes()
 

@@ -7,7 +7,9 @@ import pytest
 from scipy.spatial import ConvexHull
 
 import voxgran as vg
-from voxgran.shapes.families.regular.spherocylinder import volume_of as capsule_volume
+from voxgran.contacts.inside import inner_distance
+from voxgran.shapes.describing.extents import principal_extents
+from voxgran.shapes.describing.ratios import principal_lengths
 from voxgran.shapes.families.regular.superquadric import volume_of
 from voxgran.shapes.repairing.diagnose import diagnose, refuse_dirty
 
@@ -79,31 +81,39 @@ def test_superquadrics_between_known_solids():
     assert np.ptp(vg.make_shape("superquadric", aspect=(1, 2, 3)).vertices, axis=0) @ [6, -3, 0] == pytest.approx(0)
 
 
-def test_spherocylinders():
-    misses = []
-    for tolerance in (0.01, 0.0025):
-        shape = vg.make_shape("spherocylinder", radius=0.5, height=3, tolerance=tolerance)
-        true = capsule_volume(0.5, 3)
-        assert true == pytest.approx(math.pi * 0.25 * 2 + math.pi / 6)
-        axis = np.clip(shape.vertices[:, 2], -1, 1)[:, None] * [0, 0, 1]
-        assert np.linalg.norm(shape.vertices - axis, axis=1) == pytest.approx(0.5, rel=1e-14)
-        middles = shape.vertices[shape.faces].mean(axis=1)
-        middles -= np.clip(middles[:, 2], -1, 1)[:, None] * [0, 0, 1]
-        assert np.linalg.norm(middles, axis=1).min() > 0.5 - tolerance * shape.diameter
-        assert ConvexHull(shape.vertices).volume == pytest.approx(shape.volume, rel=1e-12)
-        refuse_dirty(shape.vertices, shape.faces, "spherocylinder")
-        misses.append(1 - shape.volume / true)
-    assert 0 < misses[1] < 0.4 * misses[0]
-    assert shape.surface_area == pytest.approx(2 * math.pi * 0.5 * 3, rel=5e-3)
-    assert np.ptp(shape.vertices, axis=0) == pytest.approx([1, 1, 3])
+@pytest.mark.parametrize(("radius", "height"), [(0.5, 3.0), (1.0, 2.01), (0.1, 9.0)])
+def test_spherocylinders_have_closed_formulas(radius, height):
+    shape = vg.make_shape("spherocylinder", radius=radius, height=height).rotated((0.5, 0.5, 0.5, 0.5))
+    length, axis = height - 2 * radius, shape.geometry.matrix[:, 2]
+    assert shape.volume == pytest.approx(math.pi * radius**2 * length + 4 / 3 * math.pi * radius**3, rel=1e-14)
+    assert shape.surface_area == pytest.approx(2 * math.pi * radius * height, rel=1e-14)
+    assert shape.bounding_radius == pytest.approx(height / 2)
+    assert principal_extents(shape) == pytest.approx([height, 2 * radius, 2 * radius])
+    assert principal_lengths(shape) == pytest.approx([height, 2 * radius, 2 * radius])
+    # second moments of the disks of which it is a stack
+    t, weight = np.polynomial.legendre.leggauss(20)
+    cap = length / 2 + radius * (t + 1) / 2, radius * weight
+    barrel = t * length / 2, length / 2 * weight
+    z, weight = (np.concatenate(parts) for parts in zip(cap, barrel, strict=True))
+    area = math.pi * (radius**2 - np.maximum(z - length / 2, 0) ** 2)
+    along, across = (weight * area * z**2).sum(), (weight * area**2 / (4 * math.pi)).sum()
+    moments = np.diag([along + across] * 3) + (across - along) * np.outer(axis, axis)
+    assert shape.inertia == pytest.approx(moments, rel=1e-12, abs=1e-14)
+    # the tessellation is inscribed and as far away as it says
+    assert np.abs(inner_distance(shape.geometry)(shape.vertices)).max() < 1e-14
+    middles = inner_distance(shape.geometry)(shape.vertices[shape.faces].mean(axis=1))
+    assert 0 < middles.max() < shape.tessellation_error < 0.003 * radius
+    assert ConvexHull(shape.vertices).volume == pytest.approx(shape.geometry.volume, rel=4e-3)
+    refuse_dirty(shape.vertices, shape.faces, "spherocylinder")
 
 
 def test_spherocylinders_of_a_ratio():
     shape = vg.make_shape("spherocylinder", aspect=4)
+    assert shape.diameter == pytest.approx(1, rel=1e-15)
     assert np.ptp(shape.vertices, axis=0)[2] / np.ptp(shape.vertices, axis=0)[0] == pytest.approx(4)
-    round_one = vg.make_shape("spherocylinder", aspect=1)
-    assert np.linalg.norm(round_one.vertices, axis=1) == pytest.approx(0.5, rel=3e-3)
-    assert np.ptp(np.linalg.norm(round_one.vertices, axis=1)) < 1e-14
+    for round_one in (vg.make_shape("spherocylinder", aspect=1), vg.make_shape("spherocylinder", radius=0.5, height=1)):
+        assert round_one.is_sphere
+        assert round_one.bounding_radius == pytest.approx(0.5)
 
 
 @pytest.mark.parametrize(("major", "minor"), [(1.0, 0.4), (2.0, 0.1), (1.0, 0.99)])

@@ -129,20 +129,20 @@ def test_one_sphere_is_a_sphere(cover):
         assert meshed.sum() > 0.97 * masks[0].sum()
 
 
-@pytest.mark.parametrize("kind", ["ellipsoid", "box", "cylinder", "cone"])
+@pytest.mark.parametrize("kind", ["ellipsoid", "box", "cylinder", "cone", "spherocylinder"])
 def test_regular_solids(kind):
-    sizes = {"ellipsoid": (1.0, 0.7, 0.5), "box": (1.0, 1.4, 0.8), "cylinder": (0.6, 1.3), "cone": (0.9, 1.2)}
-    shape = Shape.of(Primitive(kind, sizes[kind]), name=kind).rotated(TURNS[2])
+    sizes = {"ellipsoid": (1.0, 0.7, 0.5), "box": (1.0, 1.4, 0.8), "cone": (0.9, 1.2)}
+    shape = Shape.of(Primitive(kind, sizes.get(kind, (0.6, 1.3))), name=kind).rotated(TURNS[2])
     size = shape.diameter / 15.3
     voxels = voxelize(shape, voxel_size=size)
     centers = voxels.grid.coordinates(np.argwhere(np.ones(voxels.mask.shape)))
     assert np.array_equal(voxels.mask.ravel(), shape.geometry.contains(centers))
 
 
-@pytest.mark.parametrize("kind", ["ellipsoid", slow("cylinder"), "cone"])
+@pytest.mark.parametrize("kind", ["ellipsoid", slow("cylinder"), "cone", "spherocylinder"])
 @pytest.mark.parametrize("turn", [slow(None), 0, slow(2)])
 def test_cubes_that_round_solids_touch_are_exact(kind, turn):
-    sizes = {"ellipsoid": (1.0, 0.7, 0.5), "cylinder": (0.6, 1.3), "cone": (0.9, 1.2)}
+    sizes = {"ellipsoid": (1.0, 0.7, 0.5), "cylinder": (0.6, 1.3), "cone": (0.9, 1.2), "spherocylinder": (0.6, 1.1)}
     shape = Shape.of(Primitive(kind, sizes[kind]), name=kind)
     shape = shape if turn is None else shape.rotated(TURNS[turn])
     grid = Grid((-1.31, -1.27, -1.35), 0.171, (16, 16, 17))
@@ -167,6 +167,8 @@ def least_gauge(solid, low, high):
             return np.sqrt((x / d[0]) ** 2 + (y / d[1]) ** 2 + (z / d[2]) ** 2) - 1
         if solid.kind == "cylinder":
             return np.maximum(np.hypot(x, y) / d[0] - 1, 2 * abs(z) / d[1] - 1)
+        if solid.kind == "spherocylinder":
+            return np.sqrt(x**2 + y**2 + np.maximum(abs(z) - d[1] / 2, 0) ** 2) - d[0]
         return np.maximum(np.hypot(x, y) - d[0] * (0.75 - z / d[1]), -0.25 * d[1] - z)
 
     # the gauge is convex: a compass search from its best corner, with all 26 directions, ends near the least value

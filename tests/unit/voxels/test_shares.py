@@ -26,6 +26,7 @@ SIZES = {
     "box": (1.0, 1.4, 0.8),
     "cylinder": (0.6, 1.3),
     "cone": (0.9, 1.2),
+    "spherocylinder": (0.6, 1.1),
 }
 
 

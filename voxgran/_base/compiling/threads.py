@@ -6,7 +6,7 @@ between them passes a number on. Without a team, as in packing methods, one thre
 
 import os
 from collections.abc import Callable, Iterator, Sequence
-from concurrent.futures import ThreadPoolExecutor
+from concurrent.futures import ThreadPoolExecutor, wait
 from contextlib import contextmanager
 from contextvars import ContextVar, copy_context
 from dataclasses import dataclass, field
@@ -32,8 +32,13 @@ class _Team:
         """Call functions, at most `count`, at the same time, and return what they return."""
         if self.pool is None:
             self.pool = ThreadPoolExecutor(self.count)
-        begun = [self.pool.submit(copy_context().run, job) for job in jobs]
-        return [job.result() for job in begun]
+        begun = [self.pool.submit(copy_context().run, job) for job in jobs[1:]]
+        try:
+            first = jobs[0]()
+        finally:
+            # no thread goes on where a signal ends the call
+            wait(begun)
+        return [first, *(job.result() for job in begun)]
 
 
 _team: ContextVar[_Team | None] = ContextVar("team", default=None)
@@ -70,12 +75,12 @@ def thread_count() -> int:
     return 1 if team is None else team.count
 
 
-def in_blocks(work: Kernel, count: int, *arguments: object, least: int = 1) -> None:
-    """Call a kernel with these arguments and the first and last row + 1 of each block of `count` rows.
+def in_blocks(work: Kernel, count: int, *arguments: object, least: int = 1, begin: int = 0) -> None:
+    """Call a kernel with these arguments and the first and last row + 1 of each block of `count` rows from `begin` on.
 
     Blocks have at least `least` rows, of which the work is worth a thread; there are as many blocks as threads.
     """
-    at_once([partial(work, *arguments, first, last) for first, last in blocks_of(count, least)])
+    at_once([partial(work, *arguments, begin + first, begin + last) for first, last in blocks_of(count, least)])
 
 
 def blocks_of(count: int, least: int, parts: int = 1) -> list[tuple[int, int]]:

@@ -26,7 +26,6 @@ FINER: dict[str, dict[str, Any]] = {
     "noise_star": {"subdivisions": 6},
     "solid_union": {"chord_error": 5e-5},
     "spherical_harmonics": {"subdivisions": 6},
-    "spherocylinder": {"tolerance": 1e-4},
     "superquadric": {"tolerance": 1e-4},
     "superspherize": {"longest_edge": 0.02},
     "torus": {"tolerance": 1e-4},

@@ -95,7 +95,7 @@ def rings_with_rods(count: int, seed: int) -> list[Shape]:
     for k, own in enumerate(seeds_of_shapes(seed, count)):
         draw = stream(own, "rings with rods")
         ring = make_shape("torus", aspect=draw.uniform(0.25, 0.45), tolerance=FINE)
-        rod = make_shape("spherocylinder", aspect=draw.uniform(3.0, 6.0), diameter=0.8, tolerance=FINE)
+        rod = make_shape("spherocylinder", aspect=draw.uniform(3.0, 6.0), diameter=0.8)
         rod = rod.rotated(turns[k])
         place = np.array([0.75 * ring.bounds[1, 0], 0.0, 0.0])
         parts = united([(ring.vertices, ring.faces), (rod.vertices + place, rod.faces)])

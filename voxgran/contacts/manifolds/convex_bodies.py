@@ -1,7 +1,8 @@
 """Grains made of convex parts as tables of numbers: unions of spheres, primitives and convex meshes.
 
 Boxes and convex meshes are hulls of corners with flat faces, of which coplanar triangles make one. Spheres are corners
-with a radius. Ellipsoids, cylinders and cones are the rows of :mod:`voxgran.geometry.support`.
+with a radius, and spherocylinders hulls of two such corners. Ellipsoids, cylinders and cones are the rows of
+:mod:`voxgran.geometry.support`.
 """
 
 from collections.abc import Sequence
@@ -40,7 +41,7 @@ class ConvexBodies(NamedTuple):
     """Shapes made of convex parts, in their own units about their centroids.
 
     kind: (s,), `NONE` for a shape that is not made of convex parts.  first: (s + 1,) first corner of each shape.
-    corner: (k, 3) corners of hulls, or centers of spheres.  radius: (k,), 0 for corners of hulls.
+    corner: (k, 3) corners of hulls, or centers of spheres.  radius: (k,), 0 for corners of solids with flat faces.
     link_first, link: neighbors of each corner of a hull, (k + 1,) and (l,), counted from its first corner.
     row: (s, 13) rows of ellipsoids, cylinders and cones.  thick: (s,) radii of spheres inside the shapes, of a union
     that of its largest sphere.  face_first: (s + 1,).  face: (f, 4) outward normals and levels.
@@ -220,6 +221,9 @@ def _body(geometry: Geometry, row: Floats, faces: bool) -> tuple[int, _Hull, Flo
         if geometry.kind == "box":
             hull = _hull_of((unit_box()[0] * np.array(d)) @ geometry.matrix.T, faces)
             return HULL, hull, np.zeros(len(hull.corners)), min(d) / 2
+        if geometry.kind == "spherocylinder":
+            half = d[1] / 2 * geometry.matrix[:, 2]
+            return HULL, _Hull(np.array([-half, half]), [[1], [0]], [], []), np.full(2, d[0]), d[0]
         row[:] = row_of(geometry)
         kind = CODES[geometry.kind]
         inner = min(d) if kind == ELLIPSOID else float(erosion_limit(row))

@@ -1,4 +1,4 @@
-"""Contact points of grains made of convex parts: unions of spheres, ellipsoids, boxes, cylinders, cones, convex meshes.
+"""Contact points of grains made of convex parts: unions of spheres, other primitives, convex meshes.
 
 Each pair of spheres of two unions within the margin is a contact, in closed form. Of other parts the gap and normal are
 those of :mod:`voxgran.contacts.manifolds.convex_distance`, which starts along the normal of the step before; faces that
@@ -188,8 +188,9 @@ def _touch_union(search, work, rows, m, pair, normal, corners):  # type: ignore[
 @inlined_kernel
 def _solid(grains, work, i):  # type: ignore[no-untyped-def]
     """Return a grain as a part of `convex_distance`."""
-    s = grains.shape[i]
-    return work.bodies.kind[s], i, work.first[i], work.first[i + 1], work.bodies.first[s], 0.0
+    s, lo = grains.shape[i], work.first[i]
+    kind = work.bodies.kind[s]
+    return kind, i, lo, work.first[i + 1], work.bodies.first[s], work.radius[lo] if kind == 2 else 0.0
 
 
 @inlined_kernel

@@ -5,7 +5,7 @@ the other one (Sutherland & Hodgman 1974, doi:10.1145/360767.360802). Each corne
 point, whose gap is the distance along n from a point of one surface to the plane of the other face. The other solid
 lies beyond this plane, so that no gap is too large.
 
-Ends of cylinders and cones are polygons of points on the rim; their sides are segments.
+Ends of cylinders and cones are polygons of points on the rim; their sides, and those of spherocylinders, are segments.
 """
 
 import math
@@ -13,7 +13,7 @@ import math
 from voxgran._base.kernels import bare_kernel
 from voxgran.contacts.manifolds.convex_bodies import ConvexWork
 from voxgran.contacts.manifolds.rows import ContactRows, Grains, Pair, write_contact
-from voxgran.geometry.vectors import Vector, along, dot, rotate, rotate_back, row_of, sub
+from voxgran.geometry.vectors import Vector, along, dot, rotate, rotate_back, row_of, sub, times
 
 #: cosine of the largest angle between a face and the plane of contact
 FLAT = 0.5
@@ -26,7 +26,7 @@ MOST_POINTS = 8
 #: distance that contact points keep from each other, and within which they are the same as in the step before, in inner
 #: radii of the thinner solid
 SPACING, SAME = 0.1, 0.2
-#: half the width of the strip, in radii, that stands for the side of a cylinder or cone
+#: half the width of the strip, in radii, that stands for the side of a cylinder, cone or spherocylinder
 STRIP = 0.02
 
 
@@ -110,10 +110,12 @@ def _shorten(rows, start, stop, point, known):  # type: ignore[no-untyped-def]
 def _write_face(grains, work, i, nx, ny, nz, ring):  # type: ignore[no-untyped-def]
     """Write the corners of the face of a grain that is most nearly perpendicular to n, relative to its centroid.
 
-    Return how many they are (0: no such face, 2: the side of a cylinder or cone), the outward normal and the level of
-    the face, and half the width of a side.
+    Return how many they are (0: no such face, 2: the side of a cylinder, cone or spherocylinder), the outward normal
+    and the level of the face, and half the width of a side.
     """
     kind = work.bodies.kind[grains.shape[i]]
+    if kind == 2 and work.radius[work.first[i]] > 0.0:
+        return _write_side(work, work.first[i], (nx, ny, nz), ring)
     if kind == 2:
         return _write_flat_face(grains, work, i, (nx, ny, nz), ring)
     if kind == 3 or kind == 4:
@@ -147,6 +149,22 @@ def _write_flat_face(grains, work, i, normal, ring):  # type: ignore[no-untyped-
         for c in range(3):
             ring[k, c] = work.corner[q, c]
     return many, x, y, z, bodies.face[at, 3] * grains.scale[i], 0.0
+
+
+@bare_kernel
+def _write_side(work, q, normal, ring):  # type: ignore[no-untyped-def]
+    """Write the side of a spherocylinder whose axis ends at the corners q and q + 1."""
+    start, radius = row_of(work.corner, q), work.radius[q]
+    axis = sub(row_of(work.corner, q + 1), start)
+    out = along(normal, -dot(axis, normal) / max(dot(axis, axis), 1e-300), axis)
+    across = math.sqrt(dot(out, out))
+    if across < FLAT:
+        return 0, 0.0, 0.0, 0.0, 0.0, 0.0
+    x, y, z = times(out, 1.0 / across)
+    for k in range(2):
+        for c in range(3):
+            ring[k, c] = work.corner[q + k, c] + radius * out[c] / across
+    return 2, x, y, z, dot(start, (x, y, z)) + radius, STRIP * radius
 
 
 @bare_kernel

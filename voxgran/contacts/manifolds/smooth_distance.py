@@ -1,4 +1,4 @@
-"""Signed distance of points from ellipsoids, cylinders and cones in their own axes.
+"""Signed distance of points from smooth solids in their own axes.
 
 The nearest point of an ellipsoid satisfies a secular equation with one root above minus the least squared semi-axis
 (Hart 1994, Distance to an ellipsoid, doi:10.1016/B978-0-12-336156-1.50022-0). Cylinders and cones are profiles of
@@ -9,7 +9,7 @@ import math
 
 from voxgran._base.arrays import Floats
 from voxgran._base.kernels import bare_kernel
-from voxgran.contacts.manifolds.wall_bodies import CONE, ELLIPSOID
+from voxgran.contacts.manifolds.wall_bodies import CONE, ELLIPSOID, SPHEROCYLINDER
 from voxgran.geometry.vectors import Vector
 
 #: halvings of the bracket of a root
@@ -27,6 +27,11 @@ def smooth_distance(
         length = math.sqrt(nx * nx + ny * ny + nz * nz)
         nx, ny, nz = nx / length, ny / length, nz / length
         return (x - qx) * nx + (y - qy) * ny + (z - qz) * nz, qx, qy, qz, nx, ny, nz
+    if kind == SPHEROCYLINDER:
+        at = min(max(z, -0.5 * size[1]), 0.5 * size[1])
+        away = math.sqrt(x * x + y * y + (z - at) ** 2)
+        nx, ny, nz = (x / away, y / away, (z - at) / away) if away > 0.0 else (1.0, 0.0, 0.0)
+        return away - size[0], size[0] * nx, size[0] * ny, at + size[0] * nz, nx, ny, nz
     flat = math.sqrt(x * x + y * y)
     distance, r, h, nr, nh = _on_profile(kind, size[0], size[1], flat, z)
     ux, uy = (x / flat, y / flat) if flat > 0.0 else (1.0, 0.0)

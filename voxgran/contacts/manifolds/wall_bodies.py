@@ -1,9 +1,9 @@
 """Tables of shapes by which contacts with walls are found.
 
 Against flat, cylindrical and spherical walls the extreme points of a grain decide: centers of spheres with their radii,
-corners of the convex hull, and of smooth solids rims, apices and support points. In a closed mesh the walls may also
-protrude into faces of grains: its edges that are reentrant, seen from inside, are kept in a tree, with the surface of
-each shape in another.
+corners of the convex hull, and of smooth solids rims, apices and support points; a spherocylinder has the two spheres
+at its ends. In a closed mesh the walls may also protrude into faces of grains: its edges that are reentrant, seen from
+inside, are kept in a tree, with the surface of each shape in another.
 """
 
 import math
@@ -29,8 +29,8 @@ from voxgran.shapes.surface import Surface
 from voxgran.shapes.tessellate import sphere
 
 #: kinds of bodies: points with margins only, and smooth solids, whose support points count too
-POINTS, ELLIPSOID, CYLINDER, CONE = 0, 1, 2, 3
-SMOOTH = {"ellipsoid": ELLIPSOID, "cylinder": CYLINDER, "cone": CONE}
+POINTS, ELLIPSOID, CYLINDER, CONE, SPHEROCYLINDER = 0, 1, 2, 3, 4
+SMOOTH = {"ellipsoid": ELLIPSOID, "cylinder": CYLINDER, "cone": CONE, "spherocylinder": SPHEROCYLINDER}
 #: points on each rim that turn with the grain, on which it stands; how far the rim reaches beyond them, in its radii
 RIM_POINTS = 12
 SAGITTA = 1.0 - math.cos(math.pi / RIM_POINTS)
@@ -83,7 +83,7 @@ class MeshSide(NamedTuple):
 class WallBodies(NamedTuple):
     """Shapes as contacts with walls need them, and work space.
 
-    kind: (s,) POINTS, ELLIPSOID, CYLINDER or CONE.  start: (s + 1,) first point of each shape.
+    kind: (s,) POINTS, or that of a smooth solid.  start: (s + 1,) first point of each shape.
     point: (p, 3) points relative to the centroids.  margin: (p,) distance of the surface from them.
     size, turn: (s, 3) dimensions and (s, 3, 3) rotation of smooth solids in their body frames.
     spread: (s,) least distance of contacts where there are many.
@@ -155,6 +155,9 @@ def _points_of(geometry: Geometry, *, in_mesh: bool) -> tuple[Floats, Floats]:
         return geometry.centers.copy(), geometry.radii.copy()
     if isinstance(geometry, Primitive) and geometry.kind == "sphere":
         return np.zeros((1, 3)), np.array([geometry.dimensions[0]])
+    if isinstance(geometry, Primitive) and geometry.kind == "spherocylinder":
+        radius, length = geometry.dimensions
+        return np.outer([-length / 2, length / 2], geometry.matrix[:, 2]), np.full(2, radius)
     if isinstance(geometry, Outline):
         if is_disk(geometry):
             return np.array([[*geometry.center, 0.0]]), np.array([geometry.radius])

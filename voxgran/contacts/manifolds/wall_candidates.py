@@ -12,7 +12,7 @@ from voxgran._base.kernels import bare_kernel
 from voxgran.contacts.manifolds.candidates import add_candidate
 from voxgran.contacts.manifolds.rows import Grains
 from voxgran.contacts.manifolds.smooth_distance import HALVINGS, foot_on_ellipsoid
-from voxgran.contacts.manifolds.wall_bodies import CONE, CYLINDER, ELLIPSOID, POINTS, WallBodies
+from voxgran.contacts.manifolds.wall_bodies import CONE, CYLINDER, ELLIPSOID, POINTS, SPHEROCYLINDER, WallBodies
 from voxgran.geometry.vectors import Vector, add, along, dot, rotate, rotate_back, row_of, sub, times, vector_at
 from voxgran.geometry.walls import directions_toward, in_frame, out_of_frame
 
@@ -43,7 +43,7 @@ def support_of(kind: int, size: Floats, ring: int, vx: float, vy: float, vz: flo
 @bare_kernel
 def rings_of(kind: int) -> int:
     """Return how many smooth curves or surfaces of a kind have support points."""
-    return 0 if kind == POINTS else (2 if kind == CYLINDER else 1)
+    return 0 if kind in (POINTS, SPHEROCYLINDER) else (2 if kind == CYLINDER else 1)
 
 
 @bare_kernel

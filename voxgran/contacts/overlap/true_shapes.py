@@ -195,7 +195,9 @@ def _body_of(solid: Shape, bodies: ConvexBodies, k: int, corners: int, *, walls:
     if not mesh and kind != POINT:
         around = np.array([[0.0, 0.0, 0.0, solid.bounding_radius]])
         part = np.array([[kind, lo, hi, lo]], dtype=np.int64)
-        return _Body(0, part, np.zeros(1), around, around, np.array([[0, 1]]), None, none)
+        # corners of a spherocylinder have radii
+        margin = bodies.radius[lo : lo + 1] if hi > lo else np.zeros(1)
+        return _Body(0, part, margin, around, around, np.array([[0, 1]]), None, none)
     if not mesh:
         centers, radii = bodies.corner[lo:hi], bodies.radius[lo:hi]
         tree = grow_tree(centers, np.repeat(np.arange(hi - lo)[:, None], 3, axis=1))

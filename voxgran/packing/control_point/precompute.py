@@ -205,7 +205,8 @@ def _open_ways(problem: Problem, bodies: Bodies, cover: Floats) -> Floats:
 
 def _point_error(shape: Shape) -> float:
     """Return how far control points may lie from the true surface."""
-    return 0.0 if getattr(shape.geometry, "kind", "") in ("sphere", "ellipsoid", "disk") else shape.tessellation_error
+    smooth = ("sphere", "ellipsoid", "spherocylinder", "disk")
+    return 0.0 if getattr(shape.geometry, "kind", "") in smooth else shape.tessellation_error
 
 
 def _bodies(problem: Problem) -> Bodies:

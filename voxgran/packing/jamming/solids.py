@@ -12,7 +12,7 @@ other everywhere and the one at which hardly any growth is left, they therefore 
 
 Contacts of meshes that are not convex come from grids of distances, which are wrong by some thousandths of a diameter
 and do not see edges that cross. A step has succeeded when their triangles are proven to be separate, too
-(:mod:`voxgran.settling.closing`).
+(:mod:`voxgran.settling.parting`).
 
 References
 ----------
@@ -38,8 +38,7 @@ from voxgran.contacts.verify import verify
 from voxgran.packing.jamming.coordination import NearPairs
 from voxgran.packing.jamming.thermal import FIRST_FREE, Motion, stop_moving, thermal_step
 from voxgran.settling.bed import Bed
-from voxgran.settling.closing import close_round
-from voxgran.settling.parting import part_grains
+from voxgran.settling.parting import close_round, part_grains
 
 #: solid fraction whose sizes are the unit in which grains grow, by dimension, and the one at which they begin
 DENSE, FIRST = {2: 0.85, 3: 0.65}, 0.05

@@ -39,7 +39,7 @@ def largest_curvature(geometry: Geometry) -> float | None:
         return 1.0 / float(geometry.radii[0])
     if isinstance(geometry, Outline) and geometry.kind == "disk":
         return 1.0 / geometry.radius
-    if isinstance(geometry, Primitive) and geometry.kind == "sphere":
+    if isinstance(geometry, Primitive) and geometry.kind in ("sphere", "spherocylinder"):
         return 1.0 / geometry.dimensions[0]
     if isinstance(geometry, Primitive) and geometry.kind == "ellipsoid":
         return max(geometry.dimensions) / min(geometry.dimensions) ** 2
@@ -79,8 +79,9 @@ def roundness(shape: Shape) -> float:
     inside = inscribed_radius(shape)
     least = 1 / (CORNER * inside)
     if isinstance(geometry, Primitive) and geometry.kind != "ellipsoid":
-        # no sphere in a cylinder is wider than its barrel, which is therefore no corner
-        return _of_cone(geometry, inside, least) if geometry.kind == "cone" else 0.0
+        # no sphere in a cylinder is wider than its barrel, which is therefore no corner; rounded ends are none either
+        flat = float(geometry.kind == "spherocylinder")
+        return _of_cone(geometry, inside, least) if geometry.kind == "cone" else flat
     if isinstance(geometry, Primitive):
         bends = _bends_of_ellipsoid(geometry.dimensions)
     elif isinstance(geometry, Spheres):

@@ -228,4 +228,4 @@ def _of_primitive(geometry: Primitive) -> float:
         return min(d[0], d[1] / 2)
     if geometry.kind == "cone":
         return d[0] * d[1] / (d[0] + float(np.hypot(d[0], d[1])))
-    return min(d)
+    return d[0] if geometry.kind == "spherocylinder" else min(d)

@@ -47,6 +47,7 @@ def principal_lengths(shape: Shape) -> Floats:
             "ellipsoid": tuple(2 * value for value in d),
             "box": d,
             "cylinder": (2 * d[0], 2 * d[0], d[-1]),
+            "spherocylinder": (2 * d[0], 2 * d[0], 2 * d[0] + d[-1]),
         }[geometry.kind]
         return np.sort(np.array(edges))[::-1]
     if shape.is_sphere:

@@ -45,10 +45,6 @@ def faceted(solid: Primitive, error: float) -> tuple[Floats, Integers]:
         vertices = vertices * math.cbrt(4 / 3 * math.pi / sixth) * np.array(d * 3 if solid.kind == "sphere" else d)
     else:
         sides = sides_for(error)
-        radius = d[0] * math.sqrt(2 * math.pi / (sides * math.sin(2 * math.pi / sides)))
-        profiles = {
-            "cylinder": [(-d[1] / 2, radius), (d[1] / 2, radius)],
-            "cone": [(-d[1] / 4, radius), (0.75 * d[1], 0.0)],
-        }
-        vertices, faces, _ = revolved(profiles[solid.kind], sides=sides)
+        wider = math.sqrt(2 * math.pi / (sides * math.sin(2 * math.pi / sides)))
+        vertices, faces, _ = revolved([(z, wider * radius) for z, radius in solid.profile(sides)], sides=sides)
     return vertices @ solid.matrix.T, faces

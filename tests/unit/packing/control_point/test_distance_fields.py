@@ -34,6 +34,7 @@ SHAPES = {
     "ellipsoid": (unit(vg.make_shape("ellipsoid", aspect=(1.3, 1.0, 0.8))), GRID),
     "union": (unit(vg.make_shape("solid_union", seed=3)), GRID),
     "cone": (unit(vg.make_shape("cone")), GRID),
+    "rod": (unit(vg.make_shape("spherocylinder")), GRID),
     "disk": (unit(vg.make_shape("disk")), BALLS),
     "polygon": (unit(vg.make_shape("polygon", seed=1)), PLANES),
 }

@@ -18,6 +18,7 @@ SHAPES = {
     "ellipsoid": vg.make_shape("ellipsoid", aspect=(1.2, 1.0, 0.8)),
     "cylinder": vg.make_shape("cylinder"),
     "cone": vg.make_shape("cone"),
+    "rod": vg.make_shape("spherocylinder"),
     "union": vg.make_shape("solid_union", seed=3),
     "polygon": vg.make_shape("polygon", seed=1),
 }

@@ -41,6 +41,7 @@ SOLIDS = {
     "box": lambda: vg.make_shape("box", lengths=(1.5, 1, 0.6)),
     "cylinder": lambda: vg.make_shape("cylinder", radius=0.4, height=1.5),
     "cone": lambda: vg.make_shape("cone", radius=0.7, height=1.1),
+    "rod": lambda: vg.make_shape("spherocylinder", radius=0.4, height=1.9),
     "polyhedron": lambda: vg.make_shape("convex_polyhedron", seed=1),
     # with few facets, since the depth of each overlap is found too
     "union": lambda: vg.make_shape("solid_union", seed=2, chord_error=0.01),
@@ -175,6 +176,7 @@ def test_farthest_points_of_rows():
         ("box", {"lengths": (0.9, 0.5, 1.4)}),
         ("cylinder", {"radius": 0.4, "height": 1.5}),
         ("cone", {"radius": 0.7, "height": 1.1}),
+        ("spherocylinder", {"radius": 0.4, "height": 1.9}),
     ):
         shape = vg.make_shape(kind, **size)
         for place in (*generator.normal(size=(20, 3)), np.zeros(3), np.array([0.1, 0, 0]), np.array([0, 0, -0.3])):

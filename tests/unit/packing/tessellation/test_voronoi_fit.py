@@ -121,7 +121,7 @@ def test_places_are_the_optima_of_linear_programmes(container, shape):
     assert vg.verify(fits.packing()).ok
 
 
-@pytest.mark.parametrize("kind", ["box", "ellipsoid", "cylinder", "cone", "sphere", "solid_union"])
+@pytest.mark.parametrize("kind", ["box", "ellipsoid", "cylinder", "cone", "spherocylinder", "sphere", "solid_union"])
 def test_reaches_are_those_of_many_points_of_the_surface(kind):
     shape = regular(vg.make_shape(kind, **({"seed": 1} if kind == "solid_union" else {})))
     bodies, rng = bodies_of([shape]), np.random.default_rng(0)

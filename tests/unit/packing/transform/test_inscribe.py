@@ -43,7 +43,7 @@ def test_shapes_and_turns_are_drawn_by_the_seed():
     assert set(one.shape_id.tolist()) == {0, 1}
 
 
-@pytest.mark.parametrize("name", ["ellipsoid", "cone", "solid_union", "sphere"])
+@pytest.mark.parametrize("name", ["ellipsoid", "cone", "spherocylinder", "solid_union", "sphere"])
 def test_curved_shapes_lie_within_their_spheres(name):
     shape = vg.make_shape(name)
     grains = vg.inscribe(BALLS, shape)

@@ -1,0 +1,131 @@
+"""Which grains rest under the best forces: a search in the whole bed, and clusters that are solved alone.
+
+A search in a whole bed comes near to the best forces slowly, and the bound of its error is that of all grains together.
+Grains that do not rest lie in small clusters, where two cheaper questions are asked. Can any forces of the neighbours
+hold the cluster? They are free where neighbours are fixed; where a grain then moves, no forces of the whole bed hold
+the cluster. And do its grains rest under the forces that are there, if those nearby change and all others are held?
+The search goes on for the grains for which both answers are no.
+"""
+
+from typing import TypeAlias
+
+import numpy as np
+
+from voxgran._base.arrays import Booleans, Floats, Integers
+from voxgran.settling.balance import LoadedContacts, masses_of, net_accelerations
+from voxgran.settling.cell import INVERSE_MASS, INVERSE_MOMENT
+from voxgran.settling.projected_gradient import accelerated_projected_gradient, excess_at
+
+#: iterations of the first round, after which each has twice as many; share of the grains that is few: clusters are
+#: solved where no more move; share below which grains are left undecided, and part to which a round must lessen them
+FIRST, FEW, ENOUGH, FEWER = 512, 0.02, 5e-4, 0.5
+#: contacts away from grains in question up to which grains move with them where those around are fixed, one more in
+#: each round, and up to which forces change where others are held; most iterations, which take less than the round
+ALONE, HELD, LOCAL = 1, 4, 2048
+#: an acceleration that none exceeds
+ANY = 1e30
+
+#: contacts near some bodies, which rows they are, which bodies, and which of these are fixed for that
+Part: TypeAlias = tuple[LoadedContacts, Integers, Integers, Booleans]
+
+
+def decide_rest(
+    contacts: LoadedContacts, forces: Floats, friction: Floats, *, limit: Floats, near: float, iterations: int
+) -> tuple[Booleans, int, float]:
+    """Change forces (m, 3) to those that balance bodies best; return which ones (n,) are undecided.
+
+    Return also the iterations made, and the distance from the optimum as `accelerated_projected_gradient` does.
+
+    friction: (m,) or (1,).  limit: (n + 1, 2) accelerations up to which bodies rest, and those of points at their
+    radius of gyration.  near: distance from the optimum at which the search ends.
+    """
+    proven, made, size, before, hops = np.zeros(len(limit), dtype=bool), 0, FIRST, len(limit), ALONE
+    while True:
+        # what is proven to move is no reason to go on
+        asked = np.where(proven[:, None], ANY, limit)
+        found, more, distance = accelerated_projected_gradient(
+            contacts, forces, friction=friction, iterations=min(size, iterations - made), tolerance=asked, near=near
+        )
+        made += more
+        moving, last = _moves(contacts, found, asked), made >= iterations or distance <= near
+        few = moving.sum() <= FEW * len(limit)
+        if few and moving.any():
+            proven |= moving & _part_moves(contacts, forces, friction, limit, _part_of(contacts, moving, hops), size)
+            moving = _solve_part(contacts, forces, friction, limit, moving & ~proven, size)
+        elif last:
+            moving &= ~_moves(contacts, found, limit, _errors(contacts, forces, friction, found))
+        left = int(moving.sum())
+        if last or not left or (few and (left < ENOUGH * (len(limit) - 1) or left > FEWER * before)):
+            return moving[:-1], made, distance
+        size, before, hops = 2 * size, left if few else before, hops + 1
+
+
+def _moves(contacts: LoadedContacts, found: Floats, limit: Floats, error: Floats | None = None) -> Booleans:
+    """Return which bodies (n + 1,) accelerate by more than their limit and an error, which is weighted by mass."""
+    root = np.sqrt(masses_of(contacts))
+    beyond = np.linalg.norm(found.reshape(-1, 2, 3), axis=2) * root - limit * root[:, :1]
+    return np.asarray(beyond.max(axis=1) > (0.0 if error is None else error))
+
+
+def _errors(contacts: LoadedContacts, forces: Floats, friction: Floats, found: Floats) -> Floats:
+    """Return about how far accelerations of bodies (n + 1,) are from those of the optimum, weighted by mass.
+
+    It is the bound of the contacts of a body and of those of its neighbours.
+    """
+    part = np.maximum(excess_at(contacts, forces, friction, found), 0.0)
+    i, inner, size = contacts.i, contacts.j >= 0, len(found)
+    one, other = i[inner], contacts.j[inner]
+    own = np.bincount(i, part, size) + np.bincount(other, part[inner], size)
+    return np.sqrt(own + np.bincount(one, own[other], size) + np.bincount(other, own[one], size))
+
+
+def _part_moves(
+    contacts: LoadedContacts, forces: Floats, friction: Floats, limit: Floats, near: Part, size: int
+) -> Booleans:
+    """Return which bodies (n + 1,) of a part move whatever the forces on the bodies of the part are."""
+    part, rows, own, _ = near
+    push, rub, moves = forces[rows], friction[rows] if len(friction) > 1 else friction, np.zeros(len(limit), dtype=bool)
+    found, _, _ = accelerated_projected_gradient(
+        part, push, friction=rub, iterations=min(LOCAL, size * len(contacts.i) // max(len(rows), 1)),
+        tolerance=limit[own], near=-1.0,
+    )  # fmt: skip
+    moves[own] = _moves(part, found, limit[own], _errors(part, push, rub, found))
+    return moves
+
+
+def _solve_part(
+    contacts: LoadedContacts, forces: Floats, friction: Floats, limit: Floats, some: Booleans, size: int
+) -> Booleans:
+    """Change forces near some bodies (n + 1,) to those that balance them best; return which of them still move."""
+    part, rows, own, outside = _part_of(contacts, some, HELD)
+    push, asked = forces[rows], np.where(some[:, None], limit, ANY)
+    accelerated_projected_gradient(
+        part, push, friction=friction[rows] if len(friction) > 1 else friction,
+        iterations=min(LOCAL, size * len(contacts.i) // max(len(rows), 1)), tolerance=asked[own], near=-1.0,
+        held=outside[part.i] | (outside[part.j] & (part.j >= 0)),
+    )  # fmt: skip
+    forces[rows] = push
+    return _moves(contacts, net_accelerations(contacts, forces), asked)
+
+
+def _part_of(contacts: LoadedContacts, some: Booleans, hops: int) -> Part:
+    """Return the contacts of some bodies (n + 1,) and of those that are a few contacts away, all others fixed.
+
+    Return also which rows they are, which bodies, of which the lid is the last, and which of these are fixed for that.
+    """
+    last, bodies = len(some) - 1, contacts.bodies
+    inner = (contacts.j >= 0) & (contacts.j < last)
+    one, other = contacts.i[inner], contacts.j[inner]
+    for _ in range(hops):
+        more = some.copy()
+        more[one[some[other]]] = more[other[some[one]]] = True
+        some = more
+    rows = np.flatnonzero(some[contacts.i] | (inner & some[contacts.j]))
+    i, j = contacts.i[rows], contacts.j[rows]
+    own = np.append(np.union1d(i, j[inner[rows]]), last)
+    place, bodies = np.full(last + 1, -1), bodies[own]
+    place[own] = np.arange(len(own))
+    outside = (bodies[:, INVERSE_MASS] > 0.0) & ~some[own]
+    bodies[outside, INVERSE_MASS : INVERSE_MOMENT + 1] = 0.0
+    part = contacts._replace(row=contacts.row[rows], i=place[i], j=np.where(j < 0, j, place[j]), bodies=bodies)
+    return part, rows, own, outside
