@@ -62,7 +62,8 @@ GROWTH_STEP, GROWTH_STEPS = 0.03, 40
 ITERATIONS, DEEP, HEAVY, SHRINK, LENGTHEN = 30, 40.0, 3.0, 0.9, 1.3
 #: largest number of quasi-static steps in all, with the examinations between them
 STILL_STEPS = 300
-#: what is different in the fall of single spheres, whose contacts stay where they are while they turn
+#: what is different in the fall of single spheres that have grown, whose contacts stay where they are while they turn:
+#: they come to rest in a bed, while heaps that slide would spread farther
 SPHERE_FALL: dict[str, Any] = {"step": 0.0625, "most": 0.0625}
 #: what is different in the fall of meshes that are not convex: their distances are known less well
 SURFACE_FALL: dict[str, Any] = {"rest": 2e-3, "most": 0.03, "margin": 0.05}
@@ -130,8 +131,8 @@ class Settler(Examined):
         # some grains slip without friction, or all of them
         self._slips, self._frictionless = least == 0.0, largest == 0.0
         self._fall = Fall(self.friction, how.restitution, **(SURFACE_FALL if surfaces else {}))
-        # once all grains have their sizes
-        self._falling = self._fall._replace(**SPHERE_FALL) if self.bed.spheres else self._fall
+        grown = self.bed.spheres and self.small is not None
+        self._falling = self._fall._replace(**SPHERE_FALL) if grown else self._fall
         if how.fall_time is None and assembly.count and self._height() > HIGHEST:
             raise InputError(
                 f"the container is {self._height():.3g} median diameters high along gravity: grains fall through at "

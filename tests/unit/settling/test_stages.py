@@ -49,13 +49,12 @@ def test_a_bed_that_became_worse_ends_as_the_best_one(resting, rise):
     assert not settler.progress.best_position.size
 
 
-@pytest.mark.parametrize(("shape", "time"), [("sphere", 0.0625), ("box", 0.05)])
-def test_single_spheres_fall_in_longer_steps(shape, time):
-    """One grain falls by 1/2 t^2 within two steps, but for the substeps."""
+@pytest.mark.parametrize(("shape", "small", "time"), [("sphere", 1, 0.0625), ("sphere", None, 0.05), ("box", 1, 0.05)])
+def test_single_spheres_that_have_grown_fall_in_longer_steps(shape, small, time):
+    """One grain falls by t^2 / 2 within two steps, and an eighth more by its eight substeps."""
     high = vg.pack(vg.make_shape(shape), vg.Box((3, 3, 9)), "rsa", count=1, seed=1)
-    settler = Settler(
-        normalized_assembly(replace(high, position=high.position * 0 + [1.5, 1.5, 7]))[0], Settling(), DOWN
-    )
+    high = replace(high, position=np.array([[1.5, 1.5, 7.0]]))
+    settler = Settler(normalized_assembly(high)[0], Settling(), DOWN, small=None if small is None else np.ones(1))
     settler.progress.stage = FALL
     settler.step()
     settler.step()
