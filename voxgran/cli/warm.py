@@ -50,7 +50,9 @@ SETTLED = ("solid_union", "convex_polyhedron", "ellipsoid", "sphere", "polygon",
 #: a box of few grains
 BOX = Box((3, 3, 4), periodic=(True, True, False))
 #: what makes a method quick; grains settle in a scene of their own
-QUICK: dict[str, dict[str, Any]] = dict.fromkeys(("control_point", "digital"), {"sweeps": 100, "settle": False})
+QUICK: dict[str, dict[str, Any]] = {
+    name: {"sweeps": 100, "settle": False} for name in ("control_point", "digital")
+}
 #: what methods are asked for of which they have kernels of their own
 ASKED = {"rsa": {"until": "saturated"}, "digital_fill": {"place": "contact"}}
 #: number of kernels that the scenes use, of which a package that was built by `make dist` brings all

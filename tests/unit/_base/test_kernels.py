@@ -331,7 +331,8 @@ def test_the_baseline_gives_the_bits_of_this_processor(what, tmp_path):
 
     other = {"NUMBA_CPU_NAME": llvmlite.binding.get_host_cpu_name(), "VOXGRAN_CACHE": str(tmp_path)}
     code = f"from tests.unit._base.test_kernels import bits_of; print(bits_of({what!r}))"
-    words = {"stdout": subprocess.PIPE, "text": True, "env": {**os.environ, **other, "PYTHONPATH": os.pathsep.join(sys.path)}}
+    environment = {**os.environ, **other, "PYTHONPATH": os.pathsep.join(sys.path)}
+    words = {"stdout": subprocess.PIPE, "text": True, "env": environment}
     assert subprocess.run([sys.executable, "-c", code], check=True, **words).stdout.strip() == bits_of(what)
     assert list((tmp_path / "kernels").glob("*.kernel"))
 
