@@ -123,7 +123,7 @@ def test_distances_are_those_of_the_whole_image(edges, periodic):
 
 
 def test_distances_are_longer_than_the_first_surroundings():
-    mask = np.ones((90, 3, 4), dtype=bool)
+    mask = np.ones((56, 3, 4), dtype=bool)
     mask[2, 1, 0] = False
     for edges in (None, (0.5, 1.0, 1.0)):
         found = vg.distance_transform(da.from_array(mask, chunks=8), voxel_size=edges)
