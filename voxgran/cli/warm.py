@@ -28,6 +28,7 @@ from voxgran.lattice.segment import segment
 from voxgran.measures.describe import describe
 from voxgran.measures.model import measure
 from voxgran.packing.method import method_registry, packing_methods
+from voxgran.packing.model import Packing
 from voxgran.packing.pack import pack
 from voxgran.packing.settle import settle
 from voxgran.packing.transform.from_labels import packing_of_labels
@@ -50,11 +51,19 @@ SETTLED = ("solid_union", "convex_polyhedron", "ellipsoid", "sphere", "polygon",
 #: a box of few grains
 BOX = Box((3, 3, 4), periodic=(True, True, False))
 #: what makes a method quick; grains settle in a scene of their own
-QUICK: dict[str, dict[str, Any]] = {
-    name: {"sweeps": 100, "settle": False} for name in ("control_point", "digital")
-}
+QUICK: dict[str, dict[str, Any]] = {name: {"sweeps": 100, "settle": False} for name in ("control_point", "digital")}
 #: what methods are asked for of which they have kernels of their own
-ASKED = {"rsa": {"until": "saturated"}, "digital_fill": {"place": "contact"}}
+ASKED: dict[str, dict[str, Any]] = {
+    "rsa": {"until": "saturated", "tries": 20, "count": 80},
+    "digital_fill": {"place": "contact"},
+}
+#: methods with kernels of their own for grains that are there before, and what is asked of them
+ADDING: dict[str, dict[str, Any]] = {
+    "control_point": {"distance": 0.05},
+    "digital": {},
+    "digital_fill": {},
+    "growth": {},
+}
 #: number of kernels that the scenes use, of which a package that was built by `make dist` brings all
 KERNELS = 89
 #: processes at the most: of more, most wait for the largest kernels
@@ -106,9 +115,9 @@ def scenes() -> list[Callable[[], None]]:
     settled = [partial(settle_few, family) for family in SETTLED]
     made = [partial(make_few, family) for family in default_families()]
     in_turn = [task for pair in zip(settled, packed, strict=False) for task in pair]
-    asked = [partial(pack_few, method, family, True) for method in ASKED for family in FAMILIES]
-    more = [partial(add_few, method) for method in ("control_point", "digital", "digital_fill", "growth")]
-    return [*in_turn, *packed[len(settled) :], *asked, *more, measure_few, read_few, deform_few, use_solids, *made]
+    asked = [partial(pack_few, method, family, **more) for method, more in ASKED.items() for family in FAMILIES]
+    added = [partial(add_few, method, **more) for method, more in ADDING.items()]
+    return [*in_turn, *packed[len(settled) :], *asked, *added, measure_few, read_few, deform_few, use_solids, *made]
 
 
 def _methods() -> list[str]:
@@ -116,22 +125,22 @@ def _methods() -> list[str]:
     return sorted(packing_methods(), key=lambda name: name != "control_point")
 
 
-def pack_few(method: str, family: str, asks: bool = False) -> None:
-    """Pack a few grains by a method, as it is or as it is `ASKED`, check, measure and voxelize them."""
+def pack_few(method: str, family: str, **more: Any) -> None:
+    """Pack a few grains by a method, with more that is asked of it, check, measure and voxelize them."""
     container: Container = Sphere(2.0) if method == "apollonian" else BOX
     sizes = None if method_registry().get(method).sizing == "made" else lognormal(1.0, 0.1)
-    few = QUICK.get(method, {}) | (ASKED[method] if asks else {})
-    packing = pack(make_shape(family), container, method, count=4, sizes=sizes, seed=1, **few)
+    asked = {"count": 4} | QUICK.get(method, {}) | more
+    packing = pack(make_shape(family), container, method, sizes=sizes, seed=1, **asked)
     verify(packing)
     measure(packing)
     to_image(packing, voxel_size=0.1)
 
 
-def add_few(method: str) -> None:
-    """Pack a grain by a method beside one that is there, and one in a container of triangles."""
+def add_few(method: str, **more: Any) -> None:
+    """Pack a grain by a method beside two that are there, and one in a container of triangles."""
     sphere, rock = make_shape("sphere"), make_shape("solid_union")
-    few = QUICK.get(method, {})
-    start = pack(sphere, BOX, "rsa", count=1, seed=1)
+    few = QUICK.get(method, {}) | more
+    start = Packing.of(sphere, BOX, position=[(0.6, 0.6, 0.6), (1.8, 1.8, 0.6)])
     pack(rock, BOX, method, count=1, start=start, seed=1, **few)
     tank = make_shape("box", lengths=(3, 3, 4))
     pack(rock, ClosedMesh(Shape.from_mesh(tank.vertices, tank.faces)), method, count=1, seed=1, **few)
