@@ -4,7 +4,6 @@ import dataclasses
 
 import numpy as np
 import pytest
-from kit import slow
 
 import voxgran as vg
 from voxgran._base.errors import CheckpointError, FileFormatError, InputError
