@@ -61,13 +61,6 @@ print(json.dumps([plan, loaded(), result.packing.provenance["counters"]]))
 
 #: the case that loads least: a report takes seconds
 QUICK = "disks in a polygon"
-    "spheres",
-    "spheres as points",
-    "disks with statistics",
-    "disks with surfaces",
-    "unions",
-    "unions with a report",
-)
 
 
 @pytest.mark.parametrize("name", [name if name == QUICK else slow(name) for name in CASES])
