@@ -728,9 +728,9 @@ def test_doctor_compiles_beforehand(monkeypatch, tmp_path, capsys):
     scene = partial(winding_numbers, np.ones((1, 3, 3)), np.zeros((1, 3)))
     refused = partial(beforehand.pack_few, "rsa", "disk")
     monkeypatch.setattr(beforehand, "scenes", lambda: [scene, refused])
+    monkeypatch.setattr(beforehand, "PROCESSES", 1)
     assert main(["doctor", "--warm", "--json"]) == 0
     assert json.loads(capsys.readouterr().out)["kernels"] == 1
-    monkeypatch.setattr(beforehand, "PROCESSES", 1)
     assert main(["doctor", "--warm"]) == 0
     text = capsys.readouterr()
     assert text.out.startswith("nothing was left to compile")
