@@ -245,7 +245,7 @@ def test_a_difference_is_told_in_units_of_the_scatter(spheres):
 
 
 def test_a_model_that_is_given_has_the_resolution_of_the_sample():
-    sample = vg.make_shapes("convex_polyhedron", count=10, seed=1, points=60)
+    sample = [vg.shapes.ellipsoid(aspect=(1.5, 1, 1 - k / 40)) for k in range(10)]
     meshes = [vg.Shape.from_mesh(shape.vertices, shape.faces) for shape in sample]
     twin = vg.twin(meshes, solid_fraction=0.4, protocol="expand", count=12, model=vg.learn_shapes(meshes), faces=60)
     assert {len(shape.faces) for shape in (*twin.sample.shapes, *twin.model.shapes, *twin.packing.shapes)} == {60}
