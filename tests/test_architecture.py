@@ -87,6 +87,11 @@ RANDOM = {"seed", "RandomState", "default_rng"}
 PLUGIN = "io/pyvista_accessor.py"
 #: what subclasses numba, loaded by `lazy.load` when the first kernel is compiled
 COMPILER = {"_base/compiling/kernel_files.py", "_base/compiling/linking.py"}
+#: pickles of our own: compiled kernels in the cache of the user, and requests between the processes of a test
+PICKLES = {"_base/compiling/kernel_files.py", "testing/kill.py", "testing/packing_methods.py"}
+#: modules that run, or restore, what a file holds
+RUNNING = {"cloudpickle", "code", "dill", "joblib", "jsonpickle", "marshal", "pickle", "runpy", "shelve", "yaml"}
+UNPACKING = {"extract", "extractall", "unpack_archive"}
 #: the nouns whose methods may call public functions of rooms above their own, by `_base.public`
 NOUNS = {"packing/model.py", "shapes/model.py"}
 LONGEST_FUNCTION = 60  # lines, without the docstring
@@ -106,9 +111,15 @@ def room_of(name):
 
 
 def nodes_of(tree: ast.AST) -> list[ast.AST]:
-    """Return all nodes of a tree, which are listed once."""
+    """Return all nodes of a tree that have parts (operators have none), which are listed once."""
     if not hasattr(tree, "nodes"):
-        tree.nodes = list(ast.walk(tree))
+        nodes = [tree]
+        for node in nodes:
+            for name in node._fields:
+                part = getattr(node, name, None)
+                parts = part if isinstance(part, list) else (part,)
+                nodes += [one for one in parts if isinstance(one, ast.AST) and one._fields]
+        tree.nodes = nodes
     return tree.nodes
 
 
@@ -349,6 +360,8 @@ def forbidden_calls(tree, name):
             text = " ".join(f"{node.module}.{alias.name}" for alias in node.names)
         elif isinstance(node, ast.Import):
             text = " ".join(a.name for a in node.names if a.name == "random")
+        if not text:
+            continue
         if text == "print" and room_of(name) != "cli":
             found.append(f"line {node.lineno}: print")
         if text in {"sys.exit", "exit", "quit", "os._exit"} and name not in {"__main__.py", "cli/ending.py"}:
@@ -360,6 +373,32 @@ def forbidden_calls(tree, name):
         adapter = name == "points/backend_open3d.py" and text == "open3d.utility.random.seed"
         if (drawn or re.match(r"random\b", text)) and name != "_base/seeds.py" and not adapter:
             found.append(f"line {node.lineno}: {text}")
+    return found
+
+
+def dangers(tree, name):
+    """Find what could execute a file, or write what an archive names."""
+    found = []
+    for node in nodes_of(tree):
+        modules = [node.module or ""] if isinstance(node, ast.ImportFrom) else []
+        modules += [alias.name for alias in node.names] if isinstance(node, ast.Import) else []
+        if isinstance(node, ast.Call):
+            called = dotted(node.func)
+            last = called.split(".")[-1]
+            first = node.args[:1] if last in {"load", "import_module"} else []
+            modules += [one.value for one in first if isinstance(one, ast.Constant)]
+            words = {word.arg: word.value for word in node.keywords}
+            if called in {"eval", "exec", "compile", "os.system", "os.popen"} or last in UNPACKING:
+                found.append(f"line {node.lineno}: {called}")
+            if called in {"np.load", "numpy.load"} and ast.unparse(words.get("allow_pickle", node)) != "False":
+                found.append(f"line {node.lineno}: {called} without allow_pickle=False")
+            if "shell" in words and ast.unparse(words["shell"]) != "False":
+                found.append(f"line {node.lineno}: {called} by a shell")
+            if last == "Environment" and ast.unparse(words.get("autoescape", node)) != "True":
+                found.append(f"line {node.lineno}: {called} without autoescape=True")
+        roots = {str(module).split(".")[0] for module in modules} & RUNNING
+        if roots and name not in PICKLES:
+            found.append(f"line {node.lineno}: imports {', '.join(sorted(roots))}")
     return found
 
 
@@ -472,6 +511,7 @@ RULES = [
     too_many_arguments,
     optional_arguments_of_kernels,
     forbidden_calls,
+    dangers,
     wrong_neighbours,
     container_classes,
 ]
@@ -508,6 +548,17 @@ BREACHES = [
     (forbidden_calls, "np.random.default_rng(1)"),
     (forbidden_calls, "from numpy.random import RandomState"),
     (forbidden_calls, "import random"),
+    (dangers, "eval('1')"),
+    (dangers, "exec(text)"),
+    (dangers, "os.system(text)"),
+    (dangers, "np.load(path)"),
+    (dangers, "np.load(path, allow_pickle=True)"),
+    (dangers, "subprocess.run(text, shell=True)"),
+    (dangers, "import pickle"),
+    (dangers, "from yaml import load"),
+    (dangers, "load('dill').loads(text)"),
+    (dangers, "archive.extractall(folder)"),
+    (dangers, "jinja2.Environment(loader=loader)"),
     (container_classes, "isinstance(container, Box | Rectangle)"),
     (container_classes, "def f(c):\n    return isinstance(c, (Cylinder, containers.Sphere))"),
     (container_classes, "issubclass(kind, ClosedMesh)"),
@@ -572,6 +623,11 @@ class A:
 def g() -> None:
     """Say voxgran.packing in vain."""
     import scipy.ndimage
+
+    np.load(path, allow_pickle=False)
+    re.compile(text)
+    load("scipy")
+    jinja2.Environment(autoescape=True)
 '''
 
 

@@ -29,7 +29,7 @@ STAGES = {
 #: what makes a method quick here; anything else is its default
 QUICK = {"sweeps": 120, "cycles": 2, "voxel_size": 0.1, "spacing": 0.25, "orientations": 6}
 #: what makes one method quick
-QUICKER = {"digital_fill": {"voxel_size": 0.15}, "multilayer": {"layers": 2}}
+QUICKER = {"digital_fill": {"voxel_size": 0.2}, "multilayer": {"layers": 2}}
 #: methods that pack spheres only
 SPHERES_ONLY = ("multilayer",)
 #: methods that move and resize the grains of a start, so that each has tests of its own

@@ -44,27 +44,35 @@ def run(folder, *command):
     return done.stdout
 
 
-def try_plugin(folder, more=""):
-    """Use the method of the plugin at the prompt, and more in the same process."""
-    example = re.search(r"```python\n(.*?)```", (PLUGIN / "about.md").read_text(), flags=re.DOTALL)[1]
-    proof = 'assert packing.count == 20\nassert vg.verify(packing).ok\nassert packing.stop_reason == "count"\n'
-    proof += "assert bed.count == 40\nassert vg.verify(bed).ok\n"
-    asked = 'from voxgran.cli import main\nmain(["methods"]), main(["methods", "cubic"])\n'
-    (folder / "try_it.py").write_text(example + proof + asked + more)
-    told = run(folder, "try_it")
+USE_OF_PLUGIN = """
+assert packing.count == 20
+assert vg.verify(packing).ok
+assert packing.stop_reason == "count"
+assert bed.count == 40
+assert vg.verify(bed).ok
+
+from voxgran.cli import main
+
+def test_it_is_known_at_the_prompt(capsys):
+    main(["methods"]), main(["methods", "cubic"])
+    told = capsys.readouterr().out
     assert "grains on the sites of a simple cubic lattice" in told
     assert "at least 0" in told
+"""
 
 
-def suites_of(folder):
-    """Run the tests of a folder, and return what pytest tells of each."""
+def suites_of(folder, more=""):
+    """Run the tests of a folder after the lines that its page shows, and more; return what pytest tells of each."""
+    example = re.search(r"```python\n(.*?)```", (PLUGIN / "about.md").read_text(), flags=re.DOTALL)[1]
+    (folder / "test_use.py").write_text(example + USE_OF_PLUGIN + more)
     return run(folder, "pytest", "-v", "-p", "no:dash", "-p", "no:cacheprovider")
 
 
 def check_plugin(found):
     """Look at what the tests of the plugin have given."""
-    assert len(re.findall(rf"^({'|'.join(TESTS)})::.* PASSED", found, re.MULTILINE)) == 24, found
-    assert "the suites: 22 tests" in (PLUGIN / "about.md").read_text()
+    assert len(re.findall(rf"^({'|'.join(TESTS)})::.* PASSED", found, re.MULTILINE)) == 22, found
+    assert "test_use.py::test_it_is_known_at_the_prompt PASSED" in found
+    assert "the suites: 20 tests" in (PLUGIN / "about.md").read_text()
 
 
 @pytest.fixture(scope="module")
@@ -88,12 +96,11 @@ def folder(tmp_path_factory):
 @pytest.fixture(scope="module")
 def found(folder):
     """Return what pytest tells of all tests of that folder, which one process runs."""
-    return suites_of(folder)
+    return suites_of(folder, USE_OF_RING)
 
 
 def test_the_plugin_works_by_its_entry_point(folder, found):
     check_plugin(found)
-    try_plugin(folder, USE_OF_RING)
     for name in ("bed.vtp", "bed.txt"):
         with pytest.raises(vg.VoxgranError, match="is of the package 'voxgran-ring', which is not installed: install"):
             vg.load(folder / name)
@@ -111,7 +118,6 @@ def test_the_plugin_works_after_pip_has_installed_it(tmp_path):
     }
     for path in PLUGIN.glob("test_*.py"):
         (tmp_path / path.name).write_text(path.read_text())
-    try_plugin(tmp_path)
     check_plugin(suites_of(tmp_path))
 
 

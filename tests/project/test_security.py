@@ -26,70 +26,8 @@ pytestmark = pytest.mark.usefixtures("jagged_pictures", "forked_readers")
 
 ROOT = Path(__file__).parents[2]
 PACKAGE = ROOT / "voxgran"
-FILES = sorted(path.relative_to(PACKAGE).as_posix() for path in PACKAGE.rglob("*.py"))
-#: pickles of our own: compiled kernels in the cache of the user, and requests between the processes of a test
-PICKLES = {"_base/compiling/kernel_files.py", "testing/kill.py", "testing/packing_methods.py"}
-#: modules that run, or restore, what a file holds
-RUNNING = {"cloudpickle", "code", "dill", "joblib", "jsonpickle", "marshal", "pickle", "runpy", "shelve", "yaml"}
-UNPACKING = {"extract", "extractall", "unpack_archive"}
 #: what a hostile file would do
 TOUCH = "import pathlib; pathlib.Path({!r}).touch()"
-
-
-def dangers(tree, name):
-    """Find what could execute a file, or write what an archive names."""
-    found = []
-    for node in ast.walk(tree):
-        modules = [node.module or ""] if isinstance(node, ast.ImportFrom) else []
-        modules += [alias.name for alias in node.names] if isinstance(node, ast.Import) else []
-        if isinstance(node, ast.Call):
-            called = ast.unparse(node.func)
-            last = called.split(".")[-1]
-            first = node.args[:1] if last in {"load", "import_module"} else []
-            modules += [one.value for one in first if isinstance(one, ast.Constant)]
-            words = {word.arg: word.value for word in node.keywords}
-            if called in {"eval", "exec", "compile", "os.system", "os.popen"} or last in UNPACKING:
-                found.append(f"line {node.lineno}: {called}")
-            if called in {"np.load", "numpy.load"} and ast.unparse(words.get("allow_pickle", node)) != "False":
-                found.append(f"line {node.lineno}: {called} without allow_pickle=False")
-            if "shell" in words and ast.unparse(words["shell"]) != "False":
-                found.append(f"line {node.lineno}: {called} by a shell")
-            if last == "Environment" and ast.unparse(words.get("autoescape", node)) != "True":
-                found.append(f"line {node.lineno}: {called} without autoescape=True")
-        roots = {str(module).split(".")[0] for module in modules} & RUNNING
-        if roots and name not in PICKLES:
-            found.append(f"line {node.lineno}: imports {', '.join(sorted(roots))}")
-    return found
-
-
-@pytest.mark.parametrize(
-    "source",
-    [
-        "eval('1')",
-        "exec(text)",
-        "os.system(text)",
-        "np.load(path)",
-        "np.load(path, allow_pickle=True)",
-        "subprocess.run(text, shell=True)",
-        "import pickle",
-        "from yaml import load",
-        "load('dill').loads(text)",
-        "archive.extractall(folder)",
-        "jinja2.Environment(loader=loader)",
-    ],
-)
-def test_what_executes_files_is_found(source):
-    assert dangers(ast.parse(source), "io/sample.py") != []
-
-
-def test_harmless_calls_are_not_found():
-    harmless = "np.load(p, allow_pickle=False)\nre.compile(p)\nload('scipy')\njinja2.Environment(autoescape=True)"
-    assert dangers(ast.parse(harmless), "io/sample.py") == []
-
-
-def test_nothing_in_a_file_is_executed():
-    found = {name: dangers(ast.parse((PACKAGE / name).read_text()), name) for name in FILES}
-    assert {name: lines for name, lines in found.items() if lines} == {}
 
 
 def test_templates_take_only_figures_as_markup():

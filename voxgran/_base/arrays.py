@@ -26,6 +26,8 @@ WHOLE = 1e-9
 SHORTEST, LONGEST = 1e-60, 1e60
 #: largest number that arrays count with
 MOST = 2**63 - 1
+#: rows of an array that are looked at together where each takes as much memory again
+ROWS = 2**16
 
 
 def float_array(value: Any) -> Floats | None:
@@ -155,7 +157,7 @@ def as_indices(value: "ArrayLike", name: str, *, length: int, below: int | None 
 
 
 def as_quaternions(value: "ArrayLike", name: str = "orientation") -> Floats:
-    """Return `value` as (n, 4) unit quaternions (w, x, y, z), normalized to round-off.
+    """Return `value` as (n, 4) unit quaternions (w, x, y, z), normalized to round-off; the same array if all are unit.
 
     Raises
     ------
@@ -163,7 +165,9 @@ def as_quaternions(value: "ArrayLike", name: str = "orientation") -> Floats:
         If the shape is wrong, a value is not finite or a length differs from 1 by more than 1e-6.
     """
     array = as_floats(value, name, shape=(None, 4))
-    length = np.linalg.norm(array, axis=1)
+    # the squares of all rows at once take as much memory as a packing of spheres
+    parts = [np.linalg.norm(array[k : k + ROWS], axis=1) for k in range(0, max(len(array), 1), ROWS)]
+    length = np.concatenate(parts)
     if array.size and np.abs(length - 1.0).max() > 1e-6:
         worst = int(np.abs(length - 1.0).argmax())
         raise InputError(
@@ -172,7 +176,7 @@ def as_quaternions(value: "ArrayLike", name: str = "orientation") -> Floats:
         )
     exact = np.abs(length - 1.0) <= 4e-16
     if exact.all():
-        return array.copy()
+        return array
     return np.where(exact[:, None], array, array / np.where(exact, 1.0, length)[:, None])
 
 

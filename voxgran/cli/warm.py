@@ -19,18 +19,24 @@ from voxgran.clumps.fit import fit_clump
 from voxgran.contacts.deformation.deform import deform
 from voxgran.contacts.verify import verify
 from voxgran.containers.kinds.box import Box
+from voxgran.containers.kinds.mesh import ClosedMesh
 from voxgran.containers.kinds.rectangle import Rectangle
+from voxgran.containers.kinds.sphere import Sphere
 from voxgran.containers.model import Container
 from voxgran.io.image import to_image
+from voxgran.lattice.segment import segment
 from voxgran.measures.describe import describe
 from voxgran.measures.model import measure
-from voxgran.packing.method import packing_methods
+from voxgran.packing.method import method_registry, packing_methods
+from voxgran.packing.model import Packing
 from voxgran.packing.pack import pack
 from voxgran.packing.settle import settle
+from voxgran.packing.transform.from_labels import packing_of_labels
 from voxgran.scene.processes import TICK, Process, compute, start
 from voxgran.settling.equilibrium import equilibrium
 from voxgran.shapes.family import default_families, make_shape
 from voxgran.shapes.files import load_shape, save_shape
+from voxgran.shapes.model import Shape
 from voxgran.shapes.repairing.repair import repair
 from voxgran.shapes.roughness.roughen import roughen
 from voxgran.shapes.sizes import lognormal
@@ -42,8 +48,24 @@ FAMILIES = ("solid_union", "convex_polyhedron", "sphere")
 #: kinds of shapes whose contacts are found by kernels of their own: a sphere, convex solids with flat and with round
 #: faces, a mesh that is not convex, and outlines
 SETTLED = ("solid_union", "convex_polyhedron", "ellipsoid", "sphere", "polygon", "disk")
+#: a box of few grains
+BOX = Box((3, 3, 4), periodic=(True, True, False))
+#: what makes a method quick; grains settle in a scene of their own
+QUICK: dict[str, dict[str, Any]] = {name: {"sweeps": 100, "settle": False} for name in ("control_point", "digital")}
+#: what methods are asked for of which they have kernels of their own
+ASKED: dict[str, dict[str, Any]] = {
+    "rsa": {"until": "saturated", "tries": 20, "count": 80},
+    "digital_fill": {"place": "contact"},
+}
+#: methods with kernels of their own for grains that are there before, and what is asked of them
+ADDING: dict[str, dict[str, Any]] = {
+    "control_point": {"distance": 0.05},
+    "digital": {},
+    "digital_fill": {},
+    "growth": {},
+}
 #: number of kernels that the scenes use, of which a package that was built by `make dist` brings all
-KERNELS = 89
+KERNELS = 135
 #: processes at the most: of more, most wait for the largest kernels
 PROCESSES = 8
 
@@ -93,7 +115,9 @@ def scenes() -> list[Callable[[], None]]:
     settled = [partial(settle_few, family) for family in SETTLED]
     made = [partial(make_few, family) for family in default_families()]
     in_turn = [task for pair in zip(settled, packed, strict=False) for task in pair]
-    return [*in_turn, *packed[len(settled) :], deform_few, use_solids, *made]
+    asked = [partial(pack_few, method, family, **more) for method, more in ASKED.items() for family in FAMILIES]
+    added = [partial(add_few, method, **more) for method, more in ADDING.items()]
+    return [*in_turn, *packed[len(settled) :], *asked, *added, measure_few, read_few, deform_few, use_solids, *made]
 
 
 def _methods() -> list[str]:
@@ -101,16 +125,38 @@ def _methods() -> list[str]:
     return sorted(packing_methods(), key=lambda name: name != "control_point")
 
 
-def pack_few(method: str, family: str) -> None:
-    """Pack a few grains by a method, check, measure and voxelize them."""
-    # grains settle in a scene of their own
-    walks = method in ("control_point", "digital")
-    few: dict[str, Any] = {"sweeps": 100, "settle": False} if walks else {}
-    box = Box((3, 3, 4), periodic=(True, True, False))
-    packing = pack(make_shape(family), box, method, count=4, sizes=lognormal(1.0, 0.1), seed=1, **few)
+def pack_few(method: str, family: str, **more: Any) -> None:
+    """Pack a few grains by a method, with more that is asked of it, check, measure and voxelize them."""
+    container: Container = Sphere(2.0) if method == "apollonian" else BOX
+    sizes = None if method_registry().get(method).sizing == "made" else lognormal(1.0, 0.1)
+    asked = {"count": 4} | QUICK.get(method, {}) | more
+    packing = pack(make_shape(family), container, method, sizes=sizes, seed=1, **asked)
     verify(packing)
     measure(packing)
     to_image(packing, voxel_size=0.1)
+
+
+def add_few(method: str, **more: Any) -> None:
+    """Pack a grain by a method beside two that are there, and one in a container of triangles."""
+    sphere, rock = make_shape("sphere"), make_shape("solid_union")
+    few = QUICK.get(method, {}) | more
+    start = Packing.of(sphere, BOX, position=[(0.6, 0.6, 0.6), (1.8, 1.8, 0.6)])
+    pack(rock, BOX, method, count=1, start=start, seed=1, **few)
+    tank = make_shape("box", lengths=(3, 3, 4))
+    pack(rock, ClosedMesh(Shape.from_mesh(tank.vertices, tank.faces)), method, count=1, seed=1, **few)
+
+
+def measure_few() -> None:
+    """Take all measures of spheres and of solids."""
+    for family in ("sphere", "solid_union"):
+        measure(pack(make_shape(family), BOX, "rsa", count=4, seed=1), "all")
+
+
+def read_few() -> None:
+    """Find the grains of an image of voxels, and make grains like them."""
+    packing = pack(make_shape("ellipsoid"), BOX, "rsa", count=4, seed=1)
+    grey = 100.0 * to_image(packing, voxel_size=0.1, labels=False)
+    packing_of_labels(segment(grey, threshold=50.0, voxel_size=0.1))
 
 
 def settle_few(family: str) -> None:

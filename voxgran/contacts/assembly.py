@@ -113,7 +113,7 @@ class Assembly:
             range, the dimension of a shape is not that of the container, a grain lies off the plane in 2D, or the
             density is neither one number above 0 nor one for each shape.
         """
-        arrays = checked_arrays(shapes, container, position, scale, shape_id, orientation)
+        arrays = checked_arrays(shapes, container, position, scale, shape_id, orientation, copied=True)
         return cls(*arrays, container, as_density(density, len(arrays[0])))
 
     def __post_init__(self) -> None:
@@ -245,8 +245,12 @@ def checked_arrays(
     scale: "ArrayLike | None",
     shape_id: "ArrayLike | None",
     orientation: "ArrayLike | None",
+    *,
+    copied: bool = False,
 ) -> tuple[tuple[Shape, ...], Integers, Floats, Floats, Floats]:
     """Return shapes, shape_id, scale, position and orientation in the form that an assembly stores.
+
+    Arrays that are given in this form are returned as they are, or are `copied`.
 
     Raises
     ------
@@ -283,7 +287,9 @@ def checked_arrays(
         flat = rows is not None and rows.size == 4 * n
         turns = as_quaternions(np.reshape(rows, (n, 4)) if rows is not None and flat else orientation)
     check_grain_sizes(shapes, container, index, scales)
-    return tuple(shapes), index, scales.copy(), points.copy(), turns
+    if copied:
+        scales, points, turns = scales.copy(), points.copy(), turns if orientation is None else turns.copy()
+    return tuple(shapes), index, scales, points, turns
 
 
 def _as_fixed(value: Any, count: int) -> Booleans | None:

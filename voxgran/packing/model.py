@@ -173,7 +173,7 @@ class Packing(GrainSequence):
         """
         shapes, container, unit = in_one_unit(check_shapes(shapes), container, unit)
         return cls(
-            *checked_arrays(shapes, container, position, scale, shape_id, orientation),
+            *checked_arrays(shapes, container, position, scale, shape_id, orientation, copied=True),
             container,
             as_density(density, len(shapes)),
             dict(provenance or {}),

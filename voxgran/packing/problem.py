@@ -219,7 +219,7 @@ class Problem:
         return Packing.of(
             self.original,
             self.container.scaled(unit),
-            position=position * unit,
+            position=position if unit == 1.0 else position * unit,
             scale=(self.diameter[placed] if diameter is None else diameter) * unit / own[shape_id],
             shape_id=shape_id,
             orientation=orientation,

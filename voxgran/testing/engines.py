@@ -2,6 +2,7 @@
 
 import math
 from dataclasses import replace
+from functools import cache
 from pathlib import Path
 from typing import Any, ClassVar
 
@@ -9,6 +10,8 @@ import numpy as np
 import pytest
 
 from voxgran._base.errors import InputError, OutputExistsError
+from voxgran.clumps.fit import fit_clump
+from voxgran.clumps.model import Clump
 from voxgran.containers.kinds.box import Box
 from voxgran.decks.engine import Engine, engine_registry
 from voxgran.decks.write import write_deck
@@ -21,6 +24,12 @@ from voxgran.shapes.model import Shape
 NUMBER = 0.1375
 #: what a stranger may write into the name of a shape, and the marks that begin a comment in the files of engines
 NAME, MARKS = "rock\nimport os; os.abort()\n", ("#", "//", ";", "--", "%", "!")
+
+
+@cache
+def _hostile_clump() -> Clump:
+    """Return a clump of a shape with such a name, fitted once."""
+    return fit_clump(Shape.of(make_shape("convex_polyhedron", seed=1).geometry, name=NAME), max_spheres=4)
 
 
 class EngineSuite:
@@ -177,9 +186,9 @@ class EngineSuite:
 
     def test_names_of_shapes_become_no_commands(self, tmp_path: Path) -> None:
         """A name of several lines, from a file of a stranger, stays in comments of one line."""
-        clump = None if "clump" not in self.entry().kinds else 4
-        shape = Shape.of(make_shape("convex_polyhedron", seed=1).geometry, name=NAME)
-        packing = Packing.of([shape], Box((4, 4, 4)), position=[[2, 2, 2]])
+        hostile = _hostile_clump()
+        clump = hostile if "clump" in self.entry().kinds else None
+        packing = Packing.of([hostile.shape], Box((4, 4, 4)), position=[[2, 2, 2]])
         for path in write_deck(packing, tmp_path, self.engine, clump=clump).files:
             lines = [line for line in path.read_text().splitlines() if "os.abort" in line]
             assert [line for line in lines if not line.lstrip().startswith(MARKS)] == []

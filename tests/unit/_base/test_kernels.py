@@ -1,18 +1,23 @@
 """The kernel decorator compiles late, links kernels to each other and keeps its cache by content."""
 
 import gc
+import hashlib
 import os
 import stat
 import subprocess
 import sys
+import tempfile
 import time
 from functools import partial
 
 import numpy as np
 import pytest
+from kit import Forked
 
+import voxgran as vg
 from voxgran._base.files import is_private
 from voxgran._base.kernels import Kernel, cache_folder, inlined_kernel, kernel, telling_of_compilation
+from voxgran._base.lazy import load
 from voxgran._base.names import unknown
 from voxgran._base.registry import Registry
 
@@ -74,7 +79,7 @@ with warnings.catch_warnings(record=True, action="always") as said:
 (line,) = {{str(warning.message) for warning in said}}
 assert "{name}" in line and "njit" in line, line
 """
-    environment = {**os.environ, "NUMBA_CACHE_DIR": str(tmp_path)}
+    environment = {**os.environ, "NUMBA_CACHE_DIR": str(tmp_path), "PYTHONPATH": os.pathsep.join(sys.path)}
     ended = subprocess.run([sys.executable, "-c", code], check=False, capture_output=True, text=True, env=environment)
     assert ended.returncode == 0, ended.stderr
 
@@ -153,7 +158,7 @@ def test_the_hash_follows_all_that_the_code_depends_on():
 
 RUN = """
 import logging, sys
-logging.basicConfig(stream=sys.stdout, level=logging.INFO, format="%(message)s")
+logging.basicConfig(stream=sys.stdout, level=logging.INFO, format="%(message)s", force=True)
 from voxgran._base.kernels import kernel
 @kernel
 def half(x):
@@ -162,10 +167,36 @@ print(half(3.0))
 """
 
 
+class Running(Forked):
+    """A process that calls a kernel, and what it prints; it is forked from this one, which has numba loaded."""
+
+    def __init__(self, **environment):
+        there, here = os.pipe()
+
+        def call():
+            os.environ.update(environment)
+            tempfile.tempdir = None
+            for found in (cache_folder, load("voxgran._base.compiling.kernel_files")._claims):
+                found.cache_clear()
+            with os.fdopen(here, "w") as sys.stdout:
+                exec(RUN, {"__name__": "__main__"})
+
+        super().__init__(call)
+        os.close(here)
+        self.stdout = os.fdopen(there)
+
+    def said(self):
+        """Return all that it prints, at its end."""
+        with self.stdout:
+            text = self.stdout.read()
+        self.wait()
+        assert "1.5" in text
+        return text
+
+
 def run_with(**environment):
     """Return what a process prints that calls a kernel."""
-    words = {"capture_output": True, "text": True, "check": True, "env": {**os.environ, **environment}}
-    return subprocess.run([sys.executable, "-c", RUN], **words).stdout
+    return Running(**environment).said()
 
 
 def test_a_kernel_is_compiled_once_per_machine(tmp_path):
@@ -282,18 +313,14 @@ def test_kernels_are_compiled_for_the_baseline_where_the_processor_has_it(enviro
     assert subprocess.run([sys.executable, "-c", TARGET], **words).stdout.split()[-1] == target
 
 
-BITS = """
-import hashlib, sys
-import numpy as np
-import voxgran as vg
-box = vg.Box((4, 4, 8), periodic="xy")
-if sys.argv[1] == "solid":
-    held = [vg.voxelize(vg.make_shape("solid_union"), voxel_size=0.03).taken.words]
-else:
-    beds = [vg.pack(vg.make_shape(sys.argv[1]), box, "gravity", count=60, seed=1)]
-    held = [array for bed in beds for array in (bed.position, bed.orientation)]
-print(hashlib.sha256(b"".join(np.ascontiguousarray(array).tobytes() for array in held)).hexdigest())
-"""
+def bits_of(what):
+    """Return the hash of the voxels of a solid, or of a bed of some grains."""
+    if what == "solid":
+        held = [vg.voxelize(vg.make_shape("solid_union"), voxel_size=0.03).taken.words]
+    else:
+        bed = vg.pack(vg.make_shape(what), vg.Box((4, 4, 8), periodic="xy"), "gravity", count=60, seed=1)
+        held = [bed.position, bed.orientation]
+    return hashlib.sha256(b"".join(np.ascontiguousarray(array).tobytes() for array in held)).hexdigest()
 
 
 @pytest.mark.parametrize(
@@ -303,21 +330,16 @@ def test_the_baseline_gives_the_bits_of_this_processor(what, tmp_path):
     import llvmlite.binding
 
     other = {"NUMBA_CPU_NAME": llvmlite.binding.get_host_cpu_name(), "VOXGRAN_CACHE": str(tmp_path)}
-    words = {"stdout": subprocess.PIPE, "text": True}
-    told = [
-        subprocess.run([sys.executable, "-c", BITS, what], check=True, env={**os.environ, **more}, **words).stdout
-        for more in ({}, other)
-    ]
-    assert told[0] == told[1]
+    code = f"from tests.unit._base.test_kernels import bits_of; print(bits_of({what!r}))"
+    environment = {**os.environ, **other, "PYTHONPATH": os.pathsep.join(sys.path)}
+    words = {"stdout": subprocess.PIPE, "text": True, "env": environment}
+    assert subprocess.run([sys.executable, "-c", code], check=True, **words).stdout.strip() == bits_of(what)
     assert list((tmp_path / "kernels").glob("*.kernel"))
 
 
 def test_a_kernel_that_another_process_compiles_is_waited_for(tmp_path):
-    words = {"stdout": subprocess.PIPE, "text": True, "env": {**os.environ, "VOXGRAN_CACHE": str(tmp_path)}}
-    both = [subprocess.Popen([sys.executable, "-c", RUN], **words) for _ in range(2)]
-    said = [process.communicate()[0] for process in both]
-    assert sum("compiling" in text for text in said) == 1
-    assert all("1.5" in text for text in said)
+    both = [Running(VOXGRAN_CACHE=str(tmp_path)) for _ in range(2)]
+    assert sum("compiling" in process.said() for process in both) == 1
 
 
 def test_only_forgotten_files_of_the_cache_are_removed(tmp_path, monkeypatch):

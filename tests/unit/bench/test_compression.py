@@ -35,6 +35,7 @@ def test_specimens_are_judged_by_the_balance_of_their_forces():
     assert rows[0].share_in_balance >= 0.95
 
 
+@pytest.mark.slow
 def test_published_values_stand_beside_the_same_grains_only():
     assert [row.published_solid_fraction for row in rows_of(0.02)] == [0.593, "", "", 0.652]
 

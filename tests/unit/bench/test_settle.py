@@ -53,6 +53,7 @@ def test_more_substeps_leave_less_overlap():
     assert min(row[5] for row in found) > 0.9
 
 
+@pytest.mark.slow
 def test_iterations_of_steps_are_compared_with_a_fall_that_goes_on():
     found = settle.measure_iterations(((120, 4.0, 2),), (30,))
     assert [row[:3] for row in found] == [(120, 30, 4), (120, None, 4), (120, None, 16)]

@@ -35,20 +35,10 @@ def test_the_shortest_call_has_fifty_spheres_of_small_error(eros, fifty):
     assert fifty.errors.surface_max < 0.05
 
 
-def test_the_same_call_gives_the_same_bits_and_another_seed_others(eros, fifty):
-    again, other = fit_clump(eros), fit_clump(eros, seed=1)
-    assert np.array_equal(again.centers, fifty.centers)
-    assert np.array_equal(again.radii, fifty.radii)
-    assert again.errors == fifty.errors
+def test_another_seed_gives_other_bits(eros, fifty):
+    other = fit_clump(eros, seed=1)
     assert not np.array_equal(other.radii, fifty.radii)
     assert other.errors.iou == pytest.approx(fifty.errors.iou, abs=0.004)
-
-
-def test_a_clump_scales_with_its_shape(eros):
-    small = fit_clump(eros.scaled(2.0**-10), max_spheres=10)
-    whole = fit_clump(eros, max_spheres=10)
-    np.testing.assert_allclose(small.radii * 2.0**10, whole.radii, rtol=1e-9)
-    assert small.errors.iou == pytest.approx(whole.errors.iou, abs=1e-6)
 
 
 @pytest.mark.parametrize("method", clump_methods())
@@ -112,8 +102,8 @@ def test_a_target_of_the_volume_is_measured_before_volumes_are_matched(eros):
 
 
 def test_an_unreachable_target_says_what_was_reached(eros):
-    with pytest.raises(InputError, match=r"iou of at least 0.99 .* up to 8 spheres; the best is 0\.8.*, with 8"):
-        fit_clump(eros, target="iou", value=0.99, max_spheres=8)
+    with pytest.raises(InputError, match=r"iou of at least 0.99 .* up to 4 spheres; the best is 0\.8.*, with 4"):
+        fit_clump(eros, target="iou", value=0.99, max_spheres=4)
 
 
 @pytest.mark.parametrize(("resolution", "loss"), [(32, 0.015), slow(64, 0.005)])

@@ -67,12 +67,14 @@ def test_the_same_seed_gives_the_same_bits(clumps, solids, method, name):
 
 @pytest.mark.parametrize("method", METHODS)
 def test_the_clump_scales_with_the_solid(clumps, eros, method):
-    clump, small = clumps(method, "eros"), fitted(eros.scaled(1e-3), method)
-    assert np.allclose(small.centers * 1e3, clump.centers, atol=1e-6 * eros.diameter)
-    assert np.allclose(small.radii * 1e3, clump.radii, rtol=1e-6)
+    clump, small = clumps(method, "eros"), fitted(eros.scaled(2.0**-10), method)
+    assert np.allclose(small.centers * 2.0**10, clump.centers, rtol=0, atol=1e-9 * eros.diameter)
+    assert np.allclose(small.radii * 2.0**10, clump.radii, rtol=1e-9, atol=0)
+    assert small.errors.iou == pytest.approx(clump.errors.iou, abs=1e-6)
 
 
-@pytest.mark.parametrize("method", ["optimal", *(slow(name) for name in METHODS if name != "optimal")])
+@pytest.mark.slow
+@pytest.mark.parametrize("method", METHODS)
 def test_voxels_give_nearly_the_clump_of_the_mesh(clumps, eros, method):
     clump = fitted(vg.voxelize(eros, voxel_size=eros.diameter / 40), method)
     assert (clump.shape.signed_distance(clump.centers) < 0).all()

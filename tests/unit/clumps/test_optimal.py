@@ -51,7 +51,7 @@ def test_an_ellipsoid_needs_few_spheres():
 
 
 def test_centers_lie_inside_and_no_sphere_is_tiny(eros):
-    clump = fit_clump(eros, max_spheres=100)
+    clump = fit_clump(eros, max_spheres=50)
     assert (eros.signed_distance(clump.centers) < 0).all()
     assert clump.radii.min() >= 0.02 * eros.diameter * (1 - 1e-9)
     spheres = SphereSet(clump.centers / eros.diameter, clump.radii / eros.diameter)
@@ -60,14 +60,14 @@ def test_centers_lie_inside_and_no_sphere_is_tiny(eros):
 
 def test_inscribed_spheres_do_not_protrude(eros, cube):
     for shape in (eros, cube):
-        clump = fit_clump(shape, max_spheres=30, mode="inscribed")
+        clump = fit_clump(shape, max_spheres=15, mode="inscribed")
         assert (clump.radii <= -shape.signed_distance(clump.centers) + 1e-9).all()
-        assert clump.errors.iou > 0.8
+        assert clump.errors.iou > 0.75
 
 
 def test_bounding_spheres_cover_the_surface(eros, cube):
     for shape in (eros, cube):
-        clump = fit_clump(shape, max_spheres=30, mode="bounding")
+        clump = fit_clump(shape, max_spheres=15, mode="bounding")
         corners = shape.vertices[shape.faces]
         weights = stream(1, "weights").dirichlet(np.ones(3), size=(len(corners), max(1, 20_000 // len(corners))))
         points = np.einsum("fnk,fkd->fnd", weights, corners).reshape(-1, 3)
@@ -79,12 +79,12 @@ def test_bounding_spheres_cover_the_surface(eros, cube):
 
 def test_radii_keep_to_their_limits(eros):
     unit = eros.diameter
-    clump = fit_clump(eros, max_spheres=60, min_radius=0.15, max_radius=0.25)
+    clump = fit_clump(eros, max_spheres=30, min_radius=0.15, max_radius=0.25)
     assert clump.radii.min() >= 0.15 * unit * (1 - 1e-12)
     assert clump.radii.max() <= 0.25 * unit * (1 + 1e-12)
-    even = fit_clump(eros, max_spheres=40, uniform=True)
+    even = fit_clump(eros, max_spheres=20, uniform=True)
     assert np.ptp(even.radii) < 1e-12 * unit
-    assert even.errors.iou > 0.92
+    assert even.errors.iou > 0.88
 
 
 @pytest.mark.parametrize("parameters", [{}, slow({"uniform": True}), {"max_radius": 0.1}])

@@ -313,7 +313,7 @@ def test_hulls_whose_nearest_corners_are_known_have_the_same_gap(apart):
     hulls = [random_hull(generator), random_hull(generator, count=60)]
     turns = [random_turn(generator), random_turn(generator)]
     reach = sum(hull.geometry.bounding_radius for hull in hulls)
-    for _ in range(30):
+    for _ in range(10):
         way = generator.normal(size=3)
         way *= apart * 0.8 * reach / np.linalg.norm(way)
         moved = way + 0.02 * generator.normal(size=3)

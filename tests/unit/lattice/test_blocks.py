@@ -110,7 +110,7 @@ def test_temporary_folders_are_removed_with_their_arrays(tmp_path):
 @pytest.mark.parametrize(
     ("periodic", "edges"),
     [
-        case if case in (("xyz", UNEQUAL), ("yz", None), (False, 0.3)) else slow(*case)
+        case if case in (("xyz", UNEQUAL), (False, 0.3)) else slow(*case)
         for case in itertools.product(PERIODS, (None, 0.3, UNEQUAL))
     ],
 )
@@ -123,7 +123,7 @@ def test_distances_are_those_of_the_whole_image(edges, periodic):
 
 
 def test_distances_are_longer_than_the_first_surroundings():
-    mask = np.ones((90, 3, 4), dtype=bool)
+    mask = np.ones((56, 3, 4), dtype=bool)
     mask[2, 1, 0] = False
     for edges in (None, (0.5, 1.0, 1.0)):
         found = vg.distance_transform(da.from_array(mask, chunks=8), voxel_size=edges)
@@ -145,7 +145,7 @@ def test_morphology_is_that_of_the_whole_image(operation, radius, edges):
 
 
 @pytest.mark.parametrize(
-    ("edges", "periodic"), [(0.3, "y"), ((0.3, 0.3, 0.6), False), slow(0.3, False), slow((0.3, 0.3, 0.6), "y")]
+    ("edges", "periodic"), [(0.3, "y"), slow((0.3, 0.3, 0.6), False), slow(0.3, False), slow((0.3, 0.3, 0.6), "y")]
 )
 def test_thickness_is_that_of_the_whole_image(edges, periodic):
     wide = np.indices(SHAPE)[0] % 15 > 2

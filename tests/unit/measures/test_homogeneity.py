@@ -128,7 +128,7 @@ def test_stated_errors_are_the_scatter_over_seeds(kind):
 @pytest.mark.parametrize("periodic", [slow((True, True)), (True, False), slow((False, False))])
 def test_the_covariance_of_deviations_is_that_of_drawn_fields(periodic):
     """Cells with normal values, some of them smoothed, whose variance is above 0 at all sizes."""
-    steps, fields = [2, 4, 7], stream(3, "fields").normal(size=(1500, 32, 36))
+    steps, fields = [2, 4, 7], stream(3, "fields").normal(size=(800, 32, 36))
     fields = fields + np.roll(fields, 1, axis=1)
     held = np.ones((32, 36), dtype=bool)
     drawn = np.log([[_deviation(field, held, step, np.array(periodic)) for step in steps] for field in fields])

@@ -72,6 +72,7 @@ def test_true_shapes_rest_at_a_solid_fraction_below_their_surface():
     assert sought_of(bed)["friction"] >= 0.05
 
 
+@pytest.mark.slow
 def test_disks_and_a_lid():
     bed = vg.pack(DISK, vg.Rectangle((8, 20)), "gravity", count=90, solid_fraction=0.8, seed=2, lid={"weight": 0.5})
     check(bed, 0.8)

@@ -4,7 +4,6 @@ import dataclasses
 
 import numpy as np
 import pytest
-from kit import slow
 
 import voxgran as vg
 from voxgran._base.errors import CheckpointError, FileFormatError, InputError
@@ -269,7 +268,8 @@ def test_scenes_state_densities_beside_their_shapes():
         vg.Scene.from_mapping({"shape": [{"family": "sphere", "density": -1}], **rest})
 
 
-@pytest.mark.parametrize("seed", [0, slow(1)])
+@pytest.mark.slow
+@pytest.mark.parametrize("seed", [0, 1])
 def test_heavy_grains_sink_when_a_settled_bed_is_shaken(seed):
     """Grains of steel among foam come lower; the same bed of one density hardly sorts itself."""
     start = vg.pack(

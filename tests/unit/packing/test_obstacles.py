@@ -248,7 +248,12 @@ def test_bad_obstacles_are_refused():
     [
         slow(SPHERE, vg.Box((6, 6, 6), periodic="xyz"), vg.shapes.sphere(diameter=3), {}),
         (SPHERE, vg.Box((6, 6, 8)), vg.shapes.cylinder(radius=0.8, height=3), {"count": 150}),
-        (vg.make_shape("convex_polyhedron"), vg.Cylinder(3, 7), vg.shapes.sphere(diameter=2), {"count": 60, "seed": 1}),
+        slow(
+            vg.make_shape("convex_polyhedron"),
+            vg.Cylinder(3, 7),
+            vg.shapes.sphere(diameter=2),
+            {"count": 60, "seed": 1},
+        ),
         (DISK, vg.Rectangle((12, 12), "xy"), DISK, {"sizes": vg.sizes.uniform(0.8, 1.2)}),
     ],
     ids=["spheres", "bar", "polyhedra", "disks"],

@@ -19,7 +19,7 @@ seeds = 3
 family = "sphere"
 [container]
 kind = "box"
-lengths = [4, 4, 6]
+lengths = [3, 3, 4]
 [packing]
 method = "digital"
 solid_fraction = 0.15

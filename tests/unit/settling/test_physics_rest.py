@@ -142,14 +142,14 @@ def test_dominoes_fall_one_after_the_other():
 
 def test_a_lid_presses_on_the_bed():
     """The floor carries the weight of the grains and of the lid."""
-    bed = vg.settle(loose(60, lengths=(4, 4, 10), seed=1), friction=0.0, lid={"weight": 2.0})
+    bed = vg.settle(loose(30, lengths=(3, 3, 10), seed=1), friction=0.0, lid={"weight": 2.0})
     forces = bed.forces
     down = forces.force[:, 2]
     at_walls, at_lid = forces.j == -1, forces.j == -2
     assert bed.stop_reason == "settled"
     # on the lid: upwards; on the walls: downwards
-    assert down[at_lid].sum() == pytest.approx(2.0 * 60, rel=0.02)
-    assert -down[at_walls].sum() == pytest.approx(3.0 * 60, rel=0.02)
+    assert down[at_lid].sum() == pytest.approx(2.0 * 30, rel=0.02)
+    assert -down[at_walls].sum() == pytest.approx(3.0 * 30, rel=0.02)
 
 
 def test_clumps_come_to_rest_below_a_heavy_lid():

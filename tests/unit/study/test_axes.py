@@ -385,20 +385,20 @@ def test_values_that_differ_in_one_cell_alone_are_an_axis():
 def test_layers_and_obstacles_are_varied_and_packed_as_in_single_scenes(tmp_path, monkeypatch):
     vg.save_shape(vg.shapes.box(lengths=(0.5, 0.5, 0.5)), tmp_path / "bar.stl")
     base = {
-        "layer": [{"shape": [{"family": "sphere"}], "count": 4}, {"shape": [{"file": "bar.stl"}], "count": 2}],
+        "layer": [{"shape": [{"family": "sphere"}], "count": 2}, {"shape": [{"file": "bar.stl"}], "count": 2}],
         "container": {"kind": "box", "lengths": [3, 3, 10]},
         "packing": {"method": "gravity"},
         "obstacle": [{"family": "sphere", "position": [1.5, 1.5, 0.5], "scale": 1.0}],
         "measure": {"which": ["density"]},
     }
     monkeypatch.chdir(tmp_path)
-    study = vg.Study(base=base, axes={"layer.1.count": [2, 4], "obstacle.0.scale": [0.5, 1.0]}, seeds=[0])
+    study = vg.Study(base=base, axes={"layer.1.count": [1, 2], "obstacle.0.scale": [0.5, 1.0]}, seeds=[0])
     data = study.run("out", workers=1).dataset
     for cell in study.cells()[::3]:
         single = vg.Scene.from_mapping(cell.mapping | {"output": {"report": False, "statistics": False}})
         packing = single.run("_".join(map(str, cell.place))).packing
         assert data["solid_fraction"].sel(cell.values).item() == packing.solid_fraction
-        assert packing.count == 4 + cell.values["layer.1.count"]
+        assert packing.count == 2 + cell.values["layer.1.count"]
 
 
 @pytest.mark.parametrize("axis", ["layer.0.count", "obstacle.friction", "layer.count"])

@@ -241,11 +241,13 @@ def advance(problem: Problem, state: State, attempts: int) -> State:
 def finish(problem: Problem, state: State) -> Packing:
     """Return the packing of the grains that were placed."""
     placed, arrays = np.flatnonzero(state.arrays["entered"]), state.arrays
+    # positions of a million grains are not copied where all were placed
+    position = arrays["position"] if len(placed) == len(arrays["entered"]) else arrays["position"][placed]
     proof = "cell" in arrays or has_true_shapes(problem)
     warn_if_not_proven(problem, state)
     return problem.packing(
         placed,
-        position=arrays["position"][placed],
+        position=position,
         orientation=arrays["orientation"][placed] if "orientation" in arrays else None,
         provenance={
             "parameters": {"order": order_of(problem)},

@@ -64,19 +64,19 @@ def test_seeds_lie_in_the_column_above_the_height(inlet, within):
 
 
 def test_later_batches_begin_above_the_bed_and_upon_a_start():
-    below = vg.pack(BALL, vg.Box((5, 5, 12)), "gravity", count=20, density=2.0)
+    below = vg.pack(BALL, vg.Box((4, 4, 9)), "gravity", count=8, density=2.0)
     small = vg.shapes.sphere(diameter=0.6)
-    bed = vg.pour(small, below.container, 12, batch=6, start=below, obstacles=bar(), density=3.0)
-    assert bed.provenance["batches"] == [6, 6]
-    assert bed.count == 33
-    assert bed.diameters[-12:] == pytest.approx(0.6)
-    assert bed.densities[-12:] == pytest.approx(3.0)
+    bed = vg.pour(small, below.container, 6, batch=3, start=below, obstacles=bar(), density=3.0)
+    assert bed.provenance["batches"] == [3, 3]
+    assert bed.count == 15
+    assert bed.diameters[-6:] == pytest.approx(0.6)
+    assert bed.densities[-6:] == pytest.approx(3.0)
     assert bed.fixed.sum() == 1
     assert vg.verify(bed).ok
 
 
 def bar():
-    return vg.Packing.of(BALL, vg.Box((5, 5, 12)), position=[(0.8, 0.8, 9.0)])
+    return vg.Packing.of(BALL, vg.Box((4, 4, 9)), position=[(0.8, 0.8, 7.0)])
 
 
 def test_weights_are_those_of_all_batches():
@@ -88,16 +88,16 @@ def test_weights_are_those_of_all_batches():
 
 def test_a_container_that_is_full_below_the_inlet():
     with pytest.warns(
-        PackingWarning, match=r"of 300 grains were poured: the container is full below the inlet"
+        PackingWarning, match=r"of 100 grains were poured: the container is full below the inlet"
     ) as told:
-        bed = vg.pour(DISK, vg.Rectangle((6, 6)), 300, inlet=vg.Inlet(radius=1.0), friction=0.3)
+        bed = vg.pour(DISK, vg.Rectangle((5, 4)), 100, inlet=vg.Inlet(radius=1.0), friction=0.3)
     assert len(told) == 1
     assert bed.stop_reason == "full"
     assert bed.provenance["batches"][-1] == 0
-    assert bed.provenance["missed"]["count"] == 300 - bed.count
+    assert bed.provenance["missed"]["count"] == 100 - bed.count
     assert vg.verify(bed).ok
     # nothing has room below the inlet any more
-    assert bed.position[:, 1].max() > 4.5
+    assert bed.position[:, 1].max() > 2.5
 
 
 @pytest.mark.parametrize(

@@ -81,7 +81,7 @@ def test_a_count_keeps_its_sizes_and_what_does_not_fit_is_told():
 
 
 def test_the_container_may_shrink_instead():
-    grown, kept = (jammed(OCTAHEDRON, 12, keep=what, growth_rate=0.1) for what in ("container", "sizes"))
+    grown, kept = (jammed(OCTAHEDRON, 8, keep=what, growth_rate=0.1) for what in ("container", "sizes"))
     assert np.allclose(kept.diameters, 1.0)
     assert kept.solid_fraction == pytest.approx(grown.solid_fraction, rel=1e-9)
     assert vg.verify(kept, tolerance=1e-12).ok
